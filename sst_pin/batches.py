@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Arrays at the border: checked on the way in, leading batch axes looped over."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .errors import InputError, SSTError
+
+Array = NDArray[np.float64]
+_FLOAT64 = np.dtype(np.float64)
+
+
+def as_array(name: str, value: ArrayLike, core: tuple[int, ...]) -> Array:
+    """The value as float64 of shape (..., *core).
+
+    Raises:
+        InputError: When it is not numeric or its last axes are others.
+    """
+    if type(value) is np.ndarray and value.shape == core and value.dtype is _FLOAT64:
+        return value  # the short way for one sample in a control loop
+    try:
+        array = np.asarray(value, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise InputError(name, f"not an array of numbers ({error})") from None
+    if array.shape[max(array.ndim - len(core), 0) :] != core:
+        wanted = f"(..., {str(core)[1:-1].rstrip(',')})"
+        raise InputError(name, f"shape {array.shape}, expected {wanted}")
+    return array
+
+
+def finite_array(name: str, value: ArrayLike, core: tuple[int, ...]) -> Array:
+    """`as_array`, every number finite; the error names the samples of a batch.
+
+    Raises:
+        InputError: As `as_array`, or when an entry is NaN or infinite.
+    """
+    array = as_array(name, value, core)
+    finite = np.isfinite(array)
+    if not finite.all():
+        bad = np.argwhere(~finite)[0]
+        entry = float(array[tuple(bad)])
+        error = InputError(name, f"entry {[int(i) for i in bad[-len(core):]]} is {entry}")
+        batch = array.shape[: array.ndim - len(core)]
+        if batch:
+            samples = np.argwhere(~finite.reshape(*batch, -1).all(axis=-1))
+            error.name_samples([tuple(map(int, s)) for s in samples], int(np.prod(batch)))
+        raise error
+    return array
+
+
+def for_each_sample(
+    function: Callable[..., Array],
+    arrays: Sequence[Array | None],
+    core_axes: Sequence[int],
+    result: tuple[int, ...],
+) -> Array:
+    """Apply a function of single samples along the broadcast leading axes.
+
+    Args:
+        function: Takes one sample of each array and returns an array of shape `result`.
+        arrays: Each with leading axes before its core axes; None is handed on as it is.
+        core_axes: Number of core axes of each array.
+        result: Shape of one result.
+
+    Raises:
+        SSTError: That of the first sample at fault, naming all samples with the like.
+        InputError: When the leading axes do not broadcast.
+    """
+    batches = [
+        a.shape[: a.ndim - core]
+        for a, core in zip(arrays, core_axes, strict=True)
+        if a is not None
+    ]
+    try:
+        batch = np.broadcast_shapes(*batches)
+    except ValueError:
+        raise InputError("batch", f"leading axes {batches} do not broadcast") from None
+    if not batch:
+        return function(*arrays)
+    spread = [
+        None if a is None else np.broadcast_to(a, batch + a.shape[a.ndim - core :])
+        for a, core in zip(arrays, core_axes, strict=True)
+    ]
+    results = np.empty(batch + result)
+    failures: dict[tuple[int, ...], SSTError] = {}
+    for index in np.ndindex(*batch):
+        try:
+            results[index] = function(*(None if a is None else a[index] for a in spread))
+        except SSTError as error:
+            failures[index] = error
+    if failures:
+        first = next(iter(failures.values()))
+        alike = [index for index, error in failures.items() if type(error) is type(first)]
+        first.name_samples(alike, int(np.prod(batch)))
+        raise first
+    return results

@@ -1,0 +1,374 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""`SST`: the spherical star-triangle robot, a `ClosedChain` with closed-form kinematics."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
+
+from . import description, direct_kinematics, kinematics
+from .batches import finite_array
+from .closed_chain import ClosedChain
+from .errors import DescriptionError, InputError, WorkspaceError
+from .kinematics import Geometry
+from .parameters import Parameters
+
+Array = NDArray[np.float64]
+
+
+class Singularities(NamedTuple):
+    """How near a configuration is to the singularities of both kinds.
+
+    With A omega = B gamma_dot, rows of A the axes y_2k of {2k} and B = diag(sin(mu_k)).
+
+    Attributes:
+        first_kind: min |sin(mu_k)|, shape (...): at 0 a leg lies flat on its arc, the star loses
+            a motion (inverse kinematics).
+        second_kind: Smallest singular value of A, shape (...): at 0 the star moves while the
+            motors stand (direct kinematics).
+        condition_number: Of A, shape (...): 1 at an isotropic pose.
+    """
+
+    first_kind: Array
+    second_kind: Array
+    condition_number: Array
+
+
+class SST(ClosedChain):
+    """A 3-RRP spherical parallel manipulator.
+
+    Joint vectors are gamma_1, mu_1, beta_1, gamma_2, ...; the motors are gamma_1..3.
+
+    Args:
+        parameters: Geometry, masses, friction, gravity; the shipped URDF by default, which is the
+            paper's robot.
+    """
+
+    def __init__(self, parameters: Parameters | None = None) -> None:
+        if parameters is None:
+            self._load(
+                description.read_text(description.URDF_PATH, "URDF"),
+                description.read_text(description.YAML_PATH, "YAML of the cuts"),
+                str(description.URDF_PATH),
+                str(description.YAML_PATH),
+            )
+        else:
+            text = description.describe(parameters)
+            self._load(text.urdf, text.cuts, "URDF of the parameters", "cuts of the parameters")
+
+    @classmethod
+    def from_urdf(cls, path: str | Path, cuts: str | Path | None = None) -> SST:
+        """An SST from an edited URDF; what stands in it is what is computed.
+
+        Args:
+            path: The URDF, with the joints and frames of the shipped one.
+            cuts: YAML of closures, motors and gravity; by default the file beside the URDF that
+                ends in .yaml, or, where there is none, the shipped one.
+
+        Raises:
+            DescriptionError: When it is no URDF, or of another topology, with every problem.
+        """
+        path = Path(path)
+        if cuts is None:
+            beside = path.with_suffix(".yaml")
+            cuts = beside if beside.is_file() else description.YAML_PATH
+        robot = cls.__new__(cls)
+        robot._load(
+            description.read_text(path, "URDF"),
+            description.read_text(cuts, "YAML of the cuts"),
+            str(path),
+            str(cuts),
+        )
+        return robot
+
+    def _load(self, urdf: str, cuts: str, urdf_source: str, cuts_source: str) -> None:
+        model = description.parse_urdf(urdf, urdf_source)
+        closures, actuated, gravity = description.parse_cuts(cuts, cuts_source)
+        self.geometry = _geometry(model, urdf_source)
+        if actuated != ("gamma_1", "gamma_2", "gamma_3"):
+            raise DescriptionError(
+                cuts_source, [f"name_mot: {list(actuated)}, an SST has gamma_1, gamma_2, gamma_3"]
+            )
+        model.gravity.linear = gravity
+        super().__init__(model, closures, actuated)
+
+    # --- kinematics -------------------------------------------------------------------------
+
+    @property
+    def home(self) -> Array:
+        """s in the middle of the base triangle, R_1 in the middle of its side P1P2; shape (9,).
+
+        The isotropic pose of the paper's robot.
+        """
+        v, e_1 = self.geometry.R_0[:, :, 0], self.geometry.e[0]
+        s = v.sum(axis=0)
+        s /= np.linalg.norm(s)
+        middle = v[0] / np.linalg.norm(v[0]) + v[1] / np.linalg.norm(v[1])
+        n = np.cross(middle, s)
+        n /= np.linalg.norm(n)
+        if n @ np.cross(e_1, middle) > 0:  # sin(mu_1) = -n . y_1 must be positive
+            n = -n
+        R_31 = np.stack([s, np.cross(n, s), n], axis=-1)
+        return self.inverse_kinematics(R_31 @ self.geometry.R_E[0])
+
+    def inverse_kinematics(self, R: ArrayLike, branch: ArrayLike = (1, 1, 1)) -> Array:
+        """Joint coordinates that hold the star at an orientation.
+
+        Args:
+            R: {E} in the base, shape (..., 3, 3).
+            branch: Sign of sin(mu_k) for each leg, shape (..., 3), broadcast against R; the
+                working branch by default, all eight with `R[..., None, :, :]` and `BRANCHES`.
+
+        Returns:
+            q in (-pi, pi], shape (..., 9), [rad].
+
+        Raises:
+            InputError: When R is not a rotation or branch not made of +1 and -1.
+            SingularConfigurationError: When a leg lies flat on its arc.
+            WorkspaceError: When a joint would leave its limits.
+        """
+        _, q = self._inverse_kinematics(R, branch)
+        return q
+
+    def _inverse_kinematics(self, R: ArrayLike, branch: ArrayLike) -> tuple[kinematics.Legs, Array]:
+        R = finite_array("R", R, (3, 3))
+        kinematics.require_rotation(R)
+        signs = finite_array("branch", branch, (3,))
+        if not (np.abs(signs) == 1).all():
+            raise InputError("branch", f"{np.asarray(branch).tolist()} is not made of +1 and -1")
+        legs = kinematics.legs_of_orientation(self.geometry, R, signs)
+        q = kinematics.joints_of_legs(self.geometry, legs)
+        self._require_limits(q)
+        return legs, q
+
+    def joint_motion(
+        self, R: ArrayLike, omega: ArrayLike, alpha: ArrayLike, branch: ArrayLike = (1, 1, 1)
+    ) -> tuple[Array, Array, Array]:
+        """Joint coordinates and motor rates and accelerations of a motion of the star.
+
+        Args:
+            R: {E} in the base, shape (..., 3, 3).
+            omega: Angular velocity of the star, base axes, shape (..., 3), [rad/s].
+            alpha: Its angular acceleration, base axes, shape (..., 3), [rad/s^2].
+            branch: As in `inverse_kinematics`.
+
+        Returns:
+            q, va, aa of shapes (..., 9), (..., 3), (..., 3).
+
+        Raises:
+            InputError, SingularConfigurationError, WorkspaceError: As `inverse_kinematics`.
+        """
+        legs, q = self._inverse_kinematics(R, branch)
+        omega, alpha = finite_array("omega", omega, (3,)), finite_array("alpha", alpha, (3,))
+        q_dot = kinematics.joint_rates(legs, np.broadcast_to(omega, (*q.shape[:-1], 3)))
+        q_ddot = kinematics.joint_accelerations(
+            self.geometry, legs, q_dot, np.broadcast_to(alpha, (*q.shape[:-1], 3))
+        )
+        return q, q_dot[..., ::3], q_ddot[..., ::3]
+
+    def forward_kinematics(self, gamma: ArrayLike, near: ArrayLike | None = None) -> Array:
+        """Every assembly for given motor angles, or the one that continues a known one.
+
+        Args:
+            gamma: Motor angles, shape (3,), [rad].
+            near: Joint coordinates before, shape (9,): the admissible solution is the nearest.
+
+        Returns:
+            All solutions, shape (n, 9), n <= 8, sorted by the components of s; with `near` one,
+            shape (9,), its mu and beta wrapped to lie within pi of those of `near`.
+
+        Raises:
+            SingularConfigurationError: When the motors do not fix the star.
+            WorkspaceError: With `near`, when there is no solution.
+        """
+        gamma = finite_array("gamma", gamma, (3,))
+        if gamma.ndim != 1:
+            raise InputError("gamma", f"shape {gamma.shape}, expected (3,): one sample")
+        x_0, y_0 = self.geometry.R_0[:, :, 0], self.geometry.R_0[:, :, 1]
+        u = np.cos(gamma)[:, None] * x_0 + np.sin(gamma)[:, None] * y_0
+        R = direct_kinematics.orientations(u, self.geometry.arc_normals)
+        solutions = kinematics.joints_of_actuated(self.geometry, gamma, R)
+        if near is None:
+            return solutions[np.lexsort(np.round(R[:, :, :2].reshape(-1, 6), 9).T)]
+        if not len(solutions):
+            raise WorkspaceError(f"no assembly exists at gamma = {gamma.tolist()} rad")
+        before = self._one("near", near)
+        turns = (solutions - before + np.pi) % (2 * np.pi) - np.pi
+        best = int(np.abs(turns).max(axis=1).argmin())
+        q: Array = before + turns[best]
+        q[::3] = gamma
+        return q
+
+    def platform_orientation(self, q: ArrayLike) -> Array:
+        """Orientation of {E} in the base, by leg 1.
+
+        Args:
+            q: Joint coordinates, shape (..., 9), [rad].
+
+        Returns:
+            Shape (..., 3, 3); its first column is s, the direction OE.
+        """
+        return kinematics.orientation_of_joints(self.geometry, finite_array("q", q, (9,)))
+
+    def platform_velocity(self, q: ArrayLike, va: ArrayLike) -> Array:
+        """Angular velocity of the star, base axes, shape (..., 3), [rad/s].
+
+        Args:
+            q: Joint coordinates on the closures, shape (..., 9).
+            va: Motor rates, shape (..., 3).
+        """
+        legs = kinematics.legs_of_joints(self.geometry, finite_array("q", q, (9,)))
+        rates = self.joint_rates(q, va)
+        axes = np.stack(
+            np.broadcast_arrays(self.geometry.e[0], legs.u[..., 0, :], legs.n[..., 0, :]), axis=-2
+        )
+        return np.einsum("...j,...ji->...i", rates[..., :3], axes)  # Eq. (62) with plus signs
+
+    def branch(self, q: ArrayLike) -> NDArray[np.int_]:
+        """Sign of sin(mu_k) for each leg, shape (..., 3)."""
+        return np.where(np.sin(finite_array("q", q, (9,))[..., 1::3]) < 0, -1, 1)
+
+    def singularities(self, q: ArrayLike) -> Singularities:
+        """Distance to the singularities of both kinds.
+
+        Args:
+            q: Joint coordinates on the closures, shape (..., 9).
+        """
+        legs = kinematics.legs_of_joints(self.geometry, finite_array("q", q, (9,)))
+        values = np.linalg.svd(legs.y_2, compute_uv=False)
+        with np.errstate(divide="ignore"):
+            condition = values[..., 0] / values[..., -1]
+        return Singularities(np.abs(legs.sin_mu).min(axis=-1), values[..., -1], condition)
+
+    # --- dynamics ---------------------------------------------------------------------------
+
+    def compute_torques(
+        self,
+        q: ArrayLike,
+        va: ArrayLike,
+        aa: ArrayLike,
+        *,
+        platform_moment: ArrayLike | None = None,
+        external_wrenches: ArrayLike | None = None,
+    ) -> Array:
+        """Inverse dynamics: the motor torques of a motion, Eq. (92).
+
+        Args:
+            q: Joint coordinates on the closures, shape (..., 9), [rad].
+            va: Motor rates, shape (..., 3), [rad/s].
+            aa: Motor accelerations, shape (..., 3), [rad/s^2].
+            platform_moment: Moment that the surroundings exert on the star, base axes, shape
+                (..., 3), [N m].
+            external_wrenches: [moment; force] that the surroundings exert on each of the nine
+                bodies at its mass centre, base axes, shape (..., 9, 6).
+
+        Returns:
+            tau, shape (..., 3), [N m].
+
+        Raises:
+            InputError, ClosureError, SingularConfigurationError: As `ClosedChain.compute_torques`.
+        """
+        if platform_moment is not None:
+            external_wrenches = self._loads(platform_moment, external_wrenches)
+        return super().compute_torques(q, va, aa, external_wrenches=external_wrenches)
+
+    def compute_accelerations(
+        self,
+        q: ArrayLike,
+        va: ArrayLike,
+        tau: ArrayLike,
+        *,
+        platform_moment: ArrayLike | None = None,
+        external_wrenches: ArrayLike | None = None,
+    ) -> Array:
+        """Direct dynamics: motor accelerations under given torques, Eq. (92).
+
+        Args:
+            q: Joint coordinates on the closures, shape (..., 9), [rad].
+            va: Motor rates, shape (..., 3), [rad/s].
+            tau: Motor torques, shape (..., 3), [N m].
+            platform_moment: As in `compute_torques`.
+            external_wrenches: As in `compute_torques`.
+
+        Returns:
+            aa, shape (..., 3), [rad/s^2].
+
+        Raises:
+            InputError, ClosureError, SingularConfigurationError: As `compute_torques`.
+        """
+        if platform_moment is not None:
+            external_wrenches = self._loads(platform_moment, external_wrenches)
+        return super().compute_accelerations(q, va, tau, external_wrenches=external_wrenches)
+
+    def _loads(self, moment: ArrayLike, wrenches: ArrayLike | None) -> Array:
+        """External wrenches with the star's load put on star_1; the three arcs are one body."""
+        loads = self._wrenches(wrenches)
+        moment = finite_array("platform_moment", moment, (3,))
+        on_star = np.zeros((*moment.shape[:-1], 9, 6))
+        on_star[..., self.model.getJointId("beta_1") - 1, :3] = moment
+        return on_star if loads is None else on_star + loads
+
+    # --- inside -----------------------------------------------------------------------------
+
+    def _require_limits(self, q: Array) -> None:
+        lower, upper = self.model.lowerPositionLimit, self.model.upperPositionLimit
+        outside = (q < lower) | (q > upper)
+        if outside.any():
+            *sample, joint = (int(i) for i in np.argwhere(outside)[0])
+            error = WorkspaceError(
+                f"orientation out of reach: {self.joint_names[joint]} would be "
+                f"{q[(*sample, joint)]:.4g} rad, its limits are "
+                f"{lower[joint]:.4g} and {upper[joint]:.4g} rad"
+            )
+            if sample:
+                rows = np.argwhere(outside.any(axis=-1))
+                error.name_samples([tuple(map(int, i)) for i in rows], q[..., 0].size)
+            raise error
+
+
+def _geometry(model: pin.Model, source: str) -> Geometry:
+    """Read {0k} and {E} in {3k} off a tree, and tell what keeps it from being an SST's.
+
+    Raises:
+        DescriptionError: With every problem found.
+    """
+    names = list(model.names)[1:]
+    if sorted(names) != sorted(description.JOINT_NAMES):
+        missing = [n for n in description.JOINT_NAMES if n not in names]
+        extra = [n for n in names if n not in description.JOINT_NAMES]
+        found = [f"joint {n} is missing" for n in missing] + [f"joint {n} is not an SST's" for n in extra]
+        raise DescriptionError(source, [*found, "an SST has nine joints gamma_k, mu_k, beta_k"])
+    problems: list[str] = []
+    R_0, R_E = [], []
+    for k in (1, 2, 3):
+        parent = 0
+        for joint, axis in (("gamma", "RZ"), ("mu", "RX"), ("beta", "RZ")):
+            name = f"{joint}_{k}"
+            index = model.getJointId(name)
+            placement = model.jointPlacements[index]
+            kind = model.joints[index].shortname()
+            if kind != f"JointModel{axis}":
+                problems.append(f"joint {name}: {kind}, an SST has a revolute one about {axis[1].lower()}")
+            if model.parents[index] != parent:
+                problems.append(f"joint {name}: hangs on {model.names[model.parents[index]]}")
+            if np.abs(placement.translation).max() > 1e-9:
+                problems.append(f"joint {name}: its axis misses the centre O; origin xyz must be 0 0 0")
+            if joint != "gamma" and np.abs(placement.rotation - np.eye(3)).max() > 1e-9:
+                problems.append(f"joint {name}: origin rpy must be 0 0 0")
+            parent = index
+        R_0.append(model.jointPlacements[model.getJointId(f"gamma_{k}")].rotation)
+        frame = "closedloop1_A" if k == 1 else f"closedloop{k - 1}_B"
+        if not model.existFrame(frame):
+            problems.append(f"frame {frame} of the cuts is missing")
+            continue
+        f = model.frames[model.getFrameId(frame)]
+        if f.parentJoint != parent or np.abs(f.placement.translation).max() > 1e-9:
+            problems.append(f"frame {frame}: must be fixed to star_{k} with origin xyz 0 0 0")
+        R_E.append(f.placement.rotation)
+    if problems:
+        raise DescriptionError(source, problems)
+    return Geometry(np.array(R_0), np.array(R_E))
