@@ -145,18 +145,21 @@ def _inertial(link: ET.Element, mass: float, xyz: Array, inertia: Array, R: Arra
     ET.SubElement(inertial, "inertia", entries)
 
 
-def _rod(link: ET.Element, start: Array, end: Array, radius: float, rgba: str) -> None:
+def _rod(link: ET.Element, start: Array, end: Array, radius: float, colour: str) -> None:
     """A cylinder from start to end, the plainest picture every tool can draw."""
     visual = ET.SubElement(link, "visual")
     z = (end - start) / np.linalg.norm(end - start)
     x = np.cross(np.eye(3)[np.argmin(np.abs(z))], z)
     x /= np.linalg.norm(x)
-    _origin(visual, (start + end) / 2, np.stack([x, np.cross(z, x), z], axis=-1))
+    rpy = _rpy(np.stack([x, np.cross(z, x), z], axis=-1))
+    middle = (start + end) / 2
+    # A picture: six digits do.
+    ET.SubElement(visual, "origin", xyz=_numbers(middle.round(6)), rpy=_numbers(rpy.round(6)))
     length = float(np.linalg.norm(end - start))
     geometry = ET.SubElement(visual, "geometry")
     ET.SubElement(geometry, "cylinder", radius=repr(radius), length=repr(round(length, 6)))
-    material = ET.SubElement(visual, "material", name=f"colour {rgba}")
-    ET.SubElement(material, "color", rgba=rgba)
+    material = ET.SubElement(visual, "material", name=colour)
+    ET.SubElement(material, "color", rgba=_COLOURS[colour])
 
 
 def _joint(
@@ -189,7 +192,12 @@ def _frame(robot: ET.Element, name: str, parent: str, R: Array) -> None:
 
 
 #: One colour per leg, told apart by colour-blind readers too (Okabe and Ito), then the base's.
-_COLOURS = ("0.0 0.447 0.698 1.0", "0.835 0.369 0.0 1.0", "0.0 0.62 0.451 1.0", "0.5 0.5 0.5 1.0")
+_COLOURS = {
+    "leg_1": "0.0 0.447 0.698 1.0",
+    "leg_2": "0.835 0.369 0.0 1.0",
+    "leg_3": "0.0 0.62 0.451 1.0",
+    "base": "0.5 0.5 0.5 1.0",
+}
 
 
 def _arc(x: Array, y: Array, radius: float, angles: Array) -> Array:
@@ -211,10 +219,10 @@ def _urdf(p: Parameters) -> str:
         side = np.arccos(np.clip(v @ np.roll(p.base_directions, -1, axis=0)[k], -1, 1))
         points = _arc(v, R_0[k, :, 1], p.base_radius, np.linspace(0, side, 7))
         for start, end in zip(points[:-1], points[1:], strict=True):
-            _rod(base, start, end, 0.004, _COLOURS[3])
+            _rod(base, start, end, 0.004, "base")
     friction = list(zip(p.viscous_friction, p.coulomb_friction, strict=True))
     for k, (link, passive) in enumerate(zip(p.links, p.passive_links, strict=True)):
-        leg, colour = k + 1, _COLOURS[k]
+        leg, colour = k + 1, f"leg_{k + 1}"
         robot.append(ET.Comment(f" leg {leg} "))
         _joint(robot, f"gamma_{leg}", "base", f"link_{leg}", "0 0 1", friction[3 * k], R_0[k])
         element = ET.SubElement(robot, "link", name=f"link_{leg}")

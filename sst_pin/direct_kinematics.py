@@ -16,6 +16,7 @@ import itertools
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eig, svd
+from scipy.spatial.transform import Rotation
 
 from .errors import SingularConfigurationError
 
@@ -46,30 +47,13 @@ _SQUARE = np.array([[_INDEX_4[tuple(sorted(a + b))] for b in _DEGREE_2] for a in
 _FORMS = np.random.default_rng(1).normal(size=(2, 4))
 
 
-def rotation(p: Array) -> Array:
-    """Rotation matrix of a quaternion (w, x, y, z), divided by nothing: |p|^2 R, (..., 3, 3)."""
-    w, x, y, z = np.moveaxis(p, -1, 0)
-    return np.stack(
-        [
-            np.stack([w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y)], -1),
-            np.stack([2 * (x * y + w * z), w * w - x * x + y * y - z * z, 2 * (y * z - w * x)], -1),
-            np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z], -1),
-        ],
-        axis=-2,
-    )
-
-
 def _quadrics(u: Array, m: Array) -> Array:
-    """A_k with p^T A_k p = u_k . R(p) m_k |p|^2, shape (3, 4, 4)."""
+    """A_k with p^T A_k p = u_k . R(p) m_k for unit quaternions p = (x, y, z, w), (3, 4, 4)."""
     A = np.empty((3, 4, 4))
-    # p^T A p is quadratic in p: read the entries off its values at basis vectors and their sums.
-    basis = np.eye(4)
-    for i, j in itertools.product(range(4), repeat=2):
-        value = [
-            np.einsum("ki,ij,kj->k", u, rotation(p), m)
-            for p in (basis[i] + basis[j], basis[i], basis[j])
-        ]
-        A[:, i, j] = (value[0] - value[1] - value[2]) / 2
+    for k in range(3):
+        A[k, :3, :3] = np.outer(u[k], m[k]) + np.outer(m[k], u[k]) - u[k] @ m[k] * np.eye(3)
+        A[k, 3, :3] = A[k, :3, 3] = np.cross(m[k], u[k])
+        A[k, 3, 3] = u[k] @ m[k]
     return A
 
 
@@ -99,7 +83,9 @@ def orientations(u: Array, m: Array) -> Array:
             for known in solutions
         ):
             solutions.append(polished)
-    return rotation(np.array(solutions).reshape(-1, 4))
+    if not solutions:
+        return np.empty((0, 3, 3))
+    return Rotation.from_quat(np.array(solutions)).as_matrix()
 
 
 def _intersections(A: Array) -> NDArray[np.complex128]:

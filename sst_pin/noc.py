@@ -16,7 +16,7 @@ import eigenpy
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
-from scipy.linalg import block_diag, qr
+from scipy.linalg import qr
 
 from .closures import support
 from .errors import ActuationError, SingularConfigurationError
@@ -163,19 +163,20 @@ def bodies(model: pin.Model, data: pin.Data, q_dot: Array) -> Bodies:
     K_dot[:, 3:] += np.cross(K[:, :3], c_dot[:, :, None], axis=1)
     omega = K[:, :3] @ q_dot
 
-    rotations = [data.oMi[j].rotation for j in range(1, model.njoints)]
-    inertias = list(model.inertias)[1:]
-    M, Omega, weight = [], [], []
-    for body, R, w in zip(inertias, rotations, omega, strict=True):
-        M += [R @ body.inertia @ R.T, body.mass * np.eye(3)]  # Eq. (67)
-        Omega += [pin.skew(w), np.zeros((3, 3))]  # Eq. (67), as a cross-product matrix
-        weight += [np.zeros(3), body.mass * model.gravity.linear]
+    r = model.njoints - 1
+    M, Omega, weights = np.zeros((r, 6, r, 6)), np.zeros((r, 6, r, 6)), np.zeros((r, 6))
+    for i, body in enumerate(list(model.inertias)[1:]):
+        R = data.oMi[i + 1].rotation
+        M[i, :3, i, :3] = R @ body.inertia @ R.T  # Eq. (67)
+        M[i, 3:, i, 3:] = body.mass * np.eye(3)
+        Omega[i, :3, i, :3] = pin.skew(omega[i])  # Eq. (67), as a cross-product matrix
+        weights[i, 3:] = body.mass * model.gravity.linear
     return Bodies(
         K.reshape(-1, model.nv),
         K_dot.reshape(-1, model.nv),
-        block_diag(*M),
-        block_diag(*Omega),
-        np.concatenate(weight),
+        M.reshape(6 * r, 6 * r),
+        Omega.reshape(6 * r, 6 * r),
+        weights.ravel(),
     )
 
 
