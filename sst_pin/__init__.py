@@ -7,4 +7,5 @@ from .description import PACKAGE_PATH, URDF_PATH, YAML_PATH
 from .kinematics import BRANCHES
 from .parameters import Parameters, RigidBody
 from .sst import SST
-from .trajectories import PlatformMotion, Trajectory, orientation, paper_circle
+from .platform_motion import PlatformMotion, orientation, paper_circle
+from .trajectories import Trajectory

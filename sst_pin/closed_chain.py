@@ -98,6 +98,12 @@ class ClosedChain:
         """Indices of the motors' joints in q."""
         return tuple(int(i) for i in self._actuation.actuated)
 
+    @property
+    def joint_units(self) -> tuple[str, ...]:
+        """ "rad" or "m" for each joint."""
+        kinds = [joint.shortname() for joint in list(self.model.joints)[1:]]
+        return tuple("m" if kind.startswith("JointModelP") else "rad" for kind in kinds)
+
     # --- closures ---------------------------------------------------------------------------
 
     def residual(self, q: ArrayLike) -> Array:

@@ -15,7 +15,7 @@ from scipy.integrate import solve_ivp
 from . import dynamics
 from .batches import finite_array
 from .errors import InputError, SimulationError, SingularityWarning, SSTError
-from .trajectories import Trajectory, sample_times
+from .trajectories import Trajectory, sample_times, spline
 
 if TYPE_CHECKING:
     from .closed_chain import ClosedChain
@@ -117,6 +117,23 @@ def simulate(
     return motion.sampled(solution.t, solution.y.T, stopped)
 
 
+def energy_error(chain: ClosedChain, motion: Trajectory) -> Array:
+    """How far a motion's energy is from the work done on it, shape (N,), [J].
+
+    The work of motors and friction is integrated along a spline through the samples; external
+    loads are taken to be absent.
+
+    Args:
+        chain: The robot.
+        motion: Of that robot, with more than one sample.
+    """
+    power = (motion.tau * motion.va).sum(axis=1) + chain.friction_power(motion.q, motion.va)
+    work = spline(motion.t, power).antiderivative()(motion.t)
+    energy = chain.kinetic_energy(motion.q, motion.va) + chain.potential_energy(motion.q)
+    error: Array = energy - energy[0] - work
+    return error
+
+
 class _Motion:
     """Eqs. (7) and (92) as y' = f(t, y) with y = (q, q_dot^a)."""
 
@@ -165,7 +182,9 @@ class _Motion:
         )
         chain = self._chain
         actuated = [chain.joint_names[i] for i in chain.actuated]
-        return Trajectory(times, q, va, aa, tau, chain.joint_names, actuated, stopped)
+        return Trajectory(
+            times, q, va, aa, tau, chain.joint_names, actuated, chain.joint_units, stopped
+        )
 
 
 def _torque_function(

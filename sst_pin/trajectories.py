@@ -1,35 +1,26 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Motions as values: of the star (`PlatformMotion`), of the robot (`Trajectory`); the paper's path."""
+"""`Trajectory`: a motion of the robot as a value, and its files."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from pathlib import Path
+from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import BSpline, make_interp_spline
-from scipy.spatial.transform import Rotation, RotationSpline
 
 from .batches import finite_array
-from .errors import InputError
+from .errors import FileFormatError, InputError, OutputError
+from .files import Writer, read_table, table_writer, write_files
 
 Array = NDArray[np.float64]
 
-
-class PlatformMotion(NamedTuple):
-    """A motion of the star; unpacked it is what `SST.joint_motion` takes.
-
-    Attributes:
-        R: {E} in the base, shape (N, 3, 3).
-        omega: Angular velocity, base axes, shape (N, 3), [rad/s].
-        alpha: Angular acceleration, base axes, shape (N, 3), [rad/s^2].
-    """
-
-    R: Array
-    omega: Array
-    alpha: Array
+#: What makes two motions the same, and what a file holds.
+_COMPARED = ("t", "q", "va", "aa", "tau", "joint_names", "actuated", "units")
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +35,9 @@ class Trajectory:
         tau: Motor torques, shape (N, n), [N m] or [N].
         joint_names: Names of the m joints.
         actuated: Names of the n actuated joints.
-        stopped: Why a simulation ended before its last time; empty when it did not.
+        units: "rad" or "m" for each joint.
+        stopped: Why a simulation ended before its last time; empty when it did not. A remark:
+            it does not take part in comparisons and is not kept in a CSV.
     """
 
     t: Array
@@ -54,7 +47,8 @@ class Trajectory:
     tau: Array
     joint_names: tuple[str, ...]
     actuated: tuple[str, ...]
-    stopped: str = ""
+    units: tuple[str, ...]
+    stopped: str
 
     def __init__(
         self,
@@ -65,6 +59,7 @@ class Trajectory:
         tau: ArrayLike,
         joint_names: Sequence[str],
         actuated: Sequence[str],
+        units: Sequence[str] | None = None,
         stopped: str = "",
     ) -> None:
         times = sample_times(t)
@@ -80,6 +75,8 @@ class Trajectory:
         object.__setattr__(self, "t", times)
         object.__setattr__(self, "joint_names", tuple(joint_names))
         object.__setattr__(self, "actuated", tuple(actuated))
+        units = ("rad",) * len(joint_names) if units is None else tuple(units)
+        object.__setattr__(self, "units", units)
         object.__setattr__(self, "stopped", stopped)
 
     def __len__(self) -> int:
@@ -87,11 +84,97 @@ class Trajectory:
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Trajectory) and all(
-            np.array_equal(getattr(self, name), getattr(other, name))
-            for name in ("t", "q", "va", "aa", "tau", "joint_names", "actuated", "stopped")
+            np.array_equal(getattr(self, name), getattr(other, name)) for name in _COMPARED
         )
 
     __hash__ = None  # type: ignore[assignment]
+
+    def columns(self) -> list[str]:
+        """Header of the CSV: `t_s`, `gamma_1_rad`, `gamma_1_rad_s`, ..., `tau_1_Nm`, ...
+
+        Motor k's torque is `tau_k_Nm` (`tau_k_N` for a prismatic one), k counted from 1.
+        """
+        unit = dict(zip(self.joint_names, self.units, strict=True))
+        rates = [f"{name}_{unit[name]}_s" for name in self.actuated]
+        return [
+            "t_s",
+            *(f"{name}_{unit[name]}" for name in self.joint_names),
+            *rates,
+            *(f"{rate}2" for rate in rates),
+            *(
+                f"tau_{k}_{'Nm' if unit[name] == 'rad' else 'N'}"
+                for k, name in enumerate(self.actuated, start=1)
+            ),
+        ]
+
+    def save(self, path: str | Path, force: bool = False) -> None:
+        """Write the motion to a file from which it comes back to the last bit.
+
+        Args:
+            path: Ends in .csv or .npz.
+            force: Whether a file that is there may be replaced.
+
+        Raises:
+            OutputError: When it cannot be written, or exists.
+        """
+        write_files({Path(path): self.writer(path)}, force)
+
+    def writer(self, path: str | Path) -> Writer:
+        """What writes the motion in the format the path's ending asks for.
+
+        Raises:
+            OutputError: For another ending than .csv or .npz.
+        """
+        kind = Path(path).suffix.lower()
+        if kind == ".csv":
+            values = np.column_stack([self.t, self.q, self.va, self.aa, self.tau])
+            return table_writer(self.columns(), values)
+        if kind == ".npz":
+            arrays = {name: np.asarray(getattr(self, name)) for name in (*_COMPARED, "stopped")}
+            return lambda file: np.savez(file, **arrays)
+        raise OutputError(path, f"ending {kind!r} unknown; known: .csv, .npz")
+
+    @classmethod
+    def load(cls, path: str | Path) -> Trajectory:
+        """Read a motion that `save` has written.
+
+        Args:
+            path: Ends in .csv or .npz.
+
+        Raises:
+            FileFormatError: When it is not such a file, with the line at fault.
+        """
+        path = Path(path)
+        return cls._load_npz(path) if path.suffix.lower() == ".npz" else cls._load_csv(path)
+
+    @classmethod
+    def _load_npz(cls, path: Path) -> Trajectory:
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                content = {name: file[name] for name in (*_COMPARED, "stopped")}
+        except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
+            raise FileFormatError(path, f"not a motion: {error}") from None
+        names = {key: tuple(map(str, content.pop(key))) for key in ("joint_names", "actuated", "units")}
+        stopped = str(content.pop("stopped"))
+        return cls(**content, **names, stopped=stopped)
+
+    @classmethod
+    def _load_csv(cls, path: Path) -> Trajectory:
+        table = read_table(path)
+        parts = [re.fullmatch(r"(.+?)_(rad|m)(_s2|_s)?", name) for name in table.columns]
+        joints = [(p[1], p[2]) for p in parts if p and not p[3]]
+        actuated = [p[1] for p in parts if p and p[3] == "_s"]
+        if not joints or not actuated:
+            raise FileFormatError(path, "not a motion: no columns like gamma_1_rad, gamma_1_rad_s")
+        names, units = zip(*joints, strict=True)
+        n, m = len(actuated), len(names)
+        empty = np.zeros((len(table.values), n))
+        pattern = cls(
+            table.column("t_s"), np.zeros((len(empty), m)), empty, empty, empty, names, actuated, units
+        )
+        values = table.select(pattern.columns())
+        q, va, aa, tau = np.split(values[:, 1:], [m, m + n, m + 2 * n], axis=1)
+        return cls(pattern.t, q, va, aa, tau, names, actuated, units)
 
     def torque(self) -> Callable[[float], Array]:
         """The torques as a smooth function of time, for `simulate`.
@@ -99,8 +182,8 @@ class Trajectory:
         Returns:
             A spline of degree five through the samples (lower for fewer than six of them).
         """
-        spline = _spline(self.t, self.tau)
-        return lambda t: np.asarray(spline(t))
+        smooth = spline(self.t, self.tau)
+        return lambda t: np.asarray(smooth(t))
 
 
 def sample_times(t: ArrayLike, least: int = 1) -> Array:
@@ -120,106 +203,13 @@ def sample_times(t: ArrayLike, least: int = 1) -> Array:
     return times
 
 
-def _spline(t: Array, values: Array) -> BSpline:
+def spline(t: Array, values: Array) -> BSpline:
+    """A smooth curve through samples: of degree five, lower for fewer than six of them.
+
+    Args:
+        t: Increasing times, shape (N,).
+        values: Shape (N, ...).
+    """
     # Odd degrees: splines of even degree through their knots oscillate.
     degree = next(k for k in (5, 3, 1, 0) if len(t) > k)
     return make_interp_spline(t, values, k=degree)
-
-
-# --- orientations ---------------------------------------------------------------------------
-
-
-def orientation(theta: ArrayLike, phi: ArrayLike, psi: ArrayLike = 0.0) -> Array:
-    """Orientation of the star from the paper's angles (Fig. 4).
-
-    theta and phi are longitude and colatitude of E; psi turns the star about s, zero when arc 1
-    lies in the meridian plane through z_0.
-
-    Args:
-        theta, phi, psi: Shape (...), [rad].
-
-    Returns:
-        {E} in the base, shape (..., 3, 3).
-    """
-    R, _, _ = orientation_motion(*((a, 0.0, 0.0) for a in (theta, phi, psi)))
-    return R
-
-
-def orientation_motion(
-    theta: Sequence[ArrayLike], phi: Sequence[ArrayLike], psi: Sequence[ArrayLike]
-) -> PlatformMotion:
-    """`orientation` with its rates.
-
-    Args:
-        theta: The angle, its rate and its acceleration, each of shape (...), [rad].
-        phi: The same.
-        psi: The same.
-    """
-    values = np.broadcast_arrays(*(finite_array("angles", a, ()) for a in (*theta, *phi, *psi)))
-    (t, t_1, t_2), (p, p_1, p_2), (s, s_1, s_2) = (values[i : i + 3] for i in (0, 3, 6))
-    zero, one = np.zeros_like(t), np.ones_like(t)
-    # {E} = Rot(z, theta) Rot(x, pi/2) Rot(z, pi/2 - phi) Rot(x, psi): leg 1 with mu_1 = pi/2.
-    z = np.stack([zero, zero, one], -1)
-    n = np.stack([np.sin(t), -np.cos(t), zero], -1)  # its second axis, a horizontal one
-    s_axis = np.stack([np.sin(p) * np.cos(t), np.sin(p) * np.sin(t), np.cos(p)], -1)
-    y = np.cross(n, s_axis)
-    c, d = np.cos(s)[..., None], np.sin(s)[..., None]
-    R = np.stack([s_axis, c * y + d * n, c * n - d * y], -1)
-    turn_z, turn_n, turn_s = t_1[..., None] * z, -p_1[..., None] * n, s_1[..., None] * s_axis
-    omega = turn_z + turn_n + turn_s
-    alpha = (
-        t_2[..., None] * z - p_2[..., None] * n + s_2[..., None] * s_axis
-    )  # and the axes turn with those before them
-    alpha = alpha + np.cross(turn_z, turn_n) + np.cross(turn_z + turn_n, turn_s)
-    return PlatformMotion(R, omega, alpha)
-
-
-def paper_circle(t: ArrayLike) -> PlatformMotion:
-    """The motion of Sect. 7.2: E on a circle, once round in pi/6 s, with psi = 0.
-
-    Args:
-        t: Times, shape (...), [s].
-    """
-    time = finite_array("t", t, ())
-    # s = (a cos 12t + b sin 12t + c) / 71 and its first two derivatives
-    a = np.array((4, 4, -8)) * np.sqrt(6)
-    b = np.array((-12, 12, 0)) * np.sqrt(2)
-    c = np.sqrt(13395) / 3 * np.ones(3)
-    rate = 12.0
-    cos, sin = np.cos(rate * time)[..., None], np.sin(rate * time)[..., None]
-    s = (a * cos + b * sin + c) / 71
-    s_1 = rate * (b * cos - a * sin) / 71
-    s_2 = -(rate**2) * (a * cos + b * sin) / 71
-    (x, y, z), (x_1, y_1, z_1), (x_2, y_2, z_2) = (np.moveaxis(v, -1, 0) for v in (s, s_1, s_2))
-    h = x * x + y * y
-    theta_1 = (x * y_1 - y * x_1) / h
-    theta_2 = (x * y_2 - y * x_2) / h - 2 * theta_1 * (x * x_1 + y * y_1) / h
-    sin_phi = np.sqrt(1 - z * z)
-    phi_1 = -z_1 / sin_phi
-    phi_2 = -z_2 / sin_phi - z * phi_1**2 / sin_phi
-    return orientation_motion(
-        (np.arctan2(y, x), theta_1, theta_2), (np.arccos(z), phi_1, phi_2), (0.0, 0.0, 0.0)
-    )
-
-
-def interpolate_orientations(t: ArrayLike, R: ArrayLike, at: ArrayLike) -> PlatformMotion:
-    """A smooth motion through sampled orientations, on the rotation group.
-
-    Args:
-        t: Sample times, increasing, shape (N,), N >= 3, [s].
-        R: {E} in the base at those times, shape (N, 3, 3).
-        at: Times wanted, within the samples, shape (M,).
-
-    Returns:
-        Orientation, angular velocity and acceleration, continuous in time.
-    """
-    times = sample_times(t, 3)
-    spline = RotationSpline(times, Rotation.from_matrix(finite_array("R", R, (3, 3))))
-    wanted = finite_array("at", at, ())
-    orientations = spline(wanted)
-    # SciPy gives rates in the axes of the moving body.
-    return PlatformMotion(
-        orientations.as_matrix(),
-        orientations.apply(spline(wanted, 1)),
-        orientations.apply(spline(wanted, 2)),
-    )

@@ -1,0 +1,173 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Tables in and files out: CSV that says where it is wrong, outputs whole or not at all."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import os
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import BinaryIO, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import FileFormatError, OutputError
+
+Array = NDArray[np.float64]
+
+#: Writes the content of one file.
+Writer = Callable[[BinaryIO], None]
+
+
+class Table(NamedTuple):
+    """A CSV of numbers.
+
+    Attributes:
+        path: Where it came from, for messages.
+        columns: Name of each column.
+        values: Shape (rows, columns).
+        lines: Line of the file each row stands in, counted from 1.
+    """
+
+    path: Path
+    columns: tuple[str, ...]
+    values: Array
+    lines: tuple[int, ...]
+
+    def column(self, name: str) -> Array:
+        """One column by its name.
+
+        Raises:
+            FileFormatError: When it is missing.
+        """
+        return self.select([name])[:, 0]
+
+    def select(self, names: Sequence[str]) -> Array:
+        """Columns side by side, shape (rows, len(names)).
+
+        Raises:
+            FileFormatError: When one is missing.
+        """
+        missing = [name for name in names if name not in self.columns]
+        if missing:
+            raise FileFormatError(
+                self.path,
+                f"missing column{'s' * (len(missing) > 1)} {', '.join(missing)}; "
+                f"found: {', '.join(self.columns)}",
+            )
+        return self.values[:, [self.columns.index(name) for name in names]]
+
+
+def read_table(path: str | Path) -> Table:
+    """Read a CSV with one header line, rows of finite numbers and increasing times `t_s`.
+
+    Raises:
+        FileFormatError: With the line at fault.
+    """
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "not a text file"
+        raise FileFormatError(path, f"cannot be read: {reason}") from None
+    reader = csv.reader(io.StringIO(text, newline=""), skipinitialspace=True)
+    try:
+        header = tuple(name.strip() for name in next(reader, []))
+        rows = [(reader.line_num, row) for row in reader if any(cell.strip() for cell in row)]
+    except csv.Error as error:
+        raise FileFormatError(path, str(error), reader.line_num) from None
+    twice = sorted({name for name in header if header.count(name) > 1})
+    if twice:
+        raise FileFormatError(path, f"column {twice[0]} stands twice", 1)
+    if "t_s" not in header:
+        raise FileFormatError(path, f"missing column t_s; found: {', '.join(header) or 'none'}", 1)
+    if not rows:
+        raise FileFormatError(path, "no rows below the header")
+    values = np.array([_numbers(path, line, header, row) for line, row in rows])
+    lines = tuple(line for line, _ in rows)
+    times = values[:, header.index("t_s")]
+    backwards = np.flatnonzero(np.diff(times) <= 0)
+    if backwards.size:
+        i = int(backwards[0])
+        raise FileFormatError(
+            path,
+            f"times must increase: t_s = {times[i + 1]:g} after {times[i]:g}",
+            lines[i + 1],
+        )
+    return Table(path, header, values, lines)
+
+
+def _numbers(path: Path, line: int, header: Sequence[str], row: Sequence[str]) -> list[float]:
+    if len(row) != len(header):
+        raise FileFormatError(path, f"{len(row)} cells, the header has {len(header)}", line)
+    numbers = []
+    for name, cell in zip(header, row, strict=True):
+        try:
+            number = float(cell)
+        except ValueError:
+            raise FileFormatError(path, f"{name}: {cell!r} is not a number", line) from None
+        if not math.isfinite(number):
+            raise FileFormatError(path, f"{name}: {cell.strip()} is not finite", line)
+        numbers.append(number)
+    return numbers
+
+
+def table_writer(columns: Sequence[str], values: Array) -> Writer:
+    """A writer of a CSV from which every bit can be read back.
+
+    Args:
+        columns: Name of each column.
+        values: Shape (rows, columns).
+    """
+
+    def write(file: BinaryIO) -> None:
+        lines = [",".join(columns), *(",".join(map(repr, row)) for row in values.tolist())]
+        file.write(("\n".join(lines) + "\n").encode())
+
+    return write
+
+
+def write_files(files: Mapping[Path, Writer], force: bool = False) -> None:
+    """Write files whole or not at all.
+
+    Every target is looked at before the first is written; each is written beside its place and
+    moved there when it is complete. Folders that are missing are made.
+
+    Args:
+        files: Writer of each path.
+        force: Whether files that are there may be replaced.
+
+    Raises:
+        OutputError: When a file exists and may not be replaced, or cannot be written.
+    """
+    for path in files:
+        if path.is_dir():
+            raise OutputError(path, "is a folder")
+        if path.exists() and not force:
+            raise OutputError(path, "exists already; use force (--force) to replace it")
+    for path, write in files.items():
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        except OSError as error:
+            raise OutputError(path, f"cannot be written: {error.strerror}") from None
+        partial = Path(name)
+        try:
+            with os.fdopen(handle, "wb") as file:
+                write(file)
+            partial.chmod(0o666 & ~_umask())  # mkstemp makes files for one's own eyes
+            partial.replace(path)
+        except OSError as error:
+            raise OutputError(path, f"cannot be written: {error.strerror}") from None
+        finally:
+            partial.unlink(missing_ok=True)
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
