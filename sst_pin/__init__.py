@@ -4,8 +4,64 @@
 from .closed_chain import ClosedChain
 from .closures import Closure
 from .description import PACKAGE_PATH, URDF_PATH, YAML_PATH
+from .errors import (
+    ActuationError,
+    ClosureError,
+    DescriptionError,
+    FileFormatError,
+    InputError,
+    MissingExtraError,
+    OutputError,
+    ParametersError,
+    SimulationError,
+    SingularConfigurationError,
+    SingularityWarning,
+    SSTError,
+    UnknownNameError,
+    WorkspaceError,
+)
 from .kinematics import BRANCHES
 from .parameters import Parameters, RigidBody
+from .platform_motion import (
+    PlatformMotion,
+    interpolate_orientations,
+    orientation,
+    orientation_motion,
+    paper_circle,
+)
+from .simulation import energy_error
 from .sst import SST
-from .platform_motion import PlatformMotion, orientation, paper_circle
 from .trajectories import Trajectory
+
+__all__ = [
+    "BRANCHES",
+    "PACKAGE_PATH",
+    "SST",
+    "URDF_PATH",
+    "YAML_PATH",
+    "ActuationError",
+    "ClosedChain",
+    "Closure",
+    "ClosureError",
+    "DescriptionError",
+    "FileFormatError",
+    "InputError",
+    "MissingExtraError",
+    "OutputError",
+    "Parameters",
+    "ParametersError",
+    "PlatformMotion",
+    "RigidBody",
+    "SSTError",
+    "SimulationError",
+    "SingularConfigurationError",
+    "SingularityWarning",
+    "Trajectory",
+    "UnknownNameError",
+    "WorkspaceError",
+    "energy_error",
+    "interpolate_orientations",
+    "orientation",
+    "orientation_motion",
+    "paper_circle",
+]

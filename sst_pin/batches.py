@@ -43,7 +43,7 @@ def finite_array(name: str, value: ArrayLike, core: tuple[int, ...]) -> Array:
     if not finite.all():
         bad = np.argwhere(~finite)[0]
         entry = float(array[tuple(bad)])
-        error = InputError(name, f"entry {[int(i) for i in bad[-len(core):]]} is {entry}")
+        error = InputError(name, f"entry {[int(i) for i in bad[-len(core) :]]} is {entry}")
         batch = array.shape[: array.ndim - len(core)]
         if batch:
             samples = np.argwhere(~finite.reshape(*batch, -1).all(axis=-1))
@@ -71,9 +71,7 @@ def for_each_sample(
         InputError: When the leading axes do not broadcast.
     """
     batches = [
-        a.shape[: a.ndim - core]
-        for a, core in zip(arrays, core_axes, strict=True)
-        if a is not None
+        a.shape[: a.ndim - core] for a, core in zip(arrays, core_axes, strict=True) if a is not None
     ]
     try:
         batch = np.broadcast_shapes(*batches)

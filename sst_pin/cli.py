@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from .errors import FileFormatError, InputError, SingularityWarning, SSTError
-from .files import Writer, read_table, write_files
-from .motion_files import read_motion
+from .errors import FileFormatError, SingularityWarning, SSTError
+from .files import Table, Writer, read_table, write_files
+from .motion_files import MOTORS, read_motion
 from .paper import PERIOD, compare, example_1, example_2
 from .sst import SST
 from .trajectories import Trajectory
@@ -145,7 +145,11 @@ def _progress(what: str, start: float, end: float) -> Iterator[Callable[[float],
         leave=False,
         bar_format="{desc} {percentage:3.0f}% |{bar}| {n:.3g}/{total:.3g} s of motion",
     ) as bar:
-        yield lambda t: bar.update(max(t - start - bar.n, 0)) and None
+
+        def reach(t: float) -> None:
+            bar.update(max(t - start - bar.n, 0))
+
+        yield reach
 
 
 # --- commands -------------------------------------------------------------------------------
@@ -220,24 +224,20 @@ def _simulate(arguments: argparse.Namespace) -> None:
     names = [f"gamma_{k}_rad" for k in (1, 2, 3)]
     gamma = start("gamma", arguments.gamma, names, "--gamma G1,G2,G3")
     rates = start("rates", arguments.gamma_dot, [f"{n}_s" for n in names], "--gamma-dot W1,W2,W3")
-    q0 = robot.forward_kinematics(gamma, near=_near(robot, table.columns, table.values[0], arguments))
-    zeros = np.zeros((len(t), 3))
-    given = Trajectory(
-        t, np.zeros((len(t), 9)), zeros, zeros, tau, robot.joint_names, ("gamma_1", "gamma_2", "gamma_3")
-    )
+    q0 = robot.forward_kinematics(gamma, near=_near(robot, table, arguments))
+    unknown = np.zeros((len(t), 3))
+    given = Trajectory(t, np.zeros((len(t), 9)), unknown, unknown, tau, robot.joint_names, MOTORS)
     with _progress("simulating", t[0], t[-1]) as progress:
         motion = robot.simulate(given, q0, rates, t, progress=progress)
     _save(motion, arguments)
     print(f"{len(motion)} samples to t = {motion.t[-1]:g} s -> {arguments.output}{_remark(motion)}")
 
 
-def _near(
-    robot: SST, columns: Sequence[str], row: Array, arguments: argparse.Namespace
-) -> Array:
+def _near(robot: SST, table: Table, arguments: argparse.Namespace) -> Array:
     """Which assembly: that of the file's first row where it has one, else that next to home."""
     names = [f"{name}_rad" for name in robot.joint_names]
-    if arguments.gamma is None and set(names) <= set(columns):
-        return row[[list(columns).index(name) for name in names]]
+    if arguments.gamma is None and set(names) <= set(table.columns):
+        return table.select(names)[0]
     return robot.home
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""`ClosedChain`: any Pinocchio tree of one-coordinate joints, closed by frames, driven by motors."""
+"""`ClosedChain`: any Pinocchio tree of one-coordinate joints, closed and driven by motors."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from . import dynamics, mobility
+from . import assembly, dynamics, mobility
 from .batches import as_array, finite_array, for_each_sample
 from .closures import Closure, LoopKinematics
-from .errors import ActuationError, ClosureError, DescriptionError, InputError, UnknownNameError
+from .errors import ActuationError, DescriptionError, InputError, UnknownNameError
 from .noc import Actuation, JointComplement, require_independent
 
 if TYPE_CHECKING:
@@ -27,9 +27,6 @@ _Value = TypeVar("_Value")
 
 #: Frames further apart than this, [m] or [rad], are an open closure.
 CLOSURE_TOLERANCE = 1e-6
-#: Residual that an assembled configuration stays below, [m] or [rad].
-ASSEMBLED = 1e-12
-_NEWTON_STEPS = 100
 
 
 class ClosedChain:
@@ -64,9 +61,7 @@ class ClosedChain:
         self.closures = tuple(c if isinstance(c, Closure) else Closure(*c) for c in closures)
         self.joint_names: tuple[str, ...] = tuple(list(model.names)[1:])
         _require_simple(model, self.joint_names, self.closures)
-        self._actuation = Actuation.of(
-            [self._joint_index(name) for name in actuated], model.nv
-        )
+        self._actuation = Actuation.of([self._joint_index(name) for name in actuated], model.nv)
         if len(set(actuated)) != len(actuated):
             raise InputError("actuated", f"a joint stands twice in {list(actuated)}")
         viscous = model.damping if viscous_friction is None else viscous_friction
@@ -100,7 +95,7 @@ class ClosedChain:
 
     @property
     def joint_units(self) -> tuple[str, ...]:
-        """ "rad" or "m" for each joint."""
+        """Unit of each joint, "rad" or "m"."""
         kinds = [joint.shortname() for joint in list(self.model.joints)[1:]]
         return tuple("m" if kind.startswith("JointModelP") else "rad" for kind in kinds)
 
@@ -172,42 +167,8 @@ class ClosedChain:
         if fixed is None:
             free = self._actuation.unactuated
         else:
-            free = np.setdiff1d(
-                np.arange(self._m), [self._joint_index(name) for name in fixed]
-            )
-        return self._newton(guess, free)
-
-    def _newton(self, q: Array, free: NDArray[np.intp]) -> Array:
-        kinematics = self._kinematics
-        q = q.copy()
-        kinematics.set_position(q)
-        residual = kinematics.residual()
-        error = float(np.linalg.norm(residual))
-        for _ in range(_NEWTON_STEPS):
-            if error < ASSEMBLED * 1e-2:
-                break
-            step = np.zeros_like(q)
-            step[free] = np.linalg.lstsq(kinematics.Phi()[:, free], -residual, rcond=1e-10)[0]
-            step *= min(1.0, 0.5 / max(float(np.abs(step).max()), 1e-300))  # far off: in strides
-            for shrink in (1.0, 0.5, 0.25, 0.125, 0.0625):
-                kinematics.set_position(q + shrink * step)
-                residual = kinematics.residual()
-                trial = float(np.linalg.norm(residual))
-                if trial < error:
-                    break
-            else:  # no better point this way: rounding, or a dead end
-                kinematics.set_position(q)
-                residual = kinematics.residual()
-                break
-            q, error = q + shrink * step, trial
-        largest = float(np.abs(residual).max())
-        if not largest < ASSEMBLED:
-            raise ClosureError(
-                f"the loops cannot be closed from this guess: {largest:.3g} (m or rad) stays open; "
-                "start nearer, hold fewer joints, or check the geometry",
-                largest,
-            )
-        return q
+            free = np.setdiff1d(np.arange(self._m), [self._joint_index(name) for name in fixed])
+        return assembly.assemble(self._kinematics, guess, free)
 
     def mobility(self, q: ArrayLike | None = None) -> mobility.Mobility:
         """Count degrees of freedom, redundant closures and motors.
@@ -221,10 +182,10 @@ class ClosedChain:
         Raises:
             ClosureError: When q is open, or when no configuration can be assembled.
         """
-        q = self._generic_configuration() if q is None else self._one("q", q)
-        labels = [
-            f"{c.frame_a} - {c.frame_b}: {row}" for c in self.closures for row in c.rows
-        ]
+        if q is None:
+            q = assembly.generic_configuration(self._kinematics)
+        q = self._one("q", q)
+        labels = [f"{c.frame_a} - {c.frame_b}: {row}" for c in self.closures for row in c.rows]
         kinematics = self._kinematics
         kinematics.set_position(q)
         kinematics.require_closed(CLOSURE_TOLERANCE)
@@ -232,22 +193,6 @@ class ClosedChain:
         return mobility.analyse(
             Phi, self.joint_names, self.actuated, list(self._actuation.unactuated), labels
         )
-
-    def _generic_configuration(self) -> Array:
-        """Some assembled configuration away from the symmetric ones, the same at each call."""
-        random = np.random.default_rng(0)
-        everything = np.arange(self._m)
-        failure: ClosureError | None = None
-        for attempt in range(20):
-            guess = pin.neutral(self.model) + (0.1 + 0.1 * attempt) * random.normal(
-                size=self._m
-            )
-            try:
-                return self._newton(guess, everything)
-            except ClosureError as error:
-                failure = failure or error
-        assert failure is not None
-        raise failure
 
     # --- dynamics ---------------------------------------------------------------------------
 
@@ -389,8 +334,7 @@ class ClosedChain:
             va: Rates of the actuated joints, shape (..., n).
         """
         q_dot = self.joint_rates(q, va)
-        power: Array = (self.friction.forces(q_dot) * q_dot).sum(axis=-1)
-        return power
+        return (self.friction.forces(q_dot) * q_dot).sum(axis=-1)
 
     def simulate(
         self,
@@ -413,7 +357,7 @@ class ClosedChain:
     def _workspace(self) -> tuple[LoopKinematics, JointComplement]:
         """This thread's scratch memory."""
         try:
-            return self._per_thread.workspace  # type: ignore[no-any-return]
+            return self._per_thread.workspace
         except AttributeError:
             kinematics = LoopKinematics(self.model, self.closures)
             complement = JointComplement(kinematics.rows, self._actuation)
@@ -460,9 +404,7 @@ class ClosedChain:
         return finite_array("external_wrenches", wrenches, (self.model.njoints - 1, 6))
 
 
-def _require_simple(
-    model: pin.Model, names: Sequence[str], closures: Sequence[Closure]
-) -> None:
+def _require_simple(model: pin.Model, names: Sequence[str], closures: Sequence[Closure]) -> None:
     problems = [
         f"joint {name}: {joint.nq} coordinates and {joint.nv} rates, one of each is needed"
         + (" (a continuous joint? make it revolute with wide limits)" if joint.nq == 2 else "")

@@ -125,9 +125,7 @@ class LoopKinematics:
 
     def residual(self) -> Array:
         """f(q) of Eq. (2), shape (rows,), [m] and [rad], zero when the loops are closed."""
-        return np.concatenate(
-            [_residual(*placement) for placement in self._placements]
-        )
+        return np.concatenate([_residual(*placement) for placement in self._placements])
 
     def Phi(self) -> Array:
         """Jacobian of f on the closures, shape (rows, nv): Phi q_dot = 0, Eqs. (3), (4)."""
@@ -154,7 +152,7 @@ class LoopKinematics:
         velocities = []
         for side, sign in enumerate((-1, 1)):
             columns = J * self._support[c, side]
-            p = self._placements[c][side].translation
+            p = self._placements[c][:2][side].translation
             velocities.append(sign * (columns[:3] - pin.skew(p) @ columns[3:]))
         return np.stack(velocities)
 
@@ -166,11 +164,9 @@ _PARTS = {"6d": range(6), "3d": range(3), "orientation": range(3, 6)}
 def _residual(A: pin.SE3, B: pin.SE3, kind: str) -> Array:
     if kind == "6d":
         # The displacement from A to B as a screw in world axes: its rate is the relative twist.
-        screw: Array = pin.log6(B * A.inverse()).vector
-        return screw
+        return pin.log6(B * A.inverse()).vector
     if kind == "3d":
-        gap: Array = B.translation - A.translation
-        return gap
+        return B.translation - A.translation
     turn: Array = pin.log3(B.rotation @ A.rotation.T)
     return turn
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""From `Parameters` to the files that describe the robot, and from the files to Pinocchio.
+"""From `Parameters` to the files that describe the robot.
 
 The robot is a tree of three legs; `sst.yaml` holds the cuts that close it. The star is cut into
 its three arcs: leg k ends in `star_k`, which carries a third of the star's mass and inertia about
@@ -9,20 +9,16 @@ no moving link is massless.
 
 from __future__ import annotations
 
+import itertools
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, NamedTuple
 
 import numpy as np
-import pinocchio as pin
-import yaml
 from numpy.typing import NDArray
 
-from .closures import Closure
-from .errors import DescriptionError
 from .parameters import Parameters, RigidBody
 
 Array = NDArray[np.float64]
@@ -60,20 +56,6 @@ _HEADER = """
 """
 
 
-class Cuts(NamedTuple):
-    """What a URDF cannot say: content of the YAML file.
-
-    Attributes:
-        closures: Pairs of frames to be closed.
-        actuated: Names of the motors' joints.
-        gravity: Acceleration of gravity in base axes, shape (3,), [m/s^2].
-    """
-
-    closures: tuple[Closure, ...]
-    actuated: tuple[str, ...]
-    gravity: Array
-
-
 @dataclass(frozen=True)
 class Description:
     """A robot as text: its URDF and its cuts.
@@ -85,9 +67,6 @@ class Description:
 
     urdf: str
     cuts: str
-
-
-# --- Parameters -> text ---------------------------------------------------------------------
 
 
 def describe(parameters: Parameters) -> Description:
@@ -218,7 +197,7 @@ def _urdf(p: Parameters) -> str:
         v = p.base_directions[k]
         side = np.arccos(np.clip(v @ np.roll(p.base_directions, -1, axis=0)[k], -1, 1))
         points = _arc(v, R_0[k, :, 1], p.base_radius, np.linspace(0, side, 7))
-        for start, end in zip(points[:-1], points[1:], strict=True):
+        for start, end in itertools.pairwise(points):
             _rod(base, start, end, 0.004, "base")
     friction = list(zip(p.viscous_friction, p.coulomb_friction, strict=True))
     for k, (link, passive) in enumerate(zip(p.links, p.passive_links, strict=True)):
@@ -232,8 +211,8 @@ def _urdf(p: Parameters) -> str:
         _joint(robot, f"mu_{leg}", f"link_{leg}", f"passive_{leg}", "1 0 0", friction[3 * k + 1])
         element = ET.SubElement(robot, "link", name=f"passive_{leg}")
         _inertial(element, passive.mass, passive.center_of_mass, passive.inertia, None)
-        carriage = np.array(((p.base_radius, 0, 0), (p.star_radius, 0, 0)))
-        _rod(element, *carriage, 0.012, colour)
+        inner, outer = np.array(((p.base_radius, 0, 0), (p.star_radius, 0, 0)))
+        _rod(element, inner, outer, 0.012, colour)
 
         _joint(robot, f"beta_{leg}", f"passive_{leg}", f"star_{leg}", "0 0 1", friction[3 * k + 2])
         element = ET.SubElement(robot, "link", name=f"star_{leg}")
@@ -241,7 +220,7 @@ def _urdf(p: Parameters) -> str:
         _inertial(element, third.mass, third.center_of_mass, third.inertia, R_E[k])
         x, y, _ = np.eye(3)
         arc = _arc(x, -y, p.star_radius, np.linspace(0, np.pi / 2, 10))
-        for start, end in zip(arc[:-1], arc[1:], strict=True):
+        for start, end in itertools.pairwise(arc):
             _rod(element, start, end, 0.005, colour)
     robot.append(ET.Comment(" frames of the cuts: {E} as each arc of the star sees it "))
     for loop, k in ((1, 1), (2, 2)):
@@ -261,87 +240,3 @@ type: [6d, 6d]
 name_mot: [gamma_1, gamma_2, gamma_3]
 gravity: [{gravity}]  # in base axes, m/s^2
 """
-
-
-# --- text -> Pinocchio ----------------------------------------------------------------------
-
-
-def read_text(path: str | Path, what: str) -> str:
-    """The content of a description file.
-
-    Raises:
-        DescriptionError: When it cannot be read.
-    """
-    try:
-        return Path(path).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise DescriptionError(str(path), [f"the {what} cannot be read: {error}"]) from None
-
-
-def parse_urdf(text: str, source: str) -> pin.Model:
-    """A Pinocchio model of a URDF.
-
-    Args:
-        text: The XML.
-        source: What error messages call it.
-
-    Raises:
-        DescriptionError: When it is no URDF.
-    """
-    try:
-        ET.fromstring(text)  # says line and column, which urdfdom does not
-        return pin.buildModelFromXML(text)
-    except (ET.ParseError, ValueError, RuntimeError) as error:
-        raise DescriptionError(source, [f"not a URDF: {error}"]) from None
-
-
-def parse_cuts(text: str, source: str) -> Cuts:
-    """Closures, motors and gravity of a YAML file in the LAAS schema.
-
-    Args:
-        text: The YAML; `gravity` may be missing and is then (0, 0, -9.81).
-        source: What error messages call it.
-
-    Raises:
-        DescriptionError: With every problem found.
-    """
-    try:
-        content = yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        raise DescriptionError(source, [f"not YAML: {error}"]) from None
-    if not isinstance(content, dict):
-        raise DescriptionError(source, ["no keys; closed_loop, type and name_mot are needed"])
-    problems: list[str] = []
-
-    def names(key: str) -> list[Any]:
-        value = content.get(key)
-        if not isinstance(value, list):
-            problems.append(f"{key}: a list is needed")
-            return []
-        return value
-
-    pairs, kinds, motors = names("closed_loop"), names("type"), names("name_mot")
-    if len(pairs) != len(kinds):
-        problems.append(f"closed_loop has {len(pairs)} entries, type has {len(kinds)}")
-    closures = []
-    for pair, kind in zip(pairs, kinds, strict=False):
-        if not (isinstance(pair, list) and len(pair) == 2):
-            problems.append(f"closed_loop: {pair!r} is not a pair of frame names")
-        elif str(kind).lower() not in Closure.KINDS:
-            problems.append(f"type: {kind!r} unknown; known: {', '.join(Closure.KINDS)}")
-        else:
-            closures.append(Closure(str(pair[0]), str(pair[1]), str(kind).lower()))
-    gravity = content.get("gravity", [0, 0, -9.81])
-    if not _is_vector(gravity):
-        problems.append(f"gravity: {gravity!r} is not a list of three numbers")
-    if problems:
-        raise DescriptionError(source, problems)
-    return Cuts(tuple(closures), tuple(map(str, motors)), np.array(gravity, dtype=float))
-
-
-def _is_vector(value: Any) -> bool:
-    return (
-        isinstance(value, Sequence)
-        and len(value) == 3
-        and all(isinstance(x, int | float) and np.isfinite(x) for x in value)
-    )

@@ -73,8 +73,9 @@ def orientations(u: Array, m: Array) -> Array:
     """
     A = _quadrics(u, m)
     solutions: list[Array] = []
-    for p in _intersections(A):
-        p = p * np.exp(-1j * np.angle(p[np.argmax(np.abs(p))]))  # a real solution turned real
+    for candidate in _intersections(A):
+        # Turn the largest component real: a real solution becomes real as a whole.
+        p = candidate * np.exp(-1j * np.angle(candidate[np.argmax(np.abs(candidate))]))
         if np.abs(p.imag).max() > _IMAGINARY:
             continue
         polished = _polish(A, p.real)

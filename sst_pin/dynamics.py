@@ -88,8 +88,7 @@ class Friction:
     def forces(self, q_dot: Array) -> Array:
         """tau^f = -(D q_dot + F_c sign q_dot), Eqs. (87)-(89), with the sign that dissipates."""
         sign = np.tanh(q_dot / self.sign_width) if self.sign_width else np.sign(q_dot)
-        forces: Array = -(self.viscous * q_dot + self.coulomb * sign)
-        return forces
+        return -(self.viscous * q_dot + self.coulomb * sign)
 
 
 def motion_of_tree(
@@ -132,8 +131,7 @@ def inverse_dynamics(
     if wrenches is not None:
         K = body_jacobians(kinematics.model, kinematics.data)
         tau_tree = tau_tree - wrenches.ravel().dot(K)
-    tau: Array = tau_tree.dot(L)
-    return tau
+    return tau_tree.dot(L)
 
 
 def direct_dynamics(

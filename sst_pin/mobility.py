@@ -111,5 +111,5 @@ def analyse(
         degrees_of_freedom=degrees_of_freedom,
         held=degrees_of_freedom - loose.shape[1],
         loose_joints=tuple(joints[i] for i, m in zip(unactuated, moving, strict=True) if m),
-        condition_number=float(np.inf) if loose.shape[1] else float(np.linalg.cond(Phi[:, unactuated])),
+        condition_number=np.inf if loose.shape[1] else float(np.linalg.cond(Phi[:, unactuated])),
     )

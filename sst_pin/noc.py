@@ -89,13 +89,11 @@ class JointComplement:
                 "or actuated joints that never suffice (see mobility())",
                 float(np.linalg.cond(Phi[:, self.actuation.unactuated])),
             )
-        L: Array = self._factors.solve(self._unit)
-        return L
+        return self._factors.solve(self._unit)
 
     def solve(self, closures: Array, actuated: Array) -> Array:
         """x with Phi x = closures and x^a = actuated, for vectors or for columns side by side."""
-        x: Array = self._factors.solve(np.concatenate((closures, actuated)))
-        return x
+        return self._factors.solve(np.concatenate((closures, actuated)))
 
 
 def independent_rows(Phi: Array, tolerance: float = 1e-8) -> NDArray[np.intp]:
@@ -182,9 +180,7 @@ def bodies(model: pin.Model, data: pin.Data, q_dot: Array) -> Bodies:
 
 def _mass_centers(model: pin.Model, data: pin.Data) -> Array:
     """Mass centres in base axes, shape (r, 3)."""
-    return np.array(
-        [data.oMi[j].act(model.inertias[j].lever) for j in range(1, model.njoints)]
-    )
+    return np.array([data.oMi[j].act(model.inertias[j].lever) for j in range(1, model.njoints)])
 
 
 def _reduce_to_mass_centers(model: pin.Model, J: Array, c: Array) -> Array:

@@ -78,8 +78,7 @@ def angles_off_path(robot: SST, example: Trajectory, motion: Trajectory) -> Arra
     )
     # |s x s'| keeps the digits of a small angle that the dot product loses.
     sine = np.linalg.norm(np.cross(s, s_wanted), axis=1)
-    angles: Array = np.arctan2(sine, (s * s_wanted).sum(axis=1))
-    return angles
+    return np.arctan2(sine, (s * s_wanted).sum(axis=1))
 
 
 def compare(robot: SST, example: Trajectory, motion: Trajectory) -> Returned:

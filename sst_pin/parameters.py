@@ -130,7 +130,7 @@ class Parameters:
     """An SST: base triangle, arcs of the star, bodies, friction and gravity.
 
     Attributes:
-        base_directions: v_k, unit vectors along OP_k, rows of a (3, 3) array; any length > 0 goes in.
+        base_directions: v_k, unit vectors along OP_k, rows of a (3, 3) array; any length goes in.
         arc_angles: alpha_k, angle from arc k to arc k+1 of the star, shape (3,), [rad]; they add up
             to 2 pi.
         link: Actuator link, in {1k}: one body for all legs, or one for each.
@@ -178,13 +178,16 @@ class Parameters:
         put("base_directions", _frozen(base_directions, "base_directions"))
         put("arc_angles", _frozen(arc_angles, "arc_angles"))
         put("link", link if isinstance(link, RigidBody) else tuple(link))
-        put("passive_link", passive_link if isinstance(passive_link, RigidBody) else tuple(passive_link))
+        put(
+            "passive_link",
+            passive_link if isinstance(passive_link, RigidBody) else tuple(passive_link),
+        )
         put("star", star)
         for name, value in (
             ("viscous_friction", viscous_friction),
             ("coulomb_friction", coulomb_friction),
         ):
-            scalar = np.ndim(value) == 0  # type: ignore[arg-type]
+            scalar = np.ndim(value) == 0
             put(name, _frozen(np.full(9, value) if scalar else value, name))
         put("gravity", _frozen(gravity, "gravity"))
         put("base_radius", base_radius)
@@ -209,7 +212,8 @@ class Parameters:
     @property
     def passive_links(self) -> tuple[RigidBody, ...]:
         """The passive links of legs 1 to 3."""
-        return self.passive_link if isinstance(self.passive_link, tuple) else (self.passive_link,) * 3
+        passive = self.passive_link
+        return passive if isinstance(passive, tuple) else (passive,) * 3
 
     @property
     def actuated_axes(self) -> Array:
@@ -218,35 +222,16 @@ class Parameters:
         return e / np.linalg.norm(e, axis=1)[:, None]
 
     def _problems(self) -> Iterator[str]:
-        v = self.base_directions
-        shape = _shape_problems("base_directions", v, (3, 3))
-        yield from shape
-        if not shape:
-            lengths = np.linalg.norm(v, axis=1)
-            if not lengths.all():
-                yield f"base_directions: v_{int(np.argmin(lengths)) + 1} is zero"
-            elif abs(np.linalg.det(v / lengths[:, None])) < _FLAT:
-                yield "base_directions: v_1, v_2, v_3 lie in one plane"
-        shape = _shape_problems("arc_angles", self.arc_angles, (3,))
-        yield from shape
-        if not shape:
-            if not ((self.arc_angles > 0) & (self.arc_angles < 2 * np.pi)).all():
-                yield f"arc_angles: {self.arc_angles} rad, each must lie in (0, 2 pi)"
-            total = float(self.arc_angles.sum())
-            if abs(total - 2 * np.pi) > _SLACK:
-                yield (
-                    f"arc_angles: they add up to {total:.12g} rad, not to 2 pi: "
-                    "the star does not close (degrees given?)"
-                )
+        yield from _direction_problems(self.base_directions)
+        yield from _angle_problems(self.arc_angles)
         for name, bodies in (("link", self.links), ("passive_link", self.passive_links)):
             if len(bodies) != 3:
                 yield f"{name}: {len(bodies)} bodies, expected one or three"
-            # One shared body is judged once, three bodies each under their own name.
-            named = {name: bodies[0]} if isinstance(getattr(self, name), RigidBody) else {
-                f"{name}[{k}]": body for k, body in enumerate(bodies)
-            }
-            for label, body in named.items():
-                yield from _body_problems(label, body)
+            if isinstance(getattr(self, name), RigidBody):
+                yield from _body_problems(name, bodies[0])
+            else:
+                for k, body in enumerate(bodies):
+                    yield from _body_problems(f"{name}[{k}]", body)
         yield from _body_problems("star", self.star)
         for name in ("viscous_friction", "coulomb_friction"):
             value = getattr(self, name)
@@ -259,6 +244,31 @@ class Parameters:
             radius = getattr(self, name)
             if not (np.isfinite(radius) and radius > 0):
                 yield f"{name}: {radius} m is not positive"
+
+
+def _direction_problems(v: Array) -> Iterator[str]:
+    shape = _shape_problems("base_directions", v, (3, 3))
+    yield from shape
+    if not shape:
+        lengths = np.linalg.norm(v, axis=1)
+        if not lengths.all():
+            yield f"base_directions: v_{int(np.argmin(lengths)) + 1} is zero"
+        elif abs(np.linalg.det(v / lengths[:, None])) < _FLAT:
+            yield "base_directions: v_1, v_2, v_3 lie in one plane"
+
+
+def _angle_problems(alpha: Array) -> Iterator[str]:
+    shape = _shape_problems("arc_angles", alpha, (3,))
+    yield from shape
+    if not shape:
+        if not ((alpha > 0) & (alpha < 2 * np.pi)).all():
+            yield f"arc_angles: {alpha} rad, each must lie in (0, 2 pi)"
+        total = float(alpha.sum())
+        if abs(total - 2 * np.pi) > _SLACK:
+            yield (
+                f"arc_angles: they add up to {total:.12g} rad, not to 2 pi: "
+                "the star does not close (degrees given?)"
+            )
 
 
 def _body_problems(name: str, body: object) -> list[str]:

@@ -30,7 +30,6 @@ class PlatformMotion(NamedTuple):
     alpha: Array
 
 
-
 def orientation(theta: ArrayLike, phi: ArrayLike, psi: ArrayLike = 0.0) -> Array:
     """Orientation of the star from the paper's angles (Fig. 4).
 
@@ -38,7 +37,9 @@ def orientation(theta: ArrayLike, phi: ArrayLike, psi: ArrayLike = 0.0) -> Array
     lies in the meridian plane through z_0.
 
     Args:
-        theta, phi, psi: Shape (...), [rad].
+        theta: Shape (...), [rad].
+        phi: Shape (...), [rad].
+        psi: Shape (...), [rad].
 
     Returns:
         {E} in the base, shape (..., 3, 3).

@@ -30,7 +30,7 @@ Axes = Any
 COLOURS = ("#0072B2", "#D55E00", "#009E73")
 DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1.5, 1)))
 
-_STYLE = {
+_STYLE: dict[Any, Any] = {
     "font.family": "serif",
     "font.serif": ["STIXGeneral", "DejaVu Serif"],
     "mathtext.fontset": "stix",
@@ -151,7 +151,7 @@ def robot_pose(ax: Axes, robot: SST, q: Array, radii: tuple[float, float] = (0.3
         ax.text(*beside, f"$R_{k + 1}$", color=colour, ha="center", va="center")
     E = star * legs.s[0]
     ax.plot(*E[:, None], "o", color="black", markersize=4)
-    ax.text(*(E + 0.07 * np.array((0, 0, 1))), "$E$", ha="center", va="center")
+    ax.text(*(E + 0.05 * np.array((1, -1, 0))), "$E$", ha="center", va="center")
     _equal_space(ax, star)
     ax.set_axis_off()
     ax.set_box_aspect((1, 1, 1), zoom=1.05)

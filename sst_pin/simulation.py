@@ -130,8 +130,7 @@ def energy_error(chain: ClosedChain, motion: Trajectory) -> Array:
     power = (motion.tau * motion.va).sum(axis=1) + chain.friction_power(motion.q, motion.va)
     work = spline(motion.t, power).antiderivative()(motion.t)
     energy = chain.kinetic_energy(motion.q, motion.va) + chain.potential_energy(motion.q)
-    error: Array = energy - energy[0] - work
-    return error
+    return energy - energy[0] - work
 
 
 class _Motion:

@@ -4,18 +4,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from . import description, direct_kinematics, kinematics
+from . import description, direct_kinematics, kinematics, reading
 from .batches import finite_array
 from .closed_chain import ClosedChain
 from .errors import DescriptionError, InputError, WorkspaceError
-from .kinematics import Geometry
 from .parameters import Parameters
+from .topology import geometry_of
 
 Array = NDArray[np.float64]
 
@@ -51,8 +50,8 @@ class SST(ClosedChain):
     def __init__(self, parameters: Parameters | None = None) -> None:
         if parameters is None:
             self._load(
-                description.read_text(description.URDF_PATH, "URDF"),
-                description.read_text(description.YAML_PATH, "YAML of the cuts"),
+                reading.read_text(description.URDF_PATH, "URDF"),
+                reading.read_text(description.YAML_PATH, "YAML of the cuts"),
                 str(description.URDF_PATH),
                 str(description.YAML_PATH),
             )
@@ -78,17 +77,17 @@ class SST(ClosedChain):
             cuts = beside if beside.is_file() else description.YAML_PATH
         robot = cls.__new__(cls)
         robot._load(
-            description.read_text(path, "URDF"),
-            description.read_text(cuts, "YAML of the cuts"),
+            reading.read_text(path, "URDF"),
+            reading.read_text(cuts, "YAML of the cuts"),
             str(path),
             str(cuts),
         )
         return robot
 
     def _load(self, urdf: str, cuts: str, urdf_source: str, cuts_source: str) -> None:
-        model = description.parse_urdf(urdf, urdf_source)
-        closures, actuated, gravity = description.parse_cuts(cuts, cuts_source)
-        self.geometry = _geometry(model, urdf_source)
+        model = reading.parse_urdf(urdf, urdf_source)
+        closures, actuated, gravity = reading.parse_cuts(cuts, cuts_source)
+        self.geometry = geometry_of(model, urdf_source)
         if actuated != ("gamma_1", "gamma_2", "gamma_3"):
             raise DescriptionError(
                 cuts_source, [f"name_mot: {list(actuated)}, an SST has gamma_1, gamma_2, gamma_3"]
@@ -239,7 +238,7 @@ class SST(ClosedChain):
             q: Joint coordinates on the closures, shape (..., 9).
         """
         legs = kinematics.legs_of_joints(self.geometry, finite_array("q", q, (9,)))
-        values = np.linalg.svd(legs.y_2, compute_uv=False)
+        values = np.asarray(np.linalg.svd(legs.y_2, compute_uv=False), dtype=float)
         with np.errstate(divide="ignore"):
             condition = values[..., 0] / values[..., -1]
         return Singularities(np.abs(legs.sin_mu).min(axis=-1), values[..., -1], condition)
@@ -321,54 +320,10 @@ class SST(ClosedChain):
             *sample, joint = (int(i) for i in np.argwhere(outside)[0])
             error = WorkspaceError(
                 f"orientation out of reach: {self.joint_names[joint]} would be "
-                f"{q[(*sample, joint)]:.4g} rad, its limits are "
+                f"{q[tuple(sample)][joint]:.4g} rad, its limits are "
                 f"{lower[joint]:.4g} and {upper[joint]:.4g} rad"
             )
             if sample:
                 rows = np.argwhere(outside.any(axis=-1))
                 error.name_samples([tuple(map(int, i)) for i in rows], q[..., 0].size)
             raise error
-
-
-def _geometry(model: pin.Model, source: str) -> Geometry:
-    """Read {0k} and {E} in {3k} off a tree, and tell what keeps it from being an SST's.
-
-    Raises:
-        DescriptionError: With every problem found.
-    """
-    names = list(model.names)[1:]
-    if sorted(names) != sorted(description.JOINT_NAMES):
-        missing = [n for n in description.JOINT_NAMES if n not in names]
-        extra = [n for n in names if n not in description.JOINT_NAMES]
-        found = [f"joint {n} is missing" for n in missing] + [f"joint {n} is not an SST's" for n in extra]
-        raise DescriptionError(source, [*found, "an SST has nine joints gamma_k, mu_k, beta_k"])
-    problems: list[str] = []
-    R_0, R_E = [], []
-    for k in (1, 2, 3):
-        parent = 0
-        for joint, axis in (("gamma", "RZ"), ("mu", "RX"), ("beta", "RZ")):
-            name = f"{joint}_{k}"
-            index = model.getJointId(name)
-            placement = model.jointPlacements[index]
-            kind = model.joints[index].shortname()
-            if kind != f"JointModel{axis}":
-                problems.append(f"joint {name}: {kind}, an SST has a revolute one about {axis[1].lower()}")
-            if model.parents[index] != parent:
-                problems.append(f"joint {name}: hangs on {model.names[model.parents[index]]}")
-            if np.abs(placement.translation).max() > 1e-9:
-                problems.append(f"joint {name}: its axis misses the centre O; origin xyz must be 0 0 0")
-            if joint != "gamma" and np.abs(placement.rotation - np.eye(3)).max() > 1e-9:
-                problems.append(f"joint {name}: origin rpy must be 0 0 0")
-            parent = index
-        R_0.append(model.jointPlacements[model.getJointId(f"gamma_{k}")].rotation)
-        frame = "closedloop1_A" if k == 1 else f"closedloop{k - 1}_B"
-        if not model.existFrame(frame):
-            problems.append(f"frame {frame} of the cuts is missing")
-            continue
-        f = model.frames[model.getFrameId(frame)]
-        if f.parentJoint != parent or np.abs(f.placement.translation).max() > 1e-9:
-            problems.append(f"frame {frame}: must be fixed to star_{k} with origin xyz 0 0 0")
-        R_E.append(f.placement.rotation)
-    if problems:
-        raise DescriptionError(source, problems)
-    return Geometry(np.array(R_0), np.array(R_E))

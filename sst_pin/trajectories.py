@@ -7,6 +7,7 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 from zipfile import BadZipFile
 
 import numpy as np
@@ -89,24 +90,6 @@ class Trajectory:
 
     __hash__ = None  # type: ignore[assignment]
 
-    def columns(self) -> list[str]:
-        """Header of the CSV: `t_s`, `gamma_1_rad`, `gamma_1_rad_s`, ..., `tau_1_Nm`, ...
-
-        Motor k's torque is `tau_k_Nm` (`tau_k_N` for a prismatic one), k counted from 1.
-        """
-        unit = dict(zip(self.joint_names, self.units, strict=True))
-        rates = [f"{name}_{unit[name]}_s" for name in self.actuated]
-        return [
-            "t_s",
-            *(f"{name}_{unit[name]}" for name in self.joint_names),
-            *rates,
-            *(f"{rate}2" for rate in rates),
-            *(
-                f"tau_{k}_{'Nm' if unit[name] == 'rad' else 'N'}"
-                for k, name in enumerate(self.actuated, start=1)
-            ),
-        ]
-
     def save(self, path: str | Path, force: bool = False) -> None:
         """Write the motion to a file from which it comes back to the last bit.
 
@@ -128,9 +111,11 @@ class Trajectory:
         kind = Path(path).suffix.lower()
         if kind == ".csv":
             values = np.column_stack([self.t, self.q, self.va, self.aa, self.tau])
-            return table_writer(self.columns(), values)
+            return table_writer(_columns(self.joint_names, self.actuated, self.units), values)
         if kind == ".npz":
-            arrays = {name: np.asarray(getattr(self, name)) for name in (*_COMPARED, "stopped")}
+            arrays: dict[str, Any] = {
+                name: np.asarray(getattr(self, name)) for name in (*_COMPARED, "stopped")
+            }
             return lambda file: np.savez(file, **arrays)
         raise OutputError(path, f"ending {kind!r} unknown; known: .csv, .npz")
 
@@ -154,9 +139,10 @@ class Trajectory:
                 content = {name: file[name] for name in (*_COMPARED, "stopped")}
         except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
             raise FileFormatError(path, f"not a motion: {error}") from None
-        names = {key: tuple(map(str, content.pop(key))) for key in ("joint_names", "actuated", "units")}
-        stopped = str(content.pop("stopped"))
-        return cls(**content, **names, stopped=stopped)
+        words = {
+            key: tuple(map(str, content.pop(key))) for key in ("joint_names", "actuated", "units")
+        }
+        return cls(**content, **words, stopped=str(content.pop("stopped")))
 
     @classmethod
     def _load_csv(cls, path: Path) -> Trajectory:
@@ -168,13 +154,9 @@ class Trajectory:
             raise FileFormatError(path, "not a motion: no columns like gamma_1_rad, gamma_1_rad_s")
         names, units = zip(*joints, strict=True)
         n, m = len(actuated), len(names)
-        empty = np.zeros((len(table.values), n))
-        pattern = cls(
-            table.column("t_s"), np.zeros((len(empty), m)), empty, empty, empty, names, actuated, units
-        )
-        values = table.select(pattern.columns())
-        q, va, aa, tau = np.split(values[:, 1:], [m, m + n, m + 2 * n], axis=1)
-        return cls(pattern.t, q, va, aa, tau, names, actuated, units)
+        values = table.select(_columns(names, actuated, units))
+        t, q, va, aa, tau = np.split(values, [1, 1 + m, 1 + m + n, 1 + m + 2 * n], axis=1)
+        return cls(t[:, 0], q, va, aa, tau, names, actuated, units)
 
     def torque(self) -> Callable[[float], Array]:
         """The torques as a smooth function of time, for `simulate`.
@@ -184,6 +166,22 @@ class Trajectory:
         """
         smooth = spline(self.t, self.tau)
         return lambda t: np.asarray(smooth(t))
+
+
+def _columns(
+    joint_names: Sequence[str], actuated: Sequence[str], units: Sequence[str]
+) -> list[str]:
+    """Header of the CSV: `t_s`, `gamma_1_rad`, `gamma_1_rad_s`, `gamma_1_rad_s2`, `tau_1_Nm`, ...
+
+    Motor k's torque is `tau_k_Nm` (`tau_k_N` for a prismatic one), k counted from 1.
+    """
+    unit = dict(zip(joint_names, units, strict=True))
+    rates = [f"{name}_{unit[name]}_s" for name in actuated]
+    torques = [
+        f"tau_{k}_{'Nm' if unit[name] == 'rad' else 'N'}" for k, name in enumerate(actuated, 1)
+    ]
+    positions = [f"{name}_{unit[name]}" for name in joint_names]
+    return ["t_s", *positions, *rates, *(f"{rate}2" for rate in rates), *torques]
 
 
 def sample_times(t: ArrayLike, least: int = 1) -> Array:

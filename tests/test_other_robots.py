@@ -1,0 +1,371 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""`ClosedChain` holds for any closed chain: planar, spatial and spherical, redundant or not."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from numpy.testing import assert_allclose
+from robots import GRAVITY, ROBOTS, Robot, derivatives, difference
+
+from sst_pin import ClosedChain, Closure
+from sst_pin.errors import (
+    ActuationError,
+    ClosureError,
+    DescriptionError,
+    SingularConfigurationError,
+    UnknownNameError,
+)
+
+STATES = range(4)
+
+
+@pytest.fixture(scope="module", params=ROBOTS)
+def robot(request) -> Robot:
+    return ROBOTS[request.param]
+
+
+@pytest.fixture(scope="module")
+def chain(robot) -> ClosedChain:
+    return robot.chain()
+
+
+def random_state(robot, seed):
+    """x, its rates and accelerations, and wrenches on the bodies, away from singularities."""
+    random, n = np.random.default_rng(seed), len(robot.x)
+    x = robot.x + random.uniform(-0.05, 0.05, n)
+    return x, *random.uniform(-1, 1, (2, n)), random.uniform(-5, 5, (len(robot.links), 6))
+
+
+def states(robot):
+    """Some states of motion, with the torques of the principle of virtual work."""
+    for seed in STATES:
+        *state, wrenches = random_state(robot, seed)
+        yield robot.motion(*state, wrenches), wrenches
+
+
+def close(actual, expected, tolerance):
+    """Equality relative to the largest entry."""
+    assert_allclose(actual, expected, rtol=0, atol=tolerance * max(np.abs(expected).max(), 1e-3))
+
+
+# --- closures -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("generic", [True, False])
+def test_mobility_counts_the_freedoms_and_the_redundant_rows(robot, chain, generic):
+    """The rank of the closures is m - n, and the motors hold all of the n freedoms."""
+    report = chain.mobility(None if generic else robot.joints(robot.x).real)
+    m, n = len(robot.links), len(robot.x)
+    assert (report.degrees_of_freedom, report.rank, report.held) == (n, m - n, n)
+    assert report.redundant_rows == robot.redundant_rows
+    assert report.sufficient
+    assert not report.redundantly_actuated
+    assert report.actuated == tuple(robot.actuated)
+
+
+def test_assembly_finds_the_passive_joints(robot, chain):
+    """From a guess nearby, Newton's method ends at the inverse kinematics in closed form."""
+    random = np.random.default_rng(0)
+    passive = np.setdiff1d(np.arange(len(robot.links)), robot.motors)
+    for seed in STATES:
+        q = robot.joints(random_state(robot, seed)[0]).real
+        guess = q.copy()
+        guess[passive] += random.uniform(-0.05, 0.05, len(passive))
+        # Residuals below 1e-12 times a condition number below 100.
+        assert_allclose(chain.assemble(guess), q, rtol=0, atol=1e-10)
+
+
+def test_Phi_is_the_Jacobian_of_the_residual(robot, chain):
+    """On the closures, each column of Phi is the derivative of the residual along one joint."""
+    q = robot.joints(robot.x).real
+    columns = [
+        difference(lambda h, unit=unit: chain.residual(q + h * unit)) for unit in np.eye(len(q))
+    ]
+    # Sines and cosines: the differences are at rounding, 1e-14, times lever arms.
+    close(chain.Phi(q), np.stack(columns, axis=1), 1e-12)
+
+
+def test_Phi_dot_is_the_rate_of_Phi(robot, chain):
+    """Along a motion that keeps the loops closed."""
+    for seed in STATES:
+        x, x_dot, *_ = random_state(robot, seed)
+        q, q_dot, _ = derivatives(robot.joints, x, x_dot)
+        rate = difference(lambda t, x=x, x_dot=x_dot: chain.Phi(robot.joints(x + x_dot * t).real))
+        # The differences' truncation.
+        close(chain.Phi_dot(q, q_dot), rate, 1e-9)
+
+
+# --- natural orthogonal complement --------------------------------------------------------------
+
+
+def test_L_is_an_orthogonal_complement_of_Phi(robot, chain):
+    """Phi L = 0 in all rows, the motors' rows of L are the unit matrix, and q_dot = L va."""
+    for motion, _ in states(robot):
+        terms = chain.noc(motion.q, motion.va)
+        m, n = terms.L.shape
+        # Rounding times a condition number below 100; first rates by Cauchy's integrals likewise.
+        assert_allclose(chain.Phi(motion.q) @ terms.L, 0, atol=1e-13 * np.abs(terms.L).max())
+        assert_allclose(terms.L[robot.motors], np.eye(n), atol=1e-13)
+        assert terms.Phi.shape == (m - n, m)
+        assert np.linalg.matrix_rank(terms.Phi) == m - n
+        close(terms.L @ motion.va, motion.q_dot, 1e-13)
+        close(chain.joint_rates(motion.q, motion.va), motion.q_dot, 1e-13)
+
+
+@pytest.mark.parametrize("name", ["L", "K", "T"])
+def test_the_rates_of_the_complement_are_its_derivatives(robot, chain, name):
+    """L_dot, K_dot and T_dot along a motion that keeps the loops closed."""
+    x, x_dot, *_ = random_state(robot, 0)
+    q, q_dot, _ = derivatives(robot.joints, x, x_dot)
+
+    def matrix(t):
+        q = robot.joints(x + x_dot * t).real
+        return getattr(chain.noc(q, np.zeros(len(x))), name)
+
+    rate = getattr(chain.noc(q, q_dot[robot.motors]), name + "_dot")
+    # The differences' truncation.
+    close(rate, difference(matrix), 1e-9)
+
+
+# --- dynamics -----------------------------------------------------------------------------------
+
+
+def test_torques_obey_the_principle_of_virtual_work(robot, chain):
+    """With weight, inertia, rotors, friction in all joints and a wrench on every body."""
+    for motion, wrenches in states(robot):
+        tau = chain.compute_torques(motion.q, motion.va, motion.aa, external_wrenches=wrenches)
+        # Cauchy's integrals leave 1e-16 / 0.1^2, the condition number multiplies it by up to 100.
+        close(tau, motion.tau, 1e-12)
+
+
+def test_the_long_form_adds_up_to_the_torques(robot, chain):
+    """tau = inertia aa + coriolis va - gravity - friction, Eq. (92)."""
+    for motion, _ in states(robot):
+        terms = chain.noc(motion.q, motion.va)
+        tau = (
+            terms.inertia @ motion.aa + terms.coriolis @ motion.va - terms.gravity - terms.friction
+        )
+        # Two orders of the same sums: rounding times a condition number below 100.
+        close(tau, chain.compute_torques(motion.q, motion.va, motion.aa), 1e-12)
+
+
+def test_accelerations_invert_the_torques(robot, chain):
+    """Direct dynamics of the torques by virtual work gives back the motion."""
+    for motion, wrenches in states(robot):
+        aa = chain.compute_accelerations(
+            motion.q, motion.va, motion.tau, external_wrenches=wrenches
+        )
+        # As for the torques, times the condition number of the inertia matrix, below 10.
+        close(aa, motion.aa, 1e-11)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [name for name, r in ROBOTS.items() if all(c.kind != "orientation" for c in r.closures)],
+)
+def test_accelerations_agree_with_the_proximal_solver_of_Pinocchio(name):
+    """A second opinion on 3D and 6D closures, which Pinocchio treats by Lagrange multipliers."""
+    robot = ROBOTS[name]
+    chain, model = robot.frictionless(), robot.model()
+    model.damping = model.friction = np.zeros(model.nv)
+    data = model.createData()
+    constraints = [proximal_constraint(model, closure) for closure in robot.closures]
+    settings = pin.ProximalSettings(1e-14, 1e-8, 20)
+    for motion, _ in states(robot):
+        constraint_data = [constraint.createData() for constraint in constraints]
+        tau = np.zeros(model.nv)
+        tau[robot.motors] = motion.tau
+        pin.initConstraintDynamics(model, data, constraints, constraint_data)
+        q_ddot = pin.constraintDynamics(
+            model, data, motion.q, motion.q_dot, tau, constraints, constraint_data, settings
+        )
+        aa = chain.compute_accelerations(motion.q, motion.va, motion.tau)
+        # The iteration ends at 1e-14 in the constraints, times a condition number below 100, times
+        # that of the inertia matrix, below 10.
+        close(aa, q_ddot[robot.motors], 1e-11)
+
+
+def proximal_constraint(model, closure):
+    """A closure as Pinocchio's constraint."""
+    kind = {"3d": pin.ContactType.CONTACT_3D, "6d": pin.ContactType.CONTACT_6D}[closure.kind]
+    a, b = (model.frames[model.getFrameId(name)] for name in (closure.frame_a, closure.frame_b))
+    return pin.RigidConstraintModel(
+        kind, model, a.parentJoint, a.placement, b.parentJoint, b.placement, pin.LOCAL
+    )
+
+
+def test_a_batch_equals_a_loop(robot, chain):
+    """Leading axes broadcast, in torques and in accelerations."""
+    motions, wrenches = zip(*states(robot), strict=True)
+    q, va, aa = (
+        np.stack([getattr(motion, name) for motion in motions]).reshape(2, 2, -1)
+        for name in ("q", "va", "aa")
+    )
+    loads = np.stack(wrenches).reshape(2, 2, -1, 6)
+    tau = chain.compute_torques(q, va, aa, external_wrenches=loads)
+    back = chain.compute_accelerations(q, va, tau, external_wrenches=loads)
+    held = chain.compute_torques(q[0, 0], va, aa[0])
+    for i in np.ndindex(2, 2):
+        options = {"external_wrenches": loads[i]}
+        # The same operations on the same numbers, in an order that is free.
+        close(tau[i], chain.compute_torques(q[i], va[i], aa[i], **options), 1e-12)
+        close(back[i], chain.compute_accelerations(q[i], va[i], tau[i], **options), 1e-12)
+        close(held[i], chain.compute_torques(q[0, 0], va[i], aa[0, i[1]]), 1e-12)
+
+
+# --- energy -------------------------------------------------------------------------------------
+
+
+def test_energies_are_the_sums_over_the_bodies(robot, chain):
+    """Kinetic energy with the rotors', potential energy, and the power of friction."""
+    for seed in STATES:
+        x, x_dot, *_ = random_state(robot, seed)
+        q, q_dot, _ = derivatives(robot.joints, x, x_dot)
+        va = q_dot[robot.motors]
+        kinetic, potential = robot.energies(x, x_dot)
+        dissipated = robot.viscous @ q_dot**2 + robot.coulomb @ np.abs(q_dot)
+        # First rates hold 1e-16 / 0.1, times a condition number below 100.
+        close(chain.kinetic_energy(q, va), kinetic, 1e-12)
+        close(chain.potential_energy(q), potential, 1e-12)
+        close(-chain.friction_power(q, va), dissipated, 1e-12)
+
+
+def test_without_torque_and_friction_energy_is_conserved(robot):
+    """Over a tenth of a second of free motion."""
+    chain = robot.frictionless()
+    x, x_dot, *_ = random_state(robot, 0)
+    q, q_dot, _ = derivatives(robot.joints, x, x_dot)
+    n = len(robot.x)
+    motion = chain.simulate(np.zeros(n), q, q_dot[robot.motors], np.linspace(0, 0.1, 3))
+    kinetic = chain.kinetic_energy(motion.q, motion.va)
+    total = kinetic + chain.potential_energy(motion.q)
+    assert np.ptp(kinetic) > 1e-2  # [J], so that the theorem says something
+    # The integrator keeps coordinates to 1e-12 a step; in ten steps the weights rise by 1e-11 m.
+    assert np.ptp(total) < 1e-11 * robot.masses.sum() * np.linalg.norm(GRAVITY)
+
+
+# --- equivalent closures ------------------------------------------------------------------------
+
+
+def test_a_spherical_robot_needs_its_orientation_closures_only():
+    """Welding the platform in six directions adds redundant rows and changes nothing else."""
+    aligned, welded = (
+        ROBOTS[name] for name in ("spherical 3-RRR, aligned", "spherical 3-RRR, welded")
+    )
+    for motion, wrenches in states(aligned):
+        one, other = (
+            robot.chain().compute_torques(
+                motion.q, motion.va, motion.aa, external_wrenches=wrenches
+            )
+            for robot in (aligned, welded)
+        )
+        # Two least-squares systems with one solution: rounding times a condition below 100.
+        close(one, other, 1e-12)
+
+
+# --- failures -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "motors"),
+    [
+        ("four-bar", []),
+        ("planar 3-RRR", ["shoulder_1", "shoulder_2"]),
+        ("spherical 3-RRR, welded", ["first_0", "second_0"]),
+    ],
+)
+def test_too_few_motors_leave_loose_joints(name, motors):
+    """Redundant rows cannot stand in for a motor."""
+    robot = ROBOTS[name]
+    chain, q = robot.chain(motors), robot.joints(robot.x).real
+    report = chain.mobility(q)
+    assert not report.sufficient
+    assert report.degrees_of_freedom - report.held == len(robot.x) - len(motors)
+    assert report.loose_joints
+    assert "INSUFFICIENT" in str(report)
+    with pytest.raises(SingularConfigurationError):
+        chain.compute_torques(q, np.zeros(len(motors)), np.zeros(len(motors)))
+
+
+def test_fewer_equations_than_passive_joints_are_refused_at_once():
+    """A 6-UPS with five motors has 16 passive joints and 15 closure equations."""
+    with pytest.raises(ActuationError, match="at least 1 more motors"):
+        ROBOTS["6-UPS"].chain([f"stroke_{k}" for k in range(5)])
+
+
+@pytest.mark.parametrize(
+    ("name", "extra"),
+    [
+        ("four-bar", "rocker"),
+        ("planar 3-RRR", "elbow_2"),
+        ("planar 3-RRR, platform welded", "wrist_3"),
+        ("6-UPS", "yaw_3"),
+        ("6-UPS, floating platform", "slide_z"),
+        ("spherical 3-RRR, aligned", "first_1"),
+    ],
+)
+def test_too_many_motors_are_refused(name, extra):
+    """Rates of more motors than freedoms are not independent."""
+    robot = ROBOTS[name]
+    chain, q = robot.chain([*robot.actuated, extra]), robot.joints(robot.x).real
+    rates = np.zeros(len(robot.actuated) + 1)
+    assert chain.mobility(q).redundantly_actuated
+    for compute in (chain.compute_torques, chain.compute_accelerations):
+        with pytest.raises(ActuationError):
+            compute(q, rates, rates)
+
+
+def test_an_open_loop_is_refused(robot, chain):
+    """Every dynamic quantity wants closed loops, and the error tells by how much they are open."""
+    q = robot.joints(robot.x).real
+    q[-1] += 1e-3
+    zeros = np.zeros(len(robot.x))
+    opened = np.abs(chain.residual(q)).max()
+    for compute in (
+        lambda: chain.compute_torques(q, zeros, zeros),
+        lambda: chain.compute_accelerations(q, zeros, zeros),
+        lambda: chain.noc(q, zeros),
+        lambda: chain.joint_rates(q, zeros),
+        lambda: chain.mobility(q),
+        lambda: chain.simulate(zeros, q, zeros, [0, 0.1]),
+    ):
+        with pytest.raises(ClosureError) as caught:
+            compute()
+        assert caught.value.residual == pytest.approx(opened)
+
+
+def test_unknown_names_are_refused(robot, chain):
+    """Joints and frames that are not in the model, with those that are."""
+    with pytest.raises(UnknownNameError) as caught:
+        robot.chain(["nobody"])
+    assert caught.value.known == [link.name for link in robot.links]
+    with pytest.raises(UnknownNameError):
+        chain.assemble(robot.joints(robot.x).real, fixed=["nobody"])
+    with pytest.raises(UnknownNameError, match="nowhere"):
+        ClosedChain(robot.model(), [*robot.closures, ("nowhere", "B")], robot.actuated)
+
+
+def test_a_continuous_joint_is_refused():
+    """A joint with two coordinates for one rate would shift all the others."""
+    model = ROBOTS["four-bar"].model()
+    model.addJoint(0, pin.JointModelRUBZ(), pin.SE3.Identity(), "endless")
+    with pytest.raises(DescriptionError, match="endless: 2 coordinates and 1 rates"):
+        ClosedChain(model, [Closure("A", "B", "3d")], ["crank"])
+
+
+@pytest.mark.parametrize("name", [name for name in ROBOTS if name.startswith("four-bar")])
+def test_a_stretched_four_bar_is_singular_for_a_motor_at_the_rocker(name):
+    """With crank and coupler in line, the rocker's rate does not say where the crank goes."""
+    robot = ROBOTS[name]
+    chain = robot.chain(["rocker"])
+    # Crank and coupler in line, ground and rocker make a triangle: the law of cosines.
+    crank = np.arccos((1.5**2 + 1.2**2 - 0.9**2) / (2 * 1.5 * 1.2))
+    stretched = robot.joints(np.array([crank])).real
+    assert_allclose(stretched[1], 0, atol=1e-12)
+    assert chain.condition_number(stretched) > 1e10
+    assert not chain.mobility(stretched).sufficient
+    for compute in (chain.compute_torques, chain.compute_accelerations):
+        with pytest.raises(SingularConfigurationError) as caught:
+            compute(stretched, [0], [0])
+        assert caught.value.condition_number > 1e10
+    robot.chain().compute_torques(stretched, [0], [0])  # for the crank's motor it is not
