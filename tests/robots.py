@@ -43,7 +43,7 @@ class Link(NamedTuple):
 
 
 class Frame(NamedTuple):
-    """A frame on a link, where a loop closes."""
+    """A frame on a link, or on the base "universe", where a loop closes."""
 
     name: str
     link: str
@@ -331,6 +331,30 @@ def four_bar(plane=PLANE_XZ) -> Robot:
     )
 
 
+def four_bar_in_one_branch() -> Robot:
+    """The crank-rocker in a skew plane as a serial arm whose tip is pinned to the ground."""
+    u, _, normal = SKEW_PLANE
+    branched = four_bar()
+
+    def joints(x):
+        crank, coupler, rocker = np.moveaxis(branched.joints(x), -1, 0)
+        return np.stack([crank, coupler, rocker - np.pi - crank - coupler], axis=-1)
+
+    return Robot(
+        links=[
+            Link("crank", "", 0 * u, normal),
+            Link("coupler", "crank", CRANK * u, normal),
+            Link("rocker", "coupler", COUPLER * u, normal),
+        ],
+        frames=[Frame("A", "universe", GROUND * u), Frame("B", "rocker", ROCKER * u)],
+        closures=[Closure("A", "B", "3d")],
+        actuated=["crank"],
+        joints=joints,
+        x=np.array([0.8]),
+        redundant_rows=1,
+    )
+
+
 def four_bar_with_cut_coupler(*kinds: str) -> Robot:
     """The crank-rocker in a skew plane, its coupler cut in the middle and welded there."""
     u, v, normal = SKEW_PLANE
@@ -556,6 +580,7 @@ def spherical_3rrr(kind: str) -> Robot:
 
 ROBOTS = {
     "four-bar": four_bar(),
+    "four-bar, closed at the ground": four_bar_in_one_branch(),
     "four-bar, coupler welded": four_bar_with_cut_coupler("6d"),
     "four-bar, coupler aligned and pinned": four_bar_with_cut_coupler("orientation", "3d"),
     "planar 3-RRR": planar_3rrr(),

@@ -1,0 +1,20 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Robots that many tests share."""
+
+import numpy as np
+import pytest
+from generators import random_parameters
+
+import sst_pin
+
+
+@pytest.fixture(scope="session")
+def robot():
+    """The paper's robot."""
+    return sst_pin.SST()
+
+
+@pytest.fixture(scope="session", params=range(4))
+def odd(request):
+    """An SST far from the paper's, friction in all joints."""
+    return sst_pin.SST(random_parameters(np.random.default_rng(request.param)))
