@@ -13,7 +13,7 @@ from .errors import ClosureError
 Array = NDArray[np.float64]
 
 #: Residual that an assembled configuration stays below, [m] or [rad].
-ASSEMBLED = 1e-12
+ASSEMBLED = 1e-11
 _STEPS = 100
 #: Longest stride, [rad] or [m]: the closures are far from linear beyond it.
 _STRIDE = 0.5
@@ -37,7 +37,7 @@ def assemble(kinematics: LoopKinematics, q: Array, free: NDArray[np.intp]) -> Ar
 
     residual = residual_at(q)
     for _ in range(_STEPS):
-        if np.linalg.norm(residual) < 1e-2 * ASSEMBLED:
+        if np.linalg.norm(residual) < 1e-3 * ASSEMBLED:
             break
         step = np.zeros_like(q)
         step[free] = np.linalg.lstsq(kinematics.Phi()[:, free], -residual, rcond=1e-10)[0]

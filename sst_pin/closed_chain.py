@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 from . import assembly, dynamics, mobility
 from .batches import as_array, finite_array, for_each_sample
 from .closures import Closure, LoopKinematics
-from .errors import ActuationError, DescriptionError, InputError, UnknownNameError
-from .noc import Actuation, JointComplement, require_independent
+from .errors import ActuationError, ClosureError, DescriptionError, InputError, UnknownNameError
+from .noc import Actuation, JointComplement
 
 if TYPE_CHECKING:
     from .simulation import ExternalWrenches, Torque
@@ -72,14 +72,13 @@ class ClosedChain:
         )
         self._m, self._n = model.nv, len(actuated)
         self._per_thread = threading.local()
-        self._motors_tested = False
-        rows = sum(len(c.rows) for c in self.closures)
+        self._motors_match = False
+        rows = self._kinematics.rows  # finds the frames, or says which is unknown
         if rows < len(self._actuation.unactuated):
             raise ActuationError(
                 f"{model.nv} joints, {len(actuated)} motors and {rows} closure equations: "
                 f"at least {len(self._actuation.unactuated) - rows} more motors are needed"
             )
-        _ = self._kinematics  # finds the frames, or says which is unknown
 
     def __getstate__(self) -> dict[str, Any]:
         return {key: value for key, value in self.__dict__.items() if key != "_per_thread"}
@@ -220,7 +219,7 @@ class ClosedChain:
             InputError: For a wrong shape or a number that is not finite.
             ClosureError: When q is open.
             SingularConfigurationError: When the motors do not hold the robot at q.
-            ActuationError: When there are more motors than degrees of freedom.
+            ActuationError: When there are fewer or more motors than degrees of freedom.
         """
         m, n = self._m, self._n
         q, va, aa = as_array("q", q, (m,)), as_array("va", va, (n,)), as_array("aa", aa, (n,))
@@ -258,7 +257,7 @@ class ClosedChain:
             InputError: For a wrong shape or a number that is not finite.
             ClosureError: When q is open.
             SingularConfigurationError: When the motors do not hold the robot at q.
-            ActuationError: When there are more motors than degrees of freedom.
+            ActuationError: When there are fewer or more motors than degrees of freedom.
         """
         m, n = self._m, self._n
         q, va, tau = as_array("q", q, (m,)), as_array("va", va, (n,)), as_array("tau", tau, (n,))
@@ -309,7 +308,9 @@ class ClosedChain:
         """Kinetic energy, shape (...), [J]; arguments as `joint_rates`."""
 
         def energy(q: Array, q_dot: Array) -> Array:
-            return np.asarray(pin.computeKineticEnergy(self.model, self._kinematics.data, q, q_dot))
+            # Not computeKineticEnergy, which forgets the rotors of unaligned revolute joints.
+            M = pin.crba(self.model, self._kinematics.data, q)
+            return np.asarray(q_dot @ M @ q_dot / 2)
 
         q = finite_array("q", q, (self._m,))
         return for_each_sample(energy, (q, self.joint_rates(q, va)), (1, 1), ())
@@ -371,14 +372,22 @@ class ClosedChain:
     def _closed_at(self, q: Array) -> tuple[LoopKinematics, JointComplement]:
         """This thread's workspace at one configuration, found to be closed."""
         kinematics, complement = self._workspace
+        if not self._motors_match:
+            self._require_motors_to_match(q)
         kinematics.set_position(q)
         kinematics.require_closed(CLOSURE_TOLERANCE)
-        if not self._motors_tested:
-            Phi = kinematics.Phi()
-            names = [self.joint_names[i] for i in self.actuated]
-            require_independent(Phi, complement.factorise(Phi), names)
-            self._motors_tested = True  # once is enough, the count of motors is generic
         return kinematics, complement
+
+    def _require_motors_to_match(self, q: Array) -> None:
+        """Check once, where nothing special is to be expected, that motors and freedoms agree."""
+        try:
+            report = self.mobility()
+            self._motors_match = True
+        except ClosureError:  # no such place found: ask at each configuration in use
+            report = self.mobility(q)
+        if not report.sufficient or report.redundantly_actuated:
+            self._motors_match = False
+            raise ActuationError(f"the motors do not match the degrees of freedom:\n{report}")
 
     def _at(self, q: ArrayLike, compute: Callable[[LoopKinematics, Array], _Value]) -> _Value:
         array = self._one("q", q)

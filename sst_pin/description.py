@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from .parameters import Parameters, RigidBody
+from .parameters import Parameters
 
 Array = NDArray[np.float64]
 
@@ -114,9 +114,9 @@ def _origin(parent: ET.Element, xyz: Iterable[float] = (0, 0, 0), R: Array | Non
     ET.SubElement(parent, "origin", xyz=_numbers(xyz), rpy=_numbers(rpy))
 
 
-def _inertial(link: ET.Element, mass: float, xyz: Array, inertia: Array, R: Array | None) -> None:
+def _inertial(link: ET.Element, mass: float, xyz: Array, inertia: Array) -> None:
     inertial = ET.SubElement(link, "inertial")
-    _origin(inertial, xyz, R)
+    _origin(inertial, xyz)
     ET.SubElement(inertial, "mass", value=_numbers([mass]))
     entries = {
         f"i{'xyz'[i]}{'xyz'[j]}": _numbers([inertia[i, j]]) for i in range(3) for j in range(i, 3)
@@ -163,7 +163,7 @@ def _joint(
 def _frame(robot: ET.Element, name: str, parent: str, R: Array) -> None:
     """A fixed link with an explicit zero inertial, the one form no tool gives a mass of its own."""
     link = ET.SubElement(robot, "link", name=name)
-    _inertial(link, 0.0, np.zeros(3), np.zeros((3, 3)), None)
+    _inertial(link, 0.0, np.zeros(3), np.zeros((3, 3)))
     joint = ET.SubElement(robot, "joint", name=f"{name}_fixed", type="fixed")
     _origin(joint, R=R)
     ET.SubElement(joint, "parent", link=parent)
@@ -205,19 +205,20 @@ def _urdf(p: Parameters) -> str:
         robot.append(ET.Comment(f" leg {leg} "))
         _joint(robot, f"gamma_{leg}", "base", f"link_{leg}", "0 0 1", friction[3 * k], R_0[k])
         element = ET.SubElement(robot, "link", name=f"link_{leg}")
-        _inertial(element, link.mass, link.center_of_mass, link.inertia, None)
+        _inertial(element, link.mass, link.center_of_mass, link.inertia)
         _rod(element, np.zeros(3), np.array((p.base_radius, 0, 0)), 0.006, colour)
 
         _joint(robot, f"mu_{leg}", f"link_{leg}", f"passive_{leg}", "1 0 0", friction[3 * k + 1])
         element = ET.SubElement(robot, "link", name=f"passive_{leg}")
-        _inertial(element, passive.mass, passive.center_of_mass, passive.inertia, None)
+        _inertial(element, passive.mass, passive.center_of_mass, passive.inertia)
         inner, outer = np.array(((p.base_radius, 0, 0), (p.star_radius, 0, 0)))
         _rod(element, inner, outer, 0.012, colour)
 
         _joint(robot, f"beta_{leg}", f"passive_{leg}", f"star_{leg}", "0 0 1", friction[3 * k + 2])
         element = ET.SubElement(robot, "link", name=f"star_{leg}")
-        third = RigidBody(p.star.mass / 3, R_E[k] @ p.star.center_of_mass, p.star.inertia / 3)
-        _inertial(element, third.mass, third.center_of_mass, third.inertia, R_E[k])
+        # Turned into {3k} here: MuJoCo before 3.14 passes by the rpy of an inertial in silence.
+        inertia = R_E[k] @ p.star.inertia @ R_E[k].T
+        _inertial(element, p.star.mass / 3, R_E[k] @ p.star.center_of_mass, inertia / 3)
         x, y, _ = np.eye(3)
         arc = _arc(x, -y, p.star_radius, np.linspace(0, np.pi / 2, 10))
         for start, end in itertools.pairwise(arc):

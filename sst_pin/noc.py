@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.linalg import qr
 
 from .closures import support
-from .errors import ActuationError, SingularConfigurationError
+from .errors import SingularConfigurationError
 
 Array = NDArray[np.float64]
 
@@ -85,15 +85,18 @@ class JointComplement:
         self._factors.compute(self._system)
         if self._factors.rank() < self._system.shape[1]:
             raise SingularConfigurationError(
-                "the closures do not fix the unactuated joint rates: a singular configuration, "
-                "or actuated joints that never suffice (see mobility())",
+                "singular configuration: the closures do not fix the unactuated joint rates",
                 float(np.linalg.cond(Phi[:, self.actuation.unactuated])),
             )
-        return self._factors.solve(self._unit)
+        return self._solve(self._unit)  # Eq. (17)
 
     def solve(self, closures: Array, actuated: Array) -> Array:
         """x with Phi x = closures and x^a = actuated, for vectors or for columns side by side."""
-        return self._factors.solve(np.concatenate((closures, actuated)))
+        return self._solve(np.concatenate((closures, actuated)))
+
+    def _solve(self, right: Array) -> Array:
+        # eigenpy makes a vector of a single column
+        return self._factors.solve(right).reshape(-1, *right.shape[1:])
 
 
 def independent_rows(Phi: Array, tolerance: float = 1e-8) -> NDArray[np.intp]:
@@ -107,19 +110,6 @@ def independent_rows(Phi: Array, tolerance: float = 1e-8) -> NDArray[np.intp]:
     R, order = qr(Phi.T, pivoting=True, mode="r")
     pivots = np.abs(np.diag(R))
     return np.sort(order[: np.count_nonzero(pivots > tolerance * pivots[0])])
-
-
-def require_independent(Phi: Array, L: Array, names: Sequence[str]) -> None:
-    """Check that the rows left out of Phi hold too: that the motors do not fight one another.
-
-    Raises:
-        ActuationError: When there are more actuated joints than degrees of freedom.
-    """
-    if np.abs(Phi @ L).max() > 1e-6 * max(1.0, np.abs(Phi).max()) * np.abs(L).max():
-        raise ActuationError(
-            f"the {len(names)} actuated joints ({', '.join(names)}) are more than the degrees of "
-            "freedom, so their rates are not independent; leave some out (see mobility())"
-        )
 
 
 class Bodies(NamedTuple):

@@ -8,10 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial.transform import Rotation, RotationSpline
+from scipy.spatial.transform import Rotation
 
 from .batches import finite_array
-from .trajectories import sample_times
+from .errors import InputError
+from .trajectories import sample_times, spline
 
 Array = NDArray[np.float64]
 
@@ -108,21 +109,45 @@ def paper_circle(t: ArrayLike) -> PlatformMotion:
 def interpolate_orientations(t: ArrayLike, R: ArrayLike, at: ArrayLike) -> PlatformMotion:
     """A smooth motion through sampled orientations, on the rotation group.
 
+    A spline of degree five through the unit quaternions, taken back to unit length; turning all
+    samples turns the motion and nothing else. Rates are continuous up to the fourth.
+
     Args:
         t: Sample times, increasing, shape (N,), N >= 3, [s].
         R: {E} in the base at those times, shape (N, 3, 3).
         at: Times wanted, within the samples, shape (M,).
 
     Returns:
-        Orientation, angular velocity and acceleration, continuous in time.
+        Orientation, angular velocity and acceleration.
+
+    Raises:
+        InputError: When neighbours are more than a quarter turn apart: the way between is a guess.
     """
-    times = sample_times(t, 3)
-    turning = RotationSpline(times, Rotation.from_matrix(finite_array("R", R, (3, 3))))
-    wanted = finite_array("at", at, ())
-    orientations = turning(wanted)
-    # SciPy gives rates in the axes of the moving body.
-    return PlatformMotion(
-        orientations.as_matrix(),
-        orientations.apply(turning(wanted, 1)),
-        orientations.apply(turning(wanted, 2)),
-    )
+    times, wanted = sample_times(t, 3), finite_array("at", at, ())
+    samples = Rotation.from_matrix(finite_array("R", R, (3, 3)))
+    steps = (samples[:-1].inv() * samples[1:]).magnitude()
+    if steps.max() > np.pi / 2:
+        i = int(np.argmax(steps > np.pi / 2))
+        raise InputError(
+            "R",
+            f"{np.degrees(steps[i]):.0f} degrees between the samples at t = {times[i]:g} and "
+            f"{times[i + 1]:g} s, more than a quarter turn; sample the motion more often",
+        )
+    quaternions = samples.as_quat()
+    turned = np.sign((quaternions[1:] * quaternions[:-1]).sum(axis=1))  # p and -p are one rotation
+    quaternions[1:] *= np.cumprod(turned)[:, None]
+    curve = spline(times, quaternions)
+    p = curve(wanted)
+    inverse = p * (-1, -1, -1, 1) / (p * p).sum(axis=-1, keepdims=True)
+    # p_dot / p holds omega / 2 and, as its scalar, the rate of ln |p|, which no rotation sees.
+    first, second = (_times(curve.derivative(i)(wanted), inverse) for i in (1, 2))
+    omega = 2 * first[..., :3]
+    alpha = 2 * second[..., :3] - 2 * first[..., 3:] * omega
+    return PlatformMotion(Rotation.from_quat(p).as_matrix(), omega, alpha)
+
+
+def _times(p: Array, q: Array) -> Array:
+    """Product of quaternions (x, y, z, w), shapes (..., 4)."""
+    u, v, a, b = p[..., :3], q[..., :3], p[..., 3:], q[..., 3:]
+    scalar = a * b - (u * v).sum(axis=-1, keepdims=True)
+    return np.concatenate([a * v + b * u + np.cross(u, v), scalar], axis=-1)

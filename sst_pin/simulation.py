@@ -154,6 +154,8 @@ class _Motion:
 
     def rate(self, time: float, state: Array) -> Array:
         self.time = time
+        if not np.isfinite(state).all():
+            return np.full_like(state, np.nan)
         try:
             q, va = self._closed(state)
             aa, q_dot = self._accelerations(time, q, va)

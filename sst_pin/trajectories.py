@@ -142,7 +142,8 @@ class Trajectory:
         words = {
             key: tuple(map(str, content.pop(key))) for key in ("joint_names", "actuated", "units")
         }
-        return cls(**content, **words, stopped=str(content.pop("stopped")))
+        stopped = str(content.pop("stopped"))
+        return cls(**content, **words, stopped=stopped)
 
     @classmethod
     def _load_csv(cls, path: Path) -> Trajectory:
@@ -208,6 +209,4 @@ def spline(t: Array, values: Array) -> BSpline:
         t: Increasing times, shape (N,).
         values: Shape (N, ...).
     """
-    # Odd degrees: splines of even degree through their knots oscillate.
-    degree = next(k for k in (5, 3, 1, 0) if len(t) > k)
-    return make_interp_spline(t, values, k=degree)
+    return make_interp_spline(t, values, k=min(5, len(t) - 1))

@@ -31,6 +31,8 @@ Array = NDArray[np.float64]
 
 #: Quantities of the size of one count as zero below this.
 _ZERO = 1e-12
+#: Condition number of J at which a simulation stops.
+_NEAR_SINGULAR = 1e4
 _LOOSE = "the motor angles do not fix the star"
 
 
@@ -40,6 +42,9 @@ class VirtualWork:
     Args:
         parameters: Geometry, masses, friction and gravity of the robot.
         branch: Sign of sin(mu_k) for each leg, shape (3,).
+
+    Raises:
+        InputError: When branch is not made of three +1 or -1.
     """
 
     def __init__(self, parameters: Parameters, branch: ArrayLike = (1, 1, 1)) -> None:
@@ -51,6 +56,8 @@ class VirtualWork:
         delta = np.array((0.0, alpha_2, alpha_2 + alpha_3))  # from arc 1 to arc k about s
         self._n_E = np.stack([0 * delta, -np.sin(delta), np.cos(delta)], axis=-1)
         self._branch = finite_array("branch", branch, (3,))
+        if self._branch.ndim != 1 or (np.abs(self._branch) != 1).any():
+            raise InputError("branch", "not three numbers +1 or -1")
         bodies = (*parameters.links, *parameters.passive_links, parameters.star)
         self._mass = np.array([body.mass for body in bodies])[:, None]
         self._center = np.array([body.center_of_mass for body in bodies])
@@ -216,7 +223,8 @@ class VirtualWork:
 
         Raises:
             InputError, SingularConfigurationError: As `direct_dynamics`.
-            SimulationError: When the integrator gives up, as it does before a singularity.
+            SimulationError: Before a singularity, where assemblies meet, or when the integrator
+                gives up.
         """
         times = finite_array("t", t, ())
         if times.ndim != 1 or not len(times) or (np.diff(times) <= 0).any():
@@ -231,6 +239,8 @@ class VirtualWork:
 
         def rate(time: float, state: Array) -> Array:
             nonlocal failure
+            if not np.isfinite(state).all():
+                return state
             try:
                 R_now, omega_now = pose(state)
                 star = self._star(R_now, omega_now, sign_width=sign_width)
@@ -253,6 +263,8 @@ class VirtualWork:
             passed = times[(times > solver.t_old) & (times <= solver.t)]
             samples += [pose(state(time)) for time in passed]
             R, _ = pose(solver.y)
+            if np.linalg.cond(self._star(R, np.zeros(3)).J) > _NEAR_SINGULAR:
+                raise errors.SimulationError("stopped before a singularity", float(solver.t))
         return np.array([R for R, _ in samples]), np.array([omega for _, omega in samples])
 
     # --- inside -----------------------------------------------------------------------------
@@ -289,17 +301,21 @@ class VirtualWork:
         _require(s2.min(axis=(-2, -1)), "a leg lies flat on its arc")
         u = self._branch[:, None] * p / np.sqrt(s2)
         g, b = (e - c * n) / s2, (n - c * e) / s2
+        rates = np.stack([g, u, b], axis=-2).reshape(*R.shape[:-2], 9, 3)
+        q_dot = _times(rates, omega)
+        gamma_dot, beta_dot = q_dot[..., ::3, None], q_dot[..., 2::3, None]
+        # What is left of gamma_ddot and beta_ddot at alpha = 0: g_dot . omega and b_dot . omega,
+        # in which n_dot is at right angles to omega.
         n_dot = np.cross(w, n)
         c_dot = _dot(e, n_dot)[..., None]
-        g_dot = (2 * c * c_dot * g - c_dot * n - c * n_dot) / s2
-        b_dot = (2 * c * c_dot * b - c_dot * e + n_dot) / s2
+        gamma_rest = c_dot * (2 * c * gamma_dot - _dot(n, w)[..., None]) / s2
+        beta_rest = c_dot * (2 * c * beta_dot - _dot(e, w)[..., None]) / s2
         # G_i, and the angular accelerations at alpha = 0, of actuator links, passive links (the
         # star's less its sliding along the leg) and star: seven bodies.
         one = np.broadcast_to(np.eye(3), (*R.shape[:-2], 1, 3, 3))
         G = np.concatenate([_outer(e, g), one - _outer(n, b), one], axis=-3)
-        beta_dot, g_rest, b_rest = (_dot(x, w)[..., None] for x in (b, g_dot, b_dot))
-        sliding = beta_dot * n_dot + b_rest * n
-        rest = np.concatenate([g_rest * e, -sliding, 0 * one[..., 0]], axis=-2)
+        sliding = beta_dot * n_dot + beta_rest * n
+        rest = np.concatenate([gamma_rest * e, -sliding, 0 * one[..., 0]], axis=-2)
         frames = (np.stack([u, np.cross(z, u), z], axis=-1) for z in (e, n))
         axes = np.concatenate([*frames, R[..., None, :, :]], axis=-3)
         turn, r = _times(G, w), _times(axes, self._center)
@@ -309,14 +325,12 @@ class VirtualWork:
         moment = _times(inertia, rest) + np.cross(turn, _times(inertia, turn)) + np.cross(r, force)
         parallel_axis = _dot(r, r)[..., None, None] * np.eye(3) - _outer(r, r)
         about_O = inertia + self._mass[..., None] * parallel_axis
-        rates = np.stack([g, u, b], axis=-2).reshape(*R.shape[:-2], 9, 3)
-        q_dot = _times(rates, omega)
         sign = np.tanh(q_dot / sign_width) if sign_width else np.sign(q_dot)
         friction = self._viscous * q_dot + self._coulomb * sign
         G_T, rates_T = np.swapaxes(G, -1, -2), np.swapaxes(rates, -1, -2)
         h = _times(G_T, moment).sum(axis=-2) + _times(rates_T, friction)
         h = h - finite_array("platform_moment", load, (3,))
-        return _Star(u, g, g_rest[..., 0], (G_T @ about_O @ G).sum(axis=-3), h)
+        return _Star(u, g, gamma_rest[..., 0], (G_T @ about_O @ G).sum(axis=-3), h)
 
 
 class _Star(NamedTuple):
@@ -344,7 +358,8 @@ def _common_points(conics: Array) -> list[Array]:
     roots = np.linalg.eigvals(np.linalg.solve(regular, other))
     singular = [other - t.real * regular for t in roots if abs(t.imag) < 1e-6]
     _require(min(float(np.abs(member).max()) for member in singular), _LOOSE)
-    # A member a v_0 v_0^T + c v_2 v_2^T with a < 0 < c is a pair of lines; each meets the others.
+    # All conics of the pencil share the points. A member a v_0 v_0^T + c v_2 v_2^T with a < 0 < c
+    # is a pair of lines; where they meet a regular member, a quadratic equation tells.
     (a, _, c), v = max(map(np.linalg.eigh, singular), key=lambda pair: min(-pair[0][0], pair[0][2]))
     points = []
     for sign in (1, -1) if a < 0 < c else ():
@@ -359,6 +374,7 @@ def _common_points(conics: Array) -> list[Array]:
 
 def _polished(conics: Array, x: Array) -> Array | None:
     """Newton's method on the conics and |x| = 1; None where it finds no real point."""
+    x = x / np.linalg.norm(x)
     for _ in range(30):
         rows = np.vstack([conics @ x, x])
         step = np.linalg.lstsq(2 * rows, rows @ x - (0, 0, 1), rcond=_ZERO)[0]

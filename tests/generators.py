@@ -16,11 +16,9 @@ def random_body(rng: np.random.Generator, mass: float, radius: float) -> sst_pin
     """A body of some mass within some radius; mass centre off every axis, full inertia tensor."""
     second_moments = mass * radius**2 * rng.uniform(0.05, 0.4, 3)
     principal = second_moments.sum() - second_moments  # keeps the triangle inequality
-    axes = Rotation.random(rng=rng).as_matrix()
+    axes = Rotation.random(None, rng).as_matrix()
     inertia = axes @ np.diag(principal) @ axes.T
-    return sst_pin.RigidBody(
-        mass, rng.uniform(-radius, radius, 3), (inertia + inertia.T) / 2
-    )
+    return sst_pin.RigidBody(mass, rng.uniform(-radius, radius, 3), (inertia + inertia.T) / 2)
 
 
 def random_directions(rng: np.random.Generator) -> Array:
@@ -75,7 +73,7 @@ def random_state(robot: sst_pin.SST, rng: np.random.Generator) -> tuple[Array, A
         acceleration [rad/s^2], base axes.
     """
     while True:
-        R = Rotation.random(rng=rng).as_matrix()
+        R = Rotation.random(None, rng).as_matrix()
         distance = robot.singularities(robot.inverse_kinematics(R))
         if distance.first_kind > 0.15 and distance.condition_number < 30:
             return R, rng.normal(scale=2, size=3), rng.normal(scale=20, size=3)

@@ -445,9 +445,7 @@ def planar_3rrr_with_cut_platform() -> Robot:
         ],
         closures=[Closure("E_1", f"E_{k}") for k in (2, 3)],
         actuated=["shoulder_2", "shoulder_3", "shoulder_1"],  # in an order of its own
-        joints=lambda x: np.stack(
-            [q for leg in _legs_of_planar_platform(x) for q in leg], axis=-1
-        ),
+        joints=lambda x: np.stack([q for leg in _legs_of_planar_platform(x) for q in leg], axis=-1),
         x=np.array([0.7, 0.5, 0.2]),
         redundant_rows=6,
     )
@@ -565,9 +563,7 @@ def spherical_3rrr(kind: str) -> Robot:
                 Link(f"third_{k}", f"second_{k}", np.zeros(3), c),
             )
         ],
-        frames=[
-            Frame(f"E_{k}", f"third_{k}", np.array([0.1, 0.3, -0.2]), SKEW) for k in range(3)
-        ],
+        frames=[Frame(f"E_{k}", f"third_{k}", np.array([0.1, 0.3, -0.2]), SKEW) for k in range(3)],
         closures=[Closure("E_0", f"E_{k}", kind) for k in (1, 2)],
         actuated=["first_0", "second_1", "third_2"],
         joints=lambda x: np.stack(

@@ -108,8 +108,10 @@ def test_an_edited_urdf_is_what_is_computed(tmp_path, robot):
     assert np.array_equal(edited.compute_torques(q, va, aa), same.compute_torques(q, va, aa))
     assert edited.model.gravity.linear == pytest.approx(p.gravity)
 
-    heavier = (tmp_path / "heavier.urdf")  # without a YAML beside it: the shipped cuts
-    heavier.write_text(sst_pin.URDF_PATH.read_text().replace('<mass value="0.3" />', '<mass value="0.5" />'))
+    heavier = tmp_path / "heavier.urdf"  # without a YAML beside it: the shipped cuts
+    heavier.write_text(
+        sst_pin.URDF_PATH.read_text().replace('<mass value="0.3" />', '<mass value="0.5" />')
+    )
     assert sum(i.mass for i in sst_pin.SST.from_urdf(heavier).model.inertias) == pytest.approx(4.28)
 
 
@@ -172,6 +174,8 @@ def test_mujoco_loads_the_urdf_with_the_same_mass_matrix(robot):
         data.qpos[order] = q
         mujoco.mj_forward(model, data)
         M = np.zeros((9, 9))
-        mujoco.mj_fullM(model, M, data.qM) if hasattr(data, "qM") else mujoco.mj_fullM(model, data, M)
+        mujoco.mj_fullM(model, M, data.qM) if hasattr(data, "qM") else mujoco.mj_fullM(
+            model, data, M
+        )
         expected = pin.crba(robot.model, robot.model.createData(), q)
         assert np.abs(M[np.ix_(order, order)] - expected).max() < 1e-12

@@ -21,7 +21,7 @@ def test_initial_conditions_of_the_paper_come_out_to_every_printed_digit(robot):
 
 
 def test_path_of_the_paper_lies_on_the_unit_sphere_and_is_a_circle(robot):
-    """s has length one and a constant angle to (1, 1, 1); theta, phi and psi are those of Fig. 4."""
+    """s of length one at a constant angle to (1, 1, 1); theta and psi are those of Fig. 4."""
     t = np.linspace(0, np.pi / 6, 50)
     R = sst_pin.paper_circle(t).R
     s = R[:, :, 0]
@@ -212,7 +212,9 @@ def test_measures_vanish_at_the_singularities_of_their_kind(robot):
 def test_batches_equal_single_samples(odd):
     """Leading axes of any number, empty ones included."""
     R, omega, alpha = random_states(odd, np.random.default_rng(4), 6)
-    q, va, aa = odd.joint_motion(R.reshape(2, 3, 3, 3), omega.reshape(2, 3, 3), alpha.reshape(2, 3, 3))
+    q, va, aa = odd.joint_motion(
+        R.reshape(2, 3, 3, 3), omega.reshape(2, 3, 3), alpha.reshape(2, 3, 3)
+    )
     assert q.shape == (2, 3, 9)
     for i in range(6):
         single = odd.joint_motion(R[i], omega[i], alpha[i])
@@ -247,26 +249,44 @@ def test_an_orientation_beyond_the_joint_limits_is_out_of_reach(tmp_path):
     limit = repr(2 * np.pi)
     path.write_text(sst_pin.URDF_PATH.read_text().replace(f'upper="{limit}"', 'upper="1.0"'))
     robot = sst_pin.SST.from_urdf(path)
-    with pytest.raises(sst_pin.WorkspaceError, match="mu_1 would be 1.571 rad"):
+    with pytest.raises(sst_pin.WorkspaceError, match=r"mu_1 would be 1\.571 rad"):
         robot.inverse_kinematics(sst_pin.paper_circle(0.0).R)
 
 
 def test_smooth_interpolation_reproduces_a_motion_and_its_rates():
-    """Through samples of the circle: orientation and rates to the order of the spline."""
-    t = np.linspace(0, np.pi / 6, 401)
-    exact = sst_pin.paper_circle(t)
-    R, omega, alpha = sst_pin.interpolate_orientations(t, exact.R, t)
-    assert np.abs(R - exact.R).max() < 1e-14
-    inner = slice(20, -20)  # the spline does not know the motion beyond its ends
-    # Cubic spline with steps h = 1.3e-3 at 12 rad/s: errors of h^3 and h^2 times derivatives.
-    assert np.abs(omega - exact.omega)[inner].max() < 1e-4 * np.abs(exact.omega).max()
-    assert np.abs(alpha - exact.alpha)[inner].max() < 1e-3 * np.abs(exact.alpha).max()
-    coarse = sst_pin.interpolate_orientations(t[::2], exact.R[::2], t[inner][::2])
-    fine = sst_pin.interpolate_orientations(t, exact.R, t[inner][::2])
-    errors = [
-        np.abs(m.alpha - exact.alpha[inner][::2]).max() for m in (coarse, fine)
-    ]
-    assert errors[1] < errors[0]
+    """Through samples of the circle, orientation and rates, at the order of the spline."""
+    errors = []
+    for count in (101, 201):
+        t = np.linspace(0, np.pi / 6, count)
+        between = np.linspace(0.05, 0.45, 333)  # the ends of a spline are less exact
+        motion = sst_pin.interpolate_orientations(t, sst_pin.paper_circle(t).R, between)
+        exact = sst_pin.paper_circle(between)
+        errors.append([np.abs(a - b).max() for a, b in zip(motion, exact, strict=True)])
+    orders = np.log2(np.array(errors[0]) / errors[1])
+    assert (orders > (5.5, 4.5, 3.5)).all()  # h^6, h^5, h^4 for degree five
+    assert (np.array(errors[1]) < (1e-8, 1e-6, 1e-4)).all()
+    at_samples = sst_pin.interpolate_orientations(t, sst_pin.paper_circle(t).R, t)
+    assert np.abs(at_samples.R - sst_pin.paper_circle(t).R).max() < 1e-14
+
+
+def test_interpolation_turns_with_its_samples():
+    """From the left and from the right: no frame of the base or of the star is preferred."""
+    t = np.linspace(0, 1, 9)
+    R = Rotation.from_rotvec(np.array((np.sin(t), t**2, 1 - t)).T)
+    left, right = Rotation.from_rotvec((1, 2, 3)), Rotation.from_rotvec((3, -1, 0.5))
+    plain = sst_pin.interpolate_orientations(t, R.as_matrix(), 0.4)
+    turned = sst_pin.interpolate_orientations(t, (left * R * right).as_matrix(), 0.4)
+    L = left.as_matrix()
+    assert np.abs(turned.R - L @ plain.R @ right.as_matrix()).max() < 1e-14
+    assert np.abs(turned.omega - L @ plain.omega).max() < 1e-13
+    assert np.abs(turned.alpha - L @ plain.alpha).max() < 1e-12
+
+
+def test_samples_too_far_apart_are_refused():
+    """More than a quarter turn: which way round is a guess."""
+    R = Rotation.from_rotvec([[0, 0, 0], [0, 0, 1], [0, 0, 3]]).as_matrix()
+    with pytest.raises(sst_pin.InputError, match=r"115 degrees between .* t = 1 and 2 s"):
+        sst_pin.interpolate_orientations([0, 1, 2], R, [0.5])
 
 
 def test_angles_of_the_paper_and_their_rates_are_consistent():

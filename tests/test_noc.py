@@ -109,7 +109,9 @@ def test_K_of_the_seven_bodies_is_that_of_the_paper(robot):
         q, va, _ = robot.joint_motion(*random_state(robot, rng))
         terms = robot.noc(q, va)
         gamma, mu, beta = q.reshape(3, 3).T
-        R_0 = np.array([np.eye(3), [[0, 0, 1], [1, 0, 0], [0, 1, 0]], [[0, 1, 0], [0, 0, 1], [1, 0, 0]]])
+        R_0 = np.array(
+            [np.eye(3), [[0, 0, 1], [1, 0, 0], [0, 1, 0]], [[0, 1, 0], [0, 0, 1], [1, 0, 0]]]
+        )
         e = np.zeros((8, 3))  # e[i] is e_i of the paper
         e[1:4] = np.eye(3)[[2, 0, 1]]  # Eqs. (38)-(40)
         for k in range(3):  # Eqs. (41)-(43)
@@ -134,7 +136,7 @@ def test_K_of_the_seven_bodies_is_that_of_the_paper(robot):
 
 
 def test_printed_minus_signs_do_not_give_the_twist_of_the_star(robot):
-    """Eq. (62) as printed: omega_7 = gamma_dot e_1 - mu_dot e_4 - beta_dot e_7 is another body's."""
+    """Eq. (62) as printed: gamma_dot e_1 - mu_dot e_4 - beta_dot e_7 is not omega_7."""
     R, omega, alpha = random_state(robot, np.random.default_rng(1))
     q, va, _ = robot.joint_motion(R, omega, alpha)
     rates = robot.joint_rates(q, va)[:3]

@@ -193,8 +193,8 @@ def _given(chain: ClosedChain, q_dot: Array, loads: Array | None) -> Array:
 
 def _solve(system: Array, right: Array) -> Array:
     """Solution of a consistent system with redundant rows or columns."""
-    solution: Array = np.linalg.lstsq(system, right, rcond=_REDUNDANT)[0]
-    return solution
+    solution = np.linalg.lstsq(system, right, rcond=_REDUNDANT)[0]
+    return np.asarray(solution, dtype=np.float64)
 
 
 def _jacobian(model: pin.Model, data: pin.Data, frame: int) -> Array:

@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """MuJoCo: its inverse dynamics of our URDF, and its simulation of the closed robot.
 
-`MujocoInverse` is exact: the forces in the tree's joints by `mj_inverse`, brought down to the motors
-by MuJoCo's own Jacobians. In `welded_motion` the loops are closed by MuJoCo's welds, which
+`MujocoInverse` is exact: the forces in the tree's joints by `mj_inverse`, brought down to the
+motors by MuJoCo's own Jacobians. In `welded_motion` the loops are closed by MuJoCo's welds, which
 give way like stiff springs: the motion tends to the rigid robot's as the stiffness grows.
+
+MuJoCo 3.13 and older pass over the turn of a URDF's inertial frames in silence: 3.15 at least.
 """
 
 from __future__ import annotations
@@ -13,6 +15,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
 
 from ..description import describe
 from ..parameters import Parameters
@@ -55,23 +58,39 @@ class MujocoInverse:
         platform_moment: ArrayLike | None = None,
     ) -> Array:
         """Motor torques; see `Referee.torques`."""
-        mujoco, model, data, p = self._mujoco, self._model, self._data, self._parameters
-        data.qpos[:] = legs(p, R).angles.ravel()
-        mujoco.mj_fwdPosition(model, data)
-        require_same(data.body("star_1").xmat.reshape(3, 3), np.asarray(R), "the star's orientation")
-        J = self._turning(mujoco.mj_jacBody)
-        data.qvel[:] = q_dot = np.linalg.solve(J, np.tile(omega, 3))
-        mujoco.mj_fwdVelocity(model, data)
+        mujoco, model, data = self._mujoco, self._model, self._data
+        J, q_dot = self.move(R, omega)
         J_dot = self._turning(mujoco.mj_jacDot, np.zeros(3))
         data.qacc[:] = np.linalg.solve(J, np.tile(alpha, 3) - J_dot @ q_dot)
         mujoco.mj_inverse(model, data)  # what it returns covers viscous friction
-        force = data.qfrc_inverse + p.coulomb_friction * np.sign(q_dot)
+        force = data.qfrc_inverse + self._parameters.coulomb_friction * np.sign(q_dot)
         if platform_moment is not None:
             force = force - J[:3].T @ np.asarray(platform_moment, dtype=float)
         V = np.linalg.solve(J, np.tile(np.eye(3), (3, 1)))  # q_dot = V omega
         # The power of the forces is that of the motors, for every omega.
         tau: Array = np.linalg.solve(V[::3].T, V.T @ force)
         return tau
+
+    def move(self, R: ArrayLike, omega: ArrayLike) -> tuple[Array, Array]:
+        """Put the tree into a state in which its loops are closed.
+
+        Args:
+            R: {E} in the base, shape (3, 3).
+            omega: Angular velocity of the star, base axes, shape (3,), [rad/s].
+
+        Returns:
+            Angular Jacobian of the three arcs of the star, shape (9, 9), and the joint rates.
+        """
+        mujoco, model, data, p = self._mujoco, self._model, self._data, self._parameters
+        data.qpos[:] = legs(p, R).angles.ravel()
+        mujoco.mj_fwdPosition(model, data)
+        for name, R_E in zip(_STARS, _star_frames(p), strict=True):
+            found = data.body(name).xmat.reshape(3, 3) @ R_E
+            require_same(found, np.asarray(R), "the star's orientation")
+        J = self._turning(mujoco.mj_jacBody)
+        data.qvel[:] = np.linalg.solve(J, np.tile(omega, 3))
+        mujoco.mj_fwdVelocity(model, data)
+        return J, data.qvel.copy()
 
     def _turning(self, jacobian: Callable[..., None], *point: Array) -> Array:
         """Angular Jacobian of the three arcs of the star, or its rate, shape (9, 9)."""
@@ -113,9 +132,8 @@ def welded_motion(
     mujoco = engine("mujoco")
     model = _welded(mujoco, parameters, step, stiffness)
     data = mujoco.MjData(model)
-    start = MujocoInverse(parameters)
-    start.torques(R, omega, np.zeros(3))  # leaves the joint coordinates and rates behind
-    data.qpos[:], data.qvel[:] = start._data.qpos, start._data.qvel
+    _, data.qvel[:] = MujocoInverse(parameters).move(R, omega)
+    data.qpos[:] = legs(parameters, R).angles.ravel()
 
     def control(_: Any, state: Any) -> None:  # called at each stage of a step
         state.qfrc_applied[::3] = torque(state.time)
@@ -132,16 +150,14 @@ def welded_motion(
                 mujoco.mj_step(model, data)
     finally:
         mujoco.set_mjcb_control(None)
-    return step * np.arange(steps + 1), path
+    return np.linspace(0, steps * step, steps + 1), path
 
 
 def _welded(mujoco: Any, parameters: Parameters, step: float, stiffness: float) -> Any:
     """The closed robot."""
     spec = mujoco.MjSpec.from_string(describe(parameters).urdf)
-    alpha = np.cumsum([0.0, *parameters.arc_angles[1:]])
-    for name, angle in zip(_STARS, alpha, strict=True):
-        # {E} in {3k} is Rot(x, -angle)
-        spec.body(name).add_site(name=name, quat=[np.cos(angle / 2), -np.sin(angle / 2), 0, 0])
+    for name, R_E in zip(_STARS, _star_frames(parameters), strict=True):
+        spec.body(name).add_site(name=name, quat=np.roll(Rotation.from_matrix(R_E).as_quat(), 1))
     for other in _STARS[1:]:
         weld = spec.add_equality(
             type=mujoco.mjtEq.mjEQ_WELD,
@@ -158,3 +174,10 @@ def _welded(mujoco: Any, parameters: Parameters, step: float, stiffness: float) 
     model.opt.tolerance = 0  # all iterations
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
     return model
+
+
+def _star_frames(parameters: Parameters) -> Array:
+    """{E} in {3k}: arc k stands at the angle 0, alpha_2, alpha_2 + alpha_3 about s."""
+    angles = np.cumsum([0.0, *parameters.arc_angles[1:]])
+    frames: Array = Rotation.from_rotvec(-angles[:, None] * np.eye(3)[0]).as_matrix()
+    return frames

@@ -86,11 +86,10 @@ class SymbolicLagrange:
     def _terms(
         self, R: ArrayLike, omega: ArrayLike, platform_moment: ArrayLike | None
     ) -> tuple[Array, Array, Array]:
-        """Inertia matrix, all other forces, and the Jacobian of gamma: inertia x_ddot + bias = G^T tau."""
-        moment = np.zeros(3) if platform_moment is None else np.asarray(platform_moment, dtype=float)
-        inertia, bias, G = self._equations(
-            np.asarray(R, dtype=float), np.asarray(omega, dtype=float), moment, *self._robot
-        )
+        """Inertia, bias and Jacobian G of gamma: inertia x_ddot + bias = G^T tau."""
+        moment = np.zeros(3) if platform_moment is None else platform_moment
+        state = (np.asarray(value, dtype=float) for value in (R, omega, moment))
+        inertia, bias, G = self._equations(*state, *self._robot)
         return inertia.full(), bias.full().ravel(), G.full()
 
 
