@@ -79,13 +79,13 @@ def test_assembly_that_is_impossible_says_how_far_it_came():
     chain = sst_pin.ClosedChain(*four_bar(0.2, 0.3, 0.2, 1.0), ["crank"])
     with pytest.raises(sst_pin.ClosureError, match="cannot be closed") as caught:
         chain.assemble([0.1, 0.2, -0.1], fixed=())
-    assert caught.value.residual == pytest.approx(0.3, abs=1e-3)
+    assert caught.value.residual > 0.29  # m
     with pytest.raises(sst_pin.ClosureError):
         chain.mobility()
 
 
 def test_motors_are_judged_where_nothing_special_happens():
-    """A stretched parallelogram has two freedoms at that instant: two motors remain one too many."""
+    """A stretched parallelogram has two freedoms at that instant, two motors are too many still."""
     chain = sst_pin.ClosedChain(*four_bar(1.0, 2.0, 1.0, 2.0), ["crank", "coupler"])
     for angle in (0.0, 0.7):  # stretched first: what is found there must not be kept
         with pytest.raises(sst_pin.ActuationError, match="TOO MANY"):
