@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import platform
 import sys
 import time
@@ -40,21 +41,20 @@ def main(argv: Sequence[str] | None = None) -> int:
         argv: Arguments; those of the process by default.
 
     Returns:
-        The exit code: 0, or 2 after one line that says what is wrong.
+        The exit code: 0; 1 when referees disagree; 2 after one line that says what is wrong.
     """
     arguments = _parser().parse_args(argv)
     try:
         with warnings.catch_warnings():
             # A motion that stops early is told on standard output, once.
             warnings.simplefilter("ignore", SingularityWarning)
-            arguments.run(arguments)
+            return arguments.run(arguments) or 0
     except SSTError as error:
         print(f"sst-pin: error: {' '.join(str(error).split())}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print("sst-pin: interrupted", file=sys.stderr)
         return 130
-    return 0
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -64,7 +64,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=_version("sst-pin"))
     commands = parser.add_subparsers(required=True, metavar="COMMAND", parser_class=_Parser)
 
-    def command(name: str, run: Callable[[argparse.Namespace], None], text: str) -> _Parser:
+    def command(name: str, run: Callable[[argparse.Namespace], int | None], text: str) -> _Parser:
         sub = commands.add_parser(name, help=text, description=text)
         sub.set_defaults(run=run)
         sub.add_argument(
@@ -102,6 +102,10 @@ def _parser() -> argparse.ArgumentParser:
     simulate.add_argument(
         "--gamma-dot", type=_triple, metavar="W1,W2,W3", help="motor rates at the start, rad/s"
     )
+
+    verify = command("verify", _verify, "Hold the torques against every referee installed.")
+    verify.add_argument("--quick", action="store_true", help="fewer cases, no time stepping")
+    verify.add_argument("--json", action="store_true", help="print the table as JSON")
 
     command("info", _info, "Versions, the model, its mobility.")
     return parser
@@ -247,6 +251,33 @@ def _save(motion: Trajectory, arguments: argparse.Namespace) -> None:
 
 def _remark(motion: Trajectory) -> str:
     return f"\n  {motion.stopped}" if motion.stopped else ""
+
+
+def _verify(arguments: argparse.Namespace) -> int:
+    from . import verify
+
+    if arguments.urdf is None:
+        comparisons, missing = verify.verify_sst(arguments.quick), verify.skipped()
+    else:  # the engines are built from parameters; multipliers take any closed chain
+        robot, count = _robot(arguments), 5 if arguments.quick else 40
+        comparisons, missing = verify.verify_chain(robot, count), []
+    rows = []
+    with tqdm(comparisons, delay=2, leave=False, bar_format="{n} comparisons, last: {desc}") as bar:
+        for row in bar:
+            rows.append(row)
+            bar.set_description_str(f"{row.referee}, {row.compared}", refresh=False)
+    passed = all(row.passed for row in rows)
+    if arguments.json:
+        skipped = [{"package": e.package, "problem": str(e)} for e in missing]
+        content = {"passed": passed, "comparisons": [r.as_dict() for r in rows], "skipped": skipped}
+        print(json.dumps(content, indent=1))
+    else:
+        print(verify.table(rows))
+        for error in missing:
+            print(f"skipped: {error}")
+        disagree = sum(not row.passed for row in rows)
+        print(f"{disagree} of {len(rows)} disagree" if disagree else "all agree")
+    return 0 if passed else 1
 
 
 def _info(arguments: argparse.Namespace) -> None:

@@ -169,6 +169,17 @@ class ClosedChain:
             free = np.setdiff1d(np.arange(self._m), [self._joint_index(name) for name in fixed])
         return assembly.assemble(self._kinematics, guess, free)
 
+    def generic_configuration(self) -> Array:
+        """Some assembled configuration away from the symmetric ones, the same at each call.
+
+        Returns:
+            Shape (m,).
+
+        Raises:
+            ClosureError: When none is found.
+        """
+        return assembly.generic_configuration(self._kinematics)
+
     def mobility(self, q: ArrayLike | None = None) -> mobility.Mobility:
         """Count degrees of freedom, redundant closures and motors.
 
@@ -182,7 +193,7 @@ class ClosedChain:
             ClosureError: When q is open, or when no configuration can be assembled.
         """
         if q is None:
-            q = assembly.generic_configuration(self._kinematics)
+            q = self.generic_configuration()
         q = self._one("q", q)
         labels = [f"{c.frame_a} - {c.frame_b}: {row}" for c in self.closures for row in c.rows]
         kinematics = self._kinematics

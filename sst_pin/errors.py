@@ -160,12 +160,13 @@ class MissingExtraError(SSTError, ImportError):
     """An optional dependency is not installed.
 
     Attributes:
+        package: What is missing.
         extra: The extra of `sst_pin` that brings it.
     """
 
     def __init__(self, package: str, extra: str) -> None:
         super().__init__(f"{package} is not installed; run: pip install 'sst-pin[{extra}]'")
-        self.extra = extra
+        self.package, self.extra = package, extra
 
 
 class SingularityWarning(UserWarning):

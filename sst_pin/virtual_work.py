@@ -24,6 +24,7 @@ from scipy.integrate import DOP853
 
 from . import errors
 from .batches import finite_array
+from .conics import common_points
 from .errors import InputError, SingularConfigurationError, SSTError
 from .parameters import Parameters
 
@@ -47,6 +48,10 @@ class VirtualWork:
         InputError: When branch is not made of three +1 or -1.
     """
 
+    name = "virtual work"
+    package = "sst-pin"
+    frictionless = False
+
     def __init__(self, parameters: Parameters, branch: ArrayLike = (1, 1, 1)) -> None:
         self._x_0 = parameters.base_directions
         e = np.cross(self._x_0, self._x_0[[1, 2, 0]])
@@ -65,12 +70,11 @@ class VirtualWork:
         self._viscous, self._coulomb = parameters.viscous_friction, parameters.coulomb_friction
         self._gravity = parameters.gravity
 
-    def inverse_dynamics(
+    def torques(
         self,
         R: ArrayLike,
         omega: ArrayLike,
         alpha: ArrayLike,
-        *,
         platform_moment: ArrayLike | None = None,
     ) -> Array:
         """Motor torques of a motion of the star.
@@ -94,12 +98,11 @@ class VirtualWork:
         work = _times(star.A, finite_array("alpha", alpha, (3,))) + star.h
         return _solve(np.swapaxes(star.J, -1, -2), work, _LOOSE)
 
-    def direct_dynamics(
+    def accelerations(
         self,
         R: ArrayLike,
         omega: ArrayLike,
         tau: ArrayLike,
-        *,
         platform_moment: ArrayLike | None = None,
     ) -> Array:
         """Angular acceleration of the star under given motor torques.
@@ -108,13 +111,13 @@ class VirtualWork:
             R: {E} in the base, shape (..., 3, 3).
             omega: Angular velocity of the star, base axes, shape (..., 3), [rad/s].
             tau: Motor torques, shape (..., 3), [N m].
-            platform_moment: As in `inverse_dynamics`.
+            platform_moment: As in `torques`.
 
         Returns:
             alpha, base axes, shape (..., 3), [rad/s^2].
 
         Raises:
-            InputError: As `inverse_dynamics`.
+            InputError: As `torques`.
             SingularConfigurationError: When a leg lies flat on its arc.
         """
         return self._star(R, omega, platform_moment).acceleration(finite_array("tau", tau, (3,)))
@@ -130,7 +133,7 @@ class VirtualWork:
             gamma in (-pi, pi] and gamma_dot, shapes (..., 3), [rad], [rad/s].
 
         Raises:
-            InputError, SingularConfigurationError: As `direct_dynamics`.
+            InputError, SingularConfigurationError: As `accelerations`.
         """
         star = self._star(R, omega)
         gamma = np.arctan2(_dot(star.u, self._y_0), _dot(star.u, self._x_0))
@@ -159,12 +162,8 @@ class VirtualWork:
         _require(size[-1], _LOOSE)
         W_2, W_3 = np.sqrt(2) * axes[3:, :3].T, np.sqrt(2) * axes[3:, 3:].T
         conics = np.array([W_2.T @ W_2 - W_3.T @ W_3, W_2.T @ W_3 + W_3.T @ W_2])
-        found: list[Array] = []
-        for point in _common_points(conics):
-            x = _polished(conics, point)
-            if x is not None and all(abs(x @ known) < 1 - _ZERO for known in found):
-                found += [x, -x]
-        w_2, w_3 = (np.array(found).reshape(-1, 3) @ W.T for W in (W_2, W_3))
+        x = np.array(common_points(conics)).reshape(-1, 3)
+        w_2, w_3 = (np.concatenate([x, -x]) @ W.T for W in (W_2, W_3))
         return np.stack([np.cross(w_2, w_3), w_2, w_3], axis=-1)
 
     def admissible(self, gamma: ArrayLike, near_R: ArrayLike) -> Array:
@@ -181,7 +180,7 @@ class VirtualWork:
             {E} in the base, shape (3, 3).
 
         Raises:
-            InputError, SingularConfigurationError: As `orientations` and `direct_dynamics`.
+            InputError, SingularConfigurationError: As `orientations` and `accelerations`.
             WorkspaceError: When no such assembly exists.
         """
         near_R = finite_array("near_R", near_R, (3, 3))
@@ -222,7 +221,7 @@ class VirtualWork:
             R and omega of shapes (N, 3, 3) and (N, 3).
 
         Raises:
-            InputError, SingularConfigurationError: As `direct_dynamics`.
+            InputError, SingularConfigurationError: As `accelerations`.
             SimulationError: Before a singularity, where assemblies meet, or when the integrator
                 gives up.
         """
@@ -345,43 +344,6 @@ class _Star(NamedTuple):
     def acceleration(self, tau: Array) -> Array:
         work = _times(np.swapaxes(self.J, -1, -2), tau) - self.h
         return _solve(self.A, work, "some turn of the star moves no mass")
-
-
-def _common_points(conics: Array) -> list[Array]:
-    """Real x with x^T conics_i x = 0, roughly; some may be complex by a hair."""
-    angles = np.arange(4) * np.pi / 4
-    pencil = np.tensordot(np.stack([np.cos(angles), np.sin(angles)], axis=-1), conics, axes=1)
-    size = np.abs(np.linalg.det(pencil))  # a cubic in the pencil: zero at four, zero everywhere
-    best = int(size.argmax())
-    _require(size[best], _LOOSE)
-    regular, other = pencil[best], pencil[(best + 2) % 4]
-    roots = np.linalg.eigvals(np.linalg.solve(regular, other))
-    singular = [other - t.real * regular for t in roots if abs(t.imag) < 1e-6]
-    _require(min(float(np.abs(member).max()) for member in singular), _LOOSE)
-    # All conics of the pencil share the points. A member a v_0 v_0^T + c v_2 v_2^T with a < 0 < c
-    # is a pair of lines; where they meet a regular member, a quadratic equation tells.
-    (a, _, c), v = max(map(np.linalg.eigh, singular), key=lambda pair: min(-pair[0][0], pair[0][2]))
-    points = []
-    for sign in (1, -1) if a < 0 < c else ():
-        along = np.sqrt(c) * v[:, 0] + sign * np.sqrt(-a) * v[:, 2]
-        line = np.stack([v[:, 1], along / np.sqrt(c - a)], axis=-1)
-        (low, high), z = np.linalg.eigh(line.T @ regular @ line)
-        if low < 1e-8 and high > -1e-8:  # a double point is as inexact as the root of rounding
-            ends = np.sqrt((max(high, 0), max(-low, 0)))
-            points += [line @ z @ ends, line @ z @ (ends * (1, -1))]
-    return points
-
-
-def _polished(conics: Array, x: Array) -> Array | None:
-    """Newton's method on the conics and |x| = 1; None where it finds no real point."""
-    x = x / np.linalg.norm(x)
-    for _ in range(30):
-        rows = np.vstack([conics @ x, x])
-        step = np.linalg.lstsq(2 * rows, rows @ x - (0, 0, 1), rcond=_ZERO)[0]
-        x = x - step
-        if np.abs(step).max() < 1e-15:
-            break
-    return x if np.abs(x @ conics @ x).max() < _ZERO else None
 
 
 def _dot(a: Array, b: Array) -> Array:

@@ -12,7 +12,7 @@ from generators import random_parameters, random_states
 from numpy.typing import NDArray
 
 import sst_pin
-from sst_pin import virtual_work
+from sst_pin import conics, virtual_work
 from sst_pin.errors import (
     InputError,
     SimulationError,
@@ -57,9 +57,10 @@ def assemblies(robot: sst_pin.SST, gamma: Array) -> Array:
 
 def test_referee_imports_nothing_of_what_it_judges() -> None:
     """Only the robot's data, errors and the checks of arrays come from the package."""
-    tree = ast.parse(Path(virtual_work.__file__).read_text(encoding="utf-8"))
     own, foreign = set(), set()
-    for node in ast.walk(tree):
+    modules = (virtual_work, conics)
+    trees = [ast.parse(Path(m.__file__).read_text(encoding="utf-8")) for m in modules]
+    for node in (node for tree in trees for node in ast.walk(tree)):
         if isinstance(node, ast.Import):
             foreign |= {alias.name.split(".")[0] for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.level == 0:
@@ -67,7 +68,7 @@ def test_referee_imports_nothing_of_what_it_judges() -> None:
         elif isinstance(node, ast.ImportFrom):
             own |= {node.module} if node.module else {alias.name for alias in node.names}
     assert foreign == {"__future__", "collections", "typing", "numpy", "scipy"}
-    assert own == {"batches", "errors", "parameters"}
+    assert own == {"batches", "conics", "errors", "parameters"}
 
 
 # --- inverse dynamics -----------------------------------------------------------------------
@@ -76,7 +77,7 @@ def test_referee_imports_nothing_of_what_it_judges() -> None:
 def test_torques_of_the_paper_circle_are_the_reference_values() -> None:
     """Torques of example 1 known from an implementation in 40 digits."""
     t = np.array((0, np.pi / 36, np.pi / 18, np.pi / 12))
-    tau = VirtualWork(sst_pin.Parameters()).inverse_dynamics(*sst_pin.paper_circle(t))
+    tau = VirtualWork(sst_pin.Parameters()).torques(*sst_pin.paper_circle(t))
     reference = (
         (0, 17.014064375472, -17.014064375472),
         (-9.1972619381514, 16.138959547029, -6.4278229554802),
@@ -91,7 +92,7 @@ def test_torques_equal_those_of_the_complement_on_the_paper_circle() -> None:
     robot, referee = sst_pin.SST(), VirtualWork(sst_pin.Parameters())
     motion = sst_pin.paper_circle(np.linspace(0, PERIOD, 200))
     tau = robot.compute_torques(*robot.joint_motion(*motion))
-    assert relative_error(tau, referee.inverse_dynamics(*motion)) < ROUNDING
+    assert relative_error(tau, referee.torques(*motion)) < ROUNDING
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -101,7 +102,7 @@ def test_torques_of_the_paper_robot_agree_at_any_motion(seed: int) -> None:
     robot, referee = sst_pin.SST(), VirtualWork(sst_pin.Parameters())
     motion, moment = random_states(robot, rng, 20), rng.normal(scale=5, size=(20, 3))
     tau = robot.compute_torques(*robot.joint_motion(*motion), platform_moment=moment)
-    wanted = referee.inverse_dynamics(*motion, platform_moment=moment)
+    wanted = referee.torques(*motion, platform_moment=moment)
     assert relative_error(tau, wanted) < ROUNDING
 
 
@@ -114,7 +115,7 @@ def test_torques_of_any_robot_agree_at_any_motion(seed: int, friction: bool) -> 
     robot, referee = sst_pin.SST(parameters), VirtualWork(parameters)
     motion, moment = random_states(robot, rng, 10), rng.normal(scale=5, size=(10, 3))
     tau = robot.compute_torques(*robot.joint_motion(*motion), platform_moment=moment)
-    wanted = referee.inverse_dynamics(*motion, platform_moment=moment)
+    wanted = referee.torques(*motion, platform_moment=moment)
     assert relative_error(tau, wanted) < ROUNDING
 
 
@@ -126,7 +127,7 @@ def test_torques_agree_on_every_branch_of_the_legs(branch: list[int]) -> None:
     robot, referee = sst_pin.SST(parameters), VirtualWork(parameters, branch)
     motion = random_states(robot, rng, 10)
     tau = robot.compute_torques(*robot.joint_motion(*motion, branch=branch))
-    assert relative_error(tau, referee.inverse_dynamics(*motion)) < ROUNDING
+    assert relative_error(tau, referee.torques(*motion)) < ROUNDING
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -136,7 +137,7 @@ def test_terms_of_the_long_form_add_up_to_the_torques(seed: int) -> None:
     parameters = random_parameters(rng)
     robot, referee = sst_pin.SST(parameters), VirtualWork(parameters)
     motion = random_states(robot, rng, 5)
-    wanted = referee.inverse_dynamics(*motion)
+    wanted = referee.torques(*motion)
     for q, va, aa, tau in zip(*robot.joint_motion(*motion), wanted, strict=True):
         terms = robot.noc(q, va)
         long = terms.inertia @ aa + terms.coriolis @ va - terms.gravity - terms.friction
@@ -149,10 +150,10 @@ def test_batches_of_any_shape_equal_their_samples() -> None:
     parameters = random_parameters(rng)
     robot, referee = sst_pin.SST(parameters), VirtualWork(parameters)
     R, omega, alpha = random_states(robot, rng, 4)
-    tau = referee.inverse_dynamics(R[:, None], omega, alpha)  # each R with each motion
+    tau = referee.torques(R[:, None], omega, alpha)  # each R with each motion
     assert tau.shape == (4, 4, 3)
     one = np.array(
-        [[referee.inverse_dynamics(R[i], omega[j], alpha[j]) for j in range(4)] for i in range(4)]
+        [[referee.torques(R[i], omega[j], alpha[j]) for j in range(4)] for i in range(4)]
     )
     assert relative_error(tau, one) < 1e-13  # the same sums, perhaps in another order
 
@@ -168,7 +169,7 @@ def test_accelerations_agree_at_any_torques(seed: int) -> None:
     robot, referee = sst_pin.SST(parameters), VirtualWork(parameters)
     R, omega, _ = random_states(robot, rng, 10)
     tau, moment = rng.normal(scale=20, size=(2, 10, 3))
-    alpha = referee.direct_dynamics(R, omega, tau, platform_moment=moment)
+    alpha = referee.accelerations(R, omega, tau, platform_moment=moment)
     q, va, aa = robot.joint_motion(R, omega, alpha)
     wanted = robot.compute_accelerations(q, va, tau, platform_moment=moment)
     assert relative_error(aa, wanted) < ROUNDING
@@ -181,8 +182,8 @@ def test_direct_dynamics_inverts_inverse_dynamics(seed: int) -> None:
     parameters = random_parameters(rng)
     referee = VirtualWork(parameters)
     R, omega, alpha = random_states(sst_pin.SST(parameters), rng, 10)
-    tau = referee.inverse_dynamics(R, omega, alpha)
-    assert relative_error(referee.direct_dynamics(R, omega, tau), alpha) < ROUNDING
+    tau = referee.torques(R, omega, alpha)
+    assert relative_error(referee.accelerations(R, omega, tau), alpha) < ROUNDING
 
 
 # --- direct kinematics ----------------------------------------------------------------------
@@ -290,7 +291,7 @@ def test_torques_of_example_1_bring_the_star_round_the_circle() -> None:
     path = sst_pin.paper_circle(t)
 
     def torque(time: float, R: Array, omega: Array) -> Array:
-        return referee.inverse_dynamics(*sst_pin.paper_circle(time))
+        return referee.torques(*sst_pin.paper_circle(time))
 
     R, omega = referee.simulate(torque, path.R[0], path.omega[0], t)
     # The open loop is unstable and magnifies the integrator's 1e-11.
@@ -318,7 +319,7 @@ def test_flat_leg_is_a_singular_configuration_and_names_its_samples() -> None:
     """At R = 1 arc 1 lies in the plane that leg 1 moves in."""
     good, _, _ = sst_pin.paper_circle(0.0)
     with pytest.raises(SingularConfigurationError, match="flat") as caught:
-        VirtualWork(sst_pin.Parameters()).inverse_dynamics(
+        VirtualWork(sst_pin.Parameters()).torques(
             np.stack([good, np.eye(3)]), np.zeros(3), np.zeros(3)
         )
     assert caught.value.samples == ((1,),)
@@ -353,7 +354,7 @@ def test_impossible_input_is_told(R: Array, omega: Array) -> None:
     """Neither a scaled or mirrored R nor a wrong shape nor NaN is computed with."""
     referee = VirtualWork(sst_pin.Parameters())
     with pytest.raises(InputError):
-        referee.inverse_dynamics(R, omega, np.zeros(3))
+        referee.torques(R, omega, np.zeros(3))
 
 
 def test_branch_is_three_signs() -> None:

@@ -9,7 +9,7 @@ rates and accelerations, and answers one question, `Referee.torques`; what else 
 from __future__ import annotations
 
 from importlib import import_module
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,10 +21,11 @@ Array = NDArray[np.float64]
 
 #: Module and class of every referee.
 _REFEREES = (
-    ("lagrange", "LagrangeMultipliers"),
-    ("symbolic", "SymbolicLagrange"),
-    ("mujoco_engine", "MujocoInverse"),
-    ("exudyn_engine", "ExudynInstant"),
+    ("..virtual_work", "VirtualWork"),
+    (".lagrange", "LagrangeMultipliers"),
+    (".symbolic", "SymbolicLagrange"),
+    (".mujoco_engine", "MujocoInverse"),
+    (".exudyn_engine", "ExudynInstant"),
 )
 
 
@@ -62,6 +63,21 @@ class Referee(Protocol):
         ...
 
 
+@runtime_checkable
+class DirectReferee(Protocol):
+    """A referee that has direct dynamics of one instant too."""
+
+    def accelerations(
+        self,
+        R: ArrayLike,
+        omega: ArrayLike,
+        tau: ArrayLike,
+        platform_moment: ArrayLike | None = None,
+    ) -> Array:
+        """Angular acceleration of the star under given motor torques, base axes, shape (3,)."""
+        ...
+
+
 def all_referees(parameters: Parameters) -> tuple[list[Referee], list[MissingExtraError]]:
     """Every referee that is installed, for one SST, and what the others lack.
 
@@ -75,7 +91,7 @@ def all_referees(parameters: Parameters) -> tuple[list[Referee], list[MissingExt
     missing: list[MissingExtraError] = []
     for module, kind in _REFEREES:
         try:
-            available.append(getattr(import_module(f".{module}", __name__), kind)(parameters))
+            available.append(getattr(import_module(module, __name__), kind)(parameters))
         except MissingExtraError as error:
             missing.append(error)
     return available, missing

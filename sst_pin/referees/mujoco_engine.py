@@ -4,8 +4,6 @@
 `MujocoInverse` is exact: the forces in the tree's joints by `mj_inverse`, brought down to the
 motors by MuJoCo's own Jacobians. In `welded_motion` the loops are closed by MuJoCo's welds, which
 give way like stiff springs: the motion tends to the rigid robot's as the stiffness grows.
-
-MuJoCo 3.13 and older pass over the turn of a URDF's inertial frames in silence: 3.15 at least.
 """
 
 from __future__ import annotations
