@@ -254,15 +254,15 @@ def _remark(motion: Trajectory) -> str:
 
 
 def _verify(arguments: argparse.Namespace) -> int:
-    from . import verify
+    from . import comparisons, verify
 
     if arguments.urdf is None:
-        comparisons, missing = verify.verify_sst(arguments.quick), verify.skipped()
+        found, missing = verify.verify_sst(arguments.quick), verify.skipped()
     else:  # the engines are built from parameters; multipliers take any closed chain
         robot, count = _robot(arguments), 5 if arguments.quick else 40
-        comparisons, missing = verify.verify_chain(robot, count), []
+        found, missing = verify.verify_chain(robot, count), []
     rows = []
-    with tqdm(comparisons, delay=2, leave=False, bar_format="{n} comparisons, last: {desc}") as bar:
+    with tqdm(found, delay=2, leave=False, bar_format="{n} comparisons, last: {desc}") as bar:
         for row in bar:
             rows.append(row)
             bar.set_description_str(f"{row.referee}, {row.compared}", refresh=False)
@@ -272,7 +272,7 @@ def _verify(arguments: argparse.Namespace) -> int:
         content = {"passed": passed, "comparisons": [r.as_dict() for r in rows], "skipped": skipped}
         print(json.dumps(content, indent=1))
     else:
-        print(verify.table(rows))
+        print(comparisons.table(rows))
         for error in missing:
             print(f"skipped: {error}")
         disagree = sum(not row.passed for row in rows)
