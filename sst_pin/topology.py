@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 import pinocchio as pin
 
@@ -10,47 +12,81 @@ from .description import JOINT_NAMES
 from .errors import DescriptionError
 from .kinematics import Geometry
 
+#: Frames of the cuts and the arc of the star that each is fixed to.
+_STAR_OF = {"closedloop1_A": 1, "closedloop2_A": 1, "closedloop1_B": 2, "closedloop2_B": 3}
+#: [m] and [rad]; what a person writes with ten digits is exact.
+_EXACT = 1e-9
+
 
 def geometry_of(model: pin.Model, source: str) -> Geometry:
     """Read {0k} and {E} in {3k} off a tree, and tell what keeps it from being an SST's.
 
+    Args:
+        model: The tree.
+        source: What error messages call it.
+
     Raises:
         DescriptionError: With every problem found.
     """
-    names = list(model.names)[1:]
-    if sorted(names) != sorted(JOINT_NAMES):
-        missing = [n for n in JOINT_NAMES if n not in names]
-        extra = [n for n in names if n not in JOINT_NAMES]
-        found = [f"joint {n} is missing" for n in missing]
-        found += [f"joint {n} is not an SST's" for n in extra]
-        raise DescriptionError(source, [*found, "an SST has nine joints gamma_k, mu_k, beta_k"])
-    problems: list[str] = []
-    R_0, R_E = [], []
-    for k in (1, 2, 3):
-        parent = 0
-        for joint, axis in (("gamma", "RZ"), ("mu", "RX"), ("beta", "RZ")):
-            name = f"{joint}_{k}"
-            index = model.getJointId(name)
-            placement = model.jointPlacements[index]
-            kind = model.joints[index].shortname()
-            if kind != f"JointModel{axis}":
-                problems.append(f"joint {name}: {kind}, an SST has a JointModel{axis} there")
-            if model.parents[index] != parent:
-                problems.append(f"joint {name}: hangs on {model.names[model.parents[index]]}")
-            if np.abs(placement.translation).max() > 1e-9:
-                problems.append(f"joint {name}: off the centre O, origin xyz must be 0 0 0")
-            if joint != "gamma" and np.abs(placement.rotation - np.eye(3)).max() > 1e-9:
-                problems.append(f"joint {name}: origin rpy must be 0 0 0")
-            parent = index
-        R_0.append(model.jointPlacements[model.getJointId(f"gamma_{k}")].rotation)
-        frame = "closedloop1_A" if k == 1 else f"closedloop{k - 1}_B"
-        if not model.existFrame(frame):
-            problems.append(f"frame {frame} of the cuts is missing")
-            continue
-        f = model.frames[model.getFrameId(frame)]
-        if f.parentJoint != parent or np.abs(f.placement.translation).max() > 1e-9:
-            problems.append(f"frame {frame}: must be fixed to star_{k} with origin xyz 0 0 0")
-        R_E.append(f.placement.rotation)
+    # Joints first, then their axes and frames: the one makes no sense without the other.
+    problems = list(_joint_problems(model)) or [*_axis_problems(model), *_frame_problems(model)]
     if problems:
         raise DescriptionError(source, problems)
+    R_0 = [model.jointPlacements[model.getJointId(f"gamma_{k}")].rotation for k in (1, 2, 3)]
+    ends = ("closedloop1_A", "closedloop1_B", "closedloop2_B")
+    R_E = [_frame(model, name).placement.rotation for name in ends]
     return Geometry(np.array(R_0), np.array(R_E))
+
+
+def _frame(model: pin.Model, name: str) -> pin.Frame:
+    return model.frames[model.getFrameId(name)]
+
+
+def _joint_problems(model: pin.Model) -> Iterator[str]:
+    names = list(model.names)[1:]
+    if tuple(names) == JOINT_NAMES:
+        return
+    missing = [name for name in JOINT_NAMES if name not in names]
+    for name in missing:
+        yield f"joint {name} is missing"
+    for name in names:
+        if name not in JOINT_NAMES:
+            yield f"joint {name} is not an SST's"
+    if missing or len(names) != len(JOINT_NAMES):
+        yield "an SST has nine joints gamma_k, mu_k, beta_k"
+    else:
+        yield f"joints come as {', '.join(names)}; an SST has legs gamma_k, mu_k, beta_k in series"
+
+
+def _axis_problems(model: pin.Model) -> Iterator[str]:
+    for index, name in enumerate(JOINT_NAMES, start=1):
+        joint = name.split("_")[0]
+        placement, kind = model.jointPlacements[index], model.joints[index].shortname()
+        wanted = "JointModelRX" if joint == "mu" else "JointModelRZ"
+        parent = 0 if joint == "gamma" else index - 1
+        if kind != wanted:
+            yield f"joint {name}: {kind}, an SST has a {wanted} there"
+        if model.parents[index] != parent:
+            bearer, other = model.names[parent], model.names[model.parents[index]]
+            yield f"joint {name}: hangs on {other}, not on {bearer}"
+        if np.abs(placement.translation).max() > _EXACT:
+            yield f"joint {name}: off the centre O, origin xyz must be 0 0 0"
+        if joint != "gamma" and np.abs(placement.rotation - np.eye(3)).max() > _EXACT:
+            yield f"joint {name}: origin rpy must be 0 0 0"
+
+
+def _frame_problems(model: pin.Model) -> Iterator[str]:
+    missing = [name for name in _STAR_OF if not model.existFrame(name)]
+    for name in missing:
+        yield f"frame {name} of the cuts is missing"
+    for name, k in _STAR_OF.items():
+        if name in missing:
+            continue
+        frame = _frame(model, name)
+        fixed_to_star = frame.parentJoint == model.getJointId(f"beta_{k}")
+        if not fixed_to_star or np.abs(frame.placement.translation).max() > _EXACT:
+            yield f"frame {name}: must be fixed to star_{k} with origin xyz 0 0 0"
+    if not missing:
+        first, second = (_frame(model, f"closedloop{loop}_A").placement for loop in (1, 2))
+        if not first.actInv(second).isIdentity(_EXACT):
+            yield "frame closedloop2_A: must coincide with closedloop1_A"

@@ -115,6 +115,28 @@ def test_an_edited_urdf_is_what_is_computed(tmp_path, robot):
     assert sum(i.mass for i in sst_pin.SST.from_urdf(heavier).model.inertias) == pytest.approx(4.28)
 
 
+def test_the_star_frame_may_be_turned_in_an_edited_urdf(tmp_path):
+    """{E} need not be {31}: the frames of the cuts say where it is."""
+    text = sst_pin.URDF_PATH.read_text()
+    for loop in (1, 2):
+        head, tail = text.split(f'<joint name="closedloop{loop}_A_fixed"')
+        text = f'{head}<joint name="closedloop{loop}_A_fixed"' + tail.replace(
+            'rpy="0.0 0.0 0.0"', 'rpy="0.1 -0.2 0.3"', 1
+        )
+    path = tmp_path / "turned.urdf"
+    path.write_text(text)
+    robot = sst_pin.SST.from_urdf(path)
+    R = sst_pin.orientation(0.9, 0.8, 0.1)
+    q = robot.inverse_kinematics(R)
+    assert np.abs(robot.platform_orientation(q) - R).max() < 1e-14
+    assert np.abs(robot.residual(q)).max() < 1e-14
+    solutions = robot.forward_kinematics(q[::3])
+    assert np.abs(robot.platform_orientation(solutions) - R).max(axis=(1, 2)).min() < 1e-12
+    path.write_text(text.replace('rpy="0.1 -0.2 0.3"', 'rpy="0.0 0.0 0.0"', 1))
+    with pytest.raises(sst_pin.DescriptionError, match="closedloop2_A: must coincide"):
+        sst_pin.SST.from_urdf(path)
+
+
 @pytest.mark.parametrize(
     ("old", "new", "word"),
     [
@@ -122,6 +144,10 @@ def test_an_edited_urdf_is_what_is_computed(tmp_path, robot):
         ('<axis xyz="1 0 0" />', '<axis xyz="0 1 0" />', "joint mu_1: JointModelRY"),
         ('type="revolute"', 'type="continuous"', "JointModelRUBZ"),
         ("closedloop2_B", "closedloop2_C", "frame closedloop2_B of the cuts is missing"),
+        ("closedloop1_A", "closedloop1_C", "frame closedloop1_A of the cuts is missing"),
+        ('parent link="star_3"', 'parent link="star_1"', "must be fixed to star_3"),
+        ('parent link="link_2"', 'parent link="link_1"', "legs gamma_k, mu_k, beta_k in series"),
+        ('xyz="0.0 0.0 0.0" rpy="0.0 0.0 0.0"', 'xyz="0 0 0.1" rpy="0 0.1 0"', "rpy must be 0 0 0"),
         ("</robot>", "", "not a URDF"),
     ],
 )

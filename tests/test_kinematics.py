@@ -282,6 +282,19 @@ def test_interpolation_turns_with_its_samples():
     assert np.abs(turned.alpha - L @ plain.alpha).max() < 1e-12
 
 
+def test_interpolated_rates_are_the_derivatives_of_the_interpolated_motion():
+    """Between samples so far apart that the spline leaves the unit sphere of quaternions."""
+    t = np.linspace(0, 3, 7)
+    R = Rotation.from_rotvec(np.array((np.sin(t), t**2 / 4, 1 - t)).T).as_matrix()
+    h = 1e-3
+    motion = sst_pin.interpolate_orientations(t, R, 1.2 + h * np.arange(-3, 4))
+    first = np.array((-1, 9, -45, 0, 45, -9, 1)) / (60 * h)
+    W = np.einsum("t,tij->ij", first, motion.R) @ motion.R[3].T
+    # Sixth-order differences leave rounding, eps / h.
+    assert np.abs(np.array((W[2, 1], W[0, 2], W[1, 0])) - motion.omega[3]).max() < 1e-11
+    assert np.abs(first @ motion.omega - motion.alpha[3]).max() < 1e-11
+
+
 def test_samples_too_far_apart_are_refused():
     """More than a quarter turn: which way round is a guess."""
     R = Rotation.from_rotvec([[0, 0, 0], [0, 0, 1], [0, 0, 3]]).as_matrix()
