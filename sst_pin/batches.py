@@ -52,6 +52,18 @@ def finite_array(name: str, value: ArrayLike, core: tuple[int, ...]) -> Array:
     return array
 
 
+def single_array(name: str, value: ArrayLike | None, shape: tuple[int, ...]) -> Array:
+    """One sample, every number finite.
+
+    Raises:
+        InputError: When it is not numeric, not finite, or of another shape.
+    """
+    array = np.empty(0) if value is None else as_array(name, value, ())
+    if array.shape != shape:
+        raise InputError(name, f"shape {array.shape}, expected {shape}: one sample")
+    return finite_array(name, array, shape)
+
+
 def for_each_sample(
     function: Callable[..., Array],
     arrays: Sequence[Array | None],

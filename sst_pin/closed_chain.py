@@ -13,13 +13,13 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from . import assembly, dynamics, mobility
-from .batches import as_array, finite_array, for_each_sample
+from .batches import as_array, finite_array, for_each_sample, single_array
 from .closures import Closure, LoopKinematics
 from .errors import ActuationError, ClosureError, DescriptionError, InputError, UnknownNameError
 from .noc import Actuation, JointComplement
 
 if TYPE_CHECKING:
-    from .simulation import ExternalWrenches, Torque
+    from .simulation import Load, Torque
     from .trajectories import Trajectory
 
 Array = NDArray[np.float64]
@@ -132,7 +132,7 @@ class ClosedChain:
         Returns:
             Shape (rows, m).
         """
-        v = finite_array("q_dot", q_dot, (self._m,))
+        v = single_array("q_dot", q_dot, (self._m,))
 
         def rate(kinematics: LoopKinematics, q: Array) -> Array:
             kinematics.set_velocity(q, v)
@@ -162,7 +162,7 @@ class ClosedChain:
             ClosureError: When there is none within reach, with the residual that was left.
             UnknownNameError: For an unknown joint.
         """
-        guess = self._one("q", q)
+        guess = single_array("q", q, (self._m,))
         if fixed is None:
             free = self._actuation.unactuated
         else:
@@ -194,7 +194,7 @@ class ClosedChain:
         """
         if q is None:
             q = self.generic_configuration()
-        q = self._one("q", q)
+        q = single_array("q", q, (self._m,))
         labels = [f"{c.frame_a} - {c.frame_b}: {row}" for c in self.closures for row in c.rows]
         kinematics = self._kinematics
         kinematics.set_position(q)
@@ -292,8 +292,8 @@ class ClosedChain:
             InputError, ClosureError, SingularConfigurationError, ActuationError: As
                 `compute_torques`.
         """
-        va = finite_array("va", va, (self._n,))
-        q = self._one("q", q)
+        va = single_array("va", va, (self._n,))
+        q = single_array("q", q, (self._m,))
         return dynamics.terms(*self._closed_at(q), self.friction, q, va)
 
     def joint_rates(self, q: ArrayLike, va: ArrayLike) -> Array:
@@ -355,7 +355,7 @@ class ClosedChain:
         va0: ArrayLike,
         t: ArrayLike,
         *,
-        external_wrenches: ExternalWrenches = None,
+        external_wrenches: Load = None,
         **options: Any,
     ) -> Trajectory:
         """Integrate the motion under given torques; see `sst_pin.simulation.simulate`."""
@@ -401,17 +401,10 @@ class ClosedChain:
             raise ActuationError(f"the motors do not match the degrees of freedom:\n{report}")
 
     def _at(self, q: ArrayLike, compute: Callable[[LoopKinematics, Array], _Value]) -> _Value:
-        array = self._one("q", q)
+        array = single_array("q", q, (self._m,))
         kinematics = self._kinematics
         kinematics.set_position(array)
         return compute(kinematics, array)
-
-    def _one(self, name: str, q: ArrayLike) -> Array:
-        """A single joint vector."""
-        array = finite_array(name, q, (self._m,))
-        if array.ndim != 1:
-            raise InputError(name, f"shape {array.shape}, expected ({self._m},): one sample")
-        return array
 
     def _joint_index(self, name: str) -> int:
         if name not in self.joint_names:

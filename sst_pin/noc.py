@@ -95,8 +95,8 @@ class JointComplement:
         return self._solve(np.concatenate((closures, actuated)))
 
     def _solve(self, right: Array) -> Array:
-        # eigenpy makes a vector of a single column
-        return self._factors.solve(right).reshape(-1, *right.shape[1:])
+        x = self._factors.solve(right)
+        return x if x.ndim == right.ndim else x[:, None]  # eigenpy makes a vector of one column
 
 
 def independent_rows(Phi: Array, tolerance: float = 1e-8) -> NDArray[np.intp]:

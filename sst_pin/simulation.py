@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 
 from . import dynamics
-from .batches import finite_array
+from .batches import single_array
 from .errors import InputError, SimulationError, SingularityWarning, SSTError
 from .trajectories import Trajectory, sample_times, spline
 
@@ -22,10 +22,11 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-#: Motor torques: a function of (t, q, va), a constant of shape (n,), or the torques of a motion.
+#: Motor torques: a function of (t, q, va), a constant of shape (n,), samples of shape (N, n) at the
+#: times of the simulation, or the torques of a motion.
 Torque = Callable[[float, Array, Array], ArrayLike] | ArrayLike | Trajectory
-#: Loads: a function of (t, q, va) giving shape (r, 6), a constant of that shape, or none.
-ExternalWrenches = Callable[[float, Array, Array], ArrayLike] | ArrayLike | None
+#: Loads: a function of (t, q, va), a constant, or none.
+Load = Callable[[float, Array, Array], ArrayLike] | ArrayLike | None
 
 
 def simulate(
@@ -35,7 +36,7 @@ def simulate(
     va0: ArrayLike,
     t: ArrayLike,
     *,
-    external_wrenches: ExternalWrenches = None,
+    external_wrenches: Load = None,
     method: str = "DOP853",
     rtol: float = 1e-12,
     atol: float = 1e-12,
@@ -51,8 +52,9 @@ def simulate(
 
     Args:
         chain: The robot.
-        torque: Callable (t, q, va) -> (n,); a constant, shape (n,); or a `Trajectory`, whose
-            torques are joined by a smooth spline (for torques that jump, pass a callable).
+        torque: Callable (t, q, va) -> (n,); a constant, shape (n,); samples at t, shape (N, n); or
+            a `Trajectory` with samples of its own. Samples are joined by a smooth spline: for
+            torques that jump, pass a callable.
         q0: Joint coordinates at t[0], on the closures, shape (m,).
         va0: Actuated rates at t[0], shape (n,).
         t: Times at which the motion is wanted, increasing, shape (N,), N >= 2, [s].
@@ -79,7 +81,7 @@ def simulate(
     """
     times = sample_times(t, 2)
     n, m = len(chain.actuated), len(chain.joint_names)
-    start = np.concatenate([finite_array("q0", q0, (m,)), finite_array("va0", va0, (n,))])
+    start = np.concatenate([single_array("q0", q0, (m,)), single_array("va0", va0, (n,))])
     apply = _torque_function(torque, n, times)
     load = _load_function(external_wrenches, (chain.model.njoints - 1, 6))
     chain.compute_torques(start[:m], start[m:], np.zeros(n))  # a bad start fails by its own name
@@ -201,22 +203,25 @@ def _torque_function(
         smooth = torque.torque()
         return lambda t, q, va: smooth(t)
     if callable(torque):
-        return lambda t, q, va: _one("torque(t, q, va)", torque(t, q, va), (n,))
-    constant = _one("torque", torque, (n,))
+        return lambda t, q, va: single_array("torque(t, q, va)", torque(t, q, va), (n,))
+    if np.ndim(torque) == 2:
+        samples = spline(times, single_array("torque", torque, (len(times), n)))
+        return lambda t, q, va: np.asarray(samples(t))
+    constant = single_array("torque", torque, (n,))
     return lambda t, q, va: constant
+
+
+def constant_or_called(load: Load) -> Callable[[float, Array, Array], ArrayLike | None]:
+    """A load as a function of (t, q, va), whatever it is."""
+    if callable(load):
+        return load
+    return lambda t, q, va: load
 
 
 def _load_function(
-    load: ExternalWrenches, shape: tuple[int, ...]
+    load: Load, shape: tuple[int, ...]
 ) -> Callable[[float, Array, Array], Array | None]:
-    if callable(load):
-        return lambda t, q, va: _one("external_wrenches(t, q, va)", load(t, q, va), shape)
-    constant = None if load is None else _one("external_wrenches", load, shape)
-    return lambda t, q, va: constant
-
-
-def _one(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
-    array = finite_array(name, value, shape)
-    if array.shape != shape:
-        raise InputError(name, f"shape {array.shape}, expected {shape}")
-    return array
+    if load is None:
+        return lambda t, q, va: None
+    value = constant_or_called(load)
+    return lambda t, q, va: single_array("external_wrenches", value(t, q, va), shape)

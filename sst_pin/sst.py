@@ -4,17 +4,19 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import description, direct_kinematics, kinematics, reading
-from .batches import finite_array
+from .batches import finite_array, single_array
 from .closed_chain import ClosedChain
 from .errors import DescriptionError, InputError, WorkspaceError
 from .parameters import Parameters
+from .simulation import Load, Torque, constant_or_called
 from .topology import geometry_of
+from .trajectories import Trajectory
 
 Array = NDArray[np.float64]
 
@@ -184,9 +186,7 @@ class SST(ClosedChain):
             SingularConfigurationError: When the motors do not fix the star.
             WorkspaceError: With `near`, when there is no solution.
         """
-        gamma = finite_array("gamma", gamma, (3,))
-        if gamma.ndim != 1:
-            raise InputError("gamma", f"shape {gamma.shape}, expected (3,): one sample")
+        gamma = single_array("gamma", gamma, (3,))
         x_0, y_0 = self.geometry.R_0[:, :, 0], self.geometry.R_0[:, :, 1]
         u = np.cos(gamma)[:, None] * x_0 + np.sin(gamma)[:, None] * y_0
         R = direct_kinematics.orientations(u, self.geometry.arc_normals)
@@ -195,7 +195,7 @@ class SST(ClosedChain):
             return solutions[np.lexsort(np.round(R[:, :, :2].reshape(-1, 6), 9).T)]
         if not len(solutions):
             raise WorkspaceError(f"no assembly exists at gamma = {gamma.tolist()} rad")
-        before = self._one("near", near)
+        before = single_array("near", near, (9,))
         turns = (solutions - before + np.pi) % (2 * np.pi) - np.pi
         best = int(np.abs(turns).max(axis=1).argmin())
         q: Array = before + turns[best]
@@ -302,6 +302,40 @@ class SST(ClosedChain):
         if platform_moment is not None:
             external_wrenches = self._loads(platform_moment, external_wrenches)
         return super().compute_accelerations(q, va, tau, external_wrenches=external_wrenches)
+
+    def simulate(
+        self,
+        torque: Torque,
+        q0: ArrayLike,
+        va0: ArrayLike,
+        t: ArrayLike,
+        *,
+        platform_moment: Load = None,
+        external_wrenches: Load = None,
+        **options: Any,
+    ) -> Trajectory:
+        """Integrate the motion under given torques; see `sst_pin.simulation.simulate`.
+
+        Args:
+            torque: Of the motors.
+            q0: Joint coordinates at t[0], on the closures, shape (9,).
+            va0: Motor rates at t[0], shape (3,).
+            t: Times at which the motion is wanted, shape (N,), [s].
+            platform_moment: Moment on the star, base axes: callable (t, q, va) -> (3,), or a
+                constant, shape (3,), [N m].
+            external_wrenches: On each of the nine bodies: callable (t, q, va) -> (9, 6), or a
+                constant.
+            options: As in `sst_pin.simulation.simulate`.
+        """
+        load = external_wrenches
+        if platform_moment is not None:
+            moment, others = map(constant_or_called, (platform_moment, external_wrenches))
+
+            def load(time: float, q: Array, va: Array) -> ArrayLike:
+                on_star = single_array("platform_moment", moment(time, q, va), (3,))
+                return self._loads(on_star, others(time, q, va))
+
+        return super().simulate(torque, q0, va0, t, external_wrenches=load, **options)
 
     def _loads(self, moment: ArrayLike, wrenches: ArrayLike | None) -> Array:
         """External wrenches with the star's load put on star_1; the three arcs are one body."""

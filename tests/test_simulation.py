@@ -47,6 +47,12 @@ def test_example_2_from_torques_computed_on_the_way(robot, circle):
     assert np.abs(motion.aa - circle.aa[::30]).max() < 1e-8
 
 
+def test_samples_of_torque_may_stand_at_the_times_of_the_simulation(robot, circle):
+    """An array of shape (N, 3) is the torques of a motion at t."""
+    motion = robot.simulate(circle.tau, circle.q[0], circle.va[0], circle.t)
+    assert motion == paper.example_2(robot, circle)
+
+
 @pytest.mark.parametrize("rotvec", [(0.1, 0, 0), (0.1, -0.2, 0.2)])
 def test_a_hundred_seconds_of_swinging_keep_energy_and_closures(rotvec):
     """Home tilted by 0.1 and 0.3 rad about the hanging pose and let go, without friction."""
@@ -111,6 +117,17 @@ def test_a_load_on_the_star_drives_it(robot):
     hold = robot.compute_torques(robot.home, np.zeros(3), np.zeros(3), external_wrenches=w)
     still = robot.simulate(hold, robot.home, np.zeros(3), t, external_wrenches=w)
     assert np.abs(still.q - robot.home).max() < 1e-12
+    moved = robot.simulate(hold, robot.home, np.zeros(3), t, platform_moment=w[2, :3])
+    assert np.abs(moved.q - robot.home).max() < 1e-12  # the same load by its other name
+    both = robot.simulate(
+        hold,
+        robot.home,
+        np.zeros(3),
+        t,
+        platform_moment=lambda t, q, va: 3 * w[2, :3],
+        external_wrenches=-2 * w,
+    )
+    assert np.abs(both.q - robot.home).max() < 1e-12
     called = robot.simulate(
         lambda t, q, va: hold, robot.home, np.zeros(3), t, external_wrenches=lambda t, q, va: 2 * w
     )
@@ -142,6 +159,7 @@ def test_arguments_are_checked_before_the_integration(robot, circle):
     q, va = circle.q[0], circle.va[0]
     for torque, t, word in (
         (np.zeros(2), [0, 1], r"torque: shape \(2,\)"),
+        (np.zeros((4, 3)), [0, 1], r"torque: shape \(4, 3\), expected \(2, 3\)"),
         (np.zeros(3), [0], "N >= 2"),
         (np.zeros(3), [0, 1, 1], r"not increasing: t\[2\] = 1 after 1"),
         (np.zeros(3), [0, np.nan], "t: entry"),
