@@ -65,6 +65,14 @@ def test_a_hundred_seconds_of_swinging_keep_energy_and_closures(rotvec):
     assert np.abs(motion.va).max() > 0.1  # it does swing
 
 
+def test_closures_hold_whatever_the_tolerance_of_the_integrator():
+    """A coarse integration drifts along the closures, never off them."""
+    robot = sst_pin.SST(HANGING)
+    start, t = tilted_home(robot, (0.2, 0.1, 0)), np.linspace(0, 20, 41)
+    coarse = robot.simulate(np.zeros(3), start, np.zeros(3), t, rtol=1e-4, atol=1e-4)
+    assert worst_residual(robot, coarse) < 1e-11
+
+
 def test_projection_leaves_the_dynamics_alone():
     """The same motion integrated in R and omega of the star, by another formulation in time."""
     robot = sst_pin.SST(HANGING)
