@@ -3,9 +3,9 @@
 
 import numpy as np
 import pytest
-from generators import random_parameters
 
 import sst_pin
+from sst_pin.sampling import random_parameters
 
 
 @pytest.fixture(scope="session")

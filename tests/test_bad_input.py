@@ -6,11 +6,11 @@ import pickle
 import numpy as np
 import pinocchio as pin
 import pytest
-from generators import random_states
 from scipy.spatial.transform import Rotation
 
 import sst_pin
 from sst_pin import errors
+from sst_pin.sampling import random_states
 
 HOME = sst_pin.SST().home
 RATES = np.array((1.0, 2, 3))

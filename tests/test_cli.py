@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from generators import random_parameters
 
 import sst_pin
 from sst_pin import paper
 from sst_pin.cli import main
 from sst_pin.description import describe
+from sst_pin.sampling import random_parameters
 
 ROOT = Path(__file__).resolve().parents[1]
 SAMPLE = ROOT / "examples" / "figure_eight.csv"

@@ -8,10 +8,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import yaml
-from generators import random_parameters
 
 import sst_pin
 from sst_pin.description import JOINT_NAMES, base_orientations, describe, star_orientations
+from sst_pin.sampling import random_parameters
 
 ROOT = Path(__file__).resolve().parents[1]
 

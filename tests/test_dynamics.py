@@ -5,10 +5,10 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pinocchio as pin
 import pytest
-from generators import random_parameters, random_state, random_states
 
 import sst_pin
 from sst_pin.dynamics import Friction
+from sst_pin.sampling import random_parameters, random_state, random_states
 
 #: shared by two independent implementations that agree to 1e-14 (example 1, [s] and [N m])
 REFERENCE = {

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: BSD-2-Clause
 import numpy as np
 import pytest
-from generators import random_parameters, random_state, random_states
 from scipy.spatial.transform import Rotation
 
 import sst_pin
 from sst_pin.direct_kinematics import orientations
+from sst_pin.sampling import random_parameters, random_state, random_states
 
 
 def wrap(angle):

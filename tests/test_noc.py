@@ -4,10 +4,10 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from generators import random_parameters, random_state
 
 import sst_pin
 from sst_pin import kinematics
+from sst_pin.sampling import random_parameters, random_state
 
 
 @pytest.fixture(params=range(8))

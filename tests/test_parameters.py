@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
 import numpy as np
 import pytest
-from generators import random_parameters
 
 from sst_pin import Parameters, ParametersError, RigidBody
+from sst_pin.sampling import random_parameters
 
 
 def test_defaults_are_the_robot_of_the_paper():

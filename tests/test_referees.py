@@ -8,7 +8,6 @@ from types import FunctionType
 
 import numpy as np
 import pytest
-from generators import random_parameters, random_state
 from numpy.testing import assert_allclose, assert_array_equal
 from robots import ROBOTS
 from scipy.spatial.transform import Rotation
@@ -18,6 +17,7 @@ from sst_pin import closures, dynamics, noc, referees
 from sst_pin.closures import LoopKinematics
 from sst_pin.errors import ClosureError, DescriptionError, InputError, MissingExtraError
 from sst_pin.referees import lagrange
+from sst_pin.sampling import random_parameters, random_state
 
 #: Module, class and Python package of every referee of one instant.
 REFEREES = {

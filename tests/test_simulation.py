@@ -3,11 +3,11 @@ import warnings
 
 import numpy as np
 import pytest
-from generators import random_parameters, random_state
 from scipy.spatial.transform import Rotation
 
 import sst_pin
 from sst_pin import paper
+from sst_pin.sampling import random_parameters, random_state
 
 HANGING = sst_pin.Parameters(gravity=9.81 * np.ones(3) / np.sqrt(3))
 

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from generators import random_parameters, random_states
 from numpy.typing import NDArray
 
 import sst_pin
@@ -20,6 +19,7 @@ from sst_pin.errors import (
     SSTError,
     WorkspaceError,
 )
+from sst_pin.sampling import random_parameters, random_states
 from sst_pin.virtual_work import VirtualWork
 
 Array = NDArray[np.float64]
