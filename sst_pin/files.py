@@ -23,6 +23,10 @@ Array = NDArray[np.float64]
 Writer = Callable[[BinaryIO], None]
 
 
+#: What people call the column of times.
+_TIME = dict.fromkeys(("time_s", "t", "time"), "t_s")
+
+
 class Table(NamedTuple):
     """A CSV of numbers.
 
@@ -63,7 +67,9 @@ class Table(NamedTuple):
 
 
 def read_table(path: str | Path) -> Table:
-    """Read a CSV with one header line, rows of finite numbers and increasing times `t_s`.
+    """Read a CSV with one header line, rows of finite numbers and increasing times.
+
+    The column of times is `t_s`; `time_s`, `t` and `time` are taken for it.
 
     Raises:
         FileFormatError: With the line at fault.
@@ -76,7 +82,7 @@ def read_table(path: str | Path) -> Table:
         raise FileFormatError(path, f"cannot be read: {reason}") from None
     reader = csv.reader(io.StringIO(text, newline=""), skipinitialspace=True)
     try:
-        header = tuple(name.strip() for name in next(reader, []))
+        header = tuple(_TIME.get(name.strip(), name.strip()) for name in next(reader, []))
         rows = [(reader.line_num, row) for row in reader if any(cell.strip() for cell in row)]
     except csv.Error as error:
         raise FileFormatError(path, str(error), reader.line_num) from None

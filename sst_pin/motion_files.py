@@ -27,8 +27,8 @@ def read_motion(robot: SST, path: str | Path) -> Trajectory:
     """The motor torques of a motion in a CSV, at the times that stand there.
 
     The columns are `t_s` and one of: `qw, qx, qy, qz`, the orientation of {E} in the base;
-    `theta, phi, psi`, the paper's angles; `gamma_1, gamma_2, gamma_3`. Angles end in `_rad` or
-    `_deg`; `psi` may be left out and is then zero. Rates come from smooth interpolation: on the
+    `theta, phi, psi`, the paper's angles; `gamma_1, gamma_2, gamma_3`. Angles may end in `_rad` or
+    `_deg` and are radians without; `psi` may be left out and is then zero. Rates come from smooth interpolation: on the
     rotation group for orientations, by splines of degree five for motor angles.
 
     Args:
@@ -71,7 +71,8 @@ def read_motion(robot: SST, path: str | Path) -> Trajectory:
 
 def _unit(table: Table, name: str) -> str | None:
     """The column of an angle, whatever its unit."""
-    return next((c for c in (f"{name}_rad", f"{name}_deg") if c in table.columns), None)
+    names = (f"{name}_rad", f"{name}_deg", name)
+    return next((column for column in names if column in table.columns), None)
 
 
 def _angle(table: Table, name: str) -> Array:

@@ -147,7 +147,7 @@ def robot_pose(ax: Axes, robot: SST, q: Array, radii: tuple[float, float] = (0.3
         arc = star * (np.cos(angles) * s - np.sin(angles) * np.cross(legs.n[k], s))
         ax.plot(*arc.T, color=colour, linewidth=1.8)
         # Beside the arc: towards neither of its ends.
-        beside = 1.12 * carriage[1] + 0.05 * legs.n[k]
+        beside = 1.12 * carriage[1] + 0.08 * legs.n[k]
         ax.text(*beside, f"$R_{k + 1}$", color=colour, ha="center", va="center")
     E = star * legs.s[0]
     ax.plot(*E[:, None], "o", color="black", markersize=4)

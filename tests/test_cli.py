@@ -90,7 +90,7 @@ def write_motion(path, columns, values):
     path.write_text("\n".join([",".join(columns), *rows]) + "\n")
 
 
-@pytest.mark.parametrize("kind", ["quaternions", "radians", "degrees", "motors"])
+@pytest.mark.parametrize("kind", ["quaternions", "radians", "bare", "degrees", "motors"])
 def test_every_way_of_writing_a_motion_gives_the_torques_of_example_1(here, capsys, robot, kind):
     """Quaternions, theta and phi with and without psi, motor angles; signs of q do not matter."""
     from scipy.spatial.transform import Rotation
@@ -106,13 +106,15 @@ def test_every_way_of_writing_a_motion_gives_the_torques_of_example_1(here, caps
             Rotation.from_matrix(R).as_quat()[:, [3, 0, 1, 2]] * np.resize((1, -1), (201, 1)),
         ),
         "radians": (("theta_rad", "phi_rad"), np.array((theta, phi)).T),
+        "bare": (("phi", "theta"), np.array((phi, theta)).T),
         "degrees": (
             ("theta_deg", "phi_deg", "psi_deg"),
             np.degrees(np.array((theta, phi, 0 * phi)).T),
         ),
         "motors": (("gamma_1_rad", "gamma_2_rad", "gamma_3_rad"), example.q[:, ::3]),
     }[kind]
-    write_motion(here / "m.csv", ("t_s", *columns), np.column_stack([t, values]))
+    time = "time" if kind == "bare" else "t_s"
+    write_motion(here / "m.csv", (time, *columns), np.column_stack([t, values]))
     assert run(capsys, "torques", "m.csv", "-o", "out.csv")[0] == 0
     motion = sst_pin.Trajectory.load("out.csv")
     assert np.abs(motion.q - example.q).max() < 1e-9
@@ -190,8 +192,8 @@ BAD = {
     "no motion": ("t_s,x\n0,1\n", "line 1: columns of no motion"),
     "two motions": ("t_s,theta_rad,phi_rad,qw\n0,1,1,1\n", "columns of two kinds of motion"),
     "too short": ("t_s,theta_rad,phi_rad\n0,1,1\n1,1,1\n", "2 rows; rates need three"),
-    "no unit": (
-        "t_s,gamma_1_rad,gamma_2_rad,gamma_3\n0,1,1,1\n1,1,1,1\n2,1,1,1\n",
+    "angle left out": (
+        "t_s,gamma_1_rad,gamma_2_rad\n0,1,1\n1,1,1\n2,1,1\n",
         "missing column gamma_3_rad",
     ),
     "long quaternion": (
