@@ -28,8 +28,8 @@ def read_motion(robot: SST, path: str | Path) -> Trajectory:
 
     The columns are `t_s` and one of: `qw, qx, qy, qz`, the orientation of {E} in the base;
     `theta, phi, psi`, the paper's angles; `gamma_1, gamma_2, gamma_3`. Angles may end in `_rad` or
-    `_deg` and are radians without; `psi` may be left out and is then zero. Rates come from smooth interpolation: on the
-    rotation group for orientations, by splines of degree five for motor angles.
+    `_deg` and are radians without; `psi` may be left out and is then zero. Rates come from splines
+    of degree five: on the rotation group for orientations, in the angles for motors.
 
     Args:
         robot: Whose motion it is.
