@@ -1,0 +1,161 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Figures that hold several methods, or several readings of the paper, side by side.
+
+Like those of `plots`, the functions draw into axes that they are given and hand them back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .plots import COLOURS, DASHES, motor_torques, paths_on_sphere
+from .sst import SST
+from .trajectories import Trajectory
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+Axes = Any
+
+#: Colour and marker of each method; the colours of legs and these are eight of Okabe and Ito's.
+LOOKS = ((COLOURS[0], ""), ("#000000", "o"), ("#E69F00", "s"), ("#56B4E9", "^"), ("#CC79A7", "x"))
+
+
+class Method(NamedTuple):
+    """What one method found.
+
+    Attributes:
+        label: Its name in the legend.
+        t: Times, shape (N,), [s].
+        values: Torques, shape (N, 3); orientations, shape (N, 3, 3); or differences, shape (N,).
+        look: Index of its colour and marker; runs of one engine share them.
+        rough: Whether it is a coarser run of the method before it, drawn dashed.
+    """
+
+    label: str
+    t: Array
+    values: Array
+    look: int
+    rough: bool = False
+
+
+def torques_of_methods(ax: Axes, ours: Trajectory, others: Sequence[Method]) -> Axes:
+    """Torques of ours as lines, those of other methods as marks on them (Fig. 10).
+
+    Args:
+        ax: Plane axes.
+        ours: Motion of an SST.
+        others: With torques; the labels of their marks are those of `differences`.
+    """
+    motor_torques(ax, ours)
+    for number, method in enumerate(others):
+        picked = _spread(method.t, number, len(others), 9)
+        ax.plot(method.t[picked], method.values[picked], **_mark(method))
+    return ax
+
+
+def differences(ax: Axes, methods: Sequence[Method], what: str) -> Axes:
+    """Sizes of differences against time, logarithmic.
+
+    Args:
+        ax: Plane axes.
+        methods: With differences; exact zeros have no place on the axis.
+        what: Label of the axis, with its unit.
+    """
+    for number, method in enumerate(methods):
+        colour, _ = LOOKS[method.look]
+        seen = method.values > 0
+        t, values = method.t[seen], method.values[seen]
+        dashes = (0, (4, 2)) if method.rough else "-"
+        ax.semilogy(t, values, color=colour, linestyle=dashes, linewidth=0.8, alpha=0.8)
+        if seen.any() and not method.rough:
+            picked = _spread(t, number, len(methods), 9)
+            ax.plot(t[picked], values[picked], **_mark(method))
+        # One entry of the legend for line and marks.
+        mark = {} if method.rough else _mark(method)
+        ax.plot([], [], **(mark | {"linestyle": dashes, "color": colour}), label=method.label)
+    ax.set(xlabel="time (s)", ylabel=what)
+    return ax
+
+
+def legend_below(figure: Figure, ax: Axes) -> None:
+    """One legend for all axes of a figure, where it covers none of their curves."""
+    handles, labels = ax.get_legend_handles_labels()
+    figure.legend(handles, labels, ncols=2, loc="outside lower center", handlelength=2.2)
+
+
+def paths_of_methods(
+    ax: Axes, robot: SST, wanted: Trajectory, ours: Trajectory, others: Sequence[Method]
+) -> Axes:
+    """Path of E by ours as a line over the wanted one, those of other methods as marks (Fig. 11).
+
+    Args:
+        ax: Axes with projection "3d".
+        robot: The SST.
+        wanted: The motion that the torques were computed for.
+        ours: The motion that they lead to.
+        others: With orientations of {E} in the base; labels as for `torques_of_methods`.
+    """
+    radius = 0.4
+    paths_on_sphere(ax, robot, [("wanted path", wanted), ("NOC", ours)], radius)
+    ax.get_legend().remove()
+    for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
+        axis.get_major_locator().set_params(base=0.2)  # 0.1 m is narrow at column width
+    for number, method in enumerate(others):
+        picked = _spread(method.t, number, len(others), 9)
+        E = radius * method.values[picked, :, 0]
+        ax.plot(*E.T, **_mark(method), zorder=12)
+    return ax
+
+
+def torques_of_reading(ax: Axes, default: Trajectory, reading: Trajectory, title: str) -> Axes:
+    """Torques of one reading of the paper over those of the default, with their peaks.
+
+    Args:
+        ax: Plane axes.
+        default: Motion of the default robot.
+        reading: The same motion of the star by another robot.
+        title: What this one takes otherwise.
+    """
+    ax.axhline(0, color="0.8", linewidth=0.5)
+    ax.plot(default.t, default.tau, color="0.72", linewidth=1.8, label=["default", "", ""])
+    for k in range(3):
+        label = rf"$\tau_{k + 1}$"
+        ax.plot(
+            reading.t,
+            reading.tau[:, k],
+            color=COLOURS[k],
+            linestyle=DASHES[k],
+            linewidth=1.0,
+            label=label,
+        )
+    peaks = ", ".join(f"{peak:.1f}" for peak in np.abs(reading.tau).max(axis=0))
+    ax.set_title(title, fontsize=8)
+    ax.text(0.5, 0.03, f"peaks {peaks} N m", transform=ax.transAxes, ha="center", fontsize=7)
+    ax.set(xlim=(default.t[0], default.t[-1]))
+    return ax
+
+
+def _spread(t: Array, number: int, of: int, count: int) -> NDArray[np.intp]:
+    """Indices of some samples, evenly apart and beside those of the other methods."""
+    share = (np.arange(count) + (number + 0.5) / max(of, 1)) / count
+    wanted = t[0] + share * (t[-1] - t[0])
+    return np.minimum(np.searchsorted(t, wanted), len(t) - 1)
+
+
+def _mark(method: Method) -> dict[str, Any]:
+    """An open mark that leaves what is under it to be seen."""
+    colour, marker = LOOKS[method.look]
+    return {
+        "linestyle": "none",
+        "marker": marker,
+        "color": colour,
+        "markerfacecolor": "none",
+        "markersize": 3.5,
+        "markeredgewidth": 0.8,
+    }
