@@ -17,10 +17,10 @@ from importlib import import_module
 from pathlib import Path
 
 import numpy as np
-import paper_equations as equations
-import printed_forms as forms
 from numpy.typing import NDArray
 
+import paper_equations as equations
+import printed_forms as forms
 from sst_pin import SST, Parameters, RigidBody, Trajectory, paper_circle
 from sst_pin.files import write_files
 from sst_pin.paper import PERIOD, angles_off_path, example_1, example_2

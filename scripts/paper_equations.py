@@ -20,7 +20,6 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
 import printed_forms as forms
 from printed_forms import FIRST, Case, Forms, error
-
 from sst_pin import BRANCHES, SST, paper, paper_circle
 from sst_pin.virtual_work import VirtualWork
 

@@ -1,27 +1,19 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The page about the paper is current, and its check sees it when it is not."""
 
-import sys
 from importlib import import_module
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import sst_pin
 
-SCRIPTS = Path(__file__).resolve().parents[1] / "scripts"
-
 
 @pytest.fixture(scope="module")
 def script():
     """scripts/make_paper_docs.py as a module."""
     pytest.importorskip("matplotlib", reason="matplotlib is not installed (extra 'plot')")
-    sys.path.insert(0, str(SCRIPTS))
-    try:
-        yield import_module("make_paper_docs")
-    finally:
-        sys.path.remove(str(SCRIPTS))
+    return import_module("make_paper_docs")
 
 
 @pytest.fixture(scope="module")

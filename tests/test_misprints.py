@@ -6,8 +6,9 @@ The forms stand in `printed_forms`; the minus signs in the upper row of (62) are
 """
 
 import numpy as np
-import printed_forms as forms
 import pytest
+
+import printed_forms as forms
 
 SEED = 2012
 #: Motions of the paper's robot, then one of each of as many others, with friction.

@@ -5,8 +5,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from numpy.testing import assert_allclose
-from robots import GRAVITY, ROBOTS, Robot, derivatives, difference
 
+from robots import GRAVITY, ROBOTS, Robot, derivatives, difference
 from sst_pin import ClosedChain, Closure
 from sst_pin.errors import (
     ActuationError,

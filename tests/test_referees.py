@@ -9,10 +9,10 @@ from types import FunctionType
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from robots import ROBOTS
 from scipy.spatial.transform import Rotation
 
 import sst_pin
+from robots import ROBOTS
 from sst_pin import closures, dynamics, noc, referees
 from sst_pin.closures import LoopKinematics
 from sst_pin.errors import ClosureError, DescriptionError, InputError, MissingExtraError

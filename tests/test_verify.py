@@ -3,9 +3,9 @@ import json
 
 import numpy as np
 import pytest
-from robots import ROBOTS
 
 import sst_pin
+from robots import ROBOTS
 from sst_pin import dynamics, referees, verify
 from sst_pin.cli import main
 from sst_pin.comparisons import Judge
