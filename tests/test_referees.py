@@ -21,6 +21,7 @@ from sst_pin.sampling import random_parameters, random_state
 
 #: Module, class and Python package of every referee of one instant.
 REFEREES = {
+    "..virtual_work": ("VirtualWork", "numpy"),
     "lagrange": ("LagrangeMultipliers", "pinocchio"),
     "symbolic": ("SymbolicLagrange", "casadi"),
     "mujoco_engine": ("MujocoInverse", "mujoco"),
@@ -44,7 +45,8 @@ def referee(request):
     """The class of a referee."""
     kind, package = REFEREES[request.param]
     pytest.importorskip(package, reason=f"{package} is not installed (extra 'verify')")
-    return getattr(import_module(f"sst_pin.referees.{request.param}"), kind)
+    module = request.param if request.param.startswith(".") else f".{request.param}"
+    return getattr(import_module(module, "sst_pin.referees"), kind)
 
 
 def need(module, package):
@@ -273,6 +275,16 @@ def _forget_coriolis(patch):
     patch.setattr(dynamics, "terms", lambda *args: replace(right(*args), coriolis=np.zeros((3, 3))))
 
 
+def _flip_complement_rate(patch):
+    right = dynamics.terms
+
+    def flipped(*args):
+        t = right(*args)
+        return replace(t, coriolis=t.coriolis - 2 * t.T.T @ t.M @ t.T_dot)
+
+    patch.setattr(dynamics, "terms", flipped)
+
+
 def _forget_passive_friction(patch):
     right = dynamics.Friction.forces
     actuated = np.tile([1, 0, 0], 3)
@@ -290,6 +302,7 @@ def _turn_inertia(bodies):
 MUTATIONS = {
     "flipped sign in Phi_dot": _flip_closure_rate,
     "flipped sign in K_dot": _change_bodies(lambda b: b._replace(K_dot=-b.K_dot)),
+    "flipped sign in T_dot": _flip_complement_rate,
     "no gyroscopic moments": _change_bodies(lambda b: b._replace(Omega=0 * b.Omega)),
     "no Coriolis terms": _forget_coriolis,
     "wrong axis of an inertia": _change_bodies(_turn_inertia),
@@ -352,7 +365,7 @@ def test_all_referees_are_had_or_told_how_to_be_had(monkeypatch):
     """A package that is not there costs one referee, not all."""
     monkeypatch.setitem(sys.modules, "mujoco", None)  # what Python takes for not installed
     available, missing = referees.all_referees(sst_pin.Parameters())
-    assert len(available) + len(missing) == len(REFEREES) + 1  # and virtual work
+    assert len(available) + len(missing) == len(REFEREES)
     assert "mujoco" not in {judge.package for judge in available}
     (message,) = [str(error) for error in missing if "mujoco" in str(error)]
     assert "pip install 'sst-pin[verify]'" in message
