@@ -369,7 +369,7 @@ EQUATIONS = (
     Equation(
         "(2), (37)",
         "closures f(q) = 0",
-        ("closed_chain.ClosedChain.residual", "sst.SST.inverse_kinematics"),
+        ("closed_tree.ClosedTree.residual", "sst.SST.inverse_kinematics"),
         (_KINEMATICS + "inverse_kinematics_closes_the_loops_on_all_branches",),
         "zero, on all eight branches (rad)",
         _closures,
@@ -377,7 +377,7 @@ EQUATIONS = (
     Equation(
         "(3)",
         "Phi q_dot = 0",
-        ("closed_chain.ClosedChain.Phi",),
+        ("closed_tree.ClosedTree.Phi",),
         ("test_other_robots::test_L_is_an_orthogonal_complement_of_Phi",),
         "joint rates in closed form",
         _no_open_rate,
@@ -428,7 +428,7 @@ EQUATIONS = (
     Equation(
         "(16)",
         "q_dot = L va",
-        ("closed_chain.ClosedChain.joint_rates",),
+        ("closed_tree.ClosedTree.joint_rates",),
         (_KINEMATICS + "platform_velocity_inverts_joint_motion",),
         "joint rates in closed form",
         _rates,

@@ -1,36 +1,30 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""`ClosedChain`: any Pinocchio tree of one-coordinate joints, closed and driven by motors."""
+"""`ClosedChain`: the dynamics of any closed and driven Pinocchio tree."""
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from math import isfinite
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from . import assembly, dynamics, mobility
+from . import dynamics
 from .batches import as_array, finite_array, for_each_sample, single_array
-from .closures import Closure, LoopKinematics
-from .errors import ActuationError, ClosureError, DescriptionError, InputError, UnknownNameError
-from .noc import Actuation, JointComplement
+from .closed_tree import ClosedTree
+from .closures import Closure
 
 if TYPE_CHECKING:
     from .simulation import Load, Torque
     from .trajectories import Trajectory
 
 Array = NDArray[np.float64]
-_Value = TypeVar("_Value")
-
-#: Frames further apart than this, [m] or [rad], are an open closure.
-CLOSURE_TOLERANCE = 1e-6
 
 
-class ClosedChain:
-    """A robot with closed loops: its kinematics, its dynamics, its motion.
+class ClosedChain(ClosedTree):
+    """A robot with closed loops: its dynamics and its motion on top of its kinematics.
 
     Joint vectors `q` are in the order of `joint_names`, actuated ones (`va`, `aa`, `tau`) in the
     order given. Methods are safe to call from several threads.
@@ -57,154 +51,13 @@ class ClosedChain:
         viscous_friction: ArrayLike | None = None,
         coulomb_friction: ArrayLike | None = None,
     ) -> None:
-        self.model = model
-        self.closures = tuple(c if isinstance(c, Closure) else Closure(*c) for c in closures)
-        self.joint_names: tuple[str, ...] = tuple(list(model.names)[1:])
-        _require_simple(model, self.joint_names, self.closures)
-        self._actuation = Actuation.of([self._joint_index(name) for name in actuated], model.nv)
-        if len(set(actuated)) != len(actuated):
-            raise InputError("actuated", f"a joint stands twice in {list(actuated)}")
+        super().__init__(model, closures, actuated)
         viscous = model.damping if viscous_friction is None else viscous_friction
         coulomb = model.friction if coulomb_friction is None else coulomb_friction
         self.friction = dynamics.Friction(
             finite_array("viscous_friction", viscous, (model.nv,)).copy(),
             finite_array("coulomb_friction", coulomb, (model.nv,)).copy(),
         )
-        self._m, self._n = model.nv, len(actuated)
-        self._per_thread = threading.local()
-        self._motors_match = False
-        rows = self._kinematics.rows  # finds the frames, or says which is unknown
-        if rows < len(self._actuation.unactuated):
-            raise ActuationError(
-                f"{model.nv} joints, {len(actuated)} motors and {rows} closure equations: "
-                f"at least {len(self._actuation.unactuated) - rows} more motors are needed"
-            )
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {key: value for key, value in self.__dict__.items() if key != "_per_thread"}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
-        self._per_thread = threading.local()
-
-    @property
-    def actuated(self) -> tuple[int, ...]:
-        """Indices of the motors' joints in q."""
-        return tuple(int(i) for i in self._actuation.actuated)
-
-    @property
-    def joint_units(self) -> tuple[str, ...]:
-        """Unit of each joint, "rad" or "m"."""
-        kinds = [joint.shortname() for joint in list(self.model.joints)[1:]]
-        return tuple("m" if kind.startswith("JointModelP") else "rad" for kind in kinds)
-
-    # --- closures ---------------------------------------------------------------------------
-
-    def residual(self, q: ArrayLike) -> Array:
-        """How far the loops are open.
-
-        Args:
-            q: Joint coordinates, shape (m,), [rad] or [m].
-
-        Returns:
-            f(q) of Eq. (2), shape (rows,): [m] and [rad], base axes, closure after closure.
-        """
-        return self._at(q, lambda kinematics, _: kinematics.residual())
-
-    def Phi(self, q: ArrayLike) -> Array:
-        """Jacobian of the closures with all rows, redundant ones too, Eqs. (3), (4).
-
-        Args:
-            q: Joint coordinates on the closures, shape (m,).
-
-        Returns:
-            Shape (rows, m).
-        """
-        return self._at(q, lambda kinematics, _: kinematics.Phi())
-
-    def Phi_dot(self, q: ArrayLike, q_dot: ArrayLike) -> Array:
-        """Rate of `Phi` at joint rates that keep the loops closed.
-
-        Args:
-            q: Joint coordinates on the closures, shape (m,).
-            q_dot: Rates of all joints, shape (m,).
-
-        Returns:
-            Shape (rows, m).
-        """
-        v = single_array("q_dot", q_dot, (self._m,))
-
-        def rate(kinematics: LoopKinematics, q: Array) -> Array:
-            kinematics.set_velocity(q, v)
-            return kinematics.Phi_dot(v)
-
-        return self._at(q, rate)
-
-    def condition_number(self, q: ArrayLike) -> float:
-        """Condition number of Phi^u: infinite where the motors lose hold of the robot.
-
-        Args:
-            q: Joint coordinates on the closures, shape (m,).
-        """
-        return float(np.linalg.cond(self.Phi(q)[:, self._actuation.unactuated]))
-
-    def assemble(self, q: ArrayLike, fixed: Sequence[str] | None = None) -> Array:
-        """Project a configuration onto the closures by Newton's method.
-
-        Args:
-            q: A guess, shape (m,).
-            fixed: Names of joints to be held; the actuated ones by default, () for none.
-
-        Returns:
-            A configuration near q with closed loops, shape (m,).
-
-        Raises:
-            ClosureError: When there is none within reach, with the residual that was left.
-            UnknownNameError: For an unknown joint.
-        """
-        guess = single_array("q", q, (self._m,))
-        if fixed is None:
-            free = self._actuation.unactuated
-        else:
-            free = np.setdiff1d(np.arange(self._m), [self._joint_index(name) for name in fixed])
-        return assembly.assemble(self._kinematics, guess, free)
-
-    def generic_configuration(self) -> Array:
-        """Some assembled configuration away from the symmetric ones, the same at each call.
-
-        Returns:
-            Shape (m,).
-
-        Raises:
-            ClosureError: When none is found.
-        """
-        return assembly.generic_configuration(self._kinematics)
-
-    def mobility(self, q: ArrayLike | None = None) -> mobility.Mobility:
-        """Count degrees of freedom, redundant closures and motors.
-
-        Args:
-            q: Joint coordinates on the closures, shape (m,); a generic configuration by default.
-
-        Returns:
-            A report that prints readably.
-
-        Raises:
-            ClosureError: When q is open, or when no configuration can be assembled.
-        """
-        if q is None:
-            q = self.generic_configuration()
-        q = single_array("q", q, (self._m,))
-        labels = [f"{c.frame_a} - {c.frame_b}: {row}" for c in self.closures for row in c.rows]
-        kinematics = self._kinematics
-        kinematics.set_position(q)
-        kinematics.require_closed(CLOSURE_TOLERANCE)
-        Phi = kinematics.Phi()
-        return mobility.analyse(
-            Phi, self.joint_names, self.actuated, list(self._actuation.unactuated), labels
-        )
-
-    # --- dynamics ---------------------------------------------------------------------------
 
     def compute_torques(
         self,
@@ -240,7 +93,7 @@ class ClosedChain:
         return for_each_sample(self._torques, (q, va, aa, wrenches), (1, 1, 1, 2), (n,))
 
     def _torques(self, q: Array, va: Array, aa: Array, wrenches: Array | None) -> Array:
-        tau = dynamics.inverse_dynamics(*self._closed_at(q), self.friction, q, va, aa, wrenches)
+        tau = dynamics.inverse_dynamics(*self.workspace_at(q), self.friction, q, va, aa, wrenches)
         if not isfinite(tau.dot(tau)):  # cheaper than looking at each input
             _require_finite(q=q, va=va, aa=aa, tau=tau)
         return tau
@@ -276,7 +129,7 @@ class ClosedChain:
         return for_each_sample(self._accelerations, (q, va, tau, wrenches), (1, 1, 1, 2), (n,))
 
     def _accelerations(self, q: Array, va: Array, tau: Array, wrenches: Array | None) -> Array:
-        aa, _ = dynamics.direct_dynamics(*self._closed_at(q), self.friction, q, va, tau, wrenches)
+        aa, _ = dynamics.direct_dynamics(*self.workspace_at(q), self.friction, q, va, tau, wrenches)
         if not isfinite(aa.dot(aa)):
             _require_finite(q=q, va=va, tau=tau, aa=aa)
         return aa
@@ -294,26 +147,7 @@ class ClosedChain:
         """
         va = single_array("va", va, (self._n,))
         q = single_array("q", q, (self._m,))
-        return dynamics.terms(*self._closed_at(q), self.friction, q, va)
-
-    def joint_rates(self, q: ArrayLike, va: ArrayLike) -> Array:
-        """Rates of all joints, q_dot = L va, Eq. (16).
-
-        Args:
-            q: Joint coordinates on the closures, shape (..., m).
-            va: Rates of the actuated joints, shape (..., n).
-
-        Returns:
-            Shape (..., m).
-        """
-        m, n = self._m, self._n
-
-        def rates(q: Array, va: Array) -> Array:
-            kinematics, complement = self._closed_at(q)
-            return complement.factorise(kinematics.Phi()) @ va
-
-        arrays = (finite_array("q", q, (m,)), finite_array("va", va, (n,)))
-        return for_each_sample(rates, arrays, (1, 1), (m,))
+        return dynamics.terms(*self.workspace_at(q), self.friction, q, va)
 
     def kinetic_energy(self, q: ArrayLike, va: ArrayLike) -> Array:
         """Kinetic energy, shape (...), [J]; arguments as `joint_rates`."""
@@ -363,71 +197,10 @@ class ClosedChain:
 
         return simulate(self, torque, q0, va0, t, external_wrenches=external_wrenches, **options)
 
-    # --- inside -----------------------------------------------------------------------------
-
-    @property
-    def _workspace(self) -> tuple[LoopKinematics, JointComplement]:
-        """This thread's scratch memory."""
-        try:
-            return self._per_thread.workspace
-        except AttributeError:
-            kinematics = LoopKinematics(self.model, self.closures)
-            complement = JointComplement(kinematics.rows, self._actuation)
-            self._per_thread.workspace = kinematics, complement
-            return kinematics, complement
-
-    @property
-    def _kinematics(self) -> LoopKinematics:
-        return self._workspace[0]
-
-    def _closed_at(self, q: Array) -> tuple[LoopKinematics, JointComplement]:
-        """This thread's workspace at one configuration, found to be closed."""
-        kinematics, complement = self._workspace
-        if not self._motors_match:
-            self._require_motors_to_match(q)
-        kinematics.set_position(q)
-        kinematics.require_closed(CLOSURE_TOLERANCE)
-        return kinematics, complement
-
-    def _require_motors_to_match(self, q: Array) -> None:
-        """Check once, where nothing special is to be expected, that motors and freedoms agree."""
-        try:
-            report = self.mobility()
-            self._motors_match = True
-        except ClosureError:  # no such place found: ask at each configuration in use
-            report = self.mobility(q)
-        if not report.sufficient or report.redundantly_actuated:
-            self._motors_match = False
-            raise ActuationError(f"the motors do not match the degrees of freedom:\n{report}")
-
-    def _at(self, q: ArrayLike, compute: Callable[[LoopKinematics, Array], _Value]) -> _Value:
-        array = single_array("q", q, (self._m,))
-        kinematics = self._kinematics
-        kinematics.set_position(array)
-        return compute(kinematics, array)
-
-    def _joint_index(self, name: str) -> int:
-        if name not in self.joint_names:
-            raise UnknownNameError("joint", name, self.joint_names)
-        return int(self.model.joints[self.model.getJointId(name)].idx_v)
-
     def _wrenches(self, wrenches: ArrayLike | None) -> Array | None:
         if wrenches is None:
             return None
         return finite_array("external_wrenches", wrenches, (self.model.njoints - 1, 6))
-
-
-def _require_simple(model: pin.Model, names: Sequence[str], closures: Sequence[Closure]) -> None:
-    problems = [
-        f"joint {name}: {joint.nq} coordinates and {joint.nv} rates, one of each is needed"
-        + (" (a continuous joint? make it revolute with wide limits)" if joint.nq == 2 else "")
-        for name, joint in zip(names, list(model.joints)[1:], strict=True)
-        if (joint.nq, joint.nv) != (1, 1)
-    ]
-    if not closures:
-        problems.append("no closures; an open tree needs pinocchio.rnea and nothing else")
-    if problems:
-        raise DescriptionError(f"model {model.name}", problems)
 
 
 def _require_finite(**arrays: Array) -> None:

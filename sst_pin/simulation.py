@@ -171,7 +171,7 @@ class _Motion:
 
     def _accelerations(self, time: float, q: Array, va: Array) -> tuple[Array, Array]:
         tau, load = self._torque(time, q, va), self._load(time, q, va)
-        workspace = self._chain._closed_at(q)
+        workspace = self._chain.workspace_at(q)
         return dynamics.direct_dynamics(*workspace, self._friction, q, va, tau, load)
 
     def condition_number(self, state: Array) -> float:
