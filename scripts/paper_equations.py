@@ -20,6 +20,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
 import printed_forms as forms
 from printed_forms import FIRST, Case, Forms, error
+from reference import EXAMPLE_1
 from sst_pin import BRANCHES, SST, paper, paper_circle
 from sst_pin.virtual_work import VirtualWork
 
@@ -28,13 +29,6 @@ Array = NDArray[np.float64]
 SEED = 2012
 #: Motions of the paper's robot, then one of each of as many random robots.
 STATES, ROBOTS = 20, 20
-#: Reference torques of example 1 at 0, pi/36, pi/18, pi/12 s, known from 40-digit arithmetic.
-REFERENCE = (
-    (0, 17.014064375472, -17.014064375472),
-    (-9.1972619381514, 16.138959547029, -6.4278229554802),
-    (-23.711839613315, 3.5571443419303, 1.8456996579779),
-    (0, -10.958379606339, 10.958379606339),
-)
 
 
 class Equation(NamedTuple):
@@ -332,8 +326,8 @@ def _direct_dynamics(case: Case) -> float:
 
 
 def _example_1(_: Sequence[Case]) -> float:
-    t = (0, np.pi / 36, np.pi / 18, np.pi / 12)
-    return float(np.abs(paper.example_1(SST(), t).tau - REFERENCE).max())
+    motion = paper.example_1(SST(), list(EXAMPLE_1))
+    return float(np.abs(motion.tau - list(EXAMPLE_1.values())).max())
 
 
 def _initial_state(_: Sequence[Case]) -> float:

@@ -7,16 +7,9 @@ import pinocchio as pin
 import pytest
 
 import sst_pin
+from reference import EXAMPLE_1
 from sst_pin.dynamics import Friction
 from sst_pin.sampling import random_parameters, random_state, random_states
-
-#: shared by two independent implementations that agree to 1e-14 (example 1, [s] and [N m])
-REFERENCE = {
-    0.0: (0, 17.014064375472, -17.014064375472),
-    np.pi / 36: (-9.1972619381514, 16.138959547029, -6.4278229554802),
-    np.pi / 18: (-23.711839613315, 3.5571443419303, 1.8456996579779),
-    np.pi / 12: (0, -10.958379606339, 10.958379606339),
-}
 
 
 @pytest.fixture(params=range(10))
@@ -27,11 +20,11 @@ def case(request):
     return robot, *robot.joint_motion(*random_state(robot, rng))
 
 
-@pytest.mark.parametrize("t", REFERENCE)
+@pytest.mark.parametrize("t", EXAMPLE_1)
 def test_torques_of_example_1_are_the_reference(robot, t):
     """To 1e-10 N m of numbers with thirteen digits."""
     q, va, aa = robot.joint_motion(*sst_pin.paper_circle(t))
-    assert np.abs(robot.compute_torques(q, va, aa) - REFERENCE[t]).max() < 1e-10
+    assert np.abs(robot.compute_torques(q, va, aa) - EXAMPLE_1[t]).max() < 1e-10
 
 
 def test_long_form_equals_short_form(case):

@@ -12,6 +12,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
 import sst_pin
+from reference import EXAMPLE_1
 from robots import ROBOTS
 from sst_pin import closures, dynamics, noc, referees
 from sst_pin.closures import LoopKinematics
@@ -30,14 +31,6 @@ REFEREES = {
 #: Relative to the largest torque. The worst of a thousand random states is 1e-12, with all referees
 #: alike: near singularities rounding grows with the condition number.
 TOLERANCE = 1e-10
-
-#: Torques of example 1 at t, computed twice in other ways, one of them in 40-digit arithmetic.
-EXAMPLE_1 = {
-    0: (0, 17.014064375472, -17.014064375472),
-    np.pi / 36: (-9.1972619381514, 16.138959547029, -6.4278229554802),
-    np.pi / 18: (-23.711839613315, 3.5571443419303, 1.8456996579779),
-    np.pi / 12: (0, -10.958379606339, 10.958379606339),
-}
 
 
 @pytest.fixture(scope="module", params=REFEREES)

@@ -11,6 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 import sst_pin
+from reference import EXAMPLE_1
 from sst_pin import conics, virtual_work
 from sst_pin.errors import (
     InputError,
@@ -76,15 +77,9 @@ def test_referee_imports_nothing_of_what_it_judges() -> None:
 
 def test_torques_of_the_paper_circle_are_the_reference_values() -> None:
     """Torques of example 1 known from an implementation in 40 digits."""
-    t = np.array((0, np.pi / 36, np.pi / 18, np.pi / 12))
-    tau = VirtualWork(sst_pin.Parameters()).torques(*sst_pin.paper_circle(t))
-    reference = (
-        (0, 17.014064375472, -17.014064375472),
-        (-9.1972619381514, 16.138959547029, -6.4278229554802),
-        (-23.711839613315, 3.5571443419303, 1.8456996579779),
-        (0, -10.958379606339, 10.958379606339),
-    )
-    assert np.abs(tau - reference).max() < 1e-11  # printed with 14 digits
+    times, torques = list(EXAMPLE_1), list(EXAMPLE_1.values())
+    tau = VirtualWork(sst_pin.Parameters()).torques(*sst_pin.paper_circle(times))
+    assert np.abs(tau - torques).max() < 1e-11  # printed with 14 digits
 
 
 def test_torques_equal_those_of_the_complement_on_the_paper_circle() -> None:
