@@ -112,7 +112,7 @@ class SingularConfigurationError(SSTError):
     """
 
     def __init__(self, problem: str, condition_number: float) -> None:
-        condition_number = condition_number if condition_number < 1e300 else math.inf
+        condition_number = condition_number if condition_number < 1e290 else math.inf
         super().__init__(f"{problem} (condition number {condition_number:.3g})")
         self.condition_number = condition_number
 
