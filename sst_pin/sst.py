@@ -430,9 +430,12 @@ class SST(ClosedChain):
             raise error
 
 
+_CORE = {"q": (9,)} | dict.fromkeys(("va", "aa", "tau", "platform_moment"), (3,))
+
+
 def _rows(**arrays: ArrayLike | None) -> list[Array | None]:
-    """Arguments as arrays of rows, (..., 9) for q and (..., 3) for the others."""
+    """Arguments as aligned arrays of rows, (..., 9) for q and (..., 3) for the others."""
     return [
-        None if value is None else as_array(name, value, (9 if name == "q" else 3,))
+        None if value is None else np.require(as_array(name, value, _CORE[name]), None, "A")
         for name, value in arrays.items()
     ]
