@@ -171,10 +171,10 @@ def count_all() -> Counted:
     Raises:
         ArithmeticError: When what was counted computes something else.
     """
-    robot, sst = Robot.of(sst_pin.Parameters()), sst_pin.SST()
+    robot, sst = Robot.of(sst_pin.Parameters()), sst_pin.SST(kernels=False)
     rng = np.random.default_rng(0)
     odd = sampling.random_parameters(rng, friction=False)
-    odd_robot, odd_sst = Robot.of(odd), sst_pin.SST(odd)
+    odd_robot, odd_sst = Robot.of(odd), sst_pin.SST(odd, kernels=False)
     motions = Instants.of(odd_sst, *sampling.random_states(odd_sst, rng, 100))
     instant = Instants.of(sst, *sst_pin.paper_circle(INSTANT))
     circle = Instants.of(sst, *sst_pin.paper_circle(np.linspace(0, PERIOD, SAMPLES)))
@@ -218,7 +218,7 @@ class Seconds(NamedTuple):
 def package_functions() -> dict[tuple[str, str], tuple[Callable[[Instants], Array], bool]]:
     """The package's own implementations, and whether they take all instants in one call."""
     p = sst_pin.Parameters()
-    robot, work = sst_pin.SST(p), VirtualWork(p)
+    robot, work = sst_pin.SST(p, kernels=False), VirtualWork(p)
     multipliers = lagrange.LagrangeMultipliers(p)
 
     def motion(x: Instants) -> tuple[Array, Array, Array]:

@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -69,6 +70,10 @@ def for_each_sample(
     arrays: Sequence[Array | None],
     core_axes: Sequence[int],
     result: tuple[int, ...],
+    *,
+    on_error: str = "raise",
+    out: Array | None = None,
+    fast: Callable[[list[Array | None], Array], NDArray[np.intp]] | None = None,
 ) -> Array:
     """Apply a function of single samples along the broadcast leading axes.
 
@@ -77,11 +82,20 @@ def for_each_sample(
         arrays: Each with leading axes before its core axes; None is handed on as it is.
         core_axes: Number of core axes of each array.
         result: Shape of one result.
+        on_error: "raise", or "nan" for NaN in the place of samples at fault.
+        out: Where results go, shape (..., *result), float64; it may overlap the inputs.
+        fast: Fills results of shape (n, size) from arrays of shape (n, ...), n samples, and
+            returns the indices of those it leaves to `function`.
+
+    Returns:
+        The results, shape (..., *result); `out` when it was given.
 
     Raises:
         SSTError: That of the first sample at fault, naming all samples with the like.
-        InputError: When the leading axes do not broadcast.
+        InputError: When the leading axes do not broadcast, or `out` does not fit.
     """
+    if on_error not in ("raise", "nan"):
+        raise InputError("on_error", f"{on_error!r} unknown; known: raise, nan")
     batches = [
         a.shape[: a.ndim - core] for a, core in zip(arrays, core_axes, strict=True) if a is not None
     ]
@@ -89,22 +103,46 @@ def for_each_sample(
         batch = np.broadcast_shapes(*batches)
     except ValueError:
         raise InputError("batch", f"leading axes {batches} do not broadcast") from None
-    if not batch:
-        return function(*arrays)
-    spread = [
-        None if a is None else np.broadcast_to(a, batch + a.shape[a.ndim - core :])
+    _require_fitting(out, batch + result)
+    n = math.prod(batch)
+    flat = [
+        None if a is None else _flat(a, batch, a.shape[a.ndim - core :])
         for a, core in zip(arrays, core_axes, strict=True)
     ]
-    results = np.empty(batch + result)
-    failures: dict[tuple[int, ...], SSTError] = {}
-    for index in np.ndindex(*batch):
+    results = np.empty((n, *result))
+    left: Iterable[int] = range(n)
+    if fast is not None:
+        left = map(int, fast(flat, results.reshape(n, math.prod(result))))
+    failures: dict[int, SSTError] = {}
+    for i in left:
         try:
-            results[index] = function(*(None if a is None else a[index] for a in spread))
+            results[i] = function(*(None if a is None else a[i] for a in flat))
         except SSTError as error:
-            failures[index] = error
-    if failures:
+            results[i] = np.nan
+            failures[i] = error
+    if failures and on_error == "raise":
         first = next(iter(failures.values()))
-        alike = [index for index, error in failures.items() if type(error) is type(first)]
-        first.name_samples(alike, int(np.prod(batch)))
+        if batch:
+            alike = [i for i, error in failures.items() if type(error) is type(first)]
+            indices = zip(*np.unravel_index(alike, batch), strict=True)
+            first.name_samples([tuple(map(int, index)) for index in indices], n)
         raise first
-    return results
+    shaped = results.reshape(batch + result)
+    if out is None:
+        return shaped
+    out[...] = shaped
+    return out
+
+
+def _flat(array: Array, batch: tuple[int, ...], core: tuple[int, ...]) -> Array:
+    """The samples in a row, (n, *core); a view where NumPy can."""
+    return np.broadcast_to(array, batch + core).reshape(math.prod(batch), *core)
+
+
+def _require_fitting(out: Array | None, shape: tuple[int, ...]) -> None:
+    if out is None:
+        return
+    if not isinstance(out, np.ndarray) or out.dtype != _FLOAT64 or not out.flags.writeable:
+        raise InputError("out", "not a float64 array that can be written to")
+    if out.shape != shape:
+        raise InputError("out", f"shape {out.shape}, expected {shape}")

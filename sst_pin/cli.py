@@ -291,6 +291,7 @@ def _info(arguments: argparse.Namespace) -> None:
     print(f"  moving mass {mass:.6g} kg, gravity {robot.model.gravity.linear.tolist()} m/s^2")
     friction = "none" if robot.friction.none else "viscous and Coulomb, as in the URDF"
     print(f"  friction {friction}")
+    print(f"  dynamics by {robot.path}")
     print(robot.mobility(robot.home))
 
 

@@ -66,6 +66,8 @@ class ClosedChain(ClosedTree):
         aa: ArrayLike,
         *,
         external_wrenches: ArrayLike | None = None,
+        out: Array | None = None,
+        on_error: str = "raise",
     ) -> Array:
         """Inverse dynamics: the motor torques of a motion, Eq. (92).
 
@@ -75,6 +77,8 @@ class ClosedChain(ClosedTree):
             aa: Accelerations of the actuated joints, shape (..., n).
             external_wrenches: [moment; force] that the surroundings exert on each body at its mass
                 centre, base axes, bodies in the order of the joints, shape (..., r, 6).
+            out: Array for the result.
+            on_error: "raise", or "nan" for NaN in the place of samples at fault.
 
         Returns:
             tau, shape (..., n), [N m] or [N].
@@ -88,9 +92,11 @@ class ClosedChain(ClosedTree):
         m, n = self._m, self._n
         q, va, aa = as_array("q", q, (m,)), as_array("va", va, (n,)), as_array("aa", aa, (n,))
         wrenches = self._wrenches(external_wrenches)
-        if q.ndim == va.ndim == aa.ndim == 1 and wrenches is None:
+        if q.ndim == va.ndim == aa.ndim == 1 and wrenches is out is None and on_error == "raise":
             return self._torques(q, va, aa, None)
-        return for_each_sample(self._torques, (q, va, aa, wrenches), (1, 1, 1, 2), (n,))
+        return for_each_sample(
+            self._torques, (q, va, aa, wrenches), (1, 1, 1, 2), (n,), on_error=on_error, out=out
+        )
 
     def _torques(self, q: Array, va: Array, aa: Array, wrenches: Array | None) -> Array:
         tau = dynamics.inverse_dynamics(*self.workspace_at(q), self.friction, q, va, aa, wrenches)
@@ -105,6 +111,8 @@ class ClosedChain(ClosedTree):
         tau: ArrayLike,
         *,
         external_wrenches: ArrayLike | None = None,
+        out: Array | None = None,
+        on_error: str = "raise",
     ) -> Array:
         """Direct dynamics: the accelerations of the actuated joints under given torques, Eq. (92).
 
@@ -113,6 +121,8 @@ class ClosedChain(ClosedTree):
             va: Rates of the actuated joints, shape (..., n).
             tau: Motor torques, shape (..., n), [N m] or [N].
             external_wrenches: As in `compute_torques`.
+            out: As in `compute_torques`.
+            on_error: As in `compute_torques`.
 
         Returns:
             aa, shape (..., n).
@@ -126,7 +136,12 @@ class ClosedChain(ClosedTree):
         m, n = self._m, self._n
         q, va, tau = as_array("q", q, (m,)), as_array("va", va, (n,)), as_array("tau", tau, (n,))
         wrenches = self._wrenches(external_wrenches)
-        return for_each_sample(self._accelerations, (q, va, tau, wrenches), (1, 1, 1, 2), (n,))
+        if q.ndim == va.ndim == tau.ndim == 1 and wrenches is out is None and on_error == "raise":
+            return self._accelerations(q, va, tau, None)
+        arrays = (q, va, tau, wrenches)
+        return for_each_sample(
+            self._accelerations, arrays, (1, 1, 1, 2), (n,), on_error=on_error, out=out
+        )
 
     def _accelerations(self, q: Array, va: Array, tau: Array, wrenches: Array | None) -> Array:
         aa, _ = dynamics.direct_dynamics(*self.workspace_at(q), self.friction, q, va, tau, wrenches)
@@ -148,6 +163,38 @@ class ClosedChain(ClosedTree):
         va = single_array("va", va, (self._n,))
         q = single_array("q", q, (self._m,))
         return dynamics.terms(*self.workspace_at(q), self.friction, q, va)
+
+    def reduced_terms(
+        self, q: ArrayLike, va: ArrayLike, *, on_error: str = "raise"
+    ) -> dynamics.ReducedTerms:
+        """The equations of motion in the actuated coordinates, for batches, Eqs. (93)-(96).
+
+        Args:
+            q: Joint coordinates on the closures, shape (..., m).
+            va: Rates of the actuated joints, shape (..., n).
+            on_error: As in `compute_torques`.
+
+        Raises:
+            InputError, ClosureError, SingularConfigurationError, ActuationError: As
+                `compute_torques`.
+        """
+        n = self._n
+        arrays = as_array("q", q, (self._m,)), as_array("va", va, (n,))
+        return dynamics.ReducedTerms.of_rows(
+            for_each_sample(
+                self._reduced_terms, arrays, (1, 1), (2 * n * (n + 1),), on_error=on_error
+            ),
+            n,
+        )
+
+    def _reduced_terms(self, q: Array, va: Array) -> Array:
+        terms = dynamics.terms(*self.workspace_at(q), self.friction, q, va)
+        row = np.concatenate(
+            [terms.inertia.ravel(), terms.coriolis.ravel(), terms.gravity, terms.friction]
+        )
+        if not isfinite(row.dot(row)):
+            _require_finite(q=q, va=va, terms=row)
+        return row
 
     def kinetic_energy(self, q: ArrayLike, va: ArrayLike) -> Array:
         """Kinetic energy, shape (...), [J]; arguments as `joint_rates`."""

@@ -227,14 +227,23 @@ class ClosedTree:
     def workspace_at(self, q: Array) -> tuple[LoopKinematics, JointComplement]:
         """This thread's workspace at one configuration, found to be closed."""
         kinematics, complement = self._workspace
-        if not self._motors_match:
-            self._require_motors_to_match(q)
+        self.require_motors_to_match(q)
         kinematics.set_position(q)
         kinematics.require_closed(CLOSURE_TOLERANCE)
         return kinematics, complement
 
-    def _require_motors_to_match(self, q: Array) -> None:
-        """Check once, where nothing special is to be expected, that motors and freedoms agree."""
+    def require_motors_to_match(self, q: Array | None = None) -> None:
+        """Check once, where nothing special is to be expected, that motors and freedoms agree.
+
+        Args:
+            q: Where to look when no such place is found, shape (m,).
+
+        Raises:
+            ActuationError: When they do not.
+            ClosureError: When there is no such place, and q is open or not given.
+        """
+        if self._motors_match:
+            return
         try:
             report = self.mobility()
             self._motors_match = True

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -63,6 +64,31 @@ class Terms:
     coriolis: Array
     gravity: Array
     friction: Array
+
+
+class ReducedTerms(NamedTuple):
+    """tau = inertia aa + coriolis va - gravity - friction, Eq. (92), for a batch.
+
+    Attributes:
+        inertia: Shape (..., n, n), Eq. (93).
+        coriolis: Shape (..., n, n), Eq. (94).
+        gravity: Shape (..., n), Eq. (95).
+        friction: Shape (..., n), Eq. (96).
+    """
+
+    inertia: Array
+    coriolis: Array
+    gravity: Array
+    friction: Array
+
+    @classmethod
+    def of_rows(cls, rows: Array, n: int) -> ReducedTerms:
+        """From all numbers of a sample in a row, shape (..., 2 n (n + 1))."""
+        inertia, coriolis, gravity, friction = np.split(
+            rows, [n * n, 2 * n * n, 2 * n * n + n], axis=-1
+        )
+        square = (*rows.shape[:-1], n, n)
+        return cls(inertia.reshape(square), coriolis.reshape(square), gravity, friction)
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import description, direct_kinematics, kinematics, reading
-from .batches import finite_array, single_array
+from .batches import as_array, finite_array, for_each_sample, single_array
 from .closed_chain import ClosedChain
+from .dynamics import ReducedTerms
 from .errors import DescriptionError, InputError, WorkspaceError
+from .fast import FastPath
 from .parameters import Parameters
 from .simulation import Load, Torque, constant_or_called
 from .topology import geometry_of
@@ -47,28 +49,35 @@ class SST(ClosedChain):
     Args:
         parameters: Geometry, masses, friction, gravity; the shipped URDF by default, which is the
             paper's robot.
+        kernels: Whether compiled kernels compute the dynamics where they are at hand; without
+            them it is Pinocchio and the methods of `ClosedChain`, the reference path.
     """
 
-    def __init__(self, parameters: Parameters | None = None) -> None:
+    def __init__(self, parameters: Parameters | None = None, *, kernels: bool = True) -> None:
         if parameters is None:
             self._load(
                 reading.read_text(description.URDF_PATH, "URDF"),
                 reading.read_text(description.YAML_PATH, "YAML of the cuts"),
                 str(description.URDF_PATH),
                 str(description.YAML_PATH),
+                kernels,
             )
         else:
             text = description.describe(parameters)
-            self._load(text.urdf, text.cuts, "URDF of the parameters", "cuts of the parameters")
+            sources = "URDF of the parameters", "cuts of the parameters"
+            self._load(text.urdf, text.cuts, *sources, kernels)
 
     @classmethod
-    def from_urdf(cls, path: str | Path, cuts: str | Path | None = None) -> SST:
+    def from_urdf(
+        cls, path: str | Path, cuts: str | Path | None = None, *, kernels: bool = True
+    ) -> SST:
         """An SST from an edited URDF; what stands in it is what is computed.
 
         Args:
             path: The URDF, with the joints and frames of the shipped one.
             cuts: YAML of closures, motors and gravity; by default the file beside the URDF that
                 ends in .yaml, or, where there is none, the shipped one.
+            kernels: As in the constructor.
 
         Raises:
             DescriptionError: When it is no URDF, or of another topology, with every problem.
@@ -83,10 +92,13 @@ class SST(ClosedChain):
             reading.read_text(cuts, "YAML of the cuts"),
             str(path),
             str(cuts),
+            kernels,
         )
         return robot
 
-    def _load(self, urdf: str, cuts: str, urdf_source: str, cuts_source: str) -> None:
+    def _load(
+        self, urdf: str, cuts: str, urdf_source: str, cuts_source: str, kernels: bool
+    ) -> None:
         model = reading.parse_urdf(urdf, urdf_source)
         closures, actuated, gravity = reading.parse_cuts(cuts, cuts_source)
         self.geometry = geometry_of(model, urdf_source)
@@ -96,6 +108,7 @@ class SST(ClosedChain):
             )
         model.gravity.linear = gravity
         super().__init__(model, closures, actuated)
+        self._fast = FastPath(self, "switched off by kernels=False" if not kernels else "")
 
     # --- kinematics -------------------------------------------------------------------------
 
@@ -245,6 +258,19 @@ class SST(ClosedChain):
 
     # --- dynamics ---------------------------------------------------------------------------
 
+    @property
+    def path(self) -> str:
+        """What computes the dynamics, and why: compiled kernels or the reference path."""
+        return str(self._fast)
+
+    def refresh(self) -> None:
+        """Take in changes made to `model` since dynamics was first asked for.
+
+        The kernels work on numbers that are read from the model once; the reference path needs no
+        telling.
+        """
+        self._fast.forget()
+
     def compute_torques(
         self,
         q: ArrayLike,
@@ -253,6 +279,9 @@ class SST(ClosedChain):
         *,
         platform_moment: ArrayLike | None = None,
         external_wrenches: ArrayLike | None = None,
+        out: Array | None = None,
+        threads: int = 1,
+        on_error: str = "raise",
     ) -> Array:
         """Inverse dynamics: the motor torques of a motion, Eq. (92).
 
@@ -263,7 +292,10 @@ class SST(ClosedChain):
             platform_moment: Moment that the surroundings exert on the star, base axes, shape
                 (..., 3), [N m].
             external_wrenches: [moment; force] that the surroundings exert on each of the nine
-                bodies at its mass centre, base axes, shape (..., 9, 6).
+                bodies at its mass centre, base axes, shape (..., 9, 6); takes the reference path.
+            out: Array for the result, shape (..., 3).
+            threads: How many share a batch; the reference path takes one.
+            on_error: "raise", or "nan" for NaN in the place of samples at fault.
 
         Returns:
             tau, shape (..., 3), [N m].
@@ -271,9 +303,25 @@ class SST(ClosedChain):
         Raises:
             InputError, ClosureError, SingularConfigurationError: As `ClosedChain.compute_torques`.
         """
+        if external_wrenches is None and self._fast.on:
+            answer = self._fast.inverse_dynamics(q, va, aa, platform_moment, out, threads)
+            if answer is not None and answer[0] is None:
+                return answer[1]
+            arrays = _rows(q=q, va=va, aa=aa, platform_moment=platform_moment)
+            return for_each_sample(
+                self._torques_under,
+                arrays,
+                (1, 1, 1, 1),
+                (3,),
+                on_error=on_error,
+                out=out,
+                fast=self._fast.torques(threads),
+            )
         if platform_moment is not None:
             external_wrenches = self._loads(platform_moment, external_wrenches)
-        return super().compute_torques(q, va, aa, external_wrenches=external_wrenches)
+        return super().compute_torques(
+            q, va, aa, external_wrenches=external_wrenches, out=out, on_error=on_error
+        )
 
     def compute_accelerations(
         self,
@@ -283,6 +331,9 @@ class SST(ClosedChain):
         *,
         platform_moment: ArrayLike | None = None,
         external_wrenches: ArrayLike | None = None,
+        out: Array | None = None,
+        threads: int = 1,
+        on_error: str = "raise",
     ) -> Array:
         """Direct dynamics: motor accelerations under given torques, Eq. (92).
 
@@ -292,6 +343,9 @@ class SST(ClosedChain):
             tau: Motor torques, shape (..., 3), [N m].
             platform_moment: As in `compute_torques`.
             external_wrenches: As in `compute_torques`.
+            out: As in `compute_torques`.
+            threads: As in `compute_torques`.
+            on_error: As in `compute_torques`.
 
         Returns:
             aa, shape (..., 3), [rad/s^2].
@@ -299,9 +353,56 @@ class SST(ClosedChain):
         Raises:
             InputError, ClosureError, SingularConfigurationError: As `compute_torques`.
         """
+        if external_wrenches is None and self._fast.on:
+            answer = self._fast.direct_dynamics(q, va, tau, platform_moment, False, out, threads)
+            if answer is not None and answer[0] is None:
+                return answer[2]
+            arrays = _rows(q=q, va=va, tau=tau, platform_moment=platform_moment)
+            return for_each_sample(
+                self._accelerations_under,
+                arrays,
+                (1, 1, 1, 1),
+                (3,),
+                on_error=on_error,
+                out=out,
+                fast=self._fast.accelerations(threads),
+            )
         if platform_moment is not None:
             external_wrenches = self._loads(platform_moment, external_wrenches)
-        return super().compute_accelerations(q, va, tau, external_wrenches=external_wrenches)
+        return super().compute_accelerations(
+            q, va, tau, external_wrenches=external_wrenches, out=out, on_error=on_error
+        )
+
+    def reduced_terms(
+        self, q: ArrayLike, va: ArrayLike, *, threads: int = 1, on_error: str = "raise"
+    ) -> ReducedTerms:
+        """The equations of motion in the motor angles, for batches, Eqs. (93)-(96).
+
+        Args:
+            q: Joint coordinates on the closures, shape (..., 9), [rad].
+            va: Motor rates, shape (..., 3), [rad/s].
+            threads: As in `compute_torques`.
+            on_error: As in `compute_torques`.
+
+        Raises:
+            InputError, ClosureError, SingularConfigurationError: As `compute_torques`.
+        """
+        rows = for_each_sample(
+            self._reduced_terms,
+            _rows(q=q, va=va),
+            (1, 1),
+            (24,),
+            on_error=on_error,
+            fast=self._fast.reduced_terms(threads),
+        )
+        return ReducedTerms.of_rows(rows, 3)
+
+    def _torques_under(self, q: Array, va: Array, aa: Array, moment: Array | None) -> Array:
+        return self._torques(q, va, aa, None if moment is None else self._loads(moment, None))
+
+    def _accelerations_under(self, q: Array, va: Array, tau: Array, moment: Array | None) -> Array:
+        loads = None if moment is None else self._loads(moment, None)
+        return self._accelerations(q, va, tau, loads)
 
     def simulate(
         self,
@@ -361,3 +462,14 @@ class SST(ClosedChain):
                 rows = np.argwhere(outside.any(axis=-1))
                 error.name_samples([tuple(map(int, i)) for i in rows], q[..., 0].size)
             raise error
+
+
+_CORE = {"q": (9,)} | dict.fromkeys(("va", "aa", "tau", "platform_moment"), (3,))
+
+
+def _rows(**arrays: ArrayLike | None) -> list[Array | None]:
+    """Arguments as aligned arrays of rows, (..., 9) for q and (..., 3) for the others."""
+    return [
+        None if value is None else np.require(as_array(name, value, _CORE[name]), None, "A")
+        for name, value in arrays.items()
+    ]

@@ -115,7 +115,12 @@ def _instants(
     """Inverse dynamics of every referee."""
     judges: dict[str, Judge] = {}
     for parameters, states in cases:
-        robot = SST(parameters)
+        robot, reference = SST(parameters), SST(parameters, kernels=False)
+        own = judges.setdefault("reference path", Judge("reference path", f"torques, {name}"))
+        for R, omega, alpha, moment in states:
+            q, va, aa = robot.joint_motion(R, omega, alpha)
+            tau = robot.compute_torques(q, va, aa, platform_moment=moment)
+            own.hold(lambda: reference.compute_torques(q, va, aa, platform_moment=moment), tau)  # noqa: B023
         for referee in referees.all_referees(parameters)[0]:
             judge = judges.setdefault(referee.name, Judge(referee.name, f"torques, {name}"))
             for R, omega, alpha, moment in states:

@@ -67,7 +67,7 @@ class Case:
 
     @cached_property
     def robot(self) -> sst_pin.SST:
-        return sst_pin.SST(self.parameters)
+        return sst_pin.SST(self.parameters, kernels=False)
 
     @cached_property
     def motion(self) -> tuple[Array, Array, Array]:

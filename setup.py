@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The extension module and the folder urdf; all else stands in pyproject.toml."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+from setuptools import Extension, setup
+from setuptools.command.build_py import build_py
+
+FOLDER = "sst_pin/kernels"
+
+
+class BuildWithUrdf(build_py):
+    """Puts urdf/ inside the package; an editable installation finds it where it is."""
+
+    def run(self) -> None:
+        super().run()
+        if not self.editable_mode:
+            shutil.copytree("urdf", Path(self.build_lib, "sst_pin", "urdf"), dirs_exist_ok=True)
+
+
+setup(
+    cmdclass={"build_py": BuildWithUrdf},
+    ext_modules=[
+        Extension(
+            "sst_pin.kernels._binding",
+            [f"{FOLDER}/_binding.c"],
+            depends=[f"{FOLDER}/{name}" for name in ("lanes.h", "sst_kernels.c", "sst_kernels.h")],
+            include_dirs=[np.get_include()],
+            extra_compile_args=["-O3", "-fno-math-errno", "-ffp-contract=fast", "-pthread"],
+            extra_link_args=["-pthread"],
+            optional=True,  # without a compiler the reference path computes everything
+        )
+    ],
+)
