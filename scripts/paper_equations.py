@@ -481,7 +481,7 @@ EQUATIONS = (
     Equation(
         "(83)-(91)",
         "tau from the wrenches",
-        ("dynamics.inverse_dynamics", "sst.SST.compute_torques"),
+        ("dynamics.inverse_dynamics", "star_dynamics.StarDynamics.compute_torques"),
         (_DYNAMICS + "long_form_equals_short_form",),
         "(89) with the wrenches of (68)",
         _inertia_and_weight,
@@ -532,7 +532,7 @@ EQUATIONS = (
     Equation(
         "Sect. 6.1",
         "inverse dynamics",
-        ("sst.SST.compute_torques", "sst.SST.joint_motion"),
+        ("star_dynamics.StarDynamics.compute_torques", "sst.SST.joint_motion"),
         (
             _WORK + "torques_of_any_robot_agree_at_any_motion",
             _REFEREES + "a_referee_agrees_for_random_robots",
@@ -543,7 +543,7 @@ EQUATIONS = (
     Equation(
         "Sect. 6.2",
         "direct dynamics",
-        ("dynamics.direct_dynamics", "sst.SST.compute_accelerations"),
+        ("dynamics.direct_dynamics", "star_dynamics.StarDynamics.compute_accelerations"),
         (_WORK + "accelerations_agree_at_any_torques",),
         "the motion whose torques virtual work gave",
         _direct_dynamics,

@@ -21,7 +21,7 @@ from .errors import ClosureError, InputError
 from .kernels.packing import pack
 
 if TYPE_CHECKING:
-    from .sst import SST
+    from .star_dynamics import StarDynamics
 
 Array = NDArray[np.float64]
 #: Fills results of shape (n, size) and returns the samples that it leaves to the reference path.
@@ -45,7 +45,7 @@ class FastPath:
     inverse_dynamics: Callable[..., Any]
     direct_dynamics: Callable[..., Any]
 
-    def __init__(self, robot: SST, off: str) -> None:
+    def __init__(self, robot: StarDynamics, off: str) -> None:
         self._robot, self._off = robot, off or kernels.missing or _misfit(robot)
         self.forget()
 
@@ -127,7 +127,7 @@ class FastPath:
         return self.kernels()
 
 
-def _misfit(robot: SST) -> str:
+def _misfit(robot: StarDynamics) -> str:
     """What keeps a robot from the kernels; empty when nothing does."""
     if robot.joint_names != JOINT_NAMES:
         return "the joints of the model stand in another order"
