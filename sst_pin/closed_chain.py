@@ -14,8 +14,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import assembly, dynamics, mobility
 from .batches import as_array, finite_array, for_each_sample
-from .closures import Closure, LoopKinematics
+from .closures import CLOSURE_TOLERANCE, Closure, LoopKinematics
 from .errors import ActuationError, ClosureError, DescriptionError, InputError, UnknownNameError
+from .mechanics import Mechanics
 from .noc import Actuation, JointComplement
 
 if TYPE_CHECKING:
@@ -24,9 +25,6 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 _Value = TypeVar("_Value")
-
-#: Frames further apart than this, [m] or [rad], are an open closure.
-CLOSURE_TOLERANCE = 1e-6
 
 
 class ClosedChain:
@@ -235,7 +233,7 @@ class ClosedChain:
         )
 
     def _torques(self, q: Array, va: Array, aa: Array, wrenches: Array | None) -> Array:
-        tau = dynamics.inverse_dynamics(*self._closed_at(q), self.friction, q, va, aa, wrenches)
+        tau = dynamics.inverse_dynamics(*self.closed_at(q), self.friction, q, va, aa, wrenches)
         if not isfinite(tau.dot(tau)):  # cheaper than looking at each input
             _require_finite(q=q, va=va, aa=aa, tau=tau)
         return tau
@@ -278,7 +276,7 @@ class ClosedChain:
         )
 
     def _accelerations(self, q: Array, va: Array, tau: Array, wrenches: Array | None) -> Array:
-        aa, _ = dynamics.direct_dynamics(*self._closed_at(q), self.friction, q, va, tau, wrenches)
+        aa, _ = dynamics.direct_dynamics(*self.closed_at(q), self.friction, q, va, tau, wrenches)
         if not isfinite(aa.dot(aa)):
             _require_finite(q=q, va=va, tau=tau, aa=aa)
         return aa
@@ -296,7 +294,7 @@ class ClosedChain:
         """
         va = finite_array("va", va, (self._n,))
         q = self._one("q", q)
-        return dynamics.terms(*self._closed_at(q), self.friction, q, va)
+        return dynamics.terms(*self.closed_at(q), self.friction, q, va)
 
     def reduced_terms(
         self, q: ArrayLike, va: ArrayLike, *, on_error: str = "raise"
@@ -322,7 +320,7 @@ class ClosedChain:
         )
 
     def _reduced_terms(self, q: Array, va: Array) -> Array:
-        terms = dynamics.terms(*self._closed_at(q), self.friction, q, va)
+        terms = dynamics.terms(*self.closed_at(q), self.friction, q, va)
         row = np.concatenate(
             [terms.inertia.ravel(), terms.coriolis.ravel(), terms.gravity, terms.friction]
         )
@@ -343,7 +341,7 @@ class ClosedChain:
         m, n = self._m, self._n
 
         def rates(q: Array, va: Array) -> Array:
-            kinematics, complement = self._closed_at(q)
+            kinematics, complement = self.closed_at(q)
             return complement.factorise(kinematics.Phi()) @ va
 
         arrays = (finite_array("q", q, (m,)), finite_array("va", va, (n,)))
@@ -414,12 +412,14 @@ class ClosedChain:
     def _kinematics(self) -> LoopKinematics:
         return self._workspace[0]
 
-    def _closed_at(self, q: Array) -> tuple[LoopKinematics, JointComplement]:
+    def closed_at(
+        self, q: Array, tolerance: float = CLOSURE_TOLERANCE
+    ) -> tuple[LoopKinematics, JointComplement]:
         """This thread's workspace at one configuration, found to be closed."""
         kinematics, complement = self._workspace
         self.require_motors_to_match(q)
         kinematics.set_position(q)
-        kinematics.require_closed(CLOSURE_TOLERANCE)
+        kinematics.require_closed(tolerance)
         return kinematics, complement
 
     def require_motors_to_match(self, q: Array | None = None) -> None:
@@ -442,6 +442,10 @@ class ClosedChain:
         if not report.sufficient or report.redundantly_actuated:
             self._motors_match = False
             raise ActuationError(f"the motors do not match the degrees of freedom:\n{report}")
+
+    def mechanics(self, friction: dynamics.Friction) -> Mechanics:
+        """What `simulate` asks of the robot, with a friction in the place of its own."""
+        return Mechanics(self, friction)
 
     def _at(self, q: ArrayLike, compute: Callable[[LoopKinematics, Array], _Value]) -> _Value:
         array = self._one("q", q)

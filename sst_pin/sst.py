@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,10 +12,12 @@ from numpy.typing import ArrayLike, NDArray
 from . import description, direct_kinematics, kinematics, reading
 from .batches import as_array, finite_array, for_each_sample
 from .closed_chain import ClosedChain
-from .dynamics import ReducedTerms
+from .dynamics import Friction, ReducedTerms
 from .errors import DescriptionError, InputError, WorkspaceError
 from .fast import FastPath
+from .mechanics import FastMechanics, Mechanics
 from .parameters import Parameters
+from .rollouts import Course, Rollout, reference_course, rollout
 from .topology import geometry_of
 
 Array = NDArray[np.float64]
@@ -318,7 +320,7 @@ class SST(ClosedChain):
                 fast=self._fast.torques(threads),
             )
         if platform_moment is not None:
-            external_wrenches = self._loads(platform_moment, external_wrenches)
+            external_wrenches = self.star_load(platform_moment, external_wrenches)
         return super().compute_torques(
             q, va, aa, external_wrenches=external_wrenches, out=out, on_error=on_error
         )
@@ -368,7 +370,7 @@ class SST(ClosedChain):
                 fast=self._fast.accelerations(threads),
             )
         if platform_moment is not None:
-            external_wrenches = self._loads(platform_moment, external_wrenches)
+            external_wrenches = self.star_load(platform_moment, external_wrenches)
         return super().compute_accelerations(
             q, va, tau, external_wrenches=external_wrenches, out=out, on_error=on_error
         )
@@ -398,19 +400,41 @@ class SST(ClosedChain):
         return ReducedTerms.of_rows(rows, 3)
 
     def _torques_under(self, q: Array, va: Array, aa: Array, moment: Array | None) -> Array:
-        return self._torques(q, va, aa, None if moment is None else self._loads(moment, None))
+        return self._torques(q, va, aa, None if moment is None else self.star_load(moment))
 
     def _accelerations_under(self, q: Array, va: Array, tau: Array, moment: Array | None) -> Array:
-        loads = None if moment is None else self._loads(moment, None)
+        loads = None if moment is None else self.star_load(moment)
         return self._accelerations(q, va, tau, loads)
 
-    def _loads(self, moment: ArrayLike, wrenches: ArrayLike | None) -> Array:
+    def star_load(self, moment: ArrayLike, wrenches: ArrayLike | None = None) -> Array:
         """External wrenches with the star's load put on star_1; the three arcs are one body."""
         loads = self._wrenches(wrenches)
         moment = finite_array("platform_moment", moment, (3,))
         on_star = np.zeros((*moment.shape[:-1], 9, 6))
         on_star[..., self.model.getJointId("beta_1") - 1, :3] = moment
         return on_star if loads is None else on_star + loads
+
+    def mechanics(self, friction: Friction) -> Mechanics:
+        """As `ClosedChain.mechanics`, by the kernels where they are."""
+        kernels = self._fast.kernels_with(friction)
+        if kernels is None:
+            return super().mechanics(friction)
+        return FastMechanics(self, friction, kernels)
+
+    def course(self, friction: Friction) -> Course:
+        """What `rollout` runs, with a friction in the place of the robot's own."""
+        kernels = self._fast.kernels_with(friction)
+        return reference_course(self, friction) if kernels is None else kernels.rollout
+
+    def rollout(
+        self, tau: ArrayLike, q0: ArrayLike, va0: ArrayLike, dt: float, **options: Any
+    ) -> Rollout:
+        """Integrate many motions with a fixed step; see `sst_pin.rollouts.rollout`."""
+        return rollout(self, tau, q0, va0, dt, **options)
+
+    def side(self, q: Array) -> float:
+        """det A at one configuration: its sign changes where the motors lose hold of the star."""
+        return float(np.linalg.det(kinematics.legs_of_joints(self.geometry, q).y_2))
 
     # --- inside -----------------------------------------------------------------------------
 
