@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from .errors import FileFormatError, SingularityWarning, SSTError
+from .export import c_files
 from .files import Table, Writer, read_table, write_files
 from .motion_files import MOTORS, read_motion
 from .paper import PERIOD, compare, example_1, example_2
@@ -102,6 +103,15 @@ def _parser() -> argparse.ArgumentParser:
     simulate.add_argument(
         "--gamma-dot", type=_triple, metavar="W1,W2,W3", help="motor rates at the start, rad/s"
     )
+
+    export = command(
+        "export-c",
+        _export_c,
+        "Write the dynamics of the robot as C for its controller: header, source, the robot's "
+        "numbers and an example.",
+    )
+    export.add_argument("folder", type=Path, metavar="DIR")
+    export.add_argument("--force", action="store_true", help="replace files that are there")
 
     command("info", _info, "Versions, the model, its mobility.")
     return parser
@@ -247,6 +257,12 @@ def _save(motion: Trajectory, arguments: argparse.Namespace) -> None:
 
 def _remark(motion: Trajectory) -> str:
     return f"\n  {motion.stopped}" if motion.stopped else ""
+
+
+def _export_c(arguments: argparse.Namespace) -> None:
+    written = c_files(_robot(arguments), arguments.folder)
+    write_files(written, arguments.force)
+    print(f"{', '.join(path.name for path in written)} in {arguments.folder}")
 
 
 def _info(arguments: argparse.Namespace) -> None:

@@ -46,7 +46,7 @@ class FastPath:
     direct_dynamics: Callable[..., Any]
 
     def __init__(self, robot: SST, off: str) -> None:
-        self._robot, self._off = robot, off or kernels.missing or _misfit(robot)
+        self._robot, self._off = robot, off or kernels.missing or misfit(robot)
         self.forget()
 
     def __str__(self) -> str:
@@ -122,7 +122,7 @@ class FastPath:
         return self.kernels()
 
 
-def _misfit(robot: SST) -> str:
+def misfit(robot: SST) -> str:
     """What keeps a robot from the kernels; empty when nothing does."""
     if robot.joint_names != JOINT_NAMES:
         return "the joints of the model stand in another order"

@@ -14,7 +14,7 @@ from .batches import as_array, finite_array, for_each_sample
 from .closed_chain import ClosedChain
 from .dynamics import Friction, ReducedTerms
 from .errors import DescriptionError, InputError, WorkspaceError
-from .fast import FastPath
+from .fast import FastPath, misfit
 from .mechanics import FastMechanics, Mechanics
 from .parameters import Parameters
 from .rollouts import Course, Rollout, reference_course, rollout
@@ -264,6 +264,11 @@ class SST(ClosedChain):
     def path(self) -> str:
         """What computes the dynamics, and why: compiled kernels or the reference path."""
         return str(self._fast)
+
+    @property
+    def misfit(self) -> str:
+        """What keeps this robot from the kernels, wherever they run; empty when nothing does."""
+        return misfit(self)
 
     def refresh(self) -> None:
         """Take in changes made to `model` since dynamics was first asked for.
