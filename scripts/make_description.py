@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 from sst_pin import Parameters
-from sst_pin.description import describe
+from sst_pin.description import cuts_of, urdf_of
 
 FOLDER = Path(__file__).resolve().parents[1] / "urdf"
 
@@ -15,9 +15,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--check", action="store_true", help="exit 1 when a file is not current")
     check = parser.parse_args().check
-    description = describe(Parameters())
+    parameters = Parameters()
     stale = []
-    for name, text in (("sst.urdf", description.urdf), ("sst.yaml", description.cuts)):
+    for name, text in (("sst.urdf", urdf_of(parameters)), ("sst.yaml", cuts_of(parameters))):
         path = FOLDER / name
         if check:
             if not path.is_file() or path.read_text(encoding="utf-8") != text:

@@ -71,7 +71,9 @@ def _cases() -> list[forms.Case]:
 
 
 def _function(name: str) -> str:
-    return f"[`{name}`](../sst_pin/{name.partition('.')[0]}.py)"
+    modules = (ROOT / "sst_pin").rglob(f"{name.partition('.')[0]}.py")
+    file = min(modules, key=lambda path: len(path.parts))
+    return f"[`{name}`](../{file.relative_to(ROOT)})"
 
 
 def _test(name: str) -> str:
@@ -142,14 +144,15 @@ def reading_table() -> Table:
 def draw_readings() -> None:
     from matplotlib.figure import Figure
 
-    from sst_pin import comparison_plots, plots
+    from sst_pin import plots
+    from sst_pin.plots import comparisons
 
     motions = _motions()
     with plots.style():
         figure = Figure(figsize=(7.0, 7.6), layout="constrained")
         axes = figure.subplots(4, 3, sharex=True, sharey=True)
         for ax, (name, motion) in zip(axes.flat, motions.items(), strict=True):
-            comparison_plots.torques_of_reading(
+            comparisons.torques_of_reading(
                 ax, motions[DEFAULT], motion, name.replace("-", "\N{MINUS SIGN}")
             )
         axes.flat[0].set_ylim(-46, 38)
@@ -178,8 +181,8 @@ def compare_referees() -> Table:
 
 
 def _torques(robot: SST) -> Iterator[tuple[str, float]]:
-    from sst_pin import comparison_plots
-    from sst_pin.comparison_plots import Method
+    from sst_pin.plots import comparisons
+    from sst_pin.plots.comparisons import Method
     from sst_pin.referees import exudyn_engine, lagrange, mujoco_engine, symbolic
 
     parameters, t = Parameters(), np.linspace(0, PERIOD, 121)
@@ -222,16 +225,16 @@ def _torques(robot: SST) -> Iterator[tuple[str, float]]:
         figure = Figure(figsize=(3.5, 5.0), layout="constrained")
         top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(1.15, 1))
         ours = example_1(robot, np.linspace(0, PERIOD, 401))
-        comparison_plots.torques_of_methods(top, ours, [m for m in found if not m.rough])
+        comparisons.torques_of_methods(top, ours, [m for m in found if not m.rough])
         top.set(xlabel="")
-        comparison_plots.differences(bottom, errors, "difference from NOC (N m)")
-        comparison_plots.legend_below(figure, bottom)
+        comparisons.differences(bottom, errors, "difference from NOC (N m)")
+        comparisons.legend_below(figure, bottom)
         _write(figure, "figure_10_referees")
 
 
 def _paths(robot: SST, example: Trajectory) -> Iterator[tuple[str, float]]:
-    from sst_pin import comparison_plots
-    from sst_pin.comparison_plots import Method
+    from sst_pin.plots import comparisons
+    from sst_pin.plots.comparisons import Method
     from sst_pin.referees import exudyn_engine, mujoco_engine
 
     parameters, torque, coarse = Parameters(), example.torque(), example.t[::4]
@@ -267,11 +270,11 @@ def _paths(robot: SST, example: Trajectory) -> Iterator[tuple[str, float]]:
         grid = figure.add_gridspec(2, 1, height_ratios=(1.25, 1))
         top, bottom = figure.add_subplot(grid[0], projection="3d"), figure.add_subplot(grid[1])
         marked = [method for method in found if not method.rough]
-        comparison_plots.paths_of_methods(top, robot, example, ours, marked)
+        comparisons.paths_of_methods(top, robot, example, ours, marked)
         bottom.plot([], [], color="0.8", linewidth=4, label="wanted path")
-        comparison_plots.differences(bottom, errors, "angle off the path (rad)")
+        comparisons.differences(bottom, errors, "angle off the path (rad)")
         bottom.set(xlim=(0, PERIOD), ylim=(1e-15, 1e-4))  # the first sample of all is exact
-        comparison_plots.legend_below(figure, bottom)
+        comparisons.legend_below(figure, bottom)
         _write(figure, "figure_11_referees")
 
 
@@ -340,9 +343,9 @@ def _missing_names(page: str) -> Iterator[str]:
             tree = ast.parse(path.read_text(encoding="utf-8"))
             if name not in {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}:
                 yield f"{target}: no test {name}"
-        elif path.parent.name == "sst_pin" and path.stem != name:
+        elif path.is_relative_to(ROOT / "sst_pin") and path.stem != name:
             module, *inner = name.split(".")
-            thing: object = import_module(f"sst_pin.{module}")
+            thing: object = import_module(".".join(path.relative_to(ROOT).with_suffix("").parts))
             for part in inner:
                 thing = getattr(thing, part, None)
             if thing is None or module != path.stem:

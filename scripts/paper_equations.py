@@ -446,7 +446,7 @@ EQUATIONS = (
     Equation(
         "(26)-(36)",
         "three chains to {E}",
-        ("kinematics.orientation_of_joints", "description.base_orientations"),
+        ("kinematics.orientation_of_joints", "frames.base_orientations"),
         (_KINEMATICS + "inverse_kinematics_closes_the_loops_on_all_branches",),
         "products of rotations, leg by leg",
         _orientation,

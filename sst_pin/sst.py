@@ -59,9 +59,8 @@ class SST(StarDynamics):
                 kernels,
             )
         else:
-            text = description.describe(parameters)
-            sources = "URDF of the parameters", "cuts of the parameters"
-            self._load(text.urdf, text.cuts, *sources, kernels)
+            urdf, cuts = description.urdf_of(parameters), description.cuts_of(parameters)
+            self._load(urdf, cuts, "URDF of the parameters", "cuts of the parameters", kernels)
 
     @classmethod
     def from_urdf(

@@ -11,7 +11,7 @@ import pytest
 import sst_pin
 from sst_pin import paper
 from sst_pin.cli import main
-from sst_pin.description import describe
+from sst_pin.description import urdf_of
 from sst_pin.sampling import random_parameters
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -224,8 +224,7 @@ def test_a_bad_motion_gives_one_clear_line_and_exit_code_2(here, capsys, case):
 def test_motor_angles_without_assembly_are_told_by_line(here, capsys):
     """The paper's robot has one everywhere; this one has not."""
     parameters = random_parameters(np.random.default_rng(0))
-    description = describe(parameters)
-    (here / "odd.urdf").write_text(description.urdf)
+    (here / "odd.urdf").write_text(urdf_of(parameters))
     robot, rng = sst_pin.SST(parameters), np.random.default_rng(1)
     gammas = rng.uniform(-np.pi, np.pi, size=(500, 3))
     nowhere = next(gamma for gamma in gammas if not len(robot.forward_kinematics(gamma)))

@@ -72,17 +72,18 @@ def test_comparison_figures_name_every_method_and_unit(script, robot):
     """Lines and marks of two methods; the exact zeros of one leave the logarithmic axis empty."""
     from matplotlib.figure import Figure
 
-    from sst_pin import comparison_plots, paper
+    from sst_pin import paper
+    from sst_pin.plots import comparisons
 
     ours = paper.example_1(robot, np.linspace(0, paper.PERIOD, 31))
-    motion = comparison_plots.Method("other", ours.t, ours.tau, 1)
+    motion = comparisons.Method("other", ours.t, ours.tau, 1)
     figure = Figure()
     top, bottom, last = figure.subplots(3)
-    comparison_plots.torques_of_methods(top, ours, [motion])
+    comparisons.torques_of_methods(top, ours, [motion])
     sizes = [motion._replace(values=0 * ours.t), motion._replace(values=1 + ours.t, rough=True)]
-    comparison_plots.differences(bottom, sizes, "difference (N m)")
-    comparison_plots.legend_below(figure, bottom)
-    comparison_plots.torques_of_reading(last, ours, ours, "same")
+    comparisons.differences(bottom, sizes, "difference (N m)")
+    comparisons.legend_below(figure, bottom)
+    comparisons.torques_of_reading(last, ours, ours, "same")
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["other", "other"]
     assert top.get_ylabel() == "motor torque (N m)"
     assert bottom.get_ylabel() == "difference (N m)"

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 import sst_pin
 from sst_pin import ClosedChain, kernels
-from sst_pin.description import describe
+from sst_pin.description import urdf_of
 from sst_pin.sampling import random_parameters, random_state, random_states
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -94,7 +94,7 @@ def test_reduced_terms_equal_those_of_the_long_form(case):
 
 def test_an_edited_urdf_is_what_the_kernels_compute(tmp_path):
     """Star arcs of three different masses and another geometry: no recompilation."""
-    text = describe(random_parameters(np.random.default_rng(2))).urdf
+    text = urdf_of(random_parameters(np.random.default_rng(2)))
     head, *stars = text.split('<link name="star_')
     stars = [s.replace('<mass value="', f'<mass value="{k + 1}', 1) for k, s in enumerate(stars)]
     (tmp_path / "mine.urdf").write_text('<link name="star_'.join([head, *stars]))

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from ..description import describe
+from ..description import urdf_of
 from ..parameters import Parameters
 from . import engine
 from .geometry import legs, require_same
@@ -42,7 +42,7 @@ class MujocoInverse:
     def __init__(self, parameters: Parameters) -> None:
         self._mujoco = mujoco = engine("mujoco")
         self._parameters = parameters
-        self._model = mujoco.MjModel.from_xml_string(describe(parameters).urdf)
+        self._model = mujoco.MjModel.from_xml_string(urdf_of(parameters))
         self._model.opt.gravity[:] = parameters.gravity
         # The tree alone; MuJoCo's dry friction is a constraint too, and a regularised one.
         self._model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
@@ -153,7 +153,7 @@ def welded_motion(
 
 def _welded(mujoco: Any, parameters: Parameters, step: float, stiffness: float) -> Any:
     """The closed robot."""
-    spec = mujoco.MjSpec.from_string(describe(parameters).urdf)
+    spec = mujoco.MjSpec.from_string(urdf_of(parameters))
     for name, R_E in zip(_STARS, _star_frames(parameters), strict=True):
         spec.body(name).add_site(name=name, quat=np.roll(Rotation.from_matrix(R_E).as_quat(), 1))
     for other in _STARS[1:]:

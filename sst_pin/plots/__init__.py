@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import MissingExtraError
-from .files import Writer
-from .kinematics import legs_of_joints
-from .paper import angles_off_path
-from .sst import SST
-from .trajectories import Trajectory
+from ..errors import MissingExtraError
+from ..files import Writer
+from ..kinematics import legs_of_joints
+from ..paper import angles_off_path
+from ..sst import SST
+from ..trajectories import Trajectory
 
 try:
     import matplotlib as mpl

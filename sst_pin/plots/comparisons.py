@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .plots import COLOURS, DASHES, motor_torques, paths_on_sphere
-from .sst import SST
-from .trajectories import Trajectory
+from ..sst import SST
+from ..trajectories import Trajectory
+from . import COLOURS, DASHES, motor_torques, paths_on_sphere
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

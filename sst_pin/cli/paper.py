@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""`sst-pin paper`: both examples and their figures."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from pathlib import Path
+
+import numpy as np
+
+from ..files import Writer, write_files
+from ..paper import PERIOD, compare, example_1, example_2
+from .common import Commands, add_force, add_urdf, progress_bar, remark, robot_of
+
+
+def add_to(commands: Commands) -> None:
+    """Add the command."""
+    parser = commands.add("paper", _run, "Compute the paper's two examples and draw its figures.")
+    add_urdf(parser)
+    parser.add_argument("--out", type=Path, default=Path("paper"), help="folder (default: paper)")
+    parser.add_argument(
+        "--samples", type=_count, default=1001, metavar="N", help="samples a period (default: 1001)"
+    )
+    add_force(parser)
+
+
+def _count(text: str) -> int:
+    if not text.isdecimal() or int(text) < 10:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number of at least 10")
+    return int(text)
+
+
+def _run(arguments: argparse.Namespace) -> None:
+    from .. import plots  # needs the extra `plot`
+
+    robot, out = robot_of(arguments), arguments.out
+    t = np.linspace(0, PERIOD, arguments.samples)
+    clock = time.perf_counter
+    began = clock()
+    example = example_1(robot, t)
+    seconds = [clock() - began]
+    starts = {"exact": False, "printed": True}
+    motions = {}
+    for name, rounded in starts.items():
+        began = clock()
+        with progress_bar(f"example 2, {name} start", t[0], t[-1]) as progress:
+            motions[name] = example_2(robot, example, rounded, progress)
+        seconds.append(clock() - began)
+
+    files: dict[Path, Writer] = {}
+    named = {"example_1": example} | {f"example_2_{name}_start": m for name, m in motions.items()}
+    for stem, motion in named.items():
+        for ending in (".csv", ".npz"):
+            files[out / f"{stem}{ending}"] = motion.writer(f"{stem}{ending}")
+    figures = plots.paper_figures(robot, example, motions["exact"], motions["printed"])
+    files |= {out / name: writer for name, writer in figures.items()}
+    write_files(files, arguments.force)
+
+    print(f"Example 1: inverse dynamics along the circle, {len(t)} samples, {seconds[0]:.3f} s")
+    print("                    tau_1      tau_2      tau_3")
+    for label, values in (
+        ("peak |tau| (N m)", np.abs(example.tau).max(axis=0)),
+        ("RMS tau    (N m)", np.sqrt((example.tau**2).mean(axis=0))),
+    ):
+        print(f"{label}", *(f"{value:10.4f}" for value in values))
+    print("Example 2: direct dynamics from those torques, one period")
+    print("start     path error   closures   energy error   time")
+    for (name, motion), elapsed in zip(motions.items(), seconds[1:], strict=True):
+        returned = compare(robot, example, motion)
+        print(
+            f"{name:8}  {returned.path_error:.1e} rad  {returned.closure:.1e}    "
+            f"{returned.energy:.1e} J     {elapsed:.2f} s{remark(motion)}"
+        )
+    print(f"{len(files)} files in {out}")

@@ -1,0 +1,24 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""From `Parameters` to the files that describe the robot.
+
+The robot is a tree of three legs; the cuts close it. The star is cut into its three arcs: leg k
+ends in `star_k`, which carries a third of the star's mass and inertia about the star's mass centre,
+so that the three make up body 7 of the paper when the closures hold, and no moving link is
+massless.
+"""
+
+from .cuts import cuts_of
+from .frames import JOINT_NAMES, base_orientations, star_orientations
+from .paths import PACKAGE_PATH, URDF_PATH, YAML_PATH
+from .urdf import urdf_of
+
+__all__ = [
+    "JOINT_NAMES",
+    "PACKAGE_PATH",
+    "URDF_PATH",
+    "YAML_PATH",
+    "base_orientations",
+    "cuts_of",
+    "star_orientations",
+    "urdf_of",
+]
