@@ -8,6 +8,7 @@ from .errors import (
     ActuationError,
     ClosureError,
     DescriptionError,
+    DescriptionWarning,
     FileFormatError,
     InputError,
     MissingExtraError,
@@ -32,6 +33,7 @@ from .platform_motion import (
 from .simulation import energy_error
 from .sst import SST
 from .trajectories import Trajectory
+from .validation import Problem, validate
 
 __all__ = [
     "BRANCHES",
@@ -44,6 +46,7 @@ __all__ = [
     "Closure",
     "ClosureError",
     "DescriptionError",
+    "DescriptionWarning",
     "FileFormatError",
     "InputError",
     "MissingExtraError",
@@ -51,6 +54,7 @@ __all__ = [
     "Parameters",
     "ParametersError",
     "PlatformMotion",
+    "Problem",
     "RigidBody",
     "SSTError",
     "SimulationError",
@@ -64,4 +68,5 @@ __all__ = [
     "orientation",
     "orientation_motion",
     "paper_circle",
+    "validate",
 ]

@@ -5,13 +5,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import isfinite
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from . import dynamics
+from . import dynamics, reading
 from .batches import as_array, finite_array, for_each_sample, single_array
 from .closed_tree import ClosedTree
 from .closures import Closure
@@ -58,6 +59,65 @@ class ClosedChain(ClosedTree):
             finite_array("viscous_friction", viscous, (model.nv,)).copy(),
             finite_array("coulomb_friction", coulomb, (model.nv,)).copy(),
         )
+
+    @classmethod
+    def from_urdf(cls, path: str | Path, cuts: str | Path | None = None) -> ClosedChain:
+        """A robot from a URDF and, beside it, what a URDF cannot say: the "extended URDF" of LAAS.
+
+        A YAML file lists closures (`closed_loop`, pairs of frames, each with its `type`), motors
+        (`name_mot`) and, where needed, `gravity` and joints that are in truth "FIXED", "SPHERICAL"
+        or "UJOINT_XY" (`joint_name`, `joint_type`). A continuous joint becomes a revolute one, a
+        spherical joint three, named `_X`, `_Y`, `_Z`, which lose a motion when `_Y` is at a right
+        angle.
+
+        Args:
+            path: The URDF; its meshes are not needed.
+            cuts: The YAML; by default the file beside the URDF that ends in .yaml.
+
+        Raises:
+            DescriptionError: When a file cannot be read, with every problem found; mimic joints,
+                whose coupling Pinocchio would drop in silence, are refused.
+            UnknownNameError: For a joint or frame that is not in the URDF.
+            ActuationError: As the constructor.
+        """
+        path = Path(path)
+        cuts = path.with_suffix(".yaml") if cuts is None else cuts
+        text = reading.read_text(path, "URDF")
+        closures, actuated, gravity, joints = reading.parse_cuts(
+            reading.read_text(cuts, "YAML of the cuts"), str(cuts)
+        )
+        model = reading.parse_urdf(text, str(path), joints)
+        model.gravity.linear = gravity
+        return ClosedChain(model, closures, actuated)
+
+    @staticmethod
+    def from_mjcf(path: str | Path, *, locked: Sequence[str] = ()) -> ClosedChain:
+        """A robot from a MuJoCo file, its loops closed by `connect` and `weld` equalities.
+
+        MuJoCo compiles the file. The motors are the joints that have an actuator; tau is the
+        torque in the joint, gear times control for a `motor`. Joints carry MuJoCo's armature,
+        damping and friction loss; hinges and slides count as in `qpos`. A ball becomes three
+        joints, named `_X`, `_Y`, `_Z`, which lose a motion when `_Y` is at a right angle.
+
+        Args:
+            path: The MJCF.
+            locked: Joints held at their reference: the free joint of a robot that stands on
+                nothing, springs that count as stiff, the spin of a rod between two balls
+                (`rod_X`). A joint without a name is called like its body. A locked motor is none.
+
+        Raises:
+            MissingExtraError: Without MuJoCo, `sst-pin[mjcf]`.
+            DescriptionError: With every problem found: what MuJoCo does not read, free joints,
+                springs, equalities of other kinds, actuators on anything but joints.
+            UnknownNameError: For a name in `locked` that no joint has.
+            ActuationError: As the constructor.
+
+        Warns:
+            DescriptionWarning: When a ball has damping, friction or armature: it is left out.
+        """
+        from .reading.mjcf import read_mjcf
+
+        return ClosedChain(*read_mjcf(path, locked))
 
     def compute_torques(
         self,

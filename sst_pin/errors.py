@@ -61,7 +61,7 @@ class ParametersError(SSTError, ValueError):
 
 
 class DescriptionError(SSTError):
-    """A robot description (URDF, YAML cuts) that does not describe what is needed.
+    """A robot description (URDF, YAML cuts, MJCF) that does not describe what is needed.
 
     Attributes:
         problems: All of them, one sentence each.
@@ -173,3 +173,7 @@ class MissingExtraError(SSTError, ImportError):
 
 class SingularityWarning(UserWarning):
     """A simulation stopped early because the robot came close to a singularity."""
+
+
+class DescriptionWarning(UserWarning):
+    """A robot description says something that the dynamics leave out."""

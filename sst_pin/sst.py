@@ -94,8 +94,8 @@ class SST(StarDynamics):
     def _load(
         self, urdf: str, cuts: str, urdf_source: str, cuts_source: str, kernels: bool
     ) -> None:
-        model = reading.parse_urdf(urdf, urdf_source)
-        closures, actuated, gravity = reading.parse_cuts(cuts, cuts_source)
+        closures, actuated, gravity, joints = reading.parse_cuts(cuts, cuts_source)
+        model = reading.parse_urdf(urdf, urdf_source, joints)
         geometry = geometry_of(model, urdf_source)
         if actuated != ("gamma_1", "gamma_2", "gamma_3"):
             raise DescriptionError(

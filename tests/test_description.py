@@ -141,7 +141,7 @@ def test_the_star_frame_may_be_turned_in_an_edited_urdf(tmp_path):
     [
         ('name="mu_2"', 'name="nu_2"', "joint mu_2 is missing"),
         ('<axis xyz="1 0 0" />', '<axis xyz="0 1 0" />', "joint mu_1: JointModelRY"),
-        ('type="revolute"', 'type="continuous"', "JointModelRUBZ"),
+        ('type="revolute"', 'type="prismatic"', "JointModelPZ"),
         ("closedloop2_B", "closedloop2_C", "frame closedloop2_B of the cuts is missing"),
         ("closedloop1_A", "closedloop1_C", "frame closedloop1_A of the cuts is missing"),
         ('parent link="star_3"', 'parent link="star_1"', "must be fixed to star_3"),

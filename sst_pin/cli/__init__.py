@@ -8,11 +8,11 @@ import warnings
 from collections.abc import Sequence
 
 from ..errors import SingularityWarning, SSTError
-from . import info, paper, simulate, torques, verify
+from . import info, paper, simulate, torques, validate, verify
 from .common import Commands, Parser, version_of
 
 #: In the order of the help text.
-COMMANDS = (paper, torques, simulate, verify, info)
+COMMANDS = (paper, torques, simulate, verify, validate, info)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -22,7 +22,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         argv: Arguments; those of the process by default.
 
     Returns:
-        The exit code: 0; 1 when referees disagree; 2 after one line that says what is wrong.
+        The exit code: 0; 1 when referees disagree or a description has errors; 2 after one line
+        that says what is wrong.
     """
     parser = Parser(
         prog="sst-pin", description="Dynamics of the SST spherical parallel manipulator."

@@ -1,20 +1,18 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""From description files to Pinocchio: URDF to model, YAML to cuts."""
+"""What a URDF cannot say: closures, motors, gravity, joints of several axes, from a YAML file."""
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import pinocchio as pin
 import yaml
 from numpy.typing import NDArray
 
-from .closures import Closure
-from .errors import DescriptionError
+from ..closures import Closure
+from ..errors import DescriptionError
+from .urdf import AXES
 
 Array = NDArray[np.float64]
 
@@ -26,47 +24,21 @@ class Cuts(NamedTuple):
         closures: Pairs of frames to be closed.
         actuated: Names of the motors' joints.
         gravity: Acceleration of gravity in base axes, shape (3,), [m/s^2].
+        joints: What joints are in truth, by name; see `parse_urdf`.
     """
 
     closures: tuple[Closure, ...]
     actuated: tuple[str, ...]
     gravity: Array
-
-
-def read_text(path: str | Path, what: str) -> str:
-    """The content of a description file.
-
-    Raises:
-        DescriptionError: When it cannot be read.
-    """
-    try:
-        return Path(path).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise DescriptionError(str(path), [f"the {what} cannot be read: {error}"]) from None
-
-
-def parse_urdf(text: str, source: str) -> pin.Model:
-    """A Pinocchio model of a URDF.
-
-    Args:
-        text: The XML.
-        source: What error messages call it.
-
-    Raises:
-        DescriptionError: When it is no URDF.
-    """
-    try:
-        ET.fromstring(text)  # says line and column, which urdfdom does not
-        return pin.buildModelFromXML(text)
-    except (ET.ParseError, ValueError, RuntimeError) as error:
-        raise DescriptionError(source, [f"not a URDF: {error}"]) from None
+    joints: dict[str, str]
 
 
 def parse_cuts(text: str, source: str) -> Cuts:
     """Closures, motors and gravity of a YAML file in the LAAS schema.
 
     Args:
-        text: The YAML; `gravity` may be missing and is then (0, 0, -9.81).
+        text: The YAML with the keys `closed_loop`, `type` and `name_mot`; `gravity` may be missing
+            and is then (0, 0, -9.81), `joint_name` and `joint_type` may be missing.
         source: What error messages call it.
 
     Raises:
@@ -80,8 +52,8 @@ def parse_cuts(text: str, source: str) -> Cuts:
         raise DescriptionError(source, ["no keys; closed_loop, type and name_mot are needed"])
     problems: list[str] = []
 
-    def names(key: str) -> list[Any]:
-        value = content.get(key)
+    def names(key: str, default: list[Any] | None = None) -> list[Any]:
+        value = content.get(key, default)
         if not isinstance(value, list):
             problems.append(f"{key}: a list is needed")
             return []
@@ -101,9 +73,19 @@ def parse_cuts(text: str, source: str) -> Cuts:
     gravity = content.get("gravity", [0, 0, -9.81])
     if not _is_vector(gravity):
         problems.append(f"gravity: {gravity!r} is not a list of three numbers")
+    named, types = names("joint_name", []), [str(kind) for kind in names("joint_type", [])]
+    if len(named) != len(types):
+        problems.append(f"joint_name has {len(named)} entries, joint_type has {len(types)}")
+    unknown = sorted(set(types) - set(AXES))
+    problems += [f"joint_type: {kind!r} unknown; known: {', '.join(AXES)}" for kind in unknown]
     if problems:
         raise DescriptionError(source, problems)
-    return Cuts(tuple(closures), tuple(map(str, motors)), np.array(gravity, dtype=float))
+    return Cuts(
+        tuple(closures),
+        tuple(map(str, motors)),
+        np.array(gravity, dtype=float),
+        dict(zip(map(str, named), types, strict=True)),
+    )
 
 
 def _is_vector(value: Any) -> bool:

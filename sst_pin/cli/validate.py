@@ -1,0 +1,32 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""`sst-pin validate`: every problem of a robot description."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from .common import Commands
+
+
+def add_to(commands: Commands) -> None:
+    """Add the command."""
+    parser = commands.add("validate", _run, "List all problems of any URDF and of its closures.")
+    parser.add_argument("file", type=Path, metavar="FILE", help="a URDF")
+    parser.add_argument(
+        "--cuts", type=Path, metavar="YAML", help="closures and motors; FILE with .yaml by default"
+    )
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from ..validation import summary, validate
+
+    problems = validate(arguments.file, arguments.cuts)
+    for problem in problems:
+        print(problem)
+    errors = sum(problem.severity == "error" for problem in problems)
+    if errors:
+        print(f"{errors} error(s), {len(problems) - errors} warning(s)")
+        return 1
+    print(summary(arguments.file, arguments.cuts))
+    return 0

@@ -1,0 +1,241 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""MJCF to a Pinocchio model, closures and motors, by way of MuJoCo's own compiler.
+
+MuJoCo resolves defaults, angles, meshes and inertias; what it has compiled is carried over number
+by number. Coordinates of hinges and slides are MuJoCo's `qpos`, `ref` included.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from ..closures import Closure
+from ..errors import DescriptionError, DescriptionWarning, MissingExtraError, UnknownNameError
+
+Array = NDArray[np.float64]
+
+
+class Mjcf(NamedTuple):
+    """What an MJCF says of a closed chain.
+
+    Attributes:
+        model: The tree.
+        closures: Its active `connect` and `weld` equalities.
+        actuated: Joints with an actuator, in the order of the actuators.
+    """
+
+    model: pin.Model
+    closures: tuple[Closure, ...]
+    actuated: tuple[str, ...]
+
+
+def read_mjcf(path: str | Path, locked: Sequence[str] = ()) -> Mjcf:
+    """Read a robot; see `ClosedChain.from_mjcf`."""
+    try:
+        import mujoco
+    except ImportError:
+        raise MissingExtraError("mujoco", "mjcf") from None
+    try:
+        compiled = mujoco.MjModel.from_xml_path(str(path))
+    except ValueError as error:
+        raise DescriptionError(str(path), [f"not an MJCF: {error}"]) from None
+    return _Reader(mujoco, compiled, str(path), locked).read()
+
+
+class _Reader:
+    """One pass over a compiled model."""
+
+    def __init__(self, mujoco: Any, compiled: Any, source: str, locked: Sequence[str]) -> None:
+        self._mj, self._source, self._locked = compiled, source, set(locked)
+        self._mujoco = mujoco
+        self._model = pin.Model()
+        self._model.name = compiled.names.split(b"\0")[0].decode()
+        weightless = compiled.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY
+        self._model.gravity.linear = np.zeros(3) if weightless else compiled.opt.gravity
+        #: Of each body: the joint that bears it and its placement there.
+        self._bodies = [(0, pin.SE3.Identity())]
+        #: Of each coordinate: the degree of freedom in MuJoCo.
+        self._dofs: list[int] = []
+        self._problems: list[str] = []
+
+    def read(self) -> Mjcf:
+        """Tree, closures, motors."""
+        mj, model = self._mj, self._model
+        known = [name for j in range(mj.njnt) for name in (self._name(j), *self._coordinates(j))]
+        for name in self._locked.difference(known):
+            raise UnknownNameError("joint", name, dict.fromkeys(known))
+        for body in range(1, mj.nbody):
+            self._add_body(body)
+        closures, motors = tuple(self._closures()), tuple(dict.fromkeys(self._motors()))
+        self._problems += self._forces()
+        if self._problems:
+            raise DescriptionError(self._source, self._problems)
+        if left_out := list(self._left_out()):
+            text = "\n  ".join([f"{self._source}:", *left_out])
+            warnings.warn(text, DescriptionWarning, stacklevel=4)
+        # What a ball has about every axis cannot be told coordinate by coordinate.
+        simple = ~self._balls[mj.dof_jntid[self._dofs]]
+        model.armature = mj.dof_armature[self._dofs] * simple
+        model.damping = mj.dof_damping[self._dofs] * simple
+        model.friction = mj.dof_frictionloss[self._dofs] * simple
+        return Mjcf(model, closures, motors)
+
+    # --- the tree ---------------------------------------------------------------------------
+
+    def _add_body(self, body: int) -> None:
+        mj = self._mj
+        parent, placement = self._bodies[mj.body_parentid[body]]
+        placement = placement * _pose(mj.body_pos[body], mj.body_quat[body])
+        first = mj.body_jntadr[body]
+        for joint in range(first, first + mj.body_jntnum[body]):
+            parent, placement = self._add_joint(joint, parent, placement)
+        self._bodies.append((parent, placement))
+        R = _pose(mj.body_ipos[body], mj.body_iquat[body]).rotation
+        inertia = pin.Inertia(
+            mj.body_mass[body], mj.body_ipos[body], R * mj.body_inertia[body] @ R.T
+        )
+        self._model.appendBodyToJoint(parent, inertia, placement)
+
+    def _add_joint(self, joint: int, parent: int, placement: pin.SE3) -> tuple[int, pin.SE3]:
+        """The joint that bears the body now, and the body's placement there."""
+        mj, kinds, name = self._mj, self._mujoco.mjtJoint, self._name(joint)
+        kind, axis = kinds(mj.jnt_type[joint]), mj.jnt_axis[joint]
+        if kind == kinds.mjJNT_FREE and name not in self._locked:
+            self._problems.append(
+                f"joint {name}: free, but a closed chain stands on a fixed base; "
+                f"locked=[{name!r}] holds it where it is"
+            )
+        if kind == kinds.mjJNT_FREE or name in self._locked:
+            return parent, placement
+        anchor = pin.SE3(np.eye(3), mj.jnt_pos[joint])
+        reference = mj.qpos0[mj.jnt_qposadr[joint]]
+        if kind == kinds.mjJNT_HINGE:
+            models = [pin.JointModelRevoluteUnaligned(axis)]
+            zero = pin.SE3(pin.AngleAxis(-reference, axis).matrix(), np.zeros(3))
+        elif kind == kinds.mjJNT_SLIDE:
+            models = [pin.JointModelPrismaticUnaligned(axis)]
+            zero = pin.SE3(np.eye(3), -reference * axis)
+        else:
+            models = [pin.JointModelRX(), pin.JointModelRY(), pin.JointModelRZ()]
+            zero = pin.SE3.Identity()
+        at = placement * anchor * zero
+        for k, (model, coordinate) in enumerate(zip(models, self._coordinates(joint), strict=True)):
+            if coordinate not in self._locked:
+                parent = self._model.addJoint(parent, model, at, coordinate)
+                at = pin.SE3.Identity()
+                self._dofs.append(mj.jnt_dofadr[joint] + k)
+        return parent, at * anchor.inverse()
+
+    @property
+    def _balls(self) -> NDArray[np.bool_]:
+        """Which joints are balls."""
+        return np.asarray(self._mj.jnt_type) == int(self._mujoco.mjtJoint.mjJNT_BALL)
+
+    def _name(self, joint: int) -> str:
+        """Of a joint; a nameless one is called like its body."""
+        mj, body = self._mj, self._mj.jnt_bodyid[joint]
+        number = joint - mj.body_jntadr[body]
+        nameless = mj.body(body).name or f"body_{body}"
+        return mj.joint(joint).name or (f"{nameless}_{number}" if number else nameless)
+
+    def _coordinates(self, joint: int) -> list[str]:
+        """Names of the joints with one coordinate that a joint becomes."""
+        name = self._name(joint)
+        if self._balls[joint]:
+            return [f"{name}_{axis}" for axis in "XYZ"]
+        return [name]
+
+    # --- loops and motors -------------------------------------------------------------------
+
+    def _closures(self) -> Iterator[Closure]:
+        mj, kinds = self._mj, self._mujoco.mjtEq
+        site = self._mujoco.mjtObj.mjOBJ_SITE
+        for i in range(mj.neq):
+            if not mj.eq_active0[i]:
+                continue
+            name, kind = mj.equality(i).name or f"equality_{i}", kinds(mj.eq_type[i])
+            if kind not in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD):
+                what = kind.name.removeprefix("mjEQ_").lower()
+                self._problems.append(f"{name}: couples by {what}; connect and weld close loops")
+                continue
+            first, second, data = mj.eq_obj1id[i], mj.eq_obj2id[i], mj.eq_data[i]
+            if mj.eq_objtype[i] == int(site):
+                places = [_pose(mj.site_pos[s], mj.site_quat[s]) for s in (first, second)]
+                first, second = mj.site_bodyid[[first, second]]
+            elif kind == kinds.mjEQ_CONNECT:
+                places = [pin.SE3(np.eye(3), data[:3]), pin.SE3(np.eye(3), data[3:6])]
+            else:  # pose of the second body in the first, anchor in the second
+                places = [_pose(data[3:6], data[6:10]), pin.SE3(np.eye(3), data[:3])]
+            ends = f"{name}_A", f"{name}_B"
+            for end, body, place in zip(ends, (first, second), places, strict=True):
+                parent, placement = self._bodies[body]
+                kind_of_frame = pin.FrameType.OP_FRAME
+                self._model.addFrame(pin.Frame(end, parent, placement * place, kind_of_frame))
+            yield Closure(*ends, "3d" if kind == kinds.mjEQ_CONNECT else "6d")
+
+    def _motors(self) -> Iterator[str]:
+        mj, trn = self._mj, self._mujoco.mjtTrn
+        for i in range(mj.nu):
+            joint, name = mj.actuator_trnid[i, 0], mj.actuator(i).name or f"actuator_{i}"
+            bearer = trn(mj.actuator_trntype[i])
+            if bearer not in (trn.mjTRN_JOINT, trn.mjTRN_JOINTINPARENT):
+                what = bearer.name.removeprefix("mjTRN_").lower()
+                self._problems.append(f"{name}: an actuator on a {what}, not on a joint")
+            elif self._name(joint) in self._locked:
+                continue
+            elif self._balls[joint]:
+                self._problems.append(f"{name}: an actuator on a ball joint")
+            else:
+                yield self._name(joint)
+
+    def _forces(self) -> Iterator[str]:
+        """What the dynamics would overlook."""
+        mj = self._mj
+        for joint in range(mj.njnt):
+            name = self._name(joint)
+            if mj.jnt_stiffness[joint] and name not in self._locked:
+                yield (
+                    f"joint {name}: a spring; locked=[{name!r}] holds it at its reference, "
+                    "stiffness 0 leaves it out"
+                )
+        for field, what in _FORCES.items():
+            if np.any(getattr(mj, field, 0)):  # not every MuJoCo has every field
+                yield f"{what} is not in the dynamics here"
+        if mj.opt.density or mj.opt.viscosity:
+            yield "a medium around the robot is not in the dynamics here"
+
+    def _left_out(self) -> Iterator[str]:
+        """What has no place in the coordinates of balls."""
+        mj = self._mj
+        for joint in map(int, np.flatnonzero(self._balls)):
+            name, dof = self._name(joint), mj.jnt_dofadr[joint]
+            for what in ("damping", "frictionloss", "armature"):
+                value = getattr(mj, f"dof_{what}")[dof]
+                if value and name not in self._locked:
+                    yield f"joint {name}: {what} {value:g} of a ball joint is left out"
+
+
+#: Fields of a compiled model and the forces they stand for.
+_FORCES = {
+    "jnt_stiffnesspoly": "the polynomial of a spring",
+    "dof_dampingpoly": "the polynomial of a damper",
+    "body_gravcomp": "compensation of gravity",
+    "tendon_stiffness": "the stiffness of a tendon",
+    "tendon_damping": "the damping of a tendon",
+    "tendon_frictionloss": "the friction of a tendon",
+    "tendon_armature": "the armature of a tendon",
+    "actuator_damping": "the damping of an actuator",
+    "actuator_armature": "the armature of an actuator",
+}
+
+
+def _pose(position: Array, quaternion: Array) -> pin.SE3:
+    """Of MuJoCo's w, x, y, z."""
+    return pin.SE3(pin.Quaternion(*quaternion).normalized().matrix(), position)

@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""What is wrong with a robot description: all of it at once.
+
+Nothing here is about the SST; see `sst_pin.topology` for what makes a tree one.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+from ..closed_chain import ClosedChain
+from ..errors import ClosureError, DescriptionError
+from ..reading import parse_urdf, read_text
+from . import inertia, loops, meshes, tree
+from .problems import Problem, error
+
+__all__ = ["Problem", "summary", "validate"]
+
+
+def validate(path: str | Path, cuts: str | Path | None = None) -> list[Problem]:
+    """All problems of a URDF and of the cuts that belong to it.
+
+    Names, tree, limits and axes; links that move without mass; inertias that no body has, in
+    principal axes; meshes that are missing or that some tool does not read. With cuts also:
+    unknown names, closures that cannot close, motors that do not suffice or are too many.
+
+    Args:
+        path: Any URDF.
+        cuts: YAML of closures and motors, see `ClosedChain.from_urdf`; by default the file beside
+            the URDF that ends in .yaml. Where there is none, the URDF is an open tree.
+
+    Returns:
+        Errors first, then warnings; empty for a good description.
+    """
+    path = Path(path)
+    try:
+        text = read_text(path, "URDF")
+        root = ET.fromstring(text)
+    except DescriptionError as caught:
+        return [error("file", problem) for problem in caught.problems]
+    except ET.ParseError as caught:
+        return [error("file", f"not XML: {caught}")]
+    problems = list(tree.check(root))
+    if not any(problem.severity == "error" for problem in problems):  # Pinocchio needs a tree
+        problems += loops.check(text, path, _cuts_of(path, cuts))
+    problems += [*inertia.check(root), *meshes.check(root, path.parent)]
+    return sorted(problems, key=lambda problem: problem.severity)
+
+
+def summary(path: str | Path, cuts: str | Path | None = None) -> str:
+    """Joints, mass and mobility of a robot without errors; arguments as in `validate`."""
+    path = Path(path)
+    cuts = _cuts_of(path, cuts)
+    if cuts is None:
+        model = parse_urdf(read_text(path, "URDF"), str(path))
+        mobility = f"joints              {model.njoints - 1}, an open tree: no {path.stem}.yaml"
+    else:
+        chain = ClosedChain.from_urdf(path, cuts)
+        model = chain.model
+        try:
+            mobility = str(chain.mobility())
+        except ClosureError as caught:
+            mobility = str(caught)
+    mass = sum(inertia.mass for inertia in list(model.inertias)[1:])
+    return f"{mobility}\nmoving mass         {mass:.6g} kg"
+
+
+def _cuts_of(path: Path, cuts: str | Path | None) -> Path | None:
+    if cuts is not None:
+        return Path(cuts)
+    beside = path.with_suffix(".yaml")
+    return beside if beside.is_file() else None

@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Loops that can be closed and motors that hold the robot."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from .. import assembly, reading
+from ..closed_chain import ClosedChain
+from ..closures import Closure, LoopKinematics
+from ..errors import ActuationError, ClosureError, DescriptionError, SSTError
+from .problems import Problem, error, warning
+
+
+def check(urdf: str, path: Path, cuts: Path | None) -> Iterator[Problem]:
+    """Problems that only the robot as a whole has.
+
+    Args:
+        urdf: Text of a URDF that is a tree.
+        path: Where it came from.
+        cuts: The YAML of the cuts; None for an open tree.
+    """
+    where, found = "cuts", None
+    try:
+        if cuts is not None:
+            found = reading.parse_cuts(reading.read_text(cuts, "YAML of the cuts"), str(cuts))
+        where = "file"
+        model = reading.parse_urdf(urdf, str(path), None if found is None else found.joints)
+    except DescriptionError as caught:
+        yield from (error(where, text) for text in caught.problems)
+        return
+    if found is None:
+        return
+    problems = list(_unknown(model, found))
+    yield from problems
+    if problems:
+        return
+    problems = list(_open(model, found.closures))
+    yield from problems
+    if not problems:
+        yield from _actuation(model, found)
+
+
+def _unknown(model: pin.Model, cuts: reading.Cuts) -> Iterator[Problem]:
+    if not cuts.closures:
+        yield error("cuts", "no closures")
+    for closure in cuts.closures:
+        for frame in (closure.frame_a, closure.frame_b):
+            if not model.existFrame(frame):
+                yield error(_name(closure), f"no frame {frame} in the URDF")
+    for motor in cuts.actuated:
+        if motor not in list(model.names)[1:]:
+            yield error(f"motor {motor}", "no moving joint of this name in the URDF")
+
+
+def _open(model: pin.Model, closures: Sequence[Closure]) -> Iterator[Problem]:
+    """Closures that stay open from wherever Newton's method starts."""
+    alone = {closure: _gap(model, [closure]) for closure in closures}
+    for closure, gap in alone.items():
+        if gap:
+            yield error(_name(closure), f"cannot be closed: {gap:.3g} (m or rad) stays open")
+    if not any(alone.values()) and (gap := _gap(model, closures)):
+        text = f"close one by one, not together: {gap:.3g} (m or rad) stays open"
+        yield error("closures", text)
+
+
+def _gap(model: pin.Model, closures: Sequence[Closure]) -> float:
+    """What stays open at best, 0 when the loops can be closed."""
+    kinematics = LoopKinematics(model, closures)
+    try:
+        assembly.generic_configuration(kinematics)
+    except ClosureError as caught:
+        everything = np.arange(model.nv)
+        try:
+            assembly.assemble(kinematics, pin.neutral(model), everything)
+        except ClosureError:
+            return caught.residual
+    return 0.0
+
+
+def _actuation(model: pin.Model, cuts: reading.Cuts) -> Iterator[Problem]:
+    try:
+        mobility = ClosedChain(model, cuts.closures, cuts.actuated).mobility()
+    except ClosureError:
+        yield warning("closures", "they close at q = 0 only: mobility not judged")
+        return
+    except ActuationError as caught:
+        yield error("actuation", str(caught))
+        return
+    except SSTError as caught:
+        yield error("robot", str(caught))
+        return
+    if not mobility.sufficient:
+        loose = mobility.degrees_of_freedom - mobility.held
+        yield error(
+            "actuation",
+            f"insufficient: {mobility.degrees_of_freedom} degrees of freedom, "
+            f"{len(cuts.actuated)} motors; {loose} move with the motors locked, through "
+            f"{', '.join(mobility.loose_joints)}",
+        )
+    elif mobility.redundantly_actuated:
+        yield warning(
+            "actuation",
+            f"redundant: {len(cuts.actuated)} motors for {mobility.degrees_of_freedom} degrees of "
+            "freedom; the dynamics here need as many as there are",
+        )
+
+
+def _name(closure: Closure) -> str:
+    return f"closure {closure.frame_a} - {closure.frame_b}"
