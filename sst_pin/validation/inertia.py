@@ -68,7 +68,7 @@ def _inertial(inertial: ET.Element, where: str, moves: bool) -> Iterator[Problem
         return
     xx, xy, xz, yy, yz, zz = entries
     inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], dtype=float)
-    if mass is not None and mass >= 0:
+    if mass is not None and (mass > 0 or (mass == 0 and not moves)):
         yield from _moments(inertia, mass, where, moves)
 
 
