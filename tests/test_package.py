@@ -53,6 +53,7 @@ def test_wheel_brings_the_robot_into_an_empty_environment(tmp_path):
 @pytest.mark.parametrize("number", range(len(blocks("python"))))
 def test_python_of_the_readme_runs_and_prints(number, tmp_path):
     """Each block by itself, as a reader would paste it."""
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
     result = subprocess.run(
         [sys.executable, "-c", blocks("python")[number]],
         cwd=tmp_path,
