@@ -309,6 +309,7 @@ def test_locked_joints_stay_at_their_reference(mjcf):
     [
         ("<mujoco", "<nonsense", "not an MJCF"),
         ('<joint axis="1 0 1" pos="0.1 0 0"/>', '<joint stiffness="3"/>', "joint b_1: a spring"),
+        ('<body name="d"/>', '<body><joint name="b_1"/><geom size="1"/></body>', "b_1 are two"),
         ('<body name="d"/>', '<body name="d"><freejoint/><geom size="1"/></body>', "joint d: free"),
         ("<equality>", '<equality><joint joint1="ja" joint2="jb"/>', "couples by joint"),
         ('<motor joint="jb"/>', '<motor site="s1" refsite="s2"/>', "an actuator on a site"),

@@ -8,6 +8,7 @@ by number. Coordinates of hinges and slides are MuJoCo's `qpos`, `ref` included.
 from __future__ import annotations
 
 import warnings
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -71,6 +72,10 @@ class _Reader:
         known = [name for j in range(mj.njnt) for name in (self._name(j), *self._coordinates(j))]
         for name in self._locked.difference(known):
             raise UnknownNameError("joint", name, dict.fromkeys(known))
+        names = Counter(name for j in range(mj.njnt) for name in self._coordinates(j))
+        if twice := [name for name, count in names.items() if count > 1]:
+            text = f"joints without a name are called like their bodies: {', '.join(twice)} are two"
+            raise DescriptionError(self._source, [text])
         for body in range(1, mj.nbody):
             self._add_body(body)
         closures, motors = tuple(self._closures()), tuple(dict.fromkeys(self._motors()))
