@@ -102,6 +102,10 @@ MESH = '<visual><geometry><mesh filename="{}"/></geometry></visual>'
         ),
         (edited("joint", "motor_2", "<limit", "<!-- "[:4] + " --><a"), "revolute without <limit>"),
         (edited("joint", "motor_2", "<axis", '<mimic joint="motor_1"/><axis'), "mimics motor_1"),
+        (
+            URDF.replace('"revolute"', '"fixed"'),
+            "error: motor motor_2: no moving joint of this name",
+        ),
         # inertia
         (
             edited("link", "arm_2", 'value="0.08"', 'value="0"'),
@@ -196,6 +200,7 @@ def test_a_fault_of_the_urdf_is_told_with_its_place(found, urdf, problem):
         (", motor_3]", "]", "18 joints, 2 motors and 15 closure equations: at least 1 more"),
         ("motor_3]", "motor_3, elbow_1a_X]", "warning: actuation: redundant: 4 motors for 3"),
         ("elbow_1a,", "knee,", "error: file: joint knee is missing"),
+        (CUTS, "closed_loop: []\ntype: []\nname_mot: []", "error: cuts: no closures"),
     ],
 )
 def test_a_fault_of_the_cuts_is_told_with_its_place(found, old, new, problem):
@@ -203,6 +208,13 @@ def test_a_fault_of_the_cuts_is_told_with_its_place(found, old, new, problem):
     assert old in CUTS
     told = [str(p) for p in found(cuts=CUTS.replace(old, new, 1)) if problem in str(p)]
     assert len(told) == 1
+
+
+def test_a_robot_without_moving_joints_is_told(found):
+    """It has no closure that could be judged."""
+    cuts = "closed_loop: [[base, arm_1]]\ntype: [3d]\nname_mot: []\n"
+    (problem,) = found(URDF.replace('"revolute"', '"fixed"'), cuts)
+    assert str(problem) == "error: tree: all joints are fixed: nothing moves"
 
 
 def test_a_motor_too_few_is_told_with_the_joints_that_stay_loose(found):

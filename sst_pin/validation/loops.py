@@ -48,6 +48,8 @@ def check(urdf: str, path: Path, cuts: Path | None) -> Iterator[Problem]:
 def _unknown(model: pin.Model, cuts: reading.Cuts) -> Iterator[Problem]:
     if not cuts.closures:
         yield error("cuts", "no closures")
+    if not model.nv:
+        yield error("tree", "all joints are fixed: nothing moves")
     for closure in cuts.closures:
         for frame in (closure.frame_a, closure.frame_b):
             if not model.existFrame(frame):
