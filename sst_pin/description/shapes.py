@@ -1,0 +1,258 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The parts an SST could be built of, as plain solids.
+
+Meshes and collision primitives are both made of these, so one cannot drift from the other. The
+paper fixes axes and two radii; the rest is chosen so that the bodies turn in shells about O and
+keep clear of each other: base frame and links inside, carriages on them, the star outside.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..parameters import Parameters
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Box:
+    """A box.
+
+    Attributes:
+        center: Shape (3,), [m].
+        axes: Directions of its edges, columns of a (3, 3) array.
+        size: Lengths of its edges, shape (3,), [m].
+    """
+
+    center: Array
+    axes: Array
+    size: Array
+
+
+@dataclass(frozen=True)
+class Cylinder:
+    """A round solid between two points; a cone when its radii differ.
+
+    Attributes:
+        start: Shape (3,), [m].
+        end: Shape (3,), [m].
+        radius: At the start, [m].
+        end_radius: At the end, [m].
+    """
+
+    start: Array
+    end: Array
+    radius: float
+    end_radius: float
+
+
+@dataclass(frozen=True)
+class Ball:
+    """A sphere, by its centre of shape (3,) and its radius [m]."""
+
+    center: Array
+    radius: float
+
+
+@dataclass(frozen=True)
+class Arc:
+    """A bar bent about O.
+
+    Attributes:
+        axes: The bar runs from the first column of this (3, 3) array towards the second.
+        radius: Of its middle line, [m].
+        angle: From one end to the other, [rad].
+        section: Radial and axial size of its section, [m].
+        round: Whether the section is an ellipse of these sizes instead of a rectangle.
+    """
+
+    axes: Array
+    radius: float
+    angle: float
+    section: tuple[float, float]
+    round: bool = False
+
+
+Solid = Box | Cylinder | Ball | Arc
+
+#: Angle of one straight piece of an arc's collision geometry; it stands off by 1.3 mm at most.
+_PIECE = np.radians(9)
+
+# Sizes in metres at the paper's radii; all but the radii themselves grow with base_radius.
+_PAPER_RADIUS = 0.35
+_TUBE = 0.006  # radius of the base frame
+_BALL = 0.044
+_MOTOR = 0.032  # radius
+_HUB = 0.125  # of an actuator link, from O along the axis of its motor
+_WIDTH = 0.024  # of the link's arm
+_HEAD = (0.013, 0.027)  # of the link's bearing of mu_k, beyond base_radius: over the base frame
+_RAIL = (0.016, 0.020)  # section of the star's arcs: with the hub 2.6 kg of aluminium, nearly
+_ROLLER = 0.007
+
+
+def shapes_of(p: Parameters) -> dict[str, tuple[Solid, ...]]:
+    """Solids of each mesh, by its name.
+
+    Returns:
+        `base` and `motors` in base axes, `link` in {1k}, `passive` in {2k}, `arc` and `tool` in
+        {3k}; the legs share theirs.
+    """
+    scale = p.base_radius / _PAPER_RADIUS
+    return {
+        "base": tuple(_base(p, scale)),
+        "motors": tuple(_motors(p, scale)),
+        "link": tuple(_link(p, scale)),
+        "passive": tuple(_passive(p, scale)),
+        "arc": tuple(_star_arc(p, scale)),
+        "tool": tuple(_tool(p, scale)),
+    }
+
+
+def primitives(solid: Solid) -> Iterator[Box | Cylinder | Ball]:
+    """Boxes, cylinders and spheres that enclose a solid."""
+    if isinstance(solid, Cylinder):
+        radius = max(solid.radius, solid.end_radius)
+        yield Cylinder(solid.start, solid.end, radius, radius)
+    elif isinstance(solid, Arc):
+        yield from _pieces(solid)
+    else:
+        yield solid
+
+
+def axes_along(direction: Array) -> Array:
+    """Right-handed axes whose z has a direction, columns of a (3, 3) array."""
+    z = direction / np.linalg.norm(direction)
+    x = np.cross(np.eye(3)[np.argmin(np.abs(z))], z)
+    x /= np.linalg.norm(x)
+    return np.stack([x, np.cross(z, x), z], axis=-1)
+
+
+def _pieces(arc: Arc) -> Iterator[Box | Cylinder]:
+    count = int(np.ceil(arc.angle / _PIECE - 1e-9))
+    half = arc.angle / count / 2
+    depth, width = arc.section
+    inner, outer = (arc.radius - depth / 2) * np.cos(half), arc.radius + depth / 2
+    middle, length = (inner + outer) / 2, 2 * outer * np.tan(half)
+    x, y, z = arc.axes.T
+    for angle in half * (2 * np.arange(count) + 1):
+        radial = np.cos(angle) * x + np.sin(angle) * y
+        along = np.cross(z, radial)
+        if arc.round:
+            ends = (middle * radial + sign * length / 2 * along for sign in (-1, 1))
+            yield _rod(*ends, (outer - inner) / 2)
+        else:
+            axes = np.stack([radial, along, z], axis=-1)
+            yield Box(middle * radial, axes, np.array((outer - inner, length, width)))
+
+
+def _outside(p: Parameters) -> float:
+    """Side of the planes of the triangle, along e_k, that is outside it: motors and links."""
+    return -float(np.sign(np.linalg.det(p.base_directions)))
+
+
+def _base(p: Parameters, scale: float) -> Iterator[Solid]:
+    """The triangle P1P2P3 on spokes from a ball at O, and a post to bolt it down."""
+    tube = _TUBE * scale
+    center = np.zeros(3)
+    yield Ball(center, _BALL * scale)
+    for v, after, e in zip(
+        p.base_directions, np.roll(p.base_directions, -1, axis=0), p.actuated_axes, strict=True
+    ):
+        yield _rod(center, p.base_radius * v, tube)
+        yield Ball(p.base_radius * v, 1.5 * tube)
+        axes = np.stack([v, np.cross(e, v), e], axis=-1)
+        side = float(np.arctan2(np.linalg.norm(np.cross(v, after)), v @ after))
+        yield Arc(axes, p.base_radius, side, (2 * tube, 2 * tube), round=True)
+    # Away from the triangle, where the arcs of the star do not come.
+    down = -p.base_directions.sum(axis=0)
+    down /= np.linalg.norm(down)
+    foot = 1.25 * max(p.base_radius, p.star_radius)
+    yield _rod(center, foot * down, 0.02 * scale)
+    yield Cylinder((foot - 0.03 * scale) * down, foot * down, 0.02 * scale, 0.045 * scale)
+    yield _rod(foot * down, (foot + 0.014 * scale) * down, 0.075 * scale)
+
+
+def _motors(p: Parameters, scale: float) -> Iterator[Solid]:
+    """On the ball, their shafts along e_k."""
+    for axis in _outside(p) * p.actuated_axes:
+        for start, end, radius in (
+            (0.034, 0.085, _MOTOR),
+            (0.085, 0.089, 0.8 * _MOTOR),
+            (0.089, 0.097, 0.6 * _MOTOR),
+            (0.097, _HUB, 0.009),
+        ):
+            yield _rod(start * scale * axis, end * scale * axis, radius * scale)
+
+
+def _link(p: Parameters, scale: float) -> Iterator[Solid]:
+    """From the shaft of the motor round the base frame to the axis of mu_k."""
+    x, y, z = np.eye(3)
+    z = _outside(p) * z
+    hub, width = _HUB * scale, _WIDTH * scale
+    thick = width / 2
+    yield _rod((hub - thick) * z, (hub + thick) * z, width)
+    yield _rod((hub + thick) * z, (hub + 1.4 * thick) * z, 0.6 * width)
+    inner, outer = (p.base_radius + beyond * scale for beyond in _HEAD)
+    elbow = (inner + outer) / 2 * x + 0.034 * scale * z
+    yield _bar(hub * z, elbow, y, width, thick)
+    yield _rod(elbow - width / 2 * y, elbow + width / 2 * y, 0.6 * thick)
+    yield _bar(elbow, (inner + outer) / 2 * x, y, width, thick)
+    yield _rod(inner * x, outer * x, 0.6 * width)
+
+
+def _passive(p: Parameters, scale: float) -> Iterator[Solid]:
+    """A carriage that turns on the link and holds an arc of the star between four rollers."""
+    x, _, _ = np.eye(3)
+    depth, width = (size * scale for size in _RAIL)
+    bottom, top = p.star_radius - depth / 2 - 0.002 * scale, p.star_radius + depth / 2
+    plate, strip = 0.005 * scale, 0.004 * scale
+    radius = _ROLLER * scale
+    length, across = 0.05 * scale, width / 2 + radius
+    yield _rod((p.base_radius + _HEAD[1] * scale) * x, (bottom - plate) * x, 0.3 * _WIDTH * scale)
+    size = np.array((plate, length, 2 * (across + radius)))
+    yield Box((bottom - plate / 2) * x, np.eye(3), size)
+    for side in (-1, 1):
+        for along in (-0.32, 0.32):
+            foot = np.array((0, along * length, side * across))
+            yield _rod(bottom * x + foot, (top + 0.002 * scale) * x + foot, radius)
+        middle = np.array((top + 0.002 * scale + strip / 2, 0, side * (across - 0.001 * scale)))
+        yield Box(middle, np.eye(3), np.array((strip, length, 2 * radius)))
+
+
+def _star_arc(p: Parameters, scale: float) -> Iterator[Solid]:
+    """A quarter circle from E over R_k, and a stop at its end."""
+    x, y, z = np.eye(3)
+    depth, width = (size * scale for size in _RAIL)
+    axes = np.stack([x, -y, -z], axis=-1)
+    yield Arc(axes, p.star_radius, np.pi / 2, (depth, width))
+    size = np.array((1.5 * depth, 0.3 * depth, 1.5 * width))
+    yield Box(-p.star_radius * y, np.eye(3)[:, [1, 0, 2]] * (1, 1, -1), size)
+
+
+def _tool(p: Parameters, scale: float) -> Iterator[Solid]:
+    """The hub in which the arcs meet, and a tip along s."""
+    x = np.eye(3)[0]
+    for start, end, radius, end_radius in (
+        (-0.011, 0.011, 0.026, 0.026),
+        (0.011, 0.022, 0.016, 0.016),
+        (0.022, 0.045, 0.009, 0.009),
+        (0.045, 0.075, 0.009, 0.001),
+    ):
+        points = ((p.star_radius + at * scale) * x for at in (start, end))
+        yield Cylinder(*points, radius * scale, end_radius * scale)
+
+
+def _rod(start: Array, end: Array, radius: float) -> Cylinder:
+    return Cylinder(start, end, radius, radius)
+
+
+def _bar(start: Array, end: Array, across: ArrayLike, width: float, thick: float) -> Box:
+    """A box along a line."""
+    along = (end - start) / np.linalg.norm(end - start)
+    axes = np.stack([along, across, np.cross(along, across)], axis=-1)
+    return Box((start + end) / 2, axes, np.array((np.linalg.norm(end - start), width, thick)))
