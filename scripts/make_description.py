@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+
 from sst_pin import Parameters
 from sst_pin.description import description_writers
 from sst_pin.files import write_files

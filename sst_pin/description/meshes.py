@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from ..errors import MissingExtraError
 from ..files import Writer
 from ..parameters import Parameters
-from .shapes import Arc, Ball, Box, Cylinder, Solid, axes_along, shapes_of
+from .shapes import Arc, Box, Cylinder, Solid, axes_along, shapes_of
 
 Array = NDArray[np.float64]
 
-#: Points round a circle.
-_ROUND = 24
+#: How far a circle's chords may lie inside it, [m].
+_CHORD = 2e-4
 #: Largest turn of an arc between two of its sections.
 _STEP = np.radians(4.5)
 #: Width of the bevel on an edge, as a share of the smallest size of the solid.
@@ -94,63 +94,65 @@ def _loft(loops: Array) -> tuple[Array, NDArray[np.int_]]:
 
 
 def _loops(solid: Solid) -> Array:
+    if isinstance(solid, Box):
+        return _loops_of_box(solid)
     if isinstance(solid, Cylinder):
         return _loops_of_cylinder(solid)
-    if isinstance(solid, Ball):
-        latitude = np.linspace(-1.5, 1.5, _ROUND // 2 + 1)[:, None, None]
-        circle = np.concatenate([_ellipse(1, 1), np.zeros((_ROUND, 1))], axis=1)
-        pole = np.eye(3)[2]
-        return solid.center + solid.radius * (np.cos(latitude) * circle + np.sin(latitude) * pole)
-    if isinstance(solid, Box):
-        length, width, depth = solid.size
-        bevel = _BEVEL * min(solid.size)
-        inset = np.array((bevel, 0, 0, bevel))
-        along = length / 2 * np.array((-1, -1, 1, 1)) + bevel * np.array((0, 1, -1, 0))
-        sections = [_rectangle(width, depth, bevel, i) for i in inset]
-        local = np.stack([_at(x, section) for x, section in zip(along, sections, strict=True)])
-        return solid.center + local @ solid.axes.T
-    return _loops_of_arc(solid)
+    if isinstance(solid, Arc):
+        return _loops_of_arc(solid)
+    circle = _circle(solid.radius)
+    latitudes = np.linspace(-1.5, 1.5, len(circle) // 2 + 1)
+    sections = [np.cos(latitude) * circle for latitude in latitudes]
+    return solid.center + _stack(solid.radius * np.sin(latitudes), sections)
+
+
+def _loops_of_box(solid: Box) -> Array:
+    length, width, depth = solid.size
+    bevel = _BEVEL * solid.size.min()
+    heights = np.array((-length / 2, bevel - length / 2, length / 2 - bevel, length / 2))
+    wide, narrow = (_rectangle(width - inset, depth - inset, bevel) for inset in (0, 2 * bevel))
+    return solid.center + _stack(heights, [narrow, wide, wide, narrow]) @ solid.axes.T
 
 
 def _loops_of_cylinder(solid: Cylinder) -> Array:
     axis = solid.end - solid.start
-    length = np.linalg.norm(axis)
+    length = float(np.linalg.norm(axis))
     x, y, z = axes_along(axis).T
     bevel = _BEVEL * min(solid.radius, solid.end_radius, length)
-    at = np.array((0, bevel, length - bevel, length))
-    radii = np.array(
-        (solid.radius - bevel, solid.radius, solid.end_radius, solid.end_radius - bevel)
-    )
-    circles = radii[:, None, None] * (_ellipse(1, 1) @ np.stack([x, y]))
-    return solid.start + at[:, None, None] * z + circles
+    heights = np.array((0, bevel, length - bevel, length))
+    radii = np.array((solid.radius - bevel, solid.radius, solid.end_radius))
+    radii = np.append(radii, solid.end_radius - bevel)
+    circle = _circle(radii.max()) / radii.max()
+    return solid.start + _stack(heights, [r * circle for r in radii]) @ np.stack([z, x, y])
 
 
 def _loops_of_arc(solid: Arc) -> Array:
     depth, width = solid.section
     bevel = _BEVEL * min(solid.section)
-    section = _ellipse(depth / 2, width / 2) if solid.round else _rectangle(depth, width, bevel, 0)
-    angles = np.linspace(0, solid.angle, int(np.ceil(solid.angle / _STEP - 1e-9)) + 1)[:, None]
-    radius = solid.radius + section[:, 0]
-    local = np.stack(
-        np.broadcast_arrays(radius * np.cos(angles), radius * np.sin(angles), section[:, 1]),
-        axis=-1,
-    )
+    section = _circle(depth / 2) if solid.round else _rectangle(depth, width, bevel)
+    angles = np.linspace(0, solid.angle, int(np.ceil(solid.angle / _STEP - 1e-9)) + 1)
+    radial = np.outer(np.cos(angles), solid.radius + section[:, 0])
+    along = np.outer(np.sin(angles), solid.radius + section[:, 0])
+    local = np.stack([radial, along, np.broadcast_to(section[:, 1], radial.shape)], axis=-1)
     # Counterclockwise in (radial, axial) is clockwise from where the arc goes.
     return local[:, ::-1] @ solid.axes.T
 
 
-def _at(x: float, section: Array) -> Array:
-    return np.concatenate([np.full((len(section), 1), x), section], axis=1)
+def _stack(heights: Array, sections: Sequence[Array]) -> Array:
+    """Loops one above the other; the first coordinate is the height."""
+    pairs = zip(heights, sections, strict=True)
+    return np.stack([np.insert(section, 0, height, axis=1) for height, section in pairs])
 
 
-def _ellipse(a: float, b: float) -> Array:
-    angles = 2 * np.pi / _ROUND * np.arange(_ROUND)
-    return np.stack([a * np.cos(angles), b * np.sin(angles)], axis=-1)
+def _circle(radius: float) -> Array:
+    """Its points, counterclockwise; a multiple of four, so that its size is right."""
+    quarter = np.ceil(np.pi / 4 / np.arccos(1 - _CHORD / radius))
+    angles = np.pi / 2 / quarter * np.arange(4 * quarter)
+    return radius * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
 
 
-def _rectangle(width: float, depth: float, bevel: float, inset: float) -> Array:
-    """Its corners cut off, counterclockwise."""
-    a, b = width / 2 - inset, depth / 2 - inset
-    corners = ((a, bevel - b), (a, b - bevel), (a - bevel, b), (bevel - a, b))
-    half = np.array(corners)
+def _rectangle(width: float, depth: float, bevel: float) -> Array:
+    """Its points, counterclockwise, the corners cut off."""
+    a, b = width / 2, depth / 2
+    half = np.array(((a, bevel - b), (a, b - bevel), (a - bevel, b), (bevel - a, b)))
     return np.concatenate([half, -half])

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from ..parameters import Parameters
 
@@ -68,7 +68,7 @@ class Arc:
         radius: Of its middle line, [m].
         angle: From one end to the other, [rad].
         section: Radial and axial size of its section, [m].
-        round: Whether the section is an ellipse of these sizes instead of a rectangle.
+        round: Whether the section is a circle instead of a rectangle, its sizes then equal.
     """
 
     axes: Array
@@ -83,14 +83,12 @@ Solid = Box | Cylinder | Ball | Arc
 #: Angle of one straight piece of an arc's collision geometry; it stands off by 1.3 mm at most.
 _PIECE = np.radians(9)
 
-# Sizes in metres at the paper's radii; all but the radii themselves grow with base_radius.
-_PAPER_RADIUS = 0.35
+# Sizes in metres for the paper's radii, 0.35 and 0.40 m; see `_scale`.
 _TUBE = 0.006  # radius of the base frame
 _BALL = 0.044
 _MOTOR = 0.032  # radius
 _HUB = 0.125  # of an actuator link, from O along the axis of its motor
 _WIDTH = 0.024  # of the link's arm
-_HEAD = (0.013, 0.027)  # of the link's bearing of mu_k, beyond base_radius: over the base frame
 _RAIL = (0.016, 0.020)  # section of the star's arcs: with the hub 2.6 kg of aluminium, nearly
 _ROLLER = 0.007
 
@@ -102,7 +100,7 @@ def shapes_of(p: Parameters) -> dict[str, tuple[Solid, ...]]:
         `base` and `motors` in base axes, `link` in {1k}, `passive` in {2k}, `arc` and `tool` in
         {3k}; the legs share theirs.
     """
-    scale = p.base_radius / _PAPER_RADIUS
+    scale = _scale(p)
     return {
         "base": tuple(_base(p, scale)),
         "motors": tuple(_motors(p, scale)),
@@ -143,11 +141,22 @@ def _pieces(arc: Arc) -> Iterator[Box | Cylinder]:
         radial = np.cos(angle) * x + np.sin(angle) * y
         along = np.cross(z, radial)
         if arc.round:
-            ends = (middle * radial + sign * length / 2 * along for sign in (-1, 1))
-            yield _rod(*ends, (outer - inner) / 2)
+            center, reach = middle * radial, length / 2 * along
+            yield _rod(center - reach, center + reach, (outer - inner) / 2)
         else:
             axes = np.stack([radial, along, z], axis=-1)
             yield Box(middle * radial, axes, np.array((outer - inner, length, width)))
+
+
+def _gap(p: Parameters) -> float:
+    """From the base sphere to the star's, negative when the star is inside, never quite zero."""
+    gap = p.star_radius - p.base_radius
+    return float(np.copysign(max(abs(gap), 0.01 * p.base_radius), gap))
+
+
+def _scale(p: Parameters) -> float:
+    """Of the parts' sizes: as the base grows, and so that a carriage fits between the spheres."""
+    return min(p.base_radius / 0.35, abs(_gap(p)) / 0.05)
 
 
 def _outside(p: Parameters) -> float:
@@ -156,7 +165,7 @@ def _outside(p: Parameters) -> float:
 
 
 def _base(p: Parameters, scale: float) -> Iterator[Solid]:
-    """The triangle P1P2P3 on spokes from a ball at O, and a post to bolt it down."""
+    """The triangle P1P2P3 on spokes from a ball at O, and a stand."""
     tube = _TUBE * scale
     center = np.zeros(3)
     yield Ball(center, _BALL * scale)
@@ -168,13 +177,18 @@ def _base(p: Parameters, scale: float) -> Iterator[Solid]:
         axes = np.stack([v, np.cross(e, v), e], axis=-1)
         side = float(np.arctan2(np.linalg.norm(np.cross(v, after)), v @ after))
         yield Arc(axes, p.base_radius, side, (2 * tube, 2 * tube), round=True)
-    # Away from the triangle, where the arcs of the star do not come.
-    down = -p.base_directions.sum(axis=0)
-    down /= np.linalg.norm(down)
-    foot = 1.25 * max(p.base_radius, p.star_radius)
-    yield _rod(center, foot * down, 0.02 * scale)
-    yield Cylinder((foot - 0.03 * scale) * down, foot * down, 0.02 * scale, 0.045 * scale)
-    yield _rod(foot * down, (foot + 0.014 * scale) * down, 0.075 * scale)
+    # A stand: away from the triangle, where the arcs of the star do not come, until it is outside
+    # their sphere; then along the axis of motor 1, which is the paper's vertical.
+    away = -p.base_directions.sum(axis=0)
+    elbow = 1.17 * max(p.base_radius, p.star_radius) * away / np.linalg.norm(away)
+    down = _outside(p) * p.actuated_axes[0]
+    foot = elbow + (1.3 * max(p.base_radius, p.star_radius) - elbow @ down) * down
+    post, plate = 0.018 * scale, 0.012 * scale
+    yield _rod(center, elbow, post)
+    yield Ball(elbow, 1.15 * post)
+    yield _rod(elbow, foot, post)
+    yield Cylinder(foot - 2 * post * down, foot, post, 1.8 * post)
+    yield _rod(foot, foot + plate * down, 0.1 * scale)
 
 
 def _motors(p: Parameters, scale: float) -> Iterator[Solid]:
@@ -197,61 +211,70 @@ def _link(p: Parameters, scale: float) -> Iterator[Solid]:
     thick = width / 2
     yield _rod((hub - thick) * z, (hub + thick) * z, width)
     yield _rod((hub + thick) * z, (hub + 1.4 * thick) * z, 0.6 * width)
-    inner, outer = (p.base_radius + beyond * scale for beyond in _HEAD)
-    elbow = (inner + outer) / 2 * x + 0.034 * scale * z
+    inner, outer = _head(p, scale)
+    head = (inner + outer) / 2 * x
+    elbow = head + 0.034 * scale * z
     yield _bar(hub * z, elbow, y, width, thick)
     yield _rod(elbow - width / 2 * y, elbow + width / 2 * y, 0.6 * thick)
-    yield _bar(elbow, (inner + outer) / 2 * x, y, width, thick)
+    yield _bar(elbow, head, y, width, thick)
     yield _rod(inner * x, outer * x, 0.6 * width)
+
+
+def _head(p: Parameters, scale: float) -> tuple[float, float]:
+    """Ends of the bearing of mu_k on x of {1k}: clear of the base frame, towards the star."""
+    out = np.sign(_gap(p)) * scale
+    return p.base_radius + 0.013 * out, p.base_radius + 0.027 * out
 
 
 def _passive(p: Parameters, scale: float) -> Iterator[Solid]:
     """A carriage that turns on the link and holds an arc of the star between four rollers."""
     x, _, _ = np.eye(3)
+    gap = _gap(p)
+    towards, star = np.sign(gap) * x, (p.base_radius + gap) * x
     depth, width = (size * scale for size in _RAIL)
-    bottom, top = p.star_radius - depth / 2 - 0.002 * scale, p.star_radius + depth / 2
-    plate, strip = 0.005 * scale, 0.004 * scale
-    radius = _ROLLER * scale
-    length, across = 0.05 * scale, width / 2 + radius
-    yield _rod((p.base_radius + _HEAD[1] * scale) * x, (bottom - plate) * x, 0.3 * _WIDTH * scale)
+    plate, slack, strip = 0.005 * scale, 0.002 * scale, 0.004 * scale
+    radius, length = _ROLLER * scale, 0.05 * scale
+    across = width / 2 + radius
+    near, far = star - (depth / 2 + slack) * towards, star + (depth / 2 + slack) * towards
+    yield _rod(_head(p, scale)[1] * x, near - plate * towards, 0.3 * _WIDTH * scale)
     size = np.array((plate, length, 2 * (across + radius)))
-    yield Box((bottom - plate / 2) * x, np.eye(3), size)
+    yield Box(near - plate / 2 * towards, np.eye(3), size)
     for side in (-1, 1):
         for along in (-0.32, 0.32):
             foot = np.array((0, along * length, side * across))
-            yield _rod(bottom * x + foot, (top + 0.002 * scale) * x + foot, radius)
-        middle = np.array((top + 0.002 * scale + strip / 2, 0, side * (across - 0.001 * scale)))
+            yield _rod(near + foot, far + foot, radius)
+        middle = np.array((0, 0, side * (across - slack / 2))) + far + strip / 2 * towards
         yield Box(middle, np.eye(3), np.array((strip, length, 2 * radius)))
 
 
 def _star_arc(p: Parameters, scale: float) -> Iterator[Solid]:
     """A quarter circle from E over R_k, and a stop at its end."""
-    x, y, z = np.eye(3)
+    x = np.eye(3)[0]
+    y, z = _outside(p) * np.eye(3)[1:]  # where R_k lies: at negative y when v is right-handed
     depth, width = (size * scale for size in _RAIL)
-    axes = np.stack([x, -y, -z], axis=-1)
-    yield Arc(axes, p.star_radius, np.pi / 2, (depth, width))
+    yield Arc(np.stack([x, y, z], axis=-1), p.star_radius, np.pi / 2, (depth, width))
     size = np.array((1.5 * depth, 0.3 * depth, 1.5 * width))
-    yield Box(-p.star_radius * y, np.eye(3)[:, [1, 0, 2]] * (1, 1, -1), size)
+    yield Box(p.star_radius * y, np.stack([x, y, z], axis=-1), size)
 
 
 def _tool(p: Parameters, scale: float) -> Iterator[Solid]:
     """The hub in which the arcs meet, and a tip along s."""
     x = np.eye(3)[0]
-    for start, end, radius, end_radius in (
+    for low, high, radius, end_radius in (
         (-0.011, 0.011, 0.026, 0.026),
         (0.011, 0.022, 0.016, 0.016),
         (0.022, 0.045, 0.009, 0.009),
         (0.045, 0.075, 0.009, 0.001),
     ):
-        points = ((p.star_radius + at * scale) * x for at in (start, end))
-        yield Cylinder(*points, radius * scale, end_radius * scale)
+        start, end = (p.star_radius + low * scale) * x, (p.star_radius + high * scale) * x
+        yield Cylinder(start, end, radius * scale, end_radius * scale)
 
 
 def _rod(start: Array, end: Array, radius: float) -> Cylinder:
     return Cylinder(start, end, radius, radius)
 
 
-def _bar(start: Array, end: Array, across: ArrayLike, width: float, thick: float) -> Box:
+def _bar(start: Array, end: Array, across: Array, width: float, thick: float) -> Box:
     """A box along a line."""
     along = (end - start) / np.linalg.norm(end - start)
     axes = np.stack([along, across, np.cross(along, across)], axis=-1)
