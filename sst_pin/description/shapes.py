@@ -89,7 +89,7 @@ _BALL = 0.044
 _MOTOR = 0.032  # radius
 _HUB = 0.125  # of an actuator link, from O along the axis of its motor
 _WIDTH = 0.024  # of the link's arm
-_RAIL = (0.016, 0.020)  # section of the star's arcs: with the hub 2.6 kg of aluminium, nearly
+_RAIL = (0.020, 0.024)  # section of the star's arcs: with the hub the paper's 2.6 kg in aluminium
 _ROLLER = 0.007
 
 
@@ -125,7 +125,8 @@ def primitives(solid: Solid) -> Iterator[Box | Cylinder | Ball]:
 def axes_along(direction: Array) -> Array:
     """Right-handed axes whose z has a direction, columns of a (3, 3) array."""
     z = direction / np.linalg.norm(direction)
-    x = np.cross(np.eye(3)[np.argmin(np.abs(z))], z)
+    # Rounded, the last bit does not choose between equal entries.
+    x = np.cross(np.eye(3)[np.argmin(np.abs(z).round(6))], z)
     x /= np.linalg.norm(x)
     return np.stack([x, np.cross(z, x), z], axis=-1)
 
@@ -223,7 +224,7 @@ def _link(p: Parameters, scale: float) -> Iterator[Solid]:
 def _head(p: Parameters, scale: float) -> tuple[float, float]:
     """Ends of the bearing of mu_k on x of {1k}: clear of the base frame, towards the star."""
     out = np.sign(_gap(p)) * scale
-    return p.base_radius + 0.013 * out, p.base_radius + 0.027 * out
+    return p.base_radius + 0.015 * out, p.base_radius + 0.028 * out
 
 
 def _passive(p: Parameters, scale: float) -> Iterator[Solid]:
@@ -234,7 +235,7 @@ def _passive(p: Parameters, scale: float) -> Iterator[Solid]:
     depth, width = (size * scale for size in _RAIL)
     plate, slack, strip = 0.005 * scale, 0.002 * scale, 0.004 * scale
     radius, length = _ROLLER * scale, 0.05 * scale
-    across = width / 2 + radius
+    across = width / 2 + radius + 0.1 * slack
     near, far = star - (depth / 2 + slack) * towards, star + (depth / 2 + slack) * towards
     yield _rod(_head(p, scale)[1] * x, near - plate * towards, 0.3 * _WIDTH * scale)
     size = np.array((plate, length, 2 * (across + radius)))
@@ -261,8 +262,8 @@ def _tool(p: Parameters, scale: float) -> Iterator[Solid]:
     """The hub in which the arcs meet, and a tip along s."""
     x = np.eye(3)[0]
     for low, high, radius, end_radius in (
-        (-0.011, 0.011, 0.026, 0.026),
-        (0.011, 0.022, 0.016, 0.016),
+        (-0.013, 0.013, 0.028, 0.028),
+        (0.013, 0.022, 0.016, 0.016),
         (0.022, 0.045, 0.009, 0.009),
         (0.045, 0.075, 0.009, 0.001),
     ):

@@ -7,7 +7,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ..parameters import Parameters
 from .frames import base_orientations, star_orientations
@@ -115,29 +115,23 @@ def _looks(link: ET.Element, shapes: Mapping[str, Sequence[Solid]], worn: dict[s
 
 
 def _collision(link: ET.Element, primitive: Box | Cylinder | Ball) -> None:
-    # No inertia hangs on these: six digits do, the same on every machine.
-    def origin(center: Array, R: Array | None = None) -> None:
-        rpy = np.zeros(3) if R is None else _rpy(R)
-        xyz = _numbers(center.round(6))
-        ET.SubElement(collision, "origin", xyz=xyz, rpy=_numbers(rpy.round(6)))
-
-    collision = ET.SubElement(link, "collision")
+    sizes: dict[str, ArrayLike]
     if isinstance(primitive, Ball):
-        origin(primitive.center)
-        kind, size = "sphere", {"radius": _numbers([round(primitive.radius, 6)])}
+        kind, center, R = "sphere", primitive.center, np.eye(3)
+        sizes = {"radius": primitive.radius}
     elif isinstance(primitive, Box):
-        origin(primitive.center, primitive.axes)
-        kind, size = "box", {"size": _numbers(primitive.size.round(6))}
+        kind, center, R = "box", primitive.center, primitive.axes
+        sizes = {"size": primitive.size}
     else:
         axis = primitive.end - primitive.start
-        length = float(np.linalg.norm(axis))
-        origin((primitive.start + primitive.end) / 2, axes_along(axis))
-        size = {
-            "radius": _numbers([round(primitive.radius, 6)]),
-            "length": _numbers([round(length, 6)]),
-        }
-        kind = "cylinder"
-    ET.SubElement(ET.SubElement(collision, "geometry"), kind, size)
+        kind, center, R = "cylinder", (primitive.start + primitive.end) / 2, axes_along(axis)
+        sizes = {"radius": primitive.radius, "length": np.linalg.norm(axis)}
+    collision = ET.SubElement(link, "collision")
+    # Nothing is computed from these: six digits do. A zero must not be -1e-17: that is -pi.
+    rpy = _rpy(R.round(12) + 0.0).round(6)
+    ET.SubElement(collision, "origin", xyz=_numbers(center.round(6)), rpy=_numbers(rpy))
+    rounded = {name: _numbers(np.atleast_1d(size).round(6)) for name, size in sizes.items()}
+    ET.SubElement(ET.SubElement(collision, "geometry"), kind, rounded)
 
 
 def _joint(
