@@ -40,6 +40,7 @@ ROBOTS = {
     "paper": Parameters(),
     **{f"odd {seed}": odd_parameters(seed) for seed in range(6)},
     "both spheres one": Parameters(base_radius=0.4),
+    "a millimetre": Parameters(base_radius=0.001, star_radius=0.0012),
 }
 
 

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from ..errors import MissingExtraError
 from ..files import Writer
 from ..parameters import Parameters
-from .shapes import Arc, Box, Cylinder, Solid, axes_along, shapes_of
+from .parts import parts_of
+from .solids import Arc, Box, Cylinder, Solid, axes_along
 
 Array = NDArray[np.float64]
 
@@ -29,7 +30,7 @@ def meshes_of(p: Parameters) -> dict[str, Any]:
 
     Returns:
         `trimesh.Trimesh` by the name of its file without ending, in metres and the axes of
-        `shapes_of`; each a set of closed surfaces, normals outward.
+        `parts_of`; each a set of closed surfaces, normals outward.
 
     Raises:
         MissingExtraError: Without trimesh.
@@ -43,7 +44,7 @@ def meshes_of(p: Parameters) -> dict[str, Any]:
         parts = (trimesh.Trimesh(*_loft(_loops(solid)), process=False) for solid in solids)
         return trimesh.util.concatenate(list(parts))
 
-    return {name: mesh(solids) for name, solids in shapes_of(p).items()}
+    return {name: mesh(solids) for name, solids in parts_of(p).items()}
 
 
 def mesh_writers(p: Parameters) -> dict[str, Writer]:
@@ -146,7 +147,8 @@ def _stack(heights: Array, sections: Sequence[Array]) -> Array:
 
 def _circle(radius: float) -> Array:
     """Its points, counterclockwise; a multiple of four, so that its size is right."""
-    quarter = np.ceil(np.pi / 4 / np.arccos(1 - _CHORD / radius))
+    cosine = max(1 - _CHORD / radius, 0.9)  # eight points at least
+    quarter = np.ceil(np.pi / 4 / np.arccos(cosine))
     angles = np.pi / 2 / quarter * np.arange(4 * quarter)
     return radius * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
 

@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..parameters import Parameters
 from .frames import base_orientations, star_orientations
-from .shapes import Ball, Box, Cylinder, Solid, axes_along, primitives, shapes_of
+from .parts import parts_of
+from .solids import Ball, Box, Cylinder, Solid, axes_along, primitives
 
 Array = NDArray[np.float64]
 
@@ -39,9 +40,9 @@ def urdf_of(p: Parameters) -> str:
     # MuJoCo reads this block, the other tools pass it by.
     compiler = ET.SubElement(ET.SubElement(robot, "mujoco"), "compiler")
     compiler.attrib.update(strippath="false", discardvisual="false")
-    shapes, R_0, R_E = shapes_of(p), base_orientations(p), star_orientations(p)
+    parts, R_0, R_E = parts_of(p), base_orientations(p), star_orientations(p)
     base = ET.SubElement(robot, "link", name="base")
-    _looks(base, shapes, {"base": "base", "motors": "motor"})
+    _looks(base, parts, {"base": "base", "motors": "motor"})
     friction = list(zip(p.viscous_friction, p.coulomb_friction, strict=True))
     for k, (link, passive) in enumerate(zip(p.links, p.passive_links, strict=True)):
         leg, colour = k + 1, f"leg_{k + 1}"
@@ -49,19 +50,19 @@ def urdf_of(p: Parameters) -> str:
         _joint(robot, f"gamma_{leg}", "base", f"link_{leg}", "0 0 1", friction[3 * k], R_0[k])
         element = ET.SubElement(robot, "link", name=f"link_{leg}")
         _inertial(element, link.mass, link.center_of_mass, link.inertia)
-        _looks(element, shapes, {"link": colour})
+        _looks(element, parts, {"link": colour})
 
         _joint(robot, f"mu_{leg}", f"link_{leg}", f"passive_{leg}", "1 0 0", friction[3 * k + 1])
         element = ET.SubElement(robot, "link", name=f"passive_{leg}")
         _inertial(element, passive.mass, passive.center_of_mass, passive.inertia)
-        _looks(element, shapes, {"passive": f"{colour}_light"})
+        _looks(element, parts, {"passive": f"{colour}_light"})
 
         _joint(robot, f"beta_{leg}", f"passive_{leg}", f"star_{leg}", "0 0 1", friction[3 * k + 2])
         element = ET.SubElement(robot, "link", name=f"star_{leg}")
         # Turned into {3k} here: MuJoCo before 3.14 passes by the rpy of an inertial in silence.
         inertia = R_E[k] @ p.star.inertia @ R_E[k].T
         _inertial(element, p.star.mass / 3, R_E[k] @ p.star.center_of_mass, inertia / 3)
-        _looks(element, shapes, {"arc": colour} | ({"tool": "motor"} if k == 0 else {}))
+        _looks(element, parts, {"arc": colour} | ({"tool": "motor"} if k == 0 else {}))
     robot.append(ET.Comment(" frames of the cuts: {E} as each arc of the star sees it "))
     for loop, k in ((1, 1), (2, 2)):
         _frame(robot, f"closedloop{loop}_A", "star_1", R_E[0])
@@ -99,7 +100,7 @@ def _inertial(link: ET.Element, mass: float, xyz: Array, inertia: Array) -> None
     ET.SubElement(inertial, "inertia", entries)
 
 
-def _looks(link: ET.Element, shapes: Mapping[str, Sequence[Solid]], worn: dict[str, str]) -> None:
+def _looks(link: ET.Element, parts: Mapping[str, Sequence[Solid]], worn: dict[str, str]) -> None:
     """Meshes for the eye, by name and colour, and the same solids as primitives for collisions."""
     for name, colour in worn.items():
         visual = ET.SubElement(link, "visual")
@@ -109,7 +110,7 @@ def _looks(link: ET.Element, shapes: Mapping[str, Sequence[Solid]], worn: dict[s
         ET.SubElement(ET.SubElement(visual, "geometry"), "mesh", filename=filename)
         material = ET.SubElement(visual, "material", name=colour)
         ET.SubElement(material, "color", rgba=_COLOURS[colour])
-    for solid in (s for name in worn for s in shapes[name]):
+    for solid in (s for name in worn for s in parts[name]):
         for primitive in primitives(solid):
             _collision(link, primitive)
 

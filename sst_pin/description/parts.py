@@ -1,87 +1,21 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The parts an SST could be built of, as plain solids.
+"""The parts an SST could be built of.
 
-Meshes and collision primitives are both made of these, so one cannot drift from the other. The
-paper fixes axes and two radii; the rest is chosen so that the bodies turn in shells about O and
+The paper fixes axes and two radii; the rest is chosen so that the bodies turn in shells about O and
 keep clear of each other: base frame and links inside, carriages on them, the star outside.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..parameters import Parameters
+from .solids import Arc, Ball, Box, Cylinder, Solid, bar, rod
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Box:
-    """A box.
-
-    Attributes:
-        center: Shape (3,), [m].
-        axes: Directions of its edges, columns of a (3, 3) array.
-        size: Lengths of its edges, shape (3,), [m].
-    """
-
-    center: Array
-    axes: Array
-    size: Array
-
-
-@dataclass(frozen=True)
-class Cylinder:
-    """A round solid between two points; a cone when its radii differ.
-
-    Attributes:
-        start: Shape (3,), [m].
-        end: Shape (3,), [m].
-        radius: At the start, [m].
-        end_radius: At the end, [m].
-    """
-
-    start: Array
-    end: Array
-    radius: float
-    end_radius: float
-
-
-@dataclass(frozen=True)
-class Ball:
-    """A sphere, by its centre of shape (3,) and its radius [m]."""
-
-    center: Array
-    radius: float
-
-
-@dataclass(frozen=True)
-class Arc:
-    """A bar bent about O.
-
-    Attributes:
-        axes: The bar runs from the first column of this (3, 3) array towards the second.
-        radius: Of its middle line, [m].
-        angle: From one end to the other, [rad].
-        section: Radial and axial size of its section, [m].
-        round: Whether the section is a circle instead of a rectangle, its sizes then equal.
-    """
-
-    axes: Array
-    radius: float
-    angle: float
-    section: tuple[float, float]
-    round: bool = False
-
-
-Solid = Box | Cylinder | Ball | Arc
-
-#: Angle of one straight piece of an arc's collision geometry; it stands off by 1.3 mm at most.
-_PIECE = np.radians(9)
 
 # Sizes in metres for the paper's radii, 0.35 and 0.40 m; see `_scale`.
 _TUBE = 0.006  # radius of the base frame
@@ -93,7 +27,7 @@ _RAIL = (0.020, 0.024)  # section of the star's arcs: with the hub the paper's 2
 _ROLLER = 0.007
 
 
-def shapes_of(p: Parameters) -> dict[str, tuple[Solid, ...]]:
+def parts_of(p: Parameters) -> dict[str, tuple[Solid, ...]]:
     """Solids of each mesh, by its name.
 
     Returns:
@@ -109,44 +43,6 @@ def shapes_of(p: Parameters) -> dict[str, tuple[Solid, ...]]:
         "arc": tuple(_star_arc(p, scale)),
         "tool": tuple(_tool(p, scale)),
     }
-
-
-def primitives(solid: Solid) -> Iterator[Box | Cylinder | Ball]:
-    """Boxes, cylinders and spheres that enclose a solid."""
-    if isinstance(solid, Cylinder):
-        radius = max(solid.radius, solid.end_radius)
-        yield Cylinder(solid.start, solid.end, radius, radius)
-    elif isinstance(solid, Arc):
-        yield from _pieces(solid)
-    else:
-        yield solid
-
-
-def axes_along(direction: Array) -> Array:
-    """Right-handed axes whose z has a direction, columns of a (3, 3) array."""
-    z = direction / np.linalg.norm(direction)
-    # Rounded, the last bit does not choose between equal entries.
-    x = np.cross(np.eye(3)[np.argmin(np.abs(z).round(6))], z)
-    x /= np.linalg.norm(x)
-    return np.stack([x, np.cross(z, x), z], axis=-1)
-
-
-def _pieces(arc: Arc) -> Iterator[Box | Cylinder]:
-    count = int(np.ceil(arc.angle / _PIECE - 1e-9))
-    half = arc.angle / count / 2
-    depth, width = arc.section
-    inner, outer = (arc.radius - depth / 2) * np.cos(half), arc.radius + depth / 2
-    middle, length = (inner + outer) / 2, 2 * outer * np.tan(half)
-    x, y, z = arc.axes.T
-    for angle in half * (2 * np.arange(count) + 1):
-        radial = np.cos(angle) * x + np.sin(angle) * y
-        along = np.cross(z, radial)
-        if arc.round:
-            center, reach = middle * radial, length / 2 * along
-            yield _rod(center - reach, center + reach, (outer - inner) / 2)
-        else:
-            axes = np.stack([radial, along, z], axis=-1)
-            yield Box(middle * radial, axes, np.array((outer - inner, length, width)))
 
 
 def _gap(p: Parameters) -> float:
@@ -173,7 +69,7 @@ def _base(p: Parameters, scale: float) -> Iterator[Solid]:
     for v, after, e in zip(
         p.base_directions, np.roll(p.base_directions, -1, axis=0), p.actuated_axes, strict=True
     ):
-        yield _rod(center, p.base_radius * v, tube)
+        yield rod(center, p.base_radius * v, tube)
         yield Ball(p.base_radius * v, 1.5 * tube)
         axes = np.stack([v, np.cross(e, v), e], axis=-1)
         side = float(np.arctan2(np.linalg.norm(np.cross(v, after)), v @ after))
@@ -185,11 +81,11 @@ def _base(p: Parameters, scale: float) -> Iterator[Solid]:
     down = _outside(p) * p.actuated_axes[0]
     foot = elbow + (1.3 * max(p.base_radius, p.star_radius) - elbow @ down) * down
     post, plate = 0.018 * scale, 0.012 * scale
-    yield _rod(center, elbow, post)
+    yield rod(center, elbow, post)
     yield Ball(elbow, 1.15 * post)
-    yield _rod(elbow, foot, post)
+    yield rod(elbow, foot, post)
     yield Cylinder(foot - 2 * post * down, foot, post, 1.8 * post)
-    yield _rod(foot, foot + plate * down, 0.1 * scale)
+    yield rod(foot, foot + plate * down, 0.1 * scale)
 
 
 def _motors(p: Parameters, scale: float) -> Iterator[Solid]:
@@ -201,7 +97,7 @@ def _motors(p: Parameters, scale: float) -> Iterator[Solid]:
             (0.089, 0.097, 0.6 * _MOTOR),
             (0.097, _HUB, 0.009),
         ):
-            yield _rod(start * scale * axis, end * scale * axis, radius * scale)
+            yield rod(start * scale * axis, end * scale * axis, radius * scale)
 
 
 def _link(p: Parameters, scale: float) -> Iterator[Solid]:
@@ -210,15 +106,15 @@ def _link(p: Parameters, scale: float) -> Iterator[Solid]:
     z = _outside(p) * z
     hub, width = _HUB * scale, _WIDTH * scale
     thick = width / 2
-    yield _rod((hub - thick) * z, (hub + thick) * z, width)
-    yield _rod((hub + thick) * z, (hub + 1.4 * thick) * z, 0.6 * width)
+    yield rod((hub - thick) * z, (hub + thick) * z, width)
+    yield rod((hub + thick) * z, (hub + 1.4 * thick) * z, 0.6 * width)
     inner, outer = _head(p, scale)
     head = (inner + outer) / 2 * x
     elbow = head + 0.034 * scale * z
-    yield _bar(hub * z, elbow, y, width, thick)
-    yield _rod(elbow - width / 2 * y, elbow + width / 2 * y, 0.6 * thick)
-    yield _bar(elbow, head, y, width, thick)
-    yield _rod(inner * x, outer * x, 0.6 * width)
+    yield bar(hub * z, elbow, y, width, thick)
+    yield rod(elbow - width / 2 * y, elbow + width / 2 * y, 0.6 * thick)
+    yield bar(elbow, head, y, width, thick)
+    yield rod(inner * x, outer * x, 0.6 * width)
 
 
 def _head(p: Parameters, scale: float) -> tuple[float, float]:
@@ -237,13 +133,13 @@ def _passive(p: Parameters, scale: float) -> Iterator[Solid]:
     radius, length = _ROLLER * scale, 0.05 * scale
     across = width / 2 + radius + 0.1 * slack
     near, far = star - (depth / 2 + slack) * towards, star + (depth / 2 + slack) * towards
-    yield _rod(_head(p, scale)[1] * x, near - plate * towards, 0.3 * _WIDTH * scale)
+    yield rod(_head(p, scale)[1] * x, near - plate * towards, 0.3 * _WIDTH * scale)
     size = np.array((plate, length, 2 * (across + radius)))
     yield Box(near - plate / 2 * towards, np.eye(3), size)
     for side in (-1, 1):
         for along in (-0.32, 0.32):
             foot = np.array((0, along * length, side * across))
-            yield _rod(near + foot, far + foot, radius)
+            yield rod(near + foot, far + foot, radius)
         middle = np.array((0, 0, side * (across - slack / 2))) + far + strip / 2 * towards
         yield Box(middle, np.eye(3), np.array((strip, length, 2 * radius)))
 
@@ -254,7 +150,7 @@ def _star_arc(p: Parameters, scale: float) -> Iterator[Solid]:
     y, z = _outside(p) * np.eye(3)[1:]  # where R_k lies: at negative y when v is right-handed
     depth, width = (size * scale for size in _RAIL)
     yield Arc(np.stack([x, y, z], axis=-1), p.star_radius, np.pi / 2, (depth, width))
-    size = np.array((1.5 * depth, 0.3 * depth, 1.5 * width))
+    size = np.array((0.3 * depth, 1.5 * depth, 1.5 * width))
     yield Box(p.star_radius * y, np.stack([x, y, z], axis=-1), size)
 
 
@@ -269,14 +165,3 @@ def _tool(p: Parameters, scale: float) -> Iterator[Solid]:
     ):
         start, end = (p.star_radius + low * scale) * x, (p.star_radius + high * scale) * x
         yield Cylinder(start, end, radius * scale, end_radius * scale)
-
-
-def _rod(start: Array, end: Array, radius: float) -> Cylinder:
-    return Cylinder(start, end, radius, radius)
-
-
-def _bar(start: Array, end: Array, across: Array, width: float, thick: float) -> Box:
-    """A box along a line."""
-    along = (end - start) / np.linalg.norm(end - start)
-    axes = np.stack([along, across, np.cross(along, across)], axis=-1)
-    return Box((start + end) / 2, axes, np.array((np.linalg.norm(end - start), width, thick)))
