@@ -159,7 +159,7 @@ def test_every_body_has_a_picture_and_primitives(kind, tmp_path):
         mesh = kind == pin.GeometryType.VISUAL
         for shape in found.geometryObjects:
             assert isinstance(shape.geometry, coal.BVHModelBase) == mesh
-            assert shape.meshPath.endswith(".stl") == mesh
+            assert shape.meshPath.endswith(".obj") == mesh
 
 
 def test_legs_have_their_colours():

@@ -105,8 +105,9 @@ def _looks(link: ET.Element, parts: Mapping[str, Sequence[Solid]], worn: dict[st
     for name, colour in worn.items():
         visual = ET.SubElement(link, "visual")
         _origin(visual)
-        # STL: all tools but Drake read it; for Drake the same mesh lies beside it as OBJ.
-        filename = f"meshes/{name}.stl"
+        # OBJ: Pinocchio, MuJoCo, PyBullet, yourdfpy and Drake read it. Drake reads no STL; for
+        # urdf-loaders, which needs a callback for OBJ, the same mesh lies beside it as STL.
+        filename = f"meshes/{name}.obj"
         ET.SubElement(ET.SubElement(visual, "geometry"), "mesh", filename=filename)
         material = ET.SubElement(visual, "material", name=colour)
         ET.SubElement(material, "color", rgba=_COLOURS[colour])
