@@ -22,7 +22,7 @@ def blocks(language):
 
 
 def test_wheel_brings_the_robot_into_an_empty_environment(tmp_path):
-    """Built, installed elsewhere, loaded from there: URDF and cuts are inside."""
+    """Built, installed elsewhere, loaded from there: URDF, cuts and meshes are inside."""
     build = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "-o", tmp_path, ROOT]
     subprocess.run(build, check=True, capture_output=True)
     (wheel,) = tmp_path.glob("*.whl")
@@ -44,6 +44,11 @@ def test_wheel_brings_the_robot_into_an_empty_environment(tmp_path):
     module, urdf, torques = result.stdout.splitlines()
     assert Path(module).is_relative_to(tmp_path / "env")
     assert Path(urdf).is_relative_to(tmp_path / "env")
+    shipped, here = (
+        {p.name for p in (folder / "meshes").iterdir()}
+        for folder in (Path(urdf).parent, sst_pin.PACKAGE_PATH)
+    )
+    assert shipped == here
     home = sst_pin.SST().home
     assert torques == str(sst_pin.SST().compute_torques(home, [0] * 3, [0] * 3))
     typed = Path(module).with_name("py.typed")
@@ -120,7 +125,7 @@ def test_the_core_imports_without_its_extras():
     """matplotlib, meshcat and the engines stay out until they are asked for."""
     code = (
         "import sys\n"
-        "for name in ('matplotlib', 'meshcat', 'mujoco', 'casadi', 'exudyn', 'yourdfpy'):\n"
+        "for name in 'matplotlib meshcat trimesh mujoco casadi exudyn yourdfpy'.split():\n"
         "    sys.modules[name] = None\n"
         "import sst_pin, sst_pin.cli\n"
         "robot = sst_pin.SST()\n"

@@ -8,7 +8,9 @@ massless.
 """
 
 from .cuts import cuts_of
+from .folder import description_writers
 from .frames import JOINT_NAMES, base_orientations, star_orientations
+from .meshes import mesh_writers, meshes_of
 from .paths import PACKAGE_PATH, URDF_PATH, YAML_PATH
 from .urdf import urdf_of
 
@@ -19,6 +21,9 @@ __all__ = [
     "YAML_PATH",
     "base_orientations",
     "cuts_of",
+    "description_writers",
+    "mesh_writers",
+    "meshes_of",
     "star_orientations",
     "urdf_of",
 ]

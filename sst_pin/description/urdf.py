@@ -3,15 +3,16 @@
 
 from __future__ import annotations
 
-import itertools
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ..parameters import Parameters
 from .frames import base_orientations, star_orientations
+from .parts import parts_of
+from .solids import Ball, Box, Cylinder, Solid, axes_along, primitives
 
 Array = NDArray[np.float64]
 
@@ -39,15 +40,9 @@ def urdf_of(p: Parameters) -> str:
     # MuJoCo reads this block, the other tools pass it by.
     compiler = ET.SubElement(ET.SubElement(robot, "mujoco"), "compiler")
     compiler.attrib.update(strippath="false", discardvisual="false")
+    parts, R_0, R_E = parts_of(p), base_orientations(p), star_orientations(p)
     base = ET.SubElement(robot, "link", name="base")
-    R_0, R_E = base_orientations(p), star_orientations(p)
-    for k in range(3):
-        # The side P_k P_k+1 of the base triangle.
-        v = p.base_directions[k]
-        side = np.arccos(np.clip(v @ np.roll(p.base_directions, -1, axis=0)[k], -1, 1))
-        points = _arc(v, R_0[k, :, 1], p.base_radius, np.linspace(0, side, 7))
-        for start, end in itertools.pairwise(points):
-            _rod(base, start, end, 0.004, "base")
+    _looks(base, parts, {"base": "base", "motors": "motor"})
     friction = list(zip(p.viscous_friction, p.coulomb_friction, strict=True))
     for k, (link, passive) in enumerate(zip(p.links, p.passive_links, strict=True)):
         leg, colour = k + 1, f"leg_{k + 1}"
@@ -55,23 +50,19 @@ def urdf_of(p: Parameters) -> str:
         _joint(robot, f"gamma_{leg}", "base", f"link_{leg}", "0 0 1", friction[3 * k], R_0[k])
         element = ET.SubElement(robot, "link", name=f"link_{leg}")
         _inertial(element, link.mass, link.center_of_mass, link.inertia)
-        _rod(element, np.zeros(3), np.array((p.base_radius, 0, 0)), 0.006, colour)
+        _looks(element, parts, {"link": colour})
 
         _joint(robot, f"mu_{leg}", f"link_{leg}", f"passive_{leg}", "1 0 0", friction[3 * k + 1])
         element = ET.SubElement(robot, "link", name=f"passive_{leg}")
         _inertial(element, passive.mass, passive.center_of_mass, passive.inertia)
-        inner, outer = np.array(((p.base_radius, 0, 0), (p.star_radius, 0, 0)))
-        _rod(element, inner, outer, 0.012, colour)
+        _looks(element, parts, {"passive": f"{colour}_light"})
 
         _joint(robot, f"beta_{leg}", f"passive_{leg}", f"star_{leg}", "0 0 1", friction[3 * k + 2])
         element = ET.SubElement(robot, "link", name=f"star_{leg}")
         # Turned into {3k} here: MuJoCo before 3.14 passes by the rpy of an inertial in silence.
         inertia = R_E[k] @ p.star.inertia @ R_E[k].T
         _inertial(element, p.star.mass / 3, R_E[k] @ p.star.center_of_mass, inertia / 3)
-        x, y, _ = np.eye(3)
-        arc = _arc(x, -y, p.star_radius, np.linspace(0, np.pi / 2, 10))
-        for start, end in itertools.pairwise(arc):
-            _rod(element, start, end, 0.005, colour)
+        _looks(element, parts, {"arc": colour} | ({"tool": "motor"} if k == 0 else {}))
     robot.append(ET.Comment(" frames of the cuts: {E} as each arc of the star sees it "))
     for loop, k in ((1, 1), (2, 2)):
         _frame(robot, f"closedloop{loop}_A", "star_1", R_E[0])
@@ -109,21 +100,40 @@ def _inertial(link: ET.Element, mass: float, xyz: Array, inertia: Array) -> None
     ET.SubElement(inertial, "inertia", entries)
 
 
-def _rod(link: ET.Element, start: Array, end: Array, radius: float, colour: str) -> None:
-    """A cylinder from start to end, the plainest picture every tool can draw."""
-    visual = ET.SubElement(link, "visual")
-    z = (end - start) / np.linalg.norm(end - start)
-    x = np.cross(np.eye(3)[np.argmin(np.abs(z))], z)
-    x /= np.linalg.norm(x)
-    rpy = _rpy(np.stack([x, np.cross(z, x), z], axis=-1))
-    middle = (start + end) / 2
-    # A picture: six digits do.
-    ET.SubElement(visual, "origin", xyz=_numbers(middle.round(6)), rpy=_numbers(rpy.round(6)))
-    length = float(np.linalg.norm(end - start))
-    geometry = ET.SubElement(visual, "geometry")
-    ET.SubElement(geometry, "cylinder", radius=repr(radius), length=repr(round(length, 6)))
-    material = ET.SubElement(visual, "material", name=colour)
-    ET.SubElement(material, "color", rgba=_COLOURS[colour])
+def _looks(link: ET.Element, parts: Mapping[str, Sequence[Solid]], worn: dict[str, str]) -> None:
+    """Meshes for the eye, by name and colour, and the same solids as primitives for collisions."""
+    for name, colour in worn.items():
+        visual = ET.SubElement(link, "visual")
+        _origin(visual)
+        # OBJ: Pinocchio, MuJoCo, PyBullet, yourdfpy and Drake read it. Drake reads no STL; for
+        # urdf-loaders, which needs a callback for OBJ, the same mesh lies beside it as STL.
+        filename = f"meshes/{name}.obj"
+        ET.SubElement(ET.SubElement(visual, "geometry"), "mesh", filename=filename)
+        material = ET.SubElement(visual, "material", name=colour)
+        ET.SubElement(material, "color", rgba=_COLOURS[colour])
+    for solid in (s for name in worn for s in parts[name]):
+        for primitive in primitives(solid):
+            _collision(link, primitive)
+
+
+def _collision(link: ET.Element, primitive: Box | Cylinder | Ball) -> None:
+    sizes: dict[str, ArrayLike]
+    if isinstance(primitive, Ball):
+        kind, center, R = "sphere", primitive.center, np.eye(3)
+        sizes = {"radius": primitive.radius}
+    elif isinstance(primitive, Box):
+        kind, center, R = "box", primitive.center, primitive.axes
+        sizes = {"size": primitive.size}
+    else:
+        axis = primitive.end - primitive.start
+        kind, center, R = "cylinder", (primitive.start + primitive.end) / 2, axes_along(axis)
+        sizes = {"radius": primitive.radius, "length": np.linalg.norm(axis)}
+    collision = ET.SubElement(link, "collision")
+    # Nothing is computed from these: six digits do. A zero must not be -1e-17: that is -pi.
+    rpy = _rpy(R.round(12) + 0.0).round(6)
+    ET.SubElement(collision, "origin", xyz=_numbers(center.round(6)), rpy=_numbers(rpy))
+    rounded = {name: _numbers(np.atleast_1d(size).round(6)) for name, size in sizes.items()}
+    ET.SubElement(ET.SubElement(collision, "geometry"), kind, rounded)
 
 
 def _joint(
@@ -155,15 +165,15 @@ def _frame(robot: ET.Element, name: str, parent: str, R: Array) -> None:
     ET.SubElement(joint, "child", link=name)
 
 
-#: One colour per leg, told apart by colour-blind readers too (Okabe and Ito), then the base's.
+#: One colour per leg, told apart by colour-blind readers too (Okabe and Ito), its carriage in a
+#: lighter tint; then what belongs to no leg.
 _COLOURS = {
     "leg_1": "0.0 0.447 0.698 1.0",
     "leg_2": "0.835 0.369 0.0 1.0",
     "leg_3": "0.0 0.62 0.451 1.0",
-    "base": "0.5 0.5 0.5 1.0",
+    "leg_1_light": "0.5 0.724 0.849 1.0",
+    "leg_2_light": "0.918 0.685 0.5 1.0",
+    "leg_3_light": "0.5 0.81 0.726 1.0",
+    "base": "0.7 0.7 0.7 1.0",
+    "motor": "0.25 0.25 0.27 1.0",
 }
-
-
-def _arc(x: Array, y: Array, radius: float, angles: Array) -> Array:
-    """Points of a circle about O, rows."""
-    return radius * (np.cos(angles)[:, None] * x + np.sin(angles)[:, None] * y)

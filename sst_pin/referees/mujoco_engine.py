@@ -42,7 +42,7 @@ class MujocoInverse:
     def __init__(self, parameters: Parameters) -> None:
         self._mujoco = mujoco = engine("mujoco")
         self._parameters = parameters
-        self._model = mujoco.MjModel.from_xml_string(urdf_of(parameters))
+        self._model = mujoco.MjModel.from_xml_string(_blind_urdf(parameters))
         self._model.opt.gravity[:] = parameters.gravity
         # The tree alone; MuJoCo's dry friction is a constraint too, and a regularised one.
         self._model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
@@ -151,9 +151,14 @@ def welded_motion(
     return np.linspace(0, steps * step, steps + 1), path
 
 
+def _blind_urdf(parameters: Parameters) -> str:
+    """Our URDF without the meshes, which are files: MuJoCo passes visuals by when told so."""
+    return urdf_of(parameters).replace('discardvisual="false"', 'discardvisual="true"')
+
+
 def _welded(mujoco: Any, parameters: Parameters, step: float, stiffness: float) -> Any:
     """The closed robot."""
-    spec = mujoco.MjSpec.from_string(urdf_of(parameters))
+    spec = mujoco.MjSpec.from_string(_blind_urdf(parameters))
     for name, R_E in zip(_STARS, _star_frames(parameters), strict=True):
         spec.body(name).add_site(name=name, quat=np.roll(Rotation.from_matrix(R_E).as_quat(), 1))
     for other in _STARS[1:]:

@@ -1,0 +1,29 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The files that describe an SST, together."""
+
+from __future__ import annotations
+
+from typing import BinaryIO
+
+from ..files import Writer
+from ..parameters import Parameters
+from .cuts import cuts_of
+from .meshes import mesh_writers
+from .urdf import urdf_of
+
+
+def description_writers(p: Parameters) -> dict[str, Writer]:
+    """Writers of URDF, cuts and meshes, by the file's name in a folder, for `files.write_files`.
+
+    Raises:
+        MissingExtraError: Without trimesh.
+    """
+
+    def text_writer(text: str) -> Writer:
+        def write(file: BinaryIO) -> None:
+            file.write(text.encode())
+
+        return write
+
+    texts = {"sst.urdf": urdf_of(p), "sst.yaml": cuts_of(p)}
+    return {name: text_writer(text) for name, text in texts.items()} | mesh_writers(p)
