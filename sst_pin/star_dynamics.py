@@ -13,9 +13,11 @@ from numpy.typing import ArrayLike, NDArray
 from .batches import as_array, finite_array, for_each_sample, single_array
 from .closed_chain import ClosedChain
 from .closures import Closure
-from .dynamics import ReducedTerms
+from .dynamics import Friction, ReducedTerms
 from .fast import FastPath
-from .kinematics import Geometry
+from .kinematics import Geometry, legs_of_joints
+from .mechanics import FastMechanics, Mechanics
+from .rollouts import Course, Rollout, reference_course, rollout
 from .simulation import Load, Torque, constant_or_called
 from .trajectories import Trajectory
 
@@ -105,7 +107,7 @@ class StarDynamics(ClosedChain):
                 fast=self._fast.torques(threads),
             )
         if platform_moment is not None:
-            external_wrenches = self._loads(platform_moment, external_wrenches)
+            external_wrenches = self.star_load(platform_moment, external_wrenches)
         return super().compute_torques(
             q, va, aa, external_wrenches=external_wrenches, out=out, on_error=on_error
         )
@@ -155,7 +157,7 @@ class StarDynamics(ClosedChain):
                 fast=self._fast.accelerations(threads),
             )
         if platform_moment is not None:
-            external_wrenches = self._loads(platform_moment, external_wrenches)
+            external_wrenches = self.star_load(platform_moment, external_wrenches)
         return super().compute_accelerations(
             q, va, tau, external_wrenches=external_wrenches, out=out, on_error=on_error
         )
@@ -185,10 +187,10 @@ class StarDynamics(ClosedChain):
         return ReducedTerms.of_rows(rows, 3)
 
     def _torques_under(self, q: Array, va: Array, aa: Array, moment: Array | None) -> Array:
-        return self._torques(q, va, aa, None if moment is None else self._loads(moment, None))
+        return self._torques(q, va, aa, None if moment is None else self.star_load(moment))
 
     def _accelerations_under(self, q: Array, va: Array, tau: Array, moment: Array | None) -> Array:
-        loads = None if moment is None else self._loads(moment, None)
+        loads = None if moment is None else self.star_load(moment)
         return self._accelerations(q, va, tau, loads)
 
     def simulate(
@@ -221,11 +223,33 @@ class StarDynamics(ClosedChain):
 
             def load(time: float, q: Array, va: Array) -> ArrayLike:
                 on_star = single_array("platform_moment", moment(time, q, va), (3,))
-                return self._loads(on_star, others(time, q, va))
+                return self.star_load(on_star, others(time, q, va))
 
         return super().simulate(torque, q0, va0, t, external_wrenches=load, **options)
 
-    def _loads(self, moment: ArrayLike, wrenches: ArrayLike | None) -> Array:
+    def rollout(
+        self, tau: ArrayLike, q0: ArrayLike, va0: ArrayLike, dt: float, **options: Any
+    ) -> Rollout:
+        """Integrate many motions with a fixed step; see `sst_pin.rollouts.rollout`."""
+        return rollout(self, tau, q0, va0, dt, **options)
+
+    def mechanics(self, friction: Friction) -> Mechanics:
+        """As `ClosedChain.mechanics`, by the kernels where they are."""
+        kernels = self._fast.kernels_with(friction)
+        if kernels is None:
+            return super().mechanics(friction)
+        return FastMechanics(self, friction, kernels)
+
+    def course(self, friction: Friction) -> Course:
+        """What `rollout` runs, with a friction in the place of the robot's own."""
+        kernels = self._fast.kernels_with(friction)
+        return reference_course(self, friction) if kernels is None else kernels.rollout
+
+    def side(self, q: Array) -> float:
+        """det A at one configuration: its sign changes where the motors lose hold of the star."""
+        return float(np.linalg.det(legs_of_joints(self.geometry, q).y_2))
+
+    def star_load(self, moment: ArrayLike, wrenches: ArrayLike | None = None) -> Array:
         """External wrenches with the star's load put on star_1; the three arcs are one body."""
         loads = self._wrenches(wrenches)
         moment = finite_array("platform_moment", moment, (3,))

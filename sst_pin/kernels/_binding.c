@@ -36,7 +36,7 @@ static const layout layouts[] = {
     [DIRECT_DYNAMICS] = {18, 30, 33},
     [REDUCED_TERMS] = {12, 36, 39},
     [CLOSE] = {0, 9, 12},
-    [STEP] = {0, 18, 21},
+    [STEP] = {0, 24, 27},
 };
 
 /* An array of samples, `size` numbers each; strides in bytes. */
@@ -113,10 +113,11 @@ typedef struct {
     npy_intp first, last;
     unsigned char *bad; /* one flag for each sample */
     int any_bad;
-    double h;              /* of STEP */
-    npy_intp steps;        /* of STEP: rows of torques; states are steps + 1 */
-    npy_intp tau_stride, q_stride, va_stride;
-    npy_intp *reached;     /* of STEP: states that hold */
+    /* Of STEP, which goes along a course of states: */
+    double h;
+    npy_intp steps;
+    npy_intp tau_half, tau_step, q_step, va_step; /* strides to half a step and a step later */
+    npy_intp *reached;                            /* states that hold, for each sample */
 } work;
 
 static void map_block(work *w, npy_intp first, int count)
@@ -141,15 +142,16 @@ static void map_block(work *w, npy_intp first, int count)
             w->bad[first + i] = w->any_bad = 1;
 }
 
-/* States that do not hold, or that lie beyond a change of sign of det A, and all after them: NaN. */
-static void judge(work *w, const double *block, npy_intp first, int count, npy_intp state, double *sign,
-    int check, int good)
+/* Count the states that hold: up to one that a kernel does not vouch for, or where det A has
+ * another sign than at the start. */
+static void judge(work *w, const double *block, npy_intp first, int count, npy_intp state,
+    double *sign, layout at)
 {
     for (int i = 0; i < count; i++) {
-        const double det = *number(block, i, check + 1);
+        const double det = *number(block, i, at.check + 1);
         if (state == 0)
             sign[i] = det;
-        if (w->reached[first + i] == state && is_good(block, i, good) && det * sign[i] > 0)
+        if (w->reached[first + i] == state && is_good(block, i, at.good) && det * sign[i] > 0)
             w->reached[first + i] = state + 1;
     }
 }
@@ -163,35 +165,38 @@ static void roll_block(work *w, npy_intp first, int count)
     set->gather(block, 0, &w->in[0], first, count);
     set->gather(block, 9, &w->in[1], first, count);
     if (w->in[3].data)
-        set->gather(block, 15, &w->in[3], first, count);
+        set->gather(block, 21, &w->in[3], first, count);
     for (npy_intp s = 0;; s++) {
         set->scatter(block, 0, &q, first, count);
         set->scatter(block, 9, &va, first, count);
         if (s == w->steps)
             break;
-        set->gather(block, 12, &tau, first, count);
+        for (int half = 0; half < 3; half++) {
+            rows at = tau;
+            at.data += half * w->tau_half;
+            set->gather(block, 12 + 3 * half, &at, first, count);
+        }
         set->run(STEP, w->p, w->h, w->in[3].data != NULL, block, count);
-        judge(w, block, first, count, s, sign, layouts[STEP].check, layouts[STEP].good);
-        tau.data += w->tau_stride;
-        q.data += w->q_stride;
-        va.data += w->va_stride;
+        judge(w, block, first, count, s, sign, layouts[STEP]);
+        tau.data += w->tau_step;
+        q.data += w->q_step;
+        va.data += w->va_step;
     }
     memcpy(probe, block, sizeof probe);
     set->run(CLOSE, w->p, 0, 0, probe, count);
-    judge(w, probe, first, count, w->steps, sign, layouts[CLOSE].check, layouts[CLOSE].good);
+    judge(w, probe, first, count, w->steps, sign, layouts[CLOSE]);
     for (int i = 0; i < count; i++) {
         const npy_intp reached = w->reached[first + i];
         if (reached > w->steps)
             continue;
         w->any_bad = 1;
-        for (npy_intp s = reached; s <= w->steps; s++) {
-            for (int j = 0; j < 9; j++)
-                *(double *)(w->out[0].data + (first + i) * w->out[0].row + s * w->q_stride
-                    + j * w->out[0].column) = NAN;
-            for (int j = 0; j < 3; j++)
-                *(double *)(w->out[1].data + (first + i) * w->out[1].row + s * w->va_stride
-                    + j * w->out[1].column) = NAN;
-        }
+        for (npy_intp s = reached; s <= w->steps; s++)
+            for (int a = 0; a < 2; a++) {
+                char *at = w->out[a].data + (first + i) * w->out[a].row
+                    + s * (a ? w->va_step : w->q_step);
+                for (int j = 0; j < w->out[a].size; j++)
+                    *(double *)(at + j * w->out[a].column) = NAN;
+            }
     }
 }
 
@@ -212,7 +217,7 @@ static int do_in_threads(const work *all, npy_intp samples, int threads)
     pthread_t handles[MOST_THREADS];
     const npy_intp blocks = (samples + BLOCK - 1) / BLOCK;
     if (threads > blocks)
-        threads = (int)blocks;
+        threads = (int)(blocks > 0 ? blocks : 1);
     int any_bad = 0, started = 0;
     for (int t = threads - 1; t >= 0; t--) {
         parts[t] = *all;
@@ -451,47 +456,56 @@ static PyObject *close_loops(PyObject *self, PyObject *const *args, Py_ssize_t n
     return map_kernel(self, &faces[CLOSE], args, nargs);
 }
 
-/* (h, q0 (n, 9), va0 (n, 3), tau (n, N, 3), moment (n, 3), q (n, N + 1, 9),
- * va (n, N + 1, 3), reached (n,) of intp zeros, threads): whether any sample stopped early. */
+static int fits(PyArrayObject *array, int ndim, npy_intp n, npy_intp times, npy_intp size)
+{
+    return PyArray_TYPE(array) == NPY_DOUBLE && PyArray_ISBEHAVED_RO(array)
+        && PyArray_NDIM(array) == ndim && PyArray_DIM(array, 0) == n
+        && PyArray_DIM(array, ndim - 1) == size && (ndim == 2 || PyArray_DIM(array, 1) == times);
+}
+
+static rows along(PyArrayObject *array)
+{
+    const int last = PyArray_NDIM(array) - 1;
+    return (rows){PyArray_BYTES(array), PyArray_STRIDE(array, 0), PyArray_STRIDE(array, last),
+        (int)PyArray_DIM(array, last)};
+}
+
+/* (h, q0 (n, 9), va0 (n, 3), tau, moment (n, 3) or None, q (n, N + 1, 9), va (n, N + 1, 3), reached
+ * (n,) of intp zeros, threads): whether any sample stopped early. The torques are (n, N, 3), held
+ * over each step, or (n, 2 N + 1, 3), at the ends and in the middles of the steps. */
 static PyObject *rollout(PyObject *self, PyObject *args)
 {
-    PyArrayObject *q0, *va0, *tau, *moment, *q, *va, *reached;
-    work w = {.kernel = STEP};
+    PyArrayObject *q0, *va0, *tau, *q, *va, *reached;
+    PyObject *moment;
+    work w = {.kernel = STEP, .p = ((Kernels *)self)->wide};
     int threads;
-    if (!PyArg_ParseTuple(args, "dO!O!O!O!O!O!O!i", &w.h, &PyArray_Type, &q0,
-            &PyArray_Type, &va0, &PyArray_Type, &tau, &PyArray_Type, &moment, &PyArray_Type, &q,
-            &PyArray_Type, &va, &PyArray_Type, &reached, &threads))
+    if (!PyArg_ParseTuple(args, "dO!O!O!OO!O!O!i", &w.h, &PyArray_Type, &q0, &PyArray_Type, &va0,
+            &PyArray_Type, &tau, &moment, &PyArray_Type, &q, &PyArray_Type, &va, &PyArray_Type,
+            &reached, &threads))
         return NULL;
-    w.p = ((Kernels *)self)->wide;
-    PyArrayObject *states[] = {q0, va0, moment}, *courses[] = {tau, q, va};
-    const npy_intp sizes[] = {9, 3, 3}, widths[] = {3, 9, 3};
-    const npy_intp n = PyArray_NDIM(q0) == 2 ? PyArray_DIM(q0, 0) : -1;
-    w.steps = PyArray_NDIM(tau) == 3 ? PyArray_DIM(tau, 1) : -1;
-    int fits = w.steps >= 0 && PyArray_TYPE(reached) == NPY_INTP && PyArray_IS_C_CONTIGUOUS(reached)
-        && PyArray_SIZE(reached) == n && PyArray_ISWRITEABLE(q) && PyArray_ISWRITEABLE(va)
-        && PyArray_ISWRITEABLE(reached);
-    for (int i = 0; i < 3; i++) {
-        fits = fits && PyArray_TYPE(states[i]) == NPY_DOUBLE && PyArray_ISBEHAVED_RO(states[i])
-            && PyArray_NDIM(states[i]) == 2 && PyArray_DIM(states[i], 0) == n
-            && PyArray_DIM(states[i], 1) == sizes[i];
-        fits = fits && PyArray_TYPE(courses[i]) == NPY_DOUBLE && PyArray_ISBEHAVED_RO(courses[i])
-            && PyArray_NDIM(courses[i]) == 3 && PyArray_DIM(courses[i], 0) == n
-            && PyArray_DIM(courses[i], 1) == w.steps + (i > 0)
-            && PyArray_DIM(courses[i], 2) == widths[i];
-    }
-    if (!fits) {
+    const npy_intp n = PyArray_SIZE(reached);
+    w.steps = PyArray_NDIM(q) == 3 ? PyArray_DIM(q, 1) - 1 : -1;
+    const int held = PyArray_NDIM(tau) == 3 && PyArray_DIM(tau, 1) == w.steps;
+    if (w.steps < 0 || PyArray_TYPE(reached) != NPY_INTP || !PyArray_ISCARRAY(reached)
+        || !PyArray_ISWRITEABLE(q) || !PyArray_ISWRITEABLE(va) || !fits(q0, 2, n, 0, 9)
+        || !fits(va0, 2, n, 0, 3) || !fits(q, 3, n, w.steps + 1, 9)
+        || !fits(va, 3, n, w.steps + 1, 3) || !fits(tau, 3, n, held ? w.steps : 2 * w.steps + 1, 3)
+        || (moment != Py_None
+            && (!PyArray_Check(moment) || !fits((PyArrayObject *)moment, 2, n, 0, 3)))) {
         PyErr_SetString(PyExc_ValueError, "arrays that do not fit together");
         return NULL;
     }
-    rows *const to[] = {&w.in[0], &w.in[1], &w.in[3]}, *const along[] = {&w.in[2], &w.out[0], &w.out[1]};
-    npy_intp *const strides[] = {&w.tau_stride, &w.q_stride, &w.va_stride};
-    for (int i = 0; i < 3; i++) {
-        *to[i] = (rows){PyArray_BYTES(states[i]), PyArray_STRIDE(states[i], 0),
-            PyArray_STRIDE(states[i], 1), (int)sizes[i]};
-        *along[i] = (rows){PyArray_BYTES(courses[i]), PyArray_STRIDE(courses[i], 0),
-            PyArray_STRIDE(courses[i], 2), (int)widths[i]};
-        *strides[i] = PyArray_STRIDE(courses[i], 1);
-    }
+    w.in[0] = along(q0);
+    w.in[1] = along(va0);
+    w.in[2] = along(tau);
+    if (moment != Py_None)
+        w.in[3] = along((PyArrayObject *)moment);
+    w.out[0] = along(q);
+    w.out[1] = along(va);
+    w.tau_half = held ? 0 : PyArray_STRIDE(tau, 1);
+    w.tau_step = held ? PyArray_STRIDE(tau, 1) : 2 * PyArray_STRIDE(tau, 1);
+    w.q_step = PyArray_STRIDE(q, 1);
+    w.va_step = PyArray_STRIDE(va, 1);
     w.reached = PyArray_DATA(reached);
     threads = threads < 1 ? 1 : threads > MOST_THREADS ? MOST_THREADS : threads;
     int any_bad;

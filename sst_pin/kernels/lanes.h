@@ -97,7 +97,7 @@ TARGET static int SST_NAME(run)(int kernel, const void *parameters, double h, in
     SST_REAL *x = (SST_REAL *)block;
     SST_NAME(mask) all_good = x[0] == x[0];
     for (int i = 0; i < count; i += LANES, x += WIDTH) {
-        const SST_REAL *moment = loaded ? x + 15 : NULL;
+        const SST_REAL *moment = loaded ? x + (kernel == STEP ? 21 : 15) : NULL;
         SST_REAL *y = x + at.out, *check = x + at.check, squares = x[0] * x[0], zero = x[0] - x[0];
         for (int j = 1; j < 9; j++)
             squares += x[j] * x[j];

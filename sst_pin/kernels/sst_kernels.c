@@ -1641,19 +1641,22 @@ SST_FUNCTION void SST_NAME(close)(const SST_NAME(parameters) *p, real q[9], real
     check[1] = det;
 }
 
-/* One step of the classical Runge-Kutta method over the time h under constant torques, and one of
- * sst_close; check is that of the q and va which come in. */
+/* One step of the classical Runge-Kutta method over the time h, and one of sst_close. tau are the
+ * torques at its start, in its middle and at its end; check is that of the q and va which come in.
+ * */
 SST_FUNCTION void SST_NAME(step)(const SST_NAME(parameters) *p, double h, real q[9], real va[3],
-    const real tau[3], const real moment[3], real check[3])
+    const real tau[9], const real moment[3], real check[3])
 {
     const double weight[4] = {h / 6, h / 3, h / 3, h / 6}, ahead[4] = {h / 2, h / 2, h, 0};
+    const int when[4] = {0, 3, 3, 6};
     real q_0[9], va_0[3], q_s[9], va_s[3], q_dot[9], aa[3], unused[3];
     for (int i = 0; i < 9; i++)
         q_0[i] = q_s[i] = q[i];
     for (int i = 0; i < 3; i++)
         va_0[i] = va_s[i] = va[i];
     for (int s = 0; s < 4; s++) {
-        SST_NAME(direct_dynamics)(p, q_s, va_s, tau, moment, q_dot, aa, s == 0 ? check : unused);
+        SST_NAME(direct_dynamics)(p, q_s, va_s, tau + when[s], moment, q_dot, aa,
+            s == 0 ? check : unused);
         for (int i = 0; i < 9; i++) {
             q[i] = q[i] + weight[s] * q_dot[i];
             q_s[i] = q_0[i] + ahead[s] * q_dot[i];

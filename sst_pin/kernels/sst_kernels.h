@@ -66,9 +66,10 @@ void sst_reduced_terms(const sst_parameters *p, const double q[9], const double 
  * which comes in. */
 void sst_close(const sst_parameters *p, double q[9], double check[2]);
 
-/* One step of the classical Runge-Kutta method over the time h under constant torques, and one of
- * sst_close; check is that of the q and va which come in. */
-void sst_step(const sst_parameters *p, double h, double q[9], double va[3], const double tau[3],
+/* One step of the classical Runge-Kutta method over the time h, and one of sst_close. tau are the
+ * torques at its start, in its middle and at its end; check is that of the q and va which come in.
+ * */
+void sst_step(const sst_parameters *p, double h, double q[9], double va[3], const double tau[9],
     const double moment[3], double check[3]);
 
 #ifdef __cplusplus
