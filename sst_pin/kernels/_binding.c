@@ -26,17 +26,18 @@
 enum { INVERSE_DYNAMICS, DIRECT_DYNAMICS, REDUCED_TERMS, CLOSE, STEP };
 
 /* Where a sample's results, its check and the verdict stand among its WIDTH numbers; its inputs
- * stand first. The results of CLOSE and STEP take the place of the state that came in. */
+ * stand first, of which `state` numbers are judged before they are replaced. The results of STEP are
+ * judged when they come in themselves. */
 typedef struct {
-    int out, check, good;
+    int out, check, good, state;
 } layout;
 
 static const layout layouts[] = {
-    [INVERSE_DYNAMICS] = {18, 21, 24},
-    [DIRECT_DYNAMICS] = {18, 30, 33},
-    [REDUCED_TERMS] = {12, 36, 39},
-    [CLOSE] = {0, 9, 12},
-    [STEP] = {0, 24, 27},
+    [INVERSE_DYNAMICS] = {18, 21, 24, 0},
+    [DIRECT_DYNAMICS] = {18, 30, 33, 0},
+    [REDUCED_TERMS] = {12, 36, 39, 0},
+    [CLOSE] = {0, 9, 12, 9},
+    [STEP] = {24, 24, 27, 12},
 };
 
 /* An array of samples, `size` numbers each; strides in bytes. */
@@ -145,8 +146,9 @@ static void map_block(work *w, npy_intp first, int count)
 /* Count the states that hold: up to one that a kernel does not vouch for, or where det A has
  * another sign than at the start. */
 static void judge(work *w, const double *block, npy_intp first, int count, npy_intp state,
-    double *sign, layout at)
+    double *sign)
 {
+    const layout at = layouts[STEP];
     for (int i = 0; i < count; i++) {
         const double det = *number(block, i, at.check + 1);
         if (state == 0)
@@ -159,7 +161,6 @@ static void judge(work *w, const double *block, npy_intp first, int count, npy_i
 static void roll_block(work *w, npy_intp first, int count)
 {
     double block[BLOCK * WIDTH] __attribute__((aligned(64)));
-    double probe[BLOCK * WIDTH] __attribute__((aligned(64)));
     double sign[BLOCK];
     rows tau = w->in[2], q = w->out[0], va = w->out[1];
     set->gather(block, 0, &w->in[0], first, count);
@@ -177,14 +178,13 @@ static void roll_block(work *w, npy_intp first, int count)
             set->gather(block, 12 + 3 * half, &at, first, count);
         }
         set->run(STEP, w->p, w->h, w->in[3].data != NULL, block, count);
-        judge(w, block, first, count, s, sign, layouts[STEP]);
+        judge(w, block, first, count, s, sign);
         tau.data += w->tau_step;
         q.data += w->q_step;
         va.data += w->va_step;
     }
-    memcpy(probe, block, sizeof probe);
-    set->run(CLOSE, w->p, 0, 0, probe, count);
-    judge(w, probe, first, count, w->steps, sign, layouts[CLOSE]);
+    set->run(STEP, w->p, 0, 0, block, count); /* a step of no length, to judge the last state */
+    judge(w, block, first, count, w->steps, sign);
     for (int i = 0; i < count; i++) {
         const npy_intp reached = w->reached[first + i];
         if (reached > w->steps)

@@ -101,6 +101,8 @@ TARGET static int SST_NAME(run)(int kernel, const void *parameters, double h, in
         SST_REAL *y = x + at.out, *check = x + at.check, squares = x[0] * x[0], zero = x[0] - x[0];
         for (int j = 1; j < 9; j++)
             squares += x[j] * x[j];
+        for (int j = 0; j < at.state; j++)
+            zero += x[j] * 0.0; /* NaN where a number is not finite */
         switch (kernel) {
         case INVERSE_DYNAMICS:
             SST_NAME(inverse_dynamics)(p, x, x + 9, x + 12, moment, y, check);
@@ -122,7 +124,7 @@ TARGET static int SST_NAME(run)(int kernel, const void *parameters, double h, in
             break;
         }
         for (int j = 0; j < at.check - at.out; j++)
-            zero += y[j] * 0.0; /* NaN where a result is not finite */
+            zero += y[j] * 0.0;
         const SST_NAME(mask) good = (squares < LARGEST_ANGLE * LARGEST_ANGLE)
             & (check[0] <= SST_CLOSED) & (check[1] * check[1] >= SST_REGULAR * SST_REGULAR)
             & (check[2] > SST_DEFINITE) & (zero == 0.0);
