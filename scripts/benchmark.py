@@ -111,6 +111,7 @@ def rows(results: dict[str, Any]) -> list[tuple[str, str, float, float | None, s
         row(step, "rollout", step, "mujoco.rollout"),
         row(examples, "example 1", examples, "example 1, reference path"),
         row(examples, "example 2", examples, "example 2, reference path"),
+        row(examples, "example 2, tolerance 1e-10", examples, "example 2, reference path"),
         row(examples, "example 2 by rollout, to 1e-9", examples, "example 2, reference path"),
     ]
 

@@ -175,6 +175,10 @@ def examples(robot: SST) -> Calls:
         "example 1, reference path": (lambda: paper.example_1(reference, t), 1),
         "example 2": (lambda: paper.example_2(robot, example), 1),
         "example 2, reference path": (lambda: paper.example_2(reference, example), 1),
+        "example 2, tolerance 1e-10": (
+            lambda: robot.simulate(example, example.q[0], example.va[0], t, rtol=1e-10, atol=1e-10),
+            1,
+        ),
         "example 2 by rollout, to 1e-9": (lambda: rolled_example(robot, example, 500), 1),
     }
 

@@ -4,6 +4,7 @@
 from .closed_chain import ClosedChain
 from .closures import Closure
 from .description import PACKAGE_PATH, URDF_PATH, YAML_PATH
+from .dynamics import ReducedTerms
 from .errors import (
     ActuationError,
     ClosureError,
@@ -29,6 +30,7 @@ from .platform_motion import (
     orientation_motion,
     paper_circle,
 )
+from .rollouts import Rollout
 from .simulation import energy_error
 from .sst import SST
 from .trajectories import Trajectory
@@ -51,7 +53,9 @@ __all__ = [
     "Parameters",
     "ParametersError",
     "PlatformMotion",
+    "ReducedTerms",
     "RigidBody",
+    "Rollout",
     "SSTError",
     "SimulationError",
     "SingularConfigurationError",
