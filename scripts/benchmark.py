@@ -20,10 +20,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import benchmark_cases as cases
 import numpy as np
 from matplotlib.figure import Figure
 
+import benchmark_cases as cases
 from sst_pin import SST, plots
 
 ROOT = Path(__file__).resolve().parents[1]

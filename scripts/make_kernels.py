@@ -79,6 +79,12 @@ KERNELS = {
         "the q which comes in.",
         "real q[9], real check[2]",
     ),
+    "rate": (
+        "Rates of q and va, for integrators: sst_direct_dynamics at the q that three steps of "
+        "sst_close make of the one which comes in; check[0] is that of the last of them.",
+        "const real q[9], const real va[3], const real tau[3], const real moment[3], "
+        "real q_dot[9], real aa[3], real check[3]",
+    ),
     "step": (
         "One step of the classical Runge-Kutta method over the time h, and one of sst_close. tau "
         "are the torques at its start, in its middle and at its end; check is that of the q and va "
@@ -165,7 +171,17 @@ SST_HELPER real sst_friction(real x, real viscous, real coulomb, real width)
 }
 """
 
-STEP = """\
+#: Kernels made of other kernels.
+COMPOSED = {
+    "rate": """\
+    real closed[9], gap[2];
+    for (int i = 0; i < 9; i++)
+        closed[i] = q[i];
+    for (int i = 0; i < 3; i++)
+        SST_NAME(close)(p, closed, gap);
+    SST_NAME(direct_dynamics)(p, closed, va, tau, moment, q_dot, aa, check);
+    check[0] = gap[0];""",
+    "step": """\
     const double weight[4] = {h / 6, h / 3, h / 3, h / 6}, ahead[4] = {h / 2, h / 2, h, 0};
     const int when[4] = {0, 3, 3, 6};
     real q_0[9], va_0[3], q_s[9], va_s[3], q_dot[9], aa[3], unused[3];
@@ -185,7 +201,8 @@ STEP = """\
             va_s[i] = va_0[i] + ahead[s] * aa[i];
         }
     }
-    SST_NAME(close)(p, q, unused);"""
+    SST_NAME(close)(p, q, unused);""",
+}
 
 
 def comment(text: str) -> str:
@@ -220,7 +237,7 @@ def header() -> str:
 def source() -> str:
     functions = []
     for name, (text, arguments) in KERNELS.items():
-        body = STEP if name == "step" else getattr(equations, name)().text()
+        body = COMPOSED[name] if name in COMPOSED else getattr(equations, name)().text()
         head = signature(
             f"SST_FUNCTION void SST_NAME({name})", "const SST_NAME(parameters)", arguments
         )

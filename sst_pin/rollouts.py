@@ -12,9 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .batches import as_array, finite_array
-from .dynamics import Friction
+from .dynamics import Friction, direct_dynamics
 from .errors import InputError, SimulationError, SSTError
-from .mechanics import Mechanics
 
 if TYPE_CHECKING:
     from .star_dynamics import StarDynamics
@@ -136,7 +135,10 @@ Course = Callable[
 
 def reference_course(robot: StarDynamics, friction: Friction) -> Course:
     """The same method on the reference path, one motion after the other."""
-    mechanics = Mechanics(robot, friction)
+
+    def accelerations(q: Array, va: Array, tau: Array, load: Array | None) -> tuple[Array, Array]:
+        # Between the steps q is off the closures by the square of the step.
+        return direct_dynamics(*robot.workspace_at(q, np.inf), friction, q, va, tau, load)
 
     def course(
         dt: float,
@@ -151,10 +153,10 @@ def reference_course(robot: StarDynamics, friction: Friction) -> Course:
     ) -> None:
         steps = q.shape[1] - 1
         ends = tau.shape[1] == steps
+        q[:], va[:] = np.nan, np.nan
         for i in range(len(q)):
-            q[i], va[i] = np.nan, np.nan
             load = None if moment is None else robot.star_load(moment[i])
-            state, side = (q0[i].copy(), va0[i].copy()), 0.0
+            state, side = (q0[i], va0[i]), 0.0
             for s in range(steps + 1):
                 try:
                     robot.workspace_at(state[0])
@@ -165,7 +167,8 @@ def reference_course(robot: StarDynamics, friction: Friction) -> Course:
                     q[i, s], va[i, s] = state
                     if s < steps:
                         three = tau[i, [s, s, s] if ends else [2 * s, 2 * s + 1, 2 * s + 2]]
-                        state = _step(mechanics, *state, three, load, dt)
+                        q_end, va_end = _step(accelerations, *state, three, load, dt)
+                        state = robot.assemble(q_end), va_end
                 except SSTError:
                     break
 
@@ -173,12 +176,17 @@ def reference_course(robot: StarDynamics, friction: Friction) -> Course:
 
 
 def _step(
-    mechanics: Mechanics, q: Array, va: Array, tau: Array, load: Array | None, h: float
+    accelerations: Callable[..., tuple[Array, Array]],
+    q: Array,
+    va: Array,
+    tau: Array,
+    load: Array | None,
+    h: float,
 ) -> tuple[Array, Array]:
-    """One step of the classical Runge-Kutta method, and one onto the closures."""
+    """One step of the classical Runge-Kutta method."""
     q_s, va_s, q_end, va_end = q, va, q, va
     for when, weight, ahead in ((0, h / 6, h / 2), (1, h / 3, h / 2), (1, h / 3, h), (2, h / 6, 0)):
-        aa, q_dot = mechanics.accelerations(q_s, va_s, tau[when], load, np.inf)
+        aa, q_dot = accelerations(q_s, va_s, tau[when], load)
         q_end, va_end = q_end + weight * q_dot, va_end + weight * aa
         q_s, va_s = q + ahead * q_dot, va + ahead * aa
-    return mechanics.closed(q_end), va_end
+    return q_end, va_end

@@ -23,7 +23,7 @@
 #define MOST_THREADS 256
 #define PARAMETERS (sizeof(sst_parameters) / sizeof(double))
 
-enum { INVERSE_DYNAMICS, DIRECT_DYNAMICS, REDUCED_TERMS, CLOSE, STEP };
+enum { INVERSE_DYNAMICS, DIRECT_DYNAMICS, REDUCED_TERMS, CLOSE, RATE, STEP };
 
 /* Where a sample's results, its check and the verdict stand among its WIDTH numbers; its inputs
  * stand first, of which `state` numbers are judged before they are replaced. The results of STEP are
@@ -37,6 +37,7 @@ static const layout layouts[] = {
     [DIRECT_DYNAMICS] = {18, 30, 33, 0},
     [REDUCED_TERMS] = {12, 36, 39, 0},
     [CLOSE] = {0, 9, 12, 9},
+    [RATE] = {18, 30, 33, 0},
     [STEP] = {24, 24, 27, 12},
 };
 
@@ -110,7 +111,7 @@ typedef struct {
     int kernel;
     const void *p; /* parameters in all lanes */
     rows in[MOST_ARRAYS], out[MOST_ARRAYS];
-    int ins, outs;
+    int ins, outs, loaded; /* loaded: with a moment on the star */
     npy_intp first, last;
     unsigned char *bad; /* one flag for each sample */
     int any_bad;
@@ -131,7 +132,7 @@ static void map_block(work *w, npy_intp first, int count)
             set->gather(block, position, &w->in[a], first, count);
         position += w->in[a].size;
     }
-    const int all_good = set->run(w->kernel, w->p, 0, w->in[3].data != NULL, block, count);
+    const int all_good = set->run(w->kernel, w->p, 0, w->loaded, block, count);
     position = at.out;
     for (int a = 0; a < w->outs; a++) {
         if (w->out[a].data)
@@ -165,7 +166,7 @@ static void roll_block(work *w, npy_intp first, int count)
     rows tau = w->in[2], q = w->out[0], va = w->out[1];
     set->gather(block, 0, &w->in[0], first, count);
     set->gather(block, 9, &w->in[1], first, count);
-    if (w->in[3].data)
+    if (w->loaded)
         set->gather(block, 21, &w->in[3], first, count);
     for (npy_intp s = 0;; s++) {
         set->scatter(block, 0, &q, first, count);
@@ -177,7 +178,7 @@ static void roll_block(work *w, npy_intp first, int count)
             at.data += half * w->tau_half;
             set->gather(block, 12 + 3 * half, &at, first, count);
         }
-        set->run(STEP, w->p, w->h, w->in[3].data != NULL, block, count);
+        set->run(STEP, w->p, w->h, w->loaded, block, count);
         judge(w, block, first, count, s, sign);
         tau.data += w->tau_step;
         q.data += w->q_step;
@@ -324,27 +325,29 @@ static int in_the_way(const rows *a, const rows *b, npy_intp samples)
 
 /* What a map kernel takes and gives. */
 typedef struct {
-    int kernel, ins, in[4], outs, out[4];
+    int ins, in[4], outs, out[4];
+    int moment; /* which input is the moment on the star, 0 for none */
 } face;
 
 static const face faces[] = {
-    {INVERSE_DYNAMICS, 4, {9, 3, 3, 3}, 1, {3}},
-    {DIRECT_DYNAMICS, 4, {9, 3, 3, 3}, 2, {9, 3}},
-    {REDUCED_TERMS, 2, {9, 3}, 4, {9, 9, 3, 3}},
-    {CLOSE, 1, {9}, 1, {9}},
+    [INVERSE_DYNAMICS] = {4, {9, 3, 3, 3}, 1, {3}, 3},
+    [DIRECT_DYNAMICS] = {4, {9, 3, 3, 3}, 2, {9, 3}, 3},
+    [REDUCED_TERMS] = {2, {9, 3}, 4, {9, 9, 3, 3}, 0},
+    [CLOSE] = {1, {9}, 2, {9, 3}, 0},      /* the second is the check */
+    [RATE] = {3, {12, 3, 3}, 1, {12}, 2}, /* of (q, va) */
 };
 
 /* (inputs..., outputs..., threads): a moment of None is no moment, an output of None is made, one
  * of False left out. Gives (flags, outputs...), flags None where every sample is good. */
-static PyObject *map_kernel(PyObject *self, const face *f, PyObject *const *args, Py_ssize_t nargs)
+static PyObject *map_kernel(PyObject *self, int kernel, PyObject *const *args, Py_ssize_t nargs)
 {
+    const face *f = &faces[kernel];
     if (nargs != f->ins + f->outs + 1) {
         PyErr_SetString(PyExc_TypeError, "wrong number of arguments");
         return NULL;
     }
     work w;
-    w.in[3].data = NULL;
-    w.kernel = f->kernel;
+    w.kernel = kernel;
     w.ins = f->ins;
     w.outs = f->outs;
     w.any_bad = 0;
@@ -361,6 +364,7 @@ static PyObject *map_kernel(PyObject *self, const face *f, PyObject *const *args
         else if (rows_of(args[i], f->in[i], &samples, &w.in[i]))
             Py_RETURN_NONE;
     }
+    w.loaded = f->moment && w.in[f->moment].data;
     const int single = samples < 0;
     PyObject *outs[4] = {NULL}, *result = NULL;
     unsigned char one_flag = 0, *many_flags = NULL;
@@ -438,22 +442,27 @@ end:
 
 static PyObject *inverse_dynamics(PyObject *self, PyObject *const *args, Py_ssize_t nargs)
 {
-    return map_kernel(self, &faces[INVERSE_DYNAMICS], args, nargs);
+    return map_kernel(self, INVERSE_DYNAMICS, args, nargs);
 }
 
 static PyObject *direct_dynamics(PyObject *self, PyObject *const *args, Py_ssize_t nargs)
 {
-    return map_kernel(self, &faces[DIRECT_DYNAMICS], args, nargs);
+    return map_kernel(self, DIRECT_DYNAMICS, args, nargs);
 }
 
 static PyObject *reduced_terms(PyObject *self, PyObject *const *args, Py_ssize_t nargs)
 {
-    return map_kernel(self, &faces[REDUCED_TERMS], args, nargs);
+    return map_kernel(self, REDUCED_TERMS, args, nargs);
 }
 
 static PyObject *close_loops(PyObject *self, PyObject *const *args, Py_ssize_t nargs)
 {
-    return map_kernel(self, &faces[CLOSE], args, nargs);
+    return map_kernel(self, CLOSE, args, nargs);
+}
+
+static PyObject *rate(PyObject *self, PyObject *const *args, Py_ssize_t nargs)
+{
+    return map_kernel(self, RATE, args, nargs);
 }
 
 static int fits(PyArrayObject *array, int ndim, npy_intp n, npy_intp times, npy_intp size)
@@ -498,7 +507,8 @@ static PyObject *rollout(PyObject *self, PyObject *args)
     w.in[0] = along(q0);
     w.in[1] = along(va0);
     w.in[2] = along(tau);
-    if (moment != Py_None)
+    w.loaded = moment != Py_None;
+    if (w.loaded)
         w.in[3] = along((PyArrayObject *)moment);
     w.out[0] = along(q);
     w.out[1] = along(va);
@@ -523,7 +533,9 @@ static PyMethodDef methods[] = {
     {"reduced_terms", (PyCFunction)(void (*)(void))reduced_terms, METH_FASTCALL,
         "(q, va, inertia, coriolis, gravity, friction, threads) -> (flags, ...)"},
     {"close", (PyCFunction)(void (*)(void))close_loops, METH_FASTCALL,
-        "(q, q, threads) -> (flags, q)"},
+        "(q, q, check, threads) -> (flags, q, check)"},
+    {"rate", (PyCFunction)(void (*)(void))rate, METH_FASTCALL,
+        "(state, tau, moment, rate, threads) -> (flags, rate)"},
     {"rollout", rollout, METH_VARARGS,
         "(h, q0, va0, tau, moment, q, va, reached, threads) -> bool"},
     {NULL, NULL, 0, NULL},

@@ -68,12 +68,12 @@ TARGET static void SST_NAME(gather)(double *block, int position, const rows *fro
     int count)
 {
     SST_REAL *x = (SST_REAL *)block + position;
-    if (from->column != sizeof(double))
-        SST_NAME(gather_numbers)(x, from, first, count, from->size, from->column);
-    else if (from->size == 9)
+    if (from->column == sizeof(double) && from->size == 9)
         SST_NAME(gather_numbers)(x, from, first, count, 9, sizeof(double));
-    else
+    else if (from->column == sizeof(double) && from->size == 3)
         SST_NAME(gather_numbers)(x, from, first, count, 3, sizeof(double));
+    else
+        SST_NAME(gather_numbers)(x, from, first, count, from->size, from->column);
 }
 
 TARGET static void SST_NAME(scatter)(const double *block, int position, const rows *to,
@@ -82,8 +82,10 @@ TARGET static void SST_NAME(scatter)(const double *block, int position, const ro
     const SST_REAL *x = (const SST_REAL *)block + position;
     if (to->size == 9)
         SST_NAME(scatter_numbers)(x, to, first, count, 9);
-    else
+    else if (to->size == 3)
         SST_NAME(scatter_numbers)(x, to, first, count, 3);
+    else
+        SST_NAME(scatter_numbers)(x, to, first, count, to->size);
 }
 
 /* A kernel on a block: vectors of samples, each a row of WIDTH vectors as `layouts` says, with a
@@ -118,6 +120,9 @@ TARGET static int SST_NAME(run)(int kernel, const void *parameters, double h, in
         case CLOSE:
             SST_NAME(close)(p, x, check);
             check[2] = check[0] + 1.0;
+            break;
+        case RATE:
+            SST_NAME(rate)(p, x, x + 9, x + 12, moment, y, y + 9, check);
             break;
         case STEP:
             SST_NAME(step)(p, h, x, x + 9, x + 12, moment, check);

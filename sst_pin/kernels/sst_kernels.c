@@ -1641,6 +1641,21 @@ SST_FUNCTION void SST_NAME(close)(const SST_NAME(parameters) *p, real q[9], real
     check[1] = det;
 }
 
+/* Rates of q and va, for integrators: sst_direct_dynamics at the q that three steps of sst_close
+ * make of the one which comes in; check[0] is that of the last of them. */
+SST_FUNCTION void SST_NAME(rate)(const SST_NAME(parameters) *p, const real q[9],
+    const real va[3], const real tau[3], const real moment[3], real q_dot[9], real aa[3],
+    real check[3])
+{
+    real closed[9], gap[2];
+    for (int i = 0; i < 9; i++)
+        closed[i] = q[i];
+    for (int i = 0; i < 3; i++)
+        SST_NAME(close)(p, closed, gap);
+    SST_NAME(direct_dynamics)(p, closed, va, tau, moment, q_dot, aa, check);
+    check[0] = gap[0];
+}
+
 /* One step of the classical Runge-Kutta method over the time h, and one of sst_close. tau are the
  * torques at its start, in its middle and at its end; check is that of the q and va which come in.
  * */

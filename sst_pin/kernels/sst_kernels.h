@@ -66,6 +66,11 @@ void sst_reduced_terms(const sst_parameters *p, const double q[9], const double 
  * which comes in. */
 void sst_close(const sst_parameters *p, double q[9], double check[2]);
 
+/* Rates of q and va, for integrators: sst_direct_dynamics at the q that three steps of sst_close
+ * make of the one which comes in; check[0] is that of the last of them. */
+void sst_rate(const sst_parameters *p, const double q[9], const double va[3],
+    const double tau[3], const double moment[3], double q_dot[9], double aa[3], double check[3]);
+
 /* One step of the classical Runge-Kutta method over the time h, and one of sst_close. tau are the
  * torques at its start, in its middle and at its end; check is that of the q and va which come in.
  * */
