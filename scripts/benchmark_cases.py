@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import mujoco
 import mujoco.rollout
@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from sst_pin import SST, ClosedChain, Parameters, paper, paper_circle
+from sst_pin import SST, Parameters, paper, paper_circle
 from sst_pin.referees import mujoco_engine
 
 Array = NDArray[np.float64]
@@ -93,7 +93,9 @@ class Constrained:
 
 
 def _welded(step: float, stiffness: float = 1e6) -> mujoco.MjModel:
-    return mujoco_engine._welded(mujoco, Parameters(), step, stiffness)
+    model: mujoco.MjModel = mujoco_engine.welded(mujoco, Parameters(), step, stiffness)
+    model.opt.tolerance = 1e-8  # of the solver; MuJoCo's default
+    return model
 
 
 def single_calls(robot: SST) -> Calls:
@@ -106,39 +108,54 @@ def single_calls(robot: SST) -> Calls:
     assert np.allclose(constrained.accelerations(q, v, force)[::3], aa, rtol=1e-5)
     welded = _welded(1e-4)
     welded.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER  # MuJoCo's default, one evaluation
-    welded.opt.tolerance = 1e-8  # and its default
     state = mujoco.MjData(welded)
     state.qpos[:], state.qvel[:] = q, v
-    reference = ClosedChain.compute_torques, ClosedChain.compute_accelerations
+    reference = SST(kernels=False)
     return {
         "pin.rnea, open tree": (lambda: pin.rnea(robot.model, data, q, v, v), 1),
         "compute_torques": (lambda: robot.compute_torques(q, va, aa), 1),
         "compute_accelerations": (lambda: robot.compute_accelerations(q, va, tau), 1),
-        "hand-assembled KKT": (lambda: kkt.torques(q, va, aa), 1),
+        "KKT, hand-assembled on Pinocchio": (lambda: kkt.torques(q, va, aa), 1),
         "pin.constraintDynamics": (lambda: constrained.accelerations(q, v, force), 1),
         "mj_step": (lambda: mujoco.mj_step(welded, state), 1),
-        "reference path, torques": (lambda: reference[0](robot, q, va, aa), 1),
-        "reference path, accelerations": (lambda: reference[1](robot, q, va, tau), 1),
+        "reference path, torques": (lambda: reference.compute_torques(q, va, aa), 1),
+        "reference path, accelerations": (lambda: reference.compute_accelerations(q, va, tau), 1),
     }
 
 
-def batches(robot: SST, n: int, only: Sequence[str] = ()) -> Calls:
+def _batch(robot: SST, n: int) -> tuple[Array, Array, Array]:
+    """Random samples of the paper's circle."""
     t = np.random.default_rng(0).uniform(0, paper.PERIOD, n)
     q, va, aa = (np.ascontiguousarray(x) for x in robot.joint_motion(*paper_circle(t)))
-    tau = np.empty((n, 3))
+    return q, va, aa
+
+
+def batches(robot: SST, n: int) -> Calls:
+    q, va, aa = _batch(robot, n)
+    ours, theirs = np.empty((n, 3)), np.empty((9, n), order="F")
     pool, columns = pin.ModelPool(robot.model, 1), [np.asfortranarray(q.T)] * 3
-    result = np.empty((9, n), order="F")
 
-    def by_threads(threads: int) -> Callable[[], object]:
-        return lambda: robot.compute_torques(q, va, aa, out=tau, threads=threads)
-
-    calls: Calls = {
-        "kernels": (by_threads(1), n),
-        "kernels, 2 threads": (by_threads(2), n),
-        "accelerations by kernels": (lambda: robot.compute_accelerations(q, va, aa, out=tau), n),
-        "pin.rneaInParallel": (lambda: pin.rneaInParallel(1, pool, *columns, result), n),
+    return {
+        "compute_torques, batch": (lambda: robot.compute_torques(q, va, aa, out=ours), n),
+        "compute_accelerations, batch": (
+            lambda: robot.compute_accelerations(q, va, aa, out=ours),
+            n,
+        ),
+        "pin.rneaInParallel, 1 thread": (lambda: pin.rneaInParallel(1, pool, *columns, theirs), n),
     }
-    return {name: call for name, call in calls.items() if not only or name in only}
+
+
+def threads(robot: SST, n: int, numbers: Iterable[int]) -> Calls:
+    q, va, aa = _batch(robot, n)
+    tau = np.empty((n, 3))
+
+    def by(number: int) -> Callable[[], object]:
+        return lambda: robot.compute_torques(q, va, aa, out=tau, threads=number)
+
+    return {
+        "1 thread" if k == 1 else f"compute_torques, batch, {k} threads": (by(k), n)
+        for k in numbers
+    }
 
 
 def rollouts(robot: SST) -> Calls:
@@ -147,7 +164,6 @@ def rollouts(robot: SST) -> Calls:
     q = np.tile(robot.home, (starts, 1))
     zero, tau = np.zeros((starts, 3)), np.zeros((starts, steps, 3))
     model = _welded(dt)
-    model.opt.tolerance = 1e-8  # MuJoCo's default
     data = mujoco.MjData(model)
     size = mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
     state = np.zeros(size)
@@ -171,15 +187,11 @@ def examples(robot: SST) -> Calls:
     rolled = rolled_example(robot, example, 500)
     assert np.abs(rolled - example.q[-1]).max() < 1e-9
     return {
-        "example 1": (lambda: paper.example_1(robot, t), 1),
+        "example 1, 1001 samples": (lambda: paper.example_1(robot, t), 1),
         "example 1, reference path": (lambda: paper.example_1(reference, t), 1),
-        "example 2": (lambda: paper.example_2(robot, example), 1),
+        "example 2, simulate": (lambda: paper.example_2(robot, example), 1),
         "example 2, reference path": (lambda: paper.example_2(reference, example), 1),
-        "example 2, tolerance 1e-10": (
-            lambda: robot.simulate(example, example.q[0], example.va[0], t, rtol=1e-10, atol=1e-10),
-            1,
-        ),
-        "example 2 by rollout, to 1e-9": (lambda: rolled_example(robot, example, 500), 1),
+        "example 2, rollout to 1e-9 rad": (lambda: rolled_example(robot, example, 500), 1),
     }
 
 
@@ -190,15 +202,14 @@ def rolled_example(robot: SST, example: paper.Trajectory, steps: int) -> Array:
     return robot.rollout(tau, example.q[0], example.va[0], dt, steps=steps).q[-1]
 
 
-def work_and_precision(robot: SST) -> dict[str, list[tuple[float, float]]]:
-    """(seconds, error of q) of example 2 by each integrator at several steps or tolerances."""
+def work_and_precision(robot: SST, repeats: int) -> dict[str, list[tuple[float, float]]]:
+    """(fewest seconds, error of q) of example 2 by each integrator, at steps or tolerances."""
     example = paper.example_1(robot, np.linspace(0, paper.PERIOD, 1001))
     smooth = example.torque()
 
-    def simulated(tolerance: float) -> Array:
-        ends = example.t[[0, -1]]
-        start = example.q[0], example.va[0]
-        return robot.simulate(example, *start, ends, rtol=tolerance, atol=tolerance).q[-1]
+    def simulated(which: SST) -> Callable[[float], Array]:
+        start = example.q[0], example.va[0], example.t[[0, -1]]
+        return lambda e: which.simulate(example, *start, rtol=e, atol=e).q[-1]
 
     def constrained(steps: int) -> Array:
         pinocchio, dt = Constrained(robot), paper.PERIOD / steps
@@ -236,15 +247,19 @@ def work_and_precision(robot: SST) -> dict[str, list[tuple[float, float]]]:
     def points(run: Callable[..., Array], choices: Sequence[float]) -> list[tuple[float, float]]:
         found = []
         for choice in choices:
-            start = time.perf_counter()
-            q = run(choice)
-            taken = time.perf_counter() - start
-            found.append((taken, float(np.abs(q - example.q[-1]).max())))
+            taken = []
+            for _ in range(repeats):
+                start = time.perf_counter()
+                q = run(choice)
+                taken.append(time.perf_counter() - start)
+            found.append((min(taken), float(np.abs(q - example.q[-1]).max())))
         return found
 
+    steps, tolerances = (125, 250, 500, 1000), (1e-6, 1e-8, 1e-10, 1e-12)
     return {
-        "rollout, RK4": points(lambda n: rolled_example(robot, example, n), (125, 250, 500, 1000)),
-        "simulate, DOP853": points(simulated, (1e-6, 1e-8, 1e-10, 1e-12)),
-        "pin.constraintDynamics, RK4": points(constrained, (125, 250, 500, 1000)),
+        "rollout, RK4": points(lambda n: rolled_example(robot, example, n), steps),
+        "simulate, DOP853": points(simulated(robot), tolerances),
+        "simulate, reference path": points(simulated(SST(kernels=False)), tolerances),
+        "pin.constraintDynamics, RK4": points(constrained, steps),
         "MuJoCo, welds, RK4": points(welded, (1e4, 1e5, 1e6)),
     }

@@ -55,8 +55,9 @@ class StarDynamics(ClosedChain):
     def refresh(self) -> None:
         """Take in changes made to `model` since dynamics was first asked for.
 
-        The kernels work on numbers that are read from the model once; the reference path needs no
-        telling.
+        The kernels of single calls and batches work on numbers that are read from the model once:
+        to look at one field of it costs as much as all of a call. `simulate` and `rollout` read
+        them each time; the reference path needs no telling.
         """
         self._fast.forget()
 
