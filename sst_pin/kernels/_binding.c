@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: BSD-2-Clause */
-/* The kernels for NumPy: strided rows in, blocks of vectors through the kernels, strided rows out.
+/* The kernels for NumPy.
  *
  * Inputs are float64 arrays of shape (core) or (n, core); one without the first axis goes with all
  * n samples. What is not of this kind is answered with None: the caller brings it into shape. */
@@ -7,237 +7,10 @@
 #define NPY_NO_DEPRECATED_API NPY_1_22_API_VERSION
 #include <Python.h>
 #include <numpy/arrayobject.h>
-#include <math.h>
-#include <pthread.h>
-#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "sst_kernels.h"
-
-#define LARGEST_ANGLE 1e6 /* of sst_sincos */
-#define SST_DEFINITE 1e-12
-#define BLOCK 32 /* samples that fit the first cache with all that belongs to them */
-#define WIDTH 48 /* numbers of a sample, the most that a kernel takes and gives */
-#define MOST_ARRAYS 5
-#define MOST_THREADS 256
-#define PARAMETERS (sizeof(sst_parameters) / sizeof(double))
-
-enum { INVERSE_DYNAMICS, DIRECT_DYNAMICS, REDUCED_TERMS, CLOSE, RATE, STEP };
-
-/* Where a sample's results, its check and the verdict stand among its WIDTH numbers; its inputs
- * stand first, of which `state` numbers are judged before they are replaced. The results of STEP are
- * judged when they come in themselves. */
-typedef struct {
-    int out, check, good, state;
-} layout;
-
-static const layout layouts[] = {
-    [INVERSE_DYNAMICS] = {18, 21, 24, 0},
-    [DIRECT_DYNAMICS] = {18, 30, 33, 0},
-    [REDUCED_TERMS] = {12, 36, 39, 0},
-    [CLOSE] = {0, 9, 12, 9},
-    [RATE] = {18, 30, 33, 0},
-    [STEP] = {24, 24, 27, 12},
-};
-
-/* An array of samples, `size` numbers each; strides in bytes. */
-typedef struct {
-    char *data;
-    npy_intp row, column;
-    int size;
-} rows;
-
-/* What a processor offers: blocks of samples are vectors of `lanes` samples. */
-typedef struct {
-    int lanes;
-    const char *name;
-    void (*prepare)(const double *parameters, double *wide);
-    void (*gather)(double *block, int position, const rows *from, npy_intp first, int count);
-    int (*run)(int kernel, const void *parameters, double h, int loaded, double *block,
-        int count);
-    void (*scatter)(const double *block, int position, const rows *to, npy_intp first, int count);
-} instruction_set;
-
-#if defined(__x86_64__)
-#define LANES 4
-#define TARGET __attribute__((target("avx2,fma")))
-#define SET "AVX2 and FMA, four samples at once"
-#define SST_NAME(name) name##_avx2
-#include "lanes.h"
-#undef LANES
-#undef TARGET
-#undef SET
-#undef SST_NAME
-#endif
-
-#define LANES 2
-#define TARGET
-#define SET "what every processor has, two samples at once"
-#define SST_NAME(name) name##_plain
-#include "lanes.h"
-
-static const instruction_set *best(void)
-{
-#if defined(__x86_64__)
-    __builtin_cpu_init();
-    if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"))
-        return &set_avx2;
-#endif
-    return &set_plain;
-}
-
-/* The one in use. */
-static const instruction_set *set;
-
-/* A number of a sample in a block. */
-static inline const double *number(const double *block, int sample, int position)
-{
-    const int lanes = set->lanes;
-    return block + ((sample / lanes) * WIDTH + position) * lanes + sample % lanes;
-}
-
-static inline int is_good(const double *block, int sample, int position)
-{
-    int64_t good;
-    memcpy(&good, number(block, sample, position), sizeof good);
-    return good != 0;
-}
-
-/* --- work ------------------------------------------------------------------------------------ */
-
-/* Samples first to last of one call. */
-typedef struct {
-    int kernel;
-    const void *p; /* parameters in all lanes */
-    rows in[MOST_ARRAYS], out[MOST_ARRAYS];
-    int ins, outs, loaded; /* loaded: with a moment on the star */
-    npy_intp first, last;
-    unsigned char *bad; /* one flag for each sample */
-    int any_bad;
-    /* Of STEP, which goes along a course of states: */
-    double h;
-    npy_intp steps;
-    npy_intp tau_half, tau_step, q_step, va_step; /* strides to half a step and a step later */
-    npy_intp *reached;                            /* states that hold, for each sample */
-} work;
-
-static void map_block(work *w, npy_intp first, int count)
-{
-    double block[BLOCK * WIDTH] __attribute__((aligned(64)));
-    const layout at = layouts[w->kernel];
-    int position = 0;
-    for (int a = 0; a < w->ins; a++) {
-        if (w->in[a].data)
-            set->gather(block, position, &w->in[a], first, count);
-        position += w->in[a].size;
-    }
-    const int all_good = set->run(w->kernel, w->p, 0, w->loaded, block, count);
-    position = at.out;
-    for (int a = 0; a < w->outs; a++) {
-        if (w->out[a].data)
-            set->scatter(block, position, &w->out[a], first, count);
-        position += w->out[a].size;
-    }
-    for (int i = 0; i < count && !all_good; i++)
-        if (!is_good(block, i, at.good))
-            w->bad[first + i] = w->any_bad = 1;
-}
-
-/* Count the states that hold: up to one that a kernel does not vouch for, or where det A has
- * another sign than at the start. */
-static void judge(work *w, const double *block, npy_intp first, int count, npy_intp state,
-    double *sign)
-{
-    const layout at = layouts[STEP];
-    for (int i = 0; i < count; i++) {
-        const double det = *number(block, i, at.check + 1);
-        if (state == 0)
-            sign[i] = det;
-        if (w->reached[first + i] == state && is_good(block, i, at.good) && det * sign[i] > 0)
-            w->reached[first + i] = state + 1;
-    }
-}
-
-static void roll_block(work *w, npy_intp first, int count)
-{
-    double block[BLOCK * WIDTH] __attribute__((aligned(64)));
-    double sign[BLOCK];
-    rows tau = w->in[2], q = w->out[0], va = w->out[1];
-    set->gather(block, 0, &w->in[0], first, count);
-    set->gather(block, 9, &w->in[1], first, count);
-    if (w->loaded)
-        set->gather(block, 21, &w->in[3], first, count);
-    for (npy_intp s = 0;; s++) {
-        set->scatter(block, 0, &q, first, count);
-        set->scatter(block, 9, &va, first, count);
-        if (s == w->steps)
-            break;
-        for (int half = 0; half < 3; half++) {
-            rows at = tau;
-            at.data += half * w->tau_half;
-            set->gather(block, 12 + 3 * half, &at, first, count);
-        }
-        set->run(STEP, w->p, w->h, w->loaded, block, count);
-        judge(w, block, first, count, s, sign);
-        tau.data += w->tau_step;
-        q.data += w->q_step;
-        va.data += w->va_step;
-    }
-    set->run(STEP, w->p, 0, 0, block, count); /* a step of no length, to judge the last state */
-    judge(w, block, first, count, w->steps, sign);
-    for (int i = 0; i < count; i++) {
-        const npy_intp reached = w->reached[first + i];
-        if (reached > w->steps)
-            continue;
-        w->any_bad = 1;
-        for (npy_intp s = reached; s <= w->steps; s++)
-            for (int a = 0; a < 2; a++) {
-                char *at = w->out[a].data + (first + i) * w->out[a].row
-                    + s * (a ? w->va_step : w->q_step);
-                for (int j = 0; j < w->out[a].size; j++)
-                    *(double *)(at + j * w->out[a].column) = NAN;
-            }
-    }
-}
-
-static void *do_work(void *argument)
-{
-    work *w = argument;
-    for (npy_intp first = w->first; first < w->last; first += BLOCK) {
-        const int count = (int)(w->last - first < BLOCK ? w->last - first : BLOCK);
-        (w->kernel == STEP ? roll_block : map_block)(w, first, count);
-    }
-    return NULL;
-}
-
-/* The same in several threads, each with its share of whole blocks; returns whether any is bad. */
-static int do_in_threads(const work *all, npy_intp samples, int threads)
-{
-    work parts[MOST_THREADS];
-    pthread_t handles[MOST_THREADS];
-    const npy_intp blocks = (samples + BLOCK - 1) / BLOCK;
-    if (threads > blocks)
-        threads = (int)(blocks > 0 ? blocks : 1);
-    int any_bad = 0, started = 0;
-    for (int t = threads - 1; t >= 0; t--) {
-        parts[t] = *all;
-        parts[t].first = blocks * t / threads * BLOCK;
-        parts[t].last = t + 1 == threads ? samples : blocks * (t + 1) / threads * BLOCK;
-        /* This thread does the first share, and those for which there is no thread to be had. */
-        if (t > 0 && pthread_create(&handles[started], NULL, do_work, &parts[t]) == 0)
-            started++;
-        else
-            do_work(&parts[t]);
-    }
-    for (int i = 0; i < started; i++)
-        pthread_join(handles[i], NULL);
-    for (int t = 0; t < threads; t++)
-        any_bad |= parts[t].any_bad;
-    return any_bad;
-}
-
-/* --- Python ---------------------------------------------------------------------------------- */
+#include "blocks.h"
 
 /* Take an array in as rows; -1 when it is not of the right kind. `samples` is -1 as long as no
  * array has said how many there are. */
@@ -395,31 +168,32 @@ static PyObject *map_kernel(PyObject *self, int kernel, PyObject *const *args, P
                 goto end;
             }
     }
-    w.first = 0;
-    w.last = single ? 1 : samples;
+    ptrdiff_t next = 0;
+    w.next = &next;
+    w.samples = single ? 1 : samples;
     w.bad = &one_flag;
-    if (w.last > 1) {
-        many_flags = PyMem_RawCalloc((size_t)w.last, 1);
+    if (w.samples > 1) {
+        many_flags = PyMem_RawCalloc((size_t)w.samples, 1);
         if (!many_flags) {
             PyErr_NoMemory();
             goto end;
         }
         w.bad = many_flags;
     }
-    if (w.last <= BLOCK) {
+    if (w.samples <= BLOCK) {
         do_work(&w);
     } else {
         Py_BEGIN_ALLOW_THREADS
-        w.any_bad = do_in_threads(&w, samples, threads);
+        w.any_bad = do_in_threads(&w, threads);
         Py_END_ALLOW_THREADS
     }
     PyObject *flags = NULL;
     if (w.any_bad) {
-        npy_intp count = w.last;
+        npy_intp count = w.samples;
         flags = PyArray_SimpleNew(single ? 0 : 1, &count, NPY_BOOL);
         if (!flags)
             goto end;
-        memcpy(PyArray_DATA((PyArrayObject *)flags), w.bad, (size_t)w.last);
+        memcpy(PyArray_DATA((PyArrayObject *)flags), w.bad, (size_t)w.samples);
     } else {
         flags = Py_NewRef(Py_None);
     }
@@ -486,7 +260,8 @@ static PyObject *rollout(PyObject *self, PyObject *args)
 {
     PyArrayObject *q0, *va0, *tau, *q, *va, *reached;
     PyObject *moment;
-    work w = {.kernel = STEP, .p = ((Kernels *)self)->wide};
+    ptrdiff_t next = 0;
+    work w = {.kernel = STEP, .p = ((Kernels *)self)->wide, .next = &next};
     int threads;
     if (!PyArg_ParseTuple(args, "dO!O!O!OO!O!O!i", &w.h, &PyArray_Type, &q0, &PyArray_Type, &va0,
             &PyArray_Type, &tau, &moment, &PyArray_Type, &q, &PyArray_Type, &va, &PyArray_Type,
@@ -517,10 +292,11 @@ static PyObject *rollout(PyObject *self, PyObject *args)
     w.q_step = PyArray_STRIDE(q, 1);
     w.va_step = PyArray_STRIDE(va, 1);
     w.reached = PyArray_DATA(reached);
+    w.samples = n;
     threads = threads < 1 ? 1 : threads > MOST_THREADS ? MOST_THREADS : threads;
     int any_bad;
     Py_BEGIN_ALLOW_THREADS
-    any_bad = do_in_threads(&w, n, threads);
+    any_bad = do_in_threads(&w, threads);
     Py_END_ALLOW_THREADS
     return PyBool_FromLong(any_bad);
 }

@@ -36,8 +36,8 @@ TARGET static void SST_NAME(prepare)(const double *parameters, double *wide)
 }
 
 /* Rows of samples into vectors; the last sample fills the lanes that are left. */
-TARGET static inline void SST_NAME(gather_numbers)(SST_REAL *x, const rows *from, npy_intp first,
-    int count, int size, npy_intp column)
+TARGET static inline void SST_NAME(gather_numbers)(SST_REAL *x, const rows *from, ptrdiff_t first,
+    int count, int size, ptrdiff_t column)
 {
     for (int i = 0; i < count; i += LANES, x += WIDTH) {
         const char *at[LANES];
@@ -53,7 +53,7 @@ TARGET static inline void SST_NAME(gather_numbers)(SST_REAL *x, const rows *from
 }
 
 TARGET static inline void SST_NAME(scatter_numbers)(const SST_REAL *x, const rows *to,
-    npy_intp first, int count, int size)
+    ptrdiff_t first, int count, int size)
 {
     for (int i = 0; i < count; i += LANES, x += WIDTH)
         for (int l = 0; l < LANES && i + l < count; l++) {
@@ -64,7 +64,7 @@ TARGET static inline void SST_NAME(scatter_numbers)(const SST_REAL *x, const row
 }
 
 /* With sizes and strides known, the loops above unroll. */
-TARGET static void SST_NAME(gather)(double *block, int position, const rows *from, npy_intp first,
+TARGET static void SST_NAME(gather)(double *block, int position, const rows *from, ptrdiff_t first,
     int count)
 {
     SST_REAL *x = (SST_REAL *)block + position;
@@ -77,7 +77,7 @@ TARGET static void SST_NAME(gather)(double *block, int position, const rows *fro
 }
 
 TARGET static void SST_NAME(scatter)(const double *block, int position, const rows *to,
-    npy_intp first, int count)
+    ptrdiff_t first, int count)
 {
     const SST_REAL *x = (const SST_REAL *)block + position;
     if (to->size == 9)
