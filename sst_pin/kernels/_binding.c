@@ -106,7 +106,7 @@ static const face faces[] = {
     [INVERSE_DYNAMICS] = {4, {9, 3, 3, 3}, 1, {3}, 3},
     [DIRECT_DYNAMICS] = {4, {9, 3, 3, 3}, 2, {9, 3}, 3},
     [REDUCED_TERMS] = {2, {9, 3}, 4, {9, 9, 3, 3}, 0},
-    [CLOSE] = {1, {9}, 2, {9, 3}, 0},      /* the second is the check */
+    [CLOSE] = {1, {9}, 2, {9, 3}, 0}, /* the second is the check */
     [RATE] = {3, {12, 3, 3}, 1, {12}, 2}, /* of (q, va) */
 };
 

@@ -11,7 +11,6 @@
 #define LARGEST_ANGLE 1e6 /* of sst_sincos */
 #define SST_DEFINITE 1e-12
 #define BLOCK 32 /* samples that fit the first cache with all that belongs to them */
-#define SHARE (8 * BLOCK) /* samples that a thread takes at a time */
 #define WIDTH 48 /* numbers of a sample, the most that a kernel takes and gives */
 #define MOST_ARRAYS 5
 #define MOST_THREADS 256
@@ -193,16 +192,23 @@ static void roll_block(work *w, ptrdiff_t first, int count)
     }
 }
 
+/* How many samples a thread takes at a time. */
+static ptrdiff_t share_of(int kernel)
+{
+    return kernel == STEP ? BLOCK : 8 * BLOCK;
+}
+
 static void *do_work(void *argument)
 {
     work *w = argument;
+    const ptrdiff_t share = share_of(w->kernel);
     for (;;) {
-        const ptrdiff_t share = __atomic_fetch_add(w->next, SHARE, __ATOMIC_RELAXED);
-        for (ptrdiff_t first = share; first < share + SHARE; first += BLOCK) {
-            if (first >= w->samples)
-                return NULL;
+        const ptrdiff_t begin = __atomic_fetch_add(w->next, share, __ATOMIC_RELAXED);
+        for (ptrdiff_t first = begin; first < begin + share; first += BLOCK) {
             const ptrdiff_t left = w->samples - first;
-            (w->kernel == STEP ? roll_block : map_block)(w, first, (int)(left < BLOCK ? left : BLOCK));
+            if (left <= 0)
+                return NULL;
+            (w->kernel == STEP ? roll_block : map_block)(w, first, left < BLOCK ? (int)left : BLOCK);
         }
     }
 }
@@ -212,9 +218,8 @@ static int do_in_threads(const work *all, int threads)
 {
     work parts[MOST_THREADS];
     pthread_t handles[MOST_THREADS];
-    const ptrdiff_t shares = (all->samples + SHARE - 1) / SHARE;
     int started = 0;
-    while (started + 1 < threads && started + 1 < shares) {
+    while (started + 1 < threads && (started + 1) * share_of(all->kernel) < all->samples) {
         parts[started] = *all;
         if (pthread_create(&handles[started], NULL, do_work, &parts[started]))
             break; /* there are no more to be had */
