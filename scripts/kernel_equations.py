@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from c_expressions import Body, Expr, Vector, cross, dot, minus, plus, scaled, total, unit
+from c_expressions import Body, Expr, Vector, cross, dot, minus, plus, scaled, unit
 from kernel_dynamics import (
     at_the_motors,
     convective,
@@ -17,6 +17,9 @@ from kernel_dynamics import (
 )
 from kernel_kinematics import (
     LEGS,
+    Inverse,
+    Legs,
+    Rates,
     accelerations,
     argument,
     axes_by_both_ways,
@@ -33,44 +36,46 @@ def put_all(b: Body, name: str, values: list[Expr]) -> None:
         b.put(f"{name}[{i}]", value)
 
 
-def inverse_dynamics() -> Body:
-    b = Body()
+def configuration(b: Body) -> tuple[Legs, list[Vector], Expr, Inverse]:
+    """The legs, the axes of {01}, how open the loops are, the inverse of A."""
     axes = legs(b)
     base = base_axes(b, axes)
-    off = openness(b, axes, base)
-    A = inverse(b, axes.y)
-    b.section("rates")
-    v = rates(b, axes, A, argument("va"))
+    off = openness(b, axes_by_both_ways(b, axes, base))
+    return axes, base, off, inverse(b, axes.y)
+
+
+def torques(
+    b: Body, axes: Legs, base: list[Vector], A: Inverse, v: Rates, gamma_ddot: list[Expr]
+) -> list[Expr]:
+    """Motor torques of a motion, Eq. (91)."""
     b.section("accelerations")
-    a = accelerations(b, axes, A, v, v, argument("aa"))
+    a = accelerations(b, axes, A, v, v, gamma_ddot)
     load = inertial(a) + weights(b, axes, base)
     b.section("inertia")
     load += gyroscopic(b, v)
     load += rubbing(b, v)
     load.star = minus(load.star, platform(b, base))
     b.section("loads, and the torques that carry them")
-    put_all(b, "tau", at_the_motors(b, axes, A, load))
+    return at_the_motors(b, axes, A, load)
+
+
+def inverse_dynamics() -> Body:
+    b = Body()
+    axes, base, off, A = configuration(b)
+    b.section("rates")
+    v = rates(b, axes, A, argument("va"))
+    put_all(b, "tau", torques(b, axes, base, A, v, argument("aa")))
     put_all(b, "check", [off, A.det])
     return b
 
 
 def direct_dynamics() -> Body:
+    """Eq. (92): the motors' inertia takes what motors at constant rates would leave."""
     b = Body()
-    axes = legs(b)
-    base = base_axes(b, axes)
-    off = openness(b, axes, base)
-    A = inverse(b, axes.y)
+    axes, base, off, A = configuration(b)
     b.section("rates")
     v = rates(b, axes, A, argument("va"))
-    b.section("accelerations with motors at constant rates")
-    a = accelerations(b, axes, A, v, v, [Expr.of(0.0)] * 3)
-    load = inertial(a) + weights(b, axes, base)
-    b.section("inertia")
-    load += gyroscopic(b, v)
-    load += rubbing(b, v)
-    load.star = minus(load.star, platform(b, base))
-    b.section("loads, and the torques that are left")
-    carried = at_the_motors(b, axes, A, load)
+    carried = torques(b, axes, base, A, v, [Expr.of(0.0)] * 3)
     left = [
         b.let(f"left_{k + 1}", tau - x)
         for k, (tau, x) in enumerate(zip(argument("tau"), carried, strict=True))
@@ -85,10 +90,7 @@ def direct_dynamics() -> Body:
 
 def reduced_terms() -> Body:
     b = Body()
-    axes = legs(b)
-    base = base_axes(b, axes)
-    off = openness(b, axes, base)
-    A = inverse(b, axes.y)
+    axes, base, off, A = configuration(b)
     b.section("rates")
     v = rates(b, axes, A, argument("va"))
     M = inertia_matrix(b, axes, A)
@@ -119,19 +121,15 @@ def close() -> Body:
     """
     b = Body()
     axes = legs(b)
-    base = base_axes(b, axes)
+    ways = axes_by_both_ways(b, axes, base_axes(b, axes))
+    off = openness(b, ways)
     b.section("turns from leg 1 to legs 2 and 3")
     phi: list[Vector] = [(Expr.of(0.0),) * 3]
-    squares = []
-    for k in (1, 2):
-        (e_1, u_1), (e_k, u_k) = axes_by_both_ways(b, axes, base, k)
-        third_1 = b.let_vector(f"v_{k + 1}_by_1", cross(e_1, u_1))
-        third_k = b.let_vector(f"v_{k + 1}", cross(e_k, u_k))
+    for k, ((e_1, u_1), (e_k, u_k)) in zip((2, 3), ways, strict=True):
+        third_1 = b.let_vector(f"v_{k}_by_1", cross(e_1, u_1))
+        third_k = b.let_vector(f"v_{k}", cross(e_k, u_k))
         twice = plus(cross(e_k, e_1), cross(u_k, u_1), cross(third_k, third_1))
-        phi.append(b.let_vector(f"phi_{k + 1}", scaled(Expr("0.5"), twice)))
-        off = minus(e_1, e_k), minus(u_1, u_k)
-        off = tuple(b.let_vector(f"off_{n}_{k + 1}", o) for n, o in zip("eu", off, strict=True))
-        squares += [dot(o, o) for o in off]
+        phi.append(b.let_vector(f"phi_{k}", scaled(Expr("0.5"), twice)))
     A = inverse(b, axes.y)
     b.section("to where they meet")
     delta = A.times(b, "delta_", [dot(axes.y[k], phi[k]) for k in LEGS])
@@ -139,5 +137,5 @@ def close() -> Body:
         turn = b.let_vector(f"turn_{k + 1}", minus(delta, phi[k]))
         b.put(f"q[{3 * k + 1}]", Expr(f"q[{3 * k + 1}]") + dot(axes.u[k], turn))
         b.put(f"q[{3 * k + 2}]", Expr(f"q[{3 * k + 2}]") + dot(axes.n[k], turn))
-    put_all(b, "check", [total(squares), A.det])
+    put_all(b, "check", [off, A.det])
     return b

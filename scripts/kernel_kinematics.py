@@ -13,6 +13,9 @@ from dataclasses import dataclass
 
 from c_expressions import Body, Expr, Vector, cross, dot, minus, plus, scaled, total, unit
 
+#: e_k and e_{k+3} of a leg.
+Axes = tuple[Vector, Vector]
+
 LEGS = range(3)
 X, Y, Z = unit(0), unit(1), unit(2)
 
@@ -103,26 +106,27 @@ def base_axes(b: Body, legs: Legs) -> list[Vector]:
     return [x, y, z]
 
 
-def axes_by_both_ways(
-    b: Body, legs: Legs, base: list[Vector], k: int
-) -> tuple[tuple[Vector, Vector], tuple[Vector, Vector]]:
-    """e_k and e_{k+3} in {31}: through leg 1 and the base, and through leg k and the star."""
-    e = b.let_vector(f"e_{k + 1}", plus(scaled(legs.s[k], legs.y[k]), scaled(legs.c[k], legs.n[k])))
-    u_0 = plus(scaled(legs.c_gamma[k], row("x_0", k)), scaled(legs.s_gamma[k], row("y_0", k)))
-    u_0 = b.let_vector(f"u_0{k + 1}", u_0)
-    e_by_1 = b.let_vector(f"e_{k + 1}_by_1", columns(base, list(row("e", k))))
-    u_by_1 = b.let_vector(f"u_{k + 1}_by_1", columns(base, list(u_0)))
-    return (e_by_1, u_by_1), (e, legs.u[k])
-
-
-def openness(b: Body, legs: Legs, base: list[Vector]) -> Expr:
-    """Sum of the squares by which the axes of legs 2 and 3 are off."""
+def axes_by_both_ways(b: Body, legs: Legs, base: list[Vector]) -> list[tuple[Axes, Axes]]:
+    """e_k and e_{k+3} of legs 2 and 3 in {31}: by leg 1 and the base, by leg k and the star."""
     b.section("closures: axes of legs 2 and 3, by leg 1 and by themselves")
-    squares = []
+    ways = []
     for k in (1, 2):
-        by_1, by_k = axes_by_both_ways(b, legs, base, k)
-        for name, one, other in zip("eu", by_1, by_k, strict=True):
-            off = b.let_vector(f"off_{name}_{k + 1}", minus(one, other))
+        s, c, s_gamma, c_gamma = legs.s[k], legs.c[k], legs.s_gamma[k], legs.c_gamma[k]
+        e = b.let_vector(f"e_{k + 1}", plus(scaled(s, legs.y[k]), scaled(c, legs.n[k])))
+        u_0 = plus(scaled(c_gamma, row("x_0", k)), scaled(s_gamma, row("y_0", k)))
+        u_0 = b.let_vector(f"u_0{k + 1}", u_0)
+        e_by_1 = b.let_vector(f"e_{k + 1}_by_1", columns(base, list(row("e", k))))
+        u_by_1 = b.let_vector(f"u_{k + 1}_by_1", columns(base, list(u_0)))
+        ways.append(((e_by_1, u_by_1), (e, legs.u[k])))
+    return ways
+
+
+def openness(b: Body, ways: list[tuple[Axes, Axes]]) -> Expr:
+    """Sum of the squares by which the axes of legs 2 and 3 are off."""
+    squares = []
+    for k, way in zip((2, 3), ways, strict=True):
+        for name, one, other in zip("eu", *way, strict=True):
+            off = b.let_vector(f"off_{name}_{k}", minus(one, other))
             squares.append(dot(off, off))
     return b.let("gap", total(squares))
 

@@ -145,12 +145,6 @@ SST_FUNCTION void SST_NAME(inverse_dynamics)(const SST_NAME(parameters) *p, cons
     const real u_2_by_1x = u_02x * x_01x + u_02y * y_01x + u_02z * z_01x;
     const real u_2_by_1y = u_02x * x_01y + u_02y * y_01y + u_02z * z_01y;
     const real u_2_by_1z = u_02x * x_01z + u_02y * y_01z + u_02z * c_mu_1;
-    const real off_e_2x = e_2_by_1x - e_2x;
-    const real off_e_2y = e_2_by_1y - e_2y;
-    const real off_e_2z = e_2_by_1z - e_2z;
-    const real off_u_2x = u_2_by_1x - u_2x;
-    const real off_u_2y = u_2_by_1y - u_2y;
-    const real off_u_2z = u_2_by_1z - u_2z;
     const real e_3x = s_mu_3 * y_3x + c_mu_3 * p->n[2][0];
     const real e_3y = s_mu_3 * y_3y + c_mu_3 * p->n[2][1];
     const real e_3z = s_mu_3 * y_3z + c_mu_3 * p->n[2][2];
@@ -163,6 +157,12 @@ SST_FUNCTION void SST_NAME(inverse_dynamics)(const SST_NAME(parameters) *p, cons
     const real u_3_by_1x = u_03x * x_01x + u_03y * y_01x + u_03z * z_01x;
     const real u_3_by_1y = u_03x * x_01y + u_03y * y_01y + u_03z * z_01y;
     const real u_3_by_1z = u_03x * x_01z + u_03y * y_01z + u_03z * c_mu_1;
+    const real off_e_2x = e_2_by_1x - e_2x;
+    const real off_e_2y = e_2_by_1y - e_2y;
+    const real off_e_2z = e_2_by_1z - e_2z;
+    const real off_u_2x = u_2_by_1x - u_2x;
+    const real off_u_2y = u_2_by_1y - u_2y;
+    const real off_u_2z = u_2_by_1z - u_2z;
     const real off_e_3x = e_3_by_1x - e_3x;
     const real off_e_3y = e_3_by_1y - e_3y;
     const real off_e_3z = e_3_by_1z - e_3z;
@@ -452,12 +452,6 @@ SST_FUNCTION void SST_NAME(direct_dynamics)(const SST_NAME(parameters) *p, const
     const real u_2_by_1x = u_02x * x_01x + u_02y * y_01x + u_02z * z_01x;
     const real u_2_by_1y = u_02x * x_01y + u_02y * y_01y + u_02z * z_01y;
     const real u_2_by_1z = u_02x * x_01z + u_02y * y_01z + u_02z * c_mu_1;
-    const real off_e_2x = e_2_by_1x - e_2x;
-    const real off_e_2y = e_2_by_1y - e_2y;
-    const real off_e_2z = e_2_by_1z - e_2z;
-    const real off_u_2x = u_2_by_1x - u_2x;
-    const real off_u_2y = u_2_by_1y - u_2y;
-    const real off_u_2z = u_2_by_1z - u_2z;
     const real e_3x = s_mu_3 * y_3x + c_mu_3 * p->n[2][0];
     const real e_3y = s_mu_3 * y_3y + c_mu_3 * p->n[2][1];
     const real e_3z = s_mu_3 * y_3z + c_mu_3 * p->n[2][2];
@@ -470,6 +464,12 @@ SST_FUNCTION void SST_NAME(direct_dynamics)(const SST_NAME(parameters) *p, const
     const real u_3_by_1x = u_03x * x_01x + u_03y * y_01x + u_03z * z_01x;
     const real u_3_by_1y = u_03x * x_01y + u_03y * y_01y + u_03z * z_01y;
     const real u_3_by_1z = u_03x * x_01z + u_03y * y_01z + u_03z * c_mu_1;
+    const real off_e_2x = e_2_by_1x - e_2x;
+    const real off_e_2y = e_2_by_1y - e_2y;
+    const real off_e_2z = e_2_by_1z - e_2z;
+    const real off_u_2x = u_2_by_1x - u_2x;
+    const real off_u_2y = u_2_by_1y - u_2y;
+    const real off_u_2z = u_2_by_1z - u_2z;
     const real off_e_3x = e_3_by_1x - e_3x;
     const real off_e_3y = e_3_by_1y - e_3y;
     const real off_e_3z = e_3_by_1z - e_3z;
@@ -516,7 +516,7 @@ SST_FUNCTION void SST_NAME(direct_dynamics)(const SST_NAME(parameters) *p, const
     const real beta_dot_3 = p->n[2][0] * omega_x + p->n[2][1] * omega_y + p->n[2][2] * omega_z
         - c_gamma_dot_3;
 
-    /* accelerations with motors at constant rates */
+    /* accelerations */
     const real y_alpha_1 = c_gamma_dot_1 * mu_dot_1 - beta_dot_1 * mu_dot_1;
     const real y_alpha_2 = c_gamma_dot_2 * mu_dot_2 - beta_dot_2 * mu_dot_2;
     const real y_alpha_3 = c_gamma_dot_3 * mu_dot_3 - beta_dot_3 * mu_dot_3;
@@ -614,7 +614,7 @@ SST_FUNCTION void SST_NAME(direct_dynamics)(const SST_NAME(parameters) *p, const
         moment_z = m_x * x_01z + m_y * y_01z + m_z * c_mu_1;
     }
 
-    /* loads, and the torques that are left */
+    /* loads, and the torques that carry them */
     const real load_x = p->star_inertia[0] * alpha_x + p->star_inertia[1] * alpha_y
         + p->star_inertia[2] * alpha_z + g_y * p->star_moment[2] - g_z * p->star_moment[1]
         + omega_y * spin_z - omega_z * spin_y - moment_x;
@@ -869,12 +869,6 @@ SST_FUNCTION void SST_NAME(reduced_terms)(const SST_NAME(parameters) *p, const r
     const real u_2_by_1x = u_02x * x_01x + u_02y * y_01x + u_02z * z_01x;
     const real u_2_by_1y = u_02x * x_01y + u_02y * y_01y + u_02z * z_01y;
     const real u_2_by_1z = u_02x * x_01z + u_02y * y_01z + u_02z * c_mu_1;
-    const real off_e_2x = e_2_by_1x - e_2x;
-    const real off_e_2y = e_2_by_1y - e_2y;
-    const real off_e_2z = e_2_by_1z - e_2z;
-    const real off_u_2x = u_2_by_1x - u_2x;
-    const real off_u_2y = u_2_by_1y - u_2y;
-    const real off_u_2z = u_2_by_1z - u_2z;
     const real e_3x = s_mu_3 * y_3x + c_mu_3 * p->n[2][0];
     const real e_3y = s_mu_3 * y_3y + c_mu_3 * p->n[2][1];
     const real e_3z = s_mu_3 * y_3z + c_mu_3 * p->n[2][2];
@@ -887,6 +881,12 @@ SST_FUNCTION void SST_NAME(reduced_terms)(const SST_NAME(parameters) *p, const r
     const real u_3_by_1x = u_03x * x_01x + u_03y * y_01x + u_03z * z_01x;
     const real u_3_by_1y = u_03x * x_01y + u_03y * y_01y + u_03z * z_01y;
     const real u_3_by_1z = u_03x * x_01z + u_03y * y_01z + u_03z * c_mu_1;
+    const real off_e_2x = e_2_by_1x - e_2x;
+    const real off_e_2y = e_2_by_1y - e_2y;
+    const real off_e_2z = e_2_by_1z - e_2z;
+    const real off_u_2x = u_2_by_1x - u_2x;
+    const real off_u_2y = u_2_by_1y - u_2y;
+    const real off_u_2z = u_2_by_1z - u_2z;
     const real off_e_3x = e_3_by_1x - e_3x;
     const real off_e_3y = e_3_by_1y - e_3y;
     const real off_e_3z = e_3_by_1z - e_3z;
@@ -1541,7 +1541,7 @@ SST_FUNCTION void SST_NAME(close)(const SST_NAME(parameters) *p, real q[9], real
     const real z_01x = s_mu_1 * s_beta_1;
     const real z_01y = s_mu_1 * c_beta_1;
 
-    /* turns from leg 1 to legs 2 and 3 */
+    /* closures: axes of legs 2 and 3, by leg 1 and by themselves */
     const real e_2x = s_mu_2 * y_2x + c_mu_2 * p->n[1][0];
     const real e_2y = s_mu_2 * y_2y + c_mu_2 * p->n[1][1];
     const real e_2z = s_mu_2 * y_2z + c_mu_2 * p->n[1][2];
@@ -1554,24 +1554,6 @@ SST_FUNCTION void SST_NAME(close)(const SST_NAME(parameters) *p, real q[9], real
     const real u_2_by_1x = u_02x * x_01x + u_02y * y_01x + u_02z * z_01x;
     const real u_2_by_1y = u_02x * x_01y + u_02y * y_01y + u_02z * z_01y;
     const real u_2_by_1z = u_02x * x_01z + u_02y * y_01z + u_02z * c_mu_1;
-    const real v_2_by_1x = e_2_by_1y * u_2_by_1z - e_2_by_1z * u_2_by_1y;
-    const real v_2_by_1y = e_2_by_1z * u_2_by_1x - e_2_by_1x * u_2_by_1z;
-    const real v_2_by_1z = e_2_by_1x * u_2_by_1y - e_2_by_1y * u_2_by_1x;
-    const real v_2x = e_2y * u_2z - e_2z * u_2y;
-    const real v_2y = e_2z * u_2x - e_2x * u_2z;
-    const real v_2z = e_2x * u_2y - e_2y * u_2x;
-    const real phi_2x = 0.5 * (e_2y * e_2_by_1z - e_2z * e_2_by_1y + u_2y * u_2_by_1z
-        - u_2z * u_2_by_1y + v_2y * v_2_by_1z - v_2z * v_2_by_1y);
-    const real phi_2y = 0.5 * (e_2z * e_2_by_1x - e_2x * e_2_by_1z + u_2z * u_2_by_1x
-        - u_2x * u_2_by_1z + v_2z * v_2_by_1x - v_2x * v_2_by_1z);
-    const real phi_2z = 0.5 * (e_2x * e_2_by_1y - e_2y * e_2_by_1x + u_2x * u_2_by_1y
-        - u_2y * u_2_by_1x + v_2x * v_2_by_1y - v_2y * v_2_by_1x);
-    const real off_e_2x = e_2_by_1x - e_2x;
-    const real off_e_2y = e_2_by_1y - e_2y;
-    const real off_e_2z = e_2_by_1z - e_2z;
-    const real off_u_2x = u_2_by_1x - u_2x;
-    const real off_u_2y = u_2_by_1y - u_2y;
-    const real off_u_2z = u_2_by_1z - u_2z;
     const real e_3x = s_mu_3 * y_3x + c_mu_3 * p->n[2][0];
     const real e_3y = s_mu_3 * y_3y + c_mu_3 * p->n[2][1];
     const real e_3z = s_mu_3 * y_3z + c_mu_3 * p->n[2][2];
@@ -1584,6 +1566,36 @@ SST_FUNCTION void SST_NAME(close)(const SST_NAME(parameters) *p, real q[9], real
     const real u_3_by_1x = u_03x * x_01x + u_03y * y_01x + u_03z * z_01x;
     const real u_3_by_1y = u_03x * x_01y + u_03y * y_01y + u_03z * z_01y;
     const real u_3_by_1z = u_03x * x_01z + u_03y * y_01z + u_03z * c_mu_1;
+    const real off_e_2x = e_2_by_1x - e_2x;
+    const real off_e_2y = e_2_by_1y - e_2y;
+    const real off_e_2z = e_2_by_1z - e_2z;
+    const real off_u_2x = u_2_by_1x - u_2x;
+    const real off_u_2y = u_2_by_1y - u_2y;
+    const real off_u_2z = u_2_by_1z - u_2z;
+    const real off_e_3x = e_3_by_1x - e_3x;
+    const real off_e_3y = e_3_by_1y - e_3y;
+    const real off_e_3z = e_3_by_1z - e_3z;
+    const real off_u_3x = u_3_by_1x - u_3x;
+    const real off_u_3y = u_3_by_1y - u_3y;
+    const real off_u_3z = u_3_by_1z - u_3z;
+    const real gap = off_e_2x * off_e_2x + off_e_2y * off_e_2y + off_e_2z * off_e_2z
+        + off_u_2x * off_u_2x + off_u_2y * off_u_2y + off_u_2z * off_u_2z + off_e_3x * off_e_3x
+        + off_e_3y * off_e_3y + off_e_3z * off_e_3z + off_u_3x * off_u_3x + off_u_3y * off_u_3y
+        + off_u_3z * off_u_3z;
+
+    /* turns from leg 1 to legs 2 and 3 */
+    const real v_2_by_1x = e_2_by_1y * u_2_by_1z - e_2_by_1z * u_2_by_1y;
+    const real v_2_by_1y = e_2_by_1z * u_2_by_1x - e_2_by_1x * u_2_by_1z;
+    const real v_2_by_1z = e_2_by_1x * u_2_by_1y - e_2_by_1y * u_2_by_1x;
+    const real v_2x = e_2y * u_2z - e_2z * u_2y;
+    const real v_2y = e_2z * u_2x - e_2x * u_2z;
+    const real v_2z = e_2x * u_2y - e_2y * u_2x;
+    const real phi_2x = 0.5 * (e_2y * e_2_by_1z - e_2z * e_2_by_1y + u_2y * u_2_by_1z
+        - u_2z * u_2_by_1y + v_2y * v_2_by_1z - v_2z * v_2_by_1y);
+    const real phi_2y = 0.5 * (e_2z * e_2_by_1x - e_2x * e_2_by_1z + u_2z * u_2_by_1x
+        - u_2x * u_2_by_1z + v_2z * v_2_by_1x - v_2x * v_2_by_1z);
+    const real phi_2z = 0.5 * (e_2x * e_2_by_1y - e_2y * e_2_by_1x + u_2x * u_2_by_1y
+        - u_2y * u_2_by_1x + v_2x * v_2_by_1y - v_2y * v_2_by_1x);
     const real v_3_by_1x = e_3_by_1y * u_3_by_1z - e_3_by_1z * u_3_by_1y;
     const real v_3_by_1y = e_3_by_1z * u_3_by_1x - e_3_by_1x * u_3_by_1z;
     const real v_3_by_1z = e_3_by_1x * u_3_by_1y - e_3_by_1y * u_3_by_1x;
@@ -1596,12 +1608,6 @@ SST_FUNCTION void SST_NAME(close)(const SST_NAME(parameters) *p, real q[9], real
         - u_3x * u_3_by_1z + v_3z * v_3_by_1x - v_3x * v_3_by_1z);
     const real phi_3z = 0.5 * (e_3x * e_3_by_1y - e_3y * e_3_by_1x + u_3x * u_3_by_1y
         - u_3y * u_3_by_1x + v_3x * v_3_by_1y - v_3y * v_3_by_1x);
-    const real off_e_3x = e_3_by_1x - e_3x;
-    const real off_e_3y = e_3_by_1y - e_3y;
-    const real off_e_3z = e_3_by_1z - e_3z;
-    const real off_u_3x = u_3_by_1x - u_3x;
-    const real off_u_3y = u_3_by_1y - u_3y;
-    const real off_u_3z = u_3_by_1z - u_3z;
 
     /* inverse of A, whose rows are y_2k */
     const real a_1x = y_2y * y_3z - y_2z * y_3y;
@@ -1634,10 +1640,7 @@ SST_FUNCTION void SST_NAME(close)(const SST_NAME(parameters) *p, real q[9], real
     const real turn_3z = delta_z - phi_3z;
     q[7] = q[7] + u_3x * turn_3x + u_3y * turn_3y + u_3z * turn_3z;
     q[8] = q[8] + p->n[2][0] * turn_3x + p->n[2][1] * turn_3y + p->n[2][2] * turn_3z;
-    check[0] = off_e_2x * off_e_2x + off_e_2y * off_e_2y + off_e_2z * off_e_2z
-        + off_u_2x * off_u_2x + off_u_2y * off_u_2y + off_u_2z * off_u_2z + off_e_3x * off_e_3x
-        + off_e_3y * off_e_3y + off_e_3z * off_e_3z + off_u_3x * off_u_3x + off_u_3y * off_u_3y
-        + off_u_3z * off_u_3z;
+    check[0] = gap;
     check[1] = det;
 }
 
