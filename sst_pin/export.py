@@ -51,9 +51,8 @@ def c_files(robot: SST, folder: str | Path) -> dict[Path, Writer]:
     texts = {name: (source / name).read_text(encoding="utf-8") for name in names}
     vector = pack(robot.model, robot.geometry, robot.friction)
     numbers = "".join(f"    .{line},\n" for line in _initialisers(vector))
-    texts["sst_robot.h"] = (
-        f"{_HEAD.format(name=robot.model.name.replace('*/', '* /'))}{numbers}}};\n\n#endif\n"
-    )
+    head = _HEAD.format(name=robot.model.name.replace("*/", "* /"))  # it stands in a comment
+    texts["sst_robot.h"] = f"{head}{numbers}}};\n\n#endif\n"
     return {Path(folder) / name: _writer(text) for name, text in texts.items()}
 
 

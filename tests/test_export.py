@@ -8,6 +8,7 @@ import pytest
 import sst_pin
 from sst_pin.cli import main
 from sst_pin.description import urdf_of
+from sst_pin.export import c_files
 from sst_pin.sampling import random_parameters, random_states
 
 compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
@@ -62,6 +63,14 @@ def test_exported_c_needs_no_library(tmp_path):
             [nm, "-u", tmp_path / "sst_kernels.o"], capture_output=True, text=True, check=True
         ).stdout
         assert not [word for word in symbols.split() if word not in ("U", "_GLOBAL_OFFSET_TABLE_")]
+
+
+def test_export_refuses_a_robot_that_is_cut_elsewhere(robot, tmp_path):
+    """The kernels would compute another robot."""
+    other = sst_pin.SST()
+    other.closures = tuple(sst_pin.Closure(c.frame_b, c.frame_a, c.kind) for c in robot.closures)
+    with pytest.raises(sst_pin.DescriptionError, match="cuts are others"):
+        c_files(other, tmp_path)
 
 
 def test_export_replaces_nothing_unasked(tmp_path, capsys):
