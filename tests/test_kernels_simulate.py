@@ -3,9 +3,11 @@
 
 import numpy as np
 import pytest
+from scipy.interpolate import make_interp_spline
 
 import sst_pin
 from sst_pin import kernels
+from sst_pin.mechanics import Mechanics
 from sst_pin.sampling import random_parameters, random_state
 
 compiled = pytest.mark.skipif(kernels.binding is None, reason=f"no kernels: {kernels.missing}")
@@ -49,6 +51,37 @@ def test_both_paths_take_the_same_motion(load, torque):
     assert difference(a, b) < 1e-10
     assert max(np.abs(fast.residual(x)).max() for x in a.q) < 1e-13
     assert np.abs(a.q[-1] - q).max() > 1e-2  # it did move
+
+
+@pytest.mark.parametrize("load", LOADS)
+@pytest.mark.parametrize("torque", TORQUES)
+def test_samples_hold_the_torques_asked_for_and_the_rates_of_the_motion(robot, load, torque):
+    """aa is the slope of va, by a spline of degree five through 101 samples."""
+    t = np.linspace(0, 0.1, 101)
+    given = TORQUES[torque]
+    if torque == "samples":
+        given = np.sin(np.outer(t, (3, 4, 5)))
+    motion = robot.simulate(given, robot.home, (1, 1, -1), t, **LOADS[load])
+    tau = given
+    if callable(given):
+        tau = [given(*sample) for sample in zip(motion.t, motion.q, motion.va, strict=True)]
+    assert np.abs(motion.tau - tau).max() < 1e-12
+    slope = make_interp_spline(t, motion.va, k=5).derivative()(t)
+    assert np.abs(slope - motion.aa).max() < 1e-6 * np.abs(motion.aa).max()
+
+
+@pytest.mark.parametrize("gap", [1e-9, 1e-4, 1e-2])
+def test_rates_are_those_of_the_closed_loops(robot, gap):
+    """Where passive joints have drifted, and in a trial step that goes far off."""
+    fast, slow = robot.mechanics(robot.friction), Mechanics(robot, robot.friction)
+    rng = np.random.default_rng(2)
+    for _ in range(5):
+        q, va, tau = robot.joint_motion(*random_state(robot, rng))
+        drifted = q + gap * rng.choice((-1, 1), 9) * ~np.isin(range(9), robot.actuated)
+        state = np.concatenate([drifted, va])
+        assert np.abs(fast.closed(state) - q).max() < 1e-14 + gap * 1e-13
+        wanted = slow.rate(state, tau, None)
+        assert np.abs(fast.rate(state, tau, None) - wanted).max() < 1e-11 * np.abs(wanted).max()
 
 
 @compiled
