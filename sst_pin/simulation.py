@@ -234,14 +234,14 @@ def _called_or_constant(
 
 def _sampled(smooth: BSpline) -> _Input:
     """A spline; for single times as pieces of polynomials, at a sixth of the cost of calling it."""
-    breaks = np.unique(smooth.t)
-    taylor = [smooth(breaks[:-1], j) / factorial(j) for j in range(smooth.k + 1)]
-    pieces = list(np.stack(taylor, axis=1))  # each of shape (powers, motors)
-    starts, powers = breaks[:-1].tolist(), np.arange(smooth.k + 1.0)
+    starts = np.unique(smooth.t)[:-1]
+    taylor = [smooth(starts, j) / factorial(j) for j in range(smooth.k + 1)]
+    pieces = list(zip(starts.tolist(), np.stack(taylor, axis=1), strict=True))
+    inner, powers = starts[1:].tolist(), np.arange(smooth.k + 1.0)
 
     def at(t: float, state: Array) -> Array:
-        piece = max(bisect_right(starts, t) - 1, 0)
-        return ((t - starts[piece]) ** powers).dot(pieces[piece])
+        start, coefficients = pieces[bisect_right(inner, t)]
+        return ((t - start) ** powers).dot(coefficients)
 
     return _Input(at, lambda t, states: np.asarray(smooth(t)))
 
