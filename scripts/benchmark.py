@@ -94,7 +94,7 @@ def measure(quick: bool) -> dict[str, Any]:
             "kernels": first_use("on", few),
             "reference path": first_use("off", few),
         },
-        "batch sizes": {str(n): in_turn(cases.batches(robot, n), few, turn) for n in SIZES},
+        "batch sizes": {str(n): in_turn(cases.batches(robot, n), many, turn) for n in SIZES},
         "work and precision": cases.work_and_precision(robot, few),
     }
 

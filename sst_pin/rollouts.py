@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .batches import as_array, finite_array
+from .batches import as_array, finite_array, flattened, name_samples, require_policy
 from .dynamics import Friction, direct_dynamics
 from .errors import InputError, SimulationError, SSTError
 
@@ -73,33 +73,21 @@ def rollout(
         SimulationError: When the loops open (dt is too long), when a motion comes to a singularity
             or when it runs away; it names the samples and tells the time of the first.
     """
-    if on_error not in ("raise", "nan"):
-        raise InputError("on_error", f"{on_error!r} unknown; known: raise, nan")
+    require_policy(on_error)
     if threads < 1:
         raise InputError("threads", f"{threads}, at least one is needed")
     step = float(finite_array("dt", dt, ()))
     torques = _torques(tau, steps)
     start, rates = as_array("q0", q0, (9,)), as_array("va0", va0, (3,))
     moment = None if platform_moment is None else as_array("platform_moment", platform_moment, (3,))
-    leading = [start.shape[:-1], rates.shape[:-1], torques.shape[:-2]]
-    leading += [] if moment is None else [moment.shape[:-1]]
-    try:
-        batch = np.broadcast_shapes(*leading)
-    except ValueError:
-        raise InputError("batch", f"leading axes {leading} do not broadcast") from None
+    batch, flat = flattened((start, rates, torques, moment), (1, 1, 2, 1))
+    rows = [None if a is None else np.require(a, None, "A") for a in flat]
     n = math.prod(batch)
-
-    def flat(array: Array, core: int) -> Array:
-        tail = array.shape[array.ndim - core :]
-        return np.require(np.broadcast_to(array, batch + tail).reshape(n, *tail), None, "A")
-
     count = torques.shape[-2] if steps is None else steps
     q, va = np.empty((n, count + 1, 9)), np.empty((n, count + 1, 3))
-    arguments = (flat(start, 1), flat(rates, 1), flat(torques, 2))
-    loads = None if moment is None else flat(moment, 1)
     reached = np.zeros(n, dtype=np.intp)
     run = robot.course(replace(robot.friction, sign_width=sign_width))
-    run(step, *arguments, loads, q, va, reached, threads)
+    run(step, *rows, q, va, reached, threads)
     stopped = np.flatnonzero(reached <= count)
     if len(stopped) and on_error == "raise":
         first = int(stopped[0])
@@ -110,9 +98,7 @@ def rollout(
             "the motion came to a singularity, ran away, or opened the loops by too long a step",
             reached[first] * step,
         )
-        if batch:
-            indices = zip(*np.unravel_index(stopped, batch), strict=True)
-            error.name_samples([tuple(map(int, index)) for index in indices], n)
+        name_samples(error, stopped.tolist(), batch)
         raise error
     return Rollout(q.reshape(*batch, count + 1, 9), va.reshape(*batch, count + 1, 3))
 
@@ -128,9 +114,7 @@ def _torques(tau: ArrayLike, steps: int | None) -> Array:
 
 
 #: Fills q and va, counts the states that hold: (dt, q0, va0, tau, moment, q, va, reached, threads).
-Course = Callable[
-    [float, Array, Array, Array, Array | None, Array, Array, NDArray[np.intp], int], object
-]
+Course = Callable[..., object]
 
 
 def reference_course(robot: StarDynamics, friction: Friction) -> Course:
