@@ -26,7 +26,10 @@ setup(
         Extension(
             "sst_pin.kernels._binding",
             [f"{FOLDER}/_binding.c"],
-            depends=[f"{FOLDER}/{name}" for name in ("lanes.h", "sst_kernels.c", "sst_kernels.h")],
+            depends=[
+                f"{FOLDER}/{name}"
+                for name in ("blocks.h", "lanes.h", "sst_kernels.c", "sst_kernels.h")
+            ],
             include_dirs=[np.get_include()],
             extra_compile_args=["-O3", "-fno-math-errno", "-ffp-contract=fast", "-pthread"],
             extra_link_args=["-pthread"],

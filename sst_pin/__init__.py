@@ -4,6 +4,7 @@
 from .closed_chain import ClosedChain
 from .closures import Closure
 from .description import PACKAGE_PATH, URDF_PATH, YAML_PATH
+from .dynamics import ReducedTerms
 from .errors import (
     ActuationError,
     ClosureError,
@@ -30,6 +31,7 @@ from .platform_motion import (
     orientation_motion,
     paper_circle,
 )
+from .rollouts import Rollout
 from .simulation import energy_error
 from .sst import SST
 from .trajectories import Trajectory
@@ -55,7 +57,9 @@ __all__ = [
     "ParametersError",
     "PlatformMotion",
     "Problem",
+    "ReducedTerms",
     "RigidBody",
+    "Rollout",
     "SSTError",
     "SimulationError",
     "SingularConfigurationError",

@@ -94,21 +94,10 @@ def for_each_sample(
         SSTError: That of the first sample at fault, naming all samples with the like.
         InputError: When the leading axes do not broadcast, or `out` does not fit.
     """
-    if on_error not in ("raise", "nan"):
-        raise InputError("on_error", f"{on_error!r} unknown; known: raise, nan")
-    batches = [
-        a.shape[: a.ndim - core] for a, core in zip(arrays, core_axes, strict=True) if a is not None
-    ]
-    try:
-        batch = np.broadcast_shapes(*batches)
-    except ValueError:
-        raise InputError("batch", f"leading axes {batches} do not broadcast") from None
+    require_policy(on_error)
+    batch, flat = flattened(arrays, core_axes)
     _require_fitting(out, batch + result)
     n = math.prod(batch)
-    flat = [
-        None if a is None else _flat(a, batch, a.shape[a.ndim - core :])
-        for a, core in zip(arrays, core_axes, strict=True)
-    ]
     results = np.empty((n, *result))
     left: Iterable[int] = range(n)
     if fast is not None:
@@ -122,10 +111,7 @@ def for_each_sample(
             failures[i] = error
     if failures and on_error == "raise":
         first = next(iter(failures.values()))
-        if batch:
-            alike = [i for i, error in failures.items() if type(error) is type(first)]
-            indices = zip(*np.unravel_index(alike, batch), strict=True)
-            first.name_samples([tuple(map(int, index)) for index in indices], n)
+        name_samples(first, [i for i, e in failures.items() if type(e) is type(first)], batch)
         raise first
     shaped = results.reshape(batch + result)
     if out is None:
@@ -134,9 +120,38 @@ def for_each_sample(
     return out
 
 
-def _flat(array: Array, batch: tuple[int, ...], core: tuple[int, ...]) -> Array:
-    """The samples in a row, (n, *core); a view where NumPy can."""
-    return np.broadcast_to(array, batch + core).reshape(math.prod(batch), *core)
+def require_policy(on_error: str) -> None:
+    """Refuse what is no policy for samples at fault."""
+    if on_error not in ("raise", "nan"):
+        raise InputError("on_error", f"{on_error!r} unknown; known: raise, nan")
+
+
+def flattened(
+    arrays: Sequence[Array | None], core_axes: Sequence[int]
+) -> tuple[tuple[int, ...], list[Array | None]]:
+    """The broadcast leading axes, and the samples in a row, (n, ...); views where NumPy can.
+
+    Raises:
+        InputError: When the leading axes do not broadcast.
+    """
+    pairs = list(zip(arrays, core_axes, strict=True))
+    leading = [a.shape[: a.ndim - core] for a, core in pairs if a is not None]
+    try:
+        batch = np.broadcast_shapes(*leading)
+    except ValueError:
+        raise InputError("batch", f"leading axes {leading} do not broadcast") from None
+
+    def flat(array: Array, core: tuple[int, ...]) -> Array:
+        return np.broadcast_to(array, batch + core).reshape(math.prod(batch), *core)
+
+    return batch, [None if a is None else flat(a, a.shape[a.ndim - core :]) for a, core in pairs]
+
+
+def name_samples(error: SSTError, flat: Sequence[int], batch: tuple[int, ...]) -> None:
+    """Tell an error which samples of a batch it means, by their place in a row."""
+    if batch:
+        indices = zip(*np.unravel_index(flat, batch), strict=True)
+        error.name_samples([tuple(map(int, index)) for index in indices], math.prod(batch))
 
 
 def _require_fitting(out: Array | None, shape: tuple[int, ...]) -> None:

@@ -16,6 +16,7 @@ from . import dynamics, reading
 from .batches import as_array, finite_array, for_each_sample, single_array
 from .closed_tree import ClosedTree
 from .closures import Closure
+from .mechanics import Mechanics
 
 if TYPE_CHECKING:
     from .simulation import Load, Torque
@@ -303,6 +304,10 @@ class ClosedChain(ClosedTree):
         from .simulation import simulate
 
         return simulate(self, torque, q0, va0, t, external_wrenches=external_wrenches, **options)
+
+    def mechanics(self, friction: dynamics.Friction) -> Mechanics:
+        """What `simulate` asks of the robot, with a friction in the place of its own."""
+        return Mechanics(self, friction)
 
     def _wrenches(self, wrenches: ArrayLike | None) -> Array | None:
         if wrenches is None:

@@ -13,15 +13,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import assembly, mobility
 from .batches import finite_array, for_each_sample, single_array
-from .closures import Closure, LoopKinematics
+from .closures import CLOSURE_TOLERANCE, Closure, LoopKinematics
 from .errors import ActuationError, ClosureError, DescriptionError, InputError, UnknownNameError
 from .noc import Actuation, JointComplement
 
 Array = NDArray[np.float64]
 _Value = TypeVar("_Value")
-
-#: Frames further apart than this, [m] or [rad], are an open closure.
-CLOSURE_TOLERANCE = 1e-6
 
 
 class ClosedTree:
@@ -224,12 +221,14 @@ class ClosedTree:
     def _kinematics(self) -> LoopKinematics:
         return self._workspace[0]
 
-    def workspace_at(self, q: Array) -> tuple[LoopKinematics, JointComplement]:
+    def workspace_at(
+        self, q: Array, tolerance: float = CLOSURE_TOLERANCE
+    ) -> tuple[LoopKinematics, JointComplement]:
         """This thread's workspace at one configuration, found to be closed."""
         kinematics, complement = self._workspace
         self.require_motors_to_match(q)
         kinematics.set_position(q)
-        kinematics.require_closed(CLOSURE_TOLERANCE)
+        kinematics.require_closed(tolerance)
         return kinematics, complement
 
     def require_motors_to_match(self, q: Array | None = None) -> None:

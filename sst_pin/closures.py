@@ -23,6 +23,9 @@ from .errors import ClosureError, DescriptionError, InputError, UnknownNameError
 
 Array = NDArray[np.float64]
 
+#: Frames further apart than this, [m] or [rad], are an open closure.
+CLOSURE_TOLERANCE = 1e-6
+
 
 @dataclass(frozen=True)
 class Closure:

@@ -46,7 +46,7 @@ class FastPath:
     direct_dynamics: Callable[..., Any]
 
     def __init__(self, robot: StarDynamics, off: str) -> None:
-        self._robot, self._off = robot, off or kernels.missing or _misfit(robot)
+        self._robot, self._off = robot, off or kernels.missing or misfit(robot)
         self.forget()
 
     @property
@@ -127,8 +127,8 @@ class FastPath:
         return self.kernels()
 
 
-def _misfit(robot: StarDynamics) -> str:
-    """What keeps a robot from the kernels; empty when nothing does."""
+def misfit(robot: StarDynamics) -> str:
+    """What keeps a robot from the kernels, wherever they run; empty when nothing does."""
     if robot.joint_names != JOINT_NAMES:
         return "the joints of the model stand in another order"
     frames = {(closure.frame_a, closure.frame_b) for closure in robot.closures}

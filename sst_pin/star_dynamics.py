@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,9 +13,11 @@ from numpy.typing import ArrayLike, NDArray
 from .batches import as_array, finite_array, for_each_sample, single_array
 from .closed_chain import ClosedChain
 from .closures import Closure
-from .dynamics import ReducedTerms
-from .fast import FastPath
-from .kinematics import Geometry
+from .dynamics import Friction, ReducedTerms
+from .fast import FastPath, Fill
+from .kinematics import Geometry, legs_of_joints
+from .mechanics import FastMechanics, Mechanics
+from .rollouts import Course, Rollout, reference_course, rollout
 from .simulation import Load, Torque, constant_or_called
 from .trajectories import Trajectory
 
@@ -53,8 +55,9 @@ class StarDynamics(ClosedChain):
     def refresh(self) -> None:
         """Take in changes made to `model` since dynamics was first asked for.
 
-        The kernels work on numbers that are read from the model once; the reference path needs no
-        telling.
+        The kernels of single calls and batches work on numbers that are read from the model once:
+        to look at one field of it costs as much as all of a call. `simulate` and `rollout` read
+        them each time; the reference path needs no telling.
         """
         self._fast.forget()
 
@@ -95,17 +98,10 @@ class StarDynamics(ClosedChain):
             if answer is not None and answer[0] is None:
                 return answer[1]
             arrays = _rows(q=q, va=va, aa=aa, platform_moment=platform_moment)
-            return for_each_sample(
-                self._torques_under,
-                arrays,
-                (1, 1, 1, 1),
-                (3,),
-                on_error=on_error,
-                out=out,
-                fast=self._fast.torques(threads),
-            )
+            fill = self._fast.torques(threads)
+            return self._with_care(fill, self._torques, arrays, out, on_error)
         if platform_moment is not None:
-            external_wrenches = self._loads(platform_moment, external_wrenches)
+            external_wrenches = self.star_load(platform_moment, external_wrenches)
         return super().compute_torques(
             q, va, aa, external_wrenches=external_wrenches, out=out, on_error=on_error
         )
@@ -145,17 +141,10 @@ class StarDynamics(ClosedChain):
             if answer is not None and answer[0] is None:
                 return answer[2]
             arrays = _rows(q=q, va=va, tau=tau, platform_moment=platform_moment)
-            return for_each_sample(
-                self._accelerations_under,
-                arrays,
-                (1, 1, 1, 1),
-                (3,),
-                on_error=on_error,
-                out=out,
-                fast=self._fast.accelerations(threads),
-            )
+            fill = self._fast.accelerations(threads)
+            return self._with_care(fill, self._accelerations, arrays, out, on_error)
         if platform_moment is not None:
-            external_wrenches = self._loads(platform_moment, external_wrenches)
+            external_wrenches = self.star_load(platform_moment, external_wrenches)
         return super().compute_accelerations(
             q, va, tau, external_wrenches=external_wrenches, out=out, on_error=on_error
         )
@@ -184,12 +173,22 @@ class StarDynamics(ClosedChain):
         )
         return ReducedTerms.of_rows(rows, 3)
 
-    def _torques_under(self, q: Array, va: Array, aa: Array, moment: Array | None) -> Array:
-        return self._torques(q, va, aa, None if moment is None else self._loads(moment, None))
+    def _with_care(
+        self,
+        fill: Fill | None,
+        reference: Callable[[Array, Array, Array, Array | None], Array],
+        arrays: list[Array | None],
+        out: Array | None,
+        on_error: str,
+    ) -> Array:
+        """Any batch by the kernels, what they leave by the reference, with its errors."""
 
-    def _accelerations_under(self, q: Array, va: Array, tau: Array, moment: Array | None) -> Array:
-        loads = None if moment is None else self._loads(moment, None)
-        return self._accelerations(q, va, tau, loads)
+        def under(q: Array, va: Array, x: Array, moment: Array | None) -> Array:
+            return reference(q, va, x, None if moment is None else self.star_load(moment))
+
+        return for_each_sample(
+            under, arrays, (1, 1, 1, 1), (3,), on_error=on_error, out=out, fast=fill
+        )
 
     def simulate(
         self,
@@ -221,17 +220,48 @@ class StarDynamics(ClosedChain):
 
             def load(time: float, q: Array, va: Array) -> ArrayLike:
                 on_star = single_array("platform_moment", moment(time, q, va), (3,))
-                return self._loads(on_star, others(time, q, va))
+                return self.star_load(on_star, others(time, q, va))
 
         return super().simulate(torque, q0, va0, t, external_wrenches=load, **options)
 
-    def _loads(self, moment: ArrayLike, wrenches: ArrayLike | None) -> Array:
+    def rollout(
+        self, tau: ArrayLike, q0: ArrayLike, va0: ArrayLike, dt: float, **options: Any
+    ) -> Rollout:
+        """Integrate many motions with a fixed step; see `sst_pin.rollouts.rollout`."""
+        return rollout(self, tau, q0, va0, dt, **options)
+
+    def mechanics(self, friction: Friction) -> Mechanics:
+        """As `ClosedChain.mechanics`, by the kernels where they are."""
+        kernels = self._fast.kernels_with(friction)
+        if kernels is None:
+            return super().mechanics(friction)
+        return FastMechanics(self, friction, kernels)
+
+    def course(self, friction: Friction) -> Course:
+        """What `rollout` runs, with a friction in the place of the robot's own."""
+        kernels = self._fast.kernels_with(friction)
+        return reference_course(self, friction) if kernels is None else kernels.rollout
+
+    def side(self, q: Array) -> float:
+        """det A at one configuration: its sign changes where the motors lose hold of the star."""
+        return float(np.linalg.det(legs_of_joints(self.geometry, q).y_2))
+
+    @property
+    def _star(self) -> int:
+        return int(self.model.getJointId("beta_1")) - 1
+
+    def star_load(self, moment: ArrayLike, wrenches: ArrayLike | None = None) -> Array:
         """External wrenches with the star's load put on star_1; the three arcs are one body."""
         loads = self._wrenches(wrenches)
         moment = finite_array("platform_moment", moment, (3,))
         on_star = np.zeros((*moment.shape[:-1], 9, 6))
-        on_star[..., self.model.getJointId("beta_1") - 1, :3] = moment
+        on_star[..., self._star, :3] = moment
         return on_star if loads is None else on_star + loads
+
+    def moment_of(self, load: Array) -> Array | None:
+        """The moment that `star_load` has made this load of; None when there is more in it."""
+        moment = load[..., self._star, :3]
+        return moment if np.array_equal(load, self.star_load(moment)) else None
 
 
 _CORE = {"q": (9,)} | dict.fromkeys(("va", "aa", "tau", "platform_moment"), (3,))

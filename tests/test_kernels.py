@@ -231,11 +231,16 @@ def test_angles_of_many_turns_are_angles(robot):
 
 
 def test_changes_of_the_model_are_taken_in_when_told(robot):
-    """refresh() after the first use; before it nothing is kept; a pickle starts anew."""
+    """refresh() after the first use; simulations need no telling."""
     mine = sst_pin.SST()
     rest = np.zeros(3)
     assert mine.compute_torques(mine.home, rest, (1, 0, 0)) is not None
     mine.model.gravity.linear = np.array((0, 0, 1.0))
+    motion = mine.simulate(rest, mine.home, rest, [0, 0.01])  # reads it anew, as roll-outs do
+    expected = ClosedChain.compute_accelerations(mine, mine.home, rest, rest)
+    assert error(motion.aa[0], expected) < RELATIVE
+    rolled = mine.rollout(np.zeros((100, 3)), mine.home, rest, 1e-4)
+    assert np.abs(rolled.va[-1] - motion.va[-1]).max() < 1e-9
     mine.refresh()
     expected = ClosedChain.compute_torques(mine, mine.home, rest, (1, 0, 0))
     assert error(mine.compute_torques(mine.home, rest, (1, 0, 0)), expected) < RELATIVE

@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """What a stranger meets: the installed package, the README, the public names."""
 
+import json
+import os
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 import sysconfig
@@ -36,6 +39,7 @@ def test_wheel_brings_the_robot_into_an_empty_environment(tmp_path):
     (tmp_path / "env" / "lib" / version / "site-packages" / "lent.pth").write_text("\n".join(lent))
     code = (
         "import sst_pin; print(sst_pin.__file__); print(sst_pin.URDF_PATH); "
+        "import sst_pin.referees.lagrange; "
         "robot = sst_pin.SST(); print(robot.compute_torques(robot.home, [0]*3, [0]*3))"
     )
     result = subprocess.run(
@@ -53,6 +57,47 @@ def test_wheel_brings_the_robot_into_an_empty_environment(tmp_path):
     assert torques == str(sst_pin.SST().compute_torques(home, [0] * 3, [0] * 3))
     typed = Path(module).with_name("py.typed")
     assert typed.is_file()
+
+
+def test_a_machine_without_a_compiler_gets_the_reference_path(tmp_path):
+    """Installation succeeds, torques come out, and the reason is told."""
+    build = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "-o", tmp_path / "dist"]
+    copy = tmp_path / "source"
+    skipped = shutil.ignore_patterns(".git*", "*.so", "build", "*.egg-info", ".*_cache")
+    shutil.copytree(ROOT, copy, ignore=skipped)
+    environment = os.environ | {"CC": "/nowhere/cc", "LDSHARED": "/nowhere/cc"}
+    subprocess.run([*build, copy], env=environment, check=True, capture_output=True)
+    (wheel,) = (tmp_path / "dist").glob("*.whl")
+    shutil.unpack_archive(wheel, tmp_path / "site", format="zip")
+    code = (
+        "import sst_pin; robot = sst_pin.SST(); print(sst_pin.__file__); print(robot.path); "
+        "print(robot.compute_torques(robot.home, [0]*3, [0]*3))"
+    )
+    environment.pop("SST_PIN_KERNELS", None)
+    result = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=tmp_path / "site",
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    module, path, torques = result.stdout.splitlines()
+    assert Path(module).is_relative_to(tmp_path)
+    assert path.startswith("the reference path: the extension is not there")
+    reference = sst_pin.SST(kernels=False)
+    assert torques == str(reference.compute_torques(reference.home, [0] * 3, [0] * 3))
+
+
+def test_the_table_of_the_readme_is_the_measured_one():
+    """docs/benchmark.json makes it, and docs/benchmark.md, to the last character."""
+    from benchmark_report import table, with_table
+
+    docs = ROOT / "docs"
+    results = json.loads((docs / "benchmark.json").read_text(encoding="utf-8"))
+    assert (docs / "benchmark.md").read_text(encoding="utf-8") == table(results)
+    assert table(results) in README
+    assert with_table(README, results) == README
 
 
 @pytest.mark.parametrize("number", range(len(blocks("python"))))

@@ -36,8 +36,8 @@ TARGET static void SST_NAME(prepare)(const double *parameters, double *wide)
 }
 
 /* Rows of samples into vectors; the last sample fills the lanes that are left. */
-TARGET static inline void SST_NAME(gather_numbers)(SST_REAL *x, const rows *from, npy_intp first,
-    int count, int size, npy_intp column)
+TARGET static inline void SST_NAME(gather_numbers)(SST_REAL *x, const rows *from, ptrdiff_t first,
+    int count, int size, ptrdiff_t column)
 {
     for (int i = 0; i < count; i += LANES, x += WIDTH) {
         const char *at[LANES];
@@ -53,7 +53,7 @@ TARGET static inline void SST_NAME(gather_numbers)(SST_REAL *x, const rows *from
 }
 
 TARGET static inline void SST_NAME(scatter_numbers)(const SST_REAL *x, const rows *to,
-    npy_intp first, int count, int size)
+    ptrdiff_t first, int count, int size)
 {
     for (int i = 0; i < count; i += LANES, x += WIDTH)
         for (int l = 0; l < LANES && i + l < count; l++) {
@@ -64,26 +64,28 @@ TARGET static inline void SST_NAME(scatter_numbers)(const SST_REAL *x, const row
 }
 
 /* With sizes and strides known, the loops above unroll. */
-TARGET static void SST_NAME(gather)(double *block, int position, const rows *from, npy_intp first,
+TARGET static void SST_NAME(gather)(double *block, int position, const rows *from, ptrdiff_t first,
     int count)
 {
     SST_REAL *x = (SST_REAL *)block + position;
-    if (from->column != sizeof(double))
-        SST_NAME(gather_numbers)(x, from, first, count, from->size, from->column);
-    else if (from->size == 9)
+    if (from->column == sizeof(double) && from->size == 9)
         SST_NAME(gather_numbers)(x, from, first, count, 9, sizeof(double));
-    else
+    else if (from->column == sizeof(double) && from->size == 3)
         SST_NAME(gather_numbers)(x, from, first, count, 3, sizeof(double));
+    else
+        SST_NAME(gather_numbers)(x, from, first, count, from->size, from->column);
 }
 
 TARGET static void SST_NAME(scatter)(const double *block, int position, const rows *to,
-    npy_intp first, int count)
+    ptrdiff_t first, int count)
 {
     const SST_REAL *x = (const SST_REAL *)block + position;
     if (to->size == 9)
         SST_NAME(scatter_numbers)(x, to, first, count, 9);
-    else
+    else if (to->size == 3)
         SST_NAME(scatter_numbers)(x, to, first, count, 3);
+    else
+        SST_NAME(scatter_numbers)(x, to, first, count, to->size);
 }
 
 /* A kernel on a block: vectors of samples, each a row of WIDTH vectors as `layouts` says, with a
@@ -97,10 +99,12 @@ TARGET static int SST_NAME(run)(int kernel, const void *parameters, double h, in
     SST_REAL *x = (SST_REAL *)block;
     SST_NAME(mask) all_good = x[0] == x[0];
     for (int i = 0; i < count; i += LANES, x += WIDTH) {
-        const SST_REAL *moment = loaded ? x + 15 : NULL;
+        const SST_REAL *moment = loaded ? x + (kernel == STEP ? 21 : 15) : NULL;
         SST_REAL *y = x + at.out, *check = x + at.check, squares = x[0] * x[0], zero = x[0] - x[0];
         for (int j = 1; j < 9; j++)
             squares += x[j] * x[j];
+        for (int j = 0; j < at.state; j++)
+            zero += x[j] * 0.0; /* NaN where a number is not finite */
         switch (kernel) {
         case INVERSE_DYNAMICS:
             SST_NAME(inverse_dynamics)(p, x, x + 9, x + 12, moment, y, check);
@@ -117,12 +121,15 @@ TARGET static int SST_NAME(run)(int kernel, const void *parameters, double h, in
             SST_NAME(close)(p, x, check);
             check[2] = check[0] + 1.0;
             break;
+        case RATE:
+            SST_NAME(rate)(p, x, x + 9, x + 12, moment, y, y + 9, check);
+            break;
         case STEP:
             SST_NAME(step)(p, h, x, x + 9, x + 12, moment, check);
             break;
         }
         for (int j = 0; j < at.check - at.out; j++)
-            zero += y[j] * 0.0; /* NaN where a result is not finite */
+            zero += y[j] * 0.0;
         const SST_NAME(mask) good = (squares < LARGEST_ANGLE * LARGEST_ANGLE)
             & (check[0] <= SST_CLOSED) & (check[1] * check[1] >= SST_REGULAR * SST_REGULAR)
             & (check[2] > SST_DEFINITE) & (zero == 0.0);

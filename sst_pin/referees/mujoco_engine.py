@@ -128,7 +128,7 @@ def welded_motion(
         MissingExtraError: Without MuJoCo.
     """
     mujoco = engine("mujoco")
-    model = _welded(mujoco, parameters, step, stiffness)
+    model = welded(mujoco, parameters, step, stiffness)
     data = mujoco.MjData(model)
     _, data.qvel[:] = MujocoInverse(parameters).move(R, omega)
     data.qpos[:] = legs(parameters, R).angles.ravel()
@@ -156,8 +156,8 @@ def _blind_urdf(parameters: Parameters) -> str:
     return urdf_of(parameters).replace('discardvisual="false"', 'discardvisual="true"')
 
 
-def _welded(mujoco: Any, parameters: Parameters, step: float, stiffness: float) -> Any:
-    """The closed robot."""
+def welded(mujoco: Any, parameters: Parameters, step: float, stiffness: float) -> Any:
+    """The closed robot: welds with a stiffness [1/s^2], critically damped, steps in [s]."""
     spec = mujoco.MjSpec.from_string(_blind_urdf(parameters))
     for name, R_E in zip(_STARS, _star_frames(parameters), strict=True):
         spec.body(name).add_site(name=name, quat=np.roll(Rotation.from_matrix(R_E).as_quat(), 1))

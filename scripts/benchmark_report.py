@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""What benchmark.py has measured, as a table and as a figure."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from sst_pin import plots
+
+#: [median, minimum] in seconds, by name.
+Times = dict[str, list[float]]
+
+#: What is compared: group, ours and theirs in it.
+ROWS = (
+    ("single call", "compute_torques", "pin.rnea, open tree"),
+    ("single call", "compute_torques", "KKT, hand-assembled on Pinocchio"),
+    ("single call", "compute_torques", "reference path, torques"),
+    ("single call", "compute_accelerations", "pin.constraintDynamics"),
+    ("single call", "compute_accelerations", "mj_step"),
+    ("single call", "compute_accelerations", "reference path, accelerations"),
+    ("sample of a batch", "compute_torques, batch", "pin.rneaInParallel, 1 thread"),
+    ("threads", "compute_torques, batch, 2 threads", "1 thread"),
+    ("rollout step", "rollout", "mujoco.rollout"),
+    ("examples", "example 1, 1001 samples", "example 1, reference path"),
+    ("examples", "example 2, simulate", "example 2, reference path"),
+    ("examples", "example 2, rollout to 1e-9 rad", "example 2, reference path"),
+)
+
+_TABLE = re.compile(r"(<!-- table: benchmark -->\n).*?(<!-- end -->)", re.DOTALL)
+_MARKERS = "osD^v"
+_COLOURS = (*plots.COLOURS, "#CC79A7", "#7F7F7F")
+
+
+def spoken(seconds: float) -> str:
+    for unit, size in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6)):
+        if seconds >= size:
+            return f"{seconds / size:.3g} {unit}"
+    return f"{seconds * 1e9:.3g} ns"
+
+
+def table(results: dict[str, Any]) -> str:
+    lines = [
+        "| this package | time | against | time | ratio | of the fastest |",
+        "|---|---|---|---|---|---|",
+    ]
+    for group, ours, theirs in ROWS:
+        a, b = results[group][ours], results[group][theirs]
+        median, fastest = (f"{y / x:.3g}" for x, y in zip(a, b, strict=True))
+        lines.append(
+            f"| {ours} | {spoken(a[0])} | {theirs} | {spoken(b[0])} | {median} | {fastest} |"
+        )
+    first = "; ".join(
+        f"{path}: " + ", ".join(f"{name} {spoken(x[0])}" for name, x in times.items())
+        for path, times in results["first use"].items()
+    )
+    lines += ["", f"First use, {first}. Kernels: {results['path'].split(': ')[1]}."]
+    return "\n".join(lines) + "\n"
+
+
+def with_table(page: str, results: dict[str, Any]) -> str:
+    """A page with the table between its marks."""
+    return _TABLE.sub(lambda marks: f"{marks[1]}{table(results)}{marks[2]}", page)
+
+
+def figure(results: dict[str, Any]) -> Figure:
+    """Throughput against batch size; time against error; the fastest of the repeats."""
+    with plots.style():
+        drawing = Figure(figsize=(7.2, 3.2), layout="constrained")
+        left, right = drawing.subplots(1, 2)
+        sizes = {int(n): times for n, times in results["batch sizes"].items()}
+        for i, name in enumerate(next(iter(sizes.values()))):
+            speeds = [1 / times[name][1] for times in sizes.values()]
+            left.loglog(list(sizes), speeds, **_look(i), label=name)
+        left.set_xlabel("samples in a batch")
+        left.set_ylabel("samples per second")
+        for i, (name, points) in enumerate(results["work and precision"].items()):
+            times, errors = np.array(points).T
+            right.loglog(errors, times, **_look(i), label=name)
+        right.set_xlabel("error of the joints at the end of example 2 (rad)")
+        right.set_ylabel("time (s)")
+        right.invert_xaxis()
+        for axes in (left, right):
+            axes.grid(color="0.9", linewidth=0.5)
+            axes.set_ylim(top=axes.get_ylim()[1] * 12)  # room for the legend
+            axes.legend(loc="upper left", fontsize=7.5)
+    return drawing
+
+
+def _look(i: int) -> dict[str, Any]:
+    return {"color": _COLOURS[i], "marker": _MARKERS[i], "markersize": 3.5}

@@ -1,0 +1,30 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""`sst-pin export-c`: the dynamics of a robot as C for its controller."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from ..export import c_files
+from ..files import write_files
+from .common import Commands, add_force, add_urdf, robot_of
+
+
+def add_to(commands: Commands) -> None:
+    """Add the command."""
+    parser = commands.add(
+        "export-c",
+        _run,
+        "Write the dynamics of the robot as C for its controller: header, source, the robot's "
+        "numbers and an example.",
+    )
+    add_urdf(parser)
+    parser.add_argument("folder", type=Path, metavar="DIR")
+    add_force(parser)
+
+
+def _run(arguments: argparse.Namespace) -> None:
+    written = c_files(robot_of(arguments), arguments.folder)
+    write_files(written, arguments.force)
+    print(f"{', '.join(path.name for path in written)} in {arguments.folder}")
