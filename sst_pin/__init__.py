@@ -4,6 +4,7 @@
 from .closed_chain import ClosedChain
 from .closures import Closure
 from .description import PACKAGE_PATH, URDF_PATH, YAML_PATH
+from .energy import energy_error
 from .errors import (
     ActuationError,
     ClosureError,
@@ -30,7 +31,6 @@ from .platform_motion import (
     orientation_motion,
     paper_circle,
 )
-from .simulation import energy_error
 from .sst import SST
 from .trajectories import Trajectory
 from .validation import Problem, validate
