@@ -17,7 +17,6 @@ from .style import COLOURS, DASHES, figure_writer, figure_writers, require_endin
 from .workspace import (
     condition_colourbar,
     second_kind,
-    singularity_legend,
     workspace_legend,
     workspace_map,
     workspace_on_sphere,
@@ -43,7 +42,6 @@ __all__ = [
     "require_ending",
     "robot_pose",
     "second_kind",
-    "singularity_legend",
     "style",
     "workspace_legend",
     "workspace_map",

@@ -17,7 +17,6 @@ from .sphere import paths_on_sphere
 from .style import style
 from .workspace import (
     condition_colourbar,
-    singularity_legend,
     workspace_legend,
     workspace_map,
     workspace_on_sphere,
@@ -80,6 +79,9 @@ def workspace_page(
             draw(ax, robot, workspace, s).set_title(title)
         axes[1, 1].set_axis_off()
         condition_colourbar(axes[1, 1].inset_axes((0.0, 0.82, 1.0, 0.06)))
-        handles = [*workspace_legend(at_psi, label), *singularity_legend()]
-        axes[1, 1].legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, 0.6))
+        handles = [*workspace_legend(at_psi, label), *workspace_legend(over_rolls, label)]
+        once = {handle.get_label(): handle for handle in handles}
+        axes[1, 1].legend(
+            handles=list(once.values()), loc="upper center", bbox_to_anchor=(0.5, 0.6)
+        )
     return figure

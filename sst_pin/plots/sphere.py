@@ -92,12 +92,11 @@ def great_arc(start: Array, end: Array, count: int = 60) -> Array:
     return points
 
 
-def camera(robot: SST) -> tuple[float, float]:
-    """Elevation and azimuth, [deg], from which the base triangle is seen, a little from aside."""
-    middle = robot.geometry.R_0[:, :, 0].sum(axis=0)
-    middle /= np.linalg.norm(middle)
-    elevation, azimuth = np.degrees((np.arcsin(middle[2]), np.arctan2(middle[1], middle[0])))
-    return float(elevation - 7), float(azimuth - 7)
+def _camera(robot: SST) -> tuple[float, float]:
+    """Elevation and azimuth, [deg]: that corner of the box to which the base triangle looks."""
+    x, y, _ = robot.geometry.R_0[:, :, 0].sum(axis=0)
+    quadrant = np.floor(np.degrees(np.arctan2(y, x)) / 90)
+    return 28, float(90 * quadrant + 38)
 
 
 def _patch(ax: Axes, robot: SST, radius: float, letter: str) -> None:
@@ -121,9 +120,11 @@ def _equal_space(ax: Axes, robot: SST, radius: float, s: Array) -> None:
     step = (0.2 if octant else 0.4) if radius < 0.5 else radius
     ax.set(xlim=limits, ylim=limits, zlim=limits)
     ax.set_box_aspect((1, 1, 1), zoom=0.9)
-    elevation, azimuth = camera(robot)
+    elevation, azimuth = _camera(robot)
     ax.view_init(elev=elevation, azim=azimuth)
-    ax.set(xlabel="$x_0$ (m)", ylabel="$y_0$ (m)", zlabel="$z_0$ (m)")
+    ax.set(xlabel="$x_0$ (m)", ylabel="$y_0$ (m)")
+    ax.zaxis.set_rotate_label(False)  # else it may stand on its head
+    ax.set_zlabel("$z_0$ (m)", rotation=90)
     for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
         axis.set_pane_color((1, 1, 1, 0))
         axis.set_major_locator(mpl.ticker.MultipleLocator(step))

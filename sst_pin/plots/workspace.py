@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import matplotlib as mpl
@@ -11,6 +11,7 @@ import numpy as np
 from contourpy import contour_generator
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch
+from matplotlib.patheffects import withStroke
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
@@ -36,10 +37,9 @@ _TRIANGLE: dict[str, Any] = {"color": "0.3", "linewidth": 0.8, "linestyle": (0, 
 _PATH: dict[str, Any] = {"color": "#0072B2", "linewidth": 1.2, "linestyle": (0, (4, 1.5))}
 _ROLL: dict[str, Any] = {"color": "0.15", "linewidth": 0.6}
 _BEST: dict[str, Any] = {
-    "marker": "*",
     "color": "white",
     "markeredgecolor": "black",
-    "markersize": 9,
+    "markersize": 5,
     "markeredgewidth": 0.7,
     "linestyle": "none",
 }
@@ -150,10 +150,7 @@ def _draw(
         for curve in second_kind(robot, workspace):
             draw(curve, **_SECOND)
     else:
-        roll = np.where(workspace.on_arcs & ~hidden, np.degrees(workspace.roll), np.nan)
-        if np.isfinite(roll).any():
-            lines = ax.contour(x, y, roll, 4, colors=_ROLL["color"], linewidths=0.6)
-            ax.clabel(lines, fmt="%d°", fontsize=7)
+        _roll_lines(ax, workspace, x, y)
     for k in range(3):
         draw(great_arc(v[k], v[(k + 1) % 3]), **_TRIANGLE)
     for curve in _level_curves(robot, margin, 0.0):
@@ -161,7 +158,7 @@ def _draw(
     if path is not None:
         draw(path, **_PATH)
     if workspace.best is not None:
-        draw(workspace.s[workspace.best][None], **_BEST)
+        draw(workspace.s[workspace.best][None], **_best_look(workspace))
     middle = project(chart.axes[2])
     for k in range(3):
         if v[k] @ eye >= 0:
@@ -171,7 +168,8 @@ def _draw(
             if np.linalg.norm(point) > 0.85 * np.hypot(x, y).max():  # not among the angles outside
                 beside = -beside
             name = rf"$\mathbf{{v}}_{k + 1}$"
-            ax.text(*(point + 0.12 * beside), name, ha="center", va="center")
+            halo = [withStroke(linewidth=2, foreground="white", alpha=0.8)]
+            ax.text(*(point + 0.12 * beside), name, ha="center", va="center", path_effects=halo)
 
 
 def workspace_legend(workspace: Workspace, path: str | None = None) -> list[Any]:
@@ -181,27 +179,32 @@ def workspace_legend(workspace: Workspace, path: str | None = None) -> list[Any]
         workspace: What is drawn.
         path: Name of the path, when there is one.
     """
-    handles: list[Any] = [
-        Line2D([], [], label="sliders at the ends of their arcs", **_BOUNDARY),
-        Line2D([], [], label="base triangle", **_TRIANGLE),
-    ]
+    looks = {"base triangle": _TRIANGLE}
     if workspace.best is not None:
-        least = workspace.condition_number[workspace.best]
-        isotropic = least < 1 + 1e-6
-        label = "isotropic pose" if isotropic else f"best pose, condition number {least:.3g}"
-        handles.append(Line2D([], [], label=label, **_BEST))
+        looks["sliders at the ends of their arcs"] = _BOUNDARY
+        best = f"best pose, condition number {workspace.condition_number[workspace.best]:.3g}"
+        looks["isotropic pose" if _isotropic(workspace) else best] = _best_look(workspace)
     if path is not None:
-        handles.append(Line2D([], [], label=path, **_PATH))
-    return handles
+        looks[path] = _PATH
+    if not _one_psi(workspace):
+        looks[r"roll in $\psi$ that the arcs leave"] = _ROLL
+        return _handles(looks)
+    looks[r"singular, second kind: $\det A = 0$"] = _SECOND
+    flat = Patch(facecolor=_FLAT_COLOUR, label=r"first kind: $|\sin\mu_k| < \sin 3°$")
+    return [*_handles(looks), flat]
 
 
-def singularity_legend() -> list[Any]:
-    """Handles for what only a map at one psi shows."""
-    return [
-        Line2D([], [], label="roll in $\\psi$ that the arcs leave, in (b)", **_ROLL),
-        Line2D([], [], label="singular, second kind: $\\det A = 0$", **_SECOND),
-        Patch(facecolor=_FLAT_COLOUR, label=r"first kind: $|\sin\mu_k| < \sin 3°$"),
-    ]
+def _handles(looks: Mapping[str, Mapping[str, Any]]) -> list[Any]:
+    return [Line2D([], [], label=label, **look) for label, look in looks.items()]
+
+
+def _isotropic(workspace: Workspace) -> bool:
+    return bool(workspace.condition_number[workspace.best] < 1 + 1e-6)
+
+
+def _best_look(workspace: Workspace) -> dict[str, Any]:
+    shape = {"marker": "*", "markersize": 9} if _isotropic(workspace) else {"marker": "D"}
+    return _BEST | shape
 
 
 def _one_psi(workspace: Workspace) -> bool:
@@ -219,6 +222,21 @@ def _level_curves(robot: SST, field: Array, level: float) -> list[Array]:
     x, y = np.moveaxis(Chart.grid(rings, spokes - 1), -1, 0)
     found: Any = contour_generator(x=x, y=y, z=np.ma.masked_invalid(field)).lines(level)
     return [Chart.of_robot(robot).directions(curve) for curve in found]
+
+
+def _roll_lines(ax: Axes, workspace: Workspace, x: Array, y: Array) -> None:
+    """Lines of equal roll, labelled where there is room."""
+    if workspace.best is None:
+        return
+    roll = np.where(workspace.on_arcs, np.degrees(workspace.roll), np.nan)
+    lines = ax.contour(x, y, roll, 4, colors=_ROLL["color"], linewidths=_ROLL["linewidth"])
+    taken = [np.array((x[workspace.best], y[workspace.best]))]
+    for label in ax.clabel(lines, fmt="%d°", fontsize=7):
+        place = np.array(label.get_position())
+        if min(np.linalg.norm(place - other) for other in taken) < 0.25:
+            label.remove()
+        else:
+            taken.append(place)
 
 
 def _round(ax: Axes, radius: float, room: float) -> None:
