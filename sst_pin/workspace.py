@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import trapezoid
+from scipy.spatial.transform import Rotation
 
 from . import kinematics
 from .batches import finite_array
@@ -226,8 +227,10 @@ def _workspace(robot: SST, psi: Array, rings: int, spokes: int) -> Workspace:
     s = chart.directions(chart.grid(rings, spokes))
     s[:, -1] = s[:, 0]  # to the last bit
     theta, phi = np.arctan2(s[..., 1], s[..., 0]), np.arccos(np.clip(s[..., 2], -1, 1))
+    R = orientation(theta, phi)
+    rolls = Rotation.from_euler("x", psi[:, None]).as_matrix()  # s is the x axis of {E}
     # One psi at a time: a million poses at once would fill the memory.
-    poses = [_poses(robot, orientation(theta, phi, roll)) for roll in psi]
+    poses = [_poses(robot, R @ roll) for roll in rolls]
     arrays = _Poses(*(np.stack(values) for values in zip(*poses, strict=True)))
     kept = (arrays.margin >= 0) | ~(arrays.margin >= 0).any(axis=0)
     chosen = np.where(kept, arrays.condition_number, np.inf).argmin(axis=0)[None]

@@ -225,18 +225,20 @@ def _level_curves(robot: SST, field: Array, level: float) -> list[Array]:
 
 
 def _roll_lines(ax: Axes, workspace: Workspace, x: Array, y: Array) -> None:
-    """Lines of equal roll, labelled where there is room."""
+    """Lines of equal roll, labelled below the best pose where there is room."""
     if workspace.best is None:
         return
     roll = np.where(workspace.on_arcs, np.degrees(workspace.roll), np.nan)
     lines = ax.contour(x, y, roll, 4, colors=_ROLL["color"], linewidths=_ROLL["linewidth"])
-    taken = [np.array((x[workspace.best], y[workspace.best]))]
-    for label in ax.clabel(lines, fmt="%d°", fontsize=7):
-        place = np.array(label.get_position())
-        if min(np.linalg.norm(place - other) for other in taken) < 0.25:
-            label.remove()
-        else:
-            taken.append(place)
+    places = [np.array((x[workspace.best], y[workspace.best]))]
+    for segments in lines.allsegs:
+        line = np.concatenate([np.empty((0, 2)), *segments])
+        below = line[line[:, 1] < places[0][1]]
+        if len(below):
+            place = below[np.abs(below[:, 0] - places[0][0]).argmin()]
+            if min(np.linalg.norm(place - other) for other in places) > 0.13:
+                places.append(place)
+    ax.clabel(lines, fmt="%d°", fontsize=7, manual=places[1:])
 
 
 def _round(ax: Axes, radius: float, room: float) -> None:
@@ -269,7 +271,8 @@ def _graticule_labels(ax: Axes, chart: Chart) -> None:
         for leaving in np.flatnonzero(np.diff(np.sign(line @ chart.axes[2]))):
             right, up, _ = chart.axes @ line[leaving]
             turn = float(np.arctan2(up, right))
-            crowded = any(abs(np.angle(np.exp(1j * (turn - t)))) < 0.17 for t in taken)
+            needed = 0.17 + 0.08 * abs(up)  # side by side they need more than one below the other
+            crowded = any(abs(np.angle(np.exp(1j * (turn - t)))) < needed for t in taken)
             if crowded or (name == "phi" and right > 0):  # colatitudes at the left
                 continue
             taken.append(turn)
