@@ -1,6 +1,13 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Figures (matplotlib): functions draw into axes that they are given and hand them back."""
 
+from ..errors import MissingExtraError
+
+try:
+    import matplotlib  # noqa: F401  before the rooms that need it
+except ImportError:
+    raise MissingExtraError("matplotlib", "plot") from None
+
 from .motions import (
     condition_number,
     energy_balance,

@@ -8,14 +8,11 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
-from ..errors import MissingExtraError, OutputError
-from ..files import Writer
+import matplotlib as mpl
+from matplotlib.figure import Figure
 
-try:
-    import matplotlib as mpl
-    from matplotlib.figure import Figure
-except ImportError:
-    raise MissingExtraError("matplotlib", "plot") from None
+from ..errors import OutputError
+from ..files import Writer
 
 Axes = Any
 
