@@ -109,7 +109,7 @@ def energy_balance(ax: Axes, robot: SST, motion: Trajectory) -> Axes:
     for label, energy, colour, dashes in curves if not robot.friction.none else curves[:3]:
         ax.plot(motion.t, energy, color=colour, linestyle=dashes, label=label)
     worst = np.abs(balance.error).max()
-    label = rf"residual $\leq$ {_power_of_ten(worst)} J"
+    label = rf"residual $\leq$ {upper_bound(worst)} J"
     ax.plot(motion.t, balance.error, color="black", linewidth=0.8, label=label)
     _time(ax, motion, "energy since start (J)")
     ax.legend(ncols=2, **_ABOVE)
@@ -175,7 +175,7 @@ def _time(ax: Axes, motion: Trajectory, what: str) -> None:
     ax.set(xlabel="time (s)", ylabel=what, xlim=(motion.t[0], motion.t[-1]))
 
 
-def _power_of_ten(value: float) -> str:
+def upper_bound(value: float) -> str:
     """An upper bound with one digit, as mathematics."""
     if value == 0:
         return "$0$"
