@@ -5,6 +5,7 @@ from .closed_chain import ClosedChain
 from .closures import Closure
 from .description import PACKAGE_PATH, URDF_PATH, YAML_PATH
 from .dynamics import ReducedTerms
+from .energy import energy_error
 from .errors import (
     ActuationError,
     ClosureError,
@@ -32,7 +33,6 @@ from .platform_motion import (
     paper_circle,
 )
 from .rollouts import Rollout
-from .simulation import energy_error
 from .sst import SST
 from .trajectories import Trajectory
 from .validation import Problem, validate

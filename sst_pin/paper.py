@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .energy import energy_error
 from .platform_motion import paper_circle
-from .simulation import energy_error
 from .sst import SST
 from .trajectories import Trajectory
 

@@ -123,22 +123,6 @@ def simulate(
     return motion.sampled(solution.t, solution.y.T, stopped)
 
 
-def energy_error(chain: ClosedChain, motion: Trajectory) -> Array:
-    """How far a motion's energy is from the work done on it, shape (N,), [J].
-
-    The work of motors and friction is integrated along a spline through the samples; external
-    loads are taken to be absent.
-
-    Args:
-        chain: The robot.
-        motion: Of that robot, with more than one sample.
-    """
-    power = (motion.tau * motion.va).sum(axis=1) + chain.friction_power(motion.q, motion.va)
-    work = spline(motion.t, power).antiderivative()(motion.t)
-    energy = chain.kinetic_energy(motion.q, motion.va) + chain.potential_energy(motion.q)
-    return energy - energy[0] - work
-
-
 class _Input(NamedTuple):
     """What acts on a robot in motion.
 

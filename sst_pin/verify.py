@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from . import paper, referees
 from .closed_chain import ClosedChain
 from .comparisons import Comparison, Judge
+from .energy import energy_error
 from .errors import ClosureError, MissingExtraError
 from .parameters import Parameters
 from .platform_motion import paper_circle
 from .referees import lagrange
 from .sampling import random_parameters, random_state
-from .simulation import energy_error
 from .sst import SST
 from .verify_in_time import verify_in_time
 

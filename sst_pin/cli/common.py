@@ -62,6 +62,19 @@ def add_output(parser: Parser, metavar: str) -> None:
     add_force(parser)
 
 
+def add_figure(parser: Parser) -> None:
+    """The options --output and --force of commands that draw."""
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        required=True,
+        metavar="FIGURE",
+        help="ends in .png, .svg or .pdf",
+    )
+    add_force(parser)
+
+
 def save(motion: Trajectory, arguments: argparse.Namespace) -> None:
     """Write a motion where the options say."""
     motion.save(arguments.output, arguments.force)

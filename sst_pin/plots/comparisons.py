@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 
 from ..sst import SST
 from ..trajectories import Trajectory
-from . import COLOURS, DASHES, motor_torques, paths_on_sphere
+from .motions import motor_torques
+from .sphere import paths_on_sphere
+from .style import COLOURS, DASHES
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -104,8 +106,6 @@ def paths_of_methods(
     radius = 0.4
     paths_on_sphere(ax, robot, [("wanted path", wanted), ("NOC", ours)], radius)
     ax.get_legend().remove()
-    for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
-        axis.get_major_locator().set_params(base=0.2)  # 0.1 m is narrow at column width
     for number, method in enumerate(others):
         picked = _spread(method.t, number, len(others), 9)
         E = radius * method.values[picked, :, 0]

@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""What lies on the sphere about O, drawn in space."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from numpy.typing import NDArray
+
+from ..kinematics import legs_of_joints
+from ..sst import SST
+from ..trajectories import Trajectory
+from .style import COLOURS, Axes
+
+Array = NDArray[np.float64]
+
+#: The wanted path under the others, then those.
+PATHS: tuple[dict[str, Any], ...] = (
+    {"color": "0.8", "linewidth": 4},
+    {"color": COLOURS[0], "linewidth": 1.2},
+    {"color": COLOURS[1], "linewidth": 1.2, "linestyle": (0, (4, 4))},
+)
+
+
+def paths_on_sphere(
+    ax: Axes, robot: SST, motions: Sequence[tuple[str, Trajectory]], radius: float = 0.4
+) -> Axes:
+    """Paths of E on the sphere of the star, over the base triangle's patch (Figs. 9, 11).
+
+    Args:
+        ax: Axes with projection "3d".
+        robot: The SST.
+        motions: Label and motion of each path; of several, the first is the wanted one.
+        radius: Of the star's arcs, [m].
+    """
+    _patch(ax, robot, radius, "v")
+    looks = PATHS if len(motions) > 1 else PATHS[1:]
+    seen = [robot.geometry.R_0[:, :, 0]]
+    for (label, motion), look in zip(motions, looks, strict=False):
+        s = robot.platform_orientation(motion.q)[:, :, 0]
+        ax.plot(*(radius * s).T, label=label, zorder=10, **look)
+        seen.append(s)
+    ax.plot(*(radius * s[:1]).T, "o", color="black", markersize=3, zorder=11)
+    if len(motions) > 1:
+        ax.legend(loc="upper left", bbox_to_anchor=(-0.05, 1.0), handlelength=2.6)
+    _equal_space(ax, robot, radius, np.concatenate(seen))
+    return ax
+
+
+def robot_pose(ax: Axes, robot: SST, q: Array, radii: tuple[float, float] = (0.35, 0.4)) -> Axes:
+    """A line drawing of the robot: base triangle, actuator links, the star's arcs.
+
+    Args:
+        ax: Axes with projection "3d".
+        robot: The SST.
+        q: Joint coordinates, shape (9,).
+        radii: Of the base sphere and of the star's arcs, [m].
+    """
+    base, star = radii
+    _patch(ax, robot, base, "P")
+    legs = legs_of_joints(robot.geometry, q)
+    for k in range(3):
+        colour = COLOURS[k]
+        carriage = np.outer((base, star), legs.u[k])
+        ax.plot(*np.vstack([np.zeros(3), carriage[0]]).T, color=colour, linewidth=2.5)
+        ax.plot(*carriage.T, color=colour, linewidth=6, solid_capstyle="butt")
+        # The arc from E through R_k, a quarter circle in the plane with normal n_k.
+        angles = np.linspace(0, np.pi / 2, 60)[:, None]
+        s = legs.s[k]
+        arc = star * (np.cos(angles) * s - np.sin(angles) * np.cross(legs.n[k], s))
+        ax.plot(*arc.T, color=colour, linewidth=1.8)
+        # Beside the arc: towards neither of its ends.
+        beside = 1.12 * carriage[1] + 0.08 * legs.n[k]
+        ax.text(*beside, f"$R_{k + 1}$", color=colour, ha="center", va="center")
+    E = star * legs.s[0]
+    ax.plot(*E[:, None], "o", color="black", markersize=4)
+    ax.text(*(E + 0.05 * np.array((1, -1, 0))), "$E$", ha="center", va="center")
+    _equal_space(ax, robot, star, robot.geometry.R_0[:, :, 0])
+    ax.set_axis_off()
+    ax.set_box_aspect((1, 1, 1), zoom=1.05)
+    return ax
+
+
+def great_arc(start: Array, end: Array, count: int = 60) -> Array:
+    """Unit vectors along the shorter great circle between two, shape (count, 3)."""
+    side = np.arccos(np.clip(start @ end, -1, 1))
+    share = np.linspace(0, side, count)[:, None]
+    points: Array = (np.sin(side - share) * start + np.sin(share) * end) / np.sin(side)
+    return points
+
+
+def _camera(robot: SST) -> tuple[float, float]:
+    """Elevation and azimuth, [deg]: that corner of the box to which the base triangle looks."""
+    x, y, _ = robot.geometry.R_0[:, :, 0].sum(axis=0)
+    quadrant = np.floor(np.degrees(np.arctan2(y, x)) / 90)
+    return 28, float(90 * quadrant + 38)
+
+
+def _patch(ax: Axes, robot: SST, radius: float, letter: str) -> None:
+    """The base triangle on a sphere about O, with a fine net that shows its curvature."""
+    v = robot.geometry.R_0[:, :, 0]
+    for k in range(3):
+        here, there, opposite = v[k], v[(k + 1) % 3], v[(k + 2) % 3]
+        side = great_arc(here, there)
+        for point in side[10:-5:10]:
+            ax.plot(*(radius * great_arc(point, opposite)).T, color="0.88", linewidth=0.4)
+        ax.plot(*(radius * side).T, color="0.35", linewidth=1.0)
+        ax.plot(*np.vstack([np.zeros(3), radius * here]).T, color="0.75", linewidth=0.5)
+        name = rf"$\mathbf{{v}}_{k + 1}$" if letter == "v" else f"${letter}_{k + 1}$"
+        ax.text(*(1.13 * radius * here), name, color="0.25", ha="center", va="center")
+
+
+def _equal_space(ax: Axes, robot: SST, radius: float, s: Array) -> None:
+    """A sphere that looks like one, axes with units; the paper's octant when s stays within it."""
+    octant = s.min() > -0.15
+    limits = np.array((-0.15 if octant else -1.15, 1.15)) * radius
+    step = (0.2 if octant else 0.4) if radius < 0.5 else radius
+    ax.set(xlim=limits, ylim=limits, zlim=limits)
+    ax.set_box_aspect((1, 1, 1), zoom=0.9)
+    elevation, azimuth = _camera(robot)
+    ax.view_init(elev=elevation, azim=azimuth)
+    ax.set(xlabel="$x_0$ (m)", ylabel="$y_0$ (m)")
+    ax.zaxis.set_rotate_label(False)  # else it may stand on its head
+    ax.set_zlabel("$z_0$ (m)", rotation=90)
+    for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
+        axis.set_pane_color((1, 1, 1, 0))
+        axis.set_major_locator(mpl.ticker.MultipleLocator(step))
+    ax.grid(False)

@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The look of the figures, and their files."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+from matplotlib.figure import Figure
+
+from ..errors import OutputError
+from ..files import Writer
+
+Axes = Any
+
+#: Colours and dashes of legs 1, 2, 3, told apart without colour too (Okabe and Ito).
+COLOURS = ("#0072B2", "#D55E00", "#009E73")
+DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1.5, 1)))
+
+_STYLE: dict[Any, Any] = {
+    "font.family": "serif",
+    "font.serif": ["STIXGeneral", "DejaVu Serif"],
+    "mathtext.fontset": "stix",
+    "font.size": 9,
+    "axes.linewidth": 0.6,
+    "lines.linewidth": 1.2,
+    "legend.frameon": False,
+    "svg.hashsalt": "sst_pin",  # the same figure is the same file
+    "savefig.dpi": 300,
+}
+
+#: What each kind of file says of itself: nothing that changes from run to run.
+_METADATA: dict[str, Mapping[str, None]] = {
+    "png": {},
+    "svg": {"Date": None},
+    "pdf": {"CreationDate": None},
+}
+
+
+def style() -> AbstractContextManager[None]:
+    """The look of the figures, for a `with` statement."""
+    context: AbstractContextManager[None] = mpl.rc_context(_STYLE)
+    return context
+
+
+def require_ending(path: str | Path) -> str:
+    """The kind of picture that a path's ending asks for.
+
+    Raises:
+        OutputError: For another ending than .png, .svg or .pdf.
+    """
+    ending = Path(path).suffix.lower()
+    if ending[1:] not in _METADATA:
+        raise OutputError(path, f"ending {ending!r} unknown; known: .png, .svg, .pdf")
+    return ending[1:]
+
+
+def figure_writer(figure: Figure, path: str | Path) -> Writer:
+    """What writes a figure in the format the path's ending asks for.
+
+    Raises:
+        OutputError: For another ending than .png, .svg or .pdf.
+    """
+    kind = require_ending(path)
+
+    def write(file: Any) -> None:
+        with style():
+            figure.savefig(file, format=kind, metadata=_METADATA[kind])
+
+    return write
+
+
+def figure_writers(figure: Figure, stem: str) -> dict[str, Writer]:
+    """Writers of a figure as PNG and SVG, by file name."""
+    return {name: figure_writer(figure, name) for name in (f"{stem}.png", f"{stem}.svg")}

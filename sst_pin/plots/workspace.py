@@ -1,0 +1,287 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The workspace of the star's axis s, as an equal-area map and as a sphere."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from contourpy import contour_generator
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle, Patch
+from matplotlib.patheffects import withStroke
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
+
+from ..platform_motion import orientation
+from ..sst import SST
+from ..workspace import Chart, Workspace
+from .sphere import great_arc
+from .style import Axes
+
+Array = NDArray[np.float64]
+
+#: Steps of the condition number, each with its colour: light is good, dark is singular.
+LEVELS = (1, 1.1, 1.2, 1.3, 1.4, 1.5, 1.75, 2, 3, 5, 10)
+#: sin(mu_k) below which a leg is drawn as flat on its arc: three degrees.
+NEARLY_FLAT = np.sin(np.radians(3))
+
+_EDGE = np.sqrt(2)  # radius of the map
+_FLAT_COLOUR = "#CC79A7"
+_VEIL = 0.6
+_BOUNDARY: dict[str, Any] = {"color": "black", "linewidth": 1.6}
+_SECOND: dict[str, Any] = {"color": "#D55E00", "linewidth": 1.4}
+_TRIANGLE: dict[str, Any] = {"color": "0.3", "linewidth": 0.8, "linestyle": (0, (1, 1.5))}
+_PATH: dict[str, Any] = {"color": "#0072B2", "linewidth": 1.2, "linestyle": (0, (4, 1.5))}
+_ROLL: dict[str, Any] = {"color": "0.15", "linewidth": 0.6}
+_BEST: dict[str, Any] = {
+    "color": "white",
+    "markeredgecolor": "black",
+    "markersize": 5,
+    "markeredgewidth": 0.7,
+    "linestyle": "none",
+}
+
+
+def condition_colours() -> tuple[Any, Any]:
+    """Colour map and norm of the condition number."""
+    cmap = mpl.colormaps["viridis_r"].with_extremes(over="#1c0021")
+    return cmap, mpl.colors.BoundaryNorm(LEVELS, cmap.N, extend="max")
+
+
+def condition_colourbar(ax: Axes) -> Axes:
+    """What the colours mean.
+
+    Args:
+        ax: Plane axes, wide and low.
+    """
+    cmap, norm = condition_colours()
+    mappable = mpl.cm.ScalarMappable(norm=norm, cmap=cmap)
+    bar = ax.figure.colorbar(mappable, cax=ax, orientation="horizontal", spacing="uniform")
+    bar.set_ticks(LEVELS, labels=[f"{level:g}" for level in LEVELS])
+    bar.set_label("condition number of $A$ (1); paler: a slider off its arc")
+    bar.ax.tick_params(labelsize=7, length=2)
+    return ax
+
+
+def second_kind(robot: SST, workspace: Workspace) -> list[Array]:
+    """Curves on which the motors lose the star, det A = 0, as directions of s, shapes (N, 3).
+
+    Where a leg is nearly flat A is all but undefined and the curves have a gap.
+
+    Args:
+        robot: The SST.
+        workspace: Of that robot, at one psi.
+    """
+    determinant = np.where(workspace.first_kind < NEARLY_FLAT, np.nan, workspace.determinant)
+    return _level_curves(robot, determinant, 0.0)
+
+
+def workspace_map(ax: Axes, robot: SST, workspace: Workspace, path: Array | None = None) -> Axes:
+    """Conditioning over the directions of s: the half sphere about the base triangle, equal areas.
+
+    Colours tell the condition number of A, paler where a slider would leave its arcs. In a map at
+    one psi the singular curves of the second kind are drawn and the poses near the first kind; in a
+    map over the whole turn, lines of equal roll that the arcs leave.
+
+    Args:
+        ax: Plane axes.
+        robot: The SST.
+        workspace: Of that robot.
+        path: Directions of s along a motion, shape (N, 3).
+    """
+    chart = Chart.of_robot(robot)
+    _draw(ax, robot, workspace, path, chart.project, chart.axes[2])
+    _graticule_labels(ax, chart)
+    _round(ax, _EDGE, 1.24)
+    return ax
+
+
+def workspace_on_sphere(
+    ax: Axes, robot: SST, workspace: Workspace, path: Array | None = None
+) -> Axes:
+    """The same as `workspace_map` on the sphere, seen from aside.
+
+    Args:
+        ax: Plane axes: the view is without perspective.
+        robot: The SST.
+        workspace: Of that robot.
+        path: Directions of s along a motion, shape (N, 3).
+    """
+    aside = Rotation.from_euler("yx", (-22, 6), degrees=True).as_matrix()
+    view = aside @ Chart.of_robot(robot).axes
+    _draw(ax, robot, workspace, path, lambda s: np.asarray(s @ view[:2].T), view[2])
+    _round(ax, 1.0, 1.1)
+    return ax
+
+
+def _draw(
+    ax: Axes,
+    robot: SST,
+    workspace: Workspace,
+    path: Array | None,
+    project: Callable[[Array], Array],
+    eye: Array,
+) -> None:
+    """A workspace in a projection of the half sphere before the eye."""
+    chart = Chart.of_robot(robot)
+    v = robot.geometry.R_0[:, :, 0]
+    hidden = workspace.s @ eye < -1e-9
+    x, y = np.moveaxis(project(workspace.s), -1, 0)
+
+    def fill(field: Array, levels: Sequence[float], **look: Any) -> None:
+        ax.contourf(x, y, np.where(hidden, np.nan, field), levels, **look)
+
+    def draw(curve: Array, **look: Any) -> None:
+        seen = (curve @ eye >= 0) & (curve @ chart.axes[2] >= -1e-9)
+        ax.plot(*project(np.where(seen[:, None], curve, np.nan)).T, **look)
+
+    margin = _margin(workspace)
+    cmap, norm = condition_colours()
+    ax.add_patch(Circle((0, 0), np.hypot(x, y).max(), color="0.94", zorder=0))
+    fill(workspace.condition_number, LEVELS, cmap=cmap, norm=norm, extend="max")
+    fill(margin, (-2 * np.pi, 0), colors="white", alpha=_VEIL)
+    for _, _, line in _parallels_and_meridians():
+        draw(line, color="black", linewidth=0.35, alpha=0.35)
+    if _one_psi(workspace):
+        fill(workspace.first_kind, (0, NEARLY_FLAT), colors=_FLAT_COLOUR)
+        for curve in second_kind(robot, workspace):
+            draw(curve, **_SECOND)
+    else:
+        _roll_lines(ax, workspace, x, y)
+    for k in range(3):
+        draw(great_arc(v[k], v[(k + 1) % 3]), **_TRIANGLE)
+    for curve in _level_curves(robot, margin, 0.0):
+        draw(curve, **_BOUNDARY)
+    if path is not None:
+        draw(path, **_PATH)
+    if workspace.best is not None:
+        draw(workspace.s[workspace.best][None], **_best_look(workspace))
+    middle = project(chart.axes[2])
+    for k in range(3):
+        if v[k] @ eye >= 0:
+            point = project(v[k])
+            ax.plot(*point, "o", color="black", markersize=3)
+            beside = (point - middle) / np.linalg.norm(point - middle)
+            if np.linalg.norm(point) > 0.85 * np.hypot(x, y).max():  # not among the angles outside
+                beside = -beside
+            name = rf"$\mathbf{{v}}_{k + 1}$"
+            halo = [withStroke(linewidth=2, foreground="white", alpha=0.8)]
+            ax.text(*(point + 0.12 * beside), name, ha="center", va="center", path_effects=halo)
+
+
+def workspace_legend(workspace: Workspace, path: str | None = None) -> list[Any]:
+    """Handles for the legend of a map.
+
+    Args:
+        workspace: What is drawn.
+        path: Name of the path, when there is one.
+    """
+    looks = {"base triangle": _TRIANGLE}
+    if workspace.best is not None:
+        looks["sliders at the ends of their arcs"] = _BOUNDARY
+        best = f"best pose, condition number {workspace.condition_number[workspace.best]:.3g}"
+        looks["isotropic pose" if _isotropic(workspace) else best] = _best_look(workspace)
+    if path is not None:
+        looks[path] = _PATH
+    if not _one_psi(workspace):
+        looks[r"roll in $\psi$ that the arcs leave"] = _ROLL
+        return _handles(looks)
+    looks[r"singular, second kind: $\det A = 0$"] = _SECOND
+    flat = Patch(facecolor=_FLAT_COLOUR, label=r"first kind: $|\sin\mu_k| < \sin 3°$")
+    return [*_handles(looks), flat]
+
+
+def _handles(looks: Mapping[str, Mapping[str, Any]]) -> list[Any]:
+    return [Line2D([], [], label=label, **look) for label, look in looks.items()]
+
+
+def _isotropic(workspace: Workspace) -> bool:
+    return bool(workspace.condition_number[workspace.best] < 1 + 1e-6)
+
+
+def _best_look(workspace: Workspace) -> dict[str, Any]:
+    shape = {"marker": "*", "markersize": 9} if _isotropic(workspace) else {"marker": "D"}
+    return _BEST | shape
+
+
+def _one_psi(workspace: Workspace) -> bool:
+    return bool(np.ptp(workspace.psi) == 0)
+
+
+def _margin(workspace: Workspace) -> Array:
+    """Flat legs count as off their arcs."""
+    return np.where(np.isnan(workspace.margin), -np.pi, workspace.margin)
+
+
+def _level_curves(robot: SST, field: Array, level: float) -> list[Array]:
+    """Curves of a field on the grid of a workspace, as directions."""
+    rings, spokes = field.shape
+    x, y = np.moveaxis(Chart.grid(rings, spokes - 1), -1, 0)
+    found: Any = contour_generator(x=x, y=y, z=np.ma.masked_invalid(field)).lines(level)
+    return [Chart.of_robot(robot).directions(curve) for curve in found]
+
+
+def _roll_lines(ax: Axes, workspace: Workspace, x: Array, y: Array) -> None:
+    """Lines of equal roll, labelled below the best pose where there is room."""
+    if workspace.best is None:
+        return
+    roll = np.where(workspace.on_arcs, np.degrees(workspace.roll), np.nan)
+    lines = ax.contour(x, y, roll, 4, colors=_ROLL["color"], linewidths=_ROLL["linewidth"])
+    places = [np.array((x[workspace.best], y[workspace.best]))]
+    for segments in lines.allsegs:
+        line = np.concatenate([np.empty((0, 2)), *segments])
+        below = line[line[:, 1] < places[0][1]]
+        if len(below):
+            place = below[np.abs(below[:, 0] - places[0][0]).argmin()]
+            if min(np.linalg.norm(place - other) for other in places) > 0.13:
+                places.append(place)
+    ax.clabel(lines, fmt="%d°", fontsize=7, manual=places[1:])
+
+
+def _round(ax: Axes, radius: float, room: float) -> None:
+    """The outline of the map, and axes without a frame that hold it."""
+    turn = np.linspace(0, 2 * np.pi, 361)
+    ax.plot(radius * np.cos(turn), radius * np.sin(turn), color="black", linewidth=0.6)
+    limits = (-room * radius, room * radius)
+    ax.set(xlim=limits, ylim=limits, aspect="equal")
+    ax.set_axis_off()
+
+
+def _parallels_and_meridians() -> Iterator[tuple[str, int, Array]]:
+    """Colatitudes phi and longitudes theta of s every 30 degrees: name, angle, directions."""
+    round_about = np.radians(np.linspace(-180, 180, 721))
+    pole_to_pole = np.radians(np.linspace(5, 175, 341))  # at the poles they would crowd
+    for at in range(30, 180, 30):
+        yield "phi", at, _directions(round_about, np.radians(at))
+    for at in range(-150, 181, 30):
+        yield "theta", at, _directions(np.radians(at), pole_to_pole)
+
+
+def _directions(theta: ArrayLike, phi: ArrayLike) -> Array:
+    return orientation(*np.broadcast_arrays(theta, phi))[..., 0]
+
+
+def _graticule_labels(ax: Axes, chart: Chart) -> None:
+    """Angles of parallels and meridians where they leave the map."""
+    taken: list[float] = []
+    for name, at, line in _parallels_and_meridians():
+        for leaving in np.flatnonzero(np.diff(np.sign(line @ chart.axes[2]))):
+            right, up, _ = chart.axes @ line[leaving]
+            turn = float(np.arctan2(up, right))
+            needed = 0.17 + 0.08 * abs(up)  # side by side they need more than one below the other
+            crowded = any(abs(np.angle(np.exp(1j * (turn - t)))) < needed for t in taken)
+            if crowded or (name == "phi" and right > 0):  # colatitudes at the left
+                continue
+            taken.append(turn)
+            ax.text(
+                1.04 * _EDGE * right,
+                1.06 * _EDGE * up,
+                rf"$\{name}$ {at}°".replace("-", "\N{MINUS SIGN}"),
+                ha="center" if abs(right) < 0.3 else "left" if right > 0 else "right",
+                va="center",
+                fontsize=7,
+                color="0.3",
+            )
