@@ -3,7 +3,7 @@
 
 from .closed_chain import ClosedChain
 from .closures import Closure
-from .description import PACKAGE_PATH, URDF_PATH, YAML_PATH
+from .description import MJCF_PATH, PACKAGE_PATH, URDF_PATH, YAML_PATH
 from .dynamics import ReducedTerms
 from .energy import energy_error
 from .errors import (
@@ -39,6 +39,7 @@ from .validation import Problem, validate
 
 __all__ = [
     "BRANCHES",
+    "MJCF_PATH",
     "PACKAGE_PATH",
     "SST",
     "URDF_PATH",

@@ -137,6 +137,15 @@ def table_writer(columns: Sequence[str], values: Array) -> Writer:
     return write
 
 
+def text_writer(text: str) -> Writer:
+    """A writer of a text in UTF-8."""
+
+    def write(file: BinaryIO) -> None:
+        file.write(text.encode())
+
+    return write
+
+
 def write_files(files: Mapping[Path, Writer], force: bool = False) -> None:
     """Write files whole or not at all.
 

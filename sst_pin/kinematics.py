@@ -158,6 +158,20 @@ def orientation_of_joints(geometry: Geometry, q: Array) -> Array:
     return R_31 @ geometry.R_E[0]
 
 
+def home_orientation(geometry: Geometry) -> Array:
+    """{E} in the base, shape (3, 3): s amid the base triangle, R_1 amid its side P1P2."""
+    v, e_1 = geometry.R_0[:, :, 0], geometry.e[0]
+    s = v.sum(axis=0)
+    s /= np.linalg.norm(s)
+    middle = v[0] / np.linalg.norm(v[0]) + v[1] / np.linalg.norm(v[1])
+    n = np.cross(middle, s)
+    n /= np.linalg.norm(n)
+    if n @ np.cross(e_1, middle) > 0:  # sin(mu_1) = -n . y_1 must be positive
+        n = -n
+    R_31 = np.stack([s, np.cross(n, s), n], axis=-1)
+    return R_31 @ geometry.R_E[0]
+
+
 def joint_rates(legs: Legs, omega: Array) -> Array:
     """Rates of all joints from the star's angular velocity, shape (..., 9).
 

@@ -112,16 +112,7 @@ class SST(StarDynamics):
 
         The isotropic pose of the paper's robot.
         """
-        v, e_1 = self.geometry.R_0[:, :, 0], self.geometry.e[0]
-        s = v.sum(axis=0)
-        s /= np.linalg.norm(s)
-        middle = v[0] / np.linalg.norm(v[0]) + v[1] / np.linalg.norm(v[1])
-        n = np.cross(middle, s)
-        n /= np.linalg.norm(n)
-        if n @ np.cross(e_1, middle) > 0:  # sin(mu_1) = -n . y_1 must be positive
-            n = -n
-        R_31 = np.stack([s, np.cross(n, s), n], axis=-1)
-        return self.inverse_kinematics(R_31 @ self.geometry.R_E[0])
+        return self.inverse_kinematics(kinematics.home_orientation(self.geometry))
 
     def inverse_kinematics(self, R: ArrayLike, branch: ArrayLike = (1, 1, 1)) -> Array:
         """Joint coordinates that hold the star at an orientation.

@@ -11,11 +11,13 @@ from .cuts import cuts_of
 from .folder import description_writers
 from .frames import JOINT_NAMES, base_orientations, star_orientations
 from .meshes import mesh_writers, meshes_of
-from .paths import PACKAGE_PATH, URDF_PATH, YAML_PATH
+from .mjcf import mjcf_of
+from .paths import MJCF_PATH, PACKAGE_PATH, URDF_PATH, YAML_PATH
 from .urdf import urdf_of
 
 __all__ = [
     "JOINT_NAMES",
+    "MJCF_PATH",
     "PACKAGE_PATH",
     "URDF_PATH",
     "YAML_PATH",
@@ -24,6 +26,7 @@ __all__ = [
     "description_writers",
     "mesh_writers",
     "meshes_of",
+    "mjcf_of",
     "star_orientations",
     "urdf_of",
 ]

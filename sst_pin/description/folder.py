@@ -3,12 +3,11 @@
 
 from __future__ import annotations
 
-from typing import BinaryIO
-
-from ..files import Writer
+from ..files import Writer, text_writer
 from ..parameters import Parameters
 from .cuts import cuts_of
 from .meshes import mesh_writers
+from .mjcf import mjcf_of, scene_of
 from .urdf import urdf_of
 
 
@@ -19,11 +18,10 @@ def description_writers(p: Parameters) -> dict[str, Writer]:
         MissingExtraError: Without trimesh.
     """
 
-    def text_writer(text: str) -> Writer:
-        def write(file: BinaryIO) -> None:
-            file.write(text.encode())
-
-        return write
-
-    texts = {"sst.urdf": urdf_of(p), "sst.yaml": cuts_of(p)}
+    texts = {
+        "sst.urdf": urdf_of(p),
+        "sst.yaml": cuts_of(p),
+        "sst.xml": mjcf_of(p),
+        "scene.xml": scene_of(),
+    }
     return {name: text_writer(text) for name, text in texts.items()} | mesh_writers(p)

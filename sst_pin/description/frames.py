@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..parameters import Parameters
+from ..parameters import Parameters, RigidBody
 
 Array = NDArray[np.float64]
 
@@ -25,6 +25,16 @@ def star_orientations(parameters: Parameters) -> Array:
     _, alpha_2, alpha_3 = parameters.arc_angles
     # Eqs. (30), (31), (35)
     return np.stack([_rot_x(angle) for angle in (0.0, -alpha_2, -(alpha_2 + alpha_3))])
+
+
+def star_arcs(parameters: Parameters) -> tuple[RigidBody, ...]:
+    """The star's three arcs in {31}, {32}, {33}: each a third of its mass and of its inertia."""
+    star = parameters.star
+    # Turned into {3k} here: MuJoCo before 3.14 passes by the rpy of an inertial in silence.
+    return tuple(
+        RigidBody(star.mass / 3, R @ star.center_of_mass, R @ star.inertia @ R.T / 3)
+        for R in star_orientations(parameters)
+    )
 
 
 def _rot_x(angle: float) -> Array:

@@ -16,3 +16,5 @@ PACKAGE_PATH = _package_path()
 URDF_PATH = PACKAGE_PATH / "sst.urdf"
 #: Its loop closures, motors and gravity.
 YAML_PATH = PACKAGE_PATH / "sst.yaml"
+#: The robot with closed loops, for MuJoCo.
+MJCF_PATH = PACKAGE_PATH / "sst.xml"
