@@ -13,6 +13,7 @@ from . import description, direct_kinematics, kinematics, reading
 from .batches import finite_array, single_array
 from .errors import DescriptionError, InputError, WorkspaceError
 from .parameters import Parameters
+from .read_back import parameters_of
 from .star_dynamics import StarDynamics
 from .topology import geometry_of
 
@@ -103,6 +104,15 @@ class SST(StarDynamics):
             )
         model.gravity.linear = gravity
         super().__init__(model, closures, actuated, geometry, kernels)
+
+    @property
+    def parameters(self) -> Parameters:
+        """What stands in `model`, as parameters; `SST(robot.parameters)` is the same robot.
+
+        Raises:
+            DescriptionError: When an edited URDF holds what parameters do not.
+        """
+        return parameters_of(self.model, self.geometry, self.friction)
 
     # --- kinematics -------------------------------------------------------------------------
 

@@ -15,7 +15,7 @@ from .kinematics import Geometry
 #: Frames of the cuts and the arc of the star that each is fixed to.
 _STAR_OF = {"closedloop1_A": 1, "closedloop2_A": 1, "closedloop1_B": 2, "closedloop2_B": 3}
 #: [m] and [rad]; what a person writes with ten digits is exact.
-_EXACT = 1e-9
+EXACT = 1e-9
 
 
 def geometry_of(model: pin.Model, source: str) -> Geometry:
@@ -34,11 +34,12 @@ def geometry_of(model: pin.Model, source: str) -> Geometry:
         raise DescriptionError(source, problems)
     R_0 = [model.jointPlacements[model.getJointId(f"gamma_{k}")].rotation for k in (1, 2, 3)]
     ends = ("closedloop1_A", "closedloop1_B", "closedloop2_B")
-    R_E = [_frame(model, name).placement.rotation for name in ends]
+    R_E = [frame_of(model, name).placement.rotation for name in ends]
     return Geometry(np.array(R_0), np.array(R_E))
 
 
-def _frame(model: pin.Model, name: str) -> pin.Frame:
+def frame_of(model: pin.Model, name: str) -> pin.Frame:
+    """A frame by its name."""
     return model.frames[model.getFrameId(name)]
 
 
@@ -69,9 +70,9 @@ def _axis_problems(model: pin.Model) -> Iterator[str]:
         if model.parents[index] != parent:
             bearer, other = model.names[parent], model.names[model.parents[index]]
             yield f"joint {name}: hangs on {other}, not on {bearer}"
-        if np.abs(placement.translation).max() > _EXACT:
+        if np.abs(placement.translation).max() > EXACT:
             yield f"joint {name}: off the centre O, origin xyz must be 0 0 0"
-        if joint != "gamma" and np.abs(placement.rotation - np.eye(3)).max() > _EXACT:
+        if joint != "gamma" and np.abs(placement.rotation - np.eye(3)).max() > EXACT:
             yield f"joint {name}: origin rpy must be 0 0 0"
 
 
@@ -82,11 +83,11 @@ def _frame_problems(model: pin.Model) -> Iterator[str]:
     for name, k in _STAR_OF.items():
         if name in missing:
             continue
-        frame = _frame(model, name)
+        frame = frame_of(model, name)
         fixed_to_star = frame.parentJoint == model.getJointId(f"beta_{k}")
-        if not fixed_to_star or np.abs(frame.placement.translation).max() > _EXACT:
+        if not fixed_to_star or np.abs(frame.placement.translation).max() > EXACT:
             yield f"frame {name}: must be fixed to star_{k} with origin xyz 0 0 0"
     if not missing:
-        first, second = (_frame(model, f"closedloop{loop}_A").placement for loop in (1, 2))
-        if not first.actInv(second).isIdentity(_EXACT):
+        first, second = (frame_of(model, f"closedloop{loop}_A").placement for loop in (1, 2))
+        if not first.actInv(second).isIdentity(EXACT):
             yield "frame closedloop2_A: must coincide with closedloop1_A"

@@ -41,6 +41,8 @@ def mjcf_of(p: Parameters) -> str:
     ET.SubElement(default, "equality", _WELD)
     base = ET.SubElement(ET.SubElement(robot, "worldbody"), "body", name="base")
     R_0, R_E = base_orientations(p), star_orientations(p)
+    for k, v in enumerate(p.base_directions, start=1):
+        ET.SubElement(base, "site", name=f"P_{k}", pos=_numbers(p.base_radius * v))
     friction = iter(zip(p.viscous_friction, p.coulomb_friction, strict=True))
     for k, (link, passive, arc) in enumerate(
         zip(p.links, p.passive_links, star_arcs(p), strict=True)
@@ -53,6 +55,9 @@ def mjcf_of(p: Parameters) -> str:
         ends = ("closedloop1_A", "closedloop2_A") if k == 0 else (f"closedloop{k}_B",)
         for end in ends:
             ET.SubElement(element, "site", name=end, quat=_quaternion(R_E[k]))
+        if k == 0:
+            position = _numbers((p.star_radius, 0, 0))
+            ET.SubElement(element, "site", name="E", pos=position, quat=_quaternion(R_E[0]))
     equality = ET.SubElement(robot, "equality")
     for loop in (1, 2):
         name = f"closedloop{loop}"
@@ -68,7 +73,7 @@ def mjcf_of(p: Parameters) -> str:
     for motor in motors:
         ET.SubElement(sensor, "actuatorfrc", name=f"{motor}_torque", actuator=motor)
     for kind, what in (("framequat", "orientation"), ("frameangvel", "angular_velocity")):
-        ET.SubElement(sensor, kind, name=f"star_{what}", objtype="site", objname="closedloop1_A")
+        ET.SubElement(sensor, kind, name=f"star_{what}", objtype="site", objname="E")
     keyframe = ET.SubElement(robot, "keyframe")
     for name, q in configurations_of(p).items():
         ET.SubElement(keyframe, "key", name=name, qpos=_numbers(q))

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..parameters import Parameters
-from .frames import base_orientations, star_orientations
+from .frames import base_orientations, star_arcs, star_orientations
 from .parts import parts_of
 from .solids import Ball, Box, Cylinder, Solid, axes_along, primitives
 
@@ -44,7 +44,9 @@ def urdf_of(p: Parameters) -> str:
     base = ET.SubElement(robot, "link", name="base")
     _looks(base, parts, {"base": "base", "motors": "motor"})
     friction = list(zip(p.viscous_friction, p.coulomb_friction, strict=True))
-    for k, (link, passive) in enumerate(zip(p.links, p.passive_links, strict=True)):
+    for k, (link, passive, arc) in enumerate(
+        zip(p.links, p.passive_links, star_arcs(p), strict=True)
+    ):
         leg, colour = k + 1, f"leg_{k + 1}"
         robot.append(ET.Comment(f" leg {leg} "))
         _joint(robot, f"gamma_{leg}", "base", f"link_{leg}", "0 0 1", friction[3 * k], R_0[k])
@@ -59,14 +61,16 @@ def urdf_of(p: Parameters) -> str:
 
         _joint(robot, f"beta_{leg}", f"passive_{leg}", f"star_{leg}", "0 0 1", friction[3 * k + 2])
         element = ET.SubElement(robot, "link", name=f"star_{leg}")
-        # Turned into {3k} here: MuJoCo before 3.14 passes by the rpy of an inertial in silence.
-        inertia = R_E[k] @ p.star.inertia @ R_E[k].T
-        _inertial(element, p.star.mass / 3, R_E[k] @ p.star.center_of_mass, inertia / 3)
+        _inertial(element, arc.mass, arc.center_of_mass, arc.inertia)
         _looks(element, parts, {"arc": colour} | ({"tool": "motor"} if k == 0 else {}))
     robot.append(ET.Comment(" frames of the cuts: {E} as each arc of the star sees it "))
     for loop, k in ((1, 1), (2, 2)):
-        _frame(robot, f"closedloop{loop}_A", "star_1", R_E[0])
-        _frame(robot, f"closedloop{loop}_B", f"star_{k + 1}", R_E[k])
+        _frame(robot, f"closedloop{loop}_A", "star_1", R=R_E[0])
+        _frame(robot, f"closedloop{loop}_B", f"star_{k + 1}", R=R_E[k])
+    robot.append(ET.Comment(" points E of the star and P_k of the base "))
+    _frame(robot, "E", "star_1", (p.star_radius, 0, 0), R_E[0])
+    for k, v in enumerate(p.base_directions, start=1):
+        _frame(robot, f"P_{k}", "base", p.base_radius * v)
     ET.indent(robot)
     return '<?xml version="1.0"?>\n' + ET.tostring(robot, encoding="unicode") + "\n"
 
@@ -155,12 +159,18 @@ def _joint(
     ET.SubElement(joint, "dynamics", damping=_numbers([damping]), friction=_numbers([dry]))
 
 
-def _frame(robot: ET.Element, name: str, parent: str, R: Array) -> None:
+def _frame(
+    robot: ET.Element,
+    name: str,
+    parent: str,
+    xyz: Iterable[float] = (0, 0, 0),
+    R: Array | None = None,
+) -> None:
     """A fixed link with an explicit zero inertial, the one form no tool gives a mass of its own."""
     link = ET.SubElement(robot, "link", name=name)
     _inertial(link, 0.0, np.zeros(3), np.zeros((3, 3)))
     joint = ET.SubElement(robot, "joint", name=f"{name}_fixed", type="fixed")
-    _origin(joint, R=R)
+    _origin(joint, xyz, R)
     ET.SubElement(joint, "parent", link=parent)
     ET.SubElement(joint, "child", link=name)
 
