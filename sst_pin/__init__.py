@@ -3,7 +3,14 @@
 
 from .closed_chain import ClosedChain
 from .closures import Closure
-from .description import MJCF_PATH, PACKAGE_PATH, URDF_PATH, YAML_PATH
+from .description import (
+    MJCF_PATH,
+    PACKAGE_PATH,
+    REPOSITORY_PATH,
+    SRDF_PATH,
+    URDF_PATH,
+    YAML_PATH,
+)
 from .dynamics import ReducedTerms
 from .energy import energy_error
 from .errors import (
@@ -33,6 +40,7 @@ from .platform_motion import (
     paper_circle,
 )
 from .rollouts import Rollout
+from .robot_wrapper import load
 from .sst import SST
 from .trajectories import Trajectory
 from .validation import Problem, validate
@@ -41,6 +49,8 @@ __all__ = [
     "BRANCHES",
     "MJCF_PATH",
     "PACKAGE_PATH",
+    "REPOSITORY_PATH",
+    "SRDF_PATH",
     "SST",
     "URDF_PATH",
     "YAML_PATH",
@@ -70,6 +80,7 @@ __all__ = [
     "WorkspaceError",
     "energy_error",
     "interpolate_orientations",
+    "load",
     "orientation",
     "orientation_motion",
     "paper_circle",

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from .description import JOINT_NAMES, base_orientations
 from .dynamics import Friction
@@ -46,21 +46,34 @@ def parameters_of(model: pin.Model, geometry: Geometry, friction: Friction) -> P
     turns = np.arctan2(geometry.R_E[1:, 1, 2], geometry.R_E[1:, 1, 1]) % (2 * np.pi)
     alpha_2, alpha_3 = turns[0], (turns[1] - turns[0]) % (2 * np.pi)
     return Parameters(
-        base_directions=geometry.R_0[:, :, 0],
-        arc_angles=(2 * np.pi - alpha_2 - alpha_3, alpha_2, alpha_3),
+        base_directions=[frame_of(model, f"P_{k}").placement.translation for k in (1, 2, 3)],
+        arc_angles=_rounded((2 * np.pi - alpha_2 - alpha_3, alpha_2, alpha_3)),
         link=_one_or_three(bodies[0::3]),
         passive_link=_one_or_three(bodies[1::3]),
         star=_star(model, geometry),
         viscous_friction=friction.viscous,
         coulomb_friction=friction.coulomb,
         gravity=model.gravity.linear,
-        base_radius=float(np.linalg.norm(frame_of(model, "P_1").placement.translation)),
-        star_radius=float(np.linalg.norm(frame_of(model, "E").placement.translation)),
+        base_radius=_radius(model, "P_1"),
+        star_radius=_radius(model, "E"),
     )
 
 
+def _radius(model: pin.Model, point: str) -> float:
+    return float(_rounded(np.linalg.norm(frame_of(model, point).placement.translation)))
+
+
 def _body(inertia: pin.Inertia) -> RigidBody:
-    return RigidBody(inertia.mass, inertia.lever, inertia.inertia)
+    return RigidBody(
+        float(_rounded(inertia.mass)), _rounded(inertia.lever), _rounded(inertia.inertia)
+    )
+
+
+def _rounded(value: ArrayLike) -> Array:
+    """To 16 digits of the largest entry: what comes back from sums and angles has no more."""
+    value = np.asarray(value, dtype=float)
+    digits = 16 - int(np.ceil(np.log10(max(np.abs(value).max(), 1e-300))))
+    return value.round(digits)
 
 
 def _one_or_three(bodies: Sequence[RigidBody]) -> RigidBody | Sequence[RigidBody]:
@@ -84,7 +97,7 @@ def _frame_problems(model: pin.Model) -> Iterator[str]:
 
 def _base_problems(model: pin.Model, geometry: Geometry) -> Iterator[str]:
     v = geometry.R_0[:, :, 0]
-    radius = np.linalg.norm(frame_of(model, "P_1").placement.translation)
+    radius = _radius(model, "P_1")
     wanted = base_orientations(Parameters(base_directions=v))
     for k in range(3):
         if np.abs(geometry.R_0[k] - wanted[k]).max() > EXACT:
@@ -103,7 +116,7 @@ def _star_problems(model: pin.Model, geometry: Geometry) -> Iterator[str]:
         if np.abs(geometry.R_E[k - 1, 0] - np.eye(3)[0]).max() > EXACT:
             yield f"frame closedloop{k - 1}_B: {{E}} must be turned about x of star_{k} only"
     E = frame_of(model, "E")
-    radius = np.linalg.norm(E.placement.translation)
+    radius = _radius(model, "E")
     on_x = E.placement.isApprox(pin.SE3(np.eye(3), np.array((radius, 0, 0))), EXACT)
     if E.parentJoint != model.getJointId("beta_1") or not on_x:
         yield "frame E: must be fixed to star_1 with origin xyz r 0 0, rpy 0 0 0"

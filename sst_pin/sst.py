@@ -55,8 +55,8 @@ class SST(StarDynamics):
             self._load(
                 reading.read_text(description.URDF_PATH, "URDF"),
                 reading.read_text(description.YAML_PATH, "YAML of the cuts"),
-                str(description.URDF_PATH),
-                str(description.YAML_PATH),
+                description.URDF_PATH,
+                description.YAML_PATH,
                 kernels,
             )
         else:
@@ -81,7 +81,7 @@ class SST(StarDynamics):
         path = Path(path)
         if cuts is None:
             beside = path.with_suffix(".yaml")
-            cuts = beside if beside.is_file() else description.YAML_PATH
+            cuts = beside if beside.is_file() else Path(description.YAML_PATH)
         robot = cls.__new__(cls)
         robot._load(
             reading.read_text(path, "URDF"),

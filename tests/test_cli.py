@@ -170,7 +170,9 @@ def test_info_tells_versions_model_and_mobility(capsys):
 
 def test_every_command_takes_another_robot(here, capsys):
     """--urdf."""
-    text = sst_pin.URDF_PATH.read_text().replace('<mass value="0.3" />', '<mass value="0.6" />')
+    text = (
+        Path(sst_pin.URDF_PATH).read_text().replace('<mass value="0.3" />', '<mass value="0.6" />')
+    )
     (here / "mine.urdf").write_text(text)
     assert "4.58 kg" in run(capsys, "info", "--urdf", "mine.urdf")[1]
     run(capsys, "torques", SAMPLE, "-o", "a.csv")

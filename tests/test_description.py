@@ -86,7 +86,7 @@ def test_the_three_arcs_make_up_body_seven(robot):
 
 def test_cuts_are_in_the_schema_of_laas():
     """closed_loop, type and name_mot; gravity is an additional key."""
-    cuts = yaml.safe_load(sst_pin.YAML_PATH.read_text())
+    cuts = yaml.safe_load(Path(sst_pin.YAML_PATH).read_text())
     assert cuts["closed_loop"] == [
         ["closedloop1_A", "closedloop1_B"],
         ["closedloop2_A", "closedloop2_B"],
@@ -109,14 +109,14 @@ def test_an_edited_urdf_is_what_is_computed(tmp_path, robot):
 
     heavier = tmp_path / "heavier.urdf"  # without a YAML beside it: the shipped cuts
     heavier.write_text(
-        sst_pin.URDF_PATH.read_text().replace('<mass value="0.3" />', '<mass value="0.5" />')
+        Path(sst_pin.URDF_PATH).read_text().replace('<mass value="0.3" />', '<mass value="0.5" />')
     )
     assert sum(i.mass for i in sst_pin.SST.from_urdf(heavier).model.inertias) == pytest.approx(4.28)
 
 
 def test_the_star_frame_may_be_turned_in_an_edited_urdf(tmp_path):
     """{E} need not be {31}: the frames of the cuts say where it is."""
-    text = sst_pin.URDF_PATH.read_text()
+    text = Path(sst_pin.URDF_PATH).read_text()
     for loop in (1, 2):
         head, tail = text.split(f'<joint name="closedloop{loop}_A_fixed"')
         text = f'{head}<joint name="closedloop{loop}_A_fixed"' + tail.replace(
@@ -153,7 +153,7 @@ def test_the_star_frame_may_be_turned_in_an_edited_urdf(tmp_path):
 def test_a_urdf_of_another_topology_is_refused_by_name(tmp_path, old, new, word):
     """The error lists what keeps the tree from being an SST's."""
     path = tmp_path / "other.urdf"
-    path.write_text(sst_pin.URDF_PATH.read_text().replace(old, new))
+    path.write_text(Path(sst_pin.URDF_PATH).read_text().replace(old, new))
     with pytest.raises(sst_pin.DescriptionError) as caught:
         sst_pin.SST.from_urdf(path)
     assert word in str(caught.value)
@@ -191,7 +191,7 @@ def test_a_missing_urdf_is_said_to_be_missing(tmp_path):
 def test_mujoco_loads_the_urdf_with_the_same_mass_matrix(robot):
     """An engine nobody here wrote sees the same tree: masses, axes and inertias."""
     mujoco = pytest.importorskip("mujoco", reason="extra `verify` is not installed")
-    model = mujoco.MjModel.from_xml_path(str(sst_pin.URDF_PATH))
+    model = mujoco.MjModel.from_xml_path(sst_pin.URDF_PATH)
     data = mujoco.MjData(model)
     names = [mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_JOINT, i) for i in range(model.njnt)]
     order = [names.index(n) for n in robot.joint_names]

@@ -1,4 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -247,7 +249,8 @@ def test_an_orientation_beyond_the_joint_limits_is_out_of_reach(tmp_path):
     """Limits of an edited URDF count; the error names joint, value and limits."""
     path = tmp_path / "short.urdf"
     limit = repr(2 * np.pi)
-    path.write_text(sst_pin.URDF_PATH.read_text().replace(f'upper="{limit}"', 'upper="1.0"'))
+    text = Path(sst_pin.URDF_PATH).read_text()
+    path.write_text(text.replace(f'upper="{limit}"', 'upper="1.0"'))
     robot = sst_pin.SST.from_urdf(path)
     with pytest.raises(sst_pin.WorkspaceError, match=r"mu_1 would be 1\.571 rad"):
         robot.inverse_kinematics(sst_pin.paper_circle(0.0).R)

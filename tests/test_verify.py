@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -107,6 +108,6 @@ def test_multipliers_referee_any_closed_chain(name):
 def test_an_edited_urdf_is_verified_too(tmp_path, capsys):
     """By multipliers, which need no parameters."""
     path = tmp_path / "mine.urdf"
-    path.write_text(sst_pin.URDF_PATH.read_text().replace('"0.3"', '"0.7"'))
+    path.write_text(Path(sst_pin.URDF_PATH).read_text().replace('"0.3"', '"0.7"'))
     assert main(["verify", "--quick", "--urdf", str(path)]) == 0
     assert "torques, sst" in capsys.readouterr().out

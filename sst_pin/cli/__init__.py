@@ -8,11 +8,22 @@ import warnings
 from collections.abc import Sequence
 
 from ..errors import SingularityWarning, SSTError
-from . import export_c, info, paper, plot, simulate, torques, validate, verify, workspace
+from . import (
+    describe,
+    export_c,
+    info,
+    paper,
+    plot,
+    simulate,
+    torques,
+    validate,
+    verify,
+    workspace,
+)
 from .common import Commands, Parser, version_of
 
 #: In the order of the help text.
-COMMANDS = (paper, torques, simulate, plot, workspace, verify, validate, export_c, info)
+COMMANDS = (paper, torques, simulate, plot, workspace, describe, verify, validate, export_c, info)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -10,10 +10,14 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import NoReturn
 
+import numpy as np
+from numpy.typing import NDArray
 from tqdm import tqdm
 
 from ..sst import SST
 from ..trajectories import Trajectory
+
+Array = NDArray[np.float64]
 
 
 class Parser(argparse.ArgumentParser):
@@ -47,6 +51,17 @@ def add_urdf(parser: Parser) -> None:
 def robot_of(arguments: argparse.Namespace) -> SST:
     """The robot that the options ask for."""
     return SST() if arguments.urdf is None else SST.from_urdf(arguments.urdf)
+
+
+def triple(text: str) -> Array:
+    """Three numbers of an option, for argparse."""
+    try:
+        numbers = np.array([float(part) for part in text.split(",")])
+    except ValueError:
+        numbers = np.empty(0)
+    if numbers.shape != (3,) or not np.isfinite(numbers).all():
+        raise argparse.ArgumentTypeError(f"{text!r} is not three numbers like 0.1,0.2,0.3")
+    return numbers
 
 
 def add_force(parser: Parser) -> None:

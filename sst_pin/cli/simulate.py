@@ -14,7 +14,7 @@ from ..files import Table, read_table
 from ..motion_files import MOTORS
 from ..sst import SST
 from ..trajectories import Trajectory
-from .common import Commands, add_output, add_urdf, progress_bar, remark, robot_of, save
+from .common import Commands, add_output, add_urdf, progress_bar, remark, robot_of, save, triple
 
 Array = NDArray[np.float64]
 
@@ -31,21 +31,11 @@ def add_to(commands: Commands) -> None:
     parser.add_argument("torques", type=Path, metavar="TORQUES.csv")
     add_output(parser, "MOTION.csv")
     parser.add_argument(
-        "--gamma", type=_triple, metavar="G1,G2,G3", help="motor angles at the start, rad"
+        "--gamma", type=triple, metavar="G1,G2,G3", help="motor angles at the start, rad"
     )
     parser.add_argument(
-        "--gamma-dot", type=_triple, metavar="W1,W2,W3", help="motor rates at the start, rad/s"
+        "--gamma-dot", type=triple, metavar="W1,W2,W3", help="motor rates at the start, rad/s"
     )
-
-
-def _triple(text: str) -> Array:
-    try:
-        numbers = np.array([float(part) for part in text.split(",")])
-    except ValueError:
-        numbers = np.empty(0)
-    if numbers.shape != (3,) or not np.isfinite(numbers).all():
-        raise argparse.ArgumentTypeError(f"{text!r} is not three numbers like 0.1,0.2,0.3")
-    return numbers
 
 
 def _run(arguments: argparse.Namespace) -> None:

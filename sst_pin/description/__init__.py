@@ -12,13 +12,16 @@ from .folder import description_writers
 from .frames import JOINT_NAMES, base_orientations, star_orientations
 from .meshes import mesh_writers, meshes_of
 from .mjcf import mjcf_of
-from .paths import MJCF_PATH, PACKAGE_PATH, URDF_PATH, YAML_PATH
+from .paths import MJCF_PATH, PACKAGE_PATH, REPOSITORY_PATH, SRDF_PATH, URDF_PATH, YAML_PATH
+from .srdf import srdf_of
 from .urdf import urdf_of
 
 __all__ = [
     "JOINT_NAMES",
     "MJCF_PATH",
     "PACKAGE_PATH",
+    "REPOSITORY_PATH",
+    "SRDF_PATH",
     "URDF_PATH",
     "YAML_PATH",
     "base_orientations",
@@ -27,6 +30,7 @@ __all__ = [
     "mesh_writers",
     "meshes_of",
     "mjcf_of",
+    "srdf_of",
     "star_orientations",
     "urdf_of",
 ]

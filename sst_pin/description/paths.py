@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Where the shipped description lies."""
+"""Where the shipped description lies; strings, as the loaders of other tools want them."""
 
 from importlib.resources import files
 from pathlib import Path
@@ -10,11 +10,15 @@ def _package_path() -> Path:
     return installed if installed.is_dir() else installed.parents[1] / "urdf"
 
 
-#: Folder of the shipped description.
-PACKAGE_PATH = _package_path()
+#: Folder of the shipped description; relative names of meshes start here.
+PACKAGE_PATH = str(_package_path())
+#: The folder that holds it.
+REPOSITORY_PATH = str(_package_path().parent)
 #: The paper's robot.
-URDF_PATH = PACKAGE_PATH / "sst.urdf"
+URDF_PATH = str(_package_path() / "sst.urdf")
 #: Its loop closures, motors and gravity.
-YAML_PATH = PACKAGE_PATH / "sst.yaml"
+YAML_PATH = str(_package_path() / "sst.yaml")
+#: Its named poses and collision pairs.
+SRDF_PATH = str(_package_path() / "sst.srdf")
 #: The robot with closed loops, for MuJoCo.
-MJCF_PATH = PACKAGE_PATH / "sst.xml"
+MJCF_PATH = str(_package_path() / "sst.xml")

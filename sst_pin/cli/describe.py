@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""`sst-pin describe`: the folder urdf/ for any SST."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import fields, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..description import description_writers
+from ..files import write_files
+from ..parameters import Parameters, RigidBody
+from ..sst import SST
+from .common import Commands, add_force, add_urdf, triple
+
+Array = NDArray[np.float64]
+
+
+def add_to(commands: Commands) -> None:
+    """Add the command."""
+    parser = commands.add(
+        "describe",
+        _run,
+        "Write an SST as a folder for other tools: URDF, cuts, SRDF, MJCF, meshes, README. It is "
+        "the paper's robot, or that of --urdf, with what the options change.",
+    )
+    add_urdf(parser)
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="FOLDER")
+    add_force(parser)
+    parser.add_argument(
+        "--alpha", type=triple, metavar="A1,A2,A3", help="angles between the arcs, degrees"
+    )
+    parser.add_argument(
+        "--base-directions",
+        type=_directions,
+        metavar="'X,Y,Z X,Y,Z X,Y,Z'",
+        help="of P_1, P_2, P_3 from O, of any length",
+    )
+    for name, unit, text in (
+        ("base-radius", "M", "radius of the base, m"),
+        ("star-radius", "M", "radius of the star, m"),
+        ("link-mass", "KG", "of each actuator link, kg; the inertia goes with it"),
+        ("passive-mass", "KG", "of each passive link, kg; the inertia goes with it"),
+        ("star-mass", "KG", "of the star, kg; the inertia goes with it"),
+        ("viscous-friction", "D", "of all nine joints, N m s/rad"),
+        ("coulomb-friction", "F", "of all nine joints, N m"),
+    ):
+        parser.add_argument(f"--{name}", type=float, metavar=unit, help=text)
+    parser.add_argument("--gravity", type=triple, metavar="X,Y,Z", help="in base axes, m/s^2")
+
+
+def _directions(text: str) -> list[Array]:
+    return [triple(part) for part in text.split()]
+
+
+def _run(arguments: argparse.Namespace) -> None:
+    from ..plots.picture import picture_writers
+
+    p = _changed(
+        Parameters() if arguments.urdf is None else SST.from_urdf(arguments.urdf).parameters,
+        arguments,
+    )
+    files = description_writers(p) | picture_writers(p)
+    write_files({arguments.output / name: write for name, write in files.items()}, arguments.force)
+    print(f"{len(files)} files -> {arguments.output}")
+
+
+def _changed(p: Parameters, arguments: argparse.Namespace) -> Parameters:
+    """The parameters with what the options say in place."""
+    given = {name: value for name, value in vars(arguments).items() if value is not None}
+    changes = {f.name: given[f.name] for f in fields(Parameters) if f.name in given}
+    if "alpha" in given:
+        changes["arc_angles"] = np.radians(given["alpha"])
+    if "link_mass" in given:
+        changes["link"] = [_weighing(given["link_mass"], body) for body in p.links]
+    if "passive_mass" in given:
+        changes["passive_link"] = [_weighing(given["passive_mass"], b) for b in p.passive_links]
+    if "star_mass" in given:
+        changes["star"] = _weighing(given["star_mass"], p.star)
+    return replace(p, **changes)
+
+
+def _weighing(mass: float, body: RigidBody) -> RigidBody:
+    """A body of the same shape and another density."""
+    return RigidBody(mass, body.center_of_mass, body.inertia * (mass / body.mass))

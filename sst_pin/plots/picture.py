@@ -1,0 +1,22 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The picture in the README of a description."""
+
+from __future__ import annotations
+
+from matplotlib.figure import Figure
+
+from ..files import Writer
+from ..parameters import Parameters
+from ..sst import SST
+from . import figure_writers, robot_pose, style
+
+
+def picture_writers(p: Parameters) -> dict[str, Writer]:
+    """Writer of `sst.png`, an SST in its home pose, by file name."""
+    robot = SST(p)
+    with style():
+        figure = Figure(figsize=(4, 4), layout="constrained")
+        axes = figure.add_subplot(projection="3d")
+        robot_pose(axes, robot, robot.home, (p.base_radius, p.star_radius))
+        writers = figure_writers(figure, "sst")
+    return {"sst.png": writers["sst.png"]}

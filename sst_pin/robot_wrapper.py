@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The description as a `pin.RobotWrapper`, in the manner of example_robot_data."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pinocchio as pin
+
+from . import description
+from .errors import DescriptionError
+from .sst import SST
+
+
+def load(urdf: str | Path = description.URDF_PATH) -> pin.RobotWrapper:
+    """The tree with its geometry and its named configurations.
+
+    Args:
+        urdf: The shipped one, or that of a folder that `sst-pin describe` wrote.
+
+    Returns:
+        `model` with gravity, and with the poses of the SRDF as `referenceConfigurations`; `q0`,
+        the home pose; `visual_model`; `collision_model` with the pairs that can collide.
+
+    Raises:
+        DescriptionError: When it is no URDF of an SST, or a mesh or the SRDF beside it is missing.
+    """
+    path = Path(urdf)
+    sst = SST.from_urdf(path, kernels=False)
+    model = sst.model
+    srdf = path.with_suffix(".srdf")
+    if not srdf.is_file():
+        raise DescriptionError(str(srdf), ["the SRDF beside the URDF is missing"])
+    pin.loadReferenceConfigurations(model, str(srdf), False)
+    try:
+        visual, collision = (
+            pin.buildGeomFromUrdf(model, str(path), kind, package_dirs=[str(path.parent)])
+            for kind in (pin.GeometryType.VISUAL, pin.GeometryType.COLLISION)
+        )
+    except (ValueError, RuntimeError) as error:
+        raise DescriptionError(str(path), [f"its geometry cannot be loaded: {error}"]) from None
+    collision.addAllCollisionPairs()
+    pin.removeCollisionPairs(model, collision, str(srdf), False)
+    robot = pin.RobotWrapper(model, collision, visual)
+    robot.q0 = sst.home
+    return robot
