@@ -9,9 +9,10 @@ from ..files import Writer, text_writer
 from ..parameters import Parameters
 from .cuts import cuts_of
 from .meshes import mesh_writers
-from .mjcf import mjcf_of, scene_of
+from .mjcf import mjcf_of
 from .paths import PACKAGE_PATH
 from .readme import readme_of
+from .scene import scene_of
 from .srdf import srdf_of
 from .urdf import urdf_of
 
@@ -30,7 +31,7 @@ def description_writers(p: Parameters) -> dict[str, Writer]:
         "sst.yaml": cuts_of(p),
         "sst.srdf": srdf_of(p),
         "sst.xml": mjcf_of(p),
-        "scene.xml": scene_of(),
+        "scene.xml": scene_of(p),
         "README.md": readme_of(p),
     }
     shipped = Path(PACKAGE_PATH)

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,9 @@ from scipy.spatial.transform import Rotation
 from ..parameters import Parameters, RigidBody
 from .configurations import configurations_of
 from .frames import base_orientations, star_arcs, star_orientations
+from .looks import COLOURS, LOOKS
+from .parts import parts_of
+from .solids import Ball, Box, Cylinder, Solid, primitives
 
 Array = NDArray[np.float64]
 
@@ -27,6 +30,12 @@ _HEADER = """
 _OPTION = {"timestep": "0.0005", "integrator": "RK4"}
 #: Critically damped with a time constant of two steps; MuJoCo lengthens it with a longer step.
 _WELD = {"solref": "0.001 1", "solimp": "0.9999 0.9999 0.001"}
+#: Parts of the robot collide with what stands about, not with one another.
+_GEOMS = {
+    "visual": {"type": "mesh", "group": "2", "contype": "0", "conaffinity": "0"},
+    "collision": {"group": "3", "contype": "0", "conaffinity": "1"},
+}
+_MOTORS = ("gamma_1", "gamma_2", "gamma_3")
 
 
 def mjcf_of(p: Parameters) -> str:
@@ -35,45 +44,20 @@ def mjcf_of(p: Parameters) -> str:
     robot.append(ET.Comment(_HEADER))
     ET.SubElement(robot, "compiler", angle="radian", autolimits="true")
     ET.SubElement(robot, "option", _OPTION, gravity=_numbers(p.gravity))
-    default = ET.SubElement(robot, "default")
-    ET.SubElement(default, "joint", type="hinge", range=_numbers((-2 * np.pi, 2 * np.pi)))
-    ET.SubElement(default, "motor", ctrlrange="-1000 1000")
-    ET.SubElement(default, "equality", _WELD)
-    base = ET.SubElement(ET.SubElement(robot, "worldbody"), "body", name="base")
-    R_0, R_E = base_orientations(p), star_orientations(p)
-    for k, v in enumerate(p.base_directions, start=1):
-        ET.SubElement(base, "site", name=f"P_{k}", pos=_numbers(p.base_radius * v))
-    friction = iter(zip(p.viscous_friction, p.coulomb_friction, strict=True))
-    for k, (link, passive, arc) in enumerate(
-        zip(p.links, p.passive_links, star_arcs(p), strict=True)
-    ):
-        leg = k + 1
-        element = _body(base, f"link_{leg}", link, f"gamma_{leg}", "0 0 1", next(friction), R_0[k])
-        element = _body(element, f"passive_{leg}", passive, f"mu_{leg}", "1 0 0", next(friction))
-        element = _body(element, f"star_{leg}", arc, f"beta_{leg}", "0 0 1", next(friction))
-        # {E} as this arc of the star sees it
-        ends = ("closedloop1_A", "closedloop2_A") if k == 0 else (f"closedloop{k}_B",)
-        for end in ends:
-            ET.SubElement(element, "site", name=end, quat=_quaternion(R_E[k]))
-        if k == 0:
-            position = _numbers((p.star_radius, 0, 0))
-            ET.SubElement(element, "site", name="E", pos=position, quat=_quaternion(R_E[0]))
+    _defaults(ET.SubElement(robot, "default"))
+    parts, asset = parts_of(p), ET.SubElement(robot, "asset")
+    for name, rgba in COLOURS.items():
+        ET.SubElement(asset, "material", name=name, rgba=rgba)
+    for name in parts:
+        ET.SubElement(asset, "mesh", name=name, file=f"meshes/{name}.obj")
+    _tree(ET.SubElement(robot, "worldbody"), p, parts)
     equality = ET.SubElement(robot, "equality")
-    for loop in (1, 2):
-        name = f"closedloop{loop}"
+    for name in ("closedloop1", "closedloop2"):
         ET.SubElement(equality, "weld", name=name, site1=f"{name}_A", site2=f"{name}_B")
     actuator = ET.SubElement(robot, "actuator")
-    for leg in (1, 2, 3):
-        ET.SubElement(actuator, "motor", name=f"gamma_{leg}", joint=f"gamma_{leg}")
-    sensor = ET.SubElement(robot, "sensor")
-    motors = [f"gamma_{leg}" for leg in (1, 2, 3)]
-    for kind, suffix in (("jointpos", "position"), ("jointvel", "velocity")):
-        for motor in motors:
-            ET.SubElement(sensor, kind, name=f"{motor}_{suffix}", joint=motor)
-    for motor in motors:
-        ET.SubElement(sensor, "actuatorfrc", name=f"{motor}_torque", actuator=motor)
-    for kind, what in (("framequat", "orientation"), ("frameangvel", "angular_velocity")):
-        ET.SubElement(sensor, kind, name=f"star_{what}", objtype="site", objname="E")
+    for motor in _MOTORS:
+        ET.SubElement(actuator, "motor", name=motor, joint=motor)
+    _sensors(ET.SubElement(robot, "sensor"))
     keyframe = ET.SubElement(robot, "keyframe")
     for name, q in configurations_of(p).items():
         ET.SubElement(keyframe, "key", name=name, qpos=_numbers(q))
@@ -81,69 +65,100 @@ def mjcf_of(p: Parameters) -> str:
     return ET.tostring(robot, encoding="unicode") + "\n"
 
 
-def scene_of() -> str:
-    """XML of the robot with a floor, light and a camera."""
-    return """\
-<mujoco model="sst scene">
-  <include file="sst.xml"/>
-  <statistic center="0 0 0" extent="1"/>
-  <visual>
-    <headlight diffuse="0.6 0.6 0.6" ambient="0.3 0.3 0.3" specular="0 0 0"/>
-    <rgba haze="1 1 1 1"/>
-    <global azimuth="140" elevation="-25" offwidth="1600" offheight="1200"/>
-  </visual>
-  <asset>
-    <texture name="sky" type="skybox" builtin="gradient" rgb1="1 1 1" rgb2="0.9 0.93 0.97"
-      width="256" height="1536"/>
-    <texture name="floor" type="2d" builtin="checker" rgb1="0.93 0.93 0.93" rgb2="0.87 0.87 0.87"
-      width="300" height="300"/>
-    <material name="floor" texture="floor" texrepeat="8 8" texuniform="true" reflectance="0.1"/>
-  </asset>
-  <worldbody>
-    <light pos="0.5 -0.5 3" dir="-0.15 0.15 -1" directional="true"/>
-    <geom name="floor" type="plane" size="0 0 0.05" pos="0 0 -0.6" material="floor"/>
-    <camera name="front" pos="1.3 1.0 0.75" xyaxes="-0.61 0.79 0 -0.33 -0.26 0.91"/>
-  </worldbody>
-</mujoco>
-"""
+def _defaults(default: ET.Element) -> None:
+    ET.SubElement(default, "joint", type="hinge", range=_numbers((-2 * np.pi, 2 * np.pi)))
+    ET.SubElement(default, "motor", ctrlrange="-1000 1000")
+    ET.SubElement(default, "equality", _WELD)
+    for name, geom in _GEOMS.items():
+        ET.SubElement(ET.SubElement(default, "default", {"class": name}), "geom", geom)
+
+
+def _tree(world: ET.Element, p: Parameters, parts: Mapping[str, Sequence[Solid]]) -> None:
+    R_0, R_E = base_orientations(p), star_orientations(p)
+    base = ET.SubElement(world, "body", name="base")
+    _looks(base, parts)
+    for k, v in enumerate(p.base_directions, start=1):
+        ET.SubElement(base, "site", name=f"P_{k}", pos=_numbers(p.base_radius * v))
+    friction = iter(zip(p.viscous_friction, p.coulomb_friction, strict=True))
+    bodies = zip(p.links, p.passive_links, star_arcs(p), strict=True)
+    for k, chain in enumerate(bodies, start=1):
+        element = base
+        names = (("link", "gamma", "0 0 1"), ("passive", "mu", "1 0 0"), ("star", "beta", "0 0 1"))
+        for (name, joint, axis), body in zip(names, chain, strict=True):
+            element = ET.SubElement(element, "body", name=f"{name}_{k}")
+            if name == "link":
+                element.set("quat", _quaternion(R_0[k - 1]))
+            damping, dry = (_numbers([x]) for x in next(friction))
+            hinge = {"axis": axis, "damping": damping, "frictionloss": dry}
+            ET.SubElement(element, "joint", {"name": f"{joint}_{k}"} | hinge)
+            _inertial(element, body)
+            _looks(element, parts)
+        # {E} as this arc of the star sees it, and the point E
+        E = _quaternion(R_E[k - 1])
+        for end in ("closedloop1_A", "closedloop2_A") if k == 1 else (f"closedloop{k - 1}_B",):
+            ET.SubElement(element, "site", name=end, quat=E)
+        if k == 1:
+            ET.SubElement(element, "site", name="E", pos=_numbers((p.star_radius, 0, 0)), quat=E)
+
+
+def _inertial(body: ET.Element, given: RigidBody) -> None:
+    ET.SubElement(
+        body,
+        "inertial",
+        pos=_numbers(given.center_of_mass),
+        mass=_numbers([given.mass]),
+        fullinertia=_numbers(given.inertia[(0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)]),
+    )
+
+
+def _looks(body: ET.Element, parts: Mapping[str, Sequence[Solid]]) -> None:
+    looks = LOOKS[body.get("name", "")]
+    for name, colour in looks.items():
+        ET.SubElement(body, "geom", {"class": "visual"}, mesh=name, material=colour)
+    for primitive in (c for name in looks for solid in parts[name] for c in primitives(solid)):
+        ET.SubElement(body, "geom", {"class": "collision"} | _collision(primitive))
+
+
+def _collision(primitive: Box | Cylinder | Ball) -> dict[str, str]:
+    # As in the URDF, six digits.
+    if isinstance(primitive, Ball):
+        return {
+            "type": "sphere",
+            "pos": _six(primitive.center),
+            "size": _six([primitive.radius]),
+        }
+    if isinstance(primitive, Cylinder):
+        return {
+            "type": "cylinder",
+            "fromto": _six((*primitive.start, *primitive.end)),
+            "size": _six([primitive.radius]),
+        }
+    return {
+        "type": "box",
+        "pos": _six(primitive.center),
+        "xyaxes": _six(primitive.axes[:, :2].T.ravel()),
+        "size": _six(primitive.size / 2),
+    }
+
+
+def _sensors(sensor: ET.Element) -> None:
+    for kind, what in (("jointpos", "position"), ("jointvel", "velocity")):
+        for motor in _MOTORS:
+            ET.SubElement(sensor, kind, name=f"{motor}_{what}", joint=motor)
+    for motor in _MOTORS:
+        ET.SubElement(sensor, "actuatorfrc", name=f"{motor}_torque", actuator=motor)
+    for kind, what in (("framequat", "orientation"), ("frameangvel", "angular_velocity")):
+        ET.SubElement(sensor, kind, name=f"star_{what}", objtype="site", objname="E")
 
 
 def _numbers(values: Iterable[float]) -> str:
     return " ".join(repr(float(x) + 0.0) for x in values)
 
 
+def _six(values: Iterable[float]) -> str:
+    return _numbers(round(float(x), 6) for x in values)
+
+
 def _quaternion(R: Array) -> str:
     # As with rpy, without the digit that is the machine's own.
     return _numbers(Rotation.from_matrix(R).as_quat(canonical=True)[[3, 0, 1, 2]].round(15))
-
-
-def _body(
-    parent: ET.Element,
-    name: str,
-    body: RigidBody,
-    joint: str,
-    axis: str,
-    friction: tuple[float, float],
-    R: Array | None = None,
-) -> ET.Element:
-    element = ET.SubElement(parent, "body", name=name)
-    if R is not None:
-        element.set("quat", _quaternion(R))
-    damping, dry = friction
-    ET.SubElement(
-        element,
-        "joint",
-        name=joint,
-        axis=axis,
-        damping=_numbers([damping]),
-        frictionloss=_numbers([dry]),
-    )
-    inertia = body.inertia[(0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)]
-    ET.SubElement(
-        element,
-        "inertial",
-        pos=_numbers(body.center_of_mass),
-        mass=_numbers([body.mass]),
-        fullinertia=_numbers(inertia),
-    )
-    return element

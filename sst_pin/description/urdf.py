@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..parameters import Parameters
 from .frames import base_orientations, star_arcs, star_orientations
+from .looks import COLOURS, LOOKS
 from .parts import parts_of
 from .solids import Ball, Box, Cylinder, Solid, axes_along, primitives
 
@@ -42,27 +43,27 @@ def urdf_of(p: Parameters) -> str:
     compiler.attrib.update(strippath="false", discardvisual="false")
     parts, R_0, R_E = parts_of(p), base_orientations(p), star_orientations(p)
     base = ET.SubElement(robot, "link", name="base")
-    _looks(base, parts, {"base": "base", "motors": "motor"})
+    _looks(base, parts)
     friction = list(zip(p.viscous_friction, p.coulomb_friction, strict=True))
     for k, (link, passive, arc) in enumerate(
         zip(p.links, p.passive_links, star_arcs(p), strict=True)
     ):
-        leg, colour = k + 1, f"leg_{k + 1}"
+        leg = k + 1
         robot.append(ET.Comment(f" leg {leg} "))
         _joint(robot, f"gamma_{leg}", "base", f"link_{leg}", "0 0 1", friction[3 * k], R_0[k])
         element = ET.SubElement(robot, "link", name=f"link_{leg}")
         _inertial(element, link.mass, link.center_of_mass, link.inertia)
-        _looks(element, parts, {"link": colour})
+        _looks(element, parts)
 
         _joint(robot, f"mu_{leg}", f"link_{leg}", f"passive_{leg}", "1 0 0", friction[3 * k + 1])
         element = ET.SubElement(robot, "link", name=f"passive_{leg}")
         _inertial(element, passive.mass, passive.center_of_mass, passive.inertia)
-        _looks(element, parts, {"passive": f"{colour}_light"})
+        _looks(element, parts)
 
         _joint(robot, f"beta_{leg}", f"passive_{leg}", f"star_{leg}", "0 0 1", friction[3 * k + 2])
         element = ET.SubElement(robot, "link", name=f"star_{leg}")
         _inertial(element, arc.mass, arc.center_of_mass, arc.inertia)
-        _looks(element, parts, {"arc": colour} | ({"tool": "motor"} if k == 0 else {}))
+        _looks(element, parts)
     robot.append(ET.Comment(" frames of the cuts: {E} as each arc of the star sees it "))
     for loop, k in ((1, 1), (2, 2)):
         _frame(robot, f"closedloop{loop}_A", "star_1", R=R_E[0])
@@ -104,9 +105,10 @@ def _inertial(link: ET.Element, mass: float, xyz: Array, inertia: Array) -> None
     ET.SubElement(inertial, "inertia", entries)
 
 
-def _looks(link: ET.Element, parts: Mapping[str, Sequence[Solid]], worn: dict[str, str]) -> None:
+def _looks(link: ET.Element, parts: Mapping[str, Sequence[Solid]]) -> None:
     """Meshes for the eye, by name and colour, and the same solids as primitives for collisions."""
-    for name, colour in worn.items():
+    looks = LOOKS[link.get("name", "")]
+    for name, colour in looks.items():
         visual = ET.SubElement(link, "visual")
         _origin(visual)
         # OBJ: Pinocchio, MuJoCo, PyBullet, yourdfpy and Drake read it. Drake reads no STL; for
@@ -114,8 +116,8 @@ def _looks(link: ET.Element, parts: Mapping[str, Sequence[Solid]], worn: dict[st
         filename = f"meshes/{name}.obj"
         ET.SubElement(ET.SubElement(visual, "geometry"), "mesh", filename=filename)
         material = ET.SubElement(visual, "material", name=colour)
-        ET.SubElement(material, "color", rgba=_COLOURS[colour])
-    for solid in (s for name in worn for s in parts[name]):
+        ET.SubElement(material, "color", rgba=COLOURS[colour])
+    for solid in (s for name in looks for s in parts[name]):
         for primitive in primitives(solid):
             _collision(link, primitive)
 
@@ -173,17 +175,3 @@ def _frame(
     _origin(joint, xyz, R)
     ET.SubElement(joint, "parent", link=parent)
     ET.SubElement(joint, "child", link=name)
-
-
-#: One colour per leg, told apart by colour-blind readers too (Okabe and Ito), its carriage in a
-#: lighter tint; then what belongs to no leg.
-_COLOURS = {
-    "leg_1": "0.0 0.447 0.698 1.0",
-    "leg_2": "0.835 0.369 0.0 1.0",
-    "leg_3": "0.0 0.62 0.451 1.0",
-    "leg_1_light": "0.5 0.724 0.849 1.0",
-    "leg_2_light": "0.918 0.685 0.5 1.0",
-    "leg_3_light": "0.5 0.81 0.726 1.0",
-    "base": "0.7 0.7 0.7 1.0",
-    "motor": "0.25 0.25 0.27 1.0",
-}

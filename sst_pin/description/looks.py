@@ -1,0 +1,25 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Which parts each link wears, and in what colour; URDF and MJCF are drawn from here."""
+
+from __future__ import annotations
+
+#: One colour per leg, told apart by colour-blind readers too (Okabe and Ito), its carriage in a
+#: lighter tint; then what belongs to no leg.
+COLOURS = {
+    "leg_1": "0.0 0.447 0.698 1.0",
+    "leg_2": "0.835 0.369 0.0 1.0",
+    "leg_3": "0.0 0.62 0.451 1.0",
+    "leg_1_light": "0.5 0.724 0.849 1.0",
+    "leg_2_light": "0.918 0.685 0.5 1.0",
+    "leg_3_light": "0.5 0.81 0.726 1.0",
+    "base": "0.7 0.7 0.7 1.0",
+    "motor": "0.25 0.25 0.27 1.0",
+}
+
+#: Colour of each part of `parts_of` that a link wears, by the link's name.
+LOOKS = {"base": {"base": "base", "motors": "motor"}}
+for _k in (1, 2, 3):
+    LOOKS[f"link_{_k}"] = {"link": f"leg_{_k}"}
+    LOOKS[f"passive_{_k}"] = {"passive": f"leg_{_k}_light"}
+    LOOKS[f"star_{_k}"] = {"arc": f"leg_{_k}"}
+LOOKS["star_1"]["tool"] = "motor"
