@@ -77,7 +77,8 @@ def test_folder_holds_what_its_readme_lists(folder):
     meshes = {name for name in found if name.startswith("meshes/")}
     assert found - meshes == FILES
     readme = (folder / "README.md").read_text()
-    named = set(re.findall(r"^\| (`[^|]*) \|", readme, re.MULTILINE))
+    files, _ = readme.split("## How to load it")
+    named = set(re.findall(r"^\| (`[^|]*) \|", files, re.MULTILINE))
     listed = {name for cell in named for name in re.findall(r"`([\w.]+/?)`", cell)}
     assert listed == (FILES | {"meshes/"}) - {"README.md"}
     assert "![" in readme

@@ -66,6 +66,7 @@ def test_loaders_of_robot_descriptions_take_our_paths(tool, monkeypatch):
     module = types.ModuleType("robot_descriptions.sst_description")
     for name in ("REPOSITORY_PATH", "PACKAGE_PATH", "URDF_PATH", "MJCF_PATH", "SRDF_PATH"):
         path = getattr(sst_pin, name)
+        assert isinstance(path, str)
         assert Path(path).exists()
         setattr(module, name, path)
     monkeypatch.setitem(sys.modules, module.__name__, module)

@@ -49,7 +49,7 @@ def parameters(request):
     return request.param
 
 
-def geometry(kind, urdf=sst_pin.URDF_PATH, folder=sst_pin.PACKAGE_PATH):
+def geometry(kind, urdf=sst_pin.URDF_PATH, folder=Path(sst_pin.PACKAGE_PATH)):
     """Model and Pinocchio's geometry of a kind."""
     model = pin.buildModelFromUrdf(str(urdf))
     return model, pin.buildGeomFromUrdf(model, str(urdf), kind, package_dirs=[str(folder)])
@@ -104,14 +104,14 @@ def test_the_papers_robot_is_as_large_as_in_the_paper():
 
 def test_meshes_and_their_folder_are_small():
     """Less than 1 MB in the repository, none larger than a browser likes."""
-    files = [*(sst_pin.PACKAGE_PATH / "meshes").iterdir()]
+    files = [*(Path(sst_pin.PACKAGE_PATH) / "meshes").iterdir()]
     assert {f.suffix for f in files} == {".stl", ".obj"}
     assert sum(f.stat().st_size for f in files) < 1e6
 
 
 def test_stl_and_obj_hold_the_same_mesh(tmp_path):
     """Two files of one stem, for the tools that read one and not the other."""
-    for stl in (sst_pin.PACKAGE_PATH / "meshes").glob("*.stl"):
+    for stl in (Path(sst_pin.PACKAGE_PATH) / "meshes").glob("*.stl"):
         one, other = (trimesh.load(stl.with_suffix(end), process=False) for end in (".stl", ".obj"))
         assert len(one.faces) == len(other.faces)
         assert np.abs(one.triangles - other.triangles).max() < 1e-6
@@ -152,7 +152,7 @@ def test_every_body_has_a_picture_and_primitives(kind, tmp_path):
     write_files(
         {tmp_path / n: write for n, write in description_writers(odd_parameters(1)).items()}
     )
-    for folder in (sst_pin.PACKAGE_PATH, tmp_path):
+    for folder in (Path(sst_pin.PACKAGE_PATH), tmp_path):
         _, found = geometry(kind, folder / "sst.urdf", folder)
         named = {shape.name.rsplit("_", 1)[0] for shape in found.geometryObjects}
         assert named == {"base", *MOVING}
@@ -177,9 +177,9 @@ def test_mujoco_and_yourdfpy_find_the_meshes_beside_the_urdf():
     mujoco = pytest.importorskip("mujoco", reason="extra `verify` is not installed")
     yourdfpy = pytest.importorskip("yourdfpy", reason="extra `verify` is not installed")
     stems = set(meshes_of(Parameters()))
-    model = mujoco.MjModel.from_xml_path(str(sst_pin.URDF_PATH))
+    model = mujoco.MjModel.from_xml_path(sst_pin.URDF_PATH)
     assert {model.mesh(i).name for i in range(model.nmesh)} == stems
-    scene = yourdfpy.URDF.load(str(sst_pin.URDF_PATH)).scene
+    scene = yourdfpy.URDF.load(sst_pin.URDF_PATH).scene
     assert len(scene.geometry) == 12
     assert np.abs(scene.bounds).max() < 0.55
 

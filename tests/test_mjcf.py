@@ -146,3 +146,16 @@ def test_parts_of_the_robot_meet_the_world_but_not_one_another(closed):
     floor = scene.geom("floor")
     solids = scene.geom_group == 3
     assert (floor.contype & scene.geom_conaffinity[solids]).all()
+
+
+def test_robot_of_the_scene_stands_on_the_floor():
+    """The foot of the paper's robot meets it, nothing goes below."""
+    scene = mujoco.MjModel.from_xml_path(f"{sst_pin.PACKAGE_PATH}/scene.xml")
+    data = mujoco.MjData(scene)
+    mujoco.mj_forward(scene, data)
+    mesh, geom = scene.mesh("base"), int(scene.body("base").geomadr[0])
+    first, count = int(mesh.vertadr[0]), int(mesh.vertnum[0])
+    R, origin = data.geom_xmat[geom].reshape(3, 3), data.geom_xpos[geom]
+    heights = (scene.mesh_vert[first : first + count] @ R.T + origin)[:, 2]
+    # Vertices are float32.
+    assert heights.min() == pytest.approx(scene.geom("floor").pos[2], abs=1e-6)

@@ -71,7 +71,34 @@ described this robot.
 
 """
 
-_OPEN = """
+_SHAPES = """
+## Shapes
+
+The paper gives axes and two radii. The parts are what a maker could build on these, turning in
+shells about O:
+
+| body | part |
+|---|---|
+| `base` | motors on a ball at O, their shafts along -e_k; frame P1P2P3 on spokes; stand |
+| `link_k` | arm from the motor's shaft round the outside of the frame to the axis O-R_k |
+| `passive_k` | carriage on that axis: four rollers hold the arc |
+| `star_k` | quarter arc from E; `star_1` bears hub and tool too |
+
+Visuals are the meshes `meshes/*.stl`, which all tools but Drake read; for Drake the same meshes lie
+beside them as OBJ. Metres, file names relative to the URDF. Collision geometry is boxes, cylinders
+and spheres made from the same solids, at most 3 mm off the mesh but at the two cones. In `sst.xml`
+they meet what stands about but not one another. For a left-handed triangle the motors and arcs
+change sides; where a carriage leaves its quarter arc, the mathematical robot goes on and the drawn
+one could not.
+"""
+
+_PAPERS = """
+`base` but the stand lies within 0.36 m of O, `link_k` within 0.38 m, `passive_k` from 0.38 to
+0.42 m, `star_k` from 0.39 to 0.48 m. In aluminium the star would weigh its 2.6 kg. Along the
+paper's circle 7.9 mm remain between any two bodies (`link_k` over the frame), measured on the
+collision primitives. Left out are the bearings, where a shaft sits in its hub: motor k with
+`link_k`, `link_k` with `passive_k`. The rollers run 0.2 mm beside their arc. The three `star_k` are
+one body.
 ## What the paper leaves open, and what is taken here
 
 | open | taken | why | to have the alternative |
@@ -194,7 +221,8 @@ def readme_of(p: Parameters) -> str:
         "|---|---|---|---|---|",
         *(f"| {i} | {' | '.join(cells)} |" for i, cells in enumerate(rows, start=1)),
     ]
-    return _HEAD + "\n".join(table) + "\n" + (_OPEN if p == Parameters() else "")
+    text = _HEAD + "\n".join(table) + "\n" + _SHAPES
+    return text + _PAPERS if p == Parameters() else text
 
 
 def _cells(row: _Row, p: Parameters) -> tuple[str, str, str, str]:

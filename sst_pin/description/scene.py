@@ -3,7 +3,10 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from ..parameters import Parameters
+from .shapes import Cylinder, shapes_of
 
 _SCENE = """\
 <mujoco model="sst scene">
@@ -42,6 +45,18 @@ def scene_of(p: Parameters) -> str:
     return _SCENE.format(
         extent=times_radius(2.5),
         light=times_radius(1.2, -0.4, 4),
-        floor=times_radius(-1.5),
+        floor=repr(round(_floor(p, radius), 6)),
         camera=times_radius(3.2, 1.3, 1.5),
     )
+
+
+def _floor(p: Parameters, radius: float) -> float:
+    """Height of the foot that the robot stands on, but below the reach of the star."""
+    lowest = -1.25 * radius
+    for solid in shapes_of(p)["base"]:
+        if isinstance(solid, Cylinder):
+            axis = (solid.end - solid.start) / np.linalg.norm(solid.end - solid.start)
+            tilt = np.sqrt(max(1 - axis[2] ** 2, 0))
+            for point, size in ((solid.start, solid.radius), (solid.end, solid.end_radius)):
+                lowest = min(lowest, float(point[2] - size * tilt))
+    return lowest
