@@ -9,6 +9,8 @@ import pinocchio as pin
 
 from . import description
 from .errors import DescriptionError
+from .geometry_models import geometry_model
+from .reading import read_text
 from .sst import SST
 
 
@@ -32,13 +34,11 @@ def load(urdf: str | Path = description.URDF_PATH) -> pin.RobotWrapper:
     if not srdf.is_file():
         raise DescriptionError(str(srdf), ["the SRDF beside the URDF is missing"])
     pin.loadReferenceConfigurations(model, str(srdf), False)
-    try:
-        visual, collision = (
-            pin.buildGeomFromUrdf(model, str(path), kind, package_dirs=[str(path.parent)])
-            for kind in (pin.GeometryType.VISUAL, pin.GeometryType.COLLISION)
-        )
-    except (ValueError, RuntimeError) as error:
-        raise DescriptionError(str(path), [f"its geometry cannot be loaded: {error}"]) from None
+    text = read_text(path, "URDF")
+    visual, collision = (
+        geometry_model(model, text, path.parent, kind)
+        for kind in (pin.GeometryType.VISUAL, pin.GeometryType.COLLISION)
+    )
     collision.addAllCollisionPairs()
     pin.removeCollisionPairs(model, collision, str(srdf), False)
     robot = pin.RobotWrapper(model, collision, visual)
