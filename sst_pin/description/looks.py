@@ -17,9 +17,10 @@ COLOURS = {
 }
 
 #: Colour of each part of `parts_of` that a link wears, by the link's name.
-LOOKS = {"base": {"base": "base", "motors": "motor"}}
-for _k in (1, 2, 3):
-    LOOKS[f"link_{_k}"] = {"link": f"leg_{_k}"}
-    LOOKS[f"passive_{_k}"] = {"passive": f"leg_{_k}_light"}
-    LOOKS[f"star_{_k}"] = {"arc": f"leg_{_k}"}
+LOOKS = {
+    "base": {"base": "base", "motors": "motor"},
+    **{f"link_{k}": {"link": f"leg_{k}"} for k in (1, 2, 3)},
+    **{f"passive_{k}": {"passive": f"leg_{k}_light"} for k in (1, 2, 3)},
+    **{f"star_{k}": {"arc": f"leg_{k}"} for k in (1, 2, 3)},
+}
 LOOKS["star_1"]["tool"] = "motor"
