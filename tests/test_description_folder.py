@@ -85,6 +85,17 @@ def test_folder_holds_what_its_readme_lists(folder):
     assert (folder / "sst.png").read_bytes().startswith(b"\x89PNG")
 
 
+def test_code_of_the_folders_readme_runs_in_it(folder):
+    """As a stranger would paste it."""
+    (block,) = re.findall(
+        r"^```python\n(.*?)^```$", (folder / "README.md").read_text(), re.M | re.S
+    )
+    code = block + "print(robot.home, wrapper.q0, tree.nq, closed.key(0).name)"
+    command = [sys.executable, "-B", "-c", code]
+    result = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True)
+    assert result.stdout.endswith("9 home\n")
+
+
 def test_numbers_of_the_readme_have_a_grade(folder):
     """Every numbered parameter is A, B, C, or U, which no parameter of the paper's robot is."""
     readme = (folder / "README.md").read_text()

@@ -77,6 +77,8 @@ def test_loaders_of_robot_descriptions_take_our_paths(tool, monkeypatch):
         assert loaded.model.nq == 9
     elif tool == "mujoco":
         assert (loaded.nq, loaded.neq) == (9, 2)
+        scene = loader.load_robot_description("sst_description", variant="scene")
+        assert scene.geom("floor").id >= 0
     else:
         assert len(loaded.actuated_joint_names) == 9
         assert len(loaded.scene.geometry) == 12

@@ -3,7 +3,6 @@
 
 from pathlib import Path
 
-import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -14,6 +13,8 @@ from sst_pin.dynamics import Friction
 from sst_pin.read_back import parameters_of
 from sst_pin.sampling import random_parameters
 from sst_pin.topology import geometry_of
+
+mujoco = pytest.importorskip("mujoco", reason="extra `verify` is not installed")
 
 
 def assert_same(found, given):

@@ -58,10 +58,10 @@ and of its inertia, about the star's mass centre. The frames `closedloop1_A` (on
 body 7. `sst.yaml` names these pairs in the LAAS "extended URDF" schema (`closed_loop`, `type`,
 `name_mot`); the key `gravity` is an addition. In `sst.xml` the same frames are sites, welded.
 
-The frame `E` is the tip of the star, `P_1..3` are the corners of the base. Frames are fixed links
-with an explicit zero inertial, the one form to which no tool gives a mass of its own. Every joint
-is `revolute` with limits of one turn either way: a `continuous` joint would have two coordinates in
-Pinocchio, and the paper limits none.
+The frames `E` and `P_1..3` are the points of these names on the star and the base. Frames are fixed
+links with an explicit zero inertial, the one form to which no tool gives a mass of its own. Every
+joint is `revolute` with limits of one turn either way: a `continuous` joint would have two
+coordinates in Pinocchio, and the paper limits none.
 
 ## Where the numbers come from
 
