@@ -189,9 +189,9 @@ def test_names_that_are_not_there_are_told_with_those_that_are(robot):
     """Joints, frames, kinds of closure."""
     model = robot.model
     with pytest.raises(
-        sst_pin.UnknownNameError, match=r"frame 'E' not in the model; known: .*star_1"
+        sst_pin.UnknownNameError, match=r"frame 'F' not in the model; known: .*star_1"
     ):
-        sst_pin.ClosedChain(model, [("E", "closedloop1_B")], ["gamma_1"])
+        sst_pin.ClosedChain(model, [("F", "closedloop1_B")], ["gamma_1"])
     with pytest.raises(sst_pin.UnknownNameError) as caught:
         sst_pin.ClosedChain(model, [("closedloop1_A", "closedloop1_B")], ["gamma_4"])
     assert caught.value.name == "gamma_4"
