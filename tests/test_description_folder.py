@@ -118,7 +118,7 @@ def test_nothing_points_outside_the_folder(folder):
         used |= meshes
         assert all((folder / mesh).is_file() for mesh in meshes)
     there = {f"meshes/{path.name}" for path in (folder / "meshes").iterdir()}
-    assert there == used | {name.replace(".stl", ".obj") for name in used}
+    assert there == used | {name.replace(".obj", ".stl") for name in used}
     assert names(xml(folder, "scene.xml"), "include", "file") == ["sst.xml"]
 
 
@@ -180,7 +180,7 @@ def test_urdf_and_mjcf_wear_the_same_parts(folder):
             for v in link.iterfind("visual")
         ]
         geoms = body.findall("geom[@class='visual']")
-        assert [(f"meshes/{g.get('mesh')}.stl", g.get("material")) for g in geoms] == worn
+        assert [(f"meshes/{g.get('mesh')}.obj", g.get("material")) for g in geoms] == worn
         solids = [c.find("geometry")[0].tag for c in link.iterfind("collision")]
         assert [g.get("type") for g in body.findall("geom[@class='collision']")] == solids
         seen += len(worn)

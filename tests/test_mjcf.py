@@ -16,7 +16,7 @@ mujoco = pytest.importorskip("mujoco", reason="extra `verify` is not installed")
 
 #: The shipped meshes serve any robot here: they are for the eye.
 MESHES = {
-    f"meshes/{path.name}": path.read_bytes() for path in Path(sst_pin.PACKAGE_PATH).rglob("*.stl")
+    f"meshes/{path.name}": path.read_bytes() for path in Path(sst_pin.PACKAGE_PATH).rglob("*.obj")
 }
 
 

@@ -2,6 +2,7 @@
 """What is read is what the file says, or the file is refused."""
 
 import sys
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -166,7 +167,7 @@ def test_joint_types_that_cannot_be_used_are_refused(tmp_path, lines, word):
 
 def test_an_sst_may_have_continuous_joints(tmp_path, robot):
     """It is the same robot."""
-    text = sst_pin.URDF_PATH.read_text().replace('type="revolute"', 'type="continuous"')
+    text = Path(sst_pin.URDF_PATH).read_text().replace('type="revolute"', 'type="continuous"')
     (tmp_path / "endless.urdf").write_text(text)
     endless = sst_pin.SST.from_urdf(tmp_path / "endless.urdf")
     tau = robot.compute_torques(robot.home, [1, 2, 3], [4, 5, 6])

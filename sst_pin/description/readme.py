@@ -84,12 +84,13 @@ shells about O:
 | `passive_k` | carriage on that axis: four rollers hold the arc |
 | `star_k` | quarter arc from E; `star_1` bears hub and tool too |
 
-Visuals are the meshes `meshes/*.stl`, which all tools but Drake read; for Drake the same meshes lie
-beside them as OBJ. Metres, file names relative to the URDF. Collision geometry is boxes, cylinders
-and spheres made from the same solids, at most 3 mm off the mesh but at the two cones. In `sst.xml`
-they meet what stands about but not one another. For a left-handed triangle the motors and arcs
-change sides; where a carriage leaves its quarter arc, the mathematical robot goes on and the drawn
-one could not.
+Visuals are the meshes `meshes/*.obj`, which Pinocchio, MuJoCo, PyBullet, yourdfpy and Drake read;
+the same meshes lie beside them as STL, for what reads no OBJ (urdf-loaders without a callback of
+its own). Metres, file names relative to the URDF. Collision geometry is boxes, cylinders and
+spheres made from the same solids, at most 3 mm off the mesh but at the two cones. In `sst.xml` they
+meet what stands about but not one another. For a left-handed triangle the motors and arcs change
+sides; where a carriage leaves its quarter arc, the mathematical robot goes on and the drawn one
+could not.
 """
 
 _PAPERS = """

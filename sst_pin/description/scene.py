@@ -6,7 +6,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..parameters import Parameters
-from .shapes import Cylinder, shapes_of
+from .parts import parts_of
+from .solids import Cylinder
 
 _SCENE = """\
 <mujoco model="sst scene">
@@ -53,7 +54,7 @@ def scene_of(p: Parameters) -> str:
 def _floor(p: Parameters, radius: float) -> float:
     """Height of the foot that the robot stands on, but below the reach of the star."""
     lowest = -1.25 * radius
-    for solid in shapes_of(p)["base"]:
+    for solid in parts_of(p)["base"]:
         if isinstance(solid, Cylinder):
             axis = (solid.end - solid.start) / np.linalg.norm(solid.end - solid.start)
             tilt = np.sqrt(max(1 - axis[2] ** 2, 0))
