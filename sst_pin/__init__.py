@@ -39,8 +39,8 @@ from .platform_motion import (
     orientation_motion,
     paper_circle,
 )
-from .rollouts import Rollout
 from .robot_wrapper import load
+from .rollouts import Rollout
 from .sst import SST
 from .trajectories import Trajectory
 from .validation import Problem, validate

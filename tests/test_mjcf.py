@@ -121,6 +121,19 @@ def test_motors_and_welds_give_our_direct_dynamics(seed):
         assert np.abs(data.qacc[::3] - aa).max() < 30e-4 * open_loop
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_the_mjcf_read_as_any_robot_has_the_same_torques(seed, tmp_path):
+    """Parameters -> MJCF -> `ClosedChain.from_mjcf`: loops, motors, friction and gravity."""
+    p, robot, _ = random_robot(seed)
+    (tmp_path / "sst.xml").write_text(mjcf_of(p))
+    (tmp_path / "meshes").symlink_to(Path(sst_pin.PACKAGE_PATH, "meshes"))
+    chain = sst_pin.ClosedChain.from_mjcf(tmp_path / "sst.xml")
+    assert chain.joint_names == robot.joint_names
+    q, va, aa = robot.joint_motion(*random_state(robot, np.random.default_rng(seed)))
+    expected = robot.compute_torques(q, va, aa)
+    assert chain.compute_torques(q, va, aa) == pytest.approx(expected, rel=1e-11, abs=1e-11)
+
+
 def test_sensors_measure_what_they_are_called(closed, robot):
     """Motor angles, rates and torques; orientation and angular velocity of the star."""
     R, omega, alpha = random_state(robot, np.random.default_rng(0))

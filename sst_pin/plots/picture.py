@@ -8,7 +8,8 @@ from matplotlib.figure import Figure
 from ..files import Writer
 from ..parameters import Parameters
 from ..sst import SST
-from . import figure_writers, robot_pose, style
+from .sphere import robot_pose
+from .style import figure_writer, style
 
 
 def picture_writers(p: Parameters) -> dict[str, Writer]:
@@ -18,5 +19,4 @@ def picture_writers(p: Parameters) -> dict[str, Writer]:
         figure = Figure(figsize=(4, 4), layout="constrained")
         axes = figure.add_subplot(projection="3d")
         robot_pose(axes, robot, robot.home, (p.base_radius, p.star_radius))
-        writers = figure_writers(figure, "sst")
-    return {"sst.png": writers["sst.png"]}
+    return {"sst.png": figure_writer(figure, "sst.png")}
