@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Drake: a discrete plant, its loops closed by welds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from . import CLOSURES, Array, Closing, Tool
+
+
+class Drake(Tool):
+    name = "Drake"
+    module = "pydrake"
+    distribution = "drake"
+    closing = Closing("`AddWeldConstraint`, SAP", 1e-4)
+
+    def __init__(self, folder: Path) -> None:
+        from pydrake.geometry import Role
+        from pydrake.multibody.parsing import Parser
+        from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
+        from pydrake.systems.framework import DiagramBuilder
+
+        builder = DiagramBuilder()
+        self._plant, scene = AddMultibodyPlantSceneGraph(builder, self.closing.step)
+        plant = self._plant
+        Parser(plant).AddModels(str(folder / self.file))
+        plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("base"))
+        for first, second in CLOSURES:
+            frames = (plant.GetFrameByName(name) for name in (first, second))
+            bodies = [(f.body(), f.GetFixedPoseInBodyFrame()) for f in frames]
+            plant.AddWeldConstraint(*bodies[0], *bodies[1])
+        plant.Finalize()
+        self._diagram = builder.Build()
+        self._context = self._diagram.CreateDefaultContext()
+        self._state = plant.GetMyContextFromRoot(self._context)
+        moving = (plant.get_joint(i) for i in plant.GetJointIndices())
+        moving = [joint for joint in moving if joint.num_positions()]
+        self.joints = [j.name() for j in sorted(moving, key=lambda j: j.position_start())]
+        self.mass = plant.CalcTotalMass(self._state)
+        self.visuals = scene.model_inspector().NumGeometriesWithRole(Role.kIllustration)
+
+    def frame_poses(self, q: Array) -> dict[str, Array]:
+        plant = self._plant
+        plant.SetPositions(self._state, q)
+        bodies = (plant.get_body(i) for i in plant.GetBodyIndices(plant.GetModelInstanceByName("sst")))
+        return {b.name(): plant.EvalBodyPoseInWorld(self._state, b).GetAsMatrix4() for b in bodies}
+
+    def inverse_dynamics(self, q: Array, v: Array, a: Array) -> Array:
+        from pydrake.multibody.tree import MultibodyForces
+
+        plant, state = self._plant, self._state
+        plant.SetPositionsAndVelocities(state, np.concatenate([q, v]))
+        forces = MultibodyForces(plant)
+        plant.CalcForceElementsContribution(state, forces)
+        return plant.CalcInverseDynamics(state, a, forces)
+
+    def fall(self, q0: Array, duration: float) -> Array:
+        from pydrake.systems.analysis import Simulator
+
+        self._plant.SetPositionsAndVelocities(self._state, np.concatenate([q0, 0 * q0]))
+        Simulator(self._diagram, self._context).AdvanceTo(duration)
+        return self._plant.GetPositions(self._state)

@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""PyBullet, without its window."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from . import CLOSURES, Array, Closing, Tool, pose
+
+
+class Pybullet(Tool):
+    name = "PyBullet"
+    module = "pybullet"
+    distribution = "pybullet"
+    closing = Closing("`createConstraint`, fixed", 1e-4)
+
+    def __init__(self, folder: Path) -> None:
+        import pybullet
+
+        self._bullet = pybullet
+        pybullet.connect(pybullet.DIRECT)
+        self._robot = robot = pybullet.loadURDF(
+            str(folder / self.file),
+            useFixedBase=True,
+            flags=pybullet.URDF_USE_INERTIA_FROM_FILE,
+        )
+        pybullet.setGravity(0, 0, -9.81)
+        joints = [pybullet.getJointInfo(robot, i) for i in range(pybullet.getNumJoints(robot))]
+        self._links = {joint[12].decode(): joint[0] for joint in joints}
+        self._moving = [joint[0] for joint in joints if joint[2] != pybullet.JOINT_FIXED]
+        self.joints = [joints[i][1].decode() for i in self._moving]
+        links = [-1, *self._links.values()]
+        self.mass = sum(pybullet.getDynamicsInfo(robot, link)[0] for link in links)
+        self.visuals = len(pybullet.getVisualShapeData(robot))
+
+    def _put(self, q: Array) -> None:
+        for joint, angle in zip(self._moving, q, strict=True):
+            self._bullet.resetJointState(self._robot, joint, angle)
+
+    def _link_pose(self, link: int) -> Array:
+        state = self._bullet.getLinkState(self._robot, link, computeForwardKinematics=True)
+        rotation = np.reshape(self._bullet.getMatrixFromQuaternion(state[5]), (3, 3))
+        return pose(rotation, state[4])
+
+    def frame_poses(self, q: Array) -> dict[str, Array]:
+        self._put(q)
+        return {name: self._link_pose(link) for name, link in self._links.items()}
+
+    def inverse_dynamics(self, q: Array, v: Array, a: Array) -> Array:
+        arguments = (list(x) for x in (q, v, a))
+        return np.array(self._bullet.calculateInverseDynamics(self._robot, *arguments))
+
+    def fall(self, q0: Array, duration: float) -> Array:
+        bullet, robot = self._bullet, self._robot
+        self._put(q0)
+        for link in [-1, *self._links.values()]:
+            bullet.changeDynamics(robot, link, linearDamping=0, angularDamping=0, jointDamping=0)
+        for joint in self._moving:  # every joint is born with a motor that holds it
+            bullet.setJointMotorControl2(robot, joint, bullet.VELOCITY_CONTROL, force=0)
+        for first, second in CLOSURES:  # massless links: their mass centres are their frames
+            bullet.createConstraint(
+                robot,
+                self._links[first],
+                robot,
+                self._links[second],
+                bullet.JOINT_FIXED,
+                [0, 0, 0],
+                [0, 0, 0],
+                [0, 0, 0],
+            )
+        bullet.setTimeStep(self.closing.step)
+        for _ in range(round(duration / self.closing.step)):
+            bullet.stepSimulation()
+        return np.array([state[0] for state in bullet.getJointStates(robot, self._moving)])
