@@ -26,7 +26,6 @@ class Drake(Tool):
         self._plant, scene = AddMultibodyPlantSceneGraph(builder, self.closing.step)
         plant = self._plant
         Parser(plant).AddModels(str(folder / self.file))
-        plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("base"))
         for first, second in CLOSURES:
             frames = (plant.GetFrameByName(name) for name in (first, second))
             bodies = [(f.body(), f.GetFixedPoseInBodyFrame()) for f in frames]

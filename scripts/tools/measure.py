@@ -8,6 +8,7 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib import import_module
 from typing import NamedTuple
 
 import numpy as np
@@ -53,6 +54,8 @@ class Facts(NamedTuple):
 def measure(kind: type[Tool]) -> Facts:
     """Load the description in one tool and ask it everything."""
     robot = sst_pin.SST()
+    if kind.module:
+        import_module(kind.module)  # what it says of itself is no warning
     with written() as warnings:
         tool = kind(sst_pin.PACKAGE_PATH)
     joints = None if tool.joints is None else len(tool.joints)

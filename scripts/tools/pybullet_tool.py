@@ -6,6 +6,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from . import CLOSURES, Array, Closing, Tool, pose
 
@@ -21,11 +22,8 @@ class Pybullet(Tool):
 
         self._bullet = pybullet
         pybullet.connect(pybullet.DIRECT)
-        self._robot = robot = pybullet.loadURDF(
-            str(folder / self.file),
-            useFixedBase=True,
-            flags=pybullet.URDF_USE_INERTIA_FROM_FILE,
-        )
+        path = str(folder / self.file)
+        self._robot = robot = pybullet.loadURDF(path, flags=pybullet.URDF_USE_INERTIA_FROM_FILE)
         pybullet.setGravity(0, 0, -9.81)
         joints = [pybullet.getJointInfo(robot, i) for i in range(pybullet.getNumJoints(robot))]
         self._links = {joint[12].decode(): joint[0] for joint in joints}
@@ -41,8 +39,11 @@ class Pybullet(Tool):
 
     def _link_pose(self, link: int) -> Array:
         state = self._bullet.getLinkState(self._robot, link, computeForwardKinematics=True)
-        rotation = np.reshape(self._bullet.getMatrixFromQuaternion(state[5]), (3, 3))
-        return pose(rotation, state[4])
+        # Of the mass centre, and of the mass centre in the link; the pose of the link itself
+        # (state[4:6]) is made of these two in single precision.
+        principal, inertial = (Rotation.from_quat(state[i]).as_matrix() for i in (1, 3))
+        rotation = principal @ inertial.T
+        return pose(rotation, state[0] - rotation @ state[2])
 
     def frame_poses(self, q: Array) -> dict[str, Array]:
         self._put(q)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The parsers under ROS, as far as they come without ROS: C++ urdfdom and urdf_parser_py."""
+"""What ROS reads a URDF with, as far as Debian and PyPI have it without ROS."""
 
 from __future__ import annotations
 
@@ -7,13 +7,16 @@ import re
 import shutil
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
-from . import Tool
+import numpy as np
+
+from . import Array, Tool
 
 
 class CheckUrdf(Tool):
-    """Debian's `check_urdf`: what RViz and robot_state_publisher parse with, no numbers."""
+    """The C++ parser of RViz and robot_state_publisher; it tells no numbers."""
 
     name = "`check_urdf` (urdfdom)"
 
@@ -30,9 +33,7 @@ class CheckUrdf(Tool):
 
     @classmethod
     def version(cls) -> str:
-        query = ["dpkg-query", "-W", "-f=${Version}", "liburdfdom-tools"]
-        found = subprocess.run(query, capture_output=True, text=True, check=False).stdout
-        return re.sub(r"-.*", "", found)
+        return _debian_version("liburdfdom-tools")
 
 
 class UrdfParserPy(Tool):
@@ -49,3 +50,63 @@ class UrdfParserPy(Tool):
         self.joints = [joint.name for joint in robot.joints if joint.type != "fixed"]
         self.mass = sum(link.inertial.mass for link in robot.links if link.inertial)
         self.visuals = sum(len(link.visuals) for link in robot.links)
+
+
+class Kdl(Tool):
+    """kdl_parser, with which robot_state_publisher makes its tree, and KDL behind it."""
+
+    name = "KDL (kdl_parser)"
+
+    def __init__(self, folder: Path) -> None:
+        self._build = tempfile.TemporaryDirectory()
+        program = str(Path(self._build.name) / "kdl_facts")
+        source = str(Path(__file__).with_name("kdl_facts.cpp"))
+        compiler = ["g++", "-std=c++17", "-w", "-isystem/usr/include/eigen3"]
+        libraries = ["-lkdl_parser", "-lorocos-kdl"]
+        subprocess.run([*compiler, source, *libraries, "-o", program], check=True)
+        self._program = subprocess.Popen(
+            [program, str(folder / self.file)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        self.joints = self._answer()
+        self.mass = float(self._answer()[0])
+        self._segments = self._answer()
+
+    def __del__(self) -> None:
+        self._program.communicate()
+        self._build.cleanup()
+
+    @classmethod
+    def missing(cls) -> str:
+        there = Path("/usr/include/kdl_parser/kdl_parser.hpp").is_file() and shutil.which("g++")
+        return "" if there else "g++ or libkdl-parser-dev is not there"
+
+    @classmethod
+    def version(cls) -> str:
+        return _debian_version("libkdl-parser-dev")
+
+    def frame_poses(self, q: Array) -> dict[str, Array]:
+        poses, _ = self._ask(q, 0 * q, 0 * q)
+        return dict(zip(self._segments, poses, strict=True))
+
+    def inverse_dynamics(self, q: Array, v: Array, a: Array) -> Array:
+        return self._ask(q, v, a)[1]
+
+    def _ask(self, *motion: Array) -> tuple[Array, Array]:
+        print(*(repr(float(x)) for x in np.concatenate(motion)), file=self._program.stdin)
+        self._program.stdin.flush()
+        numbers = np.array(self._answer(), dtype=float)
+        poses = np.tile(np.eye(4), (len(self._segments), 1, 1))
+        poses[:, :3] = numbers[:-9].reshape(-1, 3, 4)
+        return poses, numbers[-9:]
+
+    def _answer(self) -> list[str]:
+        return self._program.stdout.readline().split()
+
+
+def _debian_version(package: str) -> str:
+    query = ["dpkg-query", "-W", "-f=${Version}", package]
+    found = subprocess.run(query, capture_output=True, text=True, check=False).stdout
+    return re.sub(r"-.*", "", found)
