@@ -6,6 +6,8 @@ of a gap r: r = -R f / (K d), K = 1 / (c d)^2, R proportional to (1 - d) / d. So
 (1 - d) c^2, and what the gap does to the motion is proportional to it.
 """
 
+from pathlib import Path
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -25,7 +27,7 @@ def load(time_constant=TIME_CONSTANT, impedance=IMPEDANCE):
 
     At two steps, as in the file, the integrator's own error is as large as what is measured here.
     """
-    model = mujoco.MjModel.from_xml_path(str(sst_pin.PACKAGE_PATH / "sst.xml"))
+    model = mujoco.MjModel.from_xml_path(str(Path(sst_pin.PACKAGE_PATH) / "sst.xml"))
     assert (model.eq_solref == [TIME_CONSTANT, 1]).all()
     assert (model.eq_solimp[:, :2] == IMPEDANCE).all()
     model.eq_solref[:, 0] = time_constant

@@ -17,7 +17,7 @@ class Drake(Tool):
     closing = Closing("`AddWeldConstraint`, SAP", 1e-4)
 
     def __init__(self, folder: Path) -> None:
-        from pydrake.geometry import Role
+        from pydrake.geometry import CollisionFilterDeclaration, Role
         from pydrake.multibody.parsing import Parser
         from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
         from pydrake.systems.framework import DiagramBuilder
@@ -30,6 +30,10 @@ class Drake(Tool):
             frames = (plant.GetFrameByName(name) for name in (first, second))
             bodies = [(f.body(), f.GetFixedPoseInBodyFrame()) for f in frames]
             plant.AddWeldConstraint(*bodies[0], *bodies[1])
+        # One body in three parts: as such they may overlap.
+        arcs = [plant.GetBodyByName(f"star_{k}") for k in (1, 2, 3)]
+        one = CollisionFilterDeclaration().ExcludeWithin(plant.CollectRegisteredGeometries(arcs))
+        scene.collision_filter_manager().Apply(one)
         plant.Finalize()
         self._diagram = builder.Build()
         self._context = self._diagram.CreateDefaultContext()
