@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from importlib import metadata, util
 from pathlib import Path
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,18 +20,6 @@ Array = NDArray[np.float64]
 CLOSURES = (("closedloop1_A", "closedloop1_B"), ("closedloop2_A", "closedloop2_B"))
 #: {E} as each of the three arcs of the star sees it.
 STAR_FRAMES = ("closedloop1_A", "closedloop1_B", "closedloop2_B")
-
-
-class Closing(NamedTuple):
-    """How a program's closed simulation is done.
-
-    Attributes:
-        by: What closes the loops.
-        step: Of its integrator, [s].
-    """
-
-    by: str
-    step: float
 
 
 class Tool:
@@ -45,7 +33,7 @@ class Tool:
         module: What Python imports; empty for a program of its own.
         distribution: What pip installs.
         file: Which file of the folder it reads.
-        closing: How it closes the loops; None when it cannot simulate.
+        closing: What closes the loops in its simulation; empty when it has none.
         joints: Names of the joints that move, in the order of `q`.
         mass: Of all bodies, [kg].
         visuals: Number of visual shapes that it holds.
@@ -55,7 +43,7 @@ class Tool:
     module: ClassVar[str] = ""
     distribution: ClassVar[str] = ""
     file: ClassVar[str] = "sst.urdf"
-    closing: ClassVar[Closing | None] = None
+    closing: ClassVar[str] = ""
     joints: list[str] | None = None
     mass: float | None = None
     visuals: int | None = None

@@ -7,14 +7,17 @@ from pathlib import Path
 
 import numpy as np
 
-from . import CLOSURES, Array, Closing, Tool
+from . import CLOSURES, Array, Tool
+
+#: Of the discrete plant, [s].
+_STEP = 1e-4
 
 
 class Drake(Tool):
     name = "Drake"
     module = "pydrake"
     distribution = "drake"
-    closing = Closing("`AddWeldConstraint`, SAP", 1e-4)
+    closing = "`AddWeldConstraint`"
 
     def __init__(self, folder: Path) -> None:
         from pydrake.geometry import CollisionFilterDeclaration, Role
@@ -23,13 +26,16 @@ class Drake(Tool):
         from pydrake.systems.framework import DiagramBuilder
 
         builder = DiagramBuilder()
-        self._plant, scene = AddMultibodyPlantSceneGraph(builder, self.closing.step)
+        self._plant, scene = AddMultibodyPlantSceneGraph(builder, _STEP)
         plant = self._plant
-        Parser(plant).AddModels(str(folder / self.file))
+        # Drake draws no STL; the same meshes lie there as OBJ.
+        text = (folder / self.file).read_text(encoding="utf-8")
+        text = text.replace("meshes/", f"{folder.as_uri()}/meshes/").replace(".stl", ".obj")
+        (self._robot,) = Parser(plant).AddModelsFromString(text, "urdf")
         for first, second in CLOSURES:
             frames = (plant.GetFrameByName(name) for name in (first, second))
-            bodies = [(f.body(), f.GetFixedPoseInBodyFrame()) for f in frames]
-            plant.AddWeldConstraint(*bodies[0], *bodies[1])
+            ends = (x for frame in frames for x in (frame.body(), frame.GetFixedPoseInBodyFrame()))
+            plant.AddWeldConstraint(*ends)
         # One body in three parts: as such they may overlap.
         arcs = [plant.GetBodyByName(f"star_{k}") for k in (1, 2, 3)]
         one = CollisionFilterDeclaration().ExcludeWithin(plant.CollectRegisteredGeometries(arcs))
@@ -38,17 +44,16 @@ class Drake(Tool):
         self._diagram = builder.Build()
         self._context = self._diagram.CreateDefaultContext()
         self._state = plant.GetMyContextFromRoot(self._context)
-        moving = (plant.get_joint(i) for i in plant.GetJointIndices())
-        moving = [joint for joint in moving if joint.num_positions()]
-        self.joints = [j.name() for j in sorted(moving, key=lambda j: j.position_start())]
+        joints = [plant.get_joint(i) for i in plant.GetJointIndices()]
+        self.joints = [joint.name() for joint in joints if joint.num_positions()]
         self.mass = plant.CalcTotalMass(self._state)
         self.visuals = scene.model_inspector().NumGeometriesWithRole(Role.kIllustration)
 
     def frame_poses(self, q: Array) -> dict[str, Array]:
-        plant = self._plant
-        plant.SetPositions(self._state, q)
-        bodies = (plant.get_body(i) for i in plant.GetBodyIndices(plant.GetModelInstanceByName("sst")))
-        return {b.name(): plant.EvalBodyPoseInWorld(self._state, b).GetAsMatrix4() for b in bodies}
+        plant, state = self._plant, self._state
+        plant.SetPositions(state, q)
+        bodies = (plant.get_body(i) for i in plant.GetBodyIndices(self._robot))
+        return {b.name(): plant.EvalBodyPoseInWorld(state, b).GetAsMatrix4() for b in bodies}
 
     def inverse_dynamics(self, q: Array, v: Array, a: Array) -> Array:
         from pydrake.multibody.tree import MultibodyForces

@@ -19,7 +19,29 @@ from scipy.spatial.transform import Rotation
 import sst_pin
 
 from . import STAR_FRAMES, Array, Tool
+from .drake_tool import Drake
+from .mujoco_tool import MujocoMjcf, MujocoUrdf
+from .pinocchio_tool import Pinocchio
+from .pybullet_tool import Pybullet
+from .ros_tools import CheckUrdf, Kdl, UrdfParserPy
+from .three_tool import ThreeUrdfLoader
+from .urchin_tool import Urchin
+from .yourdfpy_tool import Yourdfpy
 
+#: In the order of the table.
+TOOLS: tuple[type[Tool], ...] = (
+    Pinocchio,
+    MujocoUrdf,
+    MujocoMjcf,
+    Drake,
+    Pybullet,
+    Kdl,
+    CheckUrdf,
+    UrdfParserPy,
+    Yourdfpy,
+    Urchin,
+    ThreeUrdfLoader,
+)
 #: Random configurations, all joints all the way round.
 CONFIGURATIONS = 100
 #: Of the fall from home under gravity, [s]; later the carriage of leg 1 meets the star.
@@ -52,19 +74,18 @@ class Facts(NamedTuple):
     fall_error: float | None
 
 
-def measure(kind: type[Tool]) -> Facts:
-    """Load the description in one tool and ask it everything."""
-    robot = sst_pin.SST()
+def measure(kind: type[Tool], folder: Path = Path(sst_pin.PACKAGE_PATH)) -> Facts:
+    """Load a description in one tool and ask it everything; our robot is the shipped one."""
     if kind.module:
         import_module(kind.module)  # what it says of itself is no warning
     with written() as warnings:
-        tool = kind(Path(sst_pin.PACKAGE_PATH))
-    joints = None if tool.joints is None else len(tool.joints)
+        tool = kind(folder)
+    robot = sst_pin.SST()
     frames, pose_error = _poses(robot, tool) or (None, None)
     gap, fall_error = _fall(robot, tool) or (None, None)
     return Facts(
         warnings,
-        joints,
+        None if tool.joints is None else len(tool.joints),
         tool.mass,
         tool.visuals,
         frames,
@@ -97,56 +118,54 @@ def written() -> Iterator[list[str]]:
             lines += [line.strip() for line in file if line.strip()]
 
 
-def _in_order_of(robot: sst_pin.SST, tool: Tool) -> list[int]:
+def _order(robot: sst_pin.SST, tool: Tool) -> list[int]:
     """Where each joint of the tool stands in `q` of the robot."""
-    assert tool.joints is not None
-    return [robot.joint_names.index(name) for name in tool.joints]
+    return [robot.joint_names.index(name) for name in tool.joints or ()]
 
 
 def _poses(robot: sst_pin.SST, tool: Tool) -> tuple[int, float] | None:
-    names, worst = set(), 0.0
-    rng = np.random.default_rng(0)
-    data = robot.model.createData()
-    for q in rng.uniform(-np.pi, np.pi, (CONFIGURATIONS, 9)):
-        if tool.joints is None or (poses := tool.frame_poses(q[_in_order_of(robot, tool)])) is None:
+    order, worst = _order(robot, tool), 0.0
+    names: set[str] = set()
+    for q in np.random.default_rng(0).uniform(-np.pi, np.pi, (CONFIGURATIONS, 9)):
+        found = tool.frame_poses(q[order])
+        if found is None:
             return None
-        pin.framesForwardKinematics(robot.model, data, q)
-        for frame, placement in zip(robot.model.frames, data.oMf, strict=True):
-            if frame.name in poses and frame.type == pin.FrameType.BODY:
-                names.add(frame.name)
-                error = np.abs(poses[frame.name] - placement.homogeneous).max()
-                worst = max(worst, float(error))
+        ours = _frames(robot, q)
+        names = found.keys() & ours.keys()
+        worst = max(worst, *(float(np.abs(found[x] - ours[x]).max()) for x in names))
     return len(names), worst
 
 
+def _frames(robot: sst_pin.SST, q: Array) -> dict[str, Array]:
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, q)
+    links = [f.name for f in robot.model.frames if f.type == pin.FrameType.BODY]
+    return {name: data.oMf[robot.model.getFrameId(name)].homogeneous for name in links}
+
+
 def _torques(robot: sst_pin.SST, tool: Tool) -> float | None:
-    worst = 0.0
+    order, worst = _order(robot, tool), 0.0
     rng = np.random.default_rng(1)
     for _ in range(CONFIGURATIONS):
-        q, v, a = rng.uniform(-np.pi, np.pi, 9), rng.normal(size=9), rng.normal(size=9)
-        if tool.joints is None:
-            return None
-        order = _in_order_of(robot, tool)
+        q, (v, a) = rng.uniform(-np.pi, np.pi, 9), rng.normal(size=(2, 9))
         tau = tool.inverse_dynamics(q[order], v[order], a[order])
         if tau is None:
             return None
-        expected = pin.rnea(robot.model, robot.model.createData(), q, v, a)[order]
-        worst = max(worst, float(np.abs(tau - expected).max() / np.abs(expected).max()))
+        ours = pin.rnea(robot.model, robot.model.createData(), q, v, a)[order]
+        worst = max(worst, float(np.abs(tau - ours).max() / np.abs(ours).max()))
     return worst
 
 
 def _fall(robot: sst_pin.SST, tool: Tool) -> tuple[float, float] | None:
-    if tool.closing is None:
+    if not tool.closing:
         return None
-    order = _in_order_of(robot, tool)
-    end = np.empty(9)
-    end[order] = tool.fall(robot.home[order], FALL)
-    ours = robot.simulate(np.zeros(3), robot.home, np.zeros(3), np.linspace(0, FALL, 3)).q[-1]
-    data = robot.model.createData()
-    pin.framesForwardKinematics(robot.model, data, end)
-    arcs = [data.oMf[robot.model.getFrameId(name)].rotation for name in STAR_FRAMES]
+    order, q = _order(robot, tool), np.empty(9)
+    q[order] = tool.fall(robot.home[order], FALL)
+    frames = _frames(robot, q)
+    arcs = [frames[name][:3, :3] for name in STAR_FRAMES]
+    ours = robot.simulate(np.zeros(3), robot.home, np.zeros(3), np.array([0, FALL]))
+    R = robot.platform_orientation(ours.q[-1])
     gap = max(_angle(arcs[0], arc) for arc in arcs[1:])
-    R = robot.platform_orientation(ours)
     return gap, max(_angle(R, arc) for arc in arcs)
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from . import Array, Closing, Tool, pose
+from . import Array, Tool, pose
 
 
 class MujocoUrdf(Tool):
@@ -46,12 +46,11 @@ class MujocoUrdf(Tool):
 class MujocoMjcf(MujocoUrdf):
     name = "MuJoCo, MJCF"
     file = "sst.xml"
-    closing = Closing("the file's equalities", 1e-4)
+    closing = "the file's welds"
 
     def fall(self, q0: Array, duration: float) -> Array:
         model, data = self._model, self._data
-        model.opt.timestep = self.closing.step
         self._mujoco.mj_resetData(model, data)
         data.qpos[:] = q0
-        self._mujoco.mj_step(model, data, nstep=round(duration / self.closing.step))
+        self._mujoco.mj_step(model, data, nstep=round(duration / model.opt.timestep))
         return np.array(data.qpos)

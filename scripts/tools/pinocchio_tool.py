@@ -8,14 +8,17 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from . import CLOSURES, Array, Closing, Tool
+from . import CLOSURES, Array, Tool
+
+#: Of Runge-Kutta, [s].
+_STEP = 1e-3
 
 
 class Pinocchio(Tool):
     name = "Pinocchio"
     module = "pinocchio"
     distribution = "pin"
-    closing = Closing("`constraintDynamics`, Runge-Kutta", 1e-3)
+    closing = "`constraintDynamics`"
 
     def __init__(self, folder: Path) -> None:
         path = str(folder / self.file)
@@ -63,7 +66,7 @@ class Pinocchio(Tool):
             a = pin.constraintDynamics(model, data, q, v, free, closures, state, settings)
             return np.concatenate([v, a])
 
-        x, h = np.concatenate([q0, np.zeros(model.nv)]), self.closing.step
+        x, h = np.concatenate([q0, np.zeros(model.nv)]), _STEP
         for _ in range(round(duration / h)):
             k1 = rate(x)
             k2 = rate(x + h / 2 * k1)

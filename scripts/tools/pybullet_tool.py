@@ -8,20 +8,25 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from . import CLOSURES, Array, Closing, Tool, pose
+from . import CLOSURES, Array, Tool, pose
+
+#: [s].
+_STEP = 1e-4
 
 
 class Pybullet(Tool):
     name = "PyBullet"
     module = "pybullet"
     distribution = "pybullet"
-    closing = Closing("`createConstraint`, fixed", 1e-4)
+    closing = "`createConstraint`"
 
     def __init__(self, folder: Path) -> None:
         import pybullet
 
         self._bullet = pybullet
-        pybullet.connect(pybullet.DIRECT)
+        if not pybullet.isConnected():
+            pybullet.connect(pybullet.DIRECT)
+        pybullet.resetSimulation()
         path = str(folder / self.file)
         self._robot = robot = pybullet.loadURDF(path, flags=pybullet.URDF_USE_INERTIA_FROM_FILE)
         pybullet.setGravity(0, 0, -9.81)
@@ -60,18 +65,10 @@ class Pybullet(Tool):
             bullet.changeDynamics(robot, link, linearDamping=0, angularDamping=0, jointDamping=0)
         for joint in self._moving:  # every joint is born with a motor that holds it
             bullet.setJointMotorControl2(robot, joint, bullet.VELOCITY_CONTROL, force=0)
-        for first, second in CLOSURES:  # massless links: their mass centres are their frames
-            bullet.createConstraint(
-                robot,
-                self._links[first],
-                robot,
-                self._links[second],
-                bullet.JOINT_FIXED,
-                [0, 0, 0],
-                [0, 0, 0],
-                [0, 0, 0],
-            )
-        bullet.setTimeStep(self.closing.step)
-        for _ in range(round(duration / self.closing.step)):
+        for first, second in ([self._links[name] for name in pair] for pair in CLOSURES):
+            at, o = (robot, first, robot, second), [0, 0, 0]
+            bullet.createConstraint(*at, bullet.JOINT_FIXED, o, o, o)
+        bullet.setTimeStep(_STEP)
+        for _ in range(round(duration / _STEP)):
             bullet.stepSimulation()
         return np.array([state[0] for state in bullet.getJointStates(robot, self._moving)])
