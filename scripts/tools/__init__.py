@@ -34,6 +34,7 @@ class Tool:
         distribution: What pip installs.
         file: Which file of the folder it reads.
         closing: What closes the loops in its simulation; empty when it has none.
+        step: Of that simulation when it is of first order, [s].
         joints: Names of the joints that move, in the order of `q`.
         mass: Of all bodies, [kg].
         visuals: Number of visual shapes that it holds.
@@ -44,12 +45,16 @@ class Tool:
     distribution: ClassVar[str] = ""
     file: ClassVar[str] = "sst.urdf"
     closing: ClassVar[str] = ""
+    step: ClassVar[float | None] = None
     joints: list[str] | None = None
     mass: float | None = None
     visuals: int | None = None
 
     def __init__(self, folder: Path) -> None:
         raise NotImplementedError
+
+    def close(self) -> None:
+        """End what was started for it."""
 
     @classmethod
     def missing(cls) -> str:

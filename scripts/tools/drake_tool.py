@@ -9,15 +9,13 @@ import numpy as np
 
 from . import CLOSURES, Array, Tool
 
-#: Of the discrete plant, [s].
-_STEP = 1e-4
-
 
 class Drake(Tool):
     name = "Drake"
     module = "pydrake"
     distribution = "drake"
     closing = "`AddWeldConstraint`"
+    step = 1e-4
 
     def __init__(self, folder: Path) -> None:
         from pydrake.geometry import CollisionFilterDeclaration, Role
@@ -26,7 +24,7 @@ class Drake(Tool):
         from pydrake.systems.framework import DiagramBuilder
 
         builder = DiagramBuilder()
-        self._plant, scene = AddMultibodyPlantSceneGraph(builder, _STEP)
+        self._plant, scene = AddMultibodyPlantSceneGraph(builder, self.step)
         plant = self._plant
         # Drake draws no STL; the same meshes lie there as OBJ.
         text = (folder / self.file).read_text(encoding="utf-8")

@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import sys
 import tempfile
+import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from importlib import import_module
 from pathlib import Path
 from typing import NamedTuple
@@ -78,44 +80,47 @@ def measure(kind: type[Tool], folder: Path = Path(sst_pin.PACKAGE_PATH)) -> Fact
     """Load a description in one tool and ask it everything; our robot is the shipped one."""
     if kind.module:
         import_module(kind.module)  # what it says of itself is no warning
-    with written() as warnings:
+    with written() as lines:
         tool = kind(folder)
     robot = sst_pin.SST()
-    frames, pose_error = _poses(robot, tool) or (None, None)
-    gap, fall_error = _fall(robot, tool) or (None, None)
-    return Facts(
-        warnings,
-        None if tool.joints is None else len(tool.joints),
-        tool.mass,
-        tool.visuals,
-        frames,
-        pose_error,
-        _torques(robot, tool),
-        gap,
-        fall_error,
-    )
+    try:
+        frames, pose_error = _poses(robot, tool) or (None, None)
+        torque_error = _torques(robot, tool)
+        gap, fall_error = _fall(robot, tool) or (None, None)
+    finally:
+        tool.close()
+    joints = None if tool.joints is None else len(tool.joints)
+    seen = (joints, tool.mass, tool.visuals, frames)
+    return Facts(lines, *seen, pose_error, torque_error, gap, fall_error)
 
 
 @contextmanager
 def written() -> Iterator[list[str]]:
-    """Lines on standard output and error meanwhile, those of C and C++ included."""
+    """Lines on standard output and error meanwhile, those of C++ and of Python's warnings too."""
     lines: list[str] = []
-    with tempfile.TemporaryFile("w+") as file:
-        sys.stdout.flush()
-        sys.stderr.flush()
-        kept = [os.dup(1), os.dup(2)]
-        os.dup2(file.fileno(), 1)
-        os.dup2(file.fileno(), 2)
+    with tempfile.TemporaryFile("w+") as file, warnings.catch_warnings(record=True) as caught:
+        for category in (UserWarning, RuntimeWarning):
+            warnings.simplefilter("always", category)
+        handler = logging.StreamHandler(file)
+        handler.setLevel(logging.WARNING)
+        logging.getLogger().addHandler(handler)
+        kept = [os.dup(number) for number in (1, 2)]
+        for stream in (sys.stdout, sys.stderr):
+            stream.flush()
+        for number in (1, 2):
+            os.dup2(file.fileno(), number)
         try:
-            yield lines
+            with redirect_stdout(file), redirect_stderr(file):
+                yield lines
         finally:
-            sys.stdout.flush()
-            sys.stderr.flush()
+            file.flush()
             for number, descriptor in enumerate(kept, start=1):
                 os.dup2(descriptor, number)
                 os.close(descriptor)
-            file.seek(0)
-            lines += [line.strip() for line in file if line.strip()]
+            logging.getLogger().removeHandler(handler)
+        file.seek(0)
+        lines += [line.strip() for line in file if line.strip()]
+        lines += [f"{warning.category.__name__}: {warning.message}" for warning in caught]
 
 
 def _order(robot: sst_pin.SST, tool: Tool) -> list[int]:

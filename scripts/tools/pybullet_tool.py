@@ -10,15 +10,13 @@ from scipy.spatial.transform import Rotation
 
 from . import CLOSURES, Array, Tool, pose
 
-#: [s].
-_STEP = 1e-4
-
 
 class Pybullet(Tool):
     name = "PyBullet"
     module = "pybullet"
     distribution = "pybullet"
     closing = "`createConstraint`"
+    step = 1e-4
 
     def __init__(self, folder: Path) -> None:
         import pybullet
@@ -68,7 +66,7 @@ class Pybullet(Tool):
         for first, second in ([self._links[name] for name in pair] for pair in CLOSURES):
             at, o = (robot, first, robot, second), [0, 0, 0]
             bullet.createConstraint(*at, bullet.JOINT_FIXED, o, o, o)
-        bullet.setTimeStep(_STEP)
-        for _ in range(round(duration / _STEP)):
+        bullet.setTimeStep(self.step)
+        for _ in range(round(duration / self.step)):
             bullet.stepSimulation()
         return np.array([state[0] for state in bullet.getJointStates(robot, self._moving)])

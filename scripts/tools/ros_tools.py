@@ -74,7 +74,7 @@ class Kdl(Tool):
         self.mass = float(self._answer()[0])
         self._segments = self._answer()
 
-    def __del__(self) -> None:
+    def close(self) -> None:
         self._program.communicate()
         self._build.cleanup()
 

@@ -30,8 +30,8 @@ class ThreeUrdfLoader(Tool):
             file = folder / inside if inside != path else WEB / path.lstrip("/")
             route.fulfill(path=file) if file.is_file() else route.fulfill(status=404)
 
-        self._playwright = sync_playwright().start()
-        browser = self._playwright.chromium.launch(
+        self._driver = sync_playwright().start()
+        browser = self._driver.chromium.launch(
             executable_path=_chromium(), args=["--no-sandbox", "--enable-unsafe-swiftshader"]
         )
         self._page = page = browser.new_page()
@@ -42,6 +42,10 @@ class ThreeUrdfLoader(Tool):
         page.wait_for_function("window.ready")
         self.joints = page.evaluate("joints")
         self.visuals = page.evaluate("visuals")
+
+    def close(self) -> None:
+        self._page.context.browser.close()
+        self._driver.stop()
 
     @classmethod
     def missing(cls) -> str:
