@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import logging
 import os
 import sys
@@ -12,7 +13,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from importlib import import_module
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TextIO
 
 import numpy as np
 import pinocchio as pin
@@ -105,15 +106,14 @@ def written() -> Iterator[list[str]]:
         handler.setLevel(logging.WARNING)
         logging.getLogger().addHandler(handler)
         kept = [os.dup(number) for number in (1, 2)]
-        for stream in (sys.stdout, sys.stderr):
-            stream.flush()
+        _flush(sys.stdout, sys.stderr)
         for number in (1, 2):
             os.dup2(file.fileno(), number)
         try:
             with redirect_stdout(file), redirect_stderr(file):
                 yield lines
         finally:
-            file.flush()
+            _flush(file)
             for number, descriptor in enumerate(kept, start=1):
                 os.dup2(descriptor, number)
                 os.close(descriptor)
@@ -121,6 +121,13 @@ def written() -> Iterator[list[str]]:
         file.seek(0)
         lines += [line.strip() for line in file if line.strip()]
         lines += [f"{warning.category.__name__}: {warning.message}" for warning in caught]
+
+
+def _flush(*files: TextIO) -> None:
+    """Those of Python, and all of C, which keeps what goes to a file until it has enough of it."""
+    for file in files:
+        file.flush()
+    ctypes.CDLL(None).fflush(None)
 
 
 def _order(robot: sst_pin.SST, tool: Tool) -> list[int]:
