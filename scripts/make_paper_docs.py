@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 import paper_equations as equations
 import printed_forms as forms
+from markdown_tables import Table, differences, read_table, table_names, with_tables
 from sst_pin import SST, Parameters, RigidBody, Trajectory, paper_circle
 from sst_pin.files import write_files
 from sst_pin.paper import PERIOD, angles_off_path, example_1, example_2
@@ -28,7 +29,6 @@ from sst_pin.parameters import PAPER_LINK, PAPER_PASSIVE_LINK
 from sst_pin.virtual_work import VirtualWork
 
 Array = NDArray[np.float64]
-Table = list[tuple[str, ...]]
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "paper.md"
@@ -295,17 +295,10 @@ TABLES: dict[str, tuple[Callable[[], Table], bool]] = {
     "readings": (reading_table, True),
     "referees": (compare_referees, False),
 }
-_BLOCK = re.compile(r"<!-- table: (\w+) -->\n(.*?)<!-- end -->", re.DOTALL)
 
 
 def write() -> None:
-    def made(block: re.Match[str]) -> str:
-        header, *rows = TABLES[block[1]][0]()
-        lines = [header, ("---",) * len(header), *rows]
-        text = "\n".join("| " + " | ".join(line) + " |" for line in lines)
-        return f"<!-- table: {block[1]} -->\n{text}\n<!-- end -->"
-
-    page = _BLOCK.sub(made, PAGE.read_text(encoding="utf-8"))
+    page = with_tables(PAGE.read_text(encoding="utf-8"), lambda name: TABLES[name][0]())
     draw_readings()
     PAGE.write_text(page, encoding="utf-8")
 
@@ -313,7 +306,7 @@ def write() -> None:
 def problems(page: str) -> Iterator[str]:
     """What is wrong with the page as it stands, one sentence each."""
     yield from _missing_names(page)
-    written = {name for name, _ in _BLOCK.findall(page)}
+    written = table_names(page)
     for name in TABLES.keys() ^ written:
         yield f"table {name}: only in the page or only in the script"
     for name in TABLES.keys() & written:
@@ -322,14 +315,7 @@ def problems(page: str) -> Iterator[str]:
         if not stands:
             yield f"table {name}: empty"
         elif quick:
-            yield from _differences(name, stands, make())
-
-
-def read_table(page: str, name: str) -> Table:
-    """A table of the page, its header first."""
-    lines = dict(_BLOCK.findall(page))[name].splitlines()
-    rows = [tuple(line[2:-2].split(" | ")) for line in lines]
-    return rows[:1] + rows[2:]
+            yield from differences(name, stands, make())
 
 
 def _missing_names(page: str) -> Iterator[str]:
@@ -350,23 +336,6 @@ def _missing_names(page: str) -> Iterator[str]:
                 thing = getattr(thing, part, None)
             if thing is None or module != path.stem:
                 yield f"{target}: no {name}"
-
-
-def _differences(name: str, stands: Table, made: Table) -> Iterator[str]:
-    if len(stands) != len(made):
-        yield f"table {name}: {len(stands)} rows, {len(made)} now"
-    for old, new in zip(stands, made, strict=False):
-        if len(old) != len(new) or not all(map(_same, old, new)):
-            yield f"table {name}: {' | '.join(old)}\n    is now {' | '.join(new)}"
-
-
-def _same(old: str, new: str) -> bool:
-    """Equal words; numbers like 3e-13 within two orders of magnitude, since they are rounding."""
-    number = re.compile(r"\d+e[+-]\d+")
-    if number.sub("#", old) != number.sub("#", new):
-        return False
-    a, b = (np.array(number.findall(text), dtype=float) + 1e-17 for text in (old, new))
-    return bool((np.abs(np.log10(a / b)) <= 2).all())
 
 
 def main() -> int:

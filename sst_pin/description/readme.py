@@ -59,9 +59,11 @@ body 7. `sst.yaml` names these pairs in the LAAS "extended URDF" schema (`closed
 `name_mot`); the key `gravity` is an addition. In `sst.xml` the same frames are sites, welded.
 
 The frames `E` and `P_1..3` are the points of these names on the star and the base. Frames are fixed
-links with an explicit zero inertial, the one form to which no tool gives a mass of its own. Every
-joint is `revolute` with limits of one turn either way: a `continuous` joint would have two
-coordinates in Pinocchio, and the paper limits none.
+links with an explicit zero inertial, the one form to which no tool gives a mass of its own. So is
+`base`, on an empty root `world`: tools fix a link of this name to the ground unasked, PyBullet takes
+it for massless, and KDL wants no inertial in a root. Every joint is `revolute` with limits of one
+turn either way: a `continuous` joint would have two coordinates in Pinocchio, and the paper limits
+none.
 
 ## Where the numbers come from
 

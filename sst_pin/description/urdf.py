@@ -41,8 +41,11 @@ def urdf_of(p: Parameters) -> str:
     # MuJoCo reads this block, the other tools pass it by.
     compiler = ET.SubElement(ET.SubElement(robot, "mujoco"), "compiler")
     compiler.attrib.update(strippath="false", discardvisual="false")
+    # The one name of a root that tools fix to the ground unasked, and give no mass for want of an
+    # inertial; with one, KDL would warn.
+    ET.SubElement(robot, "link", name="world")
+    base = _frame(robot, "base", "world")
     parts, R_0, R_E = parts_of(p), base_orientations(p), star_orientations(p)
-    base = ET.SubElement(robot, "link", name="base")
     _looks(base, parts)
     friction = list(zip(p.viscous_friction, p.coulomb_friction, strict=True))
     for k, (link, passive, arc) in enumerate(
@@ -167,7 +170,7 @@ def _frame(
     parent: str,
     xyz: Iterable[float] = (0, 0, 0),
     R: Array | None = None,
-) -> None:
+) -> ET.Element:
     """A fixed link with an explicit zero inertial, the one form no tool gives a mass of its own."""
     link = ET.SubElement(robot, "link", name=name)
     _inertial(link, 0.0, np.zeros(3), np.zeros((3, 3)))
@@ -175,3 +178,4 @@ def _frame(
     _origin(joint, xyz, R)
     ET.SubElement(joint, "parent", link=parent)
     ET.SubElement(joint, "child", link=name)
+    return link

@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Other people's programs that read our description, each behind the same few questions.
+
+An adapter loads a file of the folder as its users would and answers in its own order of joints.
+What a program cannot tell stays None.
+"""
+
+from __future__ import annotations
+
+from importlib import metadata, util
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+#: Pairs of frames that coincide in the closed robot; the first is that of arc 1 of the star.
+CLOSURES = (("closedloop1_A", "closedloop1_B"), ("closedloop2_A", "closedloop2_B"))
+#: {E} as each of the three arcs of the star sees it.
+STAR_FRAMES = ("closedloop1_A", "closedloop1_B", "closedloop2_B")
+
+
+class Tool:
+    """One program with the robot loaded.
+
+    Args:
+        folder: That of the description.
+
+    Attributes:
+        name: What the table calls it.
+        module: What Python imports; empty for a program of its own.
+        distribution: What pip installs.
+        file: Which file of the folder it reads.
+        closing: What closes the loops in its simulation; empty when it has none.
+        step: Of that simulation when it is of first order, [s].
+        joints: Names of the joints that move, in the order of `q`.
+        mass: Of all bodies, [kg].
+        visuals: Number of visual shapes that it holds.
+    """
+
+    name: ClassVar[str]
+    module: ClassVar[str] = ""
+    distribution: ClassVar[str] = ""
+    file: ClassVar[str] = "sst.urdf"
+    closing: ClassVar[str] = ""
+    step: ClassVar[float | None] = None
+    joints: list[str] | None = None
+    mass: float | None = None
+    visuals: int | None = None
+
+    def __init__(self, folder: Path) -> None:
+        raise NotImplementedError
+
+    def close(self) -> None:
+        """End what was started for it."""
+
+    @classmethod
+    def missing(cls) -> str:
+        """Why the program cannot be used here; empty when it can."""
+        return "" if util.find_spec(cls.module) else f"{cls.distribution} is not installed"
+
+    @classmethod
+    def version(cls) -> str:
+        """Of the program."""
+        return metadata.version(cls.distribution)
+
+    def frame_poses(self, q: Array) -> dict[str, Array] | None:
+        """Links in the base at one configuration of the tree, homogeneous (4, 4), by name."""
+        return None
+
+    def inverse_dynamics(self, q: Array, v: Array, a: Array) -> Array | None:
+        """Torques in all joints of the tree, shape (9,), [N m]."""
+        return None
+
+    def fall(self, q0: Array, duration: float) -> Array:
+        """Let the closed robot fall from rest, motors free.
+
+        Args:
+            q0: Start, on the closures.
+            duration: [s].
+
+        Returns:
+            `q` at the end.
+        """
+        raise NotImplementedError
+
+
+def pose(rotation: Array, position: Array) -> Array:
+    """Homogeneous matrix (4, 4)."""
+    placed = np.eye(4)
+    placed[:3, :3], placed[:3, 3] = rotation, position
+    return placed

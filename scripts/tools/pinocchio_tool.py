@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Pinocchio by its own loader and its own constrained dynamics."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from . import CLOSURES, Array, Tool
+
+#: Of Runge-Kutta, [s].
+_STEP = 1e-3
+
+
+class Pinocchio(Tool):
+    name = "Pinocchio"
+    module = "pinocchio"
+    distribution = "pin"
+    closing = "`constraintDynamics`"
+
+    def __init__(self, folder: Path) -> None:
+        path = str(folder / self.file)
+        self._model, _, visual = pin.buildModelsFromUrdf(path, package_dirs=str(folder))
+        self._data = self._model.createData()
+        self.joints = list(self._model.names)[1:]
+        self.mass = pin.computeTotalMass(self._model)
+        self.visuals = visual.ngeoms
+
+    def frame_poses(self, q: Array) -> dict[str, Array]:
+        pin.framesForwardKinematics(self._model, self._data, q)
+        return {
+            frame.name: placement.homogeneous.copy()
+            for frame, placement in zip(self._model.frames, self._data.oMf, strict=True)
+            if frame.type == pin.FrameType.BODY
+        }
+
+    def inverse_dynamics(self, q: Array, v: Array, a: Array) -> Array:
+        return pin.rnea(self._model, self._data, q, v, a)
+
+    def fall(self, q0: Array, duration: float) -> Array:
+        model, data = self._model, self._data
+        closures = []
+        for pair in CLOSURES:
+            first, second = (model.frames[model.getFrameId(name)] for name in pair)
+            closures.append(
+                pin.RigidConstraintModel(
+                    pin.ContactType.CONTACT_6D,
+                    model,
+                    first.parentJoint,
+                    first.placement,
+                    second.parentJoint,
+                    second.placement,
+                    pin.ReferenceFrame.LOCAL,
+                )
+            )
+        state = [closure.createData() for closure in closures]
+        # Twelve rows of rank six: without regularisation it returns NaN.
+        settings = pin.ProximalSettings(1e-14, 1e-6, 10)
+        pin.initConstraintDynamics(model, data, closures, state)
+
+        def rate(x: Array) -> Array:
+            q, v = np.split(x, 2)
+            free = np.zeros(model.nv)
+            a = pin.constraintDynamics(model, data, q, v, free, closures, state, settings)
+            return np.concatenate([v, a])
+
+        x, h = np.concatenate([q0, np.zeros(model.nv)]), _STEP
+        for _ in range(round(duration / h)):
+            k1 = rate(x)
+            k2 = rate(x + h / 2 * k1)
+            k3 = rate(x + h / 2 * k2)
+            x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + rate(x + h * k3))
+        return x[: model.nq]
