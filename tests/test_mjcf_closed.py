@@ -119,14 +119,17 @@ def test_mujoco_under_our_torques_follows_example_1_as_closely_as_its_welds_hold
 
 
 def test_fall_under_gravity_is_that_of_simulate(robot):
-    """Motors free, half a second from home, past a right angle; up to what the welds give way."""
+    """Motors free, from home through 87 degrees, up to what the welds give way.
+
+    At 0.43 s the robot falls through a singularity, where nobody's motion means anything.
+    """
 
     def off(model):
         q_dot, torque = np.zeros(9), lambda _: np.zeros(3)
-        t, R, _ = stepped(model, robot.home, q_dot, torque, 0.5)
+        t, R, _ = stepped(model, robot.home, q_dot, torque, 0.4)
         ours = robot.simulate(np.zeros(3), robot.home, np.zeros(3), t)
         wanted = Rotation.from_matrix(robot.platform_orientation(ours.q))
-        assert (wanted[0].inv() * wanted[-1]).magnitude() > np.pi / 2
+        assert (wanted[0].inv() * wanted[-1]).magnitude() > 1.5
         return (wanted.inv() * Rotation.from_matrix(R)).as_rotvec()
 
     deviation, stiffer = off(load()), off(load(TIME_CONSTANT / 2))[::2]

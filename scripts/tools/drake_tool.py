@@ -26,10 +26,7 @@ class Drake(Tool):
         builder = DiagramBuilder()
         self._plant, scene = AddMultibodyPlantSceneGraph(builder, self.step)
         plant = self._plant
-        # Drake draws no STL; the same meshes lie there as OBJ.
-        text = (folder / self.file).read_text(encoding="utf-8")
-        text = text.replace("meshes/", f"{folder.as_uri()}/meshes/").replace(".stl", ".obj")
-        (self._robot,) = Parser(plant).AddModelsFromString(text, "urdf")
+        (self._robot,) = Parser(plant).AddModels(str(folder / self.file))
         for first, second in CLOSURES:
             frames = (plant.GetFrameByName(name) for name in (first, second))
             ends = (x for frame in frames for x in (frame.body(), frame.GetFixedPoseInBodyFrame()))
