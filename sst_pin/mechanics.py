@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from math import copysign, log
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -31,6 +32,8 @@ class Mechanics:
     def __init__(self, chain: ClosedChain, friction: dynamics.Friction) -> None:
         self._chain, self._friction = chain, friction
         self._m = len(chain.joint_names)
+        self._unactuated = np.setdiff1d(np.arange(self._m), chain.actuated)
+        self._before: Array | None = None
 
     def closed(self, states: Array) -> Array:
         """q with the passive joints moved onto the closures, shape (m,) or (N, m).
@@ -62,9 +65,20 @@ class Mechanics:
         aa, q_dot = dynamics.direct_dynamics(*workspace, self._friction, q, va, tau, load)
         return np.concatenate([q_dot, aa])
 
-    def condition_number(self, state: Array, limit: float) -> float:
-        """Condition number of Phi^u, or any upper bound of it that is below the limit."""
-        return self._chain.condition_number(self.closed(state))
+    def margin(self, state: Array, limit: float) -> float:
+        """How far a motion is from a singularity; to be asked from state to state along it.
+
+        Returns:
+            log(limit / condition number of Phi^u), or a number above 0 that is less than this;
+            below 0 also when a singularity lies between the state and the last one above.
+        """
+        Phi_u = self._chain.Phi(self.closed(state))[:, self._unactuated]
+        distance = log(limit / np.linalg.cond(Phi_u))
+        # On the way through a singularity the smallest singular value changes its sign.
+        if self._before is not None and np.linalg.slogdet(self._before.T @ Phi_u)[0] < 0:
+            return -abs(distance)
+        self._before = Phi_u
+        return distance
 
 
 class FastMechanics(Mechanics):
@@ -79,6 +93,7 @@ class FastMechanics(Mechanics):
     def __init__(self, robot: StarDynamics, friction: dynamics.Friction, kernels: Any) -> None:
         super().__init__(robot, friction)
         self._robot, self._kernels = robot, kernels
+        self._side = 0.0
 
     def closed(self, states: Array) -> Array:
         """As `Mechanics.closed`, by Newton's method."""
@@ -98,11 +113,15 @@ class FastMechanics(Mechanics):
                 return answer[1]
         return super().rate(states, tau, load)
 
-    def condition_number(self, state: Array, limit: float) -> float:
-        """As `Mechanics.condition_number`, from det A where that shows it to be small."""
+    def margin(self, state: Array, limit: float) -> float:
+        """As `Mechanics.margin`, from det A."""
         # |det A| = |det Phi^u|; the squares of the six singular values sum to 8, the largest is
         # at most 3. So the five largest have a product of at most (8/5)^(5/2), the smallest is at
         # least |det A| / 3.24, and the condition number at most 3.24 sqrt(3) / |det A|.
         flags, _, check = self._kernels.close(state[: self._m], False, None, 1)
-        bound = 5.62 / abs(check[1])
-        return bound if flags is None and bound < limit else super().condition_number(state, limit)
+        det = float(check[1])
+        self._side = self._side or copysign(1, det)
+        distance = log(limit * abs(det) / 5.62) if flags is None and det else -1.0
+        if distance <= 0:
+            distance = log(limit / self._chain.condition_number(self.closed(state)))
+        return distance if det * self._side > 0 else -abs(distance)

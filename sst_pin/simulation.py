@@ -7,7 +7,7 @@ import warnings
 from bisect import bisect_right
 from collections.abc import Callable
 from dataclasses import replace
-from math import factorial, isfinite, log
+from math import factorial, isfinite
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -94,7 +94,7 @@ def simulate(
     def near_singularity(time: float, state: Array) -> float:
         if progress is not None:
             progress(time)
-        return log(max_condition_number / mechanics.condition_number(state, max_condition_number))
+        return mechanics.margin(state, max_condition_number)
 
     near_singularity.terminal = True  # type: ignore[attr-defined]
     if near_singularity(times[0], start) <= 0:

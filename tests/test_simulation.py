@@ -156,6 +156,22 @@ def test_a_fall_stops_before_the_singularity_and_says_so(robot):
     assert worst_residual(robot, motion) < 1e-11
 
 
+@pytest.mark.parametrize("kernels", [True, False])
+def test_no_step_leads_across_a_singularity(kernels):
+    """The symmetric fall from home comes through one so fast that long steps never see it near."""
+    robot = sst_pin.SST(kernels=kernels)
+    stops = []
+    for tolerance in (1e-13, 1e-9, 1e-3):
+        with pytest.warns(sst_pin.SingularityWarning):
+            motion = robot.simulate(
+                np.zeros(3), robot.home, np.zeros(3), [0, 0.6], rtol=tolerance, atol=tolerance
+            )
+        assert len(motion) == 1
+        stops.append(float(motion.stopped.split("t = ")[1].split(" s")[0]))
+    assert stops[1] == pytest.approx(stops[0], rel=1e-8)
+    assert stops[2] == pytest.approx(stops[0], rel=1e-3)
+
+
 def test_a_start_in_a_singularity_is_refused(robot):
     """There is nothing to integrate."""
     with pytest.raises(sst_pin.InputError, match="nearer to a singularity"):
