@@ -171,6 +171,14 @@ class MissingExtraError(SSTError, ImportError):
         self.package, self.extra = package, extra
 
 
+class BrowserError(SSTError):
+    """There is no browser that could take a picture, or it does not start."""
+
+
+class ServerError(SSTError):
+    """Nothing can listen at the address that was asked for."""
+
+
 class SingularityWarning(UserWarning):
     """A simulation stopped early because the robot came close to a singularity."""
 

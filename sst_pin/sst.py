@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,10 +12,15 @@ from numpy.typing import ArrayLike, NDArray
 from . import description, direct_kinematics, kinematics, reading
 from .batches import finite_array, single_array
 from .errors import DescriptionError, InputError, WorkspaceError
+from .geometry_models import Looks
 from .parameters import Parameters
 from .read_back import parameters_of
 from .star_dynamics import StarDynamics
 from .topology import geometry_of
+from .trajectories import Trajectory
+
+if TYPE_CHECKING:
+    from .viewer import Viewer
 
 Array = NDArray[np.float64]
 
@@ -48,20 +53,18 @@ class SST(StarDynamics):
             paper's robot.
         kernels: Whether compiled kernels compute the dynamics where they are at hand; without
             them it is Pinocchio and the methods of `ClosedChain`, the reference path.
+
+    Attributes:
+        looks: The shapes of its bodies, for pictures.
     """
 
     def __init__(self, parameters: Parameters | None = None, *, kernels: bool = True) -> None:
         if parameters is None:
-            self._load(
-                reading.read_text(description.URDF_PATH, "URDF"),
-                reading.read_text(description.YAML_PATH, "YAML of the cuts"),
-                description.URDF_PATH,
-                description.YAML_PATH,
-                kernels,
-            )
+            self._load_files(Path(description.URDF_PATH), Path(description.YAML_PATH), kernels)
         else:
             urdf, cuts = description.urdf_of(parameters), description.cuts_of(parameters)
             self._load(urdf, cuts, "URDF of the parameters", "cuts of the parameters", kernels)
+            self.looks = Looks(urdf, parameters)
 
     @classmethod
     def from_urdf(
@@ -83,14 +86,14 @@ class SST(StarDynamics):
             beside = path.with_suffix(".yaml")
             cuts = beside if beside.is_file() else Path(description.YAML_PATH)
         robot = cls.__new__(cls)
-        robot._load(
-            reading.read_text(path, "URDF"),
-            reading.read_text(cuts, "YAML of the cuts"),
-            str(path),
-            str(cuts),
-            kernels,
-        )
+        robot._load_files(path, Path(cuts), kernels)
         return robot
+
+    def _load_files(self, path: Path, cuts: Path, kernels: bool) -> None:
+        urdf = reading.read_text(path, "URDF")
+        text = reading.read_text(cuts, "YAML of the cuts")
+        self._load(urdf, text, str(path), str(cuts), kernels)
+        self.looks = Looks(urdf, path.parent)
 
     def _load(
         self, urdf: str, cuts: str, urdf_source: str, cuts_source: str, kernels: bool
@@ -250,6 +253,40 @@ class SST(StarDynamics):
         with np.errstate(divide="ignore"):
             condition = values[..., 0] / values[..., -1]
         return Singularities(np.abs(legs.sin_mu).min(axis=-1), values[..., -1], condition)
+
+    # --- pictures ---------------------------------------------------------------------------
+
+    @property
+    def star_radius(self) -> float:
+        """Distance OE, [m]; of a URDF without a frame E, that of the paper's robot."""
+        if not self.model.existFrame("E"):
+            return Parameters().star_radius
+        E = self.model.frames[self.model.getFrameId("E")]
+        return float(np.linalg.norm(E.placement.translation))
+
+    def show(
+        self,
+        what: Trajectory | ArrayLike | None = None,
+        *,
+        speed: float = 1.0,
+        open_browser: bool = True,
+    ) -> Viewer:
+        """A motion or a configuration in the browser; in Jupyter, in the notebook.
+
+        Args:
+            what: A motion, or joint coordinates, shape (9,); the home pose by default.
+            speed: Of a motion, 1 is true speed.
+            open_browser: Whether to serve the page and open the browser; never from Jupyter.
+
+        Returns:
+            The viewer, which `close` ends.
+
+        Raises:
+            MissingExtraError: Without Meshcat.
+        """
+        from .viewer import show
+
+        return show(self, what, speed, open_browser)
 
     # --- inside -----------------------------------------------------------------------------
 

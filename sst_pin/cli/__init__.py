@@ -14,6 +14,7 @@ from . import (
     info,
     paper,
     plot,
+    show,
     simulate,
     torques,
     validate,
@@ -23,7 +24,19 @@ from . import (
 from .common import Commands, Parser, version_of
 
 #: In the order of the help text.
-COMMANDS = (paper, torques, simulate, plot, workspace, describe, verify, validate, export_c, info)
+COMMANDS = (
+    paper,
+    torques,
+    simulate,
+    show,
+    plot,
+    workspace,
+    describe,
+    verify,
+    validate,
+    export_c,
+    info,
+)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -1,0 +1,207 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""A page that answers: sliders that move the closed robot (viser).
+
+Meshcat's Python side hears nothing from its page. viser's does, and Pinocchio draws with it too,
+so the kinematics and dynamics of the page are those of the package.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+from pinocchio.visualize import ViserVisualizer
+
+from ..errors import MissingExtraError, ServerError
+from ..sst import SST
+from . import jog
+from .scene import Scene, parts
+
+try:
+    import viser
+except ImportError:
+    raise MissingExtraError("viser", "interactive") from None
+
+Array = NDArray[np.float64]
+
+Move = Callable[[SST, Array, Array], jog.Pose]
+
+_PORT = 8080
+
+
+class Interactive:
+    """Serves until it is closed, or its `with` block is left.
+
+    Attributes:
+        url: Of the page.
+        q: Where the robot stands, shape (9,), [rad].
+
+    Args:
+        robot: The SST.
+        host: Address to listen on, by default this machine alone.
+        port: The first that is tried; 0 for 8080.
+
+    Raises:
+        MissingExtraError: Without viser.
+        ServerError: When nothing can listen there.
+    """
+
+    def __init__(self, robot: SST, host: str = "127.0.0.1", port: int = 0) -> None:
+        self._robot, self._scene = robot, Scene(robot)
+        self._busy, self._wishes = threading.Lock(), 0
+        try:
+            self._server = viser.ViserServer(host, port or _PORT, verbose=False)
+        except OSError as error:
+            raise ServerError(f"cannot listen on {host}: {error.strerror}") from None
+        self.url = f"http://{host}:{self._server.get_port()}/"
+        self.q = robot.home
+        # The torque of the largest arrow: half the robot's weight on the star's radius.
+        weight = sum(i.mass for i in robot.model.inertias) * np.linalg.norm(
+            robot.model.gravity.linear
+        )
+        self._largest = float(weight) * robot.star_radius / 2 or 1.0
+        try:
+            self._visualizer = self._draw_robot()
+            self._draw_scene()
+            self._add_controls()
+            self._show(jog.Pose(self.q))
+        except BaseException:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        """Stop listening."""
+        self._server.stop()
+
+    def __enter__(self) -> Interactive:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    # --- inside -----------------------------------------------------------------------------
+
+    def _draw_robot(self) -> Any:
+        robot = self._robot
+        with robot.looks.geometry_model(robot.model) as bodies:
+            nothing = pin.GeometryModel()  # ViserVisualizer cannot do without collision bodies
+            visualizer = ViserVisualizer(robot.model, nothing, bodies)
+            visualizer.initViewer(viewer=self._server, loadModel=True)
+        return visualizer
+
+    def _draw_scene(self) -> None:
+        scene, r = self._server.scene, self._robot.star_radius
+        scene.set_up_direction("+z")
+        scene.configure_environment_map(None)  # takes seconds where there is no graphics card
+        scene.add_light_ambient("/light", intensity=1.5)
+        target = np.array((0.3, 0.3, 0.1)) * r
+        camera = self._server.initial_camera
+        camera.look_at, camera.fov = target, np.radians(24)
+        camera.position = target + 5.2 * r * np.array((1.0, 0.7, 0.6))
+        self._groups = {
+            name: scene.add_frame(f"/{name}", show_axes=False, visible=name == "torques")
+            for name in ("torques", "axes", "frames")
+        }
+        self._nodes = {
+            node: scene.add_frame(f"/{node}", show_axes=False)
+            for node in self._scene.placements(self.q, np.zeros(3))
+        }
+        self._meshes = {
+            shape.node: scene.add_mesh_simple(
+                f"/{shape.node}/mesh",
+                *shape.mesh,
+                color=np.array(list(bytes.fromhex(shape.colour[1:]))),
+            )
+            for shape in self._scene.shapes
+        }
+        for label in self._scene.labels:
+            at = (0.0, 0.0, label["along"])
+            scene.add_label(f"/{label['node']}/label", label["text"], position=at)
+
+    def _add_controls(self) -> None:
+        gui = self._server.gui
+        gui.configure_theme(
+            control_layout="fixed",
+            control_width="large",
+            show_logo=False,
+            show_share_button=False,
+        )
+        gui.set_panel_label("SST")
+        names = ("theta", "phi", "psi"), ("gamma_1", "gamma_2", "gamma_3")
+        self._star, self._motors = (
+            self._add_sliders(title, group, move)
+            for title, group, move in (
+                ("Star, by inverse kinematics [deg]", names[0], jog.move_star),
+                ("Motors, by direct kinematics [deg]", names[1], jog.move_motors),
+            )
+        )
+        home = gui.add_button("Home")
+        home.on_click(lambda _: self._move(lambda *_: jog.Pose(self._robot.home), ()))
+        self._status = gui.add_markdown("")
+        with gui.add_folder("Show"):
+            for name, group in self._groups.items():
+                self._add_check_box(name, group)
+
+    def _add_sliders(self, title: str, names: Sequence[str], move: Move) -> list[Any]:
+        gui = self._server.gui
+        with gui.add_folder(title):
+            sliders = [
+                gui.add_slider(name, *((0, 180) if name == "phi" else (-180, 180)), 0.1, 0.0)
+                for name in names
+            ]
+
+        def moved(event: viser.GuiEvent[Any]) -> None:
+            if event.client is not None:  # else it was `_show` that moved it
+                self._move(move, sliders)
+
+        for slider in sliders:
+            slider.on_update(moved)
+        return sliders
+
+    def _add_check_box(self, name: str, group: Any) -> None:
+        box = self._server.gui.add_checkbox(name, initial_value=bool(group.visible))
+
+        def ticked(event: viser.GuiEvent[Any]) -> None:
+            group.visible = event.target.value
+
+        box.on_update(ticked)
+
+    def _move(self, move: Move, sliders: Sequence[Any]) -> None:
+        goal = np.radians([slider.value for slider in sliders])
+        self._wishes += 1
+        mine = self._wishes
+        with self._busy:
+            if mine == self._wishes:  # else a newer one waits
+                self._show(move(self._robot, self.q, goal), sliders)
+
+    def _show(self, pose: jog.Pose, held: Sequence[Any] = ()) -> None:
+        """Draw a pose and set the sliders to it; those in hand only when they went too far."""
+        self.q, robot = pose.q, self._robot
+        tau = robot.compute_torques(self.q, np.zeros(3), np.zeros(3))
+        near = robot.singularities(self.q)
+        placed = self._scene.placements(self.q, tau / self._largest)
+        with self._server.atomic():
+            self._visualizer.display(self.q)
+            for node, *where in zip(placed, *parts(np.array(list(placed.values()))), strict=True):
+                position, (x, y, z, w), scale = where
+                self._nodes[node].position, self._nodes[node].wxyz = position, (w, x, y, z)
+                if node.startswith("torques"):
+                    self._meshes[node].scale = tuple(scale)
+            angles = (*jog.angles_of(robot.platform_orientation(self.q)), *self.q[::3])
+            for slider, angle in zip((*self._star, *self._motors), angles, strict=True):
+                if pose.stopped or slider not in held:
+                    turned = (angle + np.pi) % (2 * np.pi) - np.pi
+                    slider.value = float(np.degrees(turned).round(1))
+        rows = "".join(
+            f"| tau_{k} | {value:.3f} N m |\n" for k, value in enumerate(tau.round(3) + 0.0, 1)
+        )
+        self._status.content = (
+            f"| to stand still | |\n|---|---|\n{rows}"
+            f"| condition number | {near.condition_number:.2f} |\n"
+            f"| smallest sin mu_k | {near.first_kind:.3f} |\n\n"
+            f"{'**Stopped:** ' + pose.stopped if pose.stopped else 'Closed and movable.'}"
+        )

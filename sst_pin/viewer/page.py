@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The page that a browser shows: Meshcat's scene, torque curves beside it, in one file."""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Iterable
+from importlib.resources import files
+from typing import Any
+
+
+def page(commands: Iterable[bytes], panel: dict[str, Any], live: bool = False) -> str:
+    """HTML that needs nothing from outside.
+
+    Args:
+        commands: Of Meshcat, packed.
+        panel: What `panel.js` shows: title, times, torques and how to play them.
+        live: Whether it asks the server it came from for what follows.
+    """
+    parts = {
+        "MESHCAT": (files("meshcat") / "viewer/dist/main.min.js").read_text(encoding="utf-8"),
+        "STYLE": _asset("panel.css"),
+        "PANEL": _asset("panel.js"),
+        "SCENE": json.dumps(
+            {
+                "live": live,
+                "commands": [base64.b64encode(command).decode() for command in commands],
+                "panel": panel,
+            }
+        ).replace("</", "<\\/"),
+    }
+    html = _asset("panel.html")
+    for name, text in parts.items():
+        html = html.replace(f"/*{name}*/", text)
+    return html
+
+
+def _asset(name: str) -> str:
+    return (files(__package__) / "assets" / name).read_text(encoding="utf-8")

@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Pictures of the page, taken by a browser without a window."""
+
+from __future__ import annotations
+
+import io
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from ..errors import BrowserError, MissingExtraError
+
+#: Programs that can take the pictures, the first that is there.
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
+
+
+def find_browser() -> str:
+    """Path of a Chromium.
+
+    Raises:
+        BrowserError: When there is none.
+    """
+    for name in BROWSERS:
+        path = shutil.which(name)
+        if path is not None:
+            return path
+    raise BrowserError(f"no browser found ({', '.join(BROWSERS)}); run: apt install chromium")
+
+
+@contextmanager
+def browser() -> Iterator[Any]:
+    """A Chromium without a window, as Playwright's `Browser`.
+
+    Raises:
+        BrowserError: When there is none, or it does not start.
+        MissingExtraError: Without Playwright.
+    """
+    try:
+        from playwright.sync_api import Error, sync_playwright
+    except ImportError:
+        raise MissingExtraError("playwright", "viz") from None
+    path = find_browser()
+    arguments = ["--enable-unsafe-swiftshader"]  # WebGL without a graphics card
+    if os.geteuid() == 0:
+        arguments.append("--no-sandbox")  # Chromium has none for root
+    with sync_playwright() as playwright:
+        try:
+            chromium = playwright.chromium.launch(executable_path=path, args=arguments)
+        except Error as error:
+            raise BrowserError(f"{path} does not start: {error.message.splitlines()[0]}") from None
+        with chromium:
+            yield chromium
+
+
+def png(
+    html: str, share: float = 0.2, size: tuple[int, int] = (1280, 640), scale: float = 2.0
+) -> bytes:
+    """A still picture.
+
+    Args:
+        html: The page.
+        share: Of the motion that is over.
+        size: Width and height, [px].
+        scale: Pixels of the picture for one of the page.
+    """
+    (picture,) = _pictures(html, [share], size, scale)
+    return picture
+
+
+def gif(
+    html: str, frames: int = 36, seconds: float = 4.0, size: tuple[int, int] = (960, 480)
+) -> bytes:
+    """An animation that repeats itself.
+
+    Args:
+        html: The page.
+        frames: Number of pictures.
+        seconds: For once through the motion.
+        size: Width and height, [px].
+    """
+    from PIL import Image
+
+    pictures = [
+        Image.open(io.BytesIO(picture)).convert("RGB")
+        for picture in _pictures(html, [i / frames for i in range(frames)], size, 1.0)
+    ]
+    # One palette for all: colours that change from frame to frame flicker.
+    coverage = Image.Quantize.MAXCOVERAGE  # leaves white white
+    palette = pictures[len(pictures) // 3].quantize(128, coverage, dither=Image.Dither.NONE)
+    first, *rest = (p.quantize(palette=palette, dither=Image.Dither.NONE) for p in pictures)
+    file = io.BytesIO()
+    duration = round(1000 * seconds / frames)
+    first.save(file, "GIF", save_all=True, append_images=rest, duration=duration, loop=0)
+    return file.getvalue()
+
+
+def _pictures(html: str, shares: list[float], size: tuple[int, int], scale: float) -> list[bytes]:
+    # In a thread of its own: Playwright's plain interface refuses one with an event loop, which
+    # is what a notebook's has.
+    with ThreadPoolExecutor(1) as thread:
+        return thread.submit(_take, html, shares, size, scale).result()
+
+
+def _take(html: str, shares: list[float], size: tuple[int, int], scale: float) -> list[bytes]:
+    viewport = {"width": size[0], "height": size[1]}
+    pictures = []
+    with tempfile.TemporaryDirectory() as folder, browser() as chromium:
+        file = Path(folder, "page.html")
+        file.write_text(html, encoding="utf-8")
+        page = chromium.new_page(viewport=viewport, device_scale_factor=scale)
+        page.goto(file.as_uri())
+        page.evaluate("panel.picture()")
+        for share in shares:
+            page.evaluate("share => panel.still(share)", share)
+            pictures.append(page.screenshot())
+    return pictures

@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""One page and what is sent after it, on a port of this machine: a thread, no process."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from typing import Any
+
+import tornado.web
+import tornado.websocket
+from tornado.httpserver import HTTPServer
+from tornado.netutil import bind_sockets
+
+from ..errors import ServerError
+
+Message = bytes | str
+
+
+class Server:
+    """Serves until it is closed.
+
+    Attributes:
+        url: Of the page.
+        visited: Set once a page has come to listen.
+
+    Args:
+        page: Gives the page.
+        state: Gives what a page that comes has to be told.
+        host: Address to listen on.
+        port: 0 for any that is free.
+    """
+
+    def __init__(
+        self,
+        page: Callable[[], str],
+        state: Callable[[], Iterable[Message]],
+        host: str,
+        port: int,
+    ) -> None:
+        try:
+            sockets = bind_sockets(port, host)
+        except OSError as error:
+            raise ServerError(f"cannot listen on {host}, port {port}: {error.strerror}") from None
+        self.url = f"http://{host}:{sockets[0].getsockname()[1]}/"
+        self.visited = threading.Event()
+        self._pages: set[tornado.websocket.WebSocketHandler] = set()
+        server = self
+
+        class Page(tornado.web.RequestHandler):
+            def get(self) -> None:
+                self.set_header("Cache-Control", "no-store")
+                self.write(page())
+
+        class Socket(tornado.websocket.WebSocketHandler):
+            def open(self, *_: str, **__: str) -> None:
+                server._pages.add(self)
+                for message in state():
+                    _write(self, message)
+                server.visited.set()
+
+            def on_close(self) -> None:
+                server._pages.discard(self)
+
+        self._loop = asyncio.new_event_loop()
+        self._done = asyncio.Event()
+
+        async def run() -> None:
+            http = HTTPServer(tornado.web.Application([("/", Page), ("/socket", Socket)]))
+            http.add_sockets(sockets)
+            await self._done.wait()
+            http.stop()
+            for listener in tuple(self._pages):
+                listener.close()
+            await http.close_all_connections()
+
+        self._thread = threading.Thread(
+            target=lambda: self._loop.run_until_complete(run()), name=self.url, daemon=True
+        )
+        self._thread.start()
+
+    def send(self, message: Message) -> None:
+        """Tell every page that listens."""
+
+        def tell() -> None:
+            for page in tuple(self._pages):
+                _write(page, message)
+
+        self._loop.call_soon_threadsafe(tell)
+
+    def close(self) -> None:
+        """Stop listening and wait until it has stopped."""
+        if not self._loop.is_closed():
+            self._loop.call_soon_threadsafe(self._done.set)
+            self._thread.join()
+            self._loop.close()
+
+
+def _write(page: Any, message: Message) -> None:
+    with suppress(tornado.websocket.WebSocketClosedError):  # it has gone; `on_close` follows
+        page.write_message(message, binary=isinstance(message, bytes))

@@ -1,0 +1,233 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""`Viewer`: a robot and its motion on a page."""
+
+from __future__ import annotations
+
+import html
+import json
+import webbrowser
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+from typing import Any, BinaryIO
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from ..batches import single_array
+from ..closed_chain import ClosedChain
+from ..errors import InputError, OutputError
+from ..files import Writer, write_files
+from ..trajectories import Trajectory
+from .page import page
+from .scene import TRAIL_SIDES
+from .server import Message, Server
+from .stage import Stage
+
+
+class Viewer:
+    """A robot on a page for the browser: as a file, on a port of this machine, in a notebook.
+
+    Nothing listens until `open` or `serve` is called; `close`, or leaving the `with` block, ends
+    that. In Jupyter a viewer displays itself.
+
+    Args:
+        robot: An `SST`, or any `ClosedChain` with its `visual_model`.
+        visual_model: Bodies to be drawn; those of its URDF for an `SST`.
+        axes: Whether the joint axes e_1..9 of an `SST` are shown at first.
+        frames: Whether its frames {0k}..{3k} and {E} are shown at first.
+
+    Raises:
+        InputError: For a `ClosedChain` without `visual_model`.
+    """
+
+    def __init__(
+        self,
+        robot: ClosedChain,
+        visual_model: pin.GeometryModel | None = None,
+        *,
+        axes: bool = False,
+        frames: bool = False,
+    ) -> None:
+        self._robot = robot
+        self._server: Server | None = None
+        self._stage = Stage(robot, visual_model)
+        self._stage.canvas.listener = self._tell
+        shown = {"torques": True, "trail": True, "axes": axes, "frames": frames}
+        self._look: dict[str, Any] = {
+            "layers": shown if self._stage.scene else {},
+            "labels": self._stage.scene.labels if self._stage.scene else [],
+            "camera": self._stage.camera,
+            "trail": 6 * TRAIL_SIDES,  # indices of its triangles for each sample passed
+        }
+        self._panel: dict[str, Any] = {}
+        self.show(self._stage.start)
+
+    # --- what is shown ----------------------------------------------------------------------
+
+    def show(self, q: ArrayLike, tau: ArrayLike | None = None) -> None:
+        """A configuration.
+
+        Args:
+            q: Joint coordinates, shape (m,), [rad] or [m].
+            tau: Motor torques, shape (n,), [N m] or [N]; none by default.
+        """
+        n = len(self._robot.actuated)
+        q = single_array("q", q, (len(self._robot.joint_names),))
+        tau = np.zeros(n) if tau is None else single_array("tau", tau, (n,))
+        self._stage.place(q, tau / (np.abs(tau).max() or 1.0))
+        self._describe("configuration", [0.0], [tau.tolist()], 1.0)
+
+    def play(
+        self,
+        motion: Trajectory,
+        *,
+        speed: float = 1.0,
+        wanted: Trajectory | None = None,
+        title: str = "motion",
+    ) -> None:
+        """A motion, round and round; the page plays it, so this returns at once.
+
+        Args:
+            motion: Of this robot; of a long one the page gets every so many samples.
+            speed: 1 is true speed.
+            wanted: The motion whose path of E is the reference; `motion` itself by default.
+            title: Stands on the page.
+
+        Raises:
+            InputError: When the motion is another robot's, or the speed not positive.
+        """
+        for name, given in (("motion", motion), ("wanted", wanted or motion)):
+            if given.joint_names != tuple(self._robot.joint_names):
+                joints = ", ".join(given.joint_names)
+                raise InputError(name, f"is another robot's, with joints {joints}")
+        if not (np.isfinite(speed) and speed > 0):
+            raise InputError("speed", f"{speed!r} is not a positive number")
+        if len(motion) == 1:
+            self.show(motion.q[0], motion.tau[0])
+            return
+        known = self._stage.animate(motion, wanted or motion)
+        self._describe(title, known.t.tolist(), known.tau.tolist(), speed)
+
+    # --- where it is shown ------------------------------------------------------------------
+
+    @property
+    def html(self) -> str:
+        """The page by itself, which asks for nothing from outside."""
+        return page(self._stage.canvas.commands.values(), self._panel)
+
+    def save(self, path: str | Path, force: bool = False) -> None:
+        """Write the page, a picture or an animation.
+
+        Args:
+            path: Ends in .html, .png or .gif; the latter two need Chromium.
+            force: Whether a file that is there may be replaced.
+
+        Raises:
+            OutputError: When it cannot be written, or exists.
+            MissingExtraError: For a picture without Playwright.
+            BrowserError: For a picture without Chromium.
+        """
+        write_files({Path(path): self.writer(path)}, force)
+
+    def writer(self, path: str | Path) -> Writer:
+        """What writes the file that the path's ending asks for.
+
+        Raises:
+            OutputError: For another ending than .html, .png or .gif.
+        """
+        from . import pictures
+
+        kinds: dict[str, Callable[[], bytes]] = {
+            ".html": self.html.encode,
+            ".png": lambda: pictures.png(self.html),
+            ".gif": lambda: pictures.gif(self.html),
+        }
+        kind = Path(path).suffix.lower()
+        if kind not in kinds:
+            raise OutputError(path, f"ending {kind!r} unknown; known: {', '.join(kinds)}")
+
+        def write(file: BinaryIO) -> None:
+            file.write(kinds[kind]())
+
+        return write
+
+    def serve(self, host: str = "127.0.0.1", port: int = 0) -> str:
+        """Listen for browsers, on this machine alone unless another host is asked for.
+
+        Args:
+            host: Address to listen on.
+            port: 0 for any that is free.
+
+        Returns:
+            The URL of the page; when it is served already, that of before.
+
+        Raises:
+            ServerError: When nothing can listen there.
+        """
+        if self._server is None:
+            self._server = Server(lambda: page((), self._panel, live=True), self._state, host, port)
+        return self._server.url
+
+    def open(self, wait: float = 20.0) -> bool:
+        """Serve, and open the browser.
+
+        Args:
+            wait: How long to wait until the page has come, [s].
+
+        Returns:
+            Whether it has; then it plays on, even when this process ends.
+        """
+        url, server = self.serve(), self._server
+        return server is not None and webbrowser.open(url) and server.visited.wait(wait)
+
+    def close(self) -> None:
+        """Stop listening."""
+        if self._server is not None:
+            self._server.close()
+            self._server = None
+
+    def __enter__(self) -> Viewer:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def __repr__(self) -> str:
+        where = "not served" if self._server is None else self._server.url
+        return f"<Viewer of {self._robot.model.name}: {self._panel['title']}, {where}>"
+
+    def _repr_html_(self) -> str:
+        """The page in a notebook; a copy, which needs no port."""
+        style = "width: 100%; height: 540px; border: 0"
+        return f'<iframe srcdoc="{html.escape(self.html)}" style="{style}"></iframe>'
+
+    # --- inside -----------------------------------------------------------------------------
+
+    def _describe(self, title: str, t: list[float], tau: list[list[float]], speed: float) -> None:
+        """Tell the panel what there is to see."""
+        units = [self._robot.joint_units[i] for i in self._robot.actuated]
+        kinds = {"rad": "motor torques (N m)", "m": "motor forces (N)"}
+        self._panel = self._look | {
+            "title": title,
+            "t": t,
+            "tau": tau,
+            "speed": speed,
+            "names": [f"tau_{k}" for k, _ in enumerate(units, 1)],
+            "units": [{"rad": "N m", "m": "N"}[unit] for unit in units],
+            "what": ", ".join(kinds[unit] for unit in sorted(set(units), reverse=True)),
+        }
+        self._tell(json.dumps(self._panel))
+
+    def _tell(self, message: Message) -> None:
+        if self._server is not None:
+            self._server.send(message)
+
+    def _state(self) -> list[Message]:
+        return [*self._stage.canvas.commands.values(), json.dumps(self._panel)]
