@@ -144,7 +144,7 @@ def test_another_closed_chain_is_shown_with_its_bodies():
         box = pin.GeometryObject(f"box_{joint}", joint, pin.SE3.Identity(), coal.Box(0.1, 0.1, 0.4))
         bodies.addGeometryObject(box)
     viewer = Viewer(chain, bodies)
-    q = chain.assemble(ROBOTS["four-bar"].joints(np.array([0.8])), fixed=["crank"])
+    q = chain.assemble(ROBOTS["four-bar"].joints(np.array([0.8])).real, fixed=["crank"])
     motion = sst_pin.Trajectory(
         [0, 1], [q, q], np.zeros((2, 1)), np.zeros((2, 1)), np.ones((2, 1)), chain.joint_names,
         ["crank"],

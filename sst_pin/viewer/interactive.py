@@ -125,7 +125,6 @@ class Interactive:
     def _add_controls(self) -> None:
         gui = self._server.gui
         gui.configure_theme(
-            control_layout="fixed",
             control_width="large",
             show_logo=False,
             show_share_button=False,
