@@ -100,6 +100,12 @@ const panel = (() => {
     return low;
   }
 
+  // With a minus sign that is one, and none before a zero.
+  function readable(value, digits) {
+    const text = value.toFixed(digits);
+    return Number(text) === 0 ? text.replace("-", "") : text.replace("-", "\u2212");
+  }
+
   function torques(t) {
     const i = Math.min(index(t), Math.max(data.t.length - 2, 0)), j = Math.min(i + 1, data.t.length - 1);
     const share = j > i ? (t - data.t[i]) / (data.t[j] - data.t[i]) : 0;
@@ -121,7 +127,7 @@ const panel = (() => {
       at("clock").textContent = "";
     }
     at("torques").querySelectorAll(".value").forEach((span, k) => {
-      span.textContent = tau[k].toFixed(2).replace("-", "\u2212");
+      span.textContent = readable(tau[k], 2);
     });
     viewer.set_dirty();
     placeLabels();
@@ -161,7 +167,7 @@ const panel = (() => {
     const digits = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
     return Array.from({ length: last - first + 1 }, (_, i) => {
       const value = (first + i) * step;
-      return { value, text: value.toFixed(digits).replace("-", "\u2212") };
+      return { value, text: readable(value, digits) };
     });
   }
 
