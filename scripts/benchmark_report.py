@@ -24,6 +24,7 @@ ROWS = (
     ("single call", "compute_accelerations", "reference path, accelerations"),
     ("sample of a batch", "compute_torques, batch", "pin.rneaInParallel, 1 thread"),
     ("threads", "compute_torques, batch, 2 threads", "1 thread"),
+    ("threads", "two processes at once", "1 thread"),
     ("rollout step", "rollout", "mujoco.rollout"),
     ("examples", "example 1, 1001 samples", "example 1, reference path"),
     ("examples", "example 2, simulate", "example 2, reference path"),

@@ -19,6 +19,7 @@ from .description import JOINT_NAMES
 from .dynamics import Friction
 from .errors import ClosureError, InputError
 from .kernels.packing import pack
+from .topology import CUTS
 
 if TYPE_CHECKING:
     from .star_dynamics import StarDynamics
@@ -26,8 +27,6 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 #: Fills results of shape (n, size) and returns the samples that it leaves to the reference path.
 Fill = Callable[[list[Array | None], Array], NDArray[np.intp]]
-
-_FRAMES = {("closedloop1_A", "closedloop1_B"), ("closedloop2_A", "closedloop2_B")}
 
 
 class FastPath:
@@ -133,7 +132,7 @@ def misfit(robot: StarDynamics) -> str:
         return "the joints of the model stand in another order"
     frames = {(closure.frame_a, closure.frame_b) for closure in robot.closures}
     kinds = {closure.kind for closure in robot.closures}
-    if frames != _FRAMES or not kinds <= {"6d", "orientation"}:
+    if frames != CUTS or not kinds <= {"6d", "orientation"}:
         return "the cuts are others than those of the shipped YAML"
     return ""
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -11,18 +12,21 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import description, direct_kinematics, kinematics, reading
 from .batches import finite_array, single_array
+from .closed_chain import ClosedChain
 from .errors import DescriptionError, InputError, WorkspaceError
 from .geometry_models import Looks
 from .parameters import Parameters
 from .read_back import parameters_of
 from .star_dynamics import StarDynamics
-from .topology import geometry_of
+from .topology import CUTS, geometry_of
 from .trajectories import Trajectory
 
 if TYPE_CHECKING:
     from .viewer import Viewer
 
 Array = NDArray[np.float64]
+
+_MOTORS = ("gamma_1", "gamma_2", "gamma_3")
 
 
 class Singularities(NamedTuple):
@@ -89,6 +93,33 @@ class SST(StarDynamics):
         robot._load_files(path, Path(cuts), kernels)
         return robot
 
+    @classmethod
+    def from_mjcf(
+        cls, path: str | Path, *, locked: Sequence[str] = (), kernels: bool = True
+    ) -> SST:
+        """An SST from an edited MJCF, by way of its parameters.
+
+        Args:
+            path: The MJCF, with the joints, sites and welds of the shipped one.
+            locked: As in `ClosedChain.from_mjcf`; an SST has nothing to lock.
+            kernels: As in the constructor.
+
+        Raises:
+            MissingExtraError: Without MuJoCo, `sst-pin[mjcf]`.
+            DescriptionError: When it is no MJCF, of another topology, or holds what parameters do
+                not, with every problem.
+        """
+        chain, source = ClosedChain.from_mjcf(path, locked=locked), str(path)
+        geometry = geometry_of(chain.model, source)
+        motors = tuple(chain.joint_names[i] for i in chain.actuated)
+        ends = {(closure.frame_a, closure.frame_b) for closure in chain.closures}
+        if motors != _MOTORS or ends != CUTS:
+            wanted = f"an SST has motors {', '.join(_MOTORS)} and welds {sorted(CUTS)}"
+            raise DescriptionError(
+                source, [f"motors {motors}, equalities {sorted(ends)}; {wanted}"]
+            )
+        return cls(parameters_of(chain.model, geometry, chain.friction), kernels=kernels)
+
     def _load_files(self, path: Path, cuts: Path, kernels: bool) -> None:
         urdf = reading.read_text(path, "URDF")
         text = reading.read_text(cuts, "YAML of the cuts")
@@ -101,9 +132,9 @@ class SST(StarDynamics):
         closures, actuated, gravity, joints = reading.parse_cuts(cuts, cuts_source)
         model = reading.parse_urdf(urdf, urdf_source, joints)
         geometry = geometry_of(model, urdf_source)
-        if actuated != ("gamma_1", "gamma_2", "gamma_3"):
+        if actuated != _MOTORS:
             raise DescriptionError(
-                cuts_source, [f"name_mot: {list(actuated)}, an SST has gamma_1, gamma_2, gamma_3"]
+                cuts_source, [f"name_mot: {list(actuated)}, an SST has {', '.join(_MOTORS)}"]
             )
         model.gravity.linear = gravity
         super().__init__(model, closures, actuated, geometry, kernels)

@@ -12,6 +12,8 @@ from .description import JOINT_NAMES
 from .errors import DescriptionError
 from .kinematics import Geometry
 
+#: Pairs of frames that the shipped cuts close.
+CUTS = {("closedloop1_A", "closedloop1_B"), ("closedloop2_A", "closedloop2_B")}
 #: Frames of the cuts and the arc of the star that each is fixed to.
 _STAR_OF = {"closedloop1_A": 1, "closedloop2_A": 1, "closedloop1_B": 2, "closedloop2_B": 3}
 #: [m] and [rad]; what a person writes with ten digits is exact.

@@ -66,9 +66,10 @@ def test_parameters_survive_the_way_through_urdf(p, tmp_path):
 
 @pytest.mark.parametrize("p", ROBOTS)
 def test_parameters_survive_the_way_through_mjcf(p, tmp_path):
-    """Parameters -> MJCF -> Pinocchio's reader, what it leaves out by MuJoCo's -> Parameters."""
+    """By `SST.from_mjcf`, and by Pinocchio's reader with what that leaves out."""
     (tmp_path / "sst.xml").write_text(mjcf_of(p))
     (tmp_path / "meshes").symlink_to(Path(sst_pin.PACKAGE_PATH, "meshes"))
+    assert_same(sst_pin.SST.from_mjcf(tmp_path / "sst.xml").parameters, p)
     model = pin.buildModelFromMJCF(str(tmp_path / "sst.xml"))
     compiled = mujoco.MjModel.from_xml_path(str(tmp_path / "sst.xml"))
     model.gravity.linear = compiled.opt.gravity
@@ -77,6 +78,25 @@ def test_parameters_survive_the_way_through_mjcf(p, tmp_path):
         model.addFrame(pin.Frame(name, 0, placement, pin.FrameType.OP_FRAME))
     geometry = geometry_of(model, "sst.xml")
     assert_same(parameters_of(model, geometry, Friction(model.damping, model.friction)), p)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('<weld name="closedloop2"', '<weld name="closedloop2" active="false"', "equalities"),
+        ('<motor name="gamma_3" joint="gamma_3"', '<motor name="gamma_3" joint="mu_3"', "mu_3"),
+        ('<site name="P_2"', '<site name="P_9"', "frame P_2 is missing"),
+        ('name="beta_2" axis="0 0 1"', 'name="beta_2" axis="0 1 0"', "beta_2"),
+    ],
+)
+def test_an_mjcf_that_is_no_sst_is_refused_by_name(old, new, words, tmp_path):
+    """What is wrong stands in the message; nothing is read as something else."""
+    text = Path(sst_pin.MJCF_PATH).read_text()
+    assert text.count(old) == 1
+    (tmp_path / "sst.xml").write_text(text.replace(old, new))
+    (tmp_path / "meshes").symlink_to(Path(sst_pin.PACKAGE_PATH, "meshes"))
+    with pytest.raises(sst_pin.SSTError, match=words):
+        sst_pin.SST.from_mjcf(tmp_path / "sst.xml")
 
 
 def edited(tmp_path, *replacements):

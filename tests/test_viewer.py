@@ -92,15 +92,27 @@ def test_a_taken_port_is_told(robot):
 @pytest.mark.parametrize("options", [(), ("--interactive",)])
 def test_show_serves_until_interrupted_and_leaves_no_orphan(options):
     """`sst-pin show --no-open`: a URL, an answer, Ctrl-C, exit code 0, no process, no port."""
-    command = [sys.executable, "-m", "sst_pin", "show", "--no-open", *options]
+    # What a shell starts in the background ignores Ctrl-C, and so would this.
+    code = (
+        "import signal, sst_pin.cli; signal.signal(signal.SIGINT, signal.default_int_handler); "
+        "raise SystemExit(sst_pin.cli.main())"
+    )
+    command = [sys.executable, "-c", code, "show", "--no-open", *options]
     with subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
     ) as process:
-        url = next(line for line in process.stdout if "Ctrl-C ends" in line).split()[0]
-        assert urllib.request.urlopen(url).status == 200
-        process.send_signal(signal.SIGINT)
-        assert process.wait(timeout=20) == 0
-        assert process.stderr.read() == ""
+        try:
+            url = next(line for line in process.stdout if "Ctrl-C ends" in line).split()[0]
+            assert urllib.request.urlopen(url).status == 200
+            process.send_signal(signal.SIGINT)
+            assert process.wait(timeout=20) == 0
+            assert process.stderr.read() == ""
+        finally:
+            process.kill()
     with pytest.raises(ProcessLookupError):
         os.killpg(process.pid, 0)  # it had the session to itself
     assert not listens("127.0.0.1", port_of(url))

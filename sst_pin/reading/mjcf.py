@@ -78,6 +78,7 @@ class _Reader:
             raise DescriptionError(self._source, [text])
         for body in range(1, mj.nbody):
             self._add_body(body)
+        self._add_sites()
         closures, motors = tuple(self._closures()), tuple(dict.fromkeys(self._motors()))
         self._problems += self._forces()
         if self._problems:
@@ -86,7 +87,11 @@ class _Reader:
             text = "\n  ".join([f"{self._source}:", *left_out])
             warnings.warn(text, DescriptionWarning, stacklevel=4)
         # What a ball has about every axis cannot be told coordinate by coordinate.
-        simple = ~self._balls[mj.dof_jntid[self._dofs]]
+        joints = mj.dof_jntid[self._dofs]
+        simple = ~self._balls[joints]
+        limited = simple & (mj.jnt_limited[joints] != 0)
+        model.lowerPositionLimit = np.where(limited, mj.jnt_range[joints, 0], -np.inf)
+        model.upperPositionLimit = np.where(limited, mj.jnt_range[joints, 1], np.inf)
         model.armature = mj.dof_armature[self._dofs] * simple
         model.damping = mj.dof_damping[self._dofs] * simple
         model.friction = mj.dof_frictionloss[self._dofs] * simple
@@ -122,13 +127,13 @@ class _Reader:
         anchor = pin.SE3(np.eye(3), mj.jnt_pos[joint])
         reference = mj.qpos0[mj.jnt_qposadr[joint]]
         if kind == kinds.mjJNT_HINGE:
-            models = [pin.JointModelRevoluteUnaligned(axis)]
+            models = [_along(axis, _REVOLUTE, pin.JointModelRevoluteUnaligned)]
             zero = pin.SE3(pin.AngleAxis(-reference, axis).matrix(), np.zeros(3))
         elif kind == kinds.mjJNT_SLIDE:
-            models = [pin.JointModelPrismaticUnaligned(axis)]
+            models = [_along(axis, _PRISMATIC, pin.JointModelPrismaticUnaligned)]
             zero = pin.SE3(np.eye(3), -reference * axis)
         else:
-            models = [pin.JointModelRX(), pin.JointModelRY(), pin.JointModelRZ()]
+            models = [model() for model in _REVOLUTE]
             zero = pin.SE3.Identity()
         at = placement * anchor * zero
         for k, (model, coordinate) in enumerate(zip(models, self._coordinates(joint), strict=True)):
@@ -137,6 +142,24 @@ class _Reader:
                 at = pin.SE3.Identity()
                 self._dofs.append(mj.jnt_dofadr[joint] + k)
         return parent, at * anchor.inverse()
+
+    def _add_sites(self) -> None:
+        """As frames."""
+        mj = self._mj
+        for site in range(mj.nsite):
+            place = _pose(mj.site_pos[site], mj.site_quat[site])
+            self._add_frame(self._site(site), mj.site_bodyid[site], place)
+
+    def _site(self, site: int) -> str:
+        return self._mj.site(site).name or f"site_{site}"
+
+    def _add_frame(self, name: str, body: int, place: pin.SE3) -> None:
+        if self._model.existFrame(name):
+            self._problems.append(f"frame {name}: there are two; sites and ends of equalities")
+            return
+        parent, placement = self._bodies[body]
+        kind = pin.FrameType.OP_FRAME
+        self._model.addFrame(pin.Frame(name, parent, placement * place, kind))
 
     @property
     def _balls(self) -> NDArray[np.bool_]:
@@ -171,19 +194,18 @@ class _Reader:
                 self._problems.append(f"{name}: couples by {what}; connect and weld close loops")
                 continue
             first, second, data = mj.eq_obj1id[i], mj.eq_obj2id[i], mj.eq_data[i]
+            how = "3d" if kind == kinds.mjEQ_CONNECT else "6d"
             if mj.eq_objtype[i] == int(site):
-                places = [_pose(mj.site_pos[s], mj.site_quat[s]) for s in (first, second)]
-                first, second = mj.site_bodyid[[first, second]]
-            elif kind == kinds.mjEQ_CONNECT:
+                yield Closure(self._site(first), self._site(second), how)
+                continue
+            if how == "3d":
                 places = [pin.SE3(np.eye(3), data[:3]), pin.SE3(np.eye(3), data[3:6])]
             else:  # pose of the second body in the first, anchor in the second
                 places = [_pose(data[3:6], data[6:10]), pin.SE3(np.eye(3), data[:3])]
             ends = f"{name}_A", f"{name}_B"
             for end, body, place in zip(ends, (first, second), places, strict=True):
-                parent, placement = self._bodies[body]
-                kind_of_frame = pin.FrameType.OP_FRAME
-                self._model.addFrame(pin.Frame(end, parent, placement * place, kind_of_frame))
-            yield Closure(*ends, "3d" if kind == kinds.mjEQ_CONNECT else "6d")
+                self._add_frame(end, body, place)
+            yield Closure(*ends, how)
 
     def _motors(self) -> Iterator[str]:
         mj, trn = self._mj, self._mujoco.mjtTrn
@@ -225,6 +247,18 @@ class _Reader:
                 value = getattr(mj, f"dof_{what}")[dof]
                 if value and name not in self._locked:
                     yield f"joint {name}: {what} {value:g} of a ball joint is left out"
+
+
+_REVOLUTE = pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ
+_PRISMATIC = pin.JointModelPX, pin.JointModelPY, pin.JointModelPZ
+
+
+def _along(axis: Array, aligned: Sequence[type], unaligned: type) -> Any:
+    """A joint with an axis, of the simple kind where the axis is x, y or z."""
+    for model, direction in zip(aligned, np.eye(3), strict=True):
+        if np.array_equal(axis, direction):
+            return model()
+    return unaligned(axis)
 
 
 #: Fields of a compiled model and the forces they stand for.
