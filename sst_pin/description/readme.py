@@ -102,6 +102,7 @@ paper's circle 7.9 mm remain between any two bodies (`link_k` over the frame), m
 collision primitives. Left out are the bearings, where a shaft sits in its hub: motor k with
 `link_k`, `link_k` with `passive_k`. The rollers run 0.2 mm beside their arc. The three `star_k` are
 one body.
+
 ## What the paper leaves open, and what is taken here
 
 | open | taken | why | to have the alternative |
