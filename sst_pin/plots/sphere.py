@@ -128,4 +128,5 @@ def _equal_space(ax: Axes, robot: SST, radius: float, s: Array) -> None:
     for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
         axis.set_pane_color((1, 1, 1, 0))
         axis.set_major_locator(mpl.ticker.MultipleLocator(step))
+        axis.labelpad = 6  # clear of the numbers
     ax.grid(False)
