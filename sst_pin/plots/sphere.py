@@ -122,11 +122,11 @@ def _equal_space(ax: Axes, robot: SST, radius: float, s: Array) -> None:
     ax.set_box_aspect((1, 1, 1), zoom=0.9)
     elevation, azimuth = _camera(robot)
     ax.view_init(elev=elevation, azim=azimuth)
-    ax.set(xlabel="$x_0$ (m)", ylabel="$y_0$ (m)")
+    ax.set_xlabel("$x_0$ (m)", labelpad=5)  # clear of the numbers
+    ax.set_ylabel("$y_0$ (m)", labelpad=5)
     ax.zaxis.set_rotate_label(False)  # else it may stand on its head
     ax.set_zlabel("$z_0$ (m)", rotation=90)
     for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
         axis.set_pane_color((1, 1, 1, 0))
         axis.set_major_locator(mpl.ticker.MultipleLocator(step))
-        axis.labelpad = 6  # clear of the numbers
     ax.grid(False)
