@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Robots that many tests share."""
+"""What many tests share."""
 
 import numpy as np
 import pytest
@@ -18,3 +18,10 @@ def robot():
 def odd(request):
     """An SST far from the paper's, friction in all joints."""
     return sst_pin.SST(random_parameters(np.random.default_rng(request.param)))
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    """An empty folder, the working directory."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path

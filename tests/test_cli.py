@@ -9,29 +9,13 @@ import numpy as np
 import pytest
 
 import sst_pin
+from commands import run
 from sst_pin import paper
-from sst_pin.cli import main
 from sst_pin.description import urdf_of
 from sst_pin.sampling import random_parameters
 
 ROOT = Path(__file__).resolve().parents[1]
 SAMPLE = ROOT / "examples" / "figure_eight.csv"
-
-
-@pytest.fixture
-def here(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
-def run(capsys, *arguments):
-    """Exit code, output, errors."""
-    try:
-        code = main([str(a) for a in arguments])
-    except SystemExit as stop:
-        code = stop.code
-    out, err = capsys.readouterr()
-    return code, out, err
 
 
 def test_paper_writes_data_and_figures_and_prints_its_table(here, capsys, robot):

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import sst_pin
-from sst_pin.cli import main, plot, workspace
+from commands import run
+from sst_pin.cli import plot, workspace
 from sst_pin.description import urdf_of
 from sst_pin.sampling import random_parameters
 from sst_pin.workspace import workspace_over_rolls
@@ -17,22 +18,6 @@ plots = pytest.importorskip("sst_pin.plots", reason="extra `plot` is not install
 image = pytest.importorskip("matplotlib.image", reason="extra `plot` is not installed")
 
 SAMPLE = Path(__file__).resolve().parents[1] / "examples" / "figure_eight.csv"
-
-
-@pytest.fixture
-def here(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
-def run(capsys, *arguments):
-    """Exit code, output, errors."""
-    try:
-        code = main([str(a) for a in arguments])
-    except SystemExit as stop:
-        code = stop.code
-    out, err = capsys.readouterr()
-    return code, out, err
 
 
 def require_picture(path):
