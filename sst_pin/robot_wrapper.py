@@ -10,7 +10,6 @@ import pinocchio as pin
 from . import description
 from .errors import DescriptionError
 from .geometry_models import geometry_model
-from .reading import read_text
 from .sst import SST
 
 
@@ -34,9 +33,8 @@ def load(urdf: str | Path = description.URDF_PATH) -> pin.RobotWrapper:
     if not srdf.is_file():
         raise DescriptionError(str(srdf), ["the SRDF beside the URDF is missing"])
     pin.loadReferenceConfigurations(model, str(srdf), False)
-    text = read_text(path, "URDF")
     visual, collision = (
-        geometry_model(model, text, path.parent, kind)
+        geometry_model(model, sst.looks.urdf, path.parent, kind)
         for kind in (pin.GeometryType.VISUAL, pin.GeometryType.COLLISION)
     )
     collision.addAllCollisionPairs()
