@@ -8,7 +8,7 @@ import numpy as np
 from setuptools import Extension, setup
 from setuptools.command.build_py import build_py
 
-FOLDER = "sst_pin/kernels"
+FOLDER = "sst_pin/sst/kernels"
 
 
 class BuildWithUrdf(build_py):
@@ -24,7 +24,7 @@ setup(
     cmdclass={"build_py": BuildWithUrdf},
     ext_modules=[
         Extension(
-            "sst_pin.kernels._binding",
+            "sst_pin.sst.kernels._binding",
             [f"{FOLDER}/_binding.c"],
             depends=[
                 f"{FOLDER}/{name}"

@@ -1,18 +1,11 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Dynamics of closed-chain robots on Pinocchio by the natural orthogonal complement."""
 
-from .closed_chain import ClosedChain
-from .closures import Closure
-from .description import (
-    MJCF_PATH,
-    PACKAGE_PATH,
-    REPOSITORY_PATH,
-    SRDF_PATH,
-    URDF_PATH,
-    YAML_PATH,
-)
-from .dynamics import ReducedTerms
-from .energy import energy_error
+from .chain.closed_chain import ClosedChain
+from .chain.closures import Closure
+from .chain.dynamics import ReducedTerms
+from .description import MJCF_PATH, PACKAGE_PATH, REPOSITORY_PATH, SRDF_PATH, URDF_PATH, YAML_PATH
+from .description.parameters import Parameters, RigidBody
 from .errors import (
     ActuationError,
     ClosureError,
@@ -30,19 +23,19 @@ from .errors import (
     UnknownNameError,
     WorkspaceError,
 )
-from .kinematics import BRANCHES
-from .parameters import Parameters, RigidBody
-from .platform_motion import (
+from .motion.energy import energy_error
+from .motion.rollouts import Rollout
+from .motion.trajectories import Trajectory
+from .sst.kinematics import BRANCHES
+from .sst.platform_motion import (
     PlatformMotion,
     interpolate_orientations,
     orientation,
     orientation_motion,
     paper_circle,
 )
-from .robot_wrapper import load
-from .rollouts import Rollout
-from .sst import SST
-from .trajectories import Trajectory
+from .sst.robot import SST
+from .sst.robot_wrapper import load
 from .validation import Problem, validate
 
 __all__ = [

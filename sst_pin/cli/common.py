@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from ..sst import SST
-from ..trajectories import Trajectory
+from ..motion.trajectories import Trajectory
+from ..sst.robot import SST
 
 Array = NDArray[np.float64]
 

@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..description import description_writers
+from ..description.parameters import Parameters, RigidBody
 from ..files import write_files
-from ..parameters import Parameters, RigidBody
-from ..sst import SST
+from ..sst.configurations import configurations_of
+from ..sst.robot import SST
 from .common import Commands, add_force, add_urdf, triple
 
 Array = NDArray[np.float64]
@@ -63,7 +64,7 @@ def _run(arguments: argparse.Namespace) -> None:
         Parameters() if arguments.urdf is None else SST.from_urdf(arguments.urdf).parameters,
         arguments,
     )
-    files = description_writers(p) | picture_writers(p)
+    files = description_writers(p, configurations_of(p)) | picture_writers(p)
     write_files({arguments.output / name: write for name, write in files.items()}, arguments.force)
     print(f"{len(files)} files -> {arguments.output}")
 

@@ -6,8 +6,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from ..export import c_files
 from ..files import write_files
+from ..sst.export import c_files
 from .common import Commands, add_force, add_urdf, robot_of
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ..files import Writer, write_files
-from ..paper import PERIOD, compare, example_1, example_2
+from ..sst.paper import PERIOD, compare, example_1, example_2
 from .common import Commands, add_force, add_urdf, progress_bar, remark, robot_of
 
 

@@ -8,9 +8,9 @@ from pathlib import Path
 
 from ..errors import FileFormatError
 from ..files import read_table, write_files
-from ..motion_files import read_motion
-from ..sst import SST
-from ..trajectories import Trajectory
+from ..motion.trajectories import Trajectory
+from ..sst.motion_files import read_motion
+from ..sst.robot import SST
 from .common import Commands, add_figure, add_urdf, robot_of
 
 #: As in `plots.SUBJECTS`, which needs matplotlib.

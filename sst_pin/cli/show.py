@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 
 from ..files import read_table, write_files
-from ..motion_files import read_motion
-from ..paper import PERIOD, example_1
-from ..sst import SST
-from ..trajectories import Trajectory
+from ..motion.trajectories import Trajectory
+from ..sst.motion_files import read_motion
+from ..sst.paper import PERIOD, example_1
+from ..sst.robot import SST
 from .common import Commands, Parser, add_force, add_urdf, robot_of
 
 

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from ..errors import FileFormatError
 from ..files import Table, read_table
-from ..motion_files import MOTORS
-from ..sst import SST
-from ..trajectories import Trajectory
+from ..motion.trajectories import Trajectory
+from ..sst.motion_files import MOTORS
+from ..sst.robot import SST
 from .common import Commands, add_output, add_urdf, progress_bar, remark, robot_of, save, triple
 
 Array = NDArray[np.float64]

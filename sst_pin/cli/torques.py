@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..motion_files import read_motion
+from ..sst.motion_files import read_motion
 from .common import Commands, add_output, add_urdf, robot_of, save
 
 

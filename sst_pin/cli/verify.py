@@ -20,7 +20,7 @@ def add_to(commands: Commands) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from .. import comparisons, verify
+    from ..verification import comparisons, verify
 
     if arguments.urdf is None:
         found, missing = verify.verify_sst(arguments.quick), verify.skipped()

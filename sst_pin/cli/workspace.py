@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from ..files import Writer, write_files
-from ..paper import PERIOD
-from ..platform_motion import paper_circle
-from ..workspace import Workspace, workspace_at, workspace_over_rolls
+from ..sst.paper import PERIOD
+from ..sst.platform_motion import paper_circle
+from ..sst.workspace import Workspace, workspace_at, workspace_over_rolls
 from .common import Commands, add_figure, add_urdf, robot_of
 
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The cuts as YAML, in the LAAS "extended URDF" schema."""
 
-from ..parameters import Parameters
+from .parameters import Parameters
 
 
 def cuts_of(p: Parameters) -> str:

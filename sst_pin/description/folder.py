@@ -3,13 +3,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ..files import Writer, text_writer
-from ..parameters import Parameters
 from .cuts import cuts_of
 from .meshes import mesh_writers
 from .mjcf import mjcf_of
+from .parameters import Parameters
 from .paths import PACKAGE_PATH
 from .readme import readme_of
 from .scene import scene_of
@@ -20,8 +24,14 @@ from .urdf import urdf_of
 _CONSTANT = ("LICENSE", "package.xml", "CMakeLists.txt")
 
 
-def description_writers(p: Parameters) -> dict[str, Writer]:
+def description_writers(
+    p: Parameters, configurations: Mapping[str, NDArray[np.float64]]
+) -> dict[str, Writer]:
     """Writers of a description's files but its picture, by name, for `files.write_files`.
+
+    Args:
+        p: Of the robot.
+        configurations: Joint coordinates by name, shape (9,).
 
     Raises:
         MissingExtraError: Without trimesh.
@@ -29,8 +39,8 @@ def description_writers(p: Parameters) -> dict[str, Writer]:
     texts = {
         "sst.urdf": urdf_of(p),
         "sst.yaml": cuts_of(p),
-        "sst.srdf": srdf_of(p),
-        "sst.xml": mjcf_of(p),
+        "sst.srdf": srdf_of(configurations),
+        "sst.xml": mjcf_of(p, configurations),
         "scene.xml": scene_of(p),
         "README.md": readme_of(p),
     }

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..parameters import Parameters, RigidBody
+from .parameters import Parameters, RigidBody
 
 Array = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..errors import MissingExtraError
 from ..files import Writer
-from ..parameters import Parameters
+from .parameters import Parameters
 from .parts import parts_of
 from .solids import Arc, Box, Cylinder, Solid, axes_along
 

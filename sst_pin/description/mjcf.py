@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from ..parameters import Parameters, RigidBody
-from .configurations import configurations_of
 from .frames import base_orientations, star_arcs, star_orientations
 from .looks import COLOURS, LOOKS
+from .parameters import Parameters, RigidBody
 from .parts import parts_of
 from .solids import Ball, Box, Cylinder, Solid, primitives
 
@@ -38,8 +37,13 @@ _GEOMS = {
 _MOTORS = ("gamma_1", "gamma_2", "gamma_3")
 
 
-def mjcf_of(p: Parameters) -> str:
-    """XML of an SST: tree, loop closures, motors, sensors and keyframes."""
+def mjcf_of(p: Parameters, configurations: Mapping[str, Array]) -> str:
+    """XML of an SST: tree, loop closures, motors, sensors and keyframes.
+
+    Args:
+        p: Of the robot.
+        configurations: Joint coordinates of the keyframes by name, shape (9,).
+    """
     robot = ET.Element("mujoco", model="sst")
     robot.append(ET.Comment(_HEADER))
     ET.SubElement(robot, "compiler", angle="radian", autolimits="true")
@@ -59,7 +63,7 @@ def mjcf_of(p: Parameters) -> str:
         ET.SubElement(actuator, "motor", name=motor, joint=motor)
     _sensors(ET.SubElement(robot, "sensor"))
     keyframe = ET.SubElement(robot, "keyframe")
-    for name, q in configurations_of(p).items():
+    for name, q in configurations.items():
         ET.SubElement(keyframe, "key", name=name, qpos=_numbers(q))
     ET.indent(robot)
     return ET.tostring(robot, encoding="unicode") + "\n"

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from ..parameters import Parameters
+from .parameters import Parameters
 from .solids import Arc, Ball, Box, Cylinder, Solid, bar, rod
 
 Array = NDArray[np.float64]

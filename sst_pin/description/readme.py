@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..parameters import Parameters, RigidBody
+from .parameters import Parameters, RigidBody
 
 Array = NDArray[np.float64]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..parameters import Parameters
+from .parameters import Parameters
 from .parts import parts_of
 from .solids import Cylinder
 

@@ -5,9 +5,11 @@ from __future__ import annotations
 
 import itertools
 import xml.etree.ElementTree as ET
+from collections.abc import Mapping
 
-from ..parameters import Parameters
-from .configurations import configurations_of
+import numpy as np
+from numpy.typing import NDArray
+
 from .frames import JOINT_NAMES
 
 _HEADER = """
@@ -25,15 +27,19 @@ _TOUCHING = {
 }
 
 
-def srdf_of(p: Parameters) -> str:
-    """XML of an SST's semantic description."""
+def srdf_of(configurations: Mapping[str, NDArray[np.float64]]) -> str:
+    """XML of an SST's semantic description.
+
+    Args:
+        configurations: Joint coordinates by name, shape (9,).
+    """
     robot = ET.Element("robot", name="sst")
     robot.append(ET.Comment(_HEADER))
     for group, joints in (("all", JOINT_NAMES), ("motors", JOINT_NAMES[::3])):
         element = ET.SubElement(robot, "group", name=group)
         for joint in joints:
             ET.SubElement(element, "joint", name=joint)
-    for name, q in configurations_of(p).items():
+    for name, q in configurations.items():
         state = ET.SubElement(robot, "group_state", name=name, group="all")
         for joint, angle in zip(JOINT_NAMES, q.tolist(), strict=True):
             ET.SubElement(state, "joint", name=joint, value=repr(angle))

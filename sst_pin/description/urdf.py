@@ -9,9 +9,9 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..parameters import Parameters
 from .frames import base_orientations, star_arcs, star_orientations
 from .looks import COLOURS, LOOKS
+from .parameters import Parameters
 from .parts import parts_of
 from .solids import Ball, Box, Cylinder, Solid, axes_along, primitives
 

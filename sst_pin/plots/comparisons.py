@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..sst import SST
-from ..trajectories import Trajectory
+from ..motion.trajectories import Trajectory
+from ..sst.robot import SST
 from .motions import motor_torques
 from .sphere import paths_on_sphere
 from .style import COLOURS, DASHES

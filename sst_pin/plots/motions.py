@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..energy import energy_balance as balance_of
-from ..sst import SST
-from ..trajectories import Trajectory
+from ..motion.energy import energy_balance as balance_of
+from ..motion.trajectories import Trajectory
+from ..sst.robot import SST
 from .sphere import PATHS
 from .style import COLOURS, DASHES, Axes
 

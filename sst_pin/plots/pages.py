@@ -9,18 +9,13 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from ..sst import SST
-from ..trajectories import Trajectory
-from ..workspace import Workspace
+from ..motion.trajectories import Trajectory
+from ..sst.robot import SST
+from ..sst.workspace import Workspace
 from .motions import CURVES
 from .sphere import paths_on_sphere
 from .style import style
-from .workspace import (
-    condition_colourbar,
-    workspace_legend,
-    workspace_map,
-    workspace_on_sphere,
-)
+from .workspace import condition_colourbar, workspace_legend, workspace_map, workspace_on_sphere
 
 Array = NDArray[np.float64]
 

@@ -6,9 +6,9 @@ from __future__ import annotations
 from matplotlib.figure import Figure
 
 from ..files import Writer
-from ..paper import angles_off_path
-from ..sst import SST
-from ..trajectories import Trajectory
+from ..motion.trajectories import Trajectory
+from ..sst.paper import angles_off_path
+from ..sst.robot import SST
 from .motions import motor_torques, path_errors
 from .sphere import paths_on_sphere
 from .style import figure_writers, style

@@ -5,9 +5,9 @@ from __future__ import annotations
 
 from matplotlib.figure import Figure
 
+from ..description.parameters import Parameters
 from ..files import Writer
-from ..parameters import Parameters
-from ..sst import SST
+from ..sst.robot import SST
 from .sphere import robot_pose
 from .style import figure_writer, style
 

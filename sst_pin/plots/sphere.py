@@ -10,9 +10,9 @@ import matplotlib as mpl
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kinematics import legs_of_joints
-from ..sst import SST
-from ..trajectories import Trajectory
+from ..motion.trajectories import Trajectory
+from ..sst.kinematics import legs_of_joints
+from ..sst.robot import SST
 from .style import COLOURS, Axes
 
 Array = NDArray[np.float64]

@@ -15,9 +15,9 @@ from matplotlib.patheffects import withStroke
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from ..platform_motion import orientation
-from ..sst import SST
-from ..workspace import Chart, Workspace
+from ..sst.platform_motion import orientation
+from ..sst.robot import SST
+from ..sst.workspace import Chart, Workspace
 from .sphere import great_arc
 from .style import Axes
 

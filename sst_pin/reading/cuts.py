@@ -10,7 +10,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from ..closures import Closure
+from ..chain.closures import Closure
 from ..errors import DescriptionError
 from .urdf import AXES
 

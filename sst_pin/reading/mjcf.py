@@ -17,7 +17,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from ..closures import Closure
+from ..chain.closures import Closure
 from ..errors import DescriptionError, DescriptionWarning, MissingExtraError, UnknownNameError
 
 Array = NDArray[np.float64]

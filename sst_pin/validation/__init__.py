@@ -9,7 +9,7 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
-from ..closed_chain import ClosedChain
+from ..chain.closed_chain import ClosedChain
 from ..errors import ClosureError, DescriptionError
 from ..reading import parse_urdf, read_text
 from . import inertia, loops, meshes, tree

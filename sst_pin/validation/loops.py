@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from .. import assembly, reading
-from ..closed_chain import ClosedChain
-from ..closures import Closure, LoopKinematics
+from .. import reading
+from ..chain import assembly
+from ..chain.closed_chain import ClosedChain
+from ..chain.closures import Closure, LoopKinematics
 from ..errors import ActuationError, ClosureError, DescriptionError, SSTError
 from .problems import Problem, error, warning
 

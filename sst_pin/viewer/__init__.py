@@ -8,8 +8,8 @@ import sys
 from numpy.typing import ArrayLike
 
 from ..errors import MissingExtraError
-from ..sst import SST
-from ..trajectories import Trajectory
+from ..motion.trajectories import Trajectory
+from ..sst.robot import SST
 
 try:
     import meshcat  # noqa: F401

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from pinocchio.visualize import ViserVisualizer
 
 from ..errors import MissingExtraError, ServerError
-from ..sst import SST
+from ..sst.robot import SST
 from . import jog
 from .scene import Scene, parts
 

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import SSTError, WorkspaceError
-from ..platform_motion import orientation
-from ..sst import SST
+from ..sst.platform_motion import orientation
+from ..sst.robot import SST
 
 Array = NDArray[np.float64]
 

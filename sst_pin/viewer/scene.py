@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from ..kinematics import legs_of_joints
-from ..sst import SST
+from ..sst.kinematics import legs_of_joints
+from ..sst.robot import SST
 from .shapes import Mesh, arc, arrow, tube
 
 Array = NDArray[np.float64]

@@ -16,10 +16,10 @@ from meshcat.geometry import MeshLambertMaterial, TriangularMeshGeometry
 from numpy.typing import NDArray
 from pinocchio.visualize import MeshcatVisualizer
 
-from ..closed_chain import ClosedChain
+from ..chain.closed_chain import ClosedChain
 from ..errors import InputError
-from ..sst import SST
-from ..trajectories import Trajectory
+from ..motion.trajectories import Trajectory
+from ..sst.robot import SST
 from .canvas import Canvas
 from .scene import Scene, Shape, parts
 

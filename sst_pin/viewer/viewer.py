@@ -14,11 +14,11 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from ..batches import single_array
-from ..closed_chain import ClosedChain
+from ..arrays import single_array
+from ..chain.closed_chain import ClosedChain
 from ..errors import InputError, OutputError
 from ..files import Writer, write_files
-from ..trajectories import Trajectory
+from ..motion.trajectories import Trajectory
 from .page import page
 from .scene import TRAIL_SIDES
 from .server import Message, Server

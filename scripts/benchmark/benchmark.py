@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Measure the kernels against Pinocchio and MuJoCo on the same robot, in one run.
+
+Each group of calls takes turns, so that a slow moment of the machine hits all alike; of the repeats
+come the median and the minimum. Only the ratios mean something on another machine. Writes
+benchmark.json, benchmark.md and benchmark.png to docs/ and the table into README.md; --quick takes
+fewer repeats, --out FOLDER leaves docs/ and README.md alone.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import subprocess
+import sys
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+import benchmark_cases as cases
+import benchmark_report as report
+from sst_pin import SST
+
+ROOT = Path(__file__).resolve().parents[2]
+BATCH = 100_000
+SIZES = (1, 4, 16, 64, 256, 1024, 4096, 16384, 65536)
+
+
+def in_turn(calls: cases.Calls, repeats: int, seconds: float = 0) -> report.Times:
+    """Median and minimum of the seconds that one unit of work takes, by name.
+
+    Args:
+        calls: With the units of work that each does.
+        repeats: How often all take their turn.
+        seconds: How long a turn lasts at least.
+    """
+    loops = {}
+    for name, (call, _) in calls.items():
+        call()
+        start = perf_counter()
+        call()
+        loops[name] = max(1, round(seconds / (perf_counter() - start)))
+    taken: dict[str, list[float]] = {name: [] for name in calls}
+    for _ in range(repeats):
+        for name, (call, units) in calls.items():
+            start = perf_counter()
+            for _ in range(loops[name]):
+                call()
+            taken[name].append((perf_counter() - start) / loops[name] / units)
+    return {name: [float(np.median(x)), min(x)] for name, x in taken.items()}
+
+
+def first_use(kernels: str, repeats: int) -> report.Times:
+    """Seconds of import, and from there to the first torques, in new processes."""
+    code = (
+        "from time import perf_counter as now; a = now(); import sst_pin; b = now();"
+        "robot = sst_pin.SST(); robot.compute_torques(robot.home, [0] * 3, [0] * 3);"
+        "print(b - a, now() - b)"
+    )
+    runs = [
+        subprocess.run(
+            [sys.executable, "-c", code],
+            env=os.environ | {"SST_PIN_KERNELS": kernels},
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout.split()
+        for _ in range(repeats)
+    ]
+    columns = np.array(runs, dtype=float).T
+    names = ("import", "from import to first torques")
+    return {
+        name: [float(np.median(x)), float(x.min())] for name, x in zip(names, columns, strict=True)
+    }
+
+
+def measure(quick: bool) -> dict[str, Any]:
+    few, many, turn = (3, 5, 1e-3) if quick else (9, 41, 5e-3)
+    robot, cores = SST(), os.cpu_count() or 1
+    threads = range(1, max(cores, 2) + 1)
+    return {
+        "machine": f"{platform.machine()}, {cores} cores",
+        "path": robot.path,
+        "single call": in_turn(cases.single_calls(robot), many, turn),
+        "sample of a batch": in_turn(cases.batches(robot, BATCH), few),
+        "threads": in_turn(cases.threads(robot, BATCH, threads), many),
+        "rollout step": in_turn(cases.rollouts(robot), few),
+        "examples": in_turn(cases.examples(robot), few),
+        "first use": {
+            "kernels": first_use("on", few),
+            "reference path": first_use("off", few),
+        },
+        "batch sizes": {str(n): in_turn(cases.batches(robot, n), many, turn) for n in SIZES},
+        "work and precision": cases.work_and_precision(robot, few),
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--quick", action="store_true", help="fewer repeats")
+    parser.add_argument("--out", type=Path, help="another folder than docs/; README.md is left")
+    arguments = parser.parse_args()
+    results = measure(arguments.quick)
+    folder = arguments.out or ROOT / "docs"
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "benchmark.json").write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
+    (folder / "benchmark.md").write_text(report.table(results), encoding="utf-8")
+    report.figure(results).savefig(folder / "benchmark.png", dpi=150)
+    print(report.table(results), end="")
+    if arguments.out is None:
+        readme = ROOT / "README.md"
+        page = report.with_table(readme.read_text(encoding="utf-8"), results)
+        readme.write_text(page, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

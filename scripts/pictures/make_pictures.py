@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Draw the pictures of the README and of docs/gallery.md: all, or those named."""
+
+import argparse
+import io
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from PIL import Image
+
+from sst_pin import SST, Parameters, paper_circle, plots
+from sst_pin.files import write_files
+from sst_pin.sst.paper import PERIOD, example_1
+from sst_pin.sst.workspace import workspace_at, workspace_over_rolls
+
+FOLDER = Path(__file__).resolve().parents[2] / "docs"
+
+
+def robot() -> Figure:
+    """The paper's robot on its circle, and the torques along it."""
+    robot, motion = SST(), example_1(SST(), np.linspace(0, PERIOD, 401))
+    with plots.style():
+        figure = Figure(figsize=(7.5, 3.4), layout="constrained")
+        left = figure.add_subplot(1, 2, 1, projection="3d")
+        plots.robot_pose(left, robot, motion.q[70])
+        E = 0.4 * robot.platform_orientation(motion.q)[:, :, 0]
+        left.plot(*E.T, color="0.3", linewidth=0.8, linestyle=(0, (2, 1)))
+        plots.motor_torques(figure.add_subplot(1, 2, 2), motion)
+    return figure
+
+
+def summary() -> Figure:
+    """All about the paper's circle, with friction in every joint."""
+    robot = SST(Parameters(viscous_friction=0.2))
+    motion = example_1(robot, np.linspace(0, PERIOD, 401))
+    return plots.motion_page(robot, motion)
+
+
+def workspace() -> Figure:
+    """Where the paper's robot can point its axis."""
+    robot, circle = SST(), paper_circle(np.linspace(0, PERIOD, 361)).R[:, :, 0]
+    maps = workspace_at(robot), workspace_over_rolls(robot)
+    return plots.workspace_page(robot, *maps, ("circle of the paper", circle))
+
+
+def workspace_75() -> Figure:
+    """The same at another roll, where both kinds of singularity are in sight."""
+    robot = SST()
+    workspace = workspace_at(robot, np.radians(75))
+    with plots.style():
+        figure = Figure(figsize=(7.2, 4.4), layout="constrained")
+        axes = figure.subplots(1, 2)
+        plots.workspace_map(axes[0], robot, workspace).set_title(r"$\psi$ = 75°, equal areas")
+        plots.workspace_on_sphere(axes[1], robot, workspace).set_title("the same as a sphere")
+        handles = plots.workspace_legend(workspace)
+        figure.legend(handles=handles, ncols=2, loc="outside lower center")
+    return figure
+
+
+PICTURES = {f.__name__: f for f in (robot, summary, workspace, workspace_75)}
+
+
+def write_small(figure: Figure) -> Any:
+    """A writer of a PNG of 200 dots an inch and 256 colours: enough for lines and flat areas."""
+
+    def write(file: Any) -> None:
+        pixels = io.BytesIO()
+        with plots.style():
+            figure.savefig(pixels, dpi=200)
+        image = Image.open(pixels).convert("RGB")
+        image.quantize(256, kmeans=1, dither=Image.Dither.NONE).save(file, "png", optimize=True)
+
+    return write
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("names", nargs="*", default=list(PICTURES), help=", ".join(PICTURES))
+    names = parser.parse_args().names
+    unknown = set(names) - set(PICTURES)
+    if unknown:
+        parser.error(f"no picture {', '.join(unknown)}; there are: {', '.join(PICTURES)}")
+    write_files({FOLDER / f"{n}.png": write_small(PICTURES[n]()) for n in names}, force=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,277 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Geometry, masses and friction of an SST; the defaults are the robot of the paper.
+
+Frames are those of Sect. 4: {0k} fixed, {1k} on the actuator link, {2k} on the passive link of
+leg k, {E} on the star, all with their origin in the centre O of the sphere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import ParametersError
+
+Array = NDArray[np.float64]
+
+#: Relative slack of sums that should hold exactly: angles, symmetry, triangle inequality.
+_SLACK = 1e-9
+#: Three unit directions with a smaller triple product count as lying in one plane.
+_FLAT = 1e-6
+
+
+def _frozen(value: ArrayLike, name: str) -> Array:
+    """A read-only copy as float64."""
+    try:
+        array = np.array(value, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise ParametersError([f"{name}: not an array of numbers ({error})"]) from None
+    array += 0.0  # a negative zero would be written as -0.0
+    array.setflags(write=False)
+    return array
+
+
+def _same(a: Any, b: Any) -> bool:
+    """Equality of two values of one dataclass, arrays entry by entry."""
+    if type(a) is not type(b):
+        return False
+    pairs = ((getattr(a, f.name), getattr(b, f.name)) for f in fields(a))
+    return all(
+        np.array_equal(x, y) if isinstance(x, np.ndarray) else bool(x == y) for x, y in pairs
+    )
+
+
+def _hash(a: Any) -> int:
+    values = (getattr(a, f.name) for f in fields(a))
+    return hash(tuple(x.tobytes() if isinstance(x, np.ndarray) else x for x in values))
+
+
+def _shape_problems(name: str, array: Array, shape: tuple[int, ...]) -> list[str]:
+    if array.shape != shape:
+        return [f"{name}: shape {array.shape}, expected {shape}"]
+    if not np.isfinite(array).all():
+        return [f"{name}: not finite"]
+    return []
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class RigidBody:
+    """Mass properties of one body, in a frame fixed to it.
+
+    Attributes:
+        mass: [kg].
+        center_of_mass: In the body's frame, shape (3,), [m].
+        inertia: About the mass centre, in the axes of the body's frame, shape (3, 3), [kg m^2].
+    """
+
+    mass: float
+    center_of_mass: Array
+    inertia: Array
+
+    def __init__(self, mass: float, center_of_mass: ArrayLike, inertia: ArrayLike) -> None:
+        try:
+            object.__setattr__(self, "mass", float(mass))
+        except (TypeError, ValueError):
+            raise ParametersError([f"mass: {mass!r} is not a number"]) from None
+        object.__setattr__(self, "center_of_mass", _frozen(center_of_mass, "center_of_mass"))
+        object.__setattr__(self, "inertia", _frozen(inertia, "inertia"))
+
+    def __eq__(self, other: object) -> bool:
+        return _same(self, other)
+
+    def __hash__(self) -> int:
+        return _hash(self)
+
+    def problems(self, name: str) -> list[str]:
+        """What is physically impossible about the body, one sentence each.
+
+        Args:
+            name: How the sentences call the body.
+        """
+        found = _shape_problems(f"{name}.center_of_mass", self.center_of_mass, (3,))
+        if not (np.isfinite(self.mass) and self.mass > 0):
+            found.append(f"{name}.mass: {self.mass:g} kg is not positive")
+        shape = _shape_problems(f"{name}.inertia", self.inertia, (3, 3))
+        return found + (shape or list(_inertia_problems(f"{name}.inertia", self.inertia)))
+
+
+def _inertia_problems(name: str, inertia: Array) -> Iterator[str]:
+    size = np.abs(inertia).max()
+    if np.abs(inertia - inertia.T).max() > _SLACK * size:
+        yield f"{name}: not symmetric"
+        return
+    a, b, c = np.linalg.eigvalsh(inertia)
+    moments = f"{a:.6g}, {b:.6g}, {c:.6g} kg m^2"
+    if a <= 0:
+        yield f"{name}: principal moments {moments} are not all positive"
+    elif a + b < c * (1 - _SLACK):
+        yield (
+            f"{name}: principal moments {moments} break the triangle inequality "
+            "(the two smaller ones must add up to the largest at least)"
+        )
+
+
+#: Sect. 7.1 (d), mass centre by Eqs. (45)-(47).
+PAPER_LINK = RigidBody(
+    0.3, (0.175, 0, 0), ((0.0001, 0, -0.0001), (0, 0.008, 0), (-0.0001, 0, 0.008))
+)
+#: Sect. 7.1 (e), mass centre by Eqs. (48)-(50).
+PAPER_PASSIVE_LINK = RigidBody(0.06, (0.35, 0, 0), np.diag((0.00001, 0.005, 0.005)))
+#: Sect. 7.1 (c), mass centre by Eq. (54).
+PAPER_STAR = RigidBody(2.6, (0.8 / np.pi, 0, 0), np.diag((0.224, 0.224, 0.150)))
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class Parameters:
+    """An SST: base triangle, arcs of the star, bodies, friction and gravity.
+
+    Attributes:
+        base_directions: v_k, unit vectors along OP_k, rows of a (3, 3) array; any length goes in.
+        arc_angles: alpha_k, angle from arc k to arc k+1 of the star, shape (3,), [rad]; they add up
+            to 2 pi.
+        link: Actuator link, in {1k}: one body for all legs, or one for each.
+        passive_link: Intermediate passive link, in {2k}: one body for all legs, or one for each.
+        star: The moving star, in {E}.
+        viscous_friction: D of each joint in the order gamma_1, mu_1, beta_1, gamma_2, ..., shape
+            (9,), [N m s/rad]; a scalar goes to all nine.
+        coulomb_friction: F_c of each joint, shape (9,), [N m]; a scalar goes to all nine.
+        gravity: Acceleration of gravity in base axes, shape (3,), [m/s^2].
+        base_radius: Radius of the base sphere, [m]; for drawing, the masses do not follow it.
+        star_radius: Radius of the star's arcs, [m]; for drawing, the masses do not follow it.
+
+    Raises:
+        ParametersError: With every problem found.
+    """
+
+    base_directions: Array
+    arc_angles: Array
+    link: RigidBody | tuple[RigidBody, ...]
+    passive_link: RigidBody | tuple[RigidBody, ...]
+    star: RigidBody
+    viscous_friction: Array
+    coulomb_friction: Array
+    gravity: Array
+    base_radius: float
+    star_radius: float
+
+    def __init__(
+        self,
+        *,
+        base_directions: ArrayLike = ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
+        arc_angles: ArrayLike = (2 * np.pi / 3,) * 3,
+        link: RigidBody | Sequence[RigidBody] = PAPER_LINK,
+        passive_link: RigidBody | Sequence[RigidBody] = PAPER_PASSIVE_LINK,
+        star: RigidBody = PAPER_STAR,
+        viscous_friction: ArrayLike = 0.0,
+        coulomb_friction: ArrayLike = 0.0,
+        gravity: ArrayLike = (0, 0, -9.81),
+        base_radius: float = 0.35,
+        star_radius: float = 0.40,
+    ) -> None:
+        def put(name: str, value: object) -> None:
+            object.__setattr__(self, name, value)
+
+        put("base_directions", _frozen(base_directions, "base_directions"))
+        put("arc_angles", _frozen(arc_angles, "arc_angles"))
+        put("link", link if isinstance(link, RigidBody) else tuple(link))
+        put(
+            "passive_link",
+            passive_link if isinstance(passive_link, RigidBody) else tuple(passive_link),
+        )
+        put("star", star)
+        for name, value in (
+            ("viscous_friction", viscous_friction),
+            ("coulomb_friction", coulomb_friction),
+        ):
+            scalar = np.ndim(value) == 0
+            put(name, _frozen(np.full(9, value) if scalar else value, name))
+        put("gravity", _frozen(gravity, "gravity"))
+        put("base_radius", base_radius)
+        put("star_radius", star_radius)
+        problems = list(self._problems())
+        if problems:
+            raise ParametersError(problems)
+        v = self.base_directions
+        put("base_directions", _frozen(v / np.linalg.norm(v, axis=1)[:, None], "base_directions"))
+
+    def __eq__(self, other: object) -> bool:
+        return _same(self, other)
+
+    def __hash__(self) -> int:
+        return _hash(self)
+
+    @property
+    def links(self) -> tuple[RigidBody, ...]:
+        """The actuator links of legs 1 to 3."""
+        return self.link if isinstance(self.link, tuple) else (self.link,) * 3
+
+    @property
+    def passive_links(self) -> tuple[RigidBody, ...]:
+        """The passive links of legs 1 to 3."""
+        passive = self.passive_link
+        return passive if isinstance(passive, tuple) else (passive,) * 3
+
+    @property
+    def actuated_axes(self) -> Array:
+        """e_k = v_k x v_{k+1}, normalised, rows of a (3, 3) array (Sect. 2)."""
+        e = np.cross(self.base_directions, np.roll(self.base_directions, -1, axis=0))
+        return e / np.linalg.norm(e, axis=1)[:, None]
+
+    def _problems(self) -> Iterator[str]:
+        yield from _direction_problems(self.base_directions)
+        yield from _angle_problems(self.arc_angles)
+        for name, bodies in (("link", self.links), ("passive_link", self.passive_links)):
+            if len(bodies) != 3:
+                yield f"{name}: {len(bodies)} bodies, expected one or three"
+            if isinstance(getattr(self, name), RigidBody):
+                yield from _body_problems(name, bodies[0])
+            else:
+                for k, body in enumerate(bodies):
+                    yield from _body_problems(f"{name}[{k}]", body)
+        yield from _body_problems("star", self.star)
+        for name in ("viscous_friction", "coulomb_friction"):
+            value = getattr(self, name)
+            shape = _shape_problems(name, value, (9,))
+            yield from shape
+            if not shape and (value < 0).any():
+                yield f"{name}: negative for joint number {int(np.argmin(value)) + 1} of 9"
+        yield from _shape_problems("gravity", self.gravity, (3,))
+        for name in ("base_radius", "star_radius"):
+            radius = getattr(self, name)
+            if not (np.isfinite(radius) and radius > 0):
+                yield f"{name}: {radius} m is not positive"
+
+
+def _direction_problems(v: Array) -> Iterator[str]:
+    shape = _shape_problems("base_directions", v, (3, 3))
+    yield from shape
+    if not shape:
+        lengths = np.linalg.norm(v, axis=1)
+        if not lengths.all():
+            yield f"base_directions: v_{int(np.argmin(lengths)) + 1} is zero"
+        elif abs(np.linalg.det(v / lengths[:, None])) < _FLAT:
+            yield "base_directions: v_1, v_2, v_3 lie in one plane"
+
+
+def _angle_problems(alpha: Array) -> Iterator[str]:
+    shape = _shape_problems("arc_angles", alpha, (3,))
+    yield from shape
+    if not shape:
+        if not ((alpha > 0) & (alpha < 2 * np.pi)).all():
+            yield f"arc_angles: {alpha} rad, each must lie in (0, 2 pi)"
+        total = float(alpha.sum())
+        if abs(total - 2 * np.pi) > _SLACK:
+            yield (
+                f"arc_angles: they add up to {total:.12g} rad, not to 2 pi: "
+                "the star does not close (degrees given?)"
+            )
+
+
+def _body_problems(name: str, body: object) -> list[str]:
+    if not isinstance(body, RigidBody):
+        return [f"{name}: a RigidBody is needed, not {type(body).__name__}"]
+    return body.problems(name)

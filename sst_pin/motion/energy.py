@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Where the energy of a motion comes from and where it goes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .trajectories import Trajectory, spline
+
+if TYPE_CHECKING:
+    from ..chain.closed_chain import ClosedChain
+
+Array = NDArray[np.float64]
+
+
+class EnergyBalance(NamedTuple):
+    """Energies along a motion since its start, where all are zero, each of shape (N,), [J].
+
+    Attributes:
+        kinetic: Of all bodies.
+        potential: Of the weights.
+        motors: Work of the motors.
+        friction: Work of friction in all joints, negative or zero.
+    """
+
+    kinetic: Array
+    potential: Array
+    motors: Array
+    friction: Array
+
+    @property
+    def error(self) -> Array:
+        """Energy gained without work."""
+        return self.kinetic + self.potential - self.motors - self.friction
+
+
+def energy_balance(chain: ClosedChain, motion: Trajectory) -> EnergyBalance:
+    """Energies of a motion and the work done on it.
+
+    Powers are integrated along splines through the samples; external loads are taken to be absent.
+
+    Args:
+        chain: The robot.
+        motion: Of that robot, with more than one sample.
+    """
+
+    def work(power: Array) -> Array:
+        return np.asarray(spline(motion.t, power).antiderivative()(motion.t))
+
+    kinetic = chain.kinetic_energy(motion.q, motion.va)
+    potential = chain.potential_energy(motion.q)
+    return EnergyBalance(
+        kinetic - kinetic[0],
+        potential - potential[0],
+        work((motion.tau * motion.va).sum(axis=1)),
+        work(chain.friction_power(motion.q, motion.va)),
+    )
+
+
+def energy_error(chain: ClosedChain, motion: Trajectory) -> Array:
+    """How far a motion's energy is from the work done on it, shape (N,), [J].
+
+    Args:
+        chain: The robot.
+        motion: As for `energy_balance`.
+    """
+    return energy_balance(chain, motion).error

@@ -1,0 +1,226 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Closed-form kinematics of the SST, vectorised over leading axes: Sects. 2 and 4.
+
+Leg k is Rot(z, gamma_k) Rot(x, mu_k) Rot(z, beta_k) from {0k} to {3k}, Eqs. (26)-(29). All that
+a leg sees of the star is the normal n_k = e_{k+6} of its arc's plane, the z axis of {3k}. The
+passive axis e_{k+3} is at right angles to e_k and to n_k, which leaves two antipodal points R_k:
+the sign of sin(mu_k), the branch of the leg.
+"""
+
+from __future__ import annotations
+
+import itertools
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import InputError, SingularConfigurationError
+
+Array = NDArray[np.float64]
+
+#: The eight combinations of leg branches, shape (8, 3): +1 for 0 < mu_k < pi, the paper's robot.
+BRANCHES = np.array(list(itertools.product((1, -1), repeat=3)))
+BRANCHES.setflags(write=False)
+
+#: |sin(mu_k)| below which a leg lies flat on its arc and gamma_k is undetermined.
+_FLAT = 1e-8
+
+
+class Geometry(NamedTuple):
+    """What the kinematics needs to know of an SST.
+
+    Attributes:
+        R_0: {0k} in the base, shape (3, 3, 3), Eqs. (32), (36).
+        R_E: {E} in {3k}, shape (3, 3, 3), Eqs. (30), (31), (35).
+    """
+
+    R_0: Array
+    R_E: Array
+
+    @property
+    def e(self) -> Array:
+        """Actuated axes e_k in the base, rows."""
+        return self.R_0[:, :, 2]
+
+    @property
+    def arc_normals(self) -> Array:
+        """n_k in {E}, rows: the last row of each R_E."""
+        return self.R_E[:, 2, :]
+
+
+class Legs(NamedTuple):
+    """Axes of the three legs in the base, each shape (..., 3, 3): leg, then component.
+
+    Attributes:
+        u: e_{k+3}, along OR_k.
+        n: e_{k+6}, normal of arc k.
+        y_1: y axis of {1k}, e_k x u.
+        y_2: y axis of {2k}, n x u.
+        s: OE, the x axis of {3k} turned by -beta_k; that of leg k's own {3k}.
+        sin_mu: shape (..., 3).
+        cos_mu: shape (..., 3).
+    """
+
+    u: Array
+    n: Array
+    y_1: Array
+    y_2: Array
+    s: Array
+    sin_mu: Array
+    cos_mu: Array
+
+
+def _dot(a: Array, b: Array) -> Array:
+    return np.einsum("...i,...i->...", a, b)
+
+
+def legs_of_orientation(geometry: Geometry, R: Array, branch: ArrayLike) -> Legs:
+    """Axes of the legs that carry the star at R.
+
+    Args:
+        geometry: Of the SST.
+        R: {E} in the base, shape (..., 3, 3).
+        branch: Signs of sin(mu_k), shape (..., 3).
+
+    Raises:
+        SingularConfigurationError: When a leg lies flat on its arc (first kind).
+    """
+    R_3 = R[..., None, :, :] @ np.swapaxes(geometry.R_E, -1, -2)
+    n = R_3[..., 2]
+    u = np.cross(geometry.e, n)
+    length = np.linalg.norm(u, axis=-1)
+    if (length < _FLAT).any():
+        *sample, leg = (int(i) for i in np.argwhere(length < _FLAT)[0])
+        error = SingularConfigurationError(
+            f"leg {leg + 1} lies flat on its arc (sin mu_{leg + 1} = 0): gamma_{leg + 1} is free",
+            1 / max(float(length.min()), 1e-300),
+        )
+        if sample:
+            flat = np.argwhere((length < _FLAT).any(axis=-1))
+            error.name_samples([tuple(map(int, i)) for i in flat], length[..., 0].size)
+        raise error
+    sign = np.asarray(branch, dtype=float)
+    u = u * (sign / length)[..., None]
+    return _legs(geometry, u, n, R_3[..., 0])
+
+
+def legs_of_joints(geometry: Geometry, q: Array) -> Legs:
+    """Axes of the legs at joint coordinates of shape (..., 9)."""
+    angles = q.reshape(*q.shape[:-1], 3, 3)
+    (c, c_mu, c_beta), (s, s_mu, s_beta) = (
+        np.moveaxis(f(angles), -1, 0)[..., None] for f in (np.cos, np.sin)
+    )
+    x_0, y_0, e = np.moveaxis(geometry.R_0, -1, 0)
+    u = c * x_0 + s * y_0
+    y_1 = c * y_0 - s * x_0
+    n = c_mu * e - s_mu * y_1
+    y_2 = c_mu * y_1 + s_mu * e
+    return Legs(u, n, y_1, y_2, c_beta * u + s_beta * y_2, s_mu[..., 0], c_mu[..., 0])
+
+
+def _legs(geometry: Geometry, u: Array, n: Array, s: Array) -> Legs:
+    y_1 = np.cross(geometry.e, u)
+    return Legs(u, n, y_1, np.cross(n, u), s, -_dot(n, y_1), _dot(n, geometry.e))
+
+
+def joints_of_legs(geometry: Geometry, legs: Legs) -> Array:
+    """gamma_k, mu_k, beta_k in (-pi, pi], shape (..., 9)."""
+    x_0, y_0 = geometry.R_0[:, :, 0], geometry.R_0[:, :, 1]
+    gamma = np.arctan2(_dot(legs.u, y_0), _dot(legs.u, x_0))
+    mu = np.arctan2(legs.sin_mu, legs.cos_mu)
+    beta = np.arctan2(_dot(legs.s, legs.y_2), _dot(legs.s, legs.u))
+    return np.stack([gamma, mu, beta], axis=-1).reshape(*gamma.shape[:-1], 9)
+
+
+def joints_of_actuated(geometry: Geometry, gamma: Array, R: Array) -> Array:
+    """q at orientations that assemble with given gamma_k, the branches being what they are.
+
+    Args:
+        geometry: Of the SST.
+        gamma: Shape (..., 3); comes back in q as it is.
+        R: {E} in the base, shape (..., 3, 3).
+    """
+    x_0, y_0 = geometry.R_0[:, :, 0], geometry.R_0[:, :, 1]
+    u = np.cos(gamma)[..., None] * x_0 + np.sin(gamma)[..., None] * y_0
+    R_3 = R[..., None, :, :] @ np.swapaxes(geometry.R_E, -1, -2)
+    u, n = np.broadcast_arrays(u, R_3[..., 2])
+    q = joints_of_legs(geometry, _legs(geometry, u, n, R_3[..., 0]))
+    q[..., ::3] = gamma
+    return q
+
+
+def orientation_of_joints(geometry: Geometry, q: Array) -> Array:
+    """{E} in the base by leg 1, shape (..., 3, 3), Eqs. (26), (30)."""
+    legs = legs_of_joints(geometry, q)
+    n, s = legs.n[..., 0, :], legs.s[..., 0, :]
+    R_31 = np.stack([s, np.cross(n, s), n], axis=-1)
+    return R_31 @ geometry.R_E[0]
+
+
+def home_orientation(geometry: Geometry) -> Array:
+    """{E} in the base, shape (3, 3): s amid the base triangle, R_1 amid its side P1P2."""
+    v, e_1 = geometry.R_0[:, :, 0], geometry.e[0]
+    s = v.sum(axis=0)
+    s /= np.linalg.norm(s)
+    middle = v[0] / np.linalg.norm(v[0]) + v[1] / np.linalg.norm(v[1])
+    n = np.cross(middle, s)
+    n /= np.linalg.norm(n)
+    if n @ np.cross(e_1, middle) > 0:  # sin(mu_1) = -n . y_1 must be positive
+        n = -n
+    R_31 = np.stack([s, np.cross(n, s), n], axis=-1)
+    return R_31 @ geometry.R_E[0]
+
+
+def joint_rates(legs: Legs, omega: Array) -> Array:
+    """Rates of all joints from the star's angular velocity, shape (..., 9).
+
+    In the axes of {2k}, omega = (mu_dot, gamma_dot sin(mu), gamma_dot cos(mu) + beta_dot): no
+    inverse is needed, but sin(mu) must not vanish.
+
+    Args:
+        legs: From `legs_of_orientation`.
+        omega: Base axes, shape (..., 3) or, leg by leg, (..., 3, 3).
+    """
+    w = omega[..., None, :] if omega.ndim < legs.u.ndim else omega
+    gamma_dot = _dot(w, legs.y_2) / legs.sin_mu
+    mu_dot = _dot(w, legs.u)
+    beta_dot = _dot(w, legs.n) - gamma_dot * legs.cos_mu
+    return np.stack([gamma_dot, mu_dot, beta_dot], axis=-1).reshape(*gamma_dot.shape[:-1], 9)
+
+
+def joint_accelerations(geometry: Geometry, legs: Legs, q_dot: Array, alpha: Array) -> Array:
+    """Accelerations of all joints from the star's, shape (..., 9).
+
+    Args:
+        geometry: Of the SST.
+        legs: From `legs_of_orientation`.
+        q_dot: Joint rates, shape (..., 9).
+        alpha: Angular acceleration of the star, base axes, shape (..., 3).
+    """
+    rates = q_dot.reshape(*q_dot.shape[:-1], 3, 3)
+    gamma_dot, mu_dot, beta_dot = (rates[..., i, None] for i in range(3))
+    # The axes e_{k+3} and e_{k+6} turn with the links that carry them.
+    turning = gamma_dot * mu_dot * legs.y_1 + beta_dot * np.cross(
+        gamma_dot * geometry.e + mu_dot * legs.u, legs.n
+    )
+    return joint_rates(legs, alpha[..., None, :] - turning)
+
+
+def require_rotation(R: Array) -> None:
+    """Check that matrices are rotations.
+
+    Raises:
+        InputError: Naming the samples of a batch.
+    """
+    error = np.abs(R @ np.swapaxes(R, -1, -2) - np.eye(3)).max(axis=(-1, -2))
+    wrong = (error > 1e-8) | (np.linalg.det(R) < 0)
+    if wrong.any():
+        problem = InputError(
+            "R",
+            f"not a rotation matrix (|R R^T - 1| = {float(error.max()):.3g}, "
+            f"det R = {float(np.linalg.det(R).min()):.3g})",
+        )
+        if R.ndim > 2:
+            problem.name_samples([tuple(map(int, i)) for i in np.argwhere(wrong)], wrong.size)
+        raise problem

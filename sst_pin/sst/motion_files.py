@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Motions of the star that people write down: as quaternions, as angles, as motor angles."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from ..errors import FileFormatError, SSTError
+from ..files import Table, read_table
+from ..motion.trajectories import Trajectory, spline
+from .platform_motion import interpolate_orientations, orientation
+from .robot import SST
+
+Array = NDArray[np.float64]
+
+_QUATERNION = ("qx", "qy", "qz", "qw")
+_ANGLES = ("theta", "phi", "psi")
+#: The joints of the motors, in the order of va, aa and tau.
+MOTORS = ("gamma_1", "gamma_2", "gamma_3")
+
+
+def read_motion(robot: SST, path: str | Path) -> Trajectory:
+    """The motor torques of a motion in a CSV, at the times that stand there.
+
+    The columns are `t_s` and one of: `qw, qx, qy, qz`, the orientation of {E} in the base;
+    `theta, phi, psi`, the paper's angles; `gamma_1, gamma_2, gamma_3`. Angles may end in `_rad` or
+    `_deg` and are radians without; `psi` may be left out and is then zero. Rates come from splines
+    of degree five: on the rotation group for orientations, in the angles for motors.
+
+    Args:
+        robot: Whose motion it is.
+        path: The file.
+
+    Returns:
+        The motion with its torques, joint angles continuous in time.
+
+    Raises:
+        FileFormatError: When the file is not such a motion.
+        WorkspaceError, SingularConfigurationError: When the robot cannot follow it.
+    """
+    table = read_table(path)
+    kinds = {
+        "qw, qx, qy, qz": any(name in table.columns for name in _QUATERNION),
+        "theta, phi, psi": any(_unit(table, name) for name in _ANGLES),
+        "gamma_1, gamma_2, gamma_3": any(_unit(table, name) for name in MOTORS),
+    }
+    given = [kind for kind, there in kinds.items() if there]
+    if len(given) != 1:
+        raise FileFormatError(
+            path,
+            f"columns of {'two kinds of motion' if given else 'no motion'}; one is needed of: "
+            "qw, qx, qy, qz | theta_rad, phi_rad, psi_rad | gamma_1_rad, gamma_2_rad, gamma_3_rad "
+            f"(_deg for degrees); found: {', '.join(table.columns)}",
+            1,
+        )
+    t = table.column("t_s")
+    if len(t) < 3:
+        raise FileFormatError(path, f"{len(t)} rows; rates need three at least")
+    if given[0].startswith("gamma"):
+        q, va, aa = _from_motor_angles(robot, table, t)
+    else:
+        read = _rotations if given[0].startswith("q") else _rotations_of_angles
+        q, va, aa = robot.joint_motion(*interpolate_orientations(t, read(table), t))
+    tau = robot.compute_torques(q, va, aa)
+    return Trajectory(t, np.unwrap(q, axis=0), va, aa, tau, robot.joint_names, MOTORS)
+
+
+def _unit(table: Table, name: str) -> str | None:
+    """The column of an angle, whatever its unit."""
+    names = (f"{name}_rad", f"{name}_deg", name)
+    return next((column for column in names if column in table.columns), None)
+
+
+def _angle(table: Table, name: str) -> Array:
+    column = _unit(table, name)
+    values = table.column(column or f"{name}_rad")  # a missing one is missed in radians
+    return np.radians(values) if column == f"{name}_deg" else values
+
+
+def _rotations(table: Table) -> Array:
+    quaternions = table.select(_QUATERNION)
+    lengths = np.linalg.norm(quaternions, axis=1)
+    wrong = np.abs(lengths - 1) > 1e-3
+    if wrong.any():
+        i = int(np.argmax(wrong))
+        raise FileFormatError(
+            table.path, f"quaternion of length {lengths[i]:.6g}, expected 1", table.lines[i]
+        )
+    return Rotation.from_quat(quaternions).as_matrix()
+
+
+def _rotations_of_angles(table: Table) -> Array:
+    psi = _angle(table, "psi") if _unit(table, "psi") else 0.0
+    return orientation(_angle(table, "theta"), _angle(table, "phi"), psi)
+
+
+def _from_motor_angles(robot: SST, table: Table, t: Array) -> tuple[Array, Array, Array]:
+    gamma = np.column_stack([_angle(table, name) for name in MOTORS])
+    q, near = [], robot.home
+    for sample, line in zip(gamma, table.lines, strict=True):
+        try:
+            near = robot.forward_kinematics(sample, near=near)
+        except SSTError as error:
+            raise FileFormatError(table.path, str(error), line) from None
+        q.append(near)
+    curve = spline(t, gamma)
+    return np.array(q), curve.derivative(1)(t), curve.derivative(2)(t)

@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The two examples of Sect. 7."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..motion.energy import energy_error
+from ..motion.trajectories import Trajectory
+from .platform_motion import paper_circle
+from .robot import SST
+
+Array = NDArray[np.float64]
+
+#: Once round the circle, [s].
+PERIOD = np.pi / 6
+#: Initial state of Sect. 7.3 as printed, [rad], [rad/s].
+ROUNDED_GAMMA = (np.pi / 4, 0.5549, 1.0159)
+ROUNDED_GAMMA_DOT = (4.2096, -0.6918, -0.6918)
+
+
+def example_1(robot: SST, t: ArrayLike) -> Trajectory:
+    """Inverse dynamics along the circle (Sect. 7.2).
+
+    Args:
+        robot: The paper's, or another SST that can follow the circle.
+        t: Times, shape (N,), [s].
+    """
+    q, va, aa = robot.joint_motion(*paper_circle(t))
+    tau = robot.compute_torques(q, va, aa)
+    motors = [robot.joint_names[i] for i in robot.actuated]
+    return Trajectory(t, np.unwrap(q, axis=0), va, aa, tau, robot.joint_names, motors)
+
+
+def example_2(
+    robot: SST,
+    example: Trajectory,
+    rounded: bool = False,
+    progress: Callable[[float], None] | None = None,
+) -> Trajectory:
+    """Direct dynamics from the torques of example 1 (Sect. 7.3).
+
+    Args:
+        robot: That of example 1.
+        example: Result of `example_1`.
+        rounded: Start from the state as the paper prints it instead of the exact one.
+        progress: Called with the time reached.
+    """
+    q0, va0 = example.q[0], example.va[0]
+    if rounded:
+        q0 = robot.forward_kinematics(ROUNDED_GAMMA, near=q0)
+        va0 = np.array(ROUNDED_GAMMA_DOT)
+    return robot.simulate(example, q0, va0, example.t, progress=progress)
+
+
+class Returned(NamedTuple):
+    """How well example 2 comes back to the path of example 1.
+
+    Attributes:
+        path_error: Largest angle between the axes s, [rad].
+        closure: Largest closure residual, [rad] or [m].
+        energy: Largest energy that is not accounted for, [J].
+    """
+
+    path_error: float
+    closure: float
+    energy: float
+
+
+def angles_off_path(robot: SST, example: Trajectory, motion: Trajectory) -> Array:
+    """Angles between the axes s of two motions, at the times of the second, shape (N,), [rad]."""
+    s, s_wanted = (
+        robot.platform_orientation(m.q[: len(motion)])[..., 0] for m in (motion, example)
+    )
+    # |s x s'| keeps the digits of a small angle that the dot product loses.
+    sine = np.linalg.norm(np.cross(s, s_wanted), axis=1)
+    return np.arctan2(sine, (s * s_wanted).sum(axis=1))
+
+
+def compare(robot: SST, example: Trajectory, motion: Trajectory) -> Returned:
+    """Measure example 2 against example 1."""
+    return Returned(
+        float(angles_off_path(robot, example, motion).max()),
+        max(float(np.abs(robot.residual(q)).max()) for q in motion.q),
+        float(np.abs(energy_error(robot, motion)).max()),
+    )

@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Motions of the star: the paper's angles and its circle, and motions through samples."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
+
+from ..arrays import finite_array
+from ..errors import InputError
+from ..motion.trajectories import sample_times, spline
+
+Array = NDArray[np.float64]
+
+
+class PlatformMotion(NamedTuple):
+    """A motion of the star; unpacked it is what `SST.joint_motion` takes.
+
+    Attributes:
+        R: {E} in the base, shape (N, 3, 3).
+        omega: Angular velocity, base axes, shape (N, 3), [rad/s].
+        alpha: Angular acceleration, base axes, shape (N, 3), [rad/s^2].
+    """
+
+    R: Array
+    omega: Array
+    alpha: Array
+
+
+def orientation(theta: ArrayLike, phi: ArrayLike, psi: ArrayLike = 0.0) -> Array:
+    """Orientation of the star from the paper's angles (Fig. 4).
+
+    theta and phi are longitude and colatitude of E; psi turns the star about s, zero when arc 1
+    lies in the meridian plane through z_0.
+
+    Args:
+        theta: Shape (...), [rad].
+        phi: Shape (...), [rad].
+        psi: Shape (...), [rad].
+
+    Returns:
+        {E} in the base, shape (..., 3, 3).
+    """
+    R, _, _ = orientation_motion(*((a, 0.0, 0.0) for a in (theta, phi, psi)))
+    return R
+
+
+def orientation_motion(
+    theta: Sequence[ArrayLike], phi: Sequence[ArrayLike], psi: Sequence[ArrayLike]
+) -> PlatformMotion:
+    """`orientation` with its rates.
+
+    Args:
+        theta: The angle, its rate and its acceleration, each of shape (...), [rad].
+        phi: The same.
+        psi: The same.
+    """
+    values = np.broadcast_arrays(*(finite_array("angles", a, ()) for a in (*theta, *phi, *psi)))
+    (t, t_1, t_2), (p, p_1, p_2), (s, s_1, s_2) = (values[i : i + 3] for i in (0, 3, 6))
+    zero, one = np.zeros_like(t), np.ones_like(t)
+    # {E} = Rot(z, theta) Rot(x, pi/2) Rot(z, pi/2 - phi) Rot(x, psi): leg 1 with mu_1 = pi/2.
+    z = np.stack([zero, zero, one], -1)
+    n = np.stack([np.sin(t), -np.cos(t), zero], -1)  # its second axis, a horizontal one
+    s_axis = np.stack([np.sin(p) * np.cos(t), np.sin(p) * np.sin(t), np.cos(p)], -1)
+    y = np.cross(n, s_axis)
+    c, d = np.cos(s)[..., None], np.sin(s)[..., None]
+    R = np.stack([s_axis, c * y + d * n, c * n - d * y], -1)
+    turn_z, turn_n, turn_s = t_1[..., None] * z, -p_1[..., None] * n, s_1[..., None] * s_axis
+    omega = turn_z + turn_n + turn_s
+    alpha = (
+        t_2[..., None] * z - p_2[..., None] * n + s_2[..., None] * s_axis
+    )  # and the axes turn with those before them
+    alpha = alpha + np.cross(turn_z, turn_n) + np.cross(turn_z + turn_n, turn_s)
+    return PlatformMotion(R, omega, alpha)
+
+
+def paper_circle(t: ArrayLike) -> PlatformMotion:
+    """The motion of Sect. 7.2: E on a circle, once round in pi/6 s, with psi = 0.
+
+    Args:
+        t: Times, shape (...), [s].
+    """
+    time = finite_array("t", t, ())
+    # s = (a cos 12t + b sin 12t + c) / 71 and its first two derivatives
+    a = np.array((4, 4, -8)) * np.sqrt(6)
+    b = np.array((-12, 12, 0)) * np.sqrt(2)
+    c = np.sqrt(13395) / 3 * np.ones(3)
+    rate = 12.0
+    cos, sin = np.cos(rate * time)[..., None], np.sin(rate * time)[..., None]
+    s = (a * cos + b * sin + c) / 71
+    s_1 = rate * (b * cos - a * sin) / 71
+    s_2 = -(rate**2) * (a * cos + b * sin) / 71
+    (x, y, z), (x_1, y_1, z_1), (x_2, y_2, z_2) = (np.moveaxis(v, -1, 0) for v in (s, s_1, s_2))
+    h = x * x + y * y
+    theta_1 = (x * y_1 - y * x_1) / h
+    theta_2 = (x * y_2 - y * x_2) / h - 2 * theta_1 * (x * x_1 + y * y_1) / h
+    sin_phi = np.sqrt(1 - z * z)
+    phi_1 = -z_1 / sin_phi
+    phi_2 = -z_2 / sin_phi - z * phi_1**2 / sin_phi
+    return orientation_motion(
+        (np.arctan2(y, x), theta_1, theta_2), (np.arccos(z), phi_1, phi_2), (0.0, 0.0, 0.0)
+    )
+
+
+def interpolate_orientations(t: ArrayLike, R: ArrayLike, at: ArrayLike) -> PlatformMotion:
+    """A smooth motion through sampled orientations, on the rotation group.
+
+    A spline of degree five through the unit quaternions, taken back to unit length; turning all
+    samples turns the motion and nothing else. Rates are continuous up to the fourth.
+
+    Args:
+        t: Sample times, increasing, shape (N,), N >= 3, [s].
+        R: {E} in the base at those times, shape (N, 3, 3).
+        at: Times wanted, within the samples, shape (M,).
+
+    Returns:
+        Orientation, angular velocity and acceleration.
+
+    Raises:
+        InputError: When neighbours are more than a quarter turn apart: the way between is a guess.
+    """
+    times, wanted = sample_times(t, 3), finite_array("at", at, ())
+    samples = Rotation.from_matrix(finite_array("R", R, (3, 3)))
+    steps = (samples[:-1].inv() * samples[1:]).magnitude()
+    if steps.max() > np.pi / 2:
+        i = int(np.argmax(steps > np.pi / 2))
+        raise InputError(
+            "R",
+            f"{np.degrees(steps[i]):.0f} degrees between the samples at t = {times[i]:g} and "
+            f"{times[i + 1]:g} s, more than a quarter turn; sample the motion more often",
+        )
+    quaternions = samples.as_quat()
+    turned = np.sign((quaternions[1:] * quaternions[:-1]).sum(axis=1))  # p and -p are one rotation
+    quaternions[1:] *= np.cumprod(turned)[:, None]
+    curve = spline(times, quaternions)
+    p = curve(wanted)
+    inverse = p * (-1, -1, -1, 1) / (p * p).sum(axis=-1, keepdims=True)
+    # p_dot / p holds omega / 2 and, as its scalar, the rate of ln |p|, which no rotation sees.
+    first, second = (_times(curve.derivative(i)(wanted), inverse) for i in (1, 2))
+    omega = 2 * first[..., :3]
+    alpha = 2 * second[..., :3] - 2 * first[..., 3:] * omega
+    return PlatformMotion(Rotation.from_quat(p).as_matrix(), omega, alpha)
+
+
+def _times(p: Array, q: Array) -> Array:
+    """Product of quaternions (x, y, z, w), shapes (..., 4)."""
+    u, v, a, b = p[..., :3], q[..., :3], p[..., 3:], q[..., 3:]
+    scalar = a * b - (u * v).sum(axis=-1, keepdims=True)
+    return np.concatenate([a * v + b * u + np.cross(u, v), scalar], axis=-1)

@@ -1,0 +1,338 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""`SST`: the spherical star-triangle robot, a `ClosedChain` with closed-form kinematics."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .. import description, reading
+from ..arrays import finite_array, single_array
+from ..chain.closed_chain import ClosedChain
+from ..description.parameters import Parameters
+from ..errors import DescriptionError, InputError, WorkspaceError
+from ..motion.trajectories import Trajectory
+from . import direct_kinematics, kinematics
+from .geometry_models import Looks
+from .read_back import parameters_of
+from .star_dynamics import StarDynamics
+from .topology import CUTS, geometry_of
+
+if TYPE_CHECKING:
+    from ..viewer import Viewer
+
+Array = NDArray[np.float64]
+
+_MOTORS = ("gamma_1", "gamma_2", "gamma_3")
+
+
+class Singularities(NamedTuple):
+    """How near a configuration is to the singularities of both kinds.
+
+    With A omega = B gamma_dot, rows of A the axes y_2k of {2k} and B = diag(sin(mu_k)).
+
+    Attributes:
+        first_kind: min |sin(mu_k)|, shape (...): at 0 a leg lies flat on its arc, the star loses
+            a motion (inverse kinematics).
+        second_kind: Smallest singular value of A, shape (...): at 0 the star moves while the
+            motors stand (direct kinematics).
+        condition_number: Of A, shape (...): 1 at an isotropic pose.
+    """
+
+    first_kind: Array
+    second_kind: Array
+    condition_number: Array
+
+
+class SST(StarDynamics):
+    """A 3-RRP spherical parallel manipulator.
+
+    Joint vectors are gamma_1, mu_1, beta_1, gamma_2, ...; the motors are gamma_1..3.
+
+    Args:
+        parameters: Geometry, masses, friction, gravity; the shipped URDF by default, which is the
+            paper's robot.
+        kernels: Whether compiled kernels compute the dynamics where they are at hand; without
+            them it is Pinocchio and the methods of `ClosedChain`, the reference path.
+
+    Attributes:
+        looks: The shapes of its bodies, for pictures.
+    """
+
+    def __init__(self, parameters: Parameters | None = None, *, kernels: bool = True) -> None:
+        if parameters is None:
+            self._load_files(Path(description.URDF_PATH), Path(description.YAML_PATH), kernels)
+        else:
+            urdf, cuts = description.urdf_of(parameters), description.cuts_of(parameters)
+            self._load(urdf, cuts, "URDF of the parameters", "cuts of the parameters", kernels)
+            self.looks = Looks(urdf, parameters)
+
+    @classmethod
+    def from_urdf(
+        cls, path: str | Path, cuts: str | Path | None = None, *, kernels: bool = True
+    ) -> SST:
+        """An SST from an edited URDF; what stands in it is what is computed.
+
+        Args:
+            path: The URDF, with the joints and frames of the shipped one.
+            cuts: YAML of closures, motors and gravity; by default the file beside the URDF that
+                ends in .yaml, or, where there is none, the shipped one.
+            kernels: As in the constructor.
+
+        Raises:
+            DescriptionError: When it is no URDF, or of another topology, with every problem.
+        """
+        path = Path(path)
+        if cuts is None:
+            beside = path.with_suffix(".yaml")
+            cuts = beside if beside.is_file() else Path(description.YAML_PATH)
+        robot = cls.__new__(cls)
+        robot._load_files(path, Path(cuts), kernels)
+        return robot
+
+    @classmethod
+    def from_mjcf(
+        cls, path: str | Path, *, locked: Sequence[str] = (), kernels: bool = True
+    ) -> SST:
+        """An SST from an edited MJCF, by way of its parameters.
+
+        Args:
+            path: The MJCF, with the joints, sites and welds of the shipped one.
+            locked: As in `ClosedChain.from_mjcf`; an SST has nothing to lock.
+            kernels: As in the constructor.
+
+        Raises:
+            MissingExtraError: Without MuJoCo, `sst-pin[mjcf]`.
+            DescriptionError: When it is no MJCF, of another topology, or holds what parameters do
+                not, with every problem.
+        """
+        chain, source = ClosedChain.from_mjcf(path, locked=locked), str(path)
+        geometry = geometry_of(chain.model, source)
+        motors = tuple(chain.joint_names[i] for i in chain.actuated)
+        ends = {(closure.frame_a, closure.frame_b) for closure in chain.closures}
+        if motors != _MOTORS or ends != CUTS:
+            wanted = f"an SST has motors {', '.join(_MOTORS)} and welds {sorted(CUTS)}"
+            raise DescriptionError(
+                source, [f"motors {motors}, equalities {sorted(ends)}; {wanted}"]
+            )
+        return cls(parameters_of(chain.model, geometry, chain.friction), kernels=kernels)
+
+    def _load_files(self, path: Path, cuts: Path, kernels: bool) -> None:
+        urdf = reading.read_text(path, "URDF")
+        text = reading.read_text(cuts, "YAML of the cuts")
+        self._load(urdf, text, str(path), str(cuts), kernels)
+        self.looks = Looks(urdf, path.parent)
+
+    def _load(
+        self, urdf: str, cuts: str, urdf_source: str, cuts_source: str, kernels: bool
+    ) -> None:
+        closures, actuated, gravity, joints = reading.parse_cuts(cuts, cuts_source)
+        model = reading.parse_urdf(urdf, urdf_source, joints)
+        geometry = geometry_of(model, urdf_source)
+        if actuated != _MOTORS:
+            raise DescriptionError(
+                cuts_source, [f"name_mot: {list(actuated)}, an SST has {', '.join(_MOTORS)}"]
+            )
+        model.gravity.linear = gravity
+        super().__init__(model, closures, actuated, geometry, kernels)
+
+    @property
+    def parameters(self) -> Parameters:
+        """What stands in `model`, as parameters; `SST(robot.parameters)` is the same robot.
+
+        Raises:
+            DescriptionError: When an edited URDF holds what parameters do not.
+        """
+        return parameters_of(self.model, self.geometry, self.friction)
+
+    # --- kinematics -------------------------------------------------------------------------
+
+    @property
+    def home(self) -> Array:
+        """s in the middle of the base triangle, R_1 in the middle of its side P1P2; shape (9,).
+
+        The isotropic pose of the paper's robot.
+        """
+        return self.inverse_kinematics(kinematics.home_orientation(self.geometry))
+
+    def inverse_kinematics(self, R: ArrayLike, branch: ArrayLike = (1, 1, 1)) -> Array:
+        """Joint coordinates that hold the star at an orientation.
+
+        Args:
+            R: {E} in the base, shape (..., 3, 3).
+            branch: Sign of sin(mu_k) for each leg, shape (..., 3), broadcast against R; the
+                working branch by default, all eight with `R[..., None, :, :]` and `BRANCHES`.
+
+        Returns:
+            q in (-pi, pi], shape (..., 9), [rad].
+
+        Raises:
+            InputError: When R is not a rotation or branch not made of +1 and -1.
+            SingularConfigurationError: When a leg lies flat on its arc.
+            WorkspaceError: When a joint would leave its limits.
+        """
+        _, q = self._inverse_kinematics(R, branch)
+        return q
+
+    def _inverse_kinematics(self, R: ArrayLike, branch: ArrayLike) -> tuple[kinematics.Legs, Array]:
+        R = finite_array("R", R, (3, 3))
+        kinematics.require_rotation(R)
+        signs = finite_array("branch", branch, (3,))
+        if not (np.abs(signs) == 1).all():
+            raise InputError("branch", f"{np.asarray(branch).tolist()} is not made of +1 and -1")
+        legs = kinematics.legs_of_orientation(self.geometry, R, signs)
+        q = kinematics.joints_of_legs(self.geometry, legs)
+        self._require_limits(q)
+        return legs, q
+
+    def joint_motion(
+        self, R: ArrayLike, omega: ArrayLike, alpha: ArrayLike, branch: ArrayLike = (1, 1, 1)
+    ) -> tuple[Array, Array, Array]:
+        """Joint coordinates and motor rates and accelerations of a motion of the star.
+
+        Args:
+            R: {E} in the base, shape (..., 3, 3).
+            omega: Angular velocity of the star, base axes, shape (..., 3), [rad/s].
+            alpha: Its angular acceleration, base axes, shape (..., 3), [rad/s^2].
+            branch: As in `inverse_kinematics`.
+
+        Returns:
+            q, va, aa of shapes (..., 9), (..., 3), (..., 3).
+
+        Raises:
+            InputError, SingularConfigurationError, WorkspaceError: As `inverse_kinematics`.
+        """
+        legs, q = self._inverse_kinematics(R, branch)
+        omega, alpha = finite_array("omega", omega, (3,)), finite_array("alpha", alpha, (3,))
+        q_dot = kinematics.joint_rates(legs, np.broadcast_to(omega, (*q.shape[:-1], 3)))
+        q_ddot = kinematics.joint_accelerations(
+            self.geometry, legs, q_dot, np.broadcast_to(alpha, (*q.shape[:-1], 3))
+        )
+        return q, q_dot[..., ::3], q_ddot[..., ::3]
+
+    def forward_kinematics(self, gamma: ArrayLike, near: ArrayLike | None = None) -> Array:
+        """Every assembly for given motor angles, or the one that continues a known one.
+
+        Args:
+            gamma: Motor angles, shape (3,), [rad].
+            near: Joint coordinates before, shape (9,): the admissible solution is the nearest.
+
+        Returns:
+            All solutions, shape (n, 9), n <= 8, sorted by the components of s; with `near` one,
+            shape (9,), its mu and beta wrapped to lie within pi of those of `near`.
+
+        Raises:
+            SingularConfigurationError: When the motors do not fix the star.
+            WorkspaceError: With `near`, when there is no solution.
+        """
+        gamma = single_array("gamma", gamma, (3,))
+        x_0, y_0 = self.geometry.R_0[:, :, 0], self.geometry.R_0[:, :, 1]
+        u = np.cos(gamma)[:, None] * x_0 + np.sin(gamma)[:, None] * y_0
+        R = direct_kinematics.orientations(u, self.geometry.arc_normals)
+        solutions = kinematics.joints_of_actuated(self.geometry, gamma, R)
+        if near is None:
+            return solutions[np.lexsort(np.round(R[:, :, :2].reshape(-1, 6), 9).T)]
+        if not len(solutions):
+            raise WorkspaceError(f"no assembly exists at gamma = {gamma.tolist()} rad")
+        before = single_array("near", near, (9,))
+        turns = (solutions - before + np.pi) % (2 * np.pi) - np.pi
+        best = int(np.abs(turns).max(axis=1).argmin())
+        q: Array = before + turns[best]
+        q[::3] = gamma
+        return q
+
+    def platform_orientation(self, q: ArrayLike) -> Array:
+        """Orientation of {E} in the base, by leg 1.
+
+        Args:
+            q: Joint coordinates, shape (..., 9), [rad].
+
+        Returns:
+            Shape (..., 3, 3); its first column is s, the direction OE.
+        """
+        return kinematics.orientation_of_joints(self.geometry, finite_array("q", q, (9,)))
+
+    def platform_velocity(self, q: ArrayLike, va: ArrayLike) -> Array:
+        """Angular velocity of the star, base axes, shape (..., 3), [rad/s].
+
+        Args:
+            q: Joint coordinates on the closures, shape (..., 9).
+            va: Motor rates, shape (..., 3).
+        """
+        legs = kinematics.legs_of_joints(self.geometry, finite_array("q", q, (9,)))
+        rates = self.joint_rates(q, va)
+        axes = np.stack(
+            np.broadcast_arrays(self.geometry.e[0], legs.u[..., 0, :], legs.n[..., 0, :]), axis=-2
+        )
+        return np.einsum("...j,...ji->...i", rates[..., :3], axes)  # Eq. (62) with plus signs
+
+    def branch(self, q: ArrayLike) -> NDArray[np.int_]:
+        """Sign of sin(mu_k) for each leg, shape (..., 3)."""
+        return np.where(np.sin(finite_array("q", q, (9,))[..., 1::3]) < 0, -1, 1)
+
+    def singularities(self, q: ArrayLike) -> Singularities:
+        """Distance to the singularities of both kinds.
+
+        Args:
+            q: Joint coordinates on the closures, shape (..., 9).
+        """
+        legs = kinematics.legs_of_joints(self.geometry, finite_array("q", q, (9,)))
+        values = np.asarray(np.linalg.svd(legs.y_2, compute_uv=False), dtype=float)
+        with np.errstate(divide="ignore"):
+            condition = values[..., 0] / values[..., -1]
+        return Singularities(np.abs(legs.sin_mu).min(axis=-1), values[..., -1], condition)
+
+    # --- pictures ---------------------------------------------------------------------------
+
+    @property
+    def star_radius(self) -> float:
+        """Distance OE, [m]; of a URDF without a frame E, that of the paper's robot."""
+        if not self.model.existFrame("E"):
+            return Parameters().star_radius
+        E = self.model.frames[self.model.getFrameId("E")]
+        return float(np.linalg.norm(E.placement.translation))
+
+    def show(
+        self,
+        what: Trajectory | ArrayLike | None = None,
+        *,
+        speed: float = 1.0,
+        open_browser: bool = True,
+    ) -> Viewer:
+        """A motion or a configuration in the browser; in Jupyter, in the notebook.
+
+        Args:
+            what: A motion, or joint coordinates, shape (9,); the home pose by default.
+            speed: Of a motion, 1 is true speed.
+            open_browser: Whether to serve the page and open the browser; never from Jupyter.
+
+        Returns:
+            The viewer, which `close` ends.
+
+        Raises:
+            MissingExtraError: Without Meshcat.
+        """
+        from ..viewer import show
+
+        return show(self, what, speed, open_browser)
+
+    # --- inside -----------------------------------------------------------------------------
+
+    def _require_limits(self, q: Array) -> None:
+        lower, upper = self.model.lowerPositionLimit, self.model.upperPositionLimit
+        outside = (q < lower) | (q > upper)
+        if outside.any():
+            *sample, joint = (int(i) for i in np.argwhere(outside)[0])
+            error = WorkspaceError(
+                f"orientation out of reach: {self.joint_names[joint]} would be "
+                f"{q[tuple(sample)][joint]:.4g} rad, its limits are "
+                f"{lower[joint]:.4g} and {upper[joint]:.4g} rad"
+            )
+            if sample:
+                rows = np.argwhere(outside.any(axis=-1))
+                error.name_samples([tuple(map(int, i)) for i in rows], q[..., 0].size)
+            raise error

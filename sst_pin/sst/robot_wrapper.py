@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The description as a `pin.RobotWrapper`, in the manner of example_robot_data."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pinocchio as pin
+
+from .. import description
+from ..errors import DescriptionError
+from .geometry_models import geometry_model
+from .robot import SST
+
+
+def load(urdf: str | Path = description.URDF_PATH) -> pin.RobotWrapper:
+    """The tree with its geometry and its named configurations.
+
+    Args:
+        urdf: The shipped one, or that of a folder that `sst-pin describe` wrote.
+
+    Returns:
+        `model` with gravity, and with the poses of the SRDF as `referenceConfigurations`; `q0`,
+        the home pose; `visual_model`; `collision_model` with the pairs that can collide.
+
+    Raises:
+        DescriptionError: When it is no URDF of an SST, or a mesh or the SRDF beside it is missing.
+    """
+    path = Path(urdf)
+    sst = SST.from_urdf(path, kernels=False)
+    model = sst.model
+    srdf = path.with_suffix(".srdf")
+    if not srdf.is_file():
+        raise DescriptionError(str(srdf), ["the SRDF beside the URDF is missing"])
+    pin.loadReferenceConfigurations(model, str(srdf), False)
+    visual, collision = (
+        geometry_model(model, sst.looks.urdf, path.parent, kind)
+        for kind in (pin.GeometryType.VISUAL, pin.GeometryType.COLLISION)
+    )
+    collision.addAllCollisionPairs()
+    pin.removeCollisionPairs(model, collision, str(srdf), False)
+    robot = pin.RobotWrapper(model, collision, visual)
+    robot.q0 = sst.home
+    return robot

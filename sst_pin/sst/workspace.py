@@ -1,0 +1,300 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Where an SST can point its axis s, and how well the motors hold it there.
+
+The star has three freedoms: the direction of s and the roll psi about it. A map over directions is
+taken at one psi, or over the whole turn, where each direction shows its best psi.
+
+With ideal joints every orientation is in reach but those in which a leg lies flat on its arc: the
+closed-form inverse kinematics always has its solution. What bounds a machine are its arcs. The
+passive slider of leg k runs on a quarter circle of the star, 0 <= beta_k <= 90 deg, the arc whose
+mass centre Eq. (54) gives, and R_k stays on the side P_k P_{k+1} of the base triangle,
+0 <= gamma_k <= angle(v_k, v_{k+1}). All is on the working branch, 0 < mu_k < pi.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.integrate import trapezoid
+from scipy.spatial.transform import Rotation
+
+from ..arrays import finite_array
+from ..errors import InputError, OutputError
+from ..files import Writer, table_writer, write_files
+from . import kinematics
+from .platform_motion import orientation
+from .robot import SST
+
+Array = NDArray[np.float64]
+
+#: |sin(mu_k)| below which the pose of leg k is not computed: gamma_k loses its digits.
+_FLAT = 1e-6
+#: The ends of the arcs belong to them, rounding included; [rad].
+_END = 1e-9
+
+
+class Chart(NamedTuple):
+    """Lambert's azimuthal equal-area map of the sphere about a direction.
+
+    Attributes:
+        axes: Right, up and the direction in the middle of the map, rows of a (3, 3) array, base
+            axes.
+    """
+
+    axes: Array
+
+    @classmethod
+    def of_robot(cls, robot: SST) -> Chart:
+        """About the middle of the base triangle, seen from outside, P_3 straight above it."""
+        v = robot.geometry.R_0[:, :, 0]
+        middle = v.sum(axis=0) / np.linalg.norm(v.sum(axis=0))
+        up = v[2] - (v[2] @ middle) * middle
+        up /= np.linalg.norm(up)
+        return cls(np.array((np.cross(up, middle), up, middle)))
+
+    def project(self, s: ArrayLike) -> Array:
+        """Points of the map, shape (..., 2); half the sphere fills the disc of radius sqrt(2).
+
+        Args:
+            s: Unit vectors, shape (..., 3); the direction opposite to the middle has no point.
+        """
+        right, up, ahead = np.moveaxis(np.asarray(s) @ self.axes.T, -1, 0)
+        return np.stack([right, up], axis=-1) * np.sqrt(2 / (1 + ahead))[..., None]
+
+    def directions(self, points: ArrayLike) -> Array:
+        """Unit vectors of points of the map, shapes (..., 2) and (..., 3)."""
+        points = np.asarray(points, dtype=float)
+        square = (points**2).sum(axis=-1, keepdims=True)
+        local = np.concatenate([points * np.sqrt(1 - square / 4), 1 - square / 2], axis=-1)
+        return np.asarray(local @ self.axes)
+
+    @staticmethod
+    def grid(rings: int, spokes: int) -> Array:
+        """Points that cover the half sphere ahead, shape (rings, spokes + 1, 2).
+
+        The first ring is the middle itself, the last spoke is the first one again.
+        """
+        angle = np.linspace(0, np.pi / 2, rings)[:, None]
+        turn = np.pi / 2 + np.linspace(0, 2 * np.pi, spokes + 1)
+        radius = 2 * np.sin(angle / 2)
+        return np.stack([radius * np.cos(turn), radius * np.sin(turn)], axis=-1)
+
+
+@dataclass(frozen=True, eq=False)
+class Workspace:
+    """A map over the half sphere about the base triangle's middle.
+
+    Each array is of shape (rings, spokes + 1), as `Chart.grid` lays its points out. Where several
+    psi were asked for, a direction shows the one of least condition number on the arcs; where none
+    is on the arcs, the one of least condition number.
+
+    Attributes:
+        theta: Longitude of s in the base, [rad].
+        phi: Its colatitude, [rad].
+        psi: Roll of the star about s, the paper's angle, [rad].
+        reachable: Whether joint limits hold and no leg lies flat on its arc.
+        first_kind: min |sin(mu_k)|, 0 where a leg lies flat.
+        determinant: Of A, rows y_2k; changes sign where the motors lose the star, the second kind.
+            NaN where a leg lies flat: A is not defined there.
+        condition_number: Of A; infinite where the direction is not reachable.
+        margin: How far inside their arcs and joint limits all joints are, negative by how far one
+            is outside, the largest over all psi asked for, [rad]. NaN where a leg lies flat.
+        roll: How much of the turn in psi the arcs leave, [rad]: 0 or 2 pi when one psi was asked
+            for.
+    """
+
+    theta: Array
+    phi: Array
+    psi: Array
+    reachable: NDArray[np.bool_]
+    first_kind: Array
+    determinant: Array
+    condition_number: Array
+    margin: Array
+    roll: Array
+
+    @property
+    def on_arcs(self) -> NDArray[np.bool_]:
+        """Where every slider is on its arcs, joint limits kept."""
+        return self.margin >= 0  # and never where it is NaN
+
+    @property
+    def s(self) -> Array:
+        """The directions as unit vectors in base axes, shape (rings, spokes + 1, 3)."""
+        sin = np.sin(self.phi)
+        return np.stack(
+            [sin * np.cos(self.theta), sin * np.sin(self.theta), np.cos(self.phi)], axis=-1
+        )
+
+    @property
+    def best(self) -> tuple[int, int] | None:
+        """Index of the least condition number on the arcs; None when nothing is on them."""
+        if not self.on_arcs.any():
+            return None
+        condition = np.where(self.on_arcs, self.condition_number, np.inf)
+        ring, spoke = np.unravel_index(int(condition.argmin()), condition.shape)
+        return int(ring), int(spoke)
+
+    @property
+    def area(self) -> float:
+        """Solid angle of the directions on the arcs, [sr]."""
+        # Rings lie evenly in the angle from the middle: the trapezoidal rule with its sine.
+        angle = np.linspace(0, np.pi / 2, len(self.margin))
+        share = self.on_arcs[:, :-1].mean(axis=1) * np.sin(angle)
+        return float(2 * np.pi * trapezoid(share, angle))
+
+    def save(self, path: str | Path, force: bool = False) -> None:
+        """Write the map to a file.
+
+        Args:
+            path: Ends in .csv, one row for each direction, or in .npz, one array for each
+                attribute.
+            force: Whether a file that is there may be replaced.
+
+        Raises:
+            OutputError: When it cannot be written, or exists.
+        """
+        write_files({Path(path): self.writer(path)}, force)
+
+    def writer(self, path: str | Path) -> Writer:
+        """What writes the map in the format the path's ending asks for.
+
+        Raises:
+            OutputError: For another ending than .csv or .npz.
+        """
+        kind = Path(path).suffix.lower()
+        arrays: dict[str, Any] = {field.name: getattr(self, field.name) for field in fields(self)}
+        if kind == ".npz":
+            return lambda file: np.savez_compressed(file, **arrays)
+        if kind == ".csv":
+            names = [f"{name}_rad" if name in _ANGLES else name for name in arrays]
+            # The middle and the first spoke once, not once more for each spoke and at the end.
+            rows = np.column_stack([array[1:, :-1].ravel() for array in arrays.values()])
+            middle = [array[0, 0] for array in arrays.values()]
+            return table_writer(names, np.vstack([middle, rows]))
+        raise OutputError(path, f"ending {kind!r} unknown; known: .csv, .npz")
+
+
+_ANGLES = ("theta", "phi", "psi", "margin", "roll")
+
+
+def workspace_at(robot: SST, psi: float = 0.0, rings: int = 151, spokes: int = 360) -> Workspace:
+    """The map at one roll of the star, about half a second.
+
+    psi is the paper's angle, which the poles of the base frame do not have: curves of the map meet
+    in z_0.
+
+    Args:
+        robot: Any SST.
+        psi: The paper's angle, [rad].
+        rings: Directions from the middle of the map to its edge.
+        spokes: Directions round it.
+    """
+    return _workspace(robot, finite_array("psi", [psi], (1,)), rings, spokes)
+
+
+def workspace_over_rolls(
+    robot: SST, rolls: int = 72, rings: int = 61, spokes: int = 180
+) -> Workspace:
+    """The map over the whole turn about s, each direction with its best psi; some seconds.
+
+    Args:
+        robot: Any SST.
+        rolls: Values of psi, evenly round the turn.
+        rings: As for `workspace_at`.
+        spokes: As for `workspace_at`.
+    """
+    return _workspace(robot, np.arange(rolls) * 2 * np.pi / rolls, rings, spokes)
+
+
+class _Poses(NamedTuple):
+    reachable: NDArray[np.bool_]
+    first_kind: Array
+    determinant: Array
+    condition_number: Array
+    margin: Array
+
+
+def _workspace(robot: SST, psi: Array, rings: int, spokes: int) -> Workspace:
+    for name, count in (("rings", rings), ("spokes", spokes), ("rolls", len(psi))):
+        if count < (1 if name == "rolls" else 3):
+            raise InputError(name, f"{count} are too few")
+    chart = Chart.of_robot(robot)
+    s = chart.directions(chart.grid(rings, spokes))
+    s[:, -1] = s[:, 0]  # to the last bit
+    theta, phi = np.arctan2(s[..., 1], s[..., 0]), np.arccos(np.clip(s[..., 2], -1, 1))
+    R = orientation(theta, phi)
+    rolls = Rotation.from_euler("x", psi[:, None]).as_matrix()  # s is the x axis of {E}
+    # One psi at a time: a million poses at once would fill the memory.
+    poses = [_poses(robot, R @ roll) for roll in rolls]
+    arrays = _Poses(*(np.stack(values) for values in zip(*poses, strict=True)))
+    kept = (arrays.margin >= 0) | ~(arrays.margin >= 0).any(axis=0)
+    chosen = np.where(kept, arrays.condition_number, np.inf).argmin(axis=0)[None]
+
+    def best(values: NDArray[Any]) -> NDArray[Any]:
+        return np.asarray(np.take_along_axis(values, chosen, axis=0)[0])
+
+    return Workspace(
+        theta,
+        phi,
+        np.broadcast_to(psi[chosen[0]], theta.shape),
+        best(arrays.reachable),
+        best(arrays.first_kind),
+        best(arrays.determinant),
+        best(arrays.condition_number),
+        np.fmax.reduce(arrays.margin),
+        _positive_share(arrays.margin) * 2 * np.pi,
+    )
+
+
+def _poses(robot: SST, R: Array) -> _Poses:
+    """What is to be known of orientations, shape (..., 3, 3), flat legs included."""
+    geometry, batch = robot.geometry, R.shape[:-2]
+    n = np.einsum("...ij,kj->...ki", R, geometry.arc_normals)
+    first_kind = np.linalg.norm(np.cross(geometry.e, n), axis=-1).min(axis=-1)
+    defined = first_kind > _FLAT
+    legs = kinematics.legs_of_orientation(geometry, R[defined], (1, 1, 1))
+    q = kinematics.joints_of_legs(geometry, legs)
+    singular_values = np.linalg.svd(legs.y_2, compute_uv=False)
+    lower, upper = robot.model.lowerPositionLimit, robot.model.upperPositionLimit
+    limits = np.minimum(q - lower, upper - q).min(axis=-1)
+    with np.errstate(divide="ignore"):
+        condition = singular_values[:, 0] / singular_values[:, -1]
+
+    def everywhere(values: NDArray[Any], else_: float) -> NDArray[Any]:
+        result = np.full(batch, else_, dtype=values.dtype)
+        result[defined] = values
+        return result
+
+    return _Poses(
+        everywhere(limits >= 0, False),
+        first_kind,
+        everywhere(np.linalg.det(legs.y_2), np.nan),
+        everywhere(np.where(limits >= 0, condition, np.inf), np.inf),
+        everywhere(np.minimum(limits, _arc_margin(geometry, q)), np.nan),
+    )
+
+
+def _arc_margin(geometry: kinematics.Geometry, q: Array) -> Array:
+    """How far R_k is from the ends of its side of the base triangle and of its arc of the star."""
+    v = geometry.R_0[:, :, 0]
+    side = np.arccos(np.clip((v * np.roll(v, -1, axis=0)).sum(axis=1), -1, 1))
+    gamma, beta = q[..., ::3], q[..., 2::3]
+    ends = np.minimum(np.minimum(gamma, side - gamma), np.minimum(beta, np.pi / 2 - beta))
+    return np.asarray(ends.min(axis=-1)) + _END
+
+
+def _positive_share(margin: Array) -> Array:
+    """Share of a closed round of samples, along the first axis, on which a function is positive.
+
+    Between two samples it is taken for straight; NaN counts as negative.
+    """
+    here = np.where(np.isnan(margin), -1.0, margin)
+    there = np.roll(here, -1, axis=0)
+    above = np.maximum(here, 0) + np.maximum(there, 0)
+    size = np.abs(here) + np.abs(there)
+    return np.asarray((above / np.where(size > 0, size, 1)).mean(axis=0))

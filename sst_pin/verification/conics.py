@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Common points of two conics: the end of the direct kinematics by virtual work's way."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import SingularConfigurationError
+
+Array = NDArray[np.float64]
+
+#: Quantities of the size of one count as zero below this.
+_ZERO = 1e-12
+
+
+def common_points(conics: Array) -> list[Array]:
+    """Real unit vectors x with x^T conics_i x = 0, one of x and -x.
+
+    A member of the pencil that is a pair of lines meets another member in what solves a quadratic
+    equation; Newton's method polishes.
+
+    Args:
+        conics: Two symmetric matrices of the size of one, shape (2, 3, 3).
+
+    Returns:
+        At most four, each of shape (3,).
+
+    Raises:
+        SingularConfigurationError: When the conics share a continuum.
+    """
+    angles = np.arange(4) * np.pi / 4
+    pencil = np.tensordot(np.stack([np.cos(angles), np.sin(angles)], axis=-1), conics, axes=1)
+    size = np.abs(np.linalg.det(pencil))  # a cubic in the pencil: zero at four, zero everywhere
+    best = int(size.argmax())
+    _require(size[best])
+    regular, other = pencil[best], pencil[(best + 2) % 4]
+    roots = np.linalg.eigvals(np.linalg.solve(regular, other))
+    singular = [other - t.real * regular for t in roots if abs(t.imag) < 1e-6]
+    _require(min(np.abs(member).max() for member in singular))
+    # All conics of the pencil share the points. A member a v_0 v_0^T + c v_2 v_2^T with a < 0 < c
+    # is a pair of lines; where they meet a regular member, a quadratic equation tells.
+    (a, _, c), v = max(map(np.linalg.eigh, singular), key=lambda pair: min(-pair[0][0], pair[0][2]))
+    found: list[Array] = []
+    for sign in (1, -1) if a < 0 < c else ():
+        along = np.sqrt(c) * v[:, 0] + sign * np.sqrt(-a) * v[:, 2]
+        line = np.stack([v[:, 1], along / np.sqrt(c - a)], axis=-1)
+        (low, high), z = np.linalg.eigh(line.T @ regular @ line)
+        if low < 1e-8 and high > -1e-8:  # a double point is as inexact as the root of rounding
+            ends = np.sqrt((max(high, 0), max(-low, 0)))
+            for point in (line @ z @ ends, line @ z @ (ends * (1, -1))):
+                x = _polished(conics, point)
+                if x is not None and all(abs(x @ known) < 1 - _ZERO for known in found):
+                    found.append(x)
+    return found
+
+
+def _polished(conics: Array, x: Array) -> Array | None:
+    """Newton's method on the conics and |x| = 1; None where it finds no real point."""
+    x = x / np.linalg.norm(x)
+    for _ in range(30):
+        rows = np.vstack([conics @ x, x])
+        step = np.linalg.lstsq(2 * rows, rows @ x - (0, 0, 1), rcond=_ZERO)[0]
+        x = x - step
+        if np.abs(step).max() < 1e-15:
+            break
+    return x if np.abs(x @ conics @ x).max() < _ZERO else None
+
+
+def _require(size: float) -> None:
+    if size < _ZERO:
+        raise SingularConfigurationError("the conics share a continuum", 1 / max(size, 1e-300))

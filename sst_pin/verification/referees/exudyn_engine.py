@@ -1,0 +1,207 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Exudyn: seven rigid bodies in redundant coordinates, nine joints with Lagrange multipliers.
+
+`ExudynInstant` takes the mass matrix, the forces and the constraint Jacobian of one instant from
+Exudyn. `stepped_torques` and `stepped_motion` leave the whole problem to Exudyn's generalised-alpha
+integrator: they tend to the exact answer with the square of the step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
+
+from ...description.parameters import Parameters
+from ...errors import InputError
+from .exudyn_robot import Robot, frames, of_all_bodies, turning
+from .geometry import Legs, legs, require_same
+
+Array = NDArray[np.float64]
+
+#: Orientation, angular velocity and acceleration of the star as functions of time, base axes.
+Motion = Callable[[float], tuple[ArrayLike, ArrayLike, ArrayLike]]
+
+
+class ExudynInstant:
+    """Motor torques from Exudyn's equations of motion at one instant.
+
+    Args:
+        parameters: The SST.
+
+    Raises:
+        MissingExtraError: Without Exudyn.
+    """
+
+    name = "Exudyn, instantaneous"
+    package = "exudyn"
+    frictionless = False
+
+    def __init__(self, parameters: Parameters) -> None:
+        self._parameters = parameters
+        # The joints are fitted to the bodies in some pose far from a flat leg ...
+        poses: Array = Rotation.random(100, 0).as_matrix()
+        fit = max(poses, key=lambda R: float(np.sin(legs(parameters, R).angles[:, 1]).min()))
+        self._start = legs(parameters, fit).angles[:, 0]
+        self._turns = np.zeros(3)
+        self._robot = Robot(parameters, fit, np.zeros(3), lambda t: self._turns)
+
+    def torques(
+        self,
+        R: ArrayLike,
+        omega: ArrayLike,
+        alpha: ArrayLike,
+        platform_moment: ArrayLike | None = None,
+    ) -> Array:
+        """Motor torques; see `Referee.torques`."""
+        p, robot, exu = self._parameters, self._robot, self._robot.exudyn
+        pose = legs(p, R)
+        rates, spins, spin_rates = turning(pose, np.asarray(omega), np.asarray(alpha))
+        coordinates = np.zeros((3, 7, 7))  # and their first two derivatives; body by body
+        e = np.roll(Rotation.from_matrix(frames(pose, R)).as_quat(), 1, axis=-1)  # scalar first
+        coordinates[:, :, 3:] = e, _turn(spins, e) / 2, _turn(spin_rates, e) / 2
+        coordinates[2, :, 3:] -= (spins**2).sum(axis=-1, keepdims=True) / 4 * e
+        x, x_dot, x_ddot = coordinates.reshape(3, 49)
+        self._turns = pose.angles[:, 0] - self._start
+        robot.load(_joint_moments(p, pose, rates, platform_moment))
+        mass, force, Phi, residual = robot.equations(x, x_dot)
+        # ... and hold in every other one: Exudyn's word on position and velocity.
+        require_same(residual, np.zeros_like(residual), "the constraints")
+        wanted = np.zeros_like(residual)
+        wanted[robot.motor_rows] = -rates[:, 0]  # the residual is offset minus angle
+        require_same(Phi @ x_dot, wanted, "the rate of the constraints")
+        multipliers = np.linalg.lstsq(Phi.T, force - mass @ x_ddot, rcond=None)[0]
+        robot.system.systemData.SetAECoordinates(multipliers.tolist())
+        torque = exu.OutputVariableType.TorqueLocal
+        return np.array([robot.system.GetObjectOutput(m, torque)[2] for m in robot.motors])
+
+
+def stepped_torques(
+    parameters: Parameters,
+    motion: Motion,
+    duration: float,
+    steps: int,
+    *,
+    spectral_radius: float = 0.6,
+) -> tuple[Array, Array]:
+    """Inverse dynamics in time: the motors are constraints that turn as the motion asks.
+
+    The first torques are some 10 N m off, since Exudyn's initial accelerations leave out those of
+    the motors; damping by a spectral radius below one has made up for it after some twenty steps.
+
+    Args:
+        parameters: The SST, without friction.
+        motion: Of the star, for example `paper_circle`; called at times from 0 on.
+        duration: [s].
+        steps: Number of steps, all equal.
+        spectral_radius: Of the integrator at infinite frequency, in [0, 1].
+
+    Returns:
+        Times, shape (steps + 1,), and motor torques at them, shape (steps + 1, 3), [N m].
+
+    Raises:
+        MissingExtraError: Without Exudyn.
+        InputError: For an SST with friction.
+    """
+    _require_frictionless(parameters)
+    R, omega, _ = motion(0.0)
+    start = legs(parameters, R).angles[:, 0]
+
+    @lru_cache(maxsize=8)  # Newton's iterations ask again and again
+    def turns(t: float) -> Array:
+        turn = legs(parameters, motion(t)[0]).angles[:, 0] - start
+        wrapped: Array = (turn + np.pi) % (2 * np.pi) - np.pi
+        return wrapped
+
+    robot = Robot(parameters, R, omega, turns)
+    output = robot.exudyn.OutputVariableType.TorqueLocal
+    item = robot.utilities.SensorObject
+    sensors = [
+        item(objectNumber=m, outputVariableType=output, storeInternal=True, writeToFile=False)
+        for m in robot.motors
+    ]
+    data = robot.step(duration, steps, spectral_radius, sensors)
+    return data[0][:, 0], np.stack([d[:, 3] for d in data], axis=-1)
+
+
+def stepped_motion(
+    parameters: Parameters,
+    R: ArrayLike,
+    omega: ArrayLike,
+    torque: Callable[[float], ArrayLike],
+    duration: float,
+    steps: int,
+    *,
+    spectral_radius: float = 1.0,
+) -> tuple[Array, Array]:
+    """Direct dynamics in time: the motion of the star under given motor torques.
+
+    Args:
+        parameters: The SST, without friction.
+        R: {E} in the base at the start, shape (3, 3).
+        omega: Angular velocity of the star at the start, base axes, shape (3,), [rad/s].
+        torque: Motor torques of shape (3,) as a function of time, [N m].
+        duration: [s].
+        steps: Number of steps, all equal.
+        spectral_radius: Of the integrator at infinite frequency, in [0, 1].
+
+    Returns:
+        Times, shape (steps + 1,), and {E} in the base at them, shape (steps + 1, 3, 3).
+
+    Raises:
+        MissingExtraError: Without Exudyn.
+        InputError: For an SST with friction.
+    """
+    _require_frictionless(parameters)
+    robot = Robot(parameters, R, omega, None)
+    e = legs(parameters, R).e
+
+    @lru_cache(maxsize=8)
+    def torques(t: float) -> Array:
+        return np.asarray(torque(t), dtype=float)
+
+    def moment(k: int) -> Callable[[Any, float, Any], list[float]]:
+        return lambda _, t, __: [float(x) for x in torques(t)[k] * e[k]]
+
+    for k, link in enumerate(robot.bodies[:6:2]):
+        robot.system.CreateTorque(
+            itemNumber=link, loadVector=[0, 0, 0], loadVectorUserFunction=moment(k)
+        )
+    sensor = robot.utilities.SensorBody(
+        bodyNumber=robot.bodies[-1],
+        outputVariableType=robot.exudyn.OutputVariableType.RotationMatrix,
+        storeInternal=True,
+        writeToFile=False,
+    )
+    (data,) = robot.step(duration, steps, spectral_radius, [sensor])
+    return data[:, 0], data[:, 1:].reshape(-1, 3, 3)
+
+
+def _turn(spins: Array, e: Array) -> Array:
+    """Products of quaternions (0, spin) e, scalar first, row by row."""
+    scalar = -(spins * e[:, 1:]).sum(axis=-1, keepdims=True)
+    return np.hstack([scalar, spins * e[:, :1] + np.cross(spins, e[:, 1:])])
+
+
+def _joint_moments(
+    p: Parameters, pose: Legs, rates: Array, platform_moment: ArrayLike | None
+) -> Array:
+    """Moments of friction, and of the surroundings on the star, on all bodies, shape (7, 3)."""
+    friction = p.viscous_friction.reshape(3, 3) * rates
+    friction = -friction - p.coulomb_friction.reshape(3, 3) * np.sign(rates)
+    on_link, on_passive, on_star = (
+        friction[:, i : i + 1] * axis for i, axis in enumerate((pose.e, pose.u, pose.n))
+    )
+    star = on_star.sum(axis=0)
+    if platform_moment is not None:
+        star = star + np.asarray(platform_moment, dtype=float)
+    return of_all_bodies(on_link - on_passive, on_passive - on_star, star)
+
+
+def _require_frictionless(parameters: Parameters) -> None:
+    if parameters.viscous_friction.any() or parameters.coulomb_friction.any():
+        raise InputError("parameters", "friction is not part of Exudyn's time stepping here")

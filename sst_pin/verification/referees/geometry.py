@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Legs of an SST from the orientation of its star, by plain vector geometry, one pose.
+
+Only a start for the engines: each of them holds what it gets from here against its own frames.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...description.parameters import Parameters
+from ...errors import ClosureError
+
+Array = NDArray[np.float64]
+
+#: An engine whose frames miss the pose by more, [rad] or [rad/s], got a wrong one.
+_TOLERANCE = 1e-9
+
+
+class Legs(NamedTuple):
+    """Joint axes and angles of the three legs, a row for each.
+
+    Attributes:
+        e: Actuated axes e_k, base axes, shape (3, 3).
+        u: Axes e_{k+3} of mu_k, towards R_k, shape (3, 3).
+        n: Axes e_{k+6} of beta_k, normals of the arcs, shape (3, 3).
+        angles: gamma_k, mu_k, beta_k, shape (3, 3), [rad].
+    """
+
+    e: Array
+    u: Array
+    n: Array
+    angles: Array
+
+
+def legs(parameters: Parameters, R: ArrayLike) -> Legs:
+    """The legs that carry the star, with 0 < mu_k < pi.
+
+    Args:
+        parameters: The SST.
+        R: {E} in the base, shape (3, 3).
+    """
+    R = np.asarray(R, dtype=float)
+    v = parameters.base_directions
+    e = _unit(np.cross(v, v[[1, 2, 0]]))
+    # The arcs stand round s at the angles 0, alpha_2, alpha_2 + alpha_3.
+    turn = np.cumsum([0.0, *parameters.arc_angles[1:]])
+    n = -np.outer(np.sin(turn), R[:, 1]) + np.outer(np.cos(turn), R[:, 2])
+    u = _unit(np.cross(e, n))  # in the planes of base arc and star arc
+    gamma = _angle(e, v, u)
+    mu = _angle(u, e, n)
+    beta = _angle(n, u, np.tile(R[:, 0], (3, 1)))
+    return Legs(e, u, n, np.stack([gamma, mu, beta], axis=-1))
+
+
+def require_same(found: Array, wanted: Array, what: str) -> None:
+    """Check what an engine's own kinematics makes of a pose.
+
+    Raises:
+        ClosureError: When it differs.
+    """
+    error = float(np.abs(found - wanted).max())
+    if not error <= _TOLERANCE:
+        raise ClosureError(f"{what} of the engine is off by {error:.3g}", error)
+
+
+def _unit(a: Array) -> Array:
+    lengths: Array = np.linalg.norm(a, axis=-1, keepdims=True)
+    return a / lengths
+
+
+def _angle(axis: Array, start: Array, end: Array) -> Array:
+    """Angles about unit axes that bring one direction to another, row by row."""
+    sine, cosine = (np.cross(axis, start) * end).sum(axis=-1), (start * end).sum(axis=-1)
+    return np.arctan2(sine, cosine)

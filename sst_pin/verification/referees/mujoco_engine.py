@@ -1,0 +1,186 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""MuJoCo: its inverse dynamics of our URDF, and its simulation of the closed robot.
+
+`MujocoInverse` is exact: the forces in the tree's joints by `mj_inverse`, brought down to the
+motors by MuJoCo's own Jacobians. In `welded_motion` the loops are closed by MuJoCo's welds, which
+give way like stiff springs: the motion tends to the rigid robot's as the stiffness grows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
+
+from ...description import urdf_of
+from ...description.parameters import Parameters
+from . import engine
+from .geometry import legs, require_same
+
+Array = NDArray[np.float64]
+
+_STARS = ("star_1", "star_2", "star_3")
+
+
+class MujocoInverse:
+    """`mj_inverse` on the tree, projected to the motors.
+
+    Args:
+        parameters: The SST.
+
+    Raises:
+        MissingExtraError: Without MuJoCo.
+    """
+
+    name = "MuJoCo mj_inverse, projected"
+    package = "mujoco"
+    frictionless = False
+
+    def __init__(self, parameters: Parameters) -> None:
+        self._mujoco = mujoco = engine("mujoco")
+        self._parameters = parameters
+        self._model = mujoco.MjModel.from_xml_string(_blind_urdf(parameters))
+        self._model.opt.gravity[:] = parameters.gravity
+        # The tree alone; MuJoCo's dry friction is a constraint too, and a regularised one.
+        self._model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+        self._data = mujoco.MjData(self._model)
+
+    def torques(
+        self,
+        R: ArrayLike,
+        omega: ArrayLike,
+        alpha: ArrayLike,
+        platform_moment: ArrayLike | None = None,
+    ) -> Array:
+        """Motor torques; see `Referee.torques`."""
+        mujoco, model, data = self._mujoco, self._model, self._data
+        J, q_dot = self.move(R, omega)
+        J_dot = self._turning(mujoco.mj_jacDot, np.zeros(3))
+        data.qacc[:] = np.linalg.solve(J, np.tile(alpha, 3) - J_dot @ q_dot)
+        mujoco.mj_inverse(model, data)  # what it returns covers viscous friction
+        force = data.qfrc_inverse + self._parameters.coulomb_friction * np.sign(q_dot)
+        if platform_moment is not None:
+            force = force - J[:3].T @ np.asarray(platform_moment, dtype=float)
+        V = np.linalg.solve(J, np.tile(np.eye(3), (3, 1)))  # q_dot = V omega
+        # The power of the forces is that of the motors, for every omega.
+        tau: Array = np.linalg.solve(V[::3].T, V.T @ force)
+        return tau
+
+    def move(self, R: ArrayLike, omega: ArrayLike) -> tuple[Array, Array]:
+        """Put the tree into a state in which its loops are closed.
+
+        Args:
+            R: {E} in the base, shape (3, 3).
+            omega: Angular velocity of the star, base axes, shape (3,), [rad/s].
+
+        Returns:
+            Angular Jacobian of the three arcs of the star, shape (9, 9), and the joint rates.
+        """
+        mujoco, model, data, p = self._mujoco, self._model, self._data, self._parameters
+        data.qpos[:] = legs(p, R).angles.ravel()
+        mujoco.mj_fwdPosition(model, data)
+        for name, R_E in zip(_STARS, _star_frames(p), strict=True):
+            found = data.body(name).xmat.reshape(3, 3) @ R_E
+            require_same(found, np.asarray(R), "the star's orientation")
+        J = self._turning(mujoco.mj_jacBody)
+        data.qvel[:] = np.linalg.solve(J, np.tile(omega, 3))
+        mujoco.mj_fwdVelocity(model, data)
+        return J, data.qvel.copy()
+
+    def _turning(self, jacobian: Callable[..., None], *point: Array) -> Array:
+        """Angular Jacobian of the three arcs of the star, or its rate, shape (9, 9)."""
+        J = np.zeros((3, 3, 9))
+        for rows, name in zip(J, _STARS, strict=True):
+            part = np.zeros((3, 9))
+            jacobian(self._model, self._data, None, part, *point, self._data.body(name).id)
+            rows[:] = part
+        return J.reshape(9, 9)
+
+
+def welded_motion(
+    parameters: Parameters,
+    R: ArrayLike,
+    omega: ArrayLike,
+    torque: Callable[[float], ArrayLike],
+    duration: float,
+    *,
+    step: float = 1e-4,
+    stiffness: float = 1e6,
+) -> tuple[Array, Array]:
+    """Simulate the robot with its loops closed by MuJoCo's welds.
+
+    Args:
+        parameters: The SST; dry friction is MuJoCo's own, which creeps where it should stick.
+        R: {E} in the base at the start, shape (3, 3).
+        omega: Angular velocity of the star at the start, base axes, shape (3,), [rad/s].
+        torque: Motor torques of shape (3,) as a function of time, [N m].
+        duration: [s].
+        step: Of MuJoCo's Runge-Kutta integrator, [s]; stable below about 1 / sqrt(stiffness).
+        stiffness: Of the welds, critically damped, per unit of inertia, [1/s^2].
+
+    Returns:
+        Times, shape (N,), and {E} in the base at them by leg 1, shape (N, 3, 3).
+
+    Raises:
+        MissingExtraError: Without MuJoCo.
+    """
+    mujoco = engine("mujoco")
+    model = welded(mujoco, parameters, step, stiffness)
+    data = mujoco.MjData(model)
+    _, data.qvel[:] = MujocoInverse(parameters).move(R, omega)
+    data.qpos[:] = legs(parameters, R).angles.ravel()
+
+    def control(_: Any, state: Any) -> None:  # called at each stage of a step
+        state.qfrc_applied[::3] = torque(state.time)
+
+    steps = round(duration / step)
+    path = np.empty((steps + 1, 3, 3))
+    star = data.body("star_1")
+    mujoco.set_mjcb_control(control)
+    try:
+        for i in range(steps + 1):
+            mujoco.mj_kinematics(model, data)
+            path[i] = star.xmat.reshape(3, 3)
+            if i < steps:
+                mujoco.mj_step(model, data)
+    finally:
+        mujoco.set_mjcb_control(None)
+    return np.linspace(0, steps * step, steps + 1), path
+
+
+def _blind_urdf(parameters: Parameters) -> str:
+    """Our URDF without the meshes, which are files: MuJoCo passes visuals by when told so."""
+    return urdf_of(parameters).replace('discardvisual="false"', 'discardvisual="true"')
+
+
+def welded(mujoco: Any, parameters: Parameters, step: float, stiffness: float) -> Any:
+    """The closed robot: welds with a stiffness [1/s^2], critically damped, steps in [s]."""
+    spec = mujoco.MjSpec.from_string(_blind_urdf(parameters))
+    for name, R_E in zip(_STARS, _star_frames(parameters), strict=True):
+        spec.body(name).add_site(name=name, quat=np.roll(Rotation.from_matrix(R_E).as_quat(), 1))
+    for other in _STARS[1:]:
+        weld = spec.add_equality(
+            type=mujoco.mjtEq.mjEQ_WELD,
+            objtype=mujoco.mjtObj.mjOBJ_SITE,
+            name1=_STARS[0],
+            name2=other,
+        )
+        weld.solref[:] = -stiffness, -2 * np.sqrt(stiffness)  # negative: the numbers themselves
+        weld.solimp[:2] = 0.99, 0.99  # the rest of the way is for the stiffness to close
+    model = spec.compile()
+    model.opt.gravity[:] = parameters.gravity
+    model.opt.timestep = step
+    model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
+    model.opt.tolerance = 0  # all iterations
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+    return model
+
+
+def _star_frames(parameters: Parameters) -> Array:
+    """{E} in {3k}: arc k stands at the angle 0, alpha_2, alpha_2 + alpha_3 about s."""
+    angles = np.cumsum([0.0, *parameters.arc_angles[1:]])
+    frames: Array = Rotation.from_rotvec(-angles[:, None] * np.eye(3)[0]).as_matrix()
+    return frames

@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The torques held against every referee that is installed: `sst-pin verify`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..chain.closed_chain import ClosedChain
+from ..description.parameters import Parameters
+from ..errors import ClosureError, MissingExtraError
+from ..motion.energy import energy_error
+from ..sst import paper
+from ..sst.platform_motion import paper_circle
+from ..sst.robot import SST
+from . import referees
+from .comparisons import Comparison, Judge
+from .referees import lagrange
+from .sampling import random_parameters, random_state
+from .verify_in_time import verify_in_time
+
+Array = NDArray[np.float64]
+
+
+def verify_sst(quick: bool = False) -> Iterator[Comparison]:
+    """Every installed referee on example 1, on random states and on random SSTs.
+
+    Args:
+        quick: Fewer cases, and none that step in time.
+
+    Yields:
+        A line of the table as soon as it is known.
+    """
+    count = 5 if quick else 40
+    t = np.linspace(0, paper.PERIOD, 13 if quick else 101)
+    circle = list(zip(*paper_circle(t), strict=True))
+    yield from _instants("example 1", [(Parameters(), [(*state, None) for state in circle])])
+    rng = np.random.default_rng(0)
+    states = [_loaded(SST(), rng) for _ in range(count)]
+    yield from _instants("the paper's robot, loads", [(Parameters(), states)])
+    for friction, name in ((False, "random SSTs, loads"), (True, "random SSTs, friction, loads")):
+        robots = [random_parameters(rng, friction) for _ in range(count)]
+        cases = [(p, [_loaded(SST(p), rng) for _ in range(3)]) for p in robots]
+        yield from _instants(name, cases)
+    yield from _accelerations([random_parameters(rng) for _ in range(count)], rng)
+    yield _energy(SST(), 201)
+    if not quick:
+        yield from verify_in_time()
+
+
+def skipped() -> list[MissingExtraError]:
+    """What keeps referees from being asked, and how to install it."""
+    return referees.all_referees(Parameters())[1]
+
+
+def verify_chain(chain: ClosedChain, count: int = 20) -> Iterator[Comparison]:
+    """Lagrange multipliers on any closed chain, at random configurations in random motion.
+
+    Args:
+        chain: The robot.
+        count: Number of configurations.
+
+    Yields:
+        Lines of the table.
+
+    Raises:
+        ClosureError: When the chain cannot be assembled.
+    """
+    rng = np.random.default_rng(0)
+    states = list(_chain_states(chain, count, rng))
+    name = lagrange.LagrangeMultipliers.name
+    torques = Judge(name, f"torques, {chain.model.name or 'chain'}")
+    back = Judge(name, f"accelerations, {chain.model.name or 'chain'}")
+    for q, va, aa in states:
+        tau = chain.compute_torques(q, va, aa)
+        torques.hold(lambda: lagrange.torques(chain, q, va, aa), tau)  # noqa: B023 called at once
+        ours = chain.compute_accelerations(q, va, tau)
+        back.hold(lambda: lagrange.accelerations_by_multipliers(chain, q, va, tau), ours)  # noqa: B023
+    yield torques.verdict()
+    yield back.verdict()
+
+
+def _chain_states(
+    chain: ClosedChain, count: int, rng: np.random.Generator
+) -> Iterator[tuple[Array, Array, Array]]:
+    """Assembled configurations away from singularities, rates and accelerations of the motors."""
+    start = chain.generic_configuration()
+    n = len(chain.actuated)
+    found, tries = 0, 0
+    while found < count:
+        tries += 1
+        if tries > 100 * count:
+            raise ClosureError("no configurations away from singularities were found", np.inf)
+        guess = start + rng.normal(scale=0.3, size=start.shape)
+        try:
+            q = chain.assemble(guess, fixed=())
+        except ClosureError:
+            continue
+        if chain.condition_number(q) < 1e3:
+            found += 1
+            yield q, rng.normal(size=n), rng.normal(size=n)
+
+
+State = tuple[Array, Array, Array, Array | None]
+
+
+def _loaded(robot: SST, rng: np.random.Generator) -> State:
+    return (*random_state(robot, rng), rng.normal(scale=5, size=3))
+
+
+def _instants(
+    name: str, cases: Sequence[tuple[Parameters, Sequence[State]]]
+) -> Iterator[Comparison]:
+    """Inverse dynamics of every referee."""
+    judges: dict[str, Judge] = {}
+    for parameters, states in cases:
+        robot, reference = SST(parameters), SST(parameters, kernels=False)
+        own = judges.setdefault("reference path", Judge("reference path", f"torques, {name}"))
+        for R, omega, alpha, moment in states:
+            q, va, aa = robot.joint_motion(R, omega, alpha)
+            tau = robot.compute_torques(q, va, aa, platform_moment=moment)
+            own.hold(lambda: reference.compute_torques(q, va, aa, platform_moment=moment), tau)  # noqa: B023
+        for referee in referees.all_referees(parameters)[0]:
+            judge = judges.setdefault(referee.name, Judge(referee.name, f"torques, {name}"))
+            for R, omega, alpha, moment in states:
+                q, va, aa = robot.joint_motion(R, omega, alpha)
+                tau = robot.compute_torques(q, va, aa, platform_moment=moment)
+                judge.hold(lambda: referee.torques(R, omega, alpha, moment), tau)  # noqa: B023
+    for judge in judges.values():
+        yield judge.verdict()
+
+
+def _accelerations(robots: Sequence[Parameters], rng: np.random.Generator) -> Iterator[Comparison]:
+    """Direct dynamics of those referees that have one."""
+    judges: dict[str, Judge] = {}
+
+    def judge(name: str) -> Judge:
+        what = "accelerations, random SSTs, friction"
+        return judges.setdefault(name, Judge(name, what))
+
+    for parameters in robots:
+        robot = SST(parameters)
+        R, omega, alpha = random_state(robot, rng)
+        q, va, aa = robot.joint_motion(R, omega, alpha)
+        tau = robot.compute_torques(q, va, aa)
+        for referee in referees.all_referees(parameters)[0]:
+            if isinstance(referee, referees.DirectReferee):
+                judge(referee.name).hold(lambda: referee.accelerations(R, omega, tau), alpha)  # noqa: B023
+        back = robot.compute_accelerations(q, va, tau)
+        multipliers = judge(lagrange.LagrangeMultipliers.name)
+        multipliers.hold(lambda: lagrange.accelerations(robot, q, va, tau), back)  # noqa: B023
+    for found in judges.values():
+        yield found.verdict()
+
+
+def _energy(robot: SST, samples: int) -> Comparison:
+    """Work of the motors against kinetic and potential energy along example 1."""
+    judge = Judge("energy", "work of the motors, example 1", 1e-8)  # quadrature of the power
+    motion = paper.example_1(robot, np.linspace(0, paper.PERIOD, samples))
+    work = robot.kinetic_energy(motion.q, motion.va) + robot.potential_energy(motion.q)
+    judge.hold(lambda: energy_error(robot, motion) + work, work)
+    return judge.verdict()

@@ -1,0 +1,374 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The dynamics of the SST by virtual work, as in [10, 11]: a referee without L, K or T.
+
+The coordinates are the star's: its orientation R and angular velocity omega. Leg k has the fixed
+axis e, the normal n of its arc, which turns with the star, and its passive axis u along e x n. In
+
+    omega = gamma_dot e + mu_dot u + beta_dot n
+
+the rates are the components of omega along g, u, b, the reciprocal vectors of e, u, n. Each body
+turns about O with omega_i = G_i omega, and the work of inertia, weight, load and friction on any
+delta omega equals that of the motors: J^T tau = A alpha + h, the rows of J being g_k.
+
+Only geometry and masses come in from the rest of the package: no formula is shared with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.integrate import DOP853
+
+from .. import errors
+from ..arrays import finite_array
+from ..description.parameters import Parameters
+from ..errors import InputError, SingularConfigurationError, SSTError
+from .conics import common_points
+
+Array = NDArray[np.float64]
+
+#: Quantities of the size of one count as zero below this.
+_ZERO = 1e-12
+#: Condition number of J at which a simulation stops.
+_NEAR_SINGULAR = 1e4
+_LOOSE = "the motor angles do not fix the star"
+
+
+class VirtualWork:
+    """An SST described by the motion of its star, by the principle of virtual work.
+
+    Args:
+        parameters: Geometry, masses, friction and gravity of the robot.
+        branch: Sign of sin(mu_k) for each leg, shape (3,).
+
+    Raises:
+        InputError: When branch is not made of three +1 or -1.
+    """
+
+    name = "virtual work"
+    package = "sst-pin"
+    frictionless = False
+
+    def __init__(self, parameters: Parameters, branch: ArrayLike = (1, 1, 1)) -> None:
+        self._x_0 = parameters.base_directions
+        e = np.cross(self._x_0, self._x_0[[1, 2, 0]])
+        self._e = e / np.linalg.norm(e, axis=1)[:, None]
+        self._y_0 = np.cross(self._e, self._x_0)
+        _, alpha_2, alpha_3 = parameters.arc_angles
+        delta = np.array((0.0, alpha_2, alpha_2 + alpha_3))  # from arc 1 to arc k about s
+        self._n_E = np.stack([0 * delta, -np.sin(delta), np.cos(delta)], axis=-1)
+        self._branch = finite_array("branch", branch, (3,))
+        if self._branch.ndim != 1 or (np.abs(self._branch) != 1).any():
+            raise InputError("branch", "not three numbers +1 or -1")
+        bodies = (*parameters.links, *parameters.passive_links, parameters.star)
+        self._mass = np.array([body.mass for body in bodies])[:, None]
+        self._center = np.array([body.center_of_mass for body in bodies])
+        self._inertia = np.array([body.inertia for body in bodies])
+        self._viscous, self._coulomb = parameters.viscous_friction, parameters.coulomb_friction
+        self._gravity = parameters.gravity
+
+    def torques(
+        self,
+        R: ArrayLike,
+        omega: ArrayLike,
+        alpha: ArrayLike,
+        platform_moment: ArrayLike | None = None,
+    ) -> Array:
+        """Motor torques of a motion of the star.
+
+        Args:
+            R: {E} in the base, shape (..., 3, 3).
+            omega: Angular velocity of the star, base axes, shape (..., 3), [rad/s].
+            alpha: Its angular acceleration, base axes, shape (..., 3), [rad/s^2].
+            platform_moment: Moment that the surroundings exert on the star, base axes, shape
+                (..., 3), [N m].
+
+        Returns:
+            tau, shape (..., 3), [N m].
+
+        Raises:
+            InputError: For a wrong shape, a number that is not finite, an R that is no rotation.
+            SingularConfigurationError: When a leg lies flat on its arc, or the motor angles do
+                not fix the star.
+        """
+        star = self._star(R, omega, platform_moment)
+        work = _times(star.A, finite_array("alpha", alpha, (3,))) + star.h
+        return _solve(np.swapaxes(star.J, -1, -2), work, _LOOSE)
+
+    def accelerations(
+        self,
+        R: ArrayLike,
+        omega: ArrayLike,
+        tau: ArrayLike,
+        platform_moment: ArrayLike | None = None,
+    ) -> Array:
+        """Angular acceleration of the star under given motor torques.
+
+        Args:
+            R: {E} in the base, shape (..., 3, 3).
+            omega: Angular velocity of the star, base axes, shape (..., 3), [rad/s].
+            tau: Motor torques, shape (..., 3), [N m].
+            platform_moment: As in `torques`.
+
+        Returns:
+            alpha, base axes, shape (..., 3), [rad/s^2].
+
+        Raises:
+            InputError: As `torques`.
+            SingularConfigurationError: When a leg lies flat on its arc.
+        """
+        return self._star(R, omega, platform_moment).acceleration(finite_array("tau", tau, (3,)))
+
+    def motor_motion(self, R: ArrayLike, omega: ArrayLike) -> tuple[Array, Array]:
+        """Motor angles and rates at a motion of the star.
+
+        Args:
+            R: {E} in the base, shape (..., 3, 3).
+            omega: Angular velocity of the star, base axes, shape (..., 3), [rad/s].
+
+        Returns:
+            gamma in (-pi, pi] and gamma_dot, shapes (..., 3), [rad], [rad/s].
+
+        Raises:
+            InputError, SingularConfigurationError: As `accelerations`.
+        """
+        star = self._star(R, omega)
+        gamma = np.arctan2(_dot(star.u, self._y_0), _dot(star.u, self._x_0))
+        return gamma, _times(star.J, finite_array("omega", omega, (3,)))
+
+    def orientations(self, gamma: ArrayLike) -> Array:
+        """Every real assembly for given motor angles, whatever the branches of its legs.
+
+        The legs' u_k . n_k = 0 hold the second and third column of R, six numbers, to a space of
+        three dimensions. In it |w_2| = |w_3| and w_2 . w_3 = 0 are two conics, which meet in at
+        most four points, each standing for two signs.
+
+        Args:
+            gamma: Motor angles, shape (3,), [rad].
+
+        Returns:
+            {E} in the base, shape (n, 3, 3), n <= 8, in no particular order.
+
+        Raises:
+            InputError: For a wrong shape or a number that is not finite.
+            SingularConfigurationError: When the assemblies are a continuum or all fall together.
+        """
+        u = self._passive_axes(gamma)
+        legs = np.hstack([self._n_E[:, 1:2] * u, self._n_E[:, 2:3] * u])
+        _, size, axes = np.linalg.svd(legs)
+        _require(size[-1], _LOOSE)
+        W_2, W_3 = np.sqrt(2) * axes[3:, :3].T, np.sqrt(2) * axes[3:, 3:].T
+        conics = np.array([W_2.T @ W_2 - W_3.T @ W_3, W_2.T @ W_3 + W_3.T @ W_2])
+        x = np.array(common_points(conics)).reshape(-1, 3)
+        w_2, w_3 = (np.concatenate([x, -x]) @ W.T for W in (W_2, W_3))
+        return np.stack([np.cross(w_2, w_3), w_2, w_3], axis=-1)
+
+    def admissible(self, gamma: ArrayLike, near_R: ArrayLike) -> Array:
+        """The assembly that continues a known one.
+
+        It is the nearest of those with each leg on its branch and with det J of the sign that it
+        had: det J vanishes where assemblies meet.
+
+        Args:
+            gamma: Motor angles, shape (3,), [rad].
+            near_R: {E} in the base shortly before, shape (3, 3).
+
+        Returns:
+            {E} in the base, shape (3, 3).
+
+        Raises:
+            InputError, SingularConfigurationError: As `orientations` and `accelerations`.
+            WorkspaceError: When no such assembly exists.
+        """
+        near_R = finite_array("near_R", near_R, (3, 3))
+        R = self.orientations(gamma)
+        side = _dot(self._passive_axes(gamma), np.cross(self._e, self._normals(R)))
+        R = R[(self._branch * side > 0).all(axis=-1)]
+        J, near_J = self._star(R, np.zeros(3)).J, self._star(near_R, np.zeros(3)).J
+        R = R[np.linalg.det(J) * np.linalg.det(near_J) > 0]
+        if not len(R):
+            raise errors.WorkspaceError(f"no assembly to go on with at gamma = {gamma!r} rad")
+        nearest: Array = R[np.einsum("nij,ij->n", R, near_R).argmax()]
+        return nearest
+
+    def simulate(
+        self,
+        torque: Callable[[float, Array, Array], ArrayLike],
+        R0: ArrayLike,
+        omega0: ArrayLike,
+        t: ArrayLike,
+        *,
+        tolerance: float = 1e-11,
+        sign_width: float = 1e-3,
+    ) -> tuple[Array, Array]:
+        """Integrate the direct dynamics with the state (gamma, gamma_dot).
+
+        Each evaluation solves the direct kinematics for all assemblies and selects the admissible
+        one by continuity from the last accepted step.
+
+        Args:
+            torque: Callable (t, R, omega) -> motor torques, shape (3,), [N m].
+            R0: {E} in the base at t[0], shape (3, 3).
+            omega0: Angular velocity of the star at t[0], base axes, shape (3,), [rad/s].
+            t: Times at which the motion is wanted, increasing, shape (N,), [s].
+            tolerance: Of the integrator, relative and absolute.
+            sign_width: [rad/s]; in Coulomb friction sign(x) is taken as tanh(x / sign_width).
+
+        Returns:
+            R and omega of shapes (N, 3, 3) and (N, 3).
+
+        Raises:
+            InputError, SingularConfigurationError: As `accelerations`.
+            SimulationError: Before a singularity, where assemblies meet, or when the integrator
+                gives up.
+        """
+        times = finite_array("t", t, ())
+        if times.ndim != 1 or not len(times) or (np.diff(times) <= 0).any():
+            raise InputError("t", "not a row of increasing times")
+        R, omega = finite_array("R0", R0, (3, 3)), finite_array("omega0", omega0, (3,))
+        failure = ""
+
+        def pose(state: Array) -> tuple[Array, Array]:
+            R_now = self.admissible(state[:3], R)
+            J = self._star(R_now, np.zeros(3)).J
+            return R_now, _solve(J, state[3:], _LOOSE)
+
+        def rate(time: float, state: Array) -> Array:
+            nonlocal failure
+            if not np.isfinite(state).all():
+                return state
+            try:
+                R_now, omega_now = pose(state)
+                star = self._star(R_now, omega_now, sign_width=sign_width)
+            except SSTError as error:  # a trial step went too far: NaN asks for a shorter one
+                failure = f" ({error})"
+                return np.full(6, np.nan)
+            tau = finite_array("torque(t, R, omega)", torque(time, R_now, omega_now), (3,))
+            gamma_ddot = _times(star.J, star.acceleration(tau)) + star.J_dot_omega
+            return np.concatenate([state[3:], gamma_ddot])
+
+        samples = [(R, omega)]
+        start = np.concatenate(self.motor_motion(R, omega))
+        solver = DOP853(rate, times[0], start, times[-1], rtol=tolerance, atol=tolerance)
+        while solver.status == "running":
+            message = solver.step()
+            if message:
+                problem = f"the integrator gave up: {message}{failure}"
+                raise errors.SimulationError(problem, float(solver.t))
+            state = solver.dense_output()
+            passed = times[(times > solver.t_old) & (times <= solver.t)]
+            samples += [pose(state(time)) for time in passed]
+            R, _ = pose(solver.y)
+            if np.linalg.cond(self._star(R, np.zeros(3)).J) > _NEAR_SINGULAR:
+                raise errors.SimulationError("stopped before a singularity", float(solver.t))
+        return np.array([R for R, _ in samples]), np.array([omega for _, omega in samples])
+
+    # --- inside -----------------------------------------------------------------------------
+
+    def _passive_axes(self, gamma: ArrayLike) -> Array:
+        """u_k in the base, rows."""
+        gamma = finite_array("gamma", gamma, (3,))
+        if gamma.ndim != 1:
+            raise InputError("gamma", f"shape {gamma.shape}, expected (3,): one sample")
+        u: Array = np.cos(gamma)[:, None] * self._x_0 + np.sin(gamma)[:, None] * self._y_0
+        return u
+
+    def _normals(self, R: Array) -> Array:
+        """n_k in the base, shape (..., 3, 3), leg by leg."""
+        return self._n_E @ np.swapaxes(R, -1, -2)
+
+    def _star(
+        self,
+        R: ArrayLike,
+        omega: ArrayLike,
+        platform_moment: ArrayLike | None = None,
+        sign_width: float = 0.0,
+    ) -> _Star:
+        """The equations of motion at R and omega."""
+        R, omega = finite_array("R", R, (3, 3)), finite_array("omega", omega, (3,))
+        load = np.zeros(3) if platform_moment is None else platform_moment
+        error = np.abs(R @ np.swapaxes(R, -1, -2) - np.eye(3))
+        if (error > 1e-8).any() or (np.linalg.det(R) < 0).any():
+            raise InputError("R", "not a rotation matrix")
+        R = np.broadcast_to(R, (*np.broadcast_shapes(R.shape[:-2], omega.shape[:-1]), 3, 3))
+        e, n, w = np.broadcast_to(self._e, R.shape), self._normals(R), omega[..., None, :]
+        p = np.cross(e, n)
+        c, s2 = _dot(e, n)[..., None], _dot(p, p)[..., None]  # cosine and sine^2 of their angle
+        _require(s2.min(axis=(-2, -1)), "a leg lies flat on its arc")
+        u = self._branch[:, None] * p / np.sqrt(s2)
+        g, b = (e - c * n) / s2, (n - c * e) / s2
+        rates = np.stack([g, u, b], axis=-2).reshape(*R.shape[:-2], 9, 3)
+        q_dot = _times(rates, omega)
+        gamma_dot, beta_dot = q_dot[..., ::3, None], q_dot[..., 2::3, None]
+        # What is left of gamma_ddot and beta_ddot at alpha = 0: g_dot . omega and b_dot . omega,
+        # in which n_dot is at right angles to omega.
+        n_dot = np.cross(w, n)
+        c_dot = _dot(e, n_dot)[..., None]
+        gamma_rest = c_dot * (2 * c * gamma_dot - _dot(n, w)[..., None]) / s2
+        beta_rest = c_dot * (2 * c * beta_dot - _dot(e, w)[..., None]) / s2
+        # G_i, and the angular accelerations at alpha = 0, of actuator links, passive links (the
+        # star's less its sliding along the leg) and star: seven bodies.
+        one = np.broadcast_to(np.eye(3), (*R.shape[:-2], 1, 3, 3))
+        G = np.concatenate([_outer(e, g), one - _outer(n, b), one], axis=-3)
+        sliding = beta_dot * n_dot + beta_rest * n
+        rest = np.concatenate([gamma_rest * e, -sliding, 0 * one[..., 0]], axis=-2)
+        frames = (np.stack([u, np.cross(z, u), z], axis=-1) for z in (e, n))
+        axes = np.concatenate([*frames, R[..., None, :, :]], axis=-3)
+        turn, r = _times(G, w), _times(axes, self._center)
+        inertia = axes @ self._inertia @ np.swapaxes(axes, -1, -2)
+        # What inertia and weight ask of the motors: moments about O, since all turns about it.
+        force = self._mass * (np.cross(rest, r) + np.cross(turn, np.cross(turn, r)) - self._gravity)
+        moment = _times(inertia, rest) + np.cross(turn, _times(inertia, turn)) + np.cross(r, force)
+        parallel_axis = _dot(r, r)[..., None, None] * np.eye(3) - _outer(r, r)
+        about_O = inertia + self._mass[..., None] * parallel_axis
+        sign = np.tanh(q_dot / sign_width) if sign_width else np.sign(q_dot)
+        friction = self._viscous * q_dot + self._coulomb * sign
+        G_T, rates_T = np.swapaxes(G, -1, -2), np.swapaxes(rates, -1, -2)
+        h = _times(G_T, moment).sum(axis=-2) + _times(rates_T, friction)
+        h = h - finite_array("platform_moment", load, (3,))
+        return _Star(u, g, gamma_rest[..., 0], (G_T @ about_O @ G).sum(axis=-3), h)
+
+
+class _Star(NamedTuple):
+    """J^T tau = A alpha + h, with gamma_ddot = J alpha + J_dot omega and the passive axes u."""
+
+    u: Array
+    J: Array
+    J_dot_omega: Array
+    A: Array
+    h: Array
+
+    def acceleration(self, tau: Array) -> Array:
+        work = _times(np.swapaxes(self.J, -1, -2), tau) - self.h
+        return _solve(self.A, work, "some turn of the star moves no mass")
+
+
+def _dot(a: Array, b: Array) -> Array:
+    return np.asarray((a * b).sum(axis=-1))
+
+
+def _outer(a: Array, b: Array) -> Array:
+    return np.asarray(a[..., :, None] * b[..., None, :])
+
+
+def _times(matrix: Array, vector: Array) -> Array:
+    return np.asarray((matrix @ vector[..., None])[..., 0])
+
+
+def _solve(matrix: Array, vector: Array, problem: str) -> Array:
+    _require(1 / np.linalg.cond(matrix), problem)
+    return np.asarray(np.linalg.solve(matrix, vector[..., None])[..., 0])
+
+
+def _require(margin: ArrayLike, problem: str) -> None:
+    """Raise a SingularConfigurationError that names the samples where the margin is zero."""
+    margin = np.asarray(margin)
+    if (margin < _ZERO).any():
+        error = SingularConfigurationError(problem, 1 / max(float(margin.min()), 1e-300))
+        if margin.ndim:
+            bad = [tuple(map(int, i)) for i in np.argwhere(margin < _ZERO)]
+            error.name_samples(bad, margin.size)
+        raise error

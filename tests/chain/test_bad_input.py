@@ -1,0 +1,253 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Failure is loud, specific, and says what to do."""
+
+import pickle
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.spatial.transform import Rotation
+
+import sst_pin
+from sst_pin import errors
+from sst_pin.verification.sampling import random_states
+
+HOME = sst_pin.SST().home
+RATES = np.array((1.0, 2, 3))
+
+
+@pytest.mark.filterwarnings("ignore:invalid value:RuntimeWarning")  # NumPy's, before our error
+@pytest.mark.parametrize("method", ["compute_torques", "compute_accelerations"])
+@pytest.mark.parametrize(
+    ("q", "va", "third", "word"),
+    [
+        (HOME[:8], RATES, RATES, r"q: shape \(8,\), expected \(\.\.\., 9\)"),
+        (HOME, RATES[:2], RATES, r"va: shape \(2,\), expected \(\.\.\., 3\)"),
+        (HOME, RATES, 1.0, r"shape \(\), expected \(\.\.\., 3\)"),
+        (HOME * np.nan, RATES, RATES, "q: .*nan|q: not finite"),
+        (HOME, RATES * np.inf, RATES, "va: entry .* is inf"),
+        (HOME, RATES, (0, np.nan, 0), r"(aa|tau): entry \[1\] is nan"),
+        (HOME, "fast", RATES, "va: not an array of numbers"),
+        (np.tile(HOME, (2, 1)), np.tile(RATES, (3, 1)), RATES, "do not broadcast"),
+    ],
+)
+def test_wrong_arrays_are_named(robot, method, q, va, third, word):
+    """Shape, finiteness, type; never NaN in silence."""
+    with pytest.raises(sst_pin.InputError, match=word):
+        getattr(robot, method)(q, va, third)
+
+
+def test_an_open_closure_is_told_with_its_size_and_its_remedy(robot):
+    """ClosureError carries the residual; assemble closes it."""
+    q = HOME.copy()
+    q[1] += 1e-3
+    with pytest.raises(sst_pin.ClosureError, match=r"assemble\(q\) closes them") as caught:
+        robot.compute_torques(q, RATES, RATES)
+    assert 5e-4 < caught.value.residual < 2e-3
+    assert robot.compute_torques(robot.assemble(q), RATES, RATES).shape == (3,)
+    with pytest.raises(sst_pin.ClosureError):
+        robot.noc(q, RATES)
+    with pytest.raises(sst_pin.ClosureError):
+        robot.mobility(q)
+
+
+def test_a_star_turned_by_half_a_turn_is_open(robot):
+    """A residual made of sines would take it for closed."""
+    q = HOME.copy()
+    q[2] += np.pi
+    with pytest.raises(sst_pin.ClosureError):
+        robot.compute_torques(q, RATES, RATES)
+
+
+def four_bar(crank, coupler, rocker, base):
+    """Model with the end of the rocker and the pivot that it belongs on; axes along y."""
+    model = pin.Model()
+    parent, where = 0, pin.SE3.Identity()
+    for name, length in (("crank", crank), ("coupler", coupler), ("rocker", rocker)):
+        parent = model.addJoint(parent, pin.JointModelRY(), where, name)
+        body = pin.Inertia.FromCylinder(1.0, 0.01, length)
+        model.appendBodyToJoint(parent, body, pin.SE3.Identity())
+        where = pin.SE3(np.eye(3), np.array((length, 0, 0)))
+    pivot = pin.SE3(np.eye(3), np.array((base, 0, 0)))
+    model.addFrame(pin.Frame("end", parent, where, pin.FrameType.OP_FRAME))
+    model.addFrame(pin.Frame("pivot", 0, pivot, pin.FrameType.OP_FRAME))
+    return model, [sst_pin.Closure("end", "pivot", "3d")]
+
+
+def test_assembly_that_is_impossible_says_how_far_it_came():
+    """Links of 0.2 + 0.3 + 0.2 m do not span 1 m: the residual that stays is in the message."""
+    chain = sst_pin.ClosedChain(*four_bar(0.2, 0.3, 0.2, 1.0), ["crank"])
+    with pytest.raises(sst_pin.ClosureError, match="cannot be closed") as caught:
+        chain.assemble([0.1, 0.2, -0.1], fixed=())
+    assert caught.value.residual > 0.29  # m
+    with pytest.raises(sst_pin.ClosureError):
+        chain.mobility()
+
+
+def test_motors_are_judged_where_nothing_special_happens():
+    """A stretched parallelogram has two freedoms at that instant, two motors are too many still."""
+    chain = sst_pin.ClosedChain(*four_bar(1.0, 2.0, 1.0, 2.0), ["crank", "coupler"])
+    for angle in (0.0, 0.7):  # stretched first: what is found there must not be kept
+        with pytest.raises(sst_pin.ActuationError, match="TOO MANY"):
+            chain.compute_torques([angle, -angle, angle], [1, 1], [0, 0])
+
+
+def test_assemble_holds_the_joints_it_was_told_to_hold(robot):
+    """By default the motors; any others by name; none with ()."""
+    q = HOME + 0.01 * np.arange(9)
+    for fixed, held in (
+        (None, [0, 3, 6]),
+        (["mu_1", "mu_2", "mu_3"], [1, 4, 7]),
+        ((), []),
+    ):
+        closed = robot.assemble(q, fixed=fixed)
+        assert np.abs(robot.residual(closed)).max() < 1e-12
+        assert np.array_equal(closed[held], q[held])
+    with pytest.raises(
+        sst_pin.UnknownNameError, match="joint 'gama_1' not in the model; known: gamma_1"
+    ):
+        robot.assemble(q, fixed=["gama_1"])
+
+
+def singular_configuration(robot):
+    """Where the star moves while the motors stand, by bisection on the sign of det A."""
+    from sst_pin.sst import kinematics
+
+    def det(R):
+        q = robot.inverse_kinematics(R)
+        return np.linalg.det(kinematics.legs_of_joints(robot.geometry, q).y_2)
+
+    rng = np.random.default_rng(0)
+    rotations = Rotation.random(50, rng=rng)
+    values = [det(R.as_matrix()) for R in rotations]
+    start = rotations[int(np.argmax(values))]
+    turn = (rotations[int(np.argmin(values))] * start.inv()).as_rotvec()
+    low, high = 0.0, 1.0
+    for _ in range(60):
+        middle = (low + high) / 2
+        R = (Rotation.from_rotvec(middle * turn) * start).as_matrix()
+        low, high = (middle, high) if det(R) > 0 else (low, middle)
+    return robot.inverse_kinematics(R)
+
+
+def test_a_singular_configuration_is_told_with_its_condition_number(robot):
+    """All entrances to the dynamics refuse it; a batch names the samples."""
+    q = singular_configuration(robot)
+    assert robot.singularities(q).second_kind < 1e-12
+    for call in (
+        lambda: robot.compute_torques(q, RATES, RATES),
+        lambda: robot.compute_accelerations(q, RATES, RATES),
+        lambda: robot.noc(q, RATES),
+    ):
+        with pytest.raises(sst_pin.SingularConfigurationError, match="condition number") as caught:
+            call()
+        assert caught.value.condition_number > 1e8
+    batch = np.stack([HOME, q, HOME, q])
+    with pytest.raises(
+        sst_pin.SingularConfigurationError, match=r"2 of 4 samples \(index 1, 3\)"
+    ) as caught:
+        robot.compute_torques(batch, RATES, RATES)
+    assert caught.value.samples == ((1,), (3,))
+    assert robot.mobility(q).sufficient is False
+    assert "INSUFFICIENT" in str(robot.mobility(q))
+
+
+def test_a_batch_names_the_samples_whose_numbers_are_not_finite(robot):
+    """By index, along all leading axes."""
+    q, va, aa = robot.joint_motion(*random_states(robot, np.random.default_rng(0), 6))
+    va = va.reshape(2, 3, 3).copy()
+    va[1, 2, 0] = np.nan
+    with pytest.raises(
+        sst_pin.InputError, match=r"1 of 6 samples \(index \(1, 2\)\).*va"
+    ) as caught:
+        robot.compute_torques(q.reshape(2, 3, 9), va, aa.reshape(2, 3, 3))
+    assert caught.value.samples == ((1, 2),)
+
+
+def test_motors_that_do_not_suffice_or_fight_are_told(robot):
+    """Two motors leave a freedom, four have one too many; both say so, mobility says how."""
+    pairs = [("closedloop1_A", "closedloop1_B"), ("closedloop2_A", "closedloop2_B")]
+
+    few = sst_pin.ClosedChain(robot.model, pairs, ["gamma_1", "gamma_2"])
+    with pytest.raises(sst_pin.ActuationError, match="INSUFFICIENT: 1 degree"):
+        few.compute_torques(HOME, [0, 0], [0, 0])
+    report = few.mobility(HOME)
+    assert (report.degrees_of_freedom, report.held, report.sufficient) == (3, 2, False)
+    assert "gamma_3" in report.loose_joints
+
+    many = sst_pin.ClosedChain(robot.model, pairs, ["gamma_1", "gamma_2", "gamma_3", "mu_1"])
+    with pytest.raises(sst_pin.ActuationError, match="TOO MANY: 1 of them"):
+        many.compute_torques(HOME, np.zeros(4), np.zeros(4))
+    assert many.mobility(HOME).redundantly_actuated
+    assert "TOO MANY" in str(many.mobility(HOME))
+
+    with pytest.raises(sst_pin.ActuationError, match="more motors are needed"):
+        sst_pin.ClosedChain(robot.model, [sst_pin.Closure(*pairs[0], "3d")], ["gamma_1"])
+
+
+def test_names_that_are_not_there_are_told_with_those_that_are(robot):
+    """Joints, frames, kinds of closure."""
+    model = robot.model
+    with pytest.raises(
+        sst_pin.UnknownNameError, match=r"frame 'F' not in the model; known: .*star_1"
+    ):
+        sst_pin.ClosedChain(model, [("F", "closedloop1_B")], ["gamma_1"])
+    with pytest.raises(sst_pin.UnknownNameError) as caught:
+        sst_pin.ClosedChain(model, [("closedloop1_A", "closedloop1_B")], ["gamma_4"])
+    assert caught.value.name == "gamma_4"
+    assert "gamma_3" in caught.value.known
+    with pytest.raises(sst_pin.DescriptionError, match="known: 6d, 3d, orientation"):
+        sst_pin.Closure("a", "b", "5d")
+    with pytest.raises(sst_pin.InputError, match="twice"):
+        sst_pin.ClosedChain(model, robot.closures, ["gamma_1", "gamma_1"])
+    with pytest.raises(sst_pin.DescriptionError, match="no closures"):
+        sst_pin.ClosedChain(model, [], ["gamma_1"])
+
+
+def test_joints_with_several_coordinates_are_refused_by_name():
+    """A continuous joint has two; the message says what to write instead."""
+    model = pin.Model()
+    model.addJoint(0, pin.JointModelRUBZ(), pin.SE3.Identity(), "wheel")
+    with pytest.raises(sst_pin.DescriptionError, match=r"joint wheel: 2 coordinates.*revolute"):
+        sst_pin.ClosedChain(model, [("universe", "wheel")], [])
+
+
+def test_a_massless_robot_has_no_accelerations():
+    """A motor that moves no mass: a singular inertia matrix, not NaN."""
+    robot = sst_pin.SST()
+    for j in range(1, 10):
+        robot.model.inertias[j] = pin.Inertia.Zero()
+    with pytest.raises(sst_pin.SingularConfigurationError, match="not positive definite"):
+        robot.compute_accelerations(HOME, RATES, RATES)
+
+
+def test_only_one_sample_where_one_is_meant(robot):
+    """noc, residual and the like say so."""
+    for call in (robot.residual, robot.Phi, robot.condition_number, robot.mobility, robot.assemble):
+        with pytest.raises(sst_pin.InputError, match="one sample"):
+            call(np.tile(HOME, (2, 1)))
+    with pytest.raises(sst_pin.InputError, match="one sample"):
+        robot.forward_kinematics(np.zeros((2, 3)))
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        errors.InputError("q", "bad"),
+        errors.ParametersError(["a", "b"]),
+        errors.DescriptionError("file", ["a"]),
+        errors.UnknownNameError("joint", "x", ["y"]),
+        errors.ClosureError("open", 0.1),
+        errors.SingularConfigurationError("flat", 1e9),
+        errors.SimulationError("gave up", 1.5),
+        errors.FileFormatError("a.csv", "text", 3),
+        errors.OutputError("a.csv", "exists"),
+        errors.MissingExtraError("matplotlib", "plot"),
+    ],
+)
+def test_errors_come_back_whole_from_worker_processes(error):
+    """Message and data survive a pickle; all derive from SSTError."""
+    copy = pickle.loads(pickle.dumps(error))
+    assert isinstance(copy, sst_pin.SSTError)
+    assert str(copy) == str(error)
+    assert copy.__dict__ == error.__dict__

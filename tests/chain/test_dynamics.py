@@ -1,0 +1,186 @@
+# SPDX-License-Identifier: BSD-2-Clause
+import pickle
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import sst_pin
+from reference import EXAMPLE_1
+from sst_pin.chain.dynamics import Friction
+from sst_pin.verification.sampling import random_parameters, random_state, random_states
+
+
+@pytest.fixture(params=range(10))
+def case(request):
+    """A random SST in a random state of motion: robot, q, va, aa."""
+    rng = np.random.default_rng(request.param)
+    robot = sst_pin.SST(random_parameters(rng))
+    return robot, *robot.joint_motion(*random_state(robot, rng))
+
+
+@pytest.mark.parametrize("t", EXAMPLE_1)
+def test_torques_of_example_1_are_the_reference(robot, t):
+    """To 1e-10 N m of numbers with thirteen digits."""
+    q, va, aa = robot.joint_motion(*sst_pin.paper_circle(t))
+    assert np.abs(robot.compute_torques(q, va, aa) - EXAMPLE_1[t]).max() < 1e-10
+
+
+def test_long_form_equals_short_form(case):
+    """I aa + C va - tau^g - tau^f = L^T (RNEA - tau^f), Eqs. (91), (92)."""
+    robot, q, va, aa = case
+    t = robot.noc(q, va)
+    long = t.inertia @ aa + t.coriolis @ va - t.gravity - t.friction
+    short = robot.compute_torques(q, va, aa)
+    assert np.abs(long - short).max() < 1e-11 * max(1, np.abs(short).max())
+
+
+def test_direct_dynamics_inverts_inverse_dynamics(case):
+    """aa -> tau -> aa to 1e-10, loads on the star included."""
+    robot, q, va, aa = case
+    moment = np.array((1.0, -2, 3))
+    tau = robot.compute_torques(q, va, aa, platform_moment=moment)
+    back = robot.compute_accelerations(q, va, tau, platform_moment=moment)
+    assert np.abs(back - aa).max() < 1e-10 * max(1, np.abs(aa).max())
+
+
+def test_power_of_the_motors_is_the_rate_of_the_energy_and_the_losses(case):
+    """tau . va = d/dt (kinetic + potential) - friction power, Eq. (82), rates by differences."""
+    robot, q, va, aa = case
+    h = 1e-3
+    energy = []
+    for t in h * np.arange(-3, 4):
+        guess = q + robot.joint_rates(q, va) * t
+        guess[::3] = q[::3] + va * t + aa * t**2 / 2
+        q_t, va_t = robot.assemble(guess), va + aa * t
+        energy.append(robot.kinetic_energy(q_t, va_t) + robot.potential_energy(q_t))
+    rate = np.array((-1, 9, -45, 0, 45, -9, 1)) @ energy / (60 * h)
+    power = robot.compute_torques(q, va, aa) @ va
+    # Sixth-order differences: h^6 times the seventh derivative, a few times 1e3 here.
+    assert power == pytest.approx(rate - robot.friction_power(q, va), rel=1e-7, abs=1e-6)
+
+
+def test_equal_motions_on_other_branches_need_equal_power(robot):
+    """Branches move the legs elsewhere, but the star's load costs the same power on each."""
+    R, omega, alpha = random_state(robot, np.random.default_rng(3))
+    moment = np.array((3.0, 1, -2))
+    q, va, aa = robot.joint_motion(R, omega, alpha, sst_pin.BRANCHES)
+    loaded = robot.compute_torques(q, va, aa, platform_moment=moment)
+    free = robot.compute_torques(q, va, aa)
+    power = ((loaded - free) * va).sum(axis=-1)
+    assert np.abs(power + moment @ omega).max() < 1e-11
+
+
+def test_a_moment_on_the_star_is_carried_by_the_motors(odd):
+    """Virtual power: (tau - tau_0) . va = -m . omega for any motion."""
+    rng = np.random.default_rng(0)
+    R, omega, alpha = random_states(odd, rng, 5)
+    q, va, aa = odd.joint_motion(R, omega, alpha)
+    m = rng.normal(size=(5, 3))
+    extra = odd.compute_torques(q, va, aa, platform_moment=m) - odd.compute_torques(q, va, aa)
+    assert np.abs((extra * va).sum(axis=1) + (m * omega).sum(axis=1)).max() < 1e-10
+
+
+def test_external_wrenches_are_weights_when_they_pull_like_weights(odd):
+    """m g at each mass centre as a wrench replaces the model's gravity."""
+    R, omega, alpha = random_state(odd, np.random.default_rng(0))
+    q, va, aa = odd.joint_motion(R, omega, alpha)
+    weights = np.zeros((9, 6))
+    for i, inertia in enumerate(list(odd.model.inertias)[1:]):
+        weights[i, 3:] = inertia.mass * odd.model.gravity.linear
+    expected = odd.compute_torques(q, va, aa)
+    weightless = pickle.loads(pickle.dumps(odd))
+    weightless.model.gravity.linear = np.zeros(3)
+    tau = weightless.compute_torques(q, va, aa, external_wrenches=weights)
+    assert np.abs(tau - expected).max() < 1e-12 * max(1, np.abs(expected).max())
+
+
+def test_wrenches_and_moment_on_the_star_add_up(robot):
+    """Both arguments at once, batched against single."""
+    rng = np.random.default_rng(1)
+    q, va, aa = robot.joint_motion(*random_states(robot, rng, 4))
+    w, m = rng.normal(size=(9, 6)), rng.normal(size=(4, 3))
+    free = robot.compute_torques(q, va, aa)
+    both = robot.compute_torques(q, va, aa, platform_moment=m, external_wrenches=w)
+    parts = robot.compute_torques(q, va, aa, platform_moment=m) - free
+    parts += robot.compute_torques(q, va, aa, external_wrenches=w) - free
+    assert np.abs(both - free - parts).max() < 1e-12
+    aa_back = robot.compute_accelerations(q, va, both, platform_moment=m, external_wrenches=w)
+    assert np.abs(aa_back - aa).max() < 1e-10 * np.abs(aa).max()
+
+
+def test_friction_of_every_joint_reaches_the_motors(robot):
+    """tau - tau_frictionless = L^T (D q_dot + F_c sign q_dot), joint after joint."""
+    q, va, aa = robot.joint_motion(*random_state(robot, np.random.default_rng(2)))
+    L = robot.noc(q, va).L
+    bare = robot.compute_torques(q, va, aa)
+    for joint in range(9):
+        D, F = np.zeros(9), np.zeros(9)
+        D[joint], F[joint] = 0.7, 0.4
+        rubbing = sst_pin.SST(sst_pin.Parameters(viscous_friction=D, coulomb_friction=F))
+        q_dot = rubbing.joint_rates(q, va)
+        expected = L.T @ (D * q_dot + F * np.sign(q_dot))
+        assert np.abs(rubbing.compute_torques(q, va, aa) - bare - expected).max() < 1e-12
+
+
+def test_smoothed_coulomb_friction_tends_to_the_sign():
+    """tanh(x / width): odd, 76 % at the width, the sign far beyond."""
+    smooth = Friction(np.zeros(3), np.ones(3), sign_width=1e-3)
+    assert smooth.forces(np.array((0, 1e-3, -1.0))) == pytest.approx([0, -np.tanh(1), 1])
+    assert Friction(np.zeros(2), np.ones(2)).forces(np.array((0, -2.0))).tolist() == [0, 1]
+
+
+def test_rotors_count_in_the_long_and_in_the_short_form():
+    """model.armature is in RNEA, so it must be in Eq. (93) too."""
+    robot = sst_pin.SST()
+    robot.model.armature = np.linspace(0.01, 0.09, 9)
+    q, va, aa = robot.joint_motion(*random_state(robot, np.random.default_rng(4)))
+    t = robot.noc(q, va)
+    long = t.inertia @ aa + t.coriolis @ va - t.gravity - t.friction
+    assert np.abs(long - robot.compute_torques(q, va, aa)).max() < 1e-11
+
+
+def test_batches_equal_single_samples_and_broadcast(odd):
+    """(..., 9) with (3,): leading axes follow NumPy's rules; an empty batch gives an empty one."""
+    rng = np.random.default_rng(5)
+    q, va, aa = odd.joint_motion(*random_states(odd, rng, 6))
+    tau = odd.compute_torques(q.reshape(2, 3, 9), va.reshape(2, 3, 3), aa[0])
+    assert tau.shape == (2, 3, 3)
+    for i in range(6):
+        single = odd.compute_torques(q[i], va[i], aa[0])
+        assert np.array_equal(tau.reshape(6, 3)[i], single)
+    back = odd.compute_accelerations(q[0], va[0], tau[0, :1])
+    assert back.shape == (1, 3)
+    assert odd.compute_torques(np.empty((0, 9)), va[0], aa[0]).shape == (0, 3)
+
+
+def test_inputs_are_left_as_they_were(robot):
+    """Lists, integers, Fortran order and read-only arrays go in; none is written to."""
+    q = robot.home
+    q.setflags(write=False)
+    tau = robot.compute_torques(q, [1, 2, 3], (0, 0, 1))
+    strided = np.zeros((9, 2))
+    strided[:, 1] = q
+    again = robot.compute_torques(strided[:, 1], np.array([1, 2, 3], dtype=np.int32), (0, 0, 1))
+    assert np.array_equal(tau, again)
+    tau[:] = 0  # the result is the caller's own
+    assert np.array_equal(again, robot.compute_torques(q, [1, 2, 3], (0, 0, 1)))
+
+
+def test_threads_and_pickles_compute_the_same(robot):
+    """One robot in many threads, and a copy that went through a pickle."""
+    rng = np.random.default_rng(6)
+    q, va, aa = robot.joint_motion(*random_states(robot, rng, 200))
+    expected = robot.compute_torques(q, va, aa)
+    with ThreadPoolExecutor(8) as pool:
+        tau = list(pool.map(robot.compute_torques, q, va, aa))
+    assert np.array_equal(tau, expected)
+    assert np.array_equal(pickle.loads(pickle.dumps(robot)).compute_torques(q, va, aa), expected)
+
+
+def test_the_motors_need_more_than_the_tree(robot):
+    """Tree RNEA is not motor torque: a guard against comparing the wrong numbers."""
+    q, va, aa = robot.joint_motion(*sst_pin.paper_circle(0.1))
+    tree = pin.rnea(robot.model, robot.model.createData(), q, robot.joint_rates(q, va), np.zeros(9))
+    assert np.abs(tree[::3] - robot.compute_torques(q, va, aa)).max() > 1

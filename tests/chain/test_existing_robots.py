@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Closed robots as others describe them go through the dynamics."""
+
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import cassie
+import sst_pin
+from sst_pin.verification import verify
+
+DELTA = Path(__file__).parents[2] / "examples" / "delta.urdf"
+
+
+@pytest.fixture(scope="module")
+def delta() -> sst_pin.ClosedChain:
+    return sst_pin.ClosedChain.from_urdf(DELTA)
+
+
+@pytest.fixture(scope="module")
+def floating_cassie(tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("cassie") / "cassie.xml"
+    path.write_text(cassie.mjcf())
+    return path
+
+
+@pytest.fixture(scope="module")
+def cassie_on_a_stand(floating_cassie) -> sst_pin.ClosedChain:
+    with pytest.warns(sst_pin.DescriptionWarning, match="left-pitch-rod-joint: damping 0.01"):
+        return sst_pin.ClosedChain.from_mjcf(floating_cassie, locked=cassie.HELD)
+
+
+@pytest.mark.parametrize("name", ["delta", "cassie_on_a_stand"])
+def test_torques_agree_with_lagrange_multipliers(name, request):
+    """At random assembled configurations in random motion; measured: 2e-14 and 5e-14."""
+    chain = request.getfixturevalue(name)
+    torques, accelerations = verify.verify_chain(chain, 20)
+    assert torques.cases == accelerations.cases == 20
+    assert torques.relative < 1e-8
+    assert accelerations.relative < 1e-8
+
+
+def test_cassie_has_one_motor_for_each_freedom_once_its_springs_are_stiff(cassie_on_a_stand):
+    """Per leg 8 hinges and 2 angles of the rod, less 5 rows: the foot's loop is flat."""
+    report = cassie_on_a_stand.mobility()
+    assert report.actuated == tuple(cassie.MOTORS)
+    assert (len(report.joints), report.rank, report.redundant_rows) == (20, 10, 2)
+    assert report.degrees_of_freedom == 10
+    assert report.sufficient
+
+
+def test_a_rod_between_two_balls_spins_idly(floating_cassie):
+    """Not held, the spin of each Achilles rod is a freedom that no motor has."""
+    held = [name for name in cassie.HELD if not name.endswith("_X")]
+    with pytest.warns(sst_pin.DescriptionWarning):
+        chain = sst_pin.ClosedChain.from_mjcf(floating_cassie, locked=held)
+    report = chain.mobility()
+    assert report.degrees_of_freedom - report.held == 2
+    assert {name[:-2] for name in report.loose_joints} == {
+        "left-pitch-rod-joint",
+        "right-pitch-rod-joint",
+    }
+    with pytest.raises(sst_pin.ActuationError, match="INSUFFICIENT"):
+        chain.compute_torques(np.zeros(22), np.zeros(10), np.zeros(10))
+
+
+def test_what_cassie_has_beyond_a_closed_chain_is_said_at_once(floating_cassie):
+    """A floating pelvis and four springs."""
+    with pytest.raises(sst_pin.DescriptionError) as caught:
+        sst_pin.ClosedChain.from_mjcf(floating_cassie)
+    assert len(caught.value.problems) == 5
+    assert "locked=['pelvis']" in caught.value.problems[0]
+    assert all("a spring" in problem for problem in caught.value.problems[1:])
+
+
+def _platform(chain, q):
+    data = chain.model.createData()
+    pin.framesForwardKinematics(chain.model, data, q)
+    return data.oMf[chain.model.getFrameId("platform")]
+
+
+def _delta_at(delta, motors):
+    guess = dict.fromkeys(delta.joint_names, 0.0) | {"platform_1a_Y": -0.8}
+    guess |= {name: 0.7 for name in guess if name.startswith("elbow") and name.endswith("Y")}
+    guess |= dict(zip(("motor_1", "motor_2", "motor_3"), motors, strict=True))
+    return delta.assemble(list(guess.values()))
+
+
+def test_the_platform_of_a_delta_does_not_turn_and_obeys_three_spheres(delta):
+    """Each arm's end is a rod's length from the platform: the direct kinematics of Clavel."""
+    for motors in np.random.default_rng(0).uniform(-0.4, 0.4, (5, 3)):
+        pose = _platform(delta, _delta_at(delta, motors))
+        assert np.abs(pose.rotation - np.eye(3)).max() < 1e-10
+        centre = pose.translation - [0.05, 0.04, 0]  # its frame is at a rod's end
+        turns = 2 * np.pi / 3 * np.arange(3)
+        out = np.stack([np.cos(turns), np.sin(turns), np.zeros(3)], axis=1)
+        elbows = (0.12 - 0.05 + 0.15 * np.cos(motors))[:, None] * out
+        elbows[:, 2] = -0.15 * np.sin(motors)
+        assert np.abs(np.linalg.norm(elbows - centre, axis=1) - 0.32).max() < 1e-10
+
+
+def test_a_delta_holds_its_weight(delta):
+    """At rest the torques are the derivatives of the potential energy, by central differences."""
+    motors, h = np.array([0.1, -0.2, 0.3]), 1e-5
+
+    def energy(motors):
+        return delta.potential_energy(_delta_at(delta, motors))
+
+    expected = [(energy(motors + h * e) - energy(motors - h * e)) / (2 * h) for e in np.eye(3)]
+    tau = delta.compute_torques(_delta_at(delta, motors), np.zeros(3), np.zeros(3))
+    assert np.abs(tau - expected).max() < 1e-8  # h^2 and 1e-16 / h

@@ -1,0 +1,286 @@
+# SPDX-License-Identifier: BSD-2-Clause
+import re
+import subprocess
+import sys
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import sst_pin
+from commands import run
+from sst_pin.description import urdf_of
+from sst_pin.sst import paper
+from sst_pin.verification.sampling import random_parameters
+
+ROOT = Path(__file__).resolve().parents[2]
+SAMPLE = ROOT / "examples" / "figure_eight.csv"
+
+
+def test_paper_writes_data_and_figures_and_prints_its_table(here, capsys, robot):
+    """The main job, whole."""
+    code, out, _ = run(capsys, "paper", "--samples", 201)
+    assert code == 0
+    names = {p.name for p in (here / "paper").iterdir()}
+    data = {"example_1", "example_2_exact_start", "example_2_printed_start"}
+    figures = {"figure_09_path", "figure_10_torques", "figure_11_direct_dynamics"}
+    expected = {f"{n}.{e}" for n in data for e in ("csv", "npz")}
+    assert names == expected | {f"{n}.{e}" for n in figures for e in ("png", "svg")}
+    example = sst_pin.Trajectory.load(here / "paper" / "example_1.csv")
+    assert example == sst_pin.Trajectory.load(here / "paper" / "example_1.npz")
+    assert example == paper.example_1(robot, np.linspace(0, paper.PERIOD, 201))
+    peaks = re.search(r"peak \|tau\| \(N m\) +([\d.]+) +([\d.]+) +([\d.]+)", out).groups()
+    assert np.array(peaks, dtype=float) == pytest.approx(np.abs(example.tau).max(axis=0), abs=1e-4)
+    exact, printed = (
+        float(re.search(rf"^{name} +([\d.e-]+) rad", out, re.MULTILINE)[1])
+        for name in ("exact", "printed")
+    )
+    assert exact < 1e-9
+    assert 1e-6 < printed < 5e-5
+
+
+def test_figures_are_pictures_with_labels(here, capsys):
+    """PNG with ink of several colours, SVG that parses; the same run gives the same SVG."""
+    image = pytest.importorskip("matplotlib.image", reason="extra `plot` is not installed")
+    run(capsys, "paper", "--samples", 51)
+    first = {p.name: p.read_bytes() for p in (here / "paper").glob("*.svg")}
+    for path in (here / "paper").glob("*.png"):
+        pixels = image.imread(path)[..., :3]
+        assert min(pixels.shape[:2]) > 600
+        colours = np.unique((pixels.reshape(-1, 3) * 7).round(), axis=0)
+        assert len(colours) > 10
+        border = np.concatenate([pixels[0], pixels[-1], pixels[:, 0], pixels[:, -1]])
+        assert (border > 0.99).all()  # nothing is cut off
+    for content in first.values():
+        assert ET.fromstring(content).tag.endswith("svg")
+    assert b"motor torque (N m)" in first["figure_10_torques.svg"]
+    run(capsys, "paper", "--samples", 51, "--force")
+    assert first == {p.name: p.read_bytes() for p in (here / "paper").glob("*.svg")}
+
+
+def test_sample_motion_goes_to_torques_and_back(here, capsys):
+    """Inverse dynamics of the shipped motion, direct dynamics of what comes out."""
+    assert run(capsys, "torques", SAMPLE, "-o", "torques.csv")[0] == 0
+    assert run(capsys, "simulate", "torques.csv", "-o", "motion.npz")[0] == 0
+    wanted = sst_pin.Trajectory.load("torques.csv")
+    motion = sst_pin.Trajectory.load("motion.npz")
+    # Open loop over two seconds, torques by splines through samples every 10 ms.
+    assert np.abs(motion.q - wanted.q).max() < 1e-4
+
+
+def write_motion(path, columns, values):
+    rows = [",".join(map(repr, map(float, row))) for row in values]
+    path.write_text("\n".join([",".join(columns), *rows]) + "\n")
+
+
+@pytest.mark.parametrize("kind", ["quaternions", "radians", "bare", "degrees", "motors"])
+def test_every_way_of_writing_a_motion_gives_the_torques_of_example_1(here, capsys, robot, kind):
+    """Quaternions, theta and phi with and without psi, motor angles; signs of q do not matter."""
+    from scipy.spatial.transform import Rotation
+
+    t = np.linspace(0, paper.PERIOD, 201)
+    example = paper.example_1(robot, t)
+    R = sst_pin.paper_circle(t).R
+    s = R[:, :, 0]
+    theta, phi = np.unwrap(np.arctan2(s[:, 1], s[:, 0])), np.arccos(s[:, 2])
+    columns, values = {
+        "quaternions": (
+            ("qw", "qx", "qy", "qz"),
+            Rotation.from_matrix(R).as_quat()[:, [3, 0, 1, 2]] * np.resize((1, -1), (201, 1)),
+        ),
+        "radians": (("theta_rad", "phi_rad"), np.array((theta, phi)).T),
+        "bare": (("phi", "theta"), np.array((phi, theta)).T),
+        "degrees": (
+            ("theta_deg", "phi_deg", "psi_deg"),
+            np.degrees(np.array((theta, phi, 0 * phi)).T),
+        ),
+        "motors": (("gamma_1_rad", "gamma_2_rad", "gamma_3_rad"), example.q[:, ::3]),
+    }[kind]
+    time = "time" if kind == "bare" else "t_s"
+    write_motion(here / "m.csv", (time, *columns), np.column_stack([t, values]))
+    assert run(capsys, "torques", "m.csv", "-o", "out.csv")[0] == 0
+    motion = sst_pin.Trajectory.load("out.csv")
+    assert np.abs(motion.q - example.q).max() < 1e-9
+    inner = slice(20, -20)  # a spline knows less at its ends
+    assert np.abs(motion.tau - example.tau)[inner].max() < 1e-4
+
+
+def test_simulate_starts_where_it_is_told(here, capsys, robot):
+    """--gamma and --gamma-dot, for torques without a motion."""
+    hold = robot.compute_torques(robot.home, np.zeros(3), np.zeros(3))
+    t = np.linspace(0, 0.1, 8)
+    write_motion(
+        here / "tau.csv",
+        ("t_s", "tau_1_Nm", "tau_2_Nm", "tau_3_Nm"),
+        np.column_stack([t, np.tile(hold, (8, 1))]),
+    )
+    start = ",".join(map(str, robot.home[::3]))
+    code, _, _ = run(
+        capsys, "simulate", "tau.csv", "-o", "m.csv", "--gamma", start, "--gamma-dot", "0,0,0"
+    )
+    assert code == 0
+    assert np.abs(sst_pin.Trajectory.load("m.csv").q - robot.home).max() < 1e-12
+
+
+def test_simulate_says_that_it_stopped(here, capsys):
+    """Zero torque: the robot falls into a singularity."""
+    write_motion(
+        here / "tau.csv",
+        ("t_s", "tau_1_Nm", "tau_2_Nm", "tau_3_Nm"),
+        np.column_stack([np.linspace(0, 5, 501), np.zeros((501, 3))]),
+    )
+    arguments = ("tau.csv", "-o", "m.csv", "--gamma", "0.8,0.7,0.9", "--gamma-dot", "0,0,0")
+    code, out, _ = run(capsys, "simulate", *arguments)
+    assert code == 0
+    assert "before a singularity" in out
+    assert len(sst_pin.Trajectory.load("m.csv")) < 501
+
+
+def test_info_tells_versions_model_and_mobility(capsys):
+    """What one asks for first when something is odd."""
+    code, out, _ = run(capsys, "info")
+    assert code == 0
+    for word in (
+        "pin ",
+        "numpy ",
+        "3.68 kg",
+        "gamma_1, mu_1, beta_1",
+        "degrees of freedom  3",
+        "6 redundant",
+    ):
+        assert word in out
+
+
+def test_every_command_takes_another_robot(here, capsys):
+    """--urdf."""
+    text = (
+        Path(sst_pin.URDF_PATH).read_text().replace('<mass value="0.3" />', '<mass value="0.6" />')
+    )
+    (here / "mine.urdf").write_text(text)
+    assert "4.58 kg" in run(capsys, "info", "--urdf", "mine.urdf")[1]
+    run(capsys, "torques", SAMPLE, "-o", "a.csv")
+    run(capsys, "torques", SAMPLE, "-o", "b.csv", "--urdf", "mine.urdf")
+    a, b = (sst_pin.Trajectory.load(name).tau for name in ("a.csv", "b.csv"))
+    assert np.abs(a - b).max() > 0.1
+
+
+BAD = {
+    "text in a cell": (
+        "t_s,qw,qx,qy,qz\n0,1,0,0,0\n1,one,0,0,0\n",
+        "line 3: qw: 'one' is not a number",
+    ),
+    "unsorted times": (
+        "t_s,theta_rad,phi_rad\n0,1,1\n2,1,1\n1,1,1\n",
+        "line 4: times must increase",
+    ),
+    "missing column": ("t_s,qw,qx,qy\n0,1,0,0\n1,1,0,0\n2,1,0,0\n", "missing column qz"),
+    "no motion": ("t_s,x\n0,1\n", "line 1: columns of no motion"),
+    "two motions": ("t_s,theta_rad,phi_rad,qw\n0,1,1,1\n", "columns of two kinds of motion"),
+    "too short": ("t_s,theta_rad,phi_rad\n0,1,1\n1,1,1\n", "2 rows; rates need three"),
+    "angle left out": (
+        "t_s,gamma_1_rad,gamma_2_rad\n0,1,1\n1,1,1\n2,1,1\n",
+        "missing column gamma_3_rad",
+    ),
+    "long quaternion": (
+        "t_s,qw,qx,qy,qz\n0,1,0,0,0\n1,1,1,0,0\n2,1,0,0,0\n",
+        "line 3: quaternion of length 1.41421",
+    ),
+    "singular": (
+        "t_s,theta_rad,phi_rad,psi_rad\n0,0,1.5707963267948966,1.5707963267948966\n1,0,1.5707963267948966,1.5707963267948966\n2,0,1.5707963267948966,1.5707963267948966\n",
+        "lies flat on its arc",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_a_bad_motion_gives_one_clear_line_and_exit_code_2(here, capsys, case):
+    """No traceback, no output file."""
+    text, word = BAD[case]
+    (here / "bad.csv").write_text(text)
+    code, out, err = run(capsys, "torques", "bad.csv", "-o", "out.csv")
+    assert code == 2
+    assert out == ""
+    assert err.count("\n") == 1
+    assert err.startswith("sst-pin: error: ")
+    assert word in err
+    assert not (here / "out.csv").exists()
+
+
+def test_motor_angles_without_assembly_are_told_by_line(here, capsys):
+    """The paper's robot has one everywhere; this one has not."""
+    parameters = random_parameters(np.random.default_rng(0))
+    (here / "odd.urdf").write_text(urdf_of(parameters))
+    robot, rng = sst_pin.SST(parameters), np.random.default_rng(1)
+    gammas = rng.uniform(-np.pi, np.pi, size=(500, 3))
+    nowhere = next(gamma for gamma in gammas if not len(robot.forward_kinematics(gamma)))
+    columns = ("t_s", "gamma_1_rad", "gamma_2_rad", "gamma_3_rad")
+    rows = [(0, *robot.home[::3]), (1, *robot.home[::3]), (2, *nowhere)]
+    write_motion(here / "m.csv", columns, rows)
+    code, _, err = run(capsys, "torques", "m.csv", "-o", "out.csv", "--urdf", "odd.urdf")
+    assert code == 2
+    assert "m.csv, line 4: no assembly exists at gamma" in err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        ((), "required: COMMAND"),
+        (("dance",), "invalid choice: 'dance'"),
+        (("torques", SAMPLE), "required: -o/--output"),
+        (("torques", "nowhere.csv", "-o", "out.csv"), "cannot be read: No such file"),
+        (("torques", SAMPLE, "-o", "out.xlsx"), "known: .csv, .npz"),
+        (("torques", SAMPLE, "-o", "there.csv"), "use force (--force)"),
+        (("torques", SAMPLE, "-o", "there.csv/out.csv"), "cannot be written"),
+        (("torques", SAMPLE, "-o", "out.csv", "--urdf", "nowhere.urdf"), "the URDF cannot be read"),
+        (("torques", SAMPLE, "-o", "out.csv", "--urdf", "there.csv"), "not a URDF"),
+        (("simulate", SAMPLE, "-o", "out.csv"), "missing columns tau_1_Nm"),
+        (("simulate", "tau.csv", "-o", "out.csv"), "give --gamma"),
+        (("simulate", "tau.csv", "-o", "out.csv", "--gamma", "1,2"), "not three numbers"),
+        (("paper", "--samples", "3"), "whole number of at least 10"),
+        (("paper", "--out", "there.csv"), "cannot be written"),
+    ],
+)
+def test_bad_arguments_give_one_clear_line_and_exit_code_2(here, capsys, arguments, word):
+    """Whatever is wrong."""
+    (here / "there.csv").write_text("in the way")
+    write_motion(here / "tau.csv", ("t_s", "tau_1_Nm", "tau_2_Nm", "tau_3_Nm"), np.eye(4)[::-1])
+    (here / "tau.csv").write_text("t_s,tau_1_Nm,tau_2_Nm,tau_3_Nm\n0,0,0,0\n1,0,0,0\n")
+    code, _, err = run(capsys, *arguments)
+    assert code == 2
+    assert err.count("\n") == 1
+    assert "error: " in err
+    assert word in err
+    assert sorted(p.name for p in here.iterdir()) == ["tau.csv", "there.csv"]
+    assert (here / "there.csv").read_text() == "in the way"
+
+
+def test_paper_replaces_nothing_without_force(here, capsys):
+    """One file of twelve in the way: none is written."""
+    (here / "paper").mkdir()
+    (here / "paper" / "figure_10_torques.png").write_text("mine")
+    code, _, err = run(capsys, "paper", "--samples", 21)
+    assert code == 2
+    assert "figure_10_torques.png: exists already" in err
+    assert [p.read_text() for p in (here / "paper").iterdir()] == ["mine"]
+
+
+def test_module_and_script_are_the_same_command():
+    """python -m sst_pin --version."""
+    result = subprocess.run(
+        [sys.executable, "-m", "sst_pin", "--version"], capture_output=True, text=True, check=True
+    )
+    script = subprocess.run(
+        [Path(sys.executable).parent / "sst-pin", "--version"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert result.stdout == script.stdout
+    assert re.fullmatch(r"\d+\.\d+\.\d+\n", result.stdout)
+
+
+def test_sample_motion_is_current():
+    """examples/ is what the generator makes."""
+    script = ROOT / "scripts" / "description" / "make_sample_motion.py"
+    subprocess.run([sys.executable, script, "--check"], check=True)

@@ -1,0 +1,206 @@
+# SPDX-License-Identifier: BSD-2-Clause
+import subprocess
+import sys
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+import yaml
+
+import sst_pin
+from sst_pin.description import JOINT_NAMES, base_orientations, cuts_of, star_orientations, urdf_of
+from sst_pin.verification.sampling import random_parameters
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def test_shipped_description_is_current():
+    """urdf/ is what the generator makes of the paper's parameters."""
+    script = ROOT / "scripts" / "description" / "make_description.py"
+    subprocess.run([sys.executable, script, "--check"], check=True)
+
+
+def test_shipped_robot_is_the_one_of_the_default_parameters(robot):
+    """SST() and SST(Parameters()) are one robot."""
+    other = sst_pin.SST(sst_pin.Parameters())
+    q, va, aa = robot.home, np.array((1.0, -2, 3)), np.array((4.0, 5, -6))
+    assert np.array_equal(robot.compute_torques(q, va, aa), other.compute_torques(q, va, aa))
+
+
+def test_tree_has_nine_bounded_revolute_joints_and_the_right_mass(robot):
+    """nq == nv == 9 and 3.68 kg: no joint and no kilogram is lost on the way."""
+    assert robot.joint_names == JOINT_NAMES
+    assert robot.model.nq == robot.model.nv == 9
+    assert sum(i.mass for i in robot.model.inertias) == pytest.approx(3.68, abs=1e-14)
+    tree = ET.parse(sst_pin.URDF_PATH)
+    moving = [j for j in tree.iter("joint") if j.get("type") != "fixed"]
+    assert {j.get("type") for j in moving} == {"revolute"}
+
+
+def test_no_moving_link_is_massless_and_frames_weigh_an_explicit_nothing():
+    """The two rules that keep MuJoCo and PyBullet from refusing or inventing mass."""
+    tree = ET.parse(sst_pin.URDF_PATH)
+    child = {j.find("child").get("link"): j.get("type") for j in tree.iter("joint")}
+    for link in tree.iter("link"):
+        mass = link.find("inertial/mass")
+        if child.get(link.get("name")) == "revolute":
+            assert float(mass.get("value")) > 0
+        elif child.get(link.get("name")) == "fixed":
+            assert float(mass.get("value")) == 0
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_frames_survive_the_way_through_text(seed):
+    """{0k} and {E} read from the URDF are those of the parameters, gimbal lock of rpy included."""
+    p = random_parameters(np.random.default_rng(seed))
+    geometry = sst_pin.SST(p).geometry
+    # Three roundings: to rpy, to urdfdom's quaternion, to Pinocchio's matrix.
+    assert np.abs(geometry.R_0 - base_orientations(p)).max() < 1e-14
+    assert np.abs(geometry.R_E - star_orientations(p)).max() < 1e-14
+
+
+@pytest.mark.parametrize("tilt", [0.0, 1e-15, 1e-9, 3e-8, 1e-7, 1e-4])
+def test_rpy_is_exact_next_to_gimbal_lock(tilt):
+    """{03} of the paper has pitch -90 degrees; its neighbours must not be rounded onto it."""
+    v = np.eye(3) + tilt * np.array([[0, 1, 2], [3, 0, -1], [1, 2, 0]])
+    p = sst_pin.Parameters(base_directions=v)
+    assert np.abs(sst_pin.SST(p).geometry.R_0 - base_orientations(p)).max() < 1e-14
+
+
+def test_the_three_arcs_make_up_body_seven(robot):
+    """With closed loops the arcs' masses and inertias add up to the star's, Sect. 7.1 (c)."""
+    data = robot.model.createData()
+    pin.forwardKinematics(robot.model, data, robot.home)
+    arcs = [robot.model.getJointId(f"beta_{k}") for k in (1, 2, 3)]
+    total = sum(
+        (data.oMi[j].act(robot.model.inertias[j]) for j in arcs[1:]),
+        start=data.oMi[arcs[0]].act(robot.model.inertias[arcs[0]]),
+    )
+    R = robot.platform_orientation(robot.home)
+    assert total.mass == pytest.approx(2.6, abs=1e-14)
+    assert total.lever == pytest.approx(R @ (0.8 / np.pi, 0, 0), abs=1e-14)
+    assert total.inertia == pytest.approx(R @ np.diag((0.224, 0.224, 0.150)) @ R.T, abs=1e-14)
+
+
+def test_cuts_are_in_the_schema_of_laas():
+    """closed_loop, type and name_mot; gravity is an additional key."""
+    cuts = yaml.safe_load(Path(sst_pin.YAML_PATH).read_text())
+    assert cuts["closed_loop"] == [
+        ["closedloop1_A", "closedloop1_B"],
+        ["closedloop2_A", "closedloop2_B"],
+    ]
+    assert cuts["type"] == ["6d", "6d"]
+    assert cuts["name_mot"] == ["gamma_1", "gamma_2", "gamma_3"]
+    assert cuts["gravity"] == [0, 0, -9.81]
+
+
+def test_an_edited_urdf_is_what_is_computed(tmp_path, robot):
+    """from_urdf reads masses, geometry, friction and gravity from the files, not from defaults."""
+    p = random_parameters(np.random.default_rng(11))
+    (tmp_path / "mine.urdf").write_text(urdf_of(p))
+    (tmp_path / "mine.yaml").write_text(cuts_of(p))
+    edited = sst_pin.SST.from_urdf(tmp_path / "mine.urdf")
+    same = sst_pin.SST(p)
+    q, va, aa = same.home, np.array((0.3, -0.2, 0.1)), np.array((1.0, 2, 3))
+    assert np.array_equal(edited.compute_torques(q, va, aa), same.compute_torques(q, va, aa))
+    assert edited.model.gravity.linear == pytest.approx(p.gravity)
+
+    heavier = tmp_path / "heavier.urdf"  # without a YAML beside it: the shipped cuts
+    heavier.write_text(
+        Path(sst_pin.URDF_PATH).read_text().replace('<mass value="0.3" />', '<mass value="0.5" />')
+    )
+    assert sum(i.mass for i in sst_pin.SST.from_urdf(heavier).model.inertias) == pytest.approx(4.28)
+
+
+def test_the_star_frame_may_be_turned_in_an_edited_urdf(tmp_path):
+    """{E} need not be {31}: the frames of the cuts say where it is."""
+    text = Path(sst_pin.URDF_PATH).read_text()
+    for loop in (1, 2):
+        head, tail = text.split(f'<joint name="closedloop{loop}_A_fixed"')
+        text = f'{head}<joint name="closedloop{loop}_A_fixed"' + tail.replace(
+            'rpy="0.0 0.0 0.0"', 'rpy="0.1 -0.2 0.3"', 1
+        )
+    path = tmp_path / "turned.urdf"
+    path.write_text(text)
+    robot = sst_pin.SST.from_urdf(path)
+    R = sst_pin.orientation(0.9, 0.8, 0.1)
+    q = robot.inverse_kinematics(R)
+    assert np.abs(robot.platform_orientation(q) - R).max() < 1e-14
+    assert np.abs(robot.residual(q)).max() < 1e-14
+    solutions = robot.forward_kinematics(q[::3])
+    assert np.abs(robot.platform_orientation(solutions) - R).max(axis=(1, 2)).min() < 1e-12
+    path.write_text(text.replace('rpy="0.1 -0.2 0.3"', 'rpy="0.0 0.0 0.0"', 1))
+    with pytest.raises(sst_pin.DescriptionError, match="closedloop2_A: must coincide"):
+        sst_pin.SST.from_urdf(path)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "word"),
+    [
+        ('name="mu_2"', 'name="nu_2"', "joint mu_2 is missing"),
+        ('<axis xyz="1 0 0" />', '<axis xyz="0 1 0" />', "joint mu_1: JointModelRY"),
+        ('type="revolute"', 'type="prismatic"', "JointModelPZ"),
+        ("closedloop2_B", "closedloop2_C", "frame closedloop2_B of the cuts is missing"),
+        ("closedloop1_A", "closedloop1_C", "frame closedloop1_A of the cuts is missing"),
+        ('parent link="star_3"', 'parent link="star_1"', "must be fixed to star_3"),
+        ('parent link="link_2"', 'parent link="link_1"', "legs gamma_k, mu_k, beta_k in series"),
+        ('xyz="0.0 0.0 0.0" rpy="0.0 0.0 0.0"', 'xyz="0 0 0.1" rpy="0 0.1 0"', "rpy must be 0 0 0"),
+        ("</robot>", "", "not a URDF"),
+    ],
+)
+def test_a_urdf_of_another_topology_is_refused_by_name(tmp_path, old, new, word):
+    """The error lists what keeps the tree from being an SST's."""
+    path = tmp_path / "other.urdf"
+    path.write_text(Path(sst_pin.URDF_PATH).read_text().replace(old, new))
+    with pytest.raises(sst_pin.DescriptionError) as caught:
+        sst_pin.SST.from_urdf(path)
+    assert word in str(caught.value)
+    assert str(path) in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "word"),
+    [
+        ("- a list", "no keys"),
+        ("closed_loop: [", "not YAML"),
+        ("closed_loop: [[a]]\ntype: [6d]\nname_mot: [x]", "not a pair"),
+        ("closed_loop: [[a, b]]\ntype: [5d]\nname_mot: [x]", "'5d' unknown; known: 6d"),
+        ("closed_loop: [[a, b]]\ntype: [6d, 6d]\nname_mot: [x]", "1 entries, type has 2"),
+        ("closed_loop: [[a, b]]\ntype: [6d]\nname_mot: x", "name_mot: a list is needed"),
+        ("closed_loop: []\ntype: []\nname_mot: []\ngravity: [1, 2]", "gravity"),
+        ("closed_loop: []\ntype: []\nname_mot: [mu_1]", "an SST has gamma_1"),
+    ],
+)
+def test_cuts_that_cannot_be_used_are_refused_by_name(tmp_path, text, word):
+    """The error names the key."""
+    path = tmp_path / "cuts.yaml"
+    path.write_text(text)
+    with pytest.raises(sst_pin.DescriptionError) as caught:
+        sst_pin.SST.from_urdf(sst_pin.URDF_PATH, path)
+    assert word in str(caught.value)
+
+
+def test_a_missing_urdf_is_said_to_be_missing(tmp_path):
+    """No bare OSError leaves the package."""
+    with pytest.raises(sst_pin.DescriptionError, match="cannot be read"):
+        sst_pin.SST.from_urdf(tmp_path / "nowhere.urdf")
+
+
+def test_mujoco_loads_the_urdf_with_the_same_mass_matrix(robot):
+    """An engine nobody here wrote sees the same tree: masses, axes and inertias."""
+    mujoco = pytest.importorskip("mujoco", reason="extra `verify` is not installed")
+    model = mujoco.MjModel.from_xml_path(sst_pin.URDF_PATH)
+    data = mujoco.MjData(model)
+    names = [mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_JOINT, i) for i in range(model.njnt)]
+    order = [names.index(n) for n in robot.joint_names]
+    for q in np.random.default_rng(0).uniform(-3, 3, size=(10, 9)):
+        data.qpos[order] = q
+        mujoco.mj_forward(model, data)
+        M = np.zeros((9, 9))
+        mujoco.mj_fullM(model, M, data.qM) if hasattr(data, "qM") else mujoco.mj_fullM(
+            model, data, M
+        )
+        expected = pin.crba(robot.model, robot.model.createData(), q)
+        assert np.abs(M[np.ix_(order, order)] - expected).max() < 1e-12

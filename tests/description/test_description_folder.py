@@ -1,0 +1,271 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The contract of a description's folder, for the shipped one and one written by a command."""
+
+import re
+import subprocess
+import sys
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+import sst_pin
+from sst_pin.cli import main
+
+ROOT = Path(__file__).resolve().parents[2]
+FILES = {
+    "sst.urdf",
+    "sst.yaml",
+    "sst.srdf",
+    "sst.xml",
+    "scene.xml",
+    "sst.png",
+    "README.md",
+    "LICENSE",
+    "package.xml",
+    "CMakeLists.txt",
+}
+#: Links without mass, which MJCF has as sites.
+FRAMES = {f"closedloop{loop}_{end}" for loop in (1, 2) for end in "AB"} | {
+    "E",
+    "P_1",
+    "P_2",
+    "P_3",
+}
+OPTIONS = [
+    "--alpha=110,120,130",
+    "--base-radius=0.3",
+    "--star-radius=0.5",
+    "--link-mass=0.5",
+    "--passive-mass=0.1",
+    "--star-mass=3",
+    "--viscous-friction=0.1",
+    "--coulomb-friction=0.2",
+    "--gravity=-1,0,-9.5",
+]
+DIRECTIONS = ["--base-directions", "-1,0,0.1 0,1,0.2 0,0.3,2"]
+
+
+@pytest.fixture(scope="module")
+def described(tmp_path_factory):
+    """A folder of another SST."""
+    folder = tmp_path_factory.mktemp("described") / "robot"
+    assert main(["describe", "-o", str(folder), *OPTIONS, *DIRECTIONS]) == 0
+    return folder
+
+
+@pytest.fixture(params=["shipped", "described"])
+def folder(request):
+    if request.param == "shipped":
+        return Path(sst_pin.PACKAGE_PATH)
+    return request.getfixturevalue("described")
+
+
+def xml(folder, name):
+    return ET.parse(folder / name).getroot()
+
+
+def names(root, path, key="name"):
+    return [element.get(key) for element in root.iterfind(path)]
+
+
+def test_folder_holds_what_its_readme_lists(folder):
+    """Every file is there, none is more, and the README names each."""
+    found = {str(p.relative_to(folder)) for p in folder.rglob("*") if p.is_file()}
+    meshes = {name for name in found if name.startswith("meshes/")}
+    assert found - meshes == FILES
+    readme = (folder / "README.md").read_text()
+    files, _ = readme.split("## How to load it")
+    named = set(re.findall(r"^\| (`[^|]*) \|", files, re.MULTILINE))
+    listed = {name for cell in named for name in re.findall(r"`([\w.]+/?)`", cell)}
+    assert listed == (FILES | {"meshes/"}) - {"README.md"}
+    assert "![" in readme
+    assert (folder / "sst.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_code_of_the_folders_readme_runs_in_it(folder):
+    """As a stranger would paste it."""
+    (block,) = re.findall(
+        r"^```python\n(.*?)^```$", (folder / "README.md").read_text(), re.M | re.S
+    )
+    code = block + "print(robot.home, wrapper.q0, tree.nq, closed.key(0).name)"
+    command = [sys.executable, "-B", "-c", code]
+    result = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True)
+    assert result.stdout.endswith("9 home\n")
+
+
+def test_numbers_of_the_readme_have_a_grade(folder):
+    """Every numbered parameter is A, B, C, or U, which no parameter of the paper's robot is."""
+    readme = (folder / "README.md").read_text()
+    rows = re.findall(r"^\| (\d+) \| .* \| ([ABCU]) \| .+ \|$", readme, re.MULTILINE)
+    assert [int(number) for number, _ in rows] == list(range(1, 20))
+    grades = {int(number) for number, grade in rows if grade == "U"}
+    # What OPTIONS leaves alone: mass centres and drives, shapes, steps.
+    changed = set(range(1, 17)) - {6, 9, 12}
+    assert grades == (set() if folder == Path(sst_pin.PACKAGE_PATH) else changed)
+
+
+def test_nothing_points_outside_the_folder(folder):
+    """Relative names only, of files that are there; no macros; each mesh as STL and OBJ."""
+    used = set()
+    for name in ("sst.urdf", "sst.xml"):
+        text = (folder / name).read_text()
+        for foreign in ("package://", "file://", "${", "../", 'file="/', 'filename="/'):
+            assert foreign not in text, (name, foreign)
+        meshes = set(re.findall(r'file(?:name)?="([^"]*)"', text))
+        used |= meshes
+        assert all((folder / mesh).is_file() for mesh in meshes)
+    there = {f"meshes/{path.name}" for path in (folder / "meshes").iterdir()}
+    assert there == used | {name.replace(".obj", ".stl") for name in used}
+    assert names(xml(folder, "scene.xml"), "include", "file") == ["sst.xml"]
+
+
+def test_all_files_name_the_same_things(folder):
+    """Joints, links, frames, motors and closures of URDF, YAML, SRDF and MJCF."""
+    urdf, srdf, mjcf = (xml(folder, name) for name in ("sst.urdf", "sst.srdf", "sst.xml"))
+    cuts = yaml.safe_load((folder / "sst.yaml").read_text())
+    joints = [j.get("name") for j in urdf.iterfind("joint") if j.get("type") != "fixed"]
+    assert names(mjcf, ".//joint[@axis]") == joints
+    assert names(srdf, "group[@name='all']/joint") == joints
+    motors = names(srdf, "group[@name='motors']/joint")
+    assert motors == cuts["name_mot"] == names(mjcf, "actuator/motor", "joint")
+    assert set(names(srdf, "passive_joint")) == set(joints) - set(motors)
+    links = set(names(urdf, "link"))
+    bodies = set(names(mjcf, ".//body"))
+    assert bodies <= links
+    assert set(names(mjcf, ".//site")) == FRAMES <= links
+    for pair in srdf.iterfind("disable_collisions"):
+        assert {pair.get("link1"), pair.get("link2")} <= bodies
+    welds = [[w.get("site1"), w.get("site2")] for w in mjcf.iterfind("equality/weld")]
+    assert welds == cuts["closed_loop"]
+    poses = names(srdf, "group_state")
+    assert poses == names(mjcf, "keyframe/key") == ["home", "circle_start"]
+    for pose in poses:
+        values = names(srdf, f"group_state[@name='{pose}']/joint", "value")
+        (key,) = names(mjcf, f"keyframe/key[@name='{pose}']", "qpos")
+        assert key.split() == values
+
+
+def test_urdf_and_mjcf_carry_the_same_bodies(folder):
+    """Mass, mass centre, inertia, friction and limits, digit for digit."""
+    urdf, mjcf = xml(folder, "sst.urdf"), xml(folder, "sst.xml")
+    for body in mjcf.iterfind(".//body[inertial]"):
+        given = urdf.find(f"link[@name='{body.get('name')}']/inertial")
+        inertial, inertia = body.find("inertial"), given.find("inertia")
+        assert inertial.get("mass") == given.find("mass").get("value")
+        assert inertial.get("pos") == given.find("origin").get("xyz")
+        entries = [inertia.get(f"i{axes}") for axes in ("xx", "yy", "zz", "xy", "xz", "yz")]
+        assert inertial.get("fullinertia").split() == entries
+        joint = body.find("joint")
+        given = urdf.find(f"joint[@name='{joint.get('name')}']")
+        assert joint.get("axis") == given.find("axis").get("xyz")
+        assert joint.get("damping") == given.find("dynamics").get("damping")
+        assert joint.get("frictionloss") == given.find("dynamics").get("friction")
+        limits = mjcf.find("default/joint").get("range").split()
+        assert limits == [given.find("limit").get(end) for end in ("lower", "upper")]
+    gravity = [float(x) for x in mjcf.find("option").get("gravity").split()]
+    assert gravity == yaml.safe_load((folder / "sst.yaml").read_text())["gravity"]
+
+
+def test_urdf_and_mjcf_wear_the_same_parts(folder):
+    """The visuals of each link by mesh and colour, and as many collision solids of each kind."""
+    urdf, mjcf = xml(folder, "sst.urdf"), xml(folder, "sst.xml")
+    seen = 0
+    for body in mjcf.iterfind(".//body"):
+        link = urdf.find(f"link[@name='{body.get('name')}']")
+        worn = [
+            (v.find("geometry/mesh").get("filename"), v.find("material").get("name"))
+            for v in link.iterfind("visual")
+        ]
+        geoms = body.findall("geom[@class='visual']")
+        assert [(f"meshes/{g.get('mesh')}.obj", g.get("material")) for g in geoms] == worn
+        solids = [c.find("geometry")[0].tag for c in link.iterfind("collision")]
+        assert [g.get("type") for g in body.findall("geom[@class='collision']")] == solids
+        seen += len(worn)
+    assert seen == 12
+
+
+def test_licence_and_package_are_those_of_the_project(folder):
+    """One licence, one version."""
+    assert (folder / "LICENSE").read_text() == (ROOT / "LICENSE").read_text()
+    package = xml(folder, "package.xml")
+    project = (ROOT / "pyproject.toml").read_text()
+    assert package.findtext("version") == re.search(r'^version = "(.*)"', project, re.M)[1]
+    assert package.get("format") == "3"
+    name = package.findtext("name")
+    assert f"project({name} NONE)" in (folder / "CMakeLists.txt").read_text()
+
+
+def test_check_urdf_has_no_objection(folder):
+    """The program that ROS users check with; it comes with Pinocchio."""
+    program = Path(sys.executable).with_name("check_urdf")
+    command = [program, folder / "sst.urdf"]
+    result = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert "Successfully Parsed" in result.stdout
+
+
+def test_options_of_describe_reach_the_robot(described):
+    """What was asked for is what the folder's URDF makes."""
+    p = sst_pin.SST.from_urdf(described / "sst.urdf").parameters
+    paper = sst_pin.Parameters()
+    directions = np.array([[-1, 0, 0.1], [0, 1, 0.2], [0, 0.3, 2]])
+    expected = directions / np.linalg.norm(directions, axis=1)[:, None]
+    assert p.base_directions == pytest.approx(expected, abs=1e-15)
+    assert np.degrees(p.arc_angles) == pytest.approx([110, 120, 130], abs=1e-12)
+    assert (p.base_radius, p.star_radius) == pytest.approx((0.3, 0.5), abs=1e-15)
+    assert (p.links[2].mass, p.passive_links[1].mass, p.star.mass) == (0.5, 0.1, 3)
+    # Heavier by density: the inertia goes with the mass.
+    assert p.star.inertia == pytest.approx(paper.star.inertia * 3 / 2.6, abs=1e-15)
+    assert (p.viscous_friction == 0.1).all()
+    assert (p.coulomb_friction == 0.2).all()
+    assert p.gravity.tolist() == [-1, 0, -9.5]
+
+
+def test_describe_takes_its_own_urdf_back(described, tmp_path, capsys):
+    """--urdf of a described robot writes that robot, changed by the options only."""
+    urdf = ["--urdf", str(described / "sst.urdf")]
+    assert main(["describe", *urdf, "-o", str(tmp_path), "--star-mass", "4"]) == 0
+    assert "22 files" in capsys.readouterr().out
+    before, after = (
+        sst_pin.SST.from_urdf(folder / "sst.urdf").parameters for folder in (described, tmp_path)
+    )
+    assert after.star.mass == 4
+    assert after.arc_angles == pytest.approx(before.arc_angles, abs=4e-15)
+    assert after.links[0].inertia == pytest.approx(before.links[0].inertia, abs=1e-15)
+    assert after.gravity.tolist() == before.gravity.tolist()
+
+
+def test_describe_spares_what_is_there(described, capsys):
+    """Without --force nothing is replaced; with it the folder is written anew."""
+    before = (described / "sst.urdf").read_bytes()
+    assert main(["describe", "-o", str(described)]) == 2
+    assert "exists already" in capsys.readouterr().err
+    assert (described / "sst.urdf").read_bytes() == before
+    assert main(["describe", "-o", str(described), "--force", *OPTIONS, *DIRECTIONS]) == 0
+    assert (described / "sst.urdf").read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (["--alpha", "110,120,131"], "they add up to"),
+        (["--alpha", "110,120"], "three numbers"),
+        (["--base-directions", "1,0,0 0,1,0"], "shape (2, 3)"),
+        (["--base-directions", "1,0,0 0,1,0 a,0,1"], "three numbers"),
+        (["--star-mass", "0"], "star.mass"),
+        (["--base-radius", "-1"], "base_radius"),
+    ],
+)
+def test_describe_refuses_impossible_robots(tmp_path, capsys, arguments, word):
+    """One line, exit code 2, no file."""
+    try:
+        code = main(["describe", "-o", str(tmp_path / "robot"), *arguments])
+    except SystemExit as stop:  # argparse leaves so
+        code = stop.code
+    assert code == 2
+    error = capsys.readouterr().err
+    assert word in error
+    assert error.count("\n") == 1
+    assert not (tmp_path / "robot").exists()

@@ -1,0 +1,304 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Meshes and collision primitives, as Pinocchio with coal, MuJoCo and yourdfpy read them."""
+
+import io
+import itertools
+import sys
+from pathlib import Path
+
+import coal
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import make_description
+import sst_pin
+from sst_pin import Parameters
+from sst_pin.description import description_writers, meshes_of
+from sst_pin.files import write_files
+from sst_pin.sst.configurations import configurations_of
+from sst_pin.sst.paper import PERIOD, example_1
+from sst_pin.verification.sampling import random_parameters
+
+trimesh = pytest.importorskip("trimesh", reason="extra `mesh` is not installed")
+
+MOVING = [f"{body}_{k}" for body in ("link", "passive", "star") for k in (1, 2, 3)]
+
+
+def odd_parameters(seed):
+    """Any triangle of either handedness, any alpha, two random radii, either one the larger."""
+    rng = np.random.default_rng(seed)
+    p, (base, star) = random_parameters(rng), rng.uniform(0.1, 1, 2)
+    return Parameters(
+        base_directions=p.base_directions,
+        arc_angles=p.arc_angles,
+        base_radius=base,
+        star_radius=star,
+    )
+
+
+ROBOTS = {
+    "paper": Parameters(),
+    **{f"odd {seed}": odd_parameters(seed) for seed in range(6)},
+    "both spheres one": Parameters(base_radius=0.4),
+    "a millimetre": Parameters(base_radius=0.001, star_radius=0.0012),
+}
+
+
+@pytest.fixture(params=ROBOTS.values(), ids=ROBOTS.keys())
+def parameters(request):
+    return request.param
+
+
+def geometry(kind, urdf=sst_pin.URDF_PATH, folder=Path(sst_pin.PACKAGE_PATH)):
+    """Model and Pinocchio's geometry of a kind."""
+    model = pin.buildModelFromUrdf(str(urdf))
+    return model, pin.buildGeomFromUrdf(model, str(urdf), kind, package_dirs=[str(folder)])
+
+
+def off_surface(mesh, points):
+    """Distances of points from a mesh."""
+    return trimesh.proximity.closest_point_naive(mesh, points)[1]
+
+
+# --- meshes -------------------------------------------------------------------------------------
+
+
+def test_every_mesh_is_closed_and_its_normals_point_outward(parameters):
+    """Each of the solids by itself: no hole, no edge turned over, a positive volume."""
+    for name, mesh in meshes_of(parameters).items():
+        assert mesh.is_watertight, name
+        assert mesh.is_winding_consistent, name
+        assert all(solid.volume > 0 for solid in mesh.split()), name
+        assert mesh.area_faces.min() > 0, name
+
+
+def test_meshes_have_the_radii_of_the_parameters(parameters):
+    """The middle lines of sides and arcs lie on their spheres, as deep in the metal everywhere."""
+    meshes, p = meshes_of(parameters), parameters
+    middle = p.base_directions + np.roll(p.base_directions, -1, axis=0)
+    middle *= p.base_radius / np.linalg.norm(middle, axis=1)[:, None]
+    arcs = np.radians((20, 45, 70))
+    side = -np.sign(np.linalg.det(p.base_directions))
+    arc = p.star_radius * np.stack([np.cos(arcs), side * np.sin(arcs), 0 * arcs], axis=-1)
+    for mesh, points in ((meshes["base"], middle), (meshes["arc"], arc)):
+        depths = off_surface(mesh, points)
+        thickness = 0.2 * min(p.base_radius, p.star_radius)
+        assert (depths > 0).all()
+        assert (depths < thickness).all()
+        # Chords of at most 4.5 degrees are 0.0008 of the radius off the circle.
+        assert np.ptp(depths) < 0.0008 * max(p.base_radius, p.star_radius)
+
+
+def test_the_papers_robot_is_as_large_as_in_the_paper():
+    """0.35 m to P1, P2, P3 and 0.40 m to the arcs, in metres and nothing else."""
+    meshes = meshes_of(Parameters())
+    base, arc = meshes["base"].vertices, meshes["arc"].vertices
+    assert base.max(axis=0) == pytest.approx([0.35 + 0.009] * 3, abs=1e-4)  # a ball on each P_k
+    assert np.abs(base).max() < 0.55
+    bar = arc[arc[:, 0] > 0.05]  # without the stop
+    radii = np.hypot(bar[:, 0], bar[:, 1])
+    assert (radii.min() + radii.max()) / 2 == pytest.approx(0.40, abs=1e-9)
+    # The star's mass by Sect. 7.1 (c), were it of aluminium.
+    assert 2700 * (3 * meshes["arc"].volume + meshes["tool"].volume) == pytest.approx(2.6, abs=0.1)
+
+
+def test_meshes_and_their_folder_are_small():
+    """Less than 1 MB in the repository, none larger than a browser likes."""
+    files = [*(Path(sst_pin.PACKAGE_PATH) / "meshes").iterdir()]
+    assert {f.suffix for f in files} == {".stl", ".obj"}
+    assert sum(f.stat().st_size for f in files) < 1e6
+
+
+def test_stl_and_obj_hold_the_same_mesh(tmp_path):
+    """Two files of one stem, for the tools that read one and not the other."""
+    for stl in (Path(sst_pin.PACKAGE_PATH) / "meshes").glob("*.stl"):
+        one, other = (trimesh.load(stl.with_suffix(end), process=False) for end in (".stl", ".obj"))
+        assert len(one.faces) == len(other.faces)
+        assert np.abs(one.triangles - other.triangles).max() < 1e-6
+
+
+def test_a_moved_vertex_makes_a_shipped_mesh_stale(tmp_path):
+    """The check sees two micrometres and passes by the last bit of a sine."""
+    for name, write in description_writers(Parameters(), configurations_of(Parameters())).items():
+        content = io.BytesIO()
+        write(content)
+        path = tmp_path / Path(name).name
+        path.write_bytes(content.getvalue())
+        assert make_description.same(path, content.getvalue())
+        if path.suffix in (".stl", ".obj"):
+            mesh = trimesh.load(path, process=False)
+            for shift, is_same in ((1e-8, True), (2e-6, False)):
+                mesh.vertices += (shift, 0, 0)
+                options = {"digits": 9, "header": None} if path.suffix == ".obj" else {}
+                mesh.export(path, **options)
+                assert make_description.same(path, content.getvalue()) == is_same, (name, shift)
+    assert not make_description.same(tmp_path / "nowhere.stl", b"")
+
+
+def test_without_trimesh_the_error_names_the_extra(monkeypatch):
+    """The dynamics of other parameters need no mesh; who asks for one is told what to install."""
+    monkeypatch.setitem(sys.modules, "trimesh", None)
+    sst_pin.SST(odd_parameters(0))
+    with pytest.raises(sst_pin.errors.MissingExtraError, match=r"sst-pin\[mesh\]"):
+        meshes_of(Parameters())
+
+
+# --- what tools find ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", [pin.GeometryType.VISUAL, pin.GeometryType.COLLISION])
+def test_every_body_has_a_picture_and_primitives(kind, tmp_path):
+    """In the shipped folder and in one written for other parameters."""
+    odd = odd_parameters(1)
+    writers = description_writers(odd, configurations_of(odd))
+    write_files({tmp_path / n: write for n, write in writers.items()})
+    for folder in (Path(sst_pin.PACKAGE_PATH), tmp_path):
+        _, found = geometry(kind, folder / "sst.urdf", folder)
+        named = {shape.name.rsplit("_", 1)[0] for shape in found.geometryObjects}
+        assert named == {"base", *MOVING}
+        mesh = kind == pin.GeometryType.VISUAL
+        for shape in found.geometryObjects:
+            assert isinstance(shape.geometry, coal.BVHModelBase) == mesh
+            assert shape.meshPath.endswith(".obj") == mesh
+
+
+def test_legs_have_their_colours():
+    """Blue, vermilion and green of Okabe and Ito; the carriage is a tint of its leg's."""
+    _, found = geometry(pin.GeometryType.VISUAL)
+    colours = np.array([(0, 0.447, 0.698), (0.835, 0.369, 0), (0, 0.62, 0.451)])
+    for k, colour in enumerate(colours, 1):
+        for body, expected in (("link", colour), ("star", colour), ("passive", (1 + colour) / 2)):
+            shape = found.geometryObjects[found.getGeometryId(f"{body}_{k}_0")]
+            assert shape.meshColor[:3] == pytest.approx(expected, abs=1e-3)
+
+
+def test_mujoco_and_yourdfpy_find_the_meshes_beside_the_urdf():
+    """Relative names, no package://, from any working directory."""
+    mujoco = pytest.importorskip("mujoco", reason="extra `verify` is not installed")
+    yourdfpy = pytest.importorskip("yourdfpy", reason="extra `verify` is not installed")
+    stems = set(meshes_of(Parameters()))
+    model = mujoco.MjModel.from_xml_path(sst_pin.URDF_PATH)
+    assert {model.mesh(i).name for i in range(model.nmesh)} == stems
+    scene = yourdfpy.URDF.load(sst_pin.URDF_PATH).scene
+    assert len(scene.geometry) == 12
+    assert np.abs(scene.bounds).max() < 0.55
+
+
+# --- collisions ---------------------------------------------------------------------------------
+
+
+def outside(shape, points):
+    """Signed distances of points from a primitive, negative inside."""
+    local = (points - shape.placement.translation) @ shape.placement.rotation
+    g = shape.geometry
+    if isinstance(g, coal.Sphere):
+        return np.linalg.norm(local, axis=1) - g.radius
+    if isinstance(g, coal.Box):
+        excess = np.abs(local) - g.halfSide
+    else:
+        radial = np.hypot(local[:, 0], local[:, 1])
+        excess = np.stack([radial - g.radius, np.abs(local[:, 2]) - g.halfLength], axis=1)
+    return np.linalg.norm(excess.clip(0), axis=1) + excess.max(axis=1).clip(None, 0)
+
+
+def rim(shape):
+    """Points on the edges of a primitive that reach farthest out."""
+    g = shape.geometry
+    if isinstance(g, coal.Sphere):
+        local = g.radius * np.concatenate([np.eye(3), -np.eye(3)])
+    elif isinstance(g, coal.Box):
+        local = g.halfSide * np.array([*itertools.product((-1, 1), repeat=3)])
+    else:
+        turns = np.linspace(0, 2 * np.pi, 8, endpoint=False)
+        circle = g.radius * np.stack([np.cos(turns), np.sin(turns)], axis=-1)
+        local = np.concatenate([np.insert(circle, 2, z * g.halfLength, axis=1) for z in (-1, 1)])
+    return local @ shape.placement.rotation.T + shape.placement.translation
+
+
+@pytest.mark.parametrize("body", ["base", *MOVING])
+def test_primitives_wrap_the_meshes(body, robot):
+    """No vertex looks out by 0.05 mm; no primitive stands off by 3 mm, but at the tool's cone."""
+    _, visual = geometry(pin.GeometryType.VISUAL)
+    _, collision = geometry(pin.GeometryType.COLLISION)
+    meshes, shapes = (
+        [s for s in found.geometryObjects if s.name.rsplit("_", 1)[0] == body]
+        for found in (visual, collision)
+    )
+    mesh = trimesh.util.concatenate([trimesh.load(s.meshPath) for s in meshes])
+    assert np.min([outside(s, mesh.vertices) for s in shapes], axis=0).max() < 5e-5
+    points = np.concatenate([rim(s) for s in shapes])
+    if body == "star_1":
+        points = points[points[:, 0] < 0.45]  # the cone is wrapped in a cylinder of 9 mm
+    if body == "base":
+        points = points[points[:, 2] > -0.45]  # so is the foot of the stand
+    assert off_surface(mesh, points).max() < 3e-3
+
+
+def bearings(collision):
+    """Pairs of primitives that turn in one another: shaft k in link k, head of link k at pin k."""
+    shapes = collision.geometryObjects
+    shafts = [
+        s.name
+        for s in shapes
+        if s.name.startswith("base")
+        and isinstance(s.geometry, coal.Cylinder)
+        and s.geometry.radius == pytest.approx(0.009)
+    ]
+    assert len(shafts) == 3
+    return {frozenset((shafts[k - 1], f"link_{k}")) for k in (1, 2, 3)} | {
+        frozenset((f"link_{k}", f"passive_{k}")) for k in (1, 2, 3)
+    }
+
+
+def clearance(motion):
+    """Smallest distance of two bodies along a motion, [m]; the star is one body."""
+    model, collision = geometry(pin.GeometryType.COLLISION)
+    names = [shape.name for shape in collision.geometryObjects]
+    bodies = [name.rsplit("_", 1)[0] for name in names]
+    left_out = bearings(collision)
+    for i, j in itertools.combinations(range(len(names)), 2):
+        a, b = bodies[i], bodies[j]
+        one_body = a == b or a[:4] == b[:4] == "star"
+        # The carriage on its arc has a test of its own.
+        joined = a[:-1] == "passive_" and b == f"star_{a[-1]}"
+        bearing = left_out & {frozenset((x, y)) for x in (names[i], a) for y in (names[j], b)}
+        if not (one_body or joined or bearing):
+            collision.addCollisionPair(pin.CollisionPair(i, j))
+    data, geometry_data = model.createData(), collision.createData()
+    nearest = []
+    for q in motion:
+        pin.computeDistances(model, data, collision, geometry_data, q)
+        nearest.append(min(result.min_distance for result in geometry_data.distanceResults))
+    return min(nearest)
+
+
+def test_no_body_passes_through_another_along_the_circle(robot):
+    """7.9 mm remain between any two that are not joined by a bearing."""
+    motion = example_1(robot, np.linspace(0, PERIOD, 73))
+    assert clearance(motion.q) == pytest.approx(0.0079, abs=1e-4)
+
+
+def test_no_body_passes_through_another_where_the_star_is_over_the_triangle(robot):
+    """Random poses of the working branch with E inside P1P2P3 and the carriages on their arcs."""
+    rng, poses = np.random.default_rng(5), []
+    while len(poses) < 60:
+        s, psi = np.abs(rng.normal(size=3)), rng.uniform(-np.pi, np.pi)
+        R = sst_pin.orientation(np.arctan2(s[1], s[0]), np.arccos(s[2] / np.linalg.norm(s)), psi)
+        q = robot.inverse_kinematics(R)
+        if ((q[2::3] > 0.15) & (q[2::3] < 1.5)).all() and robot.singularities(q).first_kind > 0.15:
+            poses.append(q)
+    assert clearance(poses) > 0
+
+
+def test_the_carriages_hold_their_arcs_along_the_circle(robot):
+    """Rollers run 0.2 mm beside the arcs: at every pose the arc passes between them."""
+    model, visual = geometry(pin.GeometryType.VISUAL)
+    for k in (1, 2, 3):
+        pair = (visual.getGeometryId(f"{body}_{k}_0") for body in ("passive", "star"))
+        visual.addCollisionPair(pin.CollisionPair(*pair))
+    data, geometry_data = model.createData(), visual.createData()
+    for q in example_1(robot, np.linspace(0, PERIOD, 25)).q:
+        pin.computeDistances(model, data, visual, geometry_data, q)
+        gaps = [result.min_distance for result in geometry_data.distanceResults]
+        assert gaps == pytest.approx([2e-4] * 3, abs=1e-6)

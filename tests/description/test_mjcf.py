@@ -1,0 +1,180 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The closed robot as MuJoCo sees it."""
+
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.spatial.transform import Rotation
+
+import sst_pin
+from sst_pin.description import mjcf_of
+from sst_pin.sst.configurations import configurations_of
+from sst_pin.verification.sampling import random_parameters, random_state
+
+mujoco = pytest.importorskip("mujoco", reason="extra `verify` is not installed")
+
+#: The shipped meshes serve any robot here: they are for the eye.
+MESHES = {
+    f"meshes/{path.name}": path.read_bytes() for path in Path(sst_pin.PACKAGE_PATH).rglob("*.obj")
+}
+
+
+def random_robot(seed, friction=True):
+    p = random_parameters(np.random.default_rng(seed), friction)
+    xml = mjcf_of(p, configurations_of(p))
+    return (
+        p,
+        sst_pin.SST(p),
+        mujoco.MjModel.from_xml_string(xml, MESHES),
+    )
+
+
+@pytest.fixture(scope="module")
+def closed():
+    """The shipped file."""
+    return mujoco.MjModel.from_xml_path(sst_pin.MJCF_PATH)
+
+
+def at(model, robot, state, tau=(0, 0, 0)):
+    """MuJoCo's data in a state of motion of the closed robot, under motor torques."""
+    data = mujoco.MjData(model)
+    R, omega, _ = state
+    q, va, _ = robot.joint_motion(R, omega, np.zeros(3))
+    data.qpos[:], data.qvel[:], data.ctrl[:] = q, robot.joint_rates(q, va), tau
+    mujoco.mj_forward(model, data)
+    return data, q, va
+
+
+@pytest.mark.parametrize("name", ["sst.xml", "scene.xml"])
+def test_mujoco_compiles_and_steps_without_a_word(name, tmp_path, monkeypatch, capfd):
+    """No warning on the terminal, in the log file or in the counters, nothing touches."""
+    monkeypatch.chdir(tmp_path)
+    model = mujoco.MjModel.from_xml_path(f"{sst_pin.PACKAGE_PATH}/{name}")
+    data = mujoco.MjData(model)
+    for key in range(model.nkey):
+        mujoco.mj_resetDataKeyframe(model, data, key)
+        mujoco.mj_step(model, data, 20)
+        assert data.ncon == 0
+    assert not data.warning.number.any()
+    assert capfd.readouterr() == ("", "")
+    assert not list(tmp_path.iterdir())
+
+
+def test_mjcf_has_nine_hinges_three_motors_and_the_right_mass(closed):
+    """3.68 kg move; the base is fixed."""
+    assert (closed.nq, closed.nv, closed.nu, closed.neq) == (9, 9, 3, 2)
+    assert closed.body_mass.sum() == pytest.approx(3.68, abs=1e-14)
+    names = [closed.joint(i).name for i in range(9)]
+    assert tuple(names) == sst_pin.SST().joint_names
+
+
+@pytest.mark.parametrize("name", ["home", "circle_start"])
+def test_loops_are_closed_at_the_keyframes(closed, robot, name):
+    """To the rounding of 15 decimals in nine angles, and the pose is the one of its name."""
+    data = mujoco.MjData(closed)
+    mujoco.mj_resetDataKeyframe(closed, data, closed.key(name).id)
+    mujoco.mj_forward(closed, data)
+    # Six rows each; what O does has no Jacobian and MuJoCo may leave it out.
+    assert data.ne >= 6
+    assert np.abs(data.efc_pos[: data.ne]).max() < 1e-14
+    q = {
+        "home": robot.home,
+        "circle_start": robot.inverse_kinematics(sst_pin.paper_circle([0.0]).R[0]),
+    }[name]
+    assert data.qpos == pytest.approx(q, abs=1e-15)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_tree_dynamics_of_mujoco_and_pinocchio_agree(seed):
+    """Inverse dynamics of the open tree at any motion: masses, axes, inertias, gravity."""
+    _, robot, model = random_robot(seed, friction=False)
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+    data, rng = mujoco.MjData(model), np.random.default_rng(seed)
+    for _ in range(10):
+        data.qpos[:], data.qvel[:], data.qacc[:] = rng.normal(size=(3, 9)) * [[2], [3], [20]]
+        mujoco.mj_inverse(model, data)
+        expected = pin.rnea(
+            robot.model, robot.model.createData(), data.qpos, data.qvel, data.qacc.copy()
+        )
+        assert data.qfrc_inverse == pytest.approx(expected, rel=1e-12, abs=1e-12)
+
+
+def test_friction_and_gravity_are_the_parameters():
+    """All nine joints, digit for digit."""
+    p, _, model = random_robot(5)
+    assert np.array_equal(model.dof_damping, p.viscous_friction)
+    assert np.array_equal(model.dof_frictionloss, p.coulomb_friction)
+    assert np.array_equal(model.opt.gravity, p.gravity)
+    assert not model.dof_armature.any()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_motors_and_welds_give_our_direct_dynamics(seed):
+    """Accelerations of the welded robot under motor torques are those of the closed chain.
+
+    A weld of impedance d = 0.9999 leaves 1 - d of the way that an open loop would go, which the
+    condition number, 30 at most here, may enlarge.
+    """
+    _, robot, model = random_robot(seed, friction=False)
+    rng = np.random.default_rng(seed)
+    for _ in range(5):
+        tau = rng.normal(size=3) * 10
+        data, q, va = at(model, robot, random_state(robot, rng), tau)
+        aa = robot.compute_accelerations(q, va, tau)
+        open_loop = np.abs(data.qacc_smooth).max()
+        assert np.abs(data.qacc[::3] - aa).max() < 30e-4 * open_loop
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_mjcf_read_as_any_robot_has_the_same_torques(seed, tmp_path):
+    """Parameters -> MJCF -> `ClosedChain.from_mjcf`: loops, motors, friction and gravity."""
+    p, robot, _ = random_robot(seed)
+    (tmp_path / "sst.xml").write_text(mjcf_of(p, configurations_of(p)))
+    (tmp_path / "meshes").symlink_to(Path(sst_pin.PACKAGE_PATH, "meshes"))
+    chain = sst_pin.ClosedChain.from_mjcf(tmp_path / "sst.xml")
+    assert chain.joint_names == robot.joint_names
+    q, va, aa = robot.joint_motion(*random_state(robot, np.random.default_rng(seed)))
+    expected = robot.compute_torques(q, va, aa)
+    assert chain.compute_torques(q, va, aa) == pytest.approx(expected, rel=1e-11, abs=1e-11)
+
+
+def test_sensors_measure_what_they_are_called(closed, robot):
+    """Motor angles, rates and torques; orientation and angular velocity of the star."""
+    R, omega, alpha = random_state(robot, np.random.default_rng(0))
+    tau = np.array((1.0, -2.0, 3.0))
+    data, q, va = at(closed, robot, (R, omega, alpha), tau)
+    read = {closed.sensor(i).name: data.sensor(i).data for i in range(closed.nsensor)}
+    for k in range(3):
+        assert read[f"gamma_{k + 1}_position"] == pytest.approx(q[3 * k])
+        assert read[f"gamma_{k + 1}_velocity"] == pytest.approx(va[k])
+        assert read[f"gamma_{k + 1}_torque"] == pytest.approx(tau[k])
+    found = Rotation.from_quat(read["star_orientation"][[1, 2, 3, 0]]).as_matrix()
+    assert found == pytest.approx(R, abs=1e-14)
+    assert read["star_angular_velocity"] == pytest.approx(omega, abs=1e-13)
+
+
+def test_parts_of_the_robot_meet_the_world_but_not_one_another(closed):
+    """Contacts are between collision solids and others; visuals have none."""
+    visual = closed.geom_group == 2
+    collides = (closed.geom_contype[:, None] & closed.geom_conaffinity) != 0
+    assert not collides.any()
+    assert not closed.geom_conaffinity[visual].any()
+    scene = mujoco.MjModel.from_xml_path(f"{sst_pin.PACKAGE_PATH}/scene.xml")
+    floor = scene.geom("floor")
+    solids = scene.geom_group == 3
+    assert (floor.contype & scene.geom_conaffinity[solids]).all()
+
+
+def test_robot_of_the_scene_stands_on_the_floor():
+    """The foot of the paper's robot meets it, nothing goes below."""
+    scene = mujoco.MjModel.from_xml_path(f"{sst_pin.PACKAGE_PATH}/scene.xml")
+    data = mujoco.MjData(scene)
+    mujoco.mj_forward(scene, data)
+    mesh, geom = scene.mesh("base"), int(scene.body("base").geomadr[0])
+    first, count = int(mesh.vertadr[0]), int(mesh.vertnum[0])
+    R, origin = data.geom_xmat[geom].reshape(3, 3), data.geom_xpos[geom]
+    heights = (scene.mesh_vert[first : first + count] @ R.T + origin)[:, 2]
+    # Vertices are float32.
+    assert heights.min() == pytest.approx(scene.geom("floor").pos[2], abs=1e-6)

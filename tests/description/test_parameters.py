@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: BSD-2-Clause
+import numpy as np
+import pytest
+
+from sst_pin import Parameters, ParametersError, RigidBody
+from sst_pin.verification.sampling import random_parameters
+
+
+def test_defaults_are_the_robot_of_the_paper():
+    """Sect. 7.1 and the defaults of the paper's open points."""
+    p = Parameters()
+    assert np.array_equal(p.base_directions, np.eye(3))
+    assert np.array_equal(p.actuated_axes, [[0, 0, 1], [1, 0, 0], [0, 1, 0]])  # Eqs. (38)-(40)
+    assert p.arc_angles == pytest.approx([2 * np.pi / 3] * 3)
+    assert [b.mass for b in (p.star, *p.links, *p.passive_links)] == [2.6] + [0.3] * 3 + [0.06] * 3
+    assert p.star.center_of_mass == pytest.approx([0.8 / np.pi, 0, 0])
+    assert p.links[0].inertia[0, 2] == -0.0001
+
+
+def test_directions_of_any_length_are_normalised():
+    """The length of v_k carries no meaning."""
+    p = Parameters(base_directions=[[2, 0, 0], [0, 0.1, 0], [0, 0, 30]])
+    assert p == Parameters()
+
+
+def test_actuated_axes_are_normal_to_the_sides_of_the_base_triangle():
+    """e_k is a unit vector at right angles to v_k and v_{k+1}, right-handed."""
+    for seed in range(20):
+        p = random_parameters(np.random.default_rng(seed))
+        v, e = p.base_directions, p.actuated_axes
+        assert np.linalg.norm(e, axis=1) == pytest.approx([1, 1, 1])
+        for k in range(3):
+            w = v[(k + 1) % 3]
+            assert abs(e[k] @ v[k]) < 1e-14
+            assert abs(e[k] @ w) < 1e-14
+            assert e[k] @ np.cross(v[k], w) > 0
+
+
+def test_values_are_equal_hashable_and_read_only():
+    """Parameters are values."""
+    a, b = (random_parameters(np.random.default_rng(3)) for _ in range(2))
+    assert a == b
+    assert hash(a) == hash(b)
+    assert a != Parameters()
+    assert a.star != "a star"
+    with pytest.raises(ValueError, match="read-only"):
+        a.gravity[0] = 1
+    with pytest.raises(AttributeError):
+        a.base_radius = 1
+
+
+def test_all_problems_are_reported_at_once():
+    """Nobody has to repair one number after the other."""
+    heavy = RigidBody(-1.0, (0, 0, 0), np.diag((1, 1, 3)))
+    with pytest.raises(ParametersError) as caught:
+        Parameters(
+            base_directions=[[1, 0, 0], [0, 1, 0], [1, 1, 0]],
+            arc_angles=(2, 2, 2),
+            link=heavy,
+            passive_link=[RigidBody(1, (0, 0), np.eye(3))] * 2,
+            star=RigidBody(1, (0, 0, 0), [[1, 0.5, 0], [0, 1, 0], [0, 0, 1]]),
+            viscous_friction=[0, 0, -1, 0, 0, 0, 0, 0, 0],
+            coulomb_friction=[1, 2],
+            gravity=(0, 0, np.nan),
+            base_radius=0,
+        )
+    problems = caught.value.problems
+    for word in (
+        "lie in one plane",
+        "not to 2 pi",
+        "link.mass",
+        "triangle inequality",
+        "2 bodies, expected one or three",
+        "passive_link[1].center_of_mass: shape (2,), expected (3,)",
+        "star.inertia: not symmetric",
+        "viscous_friction: negative for joint number 3",
+        "coulomb_friction: shape (2,), expected (9,)",
+        "gravity: not finite",
+        "base_radius",
+    ):
+        assert any(word in problem for problem in problems), word
+        assert word in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        ({"base_directions": np.zeros((3, 3))}, "v_1 is zero"),
+        ({"arc_angles": (120, 120, 120)}, "degrees given"),
+        ({"arc_angles": (-1, 2, 2 * np.pi - 1)}, "each must lie in"),
+        ({"star": RigidBody(1, (0, 0, 0), np.diag((1, 1, -1)))}, "not all positive"),
+        ({"star": None}, "a RigidBody is needed"),
+        ({"link": ["bar"] * 3}, "link[0]: a RigidBody is needed"),
+        ({"gravity": "down"}, "not an array of numbers"),
+        ({"star_radius": np.inf}, "star_radius"),
+    ],
+)
+def test_each_impossibility_has_its_sentence(arguments, word):
+    """The message names the field and the fault."""
+    with pytest.raises(ParametersError) as caught:
+        Parameters(**arguments)
+    assert word in str(caught.value)
+
+
+def test_a_thin_rod_is_possible():
+    """The triangle inequality may hold with equality, rounding included."""
+    rod = RigidBody(1, (0, 0, 0), np.diag((1e-3, 0.1, 0.101)))
+    assert rod.problems("rod") == []
+
+
+def test_words_in_place_of_numbers_are_refused():
+    """RigidBody takes numbers only."""
+    with pytest.raises(ParametersError, match="mass"):
+        RigidBody("heavy", (0, 0, 0), np.eye(3))

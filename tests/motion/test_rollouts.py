@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: BSD-2-Clause
+import numpy as np
+import pytest
+
+import sst_pin
+from sst_pin.sst import paper
+from sst_pin.verification.sampling import random_parameters, random_states
+
+
+@pytest.fixture(scope="module")
+def circle(robot):
+    return paper.example_1(robot, np.linspace(0, paper.PERIOD, 301))
+
+
+def ends(robot, circle, steps, **options):
+    """Example 2 with the torques known at the ends and in the middles of the steps."""
+    h = circle.t[-1] / steps
+    tau = circle.torque()(h / 2 * np.arange(2 * steps + 1))
+    return robot.rollout(tau, circle.q[0], circle.va[0], h, steps=steps, **options)
+
+
+def test_a_step_is_of_fourth_order_and_example_2_comes_back_to_a_billionth(robot, circle):
+    """Halving the step divides the error by 16 (15 to 17 measured); 1000 steps bring 1e-9."""
+    errors = []
+    for steps in (250, 500, 1000):
+        motion = ends(robot, circle, steps)
+        errors.append(np.abs(motion.q[-1] - circle.q[-1]).max())
+        assert max(np.abs(robot.residual(q)).max() for q in motion.q[::50]) < 1e-13
+    assert errors[0] / errors[1] == pytest.approx(16, abs=2)
+    assert errors[1] / errors[2] == pytest.approx(16, abs=2)
+    assert errors[2] < 1e-9
+
+
+def test_kernels_step_as_the_reference_path_does():
+    """Odd robots, held torques, a moment, friction: off the closures by h^2 both differ by h^5."""
+    rng = np.random.default_rng(0)
+    parameters = random_parameters(rng)
+    fast, slow = sst_pin.SST(parameters), sst_pin.SST(parameters, kernels=False)
+    q, va, _ = fast.joint_motion(*random_states(fast, rng, 3))
+    tau, moment = rng.normal(size=(3, 10, 3)), rng.normal(size=3)
+    options = {"platform_moment": moment, "sign_width": 0.5}
+    a, b = (r.rollout(tau, q, va, 1e-4, **options) for r in (fast, slow))
+    assert a.q.shape == (3, 11, 9)
+    assert np.abs(a.q - b.q).max() < 1e-11
+    assert np.abs(a.va - b.va).max() < 1e-8
+    assert np.abs(a.q[:, -1] - q).max() > 1e-4  # it did move
+
+
+def test_rollouts_end_where_simulate_ends(odd):
+    """Friction smoothed alike, torques constant: an adaptive method of eighth order as referee."""
+    rng = np.random.default_rng(1)
+    q, va, _ = odd.joint_motion(*random_states(odd, rng, 1))
+    tau = rng.normal(size=3)
+    t = np.linspace(0, 0.02, 3)
+    wanted = odd.simulate(tau, q[0], va[0], t, sign_width=0.5)
+    motion = odd.rollout(np.tile(tau, (400, 1)), q[0], va[0], 0.02 / 400, sign_width=0.5)
+    # Fourth order at steps of 5e-5 s, next to tanh(rate / 0.5 rad/s).
+    assert np.abs(motion.q[[0, 200, 400]] - wanted.q).max() < 1e-9
+
+
+def test_leading_axes_broadcast_and_threads_change_nothing(robot):
+    """Torques for each start, starts for each torque; 70 samples fill two blocks and a bit."""
+    rng = np.random.default_rng(2)
+    q, va, _ = robot.joint_motion(*random_states(robot, rng, 70))
+    tau = rng.normal(size=(2, 1, 5, 3))
+    motion = robot.rollout(tau, q, va, 1e-4)
+    assert motion.q.shape == (2, 70, 6, 9)
+    assert motion.va.shape == (2, 70, 6, 3)
+    shared = robot.rollout(tau, q, va, 1e-4, threads=3)
+    assert all(np.array_equal(a, b) for a, b in zip(motion, shared, strict=True))
+    alone = robot.rollout(tau[1, 0], q[69], va[69], 1e-4)
+    assert np.array_equal(alone.q, motion.q[1, 69])
+    there = robot.rollout(tau[0, 0], q[0], va[0], 1e-4)
+    back = robot.rollout(tau[0, 0, ::-1], there.q[-1], there.va[-1], -1e-4)
+    assert np.abs(back.q[-1] - q[0]).max() < 1e-12  # fourth order there and back
+
+
+@pytest.mark.parametrize("fast", [True, False])
+def test_motions_that_stop_are_named_or_end_in_nan(fast):
+    """Through a singularity, from a bad start, with too long a step: no number in silence."""
+    robot = sst_pin.SST(kernels=fast)
+    q, va = np.tile(robot.home, (3, 1)), np.zeros((3, 3))
+    va[1] = (5, -5, 5)  # this one falls into a singularity
+    tau = np.zeros((60, 3))
+    with pytest.raises(sst_pin.SimulationError, match=r"1 of 3 samples \(index 1\)") as caught:
+        robot.rollout(tau, q, va, 5e-3)
+    assert 0 < caught.value.time < 0.3
+    motion = robot.rollout(tau, q, va, 5e-3, on_error="nan")
+    stopped = np.isnan(motion.q).any(axis=-1)
+    first = int(stopped[1].argmax())
+    assert caught.value.time == pytest.approx(first * 5e-3)
+    assert stopped[1, first:].all()
+    assert not stopped[[0, 2]].any()
+    distance = robot.singularities(motion.q[1, :first])
+    assert distance.condition_number[-1] > 3 * distance.condition_number[0]
+    q[2, 4] += 1e-3
+    with pytest.raises(sst_pin.ClosureError, match=r"index 2"):
+        robot.rollout(tau[:2], q, np.zeros(3), 1e-3)
+    with pytest.raises(sst_pin.InputError, match="tau: entry"):
+        robot.rollout(tau[:2] * np.nan, robot.home, np.zeros(3), 1e-3)
+
+
+def test_arguments_of_a_rollout_are_checked(robot):
+    """Each with its own words."""
+    tau, q, va = np.zeros((4, 3)), robot.home, np.zeros(3)
+    for arguments, options, word in (
+        ((tau[0], q, va, 1e-3), {}, r"tau: shape \(3,\), expected \(..., N, 3\)"),
+        ((tau, q, va, 1e-3), {"steps": 3}, "tau: 4 torques for 3 steps"),
+        ((tau, q[:8], va, 1e-3), {}, "q0: shape"),
+        ((tau, q, va, np.nan), {}, "dt: entry"),
+        ((tau, q, va, 1e-3), {"threads": 0}, "threads: 0"),
+        ((tau, q, va, 1e-3), {"on_error": "x"}, "on_error"),
+        ((np.zeros((2, 4, 3)), np.tile(q, (3, 1)), va, 1e-3), {}, "do not broadcast"),
+    ):
+        with pytest.raises(sst_pin.InputError, match=word):
+            robot.rollout(*arguments, **options)
+    assert robot.rollout(np.zeros((0, 3)), q, va, 1e-3).q.shape == (1, 9)

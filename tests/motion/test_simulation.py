@@ -1,0 +1,221 @@
+# SPDX-License-Identifier: BSD-2-Clause
+import warnings
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import sst_pin
+from sst_pin.sst import paper
+from sst_pin.verification.sampling import random_parameters, random_state
+
+HANGING = sst_pin.Parameters(gravity=9.81 * np.ones(3) / np.sqrt(3))
+
+
+def tilted_home(robot, rotvec):
+    R = Rotation.from_rotvec(rotvec).as_matrix() @ robot.platform_orientation(robot.home)
+    return robot.inverse_kinematics(R)
+
+
+def worst_residual(robot, motion):
+    return max(np.abs(robot.residual(q)).max() for q in motion.q)
+
+
+@pytest.fixture(scope="module")
+def circle(robot):
+    return paper.example_1(robot, np.linspace(0, paper.PERIOD, 301))
+
+
+def test_example_2_returns_to_the_circle(robot, circle):
+    """From the exact start within 1e-9, from the printed one within 5e-5 (measured 2e-12, 2e-5)."""
+    exact = paper.compare(robot, circle, paper.example_2(robot, circle))
+    assert exact.path_error < 1e-9
+    assert exact.closure < 1e-11
+    assert exact.energy < 1e-8  # integral of the power by a spline through 301 samples
+    rounded = paper.compare(robot, circle, paper.example_2(robot, circle, rounded=True))
+    assert 1e-6 < rounded.path_error < 5e-5
+
+
+def test_example_2_from_torques_computed_on_the_way(robot, circle):
+    """A callable instead of samples: no interpolation between them."""
+
+    def torque(t, q, va):
+        return robot.compute_torques(*robot.joint_motion(*sst_pin.paper_circle(t)))
+
+    motion = robot.simulate(torque, circle.q[0], circle.va[0], circle.t[::30])
+    assert np.abs(motion.q - circle.q[::30]).max() < 1e-10
+    assert np.abs(motion.aa - circle.aa[::30]).max() < 1e-8
+
+
+def test_samples_of_torque_may_stand_at_the_times_of_the_simulation(robot, circle):
+    """An array of shape (N, 3) is the torques of a motion at t."""
+    motion = robot.simulate(circle.tau, circle.q[0], circle.va[0], circle.t)
+    assert motion == paper.example_2(robot, circle)
+
+
+@pytest.mark.parametrize("rotvec", [(0.1, 0, 0), (0.1, -0.2, 0.2)])
+def test_a_hundred_seconds_of_swinging_keep_energy_and_closures(rotvec):
+    """Home tilted by 0.1 and 0.3 rad about the hanging pose and let go, without friction."""
+    robot = sst_pin.SST(HANGING)
+    t = np.linspace(0, 100, 401)
+    motion = robot.simulate(np.zeros(3), tilted_home(robot, rotvec), np.zeros(3), t)
+    energy = robot.kinetic_energy(motion.q, motion.va) + robot.potential_energy(motion.q)
+    assert np.abs(energy - energy[0]).max() < 1e-9
+    assert worst_residual(robot, motion) < 1e-11
+    assert np.abs(motion.va).max() > 0.1  # it does swing
+
+
+def test_closures_hold_whatever_the_tolerance_of_the_integrator():
+    """A coarse integration drifts along the closures, never off them."""
+    robot = sst_pin.SST(HANGING)
+    start, t = tilted_home(robot, (0.2, 0.1, 0)), np.linspace(0, 20, 41)
+    coarse = robot.simulate(np.zeros(3), start, np.zeros(3), t, rtol=1e-4, atol=1e-4)
+    assert worst_residual(robot, coarse) < 1e-11
+
+
+def test_projection_leaves_the_dynamics_alone():
+    """The same motion integrated in R and omega of the star, by another formulation in time."""
+    robot = sst_pin.SST(HANGING)
+    q0 = tilted_home(robot, (0.2, 0.1, 0))
+    t = np.linspace(0, 2, 5)
+    fine = robot.simulate(np.zeros(3), q0, np.zeros(3), t)
+    other = robot.simulate(np.zeros(3), q0, np.zeros(3), t, method="Radau", rtol=1e-9, atol=1e-9)
+    assert np.abs(fine.q - other.q).max() < 1e-6
+
+
+def test_time_runs_backwards_without_friction():
+    """Reversed rates lead back to the start."""
+    robot = sst_pin.SST(random_parameters(np.random.default_rng(7), friction=False))
+    q, va, _ = robot.joint_motion(*random_state(robot, np.random.default_rng(8)))
+    t = np.linspace(0, 0.05, 11)
+    there = robot.simulate(np.zeros(3), q, va, t)
+    back = robot.simulate(np.zeros(3), there.q[-1], -there.va[-1], t)
+    assert np.abs(back.q[-1] - q).max() < 1e-9
+    assert np.abs(back.va[-1] + va).max() < 1e-8
+
+
+def test_viscous_friction_accounts_for_the_lost_energy():
+    """Energy falls by just the work of friction."""
+    p = sst_pin.Parameters(gravity=HANGING.gravity, viscous_friction=0.05)
+    robot = sst_pin.SST(p)
+    t = np.linspace(0, 3, 601)
+    motion = robot.simulate(np.zeros(3), tilted_home(robot, (0.2, 0, 0)), np.zeros(3), t)
+    energy = robot.kinetic_energy(motion.q, motion.va) + robot.potential_energy(motion.q)
+    assert energy[-1] < energy[0] - 0.01
+    assert np.abs(sst_pin.energy_error(robot, motion)).max() < 1e-7  # spline through samples
+
+
+def test_coulomb_friction_brings_the_robot_to_rest():
+    """It ends creeping below the width of the smoothed sign, not chattering."""
+    p = sst_pin.Parameters(gravity=HANGING.gravity, coulomb_friction=0.02)
+    robot = sst_pin.SST(p)
+    q0 = tilted_home(robot, (0.1, 0, 0))
+    motion = robot.simulate(
+        np.zeros(3), q0, np.zeros(3), np.linspace(0, 4, 41), rtol=1e-7, atol=1e-7
+    )
+    assert np.abs(motion.va).max() > 0.2
+    assert np.abs(motion.va[-1]).max() < 1e-3
+
+
+def test_a_load_on_the_star_drives_it(robot):
+    """A callable wrench and a constant one are one and the same when they are equal."""
+    w = np.zeros((9, 6))
+    w[2, :3] = (0.5, -0.2, 0.1)
+    t = np.linspace(0, 0.1, 3)
+    hold = robot.compute_torques(robot.home, np.zeros(3), np.zeros(3), external_wrenches=w)
+    still = robot.simulate(hold, robot.home, np.zeros(3), t, external_wrenches=w)
+    assert np.abs(still.q - robot.home).max() < 1e-12
+    moved = robot.simulate(hold, robot.home, np.zeros(3), t, platform_moment=w[2, :3])
+    assert np.abs(moved.q - robot.home).max() < 1e-12  # the same load by its other name
+    both = robot.simulate(
+        hold,
+        robot.home,
+        np.zeros(3),
+        t,
+        platform_moment=lambda t, q, va: 3 * w[2, :3],
+        external_wrenches=-2 * w,
+    )
+    assert np.abs(both.q - robot.home).max() < 1e-12
+    called = robot.simulate(
+        lambda t, q, va: hold, robot.home, np.zeros(3), t, external_wrenches=lambda t, q, va: 2 * w
+    )
+    assert np.abs(called.q[-1] - robot.home).max() > 1e-3
+
+
+def test_a_fall_stops_before_the_singularity_and_says_so(robot):
+    """Without torques under gravity: samples up to the stop, finite, energy kept, a warning."""
+    t = np.linspace(0, 5, 501)
+    q0 = tilted_home(robot, (0.3, 0.1, -0.2))
+    with pytest.warns(sst_pin.SingularityWarning, match="before a singularity"):
+        motion = robot.simulate(np.zeros(3), q0, np.zeros(3), t)
+    assert 10 < len(motion) < 501
+    assert "condition number 10000" in motion.stopped
+    assert np.array_equal(motion.t, t[: len(motion)])
+    energy = robot.kinetic_energy(motion.q, motion.va) + robot.potential_energy(motion.q)
+    assert np.abs(energy - energy[0]).max() < 1e-6
+    assert worst_residual(robot, motion) < 1e-11
+
+
+@pytest.mark.parametrize("kernels", [True, False])
+def test_no_step_leads_across_a_singularity(kernels):
+    """The symmetric fall from home comes through one so fast that long steps never see it near."""
+    robot = sst_pin.SST(kernels=kernels)
+    stops = []
+    for tolerance in (1e-13, 1e-9, 1e-3):
+        with pytest.warns(sst_pin.SingularityWarning):
+            motion = robot.simulate(
+                np.zeros(3), robot.home, np.zeros(3), [0, 0.6], rtol=tolerance, atol=tolerance
+            )
+        assert len(motion) == 1
+        stops.append(float(motion.stopped.split("t = ")[1].split(" s")[0]))
+    assert stops[1] == pytest.approx(stops[0], rel=1e-8)
+    assert stops[2] == pytest.approx(stops[0], rel=1e-3)
+
+
+def test_a_start_in_a_singularity_is_refused(robot):
+    """There is nothing to integrate."""
+    with pytest.raises(sst_pin.InputError, match="nearer to a singularity"):
+        robot.simulate(np.zeros(3), robot.home, np.zeros(3), [0, 1], max_condition_number=2)
+
+
+def test_arguments_are_checked_before_the_integration(robot, circle):
+    """Each with its own words."""
+    q, va = circle.q[0], circle.va[0]
+    for torque, t, word in (
+        (np.zeros(2), [0, 1], r"torque: shape \(2,\)"),
+        (np.zeros((4, 3)), [0, 1], r"torque: shape \(4, 3\), expected \(2, 3\)"),
+        (np.zeros(3), [0], "N >= 2"),
+        (np.zeros(3), [0, 1, 1], r"not increasing: t\[2\] = 1 after 1"),
+        (np.zeros(3), [0, np.nan], "t: entry"),
+        (circle, [0, 1], "sampled from 0 to 0.523599 s, wanted from 0 to 1 s"),
+        (lambda t, q, va: np.zeros(4), [0, 1], r"torque\(t, q, va\): shape \(4,\)"),
+        (lambda t, q, va: (0, np.nan, 0), [0, 1], "torque.* is nan"),
+    ):
+        with pytest.raises(sst_pin.InputError, match=word):
+            robot.simulate(torque, q, va, t)
+    with pytest.raises(sst_pin.ClosureError):
+        robot.simulate(np.zeros(3), q + 0.1, va, [0, 1])
+
+
+def test_an_integrator_that_gives_up_says_when():
+    """A runaway, va' ~ va^3, ends in SimulationError, not in a truncated motion."""
+    weightless = sst_pin.SST(sst_pin.Parameters(gravity=(0, 0, 0)))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # overflow in trial steps, its own
+        with pytest.raises(sst_pin.SimulationError) as caught:
+            weightless.simulate(
+                lambda t, q, va: 50 * va**3 * (1, 0, 0),
+                weightless.home,
+                np.array((5.0, 0, 0)),
+                [0, 1],
+                max_condition_number=1e300,
+            )
+    assert 0 < caught.value.time < 0.1
+
+
+def test_progress_reports_the_time_reached(robot, circle):
+    """From the first to the last time."""
+    seen = []
+    robot.simulate(circle, circle.q[0], circle.va[0], circle.t, progress=seen.append)
+    assert seen[0] == 0
+    assert max(seen) == circle.t[-1]

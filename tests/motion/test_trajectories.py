@@ -1,0 +1,203 @@
+# SPDX-License-Identifier: BSD-2-Clause
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+import sst_pin
+from sst_pin.files import read_table, write_files
+from sst_pin.sst import paper
+
+NAMES = ("gamma_1", "mu_1", "slide")
+NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
+
+
+@pytest.fixture
+def motion(robot):
+    return paper.example_1(robot, np.linspace(0, 0.1, 7))
+
+
+@pytest.mark.parametrize("ending", ["csv", "npz"])
+def test_a_motion_comes_back_to_the_last_bit(motion, tmp_path, ending):
+    """Through either format."""
+    path = tmp_path / f"motion.{ending}"
+    motion.save(path)
+    assert sst_pin.Trajectory.load(path) == motion
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    q=arrays(float, (3, 3), elements=NUMBERS),
+    v=arrays(float, (3, 2), elements=NUMBERS),
+    start=st.floats(-1e6, 1e6),
+)
+def test_any_finite_numbers_survive_the_files(tmp_path_factory, q, v, start):
+    """Tiny, huge, negative zeros; a prismatic joint among revolute ones."""
+    folder = tmp_path_factory.mktemp("motions")
+    t = start + np.array((0.0, 1.0, 2.5))
+    units = ("rad", "rad", "m")
+    motion = sst_pin.Trajectory(t, q, v, 2 * (v / 4), v, NAMES, ("slide", "mu_1"), units)
+    for name in ("motion.csv", "motion.npz"):
+        motion.save(folder / name)
+        copy = sst_pin.Trajectory.load(folder / name)
+        assert copy == motion
+        assert np.signbit(copy.q).tolist() == np.signbit(motion.q).tolist()
+
+
+def test_headers_carry_names_and_units(motion, tmp_path):
+    """`t_s`, angles, rates, accelerations, torques."""
+    motion.save(tmp_path / "m.csv")
+    header = (tmp_path / "m.csv").read_text().splitlines()[0].split(",")
+    assert header[:4] == ["t_s", "gamma_1_rad", "mu_1_rad", "beta_1_rad"]
+    assert header[10:16] == [f"gamma_{k}_rad_{u}" for u in ("s", "s2") for k in (1, 2, 3)]
+    assert header[16:] == ["tau_1_Nm", "tau_2_Nm", "tau_3_Nm"]
+
+
+def test_forces_of_prismatic_motors_are_in_newtons(tmp_path):
+    """tau_1_N beside tau_2_Nm."""
+    zeros = np.zeros((2, 2))
+    units = ("rad", "rad", "m")
+    motion = sst_pin.Trajectory(
+        [0, 1], np.zeros((2, 3)), zeros, zeros, zeros, NAMES, ("slide", "mu_1"), units
+    )
+    motion.save(tmp_path / "m.csv")
+    header = (tmp_path / "m.csv").read_text().splitlines()[0].split(",")
+    assert header[-2:] == ["tau_1_N", "tau_2_Nm"]
+    assert "slide_m_s" in header
+
+
+def test_a_motion_is_a_value(motion):
+    """Read-only copies, compared by content."""
+    with pytest.raises(ValueError, match="read-only"):
+        motion.tau[0] = 0
+    assert motion != "a motion"
+    with pytest.raises(sst_pin.InputError, match="q: shape"):
+        sst_pin.Trajectory([0, 1], [[0]], [[0]], [[0]], [[0]], ["a"], ["a"])
+
+
+def test_torque_of_a_motion_passes_through_its_samples(motion):
+    """And is smooth in between: a spline of degree five."""
+    torque = motion.torque()
+    assert np.abs([torque(t) for t in motion.t] - motion.tau).max() < 1e-12
+
+
+def test_why_a_motion_stopped_is_kept_in_npz(motion, tmp_path):
+    """A remark, not part of the comparison."""
+    stopped = sst_pin.Trajectory(
+        motion.t,
+        motion.q,
+        motion.va,
+        motion.aa,
+        motion.tau,
+        motion.joint_names,
+        motion.actuated,
+        stopped="before a singularity",
+    )
+    stopped.save(tmp_path / "m.npz")
+    assert sst_pin.Trajectory.load(tmp_path / "m.npz").stopped == "before a singularity"
+    assert stopped == motion
+
+
+def test_nothing_is_overwritten_without_force(motion, tmp_path):
+    """And with force the file is replaced whole."""
+    path = tmp_path / "m.csv"
+    path.write_text("precious")
+    with pytest.raises(sst_pin.OutputError, match="exists already"):
+        motion.save(path)
+    assert path.read_text() == "precious"
+    motion.save(path, force=True)
+    assert sst_pin.Trajectory.load(path) == motion
+
+
+def test_nothing_is_left_half_written(tmp_path):
+    """A writer that fails leaves the old file and no trace."""
+    path = tmp_path / "out.bin"
+    path.write_bytes(b"old")
+
+    def fail(file):
+        file.write(b"half")
+        raise OSError(28, "No space left on device")
+
+    with pytest.raises(sst_pin.OutputError, match="No space left on device"):
+        write_files({path: fail}, force=True)
+    assert path.read_bytes() == b"old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_all_targets_are_looked_at_before_the_first_is_written(tmp_path):
+    """One file in the way keeps the others from being written."""
+    (tmp_path / "b").write_text("in the way")
+    files = {tmp_path / name: lambda file: file.write(b"x") for name in "abc"}
+    with pytest.raises(sst_pin.OutputError):
+        write_files(files)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["b"]
+
+
+def test_places_that_cannot_be_written_are_told(motion, tmp_path):
+    """A folder in place of a file, a file in place of a folder, an ending nobody knows."""
+    (tmp_path / "d.csv").mkdir()
+    with pytest.raises(sst_pin.OutputError, match="is a folder"):
+        motion.save(tmp_path / "d.csv")
+    (tmp_path / "file").write_text("")
+    with pytest.raises(sst_pin.OutputError, match="cannot be written"):
+        motion.save(tmp_path / "file" / "m.csv")
+    with pytest.raises(sst_pin.OutputError, match=r"known: \.csv, \.npz"):
+        motion.save(tmp_path / "m.mat")
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "word"),
+    [
+        ("t_s,a\n0,1\n1,x\n", 3, "a: 'x' is not a number"),
+        ("t_s,a\n0,1\n1,nan\n", 3, "a: nan is not finite"),
+        ("t_s,a\n0,1\n\n2,1\n1,1\n", 5, "times must increase: t_s = 1 after 2"),
+        ("t_s,a\n0,1\n1\n", 3, "1 cells, the header has 2"),
+        ("t_s,a,a\n0,1,1\n", 1, "column a stands twice"),
+        ("when,a\n0,1\n", 1, "missing column t_s; found: when, a"),
+        ("t,time,a\n0,1,1\n", 1, "column t_s stands twice"),
+        ("t_s,a\n", None, "no rows"),
+        ("", 1, "missing column t_s; found: none"),
+        ('t_s,a\n0,"1\n1,2\n', 3, "is not a number"),  # a quotation mark without its twin
+    ],
+)
+def test_a_table_says_where_it_is_wrong(tmp_path, text, line, word):
+    """By line, counted as an editor counts them."""
+    path = tmp_path / "table.csv"
+    path.write_text(text)
+    with pytest.raises(sst_pin.FileFormatError, match=word) as caught:
+        read_table(path)
+    if line is not None:
+        assert caught.value.line == line
+        assert f"line {line}" in str(caught.value)
+
+
+def test_tables_of_spreadsheets_are_read(tmp_path):
+    """Byte order mark, Windows line ends, blanks after commas, empty lines at the end."""
+    path = tmp_path / "table.csv"
+    path.write_bytes("\ufefft_s, a\r\n0, 1\r\n1, 2.5e-3\r\n\r\n".encode())
+    table = read_table(path)
+    assert table.columns == ("t_s", "a")
+    assert table.column("a").tolist() == [1, 2.5e-3]
+    with pytest.raises(sst_pin.FileFormatError, match="missing columns b, c; found: t_s, a"):
+        table.select(["b", "a", "c"])
+
+
+def test_files_that_are_no_motions_are_told(tmp_path):
+    """Missing, of another format, without the columns of a motion."""
+    with pytest.raises(sst_pin.FileFormatError, match="cannot be read: No such file"):
+        sst_pin.Trajectory.load(tmp_path / "m.csv")
+    with pytest.raises(sst_pin.FileFormatError, match="not a motion"):
+        sst_pin.Trajectory.load(tmp_path / "m.npz")
+    (tmp_path / "x.npz").write_bytes(b"PK nothing")
+    with pytest.raises(sst_pin.FileFormatError, match="not a motion"):
+        sst_pin.Trajectory.load(tmp_path / "x.npz")
+    np.savez(tmp_path / "y.npz", t=np.zeros(1))
+    with pytest.raises(sst_pin.FileFormatError, match="not a motion"):
+        sst_pin.Trajectory.load(tmp_path / "y.npz")
+    (tmp_path / "m.csv").write_text("t_s,x\n0,1\n")
+    with pytest.raises(sst_pin.FileFormatError, match="not a motion"):
+        sst_pin.Trajectory.load(tmp_path / "m.csv")
+    (tmp_path / "n.csv").write_text("t_s,gamma_1_rad,gamma_1_rad_s\n0,1,2\n")
+    with pytest.raises(sst_pin.FileFormatError, match="missing columns gamma_1_rad_s2, tau_1_Nm"):
+        sst_pin.Trajectory.load(tmp_path / "n.csv")

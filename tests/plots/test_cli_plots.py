@@ -1,0 +1,161 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""`sst-pin plot` and `sst-pin workspace`, as one types them."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import sst_pin
+from commands import run
+from sst_pin.cli import plot, workspace
+from sst_pin.description import urdf_of
+from sst_pin.sst.workspace import workspace_over_rolls
+from sst_pin.verification.sampling import random_parameters
+
+plots = pytest.importorskip("sst_pin.plots", reason="extra `plot` is not installed")
+image = pytest.importorskip("matplotlib.image", reason="extra `plot` is not installed")
+
+SAMPLE = Path(__file__).resolve().parents[2] / "examples" / "figure_eight.csv"
+
+
+def require_picture(path):
+    """Ink of several colours, nothing cut off at the border."""
+    pixels = image.imread(path)[..., :3]
+    assert min(pixels.shape[:2]) > 600
+    assert len(np.unique((pixels[::8, ::8].reshape(-1, 3) * 7).round(), axis=0)) > 10
+    border = np.concatenate([pixels[0], pixels[-1], pixels[:, 0], pixels[:, -1]])
+    assert (border > 0.99).all()
+
+
+def test_a_page_of_a_motion(here, capsys):
+    """Without --what: all that one wants to see first."""
+    code, out, _ = run(capsys, "plot", SAMPLE, "-o", "page.png")
+    assert code == 0
+    assert "path, torques, joints, rates, energy, condition of 201 samples" in out
+    require_picture(here / "page.png")
+
+
+def test_what_torques_wrote_and_the_motion_itself_give_the_same_figure(here, capsys):
+    """CSV and NPZ of `torques` are drawn as they stand; of the motion the torques are computed."""
+    run(capsys, "torques", SAMPLE, "-o", "torques.csv")
+    run(capsys, "torques", SAMPLE, "-o", "torques.npz")
+    for number, source in enumerate((SAMPLE, "torques.csv", "torques.npz")):
+        code, out, _ = run(capsys, "plot", source, "-o", f"{number}.svg", "--what", "torques,rates")
+        assert code == 0
+        assert out == f"torques, rates of 201 samples -> {number}.svg\n"
+    first, *others = ((here / f"{number}.svg").read_bytes() for number in range(3))
+    assert all(other == first for other in others)
+    assert b"motor torque (N m)" in first
+    assert b"joint angle" not in first
+
+
+def test_torques_of_the_file_are_drawn_and_not_new_ones(here, capsys, monkeypatch):
+    """A motion under other torques than the robot's own keeps them."""
+    run(capsys, "torques", SAMPLE, "-o", "torques.npz")
+    motion = sst_pin.Trajectory.load("torques.npz")
+    halved = sst_pin.Trajectory(
+        motion.t,
+        motion.q,
+        motion.va,
+        motion.aa,
+        motion.tau / 2,
+        motion.joint_names,
+        motion.actuated,
+    )
+    halved.save("halved.csv")
+    from sst_pin import plots
+
+    drawn = []
+    monkeypatch.setattr(
+        plots, "motion_page", lambda robot, motion, what: drawn.append(motion) or here
+    )
+    monkeypatch.setattr(plots, "figure_writer", lambda figure, path: lambda file: None)
+    assert run(capsys, "plot", "halved.csv", "-o", "a.svg")[0] == 0
+    assert drawn == [halved]
+
+
+def test_subjects_of_the_command_are_those_of_the_plots():
+    """Named twice, so that --help needs no matplotlib."""
+    assert plot.SUBJECTS == plots.SUBJECTS
+
+
+def test_workspace_as_picture_and_numbers(here, capsys):
+    """A turn of the star on the command line, in degrees, is that of the map."""
+    code, out, _ = run(capsys, "workspace", "-o", "map.png", "--psi", "-20", "--data", "map.npz")
+    assert code == 0
+    require_picture(here / "map.png")
+    first, second, last = out.splitlines()
+    assert first.startswith("at psi = -20 deg: ")
+    assert last == "-> map.npz, map.png"
+    # The base triangle is an eighth of the sphere; its middle is the isotropic pose.
+    assert second == (
+        "over all psi: 1.57 sr on the arcs, condition number 1 (theta 45.0, phi 54.7 deg) "
+        "to 1.73, up to 120 deg of roll"
+    )
+    with np.load("map.npz") as data:
+        assert np.degrees(data["psi"]) == pytest.approx(-20)
+        best = data["condition_number"][data["margin"] >= 0].min()
+    assert float(re.search(r"condition number ([\d.]+)", first)[1]) == pytest.approx(best, rel=5e-3)
+
+
+def test_a_robot_that_reaches_nothing_on_its_arcs_is_told(here, capsys, monkeypatch):
+    """This one cannot; the map, a coarse one for the test, shows the rest."""
+    monkeypatch.setattr(
+        workspace, "workspace_over_rolls", lambda robot: workspace_over_rolls(robot, 24, 21, 60)
+    )
+    odd = random_parameters(np.random.default_rng(3))
+    (here / "odd.urdf").write_text(urdf_of(odd))
+    code, out, _ = run(capsys, "workspace", "-o", "map.svg", "--urdf", "odd.urdf")
+    assert code == 0
+    assert out.count("no direction with all sliders on their arcs") == 2
+    assert b"circle of the paper" not in (here / "map.svg").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (("plot", SAMPLE), "required: -o/--output"),
+        (("plot", SAMPLE, "-o", "a.gif"), "ending '.gif' unknown; known: .png, .svg, .pdf"),
+        (("plot", SAMPLE, "-o", "there.png"), "use force (--force)"),
+        (("plot", "nowhere.csv", "-o", "a.png"), "cannot be read: No such file"),
+        (("plot", "nowhere.npz", "-o", "a.png"), "not a motion"),
+        (("plot", "text.csv", "-o", "a.png"), "columns of no motion"),
+        (("plot", "one.csv", "-o", "a.png"), "one sample; a curve needs two at least"),
+        (("plot", "other.npz", "-o", "a.png"), "a motion of another robot: crank"),
+        (
+            ("plot", SAMPLE, "-o", "a.png", "--what", "torques,dance"),
+            "'dance' unknown; known:",
+        ),
+        (("plot", SAMPLE, "-o", "a.png", "--what", ""), "'' unknown"),
+        (("workspace",), "required: -o/--output"),
+        (("workspace", "-o", "a.txt"), "known: .png, .svg, .pdf"),
+        (("workspace", "-o", "a.png", "--psi", "north"), "'north' is not an angle in degrees"),
+        (("workspace", "-o", "a.png", "--psi", "nan"), "'nan' is not an angle in degrees"),
+        (("workspace", "-o", "a.png", "--data", "a.xlsx"), "known: .csv, .npz"),
+        (("workspace", "-o", "a.png", "--urdf", "nowhere.urdf"), "the URDF cannot be read"),
+    ],
+)
+def test_bad_arguments_give_one_clear_line_and_exit_code_2(here, capsys, arguments, word):
+    """Whatever is wrong; no file is written."""
+    (here / "there.png").write_text("in the way")
+    (here / "text.csv").write_text("t_s,x\n0,1\n")
+    crank = sst_pin.Trajectory([0, 1], *[np.zeros((2, 1))] * 4, ["crank"], ["crank"])
+    crank.save("other.npz")
+    robot = sst_pin.SST()
+    one = sst_pin.Trajectory(
+        [0],
+        [robot.home],
+        *[np.zeros((1, 3))] * 3,
+        robot.joint_names,
+        ["gamma_1", "gamma_2", "gamma_3"],
+    )
+    one.save("one.csv")
+    before = {path.name: path.read_bytes() for path in here.iterdir()}
+    code, _, err = run(capsys, *arguments)
+    assert code == 2
+    assert err.count("\n") == 1
+    assert "error: " in err
+    assert word in err
+    assert {path.name: path.read_bytes() for path in here.iterdir()} == before

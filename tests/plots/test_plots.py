@@ -1,0 +1,315 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Figures: what they show is right, and nothing in them is in the way of anything else."""
+
+import io
+import itertools
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import sst_pin
+from sst_pin.motion.energy import energy_balance
+from sst_pin.sst import paper
+from sst_pin.sst.workspace import workspace_at, workspace_over_rolls
+from sst_pin.verification.sampling import random_state
+
+plots = pytest.importorskip("sst_pin.plots", reason="extra `plot` is not installed")
+motions = pytest.importorskip("sst_pin.plots.motions", reason="extra `plot` is not installed")
+figures = pytest.importorskip("matplotlib.figure", reason="extra `plot` is not installed")
+
+
+@pytest.fixture(scope="module")
+def sticky():
+    """The paper's robot with friction in all joints."""
+    return sst_pin.SST(sst_pin.Parameters(viscous_friction=0.2))
+
+
+@pytest.fixture(scope="module")
+def circle(sticky):
+    return paper.example_1(sticky, np.linspace(0, paper.PERIOD, 121))
+
+
+@pytest.fixture(scope="module")
+def maps(robot):
+    """The paper's robot at psi = 45 deg and over the whole turn, coarse."""
+    at_psi = workspace_at(robot, np.radians(45), rings=61, spokes=120)
+    return at_psi, workspace_over_rolls(robot, rolls=24, rings=21, spokes=60)
+
+
+def swing(robot, seed=3):
+    """A short motion of any robot: it falls."""
+    R, _, _ = random_state(robot, np.random.default_rng(seed))
+    q = robot.inverse_kinematics(R)
+    return robot.simulate(np.zeros(3), q, np.zeros(3), np.linspace(0, 0.05, 21), rtol=1e-8)
+
+
+def axes(projection=None):
+    return figures.Figure().add_subplot(projection=projection)
+
+
+def drawn_texts(figure, monkeypatch):
+    """Every text that reaches the paper, with its box in pixels."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.text import Text
+
+    found, draw = [], Text.draw
+
+    def record(self, renderer):
+        draw(self, renderer)
+        if self.get_visible() and self.get_text().strip():
+            found.append((self.get_text(), self.get_window_extent(renderer)))
+
+    with plots.style(), monkeypatch.context() as patch:
+        patch.setattr(Text, "draw", record)
+        FigureCanvasAgg(figure).draw()
+    return found
+
+
+def require_legible(figure, monkeypatch):
+    """No two texts overlap, none is cut off."""
+    texts = drawn_texts(figure, monkeypatch)
+    assert len(texts) > 5
+    for (a, box), (b, other) in itertools.combinations(texts, 2):
+        across = min(box.x1, other.x1) - max(box.x0, other.x0)
+        upwards = min(box.y1, other.y1) - max(box.y0, other.y0)
+        # Boxes of mathematics are a pixel wider than their ink.
+        assert min(across, upwards) < 1.5, (a, b)
+    width, height = figure.bbox.size
+    for text, box in texts:
+        assert box.x0 > -1, text
+        assert box.x1 < width + 1, text
+        assert box.y0 > -1, text
+        assert box.y1 < height + 1, text
+
+
+CURVES = {
+    "motor_torques": ("motor torque (N m)", 3),
+    "joint_angles": ("joint angle (deg)", 9),
+    "joint_rates": ("joint rate (rad/s)", 9),
+    "powers": ("power (W)", 5),
+    "energy_balance": ("energy since start (J)", 5),
+    "condition_number": ("condition number (1)", 2),
+}
+
+
+@pytest.mark.parametrize("name", CURVES)
+def test_curves_are_drawn_where_asked_with_units_and_legend(sticky, circle, name):
+    """The axes that went in come out; every curve has an entry of its own."""
+    ax, draw = axes(), getattr(plots, name)
+    robot = () if name in ("motor_torques", "joint_angles") else (sticky,)
+    assert draw(ax, *robot, circle) is ax
+    label, count = CURVES[name]
+    assert ax.get_ylabel() == label
+    assert ax.get_xlabel() == "time (s)"
+    entries = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert len(entries) == len(set(entries)) == count
+    looks = {
+        (line.get_color(), str(line.get_linestyle()), line._unscaled_dash_pattern)
+        for line in ax.get_lines()
+        if not line.get_label().startswith("_")
+    }
+    assert len(looks) == count
+
+
+def curve(ax, label):
+    (line,) = [line for line in ax.get_lines() if line.get_label() == label]
+    return np.asarray(line.get_ydata())
+
+
+def test_curves_are_what_the_robot_computes(sticky, circle):
+    """Angles in degrees, rates of all joints, powers of the motors and of friction."""
+    rates = sticky.joint_rates(circle.q, circle.va)
+    ax = plots.joint_rates(axes(), sticky, circle)
+    assert np.array_equal(curve(ax, r"$\dot\mu_2$"), rates[:, 4])
+    assert np.array_equal(curve(ax, r"$\dot\gamma_3$"), rates[:, 6])
+    assert np.abs(rates[:, ::3] - circle.va).max() < 1e-12
+    assert np.array_equal(
+        curve(plots.joint_angles(axes(), circle), r"$\beta_3$"), np.degrees(circle.q[:, 8])
+    )
+    ax = plots.powers(axes(), sticky, circle)
+    assert np.abs(curve(ax, "all motors") - (circle.tau * circle.va).sum(axis=1)).max() < 1e-12
+    assert np.abs(curve(ax, "friction") + 0.2 * (rates**2).sum(axis=1)).max() < 1e-12
+    found = sticky.singularities(circle.q)
+    ax = plots.condition_number(axes(), sticky, circle)
+    assert np.array_equal(curve(ax, r"$\mathrm{cond}\,A$"), found.condition_number)
+
+
+def test_energy_drawn_is_balanced(sticky, circle):
+    """What is gained is what motors and friction did; torques that are off leave a residual."""
+    ax = plots.energy_balance(axes(), sticky, circle)
+    gained = curve(ax, "kinetic") + curve(ax, "potential")
+    done = curve(ax, "work of motors") + curve(ax, "work of friction")
+    assert np.abs(gained).max() > 1
+    # Splines of degree five through 121 samples of a period.
+    assert np.abs(gained - done).max() < 1e-6
+    assert np.abs(sst_pin.energy_error(sticky, circle)).max() < 1e-6
+    balance = energy_balance(sticky, circle)
+    assert [energy[0] for energy in balance] == [0] * 4
+    assert (np.diff(balance.friction) < 0).all()
+    wrong = sst_pin.Trajectory(
+        circle.t,
+        circle.q,
+        circle.va,
+        circle.aa,
+        1.1 * circle.tau,
+        circle.joint_names,
+        circle.actuated,
+    )
+    assert np.abs(energy_balance(sticky, wrong).error).max() > 0.1
+
+
+def test_residual_in_the_legend_is_an_upper_bound(sticky, circle):
+    """The worst, one digit, rounded up."""
+    ax = plots.energy_balance(axes(), sticky, circle)
+    worst = np.abs(sst_pin.energy_error(sticky, circle)).max()
+    text = ax.get_legend().get_texts()[-1].get_text()
+    assert motions.upper_bound(worst) in text
+    assert motions.upper_bound(0) == "$0$"
+    for value in (3.2e-7, 9.1e-12, 1.0e-3, 1.01e-3, 2.9, 47.0):
+        digit, exponent = re.fullmatch(
+            r"\$(?:(\d)\\times )?10\^\{(-?\d+)\}\$", motions.upper_bound(value)
+        ).groups()
+        bound = float(digit or 1) * 10.0 ** int(exponent)
+        assert value * (1 - 1e-15) <= bound <= 2 * value
+
+
+def test_frictionless_robot_has_no_friction_in_its_legends(robot):
+    """What is zero for ever is not drawn."""
+    motion = paper.example_1(robot, np.linspace(0, paper.PERIOD, 31))
+    for draw in (plots.powers, plots.energy_balance):
+        labels = [text.get_text() for text in draw(axes(), robot, motion).get_legend().get_texts()]
+        assert not any("friction" in label for label in labels)
+
+
+def test_condition_number_near_a_singularity_is_logarithmic(robot):
+    """Up to 20 on a linear scale, beyond it by powers of ten."""
+    motion = paper.example_1(robot, np.linspace(0, paper.PERIOD, 31))
+    assert plots.condition_number(axes(), robot, motion).get_yscale() == "linear"
+    q = robot.inverse_kinematics(sst_pin.orientation(np.linspace(0.5, 1.5, 201), 1.4, 1.3))
+    worst = robot.singularities(q).condition_number.argmax()
+    assert robot.singularities(q[worst]).condition_number > 20
+    zero = np.zeros((2, 3))
+    near = sst_pin.Trajectory(
+        (0, 1), q[[0, worst]], zero, zero, zero, motion.joint_names, motion.actuated
+    )
+    assert plots.condition_number(axes(), robot, near).get_yscale() == "log"
+
+
+def test_spheres_look_like_spheres(robot, circle, maps):
+    """Equal scales along all axes, and the paths are on the sphere."""
+    ax = plots.paths_on_sphere(axes("3d"), robot, [("path", circle)])
+    spans = [np.ptp(limits) for limits in (ax.get_xlim(), ax.get_ylim(), ax.get_zlim())]
+    assert np.ptp(spans / np.asarray(ax._box_aspect)) < 1e-12
+    assert [ax.get_xlabel(), ax.get_ylabel(), ax.get_zlabel()] == [f"${c}_0$ (m)" for c in "xyz"]
+    path = next(line for line in ax.get_lines() if line.get_label() == "path")
+    assert np.abs(np.linalg.norm(path.get_data_3d(), axis=0) - 0.4).max() < 1e-12
+    for draw in (plots.workspace_map, plots.workspace_on_sphere):
+        ax = axes()
+        assert draw(ax, robot, maps[0]) is ax
+        assert ax.get_aspect() == 1
+
+
+def test_curves_of_the_second_kind_are_singular(robot):
+    """det A vanishes on them, and with it the hold of the motors: direct kinematics has no rank."""
+    psi = np.radians(75)
+
+    def along(rings):
+        workspace = workspace_at(robot, psi, rings=rings, spokes=2 * (rings - 1))
+        s = np.concatenate(plots.second_kind(robot, workspace))
+        theta, phi = np.arctan2(s[:, 1], s[:, 0]), np.arccos(s[:, 2])
+        q = robot.inverse_kinematics(sst_pin.orientation(theta, phi, psi))
+        found = robot.singularities(q)
+        # Curvature is large where a leg is nearly flat and at the pole, which has no psi.
+        calm = (found.first_kind > 0.3) & (np.abs(s[:, 2]) < 0.9)
+        return q[calm], found.second_kind[calm]
+
+    (_, coarse), (q, fine) = along(61), along(121)
+    assert len(coarse) > 100
+    # The curves are straight between samples: half their distance leaves a quarter of the error.
+    assert coarse.max() < 0.01
+    assert fine.max() < coarse.max() / 3
+    assert np.median(fine) < np.median(coarse) / 3
+    conditions = [robot.condition_number(sample) for sample in q[::20]]
+    assert min(conditions) > 100
+    assert robot.condition_number(robot.home) < 10
+
+
+def test_curves_of_the_second_kind_are_where_the_robot_says(robot):
+    """A parallel meets them where the star comes nearest to being lost."""
+    psi = np.radians(75)
+    phi = np.radians(80)
+    theta = np.radians(np.linspace(0, 90, 2001))
+    q = robot.inverse_kinematics(sst_pin.orientation(theta, phi, psi))
+    crossing = theta[robot.singularities(q).second_kind.argmin()]
+    curves = np.concatenate(plots.second_kind(robot, workspace_at(robot, psi)))
+    s = sst_pin.orientation(crossing, phi, psi)[:, 0]
+    # Within the steps of the path and of the map.
+    assert np.degrees(np.arccos((curves @ s).max())) < 0.5
+
+
+def test_pages_are_legible(sticky, circle, robot, maps, monkeypatch):
+    """No text on another, none cut off: a motion, the workspace."""
+    require_legible(plots.motion_page(sticky, circle, plots.SUBJECTS), monkeypatch)
+    s = sst_pin.paper_circle(np.linspace(0, paper.PERIOD, 61)).R[:, :, 0]
+    require_legible(plots.workspace_page(robot, *maps, ("circle", s)), monkeypatch)
+
+
+def test_pages_of_odd_robots_are_legible(odd, monkeypatch):
+    """Whatever the geometry; some have nothing on their arcs."""
+    require_legible(plots.motion_page(odd, swing(odd)), monkeypatch)
+    maps = (
+        workspace_at(odd, -1.0, rings=21, spokes=60),
+        workspace_over_rolls(odd, rolls=24, rings=21, spokes=60),
+    )
+    page = plots.workspace_page(odd, *maps)
+    require_legible(page, monkeypatch)
+    assert "\N{MINUS SIGN}57.2" in page.axes[0].get_title()
+
+
+def test_isotropic_pose_is_named_so_and_others_by_their_number(robot, maps):
+    """At psi = 0 the paper's robot has one, at 45 degrees not."""
+    isotropic = workspace_at(robot, 0.0, rings=11, spokes=24)
+    labels, others = (
+        [handle.get_label() for handle in plots.workspace_legend(w, "path")]
+        for w in (isotropic, maps[0])
+    )
+    assert "isotropic pose" in labels
+    assert f"best pose, condition number {maps[0].condition_number[maps[0].best]:.3g}" in others
+    assert {"path", "base triangle"} <= set(labels) & set(others)
+
+
+def test_no_window_is_opened():
+    """pyplot, which holds global state, is never imported."""
+    code = (
+        "import sys, numpy as np, sst_pin; from sst_pin import paper, plots\n"
+        "robot = sst_pin.SST()\n"
+        "motion = paper.example_1(robot, np.linspace(0, 0.1, 11))\n"
+        "plots.motion_page(robot, motion); assert 'matplotlib.pyplot' not in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@pytest.mark.parametrize("ending", ["png", "svg", "pdf"])
+def test_the_same_figure_is_the_same_file(ending, circle, tmp_path):
+    """No dates, no random names."""
+    contents = []
+    for _ in range(2):
+        figure = figures.Figure()
+        with plots.style():
+            plots.motor_torques(figure.add_subplot(), circle)
+        file = io.BytesIO()
+        plots.figure_writer(figure, f"figure.{ending}")(file)
+        contents.append(file.getvalue())
+    assert contents[0] == contents[1]
+    assert b"CreationDate" not in contents[0]  # both may be of the same second
+    assert b"<dc:date>" not in contents[0]
+    assert contents[0].lstrip()[:5] in (b"\x89PNG\r", b"<?xml", b"%PDF-")
+
+
+def test_unknown_ending_is_refused():
+    """With those that are known."""
+    with pytest.raises(sst_pin.OutputError, match=r"known: \.png, \.svg, \.pdf"):
+        plots.figure_writer(figures.Figure(), "figure.gif")

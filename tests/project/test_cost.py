@@ -1,0 +1,175 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The counts of operations are current, and count what computes the right numbers."""
+
+import importlib
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import sst_pin
+from sst_pin.verification.sampling import random_parameters, random_states
+
+pytest.importorskip("casadi", reason="operations are counted in CasADi's expressions")
+cost = importlib.import_module("count_operations")
+counted_methods = importlib.import_module("counted_methods")
+
+METHODS = [
+    pytest.param(problem, method, id=f"{problem}-{method.name}")
+    for problem, methods in cost.PROBLEMS.items()
+    for method in methods
+]
+
+
+def _tallies(formula, *arguments, constants=()):
+    """Additions, multiplications, divisions, roots, trig: executed, then generated."""
+    found = cost.count(formula, *arguments, constants=constants)
+    return tuple(
+        [tally[kind] for kind in cost.KINDS] for tally in (found.executed, found.generated)
+    )
+
+
+# --- the page ---
+
+
+def test_the_page_is_current(capsys):
+    assert cost.main(["--check"]) == 0, (
+        "run scripts/paper/count_operations.py and read docs/cost.md"
+    )
+    assert "current" in capsys.readouterr().out
+
+
+def test_the_page_has_the_papers_times():
+    times = cost.PAGE.read_text(encoding="utf-8").split(cost.TIMES)[1]
+    assert "2.7612 s / 1.7316 s | 1.595" in times
+
+
+def test_a_stale_count_is_found(tmp_path, monkeypatch, capsys):
+    page = cost.PAGE.read_text(encoding="utf-8")
+    number = str(cost.count_all().of["direct", cost.SHORT].generated.total())
+    stale = tmp_path / "cost.md"
+    stale.write_text(page.replace(f"| {number} |", f"| {int(number) + 1} |"), encoding="utf-8")
+    monkeypatch.setattr(cost, "PAGE", stale)
+    assert cost.main(["--check"]) == 1
+    assert "stale" in capsys.readouterr().out
+
+
+def test_times_may_differ(tmp_path, monkeypatch):
+    counts, _ = cost.PAGE.read_text(encoding="utf-8").split(cost.TIMES)
+    page = tmp_path / "cost.md"
+    page.write_text(counts + cost.TIMES + "another machine", encoding="utf-8")
+    monkeypatch.setattr(cost, "PAGE", page)
+    assert cost.main(["--check"]) == 0
+
+
+# --- the counted formulas ---
+
+
+@pytest.mark.parametrize(("problem", "method"), METHODS)
+def test_counted_formulas_compute_the_right_numbers(problem, method):
+    """An SST far from the paper's, by the counted formula and by the counted expression."""
+    rng = np.random.default_rng(5)
+    parameters = random_parameters(rng, friction=False)
+    sst, robot = sst_pin.SST(parameters), cost.Robot.of(parameters)
+    instants = cost.Instants.of(sst, *random_states(sst, rng, 20))
+    wanted = method.wanted(instants)
+    found = [method.formula(robot, *method.given(instants.at(i))) for i in range(20)]
+    assert_allclose(found, wanted, rtol=0, atol=1e-9 * np.abs(wanted).max())
+    function = cost.count_all().of[problem, method.name].function
+    found = function(cost.columns(method, robot, instants)).full().T
+    # Its pivots are those of another robot's instant.
+    assert_allclose(found, wanted, rtol=0, atol=1e-9 * np.abs(wanted).max())
+
+
+@pytest.mark.parametrize("t", [0.03, 0.2, 0.37])
+@pytest.mark.parametrize("name", [cost.SHORT, cost.MULTIPLIERS])
+def test_pivots_hardly_change_the_count(robot, name, t):
+    counted = cost.count_all()
+    method = next(method for method in cost.PROBLEMS["direct"] if method.name == name)
+    instant = cost.Instants.of(robot, *sst_pin.paper_circle(t))
+    here, there = cost.count_method(method, counted.robot, instant), counted.of["direct", name]
+    assert here.executed == there.executed
+    assert here.generated.total() == pytest.approx(there.generated.total(), rel=0.01)
+
+
+def test_a_formula_that_only_example_1_believes_is_not_counted(monkeypatch):
+    """A passive axis that turns the wrong way: in example 1 the torques do not see it."""
+    rnea = counted_methods.rnea
+
+    def wrong(robot, tree, q_dot, q_ddot, axes_dot, omega):
+        axes_dot = axes_dot.copy()
+        axes_dot[1::3] = -axes_dot[1::3]
+        return rnea(robot, tree, q_dot, q_ddot, axes_dot, omega)
+
+    monkeypatch.setattr(counted_methods, "rnea", wrong)
+    _, short, *_ = cost.PROBLEMS["inverse"]
+    monkeypatch.setattr(cost, "PROBLEMS", {"inverse": (short,)})
+    with pytest.raises(ArithmeticError, match="short form"):
+        cost.count_all.__wrapped__()
+
+
+# --- the counter, against counts known by hand ---
+
+
+def test_a_matrix_product():
+    A, B = np.random.default_rng(0).normal(size=(2, 3, 3))
+    assert _tallies(np.matmul, A, B) == ([18, 27, 0, 0, 0],) * 2
+    assert_allclose(cost.count(np.matmul, A, B).values, (A @ B).ravel())
+
+
+def test_structural_zeros_and_ones():
+    A = np.random.default_rng(0).normal(size=(3, 3))
+    executed, generated = _tallies(lambda unit, A: unit @ A, A, constants=[np.eye(3)])
+    assert executed == [18, 27, 0, 0, 0]
+    assert generated == [0, 0, 0, 0, 0]
+
+
+def test_shared_and_unused_subexpressions():
+    def formula(x):
+        _ = np.cos(x[0])
+        return x[0] * x[1] / (x[0] * x[1] + x[2])
+
+    executed, generated = _tallies(formula, np.array([0.3, 0.4, 0.5]))
+    assert executed == [1, 2, 1, 0, 1]
+    assert generated == [1, 1, 1, 0, 0]
+
+
+def test_every_operation():
+    def formula(x):
+        a, b = x[:1], x[1:]
+        sums, products = [a + b, a - b, 3.0 - b], [a * b, 2.0 * a, a / b, 1.0 / b, -a]
+        others = [np.sqrt(a), np.linalg.norm(x[None], axis=1), np.sin(a), np.cos(b)]
+        return np.concatenate([*sums, *products, *others, np.arctan2(a, b)])
+
+    x = np.array([0.3, 0.4])
+    found = cost.count(formula, x)
+    assert_allclose(found.values, formula(x), rtol=1e-15)
+    assert_allclose(found.function(x).full().ravel(), formula(x), rtol=1e-15)
+    assert _tallies(formula, x) == ([4, 4, 2, 2, 3],) * 2
+
+
+@pytest.mark.parametrize("solve", ["solve", "solve_transposed"])
+@pytest.mark.parametrize("n", [1, 2, 6])
+def test_elimination(n, solve):
+    """The textbook's counts: n (n - 1) (2 n - 1) / 6 products to factorise, n (n - 1) to solve."""
+    rng = np.random.default_rng(n)
+    A, b = rng.normal(size=(n, n)), rng.normal(size=n)
+    products = n * (n - 1) * (2 * n - 1) // 6 + n * (n - 1)
+    divisions = n * (n - 1) // 2 + n
+
+    def formula(A, b):
+        return getattr(counted_methods.LU(A), solve)(b)
+
+    assert _tallies(formula, A, b) == ([products, products, divisions, 0, 0],) * 2
+    wanted = np.linalg.solve(A if solve == "solve" else A.T, b)
+    assert_allclose(formula(A, b), wanted)
+    assert_allclose(cost.count(formula, A, b).values, wanted)
+
+
+def test_cholesky():
+    """The textbook's counts for n = 3: 4 products to factorise, 6 to solve; 3 roots."""
+    A, b = np.random.default_rng(0).normal(size=(3, 3)), np.array([1.0, -2.0, 3.0])
+    A = A @ A.T
+    executed, _ = _tallies(counted_methods.solve_cholesky, A, b)
+    assert executed == [10, 10, 9, 3, 0]
+    assert_allclose(counted_methods.solve_cholesky(A, b), np.linalg.solve(A, b))

@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The page about the paper is current, and its check sees it when it is not."""
+
+from importlib import import_module
+
+import numpy as np
+import pytest
+
+import sst_pin
+
+
+@pytest.fixture(scope="module")
+def script():
+    """scripts/paper/make_paper_docs.py as a module."""
+    pytest.importorskip("matplotlib", reason="matplotlib is not installed (extra 'plot')")
+    return import_module("make_paper_docs")
+
+
+@pytest.fixture(scope="module")
+def page(script):
+    return script.PAGE.read_text(encoding="utf-8")
+
+
+def test_page_about_the_paper_is_current(script, page):
+    """Names exist; tables are what would be written now, residuals to two orders of magnitude."""
+    assert list(script.problems(page)) == []
+
+
+def test_page_covers_every_equation(script):
+    """(1) to (96), none left out."""
+    covered = set()
+    for row in script.equations.EQUATIONS:
+        for part in row.numbers.replace("(", "").replace(")", "").split(", "):
+            ends = [end.rstrip("b") for end in part.split("-")]
+            if all(end.isdigit() for end in ends):
+                covered |= set(range(int(ends[0]), int(ends[-1]) + 1))
+    assert covered == set(range(1, 97))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "word"),
+    [
+        ("test_L_is_the_block_formula", "test_L_is_no_formula", "no test"),
+        ("`noc.body_jacobians`", "`noc.body_jacobian`", "no noc.body_jacobian"),
+        ("(alternatives.png)", "(other.png)", "no such file"),
+        ("| (7c) | [Phi_dot^a", "| (7d) | [Phi_dot^a", "is now"),
+        ("| default (gravity along -z) | 26.74", "| default (gravity along -z) | 26.75", "is now"),
+        ("<!-- table: referees -->", "<!-- table: judges -->", "only in"),
+    ],
+)
+def test_check_sees_what_is_not_current(script, page, monkeypatch, old, new, word):
+    """A wrong name, row or number."""
+    # What would be written now is what stands: only the change can be seen.
+    tables = {name: script.read_table(page, name) for name in script.TABLES}
+    monkeypatch.setattr(script, "TABLES", {n: (lambda n=n: tables[n], True) for n in tables})
+    assert not list(script.problems(page))
+    assert old in page
+    assert word in "\n".join(script.problems(page.replace(old, new)))
+
+
+def test_check_sees_a_residual_of_another_order(script, page, monkeypatch):
+    """Two orders of magnitude are rounding on another processor, more is news."""
+    table = script.read_table(page, "misprints")
+    monkeypatch.setattr(script, "TABLES", {"misprints": (lambda: table, True)})
+    only = page[page.index("<!-- table: misprints") : page.index("## What the paper leaves open")]
+    residual = table[1][-1]
+    assert not list(script.problems(only.replace(residual, "3e-14")))
+    assert "is now" in "\n".join(script.problems(only.replace(residual, "3e-12")))
+
+
+def test_comparison_figures_name_every_method_and_unit(script, robot):
+    """Lines and marks of two methods; the exact zeros of one leave the logarithmic axis empty."""
+    from matplotlib.figure import Figure
+
+    from sst_pin.plots import comparisons
+    from sst_pin.sst import paper
+
+    ours = paper.example_1(robot, np.linspace(0, paper.PERIOD, 31))
+    motion = comparisons.Method("other", ours.t, ours.tau, 1)
+    figure = Figure()
+    top, bottom, last = figure.subplots(3)
+    comparisons.torques_of_methods(top, ours, [motion])
+    sizes = [motion._replace(values=0 * ours.t), motion._replace(values=1 + ours.t, rough=True)]
+    comparisons.differences(bottom, sizes, "difference (N m)")
+    comparisons.legend_below(figure, bottom)
+    comparisons.torques_of_reading(last, ours, ours, "same")
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["other", "other"]
+    assert top.get_ylabel() == "motor torque (N m)"
+    assert bottom.get_ylabel() == "difference (N m)"
+    assert bottom.get_yscale() == "log"
+    assert "peaks 26." in last.texts[0].get_text()
+
+
+def test_reading_about_the_centre_is_the_printed_inertia(script):
+    """Same inertia about O, same mass times distance; as printed it would be no body."""
+    star = script.readings()["star: inertia about O"].star
+    x = star.center_of_mass
+    about_O = star.inertia + star.mass * (x @ x * np.eye(3) - np.outer(x, x))
+    # Six printed digits and sixteen of arithmetic.
+    assert np.abs(about_O - np.diag((0.224, 0.224, 0.150))).max() < 1e-15
+    assert star.mass * x[0] == pytest.approx(2.6 * 0.8 / np.pi, rel=1e-15)
+    shift = 2.6 * (0.8 / np.pi) ** 2
+    impossible = sst_pin.RigidBody(
+        2.6, (0.8 / np.pi, 0, 0), np.diag((0.224, 0.224 - shift, 0.150 - shift))
+    )
+    with pytest.raises(sst_pin.errors.ParametersError, match="not all positive"):
+        sst_pin.Parameters(star=impossible)
+
+
+def test_three_thin_arcs_have_the_inertia_that_the_page_tells():
+    """0.208 kg m^2 about s and 0.143 across it, about the mass centre; by the midpoint rule."""
+    angles = (np.arange(1000) + 0.5) / 1000 * np.pi / 2
+    points = [
+        0.4 * np.stack([np.cos(angles), np.sin(angles) * np.cos(k), np.sin(angles) * np.sin(k)])
+        for k in 2 * np.pi / 3 * np.arange(3)
+    ]
+    x = np.concatenate(points, axis=1)
+    x = x - x.mean(axis=1, keepdims=True)
+    second = 2.6 * x @ x.T / x.shape[1]
+    inertia = np.trace(second) * np.eye(3) - second
+    assert np.abs(inertia - np.diag((0.208, 0.143, 0.143))).max() < 5e-4  # its last digit

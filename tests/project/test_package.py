@@ -1,0 +1,190 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""What a stranger meets: the installed package, the README, the public names."""
+
+import json
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+import sysconfig
+import venv
+from pathlib import Path
+
+import pytest
+
+import sst_pin
+
+ROOT = Path(__file__).resolve().parents[2]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def blocks(language):
+    return re.findall(rf"^```{language}\n(.*?)^```$", README, re.MULTILINE | re.DOTALL)
+
+
+def test_wheel_brings_the_robot_into_an_empty_environment(tmp_path):
+    """Built, installed elsewhere, loaded from there: URDF, cuts and meshes are inside."""
+    build = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "-o", tmp_path, ROOT]
+    subprocess.run(build, check=True, capture_output=True)
+    (wheel,) = tmp_path.glob("*.whl")
+    venv.create(tmp_path / "env", with_pip=True)
+    python = tmp_path / "env" / "bin" / "python"
+    pip = [python, "-m", "pip", "install", "--no-index", "--no-deps", wheel]
+    subprocess.run(pip, check=True, capture_output=True)
+    # Its dependencies are lent by this environment, which must not lend the sources.
+    lent = [p for p in sys.path if "site-packages" in p and Path(p) != ROOT]
+    version = f"python{sysconfig.get_python_version()}"
+    (tmp_path / "env" / "lib" / version / "site-packages" / "lent.pth").write_text("\n".join(lent))
+    code = (
+        "import sst_pin; print(sst_pin.__file__); print(sst_pin.URDF_PATH); "
+        "import sst_pin.referees.lagrange; "
+        "robot = sst_pin.SST(); print(robot.compute_torques(robot.home, [0]*3, [0]*3))"
+    )
+    result = subprocess.run(
+        [python, "-I", "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    module, urdf, torques = result.stdout.splitlines()
+    assert Path(module).is_relative_to(tmp_path / "env")
+    assert Path(urdf).is_relative_to(tmp_path / "env")
+    inside, shipped = Path(urdf).parent, ROOT / "urdf"
+    assert [p.relative_to(inside) for p in sorted(inside.rglob("*"))] == [
+        p.relative_to(shipped) for p in sorted(shipped.rglob("*"))
+    ]
+    home = sst_pin.SST().home
+    assert torques == str(sst_pin.SST().compute_torques(home, [0] * 3, [0] * 3))
+    typed = Path(module).with_name("py.typed")
+    assert typed.is_file()
+
+
+def test_a_machine_without_a_compiler_gets_the_reference_path(tmp_path):
+    """Installation succeeds, torques come out, and the reason is told."""
+    build = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "-o", tmp_path / "dist"]
+    copy = tmp_path / "source"
+    skipped = shutil.ignore_patterns(".git*", "*.so", "build", "*.egg-info", ".*_cache")
+    shutil.copytree(ROOT, copy, ignore=skipped)
+    environment = os.environ | {"CC": "/nowhere/cc", "LDSHARED": "/nowhere/cc"}
+    subprocess.run([*build, copy], env=environment, check=True, capture_output=True)
+    (wheel,) = (tmp_path / "dist").glob("*.whl")
+    shutil.unpack_archive(wheel, tmp_path / "site", format="zip")
+    code = (
+        "import sst_pin; robot = sst_pin.SST(); print(sst_pin.__file__); print(robot.path); "
+        "print(robot.compute_torques(robot.home, [0]*3, [0]*3))"
+    )
+    environment.pop("SST_PIN_KERNELS", None)
+    result = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=tmp_path / "site",
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    module, path, torques = result.stdout.splitlines()
+    assert Path(module).is_relative_to(tmp_path)
+    assert path.startswith("the reference path: the extension is not there")
+    reference = sst_pin.SST(kernels=False)
+    assert torques == str(reference.compute_torques(reference.home, [0] * 3, [0] * 3))
+
+
+def test_the_table_of_the_readme_is_the_measured_one():
+    """docs/benchmark.json makes it, and docs/benchmark.md, to the last character."""
+    from benchmark_report import table, with_table
+
+    docs = ROOT / "docs"
+    results = json.loads((docs / "benchmark.json").read_text(encoding="utf-8"))
+    assert (docs / "benchmark.md").read_text(encoding="utf-8") == table(results)
+    assert table(results) in README
+    assert with_table(README, results) == README
+
+
+@pytest.mark.parametrize("number", range(len(blocks("python"))))
+def test_python_of_the_readme_runs_and_prints(number, tmp_path):
+    """Each block by itself, as a reader would paste it."""
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
+    result = subprocess.run(
+        [sys.executable, "-c", blocks("python")[number]],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert result.stdout
+    assert "nan" not in result.stdout
+
+
+def test_torques_printed_by_the_readme_are_the_reference():
+    """The first row is example 1 at t = 0."""
+    result = subprocess.run(
+        [sys.executable, "-c", blocks("python")[0]], capture_output=True, text=True, check=True
+    )
+    first = [float(x) for x in re.findall(r"-?\d+\.\d*", result.stdout.splitlines()[0])]
+    assert first == pytest.approx([0, 17.0141, -17.0141], abs=1e-4)
+
+
+def test_commands_of_the_readme_run(tmp_path):
+    """Every line of every shell block; those that build an environment are .ci/run's."""
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
+    lines = [line for block in blocks("bash") for line in block.strip().splitlines()]
+    setup = [line for line in lines if line.startswith("python3 -m venv")]
+    assert len(setup) == 2
+    for line in [*lines, setup[0].split("&&")[-1]]:
+        if line in setup:
+            continue
+        program, *arguments = shlex.split(line)
+        assert program == ".venv/bin/sst-pin"
+        command = [sys.executable, "-m", "sst_pin", *arguments]
+        subprocess.run(command, cwd=tmp_path, check=True, capture_output=True)
+    assert (tmp_path / "paper" / "figure_10_torques.png").is_file()
+
+
+def test_ci_runs_the_two_commands_of_the_readme():
+    """Word for word: it reads them from there."""
+    script = (ROOT / ".ci" / "run").read_text()
+    assert "grep '^python3 -m venv' README.md" in script
+    assert '"${commands[0]}"' in script
+    assert '"${commands[1]}"' in script
+
+
+def test_functions_named_in_the_readme_exist():
+    """The table of equations leads to code."""
+    table = README.split("## Equations and functions")[1].split("\n## ")[0]
+    for line in table.splitlines():
+        for module, names in re.findall(r"`([\w/]+\.py)`: ((?:`\.?[\w.]+`(?:, )?)+)", line):
+            source = (ROOT / "sst_pin" / module).read_text()
+            for name in re.findall(r"`\.?([\w.]+)`", names):
+                assert re.search(rf"(def|class) {name.split('.')[-1]}\b", source), (module, name)
+
+
+def test_public_names_resolve_and_are_sorted():
+    """Sorted as ruff sorts: constants, classes, functions."""
+    assert all(hasattr(sst_pin, name) for name in sst_pin.__all__)
+    assert len(set(sst_pin.__all__)) == len(sst_pin.__all__)
+    for name in sst_pin.__all__:
+        assert getattr(sst_pin, name).__doc__
+
+
+def test_the_core_imports_without_its_extras():
+    """matplotlib, meshcat and the engines stay out until they are asked for."""
+    code = (
+        "import sys\n"
+        "for name in 'matplotlib meshcat trimesh mujoco casadi exudyn yourdfpy'.split():\n"
+        "    sys.modules[name] = None\n"
+        "import sst_pin, sst_pin.cli\n"
+        "robot = sst_pin.SST()\n"
+        "sst_pin.cli.main(['info'])\n"
+        "sys.exit(sst_pin.cli.main(['paper']))\n"
+    )
+    result = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False
+    )
+    assert result.returncode == 2
+    assert "pip install 'sst-pin[plot]'" in result.stderr
+
+
+def test_every_file_of_code_names_its_licence():
+    """SPDX in the first line."""
+    for folder in ("sst_pin", "scripts", "tests"):
+        for path in (ROOT / folder).rglob("*.py"):
+            assert path.read_text().startswith("# SPDX-License-Identifier: BSD-2-Clause\n"), path

@@ -1,0 +1,350 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""What is read is what the file says, or the file is refused."""
+
+import sys
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import sst_pin
+from sst_pin.chain.closures import LoopKinematics
+from sst_pin.reading import parse_urdf
+from sst_pin.reading.mjcf import read_mjcf
+
+LINK = """
+<link name="{name}"><inertial><origin xyz="0.1 0 0"/><mass value="1"/>
+<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.02"/></inertial></link>"""
+JOINT = """
+<joint name="{name}" type="{kind}"><origin xyz="{x} 0 0" rpy="0.1 0.2 0.3"/>
+<parent link="{parent}"/><child link="{child}"/><axis xyz="0 1 0"/>
+<limit lower="-3" upper="3" effort="1" velocity="1"/></joint>"""
+
+
+def chain_urdf(*kinds: str) -> str:
+    """Links a, b, c, ... in series, joints j0, j1, ... between them."""
+    names = "abcdefg"[: len(kinds) + 1]
+    links = "".join(LINK.format(name=name) for name in names)
+    joints = "".join(
+        JOINT.format(name=f"j{i}", kind=kind, x=0.2, parent=names[i], child=names[i + 1])
+        for i, kind in enumerate(kinds)
+    )
+    return f'<robot name="test">{links}{joints}</robot>'
+
+
+def body(model, q, name):
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, q)
+    return data.oMf[model.getFrameId(name)]
+
+
+# --- URDF -----------------------------------------------------------------------------------
+
+
+def test_a_continuous_joint_counts_as_one_unbounded_angle():
+    """The same motion as of a revolute joint, over many turns."""
+    bounded = parse_urdf(chain_urdf("revolute", "revolute"), "test")
+    endless = parse_urdf(chain_urdf("continuous", "revolute"), "test")
+    assert (endless.nq, endless.nv) == (2, 2)
+    assert endless.upperPositionLimit[0] > 1e6
+    q = np.array([40.0, 0.5])
+    assert body(endless, q, "c").isApprox(body(bounded, q, "c"), 1e-12)
+
+
+@pytest.mark.parametrize(
+    ("kind", "turn"),
+    [
+        ("SPHERICAL", lambda q: _about("XYZ", q)),
+        ("UJOINT_ZX", lambda q: _about("ZX", q)),
+        ("UJOINT_YZ", lambda q: _about("YZ", q)),
+        ("FIXED", lambda q: np.eye(3)),
+    ],
+)
+def test_a_joint_of_the_laas_schema_turns_about_its_axes_in_turn(kind, turn):
+    """In the place of the joint of the URDF, with the same body after it."""
+    model = parse_urdf(chain_urdf("revolute", "revolute"), "test", {"j1": kind})
+    plain = parse_urdf(chain_urdf("revolute", "revolute"), "test")
+    axes = {"SPHERICAL": "XYZ", "FIXED": ""}.get(kind, kind[-2:])
+    assert list(model.names)[1:] == ["j0", *(f"j1_{axis}" for axis in axes)]
+    q = np.array([0.7, 0.3, -0.5, 0.9])[: model.nq]
+    at = body(plain, np.array([0.7, 0]), "c")
+    found = body(model, q, "c")
+    assert found.isApprox(at * pin.SE3(turn(q[1:]), np.zeros(3)), 1e-12)
+    assert pin.computeTotalMass(model) == pin.computeTotalMass(plain)
+
+
+def _about(axes, q):
+    turns = [
+        pin.AngleAxis(x, np.eye(3)["XYZ".index(a)]).matrix() for a, x in zip(axes, q, strict=True)
+    ]
+    return np.linalg.multi_dot([np.eye(3), *turns])
+
+
+@pytest.mark.parametrize(
+    ("urdf", "joints", "word"),
+    [
+        ("<robot", {}, "not a URDF"),
+        ("<robot name='x'/>", {}, "not a URDF"),
+        (chain_urdf("revolute"), {"j7": "FIXED"}, "joint j7 is missing"),
+        (
+            chain_urdf("revolute").replace("<limit", '<mimic joint="other"/><limit'),
+            {},
+            "joint j0: mimics other",
+        ),
+    ],
+)
+def test_a_urdf_that_cannot_be_meant_is_refused(urdf, joints, word):
+    """Pinocchio would take the last as a free joint, in silence."""
+    with pytest.raises(sst_pin.DescriptionError) as caught:
+        parse_urdf(urdf, "test", joints)
+    assert word in str(caught.value)
+
+
+FIVE_BAR = (
+    '<robot name="five-bar">'
+    + "".join(LINK.format(name=name) for name in ("base", "l1", "l2", "r1", "r2"))
+    + "".join(
+        f'<joint name="{name}" type="{kind}"><origin xyz="{x} 0 0"/><parent link="{parent}"/>'
+        f'<child link="{child}"/><axis xyz="0 1 0"/></joint>'
+        for name, kind, x, parent, child in (
+            ("left", "continuous", -0.1, "base", "l1"),
+            ("left_elbow", "continuous", 0.2, "l1", "l2"),
+            ("right", "continuous", 0.1, "base", "r1"),
+            ("right_elbow", "continuous", 0.2, "r1", "r2"),
+            ("left_end_fixed", "fixed", 0.3, "l2", "left_end"),
+            ("right_end_fixed", "fixed", 0.3, "r2", "right_end"),
+        )
+    )
+    + '<link name="left_end"/><link name="right_end"/></robot>'
+)
+FIVE_BAR_CUTS = """
+closed_loop: [[left_end, right_end]]
+type: [3D]
+name_mot: [left, right]
+"""
+
+
+def test_a_five_bar_with_endless_joints_is_read_from_two_files(tmp_path):
+    """By default the YAML lies beside the URDF; gravity is its, or points down."""
+    (tmp_path / "robot.urdf").write_text(FIVE_BAR)
+    (tmp_path / "robot.yaml").write_text(FIVE_BAR_CUTS)
+    (tmp_path / "moon.yaml").write_text(FIVE_BAR_CUTS + "gravity: [0, 0, -1.62]\n")
+    earth = sst_pin.ClosedChain.from_urdf(tmp_path / "robot.urdf")
+    moon = sst_pin.ClosedChain.from_urdf(tmp_path / "robot.urdf", tmp_path / "moon.yaml")
+    assert earth.joint_names == ("left", "left_elbow", "right", "right_elbow")
+    assert earth.mobility().degrees_of_freedom == 2
+    q = earth.assemble([-2.0, 1.0, -1.0, -1.0])
+    held = [chain.compute_torques(q, [0, 0], [0, 0]) for chain in (earth, moon)]
+    assert np.abs(held[0]).max() > 0.1
+    np.testing.assert_allclose(held[1], held[0] * 1.62 / 9.81, rtol=1e-12)
+
+
+def test_a_missing_yaml_is_named(tmp_path):
+    """With the path where it was looked for."""
+    (tmp_path / "robot.urdf").write_text(FIVE_BAR)
+    with pytest.raises(sst_pin.DescriptionError, match=r"robot\.yaml:\s+the YAML of the cuts"):
+        sst_pin.ClosedChain.from_urdf(tmp_path / "robot.urdf")
+
+
+@pytest.mark.parametrize(
+    ("lines", "word"),
+    [
+        ("joint_name: [a]", "joint_name has 1 entries, joint_type has 0"),
+        ("joint_name: [a]\njoint_type: [BALL]", "joint_type: 'BALL' unknown; known: FIXED"),
+        ("joint_name: a\njoint_type: [FIXED]", "joint_name: a list is needed"),
+    ],
+)
+def test_joint_types_that_cannot_be_used_are_refused(tmp_path, lines, word):
+    """The error names the key."""
+    (tmp_path / "robot.urdf").write_text(FIVE_BAR)
+    (tmp_path / "robot.yaml").write_text(FIVE_BAR_CUTS + lines)
+    with pytest.raises(sst_pin.DescriptionError) as caught:
+        sst_pin.ClosedChain.from_urdf(tmp_path / "robot.urdf")
+    assert word in str(caught.value)
+
+
+def test_an_sst_may_have_continuous_joints(tmp_path, robot):
+    """It is the same robot."""
+    text = Path(sst_pin.URDF_PATH).read_text().replace('type="revolute"', 'type="continuous"')
+    (tmp_path / "endless.urdf").write_text(text)
+    endless = sst_pin.SST.from_urdf(tmp_path / "endless.urdf")
+    tau = robot.compute_torques(robot.home, [1, 2, 3], [4, 5, 6])
+    np.testing.assert_array_equal(endless.compute_torques(robot.home, [1, 2, 3], [4, 5, 6]), tau)
+
+
+# --- MJCF -----------------------------------------------------------------------------------
+
+#: Anchored, tilted, preloaded joints of all kinds, two in one body, and every form of a closure.
+MJCF = """
+<mujoco model="odd"><compiler autolimits="true"/><option gravity="0.5 -1 -9"/>
+<worldbody>
+  <body name="a" pos="0.1 0.2 0.3" euler="20 30 40">
+    <joint name="ja" axis="1 2 3" pos=".1 .05 -.02" ref="30" armature="0.2" damping="0.3"/>
+    <geom size=".1" mass="1"/>
+    <body name="b" pos="0.3 0 .1" euler="-20 10 70">
+      <joint name="jb" type="slide" axis="0 1 2" ref="0.1" frictionloss="0.4"/>
+      <joint axis="1 0 1" pos="0.1 0 0"/>
+      <inertial pos="0.1 0.2 0" mass="2" fullinertia="1 2 2.5 .1 .2 .3"/>
+      <site name="s1" pos="0 .2 .4" euler="4 5 60"/>
+    </body>
+  </body>
+  <body name="c" pos="-.3 .4 0" euler="1 2 3">
+    <joint name="ball" type="ball" pos="0 0.1 0.1"/>
+    <inertial pos="0.1 0 0" mass="3" diaginertia="0.3 0.2 0.2"/>
+    <site name="s2" pos=".1 .2 .3" euler="40 50 60"/>
+  </body>
+  <body name="d"/>
+</worldbody>
+<equality>
+  <weld name="w1" body1="b" body2="c"/>
+  <weld name="w2" body1="b" body2="c" relpose="0.3 0.1 0.2 0.5 0.5 0.5 0.5"/>
+  <weld name="w3" body1="b" body2="c" anchor="0.3 0.1 0.2"/>
+  <weld name="w4" body1="b" body2="c" anchor="0.3 0.1 0.2" relpose="0.3 0.1 0.2 0.5 0.5 0.5 0.5"/>
+  <weld name="w5" site1="s1" site2="s2"/>
+  <connect name="c1" body1="b" body2="c" anchor=".1 .2 .3"/>
+  <connect name="c2" site1="s1" site2="s2"/>
+  <connect name="c3" body1="b" anchor=".1 .2 .3"/>
+  <connect name="off" body1="b" anchor=".1 .2 .3" active="false"/>
+</equality>
+<actuator>
+  <motor joint="jb" gear="7"/><position joint="ja"/><motor joint="jb"/>
+</actuator></mujoco>
+"""
+
+
+@pytest.fixture
+def mjcf(tmp_path):
+    path = tmp_path / "odd.xml"
+    path.write_text(MJCF)
+    return path
+
+
+def states(count=5):
+    """Coordinates and rates of the tree, and the same for MuJoCo with its quaternion."""
+    random = np.random.default_rng(0)
+    for q, v in 0.4 * random.normal(size=(count, 2, 6)):
+        R = _about("XYZ", q[3:])
+        x, y, z, w = pin.Quaternion(R).coeffs()
+        # Of the ball MuJoCo takes the angular velocity in the body.
+        axes = np.stack(
+            [_about("YZ", q[4:]).T[:, 0], _about("Z", q[5:]).T[:, 1], [0, 0, 1]], axis=1
+        )
+        yield q, v, np.r_[q[:3], w, x, y, z], axes
+
+
+def test_the_tree_moves_as_in_mujoco(mjcf):
+    """Mass matrix and bias forces, tree coordinates being MuJoCo's `qpos`."""
+    mj = mujoco.MjModel.from_xml_path(str(mjcf))
+    mj.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+    read, data = read_mjcf(mjcf), mujoco.MjData(mj)
+    assert list(read.model.names)[1:] == ["ja", "jb", "b_1", "ball_X", "ball_Y", "ball_Z"]
+    for q, v, qpos, axes in states():
+        to_mujoco = np.block([[np.eye(3), np.zeros((3, 3))], [np.zeros((3, 3)), axes]])
+        data.qpos, data.qvel = qpos, to_mujoco @ v
+        mujoco.mj_forward(mj, data)
+        M = np.zeros((6, 6))
+        mujoco.mj_fullM(mj, data, M)
+        ours = pin.crba(read.model, read.model.createData(), q)
+        ours = np.triu(ours) + np.triu(ours, 1).T
+        np.testing.assert_allclose(ours, to_mujoco.T @ M @ to_mujoco, atol=1e-12)
+        nle = pin.nle(read.model, read.model.createData(), q, v)
+        np.testing.assert_allclose(nle[:3], data.qfrc_bias[:3], atol=1e-12)  # no drift of the ball
+
+
+def test_closures_are_open_by_what_mujoco_measures(mjcf):
+    """Gaps of points in base axes, and turns, of every form of `connect` and `weld`."""
+    mj = mujoco.MjModel.from_xml_path(str(mjcf))
+    read, data = read_mjcf(mjcf), mujoco.MjData(mj)
+    assert [c.kind for c in read.closures] == ["6d"] * 5 + ["3d"] * 3
+    kinematics = LoopKinematics(read.model, read.closures)
+    for q, _, qpos, _ in states():
+        data.qpos = qpos
+        mujoco.mj_forward(mj, data)
+        kinematics.set_position(q)
+        equality = data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
+        theirs = data.efc_pos[equality]
+        starts = np.cumsum([0] + [len(c.rows) for c in read.closures])
+        assert starts[-1] == len(theirs)
+        for closure, start in zip(read.closures, starts, strict=False):
+            A, B = (
+                kinematics.data.oMf[read.model.getFrameId(name)]
+                for name in (closure.frame_a, closure.frame_b)
+            )
+            gap = A.translation - B.translation
+            np.testing.assert_allclose(gap, theirs[start : start + 3], atol=1e-12)
+            if closure.kind == "6d":
+                half_sine = np.linalg.norm(pin.Quaternion(A.rotation.T @ B.rotation).coeffs()[:3])
+                turn = np.linalg.norm(theirs[start + 3 : start + 6])
+                assert abs(half_sine - turn) < 1e-12
+
+
+def test_motors_friction_rotors_and_gravity_come_along(mjcf):
+    """A joint with two actuators has one torque."""
+    read = read_mjcf(mjcf)
+    assert read.actuated == ("jb", "ja")
+    np.testing.assert_array_equal(read.model.armature, [0.2, 0, 0, 0, 0, 0])
+    np.testing.assert_array_equal(read.model.damping, [0.3, 0, 0, 0, 0, 0])
+    np.testing.assert_array_equal(read.model.friction, [0, 0.4, 0, 0, 0, 0])
+    np.testing.assert_array_equal(read.model.gravity.linear, [0.5, -1, -9])
+    assert read.model.name == "odd"
+
+
+def test_locked_joints_stay_at_their_reference(mjcf):
+    """The bodies stand as with all coordinates at `ref`, a locked motor is none."""
+    free, held = read_mjcf(mjcf), read_mjcf(mjcf, ["ja", "b_1", "ball_Y"])
+    assert list(held.model.names)[1:] == ["jb", "ball_X", "ball_Z"]
+    assert held.actuated == ("jb",)
+    at_reference = [np.radians(30), 0.3, 0, 0.4, 0, 0.5]
+    for end in ("w4_A", "w4_B", "c3_B"):
+        expected = body(free.model, np.array(at_reference), end)
+        assert body(held.model, np.array([0.3, 0.4, 0.5]), end).isApprox(expected, 1e-12)
+    assert list(read_mjcf(mjcf, ["ball"]).model.names)[1:] == ["ja", "jb", "b_1"]
+    with pytest.raises(sst_pin.UnknownNameError, match=r"'knee'.*ball_Z"):
+        read_mjcf(mjcf, ["knee"])
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "word"),
+    [
+        ("<mujoco", "<nonsense", "not an MJCF"),
+        ('<joint axis="1 0 1" pos="0.1 0 0"/>', '<joint stiffness="3"/>', "joint b_1: a spring"),
+        ('<body name="d"/>', '<body><joint name="b_1"/><geom size="1"/></body>', "b_1 are two"),
+        ('<body name="d"/>', '<body name="d"><freejoint/><geom size="1"/></body>', "joint d: free"),
+        ("<equality>", '<equality><joint joint1="ja" joint2="jb"/>', "couples by joint"),
+        ('<motor joint="jb"/>', '<motor site="s1" refsite="s2"/>', "an actuator on a site"),
+        ('<motor joint="jb"/>', '<motor joint="ball" gear="1 0 0"/>', "an actuator on a ball"),
+        ('name="a" pos', 'name="a" gravcomp="1" pos', "compensation of gravity is not"),
+        ("<option ", '<option viscosity="1" ', "a medium"),
+        (
+            "<actuator>",
+            '<tendon><fixed damping="1"><joint joint="ja" coef="1"/></fixed></tendon><actuator>',
+            "the damping of a tendon",
+        ),
+    ],
+)
+def test_what_the_dynamics_would_overlook_is_refused(mjcf, old, new, word):
+    """Each by name, with what to do."""
+    assert old in MJCF
+    mjcf.write_text(MJCF.replace(old, new, 1))
+    with pytest.raises(sst_pin.DescriptionError) as caught:
+        read_mjcf(mjcf)
+    assert word in str(caught.value)
+    assert str(mjcf) in str(caught.value)
+
+
+def test_friction_of_a_ball_is_left_out_with_a_warning(mjcf):
+    """It is the same about every axis, which no coordinate of ours can say."""
+    mjcf.write_text(MJCF.replace('type="ball"', 'type="ball" damping="0.5" armature="0.1"'))
+    with pytest.warns(sst_pin.DescriptionWarning, match=r"ball: damping 0\.5(.|\n)*armature 0\.1"):
+        read = read_mjcf(mjcf)
+    assert not read.model.damping[3:].any()
+    assert not read.model.armature[3:].any()
+
+
+def test_without_mujoco_the_extra_is_named(mjcf, monkeypatch):
+    """Nothing but this reader needs it."""
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    with pytest.raises(sst_pin.MissingExtraError, match=r"sst-pin\[mjcf\]"):
+        sst_pin.ClosedChain.from_mjcf(mjcf)

@@ -1,0 +1,277 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The kernels against the reference path, which `ClosedChain`'s own methods are."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import sst_pin
+from sst_pin import ClosedChain
+from sst_pin.description import urdf_of
+from sst_pin.sst import kernels
+from sst_pin.verification.sampling import random_parameters, random_state, random_states
+
+ROOT = Path(__file__).resolve().parents[2]
+compiled = pytest.mark.skipif(kernels.binding is None, reason=f"no kernels: {kernels.missing}")
+
+#: Both paths lose the digits that the inverse of A costs, and its square in the acceleration terms:
+#: 1e-16 times a few hundred for the condition numbers below 10 here (median measured 1e-15).
+RELATIVE = 1e-12
+
+
+def error(a, b):
+    """Largest difference relative to the largest entry."""
+    return np.abs(a - b).max() / np.abs(b).max()
+
+
+@pytest.fixture(params=range(6))
+def case(request):
+    """A random robot with rotors and friction, q, va, aa in random states, on random branches."""
+    rng = np.random.default_rng(100 + request.param)
+    robot = sst_pin.SST(random_parameters(rng))
+    robot.model.armature = rng.uniform(0, 0.1, 9)
+    states = random_states(robot, rng, 40)
+    return robot, *robot.joint_motion(*states, rng.choice((-1, 1), (40, 3)))
+
+
+@compiled
+def test_the_compiled_path_is_the_one_in_use(robot):
+    """Otherwise this file would compare the reference path with itself."""
+    assert robot.path.startswith("compiled kernels: ")
+    assert sst_pin.SST(kernels=False).path == "the reference path: switched off by kernels=False"
+
+
+def test_torques_and_accelerations_equal_the_reference(case):
+    """Random geometry, nine bodies, rotors, friction, moment on the star; all branches."""
+    robot, q, va, aa = case
+    moment = np.random.default_rng(0).normal(size=(40, 3))
+    loads = np.zeros((40, 9, 6))
+    loads[:, 2, :3] = moment
+    tau = robot.compute_torques(q, va, aa, platform_moment=moment)
+    expected = ClosedChain.compute_torques(robot, q, va, aa, external_wrenches=loads)
+    assert error(tau, expected) < RELATIVE
+    back = robot.compute_accelerations(q, va, tau, platform_moment=moment)
+    expected = ClosedChain.compute_accelerations(robot, q, va, tau, external_wrenches=loads)
+    assert error(back, expected) < RELATIVE
+    free = ClosedChain.compute_torques(robot, q, va, aa)
+    assert error(robot.compute_torques(q, va, aa), free) < RELATIVE
+
+
+def test_a_hundred_thousand_torques_equal_the_reference():
+    """Twenty geometries, five thousand states each, all of them against the reference."""
+    rng = np.random.default_rng(1)
+    for _ in range(20):
+        robot = sst_pin.SST(random_parameters(rng))
+        R = Rotation.random(30_000, rng).as_matrix()
+        q = robot.inverse_kinematics(R, rng.choice((-1, 1), (len(R), 3)))
+        distance = robot.singularities(q)
+        q = q[(distance.first_kind > 0.15) & (distance.condition_number < 10)][:5000]
+        assert len(q) == 5000
+        va, aa = 2 * rng.normal(size=(5000, 3)), 20 * rng.normal(size=(5000, 3))
+        tau = robot.compute_torques(q, va, aa)
+        expected = ClosedChain.compute_torques(robot, q, va, aa)
+        scale = np.abs(expected).max(axis=1, keepdims=True)
+        assert np.abs((tau - expected) / scale).max() < RELATIVE
+
+
+def test_reduced_terms_equal_those_of_the_long_form(case):
+    """Inertia, Coriolis matrix (not only its product with the rates), gravity, friction."""
+    robot, q, va, aa = case
+    terms = robot.reduced_terms(q, va)
+    for i in range(5):
+        long = robot.noc(q[i], va[i])
+        for name in ("inertia", "coriolis", "gravity", "friction"):
+            assert error(getattr(terms, name)[i], getattr(long, name)) < RELATIVE, name
+    tau = np.einsum("nij,nj->ni", terms.inertia, aa) + np.einsum("nij,nj->ni", terms.coriolis, va)
+    assert error(tau - terms.gravity - terms.friction, robot.compute_torques(q, va, aa)) < RELATIVE
+    expected = ClosedChain.reduced_terms(robot, q[:2], va[:2])
+    assert all(error(a[:2], b) < RELATIVE for a, b in zip(terms, expected, strict=True))
+
+
+def test_an_edited_urdf_is_what_the_kernels_compute(tmp_path):
+    """Star arcs of three different masses and another geometry: no recompilation."""
+    text = urdf_of(random_parameters(np.random.default_rng(2)))
+    head, *stars = text.split('<link name="star_')
+    stars = [s.replace('<mass value="', f'<mass value="{k + 1}', 1) for k, s in enumerate(stars)]
+    (tmp_path / "mine.urdf").write_text('<link name="star_'.join([head, *stars]))
+    robot = sst_pin.SST.from_urdf(tmp_path / "mine.urdf")
+    masses = [robot.model.inertias[robot.model.getJointId(f"beta_{k}")].mass for k in (1, 2, 3)]
+    assert len(set(masses)) == 3
+    q, va, aa = robot.joint_motion(*random_states(robot, np.random.default_rng(3), 20))
+    expected = ClosedChain.compute_torques(robot, q, va, aa)
+    assert error(robot.compute_torques(q, va, aa), expected) < RELATIVE
+
+
+def test_strange_memory_gives_the_same_bits(robot):
+    """Strides, negative strides, Fortran order, read-only, byte order, integers, broadcasting."""
+    q, va, aa = robot.joint_motion(*random_states(robot, np.random.default_rng(4), 70))
+    va, aa = va.copy(), aa.copy()
+    tau = robot.compute_torques(q, va, aa)
+    wide = np.zeros((70, 31))
+    wide[:, 2:20:2] = q
+    assert np.array_equal(robot.compute_torques(wide[:, 2:20:2], va, aa), tau)
+    assert np.array_equal(robot.compute_torques(q[::-1], va[::-1], aa[::-1]), tau[::-1])
+    assert np.array_equal(robot.compute_torques(np.asfortranarray(q), va, aa), tau)
+    assert np.array_equal(robot.compute_torques(q.astype(">f8"), va, aa), tau)
+    frozen = q.copy()
+    frozen.setflags(write=False)
+    assert np.array_equal(robot.compute_torques(frozen, va, aa), tau)
+    off = np.zeros(70 * 72 + 1, dtype=np.uint8)[1:].view(np.float64).reshape(70, 9)
+    off[:] = q
+    assert np.array_equal(robot.compute_torques(off, va, aa), tau)
+    ones = robot.compute_torques(q, np.ones(3), aa)
+    assert np.array_equal(robot.compute_torques(q, [1, 1, 1], aa.tolist()), ones)
+    grid = robot.compute_torques(q[:6].reshape(2, 1, 3, 9), va[:4, None], aa[0])
+    assert grid.shape == (2, 4, 3, 3)
+    assert np.array_equal(grid[1, 2, 0], robot.compute_torques(q[3], va[2], aa[0]))
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 4, 5, 31, 32, 33, 1000])
+def test_every_sample_has_the_same_bits_alone_and_in_any_batch(robot, count):
+    """Whole vectors or not, one thread or many."""
+    rng = np.random.default_rng(count)
+    q, va, aa = robot.joint_motion(*random_states(robot, rng, 10))
+    pick = rng.integers(10, size=count)
+    alone = np.array([robot.compute_torques(*sample) for sample in zip(q, va, aa, strict=True)])
+    for threads in (1, 2, 5):
+        tau = robot.compute_torques(q[pick], va[pick], aa[pick], threads=threads)
+        assert np.array_equal(tau, alone[pick])
+    accelerations = robot.compute_accelerations(q[pick], va[pick], alone[pick], threads=2)
+    assert np.array_equal(
+        accelerations[0], robot.compute_accelerations(*(x[pick[0]] for x in (q, va, alone)))
+    )
+
+
+def test_results_go_where_they_are_told_to_go(robot):
+    """out=: the same array back, strided too, and over the inputs, however they overlap."""
+    q, va, aa = robot.joint_motion(*random_states(robot, np.random.default_rng(5), 50))
+    tau = robot.compute_torques(q, va, aa)
+    out = np.empty((50, 3))
+    assert robot.compute_torques(q, va, aa, out=out) is out
+    assert np.array_equal(out, tau)
+    one = np.empty(3)
+    assert robot.compute_torques(q[7], va[7], aa[7], out=one) is one
+    assert np.array_equal(one, tau[7])
+    strided = np.zeros((50, 9))[:, ::3]
+    robot.compute_torques(q, va, aa, out=strided)
+    assert np.array_equal(strided, tau)
+    over = aa.copy()
+    assert np.array_equal(robot.compute_torques(q, va, over, out=over), tau)
+    shifted = np.zeros((51, 3))
+    shifted[:50] = aa
+    assert np.array_equal(robot.compute_torques(q, va, shifted[:50], out=shifted[1:]), tau)
+    for wrong in (np.empty((50, 2)), np.empty((50, 3), dtype=np.float32), [0.0] * 3):
+        with pytest.raises(sst_pin.InputError, match="out: "):
+            robot.compute_torques(q, va, aa, out=wrong)
+    with pytest.raises(sst_pin.InputError, match="threads: 0"):
+        robot.compute_torques(q, va, aa, threads=0)
+    with pytest.raises(sst_pin.InputError, match="on_error: 'ignore' unknown"):
+        robot.compute_torques(q, va, aa * np.nan, on_error="ignore")
+
+
+def faulty_batch(robot):
+    """Ten samples: 1 open, 3 not finite in q, 4 in aa, 6 open by half a turn; the others good."""
+    q, va, aa = robot.joint_motion(*random_states(robot, np.random.default_rng(6), 10))
+    aa = aa.copy()
+    q[1, 4] += 1e-5
+    q[3, 0] = np.nan
+    aa[4, 2] = np.inf
+    q[6, 2] += np.pi
+    return q, va, aa, [1, 3, 4, 6]
+
+
+@pytest.mark.parametrize("fast", [True, False])
+@pytest.mark.filterwarnings("ignore:invalid value:RuntimeWarning")  # NumPy's, before our error
+def test_samples_at_fault_are_named_or_become_nan(fast):
+    """Both paths: the error of the first with all of its kind, or NaN rows, the rest as it is."""
+    robot = sst_pin.SST(kernels=fast)
+    q, va, aa, faulty = faulty_batch(robot)
+    for method in (robot.compute_torques, robot.compute_accelerations, robot.reduced_terms):
+        arguments = (q, va) if method == robot.reduced_terms else (q, va, aa)
+        bad = [1, 3, 6] if method == robot.reduced_terms else faulty
+        with pytest.raises(sst_pin.ClosureError, match=r"2 of 10 samples \(index 1, 6\)") as caught:
+            method(*arguments)
+        assert caught.value.samples == ((1,), (6,))
+        results = method(*arguments, on_error="nan")
+        results = results.inertia if isinstance(results, tuple) else results
+        rows = np.isnan(results.reshape(10, -1))
+        assert np.array_equal(np.flatnonzero(rows.any(axis=1)), bad)
+        assert rows[bad].all()
+    with pytest.raises(sst_pin.InputError, match="q: not finite") as caught:
+        robot.compute_torques(q[2:6], va[2:6], aa[2:6])
+    assert caught.value.samples == ((1,), (2,))
+    single = robot.compute_torques(q[1], va[1], aa[1], on_error="nan")
+    assert np.isnan(single).all()
+
+
+def test_closures_are_judged_as_on_the_reference_path(robot):
+    """Gaps from far below to far above the tolerance, in each joint: the same samples pass."""
+    q = np.tile(robot.home, (9 * 60, 1)).reshape(9, 60, 9)
+    for joint in range(9):
+        q[joint, :, joint] += np.geomspace(1e-8, 1e-4, 60)
+    zero = np.zeros(3)
+    fast = np.isnan(robot.compute_torques(q, zero, zero, on_error="nan"))
+    slow = np.isnan(ClosedChain.compute_torques(robot, q, zero, zero, on_error="nan"))
+    assert np.array_equal(fast, slow)
+    assert 0 < fast.mean() < 1
+
+
+def test_angles_of_many_turns_are_angles(robot):
+    """Up to a million radians by the kernels, beyond them by the reference path."""
+    q, va, aa = robot.joint_motion(*random_state(robot, np.random.default_rng(7)))
+    tau = robot.compute_torques(q, va, aa)
+    for turns in (1, -100, 10**5, 10**6):
+        away = 2 * np.pi * turns
+        # An angle of so many turns is known to its last digit only.
+        assert error(robot.compute_torques(q + away, va, aa), tau) < 1e-12 + 1e-14 * abs(away)
+
+
+def test_changes_of_the_model_are_taken_in_when_told(robot):
+    """refresh() after the first use; simulations need no telling."""
+    mine = sst_pin.SST()
+    rest = np.zeros(3)
+    assert mine.compute_torques(mine.home, rest, (1, 0, 0)) is not None
+    mine.model.gravity.linear = np.array((0, 0, 1.0))
+    motion = mine.simulate(rest, mine.home, rest, [0, 0.01])  # reads it anew, as roll-outs do
+    expected = ClosedChain.compute_accelerations(mine, mine.home, rest, rest)
+    assert error(motion.aa[0], expected) < RELATIVE
+    rolled = mine.rollout(np.zeros((100, 3)), mine.home, rest, 1e-4)
+    assert np.abs(rolled.va[-1] - motion.va[-1]).max() < 1e-9
+    mine.refresh()
+    expected = ClosedChain.compute_torques(mine, mine.home, rest, (1, 0, 0))
+    assert error(mine.compute_torques(mine.home, rest, (1, 0, 0)), expected) < RELATIVE
+
+
+def test_the_committed_c_is_what_the_generator_makes():
+    """Both files, to the last character."""
+    script = ROOT / "scripts" / "kernels" / "make_kernels.py"
+    subprocess.run([sys.executable, script, "--check"], check=True)
+
+
+def test_the_parameter_vector_is_as_long_as_the_header_says():
+    """146 numbers; the binding would refuse another length."""
+    from sst_pin.sst.kernels.packing import LENGTH, pack
+
+    robot = sst_pin.SST()
+    assert pack(robot.model, robot.geometry, robot.friction).shape == (LENGTH,)
+    assert (
+        f"A robot: {LENGTH} numbers"
+        in (ROOT / "sst_pin" / "sst" / "kernels" / "sst_kernels.h").read_text()
+    )
+
+
+@compiled
+def test_all_of_the_dynamics_holds_without_the_kernels():
+    """The tests of the dynamics and of bad input, once more on the reference path."""
+    tests = [ROOT / "tests" / "chain" / name for name in ("test_dynamics.py", "test_bad_input.py")]
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *tests]
+    environment = os.environ | {"SST_PIN_KERNELS": "off"}
+    result = subprocess.run(
+        command, env=environment, cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert result.returncode == 0, result.stdout

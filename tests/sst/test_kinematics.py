@@ -1,0 +1,323 @@
+# SPDX-License-Identifier: BSD-2-Clause
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import sst_pin
+from sst_pin.sst.direct_kinematics import orientations
+from sst_pin.verification.sampling import random_parameters, random_state, random_states
+
+
+def wrap(angle):
+    return (angle + np.pi) % (2 * np.pi) - np.pi
+
+
+def test_initial_conditions_of_the_paper_come_out_to_every_printed_digit(robot):
+    """Sect. 7.3 from Sect. 7.2 at t = 0: which reading of psi the paper has."""
+    q, va, _ = robot.joint_motion(*sst_pin.paper_circle(0.0))
+    assert np.round(q[::3], 4).tolist() == [0.7854, 0.5549, 1.0159]
+    assert np.round(va, 4).tolist() == [4.2096, -0.6918, -0.6918]
+    assert q[0] == pytest.approx(np.pi / 4, abs=1e-15)
+
+
+def test_path_of_the_paper_lies_on_the_unit_sphere_and_is_a_circle(robot):
+    """s of length one at a constant angle to (1, 1, 1); theta and psi are those of Fig. 4."""
+    t = np.linspace(0, np.pi / 6, 50)
+    R = sst_pin.paper_circle(t).R
+    s = R[:, :, 0]
+    assert np.abs(np.linalg.norm(s, axis=1) - 1).max() < 1e-15
+    assert np.ptp(s.sum(axis=1)) < 1e-14
+    q = robot.inverse_kinematics(R)
+    assert np.abs(q[:, 1] - np.pi / 2).max() < 1e-14  # psi = 0: mu_1 = 90 degrees
+    assert np.abs(q[:, 0] - np.arctan2(s[:, 1], s[:, 0])).max() < 1e-14  # gamma_1 = theta
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_inverse_kinematics_closes_the_loops_on_all_branches(seed):
+    """Each of the eight assemblies of legs holds the star at R, on the branch asked for."""
+    rng = np.random.default_rng(seed)
+    robot = sst_pin.SST(random_parameters(rng))
+    R, _, _ = random_states(robot, rng, 5)
+    q = robot.inverse_kinematics(R[:, None], sst_pin.BRANCHES)
+    assert q.shape == (5, 8, 9)
+    assert np.abs(robot.platform_orientation(q) - R[:, None]).max() < 1e-13
+    assert max(np.abs(robot.residual(x)).max() for x in q.reshape(-1, 9)) < 1e-13
+    assert np.array_equal(robot.branch(q), np.broadcast_to(sst_pin.BRANCHES, (5, 8, 3)))
+    assert len(np.unique(q[0].round(6), axis=0)) == 8
+    assert np.array_equal(q[:, 0], robot.inverse_kinematics(R))  # the working branch by default
+
+
+def test_rates_and_accelerations_are_derivatives_of_the_angles(odd):
+    """Along a smooth motion: va and aa against central differences of q, omega against R."""
+    axis, rate = np.array((0.6, 0, 0.8)), 0.7
+    start, _, _ = random_state(odd, np.random.default_rng(1))
+
+    def motion(t):
+        """Turning about one axis by sin(t)."""
+        R = Rotation.from_rotvec(np.multiply.outer(rate * np.sin(t), axis)).as_matrix() @ start
+        omega = np.multiply.outer(rate * np.cos(t), axis)
+        alpha = np.multiply.outer(-rate * np.sin(t), axis)
+        return odd.joint_motion(R, omega, alpha)
+
+    h = 1e-3
+    t = 0.2 + h * np.arange(-3, 4)
+    q, va, aa = motion(t)
+    # Sixth-order differences: error h^6 f^(7) / 140 is 1e-18 of f^(7), rounding eps / h.
+    first = np.array((-1, 9, -45, 0, 45, -9, 1)) / (60 * h)
+    gamma = np.unwrap(q[:, ::3], axis=0)
+    assert np.abs(first @ gamma - va[3]).max() < 1e-9 * max(1, np.abs(va).max())
+    assert np.abs(first @ va - aa[3]).max() < 1e-9 * max(1, np.abs(aa).max())
+
+
+def test_platform_velocity_inverts_joint_motion(odd):
+    """omega -> va -> omega, Eq. (62) with plus signs."""
+    rng = np.random.default_rng(2)
+    R, omega, alpha = random_states(odd, rng, 10)
+    q, va, _ = odd.joint_motion(R, omega, alpha)
+    # Condition numbers up to 30 of two maps in a row.
+    assert np.abs(odd.platform_velocity(q, va) - omega).max() < 1e-11
+
+
+def test_direct_kinematics_finds_the_known_assemblies_of_the_paper(robot):
+    """Eight at (pi/4, pi/4, pi/4), s = (1, 1, 1)/sqrt(3) among them; four at (0.3, 1.2, 0.8)."""
+    eight = robot.forward_kinematics([np.pi / 4] * 3)
+    assert eight.shape == (8, 9)
+    s = robot.platform_orientation(eight)[..., 0]
+    assert np.abs(s - 1 / np.sqrt(3)).max(axis=1).min() < 1e-12
+    assert len(np.unique(s.round(8), axis=0)) == 4  # in pairs that share s
+    assert robot.forward_kinematics((0.3, 1.2, 0.8)).shape == (4, 9)
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_direct_kinematics_holds_the_assembly_one_came_from(seed):
+    """R -> gamma -> all assemblies: R among them, all closed to 1e-10, an even number."""
+    rng = np.random.default_rng(seed)
+    robot = sst_pin.SST(random_parameters(rng))
+    R, _, _ = random_state(robot, rng)
+    branch = sst_pin.BRANCHES[rng.integers(8)]
+    q = robot.inverse_kinematics(R, branch)
+    solutions = robot.forward_kinematics(q[::3])
+    assert 1 <= len(solutions) <= 8
+    assert len(solutions) % 2 == 0  # R and R Rot(x, pi)
+    assert max(np.abs(robot.residual(x)).max() for x in solutions) < 1e-10
+    assert np.abs(wrap(solutions - q)).max(axis=1).min() < 1e-10
+    assert np.array_equal(solutions[:, ::3], np.tile(q[::3], (len(solutions), 1)))
+
+
+def test_direct_kinematics_misses_no_real_solution():
+    """A dense search from many starts finds nothing that the algebra did not."""
+    rng = np.random.default_rng(5)
+    robot = sst_pin.SST(random_parameters(rng))
+    for _ in range(4):
+        R, _, _ = random_state(robot, rng)
+        gamma = robot.inverse_kinematics(R)[::3]
+        known = robot.platform_orientation(robot.forward_kinematics(gamma))
+        found = 0
+        for start in Rotation.random(60, rng=rng).as_matrix():
+            guess = robot.inverse_kinematics(start)
+            guess[::3] = gamma
+            try:
+                q = robot.assemble(guess)
+            except sst_pin.ClosureError:
+                continue
+            found += 1
+            distance = np.abs(known - robot.platform_orientation(q)).max(axis=(1, 2))
+            assert distance.min() < 1e-8
+        assert found > 20
+
+
+def test_near_follows_a_motion_through_its_assemblies(odd):
+    """The admissible one of eight: angle by angle along a path, never another assembly."""
+    start, _, _ = random_state(odd, np.random.default_rng(9))
+    turns = Rotation.from_rotvec(np.multiply.outer(np.linspace(0, 0.2, 21), (0.0, 0.6, 0.8)))
+    q = odd.inverse_kinematics(turns.as_matrix() @ start)
+    near = q[0]
+    for expected in q:
+        near = odd.forward_kinematics(expected[::3], near=near)
+        assert np.abs(wrap(near - expected)).max() < 1e-10
+
+
+def test_near_keeps_angles_continuous_over_full_turns(robot):
+    """mu and beta stay within pi of those given, gamma is what was asked for."""
+    q = robot.home + 2 * np.pi * np.array((1, 1, -1, 0, 0, 2, -1, 0, 0))
+    assert np.abs(robot.forward_kinematics(q[::3], near=q) - q).max() < 1e-12
+
+
+def test_every_pose_of_a_robot_whose_legs_lie_in_one_plane_is_found(robot):
+    """gamma = (pi/2, 0, x): u_1 = u_2, where reductions that divide by det(u) break down."""
+    for gamma in [(np.pi / 2, 0.0, 0.4), (0.0, np.pi / 2, 0.0)]:
+        solutions = robot.forward_kinematics(gamma)
+        assert len(solutions)
+        assert max(np.abs(robot.residual(q)).max() for q in solutions) < 1e-10
+
+
+def test_motor_angles_without_assembly_are_told(robot):
+    """Without `near` the set is empty, with it there is nothing to choose from."""
+    rng = np.random.default_rng(0)
+    robot = sst_pin.SST(random_parameters(rng))
+    for _ in range(300):
+        gamma = rng.uniform(-np.pi, np.pi, 3)
+        if not len(robot.forward_kinematics(gamma)):
+            break
+    assert robot.forward_kinematics(gamma).shape == (0, 9)
+    with pytest.raises(sst_pin.WorkspaceError, match="no assembly exists"):
+        robot.forward_kinematics(gamma, near=robot.home)
+
+
+def test_a_star_that_moves_while_the_motors_stand_is_singular():
+    """Two arcs asking the same leave a continuum of assemblies."""
+    x, y, z = np.eye(3)
+    with pytest.raises(sst_pin.SingularConfigurationError, match="moves while the motors stand"):
+        orientations(np.array((x, x, y)), np.array((z, z, y)))
+
+
+def test_home_of_the_paper_is_isotropic(robot):
+    """All measures at their best; the condition number is one."""
+    assert robot.home[::3] == pytest.approx([np.pi / 4] * 3)
+    measure = robot.singularities(robot.home)
+    assert measure.first_kind == pytest.approx(1)
+    assert measure.condition_number == pytest.approx(1)
+
+
+def test_home_is_assembled_on_the_working_branch(odd):
+    """For any SST."""
+    assert np.abs(odd.residual(odd.home)).max() < 1e-14
+    assert odd.branch(odd.home).tolist() == [1, 1, 1]
+
+
+def test_measures_vanish_at_the_singularities_of_their_kind(robot):
+    """First kind: a leg flat on its arc. Second kind: where the closures lose hold of the star."""
+    e_1, n_1 = robot.geometry.e[0], robot.geometry.arc_normals[0]
+    flat = Rotation.align_vectors([e_1], [n_1])[0]
+    with pytest.raises(sst_pin.SingularConfigurationError, match="leg 1 lies flat") as caught:
+        robot.inverse_kinematics(flat.as_matrix())
+    assert caught.value.condition_number > 1e8
+    for angle in (0.1, 1e-3, 1e-5):  # turned away from there about an axis normal to e_1
+        turn = Rotation.from_rotvec(angle * robot.geometry.R_0[0, :, 0])
+        measure = robot.singularities(robot.inverse_kinematics((turn * flat).as_matrix()))
+        assert measure.first_kind <= np.sin(angle) * (1 + 1e-6)
+
+    rng = np.random.default_rng(3)
+    signs = []
+    for R in Rotation.random(200, rng=rng).as_matrix():
+        q = robot.inverse_kinematics(R)
+        measure = robot.singularities(q)
+        signs.append((measure.second_kind, robot.condition_number(q)))
+    second, condition = np.array(signs).T
+    # The closures lose hold of the star where A does: the two measures fall and rise together.
+    worst = second.argmin()
+    assert condition[worst] > 10 * np.median(condition)
+
+
+def test_batches_equal_single_samples(odd):
+    """Leading axes of any number, empty ones included."""
+    R, omega, alpha = random_states(odd, np.random.default_rng(4), 6)
+    q, va, aa = odd.joint_motion(
+        R.reshape(2, 3, 3, 3), omega.reshape(2, 3, 3), alpha.reshape(2, 3, 3)
+    )
+    assert q.shape == (2, 3, 9)
+    for i in range(6):
+        single = odd.joint_motion(R[i], omega[i], alpha[i])
+        for many, one in zip((q, va, aa), single, strict=True):
+            assert np.abs(many.reshape(6, -1)[i] - one).max() < 1e-13
+    assert odd.inverse_kinematics(np.empty((0, 3, 3))).shape == (0, 9)
+
+
+def test_a_matrix_that_is_no_rotation_is_refused(robot):
+    """Scaled, mirrored, of the wrong shape, not finite; a batch names its samples."""
+    with pytest.raises(sst_pin.InputError, match="not a rotation matrix"):
+        robot.inverse_kinematics(1.001 * np.eye(3))
+    with pytest.raises(sst_pin.InputError, match="not a rotation matrix"):
+        robot.inverse_kinematics(np.diag((1, 1, -1)))
+    with pytest.raises(sst_pin.InputError, match=r"shape \(9,\)"):
+        robot.inverse_kinematics(np.eye(3).ravel())
+    R = np.stack([robot.platform_orientation(robot.home)] * 4)
+    R[2] *= 2
+    with pytest.raises(sst_pin.InputError, match=r"1 of 4 samples \(index 2\)") as caught:
+        robot.inverse_kinematics(R)
+    assert caught.value.samples == ((2,),)
+    R[1, 0, 0] = np.nan
+    with pytest.raises(sst_pin.InputError, match=r"\(index 1\).*is nan"):
+        robot.inverse_kinematics(R)
+    with pytest.raises(sst_pin.InputError, match="branch"):
+        robot.inverse_kinematics(R[0], (1, 0, 1))
+
+
+def test_an_orientation_beyond_the_joint_limits_is_out_of_reach(tmp_path):
+    """Limits of an edited URDF count; the error names joint, value and limits."""
+    path = tmp_path / "short.urdf"
+    limit = repr(2 * np.pi)
+    text = Path(sst_pin.URDF_PATH).read_text()
+    path.write_text(text.replace(f'upper="{limit}"', 'upper="1.0"'))
+    robot = sst_pin.SST.from_urdf(path)
+    with pytest.raises(sst_pin.WorkspaceError, match=r"mu_1 would be 1\.571 rad"):
+        robot.inverse_kinematics(sst_pin.paper_circle(0.0).R)
+
+
+def test_smooth_interpolation_reproduces_a_motion_and_its_rates():
+    """Through samples of the circle, orientation and rates, at the order of the spline."""
+    errors = []
+    for count in (101, 201):
+        t = np.linspace(0, np.pi / 6, count)
+        between = np.linspace(0.05, 0.45, 333)  # the ends of a spline are less exact
+        motion = sst_pin.interpolate_orientations(t, sst_pin.paper_circle(t).R, between)
+        exact = sst_pin.paper_circle(between)
+        errors.append([np.abs(a - b).max() for a, b in zip(motion, exact, strict=True)])
+    orders = np.log2(np.array(errors[0]) / errors[1])
+    assert (orders > (5.5, 4.5, 3.5)).all()  # h^6, h^5, h^4 for degree five
+    assert (np.array(errors[1]) < (1e-8, 1e-6, 1e-4)).all()
+    at_samples = sst_pin.interpolate_orientations(t, sst_pin.paper_circle(t).R, t)
+    assert np.abs(at_samples.R - sst_pin.paper_circle(t).R).max() < 1e-14
+
+
+def test_interpolation_turns_with_its_samples():
+    """From the left and from the right: no frame of the base or of the star is preferred."""
+    t = np.linspace(0, 1, 9)
+    R = Rotation.from_rotvec(np.array((np.sin(t), t**2, 1 - t)).T)
+    left, right = Rotation.from_rotvec((1, 2, 3)), Rotation.from_rotvec((3, -1, 0.5))
+    plain = sst_pin.interpolate_orientations(t, R.as_matrix(), 0.4)
+    turned = sst_pin.interpolate_orientations(t, (left * R * right).as_matrix(), 0.4)
+    L = left.as_matrix()
+    assert np.abs(turned.R - L @ plain.R @ right.as_matrix()).max() < 1e-14
+    assert np.abs(turned.omega - L @ plain.omega).max() < 1e-13
+    assert np.abs(turned.alpha - L @ plain.alpha).max() < 1e-12
+
+
+def test_interpolated_rates_are_the_derivatives_of_the_interpolated_motion():
+    """Between samples so far apart that the spline leaves the unit sphere of quaternions."""
+    t = np.linspace(0, 3, 7)
+    R = Rotation.from_rotvec(np.array((np.sin(t), t**2 / 4, 1 - t)).T).as_matrix()
+    h = 1e-3
+    motion = sst_pin.interpolate_orientations(t, R, 1.2 + h * np.arange(-3, 4))
+    first = np.array((-1, 9, -45, 0, 45, -9, 1)) / (60 * h)
+    W = np.einsum("t,tij->ij", first, motion.R) @ motion.R[3].T
+    # Sixth-order differences leave rounding, eps / h.
+    assert np.abs(np.array((W[2, 1], W[0, 2], W[1, 0])) - motion.omega[3]).max() < 1e-11
+    assert np.abs(first @ motion.omega - motion.alpha[3]).max() < 1e-11
+
+
+def test_samples_too_far_apart_are_refused():
+    """More than a quarter turn: which way round is a guess."""
+    R = Rotation.from_rotvec([[0, 0, 0], [0, 0, 1], [0, 0, 3]]).as_matrix()
+    with pytest.raises(sst_pin.InputError, match=r"115 degrees between .* t = 1 and 2 s"):
+        sst_pin.interpolate_orientations([0, 1, 2], R, [0.5])
+
+
+def test_angles_of_the_paper_and_their_rates_are_consistent():
+    """omega and alpha of orientation_motion against differences, psi turning too."""
+    h = 1e-3
+    t = 0.3 + h * np.arange(-3, 4)
+    angles = (
+        (np.sin(t), np.cos(t), -np.sin(t)),
+        (1 + 0.3 * t**2, 0.6 * t, 0.6 + 0 * t),
+        (0.5 * t, 0.5 + 0 * t, 0 * t),
+    )
+    R, omega, alpha = sst_pin.orientation_motion(*angles)
+    first = np.array((-1, 9, -45, 0, 45, -9, 1)) / (60 * h)
+    W = np.einsum("t,tij->ij", first, R) @ R[3].T
+    # Sixth-order differences leave rounding, eps / h.
+    assert np.abs(np.array((W[2, 1], W[0, 2], W[1, 0])) - omega[3]).max() < 1e-11
+    assert np.abs(first @ omega - alpha[3]).max() < 1e-11
+    assert np.abs(R - sst_pin.orientation(*(a[0] for a in angles))).max() == 0

@@ -1,0 +1,174 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Parameters that have been through a file are the same parameters."""
+
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import sst_pin
+from sst_pin.chain.dynamics import Friction
+from sst_pin.description import cuts_of, mjcf_of, urdf_of
+from sst_pin.sst.configurations import configurations_of
+from sst_pin.sst.read_back import parameters_of
+from sst_pin.sst.topology import geometry_of
+from sst_pin.verification.sampling import random_parameters
+
+mujoco = pytest.importorskip("mujoco", reason="extra `verify` is not installed")
+
+
+def assert_same(found, given):
+    """To rounding: 15 decimals of roll, pitch, yaw in the file, 16 digits of what comes back.
+
+    Angles add up three errors of 5e-16 and cancel in 2 pi; the star's bodies are turned into {3k}
+    and back; the links are as they were but for the 16 digits.
+    """
+    assert found.base_directions == pytest.approx(given.base_directions, rel=0, abs=5e-16)
+    assert found.arc_angles == pytest.approx(given.arc_angles, rel=0, abs=5e-15)
+    for ours, theirs in zip(
+        (*found.links, *found.passive_links, found.star),
+        (*given.links, *given.passive_links, given.star),
+        strict=True,
+    ):
+        assert ours.mass == pytest.approx(theirs.mass, rel=4e-16)
+        assert ours.center_of_mass == pytest.approx(theirs.center_of_mass, rel=0, abs=2e-15)
+        assert ours.inertia == pytest.approx(theirs.inertia, rel=0, abs=2e-15)
+    assert type(found.link) is type(given.link)
+    for name in ("viscous_friction", "coulomb_friction", "gravity"):
+        assert np.array_equal(getattr(found, name), getattr(given, name))
+    for name in ("base_radius", "star_radius"):
+        assert getattr(found, name) == pytest.approx(getattr(given, name), rel=4e-16)
+
+
+def odd_parameters(seed):
+    """Random ones, radii too."""
+    rng = np.random.default_rng(seed)
+    p = random_parameters(rng)
+    fields = {name: getattr(p, name) for name in p.__dataclass_fields__}
+    return sst_pin.Parameters(
+        **fields | {"base_radius": rng.uniform(0.1, 1), "star_radius": rng.uniform(0.1, 1)}
+    )
+
+
+ROBOTS = [sst_pin.Parameters(), *map(odd_parameters, range(10))]
+
+
+@pytest.mark.parametrize("p", ROBOTS)
+def test_parameters_survive_the_way_through_urdf(p, tmp_path):
+    """Parameters -> URDF and cuts -> SST -> Parameters."""
+    (tmp_path / "sst.urdf").write_text(urdf_of(p))
+    (tmp_path / "sst.yaml").write_text(cuts_of(p))
+    found = sst_pin.SST.from_urdf(tmp_path / "sst.urdf").parameters
+    assert_same(found, p)
+    # The second way round changes nothing any more but last digits of the first.
+    assert_same(sst_pin.SST(found).parameters, p)
+
+
+@pytest.mark.parametrize("p", ROBOTS)
+def test_parameters_survive_the_way_through_mjcf(p, tmp_path):
+    """By `SST.from_mjcf`, and by Pinocchio's reader with what that leaves out."""
+    (tmp_path / "sst.xml").write_text(mjcf_of(p, configurations_of(p)))
+    (tmp_path / "meshes").symlink_to(Path(sst_pin.PACKAGE_PATH, "meshes"))
+    assert_same(sst_pin.SST.from_mjcf(tmp_path / "sst.xml").parameters, p)
+    model = pin.buildModelFromMJCF(str(tmp_path / "sst.xml"))
+    compiled = mujoco.MjModel.from_xml_path(str(tmp_path / "sst.xml"))
+    model.gravity.linear = compiled.opt.gravity
+    for name in ("P_1", "P_2", "P_3"):
+        placement = pin.SE3(np.eye(3), compiled.site(name).pos)
+        model.addFrame(pin.Frame(name, 0, placement, pin.FrameType.OP_FRAME))
+    geometry = geometry_of(model, "sst.xml")
+    assert_same(parameters_of(model, geometry, Friction(model.damping, model.friction)), p)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('<weld name="closedloop2"', '<weld name="closedloop2" active="false"', "equalities"),
+        ('<motor name="gamma_3" joint="gamma_3"', '<motor name="gamma_3" joint="mu_3"', "mu_3"),
+        ('<site name="P_2"', '<site name="P_9"', "frame P_2 is missing"),
+        ('name="beta_2" axis="0 0 1"', 'name="beta_2" axis="0 1 0"', "beta_2"),
+    ],
+)
+def test_an_mjcf_that_is_no_sst_is_refused_by_name(old, new, words, tmp_path):
+    """What is wrong stands in the message; nothing is read as something else."""
+    text = Path(sst_pin.MJCF_PATH).read_text()
+    assert text.count(old) == 1
+    (tmp_path / "sst.xml").write_text(text.replace(old, new))
+    (tmp_path / "meshes").symlink_to(Path(sst_pin.PACKAGE_PATH, "meshes"))
+    with pytest.raises(sst_pin.SSTError, match=words):
+        sst_pin.SST.from_mjcf(tmp_path / "sst.xml")
+
+
+def edited(tmp_path, *replacements):
+    text = Path(sst_pin.URDF_PATH).read_text()
+    for old, new in replacements:
+        assert old in text
+        text = text.replace(old, new)
+    (tmp_path / "edited.urdf").write_text(text)
+    return sst_pin.SST.from_urdf(tmp_path / "edited.urdf")
+
+
+def test_arcs_of_unequal_mass_are_read_as_their_sum(tmp_path):
+    """A heavier star_2 is a heavier star: other parameters, the same closed robot."""
+    head, tail = Path(sst_pin.URDF_PATH).read_text().split('<link name="star_2">')
+    tail = tail.replace('"0.8666666666666667"', '"1.5"', 1).replace('iyz="0.01', 'iyz="0.02', 1)
+    (tmp_path / "edited.urdf").write_text(f'{head}<link name="star_2">{tail}')
+    robot = sst_pin.SST.from_urdf(tmp_path / "edited.urdf")
+    p = robot.parameters
+    assert p.star.mass == pytest.approx(2.6 / 3 * 2 + 1.5, abs=1e-15)
+    q, va, aa = robot.joint_motion(*sst_pin.paper_circle([0.1]))
+    tau = robot.compute_torques(q, va, aa)
+    assert np.abs(sst_pin.SST(p).compute_torques(q, va, aa) - tau).max() < 1e-12
+
+
+def test_legs_of_unequal_bodies_are_read_one_by_one(tmp_path):
+    """One edited link makes three links of one."""
+    head, tail = Path(sst_pin.URDF_PATH).read_text().split('<link name="link_3">')
+    (tmp_path / "edited.urdf").write_text(
+        head + '<link name="link_3">' + tail.replace('<mass value="0.3" />', '<mass value="1" />')
+    )
+    p = sst_pin.SST.from_urdf(tmp_path / "edited.urdf").parameters
+    assert [body.mass for body in p.link] == [0.3, 0.3, 1]
+    assert isinstance(p.passive_link, sst_pin.RigidBody)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "word"),
+    [
+        ('link name="E"', 'link name="F"', None),
+        ('"P_2"', '"P_two"', "frame P_2 is missing"),
+        ('xyz="0.0 0.35 0.0"', 'xyz="0.0 0.36 0.0"', "frame P_2: must be fixed to base on v_2"),
+        (
+            'rpy="1.570796326794896 0.0 1.570796326794896"',
+            'rpy="1.5 0.0 1.570796326794896"',
+            "joint gamma_2: z is not normal",
+        ),
+        ('xyz="0.4 0.0 0.0"', 'xyz="0.4 0.1 0.0"', "frame E: must be fixed to star_1"),
+        ('upper="6.283185307179586"', 'upper="1.6"', "joint mu_1: limits -6.28319 and 1.6 rad"),
+        (
+            'rpy="-2.094395102393195 0.0 0.0"',
+            'rpy="-2.1 0.1 0.0"',
+            "frame closedloop1_B: {E} must be turned about x",
+        ),
+    ],
+)
+def test_what_parameters_cannot_hold_is_refused_by_name(tmp_path, old, new, word):
+    """Nothing is lost in silence: the robot computes, its parameters raise."""
+    if word is None:
+        old, new, word = '"E"', '"F"', "frame E is missing"
+    robot = edited(tmp_path, (old, new))
+    assert np.isfinite(robot.compute_torques(robot.home, np.zeros(3), np.zeros(3))).all()
+    with pytest.raises(sst_pin.DescriptionError) as caught:
+        _ = robot.parameters
+    assert word in str(caught.value)
+
+
+def test_armature_is_refused_too(robot):
+    """A rotor's inertia has no place in the parameters."""
+    model = pin.Model(robot.model)
+    armature = np.zeros(9)
+    armature[4] = 0.01
+    model.armature = armature
+    with pytest.raises(sst_pin.DescriptionError, match=r"joint mu_2: armature 0\.01"):
+        parameters_of(model, robot.geometry, robot.friction)

@@ -1,0 +1,312 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Every fault of a description is found, all at once, and nothing else."""
+
+import re
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+import sst_pin
+from sst_pin.cli import main
+from sst_pin.verification.sampling import random_body
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+URDF, CUTS = (EXAMPLES / "delta.urdf").read_text(), (EXAMPLES / "delta.yaml").read_text()
+
+
+@pytest.fixture
+def found(tmp_path):
+    """Problems of an edited delta."""
+
+    def validate(urdf=URDF, cuts=CUTS):
+        (tmp_path / "delta.urdf").write_text(urdf)
+        (tmp_path / "delta.yaml").write_text(cuts)
+        return sst_pin.validate(tmp_path / "delta.urdf")
+
+    return validate
+
+
+def element(text, tag, name):
+    """The source of a named link or joint."""
+    return re.search(rf'  <{tag} name="{name}".*?</{tag}>\n', text, re.DOTALL)[0]
+
+
+def edited(tag, name, old, new):
+    """The delta with a change in one link or joint."""
+    source = element(URDF, tag, name)
+    assert old in source
+    return URDF.replace(source, source.replace(old, new, 1))
+
+
+@pytest.mark.parametrize("path", [sst_pin.URDF_PATH, EXAMPLES / "delta.urdf"])
+def test_the_shipped_robots_have_no_problems(path):
+    """Neither errors nor warnings."""
+    assert sst_pin.validate(path) == []
+
+
+ARM = '<inertia ixx="2e-05" ixy="0" ixz="0" iyy="0.00025" iyz="0" izz="0.00025"/>'
+MESH = '<visual><geometry><mesh filename="{}"/></geometry></visual>'
+
+
+@pytest.mark.parametrize(
+    ("urdf", "problem"),
+    [
+        # tree and names
+        ("<robot", "error: file: not XML"),
+        ("<model/>", "error: file: a URDF begins with <robot>"),
+        ("<robot name='empty'/>", "error: file: no links"),
+        (edited("link", "arm_2", 'name="arm_2"', 'name="arm_1"'), "error: link arm_1: 2 have this"),
+        (
+            edited("joint", "motor_2", "motor_2", "motor_1"),
+            "error: joint motor_1: 2 have this name",
+        ),
+        (edited("joint", "motor_2", ' name="motor_2"', ""), "error: joint: 1 without a name"),
+        (edited("joint", "motor_2", '"base"', '"bass"'), "error: joint motor_2: parent bass is no"),
+        (
+            edited("joint", "motor_2", '<parent link="base"/>', ""),
+            "error: joint motor_2: no <parent",
+        ),
+        (edited("joint", "motor_2", '"arm_2"', '"arm_1"'), "link arm_1 hangs on joint motor_1"),
+        (edited("joint", "motor_2", '"arm_2"', '"arm_1"'), "error: tree: 2 links without a parent"),
+        (edited("joint", "motor_2", '"base"', '"rod_2a"'), "error: tree: links in a circle"),
+        # joints
+        (
+            edited("joint", "motor_2", '"revolute"', '"hinge"'),
+            "joint motor_2: type 'hinge' unknown",
+        ),
+        (
+            edited("joint", "motor_2", '"revolute"', '"floating"'),
+            "motor_2: floating: several coord",
+        ),
+        (
+            edited("joint", "motor_2", '"revolute"', '"continuous"'),
+            "warning: joint motor_2: continuous: two coordinates",
+        ),
+        (edited("joint", "motor_2", "0 1 0", "0 0 0"), "joint motor_2: its axis has no direction"),
+        (edited("joint", "motor_2", "0 1 0", "0 1"), "joint motor_2: axis xyz='0 1' is not three"),
+        (
+            edited("joint", "motor_2", "0 1 0", "0 2 0"),
+            "warning: joint motor_2: its axis has length",
+        ),
+        (edited("joint", "motor_2", 'rpy="0 0', 'rpy="nan 0'), "motor_2: origin rpy='nan 0 2.09"),
+        (edited("joint", "motor_2", 'lower="-3.2"', 'lower="4"'), "lower limit 4 above the upper"),
+        (
+            edited("joint", "motor_2", 'lower="-3.2" upper="3.2" ', ""),
+            "warning: joint motor_2: limits",
+        ),
+        (
+            edited("joint", "motor_2", ' effort="10"', ""),
+            "error: joint motor_2: limit without effort",
+        ),
+        (edited("joint", "motor_2", "<limit", "<!-- "[:4] + " --><a"), "revolute without <limit>"),
+        (edited("joint", "motor_2", "<axis", '<mimic joint="motor_1"/><axis'), "mimics motor_1"),
+        (
+            URDF.replace('"revolute"', '"fixed"'),
+            "error: motor motor_2: no moving joint of this name",
+        ),
+        # inertia
+        (
+            edited("link", "arm_2", 'value="0.08"', 'value="0"'),
+            "error: link arm_2: moves and has no",
+        ),
+        (
+            edited("link", "arm_2", 'value="0.08"', 'value="-1"'),
+            "error: link arm_2: a mass of -1 kg",
+        ),
+        (
+            edited("link", "arm_2", 'value="0.08"', 'value="inf"'),
+            "link arm_2: its mass is not a num",
+        ),
+        (edited("link", "arm_2", ' ixy="0"', ""), "link arm_2: its inertia has no number ixy"),
+        (edited("link", "arm_2", "2e-05", "-2e-05"), "link arm_2: inertia not positive definite"),
+        (edited("link", "arm_2", "2e-05", "0.001"), "link arm_2: no body has this inertia"),
+        (
+            # Each pair of diagonal entries reaches the third, only the principal moments do not.
+            edited("link", "arm_2", ARM, ARM.replace('2e-05" ixy="0"', '0.00025" ixy="0.0002"')),
+            "principal moments 5e-05, 0.00025, 0.00045 kg m^2",
+        ),
+        (
+            edited("link", "arm_2", ARM, re.sub(r'"[\d.e-]+"', '"0"', ARM)),
+            "error: link arm_2: moves, 0.08 kg and no inertia",
+        ),
+        (
+            edited("link", "rod_1b_end", 'mass value="0"', 'mass value="1e-9"'),
+            "warning: link rod_1b_end: a point of 1e-09 kg",
+        ),
+        (
+            edited("link", "arm_2", 'value="0.08"', 'value="1e9"'),
+            "warning: links arm_2 and rod_1a: masses of 1e+09 kg and 0.02 kg",
+        ),
+        (
+            re.sub(r"<inertial>.*?</inertial>", "", URDF, count=1, flags=re.DOTALL),
+            "1 kg in PyBullet",
+        ),
+        (
+            URDF.replace(element(URDF, "link", "rod_1b_end"), '<link name="rod_1b_end"/>'),
+            "warning: link rod_1b_end: fixed, no <inertial>",
+        ),
+        # meshes
+        (
+            edited("link", "arm_2", "<inertial>", MESH.format("a.stl") + "<inertial>"),
+            "a.stl: not found",
+        ),
+        (
+            edited("link", "arm_2", "<inertial>", MESH.format("") + "<inertial>"),
+            "(no name): not found",
+        ),
+        (
+            edited("link", "arm_2", "<inertial>", MESH.format("a.dae") + "<inertial>"),
+            "cannot read it",
+        ),
+        (
+            edited("link", "arm_2", "<inertial>", MESH.format("package://p/a.obj") + "<inertial>"),
+            "warning: link arm_2: mesh package://p/a.obj: MuJoCo does not",
+        ),
+        (
+            edited("link", "arm_2", "<inertial>", MESH.format("/a.obj") + "<inertial>"),
+            "warning: link arm_2: mesh /a.obj: an absolute path",
+        ),
+        (
+            edited(
+                "link",
+                "arm_2",
+                "<inertial>",
+                "<visual><geometry><capsule/></geometry></visual><inertial>",
+            ),
+            "warning: link arm_2: a <capsule>: Pinocchio drops it",
+        ),
+    ],
+)
+def test_a_fault_of_the_urdf_is_told_with_its_place(found, urdf, problem):
+    """One fault each, told once."""
+    told = [str(p) for p in found(urdf) if problem in str(p)]
+    assert len(told) == 1
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "problem"),
+    [
+        ("closed_loop", "closed_lop", "error: cuts: closed_loop: a list is needed"),
+        ("rod_2a_end", "rod_2", "error: closure rod_2 - platform_2a: no frame rod_2 in the URDF"),
+        ("motor_2", "motr_2", "error: motor motr_2: no moving joint of this name"),
+        (
+            "[rod_2a_end, platform_2a]",
+            "[arm_2, base]",
+            "error: closure arm_2 - base: cannot be closed",
+        ),
+        ("[rod_2a_end", "[rod_3a_end", "error: closures: close one by one, not together"),
+        (", motor_3]", "]", "18 joints, 2 motors and 15 closure equations: at least 1 more"),
+        ("motor_3]", "motor_3, elbow_1a_X]", "warning: actuation: redundant: 4 motors for 3"),
+        ("elbow_1a,", "knee,", "error: file: joint knee is missing"),
+        (CUTS, "closed_loop: []\ntype: []\nname_mot: []", "error: cuts: no closures"),
+    ],
+)
+def test_a_fault_of_the_cuts_is_told_with_its_place(found, old, new, problem):
+    """One fault each, told once."""
+    assert old in CUTS
+    told = [str(p) for p in found(cuts=CUTS.replace(old, new, 1)) if problem in str(p)]
+    assert len(told) == 1
+
+
+def test_a_robot_without_moving_joints_is_told(found):
+    """It has no closure that could be judged."""
+    cuts = "closed_loop: [[base, arm_1]]\ntype: [3d]\nname_mot: []\n"
+    (problem,) = found(URDF.replace('"revolute"', '"fixed"'), cuts)
+    assert str(problem) == "error: tree: all joints are fixed: nothing moves"
+
+
+def test_a_motor_too_few_is_told_with_the_joints_that_stay_loose(found):
+    """Where redundant closures hide it from a count of equations."""
+    pair = "  - [rod_2a_end, platform_2a]\n"
+    cuts = CUTS.replace(pair, 2 * pair).replace("[3d, ", "[3d, 3d, ").replace(", motor_3]", "]")
+    (problem,) = found(cuts=cuts)
+    assert str(problem).startswith(
+        "error: actuation: insufficient: 3 degrees of freedom, 2 motors; 1 move with the motors "
+        "locked, through elbow_1a_X, "
+    )
+    assert "motor_3" in problem.text
+
+
+def test_all_faults_are_told_at_once(found):
+    """Errors first."""
+    urdf = edited("link", "arm_2", 'value="0.08"', 'value="0"')
+    urdf = urdf.replace("<inertial>", MESH.format("none.stl") + "<inertial>", 1)
+    problems = found(urdf, CUTS.replace("motor_1", "m").replace("rod_2a_end", "r"))
+    assert [p.severity for p in problems] == ["error"] * 4 + ["warning"]
+    assert {p.where for p in problems} == {
+        "motor m",
+        "closure r - platform_2a",
+        "link arm_2",
+        "link arm_1",
+    }
+
+
+def test_inertias_are_judged_as_mujoco_judges_them(tmp_path):
+    """Errors where its compiler refuses, none where it accepts."""
+    random, path = np.random.default_rng(0), tmp_path / "body.urdf"
+    verdicts = []
+    for _ in range(100):
+        I = random_body(random, 1.0, 0.3).inertia  # noqa: E741
+        moments, axes = np.linalg.eigh(I)
+        moments[2] = moments[:2].sum() * random.choice([0.5, 0.99, 1.01, 2])
+        moments[0] *= random.choice([1, 1, 1, -1])
+        I = axes @ np.diag(moments) @ axes.T  # noqa: E741
+        entries = zip(("xx", "xy", "xz", "yy", "yz", "zz"), I[np.triu_indices(3)], strict=True)
+        text = " ".join(f'i{name}="{value!r}"' for name, value in entries).replace("np.float64", "")
+        path.write_text(
+            '<robot name="one"><link name="base"/><link name="body"><inertial><mass value="1"/>'
+            f"<inertia {text.replace('(', '').replace(')', '')}/></inertial></link>"
+            '<joint name="hinge" type="revolute"><parent link="base"/><child link="body"/>'
+            '<limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>'
+        )
+        try:
+            mujoco.MjModel.from_xml_path(str(path))
+            verdicts.append(True)
+        except ValueError:
+            verdicts.append(False)
+        assert (sst_pin.validate(path) == []) == verdicts[-1], moments
+    assert 20 < sum(verdicts) < 80
+
+
+def test_a_mesh_is_sought_beside_the_urdf_and_in_packages(tmp_path):
+    """`package://name/...` in any folder above that holds the package."""
+    folder = tmp_path / "robots" / "delta_description" / "urdf"
+    folder.mkdir(parents=True)
+    (tmp_path / "robots" / "delta_description" / "arm.obj").touch()
+    for name in ("../arm.obj", "package://delta_description/arm.obj"):
+        text = URDF.replace("<inertial>", MESH.format(name) + "<inertial>", 1)
+        (folder / "robot.urdf").write_text(text)
+        told = [p for p in sst_pin.validate(folder / "robot.urdf") if "not found" in p.text]
+        assert told == []
+
+
+def test_an_open_tree_needs_no_cuts(tmp_path):
+    """Nothing is said of loops and motors."""
+    (tmp_path / "delta.urdf").write_text(URDF)
+    assert sst_pin.validate(tmp_path / "delta.urdf") == []
+    problems = sst_pin.validate(tmp_path / "delta.urdf", tmp_path / "none.yaml")
+    assert [p.where for p in problems] == ["cuts"]
+
+
+def test_the_command_prints_a_problem_a_line_and_fails(tmp_path, capsys):
+    """Exit code 1 for errors; for a good robot 0 and its mobility."""
+    path = tmp_path / "bad.urdf"
+    path.write_text(edited("link", "arm_2", 'value="0.08"', 'value="-1"'))
+    assert main(["validate", str(path)]) == 1
+    assert capsys.readouterr().out == (
+        "error: link arm_2: a mass of -1 kg\n1 error(s), 0 warning(s)\n"
+    )
+    assert main(["validate", str(EXAMPLES / "delta.urdf")]) == 0
+    out = capsys.readouterr().out
+    assert "degrees of freedom  3" in out
+    assert "moving mass         0.51 kg" in out
+    cuts = str(EXAMPLES / "delta.yaml")
+    path.write_text(edited("joint", "motor_2", '"revolute"', '"continuous"'))
+    assert main(["validate", str(path), "--cuts", cuts]) == 0
+    assert capsys.readouterr().out.startswith("warning: joint motor_2: continuous")
+    assert main(["validate", str(path)]) == 0
+    assert "an open tree: no bad.yaml" in capsys.readouterr().out
+    assert main(["validate", str(tmp_path / "missing.urdf")]) == 1
+    assert "error: file: the URDF cannot be read" in capsys.readouterr().out

@@ -1,0 +1,393 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The referees agree with the natural orthogonal complement, and see it when it is wrong."""
+
+import sys
+from dataclasses import replace
+from importlib import import_module
+from types import FunctionType
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from scipy.spatial.transform import Rotation
+
+import sst_pin
+from reference import EXAMPLE_1
+from robots import ROBOTS
+from sst_pin.chain import closures, dynamics, noc
+from sst_pin.chain.closures import LoopKinematics
+from sst_pin.errors import ClosureError, DescriptionError, InputError, MissingExtraError
+from sst_pin.verification import referees
+from sst_pin.verification.referees import lagrange
+from sst_pin.verification.sampling import random_parameters, random_state
+
+#: Module, class and Python package of every referee of one instant.
+REFEREES = {
+    "..virtual_work": ("VirtualWork", "numpy"),
+    "lagrange": ("LagrangeMultipliers", "pinocchio"),
+    "symbolic": ("SymbolicLagrange", "casadi"),
+    "mujoco_engine": ("MujocoInverse", "mujoco"),
+    "exudyn_engine": ("ExudynInstant", "exudyn"),
+}
+#: Relative to the largest torque. The worst of a thousand random states is 1e-12, with all referees
+#: alike: near singularities rounding grows with the condition number.
+TOLERANCE = 1e-10
+
+
+@pytest.fixture(scope="module", params=REFEREES)
+def referee(request):
+    """The class of a referee."""
+    kind, package = REFEREES[request.param]
+    pytest.importorskip(package, reason=f"{package} is not installed (extra 'verify')")
+    module = request.param if request.param.startswith(".") else f".{request.param}"
+    return getattr(import_module(module, "sst_pin.verification.referees"), kind)
+
+
+def need(module, package):
+    """A module of referees, or a skipped test."""
+    pytest.importorskip(package, reason=f"{package} is not installed (extra 'verify')")
+    return import_module(f"sst_pin.verification.referees.{module}")
+
+
+def close(actual, expected, tolerance=TOLERANCE):
+    """Equality relative to the largest entry."""
+    assert_allclose(actual, expected, rtol=0, atol=tolerance * np.abs(expected).max())
+
+
+def noc_torques(robot, state, **loads):
+    return robot.compute_torques(*robot.joint_motion(*state), **loads)
+
+
+# --- one instant --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("t", EXAMPLE_1)
+def test_a_referee_finds_the_torques_of_example_1(referee, t):
+    """Without any help of ours."""
+    tau = referee(sst_pin.Parameters()).torques(*sst_pin.paper_circle(t))
+    assert_allclose(tau, EXAMPLE_1[t], rtol=0, atol=1e-11)  # the references end at 1e-12
+
+
+def test_a_referee_agrees_along_the_papers_circle(referee, robot):
+    """One object serves all poses of a motion."""
+    motion = sst_pin.paper_circle(np.linspace(0, np.pi / 6, 25))
+    judge = referee(sst_pin.Parameters())
+    tau = [judge.torques(*state) for state in zip(*motion, strict=True)]
+    close(tau, noc_torques(robot, motion))
+
+
+def test_a_referee_agrees_in_random_states_under_loads(referee, robot):
+    """The paper's robot anywhere in its workspace, a moment on its star."""
+    rng = np.random.default_rng(1)
+    judge = referee(sst_pin.Parameters())
+    for _ in range(20):
+        state, moment = random_state(robot, rng), rng.normal(scale=5, size=3)
+        expected = noc_torques(robot, state, platform_moment=moment)
+        close(judge.torques(*state, moment), expected)
+        close(judge.torques(*state), noc_torques(robot, state))
+
+
+@pytest.mark.parametrize("friction", [False, True])
+def test_a_referee_agrees_for_random_robots(referee, friction):
+    """Odd base triangles and arcs, nine different bodies, tilted gravity, loads."""
+    rng = np.random.default_rng(2)
+    for _ in range(10):
+        parameters = random_parameters(rng, friction and not referee.frictionless)
+        robot, judge = sst_pin.SST(parameters), referee(parameters)
+        for _ in range(3):
+            state, moment = random_state(robot, rng), rng.normal(scale=5, size=3)
+            expected = noc_torques(robot, state, platform_moment=moment)
+            close(judge.torques(*state, moment), expected)
+
+
+@pytest.mark.parametrize("module", ["lagrange", "mujoco_engine", "exudyn_engine"])
+def test_an_engine_refuses_a_pose_that_its_own_frames_do_not_reach(module):
+    """The angles it is given are held against its own kinematics."""
+    kind, package = REFEREES[module]
+    judge = getattr(need(module, package), kind)(sst_pin.Parameters())
+    R, omega, alpha = sst_pin.paper_circle(0.1)
+    with pytest.raises(ClosureError, match="engine"):
+        judge.torques(R + 1e-6, omega, alpha)  # not quite a rotation
+
+
+def test_symbolic_direct_dynamics_gives_back_the_acceleration():
+    """Accelerations of the star under the torques of the NOC."""
+    symbolic = need("symbolic", "casadi")
+    rng = np.random.default_rng(3)
+    for _ in range(10):
+        parameters = random_parameters(rng)
+        robot = sst_pin.SST(parameters)
+        (R, omega, alpha), moment = random_state(robot, rng), rng.normal(scale=5, size=3)
+        tau = noc_torques(robot, (R, omega, alpha), platform_moment=moment)
+        found = symbolic.SymbolicLagrange(parameters).accelerations(R, omega, tau, moment)
+        close(found, alpha, 1e-9)  # and the condition number of the inertia comes in
+
+
+# --- any closed chain ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_multipliers_agree_for_other_robots(name):
+    """Planar, spatial, spherical; redundant closures or not; friction, rotors."""
+    robot, rng = ROBOTS[name], np.random.default_rng(4)
+    chain, n = robot.chain(), len(robot.x)
+    known_to_pinocchio = all(c.kind != "orientation" for c in chain.closures)
+    for _ in range(4):
+        x, unloaded = robot.x + rng.uniform(-0.05, 0.05, n), np.zeros((len(robot.links), 6))
+        q, _, va, aa, tau = robot.motion(x, *rng.normal(size=(2, n)), unloaded)
+        close(lagrange.torques(chain, q, va, aa), tau, 1e-10)
+        close(lagrange.accelerations_by_multipliers(chain, q, va, tau), aa, 1e-9)
+        if known_to_pinocchio:
+            # The proximal iteration stops at 1e-14, which the multipliers of the hexapod magnify.
+            close(lagrange.accelerations(chain, q, va, tau), aa, 1e-9)
+
+
+def test_pinocchio_is_not_asked_for_closures_it_does_not_know():
+    """An alignment of axes is none of its constraints."""
+    robot = ROBOTS["spherical 3-RRR, aligned"]
+    with pytest.raises(DescriptionError, match="accelerations_by_multipliers"):
+        lagrange.accelerations(robot.chain(), robot.joints(robot.x).real, np.ones(3), np.ones(3))
+
+
+# --- time stepping ------------------------------------------------------------------------------
+
+
+def swing(R, axis):
+    """A smooth motion from R about a fixed axis."""
+    axis = axis / np.linalg.norm(axis)
+
+    def motion(t):
+        turn = Rotation.from_rotvec(0.15 * np.sin(10 * t) * axis).as_matrix()
+        return turn @ R, 1.5 * np.cos(10 * t) * axis, -15 * np.sin(10 * t) * axis
+
+    return motion
+
+
+@pytest.fixture(scope="module", params=["paper", "random"])
+def stepped(request):
+    """Parameters, robot and a motion from t = 0 on."""
+    if request.param == "paper":
+        return sst_pin.Parameters(), sst_pin.SST(), sst_pin.paper_circle
+    rng = np.random.default_rng(5)
+    parameters = random_parameters(rng, friction=False)
+    robot = sst_pin.SST(parameters)
+    return parameters, robot, swing(random_state(robot, rng)[0], rng.normal(size=3))
+
+
+def off_path(motion, times, path):
+    """Largest difference of an orientation from the one it should be."""
+    return max(np.abs(R - motion(t)[0]).max() for t, R in zip(times, path, strict=True))
+
+
+#: A quarter of the paper's circle, [s].
+DURATION = np.pi / 24
+
+
+def test_exudyns_torques_converge_with_the_square_of_the_step(stepped):
+    """Its generalised-alpha method is of second order: halving the step leaves a quarter."""
+    exudyn = need("exudyn_engine", "exudyn")
+    parameters, robot, motion = stepped
+    expected = noc_torques(robot, motion(DURATION))
+    errors = []
+    for steps in (60, 120, 240):
+        t, tau = exudyn.stepped_torques(parameters, motion, DURATION, steps)
+        assert_allclose(t, np.linspace(0, DURATION, steps + 1), rtol=0, atol=1e-12)
+        errors.append(np.abs(tau[-1] - expected).max())
+    ratios = np.array(errors[:-1]) / errors[1:]
+    assert ((ratios > 3.5) & (ratios < 4.5)).all()  # terms of third order are left, some 10 %
+    assert errors[-1] < 1e-4 * np.abs(expected).max()
+
+
+def test_exudyns_motion_converges_with_the_square_of_the_step(stepped):
+    """The motion under the torques of the NOC, by direct dynamics."""
+    exudyn = need("exudyn_engine", "exudyn")
+    parameters, robot, motion = stepped
+    R, omega, _ = motion(0.0)
+    errors = []
+    for steps in (20, 40, 80):
+        t, path = exudyn.stepped_motion(
+            parameters, R, omega, lambda t: noc_torques(robot, motion(t)), DURATION, steps
+        )
+        assert len(t) == steps + 1
+        errors.append(off_path(motion, t, path))
+    ratios = np.array(errors[:-1]) / errors[1:]
+    assert ((ratios > 3.5) & (ratios < 4.5)).all()
+    assert errors[-1] < 1e-4
+
+
+def test_mujocos_welded_robot_tends_to_the_rigid_one(stepped):
+    """The error falls as the inverse of the welds' stiffness, far above that of its integrator."""
+    mujoco_engine = need("mujoco_engine", "mujoco")
+    parameters, robot, motion = stepped
+    R, omega, _ = motion(0.0)
+    errors = []
+    for stiffness in (1e4, 1e5, 1e6):
+        t, path = mujoco_engine.welded_motion(
+            parameters,
+            R,
+            omega,
+            lambda t: noc_torques(robot, motion(t)),
+            DURATION / 2,
+            step=4e-4,
+            stiffness=stiffness,
+        )
+        errors.append(off_path(motion, t, path))
+    ratios = np.array(errors[:-1]) / errors[1:]
+    assert (ratios > 5).all()  # ten, once the welds have settled within the time
+    assert errors[-1] < 1e-4
+
+
+def test_exudyns_stepping_says_that_it_knows_no_friction():
+    """Rather than leave it out in silence."""
+    exudyn = need("exudyn_engine", "exudyn")
+    parameters = sst_pin.Parameters(viscous_friction=0.1)
+    R, omega, _ = sst_pin.paper_circle(0.0)
+    with pytest.raises(InputError, match="friction"):
+        exudyn.stepped_torques(parameters, sst_pin.paper_circle, 0.1, 10)
+    with pytest.raises(InputError, match="friction"):
+        exudyn.stepped_motion(parameters, R, omega, lambda t: np.zeros(3), 0.1, 10)
+
+
+# --- injected errors ----------------------------------------------------------------------------
+
+
+def _flip_closure_rate(patch):
+    right = LoopKinematics.Phi_dot
+    patch.setattr(LoopKinematics, "Phi_dot", lambda self, v: -right(self, v))
+
+
+def _change_bodies(change):
+    def inject(patch):
+        right = dynamics.bodies
+        patch.setattr(dynamics, "bodies", lambda *args: change(right(*args)))
+
+    return inject
+
+
+def _forget_coriolis(patch):
+    right = dynamics.terms
+    patch.setattr(dynamics, "terms", lambda *args: replace(right(*args), coriolis=np.zeros((3, 3))))
+
+
+def _flip_complement_rate(patch):
+    right = dynamics.terms
+
+    def flipped(*args):
+        t = right(*args)
+        return replace(t, coriolis=t.coriolis - 2 * t.T.T @ t.M @ t.T_dot)
+
+    patch.setattr(dynamics, "terms", flipped)
+
+
+def _forget_passive_friction(patch):
+    right = dynamics.Friction.forces
+    actuated = np.tile([1, 0, 0], 3)
+    patch.setattr(dynamics.Friction, "forces", lambda self, v: actuated * right(self, v))
+
+
+def _turn_inertia(bodies):
+    """The inertia of star_1 with two of its axes exchanged."""
+    M, exchange = bodies.M.copy(), np.eye(3)[[2, 1, 0]]
+    rows = slice(6 * 2, 6 * 2 + 3)
+    M[rows, rows] = exchange @ M[rows, rows] @ exchange.T
+    return bodies._replace(M=M)
+
+
+MUTATIONS = {
+    "flipped sign in Phi_dot": _flip_closure_rate,
+    "flipped sign in K_dot": _change_bodies(lambda b: b._replace(K_dot=-b.K_dot)),
+    "flipped sign in T_dot": _flip_complement_rate,
+    "no gyroscopic moments": _change_bodies(lambda b: b._replace(Omega=0 * b.Omega)),
+    "no Coriolis terms": _forget_coriolis,
+    "wrong axis of an inertia": _change_bodies(_turn_inertia),
+    "flipped gravity": _change_bodies(lambda b: b._replace(gravity=-b.gravity)),
+    "no friction in passive joints": _forget_passive_friction,
+}
+
+
+@pytest.mark.parametrize("mutation", [None, *MUTATIONS])
+def test_a_referee_sees_an_error_in_the_noc(referee, mutation, monkeypatch):
+    """Eq. (92) in its long form differs from every referee once an error is put into it."""
+    if referee.frictionless and mutation == "no friction in passive joints":
+        return  # it has nothing to say about friction, and says so
+    rng = np.random.default_rng(6)
+    parameters = random_parameters(rng, friction=not referee.frictionless)
+    robot = sst_pin.SST(parameters)
+    states = [random_state(robot, rng) for _ in range(5)]
+    if mutation:
+        MUTATIONS[mutation](monkeypatch)
+    judge = referee(parameters)
+    differences = []
+    for state in states:
+        q, va, aa = robot.joint_motion(*state)
+        terms = robot.noc(q, va)
+        tau = terms.inertia @ aa + terms.coriolis @ va - terms.gravity - terms.friction
+        verdict = judge.torques(*state)
+        differences.append(np.abs(tau - verdict).max() / np.abs(verdict).max())
+    if mutation:
+        assert max(differences) > 1e-3  # of the torques: far beyond any tolerance
+    else:
+        assert max(differences) < TOLERANCE
+
+
+def test_a_referee_uses_nothing_of_what_it_judges(referee, monkeypatch):
+    """It gives the same torques when the complement, the closures and the dynamics are gone."""
+    rng = np.random.default_rng(7)
+    parameters = random_parameters(rng, friction=not referee.frictionless)
+    state = random_state(sst_pin.SST(parameters), rng)
+    judge = referee(parameters)
+    expected = judge.torques(*state)
+
+    def gone(*args, **kwargs):
+        raise AssertionError("a referee called what it judges")
+
+    for module in (closures, dynamics, noc):
+        for name, value in list(vars(module).items()):
+            if getattr(value, "__module__", "") != module.__name__:
+                continue  # what the module imports belongs to others
+            if isinstance(value, FunctionType):
+                monkeypatch.setattr(module, name, gone)
+            for method in [m for m, f in vars(value).items() if isinstance(f, FunctionType)]:
+                monkeypatch.setattr(value, method, gone)
+    assert_array_equal(judge.torques(*state), expected)
+
+
+# --- the list of referees -----------------------------------------------------------------------
+
+
+def test_all_referees_are_had_or_told_how_to_be_had(monkeypatch):
+    """A package that is not there costs one referee, not all."""
+    monkeypatch.setitem(sys.modules, "mujoco", None)  # what Python takes for not installed
+    available, missing = referees.all_referees(sst_pin.Parameters())
+    assert len(available) + len(missing) == len(REFEREES)
+    assert "mujoco" not in {judge.package for judge in available}
+    (message,) = [str(error) for error in missing if "mujoco" in str(error)]
+    assert "pip install 'sst-pin[verify]'" in message
+
+
+def test_referees_say_what_they_are():
+    """Distinct names, the package that pip knows, whether friction is left out."""
+    available, _ = referees.all_referees(sst_pin.Parameters())
+    assert len({judge.name for judge in available}) == len(available)
+    for judge in available:
+        assert judge.package in {"sst-pin", "pin", "casadi", "mujoco", "exudyn"}
+        assert judge.frictionless in {True, False}
+
+
+@pytest.mark.parametrize("package", ["casadi", "mujoco", "exudyn"])
+def test_a_missing_engine_is_named(package, monkeypatch):
+    """By an error that is an `ImportError` too."""
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(MissingExtraError, match=package) as caught:
+        referees.engine(package)
+    assert isinstance(caught.value, ImportError)
+    assert caught.value.extra == "verify"
+
+
+def test_a_broken_engine_is_not_taken_for_a_missing_one(tmp_path, monkeypatch):
+    """Its own import error comes through."""
+    (tmp_path / "broken_engine.py").write_text("import no_such_dependency")
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(ModuleNotFoundError, match="no_such_dependency") as caught:
+        referees.engine("broken_engine")
+    assert not isinstance(caught.value, MissingExtraError)

@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: BSD-2-Clause
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import sst_pin
+from robots import ROBOTS
+from sst_pin.cli import main
+from sst_pin.verification import referees, verify
+from sst_pin.verification.comparisons import Judge
+from sst_pin.verification.verify_in_time import verify_in_time
+
+
+@pytest.fixture
+def no_engines(monkeypatch):
+    """As on a machine without the extra `verify`."""
+    real = referees.import_module
+
+    def import_module(name, package=None):
+        if name in ("casadi", "mujoco", "exudyn"):
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+        return real(name, package)
+
+    monkeypatch.setattr(referees, "import_module", import_module)
+
+
+def test_every_referee_agrees_in_the_quick_run(capsys):
+    """One command, one table, exit code 0."""
+    assert main(["verify", "--quick"]) == 0
+    out = capsys.readouterr().out
+    assert out.splitlines()[-1] == "all agree"
+    assert "virtual work" in out
+    assert "Lagrange multipliers" in out
+    assert "DISAGREES" not in out
+
+
+def test_the_whole_run_includes_those_that_step_in_time():
+    """Each shows its order, its stiffness, or comes back to the circle."""
+    rows = list(verify_in_time())
+    assert rows
+    assert all(row.passed for row in rows)
+    names = {row.referee for row in rows}
+    assert "virtual work" in names
+    for package, name in (("exudyn", "Exudyn, time-stepped"), ("mujoco", "MuJoCo, welded")):
+        missing = {error.package for error in verify.skipped()}
+        assert (name in names) == (package not in missing)
+
+
+def test_json_holds_what_the_table_shows(capsys):
+    """For machines."""
+    assert main(["verify", "--quick", "--json"]) == 0
+    content = json.loads(capsys.readouterr().out)
+    assert content["passed"] is True
+    asked = {comparison["referee"] for comparison in content["comparisons"]}
+    assert {"reference path", "virtual work", "Lagrange multipliers", "energy"} <= asked
+    assert all(c["relative"] <= c["limit"] for c in content["comparisons"])
+
+
+def test_referees_that_are_not_installed_are_named_with_their_remedy(no_engines, capsys):
+    """The others are asked all the same."""
+    assert main(["verify", "--quick"]) == 0
+    out = capsys.readouterr().out
+    for package in ("casadi", "mujoco", "exudyn"):
+        assert f"skipped: {package} is not installed; run: pip install 'sst-pin[verify]'" in out
+    assert "virtual work" in out
+
+
+def test_a_wrong_torque_ends_in_exit_code_1(monkeypatch, capsys):
+    """A flipped sign of the weights: every referee says so."""
+    right = sst_pin.SST.compute_torques
+
+    def wrong(self, q, va, aa, **loads):
+        states = zip(np.atleast_2d(q), np.atleast_2d(va), strict=True)
+        weights = np.array([self.noc(*state).gravity for state in states])
+        return right(self, q, va, aa, **loads) + 2 * weights.reshape(np.shape(va))
+
+    monkeypatch.setattr(sst_pin.SST, "compute_torques", wrong)
+    assert main(["verify", "--quick", "--json"]) == 1
+    content = json.loads(capsys.readouterr().out)
+    assert content["passed"] is False
+    others = [c for c in content["comparisons"] if c["referee"] != "reference path"]
+    torques = [c for c in others if c["compared"].startswith("torques")]
+    assert len(torques) >= 4
+    assert not any(c["passed"] for c in torques)
+    assert main(["verify", "--quick"]) == 1
+    assert "disagree" in capsys.readouterr().out.splitlines()[-1]
+
+
+def test_a_referee_that_answers_nan_disagrees():
+    """NaN is not below any limit."""
+    judge = Judge("nobody", "nothing")
+    judge.hold(lambda: np.array((1.0, np.nan)), np.ones(2))
+    row = judge.verdict()
+    assert row.passed is False
+    assert row.relative == np.inf
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_multipliers_referee_any_closed_chain(name):
+    """At configurations that verify finds by itself."""
+    rows = list(verify.verify_chain(ROBOTS[name].chain(), 5))
+    assert [row.cases for row in rows] == [5, 5]
+    assert all(row.passed for row in rows)
+
+
+def test_an_edited_urdf_is_verified_too(tmp_path, capsys):
+    """By multipliers, which need no parameters."""
+    path = tmp_path / "mine.urdf"
+    path.write_text(Path(sst_pin.URDF_PATH).read_text().replace('"0.3"', '"0.7"'))
+    assert main(["verify", "--quick", "--urdf", str(path)]) == 0
+    assert "torques, sst" in capsys.readouterr().out

@@ -1,0 +1,358 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The natural orthogonal complement against virtual work, which shares no formula with it."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import sst_pin
+from reference import EXAMPLE_1
+from sst_pin.errors import (
+    InputError,
+    SimulationError,
+    SingularConfigurationError,
+    SSTError,
+    WorkspaceError,
+)
+from sst_pin.verification import conics, virtual_work
+from sst_pin.verification.sampling import random_parameters, random_states
+from sst_pin.verification.virtual_work import VirtualWork
+
+Array = NDArray[np.float64]
+
+#: Two ways to the same numbers differ by rounding times the square of the condition number, which
+#: random_state keeps below 30; the worst of 4500 motions of 150 robots was 2e-12.
+ROUNDING = 2e-11
+
+SEEDS = range(12)
+PERIOD = np.pi / 6  # of the paper's circle, [s]
+
+
+def relative_error(values: Array, reference: Array) -> float:
+    """The largest error of any sample, by the size of that sample."""
+    error = np.linalg.norm(values - reference, axis=-1)
+    return float((error / np.linalg.norm(reference, axis=-1)).max())
+
+
+def distance_of_sets(a: Array, b: Array) -> float:
+    """How far the worst member of one set of matrices is from the other set."""
+    if len(a) != len(b):
+        return np.inf
+    if not len(a):
+        return 0.0
+    apart = np.abs(a[:, None] - b[None]).max(axis=(-1, -2))
+    return float(max(apart.min(axis=0).max(), apart.min(axis=1).max()))
+
+
+def assemblies(robot: sst_pin.SST, gamma: Array) -> Array:
+    return robot.platform_orientation(robot.forward_kinematics(gamma))
+
+
+# --- independence ---------------------------------------------------------------------------
+
+
+def test_referee_imports_nothing_of_what_it_judges() -> None:
+    """Only the robot's data, errors and the checks of arrays come from the package."""
+    own, foreign = set(), set()
+    modules = (virtual_work, conics)
+    trees = [ast.parse(Path(m.__file__).read_text(encoding="utf-8")) for m in modules]
+    for node in (node for tree in trees for node in ast.walk(tree)):
+        if isinstance(node, ast.Import):
+            foreign |= {alias.name.split(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.level == 0:
+            foreign.add(str(node.module).split(".")[0])
+        elif isinstance(node, ast.ImportFrom):
+            own |= {node.module} if node.module else {alias.name for alias in node.names}
+    assert foreign == {"__future__", "collections", "typing", "numpy", "scipy"}
+    assert own == {"batches", "conics", "errors", "parameters"}
+
+
+# --- inverse dynamics -----------------------------------------------------------------------
+
+
+def test_torques_of_the_paper_circle_are_the_reference_values() -> None:
+    """Torques of example 1 known from an implementation in 40 digits."""
+    times, torques = list(EXAMPLE_1), list(EXAMPLE_1.values())
+    tau = VirtualWork(sst_pin.Parameters()).torques(*sst_pin.paper_circle(times))
+    assert np.abs(tau - torques).max() < 1e-11  # printed with 14 digits
+
+
+def test_torques_equal_those_of_the_complement_on_the_paper_circle() -> None:
+    """All round the circle of Sect. 7.2."""
+    robot, referee = sst_pin.SST(), VirtualWork(sst_pin.Parameters())
+    motion = sst_pin.paper_circle(np.linspace(0, PERIOD, 200))
+    tau = robot.compute_torques(*robot.joint_motion(*motion))
+    assert relative_error(tau, referee.torques(*motion)) < ROUNDING
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_torques_of_the_paper_robot_agree_at_any_motion(seed: int) -> None:
+    """Orientations, velocities, accelerations and moments on the star at random."""
+    rng = np.random.default_rng(seed)
+    robot, referee = sst_pin.SST(), VirtualWork(sst_pin.Parameters())
+    motion, moment = random_states(robot, rng, 20), rng.normal(scale=5, size=(20, 3))
+    tau = robot.compute_torques(*robot.joint_motion(*motion), platform_moment=moment)
+    wanted = referee.torques(*motion, platform_moment=moment)
+    assert relative_error(tau, wanted) < ROUNDING
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("friction", [False, True])
+def test_torques_of_any_robot_agree_at_any_motion(seed: int, friction: bool) -> None:
+    """Odd geometry, nine different bodies, tilted gravity, friction in all joints, loads."""
+    rng = np.random.default_rng(100 + seed)
+    parameters = random_parameters(rng, friction)
+    robot, referee = sst_pin.SST(parameters), VirtualWork(parameters)
+    motion, moment = random_states(robot, rng, 10), rng.normal(scale=5, size=(10, 3))
+    tau = robot.compute_torques(*robot.joint_motion(*motion), platform_moment=moment)
+    wanted = referee.torques(*motion, platform_moment=moment)
+    assert relative_error(tau, wanted) < ROUNDING
+
+
+@pytest.mark.parametrize("branch", sst_pin.BRANCHES.tolist())
+def test_torques_agree_on_every_branch_of_the_legs(branch: list[int]) -> None:
+    """The antipodal choice of R_k moves the links to the other side."""
+    rng = np.random.default_rng(7)
+    parameters = random_parameters(rng)
+    robot, referee = sst_pin.SST(parameters), VirtualWork(parameters, branch)
+    motion = random_states(robot, rng, 10)
+    tau = robot.compute_torques(*robot.joint_motion(*motion, branch=branch))
+    assert relative_error(tau, referee.torques(*motion)) < ROUNDING
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_terms_of_the_long_form_add_up_to_the_torques(seed: int) -> None:
+    """Eq. (92) by K, T, M and Omega, which the short form does not use."""
+    rng = np.random.default_rng(600 + seed)
+    parameters = random_parameters(rng)
+    robot, referee = sst_pin.SST(parameters), VirtualWork(parameters)
+    motion = random_states(robot, rng, 5)
+    wanted = referee.torques(*motion)
+    for q, va, aa, tau in zip(*robot.joint_motion(*motion), wanted, strict=True):
+        terms = robot.noc(q, va)
+        long = terms.inertia @ aa + terms.coriolis @ va - terms.gravity - terms.friction
+        assert relative_error(long, tau) < ROUNDING
+
+
+def test_batches_of_any_shape_equal_their_samples() -> None:
+    """Leading axes broadcast."""
+    rng = np.random.default_rng(1)
+    parameters = random_parameters(rng)
+    robot, referee = sst_pin.SST(parameters), VirtualWork(parameters)
+    R, omega, alpha = random_states(robot, rng, 4)
+    tau = referee.torques(R[:, None], omega, alpha)  # each R with each motion
+    assert tau.shape == (4, 4, 3)
+    one = np.array(
+        [[referee.torques(R[i], omega[j], alpha[j]) for j in range(4)] for i in range(4)]
+    )
+    assert relative_error(tau, one) < 1e-13  # the same sums, perhaps in another order
+
+
+# --- direct dynamics ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_accelerations_agree_at_any_torques(seed: int) -> None:
+    """Motor accelerations that follow from alpha are those of Eq. (92)."""
+    rng = np.random.default_rng(200 + seed)
+    parameters = random_parameters(rng)
+    robot, referee = sst_pin.SST(parameters), VirtualWork(parameters)
+    R, omega, _ = random_states(robot, rng, 10)
+    tau, moment = rng.normal(scale=20, size=(2, 10, 3))
+    alpha = referee.accelerations(R, omega, tau, platform_moment=moment)
+    q, va, aa = robot.joint_motion(R, omega, alpha)
+    wanted = robot.compute_accelerations(q, va, tau, platform_moment=moment)
+    assert relative_error(aa, wanted) < ROUNDING
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_direct_dynamics_inverts_inverse_dynamics(seed: int) -> None:
+    """Torques of a motion bring back its acceleration."""
+    rng = np.random.default_rng(300 + seed)
+    parameters = random_parameters(rng)
+    referee = VirtualWork(parameters)
+    R, omega, alpha = random_states(sst_pin.SST(parameters), rng, 10)
+    tau = referee.torques(R, omega, alpha)
+    assert relative_error(referee.accelerations(R, omega, tau), alpha) < ROUNDING
+
+
+# --- direct kinematics ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_assemblies_of_any_robot_are_those_of_forward_kinematics(seed: int) -> None:
+    """Two conics in a plane and three quadrics in quaternions have the same real points."""
+    rng = np.random.default_rng(400 + seed)
+    parameters = random_parameters(rng, friction=False)
+    robot, referee = sst_pin.SST(parameters), VirtualWork(parameters)
+    for gamma in rng.uniform(-np.pi, np.pi, (15, 3)):
+        # Polished to rounding, but a pair about to merge magnifies it.
+        apart = distance_of_sets(referee.orientations(gamma), assemblies(robot, gamma))
+        assert apart < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("gamma", "count"),
+    [
+        ((np.pi / 4,) * 3, 8),
+        ((0.3, 1.2, 0.8), 4),
+        ((np.pi / 2, 0, 0.3), 4),  # the three passive axes in one plane
+    ],
+)
+def test_paper_robot_has_the_known_number_of_assemblies(
+    gamma: tuple[float, float, float], count: int
+) -> None:
+    """Eight, four, and the case that no inverse of the passive axes can treat."""
+    R = VirtualWork(sst_pin.Parameters()).orientations(gamma)
+    assert len(R) == count
+    # Polished to rounding; none of these is near a double one.
+    assert distance_of_sets(R, assemblies(sst_pin.SST(), np.array(gamma))) < 1e-12
+    assert np.abs(R @ R.swapaxes(-1, -2) - np.eye(3)).max() < 1e-13
+    assert (np.linalg.det(R) > 0).all()
+
+
+def test_motor_angles_are_those_of_inverse_kinematics() -> None:
+    """The state of the integration starts where the robot is."""
+    rng = np.random.default_rng(2)
+    parameters = random_parameters(rng)
+    robot, referee = sst_pin.SST(parameters), VirtualWork(parameters)
+    R, omega, alpha = random_states(robot, rng, 50)
+    gamma, gamma_dot = referee.motor_motion(R, omega)
+    q, va, _ = robot.joint_motion(R, omega, alpha)
+    # Angles of vectors that are at least 0.15 long: rounding.
+    assert np.abs(gamma - q[:, ::3]).max() < 1e-12
+    assert relative_error(gamma_dot, va) < 1e-12
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_admissible_assembly_continues_the_last_one(seed: int) -> None:
+    """After a small turn of the star it is found again among up to eight."""
+    rng = np.random.default_rng(500 + seed)
+    parameters = random_parameters(rng, friction=False)
+    referee = VirtualWork(parameters)
+    for R, turn, _ in zip(*random_states(sst_pin.SST(parameters), rng, 10), strict=True):
+        near_R = rotation(0.02 * turn / np.linalg.norm(turn)) @ R
+        gamma, _ = referee.motor_motion(R, np.zeros(3))
+        assert np.abs(referee.admissible(gamma, near_R) - R).max() < 1e-9  # as for the sets
+
+
+def rotation(vector: Array) -> Array:
+    """The rotation about a vector by its length, by Rodrigues' formula."""
+    angle = np.linalg.norm(vector)
+    x, y, z = vector / angle
+    cross = np.array(((0, -z, y), (z, 0, -x), (-y, x, 0)))
+    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_admissible_assembly_stays_on_the_branch_of_the_legs(seed: int) -> None:
+    """Not even the assembly with all R_k on the other side, given as the last one, is taken."""
+    rng = np.random.default_rng(700 + seed)
+    parameters = random_parameters(rng, friction=False)
+    referee = VirtualWork(parameters)
+    for R, _, _ in zip(*random_states(sst_pin.SST(parameters), rng, 5), strict=True):
+        gamma, _ = referee.motor_motion(R, np.zeros(3))
+        found = referee.admissible(gamma, R @ np.diag((1, -1, -1)))
+        # Off the branch some gamma_k would come back half a turn away; else as exact as the sets.
+        assert np.abs(referee.motor_motion(found, np.zeros(3))[0] - gamma).max() < 1e-9
+
+
+def test_no_assembly_is_told() -> None:
+    """Motor angles that no orientation fits have an empty set, and nothing to continue with."""
+    rng = np.random.default_rng(3)
+    for _ in range(100):
+        parameters = random_parameters(rng, friction=False)
+        referee, gamma = VirtualWork(parameters), rng.uniform(-np.pi, np.pi, 3)
+        if not len(referee.orientations(gamma)):
+            break
+    assert referee.orientations(gamma).shape == (0, 3, 3)
+    near_R, _, _ = random_states(sst_pin.SST(parameters), rng, 1)
+    with pytest.raises(WorkspaceError):
+        referee.admissible(gamma, near_R[0])
+
+
+# --- motion in time -------------------------------------------------------------------------
+
+
+def test_torques_of_example_1_bring_the_star_round_the_circle() -> None:
+    """Example 2: open loop over one period, from the exact initial state."""
+    referee = VirtualWork(sst_pin.Parameters())
+    t = np.linspace(0, PERIOD, 13)
+    path = sst_pin.paper_circle(t)
+
+    def torque(time: float, R: Array, omega: Array) -> Array:
+        return referee.torques(*sst_pin.paper_circle(time))
+
+    R, omega = referee.simulate(torque, path.R[0], path.omega[0], t)
+    # The open loop is unstable and magnifies the integrator's 1e-11.
+    assert np.abs(R - path.R).max() < 1e-9
+    assert np.abs(omega - path.omega).max() < 1e-8
+
+
+def test_motion_with_friction_is_that_of_the_complement() -> None:
+    """A robot let go with friction and a constant torque, by both methods."""
+    rng = np.random.default_rng(4)
+    parameters = random_parameters(rng)
+    robot, referee = sst_pin.SST(parameters), VirtualWork(parameters)
+    (R0,), (omega0,), _ = random_states(robot, rng, 1)
+    t, tau = np.linspace(0, 0.05, 6), np.array((1.0, -2, 3))
+    R, _ = referee.simulate(lambda *_: tau, R0, omega0, t)
+    q0, va0, _ = robot.joint_motion(R0, omega0, np.zeros(3))
+    motion = robot.simulate(tau, q0, va0, t)
+    assert np.abs(R - robot.platform_orientation(motion.q)).max() < 1e-9  # integrators' 1e-11
+
+
+# --- what cannot be -------------------------------------------------------------------------
+
+
+def test_flat_leg_is_a_singular_configuration_and_names_its_samples() -> None:
+    """At R = 1 arc 1 lies in the plane that leg 1 moves in."""
+    good, _, _ = sst_pin.paper_circle(0.0)
+    with pytest.raises(SingularConfigurationError, match="flat") as caught:
+        VirtualWork(sst_pin.Parameters()).torques(
+            np.stack([good, np.eye(3)]), np.zeros(3), np.zeros(3)
+        )
+    assert caught.value.samples == ((1,),)
+
+
+def test_motor_angles_that_do_not_fix_the_star_are_told() -> None:
+    """Here all assemblies fall together at one where J has rank 1."""
+    with pytest.raises(SingularConfigurationError):
+        VirtualWork(sst_pin.Parameters()).orientations(np.array((1, 1, 3)) * np.pi / 4)
+
+
+def test_simulation_into_a_singularity_stops_with_its_reason() -> None:
+    """A constant torque drives the star where the motors lose hold of it."""
+    path = sst_pin.paper_circle(0.0)
+    referee = VirtualWork(sst_pin.Parameters())
+    with pytest.raises(SimulationError, match="before a singularity") as caught:
+        referee.simulate(lambda *_: (20, 20, 20), path.R, np.zeros(3), (0, 3), tolerance=1e-4)
+    # 0.144424 s at any tolerance; J is within 1e-4 of singular from then on.
+    assert abs(caught.value.time - 0.14442) < 1e-4
+
+
+@pytest.mark.parametrize(
+    ("R", "omega"),
+    [
+        (2 * np.eye(3), np.zeros(3)),
+        (np.diag((1.0, 1, -1)), np.zeros(3)),
+        (np.eye(3), np.zeros(2)),
+        (np.eye(3), np.array((0, np.nan, 0))),
+    ],
+)
+def test_impossible_input_is_told(R: Array, omega: Array) -> None:
+    """Neither a scaled or mirrored R nor a wrong shape nor NaN is computed with."""
+    referee = VirtualWork(sst_pin.Parameters())
+    with pytest.raises(InputError):
+        referee.torques(R, omega, np.zeros(3))
+
+
+def test_branch_is_three_signs() -> None:
+    """Anything else is an error of the package."""
+    with pytest.raises(SSTError):
+        VirtualWork(sst_pin.Parameters(), (1, 0, 1))

@@ -1,0 +1,270 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The page in a real browser: what it shows is what Pinocchio computes."""
+
+import io
+import socket
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from PIL import Image
+
+from browser import chromium, needs_browser, visit  # noqa: F401
+from sst_pin.sst import paper
+from sst_pin.viewer import Viewer
+
+pytestmark = needs_browser
+
+SPEED = 0.25
+#: From three.js, where y is up, to the base, where z is.
+UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
+
+POSES = """() => {
+  const found = {};
+  viewer.scene.updateMatrixWorld(true);
+  viewer.scene.traverse((object) => {
+    let path = [];
+    for (let o = object; o !== viewer.scene; o = o.parent) path.unshift(o.name);
+    let visible = true;
+    for (let o = object; o; o = o.parent) visible = visible && o.visible;
+    const mesh = object.children.find((child) => child.isMesh);
+    if (path[0] === "meshcat")
+      found[path.slice(1).join("/")] = { matrix: object.matrixWorld.toArray(), visible,
+        mesh: !!mesh, drawn: mesh?.geometry.drawRange.count, indices: mesh?.geometry.index?.count };
+  });
+  return found;
+}"""
+
+
+@pytest.fixture(scope="module")
+def motion(robot):
+    return paper.example_1(robot, np.linspace(0, paper.PERIOD, 61))
+
+
+@pytest.fixture(scope="module")
+def shown(chromium, robot, motion, tmp_path_factory):  # noqa: F811
+    """Example 1 as a file, opened."""
+    viewer = Viewer(robot, axes=True)
+    viewer.play(motion, speed=SPEED, title="Example 1")
+    path = tmp_path_factory.mktemp("page") / "motion.html"
+    viewer.save(path)
+    with visit(chromium, path.as_uri()) as page:
+        yield page
+
+
+@pytest.fixture
+def page(shown):
+    """The same, standing at its beginning."""
+    shown.page.evaluate("panel.still(0)")
+    return shown.page
+
+
+def poses(page):
+    """Homogeneous matrices in base axes, by node."""
+    found = page.evaluate(POSES)
+    matrices = {}
+    for node, content in found.items():
+        matrix = np.reshape(content["matrix"], (4, 4)).T
+        matrix[:3] = UP @ matrix[:3]
+        matrices[node] = matrix
+    return matrices, found
+
+
+def bodies(robot, q):
+    """What Pinocchio says: homogeneous matrices of the visual bodies, by node."""
+    with robot.looks.geometry_model(robot.model) as visual:
+        data, placed = robot.model.createData(), visual.createData()
+        pin.forwardKinematics(robot.model, data, q)
+        pin.updateGeometryPlacements(robot.model, data, visual, placed)
+        return {
+            f"pinocchio/visuals/{body.name}": where.homogeneous
+            for body, where in zip(visual.geometryObjects, placed.oMg, strict=True)
+        }
+
+
+def require_poses(page, robot, q):
+    """Every body where Pinocchio has it."""
+    drawn, found = poses(page)
+    for node, wanted in bodies(robot, q).items():
+        assert found[node]["mesh"], node
+        assert np.abs(drawn[node] - wanted).max() < 1e-6, node
+
+
+def canvas(page):
+    """The 3D view as an array of colours."""
+    picture = page.locator("#pane").screenshot()
+    return np.asarray(Image.open(io.BytesIO(picture)).convert("RGB")).astype(int)
+
+
+def test_the_page_asks_for_nothing_and_nothing_fails(shown, page):
+    """One request: the file itself."""
+    page.evaluate("panel.play(true)")
+    page.wait_for_timeout(300)
+    assert shown.requests_elsewhere() == [shown.page.url]
+    assert shown.errors == []
+
+
+def test_every_body_and_every_extra_is_a_mesh_of_the_scene(page, robot):
+    """By name: bodies of the URDF, joint axes, frames, torques, path and trail."""
+    _, found = poses(page)
+    frames = [f"sst/frames/{i}{k}/{a}" for i in range(4) for k in (1, 2, 3) for a in "xyz"]
+    axes = [f"sst/axes/e_{k}" for k in range(1, 10)]
+    torques = [f"sst/torques/tau_{k}" for k in (1, 2, 3)]
+    lines = ["sst/path", "sst/trail"]
+    for node in (*bodies(robot, robot.home), *frames, *axes, *torques, *lines):
+        assert found[node]["mesh"], node
+    assert found["sst/axes/e_1"]["visible"]
+    assert not found["sst/frames/01/x"]["visible"]
+
+
+@pytest.mark.parametrize("sample", [0, 13, 37, 60])
+def test_bodies_are_where_pinocchio_has_them(page, robot, motion, sample):
+    """World poses of the three.js scene, positions and rotations, to 1e-6 (single precision)."""
+    page.evaluate("t => panel.seek(t)", motion.t[sample])
+    require_poses(page, robot, motion.q[sample])
+
+
+@pytest.mark.parametrize("sample", [0, 13, 37, 60])
+def test_extras_show_axes_frames_and_torques(page, robot, motion, sample):
+    """e_k along the noc's joint axes, {E} turned as the star, arrows as large as the torques."""
+    page.evaluate("t => panel.seek(t)", motion.t[sample])
+    drawn, found = poses(page)
+    q, tau = motion.q[sample], motion.tau[sample]
+    assert np.abs(drawn["sst/frames/E"][:3, :3] - robot.platform_orientation(q)).max() < 1e-6
+    data = robot.model.createData()
+    pin.computeJointJacobians(robot.model, data, q)
+    for joint, name in enumerate(robot.joint_names):
+        kind, k = name.split("_")
+        number = int(k) + 3 * ("gamma", "mu", "beta").index(kind)
+        axis = drawn[f"sst/axes/e_{number}"][:3, 2]
+        assert np.abs(axis - data.J[3:, joint]).max() < 1e-6
+    sizes = []
+    for k in range(3):
+        arrow = drawn[f"sst/torques/tau_{k + 1}"][:3, :3]
+        sizes.append(np.linalg.norm(arrow[:, 0]))
+        if abs(tau[k]) > 0.1:  # mirrored where the torque is negative
+            assert np.sign(np.linalg.det(arrow)) == np.sign(tau[k])
+    largest = np.abs(motion.tau).max()
+    ratio = max(sizes) / np.abs(tau).max()
+    assert np.abs(np.array(sizes) - ratio * np.abs(tau)).max() < 2e-3
+    assert ratio == pytest.approx(0.45 * 0.4 / largest, rel=1e-5)
+    ends = 2 * 8 * 3  # of the trail, an eight-sided tube
+    assert found["sst/trail"]["drawn"] == sample / 60 * (found["sst/trail"]["indices"] - ends)
+
+
+def test_the_canvas_shows_the_robot_and_it_moves(page):
+    """Ink of the three legs' colours, and another picture at another instant."""
+    pictures = []
+    for share in (0.1, 0.6):
+        page.evaluate("share => panel.still(share)", share)
+        pictures.append(canvas(page))
+    first, second = pictures
+    ink = (first < 235).any(axis=-1)
+    assert 0.03 < ink.mean() < 0.6
+    red, green, blue = np.moveaxis(first, -1, 0)
+    for leg in (blue - red > 60, red - blue > 60, green - red > 60):
+        assert leg.mean() > 0.002
+    assert (np.abs(first - second).max(axis=-1) > 60).mean() > 0.02
+
+
+@pytest.mark.parametrize("share", [0.0, 0.31, 0.77, 1.0])
+def test_the_cursor_stands_at_the_time_and_on_the_curves(page, motion, share):
+    """Read off the labels of the axes as a person would: time, torques, and the clock."""
+    page.evaluate("share => panel.still(share)", share)
+    t = motion.t[0] + share * (motion.t[-1] - motion.t[0])
+    chart = page.evaluate("""() => {
+      const number = (text) => Number(text.textContent.replace("\\u2212", "-"));
+      const all = (tag) => [...document.querySelectorAll("#chart " + tag)];
+      const texts = all("text").filter((x) => isFinite(number(x)));
+      const read = (anchor, at) => texts.filter((x) => x.getAttribute("text-anchor") === anchor)
+        .map((x) => [Number(x.getAttribute(at)), number(x)]);
+      const line = document.querySelector("#chart .cursor");
+      return { x: read("middle", "x"), y: read("end", "y"), cursor: Number(line.getAttribute("x1")),
+        dots: all("circle").map((c) => Number(c.getAttribute("cy"))) };
+    }""")
+    time_at = np.polynomial.Polynomial.fit(*np.transpose(chart["x"]), 1)
+    assert time_at(chart["cursor"]) == pytest.approx(t, abs=1e-9)
+    labels, values = np.transpose(chart["y"])
+    torque_at = np.polynomial.Polynomial.fit(labels - 4, values, 1)  # text stands 4 px lower
+    wanted = [np.interp(t, motion.t, motion.tau[:, k]) for k in range(3)]
+    assert torque_at(np.array(chart["dots"])) == pytest.approx(wanted, abs=1e-6)
+    assert page.locator("#clock").inner_text() == f"t = {t:.3f} s"
+    shown = [float(x.replace("\u2212", "-")) for x in page.locator(".value").all_inner_texts()]
+    assert shown == pytest.approx(wanted, abs=0.0051)
+
+
+def test_it_plays_at_the_speed_that_was_asked_for(page, motion):
+    """A quarter of true speed, by the browser's own clock, within two slow frames."""
+    page.evaluate("panel.play(true)")
+    read = "() => new Promise(go => requestAnimationFrame(now => go([now / 1000, panel.time])))"
+    start, begun = page.evaluate(read)
+    page.wait_for_timeout(500)
+    end, reached = page.evaluate(read)
+    period = motion.t[-1] - motion.t[0]
+    advanced = (reached - begun) % period
+    assert advanced == pytest.approx(SPEED * (end - start) % period, abs=SPEED * 0.2)
+
+
+def test_a_person_plays_steps_drags_and_hides(page, motion):
+    """Space, arrow keys, the slider, the chart, the check boxes."""
+    page.locator("#title").click()
+    page.keyboard.press("Space")
+    assert page.evaluate("panel.playing")
+    assert page.locator("#play").inner_text() == "Pause"
+    page.keyboard.press("Space")
+    assert not page.evaluate("panel.playing")
+    page.evaluate("panel.still(0.5)")
+    page.keyboard.press("ArrowRight")
+    assert page.evaluate("panel.time") == pytest.approx(0.51 * motion.t[-1])
+    page.locator("#time").fill(str(motion.t[-1] / 4))
+    assert page.evaluate("panel.time") == pytest.approx(motion.t[-1] / 4, rel=1e-6)
+    box = page.locator("#chart").bounding_box()
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    page.mouse.down()
+    page.mouse.up()
+    assert 0.4 < page.evaluate("panel.time") / motion.t[-1] < 0.6
+    page.get_by_role("checkbox", name="torques").uncheck()
+    assert not poses(page)[1]["sst/torques/tau_1"]["visible"]
+    page.get_by_role("checkbox", name="torques").check()
+    assert poses(page)[1]["sst/torques/tau_1"]["visible"]
+    assert not page.locator(".dg.main").is_visible()  # Meshcat's own controls
+
+
+def test_a_served_page_follows_the_program_and_outlives_it(chromium, robot, motion):  # noqa: F811
+    """What `show` and `play` say arrives; the page asks only whom it came from."""
+    with Viewer(robot) as viewer:
+        url = viewer.serve()
+        with visit(chromium, url) as live:
+            live.page.wait_for_function("viewer.scene_tree.children.meshcat")
+            q = robot.forward_kinematics(robot.home[::3] + 0.2, near=robot.home)
+            viewer.show(q, [1.0, -2.0, 3.0])
+            live.page.wait_for_function("panel.torques()[2] === 3")
+            require_poses(live.page, robot, q)
+            viewer.play(motion, speed=SPEED, title="Example 1")
+            live.page.wait_for_function("document.title === 'Example 1'")
+            live.page.evaluate("t => { panel.play(false); panel.seek(t) }", motion.t[20])
+            require_poses(live.page, robot, motion.q[20])
+            viewer.show(robot.home)
+            live.page.wait_for_function("document.title === 'configuration'")
+            require_poses(live.page, robot, robot.home)
+            assert not poses(live.page)[1]["sst/trail"]["mesh"]
+            viewer.close()
+            live.page.wait_for_timeout(100)
+            assert live.errors == []
+            assert live.requests_elsewhere(url, url.replace("http", "ws")) == []
+    port = int(url.split(":")[-1].strip("/"))
+    with socket.socket() as knock:
+        assert knock.connect_ex(("127.0.0.1", port)) != 0
+
+
+def test_a_notebook_shows_the_page_in_its_cell(chromium, robot, motion):  # noqa: F811
+    """`_repr_html_` is a frame that holds the whole page."""
+    viewer = Viewer(robot)
+    viewer.play(motion)
+    with visit(chromium, "about:blank", width=1000) as notebook:
+        notebook.page.set_content(viewer._repr_html_())
+        frame = notebook.page.frames[-1]
+        frame.wait_for_function("typeof panel === 'object'")
+        frame.evaluate("t => { panel.play(false); panel.seek(t) }", motion.t[9])
+        require_poses(frame, robot, motion.q[9])
+        assert notebook.errors == []

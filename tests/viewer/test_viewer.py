@@ -1,0 +1,293 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The viewer without a browser: what it takes, writes, serves and leaves behind."""
+
+import io
+import json
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import urllib.request
+from pathlib import Path
+
+import coal
+import numpy as np
+import pinocchio as pin
+import pytest
+from PIL import Image
+
+import sst_pin
+from browser import needs_browser
+from robots import ROBOTS
+from sst_pin import errors
+from sst_pin.cli import main
+from sst_pin.sst import paper
+from sst_pin.verification.sampling import random_parameters
+from sst_pin.viewer import Viewer, pictures, shapes
+
+
+@pytest.fixture(scope="module")
+def motion(robot):
+    return paper.example_1(robot, np.linspace(0, paper.PERIOD, 11))
+
+
+def port_of(url):
+    return int(url.rsplit(":", 1)[1].strip("/"))
+
+
+def listens(host, port):
+    with socket.socket() as knock:
+        knock.settimeout(2)
+        return knock.connect_ex((host, port)) == 0
+
+
+def own_address():
+    """An address of this machine that is not loopback's; None where it has none."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect(("192.0.2.1", 9))  # sends nothing
+        except OSError:
+            return None
+        return probe.getsockname()[0]
+
+
+def test_it_listens_on_this_machine_alone_and_only_when_asked(robot):
+    """The socket is bound to 127.0.0.1, not to every address."""
+    with Viewer(robot) as viewer:
+        assert "not served" in repr(viewer)
+        url = viewer.serve()
+        assert url == viewer.serve()
+        assert url.startswith("http://127.0.0.1:")
+        assert b"<title>sst_pin</title>" in urllib.request.urlopen(url).read()
+        listening = Path("/proc/net/tcp")
+        if listening.exists():
+            rows = [line.split()[1] for line in listening.read_text().splitlines()[1:]]
+            bound = dict(reversed(row.split(":")) for row in rows)
+            assert bound[f"{port_of(url):04X}"] == "0100007F"
+        if own_address() not in (None, "127.0.0.1"):
+            assert not listens(own_address(), port_of(url))
+    assert not listens("127.0.0.1", port_of(url))
+
+
+def test_nothing_listens_after_an_exception(robot):
+    """Leaving the block by an error closes the port and ends the thread."""
+    viewer = Viewer(robot)
+    port = port_of(viewer.serve())
+    with pytest.raises(errors.InputError), viewer:
+        viewer.show([0, 1, 2])
+    assert not listens("127.0.0.1", port)
+    viewer.close()  # once more does no harm
+
+
+def test_a_taken_port_is_told(robot):
+    """ServerError with the address."""
+    with socket.socket() as taken, Viewer(robot) as viewer:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        with pytest.raises(errors.ServerError, match=r"cannot listen on 127\.0\.0\.1, port"):
+            viewer.serve(port=taken.getsockname()[1])
+
+
+@pytest.mark.parametrize("options", [(), ("--interactive",)])
+def test_show_serves_until_interrupted_and_leaves_no_orphan(options):
+    """`sst-pin show --no-open`: a URL, an answer, Ctrl-C, exit code 0, no process, no port."""
+    # What a shell starts in the background ignores Ctrl-C, and so would this.
+    code = (
+        "import signal, sst_pin.cli; signal.signal(signal.SIGINT, signal.default_int_handler); "
+        "raise SystemExit(sst_pin.cli.main())"
+    )
+    command = [sys.executable, "-c", code, "show", "--no-open", *options]
+    with subprocess.Popen(
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    ) as process:
+        try:
+            url = next(line for line in process.stdout if "Ctrl-C ends" in line).split()[0]
+            assert urllib.request.urlopen(url).status == 200
+            process.send_signal(signal.SIGINT)
+            assert process.wait(timeout=20) == 0
+            assert process.stderr.read() == ""
+        finally:
+            process.kill()
+    with pytest.raises(ProcessLookupError):
+        os.killpg(process.pid, 0)  # it had the session to itself
+    assert not listens("127.0.0.1", port_of(url))
+
+
+def test_robot_show_is_the_short_way(robot, motion, monkeypatch):
+    """A motion or a configuration; the browser is asked to open the page that is served."""
+    opened = []
+    monkeypatch.setattr("webbrowser.open", opened.append)
+    with robot.show(motion, speed=0.5) as viewer:
+        assert len(opened) == 1
+        assert listens("127.0.0.1", port_of(opened[0]))
+        assert "motion" in repr(viewer)
+    assert "configuration" in repr(robot.show(robot.home, open_browser=False))
+    assert len(opened) == 1
+    monkeypatch.setitem(sys.modules, "ipykernel", sys)
+    assert "not served" in repr(robot.show(motion))  # the notebook displays it
+
+
+def test_parameters_bring_their_own_meshes():
+    """Bodies of a robot that no file describes; the star's size is its own."""
+    parameters = random_parameters(np.random.default_rng(3))
+    robot = sst_pin.SST(parameters)
+    assert robot.star_radius == pytest.approx(parameters.star_radius, rel=1e-12)
+    with robot.looks.geometry_model(robot.model) as visual:
+        names = {Path(body.meshPath).stem for body in visual.geometryObjects}
+        folder = Path(visual.geometryObjects[0].meshPath).parent
+        assert folder.is_dir()
+    assert {"base", "link", "passive", "arc"} <= names
+    assert not folder.exists()
+    assert len(Viewer(robot).html) > 1e6
+
+
+def test_another_closed_chain_is_shown_with_its_bodies():
+    """A four-bar of boxes; without bodies there is nothing to see, and that is said."""
+    chain = ROBOTS["four-bar"].chain()
+    with pytest.raises(errors.InputError, match="visual_model: a ClosedChain does not know"):
+        Viewer(chain)
+    bodies = pin.GeometryModel()
+    for joint in range(1, chain.model.njoints):
+        box = pin.GeometryObject(f"box_{joint}", joint, pin.SE3.Identity(), coal.Box(0.1, 0.1, 0.4))
+        bodies.addGeometryObject(box)
+    viewer = Viewer(chain, bodies)
+    q = chain.assemble(ROBOTS["four-bar"].joints(np.array([0.8])).real, fixed=["crank"])
+    motion = sst_pin.Trajectory(
+        [0, 1], [q, q], np.zeros((2, 1)), np.zeros((2, 1)), np.ones((2, 1)), chain.joint_names,
+        ["crank"],
+    )  # fmt: skip
+    viewer.play(motion)
+    assert "box_2" in str(list(viewer._stage.canvas.commands))
+
+
+def test_what_cannot_be_shown_is_told(robot, motion, tmp_path):
+    """Another robot's motion, a speed of nothing, an unknown ending, a file in the way."""
+    viewer = Viewer(robot)
+    other = sst_pin.Trajectory([0, 1], [[0], [1]], [[0]] * 2, [[0]] * 2, [[0]] * 2, ["x"], ["x"])
+    with pytest.raises(errors.InputError, match="motion: is another robot's, with joints x"):
+        viewer.play(other)
+    for speed in (0, -1, np.nan, np.inf):
+        with pytest.raises(errors.InputError, match="speed"):
+            viewer.play(motion, speed=speed)
+    with pytest.raises(errors.InputError, match="q: shape"):
+        viewer.show([0, 1, 2])
+    with pytest.raises(errors.OutputError, match=r"known: \.html, \.png, \.gif"):
+        viewer.save(tmp_path / "motion.mp4")
+    (tmp_path / "there.html").write_text("mine")
+    with pytest.raises(errors.OutputError, match="exists already"):
+        viewer.save(tmp_path / "there.html")
+    assert (tmp_path / "there.html").read_text() == "mine"
+
+
+def test_a_long_motion_makes_no_long_page(robot):
+    """Ten thousand samples come as six hundred, first and last among them."""
+    long = paper.example_1(robot, np.linspace(0, paper.PERIOD, 10_000))
+    viewer = Viewer(robot)
+    viewer.play(long)
+    times = viewer._panel["t"]
+    assert len(times) == 600
+    assert (times[0], times[-1]) == (long.t[0], long.t[-1])
+    assert len(viewer.html) < 5e6
+
+
+def test_showing_again_replaces_what_was_there(robot, motion):
+    """The page does not grow with every pose: a loop may run for hours."""
+    viewer = Viewer(robot)
+    before = len(viewer.html)
+    viewer.play(motion)
+    for angle in np.linspace(0, 0.2, 20):
+        viewer.show(robot.forward_kinematics(robot.home[::3] + angle, near=robot.home))
+    assert abs(len(viewer.html) - before) < 1000
+
+
+def test_a_tube_is_closed_and_as_long_as_its_line():
+    """Volume by the divergence theorem: that of a prism of as many sides."""
+    points = np.outer(np.linspace(0, 2, 5), (1, 2, 2)) / 3
+    vertices, faces = shapes.tube(points, 0.1, sides=12)
+    a, b, c = (vertices[faces[:, i]] for i in range(3))
+    volume = np.einsum("ij,ij->", a, np.cross(b, c)) / 6
+    assert volume == pytest.approx(2 * 6 * 0.1**2 * np.sin(np.pi / 6), rel=1e-12)
+    edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    assert (np.unique(edges, axis=0, return_counts=True)[1] == 2).all()
+
+
+@pytest.mark.parametrize(
+    ("blocked", "commands"),
+    [
+        ({"meshcat": "viz"}, ["show --no-open"]),
+        (
+            {"viser": "interactive", "playwright": "viz"},
+            ["show --interactive", "show --png x.png"],
+        ),
+    ],
+)
+def test_a_missing_extra_is_named(blocked, commands, tmp_path):
+    """The one line that installs it, and exit code 2."""
+    code = "import sys; from sst_pin.cli import main; "
+    code += "".join(f"sys.modules['{package}'] = None; " for package in blocked)
+    code += f"sys.exit(sum(main(c.split()) for c in {commands}))"
+    result = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path, check=False
+    )
+    assert result.returncode == 2 * len(commands)
+    for package, extra in blocked.items():
+        assert f"{package} is not installed; run: pip install 'sst-pin[{extra}]'" in result.stderr
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_missing_browser_is_named(robot, tmp_path, monkeypatch, capsys):
+    """And how to get one; no file is left."""
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.chdir(tmp_path)
+    assert main(["show", "--png", "x.png"]) == 2
+    assert "no browser found (chromium, " in (err := capsys.readouterr().err)
+    assert "apt install chromium" in err
+    assert not list(tmp_path.iterdir())
+
+
+@needs_browser
+def test_pictures_are_taken_without_a_person(robot, motion):
+    """A PNG with ink and a GIF whose frames differ, also under a running event loop."""
+    import asyncio
+
+    viewer = Viewer(robot)
+    viewer.play(motion)
+
+    async def in_a_notebook():
+        return pictures.gif(viewer.html, frames=3, seconds=0.3, size=(480, 240))
+
+    with Image.open(io.BytesIO(asyncio.run(in_a_notebook()))) as gif:
+        assert gif.n_frames == 3
+        assert gif.size == (480, 240)
+        frames = []
+        for i in range(3):
+            gif.seek(i)
+            frames.append(np.asarray(gif.convert("RGB")).astype(int))
+    assert ((frames[0] < 235).any(axis=-1)).mean() > 0.02
+    for one, other in ((0, 1), (1, 2)):
+        assert (np.abs(frames[one] - frames[other]).max(axis=-1) > 60).mean() > 0.01
+
+
+@needs_browser
+def test_show_writes_page_and_picture(tmp_path, monkeypatch, capsys):
+    """`--html` and `--png` of a motion file and of its torques, with one line that says so."""
+    sample = Path(__file__).parents[2] / "examples" / "figure_eight.csv"
+    monkeypatch.chdir(tmp_path)
+    assert main(["torques", str(sample), "-o", "torques.npz"]) == 0
+    assert main(["show", str(sample), "--html", "a.html", "--png", "a.png"]) == 0
+    assert "figure_eight.csv, 2 s -> a.html, a.png" in capsys.readouterr().out
+    assert main(["show", "torques.npz", "--html", "b.html"]) == 0
+    with Image.open("a.png") as picture:
+        assert picture.size == (2560, 1280)
+    panels = []
+    for name in ("a.html", "b.html"):
+        scene = re.search(r'id="scene">(.*?)</script>', Path(name).read_text(), re.DOTALL)
+        panels.append(json.loads(scene[1])["panel"])
+    assert [panel.pop("title") for panel in panels] == ["figure_eight.csv", "torques.npz"]
+    assert panels[0] == panels[1]
