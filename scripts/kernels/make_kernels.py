@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Write sst_kernels.h and .c in sst_pin/kernels from kernel_*.py here; --check only compares."""
+"""Write sst_kernels.h and .c in sst_pin/sst/kernels from kernel_*.py; --check only compares."""
 
 import argparse
 import re

@@ -8,15 +8,11 @@ largest entry, but for rows that name a unit.
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Iterator, Sequence
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests"))
 
 import printed_forms as forms
 from printed_forms import FIRST, Case, Forms, error

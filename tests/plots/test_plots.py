@@ -284,7 +284,9 @@ def test_isotropic_pose_is_named_so_and_others_by_their_number(robot, maps):
 def test_no_window_is_opened():
     """pyplot, which holds global state, is never imported."""
     code = (
-        "import sys, numpy as np, sst_pin; from sst_pin import paper, plots\n"
+        "import sys, numpy as np, sst_pin\n"
+        "from sst_pin import plots\n"
+        "from sst_pin.sst import paper\n"
         "robot = sst_pin.SST()\n"
         "motion = paper.example_1(robot, np.linspace(0, 0.1, 11))\n"
         "plots.motion_page(robot, motion); assert 'matplotlib.pyplot' not in sys.modules"

@@ -69,7 +69,7 @@ def test_referee_imports_nothing_of_what_it_judges() -> None:
         elif isinstance(node, ast.ImportFrom):
             own |= {node.module} if node.module else {alias.name for alias in node.names}
     assert foreign == {"__future__", "collections", "typing", "numpy", "scipy"}
-    assert own == {"batches", "conics", "errors", "parameters"}
+    assert own == {"arrays", "conics", "description.parameters", "errors"}
 
 
 # --- inverse dynamics -----------------------------------------------------------------------
