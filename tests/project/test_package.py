@@ -31,7 +31,7 @@ def test_wheel_brings_the_robot_into_an_empty_environment(tmp_path):
     (wheel,) = tmp_path.glob("*.whl")
     venv.create(tmp_path / "env", with_pip=True)
     python = tmp_path / "env" / "bin" / "python"
-    pip = [python, "-m", "pip", "install", "--no-index", "--no-deps", wheel]
+    pip = [python, "-I", "-m", "pip", "install", "--no-index", "--no-deps", wheel]
     subprocess.run(pip, check=True, capture_output=True)
     # Its dependencies are lent by this environment, which must not lend the sources.
     lent = [p for p in sys.path if "site-packages" in p and Path(p) != ROOT]
