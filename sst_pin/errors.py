@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -89,7 +89,15 @@ class UnknownNameError(SSTError, KeyError):
 
 
 class ActuationError(SSTError):
-    """The actuated joints are too few or too many for the degrees of freedom."""
+    """Coordinates that do not describe the motion, or motors that cannot bring it about.
+
+    Attributes:
+        missing: Forces that nobody supplies, by the name of the coordinate, [N m] or [N].
+    """
+
+    def __init__(self, problem: str, missing: Mapping[str, float] | None = None) -> None:
+        super().__init__(problem)
+        self.missing = dict(missing or {})
 
 
 class ClosureError(SSTError):

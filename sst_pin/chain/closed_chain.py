@@ -1,127 +1,441 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""`ClosedChain`: the dynamics of any closed and driven Pinocchio tree."""
+"""`ClosedChain`: any closed and driven Pinocchio tree, its kinematics and its dynamics."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from math import isfinite
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from collections import Counter
+from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from .. import reading
-from ..arrays import as_array, finite_array, for_each_sample, single_array
-from ..motion.mechanics import Mechanics
+from ..arrays import as_array, finite_array, for_each_sample, require_policy, single_array, whole_number
+from ..errors import (
+    ActuationError,
+    ClosureError,
+    DescriptionError,
+    InputError,
+    UnknownNameError,
+)
 from . import dynamics
-from .closed_tree import ClosedTree
-from .closures import Closure
+from .assembly import generic_configuration
+from .backend import Backend, States
+from .closures import Closure, Constraint
+from .loops import joint_id
+from .mechanism import Friction, Mechanism, Springs
+from .mobility import (
+    Mobility,
+    choose_coordinates,
+    condition_number,
+    free_motions,
+    independent_rows,
+)
+from .reference import Reference, ReferenceBackend
 
 if TYPE_CHECKING:
+    from ..motion.rollouts import Rollout
     from ..motion.simulation import Load, Torque
     from ..motion.trajectories import Trajectory
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+_Chain = TypeVar("_Chain", bound="ClosedChain")
+
+#: A motor: the joint that it drives, or how its force is shared by joints (a tendon).
+Motor = str | Mapping[str, float]
 
 
-class ClosedChain(ClosedTree):
-    """A robot with closed loops: its dynamics and its motion on top of its kinematics.
+class ClosedChain:
+    """A robot with closed loops.
 
-    Joint vectors `q` are in the order of `joint_names`, actuated ones (`va`, `aa`, `tau`) in the
-    order given. Methods are safe to call from several threads.
+    `q` is a configuration of the tree, shape (nq,), on its manifold as Pinocchio has it. The
+    motion is described by n independent coordinates, the rates `va` and accelerations `aa` of some
+    joints: those of `coordinates`. Motors give the torques `tau`, in the order of `actuated`.
+    Methods are safe to call from several threads.
+
+    A change of `model` is taken in at the next call that finds it; `refresh()` takes it in at once.
 
     Args:
-        model: A tree whose joints have one coordinate each; used as it is, not copied.
-        closures: `Closure` objects, or pairs of frame names for frames that must coincide.
-        actuated: Names of the motors' joints.
-        viscous_friction: D of each joint, shape (m,); those of the model by default.
-        coulomb_friction: F_c of each joint, shape (m,); those of the model by default.
+        model: A tree; it stays yours, the chain computes from a copy.
+        closures: `Closure`, `Distance`, `Coupling`, `Rolling`, or pairs of frame names for frames
+            that must coincide.
+        actuated: The motors: names of joints, or for a tendon the share of each joint by name.
+        coordinates: Names of the independent joints, a joint of several rates counts with all of
+            them. By default the actuated ones, as many as are independent, and where they are too
+            few others besides.
+        locked: Names of joints that are held where `pin.neutral` puts them, or the coordinate of
+            each one-coordinate joint by name.
+        viscous_friction: D of each rate, shape (nv,); those of the model by default.
+        coulomb_friction: F_c of each rate, shape (nv,); those of the model by default.
+        stiffness: Of the joints' springs, shape (nv,), [N m/rad] or [N/m]; none by default.
+        spring_reference: Where the springs are at rest, shape (nq,); `pin.neutral` by default.
 
     Raises:
-        DescriptionError: For a joint with several coordinates, or without closures.
+        DescriptionError: Without closures, with joints of one name, with nothing that can move.
         UnknownNameError: For a joint or frame that is not in the model.
-        ActuationError: When the joints outnumber motors and closure equations together.
+
+    Example:
+        `ClosedChain(model, [Closure("rocker_end", "pivot", "3d")], ["crank"])`.
     """
 
     def __init__(
         self,
         model: pin.Model,
-        closures: Sequence[Closure | tuple[str, str]],
-        actuated: Sequence[str],
+        closures: Sequence[Constraint | tuple[str, str]],
+        actuated: Sequence[Motor],
         *,
+        coordinates: Sequence[str] | None = None,
+        locked: Sequence[str] | Mapping[str, float] = (),
         viscous_friction: ArrayLike | None = None,
         coulomb_friction: ArrayLike | None = None,
+        stiffness: ArrayLike | None = None,
+        spring_reference: ArrayLike | None = None,
     ) -> None:
-        super().__init__(model, closures, actuated)
-        viscous = model.damping if viscous_friction is None else viscous_friction
-        coulomb = model.friction if coulomb_friction is None else coulomb_friction
-        self.friction = dynamics.Friction(
-            finite_array("viscous_friction", viscous, (model.nv,)).copy(),
-            finite_array("coulomb_friction", coulomb, (model.nv,)).copy(),
+        if not isinstance(model, pin.Model):
+            raise InputError("model", f"a pinocchio.Model is needed, not {type(model).__name__}")
+        self._model = _without_locked(model, locked) if locked else model
+        self.closures: tuple[Constraint, ...] = tuple(
+            Closure(*c) if isinstance(c, tuple) else c for c in closures
         )
+        self._motors = tuple(actuated)
+        self._wanted = None if coordinates is None else tuple(coordinates)
+        self._given = {
+            "viscous_friction": viscous_friction,
+            "coulomb_friction": coulomb_friction,
+            "stiffness": stiffness,
+            "spring_reference": spring_reference,
+        }
+        self._lock = threading.Lock()
+        self._take_in_model()
 
-    @classmethod
-    def from_urdf(cls, path: str | Path, cuts: str | Path | None = None) -> ClosedChain:
-        """A robot from a URDF and, beside it, what a URDF cannot say: the "extended URDF" of LAAS.
+    # --- what it is -------------------------------------------------------------------------
 
-        A YAML file lists closures (`closed_loop`, pairs of frames, each with its `type`), motors
-        (`name_mot`) and, where needed, `gravity` and joints that are in truth "FIXED", "SPHERICAL"
-        or "UJOINT_XY" (`joint_name`, `joint_type`). A continuous joint becomes a revolute one, a
-        spherical joint three, named `_X`, `_Y`, `_Z`, which lose a motion when `_Y` is at a right
-        angle.
+    @property
+    def model(self) -> pin.Model:
+        """The tree. A change of it counts from the next call on; see `refresh`."""
+        self._unseen = True
+        return self._model
 
-        Args:
-            path: The URDF; its meshes are not needed.
-            cuts: The YAML; by default the file beside the URDF that ends in .yaml.
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints, in the order of the tree."""
+        return self._draft.space.joint_names
+
+    @property
+    def position_names(self) -> tuple[str, ...]:
+        """Name of each entry of q: the joint's, with a suffix where it has several."""
+        return self._draft.space.position_names
+
+    @property
+    def joint_units(self) -> tuple[str, ...]:
+        """Unit of each entry of q: "rad", "m", or "" for quaternions, cosines and sines."""
+        return self._draft.space.position_units
+
+    @property
+    def actuated(self) -> tuple[int, ...]:
+        """Indices in v of the motors' joints, motor after motor."""
+        return tuple(int(k) for k in np.concatenate(self._motor_rates))
+
+    @property
+    def motor_names(self) -> tuple[str, ...]:
+        """Name of each motor, in the order of tau."""
+        return self._motor_names
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Names of the independent joints; of a joint that is one only in part, its rates.
 
         Raises:
-            DescriptionError: When a file cannot be read, with every problem found; mimic joints,
-                whose coupling Pinocchio would drop in silence, are refused.
-            UnknownNameError: For a joint or frame that is not in the URDF.
-            ActuationError: As the constructor.
+            ClosureError: When they are to be chosen and no configuration can be assembled.
         """
-        path = Path(path)
-        cuts = path.with_suffix(".yaml") if cuts is None else cuts
-        text = reading.read_text(path, "URDF")
-        closures, actuated, gravity, joints = reading.parse_cuts(
-            reading.read_text(cuts, "YAML of the cuts"), str(cuts)
-        )
-        model = reading.parse_urdf(text, str(path), joints)
-        model.gravity.linear = gravity
-        return ClosedChain(model, closures, actuated)
+        mechanism = self._mechanism()
+        return _joint_or_rate_names(mechanism, mechanism.coordinates)
 
-    @staticmethod
-    def from_mjcf(path: str | Path, *, locked: Sequence[str] = ()) -> ClosedChain:
-        """A robot from a MuJoCo file, its loops closed by `connect` and `weld` equalities.
+    @property
+    def degrees_of_freedom(self) -> int:
+        """Number n of the coordinates' rates."""
+        return len(self._mechanism().coordinates)
 
-        MuJoCo compiles the file. The motors are the joints that have an actuator; tau is the
-        torque in the joint, gear times control for a `motor`. Joints carry MuJoCo's armature,
-        damping and friction loss; hinges and slides count as in `qpos`. A ball becomes three
-        joints, named `_X`, `_Y`, `_Z`, which lose a motion when `_Y` is at a right angle.
+    @property
+    def friction(self) -> Friction:
+        """Of all joints, read-only."""
+        return self._draft.friction
 
-        Args:
-            path: The MJCF.
-            locked: Joints held at their reference: the free joint of a robot that stands on
-                nothing, springs that count as stiff, the spin of a rod between two balls
-                (`rod_X`). A joint without a name is called like its body. A locked motor is none.
+    @property
+    def path(self) -> str:
+        """What computes the dynamics, and why: compiled kernels or the reference path."""
+        with suppress(ClosureError):
+            self._mechanism()
+        return str(self._backend)
+
+    def refresh(self) -> None:
+        """Take in all changes made to `model` now.
+
+        Every call looks for changes by itself, but one: a single sample computed by kernels looks
+        at gravity, and at the rest of the model only when `robot.model` was read since the last
+        call. A program that keeps the model and changes it between single samples calls `refresh`.
 
         Raises:
-            MissingExtraError: Without MuJoCo, `sst-pin[mjcf]`.
-            DescriptionError: With every problem found: what MuJoCo does not read, free joints,
-                springs, equalities of other kinds, actuators on anything but joints.
-            UnknownNameError: For a name in `locked` that no joint has.
-            ActuationError: As the constructor.
-
-        Warns:
-            DescriptionWarning: When a ball has damping, friction or armature: it is left out.
+            DescriptionError, UnknownNameError: As the constructor.
         """
-        from ..reading.mjcf import read_mjcf
+        self._take_in_model()
 
-        return ClosedChain(*read_mjcf(path, locked))
+    # --- closures ---------------------------------------------------------------------------
+
+    def residual(self, q: ArrayLike) -> Array:
+        """How far the loops are open.
+
+        Args:
+            q: Configuration, shape (nq,).
+
+        Returns:
+            f(q) of Eq. (2), shape (rows,): [m] and [rad], closure after closure.
+        """
+        loops = self._evaluated(q)
+        return loops.residual()
+
+    def Phi(self, q: ArrayLike) -> Array:
+        """Jacobian of the closures with all rows, redundant ones too, Eqs. (3), (4).
+
+        Args:
+            q: Configuration on the closures, shape (nq,).
+
+        Returns:
+            Shape (rows, nv).
+        """
+        return self._evaluated(q).Phi()
+
+    def Phi_dot(self, q: ArrayLike, q_dot: ArrayLike) -> Array:
+        """Rate of `Phi` at rates of the tree that keep the loops closed.
+
+        Args:
+            q: Configuration on the closures, shape (nq,).
+            q_dot: Rates v of all joints, shape (nv,).
+
+        Returns:
+            Shape (rows, nv).
+        """
+        v = single_array("q_dot", q_dot, (self._draft.model.nv,))
+        return self._evaluated(q).Phi_dot(v)
+
+    def condition_number(self, q: ArrayLike) -> float:
+        """Condition number of the dependent part of Phi, free of units.
+
+        Infinite where the coordinates lose hold of the robot.
+
+        Args:
+            q: Configuration on the closures, shape (nq,).
+        """
+        Phi = self._scaled_Phi(self._single_q(q))
+        return condition_number(Phi, self._mechanism(q).coordinates)
+
+    def assemble(
+        self,
+        q: ArrayLike,
+        fixed: Sequence[str] | None = None,
+        *,
+        tries: int = 1,
+        seed: int = 0,
+    ) -> Array:
+        """Project a configuration onto the closures by Newton's method.
+
+        Args:
+            q: A guess, shape (nq,).
+            fixed: Names of joints to be held; the coordinates by default, () for none.
+            tries: How many starts: the guess, then random ones around it.
+            seed: Of the random starts.
+
+        Returns:
+            A configuration near q with closed loops, shape (nq,).
+
+        Raises:
+            ClosureError: When there is none within reach, with the loops that stay open.
+            UnknownNameError: For an unknown joint.
+        """
+        guess = self._single_q(q)
+        self._look_at_model()
+        if fixed is None:
+            try:
+                held = self._mechanism().coordinates
+            except ClosureError:
+                held = self._draft.coordinates
+        else:
+            held = _rates_of(self._draft, fixed)
+        free = np.setdiff1d(np.arange(self._draft.model.nv), held)
+        assembly = self._reference.workspace.assembly
+        return assembly.try_starts(self._draft.space.normalised(guess), free, tries, seed)
+
+    def generic_configuration(self) -> Array:
+        """Some assembled configuration away from the symmetric ones, the same at each call.
+
+        Returns:
+            Shape (nq,).
+
+        Raises:
+            ClosureError: When none is found.
+        """
+        self._look_at_model()
+        if self._generic is None:
+            assembly, model = self._reference.workspace.assembly, self._draft.model
+            try:
+                self._generic = generic_configuration(assembly, model)
+            except ClosureError as error:
+                self._generic = error
+        if isinstance(self._generic, ClosureError):
+            raise self._generic
+        return self._generic.copy()
+
+    def mobility(self, q: ArrayLike | None = None) -> Mobility:
+        """Count degrees of freedom, redundant closures and motors.
+
+        Args:
+            q: Configuration on the closures, shape (nq,); a generic one by default. A mechanism
+                can have assembly modes that move in different ways: then look at yours.
+
+        Returns:
+            A report that prints readably.
+
+        Raises:
+            ClosureError: When q is open, or when no configuration can be assembled.
+        """
+        where = "the configuration given"
+        if q is None:
+            q, where = self.generic_configuration(), "a random assembled configuration"
+        return self._report(self._single_q(q), where)
+
+    # --- kinematics -------------------------------------------------------------------------
+
+    def joint_rates(self, q: ArrayLike, va: ArrayLike) -> Array:
+        """Rates of all joints, v = L va, Eq. (16).
+
+        Args:
+            q: Configurations on the closures, shape (..., nq).
+            va: Rates of the coordinates, shape (..., n).
+
+        Returns:
+            Shape (..., nv).
+        """
+        mechanism, arrays = self._arguments(q, va=va)
+        checked = [
+            finite_array(n, a, a.shape[-1:]) for n, a in zip(("q", "va"), arrays, strict=True)
+        ]
+        return for_each_sample(self._reference.rates, checked, (1, 1), (mechanism.model.nv,))
+
+    def joint_accelerations(self, q: ArrayLike, va: ArrayLike, aa: ArrayLike) -> Array:
+        """Accelerations of all joints, L aa + L_dot va, Eqs. (8), (20).
+
+        Args:
+            q: Configurations on the closures, shape (..., nq).
+            va: Rates of the coordinates, shape (..., n).
+            aa: Their accelerations, shape (..., n).
+
+        Returns:
+            Shape (..., nv).
+        """
+        mechanism, arrays = self._arguments(q, va=va, aa=aa)
+        rates = self._reference.accelerations_of_tree
+        return for_each_sample(rates, arrays, (1, 1, 1), (mechanism.model.nv,))
+
+    def frame_jacobian(self, q: ArrayLike, frame: str) -> Array:
+        """Jacobian of a frame along the motions that keep the loops closed.
+
+        Args:
+            q: Configurations on the closures, shape (..., nq).
+            frame: Its name.
+
+        Returns:
+            [linear; angular] velocity per rate of the coordinates, base axes, at the frame's
+            origin, shape (..., 6, n).
+
+        Raises:
+            UnknownNameError: For an unknown frame.
+        """
+        mechanism, (q,) = self._arguments(q)
+        index = self._frame(frame)
+        return for_each_sample(
+            lambda q: self._reference.frame_jacobian(q, index),
+            (q,),
+            (1,),
+            (6, len(mechanism.coordinates)),
+        )
+
+    def frame_drift(self, q: ArrayLike, va: ArrayLike, frame: str) -> Array:
+        """Acceleration of a frame when the coordinates do not accelerate: J_dot va.
+
+        Args:
+            q: Configurations on the closures, shape (..., nq).
+            va: Rates of the coordinates, shape (..., n).
+            frame: Its name.
+
+        Returns:
+            [linear; angular], base axes, of the frame's origin, shape (..., 6).
+        """
+        _, (q, va) = self._arguments(q, va=va)
+        index = self._frame(frame)
+        return for_each_sample(
+            lambda q, va: self._reference.frame_drift(q, va, index), (q, va), (1, 1), (6,)
+        )
+
+    # --- dynamics ---------------------------------------------------------------------------
 
     def compute_torques(
+        self,
+        q: ArrayLike,
+        va: ArrayLike,
+        aa: ArrayLike,
+        *,
+        external_wrenches: ArrayLike | None = None,
+        weights: ArrayLike | None = None,
+        out: Array | None = None,
+        threads: int = 1,
+        on_error: str = "raise",
+    ) -> Array:
+        """Inverse dynamics: the motor torques of a motion, Eq. (92).
+
+        With more motors than degrees of freedom the smallest torques that bring it about.
+
+        Args:
+            q: Configurations on the closures, shape (..., nq).
+            va: Rates of the coordinates, shape (..., n).
+            aa: Accelerations of the coordinates, shape (..., n).
+            external_wrenches: [moment; force] that the surroundings exert on each body at its mass
+                centre, base axes, bodies in the order of the joints, shape (..., r, 6).
+            weights: Of the motors' squared torques, positive, shape (motors,); all one by default.
+            out: Array for the result, shape (..., motors).
+            threads: How many share a batch in compiled kernels; the reference path takes one.
+            on_error: "raise", or "nan" for NaN in the place of samples at fault.
+
+        Returns:
+            tau, shape (..., motors), [N m] or [N].
+
+        Raises:
+            InputError: For a wrong shape or a number that is not finite.
+            ClosureError: When q is open.
+            SingularConfigurationError: When the coordinates do not determine the motion at q.
+            ActuationError: When the motors cannot bring about the motion.
+        """
+        if external_wrenches is weights is None and on_error == "raise" and not self._unseen:
+            answer = self._torques_of(q, va, aa, None, out, threads)
+            if answer is not None and answer[0] is None:
+                return answer[1]
+        mechanism, arrays = self._arguments(q, va=va, aa=aa)
+        weights = None if weights is None else self._weights(weights)
+        arrays.append(self._wrenches(external_wrenches))
+
+        def reference(q: Array, va: Array, aa: Array, wrenches: Array | None) -> Array:
+            return self._reference.torques(q, va, aa, wrenches, weights)
+
+        kernel = self._backend.torques if weights is None else None
+        motors = mechanism.motors.shape[1]
+        return self._each(reference, kernel, arrays, (1, 1, 1, 2), motors, out, threads, on_error)
+
+    def generalized_forces(
         self,
         q: ArrayLike,
         va: ArrayLike,
@@ -131,40 +445,27 @@ class ClosedChain(ClosedTree):
         out: Array | None = None,
         on_error: str = "raise",
     ) -> Array:
-        """Inverse dynamics: the motor torques of a motion, Eq. (92).
+        """What a motion needs along the coordinates, whoever supplies it: L^T tau of the tree.
 
         Args:
-            q: Joint coordinates on the closures, shape (..., m), [rad] or [m].
-            va: Rates of the actuated joints, shape (..., n).
-            aa: Accelerations of the actuated joints, shape (..., n).
-            external_wrenches: [moment; force] that the surroundings exert on each body at its mass
-                centre, base axes, bodies in the order of the joints, shape (..., r, 6).
-            out: Array for the result.
-            on_error: "raise", or "nan" for NaN in the place of samples at fault.
+            q: Configurations on the closures, shape (..., nq).
+            va: Rates of the coordinates, shape (..., n).
+            aa: Accelerations of the coordinates, shape (..., n).
+            external_wrenches: As in `compute_torques`.
+            out: Array for the result, shape (..., n).
+            on_error: As in `compute_torques`.
 
         Returns:
-            tau, shape (..., n), [N m] or [N].
+            f, shape (..., n), [N m] or [N].
 
         Raises:
-            InputError: For a wrong shape or a number that is not finite.
-            ClosureError: When q is open.
-            SingularConfigurationError: When the motors do not hold the robot at q.
-            ActuationError: When there are fewer or more motors than degrees of freedom.
+            InputError, ClosureError, SingularConfigurationError: As `compute_torques`.
         """
-        m, n = self._m, self._n
-        q, va, aa = as_array("q", q, (m,)), as_array("va", va, (n,)), as_array("aa", aa, (n,))
-        wrenches = self._wrenches(external_wrenches)
-        if q.ndim == va.ndim == aa.ndim == 1 and wrenches is out is None and on_error == "raise":
-            return self._torques(q, va, aa, None)
-        return for_each_sample(
-            self._torques, (q, va, aa, wrenches), (1, 1, 1, 2), (n,), on_error=on_error, out=out
-        )
-
-    def _torques(self, q: Array, va: Array, aa: Array, wrenches: Array | None) -> Array:
-        tau = dynamics.inverse_dynamics(*self.workspace_at(q), self.friction, q, va, aa, wrenches)
-        if not isfinite(tau.dot(tau)):  # cheaper than looking at each input
-            _require_finite(q=q, va=va, aa=aa, tau=tau)
-        return tau
+        mechanism, arrays = self._arguments(q, va=va, aa=aa)
+        arrays.append(self._wrenches(external_wrenches))
+        n = len(mechanism.coordinates)
+        reference = self._reference.generalized_forces
+        return self._each(reference, None, arrays, (1, 1, 1, 2), n, out, 1, on_error)
 
     def compute_accelerations(
         self,
@@ -174,122 +475,193 @@ class ClosedChain(ClosedTree):
         *,
         external_wrenches: ArrayLike | None = None,
         out: Array | None = None,
+        threads: int = 1,
         on_error: str = "raise",
     ) -> Array:
-        """Direct dynamics: the accelerations of the actuated joints under given torques, Eq. (92).
+        """Direct dynamics: the accelerations of the coordinates under given torques, Eq. (92).
 
         Args:
-            q: Joint coordinates on the closures, shape (..., m), [rad] or [m].
-            va: Rates of the actuated joints, shape (..., n).
-            tau: Motor torques, shape (..., n), [N m] or [N].
+            q: Configurations on the closures, shape (..., nq).
+            va: Rates of the coordinates, shape (..., n).
+            tau: Motor torques, shape (..., motors), [N m] or [N].
             external_wrenches: As in `compute_torques`.
-            out: As in `compute_torques`.
+            out: Array for the result, shape (..., n).
+            threads: As in `compute_torques`.
             on_error: As in `compute_torques`.
 
         Returns:
             aa, shape (..., n).
 
         Raises:
-            InputError: For a wrong shape or a number that is not finite.
-            ClosureError: When q is open.
-            SingularConfigurationError: When the motors do not hold the robot at q.
-            ActuationError: When there are fewer or more motors than degrees of freedom.
+            InputError, ClosureError, SingularConfigurationError: As `compute_torques`.
         """
-        m, n = self._m, self._n
-        q, va, tau = as_array("q", q, (m,)), as_array("va", va, (n,)), as_array("tau", tau, (n,))
-        wrenches = self._wrenches(external_wrenches)
-        if q.ndim == va.ndim == tau.ndim == 1 and wrenches is out is None and on_error == "raise":
-            return self._accelerations(q, va, tau, None)
-        arrays = (q, va, tau, wrenches)
-        return for_each_sample(
-            self._accelerations, arrays, (1, 1, 1, 2), (n,), on_error=on_error, out=out
-        )
-
-    def _accelerations(self, q: Array, va: Array, tau: Array, wrenches: Array | None) -> Array:
-        aa, _ = dynamics.direct_dynamics(*self.workspace_at(q), self.friction, q, va, tau, wrenches)
-        if not isfinite(aa.dot(aa)):
-            _require_finite(q=q, va=va, tau=tau, aa=aa)
-        return aa
+        if external_wrenches is None and on_error == "raise" and not self._unseen:
+            answer = self._accelerations_of(q, va, tau, None, out, threads)
+            if answer is not None and answer[0] is None:
+                return answer[1]
+        mechanism, arrays = self._arguments(q, va=va, tau=tau)
+        arrays.append(self._wrenches(external_wrenches))
+        n, reference = len(mechanism.coordinates), self._reference.accelerations
+        kernel = self._backend.accelerations
+        return self._each(reference, kernel, arrays, (1, 1, 1, 2), n, out, threads, on_error)
 
     def noc(self, q: ArrayLike, va: ArrayLike) -> dynamics.Terms:
-        """All matrices of the paper at one configuration: tau = I aa + C va - tau^g - tau^f.
+        """All matrices of the paper at one configuration: f = I aa + C va - tau^g - tau^f.
 
         Args:
-            q: Joint coordinates on the closures, shape (m,).
-            va: Rates of the actuated joints, shape (n,).
+            q: Configuration on the closures, shape (nq,).
+            va: Rates of the coordinates, shape (n,).
 
         Raises:
-            InputError, ClosureError, SingularConfigurationError, ActuationError: As
-                `compute_torques`.
+            InputError, ClosureError, SingularConfigurationError: As `compute_torques`.
         """
-        va = single_array("va", va, (self._n,))
-        q = single_array("q", q, (self._m,))
-        return dynamics.terms(*self.workspace_at(q), self.friction, q, va)
+        single = self._single_q(q)
+        n = len(self._mechanism(single).coordinates)
+        return dynamics.terms(self._reference.workspace, single, single_array("va", va, (n,)))
 
     def reduced_terms(
-        self, q: ArrayLike, va: ArrayLike, *, on_error: str = "raise"
+        self, q: ArrayLike, va: ArrayLike, *, threads: int = 1, on_error: str = "raise"
     ) -> dynamics.ReducedTerms:
-        """The equations of motion in the actuated coordinates, for batches, Eqs. (93)-(96).
+        """The equations of motion in the coordinates, for batches, Eqs. (93)-(96).
 
         Args:
-            q: Joint coordinates on the closures, shape (..., m).
-            va: Rates of the actuated joints, shape (..., n).
+            q: Configurations on the closures, shape (..., nq).
+            va: Rates of the coordinates, shape (..., n).
+            threads: As in `compute_torques`.
             on_error: As in `compute_torques`.
 
         Raises:
-            InputError, ClosureError, SingularConfigurationError, ActuationError: As
-                `compute_torques`.
+            InputError, ClosureError, SingularConfigurationError: As `compute_torques`.
         """
-        n = self._n
-        arrays = as_array("q", q, (self._m,)), as_array("va", va, (n,))
-        return dynamics.ReducedTerms.of_rows(
-            for_each_sample(
-                self._reduced_terms, arrays, (1, 1), (2 * n * (n + 1),), on_error=on_error
-            ),
-            n,
-        )
+        mechanism, arrays = self._arguments(q, va=va)
+        n = len(mechanism.coordinates)
+        reference, kernel = self._reference.reduced_terms, self._backend.reduced_terms
+        size = 2 * n * (n + 1)
+        rows = self._each(reference, kernel, arrays, (1, 1), size, None, threads, on_error)
+        return dynamics.ReducedTerms.of_rows(rows, n)
 
-    def _reduced_terms(self, q: Array, va: Array) -> Array:
-        terms = dynamics.terms(*self.workspace_at(q), self.friction, q, va)
-        row = np.concatenate(
-            [terms.inertia.ravel(), terms.coriolis.ravel(), terms.gravity, terms.friction]
-        )
-        if not isfinite(row.dot(row)):
-            _require_finite(q=q, va=va, terms=row)
-        return row
+    # --- energy -----------------------------------------------------------------------------
 
     def kinetic_energy(self, q: ArrayLike, va: ArrayLike) -> Array:
         """Kinetic energy, shape (...), [J]; arguments as `joint_rates`."""
-
-        def energy(q: Array, q_dot: Array) -> Array:
-            # Not computeKineticEnergy, which forgets the rotors of unaligned revolute joints.
-            M = pin.crba(self.model, self._kinematics.data, q)
-            return np.asarray(q_dot @ M @ q_dot / 2)
-
-        q = finite_array("q", q, (self._m,))
-        return for_each_sample(energy, (q, self.joint_rates(q, va)), (1, 1), ())
+        v = self.joint_rates(q, va)
+        _, (q,) = self._arguments(q)
+        return for_each_sample(self._reference.kinetic_energy, (q, v), (1, 1), ())
 
     def potential_energy(self, q: ArrayLike) -> Array:
-        """Potential energy of the weights, zero with all masses at the origin, shape (...), [J].
+        """Potential energy of weights and springs, shape (...), [J].
+
+        The weights' is zero with all masses at the origin, the springs' at their reference.
 
         Args:
-            q: Joint coordinates, shape (..., m).
+            q: Configurations, shape (..., nq).
         """
-
-        def energy(q: Array) -> Array:
-            return np.asarray(pin.computePotentialEnergy(self.model, self._kinematics.data, q))
-
-        return for_each_sample(energy, (finite_array("q", q, (self._m,)),), (1,), ())
+        self._look_at_model()
+        array = finite_array("q", q, (self._draft.model.nq,))
+        return for_each_sample(self._reference.potential_energy, (array,), (1,), ())
 
     def friction_power(self, q: ArrayLike, va: ArrayLike) -> Array:
         """Power of friction in all joints, Eq. (87), negative or zero, shape (...), [W].
 
         Args:
-            q: Joint coordinates on the closures, shape (..., m).
-            va: Rates of the actuated joints, shape (..., n).
+            q: Configurations on the closures, shape (..., nq).
+            va: Rates of the coordinates, shape (..., n).
         """
-        q_dot = self.joint_rates(q, va)
-        return (self.friction.forces(q_dot) * q_dot).sum(axis=-1)
+        v = self.joint_rates(q, va)
+        return (self.friction.forces(v) * v).sum(axis=-1)
+
+    # --- doors to the rooms above -----------------------------------------------------------
+
+    @classmethod
+    def from_urdf(cls: type[_Chain], path: str | Path, cuts: str | Path | None = None) -> _Chain:
+        """A robot from a URDF and, beside it, what a URDF cannot say: the "extended URDF" of LAAS.
+
+        A YAML file lists closures (`closed_loop`, pairs of frames, each with its `type`), motors
+        (`name_mot`) and, where needed, `gravity` and joints that are in truth "FIXED", "SPHERICAL"
+        or "UJOINT_XY" (`joint_name`, `joint_type`).
+
+        Args:
+            path: The URDF; its meshes are not needed.
+            cuts: The YAML; by default the file beside the URDF that ends in .yaml.
+
+        Raises:
+            DescriptionError: When a file cannot be read, with every problem found.
+            UnknownNameError: For a joint or frame that is not in the URDF.
+        """
+        from .. import reading
+
+        path = Path(path)
+        cuts = path.with_suffix(".yaml") if cuts is None else cuts
+        text = reading.read_text(path, "URDF")
+        closures, actuated, gravity, joints = reading.parse_cuts(
+            reading.read_text(cuts, "YAML of the cuts"), str(cuts)
+        )
+        model = reading.parse_urdf(text, str(path), joints)
+        model.gravity.linear = gravity
+        return cls(model, closures, actuated)
+
+    @classmethod
+    def from_mjcf(cls: type[_Chain], path: str | Path, *, locked: Sequence[str] = ()) -> _Chain:
+        """A robot from a MuJoCo file, its loops closed by `connect` and `weld` equalities.
+
+        MuJoCo compiles the file. The motors are the joints that have an actuator; tau is the
+        torque in the joint, gear times control for a `motor`. Joints carry MuJoCo's armature,
+        damping and friction loss; hinges and slides count as in `qpos`.
+
+        Args:
+            path: The MJCF.
+            locked: Joints held at their reference. A joint without a name is called like its body.
+                A locked motor is none.
+
+        Raises:
+            MissingExtraError: Without MuJoCo, `sst-pin[mjcf]`.
+            DescriptionError: With every problem found.
+            UnknownNameError: For a name in `locked` that no joint has.
+
+        Warns:
+            DescriptionWarning: When a ball has damping, friction or armature: it is left out.
+        """
+        from ..reading.mjcf import read_mjcf
+
+        return cls(*read_mjcf(path, locked))
+
+    def trajectory(
+        self,
+        t: ArrayLike,
+        q: ArrayLike,
+        va: ArrayLike,
+        aa: ArrayLike,
+        tau: ArrayLike | None = None,
+        *,
+        stopped: str = "",
+    ) -> Trajectory:
+        """A motion of this robot as a value.
+
+        Args:
+            t: Times, increasing, shape (N,), [s].
+            q: Configurations on the closures, shape (N, nq).
+            va: Rates of the coordinates, shape (N, n).
+            aa: Accelerations of the coordinates, shape (N, n).
+            tau: Motor torques, shape (N, motors); those of the motion by default.
+            stopped: Why it ends early.
+        """
+        from ..motion.trajectories import Trajectory
+
+        mechanism = self._mechanism()
+        space = mechanism.space
+        return Trajectory(
+            t,
+            q,
+            va,
+            aa,
+            self.compute_torques(q, va, aa) if tau is None else tau,
+            space.position_names,
+            self.motor_names,
+            space.position_units,
+            stopped,
+            coordinates=mechanism.coordinate_rate_names,
+            rate_units=tuple(space.rate_units[k] for k in mechanism.coordinates),
+        )
 
     def simulate(
         self,
@@ -299,23 +671,416 @@ class ClosedChain(ClosedTree):
         t: ArrayLike,
         *,
         external_wrenches: Load = None,
-        **options: Any,
+        method: str = "DOP853",
+        rtol: float = 1e-12,
+        atol: float = 1e-12,
+        max_condition_number: float = 1e4,
+        sign_width: float = 1e-3,
+        progress: Callable[[float], None] | None = None,
     ) -> Trajectory:
-        """Integrate the motion under given torques; see `sst_pin.simulation.simulate`."""
+        """Integrate the motion under given torques; see `sst_pin.motion.simulation.simulate`."""
         from ..motion.simulation import simulate
 
-        return simulate(self, torque, q0, va0, t, external_wrenches=external_wrenches, **options)
+        return simulate(
+            self,
+            torque,
+            q0,
+            va0,
+            t,
+            external_wrenches=external_wrenches,
+            method=method,
+            rtol=rtol,
+            atol=atol,
+            max_condition_number=max_condition_number,
+            sign_width=sign_width,
+            progress=progress,
+        )
 
-    def mechanics(self, friction: dynamics.Friction) -> Mechanics:
-        """What `simulate` asks of the robot, with a friction in the place of its own."""
-        return Mechanics(self, friction)
+    def rollout(
+        self,
+        tau: ArrayLike,
+        q0: ArrayLike,
+        va0: ArrayLike,
+        dt: float,
+        *,
+        external_wrenches: ArrayLike | None = None,
+        steps: int | None = None,
+        sign_width: float = 1e-3,
+        threads: int = 1,
+        on_error: str = "raise",
+    ) -> Rollout:
+        """Integrate many motions with a fixed step; see `sst_pin.motion.rollouts.rollout`."""
+        from ..motion.rollouts import rollout
+
+        return rollout(
+            self,
+            tau,
+            q0,
+            va0,
+            dt,
+            external_wrenches=external_wrenches,
+            steps=steps,
+            sign_width=sign_width,
+            threads=threads,
+            on_error=on_error,
+        )
+
+    # --- inside -----------------------------------------------------------------------------
+
+    def __getstate__(self) -> dict[str, Any]:
+        state = self.__dict__.copy()
+        for name in ("_lock", "_torques_of", "_accelerations_of", "_backend", "_reference"):
+            del state[name]
+        return state
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._lock = threading.Lock()
+        self._take_in_model()
+
+    def states(self, sign_width: float) -> States:
+        """The state space for an integrator, the sign of friction smoothed by a width."""
+        self._mechanism()
+        return self._backend.states(replace(self.friction, sign_width=sign_width))
+
+    def _compiled(self, reference: Reference) -> Backend:
+        """What computes the dynamics of a mechanism in the place of the reference path."""
+        return ReferenceBackend(reference, "no kernels are compiled for this robot")
+
+    def _take_in_model(self) -> None:
+        """Compute from what stands in `model` now."""
+        model = pin.Model(self._model)
+        _require_sound(model, self.closures)
+        given = self._given
+        friction = Friction(
+            _rates_array("viscous_friction", given["viscous_friction"], model.damping),
+            _rates_array("coulomb_friction", given["coulomb_friction"], model.friction),
+        )
+        reference = given["spring_reference"]
+        reference = pin.neutral(model) if reference is None else reference
+        springs = Springs(
+            _rates_array("stiffness", given["stiffness"], np.zeros(model.nv)),
+            finite_array("spring_reference", reference, (model.nq,)),
+        )
+        springs.check(model)
+        empty = np.empty(0, dtype=np.intp)
+        draft = Mechanism(model, self.closures, empty, np.zeros((model.nv, 0)), friction, springs)
+        self._motor_rates, motors, self._motor_names = _motors_of(draft, self._motors)
+        wanted = self._wanted
+        coordinates = (
+            np.unique(np.concatenate([empty, *self._motor_rates]))
+            if wanted is None
+            else _rates_of(draft, wanted)
+        )
+        self._draft = replace(draft, coordinates=coordinates, motors=motors)
+        self._generic: Array | ClosureError | None = None
+        self._settled: Mechanism | None = None
+        self._settled_by_caller = False
+        self._unseen = False
+        self._use(Reference(self._draft))
+        self._reference.workspace  # noqa: B018  (finds the frames, or says which is unknown)
+
+    def _use(self, reference: Reference) -> None:
+        self._reference = reference
+        self._backend: Backend = ReferenceBackend(reference, "nothing was asked for yet")
+        self._torques_of = self._accelerations_of = _nothing
+
+    def _look_at_model(self) -> None:
+        """Take in a model that has changed."""
+        self._unseen = False
+        if self._model != self._draft.model:
+            self._take_in_model()
+
+    def _mechanism(self, q: ArrayLike | None = None) -> Mechanism:
+        """What is computed, its coordinates settled.
+
+        They are settled once: at the first configuration of the caller's that closes the loops, or
+        at a generic one while there was none.
+
+        Raises:
+            ClosureError: When there is neither.
+            ActuationError: When the coordinates asked for do not describe the motion.
+            DescriptionError: When nothing can move.
+        """
+        self._look_at_model()
+        if self._settled is None or not (self._settled_by_caller or q is None):
+            with self._lock:
+                self._settle(q)
+        assert self._settled is not None
+        return self._settled
+
+    def _settle(self, q: ArrayLike | None) -> None:
+        own = None if q is None else self._first_closed(q)
+        if own is None and self._settled is not None:
+            return
+        if own is None:
+            report = self.mobility()
+        else:
+            try:
+                aside = self._reference.workspace.assembly.aside(own, seed=0)
+            except ClosureError:
+                aside = own
+            report = self._report(aside, "a configuration next to the first one in use")
+        if report.degrees_of_freedom == 0:
+            raise DescriptionError(
+                f"model {self._draft.model.name}", [f"nothing can move:\n{report}"]
+            )
+        chosen = _rates_of(self._draft, report.coordinates)
+        if self._wanted is not None and set(chosen) != set(self._draft.coordinates):
+            raise ActuationError(
+                f"the coordinates {', '.join(self._wanted)} do not describe the motion, "
+                f"{', '.join(report.coordinates)} would:\n{report}"
+            )
+        if self._wanted is not None:
+            chosen = self._draft.coordinates
+        self._settled_by_caller = own is not None
+        if self._settled is None or not np.array_equal(chosen, self._settled.coordinates):
+            self._settled = replace(self._draft, coordinates=chosen)
+            self._use(Reference(self._settled))
+            self._backend = self._compiled(self._reference)
+            self._torques_of = self._backend.torques_of
+            self._accelerations_of = self._backend.accelerations_of
+
+    def _first_closed(self, q: ArrayLike) -> Array | None:
+        array = np.asarray(q, dtype=float)
+        if not array.size or not np.isfinite(array).all():
+            return None
+        first = array.reshape(-1, array.shape[-1])[0]
+        loops = self._reference.workspace.loops
+        loops.evaluate(first)
+        try:
+            loops.require_closed(self._draft.row_scale)
+        except ClosureError:
+            return None
+        return first
+
+    def _report(self, q: Array, where: str) -> Mobility:
+        draft = self._draft
+        loops = self._evaluated(q)
+        loops.require_closed(draft.row_scale)
+        Phi = loops.Phi() * draft.row_scale[:, None] * draft.rate_scale
+        motions = free_motions(Phi)
+        driven = [np.asarray(rates) for rates in self._motor_rates]
+        joints = [_rates_of(draft, [name]) for name in draft.space.joint_names]
+        wanted = [_rates_of(draft, [name]) for name in self._wanted or ()]
+        coordinates = choose_coordinates(motions, [*wanted, *driven, *joints])
+        locked = np.concatenate([np.empty(0, dtype=np.intp), *driven])
+        free = np.setdiff1d(np.arange(draft.model.nv), locked)
+        loose = free_motions(Phi[:, free])
+        moving = np.abs(loose).max(axis=1, initial=0.0) > 1e-6
+        rates = draft.space.rate_names
+        return Mobility(
+            joints=rates,
+            actuated=self._motor_names,
+            coordinates=_joint_or_rate_names(draft, coordinates),
+            rows=tuple(f"{c}: {row}" for c in self.closures for row in c.rows),
+            independent_rows=tuple(map(int, independent_rows(Phi))),
+            degrees_of_freedom=motions.shape[1],
+            held=motions.shape[1] - loose.shape[1],
+            loose_joints=tuple(rates[i] for i, m in zip(free, moving, strict=True) if m),
+            idle_joints=tuple(
+                name
+                for name, k in zip(draft.space.joint_names, joints, strict=True)
+                if not np.isin(k, locked).any() and free_motions(Phi[:, k]).shape[1]
+            ),
+            condition_number=condition_number(Phi, coordinates),
+            where=where,
+            q=q.copy(),
+        )
+
+    def _arguments(self, q: ArrayLike, **others: ArrayLike) -> tuple[Mechanism, list[Array | None]]:
+        """Arrays of the shapes that the mechanism has; it is settled on the way."""
+        self._look_at_model()
+        array = as_array("q", q, (self._draft.model.nq,))
+        mechanism = self._mechanism(array)
+        sizes = {"tau": mechanism.motors.shape[1]}
+        n = len(mechanism.coordinates)
+        arrays: list[Array | None] = [array]
+        for name, value in others.items():
+            try:
+                arrays.append(as_array(name, value, (sizes.get(name, n),)))
+            except InputError as error:
+                if name != "tau" and n != mechanism.motors.shape[1]:
+                    error.args = (
+                        f"{error.args[0]}: one for each rate of the coordinates "
+                        f"{', '.join(mechanism.coordinate_rate_names)}",
+                    )
+                raise
+        if not mechanism.space.euclidean:
+            _require_manifold(mechanism, array)
+        return mechanism, arrays
+
+    def _each(
+        self,
+        reference: Callable[..., Array],
+        kernel: Callable[..., Indices] | None,
+        arrays: list[Array | None],
+        core_axes: Sequence[int],
+        size: int,
+        out: Array | None,
+        threads: int,
+        on_error: str,
+    ) -> Array:
+        """A batch by the kernel, what it leaves by the reference path, with its errors."""
+        require_policy(on_error)
+        if isinstance(threads, bool) or not isinstance(threads, (int, np.integer)) or threads < 1:
+            raise InputError("threads", f"{threads!r}: a number of threads, at least one")
+        if out is None and all(
+            a is None or a.ndim == axes for a, axes in zip(arrays, core_axes, strict=True)
+        ):
+            if on_error == "raise" and (
+                kernel is None or isinstance(self._backend, ReferenceBackend)
+            ):
+                return reference(*arrays)
+        fill = None
+        if kernel is not None and not isinstance(self._backend, ReferenceBackend):
+
+            def fill(flat: list[Array | None], result: Array) -> Indices:
+                return kernel(*flat, result, threads)
+
+        return for_each_sample(
+            reference, arrays, core_axes, (size,), on_error=on_error, out=out, fast=fill
+        )
+
+    def _single_q(self, q: ArrayLike) -> Array:
+        return single_array("q", q, (self._draft.model.nq,))
+
+    def _evaluated(self, q: ArrayLike) -> Any:
+        """This thread's loops at one configuration."""
+        self._look_at_model()
+        array = self._single_q(q)
+        loops = self._reference.workspace.loops
+        loops.evaluate(array)
+        return loops
+
+    def _scaled_Phi(self, q: Array) -> Array:
+        return self._evaluated(q).Phi() * self._draft.row_scale[:, None] * self._draft.rate_scale
+
+    def _frame(self, name: str) -> int:
+        model = self._draft.model
+        if not isinstance(name, str) or not model.existFrame(name):
+            raise UnknownNameError("frame", name, [f.name for f in model.frames])
+        return int(model.getFrameId(name))
+
+    def _weights(self, weights: ArrayLike) -> Array:
+        array = single_array("weights", weights, (self._draft.motors.shape[1],))
+        if not (array > 0).all():
+            raise InputError("weights", "not positive")
+        return array
 
     def _wrenches(self, wrenches: ArrayLike | None) -> Array | None:
         if wrenches is None:
             return None
-        return finite_array("external_wrenches", wrenches, (self.model.njoints - 1, 6))
+        return finite_array("external_wrenches", wrenches, (self._draft.model.njoints - 1, 6))
 
 
-def _require_finite(**arrays: Array) -> None:
-    for name, array in arrays.items():
-        finite_array(name, array, array.shape)
+def _nothing(*_: object) -> None:
+    return None
+
+
+def _rates_of(mechanism: Mechanism, names: Sequence[str]) -> Indices:
+    """Indices in v of joints, or of single rates, by name."""
+    space = mechanism.space
+    found: list[int] = []
+    for name in names:
+        if name in space.joint_names:
+            joint = mechanism.model.joints[joint_id(mechanism.model, name)]
+            found.extend(range(joint.idx_v, joint.idx_v + joint.nv))
+        elif name in space.rate_names:
+            found.append(space.rate_names.index(name))
+        else:
+            raise UnknownNameError("joint", name, space.joint_names)
+    if len(set(found)) != len(found):
+        raise InputError("names", f"a joint stands twice in {list(names)}")
+    return np.array(found, dtype=np.intp)
+
+
+def _joint_or_rate_names(mechanism: Mechanism, rates: Indices) -> tuple[str, ...]:
+    """Names that `_rates_of` leads back."""
+    names: list[str] = []
+    left = [int(k) for k in rates]
+    of_rate = {
+        k: (name, list(range(joint.idx_v, joint.idx_v + joint.nv)))
+        for name, joint in zip(
+            mechanism.space.joint_names, list(mechanism.model.joints)[1:], strict=True
+        )
+        for k in range(joint.idx_v, joint.idx_v + joint.nv)
+    }
+    while left:
+        name, group = of_rate[left[0]]
+        if left[: len(group)] == group:
+            names.append(name)
+            del left[: len(group)]
+        else:
+            names.append(mechanism.space.rate_names[left.pop(0)])
+    return tuple(names)
+
+
+def _motors_of(
+    draft: Mechanism, motors: Sequence[Motor]
+) -> tuple[list[Indices], Array, tuple[str, ...]]:
+    """Rates of each motor's joints, B, and the motors' names."""
+    rates, columns, names = [], [], []
+    for motor in motors:
+        shares = {motor: 1.0} if isinstance(motor, str) else dict(motor)
+        k = _rates_of(draft, list(shares))
+        rates.append(k)
+        if isinstance(motor, str):
+            columns.extend(np.eye(draft.model.nv)[k])
+            names.extend(draft.space.rate_names[i] for i in k)
+        else:
+            values = finite_array("actuated", list(shares.values()), (len(k),))
+            column = np.zeros(draft.model.nv)
+            column[k] = values
+            columns.append(column)
+            names.append(" + ".join(f"{x:g} {name}" for name, x in shares.items()))
+    if len(set(names)) != len(names):
+        raise InputError("actuated", f"a joint stands twice in {names}")
+    return rates, np.array(columns).reshape(-1, draft.model.nv).T, tuple(names)
+
+
+def _rates_array(name: str, given: ArrayLike | None, default: Array) -> Array:
+    return finite_array(name, default if given is None else given, (len(default),))
+
+
+def _require_sound(model: pin.Model, closures: Sequence[Constraint]) -> None:
+    names = list(model.names)[1:]
+    problems = [
+        f"joint {n}: the name stands twice" for n in dict.fromkeys(names) if names.count(n) > 1
+    ]
+    if not names:
+        problems.append("no joints")
+    if not closures:
+        problems.append("no closures; an open tree needs pinocchio.rnea and nothing else")
+    if list(model.mimicking_joints):
+        mimics = ", ".join(names[j - 1] for j in model.mimicking_joints)
+        problems.append(
+            f"mimic joints {mimics}: make them ordinary joints, each with a Coupling to the joint "
+            "that it follows"
+        )
+    if problems:
+        raise DescriptionError(f"model {model.name}", problems)
+
+
+def _require_manifold(mechanism: Mechanism, q: Array) -> None:
+    rows = q.reshape(-1, q.shape[-1])
+    off = max((mechanism.space.off_the_manifold(row) for row in rows), default=0.0)
+    if not off < 1e-6:
+        raise InputError(
+            "q",
+            f"a quaternion, or a pair of cosine and sine, is off length one by {off:.3g}; "
+            "pinocchio.normalize mends it",
+        )
+
+
+def _without_locked(model: pin.Model, locked: Sequence[str] | Mapping[str, float]) -> pin.Model:
+    """The tree with some joints held."""
+    q = pin.neutral(model)
+    ids = [joint_id(model, name) for name in locked]
+    if isinstance(locked, Mapping):
+        for index, value in zip(ids, locked.values(), strict=True):
+            joint = model.joints[index]
+            if (joint.nq, joint.nv) != (1, 1):
+                raise InputError("locked", f"joint {model.names[index]} has several coordinates")
+            q[joint.idx_q] = float(finite_array("locked", value, ()))
+    return pin.buildReducedModel(model, ids, q)

@@ -1,187 +1,192 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Loop closures of a Pinocchio tree: residual f(q), its Jacobian Phi and the rate of Phi.
+"""What closes a tree: frames that move together, rods, couplings of joints, rolling contact.
 
-Pinocchio's joint Jacobian J in world axes, reduced at the world's origin, holds the unit twist of
-every joint. The twist of frame B relative to frame A is then J with the columns that move neither,
-or both, left out: closing a loop is a matter of signs. Pinocchio's own constraint functions are
-not used, they are wrong or NaN in silence on redundant loops.
-
-Rows run [linear; angular], as Pinocchio's do; the paper's order comes in with the bodies' twists.
+Each kind of constraint says what it holds; `loops` turns it into f(q) and the rows of Phi.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import ClassVar
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from math import isfinite
+from types import MappingProxyType
+from typing import ClassVar, Union
 
-import numpy as np
-import pinocchio as pin
-from numpy.typing import NDArray
+from ..errors import DescriptionError
 
-from ..errors import ClosureError, DescriptionError, InputError, UnknownNameError
-
-Array = NDArray[np.float64]
-
-#: Frames further apart than this, [m] or [rad], are an open closure.
-CLOSURE_TOLERANCE = 1e-6
+#: Rates of frame B relative to frame A in the axes of A: x, y, z, and the turns about them.
+_RATES = ("x", "y", "z", "turn x", "turn y", "turn z")
 
 
 @dataclass(frozen=True)
 class Closure:
-    """Two frames of the tree that must coincide.
+    """Two frames of the tree that a joint without mass connects.
 
     Attributes:
         frame_a: Name of the first frame.
         frame_b: Name of the second frame.
         kind: "6d" the frames coincide; "3d" their origins do; "orientation" their axes do.
+            In the axes of frame A: "hinge" origins coincide, B turns about z; "universal" origins
+            coincide, B turns about x of A and y of B; "cylindrical" B slides along z and turns
+            about it; "prismatic" B slides along z; "planar" B slides along x and y and turns about
+            z. Or six booleans, which of x, y, z, turn x, turn y, turn z are held.
+
+    Raises:
+        DescriptionError: For an unknown kind.
+
+    Example:
+        `Closure("coupler_end", "rocker_end", "hinge")`.
     """
 
     frame_a: str
     frame_b: str
-    kind: str = "6d"
+    kind: str | tuple[bool, ...] = "6d"
 
-    KINDS: ClassVar[tuple[str, ...]] = ("6d", "3d", "orientation")
+    KINDS: ClassVar[Mapping[str, tuple[bool, ...]]] = MappingProxyType(
+        {
+            "6d": (True,) * 6,
+            "3d": (True,) * 3 + (False,) * 3,
+            "orientation": (False,) * 3 + (True,) * 3,
+            "hinge": (True, True, True, True, True, False),
+            "universal": (True, True, True, False, False, True),
+            "cylindrical": (True, True, False, True, True, False),
+            "prismatic": (True, True, False, True, True, True),
+            "planar": (False, False, True, True, True, False),
+        }
+    )
 
     def __post_init__(self) -> None:
-        if self.kind not in self.KINDS:
+        kind = self.kind
+        if isinstance(kind, str):
+            if kind not in self.KINDS:
+                known = ", ".join(self.KINDS)
+                raise DescriptionError(
+                    f"closure of {self.frame_a} and {self.frame_b}",
+                    [f"kind {kind!r} unknown; known: {known}"],
+                )
+        elif len(kind) != 6 or not any(kind):
             raise DescriptionError(
                 f"closure of {self.frame_a} and {self.frame_b}",
-                [f"kind {self.kind!r} unknown; known: {', '.join(self.KINDS)}"],
+                [f"kind {kind!r}: six booleans are needed, at least one of them true"],
             )
+
+    @property
+    def held(self) -> tuple[bool, ...]:
+        """Which of x, y, z, turn x, turn y, turn z are held."""
+        return self.KINDS[self.kind] if isinstance(self.kind, str) else tuple(map(bool, self.kind))
 
     @property
     def rows(self) -> list[str]:
         """What each row of Phi keeps equal."""
-        linear, angular = (["x", "y", "z"], ["turn x", "turn y", "turn z"])
-        return {"6d": linear + angular, "3d": linear, "orientation": angular}[self.kind]
+        return [name for name, held in zip(_RATES, self.held, strict=True) if held]
+
+    def __str__(self) -> str:
+        return f"{self.frame_a} - {self.frame_b}"
 
 
-class LoopKinematics:
-    """Placements, Jacobians and closures at one configuration; a workspace, one per thread.
+@dataclass(frozen=True)
+class Distance:
+    """Two points at a constant distance: a rod without mass between two balls.
 
-    Args:
-        model: A tree whose joints have one coordinate each.
-        closures: What closes it.
-
-    Raises:
-        UnknownNameError: For a frame that the model does not have.
+    Attributes:
+        frame_a: Name of the frame whose origin is the first point.
+        frame_b: Name of the frame whose origin is the second point.
+        distance: Length of the rod, positive, [m].
     """
 
-    def __init__(self, model: pin.Model, closures: Sequence[Closure]) -> None:
-        self.model, self.data, self.closures = model, model.createData(), tuple(closures)
-        frames = [(_frame_id(model, c.frame_a), _frame_id(model, c.frame_b)) for c in closures]
-        # References into data, which set_position and set_velocity fill anew.
-        placements, self._J, self._J_dot = self.data.oMf, self.data.J, self.data.dJ
-        self._placements = [
-            (placements[a], placements[b], c.kind)
-            for (a, b), c in zip(frames, closures, strict=True)
-        ]
-        self._support = np.array(
-            [[support(model, model.frames[i].parentJoint) for i in pair] for pair in frames]
-        )
-        signs = self._support[:, 1] - self._support[:, 0]  # of B relative to A
-        parts = [_PARTS[c.kind] for c in closures]
-        rows = [(c, row) for c, part in enumerate(parts) for row in part]
-        # Phi[i, j] = signs * J[row of i, j]: one gather from the flat J (column-major: 6 j + row).
-        self._flat_J, self._flat_J_dot = self._J.T.reshape(-1), self._J_dot.T.reshape(-1)
-        self._gather = np.array([[6 * j + row for j in range(model.nv)] for _, row in rows])
-        self._signs = np.array([signs[c] for c, _ in rows])
-        self.rows = len(rows)
-        starts = np.cumsum([0, *map(len, parts)])
-        self._points = [
-            (c, slice(starts[c], starts[c + 1]))
-            for c, closure in enumerate(closures)
-            if closure.kind == "3d"
-        ]
+    frame_a: str
+    frame_b: str
+    distance: float
 
-    def set_position(self, q: Array) -> None:
-        """Compute what depends on q."""
-        pin.computeJointJacobians(self.model, self.data, q)
-        pin.updateFramePlacements(self.model, self.data)
+    def __post_init__(self) -> None:
+        if not (isfinite(self.distance) and self.distance > 0):
+            raise DescriptionError(
+                str(self), [f"distance {self.distance}: a positive number is needed"]
+            )
 
-    def set_velocity(self, q: Array, v: Array) -> None:
-        """Compute what depends on q and on its rate."""
-        pin.computeJointJacobiansTimeVariation(self.model, self.data, q, v)
+    @property
+    def rows(self) -> list[str]:
+        """What the row of Phi keeps equal."""
+        return ["distance"]
 
-    def require_closed(self, tolerance: float) -> None:
-        """Check that all frames coincide within a tolerance in [m] and [rad].
-
-        Raises:
-            InputError: When q is not finite.
-            ClosureError: When a loop is open.
-        """
-        for A, B, kind in self._placements:
-            if kind == "6d":  # nine in ten: the residual takes longer
-                closed = A.actInv(B).isIdentity(tolerance)
-            else:
-                closed = np.abs(_residual(A, B, kind)).max() <= tolerance
-            if not closed:
-                residual = float(np.abs(self.residual()).max())
-                if np.isnan(residual):
-                    raise InputError("q", "not finite")
-                raise ClosureError(
-                    f"the loops are open by {residual:.3g} (m or rad), more than {tolerance:g}; "
-                    "assemble(q) closes them",
-                    residual,
-                )
-
-    def residual(self) -> Array:
-        """f(q) of Eq. (2), shape (rows,), [m] and [rad], zero when the loops are closed."""
-        return np.concatenate([_residual(*placement) for placement in self._placements])
-
-    def Phi(self) -> Array:
-        """Jacobian of f on the closures, shape (rows, nv): Phi q_dot = 0, Eqs. (3), (4)."""
-        Phi: Array = self._flat_J.take(self._gather) * self._signs
-        for c, rows in self._points:
-            Phi[rows] = self._point_velocities(c, self._J).sum(axis=0)
-        return Phi
-
-    def Phi_dot(self, v: Array) -> Array:
-        """Rate of Phi at the joint rates v, shape (rows, nv)."""
-        J, J_dot = self._J, self._J_dot
-        Phi_dot: Array = self._flat_J_dot.take(self._gather) * self._signs
-        for c, rows in self._points:
-            p_dot = self._point_velocities(c, J) @ v * ((-1,), (1,))
-            moved = self._point_velocities(c, J_dot)
-            for side, sign in enumerate((-1, 1)):
-                angular = J[3:] * self._support[c, side]
-                moved[side] += sign * np.cross(angular, p_dot[side], axisb=0, axisa=0, axisc=0)
-            Phi_dot[rows] = moved.sum(axis=0)
-        return Phi_dot
-
-    def _point_velocities(self, c: int, J: Array) -> Array:
-        """Signed velocities of the two origins of closure c per joint rate, shape (2, 3, nv)."""
-        velocities = []
-        for side, sign in enumerate((-1, 1)):
-            columns = J * self._support[c, side]
-            p = self._placements[c][:2][side].translation
-            velocities.append(sign * (columns[:3] - pin.skew(p) @ columns[3:]))
-        return np.stack(velocities)
+    def __str__(self) -> str:
+        return f"{self.frame_a} - {self.frame_b}"
 
 
-#: Rows of a world twist [linear; angular] that each kind of closure holds.
-_PARTS = {"6d": range(6), "3d": range(3), "orientation": range(3, 6)}
+@dataclass(frozen=True)
+class Coupling:
+    """A joint that follows others: q_joint = sum of a polynomial of each of them.
+
+    Gears, mimic joints, MuJoCo's `joint` equality, fixed tendons.
+
+    Attributes:
+        joint: Name of the joint that follows; one coordinate.
+        polynomials: Coefficients c_0, c_1, ... of each other joint's polynomial, by its name; {}
+            holds the joint at `offset`.
+        offset: Added to the sum, [rad] or [m].
+
+    Example:
+        `Coupling("finger_2", {"finger_1": (0.1, -2)})`: q_2 = 0.1 - 2 q_1.
+    """
+
+    joint: str
+    polynomials: Mapping[str, Sequence[float]] = field(default_factory=dict)
+    offset: float = 0.0
+
+    def __post_init__(self) -> None:
+        numbers = [self.offset, *(c for p in self.polynomials.values() for c in p)]
+        problems = []
+        if not all(isfinite(number) for number in numbers):
+            problems.append("a coefficient is not finite")
+        if self.joint in self.polynomials:
+            problems.append(f"{self.joint} follows itself")
+        if problems:
+            raise DescriptionError(str(self), problems)
+        frozen = {name: tuple(map(float, p)) for name, p in self.polynomials.items()}
+        object.__setattr__(self, "polynomials", frozen)
+
+    def __hash__(self) -> int:
+        return hash((self.joint, tuple(sorted(self.polynomials.items())), self.offset))
+
+    @property
+    def rows(self) -> list[str]:
+        """What the row of Phi keeps equal."""
+        return ["coupling"]
+
+    def __str__(self) -> str:
+        return f"{self.joint} after {', '.join(self.polynomials) or 'nothing'}"
 
 
-def _residual(A: pin.SE3, B: pin.SE3, kind: str) -> Array:
-    if kind == "6d":
-        # The displacement from A to B as a screw in world axes: its rate is the relative twist.
-        return pin.log6(B * A.inverse()).vector
-    if kind == "3d":
-        return B.translation - A.translation
-    turn: Array = pin.log3(B.rotation @ A.rotation.T)
-    return turn
+@dataclass(frozen=True)
+class Rolling:
+    """A wheel or a ball that rolls on a plane without slipping, the paper's reference [4].
+
+    The plane is that of x and y of `plane`, the wheel a thin disc about z of `wheel`. Only the row
+    "height" has a residual; the two others hold rates and leave q free (non-holonomic).
+
+    Attributes:
+        plane: Name of the frame in whose x-y plane it rolls; "universe" is the base.
+        wheel: Name of the frame in the centre, z along the axle.
+        radius: [m].
+        ball: Whether it is a ball instead of a disc.
+    """
+
+    plane: str
+    wheel: str
+    radius: float
+    ball: bool = False
+
+    def __post_init__(self) -> None:
+        if not (isfinite(self.radius) and self.radius > 0):
+            raise DescriptionError(str(self), [f"radius {self.radius}: positive is needed"])
+
+    @property
+    def rows(self) -> list[str]:
+        """What each row of Phi keeps zero."""
+        return ["slip x", "slip y", "height"]
+
+    def __str__(self) -> str:
+        return f"{self.wheel} on {self.plane}"
 
 
-def _frame_id(model: pin.Model, name: str) -> int:
-    if not model.existFrame(name):
-        raise UnknownNameError("frame", name, [f.name for f in model.frames])
-    return int(model.getFrameId(name))
-
-
-def support(model: pin.Model, joint: int) -> Array:
-    """1 for the coordinates that move a joint's body, 0 for the others, shape (nv,)."""
-    support = np.zeros(model.nv)
-    support[[model.joints[j].idx_v for j in model.supports[joint] if j > 0]] = 1
-    return support
+Constraint = Union[Closure, Distance, Coupling, Rolling]  # noqa: UP007  (Python 3.10 pickles it)

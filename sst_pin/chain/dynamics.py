@@ -1,15 +1,17 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Equations of motion in the actuated coordinates, Eqs. (63)-(96), one configuration.
+"""Equations of motion in the coordinates, Eqs. (63)-(96), one configuration: the reference path.
 
 The long form assembles every term of Eq. (92) from K, T, M and Omega, to be seen and tested. The
-short form is the same equation with q_dot = L q_dot^a and q_ddot = L q_ddot^a + L_dot q_dot^a put
-into the tree's inverse dynamics: tau^a = L^T (RNEA(q, q_dot, q_ddot) - tau^f - K^T w).
+short form is the same equation with v = L va and v_dot = L aa + L_dot va put into the tree's
+inverse dynamics: f = L^T (RNEA(q, v, v_dot) - tau^f - tau^s - K^T w).
+
+Inertia matrices come from RNEA without gravity and velocity: `pin.crba` is wrong for trees whose
+joints were not added depth-first, RNEA is right for all.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -18,24 +20,28 @@ from numpy.typing import NDArray
 from scipy.linalg.lapack import dposv
 
 from ..errors import SingularConfigurationError
-from .closures import LoopKinematics
-from .noc import JointComplement, bodies, body_jacobians, independent_rows
+from .assembly import Assembly
+from .loops import CLOSURE_TOLERANCE, Loops
+from .mechanism import Friction, Mechanism
+from .mobility import independent_rows
+from .noc import JointComplement, bodies, body_jacobians
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Terms:
-    """Every matrix of Eq. (92): tau = inertia aa + coriolis va - gravity - friction.
+    """Every matrix of Eq. (92): f = inertia aa + coriolis va - gravity - friction - springs.
 
-    m joints, n of them actuated, r bodies; SI units, base axes, twists [omega; v] at mass centres.
+    nv rates, n of them coordinates, r bodies; SI units, base axes, twists [omega; v] at mass
+    centres.
 
     Attributes:
-        Phi: Independent rows of the closures' Jacobian, shape (m - n, m), Eqs. (3), (5).
-        L: Joint orthogonal complement, shape (m, n), Eq. (17).
-        L_dot: Its rate, shape (m, n), Eq. (20).
-        K: Body Jacobians, shape (6 r, m), Eq. (12).
-        K_dot: Their rate, shape (6 r, m), Eq. (15).
+        Phi: Independent rows of the closures' Jacobian, shape (nv - n, nv), Eqs. (3), (5).
+        L: Joint orthogonal complement, shape (nv, n), Eq. (17).
+        L_dot: Its rate, shape (nv, n), Eq. (20).
+        K: Body Jacobians, shape (6 r, nv), Eq. (12).
+        K_dot: Their rate, shape (6 r, nv), Eq. (15).
         T: Natural orthogonal complement, shape (6 r, n), Eqs. (22), (23).
         T_dot: Its rate, shape (6 r, n), Eq. (25).
         M: Stacked mass matrix, shape (6 r, 6 r), Eq. (69).
@@ -44,6 +50,7 @@ class Terms:
         coriolis: Matrix of Coriolis and centrifugal terms, shape (n, n), Eq. (94).
         gravity: Generalised weight tau^g, shape (n,), Eq. (95).
         friction: Generalised friction L^T tau^f, opposing the rates, shape (n,), Eq. (96).
+        springs: Generalised force of the joints' springs, shape (n,).
     """
 
     Phi: Array
@@ -59,15 +66,16 @@ class Terms:
     coriolis: Array
     gravity: Array
     friction: Array
+    springs: Array
 
 
 class ReducedTerms(NamedTuple):
-    """tau = inertia aa + coriolis va - gravity - friction, Eq. (92), for a batch.
+    """f = inertia aa + coriolis va - gravity - friction, Eq. (92), for a batch.
 
     Attributes:
         inertia: Shape (..., n, n), Eq. (93).
         coriolis: Shape (..., n, n), Eq. (94).
-        gravity: Shape (..., n), Eq. (95).
+        gravity: Shape (..., n), Eq. (95); the force of springs, if there are any, included.
         friction: Shape (..., n), Eq. (96).
     """
 
@@ -86,123 +94,140 @@ class ReducedTerms(NamedTuple):
         return cls(inertia.reshape(square), coriolis.reshape(square), gravity, friction)
 
 
-@dataclass(frozen=True)
-class Friction:
-    """Viscous and Coulomb friction of all joints.
+class Workspace:
+    """Memory for the computations of one mechanism in one thread."""
 
-    Attributes:
-        viscous: D, shape (m,), [N m s/rad] or [N s/m].
-        coulomb: F_c, shape (m,), [N m] or [N].
-        sign_width: Rate at which the Coulomb term has risen to 76 %: sign(x) becomes
-            tanh(x / sign_width); 0 keeps the sign.
-    """
+    def __init__(self, mechanism: Mechanism) -> None:
+        self.mechanism, self.model = mechanism, mechanism.model
+        self.loops = Loops(mechanism.model, mechanism.closures)
+        self.data = self.loops.data
+        self.complement = JointComplement(mechanism)
+        self.assembly = Assembly(mechanism, self.loops)
+        self._weightless = pin.Model(mechanism.model)
+        self._weightless.gravity = pin.Motion.Zero()
+        self._weightless_data = self._weightless.createData()
+        self._zero = np.zeros(mechanism.model.nv)
 
-    viscous: Array
-    coulomb: Array
-    sign_width: float = 0.0
+    def evaluate(self, q: Array, tolerance: float = CLOSURE_TOLERANCE) -> None:
+        """Compute what depends on q, which must close the loops."""
+        self.loops.evaluate(q)
+        self.loops.require_closed(self.mechanism.row_scale, tolerance)
 
-    @cached_property
-    def none(self) -> bool:
-        """Whether no joint has any."""
-        return not (self.viscous.any() or self.coulomb.any())
+    def momentum_rate(self, q: Array, a: Array) -> Array:
+        """M a, generalised forces of rates a_k of the tree, shape (nv,)."""
+        return pin.rnea(self._weightless, self._weightless_data, q, self._zero, a)
 
-    def forces(self, q_dot: Array) -> Array:
-        """tau^f = -(D q_dot + F_c sign q_dot), Eqs. (87)-(89), with the sign that dissipates."""
-        sign = np.tanh(q_dot / self.sign_width) if self.sign_width else np.sign(q_dot)
-        return -(self.viscous * q_dot + self.coulomb * sign)
+    def reduced_inertia(self, q: Array, L: Array) -> Array:
+        """L^T M L, shape (n, n), Eq. (93)."""
+        columns = [self.momentum_rate(q, column) for column in np.ascontiguousarray(L.T)]
+        inertia = L.T.dot(np.array(columns).T)
+        return (inertia + inertia.T) / 2
 
 
-def motion_of_tree(
-    kinematics: LoopKinematics, complement: JointComplement, q: Array, va: Array, aa: Array
-) -> tuple[Array, Array, Array]:
-    """L, q_dot and q_ddot of a motion of the motors, for kinematics whose position is set."""
-    L = complement.factorise(kinematics.Phi())
-    q_dot = L.dot(va)  # Eq. (16)
-    kinematics.set_velocity(q, q_dot)
-    # The rate of Phi q_dot = 0, Eqs. (8), (20): Phi q_ddot = -Phi_dot q_dot.
-    q_ddot = complement.solve(-kinematics.Phi_dot(q_dot).dot(q_dot), aa)
-    return L, q_dot, q_ddot
+def motion_of_tree(ws: Workspace, va: Array, aa: Array) -> tuple[Array, Array, Array]:
+    """L, v and v_dot of a motion of the coordinates at the configuration evaluated last."""
+    L = ws.complement.factorise(ws.loops.Phi())
+    v = L.dot(va)  # Eq. (16)
+    # The rate of Phi v = 0, Eqs. (8), (20): Phi v_dot = -Phi_dot v.
+    return L, v, ws.complement.solve(-ws.loops.Phi_dot(v).dot(v), aa)
+
+
+def applied_forces(
+    ws: Workspace, friction: Friction, q: Array, v: Array, wrenches: Array | None
+) -> Array | None:
+    """Friction, springs and external wrenches as forces on the tree, shape (nv,), or None."""
+    springs, force = ws.mechanism.springs, None
+    if not friction.none:
+        force = friction.forces(v)
+    if not springs.none:
+        force = springs.forces(ws.model, q) + (0 if force is None else force)
+    if wrenches is not None:
+        on_bodies = wrenches.ravel().dot(body_jacobians(ws.model, ws.data))
+        force = on_bodies + (0 if force is None else force)
+    return force
 
 
 def inverse_dynamics(
-    kinematics: LoopKinematics,
-    complement: JointComplement,
-    friction: Friction,
-    q: Array,
-    va: Array,
-    aa: Array,
-    wrenches: Array | None,
-) -> Array:
-    """Motor torques tau^a of Eq. (92), short form, shape (n,).
+    ws: Workspace, q: Array, va: Array, aa: Array, wrenches: Array | None
+) -> tuple[Array, Array, Array]:
+    """What a motion needs along the coordinates, Eq. (92), short form.
 
     Args:
-        kinematics: With its position set to q.
-        complement: Workspace of the constraints.
-        friction: Of all joints.
-        q: Joint coordinates, shape (m,).
-        va: Actuated rates, shape (n,).
-        aa: Actuated accelerations, shape (n,).
+        ws: Workspace of the mechanism.
+        q: Configuration on the closures, shape (nq,).
+        va: Rates of the coordinates, shape (n,).
+        aa: Their accelerations, shape (n,).
         wrenches: External [moment; force] on each body at its mass centre, base axes, shape
             (r, 6), or None.
+
+    Returns:
+        f, shape (n,), L, shape (nv, n), and the forces on the tree, shape (nv,), f = L^T of these.
     """
-    L, q_dot, q_ddot = motion_of_tree(kinematics, complement, q, va, aa)
-    tau_tree = pin.rnea(kinematics.model, kinematics.data, q, q_dot, q_ddot)
-    if not friction.none:
-        tau_tree = tau_tree - friction.forces(q_dot)
-    if wrenches is not None:
-        K = body_jacobians(kinematics.model, kinematics.data)
-        tau_tree = tau_tree - wrenches.ravel().dot(K)
-    return tau_tree.dot(L)
+    ws.evaluate(q)
+    L, v, v_dot = motion_of_tree(ws, va, aa)
+    tree = pin.rnea(ws.model, ws.data, q, v, v_dot)
+    applied = applied_forces(ws, ws.mechanism.friction, q, v, wrenches)
+    if applied is not None:
+        tree = tree - applied
+    return tree.dot(L), L, tree
 
 
 def direct_dynamics(
-    kinematics: LoopKinematics,
-    complement: JointComplement,
+    ws: Workspace,
     friction: Friction,
     q: Array,
     va: Array,
     tau: Array,
     wrenches: Array | None,
+    tolerance: float = CLOSURE_TOLERANCE,
 ) -> tuple[Array, Array]:
-    """Actuated accelerations from Eq. (92), and q_dot = L va; arguments as `inverse_dynamics`.
+    """Accelerations of the coordinates from Eq. (92), and v = L va.
+
+    Args:
+        ws: Workspace of the mechanism.
+        friction: In the place of the mechanism's own.
+        q: Configuration on the closures, shape (nq,).
+        va: Rates of the coordinates, shape (n,).
+        tau: Motor torques, shape (motors,).
+        wrenches: As in `inverse_dynamics`.
+        tolerance: By which the loops may be open.
 
     Raises:
         SingularConfigurationError: When the inertia matrix is not positive definite.
     """
-    L, q_dot, bias = motion_of_tree(kinematics, complement, q, va, np.zeros_like(va))
-    model, data = kinematics.model, kinematics.data
-    force = -pin.rnea(model, data, q, q_dot, bias)
-    if not friction.none:
-        force += friction.forces(q_dot)
-    if wrenches is not None:
-        force += wrenches.ravel().dot(body_jacobians(model, data))
-    inertia = L.T.dot(pin.crba(model, data, q)).dot(L)  # Eq. (93)
-    _, aa, info = dposv(inertia, tau + force.dot(L))
+    ws.evaluate(q, tolerance)
+    L, v, bias = motion_of_tree(ws, va, np.zeros_like(va))
+    force = ws.mechanism.motors.dot(tau) - pin.rnea(ws.model, ws.data, q, v, bias)
+    applied = applied_forces(ws, friction, q, v, wrenches)
+    if applied is not None:
+        force += applied
+    inertia = ws.reduced_inertia(q, L)
+    _, aa, info = dposv(inertia, force.dot(L))
     if info:
         raise SingularConfigurationError(
             "the generalised inertia matrix is not positive definite: "
-            "some motor moves no mass at this configuration",
+            "some coordinate moves no mass at this configuration",
             float(np.linalg.cond(inertia)),
         )
-    return aa, q_dot
+    return aa, v
 
 
-def terms(
-    kinematics: LoopKinematics, complement: JointComplement, friction: Friction, q: Array, va: Array
-) -> Terms:
+def terms(ws: Workspace, q: Array, va: Array) -> Terms:
     """All matrices of Eq. (92), long form; arguments as `inverse_dynamics`."""
-    Phi = kinematics.Phi()
-    L = complement.factorise(Phi)
-    q_dot = L @ va  # Eq. (16)
-    kinematics.set_velocity(q, q_dot)
-    L_dot = complement.solve(-kinematics.Phi_dot(q_dot) @ L, np.zeros((len(va), len(va))))
-    K, K_dot, M, Omega, w_g = bodies(kinematics.model, kinematics.data, q_dot)
+    ws.evaluate(q)
+    mechanism, model = ws.mechanism, ws.model
+    Phi = ws.loops.Phi()
+    L = ws.complement.factorise(Phi)
+    v = L @ va  # Eq. (16)
+    L_dot = ws.complement.solve(-ws.loops.Phi_dot(v) @ L, np.zeros((len(va), len(va))))
+    K, K_dot, M, Omega, w_g = bodies(model, ws.data, v)
     T = K @ L  # Eq. (22)
     T_dot = K_dot @ L + K @ L_dot  # Eq. (25)
     # Rotors geared to a joint (model.armature) are no bodies of the paper; RNEA counts them too.
-    rotors = L.T * kinematics.model.armature
+    rotors = L.T * model.armature
+    scaled = Phi * mechanism.row_scale[:, None] * mechanism.rate_scale
     return Terms(
-        Phi=Phi[independent_rows(Phi)],
+        Phi=Phi[independent_rows(scaled)],
         L=L,
         L_dot=L_dot,
         K=K,
@@ -214,5 +239,6 @@ def terms(
         inertia=T.T @ M @ T + rotors @ L,  # Eq. (93)
         coriolis=T.T @ M @ T_dot + T.T @ Omega @ M @ T + rotors @ L_dot,  # Eq. (94)
         gravity=T.T @ w_g,  # Eq. (95)
-        friction=L.T @ friction.forces(q_dot),  # Eq. (96)
+        friction=L.T @ mechanism.friction.forces(v),  # Eq. (96)
+        springs=L.T @ mechanism.springs.forces(model, q),
     )

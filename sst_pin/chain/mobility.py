@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""How many ways a closed chain can move, and whether its motors hold all of them."""
+"""How many ways a closed chain can move, which coordinates describe it, what its motors hold."""
 
 from __future__ import annotations
 
@@ -8,11 +8,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import null_space
-
-from .noc import independent_rows
+from scipy.linalg import null_space, qr
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+#: A singular value or pivot this much smaller than the largest counts as zero: assembled closures
+#: leave noise of 1e-12, a mechanism that still moves at 1e-8 is of no use.
+RANK_TOLERANCE = 1e-8
 
 
 @dataclass(frozen=True)
@@ -20,24 +23,33 @@ class Mobility:
     """Degrees of freedom of a closed chain at one configuration.
 
     Attributes:
-        joints: Names of the m joints.
-        actuated: Names of the n actuated joints.
+        joints: Names of the rates: of the joint, with a suffix where it has several.
+        actuated: Names of the motors.
+        coordinates: Names of the n independent joints that describe the motion.
         rows: What each closure row holds, one name a row.
         independent_rows: Indices of rows that carry the rank.
-        degrees_of_freedom: m minus the rank of Phi.
+        degrees_of_freedom: Number of rates minus the rank of Phi.
         held: Degrees of freedom that remain fixed when the motors are locked.
-        loose_joints: Unactuated joints that still move with the motors locked.
-        condition_number: Of Phi^u, infinite when the motors do not suffice.
+        loose_joints: Rates that still move with the motors locked.
+        idle_joints: Joints without a motor that spin by themselves, all others standing still.
+        condition_number: Of the part of Phi that determines the dependent rates, free of units;
+            infinite when the coordinates do not suffice.
+        where: Which configuration was looked at.
+        q: That configuration, shape (nq,).
     """
 
     joints: tuple[str, ...]
     actuated: tuple[str, ...]
+    coordinates: tuple[str, ...]
     rows: tuple[str, ...]
     independent_rows: tuple[int, ...]
     degrees_of_freedom: int
     held: int
     loose_joints: tuple[str, ...]
+    idle_joints: tuple[str, ...]
     condition_number: float
+    where: str
+    q: Array
 
     @property
     def rank(self) -> int:
@@ -64,52 +76,100 @@ class Mobility:
         if not self.sufficient:
             verdict = (
                 f"INSUFFICIENT: {dof - self.held} degree(s) of freedom move with the motors "
-                f"locked, through {', '.join(self.loose_joints)}"
+                f"locked, through {_listed(self.loose_joints)}"
             )
         elif self.redundantly_actuated:
-            verdict = f"TOO MANY: {n - dof} of them must follow from the others"
+            verdict = f"REDUNDANT: {n - dof} more than degrees of freedom"
         else:
             verdict = "sufficient, one motor for each degree of freedom"
-        return "\n".join(
-            [
-                f"joints              {len(self.joints)}",
-                f"closure equations   {len(self.rows)}, rank {self.rank}, "
-                f"{self.redundant_rows} redundant",
-                f"degrees of freedom  {dof}",
-                f"actuated joints     {n} ({', '.join(self.actuated)})",
-                f"actuation           {verdict}",
-                f"condition number    {self.condition_number:.4g} (unactuated joints)",
-            ]
-        )
+        lines = [
+            f"joints              {len(self.joints)}",
+            f"closure equations   {len(self.rows)}, rank {self.rank}, "
+            f"{self.redundant_rows} redundant",
+            f"degrees of freedom  {dof}",
+            f"actuated joints     {n} ({_listed(self.actuated)})",
+            f"actuation           {verdict}",
+            f"coordinates         {_listed(self.coordinates)}",
+            f"condition number    {self.condition_number:.4g} (dependent joints)",
+            f"judged at           {self.where}",
+        ]
+        if self.idle_joints:
+            lines.append(
+                f"idle spins          {_listed(self.idle_joints)} (locked= holds them, or they "
+                "stay as coordinates)"
+            )
+        return "\n".join(lines)
 
 
-def analyse(
-    Phi: Array,
-    joints: Sequence[str],
-    actuated: Sequence[int],
-    unactuated: Sequence[int],
-    rows: Sequence[str],
-) -> Mobility:
-    """Count the motions that a closures' Jacobian leaves.
+def _listed(names: Sequence[str]) -> str:
+    if not names:
+        return "none"
+    return ", ".join(names[:12]) + (f" and {len(names) - 12} more" if len(names) > 12 else "")
+
+
+def independent_rows(Phi: Array, tolerance: float = RANK_TOLERANCE) -> Indices:
+    """Indices of rows that carry the rank of Phi, by a column-pivoted QR of its transpose.
 
     Args:
-        Phi: Jacobian of the closures where they hold, shape (rows, m).
-        joints: Names of the m joints.
-        actuated: Indices of the actuated ones.
-        unactuated: Indices of the others.
-        rows: A name for each row.
+        Phi: Shape (rows, nv).
+        tolerance: A pivot this much smaller than the largest counts as zero.
     """
-    independent = independent_rows(Phi)
-    loose = null_space(Phi[:, unactuated], rcond=1e-8)  # motions with locked motors
-    moving = np.abs(loose).max(axis=1, initial=0.0) > 1e-6
-    degrees_of_freedom = Phi.shape[1] - len(independent)
-    return Mobility(
-        joints=tuple(joints),
-        actuated=tuple(joints[i] for i in actuated),
-        rows=tuple(rows),
-        independent_rows=tuple(map(int, independent)),
-        degrees_of_freedom=degrees_of_freedom,
-        held=degrees_of_freedom - loose.shape[1],
-        loose_joints=tuple(joints[i] for i, m in zip(unactuated, moving, strict=True) if m),
-        condition_number=np.inf if loose.shape[1] else float(np.linalg.cond(Phi[:, unactuated])),
-    )
+    if not Phi.size:
+        return np.empty(0, dtype=np.intp)
+    R, order = qr(Phi.T, pivoting=True, mode="r")
+    pivots = np.abs(np.diag(R))
+    return np.sort(order[: np.count_nonzero(pivots > tolerance * pivots[0])])
+
+
+def free_motions(Phi: Array) -> Array:
+    """Orthonormal motions with Phi v = 0, shape (nv, degrees of freedom); Phi free of units."""
+    if not Phi.size:
+        return np.eye(Phi.shape[1])
+    return np.asarray(null_space(Phi, rcond=RANK_TOLERANCE))
+
+
+def choose_coordinates(motions: Array, wanted: Sequence[Indices]) -> Indices:
+    """Independent rates that describe all motions.
+
+    Args:
+        motions: Of `free_motions`.
+        wanted: Groups of rates in the order of preference, each taken as a whole if it can be.
+
+    Returns:
+        Indices of as many rates as there are motions, in the order of their choice.
+    """
+    left, chosen = motions.copy(), list[int]()
+
+    def take(group: Indices) -> bool:
+        nonlocal left
+        if len(chosen) + len(group) > motions.shape[1]:
+            return False
+        trial = left
+        for k in group:
+            row = trial[k]
+            size = float(np.linalg.norm(row))
+            if size < 1e-4:  # they move with those already chosen
+                return False
+            trial = trial - np.outer(trial @ (row / size), row / size)
+        left = trial
+        chosen.extend(map(int, group))
+        return True
+
+    for group in wanted:
+        take(group)
+    while len(chosen) < motions.shape[1]:
+        best = int(np.linalg.norm(left, axis=1).argmax())
+        if not take(np.array([best])):
+            break
+    return np.array(chosen, dtype=np.intp)
+
+
+def condition_number(Phi: Array, coordinates: Indices) -> float:
+    """Of the part of Phi that determines the dependent rates: infinite where it does not."""
+    dependent = np.setdiff1d(np.arange(Phi.shape[1]), coordinates)
+    if not len(dependent):
+        return 1.0
+    values = np.linalg.svd(Phi[:, dependent], compute_uv=False)
+    if len(values) < len(dependent) or values[-1] == 0:
+        return float("inf")
+    return float(values[0] / values[-1])

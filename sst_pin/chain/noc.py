@@ -9,107 +9,84 @@ at the frame's origin, and `body_jacobians` is the one place that crosses from o
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import eigenpy
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
-from scipy.linalg import qr
 
 from ..errors import SingularConfigurationError
-from .closures import support
+from .loops import support
+from .mechanism import Mechanism
+from .mobility import condition_number
 
 Array = NDArray[np.float64]
 
-#: Where Phi^u counts as singular: half of the sixteen digits are lost by then.
+#: Where the constraints count as singular: half of the sixteen digits are lost by then.
 MAX_CONDITION_NUMBER = 1e8
 
 
-class Actuation(NamedTuple):
-    """Which coordinates are driven.
-
-    Attributes:
-        actuated: Indices of the actuated coordinates, shape (n,).
-        unactuated: Indices of the others, shape (m - n,).
-        selection: Rows that pick them, q^a = selection q, shape (n, m).
-    """
-
-    actuated: NDArray[np.intp]
-    unactuated: NDArray[np.intp]
-    selection: Array
-
-    @classmethod
-    def of(cls, actuated: Sequence[int], m: int) -> Actuation:
-        """The actuation of a robot of m coordinates."""
-        a = np.array(actuated, dtype=np.intp)
-        return cls(a, np.setdiff1d(np.arange(m), a), np.eye(m)[a])
-
-
 class JointComplement:
-    """Solver of the velocity constraints with given motor rates; a workspace, one per thread.
+    """Solver of the velocity constraints with given rates of the coordinates; one per thread.
 
     Phi x = c and x^a = a are solved as one system [Phi; selection] x = [c; a], which is Eqs. (7)
     and (8) without sorting the joints. Redundant rows of Phi stay in: they are consistent, so that
     least squares over all rows equals the inverse over independent ones, and the column-pivoted
-    QR tells when they are too few.
+    QR tells when they are too few. Rows and rates are made free of units first.
 
     Args:
-        rows: Number of rows of Phi, redundant ones included.
-        actuation: Which columns are driven.
+        mechanism: Whose constraints they are.
     """
 
-    def __init__(self, rows: int, actuation: Actuation) -> None:
-        self.actuation = actuation
-        n, m = actuation.selection.shape
-        self._system = np.concatenate((np.zeros((rows, m)), actuation.selection))
+    def __init__(self, mechanism: Mechanism) -> None:
+        self._mechanism = mechanism
+        selection = mechanism.selection
+        n, nv = selection.shape
+        rows = len(mechanism.row_scale)
+        self._row_scale, self._rate_scale = mechanism.row_scale, mechanism.rate_scale
+        self._scale = self._row_scale[:, None] * self._rate_scale
+        self._va_scale = self._rate_scale[mechanism.coordinates]
+        self._system = np.concatenate((np.zeros((rows, nv)), selection))
         self._Phi = self._system[:rows]
-        self._unit = np.eye(rows + n, n, -rows)
-        self._factors = eigenpy.ColPivHouseholderQR(rows + n, m)
+        self._unit = np.zeros((rows + n, n))
+        self._unit[rows:] = np.diag(1 / self._va_scale)
+        self._factors = eigenpy.ColPivHouseholderQR(rows + n, nv)
         self._factors.setThreshold(1 / MAX_CONDITION_NUMBER)
 
     def factorise(self, Phi: Array) -> Array:
-        """Take in a configuration and return L: Phi L = 0, the unit matrix in the actuated rows.
+        """Take in a configuration and return L: Phi L = 0, unit matrix in the coordinates' rows.
 
         Args:
-            Phi: Jacobian of the closures, shape (rows, m).
+            Phi: Jacobian of the closures, shape (rows, nv).
 
         Returns:
-            L of Eq. (17), shape (m, n).
+            L of Eq. (17), shape (nv, n).
 
         Raises:
-            SingularConfigurationError: When the closures do not fix the unactuated rates.
+            SingularConfigurationError: When the closures do not fix the dependent rates.
         """
-        self._Phi[:] = Phi
+        np.multiply(Phi, self._scale, out=self._Phi)
         self._factors.compute(self._system)
         if self._factors.rank() < self._system.shape[1]:
             raise SingularConfigurationError(
-                "singular configuration: the closures do not fix the unactuated joint rates",
-                float(np.linalg.cond(Phi[:, self.actuation.unactuated])),
+                "singular configuration: the closures do not fix the rates of the dependent joints",
+                condition_number(self._Phi, self._mechanism.coordinates),
             )
         return self._solve(self._unit)  # Eq. (17)
 
-    def solve(self, closures: Array, actuated: Array) -> Array:
-        """x with Phi x = closures and x^a = actuated, for vectors or for columns side by side."""
-        return self._solve(np.concatenate((closures, actuated)))
+    def solve(self, closures: Array, coordinates: Array) -> Array:
+        """x with Phi x = closures and x^a = coordinates, for vectors or columns side by side."""
+        rows, va = self._row_scale, self._va_scale
+        if closures.ndim == 2:
+            rows, va = rows[:, None], va[:, None]
+        return self._solve(np.concatenate((closures * rows, coordinates / va)))
 
     def _solve(self, right: Array) -> Array:
         x = self._factors.solve(right)
-        return x if x.ndim == right.ndim else x[:, None]  # eigenpy makes a vector of one column
-
-
-def independent_rows(Phi: Array, tolerance: float = 1e-8) -> NDArray[np.intp]:
-    """Indices of rows that carry the rank of Phi, by a column-pivoted QR of its transpose.
-
-    Args:
-        Phi: Shape (rows, m).
-        tolerance: A pivot this much smaller than the largest counts as zero; assembled closures
-            leave noise of 1e-12, a mechanism that still moves at 1e-8 is of no use.
-    """
-    R, order = qr(Phi.T, pivoting=True, mode="r")
-    pivots = np.abs(np.diag(R))
-    return np.sort(order[: np.count_nonzero(pivots > tolerance * pivots[0])])
+        if x.ndim != right.ndim:
+            x = x[:, None]  # eigenpy makes a vector of one column
+        return x * (self._rate_scale if x.ndim == 1 else self._rate_scale[:, None])
 
 
 class Bodies(NamedTuple):

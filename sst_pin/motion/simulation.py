@@ -1,35 +1,37 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Direct dynamics in time: Eqs. (7) and (92) as a state space in q and q_dot^a (Sect. 6.2)."""
+"""Direct dynamics in time: Eqs. (7) and (92) as a state space in q and va (Sect. 6.2)."""
 
 from __future__ import annotations
 
 import warnings
 from bisect import bisect_right
 from collections.abc import Callable
-from dataclasses import replace
 from math import factorial, isfinite
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.integrate import solve_ivp
-from scipy.interpolate import BSpline
 
-from ..arrays import single_array
+from ..arrays import as_array, positive_number, single_array
 from ..errors import InputError, SimulationError, SingularityWarning, SSTError
 from .trajectories import Trajectory, sample_times, spline
 
 if TYPE_CHECKING:
+    from scipy.integrate import OdeSolver
+    from scipy.interpolate import BSpline
+
+    from ..chain.backend import States
     from ..chain.closed_chain import ClosedChain
-    from .mechanics import Mechanics
 
 Array = NDArray[np.float64]
 
-#: Motor torques: a function of (t, q, va), a constant of shape (n,), samples of shape (N, n) at the
-#: times of the simulation, or the torques of a motion.
+#: Motor torques: a function of (t, q, va), a constant of shape (motors,), samples of shape
+#: (N, motors) at the times of the simulation, or the torques of a motion.
 Torque = Callable[[float, Array, Array], ArrayLike] | ArrayLike | Trajectory
 #: Loads: a function of (t, q, va), a constant, or none.
 Load = Callable[[float, Array, Array], ArrayLike] | ArrayLike | None
+
+_METHODS = ("RK23", "RK45", "DOP853", "Radau", "BDF", "LSODA")
 
 
 def simulate(
@@ -49,23 +51,24 @@ def simulate(
 ) -> Trajectory:
     """Integrate the motion of a closed chain under given torques.
 
-    The right-hand side sees the closed configuration with the actuated coordinates of the state:
-    the passive ones are projected onto the closures, so that they cannot drift and the dynamics
+    The right-hand side sees the closed configuration with the coordinates of the state: the
+    dependent joints are projected onto the closures, so that they cannot drift and the dynamics
     stays what it is.
 
     Args:
         chain: The robot.
-        torque: Callable (t, q, va) -> (n,); a constant, shape (n,); samples at t, shape (N, n); or
-            a `Trajectory` with samples of its own. Samples are joined by a smooth spline: for
-            torques that jump, pass a callable.
-        q0: Joint coordinates at t[0], on the closures, shape (m,).
-        va0: Actuated rates at t[0], shape (n,).
+        torque: Callable (t, q, va) -> (motors,); a constant, shape (motors,); samples at t, shape
+            (N, motors); or a `Trajectory` with samples of its own. Samples are joined by a smooth
+            spline: for torques that jump, pass a callable.
+        q0: Configuration at t[0], on the closures, shape (nq,).
+        va0: Rates of the coordinates at t[0], shape (n,).
         t: Times at which the motion is wanted, increasing, shape (N,), N >= 2, [s].
         external_wrenches: Callable (t, q, va) -> (r, 6), or a constant; see `compute_torques`.
-        method: Of `scipy.integrate.solve_ivp`.
+        method: Of SciPy: RK23, RK45, DOP853, Radau, BDF or LSODA.
         rtol: Relative tolerance of the integrator.
         atol: Absolute tolerance of the integrator, [rad], [rad/s].
-        max_condition_number: Of Phi^u, where the motion is stopped before a singularity.
+        max_condition_number: Of the dependent part of Phi, where the motion is stopped before a
+            singularity.
         sign_width: [rad/s]; in Coulomb friction sign(x) is taken as tanh(x / sign_width), since
             no integrator can stand on a jump: what should stick creeps below this rate.
         progress: Called with the time reached.
@@ -82,45 +85,47 @@ def simulate(
         SingularConfigurationError: When q0 is singular.
         SimulationError: When the integrator gives up.
     """
+    _require_options(method, rtol, atol, max_condition_number, sign_width)
     times = sample_times(t, 2)
-    n, m = len(chain.actuated), len(chain.joint_names)
-    start = np.concatenate([single_array("q0", q0, (m,)), single_array("va0", va0, (n,))])
-    mechanics = chain.mechanics(replace(chain.friction, sign_width=sign_width))
-    apply = _torque_of(torque, times, mechanics, n)
-    load = _load_of(external_wrenches, mechanics, chain.model.njoints - 1)
-    chain.compute_torques(start[:m], start[m:], np.zeros(n))  # a bad start fails by its own name
-    motion = _Motion(chain, mechanics, apply, load)
-
-    def near_singularity(time: float, state: Array) -> float:
-        if progress is not None:
-            progress(time)
-        return mechanics.margin(state, max_condition_number)
-
-    near_singularity.terminal = True  # type: ignore[attr-defined]
-    if near_singularity(times[0], start) <= 0:
+    # A bad start fails by its own name.
+    q0 = single_array("q0", q0, (len(chain.joint_units),))
+    chain.joint_rates(q0, np.zeros(chain.degrees_of_freedom))
+    va0 = single_array("va0", va0, (chain.degrees_of_freedom,))
+    states = chain.states(sign_width)
+    if states.near_singularity(q0, max_condition_number):
         raise InputError("q0", f"nearer to a singularity than {max_condition_number=:g}")
-    solution = solve_ivp(
-        motion.rate,
-        times[[0, -1]],
-        start,
-        method=method,
-        t_eval=times,
-        events=near_singularity,
-        rtol=rtol,
-        atol=atol,
+    motion = _Motion(
+        states,
+        _torque_of(torque, times, states, len(chain.motor_names)),
+        _load_of(external_wrenches, states, len(chain.joint_names)),
     )
-    if solution.status == -1:
-        raise SimulationError(
-            f"the integrator gave up ({motion.failure or solution.message})", motion.time
-        )
-    stopped = ""
-    if solution.status == 1:
-        stopped = (
-            f"stopped at t = {solution.t_events[0][0]:.9g} s before a singularity: "
-            f"condition number {max_condition_number:g}"
-        )
+    run = _Run(motion, states, max_condition_number, progress)
+    reached, samples, stopped = run.integrate(
+        method, times, np.concatenate([q0, va0]), rtol=rtol, atol=atol
+    )
+    if stopped:
         warnings.warn(stopped, SingularityWarning, stacklevel=3)
-    return motion.sampled(solution.t, solution.y.T, stopped)
+    tau = motion.torque.along(reached, samples)
+    load = None if motion.load is None else motion.load.along(reached, samples)
+    return chain.trajectory(
+        reached,
+        states.closed(samples),
+        samples[:, len(q0) :],
+        states.rate(samples, tau, load)[:, len(q0) :],
+        tau,
+        stopped=stopped,
+    )
+
+
+def _require_options(
+    method: str, rtol: float, atol: float, max_condition_number: float, sign_width: float
+) -> None:
+    if method not in _METHODS:
+        raise InputError("method", f"{method!r} unknown; known: {', '.join(_METHODS)}")
+    positive_number("rtol", rtol)
+    positive_number("atol", atol)
+    positive_number("max_condition_number", max_condition_number)
+    positive_number("sign_width", sign_width, or_zero=True)  # 0 is the sign itself
 
 
 class _Input(NamedTuple):
@@ -128,7 +133,7 @@ class _Input(NamedTuple):
 
     Attributes:
         at: Its value at a time and a state.
-        along: Its values at times (N,) and states (N, m + n).
+        along: Its values at times (N,) and states (N, nq + n).
     """
 
     at: Callable[[float, Array], Array]
@@ -136,22 +141,18 @@ class _Input(NamedTuple):
 
 
 class _Motion:
-    """Eqs. (7) and (92) as y' = f(t, y) with y = (q, q_dot^a)."""
+    """Eqs. (7) and (92) as y' = f(t, y) with y = (q, va)."""
 
-    def __init__(
-        self, chain: ClosedChain, mechanics: Mechanics, torque: _Input, load: _Input | None
-    ) -> None:
-        self._chain, self._mechanics, self._torque, self._load = chain, mechanics, torque, load
+    def __init__(self, states: States, torque: _Input, load: _Input | None) -> None:
+        self._states, self.torque, self.load = states, torque, load
         self.failure: SSTError | None = None
-        self.time = float("nan")
 
     def rate(self, time: float, state: Array) -> Array:
-        self.time = time
         if not isfinite(state.dot(state)):
             return np.full_like(state, np.nan)
         try:
-            load = None if self._load is None else self._load.at(time, state)
-            return self._mechanics.rate(state, self._torque.at(time, state), load)
+            load = None if self.load is None else self.load.at(time, state)
+            return self._states.rate(state, self.torque.at(time, state), load)
         except InputError:
             raise  # the caller's torque is at fault
         except SSTError as error:
@@ -159,25 +160,79 @@ class _Motion:
             self.failure = error
             return np.full_like(state, np.nan)
 
-    def sampled(self, times: Array, states: Array, stopped: str) -> Trajectory:
-        chain, m = self._chain, len(self._chain.joint_names)
-        tau = self._torque.along(times, states)
-        load = None if self._load is None else self._load.along(times, states)
-        aa = self._mechanics.rate(states, tau, load)[:, m:]
-        return Trajectory(
-            times,
-            self._mechanics.closed(states),
-            states[:, m:],
-            aa,
-            tau,
-            chain.joint_names,
-            [chain.joint_names[i] for i in chain.actuated],
-            chain.joint_units,
-            stopped,
-        )
+
+class _Run:
+    """One integration, step by step; it ends before a singularity."""
+
+    def __init__(
+        self,
+        motion: _Motion,
+        states: States,
+        limit: float,
+        progress: Callable[[float], None] | None,
+    ) -> None:
+        self._motion, self._states, self._limit = motion, states, limit
+        self._progress = progress
+
+    def integrate(
+        self, method: str, times: Array, start: Array, **tolerances: float
+    ) -> tuple[Array, Array, str]:
+        """The times reached, the states at them, and why the motion stopped before the last."""
+        from scipy import integrate
+
+        kind = getattr(integrate, method)
+        solver = kind(self._motion.rate, times[0], start, times[-1], **tolerances)
+        samples, stopped = [start], ""
+        before = self._states.closed(start)
+        while solver.status == "running" and not stopped:
+            message = solver.step()
+            if solver.status == "failed":
+                why = self._motion.failure or message
+                raise SimulationError(f"the integrator gave up ({why})", float(solver.t))
+            if self._progress is not None:
+                self._progress(float(solver.t))
+            after = self._closed(solver.y)
+            end = float(solver.t)
+            if after is None or self._ends(before, after):
+                end = self._last_regular(solver, before)
+                stopped = (
+                    f"stopped at t = {end:.9g} s before a singularity: "
+                    f"condition number {self._limit:g}"
+                )
+            else:
+                before = after
+            new = times[len(samples) :]
+            new = new[new <= end]
+            if len(new):
+                samples.extend(solver.dense_output()(new).T)
+        return times[: len(samples)], np.array(samples), stopped
+
+    def _last_regular(self, solver: OdeSolver, before: Array) -> float:
+        """The end of the regular part of the last step, by bisection."""
+        course = solver.dense_output()
+        low, high = float(solver.t_old), float(solver.t)
+        while abs(high - low) > 1e-12 * max(1.0, abs(high)):
+            middle = (low + high) / 2
+            q = self._closed(course(middle))
+            if q is None or self._ends(before, q):
+                high = middle
+            else:
+                low = middle
+        return low
+
+    def _closed(self, state: Array) -> Array | None:
+        try:
+            return self._states.closed(state)
+        except SSTError:
+            return None
+
+    def _ends(self, before: Array, after: Array) -> bool:
+        return self._states.near_singularity(
+            after, self._limit
+        ) or self._states.passes_singularity(before, after)
 
 
-def _torque_of(torque: Torque, times: Array, mechanics: Mechanics, n: int) -> _Input:
+def _torque_of(torque: Torque, times: Array, states: States, motors: int) -> _Input:
     if isinstance(torque, Trajectory):
         if times[0] < torque.t[0] or times[-1] > torque.t[-1]:
             raise InputError(
@@ -186,33 +241,33 @@ def _torque_of(torque: Torque, times: Array, mechanics: Mechanics, n: int) -> _I
                 f"wanted from {times[0]:g} to {times[-1]:g} s",
             )
         return _sampled(spline(torque.t, torque.tau))
-    if not callable(torque) and np.ndim(torque) == 2:
-        return _sampled(spline(times, single_array("torque", torque, (len(times), n))))
-    return _called_or_constant("torque", torque, (n,), mechanics)
+    if not callable(torque) and as_array("torque", torque, ()).ndim == 2:
+        return _sampled(spline(times, single_array("torque", torque, (len(times), motors))))
+    return _called_or_constant("torque", torque, (motors,), states)
 
 
-def _load_of(load: Load, mechanics: Mechanics, bodies: int) -> _Input | None:
+def _load_of(load: Load, states: States, bodies: int) -> _Input | None:
     if load is None:
         return None
-    return _called_or_constant("external_wrenches", load, (bodies, 6), mechanics)
+    return _called_or_constant("external_wrenches", load, (bodies, 6), states)
 
 
 def _called_or_constant(
     name: str,
     value: Callable[[float, Array, Array], ArrayLike] | ArrayLike,
     shape: tuple[int, ...],
-    mechanics: Mechanics,
+    states: States,
 ) -> _Input:
     if callable(value):
 
         def at(t: float, state: Array) -> Array:
-            q = mechanics.closed(state)
+            q = states.closed(state)
             return single_array(f"{name}(t, q, va)", value(t, q, state[len(q) :]), shape)
 
-        return _Input(at, lambda t, states: np.array([at(*x) for x in zip(t, states, strict=True)]))
+        return _Input(at, lambda t, y: np.array([at(*x) for x in zip(t, y, strict=True)]))
     constant = single_array(name, value, shape)
     return _Input(
-        lambda t, state: constant, lambda t, states: np.broadcast_to(constant, (len(t), *shape))
+        lambda t, state: constant, lambda t, y: np.broadcast_to(constant, (len(t), *shape))
     )
 
 
@@ -227,7 +282,7 @@ def _sampled(smooth: BSpline) -> _Input:
         start, coefficients = pieces[bisect_right(inner, t)]
         return ((t - start) ** powers).dot(coefficients)
 
-    return _Input(at, lambda t, states: np.asarray(smooth(t)))
+    return _Input(at, lambda t, y: np.asarray(smooth(t)))
 
 
 def constant_or_called(load: Load) -> Callable[[float, Array, Array], ArrayLike | None]:

@@ -21,7 +21,12 @@ from ..files import Writer, read_table, table_writer, write_files
 Array = NDArray[np.float64]
 
 #: What makes two motions the same, and what a file holds.
-_COMPARED = ("t", "q", "va", "aa", "tau", "joint_names", "actuated", "units")
+_COMPARED = (
+    *("t", "q", "va", "aa", "tau"),
+    *("joint_names", "actuated", "units", "coordinates", "rate_units"),
+)
+_WORDS = _COMPARED[5:]
+_POSITION = re.compile(r"(.+)_(?:(rad|m)|1)")
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,13 +35,15 @@ class Trajectory:
 
     Attributes:
         t: Times, increasing, shape (N,), [s].
-        q: Joint coordinates, shape (N, m), [rad] or [m].
-        va: Rates of the actuated joints, shape (N, n).
-        aa: Accelerations of the actuated joints, shape (N, n).
-        tau: Motor torques, shape (N, n), [N m] or [N].
-        joint_names: Names of the m joints.
-        actuated: Names of the n actuated joints.
-        units: "rad" or "m" for each joint.
+        q: Configurations, shape (N, nq), [rad] or [m].
+        va: Rates of the coordinates, shape (N, n).
+        aa: Accelerations of the coordinates, shape (N, n).
+        tau: Motor torques, shape (N, motors), [N m] or [N].
+        joint_names: Names of the entries of q, those of the joints where each has one.
+        actuated: Names of the motors.
+        units: "rad" or "m" for each entry of q; "" for those of quaternions.
+        coordinates: Names of the coordinates' rates; the motors by default.
+        rate_units: "rad" or "m" for each of them.
         stopped: Why a simulation ended before its last time; empty when it did not. A remark:
             it does not take part in comparisons and is not kept in a CSV.
     """
@@ -50,6 +57,8 @@ class Trajectory:
     actuated: tuple[str, ...]
     units: tuple[str, ...]
     stopped: str
+    coordinates: tuple[str, ...]
+    rate_units: tuple[str, ...]
 
     def __init__(
         self,
@@ -62,10 +71,21 @@ class Trajectory:
         actuated: Sequence[str],
         units: Sequence[str] | None = None,
         stopped: str = "",
+        *,
+        coordinates: Sequence[str] | None = None,
+        rate_units: Sequence[str] | None = None,
     ) -> None:
         times = sample_times(t)
-        arrays = {"q": (q, len(joint_names))} | {
-            name: (value, len(actuated)) for name, value in (("va", va), ("aa", aa), ("tau", tau))
+        units = ("rad",) * len(joint_names) if units is None else tuple(units)
+        coordinates = tuple(actuated if coordinates is None else coordinates)
+        if rate_units is None:
+            unit = dict(zip(joint_names, units, strict=False))
+            rate_units = [unit.get(name) or "rad" for name in coordinates]
+        arrays = {
+            "q": (q, len(joint_names)),
+            "va": (va, len(coordinates)),
+            "aa": (aa, len(coordinates)),
+            "tau": (tau, len(actuated)),
         }
         for name, (value, columns) in arrays.items():
             array = finite_array(name, value, (columns,)).copy()
@@ -76,8 +96,9 @@ class Trajectory:
         object.__setattr__(self, "t", times)
         object.__setattr__(self, "joint_names", tuple(joint_names))
         object.__setattr__(self, "actuated", tuple(actuated))
-        units = ("rad",) * len(joint_names) if units is None else tuple(units)
         object.__setattr__(self, "units", units)
+        object.__setattr__(self, "coordinates", coordinates)
+        object.__setattr__(self, "rate_units", tuple(rate_units))
         object.__setattr__(self, "stopped", stopped)
 
     def __len__(self) -> int:
@@ -111,7 +132,7 @@ class Trajectory:
         kind = Path(path).suffix.lower()
         if kind == ".csv":
             values = np.column_stack([self.t, self.q, self.va, self.aa, self.tau])
-            return table_writer(_columns(self.joint_names, self.actuated, self.units), values)
+            return table_writer(self._columns(), values)
         if kind == ".npz":
             arrays: dict[str, Any] = {
                 name: np.asarray(getattr(self, name)) for name in (*_COMPARED, "stopped")
@@ -140,7 +161,7 @@ class Trajectory:
         except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
             raise FileFormatError(path, f"not a motion: {error}") from None
         words = {
-            key: tuple(map(str, content.pop(key))) for key in ("joint_names", "actuated", "units")
+            key: tuple(map(str, content.pop(key))) for key in _WORDS
         }
         stopped = str(content.pop("stopped"))
         return cls(**content, **words, stopped=stopped)
@@ -148,40 +169,51 @@ class Trajectory:
     @classmethod
     def _load_csv(cls, path: Path) -> Trajectory:
         table = read_table(path)
-        parts = [re.fullmatch(r"(.+?)_(rad|m)(_s2|_s)?", name) for name in table.columns]
-        joints = [(p[1], p[2]) for p in parts if p and not p[3]]
-        actuated = [p[1] for p in parts if p and p[3] == "_s"]
-        if not joints or not actuated:
+        rates = [re.fullmatch(r"(.+)_(rad|m)_s", name) for name in table.columns]
+        coordinates = [(p[1], p[2]) for p in rates if p]
+        torques = [re.fullmatch(r"tau_\d+_(Nm|N)", name) for name in table.columns]
+        motors = sum(t is not None for t in torques)
+        first = next((i for i, p in enumerate(rates) if p), 0)
+        positions = [_POSITION.fullmatch(name) for name in table.columns[1:first]]
+        if not coordinates or not positions or not all(positions):
             raise FileFormatError(path, "not a motion: no columns like gamma_1_rad, gamma_1_rad_s")
-        names, units = zip(*joints, strict=True)
-        n, m = len(actuated), len(names)
-        values = table.select(_columns(names, actuated, units))
-        t, q, va, aa, tau = np.split(values, [1, 1 + m, 1 + m + n, 1 + m + 2 * n], axis=1)
-        return cls(t[:, 0], q, va, aa, tau, names, actuated, units)
+        names, units = zip(*((p[1], p[2] or "") for p in positions if p), strict=True)
+        n, m = len(coordinates), len(names)
+        rate_names, rate_units = zip(*coordinates, strict=True)
+        # A CSV does not name its motors: they are the coordinates where there are as many.
+        actuated = rate_names if motors == n else [f"motor_{k}" for k in range(1, motors + 1)]
+        words = (names, actuated, units, rate_names, rate_units)
+        values = table.select(_columns(*words, [t[1] for t in torques if t]))
+        t, q, va, aa, tau = np.split(values, np.cumsum([1, m, n, n]), axis=1)
+        return cls(
+            t[:, 0],
+            q,
+            va,
+            aa,
+            tau,
+            names,
+            actuated,
+            units,
+            coordinates=rate_names,
+            rate_units=rate_units,
+        )
 
-    def torque(self) -> Callable[[float], Array]:
-        """The torques as a smooth function of time, for `simulate`.
-
-        Returns:
-            A spline of degree five through the samples (lower for fewer than six of them).
-        """
-        smooth = spline(self.t, self.tau)
-        return lambda t: np.asarray(smooth(t))
-
-
-def _columns(
-    joint_names: Sequence[str], actuated: Sequence[str], units: Sequence[str]
+    def _columns(
+    joint_names: Sequence[str],
+    actuated: Sequence[str],
+    units: Sequence[str],
+    coordinates: Sequence[str],
+    rate_units: Sequence[str],
+    forces: Sequence[str],
 ) -> list[str]:
     """Header of the CSV: `t_s`, `gamma_1_rad`, `gamma_1_rad_s`, `gamma_1_rad_s2`, `tau_1_Nm`, ...
 
-    Motor k's torque is `tau_k_Nm` (`tau_k_N` for a prismatic one), k counted from 1.
+    Motor k's torque is `tau_k_Nm` (`tau_k_N` for a force), k counted from 1; what has no unit, as
+    the entries of a quaternion, ends in `_1`.
     """
-    unit = dict(zip(joint_names, units, strict=True))
-    rates = [f"{name}_{unit[name]}_s" for name in actuated]
-    torques = [
-        f"tau_{k}_{'Nm' if unit[name] == 'rad' else 'N'}" for k, name in enumerate(actuated, 1)
-    ]
-    positions = [f"{name}_{unit[name]}" for name in joint_names]
+    positions = [f"{name}_{unit or 1}" for name, unit in zip(joint_names, units, strict=True)]
+    rates = [f"{name}_{unit}_s" for name, unit in zip(coordinates, rate_units, strict=True)]
+    torques = [f"tau_{k}_{unit}" for k, unit in enumerate(forces, 1)]
     return ["t_s", *positions, *rates, *(f"{rate}2" for rate in rates), *torques]
 
 

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -12,14 +12,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from .. import description, reading
 from ..arrays import finite_array, single_array
+from ..chain.backend import Backend
 from ..chain.closed_chain import ClosedChain
+from ..chain.reference import Reference
 from ..description.parameters import Parameters
 from ..errors import DescriptionError, InputError, WorkspaceError
+from ..motion.rollouts import Rollout
+from ..motion.simulation import Load, Torque, constant_or_called
 from ..motion.trajectories import Trajectory
-from . import direct_kinematics, kinematics
+from . import direct_kinematics, kernel_path, kinematics
 from .geometry_models import Looks
 from .read_back import parameters_of
-from .star_dynamics import StarDynamics
 from .topology import CUTS, geometry_of
 
 if TYPE_CHECKING:
@@ -48,7 +51,7 @@ class Singularities(NamedTuple):
     condition_number: Array
 
 
-class SST(StarDynamics):
+class SST(ClosedChain):
     """A 3-RRP spherical parallel manipulator.
 
     Joint vectors are gamma_1, mu_1, beta_1, gamma_2, ...; the motors are gamma_1..3.
@@ -138,7 +141,15 @@ class SST(StarDynamics):
                 cuts_source, [f"name_mot: {list(actuated)}, an SST has {', '.join(_MOTORS)}"]
             )
         model.gravity.linear = gravity
-        super().__init__(model, closures, actuated, geometry, kernels)
+        self._source, self._off = urdf_source, "" if kernels else "switched off by kernels=False"
+        super().__init__(model, closures, actuated)
+
+    def _take_in_model(self) -> None:
+        self.geometry = geometry_of(self._model, self._source)
+        super()._take_in_model()
+
+    def _compiled(self, reference: Reference) -> Backend:
+        return kernel_path.backend(reference, self.geometry, self._off, self._model)
 
     @property
     def parameters(self) -> Parameters:
@@ -286,6 +297,186 @@ class SST(StarDynamics):
             condition = values[..., 0] / values[..., -1]
         return Singularities(np.abs(legs.sin_mu).min(axis=-1), values[..., -1], condition)
 
+    # --- dynamics ---------------------------------------------------------------------------
+
+    def compute_torques(  # type: ignore[override]
+        self,
+        q: ArrayLike,
+        va: ArrayLike,
+        aa: ArrayLike,
+        *,
+        platform_moment: ArrayLike | None = None,
+        external_wrenches: ArrayLike | None = None,
+        out: Array | None = None,
+        threads: int = 1,
+        on_error: str = "raise",
+    ) -> Array:
+        """Inverse dynamics: the motor torques of a motion, Eq. (92).
+
+        Args:
+            q: Joint coordinates on the closures, shape (..., 9), [rad].
+            va: Motor rates, shape (..., 3), [rad/s].
+            aa: Motor accelerations, shape (..., 3), [rad/s^2].
+            platform_moment: Moment that the surroundings exert on the star, base axes, shape
+                (..., 3), [N m].
+            external_wrenches: [moment; force] that the surroundings exert on each of the nine
+                bodies at its mass centre, base axes, shape (..., 9, 6); takes the reference path.
+            out: Array for the result, shape (..., 3).
+            threads: How many share a batch; the reference path takes one.
+            on_error: "raise", or "nan" for NaN in the place of samples at fault.
+
+        Returns:
+            tau, shape (..., 3), [N m].
+
+        Raises:
+            InputError, ClosureError, SingularConfigurationError: As `ClosedChain.compute_torques`.
+        """
+        if external_wrenches is None and on_error == "raise" and not self._unseen:
+            answer = self._torques_of(q, va, aa, platform_moment, out, threads)
+            if answer is not None and answer[0] is None:
+                return answer[1]
+        wrenches = _with_moment(platform_moment, external_wrenches)
+        return super().compute_torques(
+            q, va, aa, external_wrenches=wrenches, out=out, threads=threads, on_error=on_error
+        )
+
+    def compute_accelerations(
+        self,
+        q: ArrayLike,
+        va: ArrayLike,
+        tau: ArrayLike,
+        *,
+        platform_moment: ArrayLike | None = None,
+        external_wrenches: ArrayLike | None = None,
+        out: Array | None = None,
+        threads: int = 1,
+        on_error: str = "raise",
+    ) -> Array:
+        """Direct dynamics: motor accelerations under given torques, Eq. (92).
+
+        Args:
+            q: Joint coordinates on the closures, shape (..., 9), [rad].
+            va: Motor rates, shape (..., 3), [rad/s].
+            tau: Motor torques, shape (..., 3), [N m].
+            platform_moment: As in `compute_torques`.
+            external_wrenches: As in `compute_torques`.
+            out: As in `compute_torques`.
+            threads: As in `compute_torques`.
+            on_error: As in `compute_torques`.
+
+        Returns:
+            aa, shape (..., 3), [rad/s^2].
+
+        Raises:
+            InputError, ClosureError, SingularConfigurationError: As `compute_torques`.
+        """
+        if external_wrenches is None and on_error == "raise" and not self._unseen:
+            answer = self._accelerations_of(q, va, tau, platform_moment, out, threads)
+            if answer is not None and answer[0] is None:
+                return answer[1]
+        wrenches = _with_moment(platform_moment, external_wrenches)
+        return super().compute_accelerations(
+            q, va, tau, external_wrenches=wrenches, out=out, threads=threads, on_error=on_error
+        )
+
+    def simulate(
+        self,
+        torque: Torque,
+        q0: ArrayLike,
+        va0: ArrayLike,
+        t: ArrayLike,
+        *,
+        platform_moment: Load = None,
+        external_wrenches: Load = None,
+        method: str = "DOP853",
+        rtol: float = 1e-12,
+        atol: float = 1e-12,
+        max_condition_number: float = 1e4,
+        sign_width: float = 1e-3,
+        progress: Callable[[float], None] | None = None,
+    ) -> Trajectory:
+        """Integrate the motion under given torques; see `sst_pin.motion.simulation.simulate`.
+
+        Args:
+            torque: Of the motors.
+            q0: Joint coordinates at t[0], on the closures, shape (9,).
+            va0: Motor rates at t[0], shape (3,).
+            t: Times at which the motion is wanted, shape (N,), [s].
+            platform_moment: Moment on the star, base axes: callable (t, q, va) -> (3,), or a
+                constant, shape (3,), [N m].
+            external_wrenches: On each of the nine bodies: callable (t, q, va) -> (9, 6), or a
+                constant.
+            method: As in `sst_pin.motion.simulation.simulate`, like all that follow.
+            rtol: Relative tolerance.
+            atol: Absolute tolerance.
+            max_condition_number: Where the motion stops before a singularity.
+            sign_width: Of the smoothed Coulomb friction, [rad/s].
+            progress: Called with the time reached.
+        """
+        load = external_wrenches
+        if platform_moment is not None:
+            moment, others = map(constant_or_called, (platform_moment, external_wrenches))
+
+            def load(time: float, q: Array, va: Array) -> ArrayLike:
+                on_star = single_array("platform_moment", moment(time, q, va), (3,))
+                wrenches = _with_moment(on_star, others(time, q, va))
+                assert wrenches is not None
+                return wrenches
+
+        return super().simulate(
+            torque,
+            q0,
+            va0,
+            t,
+            external_wrenches=load,
+            method=method,
+            rtol=rtol,
+            atol=atol,
+            max_condition_number=max_condition_number,
+            sign_width=sign_width,
+            progress=progress,
+        )
+
+    def rollout(
+        self,
+        tau: ArrayLike,
+        q0: ArrayLike,
+        va0: ArrayLike,
+        dt: float,
+        *,
+        platform_moment: ArrayLike | None = None,
+        external_wrenches: ArrayLike | None = None,
+        steps: int | None = None,
+        sign_width: float = 1e-3,
+        threads: int = 1,
+        on_error: str = "raise",
+    ) -> Rollout:
+        """Integrate many motions with a fixed step; see `sst_pin.motion.rollouts.rollout`.
+
+        Args:
+            tau: Motor torques, shape (..., N, 3), or (..., 2 N + 1, 3) with `steps`.
+            q0: Joint coordinates at the start, shape (..., 9).
+            va0: Motor rates at the start, shape (..., 3).
+            dt: Step, [s].
+            platform_moment: Moment on the star, base axes, constant, shape (..., 3), [N m].
+            external_wrenches: On each of the nine bodies, constant, shape (..., 9, 6).
+            steps: Number of steps N.
+            sign_width: Of the smoothed Coulomb friction, [rad/s].
+            threads: How many share the batch.
+            on_error: "raise" or "nan".
+        """
+        return super().rollout(
+            tau,
+            q0,
+            va0,
+            dt,
+            external_wrenches=_with_moment(platform_moment, external_wrenches),
+            steps=steps,
+            sign_width=sign_width,
+            threads=threads,
+            on_error=on_error,
+        )
+
     # --- pictures ---------------------------------------------------------------------------
 
     @property
@@ -336,3 +527,15 @@ class SST(StarDynamics):
                 rows = np.argwhere(outside.any(axis=-1))
                 error.name_samples([tuple(map(int, i)) for i in rows], q[..., 0].size)
             raise error
+
+
+def _with_moment(
+    moment: ArrayLike | None, wrenches: ArrayLike | None
+) -> ArrayLike | None:
+    """External wrenches with a moment on the star besides."""
+    if moment is None:
+        return wrenches
+    on_star = kernel_path.star_load(finite_array("platform_moment", moment, (3,)))
+    if wrenches is None:
+        return on_star
+    return on_star + finite_array("external_wrenches", wrenches, (9, 6))

@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""What a `ClosedChain` and an integrator ask of whatever computes the dynamics."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .mechanism import Friction
+
+Array = NDArray[np.float64]
+#: Indices of samples, or a count for each sample.
+Indices = NDArray[np.intp]
+Answer = tuple[NDArray[np.bool_] | None, Array] | None
+
+
+class States(Protocol):
+    """The state space (q, va) of one mechanism; states have shape (nq + n,) or (N, nq + n)."""
+
+    def closed(self, states: Array) -> Array:
+        """q with the dependent joints moved onto the closures, shape (..., nq)."""
+
+    def rate(self, states: Array, tau: Array, wrenches: Array | None) -> Array:
+        """Rates of states, shape (..., nq + n)."""
+
+    def near_singularity(self, q: Array, limit: float) -> bool:
+        """Whether the condition number of the dependent part of Phi is above a limit."""
+
+    def passes_singularity(self, before: Array, after: Array) -> bool:
+        """Whether the coordinates lose hold of the robot between two configurations."""
+
+    def rollout(
+        self,
+        dt: float,
+        q0: Array,
+        va0: Array,
+        tau: Array,
+        wrenches: Array | None,
+        q: Array,
+        va: Array,
+        threads: int,
+    ) -> Indices:
+        """Fill q and va with the states of N motions; how many of each hold, shape (N,)."""
+
+
+class Backend(Protocol):
+    """Dynamics of one mechanism.
+
+    Samples come as rows, float64 arrays of shape (N, ...); results are filled into the array
+    before `threads`. What is returned are the samples that a backend does not vouch for: the
+    reference path computes them one by one, or raises the error that is due.
+    """
+
+    def __str__(self) -> str:
+        """What computes, and why."""
+
+    def torques_of(
+        self, q: Any, va: Any, aa: Any, load: Any, out: Any, threads: Any, /
+    ) -> Answer:
+        """Inverse dynamics of arguments as the caller gave them, for one sample or a batch.
+
+        Returns:
+            (flags, tau), flags None when all samples are vouched for; None when the arguments need
+            more care.
+        """
+
+    def accelerations_of(
+        self, q: Any, va: Any, tau: Any, load: Any, out: Any, threads: Any, /
+    ) -> Answer:
+        """Direct dynamics likewise."""
+
+    def torques(
+        self, q: Array, va: Array, aa: Array, wrenches: Array | None, tau: Array, threads: int
+    ) -> Indices:
+        """Fill tau."""
+
+    def accelerations(
+        self, q: Array, va: Array, tau: Array, wrenches: Array | None, aa: Array, threads: int
+    ) -> Indices:
+        """Fill aa."""
+
+    def reduced_terms(self, q: Array, va: Array, rows: Array, threads: int) -> Indices:
+        """Fill rows of inertia, coriolis, gravity, friction, shape (N, 2 n (n + 1))."""
+
+    def states(self, friction: Friction) -> States:
+        """The state space with a friction in the place of the mechanism's own."""

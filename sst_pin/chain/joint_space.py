@@ -1,0 +1,172 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The configuration space of a tree: names and units of its coordinates, q_dot from v."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class _Kind(NamedTuple):
+    """Coordinates and rates of one type of joint, by their suffixes, and the units of the rates."""
+
+    q: tuple[str, ...]
+    v: tuple[str, ...]
+    units: tuple[str, ...]
+
+
+_XYZ, _QUATERNION = ("x", "y", "z"), ("qx", "qy", "qz", "qw")
+_TURNS = ("wx", "wy", "wz")
+_OF_SEVERAL = {
+    "JointModelFreeFlyer": _Kind(
+        _XYZ + _QUATERNION, ("vx", "vy", "vz", *_TURNS), ("m",) * 3 + ("rad",) * 3
+    ),
+    "JointModelSpherical": _Kind(_QUATERNION, _TURNS, ("rad",) * 3),
+    "JointModelTranslation": _Kind(_XYZ, ("vx", "vy", "vz"), ("m",) * 3),
+    "JointModelPlanar": _Kind(("x", "y", "cos", "sin"), ("vx", "vy", "w"), ("m", "m", "rad")),
+    "JointModelSphericalZYX": _Kind(("rz", "ry", "rx"), ("rz", "ry", "rx"), ("rad",) * 3),
+    "JointModelUniversal": _Kind(("1", "2"), ("1", "2"), ("rad",) * 2),
+}
+_UNBOUNDED = _Kind(("cos", "sin"), ("",), ("rad",))
+
+
+class JointSpace:
+    """What q (nq,) and v (nv,) of a tree mean.
+
+    Args:
+        model: The tree.
+
+    Attributes:
+        joint_names: Names of the joints.
+        position_names: Of the entries of q: the joint's name, with a suffix where it has several.
+        rate_names: Of the entries of v.
+        position_units: "rad", "m", or "" for an entry of a quaternion or a cosine.
+        rate_units: "rad" or "m" for each entry of v.
+    """
+
+    def __init__(self, model: pin.Model) -> None:
+        self._model = model
+        self.joint_names: tuple[str, ...] = tuple(list(model.names)[1:])
+        q: list[tuple[str, str]] = []
+        v: list[tuple[str, str]] = []
+        self._quaternions: list[tuple[int, int]] = []  # first of q, first of v
+        self._circles: list[tuple[int, int]] = []
+        self._frames: list[tuple[int, int, int]] = []  # free-flyers (3) and planes (2)
+        for name, joint in zip(self.joint_names, list(model.joints)[1:], strict=True):
+            for part, suffix in _parts(joint):
+                self._add(q, v, name + suffix, part)
+        self.position_names, self.position_units = (tuple(x) for x in zip(*q, strict=True))
+        self.rate_names, self.rate_units = (tuple(x) for x in zip(*v, strict=True))
+
+    def _add(
+        self, q: list[tuple[str, str]], v: list[tuple[str, str]], name: str, joint: Any
+    ) -> None:
+        kind = kind_of(joint)
+        short, i, k = joint.shortname(), len(q), len(v)
+        if short == "JointModelFreeFlyer":
+            self._frames.append((i, k, 3))
+            self._quaternions.append((i + 3, k + 3))
+        elif short == "JointModelSpherical":
+            self._quaternions.append((i, k))
+        elif short == "JointModelPlanar":
+            self._frames.append((i, k, 2))
+            self._circles.append((i + 2, k + 2))
+        elif (joint.nq, joint.nv) == (2, 1):
+            self._circles.append((i, k))
+        units = dict(zip(kind.v, kind.units, strict=True))
+        lengths = "m" in kind.units
+        for suffix in kind.q:
+            unit = "m" if lengths and suffix in _XYZ else units.get(suffix, "")
+            q.append((f"{name}_{suffix}" if suffix else name, unit))
+        v.extend(
+            (f"{name}_{suffix}" if suffix else name, unit)
+            for suffix, unit in zip(kind.v, kind.units, strict=True)
+        )
+
+    @cached_property
+    def euclidean(self) -> bool:
+        """Whether q_dot is v."""
+        return not (self._quaternions or self._circles)
+
+    def coordinate_rates(self, q: Array, v: Array) -> Array:
+        """q_dot, shape (nq,), from the rates v of the tree, shape (nv,)."""
+        if self.euclidean:
+            return v
+        q_dot = np.empty(self._model.nq)
+        q_dot[self._simple[0]] = v[self._simple[1]]
+        for i, k in self._quaternions:
+            x, y, z, w = q[i : i + 4]
+            a, b, c = v[k : k + 3] / 2
+            q_dot[i : i + 4] = (
+                w * a + y * c - z * b,
+                w * b + z * a - x * c,
+                w * c + x * b - y * a,
+                -x * a - y * b - z * c,
+            )
+        for i, k in self._circles:
+            q_dot[i : i + 2] = -q[i + 1] * v[k], q[i] * v[k]
+        for i, k, size in self._frames:
+            if size == 3:
+                q_dot[i : i + 3] = pin.Quaternion(q[i + 3 : i + 7]).matrix() @ v[k : k + 3]
+            else:
+                c, s = q[i + 2 : i + 4]
+                q_dot[i : i + 2] = c * v[k] - s * v[k + 1], s * v[k] + c * v[k + 1]
+        return q_dot
+
+    def normalised(self, q: Array) -> Array:
+        """q with its quaternions and cosine-sine pairs at length one, shape (nq,)."""
+        if self.euclidean:
+            return q
+        q = q.copy()
+        for size, pairs in ((4, self._quaternions), (2, self._circles)):
+            for i, _ in pairs:
+                q[i : i + size] /= np.linalg.norm(q[i : i + size])
+        return q
+
+    def off_the_manifold(self, q: Array) -> float:
+        """How far quaternions and cosine-sine pairs are from length one."""
+        parts = [q[i : i + 4] for i, _ in self._quaternions]
+        parts += [q[i : i + 2] for i, _ in self._circles]
+        return max((abs(float(np.linalg.norm(part)) - 1) for part in parts), default=0.0)
+
+    @cached_property
+    def _simple(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Entries of q and of v whose rates are the same numbers."""
+        q, v = np.ones(self._model.nq, dtype=bool), np.ones(self._model.nv, dtype=bool)
+        for size, first, pairs in ((4, 3, self._quaternions), (2, 1, self._circles)):
+            for i, k in pairs:
+                q[i : i + size], v[k : k + first] = False, False
+        for i, k, size in self._frames:
+            q[i : i + size], v[k : k + size] = False, False
+        return np.flatnonzero(q), np.flatnonzero(v)
+
+
+def kind_of(joint: Any) -> _Kind:
+    """Names and units of a joint that is no composite."""
+    short = joint.shortname()
+    if short in _OF_SEVERAL:
+        return _OF_SEVERAL[short]
+    if (joint.nq, joint.nv) == (2, 1):
+        return _UNBOUNDED
+    if (joint.nq, joint.nv) == (1, 1):
+        return _Kind(("",), ("",), ("m" if short.startswith("JointModelP") else "rad",))
+    numbers = tuple(map(str, range(max(joint.nq, joint.nv))))
+    return _Kind(numbers[: joint.nq], numbers[: joint.nv], ("rad",) * joint.nv)
+
+
+def _parts(joint: Any) -> list[tuple[Any, str]]:
+    """A joint as it is, a composite as its parts in a row, each with a suffix."""
+    if joint.shortname() != "JointModelComposite":
+        return [(joint, "")]
+    inner = list((joint.extract() if hasattr(joint, "extract") else joint).joints)
+    return [
+        (part, f"_{number}{suffix}")
+        for number, joint in enumerate(inner, start=1)
+        for part, suffix in _parts(joint)
+    ]

@@ -1,0 +1,421 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Residual f(q) of the constraints, their Jacobian Phi and its rate, at one configuration.
+
+Pinocchio's joint Jacobian J in world axes, reduced at the world's origin, holds the unit twist of
+every rate. The twist of a frame is J with the columns left out that do not move it. Each row of a
+closure is a wrench-like vector W in world axes with W . (twist of B - twist of A) = 0, so that
+Phi = (W J) S_B - (W J) S_A with the supports S of 0 and 1. Pinocchio's own constraint functions
+are not used, they are wrong or NaN in silence on redundant loops.
+
+Rows run [linear; angular], as Pinocchio's do; the paper's order comes in with the bodies' twists.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from numpy.polynomial import Polynomial
+from numpy.typing import NDArray
+
+from ..errors import ClosureError, DescriptionError, InputError, UnknownNameError
+from .closures import Closure, Constraint, Coupling, Distance, Rolling
+
+Array = NDArray[np.float64]
+
+#: Loops further open than this are open, relative to the length of the robot or in [rad].
+CLOSURE_TOLERANCE = 1e-6
+_AXES = np.eye(3)
+
+
+class Rates(NamedTuple):
+    """Motion of the two frames of a closure, world axes.
+
+    Attributes:
+        p_a, p_b: Velocities of their origins, shape (3,).
+        omega_a, omega_b: Angular velocities, shape (3,).
+    """
+
+    p_a: Array
+    p_b: Array
+    omega_a: Array
+    omega_b: Array
+
+
+class Loops:
+    """Closures of one tree with memory of their own: one object per thread.
+
+    `evaluate(q)` computes what depends on q; all other methods speak of that configuration.
+
+    Args:
+        model: The tree; it must not change afterwards.
+        closures: What closes it.
+
+    Raises:
+        UnknownNameError: For a frame or joint that the model does not have.
+        DescriptionError: For a coupling of joints that have several coordinates.
+    """
+
+    def __init__(self, model: pin.Model, closures: Sequence[Constraint]) -> None:
+        self.model, self.data = model, model.createData()
+        starts = np.cumsum([0, *(len(c.rows) for c in closures)])
+        slices = [slice(a, b) for a, b in pairwise(starts)]
+        self.rows = int(starts[-1])
+        #: Rows of each closure.
+        self.slices = tuple(slices)
+        #: Rows that have a residual; the others hold rates only.
+        self.holonomic = np.array([not row.startswith("slip") for c in closures for row in c.rows])
+        self._couplings: list[tuple[slice, _Coupled]] = []
+        self._S_a, self._S_b = np.zeros((2, self.rows, model.nv))
+        self._W, self._W_dot = np.zeros((2, self.rows, 6))  # at B
+        self._W_a, self._W_a_dot = np.zeros((2, self.rows, 6))
+        self._pairs = []
+        placements = self.data.oMf
+        for rows, closure in zip(slices, closures, strict=True):
+            if isinstance(closure, Coupling):
+                self._couplings.append((rows, _Coupled(model, closure)))
+                continue
+            ids = [_frame_id(model, name) for name in _frames(closure)]
+            supports = [support(model, model.frames[f].parentJoint) for f in ids]
+            self._S_a[rows], self._S_b[rows] = supports
+            kind = _KIND[type(closure)](closure)
+            kind.constant(self._W[rows], self._W_a[rows])
+            self._pairs.append((rows, kind, placements[ids[0]], placements[ids[1]], *supports))
+        #: Which rates a row depends on: those that move one of its two frames only.
+        self.touched = self._S_a != self._S_b
+        for rows, coupled in self._couplings:
+            self.touched[rows] = coupled.touched
+        self._moving = [pair for pair in self._pairs if not pair[1].fixed]
+        self._J, self._J_dot = self.data.J, self.data.dJ
+
+    def evaluate(self, q: Array) -> None:
+        """Compute what depends on q."""
+        pin.computeJointJacobians(self.model, self.data, q)
+        pin.updateFramePlacements(self.model, self.data)
+        self._q = q
+
+    def residual(self) -> Array:
+        """f(q) of Eq. (2), shape (rows,), [m] and [rad], zero when the loops are closed."""
+        f = np.zeros(self.rows)
+        for rows, kind, A, B, *_ in self._pairs:
+            f[rows] = kind.residual(A, B)
+        for rows, coupled in self._couplings:
+            f[rows] = coupled.residual(self._q)
+        return f
+
+    def require_closed(self, scale: Array, tolerance: float = CLOSURE_TOLERANCE) -> None:
+        """Check that all loops are closed.
+
+        Args:
+            scale: Of each row, by which its residual is multiplied, shape (rows,).
+            tolerance: Of the scaled residual.
+
+        Raises:
+            InputError: When q is not finite.
+            ClosureError: When a loop is open.
+        """
+        f = self.residual()
+        if not (np.abs(f) * scale).max(initial=0.0) <= tolerance:
+            residual = float(np.abs(f).max())
+            if np.isnan(residual):
+                raise InputError("q", "not finite")
+            raise ClosureError(
+                f"the loops are open by {residual:.3g} (m or rad), more than {tolerance:g} of the "
+                "robot's length or rad; assemble(q) closes them",
+                residual,
+            )
+
+    def Phi(self) -> Array:
+        """Jacobian of the closures, shape (rows, nv): Phi v = 0, Eqs. (3), (4)."""
+        for rows, kind, A, B, *_ in self._moving:
+            kind.wrenches(A, B, self._W[rows], self._W_a[rows])
+        Phi: Array = self._W.dot(self._J) * self._S_b - self._W_a.dot(self._J) * self._S_a
+        for rows, coupled in self._couplings:
+            Phi[rows] = coupled.row(self._q)
+        return Phi
+
+    def Phi_dot(self, v: Array) -> Array:
+        """Rate of Phi at rates v of the tree, shape (rows, nv)."""
+        pin.computeJointJacobiansTimeVariation(self.model, self.data, self._q, v)
+        pin.updateFramePlacements(self.model, self.data)
+        J, J_dot = self._J, self._J_dot
+        for rows, kind, A, B, S_a, S_b in self._moving:
+            kind.wrenches(A, B, self._W[rows], self._W_a[rows])
+            twist_a, twist_b = J.dot(S_a * v), J.dot(S_b * v)
+            p_a = twist_a[:3] + _cross(twist_a[3:], A.translation)
+            p_b = twist_b[:3] + _cross(twist_b[3:], B.translation)
+            rates = Rates(p_a, p_b, twist_a[3:], twist_b[3:])
+            kind.wrench_rates(A, B, rates, self._W_dot[rows], self._W_a_dot[rows])
+        at_b = self._W.dot(J_dot) + self._W_dot.dot(J)
+        at_a = self._W_a.dot(J_dot) + self._W_a_dot.dot(J)
+        Phi_dot: Array = at_b * self._S_b - at_a * self._S_a
+        for rows, coupled in self._couplings:
+            Phi_dot[rows] = coupled.row_rate(self._q, v)
+        return Phi_dot
+
+
+class _Coupled:
+    """A coupling as a row on the rates of one-coordinate joints."""
+
+    def __init__(self, model: pin.Model, coupling: Coupling) -> None:
+        self._nv = model.nv
+        terms = [(coupling.joint, Polynomial([0.0, 1.0]), 1.0)]
+        terms += [(name, Polynomial(p or (0.0,)), -1.0) for name, p in coupling.polynomials.items()]
+        self._terms, self._offset = [], coupling.offset
+        for name, polynomial, sign in terms:
+            joint = model.joints[joint_id(model, name)]
+            if (joint.nq, joint.nv) != (1, 1):
+                problem = f"joint {name} has {joint.nq} coordinates; couplings take one"
+                raise DescriptionError(str(coupling), [problem])
+            P = sign * polynomial
+            self._terms.append((joint.idx_q, joint.idx_v, P, P.deriv(), P.deriv(2)))
+
+    @property
+    def touched(self) -> NDArray[np.bool_]:
+        return np.isin(np.arange(self._nv), [k for _, k, *_ in self._terms])
+
+    def residual(self, q: Array) -> float:
+        return sum(float(P(q[i])) for i, _, P, *_ in self._terms) - self._offset
+
+    def row(self, q: Array) -> Array:
+        row = np.zeros(self._nv)
+        for i, k, _, P_1, _ in self._terms:
+            row[k] = P_1(q[i])
+        return row
+
+    def row_rate(self, q: Array, v: Array) -> Array:
+        row = np.zeros(self._nv)
+        for i, k, _, _, P_2 in self._terms:
+            row[k] = P_2(q[i]) * v[k]
+        return row
+
+
+class _Weld:
+    """6d: the displacement from A to B as a screw in world axes; its rate is the relative twist."""
+
+    fixed = True
+    held = np.eye(6)
+
+    def __init__(self, closure: Closure) -> None:
+        pass
+
+    def constant(self, W: Array, W_a: Array) -> None:
+        W[:] = W_a[:] = self.held
+
+    def residual(self, A: pin.SE3, B: pin.SE3) -> Array:
+        return pin.log6(B * A.inverse()).vector
+
+
+class _Orientation(_Weld):
+    held = np.eye(6)[3:]
+
+    def residual(self, A: pin.SE3, B: pin.SE3) -> Array:
+        return pin.log3(B.rotation @ A.rotation.T)
+
+
+class _Moving:
+    """A kind whose W moves with the frames."""
+
+    fixed = False
+
+    def constant(self, W: Array, W_a: Array) -> None:
+        pass
+
+
+class _Point(_Moving):
+    """3d: the origins coincide; rows in world axes at each origin."""
+
+    def __init__(self, closure: Closure) -> None:
+        pass
+
+    def residual(self, A: pin.SE3, B: pin.SE3) -> Array:
+        return B.translation - A.translation
+
+    def wrenches(self, A: pin.SE3, B: pin.SE3, W: Array, W_a: Array) -> None:
+        W[:3, :3] = W_a[:3, :3] = _AXES
+        W[:3, 3:] = -_skew(B.translation)  # row k: p x e_k
+        W_a[:3, 3:] = -_skew(A.translation)
+
+    def wrench_rates(self, A: pin.SE3, B: pin.SE3, r: Rates, W: Array, W_a: Array) -> None:
+        W[:3, 3:], W_a[:3, 3:] = -_skew(r.p_b), -_skew(r.p_a)
+
+
+class _Masked(_Moving):
+    """Any choice of held motions of B in the axes of A."""
+
+    def __init__(self, closure: Closure) -> None:
+        held = closure.held
+        self._slides = [k for k in range(3) if held[k]]
+        turns = [k for k in range(3) if held[3 + k]]
+        self._orientation = len(turns) == 3
+        # An axis a of A and an axis b of B that stay at a right angle: with one free turn about k,
+        # the two others of A against k of B; with one held turn k, the two others of A and B.
+        self._angles: list[tuple[int, int, float]] = []
+        self._along: int | None = None
+        if len(turns) == 2:
+            (self._along,) = set(range(3)) - set(turns)
+            i, j = (self._along + 1) % 3, (self._along + 2) % 3
+            # The turn about i moves b = k against a = j, by minus its rate; about j against i.
+            of_turn = {i: (j, self._along, -1.0), j: (i, self._along, 1.0)}
+            self._angles = [of_turn[k] for k in turns]
+        elif len(turns) == 1:
+            (k,) = turns
+            self._angles = [((k + 1) % 3, (k + 2) % 3, -1.0)]
+
+    def residual(self, A: pin.SE3, B: pin.SE3) -> Array:
+        R_a, R_b = A.rotation, B.rotation
+        slid = (B.translation - A.translation).dot(R_a)[self._slides]
+        if self._orientation:
+            return np.concatenate((slid, pin.log3(R_b @ R_a.T)))
+        R = R_a.T @ R_b
+        angles = [sign * R[i, j] for i, j, sign in self._angles]
+        if self._along is not None and R[self._along, self._along] < 0:
+            angles = [np.pi * (1 if a >= 0 else -1) - a for a in angles]  # the axes are opposed
+        return np.concatenate((slid, angles))
+
+    def wrenches(self, A: pin.SE3, B: pin.SE3, W: Array, W_a: Array) -> None:
+        R_a, R_b = A.rotation, B.rotation
+        for row, k in enumerate(self._slides):
+            W[row, :3] = R_a[:, k]
+            W[row, 3:] = _cross(B.translation, R_a[:, k])
+        first = len(self._slides)
+        if self._orientation:
+            W[first:, 3:] = _AXES
+        for row, (i, j, sign) in enumerate(self._angles, start=first):
+            W[row, 3:] = sign * _cross(R_b[:, j], R_a[:, i])
+        W_a[:] = W
+
+    def wrench_rates(self, A: pin.SE3, B: pin.SE3, r: Rates, W: Array, W_a: Array) -> None:
+        R_a, R_b = A.rotation, B.rotation
+        for row, k in enumerate(self._slides):
+            n, n_dot = R_a[:, k], _cross(r.omega_a, R_a[:, k])
+            W[row, :3] = n_dot
+            W[row, 3:] = _cross(r.p_b, n) + _cross(B.translation, n_dot)
+        for row, (i, j, sign) in enumerate(self._angles, start=len(self._slides)):
+            a, b = R_a[:, i], R_b[:, j]
+            moved = _cross(_cross(r.omega_b, b), a) + _cross(b, _cross(r.omega_a, a))
+            W[row, 3:] = sign * moved
+        W_a[:] = W
+
+
+class _Rod(_Moving):
+    def __init__(self, rod: Distance) -> None:
+        self._length = rod.distance
+
+    def residual(self, A: pin.SE3, B: pin.SE3) -> Array:
+        return np.array([np.linalg.norm(B.translation - A.translation) - self._length])
+
+    def wrenches(self, A: pin.SE3, B: pin.SE3, W: Array, W_a: Array) -> None:
+        d = B.translation - A.translation
+        u = d / max(float(np.linalg.norm(d)), 1e-300)
+        W[0, :3] = W_a[0, :3] = u
+        W[0, 3:], W_a[0, 3:] = _cross(B.translation, u), _cross(A.translation, u)
+
+    def wrench_rates(self, A: pin.SE3, B: pin.SE3, r: Rates, W: Array, W_a: Array) -> None:
+        d, d_dot = B.translation - A.translation, r.p_b - r.p_a
+        length = max(float(np.linalg.norm(d)), 1e-300)
+        u = d / length
+        u_dot = (d_dot - u * u.dot(d_dot)) / length
+        W[0, :3] = W_a[0, :3] = u_dot
+        W[0, 3:] = _cross(r.p_b, u) + _cross(B.translation, u_dot)
+        W_a[0, 3:] = _cross(r.p_a, u) + _cross(A.translation, u_dot)
+
+
+class _Wheel(_Moving):
+    """Rows x, y, z of the plane: velocity of the wheel at the contact, relative to the plane."""
+
+    def __init__(self, rolling: Rolling) -> None:
+        self._radius, self._ball = rolling.radius, rolling.ball
+
+    def _up(self, A: pin.SE3, B: pin.SE3) -> tuple[Array, Array, float]:
+        """From the contact to the centre as a unit vector, and what it is made of."""
+        n, z = A.rotation[:, 2], B.rotation[:, 2]
+        g = n if self._ball else n - n.dot(z) * z
+        size = max(float(np.linalg.norm(g)), 1e-300)
+        return g / size, z, size
+
+    def residual(self, A: pin.SE3, B: pin.SE3) -> Array:
+        up, _, _ = self._up(A, B)
+        contact = B.translation - self._radius * up
+        return np.array([0.0, 0.0, A.rotation[:, 2].dot(contact - A.translation)])
+
+    def wrenches(self, A: pin.SE3, B: pin.SE3, W: Array, W_a: Array) -> None:
+        contact = B.translation - self._radius * self._up(A, B)[0]
+        for k in range(3):
+            n = A.rotation[:, k]
+            W[k, :3], W[k, 3:] = n, _cross(contact, n)
+        W_a[:] = W
+
+    def wrench_rates(self, A: pin.SE3, B: pin.SE3, r: Rates, W: Array, W_a: Array) -> None:
+        up, z, size = self._up(A, B)
+        n = A.rotation[:, 2]
+        g_dot = n_dot = _cross(r.omega_a, n)
+        if not self._ball:
+            z_dot = _cross(r.omega_b, z)
+            g_dot = n_dot - (n_dot.dot(z) + n.dot(z_dot)) * z - n.dot(z) * z_dot
+        up_dot = (g_dot - up * up.dot(g_dot)) / size
+        contact = B.translation - self._radius * up
+        contact_dot = r.p_b - self._radius * up_dot
+        for k in range(3):
+            n = A.rotation[:, k]
+            n_dot = _cross(r.omega_a, n)
+            W[k, :3] = n_dot
+            W[k, 3:] = _cross(contact_dot, n) + _cross(contact, n_dot)
+        W_a[:] = W
+
+
+def _of_closure(closure: Closure) -> _Weld | _Moving:
+    kinds = {"6d": _Weld, "orientation": _Orientation, "3d": _Point}
+    kind = kinds.get(closure.kind, _Masked) if isinstance(closure.kind, str) else _Masked
+    return kind(closure)
+
+
+_KIND = {Closure: _of_closure, Distance: _Rod, Rolling: _Wheel}
+
+
+def _frames(closure: Closure | Distance | Rolling) -> tuple[str, str]:
+    if isinstance(closure, Rolling):
+        return closure.plane, closure.wheel
+    return closure.frame_a, closure.frame_b
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """A tenth of the time of np.cross for one pair of vectors."""
+    return np.array(
+        (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+    )
+
+
+def _skew(a: Array) -> Array:
+    x, y, z = a
+    return np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))
+
+
+def _frame_id(model: pin.Model, name: str) -> int:
+    if not model.existFrame(name):
+        raise UnknownNameError("frame", name, [f.name for f in model.frames])
+    return int(model.getFrameId(name))
+
+
+def joint_id(model: pin.Model, name: str) -> int:
+    """Index of a joint of the tree.
+
+    Raises:
+        UnknownNameError: When there is none of that name.
+    """
+    names = list(model.names)[1:]
+    if name not in names:
+        raise UnknownNameError("joint", name, names)
+    return names.index(name) + 1
+
+
+def support(model: pin.Model, joint: int) -> Array:
+    """1 for the rates that move a joint's body, 0 for the others, shape (nv,)."""
+    support = np.zeros(model.nv)
+    for j in model.supports[joint]:
+        if j > 0:
+            support[model.joints[j].idx_v : model.joints[j].idx_v + model.joints[j].nv] = 1
+    return support

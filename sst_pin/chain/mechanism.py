@@ -1,0 +1,187 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""`Mechanism`: all that the dynamics of a closed chain is computed from, fixed once and for all."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from ..errors import DescriptionError
+from .closures import Closure, Constraint, Coupling, Distance, Rolling
+from .joint_space import JointSpace
+from .loops import joint_id
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Friction:
+    """Viscous and Coulomb friction of all joints.
+
+    Attributes:
+        viscous: D, shape (nv,), [N m s/rad] or [N s/m]; read-only.
+        coulomb: F_c, shape (nv,), [N m] or [N]; read-only.
+        sign_width: Rate at which the Coulomb term has risen to 76 %: sign(x) becomes
+            tanh(x / sign_width); 0 keeps the sign.
+    """
+
+    viscous: Array
+    coulomb: Array
+    sign_width: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("viscous", "coulomb"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+
+    @cached_property
+    def none(self) -> bool:
+        """Whether no joint has any."""
+        return not (self.viscous.any() or self.coulomb.any())
+
+    def forces(self, q_dot: Array) -> Array:
+        """tau^f = -(D q_dot + F_c sign q_dot), Eqs. (87)-(89), with the sign that dissipates."""
+        sign = np.tanh(q_dot / self.sign_width) if self.sign_width else np.sign(q_dot)
+        return -(self.viscous * q_dot + self.coulomb * sign)
+
+
+@dataclass(frozen=True)
+class Springs:
+    """Linear springs of joints.
+
+    Attributes:
+        stiffness: Of each rate, shape (nv,), [N m/rad] or [N/m]; read-only.
+        reference: Configuration without force, shape (nq,); read-only.
+    """
+
+    stiffness: Array
+    reference: Array
+
+    def __post_init__(self) -> None:
+        for name in ("stiffness", "reference"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+
+    @cached_property
+    def none(self) -> bool:
+        """Whether no joint has one."""
+        return not self.stiffness.any()
+
+    def forces(self, model: pin.Model, q: Array) -> Array:
+        """-k times the displacement from the reference, shape (nv,)."""
+        return -self.stiffness * pin.difference(model, self.reference, q)
+
+    def energy(self, model: pin.Model, q: Array) -> float:
+        """Potential energy, [J]."""
+        return float(self.stiffness @ pin.difference(model, self.reference, q) ** 2 / 2)
+
+    def check(self, model: pin.Model) -> None:
+        """Refuse springs whose force would not be the gradient of an energy.
+
+        Raises:
+            DescriptionError: For a joint of several rates with different stiffnesses.
+        """
+        problems = []
+        for name, joint in zip(list(model.names)[1:], list(model.joints)[1:], strict=True):
+            k = self.stiffness[joint.idx_v : joint.idx_v + joint.nv]
+            ball = joint.shortname() in ("JointModelSpherical", "JointModelTranslation")
+            if k.any() and joint.nv > 1 and not (ball and np.ptp(k) == 0):
+                problems.append(
+                    f"joint {name}: springs in joints of several rates are for balls and "
+                    "translations, with one stiffness for all directions"
+                )
+        if problems:
+            raise DescriptionError(f"model {model.name}", problems)
+
+
+@dataclass(frozen=True)
+class Mechanism:
+    """A tree, what closes it, what drives it. Everything computed comes from here.
+
+    Attributes:
+        model: A copy of its own, which nobody changes.
+        closures: What closes the tree.
+        coordinates: Indices in v of the independent rates, shape (n,).
+        motors: B: the forces on the tree are B tau, shape (nv, motors).
+        friction: Of all joints.
+        springs: Of all joints.
+    """
+
+    model: pin.Model
+    closures: tuple[Constraint, ...]
+    coordinates: NDArray[np.intp]
+    motors: Array
+    friction: Friction
+    springs: Springs
+
+    @cached_property
+    def space(self) -> JointSpace:
+        """Names and units of q and v."""
+        return JointSpace(self.model)
+
+    @cached_property
+    def dependent(self) -> NDArray[np.intp]:
+        """Indices in v of the rates that the closures determine."""
+        return np.setdiff1d(np.arange(self.model.nv), self.coordinates)
+
+    @cached_property
+    def selection(self) -> Array:
+        """Rows that pick the coordinates, va = selection v, shape (n, nv)."""
+        return np.eye(self.model.nv)[self.coordinates]
+
+    @cached_property
+    def coordinate_rate_names(self) -> tuple[str, ...]:
+        """Name of each coordinate's rate, n of them."""
+        return tuple(self.space.rate_names[k] for k in self.coordinates)
+
+    @cached_property
+    def driven_one_to_one(self) -> bool:
+        """Whether motor k gives the force of coordinate k, and nothing else."""
+        return np.array_equal(self.motors, self.selection.T)
+
+    @cached_property
+    def length(self) -> float:
+        """A length of the robot, [m]: the largest offset between its joints and closures."""
+        offsets = [placement.translation for placement in list(self.model.jointPlacements)[1:]]
+        for closure in self.closures:
+            if isinstance(closure, (Closure, Distance, Rolling)):
+                for name in _frames_of(closure):
+                    if self.model.existFrame(name):
+                        frame = self.model.frames[self.model.getFrameId(name)]
+                        offsets.append(frame.placement.translation)
+            if isinstance(closure, Distance):
+                offsets.append(np.array([closure.distance]))
+        largest = max((float(np.linalg.norm(offset)) for offset in offsets), default=0.0)
+        return largest or 1.0
+
+    @cached_property
+    def row_scale(self) -> Array:
+        """What makes the rows of Phi free of units, shape (rows,)."""
+        return np.array([1 / self._unit(c, row) for c in self.closures for row in c.rows])
+
+    @cached_property
+    def rate_scale(self) -> Array:
+        """The rates v in multiples of these are free of units, shape (nv,)."""
+        units = self.space.rate_units
+        return np.array([self.length if unit == "m" else 1.0 for unit in units])
+
+    def _unit(self, closure: Constraint, row: str) -> float:
+        if isinstance(closure, Coupling):
+            joint = self.model.joints[joint_id(self.model, closure.joint)]
+            return self.length if self.space.rate_units[joint.idx_v] == "m" else 1.0
+        return 1.0 if row.startswith("turn") else self.length
+
+
+def read_only(array: Array) -> Array:
+    """A copy that cannot be written to."""
+    copy = np.array(array, dtype=float)
+    copy.flags.writeable = False
+    return copy
+
+
+def _frames_of(closure: Closure | Distance | Rolling) -> tuple[str, str]:
+    if isinstance(closure, Rolling):
+        return closure.plane, closure.wheel
+    return closure.frame_a, closure.frame_b

@@ -1,0 +1,326 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The reference path: single samples by Pinocchio and NumPy, in any number of threads.
+
+`Reference` computes samples; `ReferenceBackend` is what stands in the place of kernels where there
+are none, and leaves every sample to it.
+"""
+
+from __future__ import annotations
+
+import threading
+from math import isfinite
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from ..arrays import finite_array
+from ..errors import ActuationError, SSTError
+from . import dynamics
+from .dynamics import Workspace
+from .loops import CLOSURE_TOLERANCE
+from .mechanism import Friction, Mechanism
+from .mobility import condition_number
+
+Array = NDArray[np.float64]
+
+#: Forces that the motors leave over, relative to those of the tree, count as none below this.
+UNSUPPLIED = 1e-6
+
+
+class Reference:
+    """All dynamics of one mechanism, sample by sample.
+
+    Args:
+        mechanism: Whose dynamics it is.
+    """
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        self.mechanism = mechanism
+        self._per_thread = threading.local()
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {"mechanism": self.mechanism}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.mechanism = state["mechanism"]
+        self._per_thread = threading.local()
+
+    @property
+    def workspace(self) -> Workspace:
+        """This thread's memory."""
+        try:
+            return self._per_thread.workspace
+        except AttributeError:
+            self._per_thread.workspace = Workspace(self.mechanism)
+            return self._per_thread.workspace
+
+    def generalized_forces(self, q: Array, va: Array, aa: Array, wrenches: Array | None) -> Array:
+        """f, shape (n,)."""
+        f, _, _ = dynamics.inverse_dynamics(self.workspace, q, va, aa, wrenches)
+        if not isfinite(f.dot(f)):  # cheaper than looking at each input
+            _require_finite(q=q, va=va, aa=aa, tau=f)
+        return f
+
+    def torques(
+        self, q: Array, va: Array, aa: Array, wrenches: Array | None, weights: Array | None
+    ) -> Array:
+        """tau, shape (motors,): f itself, or the smallest torques that bring it about.
+
+        Raises:
+            ActuationError: When the motors cannot bring it about.
+        """
+        f, L, tree = dynamics.inverse_dynamics(self.workspace, q, va, aa, wrenches)
+        if not isfinite(f.dot(f)):
+            _require_finite(q=q, va=va, aa=aa, tau=f)
+        if self.mechanism.driven_one_to_one:
+            return f
+        return self._distributed(f, L, tree, weights)
+
+    def _distributed(self, f: Array, L: Array, tree: Array, weights: Array | None) -> Array:
+        """The torques of least weighted norm with A tau = f, A = L^T B."""
+        mechanism = self.mechanism
+        units = mechanism.rate_scale[mechanism.coordinates]
+        A = L.T.dot(mechanism.motors) * units[:, None]
+        half = np.ones(A.shape[1]) if weights is None else 1 / np.sqrt(weights)
+        tau = half * np.linalg.lstsq(A * half, f * units, rcond=1e-10)[0]
+        left = f * units - A.dot(tau)
+        over = np.abs(left) > UNSUPPLIED * float(np.abs(tree * mechanism.rate_scale).max())
+        if over.any():
+            names = mechanism.coordinate_rate_names
+            missing = {name: float(x) for name, x in zip(names, left / units, strict=True)}
+            missing = {name: missing[name] for name, o in zip(names, over, strict=True) if o}
+            listed = ", ".join(f"{name} {x:.4g}" for name, x in list(missing.items())[:6])
+            raise ActuationError(
+                f"the motors cannot bring about this motion: nobody supplies {listed} (N m or N); "
+                "generalized_forces gives what it needs, compute_accelerations the motion that "
+                "given torques lead to",
+                missing,
+            )
+        return tau
+
+    def accelerations(self, q: Array, va: Array, tau: Array, wrenches: Array | None) -> Array:
+        """aa, shape (n,)."""
+        friction = self.mechanism.friction
+        aa, _ = dynamics.direct_dynamics(self.workspace, friction, q, va, tau, wrenches)
+        if not isfinite(aa.dot(aa)):
+            _require_finite(q=q, va=va, tau=tau, aa=aa)
+        return aa
+
+    def reduced_terms(self, q: Array, va: Array) -> Array:
+        """Inertia, coriolis, gravity, friction in a row, shape (2 n (n + 1),)."""
+        terms = dynamics.terms(self.workspace, q, va)
+        gravity = terms.gravity + terms.springs
+        row = np.concatenate(
+            [terms.inertia.ravel(), terms.coriolis.ravel(), gravity, terms.friction]
+        )
+        if not isfinite(row.dot(row)):
+            _require_finite(q=q, va=va, terms=row)
+        return row
+
+    def rates(self, q: Array, va: Array) -> Array:
+        """v = L va, shape (nv,), Eq. (16)."""
+        ws = self.workspace
+        ws.evaluate(q)
+        v = ws.complement.factorise(ws.loops.Phi()).dot(va)
+        _require_finite(va=va, v=v)
+        return v
+
+    def accelerations_of_tree(self, q: Array, va: Array, aa: Array) -> Array:
+        """v_dot, shape (nv,), Eqs. (8), (20)."""
+        ws = self.workspace
+        ws.evaluate(q)
+        return dynamics.motion_of_tree(ws, va, aa)[2]
+
+    def frame_jacobian(self, q: Array, frame: int) -> Array:
+        """[linear; angular] of a frame, world axes at its origin, shape (6, n)."""
+        ws = self.workspace
+        ws.evaluate(q)
+        L = ws.complement.factorise(ws.loops.Phi())
+        return pin.getFrameJacobian(ws.model, ws.data, frame, pin.LOCAL_WORLD_ALIGNED).dot(L)
+
+    def frame_drift(self, q: Array, va: Array, frame: int) -> Array:
+        """[linear; angular] acceleration of a frame with aa = 0, shape (6,)."""
+        ws = self.workspace
+        ws.evaluate(q)
+        _, v, v_dot = dynamics.motion_of_tree(ws, va, np.zeros_like(va))
+        pin.forwardKinematics(ws.model, ws.data, q, v, v_dot)
+        pin.updateFramePlacements(ws.model, ws.data)
+        where = pin.LOCAL_WORLD_ALIGNED
+        return pin.getFrameClassicalAcceleration(ws.model, ws.data, frame, where).vector
+
+    def kinetic_energy(self, q: Array, v: Array) -> Array:
+        """Of all bodies and rotors at rates v of the tree, [J]."""
+        return np.asarray(v.dot(self.workspace.momentum_rate(q, v)) / 2)
+
+    def potential_energy(self, q: Array) -> Array:
+        """Of the weights, zero with all masses at the origin, and of the springs, [J]."""
+        ws, springs = self.workspace, self.mechanism.springs
+        energy = pin.computePotentialEnergy(ws.model, ws.data, q)
+        return np.asarray(energy + (0 if springs.none else springs.energy(ws.model, q)))
+
+
+class ReferenceBackend:
+    """A backend that leaves everything to the reference path.
+
+    Args:
+        reference: Of the mechanism.
+        why: There are no kernels.
+    """
+
+    def __init__(self, reference: Reference, why: str) -> None:
+        self._reference, self._why = reference, why
+
+    def __str__(self) -> str:
+        return f"the reference path: {self._why}"
+
+    def torques_of(self, *arguments: Any) -> None:
+        """Nothing: it leaves all to `ClosedChain`."""
+
+    accelerations_of = torques_of
+
+    def torques(self, q: Array, *arguments: Any) -> NDArray[np.intp]:
+        """All samples, for the reference path."""
+        return np.arange(len(q))
+
+    accelerations = reduced_terms = torques
+
+    def states(self, friction: Friction) -> ReferenceStates:
+        """The state space with a friction in the place of the mechanism's own."""
+        return ReferenceStates(self._reference, friction)
+
+
+class ReferenceStates:
+    """The state space (q, va) of one mechanism for an integrator, on the reference path.
+
+    States are y = (q, va), shape (nq + n,) or (N, nq + n); their dependent joints need only be
+    near the closures, their quaternions near length one.
+
+    Args:
+        reference: Of the mechanism.
+        friction: In the place of the mechanism's own.
+    """
+
+    def __init__(self, reference: Reference, friction: Friction) -> None:
+        self._reference, self._mechanism = reference, reference.mechanism
+        self._friction, self._nq = friction, reference.mechanism.model.nq
+
+    def closed(self, states: Array) -> Array:
+        """q with the dependent joints moved onto the closures, shape (..., nq).
+
+        Raises:
+            ClosureError: When they are out of reach.
+        """
+        if states.ndim == 1:
+            q = self._mechanism.space.normalised(states[: self._nq])
+            assembly = self._reference.workspace.assembly
+            return assembly.assemble(q, self._mechanism.dependent)
+        return np.array([self.closed(state) for state in states])
+
+    def rate(self, states: Array, tau: Array, wrenches: Array | None) -> Array:
+        """Eqs. (7) and (92): the rates of states, where the loops are closed.
+
+        Raises:
+            ClosureError, SingularConfigurationError: As `ClosedChain.compute_accelerations`.
+        """
+        if states.ndim == 2:
+            loads = [None] * len(states) if wrenches is None else wrenches
+            samples = zip(states, tau, loads, strict=True)
+            return np.array([self.rate(*sample) for sample in samples])
+        q, va = self.closed(states), states[self._nq :]
+        return self._rate(q, va, tau, wrenches, CLOSURE_TOLERANCE)
+
+    def _rate(
+        self, q: Array, va: Array, tau: Array, wrenches: Array | None, tolerance: float
+    ) -> Array:
+        ws = self._reference.workspace
+        arguments = (ws, self._friction, q, va, tau, wrenches, tolerance)
+        aa, v = dynamics.direct_dynamics(*arguments)
+        return np.concatenate([self._mechanism.space.coordinate_rates(q, v), aa])
+
+    def near_singularity(self, q: Array, limit: float) -> bool:
+        """Whether the condition number of the dependent part of Phi is above a limit."""
+        return not condition_number(self._Phi(q), self._mechanism.coordinates) < limit
+
+    def passes_singularity(self, before: Array, after: Array) -> bool:
+        """Whether the smallest singular value changes its sign between two configurations."""
+        columns = self._mechanism.dependent
+        product = self._Phi(before)[:, columns].T @ self._Phi(after)[:, columns]
+        return bool(np.linalg.slogdet(product)[0] < 0)
+
+    def _Phi(self, q: Array) -> Array:
+        loops, mechanism = self._reference.workspace.loops, self._mechanism
+        loops.evaluate(q)
+        return loops.Phi() * mechanism.row_scale[:, None] * mechanism.rate_scale
+
+    def rollout(
+        self,
+        dt: float,
+        q0: Array,
+        va0: Array,
+        tau: Array,
+        wrenches: Array | None,
+        q: Array,
+        va: Array,
+        threads: int,
+    ) -> NDArray[np.intp]:
+        """The classical Runge-Kutta method with fixed steps, one motion after the other.
+
+        After each step the dependent joints are moved onto the closures. A motion ends at the
+        first state that does not hold: open loops, a singularity, a number that is not finite.
+
+        Args:
+            dt: Step, [s].
+            q0: Starts, shape (N, nq).
+            va0: Rates at the starts, shape (N, n).
+            tau: Torques, shape (N, steps, motors), or (N, 2 steps + 1, motors).
+            wrenches: Constant, shape (N, r, 6), or None.
+            q: Filled, shape (N, steps + 1, nq); NaN behind the end.
+            va: Filled, shape (N, steps + 1, n).
+            threads: Without effect here.
+
+        Returns:
+            How many states of each motion hold, shape (N,).
+        """
+        steps = q.shape[1] - 1
+        held = tau.shape[1] == steps
+        q[:], va[:] = np.nan, np.nan
+        reached = np.zeros(len(q), dtype=np.intp)
+        for i in range(len(q)):
+            load = None if wrenches is None else wrenches[i]
+            state, before = np.concatenate([q0[i], va0[i]]), q0[i]
+            for s in range(steps + 1):
+                q_s = state[: self._nq]
+                try:
+                    self._reference.workspace.evaluate(q_s)
+                    if not np.isfinite(state).all() or self.passes_singularity(before, q_s):
+                        break
+                    q[i, s], va[i, s] = q_s, state[self._nq :]
+                    before, reached[i] = q_s, s + 1
+                    if s < steps:
+                        three = tau[i, [s, s, s] if held else [2 * s, 2 * s + 1, 2 * s + 2]]
+                        state = self._step(state, three, load, dt)
+                except SSTError:
+                    break
+        return reached
+
+    def _step(self, state: Array, tau: Array, wrenches: Array | None, h: float) -> Array:
+        """One step; between its ends q is off the closures by the square of the step."""
+        nq, space = self._nq, self._mechanism.space
+        stage, end = state, state
+        for when, weight, ahead in (
+            (0, h / 6, h / 2),
+            (1, h / 3, h / 2),
+            (1, h / 3, h),
+            (2, h / 6, 0),
+        ):
+            q = space.normalised(stage[:nq])
+            rate = self._rate(q, stage[nq:], tau[when], wrenches, np.inf)
+            end, stage = end + weight * rate, state + ahead * rate
+        return np.concatenate([self.closed(end), end[nq:]])
+
+
+def _require_finite(**arrays: Array) -> None:
+    for name, array in arrays.items():
+        finite_array(name, array, array.shape)
