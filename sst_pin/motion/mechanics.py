@@ -99,16 +99,16 @@ class FastMechanics(Mechanics):
         """As `Mechanics.closed`, by Newton's method."""
         q = states[..., : self._m]
         for _ in range(4):
-            flags, q, _ = self._kernels.close(q, None, False, 1)
+            flags, q = self._kernels.close(q)
             if flags is None:  # it was closed to 1e-6 before this step: the next one is the last
-                return self._kernels.close(q, None, False, 1)[1]
+                return self._kernels.close(q)[1]
         return super().closed(states)
 
     def rate(self, states: Array, tau: Array, load: Array | None) -> Array:
         """As `Mechanics.rate`."""
         moment = None if load is None else self._robot.moment_of(load)
         if load is None or moment is not None:
-            answer = self._kernels.rate(states, tau, moment, None, 1)
+            answer = self._kernels.rate(states, tau, moment)
             if answer is not None and answer[0] is None:
                 return answer[1]
         return super().rate(states, tau, load)
@@ -118,8 +118,8 @@ class FastMechanics(Mechanics):
         # |det A| = |det Phi^u|; the squares of the six singular values sum to 8, the largest is
         # at most 3. So the five largest have a product of at most (8/5)^(5/2), the smallest is at
         # least |det A| / 3.24, and the condition number at most 3.24 sqrt(3) / |det A|.
-        flags, _, check = self._kernels.close(state[: self._m], False, None, 1)
-        det = float(check[1])
+        flags, check = self._kernels.determinant(state[: self._m])
+        det = float(check[0])
         self._side = self._side or copysign(1, det)
         distance = log(limit * abs(det) / 5.62) if flags is None and det else -1.0
         if distance <= 0:

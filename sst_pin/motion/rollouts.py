@@ -11,7 +11,16 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import as_array, finite_array, flattened, name_samples, require_policy
+from ..arrays import (
+    as_array,
+    finite_array,
+    flattened,
+    name_samples,
+    positive_number,
+    require_policy,
+    single_array,
+    whole_number,
+)
 from ..chain.dynamics import Friction, direct_dynamics
 from ..errors import InputError, SimulationError, SSTError
 
@@ -74,9 +83,10 @@ def rollout(
             or when it runs away; it names the samples and tells the time of the first.
     """
     require_policy(on_error)
-    if threads < 1:
-        raise InputError("threads", f"{threads}, at least one is needed")
-    step = float(finite_array("dt", dt, ()))
+    threads = whole_number("threads", threads, 1)
+    step = float(single_array("dt", dt, ()))
+    positive_number("sign_width", sign_width, or_zero=True)
+    steps = None if steps is None else whole_number("steps", steps, 0)
     torques = _torques(tau, steps)
     start, rates = as_array("q0", q0, (9,)), as_array("va0", va0, (3,))
     moment = None if platform_moment is None else as_array("platform_moment", platform_moment, (3,))

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 from scipy.interpolate import BSpline
 
-from ..arrays import single_array
+from ..arrays import as_array, positive_number, single_array
 from ..errors import InputError, SimulationError, SingularityWarning, SSTError
 from .trajectories import Trajectory, sample_times, spline
 
@@ -30,6 +30,8 @@ Array = NDArray[np.float64]
 Torque = Callable[[float, Array, Array], ArrayLike] | ArrayLike | Trajectory
 #: Loads: a function of (t, q, va), a constant, or none.
 Load = Callable[[float, Array, Array], ArrayLike] | ArrayLike | None
+
+_METHODS = ("RK23", "RK45", "DOP853", "Radau", "BDF", "LSODA")
 
 
 def simulate(
@@ -83,6 +85,7 @@ def simulate(
         SimulationError: When the integrator gives up.
     """
     times = sample_times(t, 2)
+    _require_options(method, rtol, atol, max_condition_number, sign_width)
     n, m = len(chain.actuated), len(chain.joint_names)
     start = np.concatenate([single_array("q0", q0, (m,)), single_array("va0", va0, (n,))])
     mechanics = chain.mechanics(replace(chain.friction, sign_width=sign_width))
@@ -121,6 +124,17 @@ def simulate(
         )
         warnings.warn(stopped, SingularityWarning, stacklevel=3)
     return motion.sampled(solution.t, solution.y.T, stopped)
+
+
+def _require_options(
+    method: str, rtol: float, atol: float, max_condition_number: float, sign_width: float
+) -> None:
+    if method not in _METHODS:
+        raise InputError("method", f"{method!r} unknown; known: {', '.join(_METHODS)}")
+    positive_number("rtol", rtol)
+    positive_number("atol", atol)
+    positive_number("max_condition_number", max_condition_number)
+    positive_number("sign_width", sign_width, or_zero=True)  # 0 is the sign itself
 
 
 class _Input(NamedTuple):
@@ -186,7 +200,7 @@ def _torque_of(torque: Torque, times: Array, mechanics: Mechanics, n: int) -> _I
                 f"wanted from {times[0]:g} to {times[-1]:g} s",
             )
         return _sampled(spline(torque.t, torque.tau))
-    if not callable(torque) and np.ndim(torque) == 2:
+    if not callable(torque) and as_array("torque", torque, ()).ndim == 2:
         return _sampled(spline(times, single_array("torque", torque, (len(times), n))))
     return _called_or_constant("torque", torque, (n,), mechanics)
 

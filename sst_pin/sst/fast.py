@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import whole_number
 from ..chain.dynamics import Friction
 from ..description import JOINT_NAMES
-from ..errors import ClosureError, InputError
+from ..errors import ClosureError
 from . import kernels
 from .kernels.packing import pack
 from .topology import CUTS
@@ -96,34 +97,24 @@ class FastPath:
 
     def torques(self, threads: int) -> Fill | None:
         """Inverse dynamics of (q, va, aa, moment) by the kernels, None without them."""
-        own = self._checked(threads)
+        threads, own = whole_number("threads", threads, 1), self.kernels()
         if own is None:
             return None
         return lambda flat, tau: _left(own.inverse_dynamics(*flat, tau, threads))
 
     def accelerations(self, threads: int) -> Fill | None:
         """Direct dynamics of (q, va, tau, moment) by the kernels, None without them."""
-        own = self._checked(threads)
+        threads, own = whole_number("threads", threads, 1), self.kernels()
         if own is None:
             return None
-        return lambda flat, aa: _left(own.direct_dynamics(*flat, False, aa, threads))
+        return lambda flat, aa: _left(own.direct_dynamics(*flat, aa, threads))
 
     def reduced_terms(self, threads: int) -> Fill | None:
         """All terms at (q, va), a row for each sample, by the kernels, None without them."""
-        own = self._checked(threads)
+        threads, own = whole_number("threads", threads, 1), self.kernels()
         if own is None:
             return None
-
-        def fill(flat: list[Array | None], rows: Array) -> NDArray[np.intp]:
-            parts = np.split(rows, [9, 18, 21], axis=1)
-            return _left(own.reduced_terms(*flat, *parts, threads))
-
-        return fill
-
-    def _checked(self, threads: int) -> Any:
-        if threads < 1:
-            raise InputError("threads", f"{threads}, at least one is needed")
-        return self.kernels()
+        return lambda flat, rows: _left(own.reduced_terms(*flat, rows, threads))
 
 
 def misfit(robot: StarDynamics) -> str:

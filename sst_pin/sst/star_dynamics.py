@@ -10,7 +10,14 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import as_array, finite_array, for_each_sample, single_array
+from ..arrays import (
+    as_array,
+    finite_array,
+    for_each_sample,
+    require_policy,
+    single_array,
+    whole_number,
+)
 from ..chain.closed_chain import ClosedChain
 from ..chain.closures import Closure
 from ..chain.dynamics import Friction, ReducedTerms
@@ -93,6 +100,8 @@ class StarDynamics(ClosedChain):
         Raises:
             InputError, ClosureError, SingularConfigurationError: As `ClosedChain.compute_torques`.
         """
+        if on_error is not _RAISE:
+            require_policy(on_error)
         if external_wrenches is None and self._fast.on:
             answer = self._fast.inverse_dynamics(q, va, aa, platform_moment, out, threads)
             if answer is not None and answer[0] is None:
@@ -100,6 +109,7 @@ class StarDynamics(ClosedChain):
             arrays = _rows(q=q, va=va, aa=aa, platform_moment=platform_moment)
             fill = self._fast.torques(threads)
             return self._with_care(fill, self._torques, arrays, out, on_error)
+        whole_number("threads", threads, 1)
         if platform_moment is not None:
             external_wrenches = self.star_load(platform_moment, external_wrenches)
         return super().compute_torques(
@@ -136,13 +146,16 @@ class StarDynamics(ClosedChain):
         Raises:
             InputError, ClosureError, SingularConfigurationError: As `compute_torques`.
         """
+        if on_error is not _RAISE:
+            require_policy(on_error)
         if external_wrenches is None and self._fast.on:
-            answer = self._fast.direct_dynamics(q, va, tau, platform_moment, False, out, threads)
+            answer = self._fast.direct_dynamics(q, va, tau, platform_moment, out, threads)
             if answer is not None and answer[0] is None:
-                return answer[2]
+                return answer[1]
             arrays = _rows(q=q, va=va, tau=tau, platform_moment=platform_moment)
             fill = self._fast.accelerations(threads)
             return self._with_care(fill, self._accelerations, arrays, out, on_error)
+        whole_number("threads", threads, 1)
         if platform_moment is not None:
             external_wrenches = self.star_load(platform_moment, external_wrenches)
         return super().compute_accelerations(
@@ -264,12 +277,15 @@ class StarDynamics(ClosedChain):
         return moment if np.array_equal(load, self.star_load(moment)) else None
 
 
+_RAISE = "raise"  # to be compared by identity, which costs a single call nothing
 _CORE = {"q": (9,)} | dict.fromkeys(("va", "aa", "tau", "platform_moment"), (3,))
 
 
 def _rows(**arrays: ArrayLike | None) -> list[Array | None]:
     """Arguments as aligned arrays of rows, (..., 9) for q and (..., 3) for the others."""
     return [
-        None if value is None else np.require(as_array(name, value, _CORE[name]), None, "A")
+        None
+        if value is None and name == "platform_moment"
+        else np.require(as_array(name, value, _CORE[name]), None, "A")
         for name, value in arrays.items()
     ]
