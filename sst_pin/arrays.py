@@ -15,22 +15,37 @@ Array = NDArray[np.float64]
 _FLOAT64 = np.dtype(np.float64)
 
 
-def as_array(name: str, value: ArrayLike, core: tuple[int, ...]) -> Array:
+def as_array(name: str, value: ArrayLike | None, core: tuple[int, ...]) -> Array:
     """The value as float64 of shape (..., *core).
 
     Raises:
-        InputError: When it is not numeric or its last axes are others.
+        InputError: When it does not consist of real numbers, when a part of it is masked, or when
+            its last axes are others.
     """
     if type(value) is np.ndarray and value.shape == core and value.dtype is _FLOAT64:
         return value  # the short way for one sample in a control loop
+    if value is None:
+        raise InputError(name, "None, expected an array of numbers")
     try:
-        array = np.asarray(value, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise InputError(name, f"not an array of numbers ({error})") from None
+        given = np.asarray(value)
+    except Exception as error:  # what an object's own __array__ raises may be anything
+        raise InputError(name, f"not an array of numbers ({error})") from error
+    if given.dtype.kind not in "iuf":
+        raise InputError(name, f"not an array of numbers (dtype {given.dtype}, expected real ones)")
+    if _masked(value):
+        raise InputError(name, "a masked array; fill its gaps, e.g. by value.filled(nan)")
+    array = given.astype(float, copy=False)
     if array.shape[max(array.ndim - len(core), 0) :] != core:
         wanted = f"(..., {str(core)[1:-1].rstrip(',')})"
         raise InputError(name, f"shape {array.shape}, expected {wanted}")
     return array
+
+
+def _masked(value: object) -> bool:
+    """Whether a masked array is in it, whose mask NumPy would drop in silence."""
+    if isinstance(value, (list, tuple)):
+        return any(map(_masked, value))
+    return isinstance(value, np.ma.MaskedArray)
 
 
 def finite_array(name: str, value: ArrayLike, core: tuple[int, ...]) -> Array:
@@ -59,7 +74,7 @@ def single_array(name: str, value: ArrayLike | None, shape: tuple[int, ...]) -> 
     Raises:
         InputError: When it is not numeric, not finite, or of another shape.
     """
-    array = np.empty(0) if value is None else as_array(name, value, ())
+    array = as_array(name, value, ())
     if array.shape != shape:
         raise InputError(name, f"shape {array.shape}, expected {shape}: one sample")
     return finite_array(name, array, shape)
@@ -122,8 +137,33 @@ def for_each_sample(
 
 def require_policy(on_error: str) -> None:
     """Refuse what is no policy for samples at fault."""
-    if on_error not in ("raise", "nan"):
+    if not isinstance(on_error, str) or on_error not in ("raise", "nan"):
         raise InputError("on_error", f"{on_error!r} unknown; known: raise, nan")
+
+
+def whole_number(name: str, value: int, least: int) -> int:
+    """A count.
+
+    Raises:
+        InputError: When it is no whole number, or less than `least`.
+    """
+    if isinstance(value, (bool, np.bool)) or not hasattr(value, "__index__"):
+        raise InputError(name, f"{value!r} is not a whole number")
+    if value < least:
+        raise InputError(name, f"{value}, at least {least} is needed")
+    return int(value)
+
+
+def positive_number(name: str, value: float, *, or_zero: bool = False) -> float:
+    """A number above 0, or 0 where it may be.
+
+    Raises:
+        InputError: When it is none, or not finite.
+    """
+    number = float(single_array(name, value, ()))
+    if number < 0 or (number == 0 and not or_zero):
+        raise InputError(name, f"{number:g} is {'below' if or_zero else 'not above'} 0")
+    return number
 
 
 def flattened(
@@ -159,5 +199,7 @@ def _require_fitting(out: Array | None, shape: tuple[int, ...]) -> None:
         return
     if not isinstance(out, np.ndarray) or out.dtype != _FLOAT64 or not out.flags.writeable:
         raise InputError("out", "not a float64 array that can be written to")
+    if _masked(out):
+        raise InputError("out", "a masked array, which may keep what is masked as it is")
     if out.shape != shape:
         raise InputError("out", f"shape {out.shape}, expected {shape}")

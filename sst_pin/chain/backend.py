@@ -56,9 +56,7 @@ class Backend(Protocol):
     def __str__(self) -> str:
         """What computes, and why."""
 
-    def torques_of(
-        self, q: Any, va: Any, aa: Any, load: Any, out: Any, threads: Any, /
-    ) -> Answer:
+    def torques_of(self, q: Any, va: Any, aa: Any, load: Any, out: Any, threads: Any, /) -> Answer:
         """Inverse dynamics of arguments as the caller gave them, for one sample or a batch.
 
         Returns:

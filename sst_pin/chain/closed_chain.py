@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Mapping, Sequence
-from collections import Counter
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +14,14 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import as_array, finite_array, for_each_sample, require_policy, single_array, whole_number
+from ..arrays import (
+    as_array,
+    finite_array,
+    for_each_sample,
+    require_policy,
+    single_array,
+    whole_number,
+)
 from ..errors import (
     ActuationError,
     ClosureError,
@@ -923,20 +929,14 @@ class ClosedChain:
     ) -> Array:
         """A batch by the kernel, what it leaves by the reference path, with its errors."""
         require_policy(on_error)
-        if isinstance(threads, bool) or not isinstance(threads, (int, np.integer)) or threads < 1:
-            raise InputError("threads", f"{threads!r}: a number of threads, at least one")
-        if out is None and all(
-            a is None or a.ndim == axes for a, axes in zip(arrays, core_axes, strict=True)
-        ):
-            if on_error == "raise" and (
-                kernel is None or isinstance(self._backend, ReferenceBackend)
-            ):
-                return reference(*arrays)
-        fill = None
-        if kernel is not None and not isinstance(self._backend, ReferenceBackend):
+        threads = whole_number("threads", threads, 1)
+        pairs = zip(arrays, core_axes, strict=True)
+        single = all(array is None or array.ndim == axes for array, axes in pairs)
+        if single and out is None and on_error == "raise":
+            return reference(*arrays)
 
-            def fill(flat: list[Array | None], result: Array) -> Indices:
-                return kernel(*flat, result, threads)
+        def fill(flat: list[Array | None], result: Array) -> Indices:
+            return np.arange(len(result)) if kernel is None else kernel(*flat, result, threads)
 
         return for_each_sample(
             reference, arrays, core_axes, (size,), on_error=on_error, out=out, fast=fill

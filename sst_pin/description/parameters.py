@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import ParametersError
+from ..arrays import as_array
+from ..errors import InputError, ParametersError
 
 Array = NDArray[np.float64]
 
@@ -27,12 +28,19 @@ _FLAT = 1e-6
 def _frozen(value: ArrayLike, name: str) -> Array:
     """A read-only copy as float64."""
     try:
-        array = np.array(value, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise ParametersError([f"{name}: not an array of numbers ({error})"]) from None
+        array = np.array(as_array(name, value, ()))
+    except InputError as error:
+        raise ParametersError([str(error)]) from None
     array += 0.0  # a negative zero would be written as -0.0
     array.setflags(write=False)
     return array
+
+
+def _number(value: float, name: str) -> float:
+    array = _frozen(value, name)
+    if array.shape:
+        raise ParametersError([f"{name}: {value!r} is not a number"])
+    return float(array)
 
 
 def _same(a: Any, b: Any) -> bool:
@@ -73,10 +81,7 @@ class RigidBody:
     inertia: Array
 
     def __init__(self, mass: float, center_of_mass: ArrayLike, inertia: ArrayLike) -> None:
-        try:
-            object.__setattr__(self, "mass", float(mass))
-        except (TypeError, ValueError):
-            raise ParametersError([f"mass: {mass!r} is not a number"]) from None
+        object.__setattr__(self, "mass", _number(mass, "mass"))
         object.__setattr__(self, "center_of_mass", _frozen(center_of_mass, "center_of_mass"))
         object.__setattr__(self, "inertia", _frozen(inertia, "inertia"))
 
@@ -187,11 +192,11 @@ class Parameters:
             ("viscous_friction", viscous_friction),
             ("coulomb_friction", coulomb_friction),
         ):
-            scalar = np.ndim(value) == 0
-            put(name, _frozen(np.full(9, value) if scalar else value, name))
+            array = _frozen(value, name)
+            put(name, array if array.ndim else _frozen(np.full(9, array), name))
         put("gravity", _frozen(gravity, "gravity"))
-        put("base_radius", base_radius)
-        put("star_radius", star_radius)
+        put("base_radius", _number(base_radius, "base_radius"))
+        put("star_radius", _number(star_radius, "star_radius"))
         problems = list(self._problems())
         if problems:
             raise ParametersError(problems)

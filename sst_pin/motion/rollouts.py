@@ -84,6 +84,7 @@ def rollout(
     positive_number("sign_width", sign_width, or_zero=True)
     step = float(single_array("dt", dt, ()))
     nq, n, motors = len(chain.joint_units), chain.degrees_of_freedom, len(chain.motor_names)
+    steps = None if steps is None else whole_number("steps", steps, 0)
     torques = _torques(tau, steps, motors)
     start, rates = as_array("q0", q0, (nq,)), as_array("va0", va0, (n,))
     wrenches = None
@@ -117,6 +118,6 @@ def _torques(tau: ArrayLike, steps: int | None, motors: int) -> Array:
     if torques.ndim < 2:
         raise InputError("tau", f"shape {torques.shape}, expected (..., N, {motors})")
     rows = torques.shape[-2]
-    if steps is not None and rows not in (whole_number("steps", steps, 1), 2 * steps + 1):
+    if steps is not None and rows not in (steps, 2 * steps + 1):
         raise InputError("tau", f"{rows} torques for {steps} steps: N or 2 N + 1 are needed")
     return torques

@@ -227,9 +227,9 @@ class _Run:
             return None
 
     def _ends(self, before: Array, after: Array) -> bool:
-        return self._states.near_singularity(
-            after, self._limit
-        ) or self._states.passes_singularity(before, after)
+        return self._states.near_singularity(after, self._limit) or self._states.passes_singularity(
+            before, after
+        )
 
 
 def _torque_of(torque: Torque, times: Array, states: States, motors: int) -> _Input:

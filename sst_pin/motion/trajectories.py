@@ -173,17 +173,16 @@ class Trajectory:
         coordinates = [(p[1], p[2]) for p in rates if p]
         torques = [re.fullmatch(r"tau_\d+_(Nm|N)", name) for name in table.columns]
         motors = sum(t is not None for t in torques)
-        first = next((i for i, p in enumerate(rates) if p), 0)
-        positions = [_POSITION.fullmatch(name) for name in table.columns[1:first]]
-        if not coordinates or not positions or not all(positions):
+        positions = [(p[1], p[2] or "") for p in map(_POSITION.fullmatch, table.columns) if p]
+        if not coordinates or not positions:
             raise FileFormatError(path, "not a motion: no columns like gamma_1_rad, gamma_1_rad_s")
-        names, units = zip(*((p[1], p[2] or "") for p in positions if p), strict=True)
+        names, units = zip(*positions, strict=True)
         n, m = len(coordinates), len(names)
         rate_names, rate_units = zip(*coordinates, strict=True)
         # A CSV does not name its motors: they are the coordinates where there are as many.
         actuated = rate_names if motors == n else [f"motor_{k}" for k in range(1, motors + 1)]
-        words = (names, actuated, units, rate_names, rate_units)
-        values = table.select(_columns(*words, [t[1] for t in torques if t]))
+        forces = [t[1] for t in torques if t]
+        values = table.select(_columns(names, units, rate_names, rate_units, forces))
         t, q, va, aa, tau = np.split(values, np.cumsum([1, m, n, n]), axis=1)
         return cls(
             t[:, 0],
@@ -198,9 +197,25 @@ class Trajectory:
             rate_units=rate_units,
         )
 
-    def _columns(
+    def _columns(self) -> list[str]:
+        unit = dict(zip(self.coordinates, self.rate_units, strict=True))
+        forces = ["N" if unit.get(name) == "m" else "Nm" for name in self.actuated]
+        return _columns(
+            self.joint_names, self.units, self.coordinates, self.rate_units, forces
+        )
+
+    def torque(self) -> Callable[[float], Array]:
+        """The torques as a smooth function of time, for `simulate`.
+
+        Returns:
+            A spline of degree five through the samples (lower for fewer than six of them).
+        """
+        smooth = spline(self.t, self.tau)
+        return lambda t: np.asarray(smooth(t))
+
+
+def _columns(
     joint_names: Sequence[str],
-    actuated: Sequence[str],
     units: Sequence[str],
     coordinates: Sequence[str],
     rate_units: Sequence[str],

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from ..chain.dynamics import Friction
+from ..chain.mechanism import Friction
 from ..description import JOINT_NAMES, base_orientations
 from ..description.parameters import Parameters, RigidBody
 from ..errors import DescriptionError

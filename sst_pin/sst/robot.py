@@ -135,7 +135,7 @@ class SST(ClosedChain):
     ) -> None:
         closures, actuated, gravity, joints = reading.parse_cuts(cuts, cuts_source)
         model = reading.parse_urdf(urdf, urdf_source, joints)
-        geometry = geometry_of(model, urdf_source)
+        geometry_of(model, urdf_source)  # its complaints come first
         if actuated != _MOTORS:
             raise DescriptionError(
                 cuts_source, [f"name_mot: {list(actuated)}, an SST has {', '.join(_MOTORS)}"]
@@ -529,9 +529,7 @@ class SST(ClosedChain):
             raise error
 
 
-def _with_moment(
-    moment: ArrayLike | None, wrenches: ArrayLike | None
-) -> ArrayLike | None:
+def _with_moment(moment: ArrayLike | None, wrenches: ArrayLike | None) -> ArrayLike | None:
     """External wrenches with a moment on the star besides."""
     if moment is None:
         return wrenches

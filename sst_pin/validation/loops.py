@@ -6,13 +6,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-import numpy as np
 import pinocchio as pin
 
 from .. import reading
-from ..chain import assembly
 from ..chain.closed_chain import ClosedChain
-from ..chain.closures import Closure, LoopKinematics
+from ..chain.closures import Closure
 from ..errors import ActuationError, ClosureError, DescriptionError, SSTError
 from .problems import Problem, error, warning
 
@@ -73,13 +71,12 @@ def _open(model: pin.Model, closures: Sequence[Closure]) -> Iterator[Problem]:
 
 def _gap(model: pin.Model, closures: Sequence[Closure]) -> float:
     """What stays open at best, 0 when the loops can be closed."""
-    kinematics = LoopKinematics(model, closures)
+    chain = ClosedChain(model, closures, ())
     try:
-        assembly.generic_configuration(kinematics)
+        chain.generic_configuration()
     except ClosureError as caught:
-        everything = np.arange(model.nv)
         try:
-            assembly.assemble(kinematics, pin.neutral(model), everything)
+            chain.assemble(pin.neutral(model), fixed=())
         except ClosureError:
             return caught.residual
     return 0.0
@@ -109,7 +106,7 @@ def _actuation(model: pin.Model, cuts: reading.Cuts) -> Iterator[Problem]:
         yield warning(
             "actuation",
             f"redundant: {len(cuts.actuated)} motors for {mobility.degrees_of_freedom} degrees of "
-            "freedom; the dynamics here need as many as there are",
+            "freedom; the smallest torques are computed",
         )
 
 

@@ -2,7 +2,8 @@
 /* The kernels for NumPy.
  *
  * Inputs are float64 arrays of shape (core) or (n, core); one without the first axis goes with all
- * n samples. What is not of this kind is answered with None: the caller brings it into shape. */
+ * n samples. What is not of this kind is answered with None: the caller brings it into shape, or
+ * says what is wrong with it. */
 #define PY_SSIZE_T_CLEAN
 #define NPY_NO_DEPRECATED_API NPY_1_22_API_VERSION
 #include <Python.h>
@@ -43,8 +44,9 @@ typedef struct {
 
 static PyObject *kernels_new(PyTypeObject *type, PyObject *args, PyObject *keywords)
 {
+    static char *names[] = {"", NULL};
     PyObject *vector;
-    if (keywords || !PyArg_ParseTuple(args, "O!", &PyArray_Type, &vector))
+    if (!PyArg_ParseTupleAndKeywords(args, keywords, "O!", names, &PyArray_Type, &vector))
         return NULL;
     if (PyArray_TYPE((PyArrayObject *)vector) != NPY_DOUBLE
         || !PyArray_ISCARRAY_RO((PyArrayObject *)vector)
@@ -71,20 +73,20 @@ static void kernels_dealloc(PyObject *self)
     Py_TYPE(self)->tp_free(self);
 }
 
+/* How many threads are asked for, as many as are useful; 0 for what is no such number. */
 static int threads_of(PyObject *object)
 {
-    const long threads = PyLong_AsLong(object);
-    if (threads == -1 && PyErr_Occurred())
-        return -1;
-    return (int)(threads < 0 ? 0 : threads > MOST_THREADS ? MOST_THREADS : threads);
+    if (!PyLong_CheckExact(object))
+        return 0;
+    int overflow;
+    const long threads = PyLong_AsLongAndOverflow(object, &overflow);
+    return overflow > 0 || threads > MOST_THREADS ? MOST_THREADS : threads < 0 ? 0 : (int)threads;
 }
 
-/* Whether writing to b may change what is still to be read from a: they share memory, and not row
- * by row. */
-static int in_the_way(const rows *a, const rows *b, npy_intp samples)
+/* Whether two arrays may share memory: results on top of inputs would be lost to those who look at
+ * the inputs again. */
+static int overlap(const rows *a, const rows *b, npy_intp samples)
 {
-    if (!a->data || !b->data || (a->data == b->data && a->row == b->row && a->column == b->column))
-        return 0;
     const rows *both[] = {a, b};
     char *low[2], *high[2];
     for (int i = 0; i < 2; i++) {
@@ -96,78 +98,66 @@ static int in_the_way(const rows *a, const rows *b, npy_intp samples)
     return low[0] <= high[1] && low[1] <= high[0];
 }
 
-/* What a map kernel takes and gives. */
+/* What a map kernel takes and gives: the sizes of its inputs, which of them is the moment on the star
+ * (0 for none), the size of its result and where this stands in a block. */
 typedef struct {
-    int ins, in[4], outs, out[4];
-    int moment; /* which input is the moment on the star, 0 for none */
+    int kernel, ins, in[4], moment, size, position;
 } face;
 
-static const face faces[] = {
-    [INVERSE_DYNAMICS] = {4, {9, 3, 3, 3}, 1, {3}, 3},
-    [DIRECT_DYNAMICS] = {4, {9, 3, 3, 3}, 2, {9, 3}, 3},
-    [REDUCED_TERMS] = {2, {9, 3}, 4, {9, 9, 3, 3}, 0},
-    [CLOSE] = {1, {9}, 2, {9, 3}, 0}, /* the second is the check */
-    [RATE] = {3, {12, 3, 3}, 1, {12}, 2}, /* of (q, va) */
-};
+static const face inverse_dynamics_face = {INVERSE_DYNAMICS, 4, {9, 3, 3, 3}, 3, 3, 18};
+static const face direct_dynamics_face = {DIRECT_DYNAMICS, 4, {9, 3, 3, 3}, 3, 3, 27};
+static const face reduced_terms_face = {REDUCED_TERMS, 2, {9, 3}, 0, 24, 12};
+static const face close_face = {CLOSE, 1, {9}, 0, 9, 0};
+static const face determinant_face = {CLOSE, 1, {9}, 0, 1, 10};
+static const face rate_face = {RATE, 3, {12, 3, 3}, 2, 12, 18};
 
-/* (inputs..., outputs..., threads): a moment of None is no moment, an output of None is made, one
- * of False left out. Gives (flags, outputs...), flags None where every sample is good. */
-static PyObject *map_kernel(PyObject *self, int kernel, PyObject *const *args, Py_ssize_t nargs)
+static PyObject *wrong_count(Py_ssize_t wanted, Py_ssize_t nargs)
 {
-    const face *f = &faces[kernel];
-    if (nargs != f->ins + f->outs + 1) {
-        PyErr_SetString(PyExc_TypeError, "wrong number of arguments");
-        return NULL;
-    }
+    return PyErr_Format(PyExc_TypeError, "%zd arguments, expected %zd", nargs, wanted);
+}
+
+/* The inputs through a kernel to `out`, which is made when it is None. Only the moment may be None.
+ * Gives (flags, out), flags None where every sample is good; None for arguments of another kind. */
+static PyObject *map_kernel(PyObject *self, const face *f, PyObject *const *inputs, PyObject *out,
+    int threads)
+{
     work w;
-    w.kernel = kernel;
+    w.kernel = f->kernel;
     w.ins = f->ins;
-    w.outs = f->outs;
+    w.position = f->position;
     w.any_bad = 0;
     w.p = ((Kernels *)self)->wide;
-    const int threads = threads_of(args[nargs - 1]);
-    if (threads < 0)
-        return NULL;
-    if (threads == 0)
-        Py_RETURN_NONE;
+    w.loaded = f->moment && inputs[f->moment] != Py_None;
     npy_intp samples = -1;
     for (int i = 0; i < f->ins; i++) {
-        if (args[i] == Py_None)
+        if (f->moment && i == f->moment && !w.loaded)
             w.in[i] = (rows){NULL, 0, 0, f->in[i]};
-        else if (rows_of(args[i], f->in[i], &samples, &w.in[i]))
+        else if (rows_of(inputs[i], f->in[i], &samples, &w.in[i]))
             Py_RETURN_NONE;
     }
-    w.loaded = f->moment && w.in[f->moment].data;
     const int single = samples < 0;
-    PyObject *outs[4] = {NULL}, *result = NULL;
+    const npy_intp shape[2] = {samples, f->size};
+    PyObject *result = NULL;
     unsigned char one_flag = 0, *many_flags = NULL;
-    for (int i = 0; i < f->outs; i++) {
-        PyObject *out = args[f->ins + i];
-        npy_intp shape[2] = {samples, f->out[i]};
-        if (out == Py_False) {
-            w.out[i] = (rows){NULL, 0, 0, f->out[i]};
-            outs[i] = Py_NewRef(Py_None);
-            continue;
-        }
-        if (out == Py_None) {
-            outs[i] = PyArray_SimpleNew(single ? 1 : 2, single ? shape + 1 : shape, NPY_DOUBLE);
-            if (!outs[i])
-                goto end;
-        } else {
-            outs[i] = Py_NewRef(out);
-        }
-        npy_intp count = samples;
-        if (rows_of(outs[i], f->out[i], &count, &w.out[i]) || count != samples
-            || !PyArray_ISWRITEABLE((PyArrayObject *)outs[i])) {
+    const int given = out != Py_None;
+    if (!given) {
+        out = PyArray_SimpleNew(single ? 1 : 2, single ? shape + 1 : shape, NPY_DOUBLE);
+        if (!out)
+            return NULL;
+    } else {
+        Py_INCREF(out);
+    }
+    npy_intp count = samples;
+    if (rows_of(out, f->size, &count, &w.out[0]) || count != samples
+        || !PyArray_ISWRITEABLE((PyArrayObject *)out)) {
+        result = Py_NewRef(Py_None);
+        goto end;
+    }
+    for (int i = 0; i < f->ins && given; i++)
+        if (w.in[i].data && overlap(&w.in[i], &w.out[0], samples)) {
             result = Py_NewRef(Py_None);
             goto end;
         }
-        for (int j = 0; j < f->ins && out != Py_None; j++)
-            if (in_the_way(&w.in[j], &w.out[i], samples)) {
-                result = Py_NewRef(Py_None);
-                goto end;
-            }
-    }
     ptrdiff_t next = 0;
     w.next = &next;
     w.samples = single ? 1 : samples;
@@ -187,56 +177,76 @@ static PyObject *map_kernel(PyObject *self, int kernel, PyObject *const *args, P
         w.any_bad = do_in_threads(&w, threads);
         Py_END_ALLOW_THREADS
     }
-    PyObject *flags = NULL;
+    PyObject *flags;
     if (w.any_bad) {
-        npy_intp count = w.samples;
-        flags = PyArray_SimpleNew(single ? 0 : 1, &count, NPY_BOOL);
+        flags = PyArray_SimpleNew(single ? 0 : 1, &w.samples, NPY_BOOL);
         if (!flags)
             goto end;
         memcpy(PyArray_DATA((PyArrayObject *)flags), w.bad, (size_t)w.samples);
     } else {
         flags = Py_NewRef(Py_None);
     }
-    result = PyTuple_New(1 + f->outs);
-    if (!result) {
+    result = PyTuple_New(2);
+    if (result) {
+        PyTuple_SET_ITEM(result, 0, flags);
+        PyTuple_SET_ITEM(result, 1, Py_NewRef(out));
+    } else {
         Py_DECREF(flags);
-        goto end;
-    }
-    PyTuple_SET_ITEM(result, 0, flags);
-    for (int i = 0; i < f->outs; i++) {
-        PyTuple_SET_ITEM(result, 1 + i, outs[i]);
-        outs[i] = NULL;
     }
 end:
     PyMem_RawFree(many_flags);
-    for (int i = 0; i < f->outs; i++)
-        Py_XDECREF(outs[i]);
+    Py_DECREF(out);
     return result;
+}
+
+/* (inputs..., out, threads) */
+static PyObject *map_in_threads(PyObject *self, const face *f, PyObject *const *args,
+    Py_ssize_t nargs)
+{
+    if (nargs != f->ins + 2)
+        return wrong_count(f->ins + 2, nargs);
+    const int threads = threads_of(args[f->ins + 1]);
+    if (threads < 1)
+        Py_RETURN_NONE;
+    return map_kernel(self, f, args, args[f->ins], threads);
+}
+
+/* (inputs...) */
+static PyObject *map_here(PyObject *self, const face *f, PyObject *const *args, Py_ssize_t nargs)
+{
+    if (nargs != f->ins)
+        return wrong_count(f->ins, nargs);
+    return map_kernel(self, f, args, Py_None, 1);
 }
 
 static PyObject *inverse_dynamics(PyObject *self, PyObject *const *args, Py_ssize_t nargs)
 {
-    return map_kernel(self, INVERSE_DYNAMICS, args, nargs);
+    return map_in_threads(self, &inverse_dynamics_face, args, nargs);
 }
 
 static PyObject *direct_dynamics(PyObject *self, PyObject *const *args, Py_ssize_t nargs)
 {
-    return map_kernel(self, DIRECT_DYNAMICS, args, nargs);
+    return map_in_threads(self, &direct_dynamics_face, args, nargs);
 }
 
 static PyObject *reduced_terms(PyObject *self, PyObject *const *args, Py_ssize_t nargs)
 {
-    return map_kernel(self, REDUCED_TERMS, args, nargs);
+    return map_in_threads(self, &reduced_terms_face, args, nargs);
 }
 
 static PyObject *close_loops(PyObject *self, PyObject *const *args, Py_ssize_t nargs)
 {
-    return map_kernel(self, CLOSE, args, nargs);
+    return map_here(self, &close_face, args, nargs);
+}
+
+static PyObject *determinant(PyObject *self, PyObject *const *args, Py_ssize_t nargs)
+{
+    return map_here(self, &determinant_face, args, nargs);
 }
 
 static PyObject *rate(PyObject *self, PyObject *const *args, Py_ssize_t nargs)
 {
-    return map_kernel(self, RATE, args, nargs);
+    return map_here(self, &rate_face, args, nargs);
 }
 
 static int fits(PyArrayObject *array, int ndim, npy_intp n, npy_intp times, npy_intp size)
@@ -259,13 +269,12 @@ static rows along(PyArrayObject *array)
 static PyObject *rollout(PyObject *self, PyObject *args)
 {
     PyArrayObject *q0, *va0, *tau, *q, *va, *reached;
-    PyObject *moment;
+    PyObject *moment, *count;
     ptrdiff_t next = 0;
     work w = {.kernel = STEP, .p = ((Kernels *)self)->wide, .next = &next};
-    int threads;
-    if (!PyArg_ParseTuple(args, "dO!O!O!OO!O!O!i", &w.h, &PyArray_Type, &q0, &PyArray_Type, &va0,
+    if (!PyArg_ParseTuple(args, "dO!O!O!OO!O!O!O!", &w.h, &PyArray_Type, &q0, &PyArray_Type, &va0,
             &PyArray_Type, &tau, &moment, &PyArray_Type, &q, &PyArray_Type, &va, &PyArray_Type,
-            &reached, &threads))
+            &reached, &PyLong_Type, &count))
         return NULL;
     const npy_intp n = PyArray_SIZE(reached);
     w.steps = PyArray_NDIM(q) == 3 ? PyArray_DIM(q, 1) - 1 : -1;
@@ -293,7 +302,7 @@ static PyObject *rollout(PyObject *self, PyObject *args)
     w.va_step = PyArray_STRIDE(va, 1);
     w.reached = PyArray_DATA(reached);
     w.samples = n;
-    threads = threads < 1 ? 1 : threads > MOST_THREADS ? MOST_THREADS : threads;
+    const int threads = threads_of(count);
     int any_bad;
     Py_BEGIN_ALLOW_THREADS
     any_bad = do_in_threads(&w, threads);
@@ -301,19 +310,23 @@ static PyObject *rollout(PyObject *self, PyObject *args)
     return PyBool_FromLong(any_bad);
 }
 
+#define METHOD(name, function, text) \
+    {name, (PyCFunction)(void (*)(void))function, METH_FASTCALL, text}
+
 static PyMethodDef methods[] = {
-    {"inverse_dynamics", (PyCFunction)(void (*)(void))inverse_dynamics, METH_FASTCALL,
-        "(q, va, aa, moment, tau, threads) -> (flags, tau)"},
-    {"direct_dynamics", (PyCFunction)(void (*)(void))direct_dynamics, METH_FASTCALL,
-        "(q, va, tau, moment, q_dot, aa, threads) -> (flags, q_dot, aa)"},
-    {"reduced_terms", (PyCFunction)(void (*)(void))reduced_terms, METH_FASTCALL,
-        "(q, va, inertia, coriolis, gravity, friction, threads) -> (flags, ...)"},
-    {"close", (PyCFunction)(void (*)(void))close_loops, METH_FASTCALL,
-        "(q, q, check, threads) -> (flags, q, check)"},
-    {"rate", (PyCFunction)(void (*)(void))rate, METH_FASTCALL,
-        "(state, tau, moment, rate, threads) -> (flags, rate)"},
+    METHOD("inverse_dynamics", inverse_dynamics,
+        "inverse_dynamics($self, q, va, aa, moment, out, threads, /)\n--\n\n(flags, tau)"),
+    METHOD("direct_dynamics", direct_dynamics,
+        "direct_dynamics($self, q, va, tau, moment, out, threads, /)\n--\n\n(flags, aa)"),
+    METHOD("reduced_terms", reduced_terms,
+        "reduced_terms($self, q, va, out, threads, /)\n--\n\n"
+        "(flags, rows): inertia, coriolis, gravity, friction."),
+    METHOD("close", close_loops, "close($self, q, /)\n--\n\n(flags, q): a step of Newton's method."),
+    METHOD("determinant", determinant, "determinant($self, q, /)\n--\n\n(flags, det A)"),
+    METHOD("rate", rate, "rate($self, state, tau, moment, /)\n--\n\n(flags, rate)"),
     {"rollout", rollout, METH_VARARGS,
-        "(h, q0, va0, tau, moment, q, va, reached, threads) -> bool"},
+        "rollout($self, dt, q0, va0, tau, moment, q, va, reached, threads, /)\n--\n\n"
+        "Whether any sample stopped early."},
     {NULL, NULL, 0, NULL},
 };
 

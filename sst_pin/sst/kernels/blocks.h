@@ -4,6 +4,7 @@
 #include <pthread.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "sst_kernels.h"
@@ -12,7 +13,7 @@
 #define SST_DEFINITE 1e-12
 #define BLOCK 32 /* samples that fit the first cache with all that belongs to them */
 #define WIDTH 48 /* numbers of a sample, the most that a kernel takes and gives */
-#define MOST_ARRAYS 5
+#define MOST_INPUTS 4
 #define MOST_THREADS 256
 #define PARAMETERS (sizeof(sst_parameters) / sizeof(double))
 
@@ -101,8 +102,9 @@ static inline int is_good(const double *block, int sample, int position)
 typedef struct {
     int kernel;
     const void *p; /* parameters in all lanes */
-    rows in[MOST_ARRAYS], out[MOST_ARRAYS];
-    int ins, outs, loaded; /* loaded: with a moment on the star */
+    rows in[MOST_INPUTS], out[2]; /* STEP fills two arrays, the other kernels one */
+    int ins, loaded;              /* loaded: with a moment on the star */
+    int position;                 /* of the result in a block */
     ptrdiff_t samples, *next; /* how many, and the first that nobody has taken yet */
     unsigned char *bad;       /* one flag for each sample */
     int any_bad;
@@ -124,12 +126,7 @@ static void map_block(work *w, ptrdiff_t first, int count)
         position += w->in[a].size;
     }
     const int all_good = set->run(w->kernel, w->p, 0, w->loaded, block, count);
-    position = at.out;
-    for (int a = 0; a < w->outs; a++) {
-        if (w->out[a].data)
-            set->scatter(block, position, &w->out[a], first, count);
-        position += w->out[a].size;
-    }
+    set->scatter(block, w->position, &w->out[0], first, count);
     for (int i = 0; i < count && !all_good; i++)
         if (!is_good(block, i, at.good))
             w->bad[first + i] = w->any_bad = 1;
@@ -213,23 +210,32 @@ static void *do_work(void *argument)
     }
 }
 
+/* A thread and its part of the work. */
+typedef struct {
+    pthread_t handle;
+    work part;
+} helper;
+
 /* All of it in several threads, this one among them; returns whether any sample is bad. */
 static int do_in_threads(const work *all, int threads)
 {
-    work parts[MOST_THREADS];
-    pthread_t handles[MOST_THREADS];
+    const ptrdiff_t shares = (all->samples - 1) / share_of(all->kernel);
+    const int wanted = shares < threads - 1 ? (int)shares : threads - 1;
+    /* Not on the stack, which may be small. Without memory this thread does it alone. */
+    helper *helpers = wanted > 0 ? malloc((size_t)wanted * sizeof *helpers) : NULL;
     int started = 0;
-    while (started + 1 < threads && (started + 1) * share_of(all->kernel) < all->samples) {
-        parts[started] = *all;
-        if (pthread_create(&handles[started], NULL, do_work, &parts[started]))
+    while (helpers && started < wanted) {
+        helpers[started].part = *all;
+        if (pthread_create(&helpers[started].handle, NULL, do_work, &helpers[started].part))
             break; /* there are no more to be had */
         started++;
     }
     work own = *all;
     do_work(&own);
     for (int i = 0; i < started; i++) {
-        pthread_join(handles[i], NULL);
-        own.any_bad |= parts[i].any_bad;
+        pthread_join(helpers[i].handle, NULL);
+        own.any_bad |= helpers[i].part.any_bad;
     }
+    free(helpers);
     return own.any_bad;
 }

@@ -16,7 +16,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from ...chain.dynamics import Friction
+from ...chain.mechanism import Friction
 from ...description import JOINT_NAMES
 from ..kinematics import Geometry
 
