@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from ..motion.trajectories import Trajectory
 
 Array = NDArray[np.float64]
+_Chain = TypeVar("_Chain", bound="ClosedChain")
 
 
 class ClosedChain(ClosedTree):
@@ -63,7 +64,7 @@ class ClosedChain(ClosedTree):
         )
 
     @classmethod
-    def from_urdf(cls, path: str | Path, cuts: str | Path | None = None) -> ClosedChain:
+    def from_urdf(cls: type[_Chain], path: str | Path, cuts: str | Path | None = None) -> _Chain:
         """A robot from a URDF and, beside it, what a URDF cannot say: the "extended URDF" of LAAS.
 
         A YAML file lists closures (`closed_loop`, pairs of frames, each with its `type`), motors
@@ -82,18 +83,17 @@ class ClosedChain(ClosedTree):
             UnknownNameError: For a joint or frame that is not in the URDF.
             ActuationError: As the constructor.
         """
-        path = Path(path)
-        cuts = path.with_suffix(".yaml") if cuts is None else cuts
         text = reading.read_text(path, "URDF")
+        cuts = Path(path).with_suffix(".yaml") if cuts is None else cuts
         closures, actuated, gravity, joints = reading.parse_cuts(
             reading.read_text(cuts, "YAML of the cuts"), str(cuts)
         )
         model = reading.parse_urdf(text, str(path), joints)
         model.gravity.linear = gravity
-        return ClosedChain(model, closures, actuated)
+        return cls(model, closures, actuated)
 
-    @staticmethod
-    def from_mjcf(path: str | Path, *, locked: Sequence[str] = ()) -> ClosedChain:
+    @classmethod
+    def from_mjcf(cls: type[_Chain], path: str | Path, *, locked: Sequence[str] = ()) -> _Chain:
         """A robot from a MuJoCo file, its loops closed by `connect` and `weld` equalities.
 
         MuJoCo compiles the file. The motors are the joints that have an actuator; tau is the
@@ -119,7 +119,7 @@ class ClosedChain(ClosedTree):
         """
         from ..reading.mjcf import read_mjcf
 
-        return ClosedChain(*read_mjcf(path, locked))
+        return cls(*read_mjcf(path, locked))
 
     def compute_torques(
         self,

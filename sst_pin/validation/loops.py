@@ -14,7 +14,7 @@ from ..chain import assembly
 from ..chain.closed_chain import ClosedChain
 from ..chain.closures import Closure, LoopKinematics
 from ..errors import ActuationError, ClosureError, DescriptionError, SSTError
-from .problems import Problem, error, warning
+from ..reading.problems import Problem, error, warning
 
 
 def check(urdf: str, path: Path, cuts: Path | None) -> Iterator[Problem]:
