@@ -596,9 +596,8 @@ class ClosedChain:
         """
         from .. import reading
 
-        path = Path(path)
-        cuts = path.with_suffix(".yaml") if cuts is None else cuts
         text = reading.read_text(path, "URDF")
+        cuts = Path(path).with_suffix(".yaml") if cuts is None else cuts
         closures, actuated, gravity, joints = reading.parse_cuts(
             reading.read_text(cuts, "YAML of the cuts"), str(cuts)
         )

@@ -3,6 +3,6 @@
 
 from .cuts import Cuts, parse_cuts
 from .text import read_text
-from .urdf import parse_urdf
+from .urdf import parse_urdf, parse_xml
 
-__all__ = ["Cuts", "parse_cuts", "parse_urdf", "read_text"]
+__all__ = ["Cuts", "parse_cuts", "parse_urdf", "parse_xml", "read_text"]

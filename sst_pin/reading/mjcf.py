@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from ..chain.closures import Closure
 from ..errors import DescriptionError, DescriptionWarning, MissingExtraError, UnknownNameError
+from .urdf import MOST_JOINTS
 
 Array = NDArray[np.float64]
 
@@ -47,6 +48,10 @@ def read_mjcf(path: str | Path, locked: Sequence[str] = ()) -> Mjcf:
         compiled = mujoco.MjModel.from_xml_path(str(path))
     except ValueError as error:
         raise DescriptionError(str(path), [f"not an MJCF: {error}"]) from None
+    try:
+        compiled.names.decode()
+    except UnicodeDecodeError as error:
+        raise DescriptionError(str(path), [f"names that are not UTF-8: {error}"]) from None
     return _Reader(mujoco, compiled, str(path), locked).read()
 
 
@@ -58,7 +63,7 @@ class _Reader:
         self._mujoco = mujoco
         self._model = pin.Model()
         self._model.name = compiled.names.split(b"\0")[0].decode()
-        weightless = compiled.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY
+        weightless = self._disabled("gravity")
         self._model.gravity.linear = np.zeros(3) if weightless else compiled.opt.gravity
         #: Of each body: the joint that bears it and its placement there.
         self._bodies = [(0, pin.SE3.Identity())]
@@ -69,6 +74,8 @@ class _Reader:
     def read(self) -> Mjcf:
         """Tree, closures, motors."""
         mj, model = self._mj, self._model
+        if problems := [*self._impossible(), *self._switched_off()]:
+            raise DescriptionError(self._source, problems)
         known = [name for j in range(mj.njnt) for name in (self._name(j), *self._coordinates(j))]
         for name in self._locked.difference(known):
             raise UnknownNameError("joint", name, dict.fromkeys(known))
@@ -83,19 +90,61 @@ class _Reader:
         self._problems += self._forces()
         if self._problems:
             raise DescriptionError(self._source, self._problems)
+        if model.njoints - 1 > MOST_JOINTS:
+            text = f"{model.njoints - 1} moving joints; no more than {MOST_JOINTS} are computed"
+            raise DescriptionError(self._source, [text])
         if left_out := list(self._left_out()):
             text = "\n  ".join([f"{self._source}:", *left_out])
             warnings.warn(text, DescriptionWarning, stacklevel=4)
         # What a ball has about every axis cannot be told coordinate by coordinate.
         joints = mj.dof_jntid[self._dofs]
         simple = ~self._balls[joints]
-        limited = simple & (mj.jnt_limited[joints] != 0)
+        limited = simple & (mj.jnt_limited[joints] != 0) & (not self._disabled("limit"))
         model.lowerPositionLimit = np.where(limited, mj.jnt_range[joints, 0], -np.inf)
         model.upperPositionLimit = np.where(limited, mj.jnt_range[joints, 1], np.inf)
         model.armature = mj.dof_armature[self._dofs] * simple
-        model.damping = mj.dof_damping[self._dofs] * simple
-        model.friction = mj.dof_frictionloss[self._dofs] * simple
+        damped, rubbing = not self._disabled("damper"), not self._disabled("frictionloss")
+        model.damping = mj.dof_damping[self._dofs] * simple * damped
+        model.friction = mj.dof_frictionloss[self._dofs] * simple * rubbing
         return Mjcf(model, closures, motors)
+
+    def _disabled(self, flag: str) -> bool:
+        """Whether a flag of the options is "disable"; not every MuJoCo has every flag."""
+        bit = getattr(self._mujoco.mjtDisableBit, f"mjDSBL_{flag.upper()}", 0)
+        return bool(self._mj.opt.disableflags & int(bit))
+
+    def _impossible(self) -> Iterator[str]:
+        """Numbers that MuJoCo lets pass."""
+        mj = self._mj
+        for kind, fields in _NUMBERS.items():
+            for field in fields:
+                array = getattr(mj, f"{kind}_{field}")
+                odd = np.isnan(array) if field == "range" else ~np.isfinite(array)
+                for i in map(int, np.unique(np.nonzero(odd)[0])):
+                    yield f"{self._owner(kind, i)}: {field} is not finite"
+                if kind == "dof":
+                    for i in map(int, np.flatnonzero(array < 0)):
+                        yield f"{self._owner(kind, i)}: {field} {array[i]:g} is negative"
+        for what, array in (("gravity", mj.opt.gravity), ("a joint's ref", mj.qpos0)):
+            if not np.isfinite(array).all():
+                yield f"{what} is not finite"
+
+    def _owner(self, kind: str, i: int) -> str:
+        """What the row of a field belongs to."""
+        mj = self._mj
+        if kind == "eq":
+            return mj.equality(i).name or f"equality_{i}"
+        if kind == "site":
+            return f"site {self._site(i)}"
+        if kind == "body":
+            return f"body {mj.body(i).name or i}"
+        return f"joint {self._name(mj.dof_jntid[i] if kind == 'dof' else i)}"
+
+    def _switched_off(self) -> Iterator[str]:
+        """Flags without which there is no closed chain with motors."""
+        for flag in ("constraint", "equality", "actuation"):
+            if self._disabled(flag):
+                yield f'<flag {flag}="disable">: there is no {_SWITCHED_OFF[flag]} then'
 
     # --- the tree ---------------------------------------------------------------------------
 
@@ -118,10 +167,7 @@ class _Reader:
         mj, kinds, name = self._mj, self._mujoco.mjtJoint, self._name(joint)
         kind, axis = kinds(mj.jnt_type[joint]), mj.jnt_axis[joint]
         if kind == kinds.mjJNT_FREE and name not in self._locked:
-            self._problems.append(
-                f"joint {name}: free, but a closed chain stands on a fixed base; "
-                f"locked=[{name!r}] holds it where it is"
-            )
+            self._problems.append(self._free(joint))
         if kind == kinds.mjJNT_FREE or name in self._locked:
             return parent, placement
         anchor = pin.SE3(np.eye(3), mj.jnt_pos[joint])
@@ -142,6 +188,28 @@ class _Reader:
                 at = pin.SE3.Identity()
                 self._dofs.append(mj.jnt_dofadr[joint] + k)
         return parent, at * anchor.inverse()
+
+    def _free(self, joint: int) -> str:
+        """What to do about a free joint, of a base or of a platform that legs carry."""
+        mj, kinds, name = self._mj, self._mujoco.mjtObj, self._name(joint)
+        own = mj.body_rootid[mj.jnt_bodyid[joint]]
+        for i in range(mj.neq):
+            ends = [mj.eq_obj1id[i], mj.eq_obj2id[i]]
+            if mj.eq_objtype[i] == int(kinds.mjOBJ_SITE):
+                ends = [mj.site_bodyid[end] for end in ends]
+            elif mj.eq_objtype[i] != int(kinds.mjOBJ_BODY):
+                continue
+            roots = {int(mj.body_rootid[end]) for end in ends}
+            if mj.eq_active0[i] and own in roots and len(roots) == 2:
+                return (
+                    f"joint {name}: free, and {self._owner('eq', i)} joins what it bears to other "
+                    "bodies, as legs carry a platform: give it three slides and a ball instead, "
+                    "or hang it on one of the legs"
+                )
+        return (
+            f"joint {name}: free, but a closed chain stands on a fixed base; "
+            f"locked=[{name!r}] holds it where it is"
+        )
 
     def _add_sites(self) -> None:
         """As frames."""
@@ -188,17 +256,18 @@ class _Reader:
         for i in range(mj.neq):
             if not mj.eq_active0[i]:
                 continue
-            name, kind = mj.equality(i).name or f"equality_{i}", kinds(mj.eq_type[i])
+            name, kind = self._owner("eq", i), kinds(mj.eq_type[i])
             if kind not in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD):
                 what = kind.name.removeprefix("mjEQ_").lower()
                 self._problems.append(f"{name}: couples by {what}; connect and weld close loops")
                 continue
             first, second, data = mj.eq_obj1id[i], mj.eq_obj2id[i], mj.eq_data[i]
-            how = "3d" if kind == kinds.mjEQ_CONNECT else "6d"
+            turns = kind == kinds.mjEQ_CONNECT or not data[_TORQUESCALE]  # freely
+            how = "3d" if turns else "6d"
             if mj.eq_objtype[i] == int(site):
                 yield Closure(self._site(first), self._site(second), how)
                 continue
-            if how == "3d":
+            if kind == kinds.mjEQ_CONNECT:
                 places = [pin.SE3(np.eye(3), data[:3]), pin.SE3(np.eye(3), data[3:6])]
             else:  # pose of the second body in the first, anchor in the second
                 places = [_pose(data[3:6], data[6:10]), pin.SE3(np.eye(3), data[:3])]
@@ -215,24 +284,32 @@ class _Reader:
             if bearer not in (trn.mjTRN_JOINT, trn.mjTRN_JOINTINPARENT):
                 what = bearer.name.removeprefix("mjTRN_").lower()
                 self._problems.append(f"{name}: an actuator on a {what}, not on a joint")
-            elif self._name(joint) in self._locked:
+            elif self._name(joint) in self._locked or self._in_disabled_group(i):
                 continue
+            elif not mj.actuator_gear[i, 0]:
+                self._problems.append(f"{name}: its gear is 0, it moves nothing")
             elif self._balls[joint]:
                 self._problems.append(f"{name}: an actuator on a ball joint")
             else:
                 yield self._name(joint)
+
+    def _in_disabled_group(self, actuator: int) -> bool:
+        return bool(self._mj.opt.disableactuator >> self._mj.actuator_group[actuator] & 1)
 
     def _forces(self) -> Iterator[str]:
         """What the dynamics would overlook."""
         mj = self._mj
         for joint in range(mj.njnt):
             name = self._name(joint)
-            if mj.jnt_stiffness[joint] and name not in self._locked:
+            springs = mj.jnt_stiffness[joint] and not self._disabled("spring")
+            if springs and name not in self._locked:
                 yield (
                     f"joint {name}: a spring; locked=[{name!r}] holds it at its reference, "
                     "stiffness 0 leaves it out"
                 )
-        for field, what in _FORCES.items():
+        for field, (what, flag) in _FORCES.items():
+            if self._disabled(flag):
+                continue
             if np.any(getattr(mj, field, 0)):  # not every MuJoCo has every field
                 yield f"{what} is not in the dynamics here"
         if mj.opt.density or mj.opt.viscosity:
@@ -241,11 +318,12 @@ class _Reader:
     def _left_out(self) -> Iterator[str]:
         """What has no place in the coordinates of balls."""
         mj = self._mj
+        flags = {"damping": "damper", "frictionloss": "frictionloss", "armature": ""}
         for joint in map(int, np.flatnonzero(self._balls)):
             name, dof = self._name(joint), mj.jnt_dofadr[joint]
-            for what in ("damping", "frictionloss", "armature"):
+            for what, flag in flags.items():
                 value = getattr(mj, f"dof_{what}")[dof]
-                if value and name not in self._locked:
+                if value and not self._disabled(flag) and name not in self._locked:
                     yield f"joint {name}: {what} {value:g} of a ball joint is left out"
 
 
@@ -261,18 +339,29 @@ def _along(axis: Array, aligned: Sequence[type], unaligned: type) -> Any:
     return unaligned(axis)
 
 
-#: Fields of a compiled model and the forces they stand for.
+#: Fields of a compiled model, the forces they stand for, and the flag that disables them.
 _FORCES = {
-    "jnt_stiffnesspoly": "the polynomial of a spring",
-    "dof_dampingpoly": "the polynomial of a damper",
-    "body_gravcomp": "compensation of gravity",
-    "tendon_stiffness": "the stiffness of a tendon",
-    "tendon_damping": "the damping of a tendon",
-    "tendon_frictionloss": "the friction of a tendon",
-    "tendon_armature": "the armature of a tendon",
-    "actuator_damping": "the damping of an actuator",
-    "actuator_armature": "the armature of an actuator",
+    "jnt_stiffnesspoly": ("the polynomial of a spring", "spring"),
+    "dof_dampingpoly": ("the polynomial of a damper", "damper"),
+    "body_gravcomp": ("compensation of gravity", "gravity"),
+    "tendon_stiffness": ("the stiffness of a tendon", "spring"),
+    "tendon_damping": ("the damping of a tendon", "damper"),
+    "tendon_frictionloss": ("the friction of a tendon", "frictionloss"),
+    "tendon_armature": ("the armature of a tendon", ""),
+    "actuator_damping": ("the damping of an actuator", ""),
+    "actuator_armature": ("the armature of an actuator", ""),
 }
+#: Numbers that come over, by what they belong to.
+_NUMBERS = {
+    "body": ("pos", "quat", "ipos", "iquat", "mass", "inertia"),
+    "jnt": ("pos", "axis", "range", "stiffness"),
+    "dof": ("armature", "damping", "frictionloss"),
+    "site": ("pos", "quat"),
+    "eq": ("data",),
+}
+_SWITCHED_OFF = {"constraint": "closure", "equality": "closure", "actuation": "motor"}
+#: Where `eq_data` of a weld has what its torque is scaled by: with 0 it lets the bodies turn.
+_TORQUESCALE = 10
 
 
 def _pose(position: Array, quaternion: Array) -> pin.SE3:

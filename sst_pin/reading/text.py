@@ -7,14 +7,22 @@ from pathlib import Path
 
 from ..errors import DescriptionError
 
+#: What a description may have, [byte]; the largest of real robots has half a million.
+_LARGEST = 16 * 2**20
+
 
 def read_text(path: str | Path, what: str) -> str:
     """The content of a description file.
 
     Raises:
-        DescriptionError: When it cannot be read.
+        DescriptionError: When it cannot be read, or is too large for a robot.
     """
     try:
-        return Path(path).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+        with Path(path).open("rb") as file:
+            content = file.read(_LARGEST + 1)
+        text = content.decode("utf-8-sig")
+    except (OSError, ValueError) as error:
         raise DescriptionError(str(path), [f"the {what} cannot be read: {error}"]) from None
+    if len(content) > _LARGEST:
+        raise DescriptionError(str(path), [f"the {what} has more than {_LARGEST} bytes"])
+    return text

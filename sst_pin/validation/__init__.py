@@ -6,14 +6,13 @@ Nothing here is about the SST; see `sst_pin.topology` for what makes a tree one.
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
 from pathlib import Path
 
 from ..chain.closed_chain import ClosedChain
 from ..errors import ClosureError, DescriptionError
-from ..reading import parse_urdf, read_text
-from . import inertia, loops, meshes, tree
-from .problems import Problem, error
+from ..reading import checks, parse_urdf, parse_xml, read_text
+from ..reading.problems import Problem, error
+from . import inertia, loops, meshes
 
 __all__ = ["Problem", "summary", "validate"]
 
@@ -36,12 +35,11 @@ def validate(path: str | Path, cuts: str | Path | None = None) -> list[Problem]:
     path = Path(path)
     try:
         text = read_text(path, "URDF")
-        root = ET.fromstring(text)
+        root = parse_xml(text, str(path))
     except DescriptionError as caught:
-        return [error("file", problem) for problem in caught.problems]
-    except ET.ParseError as caught:
-        return [error("file", f"not XML: {caught}")]
-    problems = list(tree.check(root))
+        told = [problem.removeprefix("not a URDF: ") for problem in caught.problems]
+        return [error("file", problem) for problem in told]
+    problems = list(checks.check(root))
     if not any(problem.severity == "error" for problem in problems):  # Pinocchio needs a tree
         problems += loops.check(text, path, _cuts_of(path, cuts))
     problems += [*inertia.check(root), *meshes.check(root, path.parent)]

@@ -12,7 +12,7 @@ from .. import reading
 from ..chain.closed_chain import ClosedChain
 from ..chain.closures import Closure
 from ..errors import ActuationError, ClosureError, DescriptionError, SSTError
-from .problems import Problem, error, warning
+from ..reading.problems import Problem, error, warning
 
 
 def check(urdf: str, path: Path, cuts: Path | None) -> Iterator[Problem]:

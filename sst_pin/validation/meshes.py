@@ -5,9 +5,10 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
+from os.path import isfile
 from pathlib import Path
 
-from .problems import Problem, error, warning
+from ..reading.problems import Problem, error, numbers, warning
 
 #: What refuses a kind of file.
 _REFUSED = {
@@ -15,6 +16,16 @@ _REFUSED = {
     ".dae": "MuJoCo and Drake",
     ".glb": "MuJoCo and PyBullet",
     ".gltf": "MuJoCo and PyBullet",
+}
+
+
+#: How many numbers an attribute of a shape has.
+_SIZES = {
+    "origin": {"xyz": 3, "rpy": 3},
+    "box": {"size": 3},
+    "sphere": {"radius": 1},
+    "cylinder": {"radius": 1, "length": 1},
+    "mesh": {"scale": 3},
 }
 
 
@@ -28,6 +39,8 @@ def check(root: ET.Element, folder: Path) -> Iterator[Problem]:
     told = set()
     for link in root.findall("link"):
         where = f"link {link.get('name')}"
+        for shape in (*link.findall("visual"), *link.findall("collision")):
+            yield from _sizes(shape, where)
         for shape in link.iterfind(".//geometry/*"):
             if shape.tag == "capsule":
                 yield warning(where, "a <capsule>: Pinocchio drops it")
@@ -37,16 +50,27 @@ def check(root: ET.Element, folder: Path) -> Iterator[Problem]:
                 yield from _mesh(name, where, folder)
 
 
+def _sizes(shape: ET.Element, where: str) -> Iterator[Problem]:
+    """Numbers that are none: Pinocchio drops the shape."""
+    for element in (*shape.findall("origin"), *shape.iterfind("geometry/*")):
+        for key, count in _SIZES.get(element.tag, {}).items():
+            text = element.get(key)
+            if text is not None and numbers(text, count) is None:
+                what = f"{element.tag} {key}={text!r} of a shape"
+                yield error(where, f"{what} is not {count} number(s)")
+
+
 def _mesh(name: str, where: str, folder: Path) -> Iterator[Problem]:
     if name.startswith("package://"):
         yield warning(where, f"mesh {name}: MuJoCo does not know package://; write a relative path")
         package, _, rest = name.removeprefix("package://").partition("/")
         places = [base / package / rest for base in (folder, *folder.resolve().parents)]
     else:
-        places = [folder / name.removeprefix("file://")]
-        if places[0] == Path(name.removeprefix("file://")):
+        place = Path(name.removeprefix("file://"))
+        places = [folder / place]
+        if place.is_absolute():
             yield warning(where, f"mesh {name}: an absolute path, of one machine only")
-    if not any(place.is_file() for place in places):
+    if not any(map(isfile, places)):  # which takes names of any length
         yield error(where, f"mesh {name or '(no name)'}: not found")
     tools = _REFUSED.get(Path(name).suffix.lower())
     if tools:

@@ -215,7 +215,8 @@ MJCF = """
 
 
 @pytest.fixture
-def mjcf(tmp_path):
+def mjcf(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # MuJoCo writes its warnings where it stands
     path = tmp_path / "odd.xml"
     path.write_text(MJCF)
     return path
@@ -317,6 +318,17 @@ def test_locked_joints_stay_at_their_reference(mjcf):
         ('<motor joint="jb"/>', '<motor joint="ball" gear="1 0 0"/>', "an actuator on a ball"),
         ('name="a" pos', 'name="a" gravcomp="1" pos', "compensation of gravity is not"),
         ("<option ", '<option viscosity="1" ', "a medium"),
+        ('damping="0.3"', 'damping="nan"', "joint ja: damping is not finite"),
+        ('damping="0.3"', 'damping="-1"', "joint ja: damping -1 is negative"),
+        ('armature="0.2"', 'armature="inf"', "joint ja: armature is not finite"),
+        ('pos="0.1 0.2 0.3"', 'pos="nan 0 0"', "body a: pos is not finite"),
+        ('ref="30"', 'ref="nan"', "a joint's ref is not finite"),
+        ('gravity="0.5', 'gravity="nan', "gravity is not finite"),
+        ('"c3" body1="b" anchor=".1', '"c3" body1="b" anchor="nan', "c3: data is not finite"),
+        ('gear="7"', 'gear="0"', "actuator_0: its gear is 0"),
+        ("<equality>", '<option><flag equality="disable"/></option><equality>', "no closure"),
+        ("<equality>", '<option><flag constraint="disable"/></option><equality>', "no closure"),
+        ("<equality>", '<option><flag actuation="disable"/></option><equality>', "no motor"),
         (
             "<actuator>",
             '<tendon><fixed damping="1"><joint joint="ja" coef="1"/></fixed></tendon><actuator>',
@@ -332,6 +344,100 @@ def test_what_the_dynamics_would_overlook_is_refused(mjcf, old, new, word):
         read_mjcf(mjcf)
     assert word in str(caught.value)
     assert str(mjcf) in str(caught.value)
+
+
+def with_flags(**flags):
+    text = " ".join(f'{flag}="disable"' for flag in flags)
+    return MJCF.replace("<equality>", f"<option><flag {text}/></option><equality>")
+
+
+def test_what_a_flag_disables_is_not_read(mjcf):
+    """MuJoCo computes without it; what it does not use need not be refused either."""
+    mjcf.write_text(MJCF.replace('ref="30"', 'ref="30" range="-50 60"'))
+    assert read_mjcf(mjcf).model.upperPositionLimit[0] == np.radians(60)
+    text = with_flags(frictionloss=True, damper=True, limit=True, spring=True)
+    mjcf.write_text(text.replace('ref="30"', 'ref="30" range="-50 60" stiffness="3"'))
+    model = read_mjcf(mjcf).model
+    assert not model.friction.any()
+    assert not model.damping.any()
+    assert np.isinf(model.upperPositionLimit).all()
+
+
+def test_motors_of_a_group_that_is_disabled_are_none(mjcf):
+    """As in MuJoCo."""
+    text = MJCF.replace('<position joint="ja"/>', '<position joint="ja" group="3"/>')
+    mjcf.write_text(text.replace("<option ", '<option actuatorgroupdisable="3" '))
+    assert read_mjcf(mjcf).actuated == ("jb",)
+
+
+def test_a_weld_that_bears_no_torque_is_a_point(mjcf):
+    """Its ends are those of the weld."""
+    mjcf.write_text(MJCF.replace('"w', '"free_w').replace("<weld", '<weld torquescale="0"'))
+    loose = read_mjcf(mjcf)
+    assert [c.kind for c in loose.closures] == ["3d"] * 8
+    mj = mujoco.MjModel.from_xml_path(str(mjcf))
+    data, kinematics = mujoco.MjData(mj), LoopKinematics(loose.model, loose.closures)
+    for q, _, qpos, _ in states():
+        data.qpos = qpos
+        mujoco.mj_forward(mj, data)
+        kinematics.set_position(q)
+        for k, closure in enumerate(loose.closures[:4]):
+            A, B = (
+                kinematics.data.oMf[loose.model.getFrameId(name)].translation
+                for name in (closure.frame_a, closure.frame_b)
+            )
+            theirs = data.efc_pos[data.efc_id == k]
+            np.testing.assert_allclose(A - B, theirs[:3], atol=1e-12)
+            assert not theirs[3:].any()
+
+
+#: A platform on three legs in a plane, its joint in the place of {}.
+PLATFORM = """
+<mujoco><worldbody>
+  <body name="leg_1" pos="-1 0 0"><joint name="j1" axis="0 0 1"/><geom size=".1" mass="1"/></body>
+  <body name="leg_2" pos="1 0 0"><joint name="j2" axis="0 0 1"/><geom size=".1" mass="1"/></body>
+  <body name="leg_3" pos="0 1 0"><joint name="j3" axis="0 0 1"/><geom size=".1" mass="1"/></body>
+  <body name="platform">{}<geom size=".1" mass="1"/></body>
+</worldbody>
+<equality>
+  <connect name="c1" body1="leg_1" body2="platform" anchor="1 .3 0"/>
+  <connect name="c2" body1="leg_2" body2="platform" anchor="-1 .3 0"/>
+  <connect name="c3" body1="leg_3" body2="platform" anchor=".3 -1 0"/>
+</equality>
+<actuator><motor joint="j1"/></actuator></mujoco>
+"""
+
+
+def test_a_free_joint_of_a_platform_is_told_from_that_of_a_base(tmp_path):
+    """To lock the platform would hold the legs; three slides and a ball let it move."""
+    path = tmp_path / "platform.xml"
+    path.write_text(PLATFORM.format('<freejoint name="float"/>'))
+    with pytest.raises(sst_pin.DescriptionError) as caught:
+        read_mjcf(path)
+    (problem,) = caught.value.problems
+    assert problem.startswith("joint float: free, and c1 joins what it bears to other bodies")
+    assert "three slides and a ball" in problem
+    assert "lock" not in problem
+    slides = "".join(f'<joint type="slide" axis="{x}"/>' for x in ("1 0 0", "0 1 0", "0 0 1"))
+    path.write_text(PLATFORM.format(slides + '<joint name="ball" type="ball"/>'))
+    read = read_mjcf(path)
+    assert (read.model.nv, len(read.closures)) == (9, 3)
+
+
+def test_names_that_are_no_text_are_named(mjcf):
+    """Of a file in another encoding."""
+    mjcf.write_bytes(MJCF.replace('"ja"', '"jä"').encode("latin-1"))
+    with pytest.raises(sst_pin.DescriptionError, match="names that are not UTF-8"):
+        read_mjcf(mjcf)
+
+
+def test_an_mjcf_of_more_joints_than_can_be_computed_is_refused(mjcf):
+    """Data of 2000 joints would take 400 GB."""
+    body = '<body><joint name="x{}" axis="1 0 0"/><geom size=".1"/></body>'
+    bodies = "".join(body.format(i) for i in range(2000))
+    mjcf.write_text(MJCF.replace('<body name="d"/>', bodies))
+    with pytest.raises(sst_pin.DescriptionError, match="2006 moving joints; no more than"):
+        read_mjcf(mjcf)
 
 
 def test_friction_of_a_ball_is_left_out_with_a_warning(mjcf):

@@ -47,6 +47,7 @@ def test_the_shipped_robots_have_no_problems(path):
 
 
 ARM = '<inertia ixx="2e-05" ixy="0" ixz="0" iyy="0.00025" iyz="0" izz="0.00025"/>'
+SPHERE = '<visual><origin xyz="{}"/><geometry><sphere radius="{}"/></geometry></visual>'
 MESH = '<visual><geometry><mesh filename="{}"/></geometry></visual>'
 
 
@@ -169,6 +170,18 @@ MESH = '<visual><geometry><mesh filename="{}"/></geometry></visual>'
             "warning: link arm_2: mesh /a.obj: an absolute path",
         ),
         (
+            edited("link", "arm_2", "<inertial>", MESH.format("x" * 5000) + "<inertial>"),
+            "xxx: not found",
+        ),
+        (
+            edited("link", "arm_2", "<inertial>", SPHERE.format("1 0", "0,1") + "<inertial>"),
+            "error: link arm_2: origin xyz='1 0' of a shape is not 3 number(s)",
+        ),
+        (
+            edited("link", "arm_2", "<inertial>", SPHERE.format("1 0 0", "0,1") + "<inertial>"),
+            "error: link arm_2: sphere radius='0,1' of a shape is not 1 number(s)",
+        ),
+        (
             edited(
                 "link",
                 "arm_2",
@@ -280,6 +293,15 @@ def test_a_mesh_is_sought_beside_the_urdf_and_in_packages(tmp_path):
         (folder / "robot.urdf").write_text(text)
         told = [p for p in sst_pin.validate(folder / "robot.urdf") if "not found" in p.text]
         assert told == []
+
+
+def test_a_relative_mesh_stays_relative_where_the_urdf_lies(tmp_path, monkeypatch):
+    """`sst-pin validate robot.urdf`, run in the folder of the robot."""
+    (tmp_path / "arm.obj").touch()
+    text = URDF.replace("<inertial>", MESH.format("arm.obj") + "<inertial>", 1)
+    (tmp_path / "robot.urdf").write_text(text)
+    monkeypatch.chdir(tmp_path)
+    assert sst_pin.validate("robot.urdf") == []
 
 
 def test_an_open_tree_needs_no_cuts(tmp_path):

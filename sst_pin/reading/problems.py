@@ -3,11 +3,15 @@
 
 from __future__ import annotations
 
+import re
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
+#: What urdfdom, MuJoCo and people all read as one number.
+_NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 
 
 @dataclass(frozen=True)
@@ -40,18 +44,14 @@ def warning(where: str, text: str) -> Problem:
 
 def numbers(text: str, count: int) -> NDArray[np.float64] | None:
     """So many finite numbers, or None when it is anything else."""
-    try:
-        values = np.array(text.split(), dtype=float)
-    except ValueError:
+    words = text.split()
+    if len(words) != count or not all(map(_NUMBER.fullmatch, words)):
         return None
-    return values if values.shape == (count,) and np.isfinite(values).all() else None
+    values = np.array(words, dtype=float)
+    return values if np.isfinite(values).all() else None
 
 
-def origins(element: ET.Element, where: str) -> list[Problem]:
-    """Origins of an element that do not consist of numbers."""
-    return [
-        error(where, f"origin {key}={text!r} is not three numbers")
-        for origin in element.findall("origin")
-        for key, text in origin.attrib.items()
-        if key in ("xyz", "rpy") and numbers(text, 3) is None
-    ]
+def number(element: ET.Element | None, key: str) -> float | None:
+    """An attribute that is one finite number, or None."""
+    value = None if element is None else numbers(element.get(key, ""), 1)
+    return None if value is None else float(value[0])

@@ -1,32 +1,68 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Names, tree, axes and limits of a URDF."""
+"""Everything for which a URDF is not read: names, tree, and numbers that would be lost."""
 
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from difflib import get_close_matches
 
 import numpy as np
 
-from .problems import Problem, error, numbers, origins, warning
+from .problems import Problem, error, number, numbers, warning
 
+#: Entries of an inertia.
+ENTRIES = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 _KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
+#: Elements that the dynamics are made of, and elements beside them.
+INERTIAL = ("origin", "mass", "inertia")
+FIXED = ("origin", "parent", "child")
+MOVING = (*FIXED, "axis", "limit", "dynamics")
+_SHAPES = ("visual", "collision")
+_BESIDE = ("mimic", "calibration", "safety_controller")
+#: Attributes of elements that have no others.
+_ATTRIBUTES = {
+    "origin": ("xyz", "rpy"),
+    "mass": ("value",),
+    "inertia": ENTRIES,
+    "axis": ("xyz",),
+}
+#: Attributes of elements that may have others, of makers' own.
+_OPEN = {"limit": ("lower", "upper", "effort", "velocity"), "dynamics": ("damping", "friction")}
+#: How alike a word must be to be a slip of the pen.
+_ALIKE = 0.8
 
 
 def check(root: ET.Element) -> Iterator[Problem]:
-    """Problems of a URDF's skeleton."""
+    """Problems of a URDF that keep it from being read as it is meant, and warnings."""
     if root.tag != "robot":
         yield error("file", f"a URDF begins with <robot>, not with <{root.tag}>")
         return
     links, joints = root.findall("link"), root.findall("joint")
+    if any("xacro" in element.tag for element in root):
+        yield error("file", "it is xacro: let xacro make a URDF of it")
+    if not root.get("name"):
+        yield error("file", "<robot> has no name")
     if not links:
         yield error("file", "no links")
     for elements in (links, joints):
-        yield from _names(elements)
+        yield from check_names(elements)
     yield from _connections([link.get("name", "") for link in links], joints)
+    for link in links:
+        yield from _link(link)
     for joint in joints:
         yield from _joint(joint)
+
+
+def check_names(elements: Sequence[ET.Element]) -> Iterator[Problem]:
+    """Names that are missing, and names of two."""
+    for name, count in Counter(element.get("name") for element in elements).items():
+        tag = elements[0].tag
+        if not name:
+            yield error(tag, f"{count} without a name")
+        elif count > 1:
+            yield error(f"{tag} {name}", f"{count} have this name")
 
 
 def ends(joint: ET.Element) -> tuple[str | None, str | None]:
@@ -38,16 +74,8 @@ def ends(joint: ET.Element) -> tuple[str | None, str | None]:
     )
 
 
-def _names(elements: Sequence[ET.Element]) -> Iterator[Problem]:
-    for name, count in Counter(element.get("name") for element in elements).items():
-        tag = elements[0].tag
-        if not name:
-            yield error(tag, f"{count} without a name")
-        elif count > 1:
-            yield error(f"{tag} {name}", f"{count} have this name")
-
-
 def _connections(links: Sequence[str], joints: Sequence[ET.Element]) -> Iterator[Problem]:
+    known = set(links)
     children: dict[str, list[str]] = {}
     bearers: dict[str, str] = {}
     for joint in joints:
@@ -56,7 +84,7 @@ def _connections(links: Sequence[str], joints: Sequence[ET.Element]) -> Iterator
         for role, link in (("parent", parent), ("child", child)):
             if link is None:
                 yield error(where, f"no <{role} link=...>")
-            elif link not in links:
+            elif link not in known:
                 yield error(where, f"{role} {link} is no link of this file")
         if parent is None or child is None:
             continue
@@ -80,9 +108,27 @@ def _connections(links: Sequence[str], joints: Sequence[ET.Element]) -> Iterator
         yield error("tree", f"links in a circle, or below one: {', '.join(lost)}")
 
 
+def _link(link: ET.Element) -> Iterator[Problem]:
+    where, inertial = f"link {link.get('name')}", link.find("inertial")
+    yield from _elements(link, where, once=("inertial",), others=_SHAPES)
+    if inertial is None:
+        return
+    yield from _elements(inertial, where, once=INERTIAL)
+    yield from _origin(inertial, where)
+    mass = number(inertial.find("mass"), "value")
+    if mass is None:
+        yield error(where, "its mass is not a number")
+    elif mass < 0:
+        yield error(where, f"a mass of {mass:g} kg")
+    inertia = inertial.find("inertia")
+    if missing := [key for key in ENTRIES if number(inertia, key) is None]:
+        yield error(where, f"its inertia has no number {', '.join(missing)}")
+
+
 def _joint(joint: ET.Element) -> Iterator[Problem]:
     where, kind = f"joint {joint.get('name')}", joint.get("type")
-    yield from origins(joint, where)
+    yield from _elements(joint, where, once=MOVING, others=_BESIDE)
+    yield from _origin(joint, where)
     if kind not in _KINDS:
         yield error(where, f"type {kind!r} unknown; known: {', '.join(_KINDS)}")
     elif kind in ("floating", "planar"):
@@ -90,10 +136,42 @@ def _joint(joint: ET.Element) -> Iterator[Problem]:
     elif kind != "fixed":
         yield from _axis(joint, where)
         yield from _limits(joint, where, kind)
+        yield from _dynamics(joint, where)
     if kind == "continuous":
         yield warning(where, "continuous: two coordinates in Pinocchio; read as revolute here")
     for mimic in joint.findall("mimic"):
         yield error(where, f"mimics {mimic.get('joint')}; Pinocchio would let it go free")
+
+
+def _elements(
+    parent: ET.Element, where: str, once: Sequence[str], others: Sequence[str] = ()
+) -> Iterator[Problem]:
+    """Elements written wrong or twice, and attributes written wrong."""
+    tags = Counter(element.tag for element in parent)
+    for tag in tags:
+        yield from _slip(f"<{tag}>", tag, (*once, *others), where)
+    yield from (error(where, f"{tags[tag]} <{tag}>; one is read") for tag in once if tags[tag] > 1)
+    for element in parent:
+        only, some = _ATTRIBUTES.get(element.tag), _OPEN.get(element.tag)
+        for key in element.attrib:
+            if only and key not in only:
+                text = f"<{element.tag}> has no {key}; it has {', '.join(only)}"
+                yield error(where, text)
+            elif some:
+                yield from _slip(f"<{element.tag} {key}=...>", key, some, where)
+
+
+def _slip(shown: str, word: str, known: Sequence[str], where: str) -> Iterator[Problem]:
+    """A word that is nearly one of those known."""
+    if word not in known and (meant := get_close_matches(word.lower(), known, 1, _ALIKE)):
+        yield error(where, f"{shown} is unknown; {meant[0]} is meant?")
+
+
+def _origin(element: ET.Element, where: str) -> Iterator[Problem]:
+    origin = element.find("origin")
+    for key, text in {} if origin is None else origin.attrib.items():
+        if key in ("xyz", "rpy") and numbers(text, 3) is None:
+            yield error(where, f"origin {key}={text!r} is not three numbers")
 
 
 def _axis(joint: ET.Element, where: str) -> Iterator[Problem]:
@@ -103,7 +181,9 @@ def _axis(joint: ET.Element, where: str) -> Iterator[Problem]:
     direction = numbers(axis.get("xyz", ""), 3)
     if direction is None:
         yield error(where, f"axis xyz={axis.get('xyz')!r} is not three numbers")
-    elif not direction.any():
+        return
+    length = np.abs(direction).max()  # the norm of 1e200 overflows
+    if not 1e-100 < length < 1e100:
         yield error(where, "its axis has no direction")
     elif abs(np.linalg.norm(direction) - 1) > 1e-6:
         yield warning(where, f"its axis has length {np.linalg.norm(direction):.6g}, not 1")
@@ -123,6 +203,8 @@ def _limits(joint: ET.Element, where: str, kind: str) -> Iterator[Problem]:
             yield error(where, f"limit without {key}")
         elif value is None:
             yield error(where, f"limit {key}={text!r} is not a number")
+        elif key in ("effort", "velocity") and value[0] < 0:
+            yield error(where, f"limit {key}={text!r} is negative")
         else:
             values[key] = float(value[0])
     if kind == "continuous" or not {"lower", "upper"} <= values.keys():
@@ -132,3 +214,16 @@ def _limits(joint: ET.Element, where: str, kind: str) -> Iterator[Problem]:
         yield error(where, f"lower limit {lower:g} above the upper one {upper:g}")
     elif lower == upper:
         yield warning(where, f"limits [{lower:g}, {upper:g}]: tools that keep to them hold it fast")
+
+
+def _dynamics(joint: ET.Element, where: str) -> Iterator[Problem]:
+    dynamics = joint.find("dynamics")
+    if dynamics is None:
+        return
+    for key in _OPEN["dynamics"]:
+        text = dynamics.get(key, "0")
+        value = numbers(text, 1)
+        if value is None:
+            yield error(where, f"dynamics {key}={text!r} is not a number")
+        elif value[0] < 0:
+            yield error(where, f"dynamics {key}={text!r} is negative: it would drive the joint")

@@ -1,0 +1,337 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""What the readers cannot take as it stands they refuse: by name, all at once, and at once.
+
+The words are those of `validate`.
+"""
+
+import time
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import pytest
+
+import sst_pin
+from sst_pin.reading import parse_cuts
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+ROBOTS = {
+    "delta": (sst_pin.ClosedChain, EXAMPLES / "delta.urdf"),
+    "SST": (sst_pin.SST, Path(sst_pin.URDF_PATH)),
+}
+#: Enough on a busy machine; what is not refused takes longer on any, or all the memory.
+SOON = 10.0  # [s]
+
+
+@pytest.fixture(params=ROBOTS)
+def files(request, tmp_path):
+    """The class that reads a robot, its URDF's elements, and a function that writes them."""
+    kind, source = ROBOTS[request.param]
+    root, path = ET.parse(source).getroot(), tmp_path / "robot.urdf"
+    path.with_suffix(".yaml").write_bytes(source.with_suffix(".yaml").read_bytes())
+    for link in root.iter("link"):  # meshes are not what is judged here
+        for shape in (*link.findall("visual"), *link.findall("collision")):
+            link.remove(shape)
+
+    def write():
+        path.write_text(ET.tostring(root, encoding="unicode"))
+        return path
+
+    return kind, root, write
+
+
+def moving(root):
+    """A joint that turns and the link that it bears."""
+    joint = next(j for j in root.iter("joint") if j.get("type") == "revolute")
+    child = joint.find("child").get("link")
+    return joint, next(link for link in root.iter("link") if link.get("name") == child)
+
+
+def refused(kind, path):
+    """What the reader says, which must be what `validate` says."""
+    with pytest.raises(sst_pin.DescriptionError) as caught:
+        kind.from_urdf(path)
+    told = [f"{p.where}: {p.text}" for p in sst_pin.validate(path) if p.severity == "error"]
+    said = [problem.replace("not a URDF: ", "file: ") for problem in caught.value.problems]
+    assert said
+    assert set(said) <= set(told)
+    return caught.value.problems
+
+
+UNREADABLE = ["0,3", "0.3kg", "${m}", "nan", "inf", "1e999", "0x1p-3", "1_0", "", "٣"]
+
+
+@pytest.mark.parametrize("text", UNREADABLE)
+@pytest.mark.parametrize("place", ["mass", "inertia", "centre", "axis", "origin", "limit"])
+def test_a_number_that_cannot_be_read_is_refused(files, place, text):
+    """Pinocchio's parser makes the link massless and goes on."""
+    kind, root, write = files
+    joint, link = moving(root)
+    element, key, vector = {
+        "mass": (link.find("inertial/mass"), "value", False),
+        "inertia": (link.find("inertial/inertia"), "ixx", False),
+        "centre": (link.find("inertial/origin"), "xyz", True),
+        "axis": (joint.find("axis"), "xyz", True),
+        "origin": (joint.find("origin"), "rpy", True),
+        "limit": (joint.find("limit"), "effort", False),
+    }[place]
+    element.set(key, f"{text} 0 1" if vector else text)
+    (problem,) = refused(kind, write())
+    assert link.get("name") in problem or joint.get("name") in problem
+    assert "number" in problem
+
+
+@pytest.mark.parametrize("text", [*UNREADABLE, "-1"])
+def test_friction_that_cannot_be_is_refused(files, text):
+    """A joint would be without it, or be driven by it."""
+    kind, root, write = files
+    joint, _ = moving(root)
+    dynamics = joint.find("dynamics")
+    dynamics = ET.SubElement(joint, "dynamics") if dynamics is None else dynamics
+    dynamics.set("damping", text)
+    (problem,) = refused(kind, write())
+    assert f"{joint.get('name')}: dynamics damping={text!r}" in problem
+
+
+@pytest.mark.parametrize(
+    ("change", "word"),
+    [
+        (lambda joint, link: link.find("inertial/mass").set("value", "-1"), "a mass of -1 kg"),
+        (lambda joint, link: joint.find("axis").set("xyz", "0 0 0"), "axis has no direction"),
+        (lambda joint, link: joint.find("axis").set("xyz", "0 1e-200 0"), "axis has no direction"),
+        (lambda joint, link: joint.find("limit").set("lower", "9"), "lower limit 9 above"),
+        (lambda joint, link: joint.find("limit").set("effort", "-1"), "effort='-1' is negative"),
+        (lambda joint, link: joint.find("origin").set("ypr", "1 0 0"), "<origin> has no ypr"),
+        (
+            lambda joint, link: setattr(link.find("inertial"), "tag", "inertail"),
+            "<inertail> is unknown; inertial is meant?",
+        ),
+        (
+            lambda joint, link: ET.SubElement(joint, "dynamics", dampnig="1"),
+            "dampnig=...> is unknown; damping is meant?",
+        ),
+        (
+            lambda joint, link: ET.SubElement(link.find("inertial"), "mass", value="2"),
+            "2 <mass>; one is read",
+        ),
+        (lambda joint, link: link.set("name", "base"), "link base: 2 have this name"),
+        (lambda joint, link: joint.attrib.pop("name"), "joint: 1 without a name"),
+        (lambda joint, link: joint.find("parent").set("link", "bass"), "parent bass is no link"),
+        (lambda joint, link: joint.set("type", "Revolute"), "type 'Revolute' unknown"),
+    ],
+)
+def test_what_would_be_read_as_something_else_is_refused(files, change, word):
+    """A number that is not meant, a word that is nearly another, one of two."""
+    kind, root, write = files
+    change(*moving(root))
+    assert any(word in problem for problem in refused(kind, write()))
+
+
+def test_all_faults_of_a_urdf_are_told_at_once(files):
+    """Of joints and of links."""
+    kind, root, write = files
+    joint, link = moving(root)
+    link.find("inertial/mass").set("value", "0,3")
+    joint.find("axis").set("xyz", "0 0 0")
+    assert len(refused(kind, write())) == 2
+
+
+def test_blanks_around_numbers_change_nothing(files):
+    """Pinocchio's parser takes a number before a blank, or two with a tab between, for none."""
+    kind, root, write = files
+    tau = [torques(kind, write())]
+    for element in root.iter():
+        for key in ("value", "ixx", "ixy", "ixz", "iyy", "iyz", "izz", "xyz", "rpy", "lower"):
+            if key in element.attrib:
+                element.set(key, f" {element.get(key)} ".replace(" ", "\t\n "))
+    tau.append(torques(kind, write()))
+    assert (tau[0] == tau[1]).all()
+
+
+def torques(kind, path):
+    robot = kind.from_urdf(path)
+    guess = [0.3] * len(robot.joint_names) if kind is sst_pin.ClosedChain else robot.home
+    q = robot.assemble(guess)
+    return robot.compute_torques(q, [1, 2, 3], [4, 5, 6])
+
+
+def test_what_only_pictures_need_does_not_keep_a_tree_from_being_read(files):
+    """Two materials of one name, a calibration that is no number: no part of the dynamics."""
+    kind, root, write = files
+    tau = torques(kind, write())
+    joint, _ = moving(root)
+    ET.SubElement(joint, "calibration", rising="soon")
+    for _ in range(2):
+        ET.SubElement(root, "material", name="steel")
+    assert (torques(kind, write()) == tau).all()
+
+
+# --- names and sizes ------------------------------------------------------------------------
+
+
+def test_a_joint_of_the_laas_schema_takes_no_name_that_is_another_s(tmp_path):
+    """`elbow_1a` becomes `elbow_1a_X` and `elbow_1a_Y`."""
+    kind, source = ROBOTS["delta"]
+    path = tmp_path / "delta.urdf"
+    path.write_text(source.read_text().replace('"rod_1b_end_fixed"', '"elbow_1a_X"'))
+    path.with_suffix(".yaml").write_text(source.with_suffix(".yaml").read_text())
+    with pytest.raises(sst_pin.DescriptionError, match="joint elbow_1a_X: 2 have this name"):
+        kind.from_urdf(path)
+
+
+def large_urdf(links, kind):
+    """Links one after the other."""
+    body = (
+        '<inertial><mass value="1"/>'
+        '<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>'
+    )
+    parts = [f'<link name="l{i}">{body}</link>' for i in range(links)]
+    parts += [
+        f'<joint name="j{i}" type="{kind}"><parent link="l{i - 1}"/><child link="l{i}"/>'
+        '<limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
+        for i in range(1, links)
+    ]
+    return f'<robot name="large">{"".join(parts)}</robot>'
+
+
+@pytest.mark.parametrize(
+    ("urdf", "word"),
+    [
+        (large_urdf(20_000, "fixed"), "39999 elements; no more than"),
+        (large_urdf(2_000, "revolute"), "1999 moving joints; no more than"),
+        ("<robot name='r'>" + "<a>" * 100_000, "not XML"),
+        (" " * 20_000_000, "more than"),
+        (
+            "<!DOCTYPE r [<!ENTITY a0 'mass'>"
+            + "".join(f"<!ENTITY a{i + 1} '{f'&a{i};' * 10}'>" for i in range(12))
+            + "]><robot name='&a12;'/>",
+            "not XML",
+        ),
+        ("<robot xmlns:xacro='http://x/xacro' name='r'><xacro:property/></robot>", "it is xacro"),
+        ("<robot name='r'><link name='l'/></robot>", None),  # the least that is read
+    ],
+    ids=["links", "joints", "depth", "bytes", "entities", "xacro", "least"],
+)
+def test_a_urdf_beyond_all_robots_is_refused_at_once(tmp_path, urdf, word):
+    """Neither minutes nor gigabytes; 2000 joints would ask Pinocchio's data for 400 GB."""
+    path, cuts = tmp_path / "large.urdf", tmp_path / "large.yaml"
+    path.write_text(urdf)
+    cuts.write_text("closed_loop: [[l0, l1]]\ntype: [6d]\nname_mot: [j1]\n")
+    start = time.perf_counter()
+    with pytest.raises(sst_pin.SSTError) as caught:
+        sst_pin.ClosedChain.from_urdf(path)
+    assert word is None or word in str(caught.value)
+    assert word is None or any(word in str(p) for p in sst_pin.validate(path))
+    assert time.perf_counter() - start < SOON
+
+
+def test_shapes_in_shapes_without_end_are_left_aside(tmp_path):
+    """They are for others to read."""
+    kind, source = ROBOTS["delta"]
+    deep = "<visual>" * 50_000 + "</visual>" * 50_000
+    path = tmp_path / "delta.urdf"
+    path.write_text(source.read_text().replace("<inertial>", deep + "<inertial>", 1))
+    cuts = source.with_suffix(".yaml")
+    assert kind.from_urdf(path, cuts).mobility().degrees_of_freedom == 3
+
+
+CUTS = "closed_loop: [[a, b]]\ntype: [6d]\nname_mot: [c]\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "word"),
+    [
+        (CUTS + "gravitiy: [0, 0, -1.62]", "gravitiy: unknown; known: closed_loop, type"),
+        (CUTS + "gravity: [0, 0, -1]\ngravity: [0, 0, -9.81]", "gravity: stands twice"),
+        (CUTS + "gravity: [0, no, -9.81]", "gravity: ['0', 'no', '-9.81'] is not a list of three"),
+        (CUTS + "gravity: [0, 0, .nan]", "gravity: "),
+        (CUTS + "gravity: [0, 0, 2020-13-45]", "gravity: "),
+        (CUTS + f"gravity: [0, 0, -{'9' * 400}]", "gravity: "),
+        (CUTS + f"gravity: [0, 0, -{'9' * 5000}]", "gravity: "),
+        (CUTS + "gravity: [0, 0, 1:30]", "gravity: "),
+        (CUTS + "gravity: [0, -9.81]", "gravity: "),
+        (CUTS + "gravity: 9.81", "gravity: "),
+        (CUTS.replace("[c]", "[[c]]"), "name_mot: ['c'] is not a name"),
+        (CUTS.replace("[c]", "['']"), "name_mot: '' is not a name"),
+        (CUTS.replace("[a, b]", "[a, [b]]"), "closed_loop: ['a', ['b']] is not a pair"),
+        (CUTS.replace("[a, b]", "[a, {b: c}]"), "is not a pair of frame names"),
+        (
+            CUTS + "joint_name: [a, a]\njoint_type: [FIXED, SPHERICAL]",
+            "joint_name: a stands twice",
+        ),
+        ("[a, b]", "no keys"),
+        ("", "no keys"),
+        (CUTS + "---\n" + CUTS, "not YAML"),
+        ("? [a]\n: b", "not YAML"),
+        ("a: &a [*a]", "not YAML"),
+        ("[" * 20_000, "too deep"),
+        ("a: " + "[" * 20_000 + "]" * 20_000, "too deep"),
+        ("- " * 20_000, "too deep"),
+        (
+            "a0: &a0 [x]\n"
+            + "".join(f"a{i + 1}: &a{i + 1} [{', '.join([f'*a{i}'] * 10)}]\n" for i in range(8))
+            + "closed_loop: [*a8]\ntype: [*a8]\nname_mot: *a8\ngravity: *a8\n",
+            "name_mot: ",
+        ),
+        ("a: " + "x" * 1_000_000, "more than"),
+        ("\0", "not YAML"),
+    ],
+)
+def test_cuts_that_say_something_else_are_refused_at_once(text, word):
+    """With every problem, in a message that a person can read."""
+    start = time.perf_counter()
+    with pytest.raises(sst_pin.DescriptionError) as caught:
+        parse_cuts(text, "cuts")
+    assert word in str(caught.value)
+    assert len(str(caught.value)) < 10_000
+    assert time.perf_counter() - start < SOON
+
+
+def test_names_and_numbers_of_cuts_are_those_that_stand_there():
+    """YAML would make 8 of 010, True of on, a text of 1e1; a mark of order stands before none."""
+    cuts = parse_cuts(
+        "closed_loop: [[010, on]]\ntype: [6D]\nname_mot: [1.50]\ngravity: [0, +.5, -1e1]", "cuts"
+    )
+    (closure,) = cuts.closures
+    assert (closure.frame_a, closure.frame_b, closure.kind) == ("010", "on", "6d")
+    assert cuts.actuated == ("1.50",)
+    assert cuts.gravity.tolist() == [0, 0.5, -10]
+
+
+# --- files ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("content", [b"\xff\xfe\x00", "<robot name='ä'/>".encode("latin-1")])
+def test_a_file_that_is_no_text_is_named(tmp_path, content):
+    """And what is wrong with it."""
+    path = tmp_path / "robot.urdf"
+    path.write_bytes(content)
+    for kind, _ in ROBOTS.values():
+        with pytest.raises(sst_pin.DescriptionError, match=r"robot\.urdf:\s+the URDF cannot be"):
+            kind.from_urdf(path)
+
+
+def test_a_mark_of_the_byte_order_is_no_part_of_a_description(tmp_path):
+    """Editors of some systems write it."""
+    kind, source = ROBOTS["delta"]
+    for suffix in (".urdf", ".yaml"):
+        content = source.with_suffix(suffix).read_bytes()
+        (tmp_path / "delta").with_suffix(suffix).write_bytes(b"\xef\xbb\xbf" + content)
+    assert kind.from_urdf(tmp_path / "delta.urdf").mobility().degrees_of_freedom == 3
+
+
+@pytest.mark.parametrize("path", ["", "/", "a\0b", "x" * 5000, "/dev/zero", "none.urdf"])
+def test_a_path_to_no_description_is_named(path):
+    """Whatever the system says of it."""
+    with pytest.raises(sst_pin.DescriptionError, match="the URDF"):
+        sst_pin.ClosedChain.from_urdf(path)
+    assert [p.where for p in sst_pin.validate(path)] == ["file"]
+
+
+def test_a_robot_read_by_a_subclass_is_of_it(tmp_path):
+    """As people expect of a constructor."""
+
+    class Own(sst_pin.ClosedChain):
+        pass
+
+    assert type(Own.from_urdf(EXAMPLES / "delta.urdf")) is Own
+    assert type(Own.from_mjcf(sst_pin.MJCF_PATH)) is Own
