@@ -17,6 +17,7 @@ from ..description.parameters import Parameters
 from ..errors import DescriptionError, InputError, WorkspaceError
 from ..motion.trajectories import Trajectory
 from . import direct_kinematics, kinematics
+from .check import Finding, findings
 from .geometry_models import Looks
 from .read_back import parameters_of
 from .star_dynamics import StarDynamics
@@ -285,6 +286,23 @@ class SST(StarDynamics):
         with np.errstate(divide="ignore"):
             condition = values[..., 0] / values[..., -1]
         return Singularities(np.abs(legs.sin_mu).min(axis=-1), values[..., -1], condition)
+
+    def check(self, motion: Trajectory) -> tuple[Finding, ...]:
+        """Where the machine cannot follow a motion: off its arcs or limits, near a singularity.
+
+        Args:
+            motion: Of this robot.
+
+        Returns:
+            One finding for each joint or singularity, with its times; empty when there is none.
+
+        Raises:
+            InputError: When the motion is another robot's.
+        """
+        if motion.joint_names != self.joint_names:
+            joints = ", ".join(motion.joint_names)
+            raise InputError("motion", f"is another robot's, with joints {joints}")
+        return findings(self.model, self.geometry, motion.t, motion.q)
 
     # --- pictures ---------------------------------------------------------------------------
 
