@@ -1,81 +1,106 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Dynamics of closed-chain robots on Pinocchio by the natural orthogonal complement."""
+"""Dynamics of closed-chain robots on Pinocchio by the natural orthogonal complement.
 
-from .chain.closed_chain import ClosedChain
-from .chain.closures import Closure
-from .chain.dynamics import ReducedTerms
-from .description import MJCF_PATH, PACKAGE_PATH, REPOSITORY_PATH, SRDF_PATH, URDF_PATH, YAML_PATH
-from .description.parameters import Parameters, RigidBody
-from .errors import (
-    ActuationError,
-    ClosureError,
-    DescriptionError,
-    DescriptionWarning,
-    FileFormatError,
-    InputError,
-    MissingExtraError,
-    OutputError,
-    ParametersError,
-    SimulationError,
-    SingularConfigurationError,
-    SingularityWarning,
-    SSTError,
-    UnknownNameError,
-    WorkspaceError,
-)
-from .motion.energy import energy_error
-from .motion.rollouts import Rollout
-from .motion.trajectories import Trajectory
-from .sst.kinematics import BRANCHES
-from .sst.platform_motion import (
-    PlatformMotion,
-    interpolate_orientations,
-    orientation,
-    orientation_motion,
-    paper_circle,
-)
-from .sst.robot import SST
-from .sst.robot_wrapper import load
-from .validation import Problem, validate
+Public names are loaded at their first use.
+"""
 
-__all__ = [
-    "BRANCHES",
-    "MJCF_PATH",
-    "PACKAGE_PATH",
-    "REPOSITORY_PATH",
-    "SRDF_PATH",
-    "SST",
-    "URDF_PATH",
-    "YAML_PATH",
-    "ActuationError",
-    "ClosedChain",
-    "Closure",
-    "ClosureError",
-    "DescriptionError",
-    "DescriptionWarning",
-    "FileFormatError",
-    "InputError",
-    "MissingExtraError",
-    "OutputError",
-    "Parameters",
-    "ParametersError",
-    "PlatformMotion",
-    "Problem",
-    "ReducedTerms",
-    "RigidBody",
-    "Rollout",
-    "SSTError",
-    "SimulationError",
-    "SingularConfigurationError",
-    "SingularityWarning",
-    "Trajectory",
-    "UnknownNameError",
-    "WorkspaceError",
-    "energy_error",
-    "interpolate_orientations",
-    "load",
-    "orientation",
-    "orientation_motion",
-    "paper_circle",
-    "validate",
-]
+from importlib import import_module
+
+TYPE_CHECKING = False  # but for type checkers; `typing` takes its time
+
+if TYPE_CHECKING:
+    from .chain.closed_chain import ClosedChain as ClosedChain
+    from .chain.closures import Closure as Closure
+    from .chain.dynamics import ReducedTerms as ReducedTerms
+    from .description import MJCF_PATH as MJCF_PATH
+    from .description import PACKAGE_PATH as PACKAGE_PATH
+    from .description import REPOSITORY_PATH as REPOSITORY_PATH
+    from .description import SRDF_PATH as SRDF_PATH
+    from .description import URDF_PATH as URDF_PATH
+    from .description import YAML_PATH as YAML_PATH
+    from .description.parameters import Parameters as Parameters
+    from .description.parameters import RigidBody as RigidBody
+    from .errors import ActuationError as ActuationError
+    from .errors import ClosureError as ClosureError
+    from .errors import DescriptionError as DescriptionError
+    from .errors import DescriptionWarning as DescriptionWarning
+    from .errors import FileFormatError as FileFormatError
+    from .errors import InputError as InputError
+    from .errors import MissingExtraError as MissingExtraError
+    from .errors import OutputError as OutputError
+    from .errors import ParametersError as ParametersError
+    from .errors import SimulationError as SimulationError
+    from .errors import SingularConfigurationError as SingularConfigurationError
+    from .errors import SingularityWarning as SingularityWarning
+    from .errors import SSTError as SSTError
+    from .errors import UnknownNameError as UnknownNameError
+    from .errors import WorkspaceError as WorkspaceError
+    from .motion.energy import energy_error as energy_error
+    from .motion.rollouts import Rollout as Rollout
+    from .motion.trajectories import Trajectory as Trajectory
+    from .sst.kinematics import BRANCHES as BRANCHES
+    from .sst.platform_motion import PlatformMotion as PlatformMotion
+    from .sst.platform_motion import interpolate_orientations as interpolate_orientations
+    from .sst.platform_motion import orientation as orientation
+    from .sst.platform_motion import orientation_motion as orientation_motion
+    from .sst.platform_motion import paper_circle as paper_circle
+    from .sst.robot import SST as SST
+    from .sst.robot_wrapper import load as load
+    from .validation import Problem as Problem
+    from .validation import validate as validate
+
+#: Public names of each module.
+_NAMES = {
+    "chain.closed_chain": "ClosedChain",
+    "chain.closures": "Closure",
+    "chain.dynamics": "ReducedTerms",
+    "description": "MJCF_PATH PACKAGE_PATH REPOSITORY_PATH SRDF_PATH URDF_PATH YAML_PATH",
+    "description.parameters": "Parameters RigidBody",
+    "errors": (
+        "ActuationError ClosureError DescriptionError DescriptionWarning FileFormatError "
+        "InputError MissingExtraError OutputError ParametersError SimulationError "
+        "SingularConfigurationError SingularityWarning SSTError UnknownNameError "
+        "WorkspaceError"
+    ),
+    "motion.energy": "energy_error",
+    "motion.rollouts": "Rollout",
+    "motion.trajectories": "Trajectory",
+    "sst.kinematics": "BRANCHES",
+    "sst.platform_motion": (
+        "PlatformMotion interpolate_orientations orientation orientation_motion paper_circle"
+    ),
+    "sst.robot": "SST",
+    "sst.robot_wrapper": "load",
+    "validation": "Problem validate",
+}
+_MODULES = {name: module for module, names in _NAMES.items() for name in names.split()}
+
+__all__ = sorted(_MODULES)  # noqa: PLE0605
+__version__: str
+
+
+if not TYPE_CHECKING:
+
+    def __getattr__(name):
+        """A public name, a room of the package, or the version, when it is first asked for."""
+        if name == "__version__":
+            from importlib.metadata import version
+
+            value = version("sst-pin")
+        elif name in _MODULES:
+            value = getattr(import_module(f".{_MODULES[name]}", __name__), name)
+        elif name.startswith("_"):
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        else:
+            try:
+                value = import_module(f".{name}", __name__)
+            except ModuleNotFoundError as error:
+                if error.name != f"{__name__}.{name}":
+                    raise
+                raise AttributeError(f"module {__name__!r} has no attribute {name!r}") from None
+        globals()[name] = value
+        return value
+
+
+def __dir__() -> list[str]:
+    return [*__all__, "__version__"]

@@ -7,6 +7,7 @@ import csv
 import io
 import math
 import os
+import stat
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -150,7 +151,8 @@ def write_files(files: Mapping[Path, Writer], force: bool = False) -> None:
     """Write files whole or not at all.
 
     Every target is looked at before the first is written; each is written beside its place and
-    moved there when it is complete. Folders that are missing are made.
+    moved there when it is complete. Folders that are missing are made. A file that is replaced
+    keeps its mode, and a link to it remains.
 
     Args:
         files: Writer of each path.
@@ -159,27 +161,41 @@ def write_files(files: Mapping[Path, Writer], force: bool = False) -> None:
     Raises:
         OutputError: When a file exists and may not be replaced, or cannot be written.
     """
-    for path in files:
-        if path.is_dir():
-            raise OutputError(path, "is a folder")
-        if path.exists() and not force:
-            raise OutputError(path, "exists already; use force (--force) to replace it")
+    places = {path: _place(path, force) for path in files}
     for path, write in files.items():
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+            _write_whole(*places[path], write)
         except OSError as error:
-            raise OutputError(path, f"cannot be written: {error.strerror}") from None
-        partial = Path(name)
-        try:
-            with os.fdopen(handle, "wb") as file:
-                write(file)
-            partial.chmod(0o666 & ~_umask())  # mkstemp makes files for one's own eyes
-            partial.replace(path)
-        except OSError as error:
-            raise OutputError(path, f"cannot be written: {error.strerror}") from None
-        finally:
-            partial.unlink(missing_ok=True)
+            raise OutputError(path, f"cannot be written: {error.strerror or error}") from None
+
+
+def _place(path: Path, force: bool) -> tuple[Path, int]:
+    """The file that a path leads to, beyond links, and the mode that it has or will have."""
+    try:
+        target = Path(os.path.realpath(path))
+        mode = target.stat().st_mode
+    except FileNotFoundError:
+        return target, 0o666 & ~_umask()
+    except OSError as error:
+        raise OutputError(path, f"cannot be written: {error.strerror}") from None
+    if not stat.S_ISREG(mode):
+        raise OutputError(path, f"is a {'folder' if stat.S_ISDIR(mode) else 'device'}, not a file")
+    if not force:
+        raise OutputError(path, "exists already; use force (--force) to replace it")
+    return target, stat.S_IMODE(mode)
+
+
+def _write_whole(path: Path, mode: int, write: Writer) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=".sst_pin.")
+    partial = Path(name)
+    try:
+        with os.fdopen(handle, "wb") as file:
+            write(file)
+        partial.chmod(mode)  # mkstemp makes files for one's own eyes
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)
 
 
 def _umask() -> int:

@@ -3,40 +3,12 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import sys
-import warnings
-from collections.abc import Sequence
-
-from ..errors import SingularityWarning, SSTError
-from . import (
-    describe,
-    export_c,
-    info,
-    paper,
-    plot,
-    show,
-    simulate,
-    torques,
-    validate,
-    verify,
-    workspace,
-)
-from .common import Commands, Parser, version_of
-
-#: In the order of the help text.
-COMMANDS = (
-    paper,
-    torques,
-    simulate,
-    show,
-    plot,
-    workspace,
-    describe,
-    verify,
-    validate,
-    export_c,
-    info,
-)
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -46,25 +18,46 @@ def main(argv: Sequence[str] | None = None) -> int:
         argv: Arguments; those of the process by default.
 
     Returns:
-        The exit code: 0; 1 when referees disagree or a description has errors; 2 after one line
-        that says what is wrong.
+        The exit code: 0; 1 when referees disagree, a description has errors or `--strict` refuses
+        a motion; 2 after one line that says what is wrong; 128 and the number of the signal that
+        ended the command.
     """
-    parser = Parser(
-        prog="sst-pin", description="Dynamics of the SST spherical parallel manipulator."
-    )
-    parser.add_argument("--version", action="version", version=version_of("sst-pin"))
-    commands = Commands(parser)
-    for command in COMMANDS:
-        command.add_to(commands)
-    arguments = parser.parse_args(argv)
     try:
-        with warnings.catch_warnings():
-            # A motion that stops early is told on standard output, once.
-            warnings.simplefilter("ignore", SingularityWarning)
-            return arguments.run(arguments) or 0
-    except SSTError as error:
-        print(f"sst-pin: error: {' '.join(str(error).split())}", file=sys.stderr)
-        return 2
+        try:
+            with _sigterm_unwinds():
+                from .commands import run  # takes a while: Ctrl-C is answered meanwhile
+
+                return run(argv)
+        finally:
+            if sys.stdout is not None:  # closed by the caller
+                sys.stdout.flush()
     except KeyboardInterrupt:
-        print("sst-pin: interrupted", file=sys.stderr)
-        return 130
+        return _end(128 + signal.SIGINT, "interrupted")
+    except BrokenPipeError:  # whoever read it, `head` say, has enough
+        return _end(128 + signal.SIGPIPE)
+    except OSError as error:
+        where = f"{error.filename}: " if error.filename else ""
+        return _end(2, f"error: {where}{error.strerror or error}")
+
+
+@contextmanager
+def _sigterm_unwinds() -> Iterator[None]:
+    """SIGTERM ends the command like an exception: no temporary file remains."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def _end(code: int, message: str = "") -> int:
+    """Say the last word, and keep the interpreter from writing what cannot be written."""
+    with suppress(OSError):
+        if message:
+            print(f"sst-pin: {message}", file=sys.stderr)
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, sys.stdout.fileno())
+    return code

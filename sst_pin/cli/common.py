@@ -4,11 +4,13 @@
 from __future__ import annotations
 
 import argparse
+import re
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +24,11 @@ Array = NDArray[np.float64]
 
 class Parser(argparse.ArgumentParser):
     """An argument parser that says what is wrong in one line; the usage is in --help."""
+
+    def __init__(self, *args: Any, **options: Any) -> None:
+        super().__init__(*args, **options)
+        # What begins like a negative number is a value, as in --gamma -0.1,0.2,0.3.
+        self._negative_number_matcher = re.compile(r"-\.?\d")
 
     def error(self, message: str) -> NoReturn:
         """Leave with exit code 2."""
@@ -62,6 +69,24 @@ def triple(text: str) -> Array:
     if numbers.shape != (3,) or not np.isfinite(numbers).all():
         raise argparse.ArgumentTypeError(f"{text!r} is not three numbers like 0.1,0.2,0.3")
     return numbers
+
+
+def add_strict(parser: Parser) -> None:
+    """The option --strict; `refuses` obeys it."""
+    parser.add_argument(
+        "--strict",
+        action="store_true",
+        help="a motion that the machine cannot take is an error: no files, exit code 1",
+    )
+
+
+def refuses(robot: SST, motion: Trajectory, arguments: argparse.Namespace) -> bool:
+    """Say what the machine cannot take of a motion; whether that ends the command."""
+    found = robot.check(motion)
+    for finding in found:
+        kind = "error" if arguments.strict else "warning"
+        print(f"sst-pin: {kind}: {finding}", file=sys.stderr)
+    return bool(found) and arguments.strict
 
 
 def add_force(parser: Parser) -> None:

@@ -86,4 +86,5 @@ def _changed(p: Parameters, arguments: argparse.Namespace) -> Parameters:
 
 def _weighing(mass: float, body: RigidBody) -> RigidBody:
     """A body of the same shape and another density."""
-    return RigidBody(mass, body.center_of_mass, body.inertia * (mass / body.mass))
+    with np.errstate(over="ignore", invalid="ignore"):  # `Parameters` judges what comes out
+        return RigidBody(mass, body.center_of_mass, body.inertia * (mass / body.mass))

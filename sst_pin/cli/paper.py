@@ -11,7 +11,16 @@ import numpy as np
 
 from ..files import Writer, write_files
 from ..sst.paper import PERIOD, compare, example_1, example_2
-from .common import Commands, add_force, add_urdf, progress_bar, remark, robot_of
+from .common import (
+    Commands,
+    add_force,
+    add_strict,
+    add_urdf,
+    progress_bar,
+    refuses,
+    remark,
+    robot_of,
+)
 
 
 def add_to(commands: Commands) -> None:
@@ -23,6 +32,7 @@ def add_to(commands: Commands) -> None:
         "--samples", type=_count, default=1001, metavar="N", help="samples a period (default: 1001)"
     )
     add_force(parser)
+    add_strict(parser)
 
 
 def _count(text: str) -> int:
@@ -31,7 +41,7 @@ def _count(text: str) -> int:
     return int(text)
 
 
-def _run(arguments: argparse.Namespace) -> None:
+def _run(arguments: argparse.Namespace) -> int:
     from .. import plots  # needs the extra `plot`
 
     robot, out = robot_of(arguments), arguments.out
@@ -40,6 +50,8 @@ def _run(arguments: argparse.Namespace) -> None:
     began = clock()
     example = example_1(robot, t)
     seconds = [clock() - began]
+    if refuses(robot, example, arguments):
+        return 1
     starts = {"exact": False, "printed": True}
     motions = {}
     for name, rounded in starts.items():
@@ -73,3 +85,4 @@ def _run(arguments: argparse.Namespace) -> None:
             f"{returned.energy:.1e} J     {elapsed:.2f} s{remark(motion)}"
         )
     print(f"{len(files)} files in {out}")
+    return 0

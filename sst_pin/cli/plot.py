@@ -7,11 +7,9 @@ import argparse
 from pathlib import Path
 
 from ..errors import FileFormatError
-from ..files import read_table, write_files
-from ..motion.trajectories import Trajectory
-from ..sst.motion_files import read_motion
-from ..sst.robot import SST
-from .common import Commands, add_figure, add_urdf, robot_of
+from ..files import write_files
+from ..sst.motion_files import load_motion
+from .common import Commands, add_figure, add_strict, add_urdf, refuses, robot_of
 
 #: As in `plots.SUBJECTS`, which needs matplotlib.
 SUBJECTS = ("path", "torques", "joints", "rates", "power", "energy", "condition")
@@ -27,6 +25,7 @@ def add_to(commands: Commands) -> None:
     add_urdf(parser)
     parser.add_argument("motion", type=Path, metavar="MOTION.csv")
     add_figure(parser)
+    add_strict(parser)
     parser.add_argument(
         "--what",
         type=_subjects,
@@ -45,27 +44,19 @@ def _subjects(text: str) -> tuple[str, ...]:
     return subjects
 
 
-def _run(arguments: argparse.Namespace) -> None:
+def _run(arguments: argparse.Namespace) -> int:
     from .. import plots  # needs the extra `plot`
 
     plots.require_ending(arguments.output)
     robot = robot_of(arguments)
-    motion = _motion(robot, arguments.motion)
+    motion = load_motion(robot, arguments.motion)
+    if len(motion) < 2:
+        raise FileFormatError(arguments.motion, "one sample; a curve needs two at least")
+    if refuses(robot, motion, arguments):
+        return 1
     subjects = arguments.what or [s for s in SUBJECTS if s != "power"]
     figure = plots.motion_page(robot, motion, subjects)
     files = {arguments.output: plots.figure_writer(figure, arguments.output)}
     write_files(files, arguments.force)
     print(f"{', '.join(subjects)} of {len(motion)} samples -> {arguments.output}")
-
-
-def _motion(robot: SST, path: Path) -> Trajectory:
-    """A motion with its torques as it stands, else one whose torques are still to be found."""
-    whole = {f"{name}_rad" for name in robot.joint_names} | {"tau_1_Nm"}
-    if path.suffix.lower() != ".npz" and not whole <= set(read_table(path).columns):
-        return read_motion(robot, path)
-    motion = Trajectory.load(path)
-    if motion.joint_names != tuple(robot.joint_names):
-        raise FileFormatError(path, f"a motion of another robot: {', '.join(motion.joint_names)}")
-    if len(motion) < 2:
-        raise FileFormatError(path, "one sample; a curve needs two at least")
-    return motion
+    return 0

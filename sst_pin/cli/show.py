@@ -11,12 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ..files import read_table, write_files
-from ..motion.trajectories import Trajectory
-from ..sst.motion_files import read_motion
+from ..errors import InputError
+from ..files import write_files
+from ..sst.motion_files import load_motion
 from ..sst.paper import PERIOD, example_1
-from ..sst.robot import SST
-from .common import Commands, Parser, add_force, add_urdf, robot_of
+from .common import Commands, Parser, add_force, add_strict, add_urdf, refuses, robot_of
 
 
 def add_to(commands: Commands) -> None:
@@ -50,8 +49,9 @@ def add_to(commands: Commands) -> None:
     )
     parser.add_argument("--no-open", action="store_true", help="print the URL, open no browser")
     parser.add_argument("--host", default="127.0.0.1", help="listen there; this machine alone")
-    parser.add_argument("--port", type=int, default=0, help="listen there; any that is free")
+    parser.add_argument("--port", type=_port, default=0, help="listen there; any that is free")
     add_force(parser)
+    add_strict(parser)
 
 
 def _positive(text: str) -> float:
@@ -64,22 +64,33 @@ def _positive(text: str) -> float:
     return number
 
 
-def _run(arguments: argparse.Namespace) -> None:
+def _port(text: str) -> int:
+    if not text.isdecimal() or int(text) > 65535:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a port, a whole number up to 65535")
+    return int(text)
+
+
+def _run(arguments: argparse.Namespace) -> int:
     robot = robot_of(arguments)
     if arguments.interactive:
+        for name in ("motion", "speed", "html", "png", "gif", "axes", "frames", "strict"):
+            if getattr(arguments, name):
+                raise InputError("--interactive", f"moves the robot by hand and takes no {name}")
         from ..viewer.interactive import Interactive  # needs the extra `interactive`
 
         with Interactive(robot, arguments.host, arguments.port) as page:
             _wait(page.url, arguments.no_open)
-        return
+        return 0
     from ..viewer import Viewer  # needs the extra `viz`
 
     if arguments.motion is None:
         motion, speed = example_1(robot, np.linspace(0, PERIOD, 201)), 0.1
         title = "Example 1: the circle"
     else:
-        motion, speed = _motion(robot, arguments.motion), 1.0
+        motion, speed = load_motion(robot, arguments.motion), 1.0
         title = arguments.motion.name
+    if refuses(robot, motion, arguments):
+        return 1
     with Viewer(robot, axes=arguments.axes, frames=arguments.frames) as viewer:
         viewer.play(motion, speed=arguments.speed or speed, title=title)
         wanted = [arguments.html, arguments.png, arguments.gif]
@@ -90,14 +101,7 @@ def _run(arguments: argparse.Namespace) -> None:
         else:
             url = viewer.serve(arguments.host, arguments.port)
             _wait(url, arguments.no_open)
-
-
-def _motion(robot: SST, path: Path) -> Trajectory:
-    """What `torques` has written as it stands there, or the torques of a motion."""
-    if path.suffix.lower() == ".npz":
-        return Trajectory.load(path)
-    whole = {"mu_1_rad", "tau_1_Nm"} <= set(read_table(path).columns)
-    return Trajectory.load(path) if whole else read_motion(robot, path)
+    return 0
 
 
 def _wait(url: str, no_open: bool) -> None:

@@ -14,7 +14,18 @@ from ..files import Table, read_table
 from ..motion.trajectories import Trajectory
 from ..sst.motion_files import MOTORS
 from ..sst.robot import SST
-from .common import Commands, add_output, add_urdf, progress_bar, remark, robot_of, save, triple
+from .common import (
+    Commands,
+    add_output,
+    add_strict,
+    add_urdf,
+    progress_bar,
+    refuses,
+    remark,
+    robot_of,
+    save,
+    triple,
+)
 
 Array = NDArray[np.float64]
 
@@ -30,6 +41,7 @@ def add_to(commands: Commands) -> None:
     add_urdf(parser)
     parser.add_argument("torques", type=Path, metavar="TORQUES.csv")
     add_output(parser, "MOTION.csv")
+    add_strict(parser)
     parser.add_argument(
         "--gamma", type=triple, metavar="G1,G2,G3", help="motor angles at the start, rad"
     )
@@ -38,7 +50,7 @@ def add_to(commands: Commands) -> None:
     )
 
 
-def _run(arguments: argparse.Namespace) -> None:
+def _run(arguments: argparse.Namespace) -> int:
     robot = robot_of(arguments)
     table = read_table(arguments.torques)
     tau = table.select(["tau_1_Nm", "tau_2_Nm", "tau_3_Nm"])
@@ -61,8 +73,11 @@ def _run(arguments: argparse.Namespace) -> None:
     given = Trajectory(t, np.zeros((len(t), 9)), unknown, unknown, tau, robot.joint_names, MOTORS)
     with progress_bar("simulating", t[0], t[-1]) as progress:
         motion = robot.simulate(given, q0, rates, t, progress=progress)
+    if refuses(robot, motion, arguments):
+        return 1
     save(motion, arguments)
     print(f"{len(motion)} samples to t = {motion.t[-1]:g} s -> {arguments.output}{remark(motion)}")
+    return 0
 
 
 def _near(robot: SST, table: Table, arguments: argparse.Namespace) -> Array:

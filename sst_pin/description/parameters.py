@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 
 #: Relative slack of sums that should hold exactly: angles, symmetry, triangle inequality.
 _SLACK = 1e-9
+#: [m]; what is larger overflows in meshes.
+_LARGEST_RADIUS = 1e6
 #: Three unit directions with a smaller triple product count as lying in one plane.
 _FLAT = 1e-6
 
@@ -249,6 +251,8 @@ class Parameters:
             radius = getattr(self, name)
             if not (np.isfinite(radius) and radius > 0):
                 yield f"{name}: {radius} m is not positive"
+            elif radius > _LARGEST_RADIUS:
+                yield f"{name}: {radius:g} m is more than {_LARGEST_RADIUS:g} m"
 
 
 def _direction_problems(v: Array) -> Iterator[str]:

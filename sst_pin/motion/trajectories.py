@@ -160,9 +160,7 @@ class Trajectory:
                 content = {name: file[name] for name in (*_COMPARED, "stopped")}
         except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
             raise FileFormatError(path, f"not a motion: {error}") from None
-        words = {
-            key: tuple(map(str, content.pop(key))) for key in _WORDS
-        }
+        words = {key: tuple(map(str, content.pop(key))) for key in _WORDS}
         stopped = str(content.pop("stopped"))
         return cls(**content, **words, stopped=stopped)
 
@@ -200,9 +198,7 @@ class Trajectory:
     def _columns(self) -> list[str]:
         unit = dict(zip(self.coordinates, self.rate_units, strict=True))
         forces = ["N" if unit.get(name) == "m" else "Nm" for name in self.actuated]
-        return _columns(
-            self.joint_names, self.units, self.coordinates, self.rate_units, forces
-        )
+        return _columns(self.joint_names, self.units, self.coordinates, self.rate_units, forces)
 
     def torque(self) -> Callable[[float], Array]:
         """The torques as a smooth function of time, for `simulate`.

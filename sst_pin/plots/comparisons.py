@@ -103,12 +103,11 @@ def paths_of_methods(
         ours: The motion that they lead to.
         others: With orientations of {E} in the base; labels as for `torques_of_methods`.
     """
-    radius = 0.4
-    paths_on_sphere(ax, robot, [("wanted path", wanted), ("NOC", ours)], radius)
+    paths_on_sphere(ax, robot, [("wanted path", wanted), ("NOC", ours)])
     ax.get_legend().remove()
     for number, method in enumerate(others):
         picked = _spread(method.t, number, len(others), 9)
-        E = radius * method.values[picked, :, 0]
+        E = robot.star_radius * method.values[picked, :, 0]
         ax.plot(*E.T, **_mark(method), zorder=12)
     return ax
 

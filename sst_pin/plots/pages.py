@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from textwrap import wrap
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -26,7 +27,7 @@ SUMMARY = ("path", "torques", "joints", "rates", "energy", "condition")
 
 
 def motion_page(robot: SST, motion: Trajectory, subjects: Sequence[str] = SUMMARY) -> Figure:
-    """A page about a motion, two axes in a row.
+    """A page about a motion, two axes in a row, and below them what `robot.check` finds.
 
     Args:
         robot: The SST.
@@ -44,6 +45,10 @@ def motion_page(robot: SST, motion: Trajectory, subjects: Sequence[str] = SUMMAR
                 ax.set_box_aspect((1, 1, 1), zoom=1.0)
             else:
                 CURVES[subject](figure.add_subplot(rows, columns, place), robot, motion)
+        if found := robot.check(motion):
+            width = 65 * columns  # characters
+            lines = [line for f in found for line in wrap(f"Warning: {f}", width)]
+            figure.supxlabel("\n".join(lines), x=0.02, ha="left", size=7, color="#B00020")
     return figure
 
 

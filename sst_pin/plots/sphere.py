@@ -26,7 +26,7 @@ PATHS: tuple[dict[str, Any], ...] = (
 
 
 def paths_on_sphere(
-    ax: Axes, robot: SST, motions: Sequence[tuple[str, Trajectory]], radius: float = 0.4
+    ax: Axes, robot: SST, motions: Sequence[tuple[str, Trajectory]], radius: float | None = None
 ) -> Axes:
     """Paths of E on the sphere of the star, over the base triangle's patch (Figs. 9, 11).
 
@@ -34,8 +34,9 @@ def paths_on_sphere(
         ax: Axes with projection "3d".
         robot: The SST.
         motions: Label and motion of each path; of several, the first is the wanted one.
-        radius: Of the star's arcs, [m].
+        radius: Of the sphere, [m]; the star's by default.
     """
+    radius = robot.star_radius if radius is None else radius
     _patch(ax, robot, radius, "v")
     looks = PATHS if len(motions) > 1 else PATHS[1:]
     seen = [robot.geometry.R_0[:, :, 0]]
@@ -50,16 +51,17 @@ def paths_on_sphere(
     return ax
 
 
-def robot_pose(ax: Axes, robot: SST, q: Array, radii: tuple[float, float] = (0.35, 0.4)) -> Axes:
+def robot_pose(ax: Axes, robot: SST, q: Array, radii: tuple[float, float] | None = None) -> Axes:
     """A line drawing of the robot: base triangle, actuator links, the star's arcs.
 
     Args:
         ax: Axes with projection "3d".
         robot: The SST.
         q: Joint coordinates, shape (9,).
-        radii: Of the base sphere and of the star's arcs, [m].
+        radii: Of the base sphere and of the star's arcs, [m]; by default the star's own, and 7/8
+            of it for the base, as in the paper.
     """
-    base, star = radii
+    base, star = radii or (7 / 8 * robot.star_radius, robot.star_radius)
     _patch(ax, robot, base, "P")
     legs = legs_of_joints(robot.geometry, q)
     for k in range(3):
@@ -73,11 +75,11 @@ def robot_pose(ax: Axes, robot: SST, q: Array, radii: tuple[float, float] = (0.3
         arc = star * (np.cos(angles) * s - np.sin(angles) * np.cross(legs.n[k], s))
         ax.plot(*arc.T, color=colour, linewidth=1.8)
         # Beside the arc: towards neither of its ends.
-        beside = 1.12 * carriage[1] + 0.08 * legs.n[k]
+        beside = 1.12 * carriage[1] + 0.2 * star * legs.n[k]
         ax.text(*beside, f"$R_{k + 1}$", color=colour, ha="center", va="center")
     E = star * legs.s[0]
     ax.plot(*E[:, None], "o", color="black", markersize=4)
-    ax.text(*(E + 0.05 * np.array((1, -1, 0))), "$E$", ha="center", va="center")
+    ax.text(*(E + star / 8 * np.array((1, -1, 0))), "$E$", ha="center", va="center")
     _equal_space(ax, robot, star, robot.geometry.R_0[:, :, 0])
     ax.set_axis_off()
     ax.set_box_aspect((1, 1, 1), zoom=1.05)
@@ -117,7 +119,8 @@ def _equal_space(ax: Axes, robot: SST, radius: float, s: Array) -> None:
     """A sphere that looks like one, axes with units; the paper's octant when s stays within it."""
     octant = s.min() > -0.15
     limits = np.array((-0.15 if octant else -1.15, 1.15)) * radius
-    step = (0.2 if octant else 0.4) if radius < 0.5 else radius
+    power = 10 ** np.floor(np.log10(radius / 2))
+    step = max(m for m in (1, 2, 5) if m * power <= radius / 2) * power * (1 if octant else 2)
     ax.set(xlim=limits, ylim=limits, zlim=limits)
     ax.set_box_aspect((1, 1, 1), zoom=0.9)
     elevation, azimuth = _camera(robot)

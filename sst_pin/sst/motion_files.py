@@ -69,6 +69,26 @@ def read_motion(robot: SST, path: str | Path) -> Trajectory:
     return Trajectory(t, np.unwrap(q, axis=0), va, aa, tau, robot.joint_names, MOTORS)
 
 
+def load_motion(robot: SST, path: str | Path) -> Trajectory:
+    """A motion with its torques as it stands in a file, else one whose torques are computed.
+
+    Args:
+        robot: Whose motion it is.
+        path: What `Trajectory.save` has written, or a CSV for `read_motion`.
+
+    Raises:
+        FileFormatError, WorkspaceError, SingularConfigurationError: As `read_motion`.
+    """
+    path = Path(path)
+    whole = {f"{name}_rad" for name in robot.joint_names} | {"tau_1_Nm"}
+    if path.suffix.lower() != ".npz" and not whole <= set(read_table(path).columns):
+        return read_motion(robot, path)
+    motion = Trajectory.load(path)
+    if motion.joint_names != tuple(robot.joint_names):
+        raise FileFormatError(path, f"a motion of another robot: {', '.join(motion.joint_names)}")
+    return motion
+
+
 def _unit(table: Table, name: str) -> str | None:
     """The column of an angle, whatever its unit."""
     names = (f"{name}_rad", f"{name}_deg", name)

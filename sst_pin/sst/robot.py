@@ -21,6 +21,7 @@ from ..motion.rollouts import Rollout
 from ..motion.simulation import Load, Torque, constant_or_called
 from ..motion.trajectories import Trajectory
 from . import direct_kinematics, kernel_path, kinematics
+from .check import Finding, findings
 from .geometry_models import Looks
 from .read_back import parameters_of
 from .topology import CUTS, geometry_of
@@ -296,6 +297,23 @@ class SST(ClosedChain):
         with np.errstate(divide="ignore"):
             condition = values[..., 0] / values[..., -1]
         return Singularities(np.abs(legs.sin_mu).min(axis=-1), values[..., -1], condition)
+
+    def check(self, motion: Trajectory) -> tuple[Finding, ...]:
+        """Where the machine cannot follow a motion: off its arcs or limits, near a singularity.
+
+        Args:
+            motion: Of this robot.
+
+        Returns:
+            One finding for each joint or singularity, with its times; empty when there is none.
+
+        Raises:
+            InputError: When the motion is another robot's.
+        """
+        if motion.joint_names != self.joint_names:
+            joints = ", ".join(motion.joint_names)
+            raise InputError("motion", f"is another robot's, with joints {joints}")
+        return findings(self._draft.model, self.geometry, motion.t, motion.q)
 
     # --- dynamics ---------------------------------------------------------------------------
 

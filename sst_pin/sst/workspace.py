@@ -5,10 +5,8 @@ The star has three freedoms: the direction of s and the roll psi about it. A map
 taken at one psi, or over the whole turn, where each direction shows its best psi.
 
 With ideal joints every orientation is in reach but those in which a leg lies flat on its arc: the
-closed-form inverse kinematics always has its solution. What bounds a machine are its arcs. The
-passive slider of leg k runs on a quarter circle of the star, 0 <= beta_k <= 90 deg, the arc whose
-mass centre Eq. (54) gives, and R_k stays on the side P_k P_{k+1} of the base triangle,
-0 <= gamma_k <= angle(v_k, v_{k+1}). All is on the working branch, 0 < mu_k < pi.
+closed-form inverse kinematics always has its solution. What bounds a machine are its arcs, as
+`check` has them. All is on the working branch, 0 < mu_k < pi.
 """
 
 from __future__ import annotations
@@ -26,6 +24,7 @@ from ..arrays import finite_array
 from ..errors import InputError, OutputError
 from ..files import Writer, table_writer, write_files
 from . import kinematics
+from .check import arc_margins
 from .platform_motion import orientation
 from .robot import SST
 
@@ -33,8 +32,6 @@ Array = NDArray[np.float64]
 
 #: |sin(mu_k)| below which the pose of leg k is not computed: gamma_k loses its digits.
 _FLAT = 1e-6
-#: The ends of the arcs belong to them, rounding included; [rad].
-_END = 1e-9
 
 
 class Chart(NamedTuple):
@@ -275,17 +272,8 @@ def _poses(robot: SST, R: Array) -> _Poses:
         first_kind,
         everywhere(np.linalg.det(legs.y_2), np.nan),
         everywhere(np.where(limits >= 0, condition, np.inf), np.inf),
-        everywhere(np.minimum(limits, _arc_margin(geometry, q)), np.nan),
+        everywhere(np.minimum(limits, arc_margins(geometry, q).min(axis=-1)), np.nan),
     )
-
-
-def _arc_margin(geometry: kinematics.Geometry, q: Array) -> Array:
-    """How far R_k is from the ends of its side of the base triangle and of its arc of the star."""
-    v = geometry.R_0[:, :, 0]
-    side = np.arccos(np.clip((v * np.roll(v, -1, axis=0)).sum(axis=1), -1, 1))
-    gamma, beta = q[..., ::3], q[..., 2::3]
-    ends = np.minimum(np.minimum(gamma, side - gamma), np.minimum(beta, np.pi / 2 - beta))
-    return np.asarray(ends.min(axis=-1)) + _END
 
 
 def _positive_share(margin: Array) -> Array:

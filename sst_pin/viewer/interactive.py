@@ -8,7 +8,9 @@ so the kinematics and dynamics of the page are those of the package.
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from http import HTTPStatus
 from typing import Any
 
 import numpy as np
@@ -17,12 +19,15 @@ from numpy.typing import NDArray
 from pinocchio.visualize import ViserVisualizer
 
 from ..errors import MissingExtraError, ServerError
+from ..sst.check import findings
 from ..sst.robot import SST
 from . import jog
-from .scene import Scene, parts
+from .hosts import is_ours, listen, url_of
+from .markers import Markers, parts
 
 try:
     import viser
+    import websockets.asyncio.server
 except ImportError:
     raise MissingExtraError("viser", "interactive") from None
 
@@ -43,7 +48,7 @@ class Interactive:
     Args:
         robot: The SST.
         host: Address to listen on, by default this machine alone.
-        port: The first that is tried; 0 for 8080.
+        port: 0 for 8080, or the next one that is free.
 
     Raises:
         MissingExtraError: Without viser.
@@ -51,13 +56,13 @@ class Interactive:
     """
 
     def __init__(self, robot: SST, host: str = "127.0.0.1", port: int = 0) -> None:
-        self._robot, self._scene = robot, Scene(robot)
+        self._robot, self._markers = robot, Markers(robot)
         self._busy, self._wishes = threading.Lock(), 0
-        try:
+        for tried in listen(host, port):  # viser would go on trying for ever
+            tried.close()
+        with _guarded_requests(host):
             self._server = viser.ViserServer(host, port or _PORT, verbose=False)
-        except OSError as error:
-            raise ServerError(f"cannot listen on {host}: {error.strerror}") from None
-        self.url = f"http://{host}:{self._server.get_port()}/"
+        self.url = url_of(host, self._server.get_port())
         self.q = robot.home
         # The torque of the largest arrow: half the robot's weight on the star's radius.
         weight = sum(i.mass for i in robot.model.inertias) * np.linalg.norm(
@@ -108,7 +113,7 @@ class Interactive:
         }
         self._nodes = {
             node: scene.add_frame(f"/{node}", show_axes=False)
-            for node in self._scene.placements(self.q, np.zeros(3))
+            for node in self._markers.placements(self.q, np.zeros(3))
         }
         self._meshes = {
             shape.node: scene.add_mesh_simple(
@@ -116,9 +121,9 @@ class Interactive:
                 *shape.mesh,
                 color=np.array(list(bytes.fromhex(shape.colour[1:]))),
             )
-            for shape in self._scene.shapes
+            for shape in self._markers.shapes
         }
-        for label in self._scene.labels:
+        for label in self._markers.labels:
             at = (0.0, 0.0, label["along"])
             scene.add_label(f"/{label['node']}/label", label["text"], position=at)
 
@@ -182,7 +187,11 @@ class Interactive:
         self.q, robot = pose.q, self._robot
         tau = robot.compute_torques(self.q, np.zeros(3), np.zeros(3))
         near = robot.singularities(self.q)
-        placed = self._scene.placements(self.q, tau / self._largest)
+        found = findings(robot.model, robot.geometry, np.zeros(1), self.q[None])
+        problems = "; ".join(finding.problem for finding in found)
+        verdict = [f"**Stopped:** {pose.stopped}"] if pose.stopped else []
+        verdict += [f"**The machine cannot stand so:** {problems}."] if found else []
+        placed = self._markers.placements(self.q, tau / self._largest)
         with self._server.atomic():
             self._visualizer.display(self.q)
             for node, *where in zip(placed, *parts(np.array(list(placed.values()))), strict=True):
@@ -202,5 +211,33 @@ class Interactive:
             f"| to stand still | |\n|---|---|\n{rows}"
             f"| condition number | {near.condition_number:.2f} |\n"
             f"| smallest sin mu_k | {near.first_kind:.3f} |\n\n"
-            f"{'**Stopped:** ' + pose.stopped if pose.stopped else 'Closed and movable.'}"
+            + ("\n\n".join(verdict) or "Closed and movable.")
         )
+
+
+@contextmanager
+def _guarded_requests(host: str) -> Iterator[None]:
+    """Servers that viser starts meanwhile answer our page alone; viser has no option for it.
+
+    Raises:
+        ServerError: When viser has started none in the way that is known.
+    """
+    serve, started = websockets.asyncio.server.serve, []
+
+    def guarded(*arguments: Any, process_request: Any, **options: Any) -> Any:
+        def judge(connection: Any, request: Any) -> Any:
+            headers = request.headers
+            if not is_ours(host, headers.get("Host"), headers.get("Origin")):
+                return connection.respond(HTTPStatus.FORBIDDEN, "not this machine's page\n")
+            return process_request(connection, request)
+
+        started.append(True)
+        return serve(*arguments, process_request=judge, **options)
+
+    websockets.asyncio.server.serve = guarded  # type: ignore[misc, assignment]
+    try:
+        yield
+    finally:
+        websockets.asyncio.server.serve = serve  # type: ignore[misc]
+    if not started:
+        raise ServerError("this version of viser cannot be kept from answering foreign pages")

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import SSTError, WorkspaceError
+from ..sst.check import LARGEST_CONDITION, SMALLEST_SINE
 from ..sst.platform_motion import orientation
 from ..sst.robot import SST
 
@@ -18,8 +19,6 @@ Array = NDArray[np.float64]
 #: Of one step on the way, [rad]; a joint that turns further than `_JUMP` in it has changed its
 #: assembly.
 _STEP, _JUMP = np.radians(1.0), 0.5
-#: Where the ways end: |sin mu_k|, and the condition number of the star's axes.
-_FLATTEST, _WORST_CONDITION = 0.05, 50.0
 
 
 class Pose(NamedTuple):
@@ -95,10 +94,10 @@ def _continued(robot: SST, before: Array, q: Array) -> Array:
     """
     turned = (q - before + np.pi) % (2 * np.pi) - np.pi
     near = robot.singularities(q)
-    if near.first_kind < _FLATTEST:
+    if near.first_kind < SMALLEST_SINE:
         leg = int(np.abs(np.sin(q[1::3])).argmin()) + 1
         raise WorkspaceError(f"boundary of the workspace: leg {leg} lies flat on its arc")
-    if near.condition_number > _WORST_CONDITION:
+    if near.condition_number > LARGEST_CONDITION:
         raise WorkspaceError("singularity: the motors lose hold of the star")
     if np.abs(turned).max() > _JUMP:
         raise WorkspaceError("this assembly ends here")

@@ -12,9 +12,8 @@ from typing import Any
 import tornado.web
 import tornado.websocket
 from tornado.httpserver import HTTPServer
-from tornado.netutil import bind_sockets
 
-from ..errors import ServerError
+from .hosts import is_ours, listen, url_of
 
 Message = bytes | str
 
@@ -40,21 +39,24 @@ class Server:
         host: str,
         port: int,
     ) -> None:
-        try:
-            sockets = bind_sockets(port, host)
-        except OSError as error:
-            raise ServerError(f"cannot listen on {host}, port {port}: {error.strerror}") from None
-        self.url = f"http://{host}:{sockets[0].getsockname()[1]}/"
+        sockets = listen(host, port)
+        self.url = url_of(host, sockets[0].getsockname()[1])
         self.visited = threading.Event()
         self._pages: set[tornado.websocket.WebSocketHandler] = set()
         server = self
 
-        class Page(tornado.web.RequestHandler):
+        class Ours(tornado.web.RequestHandler):
+            def prepare(self) -> None:
+                headers = self.request.headers
+                if not is_ours(host, headers.get("Host"), headers.get("Origin")):
+                    raise tornado.web.HTTPError(403)
+
+        class Page(Ours):
             def get(self) -> None:
                 self.set_header("Cache-Control", "no-store")
                 self.write(page())
 
-        class Socket(tornado.websocket.WebSocketHandler):
+        class Socket(Ours, tornado.websocket.WebSocketHandler):
             def open(self, *_: str, **__: str) -> None:
                 server._pages.add(self)
                 for message in state():

@@ -19,10 +19,12 @@ from ..chain.closed_chain import ClosedChain
 from ..errors import InputError, OutputError
 from ..files import Writer, write_files
 from ..motion.trajectories import Trajectory
+from ..sst.check import findings
+from ..sst.robot import SST
+from .markers import TRAIL_SIDES
+from .meshcat_scene import MeshcatScene
 from .page import page
-from .scene import TRAIL_SIDES
 from .server import Message, Server
-from .stage import Stage
 
 
 class Viewer:
@@ -51,17 +53,17 @@ class Viewer:
     ) -> None:
         self._robot = robot
         self._server: Server | None = None
-        self._stage = Stage(robot, visual_model)
-        self._stage.canvas.listener = self._tell
+        self._scene = MeshcatScene(robot, visual_model)
+        self._scene.buffer.listener = self._tell
         shown = {"torques": True, "trail": True, "axes": axes, "frames": frames}
-        self._look: dict[str, Any] = {
-            "layers": shown if self._stage.scene else {},
-            "labels": self._stage.scene.labels if self._stage.scene else [],
-            "camera": self._stage.camera,
+        self._settings: dict[str, Any] = {
+            "layers": shown if self._scene.markers else {},
+            "labels": self._scene.markers.labels if self._scene.markers else [],
+            "camera": self._scene.camera,
             "trail": 6 * TRAIL_SIDES,  # indices of its triangles for each sample passed
         }
         self._panel: dict[str, Any] = {}
-        self.show(self._stage.start)
+        self.show(self._scene.start)
 
     # --- what is shown ----------------------------------------------------------------------
 
@@ -75,8 +77,12 @@ class Viewer:
         n = len(self._robot.actuated)
         q = single_array("q", q, (len(self._robot.joint_names),))
         tau = np.zeros(n) if tau is None else single_array("tau", tau, (n,))
-        self._stage.place(q, tau / (np.abs(tau).max() or 1.0))
-        self._describe("configuration", [0.0], [tau.tolist()], 1.0)
+        self._scene.place(q, tau / (np.abs(tau).max() or 1.0))
+        robot, warnings = self._robot, []
+        if isinstance(robot, SST):
+            found = findings(robot.model, robot.geometry, np.zeros(1), q[None])
+            warnings = [finding.problem for finding in found]
+        self._describe("configuration", [0.0], [tau.tolist()], 1.0, warnings)
 
     def play(
         self,
@@ -106,15 +112,17 @@ class Viewer:
         if len(motion) == 1:
             self.show(motion.q[0], motion.tau[0])
             return
-        known = self._stage.animate(motion, wanted or motion)
-        self._describe(title, known.t.tolist(), known.tau.tolist(), speed)
+        known = self._scene.animate(motion, wanted or motion)
+        robot = self._robot
+        warnings = [str(f) for f in robot.check(motion)] if isinstance(robot, SST) else []
+        self._describe(title, known.t.tolist(), known.tau.tolist(), speed, warnings)
 
     # --- where it is shown ------------------------------------------------------------------
 
     @property
     def html(self) -> str:
         """The page by itself, which asks for nothing from outside."""
-        return page(self._stage.canvas.commands.values(), self._panel)
+        return page(self._scene.buffer.commands.values(), self._panel)
 
     def save(self, path: str | Path, force: bool = False) -> None:
         """Write the page, a picture or an animation.
@@ -204,12 +212,20 @@ class Viewer:
 
     # --- inside -----------------------------------------------------------------------------
 
-    def _describe(self, title: str, t: list[float], tau: list[list[float]], speed: float) -> None:
+    def _describe(
+        self,
+        title: str,
+        t: list[float],
+        tau: list[list[float]],
+        speed: float,
+        warnings: list[str],
+    ) -> None:
         """Tell the panel what there is to see."""
         units = [self._robot.joint_units[i] for i in self._robot.actuated]
         kinds = {"rad": "motor torques (N m)", "m": "motor forces (N)"}
-        self._panel = self._look | {
+        self._panel = self._settings | {
             "title": title,
+            "warnings": warnings,
             "t": t,
             "tau": tau,
             "speed": speed,
@@ -224,4 +240,4 @@ class Viewer:
             self._server.send(message)
 
     def _state(self) -> list[Message]:
-        return [*self._stage.canvas.commands.values(), json.dumps(self._panel)]
+        return [*self._scene.buffer.commands.values(), json.dumps(self._panel)]

@@ -163,7 +163,7 @@ def test_another_closed_chain_is_shown_with_its_bodies():
         ["crank"],
     )  # fmt: skip
     viewer.play(motion)
-    assert "box_2" in str(list(viewer._stage.canvas.commands))
+    assert "box_2" in str(list(viewer._scene.buffer.commands))
 
 
 def test_what_cannot_be_shown_is_told(robot, motion, tmp_path):

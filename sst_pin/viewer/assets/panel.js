@@ -66,6 +66,11 @@ const panel = (() => {
     document.body.classList.toggle("still", still);
     document.title = data.title;
     at("title").textContent = data.title;
+    at("warnings").replaceChildren(...data.warnings.map((text) => {
+      const line = document.createElement("li");
+      line.textContent = text;
+      return line;
+    }));
     at("torques").innerHTML = data.names.map((name, k) =>
       `<div><b><svg width="34" height="8"><line x1="0" x2="34" y1="4" y2="4" ${stroke(k)}/></svg>` +
       `${subscript(name)}</b>` +

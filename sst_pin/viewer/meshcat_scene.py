@@ -20,8 +20,8 @@ from ..chain.closed_chain import ClosedChain
 from ..errors import InputError
 from ..motion.trajectories import Trajectory
 from ..sst.robot import SST
-from .canvas import Canvas
-from .scene import Scene, Shape, parts
+from .command_buffer import CommandBuffer
+from .markers import Markers, Shape, parts
 
 Array = NDArray[np.float64]
 
@@ -31,12 +31,12 @@ _MOST_SAMPLES = 600
 _FIELD_OF_VIEW, _VIEW = 24.0, np.array((1.0, 0.7, 0.6))
 
 
-class Stage:
+class MeshcatScene:
     """Draws motions of one robot.
 
     Attributes:
-        canvas: Takes the commands.
-        scene: What is drawn beside the bodies; None for another robot than an SST.
+        buffer: Takes the commands.
+        markers: What is drawn beside the bodies; None for another robot than an SST.
         start: Configuration before one is asked for, shape (m,).
         camera: Where the page's camera stands, what it looks at, its field of view.
 
@@ -46,19 +46,19 @@ class Stage:
     """
 
     def __init__(self, robot: ClosedChain, visual_model: pin.GeometryModel | None) -> None:
-        self.canvas = Canvas()
-        self.scene = Scene(robot) if isinstance(robot, SST) else None
+        self.buffer = CommandBuffer()
+        self.markers = Markers(robot) if isinstance(robot, SST) else None
         self._visualizer: Any
         with _bodies_of(robot, visual_model) as bodies:
             self._visualizer = MeshcatVisualizer(robot.model, None, bodies)
-            self._visualizer.initViewer(viewer=meshcat.Visualizer(window=self.canvas))
+            self._visualizer.initViewer(viewer=meshcat.Visualizer(window=self.buffer))
             self._visualizer.loadViewerModel()
         self._root = self._visualizer.viewer
         for node in ("/Grid", "/Axes"):
             self._root[node].set_property("visible", False)
         for side in ("top_color", "bottom_color"):
             self._root["/Background"].set_property(side, [1.0, 1.0, 1.0])
-        for shape in self.scene.shapes if self.scene else ():
+        for shape in self.markers.shapes if self.markers else ():
             self._add(shape)
         self._animated = False
         self.start = robot.home if isinstance(robot, SST) else pin.neutral(robot.model)
@@ -101,9 +101,9 @@ class Stage:
             for name, kind, values in _tracks([matrices[node] for matrices in placed]):
                 for key.current_frame, value in zip(times.tolist(), values, strict=True):
                     key.set_property(name, kind, value)
-        if self.scene:
-            self._add(self.scene.reference(_thinned(wanted).q))
-            self._add(self.scene.trail(motion.q))
+        if self.markers:
+            self._add(self.markers.reference(_thinned(wanted).q))
+            self._add(self.markers.trail(motion.q))
         self._root.set_animation(animation)
         return motion
 
@@ -127,9 +127,9 @@ class Stage:
             )
             for body, where in bodies
         }
-        if self.scene:
-            extras = self.scene.placements(q, effort)
-            placed |= {f"sst/{node}": matrix for node, matrix in extras.items()}
+        if self.markers:
+            marked = self.markers.placements(q, effort)
+            placed |= {f"sst/{node}": matrix for node, matrix in marked.items()}
         return placed
 
     def _camera(self, q: Array) -> dict[str, Any]:

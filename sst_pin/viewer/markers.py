@@ -40,7 +40,7 @@ class Shape(NamedTuple):
     colour: str
 
 
-class Scene:
+class Markers:
     """Joint axes, frames, torques and the path of E of an SST.
 
     Attributes:

@@ -9,7 +9,7 @@ from typing import Any
 import umsgpack
 
 
-class Canvas:
+class CommandBuffer:
     """What `meshcat.Visualizer` takes for its window: keeps the last word on every node.
 
     Attributes:

@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""All commands, and what answers the arguments."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from collections.abc import Sequence
+
+from ..errors import SingularityWarning, SSTError
+from . import (
+    describe,
+    export_c,
+    info,
+    paper,
+    plot,
+    show,
+    simulate,
+    torques,
+    validate,
+    verify,
+    workspace,
+)
+from .common import Commands, Parser, version_of
+
+#: In the order of the help text.
+COMMANDS = (
+    paper,
+    torques,
+    simulate,
+    show,
+    plot,
+    workspace,
+    describe,
+    verify,
+    validate,
+    export_c,
+    info,
+)
+
+
+def run(argv: Sequence[str] | None) -> int:
+    """Run the command that the arguments ask for; see `main`."""
+    parser = Parser(
+        prog="sst-pin", description="Dynamics of the SST spherical parallel manipulator."
+    )
+    parser.add_argument("--version", action="version", version=version_of("sst-pin"))
+    commands = Commands(parser)
+    for command in COMMANDS:
+        command.add_to(commands)
+    arguments = parser.parse_args(argv)
+    try:
+        with warnings.catch_warnings():
+            # A motion that stops early is told on standard output, once.
+            warnings.simplefilter("ignore", SingularityWarning)
+            return arguments.run(arguments) or 0
+    except SSTError as error:
+        print(f"sst-pin: error: {' '.join(str(error).split())}", file=sys.stderr)
+        return 2
