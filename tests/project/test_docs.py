@@ -11,7 +11,7 @@ import sst_pin
 
 @pytest.fixture(scope="module")
 def script():
-    """scripts/paper/make_paper_docs.py as a module."""
+    """scripts/pages/make_paper_docs.py as a module."""
     pytest.importorskip("matplotlib", reason="matplotlib is not installed (extra 'plot')")
     return import_module("make_paper_docs")
 
@@ -21,6 +21,7 @@ def page(script):
     return script.PAGE.read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_page_about_the_paper_is_current(script, page):
     """Names exist; tables are what would be written now, residuals to two orders of magnitude."""
     assert list(script.problems(page)) == []
