@@ -23,7 +23,7 @@ ROWS = (
     {"errors"},
     {"arrays", "files"},
     {"chain"},
-    {"motion", "compiled"},
+    {"motion", "compiled", "robots"},
     {"reading"},
     {"validation"},
     {"description"},
