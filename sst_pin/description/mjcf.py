@@ -8,7 +8,6 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from .frames import base_orientations, star_arcs, star_orientations
 from .looks import COLOURS, LOOKS
@@ -164,5 +163,7 @@ def _six(values: Iterable[float]) -> str:
 
 
 def _quaternion(R: Array) -> str:
+    from scipy.spatial.transform import Rotation
+
     # As with rpy, without the digit that is the machine's own.
     return _numbers(Rotation.from_matrix(R).as_quat(canonical=True)[[3, 0, 1, 2]].round(15))

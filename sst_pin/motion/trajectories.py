@@ -7,16 +7,18 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import BSpline, make_interp_spline
 
 from ..arrays import finite_array
 from ..errors import FileFormatError, InputError, OutputError
 from ..files import Writer, read_table, table_writer, write_files
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
 
 Array = NDArray[np.float64]
 
@@ -252,4 +254,6 @@ def spline(t: Array, values: Array) -> BSpline:
         t: Increasing times, shape (N,).
         values: Shape (N, ...).
     """
+    from scipy.interpolate import make_interp_spline
+
     return make_interp_spline(t, values, k=min(5, len(t) - 1))

@@ -15,8 +15,6 @@ import itertools
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import eig, svd
-from scipy.spatial.transform import Rotation
 
 from ..errors import SingularConfigurationError
 
@@ -71,6 +69,8 @@ def orientations(u: Array, m: Array) -> Array:
         SingularConfigurationError: When a continuum of orientations fits: the star moves while
             the motors stand.
     """
+    from scipy.spatial.transform import Rotation
+
     A = _quadrics(u, m)
     solutions: list[Array] = []
     for candidate in _intersections(A):
@@ -97,7 +97,7 @@ def _intersections(A: Array) -> NDArray[np.complex128]:
     ).T  # one quadric a row
     for row, columns in enumerate(_SQUARE):  # each quadric times each monomial of degree 2
         macaulay[:, row, columns] = coefficients
-    _, singular_values, V = svd(macaulay.reshape(-1, len(_DEGREE_4)))
+    _, singular_values, V = np.linalg.svd(macaulay.reshape(-1, len(_DEGREE_4)))
     if singular_values[len(_DEGREE_4) - _N_SOLUTIONS - 1] < 1e-10 * singular_values[0]:
         raise SingularConfigurationError(
             "the motor angles do not fix the star: it moves while the motors stand",
@@ -106,7 +106,7 @@ def _intersections(A: Array) -> NDArray[np.complex128]:
     null = V[-_N_SOLUTIONS:].T  # columns span the values of all monomials at the solutions
     numerator, denominator = (np.einsum("mjs,j->ms", null[_TIMES_P], form) for form in _FORMS)
     multiplication = np.linalg.lstsq(denominator, numerator, rcond=None)[0]
-    _, eigenvectors = eig(multiplication)
+    _, eigenvectors = np.linalg.eig(multiplication)
     values = null @ eigenvectors  # monomials at the solutions, columns
     cubes = values[_TIMES_P]  # (degree 3, component, solution)
     best = np.abs(cubes).sum(axis=1).argmax(axis=0)  # the largest monomial of each solution

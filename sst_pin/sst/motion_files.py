@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from ..errors import FileFormatError, SSTError
 from ..files import Table, read_table
@@ -102,6 +101,8 @@ def _angle(table: Table, name: str) -> Array:
 
 
 def _rotations(table: Table) -> Array:
+    from scipy.spatial.transform import Rotation
+
     quaternions = table.select(_QUATERNION)
     lengths = np.linalg.norm(quaternions, axis=1)
     wrong = np.abs(lengths - 1) > 1e-3

@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial.transform import Rotation
 
 from ..arrays import finite_array
 from ..errors import InputError
@@ -123,6 +122,8 @@ def interpolate_orientations(t: ArrayLike, R: ArrayLike, at: ArrayLike) -> Platf
     Raises:
         InputError: When neighbours are more than a quarter turn apart: the way between is a guess.
     """
+    from scipy.spatial.transform import Rotation
+
     times, wanted = sample_times(t, 3), finite_array("at", at, ())
     samples = Rotation.from_matrix(finite_array("R", R, (3, 3)))
     steps = (samples[:-1].inv() * samples[1:]).magnitude()

@@ -17,8 +17,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.integrate import trapezoid
-from scipy.spatial.transform import Rotation
 
 from ..arrays import finite_array
 from ..errors import InputError, OutputError
@@ -139,6 +137,8 @@ class Workspace:
     @property
     def area(self) -> float:
         """Solid angle of the directions on the arcs, [sr]."""
+        from scipy.integrate import trapezoid
+
         # Rings lie evenly in the angle from the middle: the trapezoidal rule with its sine.
         angle = np.linspace(0, np.pi / 2, len(self.margin))
         share = self.on_arcs[:, :-1].mean(axis=1) * np.sin(angle)
@@ -217,6 +217,8 @@ class _Poses(NamedTuple):
 
 
 def _workspace(robot: SST, psi: Array, rings: int, spokes: int) -> Workspace:
+    from scipy.spatial.transform import Rotation
+
     for name, count in (("rings", rings), ("spokes", spokes), ("rolls", len(psi))):
         if count < (1 if name == "rolls" else 3):
             raise InputError(name, f"{count} are too few")

@@ -50,7 +50,6 @@ class VirtualWork:
 
     name = "virtual work"
     package = "sst-pin"
-    frictionless = False
 
     def __init__(self, parameters: Parameters, branch: ArrayLike = (1, 1, 1)) -> None:
         self._x_0 = parameters.base_directions

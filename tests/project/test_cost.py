@@ -32,9 +32,10 @@ def _tallies(formula, *arguments, constants=()):
 # --- the page ---
 
 
+@pytest.mark.slow
 def test_the_page_is_current(capsys):
     assert cost.main(["--check"]) == 0, (
-        "run scripts/paper/count_operations.py and read docs/cost.md"
+        "run scripts/pages/count_operations.py and read docs/cost.md"
     )
     assert "current" in capsys.readouterr().out
 

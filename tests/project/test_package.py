@@ -24,6 +24,7 @@ def blocks(language):
     return re.findall(rf"^```{language}\n(.*?)^```$", README, re.MULTILINE | re.DOTALL)
 
 
+@pytest.mark.slow
 def test_wheel_brings_the_robot_into_an_empty_environment(tmp_path):
     """Built, installed elsewhere, loaded from there: URDF, cuts and meshes are inside."""
     build = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "-o", tmp_path, ROOT]
@@ -58,6 +59,7 @@ def test_wheel_brings_the_robot_into_an_empty_environment(tmp_path):
     assert typed.is_file()
 
 
+@pytest.mark.slow
 def test_a_machine_without_a_compiler_gets_the_reference_path(tmp_path):
     """Installation succeeds, torques come out, and the reason is told."""
     build = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "-o", tmp_path / "dist"]
@@ -123,6 +125,7 @@ def test_torques_printed_by_the_readme_are_the_reference():
     assert first == pytest.approx([0, 17.0141, -17.0141], abs=1e-4)
 
 
+@pytest.mark.slow
 def test_commands_of_the_readme_run(tmp_path):
     """Every line of every shell block; those that build an environment are .ci/run's."""
     (tmp_path / "examples").symlink_to(ROOT / "examples")
@@ -139,12 +142,13 @@ def test_commands_of_the_readme_run(tmp_path):
     assert (tmp_path / "paper" / "figure_10_torques.png").is_file()
 
 
-def test_ci_runs_the_two_commands_of_the_readme():
+def test_ci_runs_the_two_commands_of_the_readme_and_the_slow_tests():
     """Word for word: it reads them from there."""
     script = (ROOT / ".ci" / "run").read_text()
     assert "grep '^python3 -m venv' README.md" in script
     assert '"${commands[0]}"' in script
     assert '"${commands[1]}"' in script
+    assert ".venv/bin/pytest -m slow" in script
 
 
 def test_functions_named_in_the_readme_exist():
@@ -157,12 +161,34 @@ def test_functions_named_in_the_readme_exist():
                 assert re.search(rf"(def|class) {name.split('.')[-1]}\b", source), (module, name)
 
 
-def test_public_names_resolve_and_are_sorted():
-    """Sorted as ruff sorts: constants, classes, functions."""
-    assert all(hasattr(sst_pin, name) for name in sst_pin.__all__)
+def test_public_names_resolve_and_say_what_they_are():
+    """Each once; classes and functions with words of their own."""
     assert len(set(sst_pin.__all__)) == len(sst_pin.__all__)
+    assert set(sst_pin.__all__) <= set(dir(sst_pin))
     for name in sst_pin.__all__:
-        assert getattr(sst_pin, name).__doc__
+        thing = getattr(sst_pin, name)
+        if callable(thing):
+            assert thing.__module__.startswith("sst_pin.")
+            words = vars(thing)["__doc__"] if isinstance(thing, type) else thing.__doc__
+            assert words
+            assert not words.startswith(f"{name}(")  # what a dataclass says by itself
+
+
+def test_a_user_who_imports_the_robots_loads_what_they_need_and_no_more():
+    """Counted, not timed: SciPy alone would bring three hundred modules."""
+    code = (
+        "import sys, pinocchio\n"
+        "before = set(sys.modules)\n"
+        "from sst_pin import SST, ClosedChain, Parameters, Trajectory, validate\n"
+        "print(*sorted(set(sys.modules) - before))\n"
+    )
+    result = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    loaded = result.stdout.split()
+    assert "sst_pin.chain.closed_chain" in loaded
+    assert {name.split(".")[0] for name in loaded}.isdisjoint({"scipy", "tqdm", "matplotlib"})
+    assert len(loaded) < 180  # 135 measured
 
 
 def test_the_core_imports_without_its_extras():

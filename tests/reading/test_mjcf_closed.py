@@ -102,6 +102,7 @@ def test_welds_give_way_as_our_reactions_and_their_stiffness_say(robot, example)
     assert np.abs(np.array(found) - predicted).max() < 0.01 * np.abs(predicted).max()
 
 
+@pytest.mark.slow
 def test_mujoco_under_our_torques_follows_example_1_as_closely_as_its_welds_hold(robot, example):
     """Welds 4 times as stiff, or 10 times as soft: a quarter and ten times of the same deviation.
 

@@ -1,13 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 import sst_pin
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "examples"))
 da = pytest.importorskip("dask.array", reason="dask is not installed (extra 'dev')")
 
 

@@ -62,6 +62,7 @@ def test_torques_and_accelerations_equal_the_reference(case):
     assert error(robot.compute_torques(q, va, aa), free) < RELATIVE
 
 
+@pytest.mark.slow
 def test_a_hundred_thousand_torques_equal_the_reference():
     """Twenty geometries, five thousand states each, all of them against the reference."""
     rng = np.random.default_rng(1)
@@ -265,6 +266,7 @@ def test_the_parameter_vector_is_as_long_as_the_header_says():
     )
 
 
+@pytest.mark.slow
 @compiled
 def test_all_of_the_dynamics_holds_without_the_kernels():
     """The tests of the dynamics and of bad input, once more on the reference path."""

@@ -320,4 +320,3 @@ def test_angles_of_the_paper_and_their_rates_are_consistent():
     # Sixth-order differences leave rounding, eps / h.
     assert np.abs(np.array((W[2, 1], W[0, 2], W[1, 0])) - omega[3]).max() < 1e-11
     assert np.abs(first @ omega - alpha[3]).max() < 1e-11
-    assert np.abs(R - sst_pin.orientation(*(a[0] for a in angles))).max() == 0

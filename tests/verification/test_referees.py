@@ -92,7 +92,7 @@ def test_a_referee_agrees_for_random_robots(referee, friction):
     """Odd base triangles and arcs, nine different bodies, tilted gravity, loads."""
     rng = np.random.default_rng(2)
     for _ in range(10):
-        parameters = random_parameters(rng, friction and not referee.frictionless)
+        parameters = random_parameters(rng, friction)
         robot, judge = sst_pin.SST(parameters), referee(parameters)
         for _ in range(3):
             state, moment = random_state(robot, rng), rng.normal(scale=5, size=3)
@@ -308,10 +308,8 @@ MUTATIONS = {
 @pytest.mark.parametrize("mutation", [None, *MUTATIONS])
 def test_a_referee_sees_an_error_in_the_noc(referee, mutation, monkeypatch):
     """Eq. (92) in its long form differs from every referee once an error is put into it."""
-    if referee.frictionless and mutation == "no friction in passive joints":
-        return  # it has nothing to say about friction, and says so
     rng = np.random.default_rng(6)
-    parameters = random_parameters(rng, friction=not referee.frictionless)
+    parameters = random_parameters(rng)
     robot = sst_pin.SST(parameters)
     states = [random_state(robot, rng) for _ in range(5)]
     if mutation:
@@ -333,7 +331,7 @@ def test_a_referee_sees_an_error_in_the_noc(referee, mutation, monkeypatch):
 def test_a_referee_uses_nothing_of_what_it_judges(referee, monkeypatch):
     """It gives the same torques when the complement, the closures and the dynamics are gone."""
     rng = np.random.default_rng(7)
-    parameters = random_parameters(rng, friction=not referee.frictionless)
+    parameters = random_parameters(rng)
     state = random_state(sst_pin.SST(parameters), rng)
     judge = referee(parameters)
     expected = judge.torques(*state)
@@ -366,12 +364,11 @@ def test_all_referees_are_had_or_told_how_to_be_had(monkeypatch):
 
 
 def test_referees_say_what_they_are():
-    """Distinct names, the package that pip knows, whether friction is left out."""
+    """Distinct names, the package that pip knows."""
     available, _ = referees.all_referees(sst_pin.Parameters())
     assert len({judge.name for judge in available}) == len(available)
     for judge in available:
         assert judge.package in {"sst-pin", "pin", "casadi", "mujoco", "exudyn"}
-        assert judge.frictionless in {True, False}
 
 
 @pytest.mark.parametrize("package", ["casadi", "mujoco", "exudyn"])

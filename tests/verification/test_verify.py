@@ -36,6 +36,7 @@ def test_every_referee_agrees_in_the_quick_run(capsys):
     assert "DISAGREES" not in out
 
 
+@pytest.mark.slow
 def test_the_whole_run_includes_those_that_step_in_time():
     """Each shows its order, its stiffness, or comes back to the circle."""
     rows = list(verify_in_time())

@@ -35,12 +35,10 @@ class Referee(Protocol):
     Attributes:
         name: What a table calls it.
         package: What pip has to install for it.
-        frictionless: Whether it leaves out the friction of the joints.
     """
 
     name: str
     package: str
-    frictionless: bool
 
     def torques(
         self,

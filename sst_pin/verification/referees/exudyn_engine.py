@@ -39,7 +39,6 @@ class ExudynInstant:
 
     name = "Exudyn, instantaneous"
     package = "exudyn"
-    frictionless = False
 
     def __init__(self, parameters: Parameters) -> None:
         self._parameters = parameters

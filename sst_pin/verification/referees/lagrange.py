@@ -48,7 +48,6 @@ class LagrangeMultipliers:
 
     name = "Lagrange multipliers"
     package = "pin"
-    frictionless = False
 
     def __init__(self, parameters: Parameters) -> None:
         self._parameters, self._chain = parameters, SST(parameters)

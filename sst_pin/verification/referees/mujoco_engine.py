@@ -37,7 +37,6 @@ class MujocoInverse:
 
     name = "MuJoCo mj_inverse, projected"
     package = "mujoco"
-    frictionless = False
 
     def __init__(self, parameters: Parameters) -> None:
         self._mujoco = mujoco = engine("mujoco")

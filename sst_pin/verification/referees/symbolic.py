@@ -33,7 +33,6 @@ class SymbolicLagrange:
 
     name = "Lagrange, symbolic (CasADi)"
     package = "casadi"
-    frictionless = False
 
     def __init__(self, parameters: Parameters) -> None:
         self._equations = _equations(engine("casadi"))

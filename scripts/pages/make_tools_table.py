@@ -2,9 +2,9 @@
 """Load the description in other people's tools and write the tables of docs/tools.md.
 
 Every tool must be installed: `pip install -e '.[dev,tools]'`, Debian's liburdfdom-tools,
-libkdl-parser-dev, g++ and chromium, and `npm install` in scripts/tools/web. With --check nothing
-is written: the tables must be what would be written now, rounding to two orders of magnitude, by
-any version of the tools.
+libkdl-parser-dev, g++ and chromium, and `npm install` in scripts/pages/tools/web. With --check
+nothing is written: the tables must be what would be written now, rounding to two orders of
+magnitude, by any version of the tools.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from markdown_tables import differences, read_table, with_tables
 from tools import Tool
 from tools.measure import TOOLS, Facts, measure
 
-PAGE = Path(__file__).resolve().parents[1] / "docs" / "tools.md"
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "tools.md"
 
 #: Columns of what is measured; a last one of the first table has the versions.
 HEADERS = {

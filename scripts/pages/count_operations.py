@@ -297,7 +297,7 @@ to 2.7612 s (Sect. 7.2), and says that a true comparison needs the exact number 
 multiplications of each method (Sect. 6.1), which it leaves. Here they are. (The words of Sect. 7.2
 call virtual work the faster one; its figures and the 37 % of Sect. 6.1 say the reverse.)
 
-`scripts/paper/count_operations.py` writes this page; with `--check` it recounts, and fails when the
+`scripts/pages/count_operations.py` writes this page; with `--check` it recounts, and fails when the
 counts below are stale.
 
 ## What is counted

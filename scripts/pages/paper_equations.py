@@ -612,7 +612,7 @@ MISPRINTS = (
         "(7c)",
         "its blocks on the nine rates of the SST",
         "six columns do not fit nine rates",
-        _MISPRINTS + "blocks_of_eq_7c_as_printed_do_not_fit_the_robot",
+        _MISPRINTS + "second_block_of_eq_7c_is_the_rate_of_phi_u",
         None,
     ),
     Misprint(
@@ -661,7 +661,7 @@ MISPRINTS = (
         "(68)",
         "M_i on the stacked twist",
         "the stacked M of (69): 6 x 6 does not fit 6 r numbers",
-        _MISPRINTS + "mass_matrix_of_one_body_does_not_take_the_stacked_twist_of_eq_68",
+        "test_noc::test_kinetic_energy_is_half_the_quadratic_form_of_the_inertia",
         None,
     ),
     Misprint(
@@ -682,7 +682,7 @@ MISPRINTS = (
         "Sect. 7.2, words",
         "virtual work slightly faster than the NOC",
         "37 % slower, by the times printed there and by Sect. 6.1",
-        _MISPRINTS + "times_of_section_7_2_contradict_its_words",
+        "test_cost::test_the_page_has_the_papers_times",
         None,
     ),
 )

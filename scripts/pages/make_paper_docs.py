@@ -355,7 +355,7 @@ def main() -> int:
     for problem in found:
         print(problem, file=sys.stderr)
     if found:
-        print("run scripts/paper/make_paper_docs.py", file=sys.stderr)
+        print("run scripts/pages/make_paper_docs.py", file=sys.stderr)
     return bool(found)
 
 

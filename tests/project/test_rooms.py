@@ -1,0 +1,212 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Which room may import which: arrows one way, no circles, as docs/architecture.md says."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from graphlib import TopologicalSorter
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+import sst_pin
+import sst_pin.workspace
+from sst_pin.sst import workspace
+
+PACKAGE = Path(sst_pin.__file__).parent
+ROOT = Path(__file__).resolve().parents[2]
+
+#: From the ground up: a room imports itself and the rows above its own here, nothing else.
+ROWS = (
+    {"errors"},
+    {"arrays", "files"},
+    {"chain"},
+    {"motion", "compiled", "robots"},
+    {"reading"},
+    {"validation"},
+    {"description"},
+    {"sst"},
+    {"verification"},
+    {"plots", "viewer"},
+    {"cli"},
+    {"sst_pin", "__main__", "workspace"},  # what a user imports; the last is kept for one release
+)
+ROW = {room: i for i, rooms in enumerate(ROWS) for room in rooms}
+
+#: Methods that hand on to a room above, by module: the only imports that lead upwards.
+FORWARDING = {
+    "sst_pin.chain.closed_chain": {
+        f"ClosedChain.{name}"
+        for name in "from_urdf from_mjcf trajectory simulate rollout show compile".split()
+    },
+    "sst_pin.sst.robot": {"SST.show"},
+}
+
+MODULES = {
+    ".".join(("sst_pin", *path.relative_to(PACKAGE).with_suffix("").parts)).removesuffix(
+        ".__init__"
+    ): path
+    for path in PACKAGE.rglob("*.py")
+}
+
+
+class Import(NamedTuple):
+    """One import of ours: the module that is meant, the method that asks, the names bound."""
+
+    target: str
+    method: str
+    typing_only: bool
+    names: frozenset[str]
+
+
+def room(module: str) -> str:
+    """The first name below the package's; the package itself is a room too."""
+    return module.split(".")[1] if "." in module else module
+
+
+def goes_up(module: str, target: str) -> bool:
+    return room(module) != room(target) and ROW[room(target)] >= ROW[room(module)]
+
+
+def imports(tree: ast.AST, module: str, is_package: bool) -> Iterator[Import]:
+    """All of them, in functions and under TYPE_CHECKING too."""
+    package = module.split(".") if is_package else module.split(".")[:-1]
+
+    def walk(node: ast.AST, scope: tuple[str, ...], typing_only: bool) -> Iterator[Import]:
+        for child in ast.iter_child_nodes(node):
+            if isinstance(child, ast.Import):
+                for alias in child.names:
+                    bound = frozenset({alias.asname or alias.name.split(".")[0]})
+                    yield Import(alias.name, ".".join(scope), typing_only, bound)
+            elif isinstance(child, ast.ImportFrom):
+                base = package[: len(package) + 1 - child.level] if child.level else []
+                source = ".".join([*base, *filter(None, [child.module])])
+                for alias in child.names:
+                    inner = f"{source}.{alias.name}"
+                    bound = frozenset({alias.asname or alias.name})
+                    target = inner if inner in MODULES else source
+                    yield Import(target, ".".join(scope), typing_only, bound)
+            else:
+                named = isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef)
+                inside = (*scope, child.name) if named else scope
+                guard = isinstance(child, ast.If) and "TYPE_CHECKING" in ast.unparse(child.test)
+                yield from walk(child, inside, typing_only or guard)
+
+    for found in walk(tree, (), False):
+        if found.target.split(".")[0] == "sst_pin":
+            yield found
+
+
+def used_in(tree: ast.AST, name: str) -> set[str]:
+    """The methods and functions that use a name, annotations included."""
+
+    def walk(node: ast.AST, scope: tuple[str, ...]) -> Iterator[str]:
+        for child in ast.iter_child_nodes(node):
+            if isinstance(child, ast.Name) and child.id == name:
+                yield ".".join(scope)
+            named = isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef)
+            yield from walk(child, (*scope, child.name) if named else scope)
+
+    return set(walk(tree, ()))
+
+
+def forwarded(tree: ast.AST, module: str, found: Import) -> bool:
+    """Whether only forwarding methods need it: inside them, or for the types they name."""
+    allowed = FORWARDING.get(module, set())
+    if found.typing_only:
+        used = set().union(*(used_in(tree, name) for name in found.names))
+        return bool(used) and used <= allowed
+    return found.method in allowed
+
+
+def judged(source: str, module: str, is_package: bool = False) -> tuple[set[str], list[str]]:
+    """What a module imports of ours, forwarding left out, and what of it leads upwards."""
+    tree = ast.parse(source)
+    found = list(imports(tree, module, is_package))
+    kept = [each for each in found if not forwarded(tree, module, each)]
+    up = [f"{module} imports {x.target}" for x in kept if goes_up(module, x.target)]
+    return {each.target for each in kept}, up
+
+
+def judged_package() -> dict[str, tuple[set[str], list[str]]]:
+    return {
+        module: judged(path.read_text(encoding="utf-8"), module, path.name == "__init__.py")
+        for module, path in MODULES.items()
+    }
+
+
+def test_every_room_has_its_place() -> None:
+    """A new room is put into a row before it is built."""
+    assert {room(module) for module in MODULES} <= ROW.keys()
+
+
+def test_no_import_leads_upwards_or_to_a_neighbour() -> None:
+    """Forwarding methods aside, which are listed by name."""
+    assert [sentence for _, up in judged_package().values() for sentence in up] == []
+
+
+def test_modules_import_each_other_in_no_circle() -> None:
+    """There is an order in which every module comes after all that it imports, at any time."""
+    graph = {module: targets - {module} for module, (targets, _) in judged_package().items()}
+    TopologicalSorter(graph).prepare()  # raises CycleError with the circle
+
+
+@pytest.mark.parametrize(
+    ("module", "source"),
+    [
+        ("sst_pin.chain.noc", "from ..sst import kinematics"),
+        ("sst_pin.chain.noc", "def f():\n    from ..motion.energy import energy_error"),
+        ("sst_pin.chain.noc", "from .. import cli"),
+        ("sst_pin.chain.noc", "import sst_pin"),
+        ("sst_pin.motion.energy", "if TYPE_CHECKING:\n    from ..sst.robot import SST"),
+        ("sst_pin.plots.style", "from ..viewer import Viewer"),
+        (
+            "sst_pin.chain.closed_chain",
+            "if TYPE_CHECKING:\n    from ..motion.trajectories import Trajectory\n"
+            "class ClosedChain:\n    def noc(self) -> Trajectory: ...",
+        ),
+        (
+            "sst_pin.chain.closed_chain",
+            "class ClosedChain:\n    def noc(self):\n        from ..reading import parse_urdf",
+        ),
+    ],
+)
+def test_an_import_that_leads_upwards_is_seen(module: str, source: str) -> None:
+    """At the top, in a function, of a package, of all, for types, to a neighbour."""
+    _, up = judged(source, module)
+    assert len(up) == 1
+
+
+def test_forwarding_methods_may_look_up() -> None:
+    """Inside, and for the types in their signatures."""
+    source = (
+        "if TYPE_CHECKING:\n    from ..motion.trajectories import Trajectory\n"
+        "class ClosedChain:\n    def simulate(self) -> Trajectory:\n"
+        "        from ..motion.simulation import simulate\n"
+    )
+    assert judged(source, "sst_pin.chain.closed_chain") == (set(), [])
+
+
+def test_the_old_name_of_the_workspace_is_an_alias() -> None:
+    """The same objects."""
+    for name in sst_pin.workspace.__all__:
+        assert getattr(sst_pin.workspace, name) is getattr(workspace, name)
+
+
+def test_scripts_know_no_tests_and_change_no_path() -> None:
+    """Tests may use what scripts hold; a script finds its helpers beside itself."""
+    helpers = {path.stem for path in (ROOT / "tests").rglob("*.py")}
+    for path in (ROOT / "scripts").rglob("*.py"):
+        beside = {other.stem for other in path.parent.iterdir()}
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Import):
+                roots = {alias.name.split(".")[0] for alias in node.names}
+            elif isinstance(node, ast.ImportFrom) and not node.level:
+                roots = {str(node.module).split(".")[0]}
+            else:
+                roots = set()
+            assert roots.isdisjoint(helpers - beside), path
+        assert "sys.path" not in path.read_text(encoding="utf-8"), path
