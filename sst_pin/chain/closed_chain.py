@@ -31,17 +31,11 @@ from ..errors import (
 )
 from . import dynamics
 from .assembly import generic_configuration
-from .backend import Backend, States
-from .closures import Closure, Constraint
-from .loops import joint_id
-from .mechanism import Friction, Mechanism, Springs
-from .mobility import (
-    Mobility,
-    choose_coordinates,
-    condition_number,
-    free_motions,
-    independent_rows,
-)
+from .backend import Answer, Backend, States
+from .closures import Constraint
+from .draft import Motor, closures_of, draft, without_locked
+from .mechanism import Friction, Mechanism
+from .mobility import Mobility, condition_number, judge
 from .reference import Reference, ReferenceBackend
 
 if TYPE_CHECKING:
@@ -52,9 +46,6 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 _Chain = TypeVar("_Chain", bound="ClosedChain")
-
-#: A motor: the joint that it drives, or how its force is shared by joints (a tendon).
-Motor = str | Mapping[str, float]
 
 
 class ClosedChain:
@@ -105,10 +96,8 @@ class ClosedChain:
     ) -> None:
         if not isinstance(model, pin.Model):
             raise InputError("model", f"a pinocchio.Model is needed, not {type(model).__name__}")
-        self._model = _without_locked(model, locked) if locked else model
-        self.closures: tuple[Constraint, ...] = tuple(
-            Closure(*c) if isinstance(c, tuple) else c for c in closures
-        )
+        self._model = without_locked(model, locked) if locked else model
+        self.closures = closures_of(closures)
         self._motors = tuple(actuated)
         self._wanted = None if coordinates is None else tuple(coordinates)
         self._given = {
@@ -118,6 +107,7 @@ class ClosedChain:
             "spring_reference": spring_reference,
         }
         self._lock = threading.Lock()
+        self._generic: Array | ClosureError | None = None
         self._take_in_model()
 
     # --- what it is -------------------------------------------------------------------------
@@ -146,12 +136,12 @@ class ClosedChain:
     @property
     def actuated(self) -> tuple[int, ...]:
         """Indices in v of the motors' joints, motor after motor."""
-        return tuple(int(k) for k in np.concatenate(self._motor_rates))
+        return tuple(map(int, self._draft.driven))
 
     @property
     def motor_names(self) -> tuple[str, ...]:
         """Name of each motor, in the order of tau."""
-        return self._motor_names
+        return self._draft.motor_names
 
     @property
     def coordinates(self) -> tuple[str, ...]:
@@ -161,7 +151,7 @@ class ClosedChain:
             ClosureError: When they are to be chosen and no configuration can be assembled.
         """
         mechanism = self._mechanism()
-        return _joint_or_rate_names(mechanism, mechanism.coordinates)
+        return mechanism.space.names_of(mechanism.coordinates.tolist())
 
     @property
     def degrees_of_freedom(self) -> int:
@@ -272,7 +262,7 @@ class ClosedChain:
             except ClosureError:
                 held = self._draft.coordinates
         else:
-            held = _rates_of(self._draft, fixed)
+            held = self._draft.space.rates_of(fixed)
         free = np.setdiff1d(np.arange(self._draft.model.nv), held)
         assembly = self._reference.workspace.assembly
         return assembly.try_starts(self._draft.space.normalised(guess), free, tries, seed)
@@ -287,15 +277,17 @@ class ClosedChain:
             ClosureError: When none is found.
         """
         self._look_at_model()
-        if self._generic is None:
+        found = self._generic
+        if found is None:
             assembly, model = self._reference.workspace.assembly, self._draft.model
             try:
-                self._generic = generic_configuration(assembly, model)
+                found = generic_configuration(assembly, model)
             except ClosureError as error:
-                self._generic = error
-        if isinstance(self._generic, ClosureError):
-            raise self._generic
-        return self._generic.copy()
+                found = error
+            self._generic = found
+        if isinstance(found, ClosureError):
+            raise found
+        return found.copy()
 
     def mobility(self, q: ArrayLike | None = None) -> Mobility:
         """Count degrees of freedom, redundant closures and motors.
@@ -328,10 +320,7 @@ class ClosedChain:
             Shape (..., nv).
         """
         mechanism, arrays = self._arguments(q, va=va)
-        checked = [
-            finite_array(n, a, a.shape[-1:]) for n, a in zip(("q", "va"), arrays, strict=True)
-        ]
-        return for_each_sample(self._reference.rates, checked, (1, 1), (mechanism.model.nv,))
+        return for_each_sample(self._reference.rates, arrays, (1, 1), (mechanism.model.nv,))
 
     def joint_accelerations(self, q: ArrayLike, va: ArrayLike, aa: ArrayLike) -> Array:
         """Accelerations of all joints, L aa + L_dot va, Eqs. (8), (20).
@@ -362,11 +351,11 @@ class ClosedChain:
         Raises:
             UnknownNameError: For an unknown frame.
         """
-        mechanism, (q,) = self._arguments(q)
+        mechanism, arrays = self._arguments(q)
         index = self._frame(frame)
         return for_each_sample(
             lambda q: self._reference.frame_jacobian(q, index),
-            (q,),
+            arrays,
             (1,),
             (6, len(mechanism.coordinates)),
         )
@@ -382,10 +371,10 @@ class ClosedChain:
         Returns:
             [linear; angular], base axes, of the frame's origin, shape (..., 6).
         """
-        _, (q, va) = self._arguments(q, va=va)
+        _, arrays = self._arguments(q, va=va)
         index = self._frame(frame)
         return for_each_sample(
-            lambda q, va: self._reference.frame_drift(q, va, index), (q, va), (1, 1), (6,)
+            lambda q, va: self._reference.frame_drift(q, va, index), arrays, (1, 1), (6,)
         )
 
     # --- dynamics ---------------------------------------------------------------------------
@@ -432,14 +421,14 @@ class ClosedChain:
                 return answer[1]
         mechanism, arrays = self._arguments(q, va=va, aa=aa)
         weights = None if weights is None else self._weights(weights)
-        arrays.append(self._wrenches(external_wrenches))
+        loaded = [*arrays, self._wrenches(external_wrenches)]
 
         def reference(q: Array, va: Array, aa: Array, wrenches: Array | None) -> Array:
             return self._reference.torques(q, va, aa, wrenches, weights)
 
         kernel = self._backend.torques if weights is None else None
         motors = mechanism.motors.shape[1]
-        return self._each(reference, kernel, arrays, (1, 1, 1, 2), motors, out, threads, on_error)
+        return self._each(reference, kernel, loaded, (1, 1, 1, 2), motors, out, threads, on_error)
 
     def generalized_forces(
         self,
@@ -468,10 +457,10 @@ class ClosedChain:
             InputError, ClosureError, SingularConfigurationError: As `compute_torques`.
         """
         mechanism, arrays = self._arguments(q, va=va, aa=aa)
-        arrays.append(self._wrenches(external_wrenches))
+        loaded = [*arrays, self._wrenches(external_wrenches)]
         n = len(mechanism.coordinates)
         reference = self._reference.generalized_forces
-        return self._each(reference, None, arrays, (1, 1, 1, 2), n, out, 1, on_error)
+        return self._each(reference, None, loaded, (1, 1, 1, 2), n, out, 1, on_error)
 
     def compute_accelerations(
         self,
@@ -506,10 +495,10 @@ class ClosedChain:
             if answer is not None and answer[0] is None:
                 return answer[1]
         mechanism, arrays = self._arguments(q, va=va, tau=tau)
-        arrays.append(self._wrenches(external_wrenches))
+        loaded = [*arrays, self._wrenches(external_wrenches)]
         n, reference = len(mechanism.coordinates), self._reference.accelerations
         kernel = self._backend.accelerations
-        return self._each(reference, kernel, arrays, (1, 1, 1, 2), n, out, threads, on_error)
+        return self._each(reference, kernel, loaded, (1, 1, 1, 2), n, out, threads, on_error)
 
     def noc(self, q: ArrayLike, va: ArrayLike) -> dynamics.Terms:
         """All matrices of the paper at one configuration: f = I aa + C va - tau^g - tau^f.
@@ -551,8 +540,8 @@ class ClosedChain:
     def kinetic_energy(self, q: ArrayLike, va: ArrayLike) -> Array:
         """Kinetic energy, shape (...), [J]; arguments as `joint_rates`."""
         v = self.joint_rates(q, va)
-        _, (q,) = self._arguments(q)
-        return for_each_sample(self._reference.kinetic_energy, (q, v), (1, 1), ())
+        _, arrays = self._arguments(q)
+        return for_each_sample(self._reference.kinetic_energy, [*arrays, v], (1, 1), ())
 
     def potential_energy(self, q: ArrayLike) -> Array:
         """Potential energy of weights and springs, shape (...), [J].
@@ -754,31 +743,10 @@ class ClosedChain:
 
     def _take_in_model(self) -> None:
         """Compute from what stands in `model` now."""
-        model = pin.Model(self._model)
-        _require_sound(model, self.closures)
-        given = self._given
-        friction = Friction(
-            _rates_array("viscous_friction", given["viscous_friction"], model.damping),
-            _rates_array("coulomb_friction", given["coulomb_friction"], model.friction),
+        self._draft = draft(
+            pin.Model(self._model), self.closures, self._motors, self._wanted, **self._given
         )
-        reference = given["spring_reference"]
-        reference = pin.neutral(model) if reference is None else reference
-        springs = Springs(
-            _rates_array("stiffness", given["stiffness"], np.zeros(model.nv)),
-            finite_array("spring_reference", reference, (model.nq,)),
-        )
-        springs.check(model)
-        empty = np.empty(0, dtype=np.intp)
-        draft = Mechanism(model, self.closures, empty, np.zeros((model.nv, 0)), friction, springs)
-        self._motor_rates, motors, self._motor_names = _motors_of(draft, self._motors)
-        wanted = self._wanted
-        coordinates = (
-            np.unique(np.concatenate([empty, *self._motor_rates]))
-            if wanted is None
-            else _rates_of(draft, wanted)
-        )
-        self._draft = replace(draft, coordinates=coordinates, motors=motors)
-        self._generic: Array | ClosureError | None = None
+        self._generic = None
         self._settled: Mechanism | None = None
         self._settled_by_caller = False
         self._unseen = False
@@ -788,7 +756,8 @@ class ClosedChain:
     def _use(self, reference: Reference) -> None:
         self._reference = reference
         self._backend: Backend = ReferenceBackend(reference, "nothing was asked for yet")
-        self._torques_of = self._accelerations_of = _nothing
+        self._torques_of: Callable[..., Answer] = _nothing
+        self._accelerations_of: Callable[..., Answer] = _nothing
 
     def _look_at_model(self) -> None:
         """Take in a model that has changed."""
@@ -830,7 +799,7 @@ class ClosedChain:
             raise DescriptionError(
                 f"model {self._draft.model.name}", [f"nothing can move:\n{report}"]
             )
-        chosen = _rates_of(self._draft, report.coordinates)
+        chosen = self._draft.space.rates_of(report.coordinates)
         if self._wanted is not None and set(chosen) != set(self._draft.coordinates):
             raise ActuationError(
                 f"the coordinates {', '.join(self._wanted)} do not describe the motion, "
@@ -860,47 +829,19 @@ class ClosedChain:
         return first
 
     def _report(self, q: Array, where: str) -> Mobility:
-        draft = self._draft
-        loops = self._evaluated(q)
+        loops, draft = self._evaluated(q), self._draft
         loops.require_closed(draft.row_scale)
-        Phi = loops.Phi() * draft.row_scale[:, None] * draft.rate_scale
-        motions = free_motions(Phi)
-        driven = [np.asarray(rates) for rates in self._motor_rates]
-        joints = [_rates_of(draft, [name]) for name in draft.space.joint_names]
-        wanted = [_rates_of(draft, [name]) for name in self._wanted or ()]
-        coordinates = choose_coordinates(motions, [*wanted, *driven, *joints])
-        locked = np.concatenate([np.empty(0, dtype=np.intp), *driven])
-        free = np.setdiff1d(np.arange(draft.model.nv), locked)
-        loose = free_motions(Phi[:, free])
-        moving = np.abs(loose).max(axis=1, initial=0.0) > 1e-6
-        rates = draft.space.rate_names
-        return Mobility(
-            joints=rates,
-            actuated=self._motor_names,
-            coordinates=_joint_or_rate_names(draft, coordinates),
-            rows=tuple(f"{c}: {row}" for c in self.closures for row in c.rows),
-            independent_rows=tuple(map(int, independent_rows(Phi))),
-            degrees_of_freedom=motions.shape[1],
-            held=motions.shape[1] - loose.shape[1],
-            loose_joints=tuple(rates[i] for i, m in zip(free, moving, strict=True) if m),
-            idle_joints=tuple(
-                name
-                for name, k in zip(draft.space.joint_names, joints, strict=True)
-                if not np.isin(k, locked).any() and free_motions(Phi[:, k]).shape[1]
-            ),
-            condition_number=condition_number(Phi, coordinates),
-            where=where,
-            q=q.copy(),
-        )
+        wanted = [draft.space.rates_of([name]) for name in self._wanted or ()]
+        return judge(draft, self._scaled_Phi(q), q, where, wanted)
 
-    def _arguments(self, q: ArrayLike, **others: ArrayLike) -> tuple[Mechanism, list[Array | None]]:
+    def _arguments(self, q: ArrayLike, **others: ArrayLike) -> tuple[Mechanism, list[Array]]:
         """Arrays of the shapes that the mechanism has; it is settled on the way."""
         self._look_at_model()
         array = as_array("q", q, (self._draft.model.nq,))
         mechanism = self._mechanism(array)
         sizes = {"tau": mechanism.motors.shape[1]}
         n = len(mechanism.coordinates)
-        arrays: list[Array | None] = [array]
+        arrays = [array]
         for name, value in others.items():
             try:
                 arrays.append(as_array(name, value, (sizes.get(name, n),)))
@@ -912,14 +853,14 @@ class ClosedChain:
                     )
                 raise
         if not mechanism.space.euclidean:
-            _require_manifold(mechanism, array)
+            mechanism.space.require_on_manifold(array)
         return mechanism, arrays
 
     def _each(
         self,
         reference: Callable[..., Array],
         kernel: Callable[..., Indices] | None,
-        arrays: list[Array | None],
+        arrays: Sequence[Array | None],
         core_axes: Sequence[int],
         size: int,
         out: Array | None,
@@ -975,111 +916,3 @@ class ClosedChain:
 
 def _nothing(*_: object) -> None:
     return None
-
-
-def _rates_of(mechanism: Mechanism, names: Sequence[str]) -> Indices:
-    """Indices in v of joints, or of single rates, by name."""
-    space = mechanism.space
-    found: list[int] = []
-    for name in names:
-        if name in space.joint_names:
-            joint = mechanism.model.joints[joint_id(mechanism.model, name)]
-            found.extend(range(joint.idx_v, joint.idx_v + joint.nv))
-        elif name in space.rate_names:
-            found.append(space.rate_names.index(name))
-        else:
-            raise UnknownNameError("joint", name, space.joint_names)
-    if len(set(found)) != len(found):
-        raise InputError("names", f"a joint stands twice in {list(names)}")
-    return np.array(found, dtype=np.intp)
-
-
-def _joint_or_rate_names(mechanism: Mechanism, rates: Indices) -> tuple[str, ...]:
-    """Names that `_rates_of` leads back."""
-    names: list[str] = []
-    left = [int(k) for k in rates]
-    of_rate = {
-        k: (name, list(range(joint.idx_v, joint.idx_v + joint.nv)))
-        for name, joint in zip(
-            mechanism.space.joint_names, list(mechanism.model.joints)[1:], strict=True
-        )
-        for k in range(joint.idx_v, joint.idx_v + joint.nv)
-    }
-    while left:
-        name, group = of_rate[left[0]]
-        if left[: len(group)] == group:
-            names.append(name)
-            del left[: len(group)]
-        else:
-            names.append(mechanism.space.rate_names[left.pop(0)])
-    return tuple(names)
-
-
-def _motors_of(
-    draft: Mechanism, motors: Sequence[Motor]
-) -> tuple[list[Indices], Array, tuple[str, ...]]:
-    """Rates of each motor's joints, B, and the motors' names."""
-    rates, columns, names = [], [], []
-    for motor in motors:
-        shares = {motor: 1.0} if isinstance(motor, str) else dict(motor)
-        k = _rates_of(draft, list(shares))
-        rates.append(k)
-        if isinstance(motor, str):
-            columns.extend(np.eye(draft.model.nv)[k])
-            names.extend(draft.space.rate_names[i] for i in k)
-        else:
-            values = finite_array("actuated", list(shares.values()), (len(k),))
-            column = np.zeros(draft.model.nv)
-            column[k] = values
-            columns.append(column)
-            names.append(" + ".join(f"{x:g} {name}" for name, x in shares.items()))
-    if len(set(names)) != len(names):
-        raise InputError("actuated", f"a joint stands twice in {names}")
-    return rates, np.array(columns).reshape(-1, draft.model.nv).T, tuple(names)
-
-
-def _rates_array(name: str, given: ArrayLike | None, default: Array) -> Array:
-    return finite_array(name, default if given is None else given, (len(default),))
-
-
-def _require_sound(model: pin.Model, closures: Sequence[Constraint]) -> None:
-    names = list(model.names)[1:]
-    problems = [
-        f"joint {n}: the name stands twice" for n in dict.fromkeys(names) if names.count(n) > 1
-    ]
-    if not names:
-        problems.append("no joints")
-    if not closures:
-        problems.append("no closures; an open tree needs pinocchio.rnea and nothing else")
-    if list(model.mimicking_joints):
-        mimics = ", ".join(names[j - 1] for j in model.mimicking_joints)
-        problems.append(
-            f"mimic joints {mimics}: make them ordinary joints, each with a Coupling to the joint "
-            "that it follows"
-        )
-    if problems:
-        raise DescriptionError(f"model {model.name}", problems)
-
-
-def _require_manifold(mechanism: Mechanism, q: Array) -> None:
-    rows = q.reshape(-1, q.shape[-1])
-    off = max((mechanism.space.off_the_manifold(row) for row in rows), default=0.0)
-    if not off < 1e-6:
-        raise InputError(
-            "q",
-            f"a quaternion, or a pair of cosine and sine, is off length one by {off:.3g}; "
-            "pinocchio.normalize mends it",
-        )
-
-
-def _without_locked(model: pin.Model, locked: Sequence[str] | Mapping[str, float]) -> pin.Model:
-    """The tree with some joints held."""
-    q = pin.neutral(model)
-    ids = [joint_id(model, name) for name in locked]
-    if isinstance(locked, Mapping):
-        for index, value in zip(ids, locked.values(), strict=True):
-            joint = model.joints[index]
-            if (joint.nq, joint.nv) != (1, 1):
-                raise InputError("locked", f"joint {model.names[index]} has several coordinates")
-            q[joint.idx_q] = float(finite_array("locked", value, ()))
-    return pin.buildReducedModel(model, ids, q)

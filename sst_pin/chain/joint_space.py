@@ -3,12 +3,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
+
+from ..errors import InputError, UnknownNameError
 
 Array = NDArray[np.float64]
 
@@ -89,6 +92,44 @@ class JointSpace:
             for suffix, unit in zip(kind.v, kind.units, strict=True)
         )
 
+    def rates_of(self, names: Sequence[str]) -> NDArray[np.intp]:
+        """Indices in v of joints, or of single rates, by name.
+
+        Raises:
+            UnknownNameError: For a name that neither has.
+            InputError: When a joint stands twice.
+        """
+        found: list[int] = []
+        for name in names:
+            if name in self._joints:
+                found.extend(self._joints[name])
+            elif name in self.rate_names:
+                found.append(self.rate_names.index(name))
+            else:
+                raise UnknownNameError("joint", name, self.joint_names)
+        if len(set(found)) != len(found):
+            raise InputError("names", f"a joint stands twice in {list(names)}")
+        return np.array(found, dtype=np.intp)
+
+    def names_of(self, rates: Sequence[int]) -> tuple[str, ...]:
+        """Names that `rates_of` leads back: of whole joints where all their rates are there."""
+        names: list[str] = []
+        left = [int(k) for k in rates]
+        joint_of = {k: (name, list(of)) for name, of in self._joints.items() for k in of}
+        while left:
+            name, group = joint_of[left[0]]
+            if left[: len(group)] == group:
+                names.append(name)
+                del left[: len(group)]
+            else:
+                names.append(self.rate_names[left.pop(0)])
+        return tuple(names)
+
+    @cached_property
+    def _joints(self) -> dict[str, range]:
+        joints = zip(self.joint_names, list(self._model.joints)[1:], strict=True)
+        return {name: range(joint.idx_v, joint.idx_v + joint.nv) for name, joint in joints}
+
     @cached_property
     def euclidean(self) -> bool:
         """Whether q_dot is v."""
@@ -129,11 +170,21 @@ class JointSpace:
                 q[i : i + size] /= np.linalg.norm(q[i : i + size])
         return q
 
-    def off_the_manifold(self, q: Array) -> float:
-        """How far quaternions and cosine-sine pairs are from length one."""
-        parts = [q[i : i + 4] for i, _ in self._quaternions]
-        parts += [q[i : i + 2] for i, _ in self._circles]
-        return max((abs(float(np.linalg.norm(part)) - 1) for part in parts), default=0.0)
+    def require_on_manifold(self, q: Array) -> None:
+        """Check that quaternions and cosine-sine pairs of q, shape (..., nq), have length one.
+
+        Raises:
+            InputError: When one does not.
+        """
+        parts = [q[..., i : i + 4] for i, _ in self._quaternions]
+        parts += [q[..., i : i + 2] for i, _ in self._circles]
+        off = max(float(np.abs(np.linalg.norm(p, axis=-1) - 1).max(initial=0)) for p in parts)
+        if not off < 1e-6:
+            raise InputError(
+                "q",
+                f"a quaternion, or a pair of cosine and sine, is off length one by {off:.3g}; "
+                "pinocchio.normalize mends it",
+            )
 
     @cached_property
     def _simple(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -81,7 +81,7 @@ class Loops:
             ids = [_frame_id(model, name) for name in _frames(closure)]
             supports = [support(model, model.frames[f].parentJoint) for f in ids]
             self._S_a[rows], self._S_b[rows] = supports
-            kind = _KIND[type(closure)](closure)
+            kind = _kind_of(closure)
             kind.constant(self._W[rows], self._W_a[rows])
             self._pairs.append((rows, kind, placements[ids[0]], placements[ids[1]], *supports))
         #: Which rates a row depends on: those that move one of its two frames only.
@@ -367,13 +367,14 @@ class _Wheel(_Moving):
         W_a[:] = W
 
 
-def _of_closure(closure: Closure) -> _Weld | _Moving:
+def _kind_of(closure: Closure | Distance | Rolling) -> Any:
+    if isinstance(closure, Distance):
+        return _Rod(closure)
+    if isinstance(closure, Rolling):
+        return _Wheel(closure)
     kinds = {"6d": _Weld, "orientation": _Orientation, "3d": _Point}
     kind = kinds.get(closure.kind, _Masked) if isinstance(closure.kind, str) else _Masked
     return kind(closure)
-
-
-_KIND = {Closure: _of_closure, Distance: _Rod, Rolling: _Wheel}
 
 
 def _frames(closure: Closure | Distance | Rolling) -> tuple[str, str]:

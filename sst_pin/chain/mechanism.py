@@ -105,6 +105,7 @@ class Mechanism:
         closures: What closes the tree.
         coordinates: Indices in v of the independent rates, shape (n,).
         motors: B: the forces on the tree are B tau, shape (nv, motors).
+        motor_names: Of the motors.
         friction: Of all joints.
         springs: Of all joints.
     """
@@ -113,6 +114,7 @@ class Mechanism:
     closures: tuple[Constraint, ...]
     coordinates: NDArray[np.intp]
     motors: Array
+    motor_names: tuple[str, ...]
     friction: Friction
     springs: Springs
 
@@ -130,6 +132,12 @@ class Mechanism:
     def selection(self) -> Array:
         """Rows that pick the coordinates, va = selection v, shape (n, nv)."""
         return np.eye(self.model.nv)[self.coordinates]
+
+    @cached_property
+    def driven(self) -> NDArray[np.intp]:
+        """Indices in v of the rates that motors act on, motor after motor."""
+        columns = (np.flatnonzero(column) for column in self.motors.T)
+        return np.array(list(dict.fromkeys(k for c in columns for k in c)), dtype=np.intp)
 
     @cached_property
     def coordinate_rate_names(self) -> tuple[str, ...]:

@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import null_space, qr
 
+from .mechanism import Mechanism
+
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
@@ -162,6 +164,46 @@ def choose_coordinates(motions: Array, wanted: Sequence[Indices]) -> Indices:
         if not take(np.array([best])):
             break
     return np.array(chosen, dtype=np.intp)
+
+
+def judge(
+    mechanism: Mechanism, Phi: Array, q: Array, where: str, wanted: Sequence[Indices] = ()
+) -> Mobility:
+    """Count the motions at one configuration and choose coordinates for them.
+
+    Args:
+        mechanism: Whose mobility it is; its coordinates do not matter.
+        Phi: Of its closures at q, free of units, shape (rows, nv).
+        q: The configuration, shape (nq,).
+        where: Which one that is.
+        wanted: Coordinates to be taken first, joint by joint.
+    """
+    space = mechanism.space
+    motions = free_motions(Phi)
+    joints = [space.rates_of([name]) for name in space.joint_names]
+    motors = [np.array([k]) for k in mechanism.driven]
+    coordinates = choose_coordinates(motions, [*wanted, *motors, *joints])
+    free = np.setdiff1d(np.arange(Phi.shape[1]), mechanism.driven)
+    loose = free_motions(Phi[:, free])
+    moving = np.abs(loose).max(axis=1, initial=0.0) > 1e-6
+    return Mobility(
+        joints=space.rate_names,
+        actuated=mechanism.motor_names,
+        coordinates=space.names_of(coordinates.tolist()),
+        rows=tuple(f"{c}: {row}" for c in mechanism.closures for row in c.rows),
+        independent_rows=tuple(map(int, independent_rows(Phi))),
+        degrees_of_freedom=motions.shape[1],
+        held=motions.shape[1] - loose.shape[1],
+        loose_joints=tuple(space.rate_names[i] for i, m in zip(free, moving, strict=True) if m),
+        idle_joints=tuple(
+            name
+            for name, k in zip(space.joint_names, joints, strict=True)
+            if not np.isin(k, mechanism.driven).any() and free_motions(Phi[:, k]).shape[1]
+        ),
+        condition_number=condition_number(Phi, coordinates),
+        where=where,
+        q=q.copy(),
+    )
 
 
 def condition_number(Phi: Array, coordinates: Indices) -> float:

@@ -92,7 +92,8 @@ def rollout(
         shape = (len(chain.joint_names), 6)
         wrenches = finite_array("external_wrenches", external_wrenches, shape)
     batch, flat = flattened((start, rates, torques, wrenches), (1, 1, 2, 2))
-    q_0, va_0, tau_0, load = (None if a is None else np.require(a, None, "A") for a in flat)
+    q_0, va_0, tau_0 = (np.require(a, None, "A") for a in flat[:3])
+    load = flat[3]
     count = torques.shape[-2] if steps is None else steps
     samples = math.prod(batch)
     q, va = np.empty((samples, count + 1, nq)), np.empty((samples, count + 1, n))

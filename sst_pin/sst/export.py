@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..errors import DescriptionError
 from ..files import Writer
-from .fast import misfit
+from .kernel_path import misfit
 from .kernels.packing import FIELDS, pack
 from .robot import SST
 
@@ -44,7 +44,7 @@ def c_files(robot: SST, folder: str | Path) -> dict[Path, Writer]:
     Raises:
         DescriptionError: For a robot that the kernels do not fit.
     """
-    if problem := misfit(robot):
+    if problem := misfit(robot.joint_names, robot.closures):
         raise DescriptionError(f"model {robot.model.name}", [problem])
     source = files("sst_pin.sst") / "kernels"
     names = ("sst_kernels.h", "sst_kernels.c", "example.c")

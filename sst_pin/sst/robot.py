@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+#: As closures print.
+_WELDS = {f"{a} - {b}" for a, b in CUTS}
 _MOTORS = ("gamma_1", "gamma_2", "gamma_3")
 
 
@@ -117,9 +119,9 @@ class SST(ClosedChain):
         chain, source = ClosedChain.from_mjcf(path, locked=locked), str(path)
         geometry = geometry_of(chain.model, source)
         motors = tuple(chain.joint_names[i] for i in chain.actuated)
-        ends = {(closure.frame_a, closure.frame_b) for closure in chain.closures}
-        if motors != _MOTORS or ends != CUTS:
-            wanted = f"an SST has motors {', '.join(_MOTORS)} and welds {sorted(CUTS)}"
+        ends = {str(closure) for closure in chain.closures}
+        if motors != _MOTORS or ends != _WELDS:
+            wanted = f"an SST has motors {', '.join(_MOTORS)} and welds {sorted(_WELDS)}"
             raise DescriptionError(
                 source, [f"motors {motors}, equalities {sorted(ends)}; {wanted}"]
             )

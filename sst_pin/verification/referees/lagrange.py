@@ -8,7 +8,7 @@ The chain is asked for its model, closures, motors and friction coefficients, fo
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -126,7 +126,7 @@ def accelerations(
     model, motion = chain.model, _motion(chain, q, va)
     kinds = {"6d": pin.ContactType.CONTACT_6D, "3d": pin.ContactType.CONTACT_3D}
     constraints = []
-    for closure in chain.closures:
+    for closure in _closures(chain):
         if closure.kind not in kinds:
             raise DescriptionError(
                 f"closure of {closure.frame_a} and {closure.frame_b}",
@@ -162,13 +162,25 @@ def accelerations_by_multipliers(
     return motion.motors @ q_ddot
 
 
+def _closures(chain: ClosedChain) -> list[Any]:
+    """Closures of the kinds that this referee knows.
+
+    Raises:
+        DescriptionError: For others.
+    """
+    others = [c for c in chain.closures if getattr(c, "kind", None) not in _ROWS]
+    if others:
+        raise DescriptionError(f"closure {others[0]}", ["this referee knows 6d, 3d, orientation"])
+    return list(chain.closures)
+
+
 def _motion(chain: ClosedChain, q: Array, va: Array) -> _Motion:
     """Closures by Pinocchio's frames, and the joint rates that keep them closed."""
     model = chain.model
     data = model.createData()
     pairs = [
         (model.getFrameId(c.frame_a), model.getFrameId(c.frame_b), _ROWS[c.kind])
-        for c in chain.closures
+        for c in _closures(chain)
     ]
     pin.computeJointJacobians(model, data, q)
     Phi = np.vstack(

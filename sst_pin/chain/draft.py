@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""From a tree, names and numbers as a caller gives them to a `Mechanism`."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
+
+from ..arrays import finite_array
+from ..errors import DescriptionError, InputError
+from .closures import Closure, Constraint, Coupling, Distance, Rolling
+from .joint_space import JointSpace
+from .loops import joint_id
+from .mechanism import Friction, Mechanism, Springs
+
+Array = NDArray[np.float64]
+
+#: A motor: the joint that it drives, or how its force is shared by joints (a tendon).
+Motor = str | Mapping[str, float]
+
+
+def closures_of(closures: Sequence[Constraint | tuple[str, str]]) -> tuple[Constraint, ...]:
+    """Closures, with pairs of names for frames that must coincide.
+
+    Raises:
+        InputError: For anything else.
+    """
+    found: list[Constraint] = []
+    for closure in closures:
+        if isinstance(closure, (Closure, Distance, Coupling, Rolling)):
+            found.append(closure)
+        elif isinstance(closure, Sequence) and len(closure) in (2, 3):
+            found.append(Closure(*closure))
+        else:
+            raise InputError("closures", f"{closure!r} is neither a closure nor two frame names")
+    return tuple(found)
+
+
+def draft(
+    model: pin.Model,
+    closures: tuple[Constraint, ...],
+    motors: Sequence[Motor],
+    coordinates: Sequence[str] | None,
+    *,
+    viscous_friction: ArrayLike | None,
+    coulomb_friction: ArrayLike | None,
+    stiffness: ArrayLike | None,
+    spring_reference: ArrayLike | None,
+) -> Mechanism:
+    """A mechanism whose coordinates are those asked for, else all that motors act on.
+
+    Raises:
+        DescriptionError: For a tree that cannot be computed.
+        UnknownNameError: For a joint that it does not have.
+        InputError: For numbers that do not fit.
+    """
+    _require_sound(model, closures)
+    space = JointSpace(model)
+    B, names = _motors(space, motors, model.nv)
+    friction = Friction(
+        _of_rates("viscous_friction", viscous_friction, model.damping),
+        _of_rates("coulomb_friction", coulomb_friction, model.friction),
+    )
+    rest = pin.neutral(model) if spring_reference is None else spring_reference
+    springs = Springs(
+        _of_rates("stiffness", stiffness, np.zeros(model.nv)),
+        finite_array("spring_reference", rest, (model.nq,)),
+    )
+    springs.check(model)
+    mechanism = Mechanism(model, closures, np.empty(0, dtype=np.intp), B, names, friction, springs)
+    chosen = mechanism.driven if coordinates is None else space.rates_of(coordinates)
+    return Mechanism(model, closures, chosen, B, names, friction, springs)
+
+
+def without_locked(model: pin.Model, locked: Sequence[str] | Mapping[str, float]) -> pin.Model:
+    """The tree with some joints held.
+
+    Raises:
+        UnknownNameError: For a joint that it does not have.
+    """
+    q = pin.neutral(model)
+    ids = [joint_id(model, name) for name in locked]
+    if isinstance(locked, Mapping):
+        for index, value in zip(ids, locked.values(), strict=True):
+            joint = model.joints[index]
+            if (joint.nq, joint.nv) != (1, 1):
+                raise InputError("locked", f"joint {model.names[index]} has several coordinates")
+            q[joint.idx_q] = float(finite_array("locked", value, ()))
+    return pin.buildReducedModel(model, ids, q)
+
+
+def _motors(space: JointSpace, motors: Sequence[Motor], nv: int) -> tuple[Array, tuple[str, ...]]:
+    """B and the motors' names."""
+    if isinstance(motors, str):
+        raise InputError("actuated", "a sequence of names is needed, not a word")
+    columns: list[Array] = []
+    names: list[str] = []
+    for motor in motors:
+        if isinstance(motor, Mapping):
+            column = np.zeros(nv)
+            k = space.rates_of(list(motor))
+            column[k] = finite_array("actuated", list(motor.values()), (len(k),))
+            columns.append(column)
+            names.append(" + ".join(f"{share:g} {name}" for name, share in motor.items()))
+        else:
+            k = space.rates_of([motor])
+            columns.extend(np.eye(nv)[k])
+            names.extend(space.rate_names[i] for i in k)
+    if len(set(names)) != len(names):
+        raise InputError("actuated", f"a joint stands twice in {names}")
+    return np.array(columns).reshape(-1, nv).T, tuple(names)
+
+
+def _of_rates(name: str, given: ArrayLike | None, default: Array) -> Array:
+    array = finite_array(name, default if given is None else given, (len(default),))
+    if array.shape != default.shape:
+        raise InputError(name, f"shape {array.shape}, expected {default.shape}")
+    return array
+
+
+def _require_sound(model: pin.Model, closures: Sequence[Constraint]) -> None:
+    names = list(model.names)[1:]
+    problems = [f"joint {n}: the name stands twice" for n, k in Counter(names).items() if k > 1]
+    if not model.nv:
+        problems.append("no joints that move")
+    if not closures:
+        problems.append("no closures; an open tree needs pinocchio.rnea and nothing else")
+    if list(model.mimicking_joints):
+        mimics = ", ".join(names[j - 1] for j in model.mimicking_joints)
+        problems.append(
+            f"mimic joints {mimics}: make them ordinary joints, each with a Coupling to the joint "
+            "that it follows"
+        )
+    if problems:
+        raise DescriptionError(f"model {model.name}", problems)
