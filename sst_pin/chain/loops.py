@@ -271,9 +271,11 @@ class _Masked(_Moving):
         if self._orientation:
             return np.concatenate((slid, pin.log3(R_b @ R_a.T)))
         R = R_a.T @ R_b
-        angles = [sign * R[i, j] for i, j, sign in self._angles]
+        angles = np.array([sign * R[i, j] for i, j, sign in self._angles])
         if self._along is not None and R[self._along, self._along] < 0:
-            angles = [np.pi * (1 if a >= 0 else -1) - a for a in angles]  # the axes are opposed
+            # The axes are opposed: lead on in the same direction, over the right angle.
+            size = float(np.linalg.norm(angles))
+            angles = angles - 2 * (angles / size if size else np.eye(len(angles))[0])
         return np.concatenate((slid, angles))
 
     def wrenches(self, A: pin.SE3, B: pin.SE3, W: Array, W_a: Array) -> None:
