@@ -42,7 +42,7 @@ def c_files(robot: SST, folder: str | Path) -> dict[Path, Writer]:
         Writers of sst_kernels.h, sst_kernels.c, sst_robot.h and example.c.
 
     Raises:
-        DescriptionError: For a robot that the kernels do not fit.
+        DescriptionError: For a robot that the kernels do not fit, or a number that is not finite.
     """
     if problem := misfit(robot.joint_names, robot.closures):
         raise DescriptionError(f"model {robot.model.name}", [problem])
@@ -51,7 +51,8 @@ def c_files(robot: SST, folder: str | Path) -> dict[Path, Writer]:
     texts = {name: (source / name).read_text(encoding="utf-8") for name in names}
     vector = pack(robot.model, robot.geometry, robot.friction)
     numbers = "".join(f"    .{line},\n" for line in _initialisers(vector))
-    head = _HEAD.format(name=robot.model.name.replace("*/", "* /"))  # it stands in a comment
+    name = robot.model.name.replace("*/", "* /").replace("/*", "/ *")  # it stands in a comment
+    head = _HEAD.format(name=name)
     texts["sst_robot.h"] = f"{head}{numbers}}};\n\n#endif\n"
     return {Path(folder) / name: _writer(text) for name, text in texts.items()}
 
@@ -59,6 +60,8 @@ def c_files(robot: SST, folder: str | Path) -> dict[Path, Writer]:
 def _initialisers(vector: Array) -> Iterator[str]:
     ends = np.cumsum([prod(field.shape) for field in FIELDS])
     for field, values in zip(FIELDS, np.split(vector, ends[:-1]), strict=True):
+        if not np.isfinite(values).all():
+            raise DescriptionError("the numbers of the robot", [f"{field.name} is not finite"])
         yield f"{field.name} = {_braces(values.reshape(field.shape))}"
 
 

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 import shutil
 import subprocess
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -49,6 +50,71 @@ def test_exported_c_computes_the_torques_of_python(tmp_path, capsys, seed):
     )
     assert result.returncode == 1
     assert "the loops are open" in result.stderr
+
+
+@with_compiler
+def test_the_exported_example_tells_what_it_cannot_compute(tmp_path):
+    """Exit code 1, a message and no torques: never nan for nan, never half of the input."""
+    assert main(["export-c", str(tmp_path)]) == 0
+    build = [compiler, *STRICT, "-O2", "-o", "torques", "example.c", "sst_kernels.c"]
+    subprocess.run(build, cwd=tmp_path, check=True)
+    good = [*sst_pin.SST().home.tolist(), *[0.0] * 6]
+
+    def run(words):
+        return subprocess.run(
+            [tmp_path / "torques"], input=words, capture_output=True, text=True, check=False
+        )
+
+    def line(place, word):
+        return " ".join([*map(repr, good[:place]), word, *map(repr, good[place + 1 :])])
+
+    assert run("").returncode == 0
+    assert len(run(line(14, "0.0")).stdout.split()) == 3
+    cases = {
+        "not a finite number": [line(i, w) for i in range(15) for w in ("nan", "-inf", "1e999")],
+        "not a number": [line(0, "abc"), line(9, "0,3"), "abc", line(14, "0.0") + "\nend"],
+        "inside a motion": ["1", line(14, "")],
+        "beyond 1e6 rad": [line(4, repr(good[4] + 2e6 * np.pi))],
+        "not finite": [line(9, "1e300")],
+        "loops are open": [line(1, "0.1")],
+    }
+    for message, inputs in cases.items():
+        for words in inputs:
+            result = run(words)
+            assert (result.returncode, message in result.stderr) == (1, True), words
+            assert "nan" not in result.stdout
+            assert "inf" not in result.stdout
+    full = Path("/dev/full")
+    if full.exists():
+        with full.open("w") as stdout:
+            command = [tmp_path / "torques"]
+            words = "\n".join([line(14, "0.0")] * 3)
+            result = subprocess.run(
+                command, input=words, stdout=stdout, stderr=subprocess.PIPE, text=True, check=False
+            )
+        assert (result.returncode, result.stderr) == (1, "cannot write\n")
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+def test_export_refuses_numbers_that_no_compiler_reads(tmp_path):
+    """A gravity of nan would be written as `nan`."""
+    robot = sst_pin.SST()
+    robot.model.gravity.linear = np.array((0, np.nan, 0))
+    with pytest.raises(sst_pin.DescriptionError, match="gravity is not finite"):
+        c_files(robot, tmp_path)
+
+
+@with_compiler
+@pytest.mark.parametrize("name", ["a */ b", "/* a", "*/*/", "line\nbreak", "trigraph ??/", "\\"])
+def test_the_name_of_a_robot_stays_in_its_comment(tmp_path, name):
+    """Whatever it is, the header compiles under all warnings."""
+    robot = sst_pin.SST()
+    robot.model.name = name
+    for path, write in c_files(robot, tmp_path).items():
+        with path.open("wb") as file:
+            write(file)
+    build = [compiler, *STRICT, "-o", "torques", "example.c", "sst_kernels.c"]
+    subprocess.run(build, cwd=tmp_path, check=True)
 
 
 @with_compiler

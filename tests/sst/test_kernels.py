@@ -175,6 +175,42 @@ def test_results_go_where_they_are_told_to_go(robot):
         robot.compute_torques(q, va, aa * np.nan, on_error="ignore")
 
 
+SMALL_STACK = """
+import threading
+import numpy as np
+import sst_pin
+
+robot = sst_pin.SST()
+q, rates = np.tile(robot.home, (2000, 1)), np.zeros((2000, 3))
+robot.compute_torques(q, rates, rates)
+
+
+def work():
+    for threads in (1, 2, 300):
+        robot.compute_torques(q, rates, rates, threads=threads)
+        robot.compute_accelerations(q, rates, rates, threads=threads)
+        robot.reduced_terms(q, rates, threads=threads)
+        robot.rollout(np.zeros((2000, 2, 3)), q, rates, 1e-4, threads=threads)
+    robot.compute_torques(q[0], rates[0], rates[0])
+    print("done")
+
+
+threading.stack_size(64 * 1024)
+thread = threading.Thread(target=work)
+thread.start()
+thread.join()
+"""
+
+
+@compiled
+def test_batches_run_in_a_thread_with_a_small_stack():
+    """64 KiB, what a server gives each of many threads; in a process of its own, it may crash."""
+    result = subprocess.run(
+        [sys.executable, "-c", SMALL_STACK], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert (result.returncode, result.stdout) == (0, "done\n"), result.stderr
+
+
 def faulty_batch(robot):
     """Ten samples: 1 open, 3 not finite in q, 4 in aa, 6 open by half a turn; the others good."""
     q, va, aa = robot.joint_motion(*random_states(robot, np.random.default_rng(6), 10))

@@ -251,8 +251,8 @@ static PyObject *rate(PyObject *self, PyObject *const *args, Py_ssize_t nargs)
 
 static int fits(PyArrayObject *array, int ndim, npy_intp n, npy_intp times, npy_intp size)
 {
-    return PyArray_TYPE(array) == NPY_DOUBLE && PyArray_ISBEHAVED_RO(array)
-        && PyArray_NDIM(array) == ndim && PyArray_DIM(array, 0) == n
+    return PyArray_CheckExact(array) && PyArray_TYPE(array) == NPY_DOUBLE
+        && PyArray_ISBEHAVED_RO(array) && PyArray_NDIM(array) == ndim && PyArray_DIM(array, 0) == n
         && PyArray_DIM(array, ndim - 1) == size && (ndim == 2 || PyArray_DIM(array, 1) == times);
 }
 
