@@ -29,8 +29,10 @@ def listen(host: str, port: int) -> list[socket.socket]:
     try:
         if not host:
             raise OSError("an empty address would mean every network")
+        if not 0 <= port <= 65535:  # else getaddrinfo takes the remainder
+            raise OSError("ports end at 65535")
         return bind_sockets(port, host)
-    except (OSError, OverflowError, UnicodeError) as error:
+    except (OSError, UnicodeError) as error:
         reason = getattr(error, "strerror", None) or error
         raise ServerError(f"cannot listen on {host!r}, port {port}: {reason}") from None
 

@@ -1,0 +1,199 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The command among other programs: pipes, signals, full discs, files that are there."""
+
+import os
+import signal
+import stat
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import sst_pin
+from commands import run
+from sst_pin.files import text_writer, write_files
+
+SAMPLE = Path(__file__).resolve().parents[2] / "examples" / "figure_eight.csv"
+#: theta 20 deg, phi to 170 deg: beta_1 goes from 30 to -80 deg, off its arc.
+OFF_ARC = "t_s,theta_deg,phi_deg\n" + "".join(f"{i / 10},20,{60 + 11 * i}\n" for i in range(11))
+
+
+def start(*arguments, code="from sst_pin.cli import main; raise SystemExit(main())", **options):
+    """The command as a process of its own."""
+    environment = {k: v for k, v in os.environ.items() if k != "PYTHONUNBUFFERED"}
+    return subprocess.Popen(
+        [sys.executable, "-c", code, *map(str, arguments)],
+        env=environment,
+        **({"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True} | options),
+    )
+
+
+@pytest.mark.parametrize(
+    ("command", "written"),
+    [
+        (("torques", "off.csv", "-o", "out.csv"), "out.csv"),
+        (("plot", "off.csv", "-o", "out.png", "--what", "joints"), "out.png"),
+        (("show", "off.csv", "--html", "out.html"), "out.html"),
+        (("simulate", "tau.csv", "-o", "out.csv"), "out.csv"),
+    ],
+    ids=lambda value: value[0] if isinstance(value, tuple) else "",
+)
+def test_a_pose_that_the_machine_cannot_take_is_a_warning_and_with_strict_an_error(
+    here, capsys, robot, command, written
+):
+    """One line for each joint; --strict writes nothing and leaves with exit code 1."""
+    (here / "off.csv").write_text(OFF_ARC)
+    q = robot.inverse_kinematics(sst_pin.orientation(np.radians(20), np.radians(100)))
+    zero = np.zeros((2, 3))
+    names = robot.joint_names
+    still = sst_pin.Trajectory([0, 0.001], [q, q], zero, zero, zero, names, names[::3])
+    still.save(here / "tau.csv")
+    before = set(here.iterdir())
+    code, _, err = run(capsys, *command, "--strict")
+    assert code == 1
+    assert "sst-pin: error: beta_1 leaves its arc of 0 to 90 deg: -" in err
+    assert set(here.iterdir()) == before
+    code, _, err = run(capsys, *command)
+    assert code == 0
+    lines = err.splitlines()
+    assert lines[0].startswith("sst-pin: warning: beta_1 leaves its arc of 0 to 90 deg: -")
+    assert all(line.startswith("sst-pin: warning: ") for line in lines)
+    assert (here / written).exists()
+
+
+def test_a_motion_on_its_arcs_is_no_matter_for_strict(here, capsys):
+    """The sample."""
+    code, _, err = run(capsys, "torques", SAMPLE, "-o", "out.csv", "--strict")
+    assert (code, err) == (0, "")
+
+
+@pytest.mark.parametrize("arguments", [("--help",), ("info",)])
+def test_a_reader_that_has_enough_ends_the_command_in_silence(arguments):
+    """`sst-pin info | head -0`: no traceback."""
+    read, write = os.pipe()
+    os.close(read)
+    with os.fdopen(write, "w") as full:
+        process = start(*arguments, stdout=full)
+        _, err = process.communicate(timeout=60)
+    assert err == ""
+    assert process.returncode == 128 + signal.SIGPIPE
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
+def test_an_output_that_is_full_is_told_in_one_line():
+    """As on a full disc."""
+    with open("/dev/full", "w") as full:  # noqa: PTH123
+        process = start("info", stdout=full)
+        _, err = process.communicate(timeout=60)
+    assert err == "sst-pin: error: No space left on device\n"
+    assert process.returncode == 2
+
+
+def test_ctrl_c_while_the_packages_load_is_answered_in_one_line():
+    """The first third of a second is spent on imports."""
+    code = (
+        "import sys; from sst_pin.cli import main\n"
+        "class Announcer:\n"
+        "    def find_spec(self, name, *_):\n"
+        "        name == 'pinocchio' and print('loading', flush=True)\n"
+        "sys.meta_path.insert(0, Announcer())\n"
+        "raise SystemExit(main())"
+    )
+    process = start("info", code=code)
+    assert process.stdout.readline() == "loading\n"
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=60)
+    assert err == "sst-pin: interrupted\n"
+    assert process.returncode in (128 + signal.SIGINT, -signal.SIGINT)  # both are 130 to a shell
+
+
+def test_sigterm_leaves_no_temporary_file(here):
+    """While a file is being written."""
+    code = (
+        "import sys, time; from sst_pin.cli import main; from sst_pin import Trajectory\n"
+        "def write(file):\n"
+        "    print('writing', flush=True); time.sleep(60)\n"
+        "Trajectory.writer = lambda *_: write\n"
+        "raise SystemExit(main())"
+    )
+    process = start("torques", SAMPLE, "-o", "out.csv", code=code)
+    assert process.stdout.readline() == "writing\n"
+    assert len(list(here.iterdir())) == 1
+    process.send_signal(signal.SIGTERM)
+    _, err = process.communicate(timeout=60)
+    assert (process.returncode, err) == (128 + signal.SIGTERM, "")
+    assert list(here.iterdir()) == []
+
+
+def test_numbers_of_an_option_may_begin_with_a_minus(here, capsys):
+    """No option begins with a digit."""
+    (here / "tau.csv").write_text("t_s,tau_1_Nm,tau_2_Nm,tau_3_Nm\n0,0,0,0\n0.001,0,0,0\n")
+    options = ("--gamma", "-0.1,0.2,0.3", "--gamma-dot", "-.5,0,0")
+    code, _, _ = run(capsys, "simulate", "tau.csv", "-o", "out.csv", *options)
+    assert code == 0
+    motion = sst_pin.Trajectory.load("out.csv")
+    assert motion.q[0, ::3] == pytest.approx([-0.1, 0.2, 0.3], abs=1e-12)
+    assert list(motion.va[0]) == [-0.5, 0, 0]
+
+
+LONG = 300 * "x"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("show", "--port", "99999"), "'99999' is not a port"),
+        (("show", "--port", "-1"), "'-1' is not a port"),
+        (("show", "--interactive", SAMPLE), "takes no motion"),
+        (("show", "--interactive", "--html", "x.html"), "takes no html"),
+        (("torques", SAMPLE, "-o", f"{LONG}.csv"), "File name too long"),
+        (("torques", f"{LONG}.csv", "-o", "out.csv"), "File name too long"),
+        (("torques", SAMPLE, "-o", "out.csv", "--urdf", f"{LONG}.urdf"), "File name too long"),
+        (("plot", f"{LONG}.csv", "-o", "out.png"), "File name too long"),
+        (("export-c", LONG), "File name too long"),
+        (("paper", "--samples", "10", "--out", LONG), "File name too long"),
+        (("describe", "-o", "d", "--base-radius", "1e308"), "base_radius: 1e+308 m is more than"),
+        (("describe", "-o", "d", "--star-radius", "1e308"), "star_radius: 1e+308 m is more than"),
+        (("describe", "-o", "d", "--link-mass", "1e308"), "not finite"),
+        (("torques", SAMPLE, "-o", "device.csv", "--force"), "is a device, not a file"),
+    ],
+)
+def test_what_cannot_be_done_is_told_in_one_line(here, capsys, arguments, words):
+    """Exit code 2, nothing written."""
+    (here / "device.csv").symlink_to("/dev/null")
+    code, _, err = run(capsys, *arguments)
+    assert code == 2
+    assert err.count("\n") == 1
+    assert words in err
+    assert [path.name for path in here.iterdir()] == ["device.csv"]
+
+
+def test_a_name_as_long_as_the_file_system_takes_is_taken(here):
+    """The partial file has a short name of its own."""
+    name = 251 * "x" + ".csv"
+    write_files({here / name: text_writer("whole")})
+    assert (here / name).read_text() == "whole"
+
+
+def test_force_keeps_links_and_modes(here):
+    """What is replaced is the content."""
+    (here / "far").mkdir()
+    far, link = here / "far" / "data.csv", here / "link.csv"
+    far.write_text("old")
+    far.chmod(0o640)
+    link.symlink_to(far)
+    write_files({link: text_writer("new")}, force=True)
+    assert link.is_symlink()
+    assert far.read_text() == "new"
+    assert stat.S_IMODE(far.stat().st_mode) == 0o640
+    assert sorted(path.name for path in here.rglob("*")) == ["data.csv", "far", "link.csv"]
+
+
+def test_a_link_to_nothing_leads_to_the_new_file(here):
+    """As when a shell writes through it."""
+    (here / "link.csv").symlink_to(here / "data.csv")
+    write_files({here / "link.csv": text_writer("new")})
+    assert (here / "link.csv").is_symlink()
+    assert (here / "data.csv").read_text() == "new"

@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Who may ask the pages' servers, and where they can listen."""
+
+import http.client
+import socket
+from urllib.parse import urlsplit
+
+import pytest
+
+from sst_pin.errors import ServerError
+from sst_pin.viewer import Viewer
+from sst_pin.viewer.hosts import is_ours, url_of
+from sst_pin.viewer.interactive import Interactive
+
+
+@pytest.fixture(scope="module", params=["viewer", "interactive"])
+def served(request, robot):
+    """Address of a page, its WebSocket's path and the subprotocol it wants."""
+    if request.param == "viewer":
+        with Viewer(robot) as viewer:
+            yield viewer.serve(), "/socket", None
+    else:
+        viser = pytest.importorskip("viser")
+        with Interactive(robot) as page:
+            yield page.url, "/", f"viser-v{viser.__version__}"
+
+
+def status(served, path="/", **headers):
+    """What a request with some headers is answered with."""
+    address = urlsplit(served[0])
+    connection = http.client.HTTPConnection(address.hostname, address.port, timeout=10)
+    connection.putrequest("GET", path, skip_host=True)
+    for name, value in ({"Host": address.netloc} | headers).items():
+        connection.putheader(name.replace("_", "-"), value)
+    connection.endheaders()
+    answer = connection.getresponse().status
+    connection.close()
+    return answer
+
+
+def upgrade(served, **headers):
+    """What a WebSocket's opening is answered with; 101 is yes."""
+    _, path, protocol = served
+    opening = {
+        "Connection": "Upgrade",
+        "Upgrade": "websocket",
+        "Sec_WebSocket_Version": "13",
+        "Sec_WebSocket_Key": "dGhlIHNhbXBsZSBub25jZQ==",
+    }
+    if protocol:
+        opening["Sec_WebSocket_Protocol"] = protocol
+    return status(served, path, **opening, **headers)
+
+
+def test_a_browser_on_this_machine_is_answered(served):
+    """Under every name that no site can have."""
+    port = urlsplit(served[0]).port
+    for host in (f"127.0.0.1:{port}", f"localhost:{port}", f"[::1]:{port}"):
+        assert status(served, Host=host) == 200
+        assert upgrade(served, Host=host, Origin=f"http://{host}") == 101
+    assert upgrade(served) == 101  # a program that is no browser
+
+
+def test_a_site_that_calls_itself_this_machine_is_not_answered(served):
+    """DNS rebinding: the browser asks 127.0.0.1 under the site's name."""
+    host = f"rebound.example:{urlsplit(served[0]).port}"
+    assert status(served, Host=host) == 403
+    assert upgrade(served, Host=host, Origin=f"http://{host}") == 403
+
+
+@pytest.mark.parametrize("origin", ["http://foreign.example", "http://127.0.0.1:1", "null"])
+def test_a_websocket_of_another_page_is_refused(served, origin):
+    """Browsers let every page open WebSockets to every address."""
+    assert upgrade(served, Origin=origin) == 403
+
+
+def test_the_name_that_was_asked_for_is_ours_and_so_is_the_machines():
+    """Whoever serves to a network says so by --host."""
+    name = socket.gethostname()
+    assert is_ours("robot.lab", "Robot.lab:8080", None)
+    assert is_ours("0.0.0.0", f"{name}:8080", f"http://{name}:8080")
+    assert not is_ours("0.0.0.0", "foreign.example:8080", None)
+    for nonsense in (None, "", "[", "127.0.0.1.foreign.example"):
+        assert not is_ours("127.0.0.1", nonsense, None)
+
+
+def test_an_address_of_version_six_is_written_in_brackets():
+    """Else its last part reads as a port."""
+    assert url_of("::1", 80) == "http://[::1]:80/"
+    assert url_of("127.0.0.1", 80) == "http://127.0.0.1:80/"
+
+
+@pytest.mark.parametrize(
+    ("host", "port"),
+    [("203.0.113.7", 0), ("256.1.1.1", 0), ("", 0), (300 * "x", 0), ("127.0.0.1", 99999)],
+)
+@pytest.mark.parametrize("kind", [Viewer, Interactive])
+def test_an_address_that_cannot_be_listened_on_is_told(robot, kind, host, port):
+    """At once; viser alone would try a thousand ports and wait for ever."""
+    with pytest.raises(ServerError, match="cannot listen on"):
+        kind(robot).serve(host, port) if kind is Viewer else Interactive(robot, host, port)
+
+
+def test_a_taken_port_is_told_by_the_interactive_page_too(robot):
+    """The port that was asked for, or none."""
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        with pytest.raises(ServerError, match=f"port {port}: Address already in use"):
+            Interactive(robot, port=port)
