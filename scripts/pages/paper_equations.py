@@ -360,7 +360,7 @@ EQUATIONS = (
     Equation(
         "(2), (37)",
         "closures f(q) = 0",
-        ("closed_tree.ClosedTree.residual", "robot.SST.inverse_kinematics"),
+        ("closed_chain.ClosedChain.residual", "robot.SST.inverse_kinematics"),
         (_KINEMATICS + "inverse_kinematics_closes_the_loops_on_all_branches",),
         "zero, on all eight branches (rad)",
         _closures,
@@ -368,7 +368,7 @@ EQUATIONS = (
     Equation(
         "(3)",
         "Phi q_dot = 0",
-        ("closed_tree.ClosedTree.Phi",),
+        ("closed_chain.ClosedChain.Phi",),
         ("test_other_robots::test_L_is_an_orthogonal_complement_of_Phi",),
         "joint rates in closed form",
         _no_open_rate,
@@ -376,7 +376,7 @@ EQUATIONS = (
     Equation(
         "(4), (5)",
         "Phi, the Jacobian of f",
-        ("closures.LoopKinematics.Phi",),
+        ("loops.Loops.Phi",),
         (_NOC + "phi_is_the_derivative_of_the_residual",),
         "differences of f of second order, off the closures",
         _slope_of_residual,
@@ -392,7 +392,7 @@ EQUATIONS = (
     Equation(
         "(7b), (8), (20)",
         "q_ddot, L_dot",
-        ("noc.JointComplement.solve", "closures.LoopKinematics.Phi_dot"),
+        ("noc.JointComplement.solve", "loops.Loops.Phi_dot"),
         (
             _NOC + "rates_are_the_derivatives_along_the_motion",
             _MISPRINTS + "eq_20_gives_accelerations",
@@ -419,7 +419,7 @@ EQUATIONS = (
     Equation(
         "(16)",
         "q_dot = L va",
-        ("closed_tree.ClosedTree.joint_rates",),
+        ("closed_chain.ClosedChain.joint_rates",),
         (_KINEMATICS + "platform_velocity_inverts_joint_motion",),
         "joint rates in closed form",
         _rates,
@@ -478,7 +478,7 @@ EQUATIONS = (
     Equation(
         "(83)-(91)",
         "tau from the wrenches",
-        ("dynamics.inverse_dynamics", "star_dynamics.StarDynamics.compute_torques"),
+        ("dynamics.inverse_dynamics", "robot.SST.compute_torques"),
         (_DYNAMICS + "long_form_equals_short_form",),
         "(89) with the wrenches of (68)",
         _inertia_and_weight,
@@ -486,7 +486,7 @@ EQUATIONS = (
     Equation(
         "(87), (88), (96)",
         "friction through L",
-        ("dynamics.Friction.forces",),
+        ("mechanism.Friction.forces",),
         (
             _NOC + "friction_dissipates_and_maps_through_L",
             _DYNAMICS + "friction_of_every_joint_reaches_the_motors",
@@ -529,7 +529,7 @@ EQUATIONS = (
     Equation(
         "Sect. 6.1",
         "inverse dynamics",
-        ("star_dynamics.StarDynamics.compute_torques", "robot.SST.joint_motion"),
+        ("robot.SST.compute_torques", "robot.SST.joint_motion"),
         (
             _WORK + "torques_of_any_robot_agree_at_any_motion",
             _REFEREES + "a_referee_agrees_for_random_robots",
@@ -540,7 +540,7 @@ EQUATIONS = (
     Equation(
         "Sect. 6.2",
         "direct dynamics",
-        ("dynamics.direct_dynamics", "star_dynamics.StarDynamics.compute_accelerations"),
+        ("dynamics.direct_dynamics", "robot.SST.compute_accelerations"),
         (_WORK + "accelerations_agree_at_any_torques",),
         "the motion whose torques virtual work gave",
         _direct_dynamics,
