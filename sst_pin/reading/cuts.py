@@ -127,4 +127,5 @@ def _is_name(value: Any) -> bool:
 
 def _vector(value: Any) -> Array | None:
     words = value if isinstance(value, list) and all(map(_is_name, value)) else []
-    return numbers(" ".join(words), 3)
+    one = all(numbers(word, 1) is not None for word in words)
+    return numbers(" ".join(words), 3) if one else None

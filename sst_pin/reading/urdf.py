@@ -68,8 +68,8 @@ def parse_urdf(text: str, source: str, joints: Mapping[str, str] | None = None) 
         raise DescriptionError(source, [f"not a URDF: {error}"]) from None
 
 
-def parse_xml(text: str, source: str) -> ET.Element:
-    """The elements of a URDF.
+def parse_xml(text: str, source: str, what: str = "a URDF") -> ET.Element:
+    """The elements of a URDF or an SRDF.
 
     Raises:
         DescriptionError: When it is not XML, with line and column, which urdfdom does not say; or
@@ -78,9 +78,9 @@ def parse_xml(text: str, source: str) -> ET.Element:
     try:
         root = ET.fromstring(text)
     except ET.ParseError as error:
-        raise DescriptionError(source, [f"not a URDF: not XML: {error}"]) from None
+        raise DescriptionError(source, [f"not {what}: not XML: {error}"]) from None
     if len(root) > _MOST_ELEMENTS:
-        text = f"not a URDF: {len(root)} elements; no more than {_MOST_ELEMENTS} are read"
+        text = f"not {what}: {len(root)} elements; no more than {_MOST_ELEMENTS} are read"
         raise DescriptionError(source, [text])
     return root
 

@@ -9,6 +9,7 @@ import pinocchio as pin
 
 from .. import description
 from ..errors import DescriptionError
+from ..reading.srdf import check_srdf
 from .geometry_models import geometry_model
 from .robot import SST
 
@@ -32,6 +33,7 @@ def load(urdf: str | Path = description.URDF_PATH) -> pin.RobotWrapper:
     srdf = path.with_suffix(".srdf")
     if not srdf.is_file():
         raise DescriptionError(str(srdf), ["the SRDF beside the URDF is missing"])
+    check_srdf(srdf, model)
     pin.loadReferenceConfigurations(model, str(srdf), False)
     visual, collision = (
         geometry_model(model, sst.looks.urdf, path.parent, kind)

@@ -4,6 +4,7 @@
 The words are those of `validate`.
 """
 
+import shutil
 import time
 import xml.etree.ElementTree as ET
 from pathlib import Path
@@ -12,6 +13,7 @@ import pytest
 
 import sst_pin
 from sst_pin.reading import parse_cuts
+from sst_pin.sst.robot_wrapper import load
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 ROBOTS = {
@@ -249,6 +251,7 @@ CUTS = "closed_loop: [[a, b]]\ntype: [6d]\nname_mot: [c]\n"
         (CUTS + f"gravity: [0, 0, -{'9' * 5000}]", "gravity: "),
         (CUTS + "gravity: [0, 0, 1:30]", "gravity: "),
         (CUTS + "gravity: [0, -9.81]", "gravity: "),
+        (CUTS + "gravity: [0 0, -9.81]", "gravity: "),
         (CUTS + "gravity: 9.81", "gravity: "),
         (CUTS.replace("[c]", "[[c]]"), "name_mot: ['c'] is not a name"),
         (CUTS.replace("[c]", "['']"), "name_mot: '' is not a name"),
@@ -295,6 +298,33 @@ def test_names_and_numbers_of_cuts_are_those_that_stand_there():
     assert (closure.frame_a, closure.frame_b, closure.kind) == ("010", "on", "6d")
     assert cuts.actuated == ("1.50",)
     assert cuts.gravity.tolist() == [0, 0.5, -10]
+
+
+# --- SRDF -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "word"),
+    [
+        ('value="0.785', 'value="0,785', "group_state home: gamma_1 value='0,785"),
+        ('value="0.785', 'value="nan0.785', "is not a number"),
+        ('"gamma_1" value', '"knee" value', "group_state home: no joint knee in the URDF"),
+        ('link1="link_1"', 'link1="link_9"', "disable_collisions: no link link_9 in the URDF"),
+        ("<robot", "<srdf", "not XML"),
+        ("<robot", "\0", "not XML"),
+    ],
+)
+def test_a_pose_that_cannot_be_read_is_refused(tmp_path, old, new, word):
+    """Pinocchio would leave the joint at zero."""
+    shutil.copytree(Path(sst_pin.URDF_PATH).parent, tmp_path, dirs_exist_ok=True)
+    srdf = tmp_path / "sst.srdf"
+    text = srdf.read_text()
+    assert old in text
+    srdf.write_text(text.replace(old, new, 1))
+    with pytest.raises(sst_pin.DescriptionError) as caught:
+        load(tmp_path / "sst.urdf")
+    assert word in str(caught.value)
+    assert str(srdf) in str(caught.value)
 
 
 # --- files ----------------------------------------------------------------------------------
