@@ -473,7 +473,8 @@ def robot_kernels():
     from sst_pin.sst.kernels.packing import pack
 
     robot = sst_pin.SST()
-    return kernels.binding.Kernels(pack(robot.model, robot.geometry, robot.friction))
+    numbers = pack(robot.model, robot.geometry, robot.friction)
+    return kernels.binding.Kernels(numbers, robot.model.gravity.linear, robot.model)
 
 
 @compiled

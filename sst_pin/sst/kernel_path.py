@@ -73,7 +73,7 @@ class StarKernels:
 
     def __init__(self, reference: Reference, geometry: Geometry, model: Any) -> None:
         self._reference, self._geometry = reference, geometry
-        self._watched = model.gravity.linear
+        self._model = model
         own = self._with(reference.mechanism.friction)
         self._own = own
         self.torques_of = own.inverse_dynamics
@@ -85,8 +85,8 @@ class StarKernels:
 
     def _with(self, friction: Friction) -> Any:
         assert kernels.binding is not None
-        model = self._reference.mechanism.model
-        return kernels.binding.Kernels(pack(model, self._geometry, friction))
+        numbers = pack(self._reference.mechanism.model, self._geometry, friction)
+        return kernels.binding.Kernels(numbers, self._model.gravity.linear, self._model)
 
     def torques(
         self, q: Array, va: Array, aa: Array, wrenches: Array | None, tau: Array, threads: int

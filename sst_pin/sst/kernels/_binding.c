@@ -40,14 +40,30 @@ static int rows_of(PyObject *object, int size, npy_intp *samples, rows *to)
 typedef struct {
     PyObject_HEAD
     double *wide; /* its parameters in all lanes */
+    PyObject *model; /* keeps `gravity` alive */
+    const double *gravity; /* in the model's own memory */
+    double gravity_then[3]; /* what it was when the parameters were made */
 } Kernels;
+
+/* Whether somebody has changed gravity since the parameters were made. */
+static int stale(const Kernels *self)
+{
+    return memcmp(self->gravity, self->gravity_then, sizeof self->gravity_then) != 0;
+}
 
 static PyObject *kernels_new(PyTypeObject *type, PyObject *args, PyObject *keywords)
 {
-    static char *names[] = {"", NULL};
-    PyObject *vector;
-    if (!PyArg_ParseTupleAndKeywords(args, keywords, "O!", names, &PyArray_Type, &vector))
+    static char *names[] = {"", "", "", NULL};
+    PyObject *vector, *gravity, *model;
+    if (!PyArg_ParseTupleAndKeywords(args, keywords, "O!O!O", names, &PyArray_Type, &vector,
+            &PyArray_Type, &gravity, &model))
         return NULL;
+    if (PyArray_TYPE((PyArrayObject *)gravity) != NPY_DOUBLE
+        || !PyArray_ISCARRAY_RO((PyArrayObject *)gravity)
+        || PyArray_SIZE((PyArrayObject *)gravity) != 3) {
+        PyErr_SetString(PyExc_ValueError, "not an acceleration of gravity");
+        return NULL;
+    }
     if (PyArray_TYPE((PyArrayObject *)vector) != NPY_DOUBLE
         || !PyArray_ISCARRAY_RO((PyArrayObject *)vector)
         || PyArray_SIZE((PyArrayObject *)vector) != (npy_intp)PARAMETERS) {
@@ -63,6 +79,9 @@ static PyObject *kernels_new(PyTypeObject *type, PyObject *args, PyObject *keywo
         Py_DECREF(self);
         return PyErr_NoMemory();
     }
+    self->model = Py_NewRef(model);
+    self->gravity = PyArray_DATA((PyArrayObject *)gravity);
+    memcpy(self->gravity_then, self->gravity, sizeof self->gravity_then);
     set->prepare(PyArray_DATA((PyArrayObject *)vector), self->wide);
     return (PyObject *)self;
 }
@@ -70,6 +89,7 @@ static PyObject *kernels_new(PyTypeObject *type, PyObject *args, PyObject *keywo
 static void kernels_dealloc(PyObject *self)
 {
     free(((Kernels *)self)->wide);
+    Py_XDECREF(((Kernels *)self)->model);
     Py_TYPE(self)->tp_free(self);
 }
 
@@ -206,7 +226,7 @@ static PyObject *map_in_threads(PyObject *self, const face *f, PyObject *const *
     if (nargs != f->ins + 2)
         return wrong_count(f->ins + 2, nargs);
     const int threads = threads_of(args[f->ins + 1]);
-    if (threads < 1)
+    if (threads < 1 || stale((Kernels *)self))
         Py_RETURN_NONE;
     return map_kernel(self, f, args, args[f->ins], threads);
 }
@@ -333,7 +353,7 @@ static PyMethodDef methods[] = {
 static PyTypeObject kernels_type = {
     PyVarObject_HEAD_INIT(NULL, 0)
     .tp_name = "sst_pin.sst.kernels._binding.Kernels",
-    .tp_doc = "Kernels(vector): the kernels with the numbers of one robot.",
+    .tp_doc = "Kernels(vector, gravity, model): the kernels with the numbers of one robot.",
     .tp_basicsize = sizeof(Kernels),
     .tp_flags = Py_TPFLAGS_DEFAULT,
     .tp_new = kernels_new,

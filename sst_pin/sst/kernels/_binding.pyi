@@ -22,11 +22,14 @@ instructions: str
 class Kernels:
     """The kernels with the numbers of one robot, shape (146,), see `packing`.
 
+    `gravity`, shape (3,), is the memory of the model in which its gravity stands, `model` keeps it
+    alive: when it changes, `inverse_dynamics`, `direct_dynamics` and `reduced_terms` answer None.
+
     Results go to `out`, shape (core) or (n, core), which shares no memory with the inputs, or to a
     new array when it is None.
     """
 
-    def __new__(cls, parameters: _Array, /) -> Kernels: ...
+    def __new__(cls, parameters: _Array, gravity: _Array, model: object, /) -> Kernels: ...
     def inverse_dynamics(
         self,
         q: object,
