@@ -10,7 +10,7 @@ import pinocchio as pin
 import pytest
 
 import sst_pin
-from sst_pin.chain.closures import LoopKinematics
+from sst_pin.chain.loops import Loops
 from sst_pin.reading import parse_urdf
 from sst_pin.reading.mjcf import read_mjcf
 
@@ -259,11 +259,11 @@ def test_closures_are_open_by_what_mujoco_measures(mjcf):
     mj = mujoco.MjModel.from_xml_path(str(mjcf))
     read, data = read_mjcf(mjcf), mujoco.MjData(mj)
     assert [c.kind for c in read.closures] == ["6d"] * 5 + ["3d"] * 3
-    kinematics = LoopKinematics(read.model, read.closures)
+    kinematics = Loops(read.model, read.closures)
     for q, _, qpos, _ in states():
         data.qpos = qpos
         mujoco.mj_forward(mj, data)
-        kinematics.set_position(q)
+        kinematics.evaluate(q)
         equality = data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
         theirs = data.efc_pos[equality]
         starts = np.cumsum([0] + [len(c.rows) for c in read.closures])
@@ -376,11 +376,11 @@ def test_a_weld_that_bears_no_torque_is_a_point(mjcf):
     loose = read_mjcf(mjcf)
     assert [c.kind for c in loose.closures] == ["3d"] * 8
     mj = mujoco.MjModel.from_xml_path(str(mjcf))
-    data, kinematics = mujoco.MjData(mj), LoopKinematics(loose.model, loose.closures)
+    data, kinematics = mujoco.MjData(mj), Loops(loose.model, loose.closures)
     for q, _, qpos, _ in states():
         data.qpos = qpos
         mujoco.mj_forward(mj, data)
-        kinematics.set_position(q)
+        kinematics.evaluate(q)
         for k, closure in enumerate(loose.closures[:4]):
             A, B = (
                 kinematics.data.oMf[loose.model.getFrameId(name)].translation

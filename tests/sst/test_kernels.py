@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The kernels against the reference path, which `ClosedChain`'s own methods are."""
+"""The kernels against the reference path."""
 
 import os
 import subprocess
@@ -11,7 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import sst_pin
-from sst_pin import ClosedChain
+from paths import on_reference_path
 from sst_pin.description import urdf_of
 from sst_pin.sst import kernels
 from sst_pin.verification.sampling import random_parameters, random_state, random_states
@@ -53,12 +53,12 @@ def test_torques_and_accelerations_equal_the_reference(case):
     loads = np.zeros((40, 9, 6))
     loads[:, 2, :3] = moment
     tau = robot.compute_torques(q, va, aa, platform_moment=moment)
-    expected = ClosedChain.compute_torques(robot, q, va, aa, external_wrenches=loads)
+    expected = on_reference_path(robot).compute_torques(q, va, aa, external_wrenches=loads)
     assert error(tau, expected) < RELATIVE
     back = robot.compute_accelerations(q, va, tau, platform_moment=moment)
-    expected = ClosedChain.compute_accelerations(robot, q, va, tau, external_wrenches=loads)
+    expected = on_reference_path(robot).compute_accelerations(q, va, tau, external_wrenches=loads)
     assert error(back, expected) < RELATIVE
-    free = ClosedChain.compute_torques(robot, q, va, aa)
+    free = on_reference_path(robot).compute_torques(q, va, aa)
     assert error(robot.compute_torques(q, va, aa), free) < RELATIVE
 
 
@@ -75,7 +75,7 @@ def test_a_hundred_thousand_torques_equal_the_reference():
         assert len(q) == 5000
         va, aa = 2 * rng.normal(size=(5000, 3)), 20 * rng.normal(size=(5000, 3))
         tau = robot.compute_torques(q, va, aa)
-        expected = ClosedChain.compute_torques(robot, q, va, aa)
+        expected = on_reference_path(robot).compute_torques(q, va, aa)
         scale = np.abs(expected).max(axis=1, keepdims=True)
         assert np.abs((tau - expected) / scale).max() < RELATIVE
 
@@ -90,7 +90,7 @@ def test_reduced_terms_equal_those_of_the_long_form(case):
             assert error(getattr(terms, name)[i], getattr(long, name)) < RELATIVE, name
     tau = np.einsum("nij,nj->ni", terms.inertia, aa) + np.einsum("nij,nj->ni", terms.coriolis, va)
     assert error(tau - terms.gravity - terms.friction, robot.compute_torques(q, va, aa)) < RELATIVE
-    expected = ClosedChain.reduced_terms(robot, q[:2], va[:2])
+    expected = on_reference_path(robot).reduced_terms(q[:2], va[:2])
     assert all(error(a[:2], b) < RELATIVE for a, b in zip(terms, expected, strict=True))
 
 
@@ -104,7 +104,7 @@ def test_an_edited_urdf_is_what_the_kernels_compute(tmp_path):
     masses = [robot.model.inertias[robot.model.getJointId(f"beta_{k}")].mass for k in (1, 2, 3)]
     assert len(set(masses)) == 3
     q, va, aa = robot.joint_motion(*random_states(robot, np.random.default_rng(3), 20))
-    expected = ClosedChain.compute_torques(robot, q, va, aa)
+    expected = on_reference_path(robot).compute_torques(q, va, aa)
     assert error(robot.compute_torques(q, va, aa), expected) < RELATIVE
 
 
@@ -253,7 +253,7 @@ def test_closures_are_judged_as_on_the_reference_path(robot):
         q[joint, :, joint] += np.geomspace(1e-8, 1e-4, 60)
     zero = np.zeros(3)
     fast = np.isnan(robot.compute_torques(q, zero, zero, on_error="nan"))
-    slow = np.isnan(ClosedChain.compute_torques(robot, q, zero, zero, on_error="nan"))
+    slow = np.isnan(on_reference_path(robot).compute_torques(q, zero, zero, on_error="nan"))
     assert np.array_equal(fast, slow)
     assert 0 < fast.mean() < 1
 
@@ -275,12 +275,12 @@ def test_changes_of_the_model_are_taken_in_when_told(robot):
     assert mine.compute_torques(mine.home, rest, (1, 0, 0)) is not None
     mine.model.gravity.linear = np.array((0, 0, 1.0))
     motion = mine.simulate(rest, mine.home, rest, [0, 0.01])  # reads it anew, as roll-outs do
-    expected = ClosedChain.compute_accelerations(mine, mine.home, rest, rest)
+    expected = on_reference_path(mine).compute_accelerations(mine.home, rest, rest)
     assert error(motion.aa[0], expected) < RELATIVE
     rolled = mine.rollout(np.zeros((100, 3)), mine.home, rest, 1e-4)
     assert np.abs(rolled.va[-1] - motion.va[-1]).max() < 1e-9
     mine.refresh()
-    expected = ClosedChain.compute_torques(mine, mine.home, rest, (1, 0, 0))
+    expected = on_reference_path(mine).compute_torques(mine.home, rest, (1, 0, 0))
     assert error(mine.compute_torques(mine.home, rest, (1, 0, 0)), expected) < RELATIVE
 
 

@@ -15,7 +15,7 @@ import sst_pin
 from reference import EXAMPLE_1
 from robots import ROBOTS
 from sst_pin.chain import closures, dynamics, noc
-from sst_pin.chain.closures import LoopKinematics
+from sst_pin.chain.loops import Loops
 from sst_pin.errors import ClosureError, DescriptionError, InputError, MissingExtraError
 from sst_pin.verification import referees
 from sst_pin.verification.referees import lagrange
@@ -252,8 +252,8 @@ def test_exudyns_stepping_says_that_it_knows_no_friction():
 
 
 def _flip_closure_rate(patch):
-    right = LoopKinematics.Phi_dot
-    patch.setattr(LoopKinematics, "Phi_dot", lambda self, v: -right(self, v))
+    right = Loops.Phi_dot
+    patch.setattr(Loops, "Phi_dot", lambda self, v: -right(self, v))
 
 
 def _change_bodies(change):
