@@ -131,12 +131,13 @@ def _joint(joint: ET.Element) -> Iterator[Problem]:
     yield from _origin(joint, where)
     if kind not in _KINDS:
         yield error(where, f"type {kind!r} unknown; known: {', '.join(_KINDS)}")
-    elif kind in ("floating", "planar"):
-        yield error(where, f"{kind}: several coordinates; a closed chain here stands on its base")
     elif kind != "fixed":
         yield from _axis(joint, where)
-        yield from _limits(joint, where, kind)
         yield from _dynamics(joint, where)
+    if kind in ("floating", "planar"):
+        yield warning(where, f"{kind}: several coordinates, of which q has one more than v")
+    elif kind in ("revolute", "prismatic", "continuous"):
+        yield from _limits(joint, where, kind)
     if kind == "continuous":
         yield warning(where, "continuous: two coordinates in Pinocchio; read as revolute here")
     for mimic in joint.findall("mimic"):

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import reprlib
 from collections import Counter
+from itertools import accumulate
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,6 +22,9 @@ Array = NDArray[np.float64]
 _KEYS = ("closed_loop", "type", "name_mot", "gravity", "joint_name", "joint_type")
 #: Of a YAML; that of a robot with 400 joints has a tenth.
 _LONGEST = 200_000
+#: Of brackets in brackets; two are needed.
+_DEEPEST = 50
+_BRACKETS = {"[": 1, "{": 1, "]": -1, "}": -1}
 
 
 class Cuts(NamedTuple):
@@ -98,6 +102,8 @@ def _content(text: str, source: str) -> dict[str, Any]:
     """Keys and values of a YAML; scalars are strings, as they stand there."""
     if len(text) > _LONGEST:
         raise DescriptionError(source, [f"more than {_LONGEST} characters"])
+    if max(accumulate(_BRACKETS.get(c, 0) for c in text), default=0) > _DEEPEST:  # slow to scan
+        raise DescriptionError(source, ["lists in lists, too deep"])
     try:
         loader = yaml.BaseLoader(text)
         node = loader.get_single_node()

@@ -10,7 +10,6 @@ import pinocchio as pin
 import pytest
 
 import sst_pin
-from sst_pin.chain.loops import Loops
 from sst_pin.reading import parse_urdf
 from sst_pin.reading.mjcf import read_mjcf
 
@@ -141,6 +140,18 @@ def test_a_five_bar_with_endless_joints_is_read_from_two_files(tmp_path):
     np.testing.assert_allclose(held[1], held[0] * 1.62 / 9.81, rtol=1e-12)
 
 
+def test_a_robot_on_a_floating_base_is_read(tmp_path):
+    """Its base is a joint of six rates; standing still needs no more than its weight."""
+    world = '<link name="world"/><joint name="float" type="floating"><parent link="world"/>'
+    text = FIVE_BAR.replace("</robot>", world + '<child link="base"/></joint></robot>')
+    (tmp_path / "robot.urdf").write_text(text)
+    (tmp_path / "robot.yaml").write_text(FIVE_BAR_CUTS)
+    assert [p for p in sst_pin.validate(tmp_path / "robot.urdf") if "float" in p.where]
+    chain = sst_pin.ClosedChain.from_urdf(tmp_path / "robot.urdf")
+    assert (chain.model.nq, chain.model.nv) == (11, 10)
+    assert chain.mobility().degrees_of_freedom == 8
+
+
 def test_a_missing_yaml_is_named(tmp_path):
     """With the path where it was looked for."""
     (tmp_path / "robot.urdf").write_text(FIVE_BAR)
@@ -259,20 +270,15 @@ def test_closures_are_open_by_what_mujoco_measures(mjcf):
     mj = mujoco.MjModel.from_xml_path(str(mjcf))
     read, data = read_mjcf(mjcf), mujoco.MjData(mj)
     assert [c.kind for c in read.closures] == ["6d"] * 5 + ["3d"] * 3
-    kinematics = Loops(read.model, read.closures)
     for q, _, qpos, _ in states():
         data.qpos = qpos
         mujoco.mj_forward(mj, data)
-        kinematics.evaluate(q)
         equality = data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
         theirs = data.efc_pos[equality]
         starts = np.cumsum([0] + [len(c.rows) for c in read.closures])
         assert starts[-1] == len(theirs)
         for closure, start in zip(read.closures, starts, strict=False):
-            A, B = (
-                kinematics.data.oMf[read.model.getFrameId(name)]
-                for name in (closure.frame_a, closure.frame_b)
-            )
+            A, B = (body(read.model, q, name) for name in (closure.frame_a, closure.frame_b))
             gap = A.translation - B.translation
             np.testing.assert_allclose(gap, theirs[start : start + 3], atol=1e-12)
             if closure.kind == "6d":
@@ -376,14 +382,13 @@ def test_a_weld_that_bears_no_torque_is_a_point(mjcf):
     loose = read_mjcf(mjcf)
     assert [c.kind for c in loose.closures] == ["3d"] * 8
     mj = mujoco.MjModel.from_xml_path(str(mjcf))
-    data, kinematics = mujoco.MjData(mj), Loops(loose.model, loose.closures)
+    data = mujoco.MjData(mj)
     for q, _, qpos, _ in states():
         data.qpos = qpos
         mujoco.mj_forward(mj, data)
-        kinematics.evaluate(q)
         for k, closure in enumerate(loose.closures[:4]):
             A, B = (
-                kinematics.data.oMf[loose.model.getFrameId(name)].translation
+                body(loose.model, q, name).translation
                 for name in (closure.frame_a, closure.frame_b)
             )
             theirs = data.efc_pos[data.efc_id == k]

@@ -210,7 +210,7 @@ def test_a_fault_of_the_urdf_is_told_with_its_place(found, urdf, problem):
             "error: closure arm_2 - base: cannot be closed",
         ),
         ("[rod_2a_end", "[rod_3a_end", "error: closures: close one by one, not together"),
-        (", motor_3]", "]", "18 joints, 2 motors and 15 closure equations: at least 1 more"),
+        (", motor_3]", "]", "insufficient: 3 degrees of freedom, 2 motors; 1 move with the motors"),
         ("motor_3]", "motor_3, elbow_1a_X]", "warning: actuation: redundant: 4 motors for 3"),
         ("elbow_1a,", "knee,", "error: file: joint knee is missing"),
         (CUTS, "closed_loop: []\ntype: []\nname_mot: []", "error: cuts: no closures"),
