@@ -39,7 +39,15 @@ ROW = {room: i for i, rooms in enumerate(ROWS) for room in rooms}
 FORWARDING = {
     "sst_pin.chain.closed_chain": {
         f"ClosedChain.{name}"
-        for name in "from_urdf from_mjcf trajectory simulate rollout show compile".split()
+        for name in [
+            "from_urdf",
+            "from_mjcf",
+            "trajectory",
+            "simulate",
+            "rollout",
+            "show",
+            "compile",
+        ]
     },
     "sst_pin.sst.robot": {"SST.show"},
 }
