@@ -14,8 +14,9 @@ from scipy.spatial.transform import Rotation
 import sst_pin
 from reference import EXAMPLE_1
 from robots import ROBOTS
-from sst_pin.chain import closures, dynamics, noc
+from sst_pin.chain import dynamics, loops, noc
 from sst_pin.chain.loops import Loops
+from sst_pin.chain.mechanism import Friction
 from sst_pin.errors import ClosureError, DescriptionError, InputError, MissingExtraError
 from sst_pin.verification import referees
 from sst_pin.verification.referees import lagrange
@@ -280,9 +281,9 @@ def _flip_complement_rate(patch):
 
 
 def _forget_passive_friction(patch):
-    right = dynamics.Friction.forces
+    right = Friction.forces
     actuated = np.tile([1, 0, 0], 3)
-    patch.setattr(dynamics.Friction, "forces", lambda self, v: actuated * right(self, v))
+    patch.setattr(Friction, "forces", lambda self, v: actuated * right(self, v))
 
 
 def _turn_inertia(bodies):
@@ -339,7 +340,7 @@ def test_a_referee_uses_nothing_of_what_it_judges(referee, monkeypatch):
     def gone(*args, **kwargs):
         raise AssertionError("a referee called what it judges")
 
-    for module in (closures, dynamics, noc):
+    for module in (loops, dynamics, noc):
         for name, value in list(vars(module).items()):
             if getattr(value, "__module__", "") != module.__name__:
                 continue  # what the module imports belongs to others
