@@ -8,9 +8,6 @@ from collections.abc import Iterator
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
-from scipy.linalg import null_space
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from ..errors import ClosureError, InputError
 from .loops import Loops
@@ -99,6 +96,8 @@ class Assembly:
         Raises:
             ClosureError: When a fifth of a radian leads out of the mode.
         """
+        from scipy.linalg import null_space
+
         mechanism, loops = self._mechanism, self._loops
         loops.evaluate(q)
         motions = null_space(loops.Phi() * self._scale, rcond=1e-8)
@@ -161,6 +160,9 @@ class Assembly:
 
     def _parts(self, free: Indices) -> Iterator[tuple[Indices, Indices]]:
         """Rows and free rates of loops that share none."""
+        from scipy.sparse import coo_matrix
+        from scipy.sparse.csgraph import connected_components
+
         touched = self._loops.touched
         rows, columns = np.nonzero(touched[:, free])
         n, m = touched.shape[0], len(free)

@@ -17,7 +17,6 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dposv
 
 from ..errors import SingularConfigurationError
 from .assembly import Assembly
@@ -195,6 +194,8 @@ def direct_dynamics(
     Raises:
         SingularConfigurationError: When the inertia matrix is not positive definite.
     """
+    from scipy.linalg.lapack import dposv
+
     ws.evaluate(q, tolerance)
     L, v, bias = motion_of_tree(ws, va, np.zeros_like(va))
     force = ws.mechanism.motors.dot(tau) - pin.rnea(ws.model, ws.data, q, v, bias)

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import null_space, qr
 
 from .mechanism import Mechanism
 
@@ -118,6 +117,8 @@ def independent_rows(Phi: Array, tolerance: float = RANK_TOLERANCE) -> Indices:
     """
     if not Phi.size:
         return np.empty(0, dtype=np.intp)
+    from scipy.linalg import qr
+
     R, order = qr(Phi.T, pivoting=True, mode="r")
     pivots = np.abs(np.diag(R))
     return np.sort(order[: np.count_nonzero(pivots > tolerance * pivots[0])])
@@ -127,6 +128,8 @@ def free_motions(Phi: Array) -> Array:
     """Orthonormal motions with Phi v = 0, shape (nv, degrees of freedom); Phi free of units."""
     if not Phi.size:
         return np.eye(Phi.shape[1])
+    from scipy.linalg import null_space
+
     return np.asarray(null_space(Phi, rcond=RANK_TOLERANCE))
 
 
