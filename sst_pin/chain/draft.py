@@ -135,5 +135,10 @@ def _require_sound(model: pin.Model, closures: Sequence[Constraint]) -> None:
             f"mimic joints {mimics}: make them ordinary joints, each with a Coupling to the joint "
             "that it follows"
         )
+    problems += [
+        f"joint {name}: its type, an ellipsoid, is not among those that can be computed"
+        for name, joint in zip(names, list(model.joints)[1:], strict=True)
+        if joint.shortname() == "JointModelEllipsoid"
+    ]
     if problems:
         raise DescriptionError(f"model {model.name}", problems)

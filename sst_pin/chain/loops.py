@@ -90,6 +90,8 @@ class Loops:
             self.touched[rows] = coupled.touched
         self._moving = [pair for pair in self._pairs if not pair[1].fixed]
         self._J, self._J_dot = self.data.J, self.data.dJ
+        several = ((j, _series(joint)) for j, joint in enumerate(model.joints) if j > 0)
+        self._in_series = [_InSeries(model, j, s) for j, s in several if len(s) > 1]
 
     def evaluate(self, q: Array) -> None:
         """Compute what depends on q."""
@@ -141,6 +143,8 @@ class Loops:
         """Rate of Phi at rates v of the tree, shape (rows, nv)."""
         pin.computeJointJacobiansTimeVariation(self.model, self.data, self._q, v)
         pin.updateFramePlacements(self.model, self.data)
+        for joint in self._in_series:
+            joint.correct(self.data, self._q, v)
         J, J_dot = self._J, self._J_dot
         for rows, kind, A, B, S_a, S_b in self._moving:
             kind.wrenches(A, B, self._W[rows], self._W_a[rows])
@@ -191,6 +195,53 @@ class _Coupled:
         for i, k, _, _, P_2 in self._terms:
             row[k] = P_2(q[i]) * v[k]
         return row
+
+
+class _InSeries:
+    """A joint that is several in series: its axes move, which Pinocchio leaves out of J_dot.
+
+    Args:
+        model: The tree.
+        index: Of the joint.
+        series: The joints that it consists of, each after its placement.
+    """
+
+    def __init__(self, model: pin.Model, index: int, series: Sequence[tuple[Any, pin.SE3]]) -> None:
+        joint = model.joints[index]
+        self._q = slice(joint.idx_q, joint.idx_q + joint.nq)
+        self._v = slice(joint.idx_v, joint.idx_v + joint.nv)
+        self._parent, self._placement = model.parents[index], model.jointPlacements[index]
+        self._model = pin.Model()
+        for number, (part, placement) in enumerate(series):
+            self._model.addJoint(number, part, placement, str(number))
+        self._data = self._model.createData()
+
+    def correct(self, data: pin.Data, q: Array, v: Array) -> None:
+        """Put the joint's columns of J_dot right; positions and velocities are up to date."""
+        arguments = (self._model, self._data, q[self._q], v[self._v])
+        inner = pin.computeJointJacobiansTimeVariation(*arguments)
+        bearer = data.oMi[self._parent]
+        carried = bearer.act(data.v[self._parent]).action @ data.J[:, self._v]
+        data.dJ[:, self._v] = carried + (bearer * self._placement).action @ inner
+
+
+def _series(joint: Any) -> list[tuple[Any, pin.SE3]]:
+    """The joints of one axis, or of fixed axes, that a joint consists of, with placements."""
+    short, here = joint.shortname(), pin.SE3.Identity()
+    if short == "JointModelSphericalZYX":
+        axes = (pin.JointModelRZ, pin.JointModelRY, pin.JointModelRX)
+        return [(axis(), here) for axis in axes]
+    joint = joint.extract() if hasattr(joint, "extract") else joint
+    if short == "JointModelUniversal":
+        axes = (joint.axis1, joint.axis2)
+        return [(pin.JointModelRevoluteUnaligned(np.array(axis)), here) for axis in axes]
+    if short != "JointModelComposite":
+        return [(joint, here)]
+    found: list[tuple[Any, pin.SE3]] = []
+    for part, placement in zip(joint.joints, joint.jointPlacements, strict=True):
+        first, *rest = _series(part)
+        found += [(first[0], placement * first[1]), *rest]
+    return found
 
 
 class _Weld:

@@ -1,0 +1,296 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Any robot, any motors: the dynamics are those of Lagrange multipliers on the tree's RNEA."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pinocchio as pin
+import pytest
+import qpsolvers
+from numpy.testing import assert_allclose
+from scipy.linalg import null_space, qr
+
+from sst_pin import ClosedChain, Closure
+from sst_pin.errors import ActuationError, ClosureError
+from trees import JOINTS, Lagrange, add_frame, add_joint, random_q, tree, twist_rows
+
+
+@dataclass
+class Case:
+    """A closed robot: its tree, what closes it, the names of its motors."""
+
+    parts: tuple
+    kind: str
+    motors: list = field(default_factory=list)
+    springs: bool = False
+    friction: bool = False
+
+    def build(self, seed=1):
+        """The chain and its referee."""
+        model, random = tree(*self.parts, seed=seed), np.random.default_rng(seed)
+        options = {}
+        if self.springs:
+            joints = list(model.joints)[1:]
+            soft = np.concatenate([np.full(j.nv, (j.nq, j.nv) in ((1, 1), (4, 3))) for j in joints])
+            soft &= np.concatenate([np.full(j.nv, "Planar" not in j.shortname()) for j in joints])
+            stiffness = soft * np.concatenate(
+                [np.full(j.nv, k) for j, k in zip(joints, random.uniform(5, 50, 99), strict=False)]
+            )
+            options = {"stiffness": stiffness, "spring_reference": random_q(model, random, 0.3)}
+        if self.friction:
+            options |= dict(
+                zip(
+                    ("viscous_friction", "coulomb_friction"),
+                    random.uniform(0, 2, (2, model.nv)),
+                    strict=True,
+                )
+            )
+        chain = ClosedChain(model, [Closure("A", "B", self.kind)], self.motors, **options)
+        self.options = options
+        return chain, Lagrange(model, self.B(model), twist_rows(model, self.kind))
+
+    def B(self, model):
+        columns = []
+        for motor in self.motors:
+            column = np.zeros(model.nv)
+            shares = motor if isinstance(motor, dict) else {motor: 1.0}
+            if len(shares) == 1 and not isinstance(motor, dict):
+                joint = model.joints[model.getJointId(motor)]
+                columns.extend(np.eye(model.nv)[joint.idx_v : joint.idx_v + joint.nv])
+                continue
+            for name, share in shares.items():
+                column[model.joints[model.getJointId(name)].idx_v] = share
+            columns.append(column)
+        return np.array(columns).reshape(-1, model.nv).T
+
+    def applied(self, model, q, v):
+        """Springs and friction, written down."""
+        force = np.zeros(model.nv)
+        if self.springs:
+            away = pin.difference(model, self.options["spring_reference"], q)
+            force -= self.options["stiffness"] * away
+        if self.friction:
+            force -= self.options["viscous_friction"] * v
+            force -= self.options["coulomb_friction"] * np.sign(v)
+        return force
+
+
+ARM = ("", ["RZ", "revolute", "RX", "PZ"], ["revolute", "RX", "RZ", "ball"])
+FLOATING = ("free", ["RX", "revolute", "RZ"], ["RZ", "revolute", "ball"])
+CASES = {
+    "floating": Case(FLOATING, "6d", ["a0_RX", "b0_RZ"]),
+    "floating, no motors": Case(FLOATING, "hinge"),
+    "balls": Case(("", ["RZ", "RX", "ball"], ["ball", "PZ", "ball"]), "3d", ["a0_RZ", "a1_RX"]),
+    "springs": Case(FLOATING, "6d", ["a0_RX"], springs=True, friction=True),
+    "springs in balls": Case(("", ["RZ", "ball"], ["ball", "PZ"]), "3d", ["a0_RZ"], springs=True),
+    "more motors": Case(ARM, "6d", ["a0_RZ", "a1_revolute", "a2_RX", "a3_PZ", "b0_revolute"]),
+    "more motors, springs": Case(
+        ARM, "6d", ["a0_RZ", "a1_revolute", "a2_RX", "a3_PZ", "b3_ball"], springs=True
+    ),
+    "a tendon": Case(ARM, "6d", [{"a0_RZ": 0.3, "b1_RX": -1.2}, "a1_revolute", "b0_revolute"]),
+    "universal": Case(("plane", ["universal", "RX"], ["ZYX", "PX"]), "3d", ["root", "a0_universal"]),
+    "helical": Case(("", ["helical", "RUBY", "HY", "PX"], ["unbounded", "ZYX"]), "3d", ["a0_helical"]),
+    "composite": Case(("", ["composite"], ["translation", "universal"]), "3d", ["b0_translation"]),
+}
+STATES = 20
+
+
+def states(chain, count=STATES, seed=0):
+    """Configurations away from singularities, with rates of the coordinates."""
+    random, model = np.random.default_rng(seed), chain.model
+    found = 0
+    while found < count:
+        try:
+            q = chain.assemble(random_q(model, random, 0.5), fixed=())
+        except ClosureError:
+            continue
+        if chain.condition_number(q) < 50:
+            found += 1
+            yield q, random.normal(size=chain.degrees_of_freedom), random
+
+
+def close(actual, expected, tolerance=1e-9):
+    """Equality relative to the largest entry."""
+    assert_allclose(actual, expected, rtol=0, atol=tolerance * np.abs(expected).max(initial=1e-3))
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_accelerations_are_those_of_Lagrange_multipliers(name):
+    """Of all joints, on random states, with random torques; and the rates keep the loop closed."""
+    case = CASES[name]
+    chain, referee = case.build()
+    for q, va, random in states(chain):
+        v = chain.joint_rates(q, va)
+        tau = 10 * random.normal(size=referee.B.shape[1])
+        aa = chain.compute_accelerations(q, va, tau)
+        v_dot = referee.accelerations(q, v, tau, case.applied(chain.model, q, v))
+        close(chain.joint_accelerations(q, va, aa), v_dot)
+        close(referee.jacobian(q) @ v, np.zeros(1))
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_torques_and_multipliers_carry_the_motion(name):
+    """B tau + Phi^T lambda is all that the tree needs, and tau is the only one, or the least."""
+    case = CASES[name]
+    chain, referee = case.build()
+    for q, va, random in states(chain):
+        tau = 10 * random.normal(size=referee.B.shape[1])
+        aa = chain.compute_accelerations(q, va, tau)
+        v, v_dot = chain.joint_rates(q, va), chain.joint_accelerations(q, va, aa)
+        computed = chain.compute_torques(q, va, aa)
+        applied = case.applied(chain.model, q, v)
+        lagrange, left = referee.torques(q, v, v_dot, applied)
+        force = referee.forces(q, v, v_dot, applied)
+        close(left, np.zeros(1), 1e-9 * np.abs(force).max() / 1e-3)
+        Phi = referee.jacobian(q)
+        unique = np.linalg.matrix_rank(null_space(Phi, rcond=1e-9).T @ referee.B) == len(tau)
+        assert unique == (not name.startswith("more motors"))
+        if unique:
+            close(computed, tau)
+            close(computed, lagrange)
+        # The rest is in the row space of Phi.
+        rest = force - referee.B @ computed
+        close(Phi.T @ np.linalg.lstsq(Phi.T, rest, rcond=1e-9)[0], rest)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_energy_changes_by_the_power_of_the_motors_and_friction(name):
+    """d/dt (kinetic + potential) = tau . B^T v + friction . v along the motion, springs included."""
+    case = CASES[name]
+    chain, referee = case.build()
+    model = chain.model
+    for q, va, random in states(chain, 5):
+        tau = 10 * random.normal(size=referee.B.shape[1])
+        aa = chain.compute_accelerations(q, va, tau)
+        v, a = chain.joint_rates(q, va), chain.joint_accelerations(q, va, aa)
+
+        def energy(t, q=q, v=v, a=a, va=va, aa=aa, model=model):
+            moved = pin.integrate(model, q, v * t + a * t * t / 2)
+            moved = chain.assemble(moved, fixed=())
+            return chain.kinetic_energy(moved, va + aa * t) + chain.potential_energy(moved)
+
+        rate = (energy(1e-5) - energy(-1e-5)) / 2e-5
+        power = tau @ referee.B.T @ v + chain.friction_power(q, va)
+        scale = np.abs(chain.kinetic_energy(q, va)) + 10
+        # Central differences: h^2 and rounding of energies near 10 J over 1e-5 s.
+        assert abs(rate - power) < 1e-6 * scale * 10
+
+
+@pytest.mark.parametrize("weighted", [False, True])
+@pytest.mark.parametrize("name", [name for name in CASES if name.startswith("more")])
+def test_with_more_motors_the_torques_are_the_least(name, weighted):
+    """Those of a quadratic programme: least weighted squares with N^T (B tau - force) = 0."""
+    case = CASES[name]
+    chain, referee = case.build()
+    for q, va, random in states(chain):
+        motors = referee.B.shape[1]
+        weights = random.uniform(0.1, 10, motors) if weighted else None
+        aa = random.normal(size=len(va))
+        tau = chain.compute_torques(q, va, aa, weights=weights)
+        v, v_dot = chain.joint_rates(q, va), chain.joint_accelerations(q, va, aa)
+        N = null_space(referee.jacobian(q), rcond=1e-9)
+        force = referee.forces(q, v, v_dot, case.applied(chain.model, q, v))
+        P = np.diag(np.ones(motors) if weights is None else weights)
+        A, b = N.T @ referee.B, N.T @ force
+        expected = qpsolvers.solve_qp(P, np.zeros(motors), A=A, b=b, solver="quadprog")
+        close(tau, expected)
+
+
+def test_forces_that_nobody_supplies_are_named():
+    """A floating robot: the missing forces are those of the base's coordinates, no others."""
+    chain, _ = Case(FLOATING, "6d", ["a0_RX", "b0_RZ"]).build()
+    q, va, random = next(states(chain, 1))
+    aa = random.normal(size=len(va))
+    f = chain.generalized_forces(q, va, aa)
+    with pytest.raises(ActuationError, match="nobody supplies") as caught:
+        chain.compute_torques(q, va, aa)
+    names = chain._mechanism().coordinate_rate_names
+    driven = {"a0_RX", "b0_RZ"}
+    expected = {n: x for n, x in zip(names, f, strict=True) if n not in driven}
+    assert set(caught.value.missing) == set(expected)
+    close([caught.value.missing[n] for n in expected], list(expected.values()))
+
+
+def test_a_free_fall_needs_no_torques():
+    """Where all forces cancel nothing is missing: rounding is no force."""
+    chain, _ = Case(FLOATING, "6d", ["a0_RX", "b0_RZ"]).build()
+    for q, va, _ in states(chain, 5):
+        for rates in (0 * va, va):
+            aa = chain.compute_accelerations(q, rates, np.zeros(2))
+            assert_allclose(chain.compute_torques(q, rates, aa), 0, atol=1e-10)
+
+
+def _platform(depth_first):
+    """Three legs and a platform, legs first and platform last, or each branch in one piece."""
+    model, legs = pin.Model(), range(3)
+    model.gravity.linear = np.array([0.3, 0.2, -9.8])
+    plan = [("platform", "base", "free")]
+    of_leg = [[(f"hip_{k}", "base", "RZ"), (f"knee_{k}", f"hip_{k}", "RX")] for k in legs]
+    of_leg = [[*leg, (f"foot_{k}", f"knee_{k}", "ball")] for k, leg in enumerate(of_leg)]
+    if depth_first:
+        plan += [joint for leg in of_leg for joint in leg]
+    else:
+        plan = [joint for level in zip(*of_leg, strict=True) for joint in level] + plan
+    index = {"base": 0}
+    for name, parent, kind in plan:
+        random = np.random.default_rng(list(name.encode()))
+        index[name] = add_joint(model, index[parent], name, JOINTS[kind](), random)
+    for k in legs:
+        add_frame(model, f"end_{k}", index[f"foot_{k}"], np.random.default_rng(k))
+        add_frame(model, f"seat_{k}", index["platform"], np.random.default_rng(10 + k))
+    return model
+
+
+def test_the_order_in_which_joints_were_added_does_not_matter():
+    """Legs first and platform last, or each branch in one piece: the same numbers."""
+    models = [_platform(depth_first) for depth_first in (True, False)]
+    closures = [Closure(f"end_{k}", f"seat_{k}", "3d") for k in range(3)]
+    motors = ["hip_0", "hip_1", "hip_2", "knee_0", "knee_1", "knee_2"]
+    one, other = (
+        ClosedChain(model, closures, motors, coordinates=["platform", "foot_0", "foot_1", "foot_2"])
+        if False
+        else ClosedChain(model, closures, motors)
+        for model in models
+    )
+    rows_q, rows_v = [], []
+    for name in list(models[1].names)[1:]:
+        joint = models[0].joints[models[0].getJointId(name)]
+        rows_q.extend(range(joint.idx_q, joint.idx_q + joint.nq))
+        rows_v.extend(range(joint.idx_v, joint.idx_v + joint.nv))
+    assert rows_v != sorted(rows_v)
+    order = [other.coordinates.index(name) for name in one.coordinates]
+    assert order == sorted(order)  # the motors, and the balls that spin
+    for q, va, random in states(one, 10):
+        there = q[rows_q]
+        aa = random.normal(size=len(va))
+        for compute in ("generalized_forces",):
+            close(getattr(one, compute)(q, va, aa), getattr(other, compute)(there, va, aa))
+        tau = random.normal(size=6)
+        close(one.compute_accelerations(q, va, tau), other.compute_accelerations(there, va, tau))
+        close(one.kinetic_energy(q, va), other.kinetic_energy(there, va))
+        close(one.joint_rates(q, va)[rows_v], other.joint_rates(there, va))
+        close(one.noc(q, va).inertia, other.noc(there, va).inertia)
+
+
+def test_coordinates_are_what_the_caller_names():
+    """The same motion in other coordinates: forces transform by L^T, accelerations by L."""
+    case = Case(ARM, "6d", ["a0_RZ", "a1_revolute", "a2_RX", "a3_PZ"])
+    chain, _ = case.build()
+    n = chain.degrees_of_freedom
+    for q, va, random in states(chain, 10):
+        aa = random.normal(size=n)
+        v, v_dot = chain.joint_rates(q, va), chain.joint_accelerations(q, va, aa)
+        L = chain.noc(q, va).L
+        # Other independent joints, by a pivoted QR.
+        pivots = qr(L[4:].T, pivoting=True)[2][:n] + 4
+        names = chain._draft.space.rate_names
+        wanted = [names[k] for k in sorted(pivots)]
+        other = ClosedChain(
+            chain.model, chain.closures, case.motors, coordinates=wanted
+        )
+        k = sorted(pivots)
+        assert other.coordinates == tuple(wanted) or set(wanted)
+        close(other.joint_accelerations(q, v[k], v_dot[k]), v_dot)
+        f = chain.generalized_forces(q, va, aa)
+        close(other.generalized_forces(q, v[k], v_dot[k]) @ L[k], f)
+        close(other.compute_torques(q, v[k], v_dot[k]), chain.compute_torques(q, va, aa))
