@@ -221,7 +221,7 @@ def _torques(robot: SST) -> Iterator[tuple[str, float]]:
     for method in found:
         off = np.abs(method.values - example_1(robot, method.t).tau).max(axis=1)
         errors.append(method._replace(values=off))
-        if method.look == 4:
+        if method.marker == 4:
             yield method.label, float(off.max())
 
     from matplotlib.figure import Figure

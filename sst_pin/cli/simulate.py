@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ..description import MOTOR_NAMES
 from ..errors import FileFormatError
 from ..files import Table, read_table
 from ..motion.trajectories import Trajectory
-from ..sst.motion_files import MOTORS
 from ..sst.robot import SST
 from .common import (
     Commands,
@@ -70,7 +70,9 @@ def _run(arguments: argparse.Namespace) -> int:
     rates = start("rates", arguments.gamma_dot, [f"{n}_s" for n in names], "--gamma-dot W1,W2,W3")
     q0 = robot.forward_kinematics(gamma, near=_near(robot, table, arguments))
     unknown = np.zeros((len(t), 3))
-    given = Trajectory(t, np.zeros((len(t), 9)), unknown, unknown, tau, robot.joint_names, MOTORS)
+    given = Trajectory(
+        t, np.zeros((len(t), 9)), unknown, unknown, tau, robot.joint_names, MOTOR_NAMES
+    )
     with progress_bar("simulating", t[0], t[-1]) as progress:
         motion = robot.simulate(given, q0, rates, t, progress=progress)
     if refuses(robot, motion, arguments):

@@ -9,7 +9,7 @@ massless.
 
 from .cuts import cuts_of
 from .folder import description_writers
-from .frames import JOINT_NAMES, base_orientations, star_orientations
+from .frames import JOINT_NAMES, MOTOR_NAMES, base_orientations, star_orientations
 from .meshes import mesh_writers, meshes_of
 from .mjcf import mjcf_of
 from .paths import MJCF_PATH, PACKAGE_PATH, REPOSITORY_PATH, SRDF_PATH, URDF_PATH, YAML_PATH
@@ -19,6 +19,7 @@ from .urdf import urdf_of
 __all__ = [
     "JOINT_NAMES",
     "MJCF_PATH",
+    "MOTOR_NAMES",
     "PACKAGE_PATH",
     "REPOSITORY_PATH",
     "SRDF_PATH",

@@ -12,6 +12,8 @@ Array = NDArray[np.float64]
 
 #: Names of the joints of leg k, in the order of the chain and of q.
 JOINT_NAMES = tuple(f"{joint}_{k}" for k in (1, 2, 3) for joint in ("gamma", "mu", "beta"))
+#: Joints of the motors, in the order of va, aa and tau.
+MOTOR_NAMES = JOINT_NAMES[::3]
 
 
 def base_orientations(parameters: Parameters) -> Array:

@@ -9,8 +9,8 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from .frames import base_orientations, star_arcs, star_orientations
-from .looks import COLOURS, LOOKS
+from .colours import COLOURS, PART_COLOURS
+from .frames import MOTOR_NAMES, base_orientations, star_arcs, star_orientations
 from .parameters import Parameters, RigidBody
 from .parts import parts_of
 from .solids import Ball, Box, Cylinder, Solid, primitives
@@ -33,7 +33,6 @@ _GEOMS = {
     "visual": {"type": "mesh", "mass": "0", "group": "2", "contype": "0", "conaffinity": "0"},
     "collision": {"mass": "0", "group": "3", "contype": "0", "conaffinity": "1"},
 }
-_MOTORS = ("gamma_1", "gamma_2", "gamma_3")
 
 
 def mjcf_of(p: Parameters, configurations: Mapping[str, Array]) -> str:
@@ -58,7 +57,7 @@ def mjcf_of(p: Parameters, configurations: Mapping[str, Array]) -> str:
     for name in ("closedloop1", "closedloop2"):
         ET.SubElement(equality, "weld", name=name, site1=f"{name}_A", site2=f"{name}_B")
     actuator = ET.SubElement(robot, "actuator")
-    for motor in _MOTORS:
+    for motor in MOTOR_NAMES:
         ET.SubElement(actuator, "motor", name=motor, joint=motor)
     _sensors(ET.SubElement(robot, "sensor"))
     keyframe = ET.SubElement(robot, "keyframe")
@@ -79,7 +78,7 @@ def _defaults(default: ET.Element) -> None:
 def _tree(world: ET.Element, p: Parameters, parts: Mapping[str, Sequence[Solid]]) -> None:
     R_0, R_E = base_orientations(p), star_orientations(p)
     base = ET.SubElement(world, "body", name="base")
-    _looks(base, parts)
+    _add_shapes(base, parts)
     for k, v in enumerate(p.base_directions, start=1):
         ET.SubElement(base, "site", name=f"P_{k}", pos=_numbers(p.base_radius * v))
     friction = iter(zip(p.viscous_friction, p.coulomb_friction, strict=True))
@@ -95,7 +94,7 @@ def _tree(world: ET.Element, p: Parameters, parts: Mapping[str, Sequence[Solid]]
             hinge = {"axis": axis, "damping": damping, "frictionloss": dry}
             ET.SubElement(element, "joint", {"name": f"{joint}_{k}"} | hinge)
             _inertial(element, body)
-            _looks(element, parts)
+            _add_shapes(element, parts)
         # {E} as this arc of the star sees it, and the point E
         E = _quaternion(R_E[k - 1])
         for end in ("closedloop1_A", "closedloop2_A") if k == 1 else (f"closedloop{k - 1}_B",):
@@ -114,11 +113,11 @@ def _inertial(body: ET.Element, given: RigidBody) -> None:
     )
 
 
-def _looks(body: ET.Element, parts: Mapping[str, Sequence[Solid]]) -> None:
-    looks = LOOKS[body.get("name", "")]
-    for name, colour in looks.items():
+def _add_shapes(body: ET.Element, parts: Mapping[str, Sequence[Solid]]) -> None:
+    colours = PART_COLOURS[body.get("name", "")]
+    for name, colour in colours.items():
         ET.SubElement(body, "geom", {"class": "visual"}, mesh=name, material=colour)
-    for primitive in (c for name in looks for solid in parts[name] for c in primitives(solid)):
+    for primitive in (c for name in colours for solid in parts[name] for c in primitives(solid)):
         ET.SubElement(body, "geom", {"class": "collision"} | _collision(primitive))
 
 
@@ -146,9 +145,9 @@ def _collision(primitive: Box | Cylinder | Ball) -> dict[str, str]:
 
 def _sensors(sensor: ET.Element) -> None:
     for kind, what in (("jointpos", "position"), ("jointvel", "velocity")):
-        for motor in _MOTORS:
+        for motor in MOTOR_NAMES:
             ET.SubElement(sensor, kind, name=f"{motor}_{what}", joint=motor)
-    for motor in _MOTORS:
+    for motor in MOTOR_NAMES:
         ET.SubElement(sensor, "actuatorfrc", name=f"{motor}_torque", actuator=motor)
     for kind, what in (("framequat", "orientation"), ("frameangvel", "angular_velocity")):
         ET.SubElement(sensor, kind, name=f"star_{what}", objtype="site", objname="E")

@@ -9,8 +9,8 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .colours import COLOURS, PART_COLOURS
 from .frames import base_orientations, star_arcs, star_orientations
-from .looks import COLOURS, LOOKS
 from .parameters import Parameters
 from .parts import parts_of
 from .solids import Ball, Box, Cylinder, Solid, axes_along, primitives
@@ -46,7 +46,7 @@ def urdf_of(p: Parameters) -> str:
     ET.SubElement(robot, "link", name="world")
     base = _frame(robot, "base", "world")
     parts, R_0, R_E = parts_of(p), base_orientations(p), star_orientations(p)
-    _looks(base, parts)
+    _add_shapes(base, parts)
     friction = list(zip(p.viscous_friction, p.coulomb_friction, strict=True))
     for k, (link, passive, arc) in enumerate(
         zip(p.links, p.passive_links, star_arcs(p), strict=True)
@@ -56,17 +56,17 @@ def urdf_of(p: Parameters) -> str:
         _joint(robot, f"gamma_{leg}", "base", f"link_{leg}", "0 0 1", friction[3 * k], R_0[k])
         element = ET.SubElement(robot, "link", name=f"link_{leg}")
         _inertial(element, link.mass, link.center_of_mass, link.inertia)
-        _looks(element, parts)
+        _add_shapes(element, parts)
 
         _joint(robot, f"mu_{leg}", f"link_{leg}", f"passive_{leg}", "1 0 0", friction[3 * k + 1])
         element = ET.SubElement(robot, "link", name=f"passive_{leg}")
         _inertial(element, passive.mass, passive.center_of_mass, passive.inertia)
-        _looks(element, parts)
+        _add_shapes(element, parts)
 
         _joint(robot, f"beta_{leg}", f"passive_{leg}", f"star_{leg}", "0 0 1", friction[3 * k + 2])
         element = ET.SubElement(robot, "link", name=f"star_{leg}")
         _inertial(element, arc.mass, arc.center_of_mass, arc.inertia)
-        _looks(element, parts)
+        _add_shapes(element, parts)
     robot.append(ET.Comment(" frames of the cuts: {E} as each arc of the star sees it "))
     for loop, k in ((1, 1), (2, 2)):
         _frame(robot, f"closedloop{loop}_A", "star_1", R=R_E[0])
@@ -108,10 +108,10 @@ def _inertial(link: ET.Element, mass: float, xyz: Array, inertia: Array) -> None
     ET.SubElement(inertial, "inertia", entries)
 
 
-def _looks(link: ET.Element, parts: Mapping[str, Sequence[Solid]]) -> None:
+def _add_shapes(link: ET.Element, parts: Mapping[str, Sequence[Solid]]) -> None:
     """Meshes for the eye, by name and colour, and the same solids as primitives for collisions."""
-    looks = LOOKS[link.get("name", "")]
-    for name, colour in looks.items():
+    colours = PART_COLOURS[link.get("name", "")]
+    for name, colour in colours.items():
         visual = ET.SubElement(link, "visual")
         _origin(visual)
         # OBJ: Pinocchio, MuJoCo, PyBullet, yourdfpy and Drake read it. Drake reads no STL; for
@@ -120,7 +120,7 @@ def _looks(link: ET.Element, parts: Mapping[str, Sequence[Solid]]) -> None:
         ET.SubElement(ET.SubElement(visual, "geometry"), "mesh", filename=filename)
         material = ET.SubElement(visual, "material", name=colour)
         ET.SubElement(material, "color", rgba=COLOURS[colour])
-    for solid in (s for name in looks for s in parts[name]):
+    for solid in (s for name in colours for s in parts[name]):
         for primitive in primitives(solid):
             _collision(link, primitive)
 

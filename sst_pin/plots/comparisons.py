@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 Axes = Any
 
 #: Colour and marker of each method; the colours of legs and these are eight of Okabe and Ito's.
-LOOKS = ((COLOURS[0], ""), ("#000000", "o"), ("#E69F00", "s"), ("#56B4E9", "^"), ("#CC79A7", "x"))
+MARKERS = ((COLOURS[0], ""), ("#000000", "o"), ("#E69F00", "s"), ("#56B4E9", "^"), ("#CC79A7", "x"))
 
 
 class Method(NamedTuple):
@@ -35,14 +35,14 @@ class Method(NamedTuple):
         label: Its name in the legend.
         t: Times, shape (N,), [s].
         values: Torques, shape (N, 3); orientations, shape (N, 3, 3); or differences, shape (N,).
-        look: Index of its colour and marker; runs of one engine share them.
+        marker: Index of its colour and marker in `MARKERS`; runs of one engine share them.
         rough: Whether it is a coarser run of the method before it, drawn dashed.
     """
 
     label: str
     t: Array
     values: Array
-    look: int
+    marker: int
     rough: bool = False
 
 
@@ -70,7 +70,7 @@ def differences(ax: Axes, methods: Sequence[Method], what: str) -> Axes:
         what: Label of the axis, with its unit.
     """
     for number, method in enumerate(methods):
-        colour, _ = LOOKS[method.look]
+        colour, _ = MARKERS[method.marker]
         seen = method.values > 0
         t, values = method.t[seen], method.values[seen]
         dashes = (0, (4, 2)) if method.rough else "-"
@@ -149,7 +149,7 @@ def _spread(t: Array, number: int, of: int, count: int) -> NDArray[np.intp]:
 
 def _mark(method: Method) -> dict[str, Any]:
     """An open mark that leaves what is under it to be seen."""
-    colour, marker = LOOKS[method.look]
+    colour, marker = MARKERS[method.marker]
     return {
         "linestyle": "none",
         "marker": marker,

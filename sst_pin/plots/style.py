@@ -11,13 +11,14 @@ from typing import Any
 import matplotlib as mpl
 from matplotlib.figure import Figure
 
+from ..description.colours import LEG_COLOURS
 from ..errors import OutputError
 from ..files import Writer
 
 Axes = Any
 
 #: Colours and dashes of legs 1, 2, 3, told apart without colour too (Okabe and Ito).
-COLOURS = ("#0072B2", "#D55E00", "#009E73")
+COLOURS = LEG_COLOURS
 DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1.5, 1)))
 
 _STYLE: dict[Any, Any] = {

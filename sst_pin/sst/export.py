@@ -7,13 +7,12 @@ from collections.abc import Iterator
 from importlib.resources import files
 from math import prod
 from pathlib import Path
-from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DescriptionError
-from ..files import Writer
+from ..files import Writer, text_writer
 from .kernel_path import misfit
 from .kernels.packing import FIELDS, pack
 from .robot import SST
@@ -54,7 +53,7 @@ def c_files(robot: SST, folder: str | Path) -> dict[Path, Writer]:
     name = robot.model.name.replace("*/", "* /").replace("/*", "/ *")  # it stands in a comment
     head = _HEAD.format(name=name)
     texts["sst_robot.h"] = f"{head}{numbers}}};\n\n#endif\n"
-    return {Path(folder) / name: _writer(text) for name, text in texts.items()}
+    return {Path(folder) / name: text_writer(text) for name, text in texts.items()}
 
 
 def _initialisers(vector: Array) -> Iterator[str]:
@@ -70,10 +69,3 @@ def _braces(values: Array) -> str:
         return repr(float(values))  # the compiler gets every bit back
     separator = ",\n        " if values.ndim > 1 else ", "
     return f"{{{separator.join(_braces(value) for value in values)}}}"
-
-
-def _writer(text: str) -> Writer:
-    def write(file: BinaryIO) -> None:
-        file.write(text.encode())
-
-    return write

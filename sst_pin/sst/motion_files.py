@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ..description import MOTOR_NAMES
 from ..errors import FileFormatError, SSTError
 from ..files import Table, read_table
 from ..motion.trajectories import Trajectory, spline
@@ -18,8 +19,6 @@ Array = NDArray[np.float64]
 
 _QUATERNION = ("qx", "qy", "qz", "qw")
 _ANGLES = ("theta", "phi", "psi")
-#: The joints of the motors, in the order of va, aa and tau.
-MOTORS = ("gamma_1", "gamma_2", "gamma_3")
 
 
 def read_motion(robot: SST, path: str | Path) -> Trajectory:
@@ -45,7 +44,7 @@ def read_motion(robot: SST, path: str | Path) -> Trajectory:
     kinds = {
         "qw, qx, qy, qz": any(name in table.columns for name in _QUATERNION),
         "theta, phi, psi": any(_unit(table, name) for name in _ANGLES),
-        "gamma_1, gamma_2, gamma_3": any(_unit(table, name) for name in MOTORS),
+        "gamma_1, gamma_2, gamma_3": any(_unit(table, name) for name in MOTOR_NAMES),
     }
     given = [kind for kind, there in kinds.items() if there]
     if len(given) != 1:
@@ -65,7 +64,7 @@ def read_motion(robot: SST, path: str | Path) -> Trajectory:
         read = _rotations if given[0].startswith("q") else _rotations_of_angles
         q, va, aa = robot.joint_motion(*interpolate_orientations(t, read(table), t))
     tau = robot.compute_torques(q, va, aa)
-    return Trajectory(t, np.unwrap(q, axis=0), va, aa, tau, robot.joint_names, MOTORS)
+    return Trajectory(t, np.unwrap(q, axis=0), va, aa, tau, robot.joint_names, MOTOR_NAMES)
 
 
 def load_motion(robot: SST, path: str | Path) -> Trajectory:
@@ -120,7 +119,7 @@ def _rotations_of_angles(table: Table) -> Array:
 
 
 def _from_motor_angles(robot: SST, table: Table, t: Array) -> tuple[Array, Array, Array]:
-    gamma = np.column_stack([_angle(table, name) for name in MOTORS])
+    gamma = np.column_stack([_angle(table, name) for name in MOTOR_NAMES])
     q, near = [], robot.home
     for sample, line in zip(gamma, table.lines, strict=True):
         try:

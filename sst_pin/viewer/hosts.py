@@ -34,7 +34,7 @@ def listen(host: str, port: int) -> list[socket.socket]:
         return bind_sockets(port, host)
     except (OSError, UnicodeError) as error:
         reason = getattr(error, "strerror", None) or error
-        raise ServerError(f"cannot listen on {host!r}, port {port}: {reason}") from None
+        raise ServerError(f"cannot listen on {host}, port {port}: {reason}") from None
 
 
 def url_of(host: str, port: int) -> str:

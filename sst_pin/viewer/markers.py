@@ -9,14 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from ..description.colours import LEG_COLOURS
 from ..sst.kinematics import legs_of_joints
 from ..sst.robot import SST
 from .shapes import Mesh, arc, arrow, tube
 
 Array = NDArray[np.float64]
 
-#: Colours of legs 1, 2, 3 as in the figures and in the URDF (Okabe and Ito).
-LEGS = ("#0072B2", "#D55E00", "#009E73")
 #: Of the axes x, y, z of a frame.
 _AXES = ("#C0392B", "#27AE60", "#2E5FA8")
 _TRAIL, _PATH = "#222222", "#9A9A9A"
@@ -57,8 +56,8 @@ class Markers:
         turn = np.linspace(0, np.radians(250), 40)
         torque = arrow(np.vstack([arc(1.0, turn), arc(1.0, turn[-1:] + 0.6)]), 0.055)
         triad = [arrow(np.outer((0, 0.75, 1), 0.17 * r * axis), 0.006 * r) for axis in np.eye(3)]
-        self.shapes = [Shape(f"torques/tau_{k}", torque, c) for k, c in enumerate(LEGS, 1)]
-        for k, colour in enumerate(LEGS, 1):
+        self.shapes = [Shape(f"torques/tau_{k}", torque, c) for k, c in enumerate(LEG_COLOURS, 1)]
+        for k, colour in enumerate(LEG_COLOURS, 1):
             for number, length in ((k, 1.2), (k + 3, 1.3), (k + 6, 0.8)):
                 line = arrow(np.outer((0, 0.95, 1), (0, 0, length * r)), 0.007 * r)
                 self.shapes.append(Shape(f"axes/e_{number}", line, colour))
@@ -69,13 +68,18 @@ class Markers:
             range(7, 10), 0.86 * r
         )
         self.labels: list[dict[str, Any]] = [
-            {"text": f"e_{k}", "colour": LEGS[(k - 1) % 3], "node": f"axes/e_{k}", "along": along}
+            {
+                "text": f"e_{k}",
+                "colour": LEG_COLOURS[(k - 1) % 3],
+                "node": f"axes/e_{k}",
+                "along": along,
+            }
             for k, along in tips.items()
         ]
         self.labels += [
             {
                 "text": f"{{{i}{k}}}",
-                "colour": LEGS[k - 1],
+                "colour": LEG_COLOURS[k - 1],
                 "node": f"frames/{i}{k}",
                 "along": 0.2 * r,
             }

@@ -315,3 +315,35 @@ def test_unknown_ending_is_refused():
     """With those that are known."""
     with pytest.raises(sst_pin.OutputError, match=r"known: \.png, \.svg, \.pdf"):
         plots.figure_writer(figures.Figure(), "figure.gif")
+
+
+@pytest.mark.parametrize("radius", [0.004, 0.05, 37.0])
+def test_a_star_is_drawn_at_its_own_size(radius):
+    """Paths, poses and the axes with their numbers."""
+    robot = sst_pin.SST(sst_pin.Parameters(base_radius=7 / 8 * radius, star_radius=radius))
+    motion = paper.example_1(robot, np.linspace(0, paper.PERIOD, 21))
+    ax = plots.paths_on_sphere(axes("3d"), robot, [("path", motion)])
+    path = next(line for line in ax.get_lines() if line.get_label() == "path")
+    assert np.linalg.norm(path.get_data_3d(), axis=0) == pytest.approx(radius, rel=1e-12)
+    assert 2 <= sum(abs(tick) <= radius for tick in ax.get_xticks()) <= 8
+    tips = [
+        np.array(t.get_position_3d()) for t in plots.robot_pose(axes("3d"), robot, robot.home).texts
+    ]
+    assert 0.8 * radius < min(map(np.linalg.norm, tips))
+    assert max(map(np.linalg.norm, tips)) < 1.4 * radius
+
+
+def test_a_page_says_what_the_machine_cannot_take(robot, monkeypatch):
+    """Below the curves, legible; nothing where there is nothing to say."""
+    t = np.linspace(0, 1, 31)
+    angles = np.full_like(t, np.radians(20)), np.radians(60 + 110 * t)
+    rates = sst_pin.interpolate_orientations(t, sst_pin.orientation(*angles), t)
+    q, va, aa = robot.joint_motion(*rates)
+    names = robot.joint_names
+    off = sst_pin.Trajectory(t, q, va, aa, np.zeros_like(va), names, names[::3])
+    figure = plots.motion_page(robot, off, ("path", "joints"))
+    for finding in robot.check(off):
+        assert f"Warning: {finding}" in figure.get_supxlabel()
+    require_legible(figure, monkeypatch)
+    within = sst_pin.Trajectory(t, q[[0] * 31], va, aa, 0 * va, names, names[::3])
+    assert plots.motion_page(robot, within, ("joints",)).get_supxlabel() == ""

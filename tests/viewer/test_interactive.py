@@ -144,6 +144,20 @@ def test_the_page_stops_at_the_boundary_and_says_so(served, robot):
 
 
 @needs_browser
+def test_the_page_says_that_the_machine_cannot_stand_off_its_arcs(served):
+    """theta 20, phi 170 deg: three carriages in the air. Home is a pose that it can take."""
+    _, shown = served
+    number(shown.page, "theta").fill("20")
+    number(shown.page, "phi").fill("170")
+    shown.page.get_by_text("The machine cannot stand so:").wait_for()
+    problems = shown.page.get_by_text("beta_1 leaves its arc of 0 to 90 deg; beta_2 leaves")
+    problems.wait_for()
+    assert not shown.page.get_by_text("Closed and movable").is_visible()
+    shown.page.get_by_role("button", name="Home").click()
+    shown.page.get_by_text("Closed and movable").wait_for()
+
+
+@needs_browser
 def test_the_page_asks_only_this_machine_and_nothing_fails(served):
     """viser brings its own page."""
     interactive, shown = served

@@ -9,6 +9,7 @@ import pinocchio as pin
 import pytest
 from PIL import Image
 
+import sst_pin
 from browser import chromium, needs_browser, visit  # noqa: F401
 from sst_pin.sst import paper
 from sst_pin.viewer import Viewer
@@ -268,3 +269,17 @@ def test_a_notebook_shows_the_page_in_its_cell(chromium, robot, motion):  # noqa
         frame.evaluate("t => { panel.play(false); panel.seek(t) }", motion.t[9])
         require_poses(frame, robot, motion.q[9])
         assert notebook.errors == []
+
+
+@needs_browser
+def test_warnings_stand_on_the_page_and_are_text(chromium, robot):  # noqa: F811
+    """One line each; without any there is no box."""
+    viewer = Viewer(robot)
+    with visit(chromium, "about:blank") as shown:
+        shown.page.set_content(viewer.html)
+        assert not shown.page.locator("#warnings").is_visible()
+        viewer.show(robot.inverse_kinematics(sst_pin.orientation(np.radians(20), np.radians(170))))
+        shown.page.set_content(viewer.html)
+        lines = shown.page.locator("#warnings li").all_text_contents()
+        assert lines[0] == "beta_1 leaves its arc of 0 to 90 deg"
+        assert lines == viewer._panel["warnings"]

@@ -291,3 +291,17 @@ def test_show_writes_page_and_picture(tmp_path, monkeypatch, capsys):
         panels.append(json.loads(scene[1])["panel"])
     assert [panel.pop("title") for panel in panels] == ["figure_eight.csv", "torques.npz"]
     assert panels[0] == panels[1]
+
+
+def test_the_page_warns_of_what_the_machine_cannot_take(robot, motion):
+    """A motion with its times, a pose without; the paper's circle without a word."""
+    off = robot.inverse_kinematics(sst_pin.orientation(np.radians(20), np.radians((80, 170))))
+    zero, names = np.zeros((2, 3)), robot.joint_names
+    viewer = Viewer(robot)
+    viewer.play(sst_pin.Trajectory([0, 1], off, zero, zero, zero, names, names[::3]))
+    warnings = viewer._panel["warnings"]
+    assert warnings[0] == "beta_1 leaves its arc of 0 to 90 deg: -80 deg at t = 1 s"
+    viewer.show(off[1])
+    assert viewer._panel["warnings"][0] == "beta_1 leaves its arc of 0 to 90 deg"
+    viewer.play(motion)
+    assert viewer._panel["warnings"] == []

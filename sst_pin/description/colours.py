@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Which parts each link wears, and in what colour; URDF and MJCF are drawn from here."""
+"""The parts of each link and their colours; URDF and MJCF are drawn from here."""
 
 from __future__ import annotations
 
@@ -16,11 +16,17 @@ COLOURS = {
     "motor": "0.25 0.25 0.27 1.0",
 }
 
-#: Colour of each part of `parts_of` that a link wears, by the link's name.
-LOOKS = {
+#: Colours of legs 1, 2, 3 for figures and pages, as "#RRGGBB".
+LEG_COLOURS = tuple(
+    "#" + "".join(f"{round(255 * float(x)):02X}" for x in COLOURS[f"leg_{k}"].split()[:3])
+    for k in (1, 2, 3)
+)
+
+#: Colour of each part of `parts_of` of a link, by the link's name.
+PART_COLOURS = {
     "base": {"base": "base", "motors": "motor"},
     **{f"link_{k}": {"link": f"leg_{k}"} for k in (1, 2, 3)},
     **{f"passive_{k}": {"passive": f"leg_{k}_light"} for k in (1, 2, 3)},
     **{f"star_{k}": {"arc": f"leg_{k}"} for k in (1, 2, 3)},
 }
-LOOKS["star_1"]["tool"] = "motor"
+PART_COLOURS["star_1"]["tool"] = "motor"
