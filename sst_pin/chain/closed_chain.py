@@ -27,13 +27,13 @@ from ..errors import (
     ClosureError,
     DescriptionError,
     InputError,
-    UnknownNameError,
 )
 from . import dynamics
 from .assembly import generic_configuration
 from .backend import Answer, Backend, States
 from .closures import Constraint
 from .draft import Motor, closures_of, draft, without_locked
+from .loops import frame_id
 from .mechanism import Friction, Mechanism
 from .mobility import Mobility, condition_number, judge
 from .reference import Reference, ReferenceBackend
@@ -415,7 +415,9 @@ class ClosedChain:
             SingularConfigurationError: When the coordinates do not determine the motion at q.
             ActuationError: When the motors cannot bring about the motion.
         """
-        if external_wrenches is weights is None and on_error == "raise" and not self._unseen:
+        if self._unseen:
+            self._look_at_model()
+        if external_wrenches is weights is None and on_error == "raise":
             answer = self._torques_of(q, va, aa, None, out, threads)
             if answer is not None and answer[0] is None:
                 return answer[1]
@@ -490,7 +492,9 @@ class ClosedChain:
         Raises:
             InputError, ClosureError, SingularConfigurationError: As `compute_torques`.
         """
-        if external_wrenches is None and on_error == "raise" and not self._unseen:
+        if self._unseen:
+            self._look_at_model()
+        if external_wrenches is None and on_error == "raise":
             answer = self._accelerations_of(q, va, tau, None, out, threads)
             if answer is not None and answer[0] is None:
                 return answer[1]
@@ -756,6 +760,7 @@ class ClosedChain:
     def _use(self, reference: Reference) -> None:
         self._reference = reference
         self._backend: Backend = ReferenceBackend(reference, "nothing was asked for yet")
+        self._has_kernels = False
         self._torques_of: Callable[..., Answer] = _nothing
         self._accelerations_of: Callable[..., Answer] = _nothing
 
@@ -812,6 +817,7 @@ class ClosedChain:
             self._settled = replace(self._draft, coordinates=chosen)
             self._use(Reference(self._settled))
             self._backend = self._compiled(self._reference)
+            self._has_kernels = not isinstance(self._backend, ReferenceBackend)
             self._torques_of = self._backend.torques_of
             self._accelerations_of = self._backend.accelerations_of
 
@@ -872,7 +878,7 @@ class ClosedChain:
         threads = whole_number("threads", threads, 1)
         pairs = zip(arrays, core_axes, strict=True)
         single = all(array is None or array.ndim == axes for array, axes in pairs)
-        if single and out is None and on_error == "raise":
+        if single and out is None and on_error == "raise" and not self._has_kernels:
             return reference(*arrays)
 
         def fill(flat: list[Array | None], result: Array) -> Indices:
@@ -898,9 +904,7 @@ class ClosedChain:
 
     def _frame(self, name: str) -> int:
         model = self._draft.model
-        if not isinstance(name, str) or not model.existFrame(name):
-            raise UnknownNameError("frame", name, [f.name for f in model.frames])
-        return int(model.getFrameId(name))
+        return frame_id(model, name)
 
     def _weights(self, weights: ArrayLike) -> Array:
         array = single_array("weights", weights, (self._draft.motors.shape[1],))

@@ -78,7 +78,7 @@ class Loops:
             if isinstance(closure, Coupling):
                 self._couplings.append((rows, _Coupled(model, closure)))
                 continue
-            ids = [_frame_id(model, name) for name in _frames(closure)]
+            ids = [frame_id(model, name) for name in _frames(closure)]
             supports = [support(model, model.frames[f].parentJoint) for f in ids]
             self._S_a[rows], self._S_b[rows] = supports
             kind = _kind_of(closure)
@@ -448,10 +448,24 @@ def _skew(a: Array) -> Array:
     return np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))
 
 
-def _frame_id(model: pin.Model, name: str) -> int:
-    if not model.existFrame(name):
+def frame_id(model: pin.Model, name: str) -> int:
+    """Index of a frame; a joint and a link of one name are one frame where they coincide.
+
+    Raises:
+        UnknownNameError: When there is none of that name.
+        DescriptionError: When several frames of that name lie at different places.
+    """
+    found = [i for i, frame in enumerate(model.frames) if frame.name == name]
+    if not found:
         raise UnknownNameError("frame", name, [f.name for f in model.frames])
-    return int(model.getFrameId(name))
+    first = model.frames[found[0]]
+    for i in found[1:]:
+        other = model.frames[i]
+        if other.parentJoint != first.parentJoint or other.placement != first.placement:
+            raise DescriptionError(
+                f"frame {name}", ["several frames have this name, at different places; rename one"]
+            )
+    return found[0]
 
 
 def joint_id(model: pin.Model, name: str) -> int:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..errors import DescriptionError
 from .closures import Closure, Constraint, Coupling, Distance, Rolling
 from .joint_space import JointSpace
-from .loops import joint_id
+from .loops import frame_id, joint_id
 
 Array = NDArray[np.float64]
 
@@ -156,9 +156,8 @@ class Mechanism:
         for closure in self.closures:
             if isinstance(closure, (Closure, Distance, Rolling)):
                 for name in _frames_of(closure):
-                    if self.model.existFrame(name):
-                        frame = self.model.frames[self.model.getFrameId(name)]
-                        offsets.append(frame.placement.translation)
+                    frame = self.model.frames[frame_id(self.model, name)]
+                    offsets.append(frame.placement.translation)
             if isinstance(closure, Distance):
                 offsets.append(np.array([closure.distance]))
         largest = max((float(np.linalg.norm(offset)) for offset in offsets), default=0.0)

@@ -183,6 +183,8 @@ class _Run:
         kind = getattr(integrate, method)
         solver = kind(self._motion.rate, times[0], start, times[-1], **tolerances)
         samples, stopped = [start], ""
+        if self._progress is not None:
+            self._progress(float(times[0]))
         before = self._states.closed(start)
         while solver.status == "running" and not stopped:
             message = solver.step()

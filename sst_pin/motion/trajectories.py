@@ -172,16 +172,16 @@ class Trajectory:
         rates = [re.fullmatch(r"(.+)_(rad|m)_s", name) for name in table.columns]
         coordinates = [(p[1], p[2]) for p in rates if p]
         torques = [re.fullmatch(r"tau_\d+_(Nm|N)", name) for name in table.columns]
-        motors = sum(t is not None for t in torques)
         positions = [(p[1], p[2] or "") for p in map(_POSITION.fullmatch, table.columns) if p]
         if not coordinates or not positions:
             raise FileFormatError(path, "not a motion: no columns like gamma_1_rad, gamma_1_rad_s")
         names, units = zip(*positions, strict=True)
         n, m = len(coordinates), len(names)
         rate_names, rate_units = zip(*coordinates, strict=True)
+        forces = [t[1] for t in torques if t] or ["N" if u == "m" else "Nm" for u in rate_units]
         # A CSV does not name its motors: they are the coordinates where there are as many.
+        motors = len(forces)
         actuated = rate_names if motors == n else [f"motor_{k}" for k in range(1, motors + 1)]
-        forces = [t[1] for t in torques if t]
         values = table.select(_columns(names, units, rate_names, rate_units, forces))
         t, q, va, aa, tau = np.split(values, np.cumsum([1, m, n, n]), axis=1)
         return cls(

@@ -24,7 +24,7 @@ from . import direct_kinematics, kernel_path, kinematics
 from .check import Finding, findings
 from .geometry_models import Looks
 from .read_back import parameters_of
-from .topology import CUTS, geometry_of
+from .topology import CUTS, frame_of, geometry_of
 
 if TYPE_CHECKING:
     from ..viewer import Viewer
@@ -92,12 +92,14 @@ class SST(ClosedChain):
         Raises:
             DescriptionError: When it is no URDF, or of another topology, with every problem.
         """
-        path = Path(path)
+        urdf = reading.read_text(path, "URDF")
         if cuts is None:
-            beside = path.with_suffix(".yaml")
-            cuts = beside if beside.is_file() else Path(description.YAML_PATH)
+            beside = Path(path).with_suffix(".yaml")
+            cuts = beside if beside.is_file() else description.YAML_PATH
         robot = cls.__new__(cls)
-        robot._load_files(path, Path(cuts), kernels)
+        text = reading.read_text(cuts, "YAML of the cuts")
+        robot._load(urdf, text, str(path), str(cuts), kernels)
+        robot.looks = Looks(urdf, Path(path).parent)
         return robot
 
     @classmethod
@@ -351,7 +353,9 @@ class SST(ClosedChain):
         Raises:
             InputError, ClosureError, SingularConfigurationError: As `ClosedChain.compute_torques`.
         """
-        if external_wrenches is None and on_error == "raise" and not self._unseen:
+        if self._unseen:
+            self._look_at_model()
+        if external_wrenches is None and on_error == "raise":
             answer = self._torques_of(q, va, aa, platform_moment, out, threads)
             if answer is not None and answer[0] is None:
                 return answer[1]
@@ -390,7 +394,9 @@ class SST(ClosedChain):
         Raises:
             InputError, ClosureError, SingularConfigurationError: As `compute_torques`.
         """
-        if external_wrenches is None and on_error == "raise" and not self._unseen:
+        if self._unseen:
+            self._look_at_model()
+        if external_wrenches is None and on_error == "raise":
             answer = self._accelerations_of(q, va, tau, platform_moment, out, threads)
             if answer is not None and answer[0] is None:
                 return answer[1]
@@ -502,9 +508,10 @@ class SST(ClosedChain):
     @property
     def star_radius(self) -> float:
         """Distance OE, [m]; of a URDF without a frame E, that of the paper's robot."""
-        if not self.model.existFrame("E"):
+        model = self._draft.model
+        if not model.existFrame("E"):
             return Parameters().star_radius
-        E = self.model.frames[self.model.getFrameId("E")]
+        E = frame_of(model, "E")
         return float(np.linalg.norm(E.placement.translation))
 
     def show(

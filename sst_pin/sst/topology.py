@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 import pinocchio as pin
 
+from ..chain.loops import frame_id
 from ..description import JOINT_NAMES
 from ..errors import DescriptionError
 from .kinematics import Geometry
@@ -42,7 +43,7 @@ def geometry_of(model: pin.Model, source: str) -> Geometry:
 
 def frame_of(model: pin.Model, name: str) -> pin.Frame:
     """A frame by its name."""
-    return model.frames[model.getFrameId(name)]
+    return model.frames[frame_id(model, name)]
 
 
 def _joint_problems(model: pin.Model) -> Iterator[str]:

@@ -88,8 +88,12 @@ CASES = {
         ARM, "6d", ["a0_RZ", "a1_revolute", "a2_RX", "a3_PZ", "b3_ball"], springs=True
     ),
     "a tendon": Case(ARM, "6d", [{"a0_RZ": 0.3, "b1_RX": -1.2}, "a1_revolute", "b0_revolute"]),
-    "universal": Case(("plane", ["universal", "RX"], ["ZYX", "PX"]), "3d", ["root", "a0_universal"]),
-    "helical": Case(("", ["helical", "RUBY", "HY", "PX"], ["unbounded", "ZYX"]), "3d", ["a0_helical"]),
+    "universal": Case(
+        ("plane", ["universal", "RX"], ["ZYX", "PX"]), "3d", ["root", "a0_universal"]
+    ),
+    "helical": Case(
+        ("", ["helical", "RUBY", "HY", "PX"], ["unbounded", "ZYX"]), "3d", ["a0_helical"]
+    ),
     "composite": Case(("", ["composite"], ["translation", "universal"]), "3d", ["b0_translation"]),
 }
 STATES = 20
@@ -285,9 +289,7 @@ def test_coordinates_are_what_the_caller_names():
         pivots = qr(L[4:].T, pivoting=True)[2][:n] + 4
         names = chain._draft.space.rate_names
         wanted = [names[k] for k in sorted(pivots)]
-        other = ClosedChain(
-            chain.model, chain.closures, case.motors, coordinates=wanted
-        )
+        other = ClosedChain(chain.model, chain.closures, case.motors, coordinates=wanted)
         k = sorted(pivots)
         assert other.coordinates == tuple(wanted) or set(wanted)
         close(other.joint_accelerations(q, v[k], v_dot[k]), v_dot)
