@@ -80,6 +80,7 @@ def excavator(
     tree = Tree("excavator")
     house = box(swing_mass, (1.2, 1.0, 0.6), (-0.2, 0, 0.3))
     tree.joint("swing", _RZ(), house)
+    bearer = "universe"
     for name, parent, at, mass, length in (
         ("boom", "swing", UPRIGHT * shift(foot), boom_mass, boom),
         ("arm", "boom", shift((boom, 0)), arm_mass, arm),
@@ -87,20 +88,16 @@ def excavator(
         ("rocker", "arm", shift(pivot), 6.0, rocker),
         ("link", "rocker", shift((rocker, 0)), 6.0, link),
     ):
+        if parent != bearer:  # depth first: the cylinders of a body before the bodies it bears
+            bearer = parent
+            _add_cylinders(tree, [c for c in cylinders if c.bearer == bearer], cylinder_mass)
         shape = rod(mass, (length, 0, 0), 0.08 if mass > 50 else 0.03)
         tree.joint(name, _RZ(), shape, parent, at)
+    for c in cylinders:
+        tree.frame(f"{c.name}_lug", c.moved, (*c.eye, 0))
     tree.platform("bucket", (bucket, 0, 0))
     tree.frame("end_of_link", "link", (link, 0, 0))
     tree.frame("pin_of_bucket", "bucket", (*bucket_pin, 0))
-    for c in cylinders:
-        upright = UPRIGHT if c.bearer == "swing" else pin.SE3.Identity()
-        barrel = rod(cylinder_mass, (0.8 * c.retracted, 0, 0), 0.045)
-        rod_of_piston = rods(cylinder_mass / 2, [(-0.7 * c.retracted, 0, 0), (0, 0, 0)], 0.025)
-        tree.joint(f"{c.name}_barrel", _RZ(), barrel, c.bearer, upright * shift(c.foot))
-        at = shift((c.retracted, 0))
-        tree.joint(f"{c.name}_stroke", pin.JointModelPX(), rod_of_piston, f"{c.name}_barrel", at)
-        tree.frame(f"{c.name}_eye", f"{c.name}_stroke", (0, 0, 0))
-        tree.frame(f"{c.name}_lug", c.moved, (*c.eye, 0))
 
     closures = [Closure(f"{c.name}_lug", f"{c.name}_eye", "3d") for c in cylinders]
     closures += [Closure("pin_of_bucket", "end_of_link", "3d")]
@@ -119,6 +116,17 @@ def excavator(
     return GalleryRobot(
         tree, closures, ["swing", *(f"{c.name}_stroke" for c in cylinders)], joints, home
     )
+
+
+def _add_cylinders(tree: Tree, cylinders: list[_Cylinder], mass: float) -> None:
+    for c in cylinders:
+        upright = UPRIGHT if c.bearer == "swing" else pin.SE3.Identity()
+        barrel = rod(mass, (0.8 * c.retracted, 0, 0), 0.045)
+        piston = rods(mass / 2, [(-0.7 * c.retracted, 0, 0), (0, 0, 0)], 0.025)
+        tree.joint(f"{c.name}_barrel", _RZ(), barrel, c.bearer, upright * shift(c.foot))
+        at = shift((c.retracted, 0))
+        tree.joint(f"{c.name}_stroke", pin.JointModelPX(), piston, f"{c.name}_barrel", at)
+        tree.frame(f"{c.name}_eye", f"{c.name}_stroke", (0, 0, 0))
 
 
 def _excavator_joints(
