@@ -11,7 +11,7 @@ KINDS = {"Revolute": "revolute", "R": "revolute", "Prismatic": "prismatic", "P":
 KINDS |= {"Universal": "universal", "Spherical": "spherical", "FreeFlyer": "free-flyer"}
 
 
-def describe(chain, coordinates) -> dict:
+def describe(chain) -> dict:
     """The description of a `ClosedChain` whose joints have no friction, springs and rotors."""
     model = chain.model
     assert not (model.armature.any() or model.damping.any() or model.friction.any())
@@ -28,8 +28,8 @@ def describe(chain, coordinates) -> dict:
         "gravity": _numbers(model.gravity.linear),
         "joints": joints,
         "closures": closures,
-        "coordinates": list(coordinates),
-        "motors": [chain.joint_names[i] for i in chain.actuated],
+        "coordinates": list(chain.coordinates),
+        "motors": list(chain.motor_names),
         "platform": _frame(model, "platform" if model.existFrame("platform") else "E"),
     }
 

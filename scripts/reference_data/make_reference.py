@@ -24,11 +24,9 @@ STATES, DIGITS = 10, 40
 
 
 def chains():
-    """The SST and the gallery by name, with the coordinates of each."""
-    motors = {"planar_4rrr": ["shoulder_1", "shoulder_2", "shoulder_3"]}
+    """The SST and the gallery by name."""
     gallery = {name: getattr(robots, name)() for name in robots.__all__ if name.islower()}
-    for name, chain in {"sst": sst_pin.SST(), **gallery}.items():
-        yield name, chain, motors.get(name, [chain.joint_names[i] for i in chain.actuated])
+    return {"sst": sst_pin.SST(), **gallery}
 
 
 def states_of(name, record, home):
@@ -45,7 +43,7 @@ def states_of(name, record, home):
         q = robot.moved_from([mpf(x) for x in home], decimals(n, 0.1))
         motion = robot.state(q, decimals(n, 1), decimals(n, 2))
         torques = motion.torques()
-        given = decimals(len(robot.motors), 5)
+        given = [mpf(nstr(torque, 2)) for torque in torques]
         kinetic, potential = motion.energies()
         states.append(
             {
@@ -70,9 +68,9 @@ def main(wanted):
     """Compute and write."""
     with ProcessPoolExecutor(2) as pool:
         jobs = {}
-        for name, chain, coordinates in chains():
+        for name, chain in chains().items():
             if not wanted or name in wanted:
-                record = describe(chain, coordinates)
+                record = describe(chain)
                 home = [float(x) for x in chain.home]
                 jobs[name] = record, pool.submit(states_of, name, record, home)
         data = json.loads(PATH.read_text(encoding="utf-8")) if wanted else {}

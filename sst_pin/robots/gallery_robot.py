@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import finite_array, for_each_sample
 from ..chain.closed_chain import ClosedChain
-from ..chain.closures import CLOSURE_TOLERANCE, Closure
+from ..chain.closures import Closure
+from ..chain.loops import CLOSURE_TOLERANCE
 from ..errors import WorkspaceError
 from .tree import Tree
 
@@ -92,6 +93,11 @@ class GalleryRobot(ClosedChain):
             ).homogeneous
 
         return for_each_sample(pose, (finite_array("q", q, (self.model.nq,)),), (1,), (4, 4))
+
+    def generic_configuration(self) -> Array:
+        """Some assembled configuration near home, the same at each call; shape (nq,)."""
+        step = np.random.default_rng(0).uniform(-0.1, 0.1, self.model.nv)
+        return self.assemble(pin.integrate(self.model, self.home, step), fixed=())
 
     def _joints_at(self, pose: Array) -> Array:
         with np.errstate(invalid="ignore"):
