@@ -10,7 +10,6 @@ import json
 import random
 import sys
 from concurrent.futures import ProcessPoolExecutor
-from pathlib import Path
 
 from describe import describe
 from exact_dynamics import ExactRobot
@@ -19,7 +18,6 @@ from mpmath import mp, mpf, nstr
 import sst_pin
 from sst_pin import robots
 
-PATH = Path(robots.__file__).with_name("reference.json")
 STATES, DIGITS = 10, 40
 
 
@@ -29,8 +27,8 @@ def chains():
     return {"sst": sst_pin.SST(), **gallery}
 
 
-def states_of(name, record, home):
-    """Ten random states near home with their dynamics."""
+def states_of(name, record, home, count=STATES):
+    """Random states near home with their dynamics."""
     mp.dps = 60
     robot, numbers = ExactRobot(record), random.Random(name)
 
@@ -39,8 +37,8 @@ def states_of(name, record, home):
 
     n = len(robot.coordinates)
     states = []
-    for _ in range(STATES):
-        q = robot.moved_from([mpf(x) for x in home], decimals(n, 0.1))
+    for _ in range(count):
+        q = robot.moved_from([mpf(x) for x in home], decimals(n, 0.05))
         motion = robot.state(q, decimals(n, 1), decimals(n, 2))
         torques = motion.torques()
         given = [mpf(nstr(torque, 2)) for torque in torques]
@@ -73,7 +71,7 @@ def main(wanted):
                 record = describe(chain)
                 home = [float(x) for x in chain.home]
                 jobs[name] = record, pool.submit(states_of, name, record, home)
-        data = json.loads(PATH.read_text(encoding="utf-8")) if wanted else {}
+        data = json.loads(robots.REFERENCE_PATH.read_text(encoding="utf-8")) if wanted else {}
         for name, (record, states) in jobs.items():
             data[name] = {**record, "states": states.result()}
             print(name, flush=True)
@@ -88,7 +86,7 @@ def main(wanted):
             else:
                 parts.append(f" {json.dumps(key)}: {json.dumps(value)}")
         lines.append(f"{json.dumps(name)}: {{\n" + ",\n".join(parts) + "\n}")
-    PATH.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
+    robots.REFERENCE_PATH.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

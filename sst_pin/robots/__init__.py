@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The gallery: classical closed-chain robots, each a function of its dimensions and masses."""
 
+from pathlib import Path
+
 from .bennett import bennett
 from .delta import delta
 from .excavator import excavator
@@ -10,7 +12,11 @@ from .platforms import hexaglide, stewart, ups_pu
 from .spherical import agile_eye, agile_wrist
 from .stacks import ladder, scissor_lift
 
+#: Ten states of the SST and of each robot, to 40 digits; see docs/reference_data.md.
+REFERENCE_PATH = Path(__file__).with_name("reference.json")
+
 __all__ = [
+    "REFERENCE_PATH",
     "GalleryRobot",
     "agile_eye",
     "agile_wrist",
