@@ -59,9 +59,7 @@ class LagrangeReferee:
             A, B = data.oMf[a], data.oMf[b]
             J = pin.getFrameJacobian(model, data, b, axes)
             J = J - pin.getFrameJacobian(model, data, a, axes)
-            drift = [
-                pin.getFrameClassicalAcceleration(model, data, i, axes).vector for i in (a, b)
-            ]
+            drift = [pin.getFrameClassicalAcceleration(model, data, i, axes).vector for i in (a, b)]
             drift = drift[1] - drift[0]
             gap = B.translation - A.translation
             if kind == "3d":

@@ -11,11 +11,11 @@ import random
 import sys
 from concurrent.futures import ProcessPoolExecutor
 
-from describe import describe
-from exact_dynamics import ExactRobot
 from mpmath import mp, mpf, nstr
 
 import sst_pin
+from describe import describe
+from exact_dynamics import ExactRobot
 from sst_pin import robots
 
 STATES, DIGITS = 10, 40

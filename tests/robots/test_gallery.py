@@ -2,6 +2,7 @@
 """The gallery against the literature's mobility and an independent referee."""
 
 import pickle
+from importlib import import_module
 
 import numpy as np
 import pinocchio as pin
@@ -202,3 +203,15 @@ def test_bennetts_linkage_moves_where_its_lengths_allow_it_only():
     rigid = LagrangeReferee(model, moving.closures, ["crank"], ["crank"])
     _, J, _ = rigid.rows(moving.home, np.zeros(3))
     assert np.linalg.matrix_rank(J, 1e-6) == 3
+
+
+def test_the_page_of_the_gallery_is_current():
+    """Counts to the letter, errors to two orders of magnitude; and its example runs."""
+    script = import_module("make_robots_table")
+    page = script.PAGE.read_text(encoding="utf-8")
+    assert not list(script.problems(page))
+    scope = {}
+    exec(page.split("```python")[1].split("```")[0], scope)
+    # The struts hold up platform and themselves: the weight of the platform at least.
+    along = scope["tau"] @ np.ones(6)
+    assert along > 20 * 9.81

@@ -45,9 +45,9 @@ def model_of(record):
     model = pin.Model()
     model.gravity.linear = np.array(record["gravity"])
     kinds = {
-        "revolute": lambda axis: pin.JointModelRevoluteUnaligned(axis),
-        "prismatic": lambda axis: pin.JointModelPrismaticUnaligned(axis),
-        "universal": lambda first, second: pin.JointModelUniversal(first, second),
+        "revolute": pin.JointModelRevoluteUnaligned,
+        "prismatic": pin.JointModelPrismaticUnaligned,
+        "universal": pin.JointModelUniversal,
         "spherical": pin.JointModelSpherical,
         "free-flyer": pin.JointModelFreeFlyer,
     }
