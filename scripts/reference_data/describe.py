@@ -14,7 +14,7 @@ KINDS |= {"Universal": "universal", "Spherical": "spherical", "FreeFlyer": "free
 def describe(chain) -> dict:
     """The description of a `ClosedChain` whose joints have no friction, springs and rotors."""
     model = chain.model
-    assert not (model.armature.any() or model.damping.any() or model.friction.any())
+    assert not np.any([model.armature, model.damping, model.friction])
     joints = [_joint(model, i) for i in range(1, model.njoints)]
     closures = [
         {

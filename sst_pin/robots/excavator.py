@@ -74,8 +74,8 @@ def excavator(
     foot, pivot, bucket_pin = (0.3, 0.5), (arm - 0.3, 0.0), (0.08, 0.25)
     cylinders = (
         _Cylinder("boom", "swing", (0.6, 0.3), "boom", (1.1, 0.2), 0.8),
-        _Cylinder("arm", "boom", (1.2, 0.45), "arm", (-0.3, 0.2), 0.7),
-        _Cylinder("bucket", "arm", (0.05, 0.3), "rocker", (rocker, 0), 0.6),
+        _Cylinder("arm", "boom", (1.2, 0.45), "arm", (-0.3, 0.2), 1.0),
+        _Cylinder("bucket", "arm", (0.05, 0.3), "rocker", (rocker, 0), 0.85),
     )
     tree = Tree("excavator")
     house = box(swing_mass, (1.2, 1.0, 0.6), (-0.2, 0, 0.3))
@@ -121,8 +121,8 @@ def excavator(
 def _add_cylinders(tree: Tree, cylinders: list[_Cylinder], mass: float) -> None:
     for c in cylinders:
         upright = UPRIGHT if c.bearer == "swing" else pin.SE3.Identity()
-        barrel = rod(mass, (0.8 * c.retracted, 0, 0), 0.045)
-        piston = rods(mass / 2, [(-0.7 * c.retracted, 0, 0), (0, 0, 0)], 0.025)
+        barrel = rod(mass, (0.9 * c.retracted, 0, 0), 0.045)
+        piston = rods(mass / 2, [(-0.9 * c.retracted, 0, 0), (0, 0, 0)], 0.025)
         tree.joint(f"{c.name}_barrel", _RZ(), barrel, c.bearer, upright * shift(c.foot))
         at = shift((c.retracted, 0))
         tree.joint(f"{c.name}_stroke", pin.JointModelPX(), piston, f"{c.name}_barrel", at)
