@@ -9,6 +9,7 @@ from importlib import import_module
 TYPE_CHECKING = False  # but for type checkers; `typing` takes its time
 
 if TYPE_CHECKING:
+    from . import robots as robots
     from .chain.closed_chain import ClosedChain as ClosedChain
     from .chain.closures import Closure as Closure
     from .chain.dynamics import ReducedTerms as ReducedTerms
@@ -75,7 +76,7 @@ _NAMES = {
 }
 _MODULES = {name: module for module, names in _NAMES.items() for name in names.split()}
 
-__all__ = sorted(_MODULES)  # noqa: PLE0605
+__all__ = sorted([*_MODULES, "robots"])  # noqa: PLE0605
 __version__: str
 
 

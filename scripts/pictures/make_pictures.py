@@ -1,19 +1,24 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Draw the pictures of the README and of docs/gallery.md: all, or those named."""
+"""Draw the pictures of the README and of the pages in docs: all, or those named."""
 
 import argparse
 import io
 from pathlib import Path
 from typing import Any
 
+import coal
 import numpy as np
+import pinocchio as pin
 from matplotlib.figure import Figure
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from PIL import Image
 
 from sst_pin import SST, Parameters, paper_circle, plots
+from sst_pin import robots as gallery
 from sst_pin.files import write_files
 from sst_pin.sst.paper import PERIOD, example_1
 from sst_pin.sst.workspace import workspace_at, workspace_over_rolls
+from sst_pin.viewer.shapes import Mesh, tube
 
 FOLDER = Path(__file__).resolve().parents[2] / "docs"
 
@@ -59,7 +64,50 @@ def workspace_75() -> Figure:
     return figure
 
 
-PICTURES = {f.__name__: f for f in (robot, summary, workspace, workspace_75)}
+def robots() -> Figure:
+    """The gallery at home, flat robots from above."""
+    names = [name for name in gallery.__all__ if name.islower()]
+    with plots.style():
+        figure = Figure(figsize=(7.5, 4.8), layout="constrained")
+        for k, name in enumerate(names, 1):
+            axes = figure.add_subplot(3, 5, k, projection="3d", title=name)
+            _draw_bodies(axes, getattr(gallery, name)())
+    return figure
+
+
+def _draw_bodies(axes: Any, chain: gallery.GalleryRobot) -> None:
+    model, data = chain.model, chain.model.createData()
+    pin.forwardKinematics(model, data, chain.home)
+    everything = []
+    for body in chain.visual_model.geometryObjects:
+        at = data.oMi[body.parentJoint] * body.placement
+        mesh = _mesh(body.geometry)
+        vertices = mesh.vertices @ at.rotation.T + at.translation
+        colours = [tuple(body.meshColor)] * len(mesh.faces)
+        axes.add_collection3d(
+            Poly3DCollection(vertices[mesh.faces], facecolors=colours, shade=True)
+        )
+        everything.append(vertices)
+    low, high = (reach(np.vstack(everything), axis=0) for reach in (np.min, np.max))
+    middle, half = (low + high) / 2, (high - low).max() / 2
+    axes.set(**{f"{x}lim": (m - half, m + half) for x, m in zip("xyz", middle, strict=True)})
+    axes.set_box_aspect((1, 1, 1), zoom=1.5)
+    axes.set_axis_off()
+    flat = high[2] - low[2] < 0.2 * half
+    axes.view_init(*((90, -90) if flat else (20, -70)))
+
+
+def _mesh(shape: coal.ShapeBase) -> Mesh:
+    """A cylinder as a tube; a box as one of four sides, made as wide and deep as the box."""
+    if isinstance(shape, coal.Cylinder):
+        return tube([(0, 0, -shape.halfLength), (0, 0, shape.halfLength)], shape.radius)
+    x, y, z = shape.halfSide
+    square = tube([(0, 0, -z), (0, 0, z)], np.sqrt(2), sides=4)
+    turn = pin.rpy.rpyToMatrix(0.0, 0.0, np.pi / 4)
+    return square._replace(vertices=square.vertices @ turn.T * (x, y, 1))
+
+
+PICTURES = {f.__name__: f for f in (robot, summary, workspace, workspace_75, robots)}
 
 
 def write_small(figure: Figure) -> Any:

@@ -1,0 +1,35 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The gallery: classical closed-chain robots, each a function of its dimensions and masses."""
+
+from pathlib import Path
+
+from .bennett import bennett
+from .delta import delta
+from .excavator import excavator
+from .gallery_robot import GalleryRobot
+from .planar import five_bar, four_bar, planar_3rrr, planar_4rrr
+from .platforms import hexaglide, stewart, ups_pu
+from .spherical import agile_eye, agile_wrist
+from .stacks import ladder, scissor_lift
+
+#: Ten states of the SST and of each robot, to 40 digits; see docs/reference_data.md.
+REFERENCE_PATH = Path(__file__).with_name("reference.json")
+
+__all__ = [
+    "REFERENCE_PATH",
+    "GalleryRobot",
+    "agile_eye",
+    "agile_wrist",
+    "bennett",
+    "delta",
+    "excavator",
+    "five_bar",
+    "four_bar",
+    "hexaglide",
+    "ladder",
+    "planar_3rrr",
+    "planar_4rrr",
+    "scissor_lift",
+    "stewart",
+    "ups_pu",
+]

@@ -1,0 +1,160 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""An excavator's arm, driven by cylinders."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from ..chain.closures import Closure
+from .angles import angle_about_z, direction, two_link, wrapped
+from .gallery_robot import GalleryRobot, Joints
+from .tree import UPRIGHT, Tree, box, planar, rod, rods, shift
+
+Array = NDArray[np.float64]
+_RZ = pin.JointModelRZ
+
+
+class _Cylinder(NamedTuple):
+    """A hydraulic cylinder.
+
+    Attributes:
+        name: Of what it moves.
+        bearer: Body that bears the barrel.
+        foot: Of the barrel on its bearer, shape (2,), [m].
+        moved: Body that the rod's eye is pinned to.
+        eye: On that body, shape (2,), [m].
+        retracted: Length from foot to eye at no stroke, [m].
+    """
+
+    name: str
+    bearer: str
+    foot: tuple[float, float]
+    moved: str
+    eye: tuple[float, float]
+    retracted: float
+
+
+def excavator(
+    *,
+    boom: float = 2.4,
+    arm: float = 1.3,
+    bucket: float = 0.7,
+    rocker: float = 0.3,
+    link: float = 0.3,
+    swing_mass: float = 900.0,
+    boom_mass: float = 160.0,
+    arm_mass: float = 80.0,
+    bucket_mass: float = 60.0,
+    cylinder_mass: float = 18.0,
+) -> GalleryRobot:
+    """The arm of a small excavator: a swing and three cylinders move boom, arm and bucket.
+
+    The boom's and the arm's cylinder make triangles, the bucket's a triangle and a four-bar:
+    four loops in the arm's plane. The platform is the tip of the bucket, x along the bucket, z
+    normal to the arm's plane. The layout is that of every backhoe; the numbers are ours, those of
+    a machine of three tonnes.
+
+    Args:
+        boom: Between its pins, [m].
+        arm: From the boom's pin to the bucket's, [m].
+        bucket: From its pin to its tip, [m].
+        rocker: On the arm, moved by the bucket's cylinder, [m].
+        link: From the rocker to the bucket, [m].
+        swing_mass: Of the house that turns, [kg].
+        boom_mass: [kg].
+        arm_mass: [kg].
+        bucket_mass: [kg].
+        cylinder_mass: Of each barrel; a rod weighs half as much, [kg].
+    """
+    foot, pivot, bucket_pin = (0.3, 0.5), (arm - 0.3, 0.0), (0.08, 0.25)
+    cylinders = (
+        _Cylinder("boom", "swing", (0.6, 0.3), "boom", (1.1, 0.2), 0.8),
+        _Cylinder("arm", "boom", (1.2, 0.45), "arm", (-0.3, 0.2), 1.0),
+        _Cylinder("bucket", "arm", (0.05, 0.3), "rocker", (rocker, 0), 0.85),
+    )
+    tree = Tree("excavator")
+    house = box(swing_mass, (1.2, 1.0, 0.6), (-0.2, 0, 0.3))
+    tree.joint("swing", _RZ(), house)
+    bearer = "universe"
+    for name, parent, at, mass, length in (
+        ("boom", "swing", UPRIGHT * shift(foot), boom_mass, boom),
+        ("arm", "boom", shift((boom, 0)), arm_mass, arm),
+        ("bucket", "arm", shift((arm, 0)), bucket_mass, bucket),
+        ("rocker", "arm", shift(pivot), 6.0, rocker),
+        ("link", "rocker", shift((rocker, 0)), 6.0, link),
+    ):
+        if parent != bearer:  # depth first: the cylinders of a body before the bodies it bears
+            bearer = parent
+            _add_cylinders(tree, [c for c in cylinders if c.bearer == bearer], cylinder_mass)
+        shape = rod(mass, (length, 0, 0), 0.08 if mass > 50 else 0.03)
+        tree.joint(name, _RZ(), shape, parent, at)
+    for c in cylinders:
+        tree.frame(f"{c.name}_lug", c.moved, (*c.eye, 0))
+    tree.platform("bucket", (bucket, 0, 0))
+    tree.frame("end_of_link", "link", (link, 0, 0))
+    tree.frame("pin_of_bucket", "bucket", (*bucket_pin, 0))
+
+    closures = [Closure(f"{c.name}_lug", f"{c.name}_eye", "3d") for c in cylinders]
+    closures += [Closure("pin_of_bucket", "end_of_link", "3d")]
+    home = UPRIGHT * shift(foot)
+    for angle, length in zip((0.5, -1.7, -1.0), (boom, arm, bucket), strict=True):
+        home = home * planar(0, 0, angle) * shift((length, 0))
+    joints = partial(
+        _excavator_joints,
+        foot=foot,
+        lengths=(boom, arm, bucket),
+        pivot=pivot,
+        bucket_pin=bucket_pin,
+        bars=(rocker, link),
+        cylinders=cylinders,
+    )
+    return GalleryRobot(
+        tree, closures, ["swing", *(f"{c.name}_stroke" for c in cylinders)], joints, home
+    )
+
+
+def _add_cylinders(tree: Tree, cylinders: list[_Cylinder], mass: float) -> None:
+    for c in cylinders:
+        upright = UPRIGHT if c.bearer == "swing" else pin.SE3.Identity()
+        barrel = rod(mass, (0.9 * c.retracted, 0, 0), 0.045)
+        piston = rods(mass / 2, [(-0.9 * c.retracted, 0, 0), (0, 0, 0)], 0.025)
+        tree.joint(f"{c.name}_barrel", _RZ(), barrel, c.bearer, upright * shift(c.foot))
+        at = shift((c.retracted, 0))
+        tree.joint(f"{c.name}_stroke", pin.JointModelPX(), piston, f"{c.name}_barrel", at)
+        tree.frame(f"{c.name}_eye", f"{c.name}_stroke", (0, 0, 0))
+
+
+def _excavator_joints(
+    pose: pin.SE3,
+    foot: tuple[float, float],
+    lengths: tuple[float, float, float],
+    pivot: tuple[float, float],
+    bucket_pin: tuple[float, float],
+    bars: tuple[float, float],
+    cylinders: tuple[_Cylinder, ...],
+) -> Joints:
+    swing = direction(pose.translation)
+    local = (planar(0, 0, swing) * UPRIGHT * shift(foot)).actInv(pose)
+    boom, arm, bucket = lengths
+    wrist = local.act(np.array([-bucket, 0, 0]))
+    raised, bent = two_link(wrist, boom, arm, -1)
+    curled = wrapped(angle_about_z(local.rotation) - raised - bent)
+    on_arm = planar(arm, 0, curled).act(np.array([*bucket_pin, 0]))
+    rocker, link = two_link(on_arm - (*pivot, 0), *bars, -1)
+    joints: Joints = {"swing": swing, "boom": raised, "arm": bent, "bucket": curled}
+    joints |= {"rocker": rocker, "link": link}
+    moved = {
+        "boom": planar(*foot, raised),
+        "arm": planar(boom, 0, bent),
+        "rocker": planar(*pivot, rocker),
+    }
+    for c in cylinders:
+        reach = moved[c.moved].act(np.array([*c.eye, 0])) - (*c.foot, 0)
+        joints[f"{c.name}_barrel"] = direction(reach)
+        joints[f"{c.name}_stroke"] = float(np.linalg.norm(reach)) - c.retracted
+    return joints

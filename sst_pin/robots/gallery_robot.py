@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""`GalleryRobot`: a closed chain with a platform that can be placed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
+
+from ..arrays import finite_array, for_each_sample
+from ..chain.closed_chain import ClosedChain
+from ..chain.closures import Closure
+from ..chain.loops import CLOSURE_TOLERANCE
+from ..errors import WorkspaceError
+from .tree import Tree
+
+Array = NDArray[np.float64]
+#: Coordinates of joints by name.
+Joints = dict[str, Any]
+
+
+class GalleryRobot(ClosedChain):
+    """A robot of the gallery: a closed chain that knows its platform and its shapes.
+
+    The platform is the frame "platform" of the model.
+
+    Args:
+        tree: The tree and its shapes.
+        closures: What closes it.
+        actuated: Names of the motors' joints.
+        joints: Inverse kinematics in closed form: coordinates of all joints for a pose of the
+            platform; NaN where it is out of reach.
+        home: A pose of the platform where the robot is regular.
+        point: Whether the platform is a point, so that its orientation does not count.
+
+    Attributes:
+        home: Joint coordinates at the home pose, shape (nq,).
+        visual_model: Shapes of the bodies.
+    """
+
+    def __init__(
+        self,
+        tree: Tree,
+        closures: Sequence[Closure],
+        actuated: Sequence[str],
+        joints: Callable[[pin.SE3], Joints],
+        home: pin.SE3,
+        *,
+        point: bool = False,
+    ) -> None:
+        super().__init__(tree.model, closures, actuated)
+        self.visual_model = tree.visual_model
+        self._joints = joints
+        self._rows = slice(None), slice(3 if point else 0, 4)  # of a pose, that count
+        self.home = self.inverse_kinematics(home)
+
+    def inverse_kinematics(self, pose: pin.SE3 | ArrayLike) -> Array:
+        """Joint coordinates that hold the platform at a pose, in the working mode of `home`.
+
+        Args:
+            pose: Of the frame "platform" in the base: `pinocchio.SE3`, or homogeneous matrices,
+                shape (..., 4, 4).
+
+        Returns:
+            q on the closures, shape (..., nq).
+
+        Raises:
+            InputError: For a wrong shape or a number that is not finite.
+            WorkspaceError: When the platform cannot take the pose.
+        """
+        matrices = pose.homogeneous if isinstance(pose, pin.SE3) else pose
+        poses = finite_array("pose", matrices, (4, 4))
+        return for_each_sample(self._joints_at, (poses,), (2,), (self.model.nq,))
+
+    def platform_pose(self, q: ArrayLike) -> Array:
+        """Pose of the platform in the base.
+
+        Args:
+            q: Joint coordinates, shape (..., nq).
+
+        Returns:
+            Homogeneous matrices, shape (..., 4, 4).
+        """
+
+        def pose(q: Array) -> Array:
+            data = self.model.createData()
+            pin.forwardKinematics(self.model, data, q)
+            return pin.updateFramePlacement(
+                self.model, data, self.model.getFrameId("platform")
+            ).homogeneous
+
+        return for_each_sample(pose, (finite_array("q", q, (self.model.nq,)),), (1,), (4, 4))
+
+    def generic_configuration(self) -> Array:
+        """Some assembled configuration near home, the same at each call; shape (nq,)."""
+        step = np.random.default_rng(0).uniform(-0.1, 0.1, self.model.nv)
+        return self.assemble(pin.integrate(self.model, self.home, step), fixed=())
+
+    def _joints_at(self, pose: Array) -> Array:
+        with np.errstate(invalid="ignore"):
+            values = self._joints(pin.SE3(pose))
+        q: Array = pin.neutral(self.model)
+        for name, value in values.items():
+            joint = self.model.joints[self.model.getJointId(name)]
+            q[joint.idx_q : joint.idx_q + joint.nq] = value
+        if not np.isfinite(q).all():
+            raise WorkspaceError("the pose of the platform is out of reach")
+        missed = np.abs(self.platform_pose(q) - pose)[self._rows].max()
+        opened = np.abs(self.residual(q)).max()
+        if max(missed, opened) > CLOSURE_TOLERANCE:
+            raise WorkspaceError(
+                f"the platform cannot take this pose: it would be off by {missed:.3g} and the "
+                f"loops open by {opened:.3g} (m or rad); platform_pose(q) of an assembled q is one"
+            )
+        return q

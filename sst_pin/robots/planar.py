@@ -1,0 +1,220 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Robots whose bodies move in one plane: four-bar, five-bar, 3-RRR, 4-RRR."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from ..chain.closures import Closure
+from .angles import angle_about_z, direction, two_link, wrapped
+from .gallery_robot import GalleryRobot, Joints
+from .tree import UPRIGHT, Tree, circle, planar, rod, shift, star
+
+Array = NDArray[np.float64]
+_RZ = pin.JointModelRZ
+
+
+def four_bar(
+    *,
+    crank: float = 0.1,
+    coupler: float = 0.25,
+    rocker: float = 0.25,
+    ground: float = 0.2,
+    point: float = 0.5,
+    linear_density: float = 2.0,
+    radius: float = 0.008,
+) -> GalleryRobot:
+    """A four-bar linkage that stands upright, driven at its crank; x to the right, z up.
+
+    The platform is the point of the coupler, its x axis along the coupler, its z axis normal to
+    the plane. Lengths are in the proportions of Hoecken's linkage, 1 : 2.5 : 2.5 : 2 : 5, which
+    draws a line that is nearly straight (R. L. Norton, Design of Machinery); masses are ours.
+
+    Args:
+        crank: From the origin to its pin, [m].
+        coupler: From pin to pin, [m].
+        rocker: From pin to pin, [m].
+        ground: From the crank's axis to the rocker's, along x, [m].
+        point: From the crank's pin to the point of the coupler, [m].
+        linear_density: Mass of a bar per length, [kg/m].
+        radius: Of the bars, [m].
+    """
+    tree = Tree("four_bar")
+    for name, parent, at, length in (
+        ("crank", "universe", UPRIGHT, crank),
+        ("coupler", "crank", shift((crank, 0)), max(point, coupler)),
+        ("rocker", "universe", UPRIGHT * shift((ground, 0)), rocker),
+    ):
+        tree.joint(name, _RZ(), rod(linear_density * length, (length, 0, 0), radius), parent, at)
+    tree.frame("coupler_pin", "coupler", (coupler, 0, 0))
+    tree.frame("rocker_pin", "rocker", (rocker, 0, 0))
+    tree.platform("coupler", (point, 0, 0))
+
+    x, y = crank * np.cos(np.pi / 3), crank * np.sin(np.pi / 3)
+    angle, _ = two_link((ground - x, -y), coupler, rocker, -1)
+    home = UPRIGHT * planar(x, y, angle) * shift((point, 0))
+    joints = partial(_four_bar_joints, coupler=coupler, ground=ground, point=point)
+    return GalleryRobot(tree, [Closure("coupler_pin", "rocker_pin", "3d")], ["crank"], joints, home)
+
+
+def _four_bar_joints(pose: pin.SE3, coupler: float, ground: float, point: float) -> Joints:
+    pose = UPRIGHT.actInv(pose)
+    pins = [pose.act(np.array([x - point, 0, 0])) for x in (0, coupler)]
+    crank = direction(pins[0])
+    return {
+        "crank": crank,
+        "coupler": wrapped(angle_about_z(pose.rotation) - crank),
+        "rocker": direction(pins[1] - (ground, 0, 0)),
+    }
+
+
+def five_bar(
+    *,
+    span: float = 0.118,
+    proximal: float = 0.09,
+    distal: float = 0.09,
+    linear_density: float = 0.8,
+    radius: float = 0.006,
+) -> GalleryRobot:
+    """A five-bar robot of two motors that carries a point in the horizontal plane.
+
+    The platform is the point where the two arms meet; its orientation does not count. Lengths are
+    like those of small five-bars for the laboratory (DexTAR; L. Campos, F. Bourbonnais, I. Bonev,
+    P. Bigras, Development of a five-bar parallel robot with large workspace, ASME DETC 2010),
+    masses are ours. Elbows point outwards.
+
+    Args:
+        span: Between the motors, along x, [m].
+        proximal: Length of the driven links, [m].
+        distal: Length of the others, [m].
+        linear_density: Mass of a link per length, [kg/m].
+        radius: Of the links, [m].
+    """
+    tree = Tree("five_bar")
+    for k, x in enumerate((-span / 2, span / 2), 1):
+        upper = rod(linear_density * proximal, (proximal, 0, 0), radius)
+        lower = rod(linear_density * distal, (distal, 0, 0), radius)
+        tree.joint(f"shoulder_{k}", _RZ(), upper, at=shift((x, 0)))
+        tree.joint(f"elbow_{k}", _RZ(), lower, f"shoulder_{k}", shift((proximal, 0)))
+        tree.frame(f"tip_{k}", f"elbow_{k}", (distal, 0, 0))
+    tree.platform("elbow_1", (distal, 0, 0))
+    joints = partial(_five_bar_joints, span=span, proximal=proximal, distal=distal)
+    home = shift((0, 0.8 * (proximal + distal)))
+    closures = [Closure("tip_1", "tip_2", "3d")]
+    return GalleryRobot(tree, closures, ["shoulder_1", "shoulder_2"], joints, home, point=True)
+
+
+def _five_bar_joints(pose: pin.SE3, span: float, proximal: float, distal: float) -> Joints:
+    joints: Joints = {}
+    for k, side in ((1, -1), (2, 1)):
+        target = pose.translation - (side * span / 2, 0, 0)
+        shoulder, elbow = two_link(target, proximal, distal, side)
+        joints |= {f"shoulder_{k}": shoulder, f"elbow_{k}": elbow}
+    return joints
+
+
+def planar_3rrr(
+    *,
+    base_radius: float = 0.35,
+    platform_radius: float = 0.1,
+    proximal: float = 0.2,
+    distal: float = 0.2,
+    platform_mass: float = 0.8,
+    linear_density: float = 1.5,
+    radius: float = 0.01,
+) -> GalleryRobot:
+    """A planar platform on three legs of three revolutes, the first of each leg driven.
+
+    It moves in the horizontal plane; the platform's frame lies in its middle. The robot of
+    C. Gosselin and J. Angeles, The optimum kinematic design of a planar three-degree-of-freedom
+    parallel manipulator, J. Mechanisms 110 (1988); the numbers are ours. Elbows bend to the left.
+
+    Args:
+        base_radius: Of the circle of the motors, [m].
+        platform_radius: Of the circle of the platform's joints, [m].
+        proximal: Length of the driven links, [m].
+        distal: Length of the others, [m].
+        platform_mass: [kg].
+        linear_density: Mass of a link per length, [kg/m].
+        radius: Of the links, [m].
+    """
+    return _planar_platform(
+        "planar_3rrr",
+        circle(base_radius, np.pi / 2 + 2 * np.pi / 3 * np.arange(3)),
+        circle(platform_radius, np.pi / 2 + 2 * np.pi / 3 * np.arange(3)),
+        (proximal, distal),
+        (linear_density * proximal, linear_density * distal, platform_mass),
+        radius,
+    )
+
+
+def planar_4rrr(
+    *,
+    base_radius: float = 0.35,
+    platform_radius: float = 0.1,
+    proximal: float = 0.2,
+    distal: float = 0.2,
+    platform_mass: float = 0.8,
+    linear_density: float = 1.5,
+    radius: float = 0.01,
+) -> GalleryRobot:
+    """A planar platform on four legs: four motors for three freedoms.
+
+    Redundant actuation takes singularities away and allows preload against backlash (A. Müller,
+    Internal preload control of redundantly actuated parallel manipulators, IEEE Trans. Robotics
+    21 (2005)); the numbers are ours. Arguments as `planar_3rrr`.
+    """
+    return _planar_platform(
+        "planar_4rrr",
+        circle(base_radius, np.pi / 4 + np.pi / 2 * np.arange(4)),
+        circle(platform_radius, np.pi / 4 + np.pi / 2 * np.arange(4)),
+        (proximal, distal),
+        (linear_density * proximal, linear_density * distal, platform_mass),
+        radius,
+    )
+
+
+def _planar_platform(
+    name: str,
+    base: Array,
+    vertices: Array,
+    lengths: tuple[float, float],
+    masses: tuple[float, float, float],
+    radius: float,
+) -> GalleryRobot:
+    """A platform in the horizontal plane that leg 1 bears and the other legs are pinned to."""
+    tree = Tree(name)
+    legs = range(1, len(base) + 1)
+    for k in legs:
+        upper, lower = (
+            rod(mass, (length, 0, 0), radius)
+            for mass, length in zip(masses[:2], lengths, strict=True)
+        )
+        tree.joint(f"shoulder_{k}", _RZ(), upper, at=shift(base[k - 1]))
+        tree.joint(f"elbow_{k}", _RZ(), lower, f"shoulder_{k}", shift((lengths[0], 0)))
+        if k == 1:
+            plate = star(masses[2], list(vertices - vertices[0]), radius)
+            tree.joint("wrist_1", _RZ(), plate, "elbow_1", shift((lengths[1], 0)))
+            tree.platform("wrist_1", -vertices[0])
+        else:
+            tree.frame(f"tip_{k}", f"elbow_{k}", (lengths[1], 0, 0))
+            tree.frame(f"vertex_{k}", "wrist_1", vertices[k - 1] - vertices[0])
+    closures = [Closure(f"vertex_{k}", f"tip_{k}", "3d") for k in legs[1:]]
+    joints = partial(_planar_wrist_1s, base=base, vertices=vertices, lengths=lengths)
+    motors = [f"shoulder_{k}" for k in legs]
+    return GalleryRobot(tree, closures, motors, joints, planar(0, 0, 0))
+
+
+def _planar_wrist_1s(
+    pose: pin.SE3, base: Array, vertices: Array, lengths: tuple[float, float]
+) -> Joints:
+    joints: Joints = {}
+    for k, (foot, vertex) in enumerate(zip(base, vertices, strict=True), 1):
+        shoulder, elbow = two_link(pose.act(vertex) - foot, *lengths, 1)
+        joints |= {f"shoulder_{k}": shoulder, f"elbow_{k}": elbow}
+    turn = angle_about_z(pose.rotation) - joints["shoulder_1"] - joints["elbow_1"]
+    return joints | {"wrist_1": wrapped(turn)}

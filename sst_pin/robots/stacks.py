@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Chains of as many loops as one likes: scissor lift and ladder."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+import pinocchio as pin
+
+from ..chain.closures import Closure
+from ..errors import InputError
+from .angles import two_link
+from .gallery_robot import GalleryRobot, Joints
+from .tree import UPRIGHT, Tree, box, planar, rod, shift
+
+_RZ = pin.JointModelRZ
+
+
+def scissor_lift(
+    cells: int = 3,
+    *,
+    arm: float = 1.0,
+    arm_mass: float = 6.0,
+    slider_mass: float = 2.0,
+    platform_mass: float = 20.0,
+    radius: float = 0.02,
+) -> GalleryRobot:
+    """A scissor lift of crossed arms, driven by the slider at its foot; x to the right, z up.
+
+    The left foot is hinged to the base, the right one slides along x; so do the corners of the
+    platform. The platform's frame lies in its left corner. The numbers are ours. Each crossing
+    closes a loop, whose plane makes one of its three equations redundant.
+
+    Args:
+        cells: Pairs of arms, one or more.
+        arm: Length of an arm, [m].
+        arm_mass: Of each, [kg].
+        slider_mass: Of each of the two sliders, [kg].
+        platform_mass: [kg].
+        radius: Of the arms, [m].
+
+    Raises:
+        InputError: For no cells.
+    """
+    if cells < 1:
+        raise InputError("cells", f"{cells}, at least 1 is needed")
+    tree = Tree("scissor_lift")
+    foot = box(slider_mass, (6 * radius, 4 * radius, 4 * radius))
+    tip = shift((arm, 0))
+    for first in "ab":  # the chain of arms that starts at the hinge, and that at the slider
+        parent, at = "universe", UPRIGHT
+        if first == "b":
+            tree.joint("slider", pin.JointModelPX(), foot, at=UPRIGHT)
+            parent, at = "slider", pin.SE3.Identity()
+        for k in range(1, cells + 1):
+            name = f"{first if k % 2 else 'ba'['ab'.index(first)]}_{k}"
+            tree.joint(name, _RZ(), rod(arm_mass, (arm, 0, 0), radius), parent, at)
+            tree.frame(f"middle_of_{name}", name, (arm / 2, 0, 0))
+            parent, at = name, tip
+        if parent.startswith("b"):
+            plate = box(platform_mass, (arm, 2 * radius, arm / 2), (arm / 2, radius, 0))
+            tree.joint("platform_hinge", _RZ(), plate, parent, tip)
+            tree.platform("platform_hinge")
+            tree.joint("platform_slider", pin.JointModelPX(), foot, "platform_hinge")
+            tree.frame("corner", "platform_slider", (0, 0, 0))
+        else:
+            tree.frame("tip", parent, tip)
+    crossings = [Closure(f"middle_of_a_{k}", f"middle_of_b_{k}", "3d") for k in range(1, cells + 1)]
+    joints = partial(_scissor_lift_joints, cells=cells, arm=arm)
+    home = UPRIGHT * shift((0, cells * arm * np.sin(0.5)))
+    return GalleryRobot(
+        tree, [*crossings, Closure("corner", "tip", "3d")], ["slider"], joints, home
+    )
+
+
+def _scissor_lift_joints(pose: pin.SE3, cells: int, arm: float) -> Joints:
+    rise = np.arcsin(UPRIGHT.actInv(pose).translation[1] / (cells * arm))
+    fold = np.pi - 2 * rise
+    joints = {"slider": arm * np.cos(rise), "platform_slider": arm * np.cos(rise)}
+    joints |= {"a_1": rise, "b_1": np.pi - rise, "platform_hinge": rise - np.pi}
+    for k in range(2, cells + 1):
+        joints |= {f"a_{k}": -fold, f"b_{k}": fold}
+    return joints
+
+
+def ladder(
+    cells: int = 4,
+    *,
+    rail: float = 0.3,
+    rung: float = 0.2,
+    linear_density: float = 1.0,
+    radius: float = 0.01,
+) -> GalleryRobot:
+    """A ladder of parallelograms, one upon the other, each driven; x to the right, z up.
+
+    The loops share no joints: a measure for engines, as long as one likes. The platform is the
+    top rung, which does not turn; its frame lies at the left. For a place of the platform, the
+    cells of the lower half lean alike, and those of the upper half. The numbers are ours.
+
+    Args:
+        cells: Parallelograms, two or more, each with a motor at its left rail.
+        rail: Length of the rails, [m].
+        rung: Length of the rungs, [m].
+        linear_density: Mass of a bar per length, [kg/m].
+        radius: Of the bars, [m].
+
+    Raises:
+        InputError: For fewer than two cells.
+    """
+    if cells < 2:
+        raise InputError("cells", f"{cells}, at least 2 are needed")
+    tree = Tree("ladder")
+    bar_of_rail = rod(linear_density * rail, (rail, 0, 0), radius)
+    bar_of_rung = rod(linear_density * rung, (rung, 0, 0), radius)
+    parent, at = "universe", UPRIGHT
+    for k in range(1, cells + 1):
+        tree.joint(f"right_{k}", _RZ(), bar_of_rail, parent, at * shift((rung, 0)))
+        tree.joint(f"left_{k}", _RZ(), bar_of_rail, parent, at)
+        tree.joint(f"rung_{k}", _RZ(), bar_of_rung, f"left_{k}", shift((rail, 0)))
+        tree.frame(f"end_of_right_{k}", f"right_{k}", (rail, 0, 0))
+        tree.frame(f"end_of_rung_{k}", f"rung_{k}", (rung, 0, 0))
+        parent, at = f"rung_{k}", pin.SE3.Identity()
+    tree.platform(parent)
+    steps = range(1, cells + 1)
+    closures = [Closure(f"end_of_rung_{k}", f"end_of_right_{k}", "3d") for k in steps]
+    lengths = (cells - cells // 2) * rail, cells // 2 * rail
+    tip = planar(0, 0, np.radians(110)) * shift((lengths[0], 0))
+    tip = tip * planar(0, 0, np.radians(-50)) * shift((lengths[1], 0))
+    joints = partial(_ladder_joints, cells=cells, lengths=lengths)
+    home = UPRIGHT * shift(tip.translation)
+    return GalleryRobot(tree, closures, [f"left_{k}" for k in steps], joints, home)
+
+
+def _ladder_joints(pose: pin.SE3, cells: int, lengths: tuple[float, float]) -> Joints:
+    lower, bend = two_link(UPRIGHT.actInv(pose).translation, *lengths, -1)
+    joints: Joints = {}
+    for k in range(1, cells + 1):
+        lean = lower if k <= cells - cells // 2 else lower + bend
+        joints |= {f"left_{k}": lean, f"right_{k}": lean, f"rung_{k}": -lean}
+    return joints

@@ -1,0 +1,217 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The gallery against the literature's mobility and an independent referee."""
+
+import pickle
+from importlib import import_module
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from numpy.testing import assert_allclose
+
+import sst_pin
+from lagrange_referee import LagrangeReferee
+from sst_pin import robots
+from sst_pin.errors import InputError, WorkspaceError
+
+#: Degrees of freedom and redundant closure rows by the literature. Each planar loop of revolutes
+#: closed at a point holds its plane once too often (Gruebler's formula with 3 instead of 6);
+#: a spherical 3-RRR has three freedoms where Gruebler counts minus three, so its hinges are six
+#: rows too many (Gosselin and Angeles, J. Mechanisms 111 (1989)); Bennett's linkage has one where
+#: it counts minus two (Bennett 1903); the 6-UPS, 6-PUS, 3-UPS-PU and the delta with universal
+#: joints on its arms agree with Gruebler: 6, 6, 3 and 3 (Merlet, Parallel Robots, 2006).
+MOBILITY = {
+    "agile_eye": (3, 6),
+    "agile_wrist": (3, 6),
+    "bennett": (1, 3),
+    "delta": (3, 0),
+    "excavator": (4, 4),
+    "five_bar": (2, 1),
+    "four_bar": (1, 1),
+    "hexaglide": (6, 0),
+    "ladder": (4, 4),
+    "planar_3rrr": (3, 2),
+    "planar_4rrr": (3, 3),
+    "scissor_lift": (1, 4),
+    "stewart": (6, 0),
+    "ups_pu": (3, 0),
+}
+
+
+@pytest.fixture(scope="module", params=MOBILITY)
+def name(request):
+    return request.param
+
+
+@pytest.fixture(scope="module")
+def robot(name):
+    return getattr(robots, name)()
+
+
+@pytest.fixture(scope="module")
+def referee(robot):
+    return LagrangeReferee(robot.model, robot.closures, robot.coordinates, robot.motor_names)
+
+
+@pytest.fixture(scope="module")
+def states(robot, referee):
+    """Twenty random assembled configurations near home, with random motions of the coordinates."""
+    random = np.random.default_rng(0)
+    _, J, _ = referee.rows(robot.home, np.zeros(robot.model.nv))
+    ways = np.linalg.svd(J)[2][np.linalg.matrix_rank(J, 1e-9) :]
+    found = []
+    for _ in range(20):
+        step = random.uniform(-0.1, 0.1, len(ways)) @ ways
+        q = referee.assembled_near(robot.home, step)
+        found.append(referee.state(q, *random.uniform(-1, 1, (2, len(referee.coordinates)))))
+    return found
+
+
+def test_the_gallery_is_complete():
+    """Every public function of the room is judged here."""
+    assert sorted(MOBILITY) == sorted(n for n in robots.__all__ if n.islower())
+
+
+def test_mobility_is_that_of_the_literature(name, robot):
+    """Freedoms, redundant rows; the motors hold every freedom at home."""
+    report = robot.mobility(robot.home)
+    assert (report.degrees_of_freedom, report.redundant_rows) == MOBILITY[name]
+    assert report.sufficient
+    assert report.condition_number < 100
+
+
+def test_a_robot_is_a_closed_chain_with_a_platform(robot):
+    """Home is assembled, and it is the inverse kinematics of its own pose; the chain pickles."""
+    assert isinstance(robot, sst_pin.ClosedChain)
+    assert np.abs(robot.residual(robot.home)).max() < 1e-14  # rounding
+    assert robot.model.existFrame("platform")
+    pose = pin.SE3(robot.platform_pose(robot.home))
+    assert_allclose(robot.inverse_kinematics(pose), robot.home, rtol=0, atol=1e-13)
+    copy = pickle.loads(pickle.dumps(robot))
+    assert_allclose(copy.inverse_kinematics(pose), robot.home, rtol=0, atol=1e-13)
+
+
+def test_inverse_kinematics_closes_the_loops_and_holds_the_pose(name, robot, states):
+    """A whole batch of poses that the robot can take."""
+    poses = robot.platform_pose(np.stack([state.q for state in states]))
+    q = robot.inverse_kinematics(poses)
+    # Closed forms: rounding of lengths below 3 m, divided by sines above 0.1.
+    assert max(np.abs(robot.residual(sample)).max() for sample in q) < 1e-13
+    rows = slice(3 if name == "five_bar" else 0, 4)
+    assert_allclose(robot.platform_pose(q)[..., rows], poses[..., rows], rtol=0, atol=1e-13)
+    if name != "ladder":  # which has more freedoms than its platform
+        for state, sample in zip(states, q, strict=True):
+            turned = pin.difference(robot.model, state.q, sample)
+            # Newton's method ends at 1e-15, times the condition number.
+            assert_allclose((turned + np.pi) % (2 * np.pi) - np.pi, 0, atol=1e-12)
+
+
+def test_a_pose_out_of_reach_is_refused(name, robot):
+    """Two kilometres away, but for the Stewart platform, whose struts have no end; NaN."""
+    pose = robot.platform_pose(robot.home)
+    if name == "stewart":
+        pose[:3, :3] *= 2  # no rotation
+    else:
+        pose[:3, 3] += 2000
+    with pytest.raises(WorkspaceError):
+        robot.inverse_kinematics(pose)
+    with pytest.raises(InputError):
+        robot.inverse_kinematics(np.full((4, 4), np.nan))
+
+
+def test_a_pose_that_a_robot_of_few_freedoms_cannot_take_is_refused():
+    """A delta's platform does not turn, and says so; samples of a batch are named."""
+    delta = robots.delta()
+    poses = np.stack([delta.platform_pose(delta.home)] * 2)
+    poses[1, :3, :3] = pin.rpy.rpyToMatrix(0.1, 0, 0)
+    with pytest.raises(WorkspaceError, match="cannot take this pose") as caught:
+        delta.inverse_kinematics(poses)
+    assert caught.value.samples == ((1,),)
+
+
+def test_every_body_has_a_physical_inertia_and_a_shape(robot):
+    """Mass, positive moments within the triangle inequality, and something to look at."""
+    for joint, body in list(enumerate(robot.model.inertias))[1:]:
+        a, b, c = np.linalg.eigvalsh(body.inertia)
+        assert body.mass > 0
+        assert 0 < a <= b <= c < a + b
+        assert any(shape.parentJoint == joint for shape in robot.visual_model.geometryObjects)
+
+
+def test_torques_and_accelerations_are_those_of_the_referee(robot, referee, states):
+    """Lagrange multipliers by least squares, on twenty states."""
+    for state in states:
+        va, aa = state.v[referee.coordinates], state.dv[referee.coordinates]
+        tau = referee.torques(state)
+        scale = max(np.abs(tau).max(), 1e-3)
+        # Two solutions of well-conditioned systems: rounding times a condition below 1e4.
+        assert_allclose(robot.compute_torques(state.q, va, aa), tau, rtol=0, atol=1e-9 * scale)
+        back = robot.compute_accelerations(state.q, va, tau)
+        assert_allclose(back, aa, rtol=0, atol=1e-9)
+        assert_allclose(referee.accelerations(state.q, state.v, tau), aa, rtol=0, atol=1e-9)
+
+
+def test_energies_are_those_of_the_referee(robot, referee, states):
+    """Kinetic and potential, to rounding."""
+    for state in states:
+        va = state.v[referee.coordinates]
+        kinetic, potential = referee.energy(state)
+        assert_allclose(robot.kinetic_energy(state.q, va), kinetic, rtol=1e-10)
+        assert_allclose(robot.potential_energy(state.q), potential, rtol=1e-10, atol=1e-12)
+
+
+def test_the_motors_power_is_the_rate_of_the_energy(robot, referee, states):
+    """tau . rates = d(T + V)/dt along the motion, by central differences."""
+    h = 1e-4
+    for state in states[:5]:
+        va, aa = state.v[referee.coordinates], state.dv[referee.coordinates]
+        energies = []
+        for t in (-h, h):
+            q = referee.assembled_near(state.q, state.v * t + state.dv * t**2 / 2)
+            rates = referee.state(q, va + aa * t, aa).v[referee.coordinates]
+            energies.append(robot.kinetic_energy(q, rates) + robot.potential_energy(q))
+        power = robot.compute_torques(state.q, va, aa) @ state.v[referee.motors]
+        balance = (energies[1] - energies[0]) / (2 * h)
+        # The truncation is h^2 times the third derivative of the energy, rounding 1e-16 E / h.
+        scale = np.abs(robot.compute_torques(state.q, va, aa)).max()
+        assert_allclose(balance, power, rtol=0, atol=1e-5 * max(scale, abs(power)))
+
+
+@pytest.mark.parametrize(
+    ("build", "cells"), [(robots.ladder, 1), (robots.scissor_lift, 0), (robots.ladder, -3)]
+)
+def test_too_few_cells_are_refused(build, cells):
+    """With the number that is needed."""
+    with pytest.raises(InputError, match="needed"):
+        build(cells)
+
+
+@pytest.mark.parametrize("build", [robots.ladder, robots.scissor_lift])
+def test_long_chains_are_assembled_at_home(build):
+    """Twenty cells, closed form from the ground to the platform."""
+    long = build(20)
+    assert np.abs(long.residual(long.home)).max() < 1e-12
+    assert long.mobility(long.home).degrees_of_freedom == (20 if build is robots.ladder else 1)
+
+
+def test_bennetts_linkage_moves_where_its_lengths_allow_it_only():
+    """With other lengths than the sines' the four bars make a rigid frame."""
+    moving = robots.bennett()
+    model = moving.model.copy()
+    frame = model.frames[model.getFrameId("follower_pin")]
+    frame.placement = pin.SE3(frame.placement.rotation, 1.1 * frame.placement.translation)
+    rigid = LagrangeReferee(model, moving.closures, ["crank"], ["crank"])
+    _, J, _ = rigid.rows(moving.home, np.zeros(3))
+    assert np.linalg.matrix_rank(J, 1e-6) == 3
+
+
+def test_the_page_of_the_gallery_is_current():
+    """Counts to the letter, errors to two orders of magnitude; and its example runs."""
+    script = import_module("make_robots_table")
+    page = script.PAGE.read_text(encoding="utf-8")
+    assert not list(script.problems(page))
+    scope = {}
+    exec(page.split("```python")[1].split("```")[0], scope)
+    # The struts hold up platform and themselves: the weight of the platform at least.
+    along = scope["tau"] @ np.ones(6)
+    assert along > 20 * 9.81

@@ -1,0 +1,151 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The engine against the reference data, and the data against what they claim to be."""
+
+import json
+from types import SimpleNamespace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from numpy.testing import assert_allclose
+
+import sst_pin
+from lagrange_referee import LagrangeReferee
+from sst_pin import robots
+
+REFERENCE = json.loads(robots.REFERENCE_PATH.read_text(encoding="utf-8"))
+
+
+@pytest.fixture(scope="module", params=REFERENCE)
+def name(request):
+    return request.param
+
+
+@pytest.fixture(scope="module")
+def chain(name):
+    return sst_pin.SST() if name == "sst" else getattr(robots, name)()
+
+
+@pytest.fixture(scope="module")
+def states(name):
+    """All ten, each quantity in one array."""
+    rows = REFERENCE[name]["states"]
+    return SimpleNamespace(**{key: np.array([row[key] for row in rows], float) for key in rows[0]})
+
+
+@pytest.fixture(scope="module")
+def rates(name, chain):
+    """Indices of the coordinates in v."""
+    joints = [chain.model.joints[chain.model.getJointId(j)] for j in REFERENCE[name]["coordinates"]]
+    return [joint.idx_v for joint in joints]
+
+
+def model_of(record):
+    """A Pinocchio model of a described robot, from the page's words alone."""
+    model = pin.Model()
+    model.gravity.linear = np.array(record["gravity"])
+    kinds = {
+        "revolute": pin.JointModelRevoluteUnaligned,
+        "prismatic": pin.JointModelPrismaticUnaligned,
+        "universal": pin.JointModelUniversal,
+        "spherical": pin.JointModelSpherical,
+        "free-flyer": pin.JointModelFreeFlyer,
+    }
+    for joint in record["joints"]:
+        axes = [np.array(axis) for axis in joint.get("axes", [])]
+        parent = 0 if joint["parent"] == "base" else model.getJointId(joint["parent"])
+        at = placement_of(joint["placement"])
+        index = model.addJoint(parent, kinds[joint["type"]](*axes), at, joint["name"])
+        xx, yy, zz, xy, xz, yz = joint["inertia"]
+        inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        body = pin.Inertia(joint["mass"], np.array(joint["mass_centre"]), inertia)
+        model.appendBodyToJoint(index, body, pin.SE3.Identity())
+    closures = []
+    for c, closure in enumerate(record["closures"]):
+        for side in ("frame_a", "frame_b"):
+            frame = closure[side]
+            joint = 0 if frame["joint"] == "base" else model.getJointId(frame["joint"])
+            at = placement_of(frame["placement"])
+            model.addFrame(pin.Frame(f"{side}_{c}", joint, at, pin.FrameType.OP_FRAME))
+        closures.append(sst_pin.Closure(f"frame_a_{c}", f"frame_b_{c}", closure["kind"]))
+    return model, closures
+
+
+def placement_of(record):
+    """Roll, pitch, yaw about the fixed axes, then the translation."""
+    rotation = pin.rpy.rpyToMatrix(np.radians(record["rpy_degrees"]))
+    return pin.SE3(rotation, np.array(record["xyz"]))
+
+
+def off(actual, expected):
+    """Largest difference in each state, relative to its largest entry."""
+    return (np.abs(actual - expected) / np.abs(expected).max(axis=-1, keepdims=True)).max()
+
+
+def test_the_data_cover_the_sst_and_the_whole_gallery():
+    """Ten states each, numbers of 40 digits."""
+    assert set(REFERENCE) == {"sst"} | {n for n in robots.__all__ if n.islower()}
+    for record in REFERENCE.values():
+        assert len(record["states"]) == 10
+        assert all(len(x.lstrip("-0.").split("e")[0]) >= 35 for x in record["states"][0]["torques"])
+
+
+def test_the_description_is_that_of_the_robot(name, chain):
+    """What `describe` says now is what stands."""
+    describe = pytest.importorskip("describe")
+    now = json.loads(json.dumps(describe.describe(chain)))
+    stands = {key: value for key, value in REFERENCE[name].items() if key != "states"}
+    assert now == stands
+
+
+def test_the_states_close_the_loops(chain, states, rates):
+    """Configurations, rates and accelerations of all joints."""
+    # Rounding of q to 1e-16, times lengths below 3 m.
+    assert max(np.abs(chain.residual(q)).max() for q in states.q) < 1e-14
+    # The same, times the condition number of the passive joints, below 1e3, twice for rates'.
+    assert off(chain.joint_rates(states.q, states.v[:, rates]), states.v) < 1e-12
+    accelerations = chain.joint_accelerations(states.q, states.v[:, rates], states.dv[:, rates])
+    assert off(accelerations, states.dv) < 1e-11
+
+
+def test_torques_are_exact(chain, states, rates):
+    """Inverse dynamics of all ten states."""
+    tau = chain.compute_torques(states.q, states.v[:, rates], states.dv[:, rates])
+    # Rounding times a condition number below 1e3.
+    assert off(tau, states.torques) < 1e-12
+
+
+def test_accelerations_are_exact(chain, states, rates):
+    """Direct dynamics under the given torques."""
+    aa = chain.compute_accelerations(states.q, states.v[:, rates], states.given_torques)
+    # As the torques, times the condition number of the inertia matrix, below 1e3.
+    assert off(aa, states.accelerations) < 1e-10
+
+
+def test_energies_are_exact(chain, states, rates):
+    """Kinetic and potential energy."""
+    kinetic = chain.kinetic_energy(states.q, states.v[:, rates])
+    # Rates to 1e-13 and more.
+    assert_allclose(kinetic, states.kinetic_energy, rtol=1e-11)
+    potential = chain.potential_energy(states.q)
+    assert_allclose(potential, states.potential_energy, rtol=1e-13, atol=1e-14)
+
+
+def test_the_description_alone_gives_the_torques(name, states, rates):
+    """Read without the gallery, judged by Lagrange multipliers: nothing else is needed."""
+    record = REFERENCE[name]
+    model, closures = model_of(record)
+    referee = LagrangeReferee(model, closures, record["coordinates"], record["motors"])
+    for q, v, dv, torques in zip(states.q, states.v, states.dv, states.torques, strict=True):
+        state = referee.state(q, v[rates], dv[rates])
+        # Least squares: rounding times the condition number of all rows.
+        assert off(referee.torques(state)[None], torques[None]) < 1e-11
+
+
+@pytest.mark.parametrize("robot", ["bennett", "planar_4rrr", "ups_pu"])
+def test_the_states_are_those_that_the_script_makes(robot):
+    """The first state, computed anew to the last digit."""
+    make = pytest.importorskip("make_reference", reason="mpmath is not installed (extra 'dev')")
+    record = {key: value for key, value in REFERENCE[robot].items() if key != "states"}
+    made = make.states_of(robot, record, getattr(robots, robot)().home, count=1)
+    assert made == REFERENCE[robot]["states"][:1]
