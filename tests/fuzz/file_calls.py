@@ -13,7 +13,6 @@ from motion_calls import ODD_PATHS
 
 import sst_pin
 from sst_pin import ClosedChain
-from sst_pin.sst.export import c_files
 
 #: A four-bar in the plane, 1 + 2 + 1.5 on 2.2 m, cut at the end of its rocker.
 FOUR_BAR = """<robot name="four_bar">
@@ -402,6 +401,8 @@ def _loads(w: World) -> Iterator[Call]:
 
 
 def _exports(w: World) -> Iterator[Call]:
+    from sst_pin.sst.export import c_files
+
     for name, folder in ODD_PATHS.items():
         if name in ("None", "number", "bytes", "list"):
             yield Call(f"c_files(robot, {name})", lambda f=folder: c_files(w.robot, f))
