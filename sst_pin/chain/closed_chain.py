@@ -565,6 +565,10 @@ class ClosedChain:
         v = self.joint_rates(q, va)
         return (self.friction.forces(v) * v).sum(axis=-1)
 
+    def motor_rates(self, q: ArrayLike, va: ArrayLike) -> Array:
+        """Rates against which the motors work, shape (..., motors); arguments as `joint_rates`."""
+        return np.asarray(self.joint_rates(q, va) @ self._mechanism().motors)
+
     # --- doors to the rooms above -----------------------------------------------------------
 
     @classmethod

@@ -99,7 +99,6 @@ def _constructors(w: World) -> Iterator[Call]:
         "unknown": ["krank"],
         "twice": ["crank", "crank"],
         "none": [],
-        "all": ["crank", "coupler", "rocker"],
         "bytes": [b"crank"],
         "universe": ["universe"],
         "a frame": ["A"],
@@ -113,6 +112,11 @@ def _constructors(w: World) -> Iterator[Call]:
         "dict": {"crank": 1},
     }.items():
         yield Call(f"ClosedChain(actuated: {name})", lambda v=value: made(actuated=v), right)
+    yield Call(
+        "ClosedChain(actuated: all), torques that do the same work",
+        lambda: made(actuated=["crank", "coupler", "rocker"]) @ w.chain.joint_rates(q, [1.0]),
+        same(tau[0]),
+    )
     for arguments in (
         (None, None),
         ("A", "B", "9d"),

@@ -196,7 +196,6 @@ def _trajectories(w: World) -> Iterator[Call]:
         "joint_names from a generator": ("joint_names", (n for n in names[:8])),
         "actuated None": ("actuated", None),
         "actuated text": ("actuated", "abc"),
-        "actuated unknown": ("actuated", ("x", "y", "z")),
         "actuated twice": ("actuated", ("gamma_1",) * 3),
         "actuated numbers": ("actuated", (0, 1, 2)),
         "units too few": ("units", ("rad",)),
@@ -420,7 +419,6 @@ def _motions(w: World) -> Iterator[Call]:
                 lambda r=robot, m=motion: sst_pin.energy_error(r, m),
             )
     yield Call("energy_error(chain, motion of an SST)", lambda: sst_pin.energy_error(w.chain, m))
-    yield Call("energy_error(None, motion)", lambda: sst_pin.energy_error(None, m))
     yield Call(
         "energy_error of example 1",
         lambda: sst_pin.energy_error(w.robot, m),

@@ -237,9 +237,10 @@ def trajectories(folder, text):
     assert np.array_equal(motion.t, table["t_s"])
     for i, (name, unit) in enumerate(zip(motion.joint_names, motion.units, strict=True)):
         assert np.array_equal(motion.q[:, i], table[f"{name}_{unit}"])
-    for k, name in enumerate(motion.actuated):
-        assert np.array_equal(motion.va[:, k], table[f"{name}_rad_s"])
-        assert np.array_equal(motion.aa[:, k], table[f"{name}_rad_s2"])
+    for k, (name, unit) in enumerate(zip(motion.coordinates, motion.rate_units, strict=True)):
+        assert np.array_equal(motion.va[:, k], table[f"{name}_{unit}_s"])
+        assert np.array_equal(motion.aa[:, k], table[f"{name}_{unit}_s2"])
+    for k in range(len(motion.actuated)):
         assert np.array_equal(motion.tau[:, k], table[f"tau_{k + 1}_Nm"])
 
 
