@@ -29,6 +29,7 @@ from ..errors import (
     InputError,
     UnknownNameError,
 )
+from ..files import as_path, beside
 from . import dynamics
 from .assembly import generic_configuration
 from .backend import Answer, Backend, States
@@ -589,8 +590,9 @@ class ClosedChain:
         """
         from .. import reading
 
+        path = as_path(path)
         text = reading.read_text(path, "URDF")
-        cuts = Path(path).with_suffix(".yaml") if cuts is None else cuts
+        cuts = beside(path, ".yaml") if cuts is None else as_path(cuts)
         closures, actuated, gravity, joints = reading.parse_cuts(
             reading.read_text(cuts, "YAML of the cuts"), str(cuts)
         )

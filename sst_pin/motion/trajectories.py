@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import finite_array
 from ..errors import FileFormatError, InputError, OutputError
-from ..files import Writer, read_table, table_writer, write_files
+from ..files import Writer, as_path, read_table, table_writer, write_files
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
@@ -128,7 +128,7 @@ class Trajectory:
         Raises:
             OutputError: When it cannot be written, or exists.
         """
-        write_files({Path(path): self.writer(path)}, force)
+        write_files({as_path(path): self.writer(path)}, force)
 
     def writer(self, path: str | Path) -> Writer:
         """What writes the motion in the format the path's ending asks for.
@@ -136,7 +136,7 @@ class Trajectory:
         Raises:
             OutputError: For another ending than .csv or .npz, or names that a CSV cannot hold.
         """
-        kind = Path(path).suffix.lower()
+        kind = as_path(path).suffix.lower()
         if kind == ".csv":
             columns = self._columns()
             if any(re.search(r"^\s|[,\"\r\n]", name) for name in columns):
@@ -160,7 +160,7 @@ class Trajectory:
         Raises:
             FileFormatError: When it is not such a file, with the line at fault.
         """
-        path = Path(path)
+        path = as_path(path)
         return cls._load_npz(path) if path.suffix.lower() == ".npz" else cls._load_csv(path)
 
     @classmethod
@@ -198,8 +198,18 @@ class Trajectory:
         forces = [t[1] for t in torques if t]
         values = table.select(_columns(names, units, rate_names, rate_units, forces))
         t, q, va, aa, tau = np.split(values, np.cumsum([1, m, n, n]), axis=1)
-        words = {"coordinates": rate_names, "rate_units": rate_units}
-        return cls(t[:, 0], q, va, aa, tau, names, actuated, units, **words)
+        return cls(
+            t[:, 0],
+            q,
+            va,
+            aa,
+            tau,
+            names,
+            actuated,
+            units,
+            coordinates=rate_names,
+            rate_units=rate_units,
+        )
 
     def _columns(self) -> list[str]:
         unit = dict(zip(self.coordinates, self.rate_units, strict=True))
@@ -219,8 +229,8 @@ class Trajectory:
 
 def _names(name: str, value: Iterable[str]) -> tuple[str, ...]:
     """Names of joints, each of them once."""
-    names = () if isinstance(value, str) or not isinstance(value, Iterable) else tuple(value)
-    if not all(isinstance(word, str) for word in names) or not (names or np.size(value) == 0):
+    names = tuple(value) if isinstance(value, Iterable) else (value,)
+    if isinstance(value, str) or not all(isinstance(word, str) for word in names):
         raise InputError(name, f"{value!r} is not a sequence of names")
     if len(set(names)) < len(names):
         raise InputError(name, f"a name stands twice in {', '.join(names)}")
@@ -309,18 +319,19 @@ def spline(t: Array, values: Array) -> BSpline:
         raise InputError("t", f"no smooth curve through the samples: {error}") from None
 
 
-def require_motion(motion: Trajectory, position_names: Sequence[str]) -> None:
+def require_motion(motion: Trajectory, position_names: Sequence[str], name: str = "motion") -> None:
     """Check that something is a motion of a robot.
 
     Args:
         motion: What should be one.
         position_names: Of the robot.
+        name: The argument.
 
     Raises:
         InputError: When it is none, or another robot's.
     """
     if not isinstance(motion, Trajectory):
-        raise InputError("motion", f"a Trajectory is needed, not {type(motion).__name__}")
+        raise InputError(name, f"a Trajectory is needed, not {type(motion).__name__}")
     if motion.joint_names != tuple(position_names):
         joints = ", ".join(motion.joint_names)
-        raise InputError("motion", f"is another robot's, with joints {joints}")
+        raise InputError(name, f"is another robot's, with joints {joints}")

@@ -12,7 +12,7 @@ import matplotlib as mpl
 from matplotlib.figure import Figure
 
 from ..errors import OutputError
-from ..files import Writer
+from ..files import Writer, as_path
 
 Axes = Any
 
@@ -52,7 +52,7 @@ def require_ending(path: str | Path) -> str:
     Raises:
         OutputError: For another ending than .png, .svg or .pdf.
     """
-    ending = Path(path).suffix.lower()
+    ending = as_path(path).suffix.lower()
     if ending[1:] not in _METADATA:
         raise OutputError(path, f"ending {ending!r} unknown; known: .png, .svg, .pdf")
     return ending[1:]
