@@ -16,7 +16,7 @@ from typing import BinaryIO, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import FileFormatError, OutputError
+from .errors import FileFormatError, InputError, OutputError
 
 Array = NDArray[np.float64]
 
@@ -26,6 +26,29 @@ Writer = Callable[[BinaryIO], None]
 
 #: What people call the column of times.
 _TIME = dict.fromkeys(("time_s", "t", "time"), "t_s")
+
+
+#: [byte] of a table that is read.
+_LARGEST = 2**30
+
+
+def as_path(path: str | os.PathLike[str]) -> Path:
+    """The path of a file.
+
+    Raises:
+        InputError: When no file can have it.
+    """
+    try:
+        if b"\0" not in os.fsencode(path):
+            return Path(path)
+    except (TypeError, ValueError):  # no text, or one that is no file name here
+        pass
+    raise InputError("path", f"{path!r} is not the path of a file")
+
+
+def beside(path: Path, ending: str) -> Path:
+    """The file that has another ending, whatever the path."""
+    return path.parent / f"{path.stem}{ending}"
 
 
 class Table(NamedTuple):
@@ -75,12 +98,16 @@ def read_table(path: str | Path) -> Table:
     Raises:
         FileFormatError: With the line at fault.
     """
-    path = Path(path)
+    path = as_path(path)
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        with path.open("rb") as file:
+            content = file.read(_LARGEST + 1)
+        text = "" if len(content) > _LARGEST else content.decode("utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "not a text file"
         raise FileFormatError(path, f"cannot be read: {reason}") from None
+    if len(content) > _LARGEST:
+        raise FileFormatError(path, f"has more than {_LARGEST} bytes")
     reader = csv.reader(io.StringIO(text, newline=""), skipinitialspace=True)
     try:
         header = tuple(_TIME.get(name.strip(), name.strip()) for name in next(reader, []))
@@ -115,6 +142,8 @@ def _numbers(path: Path, line: int, header: Sequence[str], row: Sequence[str]) -
     for name, cell in zip(header, row, strict=True):
         try:
             number = float(cell)
+            if "_" in cell or not cell.isascii():  # Python's own ways to write numbers
+                raise ValueError
         except ValueError:
             raise FileFormatError(path, f"{name}: {cell!r} is not a number", line) from None
         if not math.isfinite(number):
@@ -161,7 +190,7 @@ def write_files(files: Mapping[Path, Writer], force: bool = False) -> None:
     Raises:
         OutputError: When a file exists and may not be replaced, or cannot be written.
     """
-    places = {path: _place(path, force) for path in files}
+    places = {path: _place(as_path(path), force) for path in files}
     for path, write in files.items():
         try:
             _write_whole(*places[path], write)

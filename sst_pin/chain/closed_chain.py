@@ -28,6 +28,7 @@ from ..errors import (
     DescriptionError,
     InputError,
 )
+from ..files import as_path, beside
 from . import dynamics
 from .assembly import generic_configuration
 from .backend import Answer, Backend, States
@@ -569,6 +570,10 @@ class ClosedChain:
         v = self.joint_rates(q, va)
         return (self.friction.forces(v) * v).sum(axis=-1)
 
+    def motor_rates(self, q: ArrayLike, va: ArrayLike) -> Array:
+        """Rates against which the motors work, shape (..., motors); arguments as `joint_rates`."""
+        return np.asarray(self.joint_rates(q, va) @ self._mechanism().motors)
+
     # --- doors to the rooms above -----------------------------------------------------------
 
     @classmethod
@@ -589,8 +594,9 @@ class ClosedChain:
         """
         from .. import reading
 
+        path = as_path(path)
         text = reading.read_text(path, "URDF")
-        cuts = Path(path).with_suffix(".yaml") if cuts is None else cuts
+        cuts = beside(path, ".yaml") if cuts is None else as_path(cuts)
         closures, actuated, gravity, joints = reading.parse_cuts(
             reading.read_text(cuts, "YAML of the cuts"), str(cuts)
         )

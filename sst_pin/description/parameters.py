@@ -7,7 +7,7 @@ leg k, {E} on the star, all with their origin in the centre O of the sphere.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -184,11 +184,8 @@ class Parameters:
 
         put("base_directions", _frozen(base_directions, "base_directions"))
         put("arc_angles", _frozen(arc_angles, "arc_angles"))
-        put("link", link if isinstance(link, RigidBody) else tuple(link))
-        put(
-            "passive_link",
-            passive_link if isinstance(passive_link, RigidBody) else tuple(passive_link),
-        )
+        put("link", _bodies(link))
+        put("passive_link", _bodies(passive_link))
         put("star", star)
         for name, value in (
             ("viscous_friction", viscous_friction),
@@ -253,6 +250,11 @@ class Parameters:
                 yield f"{name}: {radius} m is not positive"
             elif radius > _LARGEST_RADIUS:
                 yield f"{name}: {radius:g} m is more than {_LARGEST_RADIUS:g} m"
+
+
+def _bodies(value: RigidBody | Iterable[RigidBody]) -> RigidBody | tuple[RigidBody, ...]:
+    """One body for all legs, or one for each; `_problems` judges what is neither."""
+    return tuple(value) if isinstance(value, Iterable) else value
 
 
 def _direction_problems(v: Array) -> Iterator[str]:

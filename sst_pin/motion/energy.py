@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .trajectories import Trajectory, spline
+from ..errors import InputError
+from .trajectories import Trajectory, require_motion, spline
 
 if TYPE_CHECKING:
     from ..chain.closed_chain import ClosedChain
@@ -45,7 +46,14 @@ def energy_balance(chain: ClosedChain, motion: Trajectory) -> EnergyBalance:
     Args:
         chain: The robot.
         motion: Of that robot, with more than one sample.
+
+    Raises:
+        InputError: When the motion is no such one.
+        ClosureError: When its loops are open.
     """
+    require_motion(motion, chain.position_names)
+    if len(motion) < 2:
+        raise InputError("motion", "one sample; work is done between two at least")
 
     def work(power: Array) -> Array:
         return np.asarray(spline(motion.t, power).antiderivative()(motion.t))
@@ -55,7 +63,7 @@ def energy_balance(chain: ClosedChain, motion: Trajectory) -> EnergyBalance:
     return EnergyBalance(
         kinetic - kinetic[0],
         potential - potential[0],
-        work((motion.tau * motion.va).sum(axis=1)),
+        work((motion.tau * chain.motor_rates(motion.q, motion.va)).sum(axis=1)),
         work(chain.friction_power(motion.q, motion.va)),
     )
 

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import finite_array
 from ..errors import FileFormatError, InputError, OutputError
-from ..files import Writer, read_table, table_writer, write_files
+from ..files import Writer, as_path, read_table, table_writer, write_files
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
@@ -78,11 +78,16 @@ class Trajectory:
         rate_units: Sequence[str] | None = None,
     ) -> None:
         times = sample_times(t)
-        units = ("rad",) * len(joint_names) if units is None else tuple(units)
-        coordinates = tuple(actuated if coordinates is None else coordinates)
+        joint_names = _names("joint_names", joint_names)
+        actuated = _names("actuated", actuated)
+        coordinates = actuated if coordinates is None else _names("coordinates", coordinates)
+        units = _units("units", units or ("rad",) * len(joint_names), joint_names, ("rad", "m", ""))
         if rate_units is None:
-            unit = dict(zip(joint_names, units, strict=False))
+            unit = dict(zip(joint_names, units, strict=True))
             rate_units = [unit.get(name) or "rad" for name in coordinates]
+        rate_units = _units("rate_units", rate_units, coordinates, ("rad", "m"))
+        if not isinstance(stopped, str):
+            raise InputError("stopped", f"{stopped!r} is not a text")
         arrays = {
             "q": (q, len(joint_names)),
             "va": (va, len(coordinates)),
@@ -96,11 +101,11 @@ class Trajectory:
             array.setflags(write=False)
             object.__setattr__(self, name, array)
         object.__setattr__(self, "t", times)
-        object.__setattr__(self, "joint_names", tuple(joint_names))
-        object.__setattr__(self, "actuated", tuple(actuated))
+        object.__setattr__(self, "joint_names", joint_names)
+        object.__setattr__(self, "actuated", actuated)
         object.__setattr__(self, "units", units)
         object.__setattr__(self, "coordinates", coordinates)
-        object.__setattr__(self, "rate_units", tuple(rate_units))
+        object.__setattr__(self, "rate_units", rate_units)
         object.__setattr__(self, "stopped", stopped)
 
     def __len__(self) -> int:
@@ -123,18 +128,21 @@ class Trajectory:
         Raises:
             OutputError: When it cannot be written, or exists.
         """
-        write_files({Path(path): self.writer(path)}, force)
+        write_files({as_path(path): self.writer(path)}, force)
 
     def writer(self, path: str | Path) -> Writer:
         """What writes the motion in the format the path's ending asks for.
 
         Raises:
-            OutputError: For another ending than .csv or .npz.
+            OutputError: For another ending than .csv or .npz, or names that a CSV cannot hold.
         """
-        kind = Path(path).suffix.lower()
+        kind = as_path(path).suffix.lower()
         if kind == ".csv":
+            columns = self._columns()
+            if any(re.search(r"^\s|[,\"\r\n]", name) for name in columns):
+                raise OutputError(path, "a name with a comma, quote or space; save it as .npz")
             values = np.column_stack([self.t, self.q, self.va, self.aa, self.tau])
-            return table_writer(self._columns(), values)
+            return table_writer(columns, values)
         if kind == ".npz":
             arrays: dict[str, Any] = {
                 name: np.asarray(getattr(self, name)) for name in (*_COMPARED, "stopped")
@@ -152,7 +160,7 @@ class Trajectory:
         Raises:
             FileFormatError: When it is not such a file, with the line at fault.
         """
-        path = Path(path)
+        path = as_path(path)
         return cls._load_npz(path) if path.suffix.lower() == ".npz" else cls._load_csv(path)
 
     @classmethod
@@ -162,15 +170,21 @@ class Trajectory:
                 content = {name: file[name] for name in (*_COMPARED, "stopped")}
         except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
             raise FileFormatError(path, f"not a motion: {error}") from None
-        words = {key: tuple(map(str, content.pop(key))) for key in _WORDS}
-        stopped = str(content.pop("stopped"))
-        return cls(**content, **words, stopped=stopped)
+        words = {key: content.pop(key).tolist() for key in (*_WORDS, "stopped")}
+        try:
+            return cls(**content, **words)
+        except InputError as error:
+            raise FileFormatError(path, f"not a motion: {error}") from None
 
     @classmethod
     def _load_csv(cls, path: Path) -> Trajectory:
         table = read_table(path)
-        rates = [re.fullmatch(r"(.+)_(rad|m)_s", name) for name in table.columns]
-        coordinates = [(p[1], p[2]) for p in rates if p]
+        rates = [re.fullmatch(r"(.+)_(rad|m)_s(2?)", name) for name in table.columns]
+        coordinates, accelerations = (
+            [(p[1], p[2]) for p in rates if p and p[3] == power] for power in ("", "2")
+        )
+        if coordinates != accelerations:
+            raise FileFormatError(path, "not a motion: rates and accelerations of other joints", 1)
         torques = [re.fullmatch(r"tau_\d+_(Nm|N)", name) for name in table.columns]
         positions = [(p[1], p[2] or "") for p in map(_POSITION.fullmatch, table.columns) if p]
         if not coordinates or not positions:
@@ -206,10 +220,30 @@ class Trajectory:
         """The torques as a smooth function of time, for `simulate`.
 
         Returns:
-            A spline of degree five through the samples (lower for fewer than six of them).
+            A spline of degree five through the samples (lower for fewer than six of them). At
+            other times than those of the motion it raises an `InputError`.
         """
-        smooth = spline(self.t, self.tau)
-        return lambda t: np.asarray(smooth(t))
+        smooth, times = spline(self.t, self.tau), self.t
+        return lambda t: np.asarray(smooth(times_within("t", t, times)))
+
+
+def _names(name: str, value: Iterable[str]) -> tuple[str, ...]:
+    """Names of joints, each of them once."""
+    names = tuple(value) if isinstance(value, Iterable) else (value,)
+    if isinstance(value, str) or not all(isinstance(word, str) for word in names):
+        raise InputError(name, f"{value!r} is not a sequence of names")
+    if len(set(names)) < len(names):
+        raise InputError(name, f"a name stands twice in {', '.join(names)}")
+    return names
+
+
+def _units(
+    name: str, value: Iterable[str], owners: Sequence[str], known: Sequence[str]
+) -> tuple[str, ...]:
+    units = tuple(value)
+    if len(units) != len(owners) or not set(units) <= set(known):
+        raise InputError(name, f"{units}, expected {len(owners)} of {', '.join(map(repr, known))}")
+    return units
 
 
 def _columns(
@@ -247,13 +281,57 @@ def sample_times(t: ArrayLike, least: int = 1) -> Array:
     return times
 
 
+def times_within(name: str, value: ArrayLike, times: Array) -> Array:
+    """Times at which samples can be interpolated, shape (...).
+
+    Args:
+        name: The argument.
+        value: The times.
+        times: Those of the samples, increasing.
+
+    Raises:
+        InputError: When one lies before the first sample or after the last.
+    """
+    array = finite_array(name, value, ())
+    slack = 1e-9 * (times[-1] - times[0])  # an integrator may end a rounding beyond
+    outside = (array < times[0] - slack) | (array > times[-1] + slack)
+    if outside.any():
+        first = array[outside][0]
+        raise InputError(name, f"{first:g} s, sampled from {times[0]:g} to {times[-1]:g} s")
+    return array
+
+
 def spline(t: Array, values: Array) -> BSpline:
     """A smooth curve through samples: of degree five, lower for fewer than six of them.
 
     Args:
         t: Increasing times, shape (N,).
         values: Shape (N, ...).
+
+    Raises:
+        InputError: When the times are too near to one another for a curve in double precision.
     """
     from scipy.interpolate import make_interp_spline
 
-    return make_interp_spline(t, values, k=min(5, len(t) - 1))
+    try:
+        return make_interp_spline(t, values, k=min(5, len(t) - 1))
+    except ValueError as error:
+        raise InputError("t", f"no smooth curve through the samples: {error}") from None
+
+
+def require_motion(motion: Trajectory, position_names: Sequence[str], name: str = "motion") -> None:
+    """Check that something is a motion of a robot.
+
+    Args:
+        motion: What should be one.
+        position_names: Of the robot.
+        name: The argument.
+
+    Raises:
+        InputError: When it is none, or another robot's.
+    """
+    if not isinstance(motion, Trajectory):
+        raise InputError(name, f"a Trajectory is needed, not {type(motion).__name__}")
+    if motion.joint_names != tuple(position_names):
+        joints = ", ".join(motion.joint_names)
+        raise InputError(name, f"is another robot's, with joints {joints}")

@@ -10,7 +10,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from ..motion.trajectories import Trajectory
+from ..errors import InputError
+from ..motion.trajectories import Trajectory, require_motion
 from ..sst.robot import SST
 from ..sst.workspace import Workspace
 from .motions import CURVES
@@ -33,7 +34,14 @@ def motion_page(robot: SST, motion: Trajectory, subjects: Sequence[str] = SUMMAR
         robot: The SST.
         motion: Of that robot, with more than one sample.
         subjects: Of `SUBJECTS`, in the order of the page.
+
+    Raises:
+        InputError: For a subject that is none, or a motion of another robot.
     """
+    require_motion(motion, robot.position_names)
+    names = [] if isinstance(subjects, str) or not isinstance(subjects, Sequence) else subjects
+    if not names or not all(name in list(SUBJECTS) for name in names):
+        raise InputError("subjects", f"{subjects!r}, expected some of {', '.join(SUBJECTS)}")
     columns = min(len(subjects), 2)
     rows = -(-len(subjects) // columns)
     with style():

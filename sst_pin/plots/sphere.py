@@ -10,6 +10,7 @@ import matplotlib as mpl
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import single_array
 from ..motion.trajectories import Trajectory
 from ..sst.kinematics import legs_of_joints
 from ..sst.robot import SST
@@ -63,7 +64,7 @@ def robot_pose(ax: Axes, robot: SST, q: Array, radii: tuple[float, float] | None
     """
     base, star = radii or (7 / 8 * robot.star_radius, robot.star_radius)
     _patch(ax, robot, base, "P")
-    legs = legs_of_joints(robot.geometry, q)
+    legs = legs_of_joints(robot.geometry, single_array("q", q, (9,)))
     for k in range(3):
         colour = COLOURS[k]
         carriage = np.outer((base, star), legs.u[k])

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from ..description.colours import LEG_COLOURS
 from ..errors import OutputError
-from ..files import Writer
+from ..files import Writer, as_path
 
 Axes = Any
 
@@ -53,7 +53,7 @@ def require_ending(path: str | Path) -> str:
     Raises:
         OutputError: For another ending than .png, .svg or .pdf.
     """
-    ending = Path(path).suffix.lower()
+    ending = as_path(path).suffix.lower()
     if ending[1:] not in _METADATA:
         raise OutputError(path, f"ending {ending!r} unknown; known: .png, .svg, .pdf")
     return ending[1:]

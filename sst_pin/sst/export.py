@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DescriptionError
-from ..files import Writer, text_writer
+from ..files import Writer, as_path, text_writer
 from .kernel_path import misfit
 from .kernels.packing import FIELDS, pack
 from .robot import SST
@@ -53,7 +53,7 @@ def c_files(robot: SST, folder: str | Path) -> dict[Path, Writer]:
     name = robot.model.name.replace("*/", "* /").replace("/*", "/ *")  # it stands in a comment
     head = _HEAD.format(name=name)
     texts["sst_robot.h"] = f"{head}{numbers}}};\n\n#endif\n"
-    return {Path(folder) / name: text_writer(text) for name, text in texts.items()}
+    return {as_path(folder) / name: text_writer(text) for name, text in texts.items()}
 
 
 def _initialisers(vector: Array) -> Iterator[str]:

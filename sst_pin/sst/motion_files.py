@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..description import MOTOR_NAMES
 from ..errors import FileFormatError, SSTError
-from ..files import Table, read_table
+from ..files import Table, as_path, read_table
 from ..motion.trajectories import Trajectory, spline
 from .platform_motion import interpolate_orientations, orientation
 from .robot import SST
@@ -77,7 +77,7 @@ def load_motion(robot: SST, path: str | Path) -> Trajectory:
     Raises:
         FileFormatError, WorkspaceError, SingularConfigurationError: As `read_motion`.
     """
-    path = Path(path)
+    path = as_path(path)
     whole = {f"{name}_rad" for name in robot.joint_names} | {"tau_1_Nm"}
     if path.suffix.lower() != ".npz" and not whole <= set(read_table(path).columns):
         return read_motion(robot, path)
@@ -89,8 +89,10 @@ def load_motion(robot: SST, path: str | Path) -> Trajectory:
 
 def _unit(table: Table, name: str) -> str | None:
     """The column of an angle, whatever its unit."""
-    names = (f"{name}_rad", f"{name}_deg", name)
-    return next((column for column in names if column in table.columns), None)
+    names = [c for c in (f"{name}_rad", f"{name}_deg", name) if c in table.columns]
+    if len(names) > 1:
+        raise FileFormatError(table.path, f"one angle in several columns: {', '.join(names)}", 1)
+    return names[0] if names else None
 
 
 def _angle(table: Table, name: str) -> Array:

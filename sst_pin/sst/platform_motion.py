@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import finite_array
 from ..errors import InputError
-from ..motion.trajectories import sample_times, spline
+from ..motion.trajectories import sample_times, spline, times_within
+from .kinematics import require_rotation
 
 Array = NDArray[np.float64]
 
@@ -57,8 +58,16 @@ def orientation_motion(
         theta: The angle, its rate and its acceleration, each of shape (...), [rad].
         phi: The same.
         psi: The same.
+
+    Raises:
+        InputError: When one is not three arrays of finite numbers, or shapes do not broadcast.
     """
-    values = np.broadcast_arrays(*(finite_array("angles", a, ()) for a in (*theta, *phi, *psi)))
+    angles = (*_with_rates("theta", theta), *_with_rates("phi", phi), *_with_rates("psi", psi))
+    try:
+        values = np.broadcast_arrays(*angles)
+    except ValueError:
+        shapes = ", ".join(str(angle.shape) for angle in angles[::3])
+        raise InputError("theta, phi, psi", f"shapes {shapes} do not broadcast") from None
     (t, t_1, t_2), (p, p_1, p_2), (s, s_1, s_2) = (values[i : i + 3] for i in (0, 3, 6))
     zero, one = np.zeros_like(t), np.ones_like(t)
     # {E} = Rot(z, theta) Rot(x, pi/2) Rot(z, pi/2 - phi) Rot(x, psi): leg 1 with mu_1 = pi/2.
@@ -75,6 +84,14 @@ def orientation_motion(
     )  # and the axes turn with those before them
     alpha = alpha + np.cross(turn_z, turn_n) + np.cross(turn_z + turn_n, turn_s)
     return PlatformMotion(R, omega, alpha)
+
+
+def _with_rates(name: str, value: Sequence[ArrayLike]) -> list[Array]:
+    try:
+        angle, rate, acceleration = value
+    except (TypeError, ValueError):
+        raise InputError(name, "not an angle, its rate and its acceleration") from None
+    return [finite_array(name, part, ()) for part in (angle, rate, acceleration)]
 
 
 def paper_circle(t: ArrayLike) -> PlatformMotion:
@@ -120,12 +137,17 @@ def interpolate_orientations(t: ArrayLike, R: ArrayLike, at: ArrayLike) -> Platf
         Orientation, angular velocity and acceleration.
 
     Raises:
-        InputError: When neighbours are more than a quarter turn apart: the way between is a guess.
+        InputError: For what is no rotation, for times outside the samples, and when neighbours are
+            more than a quarter turn apart: the way between is a guess.
     """
     from scipy.spatial.transform import Rotation
 
-    times, wanted = sample_times(t, 3), finite_array("at", at, ())
-    samples = Rotation.from_matrix(finite_array("R", R, (3, 3)))
+    times = sample_times(t, 3)
+    wanted, matrices = times_within("at", at, times), finite_array("R", R, (3, 3))
+    if matrices.shape[:-2] != times.shape:
+        raise InputError("R", f"shape {matrices.shape}, expected {(len(times), 3, 3)}")
+    require_rotation(matrices)
+    samples = Rotation.from_matrix(matrices)
     steps = (samples[:-1].inv() * samples[1:]).magnitude()
     if steps.max() > np.pi / 2:
         i = int(np.argmax(steps > np.pi / 2))

@@ -17,9 +17,10 @@ from ..chain.closed_chain import ClosedChain
 from ..chain.reference import Reference
 from ..description.parameters import Parameters
 from ..errors import DescriptionError, InputError, WorkspaceError
+from ..files import as_path, beside
 from ..motion.rollouts import Rollout
 from ..motion.simulation import Load, Torque, constant_or_called
-from ..motion.trajectories import Trajectory
+from ..motion.trajectories import Trajectory, require_motion
 from . import direct_kinematics, kernel_path, kinematics
 from .check import Finding, findings
 from .geometry_models import Looks
@@ -72,6 +73,8 @@ class SST(ClosedChain):
     def __init__(self, parameters: Parameters | None = None, *, kernels: bool = True) -> None:
         if parameters is None:
             self._load_files(Path(description.URDF_PATH), Path(description.YAML_PATH), kernels)
+        elif not isinstance(parameters, Parameters):
+            raise InputError("parameters", f"{parameters!r}; for a file there is SST.from_urdf")
         else:
             urdf, cuts = description.urdf_of(parameters), description.cuts_of(parameters)
             self._load(urdf, cuts, "URDF of the parameters", "cuts of the parameters", kernels)
@@ -92,14 +95,8 @@ class SST(ClosedChain):
         Raises:
             DescriptionError: When it is no URDF, or of another topology, with every problem.
         """
-        urdf = reading.read_text(path, "URDF")
-        if cuts is None:
-            beside = Path(path).with_suffix(".yaml")
-            cuts = beside if beside.is_file() else description.YAML_PATH
         robot = cls.__new__(cls)
-        text = reading.read_text(cuts, "YAML of the cuts")
-        robot._load(urdf, text, str(path), str(cuts), kernels)
-        robot.looks = Looks(urdf, Path(path).parent)
+        robot._load_files(as_path(path), None if cuts is None else as_path(cuts), kernels)
         return robot
 
     @classmethod
@@ -129,8 +126,11 @@ class SST(ClosedChain):
             )
         return cls(parameters_of(chain.model, geometry, chain.friction), kernels=kernels)
 
-    def _load_files(self, path: Path, cuts: Path, kernels: bool) -> None:
+    def _load_files(self, path: Path, cuts: Path | None, kernels: bool) -> None:
         urdf = reading.read_text(path, "URDF")
+        if cuts is None:
+            own = beside(path, ".yaml")
+            cuts = own if own.is_file() else Path(description.YAML_PATH)
         text = reading.read_text(cuts, "YAML of the cuts")
         self._load(urdf, text, str(path), str(cuts), kernels)
         self.looks = Looks(urdf, path.parent)
@@ -314,9 +314,7 @@ class SST(ClosedChain):
         Raises:
             InputError: When the motion is another robot's.
         """
-        if motion.joint_names != self.joint_names:
-            joints = ", ".join(motion.joint_names)
-            raise InputError("motion", f"is another robot's, with joints {joints}")
+        require_motion(motion, self.position_names)
         return findings(self._draft.model, self.geometry, motion.t, motion.q)
 
     # --- dynamics ---------------------------------------------------------------------------

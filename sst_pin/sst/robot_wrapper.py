@@ -9,6 +9,7 @@ import pinocchio as pin
 
 from .. import description
 from ..errors import DescriptionError
+from ..files import as_path, beside
 from ..reading.srdf import check_srdf
 from .geometry_models import geometry_model
 from .robot import SST
@@ -27,10 +28,10 @@ def load(urdf: str | Path = description.URDF_PATH) -> pin.RobotWrapper:
     Raises:
         DescriptionError: When it is no URDF of an SST, or a mesh or the SRDF beside it is missing.
     """
-    path = Path(urdf)
+    path = as_path(urdf)
     sst = SST.from_urdf(path, kernels=False)
     model = sst.model
-    srdf = path.with_suffix(".srdf")
+    srdf = beside(path, ".srdf")
     if not srdf.is_file():
         raise DescriptionError(str(srdf), ["the SRDF beside the URDF is missing"])
     check_srdf(srdf, model)

@@ -18,9 +18,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import finite_array
+from ..arrays import single_array, whole_number
 from ..errors import InputError, OutputError
-from ..files import Writer, table_writer, write_files
+from ..files import Writer, as_path, table_writer, write_files
 from . import kinematics
 from .check import arc_margins
 from .platform_motion import orientation
@@ -30,6 +30,8 @@ Array = NDArray[np.float64]
 
 #: |sin(mu_k)| below which the pose of leg k is not computed: gamma_k loses its digits.
 _FLAT = 1e-6
+#: Poses of a map.
+_MOST = 100_000_000
 
 
 class Chart(NamedTuple):
@@ -155,7 +157,7 @@ class Workspace:
         Raises:
             OutputError: When it cannot be written, or exists.
         """
-        write_files({Path(path): self.writer(path)}, force)
+        write_files({as_path(path): self.writer(path)}, force)
 
     def writer(self, path: str | Path) -> Writer:
         """What writes the map in the format the path's ending asks for.
@@ -163,7 +165,7 @@ class Workspace:
         Raises:
             OutputError: For another ending than .csv or .npz.
         """
-        kind = Path(path).suffix.lower()
+        kind = as_path(path).suffix.lower()
         arrays: dict[str, Any] = {field.name: getattr(self, field.name) for field in fields(self)}
         if kind == ".npz":
             return lambda file: np.savez_compressed(file, **arrays)
@@ -191,7 +193,7 @@ def workspace_at(robot: SST, psi: float = 0.0, rings: int = 151, spokes: int = 3
         rings: Directions from the middle of the map to its edge.
         spokes: Directions round it.
     """
-    return _workspace(robot, finite_array("psi", [psi], (1,)), rings, spokes)
+    return _workspace(robot, single_array("psi", psi, ())[None], rings, spokes)
 
 
 def workspace_over_rolls(
@@ -205,7 +207,10 @@ def workspace_over_rolls(
         rings: As for `workspace_at`.
         spokes: As for `workspace_at`.
     """
-    return _workspace(robot, np.arange(rolls) * 2 * np.pi / rolls, rings, spokes)
+    count = whole_number("rolls", rolls, 1)
+    if count > _MOST:
+        raise InputError("rolls", f"{count} are too many")
+    return _workspace(robot, np.arange(count) * 2 * np.pi / count, rings, spokes)
 
 
 class _Poses(NamedTuple):
@@ -219,9 +224,9 @@ class _Poses(NamedTuple):
 def _workspace(robot: SST, psi: Array, rings: int, spokes: int) -> Workspace:
     from scipy.spatial.transform import Rotation
 
-    for name, count in (("rings", rings), ("spokes", spokes), ("rolls", len(psi))):
-        if count < (1 if name == "rolls" else 3):
-            raise InputError(name, f"{count} are too few")
+    size = whole_number("rings", rings, 3) * whole_number("spokes", spokes, 3) * len(psi)
+    if size > _MOST:
+        raise InputError("rings, spokes", f"{size} poses, at most {_MOST} fit into the memory")
     chart = Chart.of_robot(robot)
     s = chart.directions(chart.grid(rings, spokes))
     s[:, -1] = s[:, 0]  # to the last bit

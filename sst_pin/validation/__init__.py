@@ -10,6 +10,7 @@ from pathlib import Path
 
 from ..chain.closed_chain import ClosedChain
 from ..errors import ClosureError, DescriptionError
+from ..files import as_path, beside
 from ..reading import checks, parse_urdf, parse_xml, read_text
 from ..reading.problems import Problem, error
 from . import inertia, loops, meshes
@@ -32,7 +33,7 @@ def validate(path: str | Path, cuts: str | Path | None = None) -> list[Problem]:
     Returns:
         Errors first, then warnings; empty for a good description.
     """
-    path = Path(path)
+    path, cuts = as_path(path), None if cuts is None else as_path(cuts)
     try:
         text = read_text(path, "URDF")
         root = parse_xml(text, str(path))
@@ -48,7 +49,7 @@ def validate(path: str | Path, cuts: str | Path | None = None) -> list[Problem]:
 
 def summary(path: str | Path, cuts: str | Path | None = None) -> str:
     """Joints, mass and mobility of a robot without errors; arguments as in `validate`."""
-    path = Path(path)
+    path = as_path(path)
     cuts = _cuts_of(path, cuts)
     if cuts is None:
         model = parse_urdf(read_text(path, "URDF"), str(path))
@@ -66,6 +67,6 @@ def summary(path: str | Path, cuts: str | Path | None = None) -> str:
 
 def _cuts_of(path: Path, cuts: str | Path | None) -> Path | None:
     if cuts is not None:
-        return Path(cuts)
-    beside = path.with_suffix(".yaml")
-    return beside if beside.is_file() else None
+        return as_path(cuts)
+    own = beside(path, ".yaml")
+    return own if own.is_file() else None

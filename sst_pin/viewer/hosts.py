@@ -27,6 +27,8 @@ def listen(host: str, port: int) -> list[socket.socket]:
         ServerError: When nothing can listen there.
     """
     try:
+        if not isinstance(host, str) or not isinstance(port, int):
+            raise OSError("an address is a text, a port a whole number")
         if not host:
             raise OSError("an empty address would mean every network")
         if not 0 <= port <= 65535:  # else getaddrinfo takes the remainder

@@ -14,11 +14,11 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from ..arrays import single_array
+from ..arrays import positive_number, single_array
 from ..chain.closed_chain import ClosedChain
-from ..errors import InputError, OutputError
-from ..files import Writer, write_files
-from ..motion.trajectories import Trajectory
+from ..errors import OutputError
+from ..files import Writer, as_path, write_files
+from ..motion.trajectories import Trajectory, require_motion
 from ..sst.check import findings
 from ..sst.robot import SST
 from .markers import TRAIL_SIDES
@@ -103,12 +103,9 @@ class Viewer:
         Raises:
             InputError: When the motion is another robot's, or the speed not positive.
         """
-        for name, given in (("motion", motion), ("wanted", wanted or motion)):
-            if given.joint_names != tuple(self._robot.joint_names):
-                joints = ", ".join(given.joint_names)
-                raise InputError(name, f"is another robot's, with joints {joints}")
-        if not (np.isfinite(speed) and speed > 0):
-            raise InputError("speed", f"{speed!r} is not a positive number")
+        for name, given in (("motion", motion), ("wanted", motion if wanted is None else wanted)):
+            require_motion(given, self._robot.position_names, name)
+        speed = positive_number("speed", speed)
         if len(motion) == 1:
             self.show(motion.q[0], motion.tau[0])
             return
@@ -136,7 +133,7 @@ class Viewer:
             MissingExtraError: For a picture without Playwright.
             BrowserError: For a picture without Chromium.
         """
-        write_files({Path(path): self.writer(path)}, force)
+        write_files({as_path(path): self.writer(path)}, force)
 
     def writer(self, path: str | Path) -> Writer:
         """What writes the file that the path's ending asks for.
@@ -151,7 +148,7 @@ class Viewer:
             ".png": lambda: pictures.png(self.html),
             ".gif": lambda: pictures.gif(self.html),
         }
-        kind = Path(path).suffix.lower()
+        kind = as_path(path).suffix.lower()
         if kind not in kinds:
             raise OutputError(path, f"ending {kind!r} unknown; known: {', '.join(kinds)}")
 

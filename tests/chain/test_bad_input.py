@@ -9,8 +9,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import sst_pin
-from sst_pin.chain.closures import Coupling
 from sst_pin import errors
+from sst_pin.chain.closures import Coupling
 from sst_pin.verification.sampling import random_states
 
 HOME = sst_pin.SST().home

@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Robots and good arguments that bad calls are made of."""
+
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+import robots
+import sst_pin
+from sst_pin.verification.sampling import random_states
+
+
+class World:
+    """Made once in each process, in an empty folder."""
+
+    N = 4
+
+    @cached_property
+    def robot(self):
+        """By its compiled kernels, where they are."""
+        return sst_pin.SST()
+
+    @cached_property
+    def reference(self):
+        return sst_pin.SST(kernels=False)
+
+    @cached_property
+    def table_of_four_bar(self):
+        return robots.four_bar()
+
+    @cached_property
+    def chain(self):
+        """A four-bar, one motor."""
+        return self.table_of_four_bar.chain()
+
+    @cached_property
+    def chain_state(self):
+        """q, va, aa, tau of the four-bar by virtual work."""
+        table = self.table_of_four_bar
+        none = np.zeros((len(table.links), 6))
+        motion = table.motion(table.x, np.full(1, 0.3), np.full(1, -0.4), none)
+        return motion.q, motion.va, motion.aa, motion.tau
+
+    @cached_property
+    def star_states(self):
+        """R, omega, alpha of four random states."""
+        return random_states(self.robot, np.random.default_rng(0), self.N)
+
+    @cached_property
+    def states(self):
+        """q, va, aa of the same states."""
+        return self.robot.joint_motion(*self.star_states)
+
+    @cached_property
+    def tau(self):
+        """Their torques by the reference path."""
+        return self.reference.compute_torques(*self.states)
+
+    @cached_property
+    def motion(self):
+        """The start of the paper's circle, ten samples."""
+        from sst_pin.sst.paper import example_1
+
+        return example_1(self.robot, np.linspace(0, 0.05, 10))
+
+    @cached_property
+    def urdf(self):
+        return Path(sst_pin.URDF_PATH).read_text(encoding="utf-8")
+
+    @cached_property
+    def cuts(self):
+        return Path(sst_pin.YAML_PATH).read_text(encoding="utf-8")
+
+    def fresh(self, **options):
+        """A robot that a call may spoil."""
+        return sst_pin.SST(**options)
+
+    def described(self, urdf=None, cuts=None, name="robot"):
+        """A URDF with its cuts in the working folder."""
+        path = Path(f"{name}.urdf")
+        path.write_text(self.urdf if urdf is None else urdf, encoding="utf-8")
+        path.with_suffix(".yaml").write_text(self.cuts if cuts is None else cuts, encoding="utf-8")
+        return path

@@ -1,0 +1,198 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Descriptions read once more, strictly and with other means, and torques by other means.
+
+Whoever reads a description differently than these few lines is wrong, or should have refused it.
+"""
+
+import re
+import xml.etree.ElementTree as ET
+from types import SimpleNamespace
+from typing import Any
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+import yaml
+
+import sst_pin
+from sst_pin.verification.referees import lagrange
+
+_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
+
+
+class Unreadable(Exception):
+    """A description that no reader may take."""
+
+
+def numbers(text: str, count: int) -> np.ndarray:
+    """So many finite decimal numbers."""
+    words = text.split()
+    if len(words) != count or not all(_NUMBER.fullmatch(word) for word in words):
+        raise Unreadable(text)
+    values = np.array([float(word) for word in words])
+    if not np.isfinite(values).all():
+        raise Unreadable(text)
+    return values
+
+
+def model_of(urdf: str) -> pin.Model:
+    """The tree of a URDF, a frame for each of its links."""
+    root = ET.fromstring(urdf)
+    links = {link.get("name"): link for link in root.findall("link")}
+    joints = {joint.get("name"): joint for joint in root.findall("joint")}
+    if len(links) != len(root.findall("link")) or len(joints) != len(root.findall("joint")):
+        raise Unreadable("a name twice")
+    if not links or None in links or None in joints:
+        raise Unreadable("no name")
+    children: dict[str, list[ET.Element]] = {}
+    borne = set()
+    for joint in joints.values():
+        parent, child = (joint.find(end).get("link") for end in ("parent", "child"))
+        if {parent, child} - set(links) or child in borne:
+            raise Unreadable("not a tree")
+        children.setdefault(parent, []).append(joint)
+        borne.add(child)
+    (base,) = set(links) - borne
+    model = pin.Model()
+
+    def add(name: str, joint: int, placement: pin.SE3) -> None:
+        model.addFrame(pin.Frame(name, joint, placement, pin.FrameType.BODY))
+        inertial = links[name].find("inertial")
+        if inertial is not None:
+            model.appendBodyToJoint(joint, _inertia(inertial), placement)
+        for element in children.get(name, []):
+            at = placement * _placement(element)
+            child = element.find("child").get("link")
+            if element.get("type") == "fixed":
+                add(child, joint, at)
+            else:
+                number = model.addJoint(joint, _joint(element), at, element.get("name"))
+                add(child, number, pin.SE3.Identity())
+
+    add(base, 0, pin.SE3.Identity())
+    if len(model.frames) - 1 != len(links):
+        raise Unreadable("a ring of links")
+    for i, name in enumerate(list(model.names)[1:]):
+        dynamics = joints[name].find("dynamics")
+        given = {} if dynamics is None else dynamics.attrib
+        model.damping[i] = numbers(given.get("damping", "0"), 1)[0]
+        model.friction[i] = numbers(given.get("friction", "0"), 1)[0]
+    return model
+
+
+def _joint(element: ET.Element) -> pin.JointModel:
+    kinds = {
+        "revolute": pin.JointModelRevoluteUnaligned,
+        "continuous": pin.JointModelRevoluteUnaligned,
+        "prismatic": pin.JointModelPrismaticUnaligned,
+    }
+    axis = element.find("axis")
+    direction = numbers("1 0 0" if axis is None else axis.get("xyz", "1 0 0"), 3)
+    if element.get("type") not in kinds or not direction.any():
+        raise Unreadable("joint")
+    return kinds[element.get("type")](direction / np.linalg.norm(direction))
+
+
+def _placement(element: ET.Element) -> pin.SE3:
+    origin = element.find("origin")
+    given = {} if origin is None else origin.attrib
+    rpy = numbers(given.get("rpy", "0 0 0"), 3)
+    return pin.SE3(pin.rpy.rpyToMatrix(*rpy), numbers(given.get("xyz", "0 0 0"), 3))
+
+
+def _inertia(inertial: ET.Element) -> pin.Inertia:
+    given = inertial.find("inertia").attrib
+    entries = [numbers(given[f"i{a}"], 1)[0] for a in ("xx", "xy", "xz", "yy", "yz", "zz")]
+    matrix = np.array([entries[i] for i in (0, 1, 2, 1, 3, 4, 2, 4, 5)]).reshape(3, 3)
+    mass = numbers(inertial.find("mass").get("value"), 1)[0]
+    if mass < 0:
+        raise Unreadable("negative mass")
+    return _placement(inertial).act(pin.Inertia(mass, np.zeros(3), matrix))
+
+
+class _StrictLoader(yaml.SafeLoader):
+    """Refuses a key that stands twice."""
+
+    def construct_mapping(self, node: Any, deep: bool = False) -> Any:
+        keys = [key.value for key, _ in node.value]
+        if len(set(map(str, keys))) != len(keys):
+            raise Unreadable("a key twice")
+        return super().construct_mapping(node, deep)
+
+
+def torques_of(
+    urdf: str, cuts: str, chain: sst_pin.ClosedChain, q: np.ndarray, va: np.ndarray, aa: np.ndarray
+) -> np.ndarray:
+    """Torques by Lagrange multipliers of what the files say; the chain only orders its joints.
+
+    Raises:
+        Exception: Of whatever kind, when the files do not say it clearly.
+    """
+    model = model_of(urdf)
+    content = yaml.load(cuts, _StrictLoader)
+    if not set(content) <= {"closed_loop", "type", "name_mot", "gravity"}:
+        raise Unreadable("keys")
+    motors, gravity = content["name_mot"], content.get("gravity", [0, 0, -9.81])
+    named = [*motors, *content["type"], *(name for pair in content["closed_loop"] for name in pair)]
+    if not all(isinstance(name, str) for name in named):
+        raise Unreadable("a name that is none")
+    if not all(type(x) in (int, float) for x in gravity):
+        raise Unreadable("gravity")
+    model.gravity.linear = np.array(gravity, dtype=float)
+    names = list(model.names)[1:]
+    order = [chain.joint_names.index(name) for name in names]
+    pairs = zip(content["closed_loop"], content["type"], strict=True)
+    stand_in = SimpleNamespace(
+        model=model,
+        closures=[sst_pin.Closure(a, b, kind.lower()) for (a, b), kind in pairs],
+        actuated=[names.index(motor) for motor in motors],
+        friction=SimpleNamespace(viscous=model.damping, coulomb=model.friction),
+    )
+    return lagrange.torques(stand_in, q[order], va, aa)
+
+
+def torques_by_mujoco(
+    xml: str, chain: sst_pin.ClosedChain, q: np.ndarray, va: np.ndarray, aa: np.ndarray
+) -> np.ndarray:
+    """Torques of an MJCF of hinges and slides: MuJoCo's inverse dynamics, multipliers solved for.
+
+    Raises:
+        Exception: When MuJoCo does not take it.
+    """
+    model = mujoco.MjModel.from_xml_string(xml)
+    model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+    names = [model.joint(j).name for j in range(model.njnt)]
+    order = [chain.joint_names.index(name) for name in names]
+    if model.nv != len(order):
+        raise Unreadable("joints of several coordinates")
+    q = q[order]
+    Phi = _equality_jacobian(model, q)
+    motors = np.eye(model.nv)[[names.index(chain.joint_names[i]) for i in chain.actuated]]
+    system = np.vstack([Phi, motors])
+
+    def solved(right: np.ndarray) -> np.ndarray:
+        return np.linalg.lstsq(system, right, rcond=1e-10)[0]
+
+    q_dot = solved(np.concatenate([np.zeros(len(Phi)), va]))
+    h = 1e-5
+    rate = (_equality_jacobian(model, q + h * q_dot) - _equality_jacobian(model, q - h * q_dot)) / (
+        2 * h
+    )
+    q_ddot = solved(np.concatenate([-rate @ q_dot, aa]))
+    friction = model.dof_frictionloss * np.sign(q_dot)
+    if model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS:
+        friction = 0 * friction
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+    data = mujoco.MjData(model)
+    data.qpos, data.qvel, data.qacc = q, q_dot, q_ddot
+    mujoco.mj_inverse(model, data)
+    need = data.qfrc_inverse + friction
+    return np.linalg.lstsq(system.T, need, rcond=1e-10)[0][-len(va) :]
+
+
+def _equality_jacobian(model: mujoco.MjModel, q: np.ndarray) -> np.ndarray:
+    data = mujoco.MjData(model)
+    data.qpos = q
+    mujoco.mj_forward(model, data)
+    rows = data.efc_J.reshape(data.nefc, model.nv)
+    return rows[np.asarray(data.efc_type) == mujoco.mjtConstraint.mjCNSTR_EQUALITY].copy()

@@ -1,0 +1,290 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Figures, maps, pages and commands asked for what they cannot give."""
+
+import contextlib
+import io
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from call_world import World
+from judged_calls import Call
+from motion_calls import ODD_PATHS, word
+
+import sst_pin
+from sst_pin.cli import main
+
+
+def pictures(w: World) -> Iterator[Call]:
+    """Figures, maps and the viewer."""
+    from matplotlib.figure import Figure
+
+    from sst_pin import plots
+    from sst_pin.sst.workspace import workspace_at, workspace_over_rolls
+    from sst_pin.viewer import Viewer
+
+    m = w.motion
+    single = sst_pin.Trajectory(
+        m.t[:1], m.q[:1], m.va[:1], m.aa[:1], m.tau[:1], m.joint_names, m.actuated
+    )
+    other = sst_pin.Trajectory(
+        [0.0, 1.0], np.ones((2, 3)), np.ones((2, 1)), np.ones((2, 1)), np.ones((2, 1)),
+        ("crank", "coupler", "rocker"), ("crank",),
+    )  # fmt: skip
+    opened = sst_pin.Trajectory(
+        m.t, m.q + 0.1 * np.arange(9), m.va, m.aa, m.tau, m.joint_names, m.actuated
+    )
+    motions = {"of one sample": single, "of another robot": other}
+    for name, motion in motions.items():
+        for subject in plots.SUBJECTS:
+            if subject in ("path", "torques", "joints") and name == "of another robot":
+                continue  # drawn from the motion alone, but for the path
+            yield Call(
+                f"motion_page({subject} of a motion {name})",
+                lambda m=motion, s=subject: plots.motion_page(w.robot, m, [s]),
+                None if subject == "energy" or motion is other else _is_figure,
+            )
+    for name, motion in {
+        "None": None,
+        "text": "m",
+        "array": m.q,
+        "with open loops": opened,
+    }.items():
+        yield Call(f"motion_page(motion {name})", lambda m=motion: plots.motion_page(w.robot, m))
+    for subjects in (None, [], (), "torques", ["torque"], [None], 5, "unknown", [["torques"]]):
+        yield Call(
+            f"motion_page(subjects={subjects!r})",
+            lambda s=subjects: plots.motion_page(w.robot, m, s),
+        )
+    ax = Figure().add_subplot()
+    for name, q in {
+        "of eight": m.q[0, :8],
+        "a batch": m.q,
+        "NaN": m.q[0] * np.nan,
+        "None": None,
+        "complex": m.q[0] + 1j,
+        "masked": np.ma.masked_array(m.q[0], mask=True),
+    }.items():
+        yield Call(f"robot_pose(q {name})", lambda q=q: plots.robot_pose(_sphere(), w.robot, q))
+    for path in ("a.jpg", "a", "", None, 5, "a.csv", b"a.png"):
+        yield Call(f"figure_writer({path!r})", lambda p=path: plots.figure_writer(ax.figure, p))
+        yield Call(f"require_ending({path!r})", lambda p=path: plots.require_ending(p))
+    for value in (None, "x", np.nan, np.inf, 1j, [0.0, 1.0], {}, np.ma.masked, "0.1"):
+        yield Call(
+            f"workspace_at(psi={word(value)})",
+            lambda v=value: workspace_at(w.robot, v, rings=3, spokes=3),
+        )
+    for value in (0, -1, 2, 3.5, None, "3", np.nan, 10**12, 10**30, [3], 1j):
+        for option in ("rings", "spokes"):
+            yield Call(
+                f"workspace_at({option}={word(value)})",
+                lambda o=option, v=value: workspace_at(
+                    w.robot, **{"rings": 3, "spokes": 3} | {o: v}
+                ),
+            )
+        if value in (2,):
+            continue
+        yield Call(
+            f"workspace_over_rolls(rolls={word(value)})",
+            lambda v=value: workspace_over_rolls(w.robot, v, rings=3, spokes=3),
+        )
+    map_ = workspace_at(w.robot, rings=5, spokes=6)
+    Path("there.npz").write_text("x")
+    Path("file").write_text("x")
+    for name, path in ODD_PATHS.items():
+        yield Call(f"workspace.save({name})", lambda p=path: map_.save(p))
+        yield Call(f"workspace.writer({name})", lambda p=path: map_.writer(p), callable)
+    yield Call("workspace.save onto what is there", lambda: map_.save("there.npz"))
+
+    viewer = Viewer(w.robot)
+    for name, q in {
+        "of eight": m.q[0, :8],
+        "a batch": m.q,
+        "NaN": m.q[0] * np.nan,
+        "None": None,
+        "text": "home",
+        "complex": m.q[0] + 1j,
+        "masked": np.ma.masked_array(m.q[0], mask=True),
+    }.items():
+        yield Call(f"viewer.show(q {name})", lambda q=q: viewer.show(q))
+    for name, motion in {**motions, "None": None, "text": "m", "array": m.q}.items():
+        yield Call(
+            f"viewer.play(motion {name})",
+            lambda m=motion: viewer.play(m),
+            (lambda value: value is None) if name == "of one sample" else None,
+        )
+    for speed in (0, -1, np.nan, np.inf, None, "fast", 1j, [1.0], {}):
+        yield Call(f"viewer.play(speed={speed!r})", lambda s=speed: viewer.play(m, speed=s))
+        yield Call(
+            f"robot.show(motion, speed={speed!r})",
+            lambda s=speed: w.robot.show(m, speed=s, open_browser=False),
+        )
+    for name, path in ODD_PATHS.items():
+        yield Call(f"viewer.save({name})", lambda p=path: viewer.save(p))
+    for host, port in (
+        ("127.0.0.1", 99999), ("127.0.0.1", -1), ("127.0.0.1", "x"), ("127.0.0.1", None),
+        ("127.0.0.1", 1.5), ("nowhere.invalid", 0), ("", "0"), (5, 0), (None, "x"),
+        ("a" * 300, 0), ("a\0b", 0), ("256.1.1.1", 0), ("192.0.2.1", 0),
+    ):  # fmt: skip
+        yield Call(
+            f"viewer.serve({word(host)}, {port!r})",
+            lambda h=host, p=port: Viewer(w.robot).serve(h, p),
+        )
+    yield Call("Viewer(chain without a visual model)", lambda: Viewer(w.chain))
+    for robot in (None, "robot", 5):
+        yield Call(f"Viewer({robot!r})", lambda r=robot: Viewer(r))
+
+
+def _sphere() -> Any:
+    from matplotlib.figure import Figure
+
+    return Figure().add_subplot(projection="3d")
+
+
+def _is_figure(value: Any) -> bool:
+    from matplotlib.figure import Figure
+
+    return isinstance(value, Figure)
+
+
+def commands(w: World) -> Iterator[Call]:
+    """The command `sst-pin` in this process: exit code 1 or 2, and one line that says why."""
+    w.motion.save("motion.csv", force=True)
+    w.motion.save("motion.npz", force=True)
+    Path("file").write_text("x")
+    Path("empty.csv").write_text("")
+    Path("half.csv").write_text("t_s,tau_1_Nm,tau_2_Nm,tau_3_Nm\n0,0,0,0\n1,x,0,0\n")
+    Path("still.csv").write_text("t_s,tau_1_Nm,tau_2_Nm,tau_3_Nm\n0,0,0,0\n0.001,0,0,0\n")
+    Path("far.csv").write_text(
+        "t_s,theta_deg,phi_deg\n" + "".join(f"{i},{170 * i},{170 * i}\n" for i in range(6))
+    )
+    Path("bad.urdf").write_text(w.urdf.replace('value="0.3"', 'value="0,3"'))
+    Path("taken").mkdir()
+    (Path("taken") / "sst.urdf").write_text("x")
+    long, nul = "a" * 300, "a\0b"
+    lines = [
+        "", "--unknown", "fly", "paper --samples 5", "paper --samples x",
+        "paper --samples -1", "paper --samples 1e3",
+        "paper --samples 99999999999999999999", "paper --out file", "paper --urdf missing.urdf",
+        "paper --samples", "paper extra", "paper --out /dev/null/x --samples 10",
+        "torques", "torques missing.csv -o x.csv", "torques empty.csv -o x.csv",
+        "torques motion.csv", "torques motion.csv -o", "torques motion.csv -o x.txt",
+        "torques motion.csv -o motion.csv", "torques motion.csv -o file/x.csv",
+        "torques half.csv -o x.csv", "torques far.csv -o x.csv", "torques motion.npz -o x.csv",
+        "torques /dev/zero -o x.csv", "torques . -o x.csv", f"torques {long} -o x.csv",
+        f"torques motion.csv -o {long}.csv", f"torques {nul} -o x.csv",
+        f"torques motion.csv -o {nul}.csv", "torques motion.csv -o .",
+        "torques motion.csv -o /dev/full", "torques motion.csv -o x.csv --urdf bad.urdf",
+        "torques motion.csv -o x.csv --urdf .", "torques motion.csv -o x.csv --urdf empty.csv",
+        "simulate", "simulate still.csv -o x.csv", "simulate half.csv -o x.csv",
+        "simulate still.csv -o x.csv --gamma 0.1", "simulate still.csv -o x.csv --gamma a,b,c",
+        "simulate still.csv -o x.csv --gamma nan,0,0 --gamma-dot 0,0,0",
+        "simulate still.csv -o x.csv --gamma 0.1,0.2,0.3",
+        "simulate still.csv -o x.csv --gamma 1e308,0,0 --gamma-dot 1e308,0,0",
+        "simulate still.csv -o x.csv --gamma 0.7,0.5,1 --gamma-dot 1e200,0,0",
+        "simulate still.csv -o x.txt --gamma 0.7,0.5,1 --gamma-dot 0,0,0",
+        "simulate empty.csv -o x.csv --gamma 0,0,0 --gamma-dot 0,0,0",
+        "simulate motion.csv -o x.csv --gamma",
+        "show missing.csv --html x.html", "show motion.csv --html x.txt",
+        "show motion.csv --html file/x.html", "show motion.csv --speed 0 --html x.html",
+        "show motion.csv --speed -1 --html x.html", "show motion.csv --speed nan --html x.html",
+        "show motion.csv --speed inf --html x.html", "show motion.csv --speed fast",
+        "show motion.csv --port 99999 --no-open", "show motion.csv --port -1 --no-open",
+        "show motion.csv --port x --no-open", "show motion.csv --host nowhere.invalid --no-open",
+        "show motion.csv --host 192.0.2.1 --no-open", f"show motion.csv --host {long} --no-open",
+        "show motion.csv --interactive --no-open", "show --interactive --port 99999 --no-open",
+        "show --interactive --host nowhere.invalid --no-open",
+        "show --interactive --html x.html --no-open", "show motion.csv --html motion.csv",
+        "show motion.csv --png x.html", "show empty.csv --html x.html",
+        "plot motion.csv -o x.jpg", "plot motion.csv -o x.png --what torque",
+        "plot motion.csv -o x.png --what ,", "plot motion.csv", "plot missing.npz -o x.png",
+        "plot motion.csv -o file/x.png", "plot file -o x.png", "plot . -o x.png",
+        "plot motion.csv -o /dev/null/x.png", f"plot motion.csv -o {long}.png",
+        "workspace", "workspace -o x.txt", "workspace -o x.png --psi x",
+        "workspace -o x.png --psi nan", "workspace -o x.png --psi inf",
+        "workspace -o x.png --data x.txt", "workspace -o x.png --psi 1,2",
+        "describe", "describe -o taken", "describe -o file", "describe -o x --alpha 1,2",
+        "describe -o x --alpha 100,100,100", "describe -o x --alpha -120,240,240",
+        "describe -o x --alpha nan,1,2", "describe -o x --base-directions 1,0,0",
+        "describe -o x --link-mass 0", "describe -o x --link-mass -1",
+        "describe -o x --link-mass nan", "describe -o x --link-mass x",
+        "describe -o x --star-mass inf",
+        "describe -o x --star-mass 1e308", "describe -o x --passive-mass 1e-200",
+        "describe -o x --viscous-friction -1", "describe -o x --coulomb-friction nan",
+        "describe -o x --base-radius 0", "describe -o x --base-radius 1e308",
+        "describe -o x --base-radius nan", "describe -o x --star-radius 1e-320",
+        "describe -o x --star-radius -1", "describe -o x --gravity 1,2",
+        "describe -o x --gravity inf,0,0", "describe -o x --urdf bad.urdf", f"describe -o {nul}",
+        "verify --urdf missing.urdf", "verify extra", "verify --quick --urdf bad.urdf",
+        "validate", "validate missing.urdf", "validate file", "validate bad.urdf", "validate .",
+        "validate /dev/zero", f"validate {long}", f"validate {nul}",
+        "validate bad.urdf --cuts missing.yaml", "validate bad.urdf --cuts .",
+        "validate bad.urdf --cuts bad.urdf",
+        "export-c", "export-c file", "export-c x --urdf missing.urdf", "export-c x --urdf bad.urdf",
+        f"export-c {nul}", f"export-c {long}", "export-c /dev/null/x",
+        "info --urdf missing.urdf", "info --urdf bad.urdf", "info extra", "info --urdf",
+        f"info --urdf {nul}", f"info --urdf {long}",
+    ]  # fmt: skip
+    for line in lines:
+        yield Call(
+            f"sst-pin {line if len(line) < 90 else line[:70] + '...'}", lambda x=line: _ran(x)
+        )
+    yield Call(
+        "sst-pin describe --base-directions with NaN",
+        lambda: _command(["describe", "-o", "x", "--base-directions", "1,0,0 0,1,0 0,0,nan"]),
+    )
+    yield Call(
+        "sst-pin describe --base-directions of two",
+        lambda: _command(["describe", "-o", "x", "--base-directions", "1,0,0 0,1,0"]),
+    )
+    yield Call(
+        "sst-pin with a surrogate", lambda: _command(["torques", "\udcff.csv", "-o", "x.csv"])
+    )
+    yield Call("sst-pin with an empty file name", lambda: _command(["torques", "", "-o", "x.csv"]))
+    yield Call(
+        "sst-pin with an empty output", lambda: _command(["torques", "motion.csv", "-o", ""])
+    )
+    yield Call(
+        "sst-pin simulate --gamma -0.1,...",
+        lambda: _command(
+            [
+                "simulate",
+                "still.csv",
+                "-o",
+                "x.csv",
+                "--gamma",
+                "-0.1,0.2,0.3",
+                "--gamma-dot",
+                "-1,0,0",
+            ]
+        ),
+        lambda value: Path("x.csv").stat().st_size > 0,
+    )
+
+
+def _ran(line: str) -> Any:
+    return _command(line.split(" ") if line else [])
+
+
+def _command(argv: list[str]) -> Any:
+    """Code, output and errors, when they are not those of a command that says what is wrong.
+
+    Raises:
+        SSTError: When it fails as it should, for the verdict.
+    """
+    out, err = io.StringIO(), io.StringIO()
+    before = set(os.listdir())
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        try:
+            code = main(argv)
+        except SystemExit as stop:
+            code = stop.code
+    said = err.getvalue().strip().splitlines()
+    told = len(said) == 1 and said[0].startswith("sst-pin")
+    listed = code == 1 and argv[0] == "validate" and not said and "error(s)" in out.getvalue()
+    left = {name for name in set(os.listdir()) - before if name.startswith(".")}
+    if ((code == 2 and told) or listed) and not left:
+        raise sst_pin.SSTError(said[0] if said else out.getvalue().strip().splitlines()[-1])
+    return code, out.getvalue()[-80:], err.getvalue()[-200:], left

@@ -1,0 +1,299 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Files changed at random: what is still read is what stands there, everything else is refused.
+
+Torques of what was read are compared with those of `plain_reading`, which reads the file once more
+with other means and solves for Lagrange multipliers. The default run takes the same few hundred
+files each time; `-m slow` takes thousands of new ones.
+"""
+
+import csv
+import io
+import re
+from pathlib import Path
+
+import numpy as np
+import plain_reading
+import pytest
+from file_calls import FOUR_BAR, FOUR_BAR_CUTS, FOUR_BAR_GUESS
+from hypothesis import HealthCheck, given, note, settings
+from hypothesis import strategies as st
+from judged_calls import limited
+from mutations import changed_csv, changed_xml, changed_yaml
+
+import sst_pin
+from sst_pin.sst.motion_files import read_motion
+from sst_pin.sst.paper import example_1
+
+#: Both sides are solved by least squares with rounding of 1e-13 times a condition below 1e4.
+CLOSE = 1e-7
+#: The drift of MuJoCo's closures is a central difference.
+CLOSE_IN_DIFFERENCES = 1e-4
+
+FOUR_BAR_MJCF = """<mujoco model="four_bar"><compiler angle="radian"/>
+  <option gravity="0.5 -9.81 0"/>
+  <worldbody><body name="crank" pos="0 0 0"><joint name="crank" axis="0 0 1" armature="0.1"/>
+    <inertial pos="0.5 0 0" mass="1.5" diaginertia="0.1 0.2 0.25"/>
+    <body name="coupler" pos="1 0 0"><joint name="coupler" axis="0 0 1" damping="0.1"/>
+      <inertial pos="1 0 0" mass="2" diaginertia="0.2 0.3 0.4"/>
+      <body name="rocker" pos="2 0 0"><joint name="rocker" axis="0 0 1" frictionloss="0.2"/>
+        <inertial pos="0.7 0 0" mass="1.2" diaginertia="0.1 0.1 0.15"/>
+        <site name="end" pos="1.5 0 0"/></body></body></body>
+    <site name="pivot" pos="2.2 0 0"/></worldbody>
+  <equality><connect site1="end" site2="pivot"/></equality>
+  <actuator><motor name="crank" joint="crank"/></actuator></mujoco>
+"""
+#: Attributes of MJCF that change the dynamics.
+MJCF_EXTRA = (
+    ("option", "density", "1000"),
+    ("option", "viscosity", "1"),
+    ("option", "wind", "1 0 0"),
+    ("option", "timestep", "0.1"),
+    ("option", "integrator", "implicit"),
+    ("body", "gravcomp", "1"),
+    ("body", "mocap", "true"),
+    ("body", "quat", "0.5 0.5 0.5 0.5"),
+    ("body", "euler", "0 0 0.3"),
+    ("inertial", "quat", "0.5 0.5 0.5 0.5"),
+    ("inertial", "mass", "5"),
+    ("joint", "armature", "0.5"),
+    ("joint", "ref", "0.3"),
+    ("joint", "springref", "0.3"),
+    ("joint", "stiffness", "2"),
+    ("joint", "damping", "3"),
+    ("joint", "frictionloss", "3"),
+    ("joint", "pos", "0.1 0 0"),
+    ("joint", "type", "slide"),
+    ("joint", "type", "ball"),
+    ("joint", "type", "free"),
+    ("joint", "limited", "true"),
+    ("joint", "actuatorgravcomp", "true"),
+    ("motor", "gear", "2"),
+    ("motor", "jointinparent", "crank"),
+    ("compiler", "angle", "degree"),
+    ("compiler", "boundmass", "5"),
+    ("compiler", "boundinertia", "1"),
+    ("compiler", "settotalmass", "3"),
+    ("compiler", "inertiafromgeom", "true"),
+    ("compiler", "balanceinertia", "true"),
+    ("compiler", "fusestatic", "true"),
+    ("connect", "active", "false"),
+)
+
+
+def random(examples, slow):
+    """Settings of a test: the same few examples at each run, or many new ones."""
+    return settings(
+        max_examples=200 * examples if slow else examples,
+        derandomize=not slow,
+        deadline=None,
+        database=None,
+        suppress_health_check=list(HealthCheck),
+    )
+
+
+def fuzzed(examples, strategy):
+    """A property of random files, as a quick test and as a slow one."""
+
+    def decorate(judge):
+        def quick(self, tmp_path_factory):
+            self.run(judge, strategy, random(examples, False), tmp_path_factory)
+
+        def slow(self, tmp_path_factory):
+            self.run(judge, strategy, random(examples, True), tmp_path_factory)
+
+        def run(self, judge, strategy, how, tmp_path_factory):
+            folder = tmp_path_factory.mktemp("fuzz")
+
+            @how
+            @given(strategy)
+            def holds(text):
+                note(str(text)[:5000])
+                with limited():
+                    judge(folder, text)
+
+            holds()
+
+        members = {"__doc__": judge.__doc__, "run": run, "test_quick": quick}
+        members["test_slow"] = pytest.mark.slow(slow)
+        return type("Test" + judge.__name__.title().replace("_", ""), (), members)
+
+    return decorate
+
+
+def require_same_torques(chain, expected, close):
+    """Torques in some motion are the expected ones; loops that do not close are no fault here.
+
+    Args:
+        chain: What was read.
+        expected: Function of chain, q, va, aa.
+        close: Relative tolerance.
+    """
+    n = len(chain.actuated)
+    va, aa = np.full(n, 0.5), np.full(n, -0.3)
+    start = dict(zip(("crank", "coupler", "rocker"), FOUR_BAR_GUESS, strict=True))
+    guess = [start.get(name, 0.1) for name in chain.joint_names]
+    try:
+        q = chain.assemble(guess, fixed=())
+        tau = chain.compute_torques(q, va, aa)
+    except sst_pin.SSTError:
+        expected(chain, np.array(guess), va, aa)  # it can be read all the same
+        return
+    wanted = expected(chain, q, va, aa)
+    scale = 1 + np.abs(wanted).max()
+    assert np.abs(tau - wanted).max() < close * scale, (tau, wanted)
+
+
+def require_right(folder, urdf, cuts):
+    """A description is refused by name, or its torques are those of what stands in it."""
+    path = folder / "robot.urdf"
+    path.write_text(urdf, encoding="utf-8", errors="replace")
+    path.with_suffix(".yaml").write_text(cuts, encoding="utf-8", errors="replace")
+    try:
+        chain = sst_pin.ClosedChain.from_urdf(path)
+    except sst_pin.SSTError:
+        return
+    require_same_torques(chain, lambda *state: plain_reading.torques_of(urdf, cuts, *state), CLOSE)
+
+
+@fuzzed(150, changed_xml(FOUR_BAR))
+def urdf(folder, text):
+    """A URDF is refused, or its numbers are those that stand in it."""
+    require_right(folder, text, FOUR_BAR_CUTS)
+
+
+@fuzzed(150, changed_yaml(FOUR_BAR_CUTS))
+def cuts(folder, text):
+    """The YAML beside a URDF is refused, or closures, motors and gravity are what stands in it."""
+    require_right(folder, FOUR_BAR, text)
+
+
+@fuzzed(100, changed_xml(FOUR_BAR_MJCF, MJCF_EXTRA))
+def mjcf(folder, text):
+    """An MJCF is refused, or its torques are MuJoCo's own."""
+    path = folder / "robot.xml"
+    path.write_text(text, encoding="utf-8", errors="replace")
+    try:
+        chain = sst_pin.ClosedChain.from_mjcf(path)
+    except sst_pin.SSTError:
+        return
+    require_same_torques(
+        chain, lambda *state: plain_reading.torques_by_mujoco(text, *state), CLOSE_IN_DIFFERENCES
+    )
+
+
+@fuzzed(30, changed_xml(FOUR_BAR))
+def validated(folder, text):
+    """`validate` comes to an end, and finds an error in what `from_urdf` refuses."""
+    path = folder / "robot.urdf"
+    path.write_text(text, encoding="utf-8", errors="replace")
+    path.with_suffix(".yaml").write_text(FOUR_BAR_CUTS, encoding="utf-8")
+    errors = [p for p in sst_pin.validate(path) if p.severity == "error"]
+    try:
+        sst_pin.ClosedChain.from_urdf(path)
+    except sst_pin.SSTError as error:
+        assert errors, error
+
+
+# --- tables -------------------------------------------------------------------------------------
+
+
+def rows_of(text):
+    """Header and numbers of a CSV, by the strict reading; ValueError or worse for anything else."""
+    header, *rows = [row for row in csv.reader(io.StringIO(text)) if any(map(str.strip, row))]
+    header = [name.strip() for name in header]
+    names = [{"t": "t_s", "time": "t_s", "time_s": "t_s"}.get(name, name) for name in header]
+    if len(set(names)) != len(names):
+        raise plain_reading.Unreadable("a column twice")
+    values = np.array([plain_reading.numbers(" ".join(row), len(names)) for row in rows])
+    return dict(zip(names, values.T, strict=True))
+
+
+ROBOT = sst_pin.SST()
+MOTION = example_1(ROBOT, np.linspace(0, 0.05, 8))
+STAR = "t_s,qw,qx,qy,qz\n" + "\n".join(
+    re.split(r"\n", Path(__file__).parents[2].joinpath("examples/figure_eight.csv").read_text())[
+        1:9
+    ]
+)
+
+
+def text_of(motion):
+    """A motion as CSV."""
+    file = io.BytesIO()
+    motion.writer("motion.csv")(file)
+    return file.getvalue().decode()
+
+
+@fuzzed(120, changed_csv(text_of(MOTION)))
+def trajectories(folder, text):
+    """A motion comes back as it stands in the CSV, or not at all."""
+    path = folder / "motion.csv"
+    path.write_text(text, encoding="utf-8")
+    try:
+        motion = sst_pin.Trajectory.load(path)
+    except sst_pin.SSTError:
+        return
+    table = rows_of(text)
+    assert np.array_equal(motion.t, table["t_s"])
+    for i, (name, unit) in enumerate(zip(motion.joint_names, motion.units, strict=True)):
+        assert np.array_equal(motion.q[:, i], table[f"{name}_{unit}"])
+    for k, (name, unit) in enumerate(zip(motion.coordinates, motion.rate_units, strict=True)):
+        assert np.array_equal(motion.va[:, k], table[f"{name}_{unit}_s"])
+        assert np.array_equal(motion.aa[:, k], table[f"{name}_{unit}_s2"])
+    for k in range(len(motion.actuated)):
+        assert np.array_equal(motion.tau[:, k], table[f"tau_{k + 1}_Nm"])
+
+
+@fuzzed(60, changed_csv(STAR + "\n"))
+def motions_of_the_star(folder, text):
+    """Torques are found along the orientations that stand in the CSV, or refused."""
+    path = folder / "star.csv"
+    path.write_text(text, encoding="utf-8")
+    try:
+        motion = read_motion(ROBOT, path)
+    except sst_pin.SSTError:
+        return
+    table = rows_of(text)
+    assert np.array_equal(motion.t, table["t_s"])
+    found = ROBOT.platform_orientation(motion.q)
+    if "qw" in table:
+        p = np.column_stack([table[name] for name in ("qw", "qx", "qy", "qz")])
+        p /= np.linalg.norm(p, axis=1)[:, None]
+        w, v = p[:, 0], p[:, 1:]
+        x = np.column_stack([np.ones(len(p)), np.zeros((len(p), 2))])
+        s = x + 2 * np.cross(v, np.cross(v, x) + w[:, None] * x)  # the first axis, turned
+        assert np.abs(found[:, :, 0] - s).max() < 1e-9
+    tau = sst_pin.SST(kernels=False).compute_torques(motion.q, motion.va, motion.aa)
+    assert np.abs(tau - motion.tau).max() < CLOSE * (1 + np.abs(tau).max())
+
+
+def spoilt_bytes(content):
+    """A byte changed, or the end cut off."""
+    place = st.integers(0, len(content) - 1)
+    exchanged = st.tuples(place, st.integers(0, 255)).map(
+        lambda x: content[: x[0]] + bytes([x[1]]) + content[x[0] + 1 :]
+    )
+    return exchanged | place.map(lambda i: content[:i])
+
+
+def bytes_of(motion):
+    """A motion as NPZ."""
+    file = io.BytesIO()
+    motion.writer("motion.npz")(file)
+    return file.getvalue()
+
+
+@fuzzed(100, spoilt_bytes(bytes_of(MOTION)))
+def archives(folder, content):
+    """An NPZ with a wrong byte gives the motion that was saved, or none."""
+    path = folder / "motion.npz"
+    path.write_bytes(content)
+    try:
+        motion = sst_pin.Trajectory.load(path)
+    except sst_pin.SSTError:
+        return
+    assert motion == MOTION
+
+
+TestUrdf, TestCuts, TestMjcf, TestValidated = urdf, cuts, mjcf, validated
+TestTrajectories, TestMotions, TestArchives = trajectories, motions_of_the_star, archives
