@@ -12,6 +12,9 @@ if TYPE_CHECKING:
     from . import robots as robots
     from .chain.closed_chain import ClosedChain as ClosedChain
     from .chain.closures import Closure as Closure
+    from .chain.closures import Coupling as Coupling
+    from .chain.closures import Distance as Distance
+    from .chain.closures import Rolling as Rolling
     from .chain.dynamics import ReducedTerms as ReducedTerms
     from .description import MJCF_PATH as MJCF_PATH
     from .description import PACKAGE_PATH as PACKAGE_PATH
@@ -53,7 +56,7 @@ if TYPE_CHECKING:
 #: Public names of each module.
 _NAMES = {
     "chain.closed_chain": "ClosedChain",
-    "chain.closures": "Closure",
+    "chain.closures": "Closure Coupling Distance Rolling",
     "chain.dynamics": "ReducedTerms",
     "description": "MJCF_PATH PACKAGE_PATH REPOSITORY_PATH SRDF_PATH URDF_PATH YAML_PATH",
     "description.parameters": "Parameters RigidBody",

@@ -113,7 +113,7 @@ def for_each_sample(
     batch, flat = flattened(arrays, core_axes)
     _require_fitting(out, batch + result)
     n = math.prod(batch)
-    results = np.empty((n, *result))
+    results = empty((n, *result))
     left: Iterable[int] = range(n)
     if fast is not None:
         left = map(int, fast(flat, results.reshape(n, math.prod(result))))
@@ -139,6 +139,32 @@ def require_policy(on_error: str) -> None:
     """Refuse what is no policy for samples at fault."""
     if not isinstance(on_error, str) or on_error not in ("raise", "nan"):
         raise InputError("on_error", f"{on_error!r} unknown; known: raise, nan")
+
+
+def empty(shape: tuple[int, ...]) -> Array:
+    """An array for results.
+
+    Raises:
+        InputError: When memory does not hold it.
+    """
+    try:
+        return np.empty(shape)
+    except (MemoryError, ValueError):
+        raise InputError("batch", f"results of shape {shape} are more than memory holds") from None
+
+
+def names(name: str, value: Sequence[str]) -> tuple[str, ...]:
+    """A sequence of names.
+
+    Raises:
+        InputError: For a single word or anything else.
+    """
+    if isinstance(value, str) or not isinstance(value, Iterable):
+        raise InputError(name, f"{value!r}: a sequence of names is needed")
+    found = tuple(value)
+    if not all(isinstance(word, str) for word in found):
+        raise InputError(name, f"{found!r}: names are words")
+    return found
 
 
 def whole_number(name: str, value: int, least: int) -> int:
@@ -182,7 +208,10 @@ def flattened(
         raise InputError("batch", f"leading axes {leading} do not broadcast") from None
 
     def flat(array: Array, core: tuple[int, ...]) -> Array:
-        return np.broadcast_to(array, batch + core).reshape(math.prod(batch), *core)
+        try:
+            return np.broadcast_to(array, batch + core).reshape(math.prod(batch), *core)
+        except (MemoryError, ValueError):
+            raise InputError("batch", f"{batch} samples are more than memory holds") from None
 
     return batch, [None if a is None else flat(a, a.shape[a.ndim - core :]) for a, core in pairs]
 

@@ -18,6 +18,7 @@ from ..arrays import (
     as_array,
     finite_array,
     for_each_sample,
+    names,
     require_policy,
     single_array,
     whole_number,
@@ -99,8 +100,8 @@ class ClosedChain:
             raise InputError("model", f"a pinocchio.Model is needed, not {type(model).__name__}")
         self._model = without_locked(model, locked) if locked else model
         self.closures = closures_of(closures)
-        self._motors = tuple(actuated)
-        self._wanted = None if coordinates is None else tuple(coordinates)
+        self._motors = actuated
+        self._wanted = None if coordinates is None else names("coordinates", coordinates)
         self._given = {
             "viscous_friction": viscous_friction,
             "coulomb_friction": coulomb_friction,
@@ -263,7 +264,7 @@ class ClosedChain:
             except ClosureError:
                 held = self._draft.coordinates
         else:
-            held = self._draft.space.rates_of(fixed)
+            held = self._draft.space.rates_of(names("fixed", fixed))
         free = np.setdiff1d(np.arange(self._draft.model.nv), held)
         assembly = self._reference.workspace.assembly
         return assembly.try_starts(self._draft.space.normalised(guess), free, tries, seed)

@@ -12,7 +12,7 @@ from math import isfinite
 from types import MappingProxyType
 from typing import ClassVar, Union
 
-from ..errors import DescriptionError
+from ..errors import DescriptionError, InputError
 
 #: Rates of frame B relative to frame A in the axes of A: x, y, z, and the turns about them.
 _RATES = ("x", "y", "z", "turn x", "turn y", "turn z")
@@ -57,6 +57,7 @@ class Closure:
 
     def __post_init__(self) -> None:
         kind = self.kind
+        _require_words(self.frame_a, self.frame_b)
         if isinstance(kind, str):
             if kind not in self.KINDS:
                 known = ", ".join(self.KINDS)
@@ -64,7 +65,7 @@ class Closure:
                     f"closure of {self.frame_a} and {self.frame_b}",
                     [f"kind {kind!r} unknown; known: {known}"],
                 )
-        elif len(kind) != 6 or not any(kind):
+        elif not isinstance(kind, tuple) or len(kind) != 6 or not any(kind):
             raise DescriptionError(
                 f"closure of {self.frame_a} and {self.frame_b}",
                 [f"kind {kind!r}: six booleans are needed, at least one of them true"],
@@ -99,6 +100,7 @@ class Distance:
     distance: float
 
     def __post_init__(self) -> None:
+        _require_words(self.frame_a, self.frame_b)
         if not (isfinite(self.distance) and self.distance > 0):
             raise DescriptionError(
                 str(self), [f"distance {self.distance}: a positive number is needed"]
@@ -134,6 +136,7 @@ class Coupling:
     offset: float = 0.0
 
     def __post_init__(self) -> None:
+        _require_words(self.joint, *self.polynomials)
         numbers = [self.offset, *(c for p in self.polynomials.values() for c in p)]
         problems = []
         if not all(isfinite(number) for number in numbers):
@@ -177,6 +180,7 @@ class Rolling:
     ball: bool = False
 
     def __post_init__(self) -> None:
+        _require_words(self.plane, self.wheel)
         if not (isfinite(self.radius) and self.radius > 0):
             raise DescriptionError(str(self), [f"radius {self.radius}: positive is needed"])
 
@@ -187,6 +191,12 @@ class Rolling:
 
     def __str__(self) -> str:
         return f"{self.wheel} on {self.plane}"
+
+
+def _require_words(*words: str) -> None:
+    for word in words:
+        if not isinstance(word, str):
+            raise InputError("closures", f"{word!r} is no name of a frame or joint")
 
 
 Constraint = Union[Closure, Distance, Coupling, Rolling]  # noqa: UP007  (Python 3.10 pickles it)

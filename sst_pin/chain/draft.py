@@ -4,13 +4,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import finite_array
+from ..arrays import names as names_of
 from ..errors import DescriptionError, InputError
 from .closures import Closure, Constraint, Coupling, Distance, Rolling
 from .joint_space import JointSpace
@@ -30,10 +31,12 @@ def closures_of(closures: Sequence[Constraint | tuple[str, str]]) -> tuple[Const
         InputError: For anything else.
     """
     found: list[Constraint] = []
+    if not isinstance(closures, Iterable):
+        raise InputError("closures", f"{closures!r}: a sequence of closures is needed")
     for closure in closures:
         if isinstance(closure, (Closure, Distance, Coupling, Rolling)):
             found.append(closure)
-        elif isinstance(closure, Sequence) and len(closure) in (2, 3):
+        elif isinstance(closure, (tuple, list)) and len(closure) == 2:
             found.append(Closure(*closure))
         else:
             raise InputError("closures", f"{closure!r} is neither a closure nor two frame names")
@@ -72,7 +75,11 @@ def draft(
     )
     springs.check(model)
     mechanism = Mechanism(model, closures, np.empty(0, dtype=np.intp), B, names, friction, springs)
-    chosen = mechanism.driven if coordinates is None else space.rates_of(coordinates)
+    chosen = (
+        mechanism.driven
+        if coordinates is None
+        else space.rates_of(names_of("coordinates", coordinates))
+    )
     return Mechanism(model, closures, chosen, B, names, friction, springs)
 
 
@@ -95,8 +102,8 @@ def without_locked(model: pin.Model, locked: Sequence[str] | Mapping[str, float]
 
 def _motors(space: JointSpace, motors: Sequence[Motor], nv: int) -> tuple[Array, tuple[str, ...]]:
     """B and the motors' names."""
-    if isinstance(motors, str):
-        raise InputError("actuated", "a sequence of names is needed, not a word")
+    if isinstance(motors, str) or not isinstance(motors, Iterable):
+        raise InputError("actuated", f"{motors!r}: a sequence of names is needed")
     columns: list[Array] = []
     names: list[str] = []
     for motor in motors:
@@ -107,7 +114,7 @@ def _motors(space: JointSpace, motors: Sequence[Motor], nv: int) -> tuple[Array,
             columns.append(column)
             names.append(" + ".join(f"{share:g} {name}" for name, share in motor.items()))
         else:
-            k = space.rates_of([motor])
+            k = space.rates_of(names_of("actuated", [motor]))
             columns.extend(np.eye(nv)[k])
             names.extend(space.rate_names[i] for i in k)
     if len(set(names)) != len(names):

@@ -233,8 +233,8 @@ def _series(joint: Any) -> list[tuple[Any, pin.SE3]]:
         return [(axis(), here) for axis in axes]
     joint = joint.extract() if hasattr(joint, "extract") else joint
     if short == "JointModelUniversal":
-        axes = (joint.axis1, joint.axis2)
-        return [(pin.JointModelRevoluteUnaligned(np.array(axis)), here) for axis in axes]
+        both = (joint.axis1, joint.axis2)
+        return [(pin.JointModelRevoluteUnaligned(np.array(axis)), here) for axis in both]
     if short != "JointModelComposite":
         return [(joint, here)]
     found: list[tuple[Any, pin.SE3]] = []

@@ -152,7 +152,9 @@ class Reference:
 
     def kinetic_energy(self, q: Array, v: Array) -> Array:
         """Of all bodies and rotors at rates v of the tree, [J]."""
-        return np.asarray(v.dot(self.workspace.momentum_rate(q, v)) / 2)
+        energy = np.asarray(v.dot(self.workspace.momentum_rate(q, v)) / 2)
+        _require_finite(va=energy)
+        return energy
 
     def potential_energy(self, q: Array) -> Array:
         """Of the weights, zero with all masses at the origin, and of the springs, [J]."""

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import (
     as_array,
+    empty,
     finite_array,
     flattened,
     name_samples,
@@ -96,7 +97,7 @@ def rollout(
     load = flat[3]
     count = torques.shape[-2] if steps is None else steps
     samples = math.prod(batch)
-    q, va = np.empty((samples, count + 1, nq)), np.empty((samples, count + 1, n))
+    q, va = empty((samples, count + 1, nq)), empty((samples, count + 1, n))
     states = chain.states(sign_width)
     reached = states.rollout(step, q_0, va_0, tau_0, load, q, va, threads)
     stopped = np.flatnonzero(reached <= count)

@@ -86,6 +86,8 @@ def simulate(
         SimulationError: When the integrator gives up.
     """
     _require_options(method, rtol, atol, max_condition_number, sign_width)
+    if progress is not None and not callable(progress):
+        raise InputError("progress", f"{progress!r} cannot be called")
     times = sample_times(t, 2)
     # A bad start fails by its own name.
     q0 = single_array("q0", q0, (len(chain.joint_units),))
@@ -180,6 +182,9 @@ class _Run:
         """The times reached, the states at them, and why the motion stopped before the last."""
         from scipy import integrate
 
+        if not np.isfinite(self._motion.rate(float(times[0]), start)).all():
+            why = self._motion.failure or "its rates are not finite"
+            raise SimulationError(f"the motion cannot start ({why})", float(times[0]))
         kind = getattr(integrate, method)
         solver = kind(self._motion.rate, times[0], start, times[-1], **tolerances)
         samples, stopped = [start], ""
