@@ -274,12 +274,14 @@ def test_a_notebook_shows_the_page_in_its_cell(chromium, robot, motion):  # noqa
 @needs_browser
 def test_warnings_stand_on_the_page_and_are_text(chromium, robot):  # noqa: F811
     """One line each; without any there is no box."""
+    off = robot.inverse_kinematics(sst_pin.orientation(np.radians(20), np.radians(170)))
     viewer = Viewer(robot)
-    with visit(chromium, "about:blank") as shown:
-        shown.page.set_content(viewer.html)
-        assert not shown.page.locator("#warnings").is_visible()
-        viewer.show(robot.inverse_kinematics(sst_pin.orientation(np.radians(20), np.radians(170))))
-        shown.page.set_content(viewer.html)
-        lines = shown.page.locator("#warnings li").all_text_contents()
-        assert lines[0] == "beta_1 leaves its arc of 0 to 90 deg"
-        assert lines == viewer._panel["warnings"]
+    for q, count in ((robot.home, 0), (off, 3)):
+        viewer.show(q)
+        with visit(chromium, "about:blank") as shown:  # a page cannot be set twice
+            shown.page.set_content(viewer.html)
+            shown.page.wait_for_function("typeof panel === 'object'")
+            lines = shown.page.locator("#warnings li").all_text_contents()
+            assert shown.page.locator("#warnings").is_visible() == bool(count)
+            assert lines == viewer._panel["warnings"]
+            assert len(lines) == count
