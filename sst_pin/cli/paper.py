@@ -36,8 +36,8 @@ def add_to(commands: Commands) -> None:
 
 
 def _count(text: str) -> int:
-    if not text.isdecimal() or int(text) < 10:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number of at least 10")
+    if not text.isdecimal() or not 10 <= int(text) <= 10**7:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 10 to 10 million")
     return int(text)
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, OutputError
 from ..files import write_files
 from ..sst.motion_files import load_motion
 from ..sst.paper import PERIOD, example_1
@@ -93,8 +93,11 @@ def _run(arguments: argparse.Namespace) -> int:
         return 1
     with Viewer(robot, axes=arguments.axes, frames=arguments.frames) as viewer:
         viewer.play(motion, speed=arguments.speed or speed, title=title)
-        wanted = [arguments.html, arguments.png, arguments.gif]
-        files = {path: viewer.writer(path) for path in wanted if path is not None}
+        wanted = [(f".{kind}", getattr(arguments, kind)) for kind in ("html", "png", "gif")]
+        for ending, path in wanted:
+            if path is not None and path.suffix.lower() != ending:
+                raise OutputError(path, f"the ending should be {ending}")
+        files = {path: viewer.writer(path) for _, path in wanted if path is not None}
         if files:
             write_files(files, arguments.force)
             print(f"{title}, {motion.t[-1] - motion.t[0]:g} s -> {', '.join(map(str, files))}")

@@ -13,7 +13,7 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import finite_array
+from ..arrays import finite_array, names
 from ..errors import FileFormatError, InputError, OutputError
 from ..files import Writer, as_path, read_table, table_writer, write_files
 
@@ -227,20 +227,18 @@ class Trajectory:
         return lambda t: np.asarray(smooth(times_within("t", t, times)))
 
 
-def _names(name: str, value: Iterable[str]) -> tuple[str, ...]:
+def _names(name: str, value: Sequence[str]) -> tuple[str, ...]:
     """Names of joints, each of them once."""
-    names = tuple(value) if isinstance(value, Iterable) else (value,)
-    if isinstance(value, str) or not all(isinstance(word, str) for word in names):
-        raise InputError(name, f"{value!r} is not a sequence of names")
-    if len(set(names)) < len(names):
-        raise InputError(name, f"a name stands twice in {', '.join(names)}")
-    return names
+    words = names(name, value)
+    if len(set(words)) < len(words):
+        raise InputError(name, f"a name stands twice in {', '.join(words)}")
+    return words
 
 
 def _units(
-    name: str, value: Iterable[str], owners: Sequence[str], known: Sequence[str]
+    name: str, value: Sequence[str], owners: Sequence[str], known: Sequence[str]
 ) -> tuple[str, ...]:
-    units = tuple(value)
+    units = names(name, value)
     if len(units) != len(owners) or not set(units) <= set(known):
         raise InputError(name, f"{units}, expected {len(owners)} of {', '.join(map(repr, known))}")
     return units

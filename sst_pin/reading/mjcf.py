@@ -17,8 +17,10 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from ..arrays import names
 from ..chain.closures import Closure
 from ..errors import DescriptionError, DescriptionWarning, MissingExtraError, UnknownNameError
+from ..files import as_path
 from .urdf import MOST_JOINTS
 
 Array = NDArray[np.float64]
@@ -44,6 +46,7 @@ def read_mjcf(path: str | Path, locked: Sequence[str] = ()) -> Mjcf:
         import mujoco
     except ImportError:
         raise MissingExtraError("mujoco", "mjcf") from None
+    path, locked = as_path(path), names("locked", locked)
     try:
         compiled = mujoco.MjModel.from_xml_path(str(path))
     except ValueError as error:

@@ -228,6 +228,7 @@ class SST(ClosedChain):
         q_ddot = kinematics.joint_accelerations(
             self.geometry, legs, q_dot, np.broadcast_to(alpha, (*q.shape[:-1], 3))
         )
+        q_ddot = finite_array("alpha", q_ddot, (9,))  # omega may have been too large
         return q, q_dot[..., ::3], q_ddot[..., ::3]
 
     def forward_kinematics(self, gamma: ArrayLike, near: ArrayLike | None = None) -> Array:

@@ -10,6 +10,8 @@ from call_world import World
 from judged_calls import Call
 
 import sst_pin
+from sst_pin.chain.dynamics import Terms
+
 
 
 class Method(NamedTuple):
@@ -91,7 +93,13 @@ def calls(world: World) -> Iterator[Call]:
 
 def _finite(value: Any) -> bool:
     """Whether all numbers are finite: what is true of a huge but sound argument."""
-    parts = value if isinstance(value, tuple) else (value,)
+    parts = (
+        value
+        if isinstance(value, tuple)
+        else vars(value).values()
+        if isinstance(value, Terms)
+        else (value,)
+    )
     return all(isinstance(p, np.ndarray | float) and np.isfinite(p).all() for p in parts)
 
 

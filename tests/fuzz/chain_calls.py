@@ -151,6 +151,7 @@ def _hand_built(w: World) -> Iterator[Call]:
     """Models that people write, and models with a fault in them."""
     table = w.table_of_four_bar
     q, va, aa, tau = w.chain_state
+    right = same(tau)
 
     def of(change: Callable[[pin.Model], Any]) -> sst_pin.ClosedChain:
         model = table.model()
@@ -204,6 +205,7 @@ def _hand_built(w: World) -> Iterator[Call]:
         yield Call(
             f"a second frame A of type {kind}",
             lambda k=kind: of(frame_called("A", k)).compute_torques(q, va, aa),
+            right if kind == pin.FrameType.OP_FRAME else None,  # Pinocchio adds no such frame
         )
 
     def body_called_as_joint(model: pin.Model) -> None:

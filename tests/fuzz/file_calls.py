@@ -5,6 +5,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import plain_reading
 from call_world import World
 from chain_calls import same
 from judged_calls import Call
@@ -69,6 +71,21 @@ def reads(name: str, urdf: str = FOUR_BAR, cuts: str = FOUR_BAR_CUTS) -> ClosedC
     path.write_text(urdf, encoding="utf-8")
     path.with_suffix(".yaml").write_text(cuts, encoding="utf-8")
     return ClosedChain.from_urdf(path)
+
+
+def as_it_stands(urdf: str, cuts: str = FOUR_BAR_CUTS) -> Callable[[ClosedChain], bool]:
+    """Whether a chain has the torques of what stands in its files."""
+
+    def right(chain: ClosedChain) -> bool:
+        n = len(chain.actuated)
+        state = chain.assemble(FOUR_BAR_GUESS), np.full(n, 0.5), np.full(n, -0.3)
+        try:
+            wanted = plain_reading.torques_of(urdf, cuts, chain, *state)
+        except Exception:  # it cannot be read
+            return False
+        return same(wanted)(chain.compute_torques(*state))
+
+    return right
 
 
 def errors_of(path: Any, cuts: Any = None) -> list[sst_pin.Problem]:
@@ -210,7 +227,7 @@ def _urdfs(w: World) -> Iterator[Call]:
         "an empty name": changed(('<link name="weight">', '<link name="">')),
     }
     for name, text in odd.items():
-        yield Call(f"from_urdf: {name}", lambda t=text: reads("odd", t))
+        yield Call(f"from_urdf: {name}", lambda t=text: reads("odd", t), as_it_stands(text))
 
         def judge(text: str = text) -> Any:
             Path("odd.urdf").write_text(text, encoding="utf-8")
@@ -305,7 +322,9 @@ def _cuts(w: World) -> Iterator[Call]:
         "joint_name null": FOUR_BAR_CUTS + "joint_name:\njoint_type:\n",
     }
     for name, text in odd.items():
-        yield Call(f"cuts: {name}", lambda t=text: reads("cut", cuts=t))
+        yield Call(
+            f"cuts: {name}", lambda t=text: reads("cut", cuts=t), as_it_stands(FOUR_BAR, text)
+        )
 
         def judge(text: str = text) -> Any:
             Path("cut.urdf").write_text(FOUR_BAR, encoding="utf-8")

@@ -102,12 +102,13 @@ def _placement(element: ET.Element) -> pin.SE3:
 
 def _inertia(inertial: ET.Element) -> pin.Inertia:
     given = inertial.find("inertia").attrib
-    entries = [numbers(given[f"i{a}"], 1)[0] for a in ("xx", "xy", "xz", "yy", "yz", "zz")]
-    matrix = np.array([entries[i] for i in (0, 1, 2, 1, 3, 4, 2, 4, 5)]).reshape(3, 3)
+    axes = ("xx", "xy", "xz", "yy", "yz", "zz")
+    xx, xy, xz, yy, yz, zz = (numbers(given[f"i{a}"], 1)[0] for a in axes)
     mass = numbers(inertial.find("mass").get("value"), 1)[0]
     if mass < 0:
         raise Unreadable("negative mass")
-    return _placement(inertial).act(pin.Inertia(mass, np.zeros(3), matrix))
+    body = pin.Inertia.FromDynamicParameters(np.array((mass, 0, 0, 0, xx, xy, yy, xz, yz, zz)))
+    return _placement(inertial).act(body)  # an impossible inertia as well
 
 
 class _StrictLoader(yaml.SafeLoader):
@@ -136,9 +137,12 @@ def torques_of(
     named = [*motors, *content["type"], *(name for pair in content["closed_loop"] for name in pair)]
     if not all(isinstance(name, str) for name in named):
         raise Unreadable("a name that is none")
-    if not all(type(x) in (int, float) for x in gravity):
+    if len(gravity) != 3 or not all(type(x) in (int, float, str) for x in gravity):
         raise Unreadable("gravity")
-    model.gravity.linear = np.array(gravity, dtype=float)
+    # YAML 1.1 takes 1e3 for a text.
+    model.gravity.linear = np.array(
+        [numbers(x, 1)[0] if type(x) is str else float(x) for x in gravity]
+    )
     names = list(model.names)[1:]
     order = [chain.joint_names.index(name) for name in names]
     pairs = zip(content["closed_loop"], content["type"], strict=True)
