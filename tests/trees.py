@@ -74,7 +74,8 @@ def add_frame(model, name, joint, random):
 def tree(root, first, second, seed=0):
     """Two branches on one root, joints by their names of `JOINTS`, frames "A" and "B" at the ends.
 
-    The joints are added breadth-first, so that they are not in Pinocchio's usual order.
+    The joints are added breadth-first, so that they are not in Pinocchio's usual order. The frames
+    coincide at the reference configuration "closed".
     """
     pin.seed(seed)
     random = np.random.default_rng(seed)
@@ -87,8 +88,13 @@ def tree(root, first, second, seed=0):
             if level < len(branch):
                 name = f"{'ab'[side]}{level}_{branch[level]}"
                 ends[side] = add_joint(model, ends[side], name, JOINTS[branch[level]](), random)
-    for name, end in zip("AB", ends, strict=True):
-        add_frame(model, name, end, random)
+    add_frame(model, "A", ends[0], random)
+    q = random_q(model, random, 0.5)
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, q)
+    pose = data.oMi[ends[1]].actInv(data.oMf[model.getFrameId("A")])
+    model.addFrame(pin.Frame("B", ends[1], pose, pin.FrameType.OP_FRAME))
+    model.referenceConfigurations["closed"] = q
     model.armature = random.uniform(0, 0.1, model.nv)
     return model
 
@@ -120,10 +126,12 @@ class Lagrange:
         model: The tree.
         B: Of the motors, shape (nv, motors).
         jacobian: q -> Phi, shape (rows, nv), from elsewhere than the code under test.
+        drift: (q, v) -> Phi_dot v, shape (rows,); differences of the Jacobian by default.
     """
 
-    def __init__(self, model, B, jacobian):
+    def __init__(self, model, B, jacobian, drift=None):
         self.model, self.B, self.jacobian = model, B, jacobian
+        self.drift = drift or self._difference
         self.data = model.createData()
 
     def mass_matrix(self, q):
@@ -143,8 +151,7 @@ class Lagrange:
         x = np.linalg.lstsq(A, force, rcond=1e-9)[0]
         return x[: self.B.shape[1]], force - A @ x
 
-    def drift(self, q, v):
-        """Phi_dot v by differences."""
+    def _difference(self, q, v):
         return derivative(lambda s: self.jacobian(pin.integrate(self.model, q, s * v)) @ v, 0.003)
 
     def accelerations(self, q, v, tau, applied=0):
@@ -158,22 +165,38 @@ class Lagrange:
         return np.linalg.lstsq(A, right, rcond=1e-11)[0][: model.nv]
 
 
-def twist_rows(model, kind):
-    """q -> rows that hold the twist of frame "B" relative to "A", from Pinocchio's frame Jacobians.
+class TwistRows:
+    """Rows that hold the twist of frame "B" relative to "A" in the axes of "A", by Pinocchio.
 
     Where the loop is closed these are the closure's own rows up to their order and axes, and so is
     what their rate makes of rates that keep the loop closed.
     """
-    data = model.createData()
-    ids = [model.getFrameId(name) for name in "AB"]
 
-    def rows(q):
+    def __init__(self, model, kind):
+        self._model, self._data = model, model.createData()
+        self._ids = [model.getFrameId(name) for name in "AB"]
+        self._held = {"6d": slice(6), "3d": slice(3), "hinge": slice(5)}[kind]
+
+    def __call__(self, q):
+        """Phi, shape (rows, nv)."""
+        model, data = self._model, self._data
         pin.computeJointJacobians(model, data, q)
         pin.updateFramePlacements(model, data)
         where = pin.LOCAL_WORLD_ALIGNED
-        J_a, J_b = (pin.getFrameJacobian(model, data, f, where) for f in ids)
-        R = np.kron(np.eye(2), data.oMf[ids[0]].rotation.T)
-        held = {"6d": [0, 1, 2, 3, 4, 5], "3d": [0, 1, 2], "hinge": [0, 1, 2, 3, 4]}[kind]
-        return (R @ (J_b - J_a))[held]
+        J_a, J_b = (pin.getFrameJacobian(model, data, f, where) for f in self._ids)
+        return (self._axes() @ (J_b - J_a))[self._held]
 
-    return rows
+    def drift(self, q, v):
+        """Phi_dot v, shape (rows,)."""
+        model, data, where = self._model, self._data, pin.LOCAL_WORLD_ALIGNED
+        pin.forwardKinematics(model, data, q, v, 0 * v)
+        pin.updateFramePlacements(model, data)
+        twists = [pin.getFrameVelocity(model, data, f, where) for f in self._ids]
+        rates = [pin.getFrameClassicalAcceleration(model, data, f, where) for f in self._ids]
+        relative, omega = twists[1] - twists[0], twists[0].angular
+        turned = [np.cross(omega, relative.linear), np.cross(omega, relative.angular)]
+        rate = (rates[1] - rates[0]).vector - np.concatenate(turned)
+        return (self._axes() @ rate)[self._held]
+
+    def _axes(self):
+        return np.kron(np.eye(2), self._data.oMf[self._ids[0]].rotation.T)

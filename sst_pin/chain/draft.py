@@ -132,6 +132,8 @@ def _of_rates(name: str, given: ArrayLike | None, default: Array) -> Array:
 def _require_sound(model: pin.Model, closures: Sequence[Constraint]) -> None:
     names = list(model.names)[1:]
     problems = [f"joint {n}: the name stands twice" for n, k in Counter(names).items() if k > 1]
+    if model != pin.Model(model):
+        problems.append("a number in it is NaN")
     if not model.nv:
         problems.append("no joints that move")
     if not closures:

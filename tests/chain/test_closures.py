@@ -73,7 +73,7 @@ def test_any_mask_holds_as_many_motions_as_it_names(mask):
 
 @pytest.mark.parametrize("kind", Closure.KINDS)
 def test_a_closure_holds_the_relative_twist_that_its_kind_names(kind):
-    """Phi v = 0 for the motions that the kind leaves, in the axes of A (of A and B, a universal)."""
+    """Phi v = 0 for the motions that the kind leaves, in the axes of A, or of A and B."""
     model = tree("", ["free"], ["free"], seed=7)
     loops, q = loops_at(model, Closure("A", "B", kind), seed=8)
     data = model.createData()

@@ -12,7 +12,7 @@ from scipy.linalg import null_space, qr
 
 from sst_pin import ClosedChain, Closure
 from sst_pin.errors import ActuationError, ClosureError
-from trees import JOINTS, Lagrange, add_frame, add_joint, random_q, tree, twist_rows
+from trees import JOINTS, Lagrange, TwistRows, add_frame, add_joint, random_q, tree
 
 
 @dataclass
@@ -25,7 +25,7 @@ class Case:
     springs: bool = False
     friction: bool = False
 
-    def build(self, seed=1):
+    def build(self, seed=3):
         """The chain and its referee."""
         model, random = tree(*self.parts, seed=seed), np.random.default_rng(seed)
         options = {}
@@ -47,7 +47,8 @@ class Case:
             )
         chain = ClosedChain(model, [Closure("A", "B", self.kind)], self.motors, **options)
         self.options = options
-        return chain, Lagrange(model, self.B(model), twist_rows(model, self.kind))
+        rows = TwistRows(model, self.kind)
+        return chain, Lagrange(model, self.B(model), rows, rows.drift)
 
     def B(self, model):
         columns = []
@@ -102,15 +103,20 @@ STATES = 20
 def states(chain, count=STATES, seed=0):
     """Configurations away from singularities, with rates of the coordinates."""
     random, model = np.random.default_rng(seed), chain.model
+    near = model.referenceConfigurations["closed"]
     found = 0
-    while found < count:
+    for _ in range(10 * count):
+        guess = pin.integrate(model, near, 0.3 * random.normal(size=model.nv))
         try:
-            q = chain.assemble(random_q(model, random, 0.5), fixed=())
+            q = chain.assemble(guess, fixed=())
         except ClosureError:
             continue
-        if chain.condition_number(q) < 50:
-            found += 1
+        if chain.condition_number(q) < 100:
             yield q, random.normal(size=chain.degrees_of_freedom), random
+            found += 1
+            if found == count:
+                return
+    raise AssertionError("too few states")
 
 
 def close(actual, expected, tolerance=1e-9):
@@ -129,7 +135,7 @@ def test_accelerations_are_those_of_Lagrange_multipliers(name):
         aa = chain.compute_accelerations(q, va, tau)
         v_dot = referee.accelerations(q, v, tau, case.applied(chain.model, q, v))
         close(chain.joint_accelerations(q, va, aa), v_dot)
-        close(referee.jacobian(q) @ v, np.zeros(1))
+        close(referee.jacobian(q) @ v, 0.0)
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -145,7 +151,7 @@ def test_torques_and_multipliers_carry_the_motion(name):
         applied = case.applied(chain.model, q, v)
         lagrange, left = referee.torques(q, v, v_dot, applied)
         force = referee.forces(q, v, v_dot, applied)
-        close(left, np.zeros(1), 1e-9 * np.abs(force).max() / 1e-3)
+        close(left, 0.0, 1e-6 * np.abs(force).max())
         Phi = referee.jacobian(q)
         unique = np.linalg.matrix_rank(null_space(Phi, rcond=1e-9).T @ referee.B) == len(tau)
         assert unique == (not name.startswith("more motors"))
@@ -159,7 +165,7 @@ def test_torques_and_multipliers_carry_the_motion(name):
 
 @pytest.mark.parametrize("name", CASES)
 def test_energy_changes_by_the_power_of_the_motors_and_friction(name):
-    """d/dt (kinetic + potential) = tau . B^T v + friction . v along the motion, springs included."""
+    """d/dt (kinetic + potential) = tau . B^T v + friction . v, springs included."""
     case = CASES[name]
     chain, referee = case.build()
     model = chain.model
@@ -242,6 +248,7 @@ def _platform(depth_first):
     for k in legs:
         add_frame(model, f"end_{k}", index[f"foot_{k}"], np.random.default_rng(k))
         add_frame(model, f"seat_{k}", index["platform"], np.random.default_rng(10 + k))
+    model.referenceConfigurations["closed"] = pin.neutral(model)
     return model
 
 
@@ -250,12 +257,7 @@ def test_the_order_in_which_joints_were_added_does_not_matter():
     models = [_platform(depth_first) for depth_first in (True, False)]
     closures = [Closure(f"end_{k}", f"seat_{k}", "3d") for k in range(3)]
     motors = ["hip_0", "hip_1", "hip_2", "knee_0", "knee_1", "knee_2"]
-    one, other = (
-        ClosedChain(model, closures, motors, coordinates=["platform", "foot_0", "foot_1", "foot_2"])
-        if False
-        else ClosedChain(model, closures, motors)
-        for model in models
-    )
+    one, other = (ClosedChain(model, closures, motors) for model in models)
     rows_q, rows_v = [], []
     for name in list(models[1].names)[1:]:
         joint = models[0].joints[models[0].getJointId(name)]
@@ -267,8 +269,7 @@ def test_the_order_in_which_joints_were_added_does_not_matter():
     for q, va, random in states(one, 10):
         there = q[rows_q]
         aa = random.normal(size=len(va))
-        for compute in ("generalized_forces",):
-            close(getattr(one, compute)(q, va, aa), getattr(other, compute)(there, va, aa))
+        close(one.generalized_forces(q, va, aa), other.generalized_forces(there, va, aa))
         tau = random.normal(size=6)
         close(one.compute_accelerations(q, va, tau), other.compute_accelerations(there, va, tau))
         close(one.kinetic_energy(q, va), other.kinetic_energy(there, va))
@@ -291,7 +292,6 @@ def test_coordinates_are_what_the_caller_names():
         wanted = [names[k] for k in sorted(pivots)]
         other = ClosedChain(chain.model, chain.closures, case.motors, coordinates=wanted)
         k = sorted(pivots)
-        assert other.coordinates == tuple(wanted) or set(wanted)
         close(other.joint_accelerations(q, v[k], v_dot[k]), v_dot)
         f = chain.generalized_forces(q, va, aa)
         close(other.generalized_forces(q, v[k], v_dot[k]) @ L[k], f)
