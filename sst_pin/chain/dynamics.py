@@ -23,7 +23,7 @@ from .assembly import Assembly
 from .loops import CLOSURE_TOLERANCE, Loops
 from .mechanism import Friction, Mechanism
 from .mobility import independent_rows
-from .noc import JointComplement, bodies, body_jacobians
+from .noc import JointComplement, bodies, body_jacobians, decoupled
 
 Array = NDArray[np.float64]
 
@@ -41,6 +41,8 @@ class Terms:
         L_dot: Its rate, shape (nv, n), Eq. (20).
         K: Body Jacobians, shape (6 r, nv), Eq. (12).
         K_dot: Their rate, shape (6 r, nv), Eq. (15).
+        N_l: What carries twists from body to body, K = N_l N_d, shape (6 r, 6 r), [5, 6].
+        N_d: Twists of each body by its own joint, shape (6 r, nv), [5, 6].
         T: Natural orthogonal complement, shape (6 r, n), Eqs. (22), (23).
         T_dot: Its rate, shape (6 r, n), Eq. (25).
         M: Stacked mass matrix, shape (6 r, 6 r), Eq. (69).
@@ -57,6 +59,8 @@ class Terms:
     L_dot: Array
     K: Array
     K_dot: Array
+    N_l: Array
+    N_d: Array
     T: Array
     T_dot: Array
     M: Array
@@ -226,6 +230,7 @@ def terms(ws: Workspace, q: Array, va: Array) -> Terms:
     T_dot = K_dot @ L + K @ L_dot  # Eq. (25)
     # Rotors geared to a joint (model.armature) are no bodies of the paper; RNEA counts them too.
     rotors = L.T * model.armature
+    N_l, N_d = decoupled(model, ws.data, K)
     scaled = Phi * mechanism.row_scale[:, None] * mechanism.rate_scale
     return Terms(
         Phi=Phi[independent_rows(scaled)],
@@ -233,6 +238,8 @@ def terms(ws: Workspace, q: Array, va: Array) -> Terms:
         L_dot=L_dot,
         K=K,
         K_dot=K_dot,
+        N_l=N_l,
+        N_d=N_d,
         T=T,
         T_dot=T_dot,
         M=M,

@@ -145,6 +145,36 @@ def bodies(model: pin.Model, data: pin.Data, q_dot: Array) -> Bodies:
     )
 
 
+def decoupled(model: pin.Model, data: pin.Data, K: Array) -> tuple[Array, Array]:
+    """The decoupled form K = N_l N_d of the paper's [5, 6].
+
+    N_d holds the twists of each body that its own joint gives it, N_l carries the twists of a body
+    to all that it bears: the forward recursion of inverse dynamics is N_l, the backward one its
+    transpose.
+
+    Args:
+        model: The tree.
+        data: With joint placements up to date.
+        K: Body Jacobians, shape (6 r, nv).
+
+    Returns:
+        N_l, shape (6 r, 6 r), with unit blocks on the diagonal and zero blocks above it, and N_d,
+        shape (6 r, nv), block diagonal.
+    """
+    c = _mass_centers(model, data)
+    r = len(c)
+    N_l, N_d = np.zeros((r, 6, r, 6)), np.zeros((r, 6, model.nv))
+    for i in range(r):
+        joint = model.joints[i + 1]
+        own = slice(joint.idx_v, joint.idx_v + joint.nv)
+        N_d[i, :, own] = K[6 * i : 6 * i + 6, own]
+        for bearer in list(model.supports[i + 1])[1:]:
+            carried = np.eye(6)
+            carried[3:, :3] = -pin.skew(c[i] - c[bearer - 1])  # v_i = v_j + omega x (c_i - c_j)
+            N_l[i, :, bearer - 1] = carried
+    return N_l.reshape(6 * r, 6 * r), N_d.reshape(6 * r, model.nv)
+
+
 def _mass_centers(model: pin.Model, data: pin.Data) -> Array:
     """Mass centres in base axes, shape (r, 3)."""
     return np.array([data.oMi[j].act(model.inertias[j].lever) for j in range(1, model.njoints)])
