@@ -183,7 +183,7 @@ class Trajectory:
         coordinates, accelerations = (
             [(p[1], p[2]) for p in rates if p and p[3] == power] for power in ("", "2")
         )
-        if coordinates != accelerations:
+        if not set(accelerations) <= set(coordinates):
             raise FileFormatError(path, "not a motion: rates and accelerations of other joints", 1)
         torques = [re.fullmatch(r"tau_\d+_(Nm|N)", name) for name in table.columns]
         positions = [(p[1], p[2] or "") for p in map(_POSITION.fullmatch, table.columns) if p]
