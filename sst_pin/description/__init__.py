@@ -7,7 +7,7 @@ so that the three make up body 7 of the paper when the closures hold, and no mov
 massless.
 """
 
-from .cuts import cuts_of
+from .cuts import yaml_of
 from .folder import description_writers
 from .frames import JOINT_NAMES, MOTOR_NAMES, base_orientations, star_orientations
 from .meshes import mesh_writers, meshes_of
@@ -26,7 +26,6 @@ __all__ = [
     "URDF_PATH",
     "YAML_PATH",
     "base_orientations",
-    "cuts_of",
     "description_writers",
     "mesh_writers",
     "meshes_of",
@@ -34,4 +33,5 @@ __all__ = [
     "srdf_of",
     "star_orientations",
     "urdf_of",
+    "yaml_of",
 ]

@@ -4,7 +4,7 @@
 from .parameters import Parameters
 
 
-def cuts_of(p: Parameters) -> str:
+def yaml_of(p: Parameters) -> str:
     """Closures, motors and gravity of an SST."""
     gravity = ", ".join(repr(float(x)) for x in p.gravity)
     return f"""\

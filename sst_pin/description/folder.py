@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..files import Writer, text_writer
-from .cuts import cuts_of
+from .cuts import yaml_of
 from .meshes import mesh_writers
 from .mjcf import mjcf_of
 from .parameters import Parameters
@@ -38,7 +38,7 @@ def description_writers(
     """
     texts = {
         "sst.urdf": urdf_of(p),
-        "sst.yaml": cuts_of(p),
+        "sst.yaml": yaml_of(p),
         "sst.srdf": srdf_of(configurations),
         "sst.xml": mjcf_of(p, configurations),
         "scene.xml": scene_of(p),

@@ -39,9 +39,9 @@ def paths_on_sphere(
     """
     radius = robot.star_radius if radius is None else radius
     _patch(ax, robot, radius, "v")
-    looks = PATHS if len(motions) > 1 else PATHS[1:]
+    styles = PATHS if len(motions) > 1 else PATHS[1:]
     seen = [robot.geometry.R_0[:, :, 0]]
-    for (label, motion), look in zip(motions, looks, strict=False):
+    for (label, motion), look in zip(motions, styles, strict=False):
         s = robot.platform_orientation(motion.q)[:, :, 0]
         ax.plot(*(radius * s).T, label=label, zorder=10, **look)
         seen.append(s)

@@ -179,23 +179,23 @@ def workspace_legend(workspace: Workspace, path: str | None = None) -> list[Any]
         workspace: What is drawn.
         path: Name of the path, when there is one.
     """
-    looks = {"base triangle": _TRIANGLE}
+    styles = {"base triangle": _TRIANGLE}
     if workspace.best is not None:
-        looks["sliders at the ends of their arcs"] = _BOUNDARY
+        styles["sliders at the ends of their arcs"] = _BOUNDARY
         best = f"best pose, condition number {workspace.condition_number[workspace.best]:.3g}"
-        looks["isotropic pose" if _isotropic(workspace) else best] = _best_look(workspace)
+        styles["isotropic pose" if _isotropic(workspace) else best] = _best_look(workspace)
     if path is not None:
-        looks[path] = _PATH
+        styles[path] = _PATH
     if not _one_psi(workspace):
-        looks[r"roll in $\psi$ that the arcs leave"] = _ROLL
-        return _handles(looks)
-    looks[r"singular, second kind: $\det A = 0$"] = _SECOND
+        styles[r"roll in $\psi$ that the arcs leave"] = _ROLL
+        return _handles(styles)
+    styles[r"singular, second kind: $\det A = 0$"] = _SECOND
     flat = Patch(facecolor=_FLAT_COLOUR, label=r"first kind: $|\sin\mu_k| < \sin 3°$")
-    return [*_handles(looks), flat]
+    return [*_handles(styles), flat]
 
 
-def _handles(looks: Mapping[str, Mapping[str, Any]]) -> list[Any]:
-    return [Line2D([], [], label=label, **look) for label, look in looks.items()]
+def _handles(styles: Mapping[str, Mapping[str, Any]]) -> list[Any]:
+    return [Line2D([], [], label=label, **look) for label, look in styles.items()]
 
 
 def _isotropic(workspace: Workspace) -> bool:

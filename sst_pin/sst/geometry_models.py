@@ -17,7 +17,7 @@ from ..errors import DescriptionError
 from ..files import write_files
 
 
-class Looks(NamedTuple):
+class Shapes(NamedTuple):
     """Where the shapes of an SST come from.
 
     Attributes:

@@ -15,6 +15,7 @@ from ..arrays import finite_array, single_array
 from ..chain.backend import Backend
 from ..chain.closed_chain import ClosedChain
 from ..chain.reference import Reference
+from ..description import MOTOR_NAMES
 from ..description.parameters import Parameters
 from ..errors import DescriptionError, InputError, WorkspaceError
 from ..files import as_path, beside
@@ -23,7 +24,7 @@ from ..motion.simulation import Load, Torque, constant_or_called
 from ..motion.trajectories import Trajectory, require_motion
 from . import direct_kinematics, kernel_path, kinematics
 from .check import Finding, findings
-from .geometry_models import Looks
+from .geometry_models import Shapes
 from .read_back import parameters_of
 from .topology import CUTS, frame_of, geometry_of
 
@@ -34,7 +35,6 @@ Array = NDArray[np.float64]
 
 #: As closures print.
 _WELDS = {f"{a} - {b}" for a, b in CUTS}
-_MOTORS = ("gamma_1", "gamma_2", "gamma_3")
 
 
 class Singularities(NamedTuple):
@@ -67,7 +67,7 @@ class SST(ClosedChain):
             them it is Pinocchio and the methods of `ClosedChain`, the reference path.
 
     Attributes:
-        looks: The shapes of its bodies, for pictures.
+        shapes: The shapes of its bodies, for pictures.
     """
 
     def __init__(self, parameters: Parameters | None = None, *, kernels: bool = True) -> None:
@@ -76,9 +76,9 @@ class SST(ClosedChain):
         elif not isinstance(parameters, Parameters):
             raise InputError("parameters", f"{parameters!r}; for a file there is SST.from_urdf")
         else:
-            urdf, cuts = description.urdf_of(parameters), description.cuts_of(parameters)
+            urdf, cuts = description.urdf_of(parameters), description.yaml_of(parameters)
             self._load(urdf, cuts, "URDF of the parameters", "cuts of the parameters", kernels)
-            self.looks = Looks(urdf, parameters)
+            self.shapes = Shapes(urdf, parameters)
 
     @classmethod
     def from_urdf(
@@ -119,8 +119,8 @@ class SST(ClosedChain):
         geometry = geometry_of(chain.model, source)
         motors = tuple(chain.joint_names[i] for i in chain.actuated)
         ends = {str(closure) for closure in chain.closures}
-        if motors != _MOTORS or ends != _WELDS:
-            wanted = f"an SST has motors {', '.join(_MOTORS)} and welds {sorted(_WELDS)}"
+        if motors != MOTOR_NAMES or ends != _WELDS:
+            wanted = f"an SST has motors {', '.join(MOTOR_NAMES)} and welds {sorted(_WELDS)}"
             raise DescriptionError(
                 source, [f"motors {motors}, equalities {sorted(ends)}; {wanted}"]
             )
@@ -133,7 +133,7 @@ class SST(ClosedChain):
             cuts = own if own.is_file() else Path(description.YAML_PATH)
         text = reading.read_text(cuts, "YAML of the cuts")
         self._load(urdf, text, str(path), str(cuts), kernels)
-        self.looks = Looks(urdf, path.parent)
+        self.shapes = Shapes(urdf, path.parent)
 
     def _load(
         self, urdf: str, cuts: str, urdf_source: str, cuts_source: str, kernels: bool
@@ -141,9 +141,9 @@ class SST(ClosedChain):
         closures, actuated, gravity, joints = reading.parse_cuts(cuts, cuts_source)
         model = reading.parse_urdf(urdf, urdf_source, joints)
         geometry_of(model, urdf_source)  # its complaints come first
-        if actuated != _MOTORS:
+        if actuated != MOTOR_NAMES:
             raise DescriptionError(
-                cuts_source, [f"name_mot: {list(actuated)}, an SST has {', '.join(_MOTORS)}"]
+                cuts_source, [f"name_mot: {list(actuated)}, an SST has {', '.join(MOTOR_NAMES)}"]
             )
         model.gravity.linear = gravity
         self._source, self._off = urdf_source, "" if kernels else "switched off by kernels=False"
@@ -512,6 +512,11 @@ class SST(ClosedChain):
             return Parameters().star_radius
         E = frame_of(model, "E")
         return float(np.linalg.norm(E.placement.translation))
+
+    @property
+    def looks(self) -> Shapes:
+        """The former name of `shapes`, kept for one release."""
+        return self.shapes
 
     def show(
         self,

@@ -37,7 +37,7 @@ def load(urdf: str | Path = description.URDF_PATH) -> pin.RobotWrapper:
     check_srdf(srdf, model)
     pin.loadReferenceConfigurations(model, str(srdf), False)
     visual, collision = (
-        geometry_model(model, sst.looks.urdf, path.parent, kind)
+        geometry_model(model, sst.shapes.urdf, path.parent, kind)
         for kind in (pin.GeometryType.VISUAL, pin.GeometryType.COLLISION)
     )
     collision.addAllCollisionPairs()

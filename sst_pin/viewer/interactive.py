@@ -92,7 +92,7 @@ class Interactive:
 
     def _draw_robot(self) -> Any:
         robot = self._robot
-        with robot.looks.geometry_model(robot.model) as bodies:
+        with robot.shapes.geometry_model(robot.model) as bodies:
             nothing = pin.GeometryModel()  # ViserVisualizer cannot do without collision bodies
             visualizer = ViserVisualizer(robot.model, nothing, bodies)
             visualizer.initViewer(viewer=self._server, loadModel=True)

@@ -176,7 +176,7 @@ def _bodies_of(robot: ClosedChain, given: pin.GeometryModel | None) -> Iterator[
     if given is not None:
         yield given
     elif isinstance(robot, SST):
-        with robot.looks.geometry_model(robot.model) as model:
+        with robot.shapes.geometry_model(robot.model) as model:
             yield model
     else:
         raise InputError("visual_model", "a ClosedChain does not know its shapes; give them")

@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 import sst_pin
-from sst_pin.description import JOINT_NAMES, base_orientations, cuts_of, star_orientations, urdf_of
+from sst_pin.description import JOINT_NAMES, base_orientations, yaml_of, star_orientations, urdf_of
 from sst_pin.verification.sampling import random_parameters
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -100,7 +100,7 @@ def test_an_edited_urdf_is_what_is_computed(tmp_path, robot):
     """from_urdf reads masses, geometry, friction and gravity from the files, not from defaults."""
     p = random_parameters(np.random.default_rng(11))
     (tmp_path / "mine.urdf").write_text(urdf_of(p))
-    (tmp_path / "mine.yaml").write_text(cuts_of(p))
+    (tmp_path / "mine.yaml").write_text(yaml_of(p))
     edited = sst_pin.SST.from_urdf(tmp_path / "mine.urdf")
     same = sst_pin.SST(p)
     q, va, aa = same.home, np.array((0.3, -0.2, 0.1)), np.array((1.0, 2, 3))

@@ -13,7 +13,6 @@ import sst_pin
 from sst_pin.chain.dynamics import Terms
 
 
-
 class Method(NamedTuple):
     """A function of arrays.
 

@@ -9,7 +9,7 @@ import pytest
 
 import sst_pin
 from sst_pin.chain.dynamics import Friction
-from sst_pin.description import cuts_of, mjcf_of, urdf_of
+from sst_pin.description import yaml_of, mjcf_of, urdf_of
 from sst_pin.sst.configurations import configurations_of
 from sst_pin.sst.read_back import parameters_of
 from sst_pin.sst.topology import geometry_of
@@ -58,7 +58,7 @@ ROBOTS = [sst_pin.Parameters(), *map(odd_parameters, range(10))]
 def test_parameters_survive_the_way_through_urdf(p, tmp_path):
     """Parameters -> URDF and cuts -> SST -> Parameters."""
     (tmp_path / "sst.urdf").write_text(urdf_of(p))
-    (tmp_path / "sst.yaml").write_text(cuts_of(p))
+    (tmp_path / "sst.yaml").write_text(yaml_of(p))
     found = sst_pin.SST.from_urdf(tmp_path / "sst.urdf").parameters
     assert_same(found, p)
     # The second way round changes nothing any more but last digits of the first.

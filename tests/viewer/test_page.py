@@ -73,7 +73,7 @@ def poses(page):
 
 def bodies(robot, q):
     """What Pinocchio says: homogeneous matrices of the visual bodies, by node."""
-    with robot.looks.geometry_model(robot.model) as visual:
+    with robot.shapes.geometry_model(robot.model) as visual:
         data, placed = robot.model.createData(), visual.createData()
         pin.forwardKinematics(robot.model, data, q)
         pin.updateGeometryPlacements(robot.model, data, visual, placed)

@@ -138,7 +138,7 @@ def test_parameters_bring_their_own_meshes():
     parameters = random_parameters(np.random.default_rng(3))
     robot = sst_pin.SST(parameters)
     assert robot.star_radius == pytest.approx(parameters.star_radius, rel=1e-12)
-    with robot.looks.geometry_model(robot.model) as visual:
+    with robot.shapes.geometry_model(robot.model) as visual:
         names = {Path(body.meshPath).stem for body in visual.geometryObjects}
         folder = Path(visual.geometryObjects[0].meshPath).parent
         assert folder.is_dir()
