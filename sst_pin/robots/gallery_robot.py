@@ -52,7 +52,7 @@ class GalleryRobot(ClosedChain):
         point: bool = False,
     ) -> None:
         super().__init__(tree.model, closures, actuated)
-        self.visual_model = tree.visual_model
+        self._tree, self.visual_model = tree.model, tree.visual_model
         self._joints = joints
         self._rows = slice(None), slice(3 if point else 0, 4)  # of a pose, that count
         self.home = self.inverse_kinematics(home)
@@ -73,7 +73,24 @@ class GalleryRobot(ClosedChain):
         """
         matrices = pose.homogeneous if isinstance(pose, pin.SE3) else pose
         poses = finite_array("pose", matrices, (4, 4))
-        return for_each_sample(self._joints_at, (poses,), (2,), (self.model.nq,))
+        data = self._tree.createData()
+
+        def joints(pose: Array) -> Array:
+            with np.errstate(invalid="ignore"):
+                q = self._configuration(self._joints(pin.SE3(pose)))
+            if not np.isfinite(q).all():
+                raise WorkspaceError("the pose of the platform is out of reach")
+            missed = np.abs(self._pose(data, q) - pose)[self._rows].max()
+            opened = np.abs(self.residual(q)).max()
+            if max(missed, opened) > CLOSURE_TOLERANCE:
+                raise WorkspaceError(
+                    f"the platform cannot take this pose: it would be off by {missed:.3g} and the "
+                    f"loops open by {opened:.3g} (m or rad); `platform_pose` gives poses that it "
+                    "can take"
+                )
+            return q
+
+        return for_each_sample(joints, (poses,), (2,), (self._tree.nq,))
 
     def platform_pose(self, q: ArrayLike) -> Array:
         """Pose of the platform in the base.
@@ -84,35 +101,25 @@ class GalleryRobot(ClosedChain):
         Returns:
             Homogeneous matrices, shape (..., 4, 4).
         """
-
-        def pose(q: Array) -> Array:
-            data = self.model.createData()
-            pin.forwardKinematics(self.model, data, q)
-            return pin.updateFramePlacement(
-                self.model, data, self.model.getFrameId("platform")
-            ).homogeneous
-
-        return for_each_sample(pose, (finite_array("q", q, (self.model.nq,)),), (1,), (4, 4))
+        q, data = finite_array("q", q, (self._tree.nq,)), self._tree.createData()
+        return for_each_sample(lambda q: self._pose(data, q), (q,), (1,), (4, 4))
 
     def generic_configuration(self) -> Array:
-        """Some assembled configuration near home, the same at each call; shape (nq,)."""
-        step = np.random.default_rng(0).uniform(-0.1, 0.1, self.model.nv)
-        return self.assemble(pin.integrate(self.model, self.home, step), fixed=())
+        """Some assembled configuration near home, the same at each call; shape (nq,).
 
-    def _joints_at(self, pose: Array) -> Array:
-        with np.errstate(invalid="ignore"):
-            values = self._joints(pin.SE3(pose))
-        q: Array = pin.neutral(self.model)
-        for name, value in values.items():
-            joint = self.model.joints[self.model.getJointId(name)]
+        Far from home a robot may be assembled in other ways, with other freedoms.
+        """
+        step = np.random.default_rng(0).uniform(-0.1, 0.1, self._tree.nv)
+        return self.assemble(pin.integrate(self._tree, self.home, step), fixed=())
+
+    def _configuration(self, joints: Joints) -> Array:
+        q: Array = pin.neutral(self._tree)
+        for name, value in joints.items():
+            joint = self._tree.joints[self._tree.getJointId(name)]
             q[joint.idx_q : joint.idx_q + joint.nq] = value
-        if not np.isfinite(q).all():
-            raise WorkspaceError("the pose of the platform is out of reach")
-        missed = np.abs(self.platform_pose(q) - pose)[self._rows].max()
-        opened = np.abs(self.residual(q)).max()
-        if max(missed, opened) > CLOSURE_TOLERANCE:
-            raise WorkspaceError(
-                f"the platform cannot take this pose: it would be off by {missed:.3g} and the "
-                f"loops open by {opened:.3g} (m or rad); platform_pose(q) of an assembled q is one"
-            )
         return q
+
+    def _pose(self, data: pin.Data, q: Array) -> Array:
+        pin.forwardKinematics(self._tree, data, q)
+        frame = self._tree.getFrameId("platform")
+        return pin.updateFramePlacement(self._tree, data, frame).homogeneous
