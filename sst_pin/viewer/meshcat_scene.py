@@ -19,6 +19,7 @@ from pinocchio.visualize import MeshcatVisualizer
 from ..chain.closed_chain import ClosedChain
 from ..errors import InputError
 from ..motion.trajectories import Trajectory
+from ..robots import GalleryRobot
 from ..sst.robot import SST
 from .command_buffer import CommandBuffer
 from .markers import Markers, Shape, parts
@@ -37,7 +38,7 @@ class MeshcatScene:
     Attributes:
         buffer: Takes the commands.
         markers: What is drawn beside the bodies; None for another robot than an SST.
-        start: Configuration before one is asked for, shape (m,).
+        start: Configuration before one is asked for, shape (nq,).
         camera: Where the page's camera stands, what it looks at, its field of view.
 
     Args:
@@ -61,14 +62,15 @@ class MeshcatScene:
         for shape in self.markers.shapes if self.markers else ():
             self._add(shape)
         self._animated = False
-        self.start = robot.home if isinstance(robot, SST) else pin.neutral(robot.model)
+        known = isinstance(robot, (SST, GalleryRobot))
+        self.start = robot.home if known else pin.neutral(robot.model)
         self.camera = self._camera(self.start)
 
     def place(self, q: Array, effort: Array) -> None:
         """Put everything where it is at a configuration.
 
         Args:
-            q: Joint coordinates, shape (m,).
+            q: Configuration, shape (nq,).
             effort: Motor torques as a share of the largest, shape (n,).
         """
         if self._animated:
@@ -168,7 +170,7 @@ def _tracks(matrices: list[Array]) -> Iterator[tuple[str, str, list[list[float]]
 
 @contextmanager
 def _bodies_of(robot: ClosedChain, given: pin.GeometryModel | None) -> Iterator[pin.GeometryModel]:
-    """Shapes of a robot's bodies, those that are given or those of its URDF.
+    """Shapes of a robot's bodies, those that are given or its own.
 
     Raises:
         InputError: When there are neither.
@@ -178,5 +180,7 @@ def _bodies_of(robot: ClosedChain, given: pin.GeometryModel | None) -> Iterator[
     elif isinstance(robot, SST):
         with robot.shapes.geometry_model(robot.model) as model:
             yield model
+    elif isinstance(robot, GalleryRobot):
+        yield robot.visual_model
     else:
         raise InputError("visual_model", "a ClosedChain does not know its shapes; give them")

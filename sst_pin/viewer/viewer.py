@@ -34,13 +34,13 @@ class Viewer:
     that. In Jupyter a viewer displays itself.
 
     Args:
-        robot: An `SST`, or any `ClosedChain` with its `visual_model`.
-        visual_model: Bodies to be drawn; those of its URDF for an `SST`.
+        robot: An `SST`, a robot of the gallery, or any `ClosedChain` with its `visual_model`.
+        visual_model: Bodies to be drawn; its own for an `SST` and a robot of the gallery.
         axes: Whether the joint axes e_1..9 of an `SST` are shown at first.
         frames: Whether its frames {0k}..{3k} and {E} are shown at first.
 
     Raises:
-        InputError: For a `ClosedChain` without `visual_model`.
+        InputError: For another `ClosedChain` without `visual_model`.
     """
 
     def __init__(
@@ -71,12 +71,12 @@ class Viewer:
         """A configuration.
 
         Args:
-            q: Joint coordinates, shape (m,), [rad] or [m].
-            tau: Motor torques, shape (n,), [N m] or [N]; none by default.
+            q: Configuration, shape (nq,).
+            tau: Motor torques, shape (motors,), [N m] or [N]; none by default.
         """
-        n = len(self._robot.actuated)
-        q = single_array("q", q, (len(self._robot.joint_names),))
-        tau = np.zeros(n) if tau is None else single_array("tau", tau, (n,))
+        motors = len(self._robot.motor_names)
+        q = single_array("q", q, (len(self._robot.position_names),))
+        tau = np.zeros(motors) if tau is None else single_array("tau", tau, (motors,))
         self._scene.place(q, tau / (np.abs(tau).max() or 1.0))
         robot, warnings = self._robot, []
         if isinstance(robot, SST):

@@ -166,6 +166,19 @@ def test_another_closed_chain_is_shown_with_its_bodies():
     assert "box_2" in str(list(viewer._scene.buffer.commands))
 
 
+@pytest.mark.parametrize("name", ["four_bar", "stewart", "planar_4rrr"])
+def test_a_robot_of_the_gallery_is_shown_with_its_own_bodies(name):
+    """At home at first, then falling."""
+    chain = getattr(sst_pin.robots, name)()
+    viewer = Viewer(chain)
+    assert np.array_equal(viewer._scene.start, chain.home)
+    n, motors = chain.degrees_of_freedom, len(chain.motor_names)
+    motion = chain.simulate(np.zeros(motors), chain.home, np.zeros(n), [0, 0.05])
+    viewer.play(motion)
+    body = chain.visual_model.geometryObjects[-1].name
+    assert body in str(list(viewer._scene.buffer.commands))
+
+
 def test_what_cannot_be_shown_is_told(robot, motion, tmp_path):
     """Another robot's motion, a speed of nothing, an unknown ending, a file in the way."""
     viewer = Viewer(robot)
