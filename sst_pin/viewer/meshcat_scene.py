@@ -62,8 +62,9 @@ class MeshcatScene:
         for shape in self.markers.shapes if self.markers else ():
             self._add(shape)
         self._animated = False
-        known = isinstance(robot, (SST, GalleryRobot))
-        self.start = robot.home if known else pin.neutral(robot.model)
+        self.start = (
+            robot.home if isinstance(robot, (SST, GalleryRobot)) else pin.neutral(robot.model)
+        )
         self.camera = self._camera(self.start)
 
     def place(self, q: Array, effort: Array) -> None:
