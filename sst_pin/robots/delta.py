@@ -25,7 +25,7 @@ def delta(
     spacing: float = 0.08,
     arm_mass: float = 0.08,
     rod_mass: float = 0.02,
-    platform_mass: float = 0.1,
+    platform_mass: float = 0.15,
 ) -> GalleryRobot:
     """The delta robot: three arms and six rods carry a platform that moves and does not turn.
 

@@ -3,6 +3,7 @@
 
 import pickle
 from importlib import import_module
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -236,3 +237,24 @@ def test_hoeckens_linkage_draws_a_line():
     assert np.ptp(x) == pytest.approx(0.4)  # four cranks
     assert np.ptp(z) < np.ptp(x) / 400
     assert_allclose(y, 0, atol=1e-15)
+
+
+def test_the_delta_of_the_examples_has_the_dimensions_of_the_gallery():
+    """Read from URDF and YAML, the motors at the gallery's angles: the platform's joints agree."""
+    folder = Path(__file__).parents[2] / "examples"
+    ours, theirs = robots.delta(), sst_pin.ClosedChain.from_urdf(folder / "delta.urdf")
+    pose = ours.platform_pose(ours.home)
+    pose[:3, 3] += (0.03, -0.02, 0.04)
+    q = ours.inverse_kinematics(pose)
+    guess = pin.neutral(theirs.model)
+    for k in (1, 2, 3):
+        joint = theirs.model.joints[theirs.model.getJointId(f"motor_{k}")]
+        guess[joint.idx_q] = q[ours.position_names.index(f"motor_{k}")]
+    found = theirs.assemble(guess)
+    places = []
+    for chain, configuration, frame in ((ours, q, "ball_3b"), (theirs, found, "platform_3b")):
+        data = chain.model.createData()
+        pin.framesForwardKinematics(chain.model, data, configuration)
+        places.append(data.oMf[chain.model.getFrameId(frame)].translation)
+    # The file writes its numbers with twelve digits.
+    assert_allclose(*places, rtol=0, atol=1e-10)

@@ -12,15 +12,12 @@ import sys
 import urllib.request
 from pathlib import Path
 
-import coal
 import numpy as np
-import pinocchio as pin
 import pytest
 from PIL import Image
 
 import sst_pin
 from browser import needs_browser
-from robots import ROBOTS
 from sst_pin import errors
 from sst_pin.cli import main
 from sst_pin.sst import paper
@@ -148,22 +145,18 @@ def test_parameters_bring_their_own_meshes():
 
 
 def test_another_closed_chain_is_shown_with_its_bodies():
-    """A four-bar of boxes; without bodies there is nothing to see, and that is said."""
-    chain = ROBOTS["four-bar"].chain()
+    """A four-bar; without bodies there is nothing to see, and that is said."""
+    robot = sst_pin.robots.four_bar()
+    chain, q = sst_pin.ClosedChain(robot.model, robot.closures, robot.motor_names), robot.home
     with pytest.raises(errors.InputError, match="visual_model: a ClosedChain does not know"):
         Viewer(chain)
-    bodies = pin.GeometryModel()
-    for joint in range(1, chain.model.njoints):
-        box = pin.GeometryObject(f"box_{joint}", joint, pin.SE3.Identity(), coal.Box(0.1, 0.1, 0.4))
-        bodies.addGeometryObject(box)
-    viewer = Viewer(chain, bodies)
-    q = chain.assemble(ROBOTS["four-bar"].joints(np.array([0.8])).real, fixed=["crank"])
+    viewer = Viewer(chain, robot.visual_model)
     motion = sst_pin.Trajectory(
         [0, 1], [q, q], np.zeros((2, 1)), np.zeros((2, 1)), np.ones((2, 1)), chain.joint_names,
         ["crank"],
     )  # fmt: skip
     viewer.play(motion)
-    assert "box_2" in str(list(viewer._scene.buffer.commands))
+    assert "coupler_0" in str(list(viewer._scene.buffer.commands))
 
 
 @pytest.mark.parametrize("name", ["four_bar", "stewart", "planar_4rrr"])
