@@ -43,7 +43,8 @@ def two_link(target: ArrayLike, first: float, second: float, elbow: int) -> tupl
     """
     x, y, *_ = np.asarray(target, dtype=float)
     cosine = (x**2 + y**2 - first**2 - second**2) / (2 * first * second)
-    bend = elbow * np.arccos(cosine)
+    with np.errstate(invalid="ignore"):
+        bend = elbow * np.arccos(cosine)
     shoulder = np.arctan2(y, x) - np.arctan2(second * np.sin(bend), first + second * cosine)
     return wrapped(shoulder), float(bend)
 

@@ -10,10 +10,11 @@ import pinocchio as pin
 
 from ..chain.closures import Closure
 from .angles import direction
-from .gallery_robot import GalleryRobot, Joints
+from .gallery_robot import GalleryRobot, Joints, of_dimensions
 from .tree import Tree, planar, rod, shift, turned_x
 
 
+@of_dimensions
 def bennett(
     *,
     crank: float = 0.3,

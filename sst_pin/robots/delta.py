@@ -10,12 +10,13 @@ import pinocchio as pin
 
 from ..chain.closures import Closure
 from .angles import of_two_turns, two_link
-from .gallery_robot import GalleryRobot, Joints
+from .gallery_robot import GalleryRobot, Joints, of_dimensions
 from .tree import Tree, disc, planar, rod, shift
 
 _SIDES = {"a": 1, "b": -1}
 
 
+@of_dimensions
 def delta(
     *,
     base_radius: float = 0.12,
@@ -74,7 +75,10 @@ def delta(
     closures = [Closure(f"ball_{name}", f"end_{name}", "3d") for name in vertices if name != "1a"]
     joints = partial(_delta_joints, radii=(base_radius, platform_radius), arm=arm, forearm=forearm)
     motors = [f"motor_{k}" for k in (1, 2, 3)]
-    return GalleryRobot(tree, closures, motors, joints, shift((0, 0, -0.3)))
+    level = base_radius + arm - platform_radius  # of the arms, at home
+    with np.errstate(invalid="ignore"):
+        home = shift((0, 0, -np.sqrt(forearm**2 - level**2)))
+    return GalleryRobot(tree, closures, motors, joints, home)
 
 
 def _delta_joints(pose: pin.SE3, radii: tuple[float, float], arm: float, forearm: float) -> Joints:

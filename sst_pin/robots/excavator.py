@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..chain.closures import Closure
 from .angles import angle_about_z, direction, two_link, wrapped
-from .gallery_robot import GalleryRobot, Joints
+from .gallery_robot import GalleryRobot, Joints, of_dimensions
 from .tree import UPRIGHT, Tree, box, planar, rod, rods, shift
 
 Array = NDArray[np.float64]
@@ -39,6 +39,7 @@ class _Cylinder(NamedTuple):
     retracted: float
 
 
+@of_dimensions
 def excavator(
     *,
     boom: float = 2.4,
@@ -56,8 +57,8 @@ def excavator(
 
     The boom's and the arm's cylinder make triangles, the bucket's a triangle and a four-bar:
     four loops in the arm's plane. The platform is the tip of the bucket, x along the bucket, z
-    normal to the arm's plane. The layout is that of every backhoe; the numbers are ours, those of
-    a machine of three tonnes.
+    normal to the arm's plane. Where cylinders attach does not change with the lengths. The layout
+    is that of every backhoe; the numbers are ours, those of a machine of three tonnes.
 
     Args:
         boom: Between its pins, [m].

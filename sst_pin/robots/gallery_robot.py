@@ -4,22 +4,43 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from functools import wraps
+from typing import Any, TypeVar
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import finite_array, for_each_sample
+from ..arrays import finite_array, for_each_sample, positive_number
 from ..chain.closed_chain import ClosedChain
 from ..chain.closures import Closure
 from ..chain.loops import CLOSURE_TOLERANCE
-from ..errors import WorkspaceError
+from ..errors import InputError, WorkspaceError
 from .tree import Tree
 
 Array = NDArray[np.float64]
 #: Coordinates of joints by name.
 Joints = dict[str, Any]
+_Build = TypeVar("_Build", bound=Callable[..., "GalleryRobot"])
+
+
+def of_dimensions(build: _Build) -> _Build:
+    """Have a function of dimensions and masses refuse those that are not above 0.
+
+    Raises:
+        InputError: For such a number, by the function that comes back.
+    """
+
+    @wraps(build)
+    def checked(*args: Any, **dimensions: Any) -> GalleryRobot:
+        for name, value in dimensions.items():
+            if isinstance(value, tuple):
+                finite_array(name, value, (len(value),))
+            else:
+                positive_number(name, value)
+        return build(*args, **dimensions)
+
+    return checked  # type: ignore[return-value]  # it has the parameters of `build`
 
 
 class GalleryRobot(ClosedChain):
@@ -35,6 +56,9 @@ class GalleryRobot(ClosedChain):
             platform; NaN where it is out of reach.
         home: A pose of the platform where the robot is regular.
         point: Whether the platform is a point, so that its orientation does not count.
+
+    Raises:
+        WorkspaceError: When the loops do not close at home.
 
     Attributes:
         home: Joint coordinates at the home pose, shape (nq,).
@@ -55,7 +79,12 @@ class GalleryRobot(ClosedChain):
         self._tree, self.visual_model = tree.model, tree.visual_model
         self._joints = joints
         self._rows = slice(None), slice(3 if point else 0, 4)  # of a pose, that count
-        self.home = self.inverse_kinematics(home)
+        try:
+            self.home = self.inverse_kinematics(home)
+        except (InputError, WorkspaceError):
+            raise WorkspaceError(
+                f"{tree.model.name}: with these dimensions the loops do not close at home"
+            ) from None
 
     def inverse_kinematics(self, pose: pin.SE3 | ArrayLike) -> Array:
         """Joint coordinates that hold the platform at a pose, in the working mode of `home`.

@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 
 from ..chain.closures import Closure
 from .angles import angle_about_z, direction, two_link, wrapped
-from .gallery_robot import GalleryRobot, Joints
+from .gallery_robot import GalleryRobot, Joints, of_dimensions
 from .tree import UPRIGHT, Tree, circle, planar, rod, shift, star
 
 Array = NDArray[np.float64]
 _RZ = pin.JointModelRZ
 
 
+@of_dimensions
 def four_bar(
     *,
     crank: float = 0.1,
@@ -72,6 +73,7 @@ def _four_bar_joints(pose: pin.SE3, coupler: float, ground: float, point: float)
     }
 
 
+@of_dimensions
 def five_bar(
     *,
     span: float = 0.118,
@@ -103,7 +105,8 @@ def five_bar(
         tree.frame(f"tip_{k}", f"elbow_{k}", (distal, 0, 0))
     tree.platform("elbow_1", (distal, 0, 0))
     joints = partial(_five_bar_joints, span=span, proximal=proximal, distal=distal)
-    home = shift((0, 0.8 * (proximal + distal)))
+    reach = 0.85 * (proximal + distal)
+    home = shift((0, np.sqrt(np.maximum(reach**2 - span**2 / 4, 0))))
     closures = [Closure("tip_1", "tip_2", "3d")]
     return GalleryRobot(tree, closures, ["shoulder_1", "shoulder_2"], joints, home, point=True)
 
@@ -117,6 +120,7 @@ def _five_bar_joints(pose: pin.SE3, span: float, proximal: float, distal: float)
     return joints
 
 
+@of_dimensions
 def planar_3rrr(
     *,
     base_radius: float = 0.35,
@@ -152,6 +156,7 @@ def planar_3rrr(
     )
 
 
+@of_dimensions
 def planar_4rrr(
     *,
     base_radius: float = 0.35,

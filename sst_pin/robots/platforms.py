@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..chain.closures import Closure
 from .angles import universal
-from .gallery_robot import GalleryRobot, Joints
+from .gallery_robot import GalleryRobot, Joints, of_dimensions
 from .tree import Solid, Tree, box, circle, disc, rod, rods, shift
 
 Array = NDArray[np.float64]
@@ -20,6 +20,7 @@ _X, _Y, _ = np.eye(3)
 _SIDES = (-1, 1, -1, 1, -1, 1)
 
 
+@of_dimensions
 def stewart(
     *,
     base_radius: float = 0.5,
@@ -55,7 +56,7 @@ def stewart(
     _add_struts(tree, base, vertices, "platform", retracted, barrel_mass, rod_mass)
     joints = partial(_stewart_joints, base=base, vertices=vertices, retracted=retracted)
     closures = [Closure(f"ball_{k}", f"end_of_rod_{k}", "3d") for k in range(1, 7)]
-    home = shift((0, 0, 0.6))
+    home = shift((0, 0, _height(base[0], vertices[0], 1.3 * retracted)))
     return GalleryRobot(tree, closures, [f"stroke_{k}" for k in range(1, 7)], joints, home)
 
 
@@ -63,6 +64,7 @@ def _stewart_joints(pose: pin.SE3, base: Array, vertices: Array, retracted: floa
     return {"platform": pin.SE3ToXYZQUAT(pose)} | _strut_joints(pose, base, vertices, retracted)
 
 
+@of_dimensions
 def ups_pu(
     *,
     base_radius: float = 0.4,
@@ -99,7 +101,7 @@ def ups_pu(
     _add_struts(tree, base, vertices, "platform", retracted, barrel_mass, rod_mass)
     joints = partial(_ups_pu_joints, base=base, vertices=vertices, post=post, retracted=retracted)
     closures = [Closure(f"ball_{k}", f"end_of_rod_{k}", "3d") for k in range(1, 4)]
-    home = shift((0, 0, 0.55))
+    home = shift((0, 0, _height(base[0], vertices[0], 1.4 * retracted)))
     return GalleryRobot(tree, closures, [f"stroke_{k}" for k in range(1, 4)], joints, home)
 
 
@@ -110,6 +112,7 @@ def _ups_pu_joints(
     return own | _strut_joints(pose, base, vertices, retracted)
 
 
+@of_dimensions
 def hexaglide(
     *,
     rails: tuple[float, ...] = (-0.3, -0.25, -0.025, 0.025, 0.25, 0.3),
@@ -150,7 +153,7 @@ def hexaglide(
     closures = [Closure(f"ball_{k}", f"end_of_strut_{k}", "3d") for k in range(1, 7)]
     joints = partial(_hexaglide_joints, rails=rails, vertices=vertices, strut=strut)
     motors = [f"carriage_{k}" for k in range(1, 7)]
-    return GalleryRobot(tree, closures, motors, joints, shift((0, 0, 0.4)))
+    return GalleryRobot(tree, closures, motors, joints, shift((0, 0, 2 / 3 * strut)))
 
 
 def _hexaglide_joints(
@@ -163,6 +166,12 @@ def _hexaglide_joints(
         joints |= {f"carriage_{k}": x + side * reach}
         joints |= {f"strut_{k}": universal((-side * reach, *rest))}
     return joints
+
+
+def _height(foot: Array, vertex: Array, length: float) -> float:
+    """Of a level platform on struts of one length, [m]; NaN where they are too short."""
+    with np.errstate(invalid="ignore"):
+        return float(np.sqrt(length**2 - ((foot - vertex) ** 2).sum()))
 
 
 def _pairs(count: int, spread: float) -> Array:

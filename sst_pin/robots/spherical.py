@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..chain.closures import Closure
 from .angles import angle_about_z
-from .gallery_robot import GalleryRobot, Joints
+from .gallery_robot import GalleryRobot, Joints, of_dimensions
 from .tree import Solid, Tree, arc, box, rods, turned_x
 
 Array = NDArray[np.float64]
@@ -19,6 +19,7 @@ _LEGS = (1, 2, 3)
 _CUBE = float(np.arccos(1 / np.sqrt(3)))
 
 
+@of_dimensions
 def agile_eye(
     *,
     radius: float = 0.09,
@@ -46,6 +47,7 @@ def agile_eye(
     return _spherical_3rrr("agile_eye", radius, masses, camera)
 
 
+@of_dimensions
 def agile_wrist(
     *,
     radius: float = 0.16,

@@ -8,15 +8,16 @@ from functools import partial
 import numpy as np
 import pinocchio as pin
 
+from ..arrays import whole_number
 from ..chain.closures import Closure
-from ..errors import InputError
 from .angles import two_link
-from .gallery_robot import GalleryRobot, Joints
+from .gallery_robot import GalleryRobot, Joints, of_dimensions
 from .tree import UPRIGHT, Tree, box, planar, rod, shift
 
 _RZ = pin.JointModelRZ
 
 
+@of_dimensions
 def scissor_lift(
     cells: int = 3,
     *,
@@ -43,8 +44,7 @@ def scissor_lift(
     Raises:
         InputError: For no cells.
     """
-    if cells < 1:
-        raise InputError("cells", f"{cells}, at least 1 is needed")
+    cells = whole_number("cells", cells, 1)
     tree = Tree("scissor_lift")
     foot = box(slider_mass, (6 * radius, 4 * radius, 4 * radius))
     tip = shift((arm, 0))
@@ -84,6 +84,7 @@ def _scissor_lift_joints(pose: pin.SE3, cells: int, arm: float) -> Joints:
     return joints
 
 
+@of_dimensions
 def ladder(
     cells: int = 4,
     *,
@@ -108,8 +109,7 @@ def ladder(
     Raises:
         InputError: For fewer than two cells.
     """
-    if cells < 2:
-        raise InputError("cells", f"{cells}, at least 2 are needed")
+    cells = whole_number("cells", cells, 2)
     tree = Tree("ladder")
     bar_of_rail = rod(linear_density * rail, (rail, 0, 0), radius)
     bar_of_rung = rod(linear_density * rung, (rung, 0, 0), radius)

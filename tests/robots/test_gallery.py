@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The gallery against the literature's mobility and an independent referee."""
 
+import inspect
 import pickle
 from importlib import import_module
 from pathlib import Path
@@ -258,3 +259,61 @@ def test_the_delta_of_the_examples_has_the_dimensions_of_the_gallery():
         places.append(data.oMf[chain.model.getFrameId(frame)].translation)
     # The file writes its numbers with twelve digits.
     assert_allclose(*places, rtol=0, atol=1e-10)
+
+
+@pytest.mark.parametrize("name", sorted(set(MOBILITY) - {"excavator"}))
+def test_static_torques_scale_with_lengths_and_masses(name):
+    """Twice as long and three times as heavy: six times the torques, three times the forces."""
+    build = getattr(robots, name)
+    sizes = inspect.signature(build).parameters
+    scaled = {}
+    for key, parameter in sizes.items():
+        if key == "rails":
+            scaled[key] = tuple(2 * y for y in parameter.default)
+        elif key != "cells" and not key.endswith(("twist", "spread")):
+            factor = {"linear_density": 3 / 2}.get(key, 3 if key.endswith("mass") else 2)
+            scaled[key] = factor * parameter.default
+    small, large = build(), build(**scaled)
+    tau = []
+    for robot in (small, large):
+        rest = np.zeros(robot.degrees_of_freedom)
+        tau.append(robot.compute_torques(robot.home, rest, rest))
+    sliding = [small.joint_units[small.position_names.index(m)] == "m" for m in small.motor_names]
+    expected = tau[0] * np.where(sliding, 3, 6)
+    # Rounding times a condition number below 100, of torques that may be zero by symmetry.
+    assert_allclose(tau[1], expected, rtol=1e-11, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("build", "wrong"),
+    [
+        (robots.stewart, {"platform_mass": -1.0}),
+        (robots.delta, {"arm": 0.0}),
+        (robots.five_bar, {"span": np.nan}),
+        (robots.hexaglide, {"rails": (0, 1, np.inf, 2, 3, 4)}),
+        (robots.bennett, {"crank": "long"}),
+        (robots.ladder, {"rail": [1, 2]}),
+    ],
+)
+def test_dimensions_that_no_robot_has_are_refused_by_name(build, wrong):
+    """Zero, negative, not finite, no number."""
+    with pytest.raises(InputError) as caught:
+        build(**wrong)
+    assert caught.value.name == next(iter(wrong))
+
+
+@pytest.mark.parametrize(
+    ("build", "short"),
+    [
+        (robots.delta, {"forearm": 0.1}),
+        (robots.hexaglide, {"strut": 0.1}),
+        (robots.planar_3rrr, {"proximal": 0.01}),
+        (robots.four_bar, {"rocker": 0.01}),
+        (robots.stewart, {"retracted": 0.01}),
+        (robots.five_bar, {"span": 3.0}),
+    ],
+)
+def test_dimensions_that_do_not_close_are_refused(build, short):
+    """Legs too short to reach the platform at home."""
+    with pytest.raises(WorkspaceError, match="do not close at home"):
+        build(**short)
