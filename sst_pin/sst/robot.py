@@ -355,10 +355,7 @@ class SST(ClosedChain):
         if self._unseen:
             self._look_at_model()
         if external_wrenches is None and on_error == "raise":
-            try:
-                answer = self._torques_of(q, va, aa, platform_moment, out, threads)
-            except MemoryError:
-                answer = None  # said by name below
+            answer = self._torques_of(q, va, aa, platform_moment, out, threads)
             if answer is not None and answer[0] is None:
                 return answer[1]
         wrenches = _with_moment(platform_moment, external_wrenches)
@@ -399,10 +396,7 @@ class SST(ClosedChain):
         if self._unseen:
             self._look_at_model()
         if external_wrenches is None and on_error == "raise":
-            try:
-                answer = self._accelerations_of(q, va, tau, platform_moment, out, threads)
-            except MemoryError:
-                answer = None  # said by name below
+            answer = self._accelerations_of(q, va, tau, platform_moment, out, threads)
             if answer is not None and answer[0] is None:
                 return answer[1]
         wrenches = _with_moment(platform_moment, external_wrenches)
