@@ -569,7 +569,7 @@ class ClosedChain:
             va: Rates of the coordinates, shape (..., n).
         """
         v = self.joint_rates(q, va)
-        return (self.friction.forces(v) * v).sum(axis=-1)
+        return finite_array("power", (self.friction.forces(v) * v).sum(axis=-1), ())
 
     def motor_rates(self, q: ArrayLike, va: ArrayLike) -> Array:
         """Rates against which the motors work, shape (..., motors); arguments as `joint_rates`."""

@@ -22,6 +22,7 @@ from .dynamics import Workspace
 from .loops import CLOSURE_TOLERANCE
 from .mechanism import Friction, Mechanism
 from .mobility import condition_number
+from .noc import MAX_CONDITION_NUMBER
 
 Array = NDArray[np.float64]
 
@@ -81,8 +82,11 @@ class Reference:
     def _distributed(self, f: Array, L: Array, tree: Array, weights: Array | None) -> Array:
         """The torques of least weighted norm with A tau = f, A = L^T B."""
         mechanism = self.mechanism
-        units = mechanism.rate_scale[mechanism.coordinates]
-        A = L.T.dot(mechanism.motors) * units[:, None]
+        scale, units = mechanism.rate_scale[:, None], mechanism.rate_scale[mechanism.coordinates]
+        L, B = L / scale * units, mechanism.motors * scale
+        A = L.T.dot(B)
+        # A motor that does not move with a coordinate leaves rounding, which no force balances.
+        A[np.abs(A) * MAX_CONDITION_NUMBER < np.outer(*(np.abs(X).max(axis=0) for X in (L, B)))] = 0
         half = np.ones(A.shape[1]) if weights is None else 1 / np.sqrt(weights)
         tau = half * np.linalg.lstsq(A * half, f * units, rcond=1e-10)[0]
         left = f * units - A.dot(tau)

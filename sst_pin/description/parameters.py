@@ -21,8 +21,8 @@ Array = NDArray[np.float64]
 
 #: Relative slack of sums that should hold exactly: angles, symmetry, triangle inequality.
 _SLACK = 1e-9
-#: [m]; what is larger overflows in meshes.
-_LARGEST_RADIUS = 1e6
+#: [m]; what is smaller or larger leaves the numbers of meshes.
+_SMALLEST_RADIUS, _LARGEST_RADIUS = 1e-6, 1e6
 #: Three unit directions with a smaller triple product count as lying in one plane.
 _FLAT = 1e-6
 
@@ -248,8 +248,9 @@ class Parameters:
             radius = getattr(self, name)
             if not (np.isfinite(radius) and radius > 0):
                 yield f"{name}: {radius} m is not positive"
-            elif radius > _LARGEST_RADIUS:
-                yield f"{name}: {radius:g} m is more than {_LARGEST_RADIUS:g} m"
+            elif not _SMALLEST_RADIUS <= radius <= _LARGEST_RADIUS:
+                limits = f"{_SMALLEST_RADIUS:g} to {_LARGEST_RADIUS:g} m"
+                yield f"{name}: {radius:g} m is outside {limits}"
 
 
 def _bodies(value: RigidBody | Iterable[RigidBody]) -> RigidBody | tuple[RigidBody, ...]:

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import as_array, positive_number, single_array
 from ..errors import InputError, SimulationError, SingularityWarning, SSTError
-from .trajectories import Trajectory, sample_times, spline
+from .trajectories import Trajectory, require_motion, sample_times, spline
 
 if TYPE_CHECKING:
     from scipy.integrate import OdeSolver
@@ -89,6 +89,8 @@ def simulate(
     if progress is not None and not callable(progress):
         raise InputError("progress", f"{progress!r} cannot be called")
     times = sample_times(t, 2)
+    if isinstance(torque, Trajectory):
+        require_motion(torque, chain.position_names, "torque")
     # A bad start fails by its own name.
     q0 = single_array("q0", q0, (len(chain.joint_units),))
     chain.joint_rates(q0, np.zeros(chain.degrees_of_freedom))

@@ -183,8 +183,6 @@ class Trajectory:
         coordinates, accelerations = (
             [(p[1], p[2]) for p in rates if p and p[3] == power] for power in ("", "2")
         )
-        if not set(accelerations) <= set(coordinates):
-            raise FileFormatError(path, "not a motion: rates and accelerations of other joints", 1)
         torques = [re.fullmatch(r"tau_\d+_(Nm|N)", name) for name in table.columns]
         positions = [(p[1], p[2] or "") for p in map(_POSITION.fullmatch, table.columns) if p]
         if not coordinates or not positions:
@@ -197,6 +195,8 @@ class Trajectory:
         motors = len(forces)
         actuated = rate_names if motors == n else [f"motor_{k}" for k in range(1, motors + 1)]
         values = table.select(_columns(names, units, rate_names, rate_units, forces))
+        if coordinates != accelerations:
+            raise FileFormatError(path, "not a motion: accelerations of joints without rates", 1)
         t, q, va, aa, tau = np.split(values, np.cumsum([1, m, n, n]), axis=1)
         return cls(
             t[:, 0],

@@ -252,3 +252,14 @@ def test_errors_come_back_whole_from_worker_processes(error):
     assert isinstance(copy, sst_pin.SSTError)
     assert str(copy) == str(error)
     assert copy.__dict__ == error.__dict__
+
+
+def test_motors_that_do_not_move_the_robot_are_told():
+    """The coupler turns about the crank's pin while the crank is held: no torque there moves it."""
+    model, closures = four_bar(1.0, 0.0, 1.5, 2.2)
+    model.inertias[2] = pin.Inertia(1.0, np.array((0.3, 0, 0)), 0.1 * np.eye(3))
+    chain = sst_pin.ClosedChain(model, closures, ["crank"])
+    q = chain.assemble([0.6, 0.1, -1.2], fixed=())
+    assert chain.coordinates == ("coupler",)
+    with pytest.raises(sst_pin.ActuationError, match="nobody supplies coupler"):
+        chain.compute_torques(q, [0.5], [-0.3])

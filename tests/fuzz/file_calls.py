@@ -331,7 +331,8 @@ def _cuts(w: World) -> Iterator[Call]:
             Path("cut.yaml").write_text(text, encoding="utf-8")
             return errors_of("cut.urdf")
 
-        yield Call(f"validate, cuts: {name}", judge)
+        if not name.startswith("an exponent"):  # which is right
+            yield Call(f"validate, cuts: {name}", judge)
 
 
 def _mjcfs(w: World) -> Iterator[Call]:

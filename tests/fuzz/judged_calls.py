@@ -83,15 +83,16 @@ class Call:
         return Verdict(self.name, "right" if good else "silent", repr(value)[:200])
 
 
-def judged_apart(table: str, group: str) -> list[Verdict]:
+def judged_apart(table: str, group: str, every: int = 1) -> list[Verdict]:
     """Judge a group of calls in a child process; when a call ends the child, a new one goes on.
 
     Args:
         table: Module with a function `calls(group)`; it lies beside this one.
         group: Which calls.
+        every: 1 for all of them, n for each n-th.
     """
     verdicts: list[Verdict] = []
-    while not _child(table, group, verdicts):
+    while not _child(table, group, every, verdicts):
         pass
     return verdicts
 
@@ -109,12 +110,12 @@ def report(verdicts: Iterable[Verdict]) -> str:
     return "\n".join([f"{len(verdicts)} calls: {counts}", *faults])
 
 
-def _child(table: str, group: str, verdicts: list[Verdict]) -> bool:
+def _child(table: str, group: str, every: int, verdicts: list[Verdict]) -> bool:
     """Whether a child came to the end of the group; what it found is added to the verdicts."""
     read, write = os.pipe()
     here = Path(__file__).parent
     code = (
-        f"import judged_calls; judged_calls.serve({table!r}, {group!r}, {len(verdicts)}, {write})"
+        f"import judged_calls; judged_calls.serve({table!r}, {group!r}, {every}, {len(verdicts)}, {write})"
     )
     path = os.pathsep.join([str(here), str(here.parent), *filter(None, sys.path)])
     with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryFile() as noise:
@@ -164,14 +165,14 @@ def _lines(descriptor: int, patience: Callable[[], float]) -> Iterator[bytes]:
         yield from whole
 
 
-def serve(table: str, group: str, first: int, descriptor: int) -> None:
-    """In the child: judge the calls from the first on, and write what becomes of them."""
+def serve(table: str, group: str, every: int, first: int, descriptor: int) -> None:
+    """In the child: judge each n-th call from a first on, and write what becomes of them."""
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
 
     def tell(*words: str) -> None:
         os.write(descriptor, (json.dumps(words) + "\n").encode())
 
-    for call in list(__import__(table).calls(group))[first:]:
+    for call in list(__import__(table).calls(group))[::every][first:]:
         tell(call.name, "begin", "")
         tell(*call.judged())
     tell("", "end", "")

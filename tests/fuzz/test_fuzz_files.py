@@ -83,7 +83,7 @@ MJCF_EXTRA = (
 def random(examples, slow):
     """Settings of a test: the same few examples at each run, or many new ones."""
     return settings(
-        max_examples=200 * examples if slow else examples,
+        max_examples=50 * examples if slow else examples,
         derandomize=not slow,
         deadline=None,
         database=None,
@@ -155,19 +155,19 @@ def require_right(folder, urdf, cuts):
     require_same_torques(chain, lambda *state: plain_reading.torques_of(urdf, cuts, *state), CLOSE)
 
 
-@fuzzed(150, changed_xml(FOUR_BAR))
+@fuzzed(60, changed_xml(FOUR_BAR))
 def urdf(folder, text):
     """A URDF is refused, or its numbers are those that stand in it."""
     require_right(folder, text, FOUR_BAR_CUTS)
 
 
-@fuzzed(150, changed_yaml(FOUR_BAR_CUTS))
+@fuzzed(60, changed_yaml(FOUR_BAR_CUTS))
 def cuts(folder, text):
     """The YAML beside a URDF is refused, or closures, motors and gravity are what stands in it."""
     require_right(folder, FOUR_BAR, text)
 
 
-@fuzzed(100, changed_xml(FOUR_BAR_MJCF, MJCF_EXTRA))
+@fuzzed(40, changed_xml(FOUR_BAR_MJCF, MJCF_EXTRA))
 def mjcf(folder, text):
     """An MJCF is refused, or its torques are MuJoCo's own."""
     path = folder / "robot.xml"
@@ -181,7 +181,7 @@ def mjcf(folder, text):
     )
 
 
-@fuzzed(30, changed_xml(FOUR_BAR))
+@fuzzed(12, changed_xml(FOUR_BAR))
 def validated(folder, text):
     """`validate` comes to an end, and finds an error in what `from_urdf` refuses."""
     path = folder / "robot.urdf"
@@ -224,7 +224,7 @@ def text_of(motion):
     return file.getvalue().decode()
 
 
-@fuzzed(120, changed_csv(text_of(MOTION)))
+@fuzzed(60, changed_csv(text_of(MOTION)))
 def trajectories(folder, text):
     """A motion comes back as it stands in the CSV, or not at all."""
     path = folder / "motion.csv"
@@ -244,7 +244,7 @@ def trajectories(folder, text):
         assert np.array_equal(motion.tau[:, k], table[f"tau_{k + 1}_Nm"])
 
 
-@fuzzed(60, changed_csv(STAR + "\n"))
+@fuzzed(25, changed_csv(STAR + "\n"))
 def motions_of_the_star(folder, text):
     """Torques are found along the orientations that stand in the CSV, or refused."""
     path = folder / "star.csv"
@@ -283,7 +283,7 @@ def bytes_of(motion):
     return file.getvalue()
 
 
-@fuzzed(100, spoilt_bytes(bytes_of(MOTION)))
+@fuzzed(50, spoilt_bytes(bytes_of(MOTION)))
 def archives(folder, content):
     """An NPZ with a wrong byte gives the motion that was saved, or none."""
     path = folder / "motion.npz"

@@ -5,7 +5,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+import robots
 import sst_pin
+from sst_pin.motion.energy import energy_balance
 from sst_pin.sst import paper
 from sst_pin.verification.sampling import random_parameters, random_state
 from sst_pin.verification.virtual_work import VirtualWork
@@ -104,6 +106,17 @@ def test_viscous_friction_accounts_for_the_lost_energy():
     energy = robot.kinetic_energy(motion.q, motion.va) + robot.potential_energy(motion.q)
     assert energy[-1] < energy[0] - 0.01
     assert np.abs(sst_pin.energy_error(robot, motion)).max() < 1e-7  # spline through samples
+
+
+def test_motors_work_against_their_own_rates_whatever_the_coordinates():
+    """A four-bar told by its rocker and driven at its crank gains what the motor gives."""
+    table = robots.four_bar()
+    chain = table.chain(coordinates=["rocker"])
+    q, t = table.joints(table.x).real, np.linspace(0, 0.2, 41)
+    motion = chain.simulate([3.0], q, [0.2], t)
+    balance = energy_balance(chain, motion)
+    assert np.abs(balance.motors).max() > 0.01  # J
+    assert np.abs(sst_pin.energy_error(chain, motion)).max() < 1e-6  # the spline's, 0.005 s apart
 
 
 def test_coulomb_friction_brings_the_robot_to_rest():

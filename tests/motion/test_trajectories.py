@@ -82,6 +82,45 @@ def test_torque_of_a_motion_passes_through_its_samples(motion):
     assert np.abs([torque(t) for t in motion.t] - motion.tau).max() < 1e-12
 
 
+@pytest.mark.parametrize("t", [-1.0, 1e3, np.nan, None, "now"])
+def test_torque_of_a_motion_is_not_guessed_outside_of_it(motion, t):
+    """A polynomial of degree five leads to any number there."""
+    with pytest.raises(sst_pin.InputError, match="t: "):
+        motion.torque()(t)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        {"joint_names": "abcdefghi"},
+        {"joint_names": ["a"] * 9},
+        {"joint_names": range(9)},
+        {"actuated": "abc"},
+        {"actuated": ["gamma_1"] * 3},
+        {"units": ["rad"]},
+        {"units": ["deg"] * 9},
+        {"stopped": 5},
+    ],
+)
+def test_names_and_units_are_words_one_for_each_joint(motion, words):
+    """A text is no sequence of names, and each name stands once."""
+    arrays = {name: getattr(motion, name) for name in ("t", "q", "va", "aa", "tau")}
+    names = {"joint_names": motion.joint_names, "actuated": motion.actuated}
+    with pytest.raises(sst_pin.InputError, match=next(iter(words))):
+        sst_pin.Trajectory(**arrays, **names | words)
+
+
+@pytest.mark.parametrize("name", ["a,b", '"a"', " a", "a\nb"])
+def test_a_name_that_a_csv_cannot_hold_is_refused_there_only(tmp_path, name):
+    """It would come back as another name."""
+    none = np.zeros((2, 1))
+    motion = sst_pin.Trajectory([0, 1], none, none, none, none, [name], [name])
+    with pytest.raises(sst_pin.OutputError, match=r"save it as \.npz"):
+        motion.save(tmp_path / "odd.csv")
+    motion.save(tmp_path / "odd.npz")
+    assert sst_pin.Trajectory.load(tmp_path / "odd.npz") == motion
+
+
 def test_why_a_motion_stopped_is_kept_in_npz(motion, tmp_path):
     """A remark, not part of the comparison."""
     stopped = sst_pin.Trajectory(

