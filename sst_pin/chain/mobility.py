@@ -201,12 +201,18 @@ def judge(
         idle_joints=tuple(
             name
             for name, k in zip(space.joint_names, joints, strict=True)
-            if not np.isin(k, mechanism.driven).any() and free_motions(Phi[:, k]).shape[1]
+            if not np.isin(k, mechanism.driven).any() and _spins(Phi[:, k])
         ),
         condition_number=condition_number(Phi, coordinates),
         where=where,
         q=q.copy(),
     )
+
+
+def _spins(columns: Array) -> bool:
+    """Whether the closures leave a motion to the rates of one joint alone."""
+    values = np.linalg.svd(columns, compute_uv=False)
+    return len(values) < columns.shape[1] or bool(values[-1] < RANK_TOLERANCE)
 
 
 def condition_number(Phi: Array, coordinates: Indices) -> float:
