@@ -37,9 +37,10 @@ class Assembly:
     """
 
     def __init__(self, mechanism: Mechanism, loops: Loops) -> None:
-        self._mechanism, self._loops = mechanism, loops
+        self.mechanism, self._loops = mechanism, loops
         self._rows = np.flatnonzero(loops.holonomic)
         self._scale = mechanism.row_scale[:, None] * mechanism.rate_scale
+        self._known_parts: dict[bytes, list[tuple[Indices, Indices]]] = {}
 
     def assemble(self, q: Array, free: Indices) -> Array:
         """The configuration next to q with closed loops.
@@ -53,7 +54,7 @@ class Assembly:
         """
         q, open_rows = self._newton(q, free)
         if len(open_rows):
-            loops, mechanism = self._loops, self._mechanism
+            loops, mechanism = self._loops, self.mechanism
             residual = np.abs(loops.residual())
             largest = float(residual[open_rows].max())
             names = [
@@ -78,12 +79,12 @@ class Assembly:
         """
         if tries < 1:
             raise InputError("tries", f"{tries}, at least one is needed")
-        random, model = np.random.default_rng(seed), self._mechanism.model
+        random, model = np.random.default_rng(seed), self.mechanism.model
         failures = []
         for width in np.linspace(0.0, 2.0, tries):
             aside = np.zeros(model.nv)
             aside[free] = width * random.normal(size=len(free))
-            start = pin.integrate(model, q, aside * self._mechanism.rate_scale)
+            start = pin.integrate(model, q, aside * self.mechanism.rate_scale)
             try:
                 return self.assemble(start, free)
             except ClosureError as error:
@@ -98,7 +99,7 @@ class Assembly:
         """
         from scipy.linalg import null_space
 
-        mechanism, loops = self._mechanism, self._loops
+        mechanism, loops = self.mechanism, self._loops
         loops.evaluate(q)
         motions = null_space(loops.Phi() * self._scale, rcond=1e-8)
         random = np.random.default_rng(seed)
@@ -110,7 +111,10 @@ class Assembly:
     def _newton(self, q: Array, free: Indices) -> tuple[Array, Indices]:
         """The nearest configuration and the rows that stay open."""
         f = self._residual(q)
-        parts = list(self._parts(free))
+        key = free.tobytes()
+        if key not in self._known_parts:
+            self._known_parts[key] = list(self._parts(free))
+        parts = self._known_parts[key]
         for _ in range(_STEPS):
             busy = [
                 (rows, columns)
@@ -134,7 +138,7 @@ class Assembly:
         self, q: Array, f: Array, step: Array, parts: list[tuple[Indices, Indices]]
     ) -> tuple[Array, Array, bool]:
         """Halve each loop's step until its residual falls."""
-        model, scale = self._mechanism.model, self._mechanism.rate_scale
+        model, scale = self.mechanism.model, self.mechanism.rate_scale
         while True:
             trial = pin.integrate(model, q, step * scale)
             f_trial = self._residual(trial)
@@ -156,7 +160,7 @@ class Assembly:
 
     def _residual(self, q: Array) -> Array:
         self._loops.evaluate(q)
-        return self._loops.residual() * self._mechanism.row_scale
+        return self._loops.residual() * self.mechanism.row_scale
 
     def _parts(self, free: Indices) -> Iterator[tuple[Indices, Indices]]:
         """Rows and free rates of loops that share none."""
@@ -177,16 +181,17 @@ class Assembly:
             yield members, free[np.isin(label[n:], np.unique(label[members]))]
 
 
-def generic_configuration(assembly: Assembly, model: pin.Model) -> Array:
+def generic_configuration(assembly: Assembly) -> Array:
     """Some assembled configuration away from the symmetric ones, the same at each call.
 
     Raises:
         ClosureError: When twenty guesses lead to none.
     """
-    random = np.random.default_rng(0)
+    random, model = np.random.default_rng(0), assembly.mechanism.model
     failures = []
     for width in np.linspace(0.1, 2.0, 20):
-        guess = pin.integrate(model, pin.neutral(model), width * random.normal(size=model.nv))
+        aside = width * random.normal(size=model.nv) * assembly.mechanism.rate_scale
+        guess = pin.integrate(model, pin.neutral(model), aside)
         try:
             return assembly.assemble(guess, np.arange(model.nv))
         except ClosureError as error:

@@ -281,9 +281,8 @@ class ClosedChain:
         self._look_at_model()
         found = self._generic
         if found is None:
-            assembly, model = self._reference.workspace.assembly, self._draft.model
             try:
-                found = generic_configuration(assembly, model)
+                found = generic_configuration(self._reference.workspace.assembly)
             except ClosureError as error:
                 found = error
             self._generic = found
@@ -743,9 +742,14 @@ class ClosedChain:
         self._lock = threading.Lock()
         self._take_in_model()
 
-    def states(self, sign_width: float) -> States:
-        """The state space for an integrator, the sign of friction smoothed by a width."""
-        self._mechanism()
+    def states(self, sign_width: float, q: ArrayLike) -> States:
+        """The state space for an integrator.
+
+        Args:
+            sign_width: By which the sign of friction is smoothed.
+            q: Where motions start, shape (..., nq).
+        """
+        self._mechanism(q)
         return self._backend.states(replace(self.friction, sign_width=sign_width))
 
     def _compiled(self, reference: Reference) -> Backend:
@@ -819,14 +823,15 @@ class ClosedChain:
             )
         if self._wanted is not None:
             chosen = self._draft.coordinates
-        self._settled_by_caller = own is not None
         if self._settled is None or not np.array_equal(chosen, self._settled.coordinates):
-            self._settled = replace(self._draft, coordinates=chosen)
-            self._use(Reference(self._settled))
+            settled = replace(self._draft, coordinates=chosen)
+            self._use(Reference(settled))
             self._backend = self._compiled(self._reference)
             self._has_kernels = not isinstance(self._backend, ReferenceBackend)
             self._torques_of = self._backend.torques_of
             self._accelerations_of = self._backend.accelerations_of
+            self._settled = settled  # last: other threads read it without the lock
+        self._settled_by_caller = own is not None
 
     def _first_closed(self, q: ArrayLike) -> Array | None:
         array = np.asarray(q, dtype=float)
@@ -844,8 +849,12 @@ class ClosedChain:
     def _report(self, q: Array, where: str) -> Mobility:
         loops, draft = self._evaluated(q), self._draft
         loops.require_closed(draft.row_scale)
-        wanted = [draft.space.rates_of([name]) for name in self._wanted or ()]
-        return judge(draft, self._scaled_Phi(q), q, where, wanted)
+        names: Sequence[str] = self._wanted or ()
+        if self._settled is not None:  # they stay, if they can
+            names = draft.space.names_of(self._settled.coordinates.tolist())
+        wanted = [draft.space.rates_of([name]) for name in names]
+        in_loops = np.flatnonzero(loops.touched.any(axis=0))
+        return judge(draft, self._scaled_Phi(q), q, where, in_loops, wanted)
 
     def _arguments(self, q: ArrayLike, **others: ArrayLike) -> tuple[Mechanism, list[Array]]:
         """Arrays of the shapes that the mechanism has; it is settled on the way."""

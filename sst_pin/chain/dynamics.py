@@ -109,7 +109,7 @@ class Workspace:
         self._weightless = pin.Model(mechanism.model)
         self._weightless.gravity = pin.Motion.Zero()
         self._weightless_data = self._weightless.createData()
-        self._zero = np.zeros(mechanism.model.nv)
+        self.zero = np.zeros(mechanism.model.nv)
 
     def evaluate(self, q: Array, tolerance: float = CLOSURE_TOLERANCE) -> None:
         """Compute what depends on q, which must close the loops."""
@@ -118,7 +118,7 @@ class Workspace:
 
     def momentum_rate(self, q: Array, a: Array) -> Array:
         """M a, generalised forces of rates a_k of the tree, shape (nv,)."""
-        return pin.rnea(self._weightless, self._weightless_data, q, self._zero, a)
+        return pin.rnea(self._weightless, self._weightless_data, q, self.zero, a)
 
     def reduced_inertia(self, q: Array, L: Array) -> Array:
         """L^T M L, shape (n, n), Eq. (93)."""
@@ -173,6 +173,15 @@ def inverse_dynamics(
     if applied is not None:
         tree = tree - applied
     return tree.dot(L), L, tree
+
+
+def resistance(ws: Workspace, q: Array, v: Array, wrenches: Array | None) -> float:
+    """The largest force that weights, rates or what is applied put on the tree, free of units."""
+    forces = [pin.rnea(ws.model, ws.data, q, v, ws.zero)]
+    applied = applied_forces(ws, ws.mechanism.friction, q, v, wrenches)
+    if applied is not None:
+        forces.append(applied)
+    return float(np.abs(np.array(forces) * ws.mechanism.rate_scale).max())
 
 
 def direct_dynamics(

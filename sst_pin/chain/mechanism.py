@@ -86,11 +86,11 @@ class Springs:
         problems = []
         for name, joint in zip(list(model.names)[1:], list(model.joints)[1:], strict=True):
             k = self.stiffness[joint.idx_v : joint.idx_v + joint.nv]
-            ball = joint.shortname() in ("JointModelSpherical", "JointModelTranslation")
-            if k.any() and joint.nv > 1 and not (ball and np.ptp(k) == 0):
+            ball = joint.shortname() == "JointModelSpherical" and np.ptp(k) == 0
+            if k.any() and joint.nv > 1 and joint.nq != joint.nv and not ball:
                 problems.append(
-                    f"joint {name}: springs in joints of several rates are for balls and "
-                    "translations, with one stiffness for all directions"
+                    f"joint {name}: springs in joints that turn freely in space or in the plane "
+                    "are for balls, with one stiffness for all directions"
                 )
         if problems:
             raise DescriptionError(f"model {model.name}", problems)

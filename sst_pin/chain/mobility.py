@@ -32,7 +32,7 @@ class Mobility:
         degrees_of_freedom: Number of rates minus the rank of Phi.
         held: Degrees of freedom that remain fixed when the motors are locked.
         loose_joints: Rates that still move with the motors locked.
-        idle_joints: Joints without a motor that spin by themselves, all others standing still.
+        idle_joints: Joints of a loop, without a motor, that spin while all others stand still.
         condition_number: Of the part of Phi that determines the dependent rates, free of units;
             infinite when the coordinates do not suffice.
         where: Which configuration was looked at.
@@ -170,7 +170,12 @@ def choose_coordinates(motions: Array, wanted: Sequence[Indices]) -> Indices:
 
 
 def judge(
-    mechanism: Mechanism, Phi: Array, q: Array, where: str, wanted: Sequence[Indices] = ()
+    mechanism: Mechanism,
+    Phi: Array,
+    q: Array,
+    where: str,
+    in_loops: Indices,
+    wanted: Sequence[Indices] = (),
 ) -> Mobility:
     """Count the motions at one configuration and choose coordinates for them.
 
@@ -179,6 +184,7 @@ def judge(
         Phi: Of its closures at q, free of units, shape (rows, nv).
         q: The configuration, shape (nq,).
         where: Which one that is.
+        in_loops: Indices of the rates that belong to a loop.
         wanted: Coordinates to be taken first, joint by joint.
     """
     space = mechanism.space
@@ -201,7 +207,9 @@ def judge(
         idle_joints=tuple(
             name
             for name, k in zip(space.joint_names, joints, strict=True)
-            if not np.isin(k, mechanism.driven).any() and _spins(Phi[:, k])
+            if np.isin(k, in_loops).any()
+            and not np.isin(k, mechanism.driven).any()
+            and _spins(Phi[:, k])
         ),
         condition_number=condition_number(Phi, coordinates),
         where=where,

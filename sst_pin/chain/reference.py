@@ -77,10 +77,16 @@ class Reference:
             _require_finite(q=q, va=va, aa=aa, tau=f)
         if self.mechanism.driven_one_to_one:
             return f
-        return self._distributed(f, L, tree, weights)
+        tau, left = self._distributed(f, L, weights)
+        largest = float(np.abs(tree * self.mechanism.rate_scale).max())
+        if (np.abs(left) > UNSUPPLIED * largest).any():
+            # Where great forces balance, rounding is left: compare with these.
+            largest = max(largest, dynamics.resistance(self.workspace, q, L.dot(va), wrenches))
+            self._require_supplied(left, UNSUPPLIED * largest)
+        return tau
 
-    def _distributed(self, f: Array, L: Array, tree: Array, weights: Array | None) -> Array:
-        """The torques of least weighted norm with A tau = f, A = L^T B."""
+    def _distributed(self, f: Array, L: Array, weights: Array | None) -> tuple[Array, Array]:
+        """The torques of least weighted norm with A tau = f, A = L^T B, and what is left of f."""
         mechanism = self.mechanism
         scale, units = mechanism.rate_scale[:, None], mechanism.rate_scale[mechanism.coordinates]
         L, B = L / scale * units, mechanism.motors * scale
@@ -89,8 +95,13 @@ class Reference:
         A[np.abs(A) * MAX_CONDITION_NUMBER < np.outer(*(np.abs(X).max(axis=0) for X in (L, B)))] = 0
         half = np.ones(A.shape[1]) if weights is None else 1 / np.sqrt(weights)
         tau = half * np.linalg.lstsq(A * half, f * units, rcond=1e-10)[0]
-        left = f * units - A.dot(tau)
-        over = np.abs(left) > UNSUPPLIED * float(np.abs(tree * mechanism.rate_scale).max())
+        return tau, f * units - A.dot(tau)
+
+    def _require_supplied(self, left: Array, limit: float) -> None:
+        """Refuse a motion that needs more than the motors give."""
+        mechanism = self.mechanism
+        units = mechanism.rate_scale[mechanism.coordinates]
+        over = np.abs(left) > limit
         if over.any():
             names = mechanism.coordinate_rate_names
             missing = {name: float(x) for name, x in zip(names, left / units, strict=True)}
@@ -102,7 +113,6 @@ class Reference:
                 "given torques lead to",
                 missing,
             )
-        return tau
 
     def accelerations(self, q: Array, va: Array, tau: Array, wrenches: Array | None) -> Array:
         """aa, shape (n,)."""
@@ -135,7 +145,9 @@ class Reference:
         """v_dot, shape (nv,), Eqs. (8), (20)."""
         ws = self.workspace
         ws.evaluate(q)
-        return dynamics.motion_of_tree(ws, va, aa)[2]
+        v_dot = dynamics.motion_of_tree(ws, va, aa)[2]
+        _require_finite(va=va, aa=aa, v_dot=v_dot)
+        return v_dot
 
     def frame_jacobian(self, q: Array, frame: int) -> Array:
         """[linear; angular] of a frame, world axes at its origin, shape (6, n)."""
@@ -149,6 +161,7 @@ class Reference:
         ws = self.workspace
         ws.evaluate(q)
         _, v, v_dot = dynamics.motion_of_tree(ws, va, np.zeros_like(va))
+        _require_finite(va=va, v_dot=v_dot)
         pin.forwardKinematics(ws.model, ws.data, q, v, v_dot)
         pin.updateFramePlacements(ws.model, ws.data)
         where = pin.LOCAL_WORLD_ALIGNED

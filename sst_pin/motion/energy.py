@@ -22,7 +22,7 @@ class EnergyBalance(NamedTuple):
 
     Attributes:
         kinetic: Of all bodies.
-        potential: Of the weights.
+        potential: Of the weights and springs.
         motors: Work of the motors.
         friction: Work of friction in all joints, negative or zero.
     """

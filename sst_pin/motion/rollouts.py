@@ -84,10 +84,13 @@ def rollout(
     threads = whole_number("threads", threads, 1)
     positive_number("sign_width", sign_width, or_zero=True)
     step = float(single_array("dt", dt, ()))
-    nq, n, motors = len(chain.joint_units), chain.degrees_of_freedom, len(chain.motor_names)
+    nq, motors = len(chain.joint_units), len(chain.motor_names)
     steps = None if steps is None else whole_number("steps", steps, 0)
     torques = _torques(tau, steps, motors)
-    start, rates = as_array("q0", q0, (nq,)), as_array("va0", va0, (n,))
+    start = as_array("q0", q0, (nq,))
+    states = chain.states(sign_width, start)
+    n = chain.degrees_of_freedom
+    rates = as_array("va0", va0, (n,))
     wrenches = None
     if external_wrenches is not None:
         shape = (len(chain.joint_names), 6)
@@ -98,7 +101,6 @@ def rollout(
     count = torques.shape[-2] if steps is None else steps
     samples = math.prod(batch)
     q, va = empty((samples, count + 1, nq)), empty((samples, count + 1, n))
-    states = chain.states(sign_width)
     reached = states.rollout(step, q_0, va_0, tau_0, load, q, va, threads)
     stopped = np.flatnonzero(reached <= count)
     if len(stopped) and on_error == "raise":

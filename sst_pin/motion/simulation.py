@@ -93,9 +93,9 @@ def simulate(
         require_motion(torque, chain.position_names, "torque")
     # A bad start fails by its own name.
     q0 = single_array("q0", q0, (len(chain.joint_units),))
+    states = chain.states(sign_width, q0)
     chain.joint_rates(q0, np.zeros(chain.degrees_of_freedom))
     va0 = single_array("va0", va0, (chain.degrees_of_freedom,))
-    states = chain.states(sign_width)
     if states.near_singularity(q0, max_condition_number):
         raise InputError("q0", f"nearer to a singularity than {max_condition_number=:g}")
     motion = _Motion(

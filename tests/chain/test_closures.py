@@ -46,8 +46,9 @@ def at(loops, q):
 def assert_jacobian_and_rate(loops, q, random):
     model = loops.model
     Phi = at(loops, q).Phi()
-    residuals = gradient(lambda q: at(loops, q).residual(), model, q)
-    # Eighth-order differences over 0.01: truncation and rounding / h leave 1e-12 of numbers near 1.
+    residuals = gradient(lambda q: at(loops, q).residual(), model, q, h=0.003)
+    # Eighth-order differences over 0.003: a rod of 0.7 m leaves (0.003 * 4 / 0.7)^8 = 1e-14, the
+    # rounding of numbers near 10 over the step 1e-12.
     assert_allclose(Phi[loops.holonomic], residuals[loops.holonomic], rtol=0, atol=1e-10)
     v = random.normal(size=model.nv)
     rate = derivative(lambda s: at(loops, pin.integrate(model, q, s * v)).Phi(), 0.003)

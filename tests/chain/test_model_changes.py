@@ -1,0 +1,213 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Whatever changes in the model, a chain computes what a newly built one computes."""
+
+import copy
+import multiprocessing
+import pickle
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import sst_pin
+from sst_pin import ClosedChain, Closure
+from trees import tree
+
+MOTORS = ["a0_RX", "b0_RZ"]
+
+
+def _array(name, factor=0.7):
+    def change(model):
+        setattr(model, name, getattr(model, name) * factor + 0.03)
+
+    return change
+
+
+def _inertia(model):
+    model.inertias[2] = pin.Inertia(3.0, np.array([0.1, 0.0, 0.2]), np.diag([0.4, 0.5, 0.6]))
+
+
+def _mass(model):
+    model.inertias[2].mass = 7.0
+
+
+def _placement(model):
+    model.jointPlacements[1] = pin.SE3(pin.exp3(np.array([0.1, 0.2, 0.3])), np.array([1.0, 2, 3]))
+
+
+def _gravity(model):
+    model.gravity.linear = np.array([1.0, 2.0, 3.0])
+
+
+def _gravity_in_memory(model):
+    model.gravity.linear[:] = (1.0, 2.0, 3.0)
+
+
+def _frame_inertia(model):
+    model.addBodyFrame("load", 2, pin.SE3.Identity(), -1)
+    model.appendBodyToJoint(2, pin.Inertia.Random(), pin.SE3.Identity())
+
+
+def _frame(model):
+    model.addFrame(pin.Frame("tool", 2, pin.SE3.Random(), pin.FrameType.OP_FRAME))
+
+
+def _name(model):
+    model.name += " renamed"
+
+
+def _joint(model):
+    index = model.addJoint(2, pin.JointModelRX(), pin.SE3.Random(), "tail")
+    model.appendBodyToJoint(index, pin.Inertia.Random(), pin.SE3.Identity())
+
+
+CHANGES = {
+    **{n: _array(n) for n in ("armature", "damping", "friction", "rotorInertia", "rotorGearRatio")},
+    **{n: _array(n) for n in ("upperPositionLimit", "lowerPositionLimit", "velocityLimit")},
+    "inertia": _inertia,
+    "mass": _mass,
+    "placement": _placement,
+    "gravity": _gravity,
+    "gravity in memory": _gravity_in_memory,
+    "body": _frame_inertia,
+    "frame": _frame,
+    "name": _name,
+    "joint": _joint,
+}
+
+
+def build(model):
+    return ClosedChain(model, [Closure("A", "B", "6d")], MOTORS)
+
+
+def numbers(chain, q, random):
+    n = chain.mobility(q).degrees_of_freedom
+    va, aa = random.normal(size=(2, n))
+    return np.concatenate(
+        [
+            chain.generalized_forces(q, va, aa),
+            chain.generalized_forces(np.stack([q, q]), va, aa).ravel(),
+            chain.compute_accelerations(q, va, np.ones(2)),
+            chain.noc(q, va).inertia.ravel(),
+            np.atleast_1d(chain.potential_energy(q)),
+        ]
+    )
+
+
+@pytest.mark.parametrize("refreshed", [False, True])
+@pytest.mark.parametrize("name", CHANGES)
+def test_a_changed_chain_equals_a_new_one(name, refreshed):
+    """At the next call, single or a batch, and after refresh(); to the last bit."""
+    model = tree("free", ["RX", "revolute", "RZ"], ["RZ", "revolute", "ball"], seed=3)
+    chain = build(model)
+    q = model.referenceConfigurations["closed"]
+    numbers(chain, q, np.random.default_rng(0))  # all memory is made
+    pin.seed(0)
+    CHANGES[name](model)
+    if refreshed:
+        chain.refresh()
+    q = np.concatenate([q, np.zeros(model.nq - len(q))])
+    one, other = (numbers(c, q, np.random.default_rng(0)) for c in (chain, build(pin.Model(model))))
+    assert np.array_equal(one, other)
+
+
+def test_every_field_of_a_model_is_seen_when_it_changes():
+    """Pinocchio's comparison looks at every array of numbers that a model has."""
+    model = tree("free", ["RX"], ["RZ"], seed=3)
+    model.effortLimit = model.velocityLimit = np.ones(model.nv)
+    model.upperPositionLimit, model.lowerPositionLimit = np.ones((2, model.nq))
+    for name in dir(model):
+        if isinstance(getattr(model, name), np.ndarray) and not name.startswith("_"):
+            changed = pin.Model(model)
+            setattr(changed, name, np.asarray(getattr(model, name)) + 0.5)
+            finite = np.isfinite(getattr(model, name)).all()
+            assert (changed != model) or not finite or name == "gravity981", name
+
+
+@pytest.mark.parametrize("name", [n for n in CHANGES if n not in ("joint", "name")])
+def test_a_changed_sst_equals_a_new_one_on_kernels_and_the_reference_path(name):
+    """A single call after `robot.model` was read, a batch, and after refresh()."""
+    robot = sst_pin.SST()
+    q, va, aa = robot.home, (1.0, 1, -1), (0.5, 0, 2)
+    robot.compute_torques(q, va, aa)
+    batch = (np.stack([q, q]), va, aa)
+    robot.compute_torques(*batch)
+    pin.seed(0)
+    if name == "placement":
+        return  # its loops would be open
+    CHANGES[name](robot.model)
+    single = robot.compute_torques(q, va, aa)
+    several = robot.compute_torques(*batch)
+    robot.refresh()
+    after = robot.compute_torques(q, va, aa)
+    chain = ClosedChain(pin.Model(robot.model), robot.closures, robot.motor_names)
+    expected = chain.compute_torques(q, va, aa)
+    for tau in (single, *several, after):
+        # Kernels and the reference path: two orders of the same sums.
+        assert np.abs(tau - expected).max() < 1e-11 * max(1, np.abs(expected).max())
+
+
+def test_a_frame_added_to_the_model_can_be_asked_for():
+    """It has a Jacobian at the next call."""
+    model = tree("free", ["RX", "revolute", "RZ"], ["RZ", "revolute", "ball"], seed=3)
+    chain = build(model)
+    q = model.referenceConfigurations["closed"]
+    n = chain.mobility(q).degrees_of_freedom
+    chain.joint_rates(q, np.zeros(n))
+    chain.model.addFrame(pin.Frame("tool", 2, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
+    assert chain.frame_jacobian(q, "tool").shape == (6, n)
+
+
+def test_a_model_with_a_nan_is_refused():
+    """It would never equal itself."""
+    model = tree("free", ["RX"], ["RZ"], seed=3)
+    model.effortLimit = np.full(model.nv, np.nan)
+    with pytest.raises(sst_pin.DescriptionError, match="NaN"):
+        build(model)
+
+
+@pytest.mark.parametrize("copied", [copy.copy, copy.deepcopy, lambda c: pickle.loads(pickle.dumps(c))])
+def test_copies_compute_the_same(copied):
+    """Also in the coordinates that the original has settled on."""
+    model = tree("free", ["RX", "revolute", "RZ"], ["RZ", "revolute", "ball"], seed=3)
+    chain = build(model)
+    q = model.referenceConfigurations["closed"]
+    wanted = numbers(chain, q, np.random.default_rng(0))
+    other = copied(chain)
+    assert np.array_equal(numbers(other, q, np.random.default_rng(0)), wanted)
+    assert other.coordinates == chain.coordinates
+
+
+def test_threads_compute_the_same_from_the_first_call_on():
+    """Many threads ask a chain that nobody has asked before."""
+    model = tree("free", ["RX", "revolute", "RZ"], ["RZ", "revolute", "ball"], seed=3)
+    q = model.referenceConfigurations["closed"]
+    n = build(model).mobility(q).degrees_of_freedom
+    va, aa = np.random.default_rng(0).normal(size=(2, n))
+    wanted = build(model).generalized_forces(q, va, aa)
+    with ThreadPoolExecutor(8) as pool:
+        for _ in range(5):
+            chain = build(model)
+            calls = [pool.submit(chain.generalized_forces, q, va, aa) for _ in range(32)]
+            assert all(np.array_equal(call.result(), wanted) for call in calls)
+
+
+def _torques(connection, chain, q, va, aa):
+    connection.send(chain.generalized_forces(q, va, aa))
+
+
+def test_a_forked_process_computes_the_same():
+    """With the memory of its parent."""
+    model = tree("free", ["RX", "revolute", "RZ"], ["RZ", "revolute", "ball"], seed=3)
+    chain = build(model)
+    q = model.referenceConfigurations["closed"]
+    va, aa = np.random.default_rng(0).normal(size=(2, chain.mobility(q).degrees_of_freedom))
+    wanted = chain.generalized_forces(q, va, aa)
+    context = multiprocessing.get_context("fork")
+    here, there = context.Pipe()
+    process = context.Process(target=_torques, args=(there, chain, q, va, aa))
+    process.start()
+    assert here.poll(60)
+    assert np.array_equal(here.recv(), wanted)
+    process.join(60)
