@@ -7,6 +7,7 @@ import threading
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -19,6 +20,7 @@ from ..arrays import (
     finite_array,
     for_each_sample,
     names,
+    positive_number,
     require_policy,
     single_array,
     whole_number,
@@ -30,7 +32,7 @@ from ..errors import (
     InputError,
 )
 from ..files import as_path, beside
-from . import dynamics
+from . import derivatives, dynamics
 from .assembly import generic_configuration
 from .backend import Answer, Backend, States
 from .closures import Constraint
@@ -378,6 +380,29 @@ class ClosedChain:
             lambda q, va: self._reference.frame_drift(q, va, index), arrays, (1, 1), (6,)
         )
 
+    def frame_velocity_derivatives(
+        self, q: ArrayLike, va: ArrayLike, frame: str
+    ) -> derivatives.FrameVelocityDerivatives:
+        """Derivatives of a frame's velocity along the motions that keep the loops closed.
+
+        Args:
+            q: Configurations on the closures, shape (..., nq).
+            va: Rates of the coordinates, shape (..., n).
+            frame: Its name.
+
+        Returns:
+            `.dq` and `.dva` of the [linear; angular] velocity J va, shapes (..., 6, n).
+        """
+        mechanism, arrays = self._arguments(q, va=va)
+        n, index = len(mechanism.coordinates), self._frame(frame)
+        both = for_each_sample(
+            lambda q, va: self._reference.derivatives.frame_velocity(q, va, index),
+            arrays,
+            (1, 1),
+            (6, 2 * n),
+        )
+        return derivatives.FrameVelocityDerivatives(both[..., :n], both[..., n:])
+
     # --- dynamics ---------------------------------------------------------------------------
 
     def compute_torques(
@@ -539,6 +564,114 @@ class ClosedChain:
         size = 2 * n * (n + 1)
         rows = self._each(reference, kernel, arrays, (1, 1), size, None, threads, on_error)
         return dynamics.ReducedTerms.of_rows(rows, n)
+
+    # --- derivatives ------------------------------------------------------------------------
+
+    def torque_derivatives(
+        self,
+        q: ArrayLike,
+        va: ArrayLike,
+        aa: ArrayLike,
+        *,
+        external_wrenches: ArrayLike | None = None,
+        sign_width: float = 1e-3,
+        on_error: str = "raise",
+    ) -> derivatives.TorqueDerivatives:
+        """Derivatives of `generalized_forces`, the torques where motor k is coordinate k.
+
+        They are those along the motions that keep the loops closed; docs/derivatives.md.
+
+        Args:
+            q: Configurations on the closures, shape (..., nq).
+            va: Rates of the coordinates, shape (..., n).
+            aa: Accelerations of the coordinates, shape (..., n).
+            external_wrenches: As in `compute_torques`, constant in base axes.
+            sign_width: Coulomb friction takes tanh(v / sign_width) for the sign of the rates v,
+                positive, [rad/s] or [m/s].
+            on_error: As in `compute_torques`.
+
+        Returns:
+            `.dq`, `.dva`, `.daa`, shapes (..., n, n). Column k of dq: q moves by L e_k.
+
+        Raises:
+            InputError, ClosureError, SingularConfigurationError: As `compute_torques`.
+        """
+        mechanism, arrays = self._arguments(q, va=va, aa=aa)
+        n = len(mechanism.coordinates)
+        rows = self._derivatives(
+            self._reference.torque_derivatives,
+            [*arrays, self._wrenches(external_wrenches)],
+            (n, 3 * n),
+            sign_width,
+            on_error,
+        )
+        return derivatives.TorqueDerivatives(*np.split(rows, 3, axis=-1))
+
+    def acceleration_derivatives(
+        self,
+        q: ArrayLike,
+        va: ArrayLike,
+        tau: ArrayLike,
+        *,
+        external_wrenches: ArrayLike | None = None,
+        sign_width: float = 1e-3,
+        on_error: str = "raise",
+    ) -> derivatives.AccelerationDerivatives:
+        """Derivatives of `compute_accelerations`, its friction smoothed by `sign_width`.
+
+        Args:
+            q: Configurations on the closures, shape (..., nq).
+            va: Rates of the coordinates, shape (..., n).
+            tau: Motor torques, shape (..., motors), [N m] or [N].
+            external_wrenches: As in `torque_derivatives`.
+            sign_width: As in `torque_derivatives`.
+            on_error: As in `compute_torques`.
+
+        Returns:
+            `.dq`, `.dva`, shapes (..., n, n), and `.dtau`, shape (..., n, motors).
+
+        Raises:
+            InputError, ClosureError, SingularConfigurationError: As `compute_torques`.
+        """
+        rows = self._state_matrices(q, va, tau, external_wrenches, sign_width, on_error)
+        n = rows.shape[-2] // 2
+        by_q, by_va, by_tau = np.split(rows[..., n:, :], [n, 2 * n], axis=-1)
+        return derivatives.AccelerationDerivatives(by_q, by_va, by_tau)
+
+    def linearize(
+        self,
+        q: ArrayLike,
+        va: ArrayLike,
+        tau: ArrayLike,
+        *,
+        dt: float | None = None,
+        external_wrenches: ArrayLike | None = None,
+        sign_width: float = 1e-3,
+        on_error: str = "raise",
+    ) -> tuple[Array, Array]:
+        """The motion next to a state, or to each state of a trajectory: x' = A x + B u.
+
+        x is how far the coordinates and va are off, u how far the torques are.
+
+        Args:
+            q: Configurations on the closures, shape (..., nq).
+            va: Rates of the coordinates, shape (..., n).
+            tau: Motor torques, shape (..., motors), [N m] or [N].
+            dt: Step of the discrete system x_next = A x + B u with u held, [s]: the exponential of
+                A and B of the state, exact for the linear system. None for the continuous one.
+            external_wrenches: As in `torque_derivatives`.
+            sign_width: As in `torque_derivatives`.
+            on_error: As in `compute_torques`.
+
+        Returns:
+            A, shape (..., 2 n, 2 n), and B, shape (..., 2 n, motors).
+
+        Raises:
+            InputError, ClosureError, SingularConfigurationError: As `compute_torques`.
+        """
+        rows = self._state_matrices(q, va, tau, external_wrenches, sign_width, on_error)
+        A, B = np.split(rows, [rows.shape[-2]], axis=-1)
+        return (A, B) if dt is None else derivatives.discrete(A, B, positive_number("dt", dt))
 
     # --- energy -----------------------------------------------------------------------------
 
@@ -903,6 +1036,37 @@ class ClosedChain:
         return for_each_sample(
             reference, arrays, core_axes, (size,), on_error=on_error, out=out, fast=fill
         )
+
+    def _state_matrices(
+        self,
+        q: ArrayLike,
+        va: ArrayLike,
+        tau: ArrayLike,
+        wrenches: ArrayLike | None,
+        sign_width: float,
+        on_error: str,
+    ) -> Array:
+        mechanism, arrays = self._arguments(q, va=va, tau=tau)
+        states = 2 * len(mechanism.coordinates)
+        return self._derivatives(
+            self._reference.state_matrices,
+            [*arrays, self._wrenches(wrenches)],
+            (states, states + mechanism.motors.shape[1]),
+            sign_width,
+            on_error,
+        )
+
+    def _derivatives(
+        self,
+        reference: Callable[..., Array],
+        arrays: Sequence[Array | None],
+        result: tuple[int, ...],
+        sign_width: float,
+        on_error: str,
+    ) -> Array:
+        width = positive_number("sign_width", sign_width)
+        function = partial(reference, width)
+        return for_each_sample(function, arrays, (1, 1, 1, 2), result, on_error=on_error)
 
     def _single_q(self, q: ArrayLike) -> Array:
         return single_array("q", q, (self._draft.model.nq,))

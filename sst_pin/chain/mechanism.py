@@ -47,6 +47,11 @@ class Friction:
         sign = np.tanh(q_dot / self.sign_width) if self.sign_width else np.sign(q_dot)
         return -(self.viscous * q_dot + self.coulomb * sign)
 
+    def slopes(self, q_dot: Array) -> Array:
+        """Derivatives of the forces by the rates, the sign smoothed, shape (nv,)."""
+        rise = 1 - np.tanh(q_dot / self.sign_width) ** 2
+        return -(self.viscous + self.coulomb * rise / self.sign_width)
+
 
 @dataclass(frozen=True)
 class Springs:
@@ -72,6 +77,10 @@ class Springs:
     def forces(self, model: pin.Model, q: Array) -> Array:
         """-k times the displacement from the reference, shape (nv,)."""
         return -self.stiffness * pin.difference(model, self.reference, q)
+
+    def slopes(self, model: pin.Model, q: Array) -> Array:
+        """Derivatives of the forces by q, shape (nv, nv)."""
+        return -self.stiffness[:, None] * pin.dDifference(model, self.reference, q, pin.ARG1)
 
     def energy(self, model: pin.Model, q: Array) -> float:
         """Potential energy, [J]."""

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from ..arrays import finite_array
 from ..errors import ActuationError, SSTError
 from . import dynamics
+from .derivatives import Derivatives
 from .dynamics import Workspace
 from .loops import CLOSURE_TOLERANCE
 from .mechanism import Friction, Mechanism
@@ -56,6 +57,15 @@ class Reference:
         except AttributeError:
             self._per_thread.workspace = Workspace(self.mechanism)
             return self._per_thread.workspace
+
+    @property
+    def derivatives(self) -> Derivatives:
+        """This thread's memory for derivatives."""
+        try:
+            return self._per_thread.derivatives
+        except AttributeError:
+            self._per_thread.derivatives = Derivatives(self.mechanism)
+            return self._per_thread.derivatives
 
     def generalized_forces(self, q: Array, va: Array, aa: Array, wrenches: Array | None) -> Array:
         """f, shape (n,)."""
@@ -132,6 +142,24 @@ class Reference:
         if not isfinite(row.dot(row)):
             _require_finite(q=q, va=va, terms=row)
         return row
+
+    def torque_derivatives(
+        self, sign_width: float, q: Array, va: Array, aa: Array, wrenches: Array | None
+    ) -> Array:
+        """Derivatives of f by q, va, aa side by side, shape (n, 3 n)."""
+        df = self.derivatives.torques(sign_width, q, va, aa, wrenches)
+        if not np.isfinite(df).all():
+            _require_finite(q=q, va=va, aa=aa, derivatives=df)
+        return df
+
+    def state_matrices(
+        self, sign_width: float, q: Array, va: Array, tau: Array, wrenches: Array | None
+    ) -> Array:
+        """[A B] of the state (coordinates, va), shape (2 n, 2 n + motors)."""
+        matrices = self.derivatives.state_matrices(sign_width, q, va, tau, wrenches)
+        if not np.isfinite(matrices).all():
+            _require_finite(q=q, va=va, tau=tau, derivatives=matrices)
+        return matrices
 
     def rates(self, q: Array, va: Array) -> Array:
         """v = L va, shape (nv,), Eq. (16)."""

@@ -1,0 +1,236 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Derivatives of inverse and direct dynamics along the motions that keep the loops closed.
+
+The tree's partial derivatives come first: of its inverse dynamics, with all wrenches of the loops
+on it, and of the velocities and accelerations of the closures' rows. The loops then say how the
+rates of the tree follow the coordinates. docs/derivatives.md derives the equations.
+
+Derivatives by q are taken along each rate of the tree, as Pinocchio's are.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+from scipy.linalg import expm
+
+from .dynamics import Workspace, applied_forces, direct_dynamics, motion_of_tree
+from .mechanism import Friction, Mechanism
+from .plain_tree import PlainTree
+from .row_derivatives import Branches, Frame, Partials, Rows, Tree, brackets, cross
+
+Array = NDArray[np.float64]
+
+
+class TorqueDerivatives(NamedTuple):
+    """Derivatives of the generalised forces f, those of the torques where motor k is coordinate k.
+
+    Attributes:
+        dq: Along the motions L e_k of q, va and aa held, shape (..., n, n).
+        dva: By va, shape (..., n, n).
+        daa: By aa: the generalised inertia matrix, shape (..., n, n).
+    """
+
+    dq: Array
+    dva: Array
+    daa: Array
+
+
+class AccelerationDerivatives(NamedTuple):
+    """Derivatives of the accelerations aa of the coordinates.
+
+    Attributes:
+        dq: Along the motions L e_k of q, va and tau held, shape (..., n, n).
+        dva: By va, shape (..., n, n).
+        dtau: By the motor torques, shape (..., n, motors).
+    """
+
+    dq: Array
+    dva: Array
+    dtau: Array
+
+
+class FrameVelocityDerivatives(NamedTuple):
+    """Derivatives of a frame's [linear; angular] velocity, base axes, at its origin.
+
+    Attributes:
+        dq: Along the motions L e_k of q, va held, shape (..., 6, n).
+        dva: By va: the Jacobian, shape (..., 6, n).
+    """
+
+    dq: Array
+    dva: Array
+
+
+def discrete(A: Array, B: Array, dt: float) -> tuple[Array, Array]:
+    """The exact step of x' = A x + B u over dt with u held: the exponential of [A B; 0 0] dt."""
+    states, inputs = B.shape[-2:]
+    both = np.zeros((*A.shape[:-2], states + inputs, states + inputs))
+    both[..., :states, :states], both[..., :states, states:] = A, B
+    step = expm(both * dt)
+    return step[..., :states, :states], step[..., :states, states:]
+
+
+class Derivatives:
+    """Derivatives of the dynamics of one mechanism; one object per thread.
+
+    Arguments are as those of `dynamics.inverse_dynamics` and `dynamics.direct_dynamics`.
+
+    Args:
+        mechanism: Whose dynamics it is.
+    """
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        self._plain = PlainTree(mechanism)
+        self._mechanism = self._plain.mechanism
+        self._ws = Workspace(self._mechanism)
+        self._rows = Rows(self._mechanism)
+        self._branches = Branches(self._mechanism.model)
+
+    def torques(
+        self, sign_width: float, q: Array, va: Array, aa: Array, wrenches: Array | None
+    ) -> Array:
+        """Derivatives of f by q, va and aa side by side, shape (n, 3 n).
+
+        Args:
+            sign_width: Of Coulomb friction, as `Friction` has it.
+            q: Configuration on the closures, shape (nq,).
+            va: Rates of the coordinates, shape (n,).
+            aa: Their accelerations, shape (n,).
+            wrenches: External ones, shape (r, 6), or None.
+        """
+        q, wrenches = self._plain.configuration(q), self._plain.wrenches(wrenches)
+        tau = np.zeros(self._mechanism.motors.shape[1])
+        by_q, by_va, inertia, _ = self._forces(self._friction(sign_width), q, va, aa, tau, wrenches)
+        return np.concatenate((by_q, by_va, inertia), axis=1)
+
+    def state_matrices(
+        self, sign_width: float, q: Array, va: Array, tau: Array, wrenches: Array | None
+    ) -> Array:
+        """[A B] of the state (coordinates, va), shape (2 n, 2 n + motors).
+
+        The lower half holds the derivatives of aa by q, va and tau. Arguments as `torques`.
+        """
+        q, wrenches = self._plain.configuration(q), self._plain.wrenches(wrenches)
+        friction = self._friction(sign_width)
+        aa, v = direct_dynamics(self._ws, friction, q, va, tau, wrenches)
+        by_q, by_va, inertia, L = self._forces(friction, q, va, aa, tau, wrenches)
+        motors = L.T.dot(self._mechanism.motors)
+        moved = self._moving_axes(v, L)[self._mechanism.coordinates]
+        aa_x = np.linalg.solve(inertia, np.concatenate((-by_q, -by_va, motors), axis=1))
+        upper = np.concatenate((-moved, np.eye(len(va)), np.zeros_like(motors)), axis=1)
+        return np.concatenate((upper, aa_x))
+
+    def frame_velocity(self, q: Array, va: Array, frame: int) -> Array:
+        """Derivatives of a frame's velocity by q and va side by side, shape (6, 2 n)."""
+        self._ws.evaluate(self._plain.configuration(q))
+        L, v, v_dot = motion_of_tree(self._ws, va, np.zeros_like(va))
+        tree = Tree(self._branches, self._ws.data, q, v, v_dot)
+        v_q = -self._inverse().dot(self._rows.partials(tree).velocity_q.dot(L))
+        moved = tree.frame(frame)
+        J = np.concatenate((moved.p.x_q, moved.J[3:]))
+        by_q = np.concatenate((moved.p.t_q, moved.twist_q[3:]))
+        return np.concatenate((by_q.dot(L) + J.dot(v_q), J.dot(L)), axis=1)
+
+    def _forces(
+        self,
+        friction: Friction,
+        q: Array,
+        va: Array,
+        aa: Array,
+        tau: Array,
+        wrenches: Array | None,
+    ) -> tuple[Array, Array, Array, Array]:
+        """Derivatives of f - L^T B tau by q, va and aa, and L, on the plain tree."""
+        ws, mechanism = self._ws, self._mechanism
+        ws.evaluate(q)
+        L, v, v_dot = motion_of_tree(ws, va, aa)
+        tree = Tree(self._branches, ws.data, q, v, v_dot)
+        rows, G = self._rows.partials(tree), self._inverse()
+        force = pin.rnea(ws.model, ws.data, q, v, v_dot) - mechanism.motors.dot(tau)
+        applied = applied_forces(ws, friction, q, v, wrenches)
+        if applied is not None:
+            force -= applied
+        force_q, force_v, M = self._tree_forces(tree, rows, G.T.dot(force), wrenches)
+        force_v += np.diag(-friction.slopes(v))
+        if not mechanism.springs.none:
+            force_q -= mechanism.springs.slopes(ws.model, q)
+        v_q = -G.dot(rows.velocity_q.dot(L))
+        v_dot_q = -G.dot(rows.acceleration_q.dot(L) + rows.acceleration_v.dot(v_q))
+        v_dot_va = -G.dot(rows.acceleration_v.dot(L))
+        by_q = L.T.dot(force_q.dot(L) + force_v.dot(v_q) + M.dot(v_dot_q))
+        by_va = L.T.dot(force_v.dot(L) + M.dot(v_dot_va))
+        inertia = L.T.dot(M).dot(L)
+        return by_q, by_va, (inertia + inertia.T) / 2, L
+
+    def _tree_forces(
+        self, tree: Tree, rows: Partials, reactions: Array, wrenches: Array | None
+    ) -> tuple[Array, Array, Array]:
+        """Derivatives of RNEA - Phi^T reactions - K^T wrenches by q, v and v_dot.
+
+        Pinocchio holds external wrenches in the bodies. What a wrench w does not turn with its body
+        is its own derivative w_q less that of a wrench that does.
+        """
+        ws, model = self._ws, self._ws.model
+        loads: list[tuple[Frame, Array, Array]] = []
+        for rows_of, frame, W, W_q in rows.held:
+            loads.append(
+                (frame, reactions[rows_of].dot(W), np.tensordot(reactions[rows_of], W_q, 1))
+            )
+        if wrenches is not None:
+            for joint, (moment, force) in enumerate(wrenches.reshape(-1, 2, 3), start=1):
+                if moment.any() or force.any():
+                    loads.append(_on_mass_centre(tree, ws.data, joint, moment, force))
+        total = np.zeros((model.njoints, 6))
+        for frame, w, _ in loads:
+            total[frame.joint] += w
+        in_bodies = pin.StdVec_Force()
+        for placement, w in zip(ws.data.oMi, total, strict=True):
+            in_bodies.append(placement.actInv(pin.Force(w)))
+        arguments = (model, ws.data, tree.q, tree.v, tree.v_dot, in_bodies)
+        force_q, force_v, M = (np.array(x) for x in pin.computeRNEADerivatives(*arguments))
+        for frame, w, w_q in loads:
+            force_q -= frame.J.T.dot(w_q - _force_cross(frame.J, w))
+        for row, k, second in rows.coupled:
+            force_q[k, k] -= reactions[row] * second
+        return force_q, force_v, M
+
+    def _inverse(self) -> Array:
+        """G: Phi G c = c for c that Phi can bring about, no coordinate moves, shape (nv, rows)."""
+        rows, n = self._ws.loops.rows, len(self._mechanism.coordinates)
+        return self._ws.complement.solve(np.eye(rows), np.zeros((n, rows)))
+
+    def _friction(self, sign_width: float) -> Friction:
+        return replace(self._mechanism.friction, sign_width=sign_width)
+
+    def _moving_axes(self, v: Array, L: Array) -> Array:
+        """[v, L e_k] of each joint: how its axes, moving, change a displacement, shape (nv, n)."""
+        rates = np.zeros_like(L)
+        for joint, data in zip(self._ws.model.joints, self._ws.data.joints, strict=True):
+            if joint.nv > 1:
+                k, S = slice(joint.idx_v, joint.idx_v + joint.nv), np.array(data.S)
+                rates[k] = S.T.dot(brackets(S.dot(v[k]), S.dot(L[k])))
+        return rates
+
+
+def _on_mass_centre(
+    tree: Tree, data: pin.Data, joint: int, moment: Array, force: Array
+) -> tuple[Frame, Array, Array]:
+    """A constant wrench at a body's mass centre: the body, the wrench at the origin, its w_q."""
+    model = tree.model
+    centre = data.oMi[joint] * pin.SE3(np.eye(3), model.inertias[joint].lever)
+    frame = Frame(tree, joint, centre)
+    w = np.concatenate((force, moment + cross(frame.p.x, force)))
+    w_q = np.concatenate((np.zeros_like(frame.p.x_q), cross(frame.p.x_q, force)))
+    return frame, w, w_q
+
+
+def _force_cross(twists: Array, w: Array) -> Array:
+    """Derivatives of a wrench that is carried along, twist by twist, shape (6, nv)."""
+    linear, omega = twists[:3], twists[3:]
+    moment = cross(omega, w[3:]) + cross(linear, w[:3])
+    return np.concatenate((cross(omega, w[:3]), moment))
