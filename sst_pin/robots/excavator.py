@@ -51,6 +51,7 @@ def excavator(
     boom_mass: float = 160.0,
     arm_mass: float = 80.0,
     bucket_mass: float = 60.0,
+    link_mass: float = 6.0,
     cylinder_mass: float = 18.0,
 ) -> GalleryRobot:
     """The arm of a small excavator: a swing and three cylinders move boom, arm and bucket.
@@ -70,6 +71,7 @@ def excavator(
         boom_mass: [kg].
         arm_mass: [kg].
         bucket_mass: [kg].
+        link_mass: Of link and rocker each, [kg].
         cylinder_mass: Of each barrel; a rod weighs half as much, [kg].
     """
     foot, pivot, bucket_pin = (0.3, 0.5), (arm - 0.3, 0.0), (0.08, 0.25)
@@ -82,18 +84,17 @@ def excavator(
     house = box(swing_mass, (1.2, 1.0, 0.6), (-0.2, 0, 0.3))
     tree.joint("swing", _RZ(), house)
     bearer = "universe"
-    for name, parent, at, mass, length in (
-        ("boom", "swing", UPRIGHT * shift(foot), boom_mass, boom),
-        ("arm", "boom", shift((boom, 0)), arm_mass, arm),
-        ("bucket", "arm", shift((arm, 0)), bucket_mass, bucket),
-        ("rocker", "arm", shift(pivot), 6.0, rocker),
-        ("link", "rocker", shift((rocker, 0)), 6.0, link),
+    for name, parent, at, mass, length, radius in (
+        ("boom", "swing", UPRIGHT * shift(foot), boom_mass, boom, 0.1),
+        ("arm", "boom", shift((boom, 0)), arm_mass, arm, 0.08),
+        ("bucket", "arm", shift((arm, 0)), bucket_mass, bucket, 0.08),
+        ("rocker", "arm", shift(pivot), link_mass, rocker, 0.03),
+        ("link", "rocker", shift((rocker, 0)), link_mass, link, 0.03),
     ):
         if parent != bearer:  # depth first: the cylinders of a body before the bodies it bears
             bearer = parent
             _add_cylinders(tree, [c for c in cylinders if c.bearer == bearer], cylinder_mass)
-        shape = rod(mass, (length, 0, 0), 0.08 if mass > 50 else 0.03)
-        tree.joint(name, _RZ(), shape, parent, at)
+        tree.joint(name, _RZ(), rod(mass, (length, 0, 0), radius), parent, at)
     for c in cylinders:
         tree.frame(f"{c.name}_lug", c.moved, (*c.eye, 0))
     tree.platform("bucket", (bucket, 0, 0))

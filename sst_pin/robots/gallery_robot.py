@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import wraps
+from inspect import signature
 from typing import Any, TypeVar
 
 import numpy as np
@@ -25,18 +26,17 @@ _Build = TypeVar("_Build", bound=Callable[..., "GalleryRobot"])
 
 
 def of_dimensions(build: _Build) -> _Build:
-    """Have a function of dimensions and masses refuse those that are not above 0.
+    """Have a function of dimensions and masses refuse numbers that are not above 0.
 
     Raises:
         InputError: For such a number, by the function that comes back.
     """
+    defaults = {name: p.default for name, p in signature(build).parameters.items()}
 
     @wraps(build)
     def checked(*args: Any, **dimensions: Any) -> GalleryRobot:
         for name, value in dimensions.items():
-            if isinstance(value, tuple):
-                finite_array(name, value, (len(value),))
-            else:
+            if isinstance(defaults.get(name), (int, float)):
                 positive_number(name, value)
         return build(*args, **dimensions)
 

@@ -7,12 +7,13 @@ from functools import partial
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from ..arrays import single_array
 from ..chain.closures import Closure
 from .angles import universal
 from .gallery_robot import GalleryRobot, Joints, of_dimensions
-from .tree import Solid, Tree, box, circle, disc, rod, rods, shift
+from .tree import Tree, box, circle, disc, rod, rods, shift
 
 Array = NDArray[np.float64]
 _X, _Y, _ = np.eye(3)
@@ -49,11 +50,11 @@ def stewart(
         rod_mass: Of the part of each strut at the platform, [kg].
     """
     tree = Tree("stewart")
-    base = circle(base_radius, _pairs(3, base_spread))
-    vertices = circle(platform_radius, _pairs(3, platform_spread))
+    base = circle(base_radius, _pairs(base_spread))
+    vertices = circle(platform_radius, _pairs(platform_spread))
     tree.joint("platform", pin.JointModelFreeFlyer(), disc(platform_mass, platform_radius, 0.03))
     tree.platform("platform")
-    _add_struts(tree, base, vertices, "platform", retracted, barrel_mass, rod_mass)
+    _add_struts(tree, base, vertices, retracted, barrel_mass, rod_mass)
     joints = partial(_stewart_joints, base=base, vertices=vertices, retracted=retracted)
     closures = [Closure(f"ball_{k}", f"end_of_rod_{k}", "3d") for k in range(1, 7)]
     home = shift((0, 0, _height(base[0], vertices[0], 1.3 * retracted)))
@@ -98,7 +99,7 @@ def ups_pu(
     plate = disc(platform_mass, platform_radius, 0.03)
     tree.joint("platform", pin.JointModelUniversal(_X, _Y), plate, "post", shift((0, 0, post)))
     tree.platform("platform")
-    _add_struts(tree, base, vertices, "platform", retracted, barrel_mass, rod_mass)
+    _add_struts(tree, base, vertices, retracted, barrel_mass, rod_mass)
     joints = partial(_ups_pu_joints, base=base, vertices=vertices, post=post, retracted=retracted)
     closures = [Closure(f"ball_{k}", f"end_of_rod_{k}", "3d") for k in range(1, 4)]
     home = shift((0, 0, _height(base[0], vertices[0], 1.4 * retracted)))
@@ -115,7 +116,7 @@ def _ups_pu_joints(
 @of_dimensions
 def hexaglide(
     *,
-    rails: tuple[float, ...] = (-0.3, -0.25, -0.025, 0.025, 0.25, 0.3),
+    rails: ArrayLike = (-0.3, -0.25, -0.025, 0.025, 0.25, 0.3),
     platform_radius: float = 0.12,
     platform_spread: float = 0.5,
     strut: float = 0.6,
@@ -130,7 +131,7 @@ def hexaglide(
     control of the Hexaglide, a 6 dof parallel manipulator, ICRA 1997); the numbers are ours.
 
     Args:
-        rails: y of the six rails, [m].
+        rails: y of the six rails, shape (6,), [m].
         platform_radius: Of the circle of the platform's joints, [m].
         platform_spread: Half the angle between two neighbours of the platform, [rad].
         strut: Length of the rods, [m].
@@ -138,8 +139,9 @@ def hexaglide(
         carriage_mass: Of each, [kg].
         strut_mass: Of each, [kg].
     """
+    rails = single_array("rails", rails, (6,))
     tree = Tree("hexaglide")
-    vertices = circle(platform_radius, _pairs(3, platform_spread) - np.pi / 2)
+    vertices = circle(platform_radius, _pairs(platform_spread) - np.pi / 2)
     plate = disc(platform_mass, platform_radius, 0.02)
     tree.joint("platform", pin.JointModelFreeFlyer(), plate)
     tree.platform("platform")
@@ -156,9 +158,7 @@ def hexaglide(
     return GalleryRobot(tree, closures, motors, joints, shift((0, 0, 2 / 3 * strut)))
 
 
-def _hexaglide_joints(
-    pose: pin.SE3, rails: tuple[float, ...], vertices: Array, strut: float
-) -> Joints:
+def _hexaglide_joints(pose: pin.SE3, rails: Array, vertices: Array, strut: float) -> Joints:
     joints = {"platform": pin.SE3ToXYZQUAT(pose)}
     for k, (y, vertex, side) in enumerate(zip(rails, vertices, _SIDES, strict=True), 1):
         x, *rest = pose.act(vertex) - (0, y, 0)
@@ -174,9 +174,9 @@ def _height(foot: Array, vertex: Array, length: float) -> float:
         return float(np.sqrt(length**2 - ((foot - vertex) ** 2).sum()))
 
 
-def _pairs(count: int, spread: float) -> Array:
-    """Angles of pairs of neighbours about equidistant directions, shape (2 * count,), [rad]."""
-    middles = 2 * np.pi / count * np.arange(count)
+def _pairs(spread: float) -> Array:
+    """Angles of three pairs of neighbours, half the angle between them given, shape (6,), [rad]."""
+    middles = 2 * np.pi / 3 * np.arange(3)
     return (middles[:, None] + spread * np.array([-1, 1])).ravel()
 
 
@@ -184,20 +184,19 @@ def _add_struts(
     tree: Tree,
     base: Array,
     vertices: Array,
-    platform: str,
     retracted: float,
     barrel_mass: float,
     rod_mass: float,
 ) -> None:
     """Struts that turn about a universal joint on the base, slide, and end at the platform."""
     for k, (foot, vertex) in enumerate(zip(base, vertices, strict=True), 1):
-        barrel: list[Solid] = rod(barrel_mass, (0, 0, 0.8 * retracted), 0.025)
+        barrel = rod(barrel_mass, (0, 0, 0.8 * retracted), 0.025)
         piston = rods(rod_mass, [(0, 0, -0.6 * retracted), (0, 0, 0)], 0.015)
         tree.joint(f"universal_{k}", pin.JointModelUniversal(_X, _Y), barrel, at=shift(foot))
         at = shift((0, 0, retracted))
         tree.joint(f"stroke_{k}", pin.JointModelPZ(), piston, f"universal_{k}", at)
         tree.frame(f"end_of_rod_{k}", f"stroke_{k}", (0, 0, 0))
-        tree.frame(f"ball_{k}", platform, vertex)
+        tree.frame(f"ball_{k}", "platform", vertex)
 
 
 def _strut_joints(pose: pin.SE3, base: Array, vertices: Array, retracted: float) -> Joints:

@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from ..arrays import whole_number
 from ..chain.closures import Closure
-from .angles import two_link
+from .angles import two_link, wrapped
 from .gallery_robot import GalleryRobot, Joints, of_dimensions
 from .tree import UPRIGHT, Tree, box, planar, rod, shift
 
@@ -48,13 +48,13 @@ def scissor_lift(
     tree = Tree("scissor_lift")
     foot = box(slider_mass, (6 * radius, 4 * radius, 4 * radius))
     tip = shift((arm, 0))
-    for first in "ab":  # the chain of arms that starts at the hinge, and that at the slider
+    for order in ("ab", "ba"):  # the arms that begin at the hinge, and those at the slider
         parent, at = "universe", UPRIGHT
-        if first == "b":
+        if order == "ba":
             tree.joint("slider", pin.JointModelPX(), foot, at=UPRIGHT)
             parent, at = "slider", pin.SE3.Identity()
         for k in range(1, cells + 1):
-            name = f"{first if k % 2 else 'ba'['ab'.index(first)]}_{k}"
+            name = f"{order[(k - 1) % 2]}_{k}"
             tree.joint(name, _RZ(), rod(arm_mass, (arm, 0, 0), radius), parent, at)
             tree.frame(f"middle_of_{name}", name, (arm / 2, 0, 0))
             parent, at = name, tip
@@ -136,6 +136,6 @@ def _ladder_joints(pose: pin.SE3, cells: int, lengths: tuple[float, float]) -> J
     lower, bend = two_link(UPRIGHT.actInv(pose).translation, *lengths, -1)
     joints: Joints = {}
     for k in range(1, cells + 1):
-        lean = lower if k <= cells - cells // 2 else lower + bend
+        lean = lower if k <= cells - cells // 2 else wrapped(lower + bend)
         joints |= {f"left_{k}": lean, f"right_{k}": lean, f"rung_{k}": -lean}
     return joints

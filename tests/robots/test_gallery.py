@@ -291,6 +291,7 @@ def test_static_torques_scale_with_lengths_and_masses(name):
         (robots.delta, {"arm": 0.0}),
         (robots.five_bar, {"span": np.nan}),
         (robots.hexaglide, {"rails": (0, 1, np.inf, 2, 3, 4)}),
+        (robots.hexaglide, {"rails": (0, 1, 2)}),
         (robots.bennett, {"crank": "long"}),
         (robots.ladder, {"rail": [1, 2]}),
     ],
