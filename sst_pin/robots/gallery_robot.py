@@ -102,14 +102,13 @@ class GalleryRobot(ClosedChain):
         """
         matrices = pose.homogeneous if isinstance(pose, pin.SE3) else pose
         poses = finite_array("pose", matrices, (4, 4))
-        data = self._tree.createData()
 
         def joints(pose: Array) -> Array:
             with np.errstate(invalid="ignore"):
                 q = self._configuration(self._joints(pin.SE3(pose)))
             if not np.isfinite(q).all():
                 raise WorkspaceError("the pose of the platform is out of reach")
-            missed = np.abs(self._pose(data, q) - pose)[self._rows].max()
+            missed = np.abs(self._pose(q) - pose)[self._rows].max()
             opened = np.abs(self.residual(q)).max()
             if max(missed, opened) > CLOSURE_TOLERANCE:
                 raise WorkspaceError(
@@ -130,8 +129,8 @@ class GalleryRobot(ClosedChain):
         Returns:
             Homogeneous matrices, shape (..., 4, 4).
         """
-        q, data = finite_array("q", q, (self._tree.nq,)), self._tree.createData()
-        return for_each_sample(lambda q: self._pose(data, q), (q,), (1,), (4, 4))
+        q = finite_array("q", q, (self._tree.nq,))
+        return for_each_sample(self._pose, (q,), (1,), (4, 4))
 
     def generic_configuration(self) -> Array:
         """Some assembled configuration near home, the same at each call; shape (nq,).
@@ -148,7 +147,13 @@ class GalleryRobot(ClosedChain):
             q[joint.idx_q : joint.idx_q + joint.nq] = value
         return q
 
-    def _pose(self, data: pin.Data, q: Array) -> Array:
-        pin.forwardKinematics(self._tree, data, q)
-        frame = self._tree.getFrameId("platform")
-        return pin.updateFramePlacement(self._tree, data, frame).homogeneous
+    def _pose(self, q: Array) -> Array:
+        """Of the platform, from joint to joint: a `pin.Data` takes memory with the cube of nv."""
+        frame = self._tree.frames[self._tree.getFrameId("platform")]
+        at = pin.SE3.Identity()
+        for index in list(self._tree.supports[frame.parentJoint])[1:]:
+            joint = self._tree.joints[index]
+            data = joint.createData()
+            joint.calc(data, q)
+            at = at * self._tree.jointPlacements[index] * data.M
+        return (at * frame.placement).homogeneous
