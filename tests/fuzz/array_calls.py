@@ -74,8 +74,8 @@ def bad_values(good: np.ndarray, core: int) -> dict[str, Any]:
 def calls(world: World) -> Iterator[Call]:
     """A call for each argument of each method and each bad value."""
     for method in methods(world):
-        for name, good in method.good.items():
-            good = np.asarray(good, dtype=float)
+        for name, argument in method.good.items():
+            good = np.asarray(argument, dtype=float)
             for kind, value in bad_values(good, method.core[name]).items():
                 if kind == "class" and name in _CALLABLE:
                     continue  # what a function of the caller's raises is the caller's

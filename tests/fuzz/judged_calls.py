@@ -114,9 +114,8 @@ def _child(table: str, group: str, every: int, verdicts: list[Verdict]) -> bool:
     """Whether a child came to the end of the group; what it found is added to the verdicts."""
     read, write = os.pipe()
     here = Path(__file__).parent
-    code = (
-        f"import judged_calls; judged_calls.serve({table!r}, {group!r}, {every}, {len(verdicts)}, {write})"
-    )
+    call = f"serve({table!r}, {group!r}, {every}, {len(verdicts)}, {write})"
+    code = f"import judged_calls; judged_calls.{call}"
     path = os.pathsep.join([str(here), str(here.parent), *filter(None, sys.path)])
     with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryFile() as noise:
         child = subprocess.Popen(

@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 
 #: Words in the place of a number, and numbers at the edge.
 NUMBERS = (
-    "", " ", "0", "-0", "1", "-1", "0.3", "1e-9", "1e9", "+.5", "5.", "nan", "-inf", "1e999", "1e-999",
-    "0,3", "0.3kg", "0.3 kg", "${m}", "$(arg m)", "1_0", "0x1p3", "0x10", "\u0663", "1d3", "1e", "--1",
+    "", " ", "0", "-0", "1", "-1", "0.3", "1e-9", "1e9", "+.5", "5.", "nan", "-inf", "1e999",
+    "1e-999", "0,3", "0.3kg", "0.3 kg", "${m}", "$(arg m)", "1_0", "0x1p3", "0x10", "\u0663", "1d3",
+    "1e", "--1",
     "1 2", "1 2 3", "0 0 0", "0 0 1", "1 2 3 4", "1\n2\t3", " 0.5 ", "0.5\t", "1;2;3", "[1, 2, 3]",
     "true", "None", "9" * 400, "0." + "0" * 400 + "1", "pi", "1/2", "1e308", "4.9e-324", "\u22121",
 )  # fmt: skip
@@ -95,8 +96,9 @@ def _change(draw: st.DrawFn, root: ET.Element, extra: tuple[tuple[str, str, str]
 
 
 _VALUES: tuple[Any, ...] = (
-    None, True, 0, -1, 1e9, float("nan"), float("inf"), 10**400, "", "x", "crank", "end", "3d", "6d",
-    "9,81", [], [[]], {}, {"x": 1}, ["end", "pivot"], [["end", "pivot"]], [0, 0, -9.81], ["crank"],
+    None, True, 0, -1, 1e9, float("nan"), float("inf"), 10**400, "", "x", "crank", "end", "3d",
+    "6d", "9,81",
+    [], [[]], {}, {"x": 1}, ["end", "pivot"], [["end", "pivot"]], [0, 0, -9.81], ["crank"],
 )  # fmt: skip
 
 

@@ -20,7 +20,7 @@ from sst_pin.verification.referees import lagrange
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
 
 
-class Unreadable(Exception):
+class UnreadableError(Exception):
     """A description that no reader may take."""
 
 
@@ -28,10 +28,10 @@ def numbers(text: str, count: int) -> np.ndarray:
     """So many finite decimal numbers."""
     words = text.split()
     if len(words) != count or not all(_NUMBER.fullmatch(word) for word in words):
-        raise Unreadable(text)
+        raise UnreadableError(text)
     values = np.array([float(word) for word in words])
     if not np.isfinite(values).all():
-        raise Unreadable(text)
+        raise UnreadableError(text)
     return values
 
 
@@ -41,15 +41,15 @@ def model_of(urdf: str) -> pin.Model:
     links = {link.get("name"): link for link in root.findall("link")}
     joints = {joint.get("name"): joint for joint in root.findall("joint")}
     if len(links) != len(root.findall("link")) or len(joints) != len(root.findall("joint")):
-        raise Unreadable("a name twice")
+        raise UnreadableError("a name twice")
     if not links or None in links or None in joints:
-        raise Unreadable("no name")
+        raise UnreadableError("no name")
     children: dict[str, list[ET.Element]] = {}
     borne = set()
     for joint in joints.values():
         parent, child = (joint.find(end).get("link") for end in ("parent", "child"))
         if {parent, child} - set(links) or child in borne:
-            raise Unreadable("not a tree")
+            raise UnreadableError("not a tree")
         children.setdefault(parent, []).append(joint)
         borne.add(child)
     (base,) = set(links) - borne
@@ -71,7 +71,7 @@ def model_of(urdf: str) -> pin.Model:
 
     add(base, 0, pin.SE3.Identity())
     if len(model.frames) - 1 != len(links):
-        raise Unreadable("a ring of links")
+        raise UnreadableError("a ring of links")
     for i, name in enumerate(list(model.names)[1:]):
         dynamics = joints[name].find("dynamics")
         given = {} if dynamics is None else dynamics.attrib
@@ -89,7 +89,7 @@ def _joint(element: ET.Element) -> pin.JointModel:
     axis = element.find("axis")
     direction = numbers("1 0 0" if axis is None else axis.get("xyz", "1 0 0"), 3)
     if element.get("type") not in kinds or not direction.any():
-        raise Unreadable("joint")
+        raise UnreadableError("joint")
     return kinds[element.get("type")](direction / np.linalg.norm(direction))
 
 
@@ -106,9 +106,10 @@ def _inertia(inertial: ET.Element) -> pin.Inertia:
     xx, xy, xz, yy, yz, zz = (numbers(given[f"i{a}"], 1)[0] for a in axes)
     mass = numbers(inertial.find("mass").get("value"), 1)[0]
     if mass < 0:
-        raise Unreadable("negative mass")
-    body = pin.Inertia.FromDynamicParameters(np.array((mass, 0, 0, 0, xx, xy, yy, xz, yz, zz)))
-    return _placement(inertial).act(body)  # an impossible inertia as well
+        raise UnreadableError("negative mass")
+    body = pin.Inertia.FromDynamicParameters(np.array((1, 0, 0, 0, xx, xy, yy, xz, yz, zz)))
+    body.mass = mass  # impossible inertias as well, which the constructor refuses
+    return _placement(inertial).act(body)
 
 
 class _StrictLoader(yaml.SafeLoader):
@@ -117,7 +118,7 @@ class _StrictLoader(yaml.SafeLoader):
     def construct_mapping(self, node: Any, deep: bool = False) -> Any:
         keys = [key.value for key, _ in node.value]
         if len(set(map(str, keys))) != len(keys):
-            raise Unreadable("a key twice")
+            raise UnreadableError("a key twice")
         return super().construct_mapping(node, deep)
 
 
@@ -132,13 +133,13 @@ def torques_of(
     model = model_of(urdf)
     content = yaml.load(cuts, _StrictLoader)
     if not set(content) <= {"closed_loop", "type", "name_mot", "gravity"}:
-        raise Unreadable("keys")
+        raise UnreadableError("keys")
     motors, gravity = content["name_mot"], content.get("gravity", [0, 0, -9.81])
     named = [*motors, *content["type"], *(name for pair in content["closed_loop"] for name in pair)]
     if not all(isinstance(name, str) for name in named):
-        raise Unreadable("a name that is none")
+        raise UnreadableError("a name that is none")
     if len(gravity) != 3 or not all(type(x) in (int, float, str) for x in gravity):
-        raise Unreadable("gravity")
+        raise UnreadableError("gravity")
     # YAML 1.1 takes 1e3 for a text.
     model.gravity.linear = np.array(
         [numbers(x, 1)[0] if type(x) is str else float(x) for x in gravity]
@@ -168,7 +169,7 @@ def torques_by_mujoco(
     names = [model.joint(j).name for j in range(model.njnt)]
     order = [chain.joint_names.index(name) for name in names]
     if model.nv != len(order):
-        raise Unreadable("joints of several coordinates")
+        raise UnreadableError("joints of several coordinates")
     q = q[order]
     Phi = _equality_jacobian(model, q)
     motors = np.eye(model.nv)[[names.index(chain.joint_names[i]) for i in chain.actuated]]

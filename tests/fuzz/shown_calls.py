@@ -3,7 +3,6 @@
 
 import contextlib
 import io
-import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -211,7 +210,6 @@ def commands(w: World) -> Iterator[Call]:
         "describe -o x --link-mass 0", "describe -o x --link-mass -1",
         "describe -o x --link-mass nan", "describe -o x --link-mass x",
         "describe -o x --star-mass inf",
-        
         "describe -o x --viscous-friction -1", "describe -o x --coulomb-friction nan",
         "describe -o x --base-radius 0", "describe -o x --base-radius 1e308",
         "describe -o x --base-radius nan", "describe -o x --star-radius 1e-320",
@@ -275,7 +273,7 @@ def _command(argv: list[str]) -> Any:
         SSTError: When it fails as it should, for the verdict.
     """
     out, err = io.StringIO(), io.StringIO()
-    before = set(os.listdir())
+    before = set(map(str, Path().iterdir()))
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         try:
             code = main(argv)
@@ -284,7 +282,7 @@ def _command(argv: list[str]) -> Any:
     said = err.getvalue().strip().splitlines()
     told = len(said) == 1 and said[0].startswith("sst-pin")
     listed = code == 1 and argv[0] == "validate" and not said and "error(s)" in out.getvalue()
-    left = {name for name in set(os.listdir()) - before if name.startswith(".")}
+    left = {name for name in set(map(str, Path().iterdir())) - before if name.startswith(".")}
     if ((code == 2 and told) or listed) and not left:
         raise sst_pin.SSTError(said[0] if said else out.getvalue().strip().splitlines()[-1])
     return code, out.getvalue()[-80:], err.getvalue()[-200:], left
