@@ -257,7 +257,6 @@ class ClosedChain:
             UnknownNameError: For an unknown joint.
         """
         guess = self._single_q(q)
-        self._look_at_model()
         if fixed is None:
             try:
                 held = self._mechanism().coordinates
@@ -905,11 +904,11 @@ class ClosedChain:
         )
 
     def _single_q(self, q: ArrayLike) -> Array:
+        self._look_at_model()
         return single_array("q", q, (self._draft.model.nq,))
 
     def _evaluated(self, q: ArrayLike) -> Any:
         """This thread's loops at one configuration."""
-        self._look_at_model()
         array = self._single_q(q)
         loops = self._reference.workspace.loops
         loops.evaluate(array)
