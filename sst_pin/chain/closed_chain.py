@@ -259,7 +259,6 @@ class ClosedChain:
             UnknownNameError: For an unknown joint.
         """
         guess = self._single_q(q)
-        self._look_at_model()
         if fixed is None:
             try:
                 held = self._mechanism().coordinates
@@ -1069,11 +1068,11 @@ class ClosedChain:
         return for_each_sample(function, arrays, (1, 1, 1, 2), result, on_error=on_error)
 
     def _single_q(self, q: ArrayLike) -> Array:
+        self._look_at_model()
         return single_array("q", q, (self._draft.model.nq,))
 
     def _evaluated(self, q: ArrayLike) -> Any:
         """This thread's loops at one configuration."""
-        self._look_at_model()
         array = self._single_q(q)
         loops = self._reference.workspace.loops
         loops.evaluate(array)

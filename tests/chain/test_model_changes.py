@@ -45,7 +45,7 @@ def _gravity_in_memory(model):
 
 
 def _frame_inertia(model):
-    model.addBodyFrame("load", 2, pin.SE3.Identity(), -1)
+    model.addBodyFrame("load", 2, pin.SE3.Identity(), 0)
     model.appendBodyToJoint(2, pin.Inertia.Random(), pin.SE3.Identity())
 
 
@@ -117,25 +117,28 @@ def test_every_field_of_a_model_is_seen_when_it_changes():
     model = tree("free", ["RX"], ["RZ"], seed=3)
     model.effortLimit = model.velocityLimit = np.ones(model.nv)
     model.upperPositionLimit, model.lowerPositionLimit = np.ones((2, model.nq))
-    for name in dir(model):
-        if isinstance(getattr(model, name), np.ndarray) and not name.startswith("_"):
-            changed = pin.Model(model)
-            setattr(changed, name, np.asarray(getattr(model, name)) + 0.5)
-            finite = np.isfinite(getattr(model, name)).all()
-            assert (changed != model) or not finite or name == "gravity981", name
+    arrays = [name for name in dir(model) if isinstance(getattr(model, name, None), np.ndarray)]
+    arrays.remove("gravity981")  # a constant
+    assert len(arrays) > 10
+    for name in arrays:
+        changed = pin.Model(model)
+        setattr(changed, name, np.where(np.isinf(getattr(model, name)), 9.0, 0.5))
+        assert changed != model, name
 
 
-@pytest.mark.parametrize("name", [n for n in CHANGES if n not in ("joint", "name")])
+@pytest.mark.parametrize(
+    "name", [n for n in CHANGES if n not in ("joint", "placement")]
+)  # no star, open loops
 def test_a_changed_sst_equals_a_new_one_on_kernels_and_the_reference_path(name):
     """A single call after `robot.model` was read, a batch, and after refresh()."""
     robot = sst_pin.SST()
-    q, va, aa = robot.home, (1.0, 1, -1), (0.5, 0, 2)
+    # No passive joint stands still: Coulomb friction would have any sign.
+    q = robot.assemble(robot.home + 0.1 * np.random.default_rng(0).normal(size=9))
+    va, aa = (1.0, 0.7, -0.6), (0.5, 0, 2)
     robot.compute_torques(q, va, aa)
     batch = (np.stack([q, q]), va, aa)
     robot.compute_torques(*batch)
     pin.seed(0)
-    if name == "placement":
-        return  # its loops would be open
     CHANGES[name](robot.model)
     single = robot.compute_torques(q, va, aa)
     several = robot.compute_torques(*batch)
@@ -167,7 +170,9 @@ def test_a_model_with_a_nan_is_refused():
         build(model)
 
 
-@pytest.mark.parametrize("copied", [copy.copy, copy.deepcopy, lambda c: pickle.loads(pickle.dumps(c))])
+@pytest.mark.parametrize(
+    "copied", [copy.copy, copy.deepcopy, lambda c: pickle.loads(pickle.dumps(c))]
+)
 def test_copies_compute_the_same(copied):
     """Also in the coordinates that the original has settled on."""
     model = tree("free", ["RX", "revolute", "RZ"], ["RZ", "revolute", "ball"], seed=3)

@@ -1,0 +1,169 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""What is kept in motion: energy, momentum, rolling; with springs, floating bases, wheels."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from numpy.testing import assert_allclose
+
+from sst_pin import ClosedChain, Closure
+from sst_pin.chain.closures import Rolling
+from sst_pin.motion.energy import energy_error
+from trees import Lagrange
+
+SHAPE = np.diag([0.02, 0.03, 0.035])
+
+
+def body(model, parent, joint, name, place=(0, 0, 0), mass=1.0, lever=(0.2, 0.02, 0.01)):
+    """A joint with a body."""
+    index = model.addJoint(parent, joint, pin.SE3(np.eye(3), np.array(place, dtype=float)), name)
+    inertia = pin.Inertia(mass, np.array(lever), SHAPE)
+    model.appendBodyToJoint(index, inertia, pin.SE3.Identity())
+    return index
+
+
+def frame(model, name, joint, place, turned=None):
+    pose = pin.SE3(np.eye(3) if turned is None else turned, np.array(place, dtype=float))
+    model.addFrame(pin.Frame(name, joint, pose, pin.FrameType.OP_FRAME))
+
+
+def four_bar_on(model, base, turned=None):
+    """A four-bar linkage, its ground link on a body; the angles near its closure."""
+    crank = body(model, base, pin.JointModelRZ(), "crank", mass=0.5)
+    coupler = body(model, crank, pin.JointModelRZ(), "coupler", (0.3, 0, 0), mass=0.6)
+    rocker = body(model, base, pin.JointModelRZ(), "rocker", (0.8, 0, 0), mass=0.7)
+    frame(model, "A", coupler, (0.7, 0, 0))
+    frame(model, "B", rocker, (0.6, 0, 0))
+    return np.array([1.2, -0.7, 2.0])
+
+
+def floating(gravity=0.0):
+    model = pin.Model()
+    model.gravity.linear = np.array([0, 0, -gravity])
+    base = body(model, 0, pin.JointModelFreeFlyer(), "base", mass=2.0)
+    q = np.concatenate([pin.neutral(model), four_bar_on(model, base)])
+    return model, q
+
+
+def momentum(chain, q, va):
+    """Linear momentum, and angular momentum about the origin."""
+    model, data = chain.model, chain.model.createData()
+    pin.computeCentroidalMomentum(model, data, q, chain.joint_rates(q, va))
+    linear, angular = data.hg.linear.copy(), data.hg.angular.copy()
+    return linear, angular + np.cross(data.com[0], linear)
+
+
+@pytest.mark.parametrize("seconds", [2, pytest.param(100, marks=pytest.mark.slow)])
+def test_a_free_closed_robot_keeps_energy_and_momentum(seconds):
+    """A tumbling four-bar in space: to 1e-9 of their size, whatever the time."""
+    model, guess = floating()
+    chain = ClosedChain(model, [Closure("A", "B", "3d")], [])
+    q = chain.assemble(guess)
+    va = np.array([0.1, 0.2, -0.1, 0.3, 0.5, 0.4, 1.0])
+    motion = chain.simulate(np.zeros(0), q, va, np.linspace(0, seconds, 11))
+    energy = chain.kinetic_energy(motion.q, motion.va)
+    assert_allclose(energy, energy[0], rtol=1e-9)
+    kept = [momentum(chain, *sample) for sample in zip(motion.q, motion.va, strict=True)]
+    for quantity in map(np.array, zip(*kept, strict=True)):
+        assert np.abs(quantity - quantity[0]).max() < 1e-9 * np.linalg.norm(quantity[0])
+    # It has moved, and its loop stayed closed.
+    assert np.abs(motion.q[-1] - motion.q[0]).max() > 0.1
+    assert max(np.abs(chain.residual(q)).max() for q in motion.q) < 1e-10
+
+
+def test_springs_keep_the_energy_of_a_falling_robot():
+    """Gravity, springs in two joints, a motor that works: nothing is gained or lost."""
+    model, guess = floating(9.8)
+    stiffness = np.zeros(model.nv)
+    stiffness[7:9] = 20, 30
+    chain = ClosedChain(model, [Closure("A", "B", "3d")], ["crank"], stiffness=stiffness)
+    q = chain.assemble(guess)
+    va = np.zeros(chain.degrees_of_freedom)
+    motion = chain.simulate(lambda t, q, va: [np.sin(5 * t)], q, va, np.linspace(0, 1, 401))
+    error = energy_error(chain, motion)
+    assert np.abs(error).max() < 1e-9 * np.ptp(chain.potential_energy(motion.q))
+
+
+def vehicle(kind):
+    """What rolls, its configuration and rates of the coordinates."""
+    model = pin.Model()
+    model.gravity.linear = np.array([0, 0, -9.8])
+    axle = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # z of the frame along y
+    if kind == "disc":
+        body(model, 0, pin.JointModelFreeFlyer(), "disc", lever=(0, 0, 0))
+        frame(model, "wheel", 1, (0, 0, 0), axle)
+        q = pin.neutral(model)
+        q[2], q[3:] = 0.25, pin.Quaternion(pin.exp3(np.array([0.3, 0, 0]))).coeffs()
+        return model, [Rolling("universe", "wheel", 0.25)], [], q
+    base = body(model, 0, pin.JointModelPlanar(), "base", lever=(0.05, 0, 0.3), mass=5.0)
+    wheels = []
+    for side, y in (("left", 0.3), ("right", -0.3)):
+        joint = body(model, base, pin.JointModelRY(), side, (0, y, 0.25), lever=(0, 0, 0))
+        frame(model, side, joint, (0, 0, 0), axle)
+        wheels.append(Rolling("universe", side, 0.25))
+    q = np.concatenate([pin.neutral(model), four_bar_on(model, base)])
+    return model, [*wheels, Closure("A", "B", "3d")], ["left", "right", "crank"], q
+
+
+def rolling_rows(model, rollings):
+    """Velocity of the wheels' lowest points, from Pinocchio's frame Jacobians alone."""
+    data = model.createData()
+
+    def rows(q):
+        pin.computeJointJacobians(model, data, q)
+        pin.updateFramePlacements(model, data)
+        found = []
+        for rolling in rollings:
+            wheel = model.getFrameId(rolling.wheel)
+            z, up = data.oMf[wheel].rotation[:, 2], np.array([0, 0, 1.0])
+            lever = -rolling.radius * (up - up @ z * z) / np.linalg.norm(up - up @ z * z)
+            J = pin.getFrameJacobian(model, data, wheel, pin.LOCAL_WORLD_ALIGNED)
+            found.append(J[:3] + np.cross(J[3:], lever, axisa=0, axisb=0, axisc=0))
+        if model.existFrame("A"):
+            J = [
+                pin.getFrameJacobian(model, data, model.getFrameId(n), pin.LOCAL_WORLD_ALIGNED)[:3]
+                for n in "AB"
+            ]
+            found.append(J[1] - J[0])
+        return np.concatenate(found)
+
+    return rows
+
+
+@pytest.mark.parametrize("kind", ["disc", "vehicle"])
+def test_what_rolls_keeps_its_energy_and_does_not_slip(kind):
+    """A leaning disc, a cart on two wheels with a four-bar: rows at 1e-12, energy at 1e-9."""
+    model, closures, motors, guess = vehicle(kind)
+    chain = ClosedChain(model, closures, motors)
+    q = chain.assemble(guess, fixed=())
+    va = np.random.default_rng(0).normal(size=chain.degrees_of_freedom)
+    va[np.abs(va) > 1] = 0.5
+    motion = chain.simulate(np.zeros(len(motors)), q, va, np.linspace(0, 0.5, 11))
+    energy = chain.kinetic_energy(motion.q, motion.va) + chain.potential_energy(motion.q)
+    assert np.abs(energy - energy[0]).max() < 1e-9 * chain.kinetic_energy(q, va)
+    rows = rolling_rows(model, [c for c in closures if isinstance(c, Rolling)])
+    for q, va in zip(motion.q, motion.va, strict=True):
+        v = chain.joint_rates(q, va)
+        assert np.abs(rows(q) @ v).max() < 1e-11 * np.abs(v).max()
+        assert np.abs(chain.Phi(q) @ v).max() < 1e-12 * np.abs(v).max()
+
+
+@pytest.mark.parametrize("kind", ["disc", "vehicle"])
+def test_rolling_obeys_Lagrange_multipliers(kind):
+    """Accelerations and torques of the non-holonomic rows, written down by velocities."""
+    model, closures, motors, guess = vehicle(kind)
+    chain = ClosedChain(model, closures, motors)
+    B = np.array([np.eye(model.nv)[model.joints[model.getJointId(m)].idx_v] for m in motors])
+    rollings = [c for c in closures if isinstance(c, Rolling)]
+    referee = Lagrange(model, B.reshape(-1, model.nv).T, rolling_rows(model, rollings))
+    q = chain.assemble(guess, fixed=())
+    for seed in range(20):
+        random = np.random.default_rng(seed)
+        va, tau = random.normal(size=chain.degrees_of_freedom), random.normal(size=len(motors))
+        v = chain.joint_rates(q, va)
+        aa = chain.compute_accelerations(q, va, tau)
+        v_dot = referee.accelerations(q, v, tau)
+        scale = np.abs(v_dot).max()
+        assert_allclose(chain.joint_accelerations(q, va, aa), v_dot, atol=1e-9 * scale)
+        assert_allclose(chain.compute_torques(q, va, aa), tau, atol=1e-9 * max(1, scale))
+        assert np.abs(referee.torques(q, v, v_dot)[1]).max() < 1e-9 * scale
