@@ -31,7 +31,7 @@ from ..errors import (
     DescriptionError,
     InputError,
 )
-from ..files import as_path, beside
+from ..files import beside
 from . import derivatives, dynamics
 from .assembly import generic_configuration
 from .backend import Answer, Backend, States
@@ -726,9 +726,8 @@ class ClosedChain:
         """
         from .. import reading
 
-        path = as_path(path)
         text = reading.read_text(path, "URDF")
-        cuts = beside(path, ".yaml") if cuts is None else as_path(cuts)
+        cuts = beside(Path(path), ".yaml") if cuts is None else cuts
         closures, actuated, gravity, joints = reading.parse_cuts(
             reading.read_text(cuts, "YAML of the cuts"), str(cuts)
         )

@@ -224,7 +224,8 @@ class Trajectory:
             other times than those of the motion it raises an `InputError`.
         """
         smooth, times = spline(self.t, self.tau), self.t
-        return lambda t: np.asarray(smooth(times_within("t", t, times)))
+        step = float(np.diff(times).max(initial=0.0))  # integrators look a little beyond
+        return lambda t: np.asarray(smooth(times_within("t", t, times, step)))
 
 
 def _names(name: str, value: Sequence[str]) -> tuple[str, ...]:
@@ -279,19 +280,20 @@ def sample_times(t: ArrayLike, least: int = 1) -> Array:
     return times
 
 
-def times_within(name: str, value: ArrayLike, times: Array) -> Array:
+def times_within(name: str, value: ArrayLike, times: Array, beyond: float = 0.0) -> Array:
     """Times at which samples can be interpolated, shape (...).
 
     Args:
         name: The argument.
         value: The times.
         times: Those of the samples, increasing.
+        beyond: How far they may lie outside, [s].
 
     Raises:
-        InputError: When one lies before the first sample or after the last.
+        InputError: When one lies further before the first sample or after the last.
     """
     array = finite_array(name, value, ())
-    slack = 1e-9 * (times[-1] - times[0])  # an integrator may end a rounding beyond
+    slack = beyond + 1e-9 * (times[-1] - times[0])  # an integrator may end a rounding beyond
     outside = (array < times[0] - slack) | (array > times[-1] + slack)
     if outside.any():
         first = array[outside][0]

@@ -21,7 +21,7 @@ def read_text(path: str | Path, what: str) -> str:
         with Path(path).open("rb") as file:
             content = file.read(_LARGEST + 1)
         text = content.decode("utf-8-sig")
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, TypeError) as error:
         raise DescriptionError(str(path), [f"the {what} cannot be read: {error}"]) from None
     if len(content) > _LARGEST:
         raise DescriptionError(str(path), [f"the {what} has more than {_LARGEST} bytes"])

@@ -18,7 +18,7 @@ from ..chain.reference import Reference
 from ..description import MOTOR_NAMES
 from ..description.parameters import Parameters
 from ..errors import DescriptionError, InputError, WorkspaceError
-from ..files import as_path, beside
+from ..files import beside
 from ..motion.rollouts import Rollout
 from ..motion.simulation import Load, Torque, constant_or_called
 from ..motion.trajectories import Trajectory, require_motion
@@ -96,7 +96,7 @@ class SST(ClosedChain):
             DescriptionError: When it is no URDF, or of another topology, with every problem.
         """
         robot = cls.__new__(cls)
-        robot._load_files(as_path(path), None if cuts is None else as_path(cuts), kernels)
+        robot._load_files(path, cuts, kernels)
         return robot
 
     @classmethod
@@ -126,14 +126,14 @@ class SST(ClosedChain):
             )
         return cls(parameters_of(chain.model, geometry, chain.friction), kernels=kernels)
 
-    def _load_files(self, path: Path, cuts: Path | None, kernels: bool) -> None:
+    def _load_files(self, path: str | Path, cuts: str | Path | None, kernels: bool) -> None:
         urdf = reading.read_text(path, "URDF")
         if cuts is None:
-            own = beside(path, ".yaml")
+            own = beside(Path(path), ".yaml")
             cuts = own if own.is_file() else Path(description.YAML_PATH)
         text = reading.read_text(cuts, "YAML of the cuts")
         self._load(urdf, text, str(path), str(cuts), kernels)
-        self.shapes = Shapes(urdf, path.parent)
+        self.shapes = Shapes(urdf, Path(path).parent)
 
     def _load(
         self, urdf: str, cuts: str, urdf_source: str, cuts_source: str, kernels: bool
