@@ -33,13 +33,13 @@ def validate(path: str | Path, cuts: str | Path | None = None) -> list[Problem]:
     Returns:
         Errors first, then warnings; empty for a good description.
     """
-    path, cuts = as_path(path), None if cuts is None else as_path(cuts)
     try:
         text = read_text(path, "URDF")
         root = parse_xml(text, str(path))
     except DescriptionError as caught:
         told = [problem.removeprefix("not a URDF: ") for problem in caught.problems]
         return [error("file", problem) for problem in told]
+    path = Path(path)
     problems = list(checks.check(root))
     if not any(problem.severity == "error" for problem in problems):  # Pinocchio needs a tree
         problems += loops.check(text, path, _cuts_of(path, cuts))

@@ -75,9 +75,9 @@ def verify_chain(chain: ClosedChain, count: int = 20) -> Iterator[Comparison]:
     back = Judge(name, f"accelerations, {chain.model.name or 'chain'}")
     for q, va, aa in states:
         tau = chain.compute_torques(q, va, aa)
-        torques.hold(lambda: lagrange.torques(chain, q, va, aa), tau)
+        torques.hold(lambda: lagrange.torques(chain, q, va, aa), tau)  # noqa: B023 called at once
         ours = chain.compute_accelerations(q, va, tau)
-        back.hold(lambda: lagrange.accelerations_by_multipliers(chain, q, va, tau), ours)
+        back.hold(lambda: lagrange.accelerations_by_multipliers(chain, q, va, tau), ours)  # noqa: B023
     yield torques.verdict()
     yield back.verdict()
 
@@ -121,13 +121,13 @@ def _instants(
         for R, omega, alpha, moment in states:
             q, va, aa = robot.joint_motion(R, omega, alpha)
             tau = robot.compute_torques(q, va, aa, platform_moment=moment)
-            own.hold(lambda: reference.compute_torques(q, va, aa, platform_moment=moment), tau)
+            own.hold(lambda: reference.compute_torques(q, va, aa, platform_moment=moment), tau)  # noqa: B023
         for referee in referees.all_referees(parameters)[0]:
             judge = judges.setdefault(referee.name, Judge(referee.name, f"torques, {name}"))
             for R, omega, alpha, moment in states:
                 q, va, aa = robot.joint_motion(R, omega, alpha)
                 tau = robot.compute_torques(q, va, aa, platform_moment=moment)
-                judge.hold(lambda: referee.torques(R, omega, alpha, moment), tau)
+                judge.hold(lambda: referee.torques(R, omega, alpha, moment), tau)  # noqa: B023
     for judge in judges.values():
         yield judge.verdict()
 
@@ -147,10 +147,10 @@ def _accelerations(robots: Sequence[Parameters], rng: np.random.Generator) -> It
         tau = robot.compute_torques(q, va, aa)
         for referee in referees.all_referees(parameters)[0]:
             if isinstance(referee, referees.DirectReferee):
-                judge(referee.name).hold(lambda: referee.accelerations(R, omega, tau), alpha)
+                judge(referee.name).hold(lambda: referee.accelerations(R, omega, tau), alpha)  # noqa: B023
         back = robot.compute_accelerations(q, va, tau)
         multipliers = judge(lagrange.LagrangeMultipliers.name)
-        multipliers.hold(lambda: lagrange.accelerations(robot, q, va, tau), back)
+        multipliers.hold(lambda: lagrange.accelerations(robot, q, va, tau), back)  # noqa: B023
     for found in judges.values():
         yield found.verdict()
 

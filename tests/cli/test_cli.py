@@ -237,7 +237,7 @@ def test_motor_angles_without_assembly_are_told_by_line(here, capsys):
         (("simulate", SAMPLE, "-o", "out.csv"), "missing columns tau_1_Nm"),
         (("simulate", "tau.csv", "-o", "out.csv"), "give --gamma"),
         (("simulate", "tau.csv", "-o", "out.csv", "--gamma", "1,2"), "not three numbers"),
-        (("paper", "--samples", "3"), "whole number of at least 10"),
+        (("paper", "--samples", "3"), "whole number from 10"),
         (("paper", "--out", "there.csv"), "cannot be written"),
     ],
 )

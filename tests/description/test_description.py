@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 import sst_pin
-from sst_pin.description import JOINT_NAMES, base_orientations, yaml_of, star_orientations, urdf_of
+from sst_pin.description import JOINT_NAMES, base_orientations, star_orientations, urdf_of, yaml_of
 from sst_pin.verification.sampling import random_parameters
 
 ROOT = Path(__file__).resolve().parents[2]

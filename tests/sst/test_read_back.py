@@ -9,7 +9,7 @@ import pytest
 
 import sst_pin
 from sst_pin.chain.dynamics import Friction
-from sst_pin.description import yaml_of, mjcf_of, urdf_of
+from sst_pin.description import mjcf_of, urdf_of, yaml_of
 from sst_pin.sst.configurations import configurations_of
 from sst_pin.sst.read_back import parameters_of
 from sst_pin.sst.topology import geometry_of
