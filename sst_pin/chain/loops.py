@@ -454,6 +454,11 @@ def _cross(a: Array, b: Array) -> Array:
     )
 
 
+def _skew(a: Array) -> Array:
+    x, y, z = a
+    return np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))
+
+
 def _put_moments(W: Array, p: Array) -> None:
     """Moments p x e_k of the three axes into the rows of W."""
     x, y, z = p.tolist()
