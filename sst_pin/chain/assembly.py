@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from ..errors import ClosureError, InputError
+from ..errors import ClosureError
 from .loops import Loops
 from .mechanism import Mechanism
 
@@ -77,8 +77,6 @@ class Assembly:
         Raises:
             ClosureError: That of the start that came nearest.
         """
-        if tries < 1:
-            raise InputError("tries", f"{tries}, at least one is needed")
         random, model = np.random.default_rng(seed), self.mechanism.model
         failures = []
         for width in np.linspace(0.0, 2.0, tries):

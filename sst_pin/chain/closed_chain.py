@@ -258,7 +258,7 @@ class ClosedChain:
             ClosureError: When there is none within reach, with the loops that stay open.
             UnknownNameError: For an unknown joint.
         """
-        guess = self._single_q(q)
+        guess, tries = self._single_q(q), whole_number("tries", tries, 1)
         if fixed is None:
             try:
                 held = self._mechanism().coordinates

@@ -89,6 +89,8 @@ class Loops:
         for rows, coupled in self._couplings:
             self.touched[rows] = coupled.touched
         self._moving = [pair for pair in self._pairs if not pair[1].fixed]
+        self._at = [(kind, A, B, self._W[r], self._W_a[r]) for r, kind, A, B, *_ in self._moving]
+        self._fresh = False
         self._J, self._J_dot = self.data.J, self.data.dJ
         several = ((j, _series(joint)) for j, joint in enumerate(model.joints) if j > 0)
         self._in_series = [_InSeries(model, j, s) for j, s in several if len(s) > 1]
@@ -97,7 +99,14 @@ class Loops:
         """Compute what depends on q."""
         pin.computeJointJacobians(self.model, self.data, q)
         pin.updateFramePlacements(self.model, self.data)
-        self._q = q
+        self._q, self._fresh = q, False
+
+    def _update_wrenches(self) -> None:
+        """Compute W, once for each configuration."""
+        if not self._fresh:
+            for kind, A, B, W, W_a in self._at:
+                kind.wrenches(A, B, W, W_a)
+            self._fresh = True
 
     def residual(self) -> Array:
         """f(q) of Eq. (2), shape (rows,), [m] and [rad], zero when the loops are closed."""
@@ -132,8 +141,7 @@ class Loops:
 
     def Phi(self) -> Array:
         """Jacobian of the closures, shape (rows, nv): Phi v = 0, Eqs. (3), (4)."""
-        for rows, kind, A, B, *_ in self._moving:
-            kind.wrenches(A, B, self._W[rows], self._W_a[rows])
+        self._update_wrenches()
         Phi: Array = self._W.dot(self._J) * self._S_b - self._W_a.dot(self._J) * self._S_a
         for rows, coupled in self._couplings:
             Phi[rows] = coupled.row(self._q)
@@ -146,8 +154,8 @@ class Loops:
         for joint in self._in_series:
             joint.correct(self.data, self._q, v)
         J, J_dot = self._J, self._J_dot
+        self._update_wrenches()
         for rows, kind, A, B, S_a, S_b in self._moving:
-            kind.wrenches(A, B, self._W[rows], self._W_a[rows])
             twist_a, twist_b = J.dot(S_a * v), J.dot(S_b * v)
             p_a = twist_a[:3] + _cross(twist_a[3:], A.translation)
             p_b = twist_b[:3] + _cross(twist_b[3:], B.translation)
@@ -282,16 +290,19 @@ class _Point(_Moving):
     def __init__(self, closure: Closure) -> None:
         pass
 
+    def constant(self, W: Array, W_a: Array) -> None:
+        W[:, :3] = W_a[:, :3] = _AXES
+
     def residual(self, A: pin.SE3, B: pin.SE3) -> Array:
         return B.translation - A.translation
 
     def wrenches(self, A: pin.SE3, B: pin.SE3, W: Array, W_a: Array) -> None:
-        W[:3, :3] = W_a[:3, :3] = _AXES
-        W[:3, 3:] = -_skew(B.translation)  # row k: p x e_k
-        W_a[:3, 3:] = -_skew(A.translation)
+        _put_moments(W, B.translation)
+        _put_moments(W_a, A.translation)
 
     def wrench_rates(self, A: pin.SE3, B: pin.SE3, r: Rates, W: Array, W_a: Array) -> None:
-        W[:3, 3:], W_a[:3, 3:] = -_skew(r.p_b), -_skew(r.p_a)
+        _put_moments(W, r.p_b)
+        _put_moments(W_a, r.p_a)
 
 
 class _Masked(_Moving):
@@ -446,6 +457,14 @@ def _cross(a: Array, b: Array) -> Array:
 def _skew(a: Array) -> Array:
     x, y, z = a
     return np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))
+
+
+def _put_moments(W: Array, p: Array) -> None:
+    """Moments p x e_k of the three axes into the rows of W."""
+    x, y, z = p.tolist()
+    W[0, 4], W[0, 5] = z, -y
+    W[1, 3], W[1, 5] = -z, x
+    W[2, 3], W[2, 4] = y, -x
 
 
 def frame_id(model: pin.Model, name: str) -> int:

@@ -182,5 +182,5 @@ def test_names_of_coordinates_and_rates_fit_every_joint():
         assert len(set(space.rate_names)) == model.nv, name
         random = np.random.default_rng(14)
         q, v = random_q(model, random), random.normal(size=model.nv)
-        rate = derivative(lambda s, m=model, q=q, v=v: pin.integrate(m, q, s * v))
+        rate = derivative(lambda s, model=model, q=q, v=v: pin.integrate(model, q, s * v))
         assert_allclose(space.coordinate_rates(q, v), rate, atol=1e-10)

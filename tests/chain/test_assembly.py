@@ -1,0 +1,215 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Assembly that scales: loops apart, several starts, any unit of length."""
+
+import time
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from numpy.testing import assert_allclose
+
+from robots import ROBOTS
+from sst_pin import ClosedChain, Closure
+from sst_pin.errors import ClosureError, InputError
+from trees import tree
+
+RX = pin.JointModelRX
+
+
+def ladder(rungs, *, broken=None):
+    """Four-bars side by side on the ground; the broken one's rocker is too far away."""
+    model = pin.Model()
+    model.gravity.linear = np.array([0, 0, -9.8])
+    body = pin.Inertia(1.0, np.array([0, 0.1, 0]), 0.01 * np.eye(3))
+
+    def joint(parent, name, y):
+        place = pin.SE3(np.eye(3), np.array([0, y, 0.0]))
+        index = model.addJoint(parent, RX(), place, name)
+        model.appendBodyToJoint(index, body, pin.SE3.Identity())
+        return index
+
+    for k in range(rungs):
+        crank = joint(0, f"crank_{k}", float(k))
+        coupler = joint(crank, f"coupler_{k}", 0.3)
+        rocker = joint(0, f"rocker_{k}", k + (5.0 if k == broken else 0.8))
+        for name, index, y in (("A", coupler, 0.7), ("B", rocker, 0.6)):
+            place = pin.SE3(np.eye(3), np.array([0, y, 0.0]))
+            model.addFrame(pin.Frame(f"{name}_{k}", index, place, pin.FrameType.OP_FRAME))
+    closures = [Closure(f"A_{k}", f"B_{k}", "3d") for k in range(rungs)]
+    return ClosedChain(model, closures, [f"crank_{k}" for k in range(rungs)])
+
+
+def test_a_ladder_closes_when_each_of_its_loops_closes_alone():
+    """96 four-bars from random guesses: the result of each is that of the four-bar alone."""
+    random = np.random.default_rng(0)
+    alone, together = ladder(1), ladder(96)
+    guesses, closed = [], []
+    while len(guesses) < 96:
+        guess = np.array([1.2, -0.7, 2.0]) + 0.6 * random.normal(size=3)
+        try:
+            closed.append(alone.assemble(guess, ["crank_0"]))
+        except ClosureError:
+            continue
+        guesses.append(guess)
+    start = time.perf_counter()
+    q = together.assemble(np.concatenate(guesses), [f"crank_{k}" for k in range(96)])
+    assert time.perf_counter() - start < 30
+    assert_allclose(q, np.concatenate(closed), atol=1e-9)
+
+
+def test_an_open_loop_is_named_and_the_others_close():
+    """Of five four-bars, one cannot close: it alone is in the message."""
+    chain = ladder(5, broken=3)
+    guess = np.tile([1.2, -0.7, 2.0], 5)
+    with pytest.raises(ClosureError) as caught:
+        chain.assemble(guess, ())
+    assert "A_3 - B_3" in str(caught.value)
+    assert not any(f"A_{k} - B_{k}" in str(caught.value) for k in (0, 1, 2, 4))
+
+
+def test_several_starts_close_what_one_start_does_not():
+    """The same for the same seed, and of another seed closed as well."""
+    chain = ClosedChain(
+        tree("", ["RZ", "RX", "PZ"], ["ball", "RX", "revolute", "PX"], seed=5),
+        [Closure("A", "B", "6d")],
+        [],
+    )
+    random = np.random.default_rng(1)
+    helped = 0
+    for _ in range(30):
+        guess = pin.integrate(chain.model, pin.neutral(chain.model), 2 * random.normal(size=9))
+        try:
+            chain.assemble(guess, ())
+        except ClosureError:
+            try:
+                q = chain.assemble(guess, (), tries=20, seed=3)
+            except ClosureError:
+                continue
+            helped += 1
+            assert np.array_equal(q, chain.assemble(guess, (), tries=20, seed=3))
+            assert np.abs(chain.residual(q)).max() < 1e-9
+    assert helped
+    for tries in (0, -1, 1.5, None, "3"):
+        with pytest.raises(InputError):
+            chain.assemble(guess, (), tries=tries)
+
+
+def scaled(robot, factor):
+    """The same robot in another unit of length."""
+    model = robot.model()
+    for k in range(1, model.njoints):
+        model.jointPlacements[k] = pin.SE3(
+            model.jointPlacements[k].rotation, factor * model.jointPlacements[k].translation
+        )
+        body = model.inertias[k]
+        model.inertias[k] = pin.Inertia(body.mass, factor * body.lever, factor**2 * body.inertia)
+    for frame in model.frames:
+        place = frame.placement
+        frame.placement = pin.SE3(place.rotation, factor * place.translation)
+    model.gravity.linear = factor * model.gravity.linear
+    units = np.array([factor if link.prismatic else 1.0 for link in robot.links])
+    return ClosedChain(model, robot.closures, robot.actuated), units
+
+
+@pytest.mark.parametrize("factor", [1e-6, 1e-3, 1e3])
+@pytest.mark.parametrize("name", ROBOTS)
+def test_verdicts_do_not_depend_on_the_unit_of_length(name, factor):
+    """Mobility, condition number, closed or open, assembly, generic configuration."""
+    robot = ROBOTS[name]
+    (one, _), (other, units) = scaled(robot, 1.0), scaled(robot, factor)
+    q = robot.joints(robot.x).real
+    a, b = one.mobility(q), other.mobility(q * units)
+    assert (a.degrees_of_freedom, a.rank, a.held, a.coordinates) == (
+        b.degrees_of_freedom,
+        b.rank,
+        b.held,
+        b.coordinates,
+    )
+    assert_allclose(b.condition_number, a.condition_number, rtol=1e-9)
+    assert_allclose(other.condition_number(q * units), one.condition_number(q), rtol=1e-9)
+    for size, is_open in ((1e-9, False), (1e-3, True)):
+        off = q + size
+        va = np.zeros(one.degrees_of_freedom)
+        for chain, configuration in ((one, off), (other, off * units)):
+            if is_open:
+                with pytest.raises(ClosureError):
+                    chain.joint_rates(configuration, va)
+            else:
+                chain.joint_rates(configuration, va)
+    guess = q + 0.05 * np.random.default_rng(0).normal(size=len(q))
+    assert_allclose(other.assemble(guess * units), one.assemble(guess) * units, rtol=1e-9)
+    assert_allclose(other.generic_configuration() / units, one.generic_configuration(), atol=1e-7)
+
+
+def scissor(cells):
+    """A scissor lift: two crossed bars in each cell; its base slides in a guide."""
+    model = pin.Model()
+    model.gravity.linear = np.array([0, 0, -9.8])
+    body = pin.Inertia(1.0, np.array([0, 0, 0.5]), 0.1 * np.eye(3))
+
+    def add(parent, joint, name, place):
+        index = model.addJoint(parent, joint, pin.SE3(np.eye(3), np.array(place)), name)
+        model.appendBodyToJoint(index, body, pin.SE3.Identity())
+        return index
+
+    def frame(name, joint, place):
+        place = pin.SE3(np.eye(3), np.array(place, dtype=float))
+        model.addFrame(pin.Frame(name, joint, place, pin.FrameType.OP_FRAME))
+
+    # Bars of length 1 along their z; "up" leans right, "down" leans left, both from the lower ends.
+    left, right = 0, add(0, pin.JointModelPY(), "slide", [0.0, 0, 0])
+    place, q, closures, angle = [0.0, 0, 0], [0.5], [], np.pi / 6
+    for k in range(cells):
+        up = add(left, RX(), f"up_{k}", place)
+        down = add(right, RX(), f"down_{k}", [0.0, 0, 0] if k == 0 else place)
+        frame(f"U_{k}", up, (0, 0, 0.5))
+        frame(f"D_{k}", down, (0, 0, 0.5))
+        closures.append(Closure(f"U_{k}", f"D_{k}", "3d"))
+        q += [-angle, angle] if k == 0 else [-2 * angle, 2 * angle]
+        # The next cell: its left lower end is down's upper end, its right one is up's.
+        left, right, place = down, up, [0.0, 0, 1]
+    return ClosedChain(model, closures, ["slide"]), np.array(q)
+
+
+def test_a_scissor_lift_of_twenty_cells_is_judged_at_the_callers_configuration():
+    """One freedom where it stands; its torque is the derivative of the weights' energy."""
+    chain, q = scissor(20)
+    assert np.abs(chain.residual(q)).max() < 1e-12
+    report = chain.mobility(q)
+    assert (report.degrees_of_freedom, report.held) == (1, 1)
+    assert report.where == "the configuration given"
+    assert_allclose(report.q, q)
+    tau = chain.compute_torques(q, [0.0], [0.0])
+    energies = []
+    for step in (1e-4, -1e-4):
+        moved = q.copy()
+        moved[0] += step
+        energies.append(chain.potential_energy(chain.assemble(moved)))
+    assert_allclose(tau, (energies[0] - energies[1]) / 2e-4, rtol=1e-6)
+    assert chain.compute_accelerations(q, [0.0], tau) == pytest.approx(0, abs=1e-8)
+
+
+def test_a_generic_configuration_that_is_not_found_is_not_looked_for_again(monkeypatch):
+    """The second call answers at once, with an error of its own."""
+    chain = ladder(2, broken=1)
+    errors = []
+    for _ in range(2):
+        with pytest.raises(ClosureError) as caught:
+            chain.generic_configuration()
+        errors.append(caught.value)
+        monkeypatch.setattr("sst_pin.chain.closed_chain.generic_configuration", None)
+    assert str(errors[0]) == str(errors[1])
+
+
+def test_a_motion_starts_where_no_generic_configuration_is_found(monkeypatch):
+    """The start tells the coordinates."""
+
+    def fail(*_):
+        raise ClosureError("none", 1.0)
+
+    monkeypatch.setattr("sst_pin.chain.closed_chain.generic_configuration", fail)
+    chain = ladder(1)
+    q = chain.assemble([1.2, -0.7, 2.0], ["crank_0"])
+    chain.simulate([0.0], q, [0.0], [0, 0.01])
+    chain = ladder(1)
+    chain.rollout(np.zeros((3, 1)), q, [0.0], 0.01)
