@@ -8,7 +8,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -168,7 +167,7 @@ class Trajectory:
         try:
             with np.load(path, allow_pickle=False) as file:
                 content = {name: file[name] for name in (*_COMPARED, "stopped")}
-        except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
+        except Exception as error:  # a wrong byte may meet anything in zipfile and NumPy
             raise FileFormatError(path, f"not a motion: {error}") from None
         words = {key: content.pop(key).tolist() for key in (*_WORDS, "stopped")}
         try:

@@ -132,7 +132,8 @@ def torques_of(
     """
     model = model_of(urdf)
     content = yaml.load(cuts, _StrictLoader)
-    if not set(content) <= {"closed_loop", "type", "name_mot", "gravity"}:
+    others = set(content) - {"closed_loop", "type", "name_mot", "gravity"}
+    if not others <= {"joint_name", "joint_type"} or any(content[key] for key in others):
         raise UnreadableError("keys")
     motors, gravity = content["name_mot"], content.get("gravity", [0, 0, -9.81])
     named = [*motors, *content["type"], *(name for pair in content["closed_loop"] for name in pair)]

@@ -279,7 +279,7 @@ def _command(argv: list[str]) -> Any:
             code = main(argv)
         except SystemExit as stop:
             code = stop.code
-    said = err.getvalue().strip().splitlines()
+    said = err.getvalue().rpartition("\r")[2].strip().splitlines()  # after a bar of progress
     told = len(said) == 1 and said[0].startswith("sst-pin")
     listed = code == 1 and argv[0] == "validate" and not said and "error(s)" in out.getvalue()
     left = {name for name in set(map(str, Path().iterdir())) - before if name.startswith(".")}

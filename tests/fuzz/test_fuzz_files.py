@@ -83,7 +83,7 @@ MJCF_EXTRA = (
 def random(examples, slow):
     """Settings of a test: the same few examples at each run, or many new ones."""
     return settings(
-        max_examples=50 * examples if slow else examples,
+        max_examples=20 * examples if slow else examples,
         derandomize=not slow,
         deadline=None,
         database=None,
