@@ -127,7 +127,8 @@ class Derivatives:
 
     def frame_velocity(self, q: Array, va: Array, frame: int) -> Array:
         """Derivatives of a frame's velocity by q and va side by side, shape (6, 2 n)."""
-        self._ws.evaluate(self._plain.configuration(q))
+        q = self._plain.configuration(q)
+        self._ws.evaluate(q)
         L, v, v_dot = motion_of_tree(self._ws, va, np.zeros_like(va))
         tree = Tree(self._branches, self._ws.data, q, v, v_dot)
         v_q = -self._inverse().dot(self._rows.partials(tree).velocity_q.dot(L))

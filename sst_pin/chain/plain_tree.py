@@ -51,7 +51,7 @@ class PlainTree:
             q += range(joint.idx_q, joint.idx_q + joint.nq)
             v += range(joint.idx_v, joint.idx_v + joint.nv)
             waiting += list(given.children[j])[::-1]
-        for frame in list(given.frames)[1:]:
+        for frame in map(pin.Frame, list(given.frames)[1:]):
             frame.parentJoint = ids[frame.parentJoint]
             model.addFrame(frame, False)
         model.armature = given.armature[v]
