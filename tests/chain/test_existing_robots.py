@@ -35,9 +35,10 @@ def cassie_on_a_stand(floating_cassie) -> sst_pin.ClosedChain:
 def test_torques_agree_with_lagrange_multipliers(name, request):
     """At random assembled configurations in random motion; measured: 2e-14 and 5e-14."""
     chain = request.getfixturevalue(name)
-    torques, accelerations = verify.verify_chain(chain, 20)
-    assert torques.cases == accelerations.cases == 20
+    torques, forces, accelerations = verify.verify_chain(chain, 20)
+    assert torques.cases == forces.cases == accelerations.cases == 20
     assert torques.relative < 1e-8
+    assert forces.relative < 1e-8
     assert accelerations.relative < 1e-8
 
 
