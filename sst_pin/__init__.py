@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from .errors import ActuationError as ActuationError
     from .errors import ClosureError as ClosureError
     from .errors import DescriptionError as DescriptionError
-    from .errors import DescriptionWarning as DescriptionWarning
     from .errors import FileFormatError as FileFormatError
     from .errors import InputError as InputError
     from .errors import MissingExtraError as MissingExtraError
@@ -61,7 +60,7 @@ _NAMES = {
     "description": "MJCF_PATH PACKAGE_PATH REPOSITORY_PATH SRDF_PATH URDF_PATH YAML_PATH",
     "description.parameters": "Parameters RigidBody",
     "errors": (
-        "ActuationError ClosureError DescriptionError DescriptionWarning FileFormatError "
+        "ActuationError ClosureError DescriptionError FileFormatError "
         "InputError MissingExtraError OutputError ParametersError SimulationError "
         "SingularConfigurationError SingularityWarning SSTError UnknownNameError "
         "WorkspaceError"

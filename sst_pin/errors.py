@@ -189,7 +189,3 @@ class ServerError(SSTError):
 
 class SingularityWarning(UserWarning):
     """A simulation stopped early because the robot came close to a singularity."""
-
-
-class DescriptionWarning(UserWarning):
-    """A robot description says something that the dynamics leave out."""

@@ -31,7 +31,6 @@ from ..errors import (
     DescriptionError,
     InputError,
 )
-from ..files import beside
 from . import derivatives, dynamics
 from .assembly import generic_configuration
 from .backend import Answer, Backend, States
@@ -709,16 +708,27 @@ class ClosedChain:
     # --- doors to the rooms above -----------------------------------------------------------
 
     @classmethod
-    def from_urdf(cls: type[_Chain], path: str | Path, cuts: str | Path | None = None) -> _Chain:
+    def from_urdf(
+        cls: type[_Chain],
+        path: str | Path,
+        cuts: str | Path | None = None,
+        *,
+        actuated: Sequence[Motor] | None = None,
+        locked: Sequence[str] = (),
+    ) -> _Chain:
         """A robot from a URDF and, beside it, what a URDF cannot say: the "extended URDF" of LAAS.
 
         A YAML file lists closures (`closed_loop`, pairs of frames, each with its `type`), motors
         (`name_mot`) and, where needed, `gravity` and joints that are in truth "FIXED", "SPHERICAL"
-        or "UJOINT_XY" (`joint_name`, `joint_type`).
+        or "UJOINT_XY" (`joint_name`, `joint_type`). A file that lists no closures has those of the
+        URDF's frames `closing_NAME_1`, `closing_NAME_2`, points that coincide. Joints that mimic
+        others are coupled to them.
 
         Args:
             path: The URDF; its meshes are not needed.
             cuts: The YAML; by default the file beside the URDF that ends in .yaml.
+            actuated: The motors, as in the constructor; those of the YAML by default.
+            locked: Names of joints that are held at zero. A locked motor is none.
 
         Raises:
             DescriptionError: When a file cannot be read, with every problem found.
@@ -726,39 +736,46 @@ class ClosedChain:
         """
         from .. import reading
 
-        text = reading.read_text(path, "URDF")
-        cuts = beside(Path(path), ".yaml") if cuts is None else cuts
-        closures, actuated, gravity, joints = reading.parse_cuts(
-            reading.read_text(cuts, "YAML of the cuts"), str(cuts)
-        )
-        model = reading.parse_urdf(text, str(path), joints)
-        model.gravity.linear = gravity
-        return cls(model, closures, actuated)
+        model, closures, motors = reading.read_urdf(path, cuts, locked)
+        return cls(model, closures, motors if actuated is None else actuated)
 
     @classmethod
-    def from_mjcf(cls: type[_Chain], path: str | Path, *, locked: Sequence[str] = ()) -> _Chain:
-        """A robot from a MuJoCo file, its loops closed by `connect` and `weld` equalities.
+    def from_mjcf(
+        cls: type[_Chain],
+        path: str | Path,
+        *,
+        actuated: Sequence[Motor] | None = None,
+        locked: Sequence[str] = (),
+    ) -> _Chain:
+        """A robot from a MuJoCo file, its loops closed by its equalities.
 
-        MuJoCo compiles the file. The motors are the joints that have an actuator; tau is the
-        torque in the joint, gear times control for a `motor`. Joints carry MuJoCo's armature,
-        damping and friction loss; hinges and slides count as in `qpos`.
+        MuJoCo compiles the file; `connect`, `weld`, `joint` and `tendon` equalities are read, with
+        springs, dampers, friction losses and armatures of the joints. The motors are the joints and
+        the fixed tendons that have an actuator; tau is the force in the joint or the tendon, gear
+        times control for a `motor`. Hinges and slides count as in `qpos`; of balls and free joints
+        q has the quaternion with its scalar last, and v the linear rates along the body's axes.
 
         Args:
             path: The MJCF.
+            actuated: The motors, as in the constructor; those of the file by default.
             locked: Joints held at their reference. A joint without a name is called like its body.
-                A locked motor is none.
+                `name_X`, `name_Y`, `name_Z` hold a ball about one axis. A locked motor is none.
 
         Raises:
             MissingExtraError: Without MuJoCo, `sst-pin[mjcf]`.
             DescriptionError: With every problem found.
             UnknownNameError: For a name in `locked` that no joint has.
-
-        Warns:
-            DescriptionWarning: When a ball has damping, friction or armature: it is left out.
         """
         from ..reading.mjcf import read_mjcf
 
-        return cls(*read_mjcf(path, locked))
+        read = read_mjcf(path, locked)
+        return cls(
+            read.model,
+            read.closures,
+            read.actuated if actuated is None else actuated,
+            stiffness=read.stiffness,
+            spring_reference=read.spring_reference,
+        )
 
     def trajectory(
         self,

@@ -200,3 +200,12 @@ def _require_words(*words: str) -> None:
 
 
 Constraint = Union[Closure, Distance, Coupling, Rolling]  # noqa: UP007  (Python 3.10 pickles it)
+
+
+def frames_of(closure: Constraint) -> tuple[str, ...]:
+    """Names of the frames that a closure connects; a coupling of joints has none."""
+    if isinstance(closure, Coupling):
+        return ()
+    if isinstance(closure, Rolling):
+        return closure.plane, closure.wheel
+    return closure.frame_a, closure.frame_b

@@ -22,7 +22,7 @@ from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
 from ..errors import ClosureError, DescriptionError, InputError, UnknownNameError
-from .closures import Closure, Constraint, Coupling, Distance, Rolling
+from .closures import Closure, Constraint, Coupling, Distance, Rolling, frames_of
 
 Array = NDArray[np.float64]
 
@@ -78,7 +78,7 @@ class Loops:
             if isinstance(closure, Coupling):
                 self._couplings.append((rows, _Coupled(model, closure)))
                 continue
-            ids = [frame_id(model, name) for name in _frames(closure)]
+            ids = [frame_id(model, name) for name in frames_of(closure)]
             supports = [support(model, model.frames[f].parentJoint) for f in ids]
             self._S_a[rows], self._S_b[rows] = supports
             kind = _kind_of(closure)
@@ -439,12 +439,6 @@ def _kind_of(closure: Closure | Distance | Rolling) -> Any:
     kinds = {"6d": _Weld, "orientation": _Orientation, "3d": _Point}
     kind = kinds.get(closure.kind, _Masked) if isinstance(closure.kind, str) else _Masked
     return kind(closure)
-
-
-def _frames(closure: Closure | Distance | Rolling) -> tuple[str, str]:
-    if isinstance(closure, Rolling):
-        return closure.plane, closure.wheel
-    return closure.frame_a, closure.frame_b
 
 
 def _cross(a: Array, b: Array) -> Array:

@@ -11,7 +11,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from ..errors import DescriptionError
-from .closures import Closure, Constraint, Coupling, Distance, Rolling
+from .closures import Constraint, Coupling, Distance, frames_of
 from .joint_space import JointSpace
 from .loops import frame_id, joint_id
 
@@ -163,10 +163,9 @@ class Mechanism:
         """A length of the robot, [m]: the largest offset between its joints and closures."""
         offsets = [placement.translation for placement in list(self.model.jointPlacements)[1:]]
         for closure in self.closures:
-            if isinstance(closure, (Closure, Distance, Rolling)):
-                for name in _frames_of(closure):
-                    frame = self.model.frames[frame_id(self.model, name)]
-                    offsets.append(frame.placement.translation)
+            for name in frames_of(closure):
+                frame = self.model.frames[frame_id(self.model, name)]
+                offsets.append(frame.placement.translation)
             if isinstance(closure, Distance):
                 offsets.append(np.array([closure.distance]))
         largest = max((float(np.linalg.norm(offset)) for offset in offsets), default=0.0)
@@ -195,9 +194,3 @@ def read_only(array: Array) -> Array:
     copy = np.array(array, dtype=float)
     copy.flags.writeable = False
     return copy
-
-
-def _frames_of(closure: Closure | Distance | Rolling) -> tuple[str, str]:
-    if isinstance(closure, Rolling):
-        return closure.plane, closure.wheel
-    return closure.frame_a, closure.frame_b

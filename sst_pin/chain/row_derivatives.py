@@ -18,7 +18,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from . import loops
-from .closures import Coupling
+from .closures import Coupling, frames_of
 from .loops import _cross, _skew
 from .mechanism import Mechanism
 
@@ -303,7 +303,7 @@ class Rows:
             if isinstance(closure, Coupling):
                 self._couplings.append((rows, loops._Coupled(model, closure)))
             else:
-                a, b = (loops.frame_id(model, name) for name in loops._frames(closure))
+                a, b = (loops.frame_id(model, name) for name in frames_of(closure))
                 self._pairs.append((rows, loops._kind_of(closure), a, b))
         self._shape = start, model.nv
 

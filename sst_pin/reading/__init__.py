@@ -1,8 +1,18 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """From description files to Pinocchio: URDF and MJCF to models, YAML to cuts."""
 
-from .cuts import Cuts, parse_cuts
+from .cuts import Cuts, Extended, closed, parse_cuts, read_urdf
 from .text import read_text
-from .urdf import parse_urdf, parse_xml
+from .urdf import parse_mimics, parse_urdf, parse_xml
 
-__all__ = ["Cuts", "parse_cuts", "parse_urdf", "parse_xml", "read_text"]
+__all__ = [
+    "Cuts",
+    "Extended",
+    "closed",
+    "parse_cuts",
+    "parse_mimics",
+    "parse_urdf",
+    "parse_xml",
+    "read_text",
+    "read_urdf",
+]

@@ -20,13 +20,14 @@ INERTIAL = ("origin", "mass", "inertia")
 FIXED = ("origin", "parent", "child")
 MOVING = (*FIXED, "axis", "limit", "dynamics")
 _SHAPES = ("visual", "collision")
-_BESIDE = ("mimic", "calibration", "safety_controller")
+_BESIDE = ("calibration", "safety_controller")
 #: Attributes of elements that have no others.
 _ATTRIBUTES = {
     "origin": ("xyz", "rpy"),
     "mass": ("value",),
     "inertia": ENTRIES,
     "axis": ("xyz",),
+    "mimic": ("joint", "multiplier", "offset"),
 }
 #: Attributes of elements that may have others, of makers' own.
 _OPEN = {"limit": ("lower", "upper", "effort", "velocity"), "dynamics": ("damping", "friction")}
@@ -53,6 +54,7 @@ def check(root: ET.Element) -> Iterator[Problem]:
         yield from _link(link)
     for joint in joints:
         yield from _joint(joint)
+    yield from _mimics(joints)
 
 
 def check_names(elements: Sequence[ET.Element]) -> Iterator[Problem]:
@@ -127,7 +129,7 @@ def _link(link: ET.Element) -> Iterator[Problem]:
 
 def _joint(joint: ET.Element) -> Iterator[Problem]:
     where, kind = f"joint {joint.get('name')}", joint.get("type")
-    yield from _elements(joint, where, once=MOVING, others=_BESIDE)
+    yield from _elements(joint, where, once=(*MOVING, "mimic"), others=_BESIDE)
     yield from _origin(joint, where)
     if kind not in _KINDS:
         yield error(where, f"type {kind!r} unknown; known: {', '.join(_KINDS)}")
@@ -138,10 +140,34 @@ def _joint(joint: ET.Element) -> Iterator[Problem]:
         yield warning(where, f"{kind}: several coordinates, of which q has one more than v")
     elif kind in ("revolute", "prismatic", "continuous"):
         yield from _limits(joint, where, kind)
+    if kind == "planar":
+        axis = joint.find("axis")
+        text = "1 0 0" if axis is None else axis.get("xyz", "1 0 0")
+        normal = numbers(text, 3)
+        if normal is None or normal[:2].any() or not normal[2] > 0:
+            text = f"planar about {text}; Pinocchio moves it in x and y whatever its axis: turn "
+            yield error(where, text + "the joint's frame until the axis is 0 0 1")
     if kind == "continuous":
         yield warning(where, "continuous: two coordinates in Pinocchio; read as revolute here")
-    for mimic in joint.findall("mimic"):
-        yield error(where, f"mimics {mimic.get('joint')}; Pinocchio would let it go free")
+
+
+def _mimics(joints: Sequence[ET.Element]) -> Iterator[Problem]:
+    """Couplings of joints that cannot be."""
+    kinds = {joint.get("name"): joint.get("type") for joint in joints}
+    for joint in joints:
+        where = f"joint {joint.get('name')}"
+        for mimic in joint.findall("mimic"):
+            other = mimic.get("joint")
+            for name in (joint.get("name"), other):
+                if name not in kinds:
+                    yield error(where, f"mimics {name}, which is no joint of this file")
+                elif kinds[name] not in ("revolute", "prismatic", "continuous"):
+                    yield error(where, f"mimics {other}: {name} is {kinds[name]}")
+            if other == joint.get("name"):
+                yield error(where, "mimics itself")
+            for key in ("multiplier", "offset"):
+                if mimic.get(key) is not None and number(mimic, key) is None:
+                    yield error(where, f"mimic {key}={mimic.get(key)!r} is not a number")
 
 
 def _elements(

@@ -5,21 +5,30 @@ from __future__ import annotations
 
 import reprlib
 from collections import Counter
+from collections.abc import Iterator, Sequence
 from itertools import accumulate
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import pinocchio as pin
 import yaml
 from numpy.typing import NDArray
 
-from ..chain.closures import Closure
+from ..arrays import names
+from ..chain.closures import Closure, Constraint, Coupling, Distance, Rolling
+from ..chain.draft import without_locked
 from ..errors import DescriptionError
+from ..files import beside
 from .problems import numbers
-from .urdf import AXES
+from .text import read_text
+from .urdf import KINDS, closing_frames, parse_mimics, parse_urdf
 
 Array = NDArray[np.float64]
 
+_EARTH = np.array([0, 0, -9.81])
 _KEYS = ("closed_loop", "type", "name_mot", "gravity", "joint_name", "joint_type")
+_WITH_LENGTH = {"distance": Distance, "rolling": Rolling}
 #: Of a YAML; that of a robot with 400 joints has a tenth.
 _LONGEST = 200_000
 #: Of brackets in brackets; two are needed.
@@ -31,24 +40,84 @@ class Cuts(NamedTuple):
     """What a URDF cannot say: content of the YAML file.
 
     Attributes:
-        closures: Pairs of frames to be closed.
+        closures: What closes the loops; with none, frames `closing_NAME_1`, `closing_NAME_2` do.
         actuated: Names of the motors' joints.
         gravity: Acceleration of gravity in base axes, shape (3,), [m/s^2].
         joints: What joints are in truth, by name; see `parse_urdf`.
     """
 
-    closures: tuple[Closure, ...]
+    closures: tuple[Constraint, ...]
     actuated: tuple[str, ...]
     gravity: Array
     joints: dict[str, str]
+
+
+class Extended(NamedTuple):
+    """What an "extended URDF" says of a closed chain: tree, closures, names of the motors."""
+
+    model: pin.Model
+    closures: tuple[Constraint, ...]
+    actuated: tuple[str, ...]
+
+
+def read_urdf(
+    path: str | Path, cuts: str | Path | None = None, locked: Sequence[str] = ()
+) -> Extended:
+    """Read a robot; see `ClosedChain.from_urdf`."""
+    locked = names("locked", locked)
+    text = read_text(path, "URDF")
+    own = beside(Path(path), ".yaml")
+    if cuts is None and "closing_" in text and not own.is_file():
+        found = Cuts((), (), _EARTH, {})
+    else:
+        cuts = own if cuts is None else cuts
+        found = parse_cuts(read_text(cuts, "YAML of the cuts"), str(cuts))
+    extended = closed(text, str(path), found)
+    if not locked:
+        return extended
+    model, closures, motors = extended
+    return Extended(
+        without_locked(model, locked),
+        tuple(_held(closures, set(locked), str(path))),
+        tuple(name for name in motors if name not in locked),
+    )
+
+
+def closed(text: str, source: str, cuts: Cuts) -> Extended:
+    """The tree of a URDF, closed by its cuts, or else by its marks, and by its mimic joints.
+
+    Raises:
+        DescriptionError: As `parse_urdf`.
+    """
+    model = parse_urdf(text, source, cuts.joints)
+    model.gravity.linear = cuts.gravity
+    loops = cuts.closures or closing_frames(model)
+    return Extended(model, (*loops, *parse_mimics(text, source)), cuts.actuated)
+
+
+def _held(closures: Sequence[Constraint], locked: set[str], source: str) -> Iterator[Constraint]:
+    """Closures with some joints held at zero."""
+    for closure in closures:
+        if not isinstance(closure, Coupling):
+            yield closure
+            continue
+        free = {n: c for n, c in closure.polynomials.items() if n not in locked}
+        offset = closure.offset
+        offset += sum(c[0] for n, c in closure.polynomials.items() if n in locked)
+        if closure.joint not in locked:
+            yield Coupling(closure.joint, free, offset)
+        elif free or offset:
+            text = f"locked joint {closure.joint} mimics {', '.join(free) or 'with an offset'}: "
+            raise DescriptionError(source, [text + "lock both, at zero, or neither"])
 
 
 def parse_cuts(text: str, source: str) -> Cuts:
     """Closures, motors and gravity of a YAML file in the LAAS schema.
 
     Args:
-        text: The YAML with the keys `closed_loop`, `type` and `name_mot`; `gravity` may be missing
-            and is then (0, 0, -9.81), `joint_name` and `joint_type` may be missing.
+        text: The YAML with the key `name_mot`; `closed_loop` and `type`, `joint_name` and
+            `joint_type` may be missing, and `gravity`, which is then (0, 0, -9.81). A type is a
+            kind of `Closure`, or "distance" or "rolling" with a length, as "distance 0.3".
         source: What error messages call it.
 
     Raises:
@@ -71,18 +140,24 @@ def parse_cuts(text: str, source: str) -> Cuts:
         )
         return [name for name in found if _is_name(name)]
 
-    pairs, kinds, motors = items("closed_loop"), names("type"), names("name_mot")
+    pairs, kinds, motors = items("closed_loop", []), names("type", []), names("name_mot")
     if len(pairs) != len(kinds):
         problems.append(f"closed_loop has {len(pairs)} entries, type has {len(kinds)}")
-    closures = []
+    closures: list[Constraint] = []
     for pair, kind in zip(pairs, kinds, strict=False):
         if not (isinstance(pair, list) and len(pair) == 2 and all(map(_is_name, pair))):
             problems.append(f"closed_loop: {_shown(pair)} is not a pair of frame names")
-        elif kind.lower() not in Closure.KINDS:
-            problems.append(f"type: {kind!r} unknown; known: {', '.join(Closure.KINDS)}")
-        else:
+        elif kind.lower() in Closure.KINDS:
             closures.append(Closure(pair[0], pair[1], kind.lower()))
-    gravity = _vector(content.get("gravity", ["0", "0", "-9.81"]))
+        else:
+            word, _, length = kind.lower().partition(" ")
+            value = numbers(length, 1)
+            if word in _WITH_LENGTH and value is not None and value[0] > 0:
+                closures.append(_WITH_LENGTH[word](pair[0], pair[1], float(value[0])))
+            else:
+                known = ", ".join([*Closure.KINDS, *(f"{word} LENGTH" for word in _WITH_LENGTH)])
+                problems.append(f"type: {kind!r} unknown; known: {known}")
+    gravity = _vector(content["gravity"]) if "gravity" in content else _EARTH
     if gravity is None:
         text = f"{_shown(content['gravity'])} is not a list of three numbers"
         problems.append(f"gravity: {text}")
@@ -91,8 +166,8 @@ def parse_cuts(text: str, source: str) -> Cuts:
         problems.append(f"joint_name has {len(named)} entries, joint_type has {len(types)}")
     twice = [name for name, count in Counter(named).items() if count > 1]
     problems += [f"joint_name: {name} stands twice" for name in twice]
-    unknown = sorted(set(types) - set(AXES))
-    problems += [f"joint_type: {kind!r} unknown; known: {', '.join(AXES)}" for kind in unknown]
+    unknown = sorted(set(types) - set(KINDS))
+    problems += [f"joint_type: {kind!r} unknown; known: {', '.join(KINDS)}" for kind in unknown]
     if problems or gravity is None:
         raise DescriptionError(source, problems)
     return Cuts(tuple(closures), tuple(motors), gravity, dict(zip(named, types, strict=True)))
@@ -113,7 +188,7 @@ def _content(text: str, source: str) -> dict[str, Any]:
     except RecursionError:
         raise DescriptionError(source, ["lists in lists, too deep"]) from None
     if not isinstance(node, yaml.MappingNode) or not content:
-        raise DescriptionError(source, ["no keys; closed_loop, type and name_mot are needed"])
+        raise DescriptionError(source, ["no keys; name_mot is needed"])
     keys = Counter(key.value for key, _ in node.value)
     if twice := [key for key, count in keys.items() if count > 1]:
         raise DescriptionError(source, [f"{key}: stands twice" for key in twice])

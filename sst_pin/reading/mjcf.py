@@ -2,14 +2,16 @@
 """MJCF to a Pinocchio model, closures and motors, by way of MuJoCo's own compiler.
 
 MuJoCo resolves defaults, angles, meshes and inertias; what it has compiled is carried over number
-by number. Coordinates of hinges and slides are MuJoCo's `qpos`, `ref` included.
+by number. Coordinates of hinges and slides are MuJoCo's `qpos`, `ref` included. Balls and free
+joints are Pinocchio's: a quaternion has its scalar last, MuJoCo's first; the linear rates of a free
+joint are along the body's axes, MuJoCo's `qvel` has them along the world's. Angular rates are in
+body axes in both.
 """
 
 from __future__ import annotations
 
-import warnings
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,8 +20,9 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from ..arrays import names
-from ..chain.closures import Closure
-from ..errors import DescriptionError, DescriptionWarning, MissingExtraError, UnknownNameError
+from ..chain.closures import Closure, Constraint, Coupling
+from ..chain.draft import Motor
+from ..errors import DescriptionError, MissingExtraError, UnknownNameError
 from ..files import as_path
 from .urdf import MOST_JOINTS
 
@@ -31,13 +34,18 @@ class Mjcf(NamedTuple):
 
     Attributes:
         model: The tree.
-        closures: Its active `connect` and `weld` equalities.
-        actuated: Joints with an actuator, in the order of the actuators.
+        closures: Its active equalities.
+        actuated: Joints with an actuator, in the order of the actuators; a fixed tendon that has
+            one as the share of each joint.
+        stiffness: Of the joints' springs, shape (nv,).
+        spring_reference: Where they are at rest, shape (nq,).
     """
 
     model: pin.Model
-    closures: tuple[Closure, ...]
-    actuated: tuple[str, ...]
+    closures: tuple[Constraint, ...]
+    actuated: tuple[Motor, ...]
+    stiffness: Array
+    spring_reference: Array
 
 
 def read_mjcf(path: str | Path, locked: Sequence[str] = ()) -> Mjcf:
@@ -70,8 +78,9 @@ class _Reader:
         self._model.gravity.linear = np.zeros(3) if weightless else compiled.opt.gravity
         #: Of each body: the joint that bears it and its placement there.
         self._bodies = [(0, pin.SE3.Identity())]
-        #: Of each coordinate: the degree of freedom in MuJoCo.
+        #: Of each rate: the degree of freedom in MuJoCo.
         self._dofs: list[int] = []
+        self._rest: list[float] = []
         self._problems: list[str] = []
 
     def read(self) -> Mjcf:
@@ -79,37 +88,37 @@ class _Reader:
         mj, model = self._mj, self._model
         if problems := [*self._impossible(), *self._switched_off()]:
             raise DescriptionError(self._source, problems)
-        known = [name for j in range(mj.njnt) for name in (self._name(j), *self._coordinates(j))]
+        known = [name for j in range(mj.njnt) for name in (self._name(j), *self._axes(j))]
         for name in self._locked.difference(known):
             raise UnknownNameError("joint", name, dict.fromkeys(known))
-        names = Counter(name for j in range(mj.njnt) for name in self._coordinates(j))
+        names = Counter(self._name(j) for j in range(mj.njnt))
         if twice := [name for name, count in names.items() if count > 1]:
             text = f"joints without a name are called like their bodies: {', '.join(twice)} are two"
             raise DescriptionError(self._source, [text])
         for body in range(1, mj.nbody):
             self._add_body(body)
         self._add_sites()
-        closures, motors = tuple(self._closures()), tuple(dict.fromkeys(self._motors()))
+        closures, motors = tuple(self._closures()), tuple(self._motors())
         self._problems += self._forces()
         if self._problems:
             raise DescriptionError(self._source, self._problems)
         if model.njoints - 1 > MOST_JOINTS:
             text = f"{model.njoints - 1} moving joints; no more than {MOST_JOINTS} are computed"
             raise DescriptionError(self._source, [text])
-        if left_out := list(self._left_out()):
-            text = "\n  ".join([f"{self._source}:", *left_out])
-            warnings.warn(text, DescriptionWarning, stacklevel=4)
-        # What a ball has about every axis cannot be told coordinate by coordinate.
         joints = mj.dof_jntid[self._dofs]
-        simple = ~self._balls[joints]
-        limited = simple & (mj.jnt_limited[joints] != 0) & (not self._disabled("limit"))
-        model.lowerPositionLimit = np.where(limited, mj.jnt_range[joints, 0], -np.inf)
-        model.upperPositionLimit = np.where(limited, mj.jnt_range[joints, 1], np.inf)
-        model.armature = mj.dof_armature[self._dofs] * simple
-        damped, rubbing = not self._disabled("damper"), not self._disabled("frictionloss")
-        model.damping = mj.dof_damping[self._dofs] * simple * damped
-        model.friction = mj.dof_frictionloss[self._dofs] * simple * rubbing
-        return Mjcf(model, closures, motors)
+        one = np.isin(mj.jnt_type[joints], (_HINGE, _SLIDE))
+        limited = one & (mj.jnt_limited[joints] != 0) & (not self._disabled("limit"))
+        at = [joint.idx_q for joint in list(model.joints)[1:] if joint.nv == 1]
+        single = np.array([joint.idx_v for joint in list(model.joints)[1:] if joint.nv == 1], int)
+        ranges = np.where(limited[:, None], mj.jnt_range[joints], [-np.inf, np.inf])[single]
+        model.lowerPositionLimit = np.full(model.nq, -np.inf)
+        model.upperPositionLimit = np.full(model.nq, np.inf)
+        model.lowerPositionLimit[at], model.upperPositionLimit[at] = ranges.T
+        model.armature = mj.dof_armature[self._dofs]
+        model.damping = mj.dof_damping[self._dofs] * (not self._disabled("damper"))
+        model.friction = mj.dof_frictionloss[self._dofs] * (not self._disabled("frictionloss"))
+        stiffness = mj.jnt_stiffness[joints] * (not self._disabled("spring"))
+        return Mjcf(model, closures, motors, stiffness, np.array(self._rest))
 
     def _disabled(self, flag: str) -> bool:
         """Whether a flag of the options is "disable"; not every MuJoCo has every flag."""
@@ -167,52 +176,40 @@ class _Reader:
 
     def _add_joint(self, joint: int, parent: int, placement: pin.SE3) -> tuple[int, pin.SE3]:
         """The joint that bears the body now, and the body's placement there."""
-        mj, kinds, name = self._mj, self._mujoco.mjtJoint, self._name(joint)
-        kind, axis = kinds(mj.jnt_type[joint]), mj.jnt_axis[joint]
-        if kind == kinds.mjJNT_FREE and name not in self._locked:
-            self._problems.append(self._free(joint))
-        if kind == kinds.mjJNT_FREE or name in self._locked:
+        mj, name = self._mj, self._name(joint)
+        kind, axis, address = mj.jnt_type[joint], mj.jnt_axis[joint], mj.jnt_qposadr[joint]
+        if name in self._locked:
             return parent, placement
         anchor = pin.SE3(np.eye(3), mj.jnt_pos[joint])
-        reference = mj.qpos0[mj.jnt_qposadr[joint]]
-        if kind == kinds.mjJNT_HINGE:
+        reference, rest = mj.qpos0[address], [mj.qpos_spring[address]]
+        zero, names = pin.SE3.Identity(), [name]
+        if kind == _FREE:
+            models, placement = [pin.JointModelFreeFlyer()], pin.SE3.Identity()
+            rest = [0.0] * 6 + [1.0]
+        elif kind == _HINGE:
             models = [_along(axis, _REVOLUTE, pin.JointModelRevoluteUnaligned)]
             zero = pin.SE3(pin.AngleAxis(-reference, axis).matrix(), np.zeros(3))
-        elif kind == kinds.mjJNT_SLIDE:
+        elif kind == _SLIDE:
             models = [_along(axis, _PRISMATIC, pin.JointModelPrismaticUnaligned)]
             zero = pin.SE3(np.eye(3), -reference * axis)
-        else:
-            models = [model() for model in _REVOLUTE]
-            zero = pin.SE3.Identity()
-        at = placement * anchor * zero
-        for k, (model, coordinate) in enumerate(zip(models, self._coordinates(joint), strict=True)):
-            if coordinate not in self._locked:
-                parent = self._model.addJoint(parent, model, at, coordinate)
-                at = pin.SE3.Identity()
-                self._dofs.append(mj.jnt_dofadr[joint] + k)
+        elif self._locked.isdisjoint(self._axes(joint)):
+            models = [pin.JointModelSpherical()]
+            rest = np.roll(mj.qpos_spring[address : address + 4], -1).tolist()
+        else:  # a ball that is held about some axis turns about the others, one after the other
+            turns = zip(_REVOLUTE, self._axes(joint), strict=True)
+            left = [(model(), turn) for model, turn in turns if turn not in self._locked]
+            models, names = [model for model, _ in left], [turn for _, turn in left]
+            rest = [0.0] * len(left)
+            if left and mj.jnt_stiffness[joint] and not self._disabled("spring"):
+                self._problems.append(f"joint {name}: a ball with a spring is held whole or not")
+        at, dof = placement * anchor * zero, mj.jnt_dofadr[joint]
+        for model, called in zip(models, names, strict=True):
+            parent, at = self._model.addJoint(parent, model, at, called), pin.SE3.Identity()
+            self._model.addJointFrame(parent)
+            self._dofs += range(dof, dof + model.nv)
+            dof += model.nv
+        self._rest += rest
         return parent, at * anchor.inverse()
-
-    def _free(self, joint: int) -> str:
-        """What to do about a free joint, of a base or of a platform that legs carry."""
-        mj, kinds, name = self._mj, self._mujoco.mjtObj, self._name(joint)
-        own = mj.body_rootid[mj.jnt_bodyid[joint]]
-        for i in range(mj.neq):
-            ends = [mj.eq_obj1id[i], mj.eq_obj2id[i]]
-            if mj.eq_objtype[i] == int(kinds.mjOBJ_SITE):
-                ends = [mj.site_bodyid[end] for end in ends]
-            elif mj.eq_objtype[i] != int(kinds.mjOBJ_BODY):
-                continue
-            roots = {int(mj.body_rootid[end]) for end in ends}
-            if mj.eq_active0[i] and own in roots and len(roots) == 2:
-                return (
-                    f"joint {name}: free, and {self._owner('eq', i)} joins what it bears to other "
-                    "bodies, as legs carry a platform: give it three slides and a ball instead, "
-                    "or hang it on one of the legs"
-                )
-        return (
-            f"joint {name}: free, but a closed chain stands on a fixed base; "
-            f"locked=[{name!r}] holds it where it is"
-        )
 
     def _add_sites(self) -> None:
         """As frames."""
@@ -232,11 +229,6 @@ class _Reader:
         kind = pin.FrameType.OP_FRAME
         self._model.addFrame(pin.Frame(name, parent, placement * place, kind))
 
-    @property
-    def _balls(self) -> NDArray[np.bool_]:
-        """Which joints are balls."""
-        return np.asarray(self._mj.jnt_type) == int(self._mujoco.mjtJoint.mjJNT_BALL)
-
     def _name(self, joint: int) -> str:
         """Of a joint; a nameless one is called like its body."""
         mj, body = self._mj, self._mj.jnt_bodyid[joint]
@@ -244,27 +236,30 @@ class _Reader:
         nameless = mj.body(body).name or f"body_{body}"
         return mj.joint(joint).name or (f"{nameless}_{number}" if number else nameless)
 
-    def _coordinates(self, joint: int) -> list[str]:
-        """Names of the joints with one coordinate that a joint becomes."""
-        name = self._name(joint)
-        if self._balls[joint]:
-            return [f"{name}_{axis}" for axis in "XYZ"]
-        return [name]
+    def _axes(self, joint: int) -> list[str]:
+        """Names by which a ball is held about single axes."""
+        ball = self._mj.jnt_type[joint] == _BALL
+        return [f"{self._name(joint)}_{axis}" for axis in "XYZ"] if ball else []
 
     # --- loops and motors -------------------------------------------------------------------
 
-    def _closures(self) -> Iterator[Closure]:
+    def _closures(self) -> Iterator[Constraint]:
         mj, kinds = self._mj, self._mujoco.mjtEq
         site = self._mujoco.mjtObj.mjOBJ_SITE
         for i in range(mj.neq):
             if not mj.eq_active0[i]:
                 continue
             name, kind = self._owner("eq", i), kinds(mj.eq_type[i])
+            first, second, data = mj.eq_obj1id[i], mj.eq_obj2id[i], mj.eq_data[i]
+            if kind in (kinds.mjEQ_JOINT, kinds.mjEQ_TENDON):
+                length = self._joint_length if kind == kinds.mjEQ_JOINT else self._tendon_length
+                yield from self._coupling(name, length(first), length(second), data[:5])
+                continue
             if kind not in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD):
                 what = kind.name.removeprefix("mjEQ_").lower()
-                self._problems.append(f"{name}: couples by {what}; connect and weld close loops")
+                text = 'connect, weld, joint and tendon are read; active="false" leaves it out'
+                self._problems.append(f"{name}: an equality of kind {what}; {text}")
                 continue
-            first, second, data = mj.eq_obj1id[i], mj.eq_obj2id[i], mj.eq_data[i]
             turns = kind == kinds.mjEQ_CONNECT or not data[_TORQUESCALE]  # freely
             how = "3d" if turns else "6d"
             if mj.eq_objtype[i] == int(site):
@@ -279,22 +274,88 @@ class _Reader:
                 self._add_frame(end, body, place)
             yield Closure(*ends, how)
 
-    def _motors(self) -> Iterator[str]:
+    def _joint_length(self, joint: int) -> _Length:
+        """A joint as a tendon of its own; -1 is none."""
+        if joint < 0:
+            return _Length({}, 0.0)
+        return self._unlocked({joint: 1.0})
+
+    def _tendon_length(self, tendon: int) -> _Length:
+        """A fixed tendon, the sum of joints; -1 is none."""
+        mj = self._mj
+        if tendon < 0:
+            return _Length({}, 0.0)
+        wraps = range(mj.tendon_adr[tendon], mj.tendon_adr[tendon] + mj.tendon_num[tendon])
+        if any(mj.wrap_type[k] != int(self._mujoco.mjtWrap.mjWRAP_JOINT) for k in wraps):
+            name = mj.tendon(tendon).name or f"tendon_{tendon}"
+            self._problems.append(f"{name}: a spatial tendon; fixed ones, sums of joints, are read")
+            return _Length({}, 0.0)
+        return self._unlocked({mj.wrap_objid[k]: mj.wrap_prm[k] for k in wraps})
+
+    def _unlocked(self, shares: Mapping[int, float]) -> _Length:
+        """Shares of joints by name, and what they add up to with all joints at their reference."""
+        free = {j: share for j, share in shares.items() if self._name(j) not in self._locked}
+        start = sum(share * self._mj.qpos0[self._mj.jnt_qposadr[j]] for j, share in free.items())
+        return _Length({self._name(j): float(s) for j, s in free.items() if s}, float(start))
+
+    def _coupling(
+        self, name: str, first: _Length, second: _Length, coefficients: Array
+    ) -> Iterator[Coupling]:
+        """What makes first - start a polynomial of second - start."""
+        zero, linear = np.zeros(2), not coefficients[2:].any()
+        if not first.shares and linear and coefficients[1]:  # 0 = c_0 + c_1 (second - start)
+            first, second = second, first
+            coefficients = np.array([-coefficients[0] / coefficients[1]])
+        if not (first.shares or second.shares or coefficients[0]):
+            return  # all that it couples is locked
+        joint = max(first.shares, key=lambda name: abs(first.shares[name]), default="")
+        shares = {n: np.array([0.0, -share]) for n, share in first.shares.items()}
+        offset, polynomial = first.start, np.polynomial.Polynomial(coefficients)
+        if len(second.shares) == 1:
+            ((other, share),) = second.shares.items()
+            moved = polynomial(np.polynomial.Polynomial([-second.start, share]))
+            shares[other] = np.polynomial.polynomial.polyadd(shares.get(other, zero), moved.coef)
+        else:
+            offset += polynomial(-second.start)
+            for n, share in second.shares.items():
+                shares[n] = shares.get(n, zero) + np.array([0.0, coefficients[1] * share])
+        own = shares.pop(joint, zero)
+        solvable = own[1] and not own[2:].any() and (linear or len(second.shares) < 2)
+        if not solvable:
+            text = f"{name}: it cannot be solved for a joint: "
+            text += "lock both sides of it or none, a polynomial is of one joint"
+            self._problems.append(text)
+            return
+        lead = -own[1]
+        others = {n: tuple(np.trim_zeros(c, "b") / lead) for n, c in shares.items()}
+        yield Coupling(joint, others, float((offset + own[0]) / lead))
+
+    def _motors(self) -> Iterator[Motor]:
         mj, trn = self._mj, self._mujoco.mjtTrn
+        seen: set[tuple[bool, int]] = set()
         for i in range(mj.nu):
-            joint, name = mj.actuator_trnid[i, 0], mj.actuator(i).name or f"actuator_{i}"
+            index, name = mj.actuator_trnid[i, 0], mj.actuator(i).name or f"actuator_{i}"
             bearer = trn(mj.actuator_trntype[i])
-            if bearer not in (trn.mjTRN_JOINT, trn.mjTRN_JOINTINPARENT):
+            tendon = bearer == trn.mjTRN_TENDON
+            if not tendon and bearer not in (trn.mjTRN_JOINT, trn.mjTRN_JOINTINPARENT):
                 what = bearer.name.removeprefix("mjTRN_").lower()
-                self._problems.append(f"{name}: an actuator on a {what}, not on a joint")
-            elif self._name(joint) in self._locked or self._in_disabled_group(i):
+                text = "not on a joint or a fixed tendon"
+                self._problems.append(f"{name}: an actuator on a {what}, {text}")
+            elif (tendon, index) in seen or self._in_disabled_group(i):
                 continue
             elif not mj.actuator_gear[i, 0]:
                 self._problems.append(f"{name}: its gear is 0, it moves nothing")
-            elif self._balls[joint]:
-                self._problems.append(f"{name}: an actuator on a ball joint")
+            elif tendon:
+                if shares := self._tendon_length(index).shares:
+                    yield shares
+            elif self._name(index) in self._locked:
+                continue
+            elif mj.jnt_type[index] not in (_HINGE, _SLIDE):
+                text = "give it hinges in a row instead, or name the motors by actuated="
+                self._problems.append(f"{name}: an actuator on a ball or a free joint; {text}")
             else:
-                yield self._name(joint)
+                yield self._name(index)
+            seen.add((tendon, index))
 
     def _in_disabled_group(self, actuator: int) -> bool:
         return bool(self._mj.opt.disableactuator >> self._mj.actuator_group[actuator] & 1)
@@ -302,14 +363,12 @@ class _Reader:
     def _forces(self) -> Iterator[str]:
         """What the dynamics would overlook."""
         mj = self._mj
-        for joint in range(mj.njnt):
-            name = self._name(joint)
-            springs = mj.jnt_stiffness[joint] and not self._disabled("spring")
-            if springs and name not in self._locked:
-                yield (
-                    f"joint {name}: a spring; locked=[{name!r}] holds it at its reference, "
-                    "stiffness 0 leaves it out"
-                )
+        for joint in map(int, np.flatnonzero(mj.jnt_type == _FREE)):
+            name, dof = self._name(joint), mj.jnt_dofadr[joint]
+            for field, flag in (("armature", ""), ("frictionloss", "frictionloss")):
+                value = getattr(mj, f"dof_{field}")[dof]
+                if value and name not in self._locked and not self._disabled(flag):
+                    yield f"joint {name}: {field} of a free joint; a <freejoint> has none"
         for field, (what, flag) in _FORCES.items():
             if self._disabled(flag):
                 continue
@@ -318,16 +377,17 @@ class _Reader:
         if mj.opt.density or mj.opt.viscosity:
             yield "a medium around the robot is not in the dynamics here"
 
-    def _left_out(self) -> Iterator[str]:
-        """What has no place in the coordinates of balls."""
-        mj = self._mj
-        flags = {"damping": "damper", "frictionloss": "frictionloss", "armature": ""}
-        for joint in map(int, np.flatnonzero(self._balls)):
-            name, dof = self._name(joint), mj.jnt_dofadr[joint]
-            for what, flag in flags.items():
-                value = getattr(mj, f"dof_{what}")[dof]
-                if value and not self._disabled(flag) and name not in self._locked:
-                    yield f"joint {name}: {what} {value:g} of a ball joint is left out"
+
+class _Length(NamedTuple):
+    """A sum of joints.
+
+    Attributes:
+        shares: Of the joints by name, without those that are locked.
+        start: What they add up to with all joints at their reference.
+    """
+
+    shares: dict[str, float]
+    start: float
 
 
 _REVOLUTE = pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ
@@ -362,6 +422,8 @@ _NUMBERS = {
     "site": ("pos", "quat"),
     "eq": ("data",),
 }
+#: Types of joints, as `mjtJoint` has them.
+_FREE, _BALL, _SLIDE, _HINGE = range(4)
 _SWITCHED_OFF = {"constraint": "closure", "equality": "closure", "actuation": "motor"}
 #: Where `eq_data` of a weld has what its torque is scaled by: with 0 it lets the bodies turn.
 _TORQUESCALE = 10

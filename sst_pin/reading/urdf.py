@@ -1,24 +1,34 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""URDF to a Pinocchio model whose joints have one coordinate each."""
+"""URDF to a Pinocchio model, its mimic joints to couplings."""
 
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Mapping
+from typing import Any
 
 import pinocchio as pin
 
+from ..chain.closures import Closure, Coupling
 from ..errors import DescriptionError
-from .checks import FIXED, INERTIAL, MOVING, check, check_names
+from .checks import FIXED, INERTIAL, MOVING, check
 from .problems import Problem
 
-#: Axes that a joint of the LAAS schema turns about, one after the other.
-AXES = {
-    "FIXED": "",
-    "SPHERICAL": "XYZ",
-    **{f"UJOINT_{a}{b}": a + b for a in "XYZ" for b in "XYZ" if a != b},
+_TURNS = {"X": pin.JointModelRX(), "Y": pin.JointModelRY(), "Z": pin.JointModelRZ()}
+#: What a joint of the LAAS schema is: its parts, each with what is added to its name.
+KINDS: dict[str, dict[str, Any]] = {
+    "FIXED": {},
+    "SPHERICAL": {"": pin.JointModelSpherical()},
+    **{
+        f"UJOINT_{a}{b}": {f"_{a}": _TURNS[a], f"_{b}": _TURNS[b]}
+        for a in _TURNS
+        for b in _TURNS
+        if a != b
+    },
 }
-_UNIT = {"X": "1 0 0", "Y": "0 1 0", "Z": "0 0 1"}
+#: What a tree has for each rate, and for each coordinate.
+_OF_RATES = ("damping", "friction", "effortLimit", "velocityLimit")
+_OF_COORDINATES = ("lowerPositionLimit", "upperPositionLimit")
 #: Of a joint without limits; [rad] or [m].
 _WIDE = "1e9"
 #: Pinocchio's data have several arrays with the cube of their number: 4 GB here.
@@ -28,18 +38,16 @@ _MOST_ELEMENTS = 10_000
 
 
 def parse_urdf(text: str, source: str, joints: Mapping[str, str] | None = None) -> pin.Model:
-    """A Pinocchio model of a URDF, all joints with one coordinate.
+    """A Pinocchio model of a URDF.
 
-    A `continuous` joint is read as a revolute one without limits: Pinocchio would give it two
-    coordinates.
+    A `continuous` joint is read as a revolute one without limits: one angle, where Pinocchio would
+    have its cosine and sine. A joint that mimics another is free here; see `parse_mimics`.
 
     Args:
         text: The XML.
         source: What error messages call it.
-        joints: What joints are in truth, where a URDF cannot say: "FIXED", "SPHERICAL",
-            "UJOINT_XY", ... by name. A joint with several axes becomes one joint for each,
-            `name_X`, `name_Y`, `name_Z`, between links without mass; with all three they lose a
-            motion where `name_Y` is at a right angle.
+        joints: What joints are in truth, where a URDF cannot say, by name: "FIXED"; "SPHERICAL", a
+            ball; "UJOINT_XY", ..., a joint for each axis, `name_X` and `name_Y`.
 
     Raises:
         DescriptionError: When it is no URDF, or has what the dynamics would overlook: with every
@@ -53,19 +61,46 @@ def parse_urdf(text: str, source: str, joints: Mapping[str, str] | None = None) 
         raise DescriptionError(source, problems)
     _strip(root)
     _unbind(root)
-    for name, kind in (joints or {}).items():
-        _replace(root, name, AXES[kind])
+    for joint in root.findall("joint"):
+        if (joints or {}).get(joint.get("name", "")) == "FIXED":
+            joint.set("type", "fixed")
     moving = sum(joint.get("type") != "fixed" for joint in root.findall("joint"))
     if moving > MOST_JOINTS:
         problems = [f"{moving} moving joints; no more than {MOST_JOINTS} are computed"]
-    for tag in ("link", "joint"):  # what replaces a joint has names as well
-        problems += _errors(check_names(root.findall(tag)))
-    if problems:
         raise DescriptionError(source, problems)
     try:
-        return pin.buildModelFromXML(ET.tostring(root, encoding="unicode"))
+        model = pin.buildModelFromXML(ET.tostring(root, encoding="unicode"))
     except (ValueError, RuntimeError) as error:
         raise DescriptionError(source, [f"not a URDF: {error}"]) from None
+    parts = {name: KINDS[kind] for name, kind in (joints or {}).items() if KINDS[kind]}
+    return _with(model, parts, source) if parts else model
+
+
+def parse_mimics(text: str, source: str) -> tuple[Coupling, ...]:
+    """A coupling for each joint of a URDF that mimics another: multiplier and offset.
+
+    Raises:
+        DescriptionError: When it is not XML.
+    """
+    return tuple(
+        Coupling(
+            joint.get("name", ""),
+            {mimic.get("joint", ""): (0.0, float(mimic.get("multiplier", "1")))},
+            float(mimic.get("offset", "0")),
+        )
+        for joint in parse_xml(text, source).findall("joint")
+        for mimic in joint.findall("mimic")
+    )
+
+
+def closing_frames(model: pin.Model) -> tuple[Closure, ...]:
+    """Points that coincide, marked by onshape-to-robot: frames `closing_NAME_1`, `closing_NAME_2`.
+
+    With them PlaCo closes loops as well.
+    """
+    firsts = [frame.name for frame in model.frames if frame.type == pin.FrameType.BODY]
+    pairs = [(name, f"{name[:-1]}2") for name in firsts if name.startswith("closing_")]
+    return tuple(Closure(a, b, "3d") for a, b in pairs if a.endswith("_1") and model.existFrame(b))
 
 
 def parse_xml(text: str, source: str, what: str = "a URDF") -> ET.Element:
@@ -123,25 +158,39 @@ def _unbind(root: ET.Element) -> None:
             limit.attrib.update(lower="-" + _WIDE, upper=_WIDE)
 
 
-def _replace(root: ET.Element, name: str, axes: str) -> None:
-    """Put a joint for each of the axes in the place of one joint, none for a fixed one."""
-    joint = next(j for j in root.findall("joint") if j.get("name") == name)
-    if not axes:
-        joint.set("type", "fixed")
-        return
-    parent, child, origin = joint.find("parent"), joint.find("child"), joint.find("origin")
-    if parent is None or child is None:
-        return  # urdfdom says so
-    carriers = [f"{name}_{axis}_carrier" for axis in axes[:-1]]
-    links = [parent.get("link", ""), *carriers, child.get("link", "")]
-    for axis, bearer, borne in zip(axes, links, links[1:], strict=False):
-        turn = ET.SubElement(root, "joint", name=f"{name}_{axis}", type="revolute")
-        if axis == axes[0] and origin is not None:
-            turn.append(origin)
-        ET.SubElement(turn, "parent", link=bearer)
-        ET.SubElement(turn, "child", link=borne)
-        ET.SubElement(turn, "axis", xyz=_UNIT[axis])
-        ET.SubElement(turn, "limit", lower="-" + _WIDE, upper=_WIDE, effort="0", velocity="0")
-    for carrier in carriers:
-        ET.SubElement(root, "link", name=carrier)
-    root.remove(joint)
+def _with(old: pin.Model, parts: Mapping[str, Mapping[str, Any]], source: str) -> pin.Model:
+    """The tree with other joints in the place of some, one after the other where they are many."""
+    for name in (name + suffix for name, own in parts.items() for suffix in own if suffix):
+        if any(frame.name == name and frame.type != pin.FrameType.BODY for frame in old.frames):
+            text = f"joint {name}: 2 have this name, a part of {name[:-2]} is one of them"
+            raise DescriptionError(source, [text])
+    model, ids = pin.Model(), [0]
+    model.name, model.gravity = old.name, old.gravity
+    model.inertias[0] = old.inertias[0]
+    for name, place, joint, parent, inertia in zip(
+        *(list(x)[1:] for x in (old.names, old.jointPlacements, old.joints, old.parents)),
+        list(old.inertias)[1:],
+        strict=True,
+    ):
+        bearer, at = ids[parent], place
+        for suffix, part in parts.get(name, {"": joint}).items():
+            bearer = model.addJoint(bearer, part, at, name + suffix)
+            at = pin.SE3.Identity()
+            model.addJointFrame(bearer)
+        model.appendBodyToJoint(bearer, inertia, at)
+        ids.append(bearer)
+    for frame in list(old.frames)[1:]:
+        if frame.type != pin.FrameType.JOINT:
+            placed = pin.Frame(frame.name, ids[frame.parentJoint], frame.placement, frame.type)
+            model.addFrame(placed, False)
+    for name in set(old.names) & set(model.names) - set(parts):  # numbers of the joints that stay
+        a, b = (m.joints[m.getJointId(name)] for m in (old, model))
+        for field in _OF_RATES:
+            getattr(model, field)[b.idx_v : b.idx_v + b.nv] = getattr(old, field)[
+                a.idx_v : a.idx_v + a.nv
+            ]
+        for field in _OF_COORDINATES:
+            getattr(model, field)[b.idx_q : b.idx_q + b.nq] = getattr(old, field)[
+                a.idx_q : a.idx_q + a.nq
+            ]
+    return model

@@ -81,7 +81,7 @@ class SST(ClosedChain):
             self.shapes = Shapes(urdf, parameters)
 
     @classmethod
-    def from_urdf(
+    def from_urdf(  # type: ignore[override]  # an SST has its motors and nothing to lock
         cls, path: str | Path, cuts: str | Path | None = None, *, kernels: bool = True
     ) -> SST:
         """An SST from an edited URDF; what stands in it is what is computed.
@@ -100,7 +100,7 @@ class SST(ClosedChain):
         return robot
 
     @classmethod
-    def from_mjcf(
+    def from_mjcf(  # type: ignore[override]  # an SST has its motors
         cls, path: str | Path, *, locked: Sequence[str] = (), kernels: bool = True
     ) -> SST:
         """An SST from an edited MJCF, by way of its parameters.
@@ -141,6 +141,8 @@ class SST(ClosedChain):
         closures, actuated, gravity, joints = reading.parse_cuts(cuts, cuts_source)
         model = reading.parse_urdf(urdf, urdf_source, joints)
         geometry_of(model, urdf_source)  # its complaints come first
+        if mimics := reading.parse_mimics(urdf, urdf_source):
+            raise DescriptionError(urdf_source, [f"{mimics[0]}: an SST has no coupled joints"])
         if actuated != MOTOR_NAMES:
             raise DescriptionError(
                 cuts_source, [f"name_mot: {list(actuated)}, an SST has {', '.join(MOTOR_NAMES)}"]

@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from .. import reading
 from ..chain.closed_chain import ClosedChain
-from ..chain.closures import Closure
+from ..chain.closures import Constraint, frames_of
 from ..errors import ActuationError, ClosureError, DescriptionError, SSTError
 from ..reading.problems import Problem, error, warning
 
@@ -28,48 +28,50 @@ def check(urdf: str, path: Path, cuts: Path | None) -> Iterator[Problem]:
         if cuts is not None:
             found = reading.parse_cuts(reading.read_text(cuts, "YAML of the cuts"), str(cuts))
         where = "file"
-        model = reading.parse_urdf(urdf, str(path), None if found is None else found.joints)
+        if found is None:
+            reading.parse_urdf(urdf, str(path))
+            return
+        robot = reading.closed(urdf, str(path), found)
     except DescriptionError as caught:
         yield from (error(where, text) for text in caught.problems)
         return
-    if found is None:
-        return
-    problems = list(_unknown(model, found))
+    problems = list(_unknown(robot))
     yield from problems
     if problems:
         return
-    problems = list(_open(model, found.closures))
+    problems = list(_open(robot.model, robot.closures))
     yield from problems
     if not problems:
-        yield from _actuation(model, found)
+        yield from _actuation(robot)
 
 
-def _unknown(model: pin.Model, cuts: reading.Cuts) -> Iterator[Problem]:
-    if not cuts.closures:
+def _unknown(robot: reading.Extended) -> Iterator[Problem]:
+    model = robot.model
+    if not robot.closures:
         yield error("cuts", "no closures")
     if not model.nv:
         yield error("tree", "all joints are fixed: nothing moves")
-    for closure in cuts.closures:
-        for frame in (closure.frame_a, closure.frame_b):
+    for closure in robot.closures:
+        for frame in frames_of(closure):
             if not model.existFrame(frame):
-                yield error(_name(closure), f"no frame {frame} in the URDF")
-    for motor in cuts.actuated:
+                yield error(f"closure {closure}", f"no frame {frame} in the URDF")
+    for motor in robot.actuated:
         if motor not in list(model.names)[1:]:
             yield error(f"motor {motor}", "no moving joint of this name in the URDF")
 
 
-def _open(model: pin.Model, closures: Sequence[Closure]) -> Iterator[Problem]:
+def _open(model: pin.Model, closures: Sequence[Constraint]) -> Iterator[Problem]:
     """Closures that stay open from wherever Newton's method starts."""
     alone = {closure: _gap(model, [closure]) for closure in closures}
     for closure, gap in alone.items():
         if gap:
-            yield error(_name(closure), f"cannot be closed: {gap:.3g} (m or rad) stays open")
+            yield error(f"closure {closure}", f"cannot be closed: {gap:.3g} (m or rad) stays open")
     if not any(alone.values()) and (gap := _gap(model, closures)):
         text = f"close one by one, not together: {gap:.3g} (m or rad) stays open"
         yield error("closures", text)
 
 
-def _gap(model: pin.Model, closures: Sequence[Closure]) -> float:
+def _gap(model: pin.Model, closures: Sequence[Constraint]) -> float:
     """What stays open at best, 0 when the loops can be closed."""
     chain = ClosedChain(model, closures, ())
     try:
@@ -82,9 +84,9 @@ def _gap(model: pin.Model, closures: Sequence[Closure]) -> float:
     return 0.0
 
 
-def _actuation(model: pin.Model, cuts: reading.Cuts) -> Iterator[Problem]:
+def _actuation(robot: reading.Extended) -> Iterator[Problem]:
     try:
-        mobility = ClosedChain(model, cuts.closures, cuts.actuated).mobility()
+        mobility = ClosedChain(*robot).mobility()
     except ClosureError:
         yield warning("closures", "they close at q = 0 only: mobility not judged")
         return
@@ -99,16 +101,12 @@ def _actuation(model: pin.Model, cuts: reading.Cuts) -> Iterator[Problem]:
         yield error(
             "actuation",
             f"insufficient: {mobility.degrees_of_freedom} degrees of freedom, "
-            f"{len(cuts.actuated)} motors; {loose} move with the motors locked, through "
+            f"{len(robot.actuated)} motors; {loose} move with the motors locked, through "
             f"{', '.join(mobility.loose_joints)}",
         )
     elif mobility.redundantly_actuated:
         yield warning(
             "actuation",
-            f"redundant: {len(cuts.actuated)} motors for {mobility.degrees_of_freedom} degrees of "
+            f"redundant: {len(robot.actuated)} motors for {mobility.degrees_of_freedom} degrees of "
             "freedom; the smallest torques are computed",
         )
-
-
-def _name(closure: Closure) -> str:
-    return f"closure {closure.frame_a} - {closure.frame_b}"

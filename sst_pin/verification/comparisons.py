@@ -67,6 +67,11 @@ class Judge:
         worst = difference / scale if np.isfinite(difference) else np.inf
         self._relative = max(self._relative, float(worst))
 
+    @property
+    def cases(self) -> int:
+        """How many were held so far."""
+        return self._cases
+
     def verdict(self) -> Comparison:
         """The line of the table."""
         passed = self._relative <= self._limit

@@ -4,13 +4,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import partial
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import NDArray
 
 from ..chain.closed_chain import ClosedChain
 from ..description.parameters import Parameters
-from ..errors import ClosureError, MissingExtraError
+from ..errors import ActuationError, ClosureError, MissingExtraError
 from ..motion.energy import energy_error
 from ..sst import paper
 from ..sst.platform_motion import paper_circle
@@ -69,33 +71,38 @@ def verify_chain(chain: ClosedChain, count: int = 20) -> Iterator[Comparison]:
         ClosureError: When the chain cannot be assembled.
     """
     rng = np.random.default_rng(0)
-    states = list(_chain_states(chain, count, rng))
-    name = lagrange.LagrangeMultipliers.name
-    torques = Judge(name, f"torques, {chain.model.name or 'chain'}")
-    back = Judge(name, f"accelerations, {chain.model.name or 'chain'}")
-    for q, va, aa in states:
-        tau = chain.compute_torques(q, va, aa)
-        torques.hold(lambda: lagrange.torques(chain, q, va, aa), tau)  # noqa: B023 called at once
+    name, of = lagrange.LagrangeMultipliers.name, chain.model.name or "chain"
+    forces = Judge(name, f"forces along the coordinates, {of}")
+    torques, back = Judge(name, f"torques, {of}"), Judge(name, f"accelerations, {of}")
+    for q, va, aa in _chain_states(chain, count, rng):
+        ours = chain.generalized_forces(q, va, aa)
+        forces.hold(partial(lagrange.generalized_forces, chain, q, va, aa), ours)
+        try:
+            tau = chain.compute_torques(q, va, aa)
+        except ActuationError:  # a motion that needs more than the motors
+            tau = rng.normal(size=len(chain.motor_names))
+        else:
+            torques.hold(partial(lagrange.torques, chain, q, va, aa), tau)
         ours = chain.compute_accelerations(q, va, tau)
-        back.hold(lambda: lagrange.accelerations_by_multipliers(chain, q, va, tau), ours)  # noqa: B023
-    yield torques.verdict()
-    yield back.verdict()
+        back.hold(partial(lagrange.accelerations_by_multipliers, chain, q, va, tau), ours)
+    yield from (judge.verdict() for judge in (torques, forces, back) if judge.cases)
 
 
 def _chain_states(
     chain: ClosedChain, count: int, rng: np.random.Generator
 ) -> Iterator[tuple[Array, Array, Array]]:
-    """Assembled configurations away from singularities, rates and accelerations of the motors."""
-    start = chain.generic_configuration()
-    n = len(chain.actuated)
+    """Assembled configurations away from singularities, with a motion of the coordinates."""
+    start, model = chain.generic_configuration(), chain.model
+    n = chain.degrees_of_freedom
     found, tries = 0, 0
     while found < count:
         tries += 1
         if tries > 100 * count:
             raise ClosureError("no configurations away from singularities were found", np.inf)
-        guess = start + rng.normal(scale=0.3, size=start.shape)
         try:
-            q = chain.assemble(guess, fixed=())
+            q = chain.assemble(
+                pin.integrate(model, start, rng.normal(scale=0.3, size=model.nv)), fixed=()
+            )
         except ClosureError:
             continue
         if chain.condition_number(q) < 1e3:

@@ -102,7 +102,7 @@ MESH = '<visual><geometry><mesh filename="{}"/></geometry></visual>'
             "error: joint motor_2: limit without effort",
         ),
         (edited("joint", "motor_2", "<limit", "<!-- "[:4] + " --><a"), "revolute without <limit>"),
-        (edited("joint", "motor_2", "<axis", '<mimic joint="motor_1"/><axis'), "mimics motor_1"),
+        (edited("joint", "motor_2", "<axis", '<mimic joint="motr_1"/><axis'), "mimics motr_1"),
         (
             URDF.replace('"revolute"', '"fixed"'),
             "error: motor motor_2: no moving joint of this name",
@@ -201,7 +201,7 @@ def test_a_fault_of_the_urdf_is_told_with_its_place(found, urdf, problem):
 @pytest.mark.parametrize(
     ("old", "new", "problem"),
     [
-        ("closed_loop", "closed_lop", "error: cuts: closed_loop: a list is needed"),
+        ("closed_loop", "closed_lop", "error: cuts: closed_lop: unknown; known: closed_loop"),
         ("rod_2a_end", "rod_2", "error: closure rod_2 - platform_2a: no frame rod_2 in the URDF"),
         ("motor_2", "motr_2", "error: motor motr_2: no moving joint of this name"),
         (

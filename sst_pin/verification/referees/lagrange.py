@@ -1,20 +1,24 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Lagrange multipliers: the tree's equations of motion with the closures' forces as unknowns.
 
-Direct dynamics is Pinocchio's own, `constraintDynamics`; inverse dynamics, and the direct one with
-closures that Pinocchio does not know, solve for the multipliers here. Both take any closed chain.
-The chain is asked for its model, closures, motors and friction coefficients, for nothing else.
+Everything is solved by least squares on the columns of RNEA and on all rows of the closures,
+redundant ones too; `accelerations` is Pinocchio's own `constraintDynamics`. Takes any closed chain,
+any joints, closures and motors. Of the chain it reads what the chain is made of, its `Mechanism`,
+and nothing that is computed from it.
 """
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
+from numpy.polynomial import Polynomial
 from numpy.typing import ArrayLike, NDArray
 
 from ...chain.closed_chain import ClosedChain
+from ...chain.closures import Closure, Coupling, Distance, Rolling, frames_of
+from ...chain.mechanism import Mechanism
 from ...description.parameters import Parameters
 from ...errors import DescriptionError
 from ...sst.robot import SST
@@ -22,21 +26,20 @@ from .geometry import legs, require_same
 
 Array = NDArray[np.float64]
 
-#: Rows of [linear; angular] that each kind of closure holds.
-_ROWS = {"6d": slice(0, 6), "3d": slice(0, 3), "orientation": slice(3, 6)}
 #: Regularisation of the multipliers: with none, redundant closures end in NaN without a word.
 _MU = 1e-6
 #: Singular values below this count as redundant closures, relative to the largest.
 _REDUNDANT = 1e-10
+_EYE = np.eye(3)
 
 
 class _Motion(NamedTuple):
-    """Closures and joint rates: Phi q_ddot + drift = 0."""
+    """Closures and rates: Phi v_dot + drift = 0."""
 
+    mechanism: Mechanism
     Phi: Array
     drift: Array
-    motors: Array
-    q_dot: Array
+    v: Array
 
 
 class LagrangeMultipliers:
@@ -83,26 +86,34 @@ class LagrangeMultipliers:
 def torques(
     chain: ClosedChain, q: Array, va: Array, aa: Array, loads: Array | None = None
 ) -> Array:
-    """Inverse dynamics of any closed chain: motor torques and multipliers solved for together.
+    """Inverse dynamics of any closed chain: the smallest motor torques of a motion.
 
     Args:
         chain: The robot.
-        q: Joint coordinates on the closures, shape (m,).
-        va: Rates of the actuated joints, shape (n,).
+        q: Configuration on the closures, shape (nq,).
+        va: Rates of the coordinates, shape (n,).
         aa: Their accelerations, shape (n,).
-        loads: Further forces in the joints of the tree, shape (m,), [N m] or [N].
+        loads: Further forces on the rates of the tree, shape (nv,), [N m] or [N].
 
     Returns:
-        tau, shape (n,).
+        tau, shape (motors,): where the motors cannot bring about the motion, as nearly as they can.
     """
     motion = _motion(chain, q, va)
-    system = np.vstack([motion.Phi, motion.motors])
-    q_ddot = _solve(system, np.concatenate([-motion.drift, aa]))
-    model = chain.model
-    need = pin.rnea(model, model.createData(), q, motion.q_dot, q_ddot)
-    need = need - _given(chain, motion.q_dot, loads)
-    # need = motors^T tau + Phi^T multipliers
-    return _solve(system.T, need)[-len(va) :]
+    need = _need(motion, q, aa, loads)
+    # need = B tau + Phi^T multipliers; motions that the closures leave do not see the latter.
+    _, sizes, V = np.linalg.svd(motion.Phi)
+    free = V[np.count_nonzero(sizes > _REDUNDANT * sizes[0]) :]
+    return _solve(free @ motion.mechanism.motors, free @ need)
+
+
+def generalized_forces(
+    chain: ClosedChain, q: Array, va: Array, aa: Array, loads: Array | None = None
+) -> Array:
+    """What a motion needs along the coordinates, shape (n,); arguments as in `torques`."""
+    motion = _motion(chain, q, va)
+    need = _need(motion, q, aa, loads)
+    system = np.vstack([motion.Phi, motion.mechanism.selection])
+    return _solve(system.T, need)[len(motion.Phi) :]
 
 
 def accelerations(
@@ -112,13 +123,13 @@ def accelerations(
 
     Args:
         chain: The robot; its closures are of kind "6d" or "3d".
-        q: Joint coordinates on the closures, shape (m,).
-        va: Rates of the actuated joints, shape (n,).
-        tau: Motor torques, shape (n,).
+        q: Configuration on the closures, shape (nq,).
+        va: Rates of the coordinates, shape (n,).
+        tau: Motor torques, shape (motors,).
         loads: As in `torques`.
 
     Returns:
-        Accelerations of the actuated joints, shape (n,).
+        Accelerations of the coordinates, shape (n,).
 
     Raises:
         DescriptionError: For a closure that Pinocchio does not know.
@@ -126,25 +137,24 @@ def accelerations(
     model, motion = chain.model, _motion(chain, q, va)
     kinds = {"6d": pin.ContactType.CONTACT_6D, "3d": pin.ContactType.CONTACT_3D}
     constraints = []
-    for closure in _closures(chain):
-        if closure.kind not in kinds:
+    for closure in chain.closures:
+        if not isinstance(closure, Closure) or closure.kind not in kinds:
             raise DescriptionError(
-                f"closure of {closure.frame_a} and {closure.frame_b}",
-                [f"Pinocchio has none of kind {closure.kind!r}; use accelerations_by_multipliers"],
+                f"closure {closure}",
+                ["Pinocchio has none of its kind; use accelerations_by_multipliers"],
             )
-        ends = [model.frames[model.getFrameId(f)] for f in (closure.frame_a, closure.frame_b)]
+        ends = [model.frames[model.getFrameId(f)] for f in frames_of(closure)]
         placements = [part for f in ends for part in (f.parentJoint, f.placement)]
-        constraints.append(
-            pin.RigidConstraintModel(kinds[closure.kind], model, *placements, pin.LOCAL)
-        )
+        kind = kinds[str(closure.kind)]
+        constraints.append(pin.RigidConstraintModel(kind, model, *placements, pin.LOCAL))
     data, settings = model.createData(), pin.ProximalSettings(1e-14, _MU, 20)
     workspaces = [constraint.createData() for constraint in constraints]
     pin.initConstraintDynamics(model, data, constraints, workspaces)
-    force = motion.motors.T @ tau + _given(chain, motion.q_dot, loads)
-    q_ddot: Array = pin.constraintDynamics(
-        model, data, q, motion.q_dot, force, constraints, workspaces, settings
+    force = motion.mechanism.motors @ tau + _given(motion, q, loads)
+    v_dot: Array = pin.constraintDynamics(
+        model, data, q, motion.v, force, constraints, workspaces, settings
     )
-    return motion.motors @ q_ddot
+    return motion.mechanism.selection @ v_dot
 
 
 def accelerations_by_multipliers(
@@ -152,54 +162,132 @@ def accelerations_by_multipliers(
 ) -> Array:
     """Direct dynamics of any closed chain, multipliers solved for here; as `accelerations`."""
     model, motion = chain.model, _motion(chain, q, va)
-    M = pin.crba(model, model.createData(), q)
-    M = np.triu(M) + np.triu(M, 1).T
-    force = motion.motors.T @ tau + _given(chain, motion.q_dot, loads)
-    force = force - pin.nle(model, model.createData(), q, motion.q_dot)
+    data, zero = model.createData(), np.zeros(model.nv)
+    rest = pin.rnea(model, data, q, zero, zero)
+    # `pin.crba` is wrong for trees whose joints are not added depth-first.
+    M = np.stack([pin.rnea(model, data, q, zero, e) - rest for e in np.eye(model.nv)], axis=1)
+    force = motion.mechanism.motors @ tau + _given(motion, q, loads)
+    force = force - pin.rnea(model, data, q, motion.v, zero)
     rows = len(motion.Phi)
     system = np.block([[M, motion.Phi.T], [motion.Phi, np.zeros((rows, rows))]])
-    q_ddot = _solve(system, np.concatenate([force, -motion.drift]))[: model.nv]
-    return motion.motors @ q_ddot
-
-
-def _closures(chain: ClosedChain) -> list[Any]:
-    """Closures of the kinds that this referee knows.
-
-    Raises:
-        DescriptionError: For others.
-    """
-    others = [c for c in chain.closures if getattr(c, "kind", None) not in _ROWS]
-    if others:
-        raise DescriptionError(f"closure {others[0]}", ["this referee knows 6d, 3d, orientation"])
-    return list(chain.closures)
+    v_dot = _solve(system, np.concatenate([force, -motion.drift]))[: model.nv]
+    return motion.mechanism.selection @ v_dot
 
 
 def _motion(chain: ClosedChain, q: Array, va: Array) -> _Motion:
-    """Closures by Pinocchio's frames, and the joint rates that keep them closed."""
-    model = chain.model
+    """Closures by Pinocchio's frames, and the rates that keep them closed."""
+    mechanism = chain._mechanism(q)
+    Phi, _ = _rows(mechanism, q, np.zeros(mechanism.model.nv))
+    right = np.concatenate([np.zeros(len(Phi)), va])
+    v = _solve(np.vstack([Phi, mechanism.selection]), right)
+    return _Motion(mechanism, *_rows(mechanism, q, v), v)
+
+
+def _rows(mechanism: Mechanism, q: Array, v: Array) -> tuple[Array, Array]:
+    """Phi, shape (rows, nv), and Phi_dot v, shape (rows,), of all closures."""
+    model = mechanism.model
     data = model.createData()
-    pairs = [
-        (model.getFrameId(c.frame_a), model.getFrameId(c.frame_b), _ROWS[c.kind])
-        for c in _closures(chain)
-    ]
     pin.computeJointJacobians(model, data, q)
-    Phi = np.vstack(
-        [(_jacobian(model, data, b) - _jacobian(model, data, a))[rows] for a, b, rows in pairs]
-    )
-    motors = np.eye(model.nv)[list(chain.actuated)]
-    q_dot = _solve(np.vstack([Phi, motors]), np.concatenate([np.zeros(len(Phi)), va]))
-    pin.forwardKinematics(model, data, q, q_dot, np.zeros(model.nv))
+    pin.forwardKinematics(model, data, q, v, np.zeros(model.nv))
     pin.updateFramePlacements(model, data)
-    drift = np.concatenate(
-        [(_acceleration(model, data, b) - _acceleration(model, data, a))[r] for a, b, r in pairs]
-    )
-    return _Motion(Phi, drift, motors, q_dot)
+    parts = []
+    for closure in mechanism.closures:
+        if isinstance(closure, Coupling):
+            parts.append(_coupling(model, closure, q, v))
+        else:
+            ends = [_end(model, data, name, v) for name in frames_of(closure)]
+            parts.append(_relative(closure, *ends))
+    Phi, drift = zip(*parts, strict=True)
+    return np.vstack(Phi), np.concatenate(drift)
 
 
-def _given(chain: ClosedChain, q_dot: Array, loads: Array | None) -> Array:
-    """Joint forces that are neither the motors' nor the closures'."""
-    friction = chain.friction.viscous * q_dot + chain.friction.coulomb * np.sign(q_dot)
-    return -friction if loads is None else loads - friction
+class _End(NamedTuple):
+    """A frame: Jacobian, twist and acceleration as [linear; angular] of its origin, base axes."""
+
+    placement: pin.SE3
+    J: Array
+    twist: Array
+    drift: Array
+
+
+def _end(model: pin.Model, data: pin.Data, name: str, v: Array) -> _End:
+    frame = model.getFrameId(name)
+    J = _jacobian(model, data, frame)
+    return _End(data.oMf[frame], J, J @ v, _acceleration(model, data, frame))
+
+
+def _relative(closure: Closure | Distance | Rolling, A: _End, B: _End) -> tuple[Array, Array]:
+    """Rows G [r_dot; w] of the position r and the angular velocity w of B in the axes of A.
+
+    G moves with r and with the axes of B, which w turns.
+    """
+    R_a = A.placement.rotation
+    d = B.placement.translation - A.placement.translation
+    r, R = R_a.T @ d, R_a.T @ B.placement.rotation
+    J = B.J - A.J
+    J[:3] += pin.skew(d) @ A.J[3:]
+    J = np.vstack([R_a.T @ J[:3], R_a.T @ J[3:]])
+    omega, relative = A.twist[3:], B.twist - A.twist
+    drift = B.drift - A.drift
+    slid = relative[:3] - np.cross(omega, d)
+    drift[:3] -= np.cross(A.drift[3:], d) + np.cross(omega, np.cross(omega, d) + 2 * slid)
+    drift[3:] -= np.cross(omega, relative[3:])
+    r_dot, w = R_a.T @ slid, R_a.T @ relative[3:]
+    drift = np.concatenate([R_a.T @ drift[:3], R_a.T @ drift[3:]])
+    if isinstance(closure, Distance):
+        G, G_dot = np.zeros((1, 6)), np.zeros((1, 6))
+        G[0, :3], G_dot[0, :3] = r, r_dot
+    elif isinstance(closure, Rolling):
+        G, G_dot = _rolling(closure, R[:, 2], np.cross(w, R[:, 2]))
+    else:
+        held = np.array(closure.held)
+        G, G_dot = np.eye(6)[held], np.zeros((held.sum(), 6))
+        if held[3:].sum() == 1:  # one axis of A and one of B stay at a right angle
+            k = int(np.flatnonzero(held[3:])[0])
+            a, b = _EYE[(k + 1) % 3], R[:, (k + 2) % 3]
+            G[-1, 3:], G_dot[-1, 3:] = np.cross(a, b), np.cross(a, np.cross(w, b))
+    return G @ J, G @ drift + G_dot @ np.concatenate([r_dot, w])
+
+
+def _rolling(closure: Rolling, axle: Array, axle_dot: Array) -> tuple[Array, Array]:
+    """The velocity r_dot - radius w x up of the contact."""
+    up, up_dot, normal = _EYE[2], np.zeros(3), _EYE[2]
+    if not closure.ball:  # up is at a right angle to the axle
+        g = normal - normal @ axle * axle
+        g_dot = -(normal @ axle_dot) * axle - normal @ axle * axle_dot
+        size = np.linalg.norm(g)
+        up = g / size
+        up_dot = (g_dot - up * (up @ g_dot)) / size
+    of_turns = [closure.radius * pin.skew(u) for u in (up, up_dot)]
+    return np.hstack([_EYE, of_turns[0]]), np.hstack([np.zeros((3, 3)), of_turns[1]])
+
+
+def _coupling(model: pin.Model, closure: Coupling, q: Array, v: Array) -> tuple[Array, Array]:
+    row, drift = np.zeros((1, model.nv)), 0.0
+    for name, polynomial in {closure.joint: (0.0, -1.0), **closure.polynomials}.items():
+        joint = model.joints[model.getJointId(name)]
+        P = Polynomial(polynomial or (0.0,))
+        row[0, joint.idx_v] = P.deriv()(q[joint.idx_q])
+        drift += P.deriv(2)(q[joint.idx_q]) * v[joint.idx_v] ** 2
+    return row, np.array([drift])
+
+
+def _need(motion: _Motion, q: Array, aa: Array, loads: Array | None) -> Array:
+    """What motors and closures must give the tree, shape (nv,)."""
+    system = np.vstack([motion.Phi, motion.mechanism.selection])
+    v_dot = _solve(system, np.concatenate([-motion.drift, aa]))
+    model = motion.mechanism.model
+    need: Array = pin.rnea(model, model.createData(), q, motion.v, v_dot)
+    return need - _given(motion, q, loads)
+
+
+def _given(motion: _Motion, q: Array, loads: Array | None) -> Array:
+    """Forces on the tree that are neither the motors' nor the closures', nor weights."""
+    mechanism, v = motion.mechanism, motion.v
+    friction, springs = mechanism.friction, mechanism.springs
+    force = -friction.viscous * v - friction.coulomb * np.sign(v)
+    force -= springs.stiffness * pin.difference(mechanism.model, springs.reference, q)
+    return force if loads is None else loads + force
 
 
 def _solve(system: Array, right: Array) -> Array:
@@ -217,4 +305,4 @@ def _acceleration(model: pin.Model, data: pin.Data, frame: int) -> Array:
     """Of the frame's origin, base axes, [linear; angular]."""
     kind = pin.LOCAL_WORLD_ALIGNED
     vector: Array = pin.getFrameClassicalAcceleration(model, data, frame, kind).vector
-    return vector
+    return vector.copy()
