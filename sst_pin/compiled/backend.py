@@ -329,7 +329,7 @@ def sample_configurations(reference: Reference) -> Array:
         ClosureError: When none is found.
     """
     assembly = reference.workspace.assembly
-    samples = [generic_configuration(assembly, reference.mechanism.model)]
+    samples = [generic_configuration(assembly)]
     for seed in range(4 * _SAMPLES):
         try:
             samples.append(assembly.aside(samples[seed % len(samples)], seed))
