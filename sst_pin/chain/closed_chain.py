@@ -113,7 +113,7 @@ class ClosedChain:
         }
         self._lock = threading.Lock()
         self._generic: Array | ClosureError | None = None
-        self._wants_kernels = False
+        self._kernels: Callable[[Reference, pin.Model], Backend] | None = None  # by compile()
         self._take_in_model()
 
     # --- what it is -------------------------------------------------------------------------
@@ -733,7 +733,7 @@ class ClosedChain:
         backend = CompiledBackend(self._reference, self._model)
         backend.make()
         with self._lock:
-            self._wants_kernels = True
+            self._kernels = CompiledBackend
             self._install(backend)
 
     @classmethod
@@ -914,12 +914,10 @@ class ClosedChain:
 
     def _compiled(self, reference: Reference) -> Backend:
         """What computes the dynamics of a mechanism in the place of the reference path."""
-        if not self._wants_kernels:
+        if self._kernels is None:
             return ReferenceBackend(reference, "no kernels yet; compile() makes them")
-        from ..compiled.backend import CompiledBackend
-
         try:
-            return CompiledBackend(reference, self._model)
+            return self._kernels(reference, self._model)
         except SSTError as error:
             return ReferenceBackend(reference, str(error))
 

@@ -18,7 +18,7 @@ import pytest
 import cassie
 import robots
 import sst_pin
-from sst_pin.compiled import build
+from sst_pin.compiled import backend, build
 from sst_pin.errors import CompilationError
 
 DELTA = Path(__file__).parents[2] / "examples" / "delta.urdf"
@@ -74,11 +74,11 @@ def moving(chain, count, seed=0):
 
 def left(chain, q, va, aa):
     """How many samples the kernels of torques and accelerations leave to the reference path."""
-    motors, backend = len(chain.motor_names), chain._backend
+    motors, kernels = len(chain.motor_names), chain._backend
     tau = np.ones((len(q), motors))
-    count = len(backend.accelerations(q, va, tau, None, np.empty(va.shape), 1))
+    count = len(kernels.accelerations(q, va, tau, None, np.empty(va.shape), 1))
     if motors >= chain.degrees_of_freedom:
-        count += len(backend.torques(q, va, aa, None, np.empty((len(q), motors)), 1))
+        count += len(kernels.torques(q, va, aa, None, np.empty((len(q), motors)), 1))
     return count
 
 
@@ -288,7 +288,7 @@ def test_without_a_compiler_the_reason_is_said_and_the_reference_path_computes(
     q, va, aa = moving(chain, 1)
     assert np.isfinite(chain.compute_torques(q, va, aa)).all()
     assert "compile()" in chain.path
-    chain._wants_kernels = True
+    chain._kernels = backend.CompiledBackend
     elsewhere = pickle.loads(pickle.dumps(chain))
     assert np.isfinite(elsewhere.compute_torques(q, va, aa)).all()
     assert "no C compiler found" in elsewhere.path
