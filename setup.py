@@ -9,6 +9,7 @@ from setuptools import Extension, setup
 from setuptools.command.build_py import build_py
 
 FOLDER = "sst_pin/sst/kernels"
+COMPILE = ["-O3", "-fno-math-errno", "-ffp-contract=fast", "-pthread"]
 
 
 class BuildWithUrdf(build_py):
@@ -31,9 +32,17 @@ setup(
                 for name in ("blocks.h", "lanes.h", "sst_kernels.c", "sst_kernels.h")
             ],
             include_dirs=[np.get_include()],
-            extra_compile_args=["-O3", "-fno-math-errno", "-ffp-contract=fast", "-pthread"],
+            extra_compile_args=COMPILE,
             extra_link_args=["-pthread"],
             optional=True,  # without a compiler the reference path computes everything
-        )
+        ),
+        Extension(
+            "sst_pin.compiled._binding",
+            ["sst_pin/compiled/_binding.pyx"],
+            include_dirs=[np.get_include()],
+            define_macros=[("NPY_NO_DEPRECATED_API", "NPY_1_22_API_VERSION")],
+            extra_compile_args=["-O2"],
+            optional=True,
+        ),
     ],
 )

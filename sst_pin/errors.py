@@ -179,6 +179,10 @@ class MissingExtraError(SSTError, ImportError):
         self.package, self.extra = package, extra
 
 
+class CompilationError(SSTError):
+    """Kernels cannot be compiled or loaded here."""
+
+
 class BrowserError(SSTError):
     """There is no browser that could take a picture, or it does not start."""
 

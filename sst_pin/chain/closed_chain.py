@@ -30,6 +30,7 @@ from ..errors import (
     ClosureError,
     DescriptionError,
     InputError,
+    SSTError,
 )
 from . import derivatives, dynamics
 from .assembly import generic_configuration
@@ -111,6 +112,7 @@ class ClosedChain:
         }
         self._lock = threading.Lock()
         self._generic: Array | ClosureError | None = None
+        self._kernels: Callable[[Reference, pin.Model], Backend] | None = None  # by compile()
         self._take_in_model()
 
     # --- what it is -------------------------------------------------------------------------
@@ -707,6 +709,31 @@ class ClosedChain:
 
     # --- doors to the rooms above -----------------------------------------------------------
 
+    def compile(self) -> None:
+        """Have the dynamics computed by kernels made for this robot.
+
+        They are generated as C, compiled by the system's compiler (or that of the package ziglang)
+        and kept in the user's cache folder, where the next start finds them. The geometry, the
+        closures, the motors, and which bodies have mass and which joints friction, springs or
+        rotors is folded in; the numbers of these, and gravity, change without compiling again.
+        Samples that a kernel does not vouch for take the reference path. A copy, or the robot
+        unpickled elsewhere, looks for its kernels there; `path` says what computes.
+
+        Raises:
+            CompilationError: Without a compiler, or when it fails.
+            MissingExtraError: Without CasADi, `sst-pin[compile]`.
+            DescriptionError: For a joint or spring without compiled equations.
+            ClosureError: When no configuration can be assembled, by which to choose pivots.
+        """
+        from ..compiled.backend import CompiledBackend
+
+        self._mechanism()
+        backend = CompiledBackend(self._reference, self._model)
+        backend.make()
+        with self._lock:
+            self._kernels = CompiledBackend
+            self._install(backend)
+
     @classmethod
     def from_urdf(
         cls: type[_Chain],
@@ -902,7 +929,12 @@ class ClosedChain:
 
     def _compiled(self, reference: Reference) -> Backend:
         """What computes the dynamics of a mechanism in the place of the reference path."""
-        return ReferenceBackend(reference, "no kernels are compiled for this robot")
+        if self._kernels is None:
+            return ReferenceBackend(reference, "no kernels yet; compile() makes them")
+        try:
+            return self._kernels(reference, self._model)
+        except SSTError as error:
+            return ReferenceBackend(reference, str(error))
 
     def _take_in_model(self) -> None:
         """Compute from what stands in `model` now."""
@@ -974,12 +1006,14 @@ class ClosedChain:
         if self._settled is None or not np.array_equal(chosen, self._settled.coordinates):
             settled = replace(self._draft, coordinates=chosen)
             self._use(Reference(settled))
-            self._backend = self._compiled(self._reference)
-            self._has_kernels = not isinstance(self._backend, ReferenceBackend)
-            self._torques_of = self._backend.torques_of
-            self._accelerations_of = self._backend.accelerations_of
+            self._install(self._compiled(self._reference))
             self._settled = settled  # last: other threads read it without the lock
         self._settled_by_caller = own is not None
+
+    def _install(self, backend: Backend) -> None:
+        self._backend = backend
+        self._has_kernels = not isinstance(backend, ReferenceBackend)
+        self._torques_of, self._accelerations_of = backend.torques_of, backend.accelerations_of
 
     def _first_closed(self, q: ArrayLike) -> Array | None:
         array = np.asarray(q, dtype=float)

@@ -9,6 +9,9 @@ from collections.abc import Sequence
 
 from ..errors import SingularityWarning, SSTError
 from . import (
+    compile as compile_,
+)
+from . import (
     describe,
     export_c,
     info,
@@ -35,6 +38,7 @@ COMMANDS = (
     verify,
     validate,
     export_c,
+    compile_,
     info,
 )
 

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
+from ..chain.closed_chain import ClosedChain
 from ..motion.trajectories import Trajectory
 from ..sst.robot import SST
 
@@ -58,6 +59,13 @@ def add_urdf(parser: Parser) -> None:
 def robot_of(arguments: argparse.Namespace) -> SST:
     """The robot that the options ask for."""
     return SST() if arguments.urdf is None else SST.from_urdf(arguments.urdf)
+
+
+def chain_of(path: Path) -> ClosedChain:
+    """Any robot: an MJCF by its suffix .xml, else a URDF beside its YAML."""
+    if path.suffix == ".xml":
+        return ClosedChain.from_mjcf(path)
+    return ClosedChain.from_urdf(path)
 
 
 def triple(text: str) -> Array:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ..files import write_files
 from ..sst.export import c_files
-from .common import Commands, add_force, add_urdf, robot_of
+from .common import Commands, add_force, add_urdf, chain_of, robot_of
 
 
 def add_to(commands: Commands) -> None:
@@ -16,15 +16,23 @@ def add_to(commands: Commands) -> None:
     parser = commands.add(
         "export-c",
         _run,
-        "Write the dynamics of the robot as C for its controller: header, source, the robot's "
+        "Write the dynamics of a robot as C for its controller: header, source, the robot's "
         "numbers and an example.",
     )
     add_urdf(parser)
+    parser.add_argument(
+        "robot", type=Path, nargs="?", help="URDF beside its YAML, or MJCF; an SST by default"
+    )
     parser.add_argument("folder", type=Path, metavar="DIR")
     add_force(parser)
 
 
 def _run(arguments: argparse.Namespace) -> None:
-    written = c_files(robot_of(arguments), arguments.folder)
+    if arguments.robot is None:
+        written = c_files(robot_of(arguments), arguments.folder)
+    else:
+        from ..compiled import export
+
+        written = export.c_files(chain_of(arguments.robot), arguments.folder)
     write_files(written, arguments.force)
     print(f"{', '.join(path.name for path in written)} in {arguments.folder}")

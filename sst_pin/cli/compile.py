@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""`sst-pin compile` and `sst-pin cache`: kernels made ahead, and where they are kept."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from pathlib import Path
+
+from ..compiled import build
+from .common import Commands, chain_of
+
+
+def add_to(commands: Commands) -> None:
+    """Add both commands."""
+    parser = commands.add(
+        "compile", _compile, "Make the kernels of a robot, so that compile() finds them."
+    )
+    parser.add_argument("robot", type=Path, help="URDF beside its YAML, or MJCF")
+    parser = commands.add("cache", _cache, "List the kernels that are kept, or delete them.")
+    parser.add_argument("--empty", action="store_true", help="delete all of them")
+
+
+def _compile(arguments: argparse.Namespace) -> None:
+    chain = chain_of(arguments.robot)
+    start = time.perf_counter()
+    chain.compile()
+    print(f"{chain.path}\nin {time.perf_counter() - start:.2g} s")
+
+
+def _cache(arguments: argparse.Namespace) -> None:
+    folder = build.cache_folder()
+    if arguments.empty:
+        print(f"{build.empty_cache()} kernels deleted from {folder}")
+        return
+    entries = build.cached()
+    for entry in entries:
+        when = time.strftime("%Y-%m-%d", time.localtime(entry.used))
+        print(f"{entry.robot:24} {entry.kernel:24} {entry.size / 1e3:8.0f} kB  used {when}")
+    print(f"{len(entries)} kernels, {sum(e.size for e in entries) / 1e6:.1f} MB in {folder}")

@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: BSD-2-Clause
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+INSTRUCTIONS: str
+
+class Kernel:
+    def __init__(
+        self,
+        single: int,
+        batch: int,
+        sizes: tuple[int, ...],
+        output: int,
+        parameters: Array,
+        gravity: Array,
+        library: Any,
+    ) -> None: ...
+    def one(
+        self, a: Any, b: Any, c: Any, load: Any, out: Any, threads: Any
+    ) -> tuple[None, Array] | None: ...
+    def many(self, arrays: tuple[Array | None, ...], out: Array) -> Indices: ...
+
+class Course:
+    def __init__(
+        self, code: int, sizes: tuple[int, int, int, int], parameters: Array, library: Any
+    ) -> None: ...
+    def run(
+        self,
+        step: float,
+        q0: Array,
+        va0: Array,
+        tau: Array,
+        load: Array | None,
+        q: Array,
+        va: Array,
+    ) -> Indices: ...

@@ -1,0 +1,286 @@
+# SPDX-License-Identifier: BSD-2-Clause
+# cython: language_level=3, boundscheck=False, wraparound=False, initializedcheck=False
+"""Compiled kernels for NumPy: float64 rows in, float64 rows out, nothing else."""
+
+cimport cython
+cimport numpy as cnp
+from libc.stdint cimport uintptr_t
+from libc.string cimport memset
+
+import numpy as np
+
+cnp.import_array()
+
+cdef extern from *:
+    """
+    #include <stddef.h>
+    typedef struct {
+        char *data;
+        ptrdiff_t row, column;
+    } rows;
+    typedef int (*run_function)(const rows *in, const rows *out, const double *p, ptrdiff_t count,
+        unsigned char *bad);
+    typedef struct {
+        rows at;
+        ptrdiff_t step;
+    } courses;
+    typedef int (*roll_function)(const rows *in, const courses *tau, ptrdiff_t half,
+        const courses *out, const double *p, double h, ptrdiff_t steps, ptrdiff_t count,
+        ptrdiff_t *reached);
+
+    static const char *instructions(void)
+    {
+    #if defined(__x86_64__)
+        __builtin_cpu_init();
+        if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"))
+            return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq")
+                ? "avx512" : "avx2";
+    #endif
+        return "plain";
+    }
+    """
+    ctypedef struct rows:
+        char *data
+        ptrdiff_t row
+        ptrdiff_t column
+    ctypedef struct courses:
+        rows at
+        ptrdiff_t step
+    ctypedef int (*run_function)(
+        const rows *, const rows *, const double *, ptrdiff_t, unsigned char *
+    ) noexcept nogil
+    ctypedef int (*roll_function)(
+        const rows *, const courses *, ptrdiff_t, const courses *, const double *, double,
+        ptrdiff_t, ptrdiff_t, ptrdiff_t *
+    ) noexcept nogil
+    const char *instructions()
+
+cdef enum:
+    MOST_ARRAYS = 5
+
+#: What the processor offers: "avx512", "avx2" or "plain".
+INSTRUCTIONS = instructions().decode()
+
+
+cdef inline bint is_plain(object array, int ndim, Py_ssize_t size):
+    """Whether it is an aligned float64 array of this many axes, the last of this size."""
+    return (
+        type(array) is cnp.ndarray
+        and cnp.PyArray_TYPE(<cnp.ndarray>array) == cnp.NPY_DOUBLE
+        and cnp.PyArray_ISBEHAVED_RO(<cnp.ndarray>array)
+        and cnp.PyArray_NDIM(<cnp.ndarray>array) == ndim
+        and cnp.PyArray_DIM(<cnp.ndarray>array, ndim - 1) == size
+    )
+
+
+cdef rows rows_of(cnp.ndarray array):
+    """A 2-D array, or a 1-D one for all samples."""
+    cdef rows result
+    cdef int ndim = cnp.PyArray_NDIM(array)
+    result.data = cnp.PyArray_BYTES(array)
+    result.row = cnp.PyArray_STRIDE(array, 0) if ndim > 1 else 0
+    result.column = cnp.PyArray_STRIDE(array, ndim - 1)
+    return result
+
+
+@cython.final
+cdef class Kernel:
+    """A compiled function of rows of numbers.
+
+    Args:
+        single: Address of the code that is faster for one sample.
+        batch: Address of the code that is faster for many.
+        sizes: Numbers of a sample in each input.
+        output: Numbers of a sample in the output.
+        parameters: The open numbers, gravity first; a copy is kept.
+        gravity: Gravity of the model, which its owner may change, shape (3,).
+        library: What must live as long as the code is in use.
+    """
+
+    cdef run_function single, batch
+    cdef int arrays, output
+    cdef int sizes[MOST_ARRAYS]
+    cdef cnp.ndarray parameters, gravity
+    cdef object library
+
+    def __cinit__(
+        self, uintptr_t single, uintptr_t batch, tuple sizes, int output,
+        cnp.ndarray parameters not None, cnp.ndarray gravity not None, library,
+    ):
+        if len(sizes) > MOST_ARRAYS or not single or not batch:
+            raise ValueError("no such kernel")
+        self.single, self.batch = <run_function>single, <run_function>batch
+        self.arrays, self.output = len(sizes), output
+        for i in range(self.arrays):
+            self.sizes[i] = sizes[i]
+        self.parameters = np.array(parameters, dtype=np.float64, order="C")
+        if not is_plain(gravity, 1, 3) or not gravity.flags.c_contiguous or parameters.size < 3:
+            raise TypeError("gravity is not a row of three numbers")
+        self.gravity, self.library = gravity, library
+
+    def one(self, a, b, c, load, out, threads):
+        """(None, result) of one sample, or None where the caller has to take the careful way.
+
+        None when an input is not a plain float64 array of the right size, when there is a load or
+        an array for the result, when gravity is not what it was, or when the kernel does not vouch
+        for the sample.
+        """
+        cdef rows inputs[3]
+        cdef rows output
+        cdef unsigned char bad = 0
+        cdef cnp.npy_intp size = self.output
+        cdef const double *now = numbers_of(self.gravity)
+        cdef const double *parameters = numbers_of(self.parameters)
+        if (
+            self.arrays != 3 or load is not None or out is not None
+            or not is_plain(a, 1, self.sizes[0]) or not is_plain(b, 1, self.sizes[1])
+            or not is_plain(c, 1, self.sizes[2])
+            or now[0] != parameters[0] or now[1] != parameters[1] or now[2] != parameters[2]
+        ):
+            return None
+        inputs[0], inputs[1], inputs[2] = rows_of(a), rows_of(b), rows_of(c)
+        result = cnp.PyArray_SimpleNew(1, &size, cnp.NPY_DOUBLE)
+        output = rows_of(result)
+        if self.single(inputs, &output, parameters, 1, &bad):
+            return None
+        return None, result
+
+    def many(self, tuple arrays not None, cnp.ndarray out not None):
+        """Fill `out` and return the indices of the samples that the kernel does not vouch for.
+
+        Args:
+            arrays: float64, of shape (N, size), (size,) for all samples, or None for zeros.
+            out: float64, shape (N, output), which shares no memory with the inputs.
+
+        Raises:
+            TypeError, ValueError: For anything else.
+        """
+        cdef rows inputs[MOST_ARRAYS]
+        cdef rows output
+        cdef unsigned char[::1] bad
+        cdef const double *parameters
+        cdef Py_ssize_t count
+        cdef run_function run
+        cdef int i, any_bad
+        if len(arrays) != self.arrays:
+            raise TypeError(f"{len(arrays)} arrays, {self.arrays} are needed")
+        if not is_plain(out, 2, self.output) or not cnp.PyArray_ISWRITEABLE(out):
+            raise TypeError("out is not a float64 array of rows that can be written to")
+        count = cnp.PyArray_DIM(out, 0)
+        for i in range(self.arrays):
+            array = arrays[i]
+            if array is None:
+                memset(&inputs[i], 0, sizeof(rows))
+            elif is_plain(array, 1, self.sizes[i]) or (
+                is_plain(array, 2, self.sizes[i])
+                and cnp.PyArray_DIM(<cnp.ndarray>array, 0) == count
+            ):
+                inputs[i] = rows_of(<cnp.ndarray>array)
+            else:
+                raise TypeError(f"array {i} is not float64 of shape ({count}, {self.sizes[i]})")
+        flags = np.zeros(max(count, 1), dtype=np.uint8)
+        bad = flags
+        output = rows_of(out)
+        own = self.parameters
+        parameters = numbers_of(own)
+        run = self.batch if count > 4 else self.single
+        with nogil:
+            any_bad = run(inputs, &output, parameters, count, &bad[0])
+        return np.flatnonzero(flags) if any_bad else np.empty(0, dtype=np.intp)
+
+
+@cython.final
+cdef class Course:
+    """A compiled rollout: many states with a fixed step.
+
+    Args:
+        code: Address of the code.
+        sizes: Numbers in q, va, tau and in the load.
+        parameters: The open numbers; a copy is kept.
+        library: What must live as long as the code is in use.
+    """
+
+    cdef roll_function code
+    cdef int sizes[4]
+    cdef cnp.ndarray parameters
+    cdef object library
+
+    def __cinit__(self, uintptr_t code, tuple sizes, parameters, library):
+        if len(sizes) != 4 or not code:
+            raise ValueError("no such kernel")
+        self.code = <roll_function>code
+        for i in range(4):
+            self.sizes[i] = sizes[i]
+        self.parameters = np.array(parameters, dtype=np.float64, order="C")
+        self.library = library
+
+    def run(
+        self, double step, cnp.ndarray q0 not None, cnp.ndarray va0 not None,
+        cnp.ndarray tau not None, cnp.ndarray load, cnp.ndarray q not None,
+        cnp.ndarray va not None,
+    ):
+        """Fill q and va and return how many states of each sample hold, shape (N,).
+
+        Args:
+            step: Of time.
+            q0: Shape (N, nq).
+            va0: Shape (N, n).
+            tau: Shape (N, steps, motors), held over each step, or (N, 2 steps + 1, motors).
+            load: Shape (N, size), or None.
+            q: Shape (N, steps + 1, nq), to be filled; NaN where a state does not hold.
+            va: Shape (N, steps + 1, n), likewise.
+
+        Raises:
+            TypeError: For anything else.
+        """
+        cdef rows inputs[3]
+        cdef courses torques
+        cdef courses outputs[2]
+        cdef Py_ssize_t count = cnp.PyArray_DIM(q0, 0) if cnp.PyArray_NDIM(q0) == 2 else -1
+        cdef Py_ssize_t steps = cnp.PyArray_DIM(q, 1) - 1 if cnp.PyArray_NDIM(q) == 3 else -1
+        cdef ptrdiff_t half = 0
+        cdef ptrdiff_t[::1] counts
+        cdef const double *parameters
+        cdef roll_function code = self.code
+        for array, ndim, size in (
+            (q0, 2, self.sizes[0]), (va0, 2, self.sizes[1]), (tau, 3, self.sizes[2]),
+            (q, 3, self.sizes[0]), (va, 3, self.sizes[1]),
+            *(() if load is None else ((load, 2, self.sizes[3]),)),
+        ):
+            if not is_plain(array, ndim, size) or array.shape[0] != count:
+                raise TypeError("arrays that do not fit together")
+        held = tau.shape[1] == steps
+        if (
+            steps < 0 or va.shape[1] != steps + 1 or not (held or tau.shape[1] == 2 * steps + 1)
+            or not q.flags.writeable or not va.flags.writeable
+        ):
+            raise TypeError("arrays that do not fit together")
+        inputs[0], inputs[1] = rows_of(q0), rows_of(va0)
+        memset(&inputs[2], 0, sizeof(rows))
+        if load is not None:
+            inputs[2] = rows_of(load)
+        torques = course_of(tau)
+        if not held:
+            half = torques.step
+            torques.step *= 2
+        outputs[0], outputs[1] = course_of(q), course_of(va)
+        reached = np.zeros(max(count, 1), dtype=np.intp)
+        counts = reached
+        own = self.parameters
+        parameters = numbers_of(own)
+        with nogil:
+            code(inputs, &torques, half, outputs, parameters, step, steps, count, &counts[0])
+        return reached[:count]
+
+
+cdef courses course_of(cnp.ndarray array):
+    cdef courses result
+    result.at.data = cnp.PyArray_BYTES(array)
+    result.at.row = cnp.PyArray_STRIDE(array, 0)
+    result.at.column = cnp.PyArray_STRIDE(array, 2)
+    result.step = cnp.PyArray_STRIDE(array, 1)
+    return result
+
+
+cdef inline const double *numbers_of(cnp.ndarray array) noexcept:
+    return <const double *>cnp.PyArray_DATA(array)

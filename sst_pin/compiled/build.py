@@ -1,0 +1,167 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""From C to loaded libraries: a compiler, and a folder that keeps what it made.
+
+A library is found again by the content that it was made from. Its file's name ends in the hash of
+the file itself; the folder is the user's own, so that what is loaded is what was written.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import os
+import shutil
+import stat
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
+from typing import NamedTuple
+
+from ..errors import CompilationError
+
+#: Samples at once, and what a compiler is told, for each instruction set.
+TARGETS = {
+    "avx512": (8, ("-mavx512f", "-mavx512dq", "-mavx512vl", "-mfma", "-mprefer-vector-width=512")),
+    "avx2": (4, ("-mavx2", "-mfma")),
+    "plain": (2, ()),
+}
+_OPTIONS = ("-std=gnu11", "-O3", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast")
+_SUFFIX = ".so"
+
+
+class Entry(NamedTuple):
+    """A library in the cache.
+
+    Attributes:
+        path: Of the file.
+        robot: Name of the model that it was made for.
+        kernel: What it computes.
+        size: Of the file, bytes.
+        used: When it was last loaded, seconds since 1970.
+    """
+
+    path: Path
+    robot: str
+    kernel: str
+    size: int
+    used: float
+
+
+def compiler() -> list[str]:
+    """The command of a C compiler: `$CC`, the system's, or the one of the package ziglang.
+
+    Raises:
+        CompilationError: When there is none.
+    """
+    for name in (os.environ.get("CC", ""), "cc", "gcc", "clang"):
+        if name and shutil.which(name.split()[0]):
+            return name.split()
+    if find_spec("ziglang"):
+        return [sys.executable, "-m", "ziglang", "cc"]
+    raise CompilationError(
+        "no C compiler found; install one (on Debian: apt install gcc), or: "
+        "pip install 'sst-pin[compiler]'"
+    )
+
+
+def cache_folder() -> Path:
+    """Where libraries are kept: the user's cache folder.
+
+    Raises:
+        CompilationError: When it belongs to someone else, or others can write to it.
+    """
+    if sys.platform == "darwin":
+        base = Path.home() / "Library" / "Caches"
+    else:
+        base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    folder = base / "sst_pin" / "kernels"
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        status = folder.stat()
+    except OSError as error:
+        raise CompilationError(f"{folder} cannot be used: {error.strerror}") from None
+    if status.st_uid != os.geteuid() or status.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
+        raise CompilationError(
+            f"{folder}: others could put code there; it must be yours, and writable by you alone "
+            f"(chmod 700 {folder})"
+        )
+    return folder
+
+
+def cached() -> list[Entry]:
+    """All libraries in the cache, the last used first."""
+    entries = []
+    for path in cache_folder().glob(f"*{_SUFFIX}"):
+        robot, kernel, *_ = path.name.rsplit(".", 4)
+        status = path.stat()
+        entries.append(Entry(path, robot, kernel, status.st_size, status.st_mtime))
+    return sorted(entries, key=lambda entry: -entry.used)
+
+
+def empty_cache() -> int:
+    """Delete all libraries in the cache; how many there were. Those in use stay in memory."""
+    entries = cached()
+    for entry in entries:
+        entry.path.unlink(missing_ok=True)
+    return len(entries)
+
+
+def library(
+    robot: str, kernel: str, content: bytes, target: str, source: Callable[[], str]
+) -> ctypes.CDLL:
+    """The library of a kernel, from the cache or compiled now.
+
+    Args:
+        robot: A name to tell it by.
+        kernel: Likewise.
+        content: All that the source is made from.
+        target: One of `TARGETS`.
+        source: Gives the C source when it is needed.
+
+    Raises:
+        CompilationError: Without compiler or cache, or when the compiler fails.
+    """
+    key = hashlib.sha256(b"\0".join([content, kernel.encode(), target.encode(), _version()]))
+    return _loaded(cache_folder(), robot, kernel, key.hexdigest()[:32], target, source)
+
+
+def _loaded(
+    folder: Path, robot: str, kernel: str, key: str, target: str, source: Callable[[], str]
+) -> ctypes.CDLL:
+    for path in folder.glob(f"*.{key}.*{_SUFFIX}"):
+        if path.name.split(".")[-2] == _digest(path):
+            os.utime(path)
+            return ctypes.CDLL(str(path))
+        path.unlink(missing_ok=True)  # damaged
+    label = "".join(c if c.isalnum() or c in "-_" else "_" for c in robot)[:40] or "robot"
+    # Built beside its place and moved there when it is whole: another process sees all or nothing.
+    with tempfile.TemporaryDirectory(dir=folder, prefix=".building-") as scratch:
+        code, made = Path(scratch, "kernel.c"), Path(scratch, "kernel.so")
+        code.write_text(source(), encoding="utf-8")
+        _compile(code, made, TARGETS[target][1])
+        name = f"{label}.{kernel.replace(' ', '-')}.{key}.{_digest(made)}{_SUFFIX}"
+        return ctypes.CDLL(str(made.replace(folder / name)))
+
+
+def _compile(code: Path, made: Path, flags: tuple[str, ...]) -> None:
+    command = [*compiler(), *_OPTIONS, *flags, "-shared", "-fPIC", str(code), "-o", str(made)]
+    result = subprocess.run(command, capture_output=True, text=True, check=False)
+    if result.returncode or not made.is_file():
+        said = "\n".join(result.stderr.strip().splitlines()[:5])
+        raise CompilationError(f"{command[0]} failed with code {result.returncode}:\n{said}")
+
+
+def _digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()[:32]
+
+
+@cache
+def _version() -> bytes:
+    """Changes with the text of the generator."""
+    here = Path(__file__).parent
+    texts = [path.read_bytes() for path in sorted([*here.glob("*.py"), *here.glob("c/*.h")])]
+    return hashlib.sha256(b"\0".join(texts)).digest()

@@ -1,0 +1,170 @@
+/* SPDX-License-Identifier: BSD-2-Clause */
+/* Rows of samples in, LANES samples at once through a kernel, rows out, with a verdict on each. */
+#include <stddef.h>
+
+/* An array of samples, its numbers `column` bytes apart, its samples `row` bytes. */
+typedef struct {
+    char *data;
+    ptrdiff_t row, column;
+} rows;
+
+#define LARGEST_ANGLE 1e6 /* of sine_cosine */
+#define INLINE static inline __attribute__((always_inline))
+
+/* The last sample fills the lanes that are left; an array that is not there is zeros. */
+INLINE void gather(real *x, const rows *from, ptrdiff_t first, int lanes, int size, ptrdiff_t column)
+{
+    const char *at[LANES];
+    if (!from->data || lanes == 1) {
+        const char *sample = from->data + first * from->row;
+        for (int j = 0; j < size; j++)
+            x[j] = (real){0} + (from->data ? *(const double *)(sample + j * column) : 0.0);
+        return;
+    }
+    for (int l = 0; l < LANES; l++)
+        at[l] = from->data + (first + (l < lanes ? l : lanes - 1)) * from->row;
+    for (int j = 0; j < size; j++) {
+        real numbers;
+        for (int l = 0; l < LANES; l++)
+            numbers[l] = *(const double *)(at[l] + j * column);
+        x[j] = numbers;
+    }
+}
+
+INLINE void take(real *x, const rows *from, ptrdiff_t first, int lanes, int size)
+{
+    if (from->column == sizeof(double)) /* known, so that the loops above unroll */
+        gather(x, from, first, lanes, size, sizeof(double));
+    else
+        gather(x, from, first, lanes, size, from->column);
+}
+
+INLINE void give(const real *y, const rows *to, ptrdiff_t first, int lanes, int size)
+{
+    for (int l = 0; l < lanes; l++) {
+        char *at = to->data + (first + l) * to->row;
+        for (int j = 0; j < size; j++)
+            *(double *)(at + j * to->column) = y[j][l];
+    }
+}
+
+/* Where the angles are in reach, all numbers finite and all checks at most 1. */
+INLINE mask judge(const real *x, int angles, int inputs, const real *y, int outputs, int checks)
+{
+    real squares = {0}, zero = {0};
+    for (int j = 0; j < angles; j++)
+        squares += x[j] * x[j];
+    for (int j = 0; j < inputs; j++)
+        zero += x[j] * 0.0;
+    for (int j = 0; j < outputs; j++)
+        zero += y[j] * 0.0;
+    mask good = (squares < LARGEST_ANGLE * LARGEST_ANGLE) & (zero == 0.0);
+    for (int j = 0; j < checks; j++)
+        good &= y[outputs + j] <= 1.0;
+    return good;
+}
+
+typedef void body(const real *x, const double *p, real *y);
+
+/* Returns whether a sample is bad; `bad` gets a 1 for each of these. */
+INLINE int run(body *f, int arrays, const int *sizes, int inputs, int outputs, int checks, real *x,
+    real *y, const rows *in, const rows *out, const double *p, ptrdiff_t count, unsigned char *bad)
+{
+    int any = 0;
+    for (ptrdiff_t first = 0; first < count; first += LANES) {
+        const int lanes = count - first < LANES ? (int)(count - first) : LANES;
+        int at = 0;
+        for (int a = 0; a < arrays; at += sizes[a++])
+            take(x + at, &in[a], first, lanes, sizes[a]);
+        f(x, p, y);
+        const mask good = judge(x, sizes[0], inputs, y, outputs, checks);
+        give(y, out, first, lanes, outputs);
+        for (int l = 0; l < lanes; l++)
+            if (!good[l])
+                bad[first + l] = 1, any = 1;
+    }
+    return any;
+}
+
+/* Where the states of many motions stand: one step after the other, `step` bytes apart. */
+typedef struct {
+    rows at;
+    ptrdiff_t step;
+} courses;
+
+/* The classical Runge-Kutta method on q and va, and a step of Newton's method onto the closures
+ * after each step. `rate` takes (q, va, tau, load) and gives the rates of q and va; `close` takes q
+ * and gives it nearer to the closures, and the side of singularities that it is on. Torques are
+ * those at the beginning of each step, in its middle (`half` bytes later) and at its end; where
+ * `half` is 0, that of the beginning. `reached` gets the number of states that hold. */
+typedef struct {
+    int q, va, tau, load, checks;
+    body *rate, *close;
+} stepper;
+
+INLINE int roll(const stepper *f, real *x, real *y, real *start, real *sum, const rows *in,
+    const courses *tau, ptrdiff_t half, const courses *out, const double *p, double h,
+    ptrdiff_t steps, ptrdiff_t count, ptrdiff_t *reached)
+{
+    static const double weights[] = {1.0 / 6, 1.0 / 3, 1.0 / 3, 1.0 / 6}, ahead[] = {0.5, 0.5, 1};
+    const int states = f->q + f->va, inputs = states + f->tau + f->load;
+    int any = 0;
+    for (ptrdiff_t first = 0; first < count; first += LANES) {
+        const int lanes = count - first < LANES ? (int)(count - first) : LANES;
+        mask holds = (real){0} == (real){0};
+        real side = {0};
+        take(x, &in[0], first, lanes, f->q);
+        take(x + f->q, &in[1], first, lanes, f->va);
+        take(x + states + f->tau, &in[2], first, lanes, f->load);
+        for (ptrdiff_t s = 0; s <= steps; s++) {
+            for (int i = 0; i < 2; i++) {
+                rows to = out[i].at;
+                to.data += s * out[i].step;
+                give(x + (i ? f->q : 0), &to, first, lanes, i ? f->va : f->q);
+            }
+            f->close(x, p, y);
+            if (s == 0)
+                side = y[f->q];
+            holds &= side == y[f->q];
+            for (int j = 0; j < states; j++)
+                sum[j] = start[j] = x[j];
+            for (int stage = 0; stage < (s < steps ? 4 : 1); stage++) {
+                rows from = tau->at;
+                if (s < steps) { /* at the last state any torque serves to judge it */
+                    from.data += s * tau->step + (stage == 0 ? 0 : stage == 3 ? 2 : 1) * half;
+                    take(x + states, &from, first, lanes, f->tau);
+                }
+                f->rate(x, p, y);
+                if (stage == 0) {
+                    holds &= judge(x, f->q, inputs, y, states, f->checks);
+                    for (int l = 0; l < lanes; l++)
+                        if (holds[l])
+                            reached[first + l] = s + 1;
+                }
+                for (int j = 0; j < states; j++) {
+                    sum[j] += h * weights[stage] * y[j];
+                    x[j] = start[j] + (stage < 3 ? h * ahead[stage] : 0.0) * y[j];
+                }
+            }
+            if (s == steps)
+                break;
+            for (int j = 0; j < states; j++)
+                x[j] = sum[j];
+            f->close(x, p, y);
+            for (int j = 0; j < f->q; j++)
+                x[j] = y[j];
+        }
+        for (int l = 0; l < lanes; l++) {
+            if (reached[first + l] > steps)
+                continue;
+            any = 1;
+            for (ptrdiff_t s = reached[first + l]; s <= steps; s++)
+                for (int i = 0; i < 2; i++) {
+                    char *at = out[i].at.data + (first + l) * out[i].at.row + s * out[i].step;
+                    for (int j = 0; j < (i ? f->va : f->q); j++)
+                        *(double *)(at + j * out[i].at.column) = __builtin_nan("");
+                }
+        }
+    }
+    return any;
+}

@@ -1,0 +1,243 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""What each kind of constraint holds, as rows on the rates: Phi v = 0, and how Phi changes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import casadi as ca
+import pinocchio as pin
+from casadi import SX
+
+from ..chain.closures import Constraint, Coupling, Distance, Rolling
+from .kinematics import Kinematics
+from .symbols import Sparse
+
+#: Accelerations of the row at rates v and none of v_dot: Phi_dot v.
+Drift = Callable[[Sparse], SX]
+
+
+@dataclass(frozen=True)
+class Row:
+    """One equation of a constraint.
+
+    Attributes:
+        Phi: Coefficients of the rates, by index.
+        drift: Phi_dot v, from the rates v.
+        residual: Zero when the loop is closed; None for a row that holds rates only.
+        gap: What the row adds to the squared residual.
+    """
+
+    Phi: Sparse
+    drift: Drift
+    residual: SX | None
+    gap: SX
+
+
+def closure_rows(kinematics: Kinematics, model: pin.Model, closure: Constraint) -> Iterable[Row]:
+    """The rows of one constraint."""
+    if isinstance(closure, Coupling):
+        return [_coupling(kinematics, model, closure)]
+    if isinstance(closure, Rolling):
+        return _Pair(kinematics, model, closure.plane, closure.wheel).rolling(closure)
+    pair = _Pair(kinematics, model, closure.frame_a, closure.frame_b)
+    if isinstance(closure, Distance):
+        return [pair.distance(closure.distance)]
+    return pair.held(closure.held)
+
+
+class _End(NamedTuple):
+    """Motion of a frame without accelerations of the joints.
+
+    Attributes:
+        a: Acceleration of its origin.
+        omega: Angular velocity.
+        alpha: Angular acceleration.
+    """
+
+    a: SX
+    omega: SX
+    alpha: SX
+
+
+class _Pair:
+    """Rows between two frames; vectors in the axes of the last link that both hang on."""
+
+    def __init__(self, kinematics: Kinematics, model: pin.Model, a: str, b: str) -> None:
+        tree = kinematics.tree
+        frames = [model.frames[model.getFrameId(name)] for name in (a, b)]
+        self._links = [tree.link_of[frame.parentJoint] for frame in frames]
+        paths = [tree.ancestors(link) for link in self._links]
+        self._kinematics = kinematics
+        self._base = [i for i, j in zip(*paths, strict=False) if i == j][-1]
+        self.a, self.b = (kinematics.point(self._base, frame) for frame in frames)
+        self.d = self.b.p - self.a.p
+
+    def _ends(self, v: Sparse) -> tuple[_End, _End]:
+        """Motion of A and of B."""
+        ends = []
+        for link, frame in zip(self._links, (self.a, self.b), strict=True):
+            R, o = self._kinematics.pose(self._base, link)
+            x = self._kinematics.relative_motion(self._base, link, v)
+            a = R @ (x.a + x.U @ (R.T @ (frame.p - o)))
+            ends.append(_End(a, R @ x.omega, R @ x.alpha))
+        return ends[0], ends[1]
+
+    def _velocity(self, v: Sparse) -> SX:
+        """Of the origin of B less that of A."""
+        velocity = SX(3, 1)
+        for sign, point in ((-1, self.a), (1, self.b)):
+            for k, (u, _) in point.columns.items():
+                if k in v:
+                    velocity += sign * u * v[k]
+        return velocity
+
+    def _row(self, of_a: Callable[[SX, SX], SX], of_b: Callable[[SX, SX], SX]) -> Sparse:
+        """Coefficients from what the columns of A and of B give."""
+        row = {k: of_b(*column) for k, column in self.b.columns.items()}
+        row |= {k: -of_a(*column) for k, column in self.a.columns.items()}
+        return {k: entry for k, entry in row.items() if not entry.is_zero()}
+
+    def held(self, held: tuple[bool, ...]) -> Iterator[Row]:
+        """Motions of B in the axes of A that are held."""
+        if all(held[:3]):
+            yield from map(self._coincide, range(3))
+        else:
+            yield from (self._slide(k) for k in range(3) if held[k])
+        turns = [k for k in range(3) if held[3 + k]]
+        if len(turns) == 3:
+            turned = 3 - ca.trace(self.a.R.T @ self.b.R)  # the square of the angle
+            for k in range(3):
+                yield self._turn(k, turned if k == 0 else SX(0))
+        elif len(turns) == 2:
+            (k,) = set(range(3)) - set(turns)
+            i, j = (k + 1) % 3, (k + 2) % 3
+            apart = 2 * (1 - ca.dot(self.a.R[:, k], self.b.R[:, k]))  # likewise, of the axes
+            of_turn = {i: (j, k, -1.0), j: (i, k, 1.0)}
+            for t in turns:
+                yield self._angle(*of_turn[t], apart if t == turns[0] else SX(0))
+        elif turns:
+            i, j = (turns[0] + 1) % 3, (turns[0] + 2) % 3
+            yield self._angle(i, j, -1.0, ca.dot(self.a.R[:, i], self.b.R[:, j]) ** 2)
+
+    def _coincide(self, k: int) -> Row:
+        """Origins have the same coordinate k."""
+        Phi = self._row(lambda u, _: u[k], lambda u, _: u[k])
+
+        def drift(v: Sparse) -> SX:
+            a, b = self._ends(v)
+            return b.a[k] - a.a[k]
+
+        return Row(Phi, drift, self.d[k], self.d[k] ** 2)
+
+    def _slide(self, k: int) -> Row:
+        """Axis k of A stays at a right angle to the way from A to B."""
+        n, d = self.a.R[:, k], self.d
+        Phi = self._row(lambda u, turn: ca.dot(n, u + ca.cross(turn, d)), lambda u, _: ca.dot(n, u))
+
+        def drift(v: Sparse) -> SX:
+            a, b = self._ends(v)
+            apart = ca.cross(a.omega, ca.cross(a.omega, d)) - ca.cross(a.alpha, d)
+            return ca.dot(n, b.a - a.a + apart - 2 * ca.cross(a.omega, self._velocity(v)))
+
+        return Row(Phi, drift, ca.dot(n, d), ca.dot(n, d) ** 2)
+
+    def _turn(self, k: int, gap: SX) -> Row:
+        """B does not turn relative to A about axis k of the link that both hang on."""
+        Phi = self._row(lambda _, turn: turn[k], lambda _, turn: turn[k])
+
+        def drift(v: Sparse) -> SX:
+            a, b = self._ends(v)
+            return b.alpha[k] - a.alpha[k]
+
+        R = self.b.R @ self.a.R.T
+        i, j = (k + 1) % 3, (k + 2) % 3
+        return Row(Phi, drift, (R[j, i] - R[i, j]) / 2, gap)
+
+    def _angle(self, i: int, j: int, sign: float, gap: SX) -> Row:
+        """Axis i of A stays at a right angle to axis j of B."""
+        n, m = self.a.R[:, i], self.b.R[:, j]
+        across = sign * ca.cross(m, n)
+        Phi = self._row(lambda _, turn: ca.dot(across, turn), lambda _, turn: ca.dot(across, turn))
+
+        def drift(v: Sparse) -> SX:
+            a, b = self._ends(v)
+            n_dot, m_dot = ca.cross(a.omega, n), ca.cross(b.omega, m)
+            n_ddot = ca.cross(a.alpha, n) + ca.cross(a.omega, n_dot)
+            m_ddot = ca.cross(b.alpha, m) + ca.cross(b.omega, m_dot)
+            return sign * (ca.dot(n, m_ddot) + ca.dot(m, n_ddot) + 2 * ca.dot(n_dot, m_dot))
+
+        return Row(Phi, drift, sign * ca.dot(n, m), gap)
+
+    def distance(self, length: float) -> Row:
+        """The origins stay at a distance: (d.d - l^2) / 2 l."""
+        unit = self.d / length
+        Phi = self._row(lambda u, _: ca.dot(unit, u), lambda u, _: ca.dot(unit, u))
+
+        def drift(v: Sparse) -> SX:
+            a, b = self._ends(v)
+            return ca.dot(unit, b.a - a.a) + ca.sumsqr(self._velocity(v)) / length
+
+        residual = (ca.dot(unit, self.d) - length) / 2
+        return Row(Phi, drift, residual, residual**2)
+
+    def rolling(self, closure: Rolling) -> Iterator[Row]:
+        """B touches the x-y plane of A and does not slip; A's axes give the rows."""
+        normal, axle, radius = self.a.R[:, 2], self.b.R[:, 2], closure.radius
+        across = normal if closure.ball else normal - ca.dot(normal, axle) * axle
+        size = ca.sqrt(ca.sumsqr(across))
+        up = normal if closure.ball else across / size
+        contact = self.d - radius * up  # from the origin of A
+
+        def slip_rate(v: Sparse) -> SX:
+            # The slip velocity is zero, so that its rate alone counts, whatever the axes do.
+            a, b = self._ends(v)
+            up_dot = normal_dot = ca.cross(a.omega, normal)
+            if not closure.ball:
+                axle_dot = ca.cross(b.omega, axle)
+                along = ca.dot(normal_dot, axle) + ca.dot(normal, axle_dot)
+                g = normal_dot - along * axle - ca.dot(normal, axle) * axle_dot
+                up_dot = (g - up * ca.dot(up, g)) / size
+            at_b = b.a - ca.cross(b.alpha, radius * up) - ca.cross(b.omega, radius * up_dot)
+            at_a = a.a + ca.cross(a.alpha, contact)
+            return at_b - at_a - ca.cross(a.omega, self._velocity(v) - radius * up_dot)
+
+        for k in range(3):
+            n = self.a.R[:, k]
+
+            def of_a(u: SX, turn: SX, n: SX = n) -> SX:
+                return ca.dot(n, u + ca.cross(turn, contact))
+
+            def of_b(u: SX, turn: SX, n: SX = n) -> SX:
+                return ca.dot(n, u - ca.cross(turn, radius * up))
+
+            def drift(v: Sparse, n: SX = n) -> SX:
+                return ca.dot(n, slip_rate(v))
+
+            height = ca.dot(n, contact) if k == 2 else None
+            yield Row(self._row(of_a, of_b), drift, height, SX(0) if height is None else height**2)
+
+
+def _coupling(kinematics: Kinematics, model: pin.Model, closure: Coupling) -> Row:
+    """A joint that follows polynomials of others."""
+    terms: dict[str, tuple[float, ...]] = {closure.joint: (0.0, 1.0)}
+    terms |= {name: tuple(-c for c in p) for name, p in closure.polynomials.items()}
+    residual = SX(-closure.offset)
+    Phi: Sparse = {}
+    second: Sparse = {}
+    for name, coefficients in terms.items():
+        joint = model.joints[model.getJointId(name)]
+        q, value = kinematics.q[joint.idx_q], SX(0)
+        for c in reversed(coefficients):
+            value = value * q + c
+        residual += value
+        slope = ca.jacobian(value, q)
+        if not slope.is_zero():
+            Phi[joint.idx_v], second[joint.idx_v] = slope, ca.jacobian(slope, q)
+
+    def drift(v: Sparse) -> SX:
+        return sum((c * v[k] ** 2 for k, c in second.items() if k in v), SX(0))
+
+    return Row(Phi, drift, residual, residual**2)

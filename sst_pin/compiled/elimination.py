@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Sparse elimination: an order of pivots found on numbers, then carried out on symbols.
+
+Pivots are chosen once, for all configurations: few fill-ins (Markowitz), and in every sample not
+much smaller than the rest of their column, so that no element grows. Rows that follow from others
+get no pivot and are never computed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import SingularConfigurationError
+
+Array = NDArray[np.float64]
+#: Rows of a sparse matrix: entries by column. The entries are symbols or numbers.
+Rows = Sequence[Mapping[int, Any]]
+
+#: How much smaller than the largest of its column a pivot may be in a sample.
+_SOUND = 0.1
+#: What counts as zero, relative to the row it stands in.
+_ZERO = 1e-9
+
+
+def pivot_order(pattern: NDArray[np.bool_], values: Array) -> tuple[list[tuple[int, int]], Array]:
+    """Rows and columns of the pivots, and their sizes.
+
+    Args:
+        pattern: Where the matrix may be different from zero, shape (rows, columns).
+        values: Samples of it, shape (samples, rows, columns).
+
+    Returns:
+        A pair for each column, in the order of elimination, and the largest size of each pivot
+        over the samples, shape (columns,).
+
+    Raises:
+        SingularConfigurationError: When the samples do not have full column rank.
+    """
+    values, pattern = values.copy(), pattern.copy()
+    rows, columns = pattern.shape
+    noise = _ZERO * np.abs(values).max(axis=(0, 2), initial=0.0)
+    open_rows, open_columns = np.ones(rows, dtype=bool), np.ones(columns, dtype=bool)
+    order, sizes = [], []
+    for _ in range(columns):
+        # Rounding noise of redundant rows is no pivot and makes no fill.
+        pattern &= (np.abs(values) > noise[:, None]).any(axis=0) | ~open_rows[:, None]
+        live = pattern & np.outer(open_rows, open_columns)
+        size = np.abs(np.where(live, values, 0.0))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            soundness = np.nan_to_num(size / size.max(axis=1, keepdims=True)).min(axis=0)
+        if not soundness.any():
+            raise SingularConfigurationError(
+                "the closures do not fix the unactuated joint rates at the sample configurations",
+                np.inf,
+            )
+        sound = soundness >= min(_SOUND, soundness.max())
+        fill = np.outer(live.sum(axis=1) - 1, live.sum(axis=0) - 1)
+        cost = np.where(sound, fill - soundness / 2, np.inf)
+        i, j = map(int, np.unravel_index(np.argmin(cost), cost.shape))
+        order.append((i, j))
+        sizes.append(size[:, i, j].max())
+        open_rows[i] = open_columns[j] = False
+        below = np.flatnonzero(live[:, j] & open_rows)
+        right = np.flatnonzero(live[i] & open_columns)
+        factors = values[:, below, j] / values[:, i, j, None]
+        values[np.ix_(np.arange(len(values)), below, right)] -= (
+            factors[:, :, None] * values[:, None, i, right]
+        )
+        pattern[np.ix_(below, right)] = True
+    return order, np.array(sizes)
+
+
+class Factors:
+    """A square sparse matrix A, factorised along given pivots.
+
+    Args:
+        rows: A is part of these.
+        order: Rows and columns of the pivots, which are those of A.
+
+    Attributes:
+        rows: Of A, in the order of elimination.
+        pivots: In this order.
+        inverses: One over each.
+    """
+
+    def __init__(self, rows: Rows, order: Sequence[tuple[int, int]]) -> None:
+        columns = {j for _, j in order}
+        work = {i: {j: x for j, x in rows[i].items() if j in columns} for i, _ in order}
+        self._order, self.rows = list(order), [i for i, _ in order]
+        self._factors: list[dict[int, Any]] = []  # of each step, by the row they change
+        self.pivots: list[Any] = []
+        self.inverses: list[Any] = []
+        waiting = [i for i, _ in order]
+        for i, j in order:
+            waiting.remove(i)
+            row, pivot = work[i], work[i].pop(j)
+            inverse = 1 / pivot
+            factors = {}
+            for k in waiting:
+                if j in work[k]:
+                    factors[k] = work[k].pop(j) * inverse
+                    _subtract(work[k], factors[k], row)
+            self._factors.append(factors)
+            self.pivots.append(pivot)
+            self.inverses.append(inverse)
+        self._upper = work  # what is left of each row beside its pivot
+
+    def solve(self, right: Mapping[int, Any]) -> dict[int, Any]:
+        """x by column with A x = right; entries of `right` by row, zeros left out."""
+        y: dict[int, Any] = dict(right)
+        x: dict[int, Any] = {}
+        for (i, _), factors in zip(self._order, self._factors, strict=True):
+            if i in y:
+                for k, factor in factors.items():
+                    _add(y, k, -(factor * y[i]))
+        for (i, j), inverse in zip(reversed(self._order), reversed(self.inverses), strict=True):
+            known = [(entry, x[k]) for k, entry in self._upper[i].items() if k in x]
+            for entry, value in known:
+                _add(y, i, -(entry * value))
+            if i in y:
+                x[j] = y[i] * inverse
+        return x
+
+    def solve_transposed(self, right: Mapping[int, Any]) -> dict[int, Any]:
+        """x by row with A^T x = right; entries of `right` by column, zeros left out."""
+        y: dict[int, Any] = dict(right)
+        x: dict[int, Any] = {}
+        for (i, j), inverse in zip(self._order, self.inverses, strict=True):
+            if j in y:
+                x[i] = y[j] * inverse
+                for k, entry in self._upper[i].items():
+                    _add(y, k, -(entry * x[i]))
+        for (i, _), factors in zip(reversed(self._order), reversed(self._factors), strict=True):
+            for k, factor in factors.items():
+                if k in x:
+                    _add(x, i, -(factor * x[k]))
+        return x
+
+
+def _subtract(row: dict[int, Any], factor: Any, other: Mapping[int, Any]) -> None:
+    for k, entry in other.items():
+        _add(row, k, -(factor * entry))
+
+
+def _add(row: dict[int, Any], k: int, term: Any) -> None:
+    row[k] = row[k] + term if k in row else term
+
+
+def total(terms: Iterable[Any]) -> Any:
+    """Sum of symbols; 0 for none."""
+    result = None
+    for term in terms:
+        result = term if result is None else result + term
+    return 0.0 if result is None else result

@@ -1,0 +1,335 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The equations of motion of any closed chain, once, on CasADi's symbols.
+
+Rows of closures are in the axes of the last link that both branches of their loop hang on, relative
+to which the rates of the loop are counted. A body with the first moment c and the second moments J
+(the integral of r r^T) about its origin needs the force m a + U c and the moment
+c x a + 2 axial(U J). One factorisation of Phi_u, the columns of the dependent rates, serves rates,
+accelerations and, transposed, forces, so that inverse dynamics forms no L. Numbers of the geometry
+are folded in; `Parameters` lists what stays open.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from casadi import SX
+from numpy.typing import NDArray
+
+from ..chain.loops import CLOSURE_TOLERANCE
+from ..chain.mechanism import Mechanism
+from .closure_rows import Row, closure_rows
+from .elimination import Factors, pivot_order, total
+from .kinematics import Kinematics
+from .parameters import Parameters
+from .symbols import Sparse, add, is_zero, solve_symmetric, sx
+
+Array = NDArray[np.float64]
+
+#: Part of the reference path's tolerance within which a kernel vouches for closed loops.
+_CLOSED = 0.5
+#: How much smaller than in the samples a pivot may be.
+_PIVOT = 1e-3
+
+
+class Equations:
+    """Symbols of one mechanism.
+
+    Args:
+        mechanism: The robot.
+        samples: Assembled configurations, by which pivots are chosen, shape (samples, nq).
+        loaded: Whether external wrenches act on the bodies.
+
+    Attributes:
+        kinematics: Of the tree.
+        va, aa: Rates and accelerations of the coordinates.
+        loads: [moment; force] on each body at its mass centre, base axes, body after body.
+        p: Open numbers, in the order of `parameters`.
+
+    Raises:
+        DescriptionError: For a joint or spring without compiled equations.
+        SingularConfigurationError: When the coordinates do not fix the motion at the samples.
+    """
+
+    def __init__(self, mechanism: Mechanism, samples: Array, loaded: bool = False) -> None:
+        self.mechanism, model = mechanism, mechanism.model
+        self.kinematics = Kinematics(model)
+        self.q = self.kinematics.q
+        self._coordinates = [int(i) for i in mechanism.coordinates]
+        self._dependent = [int(i) for i in mechanism.dependent]
+        self.va, self.aa = (SX.sym(name, len(self._coordinates)) for name in ("va", "aa"))
+        self.loads = SX.sym("loads", 6 * (model.njoints - 1) if loaded else 0)
+        self.parameters = Parameters(mechanism)
+        self.p = SX.sym("p", self.parameters.size)
+        self._samples = samples
+
+    # --- closures ---------------------------------------------------------------------------
+
+    @cached_property
+    def rows(self) -> list[Row]:
+        """All rows of the closures."""
+        closures, model = self.mechanism.closures, self.mechanism.model
+        return [
+            row for closure in closures for row in closure_rows(self.kinematics, model, closure)
+        ]
+
+    @cached_property
+    def _pivots(self) -> tuple[list[tuple[int, int]], Array]:
+        """Rows and columns of the pivots of Phi_u, and their sizes in the samples."""
+        places: list[tuple[int, int]] = []
+        entries: list[SX] = []
+        for i, row in enumerate(self.rows):
+            for k, j in enumerate(self._dependent):
+                if j in row.Phi:
+                    places.append((i, k))
+                    entries.append(row.Phi[j])
+        where = np.array(places, dtype=int).reshape(-1, 2).T
+        pattern = np.zeros((len(self.rows), len(self._dependent)), dtype=bool)
+        pattern[where[0], where[1]] = True
+        values = np.zeros((len(self._samples), *pattern.shape))
+        values[:, where[0], where[1]] = self.at_samples(ca.vertcat(*entries))[..., 0]
+        order, sizes = pivot_order(pattern, values * self.mechanism.row_scale[:, None])
+        # The sizes of pivots of the rows as they are, not as they are scaled.
+        sizes = sizes / np.array([self.mechanism.row_scale[i] for i, _ in order])
+        return [(i, self._dependent[k]) for i, k in order], sizes
+
+    @cached_property
+    def factors(self) -> Factors:
+        """Phi_u, factorised."""
+        return Factors([row.Phi for row in self.rows], self._pivots[0])
+
+    def at_samples(self, symbols: SX) -> Array:
+        """Values of a function of q, shape (samples, rows, columns)."""
+        numbers = ca.Function("numbers", [self.q], [ca.densify(symbols)])
+        return np.array([numbers(q).full() for q in self._samples])
+
+    def complete(self, of_coordinates: Sequence[Any], right: Sparse) -> Sparse:
+        """Rates x of the whole tree with Phi x = right, from those of the coordinates."""
+        pairs = zip(self._coordinates, of_coordinates, strict=True)
+        x = {i: value for i, value in pairs if not is_zero(value)}
+        moved: Sparse = {}
+        for i in self.factors.rows:
+            terms = [-(entry * x[j]) for j, entry in self.rows[i].Phi.items() if j in x]
+            if terms:
+                moved[i] = total(terms)
+        return x | self.factors.solve(add(right, moved))
+
+    def reduced(self, tau: Sparse) -> SX:
+        """L^T tau, without L: by the multipliers."""
+        on_dependent = {j: tau[j] for j in self._dependent if j in tau}
+        multipliers = self.factors.solve_transposed(on_dependent)
+        result = []
+        for j in self._coordinates:
+            terms = [tau[j]] if j in tau else []
+            for i, x in multipliers.items():
+                if j in self.rows[i].Phi:
+                    terms.append(-(self.rows[i].Phi[j] * x))
+            result.append(SX(total(terms)))
+        return ca.vertcat(*result)
+
+    @cached_property
+    def v(self) -> Sparse:
+        """Rates of the tree, L va."""
+        return self.complete(ca.vertsplit(self.va), {})
+
+    @cached_property
+    def _drift(self) -> Sparse:
+        """-Phi_dot v, by row."""
+        drift = {i: -self.rows[i].drift(self.v) for i in self.factors.rows}
+        return {i: x for i, x in drift.items() if not is_zero(x)}
+
+    @cached_property
+    def L(self) -> list[Sparse]:
+        """Columns of the joint orthogonal complement."""
+        n = len(self._coordinates)
+        return [self.complete([float(i == k) for i in range(n)], {}) for k in range(n)]
+
+    def project(self, tau: Sparse) -> SX:
+        """L^T tau, with L."""
+        columns = [[x * tau[i] for i, x in column.items() if i in tau] for column in self.L]
+        return ca.vertcat(*(SX(total(terms)) for terms in columns))
+
+    @cached_property
+    def checks(self) -> list[Any]:
+        """Open closures and small pivots: more than 1 where they are too much."""
+        gaps = [s**2 * x.gap for s, x in zip(self.mechanism.row_scale, self.rows, strict=True)]
+        gaps += [gap**2 for gap in self.kinematics.unit_gaps]
+        open_by = total(gaps) / (_CLOSED * CLOSURE_TOLERANCE) ** 2
+        return [open_by, pivot_check(self._pivots[1], self.factors.inverses)]
+
+    # --- forces -----------------------------------------------------------------------------
+
+    def tree_forces(self, v: Sparse, dv: Sparse, *, loads: bool = True) -> Sparse:
+        """tau of the tree by the recursion of Newton and Euler, without friction and springs."""
+        wrenches = []
+        motions = self.kinematics.motions(v, dv, self.parameters.gravity(self.p))
+        for link, x in zip(self.kinematics.tree.links, motions, strict=True):
+            body = self.parameters.body(self.p, link.body)
+            F, N = SX(3, 1), SX(3, 1)
+            if body is not None:
+                mass, c, J = body
+                UJ = x.U @ J
+                axial = ca.vertcat(UJ[2, 1] - UJ[1, 2], UJ[0, 2] - UJ[2, 0], UJ[1, 0] - UJ[0, 1])
+                F, N = mass * x.a + x.U @ c, axial + ca.cross(c, x.a)
+            if loads and link.body and self.loads.numel():
+                force, moment = self._load(link.body)
+                F, N = F - force, N - moment
+            wrenches.append((F, N))
+        return add(self.kinematics.transmitted(wrenches), self._rotors(dv))
+
+    def _rotors(self, dv: Sparse) -> Sparse:
+        armature = self.parameters.of_joints("armature", self.p)
+        return {i: x * dv[i] for i, x in armature.items() if i in dv}
+
+    def _load(self, body: int) -> tuple[SX, SX]:
+        """External force and moment about the origin of a link, axes of the link."""
+        moment, force = ca.vertsplit(self.loads[6 * body - 6 : 6 * body], 3)
+        back = self.kinematics.pose(0, self.kinematics.tree.link_of[body])[0].T
+        found = self.parameters.body(self.p, body)
+        lever = sx(self.mechanism.model.inertias[body].lever)
+        if found is not None:
+            lever = found[1] / found[0]
+        force = back @ force
+        return force, back @ moment + ca.cross(lever, force)
+
+    def friction(self, v: Sparse) -> Sparse:
+        """What friction takes."""
+        viscous = self.parameters.of_joints("viscous", self.p)
+        coulomb = self.parameters.of_joints("coulomb", self.p)
+        tau = {i: D * v[i] for i, D in viscous.items() if i in v}
+        return add(tau, {i: F * ca.sign(v[i]) for i, F in coulomb.items() if i in v})
+
+    @cached_property
+    def springs(self) -> Sparse:
+        """What springs take."""
+        stiffness = self.parameters.of_joints("stiffness", self.p)
+        rest = self.parameters.of_joints("spring_reference", self.p)
+        links = self.kinematics.tree.links
+        place = {k: i for link in links for k, i in zip(link.v, link.q, strict=False)}
+        return {k: c * (self.q[place[k]] - rest[k]) for k, c in stiffness.items()}
+
+    def forces(self, dv: Sparse) -> Sparse:
+        """All that a motion at v takes along the rates of the tree."""
+        return add(self.tree_forces(self.v, dv), add(self.friction(self.v), self.springs))
+
+    @cached_property
+    def generalized_forces(self) -> SX:
+        """f of a motion."""
+        return self.reduced(self.forces(self.complete(ca.vertsplit(self.aa), self._drift)))
+
+    @cached_property
+    def motor_matrix(self) -> SX:
+        """L^T B, shape (n, motors)."""
+        columns = [
+            {i: float(b) for i, b in enumerate(column) if b} for column in self.mechanism.motors.T
+        ]
+        return ca.horzcat(*(self.reduced(column) for column in columns))
+
+    # --- inertia ----------------------------------------------------------------------------
+
+    def _inertia_of(self, body: int) -> tuple[SX, SX, SX]:
+        """Mass, first moment and inertia about the origin of a body; zeros without mass."""
+        found = self.parameters.body(self.p, body)
+        if found is None:
+            return SX(1, 1), SX(3, 1), SX(3, 3)
+        mass, c, J = found
+        return mass, c, ca.trace(J) * SX.eye(3) - J
+
+    @cached_property
+    def tree_inertia(self) -> dict[tuple[int, int], Any]:
+        """Upper triangle of the tree's mass matrix, by pairs of rates, from composite bodies."""
+        links, placements = self.kinematics.tree.links, self.kinematics.placements
+        composite = [self._inertia_of(link.body) for link in links]
+        M: dict[tuple[int, int], Any] = {}
+        for i in range(len(links) - 1, 0, -1):
+            mass, c, inertia = composite[i]
+            for k, S in zip(links[i].v, links[i].S.T, strict=True):
+                u, turn = sx(S[:3]), sx(S[3:])
+                F, N = mass * u + ca.cross(turn, c), inertia @ turn + ca.cross(c, u)
+                j = i
+                while j:
+                    for other, S_j in zip(links[j].v, links[j].S.T, strict=True):
+                        value = ca.dot(sx(S_j[:3]), F) + ca.dot(sx(S_j[3:]), N)
+                        if other <= k and not is_zero(value):
+                            M[other, k] = value
+                    R, p = placements[j]
+                    F, N = R @ F, R @ N
+                    N += ca.cross(p, F)
+                    j = links[j].parent
+            R, p = placements[i]
+            c = R @ c
+            cross, arm = ca.skew(p) @ ca.skew(c), ca.skew(p)
+            moved = R @ inertia @ R.T - cross - cross.T - mass * arm @ arm
+            mass_0, c_0, inertia_0 = composite[links[i].parent]
+            composite[links[i].parent] = mass_0 + mass, c_0 + c + mass * p, inertia_0 + moved
+        for k, armature in self.parameters.of_joints("armature", self.p).items():
+            M[k, k] = M.get((k, k), 0) + armature
+        return M
+
+    @cached_property
+    def inertia(self) -> SX:
+        """L^T M L, shape (n, n)."""
+        n = len(self.L)
+        matrix = SX(n, n)
+        for k, column in enumerate(self.L):
+            force: Sparse = {}
+            for (i, j), entry in self.tree_inertia.items():
+                if j in column:
+                    force = add(force, {i: entry * column[j]})
+                if i != j and i in column:
+                    force = add(force, {j: entry * column[i]})
+            for other in range(k + 1):
+                terms = [x * force[i] for i, x in self.L[other].items() if i in force]
+                matrix[other, k] = matrix[k, other] = total(terms)
+        return matrix
+
+    @cached_property
+    def coriolis(self) -> SX:
+        """The matrix of Eq. (94), shape (n, n)."""
+        places = [(i, j) for i in self.factors.rows for j in self.rows[i].Phi]
+        entries = ca.vertcat(*(SX(self.rows[i].Phi[j]) for i, j in places))
+        rates = ca.jtimes(entries, self.q, self.kinematics.q_rates(self.v))
+        changing = [
+            (i, j, rate)
+            for (i, j), rate in zip(places, ca.vertsplit(rates), strict=True)
+            if not is_zero(rate)
+        ]
+        columns = []
+        for L in self.L:
+            right: Sparse = {}
+            for i, j, rate in changing:
+                if j in L:
+                    right = add(right, {i: -(rate * L[j])})
+            L_dot = self.complete([0.0] * len(self.L), right)
+            wrenches = []
+            motions = self.kinematics.motions(self.v, L_dot, v_k=L)
+            for link, x in zip(self.kinematics.tree.links, motions, strict=True):
+                mass, c, inertia = self._inertia_of(link.body)
+                inner = inertia
+                if not mass.is_zero():
+                    # About the mass centre the paper's term is omega x (I omega_k).
+                    inner = inertia - ca.sumsqr(c) / mass * SX.eye(3)
+                moment = inertia @ x.alpha + ca.cross(x.omega, inner @ x.omega_k)
+                wrenches.append((mass * x.a + x.U @ c, moment + ca.cross(c, x.a)))
+            tau = add(self.kinematics.transmitted(wrenches), self._rotors(L_dot))
+            columns.append(self.project(tau))
+        return ca.horzcat(*columns)
+
+    def accelerations(self, tau: SX) -> tuple[SX, list[Any]]:
+        """aa under motor torques, and one over each pivot of the inertia matrix."""
+        motors = {
+            i: total([float(b) * tau[k] for k, b in enumerate(shares) if b])
+            for i, shares in enumerate(self.mechanism.motors)
+            if shares.any()
+        }
+        without = self.forces(self.complete([0.0] * len(self._coordinates), self._drift))
+        return solve_symmetric(self.inertia, self.project(motors) - self.project(without))
+
+
+def pivot_check(sizes: Array, inverses: Sequence[Any]) -> Any:
+    """More than 1 where a pivot is small against its size in the samples."""
+    return total([(_PIVOT * float(s) * x) ** 2 for s, x in zip(sizes, inverses, strict=True)])

@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""What can be compiled: each kernel as inputs, one row of results, and checks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from casadi import SX
+
+from ..errors import ActuationError, DescriptionError
+from .elimination import Factors, pivot_order, total
+from .equations import Equations, pivot_check
+from .symbols import add, is_zero, solve_symmetric
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """A function of rows of numbers.
+
+    Attributes:
+        name: What it computes.
+        inputs: Symbols of each input, column vectors.
+        parameters: Symbols of the open numbers.
+        output: All results in a column.
+        checks: Numbers that are at most 1 where the results can be vouched for.
+    """
+
+    name: str
+    inputs: tuple[SX, ...]
+    parameters: SX
+    output: SX
+    checks: SX
+
+
+def make(equations: Equations, name: str) -> Kernel:
+    """A kernel by its name.
+
+    Args:
+        equations: Of the robot.
+        name: One of `KERNELS`, or "jacobian " and the name of a frame.
+    """
+    first, _, frame = name.partition(" ")
+    if first == "jacobian":
+        inputs, output, checks = _jacobian(equations, frame)
+    else:
+        inputs, output, checks = KERNELS[name](equations)
+    return Kernel(
+        first,
+        tuple(x for x in inputs if x.numel()),
+        equations.p,
+        ca.densify(output),
+        ca.vertcat(*(SX(check) for check in [*equations.checks, *checks])),
+    )
+
+
+_Made = tuple[list[SX], SX, list[Any]]
+
+
+def _forces(e: Equations) -> _Made:
+    return [e.q, e.va, e.aa, e.loads], e.generalized_forces, []
+
+
+def _torques(e: Equations) -> _Made:
+    """The smallest torques that bring the motion about."""
+    inputs, f, _ = _forces(e)
+    if e.mechanism.driven_one_to_one:
+        return inputs, f, []
+    A = e.motor_matrix
+    n, motors = A.shape
+    if motors < n:
+        raise ActuationError("there are fewer motors than coordinates")
+    if motors > n:
+        tau, inverses = solve_symmetric(A @ A.T, f)
+        return inputs, A.T @ tau, [_definite(inverses)]
+    samples = e.at_samples(A)
+    order, sizes = pivot_order(np.asarray(samples.any(axis=0)), samples)
+    rows = [{j: A[i, j] for j in range(n) if not is_zero(A[i, j])} for i in range(n)]
+    factors = Factors(rows, order)
+    solution = factors.solve(dict(enumerate(ca.vertsplit(f))))
+    check = pivot_check(sizes, factors.inverses)
+    return inputs, ca.vertcat(*(SX(solution.get(i, 0)) for i in range(n))), [check]
+
+
+def _accelerations(e: Equations) -> _Made:
+    tau = SX.sym("tau", e.mechanism.motors.shape[1])
+    aa, inverses = e.accelerations(tau)
+    return [e.q, e.va, tau, e.loads], aa, [_definite(inverses)]
+
+
+def _reduced_terms(e: Equations) -> _Made:
+    gravity = e.project(add(e.tree_forces({}, {}, loads=False), e.springs))
+    friction = e.project(e.friction(e.v))
+    terms = [ca.vec(e.inertia.T), ca.vec(e.coriolis.T), -gravity, -friction]
+    return [e.q, e.va], ca.vertcat(*terms), []
+
+
+def _rates(e: Equations) -> _Made:
+    return [e.q, e.va], ca.vertcat(*(SX(e.v.get(i, 0)) for i in range(e.mechanism.model.nv))), []
+
+
+def _state_rate(e: Equations) -> _Made:
+    """Rates of q and va under motor torques."""
+    inputs, aa, checks = _accelerations(e)
+    return inputs, ca.vertcat(e.kinematics.q_rates(e.v), aa), checks
+
+
+def _closing(e: Equations) -> _Made:
+    """One step of Newton's method with the coordinates held, and the sign of det Phi_u."""
+    residuals = {i: e.rows[i].residual for i in e.factors.rows}
+    right = {i: -x for i, x in residuals.items() if x is not None}
+    if len(right) < len(residuals):
+        raise DescriptionError("compiled kernels", ["rolling leaves nothing to close by rows"])
+    step = e.kinematics.q_rates(e.factors.solve(right))
+    side = SX(1)
+    for pivot in e.factors.pivots:
+        side *= ca.sign(pivot)
+    return [e.q], ca.vertcat(e.kinematics.normalized(e.q + step), side), []
+
+
+def _jacobian(e: Equations, frame: str) -> _Made:
+    model = e.mechanism.model
+    point = e.kinematics.point(0, model.frames[model.getFrameId(frame)])
+    columns = []
+    for L in e.L:
+        twists = [ca.vertcat(*point.columns[i]) * x for i, x in L.items() if i in point.columns]
+        columns.append(sum(twists, SX(6, 1)))
+    return [e.q], ca.vec(ca.horzcat(*columns).T), []
+
+
+KERNELS: dict[str, Callable[[Equations], _Made]] = {
+    "forces": _forces,
+    "torques": _torques,
+    "accelerations": _accelerations,
+    "reduced_terms": _reduced_terms,
+    "rates": _rates,
+    "state_rate": _state_rate,
+    "closing": _closing,
+}
+
+
+def _definite(inverses: list[Any]) -> Any:
+    """More than 1 where a pivot of a symmetric matrix is negative."""
+    return 1e300 * total(ca.fabs(x) - x for x in inverses)

@@ -1,0 +1,256 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Placements and motions of the links of a tree, on CasADi's symbols.
+
+Every vector of a link is in the axes of its own frame. Accelerations are those of points, so that
+no linear velocity is needed: a point at r from a link's origin has the acceleration a + U r with
+U = skew(alpha) + skew(omega) skew(omega).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache, cached_property
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+import pinocchio as pin
+from casadi import SX
+from numpy.typing import NDArray
+
+from .symbols import Sparse, is_zero, sx
+from .tree import Link, Tree
+
+Array = NDArray[np.float64]
+#: Unit vectors among the coordinates of a joint: how long, at their end.
+_UNIT = {"ball": 4, "free": 4, "planar": 2, "unbounded": 2}
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Rates and accelerations of a link, axes of the link.
+
+    Attributes:
+        omega: Angular velocity.
+        omega_k: That of the motion whose rate is taken; `omega`, save for columns of matrices.
+        alpha: Angular acceleration.
+        a: Acceleration of the origin.
+    """
+
+    omega: SX
+    omega_k: SX
+    alpha: SX
+    a: SX
+
+    @classmethod
+    def of_rest(cls, a: SX | None = None) -> Motion:
+        """A base that does not turn, its acceleration zero unless given."""
+        zero = SX(3, 1)
+        return cls(zero, zero, zero, zero if a is None else a)
+
+    @cached_property
+    def U(self) -> SX:
+        """Acceleration of the points of the link less that of its origin: U r."""
+        return ca.skew(self.alpha) + ca.skew(self.omega_k) @ ca.skew(self.omega)
+
+
+class Point(NamedTuple):
+    """A frame as it moves relative to a link, axes of that link.
+
+    Attributes:
+        p: Its origin.
+        R: Its orientation.
+        columns: Linear and angular velocity per rate, by index of the rate.
+    """
+
+    p: SX
+    R: SX
+    columns: dict[int, tuple[SX, SX]]
+
+
+class Kinematics:
+    """Symbols of a tree.
+
+    Args:
+        model: The tree.
+
+    Attributes:
+        tree: Its links.
+        q: Its coordinates.
+
+    Raises:
+        DescriptionError: For a joint without compiled equations.
+    """
+
+    def __init__(self, model: pin.Model) -> None:
+        self.tree = Tree.of(model)
+        self.q = SX.sym("q", model.nq)
+        self.pose = cache(self._pose)
+        self._at_rates: tuple[Sparse | None, dict[tuple[int, int], Motion]] = None, {}
+
+    @cached_property
+    def placements(self) -> list[tuple[SX, SX]]:
+        """Orientation and origin of each link in its parent."""
+        placements = []
+        for link in self.tree.links:
+            R, d = _joint_placement(link, [self.q[i] for i in link.q])
+            placements.append((sx(link.R) @ R, sx(link.p) + sx(link.R) @ d))
+        return placements
+
+    def _pose(self, base: int, link: int) -> tuple[SX, SX]:
+        """Orientation and origin of a link, in the axes of one of its ancestors."""
+        if link == base:
+            return SX.eye(3), SX(3, 1)
+        R, p = self.pose(base, self.tree.links[link].parent)
+        R_link, p_link = self.placements[link]
+        return R @ R_link, p + R @ p_link
+
+    def point(self, base: int, frame: pin.Frame) -> Point:
+        """A frame of the tree as it moves relative to an ancestor of its link."""
+        link = self.tree.link_of[frame.parentJoint]
+        R, o = self.pose(base, link)
+        p = o + R @ sx(frame.placement.translation)
+        columns = {}
+        path = self.tree.ancestors(link)
+        for i in path[path.index(base) + 1 :]:
+            R_i, o_i = self.pose(base, i)
+            for k, S in zip(self.tree.links[i].v, self.tree.links[i].S.T, strict=True):
+                turn = R_i @ sx(S[3:])
+                columns[k] = (R_i @ sx(S[:3]) + ca.cross(turn, p - o_i), turn)
+        return Point(p, R @ sx(frame.placement.rotation), columns)
+
+    def motions(
+        self, v: Sparse, dv: Sparse, gravity: SX | None = None, v_k: Sparse | None = None
+    ) -> list[Motion]:
+        """Motion of all links.
+
+        Args:
+            v: Rates, by index.
+            dv: Accelerations.
+            gravity: Which the base seems to be accelerated against.
+            v_k: Rates of the motion whose rate is taken; `v` by default.
+        """
+        motions = [Motion.of_rest(None if gravity is None else -gravity)]
+        for i, link in enumerate(self.tree.links[1:], start=1):
+            motions.append(self._next(i, motions[link.parent], v, v if v_k is None else v_k, dv))
+        return motions
+
+    def relative_motion(self, base: int, link: int, v: Sparse) -> Motion:
+        """Motion of a link relative to one of its ancestors at v, without accelerations."""
+        if self._at_rates[0] is not v:
+            self._at_rates = v, {}
+        known = self._at_rates[1]
+        if (base, link) not in known:
+            if link == base:
+                known[base, link] = Motion.of_rest()
+            else:
+                before = self.relative_motion(base, self.tree.links[link].parent, v)
+                known[base, link] = self._next(link, before, v, v, {})
+        return known[base, link]
+
+    def _next(self, i: int, before: Motion, v: Sparse, v_k: Sparse, dv: Sparse) -> Motion:
+        """Motion of link i from that of its parent."""
+        link, (R, p) = self.tree.links[i], self.placements[i]
+        u, turn = _own(link, v)
+        u_k, turn_k = (u, turn) if v_k is v else _own(link, v_k)
+        du, dturn = _own(link, dv)
+        back = R.T
+        omega = back @ before.omega + turn
+        omega_k = omega if v_k is v else back @ before.omega_k + turn_k
+        alpha = back @ before.alpha + ca.cross(omega, turn_k) + dturn
+        a = back @ (before.a + before.U @ p) + du
+        if link.S[:3].any():
+            a += ca.cross(back @ before.omega_k, u) + ca.cross(omega, u_k)
+        return Motion(omega, omega_k, alpha, a)
+
+    def transmitted(self, wrenches: list[tuple[SX, SX]]) -> Sparse:
+        """What the joints transmit of a force and a moment about the origin of each link."""
+        tau: Sparse = {}
+        wrenches = list(wrenches)
+        for i in range(len(self.tree.links) - 1, 0, -1):
+            link, (R, p), (F, N) = self.tree.links[i], self.placements[i], wrenches[i]
+            for k, S in zip(link.v, link.S.T, strict=True):
+                value = ca.dot(sx(S[:3]), F) + ca.dot(sx(S[3:]), N)
+                if not is_zero(value):
+                    tau[k] = value
+            if link.parent:
+                F_0, N_0 = wrenches[link.parent]
+                F = R @ F
+                wrenches[link.parent] = F_0 + F, N_0 + R @ N + ca.cross(p, F)
+        return tau
+
+    def q_rates(self, v: Sparse) -> SX:
+        """Rates of the coordinates; those of unit vectors as of any numbers."""
+        q, rates = self.q, SX(self.q.numel(), 1)
+        for link in self.tree.links[1:]:
+            first, last = link.q.start, link.q.stop
+            own = [SX(v.get(k, 0)) for k in link.v]
+            if link.kind not in _UNIT:
+                rates[first:last] = ca.vertcat(*own)
+            elif link.kind in ("unbounded", "planar"):
+                c, s = q[last - 2], q[last - 1]
+                rates[last - 2 : last] = ca.vertcat(-s, c) * own[-1]
+            else:
+                vector, w, omega = q[last - 4 : last - 1], q[last - 1], ca.vertcat(*own[-3:])
+                turned = w * omega + ca.cross(vector, omega)
+                rates[last - 4 : last] = ca.vertcat(turned, -ca.dot(vector, omega)) / 2
+            if link.kind in ("planar", "free"):
+                R, _ = _joint_placement(link, [q[i] for i in link.q])
+                size = len(link.q) - _UNIT[link.kind]
+                rates[first : first + size] = R[:size, :size] @ ca.vertcat(*own[:size])
+        return rates
+
+    @property
+    def unit_gaps(self) -> list[SX]:
+        """By how much the squares of unit vectors among the coordinates are off one."""
+        return [ca.sumsqr(self.q[part]) - 1 for part in self._units]
+
+    def normalized(self, q: SX) -> SX:
+        """q with its unit vectors nearer to length one, by a step of Newton's method."""
+        q = SX(q)
+        for part in self._units:
+            q[part] *= (3 - ca.sumsqr(q[part])) / 2
+        return q
+
+    @property
+    def _units(self) -> list[slice]:
+        return [
+            slice(link.q.stop - _UNIT[link.kind], link.q.stop)
+            for link in self.tree.links
+            if link.kind in _UNIT
+        ]
+
+
+def _own(link: Link, x: Sparse) -> tuple[SX, SX]:
+    """Linear and angular part of a link's own rates, axes of the link."""
+    u, turn = SX(3, 1), SX(3, 1)
+    for k, S in zip(link.v, link.S.T, strict=True):
+        if k in x:
+            u, turn = u + sx(S[:3]) * x[k], turn + sx(S[3:]) * x[k]
+    return u, turn
+
+
+def _joint_placement(link: Link, q: list[SX]) -> tuple[SX, SX]:
+    """Orientation and displacement of a joint."""
+    kind, S = link.kind, link.S
+    R, d = SX.eye(3), SX(3, 1)
+    if kind in ("slide", "screw"):
+        d = sx(S[:3, 0]) * q[0]
+    elif kind in ("slides", "free"):
+        d = ca.vertcat(*q[:3])
+    elif kind == "planar":
+        d = ca.vertcat(*q[:2], 0)
+    if kind in ("turn", "screw"):
+        R = _turn(S[3:, 0], ca.cos(q[0]), ca.sin(q[0]))
+    elif kind in ("unbounded", "planar"):
+        R = _turn(S[3:, -1], q[-2], q[-1])
+    elif kind in ("ball", "free"):
+        vector, w = ca.vertcat(*q[-4:-1]), q[-1]
+        W = ca.skew(vector)
+        R = SX.eye(3) + 2 * (w * W + W @ W)
+    return R, d
+
+
+def _turn(axis: Array, cosine: SX, sine: SX) -> SX:
+    along = np.outer(axis, axis)
+    return sx(np.eye(3) - along) * cosine + sx(along) + ca.skew(sx(axis)) * sine

@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""What stays open in compiled kernels: gravity, masses and inertias, friction, springs, rotors.
+
+Which bodies have mass and which joints have friction, springs or rotors is folded in, the numbers
+are not: they cost a load each, and a payload, an identified friction or another gravity then take
+no compiler.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..chain.mechanism import Friction, Mechanism
+from ..errors import DescriptionError
+
+if TYPE_CHECKING:
+    from casadi import SX
+
+Array = NDArray[np.float64]
+
+#: Of a body: mass, first moment (3), second moments xx, xy, xz, yy, yz, zz about its frame.
+_BODY = 10
+#: Index of the rate within which friction is tanh instead of sign.
+SIGN_WIDTH = 3
+_JOINT = ("armature", "viscous", "coulomb", "stiffness", "spring_reference")
+
+
+class Parameters:
+    """Order of the open numbers of a mechanism.
+
+    Args:
+        mechanism: The robot.
+
+    Attributes:
+        size: How many there are.
+        bodies: Indices of Pinocchio's joints whose bodies have mass.
+        joints: Indices of the rates that have each quantity of a joint, by its name.
+    """
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        model = mechanism.model
+        self.bodies = tuple(
+            i for i in range(1, model.njoints) if np.any(model.inertias[i].toDynamicParameters())
+        )
+        values = _of_joints(mechanism)
+        springs = np.flatnonzero(values["stiffness"])
+        self.joints = {
+            name: tuple(map(int, springs if name == "spring_reference" else np.flatnonzero(x)))
+            for name, x in values.items()
+        }
+        self._starts, start = {}, 4 + _BODY * len(self.bodies)  # gravity, sign_width
+        for name in _JOINT:
+            self._starts[name] = start
+            start += len(self.joints[name])
+        self.size = start
+
+    def pack(self, mechanism: Mechanism, friction: Friction) -> Array:
+        """The numbers of a mechanism with the same structure, shape (size,).
+
+        Args:
+            mechanism: The robot.
+            friction: In the place of its own, in the same joints.
+        """
+        model, values = mechanism.model, _of_joints(mechanism)
+        values |= {"viscous": friction.viscous, "coulomb": friction.coulomb}
+        parts = [model.gravity.linear, [friction.sign_width]]
+        for i in self.bodies:
+            body = model.inertias[i]
+            about_origin = body.toDynamicParameters()
+            xx, xy, yy, xz, yz, zz = about_origin[4:]
+            half = (xx + yy + zz) / 2
+            parts += [about_origin[:4], [half - xx, -xy, -xz, half - yy, -yz, half - zz]]
+        parts += [values[name][list(self.joints[name])] for name in _JOINT]
+        return np.concatenate(parts)
+
+    def gravity(self, p: SX) -> SX:
+        """Acceleration of gravity, base axes."""
+        return p[:3]
+
+    def body(self, p: SX, body: int) -> tuple[SX, SX, SX] | None:
+        """Mass, first moment and second moments of a body; None without mass."""
+        if body not in self.bodies:
+            return None
+        start = 4 + _BODY * self.bodies.index(body)
+        J = p[[start + k for k in (4, 5, 6, 5, 7, 8, 6, 8, 9)]].reshape((3, 3))
+        return p[start], p[start + 1 : start + 4], J
+
+    def of_joints(self, name: str, p: SX) -> dict[int, SX]:
+        """A quantity of the joints that have it, by index of their rates."""
+        start = self._starts[name]
+        return {i: p[start + k] for k, i in enumerate(self.joints[name])}
+
+
+def _of_joints(mechanism: Mechanism) -> dict[str, Array]:
+    model, springs = mechanism.model, mechanism.springs
+    reference = np.zeros(model.nv)
+    for joint in list(model.joints)[1:]:
+        if joint.nq == joint.nv:
+            places = slice(joint.idx_v, joint.idx_v + joint.nv)
+            reference[places] = springs.reference[joint.idx_q : joint.idx_q + joint.nq]
+        elif springs.stiffness[joint.idx_v : joint.idx_v + joint.nv].any():
+            name = model.names[joint.id]
+            raise DescriptionError(
+                "compiled kernels",
+                [f"joint {name}: a spring on a ball or an unbounded joint has no equations here"],
+            )
+    return {
+        "armature": model.armature,
+        "viscous": mechanism.friction.viscous,
+        "coulomb": mechanism.friction.coulomb,
+        "stiffness": springs.stiffness,
+        "spring_reference": reference,
+    }

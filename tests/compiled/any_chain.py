@@ -1,0 +1,170 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Closed chains with every kind of joint and of closure, of random dimensions."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import pinocchio as pin
+
+from sst_pin import ClosedChain, ClosureError
+from sst_pin.chain.closures import Closure, Constraint, Coupling, Distance, Rolling
+
+AXIS = np.array([2.0, -1.0, 2.0]) / 3
+OTHER = np.array([1.0, 0.0, -1.0]) / np.sqrt(2)
+
+
+def _unit(random: np.random.Generator, size: int) -> np.ndarray:
+    x = random.normal(size=size)
+    return x / np.linalg.norm(x)
+
+
+def _placement(random: np.random.Generator, reach: float) -> pin.SE3:
+    return pin.SE3(pin.Quaternion(_unit(random, 4)), reach * _unit(random, 3))
+
+
+def _parts() -> list[tuple[pin.JointModel, pin.SE3]]:
+    random = np.random.default_rng(4)
+    kinds = pin.JointModelRX(), pin.JointModelPrismaticUnaligned(AXIS), pin.JointModelRZ()
+    return [(kind, _placement(random, 0.5)) for kind in kinds]
+
+
+def _composite() -> pin.JointModelComposite:
+    joint = pin.JointModelComposite()
+    for kind, placement in _parts():
+        joint.addJoint(kind, placement)
+    return joint
+
+
+def _continuous() -> pin.JointModel:
+    axis = " ".join(map(str, AXIS))
+    return pin.buildModelFromXML(
+        '<robot name="r"><link name="a"/><link name="b"/><joint name="j" type="continuous">'
+        f'<parent link="a"/><child link="b"/><axis xyz="{axis}"/></joint></robot>'
+    ).joints[1]
+
+
+JOINTS: dict[str, Callable[[], pin.JointModel]] = {
+    "RY": pin.JointModelRY,
+    "revolute": lambda: pin.JointModelRevoluteUnaligned(AXIS),
+    "PX": pin.JointModelPX,
+    "prismatic": lambda: pin.JointModelPrismaticUnaligned(AXIS),
+    "HZ": lambda: pin.JointModelHZ(0.3),
+    "helical": lambda: pin.JointModelHelicalUnaligned(AXIS, 0.2),
+    "RUBX": pin.JointModelRUBX,
+    "continuous": _continuous,
+    "spherical": pin.JointModelSpherical,
+    "translation": pin.JointModelTranslation,
+    "planar": pin.JointModelPlanar,
+    "free-flyer": pin.JointModelFreeFlyer,
+}
+#: Joints that are the same as several in a row.
+IN_A_ROW: dict[str, tuple[Callable[[], pin.JointModel], list[tuple[pin.JointModel, pin.SE3]]]] = {
+    "universal": (
+        lambda: pin.JointModelUniversal(AXIS, OTHER),
+        [(pin.JointModelRevoluteUnaligned(a), pin.SE3.Identity()) for a in (AXIS, OTHER)],
+    ),
+    "ZYX": (
+        pin.JointModelSphericalZYX,
+        [
+            (kind(), pin.SE3.Identity())
+            for kind in (pin.JointModelRZ, pin.JointModelRY, pin.JointModelRX)
+        ],
+    ),
+    "composite": (_composite, _parts()),
+}
+CLOSURES = [*Closure.KINDS, (True, False, True, False, True, False)]
+
+
+def chain(
+    joints: Sequence[tuple[pin.JointModel, pin.SE3]] = (),
+    kind: str | tuple[bool, ...] = "6d",
+    more: Sequence[Constraint] = (),
+    **options,
+) -> ClosedChain:
+    """A body on a joint from the base, held by an arm of six revolutes.
+
+    Args:
+        joints: Between base and body, each with its placement; a revolute one by default.
+        kind: Of the closure between body and arm; "" for none.
+        more: Further constraints, on joints "body", "arm_1".. and frames "point_arm_1"..
+        options: Of `ClosedChain`.
+    """
+    random = np.random.default_rng(0)
+    model = pin.Model()
+    model.gravity.linear = np.array([0.7, -1.1, -9.6])
+
+    def load(index: int, name: str) -> int:
+        points = 0.2 * random.normal(size=(3, 3))
+        moments = points @ points.T
+        inertia = moments.trace() * np.eye(3) - moments
+        body = pin.Inertia(random.uniform(0.5, 2), 0.2 * random.normal(size=3), inertia)
+        model.appendBodyToJoint(index, body, pin.SE3.Identity())
+        point = pin.Frame(f"point_{name}", index, _placement(random, 0.3), pin.FrameType.OP_FRAME)
+        model.addFrame(point)
+        return index
+
+    joints = list(joints) or [(pin.JointModelRY(), pin.SE3.Identity())]
+    index, names = 0, [f"body_{k}" for k in range(len(joints) - 1)] + ["body"]
+    where = _placement(random, 0.3)
+    for name, (joint, placement) in zip(names, joints, strict=True):
+        index = model.addJoint(index, joint, where * placement, name)
+        where = pin.SE3.Identity()
+    body, hand = load(index, "body"), 0
+    for k in range(6):
+        axis = pin.JointModelRevoluteUnaligned(_unit(random, 3))
+        name = f"arm_{k + 1}"
+        hand = load(model.addJoint(hand, axis, _placement(random, 0.5), name), name)
+    data, q = model.createData(), pin.integrate(model, pin.neutral(model), 0.3 * np.ones(model.nv))
+    pin.framesForwardKinematics(model, data, q)
+    end = _placement(random, 0.2)
+    reached = data.oMi[body].actInv(data.oMi[hand] * end)
+    model.addFrame(pin.Frame("A", body, reached, pin.FrameType.OP_FRAME))
+    model.addFrame(pin.Frame("B", hand, end, pin.FrameType.OP_FRAME))
+    model.armature = random.uniform(0, 0.1, model.nv)
+    model.damping, model.friction = random.uniform(0, 2, (2, model.nv))
+    closures = [Closure("A", "B", kind)] if kind else []
+    return ClosedChain(model, [*closures, *more], options.pop("actuated", names), **options)
+
+
+def with_joint(name: str, **options) -> ClosedChain:
+    """The body on a joint of one kind."""
+    make = JOINTS[name] if name in JOINTS else IN_A_ROW[name][0]
+    return chain([(make(), pin.SE3.Identity())], **options)
+
+
+def rods() -> ClosedChain:
+    """The arm ends in a ball; a rod between two of its links."""
+    plain = chain(kind="3d")
+    data = plain.model.createData()
+    pin.framesForwardKinematics(plain.model, data, plain.generic_configuration())
+    a, b = (data.oMf[plain.model.getFrameId(f"point_arm_{k}")].translation for k in (2, 5))
+    rod = Distance("point_arm_2", "point_arm_5", float(np.linalg.norm(a - b)))
+    return chain(kind="3d", more=[rod])
+
+
+def coupled() -> ClosedChain:
+    """A joint of the arm follows polynomials of two others."""
+    following = Coupling("arm_2", {"arm_1": (0.1, -0.5, 0.2), "body": (0.0, 0.3)}, 0.05)
+    return chain(kind="3d", more=[following])
+
+
+def rolling(ball: bool) -> ClosedChain:
+    """A wheel or a ball on the arm, on a plane that moves in its plane."""
+    plane = [(pin.JointModelPlanar(), pin.SE3.Identity())]
+    return chain(plane, "", [Rolling("A", "B", 0.2, ball)])
+
+
+def states(chain: ClosedChain, count: int, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """q, va, aa of random motions around a generic configuration, the worst ones left out."""
+    random = np.random.default_rng(seed)
+    generic, found = chain.generic_configuration(), []
+    while len(found) < count:
+        moved = pin.integrate(chain.model, generic, 0.2 * random.normal(size=chain.model.nv))
+        try:
+            q = chain.assemble(moved, fixed=())
+        except ClosureError:
+            continue
+        if chain.condition_number(q) < 1e4:
+            found.append(q)
+    va, aa = random.normal(size=(2, count, chain.degrees_of_freedom))
+    return np.array(found), va, aa

@@ -1,0 +1,395 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Chains computed by kernels of their own."""
+
+import copy
+import multiprocessing
+import os
+import pickle
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import any_chain
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import cassie
+import robots
+import sst_pin
+from sst_pin.compiled import backend, build
+from sst_pin.errors import CompilationError
+
+DELTA = Path(__file__).parents[2] / "examples" / "delta.urdf"
+
+
+def cassie_on_a_stand(folder: Path) -> sst_pin.ClosedChain:
+    path = folder / "cassie.xml"
+    path.write_text(cassie.mjcf())
+    with pytest.warns(sst_pin.DescriptionWarning):
+        return sst_pin.ClosedChain.from_mjcf(path, locked=cassie.HELD)
+
+
+ROBOTS = {
+    "SST": lambda _: sst_pin.SST(kernels=False),
+    "four-bar": lambda _: robots.four_bar(robots.SKEW_PLANE).chain(),
+    "planar 3-RRR": lambda _: robots.planar_3rrr().chain(),
+    "delta": lambda _: sst_pin.ClosedChain.from_urdf(DELTA),
+    "Cassie": cassie_on_a_stand,
+    "floating": lambda _: any_chain.with_joint("free-flyer", kind="hinge"),
+}
+
+
+@pytest.fixture(scope="module", params=ROBOTS)
+def pair(request, tmp_path_factory):
+    """A robot twice, by kernels and by the reference path."""
+    return twice(request.param, tmp_path_factory.mktemp("robot"))
+
+
+@pytest.fixture(scope="module", params=["four-bar", "floating"])
+def small(request, tmp_path_factory):
+    """Likewise a small one, all kernels of which are soon made."""
+    return twice(request.param, tmp_path_factory.mktemp("robot"))
+
+
+def twice(name, folder):
+    kernels, reference = (ROBOTS[name](folder) for _ in range(2))
+    for chain in (kernels, reference):
+        chain.generic_configuration()
+    kernels.compile()
+    return kernels, reference
+
+
+@pytest.fixture(scope="module")
+def four_bar():
+    chain = robots.four_bar(robots.SKEW_PLANE).chain()
+    chain.compile()
+    return chain
+
+
+def moving(chain, count, seed=0):
+    return any_chain.states(chain, count, seed)
+
+
+def left(chain, q, va, aa):
+    """How many samples the kernels of torques and accelerations leave to the reference path."""
+    motors, kernels = len(chain.motor_names), chain._backend
+    tau = np.ones((len(q), motors))
+    count = len(kernels.accelerations(q, va, tau, None, np.empty(va.shape), 1))
+    if motors >= chain.degrees_of_freedom:
+        count += len(kernels.torques(q, va, aa, None, np.empty((len(q), motors)), 1))
+    return count
+
+
+def test_kernels_give_what_the_reference_path_gives(pair):
+    """Torques to 1e-11; accelerations by the torques that they take, free of conditioning."""
+    kernels, reference = pair
+    q, va, aa = moving(reference, 60)
+    assert "compiled" in kernels.path
+    forces = reference.generalized_forces(q, va, aa)
+    scale = np.abs(forces).max()
+    if reference._mechanism().driven_one_to_one:
+        tau = kernels.compute_torques(q, va, aa)
+        assert np.abs(tau - forces).max() < 1e-11 * scale
+        single = [kernels.compute_torques(*sample) for sample in zip(q, va, aa, strict=True)]
+        assert np.abs(np.array(single) - forces).max() < 1e-11 * scale
+    tau = np.random.default_rng(0).normal(size=(len(q), len(reference.motor_names)))
+    found = kernels.compute_accelerations(q, va, tau)
+    taken = reference.generalized_forces(q, va, found)
+    given = np.array([_along_coordinates(reference, *pair) for pair in zip(q, tau, strict=True)])
+    assert np.abs(taken - given).max() < 1e-11 * (np.abs(taken).max() + scale)
+
+
+def _along_coordinates(chain, q, tau):
+    """L^T B tau."""
+    va = np.zeros(chain.degrees_of_freedom)
+    return chain.noc(q, va).L.T @ chain._mechanism().motors @ tau
+
+
+def test_regular_samples_are_not_handed_over(pair):
+    """Their condition numbers are below 1e4."""
+    kernels, reference = pair
+    assert left(kernels, *moving(reference, 200, 1)) == 0
+
+
+def test_reduced_terms_loads_and_many_threads(small):
+    kernels, reference = small
+    q, va, _ = moving(reference, 12, 2)
+    for got, expected in zip(
+        kernels.reduced_terms(q, va), reference.reduced_terms(q, va), strict=True
+    ):
+        row = np.abs(expected).reshape(len(q), -1).max(axis=1)
+        assert np.abs(got - expected).reshape(len(q), -1).max() < 1e-10 * (row.max() + 1)
+    wrenches = np.random.default_rng(0).normal(size=(len(reference.joint_names), 6))
+    tau = np.ones(len(reference.motor_names))
+    expected = reference.compute_accelerations(q, va, tau, external_wrenches=wrenches)
+    got = kernels.compute_accelerations(q, va, tau, external_wrenches=wrenches)
+    assert np.abs(got - expected).max() < 1e-8 * np.abs(expected).max()
+    many = np.arange(5000) % len(q)
+    alone = kernels.compute_accelerations(q[many], va[many], tau)
+    shared = kernels.compute_accelerations(q[many], va[many], tau, threads=4)
+    assert np.array_equal(alone, shared)
+
+
+def test_simulation_and_rollout_agree_with_the_reference_path(small):
+    """The same equations, integrated to 1e-10 and to the same rule."""
+    kernels, reference = small
+    q, va, _ = moving(reference, 2, 3)
+    tau = np.zeros((2, 5, len(reference.motor_names)))
+    ours = kernels.rollout(tau, q, 0.1 * va, 1e-3, sign_width=0.1)
+    theirs = reference.rollout(tau, q, 0.1 * va, 1e-3, sign_width=0.1)
+    assert np.abs(ours.q - theirs.q).max() < 1e-9
+    assert np.abs(ours.va - theirs.va).max() < 1e-7 * max(1, np.abs(theirs.va).max())
+    t = np.linspace(0, 0.01, 3)
+    options = {"sign_width": 0.1, "rtol": 1e-9, "atol": 1e-9}
+    first = kernels.simulate(tau[0, 0], q[0], 0.1 * va[0], t, **options)
+    second = reference.simulate(tau[0, 0], q[0], 0.1 * va[0], t, **options)
+    assert np.abs(first.q - second.q).max() < 1e-7
+
+
+def test_a_bad_sample_gets_the_error_or_the_answer_of_the_reference_path(four_bar):
+    q, va, aa = moving(four_bar, 6)
+    opened = q.copy()
+    opened[2, 1] += 1e-3
+    with pytest.raises(sst_pin.ClosureError, match=r"1 of 6 samples \(index 2\)"):
+        four_bar.compute_torques(opened, va, aa)
+    tau = four_bar.compute_torques(opened, va, aa, on_error="nan")
+    assert np.isnan(tau).any(axis=1).tolist() == [False, False, True, False, False, False]
+    with pytest.raises(sst_pin.ClosureError):
+        four_bar.compute_torques(opened[2], va[2], aa[2])
+    for bad in (np.nan, np.inf):
+        for k in range(3):
+            arrays = [q[0].copy(), va[0].copy(), aa[0].copy()]
+            arrays[k][0] = bad
+            with pytest.raises(sst_pin.InputError):
+                four_bar.compute_torques(*arrays)
+    near = q[0].copy()
+    near[2] += 0.8e-6  # open, but less than the reference path minds: it is asked
+    assert left(four_bar, near[None], va[:1], aa[:1]) == 2
+    assert np.isfinite(four_bar.compute_torques(near, va[0], aa[0])).all()
+
+
+def test_a_dead_centre_is_handed_over(four_bar):
+    """At full reach the crank does not move the rest: |pivot| tends to zero."""
+    chain = sst_pin.ClosedChain(
+        four_bar.model, four_bar.closures, ["rocker"], coordinates=["rocker"]
+    )
+    chain.compile()
+    c, k, r, g = robots.CRANK, robots.COUPLER, robots.ROCKER, robots.GROUND
+    angle = np.arccos(((c + k) ** 2 + g**2 - r**2) / (2 * (c + k) * g))
+    guess = np.array([angle, 0.0, np.pi - np.arccos((r**2 + g**2 - (c + k) ** 2) / (2 * r * g))])
+    q = chain.assemble(guess, fixed=())
+    assert left(chain, q[None], np.ones((1, 1)), np.zeros((1, 1))) == 2
+    with pytest.raises(sst_pin.SingularConfigurationError):
+        chain.compute_torques(q, [1.0], [0.0])
+
+
+def test_strided_read_only_broadcast_and_overlapping_arrays(four_bar):
+    q, va, aa = moving(four_bar, 8)
+    expected = four_bar.compute_torques(q, va, aa)
+    assert np.array_equal(four_bar.compute_torques(q[::-2], va[::-2], aa[::-2]), expected[::-2])
+    wide = np.asfortranarray(np.repeat(q, 2, axis=1))[:, ::2]
+    assert np.array_equal(four_bar.compute_torques(wide, va, aa), expected)
+    q.flags.writeable = False
+    grid = four_bar.compute_torques(q[:, None], va[0], aa[None, :3])
+    assert grid.shape == (8, 3, 1)
+    # One sample goes through code for fewer at once, which may round otherwise.
+    single = four_bar.compute_torques(q[4], va[0], aa[2])
+    assert np.allclose(grid[4, 2], single, rtol=1e-13)
+    lists = four_bar.compute_torques(q[0].tolist(), va[0].tolist(), aa[0].tolist())
+    assert np.allclose(lists, expected[0], rtol=1e-13)
+    assert four_bar.compute_torques(q[:0], va[:0], aa[:0]).shape == (0, 1)
+    own = aa.copy()
+    assert four_bar.compute_torques(q, va, own, out=own) is own
+    assert np.array_equal(own, expected)
+    with pytest.raises(sst_pin.InputError, match="shape"):
+        four_bar.compute_torques(q, va[:, :0], aa)
+
+
+def test_the_binding_computes_with_nothing_but_float64_rows(four_bar):
+    (q, va, aa), out = moving(four_bar, 5), np.empty((5, 1))
+    kernel = four_bar._backend.kernel("torques")
+    assert kernel.one(q[0], va[0], aa[0], None, None, 1) is not None
+    for bad in (q[0].astype(np.float32), q[0].astype(">f8"), q[0].tolist(), None, q[0][:2], q):
+        assert kernel.one(bad, va[0], aa[0], None, None, 1) is None
+        with pytest.raises(TypeError):
+            kernel.many((bad if bad is None or len(bad) < 5 else q[:4], va), out)
+    for arrays in ((q[:4], va, aa), (q.astype(np.float32), va, aa), (q.T, va, aa)):
+        with pytest.raises(TypeError):
+            kernel.many(arrays, out)
+    frozen = out.copy()
+    frozen.flags.writeable = False
+    for wrong in (frozen, out.astype(np.float32), out[:, 0]):
+        with pytest.raises(TypeError):
+            kernel.many((q, va, aa), wrong)
+    unaligned = np.frombuffer(b"\0" + q.tobytes(), dtype=np.uint8)[1:].view(float).reshape(q.shape)
+    with pytest.raises(TypeError):
+        kernel.many((unaligned, va, aa), out)
+    assert np.array_equal(
+        four_bar.compute_torques(unaligned, va, aa), four_bar.compute_torques(q, va, aa)
+    )
+
+
+def test_a_change_of_the_model_counts_without_compiling_again(four_bar, monkeypatch):
+    chain = copy.deepcopy(four_bar)
+    (q,), (va,), (aa,) = moving(chain, 1)
+    before = chain.compute_torques(q, va, aa)
+    monkeypatch.setattr(build, "_compile", None)  # whoever compiles fails
+    gravity = chain.model.gravity
+    chain.compute_torques(q, va, aa)
+    gravity.linear = np.array([0.0, 0.0, 20.0])
+    chain.model.gravity.linear = np.array([0.0, 0.0, 20.0])
+    heavier = chain.compute_torques(q, va, aa)
+    chain.model.inertias[2] = chain.model.inertias[2] + chain.model.inertias[1]
+    loaded = chain.compute_torques(q, va, aa)
+    assert len({float(x[0]) for x in (before, heavier, loaded)}) == 3
+    reference = sst_pin.ClosedChain(chain.model, chain.closures, ["crank"])
+    assert np.allclose(loaded, reference.compute_torques(q, va, aa), rtol=1e-12)
+    assert "compiled" in chain.path
+
+
+def test_copies_threads_forks_and_other_processes_compute_the_same(four_bar):
+    q, va, aa = moving(four_bar, 64)
+    expected = four_bar.compute_torques(q, va, aa)
+    for other in (
+        copy.copy(four_bar),
+        copy.deepcopy(four_bar),
+        pickle.loads(pickle.dumps(four_bar)),
+    ):
+        assert np.array_equal(other.compute_torques(q, va, aa), expected)
+        assert "compiled" in other.path
+    results = [None] * 4
+
+    def compute(k):
+        results[k] = [four_bar.compute_torques(q[i], va[i], aa[i]) for i in range(64)]
+
+    threads = [threading.Thread(target=compute, args=(k,)) for k in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert all(np.array_equal(result, expected) for result in results)
+    with multiprocessing.get_context("fork").Pool(2) as pool:
+        for result in pool.starmap(four_bar.compute_torques, [(q, va, aa)] * 2):
+            assert np.array_equal(result, expected)
+
+
+def test_without_a_compiler_the_reason_is_said_and_the_reference_path_computes(
+    tmp_path, monkeypatch
+):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setenv("PATH", "")
+    monkeypatch.delenv("CC", raising=False)
+    monkeypatch.setattr(build, "find_spec", lambda _: None)
+    chain = robots.four_bar().chain()
+    with pytest.raises(CompilationError, match=r"no C compiler found.*sst-pin\[compiler\]"):
+        chain.compile()
+    q, va, aa = moving(chain, 1)
+    assert np.isfinite(chain.compute_torques(q, va, aa)).all()
+    assert "compile()" in chain.path
+    chain._kernels = backend.CompiledBackend
+    elsewhere = pickle.loads(pickle.dumps(chain))
+    assert np.isfinite(elsewhere.compute_torques(q, va, aa)).all()
+    assert "no C compiler found" in elsewhere.path
+
+
+def test_a_failing_compiler_is_quoted(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    fake = tmp_path / "cc"
+    fake.write_text("#!/bin/sh\necho 'the disk is full' >&2\nexit 3\n")
+    fake.chmod(0o755)
+    monkeypatch.setenv("CC", str(fake))
+    with pytest.raises(CompilationError, match=r"code 3:\nthe disk is full"):
+        robots.four_bar().chain().compile()
+    assert not [*tmp_path.rglob("*.so"), *tmp_path.rglob(".building*")]
+
+
+def test_the_cache_is_the_users_own_and_holds_whole_files(four_bar, tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    chain = robots.four_bar(robots.SKEW_PLANE).chain()
+    chain.compile()
+    entries = build.cached()
+    assert {entry.kernel for entry in entries} == {"torques", "accelerations"}
+    stamps = {entry.path: entry.path.read_bytes() for entry in entries}
+    first = entries[0].path
+    damaged = first.read_bytes()[:-100]
+    first.unlink()  # what is loaded stays
+    first.write_bytes(damaged)  # is made anew
+    robots.four_bar(robots.SKEW_PLANE).chain().compile()
+    assert len(build.cached()) == len(stamps)
+    assert all(path.name.split(".")[-2] == build._digest(path) for path in stamps if path.exists())
+    folder = build.cache_folder()
+    folder.chmod(0o777)
+    with pytest.raises(CompilationError, match="others could put code there"):
+        robots.four_bar().chain().compile()
+    folder.chmod(0o700)
+    assert build.empty_cache() == len(entries)
+    assert build.cached() == []
+
+
+def test_processes_that_compile_the_same_at_once_do_not_disturb_each_other(tmp_path):
+    code = (
+        "import robots; c = robots.four_bar().chain(); c.compile();"
+        "q = c.generic_configuration(); print(c.compute_torques(q, [1.0], [2.0])[0], c.path)"
+    )
+    path = os.pathsep.join([str(Path(__file__).parents[1]), *sys.path])
+    environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path), "PYTHONPATH": path}
+    runs = [
+        subprocess.Popen([sys.executable, "-c", code], env=environment, stdout=subprocess.PIPE)
+        for _ in range(3)
+    ]
+    answers = {run.communicate()[0] for run in runs}
+    assert len(answers) == 1
+    assert b"compiled" in answers.pop()
+
+
+@pytest.mark.skipif(not build.find_spec("ziglang"), reason="needs ziglang")
+def test_the_compiler_in_a_wheel_makes_the_same_kernels(tmp_path, monkeypatch):
+    chain = robots.four_bar(robots.SKEW_PLANE).chain()
+    q, va, aa = moving(chain, 4)
+    expected = chain.compute_torques(q, va, aa)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setenv("CC", f"{sys.executable} -m ziglang cc")
+    chain.compile()
+    assert np.allclose(chain.compute_torques(q, va, aa), expected, rtol=1e-11)
+    assert "compiled" in chain.path
+
+
+def test_every_instruction_set_gives_the_same(tmp_path, monkeypatch):
+    """Two, four and eight samples at once, as far as this processor can."""
+    from sst_pin.compiled import _binding
+
+    order = ["plain", "avx2", "avx512"]
+    for target in order[: order.index(_binding.INSTRUCTIONS) + 1]:
+        chain = robots.planar_3rrr().chain()
+        q, va, aa = moving(chain, 11)
+        expected = chain.compute_torques(q, va, aa)
+        monkeypatch.setattr(_binding, "INSTRUCTIONS", target)
+        chain.compile()
+        assert target in chain.path
+        assert np.allclose(chain.compute_torques(q, va, aa), expected, rtol=1e-10)
+
+
+def test_a_rolling_wheel_and_unbounded_joints_roll_out_on_the_reference_path():
+    """What has no compiled equations is left to the reference path, kernel by kernel."""
+    chain = any_chain.rolling(False)
+    chain.generic_configuration()
+    q, va, aa = moving(chain, 3)
+    expected = chain.generalized_forces(q, va, aa)
+    chain.compile()
+    found = chain.compute_torques(q, va, aa) if len(chain.motor_names) == 6 else expected
+    assert np.allclose(found, expected, rtol=1e-10)
+    tau = np.zeros((3, 2, len(chain.motor_names)))
+    chain.rollout(tau, q, 0 * va, 1e-4)
+    assert "rollout by the reference path" in chain.path
+
+
+def test_quaternions_stay_on_their_sphere_in_a_rollout():
+    chain = any_chain.with_joint("spherical")
+    q, va, _ = moving(chain, 2)
+    chain.compile()
+    motion = chain.rollout(np.zeros((2, 50, 3)), q, va, 1e-3)
+    assert np.abs(np.linalg.norm(motion.q[..., :4], axis=-1) - 1).max() < 1e-10
+    assert np.abs([chain.residual(x) for x in motion.q[0]]).max() < 1e-9
+    assert pin.isNormalized(chain.model, motion.q[0, -1], 1e-9)

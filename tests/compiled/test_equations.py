@@ -1,0 +1,189 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The equations on symbols, held against the reference path by numbers put in."""
+
+import any_chain
+import casadi as ca
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import robots
+from sst_pin.chain.mechanism import Friction
+from sst_pin.compiled import kernels
+from sst_pin.compiled.backend import sample_configurations
+from sst_pin.compiled.elimination import Factors, pivot_order
+from sst_pin.compiled.equations import Equations
+
+CHAINS = (
+    {f"joint {name}": lambda name=name: any_chain.with_joint(name) for name in any_chain.JOINTS}
+    | {
+        f"closure {kind}": lambda kind=kind: any_chain.chain(kind=kind)
+        for kind in any_chain.CLOSURES
+    }
+    | {
+        "floating on a plane": lambda: any_chain.with_joint("free-flyer", kind="planar"),
+        "rods": any_chain.rods,
+        "coupled": any_chain.coupled,
+        "disc": lambda: any_chain.rolling(False),
+        "ball": lambda: any_chain.rolling(True),
+        "springs": lambda: any_chain.with_joint(
+            "translation",
+            stiffness=[5, 5, 5, 1, 0, 2, 3, 4, 5],
+            spring_reference=np.arange(9.0) / 10,
+        ),
+        "coordinates other than motors": lambda: any_chain.chain(
+            kind="3d", coordinates=["arm_1", "arm_2", "arm_3", "arm_4"], actuated=["body"]
+        ),
+        "planar 3-RRR": lambda: robots.planar_3rrr().chain(),
+    }
+)
+
+
+class Numbers:
+    """Kernels of a chain as functions of numbers."""
+
+    def __init__(self, chain, loaded=False):
+        chain.generic_configuration()
+        self.mechanism = chain._mechanism()
+        samples = sample_configurations(chain._reference)
+        self.equations = Equations(self.mechanism, samples, loaded)
+        self.made = {}
+
+    def __call__(self, name, *inputs, friction=None):
+        if name not in self.made:
+            kernel = kernels.make(self.equations, name)
+            self.made[name] = ca.Function(
+                "kernel", [*kernel.inputs, kernel.parameters], [kernel.output, kernel.checks]
+            )
+        own = friction or self.mechanism.friction
+        numbers = self.equations.parameters.pack(self.mechanism, own)
+        output, checks = self.made[name](*inputs, numbers)
+        assert (checks.full() <= 1).all()
+        return output.full().ravel()
+
+
+def relative(a, b):
+    return np.abs(np.ravel(a) - np.ravel(b)).max() / np.abs(b).max()
+
+
+@pytest.mark.parametrize("name", CHAINS)
+def test_every_joint_and_closure_gives_what_the_reference_path_gives(name):
+    """To rounding times the condition numbers, which are below 1e4 and far below in most."""
+    chain = CHAINS[name]()
+    numbers, n = Numbers(chain), chain.degrees_of_freedom
+    random = np.random.default_rng(1)
+    for q, va, aa in zip(*any_chain.states(chain, 3, 0), strict=True):
+        f = chain.generalized_forces(q, va, aa)
+        tau = random.normal(size=len(chain.motor_names))
+        assert relative(numbers("forces", q, va, aa), f) < 1e-11
+        accelerations = chain.compute_accelerations(q, va, tau)
+        assert relative(numbers("accelerations", q, va, tau), accelerations) < 1e-9
+        assert relative(numbers("rates", q, va), chain.joint_rates(q, va)) < 1e-11
+        terms = chain.reduced_terms(q, va)
+        row = np.concatenate([np.ravel(term) for term in terms])
+        for got, term in zip(
+            np.split(numbers("reduced_terms", q, va), [n * n, 2 * n * n, 2 * n * n + n]),
+            terms,
+            strict=True,
+        ):
+            assert np.abs(got - np.ravel(term)).max() < 1e-11 * np.abs(row).max()
+        assert (
+            relative(numbers("jacobian B", q), chain.frame_jacobian(q, "B")) < 1e-11
+            if chain.model.existFrame("B")
+            else True
+        )
+
+
+@pytest.mark.parametrize("name", any_chain.IN_A_ROW)
+def test_a_joint_of_several_turns_is_these_turns_in_a_row(name):
+    """The reference computes with single joints."""
+    one = any_chain.with_joint(name)
+    row = any_chain.chain(any_chain.IN_A_ROW[name][1])
+    numbers = Numbers(one)
+    row.generic_configuration()
+    assert row.degrees_of_freedom == one.degrees_of_freedom
+    for q, va, aa in zip(*any_chain.states(row, 3, 0), strict=True):
+        assert relative(numbers("forces", q, va, aa), row.generalized_forces(q, va, aa)) < 1e-11
+
+
+def test_external_wrenches_act_at_mass_centres_in_base_axes():
+    chain = any_chain.with_joint("free-flyer")
+    numbers, random = Numbers(chain, loaded=True), np.random.default_rng(0)
+    for q, va, aa in zip(*any_chain.states(chain, 3, 0), strict=True):
+        wrenches = random.normal(size=(len(chain.joint_names), 6))
+        expected = chain.generalized_forces(q, va, aa, external_wrenches=wrenches)
+        assert relative(numbers("forces", q, va, aa, wrenches.ravel()), expected) < 1e-11
+        tau = random.normal(size=6)
+        expected = chain.compute_accelerations(q, va, tau, external_wrenches=wrenches)
+        got = numbers("accelerations", q, va, tau, wrenches.ravel())
+        assert relative(got, expected) < 1e-9
+
+
+@pytest.mark.parametrize("motors", [["arm_1"], ["body", "arm_1", "arm_2"]])
+def test_motors_other_than_the_coordinates_give_the_smallest_torques(motors):
+    chain = any_chain.chain(coordinates=["body"], actuated=motors)
+    numbers = Numbers(chain)
+    for q, va, aa in zip(*any_chain.states(chain, 3, 0), strict=True):
+        assert relative(numbers("torques", q, va, aa), chain.compute_torques(q, va, aa)) < 1e-11
+
+
+@pytest.mark.parametrize("name", ["joint spherical", "joint planar", "closure hinge", "rods"])
+def test_a_step_of_closing_squares_the_gap(name):
+    """Newton's method: the gap is squared, times the curvature, down to rounding."""
+    chain = CHAINS[name]()
+    numbers = Numbers(chain)
+    q = chain.generic_configuration()
+    step = 1e-4 * np.random.default_rng(0).normal(size=chain.model.nv)
+    q = pin.integrate(chain.model, q, step)
+    function = numbers.equations
+    kernel = kernels.make(function, "closing")
+    close = ca.Function("close", [*kernel.inputs, kernel.parameters], [kernel.output])
+    p = function.parameters.pack(numbers.mechanism, numbers.mechanism.friction)
+    gaps = []
+    for _ in range(6):
+        gaps.append(np.abs(chain.residual(q)).max())
+        q = close(q, p).full().ravel()[:-1]
+    assert gaps[0] > 1e-5
+    assert gaps[1] < 1e3 * gaps[0] ** 2
+    assert gaps[-1] < 1e-13
+
+
+def test_numbers_of_friction_and_gravity_stay_open():
+    """One graph serves other masses, gravity and friction in the same joints."""
+    chain = any_chain.chain()
+    numbers, mechanism = Numbers(chain), chain._mechanism()
+    (q,), (va,), (aa,) = any_chain.states(chain, 1, 0)
+    numbers("forces", q, va, aa)
+    model = pin.Model(chain.model)
+    model.gravity.linear = np.array([1.0, 2.0, 3.0])
+    model.inertias[3] = model.inertias[3] + pin.Inertia.Random()
+    other = type(chain)(model, chain.closures, ["body"], viscous_friction=3 * model.damping)
+    numbers.mechanism = other._mechanism()
+    got = numbers("forces", q, va, aa)
+    assert relative(got, other.generalized_forces(q, va, aa)) < 1e-11
+    assert mechanism.model != numbers.mechanism.model
+    smooth = Friction(model.damping, model.friction, 0.1)
+    assert np.isfinite(numbers("forces", q, va, aa, friction=smooth)).all()
+
+
+def test_pivots_avoid_elements_that_vanish_in_a_sample():
+    """The first entry is the sparsest pivot but vanishes in the second sample."""
+    values = np.array([[[1.0, 0.0], [1.0, 1.0]], [[1e-9, 0.0], [1.0, 1.0]]])
+    values[:, 0, 1] = 0.5
+    order, _ = pivot_order(values.any(axis=0), values)
+    assert (0, 0) not in order
+
+
+def test_rows_that_follow_from_others_get_no_pivot_and_solutions_hold():
+    random = np.random.default_rng(0)
+    A = random.normal(size=(4, 4)) * (random.uniform(size=(4, 4)) < 0.7) + 2 * np.eye(4)
+    rows = np.vstack([A[:2], A[0] + A[1], A[2:]])
+    order, _ = pivot_order(rows != 0, rows[None])
+    sparse = [{j: x for j, x in enumerate(row) if x} for row in rows]
+    factors = Factors(sparse, order)
+    assert len(set(factors.rows)) == 4
+    used, b = rows[factors.rows], random.normal(size=4)
+    x = factors.solve(dict(zip(factors.rows, b, strict=True)))
+    assert np.allclose(used @ [x[j] for j in range(4)], b, rtol=1e-13)
+    y = factors.solve_transposed(dict(enumerate(b)))
+    assert np.allclose(used.T @ [y[i] for i in factors.rows], b, rtol=1e-13)
