@@ -179,10 +179,11 @@ def test_energy_changes_by_the_power_of_the_motors_and_friction(name):
             moved = chain.assemble(moved, fixed=())
             return chain.kinetic_energy(moved, va + aa * t) + chain.potential_energy(moved)
 
-        rate = derivative(energy, 3e-4)
+        # Rates of 10 rad/s near a singular pose: the series of the energy ends after some 1e-3 s.
+        rate = derivative(energy, 5e-5)
         power = tau @ referee.B.T @ v + chain.friction_power(q, va)
         scale = abs(energy(0)) * (1 + np.abs(v).max()) + 1
-        # Rounding of the energy, and 1e-11 of the assembly, over 3e-4 s.
+        # Rounding of the energy, and 1e-11 of the assembly, over 5e-5 s; measured: 1e-8.
         assert abs(rate - power) < 1e-7 * scale
 
 
