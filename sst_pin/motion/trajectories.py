@@ -27,6 +27,7 @@ _COMPARED = (
     *("joint_names", "actuated", "units", "coordinates", "rate_units"),
 )
 _WORDS = _COMPARED[5:]
+_TORQUE = re.compile(r"tau_(.+)_(Nm|N)")
 _POSITION = re.compile(r"(.+)_(?:(rad|m)|1)")
 
 
@@ -182,18 +183,18 @@ class Trajectory:
         coordinates, accelerations = (
             [(p[1], p[2]) for p in rates if p and p[3] == power] for power in ("", "2")
         )
-        torques = [re.fullmatch(r"tau_\d+_(Nm|N)", name) for name in table.columns]
+        torques = [p for p in map(_TORQUE.fullmatch, table.columns) if p]
         positions = [(p[1], p[2] or "") for p in map(_POSITION.fullmatch, table.columns) if p]
         if not coordinates or not positions:
             raise FileFormatError(path, "not a motion: no columns like gamma_1_rad, gamma_1_rad_s")
         names, units = zip(*positions, strict=True)
         n, m = len(coordinates), len(names)
         rate_names, rate_units = zip(*coordinates, strict=True)
-        forces = [t[1] for t in torques if t] or ["N" if u == "m" else "Nm" for u in rate_units]
-        # A CSV does not name its motors: they are the coordinates where there are as many.
-        motors = len(forces)
-        actuated = rate_names if motors == n else [f"motor_{k}" for k in range(1, motors + 1)]
-        values = table.select(_columns(names, units, rate_names, rate_units, forces))
+        forces = [p[2] for p in torques] or ["N" if u == "m" else "Nm" for u in rate_units]
+        labels = [p[1] for p in torques] or [str(k + 1) for k in range(n)]
+        numbered = labels == [str(k + 1) for k in range(n)]
+        actuated = rate_names if numbered else tuple(labels)
+        values = table.select(_columns(names, units, rate_names, rate_units, labels, forces))
         if coordinates != accelerations:
             raise FileFormatError(path, "not a motion: accelerations of joints without rates", 1)
         t, q, va, aa, tau = np.split(values, np.cumsum([1, m, n, n]), axis=1)
@@ -211,9 +212,14 @@ class Trajectory:
         )
 
     def _columns(self) -> list[str]:
-        unit = dict(zip(self.coordinates, self.rate_units, strict=True))
+        unit = dict(zip(self.joint_names, self.units, strict=True))
+        unit |= dict(zip(self.coordinates, self.rate_units, strict=True))
         forces = ["N" if unit.get(name) == "m" else "Nm" for name in self.actuated]
-        return _columns(self.joint_names, self.units, self.coordinates, self.rate_units, forces)
+        labels = list(self.actuated)
+        if self.actuated == self.coordinates:
+            labels = [str(k + 1) for k in range(len(labels))]
+        rates = (self.coordinates, self.rate_units)
+        return _columns(self.joint_names, self.units, *rates, labels, forces)
 
     def torque(self) -> Callable[[float], Array]:
         """The torques as a smooth function of time, for `simulate`.
@@ -249,16 +255,18 @@ def _columns(
     units: Sequence[str],
     coordinates: Sequence[str],
     rate_units: Sequence[str],
+    motors: Sequence[str],
     forces: Sequence[str],
 ) -> list[str]:
     """Header of the CSV: `t_s`, `gamma_1_rad`, `gamma_1_rad_s`, `gamma_1_rad_s2`, `tau_1_Nm`, ...
 
-    Motor k's torque is `tau_k_Nm` (`tau_k_N` for a force), k counted from 1; what has no unit, as
+    Motor k's torque is `tau_k_Nm` (`tau_k_N` for a force), k counted from 1, and that of a motor
+    that is not the coordinate of the same number goes by its name; what has no unit, as
     the entries of a quaternion, ends in `_1`.
     """
     positions = [f"{name}_{unit or 1}" for name, unit in zip(joint_names, units, strict=True)]
     rates = [f"{name}_{unit}_s" for name, unit in zip(coordinates, rate_units, strict=True)]
-    torques = [f"tau_{k}_{unit}" for k, unit in enumerate(forces, 1)]
+    torques = [f"tau_{motor}_{unit}" for motor, unit in zip(motors, forces, strict=True)]
     return ["t_s", *positions, *rates, *(f"{rate}2" for rate in rates), *torques]
 
 

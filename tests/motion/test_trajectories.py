@@ -240,3 +240,18 @@ def test_files_that_are_no_motions_are_told(tmp_path):
     (tmp_path / "n.csv").write_text("t_s,gamma_1_rad,gamma_1_rad_s\n0,1,2\n")
     with pytest.raises(sst_pin.FileFormatError, match="missing columns gamma_1_rad_s2, tau_1_Nm"):
         sst_pin.Trajectory.load(tmp_path / "n.csv")
+
+
+def test_motors_that_are_no_coordinates_come_back_by_their_names(tmp_path):
+    """As many motors as coordinates, but others; more; and fewer."""
+    for motors in (("rocker",), ("crank", "rocker"), ("0.5 crank + 1 rocker",)):
+        tau = np.arange(2.0 * len(motors)).reshape(2, -1)
+        q, va = np.arange(6.0).reshape(2, 3), np.ones((2, 1))
+        names = ("crank", "coupler", "rocker")
+        motion = sst_pin.Trajectory(
+            [0, 1], q, va, va, tau, names, motors, ("rad", "rad", "m"), coordinates=("crank",)
+        )
+        for ending in ("csv", "npz"):
+            path = tmp_path / f"{len(motors)}{motors[0][0]}.{ending}"
+            motion.save(path)
+            assert sst_pin.Trajectory.load(path) == motion
