@@ -37,7 +37,7 @@ class Jet:
     """
 
     def __init__(self, parts: Array) -> None:
-        self._parts, self._k = parts, len(parts) // 2
+        self.parts, self._k = parts, len(parts) // 2
 
     @classmethod
     def of(cls, x: Array, t: Array, x_q: Array, t_q: Array) -> Jet:
@@ -57,28 +57,28 @@ class Jet:
     @property
     def x(self) -> Array:
         """Its value, shape (k,)."""
-        return self._parts[: self._k, 0]
+        return self.parts[: self._k, 0]
 
     @property
     def t(self) -> Array:
         """Its rate, shape (k,)."""
-        return self._parts[self._k :, 0]
+        return self.parts[self._k :, 0]
 
     @property
     def x_q(self) -> Array:
         """Derivatives of the value by q, shape (k, nv)."""
-        return self._parts[: self._k, 1:]
+        return self.parts[: self._k, 1:]
 
     @property
     def t_q(self) -> Array:
         """Derivatives of the rate by q, v held, shape (k, nv)."""
-        return self._parts[self._k :, 1:]
+        return self.parts[self._k :, 1:]
 
     def __sub__(self, other: Jet) -> Jet:
-        return Jet(self._parts - other._parts)
+        return Jet(self.parts - other.parts)
 
     def __rmul__(self, number: float) -> Jet:
-        return Jet(number * self._parts)
+        return Jet(number * self.parts)
 
     def cross(self, other: Jet) -> Jet:
         """The vector product."""
@@ -112,7 +112,7 @@ class Jet:
 
 def _product(a: Jet, b: Jet, left: Factor, right: Factor) -> Jet:
     """A bilinear product left(a) b = right(b) a, by Leibniz' rule."""
-    parts = _lifted(left, a).dot(b._parts) + _lifted(right, b).dot(a._parts)
+    parts = _lifted(left, a).dot(b.parts) + _lifted(right, b).dot(a.parts)
     parts[:, 0] /= 2  # it has no derivatives, so that the two terms are the same
     return Jet(parts)
 
@@ -128,7 +128,7 @@ def _lifted(factor: Factor, jet: Jet) -> Array:
 
 
 def _stacked(upper: Jet, lower: Jet) -> Jet:
-    a, b = upper._parts, lower._parts
+    a, b = upper.parts, lower.parts
     return Jet(np.concatenate((a[:3], b[:3], a[3:], b[3:])))
 
 
@@ -340,10 +340,8 @@ class Partials(NamedTuple):
 
     def add(self, rows: slice, sign: float, frame: Frame, jets: list[Jet]) -> None:
         """The share of one frame of a closure."""
-        W, W_t, W_q, W_tq = (
-            sign * np.array([getattr(jet, part) for jet in jets])
-            for part in ("x", "t", "x_q", "t_q")
-        )
+        parts = sign * np.array([jet.parts for jet in jets])
+        W, W_t, W_q, W_tq = parts[:, :6, 0], parts[:, 6:, 0], parts[:, :6, 1:], parts[:, 6:, 1:]
         self.held.append((rows, frame, W, W_q))
         turned = frame.twist.dot(W_q)
         self.velocity_q[rows] += W.dot(frame.twist_q) + turned

@@ -1,0 +1,492 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Derivatives along the motions that keep the loops closed."""
+
+import pickle
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from numpy.testing import assert_allclose
+from scipy.linalg import expm
+
+from robots import ROBOTS, Z, four_bar
+from sst_pin import ClosedChain, Closure, robots
+from sst_pin.chain.closures import Coupling, Distance, Rolling
+from sst_pin.errors import ClosureError, InputError
+from trees import random_q, tree
+
+#: Sixth-order central differences: values at -3, -2, ..., 3 steps.
+WEIGHTS = np.array([-1, 9, -45, 0, 45, -9, 1]) / 60
+H = 5e-4
+#: Coulomb friction rises within this; some joints of random motions are as slow.
+WIDTH = 0.2
+
+
+def derivative(function, h=H):
+    """Derivative at 0: the truncation is h^6 times seventh derivatives, rounding 1e-16 / h."""
+    sides = [np.asarray(function(k * h)) for k in range(-3, 4)]
+    return np.tensordot(WEIGHTS, sides, 1) / h
+
+
+def close(actual, expected, tolerance, least=1e-3):
+    """Equality relative to the largest entry."""
+    assert np.shape(actual) == np.shape(expected)
+    assert_allclose(actual, expected, rtol=0, atol=tolerance * max(np.abs(expected).max(), least))
+
+
+# --- robots -------------------------------------------------------------------------------------
+
+
+@dataclass
+class Case:
+    """A closed chain, and a twin without Coulomb friction.
+
+    Attributes:
+        coulomb: F_c of the chain, shape (nv,).
+        home: On the closures.
+    """
+
+    chain: ClosedChain
+    twin: ClosedChain
+    coulomb: np.ndarray
+    home: np.ndarray
+
+    def L(self, q):
+        n = self.chain.degrees_of_freedom
+        return self.chain.joint_rates(q, np.eye(n)).T
+
+    def at(self, q, way, s):
+        """q moved by s L way and onto the closures, the coordinates held."""
+        step = s * self.L(q) @ way
+        return self.chain.assemble(pin.integrate(self.chain.model, q, step))
+
+    def forces(self, q, va, aa, wrenches):
+        """f with tanh(v / WIDTH) for the sign, from the dynamics alone."""
+        v = self.chain.joint_rates(q, va)
+        f = self.twin.generalized_forces(q, va, aa, external_wrenches=wrenches)
+        return f + self.L(q).T @ (self.coulomb * np.tanh(v / WIDTH))
+
+    def accelerations(self, q, va, tau, wrenches):
+        """aa likewise."""
+        friction = self.L(q).T @ (self.coulomb * np.tanh(self.chain.joint_rates(q, va) / WIDTH))
+        aa = self.twin.compute_accelerations(q, va, tau, external_wrenches=wrenches)
+        return aa - np.linalg.solve(self.twin.noc(q, va).inertia, friction)
+
+    def way(self, q, random):
+        """Rates of the coordinates at which no joint moves faster than 1."""
+        way = random.uniform(-1, 1, self.chain.degrees_of_freedom)
+        return way / np.abs(self.L(q) @ way).max()
+
+    def states(self, count):
+        """Random motions near home and random wrenches."""
+        random, bodies = np.random.default_rng(0), self.chain.model.njoints - 1
+        for _ in range(count):
+            q = self.at(self.home, self.way(self.home, random), random.uniform(0, 0.05))
+            motion = [self.way(q, random), self.way(q, random)]
+            yield q, *motion, random.uniform(-5, 5, (bodies, 6))
+
+
+def case(model, closures, motors, home=None, **options):
+    """With friction and springs in all joints that may have them."""
+    random = np.random.default_rng(5)
+    viscous, coulomb, stiffness = random.uniform(0, 2, (3, model.nv))
+    for joint in list(model.joints)[1:]:
+        if joint.nv > 1:
+            k = slice(joint.idx_v, joint.idx_v + joint.nv)
+            balls = ("JointModelSpherical", "JointModelTranslation")
+            stiffness[k] = 1.7 if joint.shortname() in balls else 0
+    rest = random_q(model, random, 0.3)
+    options |= {"viscous_friction": viscous, "stiffness": stiffness, "spring_reference": rest}
+    chain = ClosedChain(model, closures, motors, coulomb_friction=coulomb, **options)
+    twin = ClosedChain(model, closures, motors, coulomb_friction=np.zeros(model.nv), **options)
+    if home is None:
+        home = regular(ClosedChain(model, closures, motors))
+    # Both choose their coordinates at the same place.
+    for robot in (chain, twin):
+        robot.frame_jacobian(home, "universe")
+    assert chain.coordinates == twin.coordinates
+    return Case(chain, twin, coulomb, home)
+
+
+def regular(chain):
+    """A random configuration at which no joint moves much faster than the coordinates."""
+    for seed in range(50):
+        random = np.random.default_rng(seed)
+        q = chain.assemble(random_q(chain.model, random), fixed=(), tries=20, seed=seed)
+        if np.abs(chain.joint_rates(q, np.eye(chain.degrees_of_freedom))).max() < 4:
+            return q
+    raise AssertionError("none found")
+
+
+def of_gallery(name):
+    robot = getattr(robots, name)()
+    return case(robot.model, robot.closures, robot.motor_names, robot.home)
+
+
+def without_coulomb(name):
+    """A robot of the table, smooth."""
+    robot = replace(ROBOTS[name])
+    robot.coulomb = np.zeros(len(robot.links))
+    return robot
+
+
+def of_table(name):
+    robot = ROBOTS[name]
+    q = robot.joints(robot.x).real
+    return case(robot.model(), robot.closures, robot.actuated, robot.chain().assemble(q))
+
+
+TREES = {
+    "floating": ("free", ["ball", "RX", "PZ"], ["revolute", "ZYX", "translation"]),
+    "planar": ("plane", ["universal", "prismatic", "RUBY", "PX"], ["ball", "helical", "free"]),
+    "composite": ("composite", ["unbounded", "HY", "ball"], ["RZ", "composite", "plane"]),
+}
+CONSTRAINTS = {
+    **{kind: Closure("A", "B", kind) for kind in Closure.KINDS},
+    "mask": Closure("A", "B", (False, True, False, True, False, False)),
+    "all turns": Closure("A", "B", (True, False, False, True, True, True)),
+    "rod": Distance("A", "B", 0.7),
+    "disc": Rolling("A", "B", 0.25),
+    "ball": Rolling("A", "B", 0.25, ball=True),
+}
+
+
+def of_tree(name, kind):
+    return case(tree(*TREES[name], seed=1), [CONSTRAINTS[kind]], ["root"])
+
+
+def geared():
+    """A coupling by polynomials beside a rod."""
+    model = tree("RZ", ["RX", "PZ", "RX"], ["revolute", "universal", "PX"], seed=4)
+    follow = Coupling("a0_RX", {"b0_revolute": (0.1, -0.8, 0.3, 0.2), "a1_PZ": (0, 0.5, -0.4)}, 0.2)
+    return case(model, [follow, Distance("A", "B", 0.9)], ["root"])
+
+
+def carried_four_bar(carrier):
+    """A four-bar whose crank stands on a moving base."""
+    robot, model = four_bar(), pin.Model()
+    model.gravity.linear = -9.81 * Z
+    given = robot.model()
+    base = model.addJoint(0, carrier, pin.SE3.Identity(), "base")
+    model.appendBodyToJoint(base, given.inertias[1], pin.SE3.Identity())
+    ids = [base]
+    for j in range(1, given.njoints):
+        parent = ids[given.parents[j]]
+        ids.append(
+            model.addJoint(parent, given.joints[j], given.jointPlacements[j], given.names[j])
+        )
+        model.appendBodyToJoint(ids[j], given.inertias[j], pin.SE3.Identity())
+    for frame in list(given.frames)[1:]:
+        frame.parentJoint = ids[frame.parentJoint]
+        model.addFrame(frame, False)
+    start = pin.neutral(model)
+    start[-3:] = robot.joints(robot.x).real
+    return model, robot.closures, ["base", *robot.actuated], start
+
+
+def floating_four_bar():
+    return case(*carried_four_bar(pin.JointModelFreeFlyer()))
+
+
+CASES = {
+    **{name: (of_gallery, name) for name in robots.__all__ if name.islower()},
+    **{f"{name} (table)": (of_table, name) for name in ROBOTS},
+    "floating four-bar": (floating_four_bar,),
+    "geared": (geared,),
+}
+
+
+@pytest.fixture(scope="module", params=CASES)
+def some(request):
+    make, *arguments = CASES[request.param]
+    return make(*arguments)
+
+
+# --- against differences ------------------------------------------------------------------------
+
+
+def assert_derivatives_are_those_of_differences(case, q, va, aa, wrenches, random):
+    """Along a random direction, to 1e-7 of the largest number."""
+    chain, way = case.chain, case.way(q, random)
+    tau, push = random.uniform(-5, 5, (2, len(chain.motor_names)))
+    options = {"external_wrenches": wrenches, "sign_width": WIDTH}
+    moved = {k * H: case.at(q, way, k * H) for k in range(-3, 4)}
+
+    def f(q, va, aa):
+        return case.forces(q, va, aa, wrenches)
+
+    df = chain.torque_derivatives(q, va, aa, **options)
+    close(df.dq @ way, derivative(lambda s: f(moved[s], va, aa)), 1e-7)
+    close(df.dva @ way, derivative(lambda s: f(q, va + s * way, aa)), 1e-7)
+    close(df.daa @ way, derivative(lambda s: f(q, va, aa + s * way)), 1e-7)
+
+    def a(q, va, tau):
+        return case.accelerations(q, va, tau, wrenches)
+
+    da = chain.acceleration_derivatives(q, va, tau, **options)
+    close(da.dq @ way, derivative(lambda s: a(moved[s], va, tau)), 1e-7)
+    close(da.dva @ way, derivative(lambda s: a(q, va + s * way, tau)), 1e-7)
+    close(da.dtau @ push, derivative(lambda s: a(q, va, tau + s * push)), 1e-7)
+
+
+def test_derivatives_of_robots_are_those_of_differences(some):
+    """20 states; friction, springs and wrenches everywhere."""
+    random = np.random.default_rng(1)
+    for state in some.states(20):
+        assert_derivatives_are_those_of_differences(some, *state, random)
+
+
+@pytest.mark.parametrize("kind", CONSTRAINTS)
+@pytest.mark.parametrize("name", TREES)
+def test_derivatives_through_every_closure_and_every_joint(name, kind):
+    """Trees that were not added depth-first, with joints whose axes move."""
+    case, random = of_tree(name, kind), np.random.default_rng(1)
+    for state in case.states(2):
+        assert_derivatives_are_those_of_differences(case, *state, random)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_derivatives_obey_the_principle_of_virtual_work(name):
+    """Along any curve of states tau' = dq q_a' + dva va' + daa aa', by virtual work alone."""
+    robot = without_coulomb(name)
+    chain, random = robot.chain(), np.random.default_rng(3)
+    n = len(robot.x)
+    wrenches = random.uniform(-5, 5, (len(robot.links), 6))
+    state = np.array([robot.x, *random.uniform(-1, 1, (2, n))])
+    way = random.uniform(-1, 1, (3, n))
+
+    def motion(s):
+        m = robot.motion(*(state + s * way), wrenches)
+        return np.array([m.q[robot.motors], m.va, m.aa, m.tau]).real
+
+    m = robot.motion(*state, wrenches)
+    d_q, d_va, d_aa, d_tau = derivative(motion, 2e-3)
+    df = chain.torque_derivatives(m.q.real, m.va, m.aa, external_wrenches=wrenches)
+    # Cauchy's integrals leave 1e-14 of the torques, over the step; assembled to 1e-15.
+    close(df.dq @ d_q + df.dva @ d_va + df.daa @ d_aa, d_tau, 1e-9)
+
+
+# --- identities ---------------------------------------------------------------------------------
+
+
+def test_daa_is_the_inertia_and_dtau_its_inverse(some):
+    chain = some.chain
+    for q, va, aa, wrenches in some.states(5):
+        daa = chain.torque_derivatives(q, va, aa, external_wrenches=wrenches).daa
+        close(daa, chain.noc(q, va).inertia, 1e-12)
+        tau = np.ones(len(chain.motor_names))
+        dtau = chain.acceleration_derivatives(q, va, tau, external_wrenches=wrenches).dtau
+        L = some.L(q)
+        motors = L[list(chain.actuated)].T
+        # Condition numbers of inertia matrices of mixed units are up to 1e4.
+        close(daa @ dtau, motors, 1e-10)
+        close(dtau, np.linalg.solve(chain.noc(q, va).inertia, motors), 1e-10)
+
+
+def test_direct_and_inverse_dynamics_have_the_same_derivatives():
+    """aa_x = -I^-1 f_x at the accelerations that the torques bring about."""
+    robot, random = without_coulomb("6-UPS"), np.random.default_rng(0)
+    none = np.zeros((len(robot.links), 6))
+    motion, chain = robot.motion(robot.x, *random.uniform(-1, 1, (2, 6)), none), robot.chain()
+    df = chain.torque_derivatives(motion.q.real, motion.va, motion.aa)
+    da = chain.acceleration_derivatives(motion.q.real, motion.va, motion.tau)
+    close(df.daa @ da.dq, -df.dq, 1e-10)
+    close(df.daa @ da.dva, -df.dva, 1e-10)
+    close(df.daa @ da.dtau, np.eye(6), 1e-10)
+
+
+def test_a_turn_of_the_base_about_the_vertical_changes_nothing():
+    """The yaw column of a four-bar on a yaw joint is zero, for forces and accelerations."""
+    model, closures, motors, start = carried_four_bar(pin.JointModelRZ())
+    chain, random = ClosedChain(model, closures, motors), np.random.default_rng(0)
+    for _ in range(20):
+        q = chain.assemble(start + random.uniform(-0.1, 0.1, 4))
+        va, aa, tau = random.uniform(-2, 2, (3, 2))
+        dq = chain.torque_derivatives(q, va, aa).dq
+        assert np.abs(dq[:, 0]).max() < 1e-12 * np.abs(dq).max()
+        dq = chain.acceleration_derivatives(q, va, tau).dq
+        assert np.abs(dq[:, 0]).max() < 1e-12 * np.abs(dq).max()
+
+
+def test_derivatives_leave_the_robot_as_it_is():
+    """Forces before and after, of a tree that was not added depth-first."""
+    case = of_tree("floating", "hinge")
+    q, va, aa, _ = next(case.states(1))
+    before = case.chain.generalized_forces(q, va, aa)
+    case.chain.torque_derivatives(q, va, aa)
+    assert np.array_equal(case.chain.generalized_forces(q, va, aa), before)
+
+
+def test_friction_slopes_are_those_of_the_width():
+    """At rest every joint's Coulomb friction adds F_c / width to viscous friction."""
+    chain = ROBOTS["four-bar"].chain()
+    robot = ROBOTS["four-bar"]
+    q, L = robot.joints(robot.x).real, None
+    L = chain.joint_rates(q, [1.0])
+    wide, narrow = (
+        chain.torque_derivatives(q, [0.0], [0.3], sign_width=width).dva for width in (0.1, 1e-3)
+    )
+    assert_allclose(narrow - wide, [[(1e3 - 10) * robot.coulomb @ L**2]], rtol=1e-12)
+    with pytest.raises(InputError, match="sign_width: 0 is not above 0"):
+        chain.torque_derivatives(q, [0.0], [0.3], sign_width=0)
+
+
+# --- against Pinocchio --------------------------------------------------------------------------
+
+
+def of_pinocchio(model, closures, q, v, tau):
+    """Accelerations and their derivatives by q, v of the tree, proximal solver."""
+    kinds = {"3d": pin.ContactType.CONTACT_3D, "6d": pin.ContactType.CONTACT_6D}
+    constraints = []
+    for closure in closures:
+        a, b = (model.frames[model.getFrameId(f)] for f in (closure.frame_a, closure.frame_b))
+        ends = (a.parentJoint, a.placement, b.parentJoint, b.placement)
+        kind = kinds[closure.kind]
+        constraints.append(pin.RigidConstraintModel(kind, model, *ends, pin.LOCAL))
+    data, their = model.createData(), [c.createData() for c in constraints]
+    settings = pin.ProximalSettings(1e-14, 1e-6, 100)
+    pin.initConstraintDynamics(model, data, constraints, their)
+    arguments = (model, data, q, v, tau, constraints, their, settings)
+    v_dot = pin.constraintDynamics(*arguments).copy()
+    by = pin.computeConstraintDynamicsDerivatives(model, data, constraints, their, settings)
+    return v_dot, np.array(by[0]), np.array(by[1])
+
+
+def pinocchio_and_ours(model, closures, motors, q):
+    """d aa / dq of both at a random state."""
+    chain, random = ClosedChain(model, closures, motors), np.random.default_rng(0)
+    q = chain.assemble(q)
+    n = chain.degrees_of_freedom
+    va, tau = random.uniform(-1, 1, (2, n))
+    model = pin.Model(model)
+    model.damping = model.friction = np.zeros(model.nv)
+    columns = list(chain.actuated)
+    full = np.zeros(model.nv)
+    full[columns] = tau
+    L = chain.joint_rates(q, np.eye(n)).T
+    v_dot, by_q, by_v = of_pinocchio(model, closures, q, L @ va, full)
+    bare = ClosedChain(model, closures, motors)
+    assert_allclose(v_dot[columns], bare.compute_accelerations(q, va, tau), rtol=1e-7)
+
+    def rates(k, s):
+        return chain.joint_rates(chain.assemble(pin.integrate(model, q, s * L[:, k])), va)
+
+    v_q = np.array([derivative(lambda s, k=k: rates(k, s)) for k in range(n)]).T
+    theirs = (by_q @ L + by_v @ v_q)[columns]
+    da = bare.acceleration_derivatives(q, va, tau)
+    return theirs, da.dq, (by_v @ L)[columns], da.dva
+
+
+@pytest.mark.parametrize("name", ["four-bar, closed at the ground", "four-bar, coupler welded"])
+def test_derivatives_agree_with_those_of_Pinocchio_where_these_are_right(name):
+    """Loops that hang on the ground by points or are closed by welds."""
+    robot = ROBOTS[name]
+    q = robot.joints(robot.x).real
+    dq, our_dq, dv, our_dv = pinocchio_and_ours(robot.model(), robot.closures, robot.actuated, q)
+    close(dq, our_dq, 1e-6)
+    close(dv, our_dv, 1e-6)
+
+
+def test_Pinocchio_is_wrong_for_points_on_a_moving_joint():
+    """The yaw column of a four-bar on a yaw joint, zero by symmetry, is not."""
+    theirs, ours, dv, our_dv = pinocchio_and_ours(*carried_four_bar(pin.JointModelRZ()))
+    assert np.abs(ours[:, 0]).max() < 1e-12 * np.abs(ours).max()
+    assert np.abs(theirs[:, 0]).max() > 1e-3 * np.abs(theirs).max()
+    close(dv, our_dv, 1e-6)
+
+
+# --- the motion next to a state -----------------------------------------------------------------
+
+
+def test_linearize_is_the_motion_next_to_a_state():
+    """Of a floating four-bar: neighbours drift by A, carried on by the axes that move."""
+    case = floating_four_bar()
+    chain, model = case.chain, case.chain.model
+    random, n = np.random.default_rng(4), chain.degrees_of_freedom
+    (q, va, _, _) = next(case.states(1))
+    tau = random.uniform(-2, 2, len(chain.motor_names))
+    A, B = chain.linearize(q, va, tau, sign_width=WIDTH)
+    way = random.uniform(-1, 1, 2 * n)
+    columns = [chain.position_names.index("crank") - 1]  # after a quaternion
+    columns = [*range(6), *columns]
+
+    def flow(s, t):
+        """How far the coordinates of a neighbour are from q's, both moved for a time t."""
+        at = case.at(q, way[:n], s)
+        ends = [
+            pin.integrate(model, x, t * chain.joint_rates(x, rates))
+            for x, rates in ((q, va), (at, va + s * way[n:]))
+        ]
+        return pin.difference(model, *ends)[columns]
+
+    drift = derivative(lambda t: derivative(lambda s: flow(s, t), 1e-2), 1e-2)
+    close((A @ way)[:n], drift, 1e-8)
+    da = chain.acceleration_derivatives(q, va, tau, sign_width=WIDTH)
+    assert_allclose(A[n:], np.hstack([da.dq, da.dva]), rtol=0, atol=0)
+    assert_allclose(B[n:], da.dtau, rtol=0, atol=0)
+    assert not B[:n].any()
+
+
+def test_the_discrete_system_is_the_motion_next_to_an_equilibrium():
+    """Of a delta at rest: what a step makes of neighbours and of torques, by the integrator."""
+    robot = robots.delta()
+    q, dt, rest = robot.home, 0.02, np.zeros(3)
+    hold = robot.compute_torques(q, rest, rest)
+    A, B = robot.linearize(q, rest, hold)
+    A_d, B_d = robot.linearize(q, rest, hold, dt=dt)
+    step = expm(np.block([[A, B], [np.zeros((3, 9))]]) * dt)
+    assert_allclose(A_d, step[:6, :6], rtol=1e-12, atol=1e-14)
+    columns = [robot.position_names.index(name) for name in robot.motor_names]
+    random = np.random.default_rng(0)
+    way, push = random.uniform(-1, 1, 6), random.uniform(-1, 1, 3)
+
+    def end(s):
+        step = s * robot.joint_rates(q, way[:3])
+        at = robot.assemble(pin.integrate(robot.model, q, step))
+        motion = robot.simulate(lambda *_: hold + s * push, at, s * way[3:], [0, dt])
+        return np.concatenate([motion.q[-1][columns], motion.va[-1]])
+
+    close(A_d @ way + B_d @ push, derivative(end, 1e-3), 1e-7)
+
+
+def test_linearize_goes_along_a_trajectory():
+    """Batches broadcast and equal single states; a sample at fault becomes NaN or is named."""
+    robot = robots.four_bar()
+    t = np.linspace(0, 0.2, 5)
+    motion = robot.simulate(lambda t, q, va: [0.3], robot.home, [0.5], t)
+    A, B = robot.linearize(motion.q, motion.va, motion.tau)
+    assert (A.shape, B.shape) == ((5, 2, 2), (5, 2, 1))
+    A_all, B_all = robot.linearize(motion.q, motion.va, motion.tau, dt=0.01)
+    for k in range(5):
+        A_k, B_k = robot.linearize(motion.q[k], motion.va[k], motion.tau[k], dt=0.01)
+        assert_allclose(A_all[k], A_k, rtol=1e-14)
+        assert_allclose(B_all[k], B_k, rtol=1e-14)
+    open_q = motion.q.copy()
+    open_q[3, -1] += 0.1
+    with pytest.raises(ClosureError) as error:
+        robot.torque_derivatives(open_q, [0.0], [0.0])
+    assert error.value.samples == ((3,),)
+    df = robot.torque_derivatives(open_q, [0.0], [0.0], on_error="nan")
+    assert np.isnan(df.dq[3]).all()
+    assert np.isfinite(np.delete(df.dq, 3, 0)).all()
+    with pytest.raises(InputError, match="va"):
+        robot.torque_derivatives(robot.home, [np.nan], [0.0])
+    again = pickle.loads(pickle.dumps(robot)).linearize(motion.q, motion.va, motion.tau)
+    assert np.array_equal(again[0], A)
+
+
+@pytest.mark.parametrize("make", [floating_four_bar, geared, lambda: of_gallery("delta")])
+def test_derivatives_of_a_frames_velocity_are_those_of_differences(make):
+    """dva is the Jacobian; its rate, dq along va, is the drift."""
+    case = make()
+    chain, random = case.chain, np.random.default_rng(2)
+    frame = chain.model.frames[-1].name
+    for q, va, _, _ in case.states(5):
+        d = chain.frame_velocity_derivatives(q, va, frame)
+        close(d.dva, chain.frame_jacobian(q, frame), 1e-13)
+        way = case.way(q, random)
+        sides = [case.at(q, way, k * H) for k in range(-3, 4)]
+        velocity = WEIGHTS @ (chain.frame_jacobian(sides, frame) @ va) / H
+        close(d.dq @ way, velocity, 1e-9)
+        close(d.dq @ va, chain.frame_drift(q, va, frame), 1e-12)
