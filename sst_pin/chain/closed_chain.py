@@ -323,7 +323,8 @@ class ClosedChain:
             Shape (..., nv).
         """
         mechanism, arrays = self._arguments(q, va=va)
-        return for_each_sample(self._reference.rates, arrays, (1, 1), (mechanism.model.nv,))
+        reference, kernel = self._reference.rates, self._backend.joint_rates
+        return self._each(reference, kernel, arrays, (1, 1), mechanism.model.nv, None, 1, "raise")
 
     def joint_accelerations(self, q: ArrayLike, va: ArrayLike, aa: ArrayLike) -> Array:
         """Accelerations of all joints, L aa + L_dot va, Eqs. (8), (20).
@@ -355,13 +356,14 @@ class ClosedChain:
             UnknownNameError: For an unknown frame.
         """
         mechanism, arrays = self._arguments(q)
-        index = self._frame(frame)
-        return for_each_sample(
-            lambda q: self._reference.frame_jacobian(q, index),
-            arrays,
-            (1,),
-            (6, len(mechanism.coordinates)),
-        )
+        index, n = self._frame(frame), len(mechanism.coordinates)
+
+        def reference(q: Array) -> Array:
+            return self._reference.frame_jacobian(q, index).ravel()
+
+        kernel = partial(self._backend.frame_jacobian, frame)
+        rows = self._each(reference, kernel, arrays, (1,), 6 * n, None, 1, "raise")
+        return rows.reshape(*rows.shape[:-1], 6, n)
 
     def frame_drift(self, q: ArrayLike, va: ArrayLike, frame: str) -> Array:
         """Acceleration of a frame when the coordinates do not accelerate: J_dot va.
@@ -487,8 +489,8 @@ class ClosedChain:
         mechanism, arrays = self._arguments(q, va=va, aa=aa)
         loaded = [*arrays, self._wrenches(external_wrenches)]
         n = len(mechanism.coordinates)
-        reference = self._reference.generalized_forces
-        return self._each(reference, None, loaded, (1, 1, 1, 2), n, out, 1, on_error)
+        reference, kernel = self._reference.generalized_forces, self._backend.generalized_forces
+        return self._each(reference, kernel, loaded, (1, 1, 1, 2), n, out, 1, on_error)
 
     def compute_accelerations(
         self,

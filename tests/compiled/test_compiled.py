@@ -132,6 +132,22 @@ def test_reduced_terms_loads_and_many_threads(small):
     assert np.array_equal(alone, shared)
 
 
+def test_rates_forces_and_frame_jacobians_agree_with_the_reference_path(small):
+    kernels, reference = small
+    q, va, aa = moving(reference, 12, 4)
+    frame = kernels.model.frames[-1].name
+    for name, arguments in (
+        ("joint_rates", (q, va)),
+        ("generalized_forces", (q, va, aa)),
+        ("frame_jacobian", (q, frame)),
+    ):
+        got = getattr(kernels, name)(*arguments)
+        expected = getattr(reference, name)(*arguments)
+        assert got.shape == expected.shape
+        assert np.abs(got - expected).max() < 1e-11 * np.abs(expected).max()
+    assert "reference" not in kernels.path.replace("torques by the reference path", "")
+
+
 def test_simulation_and_rollout_agree_with_the_reference_path(small):
     """The same equations, integrated to 1e-10 and to the same rule."""
     kernels, reference = small
