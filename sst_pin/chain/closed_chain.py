@@ -711,7 +711,7 @@ class ClosedChain:
 
     # --- doors to the rooms above -----------------------------------------------------------
 
-    def compile(self) -> None:
+    def compile(self, q: ArrayLike | None = None) -> None:
         """Have the dynamics computed by kernels made for this robot.
 
         They are generated as C, compiled by the system's compiler (or that of the package ziglang)
@@ -721,19 +721,27 @@ class ClosedChain:
         Samples that a kernel does not vouch for take the reference path. A copy, or the robot
         unpickled elsewhere, looks for its kernels there; `path` says what computes.
 
+        Args:
+            q: Configuration on the closures, shape (nq,), from around which the order of
+                elimination is chosen; a generic one by default. Give one of yours when the
+                mechanism has assembly modes that move in different ways.
+
         Raises:
             CompilationError: Without a compiler, or when it fails.
             MissingExtraError: Without CasADi, `sst-pin[compile]`.
             DescriptionError: For a joint or spring without compiled equations.
-            ClosureError: When no configuration can be assembled, by which to choose pivots.
+            ClosureError: When q is open, or when no configuration can be assembled.
+            SingularConfigurationError: When the coordinates do not fix the motion there.
         """
         from ..compiled.backend import CompiledBackend
 
-        self._mechanism()
-        backend = CompiledBackend(self._reference, self._model)
+        near = None if q is None else self._single_q(q)
+        self._mechanism(near)
+        kernels = partial(CompiledBackend, near=near)
+        backend = kernels(self._reference, self._model)
         backend.make()
         with self._lock:
-            self._kernels = CompiledBackend
+            self._kernels = kernels
             self._install(backend)
 
     @classmethod

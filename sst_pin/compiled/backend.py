@@ -54,13 +54,14 @@ class CompiledBackend:
         reference: Of its mechanism.
         model: The tree whose gravity single samples watch: when it changes they are not vouched
             for.
+        near: Where the order of elimination is chosen, shape (nq,); anywhere by default.
 
     Raises:
         CompilationError: When the package was installed without its extension module.
         DescriptionError: When the mechanism holds something without compiled equations.
     """
 
-    def __init__(self, reference: Reference, model: pin.Model) -> None:
+    def __init__(self, reference: Reference, model: pin.Model, near: Array | None = None) -> None:
         try:
             from . import _binding
         except ImportError as error:
@@ -69,9 +70,11 @@ class CompiledBackend:
             ) from None
         self._binding = _binding
         self._reference, self._mechanism = reference, reference.mechanism
-        self._model = model
+        self._model, self._near = model, near
         self._parameters = Parameters(self._mechanism)
         self._content = _content(self._mechanism, self._parameters)
+        if near is not None:
+            self._content += near.tobytes()
         self._numbers = self._parameters.pack(self._mechanism, self._mechanism.friction)
         self._kernels: dict[str, Kernel | None] = {}
         self._equations: dict[bool, Equations] = {}
@@ -242,7 +245,7 @@ class CompiledBackend:
         from .equations import Equations
 
         if loaded not in self._equations:
-            samples = sample_configurations(self._reference)
+            samples = sample_configurations(self._reference, self._near)
             self._equations[loaded] = Equations(self._mechanism, samples, loaded)
         return self._equations[loaded]
 
@@ -341,14 +344,21 @@ class CompiledStates(ReferenceStates):
         return self._backend.kernel("state_rate" + _LOADED, self._friction)
 
 
-def sample_configurations(reference: Reference) -> Array:
+def sample_configurations(reference: Reference, near: Array | None = None) -> Array:
     """Assembled configurations of a mechanism, the same at each call, shape (samples, nq).
 
+    Args:
+        reference: Of the mechanism.
+        near: The first of them; a generic one by default.
+
     Raises:
-        ClosureError: When none is found.
+        ClosureError: When none is found, or the one given is open.
     """
     assembly = reference.workspace.assembly
-    samples = [generic_configuration(assembly)]
+    if near is None:
+        near = generic_configuration(assembly)
+    reference.workspace.evaluate(near)
+    samples = [near]
     for seed in range(4 * _SAMPLES):
         try:
             samples.append(assembly.aside(samples[seed % len(samples)], seed))
