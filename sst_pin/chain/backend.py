@@ -74,10 +74,21 @@ class Backend(Protocol):
     ) -> Indices:
         """Fill tau."""
 
+    def generalized_forces(
+        self, q: Array, va: Array, aa: Array, wrenches: Array | None, f: Array, threads: int
+    ) -> Indices:
+        """Fill f."""
+
     def accelerations(
         self, q: Array, va: Array, tau: Array, wrenches: Array | None, aa: Array, threads: int
     ) -> Indices:
         """Fill aa."""
+
+    def joint_rates(self, q: Array, va: Array, v: Array, threads: int) -> Indices:
+        """Fill v, the rates of the tree."""
+
+    def frame_jacobian(self, frame: str, q: Array, J: Array, threads: int) -> Indices:
+        """Fill rows of the Jacobian of a frame, shape (N, 6 n)."""
 
     def reduced_terms(self, q: Array, va: Array, rows: Array, threads: int) -> Indices:
         """Fill rows of inertia, coriolis, gravity, friction, shape (N, 2 n (n + 1))."""

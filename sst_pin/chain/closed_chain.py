@@ -323,7 +323,8 @@ class ClosedChain:
             Shape (..., nv).
         """
         mechanism, arrays = self._arguments(q, va=va)
-        return for_each_sample(self._reference.rates, arrays, (1, 1), (mechanism.model.nv,))
+        reference, kernel = self._reference.rates, self._backend.joint_rates
+        return self._each(reference, kernel, arrays, (1, 1), mechanism.model.nv, None, 1, "raise")
 
     def joint_accelerations(self, q: ArrayLike, va: ArrayLike, aa: ArrayLike) -> Array:
         """Accelerations of all joints, L aa + L_dot va, Eqs. (8), (20).
@@ -355,13 +356,14 @@ class ClosedChain:
             UnknownNameError: For an unknown frame.
         """
         mechanism, arrays = self._arguments(q)
-        index = self._frame(frame)
-        return for_each_sample(
-            lambda q: self._reference.frame_jacobian(q, index),
-            arrays,
-            (1,),
-            (6, len(mechanism.coordinates)),
-        )
+        index, n = self._frame(frame), len(mechanism.coordinates)
+
+        def reference(q: Array) -> Array:
+            return self._reference.frame_jacobian(q, index).ravel()
+
+        kernel = partial(self._backend.frame_jacobian, frame)
+        rows = self._each(reference, kernel, arrays, (1,), 6 * n, None, 1, "raise")
+        return rows.reshape(*rows.shape[:-1], 6, n)
 
     def frame_drift(self, q: ArrayLike, va: ArrayLike, frame: str) -> Array:
         """Acceleration of a frame when the coordinates do not accelerate: J_dot va.
@@ -487,8 +489,8 @@ class ClosedChain:
         mechanism, arrays = self._arguments(q, va=va, aa=aa)
         loaded = [*arrays, self._wrenches(external_wrenches)]
         n = len(mechanism.coordinates)
-        reference = self._reference.generalized_forces
-        return self._each(reference, None, loaded, (1, 1, 1, 2), n, out, 1, on_error)
+        reference, kernel = self._reference.generalized_forces, self._backend.generalized_forces
+        return self._each(reference, kernel, loaded, (1, 1, 1, 2), n, out, 1, on_error)
 
     def compute_accelerations(
         self,
@@ -709,7 +711,7 @@ class ClosedChain:
 
     # --- doors to the rooms above -----------------------------------------------------------
 
-    def compile(self) -> None:
+    def compile(self, q: ArrayLike | None = None) -> None:
         """Have the dynamics computed by kernels made for this robot.
 
         They are generated as C, compiled by the system's compiler (or that of the package ziglang)
@@ -719,19 +721,27 @@ class ClosedChain:
         Samples that a kernel does not vouch for take the reference path. A copy, or the robot
         unpickled elsewhere, looks for its kernels there; `path` says what computes.
 
+        Args:
+            q: Configuration on the closures, shape (nq,), from around which the order of
+                elimination is chosen; a generic one by default. Give one of yours when the
+                mechanism has assembly modes that move in different ways.
+
         Raises:
             CompilationError: Without a compiler, or when it fails.
             MissingExtraError: Without CasADi, `sst-pin[compile]`.
             DescriptionError: For a joint or spring without compiled equations.
-            ClosureError: When no configuration can be assembled, by which to choose pivots.
+            ClosureError: When q is open, or when no configuration can be assembled.
+            SingularConfigurationError: When the coordinates do not fix the motion there.
         """
         from ..compiled.backend import CompiledBackend
 
-        self._mechanism()
-        backend = CompiledBackend(self._reference, self._model)
+        near = None if q is None else self._single_q(q)
+        self._mechanism(near)
+        kernels = partial(CompiledBackend, near=near)
+        backend = kernels(self._reference, self._model)
         backend.make()
         with self._lock:
-            self._kernels = CompiledBackend
+            self._kernels = kernels
             self._install(backend)
 
     @classmethod

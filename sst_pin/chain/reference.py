@@ -231,7 +231,11 @@ class ReferenceBackend:
         """All samples, for the reference path."""
         return np.arange(len(q))
 
-    accelerations = reduced_terms = torques
+    generalized_forces = accelerations = joint_rates = reduced_terms = torques
+
+    def frame_jacobian(self, frame: str, q: Array, *arguments: Any) -> NDArray[np.intp]:
+        """All samples, for the reference path."""
+        return np.arange(len(q))
 
     def states(self, friction: Friction) -> ReferenceStates:
         """The state space with a friction in the place of the mechanism's own."""

@@ -41,6 +41,8 @@ Indices = NDArray[np.intp]
 FIRST = ("torques", "accelerations")
 #: Configurations by which pivots are chosen.
 _SAMPLES = 8
+#: Ends the names of kernels that take external wrenches.
+_LOADED = " loaded"
 #: Samples that are worth a thread.
 _SHARE = 256
 
@@ -52,13 +54,14 @@ class CompiledBackend:
         reference: Of its mechanism.
         model: The tree whose gravity single samples watch: when it changes they are not vouched
             for.
+        near: Where the order of elimination is chosen, shape (nq,); anywhere by default.
 
     Raises:
         CompilationError: When the package was installed without its extension module.
         DescriptionError: When the mechanism holds something without compiled equations.
     """
 
-    def __init__(self, reference: Reference, model: pin.Model) -> None:
+    def __init__(self, reference: Reference, model: pin.Model, near: Array | None = None) -> None:
         try:
             from . import _binding
         except ImportError as error:
@@ -67,9 +70,11 @@ class CompiledBackend:
             ) from None
         self._binding = _binding
         self._reference, self._mechanism = reference, reference.mechanism
-        self._gravity = model.gravity.linear
+        self._model, self._near = model, near
         self._parameters = Parameters(self._mechanism)
         self._content = _content(self._mechanism, self._parameters)
+        if near is not None:
+            self._content += near.tobytes()
         self._numbers = self._parameters.pack(self._mechanism, self._mechanism.friction)
         self._kernels: dict[str, Kernel | None] = {}
         self._equations: dict[bool, Equations] = {}
@@ -100,6 +105,21 @@ class CompiledBackend:
     ) -> Indices:
         """Fill tau."""
         return self._fill("torques", (q, va, aa), wrenches, tau, threads)
+
+    def generalized_forces(
+        self, q: Array, va: Array, aa: Array, wrenches: Array | None, f: Array, threads: int
+    ) -> Indices:
+        """Fill f."""
+        name = "torques" if self._mechanism.driven_one_to_one else "forces"
+        return self._fill(name, (q, va, aa), wrenches, f, threads)
+
+    def joint_rates(self, q: Array, va: Array, v: Array, threads: int) -> Indices:
+        """Fill v, the rates of the tree."""
+        return self._fill("rates", (q, va), None, v, threads)
+
+    def frame_jacobian(self, frame: str, q: Array, J: Array, threads: int) -> Indices:
+        """Fill rows of the Jacobian of a frame."""
+        return self._fill(f"jacobian {frame}", (q,), None, J, threads)
 
     def accelerations(
         self, q: Array, va: Array, tau: Array, wrenches: Array | None, aa: Array, threads: int
@@ -140,7 +160,7 @@ class CompiledBackend:
         threads: int,
     ) -> Indices:
         if wrenches is not None:
-            name, arrays = f"{name} loaded", (*arrays, wrenches.reshape(len(wrenches), -1))
+            name, arrays = name + _LOADED, (*arrays, wrenches.reshape(len(wrenches), -1))
         kernel = self.kernel(name)
         if kernel is None:
             return np.arange(len(out))
@@ -166,14 +186,16 @@ class CompiledBackend:
             numbers = self._parameters.pack(self._mechanism, friction)
         addresses = [_address(library) for library in libraries]
         arguments = (addresses[0], addresses[-1], tuple(sizes), outputs, numbers)
-        kernel = self._binding.Kernel(*arguments, self._gravity, libraries)
+        # Gravity is watched in the model's own memory, which has to stay.
+        watched = self._model.gravity.linear
+        kernel = self._binding.Kernel(*arguments, watched, (libraries, self._model))
         if friction is None:
             self._kernels[name] = kernel
         return kernel
 
     def course(self, loaded: bool, friction: Friction) -> Course | None:
         """The kernel of a rollout; None where there is none."""
-        name = "rollout loaded" if loaded else "rollout"
+        name = "rollout" + _LOADED * loaded
         if name in self._why:
             return None
         try:
@@ -210,8 +232,8 @@ class CompiledBackend:
                 from . import c_code, kernels
             except ImportError:
                 raise MissingExtraError("casadi", "compile") from None
-            loaded = name.endswith(" loaded")
-            plain = name.removesuffix(" loaded")
+            loaded = name.endswith(_LOADED) and not name.startswith("jacobian ")
+            plain = name.removesuffix(_LOADED) if loaded else name
             parts = ["state_rate", "closing"] if plain == "rollout" else [plain]
             with self._lock:  # equations are made once, and CasADi is not for several threads
                 equations = self._equations_of(loaded)
@@ -223,7 +245,7 @@ class CompiledBackend:
         from .equations import Equations
 
         if loaded not in self._equations:
-            samples = sample_configurations(self._reference)
+            samples = sample_configurations(self._reference, self._near)
             self._equations[loaded] = Equations(self._mechanism, samples, loaded)
         return self._equations[loaded]
 
@@ -319,17 +341,24 @@ class CompiledStates(ReferenceStates):
 
     @cached_property
     def _loaded_rate(self) -> Kernel | None:
-        return self._backend.kernel("state_rate loaded", self._friction)
+        return self._backend.kernel("state_rate" + _LOADED, self._friction)
 
 
-def sample_configurations(reference: Reference) -> Array:
+def sample_configurations(reference: Reference, near: Array | None = None) -> Array:
     """Assembled configurations of a mechanism, the same at each call, shape (samples, nq).
 
+    Args:
+        reference: Of the mechanism.
+        near: The first of them; a generic one by default.
+
     Raises:
-        ClosureError: When none is found.
+        ClosureError: When none is found, or the one given is open.
     """
     assembly = reference.workspace.assembly
-    samples = [generic_configuration(assembly)]
+    if near is None:
+        near = generic_configuration(assembly)
+    reference.workspace.evaluate(near)
+    samples = [near]
     for seed in range(4 * _SAMPLES):
         try:
             samples.append(assembly.aside(samples[seed % len(samples)], seed))

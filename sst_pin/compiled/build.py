@@ -137,14 +137,19 @@ def _loaded(
             os.utime(path)
             return ctypes.CDLL(str(path))
         path.unlink(missing_ok=True)  # damaged
-    label = "".join(c if c.isalnum() or c in "-_" else "_" for c in robot)[:40] or "robot"
+    label = f"{_plain(robot) or 'robot'}.{_plain(kernel)}"
     # Built beside its place and moved there when it is whole: another process sees all or nothing.
     with tempfile.TemporaryDirectory(dir=folder, prefix=".building-") as scratch:
         code, made = Path(scratch, "kernel.c"), Path(scratch, "kernel.so")
         code.write_text(source(), encoding="utf-8")
         _compile(code, made, TARGETS[target][1])
-        name = f"{label}.{kernel.replace(' ', '-')}.{key}.{_digest(made)}{_SUFFIX}"
+        name = f"{label}.{key}.{_digest(made)}{_SUFFIX}"
         return ctypes.CDLL(str(made.replace(folder / name)))
+
+
+def _plain(name: str) -> str:
+    """What can stand in the name of a file."""
+    return "".join(c if c.isalnum() or c in "-_" else "_" for c in name)[:40]
 
 
 def _compile(code: Path, made: Path, flags: tuple[str, ...]) -> None:

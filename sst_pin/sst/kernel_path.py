@@ -94,6 +94,16 @@ class StarKernels:
         """Fill tau."""
         return self._fill(self._own.inverse_dynamics, (q, va, aa), wrenches, tau, threads)
 
+    generalized_forces = torques
+
+    def joint_rates(self, q: Array, va: Array, v: Array, threads: int) -> Indices:
+        """All samples, for the reference path."""
+        return np.arange(len(q))
+
+    def frame_jacobian(self, frame: str, q: Array, J: Array, threads: int) -> Indices:
+        """All samples, for the reference path."""
+        return np.arange(len(q))
+
     def accelerations(
         self, q: Array, va: Array, tau: Array, wrenches: Array | None, aa: Array, threads: int
     ) -> Indices:

@@ -18,6 +18,7 @@ import pytest
 import cassie
 import robots
 import sst_pin
+import sst_pin.robots as robots_of_the_gallery
 from sst_pin.compiled import backend, build
 from sst_pin.errors import CompilationError
 
@@ -132,6 +133,22 @@ def test_reduced_terms_loads_and_many_threads(small):
     assert np.array_equal(alone, shared)
 
 
+def test_rates_forces_and_frame_jacobians_agree_with_the_reference_path(small):
+    kernels, reference = small
+    q, va, aa = moving(reference, 12, 4)
+    frame = kernels.model.frames[-1].name
+    for name, arguments in (
+        ("joint_rates", (q, va)),
+        ("generalized_forces", (q, va, aa)),
+        ("frame_jacobian", (q, frame)),
+    ):
+        got = getattr(kernels, name)(*arguments)
+        expected = getattr(reference, name)(*arguments)
+        assert got.shape == expected.shape
+        assert np.abs(got - expected).max() < 1e-11 * np.abs(expected).max()
+    assert "reference" not in kernels.path.replace("torques by the reference path", "")
+
+
 def test_simulation_and_rollout_agree_with_the_reference_path(small):
     """The same equations, integrated to 1e-10 and to the same rule."""
     kernels, reference = small
@@ -183,6 +200,18 @@ def test_a_dead_centre_is_handed_over(four_bar):
     assert left(chain, q[None], np.ones((1, 1)), np.zeros((1, 1))) == 2
     with pytest.raises(sst_pin.SingularConfigurationError):
         chain.compute_torques(q, [1.0], [0.0])
+
+
+def test_the_assembly_mode_of_the_caller_decides_about_pivots():
+    """Folded flat, a scissor lift moves in more ways than opened: its slider does not fix it."""
+    flat, chain = robots_of_the_gallery.scissor_lift(), robots_of_the_gallery.scissor_lift()
+    with pytest.raises(sst_pin.SingularConfigurationError, match="do not fix"):
+        flat.compile()
+    chain.compile(chain.home)
+    va, aa = np.ones((2, chain.degrees_of_freedom))
+    tau = chain.compute_torques(chain.home, va, aa)
+    assert np.allclose(tau, flat.compute_torques(chain.home, va, aa), rtol=1e-10)
+    assert left(chain, chain.home[None], va[None], aa[None]) == 0
 
 
 def test_strided_read_only_broadcast_and_overlapping_arrays(four_bar):
