@@ -23,7 +23,7 @@ from ..arrays import (
 from ..errors import InputError, SimulationError
 
 if TYPE_CHECKING:
-    from ..chain.closed_chain import ClosedChain
+    from .robot import Robot
 
 Array = NDArray[np.float64]
 
@@ -41,7 +41,7 @@ class Rollout(NamedTuple):
 
 
 def rollout(
-    chain: ClosedChain,
+    chain: Robot,
     tau: ArrayLike,
     q0: ArrayLike,
     va0: ArrayLike,
@@ -84,7 +84,7 @@ def rollout(
     threads = whole_number("threads", threads, 1)
     positive_number("sign_width", sign_width, or_zero=True)
     step = float(single_array("dt", dt, ()))
-    nq, motors = len(chain.joint_units), len(chain.motor_names)
+    nq, motors = len(chain.position_names), len(chain.motor_names)
     steps = None if steps is None else whole_number("steps", steps, 0)
     torques = _torques(tau, steps, motors)
     start = as_array("q0", q0, (nq,))

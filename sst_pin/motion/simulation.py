@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from scipy.interpolate import BSpline
 
     from ..chain.backend import States
-    from ..chain.closed_chain import ClosedChain
+    from .robot import Robot
 
 Array = NDArray[np.float64]
 
@@ -35,7 +35,7 @@ _METHODS = ("RK23", "RK45", "DOP853", "Radau", "BDF", "LSODA")
 
 
 def simulate(
-    chain: ClosedChain,
+    chain: Robot,
     torque: Torque,
     q0: ArrayLike,
     va0: ArrayLike,
@@ -92,7 +92,7 @@ def simulate(
     if isinstance(torque, Trajectory):
         require_motion(torque, chain.position_names, "torque")
     # A bad start fails by its own name.
-    q0 = single_array("q0", q0, (len(chain.joint_units),))
+    q0 = single_array("q0", q0, (len(chain.position_names),))
     states = chain.states(sign_width, q0)
     chain.joint_rates(q0, np.zeros(chain.degrees_of_freedom))
     va0 = single_array("va0", va0, (chain.degrees_of_freedom,))

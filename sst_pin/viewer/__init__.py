@@ -7,9 +7,9 @@ import sys
 
 from numpy.typing import ArrayLike
 
+from ..chain.closed_chain import ClosedChain
 from ..errors import MissingExtraError
 from ..motion.trajectories import Trajectory
-from ..sst.robot import SST
 
 try:
     import meshcat  # noqa: F401
@@ -22,7 +22,7 @@ __all__ = ["Viewer", "show"]
 
 
 def show(
-    robot: SST, what: Trajectory | ArrayLike | None, speed: float, open_browser: bool
+    robot: ClosedChain, what: Trajectory | ArrayLike | None, speed: float, open_browser: bool
 ) -> Viewer:
     """See `SST.show`."""
     viewer = Viewer(robot)

@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from ..description.colours import LEG_COLOURS
 from ..sst.kinematics import legs_of_joints
-from ..sst.robot import SST
 from .shapes import Mesh, arc, arrow, tube
+from .star import Star
 
 Array = NDArray[np.float64]
 
@@ -50,7 +50,7 @@ class Markers:
         robot: The SST.
     """
 
-    def __init__(self, robot: SST) -> None:
+    def __init__(self, robot: Star) -> None:
         self._robot, self._radius = robot, robot.star_radius
         r = self._radius
         turn = np.linspace(0, np.radians(250), 40)

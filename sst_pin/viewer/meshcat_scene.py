@@ -20,9 +20,9 @@ from ..chain.closed_chain import ClosedChain
 from ..errors import InputError
 from ..motion.trajectories import Trajectory
 from ..robots import GalleryRobot
-from ..sst.robot import SST
 from .command_buffer import CommandBuffer
 from .markers import Markers, Shape, parts
+from .star import Star
 
 Array = NDArray[np.float64]
 
@@ -48,7 +48,7 @@ class MeshcatScene:
 
     def __init__(self, robot: ClosedChain, visual_model: pin.GeometryModel | None) -> None:
         self.buffer = CommandBuffer()
-        self.markers = Markers(robot) if isinstance(robot, SST) else None
+        self.markers = Markers(robot) if isinstance(robot, Star) else None
         self._visualizer: Any
         with _bodies_of(robot, visual_model) as bodies:
             self._visualizer = MeshcatVisualizer(robot.model, None, bodies)
@@ -63,7 +63,7 @@ class MeshcatScene:
             self._add(shape)
         self._animated = False
         self.start = (
-            robot.home if isinstance(robot, (SST, GalleryRobot)) else pin.neutral(robot.model)
+            robot.home if isinstance(robot, (Star, GalleryRobot)) else pin.neutral(robot.model)
         )
         self.camera = self._camera(self.start)
 
@@ -178,7 +178,7 @@ def _bodies_of(robot: ClosedChain, given: pin.GeometryModel | None) -> Iterator[
     """
     if given is not None:
         yield given
-    elif isinstance(robot, SST):
+    elif isinstance(robot, Star):
         with robot.shapes.geometry_model(robot.model) as model:
             yield model
     elif isinstance(robot, GalleryRobot):

@@ -20,11 +20,11 @@ from ..errors import OutputError
 from ..files import Writer, as_path, write_files
 from ..motion.trajectories import Trajectory, require_motion
 from ..sst.check import findings
-from ..sst.robot import SST
 from .markers import TRAIL_SIDES
 from .meshcat_scene import MeshcatScene
 from .page import page
 from .server import Message, Server
+from .star import Star
 
 
 class Viewer:
@@ -79,7 +79,7 @@ class Viewer:
         tau = np.zeros(motors) if tau is None else single_array("tau", tau, (motors,))
         self._scene.place(q, tau / (np.abs(tau).max() or 1.0))
         robot, warnings = self._robot, []
-        if isinstance(robot, SST):
+        if isinstance(robot, Star):
             found = findings(robot.model, robot.geometry, np.zeros(1), q[None])
             warnings = [finding.problem for finding in found]
         self._describe("configuration", [0.0], [tau.tolist()], 1.0, warnings)
@@ -111,7 +111,7 @@ class Viewer:
             return
         known = self._scene.animate(motion, wanted or motion)
         robot = self._robot
-        warnings = [str(f) for f in robot.check(motion)] if isinstance(robot, SST) else []
+        warnings = [str(f) for f in robot.check(motion)] if isinstance(robot, Star) else []
         self._describe(title, known.t.tolist(), known.tau.tolist(), speed, warnings)
 
     # --- where it is shown ------------------------------------------------------------------

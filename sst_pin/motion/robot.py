@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""What `simulate` and `rollout` ask of a robot; every `ClosedChain` has it."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..chain.backend import States
+from .trajectories import Trajectory
+
+Array = NDArray[np.float64]
+
+
+class Robot(Protocol):
+    """A robot that moves in time."""
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Of the joints, each of which bears a body."""
+
+    @property
+    def position_names(self) -> tuple[str, ...]:
+        """Of the entries of q."""
+
+    @property
+    def motor_names(self) -> tuple[str, ...]:
+        """Of the motors."""
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        """Number of the coordinates' rates."""
+
+    def joint_rates(self, q: ArrayLike, va: ArrayLike) -> Array:
+        """Rates of all joints; raises the error that is due where q is open or singular."""
+
+    def states(self, sign_width: float, q: ArrayLike) -> States:
+        """The state space, the sign of friction smoothed, for motions that start at q."""
+
+    def trajectory(
+        self,
+        t: ArrayLike,
+        q: ArrayLike,
+        va: ArrayLike,
+        aa: ArrayLike,
+        tau: ArrayLike | None = None,
+        *,
+        stopped: str = "",
+    ) -> Trajectory:
+        """A motion of this robot as a value."""
