@@ -25,7 +25,13 @@ from ..chain.assembly import generic_configuration
 from ..chain.closures import Closure, Distance, Rolling
 from ..chain.mechanism import Friction, Mechanism
 from ..chain.reference import Reference, ReferenceStates
-from ..errors import ClosureError, CompilationError, MissingExtraError, SSTError
+from ..errors import (
+    ClosureError,
+    CompilationError,
+    DescriptionError,
+    MissingExtraError,
+    SSTError,
+)
 from . import build
 from .parameters import Parameters
 from .tree import Tree
@@ -41,6 +47,8 @@ Indices = NDArray[np.intp]
 FIRST = ("torques", "accelerations")
 #: Configurations by which pivots are chosen.
 _SAMPLES = 8
+#: Of coordinates squared times rates, up to which inertia matrices are written out.
+_LARGEST = 100_000
 #: Ends the names of kernels that take external wrenches.
 _LOADED = " loaded"
 #: Samples that are worth a thread.
@@ -94,10 +102,8 @@ class CompiledBackend:
             MissingExtraError: Without CasADi, `sst-pin[compile]`, where they are not in the cache.
             CompilationError: Without a compiler, likewise, or when it fails.
         """
-        motors, n = self._mechanism.motors.shape[1], len(self._mechanism.coordinates)
-        possible = [name for name in names if name != "torques" or motors >= n]
         with ThreadPoolExecutor() as pool:
-            for _ in pool.map(self._made, possible):
+            for _ in pool.map(self._made, [x for x in names if not self._impossible(x)]):
                 pass
 
     def torques(
@@ -136,6 +142,16 @@ class CompiledBackend:
         return CompiledStates(self._reference, friction, self)
 
     # --- inside -----------------------------------------------------------------------------
+
+    def _impossible(self, name: str) -> str:
+        """Why there is no such kernel; empty when there is one."""
+        nv, motors = self._mechanism.motors.shape
+        n, first = len(self._mechanism.coordinates), name.split(maxsplit=1)[0]
+        if first == "torques" and motors < n:
+            return f"{motors} motors for {n} coordinates"
+        if first not in ("torques", "forces", "rates", "closing") and n * n * nv > _LARGEST:
+            return f"{n} coordinates of {nv} rates are too many for matrices to be written out"
+        return ""
 
     @property
     def torques_of(self) -> Callable[..., Any]:
@@ -210,6 +226,8 @@ class CompiledBackend:
 
     def _made(self, name: str) -> list[ctypes.CDLL]:
         """Libraries of a kernel: for single samples, then for batches."""
+        if problem := self._impossible(name):
+            raise DescriptionError("compiled kernels", [problem])
         best = self._binding.INSTRUCTIONS
         # Eight samples at once take longer than four, and one sample takes as long as all.
         targets = ["avx2", best] if best == "avx512" else [best]

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ..chain.closed_chain import ClosedChain
+from ..errors import ActuationError
 from ..files import Writer, text_writer
 from . import c_code, kernels
 from .backend import sample_configurations
@@ -98,6 +99,8 @@ def c_files(chain: ClosedChain, folder: str | Path) -> dict[Path, Writer]:
     n, motors = chain.degrees_of_freedom, len(chain.motor_names)
     mechanism = chain._mechanism()
     model = mechanism.model
+    if motors < n:
+        raise ActuationError(f"{motors} motors for {n} coordinates determine no torques")
     equations = Equations(mechanism, sample_configurations(chain._reference))
     sizes = {"q": len(q), "va": n, "aa": n, "tau": motors}
     functions = {

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 from casadi import SX
 
-from ..errors import ActuationError, DescriptionError
+from ..errors import DescriptionError
 from .elimination import Factors, pivot_order, total
 from .equations import Equations, pivot_check
 from .symbols import add, is_zero, solve_symmetric
@@ -71,8 +71,6 @@ def _torques(e: Equations) -> _Made:
         return inputs, f, []
     A = e.motor_matrix
     n, motors = A.shape
-    if motors < n:
-        raise ActuationError("there are fewer motors than coordinates")
     if motors > n:
         tau, inverses = solve_symmetric(A @ A.T, f)
         return inputs, A.T @ tau, [_definite(inverses)]
