@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Mapping
+from difflib import get_close_matches
 from typing import Any
 
 import pinocchio as pin
@@ -55,8 +56,10 @@ def parse_urdf(text: str, source: str, joints: Mapping[str, str] | None = None) 
     """
     root = parse_xml(text, source)
     problems = _errors(check(root))
-    names = {joint.get("name") for joint in root.findall("joint")}
-    problems += [f"joint {name} is missing" for name in joints or () if name not in names]
+    names = [joint.get("name", "") for joint in root.findall("joint")]
+    for name in set(joints or ()).difference(names):
+        meant = [f"; {near} is meant?" for near in get_close_matches(name, names, 1, 0.8)]
+        problems.append(f"joint {name} is missing{''.join(meant)}")
     if problems:
         raise DescriptionError(source, problems)
     _strip(root)

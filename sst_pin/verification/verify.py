@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..chain.closed_chain import ClosedChain
 from ..description.parameters import Parameters
-from ..errors import ActuationError, ClosureError, MissingExtraError
+from ..errors import ClosureError, MissingExtraError
 from ..motion.energy import energy_error
 from ..sst import paper
 from ..sst.platform_motion import paper_circle
@@ -74,14 +74,13 @@ def verify_chain(chain: ClosedChain, count: int = 20) -> Iterator[Comparison]:
     name, of = lagrange.LagrangeMultipliers.name, chain.model.name or "chain"
     forces = Judge(name, f"forces along the coordinates, {of}")
     torques, back = Judge(name, f"torques, {of}"), Judge(name, f"accelerations, {of}")
+    sufficient = chain.mobility().sufficient
     for q, va, aa in _chain_states(chain, count, rng):
         ours = chain.generalized_forces(q, va, aa)
         forces.hold(partial(lagrange.generalized_forces, chain, q, va, aa), ours)
-        try:
+        tau = rng.normal(size=len(chain.motor_names))
+        if sufficient:
             tau = chain.compute_torques(q, va, aa)
-        except ActuationError:  # a motion that needs more than the motors
-            tau = rng.normal(size=len(chain.motor_names))
-        else:
             torques.hold(partial(lagrange.torques, chain, q, va, aa), tau)
         ours = chain.compute_accelerations(q, va, tau)
         back.hold(partial(lagrange.accelerations_by_multipliers, chain, q, va, tau), ours)
@@ -93,7 +92,7 @@ def _chain_states(
 ) -> Iterator[tuple[Array, Array, Array]]:
     """Assembled configurations away from singularities, with a motion of the coordinates."""
     start, model = chain.generic_configuration(), chain.model
-    n = chain.degrees_of_freedom
+    n, limit = chain.degrees_of_freedom, max(1e3, chain.condition_number(start))
     found, tries = 0, 0
     while found < count:
         tries += 1
@@ -105,7 +104,7 @@ def _chain_states(
             )
         except ClosureError:
             continue
-        if chain.condition_number(q) < 1e3:
+        if chain.condition_number(q) < limit:
             found += 1
             yield q, rng.normal(size=n), rng.normal(size=n)
 

@@ -168,9 +168,9 @@ def accelerations_by_multipliers(
     M = np.stack([pin.rnea(model, data, q, zero, e) - rest for e in np.eye(model.nv)], axis=1)
     force = motion.mechanism.motors @ tau + _given(motion, q, loads)
     force = force - pin.rnea(model, data, q, motion.v, zero)
-    rows = len(motion.Phi)
-    system = np.block([[M, motion.Phi.T], [motion.Phi, np.zeros((rows, rows))]])
-    v_dot = _solve(system, np.concatenate([force, -motion.drift]))[: model.nv]
+    rows, unit = len(motion.Phi), np.abs(M).max()  # of the multipliers, lest M be cut as rounding
+    system = np.block([[M / unit, motion.Phi.T], [motion.Phi, np.zeros((rows, rows))]])
+    v_dot = _solve(system, np.concatenate([force / unit, -motion.drift]))[: model.nv]
     return motion.mechanism.selection @ v_dot
 
 
@@ -291,8 +291,10 @@ def _given(motion: _Motion, q: Array, loads: Array | None) -> Array:
 
 
 def _solve(system: Array, right: Array) -> Array:
-    """Solution of a consistent system with redundant rows or columns."""
+    """Solution of a consistent system with redundant rows or columns, refined once."""
     solution = np.linalg.lstsq(system, right, rcond=_REDUNDANT)[0]
+    left_over = right - system @ solution
+    solution = solution + np.linalg.lstsq(system, left_over, rcond=_REDUNDANT)[0]
     return np.asarray(solution, dtype=np.float64)
 
 

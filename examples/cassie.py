@@ -8,6 +8,7 @@ stiff. Agility's own MuJoCo model has a ball at the hip and a point at the heel;
 
 import importlib.metadata
 import xml.etree.ElementTree as ET
+from itertools import product
 
 import numpy as np
 import pinocchio as pin
@@ -28,10 +29,13 @@ HELD = [
     "left-pitch-rod-joint_X",
     "right-pitch-rod-joint_X",
 ]
+#: Ends of the cylinder that is the sole, in the foot's axes, and its radius, [m].
+FOOT = {"toe": (0.0791, -0.0126, 0.0), "heel": (-0.0591, 0.1026, 0.0)}
+SOLE = 0.0168
 
 
-def mjcf() -> str:
-    """The whole robot, floating."""
+def mjcf(floor: float | None = None) -> str:
+    """The whole robot, floating; above a floor at some height with balls at toes and heels."""
     model = _sdf().find("model")
     links = {link.get("name"): link for link in model.findall("link")}
     joints = {joint.get("name"): joint for joint in model.findall("joint")}
@@ -66,6 +70,14 @@ def mjcf() -> str:
             **axis,
         )
         bodies[name] = body
+    for side, end in product(("left", "right"), FOOT):
+        foot, at = bodies[f"{side}-foot"], _text(FOOT[end])
+        ET.SubElement(foot, "site", name=f"{side}-{end}", pos=at)
+        if floor is not None:
+            ET.SubElement(foot, "geom", size=_text([SOLE]), pos=at)
+    if floor is not None:
+        height = _text([0, 0, floor])
+        ET.SubElement(world, "geom", type="plane", size="9 9 1", pos=height, contype="2")
     closures = ET.SubElement(root, "equality")
     for side in ("left", "right"):
         for end in ("achilles-spring", "plantar-foot"):
