@@ -365,6 +365,26 @@ class ClosedChain:
         rows = self._each(reference, kernel, arrays, (1,), 6 * n, None, 1, "raise")
         return rows.reshape(*rows.shape[:-1], 6, n)
 
+    def frame_jacobian_rate(self, q: ArrayLike, va: ArrayLike, frame: str) -> Array:
+        """Rate of `frame_jacobian` on a motion.
+
+        Args:
+            q: Configurations on the closures, shape (..., nq).
+            va: Rates of the coordinates, shape (..., n).
+            frame: Its name.
+
+        Returns:
+            J_dot, shape (..., 6, n).
+        """
+        mechanism, arrays = self._arguments(q, va=va)
+        index = self._frame(frame)
+        return for_each_sample(
+            lambda q, va: self._reference.frame_jacobian_rate(q, va, index),
+            arrays,
+            (1, 1),
+            (6, len(mechanism.coordinates)),
+        )
+
     def frame_drift(self, q: ArrayLike, va: ArrayLike, frame: str) -> Array:
         """Acceleration of a frame when the coordinates do not accelerate: J_dot va.
 

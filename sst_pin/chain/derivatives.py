@@ -16,7 +16,6 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
-from scipy.linalg import expm
 
 from .dynamics import Workspace, applied_forces, direct_dynamics, motion_of_tree
 from .mechanism import Friction, Mechanism
@@ -68,6 +67,8 @@ class FrameVelocityDerivatives(NamedTuple):
 
 def discrete(A: Array, B: Array, dt: float) -> tuple[Array, Array]:
     """The exact step of x' = A x + B u over dt with u held: the exponential of [A B; 0 0] dt."""
+    from scipy.linalg import expm
+
     states, inputs = B.shape[-2:]
     both = np.zeros((*A.shape[:-2], states + inputs, states + inputs))
     both[..., :states, :states], both[..., :states, states:] = A, B

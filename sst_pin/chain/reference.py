@@ -184,6 +184,16 @@ class Reference:
         L = ws.complement.factorise(ws.loops.Phi())
         return pin.getFrameJacobian(ws.model, ws.data, frame, pin.LOCAL_WORLD_ALIGNED).dot(L)
 
+    def frame_jacobian_rate(self, q: Array, va: Array, frame: int) -> Array:
+        """Rate of `frame_jacobian`, shape (6, n)."""
+        ws = self.workspace
+        ws.evaluate(q)
+        L = ws.complement.factorise(ws.loops.Phi())
+        L_dot = ws.complement.solve(-ws.loops.Phi_dot(L.dot(va)).dot(L), np.zeros((len(va),) * 2))
+        arguments = (ws.model, ws.data, frame, pin.LOCAL_WORLD_ALIGNED)
+        J_dot = pin.getFrameJacobianTimeVariation(*arguments)
+        return J_dot.dot(L) + pin.getFrameJacobian(*arguments).dot(L_dot)
+
     def frame_drift(self, q: Array, va: Array, frame: int) -> Array:
         """[linear; angular] acceleration of a frame with aa = 0, shape (6,)."""
         ws = self.workspace

@@ -53,8 +53,12 @@ class Case:
     home: np.ndarray
 
     def L(self, q):
-        n = self.chain.degrees_of_freedom
-        return self.chain.joint_rates(q, np.eye(n)).T
+        """Phi L = 0, units at the coordinates."""
+        coordinates = self.chain._mechanism().coordinates
+        n, nv = len(coordinates), self.chain.model.nv
+        system = np.vstack([self.chain.Phi(q), np.eye(nv)[coordinates]])
+        right = np.vstack([np.zeros((len(system) - n, n)), np.eye(n)])
+        return np.linalg.lstsq(system, right, rcond=None)[0]
 
     def at(self, q, way, s):
         """q moved by s L way and onto the closures, the coordinates held."""
@@ -63,13 +67,13 @@ class Case:
 
     def forces(self, q, va, aa, wrenches):
         """f with tanh(v / WIDTH) for the sign, from the dynamics alone."""
-        v = self.chain.joint_rates(q, va)
-        f = self.twin.generalized_forces(q, va, aa, external_wrenches=wrenches)
-        return f + self.L(q).T @ (self.coulomb * np.tanh(v / WIDTH))
+        f, L = self.twin.generalized_forces(q, va, aa, external_wrenches=wrenches), self.L(q)
+        return f + L.T @ (self.coulomb * np.tanh(L @ va / WIDTH))
 
     def accelerations(self, q, va, tau, wrenches):
         """aa likewise."""
-        friction = self.L(q).T @ (self.coulomb * np.tanh(self.chain.joint_rates(q, va) / WIDTH))
+        L = self.L(q)
+        friction = L.T @ (self.coulomb * np.tanh(L @ va / WIDTH))
         aa = self.twin.compute_accelerations(q, va, tau, external_wrenches=wrenches)
         return aa - np.linalg.solve(self.twin.noc(q, va).inertia, friction)
 
@@ -490,3 +494,15 @@ def test_derivatives_of_a_frames_velocity_are_those_of_differences(make):
         velocity = WEIGHTS @ (chain.frame_jacobian(sides, frame) @ va) / H
         close(d.dq @ way, velocity, 1e-9)
         close(d.dq @ va, chain.frame_drift(q, va, frame), 1e-12)
+
+
+@pytest.mark.parametrize("make", [floating_four_bar, geared, lambda: of_tree("composite", "hinge")])
+def test_the_rate_of_a_frames_jacobian_is_that_of_differences(make):
+    """Along the motion; with the rates it is the drift."""
+    case = make()
+    chain, frame = case.chain, case.chain.model.frames[-1].name
+    for q, va, _, _ in case.states(3):
+        J_dot = chain.frame_jacobian_rate(q, va, frame)
+        sides = [case.at(q, va, k * H) for k in range(-3, 4)]
+        close(J_dot, np.tensordot(WEIGHTS, chain.frame_jacobian(sides, frame), 1) / H, 1e-8)
+        close(J_dot @ va, chain.frame_drift(q, va, frame), 1e-12)
