@@ -2,6 +2,7 @@
 """The example that holds the SST where it would fall over."""
 
 import numpy as np
+
 from lqr_hold import STEP, Regulator, region, regulator, starts, swing
 
 
