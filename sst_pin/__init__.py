@@ -26,7 +26,8 @@ if TYPE_CHECKING:
     from .description.parameters import RigidBody as RigidBody
     from .errors import ActuationError as ActuationError
     from .errors import ClosureError as ClosureError
-    from .errors import DescriptionError as DescriptionError
+    from .errors import DescriptionError DescriptionWarning as DescriptionError
+    from .errors import DescriptionWarning as DescriptionWarning
     from .errors import FileFormatError as FileFormatError
     from .errors import InputError as InputError
     from .errors import MissingExtraError as MissingExtraError

@@ -193,3 +193,7 @@ class ServerError(SSTError):
 
 class SingularityWarning(UserWarning):
     """A simulation stopped early because the robot came close to a singularity."""
+
+
+class DescriptionWarning(UserWarning):
+    """Issued no more, since all that a description says is read or refused; kept for one release."""
