@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from .description.parameters import RigidBody as RigidBody
     from .errors import ActuationError as ActuationError
     from .errors import ClosureError as ClosureError
-    from .errors import DescriptionError DescriptionWarning as DescriptionError
+    from .errors import DescriptionError as DescriptionError
     from .errors import DescriptionWarning as DescriptionWarning
     from .errors import FileFormatError as FileFormatError
     from .errors import InputError as InputError
@@ -61,7 +61,7 @@ _NAMES = {
     "description": "MJCF_PATH PACKAGE_PATH REPOSITORY_PATH SRDF_PATH URDF_PATH YAML_PATH",
     "description.parameters": "Parameters RigidBody",
     "errors": (
-        "ActuationError ClosureError DescriptionError FileFormatError "
+        "ActuationError ClosureError DescriptionError DescriptionWarning FileFormatError "
         "InputError MissingExtraError OutputError ParametersError SimulationError "
         "SingularConfigurationError SingularityWarning SSTError UnknownNameError "
         "WorkspaceError"

@@ -196,4 +196,4 @@ class SingularityWarning(UserWarning):
 
 
 class DescriptionWarning(UserWarning):
-    """Issued no more, since all that a description says is read or refused; kept for one release."""
+    """Issued no more: what a description says is read or refused; kept for one release."""

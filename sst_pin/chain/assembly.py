@@ -21,6 +21,8 @@ ASSEMBLED = 1e-11
 _STEPS = 100
 #: Longest stride, [rad] or of the robot's length: the closures are far from linear beyond it.
 _STRIDE = 0.5
+#: A joint this near to its limit, scaled, is at it: rounding of the step that led there.
+_AT_LIMIT = 1e-12
 #: How far a configuration next to another one lies, likewise.
 _ASIDE = 0.2
 
@@ -42,17 +44,22 @@ class Assembly:
         self._scale = mechanism.row_scale[:, None] * mechanism.rate_scale
         self._known_parts: dict[bytes, list[tuple[Indices, Indices]]] = {}
 
-    def assemble(self, q: Array, free: Indices) -> Array:
+    def assemble(self, q: Array, free: Indices, *, limits: bool = False) -> Array:
         """The configuration next to q with closed loops.
 
         Args:
             q: A guess, shape (nq,).
             free: Indices of the rates that may move.
+            limits: Whether joints of one coordinate stay within their limits.
 
         Raises:
-            ClosureError: When there is none within reach: which loops stay open, by how much.
+            ClosureError: When there is none within reach: which loops stay open, by how much, and
+                which joints are at their limits.
         """
-        q, open_rows = self._newton(q, free)
+        bounds = _Limits(self.mechanism, free, limits)
+        q, open_rows = self._newton(bounds.clipped(q), free, bounds)
+        q = bounds.clipped(q)
+        bounds.require_within(q)
         if len(open_rows):
             loops, mechanism = self._loops, self.mechanism
             residual = np.abs(loops.residual())
@@ -64,14 +71,17 @@ class Assembly:
             ]
             shown = ", ".join(names[:4]) + (f" and {len(names) - 4} more" * (len(names) > 4))
             raise ClosureError(
-                f"the loops cannot be closed from this guess: {largest:.3g} (m or rad) stays open "
-                f"at {shown}; start nearer, hold fewer joints, try several starts "
+                f"the loops cannot be closed from this guess{bounds.reached(q)}: {largest:.3g} "
+                f"(m or rad) stays open at {shown}; start nearer, hold fewer joints, try several "
+                "starts "
                 "(tries=), or check the geometry",
                 largest,
             )
         return q
 
-    def try_starts(self, q: Array, free: Indices, tries: int, seed: int) -> Array:
+    def try_starts(
+        self, q: Array, free: Indices, tries: int, seed: int, *, limits: bool = False
+    ) -> Array:
         """The first success from q and from random configurations around it.
 
         Raises:
@@ -84,7 +94,7 @@ class Assembly:
             aside[free] = width * random.normal(size=len(free))
             start = pin.integrate(model, q, aside * self.mechanism.rate_scale)
             try:
-                return self.assemble(start, free)
+                return self.assemble(start, free, limits=limits)
             except ClosureError as error:
                 failures.append(error)
         raise min(failures, key=lambda error: error.residual)
@@ -106,7 +116,7 @@ class Assembly:
         moved = pin.integrate(mechanism.model, q, step * mechanism.rate_scale)
         return self.assemble(moved, np.arange(mechanism.model.nv))
 
-    def _newton(self, q: Array, free: Indices) -> tuple[Array, Indices]:
+    def _newton(self, q: Array, free: Indices, bounds: _Limits) -> tuple[Array, Indices]:
         """The nearest configuration and the rows that stay open."""
         f = self._residual(q)
         key = free.tobytes()
@@ -123,10 +133,10 @@ class Assembly:
                 break
             Phi = self._loops.Phi() * self._scale
             step = np.zeros(Phi.shape[1])
-            for rows, columns in busy:
-                block = Phi[np.ix_(rows, columns)]
-                part = np.linalg.lstsq(block, -f[rows], rcond=1e-10)[0]
+            for rows, of_loop in busy:
+                columns, part = bounds.project(q, of_loop, Phi[rows], -f[rows])
                 step[columns] = part * (_STRIDE / max(_STRIDE, float(np.abs(part).max(initial=0))))
+                step[columns] *= bounds.reach(q, columns, step[columns])
             q, f, moved = self._descend(q, f, step, busy)
             if not moved:
                 break
@@ -177,6 +187,79 @@ class Assembly:
         for name in dict.fromkeys(of_closure[order].tolist()):
             members = order[of_closure[order] == name]
             yield members, free[np.isin(label[n:], np.unique(label[members]))]
+
+
+class _Limits:
+    """Limits of the joints of one coordinate that may move; the others have none.
+
+    Args:
+        mechanism: Whose joints they are.
+        free: Indices of the rates that may move.
+        wanted: Whether limits count at all.
+    """
+
+    def __init__(self, mechanism: Mechanism, free: Indices, wanted: bool) -> None:
+        model, self._mechanism = mechanism.model, mechanism
+        joints = list(model.joints)[1:] if wanted else []
+        single = [(j.idx_q, j.idx_v) for j in joints if (j.nq, j.nv) == (1, 1)]
+        self._q, self._v = np.array(single, dtype=np.intp).reshape(-1, 2).T
+        self._lower, self._upper = model.lowerPositionLimit, model.upperPositionLimit
+        self._may_move = self._q[np.isin(self._v, free)]
+
+    def clipped(self, q: Array) -> Array:
+        """The nearest configuration within the limits."""
+        q, k = q.copy(), self._may_move
+        q[k] = np.clip(q[k], self._lower[k], self._upper[k])
+        return q
+
+    def project(
+        self, q: Array, columns: Indices, Phi: Array, right: Array
+    ) -> tuple[Indices, Array]:
+        """Newton's step along the rates that do not lead outward from a limit."""
+        while True:
+            part = np.asarray(np.linalg.lstsq(Phi[:, columns], right, rcond=1e-10)[0], dtype=float)
+            down, up = self._room(q)[:, columns]
+            outward = np.where(part < 0, down, up) <= _AT_LIMIT
+            if not outward.any():
+                return columns, part
+            columns = columns[~outward]
+
+    def reach(self, q: Array, columns: Indices, step: Array) -> float:
+        """How much of a step leads to the first limit, at most 1."""
+        down, up = self._room(q)[:, columns]
+        room = np.where(step < 0, down, up)
+        return float((room / np.maximum(np.abs(step), 1e-300)).min(initial=1.0))
+
+    def require_within(self, q: Array) -> None:
+        """Refuse joints that are held outside their limits, or whose limits exclude each other.
+
+        Raises:
+            ClosureError: Which they are.
+        """
+        room = self._room(q).min(axis=0)
+        if (room < 0).any():
+            raise ClosureError(
+                f"outside the limits of {self._names(room < 0)}, which cannot move there; hold "
+                "fewer joints, start within the limits, or correct them",
+                float(-(room * self._mechanism.rate_scale).min()),
+            )
+
+    def reached(self, q: Array) -> str:
+        """Which joints are at their limits, in words."""
+        if not len(self._v):
+            return ""
+        at = self._room(q).min(axis=0) <= _AT_LIMIT
+        return f" within the joint limits ({self._names(at) or 'none'} at a limit)"
+
+    def _room(self, q: Array) -> Array:
+        """How far each rate can go down and up, scaled, shape (2, nv)."""
+        room = np.full((2, self._mechanism.model.nv), np.inf)
+        k = self._q
+        room[:, self._v] = q[k] - self._lower[k], self._upper[k] - q[k]
+        return room / self._mechanism.rate_scale
+
+    def _names(self, chosen: NDArray[np.bool_]) -> str:
+        return ", ".join(np.array(self._mechanism.space.rate_names)[chosen])
 
 
 def generic_configuration(assembly: Assembly) -> Array:

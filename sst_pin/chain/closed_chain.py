@@ -243,6 +243,7 @@ class ClosedChain:
         *,
         tries: int = 1,
         seed: int = 0,
+        limits: bool = False,
     ) -> Array:
         """Project a configuration onto the closures by Newton's method.
 
@@ -251,12 +252,14 @@ class ClosedChain:
             fixed: Names of joints to be held; the coordinates by default, () for none.
             tries: How many starts: the guess, then random ones around it.
             seed: Of the random starts.
+            limits: Whether joints of one coordinate stay within the limits of the model.
 
         Returns:
             A configuration near q with closed loops, shape (nq,).
 
         Raises:
-            ClosureError: When there is none within reach, with the loops that stay open.
+            ClosureError: When there is none within reach, with the loops that stay open and the
+                joints that are at their limits.
             UnknownNameError: For an unknown joint.
         """
         guess, tries = self._single_q(q), whole_number("tries", tries, 1)
@@ -269,7 +272,8 @@ class ClosedChain:
             held = self._draft.space.rates_of(names("fixed", fixed))
         free = np.setdiff1d(np.arange(self._draft.model.nv), held)
         assembly = self._reference.workspace.assembly
-        return assembly.try_starts(self._draft.space.normalised(guess), free, tries, seed)
+        start = self._draft.space.normalised(guess)
+        return assembly.try_starts(start, free, tries, seed, limits=limits)
 
     def generic_configuration(self) -> Array:
         """Some assembled configuration away from the symmetric ones, the same at each call.

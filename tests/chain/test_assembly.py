@@ -213,3 +213,60 @@ def test_a_motion_starts_where_no_generic_configuration_is_found(monkeypatch):
     chain.simulate([0.0], q, [0.0], [0, 0.01])
     chain = ladder(1)
     chain.rollout(np.zeros((3, 1)), q, [0.0], 0.01)
+
+
+def limited(lower, upper):
+    """One four-bar with limits of crank, coupler and rocker."""
+    chain = ladder(1)
+    chain.model.lowerPositionLimit[:], chain.model.upperPositionLimit[:] = lower, upper
+    return chain
+
+
+def test_assembly_within_limits_holds_them_and_finds_the_other_branch():
+    """From any guess, limits of the coupler leave one of the two ways to close the four-bar."""
+    guesses = ([1.2, -0.7, 2.0], [1.2, -2.0, -1.5])
+    coupler = sorted(ladder(1).assemble(guess, ["crank_0"])[1] for guess in guesses)
+    assert coupler[1] - coupler[0] > 0.5
+    found = set()
+    for seed in range(40):
+        side = seed % 2
+        middle = sum(coupler) / 2
+        lower, upper = ((-4, middle), (middle, 4))[side]
+        chain = limited([-4, lower, -4], [4, upper, 4])
+        guess = 2 * np.random.default_rng(seed).normal(size=3)
+        guess[0] = 1.2
+        q = chain.assemble(guess, ["crank_0"], limits=True, tries=20)
+        assert lower <= q[1] <= upper
+        assert np.abs(chain.residual(q)).max() < 1e-11
+        found.add(side)
+    assert found == {0, 1}
+
+
+def test_a_solution_at_a_limit_is_reached():
+    """The limit lies on the solution itself: the joint ends there, with closed loops."""
+    q = ladder(1).assemble([1.2, -0.7, 2.0], ["crank_0"])
+    chain = limited([-4, -4, -4], [4, q[1], 4])
+    found = chain.assemble([1.2, q[1] + 1.0, 2.0], (), limits=True)
+    assert found[1] <= q[1]
+    assert np.abs(chain.residual(found)).max() < 1e-11
+
+
+def test_limits_that_no_configuration_meets_are_named():
+    """Which joints are at a limit when the loop stays open; without limits it closes."""
+    q = ladder(1).assemble([1.2, -0.7, 2.0], ["crank_0"])
+    chain = limited(q - 4, q + np.array([4, 4, -0.2]))
+    with pytest.raises(ClosureError, match="rocker_0 at a limit"):
+        chain.assemble(q, ["crank_0", "coupler_0"], limits=True)
+    assert_allclose(chain.assemble(q, ["crank_0"]), q)
+    for lower, upper, held in (
+        (q - np.array([-0.1, 4, 4]), q + 4, "crank_0"),
+        (q - np.array([4, 4, -0.2]), q + np.array([4, 4, 0.1]), "rocker_0"),
+    ):
+        with pytest.raises(ClosureError, match=f"limits of {held}"):
+            limited(lower, upper).assemble(q, ["crank_0"], limits=True)
+
+
+def test_limits_that_are_not_reached_change_nothing():
+    """The same numbers with and without them."""
+    chain, guess = limited([-9] * 3, [9] * 3), [1.2, -0.7, 2.0]
+    assert np.array_equal(chain.assemble(guess), chain.assemble(guess, limits=True))
