@@ -248,7 +248,8 @@ class ClosedChain:
         """Project a configuration onto the closures by Newton's method.
 
         Args:
-            q: A guess, shape (nq,).
+            q: A guess, shape (nq,); of a robot with balls, free or endless joints also the way to
+                it from `pin.neutral`, shape (nv,), without quaternions.
             fixed: Names of joints to be held; the coordinates by default, () for none.
             tries: How many starts: the guess, then random ones around it.
             seed: Of the random starts.
@@ -262,7 +263,7 @@ class ClosedChain:
                 joints that are at their limits.
             UnknownNameError: For an unknown joint.
         """
-        guess, tries = self._single_q(q), whole_number("tries", tries, 1)
+        guess, tries = self._guess(q), whole_number("tries", tries, 1)
         if fixed is None:
             try:
                 held = self._mechanism().coordinates
@@ -274,6 +275,13 @@ class ClosedChain:
         assembly = self._reference.workspace.assembly
         start = self._draft.space.normalised(guess)
         return assembly.try_starts(start, free, tries, seed, limits=limits)
+
+    def _guess(self, q: ArrayLike) -> Array:
+        self._look_at_model()
+        model = self._draft.model
+        if model.nv != model.nq and as_array("q", q, ()).shape == (model.nv,):
+            return pin.integrate(model, pin.neutral(model), single_array("q", q, (model.nv,)))
+        return self._single_q(q)
 
     def generic_configuration(self) -> Array:
         """Some assembled configuration away from the symmetric ones, the same at each call.
