@@ -34,7 +34,7 @@ cdef extern from *:
         __builtin_cpu_init();
         if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"))
             return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq")
-                ? "avx512" : "avx2";
+                && __builtin_cpu_supports("avx512vl") ? "avx512" : "avx2";
     #endif
         return "plain";
     }

@@ -334,23 +334,15 @@ class CompiledStates(ReferenceStates):
         parts = _slices(len(q), threads)
         reached = np.concatenate(_on_each(run, parts))
         steps = q.shape[1] - 1
-        half = 1 if tau.shape[1] == steps else 2
+        stride = 1 if tau.shape[1] == steps else 2
         for i in np.flatnonzero(reached <= steps):
-            done = max(int(reached[i]) - 1, 0)
-            start = (q0[i], va0[i]) if done == 0 else (q[i, done], va[i, done])
-            one = slice(i, i + 1)
-            rest = np.zeros(1, dtype=np.intp)
-            rest = super().rollout(
-                dt,
-                start[0][None].copy(),
-                start[1][None].copy(),
-                tau[one, half * done :],
-                None if wrenches is None else wrenches[one],
-                q[one, done:],
-                va[one, done:],
-                1,
-            )
-            reached[i] = done + rest[0]
+            done, one = max(int(reached[i]) - 1, 0), slice(i, i + 1)
+            q_start = (q[one, done] if done else q0[one]).copy()
+            va_start = (va[one, done] if done else va0[one]).copy()
+            loads = None if wrenches is None else wrenches[one]
+            rest = tau[one, stride * done :]
+            arguments = (dt, q_start, va_start, rest, loads, q[one, done:], va[one, done:], 1)
+            reached[i] = done + super().rollout(*arguments)[0]
         return reached
 
     @cached_property

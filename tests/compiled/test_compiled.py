@@ -28,8 +28,7 @@ DELTA = Path(__file__).parents[2] / "examples" / "delta.urdf"
 def cassie_on_a_stand(folder: Path) -> sst_pin.ClosedChain:
     path = folder / "cassie.xml"
     path.write_text(cassie.mjcf())
-    with pytest.warns(sst_pin.DescriptionWarning):
-        return sst_pin.ClosedChain.from_mjcf(path, locked=cassie.HELD)
+    return sst_pin.ClosedChain.from_mjcf(path, locked=cassie.HELD)
 
 
 ROBOTS = {
