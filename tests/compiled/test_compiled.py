@@ -10,11 +10,11 @@ import sys
 import threading
 from pathlib import Path
 
-import any_chain
 import numpy as np
 import pinocchio as pin
 import pytest
 
+import any_chain
 import cassie
 import robots
 import sst_pin
