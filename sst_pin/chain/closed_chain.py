@@ -1084,7 +1084,9 @@ class ClosedChain:
         """Arrays of the shapes that the mechanism has; it is settled on the way."""
         self._look_at_model()
         array = as_array("q", q, (self._draft.model.nq,))
-        mechanism = self._mechanism(array)
+        mechanism = self._settled
+        if mechanism is None or not self._settled_by_caller:
+            mechanism = self._mechanism(array)
         sizes = {"tau": mechanism.motors.shape[1]}
         n = len(mechanism.coordinates)
         arrays = [array]

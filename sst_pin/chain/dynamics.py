@@ -104,6 +104,7 @@ class Workspace:
         self.mechanism, self.model = mechanism, mechanism.model
         self.loops = Loops(mechanism.model, mechanism.closures)
         self.data = self.loops.data
+        self._strict = CLOSURE_TOLERANCE / max(1.0, float(mechanism.row_scale.max()))
         self.complement = JointComplement(mechanism)
         self.assembly = Assembly(mechanism, self.loops)
         self._weightless = pin.Model(mechanism.model)
@@ -114,6 +115,8 @@ class Workspace:
     def evaluate(self, q: Array, tolerance: float = CLOSURE_TOLERANCE) -> None:
         """Compute what depends on q, which must close the loops."""
         self.loops.evaluate(q)
+        if tolerance == CLOSURE_TOLERANCE and self.loops.coincide(self._strict):
+            return
         self.loops.require_closed(self.mechanism.row_scale, tolerance)
 
     def momentum_rate(self, q: Array, a: Array) -> Array:

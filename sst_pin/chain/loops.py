@@ -89,6 +89,12 @@ class Loops:
         for rows, coupled in self._couplings:
             self.touched[rows] = coupled.touched
         self._moving = [pair for pair in self._pairs if not pair[1].fixed]
+        # Rows that are the same at both frames see the relative twist alone.
+        one_row = all(kind.same_row for _, kind, *_ in self._pairs)
+        self._relative = self._S_b - self._S_a if one_row else None
+        self._welds_only = not self._couplings and all(
+            isinstance(kind, _Weld) and len(kind.held) == 6 for _, kind, *_ in self._pairs
+        )
         self._at = [(kind, A, B, self._W[r], self._W_a[r]) for r, kind, A, B, *_ in self._moving]
         self._fresh = False
         self._J, self._J_dot = self.data.J, self.data.dJ
@@ -117,6 +123,12 @@ class Loops:
             f[rows] = coupled.residual(self._q)
         return f
 
+    def coincide(self, tolerance: float) -> bool:
+        """Whether all frames are welded and coincide: at a third of the time of `residual`."""
+        return self._welds_only and all(
+            A.actInv(B).isIdentity(tolerance) for _, _, A, B, *_ in self._pairs
+        )
+
     def require_closed(self, scale: Array, tolerance: float = CLOSURE_TOLERANCE) -> None:
         """Check that all loops are closed.
 
@@ -142,7 +154,7 @@ class Loops:
     def Phi(self) -> Array:
         """Jacobian of the closures, shape (rows, nv): Phi v = 0, Eqs. (3), (4)."""
         self._update_wrenches()
-        Phi: Array = self._W.dot(self._J) * self._S_b - self._W_a.dot(self._J) * self._S_a
+        Phi = self._at_both(self._W.dot(self._J), self._W_a, self._J)
         for rows, coupled in self._couplings:
             Phi[rows] = coupled.row(self._q)
         return Phi
@@ -150,7 +162,6 @@ class Loops:
     def Phi_dot(self, v: Array) -> Array:
         """Rate of Phi at rates v of the tree, shape (rows, nv)."""
         pin.computeJointJacobiansTimeVariation(self.model, self.data, self._q, v)
-        pin.updateFramePlacements(self.model, self.data)
         for joint in self._in_series:
             joint.correct(self.data, self._q, v)
         J, J_dot = self._J, self._J_dot
@@ -161,12 +172,19 @@ class Loops:
             p_b = twist_b[:3] + _cross(twist_b[3:], B.translation)
             rates = Rates(p_a, p_b, twist_a[3:], twist_b[3:])
             kind.wrench_rates(A, B, rates, self._W_dot[rows], self._W_a_dot[rows])
-        at_b = self._W.dot(J_dot) + self._W_dot.dot(J)
-        at_a = self._W_a.dot(J_dot) + self._W_a_dot.dot(J)
-        Phi_dot: Array = at_b * self._S_b - at_a * self._S_a
+        Phi_dot = self._at_both(self._W.dot(J_dot), self._W_a, J_dot)
+        if self._moving:
+            Phi_dot += self._at_both(self._W_dot.dot(J), self._W_a_dot, J)
         for rows, coupled in self._couplings:
             Phi_dot[rows] = coupled.row_rate(self._q, v)
         return Phi_dot
+
+
+    def _at_both(self, at_b: Array, W_a: Array, J: Array) -> Array:
+        """Rows at frame B, for what moves it, less those at frame A, for what moves that."""
+        if self._relative is not None:
+            return at_b * self._relative
+        return at_b * self._S_b - W_a.dot(J) * self._S_a
 
 
 class _Coupled:
@@ -255,7 +273,7 @@ def _series(joint: Any) -> list[tuple[Any, pin.SE3]]:
 class _Weld:
     """6d: the displacement from A to B as a screw in world axes; its rate is the relative twist."""
 
-    fixed = True
+    fixed = same_row = True
     held = np.eye(6)
 
     def __init__(self, closure: Closure) -> None:
@@ -278,7 +296,7 @@ class _Orientation(_Weld):
 class _Moving:
     """A kind whose W moves with the frames."""
 
-    fixed = False
+    fixed, same_row = False, True
 
     def constant(self, W: Array, W_a: Array) -> None:
         pass
@@ -286,6 +304,8 @@ class _Moving:
 
 class _Point(_Moving):
     """3d: the origins coincide; rows in world axes at each origin."""
+
+    same_row = False
 
     def __init__(self, closure: Closure) -> None:
         pass
@@ -366,6 +386,8 @@ class _Masked(_Moving):
 
 
 class _Rod(_Moving):
+    same_row = False
+
     def __init__(self, rod: Distance) -> None:
         self._length = rod.distance
 
