@@ -86,7 +86,8 @@ ROBOTS = (
     Robot(f"{LAAS}/talos_like", SPINS),
     Robot(
         f"{LAAS}/true_talos_2_legs",
-        "rods of next to no inertia spin: held by `locked=`; fingers that mimic have motors",
+        "two spins are held by `locked=`, with them free accelerations are not confirmed; "
+        "fingers that mimic have motors",
         tuple(f"leg_{s}_5_link_leg_{s}_foot_free_link_rev0" for s in ("left", "right")),
     ),
     Robot(f"{LAAS}/wl16_like", SPINS),
