@@ -51,7 +51,7 @@ class Robot(NamedTuple):
 ROBOTS = (
     Robot(
         f"{LAAS}/5bar_linkage",
-        "both ends of the loop turn, on a link without mass: `locked=` holds one; bodies of 654 t",
+        "both ends of the loop turn, on a link of 1e-9 kg: `locked=` holds one; bodies of 654 t",
         ("closedloop1_A",),
     ),
     Robot(f"{LAAS}/5bar_linkage_iso3d"),
@@ -86,7 +86,8 @@ ROBOTS = (
     Robot(f"{LAAS}/talos_like", SPINS),
     Robot(
         f"{LAAS}/true_talos_2_legs",
-        "feet without mass spin on their rods: held by `locked=`; fingers that mimic have motors",
+        "two spins are held by `locked=`, with them free accelerations are not confirmed; "
+        "fingers that mimic have motors",
         tuple(f"leg_{s}_5_link_leg_{s}_foot_free_link_rev0" for s in ("left", "right")),
     ),
     Robot(f"{LAAS}/wl16_like", SPINS),
