@@ -41,13 +41,22 @@ ROBOTS = {
 }
 
 
-@pytest.fixture(scope="module", params=ROBOTS)
+#: Each compiles for seconds.
+SEVERAL = [
+    pytest.param(name, marks=() if name in ("four-bar", "delta") else pytest.mark.slow)
+    for name in ROBOTS
+]
+
+
+@pytest.fixture(scope="module", params=SEVERAL)
 def pair(request, tmp_path_factory):
     """A robot twice, by kernels and by the reference path."""
     return twice(request.param, tmp_path_factory.mktemp("robot"))
 
 
-@pytest.fixture(scope="module", params=["four-bar", "floating"])
+@pytest.fixture(
+    scope="module", params=["four-bar", pytest.param("floating", marks=pytest.mark.slow)]
+)
 def small(request, tmp_path_factory):
     """Likewise a small one, all kernels of which are soon made."""
     return twice(request.param, tmp_path_factory.mktemp("robot"))
@@ -201,6 +210,7 @@ def test_a_dead_centre_is_handed_over(four_bar):
         chain.compute_torques(q, [1.0], [0.0])
 
 
+@pytest.mark.slow
 def test_the_assembly_mode_of_the_caller_decides_about_pivots():
     """Folded flat, a scissor lift moves in more ways than opened: its slider does not fix it."""
     flat, chain = robots_of_the_gallery.scissor_lift(), robots_of_the_gallery.scissor_lift()
@@ -356,6 +366,7 @@ def test_the_cache_is_the_users_own_and_holds_whole_files(four_bar, tmp_path, mo
     assert build.cached() == []
 
 
+@pytest.mark.slow
 def test_processes_that_compile_the_same_at_once_do_not_disturb_each_other(tmp_path):
     code = (
         "import robots; c = robots.four_bar().chain(); c.compile();"
@@ -372,6 +383,7 @@ def test_processes_that_compile_the_same_at_once_do_not_disturb_each_other(tmp_p
     assert b"compiled" in answers.pop()
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not build.find_spec("ziglang"), reason="needs ziglang")
 def test_the_compiler_in_a_wheel_makes_the_same_kernels(tmp_path, monkeypatch):
     chain = robots.four_bar(robots.SKEW_PLANE).chain()
@@ -384,6 +396,7 @@ def test_the_compiler_in_a_wheel_makes_the_same_kernels(tmp_path, monkeypatch):
     assert "compiled" in chain.path
 
 
+@pytest.mark.slow
 def test_every_instruction_set_gives_the_same(tmp_path, monkeypatch):
     """Two, four and eight samples at once, as far as this processor can."""
     from sst_pin.compiled import _binding
@@ -399,6 +412,7 @@ def test_every_instruction_set_gives_the_same(tmp_path, monkeypatch):
         assert np.allclose(chain.compute_torques(q, va, aa), expected, rtol=1e-10)
 
 
+@pytest.mark.slow
 def test_a_rolling_wheel_and_unbounded_joints_roll_out_on_the_reference_path():
     """What has no compiled equations is left to the reference path, kernel by kernel."""
     chain = any_chain.rolling(False)
@@ -413,6 +427,7 @@ def test_a_rolling_wheel_and_unbounded_joints_roll_out_on_the_reference_path():
     assert "rollout by the reference path" in chain.path
 
 
+@pytest.mark.slow
 def test_quaternions_stay_on_their_sphere_in_a_rollout():
     chain = any_chain.with_joint("spherical")
     q, va, _ = moving(chain, 2)

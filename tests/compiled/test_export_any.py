@@ -5,10 +5,10 @@ import subprocess
 import sys
 from pathlib import Path
 
-import any_chain
 import numpy as np
 import pytest
 
+import any_chain
 from sst_pin import ClosedChain
 from sst_pin.cli import main
 from sst_pin.compiled import build
@@ -18,7 +18,10 @@ from sst_pin.files import write_files
 DELTA = Path(__file__).parents[2] / "examples" / "delta.urdf"
 STRICT = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-O1"]
 ZIG = [sys.executable, "-m", "ziglang", "cc"]
-COMPILERS = [["cc"], *([ZIG] if build.find_spec("ziglang") else [])]
+COMPILERS = [
+    ["cc"],
+    *([pytest.param(ZIG, marks=pytest.mark.slow)] if build.find_spec("ziglang") else []),
+]
 
 
 @pytest.mark.parametrize("compiler", COMPILERS, ids=lambda command: command[-1])
@@ -34,6 +37,7 @@ def test_the_exported_delta_computes_the_torques_that_hold_it(compiler, tmp_path
     assert np.allclose(np.array(output.split(), dtype=float), expected, rtol=1e-11)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(len(COMPILERS) < 2, reason="needs ziglang")
 @pytest.mark.parametrize("target", ["aarch64-linux-musl", "arm-linux-musleabihf"])
 def test_the_exported_source_compiles_for_controllers(target, tmp_path):
