@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from counted_methods import skew
-from sst_pin import ClosedChain
+from sst_pin import ClosedChain, Closure
 from sst_pin.compiled.backend import sample_configurations
 from sst_pin.compiled.elimination import Factors, pivot_order
 from sst_pin.compiled.equations import Equations
@@ -87,6 +87,9 @@ class Chain:
     Args:
         robot: Without friction, springs and rotors, each motor along its coordinate.
 
+    Raises:
+        ValueError: For another joint or closure.
+
     Attributes:
         equations: Those of its compiled kernels.
         samples: Assembled configurations, shape (samples, nq).
@@ -102,6 +105,8 @@ class Chain:
         self._closures = []
         ends = []
         for closure in robot.closures:
+            if not isinstance(closure, Closure) or closure.kind not in ("3d", "6d"):
+                raise ValueError(f"the closure {closure} is not counted: points and 6d are")
             frames = [
                 self._model.frames[self._model.getFrameId(name)]
                 for name in (closure.frame_a, closure.frame_b)

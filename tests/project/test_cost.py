@@ -119,7 +119,11 @@ def _odd_sst():
 
 
 @pytest.mark.parametrize("form", cost.FORMS)
-@pytest.mark.parametrize("build", [_odd_sst, *cost.CHAINS.values()], ids=["odd SST", *cost.CHAINS])
+@pytest.mark.parametrize(
+    "build",
+    [_odd_sst, sst_pin.robots.stewart, *cost.CHAINS.values()],
+    ids=["odd SST", "Stewart: slides that turn", *cost.CHAINS],
+)
 def test_the_long_form_and_the_recursions_give_the_same_torques(build, form):
     """On floats, against the package; rounding is 1e-12, a wrong term 1e-3 and more."""
     robot = build()
@@ -142,6 +146,11 @@ def test_a_wrong_recursion_is_not_counted(monkeypatch):
     monkeypatch.setattr(cost, "CHAINS", {"planar 3-RRR": sst_pin.robots.planar_3rrr})
     with pytest.raises(ArithmeticError, match="recursions, base axes"):
         cost.count_chains.__wrapped__()
+
+
+def test_a_closure_that_is_not_counted_is_refused():
+    with pytest.raises(ValueError, match="not counted"):
+        counted_chains.Chain(sst_pin.robots.bennett())
 
 
 def test_recursions_cost_in_proportion_to_the_bodies():
