@@ -444,17 +444,19 @@ robots of the package:
 
 - The long form is Eqs. (92)-(95) as above, for any tree.
 - The recursions go forward twice, without and with the accelerations of the joints, since the
-  closures need -Phi_dot q_dot first. Twists are reduced to the origins of the links' frames instead
-  of the mass centres, which changes N_l and not the torques. "Base axes" keeps all vectors in the
-  axes of the base, "body axes" in those of each link.
-- The compiled kernel is what `compile()` makes of the robot, before it is written in C. Its checks
-  tell open closures and small pivots; the other rows have none.
+  closures need -Phi_dot q_dot first; as matrices the second pass computes all anew. Twists are
+  reduced to the origins of the links' frames instead of the mass centres, which changes N_l and not
+  the torques. "Base axes" keeps all vectors in the axes of the base, "body axes" in those of each
+  link.
+- The compiled kernel is the expression that `compile()` makes of a robot, before it is written in
+  C; the kernels that the package brings for the SST are others. Its checks tell open closures and
+  small pivots; the other rows have none.
 
 All solve the closures by the sparse elimination of the compiled kernels, also as matrices. Geometry
 is folded in, so that its zeros and ones are gone from the generated counts; masses, mass centres,
-inertias and gravity are not. The SST is here the package's tree of nine
-bodies, its star cut in thirds, so that its counts are not those above. Divisions, square roots and
-trig are in "all". The torques equal `compute_torques` to 1e-9, or else no page is written.
+inertias and gravity are not. The SST is here the package's tree of nine bodies, its star cut in
+thirds, so that its counts are not those above. Divisions, square roots and trig are in "all". The
+torques equal `compute_torques` to 1e-9, or else no page is written.
 
 {chains}
 

@@ -159,7 +159,7 @@ def inverse_dynamics(
 ) -> tuple[Array, Array, Array]:
     """What a motion needs along the coordinates, Eq. (92), short form.
 
-    `pin.rnea` is N_l forward and N_l^T backward, and no K is formed.
+    `pin.rnea` is N_l forward and N_l^T backward; it forms no K.
 
     Args:
         ws: Workspace of the mechanism.
