@@ -15,6 +15,7 @@ import argparse
 import platform
 import sys
 import time
+from collections import Counter
 from collections.abc import Callable, Iterable
 from functools import cache, partial
 from pathlib import Path
@@ -26,6 +27,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 import sst_pin
+from counted_chains import Chain, Numbers
 from counted_methods import (
     Robot,
     accelerations_long,
@@ -39,7 +41,8 @@ from counted_methods import (
     torques_short,
     torques_virtual_work,
 )
-from operation_counter import KINDS, Count, count
+from operation_counter import KINDS, Count, count, operations
+from sst_pin.compiled import kernels
 from sst_pin.sst.paper import PERIOD
 from sst_pin.verification import sampling
 from sst_pin.verification.referees import lagrange
@@ -182,18 +185,76 @@ def count_all() -> Counted:
     for problem, methods in PROBLEMS.items():
         for method in methods:
             counted = count_method(method, robot, instant)
-            _require_equal(method, counted.values, method.wanted(instant))
+            what = f"{method.name}: {method.outputs}"
+            _require_equal(what, counted.values, method.wanted(instant))
             for some, where in ((robot, circle), (odd_robot, motions)):
                 generated = counted.function(columns(method, some, where)).full().T
-                _require_equal(method, generated, method.wanted(where))
+                _require_equal(what, generated, method.wanted(where))
             counts[problem, method.name] = counted
     return Counted(robot, circle, counts)
 
 
-def _require_equal(method: Method, found: Array, wanted: Array) -> None:
+def _require_equal(what: str, found: Array, wanted: Array) -> None:
     error = np.abs(found - wanted).max() / np.abs(wanted).max()
     if not error <= TOLERANCE:
-        raise ArithmeticError(f"{method.name}: {method.outputs} off by {error:.2g}, relative")
+        raise ArithmeticError(f"{what} off by {error:.2g}, relative")
+
+
+# --- any closed chain -----------------------------------------------------------------------------
+
+CHAINS: dict[str, Callable[[], sst_pin.ClosedChain]] = {
+    "SST": partial(sst_pin.SST, kernels=False),
+    "hexaglide": sst_pin.robots.hexaglide,
+    "planar 3-RRR": sst_pin.robots.planar_3rrr,
+}
+BASE, BODY = "recursions, base axes", "recursions, body axes"
+KERNEL, KERNEL_CHECKS = "compiled kernel", "compiled kernel, with its checks"
+FORMS: dict[str, Callable[[Chain, Numbers], Array]] = {
+    LONG: Chain.torques_long,
+    BASE: partial(Chain.torques_recursive, base=True),
+    BODY: partial(Chain.torques_recursive, base=False),
+}
+
+
+@cache
+def count_chains() -> dict[tuple[str, str], Count]:
+    """Count the inverse dynamics of each robot by each form, and check the torques.
+
+    Of a compiled kernel there is only the generated expression.
+
+    Raises:
+        ArithmeticError: When what was counted computes something else.
+    """
+    counts = {}
+    for name, build in CHAINS.items():
+        robot = build()
+        chain, n = Chain(robot), robot.degrees_of_freedom
+        rates = np.random.default_rng(0).normal(size=(2, len(chain.samples), n))
+        motions = [chain.numbers(*motion) for motion in zip(chain.samples, *rates, strict=True)]
+        wanted = robot.compute_torques(chain.samples, *rates)
+        for form, torques in FORMS.items():
+            formula = partial(_of_arrays, torques, chain)
+            geometry, inputs = motions[0][: Numbers.GEOMETRY], motions[0][Numbers.GEOMETRY :]
+            counts[name, form] = count(formula, *inputs, constants=geometry)
+            what = f"{name}, {form}: torques"
+            _require_equal(what, counts[name, form].values, wanted[0])
+            columns = [np.concatenate([x.ravel() for x in m[Numbers.GEOMETRY :]]) for m in motions]
+            found = counts[name, form].function(np.array(columns).T).full().T
+            _require_equal(what, found, wanted)
+        kernel = kernels.make(chain.equations, "torques")
+        symbols = ca.vertcat(*kernel.inputs, kernel.parameters)
+        columns = np.hstack([chain.samples, *rates, np.tile(chain.masses(), (len(wanted), 1))]).T
+        for form, checks in ((KERNEL, ca.SX(0, 1)), (KERNEL_CHECKS, kernel.checks)):
+            output = ca.vertcat(kernel.output, checks)
+            function = ca.Function("kernel", [symbols], [output], {"cse": True})
+            found = function(columns).full().T[:, :n]
+            _require_equal(f"{name}, {form}: torques", found, wanted)
+            counts[name, form] = Count(Counter(), operations(function), found[0], function)
+    return counts
+
+
+def _of_arrays(torques: Callable[[Chain, Numbers], Array], chain: Chain, *arrays: Array) -> Array:
+    return torques(chain, Numbers(*arrays))
 
 
 # --- time -----------------------------------------------------------------------------------------
@@ -371,6 +432,41 @@ Generated:
   here, as Sect. 6.2 says.
 - The multipliers' inverse dynamics, {multipliers:.2f} of the short form when generated, is the
   short form in another order: one transposed solution instead of the columns of L.
+
+## The decoupled form of other robots
+
+K is the product of two factors, K = N_l N_d (the paper's [5, 6]; `noc()` shows them). N_d gives
+each body the twist of its own joint, N_l carries twists from body to body. Applied one after the
+other they are the recursions of Newton and Euler: N_d and N_l forward give the motions of the
+bodies, N_l^T and N_d^T backward the forces of the tree. No matrix of all bodies is formed. The
+table counts inverse dynamics from the joints' motion (q, va, aa) to the motor torques, for three
+robots of the package:
+
+- The long form is Eqs. (92)-(95) as above, for any tree.
+- The recursions go forward twice, without and with the accelerations of the joints, since the
+  closures need -Phi_dot q_dot first; as matrices the second pass computes all anew. Twists are
+  reduced to the origins of the links' frames instead of the mass centres, which changes N_l and not
+  the torques. "Base axes" keeps all vectors in the axes of the base, "body axes" in those of each
+  link.
+- The compiled kernel is the expression that `compile()` makes of a robot, before it is written in
+  C; the kernels that the package brings for the SST are others. Its checks tell open closures and
+  small pivots; the other rows have none.
+
+All solve the closures by the sparse elimination of the compiled kernels, also as matrices. Geometry
+is folded in, so that its zeros and ones are gone from the generated counts; masses, mass centres,
+inertias and gravity are not. The SST is here the package's tree of nine bodies, its star cut in
+thirds, so that its counts are not those above. Divisions, square roots and trig are in "all". The
+torques equal `compute_torques` to 1e-9, or else no page is written.
+
+{chains}
+
+- The long form takes {chains_matrices} times the operations of the recursions in body axes as
+  matrices, and {chains_generated} times as many when both are generated. Products with the full
+  M and Omega grow with the square of the number of bodies, the recursions in proportion.
+- Base axes take {chains_axes} times the operations of body axes, generated. They save the turning
+  of vectors from link to link, and pay for turning each body's inertia.
+- The compiled kernel takes {chains_kernel} times the operations of the generated recursions in body
+  axes. It is the same recursion; its wrenches are about the links' origins, by second moments.
 """
 
 _TIMES_PAGE = """
@@ -411,6 +507,23 @@ def _table(counted: Counted, view: str) -> str:
     return "\n".join(lines)
 
 
+def _chains_table(counts: dict[tuple[str, str], Count]) -> str:
+    lines = [
+        "| inverse dynamics | as matrices: additions | multiplications | all "
+        "| generated: additions | multiplications | all | of recursions, body axes |",
+        "|---|" + "--:|" * 7,
+    ]
+    for (robot, form), found in counts.items():
+        cells = [
+            str(number) if tally else ""
+            for tally in (found.executed, found.generated)
+            for number in (tally[KINDS[0]], tally[KINDS[1]], tally.total())
+        ]
+        ratio = found.generated.total() / counts[robot, BODY].generated.total()
+        lines.append(f"| {robot}: {form} | {' | '.join(cells)} | {ratio:.2f} |")
+    return "\n".join(lines)
+
+
 def counts_page(counted: Counted) -> str:
     """What the page says before its times."""
     matrices = {key: found.executed.total() for key, found in counted.of.items()}
@@ -419,6 +532,15 @@ def counts_page(counted: Counted) -> str:
         ("inverse", name) for name in (LONG, SHORT, MULTIPLIERS, WORK, WORK_BODIES)
     )
     direct_short = generated["direct", SHORT]
+    chains = count_chains()
+
+    def over(form: str, other: str, view: str) -> str:
+        ratios = [
+            getattr(chains[name, form], view).total() / getattr(chains[name, other], view).total()
+            for name in CHAINS
+        ]
+        return f"{min(ratios):.2f} to {max(ratios):.2f}"
+
     return _COUNTS_PAGE.format(
         instant=INSTANT,
         executed=_table(counted, "executed"),
@@ -434,6 +556,11 @@ def counts_page(counted: Counted) -> str:
         direct_work=generated["direct", WORK] / direct_short,
         direct_multipliers=generated["direct", MULTIPLIERS] / direct_short,
         direct_long=generated["direct", LONG] / direct_short,
+        chains=_chains_table(chains),
+        chains_matrices=over(LONG, BODY, "executed"),
+        chains_generated=over(LONG, BODY, "generated"),
+        chains_axes=over(BASE, BODY, "generated"),
+        chains_kernel=over(KERNEL, BODY, "generated"),
     )
 
 

@@ -191,8 +191,9 @@ def _dot(a: Array, b: Array) -> Array:
     return (a * b).sum(axis=-1, keepdims=True)
 
 
-def _skew(robot: Robot, a: Array) -> Array:
-    zero = robot.unit[0, 1]
+def skew(unit: Array, a: Array) -> Array:
+    """Cross-product matrix, its zeros those of the unit matrix."""
+    zero = unit[0, 1]
     return np.array([[zero, -a[2], a[1]], [a[2], zero, -a[0]], [-a[1], a[0], zero]])
 
 
@@ -233,7 +234,7 @@ def equations_of_motion(robot: Robot, q: Array, va: Array) -> tuple[Array, Array
     ):  # Eq. (67)
         M[i, :3, i, :3] = frame @ inertia @ frame.T
         M[i, range(3, 6), i, range(3, 6)] = mass
-        Omega[i, :3, i, :3] = _skew(robot, t[i, :3])
+        Omega[i, :3, i, :3] = skew(robot.unit, t[i, :3])
         w_g[i, 3:] = mass * robot.gravity
     K, K_dot, w_g = K.reshape(42, 9), K_dot.reshape(42, 9), w_g.reshape(42)
     M, Omega = M.reshape(42, 42), Omega.reshape(42, 42)

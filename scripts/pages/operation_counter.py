@@ -34,6 +34,17 @@ _INSTRUCTIONS = {
 }
 _FREE = {ca.OP_NEG, ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT}
 
+#: The symbol of every structural zero.
+_ZERO = ca.SX(0.0)
+
+
+def _known(value: float) -> ca.SX:
+    return ca.SX(float(value)) if value else _ZERO
+
+
+def _subtract_from(a: Any, b: Any) -> Any:
+    return b - a
+
 
 @dataclass(frozen=True, eq=False)
 class Number:
@@ -55,10 +66,17 @@ class Number:
         self.tally[kind] += 1
         operands = [self, *(o if isinstance(o, Number) else self._constant(o) for o in others)]
         value = float(function(*(x.value for x in operands)))
-        return Number(value, function(*(x.symbol for x in operands)), self.tally)
+        symbols = [x.symbol for x in operands]
+        if any(symbol is _ZERO for symbol in symbols) and kind == MULTIPLY:
+            symbol = _ZERO  # as CasADi would find, in a tenth of the time
+        elif symbols[-1] is _ZERO and kind == ADD and function is not _subtract_from:
+            symbol = symbols[0]
+        else:
+            symbol = function(*symbols)
+        return Number(value, symbol, self.tally)
 
     def _constant(self, value: float) -> Number:
-        return Number(float(value), ca.SX(float(value)), self.tally)
+        return Number(float(value), _known(value), self.tally)
 
     def __add__(self, other: Any) -> Number:
         if type(other) is int and other == 0:
@@ -71,7 +89,7 @@ class Number:
         return self._do(ADD, operator.sub, other)
 
     def __rsub__(self, other: Any) -> Number:
-        return self._do(ADD, lambda a, b: b - a, other)
+        return self._do(ADD, _subtract_from, other)
 
     def __mul__(self, other: Any) -> Number:
         return self._do(MULTIPLY, operator.mul, other)
@@ -149,15 +167,20 @@ def count(
         return Number(float(value), symbols[-1], tally)
 
     def known(value: float) -> Number:
-        return Number(float(value), ca.SX(float(value)), tally)
+        return Number(float(value), _known(value), tally)
 
     given = [_each(known, array) for array in constants]
     result = np.ravel(formula(*given, *(_each(unknown, array) for array in arguments)))
     expression = ca.cse(ca.vertcat(*(number.symbol for number in result)))
     function = ca.Function("formula", [ca.vertcat(*symbols)], [expression])
+    values = np.array([number.value for number in result])
+    return Count(tally, operations(function), values, function)
+
+
+def operations(function: ca.Function) -> Counter[str]:
+    """Operations of an expression by kind."""
     codes = [function.instruction_id(i) for i in range(function.n_instructions())]
-    generated = Counter(_INSTRUCTIONS[code] for code in codes if code not in _FREE)
-    return Count(tally, generated, np.array([number.value for number in result]), function)
+    return Counter(_INSTRUCTIONS[code] for code in codes if code not in _FREE)
 
 
 def _each(make: Callable[[float], Number], array: Array) -> Array:

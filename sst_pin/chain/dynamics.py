@@ -3,7 +3,8 @@
 
 The long form assembles every term of Eq. (92) from K, T, M and Omega, to be seen and tested. The
 short form is the same equation with v = L va and v_dot = L aa + L_dot va put into the tree's
-inverse dynamics: f = L^T (RNEA(q, v, v_dot) - tau^f - tau^s - K^T w).
+inverse dynamics: f = L^T (RNEA(q, v, v_dot) - tau^f - tau^s - K^T w). `pin.rnea` is the decoupled
+form K = N_l N_d of [5, 6] as recursions: N_d and N_l forward, N_l^T and N_d^T backward.
 
 Inertia matrices come from RNEA without gravity and velocity: `pin.crba` is wrong for trees whose
 joints were not added depth-first, RNEA is right for all.
@@ -120,7 +121,7 @@ class Workspace:
         self.loops.require_closed(self.mechanism.row_scale, tolerance)
 
     def momentum_rate(self, q: Array, a: Array) -> Array:
-        """M a, generalised forces of rates a_k of the tree, shape (nv,)."""
+        """M a, generalised forces of rates a_k of the tree, shape (nv,), by N_l and N_l^T."""
         return pin.rnea(self._weightless, self._weightless_data, q, self.zero, a)
 
     def reduced_inertia(self, q: Array, L: Array) -> Array:
@@ -157,6 +158,8 @@ def inverse_dynamics(
     ws: Workspace, q: Array, va: Array, aa: Array, wrenches: Array | None
 ) -> tuple[Array, Array, Array]:
     """What a motion needs along the coordinates, Eq. (92), short form.
+
+    `pin.rnea` is N_l forward and N_l^T backward; it forms no K.
 
     Args:
         ws: Workspace of the mechanism.
@@ -197,6 +200,8 @@ def direct_dynamics(
     tolerance: float = CLOSURE_TOLERANCE,
 ) -> tuple[Array, Array]:
     """Accelerations of the coordinates from Eq. (92), and v = L va.
+
+    Bias forces and each column of the inertia matrix are a `pin.rnea`, N_l forward and N_l^T back.
 
     Args:
         ws: Workspace of the mechanism.

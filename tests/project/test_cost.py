@@ -13,6 +13,7 @@ from sst_pin.verification.sampling import random_parameters, random_states
 pytest.importorskip("casadi", reason="operations are counted in CasADi's expressions")
 cost = importlib.import_module("count_operations")
 counted_methods = importlib.import_module("counted_methods")
+counted_chains = importlib.import_module("counted_chains")
 
 METHODS = [
     pytest.param(problem, method, id=f"{problem}-{method.name}")
@@ -107,6 +108,61 @@ def test_a_formula_that_only_example_1_believes_is_not_counted(monkeypatch):
     monkeypatch.setattr(cost, "PROBLEMS", {"inverse": (short,)})
     with pytest.raises(ArithmeticError, match="short form"):
         cost.count_all.__wrapped__()
+
+
+# --- any closed chain ---
+
+
+def _odd_sst():
+    parameters = random_parameters(np.random.default_rng(5), friction=False)
+    return sst_pin.SST(parameters, kernels=False)
+
+
+@pytest.mark.parametrize("form", cost.FORMS)
+@pytest.mark.parametrize(
+    "build",
+    [_odd_sst, sst_pin.robots.stewart, *cost.CHAINS.values()],
+    ids=["odd SST", "Stewart: slides that turn", *cost.CHAINS],
+)
+def test_the_long_form_and_the_recursions_give_the_same_torques(build, form):
+    """On floats, against the package; rounding is 1e-12, a wrong term 1e-3 and more."""
+    robot = build()
+    chain = counted_chains.Chain(robot)
+    rates = np.random.default_rng(6).normal(size=(2, len(chain.samples), robot.degrees_of_freedom))
+    wanted = robot.compute_torques(chain.samples, *rates)
+    motions = zip(chain.samples, *rates, strict=True)
+    found = [cost.FORMS[form](chain, chain.numbers(*motion)) for motion in motions]
+    assert_allclose(np.array(found), wanted, rtol=0, atol=1e-10 * np.abs(wanted).max())
+
+
+def test_a_wrong_recursion_is_not_counted(monkeypatch):
+    """Bodies that do not resist turning."""
+    backward = counted_chains.Chain._backward
+
+    def wrong(self, n, *rest):
+        return backward(self, n._replace(inertia=0.0 * n.inertia), *rest)
+
+    monkeypatch.setattr(counted_chains.Chain, "_backward", wrong)
+    monkeypatch.setattr(cost, "CHAINS", {"planar 3-RRR": sst_pin.robots.planar_3rrr})
+    with pytest.raises(ArithmeticError, match="recursions, base axes"):
+        cost.count_chains.__wrapped__()
+
+
+def test_a_closure_that_is_not_counted_is_refused():
+    with pytest.raises(ValueError, match="not counted"):
+        counted_chains.Chain(sst_pin.robots.bennett())
+
+
+def test_recursions_cost_in_proportion_to_the_bodies():
+    """Each cell that a ladder gets, save the first, costs the same."""
+    executed = []
+    for cells in (2, 3, 4):
+        robot = sst_pin.robots.ladder(cells)
+        chain = counted_chains.Chain(robot)
+        n = chain.numbers(chain.samples[0], *np.ones((2, robot.degrees_of_freedom)))
+        formula = cost.partial(cost._of_arrays, cost.FORMS[cost.BODY], chain)
+        executed.append(cost.count(formula, *n).executed.total())
+    assert executed[2] - executed[1] == pytest.approx(executed[1] - executed[0], rel=0.05)
 
 
 # --- the counter, against counts known by hand ---
