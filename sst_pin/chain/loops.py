@@ -156,12 +156,7 @@ class Loops:
     def Phi(self) -> Array:
         """Jacobian of the closures, shape (rows, nv): Phi v = 0, Eqs. (3), (4)."""
         self._update_wrenches()
-<<<<<<< HEAD
         Phi = self._at_both(self._W.dot(self._J), self._W_a, self._J)
-=======
-        Phi: Array = self._W.dot(self._J) * self._S_b - self._W_a.dot(self._J) * self._S_a
-        Phi = summed(self.model, Phi)
->>>>>>> mimic
         for rows, coupled in self._couplings:
             Phi[rows] = coupled.row(self._q)
         return Phi
@@ -180,25 +175,18 @@ class Loops:
             p_b = twist_b[:3] + _cross(twist_b[3:], B.translation)
             rates = Rates(p_a, p_b, twist_a[3:], twist_b[3:])
             kind.wrench_rates(A, B, rates, self._W_dot[rows], self._W_a_dot[rows])
-<<<<<<< HEAD
         Phi_dot = self._at_both(self._W.dot(J_dot), self._W_a, J_dot)
         if self._moving:
             Phi_dot += self._at_both(self._W_dot.dot(J), self._W_a_dot, J)
-=======
-        at_b = self._W.dot(J_dot) + self._W_dot.dot(J)
-        at_a = self._W_a.dot(J_dot) + self._W_a_dot.dot(J)
-        Phi_dot = summed(self.model, at_b * self._S_b - at_a * self._S_a)
->>>>>>> mimic
         for rows, coupled in self._couplings:
             Phi_dot[rows] = coupled.row_rate(self._q, v)
         return Phi_dot
 
-
     def _at_both(self, at_b: Array, W_a: Array, J: Array) -> Array:
         """Rows at frame B, for what moves it, less those at frame A, for what moves that."""
         if self._relative is not None:
-            return at_b * self._relative
-        return at_b * self._S_b - W_a.dot(J) * self._S_a
+            return summed(self.model, at_b * self._relative)
+        return summed(self.model, at_b * self._S_b - W_a.dot(J) * self._S_a)
 
 
 class _Coupled:
