@@ -18,10 +18,8 @@ from sst_pin.files import write_files
 DELTA = Path(__file__).parents[2] / "examples" / "delta.urdf"
 STRICT = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-O1"]
 ZIG = [sys.executable, "-m", "ziglang", "cc"]
-COMPILERS = [
-    ["cc"],
-    *([pytest.param(ZIG, marks=pytest.mark.slow)] if build.find_spec("ziglang") else []),
-]
+IN_A_WHEEL = build.find_spec("ziglang") is not None
+COMPILERS = [["cc"], *([pytest.param(ZIG, marks=pytest.mark.slow)] if IN_A_WHEEL else [])]
 
 
 @pytest.mark.parametrize("compiler", COMPILERS, ids=lambda command: command[-1])
