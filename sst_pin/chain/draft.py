@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 
@@ -19,6 +20,11 @@ from .loops import joint_id
 from .mechanism import Friction, Mechanism, Springs
 
 Array = NDArray[np.float64]
+
+#: Mimic joints that Pinocchio computes rightly. It leaves out the pitch of helical ones.
+_MIMIC = re.compile(
+    r"Mimicking joint type: JointModel([RP][XYZ]|(Revolute|Prismatic)Unaligned)$", re.M
+)
 
 #: A motor: the joint that it drives, or how its force is shared by joints (a tendon).
 Motor = str | Mapping[str, float]
@@ -88,7 +94,10 @@ def without_locked(model: pin.Model, locked: Sequence[str] | Mapping[str, float]
 
     Raises:
         UnknownNameError: For a joint that it does not have.
+        InputError: For a tree with mimic joints, which Pinocchio cannot reduce.
     """
+    if list(model.mimicking_joints):
+        raise InputError("locked", "the model has mimic joints; lock it before it gets them")
     q = pin.neutral(model)
     ids = [joint_id(model, name) for name in locked]
     if isinstance(locked, Mapping):
@@ -138,12 +147,13 @@ def _require_sound(model: pin.Model, closures: Sequence[Constraint]) -> None:
         problems.append("no joints that move")
     if not closures:
         problems.append("no closures; an open tree needs pinocchio.rnea and nothing else")
-    if list(model.mimicking_joints):
-        mimics = ", ".join(names[j - 1] for j in model.mimicking_joints)
-        problems.append(
-            f"mimic joints {mimics}: make them ordinary joints, each with a Coupling to the joint "
-            "that it follows"
-        )
+    problems += [
+        f"mimic joint {names[j - 1]}: Pinocchio computes only those that turn or slide, within "
+        "limits and by a factor that is not 0; make it an ordinary joint with a Coupling to the "
+        "joint that it follows"
+        for j in model.mimicking_joints
+        if not (_MIMIC.search(str(model.joints[j].extract())) and model.joints[j].extract().scaling)
+    ]
     problems += [
         f"joint {name}: its type, an ellipsoid, is not among those that can be computed"
         for name, joint in zip(names, list(model.joints)[1:], strict=True)

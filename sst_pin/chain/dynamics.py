@@ -242,7 +242,7 @@ def terms(ws: Workspace, q: Array, va: Array) -> Terms:
     T_dot = K_dot @ L + K @ L_dot  # Eq. (25)
     # Rotors geared to a joint (model.armature) are no bodies of the paper; RNEA counts them too.
     rotors = L.T * model.armature
-    N_l, N_d = decoupled(model, ws.data, K)
+    N_l, N_d = decoupled(model, ws.data)
     scaled = Phi * mechanism.row_scale[:, None] * mechanism.rate_scale
     return Terms(
         Phi=Phi[independent_rows(scaled)],

@@ -101,8 +101,10 @@ class JointSpace:
         """
         found: list[int] = []
         for name in names:
-            if name in self._joints:
-                found.extend(self._joints[name])
+            if name in self.joint_names and name not in self.rates:
+                raise InputError("names", f"{name} is a mimic joint; name the one that it follows")
+            if name in self.rates:
+                found.extend(self.rates[name])
             elif name in self.rate_names:
                 found.append(self.rate_names.index(name))
             else:
@@ -115,7 +117,7 @@ class JointSpace:
         """Names that `rates_of` leads back: of whole joints where all their rates are there."""
         names: list[str] = []
         left = [int(k) for k in rates]
-        joint_of = {k: (name, list(of)) for name, of in self._joints.items() for k in of}
+        joint_of = {k: (name, list(of)) for name, of in self.rates.items() for k in of}
         while left:
             name, group = joint_of[left[0]]
             if left[: len(group)] == group:
@@ -126,9 +128,10 @@ class JointSpace:
         return tuple(names)
 
     @cached_property
-    def _joints(self) -> dict[str, range]:
+    def rates(self) -> dict[str, range]:
+        """Indices in v of each joint by name, mimic joints apart."""
         joints = zip(self.joint_names, list(self._model.joints)[1:], strict=True)
-        return {name: range(joint.idx_v, joint.idx_v + joint.nv) for name, joint in joints}
+        return {n: range(j.idx_v, j.idx_v + j.nv) for n, j in joints if j.nv}
 
     @cached_property
     def euclidean(self) -> bool:

@@ -4,8 +4,9 @@
 Pinocchio's joint Jacobian J in world axes, reduced at the world's origin, holds the unit twist of
 every rate. The twist of a frame is J with the columns left out that do not move it. Each row of a
 closure is a wrench-like vector W in world axes with W . (twist of B - twist of A) = 0, so that
-Phi = (W J) S_B - (W J) S_A with the supports S of 0 and 1. Pinocchio's own constraint functions
-are not used, they are wrong or NaN in silence on redundant loops.
+Phi = (W J) S_B - (W J) S_A with the supports S of 0 and 1. A mimic joint has a column of its own in
+J, scaled already; it is added to that of the joint that it follows at the end. Pinocchio's own
+constraint functions are not used, they are wrong or NaN in silence on redundant loops.
 
 Rows run [linear; angular], as Pinocchio's do; the paper's order comes in with the bodies' twists.
 """
@@ -61,6 +62,7 @@ class Loops:
 
     def __init__(self, model: pin.Model, closures: Sequence[Constraint]) -> None:
         self.model, self.data = model, model.createData()
+        self._rates = rates_of_columns(model)
         starts = np.cumsum([0, *(len(c.rows) for c in closures)])
         slices = [slice(a, b) for a, b in pairwise(starts)]
         self.rows = int(starts[-1])
@@ -69,7 +71,7 @@ class Loops:
         #: Rows that have a residual; the others hold rates only.
         self.holonomic = np.array([not row.startswith("slip") for c in closures for row in c.rows])
         self._couplings: list[tuple[slice, _Coupled]] = []
-        self._S_a, self._S_b = np.zeros((2, self.rows, model.nv))
+        self._S_a, self._S_b = np.zeros((2, self.rows, model.nvExtended))
         self._W, self._W_dot = np.zeros((2, self.rows, 6))  # at B
         self._W_a, self._W_a_dot = np.zeros((2, self.rows, 6))
         self._pairs = []
@@ -85,7 +87,7 @@ class Loops:
             kind.constant(self._W[rows], self._W_a[rows])
             self._pairs.append((rows, kind, placements[ids[0]], placements[ids[1]], *supports))
         #: Which rates a row depends on: those that move one of its two frames only.
-        self.touched = self._S_a != self._S_b
+        self.touched = summed(self.model, self._S_a != self._S_b).astype(bool)
         for rows, coupled in self._couplings:
             self.touched[rows] = coupled.touched
         self._moving = [pair for pair in self._pairs if not pair[1].fixed]
@@ -155,6 +157,7 @@ class Loops:
         """Jacobian of the closures, shape (rows, nv): Phi v = 0, Eqs. (3), (4)."""
         self._update_wrenches()
         Phi = self._at_both(self._W.dot(self._J), self._W_a, self._J)
+        Phi = summed(self.model, Phi)
         for rows, coupled in self._couplings:
             Phi[rows] = coupled.row(self._q)
         return Phi
@@ -166,8 +169,9 @@ class Loops:
             joint.correct(self.data, self._q, v)
         J, J_dot = self._J, self._J_dot
         self._update_wrenches()
+        of_columns = v[self._rates]
         for rows, kind, A, B, S_a, S_b in self._moving:
-            twist_a, twist_b = J.dot(S_a * v), J.dot(S_b * v)
+            twist_a, twist_b = J.dot(S_a * of_columns), J.dot(S_b * of_columns)
             p_a = twist_a[:3] + _cross(twist_a[3:], A.translation)
             p_b = twist_b[:3] + _cross(twist_b[3:], B.translation)
             rates = Rates(p_a, p_b, twist_a[3:], twist_b[3:])
@@ -175,10 +179,10 @@ class Loops:
         Phi_dot = self._at_both(self._W.dot(J_dot), self._W_a, J_dot)
         if self._moving:
             Phi_dot += self._at_both(self._W_dot.dot(J), self._W_a_dot, J)
+        Phi_dot = summed(self.model, Phi_dot)
         for rows, coupled in self._couplings:
             Phi_dot[rows] = coupled.row_rate(self._q, v)
         return Phi_dot
-
 
     def _at_both(self, at_b: Array, W_a: Array, J: Array) -> Array:
         """Rows at frame B, for what moves it, less those at frame A, for what moves that."""
@@ -236,6 +240,7 @@ class _InSeries:
         joint = model.joints[index]
         self._q = slice(joint.idx_q, joint.idx_q + joint.nq)
         self._v = slice(joint.idx_v, joint.idx_v + joint.nv)
+        self._columns = columns(model, index)
         self._parent, self._placement = model.parents[index], model.jointPlacements[index]
         self._model = pin.Model()
         for number, (part, placement) in enumerate(series):
@@ -247,8 +252,8 @@ class _InSeries:
         arguments = (self._model, self._data, q[self._q], v[self._v])
         inner = pin.computeJointJacobiansTimeVariation(*arguments)
         bearer = data.oMi[self._parent]
-        carried = bearer.act(data.v[self._parent]).action @ data.J[:, self._v]
-        data.dJ[:, self._v] = carried + (bearer * self._placement).action @ inner
+        carried = bearer.act(data.v[self._parent]).action @ data.J[:, self._columns]
+        data.dJ[:, self._columns] = carried + (bearer * self._placement).action @ inner
 
 
 def _series(joint: Any) -> list[tuple[Any, pin.SE3]]:
@@ -516,9 +521,31 @@ def joint_id(model: pin.Model, name: str) -> int:
 
 
 def support(model: pin.Model, joint: int) -> Array:
-    """1 for the rates that move a joint's body, 0 for the others, shape (nv,)."""
-    support = np.zeros(model.nv)
+    """1 for the columns of J that move a joint's body, 0 for the others, shape (nvExtended,)."""
+    support = np.zeros(model.nvExtended)
     for j in model.supports[joint]:
         if j > 0:
-            support[model.joints[j].idx_v : model.joints[j].idx_v + model.joints[j].nv] = 1
+            support[columns(model, j)] = 1
     return support
+
+
+def columns(model: pin.Model, joint: int) -> slice:
+    """Columns of a joint in J."""
+    first = model.joints[joint].idx_vExtended
+    return slice(first, first + model.joints[joint].nvExtended)
+
+
+def rates_of_columns(model: pin.Model) -> NDArray[np.intp]:
+    """For each column of J its rate in v: for a mimic joint that of the joint that it follows."""
+    rates = np.empty(model.nvExtended, dtype=np.intp)
+    for j in range(1, model.njoints):
+        at = columns(model, j)
+        rates[at] = np.arange(at.stop - at.start) + model.joints[j].idx_v
+    return rates
+
+
+def summed(model: pin.Model, X: Array) -> Array:
+    """From columns of J, shape (..., nvExtended), to rates, shape (..., nv)."""
+    if model.nvExtended == model.nv:
+        return X
+    return X.dot(np.eye(model.nv)[rates_of_columns(model)])

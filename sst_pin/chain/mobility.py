@@ -189,7 +189,7 @@ def judge(
     """
     space = mechanism.space
     motions = free_motions(Phi)
-    joints = [space.rates_of([name]) for name in space.joint_names]
+    joints = [np.array(rates) for rates in space.rates.values()]
     motors = [np.array([k]) for k in mechanism.driven]
     coordinates = choose_coordinates(motions, [*wanted, *motors, *joints])
     free = np.setdiff1d(np.arange(Phi.shape[1]), mechanism.driven)
@@ -206,7 +206,7 @@ def judge(
         loose_joints=tuple(space.rate_names[i] for i, m in zip(free, moving, strict=True) if m),
         idle_joints=tuple(
             name
-            for name, k in zip(space.joint_names, joints, strict=True)
+            for name, k in zip(space.rates, joints, strict=True)
             if np.isin(k, in_loops).any()
             and not np.isin(k, mechanism.driven).any()
             and _spins(Phi[:, k])

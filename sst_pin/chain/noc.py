@@ -17,7 +17,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from ..errors import SingularConfigurationError
-from .loops import support
+from .loops import columns, summed, support
 from .mechanism import Mechanism
 from .mobility import condition_number
 
@@ -109,7 +109,7 @@ class Bodies(NamedTuple):
 
 def body_jacobians(model: pin.Model, data: pin.Data) -> Array:
     """K alone, shape (6 r, m), from joint Jacobians that are up to date."""
-    return _reduce_to_mass_centers(model, data.J, _mass_centers(model, data)).reshape(-1, model.nv)
+    return _reduce_to_mass_centers(model, data.J, mass_centers(model, data)).reshape(-1, model.nv)
 
 
 def bodies(model: pin.Model, data: pin.Data, q_dot: Array) -> Bodies:
@@ -120,7 +120,7 @@ def bodies(model: pin.Model, data: pin.Data, q_dot: Array) -> Bodies:
         data: With joint Jacobians and their rates up to date.
         q_dot: Joint rates, shape (m,).
     """
-    c = _mass_centers(model, data)
+    c = mass_centers(model, data)
     K = _reduce_to_mass_centers(model, data.J, c)
     # The reduction moves with the mass centre: d/dt (omega x c) has the term omega x c_dot.
     K_dot = _reduce_to_mass_centers(model, data.dJ, c)
@@ -145,7 +145,7 @@ def bodies(model: pin.Model, data: pin.Data, q_dot: Array) -> Bodies:
     )
 
 
-def decoupled(model: pin.Model, data: pin.Data, K: Array) -> tuple[Array, Array]:
+def decoupled(model: pin.Model, data: pin.Data) -> tuple[Array, Array]:
     """The decoupled form K = N_l N_d of the paper's [5, 6].
 
     N_d holds the twists of each body that its own joint gives it, N_l carries the twists of a body
@@ -154,20 +154,19 @@ def decoupled(model: pin.Model, data: pin.Data, K: Array) -> tuple[Array, Array]
 
     Args:
         model: The tree.
-        data: With joint placements up to date.
-        K: Body Jacobians, shape (6 r, nv).
+        data: With joint Jacobians up to date.
 
     Returns:
         N_l, shape (6 r, 6 r), with unit blocks on the diagonal and zero blocks above it, and N_d,
         shape (6 r, nv), block diagonal.
     """
-    c = _mass_centers(model, data)
+    c = mass_centers(model, data)
     r = len(c)
     N_l, N_d = np.zeros((r, 6, r, 6)), np.zeros((r, 6, model.nv))
     for i in range(r):
-        joint = model.joints[i + 1]
-        own = slice(joint.idx_v, joint.idx_v + joint.nv)
-        N_d[i, :, own] = K[6 * i : 6 * i + 6, own]
+        own = np.zeros(model.nvExtended)
+        own[columns(model, i + 1)] = 1
+        N_d[i] = _reduced(model, data.J * own, c[i])
         for bearer in list(model.supports[i + 1])[1:]:
             carried = np.eye(6)
             carried[3:, :3] = -pin.skew(c[i] - c[bearer - 1])  # v_i = v_j + omega x (c_i - c_j)
@@ -175,7 +174,7 @@ def decoupled(model: pin.Model, data: pin.Data, K: Array) -> tuple[Array, Array]
     return N_l.reshape(6 * r, 6 * r), N_d.reshape(6 * r, model.nv)
 
 
-def _mass_centers(model: pin.Model, data: pin.Data) -> Array:
+def mass_centers(model: pin.Model, data: pin.Data) -> Array:
     """Mass centres in base axes, shape (r, 3)."""
     return np.array([data.oMi[j].act(model.inertias[j].lever) for j in range(1, model.njoints)])
 
@@ -183,6 +182,9 @@ def _mass_centers(model: pin.Model, data: pin.Data) -> Array:
 def _reduce_to_mass_centers(model: pin.Model, J: Array, c: Array) -> Array:
     """World Jacobian [v; omega] at the world's origin -> [omega; v] at each c, shape (r, 6, m)."""
     supports = np.array([support(model, j) for j in range(1, model.njoints)])
-    columns = supports[:, None, :] * J
-    v, omega = columns[:, :3], columns[:, 3:]
-    return np.concatenate([omega, v + np.cross(omega, c[:, :, None], axis=1)], axis=1)
+    return _reduced(model, supports[:, None, :] * J, c)
+
+
+def _reduced(model: pin.Model, twists: Array, c: Array) -> Array:
+    v, omega = np.split(summed(model, twists), 2, axis=-2)
+    return np.concatenate([omega, v + np.cross(omega, c[..., None], axis=-2)], axis=-2)

@@ -23,7 +23,7 @@ from .dynamics import Workspace
 from .loops import CLOSURE_TOLERANCE
 from .mechanism import Friction, Mechanism
 from .mobility import condition_number
-from .noc import MAX_CONDITION_NUMBER
+from .noc import MAX_CONDITION_NUMBER, mass_centers
 
 Array = NDArray[np.float64]
 
@@ -214,7 +214,9 @@ class Reference:
     def potential_energy(self, q: Array) -> Array:
         """Of the weights, zero with all masses at the origin, and of the springs, [J]."""
         ws, springs = self.workspace, self.mechanism.springs
-        energy = pin.computePotentialEnergy(ws.model, ws.data, q)
+        ws.loops.evaluate(q)
+        masses = np.array([body.mass for body in list(ws.model.inertias)[1:]])
+        energy = -masses.dot(mass_centers(ws.model, ws.data)).dot(ws.model.gravity.linear)
         return np.asarray(energy + (0 if springs.none else springs.energy(ws.model, q)))
 
 
