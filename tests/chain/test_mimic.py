@@ -117,6 +117,7 @@ def test_dynamics_are_those_of_the_coupled_robot(pair):
         for frame in ("e_end", "f_end", "d_end"):
             same(a.frame_jacobian(q, frame), b.frame_jacobian(Q, frame))
             same(a.frame_drift(q, va, frame), b.frame_drift(Q, va, frame))
+            same(a.frame_jacobian_rate(q, va, frame), b.frame_jacobian_rate(Q, va, frame))
         x, y = a.noc(q, va), b.noc(Q, va)
         for name in ("T", "T_dot", "inertia", "coriolis", "gravity", "friction", "springs", "N_l"):
             same(getattr(x, name), getattr(y, name))
