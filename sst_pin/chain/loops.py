@@ -157,6 +157,7 @@ class Loops:
         """Jacobian of the closures, shape (rows, nv): Phi v = 0, Eqs. (3), (4)."""
         self._update_wrenches()
         Phi = self._at_both(self._W.dot(self._J), self._W_a, self._J)
+        Phi = summed(self.model, Phi)
         for rows, coupled in self._couplings:
             Phi[rows] = coupled.row(self._q)
         return Phi
@@ -178,6 +179,7 @@ class Loops:
         Phi_dot = self._at_both(self._W.dot(J_dot), self._W_a, J_dot)
         if self._moving:
             Phi_dot += self._at_both(self._W_dot.dot(J), self._W_a_dot, J)
+        Phi_dot = summed(self.model, Phi_dot)
         for rows, coupled in self._couplings:
             Phi_dot[rows] = coupled.row_rate(self._q, v)
         return Phi_dot

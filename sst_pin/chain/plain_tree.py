@@ -42,7 +42,8 @@ class PlainTree:
         own: list[bool] = []  # not that of the joint that a mimic joint follows
         couplings: list[Coupling] = []
         scaling: list[tuple[int, float, float]] = []
-        leaders = dict(zip(given.mimicking_joints, given.mimicked_joints, strict=True))
+        # Pinocchio's mimicked_joints does not keep the order of mimicking_joints.
+        leaders = {o.idx_v: n for n, o in zip(given.names, given.joints, strict=True) if o.nv}
         ids = [0] * given.njoints
         waiting = list(given.children[0])[::-1]
         while waiting:
@@ -53,8 +54,7 @@ class PlainTree:
             else:
                 mimic = joint.extract()
                 series = [(_followed(joint), pin.SE3.Identity())]
-                leader = given.names[leaders[j]]
-                terms = {leader: (0.0, mimic.scaling)}
+                terms = {leaders[joint.idx_v]: (0.0, mimic.scaling)}
                 couplings.append(Coupling(given.names[j], terms, mimic.offset))
                 scaling.append((len(q), mimic.scaling, mimic.offset))
             for number, (part, offset) in enumerate(series):

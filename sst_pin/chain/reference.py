@@ -20,7 +20,7 @@ from ..errors import ActuationError, SSTError
 from . import dynamics
 from .derivatives import Derivatives
 from .dynamics import Workspace
-from .loops import CLOSURE_TOLERANCE
+from .loops import CLOSURE_TOLERANCE, summed, support
 from .mechanism import Friction, Mechanism
 from .mobility import condition_number
 from .noc import MAX_CONDITION_NUMBER, mass_centers
@@ -190,9 +190,14 @@ class Reference:
         ws.evaluate(q)
         L = ws.complement.factorise(ws.loops.Phi())
         L_dot = ws.complement.solve(-ws.loops.Phi_dot(L.dot(va)).dot(L), np.zeros((len(va),) * 2))
-        arguments = (ws.model, ws.data, frame, pin.LOCAL_WORLD_ALIGNED)
-        J_dot = pin.getFrameJacobianTimeVariation(*arguments)
-        return J_dot.dot(L) + pin.getFrameJacobian(*arguments).dot(L_dot)
+        # Pinocchio's own rate is wrong for mimic joints.
+        moved_by = support(ws.model, ws.model.frames[frame].parentJoint)
+        J, J_dot = (summed(ws.model, X * moved_by) for X in (ws.data.J, ws.data.dJ))
+        p, twist = ws.data.oMf[frame].translation, J.dot(L.dot(va))
+        p_dot = twist[:3] + np.cross(twist[3:], p)
+        J_dot[:3] += np.cross(J_dot[3:].T, p).T + np.cross(J[3:].T, p_dot).T
+        J[:3] += np.cross(J[3:].T, p).T
+        return J_dot.dot(L) + J.dot(L_dot)
 
     def frame_drift(self, q: Array, va: Array, frame: int) -> Array:
         """[linear; angular] acceleration of a frame with aa = 0, shape (6,)."""

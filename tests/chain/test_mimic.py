@@ -117,6 +117,7 @@ def test_dynamics_are_those_of_the_coupled_robot(pair):
         for frame in ("e_end", "f_end", "d_end"):
             same(a.frame_jacobian(q, frame), b.frame_jacobian(Q, frame))
             same(a.frame_drift(q, va, frame), b.frame_drift(Q, va, frame))
+            same(a.frame_jacobian_rate(q, va, frame), b.frame_jacobian_rate(Q, va, frame))
         x, y = a.noc(q, va), b.noc(Q, va)
         for name in ("T", "T_dot", "inertia", "coriolis", "gravity", "friction", "springs", "N_l"):
             same(getattr(x, name), getattr(y, name))
@@ -187,3 +188,21 @@ def test_a_urdf_read_with_its_mimic_joints_is_computed():
     q = chain.assemble([0.4], ())
     assert_allclose(q, [0.1], atol=1e-12)
     assert_allclose(chain.Phi(q), [[0.0], [0.0], [-2.0]], atol=1e-12)
+
+
+def test_two_mimic_joints_follow_each_its_own():
+    """e follows b and f follows a: forces and their derivatives, as above."""
+    model = ordinary(pin.JointModelRZ())
+    model.armature = np.zeros(model.nv)
+    mimicking = pin.transformJointIntoMimic(model, 2, 5, FACTOR, OFFSET)
+    mimicking = pin.transformJointIntoMimic(mimicking, 1, 6, 1.4, -0.2)
+    loop = Closure("f_end", "g_end", "3d")
+    gears = [Coupling("e", {"b": (0, FACTOR)}, OFFSET), Coupling("f", {"a": (0, 1.4)}, -0.2)]
+    a = ClosedChain(mimicking, [loop], ["a", "b"])
+    b = ClosedChain(model, [loop, *gears], ["a", "b"], coordinates=a.coordinates)
+    for q, va, aa in states(a, 2):
+        Q = np.array([*q[:5], FACTOR * q[1] + OFFSET, 1.4 * q[0] - 0.2, *q[5:]])
+        assert_allclose(a.generalized_forces(q, va, aa), b.generalized_forces(Q, va, aa), atol=1e-9)
+        pairs = zip(a.torque_derivatives(q, va, aa), b.torque_derivatives(Q, va, aa), strict=True)
+        for x, y in pairs:
+            assert_allclose(x, y, atol=1e-9 * max(1.0, np.abs(y).max()))
