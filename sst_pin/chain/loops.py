@@ -187,8 +187,8 @@ class Loops:
     def _at_both(self, at_b: Array, W_a: Array, J: Array) -> Array:
         """Rows at frame B, for what moves it, less those at frame A, for what moves that."""
         if self._relative is not None:
-            return summed(self.model, at_b * self._relative)
-        return summed(self.model, at_b * self._S_b - W_a.dot(J) * self._S_a)
+            return at_b * self._relative
+        return at_b * self._S_b - W_a.dot(J) * self._S_a
 
 
 class _Coupled:
