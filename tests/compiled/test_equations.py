@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The equations on symbols, held against the reference path by numbers put in."""
 
-import any_chain
 import casadi as ca
 import numpy as np
 import pinocchio as pin
 import pytest
 
+import any_chain
 import robots
 from sst_pin.chain.mechanism import Friction
 from sst_pin.compiled import kernels
