@@ -201,7 +201,15 @@ CASES = {
 }
 
 
-@pytest.fixture(scope="module", params=CASES)
+#: The others take a second for each of twenty states.
+QUICK = ("floating four-bar", "geared")
+SOME = [
+    pytest.param(name, marks=() if name in QUICK or "four" in name else pytest.mark.slow)
+    for name in CASES
+]
+
+
+@pytest.fixture(scope="module", params=SOME)
 def some(request):
     make, *arguments = CASES[request.param]
     return make(*arguments)
@@ -241,6 +249,7 @@ def test_derivatives_of_robots_are_those_of_differences(some):
         assert_derivatives_are_those_of_differences(some, *state, random)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", CONSTRAINTS)
 @pytest.mark.parametrize("name", TREES)
 def test_derivatives_through_every_closure_and_every_joint(name, kind):

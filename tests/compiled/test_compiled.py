@@ -43,8 +43,7 @@ ROBOTS = {
 
 #: Each compiles for seconds.
 SEVERAL = [
-    pytest.param(name, marks=() if name in ("four-bar", "delta") else pytest.mark.slow)
-    for name in ROBOTS
+    pytest.param(name, marks=() if name == "four-bar" else pytest.mark.slow) for name in ROBOTS
 ]
 
 

@@ -4,7 +4,6 @@
 import copy
 import pickle
 from collections.abc import Callable, Iterator
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -297,13 +296,10 @@ def _reordered(table: Any, order: list[int]) -> pin.Model:
 def _by_multipliers(robot: Any, q: np.ndarray, va: np.ndarray, aa: np.ndarray) -> np.ndarray:
     """Torques by Lagrange multipliers of what stands in `robot.model` now."""
     model = robot.model
-    stand_in = SimpleNamespace(
-        model=model,
-        closures=robot.closures,
-        actuated=robot.actuated,
-        friction=SimpleNamespace(viscous=model.damping, coulomb=model.friction),
+    own = sst_pin.ClosedChain(
+        pin.Model(model), robot.closures, robot.motor_names, coordinates=robot.coordinates
     )
-    return lagrange.torques(stand_in, q, va, aa)
+    return lagrange.torques(own, q, va, aa)
 
 
 def _changed(w: World) -> Iterator[Call]:

@@ -6,7 +6,6 @@ Whoever reads a description differently than these few lines is wrong, or should
 
 import re
 import xml.etree.ElementTree as ET
-from types import SimpleNamespace
 from typing import Any
 
 import mujoco
@@ -148,13 +147,9 @@ def torques_of(
     names = list(model.names)[1:]
     order = [chain.joint_names.index(name) for name in names]
     pairs = zip(content["closed_loop"], content["type"], strict=True)
-    stand_in = SimpleNamespace(
-        model=model,
-        closures=[sst_pin.Closure(a, b, kind.lower()) for (a, b), kind in pairs],
-        actuated=[names.index(motor) for motor in motors],
-        friction=SimpleNamespace(viscous=model.damping, coulomb=model.friction),
-    )
-    return lagrange.torques(stand_in, q[order], va, aa)
+    closures = [sst_pin.Closure(a, b, kind.lower()) for (a, b), kind in pairs]
+    own = sst_pin.ClosedChain(model, closures, motors, coordinates=chain.coordinates)
+    return lagrange.torques(own, q[order], va, aa)
 
 
 def torques_by_mujoco(

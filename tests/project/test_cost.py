@@ -46,6 +46,7 @@ def test_the_page_has_the_papers_times():
     assert "2.7612 s / 1.7316 s | 1.595" in times
 
 
+@pytest.mark.slow
 def test_a_stale_count_is_found(tmp_path, monkeypatch, capsys):
     page = cost.PAGE.read_text(encoding="utf-8")
     number = str(cost.count_all().of["direct", cost.SHORT].generated.total())

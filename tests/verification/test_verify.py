@@ -68,6 +68,7 @@ def test_referees_that_are_not_installed_are_named_with_their_remedy(no_engines,
     assert "virtual work" in out
 
 
+@pytest.mark.slow
 def test_a_wrong_torque_ends_in_exit_code_1(monkeypatch, capsys):
     """A flipped sign of the weights: every referee says so."""
     right = sst_pin.SST.compute_torques
