@@ -148,7 +148,7 @@ def torques_of(
     order = [chain.joint_names.index(name) for name in names]
     pairs = zip(content["closed_loop"], content["type"], strict=True)
     closures = [sst_pin.Closure(a, b, kind.lower()) for (a, b), kind in pairs]
-    own = sst_pin.ClosedChain(model, closures, motors, coordinates=chain.coordinates)
+    own = sst_pin.ClosedChain(model, closures, motors)
     return lagrange.torques(own, q[order], va, aa)
 
 
