@@ -40,6 +40,7 @@ def test_paper_writes_data_and_figures_and_prints_its_table(here, capsys, robot)
     assert 1e-6 < printed < 5e-5
 
 
+@pytest.mark.slow
 def test_figures_are_pictures_with_labels(here, capsys):
     """PNG with ink of several colours, SVG that parses; the same run gives the same SVG."""
     image = pytest.importorskip("matplotlib.image", reason="extra `plot` is not installed")

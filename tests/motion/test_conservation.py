@@ -72,6 +72,7 @@ def test_a_free_closed_robot_keeps_energy_and_momentum(seconds):
     assert max(np.abs(chain.residual(q)).max() for q in motion.q) < 1e-10
 
 
+@pytest.mark.slow
 def test_springs_keep_the_energy_of_a_falling_robot():
     """Gravity, springs in two joints, a motor that works: nothing is gained or lost."""
     model, guess = floating(9.8)

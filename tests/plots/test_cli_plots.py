@@ -81,6 +81,7 @@ def test_subjects_of_the_command_are_those_of_the_plots():
     assert plot.SUBJECTS == plots.SUBJECTS
 
 
+@pytest.mark.slow
 def test_workspace_as_picture_and_numbers(here, capsys):
     """A turn of the star on the command line, in degrees, is that of the map."""
     code, out, _ = run(capsys, "workspace", "-o", "map.png", "--psi", "-20", "--data", "map.npz")

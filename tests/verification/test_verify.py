@@ -49,6 +49,7 @@ def test_the_whole_run_includes_those_that_step_in_time():
         assert (name in names) == (package not in missing)
 
 
+@pytest.mark.slow
 def test_json_holds_what_the_table_shows(capsys):
     """For machines."""
     assert main(["verify", "--quick", "--json"]) == 0
@@ -59,6 +60,7 @@ def test_json_holds_what_the_table_shows(capsys):
     assert all(c["relative"] <= c["limit"] for c in content["comparisons"])
 
 
+@pytest.mark.slow
 def test_referees_that_are_not_installed_are_named_with_their_remedy(no_engines, capsys):
     """The others are asked all the same."""
     assert main(["verify", "--quick"]) == 0

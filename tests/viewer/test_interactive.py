@@ -102,6 +102,7 @@ def wait_until(page, read, wanted):
     assert read() == pytest.approx(wanted, abs=np.radians(0.051))
 
 
+@pytest.mark.slow
 @needs_browser
 @pytest.mark.parametrize(
     ("name", "degrees", "read"),

@@ -231,6 +231,7 @@ def test_a_person_plays_steps_drags_and_hides(page, motion):
     assert not page.locator(".dg.main").is_visible()  # Meshcat's own controls
 
 
+@pytest.mark.slow
 def test_a_served_page_follows_the_program_and_outlives_it(chromium, robot, motion):  # noqa: F811
     """What `show` and `play` say arrives; the page asks only whom it came from."""
     with Viewer(robot) as viewer:
@@ -258,6 +259,7 @@ def test_a_served_page_follows_the_program_and_outlives_it(chromium, robot, moti
         assert knock.connect_ex(("127.0.0.1", port)) != 0
 
 
+@pytest.mark.slow
 def test_a_notebook_shows_the_page_in_its_cell(chromium, robot, motion):  # noqa: F811
     """`_repr_html_` is a frame that holds the whole page."""
     viewer = Viewer(robot)
@@ -271,6 +273,7 @@ def test_a_notebook_shows_the_page_in_its_cell(chromium, robot, motion):  # noqa
         assert notebook.errors == []
 
 
+@pytest.mark.slow
 @needs_browser
 def test_warnings_stand_on_the_page_and_are_text(chromium, robot):  # noqa: F811
     """One line each; without any there is no box."""

@@ -257,6 +257,7 @@ def test_a_missing_browser_is_named(robot, tmp_path, monkeypatch, capsys):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 @needs_browser
 def test_pictures_are_taken_without_a_person(robot, motion):
     """A PNG with ink and a GIF whose frames differ, also under a running event loop."""
@@ -280,6 +281,7 @@ def test_pictures_are_taken_without_a_person(robot, motion):
         assert (np.abs(frames[one] - frames[other]).max(axis=-1) > 60).mean() > 0.01
 
 
+@pytest.mark.slow
 @needs_browser
 def test_show_writes_page_and_picture(tmp_path, monkeypatch, capsys):
     """`--html` and `--png` of a motion file and of its torques, with one line that says so."""
