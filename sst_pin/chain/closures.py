@@ -58,6 +58,7 @@ class Closure:
     def __post_init__(self) -> None:
         kind = self.kind
         _require_words(self.frame_a, self.frame_b)
+        _require_two(self.frame_a, self.frame_b)
         if isinstance(kind, str):
             if kind not in self.KINDS:
                 known = ", ".join(self.KINDS)
@@ -101,6 +102,7 @@ class Distance:
 
     def __post_init__(self) -> None:
         _require_words(self.frame_a, self.frame_b)
+        _require_two(self.frame_a, self.frame_b)
         if not (isfinite(self.distance) and self.distance > 0):
             raise DescriptionError(
                 str(self), [f"distance {self.distance}: a positive number is needed"]
@@ -191,6 +193,13 @@ class Rolling:
 
     def __str__(self) -> str:
         return f"{self.wheel} on {self.plane}"
+
+
+def _require_two(frame_a: str, frame_b: str) -> None:
+    if frame_a == frame_b:
+        raise DescriptionError(
+            f"closure of {frame_a} and {frame_b}", ["a frame cannot close a loop with itself"]
+        )
 
 
 def _require_words(*words: str) -> None:

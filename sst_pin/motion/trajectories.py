@@ -192,7 +192,10 @@ class Trajectory:
         rate_names, rate_units = zip(*coordinates, strict=True)
         forces = [p[2] for p in torques] or ["N" if u == "m" else "Nm" for u in rate_units]
         labels = [p[1] for p in torques] or [str(k + 1) for k in range(n)]
-        numbered = labels == [str(k + 1) for k in range(n)]
+        numbers = [str(k + 1) for k in range(n)]
+        if any(label.isdigit() for label in labels) and labels != numbers:
+            labels, forces = numbers, ["N" if u == "m" else "Nm" for u in rate_units]
+        numbered = labels == numbers
         actuated = rate_names if numbered else tuple(labels)
         values = table.select(_columns(names, units, rate_names, rate_units, labels, forces))
         if coordinates != accelerations:

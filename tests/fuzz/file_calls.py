@@ -171,9 +171,6 @@ def _urdfs(w: World) -> Iterator[Call]:
         "no parent": changed(('<parent link="crank"/>', "")),
         "an unknown parent": changed(('<parent link="crank"/>', '<parent link="krank"/>')),
         "no child": changed(('<child link="coupler"/>', "")),
-        "mimic": changed(
-            ('<dynamics damping="0.2"', '<mimic joint="crank"/><dynamics damping="0.2"')
-        ),
         "floating": changed(('type="continuous"', 'type="floating"')),
         "planar": changed(('type="continuous"', 'type="planar"')),
         "type unknown": changed(('type="continuous"', 'type="ball"')),
@@ -361,7 +358,6 @@ def _mjcfs(w: World) -> Iterator[Call]:
         "no equalities": plain.replace('<connect site1="end" site2="pivot"/>', ""),
         "a motor on nothing": four_bar.format("", "", '<motor joint="krank"/>'),
         "a motor on a site": four_bar.format("", "", '<motor site="end"/>'),
-        "a spring": four_bar.format("", 'stiffness="5"', motor),
         "a word for a mass": plain.replace('mass="1.5"', 'mass="heavy"'),
         "a NaN for a mass": plain.replace('mass="1.5"', 'mass="nan"'),
         "a negative mass": plain.replace('mass="1.5"', 'mass="-1"'),
@@ -373,7 +369,6 @@ def _mjcfs(w: World) -> Iterator[Call]:
         "an include of itself": plain.replace(
             "<worldbody>", '<include file="odd.xml"/><worldbody>'
         ),
-        "a joint equality": plain.replace("<connect", '<joint joint1="crank"/><connect'),
     }
     for name, text in odd.items():
         yield Call(f"from_mjcf: {name}", lambda t=text: read(t))

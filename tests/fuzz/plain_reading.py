@@ -162,7 +162,8 @@ def torques_by_mujoco(
     """
     model = mujoco.MjModel.from_xml_string(xml)
     model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
-    names = [model.joint(j).name for j in range(model.njnt)]
+    bodies = model.jnt_bodyid.tolist()  # a joint without a name is called like its body
+    names = [model.joint(j).name or model.body(b).name for j, b in enumerate(bodies)]
     order = [chain.joint_names.index(name) for name in names]
     if model.nv != len(order):
         raise UnreadableError("joints of several coordinates")

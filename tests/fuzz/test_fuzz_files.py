@@ -137,7 +137,8 @@ def require_same_torques(chain, expected, close):
         q = chain.assemble(guess, fixed=())
         tau = chain.compute_torques(q, va, aa)
     except sst_pin.SSTError:
-        with suppress(sst_pin.SSTError):  # the judge's loops are open too
+        # The judge's loops are open too, or its coordinates are others.
+        with suppress(sst_pin.SSTError, np.linalg.LinAlgError):
             expected(chain, np.array(guess), va, aa)  # it can be read all the same
         return
     wanted = expected(chain, q, va, aa)
