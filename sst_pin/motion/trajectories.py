@@ -193,7 +193,7 @@ class Trajectory:
         forces = [p[2] for p in torques] or ["N" if u == "m" else "Nm" for u in rate_units]
         labels = [p[1] for p in torques] or [str(k + 1) for k in range(n)]
         numbers = [str(k + 1) for k in range(n)]
-        if any(label.isdigit() for label in labels) and labels != numbers:
+        if any(label.isdigit() for label in labels):  # those of the coordinates, in their units
             labels, forces = numbers, ["N" if u == "m" else "Nm" for u in rate_units]
         numbered = labels == numbers
         actuated = rate_names if numbered else tuple(labels)
