@@ -196,5 +196,5 @@ def _equality_jacobian(model: mujoco.MjModel, q: np.ndarray) -> np.ndarray:
     data = mujoco.MjData(model)
     data.qpos = q
     mujoco.mj_forward(model, data)
-    rows = data.efc_J.reshape(data.nefc, model.nv)
+    rows = data.efc_J.reshape(-1, model.nv)[: data.nefc]
     return rows[np.asarray(data.efc_type) == mujoco.mjtConstraint.mjCNSTR_EQUALITY].copy()
