@@ -23,7 +23,7 @@ from ..arrays import (
 from ..errors import InputError, SimulationError
 
 if TYPE_CHECKING:
-    from .robot import Robot
+    from .moving_robot import Robot
 
 Array = NDArray[np.float64]
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from scipy.interpolate import BSpline
 
     from ..chain.backend import States
-    from .robot import Robot
+    from .moving_robot import Robot
 
 Array = NDArray[np.float64]
 
