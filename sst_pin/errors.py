@@ -21,6 +21,13 @@ class SSTError(Exception):
 
     Attributes:
         samples: Indices of the samples at fault in the batch of the call, empty for a single one.
+
+    Example:
+        >>> try:
+        ...     robot.inverse_kinematics(2 * np.eye(3))
+        ... except sst_pin.SSTError as error:
+        ...     print(error)
+        R: not a rotation matrix (|R R^T - 1| = 3, det R = 8)
     """
 
     samples: tuple[tuple[int, ...], ...] = ()
@@ -41,6 +48,12 @@ class InputError(SSTError, ValueError):
 
     Attributes:
         name: The argument.
+
+    Example:
+        >>> robot.compute_torques(robot.home, [0, 0], [0, 0, 0])
+        Traceback (most recent call last):
+            ...
+        sst_pin.errors.InputError: va: shape (2,), expected (..., 3)
     """
 
     def __init__(self, name: str, problem: str) -> None:
@@ -53,6 +66,13 @@ class ParametersError(SSTError, ValueError):
 
     Attributes:
         problems: All of them, one sentence each.
+
+    Example:
+        >>> sst_pin.Parameters(star=sst_pin.RigidBody(-1.0, (0, 0, 0), np.eye(3)))
+        Traceback (most recent call last):
+            ...
+        sst_pin.errors.ParametersError: impossible parameters:
+          star.mass: -1 kg is not positive
     """
 
     def __init__(self, problems: Iterable[str]) -> None:
@@ -65,6 +85,13 @@ class DescriptionError(SSTError):
 
     Attributes:
         problems: All of them, one sentence each.
+
+    Example:
+        >>> sst_pin.Closure("a", "b", "4d")
+        Traceback (most recent call last):
+            ...
+        sst_pin.errors.DescriptionError: closure of a and b:
+          kind '4d' unknown; known: 6d, 3d, orientation, hinge, universal, cylindric...
     """
 
     def __init__(self, source: str, problems: Iterable[str]) -> None:
@@ -78,6 +105,12 @@ class UnknownNameError(SSTError, KeyError):
     Attributes:
         name: What was asked for.
         known: What there is.
+
+    Example:
+        >>> chain.frame_jacobian(chain.home, "foot")
+        Traceback (most recent call last):
+            ...
+        sst_pin.errors.UnknownNameError: frame 'foot' not in the model; known: ...
     """
 
     def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
@@ -93,6 +126,14 @@ class ActuationError(SSTError):
 
     Attributes:
         missing: Forces that nobody supplies, by the name of the coordinate, [N m] or [N].
+
+    Example:
+        >>> lift = sst_pin.robots.five_bar()
+        >>> poor = sst_pin.ClosedChain(lift.model, lift.closures, lift.motor_names[:1])
+        >>> poor.compute_torques(lift.home, np.zeros(2), np.ones(2))
+        Traceback (most recent call last):
+            ...
+        sst_pin.errors.ActuationError: the motors cannot bring about this motion: ...
     """
 
     def __init__(self, problem: str, missing: Mapping[str, float] | None = None) -> None:
@@ -105,6 +146,12 @@ class ClosureError(SSTError):
 
     Attributes:
         residual: Largest entry of the closure residual, [m] or [rad].
+
+    Example:
+        >>> chain.compute_torques(chain.home + 0.1, [0], [0])
+        Traceback (most recent call last):
+            ...
+        sst_pin.errors.ClosureError: the loops are open by 0.0366 (m or rad), more than ...
     """
 
     def __init__(self, problem: str, residual: float) -> None:
@@ -117,6 +164,12 @@ class SingularConfigurationError(SSTError):
 
     Attributes:
         condition_number: Of the matrix that would have to be inverted.
+
+    Example:
+        >>> robot.inverse_kinematics(np.eye(3))
+        Traceback (most recent call last):
+            ...
+        sst_pin.errors.SingularConfigurationError: leg 1 lies flat on its arc (sin mu_1 ...
     """
 
     def __init__(self, problem: str, condition_number: float) -> None:
@@ -126,7 +179,14 @@ class SingularConfigurationError(SSTError):
 
 
 class WorkspaceError(SSTError):
-    """A pose that the robot cannot take."""
+    """A pose that the robot cannot take.
+
+    Example:
+        >>> chain.inverse_kinematics(pin.SE3(np.eye(3), np.array([9.0, 0, 0])))
+        Traceback (most recent call last):
+            ...
+        sst_pin.errors.WorkspaceError: the platform cannot take this pose: it would be ...
+    """
 
 
 class SimulationError(SSTError):
@@ -134,6 +194,12 @@ class SimulationError(SSTError):
 
     Attributes:
         time: Where it stopped, [s].
+
+    Example:
+        >>> robot.rollout(np.zeros((500, 3)), robot.home, [0, 0, 0], dt=1e-3)
+        Traceback (most recent call last):
+            ...
+        sst_pin.errors.SimulationError: the motion came to a singularity, ran away, or ...
     """
 
     def __init__(self, problem: str, time: float) -> None:
@@ -147,6 +213,14 @@ class FileFormatError(SSTError):
     Attributes:
         path: The file.
         line: Line at fault, counted from 1 with the header; None when it is the whole file.
+
+    Example:
+        >>> with open("empty.csv", "w") as file:
+        ...     _ = file.write("t_s")
+        >>> sst_pin.Trajectory.load("empty.csv")
+        Traceback (most recent call last):
+            ...
+        sst_pin.errors.FileFormatError: empty.csv: no rows below the header
     """
 
     def __init__(self, path: str | Path, problem: str, line: int | None = None) -> None:
@@ -159,6 +233,13 @@ class OutputError(SSTError):
 
     Attributes:
         path: The file or folder.
+
+    Example:
+        >>> motion = chain.simulate([0], chain.home, [0], [0, 0.1])
+        >>> motion.save("motion.txt")
+        Traceback (most recent call last):
+            ...
+        sst_pin.errors.OutputError: motion.txt: ending '.txt' unknown; known: .csv, .npz
     """
 
     def __init__(self, path: str | Path, problem: str) -> None:
@@ -172,6 +253,12 @@ class MissingExtraError(SSTError, ImportError):
     Attributes:
         package: What is missing.
         extra: The extra of `sst_pin` that brings it.
+
+    Example:
+        >>> raise sst_pin.MissingExtraError("meshcat", "viz")
+        Traceback (most recent call last):
+            ...
+        sst_pin.errors.MissingExtraError: meshcat is not installed; run: pip install ...
     """
 
     def __init__(self, package: str, extra: str) -> None:
@@ -192,7 +279,15 @@ class ServerError(SSTError):
 
 
 class SingularityWarning(UserWarning):
-    """A simulation stopped early because the robot came close to a singularity."""
+    """A simulation stopped early because the robot came close to a singularity.
+
+    Example:
+        >>> import warnings
+        >>> with warnings.catch_warnings(record=True) as caught:
+        ...     motion = robot.simulate([0, 0, 0], robot.home, [0, 0, 0], np.linspace(0, 1, 11))
+        >>> caught[0].category.__name__, len(motion)
+        ('SingularityWarning', 5)
+    """
 
 
 class DescriptionWarning(UserWarning):

@@ -119,33 +119,63 @@ class ClosedChain:
 
     @property
     def model(self) -> pin.Model:
-        """The tree. A change of it counts from the next call on; see `refresh`."""
+        """The tree. A change of it counts from the next call on; see `refresh`.
+
+        Example:
+            >>> chain.model.nq, chain.model.njoints
+            (3, 4)
+        """
         self._unseen = True
         return self._model
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """Names of the joints, in the order of the tree."""
+        """Names of the joints, in the order of the tree.
+
+        Example:
+            >>> chain.joint_names
+            ('crank', 'coupler', 'rocker')
+        """
         return self._draft.space.joint_names
 
     @property
     def position_names(self) -> tuple[str, ...]:
-        """Name of each entry of q: the joint's, with a suffix where it has several."""
+        """Name of each entry of q: the joint's, with a suffix where it has several.
+
+        Example:
+            >>> sst_pin.robots.delta().position_names[-5:]
+            ('motor_3', 'rod_3a_1', 'rod_3a_2', 'rod_3b_1', 'rod_3b_2')
+        """
         return self._draft.space.position_names
 
     @property
     def joint_units(self) -> tuple[str, ...]:
-        """Unit of each entry of q: "rad", "m", or "" for quaternions, cosines and sines."""
+        """Unit of each entry of q: "rad", "m", or "" for quaternions, cosines and sines.
+
+        Example:
+            >>> sorted(set(sst_pin.robots.excavator().joint_units))
+            ['m', 'rad']
+        """
         return self._draft.space.position_units
 
     @property
     def actuated(self) -> tuple[int, ...]:
-        """Indices in v of the motors' joints, motor after motor."""
+        """Indices in v of the motors' joints, motor after motor.
+
+        Example:
+            >>> chain.actuated
+            (0,)
+        """
         return tuple(map(int, self._draft.driven))
 
     @property
     def motor_names(self) -> tuple[str, ...]:
-        """Name of each motor, in the order of tau."""
+        """Name of each motor, in the order of tau.
+
+        Example:
+            >>> robot.motor_names
+            ('gamma_1', 'gamma_2', 'gamma_3')
+        """
         return self._draft.motor_names
 
     @property
@@ -154,23 +184,42 @@ class ClosedChain:
 
         Raises:
             ClosureError: When they are to be chosen and no configuration can be assembled.
+
+        Example:
+            >>> chain.coordinates
+            ('crank',)
         """
         mechanism = self._mechanism()
         return mechanism.space.names_of(mechanism.coordinates.tolist())
 
     @property
     def degrees_of_freedom(self) -> int:
-        """Number n of the coordinates' rates."""
+        """Number n of the coordinates' rates.
+
+        Example:
+            >>> sst_pin.robots.stewart().degrees_of_freedom
+            6
+        """
         return len(self._mechanism().coordinates)
 
     @property
     def friction(self) -> Friction:
-        """Of all joints, read-only."""
+        """Of all joints, read-only.
+
+        Example:
+            >>> robot.friction.viscous
+            array([0., 0., 0., 0., 0., 0., 0., 0., 0.])
+        """
         return self._draft.friction
 
     @property
     def path(self) -> str:
-        """What computes the dynamics, and why: compiled kernels or the reference path."""
+        """What computes the dynamics, and why: compiled kernels or the reference path.
+
+        Example:
+            >>> sst_pin.SST(kernels=False).path
+            'the reference path: switched off by kernels=False'
+        """
         with suppress(ClosureError):
             self._mechanism()
         return str(self._backend)
@@ -184,6 +233,13 @@ class ClosedChain:
 
         Raises:
             DescriptionError, UnknownNameError: As the constructor.
+
+        Example:
+            >>> model = chain.model
+            >>> model.gravity.linear = np.zeros(3)
+            >>> chain.refresh()
+            >>> bool(abs(chain.compute_torques(chain.home, [0], [0])) < 1e-12)
+            True
         """
         self._take_in_model()
 
@@ -197,6 +253,10 @@ class ClosedChain:
 
         Returns:
             f(q) of Eq. (2), shape (rows,): [m] and [rad], closure after closure.
+
+        Example:
+            >>> bool(abs(chain.residual(chain.home)).max() < 1e-12)
+            True
         """
         loops = self._evaluated(q)
         return loops.residual()
@@ -209,6 +269,10 @@ class ClosedChain:
 
         Returns:
             Shape (rows, nv).
+
+        Example:
+            >>> chain.Phi(chain.home).shape
+            (3, 3)
         """
         return self._evaluated(q).Phi()
 
@@ -221,6 +285,10 @@ class ClosedChain:
 
         Returns:
             Shape (rows, nv).
+
+        Example:
+            >>> chain.Phi_dot(chain.home, chain.joint_rates(chain.home, [1])).shape
+            (3, 3)
         """
         v = single_array("q_dot", q_dot, (self._draft.model.nv,))
         return self._evaluated(q).Phi_dot(v)
@@ -232,6 +300,10 @@ class ClosedChain:
 
         Args:
             q: Configuration on the closures, shape (nq,).
+
+        Example:
+            >>> print(round(chain.condition_number(chain.home), 2))
+            2.71
         """
         Phi = self._scaled_Phi(self._single_q(q))
         return condition_number(Phi, self._mechanism(q).coordinates)
@@ -262,6 +334,11 @@ class ClosedChain:
             ClosureError: When there is none within reach, with the loops that stay open and the
                 joints that are at their limits.
             UnknownNameError: For an unknown joint.
+
+        Example:
+            >>> q = chain.assemble(chain.home + 0.1)
+            >>> bool(abs(chain.residual(q)).max() < 1e-12)
+            True
         """
         guess, tries = self._guess(q), whole_number("tries", tries, 1)
         if fixed is None:
@@ -291,6 +368,11 @@ class ClosedChain:
 
         Raises:
             ClosureError: When none is found.
+
+        Example:
+            >>> q = chain.generic_configuration()
+            >>> bool(abs(chain.residual(q)).max() < 1e-12)
+            True
         """
         self._look_at_model()
         found = self._generic
@@ -316,6 +398,17 @@ class ClosedChain:
 
         Raises:
             ClosureError: When q is open, or when no configuration can be assembled.
+
+        Example:
+            >>> print(chain.mobility())
+            joints              3
+            closure equations   3, rank 2, 1 redundant
+            degrees of freedom  1
+            actuated joints     1 (crank)
+            actuation           sufficient, one motor for each degree of freedom
+            coordinates         crank
+            condition number    2.668 (dependent joints)
+            judged at           a random assembled configuration
         """
         where = "the configuration given"
         if q is None:
@@ -333,6 +426,10 @@ class ClosedChain:
 
         Returns:
             Shape (..., nv).
+
+        Example:
+            >>> chain.joint_rates(chain.home, [1]).round(3)
+            array([ 1.   , -1.213,  0.213])
         """
         mechanism, arrays = self._arguments(q, va=va)
         reference, kernel = self._reference.rates, self._backend.joint_rates
@@ -348,6 +445,10 @@ class ClosedChain:
 
         Returns:
             Shape (..., nv).
+
+        Example:
+            >>> chain.joint_accelerations(chain.home, [1], [0]).round(3)
+            array([-0.   ,  0.561,  0.594])
         """
         mechanism, arrays = self._arguments(q, va=va, aa=aa)
         rates = self._reference.accelerations_of_tree
@@ -366,6 +467,13 @@ class ClosedChain:
 
         Raises:
             UnknownNameError: For an unknown frame.
+
+        Example:
+            >>> delta = sst_pin.robots.delta()
+            >>> delta.frame_jacobian(delta.home, "platform")[:3].round(3) + 0.0
+            array([[-0.106,  0.053,  0.053],
+                   [ 0.   , -0.091,  0.091],
+                   [-0.05 , -0.05 , -0.05 ]])
         """
         mechanism, arrays = self._arguments(q)
         index, n = self._frame(frame), len(mechanism.coordinates)
@@ -387,6 +495,11 @@ class ClosedChain:
 
         Returns:
             J_dot, shape (..., 6, n).
+
+        Example:
+            >>> delta = sst_pin.robots.delta()
+            >>> delta.frame_jacobian_rate(delta.home, [1, 0, 0], "platform").shape
+            (6, 3)
         """
         mechanism, arrays = self._arguments(q, va=va)
         index = self._frame(frame)
@@ -407,6 +520,11 @@ class ClosedChain:
 
         Returns:
             [linear; angular], base axes, of the frame's origin, shape (..., 6).
+
+        Example:
+            >>> delta = sst_pin.robots.delta()
+            >>> delta.frame_drift(delta.home, [1, 1, 1], "platform")[:3].round(3)
+            array([-0.   , -0.   , -0.142])
         """
         _, arrays = self._arguments(q, va=va)
         index = self._frame(frame)
@@ -426,6 +544,11 @@ class ClosedChain:
 
         Returns:
             `.dq` and `.dva` of the [linear; angular] velocity J va, shapes (..., 6, n).
+
+        Example:
+            >>> delta = sst_pin.robots.delta()
+            >>> delta.frame_velocity_derivatives(delta.home, [1, 0, 0], "platform").dva.shape
+            (6, 3)
         """
         mechanism, arrays = self._arguments(q, va=va)
         n, index = len(mechanism.coordinates), self._frame(frame)
@@ -474,6 +597,10 @@ class ClosedChain:
             ClosureError: When q is open.
             SingularConfigurationError: When the coordinates do not determine the motion at q.
             ActuationError: When the motors cannot bring about the motion.
+
+        Example:
+            >>> chain.compute_torques(chain.home, [1], [0]).round(3)
+            array([0.166])
         """
         if self._unseen:
             self._look_at_model()
@@ -517,6 +644,11 @@ class ClosedChain:
 
         Raises:
             InputError, ClosureError, SingularConfigurationError: As `compute_torques`.
+
+        Example:
+            >>> arm = sst_pin.robots.planar_4rrr()
+            >>> arm.generalized_forces(arm.home, np.zeros(3), [1, 0, 0]).shape
+            (3,)
         """
         mechanism, arrays = self._arguments(q, va=va, aa=aa)
         loaded = [*arrays, self._wrenches(external_wrenches)]
@@ -551,6 +683,10 @@ class ClosedChain:
 
         Raises:
             InputError, ClosureError, SingularConfigurationError: As `compute_torques`.
+
+        Example:
+            >>> chain.compute_accelerations(chain.home, [0], [0]).round(3)
+            array([-32.345])
         """
         if self._unseen:
             self._look_at_model()
@@ -573,6 +709,11 @@ class ClosedChain:
 
         Raises:
             InputError, ClosureError, SingularConfigurationError: As `compute_torques`.
+
+        Example:
+            >>> terms = robot.noc(robot.home, [1, 0, 0])
+            >>> terms.L.shape, terms.K.shape, terms.T.shape
+            ((9, 3), (54, 9), (54, 3))
         """
         single = self._single_q(q)
         n = len(self._mechanism(single).coordinates)
@@ -591,6 +732,11 @@ class ClosedChain:
 
         Raises:
             InputError, ClosureError, SingularConfigurationError: As `compute_torques`.
+
+        Example:
+            >>> terms = chain.reduced_terms(chain.home, [1])
+            >>> terms.inertia.round(4), terms.gravity.round(3)
+            (array([[0.0049]]), array([-0.16]))
         """
         mechanism, arrays = self._arguments(q, va=va)
         n = len(mechanism.coordinates)
@@ -629,6 +775,11 @@ class ClosedChain:
 
         Raises:
             InputError, ClosureError, SingularConfigurationError: As `compute_torques`.
+
+        Example:
+            >>> d = chain.torque_derivatives(chain.home, [1], [0])
+            >>> d.dq.round(3), d.dva.round(3), d.daa.round(4)
+            (array([[0.103]]), array([[0.013]]), array([[0.0049]]))
         """
         mechanism, arrays = self._arguments(q, va=va, aa=aa)
         n = len(mechanism.coordinates)
@@ -666,6 +817,11 @@ class ClosedChain:
 
         Raises:
             InputError, ClosureError, SingularConfigurationError: As `compute_torques`.
+
+        Example:
+            >>> tau = chain.compute_torques(chain.home, [0], [0])
+            >>> chain.acceleration_derivatives(chain.home, [0], tau).dtau.round(2)
+            array([[202.74]])
         """
         rows = self._state_matrices(q, va, tau, external_wrenches, sign_width, on_error)
         n = rows.shape[-2] // 2
@@ -702,6 +858,14 @@ class ClosedChain:
 
         Raises:
             InputError, ClosureError, SingularConfigurationError: As `compute_torques`.
+
+        Example:
+            >>> tau = chain.compute_torques(chain.home, [0], [0])
+            >>> A, B = chain.linearize(chain.home, [0], tau)
+            >>> A.round(2), B.round(2)
+            (array([[ -0.  ,   1.  ],
+                   [-17.35,  -0.  ]]), array([[  0.  ],
+                   [202.74]]))
         """
         rows = self._state_matrices(q, va, tau, external_wrenches, sign_width, on_error)
         A, B = np.split(rows, [rows.shape[-2]], axis=-1)
@@ -710,7 +874,12 @@ class ClosedChain:
     # --- energy -----------------------------------------------------------------------------
 
     def kinetic_energy(self, q: ArrayLike, va: ArrayLike) -> Array:
-        """Kinetic energy, shape (...), [J]; arguments as `joint_rates`."""
+        """Kinetic energy, shape (...), [J]; arguments as `joint_rates`.
+
+        Example:
+            >>> print(chain.kinetic_energy(chain.home, [1]).round(4))
+            0.0025
+        """
         v = self.joint_rates(q, va)
         _, arrays = self._arguments(q)
         return for_each_sample(self._reference.kinetic_energy, [*arrays, v], (1, 1), ())
@@ -722,6 +891,10 @@ class ClosedChain:
 
         Args:
             q: Configurations, shape (..., nq).
+
+        Example:
+            >>> print(chain.potential_energy(chain.home).round(3))
+            3.106
         """
         self._look_at_model()
         array = finite_array("q", q, (self._draft.model.nq,))
@@ -733,12 +906,21 @@ class ClosedChain:
         Args:
             q: Configurations on the closures, shape (..., nq).
             va: Rates of the coordinates, shape (..., n).
+
+        Example:
+            >>> print(chain.friction_power(chain.home, [1]))  # without friction
+            0.0
         """
         v = self.joint_rates(q, va)
         return finite_array("power", (self.friction.forces(v) * v).sum(axis=-1), ())
 
     def motor_rates(self, q: ArrayLike, va: ArrayLike) -> Array:
-        """Rates against which the motors work, shape (..., motors); arguments as `joint_rates`."""
+        """Rates against which the motors work, shape (..., motors); arguments as `joint_rates`.
+
+        Example:
+            >>> chain.motor_rates(chain.home, [1])
+            array([1.])
+        """
         return np.asarray(self.joint_rates(q, va) @ self._mechanism().motors)
 
     # --- doors to the rooms above -----------------------------------------------------------
@@ -764,6 +946,11 @@ class ClosedChain:
             DescriptionError: For a joint or spring without compiled equations.
             ClosureError: When q is open, or when no configuration can be assembled.
             SingularConfigurationError: When the coordinates do not fix the motion there.
+
+        Example:
+            >>> chain.compile()
+            >>> chain.path
+            'compiled kernels: avx512, 8 samples at once'
         """
         from ..compiled.backend import CompiledBackend
 
@@ -802,6 +989,10 @@ class ClosedChain:
         Raises:
             DescriptionError: When a file cannot be read, with every problem found.
             UnknownNameError: For a joint or frame that is not in the URDF.
+
+        Example:
+            >>> sst_pin.ClosedChain.from_urdf(sst_pin.URDF_PATH).motor_names
+            ('gamma_1', 'gamma_2', 'gamma_3')
         """
         from .. import reading
 
@@ -834,6 +1025,10 @@ class ClosedChain:
             MissingExtraError: Without MuJoCo, `sst-pin[mjcf]`.
             DescriptionError: With every problem found.
             UnknownNameError: For a name in `locked` that no joint has.
+
+        Example:
+            >>> sst_pin.ClosedChain.from_mjcf(sst_pin.MJCF_PATH).motor_names
+            ('gamma_1', 'gamma_2', 'gamma_3')
         """
         from ..reading.mjcf import read_mjcf
 
@@ -865,6 +1060,12 @@ class ClosedChain:
             aa: Accelerations of the coordinates, shape (N, n).
             tau: Motor torques, shape (N, motors); those of the motion by default.
             stopped: Why it ends early.
+
+        Example:
+            >>> motion = chain.trajectory([0, 1], [chain.home] * 2, [[0]] * 2, [[0]] * 2)
+            >>> motion.tau.round(3)
+            array([[0.16],
+                   [0.16]])
         """
         from ..motion.trajectories import Trajectory
 
@@ -899,7 +1100,13 @@ class ClosedChain:
         sign_width: float = 1e-3,
         progress: Callable[[float], None] | None = None,
     ) -> Trajectory:
-        """Integrate the motion under given torques; see `sst_pin.motion.simulation.simulate`."""
+        """Integrate the motion under given torques; see `sst_pin.motion.simulation.simulate`.
+
+        Example:
+            >>> motion = chain.simulate([0], chain.home, [0], np.linspace(0, 0.1, 11))
+            >>> motion.q.shape
+            (11, 3)
+        """
         from ..motion.simulation import simulate
 
         return simulate(
@@ -930,7 +1137,13 @@ class ClosedChain:
         threads: int = 1,
         on_error: str = "raise",
     ) -> Rollout:
-        """Integrate many motions with a fixed step; see `sst_pin.motion.rollouts.rollout`."""
+        """Integrate many motions with a fixed step; see `sst_pin.motion.rollouts.rollout`.
+
+        Example:
+            >>> motion = chain.rollout(np.zeros((5, 100, 1)), chain.home, [0], dt=0.001)
+            >>> motion.q.shape
+            (5, 101, 3)
+        """
         from ..motion.rollouts import rollout
 
         return rollout(
@@ -965,6 +1178,9 @@ class ClosedChain:
         Args:
             sign_width: By which the sign of friction is smoothed.
             q: Where motions start, shape (..., nq).
+
+        Example:
+            >>> states = chain.states(1e-3, chain.home)
         """
         self._mechanism(q)
         return self._backend.states(replace(self.friction, sign_width=sign_width))

@@ -94,6 +94,10 @@ class Distance:
         frame_a: Name of the frame whose origin is the first point.
         frame_b: Name of the frame whose origin is the second point.
         distance: Length of the rod, positive, [m].
+
+    Example:
+        >>> sst_pin.Distance("rod_a", "rod_b", 0.4).rows
+        ['distance']
     """
 
     frame_a: str
@@ -174,6 +178,10 @@ class Rolling:
         wheel: Name of the frame in the centre, z along the axle.
         radius: [m].
         ball: Whether it is a ball instead of a disc.
+
+    Example:
+        >>> sst_pin.Rolling("universe", "wheel", radius=0.1).rows
+        ['slip x', 'slip y', 'height']
     """
 
     plane: str

@@ -81,6 +81,13 @@ class ReducedTerms(NamedTuple):
         coriolis: Shape (..., n, n), Eq. (94).
         gravity: Shape (..., n), Eq. (95); the force of springs, if there are any, included.
         friction: Shape (..., n), Eq. (96).
+
+    Example:
+        >>> va, aa = [1, 0, 0], [0, 1, 0]
+        >>> terms = robot.reduced_terms(robot.home, va)
+        >>> tau = terms.inertia @ aa + terms.coriolis @ va - terms.gravity - terms.friction
+        >>> bool(np.allclose(tau, robot.compute_torques(robot.home, va, aa)))
+        True
     """
 
     inertia: Array

@@ -76,6 +76,10 @@ class RigidBody:
         mass: [kg].
         center_of_mass: In the body's frame, shape (3,), [m].
         inertia: About the mass centre, in the axes of the body's frame, shape (3, 3), [kg m^2].
+
+    Example:
+        >>> sst_pin.RigidBody(2.0, (0.1, 0, 0), np.diag([0.01, 0.02, 0.02])).mass
+        2.0
     """
 
     mass: float
@@ -152,6 +156,11 @@ class Parameters:
 
     Raises:
         ParametersError: With every problem found.
+
+    Example:
+        >>> parameters = sst_pin.Parameters(arc_angles=np.radians([110, 120, 130]))
+        >>> sst_pin.SST(parameters).motor_names
+        ('gamma_1', 'gamma_2', 'gamma_3')
     """
 
     base_directions: Array

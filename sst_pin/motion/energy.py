@@ -74,5 +74,10 @@ def energy_error(chain: ClosedChain, motion: Trajectory) -> Array:
     Args:
         chain: The robot.
         motion: As for `energy_balance`.
+
+    Example:
+        >>> motion = chain.simulate([0], chain.home, [0], np.linspace(0, 0.2, 101))
+        >>> bool(abs(sst_pin.energy_error(chain, motion)).max() < 1e-8)
+        True
     """
     return energy_balance(chain, motion).error

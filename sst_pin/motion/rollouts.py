@@ -34,6 +34,11 @@ class Rollout(NamedTuple):
     Attributes:
         q: Configurations, shape (..., N + 1, nq).
         va: Rates of the coordinates, shape (..., N + 1, n).
+
+    Example:
+        >>> q, va = chain.rollout(np.zeros((100, 1)), chain.home, [0], dt=0.001)
+        >>> q.shape, va.shape
+        ((101, 3), (101, 1))
     """
 
     q: Array

@@ -48,6 +48,11 @@ class Trajectory:
         rate_units: "rad" or "m" for each of them.
         stopped: Why a simulation ended before its last time; empty when it did not. A remark:
             it does not take part in comparisons and is not kept in a CSV.
+
+    Example:
+        >>> motion = chain.simulate([0], chain.home, [0], [0, 0.05, 0.1])
+        >>> len(motion), motion.joint_names, motion.tau.shape
+        (3, ('crank', 'coupler', 'rocker'), (3, 1))
     """
 
     t: Array
@@ -127,6 +132,12 @@ class Trajectory:
 
         Raises:
             OutputError: When it cannot be written, or exists.
+
+        Example:
+            >>> motion = chain.simulate([0], chain.home, [0], [0, 0.05, 0.1])
+            >>> motion.save("motion.csv", force=True)
+            >>> sst_pin.Trajectory.load("motion.csv") == motion
+            True
         """
         write_files({as_path(path): self.writer(path)}, force)
 
@@ -135,6 +146,11 @@ class Trajectory:
 
         Raises:
             OutputError: For another ending than .csv or .npz, or names that a CSV cannot hold.
+
+        Example:
+            >>> motion = chain.simulate([0], chain.home, [0], [0, 0.1])
+            >>> with open("motion.csv", "wb") as file:
+            ...     motion.writer("motion.csv")(file)
         """
         kind = as_path(path).suffix.lower()
         if kind == ".csv":
@@ -159,6 +175,11 @@ class Trajectory:
 
         Raises:
             FileFormatError: When it is not such a file, with the line at fault.
+
+        Example:
+            >>> chain.simulate([0], chain.home, [0], [0, 0.1]).save("motion.npz", force=True)
+            >>> sst_pin.Trajectory.load("motion.npz").q.shape
+            (2, 3)
         """
         path = as_path(path)
         return cls._load_npz(path) if path.suffix.lower() == ".npz" else cls._load_csv(path)
@@ -230,6 +251,12 @@ class Trajectory:
         Returns:
             A spline of degree five through the samples (lower for fewer than six of them). At
             other times than those of the motion it raises an `InputError`.
+
+        Example:
+            >>> t = np.linspace(0, 0.1, 21)
+            >>> motion = robot.trajectory(t, *robot.joint_motion(*sst_pin.paper_circle(t)))
+            >>> motion.torque()(0.05).round(3)
+            array([ -4.703,  18.389, -11.313])
         """
         smooth, times = spline(self.t, self.tau), self.t
         step = float(np.diff(times).max(initial=0.0))  # integrators look a little beyond

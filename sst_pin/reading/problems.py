@@ -22,6 +22,14 @@ class Problem:
         severity: "error" when the robot cannot be, or cannot be computed; else "warning".
         where: What it concerns: "link foot", "joint knee", "closure A - B".
         text: One sentence.
+
+    Example:
+        >>> urdf = '<robot name="r"><link name="a"/><link name="b"/></robot>'
+        >>> with open("two.urdf", "w") as file:
+        ...     _ = file.write(urdf)
+        >>> for problem in sst_pin.validate("two.urdf"):
+        ...     print(problem)
+        error: tree: 2 links without a parent: a, b; one is base
     """
 
     severity: str

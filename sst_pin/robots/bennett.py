@@ -36,6 +36,12 @@ def bennett(
         coupler_twist: That of the coupler and of the base, [rad].
         linear_density: Mass of a bar per length, [kg/m].
         radius: Of the bars, [m].
+
+    Example:
+        >>> chain = sst_pin.robots.bennett()
+        >>> zero = np.zeros(chain.degrees_of_freedom)
+        >>> chain.compute_torques(chain.home, zero, zero).round(2)
+        array([1.42])
     """
     coupler = crank * np.sin(coupler_twist) / np.sin(twist)
     over_crank = shift((crank, 0)) * turned_x(twist)

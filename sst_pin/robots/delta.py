@@ -43,6 +43,12 @@ def delta(
         arm_mass: Of each, [kg].
         rod_mass: Of each of the six, [kg].
         platform_mass: [kg].
+
+    Example:
+        >>> chain = sst_pin.robots.delta()
+        >>> zero = np.zeros(chain.degrees_of_freedom)
+        >>> chain.compute_torques(chain.home, zero, zero).round(2)
+        array([-0.19, -0.19, -0.19])
     """
     tree = Tree("delta")
     x, y, _ = np.eye(3)

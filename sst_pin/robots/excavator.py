@@ -73,6 +73,12 @@ def excavator(
         bucket_mass: [kg].
         link_mass: Of link and rocker each, [kg].
         cylinder_mass: Of each barrel; a rod weighs half as much, [kg].
+
+    Example:
+        >>> chain = sst_pin.robots.excavator()
+        >>> zero = np.zeros(chain.degrees_of_freedom)
+        >>> chain.compute_torques(chain.home, zero, zero).round(2)
+        array([    0.  , 17590.55, -1772.63,   849.25])
     """
     foot, pivot, bucket_pin = (0.3, 0.5), (arm - 0.3, 0.0), (0.08, 0.25)
     cylinders = (

@@ -99,6 +99,12 @@ class GalleryRobot(ClosedChain):
         Raises:
             InputError: For a wrong shape or a number that is not finite.
             WorkspaceError: When the platform cannot take the pose.
+
+        Example:
+            >>> chain = sst_pin.robots.delta()
+            >>> pose = chain.platform_pose(chain.home)
+            >>> bool(np.allclose(chain.inverse_kinematics(pose), chain.home))
+            True
         """
         matrices = pose.homogeneous if isinstance(pose, pin.SE3) else pose
         poses = finite_array("pose", matrices, (4, 4))
@@ -128,6 +134,11 @@ class GalleryRobot(ClosedChain):
 
         Returns:
             Homogeneous matrices, shape (..., 4, 4).
+
+        Example:
+            >>> chain = sst_pin.robots.delta()
+            >>> chain.platform_pose(chain.home)[:3, 3].round(3)
+            array([ 0.   ,  0.   , -0.232])
         """
         q = finite_array("q", q, (self._tree.nq,))
         return for_each_sample(self._pose, (q,), (1,), (4, 4))
@@ -136,6 +147,11 @@ class GalleryRobot(ClosedChain):
         """Some assembled configuration near home, the same at each call; shape (nq,).
 
         Far from home a robot may be assembled in other ways, with other freedoms.
+
+        Example:
+            >>> arm = sst_pin.robots.planar_3rrr()
+            >>> bool(abs(arm.residual(arm.generic_configuration())).max() < 1e-9)
+            True
         """
         step = np.random.default_rng(0).uniform(-0.1, 0.1, self._tree.nv)
         return self.assemble(pin.integrate(self._tree, self.home, step), fixed=())

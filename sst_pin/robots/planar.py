@@ -43,6 +43,12 @@ def four_bar(
         point: From the crank's pin to the point of the coupler, [m].
         linear_density: Mass of a bar per length, [kg/m].
         radius: Of the bars, [m].
+
+    Example:
+        >>> chain = sst_pin.robots.four_bar()
+        >>> zero = np.zeros(chain.degrees_of_freedom)
+        >>> chain.compute_torques(chain.home, zero, zero).round(2)
+        array([0.16])
     """
     tree = Tree("four_bar")
     for name, parent, at, length in (
@@ -95,6 +101,12 @@ def five_bar(
         distal: Length of the others, [m].
         linear_density: Mass of a link per length, [kg/m].
         radius: Of the links, [m].
+
+    Example:
+        >>> chain = sst_pin.robots.five_bar()
+        >>> zero = np.zeros(chain.degrees_of_freedom)
+        >>> chain.compute_torques(chain.home, zero, zero).round(2)
+        array([0., 0.])
     """
     tree = Tree("five_bar")
     for k, x in enumerate((-span / 2, span / 2), 1):
@@ -145,6 +157,12 @@ def planar_3rrr(
         platform_mass: [kg].
         linear_density: Mass of a link per length, [kg/m].
         radius: Of the links, [m].
+
+    Example:
+        >>> chain = sst_pin.robots.planar_3rrr()
+        >>> zero = np.zeros(chain.degrees_of_freedom)
+        >>> chain.compute_torques(chain.home, zero, zero).round(2)
+        array([0., 0., 0.])
     """
     return _planar_platform(
         "planar_3rrr",
@@ -172,6 +190,12 @@ def planar_4rrr(
     Redundant actuation takes singularities away and allows preload against backlash (A. Müller,
     Internal preload control of redundantly actuated parallel manipulators, IEEE Trans. Robotics
     21 (2005)); the numbers are ours. Arguments as `planar_3rrr`.
+
+    Example:
+        >>> chain = sst_pin.robots.planar_4rrr()
+        >>> zero = np.zeros(chain.degrees_of_freedom)
+        >>> chain.compute_torques(chain.home, zero, zero).round(2)
+        array([0., 0., 0., 0.])
     """
     return _planar_platform(
         "planar_4rrr",

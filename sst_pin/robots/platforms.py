@@ -48,6 +48,12 @@ def stewart(
         platform_mass: [kg].
         barrel_mass: Of the part of each strut at the base, [kg].
         rod_mass: Of the part of each strut at the platform, [kg].
+
+    Example:
+        >>> chain = sst_pin.robots.stewart()
+        >>> zero = np.zeros(chain.degrees_of_freedom)
+        >>> chain.compute_torques(chain.home, zero, zero).round(2)
+        array([32.25, 32.25, 32.25, 32.25, 32.25, 32.25])
     """
     tree = Tree("stewart")
     base = circle(base_radius, _pairs(base_spread))
@@ -91,6 +97,12 @@ def ups_pu(
         post_mass: [kg].
         barrel_mass: Of the part of each strut at the base, [kg].
         rod_mass: Of the part of each strut at the platform, [kg].
+
+    Example:
+        >>> chain = sst_pin.robots.ups_pu()
+        >>> zero = np.zeros(chain.degrees_of_freedom)
+        >>> chain.compute_torques(chain.home, zero, zero).round(2)
+        array([42.27, 42.27, 42.27])
     """
     tree = Tree("ups_pu")
     angles = 2 * np.pi / 3 * np.arange(3)
@@ -138,6 +150,12 @@ def hexaglide(
         platform_mass: [kg].
         carriage_mass: Of each, [kg].
         strut_mass: Of each, [kg].
+
+    Example:
+        >>> chain = sst_pin.robots.hexaglide()
+        >>> zero = np.zeros(chain.degrees_of_freedom)
+        >>> chain.compute_torques(chain.home, zero, zero).round(2)
+        array([  8.22, -15.65,   9.14,  -9.71,  15.11,  -7.11])
     """
     rails = single_array("rails", rails, (6,))
     tree = Tree("hexaglide")

@@ -41,6 +41,12 @@ def agile_eye(
         distal_mass: Of each of the others, [kg].
         platform_mass: Without the camera, [kg].
         camera_mass: [kg].
+
+    Example:
+        >>> chain = sst_pin.robots.agile_eye()
+        >>> zero = np.zeros(chain.degrees_of_freedom)
+        >>> chain.compute_torques(chain.home, zero, zero).round(2)
+        array([0.06, 0.06, 0.06])
     """
     camera = box(camera_mass, (0.03, 0.03, 0.05))
     masses = proximal_mass, distal_mass, platform_mass
@@ -69,6 +75,12 @@ def agile_wrist(
         platform_mass: Without the tool, [kg].
         tool_mass: [kg].
         tool: Length of the tool, along the platform's z axis, [m].
+
+    Example:
+        >>> chain = sst_pin.robots.agile_wrist()
+        >>> zero = np.zeros(chain.degrees_of_freedom)
+        >>> chain.compute_torques(chain.home, zero, zero).round(2)
+        array([0.8, 0.8, 0.8])
     """
     bit = rods(tool_mass, [(0, 0, 0), (0, 0, tool)], 0.015)
     masses = proximal_mass, distal_mass, platform_mass

@@ -43,6 +43,12 @@ def scissor_lift(
 
     Raises:
         InputError: For no cells.
+
+    Example:
+        >>> chain = sst_pin.robots.scissor_lift()
+        >>> zero = np.zeros(chain.degrees_of_freedom)
+        >>> chain.compute_torques(chain.home, zero, zero).round(2)
+        array([-2154.85])
     """
     cells = whole_number("cells", cells, 1)
     tree = Tree("scissor_lift")
@@ -108,6 +114,12 @@ def ladder(
 
     Raises:
         InputError: For fewer than two cells.
+
+    Example:
+        >>> chain = sst_pin.robots.ladder()
+        >>> zero = np.zeros(chain.degrees_of_freedom)
+        >>> chain.compute_torques(chain.home, zero, zero).round(2)
+        array([-2.92, -2.11,  1.91,  0.74])
     """
     cells = whole_number("cells", cells, 2)
     tree = Tree("ladder")

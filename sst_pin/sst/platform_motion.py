@@ -24,6 +24,11 @@ class PlatformMotion(NamedTuple):
         R: {E} in the base, shape (N, 3, 3).
         omega: Angular velocity, base axes, shape (N, 3), [rad/s].
         alpha: Angular acceleration, base axes, shape (N, 3), [rad/s^2].
+
+    Example:
+        >>> R, omega, alpha = sst_pin.paper_circle([0, 0.1])
+        >>> R.shape, omega.shape
+        ((2, 3, 3), (2, 3))
     """
 
     R: Array
@@ -44,6 +49,12 @@ def orientation(theta: ArrayLike, phi: ArrayLike, psi: ArrayLike = 0.0) -> Array
 
     Returns:
         {E} in the base, shape (..., 3, 3).
+
+    Example:
+        >>> sst_pin.orientation(theta=0.0, phi=np.pi / 2).round(3)
+        array([[ 1., -0.,  0.],
+               [ 0.,  0., -1.],
+               [ 0.,  1.,  0.]])
     """
     R, _, _ = orientation_motion(*((a, 0.0, 0.0) for a in (theta, phi, psi)))
     return R
@@ -61,6 +72,11 @@ def orientation_motion(
 
     Raises:
         InputError: When one is not three arrays of finite numbers, or shapes do not broadcast.
+
+    Example:
+        >>> R, omega, alpha = sst_pin.orientation_motion([0.8, 1, 0], [0.9, 0, 0], [0, 0, 0])
+        >>> omega.round(3)  # theta turns about z_0
+        array([0., 0., 1.])
     """
     angles = (*_with_rates("theta", theta), *_with_rates("phi", phi), *_with_rates("psi", psi))
     try:
@@ -99,6 +115,11 @@ def paper_circle(t: ArrayLike) -> PlatformMotion:
 
     Args:
         t: Times, shape (...), [s].
+
+    Example:
+        >>> R, omega, alpha = sst_pin.paper_circle(0.0)
+        >>> R[:, 0].round(4)  # s
+        array([0.6814, 0.6814, 0.2674])
     """
     time = finite_array("t", t, ())
     # s = (a cos 12t + b sin 12t + c) / 71 and its first two derivatives
@@ -139,6 +160,12 @@ def interpolate_orientations(t: ArrayLike, R: ArrayLike, at: ArrayLike) -> Platf
     Raises:
         InputError: For what is no rotation, for times outside the samples, and when neighbours are
             more than a quarter turn apart: the way between is a guess.
+
+    Example:
+        >>> R = sst_pin.orientation([0.7, 0.8, 0.9], 0.9)
+        >>> motion = sst_pin.interpolate_orientations([0, 0.5, 1], R, np.linspace(0, 1, 11))
+        >>> motion.omega.shape
+        (11, 3)
     """
     from scipy.spatial.transform import Rotation
 

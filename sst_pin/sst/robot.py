@@ -68,6 +68,11 @@ class SST(ClosedChain):
 
     Attributes:
         shapes: The shapes of its bodies, for pictures.
+
+    Example:
+        >>> robot = sst_pin.SST(sst_pin.Parameters(viscous_friction=0.1))
+        >>> robot.compute_torques(robot.home, [1, 0, 0], [0, 0, 0]).round(3)
+        array([ 0.3  ,  4.475, -4.475])
     """
 
     def __init__(self, parameters: Parameters | None = None, *, kernels: bool = True) -> None:
@@ -94,6 +99,11 @@ class SST(ClosedChain):
 
         Raises:
             DescriptionError: When it is no URDF, or of another topology, with every problem.
+
+        Example:
+            >>> robot = sst_pin.SST.from_urdf(sst_pin.URDF_PATH)
+            >>> robot.motor_names
+            ('gamma_1', 'gamma_2', 'gamma_3')
         """
         robot = cls.__new__(cls)
         robot._load_files(path, cuts, kernels)
@@ -114,6 +124,10 @@ class SST(ClosedChain):
             MissingExtraError: Without MuJoCo, `sst-pin[mjcf]`.
             DescriptionError: When it is no MJCF, of another topology, or holds what parameters do
                 not, with every problem.
+
+        Example:
+            >>> sst_pin.SST.from_mjcf(sst_pin.MJCF_PATH).motor_names
+            ('gamma_1', 'gamma_2', 'gamma_3')
         """
         chain, source = ClosedChain.from_mjcf(path, locked=locked), str(path)
         geometry = geometry_of(chain.model, source)
@@ -164,6 +178,10 @@ class SST(ClosedChain):
 
         Raises:
             DescriptionError: When an edited URDF holds what parameters do not.
+
+        Example:
+            >>> robot.parameters.star.mass
+            2.6
         """
         return parameters_of(self.model, self.geometry, self.friction)
 
@@ -174,6 +192,10 @@ class SST(ClosedChain):
         """s in the middle of the base triangle, R_1 in the middle of its side P1P2; shape (9,).
 
         The isotropic pose of the paper's robot.
+
+        Example:
+            >>> np.degrees(robot.home).round(2)
+            array([45.  , 90.  , 35.26, 45.  , 90.  , 35.26, 45.  , 90.  , 35.26])
         """
         return self.inverse_kinematics(kinematics.home_orientation(self.geometry))
 
@@ -192,6 +214,11 @@ class SST(ClosedChain):
             InputError: When R is not a rotation or branch not made of +1 and -1.
             SingularConfigurationError: When a leg lies flat on its arc.
             WorkspaceError: When a joint would leave its limits.
+
+        Example:
+            >>> R = sst_pin.orientation(theta=0.8, phi=0.9, psi=0.1)
+            >>> robot.inverse_kinematics(R).round(3)
+            array([0.862, 1.649, 0.673, 0.88 , 1.638, 0.579, 0.803, 1.691, 0.602])
         """
         _, q = self._inverse_kinematics(R, branch)
         return q
@@ -223,6 +250,11 @@ class SST(ClosedChain):
 
         Raises:
             InputError, SingularConfigurationError, WorkspaceError: As `inverse_kinematics`.
+
+        Example:
+            >>> q, va, aa = robot.joint_motion(*sst_pin.paper_circle(np.linspace(0, 0.5, 100)))
+            >>> q.shape, va.shape, aa.shape
+            ((100, 9), (100, 3), (100, 3))
         """
         legs, q = self._inverse_kinematics(R, branch)
         omega, alpha = finite_array("omega", omega, (3,)), finite_array("alpha", alpha, (3,))
@@ -247,6 +279,13 @@ class SST(ClosedChain):
         Raises:
             SingularConfigurationError: When the motors do not fix the star.
             WorkspaceError: With `near`, when there is no solution.
+
+        Example:
+            >>> robot.forward_kinematics([np.pi / 4] * 3).shape  # all eight assemblies
+            (8, 9)
+            >>> near = robot.forward_kinematics([0.8, 0.8, 0.8], near=robot.home)
+            >>> near.round(3)
+            array([0.8  , 1.591, 0.616, 0.8  , 1.591, 0.616, 0.8  , 1.591, 0.616])
         """
         gamma = single_array("gamma", gamma, (3,))
         x_0, y_0 = self.geometry.R_0[:, :, 0], self.geometry.R_0[:, :, 1]
@@ -272,6 +311,10 @@ class SST(ClosedChain):
 
         Returns:
             Shape (..., 3, 3); its first column is s, the direction OE.
+
+        Example:
+            >>> robot.platform_orientation(robot.home)[:, 0].round(4)  # s
+            array([0.5774, 0.5774, 0.5774])
         """
         return kinematics.orientation_of_joints(self.geometry, finite_array("q", q, (9,)))
 
@@ -281,6 +324,10 @@ class SST(ClosedChain):
         Args:
             q: Joint coordinates on the closures, shape (..., 9).
             va: Motor rates, shape (..., 3).
+
+        Example:
+            >>> robot.platform_velocity(robot.home, [1, 1, 1]).round(4)
+            array([1., 1., 1.])
         """
         legs = kinematics.legs_of_joints(self.geometry, finite_array("q", q, (9,)))
         rates = self.joint_rates(q, va)
@@ -290,7 +337,12 @@ class SST(ClosedChain):
         return np.einsum("...j,...ji->...i", rates[..., :3], axes)  # Eq. (62) with plus signs
 
     def branch(self, q: ArrayLike) -> NDArray[np.int_]:
-        """Sign of sin(mu_k) for each leg, shape (..., 3)."""
+        """Sign of sin(mu_k) for each leg, shape (..., 3).
+
+        Example:
+            >>> robot.branch(robot.home)
+            array([1, 1, 1])
+        """
         return np.where(np.sin(finite_array("q", q, (9,))[..., 1::3]) < 0, -1, 1)
 
     def singularities(self, q: ArrayLike) -> Singularities:
@@ -298,6 +350,10 @@ class SST(ClosedChain):
 
         Args:
             q: Joint coordinates on the closures, shape (..., 9).
+
+        Example:
+            >>> print(round(float(robot.singularities(robot.home).condition_number), 6))
+            1.0
         """
         legs = kinematics.legs_of_joints(self.geometry, finite_array("q", q, (9,)))
         values = np.asarray(np.linalg.svd(legs.y_2, compute_uv=False), dtype=float)
@@ -316,6 +372,12 @@ class SST(ClosedChain):
 
         Raises:
             InputError: When the motion is another robot's.
+
+        Example:
+            >>> motion = robot.simulate([0, 0, 0], robot.home, [0, 0, 0], np.linspace(0, 0.3, 31))
+            >>> for finding in robot.check(motion):
+            ...     print(finding.joints, finding.times[0].round(2))
+            ('beta_1',) 0.26
         """
         require_motion(motion, self.position_names)
         return findings(self._draft.model, self.geometry, motion.t, motion.q)
@@ -353,6 +415,10 @@ class SST(ClosedChain):
 
         Raises:
             InputError, ClosureError, SingularConfigurationError: As `ClosedChain.compute_torques`.
+
+        Example:
+            >>> robot.compute_torques(robot.home, [1, 0, 0], [0, 0, 0]).round(3)
+            array([-0.   ,  4.475, -4.475])
         """
         if self._unseen:
             self._look_at_model()
@@ -394,6 +460,10 @@ class SST(ClosedChain):
 
         Raises:
             InputError, ClosureError, SingularConfigurationError: As `compute_torques`.
+
+        Example:
+            >>> robot.compute_accelerations(robot.home, [0, 0, 0], [0, 4.3, -4.3]).round(3)
+            array([ 0.   ,  0.116, -0.116])
         """
         if self._unseen:
             self._look_at_model()
@@ -439,6 +509,11 @@ class SST(ClosedChain):
             max_condition_number: Where the motion stops before a singularity.
             sign_width: Of the smoothed Coulomb friction, [rad/s].
             progress: Called with the time reached.
+
+        Example:
+            >>> motion = robot.simulate([0, 0, 0], robot.home, [0, 0, 0], np.linspace(0, 0.1, 11))
+            >>> motion.q.shape
+            (11, 9)
         """
         load = external_wrenches
         if platform_moment is not None:
@@ -491,6 +566,11 @@ class SST(ClosedChain):
             sign_width: Of the smoothed Coulomb friction, [rad/s].
             threads: How many share the batch.
             on_error: "raise" or "nan".
+
+        Example:
+            >>> motion = robot.rollout(np.zeros((8, 50, 3)), robot.home, [0, 0, 0], dt=1e-3)
+            >>> motion.q.shape
+            (8, 51, 9)
         """
         return super().rollout(
             tau,
@@ -508,7 +588,12 @@ class SST(ClosedChain):
 
     @property
     def star_radius(self) -> float:
-        """Distance OE, [m]; of a URDF without a frame E, that of the paper's robot."""
+        """Distance OE, [m]; of a URDF without a frame E, that of the paper's robot.
+
+        Example:
+            >>> robot.star_radius
+            0.4
+        """
         model = self._draft.model
         if not model.existFrame("E"):
             return Parameters().star_radius
@@ -539,6 +624,11 @@ class SST(ClosedChain):
 
         Raises:
             MissingExtraError: Without Meshcat.
+
+        Example:
+            >>> viewer = robot.show(open_browser=False)
+            >>> viewer.save("robot.html", force=True)
+            >>> viewer.close()
         """
         from ..viewer import show
 

@@ -27,6 +27,11 @@ def load(urdf: str | Path = description.URDF_PATH) -> pin.RobotWrapper:
 
     Raises:
         DescriptionError: When it is no URDF of an SST, or a mesh or the SRDF beside it is missing.
+
+    Example:
+        >>> wrapper = sst_pin.load()
+        >>> wrapper.model.nq
+        9
     """
     path = as_path(urdf)
     sst = SST.from_urdf(path, kernels=False)

@@ -32,6 +32,10 @@ def validate(path: str | Path, cuts: str | Path | None = None) -> list[Problem]:
 
     Returns:
         Errors first, then warnings; empty for a good description.
+
+    Example:
+        >>> sst_pin.validate(sst_pin.URDF_PATH)
+        []
     """
     try:
         text = read_text(path, "URDF")
