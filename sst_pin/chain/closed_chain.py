@@ -30,6 +30,7 @@ from ..errors import (
     ClosureError,
     DescriptionError,
     InputError,
+    MissingExtraError,
     SSTError,
 )
 from . import derivatives, dynamics
@@ -43,6 +44,7 @@ from .mobility import Mobility, condition_number, judge
 from .reference import Reference, ReferenceBackend
 
 if TYPE_CHECKING:
+    from ..compiled.casadi_functions import CasadiFunctions
     from ..motion.rollouts import Rollout
     from ..motion.simulation import Load, Torque
     from ..motion.trajectories import Trajectory
@@ -962,6 +964,38 @@ class ClosedChain:
         with self._lock:
             self._kernels = kernels
             self._install(backend)
+
+    def casadi(
+        self,
+        q: ArrayLike | None = None,
+        *,
+        external_wrenches: bool = False,
+        sign_width: float = 1e-3,
+    ) -> CasadiFunctions:
+        """The dynamics as functions of CasADi, for its optimisers, with exact derivatives.
+
+        Args:
+            q: As in `compile`.
+            external_wrenches: Whether the dynamics take them as their last input, shape (r, 6).
+            sign_width: Coulomb friction takes tanh(v / sign_width) for the sign of the rates v,
+                positive, [rad/s] or [m/s].
+
+        Returns:
+            `.torques`, `.accelerations`, `.rates`, `.residual`, `.step` and more; see
+            `sst_pin.compiled.casadi_functions.CasadiFunctions`.
+
+        Raises:
+            MissingExtraError: Without CasADi, `sst-pin[compile]`.
+            DescriptionError, ClosureError, SingularConfigurationError: As `compile`.
+        """
+        try:
+            from ..compiled.casadi_functions import CasadiFunctions
+        except ModuleNotFoundError:
+            raise MissingExtraError("casadi", "compile") from None
+        near = None if q is None else self._single_q(q)
+        self._mechanism(near)
+        width = positive_number("sign_width", sign_width)
+        return CasadiFunctions(self._reference, near, width, external_wrenches)
 
     @classmethod
     def from_urdf(

@@ -25,7 +25,7 @@ from ..chain.mechanism import Mechanism
 from .closure_rows import Row, closure_rows
 from .elimination import Factors, pivot_order, total
 from .kinematics import Kinematics
-from .parameters import Parameters
+from .parameters import SIGN_WIDTH, Parameters
 from .symbols import Sparse, add, is_zero, solve_symmetric, sx
 
 Array = NDArray[np.float64]
@@ -43,6 +43,8 @@ class Equations:
         mechanism: The robot.
         samples: Assembled configurations, by which pivots are chosen, shape (samples, nq).
         loaded: Whether external wrenches act on the bodies.
+        smooth: Whether Coulomb friction is tanh(v / sign_width) for derivatives, not the sign,
+            which kernels smooth by themselves where the width is not zero.
 
     Attributes:
         kinematics: Of the tree.
@@ -55,7 +57,9 @@ class Equations:
         SingularConfigurationError: When the coordinates do not fix the motion at the samples.
     """
 
-    def __init__(self, mechanism: Mechanism, samples: Array, loaded: bool = False) -> None:
+    def __init__(
+        self, mechanism: Mechanism, samples: Array, loaded: bool = False, smooth: bool = False
+    ) -> None:
         self.mechanism, model = mechanism, mechanism.model
         self.kinematics = Kinematics(model)
         self.q = self.kinematics.q
@@ -65,7 +69,7 @@ class Equations:
         self.loads = SX.sym("loads", 6 * (model.njoints - 1) if loaded else 0)
         self.parameters = Parameters(mechanism)
         self.p = SX.sym("p", self.parameters.size)
-        self._samples = samples
+        self._samples, self._smooth = samples, smooth
 
     # --- closures ---------------------------------------------------------------------------
 
@@ -201,7 +205,11 @@ class Equations:
         viscous = self.parameters.of_joints("viscous", self.p)
         coulomb = self.parameters.of_joints("coulomb", self.p)
         tau = {i: D * v[i] for i, D in viscous.items() if i in v}
-        return add(tau, {i: F * ca.sign(v[i]) for i, F in coulomb.items() if i in v})
+        return add(tau, {i: F * self._direction(v[i]) for i, F in coulomb.items() if i in v})
+
+    def _direction(self, rate: Any) -> Any:
+        """The sign of a rate in Coulomb friction."""
+        return ca.tanh(rate / self.p[SIGN_WIDTH]) if self._smooth else ca.sign(rate)
 
     @cached_property
     def springs(self) -> Sparse:

@@ -47,6 +47,7 @@ FORWARDING = {
             "rollout",
             "show",
             "compile",
+            "casadi",
         ]
     },
     "sst_pin.sst.robot": {"SST.show"},

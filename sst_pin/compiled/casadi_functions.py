@@ -1,0 +1,213 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The dynamics of a chain as functions of CasADi, for its optimisers and integrators."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+from casadi import MX, SX, Function
+from numpy.typing import NDArray
+
+from ..chain.loops import frame_id
+from ..chain.mechanism import Mechanism
+from ..chain.reference import Reference
+from ..errors import ActuationError
+from . import kernels
+from .backend import sample_configurations
+from .equations import Equations
+from .kinematics import Point
+
+#: Common subexpressions are computed once.
+_OPTIONS = {"cse": True}
+_WRENCHES = "external_wrenches"
+
+Array = NDArray[np.float64]
+
+
+class CasadiFunctions:
+    """Dynamics of one chain as `casadi.Function`s, with the numbers of now folded in.
+
+    q is a configuration of the whole tree, shape (nq,), as everywhere: its entries are independent
+    variables here. The functions also have values where the loops are open, which mean nothing, and
+    so the derivative by a single entry of q means nothing. What means something is where
+    `residual(q)` is 0 and along `tangent(q)`. So let q be a variable of a nonlinear program, with
+    `residual(q) == 0` among its constraints; or integrate `q_rates`, or chain `step`s, which stay
+    on the closures. docs/derivatives.md has examples.
+
+    Every function is made when it is first asked for, pickles, takes numbers, `SX` and `MX`, and
+    has derivatives of every order. Coulomb friction is smooth. Nothing here looks at the samples:
+    next to a singularity numbers grow without an error.
+
+    Attributes:
+        nq, n, motors: Numbers of entries in q, va, tau.
+
+    Args:
+        reference: Of the mechanism.
+        near: Where the order of elimination is chosen, shape (nq,); anywhere by default.
+        sign_width: Coulomb friction takes tanh(v / sign_width) for the sign of v.
+        loaded: Whether functions take external wrenches.
+    """
+
+    def __init__(
+        self, reference: Reference, near: Array | None, sign_width: float, loaded: bool = False
+    ) -> None:
+        samples = sample_configurations(reference, near)
+        self._mechanism: Mechanism = reference.mechanism
+        self._equations = Equations(self._mechanism, samples, loaded, smooth=True)
+        self._equations.factors  # noqa: B018  (or says that the coordinates do not fix the motion)
+        friction = replace(self._mechanism.friction, sign_width=sign_width)
+        self._numbers = self._equations.parameters.pack(self._mechanism, friction)
+        self._bodies = self._mechanism.model.njoints - 1 if loaded else 0
+        self.nq = self._mechanism.model.nq
+        self.n, self.motors = len(self._mechanism.coordinates), self._mechanism.motors.shape[1]
+
+    def __repr__(self) -> str:
+        sizes = f"nq={self.nq}, n={self.n}, motors={self.motors}"
+        return f"CasadiFunctions({self._mechanism.model.name}: {sizes})"
+
+    @cached_property
+    def torques(self) -> Function:
+        """(q, va, aa) -> tau: as `compute_torques`; of more motors than freedoms the smallest.
+
+        Raises:
+            ActuationError: When there are fewer motors than coordinates.
+        """
+        if self.motors < self.n:
+            raise ActuationError(f"{self.motors} motors for {self.n} coordinates give no torques")
+        return self._function("torques", ["q", "va", "aa"], "tau")
+
+    @cached_property
+    def generalized_forces(self) -> Function:
+        """(q, va, aa) -> f, shape (n,): what the motion needs along the coordinates."""
+        return self._function("forces", ["q", "va", "aa"], "f")
+
+    @cached_property
+    def accelerations(self) -> Function:
+        """(q, va, tau) -> aa: direct dynamics."""
+        return self._function("accelerations", ["q", "va", "tau"], "aa")
+
+    @cached_property
+    def rates(self) -> Function:
+        """(q, va) -> v, shape (nv,): rates of all joints, L va."""
+        return self._function("rates", ["q", "va"], "v")
+
+    @cached_property
+    def q_rates(self) -> Function:
+        """(q, va) -> q_dot, shape (nq,): how fast the entries of q change, quaternions too."""
+        e = self._equations
+        return self._made("q_rates", {"q": e.q, "va": e.va}, {"q_dot": e.kinematics.q_rates(e.v)})
+
+    @cached_property
+    def tangent(self) -> Function:
+        """Q -> T, shape (nq, n): q_dot = T va; a function's derivative along closed motions is J T.
+
+        J is CasADi's derivative of the function by q.
+        """
+        e = self._equations
+        columns = [e.kinematics.q_rates(L) for L in e.L]
+        return self._made("tangent", {"q": e.q}, {"T": ca.horzcat(*columns)})
+
+    @cached_property
+    def residual(self) -> Function:
+        """Q -> r: 0 where the loops are closed; as many rows as there are, but for dependent ones.
+
+        The rows are those that fix the dependent joints, and |u|^2 - 1 of the unit vectors among
+        the entries of q (quaternions, cosines and sines); redundant rows are left out, and so is
+        what rolling wheels hold of rates alone. [m] and [rad]. A loop can close in other ways by
+        these rows alone (a hinge turned by half a turn): `chain.residual` has all rows.
+        """
+        e = self._equations
+        rows = [e.rows[i].residual for i in sorted(e.factors.rows)]
+        gaps = [row for row in rows if row is not None] + e.kinematics.unit_gaps
+        return self._made("residual", {"q": e.q}, {"r": ca.vertcat(*gaps)})
+
+    @cached_property
+    def step(self) -> Function:
+        """(q, va, tau, dt) -> q_next, va_next: a step of `rollout`, tau held over it.
+
+        The classical method of Runge and Kutta of order four, then one step of Newton's method that
+        moves the dependent joints onto the closures.
+
+        Raises:
+            DescriptionError: For rolling contact, which leaves nothing to close by rows.
+        """
+        state_rate = self._function("state_rate", ["q", "va", "tau"], "rate")
+        closing = kernels.make(self._equations, "closing")
+        closed = self._made(
+            "closing", {"q": self._equations.q}, {"closed": closing.output[: self.nq]}
+        )
+        given = {"q": MX.sym("q", self.nq), "va": MX.sym("va", self.n)}
+        rest = {"tau": MX.sym("tau", self.motors)}
+        if self._bodies:
+            rest[_WRENCHES] = MX.sym(_WRENCHES, self._bodies, 6)
+
+        def rate(x: MX) -> MX:
+            return state_rate(x[: self.nq], x[self.nq :], *rest.values())
+
+        x, dt = ca.vertcat(*given.values()), MX.sym("dt")
+        first = rate(x)
+        second = rate(x + dt / 2 * first)
+        third = rate(x + dt / 2 * second)
+        fourth = rate(x + dt * third)
+        x += dt / 6 * (first + 2 * second + 2 * third + fourth)
+        given |= {"tau": rest.pop("tau"), "dt": dt} | rest
+        results = [closed(x[: self.nq]), x[self.nq :]]
+        names = list(given), ["q_next", "va_next"]
+        return Function("step", list(given.values()), results, *names)
+
+    def frame_placement(self, frame: str) -> Function:
+        """Q -> p, shape (3,), and R, shape (3, 3): a frame in the base.
+
+        Args:
+            frame: Its name.
+
+        Raises:
+            UnknownNameError: For an unknown frame.
+        """
+        e, point = self._equations, self._point(frame)
+        return self._made("frame_placement", {"q": e.q}, {"p": point.p, "R": point.R})
+
+    def frame_jacobian(self, frame: str) -> Function:
+        """Q -> J, shape (6, n): as `frame_jacobian` of the chain.
+
+        Args:
+            frame: Its name.
+
+        Raises:
+            UnknownNameError: For an unknown frame.
+        """
+        self._point(frame)
+        rows = kernels.make(self._equations, f"jacobian {frame}").output
+        J = ca.reshape(rows, self.n, 6).T
+        return self._made("frame_jacobian", {"q": self._equations.q}, {"J": J})
+
+    # --- inside -----------------------------------------------------------------------------
+
+    def _point(self, frame: str) -> Point:
+        model = self._mechanism.model
+        return self._equations.kinematics.point(0, model.frames[frame_id(model, frame)])
+
+    def _function(self, kernel: str, inputs: list[str], output: str) -> Function:
+        """A kernel as a function."""
+        made = kernels.make(self._equations, kernel)
+        if len(made.inputs) > len(inputs):
+            inputs = [*inputs, _WRENCHES]
+        return self._made(
+            kernel, dict(zip(inputs, made.inputs, strict=True)), {output: made.output}
+        )
+
+    def _made(self, name: str, inputs: dict[str, SX], outputs: dict[str, SX]) -> Function:
+        """A function with the numbers put in; it takes wrenches as the chain does, body by body."""
+        symbols = [*inputs.values(), self._equations.p]
+        results = [ca.densify(x) for x in outputs.values()]
+        open_numbers = Function(name, symbols, results, _OPTIONS)
+        given = dict(inputs)
+        values: list[SX] = list(inputs.values())
+        if _WRENCHES in inputs:
+            given[_WRENCHES] = SX.sym(_WRENCHES, self._bodies, 6)
+            values[-1] = ca.vec(given[_WRENCHES].T)
+        results = open_numbers.call([*values, SX(self._numbers)])
+        return Function(name, list(given.values()), results, list(given), list(outputs), _OPTIONS)

@@ -1,0 +1,189 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The dynamics as functions of CasADi."""
+
+import pickle
+import subprocess
+import sys
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import any_chain
+import robots
+import sst_pin
+from sst_pin.robots import delta, four_bar, scissor_lift, stewart
+
+CHAINS = {
+    "SST": sst_pin.SST,
+    "delta": delta,
+    "four-bar": four_bar,
+    "free-flyer": lambda: any_chain.with_joint("free-flyer", kind="hinge"),
+    "planar": lambda: any_chain.with_joint("planar"),
+    "coupled": any_chain.coupled,
+    "Stewart": stewart,
+}
+
+
+@pytest.fixture(scope="module", params=CHAINS)
+def chain(request):
+    return CHAINS[request.param]()
+
+
+@pytest.fixture(scope="module")
+def functions(chain):
+    return chain.casadi()
+
+
+def states(chain, count):
+    return zip(*any_chain.states(chain, count, 0), strict=True)
+
+
+def close(actual, expected, tolerance):
+    expected = np.asarray(expected)
+    actual = np.asarray(ca.DM(actual)).reshape(expected.shape)
+    assert np.abs(actual - expected).max() <= tolerance * max(1, np.abs(expected).max())
+
+
+def test_functions_give_what_the_chain_gives(chain, functions):
+    """Friction sharp, so that the sign is one: rates are above 1e-2 where it counts."""
+    sharp = chain.casadi(sign_width=1e-9)
+    for q, va, aa in states(chain, 3):
+        f = chain.generalized_forces(q, va, aa)
+        close(sharp.generalized_forces(q, va, aa), f, 1e-11)
+        if functions.motors == functions.n:
+            close(sharp.torques(q, va, aa), chain.compute_torques(q, va, aa), 1e-11)
+        tau = np.linspace(-1, 1, functions.motors)
+        close(sharp.accelerations(q, va, tau), chain.compute_accelerations(q, va, tau), 1e-9)
+        close(functions.rates(q, va), chain.joint_rates(q, va), 1e-11)
+        frame = chain.model.frames[-1].name
+        close(functions.frame_jacobian(frame)(q), chain.frame_jacobian(q, frame), 1e-11)
+        assert np.abs(functions.residual(q).full()).max() < 1e-9
+
+
+def test_a_step_is_that_of_a_rollout(chain, functions):
+    """No joint faster than 1: what the loops open by within a step is below 1e-15."""
+    for q, va, _ in states(chain, 2):
+        tau = np.linspace(-1, 1, functions.motors)
+        slow = va / np.abs(chain.joint_rates(q, va)).max()
+        motion = chain.rollout(tau[None], q, slow, 1e-4)
+        q_next, va_next = functions.step(q, slow, tau, 1e-4)
+        close(q_next, motion.q[1], 1e-12)
+        close(va_next, motion.va[1], 1e-9)
+
+
+def test_derivatives_along_tangents_are_those_of_the_closed_robot(chain, functions):
+    """CasADi's own, times the tangent, against the reference path."""
+    f = functions.generalized_forces
+    for q, va, aa in states(chain, 2):
+        d = chain.torque_derivatives(q, va, aa)
+        by_q, by_va, by_aa = f.jacobian()(q, va, aa, 0)
+        close(by_q @ functions.tangent(q), d.dq, 1e-10)
+        close(by_va, d.dva, 1e-10)
+        close(by_aa, d.daa, 1e-10)
+        close(functions.q_rates(q, va), functions.tangent(q) @ va, 1e-13)
+
+
+def test_the_residual_fixes_all_but_the_coordinates(chain, functions):
+    """As many rows as it takes, independent, and they allow what the tangent says."""
+    q = chain.generic_configuration()
+    rows = functions.residual.jacobian()(q, 0).full()
+    T = functions.tangent(q).full()
+    assert len(rows) == functions.nq - functions.n
+    assert np.linalg.matrix_rank(rows, 1e-9) == len(rows)
+    assert np.abs(rows @ T).max() < 1e-11 * np.abs(T).max()
+    assert np.linalg.matrix_rank(T, 1e-9) == functions.n
+
+
+def test_wrenches_are_an_input_where_they_are_asked_for():
+    chain = any_chain.with_joint("spherical")
+    functions = chain.casadi(external_wrenches=True, sign_width=1e-9)
+    wrenches = np.random.default_rng(0).normal(size=(len(chain.joint_names), 6))
+    for q, va, aa in states(chain, 2):
+        f = chain.generalized_forces(q, va, aa, external_wrenches=wrenches)
+        close(functions.generalized_forces(q, va, aa, wrenches), f, 1e-11)
+        named = functions.torques(q=q, va=va, aa=aa, external_wrenches=wrenches)
+        tau = chain.compute_torques(q, va, aa, external_wrenches=wrenches)
+        close(named["tau"], tau, 1e-11)
+        motion = chain.rollout(tau[None], q, 0.1 * va, 1e-4, external_wrenches=wrenches)
+        close(functions.step(q, 0.1 * va, tau, 1e-4, wrenches)[0], motion.q[1], 1e-12)
+
+
+def test_second_derivatives_are_those_of_differences():
+    """Central differences of the exact first ones: the step is 1e-6, rounding leaves 1e-9."""
+    chain = four_bar()
+    f, (q,) = chain.casadi().torques, [chain.home]
+    first, second = f.jacobian(), f.jacobian().jacobian()
+
+    def numbers(q):
+        return np.concatenate([x.full().ravel() for x in first(q, [1.2], [0.7], 0)])
+
+    by_q = np.vstack([block.full() for block in second(q, [1.2], [0.7], 0, 0, 0, 0)[::4]])
+    h = 1e-6
+    columns = [(numbers(q + h * e) - numbers(q - h * e)) / (2 * h) for e in np.eye(3)]
+    close(by_q, np.transpose(columns), 1e-7)
+
+
+def test_a_nonlinear_program_with_closed_loops_is_solved_by_ipopt():
+    """The pose in which a planar 3-RRR needs the least torques, against many poses tried."""
+    chain = robots.planar_3rrr().chain()
+    functions, n = chain.casadi(), chain.degrees_of_freedom
+    start = chain.generic_configuration()
+    opti = ca.Opti()
+    q = opti.variable(functions.nq)
+    tau = functions.torques(q, [0.0] * n, [0.0] * n)
+    opti.minimize(ca.sumsqr(tau))
+    opti.subject_to(functions.residual(q) == 0)
+    opti.subject_to(ca.sumsqr(q - start) <= 0.01)
+    opti.set_initial(q, start)
+    opti.solver("ipopt", {"print_time": False}, {"print_level": 0, "sb": "yes", "tol": 1e-10})
+    best = opti.solve().value(q)
+    closed = chain.assemble(best)
+    assert np.abs(closed - best).max() < 1e-8
+    random, least = np.random.default_rng(0), np.inf
+    for _ in range(300):
+        pose = chain.assemble(start + random.uniform(-0.1, 0.1, functions.nq))
+        if np.sum((pose - start) ** 2) <= 0.01:
+            least = min(least, np.sum(chain.compute_torques(pose, [0.0] * n, [0.0] * n) ** 2))
+    found = np.sum(chain.compute_torques(closed, [0.0] * n, [0.0] * n) ** 2)
+    assert found < least
+    assert found < 0.999 * np.sum(chain.compute_torques(start, [0.0] * n, [0.0] * n) ** 2)
+
+
+def test_functions_pickle_map_and_know_names():
+    chain = four_bar()
+    functions = chain.casadi()
+    assert functions.torques.name_in() == ["q", "va", "aa"]
+    assert functions.step.name_out() == ["q_next", "va_next"]
+    again = pickle.loads(pickle.dumps(functions.torques))
+    q, va, aa = any_chain.states(chain, 4, 0)
+    expected = [again(*state).full().ravel() for state in zip(q, va, aa, strict=True)]
+    assert np.array_equal(functions.torques.map(4)(q.T, va.T, aa.T).full().T, expected)
+    assert "nq=3, n=1, motors=1" in repr(functions)
+
+
+def test_what_there_is_not_has_its_error():
+    lift = scissor_lift()
+    with pytest.raises(sst_pin.SingularConfigurationError, match="do not fix"):
+        lift.casadi()
+    assert lift.casadi(lift.home).n == lift.degrees_of_freedom
+    idle = any_chain.chain(coordinates=["body"], actuated=[])
+    with pytest.raises(sst_pin.errors.ActuationError, match="0 motors for 1 coordinates"):
+        _ = idle.casadi().torques
+    with pytest.raises(sst_pin.UnknownNameError, match="nowhere"):
+        idle.casadi().frame_placement("nowhere")
+    with pytest.raises(sst_pin.errors.DescriptionError, match="rolling"):
+        _ = any_chain.rolling(True).casadi().step
+    with pytest.raises(sst_pin.InputError, match="sign_width"):
+        four_bar().casadi(sign_width=0)
+
+
+def test_without_casadi_the_extra_is_named():
+    code = (
+        "import sys; sys.modules['casadi'] = None\n"
+        "import sst_pin\n"
+        "try: sst_pin.robots.four_bar().casadi()\n"
+        "except sst_pin.errors.MissingExtraError as error: print(error)"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert "sst-pin[compile]" in run.stdout
