@@ -987,6 +987,13 @@ class ClosedChain:
         Raises:
             MissingExtraError: Without CasADi, `sst-pin[compile]`.
             DescriptionError, ClosureError, SingularConfigurationError: As `compile`.
+
+        Example:
+            >>> functions = robot.casadi()
+            >>> functions.torques
+            Function(torques:(q[9],va[3],aa[3])->(tau[3]) SXFunction)
+            >>> functions.residual.size_out(0)
+            (6, 1)
         """
         try:
             from ..compiled.casadi_functions import CasadiFunctions
