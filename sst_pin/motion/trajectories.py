@@ -178,7 +178,9 @@ class Trajectory:
             InputError: When there is no sample between them.
 
         Example:
-            >>> swing = motion.between(0.1, 0.3)  # doctest: +SKIP
+            >>> motion = chain.simulate([0], chain.home, [0], [0, 0.05, 0.1])
+            >>> motion.between(0.04, 0.2).t
+            array([0.05, 0.1 ])
         """
         first, last = (float(finite_array("time", time, ())) for time in (start, end))
         chosen = (self.t >= first) & (self.t <= last)
@@ -197,7 +199,9 @@ class Trajectory:
             MissingExtraError: Without pandas, `sst-pin[pandas]`.
 
         Example:
-            >>> motion.to_dataframe()["tau_1_Nm"].abs().max()  # doctest: +SKIP
+            >>> motion = chain.simulate([0], chain.home, [0], [0, 0.05, 0.1])
+            >>> list(motion.to_dataframe().columns)[:2]
+            ['crank_rad', 'coupler_rad']
         """
         try:
             import pandas as pd
@@ -343,7 +347,13 @@ class Trajectory:
 
     @property
     def torque_units(self) -> tuple[str, ...]:
-        """For each motor "Nm" or "N"."""
+        """For each motor "Nm" or "N".
+
+        Example:
+            >>> motion = chain.simulate([0], chain.home, [0], [0, 0.05, 0.1])
+            >>> motion.torque_units
+            ('Nm',)
+        """
         unit = dict(zip(self.joint_names, self.units, strict=True))
         unit |= dict(zip(self.coordinates, self.rate_units, strict=True))
         return tuple("N" if unit.get(name) == "m" else "Nm" for name in self.actuated)
