@@ -2,12 +2,15 @@
 """The same robot on its other path."""
 
 import copy
+from functools import partial
+
+from sst_pin.sst import kernel_path
 
 
 def on_reference_path(robot):
     """An SST without its kernels."""
     slow = copy.copy(robot)
-    slow._off = "for comparison"
+    slow._current.kernels = partial(kernel_path.backend, off="for comparison")
     slow.refresh()
     assert slow.path == "the reference path: for comparison"
     return slow

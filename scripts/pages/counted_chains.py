@@ -96,7 +96,7 @@ class Chain:
     """
 
     def __init__(self, robot: ClosedChain) -> None:
-        mechanism = robot._mechanism()
+        mechanism = robot._current.mechanism()
         self._model, self._tree = mechanism.model, Tree.of(mechanism.model)
         self._links = self._tree.links
         self._bodies = [i for i, link in enumerate(self._links) if link.body]
@@ -124,7 +124,7 @@ class Chain:
             S,
             np.array(ends),
         ]
-        self.samples = sample_configurations(robot._reference)
+        self.samples = sample_configurations(robot._current.reference)
         self.equations = Equations(mechanism, self.samples)
         rows = [
             self._closure_rows(n := self.numbers(q, *self.zero_motion), self._place(n))

@@ -3,9 +3,8 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+from copy import copy
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -16,32 +15,23 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import (
-    as_array,
     finite_array,
     for_each_sample,
     names,
     positive_number,
-    require_policy,
     single_array,
     whole_number,
 )
-from ..errors import (
-    ActuationError,
-    ClosureError,
-    DescriptionError,
-    InputError,
-    MissingExtraError,
-    SSTError,
-)
-from . import derivatives, dynamics
-from .assembly import generic_configuration
-from .backend import Answer, Backend, States
+from ..errors import ClosureError, InputError, MissingExtraError
+from . import derivatives, dynamics, samples
+from .backend import States
 from .closures import Constraint
-from .draft import Motor, closures_of, draft, without_locked
+from .current import CurrentMechanism
+from .draft import Motor, closures_of, without_locked
 from .loops import frame_id
-from .mechanism import Friction, Mechanism
-from .mobility import Mobility, condition_number, judge
-from .reference import Reference, ReferenceBackend
+from .mechanism import Friction
+from .mobility import Mobility, condition_number
+from .samples import by_kernel
 
 if TYPE_CHECKING:
     from ..compiled.casadi_functions import CasadiFunctions
@@ -50,8 +40,11 @@ if TYPE_CHECKING:
     from ..motion.trajectories import Trajectory
 
 Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 _Chain = TypeVar("_Chain", bound="ClosedChain")
+
+
+def _anything_goes(model: pin.Model) -> None:
+    pass
 
 
 class ClosedChain:
@@ -102,20 +95,20 @@ class ClosedChain:
     ) -> None:
         if not isinstance(model, pin.Model):
             raise InputError("model", f"a pinocchio.Model is needed, not {type(model).__name__}")
-        self._model = without_locked(model, locked) if locked else model
-        self.closures = closures_of(closures)
-        self._motors = actuated
-        self._wanted = None if coordinates is None else names("coordinates", coordinates)
-        self._given = {
+        numbers = {
             "viscous_friction": viscous_friction,
             "coulomb_friction": coulomb_friction,
             "stiffness": stiffness,
             "spring_reference": spring_reference,
         }
-        self._lock = threading.Lock()
-        self._generic: Array | ClosureError | None = None
-        self._kernels: Callable[[Reference, pin.Model], Backend] | None = None  # by compile()
-        self._take_in_model()
+        self._current = CurrentMechanism(
+            without_locked(model, locked) if locked else model,
+            closures_of(closures),
+            actuated,
+            coordinates,
+            numbers,
+            self._examine,
+        )
 
     # --- what it is -------------------------------------------------------------------------
 
@@ -127,8 +120,18 @@ class ClosedChain:
             >>> chain.model.nq, chain.model.njoints
             (3, 4)
         """
-        self._unseen = True
-        return self._model
+        self._current.unseen = True
+        return self._current.model
+
+    @property
+    def closures(self) -> tuple[Constraint, ...]:
+        """What closes the tree.
+
+        Example:
+            >>> [str(closure) for closure in robot.closures]
+            ['closedloop1_A - closedloop1_B', 'closedloop2_A - closedloop2_B']
+        """
+        return self._current.closures
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -138,7 +141,7 @@ class ClosedChain:
             >>> chain.joint_names
             ('crank', 'coupler', 'rocker')
         """
-        return self._draft.space.joint_names
+        return self._current.draft.space.joint_names
 
     @property
     def position_names(self) -> tuple[str, ...]:
@@ -148,7 +151,7 @@ class ClosedChain:
             >>> sst_pin.robots.delta().position_names[-5:]
             ('motor_3', 'rod_3a_1', 'rod_3a_2', 'rod_3b_1', 'rod_3b_2')
         """
-        return self._draft.space.position_names
+        return self._current.draft.space.position_names
 
     @property
     def joint_units(self) -> tuple[str, ...]:
@@ -158,7 +161,7 @@ class ClosedChain:
             >>> sorted(set(sst_pin.robots.excavator().joint_units))
             ['m', 'rad']
         """
-        return self._draft.space.position_units
+        return self._current.draft.space.position_units
 
     @property
     def actuated(self) -> tuple[int, ...]:
@@ -168,7 +171,7 @@ class ClosedChain:
             >>> chain.actuated
             (0,)
         """
-        return tuple(map(int, self._draft.driven))
+        return tuple(map(int, self._current.draft.driven))
 
     @property
     def motor_names(self) -> tuple[str, ...]:
@@ -178,7 +181,7 @@ class ClosedChain:
             >>> robot.motor_names
             ('gamma_1', 'gamma_2', 'gamma_3')
         """
-        return self._draft.motor_names
+        return self._current.draft.motor_names
 
     @property
     def coordinates(self) -> tuple[str, ...]:
@@ -191,7 +194,7 @@ class ClosedChain:
             >>> chain.coordinates
             ('crank',)
         """
-        mechanism = self._mechanism()
+        mechanism = self._current.mechanism()
         return mechanism.space.names_of(mechanism.coordinates.tolist())
 
     @property
@@ -202,7 +205,7 @@ class ClosedChain:
             >>> sst_pin.robots.stewart().degrees_of_freedom
             6
         """
-        return len(self._mechanism().coordinates)
+        return len(self._current.mechanism().coordinates)
 
     @property
     def friction(self) -> Friction:
@@ -212,7 +215,7 @@ class ClosedChain:
             >>> robot.friction.viscous
             array([0., 0., 0., 0., 0., 0., 0., 0., 0.])
         """
-        return self._draft.friction
+        return self._current.draft.friction
 
     @property
     def path(self) -> str:
@@ -222,9 +225,7 @@ class ClosedChain:
             >>> sst_pin.SST(kernels=False).path
             'the reference path: switched off by kernels=False'
         """
-        with suppress(ClosureError):
-            self._mechanism()
-        return str(self._backend)
+        return self._current.path()
 
     def refresh(self) -> None:
         """Take in all changes made to `model` now.
@@ -243,7 +244,7 @@ class ClosedChain:
             >>> bool(abs(chain.compute_torques(chain.home, [0], [0])) < 1e-12)
             True
         """
-        self._take_in_model()
+        self._current.take_in()
 
     # --- closures ---------------------------------------------------------------------------
 
@@ -260,8 +261,7 @@ class ClosedChain:
             >>> bool(abs(chain.residual(chain.home)).max() < 1e-12)
             True
         """
-        loops = self._evaluated(q)
-        return loops.residual()
+        return self._current.evaluated(q).residual()
 
     def Phi(self, q: ArrayLike) -> Array:
         """Jacobian of the closures with all rows, redundant ones too, Eqs. (3), (4).
@@ -276,7 +276,7 @@ class ClosedChain:
             >>> chain.Phi(chain.home).shape
             (3, 3)
         """
-        return self._evaluated(q).Phi()
+        return self._current.evaluated(q).Phi()
 
     def Phi_dot(self, q: ArrayLike, q_dot: ArrayLike) -> Array:
         """Rate of `Phi` at rates of the tree that keep the loops closed.
@@ -292,8 +292,8 @@ class ClosedChain:
             >>> chain.Phi_dot(chain.home, chain.joint_rates(chain.home, [1])).shape
             (3, 3)
         """
-        v = single_array("q_dot", q_dot, (self._draft.model.nv,))
-        return self._evaluated(q).Phi_dot(v)
+        v = single_array("q_dot", q_dot, (self._current.draft.model.nv,))
+        return self._current.evaluated(q).Phi_dot(v)
 
     def condition_number(self, q: ArrayLike) -> float:
         """Condition number of the dependent part of Phi, free of units.
@@ -307,8 +307,8 @@ class ClosedChain:
             >>> print(round(chain.condition_number(chain.home), 2))
             2.71
         """
-        Phi = self._scaled_Phi(self._single_q(q))
-        return condition_number(Phi, self._mechanism(q).coordinates)
+        Phi = self._current.scaled_Phi(q)
+        return condition_number(Phi, self._current.mechanism(q).coordinates)
 
     def assemble(
         self,
@@ -342,25 +342,18 @@ class ClosedChain:
             >>> bool(abs(chain.residual(q)).max() < 1e-12)
             True
         """
-        guess, tries = self._guess(q), whole_number("tries", tries, 1)
-        if fixed is None:
-            try:
-                held = self._mechanism().coordinates
-            except ClosureError:
-                held = self._draft.coordinates
+        start, tries = self._current.guess(q), whole_number("tries", tries, 1)
+        space = self._current.draft.space
+        if fixed is not None:
+            held = space.rates_of(names("fixed", fixed))
         else:
-            held = self._draft.space.rates_of(names("fixed", fixed))
-        free = np.setdiff1d(np.arange(self._draft.model.nv), held)
-        assembly = self._reference.workspace.assembly
-        start = self._draft.space.normalised(guess)
+            try:
+                held = self._current.mechanism().coordinates
+            except ClosureError:
+                held = self._current.draft.coordinates
+        free = np.setdiff1d(np.arange(len(space.rate_names)), held)
+        assembly = self._current.reference.workspace.assembly
         return assembly.try_starts(start, free, tries, seed, limits=limits)
-
-    def _guess(self, q: ArrayLike) -> Array:
-        self._look_at_model()
-        model = self._draft.model
-        if model.nv != model.nq and as_array("q", q, ()).shape == (model.nv,):
-            return pin.integrate(model, pin.neutral(model), single_array("q", q, (model.nv,)))
-        return self._single_q(q)
 
     def generic_configuration(self) -> Array:
         """Some assembled configuration away from the symmetric ones, the same at each call.
@@ -376,17 +369,7 @@ class ClosedChain:
             >>> bool(abs(chain.residual(q)).max() < 1e-12)
             True
         """
-        self._look_at_model()
-        found = self._generic
-        if found is None:
-            try:
-                found = generic_configuration(self._reference.workspace.assembly)
-            except ClosureError as error:
-                found = error
-            self._generic = found
-        if isinstance(found, ClosureError):
-            raise found
-        return found.copy()
+        return self._current.generic_configuration()
 
     def mobility(self, q: ArrayLike | None = None) -> Mobility:
         """Count degrees of freedom, redundant closures and motors.
@@ -412,10 +395,7 @@ class ClosedChain:
             condition number    2.668 (dependent joints)
             judged at           a random assembled configuration
         """
-        where = "the configuration given"
-        if q is None:
-            q, where = self.generic_configuration(), "a random assembled configuration"
-        return self._report(self._single_q(q), where)
+        return self._current.mobility(q)
 
     # --- kinematics -------------------------------------------------------------------------
 
@@ -433,9 +413,10 @@ class ClosedChain:
             >>> chain.joint_rates(chain.home, [1]).round(3)
             array([ 1.   , -1.213,  0.213])
         """
-        mechanism, arrays = self._arguments(q, va=va)
-        reference, kernel = self._reference.rates, self._backend.joint_rates
-        return self._each(reference, kernel, arrays, (1, 1), mechanism.model.nv, None, 1, "raise")
+        current = self._current
+        mechanism, arrays = current.arguments(q, va=va)
+        reference, kernel = current.reference.rates, current.backend.joint_rates
+        return by_kernel(current, reference, kernel, arrays, (1, 1), mechanism.model.nv)
 
     def joint_accelerations(self, q: ArrayLike, va: ArrayLike, aa: ArrayLike) -> Array:
         """Accelerations of all joints, L aa + L_dot va, Eqs. (8), (20).
@@ -452,8 +433,8 @@ class ClosedChain:
             >>> chain.joint_accelerations(chain.home, [1], [0]).round(3)
             array([-0.   ,  0.561,  0.594])
         """
-        mechanism, arrays = self._arguments(q, va=va, aa=aa)
-        rates = self._reference.accelerations_of_tree
+        mechanism, arrays = self._current.arguments(q, va=va, aa=aa)
+        rates = self._current.reference.accelerations_of_tree
         return for_each_sample(rates, arrays, (1, 1, 1), (mechanism.model.nv,))
 
     def frame_jacobian(self, q: ArrayLike, frame: str) -> Array:
@@ -477,14 +458,15 @@ class ClosedChain:
                    [ 0.   , -0.091,  0.091],
                    [-0.05 , -0.05 , -0.05 ]])
         """
-        mechanism, arrays = self._arguments(q)
-        index, n = self._frame(frame), len(mechanism.coordinates)
+        current = self._current
+        mechanism, arrays = current.arguments(q)
+        index, n = frame_id(mechanism.model, frame), len(mechanism.coordinates)
 
         def reference(q: Array) -> Array:
-            return self._reference.frame_jacobian(q, index).ravel()
+            return current.reference.frame_jacobian(q, index).ravel()
 
-        kernel = partial(self._backend.frame_jacobian, frame)
-        rows = self._each(reference, kernel, arrays, (1,), 6 * n, None, 1, "raise")
+        kernel = partial(current.backend.frame_jacobian, frame)
+        rows = by_kernel(current, reference, kernel, arrays, (1,), 6 * n)
         return rows.reshape(*rows.shape[:-1], 6, n)
 
     def frame_jacobian_rate(self, q: ArrayLike, va: ArrayLike, frame: str) -> Array:
@@ -503,10 +485,10 @@ class ClosedChain:
             >>> delta.frame_jacobian_rate(delta.home, [1, 0, 0], "platform").shape
             (6, 3)
         """
-        mechanism, arrays = self._arguments(q, va=va)
-        index = self._frame(frame)
+        mechanism, arrays = self._current.arguments(q, va=va)
+        index = frame_id(mechanism.model, frame)
         return for_each_sample(
-            lambda q, va: self._reference.frame_jacobian_rate(q, va, index),
+            lambda q, va: self._current.reference.frame_jacobian_rate(q, va, index),
             arrays,
             (1, 1),
             (6, len(mechanism.coordinates)),
@@ -528,10 +510,10 @@ class ClosedChain:
             >>> delta.frame_drift(delta.home, [1, 1, 1], "platform")[:3].round(3)
             array([-0.   , -0.   , -0.142])
         """
-        _, arrays = self._arguments(q, va=va)
-        index = self._frame(frame)
+        mechanism, arrays = self._current.arguments(q, va=va)
+        index = frame_id(mechanism.model, frame)
         return for_each_sample(
-            lambda q, va: self._reference.frame_drift(q, va, index), arrays, (1, 1), (6,)
+            lambda q, va: self._current.reference.frame_drift(q, va, index), arrays, (1, 1), (6,)
         )
 
     def frame_velocity_derivatives(
@@ -552,10 +534,10 @@ class ClosedChain:
             >>> delta.frame_velocity_derivatives(delta.home, [1, 0, 0], "platform").dva.shape
             (6, 3)
         """
-        mechanism, arrays = self._arguments(q, va=va)
-        n, index = len(mechanism.coordinates), self._frame(frame)
+        mechanism, arrays = self._current.arguments(q, va=va)
+        n, index = len(mechanism.coordinates), frame_id(mechanism.model, frame)
         both = for_each_sample(
-            lambda q, va: self._reference.derivatives.frame_velocity(q, va, index),
+            lambda q, va: self._current.reference.derivatives.frame_velocity(q, va, index),
             arrays,
             (1, 1),
             (6, 2 * n),
@@ -604,22 +586,30 @@ class ClosedChain:
             >>> chain.compute_torques(chain.home, [1], [0]).round(3)
             array([0.166])
         """
-        if self._unseen:
-            self._look_at_model()
+        current = self._current
+        if current.unseen:
+            current.look()
         if external_wrenches is weights is None and on_error == "raise":
-            answer = self._torques_of(q, va, aa, None, out, threads)
+            answer = current.torques_of(q, va, aa, None, out, threads)
             if answer is not None and answer[0] is None:
                 return answer[1]
-        mechanism, arrays = self._arguments(q, va=va, aa=aa)
-        weights = None if weights is None else self._weights(weights)
-        loaded = [*arrays, self._wrenches(external_wrenches)]
+        mechanism, arrays = current.arguments(q, va=va, aa=aa)
+        chosen = None if weights is None else samples.motor_weights(mechanism, weights)
 
         def reference(q: Array, va: Array, aa: Array, wrenches: Array | None) -> Array:
-            return self._reference.torques(q, va, aa, wrenches, weights)
+            return current.reference.torques(q, va, aa, wrenches, chosen)
 
-        kernel = self._backend.torques if weights is None else None
-        motors = mechanism.motors.shape[1]
-        return self._each(reference, kernel, loaded, (1, 1, 1, 2), motors, out, threads, on_error)
+        return by_kernel(
+            current,
+            reference,
+            current.backend.torques if weights is None else None,
+            [*arrays, samples.external_wrenches(mechanism, external_wrenches)],
+            (1, 1, 1, 2),
+            mechanism.motors.shape[1],
+            out=out,
+            threads=threads,
+            on_error=on_error,
+        )
 
     def generalized_forces(
         self,
@@ -652,11 +642,18 @@ class ClosedChain:
             >>> arm.generalized_forces(arm.home, np.zeros(3), [1, 0, 0]).shape
             (3,)
         """
-        mechanism, arrays = self._arguments(q, va=va, aa=aa)
-        loaded = [*arrays, self._wrenches(external_wrenches)]
-        n = len(mechanism.coordinates)
-        reference, kernel = self._reference.generalized_forces, self._backend.generalized_forces
-        return self._each(reference, kernel, loaded, (1, 1, 1, 2), n, out, 1, on_error)
+        current = self._current
+        mechanism, arrays = current.arguments(q, va=va, aa=aa)
+        return by_kernel(
+            current,
+            current.reference.generalized_forces,
+            current.backend.generalized_forces,
+            [*arrays, samples.external_wrenches(mechanism, external_wrenches)],
+            (1, 1, 1, 2),
+            len(mechanism.coordinates),
+            out=out,
+            on_error=on_error,
+        )
 
     def compute_accelerations(
         self,
@@ -690,17 +687,25 @@ class ClosedChain:
             >>> chain.compute_accelerations(chain.home, [0], [0]).round(3)
             array([-32.345])
         """
-        if self._unseen:
-            self._look_at_model()
+        current = self._current
+        if current.unseen:
+            current.look()
         if external_wrenches is None and on_error == "raise":
-            answer = self._accelerations_of(q, va, tau, None, out, threads)
+            answer = current.accelerations_of(q, va, tau, None, out, threads)
             if answer is not None and answer[0] is None:
                 return answer[1]
-        mechanism, arrays = self._arguments(q, va=va, tau=tau)
-        loaded = [*arrays, self._wrenches(external_wrenches)]
-        n, reference = len(mechanism.coordinates), self._reference.accelerations
-        kernel = self._backend.accelerations
-        return self._each(reference, kernel, loaded, (1, 1, 1, 2), n, out, threads, on_error)
+        mechanism, arrays = current.arguments(q, va=va, tau=tau)
+        return by_kernel(
+            current,
+            current.reference.accelerations,
+            current.backend.accelerations,
+            [*arrays, samples.external_wrenches(mechanism, external_wrenches)],
+            (1, 1, 1, 2),
+            len(mechanism.coordinates),
+            out=out,
+            threads=threads,
+            on_error=on_error,
+        )
 
     def noc(self, q: ArrayLike, va: ArrayLike) -> dynamics.Terms:
         """All matrices of the paper at one configuration: f = I aa + C va - tau^g - tau^f.
@@ -717,9 +722,10 @@ class ClosedChain:
             >>> terms.L.shape, terms.K.shape, terms.T.shape
             ((9, 3), (54, 9), (54, 3))
         """
-        single = self._single_q(q)
-        n = len(self._mechanism(single).coordinates)
-        return dynamics.terms(self._reference.workspace, single, single_array("va", va, (n,)))
+        current = self._current
+        single = current.single(q)
+        n = len(current.mechanism(single).coordinates)
+        return dynamics.terms(current.reference.workspace, single, single_array("va", va, (n,)))
 
     def reduced_terms(
         self, q: ArrayLike, va: ArrayLike, *, threads: int = 1, on_error: str = "raise"
@@ -740,11 +746,19 @@ class ClosedChain:
             >>> terms.inertia.round(4), terms.gravity.round(3)
             (array([[0.0049]]), array([-0.16]))
         """
-        mechanism, arrays = self._arguments(q, va=va)
+        current = self._current
+        mechanism, arrays = current.arguments(q, va=va)
         n = len(mechanism.coordinates)
-        reference, kernel = self._reference.reduced_terms, self._backend.reduced_terms
-        size = 2 * n * (n + 1)
-        rows = self._each(reference, kernel, arrays, (1, 1), size, None, threads, on_error)
+        rows = by_kernel(
+            current,
+            current.reference.reduced_terms,
+            current.backend.reduced_terms,
+            arrays,
+            (1, 1),
+            2 * n * (n + 1),
+            threads=threads,
+            on_error=on_error,
+        )
         return dynamics.ReducedTerms.of_rows(rows, n)
 
     # --- derivatives ------------------------------------------------------------------------
@@ -783,11 +797,11 @@ class ClosedChain:
             >>> d.dq.round(3), d.dva.round(3), d.daa.round(4)
             (array([[0.103]]), array([[0.013]]), array([[0.0049]]))
         """
-        mechanism, arrays = self._arguments(q, va=va, aa=aa)
+        mechanism, arrays = self._current.arguments(q, va=va, aa=aa)
         n = len(mechanism.coordinates)
-        rows = self._derivatives(
-            self._reference.torque_derivatives,
-            [*arrays, self._wrenches(external_wrenches)],
+        rows = samples.derivatives(
+            self._current.reference.torque_derivatives,
+            [*arrays, samples.external_wrenches(mechanism, external_wrenches)],
             (n, 3 * n),
             sign_width,
             on_error,
@@ -883,8 +897,8 @@ class ClosedChain:
             0.0025
         """
         v = self.joint_rates(q, va)
-        _, arrays = self._arguments(q)
-        return for_each_sample(self._reference.kinetic_energy, [*arrays, v], (1, 1), ())
+        _, arrays = self._current.arguments(q)
+        return for_each_sample(self._current.reference.kinetic_energy, [*arrays, v], (1, 1), ())
 
     def potential_energy(self, q: ArrayLike) -> Array:
         """Potential energy of weights and springs, shape (...), [J].
@@ -898,9 +912,10 @@ class ClosedChain:
             >>> print(chain.potential_energy(chain.home).round(3))
             3.106
         """
-        self._look_at_model()
-        array = finite_array("q", q, (self._draft.model.nq,))
-        return for_each_sample(self._reference.potential_energy, (array,), (1,), ())
+        current = self._current
+        current.look()
+        array = finite_array("q", q, (current.draft.model.nq,))
+        return for_each_sample(current.reference.potential_energy, (array,), (1,), ())
 
     def friction_power(self, q: ArrayLike, va: ArrayLike) -> Array:
         """Power of friction in all joints, Eq. (87), negative or zero, shape (...), [W].
@@ -923,7 +938,7 @@ class ClosedChain:
             >>> chain.motor_rates(chain.home, [1])
             array([1.])
         """
-        return np.asarray(self.joint_rates(q, va) @ self._mechanism().motors)
+        return np.asarray(self.joint_rates(q, va) @ self._current.mechanism().motors)
 
     # --- doors to the rooms above -----------------------------------------------------------
 
@@ -956,14 +971,10 @@ class ClosedChain:
         """
         from ..compiled.backend import CompiledBackend
 
-        near = None if q is None else self._single_q(q)
-        self._mechanism(near)
-        kernels = partial(CompiledBackend, near=near)
-        backend = kernels(self._reference, self._model)
-        backend.make()
-        with self._lock:
-            self._kernels = kernels
-            self._install(backend)
+        current = self._current
+        near = None if q is None else current.single(q)
+        current.mechanism(near)
+        current.compute_by(partial(CompiledBackend, near=near), CompiledBackend.make)
 
     def casadi(
         self,
@@ -999,10 +1010,11 @@ class ClosedChain:
             from ..compiled.casadi_functions import CasadiFunctions
         except ModuleNotFoundError:
             raise MissingExtraError("casadi", "compile") from None
-        near = None if q is None else self._single_q(q)
-        self._mechanism(near)
+        current = self._current
+        near = None if q is None else current.single(q)
+        current.mechanism(near)
         width = positive_number("sign_width", sign_width)
-        return CasadiFunctions(self._reference, near, width, external_wrenches)
+        return CasadiFunctions(current.reference, near, width, external_wrenches)
 
     @classmethod
     def from_urdf(
@@ -1110,7 +1122,7 @@ class ClosedChain:
         """
         from ..motion.trajectories import Trajectory
 
-        mechanism = self._mechanism()
+        mechanism = self._current.mechanism()
         space = mechanism.space
         return Trajectory(
             t,
@@ -1202,16 +1214,13 @@ class ClosedChain:
 
     # --- inside -----------------------------------------------------------------------------
 
-    def __getstate__(self) -> dict[str, Any]:
-        state = self.__dict__.copy()
-        for name in ("_lock", "_torques_of", "_accelerations_of", "_backend", "_reference"):
-            del state[name]
-        return state
+    #: Called with each model that is taken in; an SST reads its geometry, or refuses it.
+    _examine: Callable[[pin.Model], Any] = staticmethod(_anything_goes)
 
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
-        self._lock = threading.Lock()
-        self._take_in_model()
+    def __copy__(self: _Chain) -> _Chain:
+        twin = type(self).__new__(type(self))
+        twin.__dict__.update(self.__dict__, _current=copy(self._current))
+        return twin
 
     def states(self, sign_width: float, q: ArrayLike) -> States:
         """The state space for an integrator.
@@ -1223,169 +1232,8 @@ class ClosedChain:
         Example:
             >>> states = chain.states(1e-3, chain.home)
         """
-        self._mechanism(q)
-        return self._backend.states(replace(self.friction, sign_width=sign_width))
-
-    def _compiled(self, reference: Reference) -> Backend:
-        """What computes the dynamics of a mechanism in the place of the reference path."""
-        if self._kernels is None:
-            return ReferenceBackend(reference, "no kernels yet; compile() makes them")
-        try:
-            return self._kernels(reference, self._model)
-        except SSTError as error:
-            return ReferenceBackend(reference, str(error))
-
-    def _take_in_model(self) -> None:
-        """Compute from what stands in `model` now."""
-        self._draft = draft(
-            pin.Model(self._model), self.closures, self._motors, self._wanted, **self._given
-        )
-        self._generic = None
-        self._settled: Mechanism | None = None
-        self._settled_by_caller = False
-        self._unseen = False
-        self._use(Reference(self._draft))
-        self._reference.workspace  # noqa: B018  (finds the frames, or says which is unknown)
-
-    def _use(self, reference: Reference) -> None:
-        self._reference = reference
-        self._backend: Backend = ReferenceBackend(reference, "nothing was asked for yet")
-        self._has_kernels = False
-        self._torques_of: Callable[..., Answer] = _nothing
-        self._accelerations_of: Callable[..., Answer] = _nothing
-
-    def _look_at_model(self) -> None:
-        """Take in a model that has changed."""
-        self._unseen = False
-        if self._model != self._draft.model:
-            self._take_in_model()
-
-    def _mechanism(self, q: ArrayLike | None = None) -> Mechanism:
-        """What is computed, its coordinates settled.
-
-        They are settled once: at the first configuration of the caller's that closes the loops, or
-        at a generic one while there was none.
-
-        Raises:
-            ClosureError: When there is neither.
-            ActuationError: When the coordinates asked for do not describe the motion.
-            DescriptionError: When nothing can move.
-        """
-        self._look_at_model()
-        if self._settled is None or not (self._settled_by_caller or q is None):
-            with self._lock:
-                self._settle(q)
-        assert self._settled is not None
-        return self._settled
-
-    def _settle(self, q: ArrayLike | None) -> None:
-        own = None if q is None else self._first_closed(q)
-        if own is None and self._settled is not None:
-            return
-        if own is None:
-            report = self.mobility()
-        else:
-            try:
-                aside = self._reference.workspace.assembly.aside(own, seed=0)
-            except ClosureError:
-                aside = own
-            report = self._report(aside, "a configuration next to the first one in use")
-        if report.degrees_of_freedom == 0:
-            raise DescriptionError(
-                f"model {self._draft.model.name}", [f"nothing can move:\n{report}"]
-            )
-        chosen = self._draft.space.rates_of(report.coordinates)
-        if self._wanted is not None and set(chosen) != set(self._draft.coordinates):
-            raise ActuationError(
-                f"the coordinates {', '.join(self._wanted)} do not describe the motion, "
-                f"{', '.join(report.coordinates)} would:\n{report}"
-            )
-        if self._wanted is not None:
-            chosen = self._draft.coordinates
-        if self._settled is None or not np.array_equal(chosen, self._settled.coordinates):
-            settled = replace(self._draft, coordinates=chosen)
-            self._use(Reference(settled))
-            self._install(self._compiled(self._reference))
-            self._settled = settled  # last: other threads read it without the lock
-        self._settled_by_caller = own is not None
-
-    def _install(self, backend: Backend) -> None:
-        self._backend = backend
-        self._has_kernels = not isinstance(backend, ReferenceBackend)
-        self._torques_of, self._accelerations_of = backend.torques_of, backend.accelerations_of
-
-    def _first_closed(self, q: ArrayLike) -> Array | None:
-        array = np.asarray(q, dtype=float)
-        if not array.size or not np.isfinite(array).all():
-            return None
-        first = array.reshape(-1, array.shape[-1])[0]
-        loops = self._reference.workspace.loops
-        loops.evaluate(first)
-        try:
-            loops.require_closed(self._draft.row_scale)
-        except ClosureError:
-            return None
-        return first
-
-    def _report(self, q: Array, where: str) -> Mobility:
-        loops, draft = self._evaluated(q), self._draft
-        loops.require_closed(draft.row_scale)
-        names: Sequence[str] = self._wanted or ()
-        if self._settled is not None:  # they stay, if they can
-            names = draft.space.names_of(self._settled.coordinates.tolist())
-        wanted = [draft.space.rates_of([name]) for name in names]
-        in_loops = np.flatnonzero(loops.touched.any(axis=0))
-        return judge(draft, self._scaled_Phi(q), q, where, in_loops, wanted)
-
-    def _arguments(self, q: ArrayLike, **others: ArrayLike) -> tuple[Mechanism, list[Array]]:
-        """Arrays of the shapes that the mechanism has; it is settled on the way."""
-        self._look_at_model()
-        array = as_array("q", q, (self._draft.model.nq,))
-        mechanism = self._settled
-        if mechanism is None or not self._settled_by_caller:
-            mechanism = self._mechanism(array)
-        sizes = {"tau": mechanism.motors.shape[1]}
-        n = len(mechanism.coordinates)
-        arrays = [array]
-        for name, value in others.items():
-            try:
-                arrays.append(as_array(name, value, (sizes.get(name, n),)))
-            except InputError as error:
-                if name != "tau" and n != mechanism.motors.shape[1]:
-                    error.args = (
-                        f"{error.args[0]}: one for each rate of the coordinates "
-                        f"{', '.join(mechanism.coordinate_rate_names)}",
-                    )
-                raise
-        if not mechanism.space.euclidean:
-            mechanism.space.require_on_manifold(array)
-        return mechanism, arrays
-
-    def _each(
-        self,
-        reference: Callable[..., Array],
-        kernel: Callable[..., Indices] | None,
-        arrays: Sequence[Array | None],
-        core_axes: Sequence[int],
-        size: int,
-        out: Array | None,
-        threads: int,
-        on_error: str,
-    ) -> Array:
-        """A batch by the kernel, what it leaves by the reference path, with its errors."""
-        require_policy(on_error)
-        threads = whole_number("threads", threads, 1)
-        pairs = zip(arrays, core_axes, strict=True)
-        single = all(array is None or array.ndim == axes for array, axes in pairs)
-        if single and out is None and on_error == "raise" and not self._has_kernels:
-            return reference(*arrays)
-
-        def fill(flat: list[Array | None], result: Array) -> Indices:
-            return np.arange(len(result)) if kernel is None else kernel(*flat, result, threads)
-
-        return for_each_sample(
-            reference, arrays, core_axes, (size,), on_error=on_error, out=out, fast=fill
-        )
+        self._current.mechanism(q)
+        return self._current.backend.states(replace(self.friction, sign_width=sign_width))
 
     def _state_matrices(
         self,
@@ -1396,57 +1244,12 @@ class ClosedChain:
         sign_width: float,
         on_error: str,
     ) -> Array:
-        mechanism, arrays = self._arguments(q, va=va, tau=tau)
+        mechanism, arrays = self._current.arguments(q, va=va, tau=tau)
         states = 2 * len(mechanism.coordinates)
-        return self._derivatives(
-            self._reference.state_matrices,
-            [*arrays, self._wrenches(wrenches)],
+        return samples.derivatives(
+            self._current.reference.state_matrices,
+            [*arrays, samples.external_wrenches(mechanism, wrenches)],
             (states, states + mechanism.motors.shape[1]),
             sign_width,
             on_error,
         )
-
-    def _derivatives(
-        self,
-        reference: Callable[..., Array],
-        arrays: Sequence[Array | None],
-        result: tuple[int, ...],
-        sign_width: float,
-        on_error: str,
-    ) -> Array:
-        width = positive_number("sign_width", sign_width)
-        function = partial(reference, width)
-        return for_each_sample(function, arrays, (1, 1, 1, 2), result, on_error=on_error)
-
-    def _single_q(self, q: ArrayLike) -> Array:
-        self._look_at_model()
-        return single_array("q", q, (self._draft.model.nq,))
-
-    def _evaluated(self, q: ArrayLike) -> Any:
-        """This thread's loops at one configuration."""
-        array = self._single_q(q)
-        loops = self._reference.workspace.loops
-        loops.evaluate(array)
-        return loops
-
-    def _scaled_Phi(self, q: Array) -> Array:
-        return self._evaluated(q).Phi() * self._draft.row_scale[:, None] * self._draft.rate_scale
-
-    def _frame(self, name: str) -> int:
-        model = self._draft.model
-        return frame_id(model, name)
-
-    def _weights(self, weights: ArrayLike) -> Array:
-        array = single_array("weights", weights, (self._draft.motors.shape[1],))
-        if not (array > 0).all():
-            raise InputError("weights", "not positive")
-        return array
-
-    def _wrenches(self, wrenches: ArrayLike | None) -> Array | None:
-        if wrenches is None:
-            return None
-        return finite_array("external_wrenches", wrenches, (self._draft.model.njoints - 1, 6))
-
-
-def _nothing(*_: object) -> None:
-    return None

@@ -97,11 +97,11 @@ def c_files(chain: ClosedChain, folder: str | Path) -> dict[Path, Writer]:
     """
     q = chain.generic_configuration()
     n, motors = chain.degrees_of_freedom, len(chain.motor_names)
-    mechanism = chain._mechanism()
+    mechanism = chain._current.mechanism()
     model = mechanism.model
     if motors < n:
         raise ActuationError(f"{motors} motors for {n} coordinates determine no torques")
-    equations = Equations(mechanism, sample_configurations(chain._reference))
+    equations = Equations(mechanism, sample_configurations(chain._current.reference))
     sizes = {"q": len(q), "va": n, "aa": n, "tau": motors}
     functions = {
         "torques": ("Torques of a motion.", ("q", "va", "aa"), "tau"),

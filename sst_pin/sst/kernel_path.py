@@ -11,6 +11,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import NDArray
 
 from ..chain.backend import Backend, States
@@ -21,7 +22,7 @@ from ..description import JOINT_NAMES
 from . import kernels
 from .kernels.packing import pack
 from .kinematics import Geometry
-from .topology import CUTS
+from .topology import CUTS, geometry_of
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -34,19 +35,19 @@ STAR = JOINT_NAMES.index("beta_1")
 _CONDITION_TIMES_DET = 5.62
 
 
-def backend(reference: Reference, geometry: Geometry, off: str, model: Any) -> Backend:
+def backend(reference: Reference, model: pin.Model, off: str) -> Backend:
     """The kernels of one robot, or the reference path with the reason why it has none.
 
     Args:
         reference: Of its mechanism.
-        geometry: Of its tree.
-        off: Why not to use kernels; empty to use them.
         model: The tree whose gravity the kernels watch.
+        off: Why not to use kernels; empty to use them.
     """
     mechanism = reference.mechanism
     why = off or kernels.missing or misfit(mechanism.space.joint_names, mechanism.closures)
     if why or not mechanism.driven_one_to_one or not mechanism.springs.none:
         return ReferenceBackend(reference, why or "motors or springs are not those of an SST")
+    geometry = geometry_of(mechanism.model, f"model {mechanism.model.name}")
     return StarKernels(reference, geometry, model)
 
 

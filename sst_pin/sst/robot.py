@@ -4,17 +4,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from .. import description, reading
 from ..arrays import finite_array, single_array
-from ..chain.backend import Backend
 from ..chain.closed_chain import ClosedChain
-from ..chain.reference import Reference
 from ..description import MOTOR_NAMES
 from ..description.parameters import Parameters
 from ..errors import DescriptionError, InputError, WorkspaceError
@@ -25,6 +25,7 @@ from ..motion.trajectories import Trajectory, require_motion
 from . import direct_kinematics, kernel_path, kinematics
 from .check import Finding, findings
 from .geometry_models import Shapes
+from .kinematics import Geometry
 from .read_back import parameters_of
 from .topology import CUTS, frame_of, geometry_of
 
@@ -53,6 +54,10 @@ class Singularities(NamedTuple):
     first_kind: Array
     second_kind: Array
     condition_number: Array
+
+
+def _geometry(model: pin.Model) -> Geometry:
+    return geometry_of(model, f"model {model.name}")
 
 
 class SST(ClosedChain):
@@ -162,15 +167,22 @@ class SST(ClosedChain):
                 cuts_source, [f"name_mot: {list(actuated)}, an SST has {', '.join(MOTOR_NAMES)}"]
             )
         model.gravity.linear = gravity
-        self._source, self._off = urdf_source, "" if kernels else "switched off by kernels=False"
         super().__init__(model, closures, actuated)
+        off = "" if kernels else "switched off by kernels=False"
+        self._current.kernels = partial(kernel_path.backend, off=off)
 
-    def _take_in_model(self) -> None:
-        self.geometry = geometry_of(self._model, self._source)
-        super()._take_in_model()
+    _examine = staticmethod(_geometry)
 
-    def _compiled(self, reference: Reference) -> Backend:
-        return kernel_path.backend(reference, self.geometry, self._off, self._model)
+    @property
+    def geometry(self) -> Geometry:
+        """Of the tree.
+
+        Example:
+            >>> robot.geometry.e[0]
+            array([0., 0., 1.])
+        """
+        geometry: Geometry = self._current.examined
+        return geometry
 
     @property
     def parameters(self) -> Parameters:
@@ -380,7 +392,7 @@ class SST(ClosedChain):
             ('beta_1',) 0.26
         """
         require_motion(motion, self.position_names)
-        return findings(self._draft.model, self.geometry, motion.t, motion.q)
+        return findings(self._current.draft.model, self.geometry, motion.t, motion.q)
 
     # --- dynamics ---------------------------------------------------------------------------
 
@@ -420,10 +432,11 @@ class SST(ClosedChain):
             >>> robot.compute_torques(robot.home, [1, 0, 0], [0, 0, 0]).round(3)
             array([-0.   ,  4.475, -4.475])
         """
-        if self._unseen:
-            self._look_at_model()
+        current = self._current
+        if current.unseen:
+            current.look()
         if external_wrenches is None and on_error == "raise":
-            answer = self._torques_of(q, va, aa, platform_moment, out, threads)
+            answer = current.torques_of(q, va, aa, platform_moment, out, threads)
             if answer is not None and answer[0] is None:
                 return answer[1]
         wrenches = _with_moment(platform_moment, external_wrenches)
@@ -465,10 +478,11 @@ class SST(ClosedChain):
             >>> robot.compute_accelerations(robot.home, [0, 0, 0], [0, 4.3, -4.3]).round(3)
             array([ 0.   ,  0.116, -0.116])
         """
-        if self._unseen:
-            self._look_at_model()
+        current = self._current
+        if current.unseen:
+            current.look()
         if external_wrenches is None and on_error == "raise":
-            answer = self._accelerations_of(q, va, tau, platform_moment, out, threads)
+            answer = current.accelerations_of(q, va, tau, platform_moment, out, threads)
             if answer is not None and answer[0] is None:
                 return answer[1]
         wrenches = _with_moment(platform_moment, external_wrenches)
@@ -594,7 +608,7 @@ class SST(ClosedChain):
             >>> robot.star_radius
             0.4
         """
-        model = self._draft.model
+        model = self._current.draft.model
         if not model.existFrame("E"):
             return Parameters().star_radius
         E = frame_of(model, "E")

@@ -19,7 +19,9 @@ Array = NDArray[np.float64]
 class Star(Protocol):
     """A robot with a star on three arcs: the SST, by its own names."""
 
-    geometry: Geometry
+    @property
+    def geometry(self) -> Geometry:
+        """Of its tree."""
 
     @property
     def home(self) -> Array:

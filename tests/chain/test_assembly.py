@@ -197,7 +197,7 @@ def test_a_generic_configuration_that_is_not_found_is_not_looked_for_again(monke
         with pytest.raises(ClosureError) as caught:
             chain.generic_configuration()
         errors.append(caught.value)
-        monkeypatch.setattr("sst_pin.chain.closed_chain.generic_configuration", None)
+        monkeypatch.setattr("sst_pin.chain.current.generic_configuration", None)
     assert str(errors[0]) == str(errors[1])
 
 
@@ -207,7 +207,7 @@ def test_a_motion_starts_where_no_generic_configuration_is_found(monkeypatch):
     def fail(*_):
         raise ClosureError("none", 1.0)
 
-    monkeypatch.setattr("sst_pin.chain.closed_chain.generic_configuration", fail)
+    monkeypatch.setattr("sst_pin.chain.current.generic_configuration", fail)
     chain = ladder(1)
     q = chain.assemble([1.2, -0.7, 2.0], ["crank_0"])
     chain.simulate([0.0], q, [0.0], [0, 0.01])

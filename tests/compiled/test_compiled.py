@@ -82,7 +82,7 @@ def moving(chain, count, seed=0):
 
 def left(chain, q, va, aa):
     """How many samples the kernels of torques and accelerations leave to the reference path."""
-    motors, kernels = len(chain.motor_names), chain._backend
+    motors, kernels = len(chain.motor_names), chain._current.backend
     tau = np.ones((len(q), motors))
     count = len(kernels.accelerations(q, va, tau, None, np.empty(va.shape), 1))
     if motors >= chain.degrees_of_freedom:
@@ -97,7 +97,7 @@ def test_kernels_give_what_the_reference_path_gives(pair):
     assert "compiled" in kernels.path
     forces = reference.generalized_forces(q, va, aa)
     scale = np.abs(forces).max()
-    if reference._mechanism().driven_one_to_one:
+    if reference._current.mechanism().driven_one_to_one:
         tau = kernels.compute_torques(q, va, aa)
         assert np.abs(tau - forces).max() < 1e-11 * scale
         single = [kernels.compute_torques(*sample) for sample in zip(q, va, aa, strict=True)]
@@ -112,7 +112,7 @@ def test_kernels_give_what_the_reference_path_gives(pair):
 def _along_coordinates(chain, q, tau):
     """L^T B tau."""
     va = np.zeros(chain.degrees_of_freedom)
-    return chain.noc(q, va).L.T @ chain._mechanism().motors @ tau
+    return chain.noc(q, va).L.T @ chain._current.mechanism().motors @ tau
 
 
 def test_regular_samples_are_not_handed_over(pair):
@@ -246,7 +246,7 @@ def test_strided_read_only_broadcast_and_overlapping_arrays(four_bar):
 
 def test_the_binding_computes_with_nothing_but_float64_rows(four_bar):
     (q, va, aa), out = moving(four_bar, 5), np.empty((5, 1))
-    kernel = four_bar._backend.kernel("torques")
+    kernel = four_bar._current.backend.kernel("torques")
     assert kernel.one(q[0], va[0], aa[0], None, None, 1) is not None
     for bad in (q[0].astype(np.float32), q[0].astype(">f8"), q[0].tolist(), None, q[0][:2], q):
         assert kernel.one(bad, va[0], aa[0], None, None, 1) is None
@@ -325,7 +325,7 @@ def test_without_a_compiler_the_reason_is_said_and_the_reference_path_computes(
     q, va, aa = moving(chain, 1)
     assert np.isfinite(chain.compute_torques(q, va, aa)).all()
     assert "compile()" in chain.path
-    chain._kernels = backend.CompiledBackend
+    chain._current.kernels = backend.CompiledBackend
     elsewhere = pickle.loads(pickle.dumps(chain))
     assert np.isfinite(elsewhere.compute_torques(q, va, aa)).all()
     assert "no C compiler found" in elsewhere.path

@@ -44,8 +44,8 @@ class Numbers:
 
     def __init__(self, chain, loaded=False):
         chain.generic_configuration()
-        self.mechanism = chain._mechanism()
-        samples = sample_configurations(chain._reference)
+        self.mechanism = chain._current.mechanism()
+        samples = sample_configurations(chain._current.reference)
         self.equations = Equations(self.mechanism, samples, loaded)
         self.made = {}
 
@@ -151,14 +151,14 @@ def test_a_step_of_closing_squares_the_gap(name):
 def test_numbers_of_friction_and_gravity_stay_open():
     """One graph serves other masses, gravity and friction in the same joints."""
     chain = any_chain.chain()
-    numbers, mechanism = Numbers(chain), chain._mechanism()
+    numbers, mechanism = Numbers(chain), chain._current.mechanism()
     (q,), (va,), (aa,) = any_chain.states(chain, 1, 0)
     numbers("forces", q, va, aa)
     model = pin.Model(chain.model)
     model.gravity.linear = np.array([1.0, 2.0, 3.0])
     model.inertias[3] = model.inertias[3] + pin.Inertia.Random()
     other = type(chain)(model, chain.closures, ["body"], viscous_friction=3 * model.damping)
-    numbers.mechanism = other._mechanism()
+    numbers.mechanism = other._current.mechanism()
     got = numbers("forces", q, va, aa)
     assert relative(got, other.generalized_forces(q, va, aa)) < 1e-11
     assert mechanism.model != numbers.mechanism.model

@@ -134,7 +134,9 @@ def test_exported_c_needs_no_library(tmp_path):
 def test_export_refuses_a_robot_that_is_cut_elsewhere(robot, tmp_path):
     """The kernels would compute another robot."""
     other = sst_pin.SST()
-    other.closures = tuple(sst_pin.Closure(c.frame_b, c.frame_a, c.kind) for c in robot.closures)
+    other._current.closures = tuple(
+        sst_pin.Closure(c.frame_b, c.frame_a, c.kind) for c in robot.closures
+    )
     with pytest.raises(sst_pin.DescriptionError, match="cuts are others"):
         c_files(other, tmp_path)
 
