@@ -262,13 +262,20 @@ class _Limits:
         return ", ".join(np.array(self._mechanism.space.rate_names)[chosen])
 
 
-def generic_configuration(assembly: Assembly) -> Array:
+def generic_configuration(assembly: Assembly, near: Array | None = None) -> Array:
     """Some assembled configuration away from the symmetric ones, the same at each call.
 
+    Args:
+        assembly: Of the mechanism.
+        near: Where to look for it, shape (nq,); around `pin.neutral`, ever further, by default.
+
     Raises:
-        ClosureError: When twenty guesses lead to none.
+        ClosureError: When no guess leads to one.
     """
     random, model = np.random.default_rng(0), assembly.mechanism.model
+    if near is not None:
+        aside = random.uniform(-0.1, 0.1, model.nv)
+        return assembly.assemble(pin.integrate(model, near, aside), np.arange(model.nv))
     failures = []
     for width in np.linspace(0.1, 2.0, 20):
         aside = width * random.normal(size=model.nv) * assembly.mechanism.rate_scale

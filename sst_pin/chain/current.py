@@ -49,6 +49,7 @@ class CurrentMechanism:
         model: The owner's tree.
         closures: What closes it.
         kernels: Makes the backend; None for the reference path.
+        home: Around which a generic configuration is looked for, shape (nq,); None for anywhere.
         unseen: Whether the model was given away since it was looked at last.
         draft: The mechanism before its coordinates are settled.
         reference: Of the mechanism, or of its draft before.
@@ -75,12 +76,14 @@ class CurrentMechanism:
         self._wanted = None if coordinates is None else names("coordinates", coordinates)
         self._numbers, self._examine = numbers, examine
         self.kernels: Kernels | None = None
+        self.home: Array | None = None
         self._lock = threading.Lock()
         self.take_in()
 
     def __getstate__(self) -> dict[str, Any]:
-        kept = ("model", "closures", "_motors", "_wanted", "_numbers", "_examine", "kernels")
-        return {name: self.__dict__[name] for name in kept}
+        of_the_model = ("draft", "reference", "backend", "torques_of", "accelerations_of")
+        dropped = (*of_the_model, "_lock", "_generic", "_settled", "examined")
+        return {name: x for name, x in self.__dict__.items() if name not in dropped}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
@@ -276,7 +279,7 @@ class CurrentMechanism:
         found = self._generic
         if found is None:
             try:
-                found = generic_configuration(self.reference.workspace.assembly)
+                found = generic_configuration(self.reference.workspace.assembly, self.home)
             except ClosureError as error:
                 found = error
             self._generic = found

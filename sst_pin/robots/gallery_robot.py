@@ -85,6 +85,8 @@ class GalleryRobot(ClosedChain):
             raise WorkspaceError(
                 f"{tree.model.name}: with these dimensions the loops do not close at home"
             ) from None
+        # Far from home it may be assembled in other ways, with other freedoms.
+        self._current.home = self.home
 
     def inverse_kinematics(self, pose: pin.SE3 | ArrayLike) -> Array:
         """Joint coordinates that hold the platform at a pose, in the working mode of `home`.
@@ -142,19 +144,6 @@ class GalleryRobot(ClosedChain):
         """
         q = finite_array("q", q, (self._tree.nq,))
         return for_each_sample(self._pose, (q,), (1,), (4, 4))
-
-    def generic_configuration(self) -> Array:
-        """Some assembled configuration near home, the same at each call; shape (nq,).
-
-        Far from home a robot may be assembled in other ways, with other freedoms.
-
-        Example:
-            >>> arm = sst_pin.robots.planar_3rrr()
-            >>> bool(abs(arm.residual(arm.generic_configuration())).max() < 1e-9)
-            True
-        """
-        step = np.random.default_rng(0).uniform(-0.1, 0.1, self._tree.nv)
-        return self.assemble(pin.integrate(self._tree, self.home, step), fixed=())
 
     def _configuration(self, joints: Joints) -> Array:
         q: Array = pin.neutral(self._tree)
