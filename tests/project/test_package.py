@@ -174,22 +174,6 @@ def test_public_names_resolve_and_say_what_they_are():
             assert not words.startswith(f"{name}(")  # what a dataclass says by itself
 
 
-def test_the_version_stands_in_one_place():
-    """The package's own word, from which the metadata and the command take it."""
-    metadata = (ROOT / "pyproject.toml").read_text()
-    assert 'version = { attr = "sst_pin.__version__" }' in metadata
-    assert re.search(r"^version: (.+)$", (ROOT / "CITATION.cff").read_text(), re.MULTILINE)[1] == (
-        sst_pin.__version__
-    )
-
-
-def test_dir_shows_what_a_user_needs_and_nothing_else():
-    """Public names, the rooms of pictures where their packages are, the version."""
-    shown = set(dir(sst_pin))
-    assert shown - set(sst_pin.__all__) <= {"__version__", "plots", "viewer"}
-    assert all(hasattr(sst_pin, name) for name in shown)
-
-
 def test_a_user_who_imports_the_robots_loads_what_they_need_and_no_more():
     """Counted, not timed: SciPy alone would bring three hundred modules."""
     code = (
