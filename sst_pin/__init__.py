@@ -5,11 +5,16 @@ Public names are loaded at their first use.
 """
 
 from importlib import import_module
+from importlib.util import find_spec
+
+__version__ = "0.1.0"  # pyproject.toml takes it from here
 
 TYPE_CHECKING = False  # but for type checkers; `typing` takes its time
 
 if TYPE_CHECKING:
+    from . import plots as plots
     from . import robots as robots
+    from . import viewer as viewer
     from .chain.closed_chain import ClosedChain as ClosedChain
     from .chain.closures import Closure as Closure
     from .chain.closures import Coupling as Coupling
@@ -77,21 +82,18 @@ _NAMES = {
     "sst.robot_wrapper": "load",
     "validation": "Problem validate",
 }
+#: Rooms that need an extra, and a package that it brings.
+_OPTIONAL = {"plots": "matplotlib", "viewer": "meshcat"}
 _MODULES = {name: module for module, names in _NAMES.items() for name in names.split()}
 
 __all__ = sorted([*_MODULES, "robots"])  # noqa: PLE0605
-__version__: str
 
 
 if not TYPE_CHECKING:
 
     def __getattr__(name):
-        """A public name, a room of the package, or the version, when it is first asked for."""
-        if name == "__version__":
-            from importlib.metadata import version
-
-            value = version("sst-pin")
-        elif name in _MODULES:
+        """A public name, or a room of the package, when it is first asked for."""
+        if name in _MODULES:
             value = getattr(import_module(f".{_MODULES[name]}", __name__), name)
         elif name.startswith("_"):
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
@@ -107,4 +109,5 @@ if not TYPE_CHECKING:
 
 
 def __dir__() -> list[str]:
-    return [*__all__, "__version__"]
+    there = (room for room, package in _OPTIONAL.items() if find_spec(package))
+    return sorted([*__all__, "__version__", *there])

@@ -3,8 +3,8 @@
 
 Each group of calls takes turns, so that a slow moment of the machine hits all alike; of the repeats
 come the median and the minimum. Only the ratios mean something on another machine. Writes
-benchmark.json, benchmark.md and benchmark.png to docs/ and the table into README.md; --quick takes
-fewer repeats, --out FOLDER leaves docs/ and README.md alone.
+benchmark.json and benchmark.png to docs/ and the tables into docs/benchmark.md and README.md;
+--quick takes fewer repeats, --out FOLDER leaves docs/ and README.md alone.
 """
 
 from __future__ import annotations
@@ -108,13 +108,12 @@ def main() -> None:
     folder = arguments.out or ROOT / "docs"
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "benchmark.json").write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
-    (folder / "benchmark.md").write_text(report.table(results), encoding="utf-8")
     report.figure(results).savefig(folder / "benchmark.png", dpi=150)
     print(report.table(results), end="")
     if arguments.out is None:
-        readme = ROOT / "README.md"
-        page = report.with_table(readme.read_text(encoding="utf-8"), results)
-        readme.write_text(page, encoding="utf-8")
+        for page in (ROOT / "README.md", ROOT / "docs" / "benchmark.md"):
+            text = report.with_table(page.read_text(encoding="utf-8"), results)
+            page.write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

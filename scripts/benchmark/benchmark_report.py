@@ -31,7 +31,10 @@ ROWS = (
     ("examples", "example 2, rollout to 1e-9 rad", "example 2, reference path"),
 )
 
-_TABLE = re.compile(r"(<!-- table: benchmark -->\n).*?(<!-- end -->)", re.DOTALL)
+#: Of these the README tells the ratios.
+SHORT = (0, 1, 3, 6, 9)
+
+_TABLE = re.compile(r"(<!-- table: benchmark(, short)? -->\n).*?(<!-- end -->)", re.DOTALL)
 _MARKERS = "osD^v"
 _COLOURS = (*plots.COLOURS, "#CC79A7", "#7F7F7F")
 
@@ -62,9 +65,21 @@ def table(results: dict[str, Any]) -> str:
     return "\n".join(lines) + "\n"
 
 
+def short_table(results: dict[str, Any]) -> str:
+    lines = ["| this package | time | against | times as fast |", "|---|---|---|---|"]
+    for group, ours, theirs in (ROWS[i] for i in SHORT):
+        a, b = results[group][ours][0], results[group][theirs][0]
+        lines.append(f"| {ours} | {spoken(a)} | {theirs} | {b / a:.3g} |")
+    return "\n".join(lines) + "\n"
+
+
 def with_table(page: str, results: dict[str, Any]) -> str:
-    """A page with the table between its marks."""
-    return _TABLE.sub(lambda marks: f"{marks[1]}{table(results)}{marks[2]}", page)
+    """A page with the tables between their marks."""
+
+    def filled(marks: re.Match[str]) -> str:
+        return f"{marks[1]}{(short_table if marks[2] else table)(results)}{marks[3]}"
+
+    return _TABLE.sub(filled, page)
 
 
 def figure(results: dict[str, Any]) -> Figure:

@@ -46,13 +46,10 @@ extern double robot_parameters[{size}];
 _WRAPPER = """
 {head}
 {{
-    double x[{inputs}], y[{total}], p[{size}];
+    double x[{inputs}], y[{total}];
     int bad = 0;
 {copies}
-    for (int i = 0; i < {parameters}; i++)
-        p[i] = robot_parameters[i];
-    prepare_{name}(p);
-    {name}(x, p, y);
+    {name}(x, robot_parameters, y);
     for (int i = 0; i < {outputs}; i++) {{
         {output}[i] = y[i];
         bad |= !(y[i] * 0.0 == 0.0);
@@ -126,14 +123,11 @@ def c_files(chain: ClosedChain, folder: str | Path) -> dict[Path, Writer]:
                 f"    for (int i = 0; i < {sizes[x]}; i++)\n        x[{start} + i] = {x}[i];"
             )
             start += sizes[x]
-        code = c_code.body(kernel)
-        source.append(code.text)
+        source.append(c_code.body(kernel))
         source.append(
             _WRAPPER.format(
                 head=head,
                 name=kernel.name,
-                size=code.size,
-                parameters=len(numbers),
                 inputs=start,
                 outputs=sizes[output],
                 output=output,

@@ -8,7 +8,7 @@ leg k, {E} on the star, all with their origin in the centre O of the sphere.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import as_array
 from ..errors import InputError, ParametersError
+from ..summaries import as_html, as_text
 
 Array = NDArray[np.float64]
 
@@ -68,7 +69,7 @@ def _shape_problems(name: str, array: Array, shape: tuple[int, ...]) -> list[str
     return []
 
 
-@dataclass(frozen=True, eq=False, init=False)
+@dataclass(frozen=True, eq=False, init=False, repr=False)
 class RigidBody:
     """Mass properties of one body, in a frame fixed to it.
 
@@ -96,6 +97,43 @@ class RigidBody:
 
     def __hash__(self) -> int:
         return _hash(self)
+
+    def __repr__(self) -> str:
+        return as_text(*self._summary())
+
+    def _repr_html_(self) -> str:
+        return as_html(*self._summary())
+
+    def _summary(self) -> tuple[str, list[tuple[str, str]]]:
+        inertia = ", ".join(_numbers(row) for row in self.inertia)
+        return "RigidBody", [
+            ("mass", f"{self.mass:g} kg"),
+            ("center_of_mass", f"{_numbers(self.center_of_mass)} m"),
+            ("inertia", f"[{inertia}] kg m^2"),
+        ]
+
+    def with_point_mass(self, mass: float, at: ArrayLike = (0, 0, 0)) -> RigidBody:
+        """The body with a point mass fixed to it.
+
+        Args:
+            mass: [kg], zero or more.
+            at: Where it is, in the body's frame, shape (3,), [m].
+
+        Raises:
+            ParametersError: For a negative mass, or numbers that are not finite.
+        """
+        added, place = _number(mass, "mass"), _frozen(at, "at")
+        found = _shape_problems("at", place, (3,))
+        if not (np.isfinite(added) and added >= 0):
+            found.append(f"mass: {added:g} kg is not zero or more")
+        if found:
+            raise ParametersError(found)
+        total = self.mass + added
+        center = (self.mass * self.center_of_mass + added * place) / total
+        # Steiner's theorem for two bodies: one reduced mass, at their distance.
+        d = place - self.center_of_mass
+        shift = self.mass * added / total * (d @ d * np.eye(3) - np.outer(d, d))
+        return RigidBody(total, center, self.inertia + shift)
 
     def problems(self, name: str) -> list[str]:
         """What is physically impossible about the body, one sentence each.
@@ -136,7 +174,7 @@ PAPER_PASSIVE_LINK = RigidBody(0.06, (0.35, 0, 0), np.diag((0.00001, 0.005, 0.00
 PAPER_STAR = RigidBody(2.6, (0.8 / np.pi, 0, 0), np.diag((0.224, 0.224, 0.150)))
 
 
-@dataclass(frozen=True, eq=False, init=False)
+@dataclass(frozen=True, eq=False, init=False, repr=False)
 class Parameters:
     """An SST: base triangle, arcs of the star, bodies, friction and gravity.
 
@@ -217,6 +255,54 @@ class Parameters:
     def __hash__(self) -> int:
         return _hash(self)
 
+    def __repr__(self) -> str:
+        return as_text(*self._summary())
+
+    def _repr_html_(self) -> str:
+        return as_html(*self._summary())
+
+    def _summary(self) -> tuple[str, list[tuple[str, str]]]:
+        """What it is, and a row for each of its parts."""
+        angles = _numbers(np.degrees(self.arc_angles))
+        directions = ", ".join(_numbers(v) for v in self.base_directions)
+        return "Parameters of an SST", [
+            ("base", f"radius {self.base_radius:g} m, directions {directions}"),
+            ("star", f"radius {self.star_radius:g} m, arc angles {angles} deg"),
+            (
+                "masses",
+                f"actuator links {_masses(self.links)}, passive links "
+                f"{_masses(self.passive_links)}, star {self.star.mass:g} kg",
+            ),
+            (
+                "friction",
+                f"viscous {_range(self.viscous_friction)} N m s/rad, "
+                f"Coulomb {_range(self.coulomb_friction)} N m",
+            ),
+            ("gravity", f"{_numbers(self.gravity)} m/s^2"),
+        ]
+
+    def with_payload(self, mass: float, at: ArrayLike = (0, 0, 0)) -> Parameters:
+        """The same robot with a point mass fixed to the star.
+
+        Args:
+            mass: Of the payload, [kg].
+            at: Where its mass centre is, in {E}: its origin is the centre O of the sphere, its x
+                axis leads to E at `(star_radius, 0, 0)`; shape (3,), [m].
+
+        Returns:
+            Parameters whose star is the star and the payload as one body.
+
+        Raises:
+            ParametersError: For a negative mass, or numbers that are not finite.
+
+        Example:
+            >>> import sst_pin
+            >>> p = sst_pin.Parameters()
+            >>> p.with_payload(0.5, at=(p.star_radius, 0, 0)).star.mass
+            3.1
+        """
+        return replace(self, star=self.star.with_point_mass(mass, at))
+
     @property
     def links(self) -> tuple[RigidBody, ...]:
         """The actuator links of legs 1 to 3."""
@@ -260,6 +346,21 @@ class Parameters:
             elif not _SMALLEST_RADIUS <= radius <= _LARGEST_RADIUS:
                 limits = f"{_SMALLEST_RADIUS:g} to {_LARGEST_RADIUS:g} m"
                 yield f"{name}: {radius:g} m is outside {limits}"
+
+
+def _numbers(values: Array) -> str:
+    return f"({', '.join(f'{value:.4g}' for value in values)})"
+
+
+def _masses(bodies: Sequence[RigidBody]) -> str:
+    masses = list(dict.fromkeys(f"{body.mass:g}" for body in bodies))
+    return f"{', '.join(masses)} kg"
+
+
+def _range(values: Array) -> str:
+    """One number where all are the same."""
+    low, high = values.min(), values.max()
+    return f"{low:g}" if low == high else f"{low:g} to {high:g}"
 
 
 def _bodies(value: RigidBody | Iterable[RigidBody]) -> RigidBody | tuple[RigidBody, ...]:

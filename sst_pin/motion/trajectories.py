@@ -13,10 +13,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import finite_array, names
-from ..errors import FileFormatError, InputError, OutputError
+from ..errors import FileFormatError, InputError, MissingExtraError, OutputError
 from ..files import Writer, as_path, read_table, table_writer, write_files
+from ..summaries import as_html, as_text, listed
 
 if TYPE_CHECKING:
+    import pandas as pd
     from scipy.interpolate import BSpline
 
 Array = NDArray[np.float64]
@@ -31,9 +33,12 @@ _TORQUE = re.compile(r"tau_(.+)_(Nm|N)")
 _POSITION = re.compile(r"(.+)_(?:(rad|m)|1)")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Trajectory:
     """A motion of the robot with the motor torques that go with it.
+
+    `len(motion)` is the number of samples; `motion[10:20]`, `motion[::5]` and
+    `motion[motion.t < 1]` are motions of some of them.
 
     Attributes:
         t: Times, increasing, shape (N,), [s].
@@ -122,6 +127,111 @@ class Trajectory:
         )
 
     __hash__ = None  # type: ignore[assignment]
+
+    def __getitem__(self, samples: slice | Sequence[int] | NDArray[Any]) -> Trajectory:
+        """Some of the samples, in their order.
+
+        Args:
+            samples: A slice, increasing indices, or True and False for each sample.
+
+        Raises:
+            InputError: For a single index, indices that are not increasing, or no samples.
+        """
+        try:
+            chosen = np.arange(len(self))[samples]
+        except (IndexError, TypeError, ValueError) as error:
+            raise InputError("samples", f"{samples!r}: {error}") from None
+        if chosen.ndim != 1:
+            wanted = (
+                f"; motion[{samples}:{chosen + 1}] is a motion of it" if not chosen.ndim else ""
+            )
+            raise InputError("samples", f"{samples!r} is not a slice, indices or a mask{wanted}")
+        if not len(chosen):
+            raise InputError("samples", f"{samples!r} leaves none of {len(self)} samples")
+        if (np.diff(chosen) <= 0).any():
+            raise InputError("samples", f"{samples!r} does not go forwards in time")
+        return Trajectory(
+            self.t[chosen],
+            self.q[chosen],
+            self.va[chosen],
+            self.aa[chosen],
+            self.tau[chosen],
+            self.joint_names,
+            self.actuated,
+            self.units,
+            self.stopped if chosen[-1] == len(self) - 1 else "",
+            coordinates=self.coordinates,
+            rate_units=self.rate_units,
+        )
+
+    def between(self, start: float, end: float) -> Trajectory:
+        """The samples from one time to another, both included.
+
+        Args:
+            start: Earliest time, [s].
+            end: Latest time, [s].
+
+        Returns:
+            A motion whose first sample is the first at `start` or later.
+
+        Raises:
+            InputError: When there is no sample between them.
+
+        Example:
+            >>> motion = chain.simulate([0], chain.home, [0], [0, 0.05, 0.1])
+            >>> motion.between(0.04, 0.2).t
+            array([0.05, 0.1 ])
+        """
+        first, last = (float(finite_array("time", time, ())) for time in (start, end))
+        chosen = (self.t >= first) & (self.t <= last)
+        if not chosen.any():
+            range_ = f"sampled from {self.t[0]:g} to {self.t[-1]:g} s"
+            raise InputError("start, end", f"no sample from {first:g} to {last:g} s; {range_}")
+        return self[chosen]
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """The motion as a table of pandas: a row a sample, indexed by `t_s`.
+
+        Returns:
+            Its columns are those of the CSV that `save` writes, the units in their names.
+
+        Raises:
+            MissingExtraError: Without pandas, `sst-pin[pandas]`.
+
+        Example:
+            >>> motion = chain.simulate([0], chain.home, [0], [0, 0.05, 0.1])
+            >>> list(motion.to_dataframe().columns)[:2]
+            ['crank_rad', 'coupler_rad']
+        """
+        try:
+            import pandas as pd
+        except ImportError:
+            raise MissingExtraError("pandas", "pandas") from None
+        time, *columns = self._columns()
+        values = np.column_stack([self.q, self.va, self.aa, self.tau])
+        return pd.DataFrame(values, pd.Index(self.t, name=time), columns)
+
+    def __repr__(self) -> str:
+        return as_text(*self._summary())
+
+    def _repr_html_(self) -> str:
+        return as_html(*self._summary())
+
+    def _summary(self) -> tuple[str, list[tuple[str, str]]]:
+        """What it is, and a row for each of its parts."""
+        count, peaks = len(self), np.abs(self.tau).max(axis=0)
+        units = (unit.replace("Nm", "N m") for unit in self.torque_units)
+        found = zip(self.actuated, peaks, units, strict=True)
+        forces = [f"{name} {peak:.4g} {unit}" for name, peak, unit in found]
+        rows = [
+            ("t", f"{self.t[0]:g} to {self.t[-1]:g} s"),
+            ("q", f"{self.q.shape}: {listed(self.joint_names)}"),
+            ("va, aa", f"{self.va.shape}: {listed(self.coordinates)}"),
+            ("tau", f"{self.tau.shape}, largest: {listed(forces)}"),
+        ]
+        if self.stopped:
+            rows.append(("stopped", self.stopped))
+        return f"Trajectory of {count} sample{'s' * (count != 1)}", rows
 
     def save(self, path: str | Path, force: bool = False) -> None:
         """Write the motion to a file from which it comes back to the last bit.
@@ -235,15 +345,25 @@ class Trajectory:
             rate_units=rate_units,
         )
 
-    def _columns(self) -> list[str]:
+    @property
+    def torque_units(self) -> tuple[str, ...]:
+        """For each motor "Nm" or "N".
+
+        Example:
+            >>> motion = chain.simulate([0], chain.home, [0], [0, 0.05, 0.1])
+            >>> motion.torque_units
+            ('Nm',)
+        """
         unit = dict(zip(self.joint_names, self.units, strict=True))
         unit |= dict(zip(self.coordinates, self.rate_units, strict=True))
-        forces = ["N" if unit.get(name) == "m" else "Nm" for name in self.actuated]
+        return tuple("N" if unit.get(name) == "m" else "Nm" for name in self.actuated)
+
+    def _columns(self) -> list[str]:
         labels = list(self.actuated)
         if self.actuated == self.coordinates:
             labels = [str(k + 1) for k in range(len(labels))]
         rates = (self.coordinates, self.rate_units)
-        return _columns(self.joint_names, self.units, *rates, labels, forces)
+        return _columns(self.joint_names, self.units, *rates, labels, self.torque_units)
 
     def torque(self) -> Callable[[float], Array]:
         """The torques as a smooth function of time, for `simulate`.

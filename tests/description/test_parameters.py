@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
 import numpy as np
+import pinocchio as pin
 import pytest
 
-from sst_pin import Parameters, ParametersError, RigidBody
+from sst_pin import SST, ClosedChain, Parameters, ParametersError, RigidBody
 from sst_pin.verification.sampling import random_parameters
 
 
@@ -112,3 +113,57 @@ def test_words_in_place_of_numbers_are_refused():
     """RigidBody takes numbers only."""
     with pytest.raises(ParametersError, match="mass"):
         RigidBody("heavy", (0, 0, 0), np.eye(3))
+
+
+@pytest.mark.parametrize("at", [(0.4, 0, 0), (0.1, -0.2, 0.3), (0, 0, 0)])
+def test_a_payload_has_the_torques_of_a_point_mass_on_the_stars_body(at):
+    """Pinocchio adds the body where frame E says {E} is; composite inertia here, a sum there."""
+    p = random_parameters(np.random.default_rng(2))
+    bare, loaded = SST(p), SST(p.with_payload(0.7, at))
+    model = bare.model.copy()
+    E = model.frames[model.getFrameId("E")]
+    from_E = pin.SE3(np.eye(3), np.array(at) - (p.star_radius, 0, 0))
+    point = pin.Inertia(0.7, np.zeros(3), np.zeros((3, 3)))
+    model.appendBodyToJoint(E.parentJoint, point, E.placement * from_E)
+    friction = bare.friction
+    chain = ClosedChain(
+        model,
+        bare.closures,
+        list(bare.motor_names),
+        viscous_friction=friction.viscous,
+        coulomb_friction=friction.coulomb,
+    )
+    q, va, aa = bare.home, [0.3, -0.5, 0.7], [1.0, 2.0, -1.0]
+    expected = chain.compute_torques(q, va, aa)
+    # The URDF of the parameters rounds to 17 digits and fewer.
+    assert loaded.compute_torques(q, va, aa) == pytest.approx(expected, abs=1e-10)
+    assert np.abs(expected - bare.compute_torques(q, va, aa)).max() > 0.1 * any(at)
+
+
+def test_no_payload_changes_nothing():
+    """And the star of the others stays as it is."""
+    p = Parameters()
+    assert p.with_payload(0.0, (1, 2, 3)) == p
+    assert p.with_payload(1.0).link == p.link
+
+
+@pytest.mark.parametrize(
+    ("mass", "at", "word"),
+    [(-1, (0, 0, 0), "-1 kg"), (np.nan, (0, 0, 0), "nan kg"), (1, (0, 0), "at: shape")],
+)
+def test_a_payload_that_cannot_be_is_refused(mass, at, word):
+    """By its name."""
+    with pytest.raises(ParametersError, match=word):
+        Parameters().with_payload(mass, at)
+
+
+def test_parameters_print_as_a_few_lines():
+    """Dimensions, masses, friction, gravity, with units; a table in a notebook."""
+    p = Parameters(viscous_friction=np.linspace(0.1, 0.2, 9))
+    text = repr(p)
+    assert len(text.splitlines()) == 6
+    for word in ("radius 0.4 m", "(120, 120, 120) deg", "star 2.6 kg", "0.1 to 0.2 N m s/rad"):
+        assert word in text
+        assert word in p._repr_html_()
+    assert repr(p.star).splitlines()[1] == "  mass            2.6 kg"
+    assert p.star._repr_html_().count("<tr>") == 3

@@ -255,3 +255,81 @@ def test_motors_that_are_no_coordinates_come_back_by_their_names(tmp_path):
             path = tmp_path / f"{len(motors)}{motors[0][0]}.{ending}"
             motion.save(path)
             assert sst_pin.Trajectory.load(path) == motion
+
+
+@pytest.mark.parametrize(
+    "samples", [slice(2, 5), slice(None, None, 3), [0, 4, 6], np.arange(7) > 3]
+)
+def test_a_part_of_a_motion_is_a_motion(motion, samples):
+    """Slices, indices, masks: each array is cut alike, the names remain."""
+    part = motion[samples]
+    for name in ("t", "q", "va", "aa", "tau"):
+        assert np.array_equal(getattr(part, name), getattr(motion, name)[samples])
+    for name in ("joint_names", "actuated", "units", "coordinates", "rate_units"):
+        assert getattr(part, name) == getattr(motion, name)
+    assert motion[:] == motion
+
+
+@pytest.mark.parametrize(
+    ("samples", "words"),
+    [
+        (3, r"motion\[3:4\] is a motion of it"),
+        (slice(7, 9), "leaves none of 7"),
+        (slice(None, None, -1), "does not go forwards"),
+        ([1, 1], "does not go forwards"),
+        ([9], "out of bounds"),
+        ("q", "samples"),
+        (slice(0.1, 0.3), "samples"),
+        ([[0, 1]], "not a slice"),
+    ],
+)
+def test_samples_that_are_no_motion_are_refused(motion, samples, words):
+    """Backwards, none, one, or no indices at all."""
+    with pytest.raises(sst_pin.InputError, match=words):
+        motion[samples]
+
+
+def test_a_motion_between_two_times_holds_the_samples_at_both(motion):
+    """Seven samples from 0 to 0.1 s."""
+    assert motion.between(motion.t[1], motion.t[4]) == motion[1:5]
+    assert motion.between(-1, 1) == motion
+    with pytest.raises(sst_pin.InputError, match="no sample from 2 to 3 s"):
+        motion.between(2, 3)
+    with pytest.raises(sst_pin.InputError, match="no sample from 1 to 0 s"):
+        motion.between(1, 0)
+
+
+def test_why_a_motion_stopped_belongs_to_its_last_sample(motion):
+    """A part that ends earlier was not stopped."""
+    arrays = [getattr(motion, name) for name in ("t", "q", "va", "aa", "tau")]
+    stopped = sst_pin.Trajectory(*arrays, motion.joint_names, motion.actuated, stopped="singular")
+    assert stopped[3:].stopped == "singular"
+    assert stopped[:3].stopped == ""
+
+
+def test_a_table_of_pandas_is_the_csv(motion, tmp_path):
+    """Columns, index and numbers."""
+    pd = pytest.importorskip("pandas", reason="extra `pandas` is not installed")
+    motion.save(tmp_path / "m.csv")
+    read = pd.read_csv(tmp_path / "m.csv", index_col="t_s")
+    # Its reader may be off in the last bit.
+    pd.testing.assert_frame_equal(motion.to_dataframe(), read, rtol=1e-15, atol=1e-30)
+
+
+def test_a_motion_prints_as_a_few_lines(motion):
+    """Samples, times, names and largest torques; of many joints the first."""
+    lines = repr(motion).splitlines()
+    assert lines[0] == "Trajectory of 7 samples"
+    assert "0 to 0.1 s" in lines[1]
+    assert "(7, 9): gamma_1, mu_1" in lines[2]
+    peak = np.abs(motion.tau[:, 1]).max()
+    assert f"gamma_2 {peak:.4g} N m" in lines[4]
+    assert len(lines) == 5
+    page = motion._repr_html_()
+    assert page.count("<tr>") == 4
+    many = [f"joint_{k}<" for k in range(40)]
+    none = np.zeros((1, 40))
+    wide = sst_pin.Trajectory([0], none, none, none, none, many, many)
+    assert "joint_8< and 31 more" in repr(wide)
+    assert "joint_8&lt; and 31 more" in wide._repr_html_()
+    assert max(map(len, repr(wide).splitlines())) < 250

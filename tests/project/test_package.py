@@ -90,14 +90,16 @@ def test_a_machine_without_a_compiler_gets_the_reference_path(tmp_path):
     assert torques == str(reference.compute_torques(reference.home, [0] * 3, [0] * 3))
 
 
-def test_the_table_of_the_readme_is_the_measured_one():
-    """docs/benchmark.json makes it, and docs/benchmark.md, to the last character."""
-    from benchmark_report import table, with_table
+def test_the_benchmark_tables_are_the_measured_ones():
+    """docs/benchmark.json makes them, to the last character."""
+    from benchmark_report import short_table, table, with_table
 
     docs = ROOT / "docs"
     results = json.loads((docs / "benchmark.json").read_text(encoding="utf-8"))
-    assert (docs / "benchmark.md").read_text(encoding="utf-8") == table(results)
-    assert table(results) in README
+    page = (docs / "benchmark.md").read_text(encoding="utf-8")
+    assert table(results) in page
+    assert with_table(page, results) == page
+    assert short_table(results) in README
     assert with_table(README, results) == README
 
 
@@ -151,9 +153,11 @@ def test_ci_runs_the_two_commands_of_the_readme_and_the_slow_tests():
     assert ".venv/bin/pytest -m slow" in script
 
 
-def test_functions_named_in_the_readme_exist():
+def test_functions_named_with_the_equations_exist():
     """The table of equations leads to code."""
-    table = README.split("## Equations and functions")[1].split("\n## ")[0]
+    page = (ROOT / "docs" / "theory.md").read_text(encoding="utf-8")
+    table = page.split("## Equations and functions")[1]
+    assert "`chain/noc.py`: `JointComplement`" in table
     for line in table.splitlines():
         for module, names in re.findall(r"`([\w/]+\.py)`: ((?:`\.?[\w.]+`(?:, )?)+)", line):
             source = (ROOT / "sst_pin" / module).read_text()
@@ -172,6 +176,22 @@ def test_public_names_resolve_and_say_what_they_are():
             words = vars(thing)["__doc__"] if isinstance(thing, type) else thing.__doc__
             assert words
             assert not words.startswith(f"{name}(")  # what a dataclass says by itself
+
+
+def test_the_version_stands_in_one_place():
+    """The package's own word, from which the metadata and the command take it."""
+    metadata = (ROOT / "pyproject.toml").read_text()
+    assert 'version = { attr = "sst_pin.__version__" }' in metadata
+    assert re.search(r"^version: (.+)$", (ROOT / "CITATION.cff").read_text(), re.MULTILINE)[1] == (
+        sst_pin.__version__
+    )
+
+
+def test_dir_shows_what_a_user_needs_and_nothing_else():
+    """Public names, the rooms of pictures where their packages are, the version."""
+    shown = set(dir(sst_pin))
+    assert shown - set(sst_pin.__all__) <= {"__version__", "plots", "viewer"}
+    assert all(hasattr(sst_pin, name) for name in shown)
 
 
 def test_a_user_who_imports_the_robots_loads_what_they_need_and_no_more():

@@ -1,0 +1,43 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""A few lines about an object, for `repr` and for notebooks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+
+#: A word and what is said of it.
+Rows = Sequence[tuple[str, str]]
+
+
+def as_text(title: str, rows: Rows) -> str:
+    """A title and a line for each row, the words in a column.
+
+    Example:
+        >>> print(as_text("RigidBody", [("mass", "0.3 kg")]))
+        RigidBody
+          mass  0.3 kg
+    """
+    width = max((len(word) for word, _ in rows), default=0)
+    return "\n".join([title, *(f"  {word:{width}}  {value}" for word, value in rows)])
+
+
+def as_html(title: str, rows: Rows) -> str:
+    """The same as a table that takes the colours of the page around it."""
+    cell = 'style="text-align:left;vertical-align:top;padding:0 1em 0 0"'
+    lines = [
+        f"<tr><th {cell}>{escape(word)}</th><td {cell}>{escape(value)}</td></tr>"
+        for word, value in rows
+    ]
+    return f"<div><b>{escape(title)}</b><table>{''.join(lines)}</table></div>"
+
+
+def listed(words: Sequence[str], most: int = 9) -> str:
+    """Words with commas; of more than `most` the first and how many follow.
+
+    Example:
+        >>> listed(["a", "b", "c"], most=2)
+        'a, b and 1 more'
+    """
+    shown = ", ".join(words[:most])
+    return f"{shown} and {len(words) - most} more" if len(words) > most else shown or "none"

@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Pages: all are reached, links lead somewhere, code runs and prints what they show."""
+
+import inspect
+import re
+from pathlib import Path
+
+import pytest
+import yaml
+
+import sst_pin
+from run_pages import blocks, run, shell
+from shown_output import same_output
+
+ROOT = Path(__file__).resolve().parents[2]
+DOCS = ROOT / "docs"
+#: Pages of the site whose files lie elsewhere; scripts/pages/site_hooks.py brings them.
+OUTSIDE = {
+    "changelog.md": "CHANGELOG.md",
+    "contributing.md": "CONTRIBUTING.md",
+    "description.md": "urdf/README.md",
+}
+#: Pages whose code other tests run.
+RUN_ELSEWHERE = {"urdf/README.md": "description/test_description_folder.py"}
+RUN_ELSEWHERE |= {"docs/tools.md": "project/test_tools.py"}
+#: These compile, draw, or run for seconds.
+SLOW = {"README.md", "docs/accuracy.md", "docs/batches.md"}
+
+PAGES = {path.relative_to(ROOT).as_posix(): path for path in sorted(DOCS.rglob("*.md"))}
+PAGES |= {name: ROOT / name for name in ("README.md", "CONTRIBUTING.md", "urdf/README.md")}
+WITH_CODE = [name for name, path in PAGES.items() if blocks(path.read_text(encoding="utf-8"))]
+
+
+def pages_of(nav):
+    """The pages that a navigation names, from mkdocs.yml."""
+    for entry in nav:
+        if isinstance(entry, str):
+            yield entry
+        else:
+            for below in entry.values():
+                yield from pages_of(below if isinstance(below, list) else [below])
+
+
+def test_every_page_is_in_the_navigation():
+    config = yaml.safe_load((ROOT / "mkdocs.yml").read_text(encoding="utf-8"))
+    there = {path.relative_to(DOCS).as_posix() for path in DOCS.rglob("*.md")} | set(OUTSIDE)
+    named = list(pages_of(config["nav"]))
+    assert sorted(there - set(named)) == [], "add these pages to `nav` in mkdocs.yml"
+    assert sorted(set(named) - there) == [], "these pages of `nav` in mkdocs.yml are not there"
+    assert len(named) == len(set(named))
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_links_between_files_lead_somewhere(name):
+    """In a clone; the site's own links are checked when it is built."""
+    text = re.sub(r"^```.*?^```$", "", PAGES[name].read_text(encoding="utf-8"), flags=re.M | re.S)
+    for target in re.findall(r"\]\(([^()\s]+)\)", text):
+        path = target.partition("#")[0]
+        if re.match(r"[a-z]+:", target) or not path:
+            continue
+        assert (PAGES[name].parent / path).exists() or path in OUTSIDE, target
+
+
+@pytest.mark.filterwarnings("default::sst_pin.errors.SingularityWarning")
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[pytest.mark.slow] if name in SLOW else [])
+        for name in WITH_CODE
+        if name not in RUN_ELSEWHERE
+    ],
+)
+def test_code_of_the_page_runs_and_prints_what_it_shows(name, tmp_path, monkeypatch):
+    """As one session in an empty folder; the last digit shown may differ."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
+    page = PAGES[name].read_text(encoding="utf-8")
+    for block, printed in run(page):
+        assert same_output(block.text, printed), (
+            f"shown:\n{block.text}\nprinted:\n{printed}\n"
+            f"python scripts/pages/run_pages.py {name} writes what is printed"
+        )
+        assert "nan" not in printed
+
+
+def test_a_wrong_output_is_seen():
+    page = '```python\nprint(1.25)\n```\n\n```text title="output"\n1.21\n```\n'
+    ((block, printed),) = run(page)
+    assert not same_output(block.text, printed)
+
+
+def test_an_unknown_program_is_refused():
+    """Nobody thinks that it was run."""
+    assert list(shell(".venv/bin/sst-pin info | head\npip install x")) == [["info"]]
+    with pytest.raises(ValueError, match="is not a program"):
+        list(shell("sst_pin info"))
+
+
+REFERENCE = {path.name: path.read_text(encoding="utf-8") for path in DOCS.glob("reference/*.md")}
+
+
+def test_every_public_name_is_in_the_reference():
+    text = "\n".join(REFERENCE.values())
+    missing = []
+    for name in sst_pin.__all__:
+        thing = getattr(sst_pin, name)
+        if inspect.ismodule(thing):
+            shown = f"::: sst_pin.{name}\n" in text
+        elif callable(thing) and thing.__module__ == "sst_pin.errors":
+            shown = "::: sst_pin.errors\n" in text
+        elif callable(thing):
+            shown = f"::: {thing.__module__}.{thing.__qualname__}\n" in text
+        else:
+            shown = f"`sst_pin.{name}`" in text
+        missing += [] if shown else [name]
+    assert not missing, f"docs/reference/*.md want an entry for {', '.join(missing)}"
+    robots = [name for name in sst_pin.robots.__all__ if name.islower() or name == "GalleryRobot"]
+    assert [name for name in robots if f"- {name}\n" not in REFERENCE["robots.md"]] == []

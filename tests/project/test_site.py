@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The documentation site: builds without a warning, holds every name, asks no other host."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+import sst_pin
+from browser import chromium, needs_browser, visit  # noqa: F401
+
+ROOT = Path(__file__).resolve().parents[2]
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    """Built as CI builds it, where no other host can be reached."""
+    pytest.importorskip("mkdocs", reason="mkdocs is not installed (extra 'docs')")
+    folder = tmp_path_factory.mktemp("site")
+    proxy = "http://127.0.0.1:9"  # nobody listens
+    environment = os.environ | {"http_proxy": proxy, "https_proxy": proxy, "no_proxy": ""}
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "-d", str(folder)]
+    result = subprocess.run(
+        command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False
+    )
+    assert result.returncode == 0, result.stderr
+    return folder
+
+
+class Resources(HTMLParser):
+    """What a browser loads with a page, and its ids."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.loaded, self.ids = [], set()
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        found = dict(attrs)
+        self.ids.add(found.get("id"))
+        if tag in ("script", "img", "iframe", "source", "video"):
+            self.loaded.append(found.get("src"))
+        if tag == "link" and found.get("rel") != "canonical":
+            self.loaded.append(found.get("href"))
+
+
+def test_pages_load_nothing_from_other_hosts(site):
+    pages = list(site.rglob("*.html"))
+    assert len(pages) > 35
+    for page in pages:
+        loaded = filter(None, Resources(page.read_text(encoding="utf-8")).loaded)
+        assert [link for link in loaded if re.match(r"(\w+:)?//", link)] == [], page
+    for sheet in site.rglob("*.css"):
+        assert not re.search(r"url\([\"']?(\w+:)?//|@import", sheet.read_text(encoding="utf-8"))
+
+
+def test_the_reference_holds_every_method_inherited_ones_too(site):
+    """By the anchors that search and links lead to."""
+    for page, owner in (("closed_chain", "ClosedChain"), ("sst", "SST")):
+        ids = Resources((site / "reference" / f"{page}.html").read_text(encoding="utf-8")).ids
+        names = {name.rpartition(".")[2] for name in filter(None, ids) if f"{owner}." in name}
+        public = {name for name in dir(getattr(sst_pin, owner)) if not name.startswith("_")}
+        assert public - names == set(), f"{owner} on reference/{page}.html"
+
+
+def test_equations_are_typeset_and_search_finds_words(site):
+    theory = (site / "theory.html").read_text(encoding="utf-8")
+    assert theory.count("<math") > 30
+    assert "arithmatex" not in theory
+    assert "\\tag" not in theory
+    index = json.loads((site / "search" / "search_index.json").read_text(encoding="utf-8"))
+    text = " ".join(entry["text"] for entry in index["docs"])
+    assert "reduced_terms" in text
+    assert "redundant" in text
+
+
+@needs_browser
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("width", [390, 1440])
+def test_browser_stays_here_and_pages_fit(site, chromium, width, scheme):  # noqa: F811
+    """In headless Chromium, as opened from the disk."""
+    for name in ("index", "theory", "reference/sst", "paper"):
+        url = (site / f"{name}.html").as_uri()
+        with visit(chromium, url, width, 844) as visited:
+            visited.page.emulate_media(color_scheme=scheme)
+            visited.page.reload()
+            assert visited.page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+            colour = visited.page.evaluate("getComputedStyle(document.body).backgroundColor")
+            assert (max(map(int, re.findall(r"\d+", colour)[:3])) < 100) == (scheme == "dark")
+            assert visited.requests_elsewhere(site.as_uri()) == []
