@@ -449,8 +449,7 @@ robots of the package:
   the torques. "Base axes" keeps all vectors in the axes of the base, "body axes" in those of each
   link.
 - The compiled kernel is the expression that `compile()` makes of a robot, before it is written in
-  C; the kernels that the package brings for the SST are others. Its checks tell open closures and
-  small pivots; the other rows have none.
+  C. Its checks tell open closures and small pivots; the other rows have none.
 
 All solve the closures by the sparse elimination of the compiled kernels, also as matrices. Geometry
 is folded in, so that its zeros and ones are gone from the generated counts; masses, mass centres,
@@ -467,6 +466,8 @@ torques equal `compute_torques` to 1e-9, or else no page is written.
   of vectors from link to link, and pay for turning each body's inertia.
 - The compiled kernel takes {chains_kernel} times the operations of the generated recursions in body
   axes. It is the same recursion; its wrenches are about the links' origins, by second moments.
+  Bodies that are welded, as the SST's arcs, are one to it, and welds stand in the axes of a link at
+  hand.
 """
 
 _TIMES_PAGE = """

@@ -196,10 +196,11 @@ class CompiledBackend:
         except SSTError as error:
             self._why[name], self._kernels[name] = str(error), None
             return None
-        outputs, *sizes = _sizes(libraries[0])
+        size, outputs, *sizes = _sizes(libraries[0])
         numbers = self._numbers
         if friction is not None:
             numbers = self._parameters.pack(self._mechanism, friction)
+        numbers = _prepared(libraries[0], numbers, size)
         addresses = [_address(library) for library in libraries]
         arguments = (addresses[0], addresses[-1], tuple(sizes), outputs, numbers)
         # Gravity is watched in the model's own memory, which has to stay.
@@ -219,8 +220,9 @@ class CompiledBackend:
         except SSTError as error:
             self._why[name] = str(error)
             return None
-        _, q, va, tau, *load = _sizes(library)
+        size, _, q, va, tau, *load = _sizes(library)
         numbers = self._parameters.pack(self._mechanism, friction)
+        numbers = _prepared(library, numbers, size)
         sizes = (q, va, tau, sum(load))
         return self._binding.Course(_address(library), sizes, numbers, library)
 
@@ -434,8 +436,15 @@ def _frame(mechanism: Mechanism, name: str) -> bytes:
     return repr(frame.parentJoint).encode() + frame.placement.homogeneous.tobytes()
 
 
+def _prepared(library: ctypes.CDLL, numbers: Array, size: int) -> Array:
+    """Parameters with the constants of a kernel behind them."""
+    p = np.concatenate([numbers, np.zeros(size - len(numbers))])
+    library.prepare(ctypes.c_void_p(p.ctypes.data))
+    return p
+
+
 def _sizes(library: ctypes.CDLL) -> list[int]:
-    """Numbers in the output, then in each input; the list in the library ends with 0."""
+    """Parameters with constants, numbers in the output and each input; the list ends with 0."""
     sizes = []
     numbers = (ctypes.c_int * 8).in_dll(library, "sizes")
     for number in numbers:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from importlib.resources import files
+from typing import NamedTuple
 
 import casadi as ca
 
@@ -16,7 +17,6 @@ _UNARY = {
     ca.OP_NEG: "-{0}",
     ca.OP_SQ: "{0} * {0}",
     ca.OP_TWICE: "2.0 * {0}",
-    ca.OP_INV: "1.0 / {0}",
     ca.OP_FABS: "ABSOLUTE({0})",
     ca.OP_SQRT: "square_root({0})",
 }
@@ -27,10 +27,27 @@ def part(name: str) -> str:
     return (files(__package__) / "c" / name).read_text(encoding="utf-8")
 
 
-def body(kernel: Kernel) -> str:
-    """The C function `void <name>(const real *x, const double *p, real *y)` of a kernel.
+class Body(NamedTuple):
+    """The C of a kernel.
 
-    x holds its inputs one after the other, p the open parameters, y its output, then its checks.
+    Attributes:
+        text: `void <name>(const real *x, const double *p, real *y)`, and before it
+            `void prepare_<name>(double *p)`. x holds the inputs one after the other, p the open
+            parameters, then the constants that `prepare_<name>` makes of them; y gets the output,
+            then the checks.
+        size: Of p.
+    """
+
+    text: str
+    size: int
+
+
+def body(kernel: Kernel, size: int | None = None) -> Body:
+    """The C of a kernel; what depends on the parameters alone is apart, to be computed once.
+
+    Args:
+        kernel: What is to be computed.
+        size: Of p before its constants; that of the parameters by default.
     """
     function = ca.Function(
         kernel.name,
@@ -38,53 +55,107 @@ def body(kernel: Kernel) -> str:
         [ca.densify(ca.vertcat(kernel.output, kernel.checks))],
         {"cse": True},
     )
-    names: dict[int, tuple[str, str]] = {}  # of what stands in the work vector, with its type
-    turns: dict[str, str] = {}
-    lines = []
+    writer = _Writer(size or kernel.parameters.numel())
     for k in range(function.n_instructions()):
         operation = function.instruction_id(k)
         arguments = function.instruction_input(k)
         (target, *place) = function.instruction_output(k)
         if operation == ca.OP_CONST:
             number = repr(float(function.instruction_constant(k)))
-            names[target] = (f"({number})" if number[0] == "-" else number), "double"
-            continue
-        if operation == ca.OP_INPUT:
+            writer.names[target] = f"({number})" if number[0] == "-" else number, "double"
+        elif operation == ca.OP_INPUT:
             array, i = arguments
-            names[target] = (f"x[{i}]", "real") if array == 0 else (f"p[{i}]", "double")
-            continue
-        if operation == ca.OP_OUTPUT:
-            lines.append(f"y[{place[0]}] = (real){{0}} + {names[arguments[0]][0]};")
-            continue
-        operands = [names[i] for i in arguments]
-        first = operands[0][0]
-        kind = "real" if ("real" in {kind for _, kind in operands}) else "double"
+            writer.names[target] = (f"x[{i}]", "real") if array == 0 else (f"p[{i}]", "double")
+        elif operation == ca.OP_OUTPUT:
+            result = writer.use(writer.names[arguments[0]], "real")
+            writer.lines["real"].append(f"y[{place[0]}] = (real){{0}} + {result};")
+        else:
+            operands = [writer.names[i] for i in arguments]
+            writer.names[target] = writer.write(f"t{k}", operation, operands)
+    texts = []
+    for head, kind in (
+        (f"static void prepare_{kernel.name}(double *p)", "double"),
+        (f"static void {kernel.name}(const real *x, const double *p, real *y)", "real"),
+    ):
+        texts.append("\n    ".join([f"{head}\n{{", "(void)p;", *writer.lines[kind]]) + "\n}\n")
+    return Body("\n".join(texts), writer.size)
+
+
+#: What an expression is called, and its type: "real" of a sample, "double" of the parameters alone.
+_Name = tuple[str, str]
+
+
+class _Writer:
+    """Statements of a kernel, those of parameters apart from those of samples.
+
+    Attributes:
+        names: What stands in each place of the work vector.
+        lines: Statements by the type of their result.
+        size: Of p.
+    """
+
+    def __init__(self, size: int) -> None:
+        self.names: dict[int, _Name] = {}
+        self.lines: dict[str, list[str]] = {"real": [], "double": []}
+        self.size = size
+        self._constants: dict[str, str] = {}
+        self._turns: dict[str, int] = {}
+        self._inverses: dict[_Name, _Name] = {}
+        self._directions: dict[str, str] = {}  # not yet written; what each is the direction of
+
+    def use(self, name: _Name, kind: str) -> str:
+        """A name in a statement of a type; `prepare` leaves constants in p for samples."""
+        text, own = name
+        if text in self._directions:
+            of = self._directions.pop(text)
+            self.lines[own].append(f"const {own} {text} = direction({of}, p[{SIGN_WIDTH}]);")
+        if kind == own or text[0] != "t":
+            return text
+        if text not in self._constants:
+            self._constants[text] = f"p[{self.size}]"
+            self.size += 1
+            self.lines[own].append(f"{self._constants[text]} = {text};")
+        return self._constants[text]
+
+    def write(self, name: str, operation: int, operands: list[_Name]) -> _Name:
+        """One operation, and what its result is called."""
+        if operation == ca.OP_INV:
+            return self._inverse(operands[0])
+        if operation == ca.OP_DIV:
+            operation, operands = ca.OP_MUL, [operands[0], self._inverse(operands[1])]
+        kind = "real" if "real" in {kind for _, kind in operands} else "double"
+        if operation == ca.OP_SIGN:
+            self._directions[name] = self.use(operands[0], kind)
+            return name, kind
+        if operation == ca.OP_MUL and kind == "real":
+            for (text, _), (factor, of_factor) in (operands, operands[::-1]):
+                if text in self._directions and of_factor == "double":
+                    x, F = self._directions[text], self.use((factor, of_factor), kind)
+                    line = f"const real {name} = rubbing({x}, {F}, p[{SIGN_WIDTH}]);"
+                    self.lines[kind].append(line)
+                    return name, kind
+        texts = [self.use(operand, kind) for operand in operands]
+        first = texts[0]
         if operation in (ca.OP_SIN, ca.OP_COS):
-            if first not in turns:
-                turns[first] = str(len(turns))
-                t = turns[first]
-                lines.append(f"real s{t}, c{t}; sine_cosine({first}, &s{t}, &c{t});")
-            names[target] = ("s" if operation == ca.OP_SIN else "c") + turns[first], "real"
-            continue
+            t = self._turns.setdefault(first, len(self._turns))
+            declared = f"real s{t}, c{t}; sine_cosine({first}, &s{t}, &c{t});"
+            if declared not in self.lines[kind]:
+                self.lines[kind].append(declared)
+            return f"{'s' if operation == ca.OP_SIN else 'c'}{t}", kind
         if operation in _BINARY:
-            text = f"{first} {_BINARY[operation]} {operands[1][0]}"
-        elif operation == ca.OP_SIGN:
-            text = f"direction({first}, p[{SIGN_WIDTH}])"
+            text = f"{first} {_BINARY[operation]} {texts[1]}"
         else:
             text = _UNARY[operation].format(first)
-        name = f"t{k}"
-        lines.append(f"const {kind} {name} = {text};")
-        names[target] = name, kind
-    return (
-        "\n    ".join(
-            [
-                f"static void {kernel.name}(const real *x, const double *p, real *y)\n{{",
-                "(void)p;",
-                *lines,
-            ]
-        )
-        + "\n}\n"
-    )
+        self.lines[kind].append(f"const {kind} {name} = {text};")
+        return name, kind
+
+    def _inverse(self, name: _Name) -> _Name:
+        """One over it: divisions take long, and many are by the same pivots."""
+        text, kind = name
+        if name not in self._inverses:
+            self._inverses[name] = f"ti{len(self._inverses)}", kind
+            self.lines[kind].append(f"const {kind} {self._inverses[name][0]} = 1.0 / {text};")
+        return self._inverses[name]
 
 
 def library(kernels: Sequence[Kernel], lanes: int) -> str:
@@ -95,17 +166,22 @@ def library(kernels: Sequence[Kernel], lanes: int) -> str:
         lanes: How many samples at once.
     """
     first = kernels[0]
-    sizes = [symbols.numel() for symbols in first.inputs]
+    inputs = [symbols.numel() for symbols in first.inputs]
     outputs, checks = first.output.numel(), first.checks.numel()
-    parts = [f"#define LANES {lanes}", part("real.h"), part("driver.h"), *map(body, kernels)]
-    listed = ", ".join(map(str, sizes))
-    numbers = f"const int sizes[] = {{{outputs}, {listed}, 0}};"
+    parts, size = [f"#define LANES {lanes}", part("real.h"), part("driver.h")], None
+    for kernel in kernels:
+        text, size = body(kernel, size)
+        parts.append(text)
+    listed = ", ".join(map(str, inputs))
+    parts.append(f"const int sizes[] = {{{size}, {outputs}, {listed}, 0}};")
+    calls = "".join(f"    prepare_{kernel.name}(p);\n" for kernel in kernels)
+    parts.append(f"void prepare(double *p)\n{{\n{calls}}}\n")
     if len(kernels) == 1:
         entry = _ENTRY.format(
             name=first.name,
             sizes=listed,
-            arrays=len(sizes),
-            inputs=sum(sizes),
+            arrays=len(inputs),
+            inputs=sum(inputs),
             outputs=outputs,
             checks=checks,
             total=outputs + checks,
@@ -115,16 +191,16 @@ def library(kernels: Sequence[Kernel], lanes: int) -> str:
         entry = _ROLL.format(
             rate=first.name,
             close=second.name,
-            q=sizes[0],
-            va=sizes[1],
-            tau=sizes[2],
-            load=sum(sizes[3:]),
+            q=inputs[0],
+            va=inputs[1],
+            tau=inputs[2],
+            load=sum(inputs[3:]),
             checks=checks,
-            inputs=sum(sizes),
+            inputs=sum(inputs),
             outputs=max(outputs + checks, second.output.numel() + second.checks.numel()),
-            states=sizes[0] + sizes[1],
+            states=inputs[0] + inputs[1],
         )
-    return "\n".join([*parts, numbers, entry])
+    return "\n".join([*parts, entry])
 
 
 _ENTRY = """

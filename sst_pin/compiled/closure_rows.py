@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import casadi as ca
@@ -13,7 +14,7 @@ from casadi import SX
 
 from ..chain.closures import Constraint, Coupling, Distance, Rolling
 from .kinematics import Kinematics
-from .symbols import Sparse
+from .symbols import Sparse, is_zero, sx
 
 #: Accelerations of the row at rates v and none of v_dot: Phi_dot v.
 Drift = Callable[[Sparse], SX]
@@ -68,6 +69,7 @@ class _Pair:
     def __init__(self, kinematics: Kinematics, model: pin.Model, a: str, b: str) -> None:
         tree = kinematics.tree
         frames = [model.frames[model.getFrameId(name)] for name in (a, b)]
+        self._frames = frames
         self._links = [tree.link_of[frame.parentJoint] for frame in frames]
         paths = [tree.ancestors(link) for link in self._links]
         self._kinematics = kinematics
@@ -108,9 +110,7 @@ class _Pair:
             yield from (self._slide(k) for k in range(3) if held[k])
         turns = [k for k in range(3) if held[3 + k]]
         if len(turns) == 3:
-            turned = 3 - ca.trace(self.a.R.T @ self.b.R)  # the square of the angle
-            for k in range(3):
-                yield self._turn(k, turned if k == 0 else SX(0))
+            yield from self._turned_alike()
         elif len(turns) == 2:
             (k,) = set(range(3)) - set(turns)
             i, j = (k + 1) % 3, (k + 2) % 3
@@ -144,17 +144,54 @@ class _Pair:
 
         return Row(Phi, drift, ca.dot(n, d), ca.dot(n, d) ** 2)
 
-    def _turn(self, k: int, gap: SX) -> Row:
-        """B does not turn relative to A about axis k of the link that both hang on."""
-        Phi = self._row(lambda _, turn: turn[k], lambda _, turn: turn[k])
+    def _turned_alike(self) -> Iterator[Row]:
+        """B does not turn relative to A.
 
-        def drift(v: Sparse) -> SX:
-            a, b = self._ends(v)
-            return b.alpha[k] - a.alpha[k]
+        The rows are in the axes of the link C that the last joint of B's branch hangs on: there the
+        axes of its two last joints stand still. The way from A's link to C goes by B: it is the
+        shorter one.
+        """
+        kinematics, links = self._kinematics, self._kinematics.tree.links
+        (link_a, link_b), (frame_a, frame_b) = self._links, self._frames
+        C = link_b
+        if link_b != self._base and links[link_b].kind == "turn":
+            C = links[link_b].parent
+        R_b, _ = kinematics.pose(C, link_b)
+        R_a = R_b @ (kinematics.rotation(frame_b) @ kinematics.rotation(frame_a).T)
+        Phi: list[Sparse] = [{}, {}, {}]
+        for side, link in ((-1, link_a), (1, link_b)):
+            path = kinematics.tree.ancestors(link)
+            for i in path[path.index(self._base) + 1 :]:
+                if side < 0:
+                    R = -R_a @ kinematics.pose(i, link_a)[0].T
+                elif i in kinematics.tree.ancestors(C):
+                    R = kinematics.pose(i, C)[0].T
+                else:
+                    R, _ = kinematics.pose(C, i)
+                for k, S in zip(links[i].v, links[i].S.T, strict=True):
+                    turn = R @ sx(S[3:])
+                    for row in range(3):
+                        if not is_zero(turn[row]):
+                            Phi[row][k] = turn[row]
+        by_a = kinematics.pose(self._base, link_a)[0] @ R_a.T
+        by_b, _ = kinematics.pose(self._base, C)
+        gap = ca.sumsqr(by_b[:, 0] - by_a[:, 0]) + ca.sumsqr(by_b[:, 2] - by_a[:, 2])
+        apart = by_a.T @ by_b
 
-        R = self.b.R @ self.a.R.T
-        i, j = (k + 1) % 3, (k + 2) % 3
-        return Row(Phi, drift, (R[j, i] - R[i, j]) / 2, gap)
+        def drift(v: Sparse, row: int) -> SX:
+            of_a = kinematics.relative_motion(self._base, link_a, v)
+            of_b = kinematics.relative_motion(self._base, C, v)
+            alpha = of_b.alpha - R_a @ of_a.alpha
+            if link_b != C:
+                (k,) = links[link_b].v
+                turn = R_b @ sx(links[link_b].S[3:, 0])
+                alpha += ca.cross(of_b.omega, turn * v[k])
+            return alpha[row]
+
+        for row in range(3):
+            i, j = (row + 1) % 3, (row + 2) % 3
+            residual = (apart[j, i] - apart[i, j]) / 2
+            yield Row(Phi[row], partial(drift, row=row), residual, gap if row == 0 else SX(0))
 
     def _angle(self, i: int, j: int, sign: float, gap: SX) -> Row:
         """Axis i of A stays at a right angle to axis j of B."""

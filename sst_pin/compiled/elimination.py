@@ -75,7 +75,7 @@ def pivot_order(pattern: NDArray[np.bool_], values: Array) -> tuple[list[tuple[i
 
 
 class Factors:
-    """A square sparse matrix A, factorised along given pivots.
+    """A square sparse matrix A, factorised along given pivots; the last two, if coupled, at once.
 
     Args:
         rows: A is part of these.
@@ -83,7 +83,7 @@ class Factors:
 
     Attributes:
         rows: Of A, in the order of elimination.
-        pivots: In this order.
+        pivots: In this order; the determinant in the place of the last two that are taken at once.
         inverses: One over each.
     """
 
@@ -94,8 +94,11 @@ class Factors:
         self._factors: list[dict[int, Any]] = []  # of each step, by the row they change
         self.pivots: list[Any] = []
         self.inverses: list[Any] = []
+        self._core: dict[tuple[int, int], Any] = {}  # inverse of what the last two pivots stand in
         waiting = [i for i, _ in order]
         for i, j in order:
+            if len(waiting) == 2 and self._invert_core([work[k] for k in waiting]):
+                break
             waiting.remove(i)
             row, pivot = work[i], work[i].pop(j)
             inverse = 1 / pivot
@@ -109,15 +112,37 @@ class Factors:
             self.inverses.append(inverse)
         self._upper = work  # what is left of each row beside its pivot
 
+    def _invert_core(self, rows: list[Mapping[int, Any]]) -> bool:
+        """Where one pivot may vanish while the matrix is regular: the inverse of the last 2 x 2."""
+        (i, j), (k, m) = self._order[-2:]
+        if m not in rows[0] or j not in rows[1]:
+            return False
+        (a, b), (c, d) = ((row.get(j, 0.0), row.get(m, 0.0)) for row in rows)
+        self.pivots.append(a * d - b * c)
+        inverse = 1 / self.pivots[-1]
+        self.inverses.append(inverse)
+        self._core = {(j, i): d * inverse, (j, k): -b * inverse}
+        self._core |= {(m, i): -c * inverse, (m, k): a * inverse}
+        return True
+
+    @property
+    def _steps(self) -> list[tuple[tuple[int, int], dict[int, Any], Any]]:
+        """Row and column, factors and inverse of each pivot before the core."""
+        single = self.inverses[:-1] if self._core else self.inverses
+        return list(zip(self._order, self._factors, single, strict=False))
+
     def solve(self, right: Mapping[int, Any]) -> dict[int, Any]:
         """x by column with A x = right; entries of `right` by row, zeros left out."""
         y: dict[int, Any] = dict(right)
         x: dict[int, Any] = {}
-        for (i, _), factors in zip(self._order, self._factors, strict=True):
+        for (i, _), factors, _ in self._steps:
             if i in y:
                 for k, factor in factors.items():
                     _add(y, k, -(factor * y[i]))
-        for (i, j), inverse in zip(reversed(self._order), reversed(self.inverses), strict=True):
+        for (j, i), entry in self._core.items():
+            if i in y:
+                _add(x, j, entry * y[i])
+        for (i, j), _, inverse in reversed(self._steps):
             known = [(entry, x[k]) for k, entry in self._upper[i].items() if k in x]
             for entry, value in known:
                 _add(y, i, -(entry * value))
@@ -129,12 +154,15 @@ class Factors:
         """x by row with A^T x = right; entries of `right` by column, zeros left out."""
         y: dict[int, Any] = dict(right)
         x: dict[int, Any] = {}
-        for (i, j), inverse in zip(self._order, self.inverses, strict=True):
+        for (i, j), _, inverse in self._steps:
             if j in y:
                 x[i] = y[j] * inverse
                 for k, entry in self._upper[i].items():
                     _add(y, k, -(entry * x[i]))
-        for (i, _), factors in zip(reversed(self._order), reversed(self._factors), strict=True):
+        for (j, i), entry in self._core.items():
+            if j in y:
+                _add(x, i, entry * y[j])
+        for (i, _), factors, _ in reversed(self._steps):
             for k, factor in factors.items():
                 if k in x:
                     _add(x, i, -(factor * x[k]))

@@ -11,20 +11,22 @@ are folded in; `Parameters` lists what stays open.
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
 from casadi import SX
 from numpy.typing import NDArray
 
+from ..chain.closures import Closure
 from ..chain.loops import CLOSURE_TOLERANCE
 from ..chain.mechanism import Mechanism
 from .closure_rows import Row, closure_rows
 from .elimination import Factors, pivot_order, total
-from .kinematics import Kinematics
+from .kinematics import Kinematics, Motion
 from .parameters import SIGN_WIDTH, Parameters
 from .symbols import Sparse, add, is_zero, solve_symmetric, sx
 
@@ -36,6 +38,29 @@ _CLOSED = 0.5
 _PIVOT = 1e-3
 
 
+class Body(NamedTuple):
+    """A rigid body, or several that are welded to each other, in the frame of a link.
+
+    Attributes:
+        mass: Of all.
+        c: First moment.
+        J: Second moments, the integral of r r^T.
+        polar: Sum of mass times the square of the mass centre's distance from the origin.
+    """
+
+    mass: SX
+    c: SX
+    J: SX
+    polar: SX
+
+    def moved(self, R: SX, p: SX) -> Body:
+        """In a frame in which the one before has the orientation R and the origin p."""
+        c = R @ self.c
+        J = R @ self.J @ R.T + c @ p.T + p @ c.T + self.mass * p @ p.T
+        c += self.mass * p
+        return Body(self.mass, c, J, ca.sumsqr(c) / self.mass)
+
+
 class Equations:
     """Symbols of one mechanism.
 
@@ -45,6 +70,7 @@ class Equations:
         loaded: Whether external wrenches act on the bodies.
         smooth: Whether Coulomb friction is tanh(v / sign_width) for derivatives, not the sign,
             which kernels smooth by themselves where the width is not zero.
+        parameters: Which numbers stay open; those of `Parameters` by default.
 
     Attributes:
         kinematics: Of the tree.
@@ -58,17 +84,22 @@ class Equations:
     """
 
     def __init__(
-        self, mechanism: Mechanism, samples: Array, loaded: bool = False, smooth: bool = False
+        self,
+        mechanism: Mechanism,
+        samples: Array,
+        loaded: bool = False,
+        smooth: bool = False,
+        parameters: Parameters | None = None,
     ) -> None:
         self.mechanism, model = mechanism, mechanism.model
-        self.kinematics = Kinematics(model)
+        self.parameters = parameters or Parameters(mechanism)
+        self.p = SX.sym("p", self.parameters.size)
+        self.kinematics = Kinematics(model, self.parameters.rotations(self.p))
         self.q = self.kinematics.q
         self._coordinates = [int(i) for i in mechanism.coordinates]
         self._dependent = [int(i) for i in mechanism.dependent]
         self.va, self.aa = (SX.sym(name, len(self._coordinates)) for name in ("va", "aa"))
         self.loads = SX.sym("loads", 6 * (model.njoints - 1) if loaded else 0)
-        self.parameters = Parameters(mechanism)
-        self.p = SX.sym("p", self.parameters.size)
         self._samples, self._smooth = samples, smooth
 
     # --- closures ---------------------------------------------------------------------------
@@ -108,8 +139,9 @@ class Equations:
 
     def at_samples(self, symbols: SX) -> Array:
         """Values of a function of q, shape (samples, rows, columns)."""
-        numbers = ca.Function("numbers", [self.q], [ca.densify(symbols)])
-        return np.array([numbers(q).full() for q in self._samples])
+        p = self.parameters.pack(self.mechanism, self.mechanism.friction)
+        numbers = ca.Function("numbers", [self.q, self.p], [ca.densify(symbols)])
+        return np.array([numbers(q, p).full() for q in self._samples])
 
     def complete(self, of_coordinates: Sequence[Any], right: Sparse) -> Sparse:
         """Rates x of the whole tree with Phi x = right, from those of the coordinates."""
@@ -163,22 +195,45 @@ class Equations:
         gaps = [s**2 * x.gap for s, x in zip(self.mechanism.row_scale, self.rows, strict=True)]
         gaps += [gap**2 for gap in self.kinematics.unit_gaps]
         open_by = total(gaps) / (_CLOSED * CLOSURE_TOLERANCE) ** 2
-        return [open_by, pivot_check(self._pivots[1], self.factors.inverses)]
+        return [open_by, pivot_check(self._pivots[1], self.factors)]
 
     # --- forces -----------------------------------------------------------------------------
+
+    @cached_property
+    def _bodies(self) -> list[Body | None]:
+        """By Pinocchio's joints; bodies that are welded to each other are one."""
+        model, kinematics = self.mechanism.model, self.kinematics
+        bodies: list[Body | None] = [None] * model.njoints
+        for i in range(1, model.njoints):
+            found = self.parameters.body(self.p, i)
+            if found is not None:
+                mass, c, J = found
+                bodies[i] = Body(mass, c, J, ca.sumsqr(c) / mass)
+        for closure in self.mechanism.closures:
+            if isinstance(closure, Closure) and all(closure.held):
+                ends = (closure.frame_a, closure.frame_b)
+                a, b = (model.frames[model.getFrameId(name)] for name in ends)
+                i, j = a.parentJoint, b.parentJoint
+                moving = bodies[j]
+                if i and moving is not None:
+                    R = kinematics.rotation(a) @ kinematics.rotation(b).T
+                    p = sx(a.placement.translation) - R @ sx(b.placement.translation)
+                    moved, other = moving.moved(R, p), bodies[i]
+                    bodies[i] = moved if other is None else Body(*map(operator.add, moved, other))
+                    bodies[j] = None
+        return bodies
 
     def tree_forces(self, v: Sparse, dv: Sparse, *, loads: bool = True) -> Sparse:
         """tau of the tree by the recursion of Newton and Euler, without friction and springs."""
         wrenches = []
-        motions = self.kinematics.motions(v, dv, self.parameters.gravity(self.p))
+        gravity = self.kinematics.base.T @ self.parameters.gravity(self.p)
+        motions = self.kinematics.motions(v, dv, gravity)
         for link, x in zip(self.kinematics.tree.links, motions, strict=True):
-            body = self.parameters.body(self.p, link.body)
+            body = self._bodies[link.body]
             F, N = SX(3, 1), SX(3, 1)
             if body is not None:
-                mass, c, J = body
-                UJ = x.U @ J
-                axial = ca.vertcat(UJ[2, 1] - UJ[1, 2], UJ[0, 2] - UJ[2, 0], UJ[1, 0] - UJ[0, 1])
-                F, N = mass * x.a + x.U @ c, axial + ca.cross(c, x.a)
+                mass, c, J, _ = body
+                F, N = mass * x.a + x.U @ c, _moment(x, J) + ca.cross(c, x.a)
             if loads and link.body and self.loads.numel():
                 force, moment = self._load(link.body)
                 F, N = F - force, N - moment
@@ -192,7 +247,8 @@ class Equations:
     def _load(self, body: int) -> tuple[SX, SX]:
         """External force and moment about the origin of a link, axes of the link."""
         moment, force = ca.vertsplit(self.loads[6 * body - 6 : 6 * body], 3)
-        back = self.kinematics.pose(0, self.kinematics.tree.link_of[body])[0].T
+        pose, _ = self.kinematics.pose(0, self.kinematics.tree.link_of[body])
+        back = pose.T @ self.kinematics.base.T
         found = self.parameters.body(self.p, body)
         lever = sx(self.mechanism.model.inertias[body].lever)
         if found is not None:
@@ -241,10 +297,10 @@ class Equations:
 
     def _inertia_of(self, body: int) -> tuple[SX, SX, SX]:
         """Mass, first moment and inertia about the origin of a body; zeros without mass."""
-        found = self.parameters.body(self.p, body)
+        found = self._bodies[body]
         if found is None:
             return SX(1, 1), SX(3, 1), SX(3, 3)
-        mass, c, J = found
+        mass, c, J, _ = found
         return mass, c, ca.trace(J) * SX.eye(3) - J
 
     @cached_property
@@ -317,10 +373,10 @@ class Equations:
             motions = self.kinematics.motions(self.v, L_dot, v_k=L)
             for link, x in zip(self.kinematics.tree.links, motions, strict=True):
                 mass, c, inertia = self._inertia_of(link.body)
-                inner = inertia
-                if not mass.is_zero():
+                inner, found = inertia, self._bodies[link.body]
+                if found is not None:
                     # About the mass centre the paper's term is omega x (I omega_k).
-                    inner = inertia - ca.sumsqr(c) / mass * SX.eye(3)
+                    inner = inertia - found.polar * SX.eye(3)
                 moment = inertia @ x.alpha + ca.cross(x.omega, inner @ x.omega_k)
                 wrenches.append((mass * x.a + x.U @ c, moment + ca.cross(c, x.a)))
             tau = add(self.kinematics.transmitted(wrenches), self._rotors(L_dot))
@@ -338,6 +394,18 @@ class Equations:
         return solve_symmetric(self.inertia, self.project(motors) - self.project(without))
 
 
-def pivot_check(sizes: Array, inverses: Sequence[Any]) -> Any:
+def _moment(x: Motion, J: SX) -> SX:
+    """About the origin of a link, of its motion but for the acceleration of the origin."""
+    if sum(not component.is_zero() for component in ca.vertsplit(x.omega)) == 1:
+        inertia = ca.trace(J) * SX.eye(3) - J
+        return inertia @ x.alpha + ca.cross(x.omega, inertia @ x.omega)
+    UJ = x.U @ J
+    return ca.vertcat(UJ[2, 1] - UJ[1, 2], UJ[0, 2] - UJ[2, 0], UJ[1, 0] - UJ[0, 1])
+
+
+def pivot_check(sizes: Array, factors: Factors) -> Any:
     """More than 1 where a pivot is small against its size in the samples."""
+    inverses = factors.inverses
+    if len(inverses) < len(sizes):
+        sizes = np.append(sizes[:-2], sizes[-2] * sizes[-1])
     return total([(_PIVOT * float(s) * x) ** 2 for s, x in zip(sizes, inverses, strict=True)])

@@ -46,10 +46,13 @@ extern double robot_parameters[{size}];
 _WRAPPER = """
 {head}
 {{
-    double x[{inputs}], y[{total}];
+    double x[{inputs}], y[{total}], p[{size}];
     int bad = 0;
 {copies}
-    {name}(x, robot_parameters, y);
+    for (int i = 0; i < {parameters}; i++)
+        p[i] = robot_parameters[i];
+    prepare_{name}(p);
+    {name}(x, p, y);
     for (int i = 0; i < {outputs}; i++) {{
         {output}[i] = y[i];
         bad |= !(y[i] * 0.0 == 0.0);
@@ -123,11 +126,14 @@ def c_files(chain: ClosedChain, folder: str | Path) -> dict[Path, Writer]:
                 f"    for (int i = 0; i < {sizes[x]}; i++)\n        x[{start} + i] = {x}[i];"
             )
             start += sizes[x]
-        source.append(c_code.body(kernel))
+        code = c_code.body(kernel)
+        source.append(code.text)
         source.append(
             _WRAPPER.format(
                 head=head,
                 name=kernel.name,
+                size=code.size,
+                parameters=len(numbers),
                 inputs=start,
                 outputs=sizes[output],
                 output=output,

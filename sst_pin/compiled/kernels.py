@@ -79,7 +79,7 @@ def _torques(e: Equations) -> _Made:
     rows = [{j: A[i, j] for j in range(n) if not is_zero(A[i, j])} for i in range(n)]
     factors = Factors(rows, order)
     solution = factors.solve(dict(enumerate(ca.vertsplit(f))))
-    check = pivot_check(sizes, factors.inverses)
+    check = pivot_check(sizes, factors)
     return inputs, ca.vertcat(*(SX(solution.get(i, 0)) for i in range(n))), [check]
 
 

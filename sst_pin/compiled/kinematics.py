@@ -8,6 +8,7 @@ U = skew(alpha) + skew(omega) skew(omega).
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property
 from typing import NamedTuple
@@ -73,17 +74,28 @@ class Kinematics:
 
     Args:
         model: The tree.
+        rotations: Orientations of joints at rest and of frames, in the place of the model's, by
+            name.
 
     Attributes:
         tree: Its links.
         q: Its coordinates.
+        base: Axes that vectors of link 0 are in, in the base: those of the first joint where the
+            orientation of this is given.
 
     Raises:
         DescriptionError: For a joint without compiled equations.
     """
 
-    def __init__(self, model: pin.Model) -> None:
+    def __init__(self, model: pin.Model, rotations: Mapping[str, SX] | None = None) -> None:
         self.tree = Tree.of(model)
+        self._rotations = dict(rotations or {})
+        self._at_rest = {
+            self.tree.link_of[model.getJointId(name)]: R
+            for name, R in self._rotations.items()
+            if model.existJointName(name)
+        }
+        self.base = self._at_rest.get(1, SX.eye(3))
         self.q = SX.sym("q", model.nq)
         self.pose = cache(self._pose)
         self._at_rates: tuple[Sparse | None, dict[tuple[int, int], Motion]] = None, {}
@@ -92,10 +104,23 @@ class Kinematics:
     def placements(self) -> list[tuple[SX, SX]]:
         """Orientation and origin of each link in its parent."""
         placements = []
-        for link in self.tree.links:
-            R, d = _joint_placement(link, [self.q[i] for i in link.q])
-            placements.append((sx(link.R) @ R, sx(link.p) + sx(link.R) @ d))
+        for i, link in enumerate(self.tree.links):
+            R, d = _joint_placement(link, [self.q[k] for k in link.q])
+            before = self._rotation_at_rest(i)
+            placements.append((before @ R, sx(link.p) + before @ d))
         return placements
+
+    def _rotation_at_rest(self, i: int) -> SX:
+        """Orientation of a joint at rest in the parent of its link."""
+        link = self.tree.links[i]
+        R = self._at_rest.get(i, sx(link.R))
+        if link.parent or not i:
+            return R
+        return SX.eye(3) if R is self.base else self.base.T @ R
+
+    def rotation(self, frame: pin.Frame) -> SX:
+        """Orientation of a frame in its link."""
+        return self._rotations.get(frame.name, sx(frame.placement.rotation))
 
     def _pose(self, base: int, link: int) -> tuple[SX, SX]:
         """Orientation and origin of a link, in the axes of one of its ancestors."""
@@ -117,7 +142,7 @@ class Kinematics:
             for k, S in zip(self.tree.links[i].v, self.tree.links[i].S.T, strict=True):
                 turn = R_i @ sx(S[3:])
                 columns[k] = (R_i @ sx(S[:3]) + ca.cross(turn, p - o_i), turn)
-        return Point(p, R @ sx(frame.placement.rotation), columns)
+        return Point(p, R @ self.rotation(frame), columns)
 
     def motions(
         self, v: Sparse, dv: Sparse, gravity: SX | None = None, v_k: Sparse | None = None

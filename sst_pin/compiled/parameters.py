@@ -8,6 +8,7 @@ no compiler.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -33,6 +34,8 @@ class Parameters:
 
     Args:
         mechanism: The robot.
+        complete: Whether all bodies have a mass and all joints friction and a rotor, be they zero.
+        rotated: Names of joints and frames whose orientation stays open.
 
     Attributes:
         size: How many there are.
@@ -40,10 +43,14 @@ class Parameters:
         joints: Indices of the rates that have each quantity of a joint, by its name.
     """
 
-    def __init__(self, mechanism: Mechanism) -> None:
+    def __init__(
+        self, mechanism: Mechanism, *, complete: bool = False, rotated: Sequence[str] = ()
+    ) -> None:
         model = mechanism.model
         self.bodies = tuple(
-            i for i in range(1, model.njoints) if np.any(model.inertias[i].toDynamicParameters())
+            i
+            for i in range(1, model.njoints)
+            if complete or np.any(model.inertias[i].toDynamicParameters())
         )
         values = _of_joints(mechanism)
         springs = np.flatnonzero(values["stiffness"])
@@ -51,11 +58,14 @@ class Parameters:
             name: tuple(map(int, springs if name == "spring_reference" else np.flatnonzero(x)))
             for name, x in values.items()
         }
+        if complete:
+            self.joints |= dict.fromkeys(("armature", "viscous", "coulomb"), tuple(range(model.nv)))
         self._starts, start = {}, 4 + _BODY * len(self.bodies)  # gravity, sign_width
         for name in _JOINT:
             self._starts[name] = start
             start += len(self.joints[name])
-        self.size = start
+        self.rotated = tuple(rotated)
+        self.size = start + 9 * len(self.rotated)
 
     def pack(self, mechanism: Mechanism, friction: Friction) -> Array:
         """The numbers of a mechanism with the same structure, shape (size,).
@@ -74,7 +84,21 @@ class Parameters:
             half = (xx + yy + zz) / 2
             parts += [about_origin[:4], [half - xx, -xy, -xz, half - yy, -yz, half - zz]]
         parts += [values[name][list(self.joints[name])] for name in _JOINT]
+        for name in self.rotated:
+            if model.existJointName(name):
+                placement = model.jointPlacements[model.getJointId(name)]
+            else:
+                placement = model.frames[model.getFrameId(name)].placement
+            parts.append(placement.rotation.ravel())
         return np.concatenate(parts)
+
+    def rotations(self, p: SX) -> dict[str, SX]:
+        """Open orientations, by name."""
+        start = self.size - 9 * len(self.rotated)
+        return {
+            name: p[start + 9 * k : start + 9 * k + 9].reshape((3, 3)).T
+            for k, name in enumerate(self.rotated)
+        }
 
     def gravity(self, p: SX) -> SX:
         """Acceleration of gravity, base axes."""

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The equations on symbols, held against the reference path by numbers put in."""
 
+import re
+
 import casadi as ca
 import numpy as np
 import pinocchio as pin
@@ -9,7 +11,7 @@ import pytest
 import any_chain
 import robots
 from sst_pin.chain.mechanism import Friction
-from sst_pin.compiled import kernels
+from sst_pin.compiled import c_code, kernels
 from sst_pin.compiled.backend import sample_configurations
 from sst_pin.compiled.elimination import Factors, pivot_order
 from sst_pin.compiled.equations import Equations
@@ -187,3 +189,36 @@ def test_rows_that_follow_from_others_get_no_pivot_and_solutions_hold():
     assert np.allclose(used @ [x[j] for j in range(4)], b, rtol=1e-13)
     y = factors.solve_transposed(dict(enumerate(b)))
     assert np.allclose(used.T @ [y[i] for i in factors.rows], b, rtol=1e-13)
+
+
+@pytest.mark.parametrize("core", [[[0.0, 2.0], [3.0, 1.0]], [[1.0, 2.0], [3.0, 0.0]]])
+def test_either_of_the_last_two_pivots_may_vanish(core):
+    """Their 2 x 2 matrix is inverted as one: it may be regular all the same."""
+    A = np.array([[2.0, 1.0, 1.0], [0.0, *core[0]], [0.0, *core[1]]])
+    rows = [
+        {0: 2.0, 1: 1.0, 2: 1.0},
+        {1: core[0][0], 2: core[0][1]},
+        {1: core[1][0], 2: core[1][1]},
+    ]
+    factors, b = Factors(rows, [(0, 0), (1, 1), (2, 2)]), np.array([1.0, 2.0, 3.0])
+    x = factors.solve(dict(enumerate(b)))
+    assert np.allclose(A @ [x[j] for j in range(3)], b, rtol=1e-14)
+    y = factors.solve_transposed(dict(enumerate(b)))
+    assert np.allclose(A.T @ [y[i] for i in range(3)], b, rtol=1e-14)
+    assert np.prod(factors.pivots) == pytest.approx(np.linalg.det(A))
+
+
+@pytest.mark.parametrize("name", ["torques", "accelerations", "reduced_terms"])
+def test_what_depends_on_parameters_alone_is_computed_once(name):
+    """No sine, no division by a mass and no product of two parameters is left for the samples."""
+    chain = any_chain.chain(kind="6d")
+    chain.generic_configuration()
+    samples = sample_configurations(chain._reference)
+    text, size = c_code.body(kernels.make(Equations(chain._mechanism(), samples), name))
+    prepare, run = text.split("static void " + name)
+    parameters = Equations(chain._mechanism(), samples).parameters.size
+    assert size > parameters
+    assert f"p[{parameters}] = " in prepare
+    assert "x[" not in prepare
+    assert "const double t" not in run
+    assert not re.search(r"= p\[\d+\] [-+*/] p\[\d+\];", run)

@@ -98,4 +98,13 @@ HELPER real direction(real x, double width)
     return width > 0 ? tangent(x / width) : SIGN(x);
 }
 
+/* Coulomb friction; most joints have none. */
+HELPER real rubbing(real x, double coulomb, double width)
+{
+    const real zero = {0};
+    if (coulomb == 0)
+        return zero;
+    return coulomb * direction(x, width);
+}
+
 #endif
