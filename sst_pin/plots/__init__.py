@@ -20,7 +20,15 @@ from .motions import (
 from .pages import SUBJECTS, motion_page, workspace_page
 from .paper_figures import paper_figures
 from .sphere import paths_on_sphere, robot_pose
-from .style import COLOURS, DASHES, figure_writer, figure_writers, require_ending, style
+from .style import (
+    COLOURS,
+    DASHES,
+    StyledFigure,
+    figure_writer,
+    figure_writers,
+    require_ending,
+    style,
+)
 from .workspace import (
     condition_colourbar,
     second_kind,
@@ -33,6 +41,7 @@ __all__ = [
     "COLOURS",
     "DASHES",
     "SUBJECTS",
+    "StyledFigure",
     "condition_colourbar",
     "condition_number",
     "energy_balance",

@@ -1,143 +1,184 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Curves of a motion against time."""
+"""Curves of a motion against time, for any closed chain."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..chain.closed_chain import ClosedChain
+from ..chain.joint_space import JointSpace
 from ..motion.energy import energy_balance as balance_of
 from ..motion.trajectories import Trajectory
 from ..sst.robot import SST
+from . import curves
+from .curves import Curves
 from .sphere import PATHS
-from .style import COLOURS, DASHES, Axes
+from .style import Axes
 
 Array = NDArray[np.float64]
 
-#: Above the axes, where no curve is covered.
-_ABOVE: dict[str, Any] = {
-    "loc": "lower center",
-    "bbox_to_anchor": (0.5, 1.0),
-    "borderaxespad": 0.3,
-    "handlelength": 2.4,
-    "columnspacing": 1.2,
-}
+_ALL: dict[str, Any] = {"color": "black", "linewidth": 1.8}
+_FRICTION: dict[str, Any] = {"color": "#CC79A7", "linestyle": (0, (3, 1, 1, 1)), "linewidth": 1.8}
 
 
-def motor_torques(ax: Axes, motion: Trajectory) -> Axes:
-    """Torques of three motors against time (Fig. 10).
+def motor_torques(ax: Axes, motion: Trajectory, motors: Sequence[str] | None = None) -> Axes:
+    """Torques, or forces, of motors against time (Fig. 10).
 
     Args:
         ax: Plane axes.
-        motion: Of an SST.
+        motion: Of any closed chain.
+        motors: Names; all by default.
+
+    Raises:
+        UnknownNameError: For a name that no motor has.
+        InputError: When some of the motors turn and others push.
     """
-    for k in range(3):
-        label = rf"$\tau_{k + 1}$"
-        ax.plot(motion.t, motion.tau[:, k], color=COLOURS[k], linestyle=DASHES[k], label=label)
-    _zero(ax)
-    _time(ax, motion, "motor torque (N m)")
-    ax.legend(ncols=3, loc="lower center", bbox_to_anchor=(0.5, 1.0), handlelength=2.6)
+    found = _torques(motion).pick(motors)
+    unit = found.unit()
+    numbers = [curves.number(name) for name in found.names]
+    if all(numbers) and len(set(numbers)) == len(numbers):
+        labels = [rf"$\tau_{curves.subscript(k)}$" for k in numbers]
+    else:
+        labels = [curves.label(name) for name in found.names]
+    curves.draw(ax, motion.t, found, labels)
+    curves.zero(ax)
+    curves.time(ax, motion.t, curves.FORCE[unit])
+    curves.legend_above(ax)
     return ax
 
 
-def joint_angles(ax: Axes, motion: Trajectory) -> Axes:
-    """Angles of all nine joints against time.
+def joint_angles(ax: Axes, motion: Trajectory, joints: Sequence[str] | None = None) -> Axes:
+    """Positions of joints against time: angles in degrees, or displacements in metres.
+
+    An endless joint, which is a cosine and a sine in q, is drawn as an angle by the joint's name.
 
     Args:
         ax: Plane axes.
-        motion: Of an SST.
+        motion: Of any closed chain.
+        joints: Names of entries of q; all by default.
+
+    Raises:
+        UnknownNameError: For a name that no entry has.
+        InputError: When some are angles and others are not.
     """
-    _nine_joints(ax, motion.t, np.degrees(motion.q), "")
-    _time(ax, motion, "joint angle (deg)")
+    found = _positions(motion).pick(joints)
+    unit = found.unit()
+    curves.draw(ax, motion.t, found, [curves.label(name) for name in found.names])
+    curves.time(ax, motion.t, curves.POSITION[unit])
+    curves.legend_above(ax)
     return ax
 
 
-def joint_rates(ax: Axes, robot: SST, motion: Trajectory) -> Axes:
-    """Rates of all nine joints against time.
+def joint_rates(
+    ax: Axes, robot: ClosedChain, motion: Trajectory, joints: Sequence[str] | None = None
+) -> Axes:
+    """Rates of joints against time.
 
     Args:
         ax: Plane axes.
-        robot: The SST.
+        robot: Any closed chain.
         motion: Of that robot.
+        joints: Names of rates; all by default.
+
+    Raises:
+        UnknownNameError: For a name that no rate has.
+        InputError: When some joints turn and others slide.
     """
-    _nine_joints(ax, motion.t, robot.joint_rates(motion.q, motion.va), r"\dot")
-    _zero(ax)
-    _time(ax, motion, "joint rate (rad/s)")
+    found = _rates(robot, motion).pick(joints)
+    unit = found.unit()
+    curves.draw(ax, motion.t, found, [curves.label(name, r"\dot") for name in found.names])
+    curves.zero(ax)
+    curves.time(ax, motion.t, curves.RATE[unit])
+    curves.legend_above(ax)
     return ax
 
 
-def powers(ax: Axes, robot: SST, motion: Trajectory) -> Axes:
-    """Power of each motor, of all three, and of friction where there is any, against time.
+def powers(
+    ax: Axes, robot: ClosedChain, motion: Trajectory, motors: Sequence[str] | None = None
+) -> Axes:
+    """Power of motors, of all of them, and of friction where there is any, against time.
 
     Args:
         ax: Plane axes.
-        robot: The SST.
+        robot: Any closed chain.
         motion: Of that robot.
+        motors: Names of those drawn one by one; all by default.
+
+    Raises:
+        UnknownNameError: For a name that no motor has.
     """
-    power = motion.tau * motion.va
-    for k in range(3):
-        label = rf"$\tau_{k + 1}\,\dot\gamma_{k + 1}$"
-        ax.plot(motion.t, power[:, k], color=COLOURS[k], linestyle=DASHES[k], label=label)
-    ax.plot(motion.t, power.sum(axis=1), color="black", linewidth=1.6, label="all motors")
+    power = motion.tau * robot.motor_rates(motion.q, motion.va)
+    found = _powers(motion, power).pick(motors)
+    numbers = [curves.number(name) for name in found.names]
+    labels = [
+        f"motor {k}" if k else curves.label(n) for k, n in zip(numbers, found.names, strict=True)
+    ]
+    curves.draw(ax, motion.t, found, labels)
+    ax.plot(motion.t, power.sum(axis=1), label="all motors", **_ALL)
     if not robot.friction.none:
         lost = robot.friction_power(motion.q, motion.va)
-        ax.plot(motion.t, lost, color="#CC79A7", linestyle=(0, (3, 1, 1, 1)), label="friction")
-    _zero(ax)
-    _time(ax, motion, "power (W)")
-    ax.legend(ncols=3, **_ABOVE)
+        ax.plot(motion.t, lost, label="friction", **_FRICTION)
+    curves.zero(ax)
+    curves.time(ax, motion.t, "power (W)")
+    curves.legend_above(ax)
     return ax
 
 
-def energy_balance(ax: Axes, robot: SST, motion: Trajectory) -> Axes:
+def energy_balance(ax: Axes, robot: ClosedChain, motion: Trajectory) -> Axes:
     """Energies gained and work done since the start, and what they leave, against time.
 
     Args:
         ax: Plane axes.
-        robot: The SST.
+        robot: Any closed chain.
         motion: Of that robot, without external loads.
     """
     balance = balance_of(robot, motion)
-    curves = (
-        ("kinetic", balance.kinetic, COLOURS[0], DASHES[0]),
-        ("potential", balance.potential, COLOURS[1], DASHES[1]),
-        ("work of motors", balance.motors, COLOURS[2], DASHES[2]),
-        ("work of friction", balance.friction, "#CC79A7", (0, (3, 1, 1, 1))),
-    )
-    for label, energy, colour, dashes in curves if not robot.friction.none else curves[:3]:
-        ax.plot(motion.t, energy, color=colour, linestyle=dashes, label=label)
+    names = ("kinetic", "potential", "work of motors")
+    values = np.stack([balance.kinetic, balance.potential, balance.motors], axis=1)
+    curves.draw(ax, motion.t, Curves(names, ("J",) * 3, values), names)
+    if not robot.friction.none:
+        ax.plot(motion.t, balance.friction, label="work of friction", **_FRICTION)
     worst = np.abs(balance.error).max()
     label = rf"residual $\leq$ {upper_bound(worst)} J"
     ax.plot(motion.t, balance.error, color="black", linewidth=0.8, label=label)
-    _time(ax, motion, "energy since start (J)")
-    ax.legend(ncols=2, **_ABOVE)
+    curves.time(ax, motion.t, "energy since start (J)")
+    curves.legend_above(ax)
     return ax
 
 
-def condition_number(ax: Axes, robot: SST, motion: Trajectory) -> Axes:
-    """Nearness to the singularities of both kinds against time.
+def condition_number(ax: Axes, robot: ClosedChain, motion: Trajectory) -> Axes:
+    """Nearness to singularities against time: 1 at best, growing without bound.
 
-    The condition number of A tells of the second kind, 1 / min |sin(mu_k)| of the first; both are 1
-    at their best and grow without bound.
+    Of a closed chain the condition number of the dependent part of Phi, free of units: infinite
+    where the coordinates no longer fix the other joints. Of an SST that of A, infinite where the
+    motors lose the star (second kind), and 1 / min |sin(mu_k)|, infinite where a leg lies flat on
+    its arc (first kind).
 
     Args:
         ax: Plane axes.
-        robot: The SST.
+        robot: Any closed chain.
         motion: Of that robot.
     """
-    found = robot.singularities(motion.q)
-    with np.errstate(divide="ignore"):
-        first, second = 1 / found.first_kind, found.condition_number
-    label = r"$\mathrm{cond}\,A$"
-    ax.plot(motion.t, second, color=COLOURS[0], linestyle=DASHES[0], label=label)
-    label = r"$1\,/\min\,|\sin\mu_k|$"
-    ax.plot(motion.t, first, color=COLOURS[1], linestyle=DASHES[1], label=label)
-    if max(second.max(), first.max()) > 20:
+    if isinstance(robot, SST):
+        found = robot.singularities(motion.q)
+        with np.errstate(divide="ignore"):
+            values = np.stack([found.condition_number, 1 / found.first_kind], axis=1)
+        names: tuple[str, ...] = (
+            r"motors' hold on the star, $\mathrm{cond}\,A$",
+            r"legs away from flat, $1\,/\min\,|\sin\mu_k|$",
+        )
+    else:
+        values = np.array([[robot.condition_number(q)] for q in motion.q])
+        names = ("dependent joints",)
+    curves.draw(ax, motion.t, Curves(names, ("",) * len(names), values), names)
+    if values.max() > max(20, 10 * values.min()):
         ax.set_yscale("log")
-    _time(ax, motion, "condition number (1)")
-    ax.legend(ncols=2, **_ABOVE)
+    curves.time(ax, motion.t, "condition number (1)")
+    curves.legend_above(ax)
     return ax
 
 
@@ -156,23 +197,34 @@ def path_errors(ax: Axes, errors: Sequence[tuple[str, Array, Array]]) -> Axes:
     return ax
 
 
-def _nine_joints(ax: Axes, t: Array, values: Array, accent: str) -> None:
-    """Legs by colour, kinds of joint by dashes."""
-    for i in range(9):
-        joint, leg = i % 3, i // 3
-        letter = (r"\gamma", r"\mu", r"\beta")[joint]
-        name = f"{accent}{letter}_{leg + 1}" if accent else f"{letter}_{leg + 1}"
-        ax.plot(t, values[:, i], color=COLOURS[leg], linestyle=DASHES[joint], label=f"${name}$")
-    # The legend's columns are the legs.
-    ax.legend(ncols=3, **_ABOVE)
+def _torques(motion: Trajectory) -> Curves:
+    return Curves(motion.actuated, motion.torque_units, motion.tau)
 
 
-def _zero(ax: Axes) -> None:
-    ax.axhline(0, color="0.7", linewidth=0.5, zorder=0)
+def _powers(motion: Trajectory, power: Array) -> Curves:
+    return Curves(motion.actuated, ("W",) * len(motion.actuated), power)
 
 
-def _time(ax: Axes, motion: Trajectory, what: str) -> None:
-    ax.set(xlabel="time (s)", ylabel=what, xlim=(motion.t[0], motion.t[-1]))
+def _positions(motion: Trajectory) -> Curves:
+    """Angles in degrees; a cosine and a sine as the angle that they are of."""
+    names, units, columns = [], [], []
+    values = iter(zip(motion.joint_names, motion.units, motion.q.T, strict=True))
+    for name, unit, column in values:
+        if not unit and name.endswith("_cos"):
+            _, _, sine = next(values)
+            names.append(name.removesuffix("_cos"))
+            units.append("rad")
+            columns.append(np.degrees(np.unwrap(np.arctan2(sine, column))))
+        else:
+            names.append(name)
+            units.append(unit)
+            columns.append(np.degrees(column) if unit == "rad" else column)
+    return Curves(tuple(names), tuple(units), np.stack(columns, axis=1))
+
+
+def _rates(robot: ClosedChain, motion: Trajectory) -> Curves:
+    space = JointSpace(robot.model)
+    return Curves(space.rate_names, space.rate_units, robot.joint_rates(motion.q, motion.va))
 
 
 def upper_bound(value: float) -> str:
@@ -184,12 +236,38 @@ def upper_bound(value: float) -> str:
     return rf"${digit}\times 10^{{{exponent}}}$" if digit < 10 else rf"$10^{{{exponent + 1}}}$"
 
 
+#: Draws into axes.
+Panel = Callable[[Axes], Axes]
+
+
+def panels(subject: str, robot: ClosedChain, motion: Trajectory) -> Iterator[Panel]:
+    """What draws a subject: one pair of axes, or several where units differ or curves are many.
+
+    Args:
+        subject: Of `CURVES`.
+        robot: Any closed chain.
+        motion: Of that robot.
+    """
+    draw, found = CURVES[subject], _PARTS.get(subject)
+    if found is None:
+        yield lambda ax: draw(ax, robot, motion, None)
+        return
+    for names in found(robot, motion).panels():
+        yield lambda ax, names=names: draw(ax, robot, motion, names)  # type: ignore[misc]
+
+
 #: What draws each kind of curve, by the name it has on the command line.
-CURVES: dict[str, Callable[[Axes, SST, Trajectory], Axes]] = {
-    "torques": lambda ax, robot, motion: motor_torques(ax, motion),
-    "joints": lambda ax, robot, motion: joint_angles(ax, motion),
+CURVES: dict[str, Callable[[Axes, ClosedChain, Trajectory, Sequence[str] | None], Axes]] = {
+    "torques": lambda ax, robot, motion, names: motor_torques(ax, motion, names),
+    "joints": lambda ax, robot, motion, names: joint_angles(ax, motion, names),
     "rates": joint_rates,
     "power": powers,
-    "energy": energy_balance,
-    "condition": condition_number,
+    "energy": lambda ax, robot, motion, names: energy_balance(ax, robot, motion),
+    "condition": lambda ax, robot, motion, names: condition_number(ax, robot, motion),
+}
+_PARTS: dict[str, Callable[[ClosedChain, Trajectory], Curves]] = {
+    "torques": lambda robot, motion: _torques(motion),
+    "joints": lambda robot, motion: _positions(motion),
+    "rates": _rates,
+    "power": lambda robot, motion: _powers(motion, motion.tau),
 }

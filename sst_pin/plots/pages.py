@@ -3,61 +3,92 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from textwrap import wrap
 
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from ..chain.closed_chain import ClosedChain
 from ..errors import InputError
 from ..motion.trajectories import Trajectory, require_motion
 from ..sst.robot import SST
 from ..sst.workspace import Workspace
-from .motions import CURVES
+from .motions import CURVES, Panel, panels
 from .sphere import paths_on_sphere
-from .style import style
+from .style import Axes, StyledFigure, style
 from .workspace import condition_colourbar, workspace_legend, workspace_map, workspace_on_sphere
 
 Array = NDArray[np.float64]
 
-#: What a page can show of a motion.
+#: What a page can show of a motion; the path of an SST only.
 SUBJECTS = ("path", *CURVES)
 #: What it shows when nothing is asked for.
 SUMMARY = ("path", "torques", "joints", "rates", "energy", "condition")
 
 
-def motion_page(robot: SST, motion: Trajectory, subjects: Sequence[str] = SUMMARY) -> Figure:
-    """A page about a motion, two axes in a row, and below them what `robot.check` finds.
+def motion_page(
+    robot: ClosedChain, motion: Trajectory, subjects: Sequence[str] | None = None
+) -> Figure:
+    """A page about a motion, two axes in a row, lettered; below them what `check` finds of an SST.
+
+    A subject takes several axes where units differ or more than nine curves are to be told apart.
 
     Args:
-        robot: The SST.
+        robot: Any closed chain.
         motion: Of that robot, with more than one sample.
-        subjects: Of `SUBJECTS`, in the order of the page.
+        subjects: Of `SUBJECTS`, in the order of the page; all but power by default, and the path
+            for an SST only.
 
     Raises:
         InputError: For a subject that is none, or a motion of another robot.
     """
     require_motion(motion, robot.position_names)
+    if len(motion) < 2:
+        raise InputError("motion", "one sample; a curve needs two at least")
+    star = isinstance(robot, SST)
+    known = SUBJECTS if star else tuple(CURVES)
+    if subjects is None:
+        subjects = [name for name in SUMMARY if name in known]
     names = [] if isinstance(subjects, str) or not isinstance(subjects, Sequence) else subjects
-    if not names or not all(name in list(SUBJECTS) for name in names):
-        raise InputError("subjects", f"{subjects!r}, expected some of {', '.join(SUBJECTS)}")
-    columns = min(len(subjects), 2)
-    rows = -(-len(subjects) // columns)
+    if not names or not all(name in list(known) for name in names):
+        raise InputError("subjects", f"{subjects!r}, expected some of {', '.join(known)}")
     with style():
-        figure = Figure(figsize=(3.6 * columns, 2.9 * rows), layout="constrained")
-        for place, subject in enumerate(subjects, 1):
-            if subject == "path":
-                ax = figure.add_subplot(rows, columns, place, projection="3d")
-                paths_on_sphere(ax, robot, [("path", motion)])
-                ax.set_box_aspect((1, 1, 1), zoom=1.0)
-            else:
-                CURVES[subject](figure.add_subplot(rows, columns, place), robot, motion)
-        if found := robot.check(motion):
-            width = 65 * columns  # characters
-            lines = [line for f in found for line in wrap(f"Warning: {f}", width)]
+        parts = [part for name in names for part in _parts(name, robot, motion)]
+        columns = min(len(parts), 2)
+        rows = -(-len(parts) // columns)
+        longest = max(map(len, (*motion.joint_names, *motion.actuated)))
+        width = 3.6 if longest < 16 else 4.8  # so that legends of long names have two columns
+        figure = StyledFigure(figsize=(width * columns, 2.9 * rows), layout="constrained")
+        for place, (projection, draw) in enumerate(parts, 1):
+            ax = draw(figure.add_subplot(rows, columns, place, projection=projection))
+            if len(parts) > 1:
+                _letter(ax, place)
+        if found := robot.check(motion) if isinstance(robot, SST) else ():
+            lines = [line for f in found for line in wrap(f"Warning: {f}", 65 * columns)]
             figure.supxlabel("\n".join(lines), x=0.02, ha="left", size=7, color="#B00020")
     return figure
+
+
+def _parts(
+    subject: str, robot: ClosedChain, motion: Trajectory
+) -> Iterator[tuple[str | None, Panel]]:
+    """Projection and content of each pair of axes that a subject takes."""
+    if isinstance(robot, SST) and subject == "path":
+        yield "3d", lambda ax: paths_on_sphere(ax, robot, [("path", motion)])
+    else:
+        yield from ((None, panel) for panel in panels(subject, robot, motion))
+
+
+def _letter(ax: Axes, place: int) -> None:
+    """(a), (b), ... at the upper left, (aa) after (z)."""
+    letter = "abcdefghijklmnopqrstuvwxyz"[(place - 1) % 26] * (1 + (place - 1) // 26)
+    if ax.name == "3d":
+        ax.set_title(f"({letter})", loc="left", size="medium")
+    else:
+        at = {"xytext": (-10, 7), "textcoords": "offset points"}
+        ax.annotate(f"({letter})", (0, 1), xycoords="axes fraction", ha="right", **at)
 
 
 def workspace_page(
@@ -77,14 +108,14 @@ def workspace_page(
     label, s = path or (None, None)
     psi = f"{np.degrees(at_psi.psi.flat[0]):g}°".replace("-", "\N{MINUS SIGN}")
     with style():
-        figure = Figure(figsize=(7.2, 7.0), layout="constrained")
+        figure = StyledFigure(figsize=(7.2, 7.0), layout="constrained")
         axes = figure.subplots(2, 2)
         for ax, draw, workspace, title in (
             (axes[0, 0], workspace_map, at_psi, rf"(a) at $\psi$ = {psi}"),
             (axes[0, 1], workspace_map, over_rolls, r"(b) at the best $\psi$"),
             (axes[1, 0], workspace_on_sphere, at_psi, "(c) as (a), on the sphere"),
         ):
-            draw(ax, robot, workspace, s).set_title(title)
+            draw(ax, robot, workspace, s, colourbar=False).set_title(title)
         axes[1, 1].set_axis_off()
         condition_colourbar(axes[1, 1].inset_axes((0.0, 0.82, 1.0, 0.06)))
         handles = [*workspace_legend(at_psi, label), *workspace_legend(over_rolls, label)]

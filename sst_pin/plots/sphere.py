@@ -120,16 +120,17 @@ def _equal_space(ax: Axes, robot: SST, radius: float, s: Array) -> None:
     """A sphere that looks like one, axes with units; the paper's octant when s stays within it."""
     octant = s.min() > -0.15
     limits = np.array((-0.15 if octant else -1.15, 1.15)) * radius
-    power = 10 ** np.floor(np.log10(radius / 2))
-    step = max(m for m in (1, 2, 5) if m * power <= radius / 2) * power * (1 if octant else 2)
+    least = radius / 2.7  # of smaller steps the numbers would run into one another
+    power = 10 ** np.floor(np.log10(least))
+    step = min(m for m in (1, 2, 5, 10) if m * power >= least) * power * (1 if octant else 2)
     ax.set(xlim=limits, ylim=limits, zlim=limits)
-    ax.set_box_aspect((1, 1, 1), zoom=0.9)
+    ax.set_box_aspect((1, 1, 1), zoom=0.84)
     elevation, azimuth = _camera(robot)
     ax.view_init(elev=elevation, azim=azimuth)
-    ax.set_xlabel("$x_0$ (m)", labelpad=5)  # clear of the numbers
-    ax.set_ylabel("$y_0$ (m)", labelpad=5)
-    ax.zaxis.set_rotate_label(False)  # else it may stand on its head
-    ax.set_zlabel("$z_0$ (m)", rotation=90)
+    for axis, letter in zip((ax.xaxis, ax.yaxis, ax.zaxis), "xyz", strict=True):
+        axis.set_rotate_label(False)  # along its axis it may stand on its head or on the numbers
+        axis.set_label_text(f"${letter}_0$ (m)", rotation=90 if letter == "z" else 0)
+        axis.labelpad = 5
     for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
         axis.set_pane_color((1, 1, 1, 0))
         axis.set_major_locator(mpl.ticker.MultipleLocator(step))

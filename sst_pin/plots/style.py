@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -22,8 +23,7 @@ COLOURS = LEG_COLOURS
 DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1.5, 1)))
 
 _STYLE: dict[Any, Any] = {
-    "font.family": "serif",
-    "font.serif": ["STIXGeneral", "DejaVu Serif"],
+    "font.family": ["STIXGeneral", "DejaVu Serif"],
     "mathtext.fontset": "stix",
     "font.size": 9,
     "axes.linewidth": 0.6,
@@ -45,6 +45,25 @@ def style() -> AbstractContextManager[None]:
     """The look of the figures, for a `with` statement."""
     context: AbstractContextManager[None] = mpl.rc_context(_STYLE)
     return context
+
+
+class StyledFigure(Figure):
+    """A figure that has the look of `style` wherever it is drawn or saved."""
+
+    def draw(self, renderer: Any) -> None:
+        """As `Figure.draw`."""
+        with style():
+            super().draw(renderer)
+
+    def savefig(self, fname: Any, **options: Any) -> None:
+        """As `Figure.savefig`."""
+        with style():
+            super().savefig(fname, **options)
+
+    def _repr_png_(self) -> bytes:
+        file = BytesIO()
+        self.savefig(file, format="png", dpi=110)
+        return file.getvalue()
 
 
 def require_ending(path: str | Path) -> str:

@@ -9,6 +9,7 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 from contourpy import contour_generator
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch
 from matplotlib.patheffects import withStroke
@@ -24,17 +25,17 @@ from .style import Axes
 Array = NDArray[np.float64]
 
 #: Steps of the condition number, each with its colour: light is good, dark is singular.
-LEVELS = (1, 1.1, 1.2, 1.3, 1.4, 1.5, 1.75, 2, 3, 5, 10)
+LEVELS = (1, 1.1, 1.25, 1.5, 2, 3, 5, 10)
 #: sin(mu_k) below which a leg is drawn as flat on its arc: three degrees.
 NEARLY_FLAT = np.sin(np.radians(3))
 
 _EDGE = np.sqrt(2)  # radius of the map
 _FLAT_COLOUR = "#CC79A7"
-_VEIL = 0.6
 _BOUNDARY: dict[str, Any] = {"color": "black", "linewidth": 1.6}
 _SECOND: dict[str, Any] = {"color": "#D55E00", "linewidth": 1.4}
-_TRIANGLE: dict[str, Any] = {"color": "0.3", "linewidth": 0.8, "linestyle": (0, (1, 1.5))}
-_PATH: dict[str, Any] = {"color": "#0072B2", "linewidth": 1.2, "linestyle": (0, (4, 1.5))}
+_HALO: dict[str, Any] = {"path_effects": [withStroke(linewidth=2.8, foreground="white")]}
+_TRIANGLE: dict[str, Any] = {"color": "black", "linewidth": 1.0, "linestyle": (0, (1, 1.5))} | _HALO
+_PATH: dict[str, Any] = {"color": "black", "linewidth": 1.3, "linestyle": (0, (4, 1.5))} | _HALO
 _ROLL: dict[str, Any] = {"color": "0.15", "linewidth": 0.6}
 _BEST: dict[str, Any] = {
     "color": "white",
@@ -57,13 +58,21 @@ def condition_colourbar(ax: Axes) -> Axes:
     Args:
         ax: Plane axes, wide and low.
     """
+    return _colourbar(ax.figure, cax=ax)
+
+
+def _colourbar(figure: Figure, cax: Axes | None = None, ax: Axes | None = None) -> Axes:
+    """A colour bar in axes of its own, or beside others."""
     cmap, norm = condition_colours()
     mappable = mpl.cm.ScalarMappable(norm=norm, cmap=cmap)
-    bar = ax.figure.colorbar(mappable, cax=ax, orientation="horizontal", spacing="uniform")
+    beside: dict[str, Any] = {"pad": 0.02, "shrink": 0.8, "aspect": 25} if cax is None else {}
+    bar = figure.colorbar(
+        mappable, cax=cax, ax=ax, orientation="horizontal", spacing="uniform", **beside
+    )
     bar.set_ticks(LEVELS, labels=[f"{level:g}" for level in LEVELS])
-    bar.set_label("condition number of $A$ (1); paler: a slider off its arc")
+    bar.set_label("condition number of $A$ (1); hatched: a slider off its arc")
     bar.ax.tick_params(labelsize=7, length=2)
-    return ax
+    return bar.ax
 
 
 def second_kind(robot: SST, workspace: Workspace) -> list[Array]:
@@ -79,28 +88,43 @@ def second_kind(robot: SST, workspace: Workspace) -> list[Array]:
     return _level_curves(robot, determinant, 0.0)
 
 
-def workspace_map(ax: Axes, robot: SST, workspace: Workspace, path: Array | None = None) -> Axes:
+def workspace_map(
+    ax: Axes,
+    robot: SST,
+    workspace: Workspace,
+    path: Array | None = None,
+    *,
+    colourbar: bool = True,
+) -> Axes:
     """Conditioning over the directions of s: the half sphere about the base triangle, equal areas.
 
-    Colours tell the condition number of A, paler where a slider would leave its arcs. In a map at
-    one psi the singular curves of the second kind are drawn and the poses near the first kind; in a
-    map over the whole turn, lines of equal roll that the arcs leave.
+    Colours tell the condition number of A; hatched is where a slider would leave its arcs. In a map
+    at one psi the singular curves of the second kind are drawn and the poses near the first kind;
+    in a map over the whole turn, lines of equal roll that the arcs leave.
 
     Args:
         ax: Plane axes.
         robot: The SST.
         workspace: Of that robot.
         path: Directions of s along a motion, shape (N, 3).
+        colourbar: Whether it is drawn below.
     """
     chart = Chart.of_robot(robot)
     _draw(ax, robot, workspace, path, chart.project, chart.axes[2])
     _graticule_labels(ax, chart)
     _round(ax, _EDGE, 1.24)
+    if colourbar:
+        _colourbar(ax.figure, ax=ax)
     return ax
 
 
 def workspace_on_sphere(
-    ax: Axes, robot: SST, workspace: Workspace, path: Array | None = None
+    ax: Axes,
+    robot: SST,
+    workspace: Workspace,
+    path: Array | None = None,
+    *,
+    colourbar: bool = True,
 ) -> Axes:
     """The same as `workspace_map` on the sphere, seen from aside.
 
@@ -109,11 +133,14 @@ def workspace_on_sphere(
         robot: The SST.
         workspace: Of that robot.
         path: Directions of s along a motion, shape (N, 3).
+        colourbar: Whether it is drawn below.
     """
     aside = Rotation.from_euler("yx", (-22, 6), degrees=True).as_matrix()
     view = aside @ Chart.of_robot(robot).axes
     _draw(ax, robot, workspace, path, lambda s: np.asarray(s @ view[:2].T), view[2])
     _round(ax, 1.0, 1.1)
+    if colourbar:
+        _colourbar(ax.figure, ax=ax)
     return ax
 
 
@@ -128,11 +155,15 @@ def _draw(
     """A workspace in a projection of the half sphere before the eye."""
     chart = Chart.of_robot(robot)
     v = robot.geometry.R_0[:, :, 0]
-    hidden = workspace.s @ eye < -1e-9
+    # A little beyond the horizon, so that what is drawn ends there and not at the grid's steps.
+    hidden = workspace.s @ eye < -0.05
     x, y = np.moveaxis(project(workspace.s), -1, 0)
+    horizon = Circle((0, 0), np.hypot(x, y).max(), color="0.94", zorder=0)
+    ax.add_patch(horizon)
 
     def fill(field: Array, levels: Sequence[float], **look: Any) -> None:
-        ax.contourf(x, y, np.where(hidden, np.nan, field), levels, **look)
+        found = ax.contourf(x, y, np.where(hidden, np.nan, field), levels, **look)
+        found.set_clip_path(horizon)
 
     def draw(curve: Array, **look: Any) -> None:
         seen = (curve @ eye >= 0) & (curve @ chart.axes[2] >= -1e-9)
@@ -140,9 +171,9 @@ def _draw(
 
     margin = _margin(workspace)
     cmap, norm = condition_colours()
-    ax.add_patch(Circle((0, 0), np.hypot(x, y).max(), color="0.94", zorder=0))
     fill(workspace.condition_number, LEVELS, cmap=cmap, norm=norm, extend="max")
-    fill(margin, (-2 * np.pi, 0), colors="white", alpha=_VEIL)
+    with mpl.rc_context({"hatch.color": "white", "hatch.linewidth": 0.5}):
+        fill(margin, (-2 * np.pi, 0), colors="none", hatches=["////"])
     for _, _, line in _parallels_and_meridians():
         draw(line, color="black", linewidth=0.35, alpha=0.35)
     if _one_psi(workspace):
@@ -187,10 +218,12 @@ def workspace_legend(workspace: Workspace, path: str | None = None) -> list[Any]
     if path is not None:
         styles[path] = _PATH
     if not _one_psi(workspace):
-        styles[r"roll in $\psi$ that the arcs leave"] = _ROLL
+        styles["turn about the star's axis that the arcs leave"] = _ROLL
         return _handles(styles)
-    styles[r"singular, second kind: $\det A = 0$"] = _SECOND
-    flat = Patch(facecolor=_FLAT_COLOUR, label=r"first kind: $|\sin\mu_k| < \sin 3°$")
+    styles[r"motors lose the star (second kind): $\det A = 0$"] = _SECOND
+    flat = Patch(
+        facecolor=_FLAT_COLOUR, label=r"a leg lies flat (first kind): $|\sin\mu_k| < \sin 3°$"
+    )
     return [*_handles(styles), flat]
 
 
@@ -229,16 +262,35 @@ def _roll_lines(ax: Axes, workspace: Workspace, x: Array, y: Array) -> None:
     if workspace.best is None:
         return
     roll = np.where(workspace.on_arcs, np.degrees(workspace.roll), np.nan)
-    lines = ax.contour(x, y, roll, 4, colors=_ROLL["color"], linewidths=_ROLL["linewidth"])
-    places = [np.array((x[workspace.best], y[workspace.best]))]
-    for segments in lines.allsegs:
-        line = np.concatenate([np.empty((0, 2)), *segments])
-        below = line[line[:, 1] < places[0][1]]
+    best = np.array((x[workspace.best], y[workspace.best]))
+    places = [best]
+    found: Any = contour_generator(x=x, y=y, z=np.ma.masked_invalid(roll))
+    halo = [withStroke(linewidth=2, foreground="white", alpha=0.8)]
+    ticks = mpl.ticker.MaxNLocator(5, steps=[1, 1.5, 3, 10])
+    for level in ticks.tick_values(np.nanmin(roll), np.nanmax(roll)):
+        lines = [_smooth(line, 1 / len(x)) for line in found.lines(level)]
+        for line in lines:
+            ax.plot(*line.T, **_ROLL)
+        line = np.concatenate([np.empty((0, 2)), *lines])
+        below = line[line[:, 1] < best[1]]
         if len(below):
-            place = below[np.abs(below[:, 0] - places[0][0]).argmin()]
+            place = below[np.abs(below[:, 0] - best[0]).argmin()]
             if min(np.linalg.norm(place - other) for other in places) > 0.13:
                 places.append(place)
-    ax.clabel(lines, fmt="%d°", fontsize=7, manual=places[1:])
+                middle = {"ha": "center", "va": "center", "path_effects": halo}
+                ax.text(*place, f"{level:.0f}°", fontsize=7, **middle)
+
+
+def _smooth(line: Array, step: float) -> Array:
+    """A line through samples whose places are known to half a step of the map only."""
+    from scipy.interpolate import make_smoothing_spline
+
+    length = np.append(0, np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1)))
+    kept = np.append(True, np.diff(length) > 1e-9)
+    if kept.sum() < 6:
+        return line
+    curve = make_smoothing_spline(length[kept], line[kept], lam=step**3)
+    return np.asarray(curve(np.linspace(0, length[-1], 400)))
 
 
 def _round(ax: Axes, radius: float, room: float) -> None:

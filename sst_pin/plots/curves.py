@@ -1,0 +1,181 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""How curves over time are told apart: by colour, in grey print by dashes and marks."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+import matplotlib as mpl
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InputError, UnknownNameError
+from .style import COLOURS, DASHES, Axes
+
+Array = NDArray[np.float64]
+
+#: Curves in one pair of axes, at most.
+MOST = 9
+#: Of Okabe and Ito, the legs' three first, and two more; told apart by colour-blind readers.
+_HUES = (*COLOURS, "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#7F7F7F", "#8C510A")
+_MARKS = ("", "o", "s")
+
+_LETTER = re.compile(r"(alpha|beta|gamma|delta|theta|phi|psi|mu|nu|xi|rho|sigma|omega)_(\d+)")
+
+#: Labels of the axes, by what is drawn and its unit.
+POSITION = {"rad": "joint angle (deg)", "m": "joint displacement (m)", "": "quaternion (1)"}
+RATE = {"rad": "joint rate (rad/s)", "m": "joint rate (m/s)"}
+FORCE = {"Nm": "motor torque (N m)", "N": "motor force (N)"}
+
+
+class Curves(NamedTuple):
+    """Numbers over time with names and units.
+
+    Attributes:
+        names: Of the columns.
+        units: Of the columns.
+        values: Shape (N, columns).
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    values: Array
+
+    def pick(self, names: Sequence[str] | None) -> Curves:
+        """Those of some names; all where none are given.
+
+        Raises:
+            UnknownNameError: For a name that none of them has.
+        """
+        if names is None:
+            return self
+        for name in names:
+            if name not in self.names:
+                raise UnknownNameError("curve", name, self.names)
+        chosen = [self.names.index(name) for name in names]
+        return Curves(tuple(names), tuple(self.units[i] for i in chosen), self.values[:, chosen])
+
+    def unit(self) -> str:
+        """The unit of all of them.
+
+        Raises:
+            InputError: When there are several, or nothing to draw.
+        """
+        kinds = list(dict.fromkeys(self.units))
+        if len(kinds) != 1:
+            what = f"of several units ({', '.join(map(repr, kinds))})" if kinds else "none"
+            raise InputError("names", f"{what}; name curves of one unit, or draw a motion_page")
+        return kinds[0]
+
+    def panels(self) -> Iterator[tuple[str, ...]]:
+        """Names for one pair of axes each: of one unit, at most `MOST`, in even shares."""
+        for unit in dict.fromkeys(self.units):
+            names = [name for name, u in zip(self.names, self.units, strict=True) if u == unit]
+            count = -(-len(names) // MOST)
+            yield from (tuple(share) for share in np.array_split(names, count))
+
+
+def draw(ax: Axes, t: Array, curves: Curves, labels: Sequence[str]) -> None:
+    """Each column as a curve with a look of its own."""
+    for look, values, label in zip(looks(curves.names), curves.values.T, labels, strict=True):
+        ax.plot(t, values, label=label, **look)
+
+
+def looks(names: Sequence[str]) -> list[dict[str, Any]]:
+    """What tells curves apart, on a screen and in grey print.
+
+    Up to three by colour and dashes; more by marks too. Of names like gamma_1 the number gives
+    colour and mark, the letter the dashes.
+    """
+    if len(names) <= len(DASHES):
+        return [_look(i, i, 0) for i in range(len(names))]
+    found = [_LETTER.fullmatch(name) for name in names]
+    if all(found):
+        letters, numbers = (list(dict.fromkeys(m[i] for m in found if m)) for i in (1, 2))
+        if len(letters) <= len(DASHES) and len(numbers) <= len(_MARKS):
+            places = [(numbers.index(m[2]), letters.index(m[1])) for m in found if m]
+            return [_look(k, kind, k, place) for place, (k, kind) in enumerate(places)]
+    return [_look(i % len(_HUES), i % 3, i // 3 % 3, i) for i in range(len(names))]
+
+
+def _look(colour: int, dashes: int, mark: int, place: int = 0) -> dict[str, Any]:
+    look = {"color": _HUES[colour], "linestyle": DASHES[dashes]}
+    if not _MARKS[mark]:
+        return look
+    return look | {
+        "marker": _MARKS[mark],
+        "markevery": (0.02 + 0.018 * place, 0.17),  # not below one another
+        "markersize": 3.5,
+        "markerfacecolor": "white",
+        "markeredgewidth": 0.8,
+    }
+
+
+def label(name: str, accent: str = "") -> str:
+    """A name for the legend: gamma_1 as a letter with its number, others as they are."""
+    if found := _LETTER.fullmatch(name):
+        return rf"${accent}\{found[1]}_{subscript(found[2])}$"
+    plain = name.replace("$", r"\$")
+    return f" {plain}" if plain.startswith("_") else plain  # else no entry of a legend
+
+
+def subscript(digits: str) -> str:
+    """A number below a letter, in mathematics."""
+    return digits if len(digits) == 1 else f"{{{digits}}}"
+
+
+def number(name: str) -> str:
+    """The number of a name like gamma_1; of others nothing."""
+    found = _LETTER.fullmatch(name)
+    return found[2] if found else ""
+
+
+def legend_above(ax: Axes) -> None:
+    """Above the axes, where it covers no curve, in as many columns as fit."""
+    handles, labels = ax.get_legend_handles_labels()
+    longest = max((_length(text) for text in labels), default=1)
+    size = mpl.rcParams["font.size"] * (1 if longest < 8 else 0.83)
+    entry = size * (5.2 + 0.45 * longest)  # [pt]: handle, gaps, letters
+    columns = int(np.clip(_width(ax) // entry, 1, 3))
+    ax.legend(
+        handles,
+        labels,
+        ncols=columns,
+        loc="lower left",
+        bbox_to_anchor=(0.0, 1.0),
+        borderaxespad=0.3,
+        handlelength=2.8,
+        columnspacing=1.2,
+        fontsize=size,
+    )
+
+
+def _width(ax: Axes) -> float:
+    """About what the axes will have for a legend, [pt]."""
+    spec = ax.get_subplotspec()
+    share = 1 / spec.get_gridspec().ncols if spec else ax.get_position().width
+    return float(72 * ax.figure.get_figwidth() * share - 55)
+
+
+def _length(text: str) -> int:
+    """Letters of a label, about; a command or an exponent of mathematics counts as one."""
+    plain = re.sub(r"\\[a-z]+\s?|\^\{.*?\}", "x", text)
+    return len(re.sub(r"[${}_\\,]", "", plain) if "$" in text else text)
+
+
+def zero(ax: Axes) -> None:
+    """A thin line at 0."""
+    ax.axhline(0, color="0.7", linewidth=0.5, zorder=0)
+
+
+def time(ax: Axes, t: Array, what: str) -> None:
+    """Labels, ends and numbers of the axes; no power of ten stands apart, above the axes."""
+    ax.set(xlabel="time (s)", ylabel=what, xlim=(t[0], t[-1]))
+    if ax.get_yscale() == "linear":
+        low, high = ax.get_ylim()
+        least = 1e-4 * max(abs(low), abs(high))  # else neighbouring numbers look the same
+        if high - low < least:
+            ax.set_ylim(low - least / 2, high + least / 2)
+        ax.yaxis.set_major_formatter(lambda y, _: f"{y:.6g}".replace("-", "\N{MINUS SIGN}"))

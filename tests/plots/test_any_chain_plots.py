@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Pages of any closed chain: units, names, looks that grey print keeps apart."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+import sst_pin
+from legible import require_legible
+
+plots = pytest.importorskip("sst_pin.plots", reason="extra `plot` is not installed")
+from sst_pin.plots import curves  # noqa: E402
+from sst_pin.plots.motions import CURVES  # noqa: E402
+
+
+def falling(chain, q=None, samples=21):
+    """A short motion without torques."""
+    n, motors = chain.degrees_of_freedom, len(chain.motor_names)
+    q = chain.generic_configuration() if q is None else q
+    return chain.simulate(
+        np.zeros(motors), q, 0.1 * np.ones(n), np.linspace(0, 0.02, samples), rtol=1e-6
+    )
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["five_bar", "stewart", pytest.param("delta", marks=pytest.mark.slow)],
+)
+def test_a_page_of_any_robot_is_legible(name, monkeypatch):
+    """Turning and sliding motors, up to thirty joints."""
+    robot = getattr(sst_pin.robots, name)()
+    motion = falling(robot, robot.home)
+    require_legible(plots.motion_page(robot, motion, tuple(CURVES)), monkeypatch)
+
+
+def test_axes_have_the_units_of_their_joints():
+    """Legs of a Stewart platform slide: forces in newtons, positions in metres, rates in m/s."""
+    robot = sst_pin.robots.stewart()
+    page = plots.motion_page(robot, falling(robot, robot.home), ("torques", "joints", "rates"))
+    labels = [ax.get_ylabel() for ax in page.axes]
+    assert labels[0] == "motor force (N)"
+    assert {"joint angle (deg)", "joint displacement (m)", "joint rate (rad/s)"} <= set(labels)
+    for ax in page.axes:
+        assert 1 <= len(ax.get_legend().get_texts()) <= curves.MOST
+    with pytest.raises(sst_pin.InputError, match="of several units"):
+        plots.joint_angles(page.axes[0], falling(robot, robot.home))
+
+
+def test_every_joint_is_drawn_once():
+    """In panels of at most nine."""
+    robot = sst_pin.robots.stewart()
+    motion = falling(robot, robot.home)
+    page = plots.motion_page(robot, motion, ("joints",))
+    drawn = [text.get_text() for ax in page.axes for text in ax.get_legend().get_texts()]
+    assert sorted(drawn) == sorted(curves.label(name) for name in motion.joint_names)
+
+
+@pytest.mark.parametrize("count", range(1, 10))
+@pytest.mark.parametrize("pattern", ["joint{}", "{}"])
+def test_curves_differ_in_grey_print(count, pattern):
+    """In dashes or marks, any two of them; names like gamma_1 too."""
+    letters = [f"{letter}_{k}" for k in (1, 2, 3) for letter in ("gamma", "mu", "beta")]
+    names = letters if pattern == "{}" else [pattern.format(k) for k in range(9)]
+    looks = curves.looks(names[:count])
+    kinds = [(str(look["linestyle"]), look.get("marker")) for look in looks]
+    assert len(set(kinds)) == count
+
+
+def test_an_endless_joint_is_drawn_as_an_angle():
+    """Not as a cosine and a sine, and without jumps at half turns."""
+    angle = np.linspace(0, 10, 101)
+    q = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    v = np.full((101, 1), 10.0)
+    names, units = ("wheel_cos", "wheel_sin"), ("", "")
+    t = np.linspace(0, 1, 101)
+    motion = sst_pin.Trajectory(t, q, v, 0 * v, v, names, ("wheel",), units)
+    from matplotlib.figure import Figure
+
+    ax = plots.joint_angles(Figure().add_subplot(), motion)
+    assert ax.get_ylabel() == "joint angle (deg)"
+    (line,) = ax.get_lines()
+    assert line.get_label() == "wheel"
+    assert np.abs(line.get_ydata() - np.degrees(angle)).max() < 1e-9
+
+
+@pytest.mark.parametrize("name", ["_hidden", "a$b$c", "x_{", "\\frac"])
+def test_any_name_has_its_entry_in_the_legend(name):
+    """Matplotlib leaves out what begins with an underscore and takes dollars for mathematics."""
+    none = np.zeros((2, 1))
+    motion = sst_pin.Trajectory([0, 1], none, none, none, none, [name], [name])
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    figure = plots.StyledFigure()
+    ax = plots.joint_angles(figure.add_subplot(), motion)
+    FigureCanvasAgg(figure).draw()
+    (text,) = ax.get_legend().get_texts()
+    assert text.get_text().strip().replace("\\$", "$") == name
+
+
+def test_panels_are_lettered():
+    """(a), (b), ... in the order of the page; one alone has none."""
+    robot = sst_pin.robots.four_bar()
+    motion = falling(robot, robot.home)
+    page = plots.motion_page(robot, motion)
+    letters = [text.get_text() for ax in page.axes for text in ax.texts]
+    assert letters == ["(a)", "(b)", "(c)", "(d)", "(e)"]
+    (alone,) = plots.motion_page(robot, motion, ("torques",)).axes
+    assert not alone.texts
+
+
+def test_a_page_saved_from_python_is_that_of_the_command(tmp_path):
+    """Fonts, sizes, resolution, to the last byte."""
+    robot = sst_pin.robots.four_bar()
+    page = plots.motion_page(robot, falling(robot, robot.home), ("torques", "energy"))
+    with (tmp_path / "writer.png").open("wb") as file:
+        plots.figure_writer(page, "writer.png")(file)
+    page.savefig(tmp_path / "python.png")
+    assert (tmp_path / "python.png").read_bytes() == (tmp_path / "writer.png").read_bytes()
+    assert page._repr_png_()[:4] == b"\x89PNG"
+
+
+@pytest.mark.parametrize(
+    ("subjects", "word"),
+    [(("path",), "expected some of torques"), ("torques", "expected"), (("dance",), "expected")],
+)
+def test_what_a_page_cannot_show_is_refused(subjects, word):
+    """The path is the star's."""
+    robot = sst_pin.robots.four_bar()
+    motion = falling(robot, robot.home)
+    with pytest.raises(sst_pin.InputError, match=word):
+        plots.motion_page(robot, motion, subjects)
+    with pytest.raises(sst_pin.InputError, match="one sample"):
+        plots.motion_page(robot, motion[:1])
+
+
+def test_curves_are_what_the_chain_computes():
+    """Torques, rates, powers, condition numbers under their joints' names."""
+    robot = sst_pin.robots.five_bar()
+    motion = falling(robot, robot.home)
+    page = plots.motion_page(robot, motion, ("rates", "power", "condition"))
+    rates, power, condition = page.axes
+    expected = robot.joint_rates(motion.q, motion.va)
+    for line, values in zip(rates.get_lines(), expected.T, strict=False):
+        assert np.array_equal(line.get_ydata(), values)
+    total = next(line for line in power.get_lines() if line.get_label() == "all motors")
+    assert np.abs(total.get_ydata() - (motion.tau * motion.va).sum(axis=1)).max() < 1e-12
+    (line,) = condition.get_lines()
+    assert line.get_ydata()[5] == robot.condition_number(motion.q[5])
+
+
+def test_every_two_hues_differ():
+    """As seen by the eye: further apart than 20 in CIELAB."""
+    from matplotlib.colors import to_rgb
+
+    def lab(colour):
+        rgb = np.array(to_rgb(colour))
+        linear = np.where(rgb > 0.04045, ((rgb + 0.055) / 1.055) ** 2.4, rgb / 12.92)
+        matrix = [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]
+        x, y, z = np.cbrt(np.array(matrix) @ linear / (0.9505, 1, 1.089))
+        return np.array((116 * y, 500 * (x - y), 200 * (y - z)))
+
+    looks = curves.looks([f"joint{k}" for k in range(curves.MOST)])
+    places = [lab(look["color"]) for look in looks]
+    assert min(np.linalg.norm(a - b) for a, b in itertools.combinations(places, 2)) > 20
