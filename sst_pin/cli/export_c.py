@@ -24,15 +24,22 @@ def add_to(commands: Commands) -> None:
         "robot", type=Path, nargs="?", help="URDF beside its YAML, or MJCF; an SST by default"
     )
     parser.add_argument("folder", type=Path, metavar="DIR")
+    parser.add_argument(
+        "--precision",
+        choices=["double", "single"],
+        default="double",
+        help="single: float, for controllers that compute it faster",
+    )
     add_force(parser)
 
 
 def _run(arguments: argparse.Namespace) -> None:
-    if arguments.robot is None:
+    if arguments.robot is None and arguments.precision == "double":
         written = c_files(robot_of(arguments), arguments.folder)
     else:
         from ..compiled import export
 
-        written = export.c_files(chain_of(arguments.robot), arguments.folder)
+        robot = chain_of(arguments.robot) if arguments.robot else robot_of(arguments)
+        written = export.c_files(robot, arguments.folder, arguments.precision)
     write_files(written, arguments.force)
     print(f"{', '.join(path.name for path in written)} in {arguments.folder}")

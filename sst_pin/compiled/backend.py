@@ -103,7 +103,7 @@ class CompiledBackend:
             CompilationError: Without a compiler, likewise, or when it fails.
         """
         with ThreadPoolExecutor() as pool:
-            for _ in pool.map(self._made, [x for x in names if not self._impossible(x)]):
+            for _ in pool.map(self._made, [x for x in names if not impossible(self._mechanism, x)]):
                 pass
 
     def torques(
@@ -142,16 +142,6 @@ class CompiledBackend:
         return CompiledStates(self._reference, friction, self)
 
     # --- inside -----------------------------------------------------------------------------
-
-    def _impossible(self, name: str) -> str:
-        """Why there is no such kernel; empty when there is one."""
-        nv, motors = self._mechanism.motors.shape
-        n, first = len(self._mechanism.coordinates), name.split(maxsplit=1)[0]
-        if first == "torques" and motors < n:
-            return f"{motors} motors for {n} coordinates"
-        if first not in ("torques", "forces", "rates", "closing") and n * n * nv > _LARGEST:
-            return f"{n} coordinates of {nv} rates are too many for matrices to be written out"
-        return ""
 
     @property
     def torques_of(self) -> Callable[..., Any]:
@@ -228,7 +218,7 @@ class CompiledBackend:
 
     def _made(self, name: str) -> list[ctypes.CDLL]:
         """Libraries of a kernel: for single samples, then for batches."""
-        if problem := self._impossible(name):
+        if problem := impossible(self._mechanism, name):
             raise DescriptionError("compiled kernels", [problem])
         best = self._binding.INSTRUCTIONS
         # Eight samples at once take longer than four, and one sample takes as long as all.
@@ -354,6 +344,17 @@ class CompiledStates(ReferenceStates):
     @cached_property
     def _loaded_rate(self) -> Kernel | None:
         return self._backend.kernel("state_rate" + _LOADED, self._friction)
+
+
+def impossible(mechanism: Mechanism, name: str) -> str:
+    """Why there is no kernel of this name; empty when there is one."""
+    nv, motors = mechanism.motors.shape
+    n, first = len(mechanism.coordinates), name.split(maxsplit=1)[0]
+    if first == "torques" and motors < n:
+        return f"{motors} motors for {n} coordinates"
+    if first not in ("torques", "forces", "rates", "closing") and n * n * nv > _LARGEST:
+        return f"{n} coordinates of {nv} rates are too many for matrices to be written out"
+    return ""
 
 
 def sample_configurations(reference: Reference, near: Array | None = None) -> Array:

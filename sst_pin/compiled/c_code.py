@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Kernels as C99: straight-line code on `real`, which is a double or a vector of samples."""
+"""Kernels as C99: straight-line code on `real`, a number or a vector of samples."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ _BINARY = {ca.OP_ADD: "+", ca.OP_SUB: "-", ca.OP_MUL: "*", ca.OP_DIV: "/"}
 _UNARY = {
     ca.OP_NEG: "-{0}",
     ca.OP_SQ: "{0} * {0}",
-    ca.OP_TWICE: "2.0 * {0}",
+    ca.OP_TWICE: "{0} + {0}",
     ca.OP_FABS: "ABSOLUTE({0})",
-    ca.OP_SQRT: "square_root({0})",
+    ca.OP_SQRT: "SQUARE_ROOT({0})",
 }
 
 
@@ -31,8 +31,8 @@ class Body(NamedTuple):
     """The C of a kernel.
 
     Attributes:
-        text: `void <name>(const real *x, const double *p, real *y)`, and before it
-            `void prepare_<name>(double *p)`. x holds the inputs one after the other, p the open
+        text: `void <name>(const real *x, const number *p, real *y)`, and before it
+            `void prepare_<name>(number *p)`. x holds the inputs one after the other, p the open
             parameters, then the constants that `prepare_<name>` makes of them; y gets the output,
             then the checks.
         size: Of p.
@@ -42,12 +42,13 @@ class Body(NamedTuple):
     size: int
 
 
-def body(kernel: Kernel, size: int | None = None) -> Body:
+def body(kernel: Kernel, size: int | None = None, suffix: str = "") -> Body:
     """The C of a kernel; what depends on the parameters alone is apart, to be computed once.
 
     Args:
         kernel: What is to be computed.
         size: Of p before its constants; that of the parameters by default.
+        suffix: Of numbers: "f" in single precision.
     """
     function = ca.Function(
         kernel.name,
@@ -61,11 +62,11 @@ def body(kernel: Kernel, size: int | None = None) -> Body:
         arguments = function.instruction_input(k)
         (target, *place) = function.instruction_output(k)
         if operation == ca.OP_CONST:
-            number = repr(float(function.instruction_constant(k)))
-            writer.names[target] = f"({number})" if number[0] == "-" else number, "double"
+            number = repr(float(function.instruction_constant(k))) + suffix
+            writer.names[target] = f"({number})" if number[0] == "-" else number, "number"
         elif operation == ca.OP_INPUT:
             array, i = arguments
-            writer.names[target] = (f"x[{i}]", "real") if array == 0 else (f"p[{i}]", "double")
+            writer.names[target] = (f"x[{i}]", "real") if array == 0 else (f"p[{i}]", "number")
         elif operation == ca.OP_OUTPUT:
             result = writer.use(writer.names[arguments[0]], "real")
             writer.lines["real"].append(f"y[{place[0]}] = (real){{0}} + {result};")
@@ -74,14 +75,14 @@ def body(kernel: Kernel, size: int | None = None) -> Body:
             writer.names[target] = writer.write(f"t{k}", operation, operands)
     texts = []
     for head, kind in (
-        (f"static void prepare_{kernel.name}(double *p)", "double"),
-        (f"static void {kernel.name}(const real *x, const double *p, real *y)", "real"),
+        (f"static void prepare_{kernel.name}(number *p)", "number"),
+        (f"static void {kernel.name}(const real *x, const number *p, real *y)", "real"),
     ):
         texts.append("\n    ".join([f"{head}\n{{", "(void)p;", *writer.lines[kind]]) + "\n}\n")
     return Body("\n".join(texts), writer.size)
 
 
-#: What an expression is called, and its type: "real" of a sample, "double" of the parameters alone.
+#: What an expression is called, and its type: "real" of a sample, "number" of the parameters alone.
 _Name = tuple[str, str]
 
 
@@ -96,7 +97,7 @@ class _Writer:
 
     def __init__(self, size: int) -> None:
         self.names: dict[int, _Name] = {}
-        self.lines: dict[str, list[str]] = {"real": [], "double": []}
+        self.lines: dict[str, list[str]] = {"real": [], "number": []}
         self.size = size
         self._constants: dict[str, str] = {}
         self._turns: dict[str, int] = {}
@@ -123,13 +124,13 @@ class _Writer:
             return self._inverse(operands[0])
         if operation == ca.OP_DIV:
             operation, operands = ca.OP_MUL, [operands[0], self._inverse(operands[1])]
-        kind = "real" if "real" in {kind for _, kind in operands} else "double"
+        kind = "real" if "real" in {kind for _, kind in operands} else "number"
         if operation == ca.OP_SIGN:
             self._directions[name] = self.use(operands[0], kind)
             return name, kind
         if operation == ca.OP_MUL and kind == "real":
             for (text, _), (factor, of_factor) in (operands, operands[::-1]):
-                if text in self._directions and of_factor == "double":
+                if text in self._directions and of_factor == "number":
                     x, F = self._directions[text], self.use((factor, of_factor), kind)
                     line = f"const real {name} = rubbing({x}, {F}, p[{SIGN_WIDTH}]);"
                     self.lines[kind].append(line)
@@ -154,7 +155,7 @@ class _Writer:
         text, kind = name
         if name not in self._inverses:
             self._inverses[name] = f"ti{len(self._inverses)}", kind
-            self.lines[kind].append(f"const {kind} {self._inverses[name][0]} = 1.0 / {text};")
+            self.lines[kind].append(f"const {kind} {self._inverses[name][0]} = 1 / {text};")
         return self._inverses[name]
 
 

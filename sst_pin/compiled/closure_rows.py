@@ -114,7 +114,7 @@ class _Pair:
         elif len(turns) == 2:
             (k,) = set(range(3)) - set(turns)
             i, j = (k + 1) % 3, (k + 2) % 3
-            apart = 2 * (1 - ca.dot(self.a.R[:, k], self.b.R[:, k]))  # likewise, of the axes
+            apart = ca.sumsqr(self.a.R[:, k] - self.b.R[:, k])  # the squared angle of the axes
             of_turn = {i: (j, k, -1.0), j: (i, k, 1.0)}
             for t in turns:
                 yield self._angle(*of_turn[t], apart if t == turns[0] else SX(0))

@@ -32,8 +32,8 @@ from .symbols import Sparse, add, is_zero, solve_symmetric, sx
 
 Array = NDArray[np.float64]
 
-#: Part of the reference path's tolerance within which a kernel vouches for closed loops.
-_CLOSED = 0.5
+#: Open loops up to this are closed to a kernel: half of the reference path's tolerance.
+CLOSED = 0.5 * CLOSURE_TOLERANCE
 #: How much smaller than in the samples a pivot may be.
 _PIVOT = 1e-3
 
@@ -71,6 +71,7 @@ class Equations:
         smooth: Whether Coulomb friction is tanh(v / sign_width) for derivatives, not the sign,
             which kernels smooth by themselves where the width is not zero.
         parameters: Which numbers stay open; those of `Parameters` by default.
+        closed: Open loops up to this are closed to the kernels.
 
     Attributes:
         kinematics: Of the tree.
@@ -90,6 +91,7 @@ class Equations:
         loaded: bool = False,
         smooth: bool = False,
         parameters: Parameters | None = None,
+        closed: float = CLOSED,
     ) -> None:
         self.mechanism, model = mechanism, mechanism.model
         self.parameters = parameters or Parameters(mechanism)
@@ -100,7 +102,7 @@ class Equations:
         self._dependent = [int(i) for i in mechanism.dependent]
         self.va, self.aa = (SX.sym(name, len(self._coordinates)) for name in ("va", "aa"))
         self.loads = SX.sym("loads", 6 * (model.njoints - 1) if loaded else 0)
-        self._samples, self._smooth = samples, smooth
+        self._samples, self._smooth, self._closed = samples, smooth, closed
 
     # --- closures ---------------------------------------------------------------------------
 
@@ -194,7 +196,7 @@ class Equations:
         """Open closures and small pivots: more than 1 where they are too much."""
         gaps = [s**2 * x.gap for s, x in zip(self.mechanism.row_scale, self.rows, strict=True)]
         gaps += [gap**2 for gap in self.kinematics.unit_gaps]
-        open_by = total(gaps) / (_CLOSED * CLOSURE_TOLERANCE) ** 2
+        open_by = total(gaps) / self._closed**2
         return [open_by, pivot_check(self._pivots[1], self.factors)]
 
     # --- forces -----------------------------------------------------------------------------

@@ -1,18 +1,45 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Any robot as C99 for its own controller: no allocation, no library but the mathematical one."""
+"""Any robot as C99 for its own controller: no allocation, no library."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..chain.closed_chain import ClosedChain
-from ..errors import ActuationError
-from ..files import Writer, text_writer
+from ..chain.mechanism import Mechanism
+from ..errors import DescriptionError, InputError
+from ..files import Writer, as_path, text_writer
 from . import c_code, kernels
-from .backend import sample_configurations
-from .equations import Equations
+from .backend import impossible, sample_configurations
+from .equations import CLOSED, Equations
+from .parameters import BODY, Parameters
+
+Array = NDArray[np.float64]
+
+#: Numbers of the exported C.
+Precision = Literal["double", "single"]
+
+
+class _Style(NamedTuple):
+    """How numbers of a precision are written in C."""
+
+    type: str
+    suffix: str
+    digits: int
+    head: str
+    closed: float  #: Open loops up to this, [m] or [rad], times the scale of the rows.
+
+
+#: Angles that are rounded to 24 bits leave loops open by some 1e-6.
+_STYLES = {
+    "double": _Style("double", "", 17, "", CLOSED),
+    "single": _Style("float", "f", 9, "#define SINGLE\n", 1e-4),
+}
 
 _HEADER = """\
 /* Dynamics of the robot {robot}, by sst-pin export-c. SI units, radians.
@@ -21,8 +48,7 @@ _HEADER = """\
  * va[{n}], aa[{n}]: rates and accelerations of {coordinates}
  * tau[{motors}]: {motor_names}
  *
- * Each function returns 0, or 1 where its result means nothing: the loops are open, the
- * configuration is singular, or a number is not finite. */
+ * An array for the result may be one of the arguments. Compile without -ffast-math. */
 #ifndef ROBOT_H
 #define ROBOT_H
 
@@ -30,10 +56,16 @@ _HEADER = """\
 extern "C" {{
 #endif
 
-/* Gravity (base axes), a rate within which friction is tanh instead of sign (0: sign); then of each
- * body with mass ({bodies}) its mass, first moment (3) and second moments xx, xy, xz, yy, yz, zz
- * about its joint's frame; then{joints}. They may be changed between calls. */
-extern double robot_parameters[{size}];
+/* What each function returns: 0, or why its result means nothing. */
+enum {{
+    ROBOT_OPEN = 1, /* the loops are open by more than {closed:g} */
+    ROBOT_SINGULAR, /* the coordinates do not fix the motion, or nearly so */
+    ROBOT_NOT_FINITE /* a number is not finite, or an angle beyond {angle:g} */
+}};
+
+/* Gravity, masses, inertias, friction, springs, rotors; robot.c says which is which. They may be
+ * changed between calls. */
+extern {type} robot_parameters[{size}];
 
 {functions}
 #ifdef __cplusplus
@@ -46,103 +78,194 @@ extern double robot_parameters[{size}];
 _WRAPPER = """
 {head}
 {{
-    double x[{inputs}], y[{total}], p[{size}];
+    {type} x[{inputs}], y[{total}], p[{size}], finite = 0;
     int bad = 0;
 {copies}
+    for (int i = 0; i < {inputs}; i++)
+        finite += x[i] * 0;
+    for (int i = 0; i < {angles}; i++)
+        if (!(x[i] <= LARGEST_ANGLE && x[i] >= -LARGEST_ANGLE))
+            return ROBOT_NOT_FINITE;
+    if (!(finite <= 0))
+        return ROBOT_NOT_FINITE;
     for (int i = 0; i < {parameters}; i++)
         p[i] = robot_parameters[i];
     prepare_{name}(p);
     {name}(x, p, y);
     for (int i = 0; i < {outputs}; i++) {{
         {output}[i] = y[i];
-        bad |= !(y[i] * 0.0 == 0.0);
+        finite += y[i] * 0;
     }}
-    for (int i = {outputs}; i < {total}; i++)
-        bad |= !(y[i] <= 1.0);
-    return bad;
+    for (int i = {checks} + 1; i < {total}; i++)
+        if (!(y[i] <= 1))
+            bad = ROBOT_SINGULAR;
+    if (!(y[{checks}] <= 1))
+        bad = ROBOT_OPEN;
+    return bad ? bad : finite <= 0 ? 0 : ROBOT_NOT_FINITE;
 }}
 """
 
 _MAIN = """\
-/* Torques that hold the robot {robot} at rest. Compile with: cc -std=c99 main.c robot.c -lm */
+/* {meaning} of the robot {robot}
+ * for the motions on standard input: per line q[{nq}], va[{n}], aa[{n}].
+ *
+ *     cc -std=c99 -O2 -o dynamics main.c robot.c
+ *     ./dynamics < motions.txt
+ *
+ * At rest, for one: {example}
+ * It ends with 1 and a message at a motion without a result. */
 #include <stdio.h>
 
 #include "robot.h"
 
+static int fail(const char *problem)
+{{
+    fprintf(stderr, "%s\\n", problem);
+    return 1;
+}}
+
 int main(void)
 {{
-    const double q[{nq}] = {{{q}}};
-    const double va[{n}] = {{0}}, aa[{n}] = {{0}};
-    double tau[{motors}];
-    if (robot_torques(q, va, aa, tau))
-        return 1;
-    for (int i = 0; i < {motors}; i++)
-        printf("%.17g\\n", tau[i]);
-    return 0;
+    static const char *const problems[] = {{"", "the loops are open", "singular", "not finite"}};
+    {type} x[{inputs}], y[{outputs}];
+    for (;;) {{
+        for (int i = 0; i < {inputs}; i++) {{
+            double number;
+            if (scanf("%lf", &number) != 1) {{
+                if (!feof(stdin) || ferror(stdin))
+                    return fail("not a number");
+                if (i > 0)
+                    return fail("the numbers end inside a motion");
+                return fflush(stdout) ? fail("cannot write") : 0;
+            }}
+            x[i] = ({type})number;
+        }}
+        const int bad = robot_{name}(x, x + {nq}, x + {nq} + {n}, y);
+        if (bad)
+            return fail(problems[bad]);
+        for (int i = 0; i < {outputs}; i++)
+            if (printf("%.{digits}g%c", (double)y[i], i + 1 < {outputs} ? ' ' : '\\n') < 0)
+                return fail("cannot write");
+    }}
 }}
 """
 
 
-def c_files(chain: ClosedChain, folder: str | Path) -> dict[Path, Writer]:
+class _Function(NamedTuple):
+    """A function of the exported C: its kernel, and names of its arguments."""
+
+    meaning: str
+    kernel: str
+    inputs: tuple[str, ...]
+    output: str
+
+
+_FUNCTIONS = {
+    "torques": _Function("Torques of a motion.", "torques", ("q", "va", "aa"), "tau"),
+    "forces": _Function(
+        "Forces that a motion needs along the coordinates, whoever supplies them.",
+        "forces",
+        ("q", "va", "aa"),
+        "f",
+    ),
+    "accelerations": _Function(
+        "Accelerations under torques.", "accelerations", ("q", "va", "tau"), "aa"
+    ),
+    "assembly_step": _Function(
+        "A step of Newton's method that closes the loops, the coordinates held. From measured\n"
+        " * coordinates and the last q of the other joints: call it, with q_next = q, until the\n"
+        " * other functions return 0. ROBOT_OPEN says that the loops were open before the step.",
+        "closing",
+        ("q",),
+        "q_next",
+    ),
+}
+
+
+def c_files(
+    chain: ClosedChain, folder: str | Path, precision: Precision = "double"
+) -> dict[Path, Writer]:
     """The files that compute a robot's dynamics without Python.
+
+    robot.h declares `robot_torques` (with fewer motors than coordinates `robot_forces`),
+    `robot_accelerations` and `robot_assembly_step`, as far as the robot has them.
 
     Args:
         chain: The robot.
         folder: Where they go.
+        precision: "double", or "single" for controllers without double precision: seven digits,
+            loops closed within 1e-4.
 
     Returns:
-        Writers of robot.h, robot.c and main.c.
+        Writers of robot.h, robot.c and main.c, an example.
 
     Raises:
-        DescriptionError: For a joint or spring without compiled equations.
+        DescriptionError: For a joint or spring without compiled equations, or a number that is
+            not finite.
         ClosureError: When no configuration can be assembled, by which to choose pivots.
-        ActuationError: When there are fewer motors than coordinates.
+        InputError: For another precision.
+
+    Example:
+        >>> import sst_pin
+        >>> from sst_pin.compiled.export import c_files
+        >>> [path.name for path in c_files(sst_pin.robots.four_bar(), "controller")]
+        ['robot.h', 'robot.c', 'main.c']
     """
-    q = chain.generic_configuration()
+    if precision not in _STYLES:
+        raise InputError("precision", f"{precision!r} is not one of {', '.join(_STYLES)}")
+    style, q = _STYLES[precision], chain.generic_configuration()
     n, motors = chain.degrees_of_freedom, len(chain.motor_names)
     mechanism = chain._current.mechanism()
     model = mechanism.model
-    if motors < n:
-        raise ActuationError(f"{motors} motors for {n} coordinates determine no torques")
-    equations = Equations(mechanism, sample_configurations(chain._current.reference))
-    sizes = {"q": len(q), "va": n, "aa": n, "tau": motors}
-    functions = {
-        "torques": ("Torques of a motion.", ("q", "va", "aa"), "tau"),
-        "accelerations": ("Accelerations under torques.", ("q", "va", "tau"), "aa"),
-    }
-    source = ['#include "robot.h"\n\n#include <math.h>\n', c_code.part("real.h")]
+    samples = sample_configurations(chain._current.reference, q)
+    equations = Equations(mechanism, samples, closed=style.closed)
     numbers = equations.parameters.pack(mechanism, mechanism.friction)
-    listed = ",\n    ".join(map(repr, numbers.tolist()))
-    source.append(f"double robot_parameters[{len(numbers)}] = {{\n    {listed}\n}};\n")
-    declarations = []
-    for name, (meaning, inputs, output) in functions.items():
-        kernel = kernels.make(equations, name)
-        arguments = ", ".join(f"const double {x}[{sizes[x]}]" for x in inputs)
-        head = f"int robot_{name}({arguments}, double {output}[{sizes[output]}])"
-        declarations.append(f"/* {meaning} */\n{head};\n")
-        copies, start = [], 0
-        for x in inputs:
-            copies.append(
-                f"    for (int i = 0; i < {sizes[x]}; i++)\n        x[{start} + i] = {x}[i];"
-            )
-            start += sizes[x]
-        code = c_code.body(kernel)
-        source.append(code.text)
-        source.append(
+    if not np.isfinite(numbers).all():
+        raise DescriptionError("the numbers of the robot", ["gravity or inertia is not finite"])
+    sizes = {"q": len(q), "q_next": len(q), "va": n, "aa": n, "f": n, "tau": motors}
+    dynamics = "torques" if motors >= n else "forces"
+    declarations, bodies = [], []
+    for name in (dynamics, "accelerations", "assembly_step"):
+        function = _FUNCTIONS[name]
+        try:
+            if problem := impossible(mechanism, function.kernel):
+                raise DescriptionError("compiled kernels", [problem])
+            kernel = kernels.make(equations, function.kernel)
+        except DescriptionError as error:
+            declarations.append(f"/* There is no robot_{name}: {_comment(str(error))} */\n")
+            continue
+        arguments = ", ".join(f"const {style.type} {x}[{sizes[x]}]" for x in function.inputs)
+        head = f"int robot_{name}({arguments}, {style.type} {function.output}"
+        head += f"[{sizes[function.output]}])"
+        declarations.append(f"/* {function.meaning} */\n{head};\n")
+        outputs, total = sizes[function.output], kernel.output.numel() + kernel.checks.numel()
+        written = c_code.body(kernel, suffix=style.suffix)
+        bodies += [
+            written.text,
             _WRAPPER.format(
+                size=written.size,
+                parameters=len(numbers),
                 head=head,
                 name=kernel.name,
-                size=code.size,
-                parameters=len(numbers),
-                inputs=start,
-                outputs=sizes[output],
-                output=output,
-                total=sizes[output] + kernel.checks.numel(),
-                copies="\n".join(copies),
-            )
-        )
-    joints = equations.parameters.joints
-    rates = mechanism.space.rate_names
+                type=style.type,
+                inputs=sum(sizes[x] for x in function.inputs),
+                angles=len(q),
+                copies="\n".join(_copies(function.inputs, sizes)),
+                outputs=outputs,
+                output=function.output,
+                checks=kernel.output.numel(),
+                total=total,
+            ),
+        ]
+    code = "\n".join(bodies)
+    listed = "\n".join(_listed(equations.parameters, mechanism, numbers, style.suffix))
+    source = [
+        '#include "robot.h"\n',
+        "#include <math.h>\n" if "SQUARE_ROOT(" in code else "",
+        style.head + c_code.part("real.h"),
+        f"{style.type} robot_parameters[{len(numbers)}] = {{\n{listed}\n}};\n",
+        code,
+    ]
     header = _HEADER.format(
         robot=_comment(model.name),
         nq=len(q),
@@ -151,29 +274,55 @@ def c_files(chain: ClosedChain, folder: str | Path) -> dict[Path, Writer]:
         coordinates=_comment(", ".join(mechanism.coordinate_rate_names)),
         motors=motors,
         motor_names=_comment(", ".join(chain.motor_names)),
-        bodies=_comment(", ".join(model.names[i] for i in equations.parameters.bodies)),
-        joints=_comment(
-            "".join(
-                f" {name} of {', '.join(rates[k] for k in where)};"
-                for name, where in joints.items()
-                if where
-            )
-            or " nothing else"
-        ),
+        closed=style.closed,
+        angle=1e6 if precision == "double" else 1e3,
+        type=style.type,
         size=len(numbers),
         functions="\n".join(declarations),
     )
+    at_rest = [*np.asarray(q).tolist(), *[0] * (2 * n)]
     main = _MAIN.format(
+        meaning=_FUNCTIONS[dynamics].meaning.split(",")[0].removesuffix("."),
         robot=_comment(model.name),
         nq=len(q),
         n=n,
-        motors=motors,
-        q=", ".join(map(repr, np.asarray(q).tolist())),
+        type=style.type,
+        inputs=len(at_rest),
+        outputs=motors if dynamics == "torques" else n,
+        name=dynamics,
+        digits=style.digits,
+        example=" ".join(map(repr, at_rest)),
     )
     texts = {"robot.h": header, "robot.c": "\n".join(source), "main.c": main}
-    return {Path(folder) / name: text_writer(text) for name, text in texts.items()}
+    return {as_path(folder) / name: text_writer(text) for name, text in texts.items()}
+
+
+def _listed(
+    parameters: Parameters, mechanism: Mechanism, numbers: Array, suffix: str
+) -> Iterator[str]:
+    """Lines of the open numbers, each with its index and what it is."""
+    rates, names = mechanism.space.rate_names, mechanism.model.names
+    lines = [(3, "gravity, base axes"), (1, "rate within which friction is tanh, not sign")]
+    moments = "mass, first moment, second moments xx, xy, xz, yy, yz, zz in its joint's frame"
+    lines += [(BODY, f"{names[i]}: {moments}") for i in parameters.bodies]
+    for quantity, where in parameters.joints.items():
+        lines += [(1, f"{quantity.replace('_', ' ')} of {rates[k]}") for k in where]
+    lines += [(9, f"orientation of {name}") for name in parameters.rotated]
+    start = 0
+    for size, meaning in lines:
+        listed = ", ".join(repr(x) + suffix for x in numbers[start : start + size].tolist())
+        yield f"    /* {start}: {_comment(meaning)} */\n    {listed},"
+        start += size
+
+
+def _copies(inputs: tuple[str, ...], sizes: dict[str, int]) -> Iterator[str]:
+    start = 0
+    for x in inputs:
+        yield f"    for (int i = 0; i < {sizes[x]}; i++)\n        x[{start} + i] = {x}[i];"
+        start += sizes[x]
 
 
 def _comment(text: str) -> str:
-    """Names that stand in a comment of C."""
-    return text.replace("*/", "* /").replace("/*", "/ *").replace("\n", " ")
+    """Names that stand in a comment of C: no end, no line break, no trigraph."""
+    plain = " ".join(text.split()).replace("\\", "/").replace("??", "? ?")
+    return plain.replace("*/", "* /").replace("/*", "/ *")

@@ -142,4 +142,4 @@ KERNELS: dict[str, Callable[[Equations], _Made]] = {
 
 def _definite(inverses: list[Any]) -> Any:
     """More than 1 where a pivot of a symmetric matrix is negative."""
-    return 1e300 * total(ca.fabs(x) - x for x in inverses)
+    return 1e30 * total(ca.fabs(x) - x for x in inverses)

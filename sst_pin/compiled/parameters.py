@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-#: Of a body: mass, first moment (3), second moments xx, xy, xz, yy, yz, zz about its frame.
-_BODY = 10
+#: Numbers of a body: mass, first moment (3), second moments xx, xy, xz, yy, yz, zz about its frame.
+BODY = 10
 #: Index of the rate within which friction is tanh instead of sign.
 SIGN_WIDTH = 3
 _JOINT = ("armature", "viscous", "coulomb", "stiffness", "spring_reference")
@@ -60,7 +60,7 @@ class Parameters:
         }
         if complete:
             self.joints |= dict.fromkeys(("armature", "viscous", "coulomb"), tuple(range(model.nv)))
-        self._starts, start = {}, 4 + _BODY * len(self.bodies)  # gravity, sign_width
+        self._starts, start = {}, 4 + BODY * len(self.bodies)  # gravity, sign_width
         for name in _JOINT:
             self._starts[name] = start
             start += len(self.joints[name])
@@ -108,7 +108,7 @@ class Parameters:
         """Mass, first moment and second moments of a body; None without mass."""
         if body not in self.bodies:
             return None
-        start = 4 + _BODY * self.bodies.index(body)
+        start = 4 + BODY * self.bodies.index(body)
         J = p[[start + k for k in (4, 5, 6, 5, 7, 8, 6, 8, 9)]].reshape((3, 3))
         return p[start], p[start + 1 : start + 4], J
 

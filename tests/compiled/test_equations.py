@@ -213,12 +213,12 @@ def test_what_depends_on_parameters_alone_is_computed_once(name):
     """No sine, no division by a mass and no product of two parameters is left for the samples."""
     chain = any_chain.chain(kind="6d")
     chain.generic_configuration()
-    samples = sample_configurations(chain._reference)
-    text, size = c_code.body(kernels.make(Equations(chain._mechanism(), samples), name))
+    samples = sample_configurations(chain._current.reference)
+    text, size = c_code.body(kernels.make(Equations(chain._current.mechanism(), samples), name))
     prepare, run = text.split("static void " + name)
-    parameters = Equations(chain._mechanism(), samples).parameters.size
+    parameters = Equations(chain._current.mechanism(), samples).parameters.size
     assert size > parameters
     assert f"p[{parameters}] = " in prepare
     assert "x[" not in prepare
-    assert "const double t" not in run
+    assert "const number t" not in run
     assert not re.search(r"= p\[\d+\] [-+*/] p\[\d+\];", run)

@@ -1,54 +1,217 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Any robot as C99, compiled strictly by two compilers, gives what the package gives."""
 
+import ctypes
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import any_chain
-from sst_pin import ClosedChain
+from sst_pin import ClosedChain, robots
 from sst_pin.cli import main
 from sst_pin.compiled import build
 from sst_pin.compiled.export import c_files
+from sst_pin.errors import DescriptionError, InputError
 from sst_pin.files import write_files
 
 DELTA = Path(__file__).parents[2] / "examples" / "delta.urdf"
-STRICT = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-O1"]
+STRICT = [
+    *("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion"),
+    *("-Wfloat-conversion", "-Werror", "-O1"),
+]
 ZIG = [sys.executable, "-m", "ziglang", "cc"]
-IN_A_WHEEL = build.find_spec("ziglang") is not None
-COMPILERS = [["cc"], *([pytest.param(ZIG, marks=pytest.mark.slow)] if IN_A_WHEEL else [])]
+needs_ziglang = pytest.mark.skipif(
+    not build.find_spec("ziglang"), reason="needs ziglang, extra 'compiler'"
+)
+TYPES = {"double": np.float64, "single": np.float32}
+OPEN, SINGULAR, NOT_FINITE = 1, 2, 3
+GALLERY = [name for name in robots.__all__ if name.islower()]
+QUICK = ("four_bar", "planar_4rrr")
 
 
-@pytest.mark.parametrize("compiler", COMPILERS, ids=lambda command: command[-1])
-def test_the_exported_delta_computes_the_torques_that_hold_it(compiler, tmp_path):
+@pytest.fixture(autouse=True)
+def keep_what_zig_has_built(monkeypatch):
+    """A C library for another machine takes it a minute."""
+    monkeypatch.setenv("ZIG_GLOBAL_CACHE_DIR", str(Path.home() / ".cache" / "zig"))
+
+
+class Exported:
+    """The functions of an exported robot, compiled, in this process."""
+
+    def __init__(self, chain, folder, precision, compiler=("cc",)):
+        self.type = TYPES[precision]
+        write_files(c_files(chain, folder, precision))
+        source, made = folder / "robot.c", folder / "robot.so"
+        command = [*compiler, *STRICT, "-shared", "-fPIC", source, "-o", made]
+        subprocess.run(list(map(str, command)), check=True)
+        self.library = ctypes.CDLL(str(made))
+
+    def __call__(self, name, size, *inputs):
+        """The code that the function returns, and its result."""
+        result = np.full(size, np.nan, dtype=self.type)
+        arrays = [np.ascontiguousarray(x, dtype=self.type) for x in inputs] + [result]
+        addresses = [a.ctypes.data_as(ctypes.c_void_p) for a in arrays]
+        return getattr(self.library, f"robot_{name}")(*addresses), result
+
+
+def worst(got, expected):
+    return np.abs(got - expected).max() / np.abs(expected).max()
+
+
+@pytest.mark.parametrize(
+    "name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in GALLERY]
+)
+@pytest.mark.parametrize("precision", TYPES)
+def test_exported_dynamics_are_those_of_the_package(name, precision, tmp_path):
+    """In double to 1e-11; in single to a hundred roundings times the condition number.
+
+    The rounding of q alone moves the torques by some condition numbers of it. Accelerations are
+    judged by the torques that they take, free of the conditioning of the inertia matrix.
+    """
+    chain = getattr(robots, name)()
+    exported = Exported(chain, tmp_path, precision)
+    n, motors = chain.degrees_of_freedom, len(chain.motor_names)
+    q, va, aa = any_chain.states(chain, 6, 0)
+    expected, forces = chain.compute_torques(q, va, aa), chain.generalized_forces(q, va, aa)
+    for i in range(len(q)):
+        roundings = 100 * np.finfo(np.float32).eps * chain.condition_number(q[i])
+        allowed = 1e-11 if precision == "double" else roundings
+        code, tau = exported("torques", motors, q[i], va[i], aa[i])
+        assert code == 0
+        assert np.abs(tau - expected[i]).max() < allowed * np.abs(expected).max()
+        code, found = exported("accelerations", n, q[i], va[i], expected[i])
+        assert code == 0
+        taken = chain.generalized_forces(q[i], va[i], found.astype(float))
+        assert np.abs(taken - forces[i]).max() < allowed * np.abs(forces).max()
+        nearby = pin.integrate(chain.model, q[i], 1e-3 * np.ones(chain.model.nv))
+        for _ in range(8):
+            code, nearby = exported("assembly_step", len(nearby), nearby)
+            if code == 0:
+                break
+        assert code == 0
+        gap = np.abs(chain.residual(nearby.astype(float))).max()
+        assert gap < (1e-12 if precision == "double" else 1e-5)
+
+
+@pytest.mark.parametrize("precision", TYPES)
+def test_the_exported_functions_say_why_they_have_no_result(precision, tmp_path):
+    """Loops open, at a dead centre, not finite: each its own code."""
+    chain = robots.four_bar()
+    exported = Exported(chain, tmp_path, precision)
+    one = np.ones(1)
+    assert exported("torques", 1, chain.home, one, one)[0] == 0
+    assert exported("torques", 1, chain.home + np.array([0, 1e-3, 0]), one, one)[0] == OPEN
+    for bad in (np.nan, np.inf, -np.inf):
+        for k in range(3):
+            inputs = [chain.home.copy(), one.copy(), one.copy()]
+            inputs[k][0] = bad
+            assert exported("torques", 1, *inputs)[0] == NOT_FINITE
+    turned = chain.home + np.array([2e6 * np.pi, 0, 0])
+    assert exported("torques", 1, turned, one, one)[0] == NOT_FINITE
+    assert exported("torques", 1, chain.home, 1e30 * one, one)[0] in (0, NOT_FINITE)
+
+
+def test_fewer_motors_than_coordinates_export_forces(tmp_path):
+    """The torques are not determined, what the motion needs is."""
+    five_bar = robots.five_bar()
+    names = list(five_bar.coordinates)
+    chain = ClosedChain(five_bar.model, five_bar.closures, names[:1], coordinates=names)
+    exported = Exported(chain, tmp_path, "double")
+    (q,), (va,), (aa,) = any_chain.states(chain, 1, 0)
+    code, f = exported("forces", 2, q, va, aa)
+    assert code == 0
+    assert worst(f, chain.generalized_forces(q, va, aa)) < 1e-11
+    assert exported("accelerations", 2, q, va, np.ones(1))[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("compiler", "precision"),
+    [
+        (["cc"], "double"),
+        *(
+            pytest.param(ZIG, precision, marks=[pytest.mark.slow, needs_ziglang])
+            for precision in TYPES
+        ),
+    ],
+    ids=lambda x: x if isinstance(x, str) else x[-1],
+)
+def test_the_exported_example_computes_the_torques_of_motions(compiler, precision, tmp_path):
     chain = ClosedChain.from_urdf(DELTA)
-    assert main(["export-c", str(DELTA), str(tmp_path)]) == 0
-    program = tmp_path / "hold"
-    sources = [str(tmp_path / name) for name in ("main.c", "robot.c")]
-    subprocess.run([*compiler, *STRICT, *sources, "-o", str(program), "-lm"], check=True)
-    output = subprocess.run([str(program)], capture_output=True, text=True, check=True).stdout
-    q = chain.generic_configuration()
-    expected = chain.compute_torques(q, np.zeros(3), np.zeros(3))
-    assert np.allclose(np.array(output.split(), dtype=float), expected, rtol=1e-11)
+    arguments = ["export-c", str(DELTA), str(tmp_path), "--precision", precision]
+    assert main(arguments) == 0
+    tau, expected = run(chain, tmp_path, [*compiler, *STRICT])
+    assert worst(tau, expected) < (1e-11 if precision == "double" else 1e-4)  # a thousand roundings
+
+
+def run(chain, folder, command, emulator=()):
+    """Torques by the exported example, and by the package."""
+    q, va, aa = motion = any_chain.states(chain, 5, 0)
+    sources = [str(folder / name) for name in ("main.c", "robot.c")]
+    program = folder / "dynamics"
+    subprocess.run([*command, *sources, "-o", str(program)], check=True)
+    lines = "\n".join(" ".join(map(repr, row.tolist())) for row in np.hstack(motion))
+    result = subprocess.run(
+        [*emulator, str(program)], input=lines, capture_output=True, text=True, check=True
+    )
+    tau = np.array([line.split() for line in result.stdout.splitlines()], dtype=float)
+    return tau, chain.compute_torques(q, va, aa)
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not IN_A_WHEEL, reason="needs ziglang")
-@pytest.mark.parametrize("target", ["aarch64-linux-musl", "arm-linux-musleabihf"])
-def test_the_exported_source_compiles_for_controllers(target, tmp_path):
-    chain = any_chain.with_joint("spherical")
-    write_files(c_files(chain, tmp_path))
+@needs_ziglang
+@pytest.mark.skipif(not shutil.which("qemu-aarch64"), reason="needs qemu-user")
+@pytest.mark.parametrize("precision", TYPES)
+@pytest.mark.parametrize("name", ["delta", "stewart"])
+def test_an_arm_computer_computes_what_the_host_computes(name, precision, tmp_path):
+    """Cross compiled, run by an emulator; in single to a thousand roundings."""
+    chain = getattr(robots, name)()
+    write_files(c_files(chain, tmp_path, precision))
+    command = [*ZIG, "-target", "aarch64-linux-musl", "-static", *STRICT]
+    tau, expected = run(chain, tmp_path, command, ["qemu-aarch64"])
+    assert worst(tau, expected) < (1e-11 if precision == "double" else 1e-4)
+
+
+@pytest.mark.slow
+@needs_ziglang
+@pytest.mark.parametrize("precision", TYPES)
+def test_a_microcontroller_needs_no_library(precision, tmp_path):
+    """A Cortex-M4 without a C library.
+
+    With its floating-point unit for singles nothing is left undefined in the object file; in double
+    the routines of the compiler itself.
+    """
+    write_files(c_files(robots.delta(), tmp_path, precision))
+    target = ["-target", "thumb-freestanding-eabihf", "-mcpu=cortex_m4+vfp4d16sp"]
     source, made = str(tmp_path / "robot.c"), str(tmp_path / "robot.o")
-    subprocess.run([*ZIG, "-target", target, *STRICT, "-c", source, "-o", made], check=True)
+    subprocess.run([*ZIG, *target, *STRICT, "-c", source, "-o", made], check=True)
+    symbols = subprocess.run(["nm", "-u", made], capture_output=True, text=True, check=True).stdout
+    missing = {word for word in symbols.split() if word != "U"} - {"__aeabi_unwind_cpp_pr1"}
+    assert all(word.startswith("__aeabi_d") for word in missing)
+    assert bool(missing) == (precision == "double")
+
+
+def test_numbers_and_precisions_that_cannot_be_exported_are_refused(tmp_path):
+    chain = robots.four_bar()
+    with pytest.raises(InputError, match="'half' is not one of double, single"):
+        c_files(chain, tmp_path, "half")
+    chain.model.gravity.linear = np.array([0, 0, np.inf])
+    with pytest.raises(DescriptionError, match="not finite"):
+        c_files(chain, tmp_path)
 
 
 def test_names_cannot_break_out_of_the_comments(tmp_path):
     chain = any_chain.chain()
     model = chain.model
-    model.name = "*/ int evil; /*"
-    files = c_files(ClosedChain(model, chain.closures, ["body"]), tmp_path)
-    write_files(files)
-    assert "*/ int evil" not in (tmp_path / "robot.h").read_text()
+    for name in ("*/ int evil; /*", "a */ b", "*/*/", "line\nbreak", "trigraph ??/", "\\"):
+        model.name = name
+        files = c_files(ClosedChain(model, chain.closures, ["body"]), tmp_path)
+        write_files(files, force=True)
+        text = (tmp_path / "robot.h").read_text()
+        assert "*/ int evil" not in text
+        command = ["cc", *STRICT, "-fsyntax-only", "-x", "c", str(tmp_path / "robot.h")]
+        subprocess.run(command, check=True)

@@ -8,7 +8,6 @@ typedef struct {
     ptrdiff_t row, column;
 } rows;
 
-#define LARGEST_ANGLE 1e6 /* of sine_cosine */
 #define INLINE static inline __attribute__((always_inline))
 
 /* The last sample fills the lanes that are left; an array that is not there is zeros. */

@@ -1,10 +1,29 @@
 /* SPDX-License-Identifier: BSD-2-Clause */
-/* Arithmetic on `real`: a double, or a vector of LANES of them, one for each sample. */
+/* Arithmetic on `real`: a number, or a vector of LANES of them, one for each sample. A number is a
+ * double; with SINGLE defined, for one sample at once, a float. */
 #ifndef REAL_H
 #define REAL_H
 
+#include <stdint.h>
+
 #ifndef LANES
 #define LANES 1
+#endif
+
+#ifdef SINGLE
+typedef float number;
+typedef uint32_t bits;
+#define N(x) x##f
+#define LAST_TO_FIRST 31
+#define SQUARE_ROOT(x) sqrtf(x)
+#define LARGEST_ANGLE 1e3f /* of sine_cosine */
+#else
+typedef double number;
+typedef uint64_t bits;
+#define N(x) x
+#define LAST_TO_FIRST 63
+#define SQUARE_ROOT(x) sqrt(x)
+#define LARGEST_ANGLE 1e6
 #endif
 
 #ifdef __GNUC__
@@ -14,32 +33,29 @@
 #endif
 
 #if LANES == 1
-typedef double real;
+typedef number real;
 #define FLIP(x, t) flip(x, t)
-#define SIGN(x) ((double)((x) > 0) - (double)((x) < 0))
+#define SIGN(x) ((number)((x) > 0) - (number)((x) < 0))
 #define ABSOLUTE(x) ((x) < 0 ? -(x) : (x))
 
 /* x, or -x where the last bit of t is set. */
-HELPER double flip(double x, double t)
+HELPER number flip(number x, number t)
 {
     union {
-        double number;
-        unsigned long long bits;
+        number value;
+        bits bits;
     } a = {x}, b = {t};
-    a.bits ^= b.bits << 63;
-    return a.number;
-}
-
-HELPER double square_root(double x)
-{
-    return sqrt(x);
+    a.bits ^= b.bits << LAST_TO_FIRST;
+    return a.value;
 }
 #else
 typedef double real __attribute__((vector_size(8 * LANES), may_alias));
 typedef long long mask __attribute__((vector_size(8 * LANES), may_alias));
-#define FLIP(x, t) ((real)((mask)(x) ^ ((mask)(t) << 63)))
+#define FLIP(x, t) ((real)((mask)(x) ^ ((mask)(t) << LAST_TO_FIRST)))
 #define SIGN(x) sign(x)
 #define ABSOLUTE(x) ((real)((mask)(x) & 0x7fffffffffffffffLL))
+#undef SQUARE_ROOT
+#define SQUARE_ROOT(x) square_root(x)
 
 /* -1, 0 or 1: a comparison gives all bits or none. */
 HELPER real sign(real x)
@@ -56,6 +72,23 @@ HELPER real square_root(real x)
 }
 #endif
 
+#ifdef SINGLE
+/* As below, to an absolute error of 2e-7 for |x| up to 1e3; the polynomials are those of Cephes. */
+HELPER void sine_cosine(float x, float *sine, float *cosine)
+{
+    const float round = 12582912.0f; /* 1.5 * 2^23 */
+    const float t = x * 0.318309886f + round, n = t - round;
+    const float y = 0.5f * (((x - n * 3.140625f) - n * 9.67502593994140625e-4f)
+        - n * 1.509957990978376432e-7f);
+    const float z = y * y;
+    const float s = y + y * z * (-1.6666654611e-1f + z * (8.3321608736e-3f
+        + z * -1.9515295891e-4f));
+    const float c = 1.0f - 0.5f * z + z * z * (4.166664568298827e-2f
+        + z * (-1.388731625493765e-3f + z * 2.443315711809948e-5f));
+    *sine = FLIP(2.0f * (s * c), t);
+    *cosine = FLIP(1.0f - 2.0f * (s * s), t);
+}
+#else
 /* Sine and cosine to an absolute error of 4e-16 for |x| up to 1e6, without a branch. */
 HELPER void sine_cosine(real x, real *sine, real *cosine)
 {
@@ -77,29 +110,31 @@ HELPER void sine_cosine(real x, real *sine, real *cosine)
     *sine = FLIP(2.0 * (s * c), t);
     *cosine = FLIP(1.0 - 2.0 * (s * s), t);
 }
+#endif
 
-/* The hyperbolic tangent to an absolute error of 1e-14: Taylor's series of exp(2 |x| / 128), seven
- * times squared; beyond 20 it is the sign. */
+/* The hyperbolic tangent to a few roundings: Taylor's series of z = exp(-2 |x| / 128) - 1, seven
+ * times doubled, exp(2 y) - 1 = z (z + 2); beyond 20 it is the sign. */
 HELPER real tangent(real x)
 {
-    const real side = SIGN(x), far = 0.5 * (SIGN(side * x - 20.0) + 1.0);
-    const real y = -2.0 / 128.0 * (side * x * (1.0 - far) + 20.0 * far);
-    real e = 1.0 + y / 13.0;
-    for (int i = 12; i > 0; i--)
-        e = 1.0 + y * e / (double)i;
+    const real side = SIGN(x), far = N(0.5) * (SIGN(side * x - N(20.0)) + N(1.0));
+    const real y = N(-0.015625) * (side * x * (N(1.0) - far) + N(20.0) * far);
+    real z = y - y + N(1.0);
+    for (int i = 13; i > 1; i--)
+        z = N(1.0) + y * z / (number)i;
+    z = y * z;
     for (int i = 0; i < 7; i++)
-        e = e * e;
-    return side * ((1.0 - e) / (1.0 + e));
+        z = z * (z + N(2.0));
+    return -side * z / (z + N(2.0));
 }
 
 /* The sign of a rate in Coulomb friction: tanh(x / width) where the width is not zero. */
-HELPER real direction(real x, double width)
+HELPER real direction(real x, number width)
 {
     return width > 0 ? tangent(x / width) : SIGN(x);
 }
 
 /* Coulomb friction; most joints have none. */
-HELPER real rubbing(real x, double coulomb, double width)
+HELPER real rubbing(real x, number coulomb, number width)
 {
     const real zero = {0};
     if (coulomb == 0)
