@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The extension module and the folder urdf; all else stands in pyproject.toml."""
+"""Extension modules, the folder urdf, the README for indexes; all else is in pyproject.toml."""
 
+import re
 import shutil
 from pathlib import Path
 
@@ -21,7 +22,16 @@ class BuildWithUrdf(build_py):
             shutil.copytree("urdf", Path(self.build_lib, "sst_pin", "urdf"), dirs_exist_ok=True)
 
 
+def readme() -> str:
+    """README.md where no file lies beside it: without pictures, paths in the place of links."""
+    text = Path("README.md").read_text(encoding="utf-8")
+    text = re.sub(r"!\[[^\]]*\]\((?!https?:)[^)]*\)\n\n", "", text)
+    return re.sub(r"\[([^\]]+)\]\((?!https?:)([^)]+)\)", r"\1 (`\2`)", text)
+
+
 setup(
+    long_description=readme(),
+    long_description_content_type="text/markdown",
     cmdclass={"build_py": BuildWithUrdf},
     ext_modules=[
         Extension(

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Run the code of pages as a reader would paste it, and write the output that they show.
 
-`python scripts/pages/run_pages.py docs/quickstart.md ...` fills in the output blocks.
+`python scripts/pages/run_pages.py docs/quickstart.md ...` fills in the output blocks; with
+`--paste FOLDER` it writes the files of one page, and its Python as `session.py`, to a folder.
 
 A page is one session, from top to bottom, in an empty folder with `examples/` beside it:
 
@@ -11,12 +12,12 @@ A page is one session, from top to bottom, in an empty folder with `examples/` b
 - a block after `<!-- not run: reason -->` is passed over.
 """
 
+import argparse
 import contextlib
 import io
 import os
 import re
 import shlex
-import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -109,9 +110,28 @@ def with_outputs(page: str) -> str:
     return page
 
 
-def main(paths: list[str]) -> None:
-    """Fill in the outputs of pages."""
-    for path in map(Path, paths):
+def paste(page: str, folder: Path) -> None:
+    """Write the files of a page and its Python to a folder."""
+    folder.mkdir(parents=True, exist_ok=True)
+    given = [block for block in blocks(page) if block.run]
+    for block in given:
+        if block.title not in (None, "output"):
+            (folder / block.title).write_text(block.text, encoding="utf-8")
+    session = "\n".join(b.text for b in given if b.language == "python" and b.title is None)
+    (folder / "session.py").write_text(session, encoding="utf-8")
+
+
+def main() -> None:
+    """Fill in the outputs of pages, or paste one."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("pages", type=Path, nargs="+")
+    parser.add_argument("--paste", type=Path, metavar="FOLDER")
+    arguments = parser.parse_args()
+    if arguments.paste:
+        for path in arguments.pages:
+            paste(path.read_text(encoding="utf-8"), arguments.paste)
+        return
+    for path in arguments.pages:
         page, here = path.read_text(encoding="utf-8"), Path.cwd()
         with tempfile.TemporaryDirectory() as folder:
             Path(folder, "examples").symlink_to(ROOT / "examples")
@@ -124,4 +144,4 @@ def main(paths: list[str]) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main()

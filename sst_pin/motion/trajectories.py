@@ -366,7 +366,7 @@ class Trajectory:
         return _columns(self.joint_names, self.units, *rates, labels, self.torque_units)
 
     def torque(self) -> Callable[[float], Array]:
-        """The torques as a smooth function of time, for `simulate`.
+        """The torques as a smooth function of time; `simulate` takes the motion itself.
 
         Returns:
             A spline of degree five through the samples (lower for fewer than six of them). At
