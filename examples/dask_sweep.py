@@ -1,52 +1,103 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Peak torques over a hundred million samples: Dask holds the blocks, the kernels compute them.
+"""Largest motor torques over more samples than memory holds: Dask's blocks, compiled kernels.
 
-pip install 'dask[array]'
-python examples/dask_sweep.py            # a few blocks; all of them with --all
-"""
+pip install 'dask[array,distributed]'
+python examples/dask_sweep.py                         # the SST, a few blocks; all with --all
+python examples/dask_sweep.py stewart --processes 2   # another robot, in several processes
+"""  # fmt: skip
 
-import sys
+import argparse
+from collections.abc import Callable
 
 import dask.array as da
 import numpy as np
 
 import sst_pin
 
-SAMPLES, BLOCK = 100_000_000, 250_000
+#: From indices of samples, shape (N,), to q, va, aa.
+States = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
 
 
-def sweep(robot: sst_pin.SST, samples: int = SAMPLES, block: int = BLOCK) -> da.Array:
-    """Torques of the paper's circle, run through at a hundred speeds, as a lazy array.
+def sweep(robot: sst_pin.ClosedChain, states: States, samples: int, block: int) -> da.Array:
+    """Torques of many states, as a lazy array.
 
     Args:
-        robot: Which follows the circle.
+        robot: Any closed chain, compiled or not.
+        states: Makes the states of a block.
         samples: How many in all.
         block: How many at a time.
 
     Returns:
-        Shape (samples, 3), [N m]; nothing is computed yet.
+        Shape (samples, motors), [N m] or [N]; nothing is computed yet.
     """
+    nq, n, motors = len(robot.position_names), robot.degrees_of_freedom, len(robot.motor_names)
 
-    def states(index: np.ndarray) -> np.ndarray:
-        speed = 0.5 + 0.01 * (index % 100)
-        R, omega, alpha = sst_pin.paper_circle(index / samples * np.pi / 6)
-        omega, alpha = omega * speed[:, None], alpha * speed[:, None] ** 2
-        return np.concatenate(robot.joint_motion(R, omega, alpha), axis=1)
+    def rows(index: np.ndarray) -> np.ndarray:
+        return np.concatenate(states(index), axis=1)
 
     index = da.arange(samples, chunks=block)
-    x = index.map_blocks(states, new_axis=1, chunks=(index.chunks[0], (15,)), dtype=float)
+    chunks = (index.chunks[0], (nq + 2 * n,))
+    x = index.map_blocks(rows, new_axis=1, chunks=chunks, dtype=float)
     return da.apply_gufunc(
-        robot.compute_torques, "(q),(m),(m)->(m)", x[:, :9], x[:, 9:12], x[:, 12:],
-        output_dtypes=float,
+        robot.compute_torques, f"({nq}),({n}),({n})->({motors})",
+        x[:, :nq], x[:, nq : nq + n], x[:, nq + n :], output_dtypes=float,
     )  # fmt: skip
 
 
+def circle(robot: sst_pin.SST, samples: int) -> States:
+    """The paper's circle, run through at a hundred speeds."""
+
+    def states(index: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        speed = 0.5 + 0.01 * (index % 100)
+        R, omega, alpha = sst_pin.paper_circle(index / samples * np.pi / 6)
+        return robot.joint_motion(R, omega * speed[:, None], alpha * speed[:, None] ** 2)
+
+    return states
+
+
+def grid(robot: sst_pin.robots.GalleryRobot, samples: int) -> States:
+    """The platform at rest on a grid of 10 cm about home."""
+    side = round(samples ** (1 / 3))
+    home, n = robot.platform_pose(robot.home), robot.degrees_of_freedom
+
+    def states(index: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        poses = np.tile(home, (len(index), 1, 1))
+        cells = np.stack(np.unravel_index(index % side**3, (side, side, side)), axis=1)
+        poses[:, :3, 3] += 0.1 * (cells / (side - 1) - 0.5)
+        at_rest = np.zeros((len(index), n))
+        return robot.inverse_kinematics(poses), at_rest, at_rest
+
+    return states
+
+
 def main() -> None:
-    """Print the peaks of some blocks, or of all."""
-    tau = sweep(sst_pin.SST())
-    print(f"{tau.shape[0]:,} samples in {tau.numblocks[0]} blocks, {tau.nbytes / 1e9:.1f} GB")
-    some = tau if "--all" in sys.argv else tau.blocks[::100]
-    print("peak torques (N m):", abs(some).max(axis=0).compute().round(4))
+    """Print the largest torques of some blocks, or of all."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("robot", nargs="?", choices=["sst", "delta", "stewart"], default="sst")
+    parser.add_argument("--all", action="store_true", help="all blocks, not every hundredth")
+    parser.add_argument("--processes", type=int, default=0, help="of dask.distributed")
+    arguments = parser.parse_args()
+    if arguments.robot == "sst":
+        robot, samples, block, motion = sst_pin.SST(), 100_000_000, 250_000, circle
+    else:
+        robot, samples, block, motion = (
+            getattr(sst_pin.robots, arguments.robot)(),
+            10**6,
+            5000,
+            grid,
+        )
+        robot.compile()
+    tau = sweep(robot, motion(robot, samples), samples, block)
+    print(f"{tau.shape[0]:,} samples in {tau.numblocks[0]} blocks, {tau.nbytes / 1e9:.3g} GB")
+    largest = abs(tau if arguments.all else tau.blocks[::100]).max(axis=0)
+    if arguments.processes:
+        from dask.distributed import Client
+
+        with Client(n_workers=arguments.processes, threads_per_worker=1):
+            found = largest.compute()
+    else:
+        found = largest.compute()
+    print("largest torques (N m, or N of struts):", found.round(4))
 
 
 if __name__ == "__main__":
