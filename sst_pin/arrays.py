@@ -97,7 +97,7 @@ def for_each_sample(
         arrays: Each with leading axes before its core axes; None is handed on as it is.
         core_axes: Number of core axes of each array.
         result: Shape of one result.
-        on_error: "raise", or "nan" for NaN in the place of samples at fault.
+        on_error: "raise", or "nan": samples that fail become NaN.
         out: Where results go, shape (..., *result), float64; it may overlap the inputs.
         fast: Fills results of shape (n, size) from arrays of shape (n, ...), n samples, and
             returns the indices of those it leaves to `function`.

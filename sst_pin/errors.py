@@ -20,7 +20,7 @@ class SSTError(Exception):
     """Base of every error this package raises.
 
     Attributes:
-        samples: Indices of the samples at fault in the batch of the call, empty for a single one.
+        samples: Indices of the samples of a batch that failed; empty for a single sample.
 
     Example:
         >>> try:
@@ -125,7 +125,7 @@ class ActuationError(SSTError):
     """Coordinates that do not describe the motion, or motors that cannot bring it about.
 
     Attributes:
-        missing: Forces that nobody supplies, by the name of the coordinate, [N m] or [N].
+        missing: Forces that no motor supplies, by the name of the coordinate, [N m] or [N].
 
     Example:
         >>> lift = sst_pin.robots.five_bar()
@@ -212,7 +212,7 @@ class FileFormatError(SSTError):
 
     Attributes:
         path: The file.
-        line: Line at fault, counted from 1 with the header; None when it is the whole file.
+        line: The wrong line, counted from 1 with the header; None for the whole file.
 
     Example:
         >>> with open("empty.csv", "w") as file:

@@ -96,7 +96,7 @@ def read_table(path: str | Path) -> Table:
     The column of times is `t_s`; `time_s`, `t` and `time` are taken for it.
 
     Raises:
-        FileFormatError: With the line at fault.
+        FileFormatError: With the line that is wrong.
     """
     path = as_path(path)
     try:
@@ -116,7 +116,7 @@ def read_table(path: str | Path) -> Table:
         raise FileFormatError(path, str(error), reader.line_num) from None
     twice = sorted({name for name in header if header.count(name) > 1})
     if twice:
-        raise FileFormatError(path, f"column {twice[0]} stands twice", 1)
+        raise FileFormatError(path, f"column {twice[0]} appears twice", 1)
     if "t_s" not in header:
         raise FileFormatError(path, f"missing column t_s; found: {', '.join(header) or 'none'}", 1)
     if not rows:

@@ -571,7 +571,7 @@ class ClosedChain:
             weights: Of the motors' squared torques, positive, shape (motors,); all one by default.
             out: Array for the result, shape (..., motors).
             threads: How many share a batch in compiled kernels; the reference path takes one.
-            on_error: "raise", or "nan" for NaN in the place of samples at fault.
+            on_error: "raise", or "nan": samples that fail become NaN.
 
         Returns:
             tau, shape (..., motors), [N m] or [N].
@@ -1028,7 +1028,7 @@ class ClosedChain:
         """A robot from a URDF and, beside it, what a URDF cannot say: the "extended URDF" of LAAS.
 
         A YAML file lists closures (`closed_loop`, pairs of frames, each with its `type`), motors
-        (`name_mot`) and, where needed, `gravity` and joints that are in truth "FIXED", "SPHERICAL"
+        (`name_mot`) and, where needed, `gravity` and joints that really are "FIXED", "SPHERICAL"
         or "UJOINT_XY" (`joint_name`, `joint_type`). A file that lists no closures has those of the
         URDF's frames `closing_NAME_1`, `closing_NAME_2`, points that coincide. Joints that mimic
         others are coupled to them.

@@ -127,7 +127,7 @@ def _motors(space: JointSpace, motors: Sequence[Motor], nv: int) -> tuple[Array,
             columns.extend(np.eye(nv)[k])
             names.extend(space.rate_names[i] for i in k)
     if len(set(names)) != len(names):
-        raise InputError("actuated", f"a joint stands twice in {names}")
+        raise InputError("actuated", f"a joint appears twice in {names}")
     return np.array(columns).reshape(-1, nv).T, tuple(names)
 
 
@@ -140,7 +140,7 @@ def _of_rates(name: str, given: ArrayLike | None, default: Array) -> Array:
 
 def _require_sound(model: pin.Model, closures: Sequence[Constraint]) -> None:
     names = list(model.names)[1:]
-    problems = [f"joint {n}: the name stands twice" for n, k in Counter(names).items() if k > 1]
+    problems = [f"joint {n}: the name appears twice" for n, k in Counter(names).items() if k > 1]
     if model != pin.Model(model):
         problems.append("a number in it is NaN")
     if not model.nv:

@@ -97,7 +97,7 @@ class JointSpace:
 
         Raises:
             UnknownNameError: For a name that neither has.
-            InputError: When a joint stands twice.
+            InputError: When a joint appears twice.
         """
         found: list[int] = []
         for name in names:
@@ -110,7 +110,7 @@ class JointSpace:
             else:
                 raise UnknownNameError("joint", name, self.joint_names)
         if len(set(found)) != len(found):
-            raise InputError("names", f"a joint stands twice in {list(names)}")
+            raise InputError("names", f"a joint appears twice in {list(names)}")
         return np.array(found, dtype=np.intp)
 
     def names_of(self, rates: Sequence[int]) -> tuple[str, ...]:
@@ -186,7 +186,7 @@ class JointSpace:
             raise InputError(
                 "q",
                 f"a quaternion, or a pair of cosine and sine, is off length one by {off:.3g}; "
-                "pinocchio.normalize mends it",
+                "pinocchio.normalize corrects it",
             )
 
     @cached_property

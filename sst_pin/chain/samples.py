@@ -48,7 +48,7 @@ def by_kernel(
         size: Of a result.
         out: Where results go, shape (..., size).
         threads: How many share the batch in the kernel.
-        on_error: "raise", or "nan" for NaN in the place of samples at fault.
+        on_error: "raise", or "nan": samples that fail become NaN.
     """
     require_policy(on_error)
     threads = whole_number("threads", threads, 1)

@@ -14,10 +14,10 @@ from .common import Commands, chain_of
 def add_to(commands: Commands) -> None:
     """Add both commands."""
     parser = commands.add(
-        "compile", _compile, "Make the kernels of a robot, so that compile() finds them."
+        "compile", _compile, "Compile the kernels of a robot, so that chain.compile() finds them."
     )
     parser.add_argument("robot", type=Path, help="URDF beside its YAML, or MJCF")
-    parser = commands.add("cache", _cache, "List the kernels that are kept, or delete them.")
+    parser = commands.add("cache", _cache, "List the kernels in the cache, or delete them.")
     parser.add_argument("--empty", action="store_true", help="delete all of them")
 
 

@@ -34,7 +34,7 @@ def add_to(commands: Commands) -> None:
         "--speed",
         type=_positive,
         metavar="S",
-        help="1 is true speed, the default for a file; the example is played at 0.1",
+        help="1 is real time, the default for a file; the example is played at 0.1",
     )
     for kind, text in (
         ("html", "one page that needs no network"),

@@ -13,7 +13,7 @@ from .common import Commands, add_urdf, robot_of
 
 def add_to(commands: Commands) -> None:
     """Add the command."""
-    parser = commands.add("verify", _run, "Hold the torques against every referee installed.")
+    parser = commands.add("verify", _run, "Compare the torques with every referee installed.")
     add_urdf(parser)
     parser.add_argument("--quick", action="store_true", help="fewer cases, no time stepping")
     parser.add_argument("--json", action="store_true", help="print the table as JSON")

@@ -83,7 +83,7 @@ def rollout(
         InputError: For a wrong shape or a number that is not finite.
         ClosureError, SingularConfigurationError: For a bad start, naming the samples.
         SimulationError: When the loops open (dt is too long), when a motion comes to a singularity
-            or when it runs away; it names the samples and tells the time of the first.
+            or when it runs away; it names the samples and gives the time of the first.
     """
     require_policy(on_error)
     threads = whole_number("threads", threads, 1)

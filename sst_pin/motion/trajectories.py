@@ -284,7 +284,7 @@ class Trajectory:
             path: Ends in .csv or .npz.
 
         Raises:
-            FileFormatError: When it is not such a file, with the line at fault.
+            FileFormatError: When it is not such a file, with the line that is wrong.
 
         Example:
             >>> chain.simulate([0], chain.home, [0], [0, 0.1]).save("motion.npz", force=True)
@@ -387,7 +387,7 @@ def _names(name: str, value: Sequence[str]) -> tuple[str, ...]:
     """Names of joints, each of them once."""
     words = names(name, value)
     if len(set(words)) < len(words):
-        raise InputError(name, f"a name stands twice in {', '.join(words)}")
+        raise InputError(name, f"a name appears twice in {', '.join(words)}")
     return words
 
 

@@ -98,7 +98,7 @@ def workspace_map(
 ) -> Axes:
     """Conditioning over the directions of s: the half sphere about the base triangle, equal areas.
 
-    Colours tell the condition number of A; hatched is where a slider would leave its arcs. In a map
+    Colours show the condition number of A; hatched is where a slider would leave its arcs. In a map
     at one psi the singular curves of the second kind are drawn and the poses near the first kind;
     in a map over the whole turn, lines of equal roll that the arcs leave.
 

@@ -42,7 +42,7 @@ def check(root: ET.Element) -> Iterator[Problem]:
         return
     links, joints = root.findall("link"), root.findall("joint")
     if any("xacro" in element.tag for element in root):
-        yield error("file", "it is xacro: let xacro make a URDF of it")
+        yield error("file", "this is a xacro file; convert it to URDF with xacro")
     if not root.get("name"):
         yield error("file", "<robot> has no name")
     if not links:
@@ -240,7 +240,7 @@ def _limits(joint: ET.Element, where: str, kind: str) -> Iterator[Problem]:
     if lower > upper:
         yield error(where, f"lower limit {lower:g} above the upper one {upper:g}")
     elif lower == upper:
-        yield warning(where, f"limits [{lower:g}, {upper:g}]: tools that keep to them hold it fast")
+        yield warning(where, f"limits [{lower:g}, {upper:g}]: tools that obey them lock the joint")
 
 
 def _dynamics(joint: ET.Element, where: str) -> Iterator[Problem]:

@@ -165,7 +165,7 @@ def parse_cuts(text: str, source: str) -> Cuts:
     if len(named) != len(types):
         problems.append(f"joint_name has {len(named)} entries, joint_type has {len(types)}")
     twice = [name for name, count in Counter(named).items() if count > 1]
-    problems += [f"joint_name: {name} stands twice" for name in twice]
+    problems += [f"joint_name: {name} appears twice" for name in twice]
     unknown = sorted(set(types) - set(KINDS))
     problems += [f"joint_type: {kind!r} unknown; known: {', '.join(KINDS)}" for kind in unknown]
     if problems or gravity is None:
@@ -191,7 +191,7 @@ def _content(text: str, source: str) -> dict[str, Any]:
         raise DescriptionError(source, ["no keys; name_mot is needed"])
     keys = Counter(key.value for key, _ in node.value)
     if twice := [key for key, count in keys.items() if count > 1]:
-        raise DescriptionError(source, [f"{key}: stands twice" for key in twice])
+        raise DescriptionError(source, [f"{key}: appears twice" for key in twice])
     return dict(content)
 
 

@@ -32,8 +32,8 @@ class Finding:
 
     Attributes:
         problem: In words.
-        joints: The joints at fault.
-        times: Of the samples at fault, shape (n,), [s].
+        joints: The joints concerned.
+        times: Of the samples concerned, shape (n,), [s].
         values: What is out of its limits there, shape (n,): the joint's angle, [rad]; for a
             singularity |sin(mu_k)| (first kind) or the condition number of A (second kind).
         limits: The lower and the upper one.

@@ -420,7 +420,7 @@ class SST(ClosedChain):
                 bodies at its mass centre, base axes, shape (..., 9, 6); takes the reference path.
             out: Array for the result, shape (..., 3).
             threads: How many share a batch; the reference path takes one.
-            on_error: "raise", or "nan" for NaN in the place of samples at fault.
+            on_error: "raise", or "nan": samples that fail become NaN.
 
         Returns:
             tau, shape (..., 3), [N m].
@@ -630,7 +630,7 @@ class SST(ClosedChain):
 
         Args:
             what: A motion, or joint coordinates, shape (9,); the home pose by default.
-            speed: Of a motion, 1 is true speed.
+            speed: Of a motion, 1 is real time.
             open_browser: Whether to serve the page and open the browser; never from Jupyter.
 
         Returns:

@@ -179,7 +179,7 @@ def test_motors_that_do_not_suffice_or_are_more_are_told(robot):
     assert "gamma_3" in report.loose_joints
     assert "INSUFFICIENT: 1 degree" in str(report)
     assert few.degrees_of_freedom == 3
-    with pytest.raises(sst_pin.ActuationError, match="nobody supplies") as caught:
+    with pytest.raises(sst_pin.ActuationError, match="no motor supplies") as caught:
         few.compute_torques(HOME, [0, 0, 0], [0, 0, 0])
     assert set(caught.value.missing) == set(few.coordinates) - {"gamma_1", "gamma_2"}
 
@@ -261,5 +261,5 @@ def test_motors_that_do_not_move_the_robot_are_told():
     chain = sst_pin.ClosedChain(model, closures, ["crank"])
     q = chain.assemble([0.6, 0.1, -1.2], fixed=())
     assert chain.coordinates == ("coupler",)
-    with pytest.raises(sst_pin.ActuationError, match="nobody supplies coupler"):
+    with pytest.raises(sst_pin.ActuationError, match="no motor supplies coupler"):
         chain.compute_torques(q, [0.5], [-0.3])

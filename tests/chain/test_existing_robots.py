@@ -62,7 +62,7 @@ def test_a_rod_between_two_balls_spins_idly(floating_cassie):
     assert report.idle_joints == rods
     assert chain.degrees_of_freedom == 12
     q = chain.assemble(pin.neutral(chain.model))
-    with pytest.raises(sst_pin.ActuationError, match="nobody supplies"):
+    with pytest.raises(sst_pin.ActuationError, match="no motor supplies"):
         chain.compute_torques(q, np.ones(12), np.ones(12))
 
 

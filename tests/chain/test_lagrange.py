@@ -213,7 +213,7 @@ def test_forces_that_nobody_supplies_are_named():
     q, va, random = next(states(chain, 1))
     aa = random.normal(size=len(va))
     f = chain.generalized_forces(q, va, aa)
-    with pytest.raises(ActuationError, match="nobody supplies") as caught:
+    with pytest.raises(ActuationError, match="no motor supplies") as caught:
         chain.compute_torques(q, va, aa)
     names = chain._current.mechanism().coordinate_rate_names
     driven = {"a0_RX", "b0_RZ"}

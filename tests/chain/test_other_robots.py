@@ -285,7 +285,7 @@ def test_too_few_motors_leave_loose_joints(name, motors):
     assert "INSUFFICIENT" in str(report)
     n = chain.degrees_of_freedom
     assert n == len(robot.x)
-    with pytest.raises(ActuationError, match="nobody supplies") as caught:
+    with pytest.raises(ActuationError, match="no motor supplies") as caught:
         chain.compute_torques(q, np.ones(n), np.ones(n))
     assert set(caught.value.missing) <= set(chain.coordinates) - set(motors)
     # What cannot be brought about from rest is what happens without torques: that can.

@@ -191,8 +191,7 @@ def test_licence_and_package_are_those_of_the_project(folder):
     """One licence, one version."""
     assert (folder / "LICENSE").read_text() == (ROOT / "LICENSE").read_text()
     package = xml(folder, "package.xml")
-    project = (ROOT / "pyproject.toml").read_text()
-    assert package.findtext("version") == re.search(r'^version = "(.*)"', project, re.M)[1]
+    assert package.findtext("version") == sst_pin.__version__
     assert package.get("format") == "3"
     name = package.findtext("name")
     assert f"project({name} NONE)" in (folder / "CMakeLists.txt").read_text()

@@ -112,7 +112,7 @@ def _inertia(inertial: ET.Element) -> pin.Inertia:
 
 
 class _StrictLoader(yaml.SafeLoader):
-    """Refuses a key that stands twice."""
+    """Refuses a key that appears twice."""
 
     def construct_mapping(self, node: Any, deep: bool = False) -> Any:
         keys = [key.value for key, _ in node.value]

@@ -192,9 +192,9 @@ def test_places_that_cannot_be_written_are_told(motion, tmp_path):
         ("t_s,a\n0,1\n1,nan\n", 3, "a: nan is not finite"),
         ("t_s,a\n0,1\n\n2,1\n1,1\n", 5, "times must increase: t_s = 1 after 2"),
         ("t_s,a\n0,1\n1\n", 3, "1 cells, the header has 2"),
-        ("t_s,a,a\n0,1,1\n", 1, "column a stands twice"),
+        ("t_s,a,a\n0,1,1\n", 1, "column a appears twice"),
         ("when,a\n0,1\n", 1, "missing column t_s; found: when, a"),
-        ("t,time,a\n0,1,1\n", 1, "column t_s stands twice"),
+        ("t,time,a\n0,1,1\n", 1, "column t_s appears twice"),
         ("t_s,a\n", None, "no rows"),
         ("", 1, "missing column t_s; found: none"),
         ('t_s,a\n0,"1\n1,2\n', 3, "is not a number"),  # a quotation mark without its twin

@@ -208,7 +208,7 @@ def large_urdf(links, kind):
             + "]><robot name='&a12;'/>",
             "not XML",
         ),
-        ("<robot xmlns:xacro='http://x/xacro' name='r'><xacro:property/></robot>", "it is xacro"),
+        ("<robot xmlns:xacro='http://x/xacro' name='r'><xacro:property/></robot>", "is a xacro file"),
         ("<robot name='r'><link name='l'/></robot>", None),  # the least that is read
     ],
     ids=["links", "joints", "depth", "bytes", "entities", "xacro", "least"],
@@ -243,7 +243,7 @@ CUTS = "closed_loop: [[a, b]]\ntype: [6d]\nname_mot: [c]\n"
     ("text", "word"),
     [
         (CUTS + "gravitiy: [0, 0, -1.62]", "gravitiy: unknown; known: closed_loop, type"),
-        (CUTS + "gravity: [0, 0, -1]\ngravity: [0, 0, -9.81]", "gravity: stands twice"),
+        (CUTS + "gravity: [0, 0, -1]\ngravity: [0, 0, -9.81]", "gravity: appears twice"),
         (CUTS + "gravity: [0, no, -9.81]", "gravity: ['0', 'no', '-9.81'] is not a list of three"),
         (CUTS + "gravity: [0, 0, .nan]", "gravity: "),
         (CUTS + "gravity: [0, 0, 2020-13-45]", "gravity: "),
@@ -259,7 +259,7 @@ CUTS = "closed_loop: [[a, b]]\ntype: [6d]\nname_mot: [c]\n"
         (CUTS.replace("[a, b]", "[a, {b: c}]"), "is not a pair of frame names"),
         (
             CUTS + "joint_name: [a, a]\njoint_type: [FIXED, SPHERICAL]",
-            "joint_name: a stands twice",
+            "joint_name: a appears twice",
         ),
         ("[a, b]", "no keys"),
         ("", "no keys"),
