@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from ..motion.rollouts import Rollout
     from ..motion.simulation import Load, Torque
     from ..motion.trajectories import Trajectory
+    from ..viewer import Viewer
 
 Array = NDArray[np.float64]
 _Chain = TypeVar("_Chain", bound="ClosedChain")
@@ -79,6 +80,9 @@ class ClosedChain:
     Example:
         `ClosedChain(model, [Closure("rocker_end", "pivot", "3d")], ["crank"])`.
     """
+
+    #: For `visual_model`: shapes, or what loads them.
+    _shapes: pin.GeometryModel | Callable[[pin.Model], pin.GeometryModel] = pin.GeometryModel()
 
     def __init__(
         self,
@@ -172,6 +176,16 @@ class ClosedChain:
             (0,)
         """
         return tuple(map(int, self._current.draft.driven))
+
+    @property
+    def actuation(self) -> Array:
+        """B: motors that give tau exert the forces B tau on the tree; shape (nv, motors).
+
+        Example:
+            >>> chain.actuation.T
+            array([[1., 0., 0.]])
+        """
+        return self._current.draft.motors
 
     @property
     def motor_names(self) -> tuple[str, ...]:
@@ -1048,9 +1062,12 @@ class ClosedChain:
             ('gamma_1', 'gamma_2', 'gamma_3')
         """
         from .. import reading
+        from ..reading.shapes import UrdfShapes
 
         model, closures, motors = reading.read_urdf(path, cuts, locked)
-        return cls(model, closures, motors if actuated is None else actuated)
+        chain = cls(model, closures, motors if actuated is None else actuated)
+        chain._shapes = UrdfShapes(reading.read_text(path, "URDF"), Path(path).parent)
+        return chain
 
     @classmethod
     def from_mjcf(
@@ -1084,15 +1101,18 @@ class ClosedChain:
             ('gamma_1', 'gamma_2', 'gamma_3')
         """
         from ..reading.mjcf import read_mjcf
+        from ..reading.shapes import MjcfShapes
 
         read = read_mjcf(path, locked)
-        return cls(
+        chain = cls(
             read.model,
             read.closures,
             read.actuated if actuated is None else actuated,
             stiffness=read.stiffness,
             spring_reference=read.spring_reference,
         )
+        chain._shapes = MjcfShapes(Path(path).absolute(), tuple(locked))
+        return chain
 
     def trajectory(
         self,
@@ -1211,6 +1231,63 @@ class ClosedChain:
             threads=threads,
             on_error=on_error,
         )
+
+    # --- pictures ---------------------------------------------------------------------------
+
+    @property
+    def visual_model(self) -> pin.GeometryModel:
+        """Shapes of the bodies, as Pinocchio has them: those of the URDF or the MJCF, or yours.
+
+        They are loaded at each call; there are none where nobody has given any. Assign a
+        `pinocchio.GeometryModel` of your own to have it shown.
+
+        Raises:
+            DescriptionError: When a mesh cannot be loaded.
+
+        Example:
+            >>> [shape.name for shape in chain.visual_model.geometryObjects]
+            ['crank_0', 'coupler_0', 'rocker_0']
+        """
+        return self._shapes(self.model) if callable(self._shapes) else self._shapes
+
+    @visual_model.setter
+    def visual_model(self, shapes: pin.GeometryModel) -> None:
+        if not isinstance(shapes, pin.GeometryModel):
+            kind = type(shapes).__name__
+            raise InputError("visual_model", f"a pinocchio.GeometryModel is needed, not {kind}")
+        self._shapes = shapes
+
+    def show(
+        self,
+        what: Trajectory | ArrayLike | None = None,
+        *,
+        speed: float = 1.0,
+        open_browser: bool = True,
+    ) -> Viewer:
+        """A motion or a configuration in the browser; in Jupyter, in the notebook.
+
+        Args:
+            what: A motion, or a configuration, shape (nq,); the home pose by default, or where
+                there is none an assembled configuration.
+            speed: Of a motion, 1 is real time.
+            open_browser: Whether to serve the page and open the browser; never from Jupyter.
+
+        Returns:
+            The viewer; `save` writes the page, a picture or an animation, `close` ends serving.
+
+        Raises:
+            MissingExtraError: Without what `sst-pin[viz]` brings.
+            DescriptionError: When a mesh cannot be loaded.
+            InputError: For another robot's motion.
+
+        Example:
+            >>> viewer = chain.show(open_browser=False)
+            >>> viewer.save("robot.html", force=True)
+            >>> viewer.close()
+        """
+        from ..viewer import show
+
+        return show(self, what, speed, open_browser)
 
     # --- inside -----------------------------------------------------------------------------
 

@@ -49,7 +49,7 @@ class Commands:
         return parser
 
 
-def add_urdf(parser: Parser) -> None:
+def add_urdf(parser: argparse._ActionsContainer) -> None:
     """The option --urdf; `robot_of` reads it."""
     parser.add_argument(
         "--urdf", type=Path, metavar="FILE", help="an edited URDF; the paper's robot by default"

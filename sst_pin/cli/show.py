@@ -4,18 +4,22 @@
 from __future__ import annotations
 
 import argparse
+import sys
 import threading
 import webbrowser
 from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 
+from ..chain.closed_chain import ClosedChain
 from ..errors import InputError, OutputError
 from ..files import write_files
+from ..motion.trajectories import Trajectory
 from ..sst.motion_files import load_motion
 from ..sst.paper import PERIOD, example_1
-from .common import Commands, Parser, add_force, add_strict, add_urdf, refuses, robot_of
+from .common import Commands, Parser, add_force, add_strict, add_urdf, chain_of, robot_of
 
 
 def add_to(commands: Commands) -> None:
@@ -23,12 +27,21 @@ def add_to(commands: Commands) -> None:
     parser: Parser = commands.add(
         "show",
         _run,
-        "Play a motion in the browser until Ctrl-C, with its torques; example 1 of the paper "
-        "without a file. With --html, --png or --gif it writes files instead.",
+        "Play a motion in the browser until Ctrl-C, with its torques. Without a file it is example "
+        "1 of the paper, and of another robot a configuration. With --html, --png or --gif it "
+        "writes files instead.",
     )
-    add_urdf(parser)
+    which = parser.add_mutually_exclusive_group()
+    add_urdf(which)
+    which.add_argument(
+        "--robot", type=Path, metavar="FILE", help="any closed chain: a URDF beside its YAML, MJCF"
+    )
     parser.add_argument(
-        "motion", type=Path, nargs="?", metavar="MOTION.csv", help="as for `torques`, or its output"
+        "motion",
+        type=Path,
+        nargs="?",
+        metavar="MOTION",
+        help="as for `torques`, or its output; of another robot a file of `Trajectory.save`",
     )
     parser.add_argument(
         "--speed",
@@ -42,10 +55,13 @@ def add_to(commands: Commands) -> None:
         ("gif", "an animation; needs Chromium"),
     ):
         parser.add_argument(f"--{kind}", type=Path, metavar="FILE", help=f"write {text}")
-    parser.add_argument("--axes", action="store_true", help="show the joint axes e_1..9")
-    parser.add_argument("--frames", action="store_true", help="show the frames {0k}..{3k}, {E}")
+    parser.add_argument("--axes", action="store_true", help="show the axes of the joints")
+    parser.add_argument("--frames", action="store_true", help="show frames: {0k}..{3k}, {E}")
     parser.add_argument(
-        "--interactive", action="store_true", help="move the robot by hand; takes no motion"
+        "--skeleton", action="store_true", help="joints, lines and masses instead of the bodies"
+    )
+    parser.add_argument(
+        "--interactive", action="store_true", help="move the SST by hand; takes no motion"
     )
     parser.add_argument("--no-open", action="store_true", help="print the URL, open no browser")
     parser.add_argument("--host", default="127.0.0.1", help="listen there; this machine alone")
@@ -71,40 +87,56 @@ def _port(text: str) -> int:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    robot = robot_of(arguments)
     if arguments.interactive:
-        for name in ("motion", "speed", "html", "png", "gif", "axes", "frames", "strict"):
+        takes_no = ("motion", "robot", "speed", "html", "png", "gif", "axes", "frames", "skeleton")
+        for name in (*takes_no, "strict"):
             if getattr(arguments, name):
-                raise InputError("--interactive", f"moves the robot by hand and takes no {name}")
+                raise InputError("--interactive", f"moves the SST by hand and takes no {name}")
         from ..viewer.interactive import Interactive  # needs the extra `interactive`
 
-        with Interactive(robot, arguments.host, arguments.port) as page:
+        with Interactive(robot_of(arguments), arguments.host, arguments.port) as page:
             _wait(page.url, arguments.no_open)
         return 0
     from ..viewer import Viewer  # needs the extra `viz`
 
-    if arguments.motion is None:
-        motion, speed = example_1(robot, np.linspace(0, PERIOD, 201)), 0.1
-        title = "Example 1: the circle"
-    else:
-        motion, speed = load_motion(robot, arguments.motion), 1.0
-        title = arguments.motion.name
-    if refuses(robot, motion, arguments):
-        return 1
-    with Viewer(robot, axes=arguments.axes, frames=arguments.frames) as viewer:
-        viewer.play(motion, speed=arguments.speed or speed, title=title)
-        wanted = [(f".{kind}", getattr(arguments, kind)) for kind in ("html", "png", "gif")]
-        for ending, path in wanted:
-            if path is not None and path.suffix.lower() != ending:
-                raise OutputError(path, f"the ending should be {ending}")
+    robot, motion, speed, title = _asked_for(arguments)
+    wanted = [(f".{kind}", getattr(arguments, kind)) for kind in ("html", "png", "gif")]
+    for ending, path in wanted:
+        if path is not None and path.suffix.lower() != ending:
+            raise OutputError(path, f"the ending should be {ending}")
+    bodies = pin.GeometryModel() if arguments.skeleton else None
+    with Viewer(robot, bodies, axes=arguments.axes, frames=arguments.frames) as viewer:
+        if motion is not None:
+            viewer.play(motion, speed=arguments.speed or speed, title=title)
+        for warning in viewer.warnings:
+            kind = "error" if arguments.strict else "warning"
+            print(f"sst-pin: {kind}: {warning}", file=sys.stderr)
+        if viewer.warnings and arguments.strict:
+            return 1
         files = {path: viewer.writer(path) for _, path in wanted if path is not None}
         if files:
             write_files(files, arguments.force)
-            print(f"{title}, {motion.t[-1] - motion.t[0]:g} s -> {', '.join(map(str, files))}")
+            length = "" if motion is None else f", {motion.t[-1] - motion.t[0]:g} s"
+            print(f"{title}{length} -> {', '.join(map(str, files))}")
         else:
             url = viewer.serve(arguments.host, arguments.port)
             _wait(url, arguments.no_open)
     return 0
+
+
+def _asked_for(
+    arguments: argparse.Namespace,
+) -> tuple[ClosedChain, Trajectory | None, float, str]:
+    """Robot, motion, speed and title."""
+    path = arguments.motion
+    if arguments.robot is not None:
+        chain = chain_of(arguments.robot)
+        motion = None if path is None else Trajectory.load(path)
+        return chain, motion, 1.0, chain.model.name if path is None else path.name
+    robot = robot_of(arguments)
+    if path is None:
+        return robot, example_1(robot, np.linspace(0, PERIOD, 201)), 0.1, "Example 1: the circle"
+    return robot, load_motion(robot, path), 1.0, path.name
 
 
 def _wait(url: str, no_open: bool) -> None:

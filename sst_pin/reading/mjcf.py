@@ -50,6 +50,22 @@ class Mjcf(NamedTuple):
 
 def read_mjcf(path: str | Path, locked: Sequence[str] = ()) -> Mjcf:
     """Read a robot; see `ClosedChain.from_mjcf`."""
+    return _reader(path, locked).read()
+
+
+def bodies_of(
+    path: str | Path, locked: Sequence[str] = ()
+) -> tuple[Any, list[tuple[int, pin.SE3]]]:
+    """MuJoCo's model of a robot and of each body the joint that bears it and its placement there.
+
+    Arguments and errors as `ClosedChain.from_mjcf`.
+    """
+    reader = _reader(path, locked)
+    reader.read()
+    return reader.compiled, reader.bodies
+
+
+def _reader(path: str | Path, locked: Sequence[str]) -> _Reader:
     try:
         import mujoco
     except ImportError:
@@ -63,21 +79,22 @@ def read_mjcf(path: str | Path, locked: Sequence[str] = ()) -> Mjcf:
         compiled.names.decode()
     except UnicodeDecodeError as error:
         raise DescriptionError(str(path), [f"names that are not UTF-8: {error}"]) from None
-    return _Reader(mujoco, compiled, str(path), locked).read()
+    return _Reader(mujoco, compiled, str(path), locked)
 
 
 class _Reader:
     """One pass over a compiled model."""
 
     def __init__(self, mujoco: Any, compiled: Any, source: str, locked: Sequence[str]) -> None:
-        self._mj, self._source, self._locked = compiled, source, set(locked)
+        self.compiled = self._mj = compiled
+        self._source, self._locked = source, set(locked)
         self._mujoco = mujoco
         self._model = pin.Model()
         self._model.name = compiled.names.split(b"\0")[0].decode()
         weightless = self._disabled("gravity")
         self._model.gravity.linear = np.zeros(3) if weightless else compiled.opt.gravity
         #: Of each body: the joint that bears it and its placement there.
-        self._bodies = [(0, pin.SE3.Identity())]
+        self.bodies = [(0, pin.SE3.Identity())]
         #: Of each rate: the degree of freedom in MuJoCo.
         self._dofs: list[int] = []
         self._rest: list[float] = []
@@ -162,13 +179,13 @@ class _Reader:
 
     def _add_body(self, body: int) -> None:
         mj = self._mj
-        parent, placement = self._bodies[mj.body_parentid[body]]
-        placement = placement * _pose(mj.body_pos[body], mj.body_quat[body])
+        parent, placement = self.bodies[mj.body_parentid[body]]
+        placement = placement * pose_of(mj.body_pos[body], mj.body_quat[body])
         first = mj.body_jntadr[body]
         for joint in range(first, first + mj.body_jntnum[body]):
             parent, placement = self._add_joint(joint, parent, placement)
-        self._bodies.append((parent, placement))
-        R = _pose(mj.body_ipos[body], mj.body_iquat[body]).rotation
+        self.bodies.append((parent, placement))
+        R = pose_of(mj.body_ipos[body], mj.body_iquat[body]).rotation
         inertia = pin.Inertia(
             mj.body_mass[body], mj.body_ipos[body], R * mj.body_inertia[body] @ R.T
         )
@@ -215,7 +232,7 @@ class _Reader:
         """As frames."""
         mj = self._mj
         for site in range(mj.nsite):
-            place = _pose(mj.site_pos[site], mj.site_quat[site])
+            place = pose_of(mj.site_pos[site], mj.site_quat[site])
             self._add_frame(self._site(site), mj.site_bodyid[site], place)
 
     def _site(self, site: int) -> str:
@@ -225,7 +242,7 @@ class _Reader:
         if self._model.existFrame(name):
             self._problems.append(f"frame {name}: there are two; sites and ends of equalities")
             return
-        parent, placement = self._bodies[body]
+        parent, placement = self.bodies[body]
         kind = pin.FrameType.OP_FRAME
         self._model.addFrame(pin.Frame(name, parent, placement * place, kind))
 
@@ -268,7 +285,7 @@ class _Reader:
             if kind == kinds.mjEQ_CONNECT:
                 places = [pin.SE3(np.eye(3), data[:3]), pin.SE3(np.eye(3), data[3:6])]
             else:  # pose of the second body in the first, anchor in the second
-                places = [_pose(data[3:6], data[6:10]), pin.SE3(np.eye(3), data[:3])]
+                places = [pose_of(data[3:6], data[6:10]), pin.SE3(np.eye(3), data[:3])]
             ends = f"{name}_A", f"{name}_B"
             for end, body, place in zip(ends, (first, second), places, strict=True):
                 self._add_frame(end, body, place)
@@ -429,6 +446,6 @@ _SWITCHED_OFF = {"constraint": "closure", "equality": "closure", "actuation": "m
 _TORQUESCALE = 10
 
 
-def _pose(position: Array, quaternion: Array) -> pin.SE3:
+def pose_of(position: Array, quaternion: Array) -> pin.SE3:
     """Of MuJoCo's w, x, y, z."""
     return pin.SE3(pin.Quaternion(*quaternion).normalized().matrix(), position)

@@ -62,7 +62,6 @@ class GalleryRobot(ClosedChain):
 
     Attributes:
         home: Joint coordinates at the home pose, shape (nq,).
-        visual_model: Shapes of the bodies.
     """
 
     def __init__(
@@ -76,7 +75,7 @@ class GalleryRobot(ClosedChain):
         point: bool = False,
     ) -> None:
         super().__init__(tree.model, closures, actuated)
-        self._tree, self.visual_model = tree.model, tree.visual_model
+        self._tree, self._shapes = tree.model, tree.visual_model
         self._joints = joints
         self._rows = slice(None), slice(3 if point else 0, 4)  # of a pose, that count
         try:

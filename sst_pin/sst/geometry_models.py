@@ -1,10 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The shapes of a robot's bodies, as Pinocchio's geometry models."""
+"""The shapes of an SST that no file describes."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
@@ -13,60 +11,32 @@ import pinocchio as pin
 
 from ..description import mesh_writers
 from ..description.parameters import Parameters
-from ..errors import DescriptionError
 from ..files import write_files
+from ..reading.shapes import UrdfShapes
 
 
-class Shapes(NamedTuple):
-    """Where the shapes of an SST come from.
+class ParameterShapes(NamedTuple):
+    """Of a URDF whose meshes are made of its parameters.
 
     Attributes:
         urdf: The XML that names them.
-        meshes: Folder that their files are relative to, or the parameters to make them of.
+        parameters: What to make them of.
     """
 
     urdf: str
-    meshes: Path | Parameters
+    parameters: Parameters
 
-    @contextmanager
-    def geometry_model(
-        self, model: pin.Model, kind: pin.GeometryType = pin.GeometryType.VISUAL
-    ) -> Iterator[pin.GeometryModel]:
-        """Shapes for the eye, or for collisions; mesh files are there as long as the block lasts.
+    def __call__(self, model: pin.Model) -> pin.GeometryModel:
+        """Shapes for the eye.
 
         Args:
             model: The tree of the same URDF.
-            kind: VISUAL or COLLISION.
 
         Raises:
-            DescriptionError: When a mesh cannot be loaded.
-            MissingExtraError: When meshes must be made, without trimesh.
+            MissingExtraError: Without trimesh.
         """
-        if isinstance(self.meshes, Parameters):
-            with TemporaryDirectory() as name:
-                folder = Path(name)
-                files = mesh_writers(self.meshes)
-                write_files({folder / file: write for file, write in files.items()})
-                yield geometry_model(model, self.urdf, folder, kind)
-        else:
-            yield geometry_model(model, self.urdf, self.meshes, kind)
-
-
-def geometry_model(
-    model: pin.Model, urdf: str, folder: Path, kind: pin.GeometryType
-) -> pin.GeometryModel:
-    """Shapes of a URDF.
-
-    Args:
-        model: Its tree.
-        urdf: Its XML.
-        folder: What its mesh files are relative to.
-        kind: VISUAL or COLLISION.
-
-    Raises:
-        DescriptionError: When a mesh cannot be loaded.
-    """
-    try:
-        return pin.buildGeomFromUrdfString(model, urdf, kind, package_dirs=[str(folder)])
-    except (ValueError, RuntimeError) as error:
-        raise DescriptionError(str(folder), [f"its geometry cannot be loaded: {error}"]) from None
+        with TemporaryDirectory() as name:
+            folder = Path(name)
+            files = mesh_writers(self.parameters)
+            write_files({folder / file: write for file, write in files.items()})
+            return UrdfShapes(self.urdf, folder)(model)

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -22,15 +22,13 @@ from ..files import beside
 from ..motion.rollouts import Rollout
 from ..motion.simulation import Load, Torque, constant_or_called
 from ..motion.trajectories import Trajectory, require_motion
+from ..reading.shapes import UrdfShapes
 from . import direct_kinematics, kernel_path, kinematics
 from .check import Finding, findings
-from .geometry_models import Shapes
+from .geometry_models import ParameterShapes
 from .kinematics import Geometry
 from .read_back import parameters_of
 from .topology import CUTS, frame_of, geometry_of
-
-if TYPE_CHECKING:
-    from ..viewer import Viewer
 
 Array = NDArray[np.float64]
 
@@ -71,9 +69,6 @@ class SST(ClosedChain):
         kernels: Whether compiled kernels compute the dynamics where they are at hand; without
             them it is Pinocchio and the methods of `ClosedChain`, the reference path.
 
-    Attributes:
-        shapes: The shapes of its bodies, for pictures.
-
     Example:
         >>> robot = sst_pin.SST(sst_pin.Parameters(viscous_friction=0.1))
         >>> robot.compute_torques(robot.home, [1, 0, 0], [0, 0, 0]).round(3)
@@ -88,7 +83,7 @@ class SST(ClosedChain):
         else:
             urdf, cuts = description.urdf_of(parameters), description.yaml_of(parameters)
             self._load(urdf, cuts, "URDF of the parameters", "cuts of the parameters", kernels)
-            self.shapes = Shapes(urdf, parameters)
+            self._shapes = ParameterShapes(urdf, parameters)
 
     @classmethod
     def from_urdf(  # type: ignore[override]  # an SST has its motors and nothing to lock
@@ -152,7 +147,7 @@ class SST(ClosedChain):
             cuts = own if own.is_file() else Path(description.YAML_PATH)
         text = reading.read_text(cuts, "YAML of the cuts")
         self._load(urdf, text, str(path), str(cuts), kernels)
-        self.shapes = Shapes(urdf, Path(path).parent)
+        self._shapes = UrdfShapes(urdf, Path(path).parent)
 
     def _load(
         self, urdf: str, cuts: str, urdf_source: str, cuts_source: str, kernels: bool
@@ -613,40 +608,6 @@ class SST(ClosedChain):
             return Parameters().star_radius
         E = frame_of(model, "E")
         return float(np.linalg.norm(E.placement.translation))
-
-    @property
-    def looks(self) -> Shapes:
-        """The former name of `shapes`, kept for one release."""
-        return self.shapes
-
-    def show(
-        self,
-        what: Trajectory | ArrayLike | None = None,
-        *,
-        speed: float = 1.0,
-        open_browser: bool = True,
-    ) -> Viewer:
-        """A motion or a configuration in the browser; in Jupyter, in the notebook.
-
-        Args:
-            what: A motion, or joint coordinates, shape (9,); the home pose by default.
-            speed: Of a motion, 1 is real time.
-            open_browser: Whether to serve the page and open the browser; never from Jupyter.
-
-        Returns:
-            The viewer, which `close` ends.
-
-        Raises:
-            MissingExtraError: Without Meshcat.
-
-        Example:
-            >>> viewer = robot.show(open_browser=False)
-            >>> viewer.save("robot.html", force=True)
-            >>> viewer.close()
-        """
-        from ..viewer import show
-
-        return show(self, what, speed, open_browser)
 
     # --- inside -----------------------------------------------------------------------------
 

@@ -10,8 +10,9 @@ import pinocchio as pin
 from .. import description
 from ..errors import DescriptionError
 from ..files import as_path, beside
+from ..reading.shapes import UrdfShapes
 from ..reading.srdf import check_srdf
-from .geometry_models import geometry_model
+from ..reading.text import read_text
 from .robot import SST
 
 
@@ -41,9 +42,9 @@ def load(urdf: str | Path = description.URDF_PATH) -> pin.RobotWrapper:
         raise DescriptionError(str(srdf), ["the SRDF beside the URDF is missing"])
     check_srdf(srdf, model)
     pin.loadReferenceConfigurations(model, str(srdf), False)
+    shapes = UrdfShapes(read_text(path, "URDF"), path.parent)
     visual, collision = (
-        geometry_model(model, sst.shapes.urdf, path.parent, kind)
-        for kind in (pin.GeometryType.VISUAL, pin.GeometryType.COLLISION)
+        shapes(model, kind) for kind in (pin.GeometryType.VISUAL, pin.GeometryType.COLLISION)
     )
     collision.addAllCollisionPairs()
     pin.removeCollisionPairs(model, collision, str(srdf), False)

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import sys
+from importlib.util import find_spec
 
 from numpy.typing import ArrayLike
 
@@ -11,12 +12,17 @@ from ..chain.closed_chain import ClosedChain
 from ..errors import MissingExtraError
 from ..motion.trajectories import Trajectory
 
-try:
-    import meshcat  # noqa: F401
-except ImportError:
-    raise MissingExtraError("meshcat", "viz") from None
+#: What the extra `viz` brings for pages, by the names they are imported by.
+_NEEDED = {
+    "meshcat": "meshcat",
+    "tornado": "tornado",
+    "trimesh": "trimesh",
+    "u-msgpack-python": "umsgpack",
+}
+if missing := [package for package, module in _NEEDED.items() if find_spec(module) is None]:
+    raise MissingExtraError(", ".join(missing), "viz")
 
-from .viewer import Viewer
+from .viewer import Viewer  # noqa: E402
 
 __all__ = ["Viewer", "show"]
 
@@ -24,7 +30,7 @@ __all__ = ["Viewer", "show"]
 def show(
     robot: ClosedChain, what: Trajectory | ArrayLike | None, speed: float, open_browser: bool
 ) -> Viewer:
-    """See `SST.show`."""
+    """See `ClosedChain.show`."""
     viewer = Viewer(robot)
     if isinstance(what, Trajectory):
         viewer.play(what, speed=speed)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """A page that answers: sliders that move the closed robot (viser).
 
-Meshcat's Python side hears nothing from its page. viser's does, and Pinocchio draws with it too,
-so the kinematics and dynamics of the page are those of the package.
+Meshcat's Python side hears nothing from its page. viser's does, so the kinematics and dynamics of
+the page are those of the package.
 """
 
 from __future__ import annotations
@@ -14,16 +14,15 @@ from http import HTTPStatus
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
-from pinocchio.visualize import ViserVisualizer
 
 from ..errors import MissingExtraError, ServerError
 from ..sst.check import findings
 from ..sst.robot import SST
 from . import jog
 from .hosts import is_ours, listen, url_of
-from .markers import Markers, parts
+from .parts import Shape, decompose
+from .scene import Scene
 
 try:
     import viser
@@ -56,7 +55,7 @@ class Interactive:
     """
 
     def __init__(self, robot: SST, host: str = "127.0.0.1", port: int = 0) -> None:
-        self._robot, self._markers = robot, Markers(robot)
+        self._robot, self._scene = robot, Scene(robot, None)
         self._busy, self._wishes = threading.Lock(), 0
         for tried in listen(host, port):  # viser would go on trying for ever
             tried.close()
@@ -70,7 +69,6 @@ class Interactive:
         )
         self._largest = float(weight) * robot.star_radius / 2 or 1.0
         try:
-            self._visualizer = self._draw_robot()
             self._draw_scene()
             self._add_controls()
             self._show(jog.Pose(self.q))
@@ -90,14 +88,6 @@ class Interactive:
 
     # --- inside -----------------------------------------------------------------------------
 
-    def _draw_robot(self) -> Any:
-        robot = self._robot
-        with robot.shapes.geometry_model(robot.model) as bodies:
-            nothing = pin.GeometryModel()  # ViserVisualizer cannot do without collision bodies
-            visualizer = ViserVisualizer(robot.model, nothing, bodies)
-            visualizer.initViewer(viewer=self._server, loadModel=True)
-        return visualizer
-
     def _draw_scene(self) -> None:
         scene, r = self._server.scene, self._robot.star_radius
         scene.set_up_direction("+z")
@@ -107,25 +97,34 @@ class Interactive:
         camera = self._server.initial_camera
         camera.look_at, camera.fov = target, np.radians(24)
         camera.position = target + 5.2 * r * np.array((1.0, 0.7, 0.6))
-        self._groups = {
-            name: scene.add_frame(f"/{name}", show_axes=False, visible=name == "torques")
-            for name in ("torques", "axes", "frames")
+        self._movers = {
+            mover: scene.add_frame(f"/{mover}", show_axes=False)
+            for mover in self._scene.poses(self.q)
         }
-        self._nodes = {
-            node: scene.add_frame(f"/{node}", show_axes=False)
-            for node in self._markers.placements(self.q, np.zeros(3))
-        }
-        self._meshes = {
-            shape.node: scene.add_mesh_simple(
-                f"/{shape.node}/mesh",
-                *shape.mesh,
-                color=np.array(list(bytes.fromhex(shape.colour[1:]))),
-            )
-            for shape in self._markers.shapes
-        }
-        for label in self._markers.labels:
-            at = (0.0, 0.0, label["along"])
-            scene.add_label(f"/{label['node']}/label", label["text"], position=at)
+        self._layers: dict[str, list[Any]] = {name: [] for name in self._scene.layers}
+        for shape in (*self._scene.shapes, *(arrow.shape for arrow in self._scene.arrows)):
+            self._layers[shape.layer].append(self._add(shape))
+        for label in self._scene.labels:
+            name = f"/{label.mover}/{label.layer}/{label.text}"
+            words = scene.add_label(name, label.text, position=label.point)
+            self._layers[label.layer].append(words)
+        for name, shown in self._scene.layers.items():
+            self._show_layer(name, shown)
+
+    def _add(self, shape: Shape) -> Any:
+        mesh = self._server.scene.add_mesh_simple(
+            f"/{shape.node}",
+            *shape.mesh,
+            color=np.array(list(bytes.fromhex(shape.colour[1:]))),
+            opacity=shape.opacity if shape.opacity < 1 else None,
+            side="double",
+        )
+        mesh.scale = _place(mesh, shape.at)
+        return mesh
+
+    def _show_layer(self, name: str, shown: bool) -> None:
+        for handle in self._layers[name]:
+            handle.visible = shown
 
     def _add_controls(self) -> None:
         gui = self._server.gui
@@ -147,8 +146,9 @@ class Interactive:
         home.on_click(lambda _: self._move(lambda *_: jog.Pose(self._robot.home), ()))
         self._status = gui.add_markdown("")
         with gui.add_folder("Show"):
-            for name, group in self._groups.items():
-                self._add_check_box(name, group)
+            for name, shown in self._scene.layers.items():
+                if name != "trail":
+                    self._add_check_box(name, shown)
 
     def _add_sliders(self, title: str, names: Sequence[str], move: Move) -> list[Any]:
         gui = self._server.gui
@@ -166,13 +166,9 @@ class Interactive:
             slider.on_update(moved)
         return sliders
 
-    def _add_check_box(self, name: str, group: Any) -> None:
-        box = self._server.gui.add_checkbox(name, initial_value=bool(group.visible))
-
-        def ticked(event: viser.GuiEvent[Any]) -> None:
-            group.visible = event.target.value
-
-        box.on_update(ticked)
+    def _add_check_box(self, name: str, shown: bool) -> None:
+        box = self._server.gui.add_checkbox(name, initial_value=shown)
+        box.on_update(lambda event: self._show_layer(name, event.target.value))
 
     def _move(self, move: Move, sliders: Sequence[Any]) -> None:
         goal = np.radians([slider.value for slider in sliders])
@@ -191,14 +187,13 @@ class Interactive:
         problems = "; ".join(finding.problem for finding in found)
         verdict = [f"**Stopped:** {pose.stopped}"] if pose.stopped else []
         verdict += [f"**The machine cannot stand so:** {problems}."] if found else []
-        placed = self._markers.placements(self.q, tau / self._largest)
+        poses = self._scene.poses(self.q)
+        arrows = [arrow.at(tau / self._largest) for arrow in self._scene.arrows]
         with self._server.atomic():
-            self._visualizer.display(self.q)
-            for node, *where in zip(placed, *parts(np.array(list(placed.values()))), strict=True):
-                position, (x, y, z, w), scale = where
-                self._nodes[node].position, self._nodes[node].wxyz = position, (w, x, y, z)
-                if node.startswith("torques"):
-                    self._meshes[node].scale = tuple(scale)
+            for name, matrix in poses.items():
+                _place(self._movers[name], matrix)
+            for handle, matrix in zip(self._layers["torques"], arrows, strict=True):
+                handle.scale = _place(handle, matrix)
             angles = (*jog.angles_of(robot.platform_orientation(self.q)), *self.q[::3])
             for slider, angle in zip((*self._star, *self._motors), angles, strict=True):
                 if pose.stopped or slider not in held:
@@ -213,6 +208,14 @@ class Interactive:
             f"| smallest sin mu_k | {near.first_kind:.3f} |\n\n"
             + ("\n\n".join(verdict) or "Closed and movable.")
         )
+
+
+def _place(handle: Any, matrix: Array) -> tuple[float, float, float]:
+    """Put something where a homogeneous matrix has it; the matrix's scale."""
+    (handle.position,), ((x, y, z, w),), (scale,) = decompose(matrix[None])
+    handle.wxyz = (w, x, y, z)
+    x, y, z = scale.tolist()
+    return x, y, z
 
 
 @contextmanager

@@ -15,12 +15,14 @@ def page(commands: Iterable[bytes], panel: dict[str, Any], live: bool = False) -
 
     Args:
         commands: Of Meshcat, packed.
-        panel: What `panel.js` shows: title, times, torques and how to play them.
+        panel: What the scripts show: title, times, curves, layers, how to play.
         live: Whether it asks the server it came from for what follows.
     """
     parts = {
         "MESHCAT": (files("meshcat") / "viewer/dist/main.min.js").read_text(encoding="utf-8"),
         "STYLE": _asset("panel.css"),
+        "STAGE": _asset("stage.js"),
+        "CHART": _asset("chart.js"),
         "PANEL": _asset("panel.js"),
         "SCENE": json.dumps(
             {

@@ -1,14 +1,21 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Tubes and arrows as triangles, for what is drawn beside the robot's own meshes."""
+"""What is drawn, as triangles: bodies' geometry, tubes and arrows."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
+import coal
 import numpy as np
+import trimesh
 from numpy.typing import ArrayLike, NDArray
 
+from ..errors import InputError
+
 Array = NDArray[np.float64]
+
+#: Where faces meet at a larger angle, an edge is seen; [rad].
+_EDGE = np.radians(35.0)
 
 
 class Mesh(NamedTuple):
@@ -79,11 +86,58 @@ def arc(radius: float, angles: ArrayLike) -> Array:
     return radius * np.stack([np.cos(angles), np.sin(angles), np.zeros_like(angles)], axis=-1)
 
 
+def solid(geometry: coal.CollisionGeometry) -> Mesh:
+    """The surface of a geometry, its vertices doubled along edges so that these look sharp.
+
+    Raises:
+        InputError: For one without a surface of its own: a plane, an octree.
+    """
+    mesh = _surface(geometry)
+    mesh.merge_vertices()
+    if len(mesh.faces):  # else a file of points
+        mesh = trimesh.graph.smooth_shade(mesh, angle=_EDGE, facet_minarea=None)
+    return Mesh(np.asarray(mesh.vertices), np.asarray(mesh.faces))
+
+
+def ellipsoid(radii: ArrayLike, fineness: int = 3) -> Mesh:
+    """About the origin, along the axes, of 20 * 4^fineness triangles."""
+    ball = trimesh.creation.icosphere(fineness)
+    return Mesh(np.asarray(ball.vertices) * np.asarray(radii), np.asarray(ball.faces))
+
+
+def _surface(geometry: coal.CollisionGeometry) -> trimesh.Trimesh:
+    if isinstance(geometry, coal.Box):
+        return trimesh.creation.box(2 * geometry.halfSide)
+    if isinstance(geometry, coal.Cylinder):
+        return trimesh.creation.cylinder(geometry.radius, 2 * geometry.halfLength, 48)
+    if isinstance(geometry, coal.Capsule):
+        capsule = trimesh.creation.capsule(2 * geometry.halfLength, geometry.radius, count=(24, 24))
+        return capsule.apply_translation(-capsule.bounds.mean(axis=0))
+    if isinstance(geometry, coal.Cone):
+        cone = trimesh.creation.cone(geometry.radius, 2 * geometry.halfLength, 48)
+        return cone.apply_translation((0, 0, -geometry.halfLength))
+    if isinstance(geometry, (coal.Sphere, coal.Ellipsoid)):
+        radii = geometry.radii if isinstance(geometry, coal.Ellipsoid) else 3 * [geometry.radius]
+        return trimesh.Trimesh(*ellipsoid(radii), process=False)
+    if isinstance(geometry, coal.BVHModelBase):
+        triangles = map(geometry.tri_indices, range(geometry.num_tris))
+        faces = np.array([(a[0], a[1], a[2]) for a in triangles], dtype=int).reshape(-1, 3)
+        return trimesh.Trimesh(geometry.vertices(), faces, process=False)
+    raise InputError("visual_model", f"a shape of kind {type(geometry).__name__} cannot be drawn")
+
+
 def _tangents(points: Array) -> Array:
     steps = np.diff(points, axis=0)
     lengths = np.linalg.norm(steps, axis=1)
-    # A step of no length goes the way of the one before it.
+    if not lengths.any():
+        return np.tile((0.0, 0.0, 1.0), (len(points), 1))
+    # A step of no length goes the way of the one before it, at the start of the one after it.
     steps = steps[np.maximum.accumulate(np.where(lengths > 0, np.arange(len(steps)), 0))]
-    around = np.vstack([steps[:1], steps]) + np.vstack([steps, steps[-1:]])
+    steps[: np.argmax(lengths > 0)] = steps[np.argmax(lengths > 0)]
+    steps /= np.linalg.norm(steps, axis=1, keepdims=True)
+    before, after = np.vstack([steps[:1], steps]), np.vstack([steps, steps[-1:]])
+    around = before + after
+    turned = np.linalg.norm(around, axis=1) < 1e-9  # straight back
+    around[turned] = after[turned]
     tangents: Array = around / np.linalg.norm(around, axis=1, keepdims=True)
     return tangents

@@ -7,24 +7,32 @@ import html
 import json
 import webbrowser
 from collections.abc import Callable
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import positive_number, single_array
 from ..chain.closed_chain import ClosedChain
-from ..errors import OutputError
+from ..chain.joint_space import JointSpace
+from ..errors import InputError, OutputError, UnknownNameError
 from ..files import Writer, as_path, write_files
 from ..motion.trajectories import Trajectory, require_motion
-from ..sst.check import findings
-from .markers import TRAIL_SIDES
+from .curves import curves_of, motor_units, torques_of
 from .meshcat_scene import MeshcatScene
 from .page import page
+from .parts import COLOURS
+from .scene import TRAIL_SIDES, Scene
 from .server import Message, Server
-from .star import Star
+from .warnings import warnings_of
+
+Array = NDArray[np.float64]
+
+#: Samples that a page is given at most.
+_MOST_SAMPLES = 600
 
 
 class Viewer:
@@ -34,13 +42,20 @@ class Viewer:
     that. In Jupyter a viewer displays itself.
 
     Args:
-        robot: An `SST`, a robot of the gallery, or any `ClosedChain` with its `visual_model`.
-        visual_model: Bodies to be drawn; its own for an `SST` and a robot of the gallery.
-        axes: Whether the joint axes e_1..9 of an `SST` are shown at first.
-        frames: Whether its frames {0k}..{3k} and {E} are shown at first.
+        robot: Any closed chain. Its bodies are drawn as its URDF, MJCF or function has them; where
+            they have no shapes, joints, the lines between them, and for each body the ellipsoid
+            of its mass and inertia.
+        visual_model: Shapes to be drawn instead of `robot.visual_model`; an empty
+            `pinocchio.GeometryModel()` gives the skeleton.
+        axes: Whether the joints' axes are shown at first, of an `SST` as e_1..9.
+        frames: Whether the frames where loops close are, of an `SST` {0k}..{3k} and {E}.
 
     Raises:
-        InputError: For another `ClosedChain` without `visual_model`.
+        DescriptionError: When a shape's file cannot be read.
+        MissingExtraError: Without Meshcat.
+
+    Example:
+        `Viewer(robot).save("robot.html")`.
     """
 
     def __init__(
@@ -51,17 +66,14 @@ class Viewer:
         axes: bool = False,
         frames: bool = False,
     ) -> None:
+        if not isinstance(robot, ClosedChain):
+            raise InputError("robot", f"a ClosedChain is needed, not {type(robot).__name__}")
         self._robot = robot
         self._server: Server | None = None
-        self._scene = MeshcatScene(robot, visual_model)
-        self._scene.buffer.listener = self._tell
-        shown = {"torques": True, "trail": True, "axes": axes, "frames": frames}
-        self._settings: dict[str, Any] = {
-            "layers": shown if self._scene.markers else {},
-            "labels": self._scene.markers.labels if self._scene.markers else [],
-            "camera": self._scene.camera,
-            "trail": 6 * TRAIL_SIDES,  # indices of its triangles for each sample passed
-        }
+        self._units = motor_units(robot)
+        self._scene = Scene(robot, visual_model, axes=axes, frames=frames)
+        self._drawing = MeshcatScene(self._scene)
+        self._drawing.buffer.listener = self._tell
         self._panel: dict[str, Any] = {}
         self.show(self._scene.start)
 
@@ -75,14 +87,12 @@ class Viewer:
             tau: Motor torques, shape (motors,), [N m] or [N]; none by default.
         """
         motors = len(self._robot.motor_names)
-        q = single_array("q", q, (len(self._robot.position_names),))
-        tau = np.zeros(motors) if tau is None else single_array("tau", tau, (motors,))
-        self._scene.place(q, tau / (np.abs(tau).max() or 1.0))
-        robot, warnings = self._robot, []
-        if isinstance(robot, Star):
-            found = findings(robot.model, robot.geometry, np.zeros(1), q[None])
-            warnings = [finding.problem for finding in found]
-        self._describe("configuration", [0.0], [tau.tolist()], 1.0, warnings)
+        q = single_array("q", q, (len(self._robot.position_names),))[None]
+        tau = np.zeros((1, motors)) if tau is None else single_array("tau", tau, (motors,))[None]
+        effort = self._shares(tau)
+        self._drawing.place(q[0], effort[0])
+        curves = [torques_of(self._robot, tau)]
+        self._describe("configuration", [0.0], q, effort, curves, 1.0, None)
 
     def play(
         self,
@@ -96,30 +106,35 @@ class Viewer:
 
         Args:
             motion: Of this robot; of a long one the page gets every so many samples.
-            speed: 1 is true speed.
-            wanted: The motion whose path of E is the reference; `motion` itself by default.
+            speed: 1 is real time.
+            wanted: The motion whose path is the reference; `motion` itself by default.
             title: Stands on the page.
 
         Raises:
             InputError: When the motion is another robot's, or the speed not positive.
         """
         for name, given in (("motion", motion), ("wanted", motion if wanted is None else wanted)):
-            require_motion(given, self._robot.position_names, name)
+            self._require_own(given, name)
         speed = positive_number("speed", speed)
         if len(motion) == 1:
             self.show(motion.q[0], motion.tau[0])
             return
-        known = self._scene.animate(motion, wanted or motion)
-        robot = self._robot
-        warnings = [str(f) for f in robot.check(motion)] if isinstance(robot, Star) else []
-        self._describe(title, known.t.tolist(), known.tau.tolist(), speed, warnings)
+        known, effort = _thinned(motion), self._shares(_thinned(motion).tau)
+        self._drawing.animate(known, effort, _thinned(wanted or motion).q)
+        curves = curves_of(self._robot, known)
+        self._describe(title, known.t.tolist(), known.q, effort, curves, speed, motion)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the machine could not take of what is shown: open loops, limits that are passed."""
+        return tuple(self._panel["warnings"])
 
     # --- where it is shown ------------------------------------------------------------------
 
     @property
     def html(self) -> str:
         """The page by itself, which asks for nothing from outside."""
-        return page(self._scene.buffer.commands.values(), self._panel)
+        return page(self._drawing.buffer.commands.values(), self._panel)
 
     def save(self, path: str | Path, force: bool = False) -> None:
         """Write the page, a picture or an animation.
@@ -209,26 +224,57 @@ class Viewer:
 
     # --- inside -----------------------------------------------------------------------------
 
+    def _require_own(self, motion: Trajectory, name: str) -> None:
+        robot = self._robot
+        require_motion(motion, robot.position_names, name)
+        if motion.tau.shape[1] != len(robot.motor_names):
+            motors = f"{motion.tau.shape[1]} motors, the robot has {len(robot.motor_names)}"
+            raise InputError(name, f"is another robot's, with torques of {motors}")
+        space = JointSpace(robot.model)
+        try:
+            same = np.array_equal(
+                space.rates_of(motion.coordinates), space.rates_of(robot.coordinates)
+            )
+        except UnknownNameError:
+            same = False
+        if not same:
+            words = [", ".join(each.coordinates) for each in (motion, robot)]
+            raise InputError(name, f"has rates of {words[0]}, the robot's coordinates: {words[1]}")
+
+    def _shares(self, tau: Array) -> Array:
+        """Torques as shares of the largest torque, forces as shares of the largest force."""
+        shares = np.zeros_like(tau)
+        for unit in set(self._units):
+            own = [i for i, other in enumerate(self._units) if other == unit]
+            shares[:, own] = tau[:, own] / (np.abs(tau[:, own]).max(initial=0.0) or 1.0)
+        return shares
+
     def _describe(
         self,
         title: str,
         t: list[float],
-        tau: list[list[float]],
+        q: Array,
+        effort: Array,
+        curves: list[dict[str, Any]],
         speed: float,
-        warnings: list[str],
+        motion: Trajectory | None,
     ) -> None:
         """Tell the panel what there is to see."""
-        units = [self._robot.joint_units[i] for i in self._robot.actuated]
-        kinds = {"rad": "motor torques (N m)", "m": "motor forces (N)"}
-        self._panel = self._settings | {
+        robot, scene = self._robot, self._scene
+        times, samples = (None, q) if motion is None else (motion.t, motion.q)
+        self._panel = {
             "title": title,
-            "warnings": warnings,
+            "robot": robot.model.name,
+            "warnings": warnings_of(robot, times, samples),
             "t": t,
-            "tau": tau,
+            "curves": curves,
             "speed": speed,
-            "names": [f"tau_{k}" for k, _ in enumerate(units, 1)],
-            "units": [{"rad": "N m", "m": "N"}[unit] for unit in units],
-            "what": ", ".join(kinds[unit] for unit in sorted(set(units), reverse=True)),
+            "colours": COLOURS,
+            "layers": scene.layers,
+            "labels": [label._asdict() for label in scene.labels],
+            "reach": scene.reach(q, effort).tolist(),
+            "trail": 6 * TRAIL_SIDES,  # indices of its triangles for each sample passed
+            "credit": f"sst_pin {version('sst-pin')}, Meshcat {version('meshcat')}",
         }
         self._tell(json.dumps(self._panel))
 
@@ -237,4 +283,10 @@ class Viewer:
             self._server.send(message)
 
     def _state(self) -> list[Message]:
-        return [*self._scene.buffer.commands.values(), json.dumps(self._panel)]
+        return [*self._drawing.buffer.commands.values(), json.dumps(self._panel)]
+
+
+def _thinned(motion: Trajectory) -> Trajectory:
+    if len(motion) <= _MOST_SAMPLES:
+        return motion
+    return motion[np.linspace(0, len(motion) - 1, _MOST_SAMPLES).round().astype(int)]

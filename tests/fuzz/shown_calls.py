@@ -131,7 +131,7 @@ def pictures(w: World) -> Iterator[Call]:
             f"viewer.serve({word(host)}, {port!r})",
             lambda h=host, p=port: Viewer(w.robot).serve(h, p),
         )
-    yield Call("Viewer(chain without a visual model)", lambda: Viewer(w.chain))
+    yield Call("viewer.play(of an SST on a chain)", lambda: Viewer(w.chain).play(m))
     for robot in (None, "robot", 5):
         yield Call(f"Viewer({robot!r})", lambda r=robot: Viewer(r))
 
@@ -195,7 +195,9 @@ def commands(w: World) -> Iterator[Call]:
         "show motion.csv --host 192.0.2.1 --no-open", f"show motion.csv --host {long} --no-open",
         "show motion.csv --interactive --no-open", "show --interactive --port 99999 --no-open",
         "show --interactive --host nowhere.invalid --no-open",
-        "show --interactive --html x.html --no-open", "show motion.csv --html motion.csv",
+        "show --interactive --html x.html --no-open", "show --robot missing.urdf --html x.html",
+        "show --robot bad.urdf --html x.html", "show --robot missing.xml --html x.html",
+        "show motion.csv --html motion.csv",
         "show motion.csv --png x.html", "show empty.csv --html x.html",
         "plot motion.csv -o x.jpg", "plot motion.csv -o x.png --what torque",
         "plot motion.csv -o x.png --what ,", "plot motion.csv", "plot missing.npz -o x.png",

@@ -54,7 +54,7 @@ def test_every_public_function_shows_an_example():
 
 
 # Most of them take milliseconds; a compiler and other engines take seconds.
-LONG = {"ClosedChain.compile", "ClosedChain.from_mjcf", "SST.from_mjcf", "SST.show"}
+LONG = {"ClosedChain.compile", "ClosedChain.from_mjcf", "SST.from_mjcf", "ClosedChain.show"}
 
 
 @pytest.mark.filterwarnings("default::sst_pin.errors.SingularityWarning")

@@ -50,7 +50,6 @@ FORWARDING = {
             "casadi",
         ]
     },
-    "sst_pin.sst.robot": {"SST.show"},
 }
 
 MODULES = {

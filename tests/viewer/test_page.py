@@ -20,6 +20,16 @@ SPEED = 0.25
 #: From three.js, where y is up, to the base, where z is.
 UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
 
+#: Nodes of the SST's extras: e_k of the joints in their order, {0k}..{3k} leg after leg, arrows.
+AXES = [f"robot/{j if j % 3 else 0}/axes/e_{j // 3 + 3 * (j % 3) + 1}_{j}" for j in range(9)]
+FRAMES = [
+    f"robot/{3 * k + i if i else 0}/frames/{{{i}{k + 1}}}_{a}"
+    for k in range(3)
+    for i in range(4)
+    for a in "xyz"
+]
+TORQUES = [f"robot/0/torques/{k}_gamma_{k}" for k in (1, 2, 3)]
+
 POSES = """() => {
   const found = {};
   viewer.scene.updateMatrixWorld(true);
@@ -73,14 +83,14 @@ def poses(page):
 
 def bodies(robot, q):
     """What Pinocchio says: homogeneous matrices of the visual bodies, by node."""
-    with robot.shapes.geometry_model(robot.model) as visual:
-        data, placed = robot.model.createData(), visual.createData()
-        pin.forwardKinematics(robot.model, data, q)
-        pin.updateGeometryPlacements(robot.model, data, visual, placed)
-        return {
-            f"pinocchio/visuals/{body.name}": where.homogeneous
-            for body, where in zip(visual.geometryObjects, placed.oMg, strict=True)
-        }
+    visual = robot.visual_model
+    data, placed = robot.model.createData(), visual.createData()
+    pin.forwardKinematics(robot.model, data, q)
+    pin.updateGeometryPlacements(robot.model, data, visual, placed)
+    return {
+        f"robot/{body.parentJoint}/bodies/{body.name}": where.homogeneous
+        for body, where in zip(visual.geometryObjects, placed.oMg, strict=True)
+    }
 
 
 def require_poses(page, robot, q):
@@ -108,14 +118,11 @@ def test_the_page_asks_for_nothing_and_nothing_fails(shown, page):
 def test_every_body_and_every_extra_is_a_mesh_of_the_scene(page, robot):
     """By name: bodies of the URDF, joint axes, frames, torques, path and trail."""
     _, found = poses(page)
-    frames = [f"sst/frames/{i}{k}/{a}" for i in range(4) for k in (1, 2, 3) for a in "xyz"]
-    axes = [f"sst/axes/e_{k}" for k in range(1, 10)]
-    torques = [f"sst/torques/tau_{k}" for k in (1, 2, 3)]
-    lines = ["sst/path", "sst/trail"]
-    for node in (*bodies(robot, robot.home), *frames, *axes, *torques, *lines):
+    lines = ["robot/0/trail/path", "robot/0/trail/passed"]
+    for node in (*bodies(robot, robot.home), *FRAMES, *AXES, *TORQUES, *lines):
         assert found[node]["mesh"], node
-    assert found["sst/axes/e_1"]["visible"]
-    assert not found["sst/frames/01/x"]["visible"]
+    assert found[AXES[0]]["visible"]
+    assert not found[FRAMES[0]]["visible"]
 
 
 @pytest.mark.parametrize("sample", [0, 13, 37, 60])
@@ -131,17 +138,17 @@ def test_extras_show_axes_frames_and_torques(page, robot, motion, sample):
     page.evaluate("t => panel.seek(t)", motion.t[sample])
     drawn, found = poses(page)
     q, tau = motion.q[sample], motion.tau[sample]
-    assert np.abs(drawn["sst/frames/E"][:3, :3] - robot.platform_orientation(q)).max() < 1e-6
+    assert (
+        np.abs(drawn["robot/3/frames/{E}_x"][:3, :3] - robot.platform_orientation(q)).max() < 1e-6
+    )
     data = robot.model.createData()
     pin.computeJointJacobians(robot.model, data, q)
-    for joint, name in enumerate(robot.joint_names):
-        kind, k = name.split("_")
-        number = int(k) + 3 * ("gamma", "mu", "beta").index(kind)
-        axis = drawn[f"sst/axes/e_{number}"][:3, 2]
+    for joint, node in enumerate(AXES):
+        axis = drawn[node][:3, 2]
         assert np.abs(axis - data.J[3:, joint]).max() < 1e-6
     sizes = []
     for k in range(3):
-        arrow = drawn[f"sst/torques/tau_{k + 1}"][:3, :3]
+        arrow = drawn[TORQUES[k]][:3, :3]
         sizes.append(np.linalg.norm(arrow[:, 0]))
         if abs(tau[k]) > 0.1:  # mirrored where the torque is negative
             assert np.sign(np.linalg.det(arrow)) == np.sign(tau[k])
@@ -150,7 +157,9 @@ def test_extras_show_axes_frames_and_torques(page, robot, motion, sample):
     assert np.abs(np.array(sizes) - ratio * np.abs(tau)).max() < 2e-3
     assert ratio == pytest.approx(0.45 * 0.4 / largest, rel=1e-5)
     ends = 2 * 8 * 3  # of the trail, an eight-sided tube
-    assert found["sst/trail"]["drawn"] == sample / 60 * (found["sst/trail"]["indices"] - ends)
+    assert found["robot/0/trail/passed"]["drawn"] == sample / 60 * (
+        found["robot/0/trail/passed"]["indices"] - ends
+    )
 
 
 def test_the_canvas_shows_the_robot_and_it_moves(page):
@@ -224,10 +233,10 @@ def test_a_person_plays_steps_drags_and_hides(page, motion):
     page.mouse.down()
     page.mouse.up()
     assert 0.4 < page.evaluate("panel.time") / motion.t[-1] < 0.6
-    page.get_by_role("checkbox", name="torques").uncheck()
-    assert not poses(page)[1]["sst/torques/tau_1"]["visible"]
-    page.get_by_role("checkbox", name="torques").check()
-    assert poses(page)[1]["sst/torques/tau_1"]["visible"]
+    page.locator("[data-layer=torques]").uncheck()
+    assert not poses(page)[1][TORQUES[0]]["visible"]
+    page.locator("[data-layer=torques]").check()
+    assert poses(page)[1][TORQUES[0]]["visible"]
     assert not page.locator(".dg.main").is_visible()  # Meshcat's own controls
 
 
@@ -240,7 +249,7 @@ def test_a_served_page_follows_the_program_and_outlives_it(chromium, robot, moti
             live.page.wait_for_function("viewer.scene_tree.children.meshcat")
             q = robot.forward_kinematics(robot.home[::3] + 0.2, near=robot.home)
             viewer.show(q, [1.0, -2.0, 3.0])
-            live.page.wait_for_function("panel.torques()[2] === 3")
+            live.page.wait_for_function("panel.values()[2] === 3")
             require_poses(live.page, robot, q)
             viewer.play(motion, speed=SPEED, title="Example 1")
             live.page.wait_for_function("document.title === 'Example 1'")
@@ -249,7 +258,7 @@ def test_a_served_page_follows_the_program_and_outlives_it(chromium, robot, moti
             viewer.show(robot.home)
             live.page.wait_for_function("document.title === 'configuration'")
             require_poses(live.page, robot, robot.home)
-            assert not poses(live.page)[1]["sst/trail"]["mesh"]
+            assert not poses(live.page)[1].get("robot/0/trail/passed", {}).get("mesh")
             viewer.close()
             live.page.wait_for_timeout(100)
             assert live.errors == []

@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""What can be drawn against time beside the robot."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..chain.closed_chain import ClosedChain
+from ..chain.joint_space import JointSpace
+from ..motion.trajectories import Trajectory
+
+Array = NDArray[np.float64]
+
+_WORDS = {
+    "N m": "torques",
+    "N": "forces",
+    "rad": "angles",
+    "m": "lengths",
+    "rad/s": "rates",
+    "m/s": "speeds",
+    "W": "powers",
+}
+
+
+def motor_units(robot: ClosedChain) -> list[str]:
+    """Unit of what each motor gives, "N m" or "N"."""
+    units = JointSpace(robot.model).rate_units
+    acts_on = (int(np.flatnonzero(column)[0]) for column in robot.actuation.T)
+    return [{"rad": "N m", "m": "N"}[units[i]] for i in acts_on]
+
+
+def curves_of(robot: ClosedChain, motion: Trajectory) -> list[dict[str, Any]]:
+    """Sets of curves: torques, angles, rates and powers.
+
+    Args:
+        robot: Any closed chain.
+        motion: Of it.
+
+    Returns:
+        Of each set: what it is `called`; `what` is drawn, with units; of each curve `names`,
+        `owners`, the joints, and `units`; `values`, sample after sample.
+    """
+    numbers = range(1, len(robot.motor_names) + 1)
+    powers = motion.tau * robot.motor_rates(motion.q, motion.va)
+    places = [i for i, unit in enumerate(motion.units) if unit]
+    joints, owners = [motion.joint_names[i] for i in places], list(robot.motor_names)
+    rates = [f"{unit}/s" for unit in motion.rate_units]
+    watts = ["W" for _ in numbers]
+    return [
+        torques_of(robot, motion.tau),
+        _set(
+            "joints",
+            "joint ",
+            joints,
+            joints,
+            [motion.units[i] for i in places],
+            motion.q[:, places],
+        ),
+        _set("rates", "", motion.coordinates, motion.coordinates, rates, motion.va),
+        _set("powers", "motor ", [f"P_{k}" for k in numbers], owners, watts, powers),
+    ]
+
+
+def torques_of(robot: ClosedChain, tau: Array) -> dict[str, Any]:
+    """The first of the sets, as `curves_of`; tau of shape (n, motors)."""
+    names = [f"tau_{k + 1}" for k in range(len(robot.motor_names))]
+    return _set("torques", "motor ", names, robot.motor_names, motor_units(robot), tau)
+
+
+def _set(
+    called: str,
+    whose: str,
+    names: Sequence[str],
+    owners: Sequence[str],
+    units: Sequence[str],
+    values: Array,
+) -> dict[str, Any]:
+    kinds = ", ".join(f"{_WORDS[unit]} ({unit})" for unit in dict.fromkeys(units))
+    return {
+        "called": called,
+        "what": whose + kinds,
+        "names": list(names),
+        "owners": list(owners),
+        "units": list(units),
+        "values": values.tolist(),
+    }

@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Axes of the joints, and the arrows of what motors give about and along them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from .parts import COLOURS, Arrow, Shape, along, homogeneous
+from .shapes import arc, arrow
+
+Array = NDArray[np.float64]
+
+
+class Axis(NamedTuple):
+    """Of one rate of a joint.
+
+    Attributes:
+        joint: Number of the joint.
+        mover: Number of the joint that bears the axis.
+        turns: Whether the joint turns about it rather than sliding along it.
+        direction: On what bears it, a unit vector.
+        origin: A point of the axis there, next to the joint's frame; of a slider, where that is
+            when it stands at 0; [m].
+    """
+
+    joint: int
+    mover: int
+    turns: bool
+    direction: Array
+    origin: Array
+
+
+def axes_of(model: pin.Model, data: pin.Data, q: Array) -> list[Axis]:
+    """The axis of each rate, in the order of v.
+
+    That of a joint of one rate stays where it is on the body before the joint; those of other
+    joints are drawn on the body behind it, as they are at a configuration.
+
+    Args:
+        model: The tree.
+        data: Of the tree.
+        q: The configuration, shape (nq,).
+    """
+    J = pin.computeJointJacobians(model, data, q)
+    owners = {
+        joint.idx_v + i: (number, joint.nv)
+        for number, joint in enumerate(model.joints)
+        for i in range(joint.nv)
+    }
+    found = []
+    for i in range(model.nv):
+        number, count = owners[i]
+        mover = int(model.parents[number]) if count == 1 else number
+        at, origin = data.oMi[mover], data.oMi[number].translation
+        v, w = J[:3, i] + np.cross(J[3:, i], origin), J[3:, i]
+        turns = bool(np.linalg.norm(w) > 1e-9)
+        direction = w if turns else v
+        direction = at.rotation.T @ (direction / np.linalg.norm(direction))
+        if turns:
+            origin = at.actInv(origin + np.cross(w, v) / (w @ w))
+        else:
+            origin = model.jointPlacements[number].translation if count == 1 else np.zeros(3)
+        found.append(Axis(number, mover, turns, direction, origin))
+    return found
+
+
+def arrows_of(
+    model: pin.Model, data: pin.Data, axes: list[Axis], B: Array, size: float
+) -> Iterator[Arrow]:
+    """What the motors give, at the joints that they act on.
+
+    Args:
+        model: The tree.
+        data: Of the tree, at the configuration of the axes.
+        axes: Of all rates.
+        B: Forces on the tree for torques of the motors, shape (nv, motors).
+        size: Of the largest arrow, [m].
+    """
+    turn = np.linspace(0, np.radians(250), 40)
+    torque = arrow(np.vstack([arc(1.0, turn), arc(1.0, turn[-1:] + 0.6)]), 0.055)
+    force = arrow(np.outer((0, 0.7, 1), (0, 0, 2.0)), 0.055)
+    driven = [axes[i] for i in np.flatnonzero(B.any(axis=1))]
+    places = np.array([data.oMi[axis.mover].act(axis.origin) for axis in driven])
+    for i, motor in np.argwhere(B):
+        axis, share = axes[i], B[i, motor] / np.abs(B[:, motor]).max()
+        R, origin = along(axis.direction), axis.origin
+        apart = np.linalg.norm(places - data.oMi[axis.mover].act(origin), axis=1)
+        if not axis.turns:  # beside what slides
+            origin = origin + 0.35 * size * R[:, 0]
+        elif np.count_nonzero(apart < 0.1 * size) > 1:  # motors that meet, as of spherical robots
+            origin = origin - 0.93 * size * axis.direction
+        matrix = homogeneous(size * R, origin)
+        name = f"{motor + 1}_{model.names[axis.joint]}"
+        mesh, mirror = (torque, (1.0, -1.0, 1.0)) if axis.turns else (force, (1.0, 1.0, -1.0))
+        colour = COLOURS[motor % len(COLOURS)]
+        shape = Shape(str(axis.mover), "torques", name, mesh, colour, at=matrix)
+        yield Arrow(shape, int(motor), float(share), mirror)

@@ -1,0 +1,149 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""What a scene consists of."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from .shapes import Mesh
+
+Array = NDArray[np.float64]
+
+#: Of the motors and of the curves, told apart by colour-blind readers too (Okabe and Ito).
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+#: Of the axes x, y, z of a frame.
+AXES = ("#C0392B", "#27AE60", "#2E5FA8")
+_SMALLEST = 1e-3  # a scale of zero has no normals
+
+
+class Shape(NamedTuple):
+    """A mesh.
+
+    Attributes:
+        mover: What it moves with: the number of a joint, "0" for the base, or a strut's name.
+        layer: What it is shown and hidden with.
+        name: Of its own within both.
+        mesh: In the axes of `at`.
+        colour: As "#rrggbb".
+        opacity: 1 is opaque.
+        at: Placement on what it moves with, homogeneous.
+    """
+
+    mover: str
+    layer: str
+    name: str
+    mesh: Mesh
+    colour: str
+    opacity: float = 1.0
+    at: Array = np.eye(4)
+
+    @property
+    def node(self) -> str:
+        """Its path in a tree."""
+        return f"{self.mover}/{self.layer}/{self.name.replace('/', '_')}"
+
+
+class Arrow(NamedTuple):
+    """What a motor gives at a joint: a shape whose size follows it.
+
+    Attributes:
+        shape: At the largest torque or force.
+        motor: Its index in tau.
+        share: Of the motor's torque that acts here; the largest of the motor's shares is 1.
+        mirror: Diagonal of what turns the arrow round.
+    """
+
+    shape: Shape
+    motor: int
+    share: float
+    mirror: tuple[float, float, float]
+
+    def at(self, effort: Array) -> Array:
+        """Its placement, with its size and sense.
+
+        Args:
+            effort: Motor torques as shares of the largest, shape (motors,).
+        """
+        size = self.share * effort[self.motor]
+        scale = max(abs(size), _SMALLEST) * np.array(self.mirror if size < 0 else (1.0, 1.0, 1.0))
+        return np.asarray(self.shape.at @ np.diag([*scale, 1.0]))
+
+
+class Strut(NamedTuple):
+    """A straight line between two points that move: its shape is one unit long, along z.
+
+    Attributes:
+        shape: Its mover is the strut's own name.
+        joints: Whose bodies the ends are on.
+        points: The ends on these bodies, shape (2, 3), [m].
+    """
+
+    shape: Shape
+    joints: tuple[int, int]
+    points: Array
+
+    def at(self, poses: Array) -> Array:
+        """Its placement.
+
+        Args:
+            poses: Of all joints, homogeneous, shape (joints, 4, 4).
+        """
+        start, end = (
+            poses[joint, :3, :3] @ point + poses[joint, :3, 3]
+            for joint, point in zip(self.joints, self.points, strict=True)
+        )
+        length = max(float(np.linalg.norm(end - start)), 1e-9)
+        matrix = homogeneous(along((end - start) / length), start)
+        matrix[:3, 2] *= length
+        return matrix
+
+
+class Label(NamedTuple):
+    """A word in the scene.
+
+    Attributes:
+        text: As on paper: "e_1" has an index.
+        colour: As "#rrggbb".
+        layer: What it is shown and hidden with.
+        mover: As of a shape.
+        point: On what it moves with, [m].
+    """
+
+    text: str
+    colour: str
+    layer: str
+    mover: str
+    point: tuple[float, float, float]
+
+
+def homogeneous(R: Array, translation: Array) -> Array:
+    """A placement, shape (4, 4)."""
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = R, translation
+    return matrix
+
+
+def along(axis: Array) -> Array:
+    """Axes whose z is a unit vector, or that of the base for none; columns, shape (3, 3)."""
+    if not axis.any():
+        return np.eye(3)
+    x = np.cross(np.eye(3)[np.abs(axis).argmin()], axis)
+    x /= np.linalg.norm(x)
+    return np.stack([x, np.cross(axis, x), axis], axis=-1)
+
+
+def decompose(matrices: Array) -> tuple[Array, Array, Array]:
+    """Positions, quaternions x, y, z, w, and scales.
+
+    Args:
+        matrices: Homogeneous, shape (n, 4, 4).
+    """
+    A = matrices[:, :3, :3]
+    scale = np.linalg.norm(A, axis=1)
+    scale[np.linalg.det(A) < 0, 1] *= -1
+    quaternions = Rotation.from_matrix(A / scale[:, None]).as_quat()
+    return matrices[:, :3, 3], quaternions, scale

@@ -1,0 +1,198 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""What is to be seen of a robot, whoever draws it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from ..chain.closed_chain import ClosedChain
+from ..errors import ClosureError
+from ..robots import GalleryRobot
+from ..sst.robot import SST
+from .joints import arrows_of, axes_of
+from .names import names_of, point_of
+from .parts import COLOURS, Shape
+from .shapes import solid, tube
+from .skeleton import masses, points_of, skeleton, struts
+
+Array = NDArray[np.float64]
+
+#: Layers that can be shown and hidden, in the order of their boxes.
+LAYERS = ("bodies", "skeleton", "inertia", "torques", "trail", "axes", "frames")
+_TRAIL, _PATH = "#5C656E", "#A9B0B6"
+TRAIL_SIDES = 8
+#: The largest arrow, as a share of the robot's length.
+_LARGEST = 0.45
+#: Directions in which the robot's reach is known, and samples of a motion that it is taken from.
+_DIRECTIONS, _SAMPLES = 150, 60
+
+
+class Scene:
+    """A robot as shapes: its bodies, or where it has none a skeleton and its masses.
+
+    Attributes:
+        shapes: All that do not change with the torques.
+        arrows: What the motors give.
+        labels: Words.
+        layers: Those of `LAYERS` that there are, and whether each is shown at first.
+        start: Configuration before one is asked for, shape (nq,).
+        point: The point whose path is drawn, as `names.point_of`.
+
+    Args:
+        robot: Any closed chain.
+        visual_model: Shapes of its bodies; its own by default, an empty one for a skeleton.
+        axes: Whether the joints' axes are shown at first.
+        frames: Whether frames are shown at first.
+    """
+
+    def __init__(
+        self,
+        robot: ClosedChain,
+        visual_model: pin.GeometryModel | None,
+        *,
+        axes: bool = False,
+        frames: bool = False,
+    ) -> None:
+        self._model, self._data = robot.model, robot.model.createData()
+        model = self._model
+        bodies = robot.visual_model if visual_model is None else visual_model
+        self.shapes = [
+            Shape(
+                str(body.parentJoint),
+                "bodies",
+                body.name,
+                solid(body.geometry),
+                _hex(body.meshColor[:3]),
+                float(body.meshColor[3]),
+                body.placement.homogeneous,
+            )
+            for body in bodies.geometryObjects
+        ]
+        bare = not self.shapes
+        self.start, self.point = start_of(robot), point_of(robot)
+        lines = axes_of(model, self._data, self.start)
+        size = self._size(robot)
+        B = robot.actuation
+        colours = {
+            lines[i].joint: COLOURS[motor % len(COLOURS)] for i, motor in np.argwhere(B)[::-1]
+        }
+        self.shapes += skeleton(robot, lines, colours, size)
+        self.shapes += masses(model)
+        self._struts = list(struts(robot, lines, size))
+        self.shapes += [strut.shape for strut in self._struts]
+        self.arrows = list(arrows_of(model, self._data, lines, B, _LARGEST * size))
+        named, self.labels = names_of(robot, lines, size)
+        self.shapes += named
+        self._width = 0.009 * size
+        there = {shape.layer for shape in (*self.shapes, *(a.shape for a in self.arrows))}
+        if self.point:
+            there.add("trail")
+        shown = {"skeleton": bare, "inertia": bare, "axes": axes, "frames": frames}
+        self.layers = {name: shown.get(name, True) for name in LAYERS if name in there}
+
+    def poses(self, q: Array) -> dict[str, Array]:
+        """Where the movers of the shapes are: homogeneous matrices, those of struts with a scale.
+
+        Args:
+            q: Configuration, shape (nq,).
+        """
+        joints = self._joints(q)
+        placed = {str(i): matrix for i, matrix in enumerate(joints)}
+        return placed | {strut.shape.mover: strut.at(joints) for strut in self._struts}
+
+    def reach(self, q: Array, tau: Array) -> Array:
+        """Points that lie farthest out in many directions, of all that is shown in a motion.
+
+        Args:
+            q: Configurations, shape (n, nq).
+            tau: Motor torques as shares of the largest, shape (n, motors).
+
+        Returns:
+            Shape (m, 3), [m].
+        """
+        directions = _directions()
+        kept = np.unique(np.linspace(0, len(q) - 1, _SAMPLES).round().astype(int))
+        largest = np.abs(tau).max(axis=0)
+        solids = [(s.mover, s.at, s.mesh.vertices) for s in self.shapes if self.layers[s.layer]]
+        solids += [
+            (a.shape.mover, a.at(sign * largest), a.shape.mesh.vertices)
+            for a in self.arrows
+            for sign in (1, -1)
+        ]
+        clouds: dict[str, list[Array]] = {}
+        for mover, at, vertices in solids:
+            placed = vertices @ at[:3, :3].T + at[:3, 3]
+            clouds.setdefault(mover, []).append(_farthest(placed, directions))
+        found = np.zeros((0, 3))
+        for i in kept:
+            poses = self.poses(q[i])
+            moved = [
+                np.vstack(cloud) @ poses[mover][:3, :3].T + poses[mover][:3, 3]
+                for mover, cloud in clouds.items()
+            ]
+            found = _farthest(np.vstack([found, *moved]), directions)
+        return found
+
+    def trail(self, q: Array) -> Shape:
+        """The path of the point as a thick line, of which a page shows what has been passed.
+
+        Args:
+            q: Configurations along it, shape (n, nq), n >= 2.
+        """
+        line = tube(self._path(q), self._width, TRAIL_SIDES)
+        return Shape("0", "trail", "passed", line, _TRAIL)
+
+    def reference(self, q: Array) -> Shape:
+        """The path of the point as a thin line; as `trail`."""
+        return Shape("0", "trail", "path", tube(self._path(q), 0.45 * self._width), _PATH)
+
+    # --- inside -----------------------------------------------------------------------------
+
+    def _joints(self, q: Array) -> Array:
+        pin.forwardKinematics(self._model, self._data, q)
+        return np.array([at.homogeneous for at in self._data.oMi])
+
+    def _path(self, q: Array) -> Array:
+        joint, point = self.point or (0, np.zeros(3))
+        return np.array([self._data.oMi[joint].act(point) for _ in map(self._joints, q)])
+
+    def _size(self, robot: ClosedChain) -> float:
+        """A length of the robot, [m]: OE of an SST; half of what another one has around it."""
+        if isinstance(robot, SST):
+            return robot.star_radius
+        poses = self._joints(self.start)
+        points = [
+            (shape.mesh.vertices @ shape.at[:3, :3].T + shape.at[:3, 3], int(shape.mover))
+            for shape in self.shapes
+        ] or [(np.array(own), joint) for joint, own in enumerate(points_of(robot)) if own]
+        placed = [p @ poses[joint][:3, :3].T + poses[joint][:3, 3] for p, joint in points]
+        return float(np.linalg.norm(np.ptp(np.vstack(placed), axis=0))) / 4 or 1.0
+
+
+def start_of(robot: ClosedChain) -> Array:
+    """Where a robot is shown first: at home, else closed as near to neutral as may be."""
+    if isinstance(robot, (SST, GalleryRobot)):
+        return robot.home
+    neutral: Array = pin.neutral(robot.model)
+    try:
+        return robot.assemble(neutral, fixed=())
+    except ClosureError:
+        return neutral  # open, and the page says so
+
+
+def _farthest(points: Array, directions: Array) -> Array:
+    return points[np.unique((points @ directions.T).argmax(axis=0))]
+
+
+def _directions() -> Array:
+    """All around, evenly: a spiral from pole to pole, shape (n, 3)."""
+    z = 1 - (2 * np.arange(_DIRECTIONS) + 1) / _DIRECTIONS
+    turn = np.pi * (1 + np.sqrt(5)) * np.arange(_DIRECTIONS)
+    r = np.sqrt(1 - z**2)
+    return np.stack([r * np.cos(turn), r * np.sin(turn), z], axis=1)
+
+
+def _hex(colour: Array) -> str:
+    return "#" + "".join(f"{round(255 * float(c)):02X}" for c in np.clip(colour, 0, 1))

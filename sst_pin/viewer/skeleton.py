@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""A robot of which only the dynamics are known: joints, lines between them, masses."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import coal
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from ..chain.closed_chain import ClosedChain
+from ..chain.closures import Closure, Distance, Rolling
+from ..chain.loops import frame_id
+from .joints import Axis
+from .parts import Shape, Strut, along, homogeneous
+from .shapes import Mesh, ellipsoid, solid, tube
+
+Array = NDArray[np.float64]
+
+_BONE, _JOINT, _END, _MASS = "#8A9199", "#5C656E", "#B3261E", "#C98A2B"
+#: Of what is drawn, as shares of the robot's length.
+_BONE_RADIUS, _JOINT_RADIUS, _END_RADIUS = 0.022, 0.055, 0.04
+
+
+def skeleton(
+    robot: ClosedChain, axes: Sequence[Axis], colours: Mapping[int, str], size: float
+) -> Iterator[Shape]:
+    """Joints, straight lines from each to what follows on the same body, ends of the loops.
+
+    Args:
+        robot: Any closed chain.
+        axes: Of the joints, for each rate.
+        colours: Of the joints that have one, by number.
+        size: A length of the robot, [m].
+    """
+    model = robot.model
+    for joint, points in enumerate(points_of(robot)):
+        hub = np.mean(points, axis=0) if joint == 0 and points else np.zeros(3)
+        for i, point in enumerate(points):
+            if np.linalg.norm(point - hub) > 1e-9:
+                line = tube([hub, point], _BONE_RADIUS * size)
+                yield Shape(str(joint), "skeleton", f"bone_{i}", line, _BONE)
+    for joint in range(1, model.njoints):
+        own = [axis for axis in axes if axis.joint == joint]
+        colour, r = colours.get(joint, _JOINT), _JOINT_RADIUS * size
+        bearer, at = joint, np.eye(4)
+        drawn: coal.ShapeBase = coal.Sphere(r)
+        if len(own) == 1:
+            (axis,) = own
+            bearer, at = axis.mover, homogeneous(along(axis.direction), axis.origin)
+            drawn = coal.Cylinder(r, 3 * r) if axis.turns else coal.Box(2 * r, 2 * r, 3 * r)
+        name = f"joint_{model.names[joint]}"
+        yield Shape(str(bearer), "skeleton", name, solid(drawn), colour, at=at)
+    for closure in robot.closures:
+        if isinstance(closure, (Closure, Distance)):
+            for name in (closure.frame_a, closure.frame_b):
+                frame = _frame(model, name)
+                mesh = solid(coal.Sphere(_END_RADIUS * size))
+                at = frame.placement.homogeneous
+                yield Shape(str(frame.parentJoint), "skeleton", f"end_{name}", mesh, _END, at=at)
+        elif isinstance(closure, Rolling):
+            frame, r = _frame(model, closure.wheel), closure.radius
+            wheel = coal.Sphere(r) if closure.ball else coal.Cylinder(r, 0.1 * r)
+            at = frame.placement.homogeneous
+            mover, name = str(frame.parentJoint), f"wheel_{closure.wheel}"
+            yield Shape(mover, "skeleton", name, solid(wheel), _BONE, 0.5, at)
+
+
+def masses(model: pin.Model) -> Iterator[Shape]:
+    """The homogeneous ellipsoid of the same mass and inertia as each body.
+
+    Its semi-axes a_i follow from the principal moments of inertia,
+    a_1^2 = 5 / (2 m) (I_2 + I_3 - I_1), and so on.
+    """
+    for joint, inertia in enumerate(model.inertias):
+        if inertia.mass <= 0 or joint == 0:
+            continue
+        moments, R = np.linalg.eigh(inertia.inertia)
+        R[:, 2] *= np.sign(np.linalg.det(R))
+        squares = 2.5 / inertia.mass * (moments.sum() - 2 * moments)
+        if squares.max() <= 0:  # a point
+            continue
+        radii = np.sqrt(squares.clip(1e-4 * squares.max()))
+        at = homogeneous(R, inertia.lever)
+        name = f"mass_{model.names[joint]}"
+        yield Shape(str(joint), "inertia", name, ellipsoid(radii, 2), _MASS, 0.45, at)
+
+
+def struts(robot: ClosedChain, axes: Sequence[Axis], size: float) -> Iterator[Strut]:
+    """Rods of `Distance`, which no body has, and what a slider has run along."""
+    line = tube([(0, 0, 0), (0, 0, 1)], _BONE_RADIUS * size)
+    rods = [closure for closure in robot.closures if isinstance(closure, Distance)]
+    for k, closure in enumerate(rods):
+        frames = [_frame(robot.model, name) for name in (closure.frame_a, closure.frame_b)]
+        a, b = (int(frame.parentJoint) for frame in frames)
+        points = np.array([frame.placement.translation for frame in frames])
+        yield Strut(Shape(f"rod_{k}", "bodies", "rod", line, _BONE), (a, b), points)
+    thin = Mesh(line.vertices * (0.6, 0.6, 1), line.faces)
+    for axis in axes:
+        if not axis.turns and axis.mover != axis.joint:
+            shape = Shape(f"rail_{axis.joint}", "skeleton", "rail", thin, _BONE)
+            yield Strut(shape, (axis.mover, axis.joint), np.stack([axis.origin, np.zeros(3)]))
+
+
+def points_of(robot: ClosedChain) -> list[list[Array]]:
+    """What each body connects: joints that it bears, ends of loops, else its mass centre.
+
+    Returns:
+        Points of each joint's body in the joint's axes, those of the base first.
+    """
+    model = robot.model
+    points: list[list[Array]] = [[] for _ in model.joints]
+    for joint in range(1, model.njoints):
+        points[model.parents[joint]].append(model.jointPlacements[joint].translation)
+    for closure in robot.closures:
+        if isinstance(closure, (Closure, Distance)):
+            for name in (closure.frame_a, closure.frame_b):
+                frame = _frame(model, name)
+                points[frame.parentJoint].append(frame.placement.translation)
+    for joint in range(1, model.njoints):
+        if not any(np.linalg.norm(p) > 1e-9 for p in points[joint]):
+            points[joint].append(model.inertias[joint].lever)
+    return points
+
+
+def _frame(model: pin.Model, name: str) -> pin.Frame:
+    return model.frames[frame_id(model, name)]

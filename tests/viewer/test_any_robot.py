@@ -1,0 +1,377 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""What is drawn of any closed chain: where its model has it, as large as its numbers say."""
+
+import functools
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+import trimesh
+
+import any_chain
+import sst_pin
+from sst_pin import errors
+from sst_pin.cli import main
+from sst_pin.viewer import Viewer
+from sst_pin.viewer.curves import curves_of
+from sst_pin.viewer.scene import LAYERS, Scene
+
+DELTA = Path(__file__).parents[2] / "examples" / "delta.urdf"
+BARE = pin.GeometryModel()
+
+FIVE_BAR = """
+<robot name="five_bar">
+  <material name="steel"><color rgba="0.2 0.4 0.6 1"/></material>
+  <link name="base">{base}</link>
+  {links}
+</robot>
+"""
+LINK = """
+  <joint name="{name}" type="revolute">
+    <origin xyz="{origin}"/><parent link="{parent}"/><child link="{name}_link"/><axis xyz="0 1 0"/>
+    <limit lower="-3" upper="3" effort="9" velocity="9"/>
+  </joint>
+  <link name="{name}_link">
+    <inertial><origin xyz="0 0 0.1"/><mass value="0.3"/>
+      <inertia ixx="1e-3" iyy="1e-3" izz="1e-5" ixy="0" ixz="0" iyz="0"/></inertial>
+    {visual}
+  </link>
+  <joint name="{name}_end_fixed" type="fixed">
+    <origin xyz="0 0 0.2"/><parent link="{name}_link"/><child link="{name}_end"/>
+  </joint>
+  <link name="{name}_end"/>
+"""
+CUTS = """
+closed_loop: [[left_2_end, right_2_end]]
+type: [3d]
+name_mot: [left_1, right_1]
+"""
+
+
+def five_bar(folder, **shapes):
+    """A five-bar as a person writes it; `shapes` are XML of <geometry> by the link's joint."""
+
+    def visual(name):
+        if name not in shapes:
+            return ""
+        return (
+            f'<visual><origin xyz="0 0\t0.1" rpy="0.1 0 0"/><geometry>{shapes[name]}</geometry>'
+            '<material name="steel"/></visual>'
+        )
+
+    places = {
+        "left_1": ("base", "-0.1 0 0"),
+        "left_2": ("left_1_link", "0 0 0.2"),
+        "right_1": ("base", "0.1 0 0"),
+        "right_2": ("right_1_link", "0 0 0.2"),
+    }
+    links = "".join(
+        LINK.format(name=name, parent=parent, origin=origin, visual=visual(name))
+        for name, (parent, origin) in places.items()
+    )
+    path = folder / "five_bar.urdf"
+    path.write_text(FIVE_BAR.format(links=links, base=visual("base")))
+    path.with_suffix(".yaml").write_text(CUTS)
+    chain = sst_pin.ClosedChain.from_urdf(path)
+    q = chain.assemble([-0.5, 1.2, 0.5, -1.2], fixed=["left_1", "right_1"])
+    return chain, q, path
+
+
+MJCF = """
+<mujoco model="linkage">
+  <compiler angle="radian"/>
+  <asset>
+    <mesh name="wedge" vertex="0 0 0  0.1 0 0  0 0.1 0  0 0 0.2"/>
+    <material name="red" rgba="0.8 0.1 0.1 1"/>
+  </asset>
+  <worldbody>
+    <geom name="floor" type="plane" size="1 1 0.1"/>
+    <body name="crank" pos="0 0 0.1" euler="0.3 0 0">
+      <joint name="crank" axis="0 1 0"/>
+      <geom type="capsule" fromto="0 0 0 0 0 0.1" size="0.01" mass="0.1" material="red"/>
+      <geom type="box" size="0.02 0.03 0.04" pos="0.1 0 0" mass="0.1" group="3"/>
+      <body name="coupler" pos="0 0 0.1">
+        <joint name="elbow" axis="0 1 0" ref="0.2"/>
+        <geom name="wedge" type="mesh" mesh="wedge" mass="0.2" rgba="0 1 0 0.5"/>
+        <geom type="ellipsoid" size="0.01 0.02 0.05" pos="0 0 0.3" euler="0 0.4 0" mass="0.1"/>
+      </body>
+    </body>
+    <body name="rocker" pos="0.3 0 0.1">
+      <joint name="rocker" axis="0 1 0"/>
+      <geom type="cylinder" fromto="0 0 0 0.1 0 0.2" size="0.01" mass="0.1"/>
+      <geom type="sphere" size="0.03" pos="0.1 0 0.2" mass="0.1"/>
+    </body>
+  </worldbody>
+  <equality><connect body1="coupler" body2="rocker" anchor="0 0 0.3"/></equality>
+  <actuator><motor joint="crank"/></actuator>
+</mujoco>
+"""
+
+
+@functools.cache
+def robot_of(name):
+    """A robot and an assembled configuration."""
+    if name == "delta.urdf":
+        delta = sst_pin.ClosedChain.from_urdf(DELTA)
+        return delta, delta.assemble(pin.neutral(delta.model), fixed=())
+    if name == "rods":
+        rods = any_chain.rods()
+        return rods, any_chain.states(rods, 1, 0)[0][0]
+    robot = getattr(sst_pin.robots, name)()
+    return robot, robot.home
+
+
+#: Every kind of joint and closure; a few of them in the quick run.
+ALL = [
+    name
+    if name in ("four_bar", "delta.urdf", "rods")
+    else pytest.param(name, marks=pytest.mark.slow)
+    for name in [*(name for name in sst_pin.robots.__all__ if name.islower()), "delta.urdf", "rods"]
+]
+
+
+def placed(scene, q, shape):
+    """Vertices of a shape in the base, shape (n, 3)."""
+    at = scene.poses(q)[shape.mover] @ shape.at
+    return shape.mesh.vertices @ at[:3, :3].T + at[:3, 3]
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_ends_of_closed_loops_are_drawn_at_one_place(name):
+    """Balls of both frames of each `Closure` that holds points, to the loops' own residual."""
+    robot, q = robot_of(name)
+    scene = Scene(robot, BARE)
+    ends = {s.name: placed(scene, q, s).mean(axis=0) for s in scene.shapes if "end_" in s.name}
+    for closure in robot.closures:
+        if isinstance(closure, sst_pin.Closure) and all(closure.held[:3]):
+            a, b = (ends[f"end_{name}"] for name in (closure.frame_a, closure.frame_b))
+            assert np.linalg.norm(a - b) < 1e-8
+
+
+@pytest.mark.parametrize("name", ["stewart", "delta.urdf", "rods"])
+def test_an_ellipsoid_is_the_homogeneous_solid_of_the_bodys_inertia(name):
+    """Centre and inertia of the drawn surface, filled with the body's mass, as trimesh integrates.
+
+    Its 320 triangles lie inside the ellipsoid: its moments are smaller by less than 3 %.
+    """
+    robot, _ = robot_of(name)
+    drawn = {s.name: s for s in Scene(robot, BARE).shapes if s.layer == "inertia"}
+    compared = 0
+    for joint, inertia in enumerate(robot.model.inertias):
+        shape = drawn.get(f"mass_{robot.model.names[joint]}")
+        moments = np.linalg.eigvalsh(inertia.inertia)
+        if shape is None or moments.sum() < 2.01 * moments.max():  # flat, or a needle
+            continue
+        vertices = shape.mesh.vertices @ shape.at[:3, :3].T + shape.at[:3, 3]
+        solid = trimesh.Trimesh(vertices, shape.mesh.faces)
+        solid.density = inertia.mass / solid.volume
+        size = np.sqrt(moments.max() / inertia.mass)
+        assert np.abs(solid.center_mass - inertia.lever).max() < 1e-9 * max(size, 1)
+        assert np.abs(solid.moment_inertia - inertia.inertia).max() < 0.03 * moments.max()
+        compared += 1
+    assert compared
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_axes_are_those_of_the_joints(name):
+    """Direction and a point: the velocity of the joint's own frame, by Pinocchio's Jacobian."""
+    robot, _ = robot_of(name)
+    scene = Scene(robot, BARE)
+    data = robot.model.createData()
+    J = pin.computeJointJacobians(robot.model, data, scene.start)
+    axes = [s for s in scene.shapes if s.layer == "axes"]
+    assert len(axes) == robot.model.nv
+    for i, shape in enumerate(axes):
+        at = scene.poses(scene.start)[shape.mover] @ shape.at
+        direction, point = at[:3, 2], at[:3, 3]
+        linear, angular = J[:3, i], J[3:, i]
+        if np.linalg.norm(angular) > 1e-9:
+            pitch = linear + np.cross(angular, point)  # of the point that is drawn
+            assert np.abs(np.cross(pitch, direction)).max() < 1e-9
+            linear = angular
+        assert np.abs(direction - linear / np.linalg.norm(linear)).max() < 1e-9
+
+
+@pytest.mark.parametrize("name", ["four_bar", "stewart", "excavator", "planar_4rrr"])
+def test_arrows_are_as_large_as_the_torques_and_turn_with_their_sign(name):
+    """Each motor's; torques among torques, forces among forces."""
+    robot, q = robot_of(name)
+    viewer = Viewer(robot)
+    tau = np.linspace(-1, 3, len(robot.motor_names)) ** 3
+    viewer.show(q, tau)
+    arrows = viewer._scene.arrows
+    assert [arrow.motor for arrow in arrows] == list(range(len(tau)))
+    units = np.array(viewer._units)
+    effort = viewer._shares(tau[None])[0]
+    for unit in set(units):
+        assert np.abs(effort[units == unit]).max() == pytest.approx(1)
+    full = [np.linalg.norm(arrow.shape.at[:3, 0]) for arrow in arrows]
+    for arrow, size in zip(arrows, full, strict=True):
+        matrix = arrow.at(effort)[:3, :3]
+        shrunk = np.linalg.norm(matrix[:, 0]) / size
+        assert shrunk == pytest.approx(max(abs(effort[arrow.motor]), 1e-3))
+        assert np.sign(np.linalg.det(matrix)) == (-1 if effort[arrow.motor] < 0 else 1)
+
+
+def test_rods_without_mass_reach_from_frame_to_frame():
+    """A `Distance` is drawn with its own length in every configuration."""
+    robot, _ = robot_of("rods")
+    scene = Scene(robot, BARE)
+    rods = [c for c in robot.closures if isinstance(c, sst_pin.Distance)]
+    assert rods
+    for q in any_chain.states(robot, 3, 1)[0]:
+        poses = scene.poses(q)
+        for k, rod in enumerate(rods):
+            assert np.linalg.norm(poses[f"rod_{k}"][:3, 2]) == pytest.approx(rod.distance)
+
+
+@pytest.mark.parametrize("name", ["delta", "delta.urdf", "rods"])
+def test_the_reach_holds_all_that_is_shown(name):
+    """In random directions nothing stands out by more than 2 % of the robot's size."""
+    robot, q = robot_of(name)
+    scene = Scene(robot, None)
+    reach = scene.reach(q[None], np.zeros((1, len(robot.motor_names))))
+    shown = [s for s in scene.shapes if scene.layers[s.layer]]
+    points = np.vstack([placed(scene, q, shape) for shape in shown])
+    directions = np.random.default_rng(0).normal(size=(200, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    beyond = (points @ directions.T).max(axis=0) - (reach @ directions.T).max(axis=0)
+    assert beyond.max() < 0.02 * np.linalg.norm(np.ptp(points, axis=0))
+
+
+def test_layers_are_bodies_or_else_a_skeleton():
+    """Both are there for a robot with shapes; the skeleton is what another one starts with."""
+    robot, _ = robot_of("stewart")
+    with_bodies, without = Scene(robot, None).layers, Scene(robot, BARE).layers
+    assert list(with_bodies) == list(LAYERS)
+    assert (with_bodies["bodies"], with_bodies["skeleton"], with_bodies["inertia"]) == (1, 0, 0)
+    assert "bodies" not in without
+    assert without["skeleton"]
+    assert without["inertia"]
+
+
+def test_a_urdf_by_hand_brings_its_visuals(tmp_path):
+    """Boxes, cylinders, spheres and meshes where Pinocchio has them, in the URDF's colour."""
+    (tmp_path / "meshes").mkdir()
+    trimesh.creation.box((0.1, 0.2, 0.3)).export(tmp_path / "meshes" / "block.stl")
+    chain, q, _ = five_bar(
+        tmp_path,
+        base='<box size="0.3 0.1  0.02"/>',
+        left_1='<cylinder radius="0.01" length="0.2"/>',
+        right_1='<sphere radius="0.05"/>',
+        right_2='<mesh filename="meshes/block.stl" scale="1 1 0.5"/>',
+        left_2=f'<mesh filename="package://{tmp_path.name}/meshes/block.stl"/>',
+    )
+    scene = Scene(chain, None)
+    sizes = {s.name: np.ptp(s.mesh.vertices, axis=0) for s in scene.shapes if s.layer == "bodies"}
+    wanted = {
+        "base_0": (0.3, 0.1, 0.02),
+        "left_1_link_0": (0.02, 0.02, 0.2),
+        "right_1_link_0": (0.1, 0.1, 0.1),
+        "right_2_link_0": (0.1, 0.2, 0.15),
+        "left_2_link_0": (0.1, 0.2, 0.3),
+    }
+    assert set(sizes) == set(wanted)
+    for name, size in wanted.items():
+        assert sizes[name] == pytest.approx(size, rel=0.01), name
+    data = chain.model.createData()
+    pin.framesForwardKinematics(chain.model, data, q)
+    offset = pin.SE3(pin.rpy.rpyToMatrix(0.1, 0, 0), np.array([0, 0, 0.1]))
+    for shape in (s for s in scene.shapes if s.layer == "bodies"):
+        frame = data.oMf[chain.model.getFrameId(shape.name.removesuffix("_0"))]
+        at = scene.poses(q)[shape.mover] @ shape.at
+        assert np.abs(at - (frame * offset).homogeneous).max() < 1e-12
+        assert shape.colour == "#336699"
+
+
+def test_a_mesh_that_cannot_be_read_is_told(tmp_path, capsys):
+    """By its name, with the way to do without; the dynamics need no mesh."""
+    chain, q, path = five_bar(tmp_path, base='<mesh filename="meshes/gone.stl"/>')
+    chain.compute_torques(q, [0, 0], [0, 0])
+    with pytest.raises(errors.DescriptionError, match=r"gone\.stl.*show --skeleton"):
+        chain.show(q, open_browser=False)
+    assert "bodies" not in Viewer(chain, BARE)._panel["layers"]
+    (tmp_path / "meshes").mkdir()
+    (tmp_path / "meshes" / "gone.stl").write_text("no mesh")
+    with pytest.raises(errors.DescriptionError, match=r"gone\.stl"):
+        Viewer(chain)
+    page = str(tmp_path / "page.html")
+    assert main(["show", "--robot", str(path), "--html", page]) == 2
+    assert main(["show", "--robot", str(path), "--html", page, "--skeleton"]) == 0
+    assert "five_bar ->" in capsys.readouterr().out
+
+
+def test_an_mjcf_is_drawn_as_mujoco_has_it(tmp_path):
+    """Centres of its geoms by mj_forward, its colours; collision shapes and floors stay away."""
+    mujoco = pytest.importorskip("mujoco")
+    path = tmp_path / "linkage.xml"
+    path.write_text(MJCF)
+    chain = sst_pin.ClosedChain.from_mjcf(path)
+    q = chain.assemble(pin.neutral(chain.model), fixed=())
+    scene = Scene(chain, None)
+    bodies = {int(s.name.split("_")[0]): s for s in scene.shapes if s.layer == "bodies"}
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    for name, value in zip(chain.joint_names, q, strict=True):
+        data.joint(name).qpos = value
+    mujoco.mj_kinematics(model, data)
+    shown = [i for i in range(model.ngeom) if model.geom_group[i] < 3 and model.geom_type[i] > 0]
+    assert sorted(bodies) == shown
+    for i, shape in bodies.items():
+        at = scene.poses(q)[shape.mover] @ shape.at
+        assert np.abs(at[:3, 3] - data.geom_xpos[i]).max() < 1e-9
+        assert np.abs(at[:3, :3] - data.geom_xmat[i].reshape(3, 3)).max() < 1e-9
+        reach = np.linalg.norm(shape.mesh.vertices, axis=1).max()
+        assert reach == pytest.approx(model.geom_rbound[i], rel=0.5)
+    colours = {s.colour for s in bodies.values()}
+    assert {"#CC1A1A", "#00FF00"} <= colours
+    wedge = next(s for s in bodies.values() if s.colour == "#00FF00")
+    assert wedge.opacity == 0.5
+    path.unlink()
+    with pytest.raises(errors.DescriptionError):
+        Viewer(chain)
+
+
+def test_a_chain_can_be_given_shapes_of_its_own():
+    """A `pinocchio.GeometryModel`, and nothing else."""
+    robot, _ = robot_of("four_bar")
+    chain = sst_pin.ClosedChain(robot.model, robot.closures, robot.motor_names)
+    assert not chain.visual_model.geometryObjects
+    chain.visual_model = robot.visual_model
+    assert "bodies" in Viewer(chain)._panel["layers"]
+    with pytest.raises(errors.InputError, match=r"visual_model: a pinocchio\.GeometryModel is"):
+        chain.visual_model = "box"
+
+
+def test_a_page_warns_of_open_loops_and_limits(tmp_path):
+    """Of a configuration and of a motion, with its time."""
+    chain, q, _ = five_bar(tmp_path)
+    viewer = Viewer(chain)
+    viewer.show(q)
+    assert viewer.warnings == ()
+    viewer.show(q + 0.1 * np.eye(4)[0])
+    assert "the loops are open by" in viewer.warnings[0]
+    chain.model.upperPositionLimit[:] = q + np.array((-0.2, 1, 1, 1))
+    zero = np.zeros((2, 2))
+    viewer.play(chain.trajectory([0, 1], [q, q], zero, zero))
+    assert viewer.warnings[0].startswith("left_1 leaves its limits of -3 to ")
+    assert viewer.warnings[0].endswith("rad at t = 0 s")
+
+
+@pytest.mark.parametrize("name", ["stewart", "excavator", "planar_4rrr"])
+def test_powers_add_up_to_what_the_motion_takes(name):
+    """Without friction the motors' power is the rate of the energy, by differences over 1e-4 s."""
+    robot, q = robot_of(name)
+    h, n = 1e-4, robot.degrees_of_freedom
+    va = np.random.default_rng(1).uniform(-0.2, 0.2, n)
+    zero = np.zeros(n)
+    q_dot = robot.joint_rates(q, va)
+    near = [robot.assemble(pin.integrate(robot.model, q, s * h * q_dot)) for s in (-1, 1)]
+    motion = robot.trajectory([0, 1], [q, q], [va, va], [zero, zero])
+    energy = [robot.kinetic_energy(x, va) + robot.potential_energy(x) for x in near]
+    powers = np.array(curves_of(robot, motion)[3]["values"][0])
+    lost = np.sum(robot.friction_power(q, va))
+    assert powers.sum() + lost == pytest.approx(
+        (energy[1] - energy[0]) / (2 * h), rel=1e-4, abs=1e-5
+    )
