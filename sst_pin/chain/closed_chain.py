@@ -312,7 +312,7 @@ class ClosedChain:
     def condition_number(self, q: ArrayLike) -> float:
         """Condition number of the dependent part of Phi, free of units.
 
-        Infinite where the coordinates lose hold of the robot.
+        Infinite where the coordinates do not determine the motion.
 
         Args:
             q: Configuration on the closures, shape (nq,).

@@ -16,10 +16,10 @@ _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 
 @dataclass(frozen=True)
 class Problem:
-    """Something in a description that is wrong, or that some tool will stumble over.
+    """Something in a description that is wrong, or that some tools cannot read.
 
     Attributes:
-        severity: "error" when the robot cannot be, or cannot be computed; else "warning".
+        severity: "error" when the robot cannot be computed; else "warning".
         where: What it concerns: "link foot", "joint knee", "closure A - B".
         text: One sentence.
 

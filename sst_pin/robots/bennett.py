@@ -23,7 +23,7 @@ def bennett(
     linear_density: float = 2.0,
     radius: float = 0.01,
 ) -> GalleryRobot:
-    """Bennett's linkage: four revolutes, no two of them parallel, that move where none should.
+    """Bennett's linkage: four revolutes, no two parallel; overconstrained, yet it moves.
 
     Opposite bars are alike; lengths are to one another as the sines of their twists (G. T.
     Bennett, A new mechanism, Engineering 76 (1903)). The mobility formula gives minus two

@@ -187,7 +187,7 @@ def planar_4rrr(
 ) -> GalleryRobot:
     """A planar platform on four legs: four motors for three freedoms.
 
-    Redundant actuation takes singularities away and allows preload against backlash (A. Müller,
+    Redundant actuation removes singularities and allows preload against backlash (A. Müller,
     Internal preload control of redundantly actuated parallel manipulators, IEEE Trans. Robotics
     21 (2005)); the numbers are ours. Arguments as `planar_3rrr`.
 

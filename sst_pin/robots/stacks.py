@@ -101,8 +101,8 @@ def ladder(
 ) -> GalleryRobot:
     """A ladder of parallelograms, one upon the other, each driven; x to the right, z up.
 
-    The loops share no joints: a measure for engines, as long as one likes. The platform is the
-    top rung, which does not turn; its frame lies at the left. For a place of the platform, the
+    The loops share no joints, and there can be any number of them. The platform is the top rung,
+    which does not turn; its frame lies at the left. For a place of the platform, the
     cells of the lower half lean alike, and those of the upper half. The numbers are ours.
 
     Args:

@@ -89,7 +89,7 @@ class SST(ClosedChain):
     def from_urdf(  # type: ignore[override]  # an SST has its motors and nothing to lock
         cls, path: str | Path, cuts: str | Path | None = None, *, kernels: bool = True
     ) -> SST:
-        """An SST from an edited URDF; what stands in it is what is computed.
+        """An SST from an edited URDF; it is computed with the numbers of the file.
 
         Args:
             path: The URDF, with the joints and frames of the shipped one.
@@ -181,7 +181,7 @@ class SST(ClosedChain):
 
     @property
     def parameters(self) -> Parameters:
-        """What stands in `model`, as parameters; `SST(robot.parameters)` is the same robot.
+        """The numbers of `model` as parameters; `SST(robot.parameters)` is the same robot.
 
         Raises:
             DescriptionError: When an edited URDF holds what parameters do not.

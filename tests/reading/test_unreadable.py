@@ -208,7 +208,7 @@ def large_urdf(links, kind):
             + "]><robot name='&a12;'/>",
             "not XML",
         ),
-        ("<robot xmlns:xacro='http://x/xacro' name='r'><xacro:property/></robot>", "is a xacro file"),
+        ("<robot xmlns:xacro='http://x/xacro' name='r'><xacro:property/></robot>", "xacro file"),
         ("<robot name='r'><link name='l'/></robot>", None),  # the least that is read
     ],
     ids=["links", "joints", "depth", "bytes", "entities", "xacro", "least"],
