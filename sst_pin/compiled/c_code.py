@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from importlib.resources import files
 from typing import NamedTuple
@@ -19,7 +20,12 @@ _UNARY = {
     ca.OP_TWICE: "{0} + {0}",
     ca.OP_FABS: "ABSOLUTE({0})",
     ca.OP_SQRT: "SQUARE_ROOT({0})",
+    ca.OP_TANH: "tangent({0})",
 }
+#: Statements of a function that is not cut, and of the parts of one that is.
+_LARGEST, _PART = 6000, 1500
+#: Names of results of statements.
+_RESULT = re.compile(r"\b(?:ti?|s|c)\d+\b")
 
 
 def part(name: str) -> str:
@@ -73,13 +79,55 @@ def body(kernel: Kernel, size: int | None = None, suffix: str = "") -> Body:
         else:
             operands = [writer.names[i] for i in arguments]
             writer.names[target] = writer.write(f"t{k}", operation, operands)
-    texts = []
-    for head, kind in (
-        (f"static void prepare_{kernel.name}(number *p)", "number"),
-        (f"static void {kernel.name}(const real *x, const number *p, real *y)", "real"),
-    ):
-        texts.append("\n    ".join([f"{head}\n{{", "(void)p;", *writer.lines[kind]]) + "\n}\n")
-    return Body("\n".join(texts), writer.size)
+    prepare = f"static void prepare_{kernel.name}(number *p)"
+    texts = [_function(prepare, ["(void)p;", *writer.lines["number"]])]
+    if len(writer.lines["real"]) > _LARGEST:
+        parts, handed_on = _parts(kernel.name, writer.lines["real"])
+        calls = [f"{kernel.name}_{k}(x, p, y, w);" for k in range(len(parts))]
+        texts += parts
+        lines = [f"real w[{handed_on}];", *calls]
+    else:
+        lines = ["(void)p;", *writer.lines["real"]]
+    head = f"static void {kernel.name}(const real *x, const number *p, real *y)"
+    return Body("\n".join([*texts, _function(head, lines)]), writer.size)
+
+
+def _function(head: str, lines: Sequence[str]) -> str:
+    return "\n    ".join([f"{head}\n{{", *lines]) + "\n}\n"
+
+
+def _parts(name: str, lines: list[str]) -> tuple[list[str], int]:
+    """Functions for `real` that run one after the other, and the size of w.
+
+    A compiler takes more than proportionally long for a large function. What parts compute for
+    later ones goes by the array w.
+    """
+    size = -(-len(lines) // -(-len(lines) // _PART))
+    parts = [lines[i : i + size] for i in range(0, len(lines), size)]
+    last = {result: k for k, part in enumerate(parts) for line in part for result in _used(line)}
+    places: dict[str, int] = {}
+    free: list[int] = []
+    handed_on, texts = 0, []
+    for k, part in enumerate(parts):
+        at = {result: f"w[{place}]" for result, place in places.items()}
+        body = [_RESULT.sub(lambda found, at=at: at.get(found[0], found[0]), line) for line in part]
+        free += [places.pop(result) for result in at if last[result] == k]
+        made = {result for line in part for result in _used(line)} - at.keys()
+        for result in sorted(made):
+            if last[result] > k:
+                if not free:
+                    free.append(handed_on)
+                    handed_on += 1
+                places[result] = free.pop()
+                body.append(f"w[{places[result]}] = {result};")
+        head = f"PART {name}_{k}(const real *x, const number *p, real *restrict y, real *restrict w)"
+        texts.append(_function(head, ["(void)x, (void)p, (void)y, (void)w;", *body]))
+    return texts, handed_on
+
+
+def _used(line: str) -> list[str]:
+    """Names of results in a statement."""
+    return _RESULT.findall(line)
 
 
 #: What an expression is called, and its type: "real" of a sample, "number" of the parameters alone.

@@ -9,13 +9,17 @@ from functools import partial
 from typing import NamedTuple
 
 import casadi as ca
+import numpy as np
 import pinocchio as pin
 from casadi import SX
+from numpy.polynomial.polynomial import polyder
+from numpy.typing import NDArray
 
 from ..chain.closures import Constraint, Coupling, Distance, Rolling
 from .kinematics import Kinematics
 from .symbols import Sparse, is_zero, sx
 
+Array = NDArray[np.float64]
 #: Accelerations of the row at rates v and none of v_dot: Phi_dot v.
 Drift = Callable[[Sparse], SX]
 
@@ -266,15 +270,21 @@ def _coupling(kinematics: Kinematics, model: pin.Model, closure: Coupling) -> Ro
     second: Sparse = {}
     for name, coefficients in terms.items():
         joint = model.joints[model.getJointId(name)]
-        q, value = kinematics.q[joint.idx_q], SX(0)
-        for c in reversed(coefficients):
-            value = value * q + c
+        q = kinematics.coordinate(joint.idx_q, joint.idx_v)
+        value, slope, curvature = (_value(polyder(coefficients, k), q) for k in range(3))
         residual += value
-        slope = ca.jacobian(value, q)
         if not slope.is_zero():
-            Phi[joint.idx_v], second[joint.idx_v] = slope, ca.jacobian(slope, q)
+            Phi[joint.idx_v], second[joint.idx_v] = slope, curvature
 
     def drift(v: Sparse) -> SX:
         return sum((c * v[k] ** 2 for k, c in second.items() if k in v), SX(0))
 
     return Row(Phi, drift, residual, residual**2)
+
+
+def _value(coefficients: Array, x: SX) -> SX:
+    """Of a polynomial."""
+    value = SX(0)
+    for c in coefficients[::-1]:
+        value = value * x + float(c)
+    return value

@@ -72,6 +72,7 @@ class Equations:
             which kernels smooth by themselves where the width is not zero.
         parameters: Which numbers stay open; those of `Parameters` by default.
         closed: Open loops up to this are closed to the kernels.
+        displaced: Whether the joints are displaced, as `Kinematics` has it.
 
     Attributes:
         kinematics: Of the tree.
@@ -92,17 +93,26 @@ class Equations:
         smooth: bool = False,
         parameters: Parameters | None = None,
         closed: float = CLOSED,
+        displaced: bool = False,
     ) -> None:
         self.mechanism, model = mechanism, mechanism.model
         self.parameters = parameters or Parameters(mechanism)
         self.p = SX.sym("p", self.parameters.size)
-        self.kinematics = Kinematics(model, self.parameters.rotations(self.p))
+        rotations = self.parameters.rotations(self.p)
+        self.kinematics = Kinematics(model, rotations, displaced=displaced)
         self.q = self.kinematics.q
         self._coordinates = [int(i) for i in mechanism.coordinates]
         self._dependent = [int(i) for i in mechanism.dependent]
         self.va, self.aa = (SX.sym(name, len(self._coordinates)) for name in ("va", "aa"))
         self.loads = SX.sym("loads", 6 * (model.njoints - 1) if loaded else 0)
         self._samples, self._smooth, self._closed = samples, smooth, closed
+
+    @cached_property
+    def displaced(self) -> Equations:
+        """The same equations, on symbols of their own, with displaced joints."""
+        loaded = self.loads.numel() > 0
+        arguments = (self.mechanism, self._samples, loaded, self._smooth, self.parameters)
+        return Equations(*arguments, displaced=True)
 
     # --- closures ---------------------------------------------------------------------------
 
@@ -156,10 +166,14 @@ class Equations:
                 moved[i] = total(terms)
         return x | self.factors.solve(add(right, moved))
 
+    def multipliers(self, tau: Sparse) -> Sparse:
+        """Forces of the closures, row by row, that hold the dependent rates against tau."""
+        on_dependent = {j: tau[j] for j in self._dependent if j in tau}
+        return self.factors.solve_transposed(on_dependent)
+
     def reduced(self, tau: Sparse) -> SX:
         """L^T tau, without L: by the multipliers."""
-        on_dependent = {j: tau[j] for j in self._dependent if j in tau}
-        multipliers = self.factors.solve_transposed(on_dependent)
+        multipliers = self.multipliers(tau)
         result = []
         for j in self._coordinates:
             terms = [tau[j]] if j in tau else []
@@ -175,7 +189,7 @@ class Equations:
         return self.complete(ca.vertsplit(self.va), {})
 
     @cached_property
-    def _drift(self) -> Sparse:
+    def drift(self) -> Sparse:
         """-Phi_dot v, by row."""
         drift = {i: -self.rows[i].drift(self.v) for i in self.factors.rows}
         return {i: x for i, x in drift.items() if not is_zero(x)}
@@ -276,7 +290,8 @@ class Equations:
         rest = self.parameters.of_joints("spring_reference", self.p)
         links = self.kinematics.tree.links
         place = {k: i for link in links for k, i in zip(link.v, link.q, strict=False)}
-        return {k: c * (self.q[place[k]] - rest[k]) for k, c in stiffness.items()}
+        q = {k: self.kinematics.coordinate(place[k], k) for k in stiffness}
+        return {k: c * (q[k] - rest[k]) for k, c in stiffness.items()}
 
     def forces(self, dv: Sparse) -> Sparse:
         """All that a motion at v takes along the rates of the tree."""
@@ -285,7 +300,7 @@ class Equations:
     @cached_property
     def generalized_forces(self) -> SX:
         """f of a motion."""
-        return self.reduced(self.forces(self.complete(ca.vertsplit(self.aa), self._drift)))
+        return self.reduced(self.forces(self.complete(ca.vertsplit(self.aa), self.drift)))
 
     @cached_property
     def motor_matrix(self) -> SX:
@@ -385,15 +400,19 @@ class Equations:
             columns.append(self.project(tau))
         return ca.horzcat(*columns)
 
-    def accelerations(self, tau: SX) -> tuple[SX, list[Any]]:
-        """aa under motor torques, and one over each pivot of the inertia matrix."""
-        motors = {
+    def motor_forces(self, tau: SX) -> Sparse:
+        """B tau: what motors give along the rates of the tree."""
+        return {
             i: total([float(b) * tau[k] for k, b in enumerate(shares) if b])
             for i, shares in enumerate(self.mechanism.motors)
             if shares.any()
         }
-        without = self.forces(self.complete([0.0] * len(self._coordinates), self._drift))
-        return solve_symmetric(self.inertia, self.project(motors) - self.project(without))
+
+    def accelerations(self, tau: SX) -> tuple[SX, list[Any]]:
+        """aa under motor torques, and one over each pivot of the inertia matrix."""
+        without = self.forces(self.complete([0.0] * len(self._coordinates), self.drift))
+        given = self.project(self.motor_forces(tau))
+        return solve_symmetric(self.inertia, given - self.project(without))
 
 
 def _moment(x: Motion, J: SX) -> SX:

@@ -12,6 +12,7 @@ import numpy as np
 from casadi import SX
 
 from ..errors import DescriptionError
+from . import derivatives
 from .elimination import Factors, pivot_order, total
 from .equations import Equations, pivot_check
 from .symbols import add, is_zero, solve_symmetric
@@ -89,6 +90,19 @@ def _accelerations(e: Equations) -> _Made:
     return [e.q, e.va, tau, e.loads], aa, [_definite(inverses)]
 
 
+def _torque_derivatives(e: Equations) -> _Made:
+    """Of f by q, va and aa side by side, row by row."""
+    rows = ca.horzcat(*derivatives.of_torques(e))
+    return [e.q, e.va, e.aa, e.loads], ca.vec(rows.T), []
+
+
+def _acceleration_derivatives(e: Equations) -> _Made:
+    """Of aa by q, va and tau side by side, row by row."""
+    tau = SX.sym("tau", e.mechanism.motors.shape[1])
+    *parts, inverses = derivatives.of_accelerations(e, tau)
+    return [e.q, e.va, tau, e.loads], ca.vec(ca.horzcat(*parts).T), [_definite(inverses)]
+
+
 def _reduced_terms(e: Equations) -> _Made:
     gravity = e.project(add(e.tree_forces({}, {}, loads=False), e.springs))
     friction = e.project(e.friction(e.v))
@@ -133,6 +147,8 @@ KERNELS: dict[str, Callable[[Equations], _Made]] = {
     "forces": _forces,
     "torques": _torques,
     "accelerations": _accelerations,
+    "torque_derivatives": _torque_derivatives,
+    "acceleration_derivatives": _acceleration_derivatives,
     "reduced_terms": _reduced_terms,
     "rates": _rates,
     "state_rate": _state_rate,

@@ -76,10 +76,13 @@ class Kinematics:
         model: The tree.
         rotations: Orientations of joints at rest and of frames, in the place of the model's, by
             name.
+        displaced: Whether all joints are displaced, each along its rates, to first order.
 
     Attributes:
         tree: Its links.
         q: Its coordinates.
+        displacement: By how much along each rate; empty when nothing is displaced. Derivatives by
+            it at zero are those by q along the rates.
         base: Axes that vectors of link 0 are in, in the base: those of the first joint where the
             orientation of this is given.
 
@@ -87,7 +90,13 @@ class Kinematics:
         DescriptionError: For a joint without compiled equations.
     """
 
-    def __init__(self, model: pin.Model, rotations: Mapping[str, SX] | None = None) -> None:
+    def __init__(
+        self,
+        model: pin.Model,
+        rotations: Mapping[str, SX] | None = None,
+        *,
+        displaced: bool = False,
+    ) -> None:
         self.tree = Tree.of(model)
         self._rotations = dict(rotations or {})
         self._at_rest = {
@@ -97,6 +106,7 @@ class Kinematics:
         }
         self.base = self._at_rest.get(1, SX.eye(3))
         self.q = SX.sym("q", model.nq)
+        self.displacement = SX.sym("displacement", model.nv if displaced else 0)
         self.pose = cache(self._pose)
         self._at_rates: tuple[Sparse | None, dict[tuple[int, int], Motion]] = None, {}
 
@@ -107,8 +117,16 @@ class Kinematics:
         for i, link in enumerate(self.tree.links):
             R, d = _joint_placement(link, [self.q[k] for k in link.q])
             before = self._rotation_at_rest(i)
-            placements.append((before @ R, sx(link.p) + before @ d))
+            R, p = before @ R, sx(link.p) + before @ d
+            if self.displacement.numel():
+                twist = sx(link.S) @ self.displacement[list(link.v)]
+                R, p = R @ (SX.eye(3) + ca.skew(twist[3:])), p + R @ twist[:3]
+            placements.append((R, p))
         return placements
+
+    def coordinate(self, q: int, v: int) -> SX:
+        """The coordinate of a joint that has one, by its indices."""
+        return self.q[q] + self.displacement[v] if self.displacement.numel() else self.q[q]
 
     def _rotation_at_rest(self, i: int) -> SX:
         """Orientation of a joint at rest in the parent of its link."""

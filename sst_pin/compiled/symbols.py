@@ -35,7 +35,7 @@ def add(a: Mapping[int, Any], b: Mapping[int, Any]) -> Sparse:
 
 
 def solve_symmetric(A: SX, b: SX) -> tuple[SX, list[Any]]:
-    """x with A x = b for a symmetric A, by L D L^T, and one over each entry of D."""
+    """x with A x = b for a symmetric A, by L D L^T, and one over each entry of D; b has columns."""
     n = A.shape[0]
     L: list[dict[int, Any]] = [{} for _ in range(n)]  # below the diagonal, by column
     D: list[Any] = []
@@ -48,7 +48,7 @@ def solve_symmetric(A: SX, b: SX) -> tuple[SX, list[Any]]:
             entry = A[i, j] - total(L[i][k] * L[j][k] * D[k] for k in sorted(both))
             if not is_zero(entry):
                 L[i][j] = entry * inverses[j]
-    x = [b[i] for i in range(n)]
+    x = [b[i, :] for i in range(n)]
     for i in range(n):
         x[i] -= total(entry * x[k] for k, entry in L[i].items())
     x = [value * inverse for value, inverse in zip(x, inverses, strict=True)]

@@ -28,8 +28,10 @@ typedef uint64_t bits;
 
 #ifdef __GNUC__
 #define HELPER static inline __attribute__((unused))
+#define PART static __attribute__((noinline)) void /* of a function that is too large for one */
 #else
 #define HELPER static inline
+#define PART static void
 #endif
 
 #if LANES == 1
