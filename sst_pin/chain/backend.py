@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, Protocol
 
 import numpy as np
@@ -14,6 +15,8 @@ Array = NDArray[np.float64]
 #: Indices of samples, or a count for each sample.
 Indices = NDArray[np.intp]
 Answer = tuple[NDArray[np.bool_] | None, Array] | None
+#: Takes arguments as the caller gave them; None for an answer when they need more care.
+Single = Callable[..., Answer]
 
 
 class States(Protocol):
@@ -83,6 +86,30 @@ class Backend(Protocol):
         self, q: Array, va: Array, tau: Array, wrenches: Array | None, aa: Array, threads: int
     ) -> Indices:
         """Fill aa."""
+
+    def derivatives_of(self, name: str, sign_width: float) -> Single:
+        """Derivatives of one sample, in the way of `torques_of`.
+
+        Args:
+            name: "torque_derivatives" or "acceleration_derivatives".
+            sign_width: Of Coulomb friction.
+        """
+
+    def derivatives(
+        self,
+        name: str,
+        sign_width: float,
+        q: Array,
+        va: Array,
+        x: Array,
+        wrenches: Array | None,
+        rows: Array,
+        threads: int,
+    ) -> Indices:
+        """Fill rows of derivatives by q, va and x, which is aa or tau, side by side."""
+
+    def displacement_rates(self, q: Array, va: Array, rows: Array, threads: int) -> Indices:
+        """Fill rows of what moving axes of joints do to a displacement, shape (N, n n)."""
 
     def joint_rates(self, q: Array, va: Array, v: Array, threads: int) -> Indices:
         """Fill v, the rates of the tree."""

@@ -430,7 +430,7 @@ class ClosedChain:
         current = self._current
         mechanism, arrays = current.arguments(q, va=va)
         reference, kernel = current.reference.rates, current.backend.joint_rates
-        return by_kernel(current, reference, kernel, arrays, (1, 1), mechanism.model.nv)
+        return by_kernel(current, reference, kernel, arrays, (1, 1), (mechanism.model.nv,))
 
     def joint_accelerations(self, q: ArrayLike, va: ArrayLike, aa: ArrayLike) -> Array:
         """Accelerations of all joints, L aa + L_dot va, Eqs. (8), (20).
@@ -477,11 +477,10 @@ class ClosedChain:
         index, n = frame_id(mechanism.model, frame), len(mechanism.coordinates)
 
         def reference(q: Array) -> Array:
-            return current.reference.frame_jacobian(q, index).ravel()
+            return current.reference.frame_jacobian(q, index)
 
         kernel = partial(current.backend.frame_jacobian, frame)
-        rows = by_kernel(current, reference, kernel, arrays, (1,), 6 * n)
-        return rows.reshape(*rows.shape[:-1], 6, n)
+        return by_kernel(current, reference, kernel, arrays, (1,), (6, n))
 
     def frame_jacobian_rate(self, q: ArrayLike, va: ArrayLike, frame: str) -> Array:
         """Rate of `frame_jacobian` on a motion.
@@ -619,7 +618,7 @@ class ClosedChain:
             current.backend.torques if weights is None else None,
             [*arrays, samples.external_wrenches(mechanism, external_wrenches)],
             (1, 1, 1, 2),
-            mechanism.motors.shape[1],
+            (mechanism.motors.shape[1],),
             out=out,
             threads=threads,
             on_error=on_error,
@@ -664,7 +663,7 @@ class ClosedChain:
             current.backend.generalized_forces,
             [*arrays, samples.external_wrenches(mechanism, external_wrenches)],
             (1, 1, 1, 2),
-            len(mechanism.coordinates),
+            (len(mechanism.coordinates),),
             out=out,
             on_error=on_error,
         )
@@ -715,7 +714,7 @@ class ClosedChain:
             current.backend.accelerations,
             [*arrays, samples.external_wrenches(mechanism, external_wrenches)],
             (1, 1, 1, 2),
-            len(mechanism.coordinates),
+            (len(mechanism.coordinates),),
             out=out,
             threads=threads,
             on_error=on_error,
@@ -769,7 +768,7 @@ class ClosedChain:
             current.backend.reduced_terms,
             arrays,
             (1, 1),
-            2 * n * (n + 1),
+            (2 * n * (n + 1),),
             threads=threads,
             on_error=on_error,
         )
@@ -785,6 +784,8 @@ class ClosedChain:
         *,
         external_wrenches: ArrayLike | None = None,
         sign_width: float = 1e-3,
+        out: Array | None = None,
+        threads: int = 1,
         on_error: str = "raise",
     ) -> derivatives.TorqueDerivatives:
         """Derivatives of `generalized_forces`, the torques where motor k is coordinate k.
@@ -798,6 +799,8 @@ class ClosedChain:
             external_wrenches: As in `compute_torques`, constant in base axes.
             sign_width: Coulomb friction takes tanh(v / sign_width) for the sign of the rates v,
                 positive, [rad/s] or [m/s].
+            out: Array for dq, dva and daa side by side, shape (..., n, 3 n).
+            threads: As in `compute_torques`.
             on_error: As in `compute_torques`.
 
         Returns:
@@ -811,16 +814,16 @@ class ClosedChain:
             >>> d.dq.round(3), d.dva.round(3), d.daa.round(4)
             (array([[0.103]]), array([[0.013]]), array([[0.0049]]))
         """
-        mechanism, arrays = self._current.arguments(q, va=va, aa=aa)
-        n = len(mechanism.coordinates)
         rows = samples.derivatives(
-            self._current.reference.torque_derivatives,
-            [*arrays, samples.external_wrenches(mechanism, external_wrenches)],
-            (n, 3 * n),
+            self._current,
+            "torque_derivatives",
+            (q, va, aa, external_wrenches),
             sign_width,
+            out,
+            threads,
             on_error,
         )
-        return derivatives.TorqueDerivatives(*np.split(rows, 3, axis=-1))
+        return derivatives.TorqueDerivatives.of_rows(rows)
 
     def acceleration_derivatives(
         self,
@@ -830,6 +833,8 @@ class ClosedChain:
         *,
         external_wrenches: ArrayLike | None = None,
         sign_width: float = 1e-3,
+        out: Array | None = None,
+        threads: int = 1,
         on_error: str = "raise",
     ) -> derivatives.AccelerationDerivatives:
         """Derivatives of `compute_accelerations`, its friction smoothed by `sign_width`.
@@ -840,6 +845,8 @@ class ClosedChain:
             tau: Motor torques, shape (..., motors), [N m] or [N].
             external_wrenches: As in `torque_derivatives`.
             sign_width: As in `torque_derivatives`.
+            out: Array for dq, dva and dtau side by side, shape (..., n, 2 n + motors).
+            threads: As in `compute_torques`.
             on_error: As in `compute_torques`.
 
         Returns:
@@ -853,10 +860,16 @@ class ClosedChain:
             >>> chain.acceleration_derivatives(chain.home, [0], tau).dtau.round(2)
             array([[202.74]])
         """
-        rows = self._state_matrices(q, va, tau, external_wrenches, sign_width, on_error)
-        n = rows.shape[-2] // 2
-        by_q, by_va, by_tau = np.split(rows[..., n:, :], [n, 2 * n], axis=-1)
-        return derivatives.AccelerationDerivatives(by_q, by_va, by_tau)
+        rows = samples.derivatives(
+            self._current,
+            "acceleration_derivatives",
+            (q, va, tau, external_wrenches),
+            sign_width,
+            out,
+            threads,
+            on_error,
+        )
+        return derivatives.AccelerationDerivatives.of_rows(rows)
 
     def linearize(
         self,
@@ -867,6 +880,7 @@ class ClosedChain:
         dt: float | None = None,
         external_wrenches: ArrayLike | None = None,
         sign_width: float = 1e-3,
+        threads: int = 1,
         on_error: str = "raise",
     ) -> tuple[Array, Array]:
         """The motion next to a state, or to each state of a trajectory: x' = A x + B u.
@@ -881,6 +895,7 @@ class ClosedChain:
                 A and B of the state, exact for the linear system. None for the continuous one.
             external_wrenches: As in `torque_derivatives`.
             sign_width: As in `torque_derivatives`.
+            threads: As in `compute_torques`.
             on_error: As in `compute_torques`.
 
         Returns:
@@ -897,8 +912,16 @@ class ClosedChain:
                    [-17.35,  -0.  ]]), array([[  0.  ],
                    [202.74]]))
         """
-        rows = self._state_matrices(q, va, tau, external_wrenches, sign_width, on_error)
-        A, B = np.split(rows, [rows.shape[-2]], axis=-1)
+        rows = samples.derivatives(
+            self._current,
+            "acceleration_derivatives",
+            (q, va, tau, external_wrenches),
+            sign_width,
+            None,
+            threads,
+            on_error,
+        )
+        A, B = samples.linear_system(self._current, q, va, rows)
         return (A, B) if dt is None else derivatives.discrete(A, B, positive_number("dt", dt))
 
     # --- energy -----------------------------------------------------------------------------
@@ -956,7 +979,7 @@ class ClosedChain:
 
     # --- doors to the rooms above -----------------------------------------------------------
 
-    def compile(self, q: ArrayLike | None = None) -> None:
+    def compile(self, q: ArrayLike | None = None, *, derivatives: bool = False) -> None:
         """Have the dynamics computed by kernels made for this robot.
 
         They are generated as C, compiled by the system's compiler (or that of the package ziglang)
@@ -970,6 +993,8 @@ class ClosedChain:
             q: Configuration on the closures, shape (nq,), from around which the order of
                 elimination is chosen; a generic one by default. Give one of yours when the
                 mechanism has assembly modes that move in different ways.
+            derivatives: Whether to have those of the dynamics ready too. They take longer to
+                compile (docs/derivatives.md tells how long), and else are made at their first use.
 
         Raises:
             CompilationError: Without a compiler, or when it fails.
@@ -983,12 +1008,14 @@ class ClosedChain:
             >>> chain.path
             'compiled kernels: avx512, 8 samples at once'
         """
-        from ..compiled.backend import CompiledBackend
+        from ..compiled.backend import DERIVATIVES, FIRST, CompiledBackend
 
         current = self._current
         near = None if q is None else current.single(q)
         current.mechanism(near)
-        current.compute_by(partial(CompiledBackend, near=near), CompiledBackend.make)
+        kernels = FIRST + DERIVATIVES if derivatives else FIRST
+        make = partial(CompiledBackend.make, names=kernels)
+        current.compute_by(partial(CompiledBackend, near=near), make)
 
     def casadi(
         self,
@@ -1311,22 +1338,3 @@ class ClosedChain:
         """
         self._current.mechanism(q)
         return self._current.backend.states(replace(self.friction, sign_width=sign_width))
-
-    def _state_matrices(
-        self,
-        q: ArrayLike,
-        va: ArrayLike,
-        tau: ArrayLike,
-        wrenches: ArrayLike | None,
-        sign_width: float,
-        on_error: str,
-    ) -> Array:
-        mechanism, arrays = self._current.arguments(q, va=va, tau=tau)
-        states = 2 * len(mechanism.coordinates)
-        return samples.derivatives(
-            self._current.reference.state_matrices,
-            [*arrays, samples.external_wrenches(mechanism, wrenches)],
-            (states, states + mechanism.motors.shape[1]),
-            sign_width,
-            on_error,
-        )

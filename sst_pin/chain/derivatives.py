@@ -38,6 +38,12 @@ class TorqueDerivatives(NamedTuple):
     dva: Array
     daa: Array
 
+    @classmethod
+    def of_rows(cls, rows: Array) -> TorqueDerivatives:
+        """Views of the three side by side, shape (..., n, 3 n)."""
+        n = rows.shape[-2]
+        return cls(rows[..., :n], rows[..., n : 2 * n], rows[..., 2 * n :])
+
 
 class AccelerationDerivatives(NamedTuple):
     """Derivatives of the accelerations aa of the coordinates.
@@ -51,6 +57,12 @@ class AccelerationDerivatives(NamedTuple):
     dq: Array
     dva: Array
     dtau: Array
+
+    @classmethod
+    def of_rows(cls, rows: Array) -> AccelerationDerivatives:
+        """Views of the three side by side, shape (..., n, 2 n + motors)."""
+        n = rows.shape[-2]
+        return cls(rows[..., :n], rows[..., n : 2 * n], rows[..., 2 * n :])
 
 
 class FrameVelocityDerivatives(NamedTuple):
@@ -109,22 +121,39 @@ class Derivatives:
         by_q, by_va, inertia, _ = self._forces(self._friction(sign_width), q, va, aa, tau, wrenches)
         return np.concatenate((by_q, by_va, inertia), axis=1)
 
-    def state_matrices(
+    def accelerations(
         self, sign_width: float, q: Array, va: Array, tau: Array, wrenches: Array | None
     ) -> Array:
-        """[A B] of the state (coordinates, va), shape (2 n, 2 n + motors).
+        """Derivatives of aa by q, va and tau side by side, shape (n, 2 n + motors).
 
-        The lower half holds the derivatives of aa by q, va and tau. Arguments as `torques`.
+        Arguments as `torques`.
         """
         q, wrenches = self._plain.configuration(q), self._plain.wrenches(wrenches)
         friction = self._friction(sign_width)
-        aa, v = direct_dynamics(self._ws, friction, q, va, tau, wrenches)
+        aa, _ = direct_dynamics(self._ws, friction, q, va, tau, wrenches)
         by_q, by_va, inertia, L = self._forces(friction, q, va, aa, tau, wrenches)
         motors = L.T.dot(self._mechanism.motors)
-        moved = self._moving_axes(v, L)[self._mechanism.coordinates]
-        aa_x = np.linalg.solve(inertia, np.concatenate((-by_q, -by_va, motors), axis=1))
-        upper = np.concatenate((-moved, np.eye(len(va)), np.zeros_like(motors)), axis=1)
-        return np.concatenate((upper, aa_x))
+        return np.linalg.solve(inertia, np.concatenate((-by_q, -by_va, motors), axis=1))
+
+    @property
+    def axes_move(self) -> bool:
+        """Whether a coordinate belongs to a joint whose rates have axes that it moves."""
+        several = np.zeros(self._mechanism.model.nv, dtype=bool)
+        for joint in list(self._mechanism.model.joints)[1:]:
+            several[joint.idx_v : joint.idx_v + joint.nv] = joint.nv > 1
+        return bool(several[self._mechanism.coordinates].any())
+
+    def displacement_rates(self, q: Array, va: Array) -> Array:
+        """-S [v, L e_k]: rates of a displacement due to joints' axes that move, shape (n, n)."""
+        ws = self._ws
+        ws.evaluate(self._plain.configuration(q))
+        L, v, _ = motion_of_tree(ws, va, np.zeros_like(va))
+        rates = np.zeros_like(L)
+        for joint, data in zip(ws.model.joints, ws.data.joints, strict=True):
+            if joint.nv > 1:
+                k, S = slice(joint.idx_v, joint.idx_v + joint.nv), np.array(data.S)
+                rates[k] = S.T.dot(brackets(S.dot(v[k]), S.dot(L[k])))
+        return -rates[self._mechanism.coordinates]
 
     def frame_velocity(self, q: Array, va: Array, frame: int) -> Array:
         """Derivatives of a frame's velocity by q and va side by side, shape (6, 2 n)."""
@@ -208,15 +237,6 @@ class Derivatives:
 
     def _friction(self, sign_width: float) -> Friction:
         return replace(self._mechanism.friction, sign_width=sign_width)
-
-    def _moving_axes(self, v: Array, L: Array) -> Array:
-        """[v, L e_k] of each joint: how its axes, moving, change a displacement, shape (nv, n)."""
-        rates = np.zeros_like(L)
-        for joint, data in zip(self._ws.model.joints, self._ws.data.joints, strict=True):
-            if joint.nv > 1:
-                k, S = slice(joint.idx_v, joint.idx_v + joint.nv), np.array(data.S)
-                rates[k] = S.T.dot(brackets(S.dot(v[k]), S.dot(L[k])))
-        return rates
 
 
 def _on_mass_centre(

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from ..arrays import finite_array
 from ..errors import ActuationError, SSTError
 from . import dynamics
+from .backend import Single
 from .derivatives import Derivatives
 from .dynamics import Workspace
 from .loops import CLOSURE_TOLERANCE, summed, support
@@ -152,14 +153,14 @@ class Reference:
             _require_finite(q=q, va=va, aa=aa, derivatives=df)
         return df
 
-    def state_matrices(
+    def acceleration_derivatives(
         self, sign_width: float, q: Array, va: Array, tau: Array, wrenches: Array | None
     ) -> Array:
-        """[A B] of the state (coordinates, va), shape (2 n, 2 n + motors)."""
-        matrices = self.derivatives.state_matrices(sign_width, q, va, tau, wrenches)
-        if not np.isfinite(matrices).all():
-            _require_finite(q=q, va=va, tau=tau, derivatives=matrices)
-        return matrices
+        """Derivatives of aa by q, va, tau side by side, shape (n, 2 n + motors)."""
+        da = self.derivatives.accelerations(sign_width, q, va, tau, wrenches)
+        if not np.isfinite(da).all():
+            _require_finite(q=q, va=va, tau=tau, derivatives=da)
+        return da
 
     def rates(self, q: Array, va: Array) -> Array:
         """v = L va, shape (nv,), Eq. (16)."""
@@ -249,6 +250,17 @@ class ReferenceBackend:
         return np.arange(len(q))
 
     generalized_forces = accelerations = joint_rates = reduced_terms = torques
+    displacement_rates = torques
+
+    def derivatives_of(self, name: str, sign_width: float) -> Single:
+        """What leaves all to `ClosedChain`."""
+        return self.torques_of
+
+    def derivatives(
+        self, name: str, sign_width: float, q: Array, *arguments: Any
+    ) -> NDArray[np.intp]:
+        """All samples, for the reference path."""
+        return np.arange(len(q))
 
     def frame_jacobian(self, frame: str, q: Array, *arguments: Any) -> NDArray[np.intp]:
         """All samples, for the reference path."""

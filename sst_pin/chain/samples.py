@@ -31,7 +31,7 @@ def by_kernel(
     kernel: Callable[..., Indices] | None,
     arrays: Sequence[Array | None],
     core_axes: Sequence[int],
-    size: int,
+    result: tuple[int, ...],
     *,
     out: Array | None = None,
     threads: int = 1,
@@ -41,12 +41,12 @@ def by_kernel(
 
     Args:
         current: Whose kernel it is.
-        reference: One sample by the reference path, a result of shape (size,).
+        reference: One sample by the reference path, of this shape.
         kernel: Samples in a row, as the methods of `Backend`.
         arrays: Arguments; None is handed on as it is.
         core_axes: Number of core axes of each.
-        size: Of a result.
-        out: Where results go, shape (..., size).
+        result: Shape of a result.
+        out: Where results go, shape (..., *result).
         threads: How many share the batch in the kernel.
         on_error: "raise", or "nan": samples that fail become NaN.
     """
@@ -61,29 +61,81 @@ def by_kernel(
         return np.arange(len(result)) if kernel is None else kernel(*flat, result, threads)
 
     return for_each_sample(
-        reference, arrays, core_axes, (size,), on_error=on_error, out=out, fast=fill
+        reference, arrays, core_axes, result, on_error=on_error, out=out, fast=fill
     )
 
 
 def derivatives(
-    reference: Callable[..., Array],
-    arrays: Sequence[Array | None],
-    result: tuple[int, ...],
+    current: CurrentMechanism,
+    name: str,
+    arguments: tuple[ArrayLike, ArrayLike, ArrayLike, ArrayLike | None],
     sign_width: float,
+    out: Array | None,
+    threads: int,
     on_error: str,
 ) -> Array:
-    """Derivatives of dynamics with smoothed friction, sample by sample.
+    """Derivatives of dynamics with smoothed friction, side by side, shape (..., n, columns).
 
     Args:
-        reference: Of the smoothing and one sample, a matrix of shape `result`.
-        arrays: q, va, aa or tau, and wrenches or None.
-        result: Shape of the matrix.
+        current: Whose they are.
+        name: "torque_derivatives" or "acceleration_derivatives".
+        arguments: q, va, aa or tau, and external wrenches.
         sign_width: Of the smoothing.
+        out: Where results go.
+        threads: As in `by_kernel`.
         on_error: As in `by_kernel`.
     """
-    width = positive_number("sign_width", sign_width)
-    function = partial(reference, width)
-    return for_each_sample(function, arrays, (1, 1, 1, 2), result, on_error=on_error)
+    if current.unseen:
+        current.look()
+    width = sign_width
+    if type(width) is not float or not 0 < width < np.inf:
+        width = positive_number("sign_width", sign_width)
+    q, va, x, wrenches = arguments
+    if wrenches is None and on_error == "raise":
+        answer = current.backend.derivatives_of(name, width)(q, va, x, None, out, threads)
+        if answer is not None and answer[0] is None:
+            rows = answer[1]
+            rows.shape = (len(va), -1)  # type: ignore[arg-type]  # it is an array
+            return rows
+    third = "aa" if name == "torque_derivatives" else "tau"
+    mechanism, arrays = current.arguments(q, va=va, **{third: x})
+    n = len(mechanism.coordinates)
+    return by_kernel(
+        current,
+        partial(getattr(current.reference, name), width),
+        partial(current.backend.derivatives, name, width),
+        [*arrays, external_wrenches(mechanism, wrenches)],
+        (1, 1, 1, 2),
+        (n, 2 * n + arrays[-1].shape[-1]),
+        out=out,
+        threads=threads,
+        on_error=on_error,
+    )
+
+
+def linear_system(
+    current: CurrentMechanism, q: ArrayLike, va: ArrayLike, rows: Array
+) -> tuple[Array, Array]:
+    """A, shape (..., 2 n, 2 n), and B, shape (..., 2 n, motors), of the state next to a motion.
+
+    Args:
+        current: Whose they are.
+        q: Configurations.
+        va: Rates.
+        rows: Derivatives of the accelerations side by side.
+    """
+    n = rows.shape[-2]
+    both = np.zeros((*rows.shape[:-2], 2 * n, rows.shape[-1]))
+    both[..., :n, n : 2 * n] = np.eye(n)
+    both[..., n:, :] = rows
+    if current.reference.derivatives.axes_move:
+        _, arrays = current.arguments(q, va=va)
+        reference, kernel = current.reference.derivatives, current.backend.displacement_rates
+        moved = by_kernel(
+            current, reference.displacement_rates, kernel, arrays, (1, 1), (n, n), on_error="nan"
+        )
+        both[..., :n, :n] = moved
+    return both[..., : 2 * n], both[..., 2 * n :]
 
 
 def motor_weights(mechanism: Mechanism, weights: ArrayLike) -> Array:

@@ -13,6 +13,7 @@ import ctypes
 import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
@@ -45,12 +46,18 @@ Indices = NDArray[np.intp]
 
 #: Made by `ClosedChain.compile`; the others when they are first needed.
 FIRST = ("torques", "accelerations")
+#: Of the dynamics.
+DERIVATIVES = ("torque_derivatives", "acceleration_derivatives")
 #: Configurations by which pivots are chosen.
 _SAMPLES = 8
 #: Of coordinates squared times rates, up to which inertia matrices are written out.
 _LARGEST = 100_000
+#: Likewise, derivatives.
+_LARGEST_DERIVATIVES = 10_000
 #: Ends the names of kernels that take external wrenches.
 _LOADED = " loaded"
+#: Kernels of derivatives that are kept, one for each width within which friction is smooth.
+_WIDTHS = 16
 #: Samples that are worth a thread.
 _SHARE = 256
 
@@ -85,7 +92,8 @@ class CompiledBackend:
             self._content += near.tobytes()
         self._numbers = self._parameters.pack(self._mechanism, self._mechanism.friction)
         self._kernels: dict[str, Kernel | None] = {}
-        self._equations: dict[bool, Equations] = {}
+        self._smooth: dict[tuple[str, float], Kernel | None] = {}
+        self._equations: dict[tuple[bool, bool], Equations] = {}
         self._why: dict[str, str] = {}
         self._lock = threading.RLock()
 
@@ -137,6 +145,30 @@ class CompiledBackend:
         """Fill rows of inertia, coriolis, gravity, friction."""
         return self._fill("reduced_terms", (q, va), None, rows, threads)
 
+    def derivatives(
+        self,
+        name: str,
+        sign_width: float,
+        q: Array,
+        va: Array,
+        x: Array,
+        wrenches: Array | None,
+        rows: Array,
+        threads: int,
+    ) -> Indices:
+        """Fill rows of derivatives by q, va and x, which is aa or tau."""
+        arrays: tuple[Array, ...] = (q, va, x)
+        if wrenches is not None:
+            name, arrays = name + _LOADED, (*arrays, wrenches.reshape(len(wrenches), -1))
+        kernel = self._smoothed(name, sign_width)
+        if kernel is None:
+            return np.arange(len(rows))
+        return in_threads(kernel.many, arrays, rows, threads)
+
+    def displacement_rates(self, q: Array, va: Array, rows: Array, threads: int) -> Indices:
+        """Fill rows of what moving axes of joints do to a displacement."""
+        return self._fill("displacement_rates", (q, va), None, rows, threads)
+
     def states(self, friction: Friction) -> CompiledStates:
         """The state space with a friction in the place of the mechanism's own."""
         return CompiledStates(self._reference, friction, self)
@@ -152,6 +184,23 @@ class CompiledBackend:
     def accelerations_of(self) -> Callable[..., Any]:
         """Direct dynamics of one sample; None where it needs care."""
         return self._single("accelerations")
+
+    def derivatives_of(self, name: str, sign_width: float) -> Callable[..., Any]:
+        """Derivatives of one sample; None where they need care."""
+        kernel = self._smoothed(name, sign_width)
+        return _nothing if kernel is None else kernel.one
+
+    def _smoothed(self, name: str, sign_width: float) -> Kernel | None:
+        """A kernel with smooth friction; those of the last few widths are kept."""
+        try:
+            return self._smooth[name, sign_width]
+        except KeyError:
+            friction = replace(self._mechanism.friction, sign_width=sign_width)
+            kernel = None if name in self._why else self.kernel(name, friction)
+            if len(self._smooth) >= _WIDTHS:
+                self._smooth.clear()
+            self._smooth[name, sign_width] = kernel
+            return kernel
 
     def _single(self, name: str) -> Callable[..., Any]:
         kernel = self.kernel(name)
@@ -246,18 +295,18 @@ class CompiledBackend:
             plain = name.removesuffix(_LOADED) if loaded else name
             parts = ["state_rate", "closing"] if plain == "rollout" else [plain]
             with self._lock:  # equations are made once, and CasADi is not for several threads
-                equations = self._equations_of(loaded)
+                equations = self._equations_of(loaded, smooth=plain in DERIVATIVES)
                 return c_code.library([kernels.make(equations, part) for part in parts], lanes)
 
         return source
 
-    def _equations_of(self, loaded: bool) -> Equations:
+    def _equations_of(self, loaded: bool, smooth: bool) -> Equations:
         from .equations import Equations
 
-        if loaded not in self._equations:
+        if (loaded, smooth) not in self._equations:
             samples = sample_configurations(self._reference, self._near)
-            self._equations[loaded] = Equations(self._mechanism, samples, loaded)
-        return self._equations[loaded]
+            self._equations[loaded, smooth] = Equations(self._mechanism, samples, loaded, smooth)
+        return self._equations[loaded, smooth]
 
 
 class CompiledStates(ReferenceStates):
@@ -354,6 +403,8 @@ def impossible(mechanism: Mechanism, name: str) -> str:
         return f"{motors} motors for {n} coordinates"
     if first not in ("torques", "forces", "rates", "closing") and n * n * nv > _LARGEST:
         return f"{n} coordinates of {nv} rates are too many for matrices to be written out"
+    if first in DERIVATIVES and n * n * nv > _LARGEST_DERIVATIVES:
+        return f"{n} coordinates of {nv} rates are too many for derivatives to be written out"
     return ""
 
 

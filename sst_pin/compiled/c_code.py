@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from typing import NamedTuple
 
@@ -23,7 +23,7 @@ _UNARY = {
     ca.OP_TANH: "tangent({0})",
 }
 #: Statements of a function that is not cut, and of the parts of one that is.
-_LARGEST, _PART = 6000, 1500
+_LARGEST, _PART = 6000, 500
 #: Names of results of statements.
 _RESULT = re.compile(r"\b(?:ti?|s|c)\d+\b")
 
@@ -110,7 +110,7 @@ def _parts(name: str, lines: list[str]) -> tuple[list[str], int]:
     handed_on, texts = 0, []
     for k, part in enumerate(parts):
         at = {result: f"w[{place}]" for result, place in places.items()}
-        body = [_RESULT.sub(lambda found, at=at: at.get(found[0], found[0]), line) for line in part]
+        body = [_renamed(line, at) for line in part]
         free += [places.pop(result) for result in at if last[result] == k]
         made = {result for line in part for result in _used(line)} - at.keys()
         for result in sorted(made):
@@ -120,9 +120,16 @@ def _parts(name: str, lines: list[str]) -> tuple[list[str], int]:
                     handed_on += 1
                 places[result] = free.pop()
                 body.append(f"w[{places[result]}] = {result};")
-        head = f"PART {name}_{k}(const real *x, const number *p, real *restrict y, real *restrict w)"
+        head = (
+            f"PART {name}_{k}(const real *x, const number *p, real *restrict y, real *restrict w)"
+        )
         texts.append(_function(head, ["(void)x, (void)p, (void)y, (void)w;", *body]))
     return texts, handed_on
+
+
+def _renamed(line: str, names: Mapping[str, str]) -> str:
+    """A statement with other names for some results."""
+    return _RESULT.sub(lambda found: names.get(found[0], found[0]), line)
 
 
 def _used(line: str) -> list[str]:

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -19,7 +19,6 @@ from ..chain.closures import Constraint, Coupling, Distance, Rolling
 from .kinematics import Kinematics
 from .symbols import Sparse, is_zero, sx
 
-Array = NDArray[np.float64]
 #: Accelerations of the row at rates v and none of v_dot: Phi_dot v.
 Drift = Callable[[Sparse], SX]
 
@@ -282,7 +281,7 @@ def _coupling(kinematics: Kinematics, model: pin.Model, closure: Coupling) -> Ro
     return Row(Phi, drift, residual, residual**2)
 
 
-def _value(coefficients: Array, x: SX) -> SX:
+def _value(coefficients: NDArray[np.floating[Any]], x: SX) -> SX:
     """Of a polynomial."""
     value = SX(0)
     for c in coefficients[::-1]:

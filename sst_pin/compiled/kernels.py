@@ -103,6 +103,10 @@ def _acceleration_derivatives(e: Equations) -> _Made:
     return [e.q, e.va, tau, e.loads], ca.vec(ca.horzcat(*parts).T), [_definite(inverses)]
 
 
+def _displacement_rates(e: Equations) -> _Made:
+    return [e.q, e.va], ca.vec(derivatives.of_displacements(e).T), []
+
+
 def _reduced_terms(e: Equations) -> _Made:
     gravity = e.project(add(e.tree_forces({}, {}, loads=False), e.springs))
     friction = e.project(e.friction(e.v))
@@ -149,6 +153,7 @@ KERNELS: dict[str, Callable[[Equations], _Made]] = {
     "accelerations": _accelerations,
     "torque_derivatives": _torque_derivatives,
     "acceleration_derivatives": _acceleration_derivatives,
+    "displacement_rates": _displacement_rates,
     "reduced_terms": _reduced_terms,
     "rates": _rates,
     "state_rate": _state_rate,

@@ -97,6 +97,18 @@ class StarKernels:
 
     generalized_forces = torques
 
+    def derivatives_of(self, name: str, sign_width: float) -> Any:
+        """What leaves all to `ClosedChain`."""
+        return lambda *arguments: None
+
+    def derivatives(self, name: str, sign_width: float, q: Array, *arguments: Any) -> Indices:
+        """All samples, for the reference path."""
+        return np.arange(len(q))
+
+    def displacement_rates(self, q: Array, va: Array, rows: Array, threads: int) -> Indices:
+        """All samples, for the reference path."""
+        return np.arange(len(q))
+
     def joint_rates(self, q: Array, va: Array, v: Array, threads: int) -> Indices:
         """All samples, for the reference path."""
         return np.arange(len(q))

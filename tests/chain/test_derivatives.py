@@ -2,7 +2,6 @@
 """Derivatives along the motions that keep the loops closed."""
 
 import pickle
-from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
@@ -10,196 +9,26 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.linalg import expm
 
-from robots import ROBOTS, Z, four_bar
-from sst_pin import ClosedChain, Closure, robots
-from sst_pin.chain.closures import Coupling, Distance, Rolling
+from derivative_cases import (
+    CASES,
+    CONSTRAINTS,
+    TREES,
+    WEIGHTS,
+    WIDTH,
+    H,
+    assert_derivatives_are_those_of_differences,
+    carried_four_bar,
+    close,
+    derivative,
+    floating_four_bar,
+    geared,
+    of_gallery,
+    of_tree,
+    without_coulomb,
+)
+from robots import ROBOTS
+from sst_pin import ClosedChain, robots
 from sst_pin.errors import ClosureError, InputError
-from trees import random_q, tree
-
-#: Sixth-order central differences: values at -3, -2, ..., 3 steps.
-WEIGHTS = np.array([-1, 9, -45, 0, 45, -9, 1]) / 60
-H = 5e-4
-#: Coulomb friction rises within this; some joints of random motions are as slow.
-WIDTH = 0.2
-
-
-def derivative(function, h=H):
-    """Derivative at 0: the truncation is h^6 times seventh derivatives, rounding 1e-16 / h."""
-    sides = [np.asarray(function(k * h)) for k in range(-3, 4)]
-    return np.tensordot(WEIGHTS, sides, 1) / h
-
-
-def close(actual, expected, tolerance, least=1e-3):
-    """Equality relative to the largest entry."""
-    assert np.shape(actual) == np.shape(expected)
-    assert_allclose(actual, expected, rtol=0, atol=tolerance * max(np.abs(expected).max(), least))
-
-
-# --- robots -------------------------------------------------------------------------------------
-
-
-@dataclass
-class Case:
-    """A closed chain, and a twin without Coulomb friction.
-
-    Attributes:
-        coulomb: F_c of the chain, shape (nv,).
-        home: On the closures.
-    """
-
-    chain: ClosedChain
-    twin: ClosedChain
-    coulomb: np.ndarray
-    home: np.ndarray
-
-    def L(self, q):
-        """Phi L = 0, units at the coordinates."""
-        coordinates = self.chain._current.mechanism().coordinates
-        n, nv = len(coordinates), self.chain.model.nv
-        system = np.vstack([self.chain.Phi(q), np.eye(nv)[coordinates]])
-        right = np.vstack([np.zeros((len(system) - n, n)), np.eye(n)])
-        return np.linalg.lstsq(system, right, rcond=None)[0]
-
-    def at(self, q, way, s):
-        """q moved by s L way and onto the closures, the coordinates held."""
-        step = s * self.L(q) @ way
-        return self.chain.assemble(pin.integrate(self.chain.model, q, step))
-
-    def forces(self, q, va, aa, wrenches):
-        """f with tanh(v / WIDTH) for the sign, from the dynamics alone."""
-        f, L = self.twin.generalized_forces(q, va, aa, external_wrenches=wrenches), self.L(q)
-        return f + L.T @ (self.coulomb * np.tanh(L @ va / WIDTH))
-
-    def accelerations(self, q, va, tau, wrenches):
-        """aa likewise."""
-        L = self.L(q)
-        friction = L.T @ (self.coulomb * np.tanh(L @ va / WIDTH))
-        aa = self.twin.compute_accelerations(q, va, tau, external_wrenches=wrenches)
-        return aa - np.linalg.solve(self.twin.noc(q, va).inertia, friction)
-
-    def way(self, q, random):
-        """Rates of the coordinates at which no joint moves faster than 1."""
-        way = random.uniform(-1, 1, self.chain.degrees_of_freedom)
-        return way / np.abs(self.L(q) @ way).max()
-
-    def states(self, count):
-        """Random motions near home and random wrenches."""
-        random, bodies = np.random.default_rng(0), self.chain.model.njoints - 1
-        for _ in range(count):
-            q = self.at(self.home, self.way(self.home, random), random.uniform(0, 0.05))
-            motion = [self.way(q, random), self.way(q, random)]
-            yield q, *motion, random.uniform(-5, 5, (bodies, 6))
-
-
-def case(model, closures, motors, home=None, **options):
-    """With friction and springs in all joints that may have them."""
-    random = np.random.default_rng(5)
-    viscous, coulomb, stiffness = random.uniform(0, 2, (3, model.nv))
-    for joint in list(model.joints)[1:]:
-        if joint.nv > 1:
-            k = slice(joint.idx_v, joint.idx_v + joint.nv)
-            balls = ("JointModelSpherical", "JointModelTranslation")
-            stiffness[k] = 1.7 if joint.shortname() in balls else 0
-    rest = random_q(model, random, 0.3)
-    options |= {"viscous_friction": viscous, "stiffness": stiffness, "spring_reference": rest}
-    chain = ClosedChain(model, closures, motors, coulomb_friction=coulomb, **options)
-    twin = ClosedChain(model, closures, motors, coulomb_friction=np.zeros(model.nv), **options)
-    if home is None:
-        home = regular(ClosedChain(model, closures, motors))
-    # Both choose their coordinates at the same place.
-    for robot in (chain, twin):
-        robot.frame_jacobian(home, "universe")
-    assert chain.coordinates == twin.coordinates
-    return Case(chain, twin, coulomb, home)
-
-
-def regular(chain):
-    """A random configuration at which no joint moves much faster than the coordinates."""
-    for seed in range(50):
-        random = np.random.default_rng(seed)
-        q = chain.assemble(random_q(chain.model, random), fixed=(), tries=20, seed=seed)
-        if np.abs(chain.joint_rates(q, np.eye(chain.degrees_of_freedom))).max() < 4:
-            return q
-    raise AssertionError("none found")
-
-
-def of_gallery(name):
-    robot = getattr(robots, name)()
-    return case(robot.model, robot.closures, robot.motor_names, robot.home)
-
-
-def without_coulomb(name):
-    """A robot of the table, smooth."""
-    robot = replace(ROBOTS[name])
-    robot.coulomb = np.zeros(len(robot.links))
-    return robot
-
-
-def of_table(name):
-    robot = ROBOTS[name]
-    q = robot.joints(robot.x).real
-    return case(robot.model(), robot.closures, robot.actuated, robot.chain().assemble(q))
-
-
-TREES = {
-    "floating": ("free", ["ball", "RX", "PZ"], ["revolute", "ZYX", "translation"]),
-    "planar": ("plane", ["universal", "prismatic", "RUBY", "PX"], ["ball", "helical", "free"]),
-    "composite": ("composite", ["unbounded", "HY", "ball"], ["RZ", "composite", "plane"]),
-}
-CONSTRAINTS = {
-    **{kind: Closure("A", "B", kind) for kind in Closure.KINDS},
-    "mask": Closure("A", "B", (False, True, False, True, False, False)),
-    "all turns": Closure("A", "B", (True, False, False, True, True, True)),
-    "rod": Distance("A", "B", 0.7),
-    "disc": Rolling("A", "B", 0.25),
-    "ball": Rolling("A", "B", 0.25, ball=True),
-}
-
-
-def of_tree(name, kind):
-    return case(tree(*TREES[name], seed=1), [CONSTRAINTS[kind]], ["root"])
-
-
-def geared():
-    """A coupling by polynomials beside a rod."""
-    model = tree("RZ", ["RX", "PZ", "RX"], ["revolute", "universal", "PX"], seed=4)
-    follow = Coupling("a0_RX", {"b0_revolute": (0.1, -0.8, 0.3, 0.2), "a1_PZ": (0, 0.5, -0.4)}, 0.2)
-    return case(model, [follow, Distance("A", "B", 0.9)], ["root"])
-
-
-def carried_four_bar(carrier):
-    """A four-bar whose crank stands on a moving base."""
-    robot, model = four_bar(), pin.Model()
-    model.gravity.linear = -9.81 * Z
-    given = robot.model()
-    base = model.addJoint(0, carrier, pin.SE3.Identity(), "base")
-    model.appendBodyToJoint(base, given.inertias[1], pin.SE3.Identity())
-    ids = [base]
-    for j in range(1, given.njoints):
-        parent = ids[given.parents[j]]
-        ids.append(
-            model.addJoint(parent, given.joints[j], given.jointPlacements[j], given.names[j])
-        )
-        model.appendBodyToJoint(ids[j], given.inertias[j], pin.SE3.Identity())
-    for frame in list(given.frames)[1:]:
-        frame.parentJoint = ids[frame.parentJoint]
-        model.addFrame(frame, False)
-    start = pin.neutral(model)
-    start[-3:] = robot.joints(robot.x).real
-    return model, robot.closures, ["base", *robot.actuated], start
-
-
-def floating_four_bar():
-    return case(*carried_four_bar(pin.JointModelFreeFlyer()))
-
-
-CASES = {
-    **{name: (of_gallery, name) for name in robots.__all__ if name.islower()},
-    **{f"{name} (table)": (of_table, name) for name in ROBOTS},
-    "floating four-bar": (floating_four_bar,),
-    "geared": (geared,),
-}
-
 
 #: The others take a second for each of twenty states.
 QUICK = ("floating four-bar", "geared")
@@ -216,30 +45,6 @@ def some(request):
 
 
 # --- against differences ------------------------------------------------------------------------
-
-
-def assert_derivatives_are_those_of_differences(case, q, va, aa, wrenches, random):
-    """Along a random direction, to 1e-7 of the largest number."""
-    chain, way = case.chain, case.way(q, random)
-    tau, push = random.uniform(-5, 5, (2, len(chain.motor_names)))
-    options = {"external_wrenches": wrenches, "sign_width": WIDTH}
-    moved = {k * H: case.at(q, way, k * H) for k in range(-3, 4)}
-
-    def f(q, va, aa):
-        return case.forces(q, va, aa, wrenches)
-
-    df = chain.torque_derivatives(q, va, aa, **options)
-    close(df.dq @ way, derivative(lambda s: f(moved[s], va, aa)), 1e-7)
-    close(df.dva @ way, derivative(lambda s: f(q, va + s * way, aa)), 1e-7)
-    close(df.daa @ way, derivative(lambda s: f(q, va, aa + s * way)), 1e-7)
-
-    def a(q, va, tau):
-        return case.accelerations(q, va, tau, wrenches)
-
-    da = chain.acceleration_derivatives(q, va, tau, **options)
-    close(da.dq @ way, derivative(lambda s: a(moved[s], va, tau)), 1e-7)
-    close(da.dva @ way, derivative(lambda s: a(q, va + s * way, tau)), 1e-7)
-    close(da.dtau @ push, derivative(lambda s: a(q, va, tau + s * push)), 1e-7)
 
 
 def test_derivatives_of_robots_are_those_of_differences(some):

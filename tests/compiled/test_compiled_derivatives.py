@@ -1,0 +1,206 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Derivatives on CasADi's symbols and by compiled kernels, held against the reference path."""
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import any_chain
+from derivative_cases import (
+    CASES,
+    CONSTRAINTS,
+    TREES,
+    WIDTH,
+    assert_derivatives_are_those_of_differences,
+    close,
+    floating_four_bar,
+    geared,
+    of_gallery,
+    of_tree,
+)
+from sst_pin.chain.mechanism import Friction
+from sst_pin.compiled import c_code, kernels
+from sst_pin.compiled.backend import DERIVATIVES, sample_configurations
+from sst_pin.compiled.equations import Equations
+from sst_pin.errors import ClosureError, InputError
+
+#: The others take a second or more.
+QUICK = ("floating four-bar", "geared", "four_bar", "five_bar")
+SOME = [pytest.param(name, marks=() if name in QUICK else pytest.mark.slow) for name in CASES]
+COMPILED = {
+    "four-bar": lambda: of_gallery("four_bar"),
+    "geared": geared,
+    "floating four-bar": floating_four_bar,
+    "delta": lambda: of_gallery("delta", springs_on_balls=False),
+}
+
+
+def numbers(case):
+    """The reference path, kernels as functions of numbers, and f differentiated by CasADi."""
+    chain = case.chain
+    reference, mechanism = chain._current.reference, chain._current.mechanism()
+    samples = sample_configurations(reference, case.home)
+    equations = Equations(mechanism, samples, loaded=True, smooth=True)
+    own = mechanism.friction
+    p = equations.parameters.pack(mechanism, Friction(own.viscous, own.coulomb, WIDTH))
+    functions = {}
+    for name in DERIVATIVES:
+        kernel = kernels.make(equations, name)
+        functions[name] = ca.Function(name, [*kernel.inputs, kernel.parameters], [kernel.output])
+    e, f = equations, equations.generalized_forces
+    along = ca.horzcat(*(e.kinematics.q_rates(L) for L in e.L))
+    plain = ca.horzcat(ca.jacobian(f, e.q) @ along, ca.jacobian(f, ca.vertcat(e.va, e.aa)))
+    plain = ca.Function("plain", [e.q, e.va, e.aa, e.loads, e.p], [ca.densify(plain)])
+
+    def evaluated(name, q, va, x, wrenches):
+        n = chain.degrees_of_freedom
+        return functions[name](q, va, x, wrenches.ravel(), p).full().reshape(n, -1)
+
+    return evaluated, lambda *state: plain(*state[:3], state[3].ravel(), p).full()
+
+
+def assert_all_ways_agree(case, count):
+    """The reference path's derivatives, those by one factorisation, and CasADi's of f itself."""
+    chain, (evaluated, plain) = case.chain, numbers(case)
+    options = {"sign_width": WIDTH}
+    for q, va, aa, wrenches in case.states(count):
+        options["external_wrenches"] = wrenches
+        df = np.concatenate(chain.torque_derivatives(q, va, aa, **options), axis=1)
+        close(evaluated("torque_derivatives", q, va, aa, wrenches), df, 1e-10)
+        close(plain(q, va, aa, wrenches), df, 1e-10)
+        tau = np.linspace(-2, 3, len(chain.motor_names))
+        da = np.concatenate(chain.acceleration_derivatives(q, va, tau, **options), axis=1)
+        close(evaluated("acceleration_derivatives", q, va, tau, wrenches), da, 1e-10)
+
+
+@pytest.mark.parametrize("name", SOME)
+def test_derivatives_are_those_of_the_reference_path_and_casadis_own(name):
+    """20 states; friction and springs everywhere, wrenches on all bodies."""
+    make, *arguments = CASES[name]
+    assert_all_ways_agree(make(*arguments, springs_on_balls=False), 20)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", CONSTRAINTS)
+@pytest.mark.parametrize("name", TREES)
+def test_derivatives_through_every_closure_and_every_joint(name, kind):
+    """Moving axes, closures of every kind, rolling ones too."""
+    assert_all_ways_agree(of_tree(name, kind, springs_on_balls=False), 2)
+
+
+@pytest.mark.parametrize("name", ["free-flyer", "spherical", "planar", "translation", "composite"])
+def test_displacement_rates_are_those_of_the_reference_path(name):
+    chain = any_chain.with_joint(name)
+    chain.generic_configuration()
+    mechanism, n = chain._current.mechanism(), chain.degrees_of_freedom
+    reference = chain._current.reference
+    equations = Equations(mechanism, sample_configurations(reference))
+    kernel = kernels.make(equations, "displacement_rates")
+    function = ca.Function("rates", [*kernel.inputs, kernel.parameters], [kernel.output])
+    p = equations.parameters.pack(mechanism, mechanism.friction)
+    for q, va, _ in zip(*any_chain.states(chain, 3, 0), strict=True):
+        rates = reference.derivatives.displacement_rates(q, va)
+        close(function(q, va, p).full().reshape(n, n), rates, 1e-11)
+        assert reference.derivatives.axes_move == (name not in ("composite",))
+
+
+@pytest.fixture(
+    scope="module",
+    params=[
+        pytest.param(name, marks=() if name == "four-bar" else pytest.mark.slow)
+        for name in COMPILED
+    ],
+)
+def compiled(request):
+    """A case twice: by kernels, and by the reference path."""
+    ours, reference = COMPILED[request.param](), COMPILED[request.param]()
+    ours.chain.compile(ours.home, derivatives=True)
+    return ours, reference
+
+
+def test_kernels_give_what_the_reference_path_gives(compiled):
+    """One sample and many, with wrenches and without, torques and accelerations, A and B."""
+    ours, reference = compiled[0].chain, compiled[1].chain
+    q, va, aa, wrenches = map(np.array, zip(*compiled[0].states(8), strict=True))
+    tau = np.linspace(-1, 2, len(ours.motor_names))
+    n, backend = ours.degrees_of_freedom, ours._current.backend
+    for load in (None, wrenches):
+        options = {"external_wrenches": load, "sign_width": WIDTH}
+        for name, x in (("torque_derivatives", aa), ("acceleration_derivatives", tau)):
+            expected = getattr(reference, name)(q, va, x, **options)
+            for got, right in zip(getattr(ours, name)(q, va, x, **options), expected, strict=True):
+                close(got, right, 1e-10)
+        got, right = (robot.linearize(q, va, tau, **options) for robot in (ours, reference))
+        close(got[0], right[0], 1e-10)
+        close(got[1], right[1], 1e-10)
+        rows = np.empty((len(q), 3 * n * n))
+        assert not len(backend.derivatives("torque_derivatives", WIDTH, q, va, aa, load, rows, 1))
+    single = ours.torque_derivatives(q[3], va[3], aa[3])
+    for got, right in zip(single, reference.torque_derivatives(q[3], va[3], aa[3]), strict=True):
+        close(got, right, 1e-9)  # friction is steep
+    assert "reference" not in ours.path
+
+
+def test_kernels_have_the_derivatives_of_differences(compiled):
+    case, random = compiled[0], np.random.default_rng(1)
+    for state in case.states(5):
+        assert_derivatives_are_those_of_differences(case, *state, random)
+
+
+def test_identities_hold_for_kernels(compiled):
+    """daa is the inertia; with dtau it gives what the motors do."""
+    case, chain = compiled[0], compiled[0].chain
+    for q, va, aa, _ in case.states(5):
+        daa = chain.torque_derivatives(q, va, aa).daa
+        close(daa, chain.noc(q, va).inertia, 1e-12)
+        dtau = chain.acceleration_derivatives(q, va, np.ones(len(chain.motor_names))).dtau
+        close(daa @ dtau, case.L(q)[list(chain.actuated)].T, 1e-10)
+
+
+def test_out_threads_and_samples_at_fault(compiled):
+    """As `compute_torques` has them."""
+    case, chain = compiled[0], compiled[0].chain
+    q, va, aa, _ = map(np.array, zip(*case.states(6), strict=True))
+    n = chain.degrees_of_freedom
+    many = np.arange(1200) % 6
+    out = np.empty((1200, n, 3 * n))
+    d = chain.torque_derivatives(q[many], va[many], aa[many], out=out, threads=3)
+    assert np.shares_memory(d.dva, out)
+    alone = chain.torque_derivatives(q[many], va[many], aa[many])
+    assert all(np.array_equal(a, b) for a, b in zip(d, alone, strict=True))
+    with pytest.raises(InputError, match="out"):
+        chain.torque_derivatives(q, va, aa, out=np.empty((6, n, 3 * n + 1)))
+    opened = q.copy()
+    opened[2, -1] += 0.01
+    with pytest.raises(ClosureError, match=r"1 of 6 samples \(index 2\)"):
+        chain.acceleration_derivatives(opened, va, np.ones(len(chain.motor_names)))
+    dq = chain.torque_derivatives(opened, va, aa, on_error="nan").dq
+    assert np.isnan(dq).any(axis=(1, 2)).tolist() == [False, False, True, False, False, False]
+    with pytest.raises(ClosureError):
+        chain.torque_derivatives(opened[2], va[2], aa[2])
+    for width in (0, -1.0, np.nan, "wide", [1e-3]):
+        with pytest.raises(InputError, match="sign_width"):
+            chain.torque_derivatives(q[0], va[0], aa[0], sign_width=width)
+    with pytest.raises(InputError, match="va"):
+        chain.torque_derivatives(q[0], va[0] * np.nan, aa[0])
+
+
+@pytest.mark.slow
+def test_a_function_cut_into_parts_computes_the_same(monkeypatch):
+    """One of 500 statements, in one and in parts of 60."""
+    whole = of_gallery("four_bar").chain
+    whole.compile(derivatives=True)
+    q, va, aa = any_chain.states(whole, 5, 0)
+    expected = whole.torque_derivatives(q, va, aa)
+    monkeypatch.setattr(c_code, "_LARGEST", 100)
+    monkeypatch.setattr(c_code, "_PART", 60)
+    chain = of_gallery("four_bar").chain
+    chain.compile()
+    chain._current.backend._content += b"cut"
+    sources = []
+    library = c_code.library
+    monkeypatch.setattr(c_code, "library", lambda *a: sources.append(library(*a)) or sources[-1])
+    got = chain.torque_derivatives(q, va, aa)
+    assert sources[0].count("\nPART torque_derivatives_") > 3
+    for a, b in zip(got, expected, strict=True):
+        close(a, b, 1e-13)
