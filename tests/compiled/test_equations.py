@@ -215,7 +215,7 @@ def test_what_depends_on_parameters_alone_is_computed_once(name):
     chain.generic_configuration()
     samples = sample_configurations(chain._current.reference)
     text, size = c_code.body(kernels.make(Equations(chain._current.mechanism(), samples), name))
-    prepare, run = text.split("static void " + name)
+    prepare, run = re.split(rf"(?:PART|static void) {name}", text, maxsplit=1)
     parameters = Equations(chain._current.mechanism(), samples).parameters.size
     assert size > parameters
     assert f"p[{parameters}] = " in prepare
