@@ -28,10 +28,10 @@ from .backend import States
 from .closures import Constraint
 from .current import CurrentMechanism
 from .draft import Motor, closures_of, without_locked
-from .loops import frame_id
 from .mechanism import Friction
 from .mobility import Mobility, condition_number
 from .samples import by_kernel
+from .tree import frame_id
 
 if TYPE_CHECKING:
     from ..compiled.casadi_functions import CasadiFunctions

@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 from .dynamics import Workspace, applied_forces, direct_dynamics, motion_of_tree
 from .mechanism import Friction, Mechanism
 from .plain_tree import PlainTree
-from .row_derivatives import Branches, Frame, Partials, Rows, Tree, brackets, cross
+from .row_derivatives import Branches, Frame, Partials, Rows, Tree, cross
+from .vectors import brackets
 
 Array = NDArray[np.float64]
 

@@ -16,8 +16,8 @@ from ..arrays import names as names_of
 from ..errors import DescriptionError, InputError
 from .closures import Closure, Constraint, Coupling, Distance, Rolling
 from .joint_space import JointSpace
-from .loops import joint_id
 from .mechanism import Friction, Mechanism, Springs
+from .tree import joint_id
 
 Array = NDArray[np.float64]
 

@@ -143,7 +143,7 @@ def motion_of_tree(ws: Workspace, va: Array, aa: Array) -> tuple[Array, Array, A
     L = ws.complement.factorise(ws.loops.Phi())
     v = L.dot(va)  # Eq. (16)
     # The rate of Phi v = 0, Eqs. (8), (20): Phi v_dot = -Phi_dot v.
-    return L, v, ws.complement.solve(-ws.loops.Phi_dot(v).dot(v), aa)
+    return L, v, ws.complement.solve(-ws.loops.drift(v), aa)
 
 
 def applied_forces(

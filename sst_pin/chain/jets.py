@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from .loops import _skew
+from .vectors import skew
 
 Array = NDArray[np.float64]
 #: The matrix of a product with a vector.
@@ -73,7 +73,7 @@ class Jet:
 
     def cross(self, other: Jet) -> Jet:
         """The vector product."""
-        return _product(self, other, _skew, lambda b: -_skew(b))
+        return _product(self, other, skew, lambda b: -skew(b))
 
     def dot(self, other: Jet) -> Jet:
         """The scalar product."""

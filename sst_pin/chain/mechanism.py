@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..errors import DescriptionError
 from .closures import Constraint, Coupling, Distance, frames_of
 from .joint_space import JointSpace
-from .loops import frame_id, joint_id
+from .tree import frame_id, joint_id
 
 Array = NDArray[np.float64]
 

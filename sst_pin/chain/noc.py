@@ -17,9 +17,9 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from ..errors import SingularConfigurationError
-from .loops import columns, summed, support
 from .mechanism import Mechanism
 from .mobility import condition_number
+from .tree import columns, summed, support
 
 Array = NDArray[np.float64]
 

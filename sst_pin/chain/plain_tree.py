@@ -18,8 +18,8 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from .closures import Coupling
-from .loops import _series
 from .mechanism import Friction, Mechanism, Springs
+from .tree import series_of
 
 Array = NDArray[np.float64]
 
@@ -50,7 +50,7 @@ class PlainTree:
             j = waiting.pop()
             joint, parent, placement = given.joints[j], ids[given.parents[j]], pin.SE3.Identity()
             if joint.nv:
-                series = _series(joint)
+                series = series_of(joint)
             else:
                 mimic = joint.extract()
                 series = [(_followed(joint), pin.SE3.Identity())]

@@ -21,10 +21,11 @@ from . import dynamics
 from .backend import Single
 from .derivatives import Derivatives
 from .dynamics import Workspace
-from .loops import CLOSURE_TOLERANCE, summed, support
+from .loops import CLOSURE_TOLERANCE
 from .mechanism import Friction, Mechanism
 from .mobility import condition_number
 from .noc import MAX_CONDITION_NUMBER, mass_centers
+from .tree import summed, support
 
 Array = NDArray[np.float64]
 

@@ -15,11 +15,13 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from . import loops
+from . import closure_kinds as kinds
 from .closures import Coupling, frames_of
+from .couplings import Coupled
 from .jets import Jet
-from .loops import _cross, _skew
 from .mechanism import Mechanism
+from .tree import frame_id, support
+from .vectors import brackets, skew
 
 Array = NDArray[np.float64]
 
@@ -74,7 +76,7 @@ class Branches:
 
     def __init__(self, model: pin.Model) -> None:
         self.model = model
-        self.supports = np.array([loops.support(model, j) for j in range(model.njoints)])
+        self.supports = np.array([support(model, j) for j in range(model.njoints)])
         joints = list(zip(model.parents, model.joints, strict=True))[1:]
         bearers = [parent for parent, joint in joints for _ in range(joint.nv)]
         self.before = self.supports[bearers].T
@@ -85,7 +87,7 @@ class Tree:
 
     Args:
         branches: Of the tree.
-        data: With joint Jacobians, their rates and the frames at q and v.
+        data: With the frames at q; joint Jacobians and their rates go there.
         q, v, v_dot: The motion.
     """
 
@@ -94,6 +96,7 @@ class Tree:
     ) -> None:
         self._branches, self._data, self.model = branches, data, branches.model
         self.q, self.v, self.v_dot = q, v, v_dot
+        pin.computeJointJacobiansTimeVariation(self.model, data, q, v)
         self.J, self.J_dot = np.array(data.J), np.array(data.dJ)
         moved = branches.before * v[:, None]
         twist, acceleration = self.J.dot(moved), self.J_dot.dot(moved)
@@ -112,22 +115,16 @@ class Tree:
         return Frame(self, joint, self._data.oMf[index])
 
 
-def brackets(a: Array, b: Array) -> Array:
-    """Lie brackets of twists, column by column, shape (6, k)."""
-    linear = _cross(a[3:], b[:3]) + _cross(a[:3], b[3:])
-    return np.concatenate((linear, _cross(a[3:], b[3:])))
-
-
 def cross(a: Array, b: Array) -> Array:
     """Products of a vector with a vector or with columns, in either order."""
-    return _skew(a).dot(b) if a.ndim == 1 else -_skew(b).dot(a)
+    return skew(a).dot(b) if a.ndim == 1 else -skew(b).dot(a)
 
 
 def _bracket_matrix(twist: Array) -> Array:
     """The matrix that takes another twist to the bracket of this one with it, shape (6, 6)."""
     matrix = np.zeros((6, 6))
-    matrix[:3, :3] = matrix[3:, 3:] = _skew(twist[3:])
-    matrix[:3, 3:] = _skew(twist[:3])
+    matrix[:3, :3] = matrix[3:, 3:] = skew(twist[3:])
+    matrix[:3, 3:] = skew(twist[:3])
     return matrix
 
 
@@ -138,41 +135,41 @@ def wrenches(kind: Any, A: Frame, B: Frame) -> tuple[list[Jet], list[Jet]]:
 
 
 @wrenches.register
-def _(kind: loops._Weld, A: Frame, B: Frame) -> tuple[list[Jet], list[Jet]]:
+def _(kind: kinds.Welds, A: Frame, B: Frame) -> tuple[list[Jet], list[Jet]]:
     nv = A.J.shape[1]
     rows = [Jet.constant(row, nv) for row in kind.held]
     return rows, rows
 
 
 @wrenches.register
-def _(kind: loops._Point, A: Frame, B: Frame) -> tuple[list[Jet], list[Jet]]:
+def _(kind: kinds.Points, A: Frame, B: Frame) -> tuple[list[Jet], list[Jet]]:
     nv = A.J.shape[1]
     axes = [Jet.constant(axis, nv) for axis in np.eye(3)]
     return [axis.at(B.p) for axis in axes], [axis.at(A.p) for axis in axes]
 
 
 @wrenches.register
-def _(kind: loops._Masked, A: Frame, B: Frame) -> tuple[list[Jet], list[Jet]]:
+def _(kind: kinds.Masked, A: Frame, B: Frame) -> tuple[list[Jet], list[Jet]]:
     nv = A.J.shape[1]
-    rows = [A.axis(k).at(B.p) for k in kind._slides]
-    if kind._orientation:
+    rows = [A.axis(k).at(B.p) for k in kind.slides]
+    if kind.orientation:
         rows += [Jet.constant(row, nv) for row in np.eye(6)[3:]]
-    rows += [sign * B.axis(j).cross(A.axis(i)).alone() for i, j, sign in kind._angles]
+    rows += [sign * B.axis(j).cross(A.axis(i)).alone() for i, j, sign in kind.angles]
     return rows, rows
 
 
 @wrenches.register
-def _(kind: loops._Rod, A: Frame, B: Frame) -> tuple[list[Jet], list[Jet]]:
+def _(kind: kinds.Rods, A: Frame, B: Frame) -> tuple[list[Jet], list[Jet]]:
     u = (B.p - A.p).unit()
     return [u.at(B.p)], [u.at(A.p)]
 
 
 @wrenches.register
-def _(kind: loops._Wheel, A: Frame, B: Frame) -> tuple[list[Jet], list[Jet]]:
+def _(kind: kinds.Wheels, A: Frame, B: Frame) -> tuple[list[Jet], list[Jet]]:
     up, z = A.axis(2), B.axis(2)
-    if not kind._ball:
+    if not kind.balls:
         up = (up - z.along(up.dot(z))).unit()
-    contact = B.p - kind._radius * up
+    contact = B.p - float(kind.radii[0]) * up
     rows = [A.axis(k).at(contact) for k in range(3)]
     return rows, rows
 
@@ -186,17 +183,17 @@ class Rows:
 
     def __init__(self, mechanism: Mechanism) -> None:
         model = mechanism.model
-        self._couplings: list[tuple[slice, loops._Coupled]] = []
+        self._couplings: list[tuple[slice, Coupled]] = []
         self._pairs: list[tuple[slice, Any, int, int]] = []
         start = 0
         for closure in mechanism.closures:
             rows = slice(start, start + len(closure.rows))
             start = rows.stop
             if isinstance(closure, Coupling):
-                self._couplings.append((rows, loops._Coupled(model, closure)))
+                self._couplings.append((rows, Coupled(model, closure)))
             else:
-                a, b = (loops.frame_id(model, name) for name in frames_of(closure))
-                self._pairs.append((rows, loops._kind_of(closure), a, b))
+                a, b = (frame_id(model, name) for name in frames_of(closure))
+                self._pairs.append((rows, kinds.kind_of([closure]), a, b))
         self._shape = start, model.nv
 
     def partials(self, tree: Tree) -> Partials:
@@ -241,9 +238,9 @@ class Partials(NamedTuple):
         self.acceleration_q[rows] += W_t.dot(frame.twist_q) + frame.twist.dot(W_tq)
         self.acceleration_v[rows] += W.dot(frame.acceleration_v) + W_t.dot(frame.J) + turned
 
-    def add_coupling(self, row: int, coupled: loops._Coupled, tree: Tree) -> None:
+    def add_coupling(self, row: int, coupled: Coupled, tree: Tree) -> None:
         """The row of a coupling: the sum of P(q) has the rates P' v and P' v_dot + P'' v^2."""
-        for i, k, _, _, P_2 in coupled._terms:
+        for i, k, _, _, P_2 in coupled.terms:
             q, v, v_dot = tree.q[i], tree.v[k], tree.v_dot[k]
             second = float(P_2(q))
             self.velocity_q[row, k] = second * v

@@ -11,9 +11,9 @@ import numpy as np
 from casadi import MX, SX, Function
 from numpy.typing import NDArray
 
-from ..chain.loops import frame_id
 from ..chain.mechanism import Mechanism
 from ..chain.reference import Reference
+from ..chain.tree import frame_id
 from ..errors import ActuationError
 from . import kernels
 from .backend import sample_configurations

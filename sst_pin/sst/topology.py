@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 import pinocchio as pin
 
-from ..chain.loops import frame_id
+from ..chain.tree import frame_id
 from ..description import JOINT_NAMES
 from ..errors import DescriptionError
 from .kinematics import Geometry

@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Couplings as rows on the rates of one-coordinate joints."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+from numpy.polynomial import Polynomial
+from numpy.typing import NDArray
+
+from ..errors import DescriptionError
+from .closures import Coupling
+from .tree import joint_id
+
+Array = NDArray[np.float64]
+
+
+class Coupled:
+    """The row of a coupling.
+
+    Args:
+        model: The tree.
+        coupling: What it says.
+
+    Attributes:
+        terms: For each joint its index in q and in v, the polynomial P of its coordinate with
+            sum P = offset, and the first and second derivative of P.
+
+    Raises:
+        DescriptionError: For joints that have several coordinates.
+    """
+
+    def __init__(self, model: pin.Model, coupling: Coupling) -> None:
+        self._nv = model.nv
+        terms = [(coupling.joint, Polynomial([0.0, 1.0]), 1.0)]
+        terms += [(name, Polynomial(p or (0.0,)), -1.0) for name, p in coupling.polynomials.items()]
+        self._offset = coupling.offset
+        self.terms: list[tuple[int, int, Polynomial, Polynomial, Polynomial]] = []
+        for name, polynomial, sign in terms:
+            joint = model.joints[joint_id(model, name)]
+            if (joint.nq, joint.nv) != (1, 1):
+                problem = f"joint {name} has {joint.nq} coordinates; couplings take one"
+                raise DescriptionError(str(coupling), [problem])
+            P = sign * polynomial
+            self.terms.append((joint.idx_q, joint.idx_v, P, P.deriv(), P.deriv(2)))
+
+    @property
+    def touched(self) -> NDArray[np.bool_]:
+        """Which rates it depends on, shape (nv,)."""
+        return np.isin(np.arange(self._nv), [k for _, k, *_ in self.terms])
+
+    def residual(self, q: Array) -> float:
+        """How far it is off, in the unit of its first joint."""
+        return sum(float(P(q[i])) for i, _, P, *_ in self.terms) - self._offset
+
+    def row(self, q: Array) -> Array:
+        """Of Phi, shape (nv,)."""
+        row = np.zeros(self._nv)
+        for i, k, _, P_1, _ in self.terms:
+            row[k] = P_1(q[i])
+        return row
+
+    def row_rate(self, q: Array, v: Array) -> Array:
+        """Rate of `row`, shape (nv,)."""
+        row = np.zeros(self._nv)
+        for i, k, _, _, P_2 in self.terms:
+            row[k] = P_2(q[i]) * v[k]
+        return row
+
+    def drift(self, q: Array, v: Array) -> float:
+        """`row_rate` times v."""
+        return sum(float(P_2(q[i])) * v[k] ** 2 for i, k, _, _, P_2 in self.terms)
