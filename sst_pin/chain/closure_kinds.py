@@ -28,17 +28,12 @@ class Ends(NamedTuple):
     Attributes:
         frames: Their placements, B and A of each closure.
         p: Origins, shape (2, k, 3).
+        R: Axes, shape (2, k, 3, 3).
     """
 
     frames: Sequence[tuple[pin.SE3, pin.SE3]]
     p: Array
-
-    @property
-    def R(self) -> Array:
-        """Axes of both frames, shape (2, k, 3, 3)."""
-        return np.array(
-            [[frame.rotation for frame in ends] for ends in zip(*self.frames, strict=True)]
-        )
+    R: Array
 
 
 class Rates(NamedTuple):

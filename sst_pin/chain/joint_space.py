@@ -179,15 +179,23 @@ class JointSpace:
         Raises:
             InputError: When one does not.
         """
-        parts = [q[..., i : i + 4] for i, _ in self._quaternions]
-        parts += [q[..., i : i + 2] for i, _ in self._circles]
-        off = max(float(np.abs(np.linalg.norm(p, axis=-1) - 1).max(initial=0)) for p in parts)
+        lengths = np.sqrt((q * q).dot(self._unit_parts))
+        off = float(np.abs(lengths - 1).max(initial=0))
         if not off < 1e-6:
             raise InputError(
                 "q",
                 f"a quaternion, or a pair of cosine and sine, is off length one by {off:.3g}; "
                 "pinocchio.normalize corrects it",
             )
+
+    @cached_property
+    def _unit_parts(self) -> Array:
+        """1 for the entries of q in each quaternion and pair, shape (nq, parts)."""
+        parts = np.zeros((self._model.nq, len(self._quaternions) + len(self._circles)))
+        sizes = [(i, 4) for i, _ in self._quaternions] + [(i, 2) for i, _ in self._circles]
+        for part, (i, size) in enumerate(sizes):
+            parts[i : i + size, part] = 1
+        return parts
 
     @cached_property
     def _simple(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

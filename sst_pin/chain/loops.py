@@ -3,9 +3,9 @@
 
 With the wrenches W of the closures' rows (`closure_kinds`), Pinocchio's joint Jacobian J, and the
 supports S of 0 and 1 of the two frames of a closure, Phi = (W J) S_B - (W J) S_A; `tree` says what
-the columns of J are. Phi_dot v is W times the accelerations of the frames without v_dot, and W_dot
-times their twists. Pinocchio's own constraint functions are not used, they are wrong or NaN in
-silence on redundant loops.
+the columns of J are. Phi_dot v is W_dot times the twists of the frames, and W times their
+accelerations without v_dot. Pinocchio's own constraint functions are not used, they are wrong or
+NaN in silence on redundant loops.
 
 Rows run [linear; angular], as Pinocchio's do; the paper's order comes in with the bodies' twists.
 """
@@ -24,7 +24,7 @@ from ..errors import ClosureError, InputError
 from .closure_kinds import Ends, Kind, Rates, Welds, kinds_of
 from .closures import Constraint, Coupling, frames_of
 from .couplings import Coupled
-from .tree import JacobianRates, frame_id, summed, support
+from .tree import JacobianRates, frame_id, memory_of, summed, support
 from .vectors import cross
 
 Array = NDArray[np.float64]
@@ -34,10 +34,11 @@ CLOSURE_TOLERANCE = 1e-6
 
 
 class _Group(NamedTuple):
-    """Closures of one kind: which of all, counted kind by kind, their frames and wrenches."""
+    """Closures of one kind: which of all, counted kind by kind, their frames B, A and wrenches."""
 
     kind: Kind
     of_all: slice
+    indices: NDArray[np.intp]
     frames: list[tuple[pin.SE3, pin.SE3]]
     rows: slice
     W: Array
@@ -79,7 +80,7 @@ class Loops:
         self.touched[self._at] = moving.astype(bool)
         for rows, coupled in self._couplings:
             self.touched[rows] = coupled.touched
-        self._zero, self._J = np.zeros(model.nv), self.data.J
+        self._J, self._J_dot = self.data.J, self.data.dJ
 
     def _put_together(self, closures: Sequence[Constraint]) -> None:
         """Closures kind by kind, with the joints that bear their frames and room for wrenches."""
@@ -97,20 +98,22 @@ class Loops:
             [[frame_id(model, n) for n in frames_of(closures[i])][::-1] for i in members],
             dtype=np.intp,
         ).reshape(-1, 2)
-        of_joint = {model.frames[f].parentJoint: f for f in ends.ravel().tolist()}
-        #: A frame of each joint that bears closures, and which joint bears frames B and A.
-        self._borne, joints = list(of_joint.values()), list(of_joint)
+        #: Which of the joints that bear closures bears frames B and A.
+        joints = sorted({model.frames[f].parentJoint for f in ends.ravel().tolist()})
         bearers = [
             [joints.index(model.frames[f].parentJoint) for f in side] for side in ends.T.tolist()
         ]
         self._bearers = np.array(bearers, dtype=np.intp).reshape(2, -1)
         self._bearers_of_rows = np.repeat(self._bearers, counts, axis=1)
         supports = np.array([support(model, j) for j in joints]).reshape(-1, model.nvExtended)
-        self._supports = supports.T.copy()
+        self._supports = supports
         self._S = supports[self._bearers_of_rows].reshape(-1, model.nvExtended)
         self._S[self._pair_rows :] *= -1
-        self._wrenches = np.zeros((2, self._pair_rows, 12))  # [W, W_dot] at B and A
-        self._W = self._wrenches[..., :6].reshape(-1, 6)
+        self._wrenches = np.zeros((2, self._pair_rows, 12))  # [W_dot, W] at B and A
+        self._W_dot, self._W = np.split(self._wrenches.reshape(-1, 12), 2, axis=1)
+        self._p, self._R = (memory_of(placements, x) for x in ("translation", "rotation"))
+        #: Of each column, its twist and acceleration.
+        self._motions = np.empty((12, model.nvExtended))
         self._groups: list[_Group] = []
         first = row = 0
         for kind, alike in kinds:
@@ -119,12 +122,13 @@ class Loops:
             both = self._wrenches[:, rows].reshape(2, k, size, 12)
             frames = [(placements[b], placements[a]) for b, a in ends[first : first + k].tolist()]
             of_all = slice(first, first + k)
-            self._groups.append(_Group(kind, of_all, frames, rows, both[..., :6], both[..., 6:]))
+            self._groups.append(
+                _Group(kind, of_all, ends[of_all].T, frames, rows, both[..., 6:], both[..., :6])
+            )
             first, row = first + k, row + k * size
-        self._frames = [end for side in (0, 1) for g in self._groups for end in _side(g, side)]
         for group in self._groups:
             if group.kind.fixed:
-                group.kind.wrenches(Ends(group.frames, np.empty((2, 0, 3))), group.W)
+                group.kind.wrenches(self._ends(group), group.W)
         self._moving = [group for group in self._groups if not group.kind.fixed]
         # Rows that are the same at both frames see the relative twist alone.
         one_row = all(group.kind.same_row for group in self._groups)
@@ -139,13 +143,11 @@ class Loops:
         pin.computeJointJacobians(self.model, self.data, q)
         pin.updateFramePlacements(self.model, self.data)
         self._q, self._fresh = q, False
-        self._p: Array | None = None
 
     def _ends(self, group: _Group) -> Ends:
         """Frames of a group."""
-        if self._p is None:
-            self._p = np.array([frame.translation for frame in self._frames]).reshape(2, -1, 3)
-        return Ends(group.frames, self._p[:, group.of_all])
+        p, R = self._p.take(group.indices, axis=0), self._R.take(group.indices, axis=0)
+        return Ends(group.frames, p, R)
 
     def _update_wrenches(self) -> None:
         """Compute W, once for each configuration."""
@@ -162,7 +164,7 @@ class Loops:
         """
         if not self._moving:
             return
-        of_ends = twists[self._bearers]
+        of_ends = twists.take(self._bearers, axis=0)
         for group in self._moving:
             ends, of_group = self._ends(group), of_ends[:, group.of_all]
             omega = of_group[..., 3:]
@@ -216,29 +218,20 @@ class Loops:
 
     def Phi_dot(self, v: Array) -> Array:
         """Rate of Phi at rates v of the tree, shape (rows, nv); J and its rate are at v then."""
-        self._jacobian_rates.update(self.data, self._q, v)
-        self._update_wrenches()
-        self._update_wrench_rates(self._twists(v))
-        W_dot = self._wrenches[..., 6:].reshape(-1, 6)
-        Phi_dot = self._relative_rows(self._W, self.data.dJ)
-        Phi_dot = self._all_rows(Phi_dot + self._relative_rows(W_dot, self._J))
+        self._move(v)
+        Phi_dot = self._relative_rows(self._W, self._J_dot)
+        if self._moving:
+            Phi_dot += self._relative_rows(self._W_dot, self._J)
+        Phi_dot = self._all_rows(Phi_dot)
         for rows, coupled in self._couplings:
             Phi_dot[rows] = coupled.row_rate(self._q, v)
         return Phi_dot
 
     def drift(self, v: Array) -> Array:
         """Phi_dot v at rates v of the tree, shape (rows,), from accelerations of the frames."""
-        model, data = self.model, self.data
-        pin.forwardKinematics(model, data, self._q, v, self._zero)
-        world = pin.ReferenceFrame.WORLD
-        accelerations = [
-            pin.getFrameAcceleration(model, data, frame, world).vector for frame in self._borne
-        ]
-        twists = self._twists(v)
-        self._update_wrenches()
-        self._update_wrench_rates(twists)
-        motions = np.concatenate((np.array(accelerations).reshape(-1, 6), twists), axis=1)
-        at_b, at_a = (self._wrenches * motions[self._bearers_of_rows]).sum(axis=2)
+        motions = self._move(v).take(self._bearers_of_rows, axis=0)
+        motions *= self._wrenches
+        at_b, at_a = motions.sum(axis=2)
         if self._in_order:
             return np.asarray(at_b - at_a)
         drift = np.empty(self.rows)
@@ -247,11 +240,21 @@ class Loops:
             drift[rows] = coupled.drift(self._q, v)
         return drift
 
-    def _twists(self, v: Array) -> Array:
-        """Of the joints that bear closures, shape (joints, 6)."""
-        of_columns = self._jacobian_rates.of_columns(v)
-        twists: Array = (self._J * of_columns).dot(self._supports).T
-        return twists
+    def _move(self, v: Array) -> Array:
+        """Compute the rates of J and W.
+
+        Returns:
+            Twists, and accelerations without v_dot, of the joints that bear closures, shape
+            (joints, 12).
+        """
+        self._jacobian_rates.update(self.data, self._q, v)
+        of_columns, motions = self._jacobian_rates.of_columns(v), self._motions
+        np.multiply(self._J, of_columns, out=motions[:6])
+        np.multiply(self._J_dot, of_columns, out=motions[6:])
+        of_joints: Array = self._supports.dot(motions.T)
+        self._update_wrenches()
+        self._update_wrench_rates(of_joints[:, :6])
+        return of_joints
 
     def _relative_rows(self, W: Array, J: Array) -> Array:
         """Rows at frame B, for what moves it, less those at frame A, for what moves that."""
@@ -270,7 +273,3 @@ class Loops:
         rows = np.empty((self.rows, self.model.nv))
         rows[self._at] = of_pairs
         return rows
-
-
-def _side(group: _Group, side: int) -> list[pin.SE3]:
-    return [ends[side] for ends in group.frames]

@@ -84,6 +84,29 @@ def summed(model: pin.Model, X: Array) -> Array:
     return X.dot(np.eye(model.nv)[rates_of_columns(model)])
 
 
+def memory_of(elements: Any, attribute: str) -> Array:
+    """What all elements of a vector of Pinocchio's have, as one array on their own memory.
+
+    Args:
+        elements: Placements, as `data.oMf`; they must stay.
+        attribute: "translation" or "rotation".
+
+    Returns:
+        Shape (elements, ...); it follows what Pinocchio computes.
+    """
+    parts = [getattr(element, attribute) for element in elements]
+    again = [getattr(element, attribute) for element in elements]
+    at = np.array([part.__array_interface__["data"][0] for part in parts])
+    if not np.array_equal(at, [part.__array_interface__["data"][0] for part in again]):
+        raise RuntimeError("this version of Pinocchio does not share the memory of its placements")
+    steps = np.diff(at)
+    step = int(steps[0]) if len(steps) else 0
+    if (steps != step).any():
+        raise RuntimeError("this version of Pinocchio keeps its placements elsewhere")
+    shape, strides = (len(parts), *parts[0].shape), (step, *parts[0].strides)
+    return np.lib.stride_tricks.as_strided(parts[0], shape, strides, writeable=False)
+
+
 def depth_first(model: pin.Model) -> bool:
     """Whether each joint stands before its subtree and that in one piece, as `pin.crba` wants."""
     return all(
@@ -129,7 +152,7 @@ class JacobianRates:
 
     def of_columns(self, v: Array) -> Array:
         """The rate of each column of J, from those of the tree."""
-        return v[self._rates]
+        return v.take(self._rates)
 
     def update(self, data: pin.Data, q: Array, v: Array) -> None:
         """Compute J and its rate at q and v into `data`."""

@@ -26,14 +26,11 @@ def cross(a: Array, b: Array) -> Array:
     return product
 
 
-def cross_columns(a: Array, b: Array) -> Array:
-    """a x b of columns, shape (3, k)."""
-    return np.array(
-        (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
-    )
-
-
 def brackets(a: Array, b: Array) -> Array:
-    """Lie brackets of twists [linear; angular], column by column, shape (6, k)."""
-    linear = cross_columns(a[3:], b[:3]) + cross_columns(a[:3], b[3:])
-    return np.concatenate((linear, cross_columns(a[3:], b[3:])))
+    """Lie brackets of twists [linear; angular], of one or of columns with columns, shape (6, k)."""
+    k = b.shape[1]
+    a = np.broadcast_to(a.reshape(6, -1), (6, k))
+    of_linear, of_angular = skew(a.T.reshape(k, 2, 3)).transpose(1, 0, 2, 3)
+    both = np.matmul(of_angular, b.T.reshape(k, 2, 3).transpose(0, 2, 1))
+    both[..., :1] += np.matmul(of_linear, b.T[:, 3:, None])
+    return both.transpose(2, 1, 0).reshape(6, k)
