@@ -28,7 +28,7 @@ class Ends(NamedTuple):
     Attributes:
         frames: Their placements, B and A of each closure.
         p: Origins, shape (2, k, 3).
-        R: Axes, shape (2, k, 3, 3).
+        R: Axes, shape (2, k, 3, 3), for kinds with `axes`.
     """
 
     frames: Sequence[tuple[pin.SE3, pin.SE3]]
@@ -53,35 +53,43 @@ class Kind(Protocol):
 
     Attributes:
         fixed: Whether W stays as it is.
+        axes: Whether the axes of the frames count, not their origins alone.
         same_row: Whether W is the same at B and A.
     """
 
     fixed: bool
+    axes: bool
     same_row: bool
+
+    def constant(self, W: Array) -> None:
+        """Fill what stays of W, shape (2, k, rows, 6), zero before."""
 
     def residual(self, ends: Ends) -> Array:
         """f, shape (k, rows)."""
 
     def wrenches(self, ends: Ends, W: Array) -> None:
-        """Fill W, shape (2, k, rows, 6), zero before the first time."""
+        """Fill what moves of W; not asked of fixed ones."""
 
     def wrench_rates(self, ends: Ends, rates: Rates, W_dot: Array) -> None:
-        """Fill the rate of W, likewise; not asked of fixed ones."""
+        """Fill the rate of W, zero before, likewise."""
 
 
 class Welds:
     """6d: the displacement from A to B as a screw in world axes; its rate is the relative twist."""
 
-    fixed = same_row = True
+    fixed, axes, same_row = True, False, True
     held = np.eye(6)
 
     def residual(self, ends: Ends) -> Array:
         """As `Kind.residual`."""
         return np.array([pin.log6(B * A.inverse()).vector for B, A in ends.frames])
 
+    def constant(self, W: Array) -> None:
+        """As `Kind.constant`."""
+        W[:] = self.held
+
     def wrenches(self, ends: Ends, W: Array) -> None:
         """As `Kind.wrenches`."""
-        W[:] = self.held
 
     def wrench_rates(self, ends: Ends, rates: Rates, W_dot: Array) -> None:
         """As `Kind.wrench_rates`."""
@@ -100,15 +108,18 @@ class Orientations(Welds):
 class Points:
     """3d: the origins coincide; rows in world axes at each origin."""
 
-    fixed = same_row = False
+    fixed = axes = same_row = False
 
     def residual(self, ends: Ends) -> Array:
         """As `Kind.residual`."""
         return ends.p[0] - ends.p[1]
 
+    def constant(self, W: Array) -> None:
+        """As `Kind.constant`."""
+        W[..., :3] = _AXES
+
     def wrenches(self, ends: Ends, W: Array) -> None:
         """As `Kind.wrenches`."""
-        W[..., :3] = _AXES
         W[..., 3:] = skew(-ends.p)
 
     def wrench_rates(self, ends: Ends, rates: Rates, W_dot: Array) -> None:
@@ -128,7 +139,7 @@ class Masked:
         angles: (i, j, sign) of axes i of A and j of B that stay at a right angle.
     """
 
-    fixed, same_row = False, True
+    fixed, axes, same_row = False, True, True
 
     def __init__(self, held: Sequence[bool]) -> None:
         self.slides = [k for k in range(3) if held[k]]
@@ -167,6 +178,11 @@ class Masked:
                 angles[k] -= 2 * (angles[k] / size if size else np.eye(len(self.angles))[0])
         return np.concatenate((slid, angles), axis=1)
 
+    def constant(self, W: Array) -> None:
+        """As `Kind.constant`."""
+        if self.orientation:
+            W[:, :, len(self.slides) :, 3:] = _AXES
+
     def wrenches(self, ends: Ends, W: Array) -> None:
         """As `Kind.wrenches`."""
         a, b = self._axes(ends)
@@ -175,8 +191,6 @@ class Masked:
             n = a[:, self.slides]
             W[:, :, :slid, :3] = n
             W[:, :, :slid, 3:] = cross(ends.p[0][:, None], n)
-        if self.orientation:
-            W[:, :, slid:, 3:] = _AXES
         if self.angles:
             W[:, :, slid:, 3:] = self._signs[:, None] * cross(b[:, self._j], a[:, self._i])
 
@@ -208,7 +222,7 @@ class Rods:
         lengths: Of each rod, shape (k,).
     """
 
-    fixed = same_row = False
+    fixed = axes = same_row = False
 
     def __init__(self, lengths: Array) -> None:
         self._lengths = lengths
@@ -217,6 +231,9 @@ class Rods:
         """As `Kind.residual`."""
         distances = np.linalg.norm(ends.p[0] - ends.p[1], axis=1)
         return np.asarray(distances - self._lengths)[:, None]
+
+    def constant(self, W: Array) -> None:
+        """As `Kind.constant`."""
 
     def wrenches(self, ends: Ends, W: Array) -> None:
         """As `Kind.wrenches`."""
@@ -243,7 +260,7 @@ class Wheels:
         radii, balls: As given.
     """
 
-    fixed, same_row = False, True
+    fixed, axes, same_row = False, True, True
 
     def __init__(self, radii: Array, balls: bool) -> None:
         self.radii, self.balls = radii, balls
@@ -254,6 +271,9 @@ class Wheels:
         n = ends.R[1, :, :, 2]
         f[:, 2] = _dot(n, self._contact(ends) - ends.p[1])[:, 0]
         return f
+
+    def constant(self, W: Array) -> None:
+        """As `Kind.constant`."""
 
     def wrenches(self, ends: Ends, W: Array) -> None:
         """As `Kind.wrenches`."""

@@ -6,8 +6,8 @@ short form is the same equation with v = L va and v_dot = L aa + L_dot va put in
 inverse dynamics: f = L^T (RNEA(q, v, v_dot) - tau^f - tau^s - K^T w). `pin.rnea` is the decoupled
 form K = N_l N_d of [5, 6] as recursions: N_d and N_l forward, N_l^T and N_d^T backward.
 
-Inertia matrices come from RNEA without gravity and velocity: `pin.crba` is wrong for trees whose
-joints were not added depth-first, RNEA is right for all.
+Inertia matrices come from `pin.crba`. It is wrong for trees whose joints were not added
+depth-first; for these, and for mimic joints, they come from RNEA without gravity and velocity.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from .loops import CLOSURE_TOLERANCE, Loops
 from .mechanism import Friction, Mechanism
 from .mobility import independent_rows
 from .noc import JointComplement, bodies, body_jacobians, decoupled
+from .tree import depth_first
 
 Array = NDArray[np.float64]
 
@@ -117,7 +118,8 @@ class Workspace:
         self.assembly = Assembly(mechanism, self.loops)
         self._weightless = pin.Model(mechanism.model)
         self._weightless.gravity = pin.Motion.Zero()
-        self._weightless_data = self._weightless.createData()
+        mimic = list(mechanism.model.mimicking_joints)
+        self._composite_bodies = depth_first(mechanism.model) and not mimic
         self.zero = np.zeros(mechanism.model.nv)
 
     def evaluate(self, q: Array, tolerance: float = CLOSURE_TOLERANCE) -> None:
@@ -129,12 +131,16 @@ class Workspace:
 
     def momentum_rate(self, q: Array, a: Array) -> Array:
         """M a, generalised forces of rates a_k of the tree, shape (nv,), by N_l and N_l^T."""
-        return pin.rnea(self._weightless, self._weightless_data, q, self.zero, a)
+        return pin.rnea(self._weightless, self.data, q, self.zero, a)
 
     def reduced_inertia(self, q: Array, L: Array) -> Array:
-        """L^T M L, shape (n, n), Eq. (93)."""
-        columns = [self.momentum_rate(q, column) for column in np.ascontiguousarray(L.T)]
-        inertia = L.T.dot(np.array(columns).T)
+        """L^T M L, shape (n, n), Eq. (93); M by composite bodies where that is right."""
+        if self._composite_bodies:
+            M_L = pin.crba(self.model, self.data, q).dot(L)
+        else:
+            columns = [self.momentum_rate(q, column) for column in np.ascontiguousarray(L.T)]
+            M_L = np.array(columns).T
+        inertia = L.T.dot(M_L)
         return (inertia + inertia.T) / 2
 
 
@@ -208,7 +214,7 @@ def direct_dynamics(
 ) -> tuple[Array, Array]:
     """Accelerations of the coordinates from Eq. (92), and v = L va.
 
-    Bias forces and each column of the inertia matrix are a `pin.rnea`, N_l forward and N_l^T back.
+    Bias forces are a `pin.rnea`, N_l forward and N_l^T back.
 
     Args:
         ws: Workspace of the mechanism.

@@ -127,8 +127,7 @@ class Loops:
             )
             first, row = first + k, row + k * size
         for group in self._groups:
-            if group.kind.fixed:
-                group.kind.wrenches(self._ends(group), group.W)
+            group.kind.constant(group.W)
         self._moving = [group for group in self._groups if not group.kind.fixed]
         # Rows that are the same at both frames see the relative twist alone.
         one_row = all(group.kind.same_row for group in self._groups)
@@ -146,8 +145,8 @@ class Loops:
 
     def _ends(self, group: _Group) -> Ends:
         """Frames of a group."""
-        p, R = self._p.take(group.indices, axis=0), self._R.take(group.indices, axis=0)
-        return Ends(group.frames, p, R)
+        p = self._p.take(group.indices, axis=0)
+        return Ends(group.frames, p, self._R.take(group.indices, axis=0) if group.kind.axes else p)
 
     def _update_wrenches(self) -> None:
         """Compute W, once for each configuration."""

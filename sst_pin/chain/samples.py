@@ -52,10 +52,10 @@ def by_kernel(
     """
     require_policy(on_error)
     threads = whole_number("threads", threads, 1)
-    pairs = zip(arrays, core_axes, strict=True)
-    single = all(array is None or array.ndim == axes for array, axes in pairs)
-    if single and out is None and on_error == "raise" and not current.has_kernels:
-        return reference(*arrays)
+    if out is None and on_error == "raise" and not current.has_kernels:
+        pairs = zip(arrays, core_axes, strict=True)
+        if all(array is None or array.ndim == axes for array, axes in pairs):
+            return reference(*arrays)  # the short way for one sample
 
     def fill(flat: list[Array | None], result: Array) -> Indices:
         return np.arange(len(result)) if kernel is None else kernel(*flat, result, threads)

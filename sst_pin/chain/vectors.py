@@ -17,20 +17,29 @@ _TO_MATRIX[2, [1, 3]] = -1.0, 1.0
 
 def skew(a: Array) -> Array:
     """Cross-product matrices, shape (..., 3, 3), of vectors, shape (..., 3)."""
-    return a.dot(_TO_MATRIX).reshape(*a.shape, 3)
+    return a.reshape(-1, 3).dot(_TO_MATRIX).reshape(*a.shape, 3)
+
+
+#: Products of the entries of two vectors, one after the other, times this: their cross product.
+_OF_PRODUCTS = _TO_MATRIX.reshape(3, 3, 3).transpose(0, 2, 1).reshape(9, 3)
 
 
 def cross(a: Array, b: Array) -> Array:
     """a x b of vectors in the last axis, shape (..., 3); the axes before broadcast."""
-    product: Array = np.matmul(skew(a), b[..., None])[..., 0]
-    return product
+    products = a[..., :, None] * b[..., None, :]
+    return products.reshape(-1, 9).dot(_OF_PRODUCTS).reshape(products.shape[:-1])
+
+
+def _of_twists() -> Array:
+    of_twists, of_vectors = np.zeros((6, 6, 6)), _OF_PRODUCTS.T.reshape(3, 3, 3)
+    of_twists[:3, 3:, :3] = of_twists[:3, :3, 3:] = of_twists[3:, 3:, 3:] = of_vectors
+    return of_twists.reshape(6, 36)
+
+
+_OF_TWISTS = _of_twists()
 
 
 def brackets(a: Array, b: Array) -> Array:
-    """Lie brackets of twists [linear; angular], of one or of columns with columns, shape (6, k)."""
-    k = b.shape[1]
-    a = np.broadcast_to(a.reshape(6, -1), (6, k))
-    of_linear, of_angular = skew(a.T.reshape(k, 2, 3)).transpose(1, 0, 2, 3)
-    both = np.matmul(of_angular, b.T.reshape(k, 2, 3).transpose(0, 2, 1))
-    both[..., :1] += np.matmul(of_linear, b.T[:, 3:, None])
-    return both.transpose(2, 1, 0).reshape(6, k)
+    """Lie brackets of twists [linear; angular] with columns, shape (6, k); a may be one twist."""
+    products = a.reshape(6, 1, -1) * b
+    return np.asarray(_OF_TWISTS.dot(products.reshape(36, -1)))
