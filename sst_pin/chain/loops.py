@@ -142,11 +142,16 @@ class Loops:
         pin.computeJointJacobians(self.model, self.data, q)
         pin.updateFramePlacements(self.model, self.data)
         self._q, self._fresh = q, False
+        self._known_ends: dict[int, Ends] = {}
 
     def _ends(self, group: _Group) -> Ends:
-        """Frames of a group."""
-        p = self._p.take(group.indices, axis=0)
-        return Ends(group.frames, p, self._R.take(group.indices, axis=0) if group.kind.axes else p)
+        """Frames of a group, read once for each configuration."""
+        known, first = self._known_ends, group.rows.start
+        if first not in known:
+            p = self._p.take(group.indices, axis=0)
+            R = self._R.take(group.indices, axis=0) if group.kind.axes else p
+            known[first] = Ends(group.frames, p, R)
+        return known[first]
 
     def _update_wrenches(self) -> None:
         """Compute W, once for each configuration."""
@@ -172,9 +177,12 @@ class Loops:
 
     def residual(self) -> Array:
         """f(q) of Eq. (2), shape (rows,), [m] and [rad], zero when the loops are closed."""
+        of_groups = [group.kind.residual(self._ends(group)).ravel() for group in self._groups]
+        if self._in_order:
+            return np.concatenate(of_groups) if len(of_groups) > 1 else of_groups[0]
         f = np.empty(self.rows)
-        for group in self._groups:
-            f[self._at[group.rows]] = group.kind.residual(self._ends(group)).ravel()
+        for group, of_group in zip(self._groups, of_groups, strict=True):
+            f[self._at[group.rows]] = of_group
         for rows, coupled in self._couplings:
             f[rows] = coupled.residual(self._q)
         return f
