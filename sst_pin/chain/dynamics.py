@@ -148,8 +148,10 @@ def motion_of_tree(ws: Workspace, va: Array, aa: Array) -> tuple[Array, Array, A
     """L, v and v_dot of a motion of the coordinates at the configuration evaluated last."""
     L = ws.complement.factorise(ws.loops.Phi())
     v = L.dot(va)  # Eq. (16)
-    # The rate of Phi v = 0, Eqs. (8), (20): Phi v_dot = -Phi_dot v.
-    return L, v, ws.complement.solve(-ws.loops.drift(v), aa)
+    # The rate of Phi v = 0, Eqs. (8), (20): Phi v_dot = -Phi_dot v. The solution for coordinates
+    # that do not accelerate leaves rounding in their rows, which is taken out with aa.
+    bias = ws.complement.solve(-ws.loops.drift(v), np.zeros_like(aa))
+    return L, v, bias + L.dot(aa - bias[ws.mechanism.coordinates])
 
 
 def applied_forces(
