@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..chain.closed_chain import ClosedChain
 from ..chain.closures import frames_of
-from ..chain.loops import frame_id
+from ..chain.tree import frame_id
 from ..description.colours import LEG_COLOURS
 from ..sst.robot import SST
 from .joints import Axis

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..chain.closed_chain import ClosedChain
 from ..chain.closures import Closure, Distance, Rolling
-from ..chain.loops import frame_id
+from ..chain.tree import frame_id
 from .joints import Axis
 from .parts import Shape, Strut, along, homogeneous
 from .shapes import Mesh, ellipsoid, solid, tube
