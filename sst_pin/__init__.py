@@ -7,7 +7,7 @@ Public names are loaded at their first use.
 from importlib import import_module
 from importlib.util import find_spec
 
-__version__ = "0.1.0"  # pyproject.toml takes it from here
+from .version import __version__ as __version__
 
 TYPE_CHECKING = False  # but for type checkers; `typing` takes its time
 

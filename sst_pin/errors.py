@@ -251,8 +251,8 @@ class MissingExtraError(SSTError, ImportError):
     """An optional dependency is not installed.
 
     Attributes:
-        package: What is missing.
-        extra: The extra of `sst_pin` that brings it.
+        package: What is missing; several with commas.
+        extra: The extra of `sst_pin` that brings it; several with commas.
 
     Example:
         >>> raise sst_pin.MissingExtraError("meshcat", "viz")
@@ -262,7 +262,8 @@ class MissingExtraError(SSTError, ImportError):
     """
 
     def __init__(self, package: str, extra: str) -> None:
-        super().__init__(f"{package} is not installed; run: pip install 'sst-pin[{extra}]'")
+        verb = "are" if "," in package else "is"
+        super().__init__(f"{package} {verb} not installed; run: pip install 'sst-pin[{extra}]'")
         self.package, self.extra = package, extra
 
 

@@ -9,7 +9,8 @@ import math
 import os
 import stat
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
@@ -90,18 +91,21 @@ class Table(NamedTuple):
         return self.values[:, [self.columns.index(name) for name in names]]
 
 
-def read_table(path: str | Path) -> Table:
+def read_table(source: str | Path | BinaryIO) -> Table:
     """Read a CSV with one header line, rows of finite numbers and increasing times.
 
     The column of times is `t_s`; `time_s`, `t` and `time` are taken for it.
 
+    Args:
+        source: A file's path, or a stream of bytes, such as `sys.stdin.buffer`.
+
     Raises:
         FileFormatError: With the line that is wrong.
     """
-    path = as_path(path)
+    path = as_path(source) if isinstance(source, str | os.PathLike) else _stream_name(source)
     try:
-        with path.open("rb") as file:
-            content = file.read(_LARGEST + 1)
+        with path.open("rb") if isinstance(source, str | os.PathLike) else nullcontext(source) as f:
+            content = f.read(_LARGEST + 1)
         text = "" if len(content) > _LARGEST else content.decode("utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "not a text file"
@@ -133,6 +137,18 @@ def read_table(path: str | Path) -> Table:
             lines[i + 1],
         )
     return Table(path, header, values, lines)
+
+
+def _stream_name(source: object) -> Path:
+    """What messages call a stream.
+
+    Raises:
+        InputError: When bytes cannot be read from it.
+    """
+    if not hasattr(source, "read"):
+        raise InputError("path", f"{source!r} is not the path of a file")
+    name = getattr(source, "name", None)
+    return Path(name if isinstance(name, str) else "<stream>")
 
 
 def _numbers(path: Path, line: int, header: Sequence[str], row: Sequence[str]) -> list[float]:
@@ -176,23 +192,32 @@ def text_writer(text: str) -> Writer:
     return write
 
 
-def write_files(files: Mapping[Path, Writer], force: bool = False) -> None:
+def write_files(
+    files: Mapping[Path, Writer], force: bool = False, *, folder: Path | None = None
+) -> None:
     """Write files whole or not at all.
 
     Every target is looked at before the first is written; each is written beside its place and
-    moved there when it is complete. Folders that are missing are made. A file that is replaced
-    keeps its mode, and a link to it remains.
+    moved there when it is complete. A file that is replaced keeps its mode, and a link to it
+    remains.
 
     Args:
         files: Writer of each path.
         force: Whether files that are there may be replaced.
+        folder: One that is made where it is missing, and folders inside it; no others are.
 
     Raises:
         OutputError: When a file exists and may not be replaced, or cannot be written.
     """
     places = {path: _place(as_path(path), force) for path in files}
+    if folder is None:
+        _require_folders(place.parent for place, _ in places.values())
+    else:
+        _require_folders([folder.absolute().parent])
     for path, write in files.items():
         try:
+            if folder is not None:
+                places[path][0].parent.mkdir(parents=True, exist_ok=True)
             _write_whole(*places[path], write)
         except OSError as error:
             raise OutputError(path, f"cannot be written: {error.strerror or error}") from None
@@ -214,8 +239,13 @@ def _place(path: Path, force: bool) -> tuple[Path, int]:
     return target, stat.S_IMODE(mode)
 
 
+def _require_folders(folders: Iterable[Path]) -> None:
+    for folder in folders:
+        if not folder.exists():
+            raise OutputError(folder, "there is no such folder; make it first")
+
+
 def _write_whole(path: Path, mode: int, write: Writer) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
     handle, name = tempfile.mkstemp(dir=path.parent, prefix=".sst_pin.")
     partial = Path(name)
     try:

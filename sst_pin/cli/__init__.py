@@ -19,8 +19,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     Returns:
         The exit code: 0; 1 when referees disagree, a description has errors or `--strict` refuses
-        a motion; 2 after one line that says what is wrong; 128 and the number of the signal that
-        ended the command.
+        a motion; 2 after one line that says what is wrong; 3 when a simulation ends early; 128 and
+        the number of the signal that ended the command.
     """
     try:
         try:

@@ -8,6 +8,7 @@ import warnings
 from collections.abc import Sequence
 
 from ..errors import SingularityWarning, SSTError
+from ..version import __version__
 from . import (
     compile as compile_,
 )
@@ -24,7 +25,7 @@ from . import (
     verify,
     workspace,
 )
-from .common import Commands, Parser, version_of
+from .common import Commands, Parser
 
 #: In the order of the help text.
 COMMANDS = (
@@ -46,13 +47,18 @@ COMMANDS = (
 def run(argv: Sequence[str] | None) -> int:
     """Run the command that the arguments ask for; see `main`."""
     parser = Parser(
-        prog="sst-pin", description="Dynamics of the SST spherical parallel manipulator."
+        prog="sst-pin",
+        description="Dynamics of closed-chain robots: torques, motions, pictures, checks.",
     )
-    parser.add_argument("--version", action="version", version=version_of("sst-pin"))
+    parser.set_defaults(run=None)
+    parser.add_argument("--version", action="version", version=__version__)
     commands = Commands(parser)
     for command in COMMANDS:
         command.add_to(commands)
     arguments = parser.parse_args(argv)
+    if arguments.run is None:
+        print(parser.format_help(), end="")
+        return 0
     try:
         with warnings.catch_warnings():
             # A motion that stops early is told on standard output, once.

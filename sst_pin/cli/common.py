@@ -6,18 +6,24 @@ from __future__ import annotations
 import argparse
 import re
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib.metadata import PackageNotFoundError, version
+from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, BinaryIO, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
 from ..chain.closed_chain import ClosedChain
+from ..errors import MissingExtraError
+from ..files import Writer, write_files
+from ..motion import motion_files as any_motion_files
+from ..motion.limits import beyond_limits
 from ..motion.trajectories import Trajectory
+from ..sst import motion_files
 from ..sst.robot import SST
 
 Array = NDArray[np.float64]
@@ -40,7 +46,7 @@ class Commands:
     """Where each command adds its parser."""
 
     def __init__(self, parser: Parser) -> None:
-        self._parsers = parser.add_subparsers(required=True, metavar="COMMAND", parser_class=Parser)
+        self._parsers = parser.add_subparsers(metavar="COMMAND", parser_class=Parser)
 
     def add(self, name: str, run: Callable[[argparse.Namespace], int | None], text: str) -> Parser:
         """A parser of a command, without options yet."""
@@ -61,11 +67,65 @@ def robot_of(arguments: argparse.Namespace) -> SST:
     return SST() if arguments.urdf is None else SST.from_urdf(arguments.urdf)
 
 
+def add_robot(parser: Parser) -> None:
+    """The options --robot and --urdf; `any_robot_of` reads them."""
+    options = parser.add_mutually_exclusive_group()
+    options.add_argument(
+        "--robot", type=Path, metavar="FILE", help="any robot: a URDF beside its YAML, or an MJCF"
+    )
+    options.add_argument(
+        "--urdf", type=Path, metavar="FILE", help="an edited SST; the paper's by default"
+    )
+
+
+def any_robot_of(arguments: argparse.Namespace) -> ClosedChain:
+    """The robot that --robot or --urdf asks for."""
+    return robot_of(arguments) if arguments.robot is None else chain_of(arguments.robot)
+
+
 def chain_of(path: Path) -> ClosedChain:
-    """Any robot: an MJCF by its suffix .xml, else a URDF beside its YAML."""
-    if path.suffix == ".xml":
+    """Any robot: an MJCF by its suffix .xml or .mjcf, else a URDF beside its YAML."""
+    if path.suffix.lower() in (".xml", ".mjcf"):
         return ClosedChain.from_mjcf(path)
     return ClosedChain.from_urdf(path)
+
+
+def source_of(path: Path) -> Path | BinaryIO:
+    """A file, or standard input for `-`."""
+    return sys.stdin.buffer if str(path) == "-" else path
+
+
+def motion_in(robot: ClosedChain, path: Path) -> Trajectory:
+    """The motion in a file or in standard input, its torques computed where it has none."""
+    if isinstance(robot, SST):
+        return motion_files.load_motion(robot, source_of(path))
+    return any_motion_files.load_motion(robot, source_of(path))
+
+
+def require_extras(**packages: str) -> None:
+    """Refuse to begin what would end for want of packages, all of them at once.
+
+    Args:
+        packages: The package that each extra brings.
+
+    Raises:
+        MissingExtraError: With every extra that is missing.
+    """
+    missing = {extra: name for extra, name in packages.items() if find_spec(name) is None}
+    if missing:
+        raise MissingExtraError(", ".join(missing.values()), ",".join(missing))
+
+
+def named_numbers(text: str) -> dict[str, float]:
+    """Numbers by name of an option, for argparse."""
+    pairs = [part.rpartition("=") for part in text.split(",")]
+    try:
+        numbers = {name.strip(): float(value) for name, _, value in pairs}
+    except ValueError:
+        numbers = {}
+    if len(numbers) != len(pairs) or "" in numbers or not np.isfinite([*numbers.values()]).all():
+        raise argparse.ArgumentTypeError(f"{text!r} is not like crank=0.1,slide=0.2")
+    return numbers
 
 
 def triple(text: str) -> Array:
@@ -88,9 +148,11 @@ def add_strict(parser: Parser) -> None:
     )
 
 
-def refuses(robot: SST, motion: Trajectory, arguments: argparse.Namespace) -> bool:
+def refuses(robot: ClosedChain, motion: Trajectory, arguments: argparse.Namespace) -> bool:
     """Say what the machine cannot take of a motion; whether that ends the command."""
-    found = robot.check(motion)
+    found: Sequence[object] = (
+        robot.check(motion) if isinstance(robot, SST) else beyond_limits(robot, motion)
+    )
     for finding in found:
         kind = "error" if arguments.strict else "warning"
         print(f"sst-pin: {kind}: {finding}", file=sys.stderr)
@@ -105,7 +167,12 @@ def add_force(parser: Parser) -> None:
 def add_output(parser: Parser, metavar: str) -> None:
     """The options --output and --force; `save` obeys them."""
     parser.add_argument(
-        "-o", "--output", type=Path, required=True, metavar=metavar, help="ends in .csv or .npz"
+        "-o",
+        "--output",
+        type=Path,
+        required=True,
+        metavar=metavar,
+        help="ends in .csv or .npz; - is CSV to standard output",
     )
     add_force(parser)
 
@@ -118,14 +185,33 @@ def add_figure(parser: Parser) -> None:
         type=Path,
         required=True,
         metavar="FIGURE",
-        help="ends in .png, .svg or .pdf",
+        help="ends in .png, .svg or .pdf; - is PNG to standard output",
     )
     add_force(parser)
 
 
+def output_name(path: Path, ending: str) -> Path:
+    """The name whose ending tells the format; standard output has one format."""
+    return Path(f"standard output{ending}") if str(path) == "-" else path
+
+
+def write(files: Mapping[Path, Writer], arguments: argparse.Namespace) -> None:
+    """Write files, and to standard output what goes to `-`."""
+    write_files({p: w for p, w in files.items() if str(p) != "-"}, arguments.force)
+    for path, writer in files.items():
+        if str(path) == "-":
+            writer(sys.stdout.buffer)
+
+
+def say(text: str, arguments: argparse.Namespace) -> None:
+    """What was done: on standard output, unless that holds the result."""
+    print(text, file=sys.stderr if str(arguments.output) == "-" else sys.stdout)
+
+
 def save(motion: Trajectory, arguments: argparse.Namespace) -> None:
     """Write a motion where the options say."""
-    motion.save(arguments.output, arguments.force)
+    name = output_name(arguments.output, ".csv")
+    write({arguments.output: motion.writer(name)}, arguments)
 
 
 def remark(motion: Trajectory) -> str:

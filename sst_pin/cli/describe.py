@@ -15,7 +15,7 @@ from ..description.parameters import Parameters, RigidBody
 from ..files import write_files
 from ..sst.configurations import configurations_of
 from ..sst.robot import SST
-from .common import Commands, add_force, add_urdf, triple
+from .common import Commands, add_force, add_urdf, require_extras, triple
 
 Array = NDArray[np.float64]
 
@@ -58,6 +58,7 @@ def _directions(text: str) -> list[Array]:
 
 
 def _run(arguments: argparse.Namespace) -> None:
+    require_extras(mesh="trimesh", plot="matplotlib")
     from ..plots.picture import picture_writers
 
     p = _changed(
@@ -65,7 +66,8 @@ def _run(arguments: argparse.Namespace) -> None:
         arguments,
     )
     files = description_writers(p, configurations_of(p)) | picture_writers(p)
-    write_files({arguments.output / name: write for name, write in files.items()}, arguments.force)
+    folder = arguments.output
+    write_files({folder / n: write for n, write in files.items()}, arguments.force, folder=folder)
     print(f"{len(files)} files -> {arguments.output}")
 
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from ..errors import InputError
 from ..files import write_files
 from ..sst.export import c_files
 from .common import Commands, add_force, add_urdf, chain_of, robot_of
@@ -21,9 +22,13 @@ def add_to(commands: Commands) -> None:
     )
     add_urdf(parser)
     parser.add_argument(
-        "robot", type=Path, nargs="?", help="URDF beside its YAML, or MJCF; an SST by default"
+        "paths",
+        type=Path,
+        nargs="*",
+        metavar="[ROBOT] [FOLDER]",
+        help="URDF beside its YAML, or MJCF, an SST by default; the folder may be named by -o",
     )
-    parser.add_argument("folder", type=Path, metavar="DIR")
+    parser.add_argument("-o", "--output", type=Path, metavar="FOLDER", help="made if missing")
     parser.add_argument(
         "--precision",
         choices=["double", "single"],
@@ -34,12 +39,16 @@ def add_to(commands: Commands) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> None:
-    if arguments.robot is None and arguments.precision == "double":
-        written = c_files(robot_of(arguments), arguments.folder)
+    paths = [*arguments.paths, *([arguments.output] if arguments.output else [])]
+    if not 1 <= len(paths) <= 2:
+        raise InputError("export-c", "takes a folder, and before it a robot or none")
+    robot_file, folder = (None, *paths)[-2:]
+    if robot_file is None and arguments.precision == "double":
+        written = c_files(robot_of(arguments), folder)
     else:
         from ..compiled import export
 
-        robot = chain_of(arguments.robot) if arguments.robot else robot_of(arguments)
-        written = export.c_files(robot, arguments.folder, arguments.precision)
-    write_files(written, arguments.force)
-    print(f"{', '.join(path.name for path in written)} in {arguments.folder}")
+        robot = chain_of(robot_file) if robot_file else robot_of(arguments)
+        written = export.c_files(robot, folder, arguments.precision)
+    write_files(written, arguments.force, folder=folder)
+    print(f"{', '.join(path.name for path in written)} in {folder}")

@@ -4,26 +4,54 @@
 from __future__ import annotations
 
 import argparse
+import json
 import platform
 
-from .common import Commands, add_urdf, robot_of, version_of
+from ..sst.robot import SST
+from ..version import __version__
+from .common import Commands, add_robot, any_robot_of, version_of
 
 
 def add_to(commands: Commands) -> None:
     """Add the command."""
-    add_urdf(commands.add("info", _run, "Versions, the model, its mobility."))
+    parser = commands.add("info", _run, "Versions, the model, its mobility.")
+    add_robot(parser)
+    parser.add_argument("--json", action="store_true", help="print the same as JSON")
 
 
 def _run(arguments: argparse.Namespace) -> None:
-    robot = robot_of(arguments)
-    packages = ("sst-pin", "pin", "numpy", "scipy", "matplotlib")
-    print(f"Python {platform.python_version()} on {platform.system()} {platform.machine()}")
-    print(", ".join(f"{name} {version_of(name)}" for name in packages))
-    print(f"model {robot.model.name}: {arguments.urdf or 'the shipped URDF'}")
+    robot = any_robot_of(arguments)
+    q = robot.home if isinstance(robot, SST) else None
+    mobility = robot.mobility(q)
+    others = {name: version_of(name) for name in ("pin", "numpy", "scipy", "matplotlib")}
+    versions = {"sst-pin": __version__} | others
+    source = arguments.robot or arguments.urdf or "the shipped URDF"
     mass = sum(inertia.mass for inertia in robot.model.inertias)
+    if arguments.json:
+        content = {
+            "versions": {"python": platform.python_version()} | versions,
+            "system": f"{platform.system()} {platform.machine()}",
+            "model": robot.model.name,
+            "source": str(source),
+            "joints": list(robot.joint_names),
+            "motors": list(robot.motor_names),
+            "coordinates": list(mobility.coordinates),
+            "degrees_of_freedom": mobility.degrees_of_freedom,
+            "closure_equations": len(mobility.rows),
+            "redundant_closure_equations": mobility.redundant_rows,
+            "moving_mass_kg": mass,
+            "gravity_m_s2": robot.model.gravity.linear.tolist(),
+            "friction": not robot.friction.none,
+            "path": robot.path,
+        }
+        print(json.dumps(content, indent=1))
+        return
+    print(f"Python {platform.python_version()} on {platform.system()} {platform.machine()}")
+    print(", ".join(f"{name} {version}" for name, version in versions.items()))
+    print(f"model {robot.model.name}: {source}")
     print(f"  joints in the order of q: {', '.join(robot.joint_names)}")
     print(f"  moving mass {mass:.6g} kg, gravity {robot.model.gravity.linear.tolist()} m/s^2")
-    friction = "none" if robot.friction.none else "viscous and Coulomb, as in the URDF"
+    friction = "none" if robot.friction.none else "viscous and Coulomb, as in the description"
     print(f"  friction {friction}")
     print(f"  dynamics by {robot.path}")
-    print(robot.mobility(robot.home))
+    print(mobility)

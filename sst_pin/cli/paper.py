@@ -27,7 +27,15 @@ def add_to(commands: Commands) -> None:
     """Add the command."""
     parser = commands.add("paper", _run, "Compute the paper's two examples and draw its figures.")
     add_urdf(parser)
-    parser.add_argument("--out", type=Path, default=Path("paper"), help="folder (default: paper)")
+    parser.add_argument(
+        "-o",
+        "--output",
+        "--out",
+        type=Path,
+        default=Path("paper"),
+        metavar="FOLDER",
+        help="made where it is missing (default: paper)",
+    )
     parser.add_argument(
         "--samples", type=_count, default=1001, metavar="N", help="samples a period (default: 1001)"
     )
@@ -44,7 +52,7 @@ def _count(text: str) -> int:
 def _run(arguments: argparse.Namespace) -> int:
     from .. import plots  # needs the extra `plot`
 
-    robot, out = robot_of(arguments), arguments.out
+    robot, out = robot_of(arguments), arguments.output
     t = np.linspace(0, PERIOD, arguments.samples)
     clock = time.perf_counter
     began = clock()
@@ -67,7 +75,7 @@ def _run(arguments: argparse.Namespace) -> int:
             files[out / f"{stem}{ending}"] = motion.writer(f"{stem}{ending}")
     figures = plots.paper_figures(robot, example, motions["exact"], motions["printed"])
     files |= {out / name: writer for name, writer in figures.items()}
-    write_files(files, arguments.force)
+    write_files(files, arguments.force, folder=out)
 
     print(f"Example 1: inverse dynamics along the circle, {len(t)} samples, {seconds[0]:.3f} s")
     print("                    tau_1      tau_2      tau_3")

@@ -7,9 +7,18 @@ import argparse
 from pathlib import Path
 
 from ..errors import FileFormatError
-from ..files import write_files
-from ..sst.motion_files import load_motion
-from .common import Commands, add_figure, add_strict, add_urdf, refuses, robot_of
+from .common import (
+    Commands,
+    add_figure,
+    add_robot,
+    add_strict,
+    any_robot_of,
+    motion_in,
+    output_name,
+    refuses,
+    say,
+    write,
+)
 
 #: As in `plots.SUBJECTS`, which needs matplotlib.
 SUBJECTS = ("path", "torques", "joints", "rates", "power", "energy", "condition")
@@ -20,17 +29,17 @@ def add_to(commands: Commands) -> None:
     parser = commands.add(
         "plot",
         _run,
-        "Figures of a motion: what `torques` or `simulate` wrote, or a motion of the star.",
+        "Figures of a motion: what `torques` or `simulate` wrote, or what `torques` reads.",
     )
-    add_urdf(parser)
-    parser.add_argument("motion", type=Path, metavar="MOTION.csv")
+    add_robot(parser)
+    parser.add_argument("motion", type=Path, metavar="MOTION.csv", help="- is standard input")
     add_figure(parser)
     add_strict(parser)
     parser.add_argument(
         "--what",
         type=_subjects,
         metavar="A,B,..",
-        help=f"of {', '.join(SUBJECTS)} (default: a page of all but power)",
+        help=f"of {', '.join(SUBJECTS)} (default: all but power; path is an SST's)",
     )
 
 
@@ -47,16 +56,16 @@ def _subjects(text: str) -> tuple[str, ...]:
 def _run(arguments: argparse.Namespace) -> int:
     from .. import plots  # needs the extra `plot`
 
-    plots.require_ending(arguments.output)
-    robot = robot_of(arguments)
-    motion = load_motion(robot, arguments.motion)
+    name = output_name(arguments.output, ".png")
+    plots.require_ending(name)
+    robot = any_robot_of(arguments)
+    motion = motion_in(robot, arguments.motion)
     if len(motion) < 2:
         raise FileFormatError(arguments.motion, "one sample; a curve needs two at least")
     if refuses(robot, motion, arguments):
         return 1
-    subjects = arguments.what or [s for s in SUBJECTS if s != "power"]
-    figure = plots.motion_page(robot, motion, subjects)
-    files = {arguments.output: plots.figure_writer(figure, arguments.output)}
-    write_files(files, arguments.force)
-    print(f"{', '.join(subjects)} of {len(motion)} samples -> {arguments.output}")
+    figure = plots.motion_page(robot, motion, arguments.what)
+    write({arguments.output: plots.figure_writer(figure, name)}, arguments)
+    what = ", ".join(arguments.what or plots.summary_of(robot))
+    say(f"{what} of {len(motion)} samples -> {arguments.output}", arguments)
     return 0

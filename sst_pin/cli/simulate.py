@@ -9,25 +9,30 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..description import MOTOR_NAMES
-from ..errors import FileFormatError
+from ..errors import FileFormatError, InputError
 from ..files import Table, read_table
-from ..motion.trajectories import Trajectory
+from ..motion.motion_files import read_start, read_torques
 from ..sst.robot import SST
 from .common import (
     Commands,
     add_output,
+    add_robot,
     add_strict,
-    add_urdf,
+    any_robot_of,
+    named_numbers,
     progress_bar,
     refuses,
     remark,
-    robot_of,
     save,
+    say,
+    source_of,
     triple,
 )
 
 Array = NDArray[np.float64]
+
+#: Exit code of a motion that ends before the last time; what was reached is written.
+CUT_SHORT = 3
 
 
 def add_to(commands: Commands) -> None:
@@ -35,11 +40,13 @@ def add_to(commands: Commands) -> None:
     parser = commands.add(
         "simulate",
         _run,
-        "Motion under given torques: t_s with tau_1_Nm, tau_2_Nm, tau_3_Nm. It starts from the "
-        "first row where that has gamma_1_rad.. and gamma_1_rad_s.., else from --gamma.",
+        "Motion under given torques: t_s with tau_1_Nm, tau_2_Nm, .. (tau_1_N of a motor that "
+        "pushes). It starts from the first row where that has gamma_1_rad.. and gamma_1_rad_s.., "
+        "else from --gamma; with --robot the joints' own names, or --q0 and --va0. Exit code 3 "
+        "says that the motion ends early, before a singularity.",
     )
-    add_urdf(parser)
-    parser.add_argument("torques", type=Path, metavar="TORQUES.csv")
+    add_robot(parser)
+    parser.add_argument("torques", type=Path, metavar="TORQUES.csv", help="- is standard input")
     add_output(parser, "MOTION.csv")
     add_strict(parser)
     parser.add_argument(
@@ -48,15 +55,50 @@ def add_to(commands: Commands) -> None:
     parser.add_argument(
         "--gamma-dot", type=triple, metavar="W1,W2,W3", help="motor rates at the start, rad/s"
     )
+    parser.add_argument(
+        "--q0",
+        type=named_numbers,
+        metavar="JOINT=X,..",
+        help="of a --robot: positions at the start, rad or m; the coordinates at least",
+    )
+    parser.add_argument(
+        "--va0",
+        type=named_numbers,
+        metavar="JOINT=V,..",
+        help="of a --robot: rates at the start, rad/s or m/s; of those left out zero",
+    )
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    robot = robot_of(arguments)
-    table = read_table(arguments.torques)
-    tau = table.select(["tau_1_Nm", "tau_2_Nm", "tau_3_Nm"])
-    t = table.column("t_s")
+    robot = any_robot_of(arguments)
+    table = read_table(source_of(arguments.torques))
+    tau, t = read_torques(robot, table), table.column("t_s")
+    if isinstance(robot, SST):
+        _refuse(arguments, ("q0", "va0"), "is for a --robot; an SST has --gamma and --gamma-dot")
+        q0, va0 = _start(robot, table, arguments)
+    else:
+        _refuse(arguments, ("gamma", "gamma_dot"), "is for an SST; a --robot has --q0 and --va0")
+        q0, va0 = read_start(robot, table, arguments.q0, arguments.va0)
+    with progress_bar("simulating", t[0], t[-1]) as progress:
+        motion = robot.simulate(tau, q0, va0, t, progress=progress)
+    if refuses(robot, motion, arguments):
+        return 1
+    save(motion, arguments)
+    text = f"{len(motion)} samples to t = {motion.t[-1]:g} s -> {arguments.output}{remark(motion)}"
+    say(text, arguments)
+    return CUT_SHORT if motion.stopped else 0
 
-    def start(name: str, option: Array | None, columns: list[str], flag: str) -> Array:
+
+def _refuse(arguments: argparse.Namespace, names: tuple[str, str], why: str) -> None:
+    for name in names:
+        if getattr(arguments, name) is not None:
+            raise InputError(f"--{name.replace('_', '-')}", why)
+
+
+def _start(robot: SST, table: Table, arguments: argparse.Namespace) -> tuple[Array, Array]:
+    """Joint coordinates and motor rates at the start."""
+
+    def start(option: Array | None, columns: list[str], flag: str) -> Array:
         if option is not None:
             return option
         if not set(columns) <= set(table.columns):
@@ -66,20 +108,9 @@ def _run(arguments: argparse.Namespace) -> int:
         return table.select(columns)[0]
 
     names = [f"gamma_{k}_rad" for k in (1, 2, 3)]
-    gamma = start("gamma", arguments.gamma, names, "--gamma G1,G2,G3")
-    rates = start("rates", arguments.gamma_dot, [f"{n}_s" for n in names], "--gamma-dot W1,W2,W3")
-    q0 = robot.forward_kinematics(gamma, near=_near(robot, table, arguments))
-    unknown = np.zeros((len(t), 3))
-    given = Trajectory(
-        t, np.zeros((len(t), 9)), unknown, unknown, tau, robot.joint_names, MOTOR_NAMES
-    )
-    with progress_bar("simulating", t[0], t[-1]) as progress:
-        motion = robot.simulate(given, q0, rates, t, progress=progress)
-    if refuses(robot, motion, arguments):
-        return 1
-    save(motion, arguments)
-    print(f"{len(motion)} samples to t = {motion.t[-1]:g} s -> {arguments.output}{remark(motion)}")
-    return 0
+    gamma = start(arguments.gamma, names, "--gamma G1,G2,G3")
+    rates = start(arguments.gamma_dot, [f"{n}_s" for n in names], "--gamma-dot W1,W2,W3")
+    return robot.forward_kinematics(gamma, near=_near(robot, table, arguments)), rates
 
 
 def _near(robot: SST, table: Table, arguments: argparse.Namespace) -> Array:

@@ -8,8 +8,21 @@ from pathlib import Path
 
 import numpy as np
 
+from ..motion import motion_files as any_motion_files
 from ..sst.motion_files import read_motion
-from .common import Commands, add_output, add_strict, add_urdf, refuses, robot_of, save
+from ..sst.robot import SST
+from ..summaries import listed
+from .common import (
+    Commands,
+    add_output,
+    add_robot,
+    add_strict,
+    any_robot_of,
+    refuses,
+    save,
+    say,
+    source_of,
+)
 
 
 def add_to(commands: Commands) -> None:
@@ -17,21 +30,34 @@ def add_to(commands: Commands) -> None:
     parser = commands.add(
         "torques",
         _run,
-        "Motor torques of a motion: t_s with qw, qx, qy, qz, or theta, phi, psi, or gamma_1..3 "
-        "(angles end in _rad or _deg).",
+        "Motor torques of a motion. An SST: t_s with qw, qx, qy, qz, or theta, phi, psi, or "
+        "gamma_1..3 (angles end in _rad or _deg). Any --robot: t_s with a column for each "
+        "coordinate, as crank_rad, crank_deg, slide_m.",
     )
-    add_urdf(parser)
-    parser.add_argument("motion", type=Path, metavar="MOTION.csv")
+    add_robot(parser)
+    parser.add_argument("motion", type=Path, metavar="MOTION.csv", help="- is standard input")
     add_output(parser, "TORQUES.csv")
     add_strict(parser)
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    robot = robot_of(arguments)
-    motion = read_motion(robot, arguments.motion)
+    robot, source = any_robot_of(arguments), source_of(arguments.motion)
+    if isinstance(robot, SST):
+        motion = read_motion(robot, source)
+    else:
+        motion = any_motion_files.read_motion(robot, source)
     if refuses(robot, motion, arguments):
         return 1
     save(motion, arguments)
-    peaks = ", ".join(f"{value:.4g}" for value in np.abs(motion.tau).max(axis=0))
-    print(f"{len(motion)} samples, peak torques {peaks} N m -> {arguments.output}")
+    peaks = np.abs(motion.tau).max(axis=0)
+    units = dict.fromkeys(unit.replace("Nm", "N m") for unit in motion.torque_units)
+    if len(units) == 1 and len(peaks) <= 3:
+        told = f"{', '.join(f'{peak:.4g}' for peak in peaks)} {next(iter(units))}"
+    else:
+        found = zip(motion.actuated, peaks, motion.torque_units, strict=True)
+        told = listed([f"{name} {p:.4g} {u.replace('Nm', 'N m')}" for name, p, u in found])
+    say(f"{len(motion)} samples, peak torques {told} -> {arguments.output}", arguments)
+    if not isinstance(robot, SST):
+        start = zip(motion.joint_names, motion.q[0], strict=True)
+        say(f"  starts at {listed([f'{name} {x:.4g}' for name, x in start])}", arguments)
     return 0

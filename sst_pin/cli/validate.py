@@ -28,5 +28,6 @@ def _run(arguments: argparse.Namespace) -> int:
     if errors:
         print(f"{errors} error(s), {len(problems) - errors} warning(s)")
         return 1
-    print(summary(arguments.file, arguments.cuts))
+    found = f"{len(problems)} warning(s), no errors" if problems else "no problems found"
+    print(f"{found}\n{summary(arguments.file, arguments.cuts)}")
     return 0

@@ -9,11 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from ..files import Writer, write_files
+from ..errors import InputError
+from ..files import Writer
 from ..sst.paper import PERIOD
 from ..sst.platform_motion import paper_circle
 from ..sst.workspace import Workspace, workspace_at, workspace_over_rolls
-from .common import Commands, add_figure, add_urdf, robot_of
+from .common import Commands, add_figure, add_urdf, output_name, robot_of, say, write
 
 
 def add_to(commands: Commands) -> None:
@@ -47,24 +48,27 @@ def _angle(text: str) -> float:
 def _run(arguments: argparse.Namespace) -> None:
     from .. import plots  # needs the extra `plot`
 
-    plots.require_ending(arguments.output)
+    name = output_name(arguments.output, ".png")
+    plots.require_ending(name)
     robot = robot_of(arguments)
     at_psi = workspace_at(robot, np.radians(arguments.psi))
+    if str(arguments.data) == str(arguments.output) == "-":
+        raise InputError("--data", "standard output holds one of the map and its numbers")
     files: dict[Path, Writer] = {}
     if arguments.data is not None:
-        files[arguments.data] = at_psi.writer(arguments.data)
+        files[arguments.data] = at_psi.writer(output_name(arguments.data, ".csv"))
     over_rolls = workspace_over_rolls(robot)
     path = None
     if arguments.urdf is None:
         circle = paper_circle(np.linspace(0, PERIOD, 361)).R[:, :, 0]
         path = ("circle of the paper", circle)
     figure = plots.workspace_page(robot, at_psi, over_rolls, path)
-    files[arguments.output] = plots.figure_writer(figure, arguments.output)
-    write_files(files, arguments.force)
-    print(f"at psi = {arguments.psi:g} deg: {_summary(at_psi)}")
+    files[arguments.output] = plots.figure_writer(figure, name)
+    write(files, arguments)
+    say(f"at psi = {arguments.psi:g} deg: {_summary(at_psi)}", arguments)
     roll = np.degrees(over_rolls.roll[over_rolls.on_arcs].max(initial=0))
-    print(f"over all psi: {_summary(over_rolls)}, up to {roll:.0f} deg of roll")
-    print(f"-> {', '.join(map(str, files))}")
+    say(f"over all psi: {_summary(over_rolls)}, up to {roll:.0f} deg of roll", arguments)
+    say(f"-> {', '.join(map(str, files))}", arguments)
 
 
 def _summary(workspace: Workspace) -> str:

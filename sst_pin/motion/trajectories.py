@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import finite_array, names
 from ..errors import FileFormatError, InputError, MissingExtraError, OutputError
-from ..files import Writer, as_path, read_table, table_writer, write_files
+from ..files import Table, Writer, as_path, read_table, table_writer, write_files
 from ..summaries import as_html, as_text, listed
 
 if TYPE_CHECKING:
@@ -292,7 +292,9 @@ class Trajectory:
             (2, 3)
         """
         path = as_path(path)
-        return cls._load_npz(path) if path.suffix.lower() == ".npz" else cls._load_csv(path)
+        if path.suffix.lower() == ".npz":
+            return cls._load_npz(path)
+        return motion_of_table(read_table(path))
 
     @classmethod
     def _load_npz(cls, path: Path) -> Trajectory:
@@ -306,44 +308,6 @@ class Trajectory:
             return cls(**content, **words)
         except InputError as error:
             raise FileFormatError(path, f"not a motion: {error}") from None
-
-    @classmethod
-    def _load_csv(cls, path: Path) -> Trajectory:
-        table = read_table(path)
-        rates = [re.fullmatch(r"(.+)_(rad|m)_s(2?)", name) for name in table.columns]
-        coordinates, accelerations = (
-            [(p[1], p[2]) for p in rates if p and p[3] == power] for power in ("", "2")
-        )
-        torques = [p for p in map(_TORQUE.fullmatch, table.columns) if p]
-        positions = [(p[1], p[2] or "") for p in map(_POSITION.fullmatch, table.columns) if p]
-        if not coordinates or not positions:
-            raise FileFormatError(path, "not a motion: no columns like gamma_1_rad, gamma_1_rad_s")
-        names, units = zip(*positions, strict=True)
-        n, m = len(coordinates), len(names)
-        rate_names, rate_units = zip(*coordinates, strict=True)
-        forces = [p[2] for p in torques] or ["N" if u == "m" else "Nm" for u in rate_units]
-        labels = [p[1] for p in torques] or [str(k + 1) for k in range(n)]
-        numbers = [str(k + 1) for k in range(n)]
-        if any(label.isdigit() for label in labels):  # those of the coordinates, in their units
-            labels, forces = numbers, ["N" if u == "m" else "Nm" for u in rate_units]
-        numbered = labels == numbers
-        actuated = rate_names if numbered else tuple(labels)
-        values = table.select(_columns(names, units, rate_names, rate_units, labels, forces))
-        if coordinates != accelerations:
-            raise FileFormatError(path, "not a motion: accelerations of joints without rates", 1)
-        t, q, va, aa, tau = np.split(values, np.cumsum([1, m, n, n]), axis=1)
-        return cls(
-            t[:, 0],
-            q,
-            va,
-            aa,
-            tau,
-            names,
-            actuated,
-            units,
-            coordinates=rate_names,
-            rate_units=rate_units,
-        )
 
     @property
     def torque_units(self) -> tuple[str, ...]:
@@ -381,6 +345,50 @@ class Trajectory:
         smooth, times = spline(self.t, self.tau), self.t
         step = float(np.diff(times).max(initial=0.0))  # integrators look a little beyond
         return lambda t: np.asarray(smooth(times_within("t", t, times, step)))
+
+
+def motion_of_table(table: Table) -> Trajectory:
+    """A motion as `Trajectory.save` writes it to a CSV.
+
+    Raises:
+        FileFormatError: When it is none, with what is missing.
+    """
+    rates = [re.fullmatch(r"(.+)_(rad|m)_s(2?)", name) for name in table.columns]
+    coordinates, accelerations = (
+        [(p[1], p[2]) for p in rates if p and p[3] == power] for power in ("", "2")
+    )
+    torques = [p for p in map(_TORQUE.fullmatch, table.columns) if p]
+    positions = [(p[1], p[2] or "") for p in map(_POSITION.fullmatch, table.columns) if p]
+    if not coordinates or not positions:
+        raise FileFormatError(
+            table.path, "not a motion: no columns like gamma_1_rad, gamma_1_rad_s"
+        )
+    names, units = zip(*positions, strict=True)
+    n, m = len(coordinates), len(names)
+    rate_names, rate_units = zip(*coordinates, strict=True)
+    forces = [p[2] for p in torques] or ["N" if u == "m" else "Nm" for u in rate_units]
+    labels = [p[1] for p in torques] or [str(k + 1) for k in range(n)]
+    numbers = [str(k + 1) for k in range(n)]
+    if any(label.isdigit() for label in labels):  # those of the coordinates, in their units
+        labels, forces = numbers, ["N" if u == "m" else "Nm" for u in rate_units]
+    numbered = labels == numbers
+    actuated = rate_names if numbered else tuple(labels)
+    values = table.select(_columns(names, units, rate_names, rate_units, labels, forces))
+    if coordinates != accelerations:
+        raise FileFormatError(table.path, "not a motion: accelerations of joints without rates", 1)
+    t, q, va, aa, tau = np.split(values, np.cumsum([1, m, n, n]), axis=1)
+    return Trajectory(
+        t[:, 0],
+        q,
+        va,
+        aa,
+        tau,
+        names,
+        actuated,
+        units,
+        coordinates=rate_names,
+        rate_units=rate_units,
+    )
 
 
 def _names(name: str, value: Sequence[str]) -> tuple[str, ...]:

@@ -17,7 +17,7 @@ from .motions import (
     path_errors,
     powers,
 )
-from .pages import SUBJECTS, motion_page, workspace_page
+from .pages import SUBJECTS, motion_page, summary_of, workspace_page
 from .paper_figures import paper_figures
 from .sphere import paths_on_sphere, robot_pose
 from .style import (
@@ -59,6 +59,7 @@ __all__ = [
     "robot_pose",
     "second_kind",
     "style",
+    "summary_of",
     "workspace_legend",
     "workspace_map",
     "workspace_on_sphere",

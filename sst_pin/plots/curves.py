@@ -175,7 +175,12 @@ def time(ax: Axes, t: Array, what: str) -> None:
     ax.set(xlabel="time (s)", ylabel=what, xlim=(t[0], t[-1]))
     if ax.get_yscale() == "linear":
         low, high = ax.get_ylim()
-        least = 1e-4 * max(abs(low), abs(high))  # else neighbouring numbers look the same
-        if high - low < least:
-            ax.set_ylim(low - least / 2, high + least / 2)
-        ax.yaxis.set_major_formatter(lambda y, _: f"{y:.6g}".replace("-", "\N{MINUS SIGN}"))
+        size = max(abs(low), abs(high))
+        if high - low < 1e-4 * size:  # else the numbers are long and differ at their ends
+            ax.set_ylim(low - 5e-5 * size, high + 5e-5 * size)
+        if 1e-4 < size < 1e6:
+            plain = mpl.ticker.ScalarFormatter(useOffset=False)
+            plain.set_scientific(False)
+            ax.yaxis.set_major_formatter(plain)
+        else:
+            ax.yaxis.set_major_formatter(lambda y, _: f"{y:.6g}".replace("-", "\N{MINUS SIGN}"))

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..chain.closed_chain import ClosedChain
 from ..errors import InputError
+from ..motion.limits import beyond_limits
 from ..motion.trajectories import Trajectory, require_motion
 from ..sst.robot import SST
 from ..sst.workspace import Workspace
@@ -31,9 +32,10 @@ SUMMARY = ("path", "torques", "joints", "rates", "energy", "condition")
 def motion_page(
     robot: ClosedChain, motion: Trajectory, subjects: Sequence[str] | None = None
 ) -> Figure:
-    """A page about a motion, two axes in a row, lettered; below them what `check` finds of an SST.
+    """A page about a motion, two axes in a row, lettered; below them where it leaves joint limits.
 
-    A subject takes several axes where units differ or more than nine curves are to be told apart.
+    Of an SST all that `check` finds stands there. A subject takes several axes where units differ
+    or more than nine curves are to be told apart.
 
     Args:
         robot: Any closed chain.
@@ -50,7 +52,7 @@ def motion_page(
     star = isinstance(robot, SST)
     known = SUBJECTS if star else tuple(CURVES)
     if subjects is None:
-        subjects = [name for name in SUMMARY if name in known]
+        subjects = summary_of(robot)
     names = [] if isinstance(subjects, str) or not isinstance(subjects, Sequence) else subjects
     if not names or not all(name in list(known) for name in names):
         raise InputError("subjects", f"{subjects!r}, expected some of {', '.join(known)}")
@@ -65,10 +67,16 @@ def motion_page(
             ax = draw(figure.add_subplot(rows, columns, place, projection=projection))
             if len(parts) > 1:
                 _letter(ax, place)
-        if found := robot.check(motion) if isinstance(robot, SST) else ():
+        found = robot.check(motion) if isinstance(robot, SST) else beyond_limits(robot, motion)
+        if found:
             lines = [line for f in found for line in wrap(f"Warning: {f}", 65 * columns)]
             figure.supxlabel("\n".join(lines), x=0.02, ha="left", size=7, color="#B00020")
     return figure
+
+
+def summary_of(robot: ClosedChain) -> tuple[str, ...]:
+    """What a page of a robot shows when nothing is asked for."""
+    return SUMMARY if isinstance(robot, SST) else SUMMARY[1:]
 
 
 def _parts(

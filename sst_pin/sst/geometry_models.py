@@ -38,5 +38,5 @@ class ParameterShapes(NamedTuple):
         with TemporaryDirectory() as name:
             folder = Path(name)
             files = mesh_writers(self.parameters)
-            write_files({folder / file: write for file, write in files.items()})
+            write_files({folder / n: write for n, write in files.items()}, folder=folder)
             return UrdfShapes(self.urdf, folder)(model)

@@ -4,14 +4,16 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..description import MOTOR_NAMES
 from ..errors import FileFormatError, SSTError
-from ..files import Table, as_path, read_table
-from ..motion.trajectories import Trajectory, spline
+from ..files import Table, read_table
+from ..motion.motion_files import is_npz, of_robot
+from ..motion.trajectories import Trajectory, motion_of_table, spline
 from .platform_motion import interpolate_orientations, orientation
 from .robot import SST
 
@@ -21,7 +23,7 @@ _QUATERNION = ("qx", "qy", "qz", "qw")
 _ANGLES = ("theta", "phi", "psi")
 
 
-def read_motion(robot: SST, path: str | Path) -> Trajectory:
+def read_motion(robot: SST, source: str | Path | BinaryIO) -> Trajectory:
     """The motor torques of a motion in a CSV, at the times that stand there.
 
     The columns are `t_s` and one of: `qw, qx, qy, qz`, the orientation of {E} in the base;
@@ -31,7 +33,7 @@ def read_motion(robot: SST, path: str | Path) -> Trajectory:
 
     Args:
         robot: Whose motion it is.
-        path: The file.
+        source: The file, or a stream.
 
     Returns:
         The motion with its torques, joint angles continuous in time.
@@ -40,7 +42,11 @@ def read_motion(robot: SST, path: str | Path) -> Trajectory:
         FileFormatError: When the file is not such a motion.
         WorkspaceError, SingularConfigurationError: When the robot cannot follow it.
     """
-    table = read_table(path)
+    return _motion_of(robot, read_table(source))
+
+
+def _motion_of(robot: SST, table: Table) -> Trajectory:
+    path = table.path
     kinds = {
         "qw, qx, qy, qz": any(name in table.columns for name in _QUATERNION),
         "theta, phi, psi": any(_unit(table, name) for name in _ANGLES),
@@ -67,24 +73,22 @@ def read_motion(robot: SST, path: str | Path) -> Trajectory:
     return Trajectory(t, np.unwrap(q, axis=0), va, aa, tau, robot.joint_names, MOTOR_NAMES)
 
 
-def load_motion(robot: SST, path: str | Path) -> Trajectory:
+def load_motion(robot: SST, source: str | Path | BinaryIO) -> Trajectory:
     """A motion with its torques as it stands in a file, else one whose torques are computed.
 
     Args:
         robot: Whose motion it is.
-        path: What `Trajectory.save` has written, or a CSV for `read_motion`.
+        source: What `Trajectory.save` has written, or a CSV for `read_motion`; a stream is a CSV.
 
     Raises:
         FileFormatError, WorkspaceError, SingularConfigurationError: As `read_motion`.
     """
-    path = as_path(path)
-    whole = {f"{name}_rad" for name in robot.joint_names} | {"tau_1_Nm"}
-    if path.suffix.lower() != ".npz" and not whole <= set(read_table(path).columns):
-        return read_motion(robot, path)
-    motion = Trajectory.load(path)
-    if motion.joint_names != tuple(robot.joint_names):
-        raise FileFormatError(path, f"a motion of another robot: {', '.join(motion.joint_names)}")
-    return motion
+    if is_npz(source):
+        return of_robot(robot, Trajectory.load(source), source)
+    table = read_table(source)
+    if not {f"{name}_rad" for name in robot.joint_names} | {"tau_1_Nm"} <= set(table.columns):
+        return _motion_of(robot, table)
+    return of_robot(robot, motion_of_table(table), table.path)
 
 
 def _unit(table: Table, name: str) -> str | None:

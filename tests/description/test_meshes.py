@@ -152,7 +152,7 @@ def test_every_body_has_a_picture_and_primitives(kind, tmp_path):
     """In the shipped folder and in one written for other parameters."""
     odd = odd_parameters(1)
     writers = description_writers(odd, configurations_of(odd))
-    write_files({tmp_path / n: write for n, write in writers.items()})
+    write_files({tmp_path / n: write for n, write in writers.items()}, folder=tmp_path)
     for folder in (Path(sst_pin.PACKAGE_PATH), tmp_path):
         _, found = geometry(kind, folder / "sst.urdf", folder)
         named = {shape.name.rsplit("_", 1)[0] for shape in found.geometryObjects}

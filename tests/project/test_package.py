@@ -190,7 +190,7 @@ def test_public_names_resolve_and_say_what_they_are():
 def test_the_version_stands_in_one_place():
     """The package's own word, from which the metadata and the command take it."""
     metadata = (ROOT / "pyproject.toml").read_text()
-    assert 'version = { attr = "sst_pin.__version__" }' in metadata
+    assert 'version = { attr = "sst_pin.version.__version__" }' in metadata
     assert re.search(r"^version: (.+)$", (ROOT / "CITATION.cff").read_text(), re.MULTILINE)[1] == (
         sst_pin.__version__
     )

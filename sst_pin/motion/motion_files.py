@@ -1,0 +1,214 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Motions and torques of any closed chain that people write down as CSV."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import BinaryIO, TypeGuard
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..chain.closed_chain import ClosedChain
+from ..chain.joint_space import JointSpace
+from ..errors import ClosureError, FileFormatError
+from ..files import Table, read_table
+from .coordinate_motions import angles_and_lengths, coordinate_motion, start_configuration
+from .trajectories import Trajectory
+
+Array = NDArray[np.float64]
+
+#: Endings of a joint's column, and what a number there is in SI.
+_ENDINGS = {
+    "rad": {"_rad": 1.0, "_deg": np.pi / 180, "": 1.0},
+    "m": {"_m": 1.0, "_mm": 1e-3, "": 1.0},
+}
+
+
+def read_motion(chain: ClosedChain, source: str | Path | BinaryIO) -> Trajectory:
+    """The motor torques of a motion in a CSV, at the times that stand there.
+
+    The columns are `t_s` and, for each coordinate of the robot, `NAME_rad` or `NAME_deg`, or of a
+    joint that slides `NAME_m` or `NAME_mm`; without an ending the number is in radians or metres.
+    The other joints follow from the closures, rates come from splines of degree five. Where other
+    joints have columns too, their numbers in the first row choose the assembly. A file with the
+    positions of all joints and the rates and accelerations of the coordinates, as
+    `Trajectory.save` writes it, is taken as it stands.
+
+    Args:
+        chain: Whose motion it is.
+        source: The file, or a stream.
+
+    Raises:
+        FileFormatError: When the file is not such a motion, with the line at fault.
+    """
+    return _motion_of(chain, read_table(source), keep_torques=False)
+
+
+def load_motion(chain: ClosedChain, source: str | Path | BinaryIO) -> Trajectory:
+    """A motion with its torques as it stands in a file, else one whose torques are computed.
+
+    Args:
+        chain: Whose motion it is.
+        source: What `Trajectory.save` has written, or a CSV for `read_motion`; a stream is a CSV.
+
+    Raises:
+        FileFormatError: As `read_motion`.
+    """
+    if is_npz(source):
+        return of_robot(chain, Trajectory.load(source), source)
+    return _motion_of(chain, read_table(source), keep_torques=True)
+
+
+def is_npz(source: str | Path | BinaryIO) -> TypeGuard[str | Path]:
+    """Whether the path of a file says that it is one of NumPy's."""
+    return isinstance(source, str | Path) and Path(source).suffix.lower() == ".npz"
+
+
+def of_robot(chain: ClosedChain, motion: Trajectory, path: str | Path) -> Trajectory:
+    """The motion, when its joints are those of the robot.
+
+    Raises:
+        FileFormatError: When they are not.
+    """
+    if motion.joint_names != tuple(chain.position_names):
+        raise FileFormatError(path, f"a motion of another robot: {', '.join(motion.joint_names)}")
+    return motion
+
+
+def read_torques(chain: ClosedChain, table: Table) -> Array:
+    """The motors' torques in a table, shape (N, motors).
+
+    The columns are `tau_NAME_Nm`, or `tau_NAME_N` of a motor that pushes, or have the motor's
+    number, counted from 1, for its name.
+
+    Raises:
+        FileFormatError: When one is missing.
+    """
+    unit = angles_and_lengths(chain)
+    columns = []
+    for number, name in enumerate(chain.motor_names, 1):
+        force = "N" if unit.get(name) == "m" else "Nm"
+        named = f"tau_{name}_{force}"
+        columns.append(named if named in table.columns else f"tau_{number}_{force}")
+    return table.select(columns)
+
+
+def read_start(
+    chain: ClosedChain,
+    table: Table,
+    q0: Mapping[str, float] | None = None,
+    va0: Mapping[str, float] | None = None,
+) -> tuple[Array, Array]:
+    """Where a simulation begins: as given by name, else as in the first row of a table.
+
+    Args:
+        chain: The robot.
+        table: With positions as `read_motion` takes them, and `NAME_rad_s`, `NAME_m_s` for rates.
+        q0: Positions of joints, [rad] or [m]; the first row's where None.
+        va0: Rates of coordinates, zero for those left out; the first row's where None.
+
+    Returns:
+        A configuration on the closures, shape (nq,), and rates, shape (n,).
+
+    Raises:
+        FileFormatError: When neither says where.
+        UnknownNameError: For a name that is no joint's.
+        ClosureError: When the loops cannot be closed there.
+    """
+    rate_names, rate_columns = _rates(chain)
+    if va0 is not None:
+        for name in va0:
+            if name not in rate_names:
+                raise FileFormatError(
+                    table.path, f"no rate of a coordinate {name}; known: {', '.join(rate_names)}"
+                )
+        va = np.array([va0.get(name, 0.0) for name in rate_names])
+    elif set(rate_columns) <= set(table.columns):
+        va = table.select(rate_columns)[0]
+    else:
+        wanted = ",".join(f"{name}=.." for name in rate_names)
+        raise FileFormatError(
+            table.path, f"no columns {', '.join(rate_columns)} to start from; give --va0 {wanted}"
+        )
+    positions = _position_columns(chain)
+    if q0 is None and set(positions) <= set(table.columns):
+        return chain.assemble(table.select(positions)[0]), va
+    columns = {} if q0 is not None else _joints(chain, table)
+    given = q0 if q0 is not None else {name: float(c[0]) for name, c in columns.items()}
+    missing = [name for name in chain.coordinates if name not in given]
+    if missing:
+        wanted = ",".join(f"{name}=.." for name in chain.coordinates)
+        raise FileFormatError(
+            table.path, f"no {', '.join(missing)} to start from; give --q0 {wanted}"
+        )
+    return start_configuration(chain, given), va
+
+
+def _motion_of(chain: ClosedChain, table: Table, *, keep_torques: bool) -> Trajectory:
+    t = table.column("t_s")
+    _, rates = _rates(chain)
+    positions, accelerations = _position_columns(chain), [f"{name}2" for name in rates]
+    if {*positions, *rates, *accelerations} <= set(table.columns):
+        given = keep_torques and any(name.startswith("tau_") for name in table.columns)
+        tau = read_torques(chain, table) if given else None
+        q, va, aa = (table.select(columns) for columns in (positions, rates, accelerations))
+        return chain.trajectory(t, q, va, aa, tau)
+    found = _joints(chain, table)
+    missing = [name for name in chain.coordinates if name not in found]
+    if missing:
+        raise FileFormatError(
+            table.path, f"no column of {', '.join(missing)}; {_wanted(chain, table)}", 1
+        )
+    if len(t) < 3:
+        raise FileFormatError(table.path, f"{len(t)} rows; rates need three at least")
+    x = np.column_stack([found[name] for name in chain.coordinates])
+    start = start_configuration(chain, {name: float(c[0]) for name, c in found.items()})
+    try:
+        return coordinate_motion(chain, t, x, start)
+    except ClosureError as error:
+        line = table.lines[error.samples[0][0]] if error.samples else table.lines[0]
+        raise FileFormatError(table.path, str(error), line) from None
+
+
+def _wanted(chain: ClosedChain, table: Table) -> str:
+    """What a motion needs, and what there is."""
+    known = angles_and_lengths(chain)
+    there = f"found: {', '.join(table.columns)}"
+    if not set(chain.coordinates) <= known.keys():
+        columns = ", ".join(["t_s", *_position_columns(chain), *_rates(chain)[1]])
+        return f"a motion of this robot has the columns {columns} and accelerations; {there}"
+    columns = ", ".join(["t_s", *(f"{name}_{known[name]}" for name in chain.coordinates)])
+    return f"a motion has the columns {columns} (or _deg, _mm); {there}"
+
+
+def _position_columns(chain: ClosedChain) -> list[str]:
+    names = zip(chain.position_names, chain.joint_units, strict=True)
+    return [f"{name}_{unit or 1}" for name, unit in names]
+
+
+def _rates(chain: ClosedChain) -> tuple[list[str], list[str]]:
+    """Names of the coordinates' rates, and their columns."""
+    space = JointSpace(chain.model)
+    rates = space.rates_of(chain.coordinates)
+    names = [space.rate_names[k] for k in rates]
+    return names, [f"{n}_{space.rate_units[k]}_s" for n, k in zip(names, rates, strict=True)]
+
+
+def _joints(chain: ClosedChain, table: Table) -> dict[str, Array]:
+    """Positions of the joints that have a column, in SI."""
+    found = {}
+    for name, unit in angles_and_lengths(chain).items():
+        columns = _known_columns(table, name, _ENDINGS[unit])
+        if len(columns) > 1:
+            listed = ", ".join(columns)
+            raise FileFormatError(table.path, f"one joint in several columns: {listed}", 1)
+        for column, factor in columns.items():
+            found[name] = factor * table.column(column)
+    return found
+
+
+def _known_columns(table: Table, name: str, endings: Mapping[str, float]) -> dict[str, float]:
+    columns: Sequence[str] = table.columns
+    return {f"{name}{e}": factor for e, factor in endings.items() if f"{name}{e}" in columns}

@@ -1,0 +1,277 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""`torques`, `simulate`, `plot` and `info` of any robot; standard input and output."""
+
+import io
+import json
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import sst_pin
+from commands import run
+from sst_pin.cli import main
+
+ROOT = Path(__file__).resolve().parents[2]
+DELTA = ROOT / "examples" / "delta.urdf"
+SAMPLE = ROOT / "examples" / "figure_eight.csv"
+
+#: A crank that pushes a piston.
+SLIDER = """
+<mujoco model="slider_crank"><worldbody>
+  <body name="crank"><joint name="crank" type="hinge" axis="0 1 0"/>
+    <geom type="capsule" fromto="0 0 0 0 0 0.1" size="0.01" mass="0.3"/>
+    <body name="rod" pos="0 0 0.1"><joint name="rod" type="hinge" axis="0 1 0"/>
+      <geom type="capsule" fromto="0 0 0 0.25 0 -0.1" size="0.01" mass="0.2"/></body></body>
+  <body name="piston" pos="0.25 0 0"><joint name="piston" type="slide" axis="1 0 0"/>
+    <geom type="box" size="0.03 0.03 0.03" mass="0.5"/></body>
+</worldbody>
+<equality><connect body1="rod" body2="piston" anchor="0.25 0 -0.1"/></equality>
+<actuator><motor joint="piston"/></actuator></mujoco>
+"""
+
+
+def write_delta(path):
+    """Three motors up and down."""
+    rows = ["t_s,motor_1_deg,motor_2_deg,motor_3_rad"]
+    for t in np.linspace(0, 1, 41).tolist():
+        angles = [20 + 10 * math.sin(6 * t + k) for k in range(3)]
+        rows.append(f"{t!r},{angles[0]!r},{angles[1]!r},{math.radians(angles[2])!r}")
+    path.write_text("\n".join(rows) + "\n")
+
+
+def test_torques_of_a_delta_lead_back_to_its_motion(here, capsys):
+    """URDF and YAML: coordinates to torques, torques to the motion, both to a figure."""
+    pytest.importorskip("matplotlib", reason="extra `plot` is not installed")
+    write_delta(here / "m.csv")
+    robot = ("--robot", DELTA)
+    code, out, err = run(capsys, "torques", "m.csv", "-o", "tau.csv", *robot)
+    assert (code, err) == (0, "")
+    assert "41 samples, peak torques " in out
+    assert "starts at motor_1 " in out
+    assert run(capsys, "simulate", "tau.csv", "-o", "back.csv", *robot)[0] == 0
+    wanted, motion = (sst_pin.Trajectory.load(name) for name in ("tau.csv", "back.csv"))
+    # Torques by splines through samples every 25 ms, over a second.
+    assert np.abs(motion.q - wanted.q).max() < 1e-3
+    code, out, _ = run(capsys, "plot", "back.csv", "-o", "p.svg", "--what", "torques", *robot)
+    assert (code, out) == (0, "torques of 41 samples -> p.svg\n")
+    assert b"motor torque (N m)" in (here / "p.svg").read_bytes()
+
+
+def test_an_mjcf_with_a_motor_that_pushes(here, capsys):
+    """Millimetres in, newtons out."""
+    pytest.importorskip("mujoco", reason="extra `mjcf` is not installed")
+    (here / "slider.xml").write_text(SLIDER)
+    stroke = [f"{t!r},{10 * math.sin(6 * t)!r}" for t in np.linspace(0, 1, 41).tolist()]
+    (here / "m.csv").write_text("\n".join(["t_s,piston_mm", *stroke]) + "\n")
+    code, out, _ = run(capsys, "torques", "m.csv", "-o", "f.csv", "--robot", "slider.xml")
+    assert code == 0
+    assert " N -> f.csv" in out
+    motion = sst_pin.Trajectory.load("f.csv")
+    assert motion.torque_units == ("N",)
+    piston = motion.q[:, motion.joint_names.index("piston")]
+    assert np.abs(piston).max() == pytest.approx(0.01, rel=1e-2)
+
+
+def test_a_simulation_starts_at_named_joints(here, capsys):
+    """--q0 and --va0; a row of zeros has no start of its own."""
+    (here / "tau.csv").write_text("t_s,tau_1_Nm,tau_2_Nm,tau_3_Nm\n0,0,0,0\n0.001,0,0,0\n")
+    start = ("--q0", "motor_1=0.3,motor_2=0.4,motor_3=0.3", "--va0", "motor_2=-1")
+    arguments = ("tau.csv", "-o", "m.csv", "--robot", DELTA)
+    assert run(capsys, "simulate", *arguments, *start)[0] == 0
+    motion = sst_pin.Trajectory.load("m.csv")
+    assert motion.va[0].tolist() == [0, -1, 0]
+    assert motion.q[0][motion.joint_names.index("motor_2")] == 0.4
+    code, _, err = run(capsys, "simulate", *arguments, "--force")
+    assert code == 2
+    assert "give --va0 motor_1=..,motor_2=..,motor_3=.." in err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (("simulate", "t.csv", "-o", "m.csv", "--gamma", "0,0,0"), "an SST; a --robot has --q0"),
+        (("simulate", "t.csv", "-o", "m.csv", "--q0", "motor_1"), "not like crank=0.1"),
+        (("simulate", "t.csv", "-o", "m.csv", "--q0", "wheel=1", "--va0", "motor_1=0"), "motor_1"),
+        (("torques", SAMPLE, "-o", "x.csv"), "no column of motor_1, motor_2, motor_3"),
+        (("torques", SAMPLE, "-o", "no/x.csv", "--urdf", "a.urdf"), "not allowed with"),
+        (("plot", "t.csv", "-o", "x.png", "--what", "path"), "no column of"),
+        (("info", "--robot", "nowhere.xml"), "nowhere.xml"),
+    ],
+)
+def test_bad_arguments_of_any_robot_are_told_in_one_line(here, capsys, arguments, word):
+    """Exit code 2, nothing written."""
+    (here / "t.csv").write_text("t_s,tau_1_Nm,tau_2_Nm,tau_3_Nm\n0,0,0,0\n0.001,0,0,0\n")
+    robot = () if "--robot" in arguments else ("--robot", DELTA)
+    code, _, err = run(capsys, *arguments, *robot)
+    assert code == 2
+    assert err.count("\n") == 1
+    assert word in err
+    assert [path.name for path in here.iterdir()] == ["t.csv"]
+
+
+def through(capsysbinary, monkeypatch, data, *arguments):
+    """A command that reads bytes: exit code, bytes, text of errors."""
+    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(data)))
+    code = main([str(a) for a in arguments])
+    out, err = capsysbinary.readouterr()
+    return code, out, err.decode()
+
+
+def test_a_pipe_of_commands(here, capsysbinary, monkeypatch):
+    """`torques - -o -` into `simulate - -o -` into `plot - -o -`."""
+    pytest.importorskip("matplotlib", reason="extra `plot` is not installed")
+    pipe = (capsysbinary, monkeypatch)
+    code, torques, err = through(*pipe, SAMPLE.read_bytes(), "torques", "-", "-o", "-")
+    assert code == 0
+    assert "201 samples, peak torques" in err
+    main(["torques", str(SAMPLE), "-o", "file.csv"])
+    capsysbinary.readouterr()
+    assert torques == (here / "file.csv").read_bytes()
+    short = b"\n".join(torques.splitlines()[:30]) + b"\n"
+    code, motion, _ = through(*pipe, short, "simulate", "-", "-o", "-")
+    assert code == 0
+    code, figure, err = through(*pipe, motion, "plot", "-", "-o", "-", "--what", "torques")
+    assert (code, err) == (0, "torques of 29 samples -> -\n")
+    assert figure[:8] == b"\x89PNG\r\n\x1a\n"
+
+
+def test_an_error_in_standard_input_names_it(capsysbinary, monkeypatch):
+    """And its line."""
+    text = b"t_s,qw,qx,qy,qz\n0,1,0,0,zero\n"
+    code, out, err = through(capsysbinary, monkeypatch, text, "torques", "-", "-o", "-")
+    assert (code, out) == (2, b"")
+    assert "stdin>, line 2: qz: 'zero' is not a number" in err or "stream>, line 2" in err
+
+
+def test_the_bare_command_shows_its_help(capsys):
+    """On standard output."""
+    code, out, err = run(capsys)
+    assert (code, err) == (0, "")
+    assert out.startswith("usage: sst-pin ")
+    assert all(word in out for word in ("torques", "simulate", "plot", "show", "validate"))
+
+
+def test_info_as_json_says_the_same(capsys):
+    """For programs; of any robot."""
+    code, out, _ = run(capsys, "info", "--json", "--robot", DELTA)
+    assert code == 0
+    content = json.loads(out)
+    assert content["motors"] == ["motor_1", "motor_2", "motor_3"]
+    assert content["degrees_of_freedom"] == 3
+    assert content["versions"]["sst-pin"] == sst_pin.__version__
+    assert json.loads(run(capsys, "info", "--json")[1])["moving_mass_kg"] == pytest.approx(3.68)
+
+
+def test_validate_says_when_it_finds_nothing(capsys):
+    """In its first line."""
+    code, out, _ = run(capsys, "validate", DELTA)
+    assert code == 0
+    assert out.startswith("no problems found\n")
+
+
+def test_missing_folders_are_not_made_in_silence(here, capsys):
+    """A wrong path is told; a folder that is asked for is made, its parents are not."""
+    code, _, err = run(capsys, "torques", SAMPLE, "-o", "no/such/out.csv")
+    assert code == 2
+    assert "no/such: there is no such folder; make it first" in err
+    assert run(capsys, "export-c", "no/such")[0] == 2
+    assert not any(here.iterdir())
+    for number, arguments in enumerate((("made",), ("-o", "made_too"), (DELTA, "-o", "no"))):
+        if number < 2:
+            assert run(capsys, "export-c", *arguments)[0] == 0
+    assert sorted(path.name for path in here.iterdir()) == ["made", "made_too"]
+    assert run(capsys, "export-c")[0] == 2
+
+
+def test_all_missing_extras_are_named_at_once(here, capsys, monkeypatch):
+    """`describe` needs two."""
+    for name in ("matplotlib", "trimesh"):
+        monkeypatch.setitem(sys.modules, name, None)
+    code, _, err = run(capsys, "describe", "-o", "d")
+    assert code == 2
+    assert "trimesh, matplotlib are not installed; run: pip install 'sst-pin[mesh,plot]'" in err
+
+
+class Broken(io.StringIO):
+    """An output that cannot be written to."""
+
+    def __init__(self, fault):
+        super().__init__()
+        self.fault = fault
+
+    def write(self, text):
+        raise self.fault
+
+    def fileno(self):
+        raise OSError
+
+
+COMMANDS = {
+    "bare": (),
+    "info": ("info",),
+    "info --json": ("info", "--json"),
+    "torques": ("torques", "motors.csv", "-o", "a.csv", "--robot", str(DELTA)),
+    "simulate": ("simulate", "tau.csv", "-o", "b.csv", "--gamma", "1,1,1", "--gamma-dot", "0,0,0"),
+    "plot": ("plot", str(SAMPLE), "-o", "c.svg", "--what", "torques"),
+    "validate": ("validate", str(DELTA)),
+    "export-c": ("export-c", "d"),
+    "cache": ("cache",),
+}
+LONG_COMMANDS = {
+    "compile": ("compile", str(DELTA)),
+    "describe": ("describe", "-o", "e"),
+    "paper": ("paper", "--samples", "11", "-o", "f"),
+    "show": ("show", "--html", "g.html"),
+    "verify": ("verify", "--quick"),
+    "workspace": ("workspace", "-o", "h.svg"),
+}
+FAULTS = {
+    "a closed pipe": (BrokenPipeError(32, "Broken pipe"), 141, ""),
+    "a full disk": (OSError(28, "No space left on device"), 2, "No space left on device"),
+    "Ctrl-C": (KeyboardInterrupt(), 130, "sst-pin: interrupted"),
+}
+CASES = [
+    *(pytest.param(COMMANDS[c], f, id=f"{c}, {f}") for c in COMMANDS for f in FAULTS),
+    *(
+        pytest.param(LONG_COMMANDS[c], "a closed pipe", id=c, marks=pytest.mark.slow)
+        for c in LONG_COMMANDS
+    ),
+]
+
+
+@pytest.mark.parametrize(("arguments", "fault"), CASES)
+def test_no_command_ends_in_a_traceback_when_its_output_breaks(
+    here, capsys, monkeypatch, arguments, fault
+):
+    """An exit code that says so, and one line at most."""
+    write_delta(here / "motors.csv")
+    (here / "tau.csv").write_text("t_s,tau_1_Nm,tau_2_Nm,tau_3_Nm\n0,0,0,0\n0.001,0,0,0\n")
+    error, expected, words = FAULTS[fault]
+    with monkeypatch.context() as patch:
+        patch.setattr(sys, "stdout", Broken(error))
+        code = main(list(arguments))
+    assert code == expected
+    err = capsys.readouterr().err
+    assert words in err
+    assert err.count("\n") <= 1
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("torques", SAMPLE, "-o", "/proc/a.csv"),
+        ("plot", SAMPLE, "-o", "/proc/a.svg", "--what", "torques"),
+        ("export-c", "/proc/controller"),
+    ],
+    ids=lambda arguments: arguments[0],
+)
+@pytest.mark.skipif(not Path("/proc/self").exists(), reason="no /proc")
+def test_an_unwritable_place_is_told_in_one_line(capsys, arguments):
+    """Where even root makes no file."""
+    code, _, err = run(capsys, *arguments)
+    assert code == 2
+    assert err.count("\n") == 1
+    assert "cannot be written" in err

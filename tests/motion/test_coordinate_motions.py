@@ -1,0 +1,202 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Motions given by the coordinates alone, in arrays and in files."""
+
+import io
+
+import numpy as np
+import pytest
+
+import sst_pin
+from sst_pin.files import read_table
+from sst_pin.motion.coordinate_motions import coordinate_motion, start_configuration
+from sst_pin.motion.limits import beyond_limits
+from sst_pin.motion.motion_files import load_motion, read_motion, read_start
+from sst_pin.sst import paper
+
+
+def stream(text):
+    return io.BytesIO(text.encode())
+
+
+@pytest.fixture(scope="module")
+def delta():
+    return sst_pin.robots.delta()
+
+
+@pytest.fixture(scope="module")
+def stroke(delta):
+    """A motion of the delta's motors about its home."""
+    t = np.linspace(0, 1, 41)
+    motors = [delta.position_names.index(name) for name in delta.coordinates]
+    x = delta.home[motors] + 0.2 * np.sin(t[:, None] + np.arange(3))
+    return coordinate_motion(delta, t, x, delta.home), x
+
+
+def test_joints_follow_the_coordinates_of_an_sst_as_its_own_kinematics_say(robot):
+    """Closed form there, Newton's method along the way here."""
+    example = paper.example_1(robot, np.linspace(0, paper.PERIOD, 61))
+    motion = coordinate_motion(robot, example.t, example.q[:, ::3], example.q[0])
+    assert np.abs(motion.q - example.q).max() < 1e-9
+    # Splines through 61 samples know rates to some digits, less at the ends.
+    assert np.abs(motion.va - example.va)[6:-6].max() < 1e-4
+    assert np.abs(motion.tau - example.tau)[6:-6].max() < 0.05
+
+
+def test_loops_are_closed_and_torques_those_of_the_motion(delta, stroke):
+    motion, x = stroke
+    motors = [motion.joint_names.index(name) for name in delta.coordinates]
+    assert np.abs(motion.q[:, motors] - x).max() < 1e-12
+    assert max(np.abs(delta.residual(q)).max() for q in motion.q) < 1e-9
+    expected = delta.compute_torques(motion.q, motion.va, motion.aa)
+    assert np.array_equal(motion.tau, expected)
+
+
+def test_coarse_samples_stay_on_their_assembly():
+    """Steps of ninety degrees of a crank, and of one degree, end in the same place."""
+    chain = sst_pin.robots.four_bar()
+    crank = chain.home[chain.position_names.index("crank")]
+    ends = []
+    for count in (5, 361):
+        turn = np.linspace(0, 2 * np.pi, count)
+        motion = coordinate_motion(chain, turn, crank + turn[:, None], chain.home)
+        ends.append(motion.q[[0, -1]])
+    assert np.abs(ends[0] - ends[1]).max() < 1e-9
+    others = [i for i, name in enumerate(chain.position_names) if name != "crank"]
+    turns = (ends[0][1] - ends[0][0])[others] / (2 * np.pi)
+    assert np.abs(turns - turns.round()).max() < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("t", "x", "words"),
+    [
+        ([0, 1], [[0, 0, 0]] * 2, "t: shape"),
+        ([0, 1, 2], [[0, 0]] * 3, "x: shape"),
+        ([0, 1, 2], [[0, 0, 0]] * 2, "x: shape"),
+        ([0, 1, 2], [[0, 0, np.nan]] * 3, "x: "),
+    ],
+)
+def test_what_is_no_motion_of_the_coordinates_is_refused(delta, t, x, words):
+    with pytest.raises(sst_pin.InputError, match=words):
+        coordinate_motion(delta, t, x)
+
+
+def test_a_motion_out_of_reach_names_its_sample():
+    """The arms of a five-bar turn away from each other."""
+    chain = sst_pin.robots.five_bar()
+    motors = [chain.position_names.index(name) for name in chain.coordinates]
+    x = chain.home[motors] + np.linspace(0, np.pi, 9)[:, None] * [1, -1]
+    with pytest.raises(sst_pin.ClosureError, match="cannot be followed further") as caught:
+        coordinate_motion(chain, np.arange(9.0), x, chain.home)
+    assert len(caught.value.samples) == 1
+
+
+def test_a_start_is_chosen_by_the_joints_that_are_given():
+    """A five-bar has its elbows outwards or inwards."""
+    chain = sst_pin.robots.four_bar()
+    outwards = start_configuration(chain, dict(zip(chain.position_names, chain.home, strict=True)))
+    assert np.abs(outwards - chain.home).max() < 1e-9
+    with pytest.raises(sst_pin.UnknownNameError, match="wheel"):
+        start_configuration(chain, {"wheel": 1.0})
+
+
+def columns(motion, names, endings):
+    """A CSV of some joints, in the units that the endings say."""
+    factors = {"_rad": 1, "_deg": 180 / np.pi, "": 1}
+    chosen = [motion.joint_names.index(name) for name in names]
+    values = motion.q[:, chosen] * [factors[e] for e in endings]
+    header = ["t_s", *(f"{name}{e}" for name, e in zip(names, endings, strict=True))]
+    rows = np.column_stack([motion.t, values]).tolist()
+    return "\n".join([",".join(header), *(",".join(map(repr, row)) for row in rows)]) + "\n"
+
+
+@pytest.mark.parametrize("endings", [("_rad",) * 3, ("_deg", "", "_rad")])
+def test_a_file_of_coordinates_is_the_motion(delta, stroke, endings):
+    """Radians, degrees, bare names; the first row's other joints choose the assembly."""
+    motion, _ = stroke
+    passive = [name for name in motion.joint_names if name not in delta.coordinates]
+    revolute = [n for n in passive if motion.units[motion.joint_names.index(n)] == "rad"]
+    names = (*delta.coordinates, *revolute)
+    read = read_motion(delta, stream(columns(motion, names, endings + ("_rad",) * len(revolute))))
+    assert np.abs(read.q - motion.q).max() < 1e-9
+    assert np.abs(read.tau - motion.tau).max() < 1e-6
+
+
+def test_a_whole_file_is_taken_as_it_stands(delta, stroke, tmp_path):
+    """`load_motion` keeps its torques, `read_motion` computes them."""
+    motion, _ = stroke
+    arrays = [motion.t, motion.q, motion.va, motion.aa]
+    halved = delta.trajectory(*arrays, motion.tau / 2)
+    for name in ("m.csv", "m.npz"):
+        halved.save(tmp_path / name)
+        assert load_motion(delta, tmp_path / name) == halved
+    assert np.abs(read_motion(delta, tmp_path / "m.csv").tau - motion.tau).max() < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("t_s,x\n0,1\n1,1\n2,1\n", "line 1: no column of "),
+        ("x\n0\n", "missing column t_s"),
+        ("t_s,{0}_rad,{0}_deg,{1},{2}\n0,0,0,0,0\n", "one joint in several columns"),
+        ("t_s,{0},{1},{2}\n0,0,0,0\n1,0,0,0\n", "2 rows; rates need three"),
+        ("t_s,{0},{1},{2}\n0,0,0,0\n1,0.1,0,0\n2,4,0,0\n", "line 4: "),
+    ],
+)
+def test_a_file_that_is_no_motion_says_where(delta, text, words):
+    file = stream(text.format(*delta.coordinates))
+    with pytest.raises(sst_pin.FileFormatError, match=words):
+        read_motion(delta, file)
+
+
+def test_a_floating_robot_says_which_columns_it_needs():
+    """Its first coordinates are no angles: positions, rates and accelerations of all."""
+    import pinocchio as pin
+
+    model = pin.Model()
+    base = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "base")
+    model.appendBodyToJoint(base, pin.Inertia.FromSphere(1.0, 0.1), pin.SE3.Identity())
+    parent = base
+    for name in ("a", "b", "c"):
+        where = pin.SE3(np.eye(3), np.array([0.2, 0, 0]))
+        parent = model.addJoint(parent, pin.JointModelRZ(), where, name)
+        model.appendBodyToJoint(parent, pin.Inertia.FromSphere(0.1, 0.1), pin.SE3.Identity())
+    end = pin.SE3(np.eye(3), np.array([0.2, 0, 0]))
+    model.addFrame(pin.Frame("end", parent, end, pin.FrameType.OP_FRAME))
+    pivot = pin.SE3(np.eye(3), np.array([0.2, 0.2, 0]))
+    model.addFrame(pin.Frame("pivot", base, pivot, pin.FrameType.OP_FRAME))
+    chain = sst_pin.ClosedChain(model, [sst_pin.Closure("end", "pivot", "3d")], ["a"])
+    with pytest.raises(sst_pin.FileFormatError, match=r"base_qw_1, .* and accelerations"):
+        read_motion(chain, stream("t_s,a\n0,0\n1,0\n2,0\n"))
+
+
+def test_a_simulation_starts_where_names_or_the_first_row_say(delta, stroke):
+    motion, _ = stroke
+    table = read_table(stream("t_s,tau_1_Nm\n0,0\n"))
+    q = dict(zip(motion.joint_names, motion.q[0], strict=True))
+    given = {name: value for name, value in q.items() if name in delta.coordinates}
+    first = delta.coordinates[0]
+    q0, va0 = read_start(delta, table, given, {first: 2.0})
+    assert va0.tolist() == [2, 0, 0]
+    assert np.abs(delta.residual(q0)).max() < 1e-9
+    with pytest.raises(sst_pin.FileFormatError, match="give --va0"):
+        read_start(delta, table, given)
+    with pytest.raises(sst_pin.FileFormatError, match="give --q0"):
+        read_start(delta, table, None, {})
+    with pytest.raises(sst_pin.FileFormatError, match="no rate of a coordinate wheel"):
+        read_start(delta, table, given, {"wheel": 1.0})
+
+
+def test_joints_beyond_their_limits_are_named_with_their_worst_sample(delta, stroke):
+    motion, _ = stroke
+    model = delta.model.copy()
+    motor = motion.joint_names.index(delta.coordinates[0])
+    model.lowerPositionLimit[:] = -1e9
+    model.upperPositionLimit[:] = 1e9
+    wide = sst_pin.ClosedChain(model, delta.closures, list(delta.motor_names))
+    assert beyond_limits(wide, motion) == []
+    model.upperPositionLimit[motor] = motion.q[:, motor].max() - 0.01
+    narrow = sst_pin.ClosedChain(model, delta.closures, list(delta.motor_names))
+    (found,) = beyond_limits(narrow, motion)
+    worst = motion.t[motion.q[:, motor].argmax()]
+    assert found.startswith(f"{delta.coordinates[0]} leaves its limits of ")
+    assert found.endswith(f"{motion.q[:, motor].max():.4g} rad at t = {worst:.6g} s")
