@@ -73,9 +73,7 @@ def add_robot(parser: Parser) -> None:
     options.add_argument(
         "--robot", type=Path, metavar="FILE", help="any robot: a URDF beside its YAML, or an MJCF"
     )
-    options.add_argument(
-        "--urdf", type=Path, metavar="FILE", help="an edited SST; the paper's by default"
-    )
+    add_urdf(options)
 
 
 def any_robot_of(arguments: argparse.Namespace) -> ClosedChain:
@@ -151,7 +149,7 @@ def add_strict(parser: Parser) -> None:
 def refuses(robot: ClosedChain, motion: Trajectory, arguments: argparse.Namespace) -> bool:
     """Say what the machine cannot take of a motion; whether that ends the command."""
     found: Sequence[object] = (
-        robot.check(motion) if isinstance(robot, SST) else beyond_limits(robot, motion)
+        robot.check(motion) if isinstance(robot, SST) else beyond_limits(robot, motion.q, motion.t)
     )
     for finding in found:
         kind = "error" if arguments.strict else "warning"

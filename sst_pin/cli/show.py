@@ -17,9 +17,18 @@ from ..chain.closed_chain import ClosedChain
 from ..errors import InputError, OutputError
 from ..files import write_files
 from ..motion.trajectories import Trajectory
-from ..sst.motion_files import load_motion
 from ..sst.paper import PERIOD, example_1
-from .common import Commands, Parser, add_force, add_strict, add_urdf, chain_of, robot_of
+from ..sst.robot import SST
+from .common import (
+    Commands,
+    Parser,
+    add_force,
+    add_robot,
+    add_strict,
+    any_robot_of,
+    motion_in,
+    robot_of,
+)
 
 
 def add_to(commands: Commands) -> None:
@@ -31,17 +40,13 @@ def add_to(commands: Commands) -> None:
         "1 of the paper, and of another robot a configuration. With --html, --png or --gif it "
         "writes files instead.",
     )
-    which = parser.add_mutually_exclusive_group()
-    add_urdf(which)
-    which.add_argument(
-        "--robot", type=Path, metavar="FILE", help="any closed chain: a URDF beside its YAML, MJCF"
-    )
+    add_robot(parser)
     parser.add_argument(
         "motion",
         type=Path,
         nargs="?",
         metavar="MOTION",
-        help="as for `torques`, or its output; of another robot a file of `Trajectory.save`",
+        help="as for `torques`, or its output; - is standard input",
     )
     parser.add_argument(
         "--speed",
@@ -128,15 +133,12 @@ def _asked_for(
     arguments: argparse.Namespace,
 ) -> tuple[ClosedChain, Trajectory | None, float, str]:
     """Robot, motion, speed and title."""
-    path = arguments.motion
-    if arguments.robot is not None:
-        chain = chain_of(arguments.robot)
-        motion = None if path is None else Trajectory.load(path)
-        return chain, motion, 1.0, chain.model.name if path is None else path.name
-    robot = robot_of(arguments)
-    if path is None:
+    path, robot = arguments.motion, any_robot_of(arguments)
+    if path is not None:
+        return robot, motion_in(robot, path), 1.0, path.name
+    if isinstance(robot, SST):
         return robot, example_1(robot, np.linspace(0, PERIOD, 201)), 0.1, "Example 1: the circle"
-    return robot, load_motion(robot, path), 1.0, path.name
+    return robot, None, 1.0, robot.model.name
 
 
 def _wait(url: str, no_open: bool) -> None:

@@ -4,31 +4,29 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..chain.closed_chain import ClosedChain
-from .trajectories import Trajectory, require_motion
+from ..chain.loops import CLOSURE_TOLERANCE
+
+Array = NDArray[np.float64]
 
 
-def beyond_limits(chain: ClosedChain, motion: Trajectory) -> list[str]:
+def beyond_limits(chain: ClosedChain, q: Array, t: Array | None = None) -> list[str]:
     """A sentence for each joint that leaves its limits, with its worst sample.
 
     Args:
         chain: Any closed chain.
-        motion: Of that robot.
-
-    Raises:
-        InputError: When the motion is another robot's.
+        q: Configurations, shape (N, nq).
+        t: Their times, shape (N,), [s]; None for a single configuration.
     """
-    require_motion(motion, chain.position_names)
+    low, high = chain.model.lowerPositionLimit, chain.model.upperPositionLimit
+    excess = np.maximum(low - q, q - high)
     found = []
-    limits = zip(chain.model.lowerPositionLimit, chain.model.upperPositionLimit, strict=True)
-    names = zip(motion.joint_names, motion.units, strict=True)
-    for (name, unit), (low, high), q in zip(names, limits, motion.q.T, strict=True):
-        beyond = np.maximum(low - q, q - high)
-        worst = int(beyond.argmax())
-        if unit and beyond[worst] > 0:
-            found.append(
-                f"{name} leaves its limits of {low:.4g} to {high:.4g} {unit}: "
-                f"{q[worst]:.4g} {unit} at t = {motion.t[worst]:.6g} s"
-            )
+    for i, (name, unit) in enumerate(zip(chain.position_names, chain.joint_units, strict=True)):
+        worst = int(excess[:, i].argmax())
+        if unit and excess[worst, i] > CLOSURE_TOLERANCE:
+            limits = f"{low[i]:.4g} to {high[i]:.4g} {unit}"
+            when = "" if t is None else f" at t = {t[worst]:.6g} s"
+            found.append(f"{name} leaves its limits of {limits}: {q[worst, i]:.4g} {unit}{when}")
     return found

@@ -67,7 +67,11 @@ def motion_page(
             ax = draw(figure.add_subplot(rows, columns, place, projection=projection))
             if len(parts) > 1:
                 _letter(ax, place)
-        found = robot.check(motion) if isinstance(robot, SST) else beyond_limits(robot, motion)
+        found = (
+            robot.check(motion)
+            if isinstance(robot, SST)
+            else beyond_limits(robot, motion.q, motion.t)
+        )
         if found:
             lines = [line for f in found for line in wrap(f"Warning: {f}", 65 * columns)]
             figure.supxlabel("\n".join(lines), x=0.02, ha="left", size=7, color="#B00020")

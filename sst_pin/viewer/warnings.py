@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..chain.closed_chain import ClosedChain
 from ..chain.loops import CLOSURE_TOLERANCE
+from ..motion.limits import beyond_limits
 from ..sst.check import findings
 from ..sst.robot import SST
 
@@ -28,7 +29,7 @@ def warnings_of(robot: ClosedChain, t: Array | None, q: Array) -> list[str]:
     if isinstance(robot, SST):
         found = findings(robot.model, robot.geometry, np.zeros(1) if t is None else t, q)
         return lines + [finding.problem if t is None else str(finding) for finding in found]
-    return lines + list(_beyond(robot, t, q))
+    return lines + beyond_limits(robot, q, t)
 
 
 def _open(robot: ClosedChain, t: Array | None, q: Array) -> Iterator[str]:
@@ -36,16 +37,6 @@ def _open(robot: ClosedChain, t: Array | None, q: Array) -> Iterator[str]:
     worst = int(residuals.argmax())
     if residuals[worst] > CLOSURE_TOLERANCE:
         yield f"the loops are open by {residuals[worst]:.3g} (m or rad){_at(t, worst)}"
-
-
-def _beyond(robot: ClosedChain, t: Array | None, q: Array) -> Iterator[str]:
-    low, high = robot.model.lowerPositionLimit, robot.model.upperPositionLimit
-    excess = np.maximum(low - q, q - high)
-    for i, (name, unit) in enumerate(zip(robot.position_names, robot.joint_units, strict=True)):
-        worst = int(excess[:, i].argmax())
-        if unit and excess[worst, i] > CLOSURE_TOLERANCE:
-            limits = f"{low[i]:.4g} to {high[i]:.4g} {unit}"
-            yield f"{name} leaves its limits of {limits}: {q[worst, i]:.4g} {unit}{_at(t, worst)}"
 
 
 def _at(t: Array | None, sample: int) -> str:

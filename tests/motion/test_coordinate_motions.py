@@ -193,10 +193,10 @@ def test_joints_beyond_their_limits_are_named_with_their_worst_sample(delta, str
     model.lowerPositionLimit[:] = -1e9
     model.upperPositionLimit[:] = 1e9
     wide = sst_pin.ClosedChain(model, delta.closures, list(delta.motor_names))
-    assert beyond_limits(wide, motion) == []
+    assert beyond_limits(wide, motion.q, motion.t) == []
     model.upperPositionLimit[motor] = motion.q[:, motor].max() - 0.01
     narrow = sst_pin.ClosedChain(model, delta.closures, list(delta.motor_names))
-    (found,) = beyond_limits(narrow, motion)
+    (found,) = beyond_limits(narrow, motion.q, motion.t)
     worst = motion.t[motion.q[:, motor].argmax()]
     assert found.startswith(f"{delta.coordinates[0]} leaves its limits of ")
     assert found.endswith(f"{motion.q[:, motor].max():.4g} rad at t = {worst:.6g} s")
