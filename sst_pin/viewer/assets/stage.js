@@ -26,7 +26,7 @@ const stage = (() => {
   grid.rotateX(Math.PI / 2);
   Object.assign(grid.material, { transparent: true, opacity: 0.28, depthWrite: false });
   shadow.receiveShadow = key.castShadow = true;
-  key.shadow.mapSize.set(2048, 2048);
+  key.shadow.mapSize.set(1024, 1024);
   floor.add(shadow, grid);
   viewer.scene.add(new THREE.AmbientLight(0xffffff, 0.6), key, key.target, fill, fill.target, floor);
 

@@ -1,0 +1,190 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The page on phones, tablets and desks: the robot fits, and hands find what they look for."""
+
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+
+import sst_pin
+from browser import Visit, chromium, needs_browser  # noqa: F401
+from sst_pin.sst import paper
+from sst_pin.viewer import Viewer
+
+pytestmark = needs_browser
+
+PHONE, TABLET, DESK, LYING = (390, 844), (820, 1180), (1440, 900), (844, 390)
+#: Least and largest coordinate of all vertices that are seen, in the picture's own -1 to 1.
+EXTENT = """([view, share]) => {
+  if (view) stage.look(view);
+  if (share !== undefined) panel.seek(share * Number(document.getElementById("time").max));
+  const low = [9, 9], high = [-9, -9];
+  viewer.scene.updateMatrixWorld(true);
+  viewer.camera.updateMatrixWorld(true);
+  viewer.scene_tree.find(["meshcat", "robot"]).object.traverse((object) => {
+    for (let o = object; o; o = o.parent) if (!o.visible) return;
+    if (!object.isMesh) return;
+    const vertices = object.geometry.attributes.position;
+    for (let i = 0; i < vertices.count; i++) {
+      const p = viewer.camera.position.clone().fromBufferAttribute(vertices, i);
+      p.applyMatrix4(object.matrixWorld).project(viewer.camera);
+      [p.x, p.y].forEach((x, k) => {
+        low[k] = Math.min(low[k], x);
+        high[k] = Math.max(high[k], x);
+      });
+    }
+  });
+  return [low, high];
+}"""
+
+
+def example(name):
+    """A robot's page in motion."""
+    if name == "sst":
+        robot = sst_pin.SST()
+        motion = paper.example_1(robot, np.linspace(0, paper.PERIOD, 21))
+    else:
+        robot = getattr(sst_pin.robots, name)()
+        n = robot.degrees_of_freedom
+        start = np.zeros(len(robot.motor_names)), robot.home, np.zeros(n)
+        motion = robot.simulate(*start, np.linspace(0, 0.15, 11))
+    viewer = Viewer(robot)
+    viewer.play(motion, title=name)
+    return viewer
+
+
+@contextmanager
+def opened(chromium, viewer, path, size, **options):  # noqa: F811
+    """The page as a file, standing still, in a window of some size; a small one is for fingers."""
+    touch = min(size) < 800
+    context = chromium.new_context(
+        viewport=dict(zip(("width", "height"), size, strict=True)),
+        has_touch=touch,
+        is_mobile=touch,
+        **{"reduced_motion": "reduce"} | options,
+    )
+    path.write_text(viewer.html, encoding="utf-8")
+    page = context.new_page()
+    found = Visit(page)
+    page.goto(path.as_uri())
+    yield page
+    assert found.errors == []
+    context.close()
+
+
+@pytest.mark.parametrize(
+    ("name", "size"),
+    [
+        ("four_bar", PHONE),
+        *(
+            pytest.param(name, size, marks=pytest.mark.slow)
+            for name, sizes in {
+                "sst": (PHONE, TABLET, DESK, LYING),
+                "scissor_lift": (PHONE,),
+                "planar_3rrr": (TABLET,),
+                "stewart": (PHONE,),
+            }.items()
+            for size in sizes
+        ),
+    ],
+)
+def test_all_of_the_robot_is_in_the_picture(chromium, tmp_path, name, size):  # noqa: F811
+    """At each instant, from each preset view; and it fills the picture one way at least.
+
+    Filled is 0.9 of the width or height by points that lie farthest out over the whole motion;
+    half of that may be another instant's.
+    """
+    with opened(chromium, example(name), tmp_path / "page.html", size) as page:
+        pane = page.locator("#pane").bounding_box()
+        assert pane["height"] > 0.45 * min(size[1], 600)
+        assert pane["width"] > 0.45 * size[0]
+        for view in ("usual", "front", "side", "top", "iso"):
+            spans = []
+            for share in (0, 0.6):
+                low, high = np.array(page.evaluate(EXTENT, [view, share]))
+                assert low.min() > -1, (view, share)
+                assert high.max() < 1, (view, share)
+                spans.append(np.max(high - low) / 2)
+            assert max(spans) > 0.45, view
+
+
+@pytest.mark.slow
+def test_a_window_that_changes_keeps_the_robot_in_the_picture(chromium, tmp_path):  # noqa: F811
+    """A phone that is turned; once the reader has moved the camera it is left alone."""
+    with opened(chromium, example("four_bar"), tmp_path / "page.html", PHONE) as page:
+        page.evaluate("panel.still(0)")
+        for width, height in (LYING, DESK, PHONE):
+            page.set_viewport_size({"width": width, "height": height})
+            page.wait_for_timeout(100)
+            low, high = np.array(page.evaluate(EXTENT, []))
+            assert low.min() > -1
+            assert high.max() < 1
+        box = page.locator("#pane").bounding_box()
+        middle = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+        page.mouse.move(*middle)
+        page.mouse.down()
+        page.mouse.move(middle[0] + 60, middle[1] + 20, steps=3)
+        page.mouse.up()
+        turned = page.evaluate("viewer.camera.position.toArray()")
+        page.set_viewport_size({"width": 500, "height": 844})
+        page.wait_for_timeout(100)
+        assert page.evaluate("viewer.camera.position.toArray()") == pytest.approx(turned)
+
+
+@pytest.mark.slow
+def test_below_800_px_panes_are_stacked_and_words_are_for_fingers(chromium, tmp_path):  # noqa: F811
+    """Beside each other on a desk, where the words are for mouse and keys."""
+    viewer = example("four_bar")
+    for size, stacked in ((PHONE, True), (DESK, False)):
+        with opened(chromium, viewer, tmp_path / "page.html", size) as page:
+            view, aside = (page.locator(part).bounding_box() for part in ("#view", "aside"))
+            assert (aside["y"] >= view["y"] + view["height"]) == stacked
+            assert (aside["x"] >= view["x"] + view["width"]) != stacked
+            assert page.get_by_text("pinch to zoom").is_visible() == stacked
+            assert page.get_by_text("wheel to zoom").is_visible() != stacked
+            across = "document.documentElement.scrollWidth <= innerWidth"
+            assert page.evaluate(across)
+
+
+@pytest.mark.slow
+def test_keys_work_after_a_click_and_curves_can_be_chosen(chromium, tmp_path):  # noqa: F811
+    """Whatever was clicked last: a button, a box, a list, the slider, the picture."""
+    viewer = example("four_bar")
+    with opened(chromium, viewer, tmp_path / "page.html", DESK) as page:
+        page.locator("#play").click()
+        page.get_by_role("button", name="Top").click()
+        page.locator("[data-layer=floor]").click()
+        page.evaluate("panel.still(0.5)")
+        for part in ("#play", "#time", "#pane", "#chart", "[data-layer=trail]"):
+            page.locator(part).click()
+            page.evaluate("panel.still(0.5)")
+            page.keyboard.press("Space")
+            assert page.evaluate("panel.playing"), part
+            page.keyboard.press("ArrowRight")
+            assert not page.evaluate("panel.playing"), part
+        for curves in viewer._panel["curves"]:
+            page.locator("#curves").select_option(curves["called"])
+            page.evaluate("panel.still(0)")
+            assert page.locator("#legend > div").count() == len(curves["names"])
+            assert page.locator("#chart polyline").count() == len(curves["names"])
+            assert page.get_by_text(curves["what"], exact=True).is_visible()
+            shown = page.locator(".value").first.inner_text().replace("\u2212", "-")
+            assert float(shown) == pytest.approx(curves["values"][0][0], abs=0.0051)
+        page.keyboard.press("Space")
+        assert page.evaluate("panel.playing")
+        assert "Meshcat" in page.locator("#credit").inner_text()
+
+
+@pytest.mark.slow
+def test_who_wants_little_motion_or_a_dark_page_has_it(chromium, tmp_path):  # noqa: F811
+    """prefers-reduced-motion: nothing plays by itself; prefers-color-scheme: dark."""
+    viewer = example("four_bar")
+    path = tmp_path / "page.html"
+    with opened(chromium, viewer, path, DESK, color_scheme="dark") as page:
+        assert not page.evaluate("panel.playing")
+        paper_colour = page.evaluate("getComputedStyle(document.body).backgroundColor")
+        assert max(map(int, paper_colour[4:-1].split(","))) < 50
+        page.locator("#play").click()
+        assert page.evaluate("panel.playing")
+    with opened(chromium, viewer, path, DESK, reduced_motion="no-preference") as page:
+        assert page.evaluate("panel.playing")
