@@ -208,14 +208,7 @@ def large_urdf(links, kind):
             + "]><robot name='&a12;'/>",
             "not XML",
         ),
-<<<<<<< HEAD
         ("<robot xmlns:xacro='http://x/xacro' name='r'><xacro:property/></robot>", "xacro file"),
-=======
-        (
-            "<robot xmlns:xacro='http://x/xacro' name='r'><xacro:property/></robot>",
-            "is a xacro file",
-        ),
->>>>>>> 5a0065f (Test the viewer's page on screens of four sizes; draw three of them for the docs)
         ("<robot name='r'><link name='l'/></robot>", None),  # the least that is read
     ],
     ids=["links", "joints", "depth", "bytes", "entities", "xacro", "least"],

@@ -5,7 +5,13 @@ const subscript = (name) => name.replace(/^tau/, "\u03c4").replace(/_(\w+)$/, "<
 
 const stage = (() => {
   const THREE = MeshCat.THREE, pane = at("pane");
-  const viewer = new MeshCat.Viewer(pane);
+  let viewer;
+  try {
+    viewer = new MeshCat.Viewer(pane);
+  } catch (error) {
+    pane.innerHTML = "<p>This browser has no WebGL, which draws the robot: switch on hardware acceleration, or take another browser.</p>";
+    throw error;
+  }
   window.viewer = viewer;
   viewer.gui.domElement.style.display = "none"; // the page's controls stand for it
   viewer.set_property(["Background"], "visible", false); // the page's shines through
