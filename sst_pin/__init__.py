@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from .description.parameters import Parameters as Parameters
     from .description.parameters import RigidBody as RigidBody
     from .errors import ActuationError as ActuationError
+    from .errors import AssignmentError as AssignmentError
     from .errors import ClosureError as ClosureError
     from .errors import DescriptionError as DescriptionError
     from .errors import DescriptionWarning as DescriptionWarning
@@ -66,7 +67,8 @@ _NAMES = {
     "description": "MJCF_PATH PACKAGE_PATH REPOSITORY_PATH SRDF_PATH URDF_PATH YAML_PATH",
     "description.parameters": "Parameters RigidBody",
     "errors": (
-        "ActuationError ClosureError DescriptionError DescriptionWarning FileFormatError "
+        "ActuationError AssignmentError ClosureError DescriptionError DescriptionWarning "
+        "FileFormatError "
         "InputError MissingExtraError OutputError ParametersError SimulationError "
         "SingularConfigurationError SingularityWarning SSTError UnknownNameError "
         "WorkspaceError"

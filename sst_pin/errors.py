@@ -80,6 +80,24 @@ class ParametersError(SSTError, ValueError):
         super().__init__("impossible parameters:\n  " + "\n  ".join(self.problems))
 
 
+class AssignmentError(SSTError, AttributeError):
+    """An attribute of a robot was assigned that is computed, or that it does not have.
+
+    Attributes:
+        name: The attribute.
+
+    Example:
+        >>> robot.actuated = ["gamma_1"]
+        Traceback (most recent call last):
+            ...
+        sst_pin.errors.AssignmentError: actuated cannot be assigned; choose the motors of ...
+    """
+
+    def __init__(self, name: str, problem: str) -> None:
+        super().__init__(f"{name} {problem}")
+        self.name = name
+
+
 class DescriptionError(SSTError):
     """A robot description (URDF, YAML cuts, MJCF) that does not describe what is needed.
 

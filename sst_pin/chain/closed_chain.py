@@ -23,7 +23,9 @@ from ..arrays import (
     whole_number,
 )
 from ..errors import ClosureError, InputError, MissingExtraError
+from ..summaries import as_html, as_text, listed
 from . import derivatives, dynamics, samples
+from .assignments import require_assignable
 from .backend import States
 from .closures import Constraint
 from .current import CurrentMechanism
@@ -168,14 +170,14 @@ class ClosedChain:
         return self._current.draft.space.position_units
 
     @property
-    def actuated(self) -> tuple[int, ...]:
-        """Indices in v of the motors' joints, motor after motor.
+    def actuated(self) -> NDArray[np.intp]:
+        """Indices in v of the motors' joints, motor after motor, read-only.
 
         Example:
-            >>> chain.actuated
-            (0,)
+            >>> robot.joint_rates(robot.home, [1, 2, 3])[robot.actuated]
+            array([1., 2., 3.])
         """
-        return tuple(map(int, self._current.draft.driven))
+        return self._current.draft.driven
 
     @property
     def actuation(self) -> Array:
@@ -1325,6 +1327,29 @@ class ClosedChain:
         twin = type(self).__new__(type(self))
         twin.__dict__.update(self.__dict__, _current=copy(self._current))
         return twin
+
+    def __setattr__(self, name: str, value: object) -> None:
+        require_assignable(self, name)
+        super().__setattr__(name, value)
+
+    def __repr__(self) -> str:
+        return as_text(*self._summary())
+
+    def _repr_html_(self) -> str:
+        return as_html(*self._summary())
+
+    def _summary(self) -> tuple[str, list[tuple[str, str]]]:
+        """What it is, in a few rows; nothing is assembled for them."""
+        draft = self._current.draft
+        title = f"{type(self).__name__} {draft.model.name}"
+        computing = [("computed by", str(self._current.backend))] if self._current.settled else []
+        return title, [
+            ("joints", f"{len(self.joint_names)} ({listed(self.joint_names)})"),
+            ("closures", f"{len(self.closures)} ({listed([str(c) for c in self.closures], 3)})"),
+            ("motors", f"{len(self.motor_names)} ({listed(self.motor_names)})"),
+            ("sizes", f"nq = {draft.model.nq}, nv = {draft.model.nv}"),
+            *computing,
+        ]
 
     def states(self, sign_width: float, q: ArrayLike) -> States:
         """The state space for an integrator.

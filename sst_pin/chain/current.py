@@ -190,6 +190,11 @@ class CurrentMechanism:
             self.kernels = kernels
             self._install(backend)
 
+    @property
+    def settled(self) -> bool:
+        """Whether the coordinates are settled."""
+        return self._settled is not None
+
     def path(self) -> str:
         """What computes, and why."""
         with suppress(ClosureError):

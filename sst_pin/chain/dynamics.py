@@ -20,6 +20,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from ..errors import SingularConfigurationError
+from ..summaries import as_html, as_text
 from .assembly import Assembly
 from .loops import CLOSURE_TOLERANCE, Loops
 from .mechanism import Friction, Mechanism
@@ -30,7 +31,7 @@ from .tree import depth_first
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Terms:
     """Every matrix of Eq. (92): f = inertia aa + coriolis va - gravity - friction - springs.
 
@@ -73,6 +74,26 @@ class Terms:
     friction: Array
     springs: Array
 
+    def __repr__(self) -> str:
+        return as_text(*self._summary())
+
+    def _repr_html_(self) -> str:
+        return as_html(*self._summary())
+
+    def _summary(self) -> tuple[str, list[tuple[str, str]]]:
+        """Shapes of the matrices, in a row for each step of the paper."""
+        return "Terms of Eq. (92)", [
+            ("closures", _shapes(Phi=self.Phi, L=self.L, L_dot=self.L_dot)),
+            ("bodies", _shapes(K=self.K, K_dot=self.K_dot, M=self.M, Omega=self.Omega)),
+            ("recursion", _shapes(N_l=self.N_l, N_d=self.N_d)),
+            ("complement", _shapes(T=self.T, T_dot=self.T_dot)),
+            ("matrices", _shapes(inertia=self.inertia, coriolis=self.coriolis)),
+            (
+                "forces",
+                _shapes(gravity=self.gravity, friction=self.friction, springs=self.springs),
+            ),
+        ]
+
 
 class ReducedTerms(NamedTuple):
     """f = inertia aa + coriolis va - gravity - friction, Eq. (92), for a batch.
@@ -96,6 +117,19 @@ class ReducedTerms(NamedTuple):
     gravity: Array
     friction: Array
 
+    def __repr__(self) -> str:
+        return as_text(*self._summary())
+
+    def _repr_html_(self) -> str:
+        return as_html(*self._summary())
+
+    def _summary(self) -> tuple[str, list[tuple[str, str]]]:
+        """Shapes of the terms."""
+        return "ReducedTerms of Eq. (92)", [
+            ("matrices", _shapes(inertia=self.inertia, coriolis=self.coriolis)),
+            ("forces", _shapes(gravity=self.gravity, friction=self.friction)),
+        ]
+
     @classmethod
     def of_rows(cls, rows: Array, n: int) -> ReducedTerms:
         """From all numbers of a sample in a row, shape (..., 2 n (n + 1))."""
@@ -104,6 +138,11 @@ class ReducedTerms(NamedTuple):
         )
         square = (*rows.shape[:-1], n, n)
         return cls(inertia.reshape(square), coriolis.reshape(square), gravity, friction)
+
+
+def _shapes(**arrays: Array) -> str:
+    """Names with shapes, as L (9, 3)."""
+    return ", ".join(f"{name} {array.shape}" for name, array in arrays.items())
 
 
 class Workspace:

@@ -146,7 +146,9 @@ class Mechanism:
     def driven(self) -> NDArray[np.intp]:
         """Indices in v of the rates that motors act on, motor after motor."""
         columns = (np.flatnonzero(column) for column in self.motors.T)
-        return np.array(list(dict.fromkeys(k for c in columns for k in c)), dtype=np.intp)
+        rates = np.array(list(dict.fromkeys(k for c in columns for k in c)), dtype=np.intp)
+        rates.flags.writeable = False
+        return rates
 
     @cached_property
     def coordinate_rate_names(self) -> tuple[str, ...]:

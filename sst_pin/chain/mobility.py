@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..summaries import as_html
 from .mechanism import Mechanism
 
 Array = NDArray[np.float64]
@@ -71,6 +72,13 @@ class Mobility:
     def redundantly_actuated(self) -> bool:
         """Whether there are more motors than degrees of freedom."""
         return len(self.actuated) > self.degrees_of_freedom
+
+    def __repr__(self) -> str:
+        return str(self)
+
+    def _repr_html_(self) -> str:
+        rows = [(line[:20].strip(), line[20:]) for line in str(self).splitlines()]
+        return as_html("Mobility", [(word, text) for word, text in rows if word])
 
     def __str__(self) -> str:
         n, dof = len(self.actuated), self.degrees_of_freedom

@@ -64,6 +64,8 @@ class GalleryRobot(ClosedChain):
         home: Joint coordinates at the home pose, shape (nq,).
     """
 
+    home: Array
+
     def __init__(
         self,
         tree: Tree,

@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Assignments to a robot that would have no effect are refused, with what to do instead."""
+
+from __future__ import annotations
+
+from difflib import get_close_matches
+
+from ..errors import AssignmentError
+
+_CURES = {
+    "model": "change what is in it, as in robot.model.gravity.linear = [0, 0, -1.62], or build "
+    "another robot",
+    "closures": "build another robot: ClosedChain(robot.model, closures, ...)",
+    "actuated": "choose the motors of another robot: ClosedChain(..., actuated=[names])",
+    "motor_names": "choose the motors of another robot: ClosedChain(..., actuated=[names])",
+    "coordinates": "choose those of another robot: ClosedChain(..., coordinates=[names])",
+    "degrees_of_freedom": "it follows from the joints and the closures",
+    "friction": "change robot.model.damping and robot.model.friction, or give another robot "
+    "viscous_friction= and coulomb_friction=",
+    "path": "compile() gives the robot kernels",
+    "parameters": "build another robot: SST(parameters)",
+    "geometry": "change robot.model, or build another robot: SST(parameters)",
+    "home": "it follows from the geometry; save other configurations beside the robot",
+}
+
+
+def require_assignable(robot: object, name: str) -> None:
+    """Refuse an attribute that is computed, and one that a robot of this package does not have.
+
+    Classes derived outside this package may have attributes of their own.
+
+    Raises:
+        AssignmentError: With the cure.
+    """
+    kind = type(robot)
+    if name.startswith("_"):
+        return
+    found = getattr(kind, name, None)
+    if isinstance(found, property):
+        if found.fset is not None:
+            return
+        cure = _CURES.get(name, "it is computed from the model")
+        raise AssignmentError(name, f"cannot be assigned; {cure}")
+    if callable(found):
+        raise AssignmentError(name, f"is a method of {kind.__name__}, which is not replaced")
+    own = kind.__module__.partition(".")[0] == __name__.partition(".")[0]
+    declared = any(name in vars(base).get("__annotations__", {}) for base in kind.__mro__)
+    if own and found is None and not declared:
+        public = [word for word in dir(kind) if not word.startswith("_")]
+        near = get_close_matches(name, public, 1)
+        meant = f"; did you mean {near[0]}?" if near else "; keep your own data beside the robot"
+        raise AssignmentError(name, f"{kind.__name__} has no such attribute{meant}")
