@@ -87,7 +87,7 @@ class Case:
             yield q, *motion, random.uniform(-5, 5, (bodies, 6))
 
 
-def case(model, closures, motors, home=None, *, springs_on_balls=True, **options):
+def case(model, closures, motors, home=None, *, springs_everywhere=True, **options):
     """With friction and springs in all joints that may have them."""
     random = np.random.default_rng(5)
     viscous, coulomb, stiffness = random.uniform(0, 2, (3, model.nv))
@@ -95,7 +95,9 @@ def case(model, closures, motors, home=None, *, springs_on_balls=True, **options
         if joint.nv > 1:
             k = slice(joint.idx_v, joint.idx_v + joint.nv)
             balls = ("JointModelSpherical", "JointModelTranslation")
-            stiffness[k] = 1.7 if joint.shortname() in balls and springs_on_balls else 0
+            stiffness[k] = 1.7 if joint.shortname() in balls else 0
+        if joint.nq > joint.nv and not springs_everywhere:
+            stiffness[joint.idx_v : joint.idx_v + joint.nv] = 0
     rest = random_q(model, random, 0.3)
     options |= {"viscous_friction": viscous, "stiffness": stiffness, "spring_reference": rest}
     chain = ClosedChain(model, closures, motors, coulomb_friction=coulomb, **options)

@@ -37,6 +37,7 @@ from .tree import frame_id
 
 if TYPE_CHECKING:
     from ..compiled.casadi_functions import CasadiFunctions
+    from ..compiled.jax_functions import JaxFunctions
     from ..motion.rollouts import Rollout
     from ..motion.simulation import Load, Torque
     from ..motion.trajectories import Trajectory
@@ -1058,6 +1059,37 @@ class ClosedChain:
         current.mechanism(near)
         width = positive_number("sign_width", sign_width)
         return CasadiFunctions(current.reference, near, width, external_wrenches)
+
+    def jax(self, *, sign_width: float = 1e-3) -> JaxFunctions:
+        """The dynamics as functions of JAX, for `jit`, `vmap` and `grad`, on processors.
+
+        JAX calls back into this process, where this chain computes. So `compile` before.
+
+        Args:
+            sign_width: Coulomb friction takes tanh(v / sign_width) for the sign of the rates v in
+                derivatives, positive, [rad/s] or [m/s].
+
+        Returns:
+            `.torques`, `.generalized_forces` and `.accelerations`; see
+            `sst_pin.compiled.jax_functions.JaxFunctions`.
+
+        Raises:
+            MissingExtraError: Without JAX, `sst-pin[jax]`.
+            InputError: While JAX computes in single precision.
+            DescriptionError: For coordinates that are no single entries of q (a ball).
+
+        Example:
+            >>> import jax
+            >>> jax.config.update("jax_enable_x64", True)
+            >>> torques = jax.jit(chain.jax().torques)
+            >>> torques(chain.home, [1], [0]).round(3).tolist()
+            [0.166]
+        """
+        try:
+            from ..compiled.jax_functions import JaxFunctions
+        except ModuleNotFoundError:
+            raise MissingExtraError("jax", "jax") from None
+        return JaxFunctions(self, positive_number("sign_width", sign_width))
 
     @classmethod
     def from_urdf(

@@ -125,6 +125,18 @@ class CasadiFunctions:
         return self._made("residual", {"q": e.q}, {"r": ca.vertcat(*gaps)})
 
     @cached_property
+    def torque_derivatives(self) -> Function:
+        """(q, va, aa) -> dq, dva, daa: as `torque_derivatives` of the chain, shapes (n, n)."""
+        names = ["dq", "dva", "daa"]
+        return self._derivatives("torque_derivatives", ["q", "va", "aa"], names)
+
+    @cached_property
+    def acceleration_derivatives(self) -> Function:
+        """(q, va, tau) -> dq, dva, dtau: as `acceleration_derivatives` of the chain."""
+        names = ["dq", "dva", "dtau"]
+        return self._derivatives("acceleration_derivatives", ["q", "va", "tau"], names)
+
+    @cached_property
     def step(self) -> Function:
         """(q, va, tau, dt) -> q_next, va_next: a step of `rollout`, tau held over it.
 
@@ -193,11 +205,21 @@ class CasadiFunctions:
     def _function(self, kernel: str, inputs: list[str], output: str) -> Function:
         """A kernel as a function."""
         made = kernels.make(self._equations, kernel)
+        return self._made(kernel, self._named(made, inputs), {output: made.output})
+
+    def _derivatives(self, kernel: str, inputs: list[str], outputs: list[str]) -> Function:
+        """A kernel of derivatives as a function of three results."""
+        made = kernels.make(self._equations, kernel)
+        side_by_side = ca.reshape(made.output, -1, self.n).T
+        parts = ca.horzsplit(side_by_side, [0, self.n, 2 * self.n, side_by_side.shape[1]])
+        named = self._named(made, inputs)
+        return self._made(kernel, named, dict(zip(outputs, parts, strict=True)))
+
+    def _named(self, made: kernels.Kernel, inputs: list[str]) -> dict[str, SX]:
+        """Inputs of a kernel by name."""
         if len(made.inputs) > len(inputs):
             inputs = [*inputs, _WRENCHES]
-        return self._made(
-            kernel, dict(zip(inputs, made.inputs, strict=True)), {output: made.output}
-        )
+        return dict(zip(inputs, made.inputs, strict=True))
 
     def _made(self, name: str, inputs: dict[str, SX], outputs: dict[str, SX]) -> Function:
         """A function with the numbers put in; it takes wrenches as the chain does, body by body."""

@@ -81,6 +81,12 @@ def test_derivatives_along_tangents_are_those_of_the_closed_robot(chain, functio
         close(by_q @ functions.tangent(q), d.dq, 1e-10)
         close(by_va, d.dva, 1e-10)
         close(by_aa, d.daa, 1e-10)
+        for given, expected in zip(functions.torque_derivatives(q, va, aa), d, strict=True):
+            close(given, expected, 1e-10)
+        tau = np.linspace(-1, 1, functions.motors)
+        da = chain.acceleration_derivatives(q, va, tau)
+        for given, expected in zip(functions.acceleration_derivatives(q, va, tau), da, strict=True):
+            close(given, expected, 1e-9)
         close(functions.q_rates(q, va), functions.tangent(q) @ va, 1e-13)
 
 

@@ -48,6 +48,7 @@ FORWARDING = {
             "show",
             "compile",
             "casadi",
+            "jax",
         ]
     },
 }
