@@ -8,6 +8,7 @@ What JAX differentiates are the chain's own derivatives.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import jax
@@ -42,22 +43,16 @@ class JaxFunctions:
     """
 
     def __init__(self, chain: ClosedChain, sign_width: float) -> None:
-        if not jax.config.jax_enable_x64:
+        if not jax.config.read("jax_enable_x64"):
             raise InputError(
                 "jax", "it computes in single precision; jax.config.update('jax_enable_x64', True)"
             )
         self._chain, self._sign_width = chain, sign_width
-        entries = _entries(chain._current.mechanism())
-        forces = self._function(
-            chain.generalized_forces, chain.torque_derivatives, entries, chain.degrees_of_freedom
-        )
-        accelerations = self._function(
-            chain.compute_accelerations,
-            chain.acceleration_derivatives,
-            entries,
-            chain.degrees_of_freedom,
-        )
-        self._forces, self._accelerations = forces, accelerations
+        entries, n = _entries(chain._current.mechanism()), chain.degrees_of_freedom
+        by = chain.torque_derivatives
+        self._forces = self._function(chain.generalized_forces, by, entries, n)
+        by_tau = chain.acceleration_derivatives
+        self._accelerations = self._function(chain.compute_accelerations, by_tau, entries, n)
 
     def generalized_forces(self, q: Any, va: Any, aa: Any) -> jax.Array:
         """f of a motion, shape (..., n); the torques where motor k is coordinate k.
@@ -129,7 +124,7 @@ class JaxFunctions:
 def _called(function: Callable[..., Any], shape: tuple[int, ...], *arrays: jax.Array) -> jax.Array:
     """A function on this process's arrays, a batch at once."""
     lead = jnp.broadcast_shapes(*(array.shape[:-1] for array in arrays))
-    result = jax.ShapeDtypeStruct((*lead, *shape), jnp.float64)
+    result = jax.eval_shape(partial(jnp.zeros, (*lead, *shape), jnp.float64))
     found: jax.Array = jax.pure_callback(function, result, *arrays, vmap_method="expand_dims")
     return found
 
