@@ -43,7 +43,7 @@ class JaxFunctions:
     """
 
     def __init__(self, chain: ClosedChain, sign_width: float) -> None:
-        if not jax.config.read("jax_enable_x64"):
+        if jnp.zeros(()).dtype != np.float64:
             raise InputError(
                 "jax", "it computes in single precision; jax.config.update('jax_enable_x64', True)"
             )
