@@ -30,7 +30,7 @@ def robot() -> Figure:
         figure = Figure(figsize=(7.5, 3.4), layout="constrained")
         left = figure.add_subplot(1, 2, 1, projection="3d")
         plots.robot_pose(left, robot, motion.q[70])
-        E = 0.4 * robot.platform_orientation(motion.q)[:, :, 0]
+        E = robot.star_radius * robot.platform_orientation(motion.q)[:, :, 0]
         left.plot(*E.T, color="0.3", linewidth=0.8, linestyle=(0, (2, 1)))
         plots.motor_torques(figure.add_subplot(1, 2, 2), motion)
     return figure
