@@ -52,7 +52,7 @@ def pictures(w: World) -> Iterator[Call]:
         "with open loops": opened,
     }.items():
         yield Call(f"motion_page(motion {name})", lambda m=motion: plots.motion_page(w.robot, m))
-    for subjects in (None, [], (), "torques", ["torque"], [None], 5, "unknown", [["torques"]]):
+    for subjects in ([], (), "torques", ["torque"], [None], 5, "unknown", [["torques"]]):
         yield Call(
             f"motion_page(subjects={subjects!r})",
             lambda s=subjects: plots.motion_page(w.robot, m, s),
@@ -164,10 +164,15 @@ def commands(w: World) -> Iterator[Call]:
     (Path("taken") / "sst.urdf").write_text("x")
     long, nul = "a" * 300, "a\0b"
     lines = [
-        "", "--unknown", "fly", "paper --samples 5", "paper --samples x",
+        "--unknown", "fly", "paper --samples 5", "paper --samples x",
         "paper --samples -1", "paper --samples 1e3",
         "paper --samples 99999999999999999999", "paper --out file", "paper --urdf missing.urdf",
         "paper --samples", "paper extra", "paper --out /dev/null/x --samples 10",
+        "torques motion.csv -o x.csv --robot missing.urdf", "info --json --robot bad.urdf",
+        "torques motion.csv -o no/such/x.csv", "torques motion.csv -o x.csv --robot bad.urdf",
+        "simulate still.csv -o x.csv --q0 a=1", "simulate still.csv -o x.csv --va0 a",
+        "simulate still.csv -o x.csv --q0 =1", "simulate still.csv -o x.csv --q0 a=nan",
+        "export-c", "export-c a b c", "export-c no/such/folder", "workspace -o - --data -",
         "torques", "torques missing.csv -o x.csv", "torques empty.csv -o x.csv",
         "torques motion.csv", "torques motion.csv -o", "torques motion.csv -o x.txt",
         "torques motion.csv -o motion.csv", "torques motion.csv -o file/x.csv",
