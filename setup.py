@@ -10,7 +10,15 @@ from setuptools import Extension, setup
 from setuptools.command.build_py import build_py
 
 FOLDER = "sst_pin/sst/kernels"
-COMPILE = ["-O3", "-fno-math-errno", "-ffp-contract=fast", "-pthread"]
+PARTS = "sst_pin/compiled/c"
+COMPILE = [
+    "-std=gnu11",
+    "-O3",
+    "-fno-math-errno",
+    "-fno-trapping-math",
+    "-ffp-contract=fast",
+    "-g0",
+]
 
 
 class BuildWithUrdf(build_py):
@@ -35,15 +43,11 @@ setup(
     cmdclass={"build_py": BuildWithUrdf},
     ext_modules=[
         Extension(
-            "sst_pin.sst.kernels._binding",
-            [f"{FOLDER}/_binding.c"],
-            depends=[
-                f"{FOLDER}/{name}"
-                for name in ("blocks.h", "lanes.h", "sst_kernels.c", "sst_kernels.h")
-            ],
-            include_dirs=[np.get_include()],
+            "sst_pin.sst.kernels._library",  # no module: ctypes loads it
+            [f"{FOLDER}/{target}.c" for target in ("plain", "avx2", "avx512", "avx512vl")],
+            depends=[f"{FOLDER}/kernels.c", f"{PARTS}/real.h", f"{PARTS}/driver.h"],
+            include_dirs=[PARTS],
             extra_compile_args=COMPILE,
-            extra_link_args=["-pthread"],
             optional=True,  # without a compiler the reference path computes everything
         ),
         Extension(

@@ -1,18 +1,22 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """What comes in from outside: real numbers, or an error that names the argument."""
 
+import ast
 import datetime
+import inspect
 import re
 from fractions import Fraction
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import sst_pin
+from sst_pin.compiled import _binding
 from sst_pin.sst import kernels
 from sst_pin.verification.sampling import random_states
 
-compiled = pytest.mark.skipif(kernels.binding is None, reason=f"no kernels: {kernels.missing}")
+compiled = pytest.mark.skipif(bool(kernels.missing()), reason=f"no kernels: {kernels.missing()}")
 #: NumPy's, before our error.
 masks_warn = pytest.mark.filterwarnings("ignore:Warning. converting a masked:UserWarning")
 
@@ -446,42 +450,27 @@ def test_exact_fractions_are_converted_by_the_caller(robot):
 @compiled
 def test_the_binding_says_what_its_stub_says():
     """Each method of the stub has the arguments of the compiled one."""
-    import ast
-    import inspect
-    from pathlib import Path
-
-    stub = ast.parse(Path(kernels.__file__).with_name("_binding.pyi").read_text())
-    (cls,) = (node for node in stub.body if isinstance(node, ast.ClassDef))
-    declared = {
-        node.name: ["self" if a.arg == "self" else a.arg for a in node.args.posonlyargs]
-        for node in cls.body
-        if isinstance(node, ast.FunctionDef) and node.name != "__new__"
-    }
-    compiled_ones = {
-        name: list(inspect.signature(method).parameters)
-        for name, method in vars(kernels.binding.Kernels).items()
-        if not name.startswith("__")
-    }
-    assert compiled_ones == declared
-    for name, names in declared.items():
-        with pytest.raises(TypeError):
-            getattr(robot_kernels(), name)(*[None] * len(names))  # one too many
-
-
-def robot_kernels():
-    """The kernels of the paper's robot."""
-    from sst_pin.sst.kernels.packing import pack
-
-    robot = sst_pin.SST()
-    numbers = pack(robot.model, robot.geometry, robot.friction)
-    return kernels.binding.Kernels(numbers, robot.model.gravity.linear, robot.model)
+    stub = ast.parse(Path(_binding.__file__).with_name("_binding.pyi").read_text())
+    for cls in (node for node in stub.body if isinstance(node, ast.ClassDef)):
+        declared = {
+            node.name: [argument.arg for argument in node.args.args]
+            for node in cls.body
+            if isinstance(node, ast.FunctionDef) and node.name != "__init__"
+        }
+        compiled_ones = {
+            name: list(inspect.signature(method).parameters)
+            for name, method in vars(getattr(_binding, cls.name)).items()
+            if not name.startswith("__")
+        }
+        assert compiled_ones == declared
 
 
 @compiled
-def test_the_binding_refuses_what_is_no_parameter_vector():
+def test_the_binding_refuses_what_is_no_code():
     """By Python's own errors: it is not for users."""
-    for wrong in ((), (None,), (np.zeros(3),), (np.zeros(146, ">f8"),), (np.zeros(292)[::2],)):
+    gravity = np.zeros(3)
+    for wrong in ((), (None,), (0, 0, (9,), 3, np.zeros(4), gravity, None)):
         with pytest.raises((TypeError, ValueError)):
-            kernels.binding.Kernels(*wrong)
-    with pytest.raises(TypeError):
-        kernels.binding.Kernels(parameters=np.zeros(146))
+            _binding.Kernel(*wrong)
+    with pytest.raises((TypeError, ValueError)):
+        _binding.Course(0, (9, 3, 3, 0), np.zeros(4), None)

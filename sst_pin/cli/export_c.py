@@ -6,9 +6,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from ..errors import InputError
+from ..errors import InputError, MissingExtraError
 from ..files import write_files
-from ..sst.export import c_files
 from .common import Commands, add_force, add_urdf, chain_of, robot_of
 
 
@@ -43,12 +42,11 @@ def _run(arguments: argparse.Namespace) -> None:
     if not 1 <= len(paths) <= 2:
         raise InputError("export-c", "takes a folder, and before it a robot or none")
     robot_file, folder = (None, *paths)[-2:]
-    if robot_file is None and arguments.precision == "double":
-        written = c_files(robot_of(arguments), folder)
-    else:
+    try:
         from ..compiled import export
-
-        robot = chain_of(robot_file) if robot_file else robot_of(arguments)
-        written = export.c_files(robot, folder, arguments.precision)
+    except ImportError:
+        raise MissingExtraError("casadi", "compile") from None
+    robot = chain_of(robot_file) if robot_file else robot_of(arguments)
+    written = export.c_files(robot, folder, arguments.precision)
     write_files(written, arguments.force, folder=folder)
     print(f"{', '.join(path.name for path in written)} in {folder}")

@@ -1,4 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -19,8 +20,9 @@ class Kernel:
         parameters: Array,
         gravity: Array,
         library: Any,
+        loaded: Callable[[], Kernel | None] | None = None,
     ) -> None: ...
-    def one(
+    def answer(
         self, a: Any, b: Any, c: Any, load: Any, out: Any, threads: Any
     ) -> tuple[None, Array] | None: ...
     def many(self, arrays: tuple[Array | None, ...], out: Array) -> Indices: ...

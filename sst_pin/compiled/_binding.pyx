@@ -4,6 +4,8 @@
 
 cimport cython
 cimport numpy as cnp
+from libc.stddef cimport ptrdiff_t
+from cpython.mem cimport PyMem_RawFree, PyMem_RawMalloc
 from libc.stdint cimport uintptr_t
 from libc.string cimport memset
 
@@ -57,6 +59,7 @@ cdef extern from *:
 
 cdef enum:
     MOST_ARRAYS = 5
+    FEW = 64
 
 #: What the processor offers: "avx512", "avx2" or "plain".
 INSTRUCTIONS = instructions().decode()
@@ -83,6 +86,24 @@ cdef rows rows_of(cnp.ndarray array):
     return result
 
 
+cdef bint overlap(const rows *a, int size_a, const rows *b, int size_b, Py_ssize_t count) noexcept:
+    """Whether two arrays may share memory: results on top of inputs would be looked at again."""
+    cdef char *low_a
+    cdef char *high_a
+    cdef char *low_b
+    cdef char *high_b
+    low_a, high_a = bounds(a, size_a, count)
+    low_b, high_b = bounds(b, size_b, count)
+    return low_a <= high_b and low_b <= high_a
+
+
+cdef inline (char *, char *) bounds(const rows *x, int size, Py_ssize_t count) noexcept:
+    """First and last number of an array."""
+    cdef ptrdiff_t down = (count - 1) * x.row if count > 0 else 0
+    cdef ptrdiff_t across = (size - 1) * x.column
+    return x.data + min(down, 0) + min(across, 0), x.data + max(down, 0) + max(across, 0)
+
+
 @cython.final
 cdef class Kernel:
     """A compiled function of rows of numbers.
@@ -95,17 +116,18 @@ cdef class Kernel:
         parameters: The open numbers, gravity first; a copy is kept.
         gravity: Gravity of the model, which its owner may change, shape (3,).
         library: What must live as long as the code is in use.
+        loaded: Gives the kernel that takes a load too, or None.
     """
 
     cdef run_function single, batch
     cdef int arrays, output
     cdef int sizes[MOST_ARRAYS]
     cdef cnp.ndarray parameters, gravity
-    cdef object library
+    cdef object library, loaded
 
     def __cinit__(
         self, uintptr_t single, uintptr_t batch, tuple sizes, int output,
-        cnp.ndarray parameters not None, cnp.ndarray gravity not None, library,
+        cnp.ndarray parameters not None, cnp.ndarray gravity not None, library, loaded=None,
     ):
         if len(sizes) > MOST_ARRAYS or not single or not batch:
             raise ValueError("no such kernel")
@@ -116,34 +138,81 @@ cdef class Kernel:
         self.parameters = np.array(parameters, dtype=np.float64, order="C")
         if not is_plain(gravity, 1, 3) or not gravity.flags.c_contiguous or parameters.size < 3:
             raise TypeError("gravity is not a row of three numbers")
-        self.gravity, self.library = gravity, library
+        self.gravity, self.library, self.loaded = gravity, library, loaded
 
-    def one(self, a, b, c, load, out, threads):
-        """(None, result) of one sample, or None where the caller has to take the careful way.
+    def answer(self, a, b, c, load, out, threads):
+        """(None, result), or None where the caller has to take the careful way.
 
-        None when an input is not a plain float64 array of the right size, when there is a load or
-        an array for the result, when gravity is not what it was, or when the kernel does not vouch
-        for the sample.
+        The kernel's inputs are the first of a, b, c, load, of shape (size,) or (N, size); the others
+        have to be None, but with a load `loaded` answers. None is the answer too when an input is
+        not a plain float64 array of such a shape, when gravity is not what it was, when there are
+        several threads, when `out` is no plain array apart from the inputs, or when the kernel does
+        not vouch for all.
         """
-        cdef rows inputs[3]
+        cdef rows inputs[4]
         cdef rows output
-        cdef unsigned char bad = 0
-        cdef cnp.npy_intp size = self.output
+        cdef unsigned char few[FEW]
+        cdef unsigned char *flags = few
+        cdef cnp.npy_intp shape[2]
+        cdef Py_ssize_t count = -1
         cdef const double *now = numbers_of(self.gravity)
         cdef const double *parameters = numbers_of(self.parameters)
+        cdef run_function run
+        cdef int i, any_bad
+        if load is not None and self.arrays < 4:
+            if callable(self.loaded):
+                self.loaded = self.loaded()
+            return self.loaded and self.loaded.answer(a, b, c, load, out, threads)
         if (
-            self.arrays != 3 or load is not None or out is not None
-            or not is_plain(a, 1, self.sizes[0]) or not is_plain(b, 1, self.sizes[1])
-            or not is_plain(c, 1, self.sizes[2])
+            self.arrays > 4 or type(threads) is not int or threads != 1
+            or not self.take(a, 0, inputs, &count) or not self.take(b, 1, inputs, &count)
+            or not self.take(c, 2, inputs, &count) or not self.take(load, 3, inputs, &count)
             or now[0] != parameters[0] or now[1] != parameters[1] or now[2] != parameters[2]
         ):
             return None
-        inputs[0], inputs[1], inputs[2] = rows_of(a), rows_of(b), rows_of(c)
-        result = cnp.PyArray_SimpleNew(1, &size, cnp.NPY_DOUBLE)
-        output = rows_of(result)
-        if self.single(inputs, &output, parameters, 1, &bad):
+        shape[0], shape[1] = count, self.output
+        if out is None:
+            if count < 0:
+                out = cnp.PyArray_SimpleNew(1, shape + 1, cnp.NPY_DOUBLE)
+            else:
+                out = cnp.PyArray_SimpleNew(2, shape, cnp.NPY_DOUBLE)
+        elif (
+            not is_plain(out, 1 if count < 0 else 2, self.output)
+            or not cnp.PyArray_ISWRITEABLE(<cnp.ndarray>out)
+            or (count >= 0 and cnp.PyArray_DIM(<cnp.ndarray>out, 0) != count)
+        ):
             return None
-        return None, result
+        output = rows_of(<cnp.ndarray>out)
+        for i in range(self.arrays):
+            if overlap(&inputs[i], self.sizes[i], &output, self.output, count):
+                return None
+        if count < 0:
+            return None if self.single(inputs, &output, parameters, 1, few) else (None, out)
+        run = self.batch if count > 4 else self.single
+        if count > FEW:
+            flags = <unsigned char *>PyMem_RawMalloc(count)
+            if not flags:
+                return None
+        with nogil:
+            any_bad = run(inputs, &output, parameters, count, flags)
+        if flags != few:
+            PyMem_RawFree(flags)
+        return None if any_bad else (None, out)
+
+    cdef inline bint take(self, object array, int i, rows *inputs, Py_ssize_t *count):
+        """Whether an argument is what the kernel takes there; `count` is -1 for one sample."""
+        cdef Py_ssize_t own
+        if i >= self.arrays:
+            return array is None
+        if not is_plain(array, 1, self.sizes[i]):
+            if not is_plain(array, 2, self.sizes[i]):
+                return False
+            own = cnp.PyArray_DIM(<cnp.ndarray>array, 0)
+            if count[0] >= 0 and own != count[0]:
+                return False
+            count[0] = own
+        inputs[i] = rows_of(<cnp.ndarray>array)
+        return True
 
     def many(self, tuple arrays not None, cnp.ndarray out not None):
         """Fill `out` and return the indices of the samples that the kernel does not vouch for.

@@ -9,12 +9,11 @@ made when it is first asked for.
 
 from __future__ import annotations
 
-import ctypes
+import math
 import threading
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -34,6 +33,7 @@ from ..errors import (
     SSTError,
 )
 from . import build
+from .code import Code
 from .parameters import Parameters
 from .tree import Tree
 
@@ -70,13 +70,24 @@ class CompiledBackend:
         model: The tree whose gravity single samples watch: when it changes they are not vouched
             for.
         near: Where the order of elimination is chosen, shape (nq,); anywhere by default.
+        parameters: Which numbers the kernels take; those of `Parameters` by default.
+        code: Gives the code of a kernel by its name and an instruction set; from the cache by
+            default.
 
     Raises:
         CompilationError: When the package was installed without its extension module.
         DescriptionError: When the mechanism holds something without compiled equations.
     """
 
-    def __init__(self, reference: Reference, model: pin.Model, near: Array | None = None) -> None:
+    def __init__(
+        self,
+        reference: Reference,
+        model: pin.Model,
+        near: Array | None = None,
+        *,
+        parameters: Parameters | None = None,
+        code: Callable[[str, str], Code] | None = None,
+    ) -> None:
         try:
             from . import _binding
         except ImportError as error:
@@ -86,10 +97,8 @@ class CompiledBackend:
         self._binding = _binding
         self._reference, self._mechanism = reference, reference.mechanism
         self._model, self._near = model, near
-        self._parameters = Parameters(self._mechanism)
-        self._content = _content(self._mechanism, self._parameters)
-        if near is not None:
-            self._content += near.tobytes()
+        self._parameters = parameters or Parameters(self._mechanism)
+        self._code = code or self._from_cache
         self._numbers = self._parameters.pack(self._mechanism, self._mechanism.friction)
         self._kernels: dict[str, Kernel | None] = {}
         self._smooth: dict[tuple[str, float], Kernel | None] = {}
@@ -110,6 +119,8 @@ class CompiledBackend:
             MissingExtraError: Without CasADi, `sst-pin[compile]`, where they are not in the cache.
             CompilationError: Without a compiler, likewise, or when it fails.
         """
+        from concurrent.futures import ThreadPoolExecutor  # takes long
+
         with ThreadPoolExecutor() as pool:
             for _ in pool.map(self._made, [x for x in names if not impossible(self._mechanism, x)]):
                 pass
@@ -175,6 +186,12 @@ class CompiledBackend:
 
     # --- inside -----------------------------------------------------------------------------
 
+    @cached_property
+    def _content(self) -> bytes:
+        """All that the kernels are made from."""
+        content = _content(self._mechanism, self._parameters)
+        return content if self._near is None else content + self._near.tobytes()
+
     @property
     def torques_of(self) -> Callable[..., Any]:
         """Inverse dynamics of one sample; None where it needs care."""
@@ -188,7 +205,7 @@ class CompiledBackend:
     def derivatives_of(self, name: str, sign_width: float) -> Callable[..., Any]:
         """Derivatives of one sample; None where they need care."""
         kernel = self._smoothed(name, sign_width)
-        return _nothing if kernel is None else kernel.one
+        return _nothing if kernel is None else kernel.answer
 
     def _smoothed(self, name: str, sign_width: float) -> Kernel | None:
         """A kernel with smooth friction; those of the last few widths are kept."""
@@ -204,7 +221,7 @@ class CompiledBackend:
 
     def _single(self, name: str) -> Callable[..., Any]:
         kernel = self.kernel(name)
-        return _nothing if kernel is None else kernel.one
+        return _nothing if kernel is None else kernel.answer
 
     def _fill(
         self,
@@ -231,74 +248,97 @@ class CompiledBackend:
         if friction is None and name in self._kernels:
             return self._kernels[name]
         try:
-            libraries = self._made(name)
+            codes = self._made(name)
         except SSTError as error:
             self._why[name], self._kernels[name] = str(error), None
             return None
-        size, outputs, *sizes = _sizes(libraries[0])
-        numbers = self._numbers
-        if friction is not None:
-            numbers = self._parameters.pack(self._mechanism, friction)
-        numbers = _prepared(libraries[0], numbers, size)
-        addresses = [_address(library) for library in libraries]
-        arguments = (addresses[0], addresses[-1], tuple(sizes), outputs, numbers)
-        # Gravity is watched in the model's own memory, which has to stay.
-        watched = self._model.gravity.linear
-        kernel = self._binding.Kernel(*arguments, watched, (libraries, self._model))
+        loaded = partial(self.kernel, name + _LOADED, friction)
+        kernel = self._kernel(codes, "run", friction, loaded)
         if friction is None:
             self._kernels[name] = kernel
         return kernel
 
+    def _kernel(
+        self,
+        codes: Sequence[Code],
+        word: str,
+        friction: Friction | None,
+        loaded: Callable[[], Kernel | None] | None = None,
+    ) -> Kernel:
+        """A kernel by its code for single samples, then for batches."""
+        numbers = self._numbers
+        if friction is not None:
+            numbers = self._parameters.pack(self._mechanism, friction)
+        outputs, *sizes = codes[0].sizes(word)
+        return self._binding.Kernel(
+            codes[0].address(word),
+            codes[-1].address(word),
+            tuple(sizes),
+            outputs,
+            codes[0].prepared(numbers),
+            self._model.gravity.linear,  # watched in the model's own memory, which has to stay
+            (codes, self._model),
+            loaded,
+        )
+
+    def rate(self, loaded: bool, friction: Friction) -> Kernel | None:
+        """Rates of the states next to those given whose loops are closed; None as above."""
+        codes = self._rollout(loaded)
+        return self._kernel(codes, "rate", friction) if codes else None
+
     def course(self, loaded: bool, friction: Friction) -> Course | None:
         """The kernel of a rollout; None where there is none."""
+        codes = self._rollout(loaded)
+        if not codes:
+            return None
+        code = codes[-1]
+        numbers = self._parameters.pack(self._mechanism, friction)
+        _, q, va, tau, *load = code.sizes("run")
+        sizes = (q, va, tau, sum(load))
+        return self._binding.Course(code.address("run"), sizes, code.prepared(numbers), code)
+
+    def _rollout(self, loaded: bool) -> list[Code]:
+        """Code of a rollout; none where there is none."""
         name = "rollout" + _LOADED * loaded
         if name in self._why:
-            return None
+            return []
         try:
-            (library,) = self._made(name)
+            return self._made(name)
         except SSTError as error:
             self._why[name] = str(error)
-            return None
-        size, _, q, va, tau, *load = _sizes(library)
-        numbers = self._parameters.pack(self._mechanism, friction)
-        numbers = _prepared(library, numbers, size)
-        sizes = (q, va, tau, sum(load))
-        return self._binding.Course(_address(library), sizes, numbers, library)
+            return []
 
-    def _made(self, name: str) -> list[ctypes.CDLL]:
-        """Libraries of a kernel: for single samples, then for batches."""
+    def _made(self, name: str) -> list[Code]:
+        """A kernel's code for single samples, then for batches."""
         if problem := impossible(self._mechanism, name):
             raise DescriptionError("compiled kernels", [problem])
         best = self._binding.INSTRUCTIONS
         # Eight samples at once take longer than four, and one sample takes as long as all.
-        targets = ["avx2", best] if best == "avx512" else [best]
+        targets = ["avx512vl", best] if best == "avx512" else [best]
+        return [self._code(name, target) for target in targets]
+
+    def _from_cache(self, name: str, target: str) -> Code:
+        """Code from the cache, or compiled now."""
         first, _, second = name.partition(" ")
-        if first == "rollout":
-            targets = [best]
         content = self._content
         if first == "jacobian":
             content += _frame(self._mechanism, second)
-        libraries = []
-        for target in targets:
-            source = self._source(name, build.TARGETS[target][0])
-            robot = self._mechanism.model.name
-            libraries.append(build.library(robot, name, content, target, source))
-        return libraries
+        loaded = name.endswith(_LOADED) and first != "jacobian"
+        entry = first + "_loaded" * loaded
 
-    def _source(self, name: str, lanes: int) -> Callable[[], str]:
         def source() -> str:
             try:
                 from . import c_code, kernels
             except ImportError:
                 raise MissingExtraError("casadi", "compile") from None
-            loaded = name.endswith(_LOADED) and not name.startswith("jacobian ")
-            plain = name.removesuffix(_LOADED) if loaded else name
-            parts = ["state_rate", "closing"] if plain == "rollout" else [plain]
             with self._lock:  # equations are made once, and CasADi is not for several threads
+                plain = name.removesuffix(_LOADED) if loaded else name
                 equations = self._equations_of(loaded, smooth=plain in DERIVATIVES)
-                return c_code.library([kernels.make(equations, part) for part in parts], lanes)
+                made = kernels.entry(equations, plain)
+                return c_code.library(entry, made, build.TARGETS[target][0])
 
-        return source
+        robot = self._mechanism.model.name
+        return Code(build.library(robot, name, content, target, source), entry)
 
     def _equations_of(self, loaded: bool, smooth: bool) -> Equations:
         from .equations import Equations
@@ -322,34 +362,64 @@ class CompiledStates(ReferenceStates):
         super().__init__(reference, friction)
         self._backend = backend
         self._closing = backend.kernel("closing")
+        self._dependent = len(self._mechanism.dependent)
 
     def closed(self, states: Array) -> Array:
         """As `ReferenceStates.closed`, by Newton's method."""
         if self._closing is None:
             return super().closed(states)
+        answer = self._closing.answer(states[..., : self._nq], None, None, None, None, 1)
+        if answer is not None:  # closed to 1e-6 before this step: the next one is the last
+            q = answer[1][..., : self._nq]
+            answer = self._closing.answer(q, None, None, None, None, 1)
+            return q if answer is None else answer[1][..., : self._nq]
         q = np.ascontiguousarray(states[..., : self._nq].reshape(-1, self._nq))
         for _ in range(4):
-            result = np.empty((len(q), self._nq + 1))
+            result = np.empty((len(q), self._nq + 2))
             left = self._closing.many((q,), result)
-            q = result[:, :-1]
+            q = result[:, :-2]
             if not len(left):  # closed to 1e-6 before this step: the next one is the last
                 self._closing.many((q,), result)
-                return result[:, :-1].reshape(*states.shape[:-1], self._nq)
+                return result[:, :-2].reshape(*states.shape[:-1], self._nq)
         return super().closed(states)
 
     def rate(self, states: Array, tau: Array, wrenches: Array | None) -> Array:
         """As `ReferenceStates.rate`."""
-        kernel = self._loaded_rate if wrenches is not None else self._rate_alone
+        kernel = self._rate_alone if wrenches is None else self._loaded_rate
         if kernel is None:
             return super().rate(states, tau, wrenches)
-        q, n = self.closed(states).reshape(-1, self._nq), states.shape[-1] - self._nq
-        arrays = [q, states[..., self._nq :].reshape(-1, n), tau.reshape(len(q), -1)]
-        if wrenches is not None:
-            arrays.append(wrenches.reshape(len(q), -1))
-        rates = np.empty((len(q), states.shape[-1]))
-        if len(kernel.many(tuple(arrays), rates)):
-            return super().rate(states, tau, wrenches)
-        return rates.reshape(states.shape)
+        load = None if wrenches is None else wrenches.reshape(*wrenches.shape[:-2], -1)
+        answer = kernel.answer(states, tau, load, None, None, 1)
+        return super().rate(states, tau, wrenches) if answer is None else answer[1]
+
+    def near_singularity(self, q: Array, limit: float) -> bool:
+        """As `ReferenceStates.near_singularity`, from det Phi_u where that suffices.
+
+        Of n singular values whose squares sum to s, n - 1 have a product of at most
+        (s / (n - 1))^((n - 1) / 2). So the smallest is at least |det| over this, the largest at
+        most sqrt(s).
+        """
+        det, squares = self._determinant(q)
+        others = self._dependent - 1
+        most = math.sqrt(squares) * (squares / max(others, 1)) ** (others / 2)
+        if most < limit * abs(det):
+            return False
+        return super().near_singularity(q, limit)
+
+    def passes_singularity(self, before: Array, after: Array) -> bool:
+        """Whether det Phi_u changes its sign."""
+        product = self._determinant(before)[0] * self._determinant(after)[0]
+        if math.isnan(product):
+            return super().passes_singularity(before, after)
+        return not product > 0
+
+    def _determinant(self, q: Array) -> tuple[float, float]:
+        """det Phi_u and the sum of the squares of its entries; NaN where nothing vouches for it."""
+        closing = self._closing
+        answer = None if closing is None else closing.answer(q, None, None, None, None, 1)
+        if answer is None:
+            return math.nan, math.nan
+        return answer[1].item(-2), answer[1].item(-1)
 
     def rollout(
         self,
@@ -388,11 +458,11 @@ class CompiledStates(ReferenceStates):
 
     @cached_property
     def _rate_alone(self) -> Kernel | None:
-        return self._backend.kernel("state_rate", self._friction)
+        return self._backend.rate(False, self._friction)
 
     @cached_property
     def _loaded_rate(self) -> Kernel | None:
-        return self._backend.kernel("state_rate" + _LOADED, self._friction)
+        return self._backend.rate(True, self._friction)
 
 
 def impossible(mechanism: Mechanism, name: str) -> str:
@@ -458,6 +528,8 @@ def _slices(samples: int, threads: int) -> list[slice]:
 def _on_each(run: Callable[[slice], Indices], parts: list[slice]) -> list[Indices]:
     if len(parts) == 1:
         return [run(parts[0])]
+    from concurrent.futures import ThreadPoolExecutor  # takes long
+
     with ThreadPoolExecutor(len(parts)) as pool:
         return list(pool.map(run, parts))
 
@@ -486,30 +558,6 @@ def _content(mechanism: Mechanism, parameters: Parameters) -> bytes:
 def _frame(mechanism: Mechanism, name: str) -> bytes:
     frame = mechanism.model.frames[mechanism.model.getFrameId(name)]
     return repr(frame.parentJoint).encode() + frame.placement.homogeneous.tobytes()
-
-
-def _prepared(library: ctypes.CDLL, numbers: Array, size: int) -> Array:
-    """Parameters with the constants of a kernel behind them."""
-    p = np.concatenate([numbers, np.zeros(size - len(numbers))])
-    library.prepare(ctypes.c_void_p(p.ctypes.data))
-    return p
-
-
-def _sizes(library: ctypes.CDLL) -> list[int]:
-    """Parameters with constants, numbers in the output and each input; the list ends with 0."""
-    sizes = []
-    numbers = (ctypes.c_int * 8).in_dll(library, "sizes")
-    for number in numbers:
-        if not number:
-            break
-        sizes.append(number)
-    return sizes
-
-
-def _address(library: ctypes.CDLL) -> int:
-    address = ctypes.cast(library.run_kernel, ctypes.c_void_p).value
-    assert address is not None
-    return address
 
 
 def _nothing(*_: object) -> None:

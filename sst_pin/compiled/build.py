@@ -12,9 +12,7 @@ import hashlib
 import os
 import shutil
 import stat
-import subprocess
 import sys
-import tempfile
 from collections.abc import Callable
 from functools import cache
 from importlib.util import find_spec
@@ -23,9 +21,11 @@ from typing import NamedTuple
 
 from ..errors import CompilationError
 
+_AVX512 = ("-mavx512f", "-mavx512dq", "-mavx512vl", "-mfma")
 #: Samples at once, and what a compiler is told, for each instruction set.
 TARGETS = {
-    "avx512": (8, ("-mavx512f", "-mavx512dq", "-mavx512vl", "-mfma", "-mprefer-vector-width=512")),
+    "avx512": (8, (*_AVX512, "-mprefer-vector-width=512")),
+    "avx512vl": (4, _AVX512),
     "avx2": (4, ("-mavx2", "-mfma")),
     "plain": (2, ()),
 }
@@ -138,6 +138,8 @@ def _loaded(
             return ctypes.CDLL(str(path))
         path.unlink(missing_ok=True)  # damaged
     label = f"{_plain(robot) or 'robot'}.{_plain(kernel)}"
+    import tempfile
+
     # Built beside its place and moved there when it is whole: another process sees all or nothing.
     with tempfile.TemporaryDirectory(dir=folder, prefix=".building-") as scratch:
         code, made = Path(scratch, "kernel.c"), Path(scratch, "kernel.so")
@@ -153,6 +155,8 @@ def _plain(name: str) -> str:
 
 
 def _compile(code: Path, made: Path, flags: tuple[str, ...]) -> None:
+    import subprocess
+
     command = [*compiler(), *_OPTIONS, *flags, "-shared", "-fPIC", str(code), "-o", str(made)]
     result = subprocess.run(command, capture_output=True, text=True, check=False)
     if result.returncode or not made.is_file():

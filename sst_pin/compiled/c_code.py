@@ -13,6 +13,7 @@ import casadi as ca
 from .kernels import Kernel
 from .parameters import SIGN_WIDTH
 
+_WIDTH = 94
 _BINARY = {ca.OP_ADD: "+", ca.OP_SUB: "-", ca.OP_MUL: "*", ca.OP_DIV: "/"}
 _UNARY = {
     ca.OP_NEG: "-{0}",
@@ -38,8 +39,8 @@ class Body(NamedTuple):
 
     Attributes:
         text: `void <name>(const real *x, const number *p, real *y)`, and before it
-            `void prepare_<name>(number *p)`. x holds the inputs one after the other, p the open
-            parameters, then the constants that `prepare_<name>` makes of them; y gets the output,
+            `void <name>_constants(number *p)`. x holds the inputs one after the other, p the open
+            parameters, then the constants that `<name>_constants` makes of them; y gets the output,
             then the checks.
         size: Of p.
     """
@@ -79,7 +80,7 @@ def body(kernel: Kernel, size: int | None = None, suffix: str = "") -> Body:
         else:
             operands = [writer.names[i] for i in arguments]
             writer.names[target] = writer.write(f"t{k}", operation, operands)
-    prepare = f"static void prepare_{kernel.name}(number *p)"
+    prepare = f"static void {kernel.name}_constants(number *p)"
     texts = [_function(prepare, ["(void)p;", *writer.lines["number"]])]
     if len(writer.lines["real"]) > _LARGEST:
         parts, handed_on = _parts(kernel.name, writer.lines["real"])
@@ -93,7 +94,7 @@ def body(kernel: Kernel, size: int | None = None, suffix: str = "") -> Body:
 
 
 def _function(head: str, lines: Sequence[str]) -> str:
-    return "\n    ".join([f"{head}\n{{", *lines]) + "\n}\n"
+    return "\n    ".join([f"{head}\n{{", *_wrapped(lines)]) + "\n}\n"
 
 
 def _parts(name: str, lines: list[str]) -> tuple[list[str], int]:
@@ -135,6 +136,16 @@ def _renamed(line: str, names: Mapping[str, str]) -> str:
 def _used(line: str) -> list[str]:
     """Names of results in a statement."""
     return _RESULT.findall(line)
+
+
+def _wrapped(statements: Sequence[str]) -> list[str]:
+    """Statements in lines of some hundred characters."""
+    lines = [""]
+    for statement in statements:
+        if len(lines[-1]) + len(statement) > _WIDTH:
+            lines.append("")
+        lines[-1] += " " * bool(lines[-1]) + statement
+    return lines
 
 
 #: What an expression is called, and its type: "real" of a sample, "number" of the parameters alone.
@@ -214,68 +225,98 @@ class _Writer:
         return self._inverses[name]
 
 
-def library(kernels: Sequence[Kernel], lanes: int) -> str:
-    """Source of a library that runs one kernel on rows of samples, or the two of a rollout.
+def library(name: str, kernels: Sequence[Kernel], lanes: int) -> str:
+    """Source of a library with one entry.
 
     Args:
-        kernels: One; or "state_rate" and "closing".
+        name: Of the entry.
+        kernels: One; or "closing" and "state_rate" for rollouts.
         lanes: How many samples at once.
     """
-    first = kernels[0]
-    inputs = [symbols.numel() for symbols in first.inputs]
-    outputs, checks = first.output.numel(), first.checks.numel()
-    parts, size = [f"#define LANES {lanes}", part("real.h"), part("driver.h")], None
-    for kernel in kernels:
-        text, size = body(kernel, size)
-        parts.append(text)
-    listed = ", ".join(map(str, inputs))
-    parts.append(f"const int sizes[] = {{{size}, {outputs}, {listed}, 0}};")
-    calls = "".join(f"    prepare_{kernel.name}(p);\n" for kernel in kernels)
-    parts.append(f"void prepare(double *p)\n{{\n{calls}}}\n")
-    if len(kernels) == 1:
-        entry = _ENTRY.format(
-            name=first.name,
-            sizes=listed,
-            arrays=len(inputs),
-            inputs=sum(inputs),
-            outputs=outputs,
-            checks=checks,
-            total=outputs + checks,
-        )
-    else:
-        second = kernels[1]
-        entry = _ROLL.format(
-            rate=first.name,
-            close=second.name,
-            q=inputs[0],
-            va=inputs[1],
-            tau=inputs[2],
-            load=sum(inputs[3:]),
-            checks=checks,
-            inputs=sum(inputs),
-            outputs=max(outputs + checks, second.output.numel() + second.checks.numel()),
-            states=inputs[0] + inputs[1],
-        )
-    return "\n".join([*parts, entry])
+    heads = [f"#define LANES {lanes}\n#define NAME(x) x", part("real.h"), part("driver.h")]
+    return "\n".join([*heads, source({name: kernels})])
 
 
-_ENTRY = """
-int run_kernel(const rows *in, const rows *out, const double *p, ptrdiff_t count,
-    unsigned char *bad)
+def source(entries: Mapping[str, Sequence[Kernel]]) -> str:
+    """Functions that run kernels on rows of samples, to stand behind real.h and driver.h.
+
+    What a library offers of each entry, every name in the macro NAME: `run_<entry>` and
+    `sizes_run_<entry>` (of p, of the output, of each input, 0), `prepare_<entry>`; of rollouts
+    `rate_<entry>` and its sizes too, which takes q and va in one array.
+
+    Args:
+        entries: Kernels as for `library`, by name. Those of the same name are written once.
+    """
+    parts: list[str] = []
+    bodies: dict[str, Body] = {}
+    for entry, kernels in entries.items():
+        size = None
+        for kernel in kernels:
+            if kernel.name not in bodies:
+                bodies[kernel.name] = body(kernel, size)
+                parts.append(bodies[kernel.name].text)
+            size = bodies[kernel.name].size
+        last = kernels[-1]
+        inputs = [symbols.numel() for symbols in last.inputs]
+        outputs, checks = last.output.numel(), last.checks.numel()
+        rooms = [kernel.output.numel() + kernel.checks.numel() for kernel in kernels]
+        numbers: dict[str, object] = {
+            "entry": entry,
+            "calls": "\n    ".join(f"{kernel.name}_constants(p);" for kernel in kernels),
+            "size": size,
+            "name": last.name,
+            "q": inputs[0],
+            "inputs": sum(inputs),
+            "outputs": outputs,
+            "checks": checks,
+            "room": max(rooms),
+        }
+        parts.append(_PREPARE.format(**numbers))
+        word, close, arrays = "run", "NULL", inputs
+        if len(kernels) > 1:
+            q, va, tau, *load = inputs
+            word, close, arrays = "rate", kernels[0].name, [q + va, tau, *load]
+            more = {"va": va, "tau": tau, "load": sum(load), "states": q + va, "close": close}
+            parts.append(_ROLL.format(**more, **numbers))
+            parts.append(_SIZES.format(word="run", sizes=_listed(inputs), **numbers))
+        numbers |= {"word": word, "sizes": _listed(arrays), "arrays": len(arrays)}
+        parts.append(_RUN.format(close=close, **numbers))
+        parts.append(_SIZES.format(**numbers))
+    return "\n".join(parts)
+
+
+def _listed(numbers: Sequence[int]) -> str:
+    return ", ".join(map(str, numbers))
+
+
+_PREPARE = """\
+void NAME(prepare_{entry})(double *p)
 {{
-    static const int sizes_in[] = {{{sizes}}};
-    real x[{inputs}], y[{total}];
-    return run({name}, {arrays}, sizes_in, {inputs}, {outputs}, {checks}, x, y, in, out, p,
-        count, bad);
+    {calls}
 }}
 """
 
-_ROLL = """
-int run_kernel(const rows *in, const courses *tau, ptrdiff_t half, const courses *out,
+_SIZES = """\
+const int NAME(sizes_{word}_{entry})[] = {{{size}, {outputs}, {sizes}, 0}};
+"""
+
+_RUN = """\
+int NAME({word}_{entry})(const rows *in, const rows *out, const double *p, ptrdiff_t count,
+    unsigned char *bad)
+{{
+    static const int sizes_in[] = {{{sizes}}};
+    real x[{inputs}], y[{room}];
+    return run({name}, {close}, {arrays}, sizes_in, {q}, {inputs}, {outputs}, {checks}, x, y, in,
+        out, p, count, bad);
+}}
+"""
+
+_ROLL = """\
+int NAME(run_{entry})(const rows *in, const courses *tau, ptrdiff_t half, const courses *out,
     const double *p, double h, ptrdiff_t steps, ptrdiff_t count, ptrdiff_t *reached)
 {{
-    static const stepper f = {{{q}, {va}, {tau}, {load}, {checks}, {rate}, {close}}};
-    real x[{inputs}], y[{outputs}], start[{states}], sum[{states}];
+    static const stepper f = {{{q}, {va}, {tau}, {load}, {checks}, {name}, {close}}};
+    real x[{inputs}], y[{room}], start[{states}], sum[{states}];
     return roll(&f, x, y, start, sum, in, tau, half, out, p, h, steps, count, reached);
 }}
 """

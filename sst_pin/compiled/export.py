@@ -90,7 +90,7 @@ _WRAPPER = """
         return ROBOT_NOT_FINITE;
     for (int i = 0; i < {parameters}; i++)
         p[i] = robot_parameters[i];
-    prepare_{name}(p);
+    {name}_constants(p);
     {name}(x, p, y);
     for (int i = 0; i < {outputs}; i++) {{
         {output}[i] = y[i];

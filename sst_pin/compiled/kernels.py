@@ -49,13 +49,21 @@ def make(equations: Equations, name: str) -> Kernel:
         inputs, output, checks = _jacobian(equations, frame)
     else:
         inputs, output, checks = KERNELS[name](equations)
+    given = tuple(x for x in inputs if x.numel())
+    loaded = any(x is equations.loads for x in given)
     return Kernel(
-        first,
-        tuple(x for x in inputs if x.numel()),
+        first + "_loaded" * loaded,
+        given,
         equations.p,
         ca.densify(output),
         ca.vertcat(*(SX(check) for check in [*equations.checks, *checks])),
     )
+
+
+def entry(equations: Equations, name: str) -> list[Kernel]:
+    """The kernels of an entry of a library: that of its name, or those of a rollout."""
+    parts = ["closing", "state_rate"] if name == "rollout" else [name]
+    return [make(equations, part) for part in parts]
 
 
 _Made = tuple[list[SX], SX, list[Any]]
@@ -125,16 +133,27 @@ def _state_rate(e: Equations) -> _Made:
 
 
 def _closing(e: Equations) -> _Made:
-    """One step of Newton's method with the coordinates held, and the sign of det Phi_u."""
+    """One step of Newton's method with the coordinates held; det Phi_u; the sum of its squares.
+
+    The determinant is that of the rows of the pivots, the sum goes over all rows; both are free of
+    units, as the condition number is.
+    """
     residuals = {i: e.rows[i].residual for i in e.factors.rows}
     right = {i: -x for i, x in residuals.items() if x is not None}
     if len(right) < len(residuals):
         raise DescriptionError("compiled kernels", ["rolling leaves nothing to close by rows"])
     step = e.kinematics.q_rates(e.factors.solve(right))
-    side = SX(1)
+    rows, columns = e.mechanism.row_scale, e.mechanism.rate_scale
+    det = float(np.prod(rows[e.factors.rows]) * np.prod(columns[e.mechanism.dependent]))
     for pivot in e.factors.pivots:
-        side *= ca.sign(pivot)
-    return [e.q], ca.vertcat(e.kinematics.normalized(e.q + step), side), []
+        det *= pivot
+    squares = total(
+        (rows[i] * columns[j] * row.Phi[j]) ** 2
+        for i, row in enumerate(e.rows)
+        for j in e.mechanism.dependent
+        if j in row.Phi
+    )
+    return [e.q], ca.vertcat(e.kinematics.normalized(e.q + step), det, squares), []
 
 
 def _jacobian(e: Equations, frame: str) -> _Made:

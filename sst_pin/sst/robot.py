@@ -412,7 +412,7 @@ class SST(ClosedChain):
             platform_moment: Moment that the surroundings exert on the star, base axes, shape
                 (..., 3), [N m].
             external_wrenches: [moment; force] that the surroundings exert on each of the nine
-                bodies at its mass centre, base axes, shape (..., 9, 6); takes the reference path.
+                bodies at its mass centre, base axes, shape (..., 9, 6).
             out: Array for the result, shape (..., 3).
             threads: How many share a batch; the reference path takes one.
             on_error: "raise", or "nan": samples that fail become NaN.
@@ -431,7 +431,9 @@ class SST(ClosedChain):
         if current.unseen:
             current.look()
         if external_wrenches is None and on_error == "raise":
-            answer = current.torques_of(q, va, aa, platform_moment, out, threads)
+            answer = current.torques_of(
+                q, va, aa, kernel_path.load_row(platform_moment), out, threads
+            )
             if answer is not None and answer[0] is None:
                 return answer[1]
         wrenches = _with_moment(platform_moment, external_wrenches)
@@ -477,7 +479,9 @@ class SST(ClosedChain):
         if current.unseen:
             current.look()
         if external_wrenches is None and on_error == "raise":
-            answer = current.accelerations_of(q, va, tau, platform_moment, out, threads)
+            answer = current.accelerations_of(
+                q, va, tau, kernel_path.load_row(platform_moment), out, threads
+            )
             if answer is not None and answer[0] is None:
                 return answer[1]
         wrenches = _with_moment(platform_moment, external_wrenches)

@@ -247,9 +247,14 @@ def test_strided_read_only_broadcast_and_overlapping_arrays(four_bar):
 def test_the_binding_computes_with_nothing_but_float64_rows(four_bar):
     (q, va, aa), out = moving(four_bar, 5), np.empty((5, 1))
     kernel = four_bar._current.backend.kernel("torques")
-    assert kernel.one(q[0], va[0], aa[0], None, None, 1) is not None
-    for bad in (q[0].astype(np.float32), q[0].astype(">f8"), q[0].tolist(), None, q[0][:2], q):
-        assert kernel.one(bad, va[0], aa[0], None, None, 1) is None
+    assert kernel.answer(q[0], va[0], aa[0], None, None, 1) is not None
+    _, batch = kernel.answer(q, va[0], aa, None, None, 1)
+    alone = [kernel.answer(q[k], va[0], aa[k], None, None, 1)[1] for k in range(5)]
+    assert np.array_equal(batch, alone)
+    assert kernel.answer(q, va[:4], aa, None, None, 1) is None
+    typed = [q[0].astype(np.float32), q[0].astype(">f8"), q[0].tolist()]
+    for bad in (*typed, None, q[0][:2], q[None]):
+        assert kernel.answer(bad, va[0], aa[0], None, None, 1) is None
         with pytest.raises(TypeError):
             kernel.many((bad if bad is None or len(bad) < 5 else q[:4], va), out)
     for arrays in ((q[:4], va, aa), (q.astype(np.float32), va, aa), (q.T, va, aa)):
@@ -435,3 +440,16 @@ def test_quaternions_stay_on_their_sphere_in_a_rollout():
     assert np.abs(np.linalg.norm(motion.q[..., :4], axis=-1) - 1).max() < 1e-10
     assert np.abs([chain.residual(x) for x in motion.q[0]]).max() < 1e-9
     assert pin.isNormalized(chain.model, motion.q[0, -1], 1e-9)
+
+
+def test_verdicts_on_singularities_are_those_of_the_reference_path(small):
+    """det Phi_u only spares what is far from the limit, and changes its sign where theirs does."""
+    chain, reference = small
+    q, _, _ = any_chain.states(chain, 6, 3)
+    ours, theirs = chain.states(0.0, q[0]), reference.states(0.0, q[0])
+    for k in range(len(q)):
+        condition = chain.condition_number(q[k])
+        for limit in condition * np.array([0.5, 0.999, 1.001, 2, 1e3, 1e6]):
+            assert ours.near_singularity(q[k], limit) == theirs.near_singularity(q[k], limit)
+        passes = theirs.passes_singularity(q[0], q[k])
+        assert ours.passes_singularity(q[0], q[k]) == passes

@@ -428,7 +428,7 @@ def _loads(w: World) -> Iterator[Call]:
 
 
 def _exports(w: World) -> Iterator[Call]:
-    from sst_pin.sst.export import c_files
+    from sst_pin.compiled.export import c_files
 
     for name, folder in ODD_PATHS.items():
         if name in ("None", "number", "bytes", "list"):

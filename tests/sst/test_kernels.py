@@ -12,12 +12,13 @@ from scipy.spatial.transform import Rotation
 
 import sst_pin
 from paths import on_reference_path
+from sst_pin.compiled import _binding
 from sst_pin.description import urdf_of
 from sst_pin.sst import kernels
 from sst_pin.verification.sampling import random_parameters, random_state, random_states
 
 ROOT = Path(__file__).resolve().parents[2]
-compiled = pytest.mark.skipif(kernels.binding is None, reason=f"no kernels: {kernels.missing}")
+compiled = pytest.mark.skipif(bool(kernels.missing()), reason=f"no kernels: {kernels.missing()}")
 
 #: Both paths lose the digits that the inverse of A costs, and its square in the acceleration terms:
 #: 1e-16 times a few hundred for the condition numbers below 10 here (median measured 1e-15).
@@ -285,21 +286,30 @@ def test_changes_of_the_model_are_taken_in_when_told(robot):
 
 
 def test_the_committed_c_is_what_the_generator_makes():
-    """Both files, to the last character."""
+    """To the last character."""
+    pytest.importorskip("casadi", reason="the generator computes with CasADi's expressions")
     script = ROOT / "scripts" / "kernels" / "make_kernels.py"
     subprocess.run([sys.executable, script, "--check"], check=True)
 
 
-def test_the_parameter_vector_is_as_long_as_the_header_says():
-    """146 numbers; the binding would refuse another length."""
-    from sst_pin.sst.kernels.packing import LENGTH, pack
-
+@compiled
+def test_every_instruction_set_of_the_machine_computes_the_same():
+    """The shipped library holds all; those that the processor has agree to rounding."""
+    have = {"plain": ["plain"], "avx2": ["avx2", "plain"]}
+    have["avx512"] = ["avx512", "avx512vl", *have["avx2"]]
     robot = sst_pin.SST()
-    assert pack(robot.model, robot.geometry, robot.friction).shape == (LENGTH,)
-    assert (
-        f"A robot: {LENGTH} numbers"
-        in (ROOT / "sst_pin" / "sst" / "kernels" / "sst_kernels.h").read_text()
-    )
+    arguments = robot.joint_motion(*random_states(robot, np.random.default_rng(8), 20))
+    expected = robot.compute_torques(*arguments)
+    mechanism = robot._current.reference.mechanism
+    numbers = kernels.open_numbers(mechanism).pack(mechanism, mechanism.friction)
+    for target in have[_binding.INSTRUCTIONS]:
+        code = kernels.code("torques", target)
+        address, (size, *inputs) = code.address("run"), code.sizes("run")
+        p, gravity = code.prepared(numbers), robot.model.gravity.linear
+        kernel = _binding.Kernel(address, address, tuple(inputs), size, p, gravity, code)
+        tau = np.empty((20, 3))
+        assert not len(kernel.many(arguments, tau))
+        assert error(tau, expected) < RELATIVE
 
 
 @pytest.mark.slow

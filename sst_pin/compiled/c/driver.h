@@ -65,9 +65,11 @@ INLINE mask judge(const real *x, int angles, int inputs, const real *y, int outp
 
 typedef void body(const real *x, const double *p, real *y);
 
-/* Returns whether a sample is bad; `bad` gets a 1 for each of these. */
-INLINE int run(body *f, int arrays, const int *sizes, int inputs, int outputs, int checks, real *x,
-    real *y, const rows *in, const rows *out, const double *p, ptrdiff_t count, unsigned char *bad)
+/* Returns whether a sample is bad; `bad` gets a 1 for each of these. Where there is a `close`, three
+ * steps of Newton's method come first. */
+INLINE int run(body *f, body *close, int arrays, const int *sizes, int q, int inputs, int outputs,
+    int checks, real *x, real *y, const rows *in, const rows *out, const double *p, ptrdiff_t count,
+    unsigned char *bad)
 {
     int any = 0;
     for (ptrdiff_t first = 0; first < count; first += LANES) {
@@ -75,8 +77,13 @@ INLINE int run(body *f, int arrays, const int *sizes, int inputs, int outputs, i
         int at = 0;
         for (int a = 0; a < arrays; at += sizes[a++])
             take(x + at, &in[a], first, lanes, sizes[a]);
+        for (int step = 0; close && step < 3; step++) {
+            close(x, p, y);
+            for (int j = 0; j < q; j++)
+                x[j] = y[j];
+        }
         f(x, p, y);
-        const mask good = judge(x, sizes[0], inputs, y, outputs, checks);
+        const mask good = judge(x, q, inputs, y, outputs, checks);
         give(y, out, first, lanes, outputs);
         for (int l = 0; l < lanes; l++)
             if (!good[l])
@@ -93,7 +100,7 @@ typedef struct {
 
 /* The classical Runge-Kutta method on q and va, and a step of Newton's method onto the closures
  * after each step. `rate` takes (q, va, tau, load) and gives the rates of q and va; `close` takes q
- * and gives it nearer to the closures, and the side of singularities that it is on. Torques are
+ * and gives it nearer to the closures, then a determinant that is zero at singularities. Torques are
  * those at the beginning of each step, in its middle (`half` bytes later) and at its end; where
  * `half` is 0, that of the beginning. `reached` gets the number of states that hold. */
 typedef struct {
@@ -111,7 +118,7 @@ INLINE int roll(const stepper *f, real *x, real *y, real *start, real *sum, cons
     for (ptrdiff_t first = 0; first < count; first += LANES) {
         const int lanes = count - first < LANES ? (int)(count - first) : LANES;
         mask holds = (real){0} == (real){0};
-        real side = {0};
+        real side, det;
         take(x, &in[0], first, lanes, f->q);
         take(x + f->q, &in[1], first, lanes, f->va);
         take(x + states + f->tau, &in[2], first, lanes, f->load);
@@ -121,10 +128,11 @@ INLINE int roll(const stepper *f, real *x, real *y, real *start, real *sum, cons
                 to.data += s * out[i].step;
                 give(x + (i ? f->q : 0), &to, first, lanes, i ? f->va : f->q);
             }
-            f->close(x, p, y);
-            if (s == 0)
-                side = y[f->q];
-            holds &= side == y[f->q];
+            if (s == 0) {
+                f->close(x, p, y);
+                side = det = y[f->q];
+            }
+            holds &= side * det > 0.0;
             for (int j = 0; j < states; j++)
                 sum[j] = start[j] = x[j];
             for (int stage = 0; stage < (s < steps ? 4 : 1); stage++) {
@@ -150,6 +158,7 @@ INLINE int roll(const stepper *f, real *x, real *y, real *start, real *sum, cons
             for (int j = 0; j < states; j++)
                 x[j] = sum[j];
             f->close(x, p, y);
+            det = y[f->q];
             for (int j = 0; j < f->q; j++)
                 x[j] = y[j];
         }

@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Kernels as a loaded library offers them."""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+#: The list of sizes in a library ends with 0; there are no more than this.
+_MOST_SIZES = 8
+
+
+@dataclass(frozen=True)
+class Code:
+    """A kernel in a library.
+
+    Attributes:
+        library: Loaded.
+        entry: What the names of its functions end in.
+    """
+
+    library: ctypes.CDLL
+    entry: str
+
+    def sizes(self, word: str) -> list[int]:
+        """Numbers in the output of one of its functions, then in each input."""
+        return self._sizes(word)[1:]
+
+    def address(self, word: str) -> int:
+        """Of one of its functions: "run", of rollouts "rate" too."""
+        function = getattr(self.library, f"{word}_{self.entry}")
+        address = ctypes.cast(function, ctypes.c_void_p).value
+        assert address is not None
+        return address
+
+    def prepared(self, numbers: Array) -> Array:
+        """Parameters with the constants behind them that the kernel makes of them."""
+        p = np.concatenate([numbers, np.zeros(self._sizes("run")[0] - len(numbers))])
+        getattr(self.library, f"prepare_{self.entry}")(ctypes.c_void_p(p.ctypes.data))
+        return p
+
+    def _sizes(self, word: str) -> list[int]:
+        name = f"sizes_{word}_{self.entry}"
+        numbers = list((ctypes.c_int * _MOST_SIZES).in_dll(self.library, name))
+        return numbers[: numbers.index(0)]

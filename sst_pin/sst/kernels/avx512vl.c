@@ -1,0 +1,17 @@
+/* SPDX-License-Identifier: BSD-2-Clause */
+/* The kernels for processors with AVX-512, four samples at once. */
+#if defined(__x86_64__)
+#define LANES 4
+#define NAME(x) x##_avx512vl
+#if defined(__clang__)
+#pragma clang attribute push(__attribute__((target("avx512dq,avx512vl"))), apply_to = function)
+#else
+#pragma GCC target("avx512dq,avx512vl")
+#endif
+#include "real.h"
+#include "driver.h"
+#include "kernels.c"
+#if defined(__clang__)
+#pragma clang attribute pop
+#endif
+#endif
