@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from .errors import SSTError as SSTError
     from .errors import UnknownNameError as UnknownNameError
     from .errors import WorkspaceError as WorkspaceError
+    from .motion.coordinate_motions import coordinate_motion as coordinate_motion
     from .motion.energy import energy_error as energy_error
     from .motion.rollouts import Rollout as Rollout
     from .motion.trajectories import Trajectory as Trajectory
@@ -73,6 +74,7 @@ _NAMES = {
         "SingularConfigurationError SingularityWarning SSTError UnknownNameError "
         "WorkspaceError"
     ),
+    "motion.coordinate_motions": "coordinate_motion",
     "motion.energy": "energy_error",
     "motion.rollouts": "Rollout",
     "motion.trajectories": "Trajectory",

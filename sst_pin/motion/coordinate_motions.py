@@ -40,6 +40,13 @@ def coordinate_motion(
     Raises:
         InputError: For a wrong shape, or a coordinate that is neither an angle nor a length.
         ClosureError: When the loops cannot be closed along the way; it names the sample.
+
+    Example:
+        >>> t = np.linspace(0, 1, 21)
+        >>> crank = chain.home[0] + 0.2 * np.sin(t)
+        >>> motion = sst_pin.coordinate_motion(chain, t, crank[:, None], chain.home)
+        >>> motion.q.shape, motion.tau.shape
+        ((21, 3), (21, 1))
     """
     times = sample_times(t, 3)
     values = finite_array("x", x, (len(chain.coordinates),))
