@@ -15,6 +15,7 @@ from ..motion.trajectories import Trajectory
 #: What the extra `viz` brings for pages, by the names they are imported by.
 _NEEDED = {
     "meshcat": "meshcat",
+    "pillow": "PIL",
     "tornado": "tornado",
     "trimesh": "trimesh",
     "u-msgpack-python": "umsgpack",

@@ -83,12 +83,10 @@ def gif(
         seconds: For once through the motion.
         size: Width and height, [px].
     """
+    taken = _pictures(html, [i / frames for i in range(frames)], size, 1.0)
     from PIL import Image
 
-    pictures = [
-        Image.open(io.BytesIO(picture)).convert("RGB")
-        for picture in _pictures(html, [i / frames for i in range(frames)], size, 1.0)
-    ]
+    pictures = [Image.open(io.BytesIO(picture)).convert("RGB") for picture in taken]
     # One palette for all: colours that change from frame to frame flicker.
     coverage = Image.Quantize.MAXCOVERAGE  # leaves white white
     palette = pictures[len(pictures) // 3].quantize(128, coverage, dither=Image.Dither.NONE)

@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 #: Layers that can be shown and hidden, in the order of their boxes.
 LAYERS = ("bodies", "skeleton", "inertia", "torques", "trail", "axes", "frames")
-_TRAIL, _PATH = "#5C656E", "#A9B0B6"
+_TRAIL, _PATH = "#8E24AA", "#A9B0B6"
 TRAIL_SIDES = 8
 #: The largest arrow, as a share of the robot's length.
 _LARGEST = 0.45

@@ -212,25 +212,27 @@ def test_a_tube_is_closed_and_as_long_as_its_line():
 @pytest.mark.parametrize(
     ("blocked", "commands"),
     [
-        ({"meshcat, trimesh": "viz"}, ["show --no-open"]),
-        (
-            {"viser": "interactive", "playwright": "viz"},
-            ["show --interactive", "show --png x.png"],
-        ),
+        ({"meshcat, pillow, trimesh": "viz"}, ["show --no-open"]),
+        ({"viser": "interactive"}, ["show --interactive"]),
+        ({"playwright": "viz"}, ["show --png x.png"]),
     ],
 )
 def test_a_missing_extra_is_named(blocked, commands, tmp_path):
     """The one line that installs it, and exit code 2."""
     code = "import sys; from sst_pin.cli import main; "
     packages = ", ".join(blocked).split(", ")
-    code += "".join(f"sys.modules['{package}'] = None; " for package in packages)
+    code += "".join(
+        f"sys.modules['{package.replace('pillow', 'PIL')}'] = None; " for package in packages
+    )
     code += f"sys.exit(sum(main(c.split()) for c in {commands}))"
     result = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path, check=False
     )
     assert result.returncode == 2 * len(commands)
     for package, extra in blocked.items():
-        assert f"{package} is not installed; run: pip install 'sst-pin[{extra}]'" in result.stderr
+        verb = "are" if "," in package else "is"
+        line = f"{package} {verb} not installed; run: pip install 'sst-pin[{extra}]'"
+        assert line in result.stderr
     assert not list(tmp_path.iterdir())
 
 
