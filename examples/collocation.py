@@ -56,6 +56,7 @@ class Transcription:
         q: Configurations at the points, shape (nq, points), three points for each interval.
         va: Rates of the coordinates at the points, shape (n, points).
         tau: Torques of each interval, shape (motors, intervals).
+        fractions: Times of the points over the duration, shape (points,).
     """
 
     def __init__(self, chain: sst_pin.ClosedChain, start: ArrayLike, intervals: int) -> None:
@@ -68,8 +69,9 @@ class Transcription:
         self.va = opti.variable(n, points)
         self.tau = opti.variable(n, intervals)
         nodes = ca.collocation_points(DEGREE, "radau")
-        self._fractions = (np.arange(intervals)[:, None] + nodes).ravel() / intervals
-        slopes = np.array(ca.collocation_coeff(nodes)[0])
+        self.fractions = (np.arange(intervals)[:, None] + nodes).ravel() / intervals
+        slopes, _, weights = (np.array(x) for x in ca.collocation_coeff(nodes))
+        self._weights = np.tile(weights.ravel(), intervals) / intervals
         dynamics = point_equations(chain).map(intervals)
         step = self.duration / intervals
         angles = self.q[self._coordinates, :]
@@ -92,26 +94,44 @@ class Transcription:
         low, high = (np.tile(x, what.shape[1]).T.ravel() for x in (low, high))
         self.opti.subject_to(self.opti.bounded(low, ca.vec(what), high))
 
-    def solve(self, q: ArrayLike, duration: float, print_level: int = 0) -> Solution:
+    def torques(self) -> ca.MX:
+        """Torques at the points, shape (motors, points)."""
+        return ca.kron(self.tau, np.ones((1, DEGREE)))
+
+    def integral(self, x: ca.MX) -> ca.MX:
+        """Integral over the motion of what has the values x at the points, shape (1, points)."""
+        return self.duration * ca.mtimes(x, self._weights)
+
+    def guess_line(self, q: ArrayLike, duration: float) -> None:
+        """Guess the straight line to a configuration, shape (nq,): loops open, rates zero."""
+        way = np.asarray(q, dtype=float) - self._start
+        self.opti.set_initial(self.q, self._start[:, None] + way[:, None] * self.fractions)
+        self.opti.set_initial(self.duration, duration)
+
+    def guess(self, motion: sst_pin.Trajectory) -> None:
+        """Guess a motion, its samples those of the points, [0, fractions] of its duration."""
+        self.opti.set_initial(self.q, motion.q[1:].T)
+        self.opti.set_initial(self.va, motion.va[1:].T)
+        pieces = motion.tau[1:].reshape(-1, DEGREE, self.tau.shape[0])
+        self.opti.set_initial(self.tau, pieces.mean(axis=1).T)
+        self.opti.set_initial(self.duration, motion.t[-1])
+
+    def solve(self, print_level: int = 0) -> Solution:
         """Find the motion with IPOPT.
 
         Args:
-            q: A guess of the last configuration, shape (nq,): the guess of the motion is the
-                straight line to it at rates of zero, its loops open.
-            duration: A guess, [s].
             print_level: Of IPOPT.
 
         Raises:
             RuntimeError: When IPOPT does not converge.
         """
-        opti, way = self.opti, np.asarray(q, dtype=float) - self._start
-        opti.set_initial(self.q, self._start[:, None] + way[:, None] * self._fractions)
-        opti.set_initial(self.duration, duration)
-        opti.solver("ipopt", {"print_time": False}, {"print_level": print_level, "sb": "yes"})
+        opti = self.opti
+        options = {"print_time": False, "detect_simple_bounds": True}
+        opti.solver("ipopt", options, {"print_level": print_level, "sb": "yes"})
         found = opti.solve()
         seconds = float(found.value(self.duration))
         return Solution(
-            np.append(0, seconds * self._fractions),
+            np.append(0, seconds * self.fractions),
             np.vstack([self._start, found.value(self.q).T]),
             np.vstack([np.zeros(len(self._coordinates)), found.value(self.va).T]),
             found.value(self.tau).T,

@@ -50,7 +50,8 @@ def fastest(
     program.bound(-limit, program.tau, limit)
     program.bound(0.01, program.duration, 10)
     program.opti.minimize(program.duration)
-    return program.solve(goal, 1.0, print_level)
+    program.guess_line(goal, 1.0)
+    return program.solve(print_level)
 
 
 def at_limit(solution: Solution, limit: float = LIMIT) -> Array:
