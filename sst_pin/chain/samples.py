@@ -91,11 +91,12 @@ def derivatives(
     if type(width) is not float or not 0 < width < np.inf:
         width = positive_number("sign_width", sign_width)
     q, va, x, wrenches = arguments
-    if wrenches is None and on_error == "raise":
-        answer = current.backend.derivatives_of(name, width)(q, va, x, None, out, threads)
+    if wrenches is None and out is None and on_error == "raise":
+        answer = current.backend.derivatives_of(name, width)(q, va, x, None, None, threads)
         if answer is not None and answer[0] is None:
             rows = answer[1]
-            rows.shape = (len(va), -1)  # type: ignore[arg-type]  # it is an array
+            n = va.shape[-1]  # type: ignore[union-attr]  # it is an array
+            rows.shape = (*rows.shape[:-1], n, -1)
             return rows
     third = "aa" if name == "torque_derivatives" else "tau"
     mechanism, arrays = current.arguments(q, va=va, **{third: x})

@@ -194,16 +194,16 @@ class CompiledBackend:
 
     @property
     def torques_of(self) -> Callable[..., Any]:
-        """Inverse dynamics of one sample; None where it needs care."""
+        """Inverse dynamics of one sample or a batch; None where it needs care."""
         return self._single("torques")
 
     @property
     def accelerations_of(self) -> Callable[..., Any]:
-        """Direct dynamics of one sample; None where it needs care."""
+        """Direct dynamics of one sample or a batch; None where it needs care."""
         return self._single("accelerations")
 
     def derivatives_of(self, name: str, sign_width: float) -> Callable[..., Any]:
-        """Derivatives of one sample; None where they need care."""
+        """Derivatives of one sample or a batch; None where they need care."""
         kernel = self._smoothed(name, sign_width)
         return _nothing if kernel is None else kernel.answer
 
