@@ -5,6 +5,8 @@ Each group of calls takes turns, so that a slow moment of the machine hits all a
 come the median and the minimum. Only the ratios mean something on another machine. Writes
 benchmark.json and benchmark.png to docs/ and the tables into docs/benchmark.md and README.md;
 --quick takes fewer repeats, --out FOLDER leaves docs/ and README.md alone.
+
+    PYTHONPATH=examples python scripts/benchmark/benchmark.py
 """
 
 from __future__ import annotations
@@ -15,6 +17,7 @@ import os
 import platform
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -23,6 +26,7 @@ import numpy as np
 
 import benchmark_cases as cases
 import benchmark_report as report
+import benchmark_robots
 from sst_pin import SST
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -78,7 +82,27 @@ def first_use(kernels: str, repeats: int) -> report.Times:
     }
 
 
-def measure(quick: bool) -> dict[str, Any]:
+def first_of_a_file(repeats: int) -> report.Times:
+    """Seconds from a URDF to its first compiled torques, in new processes, the delta's."""
+    code = (
+        "from time import perf_counter as now; import sst_pin, sys; a = now();"
+        "robot = sst_pin.ClosedChain.from_urdf(sys.argv[1]); robot.compile();"
+        "robot.compute_torques(robot.generic_configuration(), [0] * 3, [0] * 3); print(now() - a)"
+    )
+    command = [sys.executable, "-c", code, str(ROOT / "examples" / "delta.urdf")]
+    taken: dict[str, list[float]] = {"compiled now": [], "from the cache": []}
+    for _ in range(repeats):
+        with tempfile.TemporaryDirectory() as folder:
+            environment = os.environ | {"XDG_CACHE_HOME": folder}
+            for times in taken.values():
+                result = subprocess.run(
+                    command, env=environment, capture_output=True, text=True, check=True
+                )
+                times.append(float(result.stdout))
+    return {name: [float(np.median(x)), min(x)] for name, x in taken.items()}
+
+
+def measure(quick: bool, names: list[str]) -> dict[str, Any]:
     few, many, turn = (3, 5, 1e-3) if quick else (9, 41, 5e-3)
     robot, cores = SST(), os.cpu_count() or 1
     threads = range(1, max(cores, 2) + 1)
@@ -95,6 +119,8 @@ def measure(quick: bool) -> dict[str, Any]:
             "reference path": first_use("off", few),
         },
         "batch sizes": {str(n): in_turn(cases.batches(robot, n), many, turn) for n in SIZES},
+        "robots": benchmark_robots.measure(names, in_turn, (few, many), turn),
+        "from a URDF to torques": first_of_a_file(1 if quick else 3),
         "work and precision": cases.work_and_precision(robot, few),
     }
 
@@ -102,14 +128,18 @@ def measure(quick: bool) -> dict[str, Any]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="fewer repeats")
+    parser.add_argument(
+        "--robots", nargs="+", default=list(benchmark_robots.ROBOTS), metavar="NAME",
+        help="fewer robots besides the SST",
+    )  # fmt: skip
     parser.add_argument("--out", type=Path, help="another folder than docs/; README.md is left")
     arguments = parser.parse_args()
-    results = measure(arguments.quick)
+    results = measure(arguments.quick, arguments.robots)
     folder = arguments.out or ROOT / "docs"
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "benchmark.json").write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
     report.figure(results).savefig(folder / "benchmark.png", dpi=150)
-    print(report.table(results), end="")
+    print(report.table(results), report.robots_table(results), sep="\n", end="")
     if arguments.out is None:
         for page in (ROOT / "README.md", ROOT / "docs" / "benchmark.md"):
             text = report.with_table(page.read_text(encoding="utf-8"), results)

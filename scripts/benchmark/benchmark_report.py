@@ -34,7 +34,7 @@ ROWS = (
 #: Of these the README tells the ratios.
 SHORT = (0, 1, 3, 6, 9)
 
-_TABLE = re.compile(r"(<!-- table: benchmark(, short)? -->\n).*?(<!-- end -->)", re.DOTALL)
+_TABLE = re.compile(r"(<!-- table: benchmark(, short|, robots)? -->\n).*?(<!-- end -->)", re.DOTALL)
 _MARKERS = "osD^v"
 _COLOURS = (*plots.COLOURS, "#CC79A7", "#7F7F7F")
 
@@ -73,11 +73,49 @@ def short_table(results: dict[str, Any]) -> str:
     return "\n".join(lines) + "\n"
 
 
+#: Of the robots: heading, group, ours and theirs.
+COLUMNS = (
+    ("torques", "single call", "torques", "pin.rnea, open tree"),
+    ("KKT by hand", "single call", "torques", "KKT, by hand"),
+    ("constraintDynamics", "single call", "accelerations", "pin.constraintDynamics"),
+    ("mj_step", "single call", "accelerations", "mj_step"),
+    ("rneaInParallel", "sample of a batch", "torques, batch", "pin.rneaInParallel, 1 thread"),
+    ("mujoco.rollout", "rollout step", "rollout", "mujoco.rollout"),
+)
+
+
+def robots_table(results: dict[str, Any]) -> str:
+    """How many times as fast as each; the reference path against `pin.rnea`; costs."""
+    headings = [
+        "robot", "joints, freedoms", "torques", "than pin.rnea",
+        *(f"than {heading}" for heading, *_ in COLUMNS[1:]),
+        "reference path, of pin.rnea", "compiled in", "size",
+    ]  # fmt: skip
+    lines = [f"| {' | '.join(headings)} |", "|---" * len(headings) + "|"]
+    for name, robot in results.get("robots", {}).items():
+        single = robot["single call"]
+        row = [name, f"{robot['joints']}, {robot['freedoms']}", spoken(single["torques"][0])]
+        for _, group, ours, theirs in COLUMNS:
+            times = robot.get(group, {})
+            known = ours in times and theirs in times
+            row.append(f"{times[theirs][0] / times[ours][0]:.3g}" if known else "")
+        reference = single["reference path, torques"][0] / single["pin.rnea, open tree"][0]
+        cost = robot["cost"]
+        row += [f"{reference:.3g}", spoken(cost["compile"]), f"{cost['bytes'] / 1e3:.0f} kB"]
+        lines.append(f"| {' | '.join(row)} |")
+    first = results.get("from a URDF to torques", {})
+    said = ", ".join(f"{name} {spoken(x[0])}" for name, x in first.items())
+    return "\n".join([*lines, "", f"From the delta's URDF to its first torques: {said}."]) + "\n"
+
+
+_TABLES = {None: table, ", short": short_table, ", robots": robots_table}
+
+
 def with_table(page: str, results: dict[str, Any]) -> str:
     """A page with the tables between their marks."""
 
     def filled(marks: re.Match[str]) -> str:
-        return f"{marks[1]}{(short_table if marks[2] else table)(results)}{marks[3]}"
+        return f"{marks[1]}{_TABLES[marks[2]](results)}{marks[3]}"
 
     return _TABLE.sub(filled, page)
 
