@@ -98,7 +98,7 @@ MJCF = """
       </body>
     </body>
     <body name="rocker" pos="0.3 0 0.1">
-      <joint name="rocker" axis="0 1 0"/>
+      <joint name="rocker" pos="0.01 0 0.02" axis="0 1 0"/>
       <geom type="cylinder" fromto="0 0 0 0.1 0 0.2" size="0.01" mass="0.1"/>
       <geom type="sphere" size="0.03" pos="0.1 0 0.2" mass="0.1"/>
     </body>
