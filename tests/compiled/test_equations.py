@@ -10,6 +10,7 @@ import pytest
 
 import any_chain
 import robots
+import sst_pin
 from sst_pin.chain.mechanism import Friction
 from sst_pin.compiled import c_code, kernels
 from sst_pin.compiled.backend import sample_configurations
@@ -222,3 +223,17 @@ def test_what_depends_on_parameters_alone_is_computed_once(name):
     assert "x[" not in prepare
     assert "const number t" not in run
     assert not re.search(r"= p\[\d+\] [-+*/] p\[\d+\];", run)
+
+
+@pytest.mark.slow
+def test_operations_per_joint_of_a_ladder_do_not_depend_on_its_length():
+    """Of 4 to 96 four-bars: within a tenth."""
+    counts = []
+    for bars in (4, 16, 96):
+        chain = sst_pin.robots.ladder(bars)
+        q = chain.generic_configuration()
+        samples = sample_configurations(chain._current.reference, q)
+        kernel = kernels.make(Equations(chain._current.mechanism(), samples), "torques")
+        text, _ = c_code.body(kernel)
+        counts.append(text.count("const real t") / chain.model.nv)
+    assert max(counts) < 1.1 * min(counts)
