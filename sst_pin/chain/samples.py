@@ -91,12 +91,11 @@ def derivatives(
     if type(width) is not float or not 0 < width < np.inf:
         width = positive_number("sign_width", sign_width)
     q, va, x, wrenches = arguments
-    if wrenches is None and out is None and on_error == "raise":
+    if wrenches is out is None and on_error == "raise":
         answer = current.backend.derivatives_of(name, width)(q, va, x, None, None, threads)
         if answer is not None and answer[0] is None:
-            rows = answer[1]
-            n = va.shape[-1]  # type: ignore[union-attr]  # it is an array
-            rows.shape = (*rows.shape[:-1], n, -1)
+            rows, n = answer[1], np.shape(va)[-1]
+            rows.shape = (*rows.shape[:-1], n, rows.shape[-1] // n)
             return rows
     third = "aa" if name == "torque_derivatives" else "tau"
     mechanism, arrays = current.arguments(q, va=va, **{third: x})

@@ -168,8 +168,10 @@ def test_out_threads_and_samples_at_fault(compiled):
     assert np.shares_memory(d.dva, out)
     alone = chain.torque_derivatives(q[many], va[many], aa[many])
     assert all(np.array_equal(a, b) for a, b in zip(d, alone, strict=True))
-    with pytest.raises(InputError, match="out"):
-        chain.torque_derivatives(q, va, aa, out=np.empty((6, n, 3 * n + 1)))
+    for shape in ((6, n, 3 * n + 1), (6, 3 * n * n)):
+        with pytest.raises(InputError, match="out"):
+            chain.torque_derivatives(q, va, aa, out=np.empty(shape))
+    assert chain.torque_derivatives(q[:0], va[:0], aa[:0]).dq.shape == (0, n, n)
     opened = q.copy()
     opened[2, -1] += 0.01
     with pytest.raises(ClosureError, match=r"1 of 6 samples \(index 2\)"):
