@@ -12,6 +12,8 @@ import numpy as np
 import pinocchio as pin
 from scipy.linalg import null_space
 
+from trees import Lagrange
+
 #: Singular values below this part of the largest are zero.
 RCOND = 1e-9
 
@@ -43,6 +45,13 @@ class LagrangeReferee:
         self.coordinates = self._rates_of(coordinates)
         self.motors = self._rates_of(motors)
         self.others = np.setdiff1d(np.arange(model.nv), self.coordinates)
+        zero = np.zeros(model.nv)
+        self._lagrange = Lagrange(
+            model,
+            np.eye(model.nv)[:, self.motors],
+            lambda q: self.rows(q, zero)[1],
+            lambda q, v: self.rows(q, v)[2],
+        )
 
     def _rates_of(self, names):
         joints = [self.model.joints[self.model.getJointId(name)] for name in names]
@@ -116,27 +125,11 @@ class LagrangeReferee:
 
     def accelerations(self, q, v, tau):
         """Accelerations of the coordinates under motor torques."""
-        _, J, drift = self.rows(q, v)
-        bias = pin.rnea(self.model, self.data, q, v, np.zeros(self.model.nv))
-        forces = -bias
-        forces[self.motors] += tau
-        zero = np.zeros((len(J), len(J)))
-        system = np.block([[self.inertia(q), J.T], [J, zero]])
-        solution = np.linalg.lstsq(system, np.r_[forces, -drift], RCOND)[0]
-        return solution[self.coordinates]
-
-    def inertia(self, q):
-        """The tree's inertia matrix, column by column from RNEA."""
-        zero = np.zeros(self.model.nv)
-        rest = pin.rnea(self.model, self.data, q, zero, zero)
-        columns = [
-            pin.rnea(self.model, self.data, q, zero, unit) - rest for unit in np.eye(self.model.nv)
-        ]
-        return np.stack(columns, axis=1)
+        return self._lagrange.accelerations(q, v, tau)[self.coordinates]
 
     def energy(self, state):
         """Kinetic and potential energy."""
         pin.forwardKinematics(self.model, self.data, state.q)
         joints = list(zip(self.model.inertias, self.data.oMi, strict=True))[1:]
         weight = sum(body.mass * at.act(body.lever) for body, at in joints)
-        return state.v @ self.inertia(state.q) @ state.v / 2, -weight @ self.model.gravity.linear
+        return state.v @ self._lagrange.mass_matrix(state.q) @ state.v / 2, -weight @ self.model.gravity.linear
