@@ -156,7 +156,7 @@ def draw(chain: GalleryRobot, motions: dict[str, sst_pin.Trajectory]) -> Path:
     torques.set(xlabel="time (s)", ylabel="torque (N m)")
     powers.set(xlabel="time (s)", ylabel="electric power (W)")
     for axes in (paths, torques, powers):
-        axes.legend(fontsize="small")
+        axes.legend(fontsize="small", loc="lower center", bbox_to_anchor=(0.5, 1), ncols=2)
     path = Path("least_energy.png")
     figure.savefig(path, dpi=110)
     return path

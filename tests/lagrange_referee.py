@@ -132,4 +132,5 @@ class LagrangeReferee:
         pin.forwardKinematics(self.model, self.data, state.q)
         joints = list(zip(self.model.inertias, self.data.oMi, strict=True))[1:]
         weight = sum(body.mass * at.act(body.lever) for body, at in joints)
-        return state.v @ self._lagrange.mass_matrix(state.q) @ state.v / 2, -weight @ self.model.gravity.linear
+        kinetic = state.v @ self._lagrange.mass_matrix(state.q) @ state.v / 2
+        return kinetic, -weight @ self.model.gravity.linear

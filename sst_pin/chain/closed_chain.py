@@ -352,6 +352,7 @@ class ClosedChain:
         Raises:
             ClosureError: When there is none within reach, with the loops that stay open and the
                 joints that are at their limits.
+            InputError: For a guess of another shape, or with a quaternion that is zero.
             UnknownNameError: For an unknown joint.
 
         Example:

@@ -164,13 +164,23 @@ class JointSpace:
         return q_dot
 
     def normalised(self, q: Array) -> Array:
-        """q with its quaternions and cosine-sine pairs at length one, shape (nq,)."""
+        """q with its quaternions and cosine-sine pairs at length one, shape (nq,).
+
+        Raises:
+            InputError: When one is zero: it has no direction.
+        """
         if self.euclidean:
             return q
         q = q.copy()
         for size, pairs in ((4, self._quaternions), (2, self._circles)):
             for i, _ in pairs:
-                q[i : i + size] /= np.linalg.norm(q[i : i + size])
+                length = np.linalg.norm(q[i : i + size])
+                if length == 0:
+                    kind = "quaternion" if size == 4 else "pair of cosine and sine"
+                    raise InputError(
+                        "q", f"the {kind} at {i} is zero; start from pinocchio.neutral(model)"
+                    )
+                q[i : i + size] /= length
         return q
 
     def require_on_manifold(self, q: Array) -> None:

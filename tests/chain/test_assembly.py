@@ -11,6 +11,7 @@ from numpy.testing import assert_allclose
 from robots import ROBOTS
 from sst_pin import ClosedChain, Closure
 from sst_pin.errors import ClosureError, InputError
+from sst_pin.robots import delta
 from trees import tree
 
 RX = pin.JointModelRX
@@ -270,3 +271,9 @@ def test_limits_that_are_not_reached_change_nothing():
     """The same numbers with and without them."""
     chain, guess = limited([-9] * 3, [9] * 3), [1.2, -0.7, 2.0]
     assert np.array_equal(chain.assemble(guess), chain.assemble(guess, limits=True))
+
+
+def test_a_guess_whose_quaternion_is_zero_is_refused():
+    chain = delta()
+    with pytest.raises(InputError, match=r"quaternion at \d+ is zero"):
+        chain.assemble(np.zeros(chain.model.nq))
