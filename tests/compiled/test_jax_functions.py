@@ -48,18 +48,17 @@ def test_jacobians_are_the_chains_derivatives(chain):
     """Forward and reverse; by q at the coordinates' entries, zero at those of dependent joints."""
     functions = chain.jax()
     q, va, aa = (x[0] for x in any_chain.states(chain, 1, 0))
-    tau, entries = chain.compute_torques(q, va, aa), list(chain.actuated)
+    tau = chain.compute_torques(q, va, aa)
+    ids = map(chain.model.getJointId, chain.coordinates)
+    entries = [list(chain.model.joints)[i].idx_q for i in ids]
     for function, expected, x in (
         (functions.torques, chain.torque_derivatives(q, va, aa), aa),
         (functions.accelerations, chain.acceleration_derivatives(q, va, tau), tau),
     ):
         for mode in (jax.jacfwd, jax.jacrev):
             by_q, by_va, by_x = mode(function, argnums=(0, 1, 2))(q, va, x)
-            of_coordinates = [chain.model.joints[i + 1].idx_q for i in entries]
-            if chain.model.nq == chain.model.nv:
-                close(by_q[:, of_coordinates], expected[0], 1e-12)
-            assert np.count_nonzero(np.abs(by_q).max(axis=0)) <= len(entries)
-            close(by_q.sum(axis=1), expected[0].sum(axis=1), 1e-12)
+            close(by_q[:, entries], expected[0], 1e-12)
+            assert not np.delete(by_q, entries, axis=1).any()
             close(by_va, expected[1], 1e-12)
             close(by_x, expected[2], 1e-12)
 
