@@ -20,7 +20,8 @@ _CURES = {
     "path": "compile() gives the robot kernels",
     "parameters": "build another robot: SST(parameters)",
     "geometry": "change robot.model, or build another robot: SST(parameters)",
-    "home": "it follows from the geometry; save other configurations beside the robot",
+    "home": "an SST's follows from the geometry; of other robots set "
+    "robot.model.referenceConfigurations['home']",
 }
 
 

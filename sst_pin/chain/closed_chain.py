@@ -22,7 +22,7 @@ from ..arrays import (
     single_array,
     whole_number,
 )
-from ..errors import ClosureError, InputError, MissingExtraError
+from ..errors import ClosureError, DescriptionError, InputError, MissingExtraError
 from ..summaries import as_html, as_text, listed
 from . import derivatives, dynamics, samples
 from .assignments import require_assignable
@@ -169,6 +169,30 @@ class ClosedChain:
             ['m', 'rad']
         """
         return self._current.draft.space.position_units
+
+    @property
+    def home(self) -> Array:
+        """The configuration that the description calls home, its loops closed, shape (nq,).
+
+        It stands in `model.referenceConfigurations["home"]`: from the SRDF beside a URDF, from the
+        keyframe `home` of an MJCF, or put there by you. Where loops are open there, it is
+        assembled, the coordinates held.
+
+        Raises:
+            DescriptionError: When the description calls no configuration so.
+            ClosureError: When the loops cannot be closed there.
+
+        Example:
+            >>> sst_pin.ClosedChain.from_urdf(sst_pin.URDF_PATH).home[:3].round(4)
+            array([0.7854, 1.5708, 0.6155])
+        """
+        q = self._current.home()
+        if q is None:
+            cure = 'model.referenceConfigurations["home"] = q sets it, assemble(guess) finds a q'
+            name = self._current.model.name
+            raise DescriptionError(f"model {name}", [f"no configuration is called home; {cure}"])
+        closed = self._current.first_closed(q)
+        return self.assemble(q) if closed is None else closed
 
     @property
     def actuated(self) -> NDArray[np.intp]:
@@ -1107,7 +1131,8 @@ class ClosedChain:
         (`name_mot`) and, where needed, `gravity` and joints that really are "FIXED", "SPHERICAL"
         or "UJOINT_XY" (`joint_name`, `joint_type`). A file that lists no closures has those of the
         URDF's frames `closing_NAME_1`, `closing_NAME_2`, points that coincide. Joints that mimic
-        others are coupled to them.
+        others are coupled to them. Named configurations, `home` among them, are those of the file
+        beside the URDF that ends in .srdf, where there is one.
 
         Args:
             path: The URDF; its meshes are not needed.
@@ -1146,6 +1171,7 @@ class ClosedChain:
         the fixed tendons that have an actuator; tau is the force in the joint or the tendon, gear
         times control for a `motor`. Hinges and slides count as in `qpos`; of balls and free joints
         q has the quaternion with its scalar last, and v the linear rates along the body's axes.
+        Named keyframes are the model's `referenceConfigurations`, `home` is that of this name.
 
         Args:
             path: The MJCF.

@@ -49,7 +49,7 @@ class CurrentMechanism:
         model: The owner's tree.
         closures: What closes it.
         kernels: Makes the backend; None for the reference path.
-        home: Around which a generic configuration is looked for, shape (nq,); None for anywhere.
+        near: Around which a generic configuration is looked for, shape (nq,); None for anywhere.
         unseen: Whether the model was given away since it was looked at last.
         draft: The mechanism before its coordinates are settled.
         reference: Of the mechanism, or of its draft before.
@@ -76,7 +76,7 @@ class CurrentMechanism:
         self._wanted = None if coordinates is None else names("coordinates", coordinates)
         self._numbers, self._examine = numbers, examine
         self.kernels: Kernels | None = None
-        self.home: Array | None = None
+        self.near: Array | None = None
         self._lock = threading.Lock()
         self.take_in()
 
@@ -132,7 +132,7 @@ class CurrentMechanism:
         return self._settled
 
     def _settle(self, q: ArrayLike | None) -> None:
-        own = None if q is None else self._first_closed(q)
+        own = None if q is None else self.first_closed(q)
         if own is None and self._settled is not None:
             return
         if own is None:
@@ -162,7 +162,8 @@ class CurrentMechanism:
             self._settled = settled  # last: other threads read it without the lock
         self._settled_by_caller = own is not None
 
-    def _first_closed(self, q: ArrayLike) -> Array | None:
+    def first_closed(self, q: ArrayLike) -> Array | None:
+        """The first of configurations, where its loops are closed."""
         array = np.asarray(q, dtype=float)
         if not array.size or not np.isfinite(array).all():
             return None
@@ -278,13 +279,24 @@ class CurrentMechanism:
         """Phi at one configuration, free of units, shape (rows, nv)."""
         return self.evaluated(q).Phi() * self.draft.row_scale[:, None] * self.draft.rate_scale
 
+    def home(self) -> Array | None:
+        """What the model calls home, with loops as open as they are there, shape (nq,)."""
+        self.look()
+        known = self.draft.model.referenceConfigurations
+        return np.array(known["home"]) if "home" in known else None
+
+    def call_home(self, q: Array) -> None:
+        """Let the model call a configuration its home."""
+        for model in (self.model, self.draft.model):
+            model.referenceConfigurations["home"] = q
+
     def generic_configuration(self) -> Array:
         """As `ClosedChain.generic_configuration`."""
         self.look()
         found = self._generic
         if found is None:
             try:
-                found = generic_configuration(self.reference.workspace.assembly, self.home)
+                found = generic_configuration(self.reference.workspace.assembly, self.near)
             except ClosureError as error:
                 found = error
             self._generic = found

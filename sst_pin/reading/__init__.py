@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """From description files to Pinocchio: URDF and MJCF to models, YAML to cuts."""
 
-from .cuts import Cuts, Extended, closed, parse_cuts, read_urdf
+from .cuts import Cuts, Extended, closed, load_poses, parse_cuts, read_urdf
 from .text import read_text
 from .urdf import parse_mimics, parse_urdf, parse_xml
 
@@ -9,6 +9,7 @@ __all__ = [
     "Cuts",
     "Extended",
     "closed",
+    "load_poses",
     "parse_cuts",
     "parse_mimics",
     "parse_urdf",

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import reprlib
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from itertools import accumulate
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -21,6 +21,7 @@ from ..chain.draft import without_locked
 from ..errors import DescriptionError
 from ..files import beside
 from .problems import numbers
+from .srdf import load_configurations
 from .text import read_text
 from .urdf import KINDS, closing_frames, parse_mimics, parse_urdf
 
@@ -72,15 +73,24 @@ def read_urdf(
     else:
         cuts = own if cuts is None else cuts
         found = parse_cuts(read_text(cuts, "YAML of the cuts"), str(cuts))
-    extended = closed(text, str(path), found)
-    if not locked:
-        return extended
-    model, closures, motors = extended
-    return Extended(
-        without_locked(model, locked),
-        tuple(_held(closures, set(locked), str(path))),
-        tuple(name for name in motors if name not in locked),
-    )
+    model, closures, motors = closed(text, str(path), found)
+    if locked:
+        model = without_locked(model, locked)
+        closures = tuple(_held(closures, set(locked), str(path)))
+        motors = tuple(name for name in motors if name not in locked)
+    load_poses(Path(path), model, {*locked, *found.joints})
+    return Extended(model, closures, motors)
+
+
+def load_poses(path: Path, model: pin.Model, held: Collection[str] = ()) -> None:
+    """Named configurations, from the SRDF beside a URDF, where there is one.
+
+    Raises:
+        DescriptionError: As `load_configurations`.
+    """
+    srdf = beside(path, ".srdf")
+    if srdf.is_file():
+        load_configurations(srdf, model, held)
 
 
 def closed(text: str, source: str, cuts: Cuts) -> Extended:

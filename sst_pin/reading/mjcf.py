@@ -33,7 +33,7 @@ class Mjcf(NamedTuple):
     """What an MJCF says of a closed chain.
 
     Attributes:
-        model: The tree.
+        model: The tree, with the named keyframes as `referenceConfigurations`.
         closures: Its active equalities.
         actuated: Joints with an actuator, in the order of the actuators; a fixed tendon that has
             one as the share of each joint.
@@ -98,6 +98,8 @@ class _Reader:
         #: Of each rate: the degree of freedom in MuJoCo.
         self._dofs: list[int] = []
         self._rest: list[float] = []
+        #: Of each coordinate: its address in `qpos`; -1 for part of a ball, which has none.
+        self._addresses: list[int] = []
         self._problems: list[str] = []
 
     def read(self) -> Mjcf:
@@ -134,6 +136,10 @@ class _Reader:
         model.armature = mj.dof_armature[self._dofs]
         model.damping = mj.dof_damping[self._dofs] * (not self._disabled("damper"))
         model.friction = mj.dof_frictionloss[self._dofs] * (not self._disabled("frictionloss"))
+        for key in range(mj.nkey):
+            if (name := mj.key(key).name) and min(self._addresses, default=0) >= 0:
+                q = mj.key_qpos[key][self._addresses]
+                model.referenceConfigurations[name] = pin.normalize(model, q)
         stiffness = mj.jnt_stiffness[joints] * (not self._disabled("spring"))
         return Mjcf(model, closures, motors, stiffness, np.array(self._rest))
 
@@ -199,10 +205,11 @@ class _Reader:
             return parent, placement
         anchor = pin.SE3(np.eye(3), mj.jnt_pos[joint])
         reference, rest = mj.qpos0[address], [mj.qpos_spring[address]]
-        zero, names = pin.SE3.Identity(), [name]
+        zero, names, addresses = pin.SE3.Identity(), [name], [address]
         if kind == _FREE:
             models, placement = [pin.JointModelFreeFlyer()], pin.SE3.Identity()
             rest = [0.0] * 6 + [1.0]
+            addresses = [*range(address, address + 3), *_scalar_last(address + 3)]
         elif kind == _HINGE:
             models = [_along(axis, _REVOLUTE, pin.JointModelRevoluteUnaligned)]
             zero = pin.SE3(pin.AngleAxis(-reference, axis).matrix(), np.zeros(3))
@@ -211,12 +218,13 @@ class _Reader:
             zero = pin.SE3(np.eye(3), -reference * axis)
         elif self._locked.isdisjoint(self._axes(joint)):
             models = [pin.JointModelSpherical()]
-            rest = np.roll(mj.qpos_spring[address : address + 4], -1).tolist()
+            addresses = _scalar_last(address)
+            rest = mj.qpos_spring[addresses].tolist()
         else:  # a ball that is held about some axis turns about the others, one after the other
             turns = zip(_REVOLUTE, self._axes(joint), strict=True)
             left = [(model(), turn) for model, turn in turns if turn not in self._locked]
             models, names = [model for model, _ in left], [turn for _, turn in left]
-            rest = [0.0] * len(left)
+            rest, addresses = [0.0] * len(left), [-1] * len(left)
             if left and mj.jnt_stiffness[joint] and not self._disabled("spring"):
                 self._problems.append(f"joint {name}: a ball with a spring is held whole or not")
         at, dof = placement * anchor * zero, mj.jnt_dofadr[joint]
@@ -226,6 +234,7 @@ class _Reader:
             self._dofs += range(dof, dof + model.nv)
             dof += model.nv
         self._rest += rest
+        self._addresses += addresses
         return parent, at * anchor.inverse()
 
     def _add_sites(self) -> None:
@@ -409,6 +418,11 @@ class _Length(NamedTuple):
 
 _REVOLUTE = pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ
 _PRISMATIC = pin.JointModelPX, pin.JointModelPY, pin.JointModelPZ
+
+
+def _scalar_last(address: int) -> list[int]:
+    """Addresses of a quaternion's entries in Pinocchio's order."""
+    return [address + 1, address + 2, address + 3, address]
 
 
 def _along(axis: Array, aligned: Sequence[type], unaligned: type) -> Any:

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+import numpy as np
 import pinocchio as pin
 
 from .. import reading
@@ -13,6 +14,9 @@ from ..chain.closed_chain import ClosedChain
 from ..chain.closures import Constraint, frames_of
 from ..errors import ActuationError, ClosureError, DescriptionError, SSTError
 from ..reading.problems import Problem, error, warning
+
+#: Open by so much a configuration is that was written with four digits, [m] or [rad].
+_WRITTEN = 1e-3
 
 
 def check(urdf: str, path: Path, cuts: Path | None) -> Iterator[Problem]:
@@ -43,6 +47,7 @@ def check(urdf: str, path: Path, cuts: Path | None) -> Iterator[Problem]:
     yield from problems
     if not problems:
         yield from _actuation(robot)
+        yield from _home(robot, path, found)
 
 
 def _unknown(robot: reading.Extended) -> Iterator[Problem]:
@@ -82,6 +87,26 @@ def _gap(model: pin.Model, closures: Sequence[Constraint]) -> float:
         except ClosureError:
             return caught.residual
     return 0.0
+
+
+def _home(robot: reading.Extended, path: Path, found: reading.Cuts) -> Iterator[Problem]:
+    try:
+        reading.load_poses(path, robot.model, found.joints)
+    except DescriptionError as caught:
+        yield from (error("srdf", text) for text in caught.problems)
+        return
+    if "home" not in robot.model.referenceConfigurations:
+        return
+    chain = ClosedChain(robot.model, robot.closures, robot.actuated)
+    gap = np.abs(chain.residual(robot.model.referenceConfigurations["home"])).max()
+    try:
+        chain.home  # noqa: B018
+    except ClosureError:
+        yield warning("home", f"cannot be closed: {gap:.3g} (m or rad) stays open, start nearer")
+    else:
+        if gap > _WRITTEN:
+            text = f"the loops are open by {gap:.3g} (m or rad); `chain.home` closes them"
+            yield warning("home", text)
 
 
 def _actuation(robot: reading.Extended) -> Iterator[Problem]:

@@ -8,8 +8,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from ..chain.closed_chain import ClosedChain
-from ..errors import ClosureError
-from ..robots import GalleryRobot
+from ..errors import ClosureError, DescriptionError
 from ..sst.robot import SST
 from .joints import arrows_of, axes_of
 from .names import names_of, point_of
@@ -173,9 +172,13 @@ class Scene:
 
 def start_of(robot: ClosedChain) -> Array:
     """Where a robot is shown first: at home, else closed as near to neutral as may be."""
-    if isinstance(robot, (SST, GalleryRobot)):
+    model = robot.model
+    try:
         return robot.home
-    neutral: Array = pin.neutral(robot.model)
+    except ClosureError:  # open, and the page says so
+        return np.array(model.referenceConfigurations["home"])
+    except DescriptionError:
+        neutral: Array = pin.neutral(model)
     try:
         return robot.assemble(neutral, fixed=())
     except ClosureError:

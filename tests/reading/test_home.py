@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The configuration that a description calls home."""
+
+import copy
+import pickle
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import sst_pin
+from sst_pin.viewer.scene import start_of
+
+_SRDF = """<robot name="sst"><group_state name="home" group="all">
+{}</group_state></robot>"""
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """URDF and cuts of the SST, without its SRDF."""
+    for path in (sst_pin.URDF_PATH, sst_pin.YAML_PATH):
+        shutil.copy(path, tmp_path)
+    return tmp_path
+
+
+def put_home(folder, **angles):
+    lines = [f'<joint name="{name}" value="{value}"/>\n' for name, value in angles.items()]
+    (folder / "sst.srdf").write_text(_SRDF.format("".join(lines)))
+
+
+def read(folder, **options):
+    return sst_pin.ClosedChain.from_urdf(folder / "sst.urdf", **options)
+
+
+def named(q, digits):
+    return dict(zip(sst_pin.SST().joint_names, q.round(digits).tolist(), strict=True))
+
+
+@pytest.mark.parametrize("reader", ["urdf", "mjcf"])
+def test_the_shipped_descriptions_bring_the_home_of_the_closed_form(reader):
+    """The same numbers by way of an SRDF and of a keyframe, printed with 15 digits."""
+    if reader == "mjcf":
+        pytest.importorskip("mujoco")
+        chain = sst_pin.ClosedChain.from_mjcf(sst_pin.MJCF_PATH)
+    else:
+        chain = sst_pin.ClosedChain.from_urdf(sst_pin.URDF_PATH)
+    np.testing.assert_allclose(chain.home, sst_pin.SST().home, rtol=0, atol=1e-14)
+    np.testing.assert_array_equal(start_of(chain), chain.home)
+
+
+def test_a_home_of_a_few_digits_is_closed_with_the_motors_held(folder):
+    """Written with two digits the loops are open by some milliradians."""
+    expected = sst_pin.SST().home
+    put_home(folder, **named(expected, 2))
+    chain = read(folder)
+    assert np.abs(chain.residual(expected.round(2))).max() > 1e-3
+    assert np.abs(chain.residual(chain.home)).max() < 1e-12
+    np.testing.assert_array_equal(chain.home[chain.actuated], expected.round(2)[chain.actuated])
+    np.testing.assert_allclose(chain.home, expected, rtol=0, atol=0.02)
+    (problem,) = sst_pin.validate(folder / "sst.urdf")
+    assert str(problem).startswith("warning: home: the loops are open by 0.00")
+
+
+def test_a_home_that_cannot_be_closed_is_told_by_its_reader_and_by_validate(folder):
+    """Two motors a right angle apart: no star reaches both."""
+    put_home(folder, gamma_1=0.1, gamma_2=3.0, gamma_3=1.4)
+    chain = read(folder)
+    with pytest.raises(sst_pin.ClosureError, match="cannot be closed"):
+        chain.home  # noqa: B018
+    assert start_of(chain)[0] == 0.1  # shown open, as it was written
+    (problem,) = sst_pin.validate(folder / "sst.urdf")
+    assert str(problem).startswith("warning: home: cannot be closed")
+
+
+def test_a_robot_without_a_home_says_how_to_give_it_one(folder):
+    """By Pinocchio's own place for configurations; kept by copies and pickles."""
+    chain = read(folder)
+    with pytest.raises(sst_pin.DescriptionError, match="no configuration is called home"):
+        chain.home  # noqa: B018
+    assert np.abs(chain.residual(start_of(chain))).max() < 1e-9
+    chain.model.referenceConfigurations["home"] = sst_pin.SST().home
+    for same in (chain, copy.copy(chain), pickle.loads(pickle.dumps(chain))):
+        np.testing.assert_array_equal(same.home, sst_pin.SST().home)
+    with pytest.raises(sst_pin.AssignmentError, match="referenceConfigurations"):
+        chain.home = sst_pin.SST().home
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "text"),
+    [
+        ("knee", "0", "group_state home: no joint knee in the URDF"),
+        ("mu_1", "0 1", "group_state home: mu_1 value='0 1' is not a number"),
+    ],
+)
+def test_a_home_of_unknown_joints_or_no_numbers_is_refused(folder, name, value, text):
+    """In the same words by the reader and by `validate`."""
+    put_home(folder, **{name: value})
+    with pytest.raises(sst_pin.DescriptionError) as caught:
+        read(folder)
+    assert caught.value.problems == [text]
+    assert [problem.text for problem in sst_pin.validate(folder / "sst.urdf")] == [text]
+
+
+def test_home_leaves_out_locked_joints(folder):
+    """They are named in the SRDF and not in the tree."""
+    put_home(folder, **named(sst_pin.SST().home, 9))
+    chain = read(folder, locked=["mu_1"])
+    np.testing.assert_allclose(
+        chain.model.referenceConfigurations["home"],
+        np.delete(sst_pin.SST().home, 1),
+        rtol=0,
+        atol=1e-8,
+    )
+
+
+def test_a_keyframe_puts_quaternions_into_pinocchios_order(tmp_path):
+    """A free body with a ball and a hinge: poses of the bodies are MuJoCo's own."""
+    mujoco = pytest.importorskip("mujoco")
+    path = Path(tmp_path, "chain.xml")
+    path.write_text("""<mujoco><worldbody>
+<body name="a" pos="1 2 3"><freejoint name="free"/><geom size=".1"/>
+<body name="b" pos="0 0 .5"><joint name="ball" type="ball"/><geom size=".1" pos="0 0 .1"/>
+<body name="c" pos="0 .3 0"><joint name="hinge" axis="0 1 0" ref="20"/><geom size=".1" pos=".2 0 0"/>
+</body></body></body></worldbody>
+<equality><connect body1="c" body2="world" anchor="0 0 0"/></equality>
+<keyframe><key name="home" qpos="1 2 3 .5 .5 -.5 .5 .8 0 .6 0 .4"/></keyframe></mujoco>""")
+    model = sst_pin.ClosedChain.from_mjcf(path).model
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, model.referenceConfigurations["home"])
+    theirs = mujoco.MjModel.from_xml_path(str(path))
+    state = mujoco.MjData(theirs)
+    mujoco.mj_resetDataKeyframe(theirs, state, 0)
+    mujoco.mj_kinematics(theirs, state)
+    for joint, body in (("free", "a"), ("ball", "b"), ("hinge", "c")):
+        placed = data.oMi[model.getJointId(joint)]
+        np.testing.assert_allclose(placed.translation, state.body(body).xpos, atol=1e-12)
+        if joint != "hinge":  # whose axes `ref` turns
+            matrix = state.body(body).xmat.reshape(3, 3)
+            np.testing.assert_allclose(placed.rotation, matrix, atol=1e-12)
