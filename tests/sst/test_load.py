@@ -56,7 +56,7 @@ def test_load_says_what_is_missing(tmp_path):
     with pytest.raises(sst_pin.DescriptionError, match="SRDF beside the URDF"):
         sst_pin.load(tmp_path / "sst.urdf")
     (tmp_path / "sst.srdf").write_bytes(Path(sst_pin.SRDF_PATH).read_bytes())
-    with pytest.raises(sst_pin.DescriptionError, match="geometry cannot be loaded"):
+    with pytest.raises(sst_pin.DescriptionError, match="shapes cannot be loaded"):
         sst_pin.load(tmp_path / "sst.urdf")
 
 
