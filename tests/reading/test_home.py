@@ -133,7 +133,7 @@ def test_a_keyframe_puts_quaternions_into_pinocchios_order(tmp_path):
     path.write_text("""<mujoco><worldbody>
 <body name="a" pos="1 2 3"><freejoint name="free"/><geom size=".1"/>
 <body name="b" pos="0 0 .5"><joint name="ball" type="ball"/><geom size=".1" pos="0 0 .1"/>
-<body name="c" pos="0 .3 0"><joint name="hinge" axis="0 1 0" ref="20"/><geom size=".1" pos=".2 0 0"/>
+<body name="c" pos="0 .3 0"><joint name="hinge" axis="0 1 0" ref="20"/><geom size=".1"/>
 </body></body></body></worldbody>
 <equality><connect body1="c" body2="world" anchor="0 0 0"/></equality>
 <keyframe><key name="home" qpos="1 2 3 .5 .5 -.5 .5 .8 0 .6 0 .4"/></keyframe></mujoco>""")
