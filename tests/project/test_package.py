@@ -9,6 +9,7 @@ import shutil
 import subprocess
 import sys
 import sysconfig
+import tarfile
 import venv
 from pathlib import Path
 from zipfile import ZipFile
@@ -25,11 +26,23 @@ def blocks(language):
     return re.findall(rf"^```{language}\n(.*?)^```$", README, re.MULTILINE | re.DOTALL)
 
 
+def tracked_files():
+    """All that git keeps; nothing outside of a clone."""
+    git = ["git", "-C", ROOT, "ls-files"]
+    listed = subprocess.run(git, capture_output=True, text=True, check=False)
+    return set(listed.stdout.splitlines()) - {".gitignore"}
+
+
 @pytest.mark.slow
-def test_wheel_brings_the_robot_into_an_empty_environment(tmp_path):
-    """Built, installed elsewhere, loaded from there: URDF, cuts and meshes are inside."""
-    build = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "-o", tmp_path, ROOT]
-    subprocess.run(build, check=True, capture_output=True)
+def test_wheel_of_the_source_archive_brings_the_robot_into_an_empty_environment(tmp_path):
+    """Built, installed elsewhere, loaded from there: URDF, cuts, meshes and kernels are inside."""
+    build = [sys.executable, "-m", "build", "--no-isolation", "-o", tmp_path, ROOT]
+    subprocess.run(build, check=True, capture_output=True)  # the wheel from the source archive
+    (archive,) = tmp_path.glob("*.tar.gz")
+    with tarfile.open(archive) as sources:
+        packed = {name.partition("/")[2] for name in sources.getnames()}
+    assert tracked_files() <= packed
+    assert not [name for name in packed if name.endswith((".so", ".pyc"))]
     (wheel,) = tmp_path.glob("*.whl")
     with ZipFile(wheel) as archive:
         (metadata,) = (name for name in archive.namelist() if name.endswith("/METADATA"))
@@ -50,12 +63,14 @@ def test_wheel_brings_the_robot_into_an_empty_environment(tmp_path):
     code = (
         "import sst_pin; print(sst_pin.__file__); print(sst_pin.URDF_PATH); "
         "import sst_pin.verification.referees.lagrange; "
-        "robot = sst_pin.SST(); print(robot.compute_torques(robot.home, [0]*3, [0]*3))"
+        "robot = sst_pin.SST(); print(robot.compute_torques(robot.home, [0]*3, [0]*3)); "
+        "print(robot.path)"
     )
     result = subprocess.run(
         [python, "-I", "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True
     )
-    module, urdf, torques = result.stdout.splitlines()
+    module, urdf, torques, path = result.stdout.splitlines()
+    assert path.startswith("compiled kernels")
     assert Path(module).is_relative_to(tmp_path / "env")
     assert Path(urdf).is_relative_to(tmp_path / "env")
     inside, shipped = Path(urdf).parent, ROOT / "urdf"
