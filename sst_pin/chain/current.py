@@ -165,9 +165,11 @@ class CurrentMechanism:
     def first_closed(self, q: ArrayLike) -> Array | None:
         """The first of configurations, where its loops are closed."""
         array = np.asarray(q, dtype=float)
-        if not array.size or not np.isfinite(array).all():
+        if not array.size:
             return None
-        first = array.reshape(-1, array.shape[-1])[0]
+        first: Array = array[(0,) * (array.ndim - 1)]
+        if not np.isfinite(first).all():
+            return None
         loops = self.reference.workspace.loops
         loops.evaluate(first)
         try:

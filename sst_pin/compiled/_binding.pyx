@@ -175,7 +175,10 @@ cdef class Kernel:
             if count < 0:
                 out = cnp.PyArray_SimpleNew(1, shape + 1, cnp.NPY_DOUBLE)
             else:
-                out = cnp.PyArray_SimpleNew(2, shape, cnp.NPY_DOUBLE)
+                try:
+                    out = cnp.PyArray_SimpleNew(2, shape, cnp.NPY_DOUBLE)
+                except MemoryError:
+                    return None  # told in the careful way
         elif (
             not is_plain(out, 1 if count < 0 else 2, self.output)
             or not cnp.PyArray_ISWRITEABLE(<cnp.ndarray>out)

@@ -433,7 +433,7 @@ def _exports(w: World) -> Iterator[Call]:
     for name, folder in ODD_PATHS.items():
         if name in ("None", "number", "bytes", "list"):
             yield Call(f"c_files(robot, {name})", lambda f=folder: c_files(w.robot, f))
-    yield Call("c_files(chain)", lambda: c_files(w.chain, "c"))
+    yield Call("c_files(chain)", lambda: c_files(w.chain, "c"), bool)
 
     def renamed() -> Any:
         urdf = w.urdf.replace('<robot name="sst"', '<robot name="a */ int b; /* \\ ??/"')
