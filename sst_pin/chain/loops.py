@@ -76,7 +76,8 @@ class Loops:
         self._put_together(closures)
         #: Which rates a row depends on: those that move one of its two frames only.
         self.touched = np.zeros((self.rows, model.nv), dtype=bool)
-        moving = summed(model, self._S[: self._pair_rows] != self._S[self._pair_rows :])
+        at_b, at_a = np.split(self._S, 2)
+        moving = summed(model, at_b + at_a != 0)  # at A the signs are turned
         self.touched[self._at] = moving.astype(bool)
         for rows, coupled in self._couplings:
             self.touched[rows] = coupled.touched

@@ -277,3 +277,19 @@ def test_a_guess_whose_quaternion_is_zero_is_refused():
     chain = delta()
     with pytest.raises(InputError, match=r"quaternion at \d+ is zero"):
         chain.assemble(np.zeros(chain.model.nq))
+
+
+@pytest.mark.parametrize("kind", ["6d", "3d", "hinge"])
+def test_what_carries_both_ends_of_a_loop_stays(kind):
+    """Turning all of it turns the gap too, but closes nothing."""
+    chain = ClosedChain(
+        tree("free", ["RX", "revolute", "ball"], ["RZ", "RX"], seed=3),
+        [Closure("A", "B", kind)],
+        [],
+    )
+    closed = chain.model.referenceConfigurations["closed"]
+    random = np.random.default_rng(0)
+    guess = pin.integrate(chain.model, closed, 0.05 * random.normal(size=chain.model.nv))
+    q = chain.assemble(guess, fixed=())
+    assert np.abs(q - guess).max() > 1e-3
+    assert_allclose(q[:7], guess[:7], rtol=0, atol=1e-15)

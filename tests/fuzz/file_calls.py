@@ -433,7 +433,11 @@ def _exports(w: World) -> Iterator[Call]:
     for name, folder in ODD_PATHS.items():
         if name in ("None", "number", "bytes", "list"):
             yield Call(f"c_files(robot, {name})", lambda f=folder: c_files(w.robot, f))
-    yield Call("c_files(chain)", lambda: c_files(w.chain, "c"), bool)
+
+    def named(files: Any) -> bool:
+        return [path.name for path in files] == ["robot.h", "robot.c", "main.c"]
+
+    yield Call("c_files(chain)", lambda: c_files(w.chain, "c"), named)
 
     def renamed() -> Any:
         urdf = w.urdf.replace('<robot name="sst"', '<robot name="a */ int b; /* \\ ??/"')
