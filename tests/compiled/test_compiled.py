@@ -156,6 +156,7 @@ def test_rates_forces_and_frame_jacobians_agree_with_the_reference_path(small):
     assert "reference" not in kernels.path.replace("torques by the reference path", "")
 
 
+@pytest.mark.slow
 def test_simulation_and_rollout_agree_with_the_reference_path(small):
     """The same equations, integrated to 1e-10 and to the same rule."""
     kernels, reference = small
@@ -347,6 +348,7 @@ def test_a_failing_compiler_is_quoted(tmp_path, monkeypatch):
     assert not [*tmp_path.rglob("*.so"), *tmp_path.rglob(".building*")]
 
 
+@pytest.mark.slow
 def test_the_cache_is_the_users_own_and_holds_whole_files(four_bar, tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     chain = robots.four_bar(robots.SKEW_PLANE).chain()
@@ -442,6 +444,7 @@ def test_quaternions_stay_on_their_sphere_in_a_rollout():
     assert pin.isNormalized(chain.model, motion.q[0, -1], 1e-9)
 
 
+@pytest.mark.slow
 def test_verdicts_on_singularities_are_those_of_the_reference_path(small):
     """det Phi_u only spares what is far from the limit, and changes its sign where theirs does."""
     chain, reference = small

@@ -14,6 +14,7 @@ da = pytest.importorskip("dask.array", reason="dask is not installed (extra 'dev
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
+@pytest.mark.slow
 def test_a_sweep_over_a_hundred_million_samples_is_lazy_and_its_blocks_are_right(robot):
     """Defined at once, computed block by block: two of four hundred blocks against NumPy."""
     from dask_sweep import circle, sweep

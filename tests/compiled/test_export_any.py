@@ -204,6 +204,7 @@ def test_numbers_and_precisions_that_cannot_be_exported_are_refused(tmp_path):
         c_files(chain, tmp_path)
 
 
+@pytest.mark.slow
 def test_names_cannot_break_out_of_the_comments(tmp_path):
     chain = any_chain.chain()
     model = chain.model

@@ -85,6 +85,7 @@ def test_folder_holds_what_its_readme_lists(folder):
     assert (folder / "sst.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_code_of_the_folders_readme_runs_in_it(folder):
     """As a stranger would paste it."""
     (block,) = re.findall(

@@ -216,6 +216,7 @@ def rim(shape):
     return local @ shape.placement.rotation.T + shape.placement.translation
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("body", ["base", *MOVING])
 def test_primitives_wrap_the_meshes(body, robot):
     """No vertex looks out by 0.05 mm; no primitive stands off by 3 mm, but at the tool's cone."""

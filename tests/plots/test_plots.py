@@ -248,6 +248,7 @@ def test_isotropic_pose_is_named_so_and_others_by_their_number(robot, maps):
     assert {"path", "base triangle"} <= set(labels) & set(others)
 
 
+@pytest.mark.slow
 def test_no_window_is_opened():
     """pyplot, which holds global state, is never imported."""
     code = (

@@ -57,6 +57,7 @@ def test_a_stale_count_is_found(tmp_path, monkeypatch, capsys):
     assert "stale" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_times_may_differ(tmp_path, monkeypatch):
     counts, _ = cost.PAGE.read_text(encoding="utf-8").split(cost.TIMES)
     page = tmp_path / "cost.md"

@@ -78,6 +78,7 @@ def off_circle(robot, example, model, duration):
     return t, (wanted.inv() * Rotation.from_matrix(R)).as_rotvec(), gaps
 
 
+@pytest.mark.slow
 def test_welds_give_way_as_our_reactions_and_their_stiffness_say(robot, example):
     """The gap is -R f / (K d) two time constants ago, f from RNEA of our motion."""
     model = load()

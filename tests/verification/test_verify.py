@@ -26,6 +26,7 @@ def no_engines(monkeypatch):
     monkeypatch.setattr(referees, "import_module", import_module)
 
 
+@pytest.mark.slow
 def test_every_referee_agrees_in_the_quick_run(capsys):
     """One command, one table, exit code 0."""
     assert main(["verify", "--quick"]) == 0

@@ -279,6 +279,7 @@ def test_no_assembly_is_told() -> None:
 # --- motion in time -------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_torques_of_example_1_bring_the_star_round_the_circle() -> None:
     """Example 2: open loop over one period, from the exact initial state."""
     referee = VirtualWork(sst_pin.Parameters())

@@ -128,6 +128,7 @@ def test_sliders_move_the_robot_and_closures_hold(served, robot, name, degrees, 
     wait_until(shown.page, lambda: read(robot, interactive.q), np.radians(degrees + 0.1))
 
 
+@pytest.mark.slow
 @needs_browser
 def test_the_page_stops_at_the_boundary_and_says_so(served, robot):
     """The slider goes back to where the robot is; Home leads out."""
@@ -144,6 +145,7 @@ def test_the_page_stops_at_the_boundary_and_says_so(served, robot):
     assert np.abs(interactive.q - robot.home).max() == 0
 
 
+@pytest.mark.slow
 @needs_browser
 def test_the_page_says_that_the_machine_cannot_stand_off_its_arcs(served):
     """theta 20, phi 170 deg: three carriages in the air. Home is a pose that it can take."""
@@ -158,6 +160,7 @@ def test_the_page_says_that_the_machine_cannot_stand_off_its_arcs(served):
     shown.page.get_by_text("Closed and movable").wait_for()
 
 
+@pytest.mark.slow
 @needs_browser
 def test_the_page_asks_only_this_machine_and_nothing_fails(served):
     """viser brings its own page."""

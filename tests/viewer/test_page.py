@@ -203,6 +203,7 @@ def test_the_cursor_stands_at_the_time_and_on_the_curves(page, motion, share):
     assert shown == pytest.approx(wanted, abs=0.0051)
 
 
+@pytest.mark.slow
 def test_it_plays_at_the_speed_that_was_asked_for(page, motion):
     """A quarter of true speed, by the browser's own clock, within two slow frames."""
     page.evaluate("panel.play(true)")
@@ -215,6 +216,7 @@ def test_it_plays_at_the_speed_that_was_asked_for(page, motion):
     assert advanced == pytest.approx(SPEED * (end - start) % period, abs=SPEED * 0.2)
 
 
+@pytest.mark.slow
 def test_a_person_plays_steps_drags_and_hides(page, motion):
     """Space, arrow keys, the slider, the chart, the check boxes."""
     page.locator("#title").click()

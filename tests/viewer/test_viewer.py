@@ -87,6 +87,7 @@ def test_a_taken_port_is_told(robot):
             viewer.serve(port=taken.getsockname()[1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("options", [(), ("--interactive",)])
 def test_show_serves_until_interrupted_and_leaves_no_orphan(options):
     """`sst-pin show --no-open`: a URL, an answer, Ctrl-C, exit code 0, no process, no port."""
@@ -213,8 +214,8 @@ def test_a_tube_is_closed_and_as_long_as_its_line():
     ("blocked", "commands"),
     [
         ({"meshcat, pillow, trimesh": "viz"}, ["show --no-open"]),
-        ({"viser": "interactive"}, ["show --interactive"]),
-        ({"playwright": "viz"}, ["show --png x.png"]),
+        pytest.param({"viser": "interactive"}, ["show --interactive"], marks=pytest.mark.slow),
+        pytest.param({"playwright": "viz"}, ["show --png x.png"], marks=pytest.mark.slow),
     ],
 )
 def test_a_missing_extra_is_named(blocked, commands, tmp_path):
