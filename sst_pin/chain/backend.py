@@ -72,6 +72,9 @@ class Backend(Protocol):
     ) -> Answer:
         """Direct dynamics likewise."""
 
+    def forces_of(self, q: Any, va: Any, aa: Any, load: Any, out: Any, threads: Any, /) -> Answer:
+        """Forces along the coordinates likewise."""
+
     def torques(
         self, q: Array, va: Array, aa: Array, wrenches: Array | None, tau: Array, threads: int
     ) -> Indices:

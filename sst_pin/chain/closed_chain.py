@@ -684,6 +684,12 @@ class ClosedChain:
             (3,)
         """
         current = self._current
+        if current.unseen:
+            current.look()
+        if external_wrenches is None and on_error == "raise":
+            answer = current.backend.forces_of(q, va, aa, None, out, 1)
+            if answer is not None and answer[0] is None:
+                return answer[1]
         mechanism, arrays = current.arguments(q, va=va, aa=aa)
         return by_kernel(
             current,

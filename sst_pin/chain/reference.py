@@ -244,7 +244,7 @@ class ReferenceBackend:
     def torques_of(self, *arguments: Any) -> None:
         """Nothing: it leaves all to `ClosedChain`."""
 
-    accelerations_of = torques_of
+    accelerations_of = forces_of = torques_of
 
     def torques(self, q: Array, *arguments: Any) -> NDArray[np.intp]:
         """All samples, for the reference path."""

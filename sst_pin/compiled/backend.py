@@ -135,8 +135,7 @@ class CompiledBackend:
         self, q: Array, va: Array, aa: Array, wrenches: Array | None, f: Array, threads: int
     ) -> Indices:
         """Fill f."""
-        name = "torques" if self._mechanism.driven_one_to_one else "forces"
-        return self._fill(name, (q, va, aa), wrenches, f, threads)
+        return self._fill(self._forces, (q, va, aa), wrenches, f, threads)
 
     def joint_rates(self, q: Array, va: Array, v: Array, threads: int) -> Indices:
         """Fill v, the rates of the tree."""
@@ -193,6 +192,11 @@ class CompiledBackend:
         return content if self._near is None else content + self._near.tobytes()
 
     @property
+    def _forces(self) -> str:
+        """The kernel of the forces along the coordinates."""
+        return "torques" if self._mechanism.driven_one_to_one else "forces"
+
+    @property
     def torques_of(self) -> Callable[..., Any]:
         """Inverse dynamics of one sample or a batch; None where it needs care."""
         return self._single("torques")
@@ -201,6 +205,11 @@ class CompiledBackend:
     def accelerations_of(self) -> Callable[..., Any]:
         """Direct dynamics of one sample or a batch; None where it needs care."""
         return self._single("accelerations")
+
+    @cached_property
+    def forces_of(self) -> Callable[..., Any]:
+        """Forces along the coordinates of one sample or a batch; None where they need care."""
+        return self._single(self._forces)
 
     def derivatives_of(self, name: str, sign_width: float) -> Callable[..., Any]:
         """Derivatives of one sample or a batch; None where they need care."""

@@ -131,6 +131,14 @@ class Factors:
         single = self.inverses[:-1] if self._core else self.inverses
         return list(zip(self._order, self._factors, single, strict=False))
 
+    @property
+    def changed(self) -> tuple[list[int], list[int]]:
+        """Rows and columns of A with elements that elimination changes, so that they may grow."""
+        steps = [(f, self._upper[i]) for (i, _), f, _ in self._steps]
+        rows = {k for factors, row in steps if row for k in factors}
+        columns = {k for factors, row in steps if factors for k in row}
+        return [i for i in self.rows if i in rows], sorted(columns)
+
     def solve(self, right: Mapping[int, Any]) -> dict[int, Any]:
         """x by column with A x = right; entries of `right` by row, zeros left out."""
         y: dict[int, Any] = dict(right)

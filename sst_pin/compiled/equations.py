@@ -36,6 +36,10 @@ Array = NDArray[np.float64]
 CLOSED = 0.5 * CLOSURE_TOLERANCE
 #: How much smaller than in the samples a pivot may be.
 _PIVOT = 1e-3
+#: Residuals of a solution, in roundings of the matrix times it, up to which it counts as one.
+_ROUNDINGS = 100
+#: Solutions up to this are none, [rad/s], [N m] and the like.
+_NOTHING = 1e-10
 
 
 class Body(NamedTuple):
@@ -72,6 +76,7 @@ class Equations:
             which kernels smooth by themselves where the width is not zero.
         parameters: Which numbers stay open; those of `Parameters` by default.
         closed: Open loops up to this are closed to the kernels.
+        rounding: Relative, of the numbers that the kernels compute with.
         displaced: Whether the joints are displaced, as `Kinematics` has it.
 
     Attributes:
@@ -93,6 +98,7 @@ class Equations:
         smooth: bool = False,
         parameters: Parameters | None = None,
         closed: float = CLOSED,
+        rounding: float = float(np.finfo(float).eps),
         displaced: bool = False,
     ) -> None:
         self.mechanism, model = mechanism, mechanism.model
@@ -105,7 +111,8 @@ class Equations:
         self._dependent = [int(i) for i in mechanism.dependent]
         self.va, self.aa = (SX.sym(name, len(self._coordinates)) for name in ("va", "aa"))
         self.loads = SX.sym("loads", 6 * (model.njoints - 1) if loaded else 0)
-        self._samples, self._smooth, self._closed = samples, smooth, closed
+        self._samples, self._smooth = samples, smooth
+        self._closed, self._rounding = closed, rounding
 
     @cached_property
     def displaced(self) -> Equations:
@@ -125,8 +132,8 @@ class Equations:
         ]
 
     @cached_property
-    def _pivots(self) -> tuple[list[tuple[int, int]], Array]:
-        """Rows and columns of the pivots of Phi_u, and their sizes in the samples."""
+    def _pivots(self) -> tuple[list[tuple[int, int]], Array, float]:
+        """Rows and columns of the pivots of Phi_u, their sizes in the samples, and its own."""
         places: list[tuple[int, int]] = []
         entries: list[SX] = []
         for i, row in enumerate(self.rows):
@@ -139,10 +146,14 @@ class Equations:
         pattern[where[0], where[1]] = True
         values = np.zeros((len(self._samples), *pattern.shape))
         values[:, where[0], where[1]] = self.at_samples(ca.vertcat(*entries))[..., 0]
-        order, sizes = pivot_order(pattern, values * self.mechanism.row_scale[:, None])
+        values *= self.mechanism.row_scale[:, None]
+        order, sizes = pivot_order(pattern, values)
+        rows = [i for i, _ in order]
+        scaled = values[:, rows] * self.mechanism.rate_scale[self._dependent]
+        size = float(np.linalg.norm(scaled, axis=(1, 2)).max(initial=0.0))
         # The sizes of pivots of the rows as they are, not as they are scaled.
-        sizes = sizes / np.array([self.mechanism.row_scale[i] for i, _ in order])
-        return [(i, self._dependent[k]) for i, k in order], sizes
+        sizes = sizes / self.mechanism.row_scale[rows]
+        return [(i, self._dependent[k]) for i, k in order], sizes, size
 
     @cached_property
     def factors(self) -> Factors:
@@ -159,12 +170,17 @@ class Equations:
         """Rates x of the whole tree with Phi x = right, from those of the coordinates."""
         pairs = zip(self._coordinates, of_coordinates, strict=True)
         x = {i: value for i, value in pairs if not is_zero(value)}
+        return x | self.factors.solve(self._left(x, right))
+
+    def _left(self, x: Sparse, right: Sparse) -> Sparse:
+        """What is left of the right side for the dependent ones of rates x."""
         moved: Sparse = {}
         for i in self.factors.rows:
-            terms = [-(entry * x[j]) for j, entry in self.rows[i].Phi.items() if j in x]
+            row = self.rows[i].Phi
+            terms = [-(row[j] * x[j]) for j in self._coordinates if j in x and j in row]
             if terms:
                 moved[i] = total(terms)
-        return x | self.factors.solve(add(right, moved))
+        return add(right, moved)
 
     def multipliers(self, tau: Sparse) -> Sparse:
         """Forces of the closures, row by row, that hold the dependent rates against tau."""
@@ -212,6 +228,38 @@ class Equations:
         gaps += [gap**2 for gap in self.kinematics.unit_gaps]
         open_by = total(gaps) / self._closed**2
         return [open_by, pivot_check(self._pivots[1], self.factors)]
+
+    def unsolved(self, x: Sparse, right: Sparse) -> list[Any]:
+        """More than 1 where rates x do not solve Phi x = right, small pivots having met.
+
+        Nothing where elimination changes no elements: none can grow.
+        """
+        rows, _ = self.factors.changed
+        left, squares = self._left(x, right), []
+        for i in rows:
+            row = self.rows[i].Phi
+            terms = [row[j] * x[j] for j in self._dependent if j in x and j in row]
+            squares.append((self.mechanism.row_scale[i] * (total(terms) - left.get(i, 0.0))) ** 2)
+        scale = self.mechanism.rate_scale
+        return self._too_much(squares, [x[j] / scale[j] for j in self._dependent if j in x])
+
+    def unbalanced(self, tau: Sparse) -> list[Any]:
+        """Likewise, where the multipliers do not balance tau along the dependent rates."""
+        _, columns = self.factors.changed
+        x, scale = self.multipliers(tau), self.mechanism.row_scale
+        squares = []
+        for j in columns:
+            left = [self.rows[i].Phi[j] * x[i] for i in x if j in self.rows[i].Phi]
+            squares.append((self.mechanism.rate_scale[j] * (total(left) - tau.get(j, 0.0))) ** 2)
+        return self._too_much(squares, [x[i] / scale[i] for i in x])
+
+    def _too_much(self, squares: list[Any], solution: list[Any]) -> list[Any]:
+        """Squared residuals against a solution, without a division."""
+        if not squares:
+            return []
+        most = _ROUNDINGS * self._rounding * self._pivots[2]
+        excess = total(squares) / most**2 - total(x**2 for x in solution)
+        return [excess / _NOTHING**2]
 
     # --- forces -----------------------------------------------------------------------------
 
@@ -298,9 +346,29 @@ class Equations:
         return add(self.tree_forces(self.v, dv), add(self.friction(self.v), self.springs))
 
     @cached_property
+    def dv(self) -> Sparse:
+        """Accelerations of the tree, L aa + L_dot va."""
+        return self.complete(ca.vertsplit(self.aa), self.drift)
+
+    @cached_property
+    def _taken(self) -> Sparse:
+        return self.forces(self.dv)
+
+    @cached_property
     def generalized_forces(self) -> SX:
         """f of a motion."""
-        return self.reduced(self.forces(self.complete(ca.vertsplit(self.aa), self.drift)))
+        return self.reduced(self._taken)
+
+    @cached_property
+    def force_checks(self) -> list[Any]:
+        """Of what `generalized_forces` solves."""
+        rates = self.unsolved(self.v, {}) + self.unsolved(self.dv, self.drift)
+        return rates + self.unbalanced(self._taken)
+
+    @cached_property
+    def complement_checks(self) -> list[Any]:
+        """Of L."""
+        return [check for x in self.L for check in self.unsolved(x, {})]
 
     @cached_property
     def motor_matrix(self) -> SX:
@@ -408,9 +476,20 @@ class Equations:
             if shares.any()
         }
 
+    @cached_property
+    def at_rest(self) -> Sparse:
+        """Accelerations of the tree without those of the coordinates, L_dot va."""
+        return self.complete([0.0] * len(self._coordinates), self.drift)
+
+    @cached_property
+    def acceleration_checks(self) -> list[Any]:
+        """Of what `accelerations` solves."""
+        rates = self.unsolved(self.v, {}) + self.unsolved(self.at_rest, self.drift)
+        return rates + self.complement_checks
+
     def accelerations(self, tau: SX) -> tuple[SX, list[Any]]:
         """aa under motor torques, and one over each pivot of the inertia matrix."""
-        without = self.forces(self.complete([0.0] * len(self._coordinates), self.drift))
+        without = self.forces(self.at_rest)
         given = self.project(self.motor_forces(tau))
         return solve_symmetric(self.inertia, given - self.project(without))
 

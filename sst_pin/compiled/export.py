@@ -33,12 +33,13 @@ class _Style(NamedTuple):
     digits: int
     head: str
     closed: float  #: Open loops up to this, [m] or [rad], times the scale of the rows.
+    rounding: float  #: Relative.
 
 
 #: Angles that are rounded to 24 bits leave loops open by some 1e-6.
 _STYLES = {
-    "double": _Style("double", "", 17, "", CLOSED),
-    "single": _Style("float", "f", 9, "#define SINGLE\n", 1e-4),
+    "double": _Style("double", "", 17, "", CLOSED, 2.0**-52),
+    "single": _Style("float", "f", 9, "#define SINGLE\n", 1e-4, 2.0**-23),
 }
 
 _HEADER = """\
@@ -218,7 +219,7 @@ def c_files(
     mechanism = chain._current.mechanism()
     model = mechanism.model
     samples = sample_configurations(chain._current.reference, q)
-    equations = Equations(mechanism, samples, closed=style.closed)
+    equations = Equations(mechanism, samples, closed=style.closed, rounding=style.rounding)
     numbers = equations.parameters.pack(mechanism, mechanism.friction)
     if not np.isfinite(numbers).all():
         raise DescriptionError("the numbers of the robot", ["gravity or inertia is not finite"])

@@ -70,60 +70,62 @@ _Made = tuple[list[SX], SX, list[Any]]
 
 
 def _forces(e: Equations) -> _Made:
-    return [e.q, e.va, e.aa, e.loads], e.generalized_forces, []
+    return [e.q, e.va, e.aa, e.loads], e.generalized_forces, e.force_checks
 
 
 def _torques(e: Equations) -> _Made:
     """The smallest torques that bring the motion about."""
-    inputs, f, _ = _forces(e)
+    inputs, f, checks = _forces(e)
     if e.mechanism.driven_one_to_one:
-        return inputs, f, []
+        return inputs, f, checks
     A = e.motor_matrix
     n, motors = A.shape
     if motors > n:
         tau, inverses = solve_symmetric(A @ A.T, f)
-        return inputs, A.T @ tau, [_definite(inverses)]
+        return inputs, A.T @ tau, [*checks, _definite(inverses)]
     samples = e.at_samples(A)
     order, sizes = pivot_order(np.asarray(samples.any(axis=0)), samples)
     rows = [{j: A[i, j] for j in range(n) if not is_zero(A[i, j])} for i in range(n)]
     factors = Factors(rows, order)
     solution = factors.solve(dict(enumerate(ca.vertsplit(f))))
-    check = pivot_check(sizes, factors)
-    return inputs, ca.vertcat(*(SX(solution.get(i, 0)) for i in range(n))), [check]
+    checks = [*checks, pivot_check(sizes, factors)]
+    return inputs, ca.vertcat(*(SX(solution.get(i, 0)) for i in range(n))), checks
 
 
 def _accelerations(e: Equations) -> _Made:
     tau = SX.sym("tau", e.mechanism.motors.shape[1])
     aa, inverses = e.accelerations(tau)
-    return [e.q, e.va, tau, e.loads], aa, [_definite(inverses)]
+    return [e.q, e.va, tau, e.loads], aa, [*e.acceleration_checks, _definite(inverses)]
 
 
 def _torque_derivatives(e: Equations) -> _Made:
     """Of f by q, va and aa side by side, row by row."""
     rows = ca.horzcat(*derivatives.of_torques(e))
-    return [e.q, e.va, e.aa, e.loads], ca.vec(rows.T), []
+    return [e.q, e.va, e.aa, e.loads], ca.vec(rows.T), e.force_checks
 
 
 def _acceleration_derivatives(e: Equations) -> _Made:
     """Of aa by q, va and tau side by side, row by row."""
     tau = SX.sym("tau", e.mechanism.motors.shape[1])
     *parts, inverses = derivatives.of_accelerations(e, tau)
-    return [e.q, e.va, tau, e.loads], ca.vec(ca.horzcat(*parts).T), [_definite(inverses)]
+    checks = [*e.acceleration_checks, _definite(inverses)]
+    return [e.q, e.va, tau, e.loads], ca.vec(ca.horzcat(*parts).T), checks
 
 
 def _displacement_rates(e: Equations) -> _Made:
-    return [e.q, e.va], ca.vec(derivatives.of_displacements(e).T), []
+    return [e.q, e.va], ca.vec(derivatives.of_displacements(e).T), e.unsolved(e.v, {})
 
 
 def _reduced_terms(e: Equations) -> _Made:
     gravity = e.project(add(e.tree_forces({}, {}, loads=False), e.springs))
     friction = e.project(e.friction(e.v))
     terms = [ca.vec(e.inertia.T), ca.vec(e.coriolis.T), -gravity, -friction]
-    return [e.q, e.va], ca.vertcat(*terms), []
+    return [e.q, e.va], ca.vertcat(*terms), e.unsolved(e.v, {}) + e.complement_checks
 
 
 def _rates(e: Equations) -> _Made:
-    return [e.q, e.va], ca.vertcat(*(SX(e.v.get(i, 0)) for i in range(e.mechanism.model.nv))), []
+    v = ca.vertcat(*(SX(e.v.get(i, 0)) for i in range(e.mechanism.model.nv)))
+    return [e.q, e.va], v, e.unsolved(e.v, {})
 
 
 def _state_rate(e: Equations) -> _Made:
@@ -163,7 +165,7 @@ def _jacobian(e: Equations, frame: str) -> _Made:
     for L in e.L:
         twists = [ca.vertcat(*point.columns[i]) * x for i, x in L.items() if i in point.columns]
         columns.append(sum(twists, SX(6, 1)))
-    return [e.q], ca.vec(ca.horzcat(*columns).T), []
+    return [e.q], ca.vec(ca.horzcat(*columns).T), e.complement_checks
 
 
 KERNELS: dict[str, Callable[[Equations], _Made]] = {

@@ -156,6 +156,18 @@ def test_rates_forces_and_frame_jacobians_agree_with_the_reference_path(small):
     assert "reference" not in kernels.path.replace("torques by the reference path", "")
 
 
+def test_one_motion_needs_no_preparation_for_its_forces(small, monkeypatch):
+    """Whatever the motors: the kernel takes the arguments as they are."""
+    kernels, reference = small
+    (q,), (va,), (aa,) = moving(reference, 1, 4)
+    expected = kernels.generalized_forces(q[None], va[None], aa[None])[0]
+    monkeypatch.setattr(type(kernels._current), "arguments", None)
+    out = np.empty_like(expected)
+    assert kernels.generalized_forces(q, va, aa, out=out) is out
+    assert np.allclose(out, expected, rtol=1e-12)
+    assert np.array_equal(kernels.generalized_forces(q, va, aa), out)
+
+
 @pytest.mark.slow
 def test_simulation_and_rollout_agree_with_the_reference_path(small):
     """The same equations, integrated to 1e-10 and to the same rule."""

@@ -10,15 +10,13 @@ from sst_pin import SST, ClosureError, SingularConfigurationError, robots
 #: Condition numbers up to which states are taken.
 WORST = 1e4
 #: A kernel leaves states to the reference path where one of its pivots is a thousandth of its size
-#: elsewhere or less, the order of elimination being fixed. Pivots vanish on surfaces: of regular
-#: states that is some thousandths, of ill-conditioned ones any part.
+#: elsewhere or less, or several small ones at once make elements grow, the order of elimination
+#: being fixed. Pivots vanish on surfaces: of regular states that is some thousandths, of
+#: ill-conditioned ones any part.
 HANDED_OVER = 0.02
 ILL = 100
 NAMES = ["SST", *(name for name in robots.__all__ if name.islower())]
 QUICK = ("SST", "four_bar", "planar_3rrr")
-#: Far from where the order of elimination was chosen several pivots are a little small at once:
-#: elements grow, no check sees it, and up to eight digits are lost in one state of a hundred.
-LOSES_DIGITS = ("stewart",)
 
 
 def wander(chain, start, count, seed):
@@ -53,15 +51,16 @@ def wander(chain, start, count, seed):
     return np.array(found[:count]), np.array(conditions[:count])
 
 
-def marks(name):
-    """Of the full number of states."""
-    broken = [pytest.mark.xfail(reason="elements grow unseen")] if name in LOSES_DIGITS else []
-    return [pytest.mark.slow, *broken]
+def of_rounding(forces_of, q, va, aa):
+    """The most that forces change when each number of q is rounded up or down, in 16 ways."""
+    signs = np.random.default_rng(2).choice([-1, 1], size=(16, len(q)))
+    moved = forces_of(np.nextafter(q, signs * np.inf), va, aa)
+    return np.abs(moved - forces_of(q, va, aa)).max()
 
 
 @pytest.mark.parametrize(
     ("name", "configurations"),
-    [(name, 60) for name in QUICK] + [pytest.param(n, 2000, marks=marks(n)) for n in NAMES],
+    [(name, 60) for name in QUICK] + [pytest.param(n, 2000, marks=pytest.mark.slow) for n in NAMES],
 )
 def test_kernels_give_the_numbers_of_the_reference_path_or_leave_the_state_to_it(
     name, configurations
@@ -69,14 +68,16 @@ def test_kernels_give_the_numbers_of_the_reference_path_or_leave_the_state_to_it
     """Five motions at each configuration; 1e-11 of the largest force of the motion.
 
     Above a condition number of 450 a hundred roundings times this number are more: both paths
-    have no more digits there.
+    have no more digits there. Nor have they where great forces all but cancel each other: a motion
+    that is beyond this may differ by what one rounding of q changes.
     Accelerations are judged by the forces that they take.
     """
     if name == "SST":
         kernels, reference = SST(), SST(kernels=False)
     else:
         kernels, reference = (getattr(robots, name)() for _ in range(2))
-        kernels.compile()
+        # Folded flat, where a generic configuration may lie, a scissor lift moves in other ways.
+        kernels.compile(kernels.home if name == "scissor_lift" else None)
     q, conditions = wander(reference, reference.home, configurations, 0)
     q, conditions = np.repeat(q, 5, axis=0), np.repeat(conditions, 5)
     va, aa = np.random.default_rng(1).normal(size=(2, len(q), reference.degrees_of_freedom))
@@ -87,13 +88,17 @@ def test_kernels_give_the_numbers_of_the_reference_path_or_leave_the_state_to_it
     expected = reference.compute_torques(q, va, aa)
     left = backend.torques(q, va, aa, None, tau, 1)
     kept = np.delete(np.arange(len(q)), left)
-    scale = np.abs(expected).max(axis=1)
-    assert (np.abs(tau - expected).max(axis=1)[kept] < (allowed * scale)[kept]).all()
+    size = np.abs(expected).max(axis=1)
+    for i in kept[~(np.abs(tau - expected).max(axis=1) < allowed * size)[kept]]:
+        motion = q[i], va[i], aa[i]
+        assert np.abs(tau[i] - expected[i]).max() < of_rounding(reference.compute_torques, *motion)
     also_left = backend.accelerations(q, va, expected, None, found, 1)
     kept = np.delete(np.arange(len(q)), also_left)
-    taken = reference.generalized_forces(q[kept], va[kept], found[kept])
-    forces = reference.generalized_forces(q[kept], va[kept], aa[kept])
-    size = np.abs(forces).max(axis=1)
-    assert (np.abs(taken - forces).max(axis=1) < allowed[kept] * size).all()
+    forces_of = reference.generalized_forces
+    taken, forces = (forces_of(q[kept], va[kept], x[kept]) for x in (found, aa))
+    far = np.abs(taken - forces).max(axis=1)
+    for k in np.flatnonzero(~(far < allowed[kept] * np.abs(forces).max(axis=1))):
+        i = kept[k]
+        assert far[k] < of_rounding(forces_of, q[i], va[i], aa[i])
     for indices in (left, also_left):
         assert (conditions[indices] < ILL).sum() <= HANDED_OVER * len(q)
