@@ -69,7 +69,7 @@ def test_kernels_give_the_numbers_of_the_reference_path_or_leave_the_state_to_it
 
     Above a condition number of 450 a hundred roundings times this number are more: both paths
     have no more digits there. Nor have they where great forces all but cancel each other: a motion
-    that is beyond this may differ by what one rounding of q changes.
+    that is beyond this may differ by what one rounding of q changes, in each of the two paths.
     Accelerations are judged by the forces that they take.
     """
     if name == "SST":
@@ -91,7 +91,8 @@ def test_kernels_give_the_numbers_of_the_reference_path_or_leave_the_state_to_it
     size = np.abs(expected).max(axis=1)
     for i in kept[~(np.abs(tau - expected).max(axis=1) < allowed * size)[kept]]:
         motion = q[i], va[i], aa[i]
-        assert np.abs(tau[i] - expected[i]).max() < of_rounding(reference.compute_torques, *motion)
+        rounding = of_rounding(reference.compute_torques, *motion)
+        assert np.abs(tau[i] - expected[i]).max() < 2 * rounding
     also_left = backend.accelerations(q, va, expected, None, found, 1)
     kept = np.delete(np.arange(len(q)), also_left)
     forces_of = reference.generalized_forces
@@ -99,6 +100,6 @@ def test_kernels_give_the_numbers_of_the_reference_path_or_leave_the_state_to_it
     far = np.abs(taken - forces).max(axis=1)
     for k in np.flatnonzero(~(far < allowed[kept] * np.abs(forces).max(axis=1))):
         i = kept[k]
-        assert far[k] < of_rounding(forces_of, q[i], va[i], aa[i])
+        assert far[k] < 2 * of_rounding(forces_of, q[i], va[i], aa[i])
     for indices in (left, also_left):
         assert (conditions[indices] < ILL).sum() <= HANDED_OVER * len(q)
