@@ -24,7 +24,7 @@ _UNARY = {
     ca.OP_TANH: "tangent({0})",
 }
 #: Statements of a function that is not cut, and of the parts of one that is.
-_LARGEST, _PART = 6000, 500
+_LARGEST, _PART = 7000, 500
 #: Names of results of statements.
 _RESULT = re.compile(r"\b(?:ti?|s|c)\d+\b")
 
