@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 
 #: Index of the body that bears the loads on the star; the three arcs are one body.
 STAR = JOINT_NAMES.index("beta_1")
+#: Numbers of the loads on all bodies, and those of them that are the moment on the star.
+_LOADS, _MOMENT = 6 * len(JOINT_NAMES), slice(6 * STAR, 6 * STAR + 3)
 
 
 def backend(reference: Reference, model: Any, off: str) -> Backend:
@@ -66,8 +68,12 @@ def star_load(moment: Array) -> Array:
 
 def load_row(moment: Any) -> Any:
     """`star_load` in a row, as kernels take it, of an array of float64; anything else as it is."""
-    if type(moment) is not np.ndarray or moment.shape[-1:] != (3,) or moment.dtype != float:
+    if type(moment) is not np.ndarray or moment.dtype.char != "d" or moment.shape[-1:] != (3,):
         return moment
-    row = np.zeros((*moment.shape[:-1], 6 * len(JOINT_NAMES)))
-    row[..., 6 * STAR : 6 * STAR + 3] = moment
-    return row
+    if moment.ndim == 1:
+        row = np.zeros(_LOADS)
+        row[_MOMENT] = moment  # takes less time than with an ellipsis
+        return row
+    rows = np.zeros((*moment.shape[:-1], _LOADS))
+    rows[..., _MOMENT] = moment
+    return rows
