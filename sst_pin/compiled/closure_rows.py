@@ -19,8 +19,8 @@ from ..chain.closures import Constraint, Coupling, Distance, Rolling
 from .kinematics import Kinematics
 from .symbols import Sparse, is_zero, sx
 
-#: Accelerations of the row at rates v and none of v_dot: Phi_dot v.
-Drift = Callable[[Sparse], SX]
+#: Linear and angular velocity of a link relative to an ancestor, by their indices, link's axes.
+Twists = Callable[[int, int], tuple[SX, SX]]
 
 
 @dataclass(frozen=True)
@@ -29,13 +29,15 @@ class Row:
 
     Attributes:
         Phi: Coefficients of the rates, by index.
-        drift: Phi_dot v, from the rates v.
+        velocity: Phi v, from the rates v and the twists that they give to links.
+        acceleration: Phi v_dot + Phi_dot v, from v and v_dot.
         residual: Zero when the loop is closed; None for a row that holds rates only.
         gap: What the row adds to the squared residual.
     """
 
     Phi: Sparse
-    drift: Drift
+    velocity: Callable[[Sparse, Twists], SX]
+    acceleration: Callable[[Sparse, Sparse], SX]
     residual: SX | None
     gap: SX
 
@@ -53,7 +55,7 @@ def closure_rows(kinematics: Kinematics, model: pin.Model, closure: Constraint) 
 
 
 class _End(NamedTuple):
-    """Motion of a frame without accelerations of the joints.
+    """Motion of a frame.
 
     Attributes:
         a: Acceleration of its origin.
@@ -80,13 +82,13 @@ class _Pair:
         self.a, self.b = (kinematics.point(self._base, frame) for frame in frames)
         self.d = self.b.p - self.a.p
 
-    def _ends(self, v: Sparse) -> tuple[_End, _End]:
+    def _ends(self, v: Sparse, dv: Sparse) -> tuple[_End, _End]:
         """Motion of A and of B."""
         ends = []
-        for link, frame in zip(self._links, (self.a, self.b), strict=True):
-            R, o = self._kinematics.pose(self._base, link)
-            x = self._kinematics.relative_motion(self._base, link, v)
-            a = R @ (x.a + x.U @ (R.T @ (frame.p - o)))
+        for link, frame in zip(self._links, self._frames, strict=True):
+            R, _ = self._kinematics.pose(self._base, link)
+            x = self._kinematics.relative_motion(self._base, link, v, dv)
+            a = R @ (x.a + x.U @ sx(frame.placement.translation))
             ends.append(_End(a, R @ x.omega, R @ x.alpha))
         return ends[0], ends[1]
 
@@ -99,11 +101,24 @@ class _Pair:
                     velocity += sign * u * v[k]
         return velocity
 
-    def _row(self, of_a: Callable[[SX, SX], SX], of_b: Callable[[SX, SX], SX]) -> Sparse:
-        """Coefficients from what the columns of A and of B give."""
+    def _row(
+        self, of_a: Callable[[SX, SX], SX], of_b: Callable[[SX, SX], SX]
+    ) -> tuple[Sparse, Callable[[Sparse, Twists], SX]]:
+        """Coefficients and velocity, from what the velocities of A and of B give."""
         row = {k: of_b(*column) for k, column in self.b.columns.items()}
         row |= {k: -of_a(*column) for k, column in self.a.columns.items()}
-        return {k: entry for k, entry in row.items() if not entry.is_zero()}
+
+        def velocity(v: Sparse, twists: Twists) -> SX:
+            value = SX(0)
+            ends = zip((-1, 1), (of_a, of_b), self._links, self._frames, strict=True)
+            for sign, of, link, frame in ends:
+                R, _ = self._kinematics.pose(self._base, link)
+                u, turn = twists(self._base, link)
+                at_frame = u + ca.cross(turn, sx(frame.placement.translation))
+                value += sign * of(R @ at_frame, R @ turn)
+            return value
+
+        return {k: entry for k, entry in row.items() if not entry.is_zero()}, velocity
 
     def held(self, held: tuple[bool, ...]) -> Iterator[Row]:
         """Motions of B in the axes of A that are held."""
@@ -127,25 +142,27 @@ class _Pair:
 
     def _coincide(self, k: int) -> Row:
         """Origins have the same coordinate k."""
-        Phi = self._row(lambda u, _: u[k], lambda u, _: u[k])
+        Phi, velocity = self._row(lambda u, _: u[k], lambda u, _: u[k])
 
-        def drift(v: Sparse) -> SX:
-            a, b = self._ends(v)
+        def acceleration(v: Sparse, dv: Sparse) -> SX:
+            a, b = self._ends(v, dv)
             return b.a[k] - a.a[k]
 
-        return Row(Phi, drift, self.d[k], self.d[k] ** 2)
+        return Row(Phi, velocity, acceleration, self.d[k], self.d[k] ** 2)
 
     def _slide(self, k: int) -> Row:
         """Axis k of A stays at a right angle to the way from A to B."""
         n, d = self.a.R[:, k], self.d
-        Phi = self._row(lambda u, turn: ca.dot(n, u + ca.cross(turn, d)), lambda u, _: ca.dot(n, u))
+        Phi, velocity = self._row(
+            lambda u, turn: ca.dot(n, u + ca.cross(turn, d)), lambda u, _: ca.dot(n, u)
+        )
 
-        def drift(v: Sparse) -> SX:
-            a, b = self._ends(v)
+        def acceleration(v: Sparse, dv: Sparse) -> SX:
+            a, b = self._ends(v, dv)
             apart = ca.cross(a.omega, ca.cross(a.omega, d)) - ca.cross(a.alpha, d)
             return ca.dot(n, b.a - a.a + apart - 2 * ca.cross(a.omega, self._velocity(v)))
 
-        return Row(Phi, drift, ca.dot(n, d), ca.dot(n, d) ** 2)
+        return Row(Phi, velocity, acceleration, ca.dot(n, d), ca.dot(n, d) ** 2)
 
     def _turned_alike(self) -> Iterator[Row]:
         """B does not turn relative to A.
@@ -181,47 +198,54 @@ class _Pair:
         gap = ca.sumsqr(by_b[:, 0] - by_a[:, 0]) + ca.sumsqr(by_b[:, 2] - by_a[:, 2])
         apart = by_a.T @ by_b
 
-        def drift(v: Sparse, row: int) -> SX:
-            of_a = kinematics.relative_motion(self._base, link_a, v)
-            of_b = kinematics.relative_motion(self._base, C, v)
+        def velocity(v: Sparse, twists: Twists, row: int) -> SX:
+            (_, turn_a), (_, turn_b) = (twists(self._base, link) for link in self._links)
+            return (R_b @ turn_b - R_a @ turn_a)[row]
+
+        def acceleration(v: Sparse, dv: Sparse, row: int) -> SX:
+            of_a = kinematics.relative_motion(self._base, link_a, v, dv)
+            of_b = kinematics.relative_motion(self._base, C, v, dv)
             alpha = of_b.alpha - R_a @ of_a.alpha
             if link_b != C:
                 (k,) = links[link_b].v
                 turn = R_b @ sx(links[link_b].S[3:, 0])
-                alpha += ca.cross(of_b.omega, turn * v[k])
+                alpha += turn * dv.get(k, 0) + ca.cross(of_b.omega, turn * v[k])
             return alpha[row]
 
         for row in range(3):
             i, j = (row + 1) % 3, (row + 2) % 3
             residual = (apart[j, i] - apart[i, j]) / 2
-            yield Row(Phi[row], partial(drift, row=row), residual, gap if row == 0 else SX(0))
+            own = partial(velocity, row=row), partial(acceleration, row=row)
+            yield Row(Phi[row], *own, residual, gap if row == 0 else SX(0))
 
     def _angle(self, i: int, j: int, sign: float, gap: SX) -> Row:
         """Axis i of A stays at a right angle to axis j of B."""
         n, m = self.a.R[:, i], self.b.R[:, j]
         across = sign * ca.cross(m, n)
-        Phi = self._row(lambda _, turn: ca.dot(across, turn), lambda _, turn: ca.dot(across, turn))
+        Phi, velocity = self._row(
+            lambda _, turn: ca.dot(across, turn), lambda _, turn: ca.dot(across, turn)
+        )
 
-        def drift(v: Sparse) -> SX:
-            a, b = self._ends(v)
+        def acceleration(v: Sparse, dv: Sparse) -> SX:
+            a, b = self._ends(v, dv)
             n_dot, m_dot = ca.cross(a.omega, n), ca.cross(b.omega, m)
             n_ddot = ca.cross(a.alpha, n) + ca.cross(a.omega, n_dot)
             m_ddot = ca.cross(b.alpha, m) + ca.cross(b.omega, m_dot)
             return sign * (ca.dot(n, m_ddot) + ca.dot(m, n_ddot) + 2 * ca.dot(n_dot, m_dot))
 
-        return Row(Phi, drift, sign * ca.dot(n, m), gap)
+        return Row(Phi, velocity, acceleration, sign * ca.dot(n, m), gap)
 
     def distance(self, length: float) -> Row:
         """The origins stay at a distance: (d.d - l^2) / 2 l."""
         unit = self.d / length
-        Phi = self._row(lambda u, _: ca.dot(unit, u), lambda u, _: ca.dot(unit, u))
+        Phi, velocity = self._row(lambda u, _: ca.dot(unit, u), lambda u, _: ca.dot(unit, u))
 
-        def drift(v: Sparse) -> SX:
-            a, b = self._ends(v)
+        def acceleration(v: Sparse, dv: Sparse) -> SX:
+            a, b = self._ends(v, dv)
             return ca.dot(unit, b.a - a.a) + ca.sumsqr(self._velocity(v)) / length
 
         residual = (ca.dot(unit, self.d) - length) / 2
-        return Row(Phi, drift, residual, residual**2)
+        return Row(Phi, velocity, acceleration, residual, residual**2)
 
     def rolling(self, closure: Rolling) -> Iterator[Row]:
         """B touches the x-y plane of A and does not slip; A's axes give the rows."""
@@ -231,9 +255,9 @@ class _Pair:
         up = normal if closure.ball else across / size
         contact = self.d - radius * up  # from the origin of A
 
-        def slip_rate(v: Sparse) -> SX:
+        def slip_rate(v: Sparse, dv: Sparse) -> SX:
             # The slip velocity is zero, so that its rate alone counts, whatever the axes do.
-            a, b = self._ends(v)
+            a, b = self._ends(v, dv)
             up_dot = normal_dot = ca.cross(a.omega, normal)
             if not closure.ball:
                 axle_dot = ca.cross(b.omega, axle)
@@ -253,11 +277,12 @@ class _Pair:
             def of_b(u: SX, turn: SX, n: SX = n) -> SX:
                 return ca.dot(n, u - ca.cross(turn, radius * up))
 
-            def drift(v: Sparse, n: SX = n) -> SX:
-                return ca.dot(n, slip_rate(v))
+            def acceleration(v: Sparse, dv: Sparse, n: SX = n) -> SX:
+                return ca.dot(n, slip_rate(v, dv))
 
             height = ca.dot(n, contact) if k == 2 else None
-            yield Row(self._row(of_a, of_b), drift, height, SX(0) if height is None else height**2)
+            gap = SX(0) if height is None else height**2
+            yield Row(*self._row(of_a, of_b), acceleration, height, gap)
 
 
 def _coupling(kinematics: Kinematics, model: pin.Model, closure: Coupling) -> Row:
@@ -275,10 +300,14 @@ def _coupling(kinematics: Kinematics, model: pin.Model, closure: Coupling) -> Ro
         if not slope.is_zero():
             Phi[joint.idx_v], second[joint.idx_v] = slope, curvature
 
-    def drift(v: Sparse) -> SX:
-        return sum((c * v[k] ** 2 for k, c in second.items() if k in v), SX(0))
+    def velocity(v: Sparse, twists: Twists) -> SX:
+        return sum((c * v[k] for k, c in Phi.items() if k in v), SX(0))
 
-    return Row(Phi, drift, residual, residual**2)
+    def acceleration(v: Sparse, dv: Sparse) -> SX:
+        linear = (c * dv[k] for k, c in Phi.items() if k in dv)
+        return sum(linear, sum((c * v[k] ** 2 for k, c in second.items() if k in v), SX(0)))
+
+    return Row(Phi, velocity, acceleration, residual, residual**2)
 
 
 def _value(coefficients: NDArray[np.floating[Any]], x: SX) -> SX:

@@ -12,7 +12,7 @@ are folded in; `Parameters` lists what stays open.
 from __future__ import annotations
 
 import operator
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -106,6 +106,8 @@ class Equations:
         self.p = SX.sym("p", self.parameters.size)
         rotations = self.parameters.rotations(self.p)
         self.kinematics = Kinematics(model, rotations, displaced=displaced)
+        if displaced:
+            self.kinematics.lift = -(self.kinematics.base.T @ self.parameters.gravity(self.p))
         self.q = self.kinematics.q
         self._coordinates = [int(i) for i in mechanism.coordinates]
         self._dependent = [int(i) for i in mechanism.dependent]
@@ -207,7 +209,8 @@ class Equations:
     @cached_property
     def drift(self) -> Sparse:
         """-Phi_dot v, by row."""
-        drift = {i: -self.rows[i].drift(self.v) for i in self.factors.rows}
+        at_rest: Sparse = {}
+        drift = {i: -self.rows[i].acceleration(self.v, at_rest) for i in self.factors.rows}
         return {i: x for i, x in drift.items() if not is_zero(x)}
 
     @cached_property
@@ -287,8 +290,23 @@ class Equations:
                     bodies[j] = None
         return bodies
 
-    def tree_forces(self, v: Sparse, dv: Sparse, *, loads: bool = True) -> Sparse:
-        """tau of the tree by the recursion of Newton and Euler, without friction and springs."""
+    def tree_forces(
+        self,
+        v: Sparse,
+        dv: Sparse,
+        *,
+        loads: bool = True,
+        reactions: Mapping[int, SX] | None = None,
+    ) -> Sparse:
+        """tau of the tree by the recursion of Newton and Euler, without friction and springs.
+
+        Args:
+            v: Rates.
+            dv: Accelerations.
+            loads: Whether external wrenches act.
+            reactions: Force and moment about the origin that closures take of links, by their
+                index, axes of the link.
+        """
         wrenches = []
         gravity = self.kinematics.base.T @ self.parameters.gravity(self.p)
         motions = self.kinematics.motions(v, dv, gravity)
@@ -302,6 +320,8 @@ class Equations:
                 force, moment = self._load(link.body)
                 F, N = F - force, N - moment
             wrenches.append((F, N))
+        for i, own in (reactions or {}).items():
+            wrenches[i] = wrenches[i][0] + own[:3], wrenches[i][1] + own[3:]
         return add(self.kinematics.transmitted(wrenches), self._rotors(dv))
 
     def _rotors(self, dv: Sparse) -> Sparse:

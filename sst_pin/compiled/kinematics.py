@@ -55,6 +55,29 @@ class Motion:
         return ca.skew(self.alpha) + ca.skew(self.omega_k) @ ca.skew(self.omega)
 
 
+class Placement(NamedTuple):
+    """A link in its parent.
+
+    Attributes:
+        R: Its orientation, but for the last turn.
+        p: Its origin.
+        turn: A small turn besides, axes of the link.
+    """
+
+    R: SX
+    p: SX
+    turn: SX | None
+
+    def back(self, x: SX) -> SX:
+        """A vector of the parent in the axes of the link."""
+        y = self.R.T @ x
+        return y if self.turn is None else y - ca.cross(self.turn, y)
+
+    def out(self, x: SX) -> SX:
+        """A vector of the link in the axes of the parent."""
+        return self.R @ (x if self.turn is None else x + ca.cross(self.turn, x))
+
+
 class Point(NamedTuple):
     """A frame as it moves relative to a link, axes of that link.
 
@@ -77,6 +100,7 @@ class Kinematics:
         rotations: Orientations of joints at rest and of frames, in the place of the model's, by
             name.
         displaced: Whether all joints are displaced, each along its rates, to first order.
+        lift: Acceleration of link 0, its axes.
 
     Attributes:
         tree: Its links.
@@ -97,6 +121,7 @@ class Kinematics:
         *,
         displaced: bool = False,
     ) -> None:
+        self.lift = SX(3, 1)
         self.tree = Tree.of(model)
         self._rotations = dict(rotations or {})
         self._at_rest = {
@@ -108,7 +133,7 @@ class Kinematics:
         self.q = SX.sym("q", model.nq)
         self.displacement = SX.sym("displacement", model.nv if displaced else 0)
         self.pose = cache(self._pose)
-        self._at_rates: tuple[Sparse | None, dict[tuple[int, int], Motion]] = None, {}
+        self._at_rates: tuple[Sparse, Sparse, dict[tuple[int, int], Motion]] = {}, {}, {}
 
     @cached_property
     def placements(self) -> list[tuple[SX, SX]]:
@@ -117,12 +142,20 @@ class Kinematics:
         for i, link in enumerate(self.tree.links):
             R, d = _joint_placement(link, [self.q[k] for k in link.q])
             before = self._rotation_at_rest(i)
-            R, p = before @ R, sx(link.p) + before @ d
-            if self.displacement.numel():
-                twist = sx(link.S) @ self.displacement[list(link.v)]
-                R, p = R @ (SX.eye(3) + ca.skew(twist[3:])), p + R @ twist[:3]
-            placements.append((R, p))
+            placements.append((before @ R, sx(link.p) + before @ d))
         return placements
+
+    @cached_property
+    def _placed(self) -> list[Placement]:
+        """The same, with the displacements of the joints."""
+        if not self.displacement.numel():
+            return [Placement(R, p, None) for R, p in self.placements]
+        own = dict(enumerate(ca.vertsplit(self.displacement)))
+        displaced = []
+        for link, (R, p) in zip(self.tree.links, self.placements, strict=True):
+            u, turn = _own(link, own)
+            displaced.append(Placement(R, p + R @ u, turn))
+        return displaced
 
     def coordinate(self, q: int, v: int) -> SX:
         """The coordinate of a joint that has one, by its indices."""
@@ -142,11 +175,29 @@ class Kinematics:
 
     def _pose(self, base: int, link: int) -> tuple[SX, SX]:
         """Orientation and origin of a link, in the axes of one of its ancestors."""
+        R, p = self._pose_as_is(base, link)
+        if self.displacement.numel():
+            own = dict(enumerate(ca.vertsplit(self.displacement)))
+            u, turn = self.twist(base, link, own)
+            R, p = R @ (SX.eye(3) + ca.skew(turn)), p + R @ u
+        return R, p
+
+    def _pose_as_is(self, base: int, link: int) -> tuple[SX, SX]:
+        """The same without displacements."""
         if link == base:
             return SX.eye(3), SX(3, 1)
-        R, p = self.pose(base, self.tree.links[link].parent)
+        R, p = self._pose_as_is(base, self.tree.links[link].parent)
         R_link, p_link = self.placements[link]
         return R @ R_link, p + R @ p_link
+
+    def twist(self, base: int, link: int, v: Sparse) -> tuple[SX, SX]:
+        """Velocity of a link's origin and angular velocity, relative to one of its ancestors."""
+        if link == base:
+            return SX(3, 1), SX(3, 1)
+        placement, (own_u, own_turn) = self._placed[link], _own(self.tree.links[link], v)
+        u, turn = self.twist(base, self.tree.links[link].parent, v)
+        u = placement.back(u + ca.cross(turn, placement.p)) + own_u
+        return u, placement.back(turn) + own_turn
 
     def point(self, base: int, frame: pin.Frame) -> Point:
         """A frame of the tree as it moves relative to an ancestor of its link."""
@@ -178,32 +229,32 @@ class Kinematics:
             motions.append(self._next(i, motions[link.parent], v, v if v_k is None else v_k, dv))
         return motions
 
-    def relative_motion(self, base: int, link: int, v: Sparse) -> Motion:
-        """Motion of a link relative to one of its ancestors at v, without accelerations."""
-        if self._at_rates[0] is not v:
-            self._at_rates = v, {}
-        known = self._at_rates[1]
+    def relative_motion(self, base: int, link: int, v: Sparse, dv: Sparse) -> Motion:
+        """Motion of a link relative to one of its ancestors."""
+        if self._at_rates[0] is not v or self._at_rates[1] is not dv:
+            self._at_rates = v, dv, {}
+        known = self._at_rates[2]
         if (base, link) not in known:
             if link == base:
-                known[base, link] = Motion.of_rest()
+                known[base, link] = Motion.of_rest(None if base else self.lift)
             else:
-                before = self.relative_motion(base, self.tree.links[link].parent, v)
-                known[base, link] = self._next(link, before, v, v, {})
+                before = self.relative_motion(base, self.tree.links[link].parent, v, dv)
+                known[base, link] = self._next(link, before, v, v, dv)
         return known[base, link]
 
     def _next(self, i: int, before: Motion, v: Sparse, v_k: Sparse, dv: Sparse) -> Motion:
         """Motion of link i from that of its parent."""
-        link, (R, p) = self.tree.links[i], self.placements[i]
+        link, placement = self.tree.links[i], self._placed[i]
+        back = placement.back
         u, turn = _own(link, v)
         u_k, turn_k = (u, turn) if v_k is v else _own(link, v_k)
         du, dturn = _own(link, dv)
-        back = R.T
-        omega = back @ before.omega + turn
-        omega_k = omega if v_k is v else back @ before.omega_k + turn_k
-        alpha = back @ before.alpha + ca.cross(omega, turn_k) + dturn
-        a = back @ (before.a + before.U @ p) + du
+        omega = back(before.omega) + turn
+        omega_k = omega if v_k is v else back(before.omega_k) + turn_k
+        alpha = back(before.alpha) + ca.cross(omega, turn_k) + dturn
+        a = back(before.a + before.U @ placement.p) + du
         if link.S[:3].any():
-            a += ca.cross(back @ before.omega_k, u) + ca.cross(omega, u_k)
+            a += ca.cross(back(before.omega_k), u) + ca.cross(omega, u_k)
         return Motion(omega, omega_k, alpha, a)
 
     def transmitted(self, wrenches: list[tuple[SX, SX]]) -> Sparse:
@@ -211,15 +262,16 @@ class Kinematics:
         tau: Sparse = {}
         wrenches = list(wrenches)
         for i in range(len(self.tree.links) - 1, 0, -1):
-            link, (R, p), (F, N) = self.tree.links[i], self.placements[i], wrenches[i]
+            link, placement, (F, N) = self.tree.links[i], self._placed[i], wrenches[i]
             for k, S in zip(link.v, link.S.T, strict=True):
                 value = ca.dot(sx(S[:3]), F) + ca.dot(sx(S[3:]), N)
                 if not is_zero(value):
                     tau[k] = value
             if link.parent:
                 F_0, N_0 = wrenches[link.parent]
-                F = R @ F
-                wrenches[link.parent] = F_0 + F, N_0 + R @ N + ca.cross(p, F)
+                F = placement.out(F)
+                N = placement.out(N) + ca.cross(placement.p, F)
+                wrenches[link.parent] = F_0 + F, N_0 + N
         return tau
 
     def q_rates(self, v: Sparse) -> SX:
