@@ -23,6 +23,8 @@ _UNARY = {
     ca.OP_SQRT: "SQUARE_ROOT({0})",
     ca.OP_TANH: "tangent({0})",
 }
+#: What differs for numbers of the parameters alone, which are no vectors.
+_OF_NUMBERS = {ca.OP_FABS: "{0} < 0 ? -{0} : {0}"}
 #: Statements of a function that is not cut, and of the parts of one that is.
 _LARGEST, _PART = 7000, 500
 #: Names of results of statements.
@@ -212,7 +214,8 @@ class _Writer:
         if operation in _BINARY:
             text = f"{first} {_BINARY[operation]} {texts[1]}"
         else:
-            text = _UNARY[operation].format(first)
+            forms = _UNARY if kind == "real" else _UNARY | _OF_NUMBERS
+            text = forms[operation].format(first)
         self.lines[kind].append(f"const {kind} {name} = {text};")
         return name, kind
 
