@@ -24,7 +24,7 @@ from ..errors import ClosureError, InputError
 from .closure_kinds import Ends, Kind, Rates, Welds, kinds_of
 from .closures import Constraint, Coupling, frames_of
 from .couplings import Coupled
-from .tree import JacobianRates, frame_id, memory_of, summed, support
+from .tree import JacobianRates, frame_id, memory_of, of_rates, summed, support
 from .vectors import cross
 
 Array = NDArray[np.float64]
@@ -81,7 +81,7 @@ class Loops:
         self.touched[self._at] = moving.astype(bool)
         for rows, coupled in self._couplings:
             self.touched[rows] = coupled.touched
-        self._J, self._J_dot = self.data.J, self.data.dJ
+        self._J, self._J_dot = of_rates(self.data.J), of_rates(self.data.dJ)
 
     def _put_together(self, closures: Sequence[Constraint]) -> None:
         """Closures kind by kind, with the joints that bear their frames and room for wrenches."""

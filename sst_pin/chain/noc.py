@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ..errors import SingularConfigurationError
 from .mechanism import Mechanism
 from .mobility import condition_number
-from .tree import columns, summed, support
+from .tree import columns, of_rates, summed, support
 
 Array = NDArray[np.float64]
 
@@ -83,9 +83,8 @@ class JointComplement:
         return self._solve(np.concatenate((closures * rows, coordinates / va)))
 
     def _solve(self, right: Array) -> Array:
-        x = self._factors.solve(right)
-        if x.ndim != right.ndim:
-            x = x[:, None]  # eigenpy makes a vector of one column
+        # eigenpy makes a vector of one column, and a matrix of one number.
+        x = self._factors.solve(right).reshape(-1, *right.shape[1:])
         return x * (self._rate_scale if x.ndim == 1 else self._rate_scale[:, None])
 
 
@@ -109,7 +108,9 @@ class Bodies(NamedTuple):
 
 def body_jacobians(model: pin.Model, data: pin.Data) -> Array:
     """K alone, shape (6 r, m), from joint Jacobians that are up to date."""
-    return _reduce_to_mass_centers(model, data.J, mass_centers(model, data)).reshape(-1, model.nv)
+    return _reduce_to_mass_centers(model, of_rates(data.J), mass_centers(model, data)).reshape(
+        -1, model.nv
+    )
 
 
 def bodies(model: pin.Model, data: pin.Data, q_dot: Array) -> Bodies:
@@ -121,9 +122,9 @@ def bodies(model: pin.Model, data: pin.Data, q_dot: Array) -> Bodies:
         q_dot: Joint rates, shape (m,).
     """
     c = mass_centers(model, data)
-    K = _reduce_to_mass_centers(model, data.J, c)
+    K = _reduce_to_mass_centers(model, of_rates(data.J), c)
     # The reduction moves with the mass centre: d/dt (omega x c) has the term omega x c_dot.
-    K_dot = _reduce_to_mass_centers(model, data.dJ, c)
+    K_dot = _reduce_to_mass_centers(model, of_rates(data.dJ), c)
     c_dot = K[:, 3:] @ q_dot
     K_dot[:, 3:] += np.cross(K[:, :3], c_dot[:, :, None], axis=1)
     omega = K[:, :3] @ q_dot
@@ -166,7 +167,7 @@ def decoupled(model: pin.Model, data: pin.Data) -> tuple[Array, Array]:
     for i in range(r):
         own = np.zeros(model.nvExtended)
         own[columns(model, i + 1)] = 1
-        N_d[i] = _reduced(model, data.J * own, c[i])
+        N_d[i] = _reduced(model, of_rates(data.J) * own, c[i])
         for bearer in list(model.supports[i + 1])[1:]:
             carried = np.eye(6)
             carried[3:, :3] = -pin.skew(c[i] - c[bearer - 1])  # v_i = v_j + omega x (c_i - c_j)

@@ -25,7 +25,7 @@ from .loops import CLOSURE_TOLERANCE
 from .mechanism import Friction, Mechanism
 from .mobility import condition_number
 from .noc import MAX_CONDITION_NUMBER, mass_centers
-from .tree import summed, support
+from .tree import of_rates, summed, support
 
 Array = NDArray[np.float64]
 
@@ -184,7 +184,8 @@ class Reference:
         ws = self.workspace
         ws.evaluate(q)
         L = ws.complement.factorise(ws.loops.Phi())
-        return pin.getFrameJacobian(ws.model, ws.data, frame, pin.LOCAL_WORLD_ALIGNED).dot(L)
+        J = pin.getFrameJacobian(ws.model, ws.data, frame, pin.LOCAL_WORLD_ALIGNED)
+        return of_rates(J).dot(L)
 
     def frame_jacobian_rate(self, q: Array, va: Array, frame: int) -> Array:
         """Rate of `frame_jacobian`, shape (6, n)."""
@@ -194,7 +195,7 @@ class Reference:
         L_dot = ws.complement.solve(-ws.loops.Phi_dot(L.dot(va)).dot(L), np.zeros((len(va),) * 2))
         # Pinocchio's own rate is wrong for mimic joints.
         moved_by = support(ws.model, ws.model.frames[frame].parentJoint)
-        J, J_dot = (summed(ws.model, X * moved_by) for X in (ws.data.J, ws.data.dJ))
+        J, J_dot = (summed(ws.model, X * moved_by) for X in map(of_rates, (ws.data.J, ws.data.dJ)))
         p, twist = ws.data.oMf[frame].translation, J.dot(L.dot(va))
         p_dot = twist[:3] + np.cross(twist[3:], p)
         J_dot[:3] += np.cross(J_dot[3:].T, p).T + np.cross(J[3:].T, p_dot).T

@@ -20,7 +20,7 @@ from .closures import Coupling, frames_of
 from .couplings import Coupled
 from .jets import Jet
 from .mechanism import Mechanism
-from .tree import frame_id, support
+from .tree import frame_id, of_rates, support
 from .vectors import brackets, skew
 
 Array = NDArray[np.float64]
@@ -97,7 +97,7 @@ class Tree:
         self._branches, self._data, self.model = branches, data, branches.model
         self.q, self.v, self.v_dot = q, v, v_dot
         pin.computeJointJacobiansTimeVariation(self.model, data, q, v)
-        self.J, self.J_dot = np.array(data.J), np.array(data.dJ)
+        self.J, self.J_dot = of_rates(np.array(data.J)), of_rates(np.array(data.dJ))
         moved = branches.before * v[:, None]
         twist, acceleration = self.J.dot(moved), self.J_dot.dot(moved)
         acceleration += self.J.dot(branches.before * v_dot[:, None])

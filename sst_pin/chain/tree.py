@@ -107,6 +107,14 @@ def memory_of(elements: Any, attribute: str) -> Array:
     return np.lib.stride_tricks.as_strided(parts[0], shape, strides, writeable=False)
 
 
+def of_rates(matrix: Array) -> Array:
+    """A matrix of Pinocchio's with a column for each rate, shape (6, nv), on its own memory.
+
+    Pinocchio hands out that of a single rate as six numbers.
+    """
+    return matrix.reshape(6, -1)
+
+
 def depth_first(model: pin.Model) -> bool:
     """Whether each joint stands before its subtree and that in one piece, as `pin.crba` wants."""
     return all(
@@ -158,8 +166,9 @@ class JacobianRates:
         """Compute J and its rate at q and v into `data`."""
         pin.computeJointJacobiansTimeVariation(self._model, data, q, v)
         if len(self._columns):
-            twists = (data.J * self.of_columns(v)).dot(self._moved_by)
-            data.dJ[:, self._columns] = brackets(twists, data.J[:, self._columns])
+            J, J_dot = of_rates(data.J), of_rates(data.dJ)
+            twists = (J * self.of_columns(v)).dot(self._moved_by)
+            J_dot[:, self._columns] = brackets(twists, J[:, self._columns])
 
 
 def _moving_axes(model: pin.Model) -> Iterator[tuple[int, Array]]:
