@@ -12,7 +12,8 @@ import pinocchio as pin
 from .. import reading
 from ..chain.closed_chain import ClosedChain
 from ..chain.closures import Constraint, frames_of
-from ..errors import ActuationError, ClosureError, DescriptionError, SSTError
+from ..chain.tree import frame_id
+from ..errors import ActuationError, ClosureError, DescriptionError, SSTError, UnknownNameError
 from ..reading.problems import Problem, error, warning
 
 #: Open by so much a configuration is that was written with four digits, [m] or [rad].
@@ -58,8 +59,12 @@ def _unknown(robot: reading.Extended) -> Iterator[Problem]:
         yield error("tree", "all joints are fixed: nothing moves")
     for closure in robot.closures:
         for frame in frames_of(closure):
-            if not model.existFrame(frame):
+            try:
+                frame_id(model, frame)
+            except UnknownNameError:
                 yield error(f"closure {closure}", f"no frame {frame} in the URDF")
+            except DescriptionError as caught:
+                yield from (error(f"frame {frame}", text) for text in caught.problems)
     for motor in robot.actuated:
         if motor not in list(model.names)[1:]:
             yield error(f"motor {motor}", "no moving joint of this name in the URDF")

@@ -332,3 +332,9 @@ def test_the_command_prints_a_problem_a_line_and_fails(tmp_path, capsys):
     assert "an open tree: no bad.yaml" in capsys.readouterr().out
     assert main(["validate", str(tmp_path / "missing.urdf")]) == 1
     assert "error: file: the URDF cannot be read" in capsys.readouterr().out
+
+
+def test_a_closure_frame_of_an_ambiguous_name_is_told(found):
+    """A fixed joint's frame and a link of one name, at different places."""
+    problems = found(URDF.replace('"rod_2a_end_fixed"', '"platform_1b"'))
+    assert any("several frames have this name" in problem.text for problem in problems)
