@@ -167,13 +167,7 @@ class CompiledBackend:
         threads: int,
     ) -> Indices:
         """Fill rows of derivatives by q, va and x, which is aa or tau."""
-        arrays: tuple[Array, ...] = (q, va, x)
-        if wrenches is not None:
-            name, arrays = name + _LOADED, (*arrays, wrenches.reshape(len(wrenches), -1))
-        kernel = self._smoothed(name, sign_width)
-        if kernel is None:
-            return np.arange(len(rows))
-        return in_threads(kernel.many, arrays, rows, threads)
+        return self._fill(name, (q, va, x), wrenches, rows, threads, sign_width)
 
     def displacement_rates(self, q: Array, va: Array, rows: Array, threads: int) -> Indices:
         """Fill rows of what moving axes of joints do to a displacement."""
@@ -239,10 +233,12 @@ class CompiledBackend:
         wrenches: Array | None,
         out: Array,
         threads: int,
+        sign_width: float | None = None,
     ) -> Indices:
+        """Fill `out` by a kernel, with smooth friction where a width is given."""
         if wrenches is not None:
             name, arrays = name + _LOADED, (*arrays, wrenches.reshape(len(wrenches), -1))
-        kernel = self.kernel(name)
+        kernel = self.kernel(name) if sign_width is None else self._smoothed(name, sign_width)
         if kernel is None:
             return np.arange(len(out))
         return in_threads(kernel.many, arrays, out, threads)

@@ -38,6 +38,11 @@ class EnergyBalance(NamedTuple):
         return self.kinetic + self.potential - self.motors - self.friction
 
 
+def motor_powers(chain: ClosedChain, motion: Trajectory) -> Array:
+    """Power of each motor along a motion of the chain, shape (N, motors), [W]."""
+    return motion.tau * chain.motor_rates(motion.q, motion.va)
+
+
 def energy_balance(chain: ClosedChain, motion: Trajectory) -> EnergyBalance:
     """Energies of a motion and the work done on it.
 
@@ -63,7 +68,7 @@ def energy_balance(chain: ClosedChain, motion: Trajectory) -> EnergyBalance:
     return EnergyBalance(
         kinetic - kinetic[0],
         potential - potential[0],
-        work((motion.tau * chain.motor_rates(motion.q, motion.va)).sum(axis=1)),
+        work(motor_powers(chain, motion).sum(axis=1)),
         work(chain.friction_power(motion.q, motion.va)),
     )
 

@@ -15,7 +15,7 @@ from ..chain.joint_space import JointSpace
 from ..errors import ClosureError, FileFormatError
 from ..files import Table, read_table
 from .coordinate_motions import angles_and_lengths, coordinate_motion, start_configuration
-from .trajectories import Trajectory
+from .trajectories import Trajectory, position_columns, rate_columns
 
 Array = NDArray[np.float64]
 
@@ -184,8 +184,7 @@ def _wanted(chain: ClosedChain, table: Table) -> str:
 
 
 def _position_columns(chain: ClosedChain) -> list[str]:
-    names = zip(chain.position_names, chain.joint_units, strict=True)
-    return [f"{name}_{unit or 1}" for name, unit in names]
+    return position_columns(chain.position_names, chain.joint_units)
 
 
 def _rates(chain: ClosedChain) -> tuple[list[str], list[str]]:
@@ -193,7 +192,7 @@ def _rates(chain: ClosedChain) -> tuple[list[str], list[str]]:
     space = JointSpace(chain.model)
     rates = space.rates_of(chain.coordinates)
     names = [space.rate_names[k] for k in rates]
-    return names, [f"{n}_{space.rate_units[k]}_s" for n, k in zip(names, rates, strict=True)]
+    return names, rate_columns(names, [space.rate_units[k] for k in rates])
 
 
 def _joints(chain: ClosedChain, table: Table) -> dict[str, Array]:

@@ -422,10 +422,20 @@ def _columns(
     that is not the coordinate of the same number goes by its name; what has no unit, as
     the entries of a quaternion, ends in `_1`.
     """
-    positions = [f"{name}_{unit or 1}" for name, unit in zip(joint_names, units, strict=True)]
-    rates = [f"{name}_{unit}_s" for name, unit in zip(coordinates, rate_units, strict=True)]
+    positions = position_columns(joint_names, units)
+    rates = rate_columns(coordinates, rate_units)
     torques = [f"tau_{motor}_{unit}" for motor, unit in zip(motors, forces, strict=True)]
     return ["t_s", *positions, *rates, *(f"{rate}2" for rate in rates), *torques]
+
+
+def position_columns(names: Sequence[str], units: Sequence[str]) -> list[str]:
+    """Columns of a CSV for the entries of q."""
+    return [f"{name}_{unit or 1}" for name, unit in zip(names, units, strict=True)]
+
+
+def rate_columns(names: Sequence[str], units: Sequence[str]) -> list[str]:
+    """Columns of a CSV for rates; those of accelerations end in 2 besides."""
+    return [f"{name}_{unit}_s" for name, unit in zip(names, units, strict=True)]
 
 
 def sample_times(t: ArrayLike, least: int = 1) -> Array:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..chain.closed_chain import ClosedChain
 from ..chain.joint_space import JointSpace
 from ..motion.energy import energy_balance as balance_of
+from ..motion.energy import motor_powers
 from ..motion.trajectories import Trajectory
 from ..sst.robot import SST
 from . import curves
@@ -111,7 +112,7 @@ def powers(
     Raises:
         UnknownNameError: For a name that no motor has.
     """
-    power = motion.tau * robot.motor_rates(motion.q, motion.va)
+    power = motor_powers(robot, motion)
     found = _powers(motion, power).pick(motors)
     numbers = [curves.number(name) for name in found.names]
     labels = [

@@ -61,9 +61,8 @@ def misfit(joint_names: tuple[str, ...], closures: tuple[Constraint, ...]) -> st
 
 def star_load(moment: Array) -> Array:
     """Wrenches on the nine bodies with a moment on the star, shape (..., 9, 6)."""
-    wrenches = np.zeros((*moment.shape[:-1], 9, 6))
-    wrenches[..., STAR, :3] = moment
-    return wrenches
+    rows: Array = load_row(moment)
+    return rows.reshape(*moment.shape[:-1], len(JOINT_NAMES), 6)
 
 
 def load_row(moment: Any) -> Any:

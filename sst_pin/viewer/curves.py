@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..chain.closed_chain import ClosedChain
 from ..chain.joint_space import JointSpace
+from ..motion.energy import motor_powers
 from ..motion.trajectories import Trajectory
 
 Array = NDArray[np.float64]
@@ -45,7 +46,7 @@ def curves_of(robot: ClosedChain, motion: Trajectory) -> list[dict[str, Any]]:
         `owners`, the joints, and `units`; `values`, sample after sample.
     """
     numbers = range(1, len(robot.motor_names) + 1)
-    powers = motion.tau * robot.motor_rates(motion.q, motion.va)
+    powers = motor_powers(robot, motion)
     places = [i for i, unit in enumerate(motion.units) if unit]
     joints, owners = [motion.joint_names[i] for i in places], list(robot.motor_names)
     rates = [f"{unit}/s" for unit in motion.rate_units]

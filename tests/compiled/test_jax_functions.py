@@ -1,18 +1,16 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The dynamics as functions of JAX."""
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 
 import any_chain
+from commands import said_without
 from derivative_cases import close, derivative
 from sst_pin.errors import DescriptionError, InputError
 from sst_pin.robots import delta, four_bar
 
-jax = pytest.importorskip("jax")
+jax = pytest.importorskip("jax", reason="JAX is not installed (extra `jax`)")
 
 
 @pytest.fixture(autouse=True)
@@ -101,11 +99,4 @@ def test_what_it_cannot_do_is_said():
 
 
 def test_without_jax_the_extra_is_named():
-    code = (
-        "import sys; sys.modules['jax'] = None\n"
-        "import sst_pin\n"
-        "try: sst_pin.robots.four_bar().jax()\n"
-        "except sst_pin.errors.MissingExtraError as error: print(error)"
-    )
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert "sst-pin[jax]" in run.stdout
+    assert "sst-pin[jax]" in said_without("jax", "sst_pin.robots.four_bar().jax()")

@@ -14,8 +14,8 @@ from shown_output import Checker, same_output
 
 #: What each example may use; the pages of the reference say so.
 GIVEN = {"np": np, "pin": pin, "sst_pin": sst_pin}
-#: Kept for one release, for code that names them.
-OLD = {"DescriptionWarning", "SST.looks"}
+#: Kept for one release, for code that names it.
+OLD = {"DescriptionWarning"}
 CLASSES = ("ClosedChain", "SST", "Trajectory")
 
 
