@@ -42,8 +42,9 @@ def test_chunked_states_give_the_torques_of_whole_arrays(robot):
 
 
 @pytest.mark.slow
-def test_worker_processes_load_the_kernels_of_a_compiled_robot(monkeypatch):
+def test_worker_processes_load_the_kernels_of_a_compiled_robot(monkeypatch, tmp_path):
     """Two of them: the hexapod goes there pickled, its kernels come from the cache."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))  # other tests write to the user's own
     distributed = pytest.importorskip("dask.distributed", reason="needs distributed, extra 'dev'")
     from dask_sweep import grid, sweep
 
