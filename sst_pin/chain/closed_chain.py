@@ -293,16 +293,19 @@ class ClosedChain:
         """How far the loops are open.
 
         Args:
-            q: Configuration, shape (nq,).
+            q: Configurations, shape (..., nq).
 
         Returns:
-            f(q) of Eq. (2), shape (rows,): [m] and [rad], closure after closure.
+            f(q) of Eq. (2), shape (..., rows): [m] and [rad], closure after closure.
 
         Example:
             >>> bool(abs(chain.residual(chain.home)).max() < 1e-12)
             True
         """
-        return self._current.evaluated(q).residual()
+        current = self._current
+        rows = sum(len(closure.rows) for closure in self.closures)
+        array = current.configurations(q)
+        return for_each_sample(lambda q: current.evaluated(q).residual(), [array], (1,), (rows,))
 
     def Phi(self, q: ArrayLike) -> Array:
         """Jacobian of the closures with all rows, redundant ones too, Eqs. (3), (4).

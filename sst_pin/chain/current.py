@@ -236,8 +236,7 @@ class CurrentMechanism:
         Raises:
             InputError: For another shape, or a q that is not on its manifold.
         """
-        self.look()
-        array = as_array("q", q, (self.draft.model.nq,))
+        array = self.configurations(q)
         mechanism = self._settled
         if mechanism is None or not self._settled_by_caller:
             mechanism = self.mechanism(array)
@@ -256,6 +255,11 @@ class CurrentMechanism:
         if not mechanism.space.euclidean:
             mechanism.space.require_on_manifold(array)
         return mechanism, arrays
+
+    def configurations(self, q: ArrayLike) -> Array:
+        """One or many, shape (..., nq), of the shape that the model has now."""
+        self.look()
+        return as_array("q", q, (self.draft.model.nq,))
 
     def single(self, q: ArrayLike) -> Array:
         """One configuration, of the shape that the model has now."""

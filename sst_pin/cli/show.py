@@ -9,6 +9,7 @@ import threading
 import webbrowser
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -27,7 +28,6 @@ from .common import (
     add_strict,
     any_robot_of,
     motion_in,
-    robot_of,
 )
 
 
@@ -66,7 +66,7 @@ def add_to(commands: Commands) -> None:
         "--skeleton", action="store_true", help="joints, lines and masses instead of the bodies"
     )
     parser.add_argument(
-        "--interactive", action="store_true", help="move the SST by hand; takes no motion"
+        "--interactive", action="store_true", help="sliders that move the robot; takes no motion"
     )
     parser.add_argument("--no-open", action="store_true", help="print the URL, open no browser")
     parser.add_argument("--host", default="127.0.0.1", help="listen there; this machine alone")
@@ -92,14 +92,16 @@ def _port(text: str) -> int:
 
 
 def _run(arguments: argparse.Namespace) -> int:
+    looks: dict[str, Any] = {"axes": arguments.axes, "frames": arguments.frames}
+    looks["visual_model"] = pin.GeometryModel() if arguments.skeleton else None
     if arguments.interactive:
-        takes_no = ("motion", "robot", "speed", "html", "png", "gif", "axes", "frames", "skeleton")
-        for name in (*takes_no, "strict"):
+        for name in ("motion", "speed", "html", "png", "gif", "strict"):
             if getattr(arguments, name):
-                raise InputError("--interactive", f"moves the SST by hand and takes no {name}")
+                raise InputError("--interactive", f"moves the robot by hand and takes no {name}")
         from ..viewer.interactive import Interactive  # needs the extra `interactive`
 
-        with Interactive(robot_of(arguments), arguments.host, arguments.port) as page:
+        robot = any_robot_of(arguments)
+        with Interactive(robot, arguments.host, arguments.port, **looks) as page:
             _wait(page.url, arguments.no_open)
         return 0
     from ..viewer import Viewer  # needs the extra `viz`
@@ -109,8 +111,7 @@ def _run(arguments: argparse.Namespace) -> int:
     for ending, path in wanted:
         if path is not None and path.suffix.lower() != ending:
             raise OutputError(path, f"the ending should be {ending}")
-    bodies = pin.GeometryModel() if arguments.skeleton else None
-    with Viewer(robot, bodies, axes=arguments.axes, frames=arguments.frames) as viewer:
+    with Viewer(robot, **looks) as viewer:
         if motion is not None:
             viewer.play(motion, speed=arguments.speed or speed, title=title)
         for warning in viewer.warnings:

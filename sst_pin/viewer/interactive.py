@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""A page that answers: sliders that move the closed robot (viser).
+"""A page that answers: sliders that move a closed robot (viser).
 
 Meshcat's Python side hears nothing from its page. viser's does, so the kinematics and dynamics of
 the page are those of the package.
@@ -9,20 +9,24 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, redirect_stdout
 from http import HTTPStatus
+from io import StringIO
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import NDArray
 
-from ..errors import MissingExtraError, ServerError
-from ..sst.check import findings
+from ..chain.closed_chain import ClosedChain
+from ..errors import MissingExtraError, ServerError, SSTError
 from ..sst.robot import SST
-from . import jog
+from .curves import motor_units
 from .hosts import is_ours, listen, url_of
+from .jog import Jog, Pose, Sliders
 from .parts import Shape, decompose
 from .scene import Scene
+from .warnings import warnings_of
 
 try:
     import viser
@@ -32,9 +36,11 @@ except ImportError:
 
 Array = NDArray[np.float64]
 
-Move = Callable[[SST, Array, Array], jog.Pose]
-
 _PORT = 8080
+#: Of the camera, from its lower to its upper end, [rad].
+_FIELD = np.radians(24)
+#: What a slider shows a unit in, and how many of those it is; its step.
+_SHOWN, _STEP = {"rad": ("deg", 180 / np.pi), "m": ("mm", 1e3)}, 0.1
 
 
 class Interactive:
@@ -42,43 +48,68 @@ class Interactive:
 
     Attributes:
         url: Of the page.
-        q: Where the robot stands, shape (9,), [rad].
+        q: Where the robot stands, shape (nq,).
 
     Args:
-        robot: The SST.
+        robot: Any closed chain. Its sliders are its coordinates, within the limits of the joints
+            where there are any; an SST has those of its star, too.
         host: Address to listen on, by default this machine alone.
         port: 0 for 8080, or the next one that is free.
+        visual_model: Shapes to be drawn instead of `robot.visual_model`; an empty
+            `pinocchio.GeometryModel()` gives the skeleton.
+        axes: Whether the joints' axes are shown at first.
+        frames: Whether frames are shown at first.
 
     Raises:
+        InputError: When the robot is none.
         MissingExtraError: Without viser.
         ServerError: When nothing can listen there.
+
+    Example:
+        >>> from sst_pin.viewer.interactive import Interactive
+        >>> with Interactive(chain, port=0) as page:
+        ...     page.url.startswith("http://127.0.0.1:")
+        True
     """
 
-    def __init__(self, robot: SST, host: str = "127.0.0.1", port: int = 0) -> None:
-        self._robot, self._scene = robot, Scene(robot, None)
+    def __init__(
+        self,
+        robot: ClosedChain,
+        host: str = "127.0.0.1",
+        port: int = 0,
+        *,
+        visual_model: pin.GeometryModel | None = None,
+        axes: bool = False,
+        frames: bool = False,
+    ) -> None:
+        self._robot = robot
+        self._scene = scene = Scene(robot, visual_model, axes=axes, frames=frames)
+        self._jog = Jog(robot, scene.start, scene.size)
+        self._units = motor_units(robot)
         self._busy, self._wishes = threading.Lock(), 0
         for tried in listen(host, port):  # viser would go on trying for ever
             tried.close()
-        with _guarded_requests(host):
+        with _guarded_requests(host), _silence():
             self._server = viser.ViserServer(host, port or _PORT, verbose=False)
         self.url = url_of(host, self._server.get_port())
-        self.q = robot.home
-        # The torque of the largest arrow: half the robot's weight on the star's radius.
-        weight = sum(i.mass for i in robot.model.inertias) * np.linalg.norm(
-            robot.model.gravity.linear
-        )
-        self._largest = float(weight) * robot.star_radius / 2 or 1.0
+        self.q = scene.start
+        # The largest arrow: the robot's weight, half of it for a torque, on the robot's length.
+        gravity = np.linalg.norm(robot.model.gravity.linear)
+        weight = float(sum(i.mass for i in robot.model.inertias) * gravity) or 1.0
+        lever = scene.size / 2
+        self._largest = np.array([weight * (lever if u == "N m" else 1) for u in self._units])
         try:
             self._draw_scene()
             self._add_controls()
-            self._show(jog.Pose(self.q))
+            self._show(Pose(self.q))
         except BaseException:
             self.close()
             raise
 
     def close(self) -> None:
         """Stop listening."""
-        self._server.stop()
+        with _silence():
+            self._server.stop()
 
     def __enter__(self) -> Interactive:
         return self
@@ -89,14 +120,19 @@ class Interactive:
     # --- inside -----------------------------------------------------------------------------
 
     def _draw_scene(self) -> None:
-        scene, r = self._server.scene, self._robot.star_radius
+        scene = self._server.scene
         scene.set_up_direction("+z")
         scene.configure_environment_map(None)  # takes seconds where there is no graphics card
         scene.add_light_ambient("/light", intensity=1.5)
-        target = np.array((0.3, 0.3, 0.1)) * r
+        seen = self._scene.reach(self.q[None], np.ones((1, len(self._units))))
+        middle = (seen.min(axis=0) + seen.max(axis=0)) / 2
+        radius = float(np.linalg.norm(seen - middle, axis=1).max()) or 1.0
         camera = self._server.initial_camera
-        camera.look_at, camera.fov = target, np.radians(24)
-        camera.position = target + 5.2 * r * np.array((1.0, 0.7, 0.6))
+        camera.look_at, camera.fov = middle, _FIELD
+        towards = np.array((1.0, 0.7, 0.6)) / np.linalg.norm((1.0, 0.7, 0.6))
+        distance = 1.15 * radius / np.sin(_FIELD / 2)
+        camera.position = middle + distance * towards
+        camera.near, camera.far = distance / 100, 100 * distance
         self._movers = {
             mover: scene.add_frame(f"/{mover}", show_axes=False)
             for mover in self._scene.poses(self.q)
@@ -104,8 +140,8 @@ class Interactive:
         self._layers: dict[str, list[Any]] = {name: [] for name in self._scene.layers}
         for shape in (*self._scene.shapes, *(arrow.shape for arrow in self._scene.arrows)):
             self._layers[shape.layer].append(self._add(shape))
-        for label in self._scene.labels:
-            name = f"/{label.mover}/{label.layer}/{label.text}"
+        for i, label in enumerate(self._scene.labels):
+            name = f"/{label.mover}/{label.layer}/label_{i}"
             words = scene.add_label(name, label.text, position=label.point)
             self._layers[label.layer].append(words)
         for name, shown in self._scene.layers.items():
@@ -133,34 +169,30 @@ class Interactive:
             show_logo=False,
             show_share_button=False,
         )
-        gui.set_panel_label("SST")
-        names = ("theta", "phi", "psi"), ("gamma_1", "gamma_2", "gamma_3")
-        self._star, self._motors = (
-            self._add_sliders(title, group, move)
-            for title, group, move in (
-                ("Star, by inverse kinematics [deg]", names[0], jog.move_star),
-                ("Motors, by direct kinematics [deg]", names[1], jog.move_motors),
-            )
-        )
+        gui.main_panel.dock_right()  # beside the robot, which it would cover elsewhere
+        gui.set_panel_label(self._robot.model.name)
+        self._sliders = [(group, self._add_sliders(group)) for group in self._jog.sliders]
         home = gui.add_button("Home")
-        home.on_click(lambda _: self._move(lambda *_: jog.Pose(self._robot.home), ()))
+        home.on_click(lambda _: self._when_free(lambda: self._show(Pose(self._scene.start))))
         self._status = gui.add_markdown("")
         with gui.add_folder("Show"):
             for name, shown in self._scene.layers.items():
                 if name != "trail":
                     self._add_check_box(name, shown)
 
-    def _add_sliders(self, title: str, names: Sequence[str], move: Move) -> list[Any]:
+    def _add_sliders(self, group: Sliders) -> list[Any]:
         gui = self._server.gui
-        with gui.add_folder(title):
-            sliders = [
-                gui.add_slider(name, *((0, 180) if name == "phi" else (-180, 180)), 0.1, 0.0)
-                for name in names
-            ]
+        unit, factor = _SHOWN[group.unit]
+        low, high = (np.ceil(factor * group.low / _STEP), np.floor(factor * group.high / _STEP))
+        ends = zip(
+            group.names, *(np.round(_STEP * x, 1).tolist() for x in (low, high)), strict=True
+        )
+        with gui.add_folder(f"{group.title} [{unit}]"):
+            sliders = [gui.add_slider(name, a, b, _STEP, a) for name, a, b in ends]
 
         def moved(event: viser.GuiEvent[Any]) -> None:
             if event.client is not None:  # else it was `_show` that moved it
-                self._move(move, sliders)
+                self._move(group, sliders)
 
         for slider in sliders:
             slider.on_update(moved)
@@ -170,44 +202,63 @@ class Interactive:
         box = self._server.gui.add_checkbox(name, initial_value=shown)
         box.on_update(lambda event: self._show_layer(name, event.target.value))
 
-    def _move(self, move: Move, sliders: Sequence[Any]) -> None:
-        goal = np.radians([slider.value for slider in sliders])
+    def _move(self, group: Sliders, sliders: list[Any]) -> None:
+        goal = np.array([slider.value for slider in sliders]) / _SHOWN[group.unit][1]
+        self._when_free(lambda: self._show(self._jog.move(group, self.q, goal), sliders))
+
+    def _when_free(self, act: Callable[[], None]) -> None:
+        """Do what was asked for last."""
         self._wishes += 1
         mine = self._wishes
         with self._busy:
             if mine == self._wishes:  # else a newer one waits
-                self._show(move(self._robot, self.q, goal), sliders)
+                act()
 
-    def _show(self, pose: jog.Pose, held: Sequence[Any] = ()) -> None:
+    def _show(self, pose: Pose, held: Sequence[Any] = ()) -> None:
         """Draw a pose and set the sliders to it; those in hand only when they went too far."""
-        self.q, robot = pose.q, self._robot
-        tau = robot.compute_torques(self.q, np.zeros(3), np.zeros(3))
-        near = robot.singularities(self.q)
-        found = findings(robot.model, robot.geometry, np.zeros(1), self.q[None])
-        problems = "; ".join(finding.problem for finding in found)
-        verdict = [f"**Stopped:** {pose.stopped}"] if pose.stopped else []
-        verdict += [f"**The machine cannot stand so:** {problems}."] if found else []
+        self.q = pose.q
+        tau, status = self._statics()
+        status += [f"**Stopped:** {pose.stopped}"] if pose.stopped else []
+        found = warnings_of(self._robot, None, self.q[None])
+        status += [f"**The machine cannot stand so:** {'; '.join(found)}."] if found else []
+        if not pose.stopped and not found:
+            status.append("Closed and movable.")
         poses = self._scene.poses(self.q)
-        arrows = [arrow.at(tau / self._largest) for arrow in self._scene.arrows]
+        arrows = [arrow.at(tau) for arrow in self._scene.arrows]
         with self._server.atomic():
             for name, matrix in poses.items():
                 _place(self._movers[name], matrix)
-            for handle, matrix in zip(self._layers["torques"], arrows, strict=True):
+            for handle, matrix in zip(self._layers.get("torques", []), arrows, strict=True):
                 handle.scale = _place(handle, matrix)
-            angles = (*jog.angles_of(robot.platform_orientation(self.q)), *self.q[::3])
-            for slider, angle in zip((*self._star, *self._motors), angles, strict=True):
-                if pose.stopped or slider not in held:
-                    turned = (angle + np.pi) % (2 * np.pi) - np.pi
-                    slider.value = float(np.degrees(turned).round(1))
-        rows = "".join(
-            f"| tau_{k} | {value:.3f} N m |\n" for k, value in enumerate(tau.round(3) + 0.0, 1)
-        )
-        self._status.content = (
-            f"| to stand still | |\n|---|---|\n{rows}"
-            f"| condition number | {near.condition_number:.2f} |\n"
-            f"| smallest sin mu_k | {near.first_kind:.3f} |\n\n"
-            + ("\n\n".join(verdict) or "Closed and movable.")
-        )
+            for group, sliders in self._sliders:
+                values = np.round(_SHOWN[group.unit][1] * group.read(self.q), 1) + 0.0
+                for slider, value in zip(sliders, values.tolist(), strict=True):
+                    if pose.stopped or slider not in held:
+                        slider.value = min(max(value, slider.min), slider.max)
+        self._status.content = "\n\n".join(status)
+
+    def _statics(self) -> tuple[Array, list[str]]:
+        """Torques that hold the robot still, as shares of the largest, and what to say of them."""
+        robot, still = self._robot, np.zeros(self._robot.degrees_of_freedom)
+        try:
+            tau = robot.compute_torques(self.q, still, still)
+        except SSTError as error:  # too few motors, or singular
+            return np.zeros(len(self._units)), [f"**No torques hold it still:** {error}"]
+        rows = [
+            f"tau_{k} ({name}) | {value:.3f} {unit}"
+            for k, (name, value, unit) in enumerate(
+                zip(robot.motor_names, tau.round(3) + 0.0, self._units, strict=True), 1
+            )
+        ]
+        if isinstance(robot, SST):
+            near = robot.singularities(self.q)
+            rows.append(f"condition number | {near.condition_number:.2f}")
+            rows.append(f"smallest sin mu_k | {near.first_kind:.3f}")
+        else:
+            rows.append(f"condition number | {robot.condition_number(self.q):.2f}")
+        table = "".join(f"| {row} |\n" for row in rows)
+        shares = np.clip(tau / self._largest, -1, 1)
+        return shares, [f"| to stand still | |\n|---|---|\n{table}"]
 
 
 def _place(handle: Any, matrix: Array) -> tuple[float, float, float]:
@@ -216,6 +267,11 @@ def _place(handle: Any, matrix: Array) -> tuple[float, float, float]:
     handle.wxyz = (w, x, y, z)
     x, y, z = scale.tolist()
     return x, y, z
+
+
+def _silence() -> AbstractContextManager[object]:
+    """Without the box that viser prints; the page's address is for us to say."""
+    return redirect_stdout(StringIO())
 
 
 @contextmanager

@@ -1,36 +1,176 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Moving the closed robot by hand, up to where it can go."""
+"""Moving a closed robot by hand, up to where it can go."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import SSTError, WorkspaceError
+from ..chain.closed_chain import ClosedChain
+from ..chain.joint_space import JointSpace
+from ..errors import ClosureError, SSTError, WorkspaceError
 from ..sst.check import LARGEST_CONDITION, SMALLEST_SINE
 from ..sst.platform_motion import orientation
 from ..sst.robot import SST
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
 
-#: Of one step on the way, [rad]; a joint that turns further than `_JUMP` in it has changed its
-#: assembly.
+#: Of one step on the way, [rad] or of the robot's length; a joint that moves further than `_JUMP`
+#: in it has changed its assembly.
 _STEP, _JUMP = np.radians(1.0), 0.5
+#: Condition number from which on the coordinates hardly fix the other joints.
+_SINGULAR = 1e3
+#: Limits that wide are none: two turns, or as much by the robot's length.
+_WIDE = 4 * np.pi
 
 
 class Pose(NamedTuple):
     """Where the robot stands.
 
     Attributes:
-        q: Joint coordinates, shape (9,), [rad].
+        q: Configuration, shape (nq,).
         stopped: Why it went no further; empty when it arrived.
     """
 
     q: Array
     stopped: str = ""
+
+
+class Sliders(NamedTuple):
+    """Numbers of one unit that move a robot.
+
+    Attributes:
+        title: What they move, and how.
+        unit: "rad" or "m".
+        names: Of the numbers.
+        low: Their least values, shape (n,).
+        high: Their largest values, shape (n,).
+        read: Their values at a configuration.
+        solve: The configuration for their values, next to another one.
+    """
+
+    title: str
+    unit: str
+    names: tuple[str, ...]
+    low: Array
+    high: Array
+    read: Callable[[Array], Array]
+    solve: Callable[[Array, Array], Array]
+
+
+class Jog:
+    """Moves a robot by hand.
+
+    Attributes:
+        sliders: What moves it: its coordinates, a group for each unit; before them, of an SST, the
+            angles of its star. A coordinate that is a joint by itself reads as the joint does; of
+            a joint of several rates it is the way from `start`, about or along its axis.
+
+    Args:
+        robot: Any closed chain.
+        start: A configuration, shape (nq,).
+        size: A length of the robot, [m].
+    """
+
+    def __init__(self, robot: ClosedChain, start: Array, size: float) -> None:
+        self._robot, self._start, self._size = robot, start, size
+        self._space = JointSpace(robot.model)
+        self._scale = np.array([1.0 if u == "rad" else 1 / size for u in self._space.rate_units])
+        self.sliders = [_star(robot)] if isinstance(robot, SST) else []
+        self.sliders += self._coordinates()
+
+    def move(self, sliders: Sliders, q: Array, goal: ArrayLike) -> Pose:
+        """Move the robot in small steps, as far as they lead within one assembly.
+
+        Args:
+            sliders: One of the groups.
+            q: Where it stands, shape (nq,).
+            goal: Values to go to, shape (n,).
+        """
+        start = sliders.read(q)
+        way = np.asarray(goal, dtype=float) - start
+        longest = float(np.abs(way).max()) / (1.0 if sliders.unit == "rad" else self._size)
+        steps = max(1, int(np.ceil(longest / _STEP)))
+        for share in np.arange(1, steps + 1) / steps:
+            try:
+                q = self._continued(q, sliders.solve(start + share * way, q))
+            except SSTError as error:
+                return Pose(q, str(error))
+        return Pose(q)
+
+    # --- inside -----------------------------------------------------------------------------
+
+    def _coordinates(self) -> Iterator[Sliders]:
+        robot, space, start = self._robot, self._space, self._start
+        model = robot.model
+        title = "Motors" if robot.coordinates == robot.motor_names else "Coordinates"
+        low, high, offset, endless = self._ranges()
+        rates = space.rates_of(robot.coordinates)
+        for unit in dict.fromkeys(space.rate_units[k] for k in rates):
+            own = np.array([k for k in rates if space.rate_units[k] == unit])
+
+            def read(q: Array, own: Indices = own) -> Array:
+                values: Array = pin.difference(model, start, q) + offset
+                values[endless] = (values[endless] + np.pi) % (2 * np.pi) - np.pi
+                return values[own]
+
+            def solve(values: Array, q: Array, own: Indices = own) -> Array:
+                way = pin.difference(model, start, q)
+                way[own] = values - offset[own]
+                try:
+                    return robot.assemble(pin.integrate(model, start, way))
+                except ClosureError:
+                    raise WorkspaceError("the loops cannot be closed further on") from None
+
+            names = tuple(space.rate_names[k] for k in own)
+            yield Sliders(title, unit, names, low[own], high[own], read, solve)
+
+    def _ranges(self) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
+        """For each rate the least and largest value, that at the start, and whether it is endless.
+
+        Without limits an angle has one turn, a length two of the robot's each way from the start.
+        """
+        model, start, units = self._robot.model, self._start, self._space.rate_units
+        offset, endless = np.zeros(model.nv), np.zeros(model.nv, dtype=bool)
+        limits = np.full((2, model.nv), np.inf)
+        for joint in list(model.joints)[1:]:
+            i, k = joint.idx_q, joint.idx_v
+            if (joint.nq, joint.nv) == (1, 1):
+                offset[k] = start[i]
+                limits[:, k] = model.lowerPositionLimit[i], model.upperPositionLimit[i]
+            elif (joint.nq, joint.nv) == (2, 1):
+                offset[k], endless[k] = np.arctan2(start[i + 1], start[i]), True
+        way = np.array([np.pi if unit == "rad" else 2 * self._size for unit in units])
+        middle = np.where([unit == "rad" for unit in units], 0.0, offset)
+        wide = np.abs(limits).max(axis=0) >= _WIDE / 2 / self._scale
+        low, high = np.where(wide, (middle - way, middle + way), limits)
+        return np.minimum(low, offset), np.maximum(high, offset), offset, endless
+
+    def _continued(self, before: Array, q: Array) -> Array:
+        """The next configuration on a way.
+
+        Raises:
+            WorkspaceError: When the way ends here.
+        """
+        robot = self._robot
+        if isinstance(robot, SST):
+            near = robot.singularities(q)
+            if near.first_kind < SMALLEST_SINE:
+                leg = int(np.abs(np.sin(q[1::3])).argmin()) + 1
+                raise WorkspaceError(f"boundary of the workspace: leg {leg} lies flat on its arc")
+            if near.condition_number > LARGEST_CONDITION:
+                raise WorkspaceError("singularity: the motors lose hold of the star")
+        elif robot.condition_number(q) > _SINGULAR:
+            raise WorkspaceError("singularity: the coordinates no longer fix the other joints")
+        moved = pin.difference(robot.model, before, q) * self._scale
+        if np.abs(moved).max(initial=0.0) > _JUMP:
+            raise WorkspaceError("this assembly ends here")
+        return q
 
 
 def angles_of(R: Array) -> Array:
@@ -41,64 +181,16 @@ def angles_of(R: Array) -> Array:
     return np.array((theta, phi, np.arctan2(turn[2, 1], turn[1, 1])))
 
 
-def move_star(robot: SST, q: Array, goal: ArrayLike) -> Pose:
-    """Turn the star by inverse kinematics, keeping the branches of the legs.
+def _star(robot: SST) -> Sliders:
+    """By inverse kinematics, which keeps the branches of the legs."""
 
-    Args:
-        robot: The SST.
-        q: Where it stands, shape (9,).
-        goal: theta, phi, psi to go to, [rad].
-    """
-    branch = robot.branch(q)
+    def read(q: Array) -> Array:
+        return angles_of(robot.platform_orientation(q))
 
-    def solve(angles: Array, _: Array) -> Array:
-        return robot.inverse_kinematics(orientation(*angles), branch)
+    def solve(angles: Array, q: Array) -> Array:
+        found = robot.inverse_kinematics(orientation(*angles), robot.branch(q))
+        turned: Array = (found - q + np.pi) % (2 * np.pi) - np.pi
+        return q + turned
 
-    return _walk(robot, q, angles_of(robot.platform_orientation(q)), goal, solve)
-
-
-def move_motors(robot: SST, q: Array, goal: ArrayLike) -> Pose:
-    """Turn the motors by direct kinematics, keeping the assembly.
-
-    Args:
-        robot: The SST.
-        q: Where it stands, shape (9,).
-        goal: gamma_1..3 to go to, [rad].
-    """
-    return _walk(robot, q, q[::3], goal, robot.forward_kinematics)
-
-
-def _walk(
-    robot: SST,
-    q: Array,
-    start: Array,
-    goal: ArrayLike,
-    solve: Callable[[Array, Array], Array],
-) -> Pose:
-    """From one set of coordinates to another in small steps, as far as they lead."""
-    way = np.asarray(goal, dtype=float) - start
-    steps = max(1, int(np.ceil(np.abs(way).max() / _STEP)))
-    for share in np.arange(1, steps + 1) / steps:
-        try:
-            q = _continued(robot, q, solve(start + share * way, q))
-        except SSTError as error:
-            return Pose(q, str(error))
-    return Pose(q)
-
-
-def _continued(robot: SST, before: Array, q: Array) -> Array:
-    """The next pose on a way, its angles without jumps of a turn.
-
-    Raises:
-        WorkspaceError: When the way ends here.
-    """
-    turned = (q - before + np.pi) % (2 * np.pi) - np.pi
-    near = robot.singularities(q)
-    if near.first_kind < SMALLEST_SINE:
-        leg = int(np.abs(np.sin(q[1::3])).argmin()) + 1
-        raise WorkspaceError(f"boundary of the workspace: leg {leg} lies flat on its arc")
-    if near.condition_number > LARGEST_CONDITION:
-        raise WorkspaceError("singularity: the motors lose hold of the star")
-    if np.abs(turned).max() > _JUMP:
-        raise WorkspaceError("this assembly ends here")
-    return before + turned
+    low, high = np.array((-np.pi, 0, -np.pi)), np.full(3, np.pi)
+    return Sliders("Star", "rad", ("theta", "phi", "psi"), low, high, read, solve)

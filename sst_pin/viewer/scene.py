@@ -8,7 +8,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from ..chain.closed_chain import ClosedChain
-from ..errors import ClosureError, DescriptionError
+from ..errors import ClosureError, DescriptionError, InputError
 from ..sst.robot import SST
 from .joints import arrows_of, axes_of
 from .names import names_of, point_of
@@ -37,6 +37,7 @@ class Scene:
         labels: Words.
         layers: Those of `LAYERS` that there are, and whether each is shown at first.
         start: Configuration before one is asked for, shape (nq,).
+        size: A length of the robot, [m].
         point: The point whose path is drawn, as `names.point_of`.
 
     Args:
@@ -54,6 +55,8 @@ class Scene:
         axes: bool = False,
         frames: bool = False,
     ) -> None:
+        if not isinstance(robot, ClosedChain):
+            raise InputError("robot", f"a ClosedChain is needed, not {type(robot).__name__}")
         self._model, self._data = robot.model, robot.model.createData()
         model = self._model
         bodies = robot.visual_model if visual_model is None else visual_model
@@ -72,7 +75,7 @@ class Scene:
         bare = not self.shapes
         self.start, self.point = start_of(robot), point_of(robot)
         lines = axes_of(model, self._data, self.start)
-        size = self._size(robot)
+        self.size = size = self._size(robot)
         B = robot.actuation
         colours = {
             lines[i].joint: COLOURS[motor % len(COLOURS)] for i, motor in np.argwhere(B)[::-1]

@@ -66,12 +66,10 @@ class Viewer:
         axes: bool = False,
         frames: bool = False,
     ) -> None:
-        if not isinstance(robot, ClosedChain):
-            raise InputError("robot", f"a ClosedChain is needed, not {type(robot).__name__}")
+        self._scene = Scene(robot, visual_model, axes=axes, frames=frames)
         self._robot = robot
         self._server: Server | None = None
         self._units = motor_units(robot)
-        self._scene = Scene(robot, visual_model, axes=axes, frames=frames)
         self._drawing = MeshcatScene(self._scene)
         self._drawing.buffer.listener = self._tell
         self._panel: dict[str, Any] = {}

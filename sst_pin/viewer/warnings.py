@@ -33,7 +33,7 @@ def warnings_of(robot: ClosedChain, t: Array | None, q: Array) -> list[str]:
 
 
 def _open(robot: ClosedChain, t: Array | None, q: Array) -> Iterator[str]:
-    residuals = np.array([np.abs(robot.residual(each)).max(initial=0.0) for each in q])
+    residuals = np.abs(robot.residual(q)).max(axis=1, initial=0.0)
     worst = int(residuals.argmax())
     if residuals[worst] > CLOSURE_TOLERANCE:
         yield f"the loops are open by {residuals[worst]:.3g} (m or rad){_at(t, worst)}"

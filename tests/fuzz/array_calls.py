@@ -146,9 +146,9 @@ def _of_chain(name, robot, q, va, aa, tau, many) -> Iterator[Method]:
             {"external_wrenches": 2},
             optional,
         )
+    yield method("residual", ("q", "huge"), q=q)
     if not many:
         yield method("noc", q=q, va=va)
-        yield method("residual", ("q", "huge"), q=q)
         yield method("Phi", ("q", "huge"), q=q)
         yield method("Phi_dot", ("q", "huge"), q=q, q_dot=0 * q)
         yield method("condition_number", ("q", "huge"), q=q)
