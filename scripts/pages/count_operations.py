@@ -354,27 +354,28 @@ TIMES = "\n## Times\n"
 _COUNTS_PAGE = """# Cost of the methods
 
 The paper compares its natural orthogonal complement (NOC) with virtual work by CPU time, 1.7316 s
-to 2.7612 s (Sect. 7.2), and says that a true comparison needs the exact number of additions and
-multiplications of each method (Sect. 6.1), which it leaves. Here they are. (The words of Sect. 7.2
-call virtual work the faster one; its figures and the 37 % of Sect. 6.1 say the reverse.)
+and 2.7612 s (Sect. 7.2). It says that an exact comparison needs the number of additions and
+multiplications of each method (Sect. 6.1), but does not give these numbers. This page gives them.
+(The text of Sect. 7.2 calls virtual work the faster method; its times and the 37 % of Sect. 6.1
+say the opposite.)
 
-`scripts/pages/count_operations.py` writes this page; with `--check` it recounts, and fails when the
-counts below are stale.
+`scripts/pages/count_operations.py` writes this page. With `--check` it counts again, and fails if
+the counts on this page are outdated.
 
 ## What is counted
 
-One instant of an SST of any geometry and masses, without friction and loads.
+The counts are for one instant of an SST with any geometry and masses, without friction and loads.
 
-- **Inverse dynamics** goes from the star's motion (R, omega, alpha) to the motor torques. NOC and
-  multipliers work on joints: they begin with the inverse kinematics, which has a row of its own,
-  as has what is left of the short form when the joints' motion (q, va, aa) is known.
-- **Direct dynamics** ends with the accelerations of the motors and begins where the method's
-  integrator stands: with (q, va, tau) for the NOC, (q, q_dot, tau) for the multipliers, (R, va,
-  tau) for virtual work. To have R, virtual work needs the direct kinematics at each step: up to
-  eight solutions and a choice, iterative, so that there is no fixed count. It is left out here and
-  timed below.
+- **Inverse dynamics** computes motor torques from the motion of the star (R, omega, alpha). The NOC
+  and the multipliers work on joints, so they start with the inverse kinematics. One row gives the
+  inverse kinematics alone, another the short form if the joint motion (q, va, aa) is known.
+- **Direct dynamics** computes the accelerations of the motors. It starts from the state of the
+  integrator: (q, va, tau) for the NOC, (q, q_dot, tau) for the multipliers, (R, va, tau) for
+  virtual work. Virtual work needs the direct kinematics at each step to get R. This is an iteration
+  with up to eight solutions and a choice, so it has no fixed count. It is not counted here; its
+  time is given below.
 
-The methods, each as the package's module has it:
+The methods are those of the package:
 
 - NOC, long form (`dynamics.terms`): Phi, L, L_dot, K and K_dot (42 x 9), T and T_dot (42 x 3), M
   and Omega (42 x 42), Eqs. (92)-(95), products from left to right.
@@ -385,25 +386,25 @@ The methods, each as the package's module has it:
 - Virtual work (`virtual_work`): J^T tau = A alpha + h with the inertia matrix A of the star's
   coordinates. Body by body is the same sum without A: each body's wrench at its own acceleration.
 
-All are written with the same building blocks for the same bodies, the paper's seven with the star
-on leg 1, and all make use of everything turning about O. Phi^u (6 x 6) is factorised once by LU
-with row pivots, so are J and A (3 x 3), the system of closures and motors (9 x 9) and the KKT
-system; the inertia matrix of the NOC (3 x 3) is by Cholesky. The package differs where it serves
-any robot: its tree cuts the star into thirds, its QR takes redundant closures, its RNEA and CRBA
-are Pinocchio's. What is counted are its equations, not the instructions of a processor.
+All methods use the same building blocks for the same bodies: the paper's seven bodies with the star
+on leg 1. All use the fact that every axis passes through O. Phi^u (6 x 6), J and A (3 x 3), the
+system of closures and motors (9 x 9) and the KKT system are each factorised once by LU with row
+pivots; the mass matrix of the NOC (3 x 3) by Cholesky. The code of the package is general and so it
+differs: its tree has the star cut into thirds, its QR accepts redundant closures, and its RNEA and
+CRBA are Pinocchio's. The counts are those of the equations, not of processor instructions.
 
-- **As matrices** counts every scalar operation of the matrix program, products with zeros
-  included: what a plain MATLAB program with full matrices does.
-- **Generated** counts the CasADi expression of the results: zeros and ones that every SST has are
-  gone, equal subexpressions are computed once, what no result needs is not computed. It is what a
-  code generator makes of the same formulas.
+- **As matrices** counts every scalar operation of the matrix program, also products with zeros. A
+  simple MATLAB program with full matrices has this number of operations.
+- **Generated** counts the operations of the CasADi expression of the results. It has no structural
+  zeros and ones, computes equal subexpressions once, and computes only what the results need. A
+  code generator produces this from the same formulas.
 
-Subtractions stand with the additions, a doubling is a multiplication; trig is sin, cos and atan2.
-Changes of sign, comparisons and moving numbers are free. Counted is the instant t = {instant} s of
-example 1: the pivots of other instants leave the first count as it is and change the second by
-less than 1 %. What the counted operations compute equals `compute_torques` and
-`compute_accelerations` to 1e-9, in example 1 and in random motions of an SST far from the paper's,
-or else no page is written.
+Subtractions count as additions, a doubling as a multiplication; trig is sin, cos and atan2.
+Changes of sign, comparisons and copies are not counted. The instant is t = {instant} s of
+example 1. At other instants the pivots differ: the first count stays the same and the second
+changes by less than 1 %. The script checks that the counted operations give the same results as
+`compute_torques` and `compute_accelerations` to 1e-9, in example 1 and in random motions of a
+different SST. Otherwise it writes no page.
 
 ## Counts
 
@@ -415,71 +416,71 @@ Generated:
 
 {generated}
 
-## What they say
+## Conclusions
 
-- How a method is written down weighs more than which it is. With full matrices the paper's own
+- The form of a method matters more than the method. With full matrices the paper's own
   equations take {forms:.0f} times the operations of the generated short form for the same torques,
   and three quarters of these operations are products with the zeros of M and Omega.
 - Inverse dynamics, virtual work over NOC: {long_matrices:.2f} (matrices) and {long_generated:.2f}
   (generated) against the long form, {short_matrices:.2f} and {short_generated:.2f} against the
   short form. Body by body, which is to virtual work what the short form is to the NOC:
   {bodies_matrices:.2f} and {bodies_generated:.2f} against the short form.
-  So neither method leads by itself. From the star's motion virtual work at its best takes the
-  fewest operations; where the joints' motion is known, the generated short form takes fewer still.
+  So no method is always the best. From the star's motion, virtual work body by body needs the
+  fewest operations. If the joint motion is known, the generated short form needs even fewer.
 - Direct dynamics, generated, over the short form: virtual work {direct_work:.2f}, multipliers
   {direct_multipliers:.2f}, long form {direct_long:.2f}.
-  Virtual work needs the direct kinematics besides; that the NOC does not is its real advantage
-  here, as Sect. 6.2 says.
+  Virtual work also needs the direct kinematics. The NOC does not; this is its real advantage for
+  the direct dynamics, as Sect. 6.2 says.
 - The multipliers' inverse dynamics, {multipliers:.2f} of the short form when generated, is the
   short form in another order: one transposed solution instead of the columns of L.
 
 ## The decoupled form of other robots
 
-K is the product of two factors, K = N_l N_d (the paper's [5, 6]; `noc()` shows them). N_d gives
-each body the twist of its own joint, N_l carries twists from body to body. Applied one after the
-other they are the recursions of Newton and Euler: N_d and N_l forward give the motions of the
-bodies, N_l^T and N_d^T backward the forces of the tree. No matrix of all bodies is formed. The
-table counts inverse dynamics from the joints' motion (q, va, aa) to the motor torques, for three
-robots of the package:
+K is the product of two factors, K = N_l N_d (the paper's [5, 6]; `noc()` returns them). N_d maps
+joint rates to the twist of each body relative to its parent, N_l adds the twists from body to body.
+Applied one after the other they are the recursions of Newton and Euler: N_d and N_l forward give
+the motions of the bodies, N_l^T and N_d^T backward give the forces of the tree. No matrix of all
+bodies is formed. The table counts the inverse dynamics from the joint motion (q, va, aa) to the
+motor torques, for three robots of the package:
 
 - The long form is Eqs. (92)-(95) as above, for any tree.
-- The recursions go forward twice, without and with the accelerations of the joints, since the
-  closures need -Phi_dot q_dot first; as matrices the second pass computes all anew. Twists are
-  reduced to the origins of the links' frames instead of the mass centres, which changes N_l and not
-  the torques. "Base axes" keeps all vectors in the axes of the base, "body axes" in those of each
-  link.
-- The compiled kernel is the expression that `compile()` makes of a robot, before it is written in
-  C. Its checks tell open closures and small pivots; the other rows have none.
+- The recursions go forward twice, without and with the accelerations of the joints, because the
+  closures need -Phi_dot q_dot first. As matrices, the second pass computes everything again. The
+  reference points of twists are the origins of the link frames instead of the mass centres; this
+  changes N_l, but not the torques. "Base axes" means all vectors in base axes, "body axes" means
+  vectors in the axes of each link.
+- The compiled kernel is the expression that `compile()` makes for a robot, before it is written in
+  C. Its checks find open closures and small pivots; the other rows have no checks.
 
-All solve the closures by the sparse elimination of the compiled kernels, also as matrices. Geometry
-is folded in, so that its zeros and ones are gone from the generated counts; masses, mass centres,
-inertias and gravity are not. The SST is here the package's tree of nine bodies, its star cut in
-thirds, so that its counts are not those above. Divisions, square roots and trig are in "all". The
-torques equal `compute_torques` to 1e-9, or else no page is written.
+All forms solve the closures by the sparse elimination of the compiled kernels, also as matrices.
+The geometry is inserted as numbers, so its zeros and ones are removed from the generated counts;
+masses, mass centres, inertias and gravity remain variables. The SST here is the package's tree of
+nine bodies, with the star cut into thirds, so its counts differ from those above. "all" includes
+divisions, square roots and trig. The script checks the torques against `compute_torques` to 1e-9.
 
 {chains}
 
 - The long form takes {chains_matrices} times the operations of the recursions in body axes as
   matrices, and {chains_generated} times as many when both are generated. Products with the full
   M and Omega grow with the square of the number of bodies, the recursions in proportion.
-- Base axes take {chains_axes} times the operations of body axes, generated. They save the turning
-  of vectors from link to link, and pay for turning each body's inertia.
+- Base axes take {chains_axes} times the operations of body axes, generated. They need no
+  rotations of vectors from link to link, but they rotate the inertia of each body.
 - The compiled kernel takes {chains_kernel} times the operations of the generated recursions in body
-  axes. It is the same recursion; its wrenches are about the links' origins, by second moments.
-  Bodies that are welded, as the SST's arcs, are one to it, and welds stand in the axes of a link at
-  hand.
+  axes. It is the same recursion with wrenches about the link origins and second moments of mass.
+  Two things save operations: welded bodies, such as the arcs of the SST, count as one body, and
+  the welds are written in the axes of one of the links.
 """
 
 _TIMES_PAGE = """
 One run, medians of interleaved repeats; Python {python}, NumPy {numpy}, Pinocchio {pinocchio},
-CasADi {casadi}. "Package" is what a user calls, "matrix program" the counted formulas on floats in
-NumPy, "generated" the counted expression in CasADi's interpreter. Example 1 has {samples} instants
-here. In brackets: relative to the NOC's short form.
+CasADi {casadi}. "Package" is the function of the package, "matrix program" the counted
+formulas with floats in NumPy, "generated" is the counted expression in CasADi's interpreter.
+Example 1 has {samples} instants here. Ratios to the NOC's short form are in brackets.
 
 {table}
 
-The package's virtual work has direct dynamics from (R, omega, tau) to alpha. The direct kinematics
-is the choice of R among all assemblies, in Python.
+The direct dynamics by virtual work computes alpha from (R, omega, tau). The direct kinematics
+selects R among all assemblies, in Python.
 
 | inverse dynamics, virtual work over NOC | long form | short form |
 |---|--:|--:|
@@ -489,12 +490,12 @@ is the choice of R among all assemblies, in Python.
 | matrix program, one instant | {matrices} |
 | generated, example 1 | {generated} |
 
-The paper's ratio cannot be held against ours: neither its virtual work program nor its number of
-samples is known. Ours lie on both sides of one, which shows what such ratios are worth: the short
-form runs in Pinocchio's C++, sample by sample from Python; the package's virtual work and inverse
-kinematics run in NumPy, where a batch shares the cost of the calls; the matrix program spends its
-time on calls and not on arithmetic. Only in the last row does one engine work on all methods, and
-there the times follow the counts, roughly.
+The paper's ratio cannot be compared with these, because its virtual work program and its number of
+samples are unknown. The ratios here are above and below one, because they depend on the
+implementation. The short form uses Pinocchio's C++, sample by sample from Python. Virtual work and
+inverse kinematics use NumPy, where the samples of a batch share the cost of the calls. The matrix
+program needs most of its time for calls, not for arithmetic. Only in the last row do all methods
+use the same program, and there the times are roughly proportional to the counts.
 """
 
 

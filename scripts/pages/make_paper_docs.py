@@ -42,7 +42,7 @@ STEPS, STIFFNESSES = (700, 1400), (1e6, 1e7)
 
 def equation_table() -> Table:
     cases = _cases()
-    table = [("paper", "what", "function", "test", "held against", "worst residual")]
+    table = [("paper", "what", "function", "test", "compared with", "worst residual")]
     for row in equations.EQUATIONS:
         functions, tests = (
             ", ".join(map(_function, row.functions)),
