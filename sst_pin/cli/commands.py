@@ -48,7 +48,7 @@ def run(argv: Sequence[str] | None) -> int:
     """Run the command that the arguments ask for; see `main`."""
     parser = Parser(
         prog="sst-pin",
-        description="Dynamics of closed-chain robots: torques, motions, pictures, checks.",
+        description="Dynamics of closed-chain robots: torques, simulation, figures, checks.",
     )
     parser.set_defaults(run=None)
     parser.add_argument("--version", action="version", version=__version__)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What several commands share: options, progress, saving."""
+"""Options, progress bar and output of several commands."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class Commands:
 def add_urdf(parser: argparse._ActionsContainer) -> None:
     """The option --urdf; `robot_of` reads it."""
     parser.add_argument(
-        "--urdf", type=Path, metavar="FILE", help="an edited URDF; the paper's robot by default"
+        "--urdf", type=Path, metavar="FILE", help="edited URDF of an SST (default: the paper's)"
     )
 
 
@@ -71,7 +71,10 @@ def add_robot(parser: Parser) -> None:
     """The options --robot and --urdf; `any_robot_of` reads them."""
     options = parser.add_mutually_exclusive_group()
     options.add_argument(
-        "--robot", type=Path, metavar="FILE", help="any robot: a URDF beside its YAML, or an MJCF"
+        "--robot",
+        type=Path,
+        metavar="FILE",
+        help="any robot: a URDF with its YAML beside it, or an MJCF",
     )
     add_urdf(options)
 
@@ -122,7 +125,7 @@ def named_numbers(text: str) -> dict[str, float]:
     except ValueError:
         numbers = {}
     if len(numbers) != len(pairs) or "" in numbers or not np.isfinite([*numbers.values()]).all():
-        raise argparse.ArgumentTypeError(f"{text!r} is not like crank=0.1,slide=0.2")
+        raise argparse.ArgumentTypeError(f"{text!r} does not have the form crank=0.1,slide=0.2")
     return numbers
 
 
@@ -133,7 +136,7 @@ def triple(text: str) -> Array:
     except ValueError:
         numbers = np.empty(0)
     if numbers.shape != (3,) or not np.isfinite(numbers).all():
-        raise argparse.ArgumentTypeError(f"{text!r} is not three numbers like 0.1,0.2,0.3")
+        raise argparse.ArgumentTypeError(f"{text!r} is not three numbers such as 0.1,0.2,0.3")
     return numbers
 
 
@@ -142,12 +145,12 @@ def add_strict(parser: Parser) -> None:
     parser.add_argument(
         "--strict",
         action="store_true",
-        help="a motion that the machine cannot take is an error: no files, exit code 1",
+        help="if the machine cannot execute the motion, write nothing; exit code 1",
     )
 
 
 def refuses(robot: ClosedChain, motion: Trajectory, arguments: argparse.Namespace) -> bool:
-    """Say what the machine cannot take of a motion; whether that ends the command."""
+    """Print where the machine cannot execute a motion; whether this ends the command."""
     found: Sequence[object] = (
         robot.check(motion) if isinstance(robot, SST) else beyond_limits(robot, motion.q, motion.t)
     )
@@ -159,7 +162,7 @@ def refuses(robot: ClosedChain, motion: Trajectory, arguments: argparse.Namespac
 
 def add_force(parser: Parser) -> None:
     """The option --force, for commands that write files."""
-    parser.add_argument("--force", action="store_true", help="replace files that are there")
+    parser.add_argument("--force", action="store_true", help="replace existing files")
 
 
 def add_output(parser: Parser, metavar: str) -> None:
@@ -170,7 +173,7 @@ def add_output(parser: Parser, metavar: str) -> None:
         type=Path,
         required=True,
         metavar=metavar,
-        help="ends in .csv or .npz; - is CSV to standard output",
+        help="output file, .csv or .npz; - writes CSV to standard output",
     )
     add_force(parser)
 
@@ -183,7 +186,7 @@ def add_figure(parser: Parser) -> None:
         type=Path,
         required=True,
         metavar="FIGURE",
-        help="ends in .png, .svg or .pdf; - is PNG to standard output",
+        help="output file, .png, .svg or .pdf; - writes PNG to standard output",
     )
     add_force(parser)
 

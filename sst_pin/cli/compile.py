@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""`sst-pin compile` and `sst-pin cache`: kernels made ahead, and where they are kept."""
+"""`sst-pin compile` and `sst-pin cache`: compile kernels, and list or delete them."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from .common import Commands, chain_of
 def add_to(commands: Commands) -> None:
     """Add both commands."""
     parser = commands.add(
-        "compile", _compile, "Compile the kernels of a robot, so that chain.compile() finds them."
+        "compile", _compile, "Compile the kernels of a robot; chain.compile() loads them later."
     )
-    parser.add_argument("robot", type=Path, help="URDF beside its YAML, or MJCF")
+    parser.add_argument("robot", type=Path, help="a URDF with its YAML beside it, or an MJCF")
     parser = commands.add("cache", _cache, "List the kernels in the cache, or delete them.")
-    parser.add_argument("--empty", action="store_true", help="delete all of them")
+    parser.add_argument("--empty", action="store_true", help="delete all kernels")
 
 
 def _compile(arguments: argparse.Namespace) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""`sst-pin describe`: the folder urdf/ for any SST."""
+"""`sst-pin describe`: a description folder, such as urdf/, for any SST."""
 
 from __future__ import annotations
 
@@ -25,11 +25,18 @@ def add_to(commands: Commands) -> None:
     parser = commands.add(
         "describe",
         _run,
-        "Write an SST as a folder for other tools: URDF, cuts, SRDF, MJCF, meshes, README. It is "
-        "the paper's robot, or that of --urdf, with what the options change.",
+        "Write an SST as a folder for other tools: URDF, cuts, SRDF, MJCF, meshes, README. The "
+        "robot is the paper's, or that of --urdf; the other options change its parameters.",
     )
     add_urdf(parser)
-    parser.add_argument("-o", "--output", type=Path, required=True, metavar="FOLDER")
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        required=True,
+        metavar="FOLDER",
+        help="created if it does not exist",
+    )
     add_force(parser)
     parser.add_argument(
         "--alpha", type=triple, metavar="A1,A2,A3", help="angles between the arcs, degrees"
@@ -38,19 +45,21 @@ def add_to(commands: Commands) -> None:
         "--base-directions",
         type=_directions,
         metavar="'X,Y,Z X,Y,Z X,Y,Z'",
-        help="of P_1, P_2, P_3 from O, of any length",
+        help="directions from O to P_1, P_2, P_3; vectors of any length",
     )
     for name, unit, text in (
         ("base-radius", "M", "radius of the base, m"),
         ("star-radius", "M", "radius of the star, m"),
-        ("link-mass", "KG", "of each actuator link, kg; the inertia goes with it"),
-        ("passive-mass", "KG", "of each passive link, kg; the inertia goes with it"),
-        ("star-mass", "KG", "of the star, kg; the inertia goes with it"),
-        ("viscous-friction", "D", "of all nine joints, N m s/rad"),
-        ("coulomb-friction", "F", "of all nine joints, N m"),
+        ("link-mass", "KG", "mass of each actuator link, kg; scales its inertia too"),
+        ("passive-mass", "KG", "mass of each passive link, kg; scales its inertia too"),
+        ("star-mass", "KG", "mass of the star, kg; scales its inertia too"),
+        ("viscous-friction", "D", "viscous friction of all nine joints, N m s/rad"),
+        ("coulomb-friction", "F", "Coulomb friction of all nine joints, N m"),
     ):
         parser.add_argument(f"--{name}", type=float, metavar=unit, help=text)
-    parser.add_argument("--gravity", type=triple, metavar="X,Y,Z", help="in base axes, m/s^2")
+    parser.add_argument(
+        "--gravity", type=triple, metavar="X,Y,Z", help="gravity in base axes, m/s^2"
+    )
 
 
 def _directions(text: str) -> list[Array]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""`sst-pin export-c`: the dynamics of a robot as C for its controller."""
+"""`sst-pin export-c`: the dynamics of a robot as C code for its controller."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ def add_to(commands: Commands) -> None:
     parser = commands.add(
         "export-c",
         _run,
-        "Write the dynamics of a robot as C for its controller: header, source, the robot's "
-        "numbers and an example.",
+        "Write the dynamics of a robot as C code for its controller: header, source with the "
+        "parameters of the robot, and an example.",
     )
     add_urdf(parser)
     parser.add_argument(
@@ -25,14 +25,17 @@ def add_to(commands: Commands) -> None:
         type=Path,
         nargs="*",
         metavar="[ROBOT] [FOLDER]",
-        help="URDF beside its YAML, or MJCF, an SST by default; the folder may be named by -o",
+        help="a URDF with its YAML beside it, or an MJCF (default: the paper's SST); then the "
+        "folder, unless -o names it",
     )
-    parser.add_argument("-o", "--output", type=Path, metavar="FOLDER", help="made if missing")
+    parser.add_argument(
+        "-o", "--output", type=Path, metavar="FOLDER", help="created if it does not exist"
+    )
     parser.add_argument(
         "--precision",
         choices=["double", "single"],
         default="double",
-        help="single: float, for controllers that compute it faster",
+        help="double or float (default: double)",
     )
     add_force(parser)
 
@@ -40,7 +43,7 @@ def add_to(commands: Commands) -> None:
 def _run(arguments: argparse.Namespace) -> None:
     paths = [*arguments.paths, *([arguments.output] if arguments.output else [])]
     if not 1 <= len(paths) <= 2:
-        raise InputError("export-c", "takes a folder, and before it a robot or none")
+        raise InputError("export-c", "give a folder, and optionally a robot before it")
     robot_file, folder = (None, *paths)[-2:]
     try:
         from ..compiled import export

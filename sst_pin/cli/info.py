@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""`sst-pin info`: what is installed and which model is meant."""
+"""`sst-pin info`: versions, model and mobility."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from .common import Commands, add_robot, any_robot_of, version_of
 
 def add_to(commands: Commands) -> None:
     """Add the command."""
-    parser = commands.add("info", _run, "Versions, the model, its mobility.")
+    parser = commands.add("info", _run, "Print versions, the model and its mobility.")
     add_robot(parser)
-    parser.add_argument("--json", action="store_true", help="print the same as JSON")
+    parser.add_argument("--json", action="store_true", help="print JSON")
 
 
 def _run(arguments: argparse.Namespace) -> None:
@@ -25,7 +25,7 @@ def _run(arguments: argparse.Namespace) -> None:
     mobility = robot.mobility(q)
     others = {name: version_of(name) for name in ("pin", "numpy", "scipy", "matplotlib")}
     versions = {"sst-pin": __version__} | others
-    source = arguments.robot or arguments.urdf or "the shipped URDF"
+    source = arguments.robot or arguments.urdf or "the URDF of the package"
     mass = sum(inertia.mass for inertia in robot.model.inertias)
     if arguments.json:
         content = {
@@ -49,9 +49,9 @@ def _run(arguments: argparse.Namespace) -> None:
     print(f"Python {platform.python_version()} on {platform.system()} {platform.machine()}")
     print(", ".join(f"{name} {version}" for name, version in versions.items()))
     print(f"model {robot.model.name}: {source}")
-    print(f"  joints in the order of q: {', '.join(robot.joint_names)}")
+    print(f"  order of the joints in q: {', '.join(robot.joint_names)}")
     print(f"  moving mass {mass:.6g} kg, gravity {robot.model.gravity.linear.tolist()} m/s^2")
-    friction = "none" if robot.friction.none else "viscous and Coulomb, as in the description"
-    print(f"  friction {friction}")
-    print(f"  dynamics by {robot.path}")
+    friction = "none" if robot.friction.none else "viscous and Coulomb, from the description"
+    print(f"  friction: {friction}")
+    print(f"  dynamics computed by: {robot.path}")
     print(mobility)

@@ -25,7 +25,9 @@ from .common import (
 
 def add_to(commands: Commands) -> None:
     """Add the command."""
-    parser = commands.add("paper", _run, "Compute the paper's two examples and draw its figures.")
+    parser = commands.add(
+        "paper", _run, "Compute both examples of the paper and draw their figures."
+    )
     add_urdf(parser)
     parser.add_argument(
         "-o",
@@ -34,10 +36,14 @@ def add_to(commands: Commands) -> None:
         type=Path,
         default=Path("paper"),
         metavar="FOLDER",
-        help="made where it is missing (default: paper)",
+        help="created if it does not exist (default: paper)",
     )
     parser.add_argument(
-        "--samples", type=_count, default=1001, metavar="N", help="samples a period (default: 1001)"
+        "--samples",
+        type=_count,
+        default=1001,
+        metavar="N",
+        help="samples per period (default: 1001)",
     )
     add_force(parser)
     add_strict(parser)
@@ -84,7 +90,7 @@ def _run(arguments: argparse.Namespace) -> int:
         ("RMS tau    (N m)", np.sqrt((example.tau**2).mean(axis=0))),
     ):
         print(f"{label}", *(f"{value:10.4f}" for value in values))
-    print("Example 2: direct dynamics from those torques, one period")
+    print("Example 2: direct dynamics with these torques, one period")
     print("start     path error   closures   energy error   time")
     for (name, motion), elapsed in zip(motions.items(), seconds[1:], strict=True):
         returned = compare(robot, example, motion)

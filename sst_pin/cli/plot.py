@@ -29,17 +29,21 @@ def add_to(commands: Commands) -> None:
     parser = commands.add(
         "plot",
         _run,
-        "Figures of a motion: what `torques` or `simulate` wrote, or what `torques` reads.",
+        "Draw figures of a motion. The file is an output of `torques` or `simulate`, or an input "
+        "of `torques`.",
     )
     add_robot(parser)
-    parser.add_argument("motion", type=Path, metavar="MOTION.csv", help="- is standard input")
+    parser.add_argument(
+        "motion", type=Path, metavar="MOTION.csv", help="the motion; - means standard input"
+    )
     add_figure(parser)
     add_strict(parser)
     parser.add_argument(
         "--what",
         type=_subjects,
         metavar="A,B,..",
-        help=f"of {', '.join(SUBJECTS)} (default: all but power; path is an SST's)",
+        help=f"one or more of {', '.join(SUBJECTS)}; path is for an SST only "
+        "(default: all except power)",
     )
 
 
@@ -48,7 +52,7 @@ def _subjects(text: str) -> tuple[str, ...]:
     unknown = [subject for subject in subjects if subject not in SUBJECTS]
     if unknown:
         raise argparse.ArgumentTypeError(
-            f"{unknown[0]!r} unknown; known: {', '.join(SUBJECTS)}, joined by commas"
+            f"{unknown[0]!r} unknown; known: {', '.join(SUBJECTS)}, separated by commas"
         )
     return subjects
 
@@ -61,7 +65,7 @@ def _run(arguments: argparse.Namespace) -> int:
     robot = any_robot_of(arguments)
     motion = motion_in(robot, arguments.motion)
     if len(motion) < 2:
-        raise FileFormatError(arguments.motion, "one sample; a curve needs two at least")
+        raise FileFormatError(arguments.motion, "has one sample; a curve needs at least two")
     if refuses(robot, motion, arguments):
         return 1
     figure = plots.motion_page(robot, motion, arguments.what)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""`sst-pin show`: the robot in motion in a browser, on a page, in pictures."""
+"""`sst-pin show`: animations of a robot in a browser, as a page, as pictures."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ def add_to(commands: Commands) -> None:
     parser: Parser = commands.add(
         "show",
         _run,
-        "Play a motion in the browser until Ctrl-C, with its torques. Without a file it is example "
-        "1 of the paper, and of another robot a configuration. With --html, --png or --gif it "
-        "writes files instead.",
+        "Play a motion and its torques in the browser until Ctrl-C. Without a file, show example 1 "
+        "of the paper, or with --robot one configuration of the robot. With --html, --png or "
+        "--gif, write files instead.",
     )
     add_robot(parser)
     parser.add_argument(
@@ -46,13 +46,13 @@ def add_to(commands: Commands) -> None:
         type=Path,
         nargs="?",
         metavar="MOTION",
-        help="as for `torques`, or its output; - is standard input",
+        help="input or output of `torques`, or output of `simulate`; - means standard input",
     )
     parser.add_argument(
         "--speed",
         type=_positive,
         metavar="S",
-        help="1 is real time, the default for a file; the example is played at 0.1",
+        help="speed of the animation; 1 is real time (default: 1 for a file, 0.1 for the example)",
     )
     for kind, text in (
         ("html", "one page that needs no network"),
@@ -61,16 +61,22 @@ def add_to(commands: Commands) -> None:
     ):
         parser.add_argument(f"--{kind}", type=Path, metavar="FILE", help=f"write {text}")
     parser.add_argument("--axes", action="store_true", help="show the axes of the joints")
-    parser.add_argument("--frames", action="store_true", help="show frames: {0k}..{3k}, {E}")
     parser.add_argument(
-        "--skeleton", action="store_true", help="joints, lines and masses instead of the bodies"
+        "--frames", action="store_true", help="show frames: of an SST {0k}..{3k}, {E}; of closures"
     )
     parser.add_argument(
-        "--interactive", action="store_true", help="sliders that move the robot; takes no motion"
+        "--skeleton", action="store_true", help="draw joints, lines and masses instead of shapes"
+    )
+    parser.add_argument(
+        "--interactive", action="store_true", help="move the robot by sliders; without a motion"
     )
     parser.add_argument("--no-open", action="store_true", help="print the URL, open no browser")
-    parser.add_argument("--host", default="127.0.0.1", help="listen there; this machine alone")
-    parser.add_argument("--port", type=_port, default=0, help="listen there; any that is free")
+    parser.add_argument(
+        "--host", default="127.0.0.1", help="address of the server (default: this machine only)"
+    )
+    parser.add_argument(
+        "--port", type=_port, default=0, help="port of the server (default: any free port)"
+    )
     add_force(parser)
     add_strict(parser)
 
@@ -97,7 +103,7 @@ def _run(arguments: argparse.Namespace) -> int:
     if arguments.interactive:
         for name in ("motion", "speed", "html", "png", "gif", "strict"):
             if getattr(arguments, name):
-                raise InputError("--interactive", f"moves the robot by hand and takes no {name}")
+                raise InputError("--interactive", f"cannot be combined with {name}")
         from ..viewer.interactive import Interactive  # needs the extra `interactive`
 
         robot = any_robot_of(arguments)

@@ -31,7 +31,7 @@ from .common import (
 
 Array = NDArray[np.float64]
 
-#: Exit code of a motion that ends before the last time; what was reached is written.
+#: Exit code of a motion that stops before the last time; the motion until then is written.
 CUT_SHORT = 3
 
 
@@ -40,32 +40,36 @@ def add_to(commands: Commands) -> None:
     parser = commands.add(
         "simulate",
         _run,
-        "Motion under given torques: t_s with tau_1_Nm, tau_2_Nm, .. (tau_1_N of a motor that "
-        "pushes). It starts from the first row where that has gamma_1_rad.. and gamma_1_rad_s.., "
-        "else from --gamma; with --robot the joints' own names, or --q0 and --va0. Exit code 3 "
-        "says that the motion ends early, before a singularity.",
+        "Compute the motion for given torques (direct dynamics). The columns of the file are t_s, "
+        "tau_1_Nm, tau_2_Nm, .. (tau_1_N for a linear motor). The motion starts at the state in "
+        "the first row, if the file has columns for it (gamma_1_rad, .., gamma_1_rad_s, ..; with "
+        "--robot the names of its joints). Otherwise give the start by --gamma and --gamma-dot, "
+        "or with --robot by --q0 and --va0. Exit code 3: the simulation stopped before a "
+        "singularity.",
     )
     add_robot(parser)
-    parser.add_argument("torques", type=Path, metavar="TORQUES.csv", help="- is standard input")
+    parser.add_argument(
+        "torques", type=Path, metavar="TORQUES.csv", help="the torques; - means standard input"
+    )
     add_output(parser, "MOTION.csv")
     add_strict(parser)
     parser.add_argument(
-        "--gamma", type=triple, metavar="G1,G2,G3", help="motor angles at the start, rad"
+        "--gamma", type=triple, metavar="G1,G2,G3", help="initial motor angles of an SST, rad"
     )
     parser.add_argument(
-        "--gamma-dot", type=triple, metavar="W1,W2,W3", help="motor rates at the start, rad/s"
+        "--gamma-dot", type=triple, metavar="W1,W2,W3", help="initial motor rates of an SST, rad/s"
     )
     parser.add_argument(
         "--q0",
         type=named_numbers,
         metavar="JOINT=X,..",
-        help="of a --robot: positions at the start, rad or m; the coordinates at least",
+        help="initial positions of the joints of a --robot, at least of its coordinates, rad or m",
     )
     parser.add_argument(
         "--va0",
         type=named_numbers,
         metavar="JOINT=V,..",
-        help="of a --robot: rates at the start, rad/s or m/s; of those left out zero",
+        help="initial rates of the coordinates of a --robot, rad/s or m/s (default: 0)",
     )
 
 
@@ -74,10 +78,10 @@ def _run(arguments: argparse.Namespace) -> int:
     table = read_table(source_of(arguments.torques))
     tau, t = read_torques(robot, table), table.column("t_s")
     if isinstance(robot, SST):
-        _refuse(arguments, ("q0", "va0"), "is for a --robot; an SST has --gamma and --gamma-dot")
+        _refuse(arguments, ("q0", "va0"), "needs --robot; for an SST use --gamma and --gamma-dot")
         q0, va0 = _start(robot, table, arguments)
     else:
-        _refuse(arguments, ("gamma", "gamma_dot"), "is for an SST; a --robot has --q0 and --va0")
+        _refuse(arguments, ("gamma", "gamma_dot"), "is for an SST; with --robot use --q0 and --va0")
         q0, va0 = read_start(robot, table, arguments.q0, arguments.va0)
     with progress_bar("simulating", t[0], t[-1]) as progress:
         motion = robot.simulate(tau, q0, va0, t, progress=progress)
@@ -103,7 +107,8 @@ def _start(robot: SST, table: Table, arguments: argparse.Namespace) -> tuple[Arr
             return option
         if not set(columns) <= set(table.columns):
             raise FileFormatError(
-                table.path, f"no columns {', '.join(columns)} to start from; give {flag}"
+                table.path,
+                f"no columns {', '.join(columns)} for the initial state; add them or give {flag}",
             )
         return table.select(columns)[0]
 

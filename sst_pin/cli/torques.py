@@ -30,12 +30,15 @@ def add_to(commands: Commands) -> None:
     parser = commands.add(
         "torques",
         _run,
-        "Motor torques of a motion. An SST: t_s with qw, qx, qy, qz, or theta, phi, psi, or "
-        "gamma_1..3 (angles end in _rad or _deg). Any --robot: t_s with a column for each "
-        "coordinate, as crank_rad, crank_deg, slide_m.",
+        "Compute the motor torques of a motion (inverse dynamics). The columns of the file: for "
+        "an SST t_s and qw, qx, qy, qz, or theta, phi, psi, or gamma_1..3 (names of angles end in "
+        "_rad or _deg); for any --robot t_s and one column for each coordinate, such as crank_rad, "
+        "crank_deg, slide_m.",
     )
     add_robot(parser)
-    parser.add_argument("motion", type=Path, metavar="MOTION.csv", help="- is standard input")
+    parser.add_argument(
+        "motion", type=Path, metavar="MOTION.csv", help="the motion; - means standard input"
+    )
     add_output(parser, "TORQUES.csv")
     add_strict(parser)
 

@@ -11,10 +11,13 @@ from .common import Commands
 
 def add_to(commands: Commands) -> None:
     """Add the command."""
-    parser = commands.add("validate", _run, "List all problems of any URDF and of its closures.")
+    parser = commands.add("validate", _run, "List all problems of a URDF and of its closures.")
     parser.add_argument("file", type=Path, metavar="FILE", help="a URDF")
     parser.add_argument(
-        "--cuts", type=Path, metavar="YAML", help="closures and motors; FILE with .yaml by default"
+        "--cuts",
+        type=Path,
+        metavar="YAML",
+        help="closures and motors (default: the YAML with the name of FILE)",
     )
 
 

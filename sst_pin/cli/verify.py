@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""`sst-pin verify`: every referee against the torques."""
+"""`sst-pin verify`: comparison of the torques with every referee."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from .common import Commands, add_urdf, robot_of
 
 def add_to(commands: Commands) -> None:
     """Add the command."""
-    parser = commands.add("verify", _run, "Compare the torques with every referee installed.")
+    parser = commands.add("verify", _run, "Compare the torques with every installed referee.")
     add_urdf(parser)
-    parser.add_argument("--quick", action="store_true", help="fewer cases, no time stepping")
+    parser.add_argument("--quick", action="store_true", help="fewer cases, no simulation")
     parser.add_argument("--json", action="store_true", help="print the table as JSON")
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""`sst-pin workspace`: where the star's axis can point, and how well it is held there."""
+"""`sst-pin workspace`: map of the directions of the star's axis, with condition numbers."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ def add_to(commands: Commands) -> None:
     parser = commands.add(
         "workspace",
         _run,
-        "Map of the directions of the star's axis: reach, conditioning, singular curves, at one "
-        "roll psi of the star and at the best of all.",
+        "Draw a map of the directions of the star's axis: reach, condition number, singular "
+        "curves; for one roll angle psi of the star, and for the best psi of each direction.",
     )
     add_urdf(parser)
     add_figure(parser)
     parser.add_argument(
-        "--psi", type=_angle, default=0.0, metavar="DEG", help="roll of the star (default: 0)"
+        "--psi", type=_angle, default=0.0, metavar="DEG", help="roll angle of the star (default: 0)"
     )
     parser.add_argument(
-        "--data", type=Path, metavar="FILE", help="the map at psi as numbers, .npz or .csv"
+        "--data", type=Path, metavar="FILE", help="also write the map at psi as .npz or .csv"
     )
 
 
@@ -53,7 +53,7 @@ def _run(arguments: argparse.Namespace) -> None:
     robot = robot_of(arguments)
     at_psi = workspace_at(robot, np.radians(arguments.psi))
     if str(arguments.data) == str(arguments.output) == "-":
-        raise InputError("--data", "standard output holds one of the map and its numbers")
+        raise InputError("--data", "standard output can hold the figure or the data, not both")
     files: dict[Path, Writer] = {}
     if arguments.data is not None:
         files[arguments.data] = at_psi.writer(output_name(arguments.data, ".csv"))
@@ -73,7 +73,7 @@ def _run(arguments: argparse.Namespace) -> None:
 
 def _summary(workspace: Workspace) -> str:
     if workspace.best is None:
-        return "no direction with all sliders on their arcs"
+        return "no direction has all sliders on their arcs"
     theta, phi = (np.degrees(angle[workspace.best]) for angle in (workspace.theta, workspace.phi))
     worst = workspace.condition_number[workspace.on_arcs].max()
     return (

@@ -92,8 +92,8 @@ def test_a_simulation_starts_at_named_joints(here, capsys):
 @pytest.mark.parametrize(
     ("arguments", "word"),
     [
-        (("simulate", "t.csv", "-o", "m.csv", "--gamma", "0,0,0"), "an SST; a --robot has --q0"),
-        (("simulate", "t.csv", "-o", "m.csv", "--q0", "motor_1"), "not like crank=0.1"),
+        (("simulate", "t.csv", "-o", "m.csv", "--gamma", "0,0,0"), "an SST; with --robot use --q0"),
+        (("simulate", "t.csv", "-o", "m.csv", "--q0", "motor_1"), "the form crank=0.1"),
         (("simulate", "t.csv", "-o", "m.csv", "--q0", "wheel=1", "--va0", "motor_1=0"), "motor_1"),
         (("torques", SAMPLE, "-o", "x.csv"), "no column of motor_1, motor_2, motor_3"),
         (("torques", SAMPLE, "-o", "no/x.csv", "--urdf", "a.urdf"), "not allowed with"),

@@ -146,8 +146,8 @@ LONG = 300 * "x"
     [
         (("show", "--port", "99999"), "'99999' is not a port"),
         (("show", "--port", "-1"), "'-1' is not a port"),
-        (("show", "--interactive", SAMPLE), "takes no motion"),
-        (("show", "--interactive", "--html", "x.html"), "takes no html"),
+        (("show", "--interactive", SAMPLE), "cannot be combined with motion"),
+        (("show", "--interactive", "--html", "x.html"), "cannot be combined with html"),
         (("torques", SAMPLE, "-o", f"{LONG}.csv"), "File name too long"),
         (("torques", f"{LONG}.csv", "-o", "out.csv"), "File name too long"),
         (("torques", SAMPLE, "-o", "out.csv", "--urdf", f"{LONG}.urdf"), "File name too long"),
