@@ -16,6 +16,30 @@ except BrowserError as error:
 needs_browser = pytest.mark.skipif(bool(_MISSING), reason=str(_MISSING))
 
 
+#: Least and largest coordinate of all vertices that are seen, in the picture's own -1 to 1.
+EXTENT = """([view, share]) => {
+  if (view) stage.look(view);
+  if (share !== undefined) panel.seek(share * Number(document.getElementById("time").max));
+  const low = [9, 9], high = [-9, -9];
+  viewer.scene.updateMatrixWorld(true);
+  viewer.camera.updateMatrixWorld(true);
+  viewer.scene_tree.find(["meshcat", "robot"]).object.traverse((object) => {
+    for (let o = object; o; o = o.parent) if (!o.visible) return;
+    if (!object.isMesh) return;
+    const vertices = object.geometry.attributes.position;
+    for (let i = 0; i < vertices.count; i++) {
+      const p = viewer.camera.position.clone().fromBufferAttribute(vertices, i);
+      p.applyMatrix4(object.matrixWorld).project(viewer.camera);
+      [p.x, p.y].forEach((x, k) => {
+        low[k] = Math.min(low[k], x);
+        high[k] = Math.max(high[k], x);
+      });
+    }
+  });
+  return [low, high];
+}"""
+
+
 class Visit:
     """A page in Chromium, what went wrong on it and what it asked for."""
 

@@ -7,35 +7,13 @@ import numpy as np
 import pytest
 
 import sst_pin
-from browser import Visit, chromium, needs_browser  # noqa: F401
+from browser import EXTENT, Visit, chromium, needs_browser  # noqa: F401
 from sst_pin.sst import paper
 from sst_pin.viewer import Viewer
 
 pytestmark = needs_browser
 
 PHONE, TABLET, DESK, LYING = (390, 844), (820, 1180), (1440, 900), (844, 390)
-#: Least and largest coordinate of all vertices that are seen, in the picture's own -1 to 1.
-EXTENT = """([view, share]) => {
-  if (view) stage.look(view);
-  if (share !== undefined) panel.seek(share * Number(document.getElementById("time").max));
-  const low = [9, 9], high = [-9, -9];
-  viewer.scene.updateMatrixWorld(true);
-  viewer.camera.updateMatrixWorld(true);
-  viewer.scene_tree.find(["meshcat", "robot"]).object.traverse((object) => {
-    for (let o = object; o; o = o.parent) if (!o.visible) return;
-    if (!object.isMesh) return;
-    const vertices = object.geometry.attributes.position;
-    for (let i = 0; i < vertices.count; i++) {
-      const p = viewer.camera.position.clone().fromBufferAttribute(vertices, i);
-      p.applyMatrix4(object.matrixWorld).project(viewer.camera);
-      [p.x, p.y].forEach((x, k) => {
-        low[k] = Math.min(low[k], x);
-        high[k] = Math.max(high[k], x);
-      });
-    }
-  });
-  return [low, high];
-}"""
 
 
 def example(name):

@@ -15,6 +15,8 @@ const stage = (() => {
   window.viewer = viewer;
   viewer.gui.domElement.style.display = "none"; // the page's controls stand for it
   viewer.set_property(["Background"], "visible", false); // the page's shines through
+  const sized = viewer.set_3d_pane_size.bind(viewer); // Meshcat calls it at its first frame, for the whole window's height
+  viewer.set_3d_pane_size = () => sized(pane.clientWidth, pane.clientHeight);
   viewer.camera.fov = 24;
   viewer.controls.minPolarAngle = 1e-4; // else a view from above has no right and left
 
@@ -101,7 +103,7 @@ const stage = (() => {
   viewer.controls.addEventListener("start", () => { view = null; }); // now it is the reader's
 
   function resize() {
-    viewer.set_3d_pane_size(pane.clientWidth, pane.clientHeight);
+    viewer.set_3d_pane_size();
     if (view) frame();
     placeLabels();
   }
