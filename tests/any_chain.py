@@ -154,6 +154,64 @@ def rolling(ball: bool) -> ClosedChain:
     return chain(plane, "", [Rolling("A", "B", 0.2, ball)])
 
 
+def mimicking(kind: str) -> ClosedChain:
+    """Two joints of the arm follow others: the first of the arm, and one behind it."""
+    plain = with_joint("free-flyer", kind=kind)
+    model = plain.model
+    for leader, follower, factor, offset in ((1, 5, 1.4, -0.2), (2, 4, -0.7, 0.3)):
+        ids = (model.getJointId(f"arm_{k}") for k in (leader, follower))
+        model = pin.transformJointIntoMimic(model, *ids, factor, offset)
+    return ClosedChain(model, plain.closures, ["body"])
+
+
+def sprung(name: str) -> ClosedChain:
+    """Springs in the joint of the body and in the arm, drawn far enough to matter."""
+    model = with_joint(name).model
+    stiffness = np.linspace(1, 5, model.nv)
+    body = model.joints[1]
+    stiffness[: body.nv] = 3.0
+    rest = pin.integrate(model, pin.neutral(model), np.linspace(-1.5, 1.5, model.nv))
+    return with_joint(name, stiffness=stiffness, spring_reference=rest)
+
+
+def cart() -> ClosedChain:
+    """On two wheels, with a sprung ball and a gripper of two fingers: few joints, of all kinds.
+
+    One finger mimics the other; a third joint hangs behind both by a coupling.
+    """
+    model = pin.Model()
+    model.gravity.linear = np.array([0.7, -1.1, -9.6])
+    points = np.array([[0.1, 0.2, 0.0], [-0.1, 0.1, 0.1], [0.05, 0.0, -0.2]])
+    moments = points @ points.T
+    body = pin.Inertia(1.5, points[0], moments.trace() * np.eye(3) - moments)
+
+    def add(parent: int, joint: pin.JointModel, name: str, *p: float) -> int:
+        index = model.addJoint(parent, joint, pin.SE3(np.eye(3), np.array(p)), name)
+        model.appendBodyToJoint(index, body, pin.SE3.Identity())
+        return index
+
+    axle = pin.exp3(np.array([np.pi / 2, 0, 0]))
+    base = add(0, pin.JointModelPlanar(), "base", 0, 0, 0)
+    for side, y in (("left", 0.3), ("right", -0.3)):
+        wheel = add(base, pin.JointModelRUBY(), side, 0, y, 0.25)
+        hub = pin.Frame(f"{side}_hub", wheel, pin.SE3(axle, np.zeros(3)), pin.FrameType.OP_FRAME)
+        model.addFrame(hub)
+    add(base, pin.JointModelSpherical(), "ball", 0.1, 0, 0.4)
+    finger = add(base, pin.JointModelRevoluteUnaligned(AXIS), "finger", 0.2, 0.1, 0.3)
+    follower = add(finger, pin.JointModelPX(), "follower", 0, 0.2, 0.1)
+    add(follower, pin.JointModelRZ(), "tip", 0.1, 0, 0)
+    model.damping, model.friction = np.linspace(0.1, 1, (2 * model.nv)).reshape(2, -1)
+    model = pin.transformJointIntoMimic(model, finger, follower, -0.7, 0.3)
+    ball, left = (model.joints[model.getJointId(name)].idx_v for name in ("ball", "left"))
+    stiffness = np.zeros(model.nv)
+    stiffness[ball : ball + 3], stiffness[left] = 20.0, 5.0
+    wheels = [Rolling("universe", f"{side}_hub", 0.25) for side in ("left", "right")]
+    closures = [*wheels, Coupling("tip", {"finger": (0.1, -0.5, 0.2)})]
+    rest = pin.integrate(model, pin.neutral(model), np.linspace(-1, 1, model.nv))
+    motors = ["left", "right", "ball", "finger"]
+    return ClosedChain(model, closures, motors, stiffness=stiffness, spring_reference=rest)
+
+
 def states(chain: ClosedChain, count: int, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """q, va, aa of random motions around a generic configuration, the worst ones left out."""
     random = np.random.default_rng(seed)

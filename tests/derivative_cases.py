@@ -7,6 +7,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.testing import assert_allclose
 
+import any_chain
 from robots import ROBOTS, Z, four_bar
 from sst_pin import ClosedChain, Closure, robots
 from sst_pin.chain.closures import Coupling, Distance, Rolling
@@ -87,17 +88,14 @@ class Case:
             yield q, *motion, random.uniform(-5, 5, (bodies, 6))
 
 
-def case(model, closures, motors, home=None, *, springs_everywhere=True, **options):
+def case(model, closures, motors, home=None, **options):
     """With friction and springs in all joints that may have them."""
     random = np.random.default_rng(5)
     viscous, coulomb, stiffness = random.uniform(0, 2, (3, model.nv))
     for joint in list(model.joints)[1:]:
-        if joint.nv > 1:
+        if joint.nv != joint.nq > 2:
             k = slice(joint.idx_v, joint.idx_v + joint.nv)
-            balls = ("JointModelSpherical", "JointModelTranslation")
-            stiffness[k] = 1.7 if joint.shortname() in balls else 0
-        if joint.nq > joint.nv and not springs_everywhere:
-            stiffness[joint.idx_v : joint.idx_v + joint.nv] = 0
+            stiffness[k] = 1.7 if joint.shortname() == "JointModelSpherical" else 0
     rest = random_q(model, random, 0.3)
     options |= {"viscous_friction": viscous, "stiffness": stiffness, "spring_reference": rest}
     chain = ClosedChain(model, closures, motors, coulomb_friction=coulomb, **options)
@@ -191,11 +189,17 @@ def floating_four_bar(**options):
     return case(*carried_four_bar(pin.JointModelFreeFlyer()), **options)
 
 
+def mimicking(**options):
+    robot = any_chain.mimicking("hinge")
+    return case(robot.model, robot.closures, ["body"], **options)
+
+
 CASES = {
     **{name: (of_gallery, name) for name in robots.__all__ if name.islower()},
     **{f"{name} (table)": (of_table, name) for name in ROBOTS},
     "floating four-bar": (floating_four_bar,),
     "geared": (geared,),
+    "mimicking": (mimicking,),
 }
 
 

@@ -36,11 +36,12 @@ class Assembly:
     Args:
         mechanism: What is put together.
         loops: Its closures.
+        slipping: Whether rolling wheels may slip on the way.
     """
 
-    def __init__(self, mechanism: Mechanism, loops: Loops) -> None:
+    def __init__(self, mechanism: Mechanism, loops: Loops, *, slipping: bool = True) -> None:
         self.mechanism, self._loops = mechanism, loops
-        self._rows = np.flatnonzero(loops.holonomic)
+        self._rows = np.flatnonzero(loops.holonomic | (not slipping))
         self._scale = mechanism.row_scale[:, None] * mechanism.rate_scale
         self._known_parts: dict[bytes, list[tuple[Indices, Indices]]] = {}
 

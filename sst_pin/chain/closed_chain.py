@@ -1036,7 +1036,7 @@ class ClosedChain:
         Raises:
             CompilationError: Without a compiler, or when it fails.
             MissingExtraError: Without CasADi, `sst-pin[compile]`.
-            DescriptionError: For a joint or spring without compiled equations.
+            DescriptionError: For a joint without compiled equations.
             ClosureError: When q is open, or when no configuration can be assembled.
             SingularConfigurationError: When the coordinates do not fix the motion there.
 

@@ -155,6 +155,7 @@ class Workspace:
         self._strict = CLOSURE_TOLERANCE / max(1.0, float(mechanism.row_scale.max()))
         self.complement = JointComplement(mechanism)
         self.assembly = Assembly(mechanism, self.loops)
+        self.without_slip = Assembly(mechanism, self.loops, slipping=False)
         self._weightless = pin.Model(mechanism.model)
         self._weightless.gravity = pin.Motion.Zero()
         mimic = list(mechanism.model.mimicking_joints)

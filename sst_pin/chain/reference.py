@@ -289,14 +289,14 @@ class ReferenceStates:
         self._friction, self._nq = friction, reference.mechanism.model.nq
 
     def closed(self, states: Array) -> Array:
-        """q with the dependent joints moved onto the closures, shape (..., nq).
+        """q with the dependent joints moved onto the closures, wheels rolling, shape (..., nq).
 
         Raises:
             ClosureError: When they are out of reach.
         """
         if states.ndim == 1:
             q = self._mechanism.space.normalised(states[: self._nq])
-            assembly = self._reference.workspace.assembly
+            assembly = self._reference.workspace.without_slip
             return assembly.assemble(q, self._mechanism.dependent)
         return np.array([self.closed(state) for state in states])
 

@@ -129,12 +129,12 @@ def series_of(joint: Any) -> list[tuple[Any, pin.SE3]]:
     if short == "JointModelSphericalZYX":
         axes = (pin.JointModelRZ, pin.JointModelRY, pin.JointModelRX)
         return [(axis(), here) for axis in axes]
+    if short not in ("JointModelUniversal", "JointModelComposite"):
+        return [(joint, here)]
     joint = joint.extract() if hasattr(joint, "extract") else joint
     if short == "JointModelUniversal":
         both = (joint.axis1, joint.axis2)
         return [(pin.JointModelRevoluteUnaligned(np.array(axis)), here) for axis in both]
-    if short != "JointModelComposite":
-        return [(joint, here)]
     found: list[tuple[Any, pin.SE3]] = []
     for part, placement in zip(joint.joints, joint.jointPlacements, strict=True):
         first, *rest = series_of(part)

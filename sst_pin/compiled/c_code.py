@@ -15,7 +15,9 @@ from .parameters import SIGN_WIDTH
 
 _WIDTH = 94
 _BINARY = {ca.OP_ADD: "+", ca.OP_SUB: "-", ca.OP_MUL: "*", ca.OP_DIV: "/"}
-_UNARY = {
+#: By its operands.
+_FORMS = {
+    ca.OP_LE: "AT_MOST({0}, {1})",
     ca.OP_NEG: "-{0}",
     ca.OP_SQ: "{0} * {0}",
     ca.OP_TWICE: "{0} + {0}",
@@ -24,7 +26,7 @@ _UNARY = {
     ca.OP_TANH: "tangent({0})",
 }
 #: What differs for numbers of the parameters alone, which are no vectors.
-_OF_NUMBERS = {ca.OP_FABS: "{0} < 0 ? -{0} : {0}"}
+_OF_NUMBERS = {ca.OP_FABS: "{0} < 0 ? -{0} : {0}", ca.OP_LE: "{0} <= {1}"}
 #: Statements of a function that is not cut, and of the parts of one that is.
 _LARGEST, _PART = 7000, 500
 #: Names of results of statements.
@@ -214,8 +216,8 @@ class _Writer:
         if operation in _BINARY:
             text = f"{first} {_BINARY[operation]} {texts[1]}"
         else:
-            forms = _UNARY if kind == "real" else _UNARY | _OF_NUMBERS
-            text = forms[operation].format(first)
+            forms = _FORMS if kind == "real" else _FORMS | _OF_NUMBERS
+            text = forms[operation].format(*texts)
         self.lines[kind].append(f"const {kind} {name} = {text};")
         return name, kind
 
@@ -244,7 +246,7 @@ def source(entries: Mapping[str, Sequence[Kernel]]) -> str:
     """Functions that run kernels on rows of samples, to stand behind real.h and driver.h.
 
     What a library offers of each entry, every name in the macro NAME: `run_<entry>` and
-    `sizes_run_<entry>` (of p, of the output, of each input, 0), `prepare_<entry>`; of rollouts
+    `sizes_run_<entry>` (of p, of the output, of each input, -1), `prepare_<entry>`; of rollouts
     `rate_<entry>` and its sizes too, which takes q and va in one array.
 
     Args:
@@ -300,7 +302,7 @@ void NAME(prepare_{entry})(double *p)
 """
 
 _SIZES = """\
-const int NAME(sizes_{word}_{entry})[] = {{{size}, {outputs}, {sizes}, 0}};
+const int NAME(sizes_{word}_{entry})[] = {{{size}, {outputs}, {sizes}, -1}};
 """
 
 _RUN = """\

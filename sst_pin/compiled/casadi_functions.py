@@ -142,9 +142,6 @@ class CasadiFunctions:
 
         The classical method of Runge and Kutta of order four, then one step of Newton's method that
         moves the dependent joints onto the closures.
-
-        Raises:
-            DescriptionError: For rolling contact, which leaves nothing to close by rows.
         """
         state_rate = self._function("state_rate", ["q", "va", "tau"], "rate")
         closing = kernels.make(self._equations, "closing")

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..chain.closures import Constraint, Coupling, Distance, Rolling
 from .kinematics import Kinematics
-from .symbols import Sparse, is_zero, sx
+from .symbols import Sparse, add, is_zero, sx
 
 #: Linear and angular velocity of a link relative to an ancestor, by their indices, link's axes.
 Twists = Callable[[int, int], tuple[SX, SX]]
@@ -106,7 +106,7 @@ class _Pair:
     ) -> tuple[Sparse, Callable[[Sparse, Twists], SX]]:
         """Coefficients and velocity, from what the velocities of A and of B give."""
         row = {k: of_b(*column) for k, column in self.b.columns.items()}
-        row |= {k: -of_a(*column) for k, column in self.a.columns.items()}
+        row = add(row, {k: -of_a(*column) for k, column in self.a.columns.items()})
 
         def velocity(v: Sparse, twists: Twists) -> SX:
             value = SX(0)
@@ -192,7 +192,7 @@ class _Pair:
                     turn = R @ sx(S[3:])
                     for row in range(3):
                         if not is_zero(turn[row]):
-                            Phi[row][k] = turn[row]
+                            Phi[row] = add(Phi[row], {k: turn[row]})
         by_a = kinematics.pose(self._base, link_a)[0] @ R_a.T
         by_b, _ = kinematics.pose(self._base, C)
         gap = ca.sumsqr(by_b[:, 0] - by_a[:, 0]) + ca.sumsqr(by_b[:, 2] - by_a[:, 2])
@@ -209,7 +209,7 @@ class _Pair:
             if link_b != C:
                 (k,) = links[link_b].v
                 turn = R_b @ sx(links[link_b].S[3:, 0])
-                alpha += turn * dv.get(k, 0) + ca.cross(of_b.omega, turn * v[k])
+                alpha += turn * dv.get(k, 0) + ca.cross(of_b.omega, turn * v.get(k, 0))
             return alpha[row]
 
         for row in range(3):
@@ -294,7 +294,7 @@ def _coupling(kinematics: Kinematics, model: pin.Model, closure: Coupling) -> Ro
     second: Sparse = {}
     for name, coefficients in terms.items():
         joint = model.joints[model.getJointId(name)]
-        q = kinematics.coordinate(joint.idx_q, joint.idx_v)
+        q = kinematics.moved_q[joint.idx_q]
         value, slope, curvature = (_value(polyder(coefficients, k), q) for k in range(3))
         residual += value
         if not slope.is_zero():

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-#: The list of sizes in a library ends with 0; there are no more than this.
+#: The list of sizes in a library ends with -1; there are no more than this.
 _MOST_SIZES = 8
 
 
@@ -46,4 +46,4 @@ class Code:
     def _sizes(self, word: str) -> list[int]:
         name = f"sizes_{word}_{self.entry}"
         numbers = list((ctypes.c_int * _MOST_SIZES).in_dll(self.library, name))
-        return numbers[: numbers.index(0)]
+        return numbers[: numbers.index(-1)]

@@ -86,7 +86,7 @@ class Equations:
         p: Open numbers, in the order of `parameters`.
 
     Raises:
-        DescriptionError: For a joint or spring without compiled equations.
+        DescriptionError: For a joint without compiled equations.
         SingularConfigurationError: When the coordinates do not fix the motion at the samples.
     """
 
@@ -356,10 +356,8 @@ class Equations:
         """What springs take."""
         stiffness = self.parameters.of_joints("stiffness", self.p)
         rest = self.parameters.of_joints("spring_reference", self.p)
-        links = self.kinematics.tree.links
-        place = {k: i for link in links for k, i in zip(link.v, link.q, strict=False)}
-        q = {k: self.kinematics.coordinate(place[k], k) for k in stiffness}
-        return {k: c * (q[k] - rest[k]) for k, c in stiffness.items()}
+        way = self.kinematics.difference(rest)
+        return {k: c * way[k] for k, c in stiffness.items()}
 
     def forces(self, dv: Sparse) -> Sparse:
         """All that a motion at v takes along the rates of the tree."""
@@ -423,8 +421,10 @@ class Equations:
                 while j:
                     for other, S_j in zip(links[j].v, links[j].S.T, strict=True):
                         value = ca.dot(sx(S_j[:3]), F) + ca.dot(sx(S_j[3:]), N)
-                        if other <= k and not is_zero(value):
-                            M[other, k] = value
+                        if not is_zero(value) and (j != i or other <= k):
+                            pair = min(other, k), max(other, k)
+                            value *= 1 + (j != i and other == k)  # a mimic joint behind its own
+                            M[pair] = M.get(pair, 0) + value
                     R, p = placements[j]
                     F, N = R @ F, R @ N
                     N += ca.cross(p, F)

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -201,7 +201,7 @@ def c_files(
         Writers of robot.h, robot.c and main.c, an example.
 
     Raises:
-        DescriptionError: For a joint or spring without compiled equations, or a number that is
+        DescriptionError: For a joint without compiled equations, or a number that is
             not finite.
         ClosureError: When no configuration can be assembled, by which to choose pivots.
         InputError: For another precision.
@@ -235,7 +235,8 @@ def c_files(
         except DescriptionError as error:
             declarations.append(f"/* There is no robot_{name}: {_comment(str(error))} */\n")
             continue
-        arguments = ", ".join(f"const {style.type} {x}[{sizes[x]}]" for x in function.inputs)
+        given = [x for x in function.inputs if sizes[x]]  # no torques without motors
+        arguments = ", ".join(f"const {style.type} {x}[{sizes[x]}]" for x in given)
         head = f"int robot_{name}({arguments}, {style.type} {function.output}"
         head += f"[{sizes[function.output]}])"
         declarations.append(f"/* {function.meaning} */\n{head};\n")
@@ -249,9 +250,9 @@ def c_files(
                 head=head,
                 name=kernel.name,
                 type=style.type,
-                inputs=sum(sizes[x] for x in function.inputs),
+                inputs=sum(sizes[x] for x in given),
                 angles=len(q),
-                copies="\n".join(_copies(function.inputs, sizes)),
+                copies="\n".join(_copies(given, sizes)),
                 outputs=outputs,
                 output=function.output,
                 checks=kernel.output.numel(),
@@ -302,12 +303,13 @@ def _listed(
     parameters: Parameters, mechanism: Mechanism, numbers: Array, suffix: str
 ) -> Iterator[str]:
     """Lines of the open numbers, each with its index and what it is."""
-    rates, names = mechanism.space.rate_names, mechanism.model.names
+    space, names = mechanism.space, mechanism.model.names
     lines = [(3, "gravity, base axes"), (1, "rate within which friction is tanh, not sign")]
     moments = "mass, first moment, second moments xx, xy, xz, yy, yz, zz in its joint's frame"
     lines += [(BODY, f"{names[i]}: {moments}") for i in parameters.bodies]
     for quantity, where in parameters.joints.items():
-        lines += [(1, f"{quantity.replace('_', ' ')} of {rates[k]}") for k in where]
+        of = space.position_names if quantity == "spring_reference" else space.rate_names
+        lines += [(1, f"{quantity.replace('_', ' ')} of {of[k]}") for k in where]
     lines += [(9, f"orientation of {name}") for name in parameters.rotated]
     start = 0
     for size, meaning in lines:
@@ -316,7 +318,7 @@ def _listed(
         start += size
 
 
-def _copies(inputs: tuple[str, ...], sizes: dict[str, int]) -> Iterator[str]:
+def _copies(inputs: Sequence[str], sizes: dict[str, int]) -> Iterator[str]:
     start = 0
     for x in inputs:
         yield f"    for (int i = 0; i < {sizes[x]}; i++)\n        x[{start} + i] = {x}[i];"

@@ -11,7 +11,6 @@ import casadi as ca
 import numpy as np
 from casadi import SX
 
-from ..errors import DescriptionError
 from . import derivatives
 from .elimination import Factors, pivot_order, total
 from .equations import Equations, pivot_check
@@ -49,8 +48,9 @@ def make(equations: Equations, name: str) -> Kernel:
         inputs, output, checks = _jacobian(equations, frame)
     else:
         inputs, output, checks = KERNELS[name](equations)
-    given = tuple(x for x in inputs if x.numel())
-    loaded = any(x is equations.loads for x in given)
+    loads = equations.loads
+    given = tuple(x for x in inputs if x is not loads or x.numel())
+    loaded = any(x is loads for x in given)
     return Kernel(
         first + "_loaded" * loaded,
         given,
@@ -137,13 +137,12 @@ def _state_rate(e: Equations) -> _Made:
 def _closing(e: Equations) -> _Made:
     """One step of Newton's method with the coordinates held; det Phi_u; the sum of its squares.
 
-    The determinant is that of the rows of the pivots, the sum goes over all rows; both are free of
-    units, as the condition number is.
+    Wheels roll on the way: rows that hold rates alone hold the step. The determinant is that of the
+    rows of the pivots, the sum goes over all rows; both are free of units, as the condition number
+    is.
     """
     residuals = {i: e.rows[i].residual for i in e.factors.rows}
     right = {i: -x for i, x in residuals.items() if x is not None}
-    if len(right) < len(residuals):
-        raise DescriptionError("compiled kernels", ["rolling leaves nothing to close by rows"])
     step = e.kinematics.q_rates(e.factors.solve(right))
     rows, columns = e.mechanism.row_scale, e.mechanism.rate_scale
     det = float(np.prod(rows[e.factors.rows]) * np.prod(columns[e.mechanism.dependent]))

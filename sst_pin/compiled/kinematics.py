@@ -20,7 +20,8 @@ from casadi import SX
 from numpy.typing import NDArray
 
 from .symbols import Sparse, is_zero, sx
-from .tree import Link, Tree
+from .tree import Link, Tree, clean
+from .turns import angle, rotation_vector
 
 Array = NDArray[np.float64]
 #: Unit vectors among the coordinates of a joint: how long, at their end.
@@ -157,9 +158,32 @@ class Kinematics:
             displaced.append(Placement(R, p + R @ u, turn))
         return displaced
 
-    def coordinate(self, q: int, v: int) -> SX:
-        """The coordinate of a joint that has one, by its indices."""
-        return self.q[q] + self.displacement[v] if self.displacement.numel() else self.q[q]
+    @cached_property
+    def moved_q(self) -> SX:
+        """The coordinates with the displacements of the joints, to first order."""
+        if not self.displacement.numel():
+            return self.q
+        return self.q + self.q_rates(dict(enumerate(ca.vertsplit(self.displacement))))
+
+    def difference(self, reference: Mapping[int, SX]) -> Sparse:
+        """The shortest way of joints from a reference, along their rates.
+
+        Args:
+            reference: Their coordinates there, by index.
+        """
+        q, way = self.moved_q, Sparse()
+        for link in self.tree.links:
+            at = [i for i in link.q if i in reference]
+            if at and link.kind == "ball":
+                turned = _relative(ca.vertcat(*(reference[i] for i in at)), q[at])
+                way |= zip(link.v, ca.vertsplit(rotation_vector(turned)), strict=True)
+            elif at and link.kind == "unbounded":
+                (i, j), (k,) = at, link.v
+                c, s = reference[i], reference[j]
+                way[k] = angle(c * q[i] + s * q[j], c * q[j] - s * q[i])
+            else:
+                way |= {link.v[i - link.q.start]: q[i] - reference[i] for i in at}
+        return way
 
     def _rotation_at_rest(self, i: int) -> SX:
         """Orientation of a joint at rest in the parent of its link."""
@@ -204,13 +228,15 @@ class Kinematics:
         link = self.tree.link_of[frame.parentJoint]
         R, o = self.pose(base, link)
         p = o + R @ sx(frame.placement.translation)
-        columns = {}
+        columns: dict[int, tuple[SX, SX]] = {}
         path = self.tree.ancestors(link)
         for i in path[path.index(base) + 1 :]:
             R_i, o_i = self.pose(base, i)
             for k, S in zip(self.tree.links[i].v, self.tree.links[i].S.T, strict=True):
                 turn = R_i @ sx(S[3:])
-                columns[k] = (R_i @ sx(S[:3]) + ca.cross(turn, p - o_i), turn)
+                u = R_i @ sx(S[:3]) + ca.cross(turn, p - o_i)
+                before = columns.get(k, (SX(3, 1), SX(3, 1)))  # of the joint that this one mimics
+                columns[k] = before[0] + u, before[1] + turn
         return Point(p, R @ self.rotation(frame), columns)
 
     def motions(
@@ -266,7 +292,7 @@ class Kinematics:
             for k, S in zip(link.v, link.S.T, strict=True):
                 value = ca.dot(sx(S[:3]), F) + ca.dot(sx(S[3:]), N)
                 if not is_zero(value):
-                    tau[k] = value
+                    tau[k] = tau[k] + value if k in tau else value
             if link.parent:
                 F_0, N_0 = wrenches[link.parent]
                 F = placement.out(F)
@@ -316,6 +342,12 @@ class Kinematics:
         ]
 
 
+def _relative(a: SX, b: SX) -> SX:
+    """The turn from one quaternion (x, y, z, w) to another, axes of either."""
+    vector = a[3] * b[:3] - b[3] * a[:3] - ca.cross(a[:3], b[:3])
+    return ca.vertcat(vector, ca.dot(a, b))
+
+
 def _own(link: Link, x: Sparse) -> tuple[SX, SX]:
     """Linear and angular part of a link's own rates, axes of the link."""
     u, turn = SX(3, 1), SX(3, 1)
@@ -336,7 +368,8 @@ def _joint_placement(link: Link, q: list[SX]) -> tuple[SX, SX]:
     elif kind == "planar":
         d = ca.vertcat(*q[:2], 0)
     if kind in ("turn", "screw"):
-        R = _turn(S[3:, 0], ca.cos(q[0]), ca.sin(q[0]))
+        (factor,) = clean(np.linalg.norm(S[3:], axis=0)).tolist()
+        R = _turn(S[3:, 0] / factor, ca.cos(factor * q[0]), ca.sin(factor * q[0]))
     elif kind in ("unbounded", "planar"):
         R = _turn(S[3:, -1], q[-2], q[-1])
     elif kind in ("ball", "free"):

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..chain.mechanism import Friction, Mechanism
-from ..errors import DescriptionError
 
 if TYPE_CHECKING:
     from casadi import SX
@@ -40,7 +39,8 @@ class Parameters:
     Attributes:
         size: How many there are.
         bodies: Indices of Pinocchio's joints whose bodies have mass.
-        joints: Indices of the rates that have each quantity of a joint, by its name.
+        joints: Indices of the rates that have each quantity of a joint, by its name; of references
+            of springs those of entries of q.
     """
 
     def __init__(
@@ -53,11 +53,8 @@ class Parameters:
             if complete or np.any(model.inertias[i].toDynamicParameters())
         )
         values = _of_joints(mechanism)
-        springs = np.flatnonzero(values["stiffness"])
-        self.joints = {
-            name: tuple(map(int, springs if name == "spring_reference" else np.flatnonzero(x)))
-            for name, x in values.items()
-        }
+        self.joints = {name: tuple(map(int, np.flatnonzero(x))) for name, x in values.items()}
+        self.joints["spring_reference"] = _ends_of_springs(mechanism)
         if complete:
             self.joints |= dict.fromkeys(("armature", "viscous", "coulomb"), tuple(range(model.nv)))
         self._starts, start = {}, 4 + BODY * len(self.bodies)  # gravity, sign_width
@@ -113,28 +110,28 @@ class Parameters:
         return p[start], p[start + 1 : start + 4], J
 
     def of_joints(self, name: str, p: SX) -> dict[int, SX]:
-        """A quantity of the joints that have it, by index of their rates."""
+        """A quantity of the joints that have it, by indices as those of `joints`."""
         start = self._starts[name]
         return {i: p[start + k] for k, i in enumerate(self.joints[name])}
 
 
 def _of_joints(mechanism: Mechanism) -> dict[str, Array]:
-    model, springs = mechanism.model, mechanism.springs
-    reference = np.zeros(model.nv)
-    for joint in list(model.joints)[1:]:
-        if joint.nq == joint.nv:
-            places = slice(joint.idx_v, joint.idx_v + joint.nv)
-            reference[places] = springs.reference[joint.idx_q : joint.idx_q + joint.nq]
-        elif springs.stiffness[joint.idx_v : joint.idx_v + joint.nv].any():
-            name = model.names[joint.id]
-            raise DescriptionError(
-                "compiled kernels",
-                [f"joint {name}: a spring on a ball or an unbounded joint has no equations here"],
-            )
+    friction, springs = mechanism.friction, mechanism.springs
     return {
-        "armature": model.armature,
-        "viscous": mechanism.friction.viscous,
-        "coulomb": mechanism.friction.coulomb,
+        "armature": mechanism.model.armature,
+        "viscous": friction.viscous,
+        "coulomb": friction.coulomb,
         "stiffness": springs.stiffness,
-        "spring_reference": reference,
+        "spring_reference": springs.reference,
     }
+
+
+def _ends_of_springs(mechanism: Mechanism) -> tuple[int, ...]:
+    """Entries of q by which springs are drawn: of a ball or an unbounded joint all."""
+    stiff, found = mechanism.springs.stiffness, []
+    for joint in list(mechanism.model.joints)[1:]:
+        of_rates = stiff[joint.idx_v : joint.idx_v + joint.nv]
+        one_each = joint.nq == joint.nv
+        drawn = of_rates if one_each else np.full(joint.nq, of_rates.any())
+        found += [joint.idx_q + int(k) for k in np.flatnonzero(drawn)]
+    return tuple(found)

@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""A Pinocchio tree as single joints whose unit twists are constant in the frame of their child."""
+"""A Pinocchio tree as single joints whose twists are constant in the frame of their child."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from ..chain.tree import series_of
 from ..errors import DescriptionError
 
 Array = NDArray[np.float64]
@@ -38,7 +38,8 @@ class Link:
         kind: How its placement follows from q: one of the values of `_KINDS`.
         q: Indices of its coordinates.
         v: Indices of its rates.
-        S: Unit twists [linear; angular] of its rates in the child's frame, shape (6, nv).
+        S: Twists [linear; angular] of its rates in the child's frame, shape (6, nv); unit ones, but
+            for a mimic joint, whose indices are those of the joint that it follows.
         body: Index of Pinocchio's joint whose inertia it carries, 0 for none.
     """
 
@@ -76,13 +77,16 @@ class Tree:
         for i in range(1, model.njoints):
             parent, body = tree.link_of[model.parents[i]], 0
             placement = model.jointPlacements[i]
-            for inner, joint in _simple_joints(model.joints[i].extract(), model.names[i]):
-                placement = placement * inner
-                link = _link(parent, placement, joint, model.names[i])
+            q, v = model.joints[i].idx_q, model.joints[i].idx_v
+            for joint, inner in series_of(model.joints[i]):
+                link = _link(parent, placement * inner, joint, q, v)
+                if link is None:
+                    problem = f"joint {model.names[i]}: {joint.shortname()} has no equations here"
+                    raise DescriptionError("compiled kernels", [problem])
                 placement = pin.SE3.Identity()
                 tree.links.append(link)
                 parent = len(tree.links) - 1
-                body = i
+                body, q, v = i, q + joint.nq, v + joint.nv
             tree.links[-1].body = body
             tree.link_of.append(parent)
         return tree
@@ -95,43 +99,29 @@ class Tree:
         return path[::-1]
 
 
-def _simple_joints(joint: pin.JointModel, name: str) -> Iterator[tuple[pin.SE3, pin.JointModel]]:
-    """Parts of a joint, each with its placement in the part before."""
-    kind, identity = joint.shortname(), pin.SE3.Identity()
-    if kind == "JointModelComposite":
-        for placement, part in zip(joint.jointPlacements, joint.joints, strict=True):
-            parts = list(_simple_joints(part.extract(), name))
-            yield placement * parts[0][0], parts[0][1]
-            yield from parts[1:]
-    elif kind in ("JointModelUniversal", "JointModelSphericalZYX"):
-        if kind == "JointModelUniversal":
-            axes = [np.ravel(joint.axis1), np.ravel(joint.axis2)]
-        else:
-            axes = [*np.eye(3)[::-1]]
-        for k, axis in enumerate(axes):
-            simple = pin.JointModelRevoluteUnaligned(axis)
-            simple.setIndexes(joint.id, joint.idx_q + k, joint.idx_v + k)
-            yield identity, simple
-    else:
-        yield identity, joint
+def _link(parent: int, placement: pin.SE3, joint: pin.JointModel, q: int, v: int) -> Link | None:
+    """A joint of one axis or of fixed axes, its first coordinate and its first rate by index.
 
-
-def _link(parent: int, placement: pin.SE3, joint: pin.JointModel, name: str) -> Link:
-    kind = _KINDS.get(joint.shortname().removeprefix("JointModel"))
-    if kind is None:
-        problem = f"joint {name}: {joint.shortname()} has no compiled equations"
-        raise DescriptionError("compiled kernels", [problem])
+    A mimic joint is a turn or a slide whose twist is scaled, at rest where the one that it follows
+    is at zero. None for a joint without compiled equations.
+    """
+    short = joint.shortname().removeprefix("JointModel")
+    kind = _KINDS.get(short, "")
     data = joint.createData()
-    joint.calc(data, np.concatenate([np.zeros(joint.idx_q), _neutral(kind)]))
-    S = np.asarray(data.S if isinstance(data.S, np.ndarray) else data.S.matrix())
+    joint.calc(data, np.concatenate([np.zeros(max(joint.idx_q, 0)), _neutral(kind)]))
+    S = np.asarray(data.S if isinstance(data.S, np.ndarray) else data.S.matrix()).reshape(6, -1)
+    if short == "Mimic":
+        kind, placement = "turn" if S[3:].any() else "slide", placement * data.M
+    if not kind:
+        return None
     return Link(
         parent,
         clean(placement.rotation),
         clean(placement.translation),
         kind,
-        range(joint.idx_q, joint.idx_q + joint.nq),
-        range(joint.idx_v, joint.idx_v + joint.nv),
-        clean(S.reshape(6, joint.nv)),
+        range(q, q + (joint.nq or 1)),
+        range(v, v + S.shape[1]),
+        clean(S),
     )
 
 

@@ -177,8 +177,6 @@ def test_what_there_is_not_has_its_error():
         _ = idle.casadi().torques
     with pytest.raises(sst_pin.UnknownNameError, match="nowhere"):
         idle.casadi().frame_placement("nowhere")
-    with pytest.raises(sst_pin.errors.DescriptionError, match="rolling"):
-        _ = any_chain.rolling(True).casadi().step
     with pytest.raises(sst_pin.InputError, match="sign_width"):
         four_bar().casadi(sign_width=0)
 

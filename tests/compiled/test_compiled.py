@@ -431,21 +431,6 @@ def test_every_instruction_set_gives_the_same(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-def test_a_rolling_wheel_and_unbounded_joints_roll_out_on_the_reference_path():
-    """What has no compiled equations is left to the reference path, kernel by kernel."""
-    chain = any_chain.rolling(False)
-    chain.generic_configuration()
-    q, va, aa = moving(chain, 3)
-    expected = chain.generalized_forces(q, va, aa)
-    chain.compile()
-    found = chain.compute_torques(q, va, aa) if len(chain.motor_names) == 6 else expected
-    assert np.allclose(found, expected, rtol=1e-10)
-    tau = np.zeros((3, 2, len(chain.motor_names)))
-    chain.rollout(tau, q, 0 * va, 1e-4)
-    assert "rollout by the reference path" in chain.path
-
-
-@pytest.mark.slow
 def test_quaternions_stay_on_their_sphere_in_a_rollout():
     chain = any_chain.with_joint("spherical")
     q, va, _ = moving(chain, 2)

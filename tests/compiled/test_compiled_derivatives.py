@@ -31,7 +31,7 @@ COMPILED = {
     "four-bar": lambda: of_gallery("four_bar"),
     "geared": geared,
     "floating four-bar": floating_four_bar,
-    "delta": lambda: of_gallery("delta", springs_everywhere=False),
+    "delta": lambda: of_gallery("delta"),
 }
 
 
@@ -77,7 +77,7 @@ def assert_all_ways_agree(case, count):
 def test_derivatives_are_those_of_the_reference_path_and_casadis_own(name):
     """20 states; friction and springs everywhere, wrenches on all bodies."""
     make, *arguments = CASES[name]
-    assert_all_ways_agree(make(*arguments, springs_everywhere=False), 20)
+    assert_all_ways_agree(make(*arguments), 20)
 
 
 @pytest.mark.slow
@@ -85,7 +85,7 @@ def test_derivatives_are_those_of_the_reference_path_and_casadis_own(name):
 @pytest.mark.parametrize("name", TREES)
 def test_derivatives_through_every_closure_and_every_joint(name, kind):
     """Moving axes, closures of every kind, rolling ones too."""
-    assert_all_ways_agree(of_tree(name, kind, springs_everywhere=False), 2)
+    assert_all_ways_agree(of_tree(name, kind), 2)
 
 
 @pytest.mark.parametrize("name", ["free-flyer", "spherical", "planar", "translation", "composite"])

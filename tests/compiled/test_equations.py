@@ -17,23 +17,22 @@ from sst_pin.compiled.backend import sample_configurations
 from sst_pin.compiled.elimination import Factors, pivot_order
 from sst_pin.compiled.equations import Equations
 
+SPRUNG = ("translation", "spherical", "continuous", "universal")
+MIMICKING = ("6d", "3d", "hinge")
 CHAINS = (
     {f"joint {name}": lambda name=name: any_chain.with_joint(name) for name in any_chain.JOINTS}
     | {
         f"closure {kind}": lambda kind=kind: any_chain.chain(kind=kind)
         for kind in any_chain.CLOSURES
     }
+    | {f"springs {name}": lambda name=name: any_chain.sprung(name) for name in SPRUNG}
+    | {f"mimic {kind}": lambda kind=kind: any_chain.mimicking(kind) for kind in MIMICKING}
     | {
         "floating on a plane": lambda: any_chain.with_joint("free-flyer", kind="planar"),
         "rods": any_chain.rods,
         "coupled": any_chain.coupled,
         "disc": lambda: any_chain.rolling(False),
         "ball": lambda: any_chain.rolling(True),
-        "springs": lambda: any_chain.with_joint(
-            "translation",
-            stiffness=[5, 5, 5, 1, 0, 2, 3, 4, 5],
-            spring_reference=np.arange(9.0) / 10,
-        ),
         "coordinates other than motors": lambda: any_chain.chain(
             kind="3d", coordinates=["arm_1", "arm_2", "arm_3", "arm_4"], actuated=["body"]
         ),

@@ -39,6 +39,7 @@ typedef number real;
 #define FLIP(x, t) flip(x, t)
 #define SIGN(x) ((number)((x) > 0) - (number)((x) < 0))
 #define ABSOLUTE(x) ((x) < 0 ? -(x) : (x))
+#define AT_MOST(x, y) ((number)((x) <= (y)))
 
 /* x, or -x where the last bit of t is set. */
 HELPER number flip(number x, number t)
@@ -56,6 +57,7 @@ typedef long long mask __attribute__((vector_size(8 * LANES), may_alias));
 #define FLIP(x, t) ((real)((mask)(x) ^ ((mask)(t) << LAST_TO_FIRST)))
 #define SIGN(x) sign(x)
 #define ABSOLUTE(x) ((real)((mask)(x) & 0x7fffffffffffffffLL))
+#define AT_MOST(x, y) at_most((real){0} + (x), (real){0} + (y))
 #undef SQUARE_ROOT
 #define SQUARE_ROOT(x) square_root(x)
 
@@ -64,6 +66,12 @@ HELPER real sign(real x)
 {
     const real zero = x - x, one = zero + 1.0, minus_one = zero - 1.0;
     return (real)(((mask)one & (x > zero)) | ((mask)minus_one & (x < zero)));
+}
+
+/* 1 or 0. */
+HELPER real at_most(real x, real y)
+{
+    return (real)((mask)(x - x + 1.0) & (x <= y));
 }
 
 HELPER real square_root(real x)

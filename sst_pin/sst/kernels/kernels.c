@@ -645,7 +645,7 @@ int NAME(run_torques)(const rows *in, const rows *out, const double *p, ptrdiff_
         out, p, count, bad);
 }
 
-const int NAME(sizes_run_torques)[] = {241, 3, 9, 3, 3, 0};
+const int NAME(sizes_run_torques)[] = {241, 3, 9, 3, 3, -1};
 
 static void accelerations_constants(number *p)
 {
@@ -1411,7 +1411,7 @@ int NAME(run_accelerations)(const rows *in, const rows *out, const double *p, pt
         out, p, count, bad);
 }
 
-const int NAME(sizes_run_accelerations)[] = {254, 3, 9, 3, 3, 0};
+const int NAME(sizes_run_accelerations)[] = {254, 3, 9, 3, 3, -1};
 
 static void reduced_terms_constants(number *p)
 {
@@ -2517,7 +2517,7 @@ int NAME(run_reduced_terms)(const rows *in, const rows *out, const double *p, pt
         out, p, count, bad);
 }
 
-const int NAME(sizes_run_reduced_terms)[] = {266, 24, 9, 3, 0};
+const int NAME(sizes_run_reduced_terms)[] = {266, 24, 9, 3, -1};
 
 static void rates_constants(number *p)
 {
@@ -2741,7 +2741,7 @@ int NAME(run_rates)(const rows *in, const rows *out, const double *p, ptrdiff_t 
         out, p, count, bad);
 }
 
-const int NAME(sizes_run_rates)[] = {221, 9, 9, 3, 0};
+const int NAME(sizes_run_rates)[] = {221, 9, 9, 3, -1};
 
 static void closing_constants(number *p)
 {
@@ -3001,7 +3001,7 @@ int NAME(run_closing)(const rows *in, const rows *out, const double *p, ptrdiff_
         out, p, count, bad);
 }
 
-const int NAME(sizes_run_closing)[] = {224, 11, 9, 0};
+const int NAME(sizes_run_closing)[] = {224, 11, 9, -1};
 
 static void state_rate_constants(number *p)
 {
@@ -3769,7 +3769,7 @@ int NAME(run_rollout)(const rows *in, const courses *tau, ptrdiff_t half, const 
     return roll(&f, x, y, start, sum, in, tau, half, out, p, h, steps, count, reached);
 }
 
-const int NAME(sizes_run_rollout)[] = {294, 12, 9, 3, 3, 0};
+const int NAME(sizes_run_rollout)[] = {294, 12, 9, 3, 3, -1};
 
 int NAME(rate_rollout)(const rows *in, const rows *out, const double *p, ptrdiff_t count,
     unsigned char *bad)
@@ -3780,7 +3780,7 @@ int NAME(rate_rollout)(const rows *in, const rows *out, const double *p, ptrdiff
         out, p, count, bad);
 }
 
-const int NAME(sizes_rate_rollout)[] = {294, 12, 12, 3, 0};
+const int NAME(sizes_rate_rollout)[] = {294, 12, 12, 3, -1};
 
 static void torques_loaded_constants(number *p)
 {
@@ -4778,7 +4778,7 @@ int NAME(run_torques_loaded)(const rows *in, const rows *out, const double *p, p
         out, p, count, bad);
 }
 
-const int NAME(sizes_run_torques_loaded)[] = {271, 3, 9, 3, 3, 54, 0};
+const int NAME(sizes_run_torques_loaded)[] = {271, 3, 9, 3, 3, 54, -1};
 
 static void accelerations_loaded_constants(number *p)
 {
@@ -5899,7 +5899,7 @@ int NAME(run_accelerations_loaded)(const rows *in, const rows *out, const double
         out, p, count, bad);
 }
 
-const int NAME(sizes_run_accelerations_loaded)[] = {284, 3, 9, 3, 3, 54, 0};
+const int NAME(sizes_run_accelerations_loaded)[] = {284, 3, 9, 3, 3, 54, -1};
 
 static void state_rate_loaded_constants(number *p)
 {
@@ -7021,7 +7021,7 @@ int NAME(run_rollout_loaded)(const rows *in, const courses *tau, ptrdiff_t half,
     return roll(&f, x, y, start, sum, in, tau, half, out, p, h, steps, count, reached);
 }
 
-const int NAME(sizes_run_rollout_loaded)[] = {324, 12, 9, 3, 3, 54, 0};
+const int NAME(sizes_run_rollout_loaded)[] = {324, 12, 9, 3, 3, 54, -1};
 
 int NAME(rate_rollout_loaded)(const rows *in, const rows *out, const double *p, ptrdiff_t count,
     unsigned char *bad)
@@ -7032,4 +7032,4 @@ int NAME(rate_rollout_loaded)(const rows *in, const rows *out, const double *p, 
         out, p, count, bad);
 }
 
-const int NAME(sizes_rate_rollout_loaded)[] = {324, 12, 12, 3, 54, 0};
+const int NAME(sizes_rate_rollout_loaded)[] = {324, 12, 12, 3, 54, -1};
