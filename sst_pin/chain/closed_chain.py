@@ -1028,8 +1028,9 @@ class ClosedChain:
 
         Args:
             q: Configuration on the closures, shape (nq,), from around which the order of
-                elimination is chosen; a generic one by default. Give one of yours when the
-                mechanism has assembly modes that move in different ways.
+                elimination is chosen; a generic one by default, around `home` for a robot of the
+                gallery. Give one of yours when the mechanism has assembly modes that move in
+                different ways.
             derivatives: Whether to have those of the dynamics ready too. They take longer to
                 compile (docs/derivatives.md tells how long), and else are made at their first use.
 
@@ -1048,7 +1049,7 @@ class ClosedChain:
         from ..compiled.backend import DERIVATIVES, FIRST, CompiledBackend
 
         current = self._current
-        near = None if q is None else current.single(q)
+        near = current.near_samples(q)
         current.mechanism(near)
         kernels = FIRST + DERIVATIVES if derivatives else FIRST
         make = partial(CompiledBackend.make, names=kernels)
@@ -1089,7 +1090,7 @@ class ClosedChain:
         except ModuleNotFoundError:
             raise MissingExtraError("casadi", "compile") from None
         current = self._current
-        near = None if q is None else current.single(q)
+        near = current.near_samples(q)
         current.mechanism(near)
         width = positive_number("sign_width", sign_width)
         return CasadiFunctions(current.reference, near, width, external_wrenches)

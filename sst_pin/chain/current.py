@@ -168,7 +168,7 @@ class CurrentMechanism:
         if not array.size:
             return None
         first: Array = array[(0,) * (array.ndim - 1)]
-        if not np.isfinite(first).all():
+        if not (np.isfinite(first).all() and self.draft.space.on_manifold(first)):
             return None
         loops = self.reference.workspace.loops
         loops.evaluate(first)
@@ -234,7 +234,7 @@ class CurrentMechanism:
             others: By name: `tau`, shape (..., motors), the others, shape (..., n).
 
         Raises:
-            InputError: For another shape, or a q that is not on its manifold.
+            InputError: For another shape.
         """
         array = self.configurations(q)
         mechanism = self._settled
@@ -252,8 +252,6 @@ class CurrentMechanism:
                         f"{', '.join(mechanism.coordinate_rate_names)}",
                     )
                 raise
-        if not mechanism.space.euclidean:
-            mechanism.space.require_on_manifold(array)
         return mechanism, arrays
 
     def configurations(self, q: ArrayLike) -> Array:
@@ -262,9 +260,17 @@ class CurrentMechanism:
         return as_array("q", q, (self.draft.model.nq,))
 
     def single(self, q: ArrayLike) -> Array:
-        """One configuration, of the shape that the model has now."""
+        """One configuration, on the manifold that the model has now."""
         self.look()
-        return single_array("q", q, (self.draft.model.nq,))
+        array = single_array("q", q, (self.draft.model.nq,))
+        self.draft.space.require_on_manifold(array)
+        return array
+
+    def near_samples(self, q: ArrayLike | None) -> Array | None:
+        """Around which kernels are made: q, or a generic configuration, or None for anywhere."""
+        if q is not None:
+            return self.single(q)
+        return None if self.near is None else self.generic_configuration()
 
     def guess(self, q: ArrayLike) -> Array:
         """A configuration to start from, or the way to it from `pin.neutral`, shape (nv,)."""

@@ -163,7 +163,8 @@ class Workspace:
         self.zero = np.zeros(mechanism.model.nv)
 
     def evaluate(self, q: Array, tolerance: float = CLOSURE_TOLERANCE) -> None:
-        """Compute what depends on q, which must close the loops."""
+        """Compute what depends on q, which must be on its manifold and close the loops."""
+        self.mechanism.space.require_on_manifold(q)
         self.loops.evaluate(q)
         if tolerance == CLOSURE_TOLERANCE and self.loops.coincide(self._strict):
             return

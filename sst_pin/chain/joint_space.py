@@ -11,6 +11,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from ..arrays import finite_array
 from ..errors import InputError, UnknownNameError
 
 Array = NDArray[np.float64]
@@ -183,20 +184,27 @@ class JointSpace:
                 q[i : i + size] /= length
         return q
 
+    def on_manifold(self, q: Array) -> NDArray[np.bool]:
+        """Whether quaternions and cosine-sine pairs have length one, q of shape (..., nq)."""
+        return np.all(self._off_length_one(q) < 1e-6, axis=-1)
+
     def require_on_manifold(self, q: Array) -> None:
-        """Check that quaternions and cosine-sine pairs of q, shape (..., nq), have length one.
+        """Check that quaternions and cosine-sine pairs of q, shape (nq,), have length one.
 
         Raises:
-            InputError: When one does not.
+            InputError: When one does not, or when an entry is not finite.
         """
-        lengths = np.sqrt((q * q).dot(self._unit_parts))
-        off = float(np.abs(lengths - 1).max(initial=0))
-        if not off < 1e-6:
+        if not (self.euclidean or self.on_manifold(q)):
+            off = float(self._off_length_one(finite_array("q", q, q.shape)).max())
             raise InputError(
                 "q",
                 f"a quaternion, or a pair of cosine and sine, is off length one by {off:.3g}; "
                 "pinocchio.normalize corrects it",
             )
+
+    def _off_length_one(self, q: Array) -> Array:
+        """By how much each quaternion and each pair is, shape (..., parts)."""
+        return np.abs(np.sqrt((q * q).dot(self._unit_parts)) - 1)
 
     @cached_property
     def _unit_parts(self) -> Array:

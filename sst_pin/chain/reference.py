@@ -222,6 +222,7 @@ class Reference:
     def potential_energy(self, q: Array) -> Array:
         """Of the weights, zero with all masses at the origin, and of the springs, [J]."""
         ws, springs = self.workspace, self.mechanism.springs
+        self.mechanism.space.require_on_manifold(q)
         ws.loops.evaluate(q)
         masses = np.array([body.mass for body in list(ws.model.inertias)[1:]])
         energy = -masses.dot(mass_centers(ws.model, ws.data)).dot(ws.model.gravity.linear)

@@ -107,7 +107,8 @@ class CompiledBackend:
         self._lock = threading.RLock()
 
     def __str__(self) -> str:
-        without = [f"{name} by the reference path: {why}" for name, why in self._why.items()]
+        whys = {name: " ".join(why.split()) for name, why in self._why.items()}  # in one line
+        without = [f"{name} by the reference path: {why}" for name, why in whys.items()]
         lanes = build.TARGETS[self._binding.INSTRUCTIONS][0]
         instructions = f"{self._binding.INSTRUCTIONS}, {lanes} samples at once"
         return "; ".join([f"compiled kernels: {instructions}", *without])
@@ -449,6 +450,7 @@ class CompiledStates(ReferenceStates):
 
         parts = _slices(len(q), threads)
         reached = np.concatenate(_on_each(run, parts))
+        reached[~self._mechanism.space.on_manifold(q0)] = 0  # kernels normalise on the way
         steps = q.shape[1] - 1
         stride = 1 if tau.shape[1] == steps else 2
         for i in np.flatnonzero(reached <= steps):

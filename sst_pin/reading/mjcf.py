@@ -118,6 +118,7 @@ class _Reader:
             self._add_body(body)
         self._add_sites()
         closures, motors = tuple(self._closures()), tuple(self._motors())
+        self._add_body_frames()
         self._problems += self._forces()
         if self._problems:
             raise DescriptionError(self._source, self._problems)
@@ -243,6 +244,14 @@ class _Reader:
         for site in range(mj.nsite):
             place = pose_of(mj.site_pos[site], mj.site_quat[site])
             self._add_frame(self._site(site), mj.site_bodyid[site], place)
+
+    def _add_body_frames(self) -> None:
+        """As the links of a URDF; a joint or site that is called like a body keeps the name."""
+        for body in range(1, self._mj.nbody):
+            name = self._mj.body(body).name
+            if name and not self._model.existFrame(name):
+                parent, placement = self.bodies[body]
+                self._model.addFrame(pin.Frame(name, parent, placement, pin.FrameType.BODY))
 
     def _site(self, site: int) -> str:
         return self._mj.site(site).name or f"site_{site}"

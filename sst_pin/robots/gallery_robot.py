@@ -112,6 +112,7 @@ class GalleryRobot(ClosedChain):
                 q = self._configuration(self._joints(pin.SE3(pose)))
             if not np.isfinite(q).all():
                 raise WorkspaceError("the pose of the platform is out of reach")
+            q = self._current.draft.space.normalised(q)
             missed = np.abs(self._pose(q) - pose)[self._rows].max()
             opened = np.abs(self.residual(q)).max()
             if max(missed, opened) > CLOSURE_TOLERANCE:
@@ -138,8 +139,12 @@ class GalleryRobot(ClosedChain):
             >>> chain.platform_pose(chain.home)[:3, 3].round(3)
             array([ 0.   ,  0.   , -0.232])
         """
-        q = finite_array("q", q, (self._tree.nq,))
-        return for_each_sample(self._pose, (q,), (1,), (4, 4))
+
+        def pose(q: Array) -> Array:
+            self._current.draft.space.require_on_manifold(q)
+            return self._pose(q)
+
+        return for_each_sample(pose, (finite_array("q", q, (self._tree.nq,)),), (1,), (4, 4))
 
     def _configuration(self, joints: Joints) -> Array:
         q: Array = pin.neutral(self._tree)

@@ -391,7 +391,7 @@ class SST(ClosedChain):
 
     # --- dynamics ---------------------------------------------------------------------------
 
-    def compute_torques(  # type: ignore[override]
+    def compute_torques(
         self,
         q: ArrayLike,
         va: ArrayLike,
@@ -399,6 +399,7 @@ class SST(ClosedChain):
         *,
         platform_moment: ArrayLike | None = None,
         external_wrenches: ArrayLike | None = None,
+        weights: ArrayLike | None = None,
         out: Array | None = None,
         threads: int = 1,
         on_error: str = "raise",
@@ -413,6 +414,8 @@ class SST(ClosedChain):
                 (..., 3), [N m].
             external_wrenches: [moment; force] that the surroundings exert on each of the nine
                 bodies at its mass centre, base axes, shape (..., 9, 6).
+            weights: As in `ClosedChain.compute_torques`; three motors for three freedoms leave
+                nothing to weigh.
             out: Array for the result, shape (..., 3).
             threads: How many share a batch; the reference path takes one.
             on_error: "raise", or "nan": samples that fail become NaN.
@@ -430,7 +433,7 @@ class SST(ClosedChain):
         current = self._current
         if current.unseen:
             current.look()
-        if external_wrenches is None and on_error == "raise":
+        if external_wrenches is weights is None and on_error == "raise":
             answer = current.torques_of(
                 q, va, aa, kernel_path.load_row(platform_moment), out, threads
             )
@@ -438,7 +441,14 @@ class SST(ClosedChain):
                 return answer[1]
         wrenches = _with_moment(platform_moment, external_wrenches)
         return super().compute_torques(
-            q, va, aa, external_wrenches=wrenches, out=out, threads=threads, on_error=on_error
+            q,
+            va,
+            aa,
+            external_wrenches=wrenches,
+            weights=weights,
+            out=out,
+            threads=threads,
+            on_error=on_error,
         )
 
     def compute_accelerations(

@@ -103,7 +103,8 @@ def _home(robot: reading.Extended, path: Path, found: reading.Cuts) -> Iterator[
     if "home" not in robot.model.referenceConfigurations:
         return
     chain = ClosedChain(robot.model, robot.closures, robot.actuated)
-    gap = np.abs(chain.residual(robot.model.referenceConfigurations["home"])).max()
+    home = pin.normalize(robot.model, robot.model.referenceConfigurations["home"])
+    gap = np.abs(chain.residual(home)).max()
     try:
         chain.home  # noqa: B018
     except ClosureError:

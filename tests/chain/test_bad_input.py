@@ -169,6 +169,49 @@ def test_a_batch_names_the_samples_whose_numbers_are_not_finite(robot):
     assert caught.value.samples == ((1, 2),)
 
 
+@pytest.fixture(scope="module")
+def afloat():
+    """A four-bar on a base that floats, whose quaternion no loop depends on."""
+    single, closures = four_bar(0.2, 0.3, 0.25, 0.3)
+    model = pin.Model()
+    root = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "root")
+    model.appendBodyToJoint(root, pin.Inertia.Random(), pin.SE3.Identity())
+    model.addFrame(pin.Frame("base", root, pin.SE3.Identity(), pin.FrameType.BODY))
+    model = pin.appendModel(model, single, model.getFrameId("base"), pin.SE3.Identity())
+    return sst_pin.ClosedChain(model, closures, ["crank"])
+
+
+def test_a_quaternion_off_length_one_is_that_samples_fault(afloat):
+    """Wherever q goes in, named among the samples; NaN where samples at fault become NaN."""
+    q, one = afloat.generic_configuration(), np.ones(7)
+    long, unknown = q.copy(), q.copy()
+    long[3:7] *= 1.1
+    unknown[4] = np.nan
+    for wrong, word in ((long, "off length one by 0.1"), (unknown, r"entry \[4\] is nan")):
+        for call in (
+            afloat.residual,
+            afloat.Phi,
+            afloat.condition_number,
+            afloat.mobility,
+            afloat.potential_energy,
+            lambda q: afloat.noc(q, one),
+            lambda q: afloat.joint_rates(q, one),
+            lambda q: afloat.frame_jacobian(q, "base"),
+            lambda q: afloat.rollout(np.zeros((3, 1)), q, one, 1e-3),
+        ):
+            with pytest.raises(sst_pin.InputError, match=word):
+                call(wrong)
+        batch = np.array([q, wrong, q])
+        with pytest.raises(sst_pin.InputError, match=word) as caught:
+            afloat.generalized_forces(batch, one, one)
+        assert caught.value.samples == ((1,),)
+        f = afloat.generalized_forces(batch, one, one, on_error="nan")
+        assert np.isnan(f[1]).all()
+        assert np.array_equal(f[[0, 2]], [afloat.generalized_forces(q, one, one)] * 2)
+        rolled = afloat.rollout(np.zeros((3, 3, 1)), batch, one, 1e-3, on_error="nan")
+        assert np.isnan(rolled.q).all(axis=(1, 2)).tolist() == [False, True, False]
+
+
 def test_motors_that_do_not_suffice_or_are_more_are_told(robot):
     """Two motors leave a freedom, four are one more than needed; mobility says how."""
     pairs = [("closedloop1_A", "closedloop1_B"), ("closedloop2_A", "closedloop2_B")]

@@ -79,8 +79,7 @@ def test_kernels_give_the_numbers_of_the_reference_path_or_leave_the_state_to_it
         kernels, reference = SST(), SST(kernels=False)
     else:
         kernels, reference = (getattr(robots, name)() for _ in range(2))
-        # Folded flat, where a generic configuration may lie, a scissor lift moves in other ways.
-        kernels.compile(kernels.home if name == "scissor_lift" else None)
+        kernels.compile()
     q, conditions = wander(reference, reference.home, configurations, 0)
     q, conditions = np.repeat(q, 5, axis=0), np.repeat(conditions, 5)
     va, aa = np.random.default_rng(1).normal(size=(2, len(q), reference.degrees_of_freedom))

@@ -347,6 +347,21 @@ def test_the_tree_moves_as_in_mujoco(mjcf):
         np.testing.assert_allclose(nle, data.qfrc_bias, atol=1e-12)
 
 
+def test_bodies_are_frames_as_the_links_of_a_urdf_are(mjcf):
+    """Where MuJoCo has them, on moving joints and on the base."""
+    mj, model = mujoco.MjModel.from_xml_path(str(mjcf)), read_mjcf(mjcf).model
+    data, theirs = model.createData(), mujoco.MjData(mj)
+    for q, _, qpos in states():
+        theirs.qpos = qpos
+        mujoco.mj_forward(mj, theirs)
+        pin.framesForwardKinematics(model, data, q)
+        for name in "abcd":
+            frame = data.oMf[model.getFrameId(name, pin.FrameType.BODY)]
+            np.testing.assert_allclose(frame.translation, theirs.body(name).xpos, atol=1e-12)
+            R = theirs.body(name).xmat.reshape(3, 3)
+            np.testing.assert_allclose(frame.rotation, R, atol=1e-12)
+
+
 def in_mujoco(R, q, v, dv):
     """`qpos`, `qvel`, `qacc` of a tree whose first joints are free, orientation R, and a ball.
 
