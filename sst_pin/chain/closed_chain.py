@@ -225,6 +225,16 @@ class ClosedChain:
         return self._current.draft.motor_names
 
     @property
+    def motor_units(self) -> tuple[str, ...]:
+        """For each motor "Nm" or "N", by the joints that it acts on.
+
+        Example:
+            >>> robot.motor_units
+            ('Nm', 'Nm', 'Nm')
+        """
+        return self._current.draft.space.force_units(self.actuation)
+
+    @property
     def coordinates(self) -> tuple[str, ...]:
         """Names of the independent joints; of a joint that is one only in part, its rates.
 
@@ -1254,6 +1264,7 @@ class ClosedChain:
             stopped,
             coordinates=mechanism.coordinate_rate_names,
             rate_units=tuple(space.rate_units[k] for k in mechanism.coordinates),
+            torque_units=space.force_units(mechanism.motors),
         )
 
     def simulate(

@@ -86,10 +86,9 @@ def read_torques(chain: ClosedChain, table: Table) -> Array:
     Raises:
         FileFormatError: When one is missing.
     """
-    unit = angles_and_lengths(chain)
     columns = []
-    for number, name in enumerate(chain.motor_names, 1):
-        force = "N" if unit.get(name) == "m" else "Nm"
+    motors = zip(chain.motor_names, chain.motor_units, strict=True)
+    for number, (name, force) in enumerate(motors, 1):
         named = f"tau_{name}_{force}"
         columns.append(named if named in table.columns else f"tau_{number}_{force}")
     return table.select(columns)

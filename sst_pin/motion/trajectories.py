@@ -26,9 +26,8 @@ Array = NDArray[np.float64]
 #: What makes two motions the same, and what a file holds.
 _COMPARED = (
     *("t", "q", "va", "aa", "tau"),
-    *("joint_names", "actuated", "units", "coordinates", "rate_units"),
+    *("joint_names", "actuated", "units", "coordinates", "rate_units", "torque_units"),
 )
-_WORDS = _COMPARED[5:]
 _TORQUE = re.compile(r"tau_(.+)_(Nm|N)")
 _POSITION = re.compile(r"(.+)_(?:(rad|m)|1)")
 
@@ -51,6 +50,8 @@ class Trajectory:
         units: "rad" or "m" for each entry of q; "" for those of quaternions.
         coordinates: Names of the coordinates' rates; the motors by default.
         rate_units: "rad" or "m" for each of them.
+        torque_units: "Nm" or "N" for each motor; by default "N" for one with the name of what
+            moves in metres.
         stopped: Why a simulation ended before its last time; empty when it did not. A remark:
             it does not take part in comparisons and is not kept in a CSV.
 
@@ -71,6 +72,7 @@ class Trajectory:
     stopped: str
     coordinates: tuple[str, ...]
     rate_units: tuple[str, ...]
+    torque_units: tuple[str, ...]
 
     def __init__(
         self,
@@ -86,16 +88,21 @@ class Trajectory:
         *,
         coordinates: Sequence[str] | None = None,
         rate_units: Sequence[str] | None = None,
+        torque_units: Sequence[str] | None = None,
     ) -> None:
         times = sample_times(t)
         joint_names = _names("joint_names", joint_names)
         actuated = _names("actuated", actuated)
         coordinates = actuated if coordinates is None else _names("coordinates", coordinates)
         units = _units("units", units or ("rad",) * len(joint_names), joint_names, ("rad", "m", ""))
+        unit = dict(zip(joint_names, units, strict=True))
         if rate_units is None:
-            unit = dict(zip(joint_names, units, strict=True))
             rate_units = [unit.get(name) or "rad" for name in coordinates]
         rate_units = _units("rate_units", rate_units, coordinates, ("rad", "m"))
+        if torque_units is None:
+            unit |= dict(zip(coordinates, rate_units, strict=True))
+            torque_units = ["N" if unit.get(name) == "m" else "Nm" for name in actuated]
+        torque_units = _units("torque_units", torque_units, actuated, ("Nm", "N"))
         if not isinstance(stopped, str):
             raise InputError("stopped", f"{stopped!r} is not a text")
         arrays = {
@@ -116,6 +123,7 @@ class Trajectory:
         object.__setattr__(self, "units", units)
         object.__setattr__(self, "coordinates", coordinates)
         object.__setattr__(self, "rate_units", rate_units)
+        object.__setattr__(self, "torque_units", torque_units)
         object.__setattr__(self, "stopped", stopped)
 
     def __len__(self) -> int:
@@ -162,6 +170,7 @@ class Trajectory:
             self.stopped if chosen[-1] == len(self) - 1 else "",
             coordinates=self.coordinates,
             rate_units=self.rate_units,
+            torque_units=self.torque_units,
         )
 
     def between(self, start: float, end: float) -> Trajectory:
@@ -300,27 +309,15 @@ class Trajectory:
     def _load_npz(cls, path: Path) -> Trajectory:
         try:
             with np.load(path, allow_pickle=False) as file:
-                content = {name: file[name] for name in (*_COMPARED, "stopped")}
+                older = {"torque_units"} - set(file.files)
+                content = {n: file[n] for n in (*_COMPARED, "stopped") if n not in older}
         except Exception as error:  # a wrong byte may meet anything in zipfile and NumPy
             raise FileFormatError(path, f"not a motion: {error}") from None
-        words = {key: content.pop(key).tolist() for key in (*_WORDS, "stopped")}
+        words = {key: content.pop(key).tolist() for key in content.keys() - set(_COMPARED[:5])}
         try:
             return cls(**content, **words)
         except InputError as error:
             raise FileFormatError(path, f"not a motion: {error}") from None
-
-    @property
-    def torque_units(self) -> tuple[str, ...]:
-        """For each motor "Nm" or "N".
-
-        Example:
-            >>> motion = chain.simulate([0], chain.home, [0], [0, 0.05, 0.1])
-            >>> motion.torque_units
-            ('Nm',)
-        """
-        unit = dict(zip(self.joint_names, self.units, strict=True))
-        unit |= dict(zip(self.coordinates, self.rate_units, strict=True))
-        return tuple("N" if unit.get(name) == "m" else "Nm" for name in self.actuated)
 
     def _columns(self) -> list[str]:
         labels = list(self.actuated)
@@ -388,6 +385,7 @@ def motion_of_table(table: Table) -> Trajectory:
         units,
         coordinates=rate_names,
         rate_units=rate_units,
+        torque_units=forces,
     )
 
 

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..chain.closed_chain import ClosedChain
-from ..chain.joint_space import JointSpace
 from ..motion.energy import motor_powers
 from ..motion.trajectories import Trajectory
 
@@ -29,9 +28,7 @@ _WORDS = {
 
 def motor_units(robot: ClosedChain) -> list[str]:
     """Unit of what each motor gives, "N m" or "N"."""
-    units = JointSpace(robot.model).rate_units
-    acts_on = (int(np.flatnonzero(column)[0]) for column in robot.actuation.T)
-    return [{"rad": "N m", "m": "N"}[units[i]] for i in acts_on]
+    return [unit.replace("Nm", "N m") for unit in robot.motor_units]
 
 
 def curves_of(robot: ClosedChain, motion: Trajectory) -> list[dict[str, Any]]:

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 import numpy as np
+import pinocchio as pin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -7,6 +8,7 @@ from hypothesis.extra.numpy import arrays
 
 import sst_pin
 from sst_pin.files import read_table, write_files
+from sst_pin.motion.motion_files import load_motion
 from sst_pin.sst import paper
 
 NAMES = ("gamma_1", "mu_1", "slide")
@@ -333,3 +335,25 @@ def test_a_motion_prints_as_a_few_lines(motion):
     assert "joint_8< and 31 more" in repr(wide)
     assert "joint_8&lt; and 31 more" in wide._repr_html_()
     assert max(map(len, repr(wide).splitlines())) < 250
+
+
+def test_a_tendon_over_sliding_joints_gives_newtons(tmp_path):
+    """By what it acts on, not by its name; in files and what is read of them, too."""
+    model = pin.Model()
+    for name in ("left", "right"):
+        model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), name)
+        model.appendBodyToJoint(model.njoints - 1, pin.Inertia.Random(), pin.SE3.Identity())
+    together = sst_pin.Coupling("right", {"left": (0, 1)})
+    chain = sst_pin.ClosedChain(model, [together], [{"left": 0.5, "right": 0.5}])
+    assert chain.motor_units == ("N",)
+    zero = np.zeros((2, 1))
+    motion = chain.trajectory([0, 1], np.zeros((2, 2)), zero, zero)
+    assert motion.torque_units == motion[:1].torque_units == ("N",)
+    for name in ("m.csv", "m.npz"):
+        motion.save(tmp_path / name)
+        assert sst_pin.Trajectory.load(tmp_path / name) == motion
+        assert load_motion(chain, tmp_path / name) == motion
+    with np.load(tmp_path / "m.npz") as file:
+        older = {key: file[key] for key in file.files if key != "torque_units"}
+    np.savez(tmp_path / "older.npz", **older)
+    assert sst_pin.Trajectory.load(tmp_path / "older.npz").torque_units == ("Nm",)
