@@ -18,6 +18,9 @@ from ..errors import BrowserError, MissingExtraError
 #: Programs that can take the pictures, the first that is there.
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 
+#: Until a page has to be there, [s]; large meshes take their time without a graphics card.
+_PATIENCE = 240
+
 
 def find_browser() -> str:
     """Path of a Chromium.
@@ -37,7 +40,7 @@ def browser() -> Iterator[Any]:
     """A Chromium without a window, as Playwright's `Browser`.
 
     Raises:
-        BrowserError: When there is none, or it does not start.
+        BrowserError: When there is none, or it does not start, or fails at what it is asked.
         MissingExtraError: Without Playwright.
     """
     try:
@@ -53,8 +56,11 @@ def browser() -> Iterator[Any]:
             chromium = playwright.chromium.launch(executable_path=path, args=arguments)
         except Error as error:
             raise BrowserError(f"{path} does not start: {error.message.splitlines()[0]}") from None
-        with chromium:
-            yield chromium
+        try:
+            with chromium:
+                yield chromium
+        except Error as error:
+            raise BrowserError(f"{path} failed: {error.message.splitlines()[0]}") from None
 
 
 def png(
@@ -111,6 +117,7 @@ def _take(html: str, shares: list[float], size: tuple[int, int], scale: float) -
         file = Path(folder, "page.html")
         file.write_text(html, encoding="utf-8")
         page = chromium.new_page(viewport=viewport, device_scale_factor=scale)
+        page.set_default_timeout(1e3 * _PATIENCE)
         page.goto(file.as_uri())
         page.evaluate("panel.picture()")
         for share in shares:

@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 from ..chain.closed_chain import ClosedChain
 from ..errors import ClosureError, DescriptionError, InputError
 from ..sst.robot import SST
+from .bodies import body_shapes
 from .joints import arrows_of, axes_of
 from .names import names_of, point_of
 from .parts import COLOURS, Shape
-from .shapes import solid, tube
+from .shapes import tube
 from .skeleton import masses, points_of, skeleton, struts
 
 Array = NDArray[np.float64]
@@ -60,18 +61,7 @@ class Scene:
         self._model, self._data = robot.model, robot.model.createData()
         model = self._model
         bodies = robot.visual_model if visual_model is None else visual_model
-        self.shapes = [
-            Shape(
-                str(body.parentJoint),
-                "bodies",
-                body.name,
-                solid(body.geometry),
-                _hex(body.meshColor[:3]),
-                float(body.meshColor[3]),
-                body.placement.homogeneous,
-            )
-            for body in bodies.geometryObjects
-        ]
+        self.shapes = [shape for body in bodies.geometryObjects for shape in body_shapes(body)]
         bare = not self.shapes
         self.start, self.point = start_of(robot), point_of(robot)
         lines = axes_of(model, self._data, self.start)
@@ -198,7 +188,3 @@ def _directions() -> Array:
     turn = np.pi * (1 + np.sqrt(5)) * np.arange(_DIRECTIONS)
     r = np.sqrt(1 - z**2)
     return np.stack([r * np.cos(turn), r * np.sin(turn), z], axis=1)
-
-
-def _hex(colour: Array) -> str:
-    return "#" + "".join(f"{round(255 * float(c)):02X}" for c in np.clip(colour, 0, 1))

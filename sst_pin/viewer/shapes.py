@@ -92,7 +92,11 @@ def solid(geometry: coal.CollisionGeometry) -> Mesh:
     Raises:
         InputError: For one without a surface of its own: a plane, an octree.
     """
-    mesh = _surface(geometry)
+    return shaded(_surface(geometry))
+
+
+def shaded(mesh: trimesh.Trimesh) -> Mesh:
+    """A surface whose vertices are doubled along its edges, so that these look sharp."""
     mesh.merge_vertices()
     if len(mesh.faces):  # else a file of points
         mesh = trimesh.graph.smooth_shade(mesh, angle=_EDGE, facet_minarea=None)

@@ -13,7 +13,9 @@ import any_chain
 import sst_pin
 from sst_pin import errors
 from sst_pin.cli import main
+from sst_pin.reading.shapes import UrdfShapes
 from sst_pin.viewer import Viewer
+from sst_pin.viewer.bodies import body_shapes
 from sst_pin.viewer.curves import curves_of
 from sst_pin.viewer.scene import LAYERS, Scene
 
@@ -375,3 +377,57 @@ def test_powers_add_up_to_what_the_motion_takes(name):
     assert powers.sum() + lost == pytest.approx(
         (energy[1] - energy[0]) / (2 * h), rel=1e-4, abs=1e-5
     )
+
+
+_TWO = """mtllib two.mtl
+o left
+{left}usemtl red
+{faces}o right
+{right}usemtl green
+{more}"""
+
+
+def two_pieces(folder):
+    """A mesh file of a red and a green tetrahedron, side by side."""
+    corners = np.vstack([np.zeros(3), np.eye(3)])
+    rows = [
+        "".join("v {} {} {}\n".format(*corner) for corner in corners + np.array((shift, 0, 0)))
+        for shift in (0, 2)
+    ]
+    faces = np.array([(1, 3, 2), (1, 2, 4), (1, 4, 3), (2, 3, 4)])
+    listed = ["".join("f {} {} {}\n".format(*f) for f in faces + k) for k in (0, 4)]
+    text = _TWO.format(left=rows[0], right=rows[1], faces=listed[0], more=listed[1])
+    (folder / "two.obj").write_text(text)
+    (folder / "two.mtl").write_text("newmtl red\nKd 1 0 0\nnewmtl green\nKd 0 1 0\n")
+    both = trimesh.load(folder / "two.obj", force="scene").dump()
+    for part in both:
+        part.visual.material = part.visual.material.to_pbr()  # what the writer of DAE knows
+    (folder / "two.dae").write_bytes(trimesh.exchange.dae.export_collada(both))
+
+
+@pytest.mark.parametrize("ending", ["obj", "dae"])
+@pytest.mark.parametrize("own", [True, False])
+def test_colours_in_mesh_files_are_shown_where_the_description_has_none(tmp_path, ending, own):
+    """Each triangle in its material's colour, where and as large as coal has it."""
+    two_pieces(tmp_path)
+    material = "" if own else '<material name="m"><color rgba="0 0 1 0.5"/></material>'
+    mesh = f'<mesh filename="two.{ending}" scale="0.1 0.2 0.3"/>'
+    urdf = (
+        f'<robot name="r"><link name="base"><visual><origin xyz="1 0 0"/>'
+        f"<geometry>{mesh}</geometry>{material}</visual></link></robot>"
+    )
+    shapes = UrdfShapes(urdf, tmp_path)(pin.buildModelFromXML(urdf))
+    (body,) = shapes.geometryObjects
+    found = {shape.colour: shape for shape in body_shapes(body)}
+    if not own:
+        (blue,) = found.values()
+        assert (blue.colour, blue.opacity) == ("#0000FF", 0.5)
+        return
+    assert sorted(found) == ["#00FF00", "#FF0000"]
+    for colour, shift in (("#FF0000", 0), ("#00FF00", 0.2)):
+        shape = found[colour]
+        assert len(shape.mesh.faces) == 4
+        low, high = shape.mesh.vertices.min(axis=0), shape.mesh.vertices.max(axis=0)
+        assert np.abs(low - (shift, 0, 0)).max() < 1e-6
+        assert np.abs(high - (shift + 0.1, 0.2, 0.3)).max() < 1e-6
+        assert shape.at[0, 3] == 1
