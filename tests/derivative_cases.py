@@ -13,8 +13,9 @@ from sst_pin import ClosedChain, Closure, robots
 from sst_pin.chain.closures import Coupling, Distance, Rolling
 from trees import random_q, tree
 
-#: Sixth-order central differences: values at -3, -2, ..., 3 steps.
-WEIGHTS = np.array([-1, 9, -45, 0, 45, -9, 1]) / 60
+#: Sixth-order central differences: the steps of the values, and their weights.
+STEPS = (-3, -2, -1, 1, 2, 3)
+WEIGHTS = np.array([-1, 9, -45, 45, -9, 1]) / 60
 H = 5e-4
 #: Coulomb friction rises within this; some joints of random motions are as slow.
 WIDTH = 0.2
@@ -22,7 +23,7 @@ WIDTH = 0.2
 
 def derivative(function, h=H):
     """Derivative at 0: the truncation is h^6 times seventh derivatives, rounding 1e-16 / h."""
-    sides = [np.asarray(function(k * h)) for k in range(-3, 4)]
+    sides = [np.asarray(function(k * h)) for k in STEPS]
     return np.tensordot(WEIGHTS, sides, 1) / h
 
 
@@ -72,7 +73,9 @@ class Case:
         L = self.L(q)
         friction = L.T @ (self.coulomb * np.tanh(L @ va / WIDTH))
         aa = self.twin.compute_accelerations(q, va, tau, external_wrenches=wrenches)
-        return aa - np.linalg.solve(self.twin.noc(q, va).inertia, friction)
+        n = len(va)
+        forces = self.twin.generalized_forces(q, va, np.vstack([np.zeros(n), np.eye(n)]))
+        return aa - np.linalg.solve((forces[1:] - forces[0]).T, friction)
 
     def way(self, q, random):
         """Rates of the coordinates at which no joint moves faster than 1."""
@@ -208,7 +211,7 @@ def assert_derivatives_are_those_of_differences(case, q, va, aa, wrenches, rando
     chain, way = case.chain, case.way(q, random)
     tau, push = random.uniform(-5, 5, (2, len(chain.motor_names)))
     options = {"external_wrenches": wrenches, "sign_width": WIDTH}
-    moved = {k * H: case.at(q, way, k * H) for k in range(-3, 4)}
+    moved = {k * H: case.at(q, way, k * H) for k in STEPS}
 
     def f(q, va, aa):
         return case.forces(q, va, aa, wrenches)

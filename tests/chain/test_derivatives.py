@@ -12,6 +12,7 @@ from scipy.linalg import expm
 from derivative_cases import (
     CASES,
     CONSTRAINTS,
+    STEPS,
     TREES,
     WEIGHTS,
     WIDTH,
@@ -304,7 +305,7 @@ def test_derivatives_of_a_frames_velocity_are_those_of_differences(make):
         d = chain.frame_velocity_derivatives(q, va, frame)
         close(d.dva, chain.frame_jacobian(q, frame), 1e-13)
         way = case.way(q, random)
-        sides = [case.at(q, way, k * H) for k in range(-3, 4)]
+        sides = [case.at(q, way, k * H) for k in STEPS]
         velocity = WEIGHTS @ (chain.frame_jacobian(sides, frame) @ va) / H
         close(d.dq @ way, velocity, 1e-9)
         close(d.dq @ va, chain.frame_drift(q, va, frame), 1e-12)
@@ -317,6 +318,6 @@ def test_the_rate_of_a_frames_jacobian_is_that_of_differences(make):
     chain, frame = case.chain, case.chain.model.frames[-1].name
     for q, va, _, _ in case.states(3):
         J_dot = chain.frame_jacobian_rate(q, va, frame)
-        sides = [case.at(q, va, k * H) for k in range(-3, 4)]
+        sides = [case.at(q, va, k * H) for k in STEPS]
         close(J_dot, np.tensordot(WEIGHTS, chain.frame_jacobian(sides, frame), 1) / H, 1e-8)
         close(J_dot @ va, chain.frame_drift(q, va, frame), 1e-12)

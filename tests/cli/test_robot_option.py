@@ -225,7 +225,7 @@ LONG_COMMANDS = {
     "describe": ("describe", "-o", "e"),
     "paper": ("paper", "--samples", "11", "-o", "f"),
     "show": ("show", "--html", "g.html"),
-    "verify": ("verify", "--quick"),
+    "verify": ("verify", "--quick", "--urdf", str(sst_pin.URDF_PATH)),
     "workspace": ("workspace", "-o", "h.svg"),
 }
 FAULTS = {

@@ -8,7 +8,7 @@ import any_chain
 from commands import said_without
 from derivative_cases import close, derivative
 from sst_pin.errors import DescriptionError, InputError
-from sst_pin.robots import delta, four_bar
+from sst_pin.robots import five_bar, four_bar
 
 jax = pytest.importorskip("jax", reason="JAX is not installed (extra `jax`)")
 
@@ -21,11 +21,11 @@ def double_precision():
     jax.config.update("jax_enable_x64", before)
 
 
-@pytest.fixture(params=["four-bar", pytest.param("compiled delta", marks=pytest.mark.slow)])
+@pytest.fixture(params=["four-bar", pytest.param("compiled five-bar", marks=pytest.mark.slow)])
 def chain(request):
     if request.param == "four-bar":
         return four_bar()
-    robot = delta()
+    robot = five_bar()
     robot.compile(derivatives=True)
     return robot
 

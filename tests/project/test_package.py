@@ -52,10 +52,10 @@ def test_wheel_of_the_source_archive_brings_the_robot_into_an_empty_environment(
     links = re.findall(r"\]\(([^)]+)\)", re.sub(r"```.*?```", "", shown, flags=re.DOTALL))
     assert links
     assert all(link.startswith("https://") for link in links)  # an index has no files beside it
-    venv.create(tmp_path / "env", with_pip=True)
+    venv.create(tmp_path / "env")
     python = tmp_path / "env" / "bin" / "python"
-    pip = [python, "-I", "-m", "pip", "install", "--no-index", "--no-deps", wheel]
-    subprocess.run(pip, check=True, capture_output=True)
+    pip = [sys.executable, "-m", "pip", "--python", python, "install", "--no-index", "--no-deps"]
+    subprocess.run([*pip, wheel], check=True, capture_output=True)
     # Its dependencies are lent by this environment, which must not lend the sources.
     lent = [p for p in sys.path if "site-packages" in p and Path(p) != ROOT]
     version = f"python{sysconfig.get_python_version()}"
@@ -88,7 +88,7 @@ def test_a_machine_without_a_compiler_gets_the_reference_path(tmp_path):
     """Installation succeeds, torques come out, and the reason is told."""
     build = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "-o", tmp_path / "dist"]
     copy = tmp_path / "source"
-    skipped = shutil.ignore_patterns(".git*", "*.so", "build", "*.egg-info", ".*_cache")
+    skipped = shutil.ignore_patterns(".*", "*.so", "build", "*.egg-info", "node_modules")
     shutil.copytree(ROOT, copy, ignore=skipped)
     environment = os.environ | {"CC": "/nowhere/cc", "LDSHARED": "/nowhere/cc"}
     subprocess.run([*build, copy], env=environment, check=True, capture_output=True)

@@ -317,7 +317,7 @@ def test_every_instruction_set_of_the_machine_computes_the_same():
 def test_all_of_the_dynamics_holds_without_the_kernels():
     """The tests of the dynamics and of bad input, once more on the reference path."""
     tests = [ROOT / "tests" / "chain" / name for name in ("test_dynamics.py", "test_bad_input.py")]
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *tests]
+    command = [sys.executable, "-m", "pytest", "-q", "-n", "0", "-p", "no:cacheprovider", *tests]
     environment = os.environ | {"SST_PIN_KERNELS": "off"}
     result = subprocess.run(
         command, env=environment, cwd=ROOT, capture_output=True, text=True, check=False

@@ -26,15 +26,32 @@ def no_engines(monkeypatch):
     monkeypatch.setattr(referees, "import_module", import_module)
 
 
+@pytest.fixture(scope="module")
+def quick():
+    """The rows of the quick run."""
+    return list(verify.verify_sst(quick=True))
+
+
+def shown(monkeypatch, rows):
+    """Exit code of the command with these rows, as table and as JSON."""
+    monkeypatch.setattr(verify, "verify_sst", lambda _: iter(rows))
+    return main(["verify", "--quick"]), main(["verify", "--quick", "--json"])
+
+
 @pytest.mark.slow
-def test_every_referee_agrees_in_the_quick_run(capsys):
-    """One command, one table, exit code 0."""
-    assert main(["verify", "--quick"]) == 0
-    out = capsys.readouterr().out
+def test_every_referee_agrees_in_the_quick_run(quick, monkeypatch, capsys):
+    """One command, one table, exit code 0; JSON for machines."""
+    assert shown(monkeypatch, quick) == (0, 0)
+    out, _, text = capsys.readouterr().out.partition("\n{\n")
     assert out.splitlines()[-1] == "all agree"
     assert "virtual work" in out
     assert "Lagrange multipliers" in out
     assert "DISAGREES" not in out
+    content = json.loads("{" + text)
+    assert content["passed"] is True
+    asked = {comparison["referee"] for comparison in content["comparisons"]}
+    assert {"reference path", "virtual work", "Lagrange multipliers", "energy"} <= asked
+    assert all(c["relative"] <= c["limit"] for c in content["comparisons"])
 
 
 @pytest.mark.slow
@@ -48,17 +65,6 @@ def test_the_whole_run_includes_those_that_step_in_time():
     for package, name in (("exudyn", "Exudyn, time-stepped"), ("mujoco", "MuJoCo, welded")):
         missing = {error.package for error in verify.skipped()}
         assert (name in names) == (package not in missing)
-
-
-@pytest.mark.slow
-def test_json_holds_what_the_table_shows(capsys):
-    """For machines."""
-    assert main(["verify", "--quick", "--json"]) == 0
-    content = json.loads(capsys.readouterr().out)
-    assert content["passed"] is True
-    asked = {comparison["referee"] for comparison in content["comparisons"]}
-    assert {"reference path", "virtual work", "Lagrange multipliers", "energy"} <= asked
-    assert all(c["relative"] <= c["limit"] for c in content["comparisons"])
 
 
 @pytest.mark.slow
@@ -82,15 +88,15 @@ def test_a_wrong_torque_ends_in_exit_code_1(monkeypatch, capsys):
         return right(self, q, va, aa, **loads) + 2 * weights.reshape(np.shape(va))
 
     monkeypatch.setattr(sst_pin.SST, "compute_torques", wrong)
-    assert main(["verify", "--quick", "--json"]) == 1
-    content = json.loads(capsys.readouterr().out)
+    assert shown(monkeypatch, list(verify.verify_sst(quick=True))) == (1, 1)
+    out, _, text = capsys.readouterr().out.partition("\n{\n")
+    assert "disagree" in out.splitlines()[-1]
+    content = json.loads("{" + text)
     assert content["passed"] is False
     others = [c for c in content["comparisons"] if c["referee"] != "reference path"]
     torques = [c for c in others if c["compared"].startswith("torques")]
     assert len(torques) >= 4
     assert not any(c["passed"] for c in torques)
-    assert main(["verify", "--quick"]) == 1
-    assert "disagree" in capsys.readouterr().out.splitlines()[-1]
 
 
 def test_a_referee_that_answers_nan_disagrees():
