@@ -49,7 +49,7 @@ def test_figures_are_pictures_with_labels(here, capsys):
     for path in (here / "paper").glob("*.png"):
         pixels = image.imread(path)[..., :3]
         assert min(pixels.shape[:2]) > 600
-        colours = np.unique((pixels.reshape(-1, 3) * 7).round(), axis=0)
+        colours = np.unique((pixels * 7).round() @ [64, 8, 1])
         assert len(colours) > 10
         border = np.concatenate([pixels[0], pixels[-1], pixels[:, 0], pixels[:, -1]])
         assert (border > 0.99).all()  # nothing is cut off

@@ -221,7 +221,7 @@ COMMANDS = {
     "cache": ("cache",),
 }
 LONG_COMMANDS = {
-    "compile": ("compile", str(DELTA)),
+    "compile": ("compile", str(sst_pin.URDF_PATH)),
     "describe": ("describe", "-o", "e"),
     "paper": ("paper", "--samples", "11", "-o", "f"),
     "show": ("show", "--html", "g.html"),

@@ -14,7 +14,6 @@ from derivative_cases import (
     assert_derivatives_are_those_of_differences,
     close,
     floating_four_bar,
-    geared,
     of_gallery,
     of_tree,
 )
@@ -29,7 +28,6 @@ QUICK = ("floating four-bar", "geared", "four_bar", "five_bar")
 SOME = [pytest.param(name, marks=() if name in QUICK else pytest.mark.slow) for name in CASES]
 COMPILED = {
     "four-bar": lambda: of_gallery("four_bar"),
-    "geared": geared,
     "floating four-bar": floating_four_bar,
 }
 
