@@ -64,17 +64,17 @@ def test_torques_and_accelerations_equal_the_reference(case):
 
 
 @pytest.mark.slow
-def test_a_hundred_thousand_torques_equal_the_reference():
-    """Twenty geometries, five thousand states each, all of them against the reference."""
+def test_twenty_thousand_torques_equal_the_reference():
+    """Twenty geometries, a thousand states each, all of them against the reference."""
     rng = np.random.default_rng(1)
     for _ in range(20):
         robot = sst_pin.SST(random_parameters(rng))
-        R = Rotation.random(30_000, rng).as_matrix()
+        R = Rotation.random(6000, rng).as_matrix()
         q = robot.inverse_kinematics(R, rng.choice((-1, 1), (len(R), 3)))
         distance = robot.singularities(q)
-        q = q[(distance.first_kind > 0.15) & (distance.condition_number < 10)][:5000]
-        assert len(q) == 5000
-        va, aa = 2 * rng.normal(size=(5000, 3)), 20 * rng.normal(size=(5000, 3))
+        q = q[(distance.first_kind > 0.15) & (distance.condition_number < 10)][:1000]
+        assert len(q) == 1000
+        va, aa = 2 * rng.normal(size=(1000, 3)), 20 * rng.normal(size=(1000, 3))
         tau = robot.compute_torques(q, va, aa)
         expected = on_reference_path(robot).compute_torques(q, va, aa)
         scale = np.abs(expected).max(axis=1, keepdims=True)
