@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Extension modules, the folder urdf, the README for indexes; all else is in pyproject.toml."""
 
+import hashlib
 import re
 import shutil
 from pathlib import Path
@@ -37,6 +38,12 @@ def readme() -> str:
     return re.sub(r"\[([^\]]+)\]\((?!https?:)([^)]+)\)", r"\1 (`\2`)", text)
 
 
+def made_of(*sources: str) -> tuple[str, str]:
+    """The macro by which an extension tells its sources; `require_current` in code.py reads it."""
+    content = b"".join(Path(source).read_bytes() for source in sources)
+    return "MADE_OF", f'"{hashlib.sha256(content).hexdigest()}"'
+
+
 setup(
     long_description=readme(),
     long_description_content_type="text/markdown",
@@ -47,6 +54,9 @@ setup(
             [f"{FOLDER}/{target}.c" for target in ("plain", "avx2", "avx512", "avx512vl")],
             depends=[f"{FOLDER}/kernels.c", f"{PARTS}/real.h", f"{PARTS}/driver.h"],
             include_dirs=[PARTS],
+            define_macros=[
+                made_of(f"{FOLDER}/kernels.c", f"{PARTS}/real.h", f"{PARTS}/driver.h"),
+            ],
             extra_compile_args=COMPILE,
             optional=True,  # without a compiler the reference path computes everything
         ),
@@ -54,7 +64,10 @@ setup(
             "sst_pin.compiled._binding",
             ["sst_pin/compiled/_binding.pyx"],
             include_dirs=[np.get_include()],
-            define_macros=[("NPY_NO_DEPRECATED_API", "NPY_1_22_API_VERSION")],
+            define_macros=[
+                ("NPY_NO_DEPRECATED_API", "NPY_1_22_API_VERSION"),
+                made_of("sst_pin/compiled/_binding.pyx"),
+            ],
             extra_compile_args=["-O2"],
             optional=True,
         ),

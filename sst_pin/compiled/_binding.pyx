@@ -61,6 +61,11 @@ cdef enum:
     MOST_ARRAYS = 5
     FEW = 64
 
+cdef extern from *:
+    const char *made_of "MADE_OF"
+
+#: The hash of this file when it was compiled.
+MADE_OF = made_of.decode()
 #: What the processor offers: "avx512", "avx2" or "plain".
 INSTRUCTIONS = instructions().decode()
 

@@ -15,6 +15,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
 from itertools import pairwise
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -33,7 +34,7 @@ from ..errors import (
     SSTError,
 )
 from . import build
-from .code import Code
+from .code import Code, require_current
 from .parameters import Parameters
 from .tree import Tree
 
@@ -58,6 +59,8 @@ _LARGEST_DERIVATIVES = 10_000
 _LOADED = " loaded"
 #: Kernels of derivatives that are kept, one for each width within which friction is smooth.
 _WIDTHS = 16
+#: What the binding is compiled from.
+_BINDING = Path(__file__).with_name("_binding.pyx")
 #: Samples that are worth a thread.
 _SHARE = 256
 
@@ -75,7 +78,8 @@ class CompiledBackend:
             default.
 
     Raises:
-        CompilationError: When the package was installed without its extension module.
+        CompilationError: When the package was installed without its extension module, or with one
+            of other sources.
         DescriptionError: When the mechanism holds something without compiled equations.
     """
 
@@ -94,6 +98,7 @@ class CompiledBackend:
             raise CompilationError(
                 f"the extension module is missing ({error}); install sst-pin with a C compiler"
             ) from None
+        require_current(getattr(_binding, "MADE_OF", ""), _BINDING)
         self._binding = _binding
         self._reference, self._mechanism = reference, reference.mechanism
         self._model, self._near = model, near

@@ -14,6 +14,7 @@ import shutil
 import stat
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
@@ -31,6 +32,7 @@ TARGETS = {
 }
 _OPTIONS = ("-std=gnu11", "-O3", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast")
 _SUFFIX = ".so"
+_CURE = "XDG_CACHE_HOME names another place"
 
 
 class Entry(NamedTuple):
@@ -74,16 +76,12 @@ def cache_folder() -> Path:
     Raises:
         CompilationError: When it belongs to someone else, or others can write to it.
     """
-    if sys.platform == "darwin":
-        base = Path.home() / "Library" / "Caches"
-    else:
-        base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    folder = base / "sst_pin" / "kernels"
+    folder = _base() / "sst_pin" / "kernels"
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         status = folder.stat()
     except OSError as error:
-        raise CompilationError(f"{folder} cannot be used: {error.strerror}") from None
+        raise _unusable(folder, error) from None
     if status.st_uid != os.geteuid() or status.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
         raise CompilationError(
             f"{folder}: others could put code there; it must be yours, and writable by you alone "
@@ -92,21 +90,45 @@ def cache_folder() -> Path:
     return folder
 
 
+def _base() -> Path:
+    """The user's folder for caches."""
+    named = Path(os.environ.get("XDG_CACHE_HOME", ""))
+    if named.is_absolute():  # else it does not count, says XDG
+        return named
+    try:
+        home = Path.home()
+    except RuntimeError as error:
+        raise CompilationError(f"no place for a cache: {error}; {_CURE}") from None
+    return home / "Library" / "Caches" if sys.platform == "darwin" else home / ".cache"
+
+
+def _unusable(folder: Path, error: OSError) -> CompilationError:
+    return CompilationError(f"{folder} cannot be used: {error.strerror or error}; {_CURE}")
+
+
 def cached() -> list[Entry]:
     """All libraries in the cache, the last used first."""
     entries = []
-    for path in cache_folder().glob(f"*{_SUFFIX}"):
+    for path in cache_folder().glob(f"*.*.*.*{_SUFFIX}"):
         robot, kernel, *_ = path.name.rsplit(".", 4)
-        status = path.stat()
-        entries.append(Entry(path, robot, kernel, status.st_size, status.st_mtime))
+        with suppress(FileNotFoundError):  # another process empties it
+            status = path.stat()
+            entries.append(Entry(path, robot, kernel, status.st_size, status.st_mtime))
     return sorted(entries, key=lambda entry: -entry.used)
 
 
 def empty_cache() -> int:
-    """Delete all libraries in the cache; how many there were. Those in use stay in memory."""
+    """Delete all libraries in the cache; how many there were. Those in use stay in memory.
+
+    Raises:
+        CompilationError: When they cannot be deleted.
+    """
     entries = cached()
     for entry in entries:
-        entry.path.unlink(missing_ok=True)
+        try:
+            entry.path.unlink(missing_ok=True)
+        except OSError as error:
+            raise _unusable(entry.path.parent, error) from None
     return len(entries)
 
 
@@ -126,17 +148,23 @@ def library(
         CompilationError: Without compiler or cache, or when the compiler fails.
     """
     key = hashlib.sha256(b"\0".join([content, kernel.encode(), target.encode(), _version()]))
-    return _loaded(cache_folder(), robot, kernel, key.hexdigest()[:32], target, source)
+    folder = cache_folder()
+    try:
+        return _loaded(folder, robot, kernel, key.hexdigest()[:32], target, source)
+    except OSError as error:
+        raise _unusable(folder, error) from None
 
 
 def _loaded(
     folder: Path, robot: str, kernel: str, key: str, target: str, source: Callable[[], str]
 ) -> ctypes.CDLL:
     for path in folder.glob(f"*.{key}.*{_SUFFIX}"):
-        if path.name.split(".")[-2] == _digest(path):
-            os.utime(path)
-            return ctypes.CDLL(str(path))
-        path.unlink(missing_ok=True)  # damaged
+        with suppress(FileNotFoundError):  # another process empties the cache
+            if path.name.split(".")[-2] == _digest(path):
+                with suppress(OSError):  # a cache may be read-only
+                    os.utime(path)
+                return ctypes.CDLL(str(path))
+            path.unlink()  # damaged
     label = f"{_plain(robot) or 'robot'}.{_plain(kernel)}"
     import tempfile
 
@@ -158,7 +186,10 @@ def _compile(code: Path, made: Path, flags: tuple[str, ...]) -> None:
     import subprocess
 
     command = [*compiler(), *_OPTIONS, *flags, "-shared", "-fPIC", str(code), "-o", str(made)]
-    result = subprocess.run(command, capture_output=True, text=True, check=False)
+    try:
+        result = subprocess.run(command, capture_output=True, errors="replace", check=False)
+    except OSError as error:
+        raise CompilationError(f"{command[0]} cannot be run: {error.strerror}") from None
     if result.returncode or not made.is_file():
         said = "\n".join(result.stderr.strip().splitlines()[:5])
         raise CompilationError(f"{command[0]} failed with code {result.returncode}:\n{said}")

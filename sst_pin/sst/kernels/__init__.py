@@ -14,7 +14,8 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from ...chain.mechanism import Mechanism
-from ...compiled.code import Code
+from ...compiled import build
+from ...compiled.code import Code, require_current
 from ...compiled.parameters import Parameters
 from ...description import MOTOR_NAMES
 from ...errors import CompilationError
@@ -72,4 +73,16 @@ def _library() -> ctypes.CDLL:
     found = find_spec(f"{__name__}._library")
     if found is None or found.origin is None:
         raise CompilationError("the extension is not there, no C compiler at installation?")
-    return ctypes.CDLL(found.origin)
+    library = ctypes.CDLL(found.origin)
+    parts = Path(build.__file__).with_name("c")
+    require_current(_made_of(library), FOLDER / "kernels.c", parts / "real.h", parts / "driver.h")
+    return library
+
+
+def _made_of(library: ctypes.CDLL) -> str:
+    """The hash of its sources; empty where it does not tell."""
+    try:
+        text = (ctypes.c_char * 65).in_dll(library, "made_of")
+    except ValueError:
+        return ""
+    return text.value.decode()

@@ -5,3 +5,4 @@
 #include "real.h"
 #include "driver.h"
 #include "kernels.c"
+const char made_of[] = MADE_OF;

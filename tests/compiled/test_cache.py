@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The cache of kernels where a machine is not as one hopes: it serves, or says what to do."""
+
+import ctypes
+import errno
+import os
+import pwd
+import tempfile
+
+import pytest
+
+from sst_pin.compiled import build
+from sst_pin.compiled.code import require_current
+from sst_pin.errors import CompilationError
+
+SOURCE = "int answer(void) { return 42; }"
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    return tmp_path / "sst_pin" / "kernels"
+
+
+def answer():
+    """Of a library that is compiled, or found in the cache."""
+    return build.library("robot", "kernel", b"content", "plain", lambda: SOURCE).answer()
+
+
+def raising(error):
+    def function(*_, **__):
+        raise error
+
+    return function
+
+
+def test_a_cache_that_cannot_be_written_serves_what_is_in_it(folder, monkeypatch):
+    assert answer() == 42
+    monkeypatch.setattr(os, "utime", raising(PermissionError(errno.EROFS, "Read-only")))
+    monkeypatch.setattr(build, "_compile", raising(AssertionError("it is in the cache")))
+    assert answer() == 42
+
+
+@pytest.mark.parametrize(
+    ("place", "name", "said"),
+    [
+        (tempfile, "TemporaryDirectory", "No space left on device"),
+        (os, "replace", "Read-only file system"),
+        (ctypes, "CDLL", "failed to map segment from shared object"),
+    ],
+)
+def test_a_folder_that_does_not_do_is_named_with_the_cure(folder, monkeypatch, place, name, said):
+    """A full disk, a place that turned read-only, one from which nothing may be run."""
+    if name == "replace":  # what Path.replace calls
+        monkeypatch.setattr("pathlib.os.replace", raising(OSError(errno.EROFS, said)))
+    elif name == "CDLL":
+        monkeypatch.setattr(place, name, raising(OSError(said)))
+    else:
+        monkeypatch.setattr(place, name, raising(OSError(errno.ENOSPC, said)))
+    with pytest.raises(CompilationError, match=f"{folder} cannot be used: {said}; XDG_CACHE_HOME"):
+        answer()
+
+
+def test_files_of_others_in_the_folder_are_no_entries(folder):
+    assert answer() == 42
+    (folder / "notes.so").touch()
+    (folder / "readme").touch()
+    assert [(e.robot, e.kernel) for e in build.cached()] == [("robot", "kernel")]
+    assert build.empty_cache() == 1
+    assert sorted(path.name for path in folder.iterdir()) == ["notes.so", "readme"]
+
+
+def test_a_user_without_a_home_is_told_where_to_name_one(monkeypatch):
+    monkeypatch.delenv("HOME", raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", "relative")  # which does not count
+    monkeypatch.setattr(pwd, "getpwuid", raising(KeyError("no such user")))
+    with pytest.raises(CompilationError, match=r"no place for a cache.*XDG_CACHE_HOME"):
+        answer()
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"not a program", "cc cannot be run: Exec format error"),
+        (
+            b"#!/bin/sh\nprintf 'an \\377 odd byte' >&2; exit 1\n",
+            "failed with code 1:\nan . odd byte",
+        ),
+        (b"#!/bin/sh\nkill -9 $$\n", "failed with code -9"),
+        (b"#!/bin/sh\nexit 0\n", "failed with code 0"),
+    ],
+)
+def test_whatever_a_compiler_does_is_told(folder, tmp_path, monkeypatch, content, said):
+    fake = tmp_path / "cc"
+    fake.write_bytes(content)
+    fake.chmod(0o755)
+    monkeypatch.setenv("CC", str(fake))
+    with pytest.raises(CompilationError, match=said):
+        answer()
+    assert not list(folder.iterdir())
+
+
+def test_an_extension_of_other_sources_is_refused(tmp_path):
+    """As it is after an update of a clone; a package without sources is taken as it is."""
+    source = tmp_path / "kernels.c"
+    require_current("hash", source)
+    source.write_text(SOURCE)
+    with pytest.raises(CompilationError, match=r"another kernels\.c.*pip install -e"):
+        require_current("hash", source)
