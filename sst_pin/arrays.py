@@ -150,7 +150,7 @@ def empty(shape: tuple[int, ...]) -> Array:
     try:
         return np.empty(shape)
     except (MemoryError, ValueError):
-        raise InputError("batch", f"results of shape {shape} are more than memory holds") from None
+        raise InputError("batch", f"results of shape {shape} do not fit into memory") from None
 
 
 def names(name: str, value: Sequence[str]) -> tuple[str, ...]:
@@ -163,7 +163,7 @@ def names(name: str, value: Sequence[str]) -> tuple[str, ...]:
         raise InputError(name, f"{value!r}: a sequence of names is needed")
     found = tuple(value)
     if not all(isinstance(word, str) for word in found):
-        raise InputError(name, f"{found!r}: names are words")
+        raise InputError(name, f"{found!r}: a name must be a non-empty text")
     return found
 
 
@@ -176,7 +176,7 @@ def whole_number(name: str, value: int, least: int) -> int:
     if isinstance(value, (bool, np.bool)) or not hasattr(value, "__index__"):
         raise InputError(name, f"{value!r} is not a whole number")
     if value < least:
-        raise InputError(name, f"{value}, at least {least} is needed")
+        raise InputError(name, f"{value}, expected at least {least}")
     return int(value)
 
 
@@ -211,7 +211,7 @@ def flattened(
         try:
             return np.broadcast_to(array, batch + core).reshape(math.prod(batch), *core)
         except (MemoryError, ValueError):
-            raise InputError("batch", f"{batch} samples are more than memory holds") from None
+            raise InputError("batch", f"{batch} samples do not fit into memory") from None
 
     return batch, [None if a is None else flat(a, a.shape[a.ndim - core :]) for a, core in pairs]
 
@@ -229,6 +229,6 @@ def _require_fitting(out: Array | None, shape: tuple[int, ...]) -> None:
     if not isinstance(out, np.ndarray) or out.dtype != _FLOAT64 or not out.flags.writeable:
         raise InputError("out", "not a float64 array that can be written to")
     if _masked(out):
-        raise InputError("out", "a masked array, which may keep what is masked as it is")
+        raise InputError("out", "a masked array; masked entries may not be written")
     if out.shape != shape:
         raise InputError("out", f"shape {out.shape}, expected {shape}")

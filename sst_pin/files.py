@@ -242,7 +242,7 @@ def _place(path: Path, force: bool) -> tuple[Path, int]:
 def _require_folders(folders: Iterable[Path]) -> None:
     for folder in folders:
         if not folder.exists():
-            raise OutputError(folder, "there is no such folder; make it first")
+            raise OutputError(folder, "the folder does not exist; create it first")
 
 
 def _write_whole(path: Path, mode: int, write: Writer) -> None:

@@ -73,8 +73,8 @@ class Assembly:
             shown = ", ".join(names[:4]) + (f" and {len(names) - 4} more" * (len(names) > 4))
             raise ClosureError(
                 f"the loops cannot be closed from this guess{bounds.reached(q)}: {largest:.3g} "
-                f"(m or rad) stays open at {shown}; start nearer, hold fewer joints, try several "
-                "starts "
+                f"(m or rad) stays open at {shown}; start closer to a closed configuration, hold "
+                "fewer joints (fixed=), try several starts "
                 "(tries=), or check the geometry",
                 largest,
             )
@@ -240,7 +240,7 @@ class _Limits:
         room = self._room(q).min(axis=0)
         if (room < 0).any():
             raise ClosureError(
-                f"outside the limits of {self._names(room < 0)}, which cannot move there; hold "
+                f"outside the limits of {self._names(room < 0)}, which are held there; hold "
                 "fewer joints, start within the limits, or correct them",
                 float(-(room * self._mechanism.rate_scale).min()),
             )

@@ -8,19 +8,19 @@ from difflib import get_close_matches
 from ..errors import AssignmentError
 
 _CURES = {
-    "model": "change what is in it, as in robot.model.gravity.linear = [0, 0, -1.62], or build "
+    "model": "change its contents, such as robot.model.gravity.linear = [0, 0, -1.62], or build "
     "another robot",
     "closures": "build another robot: ClosedChain(robot.model, closures, ...)",
-    "actuated": "choose the motors of another robot: ClosedChain(..., actuated=[names])",
-    "motor_names": "choose the motors of another robot: ClosedChain(..., actuated=[names])",
-    "coordinates": "choose those of another robot: ClosedChain(..., coordinates=[names])",
+    "actuated": "build another robot with these motors: ClosedChain(..., actuated=[names])",
+    "motor_names": "build another robot with these motors: ClosedChain(..., actuated=[names])",
+    "coordinates": "build another robot: ClosedChain(..., coordinates=[names])",
     "degrees_of_freedom": "it follows from the joints and the closures",
-    "friction": "change robot.model.damping and robot.model.friction, or give another robot "
+    "friction": "change robot.model.damping and robot.model.friction, or build another robot with "
     "viscous_friction= and coulomb_friction=",
-    "path": "compile() gives the robot kernels",
+    "path": "call compile() to get kernels",
     "parameters": "build another robot: SST(parameters)",
     "geometry": "change robot.model, or build another robot: SST(parameters)",
-    "home": "an SST's follows from the geometry; of other robots set "
+    "home": "of an SST it follows from the geometry; for other robots set "
     "robot.model.referenceConfigurations['home']",
 }
 
@@ -43,11 +43,11 @@ def require_assignable(robot: object, name: str) -> None:
         cure = _CURES.get(name, "it is computed from the model")
         raise AssignmentError(name, f"cannot be assigned; {cure}")
     if callable(found):
-        raise AssignmentError(name, f"is a method of {kind.__name__}, which is not replaced")
+        raise AssignmentError(name, f"is a method of {kind.__name__} and cannot be replaced")
     own = kind.__module__.partition(".")[0] == __name__.partition(".")[0]
     declared = any(name in vars(base).get("__annotations__", {}) for base in kind.__mro__)
     if own and found is None and not declared:
         public = [word for word in dir(kind) if not word.startswith("_")]
         near = get_close_matches(name, public, 1)
-        meant = f"; did you mean {near[0]}?" if near else "; keep your own data beside the robot"
+        meant = f"; did you mean {near[0]}?" if near else "; keep your own data in another object"
         raise AssignmentError(name, f"{kind.__name__} has no such attribute{meant}")

@@ -188,9 +188,9 @@ class ClosedChain:
         """
         q = self._current.home()
         if q is None:
-            cure = 'model.referenceConfigurations["home"] = q sets it, assemble(guess) finds a q'
+            cure = 'set model.referenceConfigurations["home"] = q; assemble(guess) computes a q'
             name = self._current.model.name
-            raise DescriptionError(f"model {name}", [f"no configuration is called home; {cure}"])
+            raise DescriptionError(f"model {name}", [f"no configuration is named home; {cure}"])
         closed = self._current.first_closed(q)
         return self.assemble(q) if closed is None else closed
 

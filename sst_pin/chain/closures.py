@@ -148,7 +148,7 @@ class Coupling:
         if not all(isfinite(number) for number in numbers):
             problems.append("a coefficient is not finite")
         if self.joint in self.polynomials:
-            problems.append(f"{self.joint} follows itself")
+            problems.append(f"{self.joint} is coupled to itself")
         if problems:
             raise DescriptionError(str(self), problems)
         frozen = {name: tuple(map(float, p)) for name, p in self.polynomials.items()}
@@ -213,7 +213,7 @@ def _require_two(frame_a: str, frame_b: str) -> None:
 def _require_words(*words: str) -> None:
     for word in words:
         if not isinstance(word, str):
-            raise InputError("closures", f"{word!r} is no name of a frame or joint")
+            raise InputError("closures", f"{word!r} is not a name of a frame or joint")
 
 
 Constraint = Union[Closure, Distance, Coupling, Rolling]  # noqa: UP007  (Python 3.10 pickles it)

@@ -142,7 +142,7 @@ class CurrentMechanism:
                 aside = self.reference.workspace.assembly.aside(own, seed=0)
             except ClosureError:
                 aside = own
-            report = self._report(aside, "a configuration next to the first one in use")
+            report = self._report(aside, "a configuration close to the first one in use")
         if report.degrees_of_freedom == 0:
             raise DescriptionError(
                 f"model {self.draft.model.name}", [f"nothing can move:\n{report}"]
@@ -151,7 +151,7 @@ class CurrentMechanism:
         if self._wanted is not None and set(chosen) != set(self.draft.coordinates):
             raise ActuationError(
                 f"the coordinates {', '.join(self._wanted)} do not describe the motion, "
-                f"{', '.join(report.coordinates)} would:\n{report}"
+                f"use for example {', '.join(report.coordinates)}:\n{report}"
             )
         if self._wanted is not None:
             chosen = self.draft.coordinates

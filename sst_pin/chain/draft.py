@@ -97,7 +97,7 @@ def without_locked(model: pin.Model, locked: Sequence[str] | Mapping[str, float]
         InputError: For a tree with mimic joints, which Pinocchio cannot reduce.
     """
     if list(model.mimicking_joints):
-        raise InputError("locked", "the model has mimic joints; lock it before it gets them")
+        raise InputError("locked", "the model has mimic joints; lock joints before you add these")
     q = pin.neutral(model)
     ids = [joint_id(model, name) for name in locked]
     if isinstance(locked, Mapping):
@@ -142,20 +142,20 @@ def _require_sound(model: pin.Model, closures: Sequence[Constraint]) -> None:
     names = list(model.names)[1:]
     problems = [f"joint {n}: the name appears twice" for n, k in Counter(names).items() if k > 1]
     if model != pin.Model(model):
-        problems.append("a number in it is NaN")
+        problems.append("contains NaN")
     if not model.nv:
-        problems.append("no joints that move")
+        problems.append("no moving joints")
     if not closures:
-        problems.append("no closures; an open tree needs pinocchio.rnea and nothing else")
+        problems.append("no closures; for an open tree use pinocchio.rnea")
     problems += [
-        f"mimic joint {names[j - 1]}: Pinocchio computes only those that turn or slide, within "
-        "limits and by a factor that is not 0; make it an ordinary joint with a Coupling to the "
+        f"mimic joint {names[j - 1]}: Pinocchio supports only revolute and prismatic mimic joints "
+        "with limits and a factor other than 0; use an ordinary joint with a Coupling to the "
         "joint that it follows"
         for j in model.mimicking_joints
         if not (_MIMIC.search(str(model.joints[j].extract())) and model.joints[j].extract().scaling)
     ]
     problems += [
-        f"joint {name}: its type, an ellipsoid, is not among those that can be computed"
+        f"joint {name}: joints of type ellipsoid are not supported"
         for name, joint in zip(names, list(model.joints)[1:], strict=True)
         if joint.shortname() == "JointModelEllipsoid"
     ]

@@ -283,8 +283,8 @@ def direct_dynamics(
     _, aa, info = dposv(inertia, force.dot(L))
     if info:
         raise SingularConfigurationError(
-            "the generalised inertia matrix is not positive definite: "
-            "some coordinate moves no mass at this configuration",
+            "the mass matrix is not positive definite: "
+            "a coordinate moves no mass at this configuration",
             float(np.linalg.cond(inertia)),
         )
     return aa, v

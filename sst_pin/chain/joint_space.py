@@ -103,7 +103,9 @@ class JointSpace:
         found: list[int] = []
         for name in names:
             if name in self.joint_names and name not in self.rates:
-                raise InputError("names", f"{name} is a mimic joint; name the one that it follows")
+                raise InputError(
+                    "names", f"{name} is a mimic joint; name the joint that it follows"
+                )
             if name in self.rates:
                 found.extend(self.rates[name])
             elif name in self.rate_names:
@@ -186,7 +188,7 @@ class JointSpace:
             for i, _ in pairs:
                 length = np.linalg.norm(q[i : i + size])
                 if length == 0:
-                    kind = "quaternion" if size == 4 else "pair of cosine and sine"
+                    kind = "quaternion" if size == 4 else "cosine-sine pair"
                     raise InputError(
                         "q", f"the {kind} at {i} is zero; start from pinocchio.neutral(model)"
                     )
@@ -207,7 +209,7 @@ class JointSpace:
             off = float(self._off_length_one(finite_array("q", q, q.shape)).max())
             raise InputError(
                 "q",
-                f"a quaternion, or a pair of cosine and sine, is off length one by {off:.3g}; "
+                f"the length of a quaternion or cosine-sine pair differs from 1 by {off:.3g}; "
                 "pinocchio.normalize corrects it",
             )
 

@@ -98,8 +98,8 @@ class Springs:
             ball = joint.shortname() == "JointModelSpherical" and np.ptp(k) == 0
             if k.any() and joint.nv > 1 and joint.nq != joint.nv and not ball:
                 problems.append(
-                    f"joint {name}: springs in joints that turn freely in space or in the plane "
-                    "are for balls, with one stiffness for all directions"
+                    f"joint {name}: a spring is not supported here; of joints with quaternions "
+                    "only balls can have one, with the same stiffness in all directions"
                 )
         if problems:
             raise DescriptionError(f"model {model.name}", problems)

@@ -70,7 +70,8 @@ class JointComplement:
         self._factors.compute(self._system)
         if self._factors.rank() < self._system.shape[1]:
             raise SingularConfigurationError(
-                "singular configuration: the closures do not fix the rates of the dependent joints",
+                "singular configuration: the coordinates do not determine the rates of the "
+                "dependent joints; move away, or choose other coordinates=",
                 condition_number(self._Phi, self._mechanism.coordinates),
             )
         return self._solve(self._unit)  # Eq. (17)

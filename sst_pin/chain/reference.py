@@ -120,9 +120,9 @@ class Reference:
             missing = {name: missing[name] for name, o in zip(names, over, strict=True) if o}
             listed = ", ".join(f"{name} {x:.4g}" for name, x in list(missing.items())[:6])
             raise ActuationError(
-                f"the motors cannot bring about this motion: no motor supplies {listed} (N m or "
-                "N); generalized_forces gives what it needs, compute_accelerations the motion that "
-                "given torques lead to",
+                f"the motors cannot produce this motion: no motor supplies the forces {listed} "
+                "(N m or N); generalized_forces computes the forces that a motion needs, "
+                "compute_accelerations the motion for given torques",
                 missing,
             )
 

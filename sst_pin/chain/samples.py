@@ -146,7 +146,7 @@ def motor_weights(mechanism: Mechanism, weights: ArrayLike) -> Array:
     """
     array = single_array("weights", weights, (mechanism.motors.shape[1],))
     if not (array > 0).all():
-        raise InputError("weights", "not positive")
+        raise InputError("weights", "must be positive")
     return array
 
 

@@ -84,7 +84,7 @@ def cache_folder() -> Path:
         raise _unusable(folder, error) from None
     if status.st_uid != os.geteuid() or status.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
         raise CompilationError(
-            f"{folder}: others could put code there; it must be yours, and writable by you alone "
+            f"{folder} is not safe: it must belong to you, and only you may write to it "
             f"(chmod 700 {folder})"
         )
     return folder

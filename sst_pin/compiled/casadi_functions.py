@@ -76,7 +76,9 @@ class CasadiFunctions:
             ActuationError: When there are fewer motors than coordinates.
         """
         if self.motors < self.n:
-            raise ActuationError(f"{self.motors} motors for {self.n} coordinates give no torques")
+            raise ActuationError(
+                f"{self.motors} motors for {self.n} coordinates; use generalized_forces"
+            )
         return self._function("torques", ["q", "va", "aa"], "tau")
 
     @cached_property

@@ -54,8 +54,8 @@ def pivot_order(pattern: NDArray[np.bool_], values: Array) -> tuple[list[tuple[i
             soundness = np.nan_to_num(size / size.max(axis=1, keepdims=True)).min(axis=0)
         if not soundness.any():
             raise SingularConfigurationError(
-                "the closures do not fix the unactuated joint rates at the sample configurations; "
-                "have these around a configuration of yours: compile(q), casadi(q)",
+                "the coordinates do not determine the joint rates at the sample configurations; "
+                "give a regular configuration of yours: compile(q), casadi(q)",
                 np.inf,
             )
         sound = soundness >= min(_SOUND, soundness.max())

@@ -222,7 +222,7 @@ def c_files(
     equations = Equations(mechanism, samples, closed=style.closed, rounding=style.rounding)
     numbers = equations.parameters.pack(mechanism, mechanism.friction)
     if not np.isfinite(numbers).all():
-        raise DescriptionError("the numbers of the robot", ["gravity or inertia is not finite"])
+        raise DescriptionError("parameters of the robot", ["gravity or inertia is not finite"])
     sizes = {"q": len(q), "q_next": len(q), "va": n, "aa": n, "f": n, "tau": motors}
     dynamics = "torques" if motors >= n else "forces"
     declarations, bodies = [], []

@@ -45,7 +45,7 @@ class JaxFunctions:
     def __init__(self, chain: ClosedChain, sign_width: float) -> None:
         if jnp.zeros(()).dtype != np.float64:
             raise InputError(
-                "jax", "it computes in single precision; jax.config.update('jax_enable_x64', True)"
+                "jax", "single precision is on; call jax.config.update('jax_enable_x64', True)"
             )
         self._chain, self._sign_width = chain, sign_width
         entries, n = _entries(chain._current.mechanism()), chain.degrees_of_freedom
@@ -71,7 +71,7 @@ class JaxFunctions:
             DescriptionError: Where motors are other than the coordinates.
         """
         if not self._chain._current.mechanism().driven_one_to_one:
-            problem = "motors are not the coordinates: generalized_forces gives what they bring"
+            problem = "the motors are not the coordinates; use generalized_forces"
             raise DescriptionError("jax", [problem])
         return self.generalized_forces(q, va, aa)
 
@@ -140,7 +140,7 @@ def _entries(mechanism: Mechanism) -> list[int]:
         if joint.nq == joint.nv:
             of_rate |= {joint.idx_v + k: joint.idx_q + k for k in range(joint.nv)}
     problems = [
-        f"coordinate {name} is no single entry of q"
+        f"coordinate {name} is not a single entry of q"
         for k, name in zip(mechanism.coordinates, mechanism.coordinate_rate_names, strict=True)
         if int(k) not in of_rate
     ]

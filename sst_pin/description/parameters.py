@@ -125,7 +125,7 @@ class RigidBody:
         added, place = _number(mass, "mass"), _frozen(at, "at")
         found = _shape_problems("at", place, (3,))
         if not (np.isfinite(added) and added >= 0):
-            found.append(f"mass: {added:g} kg is not zero or more")
+            found.append(f"mass: {added:g} kg is negative or not finite")
         if found:
             raise ParametersError(found)
         total = self.mass + added
@@ -159,8 +159,8 @@ def _inertia_problems(name: str, inertia: Array) -> Iterator[str]:
         yield f"{name}: principal moments {moments} are not all positive"
     elif a + b < c * (1 - _SLACK):
         yield (
-            f"{name}: principal moments {moments} break the triangle inequality "
-            "(the two smaller ones must add up to the largest at least)"
+            f"{name}: principal moments {moments} violate the triangle inequality "
+            "(the sum of the two smaller ones must be at least the largest)"
         )
 
 
@@ -389,7 +389,7 @@ def _angle_problems(alpha: Array) -> Iterator[str]:
         if abs(total - 2 * np.pi) > _SLACK:
             yield (
                 f"arc_angles: they add up to {total:.12g} rad, not to 2 pi: "
-                "the star does not close (degrees given?)"
+                "the star does not close (are these degrees?)"
             )
 
 

@@ -120,7 +120,7 @@ def _put(chain: ClosedChain, q: Array, positions: Mapping[str, float]) -> Array:
     q = np.array(q)
     for name, value in positions.items():
         if name not in known:
-            raise UnknownNameError("joint that turns or slides", name, known)
+            raise UnknownNameError("revolute or prismatic joint", name, known)
         if name in names:
             q[names.index(name)] = value
         else:
@@ -146,6 +146,8 @@ def _follow(chain: ClosedChain, q: Array, step: Array, halvings: int) -> Array:
     if near:
         return found
     if not halvings:
-        raise ClosureError("the loops cannot be followed further: out of reach, or singular", 0.0)
+        raise ClosureError(
+            "the loops cannot be closed further along the motion: out of reach, or singular", 0.0
+        )
     middle = _follow(chain, q, step / 2, halvings - 1)
     return _follow(chain, middle, step / 2, halvings - 1)

@@ -58,7 +58,7 @@ def energy_balance(chain: ClosedChain, motion: Trajectory) -> EnergyBalance:
     """
     require_motion(motion, chain.position_names)
     if len(motion) < 2:
-        raise InputError("motion", "one sample; work is done between two at least")
+        raise InputError("motion", "has one sample; at least two are needed")
 
     def work(power: Array) -> Array:
         return np.asarray(spline(motion.t, power).antiderivative()(motion.t))

@@ -73,7 +73,9 @@ def of_robot(chain: ClosedChain, motion: Trajectory, path: str | Path) -> Trajec
         FileFormatError: When they are not.
     """
     if motion.joint_names != tuple(chain.position_names):
-        raise FileFormatError(path, f"a motion of another robot: {', '.join(motion.joint_names)}")
+        raise FileFormatError(
+            path, f"the motion of another robot, with joints {', '.join(motion.joint_names)}"
+        )
     return motion
 
 
@@ -129,7 +131,8 @@ def read_start(
     else:
         wanted = ",".join(f"{name}=.." for name in rate_names)
         raise FileFormatError(
-            table.path, f"no columns {', '.join(rate_columns)} to start from; give --va0 {wanted}"
+            table.path,
+            f"no columns {', '.join(rate_columns)} for the initial rates; give --va0 {wanted}",
         )
     positions = _position_columns(chain)
     if q0 is None and set(positions) <= set(table.columns):
@@ -140,7 +143,7 @@ def read_start(
     if missing:
         wanted = ",".join(f"{name}=.." for name in chain.coordinates)
         raise FileFormatError(
-            table.path, f"no {', '.join(missing)} to start from; give --q0 {wanted}"
+            table.path, f"no {', '.join(missing)} for the initial positions; give --q0 {wanted}"
         )
     return start_configuration(chain, given), va
 
@@ -161,7 +164,7 @@ def _motion_of(chain: ClosedChain, table: Table, *, keep_torques: bool) -> Traje
             table.path, f"no column of {', '.join(missing)}; {_wanted(chain, table)}", 1
         )
     if len(t) < 3:
-        raise FileFormatError(table.path, f"{len(t)} rows; rates need three at least")
+        raise FileFormatError(table.path, f"{len(t)} rows; rates need at least three")
     x = np.column_stack([found[name] for name in chain.coordinates])
     start = start_configuration(chain, {name: float(c[0]) for name, c in found.items()})
     try:
@@ -201,7 +204,7 @@ def _joints(chain: ClosedChain, table: Table) -> dict[str, Array]:
         columns = _known_columns(table, name, _ENDINGS[unit])
         if len(columns) > 1:
             listed = ", ".join(columns)
-            raise FileFormatError(table.path, f"one joint in several columns: {listed}", 1)
+            raise FileFormatError(table.path, f"one joint has several columns: {listed}", 1)
         for column, factor in columns.items():
             found[name] = factor * table.column(column)
     return found

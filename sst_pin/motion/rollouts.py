@@ -114,7 +114,7 @@ def rollout(
         if reached[first] == 0:  # the start fails by its own name
             chain.joint_rates(start, rates)
         error = SimulationError(
-            "the motion came to a singularity, ran away, or opened the loops by too long a step",
+            "the motion reached a singularity, diverged, or opened the loops (step too long)",
             reached[first] * step,
         )
         name_samples(error, stopped.tolist(), batch)

@@ -97,7 +97,7 @@ def simulate(
     chain.joint_rates(q0, np.zeros(chain.degrees_of_freedom))
     va0 = single_array("va0", va0, (chain.degrees_of_freedom,))
     if states.near_singularity(q0, max_condition_number):
-        raise InputError("q0", f"nearer to a singularity than {max_condition_number=:g}")
+        raise InputError("q0", f"closer to a singularity than {max_condition_number=:g}")
     motion = _Motion(
         states,
         _torque_of(torque, times, states, len(chain.motor_names)),
@@ -197,7 +197,7 @@ class _Run:
             message = solver.step()
             if solver.status == "failed":
                 why = self._motion.failure or message
-                raise SimulationError(f"the integrator gave up ({why})", float(solver.t))
+                raise SimulationError(f"the integrator stopped ({why})", float(solver.t))
             if self._progress is not None:
                 self._progress(float(solver.t))
             after = self._closed(solver.y)
@@ -246,8 +246,8 @@ def _torque_of(torque: Torque, times: Array, states: States, motors: int) -> _In
         if times[0] < torque.t[0] or times[-1] > torque.t[-1]:
             raise InputError(
                 "torque",
-                f"sampled from {torque.t[0]:g} to {torque.t[-1]:g} s, "
-                f"wanted from {times[0]:g} to {times[-1]:g} s",
+                f"has samples from {torque.t[0]:g} to {torque.t[-1]:g} s, "
+                f"but the simulation is from {times[0]:g} to {times[-1]:g} s",
             )
         return _sampled(spline(torque.t, torque.tau))
     if not callable(torque) and as_array("torque", torque, ()).ndim == 2:

@@ -150,14 +150,12 @@ class Trajectory:
         except (IndexError, TypeError, ValueError) as error:
             raise InputError("samples", f"{samples!r}: {error}") from None
         if chosen.ndim != 1:
-            wanted = (
-                f"; motion[{samples}:{chosen + 1}] is a motion of it" if not chosen.ndim else ""
-            )
+            wanted = f"; use motion[{samples}:{chosen + 1}]" if not chosen.ndim else ""
             raise InputError("samples", f"{samples!r} is not a slice, indices or a mask{wanted}")
         if not len(chosen):
-            raise InputError("samples", f"{samples!r} leaves none of {len(self)} samples")
+            raise InputError("samples", f"{samples!r} selects none of {len(self)} samples")
         if (np.diff(chosen) <= 0).any():
-            raise InputError("samples", f"{samples!r} does not go forwards in time")
+            raise InputError("samples", f"{samples!r} is not in the order of time")
         return Trajectory(
             self.t[chosen],
             self.q[chosen],
@@ -275,7 +273,7 @@ class Trajectory:
         if kind == ".csv":
             columns = self._columns()
             if any(re.search(r"^\s|[,\"\r\n]", name) for name in columns):
-                raise OutputError(path, "a name with a comma, quote or space; save it as .npz")
+                raise OutputError(path, "a name contains a comma, quote or space; save it as .npz")
             values = np.column_stack([self.t, self.q, self.va, self.aa, self.tau])
             return table_writer(columns, values)
         if kind == ".npz":
@@ -507,4 +505,4 @@ def require_motion(motion: Trajectory, position_names: Sequence[str], name: str 
         raise InputError(name, f"a Trajectory is needed, not {type(motion).__name__}")
     if motion.joint_names != tuple(position_names):
         joints = ", ".join(motion.joint_names)
-        raise InputError(name, f"is another robot's, with joints {joints}")
+        raise InputError(name, f"belongs to another robot, with joints {joints}")

@@ -48,7 +48,7 @@ def motion_page(
     """
     require_motion(motion, robot.position_names)
     if len(motion) < 2:
-        raise InputError("motion", "one sample; a curve needs two at least")
+        raise InputError("motion", "has one sample; a curve needs at least two")
     star = isinstance(robot, SST)
     known = SUBJECTS if star else tuple(CURVES)
     if subjects is None:

@@ -222,7 +222,8 @@ def workspace_legend(workspace: Workspace, path: str | None = None) -> list[Any]
         return _handles(styles)
     styles[r"motors lose the star (second kind): $\det A = 0$"] = _SECOND
     flat = Patch(
-        facecolor=_FLAT_COLOUR, label=r"a leg lies flat (first kind): $|\sin\mu_k| < \sin 3°$"
+        facecolor=_FLAT_COLOUR,
+        label=r"leg in the plane of its arc (first kind): $|\sin\mu_k| < \sin 3°$",
     )
     return [*_handles(styles), flat]
 

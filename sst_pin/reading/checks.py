@@ -38,7 +38,7 @@ _ALIKE = 0.8
 def check(root: ET.Element) -> Iterator[Problem]:
     """Problems of a URDF that keep it from being read as it is meant, and warnings."""
     if root.tag != "robot":
-        yield error("file", f"a URDF begins with <robot>, not with <{root.tag}>")
+        yield error("file", f"a URDF starts with <robot>, not with <{root.tag}>")
         return
     links, joints = root.findall("link"), root.findall("joint")
     if any("xacro" in element.tag for element in root):
@@ -87,27 +87,30 @@ def _connections(links: Sequence[str], joints: Sequence[ET.Element]) -> Iterator
             if link is None:
                 yield error(where, f"no <{role} link=...>")
             elif link not in known:
-                yield error(where, f"{role} {link} is no link of this file")
+                yield error(where, f"{role} {link} is not a link of this file")
         if parent is None or child is None:
             continue
         if child in bearers:
             yield error(
                 where,
-                f"link {child} hangs on joint {bearers[child]} already; a URDF is a tree: "
-                "cut the loop, and close it in the YAML of the cuts",
+                f"link {child} is already the child of joint {bearers[child]}; a URDF is a tree: "
+                "cut the loop here and add a closure to the YAML of the cuts",
             )
         bearers.setdefault(child, str(joint.get("name")))
         children.setdefault(parent, []).append(child)
     roots = [link for link in dict.fromkeys(links) if link not in bearers]
     if len(roots) > 1:
-        yield error("tree", f"{len(roots)} links without a parent: {', '.join(roots)}; one is base")
+        yield error(
+            "tree",
+            f"{len(roots)} links without a parent: {', '.join(roots)}; only the base may have none",
+        )
     reached, found = set(roots), list(roots)
     while found:
         new = [child for child in children.get(found.pop(), []) if child not in reached]
         reached.update(new)
         found += new
     if lost := [link for link in dict.fromkeys(links) if link not in reached]:
-        yield error("tree", f"links in a circle, or below one: {', '.join(lost)}")
+        yield error("tree", f"links that are not connected to the base: {', '.join(lost)}")
 
 
 def _link(link: ET.Element) -> Iterator[Problem]:
@@ -121,7 +124,7 @@ def _link(link: ET.Element) -> Iterator[Problem]:
     if mass is None:
         yield error(where, "its mass is not a number")
     elif mass < 0:
-        yield error(where, f"a mass of {mass:g} kg")
+        yield error(where, f"its mass is negative, {mass:g} kg")
     inertia = inertial.find("inertia")
     if missing := [key for key in ENTRIES if number(inertia, key) is None]:
         yield error(where, f"its inertia has no number {', '.join(missing)}")
@@ -137,7 +140,7 @@ def _joint(joint: ET.Element) -> Iterator[Problem]:
         yield from _axis(joint, where)
         yield from _dynamics(joint, where)
     if kind in ("floating", "planar"):
-        yield warning(where, f"{kind}: several coordinates, of which q has one more than v")
+        yield warning(where, f"{kind}: q has one more entry than v")
     elif kind in ("revolute", "prismatic", "continuous"):
         yield from _limits(joint, where, kind)
     if kind == "planar":
@@ -160,7 +163,7 @@ def _mimics(joints: Sequence[ET.Element]) -> Iterator[Problem]:
             other = mimic.get("joint")
             for name in (joint.get("name"), other):
                 if name not in kinds:
-                    yield error(where, f"mimics {name}, which is no joint of this file")
+                    yield error(where, f"mimics {name}, which is not a joint of this file")
                 elif kinds[name] not in ("revolute", "prismatic", "continuous"):
                     yield error(where, f"mimics {other}: {name} is {kinds[name]}")
             if other == joint.get("name"):
@@ -177,7 +180,9 @@ def _elements(
     tags = Counter(element.tag for element in parent)
     for tag in tags:
         yield from _slip(f"<{tag}>", tag, (*once, *others), where)
-    yield from (error(where, f"{tags[tag]} <{tag}>; one is read") for tag in once if tags[tag] > 1)
+    yield from (
+        error(where, f"{tags[tag]} <{tag}>; only one is allowed") for tag in once if tags[tag] > 1
+    )
     for element in parent:
         only, some = _ATTRIBUTES.get(element.tag), _OPEN.get(element.tag)
         for key in element.attrib:
@@ -191,7 +196,7 @@ def _elements(
 def _slip(shown: str, word: str, known: Sequence[str], where: str) -> Iterator[Problem]:
     """A word that is nearly one of those known."""
     if word not in known and (meant := get_close_matches(word.lower(), known, 1, _ALIKE)):
-        yield error(where, f"{shown} is unknown; {meant[0]} is meant?")
+        yield error(where, f"{shown} is unknown; did you mean {meant[0]}?")
 
 
 def _origin(element: ET.Element, where: str) -> Iterator[Problem]:
@@ -211,7 +216,7 @@ def _axis(joint: ET.Element, where: str) -> Iterator[Problem]:
         return
     length = np.abs(direction).max()  # the norm of 1e200 overflows
     if not 1e-100 < length < 1e100:
-        yield error(where, "its axis has no direction")
+        yield error(where, "its axis is zero")
     elif abs(np.linalg.norm(direction) - 1) > 1e-6:
         yield warning(where, f"its axis has length {np.linalg.norm(direction):.6g}, not 1")
 
@@ -240,7 +245,9 @@ def _limits(joint: ET.Element, where: str, kind: str) -> Iterator[Problem]:
     if lower > upper:
         yield error(where, f"lower limit {lower:g} above the upper one {upper:g}")
     elif lower == upper:
-        yield warning(where, f"limits [{lower:g}, {upper:g}]: tools that obey them lock the joint")
+        yield warning(
+            where, f"limits [{lower:g}, {upper:g}]: tools that enforce limits lock the joint"
+        )
 
 
 def _dynamics(joint: ET.Element, where: str) -> Iterator[Problem]:
@@ -253,4 +260,6 @@ def _dynamics(joint: ET.Element, where: str) -> Iterator[Problem]:
         if value is None:
             yield error(where, f"dynamics {key}={text!r} is not a number")
         elif value[0] < 0:
-            yield error(where, f"dynamics {key}={text!r} is negative: it would drive the joint")
+            yield error(
+                where, f"dynamics {key}={text!r} is negative: it would accelerate the joint"
+            )

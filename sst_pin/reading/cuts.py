@@ -118,7 +118,7 @@ def _held(closures: Sequence[Constraint], locked: set[str], source: str) -> Iter
             yield Coupling(closure.joint, free, offset)
         elif free or offset:
             text = f"locked joint {closure.joint} mimics {', '.join(free) or 'with an offset'}: "
-            raise DescriptionError(source, [text + "lock both, at zero, or neither"])
+            raise DescriptionError(source, [text + "lock both joints, at zero, or none"])
 
 
 def parse_cuts(text: str, source: str) -> Cuts:
@@ -188,7 +188,7 @@ def _content(text: str, source: str) -> dict[str, Any]:
     if len(text) > _LONGEST:
         raise DescriptionError(source, [f"more than {_LONGEST} characters"])
     if max(accumulate(_BRACKETS.get(c, 0) for c in text), default=0) > _DEEPEST:  # slow to scan
-        raise DescriptionError(source, ["lists in lists, too deep"])
+        raise DescriptionError(source, ["lists are nested too deeply"])
     try:
         loader = yaml.BaseLoader(text)
         node = loader.get_single_node()
@@ -196,7 +196,7 @@ def _content(text: str, source: str) -> dict[str, Any]:
     except yaml.YAMLError as error:
         raise DescriptionError(source, [f"not YAML: {error}"]) from None
     except RecursionError:
-        raise DescriptionError(source, ["lists in lists, too deep"]) from None
+        raise DescriptionError(source, ["lists are nested too deeply"]) from None
     if not isinstance(node, yaml.MappingNode) or not content:
         raise DescriptionError(source, ["no keys; name_mot is needed"])
     keys = Counter(key.value for key, _ in node.value)

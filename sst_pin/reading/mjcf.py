@@ -112,7 +112,7 @@ class _Reader:
             raise UnknownNameError("joint", name, dict.fromkeys(known))
         names = Counter(self._name(j) for j in range(mj.njnt))
         if twice := [name for name, count in names.items() if count > 1]:
-            text = f"joints without a name are called like their bodies: {', '.join(twice)} are two"
+            text = f"a joint without a name gets its body's name: several joints {', '.join(twice)}"
             raise DescriptionError(self._source, [text])
         for body in range(1, mj.nbody):
             self._add_body(body)
@@ -123,7 +123,7 @@ class _Reader:
         if self._problems:
             raise DescriptionError(self._source, self._problems)
         if model.njoints - 1 > MOST_JOINTS:
-            text = f"{model.njoints - 1} moving joints; no more than {MOST_JOINTS} are computed"
+            text = f"{model.njoints - 1} moving joints; at most {MOST_JOINTS} are supported"
             raise DescriptionError(self._source, [text])
         joints = mj.dof_jntid[self._dofs]
         one = np.isin(mj.jnt_type[joints], (_HINGE, _SLIDE))
@@ -227,7 +227,9 @@ class _Reader:
             models, names = [model for model, _ in left], [turn for _, turn in left]
             rest, addresses = [0.0] * len(left), [-1] * len(left)
             if left and mj.jnt_stiffness[joint] and not self._disabled("spring"):
-                self._problems.append(f"joint {name}: a ball with a spring is held whole or not")
+                self._problems.append(
+                    f"joint {name}: a ball with a spring can only be locked as a whole"
+                )
         at, dof = placement * anchor * zero, mj.jnt_dofadr[joint]
         for model, called in zip(models, names, strict=True):
             parent, at = self._model.addJoint(parent, model, at, called), pin.SE3.Identity()
@@ -258,7 +260,9 @@ class _Reader:
 
     def _add_frame(self, name: str, body: int, place: pin.SE3) -> None:
         if self._model.existFrame(name):
-            self._problems.append(f"frame {name}: there are two; sites and ends of equalities")
+            self._problems.append(
+                f"frame {name}: two frames (sites, ends of equalities) have this name"
+            )
             return
         parent, placement = self.bodies[body]
         kind = pin.FrameType.OP_FRAME
@@ -292,7 +296,9 @@ class _Reader:
                 continue
             if kind not in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD):
                 what = kind.name.removeprefix("mjEQ_").lower()
-                text = 'connect, weld, joint and tendon are read; active="false" leaves it out'
+                text = (
+                    'only connect, weld, joint and tendon are supported; active="false" disables it'
+                )
                 self._problems.append(f"{name}: an equality of kind {what}; {text}")
                 continue
             turns = kind == kinds.mjEQ_CONNECT or not data[_TORQUESCALE]  # freely
@@ -323,7 +329,7 @@ class _Reader:
         wraps = range(mj.tendon_adr[tendon], mj.tendon_adr[tendon] + mj.tendon_num[tendon])
         if any(mj.wrap_type[k] != int(self._mujoco.mjtWrap.mjWRAP_JOINT) for k in wraps):
             name = mj.tendon(tendon).name or f"tendon_{tendon}"
-            self._problems.append(f"{name}: a spatial tendon; fixed ones, sums of joints, are read")
+            self._problems.append(f"{name}: a spatial tendon; only fixed tendons are supported")
             return _Length({}, 0.0)
         return self._unlocked({mj.wrap_objid[k]: mj.wrap_prm[k] for k in wraps})
 
@@ -357,8 +363,8 @@ class _Reader:
         own = shares.pop(joint, zero)
         solvable = own[1] and not own[2:].any() and (linear or len(second.shares) < 2)
         if not solvable:
-            text = f"{name}: it cannot be solved for a joint: "
-            text += "lock both sides of it or none, a polynomial is of one joint"
+            text = f"{name}: this equality cannot be solved for a joint: "
+            text += "lock both sides or none, and use polynomials of one joint only"
             self._problems.append(text)
             return
         lead = -own[1]
@@ -379,14 +385,14 @@ class _Reader:
             elif (tendon, index) in seen or self._in_disabled_group(i):
                 continue
             elif not mj.actuator_gear[i, 0]:
-                self._problems.append(f"{name}: its gear is 0, it moves nothing")
+                self._problems.append(f"{name}: its gear is 0, so it moves nothing")
             elif tendon:
                 if shares := self._tendon_length(index).shares:
                     yield shares
             elif self._name(index) in self._locked:
                 continue
             elif mj.jnt_type[index] not in (_HINGE, _SLIDE):
-                text = "give it hinges in a row instead, or name the motors by actuated="
+                text = "use hinges in series instead, or name the motors by actuated="
                 self._problems.append(f"{name}: an actuator on a ball or a free joint; {text}")
             else:
                 yield self._name(index)
@@ -403,14 +409,14 @@ class _Reader:
             for field, flag in (("armature", ""), ("frictionloss", "frictionloss")):
                 value = getattr(mj, f"dof_{field}")[dof]
                 if value and name not in self._locked and not self._disabled(flag):
-                    yield f"joint {name}: {field} of a free joint; a <freejoint> has none"
+                    yield f"joint {name}: a free joint with {field}; use <freejoint> instead"
         for field, (what, flag) in _FORCES.items():
             if self._disabled(flag):
                 continue
             if np.any(getattr(mj, field, 0)):  # not every MuJoCo has every field
-                yield f"{what} is not in the dynamics here"
+                yield f"{what} is not supported"
         if mj.opt.density or mj.opt.viscosity:
-            yield "a medium around the robot is not in the dynamics here"
+            yield "a medium (density, viscosity, wind) is not supported"
 
 
 class _Length(NamedTuple):

@@ -51,7 +51,7 @@ def _configurations(
     root: ET.Element, model: pin.Model, held: Collection[str] = ()
 ) -> Iterator[str]:
     if root.tag != "robot":
-        yield f"an SRDF begins with <robot>, not with <{root.tag}>"
+        yield f"an SRDF starts with <robot>, not with <{root.tag}>"
     for state in root.findall("group_state"):
         where = f"group_state {state.get('name')}"
         for joint in state.findall("joint"):

@@ -69,7 +69,7 @@ def parse_urdf(text: str, source: str, joints: Mapping[str, str] | None = None) 
             joint.set("type", "fixed")
     moving = sum(joint.get("type") != "fixed" for joint in root.findall("joint"))
     if moving > MOST_JOINTS:
-        problems = [f"{moving} moving joints; no more than {MOST_JOINTS} are computed"]
+        problems = [f"{moving} moving joints; at most {MOST_JOINTS} are supported"]
         raise DescriptionError(source, problems)
     try:
         model = pin.buildModelFromXML(ET.tostring(root, encoding="unicode"))
@@ -118,7 +118,7 @@ def parse_xml(text: str, source: str, what: str = "a URDF") -> ET.Element:
     except ET.ParseError as error:
         raise DescriptionError(source, [f"not {what}: not XML: {error}"]) from None
     if len(root) > _MOST_ELEMENTS:
-        text = f"not {what}: {len(root)} elements; no more than {_MOST_ELEMENTS} are read"
+        text = f"not {what}: {len(root)} elements; at most {_MOST_ELEMENTS} are supported"
         raise DescriptionError(source, [text])
     return root
 

@@ -127,10 +127,10 @@ def _near_singularities(
 ) -> Iterator[_Verdict]:
     legs = kinematics.legs_of_joints(geometry, q)
     for k, sine in enumerate(np.abs(legs.sin_mu).T, 1):
-        problem = f"leg {k} is close to lying flat on its arc, |sin mu_{k}| < {SMALLEST_SINE}"
+        problem = f"leg {k} is close to the plane of its arc, |sin mu_{k}| < {SMALLEST_SINE}"
         yield problem, (names[3 * k - 2],), sine, sine < SMALLEST_SINE, SMALLEST_SINE, np.inf
     condition = np.linalg.cond(legs.y_2)
-    problem = f"the motors are close to losing the star, condition number > {LARGEST_CONDITION:g}"
+    problem = f"close to a singularity (second kind), condition number > {LARGEST_CONDITION:g}"
     out = condition > LARGEST_CONDITION
     yield problem, names[::3], condition, out, -np.inf, LARGEST_CONDITION
 

@@ -100,7 +100,7 @@ def _intersections(A: Array) -> NDArray[np.complex128]:
     _, singular_values, V = np.linalg.svd(macaulay.reshape(-1, len(_DEGREE_4)))
     if singular_values[len(_DEGREE_4) - _N_SOLUTIONS - 1] < 1e-10 * singular_values[0]:
         raise SingularConfigurationError(
-            "the motor angles do not fix the star: it moves while the motors stand",
+            "the motor angles do not determine the star: it can move while the motors are fixed",
             float(singular_values[0] / singular_values[len(_DEGREE_4) - _N_SOLUTIONS - 1]),
         )
     null = V[-_N_SOLUTIONS:].T  # columns span the values of all monomials at the solutions

@@ -37,7 +37,7 @@ def backend(reference: Reference, model: Any, off: str) -> Backend:
     mechanism = reference.mechanism
     why = off or misfit(mechanism.space.joint_names, mechanism.closures) or kernels.missing()
     if not why and not (mechanism.driven_one_to_one and mechanism.springs.none):
-        why = "motors or springs are not those of an SST"
+        why = "the motors or springs differ from those of an SST"
     if why:
         return ReferenceBackend(reference, why)
     parameters = kernels.open_numbers(mechanism)
@@ -50,12 +50,12 @@ def backend(reference: Reference, model: Any, off: str) -> Backend:
 def misfit(joint_names: tuple[str, ...], closures: tuple[Constraint, ...]) -> str:
     """What keeps a robot from the kernels, wherever they run; empty when nothing does."""
     if joint_names != JOINT_NAMES:
-        return "the joints of the model stand in another order"
+        return "the joints of the model are in another order"
     cuts = [closure for closure in closures if isinstance(closure, Closure)]
     frames = {(closure.frame_a, closure.frame_b) for closure in cuts}
     kinds = {closure.kind for closure in cuts}
     if len(cuts) < len(closures) or frames != CUTS or not kinds <= {"6d", "orientation"}:
-        return "the cuts are others than those of the shipped YAML"
+        return "the cuts differ from those of the YAML in the package"
     return ""
 
 

@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 BRANCHES = np.array(list(itertools.product((1, -1), repeat=3)))
 BRANCHES.setflags(write=False)
 
-#: |sin(mu_k)| below which a leg lies flat on its arc and gamma_k is undetermined.
+#: |sin(mu_k)| below which a leg is in the plane of its arc and gamma_k is undetermined.
 _FLAT = 1e-8
 
 
@@ -84,7 +84,7 @@ def legs_of_orientation(geometry: Geometry, R: Array, branch: ArrayLike) -> Legs
         branch: Signs of sin(mu_k), shape (..., 3).
 
     Raises:
-        SingularConfigurationError: When a leg lies flat on its arc (first kind).
+        SingularConfigurationError: When a leg is in the plane of its arc (first kind).
     """
     R_3 = R[..., None, :, :] @ np.swapaxes(geometry.R_E, -1, -2)
     n = R_3[..., 2]
@@ -93,7 +93,8 @@ def legs_of_orientation(geometry: Geometry, R: Array, branch: ArrayLike) -> Legs
     if (length < _FLAT).any():
         *sample, leg = (int(i) for i in np.argwhere(length < _FLAT)[0])
         error = SingularConfigurationError(
-            f"leg {leg + 1} lies flat on its arc (sin mu_{leg + 1} = 0): gamma_{leg + 1} is free",
+            f"leg {leg + 1} is in the plane of its arc (sin mu_{leg + 1} = 0), "
+            f"gamma_{leg + 1} is not determined",
             1 / max(float(length.min()), 1e-300),
         )
         if sample:

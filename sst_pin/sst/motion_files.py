@@ -56,14 +56,14 @@ def _motion_of(robot: SST, table: Table) -> Trajectory:
     if len(given) != 1:
         raise FileFormatError(
             path,
-            f"columns of {'two kinds of motion' if given else 'no motion'}; one is needed of: "
+            f"columns of {'several motions' if given else 'no motion'}; use exactly one of: "
             "qw, qx, qy, qz | theta_rad, phi_rad, psi_rad | gamma_1_rad, gamma_2_rad, gamma_3_rad "
             f"(_deg for degrees); found: {', '.join(table.columns)}",
             1,
         )
     t = table.column("t_s")
     if len(t) < 3:
-        raise FileFormatError(path, f"{len(t)} rows; rates need three at least")
+        raise FileFormatError(path, f"{len(t)} rows; rates need at least three")
     if given[0].startswith("gamma"):
         q, va, aa = _from_motor_angles(robot, table, t)
     else:
@@ -95,7 +95,7 @@ def _unit(table: Table, name: str) -> str | None:
     """The column of an angle, whatever its unit."""
     names = [c for c in (f"{name}_rad", f"{name}_deg", name) if c in table.columns]
     if len(names) > 1:
-        raise FileFormatError(table.path, f"one angle in several columns: {', '.join(names)}", 1)
+        raise FileFormatError(table.path, f"one angle has several columns: {', '.join(names)}", 1)
     return names[0] if names else None
 
 

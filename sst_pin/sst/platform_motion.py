@@ -181,7 +181,7 @@ def interpolate_orientations(t: ArrayLike, R: ArrayLike, at: ArrayLike) -> Platf
         raise InputError(
             "R",
             f"{np.degrees(steps[i]):.0f} degrees between the samples at t = {times[i]:g} and "
-            f"{times[i + 1]:g} s, more than a quarter turn; sample the motion more often",
+            f"{times[i + 1]:g} s, more than a quarter turn; use more samples",
         )
     quaternions = samples.as_quat()
     turned = np.sign((quaternions[1:] * quaternions[:-1]).sum(axis=1))  # p and -p are one rotation

@@ -40,7 +40,7 @@ def parameters_of(model: pin.Model, geometry: Geometry, friction: Friction) -> P
         *_joint_problems(model),
     ]
     if problems:
-        raise DescriptionError(f"model {model.name} is more than its parameters", problems)
+        raise DescriptionError(f"model {model.name} cannot be described by Parameters", problems)
     bodies = [_body(inertia) for inertia in list(model.inertias)[1:]]
     # Eqs. (30), (31), (35): {E} in {3k} is Rot(x, -(alpha_2 + ... + alpha_k)).
     turns = np.arctan2(geometry.R_E[1:, 1, 2], geometry.R_E[1:, 1, 1]) % (2 * np.pi)
@@ -92,7 +92,7 @@ def _star(model: pin.Model, geometry: Geometry) -> RigidBody:
 def _frame_problems(model: pin.Model) -> Iterator[str]:
     for name in ("E", "P_1", "P_2", "P_3"):
         if not model.existFrame(name):
-            yield f"frame {name} is missing: its distance from O is the radius of its sphere"
+            yield f"frame {name} is missing; its distance from O gives a radius"
 
 
 def _base_problems(model: pin.Model, geometry: Geometry) -> Iterator[str]:
@@ -101,20 +101,20 @@ def _base_problems(model: pin.Model, geometry: Geometry) -> Iterator[str]:
     wanted = base_orientations(Parameters(base_directions=v))
     for k in range(3):
         if np.abs(geometry.R_0[k] - wanted[k]).max() > EXACT:
-            yield f"joint gamma_{k + 1}: z is not normal to the x of {{0k}} and the next leg's"
+            yield f"joint gamma_{k + 1}: z must be normal to x of this leg and of the next"
         name = f"P_{k + 1}"
         frame = frame_of(model, name)
         at_P = np.abs(frame.placement.translation - radius * v[k]).max() < EXACT
         if frame.parentJoint != 0 or not at_P:
-            yield f"frame {name}: must be fixed to base on v_{k + 1}, as far from O as P_1"
+            yield f"frame {name}: must be fixed to base on v_{k + 1}, at the same radius as P_1"
 
 
 def _star_problems(model: pin.Model, geometry: Geometry) -> Iterator[str]:
     if np.abs(geometry.R_E[0] - np.eye(3)).max() > EXACT:
-        yield "frame closedloop1_A: {E} is turned against star_1"
+        yield "frame closedloop1_A: {E} must have the orientation of star_1"
     for k in (2, 3):
         if np.abs(geometry.R_E[k - 1, 0] - np.eye(3)[0]).max() > EXACT:
-            yield f"frame closedloop{k - 1}_B: {{E}} must be turned about x of star_{k} only"
+            yield f"frame closedloop{k - 1}_B: {{E}} may be rotated about x of star_{k} only"
     E = frame_of(model, "E")
     radius = _radius(model, "E")
     on_x = E.placement.isApprox(pin.SE3(np.eye(3), np.array((radius, 0, 0))), EXACT)
@@ -127,6 +127,6 @@ def _joint_problems(model: pin.Model) -> Iterator[str]:
     for i, name in enumerate(JOINT_NAMES):
         limits = model.lowerPositionLimit[i], model.upperPositionLimit[i]
         if np.abs(limits - np.array((-turn, turn))).max() > EXACT:
-            yield f"joint {name}: limits {limits[0]:g} and {limits[1]:g} rad, not one turn each way"
+            yield f"joint {name}: limits {limits[0]:g} and {limits[1]:g} rad must be -2 pi and 2 pi"
         if model.armature[i] != 0:
-            yield f"joint {name}: armature {model.armature[i]:g} kg m^2"
+            yield f"joint {name}: armature {model.armature[i]:g} kg m^2 must be 0"

@@ -37,15 +37,15 @@ _WELDS = {f"{a} - {b}" for a, b in CUTS}
 
 
 class Singularities(NamedTuple):
-    """How near a configuration is to the singularities of both kinds.
+    """Distance of a configuration from the singularities of both kinds.
 
     With A omega = B gamma_dot, rows of A the axes y_2k of {2k} and B = diag(sin(mu_k)).
 
     Attributes:
-        first_kind: min |sin(mu_k)|, shape (...): at 0 a leg lies flat on its arc, the star loses
-            a motion (inverse kinematics).
-        second_kind: Smallest singular value of A, shape (...): at 0 the star moves while the
-            motors stand (direct kinematics).
+        first_kind: min |sin(mu_k)|, shape (...): at 0 a leg is in the plane of its arc and the
+            star loses a degree of freedom (inverse kinematics).
+        second_kind: Smallest singular value of A, shape (...): at 0 the star can move while the
+            motors are fixed (direct kinematics).
         condition_number: Of A, shape (...): 1 at an isotropic pose.
     """
 
@@ -79,7 +79,9 @@ class SST(ClosedChain):
         if parameters is None:
             self._load_files(Path(description.URDF_PATH), Path(description.YAML_PATH), kernels)
         elif not isinstance(parameters, Parameters):
-            raise InputError("parameters", f"{parameters!r}; for a file there is SST.from_urdf")
+            raise InputError(
+                "parameters", f"{parameters!r} is not Parameters; to read a file use SST.from_urdf"
+            )
         else:
             urdf, cuts = description.urdf_of(parameters), description.yaml_of(parameters)
             self._load(urdf, cuts, "URDF of the parameters", "cuts of the parameters", kernels)
@@ -156,7 +158,7 @@ class SST(ClosedChain):
         model = reading.parse_urdf(urdf, urdf_source, joints)
         geometry_of(model, urdf_source)  # its complaints come first
         if mimics := reading.parse_mimics(urdf, urdf_source):
-            raise DescriptionError(urdf_source, [f"{mimics[0]}: an SST has no coupled joints"])
+            raise DescriptionError(urdf_source, [f"{mimics[0]}: an SST has no mimic joints"])
         if actuated != MOTOR_NAMES:
             raise DescriptionError(
                 cuts_source, [f"name_mot: {list(actuated)}, an SST has {', '.join(MOTOR_NAMES)}"]
@@ -219,7 +221,7 @@ class SST(ClosedChain):
 
         Raises:
             InputError: When R is not a rotation or branch not made of +1 and -1.
-            SingularConfigurationError: When a leg lies flat on its arc.
+            SingularConfigurationError: When a leg is in the plane of its arc.
             WorkspaceError: When a joint would leave its limits.
 
         Example:
@@ -235,7 +237,9 @@ class SST(ClosedChain):
         kinematics.require_rotation(R)
         signs = finite_array("branch", branch, (3,))
         if not (np.abs(signs) == 1).all():
-            raise InputError("branch", f"{np.asarray(branch).tolist()} is not made of +1 and -1")
+            raise InputError(
+                "branch", f"{np.asarray(branch).tolist()}: each entry must be +1 or -1"
+            )
         legs = kinematics.legs_of_orientation(self.geometry, R, signs)
         q = kinematics.joints_of_legs(self.geometry, legs)
         self._require_limits(q)
@@ -631,7 +635,7 @@ class SST(ClosedChain):
         if outside.any():
             *sample, joint = (int(i) for i in np.argwhere(outside)[0])
             error = WorkspaceError(
-                f"orientation out of reach: {self.joint_names[joint]} would be "
+                f"the orientation is out of reach: {self.joint_names[joint]} would be "
                 f"{q[tuple(sample)][joint]:.4g} rad, its limits are "
                 f"{lower[joint]:.4g} and {upper[joint]:.4g} rad"
             )

@@ -55,11 +55,11 @@ def _joint_problems(model: pin.Model) -> Iterator[str]:
         yield f"joint {name} is missing"
     for name in names:
         if name not in JOINT_NAMES:
-            yield f"joint {name} is not an SST's"
+            yield f"joint {name}: an SST has no such joint"
     if missing or len(names) != len(JOINT_NAMES):
         yield "an SST has nine joints gamma_k, mu_k, beta_k"
     else:
-        yield f"joints come as {', '.join(names)}; an SST has legs gamma_k, mu_k, beta_k in series"
+        yield f"joints {', '.join(names)}; their order must be gamma_k, mu_k, beta_k of each leg"
 
 
 def _axis_problems(model: pin.Model) -> Iterator[str]:
@@ -69,12 +69,12 @@ def _axis_problems(model: pin.Model) -> Iterator[str]:
         wanted = "JointModelRX" if joint == "mu" else "JointModelRZ"
         parent = 0 if joint == "gamma" else index - 1
         if kind != wanted:
-            yield f"joint {name}: {kind}, an SST has a {wanted} there"
+            yield f"joint {name}: type {kind}, expected {wanted}"
         if model.parents[index] != parent:
             bearer, other = model.names[parent], model.names[model.parents[index]]
-            yield f"joint {name}: hangs on {other}, not on {bearer}"
+            yield f"joint {name}: its parent is {other}, expected {bearer}"
         if np.abs(placement.translation).max() > EXACT:
-            yield f"joint {name}: off the centre O, origin xyz must be 0 0 0"
+            yield f"joint {name}: not in the centre O; origin xyz must be 0 0 0"
         if joint != "gamma" and np.abs(placement.rotation - np.eye(3)).max() > EXACT:
             yield f"joint {name}: origin rpy must be 0 0 0"
 

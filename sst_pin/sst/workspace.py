@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Where an SST can point its axis s, and how well the motors hold it there.
+"""Directions that the axis s of an SST can reach, with condition numbers.
 
-The star has three freedoms: the direction of s and the roll psi about it. A map over directions is
-taken at one psi, or over the whole turn, where each direction shows its best psi.
+The star has three degrees of freedom: the direction of s and the roll angle psi about s. A map
+shows all directions, for one psi, or for the best psi of each direction.
 
-With ideal joints every orientation is in reach but those in which a leg lies flat on its arc: the
-closed-form inverse kinematics always has its solution. What bounds a machine are its arcs, as
-`check` has them. All is on the working branch, 0 < mu_k < pi.
+With ideal joints the inverse kinematics has a solution for every orientation, except those in which
+a leg is in the plane of its arc. The arcs limit a real machine; `check` defines these limits. All
+maps are for the working branch, 0 < mu_k < pi.
 """
 
 from __future__ import annotations
@@ -93,15 +93,14 @@ class Workspace:
         theta: Longitude of s in the base, [rad].
         phi: Its colatitude, [rad].
         psi: Roll of the star about s, the paper's angle, [rad].
-        reachable: Whether joint limits hold and no leg lies flat on its arc.
-        first_kind: min |sin(mu_k)|, 0 where a leg lies flat.
-        determinant: Of A, rows y_2k; changes sign where the motors lose the star, the second kind.
-            NaN where a leg lies flat: A is not defined there.
+        reachable: Whether joint limits hold and no leg is in the plane of its arc.
+        first_kind: min |sin(mu_k)|, 0 where a leg is in the plane of its arc.
+        determinant: Of A, rows y_2k; changes sign at singularities of the second kind. NaN where a
+            leg is in the plane of its arc: A is not defined there.
         condition_number: Of A; infinite where the direction is not reachable.
         margin: How far inside their arcs and joint limits all joints are, negative by how far one
-            is outside, the largest over all psi asked for, [rad]. NaN where a leg lies flat.
-        roll: How much of the turn in psi the arcs leave, [rad]: 0 or 2 pi when one psi was asked
-            for.
+            is outside, the largest over all psi, [rad]. NaN where a leg is in the plane of its arc.
+        roll: Range of psi within the arcs, [rad]; 0 or 2 pi for a map at one psi.
     """
 
     theta: Array

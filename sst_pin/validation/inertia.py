@@ -35,19 +35,19 @@ def check(root: ET.Element) -> Iterator[Problem]:
         elif name in moving:
             yield error(
                 where,
-                "moves and has no <inertial>: no mass in Pinocchio, 1 kg in PyBullet, "
+                "moves without <inertial>: no mass in Pinocchio, 1 kg in PyBullet, "
                 "an error in MuJoCo",
             )
         elif name in borne:
             yield warning(
-                where, "fixed, no <inertial>: 1 kg in PyBullet; write one that is zero throughout"
+                where, "fixed link without <inertial>: 1 kg in PyBullet; add an <inertial> of zeros"
             )
     if masses:
         heavy, light = max(masses, key=lambda n: masses[n]), min(masses, key=lambda n: masses[n])
         if masses[heavy] > _SPREAD * masses[light]:
             yield warning(
                 f"links {heavy} and {light}",
-                f"masses of {masses[heavy]:.3g} kg and {masses[light]:.3g} kg in one robot",
+                f"very different masses, {masses[heavy]:.3g} kg and {masses[light]:.3g} kg",
             )
 
 
@@ -55,7 +55,7 @@ def _inertial(inertial: ET.Element, where: str, moves: bool) -> Iterator[Problem
     mass = number(inertial.find("mass"), "value")
     entries = [number(inertial.find("inertia"), key) for key in ENTRIES]
     if mass == 0 and moves:
-        yield error(where, "moves and has no mass: MuJoCo refuses it")
+        yield error(where, "moves without mass: MuJoCo refuses it")
     if mass is None or mass < 0 or None in entries:
         return  # told by the reader's checks
     xx, xy, xz, yy, yz, zz = entries
@@ -72,14 +72,14 @@ def _moments(
     shown = f"principal moments {A:.4g}, {B:.4g}, {C:.4g} kg m^2"
     if not inertia.any():
         if mass and moves:
-            yield error(where, f"moves, {mass:g} kg and no inertia: MuJoCo refuses it")
+            yield error(where, f"moves, has {mass:g} kg but no inertia: MuJoCo refuses it")
         elif mass:
-            yield warning(where, f"a point of {mass:g} kg: no inertia")
+            yield warning(where, f"has {mass:g} kg but no inertia")
     elif mass == 0:
         yield error(where, "inertia without mass")
     elif A <= 0:
         yield error(where, f"inertia not positive definite: {shown}")
     elif A + B < C * (1 - _ROUNDING):
         yield error(
-            where, f"no body has this inertia, the two smaller must reach the third: {shown}"
+            where, f"impossible inertia, the two smaller moments must reach the third: {shown}"
         )

@@ -56,7 +56,7 @@ def _unknown(robot: reading.Extended) -> Iterator[Problem]:
     if not robot.closures:
         yield error("cuts", "no closures")
     if not model.nv:
-        yield error("tree", "all joints are fixed: nothing moves")
+        yield error("tree", "all joints are fixed")
     for closure in robot.closures:
         for frame in frames_of(closure):
             try:
@@ -77,7 +77,7 @@ def _open(model: pin.Model, closures: Sequence[Constraint]) -> Iterator[Problem]
         if gap:
             yield error(f"closure {closure}", f"cannot be closed: {gap:.3g} (m or rad) stays open")
     if not any(alone.values()) and (gap := _gap(model, closures)):
-        text = f"close one by one, not together: {gap:.3g} (m or rad) stays open"
+        text = f"each can be closed alone, but not all together: {gap:.3g} (m or rad) stays open"
         yield error("closures", text)
 
 
@@ -108,7 +108,7 @@ def _home(robot: reading.Extended, path: Path, found: reading.Cuts) -> Iterator[
     try:
         chain.home  # noqa: B018
     except ClosureError:
-        yield warning("home", f"cannot be closed: {gap:.3g} (m or rad) stays open, start nearer")
+        yield warning("home", f"cannot be closed: open by {gap:.3g} (m or rad); correct the pose")
     else:
         if gap > _WRITTEN:
             text = f"the loops are open by {gap:.3g} (m or rad); `chain.home` closes them"
@@ -119,7 +119,7 @@ def _actuation(robot: reading.Extended) -> Iterator[Problem]:
     try:
         mobility = ClosedChain(*robot).mobility()
     except ClosureError:
-        yield warning("closures", "they close at q = 0 only: mobility not judged")
+        yield warning("closures", "they can be closed at q = 0 only, so mobility is not computed")
         return
     except ActuationError as caught:
         yield error("actuation", str(caught))

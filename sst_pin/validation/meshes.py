@@ -43,7 +43,7 @@ def check(root: ET.Element, folder: Path) -> Iterator[Problem]:
             yield from _sizes(shape, where)
         for shape in link.iterfind(".//geometry/*"):
             if shape.tag == "capsule":
-                yield warning(where, "a <capsule>: Pinocchio drops it")
+                yield warning(where, "Pinocchio ignores <capsule>")
             name = shape.get("filename", "")
             if shape.tag == "mesh" and name not in told:
                 told.add(name)  # once for each file
@@ -62,14 +62,16 @@ def _sizes(shape: ET.Element, where: str) -> Iterator[Problem]:
 
 def _mesh(name: str, where: str, folder: Path) -> Iterator[Problem]:
     if name.startswith("package://"):
-        yield warning(where, f"mesh {name}: MuJoCo does not know package://; write a relative path")
+        yield warning(
+            where, f"mesh {name}: MuJoCo does not support package://; use a relative path"
+        )
         package, _, rest = name.removeprefix("package://").partition("/")
         places = [base / package / rest for base in (folder, *folder.resolve().parents)]
     else:
         place = Path(name.removeprefix("file://"))
         places = [folder / place]
         if place.is_absolute():
-            yield warning(where, f"mesh {name}: an absolute path, of one machine only")
+            yield warning(where, f"mesh {name}: an absolute path is valid on one machine only")
     if not any(map(isfile, places)):  # which takes names of any length
         yield error(where, f"mesh {name or '(no name)'}: not found")
     tools = _REFUSED.get(Path(name).suffix.lower())

@@ -90,8 +90,8 @@ class VirtualWork:
 
         Raises:
             InputError: For a wrong shape, a number that is not finite, an R that is no rotation.
-            SingularConfigurationError: When a leg lies flat on its arc, or the motor angles do
-                not fix the star.
+            SingularConfigurationError: When a leg is in the plane of its arc, or the motor angles
+                do not determine the star.
         """
         star = self._star(R, omega, platform_moment)
         work = _times(star.A, finite_array("alpha", alpha, (3,))) + star.h
@@ -117,7 +117,7 @@ class VirtualWork:
 
         Raises:
             InputError: As `torques`.
-            SingularConfigurationError: When a leg lies flat on its arc.
+            SingularConfigurationError: When a leg is in the plane of its arc.
         """
         return self._star(R, omega, platform_moment).acceleration(finite_array("tau", tau, (3,)))
 
@@ -255,7 +255,7 @@ class VirtualWork:
         while solver.status == "running":
             message = solver.step()
             if message:
-                problem = f"the integrator gave up: {message}{failure}"
+                problem = f"the integrator stopped: {message}{failure}"
                 raise errors.SimulationError(problem, float(solver.t))
             state = solver.dense_output()
             passed = times[(times > solver.t_old) & (times <= solver.t)]
@@ -296,7 +296,7 @@ class VirtualWork:
         e, n, w = np.broadcast_to(self._e, R.shape), self._normals(R), omega[..., None, :]
         p = np.cross(e, n)
         c, s2 = _dot(e, n)[..., None], _dot(p, p)[..., None]  # cosine and sine^2 of their angle
-        _require(s2.min(axis=(-2, -1)), "a leg lies flat on its arc")
+        _require(s2.min(axis=(-2, -1)), "a leg is in the plane of its arc")
         u = self._branch[:, None] * p / np.sqrt(s2)
         g, b = (e - c * n) / s2, (n - c * e) / s2
         rates = np.stack([g, u, b], axis=-2).reshape(*R.shape[:-2], 9, 3)

@@ -299,4 +299,6 @@ def _guarded_requests(host: str) -> Iterator[None]:
     finally:
         websockets.asyncio.server.serve = serve  # type: ignore[misc]
     if not started:
-        raise ServerError("this version of viser cannot be kept from answering foreign pages")
+        raise ServerError(
+            "this version of viser cannot refuse requests of other pages; install another"
+        )

@@ -162,7 +162,9 @@ class Jog:
             near = robot.singularities(q)
             if near.first_kind < SMALLEST_SINE:
                 leg = int(np.abs(np.sin(q[1::3])).argmin()) + 1
-                raise WorkspaceError(f"boundary of the workspace: leg {leg} lies flat on its arc")
+                raise WorkspaceError(
+                    f"boundary of the workspace: leg {leg} is in the plane of its arc"
+                )
             if near.condition_number > LARGEST_CONDITION:
                 raise WorkspaceError("singularity: the motors lose hold of the star")
         elif robot.condition_number(q) > _SINGULAR:

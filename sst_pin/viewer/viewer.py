@@ -227,7 +227,7 @@ class Viewer:
         require_motion(motion, robot.position_names, name)
         if motion.tau.shape[1] != len(robot.motor_names):
             motors = f"{motion.tau.shape[1]} motors, the robot has {len(robot.motor_names)}"
-            raise InputError(name, f"is another robot's, with torques of {motors}")
+            raise InputError(name, f"belongs to another robot, with torques of {motors}")
         space = JointSpace(robot.model)
         try:
             same = np.array_equal(

@@ -115,7 +115,7 @@ def test_assemble_holds_the_joints_it_was_told_to_hold(robot):
 
 
 def singular_configuration(robot):
-    """Where the star moves while the motors stand, by bisection on the sign of det A."""
+    """Where the star can move while the motors are fixed, by bisection on the sign of det A."""
     from sst_pin.sst import kinematics
 
     def det(R):
@@ -304,5 +304,5 @@ def test_motors_that_do_not_move_the_robot_are_told():
     chain = sst_pin.ClosedChain(model, closures, ["crank"])
     q = chain.assemble([0.6, 0.1, -1.2], fixed=())
     assert chain.coordinates == ("coupler",)
-    with pytest.raises(sst_pin.ActuationError, match="no motor supplies coupler"):
+    with pytest.raises(sst_pin.ActuationError, match="no motor supplies the forces coupler"):
         chain.compute_torques(q, [0.5], [-0.3])

@@ -177,8 +177,8 @@ BAD = {
     ),
     "missing column": ("t_s,qw,qx,qy\n0,1,0,0\n1,1,0,0\n2,1,0,0\n", "missing column qz"),
     "no motion": ("t_s,x\n0,1\n", "line 1: columns of no motion"),
-    "two motions": ("t_s,theta_rad,phi_rad,qw\n0,1,1,1\n", "columns of two kinds of motion"),
-    "too short": ("t_s,theta_rad,phi_rad\n0,1,1\n1,1,1\n", "2 rows; rates need three"),
+    "two motions": ("t_s,theta_rad,phi_rad,qw\n0,1,1,1\n", "columns of several motions"),
+    "too short": ("t_s,theta_rad,phi_rad\n0,1,1\n1,1,1\n", "2 rows; rates need at least three"),
     "angle left out": (
         "t_s,gamma_1_rad,gamma_2_rad\n0,1,1\n1,1,1\n2,1,1\n",
         "missing column gamma_3_rad",
@@ -189,7 +189,7 @@ BAD = {
     ),
     "singular": (
         "t_s,theta_rad,phi_rad,psi_rad\n0,0,1.5707963267948966,1.5707963267948966\n1,0,1.5707963267948966,1.5707963267948966\n2,0,1.5707963267948966,1.5707963267948966\n",
-        "lies flat on its arc",
+        "is in the plane of its arc",
     ),
 }
 

@@ -176,7 +176,7 @@ def test_missing_folders_are_not_made_in_silence(here, capsys):
     """A wrong path is told; a folder that is asked for is made, its parents are not."""
     code, _, err = run(capsys, "torques", SAMPLE, "-o", "no/such/out.csv")
     assert code == 2
-    assert "no/such: there is no such folder; make it first" in err
+    assert "no/such: the folder does not exist; create it first" in err
     assert run(capsys, "export-c", "no/such")[0] == 2
     assert not any(here.iterdir())
     for number, arguments in enumerate((("made",), ("-o", "made_too"), (DELTA, "-o", "no"))):

@@ -87,7 +87,7 @@ def test_all_problems_are_reported_at_once():
     ("arguments", "word"),
     [
         ({"base_directions": np.zeros((3, 3))}, "v_1 is zero"),
-        ({"arc_angles": (120, 120, 120)}, "degrees given"),
+        ({"arc_angles": (120, 120, 120)}, "are these degrees"),
         ({"arc_angles": (-1, 2, 2 * np.pi - 1)}, "each must lie in"),
         ({"star": RigidBody(1, (0, 0, 0), np.diag((1, 1, -1)))}, "not all positive"),
         ({"star": None}, "a RigidBody is needed"),

@@ -85,7 +85,7 @@ def test_a_motion_out_of_reach_names_its_sample():
     chain = sst_pin.robots.five_bar()
     motors = [chain.position_names.index(name) for name in chain.coordinates]
     x = chain.home[motors] + np.linspace(0, np.pi, 9)[:, None] * [1, -1]
-    with pytest.raises(sst_pin.ClosureError, match="cannot be followed further") as caught:
+    with pytest.raises(sst_pin.ClosureError, match="cannot be closed further") as caught:
         coordinate_motion(chain, np.arange(9.0), x, chain.home)
     assert len(caught.value.samples) == 1
 
@@ -137,8 +137,8 @@ def test_a_whole_file_is_taken_as_it_stands(delta, stroke, tmp_path):
     [
         ("t_s,x\n0,1\n1,1\n2,1\n", "line 1: no column of "),
         ("x\n0\n", "missing column t_s"),
-        ("t_s,{0}_rad,{0}_deg,{1},{2}\n0,0,0,0,0\n", "one joint in several columns"),
-        ("t_s,{0},{1},{2}\n0,0,0,0\n1,0,0,0\n", "2 rows; rates need three"),
+        ("t_s,{0}_rad,{0}_deg,{1},{2}\n0,0,0,0,0\n", "one joint has several columns"),
+        ("t_s,{0},{1},{2}\n0,0,0,0\n1,0,0,0\n", "2 rows; rates need at least three"),
         ("t_s,{0},{1},{2}\n0,0,0,0\n1,0.1,0,0\n2,4,0,0\n", "line 4: "),
     ],
 )

@@ -188,7 +188,7 @@ def test_no_step_leads_across_a_singularity(kernels):
 
 def test_a_start_in_a_singularity_is_refused(robot):
     """There is nothing to integrate."""
-    with pytest.raises(sst_pin.InputError, match="nearer to a singularity"):
+    with pytest.raises(sst_pin.InputError, match="closer to a singularity"):
         robot.simulate(np.zeros(3), robot.home, np.zeros(3), [0, 1], max_condition_number=2)
 
 
@@ -201,7 +201,7 @@ def test_arguments_are_checked_before_the_integration(robot, circle):
         (np.zeros(3), [0], "N >= 2"),
         (np.zeros(3), [0, 1, 1], r"not increasing: t\[2\] = 1 after 1"),
         (np.zeros(3), [0, np.nan], "t: entry"),
-        (circle, [0, 1], "sampled from 0 to 0.523599 s, wanted from 0 to 1 s"),
+        (circle, [0, 1], "has samples from 0 to 0.523599 s, but the simulation is from 0 to 1 s"),
         (lambda t, q, va: np.zeros(4), [0, 1], r"torque\(t, q, va\): shape \(4,\)"),
         (lambda t, q, va: (0, np.nan, 0), [0, 1], "torque.* is nan"),
     ):

@@ -275,10 +275,10 @@ def test_a_part_of_a_motion_is_a_motion(motion, samples):
 @pytest.mark.parametrize(
     ("samples", "words"),
     [
-        (3, r"motion\[3:4\] is a motion of it"),
-        (slice(7, 9), "leaves none of 7"),
-        (slice(None, None, -1), "does not go forwards"),
-        ([1, 1], "does not go forwards"),
+        (3, r"use motion\[3:4\]"),
+        (slice(7, 9), "selects none of 7"),
+        (slice(None, None, -1), "is not in the order of time"),
+        ([1, 1], "is not in the order of time"),
         ([9], "out of bounds"),
         ("q", "samples"),
         (slice(0.1, 0.3), "samples"),

@@ -110,7 +110,7 @@ def test_a_robot_that_reaches_nothing_on_its_arcs_is_told(here, capsys, monkeypa
     (here / "odd.urdf").write_text(urdf_of(odd))
     code, out, _ = run(capsys, "workspace", "-o", "map.svg", "--urdf", "odd.urdf")
     assert code == 0
-    assert out.count("no direction with all sliders on their arcs") == 2
+    assert out.count("no direction has all sliders on their arcs") == 2
     assert b"circle of the paper" not in (here / "map.svg").read_bytes()
 
 
@@ -123,8 +123,8 @@ def test_a_robot_that_reaches_nothing_on_its_arcs_is_told(here, capsys, monkeypa
         (("plot", "nowhere.csv", "-o", "a.png"), "cannot be read: No such file"),
         (("plot", "nowhere.npz", "-o", "a.png"), "not a motion"),
         (("plot", "text.csv", "-o", "a.png"), "columns of no motion"),
-        (("plot", "one.csv", "-o", "a.png"), "one sample; a curve needs two at least"),
-        (("plot", "other.npz", "-o", "a.png"), "a motion of another robot: crank"),
+        (("plot", "one.csv", "-o", "a.png"), "has one sample; a curve needs at least two"),
+        (("plot", "other.npz", "-o", "a.png"), "the motion of another robot, with joints crank"),
         (
             ("plot", SAMPLE, "-o", "a.png", "--what", "torques,dance"),
             "'dance' unknown; known:",

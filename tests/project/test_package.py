@@ -109,7 +109,7 @@ def test_a_machine_without_a_compiler_gets_the_reference_path(tmp_path):
     )
     module, path, torques = result.stdout.splitlines()
     assert Path(module).is_relative_to(tmp_path)
-    assert path.startswith("the reference path: the extension is not there")
+    assert path.startswith("the reference path: the extension module is missing")
     reference = sst_pin.SST(kernels=False)
     assert torques == str(reference.compute_torques(reference.home, [0] * 3, [0] * 3))
 

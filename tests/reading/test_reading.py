@@ -94,7 +94,7 @@ def _about(axes, q):
         (
             chain_urdf("revolute").replace("<limit", '<mimic joint="other"/><limit'),
             {},
-            "joint j0: mimics other, which is no joint",
+            "joint j0: mimics other, which is not a joint",
         ),
         (
             chain_urdf("revolute").replace("<limit", '<mimic joint="j0"/><limit'),
@@ -527,11 +527,15 @@ def test_locked_joints_stay_at_their_reference(mjcf):
     ("old", "new", "word"),
     [
         ("<mujoco", "<nonsense", "not an MJCF"),
-        ('<body name="d"/>', '<body><joint name="b_1"/><geom size="1"/></body>', "b_1 are two"),
+        (
+            '<body name="d"/>',
+            '<body><joint name="b_1"/><geom size="1"/></body>',
+            "several joints b_1",
+        ),
         (
             '<body name="d"/>',
             '<body name="d"><joint type="free" armature="1"/><geom size="1"/></body>',
-            "joint d: armature of a free joint; a <freejoint> has none",
+            "joint d: a free joint with armature; use <freejoint>",
         ),
         (
             "</worldbody>",
@@ -661,7 +665,7 @@ def test_an_mjcf_of_more_joints_than_can_be_computed_is_refused(mjcf):
     body = '<body><joint name="x{}" axis="1 0 0"/><geom size=".1"/></body>'
     bodies = "".join(body.format(i) for i in range(2000))
     mjcf.write_text(MJCF.replace('<body name="d"/>', bodies))
-    with pytest.raises(sst_pin.DescriptionError, match="2004 moving joints; no more than"):
+    with pytest.raises(sst_pin.DescriptionError, match="2004 moving joints; at most"):
         read_mjcf(mjcf)
 
 

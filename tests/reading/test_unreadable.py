@@ -97,27 +97,30 @@ def test_friction_that_cannot_be_is_refused(files, text):
 @pytest.mark.parametrize(
     ("change", "word"),
     [
-        (lambda joint, link: link.find("inertial/mass").set("value", "-1"), "a mass of -1 kg"),
-        (lambda joint, link: joint.find("axis").set("xyz", "0 0 0"), "axis has no direction"),
-        (lambda joint, link: joint.find("axis").set("xyz", "0 1e-200 0"), "axis has no direction"),
+        (
+            lambda joint, link: link.find("inertial/mass").set("value", "-1"),
+            "its mass is negative, -1 kg",
+        ),
+        (lambda joint, link: joint.find("axis").set("xyz", "0 0 0"), "its axis is zero"),
+        (lambda joint, link: joint.find("axis").set("xyz", "0 1e-200 0"), "its axis is zero"),
         (lambda joint, link: joint.find("limit").set("lower", "9"), "lower limit 9 above"),
         (lambda joint, link: joint.find("limit").set("effort", "-1"), "effort='-1' is negative"),
         (lambda joint, link: joint.find("origin").set("ypr", "1 0 0"), "<origin> has no ypr"),
         (
             lambda joint, link: setattr(link.find("inertial"), "tag", "inertail"),
-            "<inertail> is unknown; inertial is meant?",
+            "<inertail> is unknown; did you mean inertial?",
         ),
         (
             lambda joint, link: ET.SubElement(joint, "dynamics", dampnig="1"),
-            "dampnig=...> is unknown; damping is meant?",
+            "dampnig=...> is unknown; did you mean damping?",
         ),
         (
             lambda joint, link: ET.SubElement(link.find("inertial"), "mass", value="2"),
-            "2 <mass>; one is read",
+            "2 <mass>; only one is allowed",
         ),
         (lambda joint, link: link.set("name", "base"), "link base: 2 have this name"),
         (lambda joint, link: joint.attrib.pop("name"), "joint: 1 without a name"),
-        (lambda joint, link: joint.find("parent").set("link", "bass"), "parent bass is no link"),
+        (lambda joint, link: joint.find("parent").set("link", "bass"), "parent bass is not a link"),
         (lambda joint, link: joint.set("type", "Revolute"), "type 'Revolute' unknown"),
     ],
 )
@@ -198,8 +201,8 @@ def large_urdf(links, kind):
 @pytest.mark.parametrize(
     ("urdf", "word"),
     [
-        (large_urdf(20_000, "fixed"), "39999 elements; no more than"),
-        (large_urdf(2_000, "revolute"), "1999 moving joints; no more than"),
+        (large_urdf(20_000, "fixed"), "39999 elements; at most"),
+        (large_urdf(2_000, "revolute"), "1999 moving joints; at most"),
         ("<robot name='r'>" + "<a>" * 100_000, "not XML"),
         (" " * 20_000_000, "more than"),
         (

@@ -142,14 +142,14 @@ def test_legs_of_unequal_bodies_are_read_one_by_one(tmp_path):
         (
             'rpy="1.570796326794896 0.0 1.570796326794896"',
             'rpy="1.5 0.0 1.570796326794896"',
-            "joint gamma_2: z is not normal",
+            "joint gamma_2: z must be normal",
         ),
         ('xyz="0.4 0.0 0.0"', 'xyz="0.4 0.1 0.0"', "frame E: must be fixed to star_1"),
         ('upper="6.283185307179586"', 'upper="1.6"', "joint mu_1: limits -6.28319 and 1.6 rad"),
         (
             'rpy="-2.094395102393195 0.0 0.0"',
             'rpy="-2.1 0.1 0.0"',
-            "frame closedloop1_B: {E} must be turned about x",
+            "frame closedloop1_B: {E} may be rotated about x",
         ),
     ],
 )

@@ -146,7 +146,7 @@ def test_what_cannot_be_shown_is_told(robot, motion, tmp_path):
     """Another robot's motion, a speed of nothing, an unknown ending, a file in the way."""
     viewer = Viewer(robot)
     other = sst_pin.Trajectory([0, 1], [[0], [1]], [[0]] * 2, [[0]] * 2, [[0]] * 2, ["x"], ["x"])
-    with pytest.raises(errors.InputError, match="motion: is another robot's, with joints x"):
+    with pytest.raises(errors.InputError, match="motion: belongs to another robot, with joints x"):
         viewer.play(other)
     columns = motion.t, motion.q, motion.va, motion.aa
     one = sst_pin.Trajectory(

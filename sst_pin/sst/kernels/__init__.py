@@ -72,7 +72,7 @@ def missing() -> str:
 def _library() -> ctypes.CDLL:
     found = find_spec(f"{__name__}._library")
     if found is None or found.origin is None:
-        raise CompilationError("the extension is not there, no C compiler at installation?")
+        raise CompilationError("the extension module is missing; install sst-pin with a C compiler")
     library = ctypes.CDLL(found.origin)
     parts = Path(build.__file__).with_name("c")
     require_current(_made_of(library), FOLDER / "kernels.c", parts / "real.h", parts / "driver.h")
