@@ -42,8 +42,14 @@ def add_to(commands: Commands) -> None:
         "--what",
         type=_subjects,
         metavar="A,B,..",
-        help=f"one or more of {', '.join(SUBJECTS)}; path is for an SST only "
-        "(default: all except power)",
+        help=f"one or more of {', '.join(SUBJECTS)} (default: all except power; path only for an "
+        "SST, or with --frame)",
+    )
+    parser.add_argument(
+        "--frame",
+        metavar="NAME",
+        help="draw the path of this frame in the axes of the base (default: platform; for an SST "
+        "the path of E on its sphere)",
     )
 
 
@@ -68,8 +74,8 @@ def _run(arguments: argparse.Namespace) -> int:
         raise FileFormatError(arguments.motion, "has one sample; a curve needs at least two")
     if refuses(robot, motion, arguments):
         return 1
-    figure = plots.motion_page(robot, motion, arguments.what)
+    figure = plots.motion_page(robot, motion, arguments.what, arguments.frame)
     write({arguments.output: plots.figure_writer(figure, name)}, arguments)
-    what = ", ".join(arguments.what or plots.summary_of(robot))
+    what = ", ".join(arguments.what or plots.summary_of(robot, arguments.frame))
     say(f"{what} of {len(motion)} samples -> {arguments.output}", arguments)
     return 0

@@ -8,6 +8,7 @@ try:
 except ImportError:
     raise MissingExtraError("matplotlib", "plot") from None
 
+from .frame_paths import frame_path
 from .motions import (
     condition_number,
     energy_balance,
@@ -47,6 +48,7 @@ __all__ = [
     "energy_balance",
     "figure_writer",
     "figure_writers",
+    "frame_path",
     "joint_angles",
     "joint_rates",
     "motion_page",

@@ -37,6 +37,10 @@ def motor_torques(ax: Axes, motion: Trajectory, motors: Sequence[str] | None = N
     Raises:
         UnknownNameError: For a name that no motor has.
         InputError: When some of the motors turn and others push.
+
+    Example:
+        >>> plots.motor_torques(ax, motion).get_ylabel()
+        'motor torque (N m)'
     """
     found = _torques(motion).pick(motors)
     unit = found.unit()
@@ -65,6 +69,10 @@ def joint_angles(ax: Axes, motion: Trajectory, joints: Sequence[str] | None = No
     Raises:
         UnknownNameError: For a name that no entry has.
         InputError: When some are angles and others are not.
+
+    Example:
+        >>> plots.joint_angles(ax, motion, ["crank", "rocker"]).get_ylabel()
+        'joint angle (deg)'
     """
     found = _positions(motion).pick(joints)
     unit = found.unit()
@@ -88,6 +96,10 @@ def joint_rates(
     Raises:
         UnknownNameError: For a name that no rate has.
         InputError: When some joints turn and others slide.
+
+    Example:
+        >>> plots.joint_rates(ax, chain, motion).get_ylabel()
+        'joint rate (rad/s)'
     """
     found = _rates(robot, motion).pick(joints)
     unit = found.unit()
@@ -111,6 +123,10 @@ def powers(
 
     Raises:
         UnknownNameError: For a name that no motor has.
+
+    Example:
+        >>> plots.powers(ax, chain, motion).get_ylabel()
+        'power (W)'
     """
     power = motor_powers(robot, motion)
     found = _powers(motion, power).pick(motors)
@@ -136,6 +152,10 @@ def energy_balance(ax: Axes, robot: ClosedChain, motion: Trajectory) -> Axes:
         ax: Plane axes.
         robot: Any closed chain.
         motion: Of that robot, without external loads.
+
+    Example:
+        >>> plots.energy_balance(ax, chain, motion).get_ylabel()
+        'energy since start (J)'
     """
     balance = balance_of(robot, motion)
     names = ("kinetic", "potential", "work of motors")
@@ -163,6 +183,10 @@ def condition_number(ax: Axes, robot: ClosedChain, motion: Trajectory) -> Axes:
         ax: Plane axes.
         robot: Any closed chain.
         motion: Of that robot.
+
+    Example:
+        >>> plots.condition_number(ax, chain, motion).get_ylabel()
+        'condition number (1)'
     """
     if isinstance(robot, SST):
         found = robot.singularities(motion.q)
@@ -189,6 +213,11 @@ def path_errors(ax: Axes, errors: Sequence[tuple[str, Array, Array]]) -> Axes:
     Args:
         ax: Plane axes.
         errors: Label, times [s] and angles [rad] of each motion.
+
+    Example:
+        >>> t = np.array([0, 1, 2])
+        >>> plots.path_errors(ax, [("simulated", t, np.array([0, 1e-9, 3e-9]))]).get_yscale()
+        'log'
     """
     for (label, t, error), look in zip(errors, PATHS[1:], strict=False):
         seen = error > 0  # an exact zero has no place on the axis

@@ -16,6 +16,7 @@ from ..motion.limits import beyond_limits
 from ..motion.trajectories import Trajectory, require_motion
 from ..sst.robot import SST
 from ..sst.workspace import Workspace
+from .frame_paths import PLATFORM, frame_path, plane_of, points_of
 from .motions import CURVES, Panel, panels
 from .sphere import paths_on_sphere
 from .style import Axes, StyledFigure, style
@@ -23,14 +24,17 @@ from .workspace import condition_colourbar, workspace_legend, workspace_map, wor
 
 Array = NDArray[np.float64]
 
-#: What a page can show of a motion; the path of an SST only.
+#: What a page can show of a motion.
 SUBJECTS = ("path", *CURVES)
 #: What it shows when nothing is asked for.
 SUMMARY = ("path", "torques", "joints", "rates", "energy", "condition")
 
 
 def motion_page(
-    robot: ClosedChain, motion: Trajectory, subjects: Sequence[str] | None = None
+    robot: ClosedChain,
+    motion: Trajectory,
+    subjects: Sequence[str] | None = None,
+    frame: str | None = None,
 ) -> Figure:
     """A page about a motion, two axes in a row, lettered; below them where it leaves joint limits.
 
@@ -41,23 +45,28 @@ def motion_page(
         robot: Any closed chain.
         motion: Of that robot, with more than one sample.
         subjects: Of `SUBJECTS`, in the order of the page; all but power by default, and the path
-            for an SST only.
+            for an SST only, or when a frame is given.
+        frame: Whose path is drawn, in the axes of the base. By default that of `platform`, and of
+            an SST that of E on its sphere.
 
     Raises:
         InputError: For a subject that is none, or a motion of another robot.
+        UnknownNameError: For a frame that the model does not have.
+
+    Example:
+        >>> page = plots.motion_page(chain, motion, ["torques", "path"], frame="platform")
+        >>> page.savefig("page.pdf")
     """
     require_motion(motion, robot.position_names)
     if len(motion) < 2:
         raise InputError("motion", "has one sample; a curve needs at least two")
-    star = isinstance(robot, SST)
-    known = SUBJECTS if star else tuple(CURVES)
     if subjects is None:
-        subjects = summary_of(robot)
+        subjects = summary_of(robot, frame)
     names = [] if isinstance(subjects, str) or not isinstance(subjects, Sequence) else subjects
-    if not names or not all(name in list(known) for name in names):
-        raise InputError("subjects", f"{subjects!r}, expected some of {', '.join(known)}")
+    if not names or not all(name in SUBJECTS for name in names):
+        raise InputError("subjects", f"{subjects!r}, expected some of {', '.join(SUBJECTS)}")
     with style():
-        parts = [part for name in names for part in _parts(name, robot, motion)]
+        parts = [part for name in names for part in _parts(name, robot, motion, frame)]
         columns = min(len(parts), 2)
         rows = -(-len(parts) // columns)
         longest = max(map(len, (*motion.joint_names, *motion.actuated)))
@@ -78,16 +87,32 @@ def motion_page(
     return figure
 
 
-def summary_of(robot: ClosedChain) -> tuple[str, ...]:
-    """What a page of a robot shows when nothing is asked for."""
-    return SUMMARY if isinstance(robot, SST) else SUMMARY[1:]
+def summary_of(robot: ClosedChain, frame: str | None = None) -> tuple[str, ...]:
+    """What a page of a robot shows when no subjects are asked for.
+
+    Args:
+        robot: Any closed chain.
+        frame: Whose path is asked for.
+
+    Example:
+        >>> plots.summary_of(chain)
+        ('torques', 'joints', 'rates', 'energy', 'condition')
+    """
+    return SUMMARY if isinstance(robot, SST) or frame is not None else SUMMARY[1:]
 
 
 def _parts(
-    subject: str, robot: ClosedChain, motion: Trajectory
+    subject: str, robot: ClosedChain, motion: Trajectory, frame: str | None
 ) -> Iterator[tuple[str | None, Panel]]:
     """Projection and content of each pair of axes that a subject takes."""
-    if isinstance(robot, SST) and subject == "path":
+    if subject == "path" and (frame is not None or not isinstance(robot, SST)):
+        name = frame or PLATFORM
+        if frame is None and not robot.model.existFrame(PLATFORM):
+            known = ", ".join(dict.fromkeys(f.name for f in robot.model.frames))
+            raise InputError("frame", f"the path of which frame? frame= takes one of {known}")
+        flat = plane_of(points_of(robot, motion, name)) is not None
+        yield None if flat else "3d", lambda ax: frame_path(ax, robot, motion, name)
+    elif isinstance(robot, SST) and subject == "path":
         yield "3d", lambda ax: paths_on_sphere(ax, robot, [("path", motion)])
     else:
         yield from ((None, panel) for panel in panels(subject, robot, motion))
@@ -116,6 +141,11 @@ def workspace_page(
         at_psi: Its workspace at one roll of the star.
         over_rolls: Its workspace over the whole turn.
         path: Label and directions of s along a motion, shape (N, 3).
+
+    Example:
+        >>> at_psi = sst_pin.workspace.workspace_at(robot, rings=9, spokes=24)
+        >>> over_rolls = sst_pin.workspace.workspace_over_rolls(robot, 6, rings=9, spokes=24)
+        >>> plots.workspace_page(robot, at_psi, over_rolls).savefig("workspace.png")
     """
     label, s = path or (None, None)
     psi = f"{np.degrees(at_psi.psi.flat[0]):g}°".replace("-", "\N{MINUS SIGN}")

@@ -24,6 +24,12 @@ def paper_figures(
         example: Example 1.
         exact: Example 2 from the exact initial state.
         rounded: Example 2 from the initial state as printed.
+
+    Example:
+        >>> from sst_pin.sst import paper
+        >>> circle = paper.example_1(robot, np.linspace(0, 0.1, 11))
+        >>> sorted(plots.paper_figures(robot, circle, circle, circle))[0]
+        'figure_09_path.png'
     """
     files: dict[str, Writer] = {}
     with style():

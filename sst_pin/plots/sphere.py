@@ -36,6 +36,13 @@ def paths_on_sphere(
         robot: The SST.
         motions: Label and motion of each path; of several, the first is the wanted one.
         radius: Of the sphere, [m]; the star's by default.
+
+    Example:
+        >>> t = np.linspace(0, 0.1, 21)
+        >>> motion = robot.trajectory(t, *robot.joint_motion(*sst_pin.paper_circle(t)))
+        >>> ax = Figure().add_subplot(projection="3d")
+        >>> plots.paths_on_sphere(ax, robot, [("circle", motion)]).get_zlabel()
+        '$z_0$ (m)'
     """
     radius = robot.star_radius if radius is None else radius
     _patch(ax, robot, radius, "v")
@@ -61,6 +68,11 @@ def robot_pose(ax: Axes, robot: SST, q: Array, radii: tuple[float, float] | None
         q: Joint coordinates, shape (9,).
         radii: Of the base sphere and of the star's arcs, [m]; by default the star's own, and 7/8
             of it for the base, as in the paper.
+
+    Example:
+        >>> figure = Figure()
+        >>> ax = plots.robot_pose(figure.add_subplot(projection="3d"), robot, robot.home)
+        >>> figure.savefig("home.png")
     """
     base, star = radii or (7 / 8 * robot.star_radius, robot.star_radius)
     _patch(ax, robot, base, "P")

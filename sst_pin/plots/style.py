@@ -42,13 +42,25 @@ _METADATA: dict[str, Mapping[str, None]] = {
 
 
 def style() -> AbstractContextManager[None]:
-    """The look of the figures, for a `with` statement."""
+    """The look of the figures, for a `with` statement.
+
+    Example:
+        >>> with plots.style():
+        ...     ax = plots.motor_torques(Figure().add_subplot(), motion)
+        ...     ax.figure.savefig("torques.png")
+    """
     context: AbstractContextManager[None] = mpl.rc_context(_STYLE)
     return context
 
 
 class StyledFigure(Figure):
-    """A figure that has the look of `style` wherever it is drawn or saved."""
+    """A figure that has the look of `style` wherever it is drawn or saved.
+
+    Example:
+        >>> figure = plots.StyledFigure(figsize=(3.5, 2.5), layout="constrained")
+        >>> ax = plots.motor_torques(figure.add_subplot(), motion)
+        >>> figure.savefig("torques.pdf")
+    """
 
     def draw(self, renderer: Any) -> None:
         """As `Figure.draw`."""
@@ -71,6 +83,10 @@ def require_ending(path: str | Path) -> str:
 
     Raises:
         OutputError: For another ending than .png, .svg or .pdf.
+
+    Example:
+        >>> plots.require_ending("torques.pdf")
+        'pdf'
     """
     ending = as_path(path).suffix.lower()
     if ending[1:] not in _METADATA:
@@ -83,6 +99,11 @@ def figure_writer(figure: Figure, path: str | Path) -> Writer:
 
     Raises:
         OutputError: For another ending than .png, .svg or .pdf.
+
+    Example:
+        >>> page = plots.motion_page(chain, motion, ["torques"])
+        >>> with open("torques.svg", "wb") as file:
+        ...     plots.figure_writer(page, "torques.svg")(file)
     """
     kind = require_ending(path)
 
@@ -94,5 +115,11 @@ def figure_writer(figure: Figure, path: str | Path) -> Writer:
 
 
 def figure_writers(figure: Figure, stem: str) -> dict[str, Writer]:
-    """Writers of a figure as PNG and SVG, by file name."""
+    """Writers of a figure as PNG and SVG, by file name.
+
+    Example:
+        >>> page = plots.motion_page(chain, motion, ["torques"])
+        >>> list(plots.figure_writers(page, "torques"))
+        ['torques.png', 'torques.svg']
+    """
     return {name: figure_writer(figure, name) for name in (f"{stem}.png", f"{stem}.svg")}

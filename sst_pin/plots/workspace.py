@@ -57,6 +57,10 @@ def condition_colourbar(ax: Axes) -> Axes:
 
     Args:
         ax: Plane axes, wide and low.
+
+    Example:
+        >>> plots.condition_colourbar(ax).get_xlabel()
+        'condition number of $A$ (1); hatched: a slider off its arc'
     """
     return _colourbar(ax.figure, cax=ax)
 
@@ -83,6 +87,11 @@ def second_kind(robot: SST, workspace: Workspace) -> list[Array]:
     Args:
         robot: The SST.
         workspace: Of that robot, at one psi.
+
+    Example:
+        >>> at_psi = sst_pin.workspace.workspace_at(robot, 1.0, rings=41, spokes=72)
+        >>> all(curve.shape[1] == 3 for curve in plots.second_kind(robot, at_psi))
+        True
     """
     determinant = np.where(workspace.first_kind < NEARLY_FLAT, np.nan, workspace.determinant)
     return _level_curves(robot, determinant, 0.0)
@@ -108,6 +117,10 @@ def workspace_map(
         workspace: Of that robot.
         path: Directions of s along a motion, shape (N, 3).
         colourbar: Whether it is drawn below.
+
+    Example:
+        >>> at_psi = sst_pin.workspace.workspace_at(robot, rings=9, spokes=24)
+        >>> plots.workspace_map(ax, robot, at_psi).figure.savefig("map.png")
     """
     chart = Chart.of_robot(robot)
     _draw(ax, robot, workspace, path, chart.project, chart.axes[2])
@@ -134,6 +147,10 @@ def workspace_on_sphere(
         workspace: Of that robot.
         path: Directions of s along a motion, shape (N, 3).
         colourbar: Whether it is drawn below.
+
+    Example:
+        >>> at_psi = sst_pin.workspace.workspace_at(robot, rings=9, spokes=24)
+        >>> plots.workspace_on_sphere(ax, robot, at_psi).figure.savefig("sphere.png")
     """
     aside = Rotation.from_euler("yx", (-22, 6), degrees=True).as_matrix()
     view = aside @ Chart.of_robot(robot).axes
@@ -209,6 +226,11 @@ def workspace_legend(workspace: Workspace, path: str | None = None) -> list[Any]
     Args:
         workspace: What is drawn.
         path: Name of the path, when there is one.
+
+    Example:
+        >>> at_psi = sst_pin.workspace.workspace_at(robot, rings=9, spokes=24)
+        >>> [handle.get_label() for handle in plots.workspace_legend(at_psi)][0]
+        'base triangle'
     """
     styles = {"base triangle": _TRIANGLE}
     if workspace.best is not None:

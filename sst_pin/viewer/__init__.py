@@ -25,7 +25,7 @@ if missing := [package for package, module in _NEEDED.items() if find_spec(modul
 
 from .viewer import Viewer  # noqa: E402
 
-__all__ = ["Viewer", "show"]
+__all__ = ["Viewer"]
 
 
 def show(

@@ -55,7 +55,8 @@ class Viewer:
         MissingExtraError: Without Meshcat.
 
     Example:
-        `Viewer(robot).save("robot.html")`.
+        >>> viewer = Viewer(robot)
+        >>> viewer.save("robot.html", force=True)
     """
 
     def __init__(
@@ -83,6 +84,9 @@ class Viewer:
         Args:
             q: Configuration, shape (nq,).
             tau: Motor torques, shape (motors,), [N m] or [N]; none by default.
+
+        Example:
+            >>> viewer.show(chain.home, tau=[0.2])
         """
         motors = len(self._robot.motor_names)
         q = single_array("q", q, (len(self._robot.position_names),))[None]
@@ -110,6 +114,9 @@ class Viewer:
 
         Raises:
             InputError: When the motion is another robot's, or the speed not positive.
+
+        Example:
+            >>> viewer.play(motion, speed=0.1, title="falling")
         """
         for name, given in (("motion", motion), ("wanted", motion if wanted is None else wanted)):
             self._require_own(given, name)
@@ -124,14 +131,25 @@ class Viewer:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What the machine could not take of what is shown: open loops, limits that are passed."""
+        """What the machine could not take of what is shown: open loops, limits that are passed.
+
+        Example:
+            >>> viewer.show(chain.home + 0.1)
+            >>> viewer.warnings
+            ('the loops are open by ... (m or rad)',)
+        """
         return tuple(self._panel["warnings"])
 
     # --- where it is shown ------------------------------------------------------------------
 
     @property
     def html(self) -> str:
-        """The page by itself, which asks for nothing from outside."""
+        """The page by itself, which asks for nothing from outside.
+
+        Example:
+            >>> "<html" in viewer.html
+            True
+        """
         return page(self._drawing.buffer.commands.values(), self._panel)
 
     def save(self, path: str | Path, force: bool = False) -> None:
@@ -145,6 +163,9 @@ class Viewer:
             OutputError: When it cannot be written, or exists.
             MissingExtraError: For a picture without Playwright.
             BrowserError: For a picture without Chromium.
+
+        Example:
+            >>> viewer.save("four_bar.html", force=True)
         """
         write_files({as_path(path): self.writer(path)}, force)
 
@@ -153,6 +174,10 @@ class Viewer:
 
         Raises:
             OutputError: For another ending than .html, .png or .gif.
+
+        Example:
+            >>> with open("four_bar.html", "wb") as file:
+            ...     viewer.writer("four_bar.html")(file)
         """
         from . import pictures
 
@@ -182,6 +207,11 @@ class Viewer:
 
         Raises:
             ServerError: When nothing can listen there.
+
+        Example:
+            >>> viewer.serve().startswith("http://127.0.0.1:")
+            True
+            >>> viewer.close()
         """
         if self._server is None:
             self._server = Server(lambda: page((), self._panel, live=True), self._state, host, port)
@@ -195,12 +225,20 @@ class Viewer:
 
         Returns:
             Whether it has; then it plays on, even when this process ends.
+
+        Example:
+            >>> came = viewer.open(wait=20)  # doctest: +SKIP
         """
         url, server = self.serve(), self._server
         return server is not None and webbrowser.open(url) and server.visited.wait(wait)
 
     def close(self) -> None:
-        """Stop listening."""
+        """Stop listening.
+
+        Example:
+            >>> url = viewer.serve()
+            >>> viewer.close()
+        """
         if self._server is not None:
             self._server.close()
             self._server = None

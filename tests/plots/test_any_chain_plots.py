@@ -122,10 +122,10 @@ def test_a_page_saved_from_python_is_that_of_the_command(tmp_path):
 
 @pytest.mark.parametrize(
     ("subjects", "word"),
-    [(("path",), "expected some of torques"), ("torques", "expected"), (("dance",), "expected")],
+    [((), "expected some of path"), ("torques", "expected"), (("dance",), "expected")],
 )
 def test_what_a_page_cannot_show_is_refused(subjects, word):
-    """The path is the star's."""
+    """Subjects that are none, a single sample."""
     robot = sst_pin.robots.four_bar()
     motion = falling(robot, robot.home)
     with pytest.raises(sst_pin.InputError, match=word):
@@ -163,3 +163,54 @@ def test_every_two_hues_differ():
     looks = curves.looks([f"joint{k}" for k in range(curves.MOST)])
     places = [lab(look["color"]) for look in looks]
     assert min(np.linalg.norm(a - b) for a, b in itertools.combinations(places, 2)) > 20
+
+
+def path_of(ax):
+    """What is drawn as a path, shape (N, 2) or (N, 3)."""
+    line = ax.get_lines()[0]
+    return np.stack(line.get_data_3d() if ax.name == "3d" else line.get_data(), axis=1)
+
+
+@pytest.mark.parametrize(
+    ("name", "frame"), [("four_bar", "platform"), ("delta", "platform"), ("delta", "ball_2a")]
+)
+def test_the_path_of_a_frame_moves_as_its_jacobian_says(name, frame):
+    """Central differences of what is drawn are the first rows of J(q) va.
+
+    They are off by h^2 / 6 of the third derivative; h is a twentieth of the motion: 4e-4 of it.
+    """
+    robot = getattr(sst_pin.robots, name)()
+    motion = falling(robot)
+    (ax,) = plots.motion_page(robot, motion, ("path",), frame).axes
+    assert (ax.name == "3d") == (name == "delta")
+    points, J = path_of(ax), robot.frame_jacobian(motion.q, frame)[:, :3]
+    rates = np.einsum("nij,nj->ni", J, motion.va)
+    if ax.name != "3d":  # in the plane that the linkage moves in
+        letters = [ax.get_xlabel()[1], ax.get_ylabel()[1]]
+        rates = rates[:, ["xyz".index(letter) for letter in letters]]
+    steps = (points[2:] - points[:-2]) / (motion.t[2:] - motion.t[:-2])[:, None]
+    assert np.abs(steps - rates[1:-1]).max() < 4e-4 * np.abs(rates).max()
+
+
+def test_a_page_with_a_path_in_space_is_legible(monkeypatch):
+    """Beside other panels; a path in space has no place in plane axes."""
+    robot = sst_pin.robots.delta()
+    motion = falling(robot)
+    page = plots.motion_page(robot, motion, ("path", "torques"))
+    require_legible(page, monkeypatch)
+    with pytest.raises(sst_pin.InputError, match="lies in no plane"):
+        plots.frame_path(page.axes[1], robot, motion)
+
+
+def test_a_path_of_an_unknown_frame_is_refused():
+    """The frames that there are are named; a frame asked for brings its path to the page."""
+    robot = sst_pin.robots.five_bar()
+    motion = falling(robot, robot.home)
+    with pytest.raises(sst_pin.UnknownNameError, match=r"hand.* known: .*tip_1"):
+        plots.motion_page(robot, motion, frame="hand")
+    model = robot.model.copy()
+    model.frames[model.getFrameId("platform")].name = "tool"
+    nameless = sst_pin.ClosedChain(model, robot.closures, robot.motor_names)
+    with pytest.raises(sst_pin.InputError, match="the path of which frame"):
+        plots.motion_page(nameless, motion, ("path",))
+    assert len(plots.motion_page(nameless, motion, frame="tool").axes[0].get_lines()) == 2

@@ -69,7 +69,7 @@ def test_torques_of_the_file_are_drawn_and_not_new_ones(here, capsys, monkeypatc
 
     drawn = []
     monkeypatch.setattr(
-        plots, "motion_page", lambda robot, motion, what: drawn.append(motion) or here
+        plots, "motion_page", lambda robot, motion, what, frame: drawn.append(motion) or here
     )
     monkeypatch.setattr(plots, "figure_writer", lambda figure, path: lambda file: None)
     assert run(capsys, "plot", "halved.csv", "-o", "a.svg")[0] == 0

@@ -8,9 +8,13 @@ import re
 import numpy as np
 import pinocchio as pin
 import pytest
+from matplotlib.figure import Figure
 
 import sst_pin
 from shown_output import Checker, same_output
+from sst_pin import plots
+from sst_pin.viewer import Viewer
+from sst_pin.viewer.interactive import Interactive
 
 #: What each example may use; the pages of the reference say so.
 GIVEN = {"np": np, "pin": pin, "sst_pin": sst_pin}
@@ -34,7 +38,20 @@ def public():
                 yield f"{owner.__name__}.{name}", member
 
 
-THINGS = {name: thing for name, thing in public() if name not in OLD}
+def pictures():
+    """Each public function and class that draws; their extras are those of the tests."""
+    for name in plots.__all__:
+        if callable(getattr(plots, name)):
+            yield f"plots.{name}", getattr(plots, name)
+    yield "Viewer", Viewer
+    for name, member in vars(Viewer).items():
+        if not name.startswith("_"):
+            yield f"Viewer.{name}", member
+    yield "Interactive", Interactive
+
+
+PICTURES = dict(pictures())
+THINGS = {name: thing for name, thing in public() if name not in OLD} | PICTURES
 
 
 def words(thing):
@@ -53,6 +70,14 @@ def test_every_public_function_shows_an_example():
     assert not missing, f"their docstrings want a section `Example:`: {', '.join(missing)}"
 
 
+def drawn(name, chain):
+    """What an example of a picture may use besides; the pages of the reference say so."""
+    given = {"motion": chain.simulate([0], chain.home, [0], np.linspace(0, 0.1, 11))}
+    if name.startswith("plots."):
+        return given | {"plots": plots, "Figure": Figure, "ax": Figure().add_subplot()}
+    return given | {"Viewer": Viewer, "viewer": Viewer(chain)}
+
+
 # Most of them take milliseconds; a compiler and other engines take seconds.
 LONG = {"ClosedChain.compile", "ClosedChain.from_mjcf", "SST.from_mjcf", "ClosedChain.show"}
 
@@ -61,7 +86,8 @@ LONG = {"ClosedChain.compile", "ClosedChain.from_mjcf", "SST.from_mjcf", "Closed
 @pytest.mark.parametrize(
     "names",
     [
-        pytest.param(sorted(set(THINGS) - LONG), id="quick"),
+        pytest.param(sorted(set(THINGS) - LONG - set(PICTURES)), id="quick"),
+        pytest.param(sorted(PICTURES), id="pictures", marks=pytest.mark.slow),
         pytest.param(sorted(LONG), id="long", marks=pytest.mark.slow),
     ],
 )
@@ -72,6 +98,8 @@ def test_examples_print_what_they_show(names, tmp_path, monkeypatch):
     runner = doctest.DocTestRunner(Checker(), optionflags=doctest.ELLIPSIS)
     for name in names:
         given = GIVEN | {"robot": sst_pin.SST(), "chain": sst_pin.robots.four_bar()}
+        if name in PICTURES:
+            given |= drawn(name, given["chain"])
         test = parser.get_doctest(words(THINGS[name]) or "", given, name, name, 0)
         runner.run(test, out=told.append)
     assert runner.summarize(verbose=False).failed == 0, "".join(told)
