@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from ..errors import ClosureError
+from ..errors import ClosureError, DescriptionError
 from .loops import Loops
 from .mechanism import Mechanism
 
@@ -263,26 +263,51 @@ class _Limits:
         return ", ".join(np.array(self._mechanism.space.rate_names)[chosen])
 
 
-def generic_configuration(assembly: Assembly, near: Array | None = None) -> Array:
+def generic_configuration(assembly: Assembly) -> Array:
     """Some assembled configuration away from the symmetric ones, the same at each call.
+
+    Around what the model calls home, where there is one, else around `pin.neutral`, ever further.
 
     Args:
         assembly: Of the mechanism.
-        near: Where to look for it, shape (nq,); around `pin.neutral`, ever further, by default.
 
     Raises:
         ClosureError: When no guess leads to one.
     """
-    random, model = np.random.default_rng(0), assembly.mechanism.model
-    if near is not None:
-        aside = random.uniform(-0.1, 0.1, model.nv)
-        return assembly.assemble(pin.integrate(model, near, aside), np.arange(model.nv))
     failures = []
-    for width in np.linspace(0.1, 2.0, 20):
-        aside = width * random.normal(size=model.nv) * assembly.mechanism.rate_scale
-        guess = pin.integrate(model, pin.neutral(model), aside)
+    for guess in _guesses(assembly.mechanism):
         try:
-            return assembly.assemble(guess, np.arange(model.nv))
+            return assembly.assemble(guess, np.arange(assembly.mechanism.model.nv))
         except ClosureError as error:
             failures.append(error)
     raise min(failures, key=lambda error: error.residual)
+
+
+def _guesses(mechanism: Mechanism) -> Iterator[Array]:
+    model, scale, home = mechanism.model, mechanism.rate_scale, home_of(mechanism)
+    if home is not None:
+        random = np.random.default_rng(0)
+        for width in (0.1, 0.03, 0.01):
+            aside = scale * random.uniform(-width, width, model.nv)
+            yield pin.integrate(model, home, aside)
+    random = np.random.default_rng(0)
+    for width in np.linspace(0.1, 2.0, 20):
+        aside = scale * width * random.normal(size=model.nv)
+        yield pin.integrate(model, pin.neutral(model), aside)
+
+
+def home_of(mechanism: Mechanism) -> Array | None:
+    """What the model calls home, its loops as open as they are there, shape (nq,).
+
+    Raises:
+        DescriptionError: When it is no configuration of the model.
+    """
+    model = mechanism.model
+    known = model.referenceConfigurations
+    if "home" not in known:
+        return None
+    home = np.array(known["home"])
+    if home.shape != (model.nq,) or not np.isfinite(home).all():
+        problem = f"home: {home.size} numbers; {model.nq} finite ones are needed"
+        raise DescriptionError(f"model {model.name}", [problem])
+    return mechanism.space.normalised(home)

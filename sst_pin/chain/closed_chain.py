@@ -179,7 +179,7 @@ class ClosedChain:
         assembled, the coordinates held.
 
         Raises:
-            DescriptionError: When the description calls no configuration so.
+            DescriptionError: When the description calls no configuration so, or what is none.
             ClosureError: When the loops cannot be closed there.
 
         Example:
@@ -412,6 +412,9 @@ class ClosedChain:
 
     def generic_configuration(self) -> Array:
         """Some assembled configuration away from the symmetric ones, the same at each call.
+
+        It is near `home` where the robot has one: elsewhere it may be assembled in other ways, with
+        other degrees of freedom.
 
         Returns:
             Shape (nq,).

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import as_array, names, single_array
 from ..errors import ActuationError, ClosureError, DescriptionError, InputError, SSTError
-from .assembly import generic_configuration
+from .assembly import generic_configuration, home_of
 from .backend import Answer, Backend
 from .closures import Constraint
 from .draft import Motor, draft
@@ -49,7 +49,6 @@ class CurrentMechanism:
         model: The owner's tree.
         closures: What closes it.
         kernels: Makes the backend; None for the reference path.
-        near: Around which a generic configuration is looked for, shape (nq,); None for anywhere.
         unseen: Whether the model was given away since it was looked at last.
         draft: The mechanism before its coordinates are settled.
         reference: Of the mechanism, or of its draft before.
@@ -76,7 +75,6 @@ class CurrentMechanism:
         self._wanted = None if coordinates is None else names("coordinates", coordinates)
         self._numbers, self._examine = numbers, examine
         self.kernels: Kernels | None = None
-        self.near: Array | None = None
         self._lock = threading.Lock()
         self.take_in()
 
@@ -294,8 +292,7 @@ class CurrentMechanism:
     def home(self) -> Array | None:
         """What the model calls home, with loops as open as they are there, shape (nq,)."""
         self.look()
-        known = self.draft.model.referenceConfigurations
-        return np.array(known["home"]) if "home" in known else None
+        return home_of(self.draft)
 
     def call_home(self, q: Array) -> None:
         """Let the model call a configuration its home."""
@@ -308,7 +305,7 @@ class CurrentMechanism:
         found = self._generic
         if found is None:
             try:
-                found = generic_configuration(self.reference.workspace.assembly, self.near)
+                found = generic_configuration(self.reference.workspace.assembly)
             except ClosureError as error:
                 found = error
             self._generic = found

@@ -22,7 +22,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from ..chain.assembly import generic_configuration
+from ..chain.assembly import generic_configuration, home_of
 from ..chain.closures import Closure, Distance, Rolling
 from ..chain.mechanism import Friction, Mechanism
 from ..chain.reference import Reference, ReferenceStates
@@ -188,8 +188,10 @@ class CompiledBackend:
     @cached_property
     def _content(self) -> bytes:
         """All that the kernels are made from."""
-        content = _content(self._mechanism, self._parameters)
-        return content if self._near is None else content + self._near.tobytes()
+        content, near = _content(self._mechanism, self._parameters), self._near
+        if near is None:
+            near = home_of(self._mechanism)
+        return content if near is None else content + near.tobytes()
 
     @property
     def _forces(self) -> str:

@@ -98,8 +98,10 @@ class _Reader:
         #: Of each rate: the degree of freedom in MuJoCo.
         self._dofs: list[int] = []
         self._rest: list[float] = []
-        #: Of each coordinate: its address in `qpos`; -1 for part of a ball, which has none.
+        #: Of each coordinate: its address in `qpos`; for a single turn of a ball the ball's.
         self._addresses: list[int] = []
+        #: Of the coordinates that are single turns of balls, by index: about which axis.
+        self._turns: dict[int, int] = {}
         self._problems: list[str] = []
 
     def read(self) -> Mjcf:
@@ -138,8 +140,11 @@ class _Reader:
         model.damping = mj.dof_damping[self._dofs] * (not self._disabled("damper"))
         model.friction = mj.dof_frictionloss[self._dofs] * (not self._disabled("frictionloss"))
         for key in range(mj.nkey):
-            if (name := mj.key(key).name) and min(self._addresses, default=0) >= 0:
+            if name := mj.key(key).name:
                 q = mj.key_qpos[key][self._addresses]
+                for i, turn in self._turns.items():
+                    address = self._addresses[i]
+                    q[i] = _turns_of(mj.key_qpos[key][address : address + 4])[turn]
                 model.referenceConfigurations[name] = pin.normalize(model, q)
         stiffness = mj.jnt_stiffness[joints] * (not self._disabled("spring"))
         return Mjcf(model, closures, motors, stiffness, np.array(self._rest))
@@ -222,10 +227,11 @@ class _Reader:
             addresses = _scalar_last(address)
             rest = mj.qpos_spring[addresses].tolist()
         else:  # a ball that is held about some axis turns about the others, one after the other
-            turns = zip(_REVOLUTE, self._axes(joint), strict=True)
-            left = [(model(), turn) for model, turn in turns if turn not in self._locked]
-            models, names = [model for model, _ in left], [turn for _, turn in left]
-            rest, addresses = [0.0] * len(left), [-1] * len(left)
+            axes = self._axes(joint)
+            left = [k for k, axis in enumerate(axes) if axis not in self._locked]
+            models, names = [_REVOLUTE[k]() for k in left], [axes[k] for k in left]
+            rest, addresses = [0.0] * len(left), [address] * len(left)
+            self._turns |= {len(self._addresses) + i: k for i, k in enumerate(left)}
             if left and mj.jnt_stiffness[joint] and not self._disabled("spring"):
                 self._problems.append(
                     f"joint {name}: a ball with a spring can only be locked as a whole"
@@ -438,6 +444,12 @@ _PRISMATIC = pin.JointModelPX, pin.JointModelPY, pin.JointModelPZ
 def _scalar_last(address: int) -> list[int]:
     """Addresses of a quaternion's entries in Pinocchio's order."""
     return [address + 1, address + 2, address + 3, address]
+
+
+def _turns_of(quaternion: Array) -> Array:
+    """Angles of turns about x, y, z, one after the other, that a ball is turned by, shape (3,)."""
+    R = pose_of(np.zeros(3), quaternion).rotation
+    return -pin.rpy.matrixToRpy(R.T)
 
 
 def _along(axis: Array, aligned: Sequence[type], unaligned: type) -> Any:

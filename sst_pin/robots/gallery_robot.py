@@ -76,13 +76,11 @@ class GalleryRobot(ClosedChain):
         self._joints = joints
         self._rows = slice(None), slice(3 if point else 0, 4)  # of a pose, that count
         try:
-            self._current.near = self.inverse_kinematics(home)
+            self._current.call_home(self.inverse_kinematics(home))
         except (InputError, WorkspaceError):
             raise WorkspaceError(
                 f"{tree.model.name}: with these dimensions the loops do not close at home"
             ) from None
-        # Far from home it may be assembled in other ways, with other freedoms.
-        self._current.call_home(self._current.near)
 
     def inverse_kinematics(self, pose: pin.SE3 | ArrayLike) -> Array:
         """Joint coordinates that hold the platform at a pose, in the working mode of `home`.

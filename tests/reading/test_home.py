@@ -12,6 +12,7 @@ import pinocchio as pin
 import pytest
 
 import sst_pin
+from sst_pin.compiled.backend import sample_configurations
 from sst_pin.viewer.scene import start_of
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -150,3 +151,59 @@ def test_a_keyframe_puts_quaternions_into_pinocchios_order(tmp_path):
         if joint != "hinge":  # whose axes `ref` turns
             matrix = state.body(body).xmat.reshape(3, 3)
             np.testing.assert_allclose(placed.rotation, matrix, atol=1e-12)
+
+
+def test_a_generic_configuration_lies_near_home():
+    """In either of the two ways to assemble a four-bar; kernels choose their pivots there too."""
+    robot = sst_pin.robots.four_bar()
+    rest = pin.neutral(robot.model)
+    for shift in ([0, 0, 0], [0, -2.5, 0.5]):
+        home = robot.assemble(robot.home + shift)
+        model = pin.Model(robot.model)
+        model.referenceConfigurations["home"] = home
+        chain = sst_pin.ClosedChain(model, robot.closures, robot.motor_names)
+        for q in (
+            chain.generic_configuration(),
+            sample_configurations(chain._current.reference)[0],
+        ):
+            assert 0 < np.abs(q - home).max() < 0.3 < np.abs(q - rest).max()
+    assert np.abs(home - robot.home).max() > 1
+
+
+@pytest.mark.parametrize("home", [np.zeros(2), np.full(3, np.inf)])
+def test_a_home_that_is_no_configuration_is_named(home):
+    robot = sst_pin.robots.four_bar()
+    robot.model.referenceConfigurations["home"] = home
+    for ask in (lambda: robot.home, robot.mobility, robot.generic_configuration):
+        with pytest.raises(sst_pin.DescriptionError, match=r"home: \d numbers; 3 finite ones"):
+            ask()
+
+
+@pytest.mark.parametrize("held", ["X", "Y", "Z", "YZ"])
+def test_a_ball_that_is_held_about_single_axes_keeps_the_pose_of_its_keyframe(tmp_path, held):
+    """The turns that are left lead to MuJoCo's own pose, the ball not turned about those held."""
+    mujoco = pytest.importorskip("mujoco")
+    turn, pose = {"X": 0.4, "Y": -0.3, "Z": 1.1}, np.eye(3)
+    for axis, e in zip("XYZ", np.eye(3), strict=True):
+        pose = pose @ pin.exp3((axis not in held) * turn[axis] * e)
+    x, y, z, w = pin.Quaternion(pose).coeffs()
+    path = tmp_path / "chain.xml"
+    path.write_text(f"""<mujoco><worldbody>
+<body name="a" pos="1 2 3"><joint name="slide" type="slide"/><geom size=".1"/>
+<body name="b" pos="0 0 .5" euler="10 20 30"><joint name="ball" type="ball" pos=".1 .2 .3"/>
+<geom size=".1" pos="0 0 .1"/>
+<body name="c" pos="0 .3 0"><joint name="hinge" axis="0 1 0"/><geom size=".1"/>
+</body></body></body></worldbody>
+<equality><connect body1="c" body2="world" anchor="0 0 0"/></equality>
+<keyframe><key name="home" qpos=".5 {w} {x} {y} {z} .4"/></keyframe></mujoco>""")
+    locked = [f"ball_{axis}" for axis in held]
+    model = sst_pin.ClosedChain.from_mjcf(path, locked=locked, actuated=["slide"]).model
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, model.referenceConfigurations["home"])
+    theirs = mujoco.MjModel.from_xml_path(str(path))
+    state = mujoco.MjData(theirs)
+    mujoco.mj_resetDataKeyframe(theirs, state, 0)
+    mujoco.mj_kinematics(theirs, state)
+    placed = data.oMi[model.getJointId("hinge")]
+    np.testing.assert_allclose(placed.translation, state.body("c").xpos, atol=1e-9)
+    np.testing.assert_allclose(placed.rotation, state.body("c").xmat.reshape(3, 3), atol=1e-9)
