@@ -124,9 +124,7 @@ class Chain:
             S,
             np.array(ends),
         ]
-        self.samples = sample_configurations(
-            robot._current.reference, robot._current.near_samples(None)
-        )
+        self.samples = sample_configurations(robot._current.reference)
         self.equations = Equations(mechanism, self.samples)
         rows = [
             self._closure_rows(n := self.numbers(q, *self.zero_motion), self._place(n))

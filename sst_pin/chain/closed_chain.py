@@ -1062,7 +1062,7 @@ class ClosedChain:
         from ..compiled.backend import DERIVATIVES, FIRST, CompiledBackend
 
         current = self._current
-        near = current.near_samples(q)
+        near = None if q is None else current.single(q)
         current.mechanism(near)
         kernels = FIRST + DERIVATIVES if derivatives else FIRST
         make = partial(CompiledBackend.make, names=kernels)
@@ -1103,7 +1103,7 @@ class ClosedChain:
         except ModuleNotFoundError:
             raise MissingExtraError("casadi", "compile") from None
         current = self._current
-        near = current.near_samples(q)
+        near = None if q is None else current.single(q)
         current.mechanism(near)
         width = positive_number("sign_width", sign_width)
         return CasadiFunctions(current.reference, near, width, external_wrenches)

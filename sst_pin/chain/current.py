@@ -264,12 +264,6 @@ class CurrentMechanism:
         self.draft.space.require_on_manifold(array)
         return array
 
-    def near_samples(self, q: ArrayLike | None) -> Array | None:
-        """Around which kernels are made: q, or a generic configuration, or None for anywhere."""
-        if q is not None:
-            return self.single(q)
-        return None if self.near is None else self.generic_configuration()
-
     def guess(self, q: ArrayLike) -> Array:
         """A configuration to start from, or the way to it from `pin.neutral`, shape (nv,)."""
         self.look()
