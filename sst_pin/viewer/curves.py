@@ -44,20 +44,12 @@ def curves_of(robot: ClosedChain, motion: Trajectory) -> list[dict[str, Any]]:
     """
     numbers = range(1, len(robot.motor_names) + 1)
     powers = motor_powers(robot, motion)
-    places = [i for i, unit in enumerate(motion.units) if unit]
-    joints, owners = [motion.joint_names[i] for i in places], list(robot.motor_names)
+    owners = list(robot.motor_names)
     rates = [f"{unit}/s" for unit in motion.rate_units]
     watts = ["W" for _ in numbers]
     return [
         torques_of(robot, motion.tau),
-        _set(
-            "joints",
-            "joint ",
-            joints,
-            joints,
-            [motion.units[i] for i in places],
-            motion.q[:, places],
-        ),
+        joints_of(robot, motion.q),
         _set("rates", "", motion.coordinates, motion.coordinates, rates, motion.va),
         _set("powers", "motor ", [f"P_{k}" for k in numbers], owners, watts, powers),
     ]
@@ -67,6 +59,14 @@ def torques_of(robot: ClosedChain, tau: Array) -> dict[str, Any]:
     """The first of the sets, as `curves_of`; tau of shape (n, motors)."""
     names = [f"tau_{k + 1}" for k in range(len(robot.motor_names))]
     return _set("torques", "motor ", names, robot.motor_names, motor_units(robot), tau)
+
+
+def joints_of(robot: ClosedChain, q: Array) -> dict[str, Any]:
+    """The set of the joints that have a unit, as `curves_of`; q of shape (n, nq)."""
+    units = robot.joint_units
+    places = [i for i, unit in enumerate(units) if unit]
+    names = [robot.position_names[i] for i in places]
+    return _set("joints", "joint ", names, names, [units[i] for i in places], q[:, places])
 
 
 def _set(

@@ -21,7 +21,7 @@ from ..chain.joint_space import JointSpace
 from ..errors import InputError, OutputError, UnknownNameError
 from ..files import Writer, as_path, write_files
 from ..motion.trajectories import Trajectory, require_motion
-from .curves import curves_of, motor_units, torques_of
+from .curves import curves_of, joints_of, motor_units, torques_of
 from .meshcat_scene import MeshcatScene
 from .page import page
 from .parts import COLOURS
@@ -83,17 +83,19 @@ class Viewer:
 
         Args:
             q: Configuration, shape (nq,).
-            tau: Motor torques, shape (motors,), [N m] or [N]; none by default.
+            tau: Motor torques, shape (motors,), [N m] or [N]; unknown by default: then the panel
+                has the joints only.
 
         Example:
             >>> viewer.show(chain.home, tau=[0.2])
         """
         motors = len(self._robot.motor_names)
         q = single_array("q", q, (len(self._robot.position_names),))[None]
-        tau = np.zeros((1, motors)) if tau is None else single_array("tau", tau, (motors,))[None]
-        effort = self._shares(tau)
+        curves, effort = [joints_of(self._robot, q)], np.zeros((1, motors))
+        if tau is not None:
+            tau = single_array("tau", tau, (motors,))[None]
+            curves, effort = [torques_of(self._robot, tau), *curves], self._shares(tau)
         self._drawing.place(q[0], effort[0])
-        curves = [torques_of(self._robot, tau)]
         self._describe("configuration", [0.0], q, effort, curves, 1.0, None)
 
     def play(

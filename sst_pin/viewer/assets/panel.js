@@ -41,7 +41,7 @@ const panel = (() => {
   }
 
   function describeArrows() { // of the motors, beside the robot
-    const { units, values } = data.curves[0], largest = {};
+    const { units, values } = data.curves.find((set) => set.called === "torques") || { values: [] }, largest = {};
     for (const row of values) row.forEach((v, k) => { largest[units[k]] = Math.max(largest[units[k]] || 0, Math.abs(v)); });
     const sizes = Object.entries(largest).filter(([, value]) => value > 0)
       .map(([unit, value]) => `${Number(value.toPrecision(3))} ${unit}`);
