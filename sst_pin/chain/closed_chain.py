@@ -1074,6 +1074,7 @@ class ClosedChain:
         *,
         external_wrenches: bool = False,
         sign_width: float = 1e-3,
+        compiled: bool = False,
     ) -> CasadiFunctions:
         """The dynamics as functions of CasADi, for its optimisers, with exact derivatives.
 
@@ -1082,6 +1083,9 @@ class ClosedChain:
             external_wrenches: Whether the dynamics take them as their last input, shape (r, 6).
             sign_width: Coulomb friction takes tanh(v / sign_width) for the sign of the rates v,
                 positive, [rad/s] or [m/s].
+            compiled: Whether they are compiled C with derivatives of first order, made as each is
+                asked for and kept as `compile` keeps its kernels; else they need no compiler and
+                have derivatives of every order.
 
         Returns:
             `.torques`, `.accelerations`, `.rates`, `.residual`, `.step` and more; see
@@ -1089,6 +1093,7 @@ class ClosedChain:
 
         Raises:
             MissingExtraError: Without CasADi, `sst-pin[compile]`.
+            CompilationError: When one is asked for that cannot be compiled.
             DescriptionError, ClosureError, SingularConfigurationError: As `compile`.
 
         Example:
@@ -1106,7 +1111,7 @@ class ClosedChain:
         near = None if q is None else current.single(q)
         current.mechanism(near)
         width = positive_number("sign_width", sign_width)
-        return CasadiFunctions(current.reference, near, width, external_wrenches)
+        return CasadiFunctions(current.reference, near, width, external_wrenches, compiled)
 
     def jax(self, *, sign_width: float = 1e-3) -> JaxFunctions:
         """The dynamics as functions of JAX, for `jit`, `vmap` and `grad`, on processors.

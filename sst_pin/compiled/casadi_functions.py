@@ -15,7 +15,7 @@ from ..chain.mechanism import Mechanism
 from ..chain.reference import Reference
 from ..chain.tree import frame_id
 from ..errors import ActuationError
-from . import kernels
+from . import casadi_external, kernels
 from .backend import sample_configurations
 from .equations import Equations
 from .kinematics import Point
@@ -38,7 +38,8 @@ class CasadiFunctions:
     on the closures. docs/derivatives.md has examples.
 
     Every function is made when it is first asked for, pickles, takes numbers, `SX` and `MX`, and
-    has derivatives of every order. Coulomb friction is smooth. Nothing here looks at the samples:
+    has derivatives of every order; compiled ones have those of first order, and pickle for this
+    machine and user. Coulomb friction is smooth. Nothing here looks at the samples:
     next to a singularity numbers grow without an error.
 
     Attributes:
@@ -49,11 +50,18 @@ class CasadiFunctions:
         near: Where the order of elimination is chosen, shape (nq,); anywhere by default.
         sign_width: Coulomb friction takes tanh(v / sign_width) for the sign of v.
         loaded: Whether functions take external wrenches.
+        compiled: Whether functions are compiled C.
     """
 
     def __init__(
-        self, reference: Reference, near: Array | None, sign_width: float, loaded: bool = False
+        self,
+        reference: Reference,
+        near: Array | None,
+        sign_width: float,
+        loaded: bool = False,
+        compiled: bool = False,
     ) -> None:
+        self._compiled = compiled
         samples = sample_configurations(reference, near)
         self._mechanism: Mechanism = reference.mechanism
         self._equations = Equations(self._mechanism, samples, loaded, smooth=True)
@@ -212,7 +220,7 @@ class CasadiFunctions:
         side_by_side = ca.reshape(made.output, -1, self.n).T
         parts = ca.horzsplit(side_by_side, [0, self.n, 2 * self.n, side_by_side.shape[1]])
         named = self._named(made, inputs)
-        return self._made(kernel, named, dict(zip(outputs, parts, strict=True)))
+        return self._made(kernel, named, dict(zip(outputs, parts, strict=True)), order=0)
 
     def _named(self, made: kernels.Kernel, inputs: list[str]) -> dict[str, SX]:
         """Inputs of a kernel by name."""
@@ -220,8 +228,13 @@ class CasadiFunctions:
             inputs = [*inputs, _WRENCHES]
         return dict(zip(inputs, made.inputs, strict=True))
 
-    def _made(self, name: str, inputs: dict[str, SX], outputs: dict[str, SX]) -> Function:
-        """A function with the numbers put in; it takes wrenches as the chain does, body by body."""
+    def _made(
+        self, name: str, inputs: dict[str, SX], outputs: dict[str, SX], order: int = 1
+    ) -> Function:
+        """A function with the numbers put in; it takes wrenches as the chain does, body by body.
+
+        Where it is compiled, with derivatives up to an order.
+        """
         symbols = [*inputs.values(), self._equations.p]
         results = [ca.densify(x) for x in outputs.values()]
         open_numbers = Function(name, symbols, results, _OPTIONS)
@@ -231,4 +244,8 @@ class CasadiFunctions:
             given[_WRENCHES] = SX.sym(_WRENCHES, self._bodies, 6)
             values[-1] = ca.vec(given[_WRENCHES].T)
         results = open_numbers.call([*values, SX(self._numbers)])
-        return Function(name, list(given.values()), results, list(given), list(outputs), _OPTIONS)
+        names = list(given), list(outputs)
+        function = Function(name, list(given.values()), results, *names, _OPTIONS)
+        if not self._compiled:
+            return function
+        return casadi_external.compiled(self._mechanism.model.name, function, order)

@@ -129,20 +129,24 @@ def test_second_derivatives_are_those_of_differences():
     close(by_q, np.transpose(columns), 1e-7)
 
 
+def least_torques(functions, start, options):
+    """The pose near a start in which a robot needs the least torques, by IPOPT."""
+    opti = ca.Opti()
+    q, rest = opti.variable(functions.nq), [0.0] * functions.n
+    opti.minimize(ca.sumsqr(functions.torques(q, rest, rest)))
+    opti.subject_to(functions.residual(q) == 0)
+    opti.subject_to(ca.sumsqr(q - start) <= 0.01)
+    opti.set_initial(q, start)
+    opti.solver("ipopt", {"print_time": False}, {"print_level": 0, "sb": "yes", **options})
+    return opti.solve().value(q)
+
+
 def test_a_nonlinear_program_with_closed_loops_is_solved_by_ipopt():
     """The pose in which a planar 3-RRR needs the least torques, against many poses tried."""
     chain = robots.planar_3rrr().chain()
     functions, n = chain.casadi(), chain.degrees_of_freedom
     start = chain.generic_configuration()
-    opti = ca.Opti()
-    q = opti.variable(functions.nq)
-    tau = functions.torques(q, [0.0] * n, [0.0] * n)
-    opti.minimize(ca.sumsqr(tau))
-    opti.subject_to(functions.residual(q) == 0)
-    opti.subject_to(ca.sumsqr(q - start) <= 0.01)
-    opti.set_initial(q, start)
-    opti.solver("ipopt", {"print_time": False}, {"print_level": 0, "sb": "yes", "tol": 1e-10})
-    best = opti.solve().value(q)
+    best = least_torques(functions, start, {"tol": 1e-10})
     closed = chain.assemble(best)
     assert np.abs(closed - best).max() < 1e-8
     random, least = np.random.default_rng(0), np.inf
@@ -153,6 +157,27 @@ def test_a_nonlinear_program_with_closed_loops_is_solved_by_ipopt():
     found = np.sum(chain.compute_torques(closed, [0.0] * n, [0.0] * n) ** 2)
     assert found < least
     assert found < 0.999 * np.sum(chain.compute_torques(start, [0.0] * n, [0.0] * n) ** 2)
+
+
+def test_compiled_functions_are_the_plain_ones_with_their_first_derivatives():
+    """Values and Jacobians to rounding; IPOPT finds the same pose with them."""
+    chain = robots.planar_3rrr().chain()
+    plain, ours = chain.casadi(), chain.casadi(compiled=True)
+    assert ours.torques.class_name() == "External"
+    for q, va, aa in states(chain, 2):
+        for name, arguments in {"torques": (q, va, aa), "residual": (q,)}.items():
+            f, g = getattr(plain, name), getattr(ours, name)
+            close(g(*arguments), f(*arguments), 1e-13)
+            jacobians = [h.jacobian().call([*arguments, 0]) for h in (g, f)]
+            for block, expected in zip(*jacobians, strict=True):
+                close(block, expected, 1e-12)
+    start = chain.generic_configuration()
+    by_gradients = {"hessian_approximation": "limited-memory", "tol": 1e-9}
+    close(
+        least_torques(ours, start, by_gradients), least_torques(plain, start, {"tol": 1e-10}), 1e-6
+    )
+    with pytest.raises(RuntimeError, match="Derivatives cannot be calculated for jac_"):
+        least_torques(ours, start, {})
 
 
 def test_functions_pickle_map_and_know_names():
