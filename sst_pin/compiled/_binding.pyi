@@ -22,6 +22,7 @@ class Kernel:
         gravity: Array,
         library: Any,
         loaded: Callable[[], Kernel | None] | None = None,
+        batch_parameters: Array | None = None,
     ) -> None: ...
     def answer(
         self, a: Any, b: Any, c: Any, load: Any, out: Any, threads: Any

@@ -122,17 +122,19 @@ cdef class Kernel:
         gravity: Gravity of the model, which its owner may change, shape (3,).
         library: What must live as long as the code is in use.
         loaded: Gives the kernel that takes a load too, or None.
+        batch_parameters: The open numbers of `batch`, where its own differ from those of `single`.
     """
 
     cdef run_function single, batch
     cdef int arrays, output
     cdef int sizes[MOST_ARRAYS]
-    cdef cnp.ndarray parameters, gravity
+    cdef cnp.ndarray parameters, batch_parameters, gravity
     cdef object library, loaded
 
     def __cinit__(
         self, uintptr_t single, uintptr_t batch, tuple sizes, int output,
         cnp.ndarray parameters not None, cnp.ndarray gravity not None, library, loaded=None,
+        batch_parameters=None,
     ):
         if len(sizes) > MOST_ARRAYS or not single or not batch:
             raise ValueError("no such kernel")
@@ -144,6 +146,9 @@ cdef class Kernel:
         if not is_plain(gravity, 1, 3) or not gravity.flags.c_contiguous or parameters.size < 3:
             raise TypeError("gravity is not a row of three numbers")
         self.gravity, self.library, self.loaded = gravity, library, loaded
+        self.batch_parameters = self.parameters
+        if batch_parameters is not None:
+            self.batch_parameters = np.array(batch_parameters, dtype=np.float64, order="C")
 
     def answer(self, a, b, c, load, out, threads):
         """(None, result), or None where the caller has to take the careful way.
@@ -196,7 +201,9 @@ cdef class Kernel:
                 return None
         if count < 0:
             return None if self.single(inputs, &output, parameters, 1, few) else (None, out)
-        run = self.batch if count > 4 else self.single
+        run = self.single
+        if count > 4:
+            run, parameters = self.batch, numbers_of(self.batch_parameters)
         if count > FEW:
             flags = <unsigned char *>PyMem_RawMalloc(count)
             if not flags:
@@ -258,9 +265,10 @@ cdef class Kernel:
         flags = np.zeros(max(count, 1), dtype=np.uint8)
         bad = flags
         output = rows_of(out)
-        own = self.parameters
+        run, own = self.single, self.parameters
+        if count > 4:
+            run, own = self.batch, self.batch_parameters
         parameters = numbers_of(own)
-        run = self.batch if count > 4 else self.single
         with nogil:
             any_bad = run(inputs, &output, parameters, count, &bad[0])
         return np.flatnonzero(flags) if any_bad else np.empty(0, dtype=np.intp)

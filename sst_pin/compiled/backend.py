@@ -49,6 +49,8 @@ Indices = NDArray[np.intp]
 FIRST = ("torques", "accelerations")
 #: Of the dynamics.
 DERIVATIVES = ("torque_derivatives", "acceleration_derivatives")
+#: In their names: one sample, its directions side by side, so many times at most.
+ALONG, _TIMES = "along", 2
 #: Configurations by which pivots are chosen.
 _SAMPLES = 8
 #: Of coordinates squared times rates, up to which inertia matrices are written out.
@@ -292,6 +294,7 @@ class CompiledBackend:
             self._model.gravity.linear,  # watched in the model's own memory, which has to stay
             (codes, self._model),
             loaded,
+            codes[-1].prepared(numbers),
         )
 
     def rate(self, loaded: bool, friction: Friction) -> Kernel | None:
@@ -327,8 +330,13 @@ class CompiledBackend:
             raise DescriptionError("compiled kernels", [problem])
         best = self._binding.INSTRUCTIONS
         # Eight samples at once take longer than four, and one sample takes as long as all.
-        targets = ["avx512vl", best] if best == "avx512" else [best]
-        return [self._code(name, target) for target in targets]
+        narrow = "avx512vl" if best == "avx512" else best
+        if not _has_directions(self._mechanism, name, build.TARGETS[best][0]):
+            return [self._code(name, target) for target in dict.fromkeys([narrow, best])]
+        fit = len(self._mechanism.coordinates) <= build.TARGETS[narrow][0]
+        first, *loaded = name.split()
+        single = " ".join([first, ALONG, *loaded])
+        return [self._code(single, narrow if fit else best), self._code(name, best)]
 
     def _from_cache(self, name: str, target: str) -> Code:
         """Code from the cache, or compiled now."""
@@ -346,7 +354,7 @@ class CompiledBackend:
                 raise MissingExtraError("casadi", "compile") from None
             with self._lock:  # equations are made once, and CasADi is not for several threads
                 plain = name.removesuffix(_LOADED) if loaded else name
-                equations = self._equations_of(loaded, smooth=plain in DERIVATIVES)
+                equations = self._equations_of(loaded, smooth=plain.split()[0] in DERIVATIVES)
                 made = kernels.entry(equations, plain)
                 return c_code.library(entry, made, build.TARGETS[target][0])
 
@@ -490,6 +498,14 @@ def impossible(mechanism: Mechanism, name: str) -> str:
     if first in DERIVATIVES and n * n * nv > _LARGEST_DERIVATIVES:
         return f"{n} coordinates of {nv} rates are too many for derivatives to be written out"
     return ""
+
+
+def _has_directions(mechanism: Mechanism, name: str, lanes: int) -> bool:
+    """Whether derivatives of one sample take less time direction by direction, `lanes` at once."""
+    n, motors = len(mechanism.coordinates), mechanism.motors.shape[1]
+    first = name.split(maxsplit=1)[0]
+    fit = first == "torque_derivatives" or (first == "acceleration_derivatives" and motors == n)
+    return fit and 1 < n <= _TIMES * lanes
 
 
 def sample_configurations(reference: Reference, near: Array | None = None) -> Array:

@@ -31,6 +31,8 @@ _OF_NUMBERS = {ca.OP_FABS: "{0} < 0 ? -{0} : {0}", ca.OP_LE: "{0} <= {1}"}
 _LARGEST, _PART = 7000, 500
 #: Names of results of statements.
 _RESULT = re.compile(r"\b(?:ti?|s|c)\d+\b")
+#: Numbers of the input.
+_INPUT = re.compile(r"\bx\[\d+\]")
 
 
 def part(name: str) -> str:
@@ -45,12 +47,16 @@ class Body(NamedTuple):
         text: `void <name>(const real *x, const number *p, real *y)`, and before it
             `void <name>_constants(number *p)`. x holds the inputs one after the other, p the open
             parameters, then the constants that `<name>_constants` makes of them; y gets the output,
-            then the checks.
+            then the checks, then what parts of the function hand on. Where the kernel has
+            directions, `<name>_once` comes first, with the same arguments: it computes what does
+            not depend on them.
         size: Of p.
+        room: Size of y.
     """
 
     text: str
     size: int
+    room: int
 
 
 def body(kernel: Kernel, size: int | None = None, suffix: str = "") -> Body:
@@ -86,30 +92,69 @@ def body(kernel: Kernel, size: int | None = None, suffix: str = "") -> Body:
             writer.names[target] = writer.write(f"t{k}", operation, operands)
     prepare = f"static void {kernel.name}_constants(number *p)"
     texts = [_function(prepare, ["(void)p;", *writer.lines["number"]])]
-    if len(writer.lines["real"]) > _LARGEST:
-        parts, handed_on = _parts(kernel.name, writer.lines["real"])
-        calls = [f"{kernel.name}_{k}(x, p, y, w);" for k in range(len(parts))]
-        texts += parts
-        lines = [f"real w[{handed_on}];", *calls]
+    lines, room = writer.lines["real"], kernel.output.numel() + kernel.checks.numel()
+    if len(lines) <= _LARGEST and not kernel.directions:
+        functions = {kernel.name: ["(void)p;", *lines]}
     else:
-        lines = ["(void)p;", *writer.lines["real"]]
-    head = f"static void {kernel.name}(const real *x, const number *p, real *y)"
-    return Body("\n".join([*texts, _function(head, lines)]), writer.size)
+        whole = {kernel.name: lines}
+        if kernel.directions:
+            inputs = sum(symbols.numel() for symbols in kernel.inputs)
+            once, each = _split(lines, range(inputs - kernel.directions, inputs))
+            whole = {f"{kernel.name}_once": once, kernel.name: each}
+        pieces = {name: _pieces(lines) for name, lines in whole.items()}
+        parts, handed_on = _parts(kernel.name, list(pieces.values()))
+        numbers = iter(range(len(parts)))
+        functions = {
+            name: [f"{kernel.name}_{next(numbers)}(x, p, y, y + {room});" for _ in own]
+            for name, own in pieces.items()
+        }
+        texts += parts
+        room += handed_on
+    for name, statements in functions.items():
+        head = f"static void {name}(const real *x, const number *p, real *y)"
+        texts.append(_function(head, statements))
+    return Body("\n".join(texts), writer.size, room)
 
 
 def _function(head: str, lines: Sequence[str]) -> str:
     return "\n    ".join([f"{head}\n{{", *_wrapped(lines)]) + "\n}\n"
 
 
-def _parts(name: str, lines: list[str]) -> tuple[list[str], int]:
+def _split(lines: Sequence[str], inputs: range) -> tuple[list[str], list[str]]:
+    """Statements that do not depend on some inputs, and those that do."""
+    once: list[str] = []
+    each: list[str] = []
+    of_inputs, depending = {f"x[{i}]" for i in inputs}, set[str]()
+    for line in lines:
+        used = _used(line)
+        if not depending.isdisjoint(used) or not of_inputs.isdisjoint(_INPUT.findall(line)):
+            depending.update(used[:1] if line.startswith("const") else used)
+            each.append(line)
+        else:
+            once.append(line)
+    return once, each
+
+
+def _pieces(lines: Sequence[str]) -> list[Sequence[str]]:
+    """Statements, cut where they are many."""
+    if len(lines) <= _LARGEST:
+        return [lines]
+    size = -(-len(lines) // -(-len(lines) // _PART))
+    return [lines[i : i + size] for i in range(0, len(lines), size)]
+
+
+def _parts(name: str, groups: Sequence[Sequence[Sequence[str]]]) -> tuple[list[str], int]:
     """Functions for `real` that run one after the other, and the size of w.
 
     A compiler takes more than proportionally long for a large function. What parts compute for
-    later ones goes by the array w.
+    later ones goes by the array w. All groups but the first may run several times.
     """
-    size = -(-len(lines) // -(-len(lines) // _PART))
-    parts = [lines[i : i + size] for i in range(0, len(lines), size)]
+    parts = [part for group in groups for part in group]
     last = {result: k for k, part in enumerate(parts) for line in part for result in _used(line)}
+    for part in groups[0] if len(groups) > 1 else []:
+        for line in part:
+            kept = (result for result in _used(line) if last[result] >= len(groups[0]))
+            last.update(dict.fromkeys(kept, len(parts)))
     places: dict[str, int] = {}
     free: list[int] = []
     handed_on, texts = 0, []
@@ -264,7 +309,7 @@ def source(entries: Mapping[str, Sequence[Kernel]]) -> str:
         last = kernels[-1]
         inputs = [symbols.numel() for symbols in last.inputs]
         outputs, checks = last.output.numel(), last.checks.numel()
-        rooms = [kernel.output.numel() + kernel.checks.numel() for kernel in kernels]
+        directions = last.directions
         numbers: dict[str, object] = {
             "entry": entry,
             "calls": "\n    ".join(f"{kernel.name}_constants(p);" for kernel in kernels),
@@ -273,11 +318,13 @@ def source(entries: Mapping[str, Sequence[Kernel]]) -> str:
             "q": inputs[0],
             "inputs": sum(inputs),
             "outputs": outputs,
+            "results": outputs * max(directions, 1),
+            "directions": directions,
             "checks": checks,
-            "room": max(rooms),
+            "room": max(bodies[kernel.name].room for kernel in kernels),
         }
         parts.append(_PREPARE.format(**numbers))
-        word, close, arrays = "run", "NULL", inputs
+        word, close, arrays = "run", "NULL", inputs[:-1] if directions else inputs
         if len(kernels) > 1:
             q, va, tau, *load = inputs
             word, close, arrays = "rate", kernels[0].name, [q + va, tau, *load]
@@ -285,7 +332,7 @@ def source(entries: Mapping[str, Sequence[Kernel]]) -> str:
             parts.append(_ROLL.format(**more, **numbers))
             parts.append(_SIZES.format(word="run", sizes=_listed(inputs), **numbers))
         numbers |= {"word": word, "sizes": _listed(arrays), "arrays": len(arrays)}
-        parts.append(_RUN.format(close=close, **numbers))
+        parts.append((_ALONG if directions else _RUN).format(close=close, **numbers))
         parts.append(_SIZES.format(**numbers))
     return "\n".join(parts)
 
@@ -302,7 +349,7 @@ void NAME(prepare_{entry})(double *p)
 """
 
 _SIZES = """\
-const int NAME(sizes_{word}_{entry})[] = {{{size}, {outputs}, {sizes}, -1}};
+const int NAME(sizes_{word}_{entry})[] = {{{size}, {results}, {sizes}, -1}};
 """
 
 _RUN = """\
@@ -313,6 +360,17 @@ int NAME({word}_{entry})(const rows *in, const rows *out, const double *p, ptrdi
     real x[{inputs}], y[{room}];
     return run({name}, {close}, {arrays}, sizes_in, {q}, {inputs}, {outputs}, {checks}, x, y, in,
         out, p, count, bad);
+}}
+"""
+
+_ALONG = """\
+int NAME({word}_{entry})(const rows *in, const rows *out, const double *p, ptrdiff_t count,
+    unsigned char *bad)
+{{
+    static const int sizes_in[] = {{{sizes}}};
+    real x[{inputs}], y[{room}];
+    return along({name}_once, {name}, {arrays}, sizes_in, {q}, {directions}, {inputs}, {outputs},
+        {checks}, x, y, in, out, p, count, bad);
 }}
 """
 

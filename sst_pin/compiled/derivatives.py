@@ -3,7 +3,8 @@
 
 The lines of docs/derivatives.md: partial derivatives on the tree, where q, v, v_dot and the forces
 of the closures are independent, are CasADi's; the loops are differentiated implicitly, by the one
-factorisation of Phi_u that all else uses.
+factorisation of Phi_u that all else uses. For many samples whole matrices take the fewest
+operations. For one sample its directions are computed side by side, as samples otherwise are.
 """
 
 from __future__ import annotations
@@ -18,23 +19,37 @@ from casadi import SX
 from .closure_rows import Row
 from .elimination import total
 from .equations import Equations
-from .symbols import Sparse, add, is_zero, solve_symmetric, sx
+from .symbols import Sparse, add, definite, is_zero, solve_symmetric, sx
 
 
-def of_torques(e: Equations) -> tuple[SX, SX, SX]:
-    """Derivatives of f by q, va and aa, shapes (n, n), at a motion (q, va, aa)."""
-    by_q, by_va = _of_forces(e, e.aa, {})
-    return by_q, by_va, e.inertia
+def of_torques(e: Equations) -> tuple[SX, SX, SX, list[Any]]:
+    """Derivatives of f by q, va and aa, shapes (n, n), at a motion (q, va, aa), and checks."""
+    by_q, by_va, checks = _of_forces(e, _OnTree(e, e.aa, {}))
+    return by_q, by_va, e.inertia, checks
+
+
+def of_torques_along(e: Equations, way: SX) -> tuple[SX, SX, SX, list[Any]]:
+    """The same times a direction of the coordinates, shapes (n,)."""
+    return _of_forces_along(e, _OnTree(e, e.aa, {}), way)
 
 
 def of_accelerations(e: Equations, tau: SX) -> tuple[SX, SX, SX, list[Any]]:
-    """Derivatives of aa by q, va and tau, and one over each pivot of the inertia matrix."""
+    """Derivatives of aa by q, va and tau, and checks."""
     aa, inverses = e.accelerations(tau)
-    by_q, by_va = _of_forces(e, aa, e.motor_forces(tau))
+    by_q, by_va, checks = _of_forces(e, _OnTree(e, aa, e.motor_forces(tau)))
     right = ca.horzcat(-by_q, -by_va, e.motor_matrix)
     aa_x, _ = solve_symmetric(e.inertia, right)
     n = len(e.L)
-    return aa_x[:, :n], aa_x[:, n : 2 * n], aa_x[:, 2 * n :], inverses
+    return aa_x[:, :n], aa_x[:, n : 2 * n], aa_x[:, 2 * n :], [*checks, definite(inverses)]
+
+
+def of_accelerations_along(e: Equations, tau: SX, way: SX) -> tuple[SX, SX, SX, list[Any]]:
+    """The same times a direction, of the coordinates and of as many motors, shapes (n,)."""
+    aa, inverses = e.accelerations(tau)
+    by_q, by_va, _, checks = _of_forces_along(e, _OnTree(e, aa, e.motor_forces(tau)), way)
+    driven = e.project(e.motor_forces(way))
+    aa_x, _ = solve_symmetric(e.inertia, ca.horzcat(-by_q, -by_va, driven))
+    return aa_x[:, 0], aa_x[:, 1], aa_x[:, 2], [*checks, definite(inverses)]
 
 
 def of_displacements(e: Equations) -> SX:
@@ -61,25 +76,100 @@ def _bracket(a: SX, b: SX) -> SX:
     return ca.vertcat(linear, ca.cross(a[3:], b[3:]))
 
 
-def _of_forces(e: Equations, aa: SX, motors: Sparse) -> tuple[SX, SX]:
-    """Derivatives of f - L^T motors by q and va, at given aa and given forces of motors."""
-    v_dot = e.complete(ca.vertsplit(aa), e.drift)
-    force = add(e.forces(v_dot), {i: -x for i, x in motors.items()})
-    slip_q, c_q, c_v, force_q, force_v = _partials(e, v_dot, e.multipliers(force))
-    nv = e.mechanism.model.nv
+class _OnTree:
+    """Derivatives on the tree, where q, v, v_dot and the forces of the closures are independent.
+
+    Args:
+        e: Of the robot.
+        aa: Accelerations of the coordinates.
+        motors: What motors give along the rates of the tree.
+
+    Attributes:
+        slips: Phi v of those rows that hold rates and no positions; zeros for the others.
+        c: Phi v_dot + Phi_dot v.
+        forces: Of the tree less those of the motors and of the closures.
+        q, v, v_dot: What they can be differentiated by; q along each rate.
+    """
+
+    def __init__(self, e: Equations, aa: SX, motors: Sparse) -> None:
+        of_v_dot = e.complete(ca.vertsplit(aa), e.drift)
+        self.force = add(e.forces(of_v_dot), {i: -x for i, x in motors.items()})
+        reactions = e.multipliers(self.force)
+        nv, twin = e.mechanism.model.nv, e.displaced
+        rows = [twin.rows[i] for i in e.factors.rows]
+        self.q = twin.kinematics.displacement
+        self.v, self.v_dot = SX.sym("v", nv), SX.sym("v_dot", nv)
+        v, a = {i: self.v[i] for i in e.v}, {i: self.v_dot[i] for i in of_v_dot}
+        R = SX.sym("reactions", len(rows))
+        twists = partial(twin.kinematics.twist, v=v)
+        slips = (row.velocity(v, twists) if row.residual is None else SX(0) for row in rows)
+        self.slips = SX(ca.vertcat(*slips))
+        self.c = SX(ca.vertcat(*(row.acceleration(v, a) for row in rows)))
+        self.forces = _column(_forces(twin, v, a, rows, ca.vertsplit(R)), nv)
+        self._symbols = [twin.q, self.q, self.v, self.v_dot, R, twin.p, twin.loads]
+        held = ca.vertcat(*(reactions.get(i, 0) for i in e.factors.rows))
+        now = [_column(e.v, nv), _column(of_v_dot, nv), held]
+        self._values = [e.q, SX(nv, 1), *now, e.p, e.loads]
+
+    def by(self, *pairs: tuple[SX, SX]) -> list[SX]:
+        """Derivatives of one of them by another, pair by pair."""
+        results = [ca.jacobian(of, x) for of, x in pairs]
+        return list(ca.Function("by", self._symbols, results).call(self._values))
+
+    def along(self, of: SX, q: Sparse, v: Sparse, v_dot: Sparse) -> SX:
+        """Derivative of one of them where q, v and v_dot change."""
+        nv = self.v.numel()
+        step = ca.vertcat(*(_column(x, nv) for x in (q, v, v_dot)))
+        symbol = SX.sym("step", 3 * nv)
+        result = ca.jtimes(of, ca.vertcat(self.q, self.v, self.v_dot), symbol)
+        function = ca.Function("along", [*self._symbols, symbol], [result])
+        return function(*self._values, step)
+
+
+def _of_forces(e: Equations, tree: _OnTree) -> tuple[SX, SX, list[Any]]:
+    """Derivatives of f by q and va, the motors' forces held, and checks of what is solved."""
+    nv, rows = e.mechanism.model.nv, e.factors.rows
+    of_rows = (tree.slips, tree.q), (tree.c, tree.q), (tree.c, tree.v)
+    of_forces = (tree.forces, tree.q), (tree.forces, tree.v)
+    slip_q, c_q, c_v, force_q, force_v = tree.by(*of_rows, *of_forces)
     L = ca.horzcat(*(_column(x, nv) for x in e.L))
     M = SX(nv, nv)
     for (i, j), entry in e.tree_inertia.items():
         M[i, j] = M[j, i] = entry
-    inertial = [e.multipliers(_entries(range(nv), ca.vec(row))) for row in ca.vertsplit(L.T @ M)]
-    g = ca.vertcat(*(ca.horzcat(*(SX(x.get(i, 0)) for i in e.factors.rows)) for x in inertial))
+    inertial = [_entries(range(nv), ca.vec(row)) for row in ca.vertsplit(L.T @ M)]
+    g = ca.vertcat(*(_row(e.multipliers(x), rows) for x in inertial))
+    checks = [check for x in inertial for check in e.unbalanced(x)]
     by_q, by_v = L.T @ force_q - g @ c_q, L.T @ force_v - g @ c_v
-    lost = _phi_dot_v(e, slip_q @ L, c_v @ L)
-    v_q = (e.factors.solve(_entries(e.factors.rows, -x)) for x in ca.horzsplit(lost))
-    return by_q @ L + by_v @ ca.horzcat(*(_column(x, nv) for x in v_q)), by_v @ L
+    lost = [_entries(rows, -x) for x in ca.horzsplit(_phi_dot_v(e, slip_q @ L, c_v @ L))]
+    v_q = [e.factors.solve(x) for x in lost]
+    checks += [check for x, right in zip(v_q, lost, strict=True) for check in e.unsolved(x, right)]
+    of_q = by_q @ L + by_v @ ca.horzcat(*(_column(x, nv) for x in v_q))
+    return of_q, by_v @ L, checks
 
 
-def _phi_dot_v(e: Equations, slip_q: SX, c_v: SX) -> SX:
+def _of_forces_along(e: Equations, tree: _OnTree, way: SX) -> tuple[SX, SX, SX, list[Any]]:
+    """Derivatives of f by q, va and aa, the motors' forces held, times a direction, and checks."""
+    rows, held = e.factors.rows, [0.0] * way.numel()
+    step = e.complete(ca.vertsplit(way), {})
+    c_v = tree.along(tree.c, {}, step, {})
+    slips = tree.along(tree.slips, step, {}, {})
+    lost = _entries(rows, -_phi_dot_v(e, slips, c_v, [step]))
+    v_q = e.complete(held, lost)
+    c_q = _entries(rows, -tree.along(tree.c, step, v_q, {}))
+    c_va = _entries(rows, -c_v)
+    v_dot_q, v_dot_va = e.complete(held, c_q), e.complete(held, c_va)
+    none: Sparse = {}
+    changes = (step, v_q, v_dot_q), (none, step, v_dot_va), (none, none, step)
+    columns = [tree.along(tree.forces, *change) for change in changes]
+    forces = [_entries(range(e.mechanism.model.nv), x) for x in columns]
+    solved = (step, none), (v_q, lost), (v_dot_q, c_q), (v_dot_va, c_va)
+    checks = [check for x, right in solved for check in e.unsolved(x, right)]
+    checks += [check for x in forces for check in e.unbalanced(x)]
+    f = [e.reduced(x) for x in forces]
+    return f[0], f[1], f[2], checks
+
+
+def _phi_dot_v(e: Equations, slip_q: SX, c_v: SX, steps: Sequence[Sparse] | None = None) -> SX:
     """Phi_dot v, with Phi_dot along each L e_k, shape (rows, n).
 
     Where rows hold positions and the loops are closed, c_v L e_k is twice that, but for the bracket
@@ -89,8 +179,10 @@ def _phi_dot_v(e: Equations, slip_q: SX, c_v: SX) -> SX:
         e: Of the robot.
         slip_q: The same, of rows that hold rates only.
         c_v: c_v L.
+        steps: In the place of all L e_k.
     """
-    result, brackets = SX(c_v), [_brackets(e, L, e.v) for L in e.L]
+    result = SX(c_v)
+    brackets = [_brackets(e, step, e.v) for step in steps or e.L]
     for place, i in enumerate(e.factors.rows):
         row = e.rows[i]
         for k, bracket in enumerate(brackets):
@@ -98,31 +190,6 @@ def _phi_dot_v(e: Equations, slip_q: SX, c_v: SX) -> SX:
             of_position = (c_v[place, k] + turned) / 2
             result[place, k] = slip_q[place, k] if row.residual is None else of_position
     return result
-
-
-def _partials(e: Equations, v_dot: Sparse, reactions: Sparse) -> list[SX]:
-    """On the tree: of Phi v by q, of c = Phi v_dot + Phi_dot v by q and v, of the forces likewise.
-
-    Of Phi v there are those rows only that hold rates and no positions. The forces are those of the
-    tree less Phi^T reactions, which are held. Derivatives by q are taken along each rate.
-    """
-    nv, twin = e.mechanism.model.nv, e.displaced
-    rows = [twin.rows[i] for i in e.factors.rows]
-    displacement = twin.kinematics.displacement
-    V, A, R = SX.sym("v", nv), SX.sym("v_dot", nv), SX.sym("reactions", len(rows))
-    v, a = {i: V[i] for i in e.v}, {i: A[i] for i in v_dot}
-    twists = partial(twin.kinematics.twist, v=v)
-    slips = [row.velocity(v, twists) if row.residual is None else SX(0) for row in rows]
-    slip, c = SX(ca.vertcat(*slips)), SX(ca.vertcat(*(row.acceleration(v, a) for row in rows)))
-    force = _column(_forces(twin, v, a, rows, ca.vertsplit(R)), nv)
-    results = [ca.jacobian(x, displacement) for x in (slip, c, force)]
-    results[2:2] = [ca.jacobian(c, V)]
-    results.append(ca.jacobian(force, V))
-    inputs = [twin.q, displacement, V, A, R, twin.p, twin.loads]
-    function = ca.Function("partials", inputs, results)
-    held = ca.vertcat(*(reactions.get(i, 0) for i in e.factors.rows))
-    now = [_column(e.v, nv), _column(v_dot, nv), held]
-    return list(function.call([e.q, SX(nv, 1), *now, e.p, e.loads]))
 
 
 def _forces(e: Equations, v: Sparse, a: Sparse, rows: Sequence[Row], R: list[SX]) -> Sparse:
@@ -151,3 +218,7 @@ def _column(x: Sparse, size: int) -> SX:
     for i, entry in x.items():
         column[i] = entry
     return column
+
+
+def _row(x: Sparse, places: Sequence[int]) -> SX:
+    return ca.horzcat(*(SX(x.get(i, 0)) for i in places))

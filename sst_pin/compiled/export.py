@@ -79,7 +79,7 @@ extern {type} robot_parameters[{size}];
 _WRAPPER = """
 {head}
 {{
-    {type} x[{inputs}], y[{total}], p[{size}], finite = 0;
+    {type} x[{inputs}], y[{room}], p[{size}], finite = 0;
     int bad = 0;
 {copies}
     for (int i = 0; i < {inputs}; i++)
@@ -246,6 +246,7 @@ def c_files(
             written.text,
             _WRAPPER.format(
                 size=written.size,
+                room=written.room,
                 parameters=len(numbers),
                 head=head,
                 name=kernel.name,

@@ -14,7 +14,7 @@ from casadi import SX
 from . import derivatives
 from .elimination import Factors, pivot_order, total
 from .equations import Equations, pivot_check
-from .symbols import add, is_zero, solve_symmetric
+from .symbols import add, definite, is_zero, solve_symmetric
 
 
 @dataclass(frozen=True)
@@ -27,6 +27,8 @@ class Kernel:
         parameters: Symbols of the open numbers.
         output: All results in a column.
         checks: Numbers that are at most 1 where the results can be vouched for.
+        directions: Where the last input is a direction and the output is along it, how many there
+            are: a sample's results are those of all, side by side in rows. Else 0.
     """
 
     name: str
@@ -34,6 +36,7 @@ class Kernel:
     parameters: SX
     output: SX
     checks: SX
+    directions: int = 0
 
 
 def make(equations: Equations, name: str) -> Kernel:
@@ -41,11 +44,16 @@ def make(equations: Equations, name: str) -> Kernel:
 
     Args:
         equations: Of the robot.
-        name: One of `KERNELS`, or "jacobian " and the name of a frame.
+        name: One of `KERNELS`; one of `DERIVATIVES` and `ALONG`; or "jacobian " and the name of a
+            frame.
     """
-    first, _, frame = name.partition(" ")
+    first, _, rest = name.partition(" ")
+    directions = 0
     if first == "jacobian":
-        inputs, output, checks = _jacobian(equations, frame)
+        inputs, output, checks = _jacobian(equations, rest)
+    elif rest:
+        directions = len(equations.mechanism.coordinates)
+        inputs, output, checks = _along(equations, first, directions)
     else:
         inputs, output, checks = KERNELS[name](equations)
     loads = equations.loads
@@ -57,6 +65,7 @@ def make(equations: Equations, name: str) -> Kernel:
         equations.p,
         ca.densify(output),
         ca.vertcat(*(SX(check) for check in [*equations.checks, *checks])),
+        directions,
     )
 
 
@@ -82,7 +91,7 @@ def _torques(e: Equations) -> _Made:
     n, motors = A.shape
     if motors > n:
         tau, inverses = solve_symmetric(A @ A.T, f)
-        return inputs, A.T @ tau, [*checks, _definite(inverses)]
+        return inputs, A.T @ tau, [*checks, definite(inverses)]
     samples = e.at_samples(A)
     order, sizes = pivot_order(np.asarray(samples.any(axis=0)), samples)
     rows = [{j: A[i, j] for j in range(n) if not is_zero(A[i, j])} for i in range(n)]
@@ -93,23 +102,43 @@ def _torques(e: Equations) -> _Made:
 
 
 def _accelerations(e: Equations) -> _Made:
-    tau = SX.sym("tau", e.mechanism.motors.shape[1])
+    tau = _motor_torques(e)
     aa, inverses = e.accelerations(tau)
-    return [e.q, e.va, tau, e.loads], aa, [*e.acceleration_checks, _definite(inverses)]
+    return [e.q, e.va, tau, e.loads], aa, [*e.acceleration_checks, definite(inverses)]
 
 
 def _torque_derivatives(e: Equations) -> _Made:
     """Of f by q, va and aa side by side, row by row."""
-    rows = ca.horzcat(*derivatives.of_torques(e))
-    return [e.q, e.va, e.aa, e.loads], ca.vec(rows.T), e.force_checks
+    *parts, checks = derivatives.of_torques(e)
+    return [e.q, e.va, e.aa, e.loads], _rows(parts), e.force_checks + checks
 
 
 def _acceleration_derivatives(e: Equations) -> _Made:
     """Of aa by q, va and tau side by side, row by row."""
-    tau = SX.sym("tau", e.mechanism.motors.shape[1])
-    *parts, inverses = derivatives.of_accelerations(e, tau)
-    checks = [*e.acceleration_checks, _definite(inverses)]
-    return [e.q, e.va, tau, e.loads], ca.vec(ca.horzcat(*parts).T), checks
+    tau = _motor_torques(e)
+    *parts, checks = derivatives.of_accelerations(e, tau)
+    return [e.q, e.va, tau, e.loads], _rows(parts), e.acceleration_checks + checks
+
+
+def _along(e: Equations, name: str, directions: int) -> _Made:
+    """Derivatives along a direction, the last input; with all directions they are as above."""
+    way = SX.sym("direction", directions)
+    if name == "torque_derivatives":
+        x, checks = e.aa, e.force_checks
+        *parts, more = derivatives.of_torques_along(e, way)
+    else:
+        x, checks = _motor_torques(e), e.acceleration_checks
+        *parts, more = derivatives.of_accelerations_along(e, x, way)
+    return [e.q, e.va, x, e.loads, way], _rows(parts), checks + more
+
+
+def _motor_torques(e: Equations) -> SX:
+    return SX.sym("tau", e.mechanism.motors.shape[1])
+
+
+def _rows(parts: list[SX]) -> SX:
+    """Matrices side by side, row by row."""
+    return ca.vec(ca.horzcat(*parts).T)
 
 
 def _displacement_rates(e: Equations) -> _Made:
@@ -179,8 +208,3 @@ KERNELS: dict[str, Callable[[Equations], _Made]] = {
     "state_rate": _state_rate,
     "closing": _closing,
 }
-
-
-def _definite(inverses: list[Any]) -> Any:
-    """More than 1 where a pivot of a symmetric matrix is negative."""
-    return 1e30 * total(ca.fabs(x) - x for x in inverses)

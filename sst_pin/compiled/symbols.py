@@ -34,6 +34,11 @@ def add(a: Mapping[int, Any], b: Mapping[int, Any]) -> Sparse:
     return dict(a) | {i: a[i] + x if i in a else x for i, x in b.items()}
 
 
+def definite(inverses: list[Any]) -> Any:
+    """More than 1 where one over a pivot of a symmetric matrix is negative."""
+    return 1e30 * total(ca.fabs(x) - x for x in inverses)
+
+
 def solve_symmetric(A: SX, b: SX) -> tuple[SX, list[Any]]:
     """x with A x = b for a symmetric A, by L D L^T, and one over each entry of D; b has columns."""
     n = A.shape[0]

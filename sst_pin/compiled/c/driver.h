@@ -92,6 +92,38 @@ INLINE int run(body *f, body *close, int arrays, const int *sizes, int q, int in
     return any;
 }
 
+/* As `run`, of a kernel whose last input is one of `directions`. A sample at a time, LANES unit
+ * vectors at once; what belongs to different ones stands side by side. `once` computes what is the
+ * same for all of them. */
+INLINE int along(body *once, body *f, int arrays, const int *sizes, int q, int directions, int inputs,
+    int outputs, int checks, real *x, real *y, const rows *in, const rows *out, const double *p,
+    ptrdiff_t count, unsigned char *bad)
+{
+    real *const direction = x + inputs - directions;
+    int any = 0;
+    for (ptrdiff_t sample = 0; sample < count; sample++) {
+        int at = 0;
+        for (int a = 0; a < arrays; at += sizes[a++])
+            take(x + at, &in[a], sample, 1, sizes[a]);
+        once(x, p, y);
+        for (int first = 0; first < directions; first += LANES) {
+            const int lanes = directions - first < LANES ? directions - first : LANES;
+            rows to = {out->data + sample * out->row + first * out->column, out->column,
+                directions * out->column};
+            for (int j = 0; j < directions; j++)
+                for (int l = 0; l < LANES; l++)
+                    direction[j][l] = j == first + l;
+            f(x, p, y);
+            const mask good = judge(x, q, inputs, y, outputs, checks);
+            give(y, &to, 0, lanes, outputs);
+            for (int l = 0; l < lanes; l++)
+                if (!good[l])
+                    bad[sample] = 1, any = 1;
+        }
+    }
+    return any;
+}
+
 /* Where the states of many motions stand: one step after the other, `step` bytes apart. */
 typedef struct {
     rows at;
