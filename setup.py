@@ -61,6 +61,13 @@ setup(
             optional=True,  # without a compiler the reference path computes everything
         ),
         Extension(
+            "sst_pin.chain.closure_kinds",  # runs without being compiled, too
+            ["sst_pin/chain/closure_kinds.py"],
+            depends=["sst_pin/chain/closure_kinds.pxd"],
+            extra_compile_args=["-O2"],
+            optional=True,
+        ),
+        Extension(
             "sst_pin.compiled._binding",
             ["sst_pin/compiled/_binding.pyx"],
             include_dirs=[np.get_include()],

@@ -1,137 +1,297 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The kinds of closures, all closures of a kind at once.
+# cython: annotation_typing=False, boundscheck=False, cdivision=True, cpow=True
+# cython: initializedcheck=False, wraparound=False
+"""The kinds of closures: residuals and rows, one closure after the other.
 
-Each row of a closure is a wrench-like vector W in world axes with W . (twist of B - twist of A) =
-0, twists reduced at the world's origin. Arrays of both ends run B, A: shape (2, k, ...) for k
-closures.
+Each row of a closure is a wrench-like vector W at frame B and one at frame A, in world axes, with
+W . twist of B - W . twist of A = 0, twists [linear; angular] reduced at the world's origin.
+
+A number stands with its rate, and with the derivatives of both by one rate of the tree, v held. So
+what is written once for W gives its rate and its derivatives, too.
+
+Cython compiles this module, with the types in `closure_kinds.pxd`. Where it is not compiled, it
+computes the same in more time.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from .closures import Closure, Constraint, Coupling, Distance, Rolling
-from .vectors import cross, skew
+from .closures import Closure, Distance, Rolling
+from .tree import memory_of
 
 Array = NDArray[np.float64]
-_AXES = np.eye(3)
+#: x, its rate, its derivative by a rate of the tree, and that of its rate.
+Number = tuple[float, float, float, float]
+Vector = tuple[Number, Number, Number]
 
 
-class Ends(NamedTuple):
-    """Frames B and A of the closures of a kind.
-
-    Attributes:
-        frames: Their placements, B and A of each closure.
-        p: Origins, shape (2, k, 3).
-        R: Axes, shape (2, k, 3, 3), for kinds with `axes`.
-    """
-
-    frames: Sequence[tuple[pin.SE3, pin.SE3]]
-    p: Array
-    R: Array
+def times(a: Number, b: Number) -> Number:
+    """The product, by Leibniz' rule."""
+    return (
+        a[0] * b[0],
+        a[0] * b[1] + a[1] * b[0],
+        a[0] * b[2] + a[2] * b[0],
+        a[0] * b[3] + a[1] * b[2] + a[2] * b[1] + a[3] * b[0],
+    )
 
 
-class Rates(NamedTuple):
-    """Motion of the frames of a kind, world axes.
-
-    Attributes:
-        p: Velocities of their origins, shape (2, k, 3).
-        omega: Angular velocities, shape (2, k, 3).
-    """
-
-    p: Array
-    omega: Array
+def minus(a: Number, b: Number) -> Number:
+    """The difference."""
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2], a[3] - b[3]
 
 
-class Kind(Protocol):
-    """Closures of one kind.
-
-    Attributes:
-        fixed: Whether W stays as it is.
-        axes: Whether the axes of the frames count, not their origins alone.
-        same_row: Whether W is the same at B and A.
-    """
-
-    fixed: bool
-    axes: bool
-    same_row: bool
-
-    def constant(self, W: Array) -> None:
-        """Fill what stays of W, shape (2, k, rows, 6), zero before."""
-
-    def residual(self, ends: Ends) -> Array:
-        """f, shape (k, rows)."""
-
-    def wrenches(self, ends: Ends, W: Array) -> None:
-        """Fill what moves of W; not asked of fixed ones."""
-
-    def wrench_rates(self, ends: Ends, rates: Rates, W_dot: Array) -> None:
-        """Fill the rate of W, zero before, likewise."""
+def difference(a: Vector, b: Vector) -> Vector:
+    """Of two vectors."""
+    return minus(a[0], b[0]), minus(a[1], b[1]), minus(a[2], b[2])
 
 
-class Welds:
-    """6d: the displacement from A to B as a screw in world axes; its rate is the relative twist."""
-
-    fixed, axes, same_row = True, False, True
-    held = np.eye(6)
-
-    def residual(self, ends: Ends) -> Array:
-        """As `Kind.residual`."""
-        return np.array([pin.log6(B * A.inverse()).vector for B, A in ends.frames])
-
-    def constant(self, W: Array) -> None:
-        """As `Kind.constant`."""
-        W[:] = self.held
-
-    def wrenches(self, ends: Ends, W: Array) -> None:
-        """As `Kind.wrenches`."""
-
-    def wrench_rates(self, ends: Ends, rates: Rates, W_dot: Array) -> None:
-        """As `Kind.wrench_rates`."""
+def along(a: Vector, s: Number) -> Vector:
+    """The vector times a number."""
+    return times(a[0], s), times(a[1], s), times(a[2], s)
 
 
-class Orientations(Welds):
-    """orientation: the rotation from A to B, world axes."""
-
-    held = np.eye(6)[3:]
-
-    def residual(self, ends: Ends) -> Array:
-        """As `Kind.residual`."""
-        return np.array([pin.log3(B.rotation @ A.rotation.T) for B, A in ends.frames])
+def dot(a: Vector, b: Vector) -> Number:
+    """The scalar product."""
+    x, y, z = times(a[0], b[0]), times(a[1], b[1]), times(a[2], b[2])
+    return x[0] + y[0] + z[0], x[1] + y[1] + z[1], x[2] + y[2] + z[2], x[3] + y[3] + z[3]
 
 
-class Points:
-    """3d: the origins coincide; rows in world axes at each origin."""
-
-    fixed = axes = same_row = False
-
-    def residual(self, ends: Ends) -> Array:
-        """As `Kind.residual`."""
-        return ends.p[0] - ends.p[1]
-
-    def constant(self, W: Array) -> None:
-        """As `Kind.constant`."""
-        W[..., :3] = _AXES
-
-    def wrenches(self, ends: Ends, W: Array) -> None:
-        """As `Kind.wrenches`."""
-        W[..., 3:] = skew(-ends.p)
-
-    def wrench_rates(self, ends: Ends, rates: Rates, W_dot: Array) -> None:
-        """As `Kind.wrench_rates`."""
-        W_dot[..., 3:] = skew(-rates.p)
+def cross(a: Vector, b: Vector) -> Vector:
+    """The vector product."""
+    return (
+        minus(times(a[1], b[2]), times(a[2], b[1])),
+        minus(times(a[2], b[0]), times(a[0], b[2])),
+        minus(times(a[0], b[1]), times(a[1], b[0])),
+    )
 
 
-class Masked:
-    """Any choice of held motions of B in the axes of A.
+def unit(a: Vector) -> Vector:
+    """The vector over its length; zero stays zero."""
+    square = dot(a, a)
+    s = max(square[0], 1e-100)
+    f = s**-0.5  # 1 / length, as a function of the square, with its derivatives
+    f_1, f_2 = -f / (2 * s), 3 * f / (4 * s * s)
+    mixed = f_1 * square[3] + f_2 * square[1] * square[2]
+    return along(a, (f, f_1 * square[1], f_1 * square[2], mixed))
+
+
+def world_axis(k: int) -> Vector:
+    """Axis number k of the world."""
+    x, y, z = float(k == 0), float(k == 1), float(k == 2)
+    return (x, 0.0, 0.0, 0.0), (y, 0.0, 0.0, 0.0), (z, 0.0, 0.0, 0.0)
+
+
+def vector_at(x: Array, k: int) -> Vector:
+    """From its numbers x[k], shape (3, 4)."""
+    return (
+        (x[k, 0, 0], x[k, 0, 1], x[k, 0, 2], x[k, 0, 3]),
+        (x[k, 1, 0], x[k, 1, 1], x[k, 1, 2], x[k, 1, 3]),
+        (x[k, 2, 0], x[k, 2, 1], x[k, 2, 2], x[k, 2, 3]),
+    )
+
+
+def put_vector(W: Array, side: int, row: int, i: int, u: Vector) -> None:
+    """Into wrenches, shape (4, 2, rows, 6), from i on."""
+    put_number(W, side, row, i, u[0])
+    put_number(W, side, row, i + 1, u[1])
+    put_number(W, side, row, i + 2, u[2])
+
+
+def put_number(W: Array, side: int, row: int, i: int, x: Number) -> None:
+    """Likewise, as number i."""
+    W[0, side, row, i] = x[0]
+    W[1, side, row, i] = x[1]
+    W[2, side, row, i] = x[2]
+    W[3, side, row, i] = x[3]
+
+
+class Frame:
+    """A frame that closures connect, where Pinocchio puts it.
 
     Args:
-        held: Of the six motions [linear; angular].
+        data: Pinocchio's; its memory is read at each use.
+        index: Of the frame.
+        joint: Index of the joint that bears it.
+
+    Attributes:
+        index, joint: As given.
+        placement: In the world.
+        parts: The numbers of its origin and of its axes x, y, z, shape (4, 3, 4).
+        twist, acceleration: Of what bears it, shape (6,).
+    """
+
+    def __init__(self, data: pin.Data, index: int, joint: int) -> None:
+        self._data, self.index, self.joint = data, index, joint  # whoever has a frame has its data
+        self.placement = data.oMf[index]
+        self.parts = np.zeros((4, 3, 4))
+        self._parts = self.parts
+        self.twist, self.acceleration = np.zeros(6), np.zeros(6)
+        self._p = memory_of(self.placement, "translation")
+        self._R = memory_of(self.placement, "rotation")
+        self._joint_p = memory_of(data.oMi[joint], "translation")
+        self._joint_R = memory_of(data.oMi[joint], "rotation")
+        self._v = memory_of(data.v[joint], "vector")
+        self._a = memory_of(data.a[joint], "vector")
+
+    def place(self) -> None:
+        """Take over where it is."""
+        for i in range(3):
+            self._parts[0, i, 0] = self._p[i]
+            for k in range(3):
+                self._parts[1 + k, i, 0] = self._R[i, k]
+
+    def move(self) -> None:
+        """Take over how it moves."""
+        self._to_world(self._v, self.twist)
+        self._to_world(self._a, self.acceleration)
+        x, t = self._parts, self.twist
+        for k in range(4):
+            for i in range(3):
+                j, m = (i + 1) % 3, (i + 2) % 3
+                x[k, i, 1] = t[3 + j] * x[k, m, 0] - t[3 + m] * x[k, j, 0]  # omega x x
+                if k == 0:
+                    x[k, i, 1] += t[i]
+
+    def _to_world(self, of_joint: Array, x: Array) -> None:
+        """A twist from the joint's axes and origin to those of the world."""
+        p, R = self._joint_p, self._joint_R
+        for i in range(3):
+            x[i] = R[i, 0] * of_joint[0] + R[i, 1] * of_joint[1] + R[i, 2] * of_joint[2]
+            x[3 + i] = R[i, 0] * of_joint[3] + R[i, 1] * of_joint[4] + R[i, 2] * of_joint[5]
+        for i in range(3):
+            j, m = (i + 1) % 3, (i + 2) % 3
+            x[i] += p[j] * x[3 + m] - p[m] * x[3 + j]
+
+    def origin(self) -> Vector:
+        """Its origin."""
+        return vector_at(self._parts, 0)
+
+    def axis(self, k: int) -> Vector:
+        """Its axis number k."""
+        return vector_at(self._parts, 1 + k)
+
+
+class Rows:
+    """Memory for the rows of closures.
+
+    Args:
+        count: How many there are.
+
+    Attributes:
+        W: The numbers of the wrenches at B and at A, shape (4, 2, rows, 6), zero at first.
+        f: Residuals, shape (rows,), likewise.
+        drift: Accelerations with v_dot = 0, shape (rows,), likewise.
+    """
+
+    def __init__(self, count: int) -> None:
+        self.W = np.zeros((4, 2, count, 6))
+        self.f, self.drift = np.zeros((2, count))
+
+
+class Pair:
+    """The rows of a closure of two frames.
+
+    Args:
+        closure: What it holds.
+        B, A: The frames.
+        rows: Of all closures.
+        at: Its own ones.
+
+    Attributes:
+        B, A, at: As given.
+        relative: Whether what moves both frames alike moves no row.
+    """
+
+    relative = True
+
+    def __init__(self, closure: Any, B: Frame, A: Frame, rows: Rows, at: slice) -> None:
+        self.B, self.A, self.at = B, A, at
+        self._numbers = rows.W[:, :, at]
+        self._W, self._f, self._drift = self._numbers, rows.f[at], rows.drift[at]
+
+    def residual(self) -> None:
+        """Compute f."""
+        raise NotImplementedError
+
+    def wrenches(self) -> None:
+        """Compute what of W changes."""
+
+    def drift(self) -> None:
+        """Compute the accelerations with v_dot = 0, by W and its rate."""
+        W, drift, B, A = self._W, self._drift, self.B, self.A
+        for k in range(len(drift)):
+            drift[k] = 0.0
+            for i in range(6):
+                drift[k] += W[1, 0, k, i] * B.twist[i] + W[0, 0, k, i] * B.acceleration[i]
+                drift[k] -= W[1, 1, k, i] * A.twist[i] + W[0, 1, k, i] * A.acceleration[i]
+
+    def derivatives(self, B_q: Array, A_q: Array) -> tuple[Array, Array]:
+        """W with its rate, and their derivatives along the rates of the tree, v held.
+
+        Args:
+            B_q: Derivatives of B's origin and axes and of their rates, shape (nv, 4, 3, 2).
+            A_q: Those of A.
+
+        Returns:
+            Shapes (2, 2, rows, 6) and (2, 2, rows, 6, nv).
+        """
+        W = self._numbers
+        W_q = np.empty((*W[2:].shape, len(B_q)))
+        for k in range(len(B_q)):
+            self.B.parts[..., 2:], self.A.parts[..., 2:] = B_q[k], A_q[k]
+            self.wrenches()
+            W_q[..., k] = W[2:]
+        return W[:2].copy(), W_q
+
+    def _hold_velocity(self, row: int, u: Vector, of_b: Vector, of_a: Vector) -> None:
+        """Along u, of a point of B less that of a point of A."""
+        put_vector(self._W, 0, row, 0, u)
+        put_vector(self._W, 0, row, 3, cross(of_b, u))
+        put_vector(self._W, 1, row, 0, u)
+        put_vector(self._W, 1, row, 3, cross(of_a, u))
+
+    def _hold_turn(self, row: int, u: Vector) -> None:
+        """About u, of B less that of A."""
+        put_vector(self._W, 0, row, 3, u)
+        put_vector(self._W, 1, row, 3, u)
+
+
+class Weld(Pair):
+    """6d: the displacement from A to B as a screw in world axes; its rate is the relative twist."""
+
+    def __init__(self, closure: Closure, B: Frame, A: Frame, rows: Rows, at: slice) -> None:
+        super().__init__(closure, B, A, rows, at)
+        rows.W[0, :, at] = np.eye(6)
+
+    def residual(self) -> None:
+        """As `Pair.residual`."""
+        screw = pin.log6(self.B.placement * self.A.placement.inverse()).vector
+        self._f[:] = screw
+
+
+class Point(Pair):
+    """3d: the origins coincide; rows in world axes at each origin."""
+
+    relative = False
+
+    def residual(self) -> None:
+        """As `Pair.residual`."""
+        d, f = difference(self.B.origin(), self.A.origin()), self._f
+        f[0], f[1], f[2] = d[0][0], d[1][0], d[2][0]
+
+    def wrenches(self) -> None:
+        """As `Pair.wrenches`."""
+        for k in range(3):
+            self._hold_velocity(k, world_axis(k), self.B.origin(), self.A.origin())
+
+
+class Mask(Pair):
+    """Any choice of held motions of B in the axes of A.
 
     Attributes:
         slides: Axes of A along which B does not slide.
@@ -139,225 +299,132 @@ class Masked:
         angles: (i, j, sign) of axes i of A and j of B that stay at a right angle.
     """
 
-    fixed, axes, same_row = False, True, True
-
-    def __init__(self, held: Sequence[bool]) -> None:
+    def __init__(self, closure: Closure, B: Frame, A: Frame, rows: Rows, at: slice) -> None:
+        super().__init__(closure, B, A, rows, at)
+        held = closure.held
         self.slides = [k for k in range(3) if held[k]]
         turns = [k for k in range(3) if held[3 + k]]
         self.orientation = len(turns) == 3
         # An axis a of A and an axis b of B that stay at a right angle: with one free turn about k,
         # the two others of A against k of B; with one held turn k, the two others of A and B.
         self.angles: list[tuple[int, int, float]] = []
-        self._along: int | None = None
-        if len(turns) == 2:
-            (self._along,) = set(range(3)) - set(turns)
-            i, j = (self._along + 1) % 3, (self._along + 2) % 3
+        self._along = -1
+        if self.orientation:
+            rows.W[0, :, at][:, len(self.slides) :, 3:] = np.eye(3)
+        elif len(turns) == 2:
+            (k,) = set(range(3)) - set(turns)
+            i, j = (k + 1) % 3, (k + 2) % 3
             # The turn about i moves b = k against a = j, by minus its rate; about j against i.
-            of_turn = {i: (j, self._along, -1.0), j: (i, self._along, 1.0)}
-            self.angles = [of_turn[k] for k in turns]
+            of_turn = {i: (j, k, -1.0), j: (i, k, 1.0)}
+            self.angles, self._along = [of_turn[turn] for turn in turns], k
         elif len(turns) == 1:
             (k,) = turns
             self.angles = [((k + 1) % 3, (k + 2) % 3, -1.0)]
-        self._i = [i for i, _, _ in self.angles]
-        self._j = [j for _, j, _ in self.angles]
-        self._signs = np.array([sign for _, _, sign in self.angles])
 
-    def residual(self, ends: Ends) -> Array:
-        """As `Kind.residual`."""
-        R_b, R_a = ends.R
-        slid = np.matmul((ends.p[0] - ends.p[1])[:, None], R_a)[:, 0, self.slides]
+    def residual(self) -> None:
+        """As `Pair.residual`."""
+        A, B, f, row = self.A, self.B, self._f, 0
+        d = difference(B.origin(), A.origin())
+        for k in self.slides:
+            f[row] = dot(A.axis(k), d)[0]
+            row += 1
         if self.orientation:
-            turned = [pin.log3(B @ A.T) for B, A in zip(R_b, R_a, strict=True)]
-            return np.concatenate((slid, turned), axis=1)
-        R = np.matmul(R_a.transpose(0, 2, 1), R_b)
-        angles = self._signs * R[:, self._i, self._j]
-        if self._along is not None:
-            for k in np.flatnonzero(R[:, self._along, self._along] < 0):
-                # The axes are opposed: lead on in the same direction, over the right angle.
-                size = float(np.linalg.norm(angles[k]))
-                angles[k] -= 2 * (angles[k] / size if size else np.eye(len(self.angles))[0])
-        return np.concatenate((slid, angles), axis=1)
+            turn = pin.log3(B.placement.rotation @ A.placement.rotation.T)
+            f[row:] = turn
+            return
+        first = row
+        for i, j, sign in self.angles:
+            f[row] = sign * dot(A.axis(i), B.axis(j))[0]
+            row += 1
+        k = self._along
+        if k >= 0 and dot(A.axis(k), B.axis(k))[0] < 0:
+            # The axes are opposed: lead on in the same direction, over the right angle.
+            size = (f[first] ** 2 + f[first + 1] ** 2) ** 0.5
+            f[first] -= 2 * (f[first] / size if size else 1.0)
+            f[first + 1] -= 2 * (f[first + 1] / size if size else 0.0)
 
-    def constant(self, W: Array) -> None:
-        """As `Kind.constant`."""
-        if self.orientation:
-            W[:, :, len(self.slides) :, 3:] = _AXES
-
-    def wrenches(self, ends: Ends, W: Array) -> None:
-        """As `Kind.wrenches`."""
-        a, b = self._axes(ends)
-        slid = len(self.slides)
-        if slid:
-            n = a[:, self.slides]
-            W[:, :, :slid, :3] = n
-            W[:, :, :slid, 3:] = cross(ends.p[0][:, None], n)
-        if self.angles:
-            W[:, :, slid:, 3:] = self._signs[:, None] * cross(b[:, self._j], a[:, self._i])
-
-    def wrench_rates(self, ends: Ends, rates: Rates, W_dot: Array) -> None:
-        """As `Kind.wrench_rates`."""
-        a, b = self._axes(ends)
-        slid, omega_b, omega_a = len(self.slides), *rates.omega[:, :, None]
-        if slid:
-            n = a[:, self.slides]
-            n_dot = cross(omega_a, n)
-            W_dot[:, :, :slid, :3] = n_dot
-            moved = cross(rates.p[0][:, None], n) + cross(ends.p[0][:, None], n_dot)
-            W_dot[:, :, :slid, 3:] = moved
-        if self.angles:
-            a, b = a[:, self._i], b[:, self._j]
-            moved = cross(cross(omega_b, b), a) + cross(b, cross(omega_a, a))
-            W_dot[:, :, slid:, 3:] = self._signs[:, None] * moved
-
-    def _axes(self, ends: Ends) -> tuple[Array, Array]:
-        """Of A and of B, one a row, shapes (k, 3, 3)."""
-        R_b, R_a = ends.R
-        return R_a.transpose(0, 2, 1), R_b.transpose(0, 2, 1)
+    def wrenches(self) -> None:
+        """As `Pair.wrenches`."""
+        A, B, row = self.A, self.B, 0
+        for k in self.slides:
+            self._hold_velocity(row, A.axis(k), B.origin(), B.origin())
+            row += 1
+        for i, j, sign in self.angles:
+            self._hold_turn(row, along(cross(B.axis(j), A.axis(i)), (sign, 0.0, 0.0, 0.0)))
+            row += 1
 
 
-class Rods:
-    """The distance of the origins.
+class Rod(Pair):
+    """The distance of the origins."""
 
-    Args:
-        lengths: Of each rod, shape (k,).
-    """
+    def __init__(self, closure: Distance, B: Frame, A: Frame, rows: Rows, at: slice) -> None:
+        super().__init__(closure, B, A, rows, at)
+        self._length = closure.distance
 
-    fixed = axes = same_row = False
+    def residual(self) -> None:
+        """As `Pair.residual`."""
+        d = difference(self.B.origin(), self.A.origin())
+        self._f[0] = dot(d, d)[0] ** 0.5 - self._length
 
-    def __init__(self, lengths: Array) -> None:
-        self._lengths = lengths
-
-    def residual(self, ends: Ends) -> Array:
-        """As `Kind.residual`."""
-        distances = np.linalg.norm(ends.p[0] - ends.p[1], axis=1)
-        return np.asarray(distances - self._lengths)[:, None]
-
-    def constant(self, W: Array) -> None:
-        """As `Kind.constant`."""
-
-    def wrenches(self, ends: Ends, W: Array) -> None:
-        """As `Kind.wrenches`."""
-        u, _ = _unit(ends.p[0] - ends.p[1])
-        W[:, :, 0, :3] = u
-        W[:, :, 0, 3:] = cross(ends.p, u)
-
-    def wrench_rates(self, ends: Ends, rates: Rates, W_dot: Array) -> None:
-        """As `Kind.wrench_rates`."""
-        u, length = _unit(ends.p[0] - ends.p[1])
-        u_dot = _unit_rate(u, length, rates.p[0] - rates.p[1])
-        W_dot[:, :, 0, :3] = u_dot
-        W_dot[:, :, 0, 3:] = cross(rates.p, u) + cross(ends.p, u_dot)
+    def wrenches(self) -> None:
+        """As `Pair.wrenches`."""
+        B, A = self.B.origin(), self.A.origin()
+        self._hold_velocity(0, unit(difference(B, A)), B, A)
 
 
-class Wheels:
-    """Rows x, y, z of the plane: velocity of the wheel at the contact, relative to the plane.
+class Wheel(Pair):
+    """Velocity of the wheel B at the contact, along x, y and z of the plane A."""
 
-    Args:
-        radii: Of each wheel, shape (k,).
-        balls: Whether they are balls.
+    def __init__(self, closure: Rolling, B: Frame, A: Frame, rows: Rows, at: slice) -> None:
+        super().__init__(closure, B, A, rows, at)
+        self._radius, self._ball = closure.radius, closure.ball
 
-    Attributes:
-        radii, balls: As given.
-    """
+    def residual(self) -> None:
+        """As `Pair.residual`."""
+        height = dot(self.A.axis(2), difference(self._contact(), self.A.origin()))
+        self._f[2] = height[0]
 
-    fixed, axes, same_row = False, True, True
+    def wrenches(self) -> None:
+        """As `Pair.wrenches`."""
+        contact = self._contact()
+        for k in range(3):
+            self._hold_velocity(k, self.A.axis(k), contact, contact)
 
-    def __init__(self, radii: Array, balls: bool) -> None:
-        self.radii, self.balls = radii, balls
-
-    def residual(self, ends: Ends) -> Array:
-        """As `Kind.residual`."""
-        f = np.zeros((len(self.radii), 3))
-        n = ends.R[1, :, :, 2]
-        f[:, 2] = _dot(n, self._contact(ends) - ends.p[1])[:, 0]
-        return f
-
-    def constant(self, W: Array) -> None:
-        """As `Kind.constant`."""
-
-    def wrenches(self, ends: Ends, W: Array) -> None:
-        """As `Kind.wrenches`."""
-        axes = ends.R[1].transpose(0, 2, 1)
-        W[..., :3] = axes
-        W[..., 3:] = cross(self._contact(ends)[:, None], axes)
-
-    def wrench_rates(self, ends: Ends, rates: Rates, W_dot: Array) -> None:
-        """As `Kind.wrench_rates`."""
-        up, z, size = self._up(ends)
-        omega_b, omega_a = rates.omega
-        axes = ends.R[1].transpose(0, 2, 1)
-        axes_dot = cross(omega_a[:, None], axes)
-        n, n_dot = axes[:, 2], axes_dot[:, 2]
-        g_dot = n_dot
-        if not self.balls:
-            z_dot = cross(omega_b, z)
-            g_dot = n_dot - (_dot(n_dot, z) + _dot(n, z_dot)) * z - _dot(n, z) * z_dot
-        contact_dot = rates.p[0] - self.radii[:, None] * _unit_rate(up, size, g_dot)
-        W_dot[..., :3] = axes_dot
-        moved = cross(contact_dot[:, None], axes)
-        W_dot[..., 3:] = moved + cross(self._contact(ends)[:, None], axes_dot)
-
-    def _contact(self, ends: Ends) -> Array:
-        return ends.p[0] - self.radii[:, None] * self._up(ends)[0]
-
-    def _up(self, ends: Ends) -> tuple[Array, Array, Array]:
-        """From the contact to the centre as unit vectors, and what they are made of."""
-        z, n = ends.R[..., 2]
-        up, size = _unit(n if self.balls else n - _dot(n, z) * z)
-        return up, z, size
+    def _contact(self) -> Vector:
+        up, z = self.A.axis(2), self.B.axis(2)
+        if not self._ball:
+            up = unit(difference(up, along(z, dot(up, z))))
+        return difference(self.B.origin(), along(up, (self._radius, 0.0, 0.0, 0.0)))
 
 
-_NAMED: dict[Any, Callable[[], Kind]] = {
-    "6d": Welds,
-    "orientation": Orientations,
-    "3d": Points,
-}
-
-
-def kinds_of(closures: Sequence[Constraint]) -> Iterator[tuple[Kind, list[int]]]:
-    """The kinds there are, each with the indices of its closures; couplings apart."""
-    groups: dict[Any, list[int]] = {}
-    for index, closure in enumerate(closures):
-        if not isinstance(closure, Coupling):
-            groups.setdefault(_key(closure), []).append(index)
-    for members in groups.values():
-        yield kind_of([closures[i] for i in members]), members
-
-
-def kind_of(alike: Sequence[Any]) -> Kind:
-    """The kind of closures that are alike."""
-    first = alike[0]
-    if isinstance(first, Distance):
-        return Rods(np.array([rod.distance for rod in alike]))
-    if isinstance(first, Rolling):
-        return Wheels(np.array([wheel.radius for wheel in alike]), first.ball)
-    return _NAMED[first.kind]() if _named(first) else Masked(first.held)
-
-
-def _key(closure: Closure | Distance | Rolling) -> Any:
+def pair_of(closure: Any, B: Frame, A: Frame, rows: Rows, at: slice) -> Pair:
+    """The rows of a closure of two frames, as its kind has them; arguments as `Pair`."""
     if isinstance(closure, Distance):
-        return Distance
+        return Rod(closure, B, A, rows, at)
     if isinstance(closure, Rolling):
-        return Rolling, closure.ball
-    return closure.kind if _named(closure) else closure.held
+        return Wheel(closure, B, A, rows, at)
+    named = closure.kind if isinstance(closure.kind, str) else ""
+    return {"6d": Weld, "3d": Point}.get(named, Mask)(closure, B, A, rows, at)
 
 
-def _named(closure: Closure) -> bool:
-    """Whether its kind has rows of its own; the others choose among motions in the axes of A."""
-    return isinstance(closure.kind, str) and closure.kind in _NAMED
+def place(frames: list[Frame], pairs: list[Pair]) -> None:
+    """Compute f where Pinocchio put the frames."""
+    for frame in frames:
+        frame.place()
+    for pair in pairs:
+        pair.residual()
 
 
-def _dot(a: Array, b: Array) -> Array:
-    product: Array = (a * b).sum(axis=-1, keepdims=True)
-    return product
+def wrenches(pairs: list[Pair]) -> None:
+    """Compute W."""
+    for pair in pairs:
+        pair.wrenches()
 
 
-def _unit(a: Array) -> tuple[Array, Array]:
-    """Vectors over their lengths, and these, shapes (k, 3) and (k, 1)."""
-    length = np.maximum(np.sqrt(_dot(a, a)), 1e-300)
-    return a / length, length
-
-
-def _unit_rate(u: Array, length: Array, rate: Array) -> Array:
-    """Rate of `_unit`."""
-    return (rate - u * _dot(u, rate)) / length
+def move(frames: list[Frame], pairs: list[Pair]) -> None:
+    """Compute the rate of W and the drift, as Pinocchio moves the frames with v_dot = 0."""
+    for frame in frames:
+        frame.move()
+    for pair in pairs:
+        pair.wrenches()
+        pair.drift()

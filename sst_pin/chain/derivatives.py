@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from .dynamics import Workspace, applied_forces, direct_dynamics, motion_of_tree
 from .mechanism import Friction, Mechanism
 from .plain_tree import PlainTree
-from .row_derivatives import Branches, Frame, Partials, Rows, Tree, cross
+from .row_derivatives import Branches, Frame, Partials, Tree, cross, partials
 from .vectors import brackets
 
 Array = NDArray[np.float64]
@@ -102,7 +102,6 @@ class Derivatives:
         self._plain = PlainTree(mechanism)
         self._mechanism = self._plain.mechanism
         self._ws = Workspace(self._mechanism)
-        self._rows = Rows(self._mechanism)
         self._branches = Branches(self._mechanism.model)
 
     def torques(
@@ -162,10 +161,10 @@ class Derivatives:
         self._ws.evaluate(q)
         L, v, v_dot = motion_of_tree(self._ws, va, np.zeros_like(va))
         tree = Tree(self._branches, self._ws.data, q, v, v_dot)
-        v_q = -self._inverse().dot(self._rows.partials(tree).velocity_q.dot(L))
+        v_q = -self._inverse().dot(partials(self._ws.loops, tree).velocity_q.dot(L))
         moved = tree.frame(frame)
-        J = np.concatenate((moved.p.x_q, moved.J[3:]))
-        by_q = np.concatenate((moved.p.t_q, moved.twist_q[3:]))
+        J = np.concatenate((moved.vectors_q[0], moved.J[3:]))
+        by_q = np.concatenate((moved.vectors_tq[0], moved.twist_q[3:]))
         return np.concatenate((by_q.dot(L) + J.dot(v_q), J.dot(L)), axis=1)
 
     def _forces(
@@ -182,7 +181,7 @@ class Derivatives:
         ws.evaluate(q)
         L, v, v_dot = motion_of_tree(ws, va, aa)
         tree = Tree(self._branches, ws.data, q, v, v_dot)
-        rows, G = self._rows.partials(tree), self._inverse()
+        rows, G = partials(ws.loops, tree), self._inverse()
         force = pin.rnea(ws.model, ws.data, q, v, v_dot) - mechanism.motors.dot(tau)
         applied = applied_forces(ws, friction, q, v, wrenches)
         if applied is not None:
@@ -233,8 +232,7 @@ class Derivatives:
 
     def _inverse(self) -> Array:
         """G: Phi G c = c for c that Phi can bring about, no coordinate moves, shape (nv, rows)."""
-        rows, n = self._ws.loops.rows, len(self._mechanism.coordinates)
-        return self._ws.complement.solve(np.eye(rows), np.zeros((n, rows)))
+        return self._ws.complement.solve(np.eye(self._ws.loops.rows))
 
     def _friction(self, sign_width: float) -> Friction:
         return replace(self._mechanism.friction, sign_width=sign_width)
@@ -247,8 +245,9 @@ def _on_mass_centre(
     model = tree.model
     centre = data.oMi[joint] * pin.SE3(np.eye(3), model.inertias[joint].lever)
     frame = Frame(tree, joint, centre)
-    w = np.concatenate((force, moment + cross(frame.p.x, force)))
-    w_q = np.concatenate((np.zeros_like(frame.p.x_q), cross(frame.p.x_q, force)))
+    p, p_q = frame.vectors[0], frame.vectors_q[0]
+    w = np.concatenate((force, moment + cross(p, force)))
+    w_q = np.concatenate((np.zeros_like(p_q), cross(p_q, force)))
     return frame, w, w_q
 
 

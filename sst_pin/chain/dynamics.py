@@ -152,7 +152,6 @@ class Workspace:
         self.mechanism, self.model = mechanism, mechanism.model
         self.loops = Loops(mechanism.model, mechanism.closures)
         self.data = self.loops.data
-        self._strict = CLOSURE_TOLERANCE / max(1.0, float(mechanism.row_scale.max()))
         self.complement = JointComplement(mechanism)
         self.assembly = Assembly(mechanism, self.loops)
         self.without_slip = Assembly(mechanism, self.loops, slipping=False)
@@ -166,8 +165,6 @@ class Workspace:
         """Compute what depends on q, which must be on its manifold and close the loops."""
         self.mechanism.space.require_on_manifold(q)
         self.loops.evaluate(q)
-        if tolerance == CLOSURE_TOLERANCE and self.loops.coincide(self._strict):
-            return
         self.loops.require_closed(self.mechanism.row_scale, tolerance)
 
     def momentum_rate(self, q: Array, a: Array) -> Array:
@@ -191,7 +188,7 @@ def motion_of_tree(ws: Workspace, va: Array, aa: Array) -> tuple[Array, Array, A
     v = L.dot(va)  # Eq. (16)
     # The rate of Phi v = 0, Eqs. (8), (20): Phi v_dot = -Phi_dot v. The solution for coordinates
     # that do not accelerate leaves rounding in their rows, which is taken out with aa.
-    bias = ws.complement.solve(-ws.loops.drift(v), np.zeros_like(aa))
+    bias = -ws.complement.solve(ws.loops.drift(v))
     return L, v, bias + L.dot(aa - bias[ws.mechanism.coordinates])
 
 
@@ -297,7 +294,7 @@ def terms(ws: Workspace, q: Array, va: Array) -> Terms:
     Phi = ws.loops.Phi()
     L = ws.complement.factorise(Phi)
     v = L @ va  # Eq. (16)
-    L_dot = ws.complement.solve(-ws.loops.Phi_dot(v) @ L, np.zeros((len(va), len(va))))
+    L_dot = -ws.complement.solve(ws.loops.Phi_dot(v) @ L)
     K, K_dot, M, Omega, w_g = bodies(model, ws.data, v)
     T = K @ L  # Eq. (22)
     T_dot = K_dot @ L + K @ L_dot  # Eq. (25)

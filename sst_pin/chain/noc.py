@@ -46,11 +46,10 @@ class JointComplement:
         rows = len(mechanism.row_scale)
         self._row_scale, self._rate_scale = mechanism.row_scale, mechanism.rate_scale
         self._scale = self._row_scale[:, None] * self._rate_scale
-        self._va_scale = self._rate_scale[mechanism.coordinates]
         self._system = np.concatenate((np.zeros((rows, nv)), selection))
         self._Phi = self._system[:rows]
         self._unit = np.zeros((rows + n, n))
-        self._unit[rows:] = np.diag(1 / self._va_scale)
+        self._unit[rows:] = np.diag(1 / self._rate_scale[mechanism.coordinates])
         self._factors = eigenpy.ColPivHouseholderQR(rows + n, nv)
         self._factors.setThreshold(1 / MAX_CONDITION_NUMBER)
 
@@ -76,17 +75,16 @@ class JointComplement:
             )
         return self._solve(self._unit)  # Eq. (17)
 
-    def solve(self, closures: Array, coordinates: Array) -> Array:
-        """x with Phi x = closures and x^a = coordinates, for vectors or columns side by side."""
-        rows, va = self._row_scale, self._va_scale
-        if closures.ndim == 2:
-            rows, va = rows[:, None], va[:, None]
-        return self._solve(np.concatenate((closures * rows, coordinates / va)))
+    def solve(self, closures: Array) -> Array:
+        """x with Phi x = closures and x^a = 0, for a vector or for columns side by side."""
+        right = np.zeros((len(self._system), *closures.shape[1:]))
+        right[: len(closures)] = (closures.T * self._row_scale).T
+        return self._solve(right)
 
     def _solve(self, right: Array) -> Array:
         # eigenpy makes a vector of one column, and a matrix of one number.
         x = self._factors.solve(right).reshape(-1, *right.shape[1:])
-        return x * (self._rate_scale if x.ndim == 1 else self._rate_scale[:, None])
+        return (x.T * self._rate_scale).T
 
 
 class Bodies(NamedTuple):

@@ -192,7 +192,7 @@ class Reference:
         ws = self.workspace
         ws.evaluate(q)
         L = ws.complement.factorise(ws.loops.Phi())
-        L_dot = ws.complement.solve(-ws.loops.Phi_dot(L.dot(va)).dot(L), np.zeros((len(va),) * 2))
+        L_dot = -ws.complement.solve(ws.loops.Phi_dot(L.dot(va)).dot(L))
         # Pinocchio's own rate is wrong for mimic joints.
         moved_by = support(ws.model, ws.model.frames[frame].parentJoint)
         J, J_dot = (summed(ws.model, X * moved_by) for X in map(of_rates, (ws.data.J, ws.data.dJ)))

@@ -1,26 +1,22 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Partial derivatives on the tree of the closures' rows: of Phi v and of its rate.
 
-Each kind of closure writes its wrenches W, Phi = W J, once, for `Jet`s. Derivatives by q are taken
-along each rate of the tree, as Pinocchio's are. Twists and wrenches run [linear; angular], in world
-axes, reduced at the world's origin.
+Derivatives by q are taken along each rate of the tree, as Pinocchio's are. Twists and the wrenches
+W of `closure_kinds` run [linear; angular], in world axes, reduced at the world's origin.
 """
 
 from __future__ import annotations
 
-from functools import singledispatch
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from . import closure_kinds as kinds
-from .closures import Coupling, frames_of
+from .closure_kinds import Pair
 from .couplings import Coupled
-from .jets import Jet
-from .mechanism import Mechanism
-from .tree import frame_id, of_rates, support
+from .loops import Loops
+from .tree import of_rates, support
 from .vectors import brackets, skew
 
 Array = NDArray[np.float64]
@@ -34,7 +30,8 @@ class Frame:
         J: Its twist per rate of the tree, shape (6, nv).
         twist, acceleration: Spatial, shape (6,).
         twist_q, acceleration_q, acceleration_v: Their derivatives, shape (6, nv).
-        p: Its origin.
+        vectors: Its origin and its axes x, y, z, shape (4, 3).
+        vectors_q, vectors_tq: Their derivatives, and those of their rates, shape (4, 3, nv).
     """
 
     def __init__(self, tree: Tree, joint: int, placement: pin.SE3) -> None:
@@ -49,18 +46,17 @@ class Frame:
         self.twist_q = -at.dot(J) - borne
         self.acceleration_q = at.dot(borne) - at_2.dot(J) - tree.borne_on * support
         self.acceleration_v = self.twist_q + J_dot
-        p, omega = placement.translation, self.twist[3:]
-        p_q = J[:3] + cross(J[3:], p)
-        p_tq = self.twist_q[:3] + cross(self.twist_q[3:], p) + cross(omega, p_q)
-        self.p = Jet.of(p, self.twist[:3] + cross(omega, p), p_q, p_tq)
-        self._R = placement.rotation
+        self.vectors = np.array([placement.translation, *placement.rotation.T])
+        turned = -skew(self.vectors)  # times omega: omega x vector
+        self.vectors_q = turned @ J[3:]
+        self.vectors_q[0] += J[:3]
+        self.vectors_tq = turned @ self.twist_q[3:] + skew(self.twist[3:]) @ self.vectors_q
+        self.vectors_tq[0] += self.twist_q[:3]
 
-    def axis(self, k: int) -> Jet:
-        """Its axis number k."""
-        n, omega = self._R[:, k], self.twist[3:]
-        n_q = cross(self.J[3:], n)
-        n_tq = cross(self.twist_q[3:], n) + cross(omega, n_q)
-        return Jet.of(n, cross(omega, n), n_q, n_tq)
+    @property
+    def numbers_q(self) -> Array:
+        """Derivatives of its vectors and of their rates, as `Pair` has them."""
+        return np.stack((self.vectors_q, self.vectors_tq), axis=-1).transpose(2, 0, 1, 3)
 
 
 class Branches:
@@ -128,86 +124,15 @@ def _bracket_matrix(twist: Array) -> Array:
     return matrix
 
 
-@singledispatch
-def wrenches(kind: Any, A: Frame, B: Frame) -> tuple[list[Jet], list[Jet]]:
-    """Rows W of a closure, on B and on A."""
-    raise NotImplementedError(type(kind))
-
-
-@wrenches.register
-def _(kind: kinds.Welds, A: Frame, B: Frame) -> tuple[list[Jet], list[Jet]]:
-    nv = A.J.shape[1]
-    rows = [Jet.constant(row, nv) for row in kind.held]
-    return rows, rows
-
-
-@wrenches.register
-def _(kind: kinds.Points, A: Frame, B: Frame) -> tuple[list[Jet], list[Jet]]:
-    nv = A.J.shape[1]
-    axes = [Jet.constant(axis, nv) for axis in np.eye(3)]
-    return [axis.at(B.p) for axis in axes], [axis.at(A.p) for axis in axes]
-
-
-@wrenches.register
-def _(kind: kinds.Masked, A: Frame, B: Frame) -> tuple[list[Jet], list[Jet]]:
-    nv = A.J.shape[1]
-    rows = [A.axis(k).at(B.p) for k in kind.slides]
-    if kind.orientation:
-        rows += [Jet.constant(row, nv) for row in np.eye(6)[3:]]
-    rows += [sign * B.axis(j).cross(A.axis(i)).alone() for i, j, sign in kind.angles]
-    return rows, rows
-
-
-@wrenches.register
-def _(kind: kinds.Rods, A: Frame, B: Frame) -> tuple[list[Jet], list[Jet]]:
-    u = (B.p - A.p).unit()
-    return [u.at(B.p)], [u.at(A.p)]
-
-
-@wrenches.register
-def _(kind: kinds.Wheels, A: Frame, B: Frame) -> tuple[list[Jet], list[Jet]]:
-    up, z = A.axis(2), B.axis(2)
-    if not kind.balls:
-        up = (up - z.along(up.dot(z))).unit()
-    contact = B.p - float(kind.radii[0]) * up
-    rows = [A.axis(k).at(contact) for k in range(3)]
-    return rows, rows
-
-
-class Rows:
-    """The closures of one mechanism.
-
-    Args:
-        mechanism: On its plain tree.
-    """
-
-    def __init__(self, mechanism: Mechanism) -> None:
-        model = mechanism.model
-        self._couplings: list[tuple[slice, Coupled]] = []
-        self._pairs: list[tuple[slice, Any, int, int]] = []
-        start = 0
-        for closure in mechanism.closures:
-            rows = slice(start, start + len(closure.rows))
-            start = rows.stop
-            if isinstance(closure, Coupling):
-                self._couplings.append((rows, Coupled(model, closure)))
-            else:
-                a, b = (frame_id(model, name) for name in frames_of(closure))
-                self._pairs.append((rows, kinds.kind_of([closure]), a, b))
-        self._shape = start, model.nv
-
-    def partials(self, tree: Tree) -> Partials:
-        """Of the rows' velocities and accelerations at a motion of the tree."""
-        zeros = np.zeros((3, *self._shape))
-        partials = Partials(zeros[0], zeros[1], zeros[2], [], [])
-        for rows, kind, a, b in self._pairs:
-            A, B = tree.frame(a), tree.frame(b)
-            of_a, of_b = wrenches(kind, A, B)
-            partials.add(rows, -1, A, of_a)
-            partials.add(rows, 1, B, of_b)
-        for rows, coupled in self._couplings:
-            partials.add_coupling(rows.start, coupled, tree)
-        return partials
+def partials(loops: Loops, tree: Tree) -> Partials:
+    """Of the rows' velocities and accelerations at a motion of the tree, which the loops know."""
+    zeros = np.zeros((3, loops.rows, len(tree.v)))
+    found = Partials(zeros[0], zeros[1], zeros[2], [], [])
+    for pair in loops.pairs:
+        found.add_pair(pair, tree)
+    for rows, coupled in loops.couplings:
+        found.add_coupling(rows.start, coupled, tree)
+    return found
 
 
 class Partials(NamedTuple):
@@ -227,16 +152,20 @@ class Partials(NamedTuple):
     held: list[tuple[slice, Frame, Array, Array]]
     coupled: list[tuple[int, int, float]]
 
-    def add(self, rows: slice, sign: float, frame: Frame, jets: list[Jet]) -> None:
-        """The share of one frame of a closure."""
-        parts = sign * np.array([jet.parts for jet in jets])
-        W, W_t, W_q, W_tq = parts[:, :6, 0], parts[:, 6:, 0], parts[:, :6, 1:], parts[:, 6:, 1:]
-        self.held.append((rows, frame, W, W_q))
-        turned = frame.twist.dot(W_q)
-        self.velocity_q[rows] += W.dot(frame.twist_q) + turned
-        self.acceleration_q[rows] += W.dot(frame.acceleration_q) + frame.acceleration.dot(W_q)
-        self.acceleration_q[rows] += W_t.dot(frame.twist_q) + frame.twist.dot(W_tq)
-        self.acceleration_v[rows] += W.dot(frame.acceleration_v) + W_t.dot(frame.J) + turned
+    def add_pair(self, pair: Pair, tree: Tree) -> None:
+        """A closure of two frames, which stand and move as the tree."""
+        B, A = tree.frame(pair.B.index), tree.frame(pair.A.index)
+        numbers, numbers_q = pair.derivatives(B.numbers_q, A.numbers_q)
+        for side, sign, frame in ((0, 1.0, B), (1, -1.0, A)):
+            (W, W_t), (W_q, W_tq) = sign * numbers[:, side], sign * numbers_q[:, side]
+            turned = frame.twist.dot(W_q)
+            self.held.append((pair.at, frame, W, W_q))
+            self.velocity_q[pair.at] += W.dot(frame.twist_q) + turned
+            by_q = W.dot(frame.acceleration_q) + frame.acceleration.dot(W_q)
+            by_q += W_t.dot(frame.twist_q) + frame.twist.dot(W_tq)
+            self.acceleration_q[pair.at] += by_q
+            by_v = W.dot(frame.acceleration_v) + W_t.dot(frame.J) + turned
+            self.acceleration_v[pair.at] += by_v
 
     def add_coupling(self, row: int, coupled: Coupled, tree: Tree) -> None:
         """The row of a coupling: the sum of P(q) has the rates P' v and P' v_dot + P'' v^2."""

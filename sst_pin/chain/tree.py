@@ -84,27 +84,17 @@ def summed(model: pin.Model, X: Array) -> Array:
     return X.dot(np.eye(model.nv)[rates_of_columns(model)])
 
 
-def memory_of(elements: Any, attribute: str) -> Array:
-    """What all elements of a vector of Pinocchio's have, as one array on their own memory.
+def memory_of(element: Any, attribute: str) -> Array:
+    """What Pinocchio keeps, as an array on its own memory, which follows what it computes.
 
     Args:
-        elements: Placements, as `data.oMf`; they must stay.
-        attribute: "translation" or "rotation".
-
-    Returns:
-        Shape (elements, ...); it follows what Pinocchio computes.
+        element: As a placement of `data.oMf`; the data must stay.
+        attribute: As "translation".
     """
-    parts = [getattr(element, attribute) for element in elements]
-    again = [getattr(element, attribute) for element in elements]
-    at = np.array([part.__array_interface__["data"][0] for part in parts])
-    if not np.array_equal(at, [part.__array_interface__["data"][0] for part in again]):
-        raise RuntimeError("this version of Pinocchio does not share the memory of its placements")
-    steps = np.diff(at)
-    step = int(steps[0]) if len(steps) else 0
-    if (steps != step).any():
-        raise RuntimeError("this version of Pinocchio keeps its placements elsewhere")
-    shape, strides = (len(parts), *parts[0].shape), (step, *parts[0].strides)
-    return np.lib.stride_tricks.as_strided(parts[0], shape, strides, writeable=False)
+    part = getattr(element, attribute)
+    if part.__array_interface__["data"] != getattr(element, attribute).__array_interface__["data"]:
+        raise RuntimeError(f"this version of Pinocchio hands out copies of {attribute}")
+    return part
 
 
 def of_rates(matrix: Array) -> Array:
@@ -158,16 +148,12 @@ class JacobianRates:
         self._columns = np.array([k for k, _ in moved_by], dtype=np.intp)
         self._moved_by = np.array([by for _, by in moved_by]).reshape(-1, model.nvExtended).T
 
-    def of_columns(self, v: Array) -> Array:
-        """The rate of each column of J, from those of the tree."""
-        return v.take(self._rates)
-
     def update(self, data: pin.Data, q: Array, v: Array) -> None:
         """Compute J and its rate at q and v into `data`."""
         pin.computeJointJacobiansTimeVariation(self._model, data, q, v)
         if len(self._columns):
             J, J_dot = of_rates(data.J), of_rates(data.dJ)
-            twists = (J * self.of_columns(v)).dot(self._moved_by)
+            twists = (J * v[self._rates]).dot(self._moved_by)
             J_dot[:, self._columns] = brackets(twists, J[:, self._columns])
 
 

@@ -24,12 +24,6 @@ def skew(a: Array) -> Array:
 _OF_PRODUCTS = _TO_MATRIX.reshape(3, 3, 3).transpose(0, 2, 1).reshape(9, 3)
 
 
-def cross(a: Array, b: Array) -> Array:
-    """a x b of vectors in the last axis, shape (..., 3); the axes before broadcast."""
-    products = a[..., :, None] * b[..., None, :]
-    return products.reshape(-1, 9).dot(_OF_PRODUCTS).reshape(products.shape[:-1])
-
-
 def _of_twists() -> Array:
     of_twists, of_vectors = np.zeros((6, 6, 6)), _OF_PRODUCTS.T.reshape(3, 3, 3)
     of_twists[:3, 3:, :3] = of_twists[:3, :3, 3:] = of_twists[3:, 3:, 3:] = of_vectors
