@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What can go wrong, by name; every error derives from `SSTError` and carries its data."""
+"""Errors and warnings of the package. All errors derive from `SSTError` and contain their data."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def _restore(kind: type[SSTError], args: tuple[Any, ...], data: dict[str, Any]) 
 
 
 class SSTError(Exception):
-    """Base of every error this package raises.
+    """Base class of all errors of this package.
 
     Attributes:
         samples: Indices of the samples of a batch that failed; empty for a single sample.
@@ -44,10 +44,10 @@ class SSTError(Exception):
 
 
 class InputError(SSTError, ValueError):
-    """An argument has the wrong shape, is not finite, or contradicts another one.
+    """An argument has a wrong shape, is not finite, or contradicts another argument.
 
     Attributes:
-        name: The argument.
+        name: Name of the argument.
 
     Example:
         >>> robot.compute_torques(robot.home, [0, 0], [0, 0, 0])
@@ -62,10 +62,10 @@ class InputError(SSTError, ValueError):
 
 
 class ParametersError(SSTError, ValueError):
-    """Parameters that no real robot can have.
+    """Parameters that are physically impossible.
 
     Attributes:
-        problems: All of them, one sentence each.
+        problems: All problems, one sentence each.
 
     Example:
         >>> sst_pin.Parameters(star=sst_pin.RigidBody(-1.0, (0, 0, 0), np.eye(3)))
@@ -81,10 +81,10 @@ class ParametersError(SSTError, ValueError):
 
 
 class AssignmentError(SSTError, AttributeError):
-    """An attribute of a robot was assigned that is computed, or that it does not have.
+    """An attribute of a robot was assigned that is read-only or does not exist.
 
     Attributes:
-        name: The attribute.
+        name: Name of the attribute.
 
     Example:
         >>> robot.actuated = ["gamma_1"]
@@ -99,10 +99,10 @@ class AssignmentError(SSTError, AttributeError):
 
 
 class DescriptionError(SSTError):
-    """A robot description (URDF, YAML cuts, MJCF) that does not describe what is needed.
+    """A robot description (URDF, YAML, SRDF, MJCF, model) cannot be used.
 
     Attributes:
-        problems: All of them, one sentence each.
+        problems: All problems, one sentence each.
 
     Example:
         >>> sst_pin.Closure("a", "b", "4d")
@@ -118,11 +118,11 @@ class DescriptionError(SSTError):
 
 
 class UnknownNameError(SSTError, KeyError):
-    """A joint, frame or column that is not there.
+    """There is no joint, frame or column of this name.
 
     Attributes:
-        name: What was asked for.
-        known: What there is.
+        name: The unknown name.
+        known: The known names.
 
     Example:
         >>> chain.frame_jacobian(chain.home, "foot")
@@ -140,10 +140,10 @@ class UnknownNameError(SSTError, KeyError):
 
 
 class ActuationError(SSTError):
-    """Coordinates that do not describe the motion, or motors that cannot bring it about.
+    """The coordinates do not describe the motion, or the motors cannot produce it.
 
     Attributes:
-        missing: Forces that no motor supplies, by the name of the coordinate, [N m] or [N].
+        missing: Forces that no motor supplies, for each name of a coordinate, [N m] or [N].
 
     Example:
         >>> lift = sst_pin.robots.five_bar()
@@ -160,10 +160,10 @@ class ActuationError(SSTError):
 
 
 class ClosureError(SSTError):
-    """Closures that are open, or that cannot be closed.
+    """The loops are open, or cannot be closed.
 
     Attributes:
-        residual: Largest entry of the closure residual, [m] or [rad].
+        residual: Largest entry of the residual, [m] or [rad].
 
     Example:
         >>> chain.compute_torques(chain.home + 0.1, [0], [0])
@@ -178,10 +178,10 @@ class ClosureError(SSTError):
 
 
 class SingularConfigurationError(SSTError):
-    """A configuration in which the joint rates do not determine one another.
+    """A singular configuration: the coordinates do not determine the other joint rates.
 
     Attributes:
-        condition_number: Of the matrix that would have to be inverted.
+        condition_number: Condition number of the singular matrix.
 
     Example:
         >>> robot.inverse_kinematics(np.eye(3))
@@ -197,7 +197,7 @@ class SingularConfigurationError(SSTError):
 
 
 class WorkspaceError(SSTError):
-    """A pose that the robot cannot take.
+    """A pose that the robot cannot reach.
 
     Example:
         >>> chain.inverse_kinematics(pin.SE3(np.eye(3), np.array([9.0, 0, 0])))
@@ -208,10 +208,10 @@ class WorkspaceError(SSTError):
 
 
 class SimulationError(SSTError):
-    """The integration could not go on.
+    """A simulation failed.
 
     Attributes:
-        time: Where it stopped, [s].
+        time: Time at which it stopped, [s].
 
     Example:
         >>> robot.rollout(np.zeros((500, 3)), robot.home, [0, 0, 0], dt=1e-3)
@@ -226,11 +226,11 @@ class SimulationError(SSTError):
 
 
 class FileFormatError(SSTError):
-    """A file whose content cannot be used.
+    """A file has a wrong format.
 
     Attributes:
         path: The file.
-        line: The wrong line, counted from 1 with the header; None for the whole file.
+        line: Number of the wrong line, starting with 1 for the header; None for the whole file.
 
     Example:
         >>> with open("empty.csv", "w") as file:
@@ -247,7 +247,7 @@ class FileFormatError(SSTError):
 
 
 class OutputError(SSTError):
-    """An output that cannot be written, or that is there already.
+    """A file or folder cannot be written, or exists already.
 
     Attributes:
         path: The file or folder.
@@ -266,11 +266,11 @@ class OutputError(SSTError):
 
 
 class MissingExtraError(SSTError, ImportError):
-    """An optional dependency is not installed.
+    """An optional package is not installed.
 
     Attributes:
-        package: What is missing; several with commas.
-        extra: The extra of `sst_pin` that brings it; several with commas.
+        package: The missing package; several are separated by commas.
+        extra: The extra of `sst_pin` that installs it; several are separated by commas.
 
     Example:
         >>> raise sst_pin.MissingExtraError("meshcat", "viz")
@@ -286,19 +286,19 @@ class MissingExtraError(SSTError, ImportError):
 
 
 class CompilationError(SSTError):
-    """Kernels cannot be compiled or loaded here."""
+    """Kernels cannot be compiled or loaded."""
 
 
 class BrowserError(SSTError):
-    """There is no browser that could take a picture, or it does not start."""
+    """There is no browser for pictures, or it does not start."""
 
 
 class ServerError(SSTError):
-    """Nothing can listen at the address that was asked for."""
+    """A server cannot use the given address or port."""
 
 
 class SingularityWarning(UserWarning):
-    """A simulation stopped early because the robot came close to a singularity.
+    """A simulation stopped early, close to a singularity.
 
     Example:
         >>> import warnings
@@ -310,4 +310,4 @@ class SingularityWarning(UserWarning):
 
 
 class DescriptionWarning(UserWarning):
-    """Issued no more: what a description says is read or refused; kept for one release."""
+    """No longer issued; the name is kept for one release."""

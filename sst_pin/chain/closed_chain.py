@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""`ClosedChain`: any closed and driven Pinocchio tree, its kinematics and its dynamics."""
+"""`ClosedChain`: kinematics and dynamics of any Pinocchio tree with closures and motors."""
 
 from __future__ import annotations
 
@@ -54,30 +54,30 @@ def _anything_goes(model: pin.Model) -> None:
 class ClosedChain:
     """A robot with closed loops.
 
-    `q` is a configuration of the tree, shape (nq,), on its manifold as Pinocchio has it. The
-    motion is described by n independent coordinates, the rates `va` and accelerations `aa` of some
-    joints: those of `coordinates`. Motors give the torques `tau`, in the order of `actuated`.
-    Methods are safe to call from several threads.
+    `q` is a configuration of the tree, shape (nq,), in the format of Pinocchio. The independent
+    joints `coordinates` describe the motion: `va` are their rates, `aa` their accelerations, shape
+    (n,). `tau` are the torques of the motors, in the order of `motor_names`. Methods can be called
+    from several threads.
 
-    A change of `model` is taken in at the next call that finds it; `refresh()` takes it in at once.
+    A change of `model` takes effect at the next call; see `refresh`.
 
     Args:
-        model: A tree; it stays yours, the chain computes from a copy.
+        model: The tree. The chain computes with a copy.
         closures: `Closure`, `Distance`, `Coupling`, `Rolling`, or pairs of frame names for frames
             that must coincide.
-        actuated: The motors: names of joints, or for a tendon the share of each joint by name.
-        coordinates: Names of the independent joints, a joint of several rates counts with all of
-            them. By default the actuated ones, as many as are independent, and where they are too
-            few others besides.
-        locked: Names of joints that are held where `pin.neutral` puts them, or the coordinate of
-            each one-coordinate joint by name.
-        viscous_friction: D of each rate, shape (nv,); those of the model by default.
-        coulomb_friction: F_c of each rate, shape (nv,); those of the model by default.
-        stiffness: Of the joints' springs, shape (nv,), [N m/rad] or [N/m]; none by default.
-        spring_reference: Where the springs are at rest, shape (nq,); `pin.neutral` by default.
+        actuated: The motors: names of joints; for a tendon a mapping from joint names to factors.
+        coordinates: Names of the independent joints; a joint with several rates counts with all
+            of them. By default the independent ones of the actuated joints, and other joints if
+            these are too few.
+        locked: Names of joints that are fixed at `pin.neutral`, or a mapping from names of
+            one-coordinate joints to their fixed positions.
+        viscous_friction: D of each rate, shape (nv,); that of the model by default.
+        coulomb_friction: F_c of each rate, shape (nv,); that of the model by default.
+        stiffness: Of springs at the joints, shape (nv,), [N m/rad] or [N/m]; none by default.
+        spring_reference: Positions without spring force, shape (nq,); `pin.neutral` by default.
 
     Raises:
-        DescriptionError: Without closures, with joints of one name, with nothing that can move.
+        DescriptionError: Without closures, if two joints have one name, or if nothing can move.
         UnknownNameError: For a joint or frame that is not in the model.
 
     Example:
@@ -121,7 +121,7 @@ class ClosedChain:
 
     @property
     def model(self) -> pin.Model:
-        """The tree. A change of it counts from the next call on; see `refresh`.
+        """The tree. A change takes effect at the next call; see `refresh`.
 
         Example:
             >>> chain.model.nq, chain.model.njoints
@@ -132,7 +132,7 @@ class ClosedChain:
 
     @property
     def closures(self) -> tuple[Constraint, ...]:
-        """What closes the tree.
+        """The closures of the tree.
 
         Example:
             >>> [str(closure) for closure in robot.closures]
@@ -152,7 +152,7 @@ class ClosedChain:
 
     @property
     def position_names(self) -> tuple[str, ...]:
-        """Name of each entry of q: the joint's, with a suffix where it has several.
+        """Name of each entry of q: the name of the joint, with a suffix if it has several entries.
 
         Example:
             >>> sst_pin.robots.delta().position_names[-5:]
@@ -172,15 +172,15 @@ class ClosedChain:
 
     @property
     def home(self) -> Array:
-        """The configuration that the description calls home, its loops closed, shape (nq,).
+        """The home configuration of the description, with closed loops, shape (nq,).
 
-        It stands in `model.referenceConfigurations["home"]`: from the SRDF beside a URDF, from the
-        keyframe `home` of an MJCF, or put there by you. Where loops are open there, it is
-        assembled, the coordinates held.
+        It is `model.referenceConfigurations["home"]`: from the SRDF beside a URDF, from the
+        keyframe `home` of an MJCF, or set by you. If its loops are open, it is assembled with
+        fixed coordinates.
 
         Raises:
-            DescriptionError: When the description calls no configuration so, or what is none.
-            ClosureError: When the loops cannot be closed there.
+            DescriptionError: If the description has no home, or it is not a configuration.
+            ClosureError: If its loops cannot be closed.
 
         Example:
             >>> sst_pin.ClosedChain.from_urdf(sst_pin.URDF_PATH).home[:3].round(4)
@@ -196,7 +196,7 @@ class ClosedChain:
 
     @property
     def actuated(self) -> NDArray[np.intp]:
-        """Indices in v of the motors' joints, motor after motor, read-only.
+        """Indices in v of the motors' joints, in the order of the motors, read-only.
 
         Example:
             >>> robot.joint_rates(robot.home, [1, 2, 3])[robot.actuated]
@@ -206,7 +206,7 @@ class ClosedChain:
 
     @property
     def actuation(self) -> Array:
-        """B: motors that give tau exert the forces B tau on the tree; shape (nv, motors).
+        """B: motor torques tau apply the forces B tau to the joints; shape (nv, motors).
 
         Example:
             >>> chain.actuation.T
@@ -236,10 +236,11 @@ class ClosedChain:
 
     @property
     def coordinates(self) -> tuple[str, ...]:
-        """Names of the independent joints; of a joint that is one only in part, its rates.
+        """Names of the independent joints, or of single rates of a joint.
 
         Raises:
-            ClosureError: When they are to be chosen and no configuration can be assembled.
+            ClosureError: If the coordinates are chosen automatically and no configuration can be
+                assembled.
 
         Example:
             >>> chain.coordinates
@@ -260,7 +261,7 @@ class ClosedChain:
 
     @property
     def friction(self) -> Friction:
-        """Of all joints, read-only.
+        """Friction of all joints, read-only.
 
         Example:
             >>> robot.friction.viscous
@@ -270,7 +271,7 @@ class ClosedChain:
 
     @property
     def path(self) -> str:
-        """What computes the dynamics, and why: compiled kernels or the reference path.
+        """Whether compiled kernels or the reference path compute the dynamics, and why.
 
         Example:
             >>> sst_pin.SST(kernels=False).path
@@ -279,11 +280,11 @@ class ClosedChain:
         return self._current.path()
 
     def refresh(self) -> None:
-        """Take in all changes made to `model` now.
+        """Use all changes of `model` from now on.
 
-        Every call looks for changes by itself, but one: a single sample computed by kernels looks
-        at gravity, and at the rest of the model only when `robot.model` was read since the last
-        call. A program that keeps the model and changes it between single samples calls `refresh`.
+        Every call checks for changes itself, with one exception: a single sample computed by
+        kernels checks gravity, but the rest of the model only if `robot.model` was read since the
+        last call. If you keep the model in a variable and change it, call `refresh`.
 
         Raises:
             DescriptionError, UnknownNameError: As the constructor.
@@ -300,13 +301,13 @@ class ClosedChain:
     # --- closures ---------------------------------------------------------------------------
 
     def residual(self, q: ArrayLike) -> Array:
-        """How far the loops are open.
+        """Residual of the closure constraints; zero if the loops are closed.
 
         Args:
             q: Configurations, shape (..., nq).
 
         Returns:
-            f(q) of Eq. (2), shape (..., rows): [m] and [rad], closure after closure.
+            f(q) of Eq. (2), shape (..., rows), [m] and [rad], in the order of `closures`.
 
         Example:
             >>> bool(abs(chain.residual(chain.home)).max() < 1e-12)
@@ -318,7 +319,7 @@ class ClosedChain:
         return for_each_sample(lambda q: current.evaluated(q).residual(), [array], (1,), (rows,))
 
     def Phi(self, q: ArrayLike) -> Array:
-        """Jacobian of the closures with all rows, redundant ones too, Eqs. (3), (4).
+        """Constraint Jacobian with all rows, also redundant ones, Eqs. (3), (4).
 
         Args:
             q: Configuration on the closures, shape (nq,).
@@ -333,7 +334,7 @@ class ClosedChain:
         return self._current.evaluated(q).Phi()
 
     def Phi_dot(self, q: ArrayLike, q_dot: ArrayLike) -> Array:
-        """Rate of `Phi` at rates of the tree that keep the loops closed.
+        """Rate of the constraint Jacobian `Phi`, for joint rates that keep the loops closed.
 
         Args:
             q: Configuration on the closures, shape (nq,).
@@ -350,9 +351,9 @@ class ClosedChain:
         return self._current.evaluated(q).Phi_dot(v)
 
     def condition_number(self, q: ArrayLike) -> float:
-        """Condition number of the dependent part of Phi, free of units.
+        """Condition number of the columns of Phi for the dependent joints, without units.
 
-        Infinite where the coordinates do not determine the motion.
+        It is infinite if the coordinates do not determine the motion.
 
         Args:
             q: Configuration on the closures, shape (nq,).
@@ -373,23 +374,24 @@ class ClosedChain:
         seed: int = 0,
         limits: bool = False,
     ) -> Array:
-        """Project a configuration onto the closures by Newton's method.
+        """Close the loops of a guess by Newton's method.
 
         Args:
-            q: A guess, shape (nq,); of a robot with balls, free or endless joints also the way to
-                it from `pin.neutral`, shape (nv,), without quaternions.
-            fixed: Names of joints to be held; the coordinates by default, () for none.
-            tries: How many starts: the guess, then random ones around it.
-            seed: Of the random starts.
-            limits: Whether joints of one coordinate stay within the limits of the model.
+            q: A guess, shape (nq,). For a robot with balls, free or continuous joints also the
+                displacement from `pin.neutral`, shape (nv,), without quaternions.
+            fixed: Names of joints that keep their position; the coordinates by default, () for
+                none.
+            tries: Number of starts: the guess, then random configurations around it.
+            seed: Seed of the random starts.
+            limits: Whether joints with one coordinate must stay within the limits of the model.
 
         Returns:
             A configuration near q with closed loops, shape (nq,).
 
         Raises:
-            ClosureError: When there is none within reach, with the loops that stay open and the
-                joints that are at their limits.
-            InputError: For a guess of another shape, or with a quaternion that is zero.
+            ClosureError: If the loops cannot be closed; the message lists the open loops and the
+                joints at their limits.
+            InputError: If the guess has another shape, or a quaternion that is zero.
             UnknownNameError: For an unknown joint.
 
         Example:
@@ -411,16 +413,16 @@ class ClosedChain:
         return assembly.try_starts(start, free, tries, seed, limits=limits)
 
     def generic_configuration(self) -> Array:
-        """Some assembled configuration away from the symmetric ones, the same at each call.
+        """A random assembled configuration without symmetry, the same at each call.
 
-        It is near `home` where the robot has one: elsewhere it may be assembled in other ways, with
-        other degrees of freedom.
+        It is close to `home` if the robot has one, because other assemblies can have other degrees
+        of freedom.
 
         Returns:
             Shape (nq,).
 
         Raises:
-            ClosureError: When none is found.
+            ClosureError: If none is found.
 
         Example:
             >>> q = chain.generic_configuration()
@@ -430,17 +432,17 @@ class ClosedChain:
         return self._current.generic_configuration()
 
     def mobility(self, q: ArrayLike | None = None) -> Mobility:
-        """Count degrees of freedom, redundant closures and motors.
+        """Degrees of freedom, redundant closure constraints, and whether the motors suffice.
 
         Args:
-            q: Configuration on the closures, shape (nq,); a generic one by default. A mechanism
-                can have assembly modes that move in different ways: then look at yours.
+            q: Configuration on the closures, shape (nq,); a random one by default. If the mobility
+                depends on the assembly mode, give a configuration of your mode.
 
         Returns:
-            A report that prints readably.
+            A report; `print` shows it as text.
 
         Raises:
-            ClosureError: When q is open, or when no configuration can be assembled.
+            ClosureError: If q is open, or if no configuration can be assembled.
 
         Example:
             >>> print(chain.mobility())
@@ -496,15 +498,15 @@ class ClosedChain:
         return for_each_sample(rates, arrays, (1, 1, 1), (mechanism.model.nv,))
 
     def frame_jacobian(self, q: ArrayLike, frame: str) -> Array:
-        """Jacobian of a frame along the motions that keep the loops closed.
+        """Jacobian of a frame with respect to the rates of the coordinates.
 
         Args:
             q: Configurations on the closures, shape (..., nq).
             frame: Its name.
 
         Returns:
-            [linear; angular] velocity per rate of the coordinates, base axes, at the frame's
-            origin, shape (..., 6, n).
+            J with [linear; angular] velocity = J va, in base axes, at the frame's origin, shape
+            (..., 6, n).
 
         Raises:
             UnknownNameError: For an unknown frame.
@@ -527,7 +529,7 @@ class ClosedChain:
         return by_kernel(current, reference, kernel, arrays, (1,), (6, n))
 
     def frame_jacobian_rate(self, q: ArrayLike, va: ArrayLike, frame: str) -> Array:
-        """Rate of `frame_jacobian` on a motion.
+        """Rate of `frame_jacobian` along a motion.
 
         Args:
             q: Configurations on the closures, shape (..., nq).
@@ -552,7 +554,7 @@ class ClosedChain:
         )
 
     def frame_drift(self, q: ArrayLike, va: ArrayLike, frame: str) -> Array:
-        """Acceleration of a frame when the coordinates do not accelerate: J_dot va.
+        """Acceleration of a frame for aa = 0, which is J_dot va.
 
         Args:
             q: Configurations on the closures, shape (..., nq).
@@ -560,7 +562,7 @@ class ClosedChain:
             frame: Its name.
 
         Returns:
-            [linear; angular], base axes, of the frame's origin, shape (..., 6).
+            [linear; angular], in base axes, at the frame's origin, shape (..., 6).
 
         Example:
             >>> delta = sst_pin.robots.delta()
@@ -617,27 +619,28 @@ class ClosedChain:
     ) -> Array:
         """Inverse dynamics: the motor torques of a motion, Eq. (92).
 
-        With more motors than degrees of freedom the smallest torques that bring it about.
+        With more motors than degrees of freedom these are the smallest torques for the motion.
 
         Args:
             q: Configurations on the closures, shape (..., nq).
             va: Rates of the coordinates, shape (..., n).
             aa: Accelerations of the coordinates, shape (..., n).
-            external_wrenches: [moment; force] that the surroundings exert on each body at its mass
-                centre, base axes, bodies in the order of the joints, shape (..., r, 6).
-            weights: Of the motors' squared torques, positive, shape (motors,); all one by default.
+            external_wrenches: [moment; force] that acts on each body at its mass centre, in base
+                axes, bodies in the order of the joints, shape (..., r, 6).
+            weights: Weights of the squared torques, positive, shape (motors,); one by default.
             out: Array for the result, shape (..., motors).
-            threads: How many share a batch in compiled kernels; the reference path takes one.
-            on_error: "raise", or "nan": samples that fail become NaN.
+            threads: Number of threads for batches in compiled kernels; the reference path uses
+                one.
+            on_error: "raise", or "nan" to set the results of bad samples to NaN.
 
         Returns:
             tau, shape (..., motors), [N m] or [N].
 
         Raises:
             InputError: For a wrong shape or a number that is not finite.
-            ClosureError: When q is open.
-            SingularConfigurationError: When the coordinates do not determine the motion at q.
-            ActuationError: When the motors cannot bring about the motion.
+            ClosureError: If q is open.
+            SingularConfigurationError: If the coordinates do not determine the motion at q.
+            ActuationError: If the motors cannot produce the motion.
 
         Example:
             >>> chain.compute_torques(chain.home, [1], [0]).round(3)
@@ -678,7 +681,9 @@ class ClosedChain:
         out: Array | None = None,
         on_error: str = "raise",
     ) -> Array:
-        """What a motion needs along the coordinates, whoever supplies it: L^T tau of the tree.
+        """Generalized forces that a motion needs: L^T times the joint forces of the tree.
+
+        They do not depend on the motors.
 
         Args:
             q: Configurations on the closures, shape (..., nq).
@@ -729,7 +734,7 @@ class ClosedChain:
         threads: int = 1,
         on_error: str = "raise",
     ) -> Array:
-        """Direct dynamics: the accelerations of the coordinates under given torques, Eq. (92).
+        """Direct dynamics: the accelerations of the coordinates for given torques, Eq. (92).
 
         Args:
             q: Configurations on the closures, shape (..., nq).
@@ -771,7 +776,7 @@ class ClosedChain:
         )
 
     def noc(self, q: ArrayLike, va: ArrayLike) -> dynamics.Terms:
-        """All matrices of the paper at one configuration: f = I aa + C va - tau^g - tau^f.
+        """All matrices of the paper at one state, with f = I aa + C va - tau^g - tau^f.
 
         Args:
             q: Configuration on the closures, shape (nq,).
@@ -793,7 +798,7 @@ class ClosedChain:
     def reduced_terms(
         self, q: ArrayLike, va: ArrayLike, *, threads: int = 1, on_error: str = "raise"
     ) -> dynamics.ReducedTerms:
-        """The equations of motion in the coordinates, for batches, Eqs. (93)-(96).
+        """Mass matrix, Coriolis matrix, gravity and friction in the coordinates, Eqs. (93)-(96).
 
         Args:
             q: Configurations on the closures, shape (..., nq).
@@ -838,17 +843,17 @@ class ClosedChain:
         threads: int = 1,
         on_error: str = "raise",
     ) -> derivatives.TorqueDerivatives:
-        """Derivatives of `generalized_forces`, the torques where motor k is coordinate k.
+        """Derivatives of `generalized_forces`; of the torques if motor k is coordinate k.
 
-        They are those along the motions that keep the loops closed; docs/derivatives.md.
+        They are derivatives along the motions that keep the loops closed; docs/derivatives.md.
 
         Args:
             q: Configurations on the closures, shape (..., nq).
             va: Rates of the coordinates, shape (..., n).
             aa: Accelerations of the coordinates, shape (..., n).
             external_wrenches: As in `compute_torques`, constant in base axes.
-            sign_width: Coulomb friction takes tanh(v / sign_width) for the sign of the rates v,
-                positive, [rad/s] or [m/s].
+            sign_width: Coulomb friction uses tanh(v / sign_width) instead of the sign of the rates
+                v; positive, [rad/s] or [m/s].
             out: Array for dq, dva and daa side by side, shape (..., n, 3 n).
             threads: As in `compute_torques`.
             on_error: As in `compute_torques`.
@@ -887,7 +892,7 @@ class ClosedChain:
         threads: int = 1,
         on_error: str = "raise",
     ) -> derivatives.AccelerationDerivatives:
-        """Derivatives of `compute_accelerations`, its friction smoothed by `sign_width`.
+        """Derivatives of `compute_accelerations`, with friction smoothed by `sign_width`.
 
         Args:
             q: Configurations on the closures, shape (..., nq).
@@ -933,16 +938,16 @@ class ClosedChain:
         threads: int = 1,
         on_error: str = "raise",
     ) -> tuple[Array, Array]:
-        """The motion next to a state, or to each state of a trajectory: x' = A x + B u.
+        """Linear system x' = A x + B u at a state, or at each state of a trajectory.
 
-        x is how far the coordinates and va are off, u how far the torques are.
+        x is the deviation of the coordinates and of va, u is the deviation of the torques.
 
         Args:
             q: Configurations on the closures, shape (..., nq).
             va: Rates of the coordinates, shape (..., n).
             tau: Motor torques, shape (..., motors), [N m] or [N].
-            dt: Step of the discrete system x_next = A x + B u with u held, [s]: the exponential of
-                A and B of the state, exact for the linear system. None for the continuous one.
+            dt: Step of the discrete system x_next = A x + B u with constant u, [s]: the matrix
+                exponential, exact for the linear system. None for the continuous system.
             external_wrenches: As in `torque_derivatives`.
             sign_width: As in `torque_derivatives`.
             threads: As in `compute_torques`.
@@ -990,7 +995,8 @@ class ClosedChain:
     def potential_energy(self, q: ArrayLike) -> Array:
         """Potential energy of weights and springs, shape (...), [J].
 
-        The weights' is zero with all masses at the origin, the springs' at their reference.
+        That of the weights is zero if all masses are at the origin, that of the springs at their
+        reference.
 
         Args:
             q: Configurations, shape (..., nq).
@@ -1019,7 +1025,7 @@ class ClosedChain:
         return finite_array("power", (self.friction.forces(v) * v).sum(axis=-1), ())
 
     def motor_rates(self, q: ArrayLike, va: ArrayLike) -> Array:
-        """Rates against which the motors work, shape (..., motors); arguments as `joint_rates`.
+        """Rates of the motors, shape (..., motors); arguments as `joint_rates`.
 
         Example:
             >>> chain.motor_rates(chain.home, [1])
@@ -1027,32 +1033,32 @@ class ClosedChain:
         """
         return np.asarray(self.joint_rates(q, va) @ self._current.mechanism().motors)
 
-    # --- doors to the rooms above -----------------------------------------------------------
+    # --- compilation, files, motions --------------------------------------------------------
 
     def compile(self, q: ArrayLike | None = None, *, derivatives: bool = False) -> None:
-        """Have the dynamics computed by kernels made for this robot.
+        """Generate and compile kernels for this robot; they compute its dynamics from then on.
 
-        They are generated as C, compiled by the system's compiler (or that of the package ziglang)
-        and kept in the user's cache folder, where the next start finds them. The geometry, the
-        closures, the motors, and which bodies have mass and which joints friction, springs or
-        rotors is folded in; the numbers of these, and gravity, change without compiling again.
-        Samples that a kernel does not vouch for take the reference path. A copy, or the robot
-        unpickled elsewhere, looks for its kernels there; `path` says what computes.
+        They are generated as C, compiled by the C compiler of the system (or of the package
+        ziglang) and stored in the user's cache folder, so the next start loads them from there.
+        They are specific to the geometry, the closures, the motors, and to which bodies have mass
+        and which joints have friction, springs or rotors. The values of mass, friction, springs,
+        rotors and gravity can change without a new compilation. If a kernel's check fails for a
+        sample, the reference path computes it. A copy of the robot, or the robot unpickled in
+        another process, loads the kernels too. `path` says what computes.
 
         Args:
-            q: Configuration on the closures, shape (nq,), from around which the order of
-                elimination is chosen; a generic one by default, around `home` for a robot of the
-                gallery. Give one of yours when the mechanism has assembly modes that move in
-                different ways.
-            derivatives: Whether to have those of the dynamics ready too. They take longer to
-                compile (docs/derivatives.md tells how long), and else are made at their first use.
+            q: Configuration on the closures, shape (nq,). The order of elimination is chosen
+                around it; a random one by default, around `home` for a robot of the gallery. If
+                the mobility depends on the assembly mode, give a configuration of your mode.
+            derivatives: Whether to compile the derivatives too. They take longer to compile
+                (docs/derivatives.md gives times). By default this is done at their first use.
 
         Raises:
-            CompilationError: Without a compiler, or when it fails.
+            CompilationError: Without a compiler, or if it fails.
             MissingExtraError: Without CasADi, `sst-pin[compile]`.
             DescriptionError: For a joint without compiled equations.
-            ClosureError: When q is open, or when no configuration can be assembled.
-            SingularConfigurationError: When the coordinates do not fix the motion there.
+            ClosureError: If q is open, or if no configuration can be assembled.
+            SingularConfigurationError: If the coordinates do not determine the motion there.
 
         Example:
             >>> chain.compile()
@@ -1076,16 +1082,16 @@ class ClosedChain:
         sign_width: float = 1e-3,
         compiled: bool = False,
     ) -> CasadiFunctions:
-        """The dynamics as functions of CasADi, for its optimisers, with exact derivatives.
+        """The dynamics as CasADi functions with exact derivatives, for optimization.
 
         Args:
             q: As in `compile`.
-            external_wrenches: Whether the dynamics take them as their last input, shape (r, 6).
-            sign_width: Coulomb friction takes tanh(v / sign_width) for the sign of the rates v,
-                positive, [rad/s] or [m/s].
-            compiled: Whether they are compiled C with derivatives of first order, made as each is
-                asked for and kept as `compile` keeps its kernels; else they need no compiler and
-                have derivatives of every order.
+            external_wrenches: Whether the dynamics have them as their last input, shape (r, 6).
+            sign_width: Coulomb friction uses tanh(v / sign_width) instead of the sign of the rates
+                v; positive, [rad/s] or [m/s].
+            compiled: Whether the functions are compiled C code with derivatives of first order,
+                compiled at their first use and cached as by `compile`. Otherwise they need no
+                compiler and have derivatives of every order.
 
         Returns:
             `.torques`, `.accelerations`, `.rates`, `.residual`, `.step` and more; see
@@ -1114,13 +1120,13 @@ class ClosedChain:
         return CasadiFunctions(current.reference, near, width, external_wrenches, compiled)
 
     def jax(self, *, sign_width: float = 1e-3) -> JaxFunctions:
-        """The dynamics as functions of JAX, for `jit`, `vmap` and `grad`, on processors.
+        """The dynamics as JAX functions for `jit`, `vmap` and `grad`, on the CPU.
 
-        JAX calls back into this process, where this chain computes. So `compile` before.
+        JAX calls this chain by callbacks. For speed, call `compile` before.
 
         Args:
-            sign_width: Coulomb friction takes tanh(v / sign_width) for the sign of the rates v in
-                derivatives, positive, [rad/s] or [m/s].
+            sign_width: In derivatives, Coulomb friction uses tanh(v / sign_width) instead of the
+                sign of the rates v; positive, [rad/s] or [m/s].
 
         Returns:
             `.torques`, `.generalized_forces` and `.accelerations`; see
@@ -1128,8 +1134,8 @@ class ClosedChain:
 
         Raises:
             MissingExtraError: Without JAX, `sst-pin[jax]`.
-            InputError: While JAX computes in single precision.
-            DescriptionError: For coordinates that are no single entries of q (a ball).
+            InputError: If JAX uses single precision.
+            DescriptionError: If a coordinate is not a single entry of q (a ball).
 
         Example:
             >>> import jax
@@ -1153,23 +1159,23 @@ class ClosedChain:
         actuated: Sequence[Motor] | None = None,
         locked: Sequence[str] = (),
     ) -> _Chain:
-        """A robot from a URDF and, beside it, what a URDF cannot say: the "extended URDF" of LAAS.
+        """A robot from a URDF and a YAML file, the "extended URDF" of LAAS.
 
-        A YAML file lists closures (`closed_loop`, pairs of frames, each with its `type`), motors
-        (`name_mot`) and, where needed, `gravity` and joints that really are "FIXED", "SPHERICAL"
-        or "UJOINT_XY" (`joint_name`, `joint_type`). A file that lists no closures has those of the
-        URDF's frames `closing_NAME_1`, `closing_NAME_2`, points that coincide. Joints that mimic
-        others are coupled to them. Named configurations, `home` among them, are those of the file
-        beside the URDF that ends in .srdf, where there is one.
+        The YAML lists closures (`closed_loop`, pairs of frames, each with its `type`), motors
+        (`name_mot`) and, if needed, `gravity` and joints of the types "FIXED", "SPHERICAL" or
+        "UJOINT_XY" (`joint_name`, `joint_type`). If the YAML has no closures, the frames
+        `closing_NAME_1` and `closing_NAME_2` of the URDF become point closures. Mimic joints are
+        coupled to the joints that they follow. An SRDF beside the URDF defines named
+        configurations, such as `home`.
 
         Args:
             path: The URDF; its meshes are not needed.
-            cuts: The YAML; by default the file beside the URDF that ends in .yaml.
+            cuts: The YAML; by default the file with the name of the URDF and the ending .yaml.
             actuated: The motors, as in the constructor; those of the YAML by default.
-            locked: Names of joints that are held at zero. A locked motor is none.
+            locked: Names of joints that are fixed at zero. A locked motor is removed.
 
         Raises:
-            DescriptionError: When a file cannot be read, with every problem found.
+            DescriptionError: If a file cannot be read; the message lists all problems.
             UnknownNameError: For a joint or frame that is not in the URDF.
 
         Example:
@@ -1192,25 +1198,27 @@ class ClosedChain:
         actuated: Sequence[Motor] | None = None,
         locked: Sequence[str] = (),
     ) -> _Chain:
-        """A robot from a MuJoCo file, its loops closed by its equalities.
+        """A robot from a MuJoCo file; its equalities close the loops.
 
-        MuJoCo compiles the file; `connect`, `weld`, `joint` and `tendon` equalities are read, with
-        springs, dampers, friction losses and armatures of the joints. The motors are the joints and
-        the fixed tendons that have an actuator; tau is the force in the joint or the tendon, gear
-        times control for a `motor`. Hinges and slides count as in `qpos`; of balls and free joints
-        q has the quaternion with its scalar last, and v the linear rates along the body's axes.
-        Named keyframes are the model's `referenceConfigurations`, `home` is that of this name.
+        MuJoCo compiles the file. The reader uses `connect`, `weld`, `joint` and `tendon`
+        equalities, and springs, dampers, friction losses and armatures of the joints. The motors
+        are the joints and the fixed tendons with an actuator; tau is the force in the joint or the
+        tendon, for a `motor` gear times control. The positions of hinges and slides are those of
+        `qpos`. For balls and free joints, the scalar of a quaternion in q is last, and the linear
+        rates in v are in body axes. Named keyframes become `referenceConfigurations` of the model,
+        such as `home`.
 
         Args:
             path: The MJCF.
             actuated: The motors, as in the constructor; those of the file by default.
-            locked: Joints held at their reference. A joint without a name is called like its body.
-                `name_X`, `name_Y`, `name_Z` hold a ball about one axis. A locked motor is none.
+            locked: Joints that are fixed at their reference. A joint without a name has the name of
+                its body. `name_X`, `name_Y`, `name_Z` lock a ball about one axis. A locked motor is
+                removed.
 
         Raises:
             MissingExtraError: Without MuJoCo, `sst-pin[mjcf]`.
-            DescriptionError: With every problem found.
-            UnknownNameError: For a name in `locked` that no joint has.
+            DescriptionError: If the file cannot be used; the message lists all problems.
+            UnknownNameError: For a name in `locked` that is not a joint.
 
         Example:
             >>> sst_pin.ClosedChain.from_mjcf(sst_pin.MJCF_PATH).motor_names
@@ -1240,15 +1248,15 @@ class ClosedChain:
         *,
         stopped: str = "",
     ) -> Trajectory:
-        """A motion of this robot as a value.
+        """A `Trajectory` of this robot.
 
         Args:
             t: Times, increasing, shape (N,), [s].
             q: Configurations on the closures, shape (N, nq).
             va: Rates of the coordinates, shape (N, n).
             aa: Accelerations of the coordinates, shape (N, n).
-            tau: Motor torques, shape (N, motors); those of the motion by default.
-            stopped: Why it ends early.
+            tau: Motor torques, shape (N, motors); computed by default.
+            stopped: Reason why the motion ended early; empty if it did not.
 
         Example:
             >>> motion = chain.trajectory([0, 1], [chain.home] * 2, [[0]] * 2, [[0]] * 2)
@@ -1290,7 +1298,7 @@ class ClosedChain:
         sign_width: float = 1e-3,
         progress: Callable[[float], None] | None = None,
     ) -> Trajectory:
-        """Integrate the motion under given torques; see `sst_pin.motion.simulation.simulate`.
+        """Simulate the motion for given torques; see `sst_pin.motion.simulation.simulate`.
 
         Example:
             >>> motion = chain.simulate([0], chain.home, [0], np.linspace(0, 0.1, 11))
@@ -1327,7 +1335,7 @@ class ClosedChain:
         threads: int = 1,
         on_error: str = "raise",
     ) -> Rollout:
-        """Integrate many motions with a fixed step; see `sst_pin.motion.rollouts.rollout`.
+        """Simulate many motions with a fixed step; see `sst_pin.motion.rollouts.rollout`.
 
         Example:
             >>> motion = chain.rollout(np.zeros((5, 100, 1)), chain.home, [0], dt=0.001)
@@ -1353,13 +1361,13 @@ class ClosedChain:
 
     @property
     def visual_model(self) -> pin.GeometryModel:
-        """Shapes of the bodies, as Pinocchio has them: those of the URDF or the MJCF, or yours.
+        """Shapes of the bodies, a `pinocchio.GeometryModel`, from the URDF or the MJCF.
 
-        They are loaded at each call; there are none where nobody has given any. Assign a
-        `pinocchio.GeometryModel` of your own to have it shown.
+        They are loaded at each call. Without shapes the model is empty. You can assign your own
+        `pinocchio.GeometryModel`.
 
         Raises:
-            DescriptionError: When a mesh cannot be loaded.
+            DescriptionError: If a mesh cannot be loaded.
 
         Example:
             >>> [shape.name for shape in chain.visual_model.geometryObjects]
@@ -1381,21 +1389,21 @@ class ClosedChain:
         speed: float = 1.0,
         open_browser: bool = True,
     ) -> Viewer:
-        """A motion or a configuration in the browser; in Jupyter, in the notebook.
+        """Show a motion or a configuration in the browser, or in a Jupyter notebook.
 
         Args:
-            what: A motion, or a configuration, shape (nq,); the home pose by default, or where
-                there is none an assembled configuration.
-            speed: Of a motion, 1 is real time.
+            what: A motion, or a configuration, shape (nq,). By default the home pose or, if there
+                is none, an assembled configuration.
+            speed: Speed of the animation; 1 is real time.
             open_browser: Whether to serve the page and open the browser; never from Jupyter.
 
         Returns:
-            The viewer; `save` writes the page, a picture or an animation, `close` ends serving.
+            The viewer. `save` writes a page, a picture or an animation; `close` stops the server.
 
         Raises:
-            MissingExtraError: Without what `sst-pin[viz]` brings.
-            DescriptionError: When a mesh cannot be loaded.
-            InputError: For another robot's motion.
+            MissingExtraError: Without the extra `sst-pin[viz]`.
+            DescriptionError: If a mesh cannot be loaded.
+            InputError: For the motion of another robot.
 
         Example:
             >>> viewer = chain.show(open_browser=False)

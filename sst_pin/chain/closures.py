@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What closes a tree: frames that move together, rods, couplings of joints, rolling contact.
+"""The closures of a tree: connected frames, rods, couplings of joints, rolling contacts.
 
-Each kind of constraint says what it holds; `loops` turns it into f(q) and the rows of Phi.
+Each class describes its closure constraints; `loops` computes f(q) and the rows of Phi.
 """
 
 from __future__ import annotations
@@ -20,16 +20,17 @@ _RATES = ("x", "y", "z", "turn x", "turn y", "turn z")
 
 @dataclass(frozen=True)
 class Closure:
-    """Two frames of the tree that a joint without mass connects.
+    """Two frames of the tree that a massless joint connects.
 
     Attributes:
         frame_a: Name of the first frame.
         frame_b: Name of the second frame.
-        kind: "6d" the frames coincide; "3d" their origins do; "orientation" their axes do.
-            In the axes of frame A: "hinge" origins coincide, B turns about z; "universal" origins
-            coincide, B turns about x of A and y of B; "cylindrical" B slides along z and turns
-            about it; "prismatic" B slides along z; "planar" B slides along x and y and turns about
-            z. Or six booleans, which of x, y, z, turn x, turn y, turn z are held.
+        kind: "6d": the frames coincide; "3d": their origins coincide; "orientation": their axes
+            are parallel. In the axes of frame A: "hinge": the origins coincide, B turns about z;
+            "universal": the origins coincide, B turns about x of A and y of B; "cylindrical": B
+            slides along z and turns about z; "prismatic": B slides along z; "planar": B slides
+            along x and y and turns about z. Or six booleans: whether x, y, z, turn x, turn y,
+            turn z are fixed.
 
     Raises:
         DescriptionError: For an unknown kind.
@@ -74,12 +75,12 @@ class Closure:
 
     @property
     def held(self) -> tuple[bool, ...]:
-        """Which of x, y, z, turn x, turn y, turn z are held."""
+        """Whether x, y, z, turn x, turn y, turn z are fixed."""
         return self.KINDS[self.kind] if isinstance(self.kind, str) else tuple(map(bool, self.kind))
 
     @property
     def rows(self) -> list[str]:
-        """What each row of Phi keeps equal."""
+        """Name of each row of Phi."""
         return [name for name, held in zip(_RATES, self.held, strict=True) if held]
 
     def __str__(self) -> str:
@@ -88,7 +89,7 @@ class Closure:
 
 @dataclass(frozen=True)
 class Distance:
-    """Two points at a constant distance: a rod without mass between two balls.
+    """Two points at a constant distance: a massless rod between two ball joints.
 
     Attributes:
         frame_a: Name of the frame whose origin is the first point.
@@ -123,15 +124,15 @@ class Distance:
 
 @dataclass(frozen=True)
 class Coupling:
-    """A joint that follows others: q_joint = sum of a polynomial of each of them.
+    """A joint position as a sum of polynomials of other joint positions.
 
-    Gears, mimic joints, MuJoCo's `joint` equality, fixed tendons.
+    Examples are gears, mimic joints, MuJoCo's `joint` equality, and fixed tendons.
 
     Attributes:
-        joint: Name of the joint that follows; one coordinate.
-        polynomials: Coefficients c_0, c_1, ... of each other joint's polynomial, by its name; {}
-            holds the joint at `offset`.
-        offset: Added to the sum, [rad] or [m].
+        joint: Name of the dependent joint, which must have one coordinate.
+        polynomials: For each other joint, by name, the coefficients c_0, c_1, ... of its
+            polynomial; {} fixes the joint at `offset`.
+        offset: Constant that is added to the sum, [rad] or [m].
 
     Example:
         `Coupling("finger_2", {"finger_1": (0.1, -2)})`: q_2 = 0.1 - 2 q_1.
@@ -168,15 +169,16 @@ class Coupling:
 
 @dataclass(frozen=True)
 class Rolling:
-    """A wheel or a ball that rolls on a plane without slipping, the paper's reference [4].
+    """A wheel or a ball that rolls on a plane without slip, see the paper's reference [4].
 
-    The plane is that of x and y of `plane`, the wheel a thin disc about z of `wheel`. Only the row
-    "height" has a residual; the two others hold rates and leave q free (non-holonomic).
+    The plane is the x-y plane of the frame `plane`; the wheel is a thin disc about z of the frame
+    `wheel`. Only the row "height" has a residual. The two other rows constrain rates, not q
+    (non-holonomic).
 
     Attributes:
-        plane: Name of the frame in whose x-y plane it rolls; "universe" is the base.
-        wheel: Name of the frame in the centre, z along the axle.
-        radius: [m].
+        plane: Name of the frame with the plane; "universe" is the base.
+        wheel: Name of the frame in the centre of the wheel, z along the axle.
+        radius: Radius of the wheel, [m].
         ball: Whether it is a ball instead of a disc.
 
     Example:
@@ -196,7 +198,7 @@ class Rolling:
 
     @property
     def rows(self) -> list[str]:
-        """What each row of Phi keeps zero."""
+        """Name of each row of Phi."""
         return ["slip x", "slip y", "height"]
 
     def __str__(self) -> str:

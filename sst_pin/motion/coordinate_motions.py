@@ -25,21 +25,21 @@ _HALVINGS = 12
 def coordinate_motion(
     chain: ClosedChain, t: ArrayLike, x: ArrayLike, start: ArrayLike | None = None
 ) -> Trajectory:
-    """The motion whose coordinates are given over time, with its torques.
+    """The motion and the torques for given coordinates over time.
 
-    From sample to sample the joints are followed along the loops, in steps so short that no other
-    assembly is near. Rates come from splines of degree five through the samples.
+    The other joints are computed from sample to sample, in steps short enough to stay in the same
+    assembly. Rates are derivatives of splines of degree five through the samples.
 
     Args:
-        chain: Any closed chain whose coordinates are joints that turn or slide.
+        chain: Any closed chain with revolute or prismatic coordinates.
         t: Times, increasing, shape (N,), N >= 3, [s].
         x: Coordinates, shape (N, n), [rad] or [m].
-        start: A guess at all joints at t[0], shape (nq,), that chooses the assembly; by default
-            `start_configuration`.
+        start: A guess of all joints at t[0], shape (nq,), which selects the assembly; by default
+            `home` or, without it, all joints at zero.
 
     Raises:
         InputError: For a wrong shape, or a coordinate that is neither an angle nor a length.
-        ClosureError: When the loops cannot be closed along the way; it names the sample.
+        ClosureError: If the loops cannot be closed along the motion; it names the sample.
 
     Example:
         >>> t = np.linspace(0, 1, 21)

@@ -34,7 +34,7 @@ class EnergyBalance(NamedTuple):
 
     @property
     def error(self) -> Array:
-        """Energy gained without work."""
+        """Change of energy minus work; zero for an exact motion."""
         return self.kinetic + self.potential - self.motors - self.friction
 
 
@@ -44,16 +44,16 @@ def motor_powers(chain: ClosedChain, motion: Trajectory) -> Array:
 
 
 def energy_balance(chain: ClosedChain, motion: Trajectory) -> EnergyBalance:
-    """Energies of a motion and the work done on it.
+    """Energies of a motion and the work of motors and friction.
 
-    Powers are integrated along splines through the samples; external loads are taken to be absent.
+    Powers are integrated with splines through the samples. External loads are not included.
 
     Args:
         chain: The robot.
-        motion: Of that robot, with more than one sample.
+        motion: A motion of this robot, with at least two samples.
 
     Raises:
-        InputError: When the motion is no such one.
+        InputError: For another motion.
         ClosureError: When its loops are open.
     """
     require_motion(motion, chain.position_names)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Many simulations at once with a fixed step: the classical Runge-Kutta method on the closures."""
+"""Batches of simulations with a fixed step, by the classical Runge-Kutta method."""
 
 from __future__ import annotations
 
@@ -58,32 +58,32 @@ def rollout(
     threads: int = 1,
     on_error: str = "raise",
 ) -> Rollout:
-    """Integrate many motions with a fixed step, fourth order in dt.
+    """Simulate many motions with a fixed step; the error is of fourth order in dt.
 
-    After each step the dependent joints are moved onto the closures, so that these do not drift.
+    After each step the dependent joints are corrected, so that the loops stay closed.
 
     Args:
         chain: The robot.
-        tau: Motor torques, shape (..., N, motors), each held over a step. For torques that change
-            with time, shape (..., 2 N + 1, motors): at the ends and in the middles of N steps,
-            with `steps` = N.
-        q0: Configurations at the start, on the closures, shape (..., nq).
-        va0: Rates of the coordinates at the start, shape (..., n).
-        dt: Step, [s]; a negative one goes back in time.
-        external_wrenches: Constant over a motion, shape (..., r, 6); see `compute_torques`.
-        steps: Number of steps N; as many as torques by default.
+        tau: Motor torques, shape (..., N, motors), constant in each step. For torques that change
+            with time, give `steps` = N and shape (..., 2 N + 1, motors): torques at the ends and in
+            the middle of each step.
+        q0: Initial configurations, on the closures, shape (..., nq).
+        va0: Initial rates of the coordinates, shape (..., n).
+        dt: Step, [s]; a negative step goes back in time.
+        external_wrenches: Constant for each motion, shape (..., r, 6); see `compute_torques`.
+        steps: Number of steps N; by default the number of torques.
         sign_width: As in `simulate`, [rad/s].
-        threads: How many share the batch in compiled kernels.
-        on_error: "raise", or "nan" for NaN from the first state on that does not hold.
+        threads: Number of threads in compiled kernels.
+        on_error: "raise", or "nan" to set the states to NaN from the first bad state on.
 
     Returns:
-        All states; leading axes are those of the arguments, broadcast.
+        All states; the leading axes are those of the arguments, broadcast.
 
     Raises:
         InputError: For a wrong shape or a number that is not finite.
-        ClosureError, SingularConfigurationError: For a bad start, naming the samples.
-        SimulationError: When the loops open (dt is too long), when a motion comes to a singularity
-            or when it runs away; it names the samples and gives the time of the first.
+        ClosureError, SingularConfigurationError: For a bad initial state; lists the samples.
+        SimulationError: If the loops open (dt is too long), or a motion reaches a singularity or
+            diverges; it lists the samples and gives the time of the first.
     """
     require_policy(on_error)
     threads = whole_number("threads", threads, 1)

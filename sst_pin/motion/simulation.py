@@ -49,41 +49,40 @@ def simulate(
     sign_width: float = 1e-3,
     progress: Callable[[float], None] | None = None,
 ) -> Trajectory:
-    """Integrate the motion of a closed chain under given torques.
+    """Simulate the motion of a closed chain for given torques.
 
-    The right-hand side sees the closed configuration with the coordinates of the state: the
-    dependent joints are projected onto the closures, so that they cannot drift and the dynamics
-    stays what it is.
+    In each evaluation the dependent joints are computed from the coordinates by the closure
+    constraints, so the loops stay closed.
 
     Args:
         chain: The robot.
-        torque: Callable (t, q, va) -> (motors,); a constant, shape (motors,); samples at t, shape
-            (N, motors); or a `Trajectory` with samples of its own. Samples are joined by a smooth
-            spline: for torques that jump, pass a callable.
+        torque: A function (t, q, va) -> (motors,); a constant, shape (motors,); samples at t, shape
+            (N, motors); or a `Trajectory` with its own times. Samples are interpolated by a smooth
+            spline. For torques with jumps, pass a function.
         q0: Configuration at t[0], on the closures, shape (nq,).
         va0: Rates of the coordinates at t[0], shape (n,).
-        t: Times at which the motion is wanted, increasing, shape (N,), N >= 2, [s].
-        external_wrenches: Callable (t, q, va) -> (r, 6), or a constant; see `compute_torques`.
-        method: Of SciPy: RK23, RK45, DOP853, Radau, BDF or LSODA.
+        t: Times of the output, increasing, shape (N,), N >= 2, [s].
+        external_wrenches: A function (t, q, va) -> (r, 6), or a constant; see `compute_torques`.
+        method: Integrator of SciPy: RK23, RK45, DOP853, Radau, BDF or LSODA.
         rtol: Relative tolerance of the integrator.
         atol: Absolute tolerance of the integrator, [rad], [rad/s].
-        max_condition_number: Of the dependent part of Phi, where the motion is stopped before a
-            singularity.
-        sign_width: [rad/s]; in Coulomb friction sign(x) is taken as tanh(x / sign_width), since
-            no integrator can stand on a jump: what should stick creeps below this rate.
-        progress: Called with the time reached.
+        max_condition_number: The motion stops before a singularity, where the condition number of
+            the dependent columns of Phi reaches this value.
+        sign_width: Coulomb friction uses tanh(x / sign_width) instead of sign(x), [rad/s], because
+            an integrator needs smooth forces. A joint that should stick moves slowly.
+        progress: Function that is called with the time reached.
 
     Returns:
-        The motion at the times reached; `stopped` says why when they are not all of t.
+        The motion at the times reached. If these are not all times of t, `stopped` says why.
 
     Warns:
-        SingularityWarning: When the motion was stopped before a singularity.
+        SingularityWarning: If the motion stopped before a singularity.
 
     Raises:
-        InputError: For a wrong shape, a number that is not finite, a torque that ends too early.
-        ClosureError: When q0 is open.
-        SingularConfigurationError: When q0 is singular.
-        SimulationError: When the integrator gives up.
+        InputError: For a wrong shape, a number that is not finite, or torques that end too early.
+        ClosureError: If q0 is open.
+        SingularConfigurationError: If q0 is singular.
+        SimulationError: If the integrator fails.
     """
     _require_options(method, rtol, atol, max_condition_number, sign_width)
     if progress is not None and not callable(progress):

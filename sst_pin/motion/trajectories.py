@@ -34,10 +34,10 @@ _POSITION = re.compile(r"(.+)_(?:(rad|m)|1)")
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Trajectory:
-    """A motion of the robot with the motor torques that go with it.
+    """A motion of a robot with its motor torques.
 
-    `len(motion)` is the number of samples; `motion[10:20]`, `motion[::5]` and
-    `motion[motion.t < 1]` are motions of some of them.
+    `len(motion)` is the number of samples. `motion[10:20]`, `motion[::5]` and
+    `motion[motion.t < 1]` are trajectories of some of the samples.
 
     Attributes:
         t: Times, increasing, shape (N,), [s].
@@ -45,15 +45,15 @@ class Trajectory:
         va: Rates of the coordinates, shape (N, n).
         aa: Accelerations of the coordinates, shape (N, n).
         tau: Motor torques, shape (N, motors), [N m] or [N].
-        joint_names: Names of the entries of q, those of the joints where each has one.
+        joint_names: Names of the entries of q; names of joints if each has one entry.
         actuated: Names of the motors.
-        units: "rad" or "m" for each entry of q; "" for those of quaternions.
-        coordinates: Names of the coordinates' rates; the motors by default.
-        rate_units: "rad" or "m" for each of them.
-        torque_units: "Nm" or "N" for each motor; by default "N" for one with the name of what
-            moves in metres.
-        stopped: Why a simulation ended before its last time; empty when it did not. A remark:
-            it does not take part in comparisons and is not kept in a CSV.
+        units: "rad" or "m" for each entry of q; "" for entries of quaternions.
+        coordinates: Names of the rates of the coordinates; the motors by default.
+        rate_units: "rad" or "m" for each rate.
+        torque_units: "Nm" or "N" for each motor; by default "N" for a motor with the name of a
+            prismatic joint.
+        stopped: Why a simulation ended before its last time; empty if it did not. It is ignored
+            in comparisons and not saved in a CSV.
 
     Example:
         >>> motion = chain.simulate([0], chain.home, [0], [0, 0.05, 0.1])
@@ -182,7 +182,7 @@ class Trajectory:
             A motion whose first sample is the first at `start` or later.
 
         Raises:
-            InputError: When there is no sample between them.
+            InputError: If there is no sample between these times.
 
         Example:
             >>> motion = chain.simulate([0], chain.home, [0], [0, 0.05, 0.1])
@@ -197,10 +197,10 @@ class Trajectory:
         return self[chosen]
 
     def to_dataframe(self) -> pd.DataFrame:
-        """The motion as a table of pandas: a row a sample, indexed by `t_s`.
+        """The motion as a pandas table with one row for each sample, indexed by `t_s`.
 
         Returns:
-            Its columns are those of the CSV that `save` writes, the units in their names.
+            A table with the columns of the CSV of `save`; their names contain the units.
 
         Raises:
             MissingExtraError: Without pandas, `sst-pin[pandas]`.
@@ -241,14 +241,14 @@ class Trajectory:
         return f"Trajectory of {count} sample{'s' * (count != 1)}", rows
 
     def save(self, path: str | Path, force: bool = False) -> None:
-        """Write the motion to a file from which it comes back to the last bit.
+        """Write the motion to a file; `load` reads it without loss of digits.
 
         Args:
-            path: Ends in .csv or .npz.
-            force: Whether a file that is there may be replaced.
+            path: A file name that ends in .csv or .npz.
+            force: Whether an existing file may be replaced.
 
         Raises:
-            OutputError: When it cannot be written, or exists.
+            OutputError: If the file cannot be written, or exists.
 
         Example:
             >>> motion = chain.simulate([0], chain.home, [0], [0, 0.05, 0.1])
@@ -259,10 +259,10 @@ class Trajectory:
         write_files({as_path(path): self.writer(path)}, force)
 
     def writer(self, path: str | Path) -> Writer:
-        """What writes the motion in the format the path's ending asks for.
+        """A function that writes the motion to a stream, in the format of the path's ending.
 
         Raises:
-            OutputError: For another ending than .csv or .npz, or names that a CSV cannot hold.
+            OutputError: If the ending is not .csv or .npz, or a CSV cannot contain a name.
 
         Example:
             >>> motion = chain.simulate([0], chain.home, [0], [0, 0.1])
@@ -288,10 +288,10 @@ class Trajectory:
         """Read a motion that `save` has written.
 
         Args:
-            path: Ends in .csv or .npz.
+            path: A file name that ends in .csv or .npz.
 
         Raises:
-            FileFormatError: When it is not such a file, with the line that is wrong.
+            FileFormatError: If the file has another format; the message names the wrong line.
 
         Example:
             >>> chain.simulate([0], chain.home, [0], [0, 0.1]).save("motion.npz", force=True)
@@ -325,11 +325,11 @@ class Trajectory:
         return _columns(self.joint_names, self.units, *rates, labels, self.torque_units)
 
     def torque(self) -> Callable[[float], Array]:
-        """The torques as a smooth function of time; `simulate` takes the motion itself.
+        """The torques as a smooth function of time; `simulate` also accepts the motion itself.
 
         Returns:
-            A spline of degree five through the samples (lower for fewer than six of them). At
-            other times than those of the motion it raises an `InputError`.
+            A spline of degree five through the samples, of lower degree for fewer than six. Outside
+            the times of the motion it raises an `InputError`.
 
         Example:
             >>> t = np.linspace(0, 0.1, 21)

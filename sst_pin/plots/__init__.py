@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Figures (matplotlib): functions draw into axes that they are given and hand them back."""
+"""Figures (Matplotlib). Each function draws into the given axes and returns them."""
 
 from ..errors import MissingExtraError
 

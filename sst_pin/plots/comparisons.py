@@ -50,7 +50,7 @@ def torques_of_methods(ax: Axes, ours: Trajectory, others: Sequence[Method]) -> 
     """Torques of ours as lines, those of other methods as marks on them (Fig. 10).
 
     Args:
-        ax: Plane axes.
+        ax: 2-D axes.
         ours: Motion of an SST.
         others: With torques; the labels of their marks are those of `differences`.
     """
@@ -65,7 +65,7 @@ def differences(ax: Axes, methods: Sequence[Method], what: str) -> Axes:
     """Sizes of differences against time, logarithmic.
 
     Args:
-        ax: Plane axes.
+        ax: 2-D axes.
         methods: With differences; exact zeros have no place on the axis.
         what: Label of the axis, with its unit.
     """
@@ -116,7 +116,7 @@ def torques_of_reading(ax: Axes, default: Trajectory, reading: Trajectory, title
     """Torques of one reading of the paper over those of the default, with their peaks.
 
     Args:
-        ax: Plane axes.
+        ax: 2-D axes.
         default: Motion of the default robot.
         reading: The same motion of the star by another robot.
         title: What this one takes otherwise.

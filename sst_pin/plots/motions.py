@@ -27,16 +27,16 @@ _FRICTION: dict[str, Any] = {"color": "#CC79A7", "linestyle": (0, (3, 1, 1, 1)),
 
 
 def motor_torques(ax: Axes, motion: Trajectory, motors: Sequence[str] | None = None) -> Axes:
-    """Torques, or forces, of motors against time (Fig. 10).
+    """Torques or forces of the motors over time (Fig. 10).
 
     Args:
-        ax: Plane axes.
-        motion: Of any closed chain.
-        motors: Names; all by default.
+        ax: 2-D axes.
+        motion: A motion of any closed chain.
+        motors: Names of motors; all by default.
 
     Raises:
-        UnknownNameError: For a name that no motor has.
-        InputError: When some of the motors turn and others push.
+        UnknownNameError: For an unknown name.
+        InputError: If some values are torques and others are forces.
 
     Example:
         >>> plots.motor_torques(ax, motion).get_ylabel()
@@ -57,18 +57,18 @@ def motor_torques(ax: Axes, motion: Trajectory, motors: Sequence[str] | None = N
 
 
 def joint_angles(ax: Axes, motion: Trajectory, joints: Sequence[str] | None = None) -> Axes:
-    """Positions of joints against time: angles in degrees, or displacements in metres.
+    """Positions of joints over time: angles in degrees, or displacements in metres.
 
-    An endless joint, which is a cosine and a sine in q, is drawn as an angle by the joint's name.
+    A continuous joint, which is a cosine and a sine in q, is drawn as one angle.
 
     Args:
-        ax: Plane axes.
-        motion: Of any closed chain.
+        ax: 2-D axes.
+        motion: A motion of any closed chain.
         joints: Names of entries of q; all by default.
 
     Raises:
-        UnknownNameError: For a name that no entry has.
-        InputError: When some are angles and others are not.
+        UnknownNameError: For an unknown name.
+        InputError: If some values are angles and others are not.
 
     Example:
         >>> plots.joint_angles(ax, motion, ["crank", "rocker"]).get_ylabel()
@@ -85,17 +85,17 @@ def joint_angles(ax: Axes, motion: Trajectory, joints: Sequence[str] | None = No
 def joint_rates(
     ax: Axes, robot: ClosedChain, motion: Trajectory, joints: Sequence[str] | None = None
 ) -> Axes:
-    """Rates of joints against time.
+    """Rates of joints over time.
 
     Args:
-        ax: Plane axes.
+        ax: 2-D axes.
         robot: Any closed chain.
-        motion: Of that robot.
+        motion: A motion of this robot.
         joints: Names of rates; all by default.
 
     Raises:
-        UnknownNameError: For a name that no rate has.
-        InputError: When some joints turn and others slide.
+        UnknownNameError: For an unknown name.
+        InputError: If some joints are revolute and others are prismatic.
 
     Example:
         >>> plots.joint_rates(ax, chain, motion).get_ylabel()
@@ -113,16 +113,16 @@ def joint_rates(
 def powers(
     ax: Axes, robot: ClosedChain, motion: Trajectory, motors: Sequence[str] | None = None
 ) -> Axes:
-    """Power of motors, of all of them, and of friction where there is any, against time.
+    """Power of each motor, of all motors together, and of friction, over time.
 
     Args:
-        ax: Plane axes.
+        ax: 2-D axes.
         robot: Any closed chain.
-        motion: Of that robot.
-        motors: Names of those drawn one by one; all by default.
+        motion: A motion of this robot.
+        motors: Names of motors with their own curves; all by default.
 
     Raises:
-        UnknownNameError: For a name that no motor has.
+        UnknownNameError: For an unknown name.
 
     Example:
         >>> plots.powers(ax, chain, motion).get_ylabel()
@@ -146,12 +146,12 @@ def powers(
 
 
 def energy_balance(ax: Axes, robot: ClosedChain, motion: Trajectory) -> Axes:
-    """Energies gained and work done since the start, and what they leave, against time.
+    """Change of the energies, work, and their difference (residual) since the start, over time.
 
     Args:
-        ax: Plane axes.
+        ax: 2-D axes.
         robot: Any closed chain.
-        motion: Of that robot, without external loads.
+        motion: A motion of this robot without external loads.
 
     Example:
         >>> plots.energy_balance(ax, chain, motion).get_ylabel()
@@ -172,17 +172,17 @@ def energy_balance(ax: Axes, robot: ClosedChain, motion: Trajectory) -> Axes:
 
 
 def condition_number(ax: Axes, robot: ClosedChain, motion: Trajectory) -> Axes:
-    """Nearness to singularities against time: 1 at best, growing without bound.
+    """Distance from singularities over time: 1 is best, infinite at a singularity.
 
-    Of a closed chain the condition number of the dependent part of Phi, free of units: infinite
-    where the coordinates no longer fix the other joints. Of an SST that of A, infinite where the
-    motors lose the star (second kind), and 1 / min |sin(mu_k)|, infinite where a leg lies flat on
-    its arc (first kind).
+    For any closed chain, it is the condition number of the columns of Phi for the dependent joints,
+    without units. For an SST there are two curves: the condition number of A, infinite at a
+    singularity of the second kind, and 1 / min |sin(mu_k)|, infinite at a singularity of the first
+    kind.
 
     Args:
-        ax: Plane axes.
+        ax: 2-D axes.
         robot: Any closed chain.
-        motion: Of that robot.
+        motion: A motion of this robot.
 
     Example:
         >>> plots.condition_number(ax, chain, motion).get_ylabel()
@@ -193,8 +193,8 @@ def condition_number(ax: Axes, robot: ClosedChain, motion: Trajectory) -> Axes:
         with np.errstate(divide="ignore"):
             values = np.stack([found.condition_number, 1 / found.first_kind], axis=1)
         names: tuple[str, ...] = (
-            r"motors' hold on the star, $\mathrm{cond}\,A$",
-            r"legs away from flat, $1\,/\min\,|\sin\mu_k|$",
+            r"second kind, $\mathrm{cond}\,A$",
+            r"first kind, $1\,/\min\,|\sin\mu_k|$",
         )
     else:
         values = np.array([[robot.condition_number(q)] for q in motion.q])
@@ -208,10 +208,10 @@ def condition_number(ax: Axes, robot: ClosedChain, motion: Trajectory) -> Axes:
 
 
 def path_errors(ax: Axes, errors: Sequence[tuple[str, Array, Array]]) -> Axes:
-    """Angle between simulated and wanted axis s against time, logarithmic (Fig. 11).
+    """Angle between simulated and desired axis s over time, logarithmic (Fig. 11).
 
     Args:
-        ax: Plane axes.
+        ax: 2-D axes.
         errors: Label, times [s] and angles [rad] of each motion.
 
     Example:

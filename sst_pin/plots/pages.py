@@ -88,11 +88,11 @@ def motion_page(
 
 
 def summary_of(robot: ClosedChain, frame: str | None = None) -> tuple[str, ...]:
-    """What a page of a robot shows when no subjects are asked for.
+    """Subjects of a `motion_page` by default.
 
     Args:
         robot: Any closed chain.
-        frame: Whose path is asked for.
+        frame: Name of the frame whose path is drawn; None for no path.
 
     Example:
         >>> plots.summary_of(chain)
@@ -109,7 +109,7 @@ def _parts(
         name = frame or PLATFORM
         if frame is None and not robot.model.existFrame(PLATFORM):
             known = ", ".join(dict.fromkeys(f.name for f in robot.model.frames))
-            raise InputError("frame", f"the path of which frame? frame= takes one of {known}")
+            raise InputError("frame", f"name the frame whose path is drawn: frame= one of {known}")
         flat = plane_of(points_of(robot, motion, name)) is not None
         yield None if flat else "3d", lambda ax: frame_path(ax, robot, motion, name)
     elif isinstance(robot, SST) and subject == "path":
@@ -134,12 +134,12 @@ def workspace_page(
     over_rolls: Workspace,
     path: tuple[str, Array] | None = None,
 ) -> Figure:
-    """Both maps of a robot, the first as a sphere too, and what their signs mean.
+    """Both maps of a robot, a sphere with the first map, and a legend.
 
     Args:
         robot: The SST.
-        at_psi: Its workspace at one roll of the star.
-        over_rolls: Its workspace over the whole turn.
+        at_psi: Its workspace at one roll angle psi.
+        over_rolls: Its workspace over all psi.
         path: Label and directions of s along a motion, shape (N, 3).
 
     Example:

@@ -53,10 +53,10 @@ def condition_colours() -> tuple[Any, Any]:
 
 
 def condition_colourbar(ax: Axes) -> Axes:
-    """What the colours mean.
+    """Colour bar of the condition number.
 
     Args:
-        ax: Plane axes, wide and low.
+        ax: 2-D axes, wide and low.
 
     Example:
         >>> plots.condition_colourbar(ax).get_xlabel()
@@ -80,13 +80,13 @@ def _colourbar(figure: Figure, cax: Axes | None = None, ax: Axes | None = None) 
 
 
 def second_kind(robot: SST, workspace: Workspace) -> list[Array]:
-    """Curves on which the motors lose the star, det A = 0, as directions of s, shapes (N, 3).
+    """Singular curves of the second kind, det A = 0, as directions of s, shapes (N, 3).
 
-    Where a leg is nearly flat A is all but undefined and the curves have a gap.
+    Close to singularities of the first kind A is not well defined, and the curves have a gap.
 
     Args:
         robot: The SST.
-        workspace: Of that robot, at one psi.
+        workspace: A workspace of this robot at one psi.
 
     Example:
         >>> at_psi = sst_pin.workspace.workspace_at(robot, 1.0, rings=41, spokes=72)
@@ -105,16 +105,16 @@ def workspace_map(
     *,
     colourbar: bool = True,
 ) -> Axes:
-    """Conditioning over the directions of s: the half sphere about the base triangle, equal areas.
+    """Equal-area map of the directions of s, for the half sphere about the base triangle.
 
-    Colours show the condition number of A; hatched is where a slider would leave its arcs. In a map
-    at one psi the singular curves of the second kind are drawn and the poses near the first kind;
-    in a map over the whole turn, lines of equal roll that the arcs leave.
+    Colours show the condition number of A. Directions where a slider would leave its arc are
+    hatched. A map at one psi also shows the singular curves of the second kind and the poses close
+    to the first kind. A map over all psi shows lines of equal range of the roll angle.
 
     Args:
-        ax: Plane axes.
+        ax: 2-D axes.
         robot: The SST.
-        workspace: Of that robot.
+        workspace: A workspace of this robot.
         path: Directions of s along a motion, shape (N, 3).
         colourbar: Whether it is drawn below.
 
@@ -139,12 +139,12 @@ def workspace_on_sphere(
     *,
     colourbar: bool = True,
 ) -> Axes:
-    """The same as `workspace_map` on the sphere, seen from aside.
+    """The same as `workspace_map`, drawn on the sphere.
 
     Args:
-        ax: Plane axes: the view is without perspective.
+        ax: 2-D axes; the view is an orthographic projection.
         robot: The SST.
-        workspace: Of that robot.
+        workspace: A workspace of this robot.
         path: Directions of s along a motion, shape (N, 3).
         colourbar: Whether it is drawn below.
 
@@ -224,8 +224,8 @@ def workspace_legend(workspace: Workspace, path: str | None = None) -> list[Any]
     """Handles for the legend of a map.
 
     Args:
-        workspace: What is drawn.
-        path: Name of the path, when there is one.
+        workspace: The workspace in the map.
+        path: Name of the path, if there is one.
 
     Example:
         >>> at_psi = sst_pin.workspace.workspace_at(robot, rings=9, spokes=24)
@@ -240,12 +240,12 @@ def workspace_legend(workspace: Workspace, path: str | None = None) -> list[Any]
     if path is not None:
         styles[path] = _PATH
     if not _one_psi(workspace):
-        styles["turn about the star's axis that the arcs leave"] = _ROLL
+        styles["range of the roll angle about the star's axis"] = _ROLL
         return _handles(styles)
-    styles[r"motors lose the star (second kind): $\det A = 0$"] = _SECOND
+    styles[r"singularity of the second kind: $\det A = 0$"] = _SECOND
     flat = Patch(
         facecolor=_FLAT_COLOUR,
-        label=r"leg in the plane of its arc (first kind): $|\sin\mu_k| < \sin 3°$",
+        label=r"near the first kind: $|\sin\mu_k| < \sin 3°$",
     )
     return [*_handles(styles), flat]
 

@@ -64,10 +64,9 @@ class SST(ClosedChain):
     Joint vectors are gamma_1, mu_1, beta_1, gamma_2, ...; the motors are gamma_1..3.
 
     Args:
-        parameters: Geometry, masses, friction, gravity; the shipped URDF by default, which is the
-            paper's robot.
-        kernels: Whether compiled kernels compute the dynamics where they are at hand; without
-            them it is Pinocchio and the methods of `ClosedChain`, the reference path.
+        parameters: Geometry, masses, friction, gravity; by default those of the paper's robot.
+        kernels: Whether compiled kernels compute the dynamics, if they are available. Otherwise
+            the reference path computes it with Pinocchio and NumPy.
 
     Example:
         >>> robot = sst_pin.SST(sst_pin.Parameters(viscous_friction=0.1))
@@ -91,16 +90,16 @@ class SST(ClosedChain):
     def from_urdf(  # type: ignore[override]  # an SST has its motors and nothing to lock
         cls, path: str | Path, cuts: str | Path | None = None, *, kernels: bool = True
     ) -> SST:
-        """An SST from an edited URDF; it is computed with the numbers of the file.
+        """An SST from an edited URDF; the dynamics uses the numbers of the file.
 
         Args:
-            path: The URDF, with the joints and frames of the shipped one.
-            cuts: YAML of closures, motors and gravity; by default the file beside the URDF that
-                ends in .yaml, or, where there is none, the shipped one.
+            path: The URDF, with the joint and frame names of `sst_pin.URDF_PATH`.
+            cuts: YAML of closures, motors and gravity; by default the file with the name of the
+                URDF and the ending .yaml or, if there is none, `sst_pin.YAML_PATH`.
             kernels: As in the constructor.
 
         Raises:
-            DescriptionError: When it is no URDF, or of another topology, with every problem.
+            DescriptionError: If it is not a URDF of an SST; the message lists all problems.
 
         Example:
             >>> robot = sst_pin.SST.from_urdf(sst_pin.URDF_PATH)
@@ -115,7 +114,7 @@ class SST(ClosedChain):
     def from_mjcf(  # type: ignore[override]  # an SST has its motors
         cls, path: str | Path, *, locked: Sequence[str] = (), kernels: bool = True
     ) -> SST:
-        """An SST from an edited MJCF, by way of its parameters.
+        """An SST from an edited MJCF: its parameters are read and a new SST is made from them.
 
         Args:
             path: The MJCF, with the joints, sites and welds of the shipped one.
@@ -198,9 +197,9 @@ class SST(ClosedChain):
 
     @property
     def home(self) -> Array:
-        """s in the middle of the base triangle, R_1 in the middle of its side P1P2; shape (9,).
+        """The home pose, shape (9,): s in the middle of the base triangle, R_1 in that of P1P2.
 
-        The isotropic pose of the paper's robot.
+        For the paper's robot it is the isotropic pose.
 
         Example:
             >>> np.degrees(robot.home).round(2)
@@ -209,20 +208,20 @@ class SST(ClosedChain):
         return self.inverse_kinematics(kinematics.home_orientation(self.geometry))
 
     def inverse_kinematics(self, R: ArrayLike, branch: ArrayLike = (1, 1, 1)) -> Array:
-        """Joint coordinates that hold the star at an orientation.
+        """Inverse kinematics: the joint angles for an orientation of the star.
 
         Args:
             R: {E} in the base, shape (..., 3, 3).
-            branch: Sign of sin(mu_k) for each leg, shape (..., 3), broadcast against R; the
-                working branch by default, all eight with `R[..., None, :, :]` and `BRANCHES`.
+            branch: Sign of sin(mu_k) for each leg, shape (..., 3), broadcast against R. By default
+                the working branch; `R[..., None, :, :]` and `BRANCHES` give all eight.
 
         Returns:
             q in (-pi, pi], shape (..., 9), [rad].
 
         Raises:
-            InputError: When R is not a rotation or branch not made of +1 and -1.
+            InputError: If R is not a rotation matrix, or an entry of branch not +1 or -1.
             SingularConfigurationError: When a leg is in the plane of its arc.
-            WorkspaceError: When a joint would leave its limits.
+            WorkspaceError: If a joint would exceed its limits.
 
         Example:
             >>> R = sst_pin.orientation(theta=0.8, phi=0.9, psi=0.1)
@@ -248,7 +247,7 @@ class SST(ClosedChain):
     def joint_motion(
         self, R: ArrayLike, omega: ArrayLike, alpha: ArrayLike, branch: ArrayLike = (1, 1, 1)
     ) -> tuple[Array, Array, Array]:
-        """Joint coordinates and motor rates and accelerations of a motion of the star.
+        """Inverse kinematics of a motion: joint angles, motor rates and motor accelerations.
 
         Args:
             R: {E} in the base, shape (..., 3, 3).
@@ -277,19 +276,19 @@ class SST(ClosedChain):
         return q, q_dot[..., ::3], q_ddot[..., ::3]
 
     def forward_kinematics(self, gamma: ArrayLike, near: ArrayLike | None = None) -> Array:
-        """Every assembly for given motor angles, or the one that continues a known one.
+        """Direct kinematics: all assemblies for given motor angles, or the one closest to `near`.
 
         Args:
             gamma: Motor angles, shape (3,), [rad].
-            near: Joint coordinates before, shape (9,): the admissible solution is the nearest.
+            near: Previous joint angles, shape (9,); the solution closest to them is selected.
 
         Returns:
-            All solutions, shape (n, 9), n <= 8, sorted by the components of s; with `near` one,
-            shape (9,), its mu and beta wrapped to lie within pi of those of `near`.
+            All solutions, shape (n, 9), n <= 8, sorted by the components of s. With `near` one
+            solution, shape (9,), where mu and beta differ by at most pi from those of `near`.
 
         Raises:
-            SingularConfigurationError: When the motors do not fix the star.
-            WorkspaceError: With `near`, when there is no solution.
+            SingularConfigurationError: If the motor angles do not determine the star.
+            WorkspaceError: With `near`, if there is no solution.
 
         Example:
             >>> robot.forward_kinematics([np.pi / 4] * 3).shape  # all eight assemblies
@@ -315,7 +314,7 @@ class SST(ClosedChain):
         return q
 
     def platform_orientation(self, q: ArrayLike) -> Array:
-        """Orientation of {E} in the base, by leg 1.
+        """Orientation of {E} in the base, computed from leg 1.
 
         Args:
             q: Joint coordinates, shape (..., 9), [rad].
@@ -373,16 +372,16 @@ class SST(ClosedChain):
         return Singularities(np.abs(legs.sin_mu).min(axis=-1), values[..., -1], condition)
 
     def check(self, motion: Trajectory) -> tuple[Finding, ...]:
-        """Where the machine cannot follow a motion: off its arcs or limits, near a singularity.
+        """Check a motion: joints that leave their arcs or limits, and nearby singularities.
 
         Args:
-            motion: Of this robot.
+            motion: A motion of this robot.
 
         Returns:
-            One finding for each joint or singularity, with its times; empty when there is none.
+            One finding for each joint or singularity, with its times; empty if there are none.
 
         Raises:
-            InputError: When the motion is another robot's.
+            InputError: For the motion of another robot.
 
         Example:
             >>> motion = robot.simulate([0, 0, 0], robot.home, [0, 0, 0], np.linspace(0, 0.3, 31))
@@ -414,15 +413,14 @@ class SST(ClosedChain):
             q: Joint coordinates on the closures, shape (..., 9), [rad].
             va: Motor rates, shape (..., 3), [rad/s].
             aa: Motor accelerations, shape (..., 3), [rad/s^2].
-            platform_moment: Moment that the surroundings exert on the star, base axes, shape
-                (..., 3), [N m].
-            external_wrenches: [moment; force] that the surroundings exert on each of the nine
-                bodies at its mass centre, base axes, shape (..., 9, 6).
-            weights: As in `ClosedChain.compute_torques`; three motors for three freedoms leave
-                nothing to weigh.
+            platform_moment: External moment on the star, in base axes, shape (..., 3), [N m].
+            external_wrenches: External [moment; force] on each of the nine bodies at its mass
+                centre, in base axes, shape (..., 9, 6).
+            weights: As in `ClosedChain.compute_torques`; no effect, because there are as many
+                motors as degrees of freedom.
             out: Array for the result, shape (..., 3).
-            threads: How many share a batch; the reference path takes one.
-            on_error: "raise", or "nan": samples that fail become NaN.
+            threads: Number of threads for batches; the reference path uses one.
+            on_error: "raise", or "nan" to set the results of bad samples to NaN.
 
         Returns:
             tau, shape (..., 3), [N m].
@@ -467,7 +465,7 @@ class SST(ClosedChain):
         threads: int = 1,
         on_error: str = "raise",
     ) -> Array:
-        """Direct dynamics: motor accelerations under given torques, Eq. (92).
+        """Direct dynamics: motor accelerations for given torques, Eq. (92).
 
         Args:
             q: Joint coordinates on the closures, shape (..., 9), [rad].
@@ -519,23 +517,25 @@ class SST(ClosedChain):
         sign_width: float = 1e-3,
         progress: Callable[[float], None] | None = None,
     ) -> Trajectory:
-        """Integrate the motion under given torques; see `sst_pin.motion.simulation.simulate`.
+        """Simulate the motion for given torques; see `sst_pin.motion.simulation.simulate`.
 
         Args:
-            torque: Of the motors.
-            q0: Joint coordinates at t[0], on the closures, shape (9,).
+            torque: Torques of the motors: a function of (t, q, va), a constant, samples at t, or a
+                `Trajectory`.
+            q0: Joint angles at t[0], on the closures, shape (9,).
             va0: Motor rates at t[0], shape (3,).
-            t: Times at which the motion is wanted, shape (N,), [s].
-            platform_moment: Moment on the star, base axes: callable (t, q, va) -> (3,), or a
+            t: Times of the output, shape (N,), [s].
+            platform_moment: Moment on the star, in base axes: a function (t, q, va) -> (3,), or a
                 constant, shape (3,), [N m].
-            external_wrenches: On each of the nine bodies: callable (t, q, va) -> (9, 6), or a
+            external_wrenches: Wrenches on the nine bodies: a function (t, q, va) -> (9, 6), or a
                 constant.
-            method: As in `sst_pin.motion.simulation.simulate`, like all that follow.
+            method: Integrator; this and the following arguments are those of
+                `sst_pin.motion.simulation.simulate`.
             rtol: Relative tolerance.
             atol: Absolute tolerance.
-            max_condition_number: Where the motion stops before a singularity.
-            sign_width: Of the smoothed Coulomb friction, [rad/s].
-            progress: Called with the time reached.
+            max_condition_number: The motion stops at this condition number, before a singularity.
+            sign_width: Width of the smoothed Coulomb friction, [rad/s].
+            progress: Function that is called with the time reached.
 
         Example:
             >>> motion = robot.simulate([0, 0, 0], robot.home, [0, 0, 0], np.linspace(0, 0.1, 11))
@@ -580,18 +580,18 @@ class SST(ClosedChain):
         threads: int = 1,
         on_error: str = "raise",
     ) -> Rollout:
-        """Integrate many motions with a fixed step; see `sst_pin.motion.rollouts.rollout`.
+        """Simulate many motions with a fixed step; see `sst_pin.motion.rollouts.rollout`.
 
         Args:
             tau: Motor torques, shape (..., N, 3), or (..., 2 N + 1, 3) with `steps`.
-            q0: Joint coordinates at the start, shape (..., 9).
-            va0: Motor rates at the start, shape (..., 3).
+            q0: Initial joint angles, shape (..., 9).
+            va0: Initial motor rates, shape (..., 3).
             dt: Step, [s].
-            platform_moment: Moment on the star, base axes, constant, shape (..., 3), [N m].
-            external_wrenches: On each of the nine bodies, constant, shape (..., 9, 6).
+            platform_moment: Constant moment on the star, in base axes, shape (..., 3), [N m].
+            external_wrenches: Constant wrenches on the nine bodies, shape (..., 9, 6).
             steps: Number of steps N.
-            sign_width: Of the smoothed Coulomb friction, [rad/s].
-            threads: How many share the batch.
+            sign_width: Width of the smoothed Coulomb friction, [rad/s].
+            threads: Number of threads.
             on_error: "raise" or "nan".
 
         Example:

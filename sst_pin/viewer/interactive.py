@@ -220,9 +220,9 @@ class Interactive:
         tau, status = self._statics()
         status += [f"**Stopped:** {pose.stopped}"] if pose.stopped else []
         found = warnings_of(self._robot, None, self.q[None])
-        status += [f"**The machine cannot stand so:** {'; '.join(found)}."] if found else []
+        status += [f"**The machine cannot reach this pose:** {'; '.join(found)}."] if found else []
         if not pose.stopped and not found:
-            status.append("Closed and movable.")
+            status.append("Loops closed, not singular.")
         poses = self._scene.poses(self.q)
         arrows = [arrow.at(tau) for arrow in self._scene.arrows]
         with self._server.atomic():
@@ -243,7 +243,7 @@ class Interactive:
         try:
             tau = robot.compute_torques(self.q, still, still)
         except SSTError as error:  # too few motors, or singular
-            return np.zeros(len(self._units)), [f"**No torques hold it still:** {error}"]
+            return np.zeros(len(self._units)), [f"**No torques hold this pose:** {error}"]
         rows = [
             f"tau_{k} ({name}) | {value:.3f} {unit}"
             for k, (name, value, unit) in enumerate(
@@ -258,7 +258,7 @@ class Interactive:
             rows.append(f"condition number | {robot.condition_number(self.q):.2f}")
         table = "".join(f"| {row} |\n" for row in rows)
         shares = np.clip(tau / self._largest, -1, 1)
-        return shares, [f"| to stand still | |\n|---|---|\n{table}"]
+        return shares, [f"| torques at rest | |\n|---|---|\n{table}"]
 
 
 def _place(handle: Any, matrix: Array) -> tuple[float, float, float]:

@@ -125,7 +125,7 @@ class Jog:
                 try:
                     return robot.assemble(pin.integrate(model, start, way))
                 except ClosureError:
-                    raise WorkspaceError("the loops cannot be closed further on") from None
+                    raise WorkspaceError("the loops cannot be closed beyond this pose") from None
 
             names = tuple(space.rate_names[k] for k in own)
             yield Sliders(title, unit, names, low[own], high[own], read, solve)
@@ -166,12 +166,12 @@ class Jog:
                     f"boundary of the workspace: leg {leg} is in the plane of its arc"
                 )
             if near.condition_number > LARGEST_CONDITION:
-                raise WorkspaceError("singularity: the motors lose hold of the star")
+                raise WorkspaceError("singularity: the motors do not hold the star")
         elif robot.condition_number(q) > _SINGULAR:
-            raise WorkspaceError("singularity: the coordinates no longer fix the other joints")
+            raise WorkspaceError("singularity: the coordinates do not determine the other joints")
         moved = pin.difference(robot.model, before, q) * self._scale
         if np.abs(moved).max(initial=0.0) > _JUMP:
-            raise WorkspaceError("this assembly ends here")
+            raise WorkspaceError("end of this assembly")
         return q
 
 

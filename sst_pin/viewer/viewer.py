@@ -36,19 +36,20 @@ _MOST_SAMPLES = 600
 
 
 class Viewer:
-    """A robot on a page for the browser: as a file, on a port of this machine, in a notebook.
+    """A page that shows a robot: as a file, on a port of this machine, or in a notebook.
 
-    Nothing listens until `open` or `serve` is called; `close`, or leaving the `with` block, ends
-    that. In Jupyter a viewer displays itself.
+    The server starts with `open` or `serve`, and stops with `close` or at the end of the `with`
+    block. In Jupyter a viewer displays itself.
 
     Args:
-        robot: Any closed chain. Its bodies are drawn as its URDF, MJCF or function has them; where
-            they have no shapes, joints, the lines between them, and for each body the ellipsoid
-            of its mass and inertia.
-        visual_model: Shapes to be drawn instead of `robot.visual_model`; an empty
+        robot: Any closed chain. Its shapes are those of its URDF, MJCF or gallery function. Without
+            shapes it is drawn as a skeleton: joints, lines along the links, and for each body an
+            ellipsoid with its mass and inertia.
+        visual_model: Shapes that replace `robot.visual_model`; an empty
             `pinocchio.GeometryModel()` gives the skeleton.
-        axes: Whether the joints' axes are shown at first, of an `SST` as e_1..9.
-        frames: Whether the frames where loops close are, of an `SST` {0k}..{3k} and {E}.
+        axes: Whether the axes of the joints are shown at first; for an `SST` they are e_1..9.
+        frames: Whether the frames of the closures are shown at first; for an `SST` {0k}..{3k} and
+            {E}.
 
     Raises:
         DescriptionError: When a shape's file cannot be read.
@@ -79,7 +80,7 @@ class Viewer:
     # --- what is shown ----------------------------------------------------------------------
 
     def show(self, q: ArrayLike, tau: ArrayLike | None = None) -> None:
-        """A configuration.
+        """Show a configuration.
 
         Args:
             q: Configuration, shape (nq,).
@@ -106,16 +107,16 @@ class Viewer:
         wanted: Trajectory | None = None,
         title: str = "motion",
     ) -> None:
-        """A motion, round and round; the page plays it, so this returns at once.
+        """Play a motion in a loop. The page plays it, so this method returns immediately.
 
         Args:
-            motion: Of this robot; of a long one the page gets every so many samples.
-            speed: 1 is real time.
-            wanted: The motion whose path is the reference; `motion` itself by default.
-            title: Stands on the page.
+            motion: A motion of this robot; if it is long, the page uses only some of its samples.
+            speed: Speed of the animation; 1 is real time.
+            wanted: A motion with the reference path; `motion` by default.
+            title: Title of the page.
 
         Raises:
-            InputError: When the motion is another robot's, or the speed not positive.
+            InputError: For the motion of another robot, or a speed that is not positive.
 
         Example:
             >>> viewer.play(motion, speed=0.1, title="falling")
@@ -133,7 +134,7 @@ class Viewer:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What the machine could not take of what is shown: open loops, limits that are passed.
+        """Warnings for the motion or configuration: open loops, joints beyond their limits.
 
         Example:
             >>> viewer.show(chain.home + 0.1)
@@ -146,7 +147,7 @@ class Viewer:
 
     @property
     def html(self) -> str:
-        """The page by itself, which asks for nothing from outside.
+        """The page as text; it needs no network.
 
         Example:
             >>> "<html" in viewer.html
@@ -158,11 +159,11 @@ class Viewer:
         """Write the page, a picture or an animation.
 
         Args:
-            path: Ends in .html, .png or .gif; the latter two need Chromium.
-            force: Whether a file that is there may be replaced.
+            path: A file name that ends in .html, .png or .gif; .png and .gif need Chromium.
+            force: Whether an existing file may be replaced.
 
         Raises:
-            OutputError: When it cannot be written, or exists.
+            OutputError: If the file cannot be written, or exists.
             MissingExtraError: For a picture without Playwright.
             BrowserError: For a picture without Chromium.
 
@@ -172,7 +173,7 @@ class Viewer:
         write_files({as_path(path): self.writer(path)}, force)
 
     def writer(self, path: str | Path) -> Writer:
-        """What writes the file that the path's ending asks for.
+        """A function that writes to a stream, in the format of the path's ending.
 
         Raises:
             OutputError: For another ending than .html, .png or .gif.
@@ -198,17 +199,17 @@ class Viewer:
         return write
 
     def serve(self, host: str = "127.0.0.1", port: int = 0) -> str:
-        """Listen for browsers, on this machine alone unless another host is asked for.
+        """Start a server for the page; by default only for browsers on this machine.
 
         Args:
-            host: Address to listen on.
-            port: 0 for any that is free.
+            host: Address of the server.
+            port: Port of the server; 0 for any free port.
 
         Returns:
-            The URL of the page; when it is served already, that of before.
+            The URL of the page. If the server runs already, its URL.
 
         Raises:
-            ServerError: When nothing can listen there.
+            ServerError: If the address or port cannot be used.
 
         Example:
             >>> viewer.serve().startswith("http://127.0.0.1:")
@@ -220,13 +221,13 @@ class Viewer:
         return self._server.url
 
     def open(self, wait: float = 20.0) -> bool:
-        """Serve, and open the browser.
+        """Start the server and open the browser.
 
         Args:
-            wait: How long to wait until the page has come, [s].
+            wait: Time to wait until the browser has loaded the page, [s].
 
         Returns:
-            Whether it has; then it plays on, even when this process ends.
+            Whether the page is loaded; then it plays even after this process has ended.
 
         Example:
             >>> came = viewer.open(wait=20)  # doctest: +SKIP
@@ -235,7 +236,7 @@ class Viewer:
         return server is not None and webbrowser.open(url) and server.visited.wait(wait)
 
     def close(self) -> None:
-        """Stop listening.
+        """Stop the server.
 
         Example:
             >>> url = viewer.serve()

@@ -187,7 +187,7 @@ def test_a_quaternion_off_length_one_is_that_samples_fault(afloat):
     long, unknown = q.copy(), q.copy()
     long[3:7] *= 1.1
     unknown[4] = np.nan
-    for wrong, word in ((long, "off length one by 0.1"), (unknown, r"entry \[4\] is nan")):
+    for wrong, word in ((long, "differs from 1 by 0.1"), (unknown, r"entry \[4\] is nan")):
         for call in (
             afloat.residual,
             afloat.Phi,

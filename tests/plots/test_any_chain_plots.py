@@ -211,6 +211,6 @@ def test_a_path_of_an_unknown_frame_is_refused():
     model = robot.model.copy()
     model.frames[model.getFrameId("platform")].name = "tool"
     nameless = sst_pin.ClosedChain(model, robot.closures, robot.motor_names)
-    with pytest.raises(sst_pin.InputError, match="the path of which frame"):
+    with pytest.raises(sst_pin.InputError, match="name the frame whose path is drawn"):
         plots.motion_page(nameless, motion, ("path",))
     assert len(plots.motion_page(nameless, motion, frame="tool").axes[0].get_lines()) == 2

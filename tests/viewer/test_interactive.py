@@ -83,7 +83,7 @@ def test_a_way_that_leads_too_far_ends_before_the_singularity(robot, by_hand, sl
             (np.pi, np.pi / 4, np.pi / 4),
             "boundary of the workspace: leg 3 is in the plane of its arc",
         ),
-        ((2.5, 2.5, 2.5), "singularity: the motors lose hold of the star"),
+        ((2.5, 2.5, 2.5), "singularity: the motors do not hold the star"),
     ],
 )
 def test_a_way_that_ends_says_why(by_hand, gamma, reason):
@@ -164,7 +164,7 @@ def test_a_rocker_is_stopped_where_its_linkage_is_straight():
 def served(chromium, robot):  # noqa: F811
     """The page, opened and connected."""
     with Interactive(robot) as interactive, visit(chromium, interactive.url, 800, 600) as shown:
-        shown.page.get_by_text("Closed and movable").wait_for(timeout=30_000)
+        shown.page.get_by_text("Loops closed, not singular").wait_for(timeout=30_000)
         yield interactive, shown
 
 
@@ -226,7 +226,7 @@ def test_the_page_stops_at_the_boundary_and_says_so(served, robot):
     assert stands == pytest.approx(np.degrees(interactive.q[0]), abs=0.06)
     assert stands < 179
     shown.page.get_by_role("button", name="Home").click()
-    shown.page.get_by_text("Closed and movable").wait_for()
+    shown.page.get_by_text("Loops closed, not singular").wait_for()
     assert np.abs(interactive.q - robot.home).max() == 0
 
 
@@ -237,12 +237,12 @@ def test_the_page_says_that_the_machine_cannot_stand_off_its_arcs(served):
     _, shown = served
     number(shown.page, "theta").fill("20")
     number(shown.page, "phi").fill("170")
-    shown.page.get_by_text("The machine cannot stand so:").wait_for()
+    shown.page.get_by_text("The machine cannot reach this pose:").wait_for()
     problems = shown.page.get_by_text("beta_1 leaves its arc of 0 to 90 deg; beta_2 leaves")
     problems.wait_for()
-    assert not shown.page.get_by_text("Closed and movable").is_visible()
+    assert not shown.page.get_by_text("Loops closed, not singular").is_visible()
     shown.page.get_by_role("button", name="Home").click()
-    shown.page.get_by_text("Closed and movable").wait_for()
+    shown.page.get_by_text("Loops closed, not singular").wait_for()
 
 
 def test_the_page_of_another_robot_says_what_holds_it_still():
@@ -258,13 +258,13 @@ def test_the_page_of_another_robot_says_what_holds_it_still():
         tau = chain.compute_torques(page.q, np.zeros(4), np.zeros(4))
         for value, unit in zip(tau, ("N m", "N", "N", "N"), strict=True):
             assert f"| {value.round(3) + 0.0:.3f} {unit} |" in page._status.content
-        assert "Closed and movable." in page._status.content
+        assert "Loops closed, not singular." in page._status.content
 
 
 def test_the_page_says_that_too_few_motors_hold_nothing():
     """A floating body falls, whatever its joints do."""
     with Interactive(floating()) as page:
-        assert "No torques hold it still:" in page._status.content
+        assert "No torques hold this pose:" in page._status.content
 
 
 @pytest.mark.slow

@@ -46,7 +46,7 @@ const panel = (() => {
     const sizes = Object.entries(largest).filter(([, value]) => value > 0)
       .map(([unit, value]) => `${Number(value.toPrecision(3))} ${unit}`);
     at("arrows").hidden = !sizes.length;
-    at("arrows").textContent = `Arrows at the joints: what the motors give, in the colours of the curves; the largest is ${sizes.join(", ")}.`;
+    at("arrows").textContent = `Arrows at the joints: motor torques and forces, in the colours of the curves; the largest is ${sizes.join(", ")}.`;
   }
 
   function choose(called) {
