@@ -1227,11 +1227,11 @@ class ClosedChain:
         from ..reading.mjcf import read_mjcf
         from ..reading.shapes import MjcfShapes
 
-        read = read_mjcf(path, locked)
+        read = read_mjcf(path, locked, actuated)
         chain = cls(
             read.model,
             read.closures,
-            read.actuated if actuated is None else actuated,
+            read.actuated,
             stiffness=read.stiffness,
             spring_reference=read.spring_reference,
         )

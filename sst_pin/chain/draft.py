@@ -120,8 +120,11 @@ def _motors(space: JointSpace, motors: Sequence[Motor], nv: int) -> tuple[Array,
             column = np.zeros(nv)
             k = space.rates_of(list(motor))
             column[k] = finite_array("actuated", list(motor.values()), (len(k),))
+            if not column.any():
+                raise InputError("actuated", f"{dict(motor)}: this motor acts on no joint")
             columns.append(column)
-            names.append(" + ".join(f"{share:g} {name}" for name, share in motor.items()))
+            shares = " + ".join(f"{share:g} {name}" for name, share in motor.items())
+            names.append(shares.replace("+ -", "- "))
         else:
             k = space.rates_of(names_of("actuated", [motor]))
             columns.extend(np.eye(nv)[k])

@@ -38,7 +38,8 @@ _ALIKE = 0.8
 def check(root: ET.Element) -> Iterator[Problem]:
     """Problems of a URDF that keep it from being read as it is meant, and warnings."""
     if root.tag != "robot":
-        yield error("file", f"a URDF starts with <robot>, not with <{root.tag}>")
+        cure = "; ClosedChain.from_mjcf reads an MJCF" if root.tag == "mujoco" else ""
+        yield error("file", f"a URDF starts with <robot>, not with <{root.tag}>{cure}")
         return
     links, joints = root.findall("link"), root.findall("joint")
     if any("xacro" in element.tag for element in root):

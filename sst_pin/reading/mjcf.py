@@ -48,9 +48,11 @@ class Mjcf(NamedTuple):
     spring_reference: Array
 
 
-def read_mjcf(path: str | Path, locked: Sequence[str] = ()) -> Mjcf:
+def read_mjcf(
+    path: str | Path, locked: Sequence[str] = (), actuated: Sequence[Motor] | None = None
+) -> Mjcf:
     """Read a robot; see `ClosedChain.from_mjcf`."""
-    return _reader(path, locked).read()
+    return _reader(path, locked).read(actuated)
 
 
 def bodies_of(
@@ -61,7 +63,7 @@ def bodies_of(
     Arguments and errors as `ClosedChain.from_mjcf`.
     """
     reader = _reader(path, locked)
-    reader.read()
+    reader.read(())
     return reader.compiled, reader.bodies
 
 
@@ -104,8 +106,8 @@ class _Reader:
         self._turns: dict[int, int] = {}
         self._problems: list[str] = []
 
-    def read(self) -> Mjcf:
-        """Tree, closures, motors."""
+    def read(self, actuated: Sequence[Motor] | None) -> Mjcf:
+        """Tree, closures, motors; those given count in the place of the file's."""
         mj, model = self._mj, self._model
         if problems := [*self._impossible(), *self._switched_off()]:
             raise DescriptionError(self._source, problems)
@@ -119,7 +121,8 @@ class _Reader:
         for body in range(1, mj.nbody):
             self._add_body(body)
         self._add_sites()
-        closures, motors = tuple(self._closures()), tuple(self._motors())
+        closures = tuple(self._closures())
+        motors = tuple(self._motors() if actuated is None else actuated)
         self._add_body_frames()
         self._problems += self._forces()
         if self._problems:
@@ -388,18 +391,20 @@ class _Reader:
                 what = bearer.name.removeprefix("mjTRN_").lower()
                 text = "not on a joint or a fixed tendon"
                 self._problems.append(f"{name}: an actuator on a {what}, {text}")
-            elif (tendon, index) in seen or self._in_disabled_group(i):
+            elif (
+                (tendon, index) in seen
+                or self._in_disabled_group(i)
+                or (not tendon and self._name(index) in self._locked)
+            ):
                 continue
+            elif not tendon and mj.jnt_type[index] not in (_HINGE, _SLIDE):
+                text = "use hinges in series instead, or name the motors by actuated="
+                self._problems.append(f"{name}: an actuator on a ball or a free joint; {text}")
             elif not mj.actuator_gear[i, 0]:
                 self._problems.append(f"{name}: its gear is 0, so it moves nothing")
             elif tendon:
                 if shares := self._tendon_length(index).shares:
                     yield shares
-            elif self._name(index) in self._locked:
-                continue
-            elif mj.jnt_type[index] not in (_HINGE, _SLIDE):
-                text = "use hinges in series instead, or name the motors by actuated="
-                self._problems.append(f"{name}: an actuator on a ball or a free joint; {text}")
             else:
                 yield self._name(index)
             seen.add((tendon, index))

@@ -306,3 +306,16 @@ def test_motors_that_do_not_move_the_robot_are_told():
     assert chain.coordinates == ("coupler",)
     with pytest.raises(sst_pin.ActuationError, match="no motor supplies the forces coupler"):
         chain.compute_torques(q, [0.5], [-0.3])
+
+
+@pytest.mark.parametrize("motor", [{}, {"crank": 0.0}])
+def test_a_motor_that_acts_on_no_joint_is_refused(motor):
+    model, closures = four_bar(0.2, 0.3, 0.25, 0.3)
+    with pytest.raises(sst_pin.InputError, match="acts on no joint"):
+        sst_pin.ClosedChain(model, closures, [motor])
+
+
+def test_a_tendon_is_called_by_its_shares():
+    model, closures = four_bar(0.2, 0.3, 0.25, 0.3)
+    chain = sst_pin.ClosedChain(model, closures, [{"crank": -1.5, "coupler": -0.5, "rocker": 2}])
+    assert chain.motor_names == ("-1.5 crank - 0.5 coupler + 2 rocker",)

@@ -13,7 +13,7 @@ import sst_pin
 from sst_pin.chain.closures import Coupling, Distance, Rolling
 from sst_pin.chain.mechanism import Springs
 from sst_pin.reading import parse_urdf
-from sst_pin.reading.mjcf import read_mjcf
+from sst_pin.reading.mjcf import bodies_of, read_mjcf
 
 LINK = """
 <link name="{name}"><inertial><origin xyz="0.1 0 0"/><mass value="1"/>
@@ -578,6 +578,16 @@ def test_what_the_dynamics_would_overlook_is_refused(mjcf, old, new, word):
 def with_flags(**flags):
     text = " ".join(f'{flag}="disable"' for flag in flags)
     return MJCF.replace("<equality>", f"<option><flag {text}/></option><equality>")
+
+
+def test_motors_that_are_named_count_in_the_place_of_the_files(mjcf):
+    """Also where those of the file are none that is computed, as the error says."""
+    text = MJCF.replace('<motor joint="jb"/>', '<motor joint="ball" gear="0 1 0"/>')
+    mjcf.write_text(text)
+    with pytest.raises(sst_pin.DescriptionError, match=r"an actuator on a ball.*by actuated="):
+        read_mjcf(mjcf)
+    assert read_mjcf(mjcf, actuated=["ja"]).actuated == ("ja",)
+    assert len(bodies_of(mjcf)[1]) == 5  # for pictures
 
 
 def test_what_a_flag_disables_is_not_read(mjcf):

@@ -57,6 +57,7 @@ MESH = '<visual><geometry><mesh filename="{}"/></geometry></visual>'
         # tree and names
         ("<robot", "error: file: not XML"),
         ("<model/>", "error: file: a URDF starts with <robot>"),
+        ("<mujoco/>", "not with <mujoco>; ClosedChain.from_mjcf reads an MJCF"),
         ("<robot name='empty'/>", "error: file: no links"),
         (edited("link", "arm_2", 'name="arm_2"', 'name="arm_1"'), "error: link arm_1: 2 have this"),
         (
