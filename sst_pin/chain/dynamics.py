@@ -35,26 +35,27 @@ Array = NDArray[np.float64]
 class Terms:
     """Every matrix of Eq. (92): f = inertia aa + coriolis va - gravity - friction - springs.
 
-    nv rates, n of them coordinates, r bodies; SI units, base axes, twists [omega; v] at mass
-    centres.
+    There are nv rates, n of them of coordinates, and r bodies. Units are SI, axes are base axes,
+    twists are [omega; v] at mass centres.
 
     Attributes:
-        Phi: Independent rows of the closures' Jacobian, shape (nv - n, nv), Eqs. (3), (5).
+        Phi: Independent rows of the constraint Jacobian, shape (nv - n, nv), Eqs. (3), (5).
         L: Joint orthogonal complement, shape (nv, n), Eq. (17).
         L_dot: Its rate, shape (nv, n), Eq. (20).
         K: Body Jacobians, shape (6 r, nv), Eq. (12).
         K_dot: Their rate, shape (6 r, nv), Eq. (15).
-        N_l: What carries twists from body to body, K = N_l N_d, shape (6 r, 6 r), [5, 6].
-        N_d: Twists of each body by its own joint, shape (6 r, nv), [5, 6].
+        N_l: Transfer of twists from body to body, K = N_l N_d, shape (6 r, 6 r), [5, 6].
+        N_d: Twist of each body relative to its parent, shape (6 r, nv), [5, 6].
         T: Natural orthogonal complement, shape (6 r, n), Eqs. (22), (23).
         T_dot: Its rate, shape (6 r, n), Eq. (25).
         M: Stacked mass matrix, shape (6 r, 6 r), Eq. (69).
         Omega: Stacked angular velocities, shape (6 r, 6 r), Eq. (70).
-        inertia: Generalised inertia matrix, shape (n, n), Eq. (93).
-        coriolis: Matrix of Coriolis and centrifugal terms, shape (n, n), Eq. (94).
-        gravity: Generalised weight tau^g, shape (n,), Eq. (95).
-        friction: Generalised friction L^T tau^f, opposing the rates, shape (n,), Eq. (96).
-        springs: Generalised force of the joints' springs, shape (n,).
+        inertia: Mass matrix in the coordinates, shape (n, n), Eq. (93).
+        coriolis: Coriolis matrix (with centrifugal terms), shape (n, n), Eq. (94).
+        gravity: Generalized forces of the weights, tau^g, shape (n,), Eq. (95).
+        friction: Generalized forces of friction, L^T tau^f, shape (n,), Eq. (96); they oppose the
+            rates.
+        springs: Generalized forces of the springs, shape (n,).
     """
 
     Phi: Array
@@ -99,10 +100,10 @@ class ReducedTerms(NamedTuple):
     """f = inertia aa + coriolis va - gravity - friction, Eq. (92), for a batch.
 
     Attributes:
-        inertia: Shape (..., n, n), Eq. (93).
-        coriolis: Shape (..., n, n), Eq. (94).
-        gravity: Shape (..., n), Eq. (95); the force of springs, if there are any, included.
-        friction: Shape (..., n), Eq. (96).
+        inertia: Mass matrix, shape (..., n, n), Eq. (93).
+        coriolis: Coriolis matrix, shape (..., n, n), Eq. (94).
+        gravity: Forces of weights and springs, shape (..., n), Eq. (95).
+        friction: Forces of friction, shape (..., n), Eq. (96).
 
     Example:
         >>> va, aa = [1, 0, 0], [0, 1, 0]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""How many ways a closed chain can move, which coordinates describe it, what its motors hold."""
+"""Mobility of a closed chain: degrees of freedom, coordinates, and whether the motors suffice."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ class Mobility:
     """Degrees of freedom of a closed chain at one configuration.
 
     Attributes:
-        joints: Names of the rates: of the joint, with a suffix where it has several.
+        joints: Names of the rates: names of the joints, with a suffix if a joint has several.
         actuated: Names of the motors.
         coordinates: Names of the n independent joints that describe the motion.
-        rows: What each closure row holds, one name a row.
-        independent_rows: Indices of rows that carry the rank.
+        rows: Name of each closure constraint.
+        independent_rows: Indices of independent closure constraints, as many as the rank of Phi.
         degrees_of_freedom: Number of rates minus the rank of Phi.
-        held: Degrees of freedom that remain fixed when the motors are locked.
-        loose_joints: Rates that still move with the motors locked.
-        idle_joints: Joints of a loop, without a motor, that spin while all others stand still.
-        condition_number: Of the part of Phi that determines the dependent rates, free of units;
-            infinite when the coordinates do not suffice.
-        where: Which configuration was looked at.
-        q: That configuration, shape (nq,).
+        held: Number of degrees of freedom that the motors hold.
+        loose_joints: Rates that can be nonzero while all motors are locked.
+        idle_joints: Passive joints of a loop that can spin while all other joints are fixed.
+        condition_number: Of the columns of Phi for the dependent rates, without units; infinite if
+            the coordinates do not suffice.
+        where: Which configuration was used.
+        q: This configuration, shape (nq,).
     """
 
     joints: tuple[str, ...]
@@ -55,12 +55,12 @@ class Mobility:
 
     @property
     def rank(self) -> int:
-        """Independent closure equations."""
+        """Number of independent closure equations."""
         return len(self.independent_rows)
 
     @property
     def redundant_rows(self) -> int:
-        """Closure equations that follow from the others."""
+        """Number of closure equations that follow from the others."""
         return len(self.rows) - self.rank
 
     @property
@@ -104,8 +104,8 @@ class Mobility:
         ]
         if self.idle_joints:
             lines.append(
-                f"idle spins          {_listed(self.idle_joints)} (locked= holds them, or they "
-                "stay as coordinates)"
+                f"idle joints         {_listed(self.idle_joints)} (they can spin alone; locked= "
+                "fixes them)"
             )
         return "\n".join(lines)
 

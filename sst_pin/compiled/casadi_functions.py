@@ -78,10 +78,10 @@ class CasadiFunctions:
 
     @cached_property
     def torques(self) -> Function:
-        """(q, va, aa) -> tau: as `compute_torques`; of more motors than freedoms the smallest.
+        """(q, va, aa) -> tau: as `compute_torques`; with redundant motors the smallest torques.
 
         Raises:
-            ActuationError: When there are fewer motors than coordinates.
+            ActuationError: If there are fewer motors than coordinates.
         """
         if self.motors < self.n:
             raise ActuationError(
@@ -91,7 +91,7 @@ class CasadiFunctions:
 
     @cached_property
     def generalized_forces(self) -> Function:
-        """(q, va, aa) -> f, shape (n,): what the motion needs along the coordinates."""
+        """(q, va, aa) -> f, shape (n,): generalized forces of the motion."""
         return self._function("forces", ["q", "va", "aa"], "f")
 
     @cached_property
@@ -106,15 +106,16 @@ class CasadiFunctions:
 
     @cached_property
     def q_rates(self) -> Function:
-        """(q, va) -> q_dot, shape (nq,): how fast the entries of q change, quaternions too."""
+        """(q, va) -> q_dot, shape (nq,): rates of the entries of q, also of quaternions."""
         e = self._equations
         return self._made("q_rates", {"q": e.q, "va": e.va}, {"q_dot": e.kinematics.q_rates(e.v)})
 
     @cached_property
     def tangent(self) -> Function:
-        """Q -> T, shape (nq, n): q_dot = T va; a function's derivative along closed motions is J T.
+        """Q -> T, shape (nq, n), with q_dot = T va.
 
-        J is CasADi's derivative of the function by q.
+        If J is CasADi's derivative of a function with respect to q, its derivative along the closed
+        motions is J T.
         """
         e = self._equations
         columns = [e.kinematics.q_rates(L) for L in e.L]
@@ -122,12 +123,12 @@ class CasadiFunctions:
 
     @cached_property
     def residual(self) -> Function:
-        """Q -> r: 0 where the loops are closed; as many rows as there are, but for dependent ones.
+        """Q -> r: zero if the loops are closed; independent rows only, [m] and [rad].
 
-        The rows are those that fix the dependent joints, and |u|^2 - 1 of the unit vectors among
-        the entries of q (quaternions, cosines and sines); redundant rows are left out, and so is
-        what rolling wheels hold of rates alone. [m] and [rad]. A loop can close in other ways by
-        these rows alone (a hinge turned by half a turn): `chain.residual` has all rows.
+        The rows are independent closure constraints, and |u|^2 - 1 of the unit vectors in q
+        (quaternions, cosine-sine pairs). Redundant rows, and constraints on rates only (rolling),
+        are left out. With these rows alone a loop can also close in a wrong way (a hinge turned by
+        half a turn): check results with `chain.residual`, which has all rows.
         """
         e = self._equations
         rows = [e.rows[i].residual for i in sorted(e.factors.rows)]
@@ -148,10 +149,10 @@ class CasadiFunctions:
 
     @cached_property
     def step(self) -> Function:
-        """(q, va, tau, dt) -> q_next, va_next: a step of `rollout`, tau held over it.
+        """(q, va, tau, dt) -> q_next, va_next: a step of `rollout` with constant tau.
 
-        The classical method of Runge and Kutta of order four, then one step of Newton's method that
-        moves the dependent joints onto the closures.
+        It is a step of the classical Runge-Kutta method of order four, then one step of Newton's
+        method that closes the loops.
         """
         state_rate = self._function("state_rate", ["q", "va", "tau"], "rate")
         closing = kernels.make(self._equations, "closing")

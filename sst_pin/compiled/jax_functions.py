@@ -23,23 +23,24 @@ if TYPE_CHECKING:
 
 
 class JaxFunctions:
-    """Dynamics of one chain as functions of JAX.
+    """Dynamics of a chain as JAX functions.
 
-    Arguments and results are those of the chain's methods, float64, leading axes broadcast. They
-    work under `jit`, `vmap`, `grad`, `jacfwd` and `jacrev`, with derivatives of first order. A
-    sample at fault is NaN, as with `on_error="nan"`.
+    Arguments and results are those of the chain's methods, in float64; leading axes broadcast. The
+    functions work with `jit`, `vmap`, `grad`, `jacfwd` and `jacrev`. Derivatives are of
+    first order. The result for a bad sample is NaN, as with `on_error="nan"`.
 
-    q is a closed configuration, and its dependent joints follow the coordinates: a derivative by q
-    has the derivative along the closed motions at the entries of the coordinates, and zeros at
-    those of dependent joints.
+    q must be a closed configuration. A derivative with respect to q is the one along the closed
+    motions: it has values at the entries of the coordinates, and zeros at the dependent joints.
 
     Args:
-        chain: The robot, as it is at each call; `compile(derivatives=True)` makes it fast.
-        sign_width: Coulomb friction takes tanh(v / sign_width) for the sign of v in derivatives.
+        chain: The robot; changes of its model take effect at the next call. For speed, call
+            `compile(derivatives=True)` before.
+        sign_width: In derivatives, Coulomb friction uses tanh(v / sign_width) instead of the sign
+            of v.
 
     Raises:
-        InputError: When JAX computes in single precision.
-        DescriptionError: For coordinates that are no single entries of q (a ball, a free-flyer).
+        InputError: If JAX uses single precision.
+        DescriptionError: If a coordinate is not a single entry of q (a ball, a free-flyer).
     """
 
     def __init__(self, chain: ClosedChain, sign_width: float) -> None:
@@ -55,7 +56,7 @@ class JaxFunctions:
         self._accelerations = self._function(chain.compute_accelerations, by_tau, entries, n)
 
     def generalized_forces(self, q: Any, va: Any, aa: Any) -> jax.Array:
-        """f of a motion, shape (..., n); the torques where motor k is coordinate k.
+        """Generalized forces of a motion, shape (..., n); the torques if motor k is coordinate k.
 
         Args:
             q: Configurations on the closures, shape (..., nq).
@@ -68,7 +69,7 @@ class JaxFunctions:
         """Inverse dynamics, shape (..., motors); arguments as `generalized_forces`.
 
         Raises:
-            DescriptionError: Where motors are other than the coordinates.
+            DescriptionError: If the motors are not the coordinates.
         """
         if not self._chain._current.mechanism().driven_one_to_one:
             problem = "the motors are not the coordinates; use generalized_forces"

@@ -74,7 +74,7 @@ class RigidBody:
     """Mass properties of one body, in a frame fixed to it.
 
     Attributes:
-        mass: [kg].
+        mass: Mass, [kg].
         center_of_mass: In the body's frame, shape (3,), [m].
         inertia: About the mass centre, in the axes of the body's frame, shape (3, 3), [kg m^2].
 
@@ -116,8 +116,8 @@ class RigidBody:
         """The body with a point mass fixed to it.
 
         Args:
-            mass: [kg], zero or more.
-            at: Where it is, in the body's frame, shape (3,), [m].
+            mass: Mass, zero or more, [kg].
+            at: Its position in the body's frame, shape (3,), [m].
 
         Raises:
             ParametersError: For a negative mass, or numbers that are not finite.
@@ -136,10 +136,10 @@ class RigidBody:
         return RigidBody(total, center, self.inertia + shift)
 
     def problems(self, name: str) -> list[str]:
-        """What is physically impossible about the body, one sentence each.
+        """Physically impossible properties of the body, one sentence each.
 
         Args:
-            name: How the sentences call the body.
+            name: Name of the body in the sentences.
         """
         found = _shape_problems(f"{name}.center_of_mass", self.center_of_mass, (3,))
         if not (np.isfinite(self.mass) and self.mass > 0):
@@ -179,21 +179,21 @@ class Parameters:
     """An SST: base triangle, arcs of the star, bodies, friction and gravity.
 
     Attributes:
-        base_directions: v_k, unit vectors along OP_k, rows of a (3, 3) array; any length goes in.
-        arc_angles: alpha_k, angle from arc k to arc k+1 of the star, shape (3,), [rad]; they add up
-            to 2 pi.
+        base_directions: v_k, unit vectors along OP_k, rows of a (3, 3) array; they are normalized.
+        arc_angles: alpha_k, angle from arc k to arc k+1 of the star, shape (3,), [rad]; their sum
+            is 2 pi.
         link: Actuator link, in {1k}: one body for all legs, or one for each.
         passive_link: Intermediate passive link, in {2k}: one body for all legs, or one for each.
         star: The moving star, in {E}.
         viscous_friction: D of each joint in the order gamma_1, mu_1, beta_1, gamma_2, ..., shape
-            (9,), [N m s/rad]; a scalar goes to all nine.
-        coulomb_friction: F_c of each joint, shape (9,), [N m]; a scalar goes to all nine.
+            (9,), [N m s/rad]; a scalar is used for all nine.
+        coulomb_friction: F_c of each joint, shape (9,), [N m]; a scalar is used for all nine.
         gravity: Acceleration of gravity in base axes, shape (3,), [m/s^2].
-        base_radius: Radius of the base sphere, [m]; for drawing, the masses do not follow it.
-        star_radius: Radius of the star's arcs, [m]; for drawing, the masses do not follow it.
+        base_radius: Radius of the base sphere, [m]; for drawings only, it does not change masses.
+        star_radius: Radius of the star's arcs, [m]; for drawings only, it does not change masses.
 
     Raises:
-        ParametersError: With every problem found.
+        ParametersError: If the parameters are impossible; the message lists all problems.
 
     Example:
         >>> parameters = sst_pin.Parameters(arc_angles=np.radians([110, 120, 130]))
@@ -285,12 +285,12 @@ class Parameters:
         """The same robot with a point mass fixed to the star.
 
         Args:
-            mass: Of the payload, [kg].
-            at: Where its mass centre is, in {E}: its origin is the centre O of the sphere, its x
-                axis leads to E at `(star_radius, 0, 0)`; shape (3,), [m].
+            mass: Mass of the payload, [kg].
+            at: Position of its mass centre in {E}, shape (3,), [m]. The origin of {E} is the centre
+                O of the sphere; the point E is at `(star_radius, 0, 0)`.
 
         Returns:
-            Parameters whose star is the star and the payload as one body.
+            Parameters with the payload as a part of the star.
 
         Raises:
             ParametersError: For a negative mass, or numbers that are not finite.

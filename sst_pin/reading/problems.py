@@ -16,12 +16,12 @@ _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 
 @dataclass(frozen=True)
 class Problem:
-    """Something in a description that is wrong, or that some tools cannot read.
+    """A problem of a description: an error, or something that some tools cannot read.
 
     Attributes:
-        severity: "error" when the robot cannot be computed; else "warning".
-        where: What it concerns: "link foot", "joint knee", "closure A - B".
-        text: One sentence.
+        severity: "error" if the robot cannot be computed; otherwise "warning".
+        where: The element with the problem: "link foot", "joint knee", "closure A - B".
+        text: The problem in one sentence.
 
     Example:
         >>> urdf = '<robot name="r"><link name="a"/><link name="b"/></robot>'
@@ -29,7 +29,7 @@ class Problem:
         ...     _ = file.write(urdf)
         >>> for problem in sst_pin.validate("two.urdf"):
         ...     print(problem)
-        error: tree: 2 links without a parent: a, b; one is base
+        error: tree: 2 links without a parent: a, b; only the base may have none
     """
 
     severity: str

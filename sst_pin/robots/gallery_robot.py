@@ -44,7 +44,7 @@ def of_dimensions(build: _Build) -> _Build:
 
 
 class GalleryRobot(ClosedChain):
-    """A robot of the gallery: a closed chain that knows its platform and its shapes.
+    """A robot of the gallery: a closed chain with a platform and shapes.
 
     The platform is the frame "platform" of the model.
 
@@ -83,18 +83,20 @@ class GalleryRobot(ClosedChain):
             ) from None
 
     def inverse_kinematics(self, pose: pin.SE3 | ArrayLike) -> Array:
-        """Joint coordinates that hold the platform at a pose, in the working mode of `home`.
+        """Inverse kinematics: the configuration for a pose of the platform.
+
+        It is in the working mode of `home`.
 
         Args:
-            pose: Of the frame "platform" in the base: `pinocchio.SE3`, or homogeneous matrices,
-                shape (..., 4, 4).
+            pose: Pose of the frame "platform" in the base: `pinocchio.SE3`, or homogeneous
+                matrices, shape (..., 4, 4).
 
         Returns:
             q on the closures, shape (..., nq).
 
         Raises:
             InputError: For a wrong shape or a number that is not finite.
-            WorkspaceError: When the platform cannot take the pose.
+            WorkspaceError: If the platform cannot reach the pose.
 
         Example:
             >>> chain = sst_pin.robots.delta()
@@ -115,9 +117,9 @@ class GalleryRobot(ClosedChain):
             opened = np.abs(self.residual(q)).max()
             if max(missed, opened) > CLOSURE_TOLERANCE:
                 raise WorkspaceError(
-                    f"the platform cannot take this pose: it would be off by {missed:.3g} and the "
-                    f"loops open by {opened:.3g} (m or rad); `platform_pose` gives poses that it "
-                    "can take"
+                    f"the platform cannot reach this pose: its error would be {missed:.3g} and the "
+                    f"loops open by {opened:.3g} (m or rad); platform_pose(q) gives poses that "
+                    "it can reach"
                 )
             return q
 

@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 
 class PlatformMotion(NamedTuple):
-    """A motion of the star; unpacked it is what `SST.joint_motion` takes.
+    """A motion of the star; the arguments of `SST.joint_motion`.
 
     Attributes:
         R: {E} in the base, shape (N, 3, 3).
@@ -39,8 +39,8 @@ class PlatformMotion(NamedTuple):
 def orientation(theta: ArrayLike, phi: ArrayLike, psi: ArrayLike = 0.0) -> Array:
     """Orientation of the star from the paper's angles (Fig. 4).
 
-    theta and phi are longitude and colatitude of E; psi turns the star about s, zero when arc 1
-    lies in the meridian plane through z_0.
+    theta and phi are longitude and colatitude of E. psi is the roll angle of the star about s; it
+    is zero if arc 1 is in the meridian plane through z_0.
 
     Args:
         theta: Shape (...), [rad].
@@ -71,7 +71,8 @@ def orientation_motion(
         psi: The same.
 
     Raises:
-        InputError: When one is not three arrays of finite numbers, or shapes do not broadcast.
+        InputError: If an argument is not three arrays of finite numbers, or shapes do not
+            broadcast.
 
     Example:
         >>> R, omega, alpha = sst_pin.orientation_motion([0.8, 1, 0], [0.9, 0, 0], [0, 0, 0])
@@ -111,7 +112,7 @@ def _with_rates(name: str, value: Sequence[ArrayLike]) -> list[Array]:
 
 
 def paper_circle(t: ArrayLike) -> PlatformMotion:
-    """The motion of Sect. 7.2: E on a circle, once round in pi/6 s, with psi = 0.
+    """The motion of Sect. 7.2: E moves along a circle, one turn in pi/6 s, with psi = 0.
 
     Args:
         t: Times, shape (...), [s].
@@ -144,22 +145,22 @@ def paper_circle(t: ArrayLike) -> PlatformMotion:
 
 
 def interpolate_orientations(t: ArrayLike, R: ArrayLike, at: ArrayLike) -> PlatformMotion:
-    """A smooth motion through sampled orientations, on the rotation group.
+    """A smooth motion through sampled orientations.
 
-    A spline of degree five through the unit quaternions, taken back to unit length; turning all
-    samples turns the motion and nothing else. Rates are continuous up to the fourth.
+    It is a spline of degree five through the unit quaternions, normalized to unit length. The
+    result does not depend on the choice of axes. Derivatives are continuous up to the fourth.
 
     Args:
         t: Sample times, increasing, shape (N,), N >= 3, [s].
-        R: {E} in the base at those times, shape (N, 3, 3).
-        at: Times wanted, within the samples, shape (M,).
+        R: {E} in the base at these times, shape (N, 3, 3).
+        at: Times of the output, within the samples, shape (M,).
 
     Returns:
         Orientation, angular velocity and acceleration.
 
     Raises:
-        InputError: For what is no rotation, for times outside the samples, and when neighbours are
-            more than a quarter turn apart: the way between is a guess.
+        InputError: For matrices that are not rotations, for times outside the samples, or if two
+            neighbouring samples differ by more than a quarter turn.
 
     Example:
         >>> R = sst_pin.orientation([0.7, 0.8, 0.9], 0.9)

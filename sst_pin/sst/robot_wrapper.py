@@ -20,14 +20,14 @@ def load(urdf: str | Path = description.URDF_PATH) -> pin.RobotWrapper:
     """The tree with its geometry and its named configurations.
 
     Args:
-        urdf: The shipped one, or that of a folder that `sst-pin describe` wrote.
+        urdf: The URDF of the package, or of a folder that `sst-pin describe` has written.
 
     Returns:
         `model` with gravity, and with the poses of the SRDF as `referenceConfigurations`; `q0`,
         the home pose; `visual_model`; `collision_model` with the pairs that can collide.
 
     Raises:
-        DescriptionError: When it is no URDF of an SST, or a mesh or the SRDF beside it is missing.
+        DescriptionError: If it is not a URDF of an SST, or a mesh or its SRDF is missing.
 
     Example:
         >>> wrapper = sst_pin.load()

@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What is wrong with a robot description: all of it at once.
-
-Nothing here is about the SST; see `sst_pin.topology` for what makes a tree one.
-"""
+"""Report of all problems of a robot description, for any robot."""
 
 from __future__ import annotations
 
@@ -19,16 +16,16 @@ __all__ = ["Problem", "summary", "validate"]
 
 
 def validate(path: str | Path, cuts: str | Path | None = None) -> list[Problem]:
-    """All problems of a URDF and of the cuts that belong to it.
+    """All problems of a URDF and of its closures.
 
-    Names, tree, limits and axes; links that move without mass; inertias that no body has, in
-    principal axes; meshes that are missing or that some tool does not read. With cuts also:
-    unknown names, closures that cannot close, motors that do not suffice or are too many.
+    It checks names, tree, limits and axes; moving links without mass; impossible inertias; missing
+    meshes, and meshes that some tools cannot read. With a YAML it also checks unknown names,
+    closures that cannot close, and whether there are too few or too many motors.
 
     Args:
         path: Any URDF.
-        cuts: YAML of closures and motors, see `ClosedChain.from_urdf`; by default the file beside
-            the URDF that ends in .yaml. Where there is none, the URDF is an open tree.
+        cuts: YAML of closures and motors, see `ClosedChain.from_urdf`; by default the file with the
+            name of the URDF and the ending .yaml. Without a YAML the URDF is an open tree.
 
     Returns:
         Errors first, then warnings; empty for a good description.

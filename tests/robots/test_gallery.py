@@ -126,7 +126,7 @@ def test_a_pose_that_a_robot_of_few_freedoms_cannot_take_is_refused():
     delta = robots.delta()
     poses = np.stack([delta.platform_pose(delta.home)] * 2)
     poses[1, :3, :3] = pin.rpy.rpyToMatrix(0.1, 0, 0)
-    with pytest.raises(WorkspaceError, match="cannot take this pose") as caught:
+    with pytest.raises(WorkspaceError, match="cannot reach this pose") as caught:
         delta.inverse_kinematics(poses)
     assert caught.value.samples == ((1,),)
 
