@@ -5,6 +5,7 @@ import pickle
 
 import casadi as ca
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import any_chain
@@ -194,11 +195,13 @@ def test_functions_pickle_map_and_know_names():
 
 def test_what_there_is_not_has_its_error():
     known = scissor_lift()
-    lift = sst_pin.ClosedChain(known.model, known.closures, known.motor_names)
+    homeless = pin.Model(known.model)
+    del homeless.referenceConfigurations["home"]
+    lift = sst_pin.ClosedChain(homeless, known.closures, known.motor_names)
     assert lift.compute_torques(known.home, [0.0], [0.0]).shape == (1,)  # it stands opened
     with pytest.raises(sst_pin.SingularConfigurationError, match="do not determine"):
         lift.casadi()
-    assert lift.casadi(lift.home).n == known.casadi().n == known.degrees_of_freedom
+    assert lift.casadi(known.home).n == known.casadi().n == known.degrees_of_freedom
     idle = any_chain.chain(coordinates=["body"], actuated=[])
     with pytest.raises(sst_pin.errors.ActuationError, match="0 motors for 1 coordinates"):
         _ = idle.casadi().torques
