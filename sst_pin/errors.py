@@ -310,4 +310,15 @@ class SingularityWarning(UserWarning):
 
 
 class DescriptionWarning(UserWarning):
-    """No longer issued; the name is kept for one release."""
+    """A URDF gives links inertias that no body has; the dynamics are computed with them.
+
+    Example:
+        >>> import warnings
+        >>> from pathlib import Path
+        >>> urdf = Path(sst_pin.URDF_PATH).read_text().replace('ixx="', 'ixx="9')
+        >>> _ = Path("robot.urdf").write_text(urdf)
+        >>> with warnings.catch_warnings(record=True) as caught:
+        ...     chain = sst_pin.ClosedChain.from_urdf("robot.urdf", sst_pin.YAML_PATH)
+        >>> caught[0].category.__name__, str(caught[0].message)[:21]
+        ('DescriptionWarning', 'robot.urdf: link base')
+    """

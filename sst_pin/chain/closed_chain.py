@@ -1178,6 +1178,9 @@ class ClosedChain:
             DescriptionError: If a file cannot be read; the message lists all problems.
             UnknownNameError: For a joint or frame that is not in the URDF.
 
+        Warns:
+            DescriptionWarning: When the inertia of a link is one that no body has.
+
         Example:
             >>> sst_pin.ClosedChain.from_urdf(sst_pin.URDF_PATH).motor_names
             ('gamma_1', 'gamma_2', 'gamma_3')

@@ -44,6 +44,11 @@ COMMANDS = (
 )
 
 
+def _warn(message: Warning | str, *_: object, **__: object) -> None:
+    """One line, as errors are."""
+    print(f"sst-pin: warning: {message}", file=sys.stderr)
+
+
 def run(argv: Sequence[str] | None) -> int:
     """Run the command that the arguments ask for; see `main`."""
     parser = Parser(
@@ -63,6 +68,7 @@ def run(argv: Sequence[str] | None) -> int:
         with warnings.catch_warnings():
             # A motion that stops early is told on standard output, once.
             warnings.simplefilter("ignore", SingularityWarning)
+            warnings.showwarning = _warn
             return arguments.run(arguments) or 0
     except SSTError as error:
         print(f"sst-pin: error: {' '.join(str(error).split())}", file=sys.stderr)

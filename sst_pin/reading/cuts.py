@@ -20,10 +20,11 @@ from ..chain.closures import Closure, Constraint, Coupling, Distance, Rolling
 from ..chain.draft import without_locked
 from ..errors import DescriptionError
 from ..files import beside
+from . import inertias
 from .problems import numbers
 from .srdf import load_configurations
 from .text import read_text
-from .urdf import KINDS, closing_frames, parse_mimics, parse_urdf
+from .urdf import KINDS, closing_frames, parse_mimics, parse_urdf, parse_xml
 
 Array = NDArray[np.float64]
 
@@ -64,7 +65,7 @@ class Extended(NamedTuple):
 def read_urdf(
     path: str | Path, cuts: str | Path | None = None, locked: Sequence[str] = ()
 ) -> Extended:
-    """Read a robot; see `ClosedChain.from_urdf`."""
+    """Read a robot; see `ClosedChain.from_urdf`, whose caller a warning points to."""
     locked = names("locked", locked)
     text = read_text(path, "URDF")
     own = beside(Path(path), ".yaml")
@@ -79,6 +80,7 @@ def read_urdf(
         closures = tuple(_held(closures, set(locked), str(path)))
         motors = tuple(name for name in motors if name not in locked)
     load_poses(Path(path), model, {*locked, *found.joints})
+    inertias.warn(parse_xml(text, str(path)), str(path), stacklevel=3)
     return Extended(model, closures, motors)
 
 

@@ -6,14 +6,10 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 
-import numpy as np
-from numpy.typing import NDArray
-
-from ..reading.checks import ENTRIES, ends
+from ..reading.checks import ends
+from ..reading.inertias import impossible, inertia_of, principal_moments
 from ..reading.problems import Problem, error, number, warning
 
-#: Of the largest moment: what rounding of an exact rod or disc leaves.
-_ROUNDING = 1e-9
 #: Heaviest over lightest moving link, beyond which half the digits are gone.
 _SPREAD = 1e8
 
@@ -53,33 +49,17 @@ def check(root: ET.Element) -> Iterator[Problem]:
 
 def _inertial(inertial: ET.Element, where: str, moves: bool) -> Iterator[Problem]:
     mass = number(inertial.find("mass"), "value")
-    entries = [number(inertial.find("inertia"), key) for key in ENTRIES]
+    inertia = inertia_of(inertial)
     if mass == 0 and moves:
         yield error(where, "moves without mass: MuJoCo refuses it")
-    if mass is None or mass < 0 or None in entries:
+    elif mass is None or mass < 0 or inertia is None:
         return  # told by the reader's checks
-    xx, xy, xz, yy, yz, zz = entries
-    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], dtype=float)
-    if mass > 0 or not moves:
-        yield from _moments(inertia, mass, where, moves)
-
-
-def _moments(
-    inertia: NDArray[np.float64], mass: float, where: str, moves: bool
-) -> Iterator[Problem]:
-    size = np.abs(inertia).max() or 1.0  # of 1e300 the eigenvalues overflow
-    A, B, C = np.linalg.eigvalsh(inertia / size) * size
-    shown = f"principal moments {A:.4g}, {B:.4g}, {C:.4g} kg m^2"
-    if not inertia.any():
+    elif not inertia.any():
         if mass and moves:
             yield error(where, f"moves, has {mass:g} kg but no inertia: MuJoCo refuses it")
         elif mass:
             yield warning(where, f"has {mass:g} kg but no inertia")
-    elif mass == 0:
-        yield error(where, "inertia without mass")
-    elif A <= 0:
-        yield error(where, f"inertia not positive definite: {shown}")
-    elif A + B < C * (1 - _ROUNDING):
-        yield error(
-            where, f"impossible inertia, the two smaller moments must reach the third: {shown}"
-        )
+    elif text := impossible(mass, inertia):
+        yield error(where, text)
+    elif (smallest := principal_moments(inertia)[0]) <= 0:
+        yield error(where, f"inertia not positive definite: smallest moment {smallest:.4g} kg m^2")

@@ -18,8 +18,6 @@ from sst_pin.viewer.interactive import Interactive
 
 #: What each example may use; the pages of the reference say so.
 GIVEN = {"np": np, "pin": pin, "sst_pin": sst_pin}
-#: Kept for one release, for code that names it.
-OLD = {"DescriptionWarning"}
 CLASSES = ("ClosedChain", "SST", "Trajectory")
 
 
@@ -51,7 +49,7 @@ def pictures():
 
 
 PICTURES = dict(pictures())
-THINGS = {name: thing for name, thing in public() if name not in OLD} | PICTURES
+THINGS = dict(public()) | PICTURES
 
 
 def words(thing):
