@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 from ..arrays import finite_array
 from ..chain.closed_chain import ClosedChain
 from ..errors import ClosureError, InputError, UnknownNameError
-from .trajectories import Trajectory, sample_times, spline
+from .samples import sample_times, spline
+from .trajectories import Trajectory
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from .trajectories import Trajectory, require_motion, spline
+from .samples import spline
+from .trajectories import Trajectory, require_motion
 
 if TYPE_CHECKING:
     from ..chain.closed_chain import ClosedChain

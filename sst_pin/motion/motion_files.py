@@ -15,7 +15,8 @@ from ..chain.joint_space import JointSpace
 from ..errors import ClosureError, FileFormatError
 from ..files import Table, read_table
 from .coordinate_motions import angles_and_lengths, coordinate_motion, start_configuration
-from .trajectories import Trajectory, position_columns, rate_columns
+from .motion_columns import position_columns, rate_columns
+from .trajectories import Trajectory
 
 Array = NDArray[np.float64]
 

@@ -14,7 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import as_array, positive_number, single_array
 from ..errors import InputError, SimulationError, SingularityWarning, SSTError
-from .trajectories import Trajectory, require_motion, sample_times, spline
+from .samples import sample_times, spline
+from .trajectories import Trajectory, require_motion
 
 if TYPE_CHECKING:
     from scipy.integrate import OdeSolver

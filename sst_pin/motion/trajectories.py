@@ -14,12 +14,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import finite_array, names
 from ..errors import FileFormatError, InputError, MissingExtraError, OutputError
-from ..files import Table, Writer, as_path, read_table, table_writer, write_files
+from ..files import Writer, as_path, read_table, table_writer, write_files
 from ..summaries import as_html, as_text, listed
+from .motion_columns import motion_columns, parts_of
+from .samples import sample_times, spline, times_within
 
 if TYPE_CHECKING:
     import pandas as pd
-    from scipy.interpolate import BSpline
 
 Array = NDArray[np.float64]
 
@@ -28,8 +29,6 @@ _COMPARED = (
     *("t", "q", "va", "aa", "tau"),
     *("joint_names", "actuated", "units", "coordinates", "rate_units", "torque_units"),
 )
-_TORQUE = re.compile(r"tau_(.+)_(Nm|N)")
-_POSITION = re.compile(r"(.+)_(?:(rad|m)|1)")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -301,7 +300,7 @@ class Trajectory:
         path = as_path(path)
         if path.suffix.lower() == ".npz":
             return cls._load_npz(path)
-        return motion_of_table(read_table(path))
+        return cls(**parts_of(read_table(path)))
 
     @classmethod
     def _load_npz(cls, path: Path) -> Trajectory:
@@ -322,7 +321,7 @@ class Trajectory:
         if self.actuated == self.coordinates:
             labels = [str(k + 1) for k in range(len(labels))]
         rates = (self.coordinates, self.rate_units)
-        return _columns(self.joint_names, self.units, *rates, labels, self.torque_units)
+        return motion_columns(self.joint_names, self.units, *rates, labels, self.torque_units)
 
     def torque(self) -> Callable[[float], Array]:
         """The torques as a smooth function of time; `simulate` also accepts the motion itself.
@@ -342,51 +341,6 @@ class Trajectory:
         return lambda t: np.asarray(smooth(times_within("t", t, times, step)))
 
 
-def motion_of_table(table: Table) -> Trajectory:
-    """A motion as `Trajectory.save` writes it to a CSV.
-
-    Raises:
-        FileFormatError: When it is none, with what is missing.
-    """
-    rates = [re.fullmatch(r"(.+)_(rad|m)_s(2?)", name) for name in table.columns]
-    coordinates, accelerations = (
-        [(p[1], p[2]) for p in rates if p and p[3] == power] for power in ("", "2")
-    )
-    torques = [p for p in map(_TORQUE.fullmatch, table.columns) if p]
-    positions = [(p[1], p[2] or "") for p in map(_POSITION.fullmatch, table.columns) if p]
-    if not coordinates or not positions:
-        raise FileFormatError(
-            table.path, "not a motion: no columns like gamma_1_rad, gamma_1_rad_s"
-        )
-    names, units = zip(*positions, strict=True)
-    n, m = len(coordinates), len(names)
-    rate_names, rate_units = zip(*coordinates, strict=True)
-    forces = [p[2] for p in torques] or ["N" if u == "m" else "Nm" for u in rate_units]
-    labels = [p[1] for p in torques] or [str(k + 1) for k in range(n)]
-    numbers = [str(k + 1) for k in range(n)]
-    if any(label.isdigit() for label in labels):  # those of the coordinates, in their units
-        labels, forces = numbers, ["N" if u == "m" else "Nm" for u in rate_units]
-    numbered = labels == numbers
-    actuated = rate_names if numbered else tuple(labels)
-    values = table.select(_columns(names, units, rate_names, rate_units, labels, forces))
-    if coordinates != accelerations:
-        raise FileFormatError(table.path, "not a motion: accelerations of joints without rates", 1)
-    t, q, va, aa, tau = np.split(values, np.cumsum([1, m, n, n]), axis=1)
-    return Trajectory(
-        t[:, 0],
-        q,
-        va,
-        aa,
-        tau,
-        names,
-        actuated,
-        units,
-        coordinates=rate_names,
-        rate_units=rate_units,
-        torque_units=forces,
-    )
-
-
 def _names(name: str, value: Sequence[str]) -> tuple[str, ...]:
     """Names of joints, each of them once."""
     words = names(name, value)
@@ -402,92 +356,6 @@ def _units(
     if len(units) != len(owners) or not set(units) <= set(known):
         raise InputError(name, f"{units}, expected {len(owners)} of {', '.join(map(repr, known))}")
     return units
-
-
-def _columns(
-    joint_names: Sequence[str],
-    units: Sequence[str],
-    coordinates: Sequence[str],
-    rate_units: Sequence[str],
-    motors: Sequence[str],
-    forces: Sequence[str],
-) -> list[str]:
-    """Header of the CSV: `t_s`, `gamma_1_rad`, `gamma_1_rad_s`, `gamma_1_rad_s2`, `tau_1_Nm`, ...
-
-    Motor k's torque is `tau_k_Nm` (`tau_k_N` for a force), k counted from 1, and that of a motor
-    that is not the coordinate of the same number goes by its name; what has no unit, as
-    the entries of a quaternion, ends in `_1`.
-    """
-    positions = position_columns(joint_names, units)
-    rates = rate_columns(coordinates, rate_units)
-    torques = [f"tau_{motor}_{unit}" for motor, unit in zip(motors, forces, strict=True)]
-    return ["t_s", *positions, *rates, *(f"{rate}2" for rate in rates), *torques]
-
-
-def position_columns(names: Sequence[str], units: Sequence[str]) -> list[str]:
-    """Columns of a CSV for the entries of q."""
-    return [f"{name}_{unit or 1}" for name, unit in zip(names, units, strict=True)]
-
-
-def rate_columns(names: Sequence[str], units: Sequence[str]) -> list[str]:
-    """Columns of a CSV for rates; those of accelerations end in 2 besides."""
-    return [f"{name}_{unit}_s" for name, unit in zip(names, units, strict=True)]
-
-
-def sample_times(t: ArrayLike, least: int = 1) -> Array:
-    """Times as a read-only array.
-
-    Raises:
-        InputError: When they are not increasing, or fewer than `least`.
-    """
-    times = finite_array("t", t, ()).copy()
-    if times.ndim != 1 or len(times) < least:
-        raise InputError("t", f"shape {times.shape}, expected (N,) with N >= {least}")
-    steps = np.diff(times)
-    if (steps <= 0).any():
-        i = int(np.argmax(steps <= 0)) + 1
-        raise InputError("t", f"not increasing: t[{i}] = {times[i]:g} after {times[i - 1]:g}")
-    times.setflags(write=False)
-    return times
-
-
-def times_within(name: str, value: ArrayLike, times: Array, beyond: float = 0.0) -> Array:
-    """Times at which samples can be interpolated, shape (...).
-
-    Args:
-        name: The argument.
-        value: The times.
-        times: Those of the samples, increasing.
-        beyond: How far they may lie outside, [s].
-
-    Raises:
-        InputError: When one lies further before the first sample or after the last.
-    """
-    array = finite_array(name, value, ())
-    slack = beyond + 1e-9 * (times[-1] - times[0])  # an integrator may end a rounding beyond
-    outside = (array < times[0] - slack) | (array > times[-1] + slack)
-    if outside.any():
-        first = array[outside][0]
-        raise InputError(name, f"{first:g} s, sampled from {times[0]:g} to {times[-1]:g} s")
-    return array
-
-
-def spline(t: Array, values: Array) -> BSpline:
-    """A smooth curve through samples: of degree five, lower for fewer than six of them.
-
-    Args:
-        t: Increasing times, shape (N,).
-        values: Shape (N, ...).
-
-    Raises:
-        InputError: When the times are too near to one another for a curve in double precision.
-    """
-    from scipy.interpolate import make_interp_spline
-
-    try:
-        return make_interp_spline(t, values, k=min(5, len(t) - 1))
-    except ValueError as error:
-        raise InputError("t", f"no smooth curve through the samples: {error}") from None
 
 
 def require_motion(motion: Trajectory, position_names: Sequence[str], name: str = "motion") -> None:

@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 from ..description import MOTOR_NAMES
 from ..errors import FileFormatError, SSTError
 from ..files import Table, read_table
+from ..motion.motion_columns import parts_of
 from ..motion.motion_files import is_npz, of_robot
-from ..motion.trajectories import Trajectory, motion_of_table, spline
+from ..motion.samples import spline
+from ..motion.trajectories import Trajectory
 from .platform_motion import interpolate_orientations, orientation
 from .robot import SST
 
@@ -88,7 +90,7 @@ def load_motion(robot: SST, source: str | Path | BinaryIO) -> Trajectory:
     table = read_table(source)
     if not {f"{name}_rad" for name in robot.joint_names} | {"tau_1_Nm"} <= set(table.columns):
         return _motion_of(robot, table)
-    return of_robot(robot, motion_of_table(table), table.path)
+    return of_robot(robot, Trajectory(**parts_of(table)), table.path)
 
 
 def _unit(table: Table, name: str) -> str | None:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import finite_array
 from ..errors import InputError
-from ..motion.trajectories import sample_times, spline, times_within
+from ..motion.samples import sample_times, spline, times_within
 from .kinematics import require_rotation
 
 Array = NDArray[np.float64]

@@ -3,10 +3,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -510,12 +510,7 @@ class SST(ClosedChain):
         *,
         platform_moment: Load = None,
         external_wrenches: Load = None,
-        method: str = "DOP853",
-        rtol: float = 1e-12,
-        atol: float = 1e-12,
-        max_condition_number: float = 1e4,
-        sign_width: float = 1e-3,
-        progress: Callable[[float], None] | None = None,
+        **options: Any,
     ) -> Trajectory:
         """Simulate the motion for given torques; see `sst_pin.motion.simulation.simulate`.
 
@@ -529,13 +524,7 @@ class SST(ClosedChain):
                 constant, shape (3,), [N m].
             external_wrenches: Wrenches on the nine bodies: a function (t, q, va) -> (9, 6), or a
                 constant.
-            method: Integrator; this and the following arguments are those of
-                `sst_pin.motion.simulation.simulate`.
-            rtol: Relative tolerance.
-            atol: Absolute tolerance.
-            max_condition_number: The motion stops at this condition number, before a singularity.
-            sign_width: Width of the smoothed Coulomb friction, [rad/s].
-            progress: Function that is called with the time reached.
+            options: The keyword arguments of `ClosedChain.simulate`, such as `method`.
 
         Example:
             >>> motion = robot.simulate([0, 0, 0], robot.home, [0, 0, 0], np.linspace(0, 0.1, 11))
@@ -552,19 +541,7 @@ class SST(ClosedChain):
                 assert wrenches is not None
                 return wrenches
 
-        return super().simulate(
-            torque,
-            q0,
-            va0,
-            t,
-            external_wrenches=load,
-            method=method,
-            rtol=rtol,
-            atol=atol,
-            max_condition_number=max_condition_number,
-            sign_width=sign_width,
-            progress=progress,
-        )
+        return super().simulate(torque, q0, va0, t, external_wrenches=load, **options)
 
     def rollout(
         self,
@@ -575,10 +552,7 @@ class SST(ClosedChain):
         *,
         platform_moment: ArrayLike | None = None,
         external_wrenches: ArrayLike | None = None,
-        steps: int | None = None,
-        sign_width: float = 1e-3,
-        threads: int = 1,
-        on_error: str = "raise",
+        **options: Any,
     ) -> Rollout:
         """Simulate many motions with a fixed step; see `sst_pin.motion.rollouts.rollout`.
 
@@ -589,27 +563,15 @@ class SST(ClosedChain):
             dt: Step, [s].
             platform_moment: Constant moment on the star, in base axes, shape (..., 3), [N m].
             external_wrenches: Constant wrenches on the nine bodies, shape (..., 9, 6).
-            steps: Number of steps N.
-            sign_width: Width of the smoothed Coulomb friction, [rad/s].
-            threads: Number of threads.
-            on_error: "raise" or "nan".
+            options: The keyword arguments of `ClosedChain.rollout`, such as `steps`.
 
         Example:
             >>> motion = robot.rollout(np.zeros((8, 50, 3)), robot.home, [0, 0, 0], dt=1e-3)
             >>> motion.q.shape
             (8, 51, 9)
         """
-        return super().rollout(
-            tau,
-            q0,
-            va0,
-            dt,
-            external_wrenches=_with_moment(platform_moment, external_wrenches),
-            steps=steps,
-            sign_width=sign_width,
-            threads=threads,
-            on_error=on_error,
-        )
+        wrenches = _with_moment(platform_moment, external_wrenches)
+        return super().rollout(tau, q0, va0, dt, external_wrenches=wrenches, **options)
 
     # --- pictures ---------------------------------------------------------------------------
 
