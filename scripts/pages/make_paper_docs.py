@@ -151,15 +151,15 @@ def reading_table() -> Table:
 def draw_readings() -> None:
     from matplotlib.figure import Figure
 
+    import method_figures
     from sst_pin import plots
-    from sst_pin.plots import comparisons
 
     motions = _motions()
     with plots.style():
         figure = Figure(figsize=(7.0, 7.6), layout="constrained")
         axes = figure.subplots(4, 3, sharex=True, sharey=True)
         for ax, (name, motion) in zip(axes.flat, motions.items(), strict=True):
-            comparisons.torques_of_reading(
+            method_figures.torques_of_reading(
                 ax, motions[DEFAULT], motion, name.replace("-", "\N{MINUS SIGN}")
             )
         axes.flat[0].set_ylim(-46, 38)
@@ -188,8 +188,8 @@ def compare_referees() -> Table:
 
 
 def _torques(robot: SST) -> Iterator[tuple[str, float]]:
-    from sst_pin.plots import comparisons
-    from sst_pin.plots.comparisons import Method
+    import method_figures
+    from method_figures import Method
     from sst_pin.verification.referees import exudyn_engine, lagrange, mujoco_engine, symbolic
 
     parameters, t = Parameters(), np.linspace(0, PERIOD, 121)
@@ -232,16 +232,16 @@ def _torques(robot: SST) -> Iterator[tuple[str, float]]:
         figure = Figure(figsize=(3.5, 5.0), layout="constrained")
         top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(1.15, 1))
         ours = example_1(robot, np.linspace(0, PERIOD, 401))
-        comparisons.torques_of_methods(top, ours, [m for m in found if not m.rough])
+        method_figures.torques_of_methods(top, ours, [m for m in found if not m.rough])
         top.set(xlabel="")
-        comparisons.differences(bottom, errors, "difference from NOC (N m)")
-        comparisons.legend_below(figure, bottom)
+        method_figures.differences(bottom, errors, "difference from NOC (N m)")
+        method_figures.legend_below(figure, bottom)
         _write(figure, "figure_10_referees")
 
 
 def _paths(robot: SST, example: Trajectory) -> Iterator[tuple[str, float]]:
-    from sst_pin.plots import comparisons
-    from sst_pin.plots.comparisons import Method
+    import method_figures
+    from method_figures import Method
     from sst_pin.verification.referees import exudyn_engine, mujoco_engine
 
     parameters, torque, coarse = Parameters(), example.torque(), example.t[::4]
@@ -277,11 +277,11 @@ def _paths(robot: SST, example: Trajectory) -> Iterator[tuple[str, float]]:
         grid = figure.add_gridspec(2, 1, height_ratios=(1.25, 1))
         top, bottom = figure.add_subplot(grid[0], projection="3d"), figure.add_subplot(grid[1])
         marked = [method for method in found if not method.rough]
-        comparisons.paths_of_methods(top, robot, example, ours, marked)
+        method_figures.paths_of_methods(top, robot, example, ours, marked)
         bottom.plot([], [], color="0.8", linewidth=4, label="wanted path")
-        comparisons.differences(bottom, errors, "angle off the path (rad)")
+        method_figures.differences(bottom, errors, "angle off the path (rad)")
         bottom.set(xlim=(0, PERIOD), ylim=(1e-15, 1e-4))  # the first sample of all is exact
-        comparisons.legend_below(figure, bottom)
+        method_figures.legend_below(figure, bottom)
         _write(figure, "figure_11_referees")
 
 

@@ -75,18 +75,18 @@ def test_comparison_figures_name_every_method_and_unit(script, robot):
     """Lines and marks of two methods; the exact zeros of one leave the logarithmic axis empty."""
     from matplotlib.figure import Figure
 
-    from sst_pin.plots import comparisons
+    import method_figures
     from sst_pin.sst import paper
 
     ours = paper.example_1(robot, np.linspace(0, paper.PERIOD, 31))
-    motion = comparisons.Method("other", ours.t, ours.tau, 1)
+    motion = method_figures.Method("other", ours.t, ours.tau, 1)
     figure = Figure()
     top, bottom, last = figure.subplots(3)
-    comparisons.torques_of_methods(top, ours, [motion])
+    method_figures.torques_of_methods(top, ours, [motion])
     sizes = [motion._replace(values=0 * ours.t), motion._replace(values=1 + ours.t, rough=True)]
-    comparisons.differences(bottom, sizes, "difference (N m)")
-    comparisons.legend_below(figure, bottom)
-    comparisons.torques_of_reading(last, ours, ours, "same")
+    method_figures.differences(bottom, sizes, "difference (N m)")
+    method_figures.legend_below(figure, bottom)
+    method_figures.torques_of_reading(last, ours, ours, "same")
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["other", "other"]
     assert top.get_ylabel() == "motor torque (N m)"
     assert bottom.get_ylabel() == "difference (N m)"

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Figures that hold several methods, or several readings of the paper, side by side.
+"""Figures of docs/paper.md with several methods, or several readings of the paper, side by side.
 
-Like those of `plots`, the functions draw into axes that they are given and hand them back.
+Like those of `sst_pin.plots`, the functions draw into axes that they are given and hand them back.
 """
 
 from __future__ import annotations
@@ -12,11 +12,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..motion.trajectories import Trajectory
-from ..sst.robot import SST
-from .motions import motor_torques
-from .sphere import paths_on_sphere
-from .style import COLOURS, DASHES
+from sst_pin import SST, Trajectory
+from sst_pin.plots import COLOURS, DASHES, motor_torques, paths_on_sphere
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
