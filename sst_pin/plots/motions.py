@@ -193,8 +193,8 @@ def condition_number(ax: Axes, robot: ClosedChain, motion: Trajectory) -> Axes:
         with np.errstate(divide="ignore"):
             values = np.stack([found.condition_number, 1 / found.first_kind], axis=1)
         names: tuple[str, ...] = (
-            r"second kind, $\mathrm{cond}\,A$",
-            r"first kind, $1\,/\min\,|\sin\mu_k|$",
+            r"singularity (second kind), $\mathrm{cond}\,A$",
+            r"singularity (first kind), $1\,/\min\,|\sin\mu_k|$",
         )
     else:
         values = np.array([[robot.condition_number(q)] for q in motion.q])

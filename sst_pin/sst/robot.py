@@ -171,7 +171,7 @@ class SST(ClosedChain):
 
     @property
     def geometry(self) -> Geometry:
-        """Of the tree.
+        """Geometry of the tree.
 
         Example:
             >>> robot.geometry.e[0]
@@ -182,10 +182,10 @@ class SST(ClosedChain):
 
     @property
     def parameters(self) -> Parameters:
-        """The numbers of `model` as parameters; `SST(robot.parameters)` is the same robot.
+        """The parameters of `model`; `SST(robot.parameters)` is the same robot.
 
         Raises:
-            DescriptionError: When an edited URDF holds what parameters do not.
+            DescriptionError: If an edited URDF cannot be described by `Parameters`.
 
         Example:
             >>> robot.parameters.star.mass
