@@ -23,12 +23,12 @@ def bennett(
     linear_density: float = 2.0,
     radius: float = 0.01,
 ) -> GalleryRobot:
-    """Bennett's linkage: four revolutes, no two parallel; overconstrained, yet it moves.
+    """Bennett's linkage: four revolute joints, no two parallel; overconstrained but movable.
 
-    Opposite bars are alike; lengths are to one another as the sines of their twists (G. T.
-    Bennett, A new mechanism, Engineering 76 (1903)). The mobility formula gives minus two
-    freedoms, the linkage has one: of the five equations of its closure three are redundant. The
-    platform is the middle of the coupler. The numbers are ours.
+    Opposite bars are equal; lengths are proportional to the sines of their twists (G. T.
+    Bennett, A new mechanism, Engineering 76 (1903)). The counting formula gives minus two
+    degrees of freedom, but the linkage has one: three of its five closure equations are redundant.
+    The platform is the middle of the coupler. Dimensions and masses are chosen here.
 
     Args:
         crank: Length of the crank and of the bar across, [m].

@@ -28,11 +28,12 @@ def delta(
     rod_mass: float = 0.02,
     platform_mass: float = 0.15,
 ) -> GalleryRobot:
-    """The delta robot: three arms and six rods carry a platform that moves and does not turn.
+    """The delta robot: three arms and six rods move a platform without rotation.
 
-    Rods hang on universal joints of the arms and do not spin; balls join them to the platform,
-    which rod_1a bears. The robot of R. Clavel, Delta, a fast robot with parallel geometry, ISIR
-    1988; the numbers are ours, those of a machine for a table.
+    The rods are connected to the arms by universal joints and do not spin. Ball joints connect them
+    to the platform, which is the child of rod_1a in the tree. The robot of R. Clavel, Delta, a fast
+    robot with parallel geometry, ISIR 1988; dimensions and masses are chosen here, those of a
+    machine for a table.
 
     Args:
         base_radius: Of the circle of the motors, [m].

@@ -56,10 +56,10 @@ def excavator(
 ) -> GalleryRobot:
     """The arm of a small excavator: a swing and three cylinders move boom, arm and bucket.
 
-    The boom's and the arm's cylinder make triangles, the bucket's a triangle and a four-bar:
-    four loops in the arm's plane. The platform is the tip of the bucket, x along the bucket, z
-    normal to the arm's plane. Where cylinders attach does not change with the lengths. The layout
-    is that of every backhoe; the numbers are ours, those of a machine of three tonnes.
+    The boom's and the arm's cylinder make triangles, the bucket's a triangle and a four-bar: four
+    loops in the arm's plane. The platform is the tip of the bucket, x along the bucket, z normal to
+    the arm's plane. Where cylinders attach does not change with the lengths. The layout is that of
+    every backhoe; dimensions and masses are chosen here, those of a machine of three tonnes.
 
     Args:
         boom: Between its pins, [m].

@@ -31,9 +31,9 @@ def four_bar(
 ) -> GalleryRobot:
     """A four-bar linkage that stands upright, driven at its crank; x to the right, z up.
 
-    The platform is the point of the coupler, its x axis along the coupler, its z axis normal to
-    the plane. Lengths are in the proportions of Hoecken's linkage, 1 : 2.5 : 2.5 : 2 : 5, which
-    draws a line that is nearly straight (R. L. Norton, Design of Machinery); masses are ours.
+    The platform is the point of the coupler, its x axis along the coupler, its z axis normal to the
+    plane. Lengths are in the proportions of Hoecken's linkage, 1 : 2.5 : 2.5 : 2 : 5, which draws a
+    line that is nearly straight (R. L. Norton, Design of Machinery); masses are chosen here.
 
     Args:
         crank: From the origin to its pin, [m].
@@ -93,7 +93,7 @@ def five_bar(
     The platform is the point where the two arms meet; its orientation does not count. Lengths are
     like those of small five-bars for the laboratory (DexTAR; L. Campos, F. Bourbonnais, I. Bonev,
     P. Bigras, Development of a five-bar parallel robot with large workspace, ASME DETC 2010),
-    masses are ours. Elbows point outwards.
+    masses are chosen here. Elbows point outwards.
 
     Args:
         span: Between the motors, along x, [m].
@@ -145,9 +145,10 @@ def planar_3rrr(
 ) -> GalleryRobot:
     """A planar platform on three legs of three revolutes, the first of each leg driven.
 
-    It moves in the horizontal plane; the platform's frame lies in its middle. The robot of
-    C. Gosselin and J. Angeles, The optimum kinematic design of a planar three-degree-of-freedom
-    parallel manipulator, J. Mechanisms 110 (1988); the numbers are ours. Elbows bend to the left.
+    It moves in the horizontal plane; the platform's frame lies in its middle. The robot of C.
+    Gosselin and J. Angeles, The optimum kinematic design of a planar three-degree-of-freedom
+    parallel manipulator, J. Mechanisms 110 (1988); dimensions and masses are chosen here. Elbows
+    bend to the left.
 
     Args:
         base_radius: Of the circle of the motors, [m].
@@ -185,11 +186,11 @@ def planar_4rrr(
     linear_density: float = 1.5,
     radius: float = 0.01,
 ) -> GalleryRobot:
-    """A planar platform on four legs: four motors for three freedoms.
+    """A planar platform on four legs: four motors for three degrees of freedom.
 
     Redundant actuation removes singularities and allows preload against backlash (A. Müller,
     Internal preload control of redundantly actuated parallel manipulators, IEEE Trans. Robotics
-    21 (2005)); the numbers are ours. Arguments as `planar_3rrr`.
+    21 (2005)); dimensions and masses are chosen here. Arguments as `planar_3rrr`.
 
     Example:
         >>> chain = sst_pin.robots.planar_4rrr()

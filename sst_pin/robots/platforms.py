@@ -33,11 +33,12 @@ def stewart(
     barrel_mass: float = 2.0,
     rod_mass: float = 1.0,
 ) -> GalleryRobot:
-    """The Gough-Stewart platform 6-UPS: six driven struts move a platform in all six freedoms.
+    """The Gough-Stewart platform 6-UPS: six driven struts move a platform.
 
-    The platform is a free-flyer that six balls hold; a strut turns about a universal joint at the
+    The platform is a free-flyer with six ball joints. A strut turns about a universal joint at the
     base and does not spin. The layout of V. E. Gough's machine and of D. Stewart, A platform with
-    six degrees of freedom, Proc. Inst. Mech. Eng. 180 (1965); the numbers are ours.
+    six degrees of freedom, Proc. Inst. Mech. Eng. 180 (1965); dimensions and masses are chosen
+    here.
 
     Args:
         base_radius: Of the circle of the base's joints, [m].
@@ -83,10 +84,11 @@ def ups_pu(
     barrel_mass: float = 1.5,
     rod_mass: float = 0.8,
 ) -> GalleryRobot:
-    """The platform 3-UPS-PU: three driven struts, and a post that leaves it three freedoms.
+    """The platform 3-UPS-PU: three driven struts and a central post.
 
-    The post slides along z and bears the platform on a universal joint: it heaves, and turns about
-    x and then y. A robot whose dynamics have been found by the NOC before; the numbers are ours.
+    The post slides along z and carries the platform on a universal joint. So the platform has three
+    degrees of freedom: it moves along z, and turns about x and then y. Its dynamics has been
+    published with the NOC before; dimensions and masses are chosen here.
 
     Args:
         base_radius: Of the circle of the base's joints, [m].
@@ -140,7 +142,8 @@ def hexaglide(
 
     Rails run along x in the plane z = 0; the platform is a free-flyer above them that six balls
     hold. The layout of the Hexaglide of ETH Zurich (M. Honegger, A. Codourey, E. Burdet, Adaptive
-    control of the Hexaglide, a 6 dof parallel manipulator, ICRA 1997); the numbers are ours.
+    control of the Hexaglide, a 6 dof parallel manipulator, ICRA 1997); dimensions and masses are
+    chosen here.
 
     Args:
         rails: y of the six rails, shape (6,), [m].

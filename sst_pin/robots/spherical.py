@@ -28,12 +28,12 @@ def agile_eye(
     platform_mass: float = 0.1,
     camera_mass: float = 0.2,
 ) -> GalleryRobot:
-    """The Agile Eye: a spherical 3-RRR whose neighbouring axes are all at right angles.
+    """The Agile Eye: a spherical 3-RRR with right angles between neighbouring axes.
 
     It turns a camera about the origin; z is the axis of symmetry. Each of its two hinge closures
     has five equations, of the ten six are redundant. The robot of C. Gosselin and J.-F. Hamel,
     The agile eye: a high-performance three-degree-of-freedom camera-orienting device, ICRA 1994;
-    radius and masses are ours.
+    radius and masses are chosen here.
 
     Args:
         radius: Of the driven links, [m].
@@ -66,7 +66,8 @@ def agile_wrist(
     """The Agile Wrist: the axes of the Agile Eye in the size of a robot's wrist, with a tool.
 
     The robot of F. Bidault, C.-P. Teng and J. Angeles, Structural optimization of a spherical
-    parallel manipulator using a two-level approach, ASME DETC 2001; radius and masses are ours.
+    parallel manipulator using a two-level approach, ASME DETC 2001; radius and masses are chosen
+    here.
 
     Args:
         radius: Of the driven links, [m].

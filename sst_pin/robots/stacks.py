@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Chains of as many loops as one likes: scissor lift and ladder."""
+"""Chains with any number of loops: scissor lift and ladder."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ def scissor_lift(
     """A scissor lift of crossed arms, driven by the slider at its foot; x to the right, z up.
 
     The left foot is hinged to the base, the right one slides along x; so do the corners of the
-    platform. The platform's frame lies in its left corner. The numbers are ours. Each crossing
-    closes a loop, whose plane makes one of its three equations redundant.
+    platform. The platform's frame lies in its left corner. Dimensions and masses are chosen here.
+    Each crossing closes a loop, whose plane makes one of its three equations redundant.
 
     Args:
         cells: Pairs of arms, one or more.
@@ -102,8 +102,8 @@ def ladder(
     """A ladder of parallelograms, one upon the other, each driven; x to the right, z up.
 
     The loops share no joints, and there can be any number of them. The platform is the top rung,
-    which does not turn; its frame lies at the left. For a place of the platform, the
-    cells of the lower half lean alike, and those of the upper half. The numbers are ours.
+    which does not turn; its frame lies at the left. For a place of the platform, the cells of the
+    lower half lean alike, and those of the upper half. Dimensions and masses are chosen here.
 
     Args:
         cells: Parallelograms, two or more, each with a motor at its left rail.
