@@ -129,8 +129,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="fewer repeats")
     parser.add_argument(
-        "--robots", nargs="+", default=list(benchmark_robots.ROBOTS), metavar="NAME",
-        help="fewer robots besides the SST",
+        "--robots", nargs="+", choices=benchmark_robots.ROBOTS, metavar="NAME",
+        default=list(benchmark_robots.ROBOTS),
+        help=f"fewer robots besides the SST: {'; '.join(benchmark_robots.ROBOTS)}",
     )  # fmt: skip
     parser.add_argument("--out", type=Path, help="another folder than docs/; README.md is left")
     arguments = parser.parse_args()
