@@ -51,8 +51,9 @@ setup(
     ext_modules=[
         Extension(
             "sst_pin.sst.kernels._library",  # no module: ctypes loads it
-            [f"{FOLDER}/{target}.c" for target in ("plain", "avx2", "avx512", "avx512vl")],
-            depends=[f"{FOLDER}/kernels.c", f"{PARTS}/real.h", f"{PARTS}/driver.h"],
+            [f"{FOLDER}/{x}.c" for x in ("plain", "plain_one", "avx2", "avx2_one", "avx512")],
+            depends=[f"{FOLDER}/{x}" for x in ("kernels.c", "target.h")]
+            + [f"{PARTS}/{x}" for x in ("real.h", "driver.h")],
             include_dirs=[PARTS],
             define_macros=[
                 made_of(f"{FOLDER}/kernels.c", f"{PARTS}/real.h", f"{PARTS}/driver.h"),

@@ -14,8 +14,9 @@ from .mechanism import Friction
 Array = NDArray[np.float64]
 #: Indices of samples, or a count for each sample.
 Indices = NDArray[np.intp]
-Answer = tuple[NDArray[np.bool_] | None, Array] | None
-#: Takes arguments as the caller gave them; None for an answer when they need more care.
+#: A result; None where the arguments need more care.
+Answer = Array | None
+#: Takes arguments as the caller gave them.
 Single = Callable[..., Answer]
 
 

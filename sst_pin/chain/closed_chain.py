@@ -650,9 +650,9 @@ class ClosedChain:
         if current.unseen:
             current.look()
         if external_wrenches is weights is None and on_error == "raise":
-            answer = current.torques_of(q, va, aa, None, out, threads)
-            if answer is not None and answer[0] is None:
-                return answer[1]
+            tau = current.torques_of(q, va, aa, None, out, threads)
+            if tau is not None:
+                return tau
         mechanism, arrays = current.arguments(q, va=va, aa=aa)
         chosen = None if weights is None else samples.motor_weights(mechanism, weights)
 
@@ -708,9 +708,9 @@ class ClosedChain:
         if current.unseen:
             current.look()
         if external_wrenches is None and on_error == "raise":
-            answer = current.backend.forces_of(q, va, aa, None, out, 1)
-            if answer is not None and answer[0] is None:
-                return answer[1]
+            f = current.backend.forces_of(q, va, aa, None, out, 1)
+            if f is not None:
+                return f
         mechanism, arrays = current.arguments(q, va=va, aa=aa)
         return by_kernel(
             current,
@@ -759,9 +759,9 @@ class ClosedChain:
         if current.unseen:
             current.look()
         if external_wrenches is None and on_error == "raise":
-            answer = current.accelerations_of(q, va, tau, None, out, threads)
-            if answer is not None and answer[0] is None:
-                return answer[1]
+            aa = current.accelerations_of(q, va, tau, None, out, threads)
+            if aa is not None:
+                return aa
         mechanism, arrays = current.arguments(q, va=va, tau=tau)
         return by_kernel(
             current,

@@ -92,9 +92,9 @@ def derivatives(
         width = positive_number("sign_width", sign_width)
     q, va, x, wrenches = arguments
     if wrenches is out is None and on_error == "raise":
-        answer = current.backend.derivatives_of(name, width)(q, va, x, None, None, threads)
-        if answer is not None and answer[0] is None:
-            rows, n = answer[1], np.shape(va)[-1]
+        rows = current.backend.derivatives_of(name, width)(q, va, x, None, None, threads)
+        if rows is not None:
+            n = np.shape(va)[-1]
             rows.shape = (*rows.shape[:-1], n, rows.shape[-1] // n)
             return rows
     third = "aa" if name == "torque_derivatives" else "tau"

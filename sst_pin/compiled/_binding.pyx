@@ -5,7 +5,7 @@
 cimport cython
 cimport numpy as cnp
 from libc.stddef cimport ptrdiff_t
-from cpython.mem cimport PyMem_RawFree, PyMem_RawMalloc
+from cpython.mem cimport PyMem_RawCalloc, PyMem_RawFree, PyMem_RawMalloc
 from libc.stdint cimport uintptr_t
 from libc.string cimport memset
 
@@ -123,10 +123,11 @@ cdef class Kernel:
         library: What must live as long as the code is in use.
         loaded: Gives the kernel that takes a load too, or None.
         batch_parameters: The open numbers of `batch`, where its own differ from those of `single`.
+        moment: Where three numbers stand in a load that can be given alone; -1 for none.
     """
 
     cdef run_function single, batch
-    cdef int arrays, output
+    cdef int arrays, output, moment
     cdef int sizes[MOST_ARRAYS]
     cdef cnp.ndarray parameters, batch_parameters, gravity
     cdef object library, loaded
@@ -135,11 +136,12 @@ cdef class Kernel:
         self, uintptr_t single, uintptr_t batch, tuple sizes, int output,
         cnp.ndarray parameters not None, cnp.ndarray gravity not None, library, loaded=None,
         batch_parameters=None,
+        int moment=-1,
     ):
         if len(sizes) > MOST_ARRAYS or not single or not batch:
             raise ValueError("no such kernel")
         self.single, self.batch = <run_function>single, <run_function>batch
-        self.arrays, self.output = len(sizes), output
+        self.arrays, self.output, self.moment = len(sizes), output, moment
         for i in range(self.arrays):
             self.sizes[i] = sizes[i]
         self.parameters = np.array(parameters, dtype=np.float64, order="C")
@@ -151,7 +153,7 @@ cdef class Kernel:
             self.batch_parameters = np.array(batch_parameters, dtype=np.float64, order="C")
 
     def answer(self, a, b, c, load, out, threads):
-        """(None, result), or None where the caller has to take the careful way.
+        """The result, or None where the caller has to take the careful way.
 
         The kernel's inputs are the first of a, b, c, load, of shape (size,) or (N, size); the others
         have to be None, but with a load `loaded` answers. None is the answer too when an input is
@@ -159,24 +161,31 @@ cdef class Kernel:
         several threads, when `out` is no plain array apart from the inputs, or when the kernel does
         not vouch for all.
         """
+        cdef Kernel kernel = self
+        if load is not None and self.arrays < 4:
+            if callable(self.loaded):
+                self.loaded = self.loaded()
+            kernel = self.loaded
+            if kernel is None:
+                return None
+        return kernel.respond(a, b, c, load, out, threads)
+
+    cdef respond(self, a, b, c, load, out, threads):
+        """As `answer`."""
         cdef rows inputs[4]
         cdef rows output
-        cdef unsigned char few[FEW]
-        cdef unsigned char *flags = few
         cdef cnp.npy_intp shape[2]
         cdef Py_ssize_t count = -1
         cdef const double *now = numbers_of(self.gravity)
         cdef const double *parameters = numbers_of(self.parameters)
-        cdef run_function run
-        cdef int i, any_bad
-        if load is not None and self.arrays < 4:
-            if callable(self.loaded):
-                self.loaded = self.loaded()
-            return self.loaded and self.loaded.answer(a, b, c, load, out, threads)
+        cdef bint moment = self.moment >= 0 and (is_plain(load, 1, 3) or is_plain(load, 2, 3))
+        cdef int i, size
         if (
             self.arrays > 4 or type(threads) is not int or threads != 1
-            or not self.take(a, 0, inputs, &count) or not self.take(b, 1, inputs, &count)
-            or not self.take(c, 2, inputs, &count) or not self.take(load, 3, inputs, &count)
+            or not self.take(a, 0, self.sizes[0], inputs, &count)
+            or not self.take(b, 1, self.sizes[1], inputs, &count)
+            or not self.take(c, 2, self.sizes[2], inputs, &count)
+            or not self.take(load, 3, 3 if moment else self.sizes[3], inputs, &count)
             or now[0] != parameters[0] or now[1] != parameters[1] or now[2] != parameters[2]
         ):
             return None
@@ -197,30 +206,64 @@ cdef class Kernel:
             return None
         output = rows_of(<cnp.ndarray>out)
         for i in range(self.arrays):
-            if overlap(&inputs[i], self.sizes[i], &output, self.output, count):
+            size = 3 if moment and i == 3 else self.sizes[i]
+            if overlap(&inputs[i], size, &output, self.output, count):
                 return None
+        if moment:
+            return out if self.run_with_moment(inputs, &output, count) else None
+        return out if self.run(inputs, &output, count) else None
+
+    cdef inline bint run(self, const rows *inputs, const rows *output, Py_ssize_t count) noexcept:
+        """Whether the kernel vouches for all; a count of -1 is one sample."""
+        cdef unsigned char few[FEW]
+        cdef unsigned char *flags = few
+        cdef run_function run = self.batch
+        cdef const double *parameters = numbers_of(self.batch_parameters)
+        cdef bint any_bad
         if count < 0:
-            return None if self.single(inputs, &output, parameters, 1, few) else (None, out)
-        run = self.single
-        if count > 4:
-            run, parameters = self.batch, numbers_of(self.batch_parameters)
+            return not self.single(inputs, output, numbers_of(self.parameters), 1, few)
         if count > FEW:
             flags = <unsigned char *>PyMem_RawMalloc(count)
             if not flags:
-                return None
+                return False
         with nogil:
-            any_bad = run(inputs, &output, parameters, count, flags)
+            any_bad = run(inputs, output, parameters, count, flags)
         if flags != few:
             PyMem_RawFree(flags)
-        return None if any_bad else (None, out)
+        return not any_bad
 
-    cdef inline bint take(self, object array, int i, rows *inputs, Py_ssize_t *count):
+    cdef bint run_with_moment(self, rows *inputs, rows *output, Py_ssize_t count) noexcept:
+        """The same with moments in the place of loads: those are made for some samples at once."""
+        cdef rows moments = inputs[3]
+        cdef int size = self.sizes[3]
+        cdef Py_ssize_t first = 0, some = 1 if count < 0 else min(count, <Py_ssize_t>FEW), k
+        cdef int i
+        cdef double *loads = <double *>PyMem_RawCalloc(max(some, 1) * size, sizeof(double))
+        cdef bint good = loads != NULL
+        inputs[3].data = <char *>loads
+        inputs[3].row, inputs[3].column = size * sizeof(double), sizeof(double)
+        while good and first < abs(count):
+            some = min(some, abs(count) - first)
+            for k in range(some):
+                for i in range(3):
+                    loads[k * size + self.moment + i] = (
+                        <double *>(moments.data + (first + k) * moments.row + i * moments.column)
+                    )[0]
+            good = self.run(inputs, output, -1 if count < 0 else some)
+            first += some
+            for i in range(3):
+                inputs[i].data += some * inputs[i].row
+            output.data += some * output.row
+        PyMem_RawFree(loads)
+        return good
+
+    cdef inline bint take(self, object array, int i, int size, rows *inputs, Py_ssize_t *count):
         """Whether an argument is what the kernel takes there; `count` is -1 for one sample."""
         cdef Py_ssize_t own
         if i >= self.arrays:
             return array is None
-        if not is_plain(array, 1, self.sizes[i]):
-            if not is_plain(array, 2, self.sizes[i]):
+        if not is_plain(array, 1, size):
+            if not is_plain(array, 2, size):
                 return False
             own = cnp.PyArray_DIM(<cnp.ndarray>array, 0)
             if count[0] >= 0 and own != count[0]:
@@ -266,7 +309,7 @@ cdef class Kernel:
         bad = flags
         output = rows_of(out)
         run, own = self.single, self.parameters
-        if count > 4:
+        if count > 1:
             run, own = self.batch, self.batch_parameters
         parameters = numbers_of(own)
         with nogil:

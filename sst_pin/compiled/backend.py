@@ -78,6 +78,7 @@ class CompiledBackend:
         parameters: Which numbers the kernels take; those of `Parameters` by default.
         code: Gives the code of a kernel by its name and an instruction set; from the cache by
             default.
+        bearer: Body on which a moment alone is a load too, counted from 0; none by default.
 
     Raises:
         CompilationError: When the package was installed without its extension module, or with one
@@ -93,6 +94,7 @@ class CompiledBackend:
         *,
         parameters: Parameters | None = None,
         code: Callable[[str, str], Code] | None = None,
+        bearer: int | None = None,
     ) -> None:
         try:
             from . import _binding
@@ -106,6 +108,7 @@ class CompiledBackend:
         self._model, self._near = model, near
         self._parameters = parameters or Parameters(self._mechanism)
         self._code = code or self._from_cache
+        self._moment = -1 if bearer is None else 6 * bearer
         self._numbers = self._parameters.pack(self._mechanism, self._mechanism.friction)
         self._kernels: dict[str, Kernel | None] = {}
         self._smooth: dict[tuple[str, float], Kernel | None] = {}
@@ -295,6 +298,7 @@ class CompiledBackend:
             (codes, self._model),
             loaded,
             codes[-1].prepared(numbers),
+            self._moment,
         )
 
     def rate(self, loaded: bool, friction: Friction) -> Kernel | None:
@@ -329,10 +333,10 @@ class CompiledBackend:
         if problem := impossible(self._mechanism, name):
             raise DescriptionError("compiled kernels", [problem])
         best = self._binding.INSTRUCTIONS
-        # Eight samples at once take longer than four, and one sample takes as long as all.
-        narrow = "avx512vl" if best == "avx512" else best
         if not _has_directions(self._mechanism, name, build.TARGETS[best][0]):
-            return [self._code(name, target) for target in dict.fromkeys([narrow, best])]
+            return [self._code(name, target) for target in (build.ONE[best], best)]
+        # Eight directions at once take longer than four.
+        narrow = "avx512vl" if best == "avx512" else best
         fit = len(self._mechanism.coordinates) <= build.TARGETS[narrow][0]
         first, *loaded = name.split()
         single = " ".join([first, ALONG, *loaded])
@@ -391,9 +395,9 @@ class CompiledStates(ReferenceStates):
             return super().closed(states)
         answer = self._closing.answer(states[..., : self._nq], None, None, None, None, 1)
         if answer is not None:  # closed to 1e-6 before this step: the next one is the last
-            q = answer[1][..., : self._nq]
+            q = answer[..., : self._nq]
             answer = self._closing.answer(q, None, None, None, None, 1)
-            return q if answer is None else answer[1][..., : self._nq]
+            return q if answer is None else answer[..., : self._nq]
         q = np.ascontiguousarray(states[..., : self._nq].reshape(-1, self._nq))
         for _ in range(4):
             result = np.empty((len(q), self._nq + 2))
@@ -411,7 +415,7 @@ class CompiledStates(ReferenceStates):
             return super().rate(states, tau, wrenches)
         load = None if wrenches is None else wrenches.reshape(*wrenches.shape[:-2], -1)
         answer = kernel.answer(states, tau, load, None, None, 1)
-        return super().rate(states, tau, wrenches) if answer is None else answer[1]
+        return super().rate(states, tau, wrenches) if answer is None else answer
 
     def near_singularity(self, q: Array, limit: float) -> bool:
         """As `ReferenceStates.near_singularity`, from det Phi_u where that suffices.
@@ -440,7 +444,7 @@ class CompiledStates(ReferenceStates):
         answer = None if closing is None else closing.answer(q, None, None, None, None, 1)
         if answer is None:
             return math.nan, math.nan
-        return answer[1].item(-2), answer[1].item(-1)
+        return answer.item(-2), answer.item(-1)
 
     def rollout(
         self,

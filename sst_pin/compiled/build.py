@@ -23,13 +23,18 @@ from typing import NamedTuple
 from ..errors import CompilationError
 
 _AVX512 = ("-mavx512f", "-mavx512dq", "-mavx512vl", "-mfma")
+_AVX2 = ("-mavx2", "-mfma")
 #: Samples at once, and what a compiler is told, for each instruction set.
 TARGETS = {
     "avx512": (8, (*_AVX512, "-mprefer-vector-width=512")),
     "avx512vl": (4, _AVX512),
-    "avx2": (4, ("-mavx2", "-mfma")),
+    "avx2": (4, _AVX2),
     "plain": (2, ()),
+    "avx2_one": (1, _AVX2),
+    "plain_one": (1, ()),
 }
+#: Of these the one for single samples: a number takes less time than a vector of the same numbers.
+ONE = {"avx512": "avx2_one", "avx2": "avx2_one", "plain": "plain_one"}
 _OPTIONS = ("-std=gnu11", "-O3", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast")
 _SUFFIX = ".so"
 _CURE = "XDG_CACHE_HOME names another place"

@@ -31,6 +31,8 @@ _OF_NUMBERS = {ca.OP_FABS: "{0} < 0 ? -{0} : {0}", ca.OP_LE: "{0} <= {1}"}
 _LARGEST, _PART = 7000, 500
 #: Names of results of statements.
 _RESULT = re.compile(r"\b(?:ti?|s|c)\d+\b")
+#: Sine and cosine of a number of the input.
+_TURN = re.compile(r"real s(\d+), c\d+; sines_cosines\(1, &(x\[\d+\])")
 #: Numbers of the input.
 _INPUT = re.compile(r"\bx\[\d+\]")
 
@@ -94,7 +96,7 @@ def body(kernel: Kernel, size: int | None = None, suffix: str = "") -> Body:
     texts = [_function(prepare, ["(void)p;", *writer.lines["number"]])]
     lines, room = writer.lines["real"], kernel.output.numel() + kernel.checks.numel()
     if len(lines) <= _LARGEST and not kernel.directions:
-        functions = {kernel.name: ["(void)p;", *lines]}
+        functions = {kernel.name: ["(void)p;", *_together(lines)]}
     else:
         whole = {kernel.name: lines}
         if kernel.directions:
@@ -118,6 +120,21 @@ def body(kernel: Kernel, size: int | None = None, suffix: str = "") -> Body:
 
 def _function(head: str, lines: Sequence[str]) -> str:
     return "\n    ".join([f"{head}\n{{", *_wrapped(lines)]) + "\n}\n"
+
+
+def _together(lines: Sequence[str]) -> list[str]:
+    """Statements with the sines and cosines of all inputs before them, several at once."""
+    names: dict[str, str] = {}
+    angles: list[str] = []
+    for found in filter(None, map(_TURN.match, lines)):
+        names |= {f"{x}{found[1]}": f"{x}[{len(angles)}]" for x in "sc"}
+        angles.append(found[2])
+    rest = [_renamed(line, names) for line in lines if not _TURN.match(line)]
+    if not angles:
+        return rest
+    n, listed = len(angles), ", ".join(angles)
+    arrays = f"real s[{n}], c[{n}]; const real angles[] = {{{listed}}};"
+    return [arrays, f"sines_cosines({n}, angles, s, c);", *rest]
 
 
 def _split(lines: Sequence[str], inputs: range) -> tuple[list[str], list[str]]:
@@ -254,7 +271,7 @@ class _Writer:
         first = texts[0]
         if operation in (ca.OP_SIN, ca.OP_COS):
             t = self._turns.setdefault(first, len(self._turns))
-            declared = f"real s{t}, c{t}; sine_cosine({first}, &s{t}, &c{t});"
+            declared = f"real s{t}, c{t}; sines_cosines(1, &{first}, &s{t}, &c{t});"
             if declared not in self.lines[kind]:
                 self.lines[kind].append(declared)
             return f"{'s' if operation == ca.OP_SIN else 'c'}{t}", kind

@@ -235,33 +235,49 @@ class Equations:
     def unsolved(self, x: Sparse, right: Sparse) -> list[Any]:
         """More than 1 where rates x do not solve Phi x = right, small pivots having met.
 
-        Nothing where elimination changes no elements: none can grow.
+        Judged is the sum of the scaled residuals, each with a sign of its own: it takes the sum of
+        the rows, not a product with each. Nothing where elimination changes no elements: none can
+        grow.
         """
-        rows, _ = self.factors.changed
-        left, squares = self._left(x, right), []
-        for i in rows:
-            row = self.rows[i].Phi
-            terms = [row[j] * x[j] for j in self._dependent if j in x and j in row]
-            squares.append((self.mechanism.row_scale[i] * (total(terms) - left.get(i, 0.0))) ** 2)
+        unit, signs, sums = self._row_sums
+        terms = [entry * x[j] for j, entry in sums.items() if j in x]
+        terms += [-(sign * right[i]) for i, sign in signs.items() if i in right]
         scale = self.mechanism.rate_scale
-        return self._too_much(squares, [x[j] / scale[j] for j in self._dependent if j in x])
+        return self._too_much(unit, terms, [x[j] / scale[j] for j in self._dependent if j in x])
 
     def unbalanced(self, tau: Sparse) -> list[Any]:
         """Likewise, where the multipliers do not balance tau along the dependent rates."""
-        _, columns = self.factors.changed
+        unit, signs, sums = self._column_sums
         x, scale = self.multipliers(tau), self.mechanism.row_scale
-        squares = []
-        for j in columns:
-            left = [self.rows[i].Phi[j] * x[i] for i in x if j in self.rows[i].Phi]
-            squares.append((self.mechanism.rate_scale[j] * (total(left) - tau.get(j, 0.0))) ** 2)
-        return self._too_much(squares, [x[i] / scale[i] for i in x])
+        terms = [entry * x[i] for i, entry in sums.items() if i in x]
+        terms += [-(sign * tau[j]) for j, sign in signs.items() if j in tau]
+        return self._too_much(unit, terms, [x[i] / scale[i] for i in x])
 
-    def _too_much(self, squares: list[Any], solution: list[Any]) -> list[Any]:
-        """Squared residuals against a solution, without a division."""
-        if not squares:
+    @cached_property
+    def _row_sums(self) -> tuple[float, dict[int, float], Sparse]:
+        """A unit, factors of the rows that elimination changes, and the sum of these, by rate."""
+        unit, signs = _signs(self.factors.changed[0], self.mechanism.row_scale)
+        sums: Sparse = {}
+        for i, sign in signs.items():
+            sums = add(sums, {j: sign * x for j, x in self.rows[i].Phi.items()})
+        return unit, signs, sums
+
+    @cached_property
+    def _column_sums(self) -> tuple[float, dict[int, float], Sparse]:
+        """Likewise of the dependent rates whose columns elimination changes, by row."""
+        unit, signs = _signs(self.factors.changed[1], self.mechanism.rate_scale)
+        sums = {
+            i: total(signs[j] * x for j, x in self.rows[i].Phi.items() if j in signs)
+            for i in self.factors.rows
+        }
+        return unit, signs, {i: x for i, x in sums.items() if not is_zero(x)}
+
+    def _too_much(self, unit: float, terms: list[Any], solution: list[Any]) -> list[Any]:
+        """The square of a residual against a solution, without a division."""
+        if not terms:
             return []
-        most = _ROUNDINGS * self._rounding * self._pivots[2]
-        excess = total(squares) / most**2 - total(x**2 for x in solution)
+        most = _ROUNDINGS * self._rounding * self._pivots[2] / unit
+        excess = (total(terms) / most) ** 2 - total(x**2 for x in solution)
         return [excess / _NOTHING**2]
 
     # --- forces -----------------------------------------------------------------------------
@@ -521,6 +537,13 @@ def _moment(x: Motion, J: SX) -> SX:
         return inertia @ x.alpha + ca.cross(x.omega, inertia @ x.omega)
     UJ = x.U @ J
     return ca.vertcat(UJ[2, 1] - UJ[1, 2], UJ[0, 2] - UJ[2, 0], UJ[1, 0] - UJ[0, 1])
+
+
+def _signs(places: Sequence[int], scale: Array) -> tuple[float, dict[int, float]]:
+    """A unit, and scales in it with signs that are random, but always the same."""
+    unit = float(scale[places[0]]) if places else 1.0
+    signs = np.random.default_rng(0).choice([-1.0, 1.0], size=len(places))
+    return unit, {i: float(x * scale[i] / unit) for i, x in zip(places, signs, strict=True)}
 
 
 def pivot_check(sizes: Array, factors: Factors) -> Any:

@@ -19,8 +19,6 @@ Array = NDArray[np.float64]
 
 #: Index of the body that bears the loads on the star; the three arcs are one body.
 STAR = JOINT_NAMES.index("beta_1")
-#: Numbers of the loads on all bodies, and those of them that are the moment on the star.
-_LOADS, _MOMENT = 6 * len(JOINT_NAMES), slice(6 * STAR, 6 * STAR + 3)
 
 
 def backend(reference: Reference, model: Any, off: str) -> Backend:
@@ -40,9 +38,9 @@ def backend(reference: Reference, model: Any, off: str) -> Backend:
         why = "the motors or springs differ from those of an SST"
     if why:
         return ReferenceBackend(reference, why)
-    parameters = kernels.open_numbers(mechanism)
+    numbers = kernels.open_numbers(mechanism)
     try:
-        return CompiledBackend(reference, model, parameters=parameters, code=kernels.code)
+        return CompiledBackend(reference, model, parameters=numbers, code=kernels.code, bearer=STAR)
     except CompilationError as error:
         return ReferenceBackend(reference, str(error))
 
@@ -61,18 +59,6 @@ def misfit(joint_names: tuple[str, ...], closures: tuple[Constraint, ...]) -> st
 
 def star_load(moment: Array) -> Array:
     """Wrenches on the nine bodies with a moment on the star, shape (..., 9, 6)."""
-    rows: Array = load_row(moment)
-    return rows.reshape(*moment.shape[:-1], len(JOINT_NAMES), 6)
-
-
-def load_row(moment: Any) -> Any:
-    """`star_load` in a row, as kernels take it, of an array of float64; anything else as it is."""
-    if type(moment) is not np.ndarray or moment.dtype.char != "d" or moment.shape[-1:] != (3,):
-        return moment
-    if moment.ndim == 1:
-        row = np.zeros(_LOADS)
-        row[_MOMENT] = moment  # takes less time than with an ellipsis
-        return row
-    rows = np.zeros((*moment.shape[:-1], _LOADS))
-    rows[..., _MOMENT] = moment
-    return rows
+    wrenches = np.zeros((*moment.shape[:-1], len(JOINT_NAMES), 6))
+    wrenches[..., STAR, :3] = moment
+    return wrenches

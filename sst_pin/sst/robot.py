@@ -436,11 +436,9 @@ class SST(ClosedChain):
         if current.unseen:
             current.look()
         if external_wrenches is weights is None and on_error == "raise":
-            answer = current.torques_of(
-                q, va, aa, kernel_path.load_row(platform_moment), out, threads
-            )
-            if answer is not None and answer[0] is None:
-                return answer[1]
+            tau = current.torques_of(q, va, aa, platform_moment, out, threads)
+            if tau is not None:
+                return tau
         wrenches = _with_moment(platform_moment, external_wrenches)
         return super().compute_torques(
             q,
@@ -491,11 +489,9 @@ class SST(ClosedChain):
         if current.unseen:
             current.look()
         if external_wrenches is None and on_error == "raise":
-            answer = current.accelerations_of(
-                q, va, tau, kernel_path.load_row(platform_moment), out, threads
-            )
-            if answer is not None and answer[0] is None:
-                return answer[1]
+            aa = current.accelerations_of(q, va, tau, platform_moment, out, threads)
+            if aa is not None:
+                return aa
         wrenches = _with_moment(platform_moment, external_wrenches)
         return super().compute_accelerations(
             q, va, tau, external_wrenches=wrenches, out=out, threads=threads, on_error=on_error

@@ -259,8 +259,8 @@ def test_the_binding_computes_with_nothing_but_float64_rows(four_bar):
     (q, va, aa), out = moving(four_bar, 5), np.empty((5, 1))
     kernel = four_bar._current.backend.kernel("torques")
     assert kernel.answer(q[0], va[0], aa[0], None, None, 1) is not None
-    _, batch = kernel.answer(q, va[0], aa, None, None, 1)
-    alone = [kernel.answer(q[k], va[0], aa[k], None, None, 1)[1] for k in range(5)]
+    batch = kernel.answer(q, va[0], aa, None, None, 1)
+    alone = [kernel.answer(q[k], va[0], aa[k], None, None, 1) for k in range(5)]
     assert np.array_equal(batch, alone)
     assert kernel.answer(q, va[:4], aa, None, None, 1) is None
     typed = [q[0].astype(np.float32), q[0].astype(">f8"), q[0].tolist()]

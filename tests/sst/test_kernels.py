@@ -293,10 +293,28 @@ def test_the_committed_c_is_what_the_generator_makes():
 
 
 @compiled
+@pytest.mark.parametrize("count", [1, 2, 64, 65, 150])
+def test_a_moment_on_the_star_alone_loads_kernels_as_the_wrenches_of_all_bodies_do(count):
+    """To the bit, in batches of any size, one moment for all or one for each, whatever strides."""
+    robot, random = sst_pin.SST(), np.random.default_rng(4)
+    q, va, aa = robot.joint_motion(*random_states(robot, random, count))
+    moments = random.normal(size=(count, 6))[:, ::2]
+    for moment in (moments, moments[0].copy()):
+        wrenches = np.zeros((*moment.shape[:-1], 9, 6))
+        wrenches[..., robot.joint_names.index("beta_1"), :3] = moment
+        for f in (robot.compute_torques, robot.compute_accelerations):
+            loaded = f(q, va, aa, platform_moment=moment)
+            assert np.array_equal(loaded, f(q, va, aa, external_wrenches=wrenches))
+            alone = f(q[-1], va[-1], aa[-1], platform_moment=moments[-1])
+            assert np.array_equal(alone, f(q, va, aa, platform_moment=moments)[-1])
+
+
+@compiled
 def test_every_instruction_set_of_the_machine_computes_the_same():
     """The shipped library holds all; those that the processor has agree to rounding."""
-    have = {"plain": ["plain"], "avx2": ["avx2", "plain"]}
-    have["avx512"] = ["avx512", "avx512vl", *have["avx2"]]
+    have = {"plain": ["plain", "plain_one"]}
+    have["avx2"] = ["avx2", "avx2_one", *have["plain"]]
+    have["avx512"] = ["avx512", *have["avx2"]]
     robot = sst_pin.SST()
     arguments = robot.joint_motion(*random_states(robot, np.random.default_rng(8), 20))
     expected = robot.compute_torques(*arguments)

@@ -25,7 +25,7 @@ INLINE void gather(real *x, const rows *from, ptrdiff_t first, int lanes, int si
     for (int j = 0; j < size; j++) {
         real numbers;
         for (int l = 0; l < LANES; l++)
-            numbers[l] = *(const double *)(at[l] + j * column);
+            LANE(numbers, l) = *(const double *)(at[l] + j * column);
         x[j] = numbers;
     }
 }
@@ -43,7 +43,7 @@ INLINE void give(const real *y, const rows *to, ptrdiff_t first, int lanes, int 
     for (int l = 0; l < lanes; l++) {
         char *at = to->data + (first + l) * to->row;
         for (int j = 0; j < size; j++)
-            *(double *)(at + j * to->column) = y[j][l];
+            *(double *)(at + j * to->column) = LANE(y[j], l);
     }
 }
 
@@ -53,7 +53,7 @@ INLINE mask judge(const real *x, int angles, int inputs, const real *y, int outp
     real squares = {0}, zero = {0};
     for (int j = 0; j < angles; j++)
         squares += x[j] * x[j];
-    for (int j = 0; j < inputs; j++)
+    for (int j = angles; j < inputs; j++)
         zero += x[j] * 0.0;
     for (int j = 0; j < outputs; j++)
         zero += y[j] * 0.0;
@@ -86,7 +86,7 @@ INLINE int run(body *f, body *close, int arrays, const int *sizes, int q, int in
         const mask good = judge(x, q, inputs, y, outputs, checks);
         give(y, out, first, lanes, outputs);
         for (int l = 0; l < lanes; l++)
-            if (!good[l])
+            if (!LANE(good, l))
                 bad[first + l] = 1, any = 1;
     }
     return any;
@@ -112,12 +112,12 @@ INLINE int along(body *once, body *f, int arrays, const int *sizes, int q, int d
                 directions * out->column};
             for (int j = 0; j < directions; j++)
                 for (int l = 0; l < LANES; l++)
-                    direction[j][l] = j == first + l;
+                    LANE(direction[j], l) = j == first + l;
             f(x, p, y);
             const mask good = judge(x, q, inputs, y, outputs, checks);
             give(y, &to, 0, lanes, outputs);
             for (int l = 0; l < lanes; l++)
-                if (!good[l])
+                if (!LANE(good, l))
                     bad[sample] = 1, any = 1;
         }
     }
@@ -177,7 +177,7 @@ INLINE int roll(const stepper *f, real *x, real *y, real *start, real *sum, cons
                 if (stage == 0) {
                     holds &= judge(x, f->q, inputs, y, states, f->checks);
                     for (int l = 0; l < lanes; l++)
-                        if (holds[l])
+                        if (LANE(holds, l))
                             reached[first + l] = s + 1;
                 }
                 for (int j = 0; j < states; j++) {

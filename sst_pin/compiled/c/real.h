@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: BSD-2-Clause */
 /* Arithmetic on `real`: a number, or a vector of LANES of them, one for each sample. A number is a
- * double; with SINGLE defined, for one sample at once, a float. */
+ * double; with SINGLE defined, for one sample at once, a float. A `turn` is as many angles as are
+ * taken at once: of one sample TURNS of them, or just one where LANES is not defined. */
 #ifndef REAL_H
 #define REAL_H
 
@@ -8,6 +9,11 @@
 
 #ifndef LANES
 #define LANES 1
+#define TURNS 1
+#elif LANES == 1
+#define TURNS 4
+#else
+#define TURNS 1
 #endif
 
 #ifdef SINGLE
@@ -36,25 +42,15 @@ typedef uint64_t bits;
 
 #if LANES == 1
 typedef number real;
-#define FLIP(x, t) flip(x, t)
+typedef int mask;
+#define LANE(x, l) (x)
 #define SIGN(x) ((number)((x) > 0) - (number)((x) < 0))
 #define ABSOLUTE(x) ((x) < 0 ? -(x) : (x))
 #define AT_MOST(x, y) ((number)((x) <= (y)))
-
-/* x, or -x where the last bit of t is set. */
-HELPER number flip(number x, number t)
-{
-    union {
-        number value;
-        bits bits;
-    } a = {x}, b = {t};
-    a.bits ^= b.bits << LAST_TO_FIRST;
-    return a.value;
-}
 #else
 typedef double real __attribute__((vector_size(8 * LANES), may_alias));
 typedef long long mask __attribute__((vector_size(8 * LANES), may_alias));
-#define FLIP(x, t) ((real)((mask)(x) ^ ((mask)(t) << LAST_TO_FIRST)))
+#define LANE(x, l) (x)[l]
 #define SIGN(x) sign(x)
 #define ABSOLUTE(x) ((real)((mask)(x) & 0x7fffffffffffffffLL))
 #define AT_MOST(x, y) at_most((real){0} + (x), (real){0} + (y))
@@ -82,13 +78,37 @@ HELPER real square_root(real x)
 }
 #endif
 
+#if TURNS == 1
+typedef real turn;
+#else
+typedef double turn __attribute__((vector_size(8 * TURNS), may_alias));
+#endif
+
+#if LANES == 1 && TURNS == 1
+#define FLIP(x, t) flip(x, t)
+
+/* x, or -x where the last bit of t is set. */
+HELPER number flip(number x, number t)
+{
+    union {
+        number value;
+        bits bits;
+    } a = {x}, b = {t};
+    a.bits ^= b.bits << LAST_TO_FIRST;
+    return a.value;
+}
+#else
+typedef long long turn_bits __attribute__((vector_size(sizeof(turn)), may_alias));
+#define FLIP(x, t) ((turn)((turn_bits)(x) ^ ((turn_bits)(t) << LAST_TO_FIRST)))
+#endif
+
 #ifdef SINGLE
 /* As below, to an absolute error of 2e-7 for |x| up to 1e3; the polynomials are those of Cephes. */
-HELPER void sine_cosine(float x, float *sine, float *cosine)
+HELPER void sine_cosine(const turn *x, turn *sine, turn *cosine)
 {
     const float round = 12582912.0f; /* 1.5 * 2^23 */
-    const float t = x * 0.318309886f + round, n = t - round;
-    const float y = 0.5f * (((x - n * 3.140625f) - n * 9.67502593994140625e-4f)
+    const float t = *x * 0.318309886f + round, n = t - round;
+    const float y = 0.5f * (((*x - n * 3.140625f) - n * 9.67502593994140625e-4f)
         - n * 1.509957990978376432e-7f);
     const float z = y * y;
     const float s = y + y * z * (-1.6666654611e-1f + z * (8.3321608736e-3f
@@ -100,20 +120,20 @@ HELPER void sine_cosine(float x, float *sine, float *cosine)
 }
 #else
 /* Sine and cosine to an absolute error of 4e-16 for |x| up to 1e6, without a branch. */
-HELPER void sine_cosine(real x, real *sine, real *cosine)
+HELPER void sine_cosine(const turn *x, turn *sine, turn *cosine)
 {
     /* 1.5 * 2^52: what is added to it becomes whole, and its last bit tells odd from even. */
     const double round = 6755399441055744.0;
-    const real t = x * 0.31830988618379067154 + round, n = t - round;
+    const turn t = *x * 0.31830988618379067154 + round, n = t - round;
     /* pi in three parts, the first two of 33 bits; y is half of what is left, |y| <= pi / 4. */
-    const real y = 0.5 * (((x - n * 3.14159265346825122833) - n * 1.21542010130123852870e-10)
+    const turn y = 0.5 * (((*x - n * 3.14159265346825122833) - n * 1.21542010130123852870e-10)
         - n * 4.04453249759190126e-21);
-    const real z = y * y;
+    const turn z = y * y;
     /* The minimax polynomial of fdlibm; then sin 2y = 2 sin y cos y, cos 2y = 1 - 2 sin^2 y. */
-    const real s = y + y * z * (-1.66666666666666324348e-01 + z * (8.33333333332248946124e-03
+    const turn s = y + y * z * (-1.66666666666666324348e-01 + z * (8.33333333332248946124e-03
         + z * (-1.98412698298579493134e-04 + z * (2.75573137070700676789e-06
         + z * (-2.50507602534068634195e-08 + z * 1.58969099521155010221e-10)))));
-    const real c = 1.0 - 0.5 * z + z * z * (4.16666666666666019037e-02
+    const turn c = 1.0 - 0.5 * z + z * z * (4.16666666666666019037e-02
         + z * (-1.38888888888741095749e-03 + z * (2.48015872894767294178e-05
         + z * (-2.75573143513906633035e-07 + z * (2.08757232129817482790e-09
         + z * -1.13596475577881948265e-11)))));
@@ -121,6 +141,23 @@ HELPER void sine_cosine(real x, real *sine, real *cosine)
     *cosine = FLIP(1.0 - 2.0 * (s * s), t);
 }
 #endif
+
+HELPER void sines_cosines(int n, const real *x, real *sines, real *cosines)
+{
+#if TURNS == 1
+    for (int k = 0; k < n; k++)
+        sine_cosine(&x[k], &sines[k], &cosines[k]);
+#else
+    for (int k = 0; k < n; k += TURNS) {
+        turn angles, s, c;
+        for (int l = 0; l < TURNS; l++)
+            angles[l] = x[k + l < n ? k + l : k];
+        sine_cosine(&angles, &s, &c);
+        for (int l = 0; l < TURNS && k + l < n; l++)
+            sines[k + l] = s[l], cosines[k + l] = c[l];
+    }
+#endif
+}
 
 /* The hyperbolic tangent to a few roundings: Taylor's series of z = exp(-2 |x| / 128) - 1, seven
  * times doubled, exp(2 y) - 1 = z (z + 2); beyond 20 it is the sign. */

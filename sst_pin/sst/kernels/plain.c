@@ -1,8 +1,6 @@
 /* SPDX-License-Identifier: BSD-2-Clause */
 /* The kernels for any processor, two samples at once. */
 #define LANES 2
-#define NAME(x) x##_plain
-#include "real.h"
-#include "driver.h"
-#include "kernels.c"
+#define SUFFIX plain
+#include "target.h"
 const char made_of[] = MADE_OF;
