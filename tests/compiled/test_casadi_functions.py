@@ -25,7 +25,14 @@ CHAINS = {
 }
 
 
-@pytest.fixture(scope="module", params=CHAINS)
+#: Each takes seconds.
+LARGE = ("free-flyer", "Stewart")
+
+
+@pytest.fixture(
+    scope="module",
+    params=[pytest.param(n, marks=[pytest.mark.slow] if n in LARGE else []) for n in CHAINS],
+)
 def chain(request):
     return CHAINS[request.param]()
 

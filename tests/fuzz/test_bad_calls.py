@@ -3,7 +3,7 @@
 
 Never raw (another exception than `SSTError`, or the end of the process), silent (a wrong number, or
 nothing), endless. Each group of calls runs in a process of its own. Ducks are not in the table: an
-object that is no robot at all has not the methods of one. The default run takes each seventh call,
+object that is no robot at all has not the methods of one. The default run takes each tenth call,
 `-m slow` takes them all and prints their counts with `-s`.
 """
 
@@ -23,7 +23,7 @@ def require_no_fault(group, every):
 @pytest.mark.parametrize("group", call_tables.GROUPS)
 def test_bad_calls_have_a_named_error_or_a_right_answer(group):
     """0 raw, 0 silent, 0 endless in a share of the table."""
-    require_no_fault(group, every=7)
+    require_no_fault(group, every=10)
 
 
 @pytest.mark.slow

@@ -224,6 +224,9 @@ def test_pages_are_legible(sticky, circle, robot, maps, monkeypatch):
     require_legible(plots.workspace_page(robot, *maps, ("circle", s)), monkeypatch)
 
 
+@pytest.mark.parametrize(
+    "odd", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in (1, 2, 3))], indirect=True
+)
 def test_pages_of_odd_robots_are_legible(odd, monkeypatch):
     """Whatever the geometry; some have nothing on their arcs."""
     require_legible(plots.motion_page(odd, swing(odd)), monkeypatch)
