@@ -109,7 +109,8 @@ def _parts(
         name = frame or PLATFORM
         if frame is None and not robot.model.existFrame(PLATFORM):
             known = ", ".join(dict.fromkeys(f.name for f in robot.model.frames))
-            raise InputError("frame", f"name the frame whose path is drawn: frame= one of {known}")
+            problem = f"name the frame whose path is drawn: frame= (--frame) one of {known}"
+            raise InputError("frame", problem)
         flat = plane_of(points_of(robot, motion, name)) is not None
         yield None if flat else "3d", lambda ax: frame_path(ax, robot, motion, name)
     elif isinstance(robot, SST) and subject == "path":

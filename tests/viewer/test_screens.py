@@ -1,10 +1,14 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The page on phones, tablets and desks: the robot fits, and hands find what they look for."""
 
+import io
 from contextlib import contextmanager
 
+import coal
 import numpy as np
+import pinocchio as pin
 import pytest
+from PIL import Image
 
 import sst_pin
 from browser import EXTENT, Visit, chromium, needs_browser  # noqa: F401
@@ -151,6 +155,24 @@ def test_keys_work_after_a_click_and_curves_can_be_chosen(chromium, tmp_path):  
         page.keyboard.press("Space")
         assert page.evaluate("panel.playing")
         assert "Meshcat" in page.locator("#credit").inner_text()
+
+
+@pytest.mark.slow
+def test_arrows_are_seen_through_the_bodies_that_hide_them(chromium, tmp_path):  # noqa: F811
+    """A four-bar within a ball: the picture changes when its arrows are hidden."""
+    chain = sst_pin.robots.four_bar()
+    shapes = pin.GeometryModel()
+    shapes.addGeometryObject(pin.GeometryObject("ball", 0, pin.SE3.Identity(), coal.Sphere(2.0)))
+    viewer = Viewer(chain, shapes)
+    viewer.show(chain.home, [1.0])
+    with opened(chromium, viewer, tmp_path / "page.html", (400, 400)) as page:
+        pictures = []
+        for _ in range(2):
+            page.evaluate("panel.still(0)")
+            pane = page.locator("#pane").screenshot()
+            pictures.append(np.asarray(Image.open(io.BytesIO(pane)).convert("RGB"), dtype=int))
+            page.evaluate("stage.showLayer('torques', false)")
+        assert (np.abs(pictures[0] - pictures[1]).max(axis=2) > 20).sum() > 30
 
 
 @pytest.mark.slow

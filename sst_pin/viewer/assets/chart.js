@@ -30,7 +30,7 @@ const chart = (() => {
     const width = svg.clientWidth, height = svg.clientHeight;
     if (!width || t.length < 2) { scale = null; return; }
     svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
-    const left = 52, right = width - 10, top = 26, bottom = height - 40;
+    const left = 52, right = width - 20, top = 26, bottom = height - 40;
     let least = 0, most = 0;
     for (const row of curves.values) for (const v of row) { least = Math.min(least, v); most = Math.max(most, v); }
     const spread = most - least || 1, low = least - 0.05 * spread, high = most + 0.05 * spread;

@@ -123,6 +123,20 @@ const stage = (() => {
     placeLabels();
   }
 
+  function showThrough() { // what bodies hide of the arrows, faintly
+    const arrows = [];
+    for (const mover of node().children) {
+      const layer = mover.children.find((child) => child.name === "torques");
+      if (layer) layer.traverse((object) => { if (object.isMesh && !object.children.length && object.material.depthTest) arrows.push(object); });
+    }
+    for (const arrow of arrows) {
+      const seen = new THREE.Mesh(arrow.geometry, arrow.material.clone());
+      Object.assign(seen.material, { depthTest: false, transparent: true, opacity: 0.4 });
+      seen.renderOrder = 1;
+      arrow.add(seen);
+    }
+  }
+
   function placeLabels() {
     for (const { element, mover, point } of labels) {
       const object = node(mover);
@@ -146,6 +160,7 @@ const stage = (() => {
       at("labels").append(element);
       return { ...label, element };
     });
+    showThrough();
     for (const [name, on] of Object.entries(data.layers)) showLayer(name, on);
     viewer.camera.updateProjectionMatrix();
     if (viewer.first === undefined || !inside()) view ??= "usual";
