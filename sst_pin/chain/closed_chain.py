@@ -522,9 +522,7 @@ class ClosedChain:
         mechanism, arrays = current.arguments(q)
         index, n = frame_id(mechanism.model, frame), len(mechanism.coordinates)
 
-        def reference(q: Array) -> Array:
-            return current.reference.frame_jacobian(q, index)
-
+        reference = partial(current.reference.frame_jacobian, frame=index)
         kernel = partial(current.backend.frame_jacobian, frame)
         return by_kernel(current, reference, kernel, arrays, (1,), (6, n))
 
@@ -547,7 +545,7 @@ class ClosedChain:
         mechanism, arrays = self._current.arguments(q, va=va)
         index = frame_id(mechanism.model, frame)
         return for_each_sample(
-            lambda q, va: self._current.reference.frame_jacobian_rate(q, va, index),
+            partial(self._current.reference.frame_jacobian_rate, frame=index),
             arrays,
             (1, 1),
             (6, len(mechanism.coordinates)),
@@ -572,7 +570,7 @@ class ClosedChain:
         mechanism, arrays = self._current.arguments(q, va=va)
         index = frame_id(mechanism.model, frame)
         return for_each_sample(
-            lambda q, va: self._current.reference.frame_drift(q, va, index), arrays, (1, 1), (6,)
+            partial(self._current.reference.frame_drift, frame=index), arrays, (1, 1), (6,)
         )
 
     def frame_velocity_derivatives(
@@ -596,7 +594,7 @@ class ClosedChain:
         mechanism, arrays = self._current.arguments(q, va=va)
         n, index = len(mechanism.coordinates), frame_id(mechanism.model, frame)
         both = for_each_sample(
-            lambda q, va: self._current.reference.derivatives.frame_velocity(q, va, index),
+            partial(self._current.reference.frame_velocity_derivatives, frame=index),
             arrays,
             (1, 1),
             (6, 2 * n),
@@ -655,15 +653,11 @@ class ClosedChain:
                 return tau
         mechanism, arrays = current.arguments(q, va=va, aa=aa)
         chosen = None if weights is None else samples.motor_weights(mechanism, weights)
-
-        def reference(q: Array, va: Array, aa: Array, wrenches: Array | None) -> Array:
-            return current.reference.torques(q, va, aa, wrenches, chosen)
-
         return by_kernel(
             current,
-            reference,
+            partial(current.reference.torques, weights=chosen),
             current.backend.torques if weights is None else None,
-            [*arrays, samples.external_wrenches(mechanism, external_wrenches)],
+            [*arrays, samples.external_wrenches(mechanism, external_wrenches, on_error)],
             (1, 1, 1, 2),
             (mechanism.motors.shape[1],),
             out=out,
@@ -716,7 +710,7 @@ class ClosedChain:
             current,
             current.reference.generalized_forces,
             current.backend.generalized_forces,
-            [*arrays, samples.external_wrenches(mechanism, external_wrenches)],
+            [*arrays, samples.external_wrenches(mechanism, external_wrenches, on_error)],
             (1, 1, 1, 2),
             (len(mechanism.coordinates),),
             out=out,
@@ -767,7 +761,7 @@ class ClosedChain:
             current,
             current.reference.accelerations,
             current.backend.accelerations,
-            [*arrays, samples.external_wrenches(mechanism, external_wrenches)],
+            [*arrays, samples.external_wrenches(mechanism, external_wrenches, on_error)],
             (1, 1, 1, 2),
             (len(mechanism.coordinates),),
             out=out,

@@ -16,7 +16,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from ..arrays import finite_array
-from ..errors import ActuationError, SSTError
+from ..errors import ActuationError, InputError, SSTError
 from . import dynamics
 from .backend import Single
 from .derivatives import Derivatives
@@ -73,7 +73,7 @@ class Reference:
         """f, shape (n,)."""
         f, _, _ = dynamics.inverse_dynamics(self.workspace, q, va, aa, wrenches)
         if not isfinite(f.dot(f)):  # cheaper than looking at each input
-            _require_finite(q=q, va=va, aa=aa, tau=f)
+            _require_finite(f, q=q, va=va, aa=aa, external_wrenches=wrenches)
         return f
 
     def torques(
@@ -86,7 +86,7 @@ class Reference:
         """
         f, L, tree = dynamics.inverse_dynamics(self.workspace, q, va, aa, wrenches)
         if not isfinite(f.dot(f)):
-            _require_finite(q=q, va=va, aa=aa, tau=f)
+            _require_finite(f, q=q, va=va, aa=aa, external_wrenches=wrenches)
         if self.mechanism.driven_one_to_one:
             return f
         tau, left = self._distributed(f, L, weights)
@@ -131,7 +131,7 @@ class Reference:
         friction = self.mechanism.friction
         aa, _ = dynamics.direct_dynamics(self.workspace, friction, q, va, tau, wrenches)
         if not isfinite(aa.dot(aa)):
-            _require_finite(q=q, va=va, tau=tau, aa=aa)
+            _require_finite(aa, q=q, va=va, tau=tau, external_wrenches=wrenches)
         return aa
 
     def reduced_terms(self, q: Array, va: Array) -> Array:
@@ -142,7 +142,7 @@ class Reference:
             [terms.inertia.ravel(), terms.coriolis.ravel(), gravity, terms.friction]
         )
         if not isfinite(row.dot(row)):
-            _require_finite(q=q, va=va, terms=row)
+            _require_finite(row, q=q, va=va)
         return row
 
     def torque_derivatives(
@@ -151,7 +151,7 @@ class Reference:
         """Derivatives of f by q, va, aa side by side, shape (n, 3 n)."""
         df = self.derivatives.torques(sign_width, q, va, aa, wrenches)
         if not np.isfinite(df).all():
-            _require_finite(q=q, va=va, aa=aa, derivatives=df)
+            _require_finite(df, q=q, va=va, aa=aa, external_wrenches=wrenches)
         return df
 
     def acceleration_derivatives(
@@ -160,7 +160,7 @@ class Reference:
         """Derivatives of aa by q, va, tau side by side, shape (n, 2 n + motors)."""
         da = self.derivatives.accelerations(sign_width, q, va, tau, wrenches)
         if not np.isfinite(da).all():
-            _require_finite(q=q, va=va, tau=tau, derivatives=da)
+            _require_finite(da, q=q, va=va, tau=tau, external_wrenches=wrenches)
         return da
 
     def rates(self, q: Array, va: Array) -> Array:
@@ -168,7 +168,7 @@ class Reference:
         ws = self.workspace
         ws.evaluate(q)
         v = ws.complement.factorise(ws.loops.Phi()).dot(va)
-        _require_finite(va=va, v=v)
+        _require_finite(v, va=va)
         return v
 
     def accelerations_of_tree(self, q: Array, va: Array, aa: Array) -> Array:
@@ -176,7 +176,7 @@ class Reference:
         ws = self.workspace
         ws.evaluate(q)
         v_dot = dynamics.motion_of_tree(ws, va, aa)[2]
-        _require_finite(va=va, aa=aa, v_dot=v_dot)
+        _require_finite(v_dot, va=va, aa=aa)
         return v_dot
 
     def frame_jacobian(self, q: Array, frame: int) -> Array:
@@ -200,14 +200,22 @@ class Reference:
         p_dot = twist[:3] + np.cross(twist[3:], p)
         J_dot[:3] += np.cross(J_dot[3:].T, p).T + np.cross(J[3:].T, p_dot).T
         J[:3] += np.cross(J[3:].T, p).T
-        return J_dot.dot(L) + J.dot(L_dot)
+        rate = J_dot.dot(L) + J.dot(L_dot)
+        _require_finite(rate, va=va)
+        return rate
+
+    def frame_velocity_derivatives(self, q: Array, va: Array, frame: int) -> Array:
+        """Derivatives of a frame's velocity by q and va side by side, shape (6, 2 n)."""
+        by_q_and_va = self.derivatives.frame_velocity(q, va, frame)
+        _require_finite(by_q_and_va, va=va)
+        return by_q_and_va
 
     def frame_drift(self, q: Array, va: Array, frame: int) -> Array:
         """[linear; angular] acceleration of a frame with aa = 0, shape (6,)."""
         ws = self.workspace
         ws.evaluate(q)
         _, v, v_dot = dynamics.motion_of_tree(ws, va, np.zeros_like(va))
-        _require_finite(va=va, v_dot=v_dot)
+        _require_finite(v_dot, va=va)
         pin.forwardKinematics(ws.model, ws.data, q, v, v_dot)
         pin.updateFramePlacements(ws.model, ws.data)
         where = pin.LOCAL_WORLD_ALIGNED
@@ -216,7 +224,7 @@ class Reference:
     def kinetic_energy(self, q: Array, v: Array) -> Array:
         """Of all bodies and rotors at rates v of the tree, [J]."""
         energy = np.asarray(v.dot(self.workspace.momentum_rate(q, v)) / 2)
-        _require_finite(va=energy)
+        _require_finite(energy, v=v)
         return energy
 
     def potential_energy(self, q: Array) -> Array:
@@ -404,6 +412,9 @@ class ReferenceStates:
         return np.concatenate([self.closed(end), end[nq:]])
 
 
-def _require_finite(**arrays: Array) -> None:
-    for name, array in arrays.items():
-        finite_array(name, array, array.shape)
+def _require_finite(result: Array, **arguments: Array | None) -> None:
+    for name, array in arguments.items():
+        if array is not None:
+            finite_array(name, array, array.shape)
+    if not np.isfinite(result).all():
+        raise InputError("result", "not finite: arguments or numbers of the model are too large")

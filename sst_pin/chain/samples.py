@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import (
+    as_array,
     finite_array,
     for_each_sample,
     positive_number,
@@ -104,7 +105,7 @@ def derivatives(
         current,
         partial(getattr(current.reference, name), width),
         partial(current.backend.derivatives, name, width),
-        [*arrays, external_wrenches(mechanism, wrenches)],
+        [*arrays, external_wrenches(mechanism, wrenches, on_error)],
         (1, 1, 1, 2),
         (n, 2 * n + arrays[-1].shape[-1]),
         out=out,
@@ -150,8 +151,19 @@ def motor_weights(mechanism: Mechanism, weights: ArrayLike) -> Array:
     return array
 
 
-def external_wrenches(mechanism: Mechanism, wrenches: ArrayLike | None) -> Array | None:
-    """Wrenches on all bodies, shape (..., r, 6), or None."""
+def external_wrenches(
+    mechanism: Mechanism, wrenches: ArrayLike | None, on_error: str
+) -> Array | None:
+    """Wrenches on all bodies, shape (..., r, 6), or None.
+
+    Kernels leave out those that do no work. So one that is not finite is looked for here; where
+    samples at fault become NaN, all wrenches of its sample do.
+    """
     if wrenches is None:
         return None
-    return finite_array("external_wrenches", wrenches, (mechanism.model.njoints - 1, 6))
+    shape = mechanism.model.njoints - 1, 6
+    if on_error != "nan":
+        return finite_array("external_wrenches", wrenches, shape)
+    array = as_array("external_wrenches", wrenches, shape)
+    finite = np.isfinite(array).all(axis=(-2, -1), keepdims=True)
+    return np.where(finite, array, np.nan)

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 import sst_pin
 from sst_pin import errors
 from sst_pin.chain.closures import Coupling
+from sst_pin.chain.dynamics import Workspace
 from sst_pin.verification.sampling import random_states
 
 HOME = sst_pin.SST().home
@@ -266,8 +267,8 @@ def test_a_massless_robot_has_no_accelerations():
 
 
 def test_only_one_sample_where_one_is_meant(robot):
-    """noc, residual and the like say so."""
-    for call in (robot.residual, robot.Phi, robot.condition_number, robot.mobility, robot.assemble):
+    """noc, Phi and the like say so."""
+    for call in (robot.Phi, robot.condition_number, robot.mobility, robot.assemble):
         with pytest.raises(sst_pin.InputError, match="one sample"):
             call(np.tile(HOME, (2, 1)))
     with pytest.raises(sst_pin.InputError, match="one sample"):
@@ -319,3 +320,41 @@ def test_a_tendon_is_called_by_its_shares():
     model, closures = four_bar(0.2, 0.3, 0.25, 0.3)
     chain = sst_pin.ClosedChain(model, closures, [{"crank": -1.5, "coupler": -0.5, "rocker": 2}])
     assert chain.motor_names == ("-1.5 crank - 0.5 coupler + 2 rocker",)
+
+
+@pytest.mark.filterwarnings("ignore:invalid value:RuntimeWarning")  # NumPy's, before our error
+def test_numbers_that_are_not_finite_are_told_by_every_function(afloat):
+    """Rates for frames, wrenches of one sample, and what overflows on the way."""
+    q, one = afloat.generic_configuration(), np.ones(7)
+    rates = np.where(np.arange(7) == 2, np.nan, one)
+    for name in ("frame_jacobian_rate", "frame_drift", "frame_velocity_derivatives"):
+        with pytest.raises(sst_pin.InputError, match=r"va: entry \[2\] is nan"):
+            getattr(afloat, name)(q, rates, "base")
+    wrenches = np.zeros((3, afloat.model.njoints - 1, 6))
+    wrenches[1, 0, 3] = np.inf
+    with pytest.raises(sst_pin.InputError, match="external_wrenches") as caught:
+        afloat.generalized_forces(q, one, one, external_wrenches=wrenches)
+    assert caught.value.samples == ((1,),)
+    f = afloat.generalized_forces(q, one, one, external_wrenches=wrenches, on_error="nan")
+    assert np.isnan(f).all(axis=1).tolist() == [False, True, False]
+    with pytest.raises(sst_pin.InputError, match=r"result: not finite: .* too large"):
+        afloat.generalized_forces(q, 1e200 * one, one)
+
+
+def test_a_batch_is_computed_with_one_model(monkeypatch):
+    """Also when another thread changes it meanwhile."""
+    chain = sst_pin.ClosedChain(*four_bar(0.2, 0.3, 0.25, 0.3), ["crank"])
+    q = chain.generic_configuration()
+    expected = chain.compute_torques(q, [1.0], [0.0])
+    evaluate, calls = Workspace.evaluate, []
+
+    def disturbed(self, *arguments):
+        calls.append(1)
+        if len(calls) == 2:  # in the middle of the batch
+            chain.model.gravity.linear = np.array((1.0, 2, 3))
+            chain.refresh()
+        evaluate(self, *arguments)
+
+    monkeypatch.setattr(Workspace, "evaluate", disturbed)
+    tau = chain.compute_torques([q] * 3, [1.0], [0.0])
+    assert np.array_equal(tau, [expected] * 3)
