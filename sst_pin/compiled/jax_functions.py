@@ -104,13 +104,21 @@ class JaxFunctions:
             return np.concatenate(d, axis=-1)
 
         @jax.custom_jvp
+        def by(q: jax.Array, va: jax.Array, x: jax.Array) -> jax.Array:
+            return _called(on_arrays_by, (n, 2 * n + x.shape[-1]), q, va, x)
+
+        @by.defjvp
+        def _second_order(primals: Any, tangents: Any) -> Any:
+            problem = "derivatives are of first order; CasADi's functions have those of every order"
+            raise InputError("jax", problem)
+
+        @jax.custom_jvp
         def function(q: jax.Array, va: jax.Array, x: jax.Array) -> jax.Array:
             return _called(on_arrays, (n,), q, va, x)
 
         def jvp(primals: Any, tangents: Any) -> Any:
             q, va, x = primals
-            columns = 2 * n + x.shape[-1]
-            rows = _called(on_arrays_by, (n, columns), q, va, x)
+            rows = by(q, va, x)
             dq, dva, dx = tangents
             parts = [dq[..., entries], dva, dx]
             lead = rows.shape[:-2]

@@ -3,6 +3,7 @@
 
 import casadi as ca
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import any_chain
@@ -11,12 +12,15 @@ from derivative_cases import (
     CONSTRAINTS,
     TREES,
     WIDTH,
+    Case,
     assert_derivatives_are_those_of_differences,
+    carried_four_bar,
     close,
     floating_four_bar,
     of_gallery,
     of_tree,
 )
+from sst_pin import ClosedChain
 from sst_pin.chain.mechanism import Friction
 from sst_pin.compiled import c_code, kernels
 from sst_pin.compiled.backend import ALONG, DERIVATIVES, sample_configurations
@@ -70,7 +74,7 @@ def assert_all_ways_agree(case, count, names=ALL):
         names = [name for name in names if name != f"acceleration_derivatives {ALONG}"]
     evaluated, plain = numbers(case, names)
     options = {"sign_width": WIDTH}
-    for q, va, aa, wrenches in case.states(count):
+    for k, (q, va, aa, wrenches) in enumerate(case.states(count)):
         options["external_wrenches"] = wrenches
         df = np.concatenate(chain.torque_derivatives(q, va, aa, **options), axis=1)
         close(plain(q, va, aa, wrenches), df, 1e-10)
@@ -78,7 +82,16 @@ def assert_all_ways_agree(case, count, names=ALL):
         da = np.concatenate(chain.acceleration_derivatives(q, va, tau, **options), axis=1)
         for name in names:
             x, expected = (aa, df) if name.startswith("torque") else (tau, da)
-            close(evaluated(name, q, va, x, wrenches), expected, 1e-10)
+            d = evaluated(name, q, va, x, wrenches)
+            close(d, expected, 1e-10)
+            if k > 2:
+                continue
+            inertia, motors = chain.noc(q, va).inertia, case.L(q)[list(chain.actuated)].T
+            by_x = d[:, 2 * len(va) :]
+            if name.startswith("torque"):
+                close(by_x, inertia, 1e-12)
+            else:  # condition numbers of inertia matrices of mixed units are up to 1e4
+                close(inertia @ by_x, motors, 1e-10)
 
 
 @pytest.mark.parametrize("name", SOME)
@@ -98,6 +111,18 @@ def test_derivatives_through_every_closure_and_every_joint(name, kind):
     """
     names = ALL if name == "floating" else ("torque_derivatives",)
     assert_all_ways_agree(of_tree(name, kind), 2, names)
+
+
+def test_a_turn_of_the_base_about_the_vertical_changes_nothing():
+    """The yaw column of a four-bar on a yaw joint is zero, by every kernel."""
+    model, closures, motors, start = carried_four_bar(pin.JointModelRZ())
+    chain, random = ClosedChain(model, closures, motors), np.random.default_rng(0)
+    case = Case(chain, chain, np.zeros(model.nv), chain.assemble(start))
+    evaluated, _ = numbers(case, ALL)
+    for q, va, x, wrenches in case.states(20):
+        for name in ALL:
+            dq = evaluated(name, q, va, random.uniform(-2, 2) * x, 0 * wrenches)[:, :2]
+            assert np.abs(dq[:, 0]).max() < 1e-12 * np.abs(dq).max()
 
 
 @pytest.mark.parametrize("name", ["free-flyer", "spherical", "planar", "translation", "composite"])

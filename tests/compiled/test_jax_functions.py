@@ -91,6 +91,9 @@ def test_what_it_cannot_do_is_said():
     few = any_chain.chain(coordinates=["body"], actuated=["arm_1"])
     with pytest.raises(DescriptionError, match="generalized_forces"):
         few.jax().torques(few.generic_configuration(), [0.0], [0.0])
+    q, va, aa = (x[0] for x in any_chain.states(four_bar(), 1, 0))
+    with pytest.raises(InputError, match="derivatives are of first order"):
+        jax.hessian(four_bar().jax().torques, argnums=2)(q, va, aa)
     with pytest.raises(InputError, match="sign_width"):
         four_bar().jax(sign_width=0)
     jax.config.update("jax_enable_x64", False)

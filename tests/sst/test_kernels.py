@@ -47,6 +47,21 @@ def test_the_compiled_path_is_the_one_in_use(robot):
     assert sst_pin.SST(kernels=False).path == "the reference path: switched off by kernels=False"
 
 
+@compiled
+def test_derivatives_equal_the_reference(case):
+    """One sample and many, friction smooth; no compiler is asked for."""
+    robot, q, va, aa = case
+    reference = on_reference_path(robot)
+    for name in ("torque_derivatives", "acceleration_derivatives"):
+        for k in (0, slice(0, 8)):
+            ours, right = (
+                getattr(x, name)(q[k], va[k], aa[k], sign_width=0.1) for x in (robot, reference)
+            )
+            # Two solves more than for torques: the condition number once more.
+            assert all(error(a, b) < 100 * RELATIVE for a, b in zip(ours, right, strict=True))
+    assert "reference" not in robot.path
+
+
 def test_torques_and_accelerations_equal_the_reference(case):
     """Random geometry, nine bodies, rotors, friction, moment on the star; all branches."""
     robot, q, va, aa = case

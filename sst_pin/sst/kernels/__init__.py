@@ -15,6 +15,7 @@ from pathlib import Path
 
 from ...chain.mechanism import Mechanism
 from ...compiled import build
+from ...compiled.backend import ALONG, DERIVATIVES
 from ...compiled.code import Code, require_current
 from ...compiled.parameters import Parameters
 from ...description import MOTOR_NAMES
@@ -33,6 +34,7 @@ ENTRIES = (
     "torques loaded",
     "accelerations loaded",
     "rollout loaded",
+    *(f"{name} {ALONG}" for name in DERIVATIVES),
 )
 
 
@@ -52,6 +54,8 @@ def code(name: str, target: str) -> Code:
     Raises:
         CompilationError: When there is none.
     """
+    if name in DERIVATIVES:  # of many samples, one after the other
+        name = f"{name} {ALONG}"
     if name not in ENTRIES:
         raise CompilationError("the shipped kernels have none")
     return Code(_library(), f"{name.replace(' ', '_')}_{target}")
