@@ -189,8 +189,8 @@ def motion_of_tree(ws: Workspace, va: Array, aa: Array) -> tuple[Array, Array, A
     v = L.dot(va)  # Eq. (16)
     # The rate of Phi v = 0, Eqs. (8), (20): Phi v_dot = -Phi_dot v. The solution for coordinates
     # that do not accelerate leaves rounding in their rows, which is taken out with aa.
-    bias = -ws.complement.solve(ws.loops.drift(v))
-    return L, v, bias + L.dot(aa - bias[ws.mechanism.coordinates])
+    bias = ws.complement.solve(ws.loops.drift(v))
+    return L, v, L.dot(aa + bias[ws.mechanism.coordinates]) - bias
 
 
 def applied_forces(

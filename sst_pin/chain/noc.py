@@ -44,12 +44,14 @@ class JointComplement:
         selection = mechanism.selection
         n, nv = selection.shape
         rows = len(mechanism.row_scale)
-        self._row_scale, self._rate_scale = mechanism.row_scale, mechanism.rate_scale
-        self._scale = self._row_scale[:, None] * self._rate_scale
+        self._rate_scale = mechanism.rate_scale
+        self._scale = mechanism.row_scale[:, None] * mechanism.rate_scale
         self._system = np.concatenate((np.zeros((rows, nv)), selection))
         self._Phi = self._system[:rows]
-        self._unit = np.zeros((rows + n, n))
-        self._unit[rows:] = np.diag(1 / self._rate_scale[mechanism.coordinates])
+        #: Right sides: a unit rate of each coordinate, and a unit rate of each row of Phi.
+        self._of_coordinates = np.zeros((rows + n, n))
+        self._of_coordinates[rows:] = np.diag(1 / self._rate_scale[mechanism.coordinates])
+        self._of_rows = np.eye(rows + n, rows) * mechanism.row_scale
         self._factors = eigenpy.ColPivHouseholderQR(rows + n, nv)
         self._factors.setThreshold(1 / MAX_CONDITION_NUMBER)
 
@@ -73,17 +75,16 @@ class JointComplement:
                 "dependent joints; move away, or choose other coordinates=",
                 condition_number(self._Phi, self._mechanism.coordinates),
             )
-        return self._solve(self._unit)  # Eq. (17)
+        return self._solve(self._of_coordinates)  # Eq. (17)
 
     def solve(self, closures: Array) -> Array:
         """x with Phi x = closures and x^a = 0, for a vector or for columns side by side."""
-        right = np.zeros((len(self._system), *closures.shape[1:]))
-        right[: len(closures)] = (closures.T * self._row_scale).T
-        return self._solve(right)
+        return self._solve(self._of_rows.dot(closures))
 
     def _solve(self, right: Array) -> Array:
-        # eigenpy makes a vector of one column, and a matrix of one number.
-        x = self._factors.solve(right).reshape(-1, *right.shape[1:])
+        x = self._factors.solve(right)
+        if x.ndim != right.ndim:  # eigenpy makes a vector of one column, and a matrix of one number
+            x = x.reshape(-1, *right.shape[1:])
         return (x.T * self._rate_scale).T
 
 

@@ -54,8 +54,10 @@ def by_kernel(
     require_policy(on_error)
     threads = whole_number("threads", threads, 1)
     if out is None and on_error == "raise" and not current.has_kernels:
-        pairs = zip(arrays, core_axes, strict=True)
-        if all(array is None or array.ndim == axes for array, axes in pairs):
+        for array, axes in zip(arrays, core_axes, strict=True):
+            if array is not None and array.ndim != axes:
+                break
+        else:
             return reference(*arrays)  # the short way for one sample
 
     def fill(flat: list[Array | None], result: Array) -> Indices:
