@@ -25,7 +25,8 @@ cdef void put_number(double[:, :, :, :] W, int side, int row, int i, number x) n
 
 cdef class Frame:
     cdef object _data
-    cdef readonly object index, joint, placement, parts
+    cdef readonly object index, placement, parts
+    cdef Py_ssize_t[::1] columns, rates
     cdef double[:, :, ::1] _parts
     cdef double[::1] twist, acceleration
     cdef double[:] _p, _joint_p, _v, _a
@@ -44,11 +45,15 @@ cdef class Pair:
     cdef readonly Frame B, A
     cdef readonly object at
     cdef object _numbers
+    cdef Py_ssize_t _first
     cdef double[:, :, :, :] _W
     cdef double[:] _f, _drift
 
     cdef void residual(self) except *
     cpdef void wrenches(self) except *
+    @cython.locals(frame=Frame, sign=double, x=double, side=int, i=int, k=Py_ssize_t,
+                   n=Py_ssize_t, column=Py_ssize_t)
+    cdef void add_product(self, int part, double[:, ::1] J, double[:, ::1] Phi) except *
     @cython.locals(W=double[:, :, :, :], drift=double[:], B=Frame, A=Frame, i=int, k=int)
     cdef void drift(self) except *
     cdef void _hold_velocity(self, int row, vector u, vector of_b, vector of_a) noexcept
@@ -98,5 +103,7 @@ cdef class Wheel(Pair):
 cpdef place(list frames, list pairs)
 @cython.locals(pair=Pair)
 cpdef wrenches(list pairs)
+@cython.locals(pair=Pair)
+cpdef add_products(list pairs, int part, double[:, ::1] J, double[:, ::1] Phi)
 @cython.locals(frame=Frame, pair=Pair)
 cpdef move(list frames, list pairs)

@@ -25,6 +25,7 @@ from .closures import Closure, Distance, Rolling
 from .tree import memory_of
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
 #: x, its rate, its derivative by a rate of the tree, and that of its rate.
 Number = tuple[float, float, float, float]
 Vector = tuple[Number, Number, Number]
@@ -117,16 +118,21 @@ class Frame:
         data: Pinocchio's; its memory is read at each use.
         index: Of the frame.
         joint: Index of the joint that bears it.
+        columns: Indices of the columns of J that move it.
+        rates: Indices of the rates v that these belong to.
 
     Attributes:
-        index, joint: As given.
+        index: As given.
         placement: In the world.
         parts: The numbers of its origin and of its axes x, y, z, shape (4, 3, 4).
         twist, acceleration: Of what bears it, shape (6,).
     """
 
-    def __init__(self, data: pin.Data, index: int, joint: int) -> None:
-        self._data, self.index, self.joint = data, index, joint  # whoever has a frame has its data
+    def __init__(
+        self, data: pin.Data, index: int, joint: int, columns: Indices, rates: Indices
+    ) -> None:
+        self._data, self.index = data, index  # whoever has a frame has its data
+        self.columns, self.rates = columns, rates
         self.placement = data.oMf[index]
         self.parts = np.zeros((4, 3, 4))
         self._parts = self.parts
@@ -204,13 +210,10 @@ class Pair:
 
     Attributes:
         B, A, at: As given.
-        relative: Whether what moves both frames alike moves no row.
     """
 
-    relative = True
-
     def __init__(self, closure: Any, B: Frame, A: Frame, rows: Rows, at: slice) -> None:
-        self.B, self.A, self.at = B, A, at
+        self.B, self.A, self.at, self._first = B, A, at, at.start
         self._numbers = rows.W[:, :, at]
         self._W, self._f, self._drift = self._numbers, rows.f[at], rows.drift[at]
 
@@ -220,6 +223,23 @@ class Pair:
 
     def wrenches(self) -> None:
         """Compute what of W changes."""
+
+    def add_product(self, part: int, J: Array, Phi: Array) -> None:
+        """Add W J, or W_dot J, at B for what moves B, less that at A for what moves A.
+
+        Args:
+            part: 0 for W, 1 for W_dot.
+            J: By columns, shape (nvExtended, 6).
+            Phi: All rows, shape (rows, nv).
+        """
+        for side in range(2):
+            frame, sign = (self.A, -1.0) if side else (self.B, 1.0)
+            for k in range(len(self._f)):
+                for n in range(len(frame.columns)):
+                    column, x = frame.columns[n], 0.0
+                    for i in range(6):
+                        x += self._W[part, side, k, i] * J[column, i]
+                    Phi[self._first + k, frame.rates[n]] += sign * x
 
     def drift(self) -> None:
         """Compute the accelerations with v_dot = 0, by W and its rate."""
@@ -276,8 +296,6 @@ class Weld(Pair):
 
 class Point(Pair):
     """3d: the origins coincide; rows in world axes at each origin."""
-
-    relative = False
 
     def residual(self) -> None:
         """As `Pair.residual`."""
@@ -419,6 +437,12 @@ def wrenches(pairs: list[Pair]) -> None:
     """Compute W."""
     for pair in pairs:
         pair.wrenches()
+
+
+def add_products(pairs: list[Pair], part: int, J: Array, Phi: Array) -> None:
+    """As `Pair.add_product`, for all."""
+    for pair in pairs:
+        pair.add_product(part, J, Phi)
 
 
 def move(frames: list[Frame], pairs: list[Pair]) -> None:

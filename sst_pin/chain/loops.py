@@ -20,15 +20,16 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from ..errors import ClosureError, InputError
-from .closure_kinds import Frame, Pair, Rows, move, pair_of, place, wrenches
+from .closure_kinds import Frame, Pair, Rows, add_products, move, pair_of, place, wrenches
 from .closures import Closure, Constraint, Coupling, Distance, Rolling, frames_of
 from .couplings import Coupled
-from .tree import JacobianRates, frame_id, of_rates, summed, support
+from .tree import JacobianRates, frame_id, of_rates, rates_of_columns, summed, support
 
 Array = NDArray[np.float64]
 
 #: Loops further open than this are open, relative to the length of the robot or in [rad].
 CLOSURE_TOLERANCE = 1e-6
+_W, _W_DOT = 0, 1
 
 
 class Loops:
@@ -62,36 +63,33 @@ class Loops:
         self._jacobian_rates, self._zero = JacobianRates(model), np.zeros(model.nv)
         self._J, self._J_dot = of_rates(self.data.J), of_rates(self.data.dJ)
         self._of_pairs = Rows(self.rows)
-        self._W, self._W_dot = self._of_pairs.W[:2].reshape(2, -1, 6)
-        self._S = np.zeros((2, self.rows, model.nvExtended))
         self._frames: list[Frame] = []
         self.pairs: list[Pair] = []
         self.couplings: list[tuple[slice, Coupled]] = []
+        self.touched = np.zeros((self.rows, model.nv), dtype=bool)
         for closure, rows in zip(closures, self.slices, strict=True):
             if isinstance(closure, Coupling):
                 self.couplings.append((rows, Coupled(model, closure)))
+                self.touched[rows] = self.couplings[-1][1].touched
             else:
                 self._connect(closure, rows)
-        self.touched = summed(model, self._S[0] != -self._S[1]).astype(bool)
-        for rows, coupled in self.couplings:
-            self.touched[rows] = coupled.touched
 
     def _connect(self, closure: Closure | Distance | Rolling, rows: slice) -> None:
         """Take in a closure of two frames and what moves them."""
-        a, b = (self._frame(name) for name in frames_of(closure))
-        pair = pair_of(closure, b, a, self._of_pairs, rows)
-        self.pairs.append(pair)
-        at_b, at_a = (support(self.model, frame.joint) for frame in (b, a))
-        moving = at_b != at_a if pair.relative else 1
-        self._S[:, rows] = np.array([at_b * moving, -at_a * moving])[:, None]
+        a, b = (frame_id(self.model, name) for name in frames_of(closure))
+        self.pairs.append(pair_of(closure, self._frame(b), self._frame(a), self._of_pairs, rows))
+        at_b, at_a = (support(self.model, self.model.frames[x].parentJoint) for x in (b, a))
+        self.touched[rows] = summed(self.model, at_b != at_a)
 
-    def _frame(self, name: str) -> Frame:
+    def _frame(self, index: int) -> Frame:
         """A frame of the model, the same one for all closures."""
-        index = frame_id(self.model, name)
         for frame in self._frames:
             if frame.index == index:
                 return frame
-        self._frames.append(Frame(self.data, index, self.model.frames[index].parentJoint))
+        joint = self.model.frames[index].parentJoint
+        columns = np.flatnonzero(support(self.model, joint))
+        rates = rates_of_columns(self.model)[columns]
+        self._frames.append(Frame(self.data, index, joint, columns, rates))
         return self._frames[-1]
 
     def evaluate(self, q: Array) -> None:
@@ -136,7 +134,7 @@ class Loops:
     def Phi(self) -> Array:
         """Jacobian of the closures, shape (rows, nv): Phi v = 0, Eqs. (3), (4)."""
         wrenches(self.pairs)
-        Phi = self._relative(self._W, self._J)
+        Phi = self._relative(_W, self._J)
         for rows, coupled in self.couplings:
             Phi[rows] = coupled.row(self._q)
         return Phi
@@ -145,7 +143,7 @@ class Loops:
         """Rate of Phi at rates v of the tree, shape (rows, nv); J and its rate are at v then."""
         self._move(v)
         self._jacobian_rates.update(self.data, self._q, v)
-        Phi_dot = self._relative(self._W, self._J_dot) + self._relative(self._W_dot, self._J)
+        Phi_dot = self._relative(_W, self._J_dot) + self._relative(_W_DOT, self._J)
         for rows, coupled in self.couplings:
             Phi_dot[rows] = coupled.row_rate(self._q, v)
         return Phi_dot
@@ -163,8 +161,8 @@ class Loops:
         pin.forwardKinematics(self.model, self.data, self._q, v, self._zero)
         move(self._frames, self.pairs)
 
-    def _relative(self, W: Array, J: Array) -> Array:
-        """Rows at frame B, for what moves it, less those at frame A, for what moves that."""
-        both = W.dot(J).reshape(self._S.shape)
-        both *= self._S
-        return summed(self.model, both[0] + both[1])
+    def _relative(self, part: int, J: Array) -> Array:
+        """W J or W_dot J at frame B, for what moves it, less that at frame A."""
+        Phi = np.zeros(self.touched.shape)
+        add_products(self.pairs, part, J.T, Phi)
+        return Phi

@@ -45,6 +45,7 @@ class JointComplement:
         n, nv = selection.shape
         rows = len(mechanism.row_scale)
         self._rate_scale = mechanism.rate_scale
+        self._free_of_units = bool((mechanism.rate_scale == 1).all())
         self._scale = mechanism.row_scale[:, None] * mechanism.rate_scale
         self._system = np.concatenate((np.zeros((rows, nv)), selection))
         self._Phi = self._system[:rows]
@@ -84,8 +85,8 @@ class JointComplement:
     def _solve(self, right: Array) -> Array:
         x = self._factors.solve(right)
         if x.ndim != right.ndim:  # eigenpy makes a vector of one column, and a matrix of one number
-            x = x.reshape(-1, *right.shape[1:])
-        return (x.T * self._rate_scale).T
+            x = x[:, None] if x.ndim == 1 else x[:, 0]
+        return x if self._free_of_units else (x.T * self._rate_scale).T
 
 
 class Bodies(NamedTuple):
