@@ -84,8 +84,8 @@ class JointComplement:
 
     def _solve(self, right: Array) -> Array:
         x = self._factors.solve(right)
-        if x.ndim != right.ndim:  # eigenpy makes a vector of one column, and a matrix of one number
-            x = x[:, None] if x.ndim == 1 else x[:, 0]
+        if x.ndim != right.ndim:  # eigenpy hands out a single row or column as a vector
+            x = x.reshape(-1, *right.shape[1:])
         return x if self._free_of_units else (x.T * self._rate_scale).T
 
 
