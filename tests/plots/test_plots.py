@@ -100,7 +100,7 @@ def test_curves_are_what_the_robot_computes(sticky, circle):
     found = sticky.singularities(circle.q)
     ax = plots.condition_number(axes(), sticky, circle)
     assert np.array_equal(
-        curve(ax, r"motors' hold on the star, $\mathrm{cond}\,A$"), found.condition_number
+        curve(ax, r"singularity (second kind), $\mathrm{cond}\,A$"), found.condition_number
     )
 
 
