@@ -124,6 +124,9 @@ def test_below_800_px_panes_are_stacked_and_words_are_for_fingers(chromium, tmp_
             assert (aside["x"] >= view["x"] + view["width"]) != stacked
             assert page.get_by_text("pinch to zoom").is_visible() == stacked
             assert page.get_by_text("wheel to zoom").is_visible() != stacked
+            if stacked:  # the buttons lie above the robot, not on it
+                buttons, pane = (page.locator(p).bounding_box() for p in ("#views", "#pane"))
+                assert buttons["y"] + buttons["height"] <= pane["y"]
             across = "document.documentElement.scrollWidth <= innerWidth"
             assert page.evaluate(across)
 
