@@ -9,12 +9,10 @@ made when it is first asked for.
 
 from __future__ import annotations
 
-import math
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
-from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,7 +23,7 @@ from numpy.typing import NDArray
 from ..chain.assembly import generic_configuration, home_of
 from ..chain.closures import Closure, Distance, Rolling
 from ..chain.mechanism import Friction, Mechanism
-from ..chain.reference import Reference, ReferenceStates
+from ..chain.reference import Reference
 from ..errors import (
     ClosureError,
     CompilationError,
@@ -36,6 +34,8 @@ from ..errors import (
 from . import build
 from .code import Code, require_current
 from .parameters import Parameters
+from .shares import in_shares
+from .states import CompiledStates
 from .tree import Tree
 
 if TYPE_CHECKING:
@@ -63,8 +63,6 @@ _LOADED = " loaded"
 _WIDTHS = 16
 #: What the binding is compiled from.
 _BINDING = Path(__file__).with_name("_binding.pyx")
-#: Samples that are worth a thread.
-_SHARE = 256
 
 
 class CompiledBackend:
@@ -254,7 +252,13 @@ class CompiledBackend:
         kernel = self.kernel(name) if sign_width is None else self._smoothed(name, sign_width)
         if kernel is None:
             return np.arange(len(out))
-        return in_threads(kernel.many, arrays, out, threads)
+        rows = tuple(None if a is None else np.require(a, float, "A") for a in arrays)
+
+        def fill(part: slice) -> Indices:
+            left = kernel.many(tuple(None if a is None else a[part] for a in rows), out[part])
+            return left + part.start
+
+        return np.concatenate(in_shares(fill, len(out), threads))
 
     def kernel(self, name: str, friction: Friction | None = None) -> Kernel | None:
         """A kernel, with the friction of the mechanism or another one; None where there is none.
@@ -374,123 +378,6 @@ class CompiledBackend:
         return self._equations[loaded, smooth]
 
 
-class CompiledStates(ReferenceStates):
-    """The state space of a mechanism by its kernels; the reference path does what they leave.
-
-    Args:
-        reference: Of the mechanism.
-        friction: In the place of the mechanism's own.
-        backend: With its kernels.
-    """
-
-    def __init__(self, reference: Reference, friction: Friction, backend: CompiledBackend) -> None:
-        super().__init__(reference, friction)
-        self._backend = backend
-        self._closing = backend.kernel("closing")
-        self._dependent = len(self._mechanism.dependent)
-
-    def closed(self, states: Array) -> Array:
-        """As `ReferenceStates.closed`, by Newton's method."""
-        if self._closing is None:
-            return super().closed(states)
-        answer = self._closing.answer(states[..., : self._nq], None, None, None, None, 1)
-        if answer is not None:  # closed to 1e-6 before this step: the next one is the last
-            q = answer[..., : self._nq]
-            answer = self._closing.answer(q, None, None, None, None, 1)
-            return q if answer is None else answer[..., : self._nq]
-        q = np.ascontiguousarray(states[..., : self._nq].reshape(-1, self._nq))
-        for _ in range(4):
-            result = np.empty((len(q), self._nq + 2))
-            left = self._closing.many((q,), result)
-            q = result[:, :-2]
-            if not len(left):  # closed to 1e-6 before this step: the next one is the last
-                self._closing.many((q,), result)
-                return result[:, :-2].reshape(*states.shape[:-1], self._nq)
-        return super().closed(states)
-
-    def rate(self, states: Array, tau: Array, wrenches: Array | None) -> Array:
-        """As `ReferenceStates.rate`."""
-        kernel = self._rate_alone if wrenches is None else self._loaded_rate
-        if kernel is None:
-            return super().rate(states, tau, wrenches)
-        load = None if wrenches is None else wrenches.reshape(*wrenches.shape[:-2], -1)
-        answer = kernel.answer(states, tau, load, None, None, 1)
-        return super().rate(states, tau, wrenches) if answer is None else answer
-
-    def near_singularity(self, q: Array, limit: float) -> bool:
-        """As `ReferenceStates.near_singularity`, from det Phi_u where that suffices.
-
-        Of n singular values whose squares sum to s, n - 1 have a product of at most
-        (s / (n - 1))^((n - 1) / 2). So the smallest is at least |det| over this, the largest at
-        most sqrt(s).
-        """
-        det, squares = self._determinant(q)
-        others = self._dependent - 1
-        most = math.sqrt(squares) * (squares / max(others, 1)) ** (others / 2)
-        if most < limit * abs(det):
-            return False
-        return super().near_singularity(q, limit)
-
-    def passes_singularity(self, before: Array, after: Array) -> bool:
-        """Whether det Phi_u changes its sign."""
-        product = self._determinant(before)[0] * self._determinant(after)[0]
-        if math.isnan(product):
-            return super().passes_singularity(before, after)
-        return not product > 0
-
-    def _determinant(self, q: Array) -> tuple[float, float]:
-        """det Phi_u and the sum of the squares of its entries; NaN where nothing vouches for it."""
-        closing = self._closing
-        answer = None if closing is None else closing.answer(q, None, None, None, None, 1)
-        if answer is None:
-            return math.nan, math.nan
-        return answer.item(-2), answer.item(-1)
-
-    def rollout(
-        self,
-        dt: float,
-        q0: Array,
-        va0: Array,
-        tau: Array,
-        wrenches: Array | None,
-        q: Array,
-        va: Array,
-        threads: int,
-    ) -> Indices:
-        """As `ReferenceStates.rollout`; it goes on where the kernels stop."""
-        course = self._backend.course(wrenches is not None, self._friction)
-        if course is None:
-            return super().rollout(dt, q0, va0, tau, wrenches, q, va, threads)
-        load = None if wrenches is None else wrenches.reshape(len(wrenches), -1)
-
-        def run(part: slice) -> Indices:
-            on = None if load is None else load[part]
-            return course.run(dt, q0[part], va0[part], tau[part], on, q[part], va[part])
-
-        parts = _slices(len(q), threads)
-        reached = np.concatenate(_on_each(run, parts))
-        reached[~self._mechanism.space.on_manifold(q0)] = 0  # kernels normalise on the way
-        steps = q.shape[1] - 1
-        stride = 1 if tau.shape[1] == steps else 2
-        for i in np.flatnonzero(reached <= steps):
-            done, one = max(int(reached[i]) - 1, 0), slice(i, i + 1)
-            q_start = (q[one, done] if done else q0[one]).copy()
-            va_start = (va[one, done] if done else va0[one]).copy()
-            loads = None if wrenches is None else wrenches[one]
-            rest = tau[one, stride * done :]
-            arguments = (dt, q_start, va_start, rest, loads, q[one, done:], va[one, done:], 1)
-            reached[i] = done + super().rollout(*arguments)[0]
-        return reached
-
-    @cached_property
-    def _rate_alone(self) -> Kernel | None:
-        return self._backend.rate(False, self._friction)
-
-    @cached_property
-    def _loaded_rate(self) -> Kernel | None:
-        return self._backend.rate(True, self._friction)
-
-
 def impossible(mechanism: Mechanism, name: str) -> str:
     """Why there is no kernel of this name; empty when there is one."""
     nv, motors = mechanism.motors.shape
@@ -535,37 +422,6 @@ def sample_configurations(reference: Reference, near: Array | None = None) -> Ar
         if len(samples) == _SAMPLES:
             break
     return np.array(samples)
-
-
-def in_threads(
-    fill: Callable[[tuple[Array | None, ...], Array], Indices],
-    arrays: tuple[Array | None, ...],
-    out: Array,
-    threads: int,
-) -> Indices:
-    """Fill the rows of `out`, shared among threads; what is left, by index."""
-    plain = tuple(None if a is None else np.require(a, float, "A") for a in arrays)
-
-    def run(part: slice) -> Indices:
-        rows = tuple(None if a is None else a[part] for a in plain)
-        return fill(rows, out[part]) + part.start
-
-    return np.concatenate(_on_each(run, _slices(len(out), threads)))
-
-
-def _slices(samples: int, threads: int) -> list[slice]:
-    parts = max(1, min(threads, samples // _SHARE))
-    ends = [samples * k // parts for k in range(parts + 1)]
-    return [slice(a, b) for a, b in pairwise(ends)]
-
-
-def _on_each(run: Callable[[slice], Indices], parts: list[slice]) -> list[Indices]:
-    if len(parts) == 1:
-        return [run(parts[0])]
-    from concurrent.futures import ThreadPoolExecutor  # takes long
-
-    with ThreadPoolExecutor(len(parts)) as pool:
-        return list(pool.map(run, parts))
 
 
 def _content(mechanism: Mechanism, parameters: Parameters) -> bytes:
