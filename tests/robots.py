@@ -8,7 +8,7 @@ work: no constraint Jacobian, no orthogonal complement, no recursive Newton-Eule
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -340,19 +340,13 @@ def four_bar_in_one_branch() -> Robot:
         crank, coupler, rocker = np.moveaxis(branched.joints(x), -1, 0)
         return np.stack([crank, coupler, rocker - np.pi - crank - coupler], axis=-1)
 
-    return Robot(
-        links=[
-            Link("crank", "", 0 * u, normal),
-            Link("coupler", "crank", CRANK * u, normal),
-            Link("rocker", "coupler", COUPLER * u, normal),
-        ],
-        frames=[Frame("A", "universe", GROUND * u), Frame("B", "rocker", ROCKER * u)],
-        closures=[Closure("A", "B", "3d")],
-        actuated=["crank"],
-        joints=joints,
-        x=np.array([0.8]),
-        redundant_rows=1,
-    )
+    links = [
+        Link("crank", "", 0 * u, normal),
+        Link("coupler", "crank", CRANK * u, normal),
+        Link("rocker", "coupler", COUPLER * u, normal),
+    ]
+    frames = [Frame("A", "universe", GROUND * u), Frame("B", "rocker", ROCKER * u)]
+    return replace(branched, links=links, frames=frames, joints=joints)
 
 
 def four_bar_with_cut_coupler(*kinds: str) -> Robot:

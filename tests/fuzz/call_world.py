@@ -65,6 +65,20 @@ class World:
         return example_1(self.robot, np.linspace(0, 0.05, 10))
 
     @cached_property
+    def open_motion(self):
+        """The same with its loops open."""
+        m = self.motion
+        q = m.q + 0.1 * np.arange(9)
+        return sst_pin.Trajectory(m.t, q, m.va, m.aa, m.tau, m.joint_names, m.actuated)
+
+    @cached_property
+    def motion_of_another(self):
+        """Of a four-bar."""
+        rates = [np.ones((2, 1))] * 3
+        names = ("crank", "coupler", "rocker")
+        return sst_pin.Trajectory([0.0, 1.0], np.ones((2, 3)), *rates, names, ("crank",))
+
+    @cached_property
     def urdf(self):
         return Path(sst_pin.URDF_PATH).read_text(encoding="utf-8")
 

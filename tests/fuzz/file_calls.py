@@ -46,6 +46,19 @@ FOUR_BAR = """<robot name="four_bar">
     <origin xyz="2.2 0 0" rpy="0 0 0"/></joint>
 </robot>
 """
+FOUR_BAR_MJCF = """<mujoco model="four_bar"><compiler angle="radian"/>
+  <option gravity="0.5 -9.81 0"/>
+  <worldbody><body name="crank" pos="0 0 0"><joint name="crank" axis="0 0 1" armature="0.1"/>
+    <inertial pos="0.5 0 0" mass="1.5" diaginertia="0.1 0.2 0.25"/>
+    <body name="coupler" pos="1 0 0"><joint name="coupler" axis="0 0 1" damping="0.1"/>
+      <inertial pos="1 0 0" mass="2" diaginertia="0.2 0.3 0.4"/>
+      <body name="rocker" pos="2 0 0"><joint name="rocker" axis="0 0 1" frictionloss="0.2"/>
+        <inertial pos="0.7 0 0" mass="1.2" diaginertia="0.1 0.1 0.15"/>
+        <site name="end" pos="1.5 0 0"/></body></body></body>
+    <site name="pivot" pos="2.2 0 0"/></worldbody>
+  <equality><connect site1="end" site2="pivot"/></equality>
+  <actuator><motor name="crank" joint="crank"/></actuator></mujoco>
+"""
 FOUR_BAR_CUTS = """closed_loop: [[end, pivot]]
 type: [3d]
 name_mot: [crank]
@@ -333,19 +346,7 @@ def _cuts(w: World) -> Iterator[Call]:
 
 
 def _mjcfs(w: World) -> Iterator[Call]:
-    four_bar = """<mujoco><compiler angle="radian"/><option gravity="0.5 -9.81 0"/>{0}
-      <worldbody><body name="crank" pos="0 0 0"><joint name="crank" axis="0 0 1" {1}/>
-        <inertial pos="0.5 0 0" mass="1.5" diaginertia="0.1 0.2 0.25"/>
-        <body name="coupler" pos="1 0 0"><joint name="coupler" axis="0 0 1" damping="0.1"/>
-          <inertial pos="1 0 0" mass="2" diaginertia="0.2 0.3 0.4"/>
-          <body name="rocker" pos="2 0 0"><joint name="rocker" axis="0 0 1" frictionloss="0.2"/>
-            <inertial pos="0.7 0 0" mass="1.2" diaginertia="0.1 0.1 0.15"/>
-            <site name="end" pos="1.5 0 0"/></body></body></body>
-        <site name="pivot" pos="2.2 0 0"/></worldbody>
-      <equality><connect site1="end" site2="pivot"/></equality>
-      <actuator>{2}</actuator></mujoco>"""
-    motor = '<motor joint="crank"/>'
-    plain = four_bar.format("", "", motor)
+    plain, motor = FOUR_BAR_MJCF, '<motor name="crank" joint="crank"/>'
 
     def read(text: str, **options: Any) -> ClosedChain:
         Path("odd.xml").write_text(text, encoding="utf-8")
@@ -356,8 +357,8 @@ def _mjcfs(w: World) -> Iterator[Call]:
         "another root": "<robot/>",
         "an empty model": "<mujoco/>",
         "no equalities": plain.replace('<connect site1="end" site2="pivot"/>', ""),
-        "a motor on nothing": four_bar.format("", "", '<motor joint="krank"/>'),
-        "a motor on a site": four_bar.format("", "", '<motor site="end"/>'),
+        "a motor on nothing": plain.replace(motor, '<motor joint="krank"/>'),
+        "a motor on a site": plain.replace(motor, '<motor site="end"/>'),
         "a word for a mass": plain.replace('mass="1.5"', 'mass="heavy"'),
         "a NaN for a mass": plain.replace('mass="1.5"', 'mass="nan"'),
         "a negative mass": plain.replace('mass="1.5"', 'mass="-1"'),

@@ -407,18 +407,9 @@ def _motion_files(w: World) -> Iterator[Call]:
 
 def _motions(w: World) -> Iterator[Call]:
     m = w.motion
-    single = sst_pin.Trajectory(
-        m.t[:1], m.q[:1], m.va[:1], m.aa[:1], m.tau[:1], m.joint_names, m.actuated
-    )
-    other = sst_pin.Trajectory(
-        [0.0, 1.0], np.ones((2, 3)), np.ones((2, 1)), np.ones((2, 1)), np.ones((2, 1)),
-        ("crank", "coupler", "rocker"), ("crank",),
-    )  # fmt: skip
+    single, other, opened = w.motion[:1], w.motion_of_another, w.open_motion
     renamed = sst_pin.Trajectory(
         m.t, m.q, m.va, m.aa, m.tau, [f"x{i}" for i in range(9)], ["x0", "x3", "x6"]
-    )
-    opened = sst_pin.Trajectory(
-        m.t, m.q + 0.1 * np.arange(9), m.va, m.aa, m.tau, m.joint_names, m.actuated
     )
     for name, motion in {
         "None": None,

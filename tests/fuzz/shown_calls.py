@@ -25,16 +25,7 @@ def pictures(w: World) -> Iterator[Call]:
     from sst_pin.viewer import Viewer
 
     m = w.motion
-    single = sst_pin.Trajectory(
-        m.t[:1], m.q[:1], m.va[:1], m.aa[:1], m.tau[:1], m.joint_names, m.actuated
-    )
-    other = sst_pin.Trajectory(
-        [0.0, 1.0], np.ones((2, 3)), np.ones((2, 1)), np.ones((2, 1)), np.ones((2, 1)),
-        ("crank", "coupler", "rocker"), ("crank",),
-    )  # fmt: skip
-    opened = sst_pin.Trajectory(
-        m.t, m.q + 0.1 * np.arange(9), m.va, m.aa, m.tau, m.joint_names, m.actuated
-    )
+    single, other, opened = w.motion[:1], w.motion_of_another, w.open_motion
     motions = {"of one sample": single, "of another robot": other}
     for name, motion in motions.items():
         for subject in plots.SUBJECTS:

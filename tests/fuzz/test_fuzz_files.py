@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import plain_reading
 import pytest
-from file_calls import FOUR_BAR, FOUR_BAR_CUTS, FOUR_BAR_GUESS
+from file_calls import FOUR_BAR, FOUR_BAR_CUTS, FOUR_BAR_GUESS, FOUR_BAR_MJCF
 from hypothesis import HealthCheck, given, note, settings
 from hypothesis import strategies as st
 from judged_calls import limited
@@ -30,19 +30,6 @@ CLOSE = 1e-7
 #: The drift of MuJoCo's closures is a central difference.
 CLOSE_IN_DIFFERENCES = 1e-4
 
-FOUR_BAR_MJCF = """<mujoco model="four_bar"><compiler angle="radian"/>
-  <option gravity="0.5 -9.81 0"/>
-  <worldbody><body name="crank" pos="0 0 0"><joint name="crank" axis="0 0 1" armature="0.1"/>
-    <inertial pos="0.5 0 0" mass="1.5" diaginertia="0.1 0.2 0.25"/>
-    <body name="coupler" pos="1 0 0"><joint name="coupler" axis="0 0 1" damping="0.1"/>
-      <inertial pos="1 0 0" mass="2" diaginertia="0.2 0.3 0.4"/>
-      <body name="rocker" pos="2 0 0"><joint name="rocker" axis="0 0 1" frictionloss="0.2"/>
-        <inertial pos="0.7 0 0" mass="1.2" diaginertia="0.1 0.1 0.15"/>
-        <site name="end" pos="1.5 0 0"/></body></body></body>
-    <site name="pivot" pos="2.2 0 0"/></worldbody>
-  <equality><connect site1="end" site2="pivot"/></equality>
-  <actuator><motor name="crank" joint="crank"/></actuator></mujoco>
-"""
 #: Attributes of MJCF that change the dynamics.
 MJCF_EXTRA = (
     ("option", "density", "1000"),
