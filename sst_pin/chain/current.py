@@ -107,6 +107,7 @@ class CurrentMechanism:
         """Take in a model that has changed."""
         self.unseen = False
         if self.model != self.draft.model:
+            self.unseen = True  # until it is taken in: one that is refused stays so
             self.take_in()
 
     # --- coordinates ------------------------------------------------------------------------

@@ -146,6 +146,8 @@ def _require_sound(model: pin.Model, closures: Sequence[Constraint]) -> None:
     problems = [f"joint {n}: the name appears twice" for n, k in Counter(names).items() if k > 1]
     if model != pin.Model(model):
         problems.append("contains NaN")
+    if model.gravity.angular.any():
+        problems.append(f"gravity.angular is {model.gravity.angular}; weights have no such part")
     if not model.nv:
         problems.append("no moving joints")
     if not closures:

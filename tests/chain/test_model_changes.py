@@ -162,6 +162,27 @@ def test_a_frame_added_to_the_model_can_be_asked_for():
     assert chain.frame_jacobian(q, "tool").shape == (6, n)
 
 
+def _nan_mass(model):
+    model.inertias[2].mass = np.nan
+
+
+def _angular_gravity(model):
+    model.gravity.angular = np.array([0.0, 0.0, 1.0])
+
+
+@pytest.mark.parametrize("change", [_nan_mass, _angular_gravity])
+@pytest.mark.parametrize("kernels", [True, False])
+def test_a_model_that_is_refused_stays_refused(kernels, change):
+    """At every call, one sample by kernels too: they would go on with the numbers before."""
+    robot = sst_pin.SST(kernels=kernels)
+    motion = robot.home, np.ones(3), np.ones(3)
+    robot.compute_torques(*motion)
+    change(robot.model)
+    for _ in range(3):
+        with pytest.raises(sst_pin.DescriptionError, match=r"NaN|gravity\.angular"):
+            robot.compute_torques(*motion)
+
+
 def test_a_model_with_a_nan_is_refused():
     """It would never equal itself."""
     model = tree("free", ["RX"], ["RZ"], seed=3)
