@@ -164,18 +164,21 @@ class _Function(NamedTuple):
 _FUNCTIONS = {
     "torques": _Function("Torques of a motion.", "torques", ("q", "va", "aa"), "tau"),
     "forces": _Function(
-        "Forces that a motion needs along the coordinates, whoever supplies them.",
+        "Generalized forces along the coordinates that a motion needs.",
         "forces",
         ("q", "va", "aa"),
         "f",
     ),
     "accelerations": _Function(
-        "Accelerations under torques.", "accelerations", ("q", "va", "tau"), "aa"
+        "Accelerations of the coordinates for given torques.",
+        "accelerations",
+        ("q", "va", "tau"),
+        "aa",
     ),
     "assembly_step": _Function(
-        "A step of Newton's method that closes the loops, the coordinates held. From measured\n"
-        " * coordinates and the last q of the other joints: call it, with q_next = q, until the\n"
-        " * other functions return 0. ROBOT_OPEN says that the loops were open before the step.",
+        "A step of Newton's method that closes the loops and keeps the coordinates. Start with\n"
+        " * measured coordinates and the previous q of the other joints, and call it with\n"
+        " * q_next = q until it returns 0. ROBOT_OPEN: the loops were open before the step.",
         "closing",
         ("q",),
         "q_next",

@@ -184,7 +184,7 @@ def test_the_motors_power_is_the_rate_of_the_energy(robot, referee, states):
 )
 def test_too_few_cells_are_refused(build, cells):
     """With the number that is needed."""
-    with pytest.raises(InputError, match="needed"):
+    with pytest.raises(InputError, match="expected at least"):
         build(cells)
 
 
