@@ -340,7 +340,7 @@ class CompiledBackend:
         if not _has_directions(self._mechanism, name, build.TARGETS[best][0]):
             return [self._code(name, target) for target in (build.ONE[best], best)]
         # Eight directions at once take longer than four.
-        narrow = "avx512vl" if best == "avx512" else best
+        narrow = "avx2" if best == "avx512" else best
         fit = len(self._mechanism.coordinates) <= build.TARGETS[narrow][0]
         first, *loaded = name.split()
         single = " ".join([first, ALONG, *loaded])

@@ -27,7 +27,6 @@ _AVX2 = ("-mavx2", "-mfma")
 #: Samples at once, and what a compiler is told, for each instruction set.
 TARGETS = {
     "avx512": (8, (*_AVX512, "-mprefer-vector-width=512")),
-    "avx512vl": (4, _AVX512),
     "avx2": (4, _AVX2),
     "plain": (2, ()),
     "avx2_one": (1, _AVX2),

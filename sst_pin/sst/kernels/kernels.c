@@ -7391,14 +7391,14 @@ static void torque_derivatives_constants(number *p)
 
 PART torque_derivatives_0(const real *x, const number *p, real *restrict y, real *restrict w)
 {
-    (void)x, (void)p, (void)y, (void)w; real s0, c0; sine_cosine(x[0], &s0, &c0);
+    (void)x, (void)p, (void)y, (void)w; real s0, c0; sines_cosines(1, &x[0], &s0, &c0);
     const real t14 = c0 * p[184]; const real t24 = s0 * p[185]; const real t25 = t14 + t24;
     const real t30 = s0 * p[184]; const real t31 = c0 * p[185]; const real t32 = t30 - t31;
-    real s1, c1; sine_cosine(x[1], &s1, &c1); real s2, c2; sine_cosine(x[8], &s2, &c2);
+    real s1, c1; sines_cosines(1, &x[1], &s1, &c1); real s2, c2; sines_cosines(1, &x[8], &s2, &c2);
     const real t52 = s2 * p[186]; const real t62 = c2 * p[187]; const real t63 = t52 + t62;
-    real s3, c3; sine_cosine(x[5], &s3, &c3); const real t77 = s3 * p[188];
+    real s3, c3; sines_cosines(1, &x[5], &s3, &c3); const real t77 = s3 * p[188];
     const real t87 = c3 * p[189]; const real t88 = t77 + t87;
-    real s4, c4; sine_cosine(x[2], &s4, &c4); const real t91 = t88 * s4;
+    real s4, c4; sines_cosines(1, &x[2], &s4, &c4); const real t91 = t88 * s4;
     const real t100 = s3 * p[190]; const real t106 = c3 * p[191]; const real t107 = t100 + t106;
     const real t109 = t107 * c4; const real t110 = t91 - t109; const real t111 = t110 * t63;
     const real t120 = s3 * p[192]; const real t126 = c3 * p[193]; const real t127 = t120 + t126;
@@ -7409,11 +7409,11 @@ PART torque_derivatives_0(const real *x, const number *p, real *restrict y, real
     const real t165 = t63 * ti0; const real t166 = s1 * s4; const real t167 = t107 * t166;
     const real t168 = s1 * c4; const real t169 = t88 * t168; const real t170 = t167 + t169;
     const real t172 = t127 * c1; const real t173 = t170 + t172; const real t175 = t173 * x[9];
-    real s5, c5; sine_cosine(x[4], &s5, &c5); const real t179 = s5 * x[10];
+    real s5, c5; sines_cosines(1, &x[4], &s5, &c5); const real t179 = s5 * x[10];
     const real t180 = t175 - t179; const real t181 = t165 * t180; const real t182 = t127 * ti0;
     const real t183 = t160 * t166; const real t184 = t143 * t168; const real t185 = t183 + t184;
     const real t186 = t63 * c1; const real t187 = t185 + t186; const real t188 = t187 * x[9];
-    real s6, c6; sine_cosine(x[7], &s6, &c6); const real t192 = s6 * x[11];
+    real s6, c6; sines_cosines(1, &x[7], &s6, &c6); const real t192 = s6 * x[11];
     const real t193 = t188 - t192; const real t194 = t182 * t193; const real t195 = t181 - t194;
     const real t196 = c1 * x[9]; const real t210 = s1 * x[9]; const real t211 = c2 * p[196];
     const real t212 = s2 * p[197]; const real t213 = t211 - t212; const real t214 = t213 * t166;
@@ -7503,7 +7503,7 @@ PART torque_derivatives_0(const real *x, const number *p, real *restrict y, real
     const real t1169 = t1168 * p[52]; const real t1170 = t1166 - t1169;
     const real t1171 = t357 * t179; const real t1172 = t1171 - t1151;
     const real t1174 = t1172 * p[53]; const real t1175 = t1170 + t1174;
-    const real t1176 = t1164 - t1175; real s7, c7; sine_cosine(x[3], &s7, &c7);
+    const real t1176 = t1164 - t1175; real s7, c7; sines_cosines(1, &x[3], &s7, &c7);
     const real t1188 = p[219] * c7; const real t1198 = p[220] * s7;
     const real t1199 = t1188 - t1198; const real t1200 = t1199 * p[184];
     const real t1206 = p[221] * c7; const real t1212 = p[222] * s7;
@@ -7548,7 +7548,7 @@ PART torque_derivatives_0(const real *x, const number *p, real *restrict y, real
     const real t1334 = t1333 * p[82]; const real t1335 = t1331 - t1334;
     const real t1336 = t241 * t192; const real t1337 = t1336 - t1316;
     const real t1339 = t1337 * p[83]; const real t1340 = t1335 + t1339;
-    const real t1341 = t1329 - t1340; real s8, c8; sine_cosine(x[6], &s8, &c8);
+    const real t1341 = t1329 - t1340; real s8, c8; sines_cosines(1, &x[6], &s8, &c8);
     const real t1353 = p[226] * c8; const real t1363 = p[227] * s8;
     const real t1364 = t1353 - t1363; const real t1365 = t1364 * p[184];
     const real t1371 = p[228] * c8; const real t1377 = p[229] * s8;
@@ -8735,22 +8735,22 @@ static void acceleration_derivatives_constants(number *p)
 
 PART acceleration_derivatives_0(const real *x, const number *p, real *restrict y, real *restrict w)
 {
-    (void)x, (void)p, (void)y, (void)w; real s0, c0; sine_cosine(x[1], &s0, &c0);
-    const real t191 = c0 * p[184]; real s1, c1; sine_cosine(x[2], &s1, &c1);
+    (void)x, (void)p, (void)y, (void)w; real s0, c0; sines_cosines(1, &x[1], &s0, &c0);
+    const real t191 = c0 * p[184]; real s1, c1; sines_cosines(1, &x[2], &s1, &c1);
     const real t244 = s1 * p[185]; const real t259 = c1 * p[186]; const real t260 = t244 + t259;
     const real t261 = s0 * t260; const real t262 = t191 - t261;
-    real s2, c2; sine_cosine(x[5], &s2, &c2); const real t270 = s2 * p[187];
+    real s2, c2; sines_cosines(1, &x[5], &s2, &c2); const real t270 = s2 * p[187];
     const real t277 = c2 * p[188]; const real t278 = t270 + t277; const real t279 = t278 * s1;
     const real t285 = s2 * p[189]; const real t291 = c2 * p[190]; const real t292 = t285 + t291;
     const real t293 = t292 * c1; const real t294 = t279 - t293;
-    real s3, c3; sine_cosine(x[8], &s3, &c3); const real t302 = s3 * p[191];
+    real s3, c3; sines_cosines(1, &x[8], &s3, &c3); const real t302 = s3 * p[191];
     const real t309 = c3 * p[192]; const real t310 = t302 + t309; const real t311 = t294 * t310;
     const real t317 = s2 * p[193]; const real t323 = c2 * p[194]; const real t324 = t317 + t323;
     const real t330 = s3 * p[195]; const real t336 = c3 * p[196]; const real t337 = t330 + t336;
     const real t338 = t337 * s1; const real t344 = s3 * p[197]; const real t350 = c3 * p[198];
     const real t351 = t344 + t350; const real t352 = t351 * c1; const real t353 = t338 - t352;
     const real t354 = t324 * t353; const real t355 = t311 - t354; const real ti0 = 1 / t355;
-    const real t356 = t294 * ti0; real s4, c4; sine_cosine(x[7], &s4, &c4);
+    const real t356 = t294 * ti0; real s4, c4; sines_cosines(1, &x[7], &s4, &c4);
     const real t359 = t356 * s4; const real t360 = t262 * t359; const real t406 = s1 * p[199];
     const real t420 = c1 * p[200]; const real t421 = t406 - t420; const real t422 = t421 * c1;
     const real t424 = c1 * p[201]; const real t437 = s1 * p[202]; const real t438 = t424 - t437;
@@ -8823,7 +8823,7 @@ PART acceleration_derivatives_0(const real *x, const number *p, real *restrict y
     const real t727 = p[99] * t635; const real t728 = t635 * t727; const real t729 = t726 + t728;
     const real t730 = p[214] * t663; const real t731 = t663 * t730; const real t732 = t729 + t731;
     const real ti1 = 1 / t732; const real t733 = t677 * ti1;
-    real s5, c5; sine_cosine(x[6], &s5, &c5); const real t748 = p[218] * c5;
+    real s5, c5; sines_cosines(1, &x[6], &s5, &c5); const real t748 = p[218] * c5;
     const real t758 = p[219] * s5; const real t759 = t748 + t758; const real t768 = t759 * p[220];
     const real t777 = p[221] * c5; const real t783 = p[222] * s5; const real t784 = t777 + t783;
     const real t790 = t784 * p[223]; const real t791 = t768 + t790; const real t800 = p[224] * c5;
@@ -8834,7 +8834,7 @@ PART acceleration_derivatives_0(const real *x, const number *p, real *restrict y
     const real t827 = t822 + t826; const real t828 = p[225] * c5; const real t829 = p[224] * s5;
     const real t830 = t828 - t829; const real t831 = t830 * p[226]; const real t832 = t827 + t831;
     const real t838 = t581 * x[9]; const real t839 = t486 * x[9];
-    real s6, c6; sine_cosine(x[4], &s6, &c6); const real t843 = s6 * x[10];
+    real s6, c6; sines_cosines(1, &x[4], &s6, &c6); const real t843 = s6 * x[10];
     const real t844 = t839 - t843; const real t845 = t505 * t844; const real t846 = t492 * x[9];
     const real t848 = s4 * x[11]; const real t849 = t846 - t848; const real t850 = t475 * t849;
     const real t851 = t845 - t850; const real t852 = t584 * t851; const real t853 = t838 - t852;
@@ -8914,7 +8914,7 @@ PART acceleration_derivatives_0(const real *x, const number *p, real *restrict y
     const real t1157 = t1022 - t1156; const real t1158 = t1157 - t1023;
     const real t1159 = t1136 * t910; const real t1160 = t1158 + t1159;
     const real t1161 = t1160 * p[203]; const real t1162 = t1155 + t1161;
-    const real t1163 = t1148 - t1162; real s7, c7; sine_cosine(x[0], &s7, &c7);
+    const real t1163 = t1148 - t1162; real s7, c7; sines_cosines(1, &x[0], &s7, &c7);
     const real t1185 = c7 * p[220]; const real t1187 = s7 * p[223];
     const real t1188 = t1185 + t1187; const real t1189 = s1 * t1188;
     const real t1190 = s7 * p[220]; const real t1191 = c7 * p[223];
@@ -9009,7 +9009,7 @@ PART acceleration_derivatives_0(const real *x, const number *p, real *restrict y
     const real t1407 = t1406 * p[53]; const real t1408 = t949 * t949;
     const real t1409 = t1408 + t1400; const real t1410 = t1409 * p[52];
     const real t1411 = t1407 - t1410; const real t1412 = t1404 - t1411;
-    real s8, c8; sine_cosine(x[3], &s8, &c8); const real t1424 = p[236] * c8;
+    real s8, c8; sines_cosines(1, &x[3], &s8, &c8); const real t1424 = p[236] * c8;
     const real t1434 = p[237] * s8; const real t1435 = t1424 - t1434;
     const real t1436 = t1435 * p[220]; const real t1442 = p[238] * c8;
     const real t1448 = p[239] * s8; const real t1449 = t1442 - t1448;
