@@ -3,10 +3,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -506,7 +506,12 @@ class SST(ClosedChain):
         *,
         platform_moment: Load = None,
         external_wrenches: Load = None,
-        **options: Any,
+        method: str = "DOP853",
+        rtol: float = 1e-12,
+        atol: float = 1e-12,
+        max_condition_number: float = 1e4,
+        sign_width: float = 1e-3,
+        progress: Callable[[float], None] | None = None,
     ) -> Trajectory:
         """Simulate the motion for given torques; see `sst_pin.motion.simulation.simulate`.
 
@@ -520,7 +525,13 @@ class SST(ClosedChain):
                 constant, shape (3,), [N m].
             external_wrenches: Wrenches on the nine bodies: a function (t, q, va) -> (9, 6), or a
                 constant.
-            options: The keyword arguments of `ClosedChain.simulate`, such as `method`.
+            method: Integrator; this and the following arguments are those of
+                `sst_pin.motion.simulation.simulate`.
+            rtol: Relative tolerance.
+            atol: Absolute tolerance.
+            max_condition_number: The motion stops at this condition number, before a singularity.
+            sign_width: Width of the smoothed Coulomb friction, [rad/s].
+            progress: Function that is called with the time reached.
 
         Example:
             >>> motion = robot.simulate([0, 0, 0], robot.home, [0, 0, 0], np.linspace(0, 0.1, 11))
@@ -537,7 +548,19 @@ class SST(ClosedChain):
                 assert wrenches is not None
                 return wrenches
 
-        return super().simulate(torque, q0, va0, t, external_wrenches=load, **options)
+        return super().simulate(
+            torque,
+            q0,
+            va0,
+            t,
+            external_wrenches=load,
+            method=method,
+            rtol=rtol,
+            atol=atol,
+            max_condition_number=max_condition_number,
+            sign_width=sign_width,
+            progress=progress,
+        )
 
     def rollout(
         self,
@@ -548,7 +571,10 @@ class SST(ClosedChain):
         *,
         platform_moment: ArrayLike | None = None,
         external_wrenches: ArrayLike | None = None,
-        **options: Any,
+        steps: int | None = None,
+        sign_width: float = 1e-3,
+        threads: int = 1,
+        on_error: str = "raise",
     ) -> Rollout:
         """Simulate many motions with a fixed step; see `sst_pin.motion.rollouts.rollout`.
 
@@ -559,15 +585,27 @@ class SST(ClosedChain):
             dt: Step, [s].
             platform_moment: Constant moment on the star, in base axes, shape (..., 3), [N m].
             external_wrenches: Constant wrenches on the nine bodies, shape (..., 9, 6).
-            options: The keyword arguments of `ClosedChain.rollout`, such as `steps`.
+            steps: Number of steps N.
+            sign_width: Width of the smoothed Coulomb friction, [rad/s].
+            threads: Number of threads.
+            on_error: "raise" or "nan".
 
         Example:
             >>> motion = robot.rollout(np.zeros((8, 50, 3)), robot.home, [0, 0, 0], dt=1e-3)
             >>> motion.q.shape
             (8, 51, 9)
         """
-        wrenches = _with_moment(platform_moment, external_wrenches)
-        return super().rollout(tau, q0, va0, dt, external_wrenches=wrenches, **options)
+        return super().rollout(
+            tau,
+            q0,
+            va0,
+            dt,
+            external_wrenches=_with_moment(platform_moment, external_wrenches),
+            steps=steps,
+            sign_width=sign_width,
+            threads=threads,
+            on_error=on_error,
+        )
 
     # --- pictures ---------------------------------------------------------------------------
 
