@@ -37,7 +37,7 @@ CLOSED = 0.5 * CLOSURE_TOLERANCE
 #: How much smaller than in the samples a pivot may be.
 _PIVOT = 1e-3
 #: Residuals of a solution, in roundings of the matrix times it, up to which it counts as one.
-_ROUNDINGS = 100
+_ROUNDINGS = 30
 #: Solutions up to this are none, [rad/s], [N m] and the like.
 _NOTHING = 1e-10
 
