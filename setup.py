@@ -39,7 +39,7 @@ def readme() -> str:
 
 
 def made_of(*sources: str) -> tuple[str, str]:
-    """The macro by which an extension tells its sources; `require_current` in code.py reads it."""
+    """The macro by which an extension tells its sources; `extensions.py` reads it."""
     content = b"".join(Path(source).read_bytes() for source in sources)
     return "MADE_OF", f'"{hashlib.sha256(content).hexdigest()}"'
 
@@ -65,6 +65,9 @@ setup(
             "sst_pin.chain.closure_kinds",  # runs without being compiled, too
             ["sst_pin/chain/closure_kinds.py"],
             depends=["sst_pin/chain/closure_kinds.pxd"],
+            define_macros=[
+                made_of("sst_pin/chain/closure_kinds.py", "sst_pin/chain/closure_kinds.pxd"),
+            ],
             extra_compile_args=["-O2"],
             optional=True,
         ),

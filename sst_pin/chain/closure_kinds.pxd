@@ -4,6 +4,11 @@
 
 cimport cython
 
+cdef extern from *:
+    """
+    const char made_of[] = MADE_OF;  /* the hash of the sources when they were compiled */
+    """
+
 ctypedef (double, double, double, double) number
 ctypedef (number, number, number) vector
 

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-MADE_OF: str
 INSTRUCTIONS: str
 
 class Kernel:

@@ -62,10 +62,10 @@ cdef enum:
     FEW = 64
 
 cdef extern from *:
-    const char *made_of "MADE_OF"
+    """
+    const char made_of[] = MADE_OF;  /* the hash of this file when it was compiled */
+    """
 
-#: The hash of this file when it was compiled.
-MADE_OF = made_of.decode()
 #: What the processor offers: "avx512", "avx2" or "plain".
 INSTRUCTIONS = instructions().decode()
 

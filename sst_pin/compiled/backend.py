@@ -31,8 +31,9 @@ from ..errors import (
     MissingExtraError,
     SSTError,
 )
+from ..extensions import require_current
 from . import build
-from .code import Code, require_current
+from .code import Code
 from .parameters import Parameters
 from .shares import in_shares
 from .states import CompiledStates
@@ -100,7 +101,7 @@ class CompiledBackend:
             raise CompilationError(
                 f"the extension module is missing ({error}); install sst-pin with a C compiler"
             ) from None
-        require_current(getattr(_binding, "MADE_OF", ""), _BINDING)
+        require_current(_binding.__file__, _BINDING)
         self._binding = _binding
         self._reference, self._mechanism = reference, reference.mechanism
         self._model, self._near = model, near

@@ -4,40 +4,14 @@
 from __future__ import annotations
 
 import ctypes
-import hashlib
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import CompilationError
-
 Array = NDArray[np.float64]
 #: The list of sizes in a library ends with -1; there are no more than this.
 _MOST_SIZES = 8
-
-
-def require_current(made_of: str, *sources: Path) -> None:
-    """Refuse an extension that was compiled from other sources than those beside it.
-
-    So it is after an update of a clone that is installed with `pip install -e`.
-
-    Args:
-        made_of: The hash of its sources that the extension tells.
-        sources: These; where one is not there, the extension came with the package.
-
-    Raises:
-        CompilationError: When they are others.
-    """
-    if not all(source.is_file() for source in sources):
-        return
-    content = b"".join(source.read_bytes() for source in sources)
-    if hashlib.sha256(content).hexdigest() != made_of:
-        raise CompilationError(
-            f"the extension was compiled from another {sources[0].name}; install sst-pin again "
-            "(in a clone: pip install -e .)"
-        )
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,6 @@ import tempfile
 import pytest
 
 from sst_pin.compiled import build
-from sst_pin.compiled.code import require_current
 from sst_pin.errors import CompilationError
 
 SOURCE = "int answer(void) { return 42; }"
@@ -98,12 +97,3 @@ def test_whatever_a_compiler_does_is_told(folder, tmp_path, monkeypatch, content
     with pytest.raises(CompilationError, match=said):
         answer()
     assert not list(folder.iterdir())
-
-
-def test_an_extension_of_other_sources_is_refused(tmp_path):
-    """As it is after an update of a clone; a package without sources is taken as it is."""
-    source = tmp_path / "kernels.c"
-    require_current("hash", source)
-    source.write_text(SOURCE)
-    with pytest.raises(CompilationError, match=r"another kernels\.c.*pip install -e"):
-        require_current("hash", source)

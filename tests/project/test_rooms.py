@@ -21,7 +21,7 @@ ROOT = Path(__file__).resolve().parents[2]
 #: From the ground up: a room imports itself and the rows above its own here, nothing else.
 ROWS = (
     {"errors", "version"},
-    {"arrays", "files", "summaries"},
+    {"arrays", "extensions", "files", "summaries"},
     {"chain"},
     {"motion", "compiled", "robots"},
     {"reading"},

@@ -16,10 +16,11 @@ from pathlib import Path
 from ...chain.mechanism import Mechanism
 from ...compiled import build
 from ...compiled.backend import ALONG, DERIVATIVES
-from ...compiled.code import Code, require_current
+from ...compiled.code import Code
 from ...compiled.parameters import Parameters
 from ...description import MOTOR_NAMES
 from ...errors import CompilationError
+from ...extensions import require_current
 from ..topology import CUTS
 
 FOLDER = Path(__file__).parent
@@ -77,16 +78,6 @@ def _library() -> ctypes.CDLL:
     found = find_spec(f"{__name__}._library")
     if found is None or found.origin is None:
         raise CompilationError("the extension module is missing; install sst-pin with a C compiler")
-    library = ctypes.CDLL(found.origin)
     parts = Path(build.__file__).with_name("c")
-    require_current(_made_of(library), FOLDER / "kernels.c", parts / "real.h", parts / "driver.h")
-    return library
-
-
-def _made_of(library: ctypes.CDLL) -> str:
-    """The hash of its sources; empty where it does not tell."""
-    try:
-        text = (ctypes.c_char * 65).in_dll(library, "made_of")
-    except ValueError:
-        return ""
-    return text.value.decode()
+    sources = FOLDER / "kernels.c", parts / "real.h", parts / "driver.h"
+    return require_current(found.origin, *sources)

@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Extension modules that are compiled from the sources beside them, and no others."""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+from pathlib import Path
+
+from .errors import CompilationError
+
+
+def require_current(extension: str | Path, *sources: Path) -> ctypes.CDLL:
+    """Load an extension as a library; refuse one that was compiled from other sources.
+
+    After an update of a clone that is installed with `pip install -e`, the extensions are old.
+
+    Args:
+        extension: Its file. It contains the hash of its sources as the string `made_of`.
+        sources: Its sources. If one does not exist, the extension was installed without them.
+
+    Raises:
+        CompilationError: If the sources have changed.
+    """
+    library = ctypes.CDLL(str(extension))
+    if all(source.is_file() for source in sources):
+        content = b"".join(source.read_bytes() for source in sources)
+        if hashlib.sha256(content).hexdigest() != _made_of(library):
+            raise CompilationError(
+                f"the extension was compiled from another {sources[0].name}; install sst-pin again "
+                "(in a clone: pip install -e .)"
+            )
+    return library
+
+
+def _made_of(library: ctypes.CDLL) -> str:
+    try:
+        return (ctypes.c_char * 65).in_dll(library, "made_of").value.decode()
+    except ValueError:  # of a version that did not have it
+        return ""
