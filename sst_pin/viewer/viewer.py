@@ -21,6 +21,7 @@ from ..chain.joint_space import JointSpace
 from ..errors import InputError, OutputError, UnknownNameError
 from ..files import Writer, as_path, write_files
 from ..motion.trajectories import Trajectory, require_motion
+from ..version import __version__
 from .curves import curves_of, joints_of, motor_units, torques_of
 from .meshcat_scene import MeshcatScene
 from .page import page
@@ -313,7 +314,7 @@ class Viewer:
             "labels": [label._asdict() for label in scene.labels],
             "reach": scene.reach(q, effort).tolist(),
             "trail": 6 * TRAIL_SIDES,  # indices of its triangles for each sample passed
-            "credit": f"sst_pin {version('sst-pin')}, Meshcat {version('meshcat')}",
+            "credit": f"sst_pin {__version__}, Meshcat {version('meshcat')}",
         }
         self._tell(json.dumps(self._panel))
 
