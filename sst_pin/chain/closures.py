@@ -9,8 +9,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import isfinite
+from numbers import Real
 from types import MappingProxyType
 from typing import ClassVar, Union
+
+import numpy as np
 
 from ..errors import DescriptionError, InputError
 
@@ -108,7 +111,7 @@ class Distance:
     def __post_init__(self) -> None:
         _require_words(self.frame_a, self.frame_b)
         _require_two(self.frame_a, self.frame_b)
-        if not (isfinite(self.distance) and self.distance > 0):
+        if not (_is_finite(self.distance) and self.distance > 0):
             raise DescriptionError(
                 str(self), [f"distance {self.distance}: a positive number is needed"]
             )
@@ -143,11 +146,16 @@ class Coupling:
     offset: float = 0.0
 
     def __post_init__(self) -> None:
+        if not isinstance(self.polynomials, Mapping):
+            raise InputError("polynomials", f"{self.polynomials!r} is not a dict of coefficients")
         _require_words(self.joint, *self.polynomials)
-        numbers = [self.offset, *(c for p in self.polynomials.values() for c in p)]
-        problems = []
-        if not all(isfinite(number) for number in numbers):
-            problems.append("a coefficient is not finite")
+        problems = [
+            f"the polynomial of {name} is {p!r}: its coefficients (c_0, c_1, ...) are needed"
+            for name, p in self.polynomials.items()
+            if not isinstance(p, (Sequence, np.ndarray)) or not all(map(_is_finite, p))
+        ]
+        if not _is_finite(self.offset):
+            problems.append(f"offset {self.offset!r}: a finite number is needed")
         if self.joint in self.polynomials:
             problems.append(f"{self.joint} is coupled to itself")
         if problems:
@@ -193,7 +201,7 @@ class Rolling:
 
     def __post_init__(self) -> None:
         _require_words(self.plane, self.wheel)
-        if not (isfinite(self.radius) and self.radius > 0):
+        if not (_is_finite(self.radius) and self.radius > 0):
             raise DescriptionError(str(self), [f"radius {self.radius}: positive is needed"])
 
     @property
@@ -203,6 +211,10 @@ class Rolling:
 
     def __str__(self) -> str:
         return f"{self.wheel} on {self.plane}"
+
+
+def _is_finite(number: object) -> bool:
+    return isinstance(number, Real) and isfinite(number)
 
 
 def _require_two(frame_a: str, frame_b: str) -> None:

@@ -238,6 +238,22 @@ def test_motors_that_do_not_suffice_or_are_more_are_told(robot):
         held.degrees_of_freedom  # noqa: B018
 
 
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda: Coupling("a", {"b": 1.0}), r"polynomial of b is 1\.0"),
+        (lambda: Coupling("a", {"b": (0, np.nan)}), "polynomial of b"),
+        (lambda: Coupling("a", {"b": "12"}), "polynomial of b"),
+        (lambda: Coupling("a", offset="x"), "offset 'x'"),
+        (lambda: sst_pin.Distance("a", "b", "far"), "distance far"),
+        (lambda: sst_pin.Rolling("a", "b", None), "radius None"),
+    ],
+)
+def test_closures_are_made_of_numbers(make, said):
+    with pytest.raises(sst_pin.DescriptionError, match=said):
+        make()
+
+
 def test_names_that_are_not_there_are_told_with_those_that_are(robot):
     """Joints, frames, kinds of closure."""
     model = robot.model
