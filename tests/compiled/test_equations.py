@@ -214,10 +214,10 @@ def test_what_depends_on_parameters_alone_is_computed_once(name):
     chain = any_chain.chain(kind="6d")
     chain.generic_configuration()
     samples = sample_configurations(chain._current.reference)
-    text, size = c_code.body(kernels.make(Equations(chain._current.mechanism(), samples), name))
-    prepare, run = re.split(rf"(?:PART|static void) {name}(?:_\d+)?\(", text, maxsplit=1)
+    body = c_code.body(kernels.make(Equations(chain._current.mechanism(), samples), name))
+    prepare, run = re.split(rf"(?:PART|static void) {name}(?:_\d+)?\(", body.text, maxsplit=1)
     parameters = Equations(chain._current.mechanism(), samples).parameters.size
-    assert size > parameters
+    assert body.size > parameters
     assert f"p[{parameters}] = " in prepare
     assert "x[" not in prepare
     assert "const number t" not in run
@@ -233,6 +233,6 @@ def test_operations_per_joint_of_a_ladder_do_not_depend_on_its_length():
         q = chain.generic_configuration()
         samples = sample_configurations(chain._current.reference, q)
         kernel = kernels.make(Equations(chain._current.mechanism(), samples), "torques")
-        text, _ = c_code.body(kernel)
+        text = c_code.body(kernel).text
         counts.append(text.count("const real t") / chain.model.nv)
     assert max(counts) < 1.1 * min(counts)
