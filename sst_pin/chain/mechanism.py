@@ -18,6 +18,11 @@ from .tree import frame_id, joint_id
 Array = NDArray[np.float64]
 
 
+#: Joints that are slower are at rest, [rad/s] or [m/s]: the sign of their rate is rounding. Kernels
+#: have the same number in real.h.
+AT_REST = 1e-12
+
+
 @dataclass(frozen=True)
 class Friction:
     """Viscous and Coulomb friction of all joints.
@@ -44,7 +49,10 @@ class Friction:
 
     def forces(self, q_dot: Array) -> Array:
         """tau^f = -(D q_dot + F_c sign q_dot), Eqs. (87)-(89), with the sign that dissipates."""
-        sign = np.tanh(q_dot / self.sign_width) if self.sign_width else np.sign(q_dot)
+        if self.sign_width:
+            sign = np.tanh(q_dot / self.sign_width)
+        else:
+            sign = np.sign(q_dot) * (np.abs(q_dot) > AT_REST)
         return -(self.viscous * q_dot + self.coulomb * sign)
 
     def slopes(self, q_dot: Array) -> Array:

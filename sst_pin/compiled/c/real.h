@@ -174,10 +174,14 @@ HELPER real tangent(real x)
     return -side * z / (z + N(2.0));
 }
 
-/* The sign of a rate in Coulomb friction: tanh(x / width) where the width is not zero. */
+/* The sign of a rate in Coulomb friction: tanh(x / width) where the width is not zero; without it
+ * zero for joints at rest, up to AT_REST. */
+#define AT_REST N(1e-12)
 HELPER real direction(real x, number width)
 {
-    return width > 0 ? tangent(x / width) : SIGN(x);
+    if (width > 0)
+        return tangent(x / width);
+    return N(0.5) * (SIGN(x - AT_REST) + SIGN(x + AT_REST));
 }
 
 /* Coulomb friction; most joints have none. */
