@@ -2,13 +2,13 @@
 // One clock drives Meshcat's animation, the curves and their cursor.
 const panel = (() => {
   const SPEEDS = [2, 1, 0.5, 0.2, 0.1, 0.05, 0.02];
-  let data = null, curves = null, time = 0, playing = false, before = null;
+  let data = null, curves = null, picked = null, time = 0, playing = false, before = null;
 
   const escaped = (text) => text.replace(/[&<>"]/g, (c) => `&#${c.charCodeAt(0)};`);
   const moves = () => data !== null && data.t.length > 1;
 
   function load(next) {
-    const called = curves && curves.called, layers = shownLayers();
+    const layers = shownLayers();
     data = next;
     data.layers = { ...data.layers, floor: true, ...layers };
     document.body.classList.toggle("still", !moves());
@@ -31,7 +31,7 @@ const panel = (() => {
       `<label><input type="checkbox" data-layer="${name}"${data.layers[name] ? " checked" : ""}>${name}</label>`).join("");
     describeArrows();
     stage.load(data);
-    choose(data.curves.some((set) => set.called === called) ? called : data.curves[0].called);
+    choose(data.curves.some((set) => set.called === picked) ? picked : data.curves[0].called);
     seek(data.t[0]);
     play(moves() && !matchMedia("(prefers-reduced-motion: reduce)").matches);
   }
@@ -129,7 +129,7 @@ const panel = (() => {
 
   at("play").onclick = () => play(!playing);
   at("time").oninput = () => { play(false); seek(Number(at("time").value)); };
-  at("curves").onchange = () => choose(at("curves").value);
+  at("curves").onchange = () => choose(picked = at("curves").value);
   at("layers").onchange = ({ target }) => stage.showLayer(target.dataset.layer, target.checked);
   at("views").onclick = ({ target }) => { if (target.dataset.view) stage.look(target.dataset.view); };
   const drag = (event) => {
