@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from .dynamics import Workspace, applied_forces, direct_dynamics, motion_of_tree
 from .mechanism import Friction, Mechanism
 from .plain_tree import PlainTree
-from .row_derivatives import Branches, Frame, Partials, Tree, cross, partials
-from .vectors import brackets
+from .row_derivatives import Branches, Frame, Partials, Tree, partials
+from .vectors import brackets, cross
 
 Array = NDArray[np.float64]
 

@@ -111,11 +111,6 @@ class Tree:
         return Frame(self, joint, self._data.oMf[index])
 
 
-def cross(a: Array, b: Array) -> Array:
-    """Products of a vector with a vector or with columns, in either order."""
-    return skew(a).dot(b) if a.ndim == 1 else -skew(b).dot(a)
-
-
 def _bracket_matrix(twist: Array) -> Array:
     """The matrix that takes another twist to the bracket of this one with it, shape (6, 6)."""
     matrix = np.zeros((6, 6))

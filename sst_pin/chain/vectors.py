@@ -20,6 +20,11 @@ def skew(a: Array) -> Array:
     return a.reshape(-1, 3).dot(_TO_MATRIX).reshape(*a.shape, 3)
 
 
+def cross(a: Array, b: Array) -> Array:
+    """Products of a vector with a vector or with columns, in either order."""
+    return skew(a).dot(b) if a.ndim == 1 else -skew(b).dot(a)
+
+
 #: Products of the entries of two vectors, one after the other, times this: their cross product.
 _OF_PRODUCTS = _TO_MATRIX.reshape(3, 3, 3).transpose(0, 2, 1).reshape(9, 3)
 
