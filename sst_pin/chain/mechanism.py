@@ -18,8 +18,7 @@ from .tree import frame_id, joint_id
 Array = NDArray[np.float64]
 
 
-#: Joints that are slower are at rest, [rad/s] or [m/s]: the sign of their rate is rounding. Kernels
-#: have the same number in real.h.
+#: Joints that are slower are at rest, [rad/s] or [m/s]: the sign of their rate is rounding.
 AT_REST = 1e-12
 
 

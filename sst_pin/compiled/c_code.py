@@ -10,10 +10,13 @@ from typing import NamedTuple
 
 import casadi as ca
 
+from ..chain.mechanism import AT_REST
 from .kernels import Kernel
 from .parameters import SIGN_WIDTH
 
 _WIDTH = 94
+#: Arguments of the sign of a rate besides it: its width, and what is slower is at rest.
+_OF_SIGNS = f"p[{SIGN_WIDTH}], N({AT_REST})"
 _BINARY = {ca.OP_ADD: "+", ca.OP_SUB: "-", ca.OP_MUL: "*", ca.OP_DIV: "/"}
 #: By its operands.
 _FORMS = {
@@ -241,7 +244,7 @@ class _Writer:
         text, own = name
         if text in self._directions:
             of = self._directions.pop(text)
-            self.lines[own].append(f"const {own} {text} = direction({of}, p[{SIGN_WIDTH}]);")
+            self.lines[own].append(f"const {own} {text} = direction({of}, {_OF_SIGNS});")
         if kind == own or text[0] != "t":
             return text
         if text not in self._constants:
@@ -264,7 +267,7 @@ class _Writer:
             for (text, _), (factor, of_factor) in (operands, operands[::-1]):
                 if text in self._directions and of_factor == "number":
                     x, F = self._directions[text], self.use((factor, of_factor), kind)
-                    line = f"const real {name} = rubbing({x}, {F}, p[{SIGN_WIDTH}]);"
+                    line = f"const real {name} = rubbing({x}, {F}, {_OF_SIGNS});"
                     self.lines[kind].append(line)
                     return name, kind
         texts = [self.use(operand, kind) for operand in operands]

@@ -175,22 +175,21 @@ HELPER real tangent(real x)
 }
 
 /* The sign of a rate in Coulomb friction: tanh(x / width) where the width is not zero; without it
- * zero for joints at rest, up to AT_REST. */
-#define AT_REST N(1e-12)
-HELPER real direction(real x, number width)
+ * zero for joints that are slower than `rest`. */
+HELPER real direction(real x, number width, number rest)
 {
     if (width > 0)
         return tangent(x / width);
-    return N(0.5) * (SIGN(x - AT_REST) + SIGN(x + AT_REST));
+    return N(0.5) * (SIGN(x - rest) + SIGN(x + rest));
 }
 
 /* Coulomb friction; most joints have none. */
-HELPER real rubbing(real x, number coulomb, number width)
+HELPER real rubbing(real x, number coulomb, number width, number rest)
 {
     const real zero = {0};
     if (coulomb == 0)
         return zero;
-    return coulomb * direction(x, width);
+    return coulomb * direction(x, width, rest);
 }
 
 #endif

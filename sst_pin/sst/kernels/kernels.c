@@ -390,7 +390,7 @@ static void torques(const real *x, const number *p, real *y)
     const real t866 = p[212] * t812; const real t867 = t865 - t866; const real t868 = t864 + t867;
     const real t869 = t853 + t868; const real t870 = c[1] * t869; const real t871 = t833 + t870;
     const real t872 = t38 + t871; const real t874 = p[94] * x[12]; const real t875 = t872 + t874;
-    const real t877 = p[103] * x[9]; const real t880 = rubbing(x[9], p[112], p[3]);
+    const real t877 = p[103] * x[9]; const real t880 = rubbing(x[9], p[112], p[3], N(1e-12));
     const real t881 = t877 + t880; const real t882 = t875 + t881; const real t883 = t238 * x[12];
     const real t884 = t182 * t302; const real t885 = t227 * t258; const real t886 = t231 * t265;
     const real t887 = t885 + t886; const real t888 = t236 * t199; const real t889 = t887 - t888;
@@ -415,7 +415,7 @@ static void torques(const real *x, const number *p, real *y)
     const real t1006 = t1004 + t1005; const real t1007 = p[47] * t1006;
     const real t1008 = t1002 + t1007; const real t1009 = t921 + t1008;
     const real t1011 = p[98] * t895; const real t1012 = t1009 + t1011;
-    const real t1014 = p[107] * t251; const real t1017 = rubbing(t251, p[116], p[3]);
+    const real t1014 = p[107] * t251; const real t1017 = rubbing(t251, p[116], p[3], N(1e-12));
     const real t1018 = t1014 + t1017; const real t1019 = t1012 + t1018;
     const real t1020 = t238 * t1019; const real t1021 = t882 + t1020;
     const real t1023 = t182 * t251; const real t1024 = p[199] * t258;
@@ -426,7 +426,7 @@ static void torques(const real *x, const number *p, real *y)
     const real t1033 = t298 * t378; const real t1034 = t1032 - t1033;
     const real t1035 = p[201] * t662; const real t1036 = t1034 + t1035;
     const real t1037 = p[99] * t1036; const real t1039 = p[108] * t302;
-    const real t1042 = rubbing(t302, p[117], p[3]); const real t1043 = t1039 + t1042;
+    const real t1042 = rubbing(t302, p[117], p[3], N(1e-12)); const real t1043 = t1039 + t1042;
     const real t1044 = t1037 + t1043; const real t1045 = t293 * t1044;
     const real t1046 = t1021 + t1045; const real t1047 = t326 * x[12];
     const real t1048 = t195 * t373; const real t1049 = t315 * t258; const real t1050 = t319 * t265;
@@ -458,7 +458,7 @@ static void torques(const real *x, const number *p, real *y)
     const real t1170 = t1168 + t1169; const real t1171 = p[77] * t1170;
     const real t1172 = t1166 + t1171; const real t1173 = t1085 + t1172;
     const real t1175 = p[101] * t1059; const real t1176 = t1173 + t1175;
-    const real t1178 = p[110] * t334; const real t1181 = rubbing(t334, p[119], p[3]);
+    const real t1178 = p[110] * t334; const real t1181 = rubbing(t334, p[119], p[3], N(1e-12));
     const real t1182 = t1178 + t1181; const real t1183 = t1176 + t1182;
     const real t1184 = t326 * t1183; const real t1185 = t1046 + t1184;
     const real t1187 = t195 * t334; const real t1188 = p[202] * t258;
@@ -469,11 +469,11 @@ static void torques(const real *x, const number *p, real *y)
     const real t1197 = t369 * t378; const real t1198 = t1196 - t1197;
     const real t1199 = p[204] * t662; const real t1200 = t1198 + t1199;
     const real t1201 = p[102] * t1200; const real t1203 = p[111] * t373;
-    const real t1206 = rubbing(t373, p[120], p[3]); const real t1207 = t1203 + t1206;
+    const real t1206 = rubbing(t373, p[120], p[3], N(1e-12)); const real t1207 = t1203 + t1206;
     const real t1208 = t1201 + t1207; const real t1209 = t364 * t1208;
     const real t1210 = t1185 + t1209; const real t1212 = p[96] * t662;
     const real t1213 = t868 + t1212; const real t1215 = p[105] * t249;
-    const real t1218 = rubbing(t249, p[114], p[3]); const real t1219 = t1215 + t1218;
+    const real t1218 = rubbing(t249, p[114], p[3], N(1e-12)); const real t1219 = t1215 + t1218;
     const real t1220 = t1213 + t1219; const real t1221 = t236 * t1019;
     const real t1222 = t1220 + t1221; const real t1223 = p[201] * t1044;
     const real t1224 = t1222 + t1223; const real t1225 = t324 * t1183;
@@ -490,7 +490,7 @@ static void torques(const real *x, const number *p, real *y)
     const real t1246 = s[4] * t829; const real t1247 = t1245 - t1246;
     const real t1248 = t1244 + t1247; const real t1250 = p[95] * t378;
     const real t1251 = t1248 + t1250; const real t1253 = p[104] * t198;
-    const real t1256 = rubbing(t198, p[113], p[3]); const real t1257 = t1253 + t1256;
+    const real t1256 = rubbing(t198, p[113], p[3], N(1e-12)); const real t1257 = t1253 + t1256;
     const real t1258 = t1251 + t1257; const real t1259 = t242 * t1019;
     const real t1260 = t1258 - t1259; const real t1261 = t298 * t1044;
     const real t1262 = t1260 - t1261; const real t1263 = t330 * t1183;
@@ -530,7 +530,7 @@ static void torques(const real *x, const number *p, real *y)
     const real t1338 = t1334 + t1337; const real t1339 = c[5] * t1338;
     const real t1340 = t1323 + t1339; const real t1341 = t1300 + t1340;
     const real t1343 = p[97] * x[13]; const real t1344 = t1341 + t1343;
-    const real t1346 = p[106] * x[10]; const real t1349 = rubbing(x[10], p[115], p[3]);
+    const real t1346 = p[106] * x[10]; const real t1349 = rubbing(x[10], p[115], p[3], N(1e-12));
     const real t1350 = t1346 + t1349; const real t1351 = t1344 + t1350;
     const real t1352 = c[5] * t1044; const real t1353 = t1351 - t1352;
     const real t1354 = s[5] * t1268; const real t1355 = t1353 - t1354; y[1] = (real){0} + t1355;
@@ -564,7 +564,7 @@ static void torques(const real *x, const number *p, real *y)
     const real t1418 = t1414 + t1417; const real t1419 = c[6] * t1418;
     const real t1420 = t1403 + t1419; const real t1421 = t1380 + t1420;
     const real t1423 = p[100] * x[14]; const real t1424 = t1421 + t1423;
-    const real t1426 = p[109] * x[11]; const real t1429 = rubbing(x[11], p[118], p[3]);
+    const real t1426 = p[109] * x[11]; const real t1429 = rubbing(x[11], p[118], p[3], N(1e-12));
     const real t1430 = t1426 + t1429; const real t1431 = t1424 + t1430;
     const real t1432 = c[6] * t1208; const real t1433 = t1431 - t1432;
     const real t1434 = s[6] * t1273; const real t1435 = t1433 + t1434; y[2] = (real){0} + t1435;
@@ -1047,10 +1047,10 @@ static void accelerations(const real *x, const number *p, real *y)
     const real t840 = p[211] * t788; const real t841 = t839 - t840; const real t842 = t838 + t841;
     const real t843 = t827 + t842; const real t844 = c[1] * t843; const real t845 = t809 + t844;
     const real t846 = t33 + t845; const real t848 = p[103] * x[9];
-    const real t851 = rubbing(x[9], p[112], p[3]); const real t852 = t848 + t851;
+    const real t851 = rubbing(x[9], p[112], p[3], N(1e-12)); const real t852 = t848 + t851;
     const real t853 = t846 + t852; const real t854 = t232 * t172; const real t855 = t234 * t185;
     const real t856 = t854 - t855; const real t858 = p[96] * t638; const real t859 = t842 + t858;
-    const real t861 = p[105] * t236; const real t864 = rubbing(t236, p[114], p[3]);
+    const real t861 = p[105] * t236; const real t864 = rubbing(t236, p[114], p[3], N(1e-12));
     const real t865 = t861 + t864; const real t866 = t859 + t865; const real t867 = t856 * t866;
     const real t868 = t853 + t867; const real t869 = t164 * t172; const real t870 = t180 * t185;
     const real t871 = t869 - t870; const real t872 = t361 * p[21]; const real t873 = t365 * p[22];
@@ -1059,7 +1059,7 @@ static void accelerations(const real *x, const number *p, real *y)
     const real t880 = p[17] * t726; const real t881 = t879 + t880; const real t882 = t878 - t881;
     const real t883 = c[4] * t731; const real t884 = s[4] * t805; const real t885 = t883 - t884;
     const real t886 = t882 + t885; const real t888 = p[95] * t359; const real t889 = t886 + t888;
-    const real t891 = p[104] * t193; const real t894 = rubbing(t193, p[113], p[3]);
+    const real t891 = p[104] * t193; const real t894 = rubbing(t193, p[113], p[3], N(1e-12));
     const real t895 = t891 + t894; const real t896 = t889 + t895; const real t897 = t871 * t896;
     const real t898 = t868 + t897; const real t899 = t285 * t871; const real t900 = t280 - t899;
     const real t901 = p[200] * t856; const real t902 = t900 + t901; const real t904 = t190 * t238;
@@ -1068,7 +1068,7 @@ static void accelerations(const real *x, const number *p, real *y)
     const real t910 = t904 + t909; const real t911 = t285 * t359; const real t912 = t910 - t911;
     const real t913 = p[200] * t638; const real t914 = t912 + t913;
     const real t915 = p[102] * t914; const real t917 = p[111] * t289;
-    const real t920 = rubbing(t289, p[120], p[3]); const real t921 = t917 + t920;
+    const real t920 = rubbing(t289, p[120], p[3], N(1e-12)); const real t921 = t917 + t920;
     const real t922 = t915 + t921; const real t923 = t902 * t922; const real t924 = t898 + t923;
     const real t925 = t229 * t871; const real t926 = t225 - t925; const real t927 = t223 * t856;
     const real t928 = t926 + t927; const real t929 = t223 * t638; const real t930 = t190 * t289;
@@ -1094,7 +1094,7 @@ static void accelerations(const real *x, const number *p, real *y)
     const real t1044 = p[77] * t1043; const real t1045 = t1039 + t1044;
     const real t1046 = t958 + t1045; const real t1048 = p[101] * t939;
     const real t1049 = t1046 + t1048; const real t1051 = p[110] * t238;
-    const real t1054 = rubbing(t238, p[119], p[3]); const real t1055 = t1051 + t1054;
+    const real t1054 = rubbing(t238, p[119], p[3], N(1e-12)); const real t1055 = t1051 + t1054;
     const real t1056 = t1049 + t1055; const real t1057 = t928 * t1056;
     const real t1058 = t924 + t1057; const real t1059 = t351 * t871;
     const real t1060 = t346 - t1059; const real t1061 = p[203] * t856;
@@ -1105,7 +1105,7 @@ static void accelerations(const real *x, const number *p, real *y)
     const real t1071 = t351 * t359; const real t1072 = t1070 - t1071;
     const real t1073 = p[203] * t638; const real t1074 = t1072 + t1073;
     const real t1075 = p[99] * t1074; const real t1077 = p[108] * t355;
-    const real t1080 = rubbing(t355, p[117], p[3]); const real t1081 = t1077 + t1080;
+    const real t1080 = rubbing(t355, p[117], p[3], N(1e-12)); const real t1081 = t1077 + t1080;
     const real t1082 = t1075 + t1081; const real t1083 = t1062 * t1082;
     const real t1084 = t1058 + t1083; const real t1085 = t312 * t871;
     const real t1086 = t308 - t1085; const real t1087 = t306 * t856;
@@ -1136,7 +1136,7 @@ static void accelerations(const real *x, const number *p, real *y)
     const real t1204 = p[47] * t1203; const real t1205 = t1199 + t1204;
     const real t1206 = t1118 + t1205; const real t1208 = p[98] * t1099;
     const real t1209 = t1206 + t1208; const real t1211 = p[107] * t316;
-    const real t1214 = rubbing(t316, p[116], p[3]); const real t1215 = t1211 + t1214;
+    const real t1214 = rubbing(t316, p[116], p[3], N(1e-12)); const real t1215 = t1211 + t1214;
     const real t1216 = t1209 + t1215; const real t1217 = t1088 * t1216;
     const real t1218 = t1084 + t1217; const real t1219 = x[12] - t1218;
     const real t1221 = c[1] * p[231]; const real t1222 = s[4] * p[208];
@@ -1230,7 +1230,7 @@ static void accelerations(const real *x, const number *p, real *y)
     const real t1427 = t1425 - t1426; const real t1428 = t1424 + t1427;
     const real t1429 = c[6] * t1428; const real t1430 = t1415 + t1429;
     const real t1431 = t1397 + t1430; const real t1433 = p[109] * x[11];
-    const real t1436 = rubbing(x[11], p[118], p[3]); const real t1437 = t1433 + t1436;
+    const real t1436 = rubbing(x[11], p[118], p[3], N(1e-12)); const real t1437 = t1433 + t1436;
     const real t1438 = t1431 + t1437; const real t1439 = t1331 * t866;
     const real t1440 = t1438 + t1439; const real t1441 = t1333 * t896;
     const real t1442 = t1440 + t1441; const real t1443 = t1349 * t922;
@@ -1309,7 +1309,7 @@ static void accelerations(const real *x, const number *p, real *y)
     const real t1599 = t1597 - t1598; const real t1600 = t1596 + t1599;
     const real t1601 = c[5] * t1600; const real t1602 = t1587 + t1601;
     const real t1603 = t1569 + t1602; const real t1605 = p[106] * x[10];
-    const real t1608 = rubbing(x[10], p[115], p[3]); const real t1609 = t1605 + t1608;
+    const real t1608 = rubbing(x[10], p[115], p[3], N(1e-12)); const real t1609 = t1605 + t1608;
     const real t1610 = t1603 + t1609; const real t1611 = t1455 * t866;
     const real t1612 = t1610 - t1611; const real t1613 = t1453 * t896;
     const real t1614 = t1612 - t1613; const real t1615 = t1457 * t922;
@@ -2435,24 +2435,24 @@ static void reduced_terms(const real *x, const number *p, real *y)
     const real t2314 = t2312 - t2313; const real t2315 = t762 * t2151;
     const real t2316 = t2314 + t2315; const real t2317 = t780 * t2238;
     const real t2318 = t2316 + t2317; const real t2319 = -t2318; y[20] = (real){0} + t2319;
-    const real t2322 = p[103] * x[9]; const real t2325 = rubbing(x[9], p[112], p[3]);
+    const real t2322 = p[103] * x[9]; const real t2325 = rubbing(x[9], p[112], p[3], N(1e-12));
     const real t2326 = t2322 + t2325; const real t2328 = p[105] * t888;
-    const real t2331 = rubbing(t888, p[114], p[3]); const real t2332 = t2328 + t2331;
+    const real t2331 = rubbing(t888, p[114], p[3], N(1e-12)); const real t2332 = t2328 + t2331;
     const real t2333 = t372 * t2332; const real t2334 = t2326 + t2333;
-    const real t2336 = p[104] * t883; const real t2339 = rubbing(t883, p[113], p[3]);
+    const real t2336 = p[104] * t883; const real t2339 = rubbing(t883, p[113], p[3], N(1e-12));
     const real t2340 = t2336 + t2339; const real t2341 = t492 * t2340;
     const real t2342 = t2334 + t2341; const real t2344 = p[111] * t941;
-    const real t2347 = rubbing(t941, p[120], p[3]); const real t2348 = t2344 + t2347;
+    const real t2347 = rubbing(t941, p[120], p[3], N(1e-12)); const real t2348 = t2344 + t2347;
     const real t2349 = t584 * t2348; const real t2350 = t2342 + t2349;
-    const real t2352 = p[110] * t1553; const real t2355 = rubbing(t1553, p[119], p[3]);
+    const real t2352 = p[110] * t1553; const real t2355 = rubbing(t1553, p[119], p[3], N(1e-12));
     const real t2356 = t2352 + t2355; const real t2357 = t609 * t2356;
     const real t2358 = t2350 + t2357; const real t2360 = p[108] * t890;
-    const real t2363 = rubbing(t890, p[117], p[3]); const real t2364 = t2360 + t2363;
+    const real t2363 = rubbing(t890, p[117], p[3], N(1e-12)); const real t2364 = t2360 + t2363;
     const real t2365 = t647 * t2364; const real t2366 = t2358 + t2365;
-    const real t2368 = p[107] * t1334; const real t2371 = rubbing(t1334, p[116], p[3]);
+    const real t2368 = p[107] * t1334; const real t2371 = rubbing(t1334, p[116], p[3], N(1e-12));
     const real t2372 = t2368 + t2371; const real t2373 = t672 * t2372;
     const real t2374 = t2366 + t2373; const real t2375 = -t2374; y[21] = (real){0} + t2375;
-    const real t2378 = p[106] * x[10]; const real t2381 = rubbing(x[10], p[115], p[3]);
+    const real t2378 = p[106] * x[10]; const real t2381 = rubbing(x[10], p[115], p[3], N(1e-12));
     const real t2382 = t2378 + t2381; const real t2383 = t689 * t2332;
     const real t2384 = t2382 - t2383; const real t2385 = t687 * t2340;
     const real t2386 = t2384 - t2385; const real t2387 = t691 * t2348;
@@ -2460,7 +2460,7 @@ static void reduced_terms(const real *x, const number *p, real *y)
     const real t2390 = t2388 + t2389; const real t2391 = t718 * t2364;
     const real t2392 = t2390 + t2391; const real t2393 = t724 * t2372;
     const real t2394 = t2392 + t2393; const real t2395 = -t2394; y[22] = (real){0} + t2395;
-    const real t2398 = p[109] * x[11]; const real t2401 = rubbing(x[11], p[118], p[3]);
+    const real t2398 = p[109] * x[11]; const real t2401 = rubbing(x[11], p[118], p[3], N(1e-12));
     const real t2402 = t2398 + t2401; const real t2403 = t737 * t2332;
     const real t2404 = t2402 + t2403; const real t2405 = t739 * t2340;
     const real t2406 = t2404 + t2405; const real t2407 = t756 * t2348;
@@ -3438,10 +3438,10 @@ static void state_rate(const real *x, const number *p, real *y)
     const real t849 = p[251] * t797; const real t850 = t848 - t849; const real t851 = t847 + t850;
     const real t852 = t836 + t851; const real t853 = c[3] * t852; const real t854 = t818 + t853;
     const real t855 = t318 + t854; const real t857 = p[103] * x[9];
-    const real t860 = rubbing(x[9], p[112], p[3]); const real t861 = t857 + t860;
+    const real t860 = rubbing(x[9], p[112], p[3], N(1e-12)); const real t861 = t857 + t860;
     const real t862 = t855 + t861; const real t863 = t161 * t138; const real t864 = t163 * t151;
     const real t865 = t863 - t864; const real t867 = p[96] * t647; const real t868 = t851 + t867;
-    const real t870 = p[105] * t165; const real t873 = rubbing(t165, p[114], p[3]);
+    const real t870 = p[105] * t165; const real t873 = rubbing(t165, p[114], p[3], N(1e-12));
     const real t874 = t870 + t873; const real t875 = t868 + t874; const real t876 = t865 * t875;
     const real t877 = t862 + t876; const real t878 = t128 * t138; const real t879 = t146 * t151;
     const real t880 = t878 - t879; const real t881 = t370 * p[21]; const real t882 = t374 * p[22];
@@ -3450,7 +3450,7 @@ static void state_rate(const real *x, const number *p, real *y)
     const real t889 = p[17] * t735; const real t890 = t888 + t889; const real t891 = t887 - t890;
     const real t892 = c[2] * t740; const real t893 = s[2] * t814; const real t894 = t892 - t893;
     const real t895 = t891 + t894; const real t897 = p[95] * t368; const real t898 = t895 + t897;
-    const real t900 = p[104] * t159; const real t903 = rubbing(t159, p[113], p[3]);
+    const real t900 = p[104] * t159; const real t903 = rubbing(t159, p[113], p[3], N(1e-12));
     const real t904 = t900 + t903; const real t905 = t898 + t904; const real t906 = t880 * t905;
     const real t907 = t877 + t906; const real t908 = t279 * t880; const real t909 = t272 - t908;
     const real t910 = p[241] * t865; const real t911 = t909 + t910; const real t913 = t156 * t248;
@@ -3459,7 +3459,7 @@ static void state_rate(const real *x, const number *p, real *y)
     const real t919 = t913 + t918; const real t920 = t279 * t368; const real t921 = t919 - t920;
     const real t922 = p[241] * t647; const real t923 = t921 + t922;
     const real t924 = p[102] * t923; const real t926 = p[111] * t283;
-    const real t929 = rubbing(t283, p[120], p[3]); const real t930 = t926 + t929;
+    const real t929 = rubbing(t283, p[120], p[3], N(1e-12)); const real t930 = t926 + t929;
     const real t931 = t924 + t930; const real t932 = t911 * t931; const real t933 = t907 + t932;
     const real t934 = t244 * t880; const real t935 = t240 - t934; const real t936 = t238 * t865;
     const real t937 = t935 + t936; const real t938 = t238 * t647; const real t939 = t156 * t283;
@@ -3485,7 +3485,7 @@ static void state_rate(const real *x, const number *p, real *y)
     const real t1053 = p[77] * t1052; const real t1054 = t1048 + t1053;
     const real t1055 = t967 + t1054; const real t1057 = p[101] * t948;
     const real t1058 = t1055 + t1057; const real t1060 = p[110] * t248;
-    const real t1063 = rubbing(t248, p[119], p[3]); const real t1064 = t1060 + t1063;
+    const real t1063 = rubbing(t248, p[119], p[3], N(1e-12)); const real t1064 = t1060 + t1063;
     const real t1065 = t1058 + t1064; const real t1066 = t937 * t1065;
     const real t1067 = t933 + t1066; const real t1068 = t220 * t880;
     const real t1069 = t213 - t1068; const real t1070 = p[238] * t865;
@@ -3496,7 +3496,7 @@ static void state_rate(const real *x, const number *p, real *y)
     const real t1080 = t220 * t368; const real t1081 = t1079 - t1080;
     const real t1082 = p[238] * t647; const real t1083 = t1081 + t1082;
     const real t1084 = p[99] * t1083; const real t1086 = p[108] * t224;
-    const real t1089 = rubbing(t224, p[117], p[3]); const real t1090 = t1086 + t1089;
+    const real t1089 = rubbing(t224, p[117], p[3], N(1e-12)); const real t1090 = t1086 + t1089;
     const real t1091 = t1084 + t1090; const real t1092 = t1071 * t1091;
     const real t1093 = t1067 + t1092; const real t1094 = t185 * t880;
     const real t1095 = t181 - t1094; const real t1096 = t179 * t865;
@@ -3527,7 +3527,7 @@ static void state_rate(const real *x, const number *p, real *y)
     const real t1213 = p[47] * t1212; const real t1214 = t1208 + t1213;
     const real t1215 = t1127 + t1214; const real t1217 = p[98] * t1108;
     const real t1218 = t1215 + t1217; const real t1220 = p[107] * t189;
-    const real t1223 = rubbing(t189, p[116], p[3]); const real t1224 = t1220 + t1223;
+    const real t1223 = rubbing(t189, p[116], p[3], N(1e-12)); const real t1224 = t1220 + t1223;
     const real t1225 = t1218 + t1224; const real t1226 = t1097 * t1225;
     const real t1227 = t1093 + t1226; const real t1228 = x[12] - t1227;
     const real t1230 = c[3] * p[271]; const real t1231 = s[2] * p[248];
@@ -3621,7 +3621,7 @@ static void state_rate(const real *x, const number *p, real *y)
     const real t1436 = t1434 - t1435; const real t1437 = t1433 + t1436;
     const real t1438 = c[5] * t1437; const real t1439 = t1424 + t1438;
     const real t1440 = t1406 + t1439; const real t1442 = p[109] * x[11];
-    const real t1445 = rubbing(x[11], p[118], p[3]); const real t1446 = t1442 + t1445;
+    const real t1445 = rubbing(x[11], p[118], p[3], N(1e-12)); const real t1446 = t1442 + t1445;
     const real t1447 = t1440 + t1446; const real t1448 = t1340 * t875;
     const real t1449 = t1447 + t1448; const real t1450 = t1342 * t905;
     const real t1451 = t1449 + t1450; const real t1452 = t1358 * t931;
@@ -3700,7 +3700,7 @@ static void state_rate(const real *x, const number *p, real *y)
     const real t1608 = t1606 - t1607; const real t1609 = t1605 + t1608;
     const real t1610 = c[4] * t1609; const real t1611 = t1596 + t1610;
     const real t1612 = t1578 + t1611; const real t1614 = p[106] * x[10];
-    const real t1617 = rubbing(x[10], p[115], p[3]); const real t1618 = t1614 + t1617;
+    const real t1617 = rubbing(x[10], p[115], p[3], N(1e-12)); const real t1618 = t1614 + t1617;
     const real t1619 = t1612 + t1618; const real t1620 = t1464 * t875;
     const real t1621 = t1619 - t1620; const real t1622 = t1462 * t905;
     const real t1623 = t1621 - t1622; const real t1624 = t1466 * t931;
@@ -4339,7 +4339,7 @@ static void torques_loaded(const real *x, const number *p, real *y)
     const real t1093 = c[1] * t1092; const real t1094 = t1030 + t1093;
     const real t1095 = t88 + t1094; const real t1097 = p[94] * x[12];
     const real t1098 = t1095 + t1097; const real t1100 = p[103] * x[9];
-    const real t1103 = rubbing(x[9], p[112], p[3]); const real t1104 = t1100 + t1103;
+    const real t1103 = rubbing(x[9], p[112], p[3], N(1e-12)); const real t1104 = t1100 + t1103;
     const real t1105 = t1098 + t1104; const real t1106 = t288 * x[12];
     const real t1107 = t232 * t352; const real t1108 = t277 * t308; const real t1109 = t281 * t315;
     const real t1110 = t1108 + t1109; const real t1111 = t286 * t249;
@@ -4459,7 +4459,7 @@ static void torques_loaded(const real *x, const number *p, real *y)
     const real t1426 = c[3] * t1425; const real t1427 = t1410 - t1426;
     const real t1428 = t1333 + t1427; const real t1430 = p[98] * t1118;
     const real t1431 = t1428 + t1430; const real t1433 = p[107] * t301;
-    const real t1436 = rubbing(t301, p[116], p[3]); const real t1437 = t1433 + t1436;
+    const real t1436 = rubbing(t301, p[116], p[3], N(1e-12)); const real t1437 = t1433 + t1436;
     const real t1438 = t1431 + t1437; const real t1439 = t288 * t1438;
     const real t1440 = t1105 + t1439; const real t1442 = t232 * t301;
     const real t1443 = p[201] * t308; const real t1444 = p[202] * t315;
@@ -4474,7 +4474,7 @@ static void torques_loaded(const real *x, const number *p, real *y)
     const real t1461 = t1459 + t1460; const real t1462 = p[239] * t1422;
     const real t1463 = p[240] * t1399; const real t1464 = t1462 - t1463;
     const real t1465 = t1461 + t1464; const real t1466 = t1456 - t1465;
-    const real t1468 = p[108] * t352; const real t1471 = rubbing(t352, p[117], p[3]);
+    const real t1468 = p[108] * t352; const real t1471 = rubbing(t352, p[117], p[3], N(1e-12));
     const real t1472 = t1468 + t1471; const real t1473 = t1466 + t1472;
     const real t1474 = t343 * t1473; const real t1475 = t1440 + t1474;
     const real t1476 = t376 * x[12]; const real t1477 = t245 * t423;
@@ -4596,7 +4596,7 @@ static void torques_loaded(const real *x, const number *p, real *y)
     const real t1796 = c[2] * t1795; const real t1797 = t1780 - t1796;
     const real t1798 = t1703 + t1797; const real t1800 = p[101] * t1488;
     const real t1801 = t1798 + t1800; const real t1803 = p[110] * t384;
-    const real t1806 = rubbing(t384, p[119], p[3]); const real t1807 = t1803 + t1806;
+    const real t1806 = rubbing(t384, p[119], p[3], N(1e-12)); const real t1807 = t1803 + t1806;
     const real t1808 = t1801 + t1807; const real t1809 = t376 * t1808;
     const real t1810 = t1475 + t1809; const real t1812 = t245 * t384;
     const real t1813 = p[204] * t308; const real t1814 = p[205] * t315;
@@ -4611,11 +4611,11 @@ static void torques_loaded(const real *x, const number *p, real *y)
     const real t1831 = t1829 + t1830; const real t1832 = p[254] * t1792;
     const real t1833 = p[255] * t1769; const real t1834 = t1832 - t1833;
     const real t1835 = t1831 + t1834; const real t1836 = t1826 - t1835;
-    const real t1838 = p[111] * t423; const real t1841 = rubbing(t423, p[120], p[3]);
+    const real t1838 = p[111] * t423; const real t1841 = rubbing(t423, p[120], p[3], N(1e-12));
     const real t1842 = t1838 + t1841; const real t1843 = t1836 + t1842;
     const real t1844 = t414 * t1843; const real t1845 = t1810 + t1844;
     const real t1847 = p[96] * t772; const real t1848 = t1091 + t1847;
-    const real t1850 = p[105] * t299; const real t1853 = rubbing(t299, p[114], p[3]);
+    const real t1850 = p[105] * t299; const real t1853 = rubbing(t299, p[114], p[3], N(1e-12));
     const real t1854 = t1850 + t1853; const real t1855 = t1848 + t1854;
     const real t1856 = t286 * t1438; const real t1857 = t1855 + t1856;
     const real t1858 = p[203] * t1473; const real t1859 = t1857 + t1858;
@@ -4637,7 +4637,7 @@ static void torques_loaded(const real *x, const number *p, real *y)
     const real t1890 = c[4] * t936; const real t1891 = s[4] * t1026;
     const real t1892 = t1890 - t1891; const real t1893 = t1889 + t1892;
     const real t1895 = p[95] * t428; const real t1896 = t1893 + t1895;
-    const real t1898 = p[104] * t248; const real t1901 = rubbing(t248, p[113], p[3]);
+    const real t1898 = p[104] * t248; const real t1901 = rubbing(t248, p[113], p[3], N(1e-12));
     const real t1902 = t1898 + t1901; const real t1903 = t1896 + t1902;
     const real t1904 = t292 * t1438; const real t1905 = t1903 - t1904;
     const real t1906 = t348 * t1473; const real t1907 = t1905 - t1906;
@@ -4706,7 +4706,7 @@ static void torques_loaded(const real *x, const number *p, real *y)
     const real t2065 = c[5] * t2064; const real t2066 = t2038 + t2065;
     const real t2067 = t1995 + t2066; const real t2069 = p[97] * x[13];
     const real t2070 = t2067 + t2069; const real t2072 = p[106] * x[10];
-    const real t2075 = rubbing(x[10], p[115], p[3]); const real t2076 = t2072 + t2075;
+    const real t2075 = rubbing(x[10], p[115], p[3], N(1e-12)); const real t2076 = t2072 + t2075;
     const real t2077 = t2070 + t2076; const real t2078 = c[5] * t1473;
     const real t2079 = t2077 - t2078; const real t2080 = s[5] * t1913;
     const real t2081 = t2079 - t2080; y[1] = (real){0} + t2081; const real t2086 = p[263] * x[14];
@@ -4768,7 +4768,7 @@ static void torques_loaded(const real *x, const number *p, real *y)
     const real t2226 = c[6] * t2225; const real t2227 = t2199 + t2226;
     const real t2228 = t2156 + t2227; const real t2230 = p[100] * x[14];
     const real t2231 = t2228 + t2230; const real t2233 = p[109] * x[11];
-    const real t2236 = rubbing(x[11], p[118], p[3]); const real t2237 = t2233 + t2236;
+    const real t2236 = rubbing(x[11], p[118], p[3], N(1e-12)); const real t2237 = t2233 + t2236;
     const real t2238 = t2231 + t2237; const real t2239 = c[6] * t1843;
     const real t2240 = t2238 - t2239; const real t2241 = s[6] * t1918;
     const real t2242 = t2240 + t2241; y[2] = (real){0} + t2242; const real t2244 = t868 * t277;
@@ -5348,11 +5348,11 @@ static void accelerations_loaded(const real *x, const number *p, real *y)
     const real t1065 = t1055 - t1064; const real t1066 = t1040 + t1065;
     const real t1067 = c[1] * t1066; const real t1068 = t1006 + t1067;
     const real t1069 = t83 + t1068; const real t1071 = p[103] * x[9];
-    const real t1074 = rubbing(x[9], p[112], p[3]); const real t1075 = t1071 + t1074;
+    const real t1074 = rubbing(x[9], p[112], p[3], N(1e-12)); const real t1075 = t1071 + t1074;
     const real t1076 = t1069 + t1075; const real t1077 = t282 * t222;
     const real t1078 = t284 * t235; const real t1079 = t1077 - t1078;
     const real t1081 = p[96] * t748; const real t1082 = t1065 + t1081;
-    const real t1084 = p[105] * t286; const real t1087 = rubbing(t286, p[114], p[3]);
+    const real t1084 = p[105] * t286; const real t1087 = rubbing(t286, p[114], p[3], N(1e-12));
     const real t1088 = t1084 + t1087; const real t1089 = t1082 + t1088;
     const real t1090 = t1079 * t1089; const real t1091 = t1076 + t1090;
     const real t1092 = t214 * t222; const real t1093 = t230 * t235;
@@ -5370,7 +5370,7 @@ static void accelerations_loaded(const real *x, const number *p, real *y)
     const real t1116 = c[4] * t912; const real t1117 = s[4] * t1002;
     const real t1118 = t1116 - t1117; const real t1119 = t1115 + t1118;
     const real t1121 = p[95] * t409; const real t1122 = t1119 + t1121;
-    const real t1124 = p[104] * t243; const real t1127 = rubbing(t243, p[113], p[3]);
+    const real t1124 = p[104] * t243; const real t1127 = rubbing(t243, p[113], p[3], N(1e-12));
     const real t1128 = t1124 + t1127; const real t1129 = t1122 + t1128;
     const real t1130 = t1094 * t1129; const real t1131 = t1091 + t1130;
     const real t1132 = t335 * t1094; const real t1133 = t330 - t1132;
@@ -5441,7 +5441,7 @@ static void accelerations_loaded(const real *x, const number *p, real *y)
     const real t1329 = t1322 + t1328; const real t1330 = p[235] * t1329;
     const real t1331 = t1299 - t1330; const real t1332 = t1246 + t1331;
     const real t1333 = t1148 - t1332; const real t1335 = p[111] * t339;
-    const real t1338 = rubbing(t339, p[120], p[3]); const real t1339 = t1335 + t1338;
+    const real t1338 = rubbing(t339, p[120], p[3], N(1e-12)); const real t1339 = t1335 + t1338;
     const real t1340 = t1333 + t1339; const real t1341 = t1135 * t1340;
     const real t1342 = t1131 + t1341; const real t1343 = t279 * t1094;
     const real t1344 = t275 - t1343; const real t1345 = t273 * t1079;
@@ -5506,7 +5506,7 @@ static void accelerations_loaded(const real *x, const number *p, real *y)
     const real t1483 = c[2] * t1482; const real t1484 = t1473 - t1483;
     const real t1485 = t1457 + t1484; const real t1487 = p[101] * t1357;
     const real t1488 = t1485 + t1487; const real t1490 = p[110] * t288;
-    const real t1493 = rubbing(t288, p[119], p[3]); const real t1494 = t1490 + t1493;
+    const real t1493 = rubbing(t288, p[119], p[3], N(1e-12)); const real t1494 = t1490 + t1493;
     const real t1495 = t1488 + t1494; const real t1496 = t1346 * t1495;
     const real t1497 = t1342 + t1496; const real t1498 = t401 * t1094;
     const real t1499 = t396 - t1498; const real t1500 = p[205] * t1079;
@@ -5576,7 +5576,7 @@ static void accelerations_loaded(const real *x, const number *p, real *y)
     const real t1694 = t1693 * x[50]; const real t1695 = t1688 + t1694;
     const real t1696 = p[250] * t1695; const real t1697 = t1665 - t1696;
     const real t1698 = t1612 + t1697; const real t1699 = t1514 - t1698;
-    const real t1701 = p[108] * t405; const real t1704 = rubbing(t405, p[117], p[3]);
+    const real t1701 = p[108] * t405; const real t1704 = rubbing(t405, p[117], p[3], N(1e-12));
     const real t1705 = t1701 + t1704; const real t1706 = t1699 + t1705;
     const real t1707 = t1501 * t1706; const real t1708 = t1497 + t1707;
     const real t1709 = t362 * t1094; const real t1710 = t358 - t1709;
@@ -5641,7 +5641,7 @@ static void accelerations_loaded(const real *x, const number *p, real *y)
     const real t1848 = t1844 + t1847; const real t1849 = c[3] * t1848;
     const real t1850 = t1839 - t1849; const real t1851 = t1823 + t1850;
     const real t1853 = p[98] * t1723; const real t1854 = t1851 + t1853;
-    const real t1856 = p[107] * t366; const real t1859 = rubbing(t366, p[116], p[3]);
+    const real t1856 = p[107] * t366; const real t1859 = rubbing(t366, p[116], p[3], N(1e-12));
     const real t1860 = t1856 + t1859; const real t1861 = t1854 + t1860;
     const real t1862 = t1712 * t1861; const real t1863 = t1708 + t1862;
     const real t1864 = x[12] - t1863; const real t1866 = c[1] * p[255];
@@ -5763,7 +5763,7 @@ static void accelerations_loaded(const real *x, const number *p, real *y)
     const real t2152 = t2148 + t2151; const real t2153 = t2143 - t2152;
     const real t2154 = t2153 - t1332; const real t2155 = c[6] * t2154;
     const real t2156 = t2130 + t2155; const real t2157 = t2092 + t2156;
-    const real t2159 = p[109] * x[11]; const real t2162 = rubbing(x[11], p[118], p[3]);
+    const real t2159 = p[109] * x[11]; const real t2162 = rubbing(x[11], p[118], p[3], N(1e-12));
     const real t2163 = t2159 + t2162; const real t2164 = t2157 + t2163;
     const real t2165 = t1976 * t1089; const real t2166 = t2164 + t2165;
     const real t2167 = t1978 * t1129; const real t2168 = t2166 + t2167;
@@ -5870,7 +5870,7 @@ static void accelerations_loaded(const real *x, const number *p, real *y)
     const real t2405 = t2401 + t2404; const real t2406 = t2396 - t2405;
     const real t2407 = t2406 - t1698; const real t2408 = c[5] * t2407;
     const real t2409 = t2383 + t2408; const real t2410 = t2345 + t2409;
-    const real t2412 = p[106] * x[10]; const real t2415 = rubbing(x[10], p[115], p[3]);
+    const real t2412 = p[106] * x[10]; const real t2415 = rubbing(x[10], p[115], p[3], N(1e-12));
     const real t2416 = t2412 + t2415; const real t2417 = t2410 + t2416;
     const real t2418 = t2181 * t1089; const real t2419 = t2417 - t2418;
     const real t2420 = t2179 * t1129; const real t2421 = t2419 - t2420;
@@ -6483,11 +6483,11 @@ static void state_rate_loaded(const real *x, const number *p, real *y)
     const real t1074 = t1064 - t1073; const real t1075 = t1049 + t1074;
     const real t1076 = c[3] * t1075; const real t1077 = t1015 + t1076;
     const real t1078 = t368 + t1077; const real t1080 = p[103] * x[9];
-    const real t1083 = rubbing(x[9], p[112], p[3]); const real t1084 = t1080 + t1083;
+    const real t1083 = rubbing(x[9], p[112], p[3], N(1e-12)); const real t1084 = t1080 + t1083;
     const real t1085 = t1078 + t1084; const real t1086 = t161 * t138;
     const real t1087 = t163 * t151; const real t1088 = t1086 - t1087;
     const real t1090 = p[96] * t757; const real t1091 = t1074 + t1090;
-    const real t1093 = p[105] * t165; const real t1096 = rubbing(t165, p[114], p[3]);
+    const real t1093 = p[105] * t165; const real t1096 = rubbing(t165, p[114], p[3], N(1e-12));
     const real t1097 = t1093 + t1096; const real t1098 = t1091 + t1097;
     const real t1099 = t1088 * t1098; const real t1100 = t1085 + t1099;
     const real t1101 = t128 * t138; const real t1102 = t146 * t151;
@@ -6505,7 +6505,7 @@ static void state_rate_loaded(const real *x, const number *p, real *y)
     const real t1125 = c[2] * t921; const real t1126 = s[2] * t1011;
     const real t1127 = t1125 - t1126; const real t1128 = t1124 + t1127;
     const real t1130 = p[95] * t418; const real t1131 = t1128 + t1130;
-    const real t1133 = p[104] * t159; const real t1136 = rubbing(t159, p[113], p[3]);
+    const real t1133 = p[104] * t159; const real t1136 = rubbing(t159, p[113], p[3], N(1e-12));
     const real t1137 = t1133 + t1136; const real t1138 = t1131 + t1137;
     const real t1139 = t1103 * t1138; const real t1140 = t1100 + t1139;
     const real t1141 = t279 * t1103; const real t1142 = t272 - t1141;
@@ -6576,7 +6576,7 @@ static void state_rate_loaded(const real *x, const number *p, real *y)
     const real t1338 = t1331 + t1337; const real t1339 = p[275] * t1338;
     const real t1340 = t1308 - t1339; const real t1341 = t1255 + t1340;
     const real t1342 = t1157 - t1341; const real t1344 = p[111] * t283;
-    const real t1347 = rubbing(t283, p[120], p[3]); const real t1348 = t1344 + t1347;
+    const real t1347 = rubbing(t283, p[120], p[3], N(1e-12)); const real t1348 = t1344 + t1347;
     const real t1349 = t1342 + t1348; const real t1350 = t1144 * t1349;
     const real t1351 = t1140 + t1350; const real t1352 = t244 * t1103;
     const real t1353 = t240 - t1352; const real t1354 = t238 * t1088;
@@ -6641,7 +6641,7 @@ static void state_rate_loaded(const real *x, const number *p, real *y)
     const real t1492 = c[0] * t1491; const real t1493 = t1482 - t1492;
     const real t1494 = t1466 + t1493; const real t1496 = p[101] * t1366;
     const real t1497 = t1494 + t1496; const real t1499 = p[110] * t248;
-    const real t1502 = rubbing(t248, p[119], p[3]); const real t1503 = t1499 + t1502;
+    const real t1502 = rubbing(t248, p[119], p[3], N(1e-12)); const real t1503 = t1499 + t1502;
     const real t1504 = t1497 + t1503; const real t1505 = t1355 * t1504;
     const real t1506 = t1351 + t1505; const real t1507 = t220 * t1103;
     const real t1508 = t213 - t1507; const real t1509 = p[238] * t1088;
@@ -6711,7 +6711,7 @@ static void state_rate_loaded(const real *x, const number *p, real *y)
     const real t1703 = t1702 * x[50]; const real t1704 = t1697 + t1703;
     const real t1705 = p[290] * t1704; const real t1706 = t1674 - t1705;
     const real t1707 = t1621 + t1706; const real t1708 = t1523 - t1707;
-    const real t1710 = p[108] * t224; const real t1713 = rubbing(t224, p[117], p[3]);
+    const real t1710 = p[108] * t224; const real t1713 = rubbing(t224, p[117], p[3], N(1e-12));
     const real t1714 = t1710 + t1713; const real t1715 = t1708 + t1714;
     const real t1716 = t1510 * t1715; const real t1717 = t1506 + t1716;
     const real t1718 = t185 * t1103; const real t1719 = t181 - t1718;
@@ -6776,7 +6776,7 @@ static void state_rate_loaded(const real *x, const number *p, real *y)
     const real t1857 = t1853 + t1856; const real t1858 = c[1] * t1857;
     const real t1859 = t1848 - t1858; const real t1860 = t1832 + t1859;
     const real t1862 = p[98] * t1732; const real t1863 = t1860 + t1862;
-    const real t1865 = p[107] * t189; const real t1868 = rubbing(t189, p[116], p[3]);
+    const real t1865 = p[107] * t189; const real t1868 = rubbing(t189, p[116], p[3], N(1e-12));
     const real t1869 = t1865 + t1868; const real t1870 = t1863 + t1869;
     const real t1871 = t1721 * t1870; const real t1872 = t1717 + t1871;
     const real t1873 = x[12] - t1872; const real t1875 = c[3] * p[295];
@@ -6898,7 +6898,7 @@ static void state_rate_loaded(const real *x, const number *p, real *y)
     const real t2161 = t2157 + t2160; const real t2162 = t2152 - t2161;
     const real t2163 = t2162 - t1341; const real t2164 = c[5] * t2163;
     const real t2165 = t2139 + t2164; const real t2166 = t2101 + t2165;
-    const real t2168 = p[109] * x[11]; const real t2171 = rubbing(x[11], p[118], p[3]);
+    const real t2168 = p[109] * x[11]; const real t2171 = rubbing(x[11], p[118], p[3], N(1e-12));
     const real t2172 = t2168 + t2171; const real t2173 = t2166 + t2172;
     const real t2174 = t1985 * t1098; const real t2175 = t2173 + t2174;
     const real t2176 = t1987 * t1138; const real t2177 = t2175 + t2176;
@@ -7005,7 +7005,7 @@ static void state_rate_loaded(const real *x, const number *p, real *y)
     const real t2414 = t2410 + t2413; const real t2415 = t2405 - t2414;
     const real t2416 = t2415 - t1707; const real t2417 = c[4] * t2416;
     const real t2418 = t2392 + t2417; const real t2419 = t2354 + t2418;
-    const real t2421 = p[106] * x[10]; const real t2424 = rubbing(x[10], p[115], p[3]);
+    const real t2421 = p[106] * x[10]; const real t2424 = rubbing(x[10], p[115], p[3], N(1e-12));
     const real t2425 = t2421 + t2424; const real t2426 = t2419 + t2425;
     const real t2427 = t2190 * t1098; const real t2428 = t2426 - t2427;
     const real t2429 = t2188 * t1138; const real t2430 = t2428 - t2429;
