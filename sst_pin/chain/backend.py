@@ -64,8 +64,7 @@ class Backend(Protocol):
         """Inverse dynamics of arguments as the caller gave them, for one sample or a batch.
 
         Returns:
-            (flags, tau), flags None when all samples are vouched for; None when the arguments need
-            more care.
+            tau; None when the arguments need more care, or when a sample is not vouched for.
         """
 
     def accelerations_of(
@@ -92,7 +91,7 @@ class Backend(Protocol):
         """Fill aa."""
 
     def derivatives_of(self, name: str, sign_width: float) -> Single:
-        """Derivatives of one sample, in the way of `torques_of`.
+        """What gives derivatives of one sample or a batch, in the way of `torques_of`.
 
         Args:
             name: "torque_derivatives" or "acceleration_derivatives".

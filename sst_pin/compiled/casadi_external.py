@@ -27,7 +27,8 @@ def compiled(robot: str, function: Function, order: int) -> Function:
 
     def source() -> str:
         functions = [function, function.jacobian()] if order else [function]
-        return "\n".join([c_code.part("real.h"), _HEAD, *map(_source, functions)])
+        heads = [c_code.part("real.h"), "#include <math.h>\n"]
+        return "\n".join([*heads, *map(_source, functions)])
 
     library = build.library(robot, f"casadi_{name}", content, "plain", source)
     return ca.external(name, library._name)
@@ -82,10 +83,6 @@ def _about(name: str, side: str, names: Sequence[str], patterns: Sequence[Sparsi
         names=", ".join(f'"{x}"' for x in names),
     )
 
-
-_HEAD = """\
-#include <math.h>
-"""
 
 _CALL = """\
 int {name}(const double **arg, double **res, long long *iw, double *w, int mem)

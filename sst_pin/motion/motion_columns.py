@@ -65,13 +65,12 @@ def parts_of(table: Table) -> dict[str, Any]:
     names, units = zip(*positions, strict=True)
     n, m = len(coordinates), len(names)
     rate_names, rate_units = zip(*coordinates, strict=True)
-    forces = [p[2] for p in torques] or ["N" if u == "m" else "Nm" for u in rate_units]
-    labels = [p[1] for p in torques] or [str(k + 1) for k in range(n)]
-    numbers = [str(k + 1) for k in range(n)]
-    if any(label.isdigit() for label in labels):  # those of the coordinates, in their units
-        labels, forces = numbers, ["N" if u == "m" else "Nm" for u in rate_units]
-    numbered = labels == numbers
-    actuated = rate_names if numbered else tuple(labels)
+    labels, forces, actuated = [p[1] for p in torques], [p[2] for p in torques], rate_names
+    if labels and not any(label.isdigit() for label in labels):
+        actuated = tuple(labels)
+    else:  # by number, or none: those of the coordinates, in their units
+        labels = [str(k + 1) for k in range(n)]
+        forces = ["N" if unit == "m" else "Nm" for unit in rate_units]
     values = table.select(motion_columns(names, units, rate_names, rate_units, labels, forces))
     if coordinates != accelerations:
         raise FileFormatError(table.path, "not a motion: accelerations of joints without rates", 1)

@@ -127,9 +127,19 @@ def test_home_leaves_out_locked_joints(folder):
     )
 
 
+def mujocos_home(path):
+    """MuJoCo's own state at the first keyframe of a file; the test is skipped without it."""
+    mujoco = pytest.importorskip("mujoco")
+    model = mujoco.MjModel.from_xml_path(str(path))
+    state = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, state, 0)
+    mujoco.mj_kinematics(model, state)
+    return state
+
+
 def test_a_keyframe_puts_quaternions_into_pinocchios_order(tmp_path):
     """A free body with a ball and a hinge: poses of the bodies are MuJoCo's own."""
-    mujoco = pytest.importorskip("mujoco")
+    pytest.importorskip("mujoco")
     path = Path(tmp_path, "chain.xml")
     path.write_text("""<mujoco><worldbody>
 <body name="a" pos="1 2 3"><freejoint name="free"/><geom size=".1"/>
@@ -141,10 +151,7 @@ def test_a_keyframe_puts_quaternions_into_pinocchios_order(tmp_path):
     model = sst_pin.ClosedChain.from_mjcf(path).model
     data = model.createData()
     pin.framesForwardKinematics(model, data, model.referenceConfigurations["home"])
-    theirs = mujoco.MjModel.from_xml_path(str(path))
-    state = mujoco.MjData(theirs)
-    mujoco.mj_resetDataKeyframe(theirs, state, 0)
-    mujoco.mj_kinematics(theirs, state)
+    state = mujocos_home(path)
     for joint, body in (("free", "a"), ("ball", "b"), ("hinge", "c")):
         placed = data.oMi[model.getJointId(joint)]
         np.testing.assert_allclose(placed.translation, state.body(body).xpos, atol=1e-12)
@@ -182,7 +189,7 @@ def test_a_home_that_is_no_configuration_is_named(home):
 @pytest.mark.parametrize("held", ["X", "Y", "Z", "YZ"])
 def test_a_ball_that_is_held_about_single_axes_keeps_the_pose_of_its_keyframe(tmp_path, held):
     """The turns that are left lead to MuJoCo's own pose, the ball not turned about those held."""
-    mujoco = pytest.importorskip("mujoco")
+    pytest.importorskip("mujoco")
     turn, pose = {"X": 0.4, "Y": -0.3, "Z": 1.1}, np.eye(3)
     for axis, e in zip("XYZ", np.eye(3), strict=True):
         pose = pose @ pin.exp3((axis not in held) * turn[axis] * e)
@@ -200,10 +207,7 @@ def test_a_ball_that_is_held_about_single_axes_keeps_the_pose_of_its_keyframe(tm
     model = sst_pin.ClosedChain.from_mjcf(path, locked=locked, actuated=["slide"]).model
     data = model.createData()
     pin.framesForwardKinematics(model, data, model.referenceConfigurations["home"])
-    theirs = mujoco.MjModel.from_xml_path(str(path))
-    state = mujoco.MjData(theirs)
-    mujoco.mj_resetDataKeyframe(theirs, state, 0)
-    mujoco.mj_kinematics(theirs, state)
+    state = mujocos_home(path)
     placed = data.oMi[model.getJointId("hinge")]
     np.testing.assert_allclose(placed.translation, state.body("c").xpos, atol=1e-9)
     np.testing.assert_allclose(placed.rotation, state.body("c").xmat.reshape(3, 3), atol=1e-9)
