@@ -9,7 +9,7 @@ from importlib.util import find_spec
 
 from .version import __version__ as __version__
 
-TYPE_CHECKING = False  # but for type checkers; `typing` takes its time
+TYPE_CHECKING = False  # except for type checkers; importing `typing` takes time
 
 if TYPE_CHECKING:
     from . import plots as plots

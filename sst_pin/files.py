@@ -48,7 +48,7 @@ def as_path(path: str | os.PathLike[str]) -> Path:
 
 
 def beside(path: Path, ending: str) -> Path:
-    """The file that has another ending, whatever the path."""
+    """The same path with another ending."""
     return path.parent / f"{path.stem}{ending}"
 
 
@@ -59,7 +59,7 @@ class Table(NamedTuple):
         path: Where it came from, for messages.
         columns: Name of each column.
         values: Shape (rows, columns).
-        lines: Line of the file each row stands in, counted from 1.
+        lines: Line number of each row in the file, counted from 1.
     """
 
     path: Path

@@ -104,7 +104,7 @@ def motion_in(robot: ClosedChain, path: Path) -> Trajectory:
 
 
 def require_extras(**packages: str) -> None:
-    """Refuse to begin what would end for want of packages, all of them at once.
+    """Refuse a job whose packages are missing; name all of them.
 
     Args:
         packages: The package that each extra brings.

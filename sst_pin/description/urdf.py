@@ -38,11 +38,10 @@ def urdf_of(p: Parameters) -> str:
     """XML of an SST's tree."""
     robot = ET.Element("robot", name="sst")
     robot.append(ET.Comment(_HEADER))
-    # MuJoCo reads this block, the other tools pass it by.
+    # MuJoCo reads this block, the other tools ignore it.
     compiler = ET.SubElement(ET.SubElement(robot, "mujoco"), "compiler")
     compiler.attrib.update(strippath="false", discardvisual="false")
-    # The one name of a root that tools fix to the ground unasked, and give no mass for want of an
-    # inertial; with one, KDL would warn.
+    # Tools fix a root with this name to the ground. It has no inertial: with one, KDL would warn.
     ET.SubElement(robot, "link", name="world")
     base = _frame(robot, "base", "world")
     parts, R_0, R_E = parts_of(p), base_orientations(p), star_orientations(p)

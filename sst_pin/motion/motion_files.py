@@ -48,7 +48,7 @@ def read_motion(chain: ClosedChain, source: str | Path | BinaryIO) -> Trajectory
 
 
 def load_motion(chain: ClosedChain, source: str | Path | BinaryIO) -> Trajectory:
-    """A motion with its torques as it stands in a file, else one whose torques are computed.
+    """A motion with the torques of its file; without these, with computed torques.
 
     Args:
         chain: Whose motion it is.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What `simulate` and `rollout` ask of a robot; every `ClosedChain` has it."""
+"""The interface that `simulate` and `rollout` need; every `ClosedChain` has it."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Robot(Protocol):
         """Number of the coordinates' rates."""
 
     def joint_rates(self, q: ArrayLike, va: ArrayLike) -> Array:
-        """Rates of all joints; raises the error that is due where q is open or singular."""
+        """Rates of all joints; raises an error if q is open or singular."""
 
     def states(self, sign_width: float, q: ArrayLike) -> States:
         """The state space, the sign of friction smoothed, for motions that start at q."""

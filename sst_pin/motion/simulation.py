@@ -295,5 +295,5 @@ def _sampled(smooth: BSpline) -> _Input:
 
 
 def constant_or_called(load: Load) -> Callable[[float, Array, Array], ArrayLike | None]:
-    """A load as a function of (t, q, va), whatever it is."""
+    """A load of any kind as a function of (t, q, va)."""
     return load if callable(load) else lambda t, q, va: load

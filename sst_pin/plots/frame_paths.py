@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 #: The frame of most interest, where a robot has one of this name.
 PLATFORM = "platform"
-#: A path that leaves a plane by less than this share of its length lies in it.
+#: A path counts as planar if its distance from a plane is less than this share of its length.
 _FLAT = 1e-6
 
 

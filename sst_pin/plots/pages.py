@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 
 #: What a page can show of a motion.
 SUBJECTS = ("path", *CURVES)
-#: What it shows when nothing is asked for.
+#: What it shows by default.
 SUMMARY = ("path", "torques", "joints", "rates", "energy", "condition")
 
 

@@ -42,7 +42,7 @@ class Cuts(NamedTuple):
     """What a URDF cannot say: content of the YAML file.
 
     Attributes:
-        closures: What closes the loops; with none, frames `closing_NAME_1`, `closing_NAME_2` do.
+        closures: What closes the loops; by default frames `closing_NAME_1`, `closing_NAME_2`.
         actuated: Names of the motors' joints.
         gravity: Acceleration of gravity in base axes, shape (3,), [m/s^2].
         joints: What joints are in truth, by name; see `parse_urdf`.

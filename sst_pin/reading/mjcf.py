@@ -107,7 +107,7 @@ class _Reader:
         self._problems: list[str] = []
 
     def read(self, actuated: Sequence[Motor] | None) -> Mjcf:
-        """Tree, closures, motors; those given count in the place of the file's."""
+        """Tree, closures, motors; given ones replace those of the file."""
         mj, model = self._mj, self._model
         if problems := [*self._impossible(), *self._switched_off()]:
             raise DescriptionError(self._source, problems)
@@ -357,7 +357,7 @@ class _Reader:
             first, second = second, first
             coefficients = np.array([-coefficients[0] / coefficients[1]])
         if not (first.shares or second.shares or coefficients[0]):
-            return  # all that it couples is locked
+            return  # all joints that it couples are locked
         joint = max(first.shares, key=lambda name: abs(first.shares[name]), default="")
         shares = {n: np.array([0.0, -share]) for n, share in first.shares.items()}
         offset, polynomial = first.start, np.polynomial.Polynomial(coefficients)
@@ -385,10 +385,10 @@ class _Reader:
         seen: set[tuple[bool, int]] = set()
         for i in range(mj.nu):
             index, name = mj.actuator_trnid[i, 0], mj.actuator(i).name or f"actuator_{i}"
-            bearer = trn(mj.actuator_trntype[i])
-            tendon = bearer == trn.mjTRN_TENDON
-            if not tendon and bearer not in (trn.mjTRN_JOINT, trn.mjTRN_JOINTINPARENT):
-                what = bearer.name.removeprefix("mjTRN_").lower()
+            acts_on = trn(mj.actuator_trntype[i])
+            tendon = acts_on == trn.mjTRN_TENDON
+            if not tendon and acts_on not in (trn.mjTRN_JOINT, trn.mjTRN_JOINTINPARENT):
+                what = acts_on.name.removeprefix("mjTRN_").lower()
                 text = "not on a joint or a fixed tendon"
                 self._problems.append(f"{name}: an actuator on a {what}, {text}")
             elif (
@@ -465,7 +465,7 @@ def _along(axis: Array, aligned: Sequence[type], unaligned: type) -> Any:
     return unaligned(axis)
 
 
-#: Fields of a compiled model, the forces they stand for, and the flag that disables them.
+#: Fields of a compiled model, the forces that they cause, and the flag that disables them.
 _FORCES = {
     "jnt_stiffnesspoly": ("the polynomial of a spring", "spring"),
     "dof_dampingpoly": ("the polynomial of a damper", "damper"),

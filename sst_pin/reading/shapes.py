@@ -39,7 +39,7 @@ class UrdfShapes(NamedTuple):
         """Shapes for the eye, or for collisions.
 
         Args:
-            model: The tree of the same URDF, whatever its joints have become.
+            model: The tree of the same URDF; its joints may have been replaced.
             kind: VISUAL or COLLISION.
 
         Raises:

@@ -162,7 +162,7 @@ def _unbind(root: ET.Element) -> None:
 
 
 def _with(old: pin.Model, parts: Mapping[str, Mapping[str, Any]], source: str) -> pin.Model:
-    """The tree with other joints in the place of some, one after the other where they are many."""
+    """The tree in which some joints are replaced, each by one or several joints in series."""
     for name in (name + suffix for name, own in parts.items() for suffix in own if suffix):
         if any(frame.name == name and frame.type != pin.FrameType.BODY for frame in old.frames):
             text = f"joint {name}: 2 have this name, a part of {name[:-2]} is one of them"
@@ -175,13 +175,13 @@ def _with(old: pin.Model, parts: Mapping[str, Mapping[str, Any]], source: str) -
         list(old.inertias)[1:],
         strict=True,
     ):
-        bearer, at = ids[parent], place
+        parent_joint, at = ids[parent], place
         for suffix, part in parts.get(name, {"": joint}).items():
-            bearer = model.addJoint(bearer, part, at, name + suffix)
+            parent_joint = model.addJoint(parent_joint, part, at, name + suffix)
             at = pin.SE3.Identity()
-            model.addJointFrame(bearer)
-        model.appendBodyToJoint(bearer, inertia, at)
-        ids.append(bearer)
+            model.addJointFrame(parent_joint)
+        model.appendBodyToJoint(parent_joint, inertia, at)
+        ids.append(parent_joint)
     for frame in list(old.frames)[1:]:
         if frame.type != pin.FrameType.JOINT:
             placed = pin.Frame(frame.name, ids[frame.parentJoint], frame.placement, frame.type)

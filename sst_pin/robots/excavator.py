@@ -24,15 +24,15 @@ class _Cylinder(NamedTuple):
 
     Attributes:
         name: Of what it moves.
-        bearer: Body that bears the barrel.
-        foot: Of the barrel on its bearer, shape (2,), [m].
+        carrier: Body that carries the barrel.
+        foot: Of the barrel on this body, shape (2,), [m].
         moved: Body that the rod's eye is pinned to.
         eye: On that body, shape (2,), [m].
         retracted: Length from foot to eye at no stroke, [m].
     """
 
     name: str
-    bearer: str
+    carrier: str
     foot: tuple[float, float]
     moved: str
     eye: tuple[float, float]
@@ -89,7 +89,7 @@ def excavator(
     tree = Tree("excavator")
     house = box(swing_mass, (1.2, 1.0, 0.6), (-0.2, 0, 0.3))
     tree.joint("swing", _RZ(), house)
-    bearer = "universe"
+    carrier = "universe"
     for name, parent, at, mass, length, radius in (
         ("boom", "swing", UPRIGHT * shift(foot), boom_mass, boom, 0.1),
         ("arm", "boom", shift((boom, 0)), arm_mass, arm, 0.08),
@@ -97,9 +97,9 @@ def excavator(
         ("rocker", "arm", shift(pivot), link_mass, rocker, 0.03),
         ("link", "rocker", shift((rocker, 0)), link_mass, link, 0.03),
     ):
-        if parent != bearer:  # depth first: the cylinders of a body before the bodies it bears
-            bearer = parent
-            _add_cylinders(tree, [c for c in cylinders if c.bearer == bearer], cylinder_mass)
+        if parent != carrier:  # depth first: the cylinders of a body before the bodies it carries
+            carrier = parent
+            _add_cylinders(tree, [c for c in cylinders if c.carrier == carrier], cylinder_mass)
         tree.joint(name, _RZ(), rod(mass, (length, 0, 0), radius), parent, at)
     for c in cylinders:
         tree.frame(f"{c.name}_lug", c.moved, (*c.eye, 0))
@@ -128,10 +128,10 @@ def excavator(
 
 def _add_cylinders(tree: Tree, cylinders: list[_Cylinder], mass: float) -> None:
     for c in cylinders:
-        upright = UPRIGHT if c.bearer == "swing" else pin.SE3.Identity()
+        upright = UPRIGHT if c.carrier == "swing" else pin.SE3.Identity()
         barrel = rod(mass, (0.9 * c.retracted, 0, 0), 0.045)
         piston = rods(mass / 2, [(-0.9 * c.retracted, 0, 0), (0, 0, 0)], 0.025)
-        tree.joint(f"{c.name}_barrel", _RZ(), barrel, c.bearer, upright * shift(c.foot))
+        tree.joint(f"{c.name}_barrel", _RZ(), barrel, c.carrier, upright * shift(c.foot))
         at = shift((c.retracted, 0))
         tree.joint(f"{c.name}_stroke", pin.JointModelPX(), piston, f"{c.name}_barrel", at)
         tree.frame(f"{c.name}_eye", f"{c.name}_stroke", (0, 0, 0))

@@ -145,7 +145,7 @@ def planar_3rrr(
 ) -> GalleryRobot:
     """A planar platform on three legs of three revolutes, the first of each leg driven.
 
-    It moves in the horizontal plane; the platform's frame lies in its middle. The robot of C.
+    It moves in the horizontal plane; the platform's frame is in its middle. The robot of C.
     Gosselin and J. Angeles, The optimum kinematic design of a planar three-degree-of-freedom
     parallel manipulator, J. Mechanisms 110 (1988); dimensions and masses are chosen here. Elbows
     bend to the left.

@@ -30,7 +30,7 @@ def scissor_lift(
     """A scissor lift of crossed arms, driven by the slider at its foot; x to the right, z up.
 
     The left foot is hinged to the base, the right one slides along x; so do the corners of the
-    platform. The platform's frame lies in its left corner. Dimensions and masses are chosen here.
+    platform. The platform's frame is in its left corner. Dimensions and masses are chosen here.
     Each crossing closes a loop, whose plane makes one of its three equations redundant.
 
     Args:

@@ -76,7 +76,7 @@ def _motion_of(robot: SST, table: Table) -> Trajectory:
 
 
 def load_motion(robot: SST, source: str | Path | BinaryIO) -> Trajectory:
-    """A motion with its torques as it stands in a file, else one whose torques are computed.
+    """A motion with the torques of its file; without these, with computed torques.
 
     Args:
         robot: Whose motion it is.
@@ -94,7 +94,7 @@ def load_motion(robot: SST, source: str | Path | BinaryIO) -> Trajectory:
 
 
 def _unit(table: Table, name: str) -> str | None:
-    """The column of an angle, whatever its unit."""
+    """The column of an angle, in any unit."""
     names = [c for c in (f"{name}_rad", f"{name}_deg", name) if c in table.columns]
     if len(names) > 1:
         raise FileFormatError(table.path, f"one angle has several columns: {', '.join(names)}", 1)

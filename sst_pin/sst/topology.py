@@ -71,8 +71,8 @@ def _axis_problems(model: pin.Model) -> Iterator[str]:
         if kind != wanted:
             yield f"joint {name}: type {kind}, expected {wanted}"
         if model.parents[index] != parent:
-            bearer, other = model.names[parent], model.names[model.parents[index]]
-            yield f"joint {name}: its parent is {other}, expected {bearer}"
+            expected, found = model.names[parent], model.names[model.parents[index]]
+            yield f"joint {name}: its parent is {found}, expected {expected}"
         if np.abs(placement.translation).max() > EXACT:
             yield f"joint {name}: not in the centre O; origin xyz must be 0 0 0"
         if joint != "gamma" and np.abs(placement.rotation - np.eye(3)).max() > EXACT:

@@ -139,7 +139,7 @@ class VirtualWork:
         return gamma, _times(star.J, finite_array("omega", omega, (3,)))
 
     def orientations(self, gamma: ArrayLike) -> Array:
-        """Every real assembly for given motor angles, whatever the branches of its legs.
+        """Every real assembly for given motor angles, for all branches of its legs.
 
         The legs' u_k . n_k = 0 hold the second and third column of R, six numbers, to a space of
         three dimensions. In it |w_2| = |w_3| and w_2 . w_3 = 0 are two conics, which meet in at
@@ -153,7 +153,7 @@ class VirtualWork:
 
         Raises:
             InputError: For a wrong shape or a number that is not finite.
-            SingularConfigurationError: When the assemblies are a continuum or all fall together.
+            SingularConfigurationError: When there are infinitely many assemblies, or all coincide.
         """
         u = self._passive_axes(gamma)
         legs = np.hstack([self._n_E[:, 1:2] * u, self._n_E[:, 2:3] * u])
@@ -226,7 +226,7 @@ class VirtualWork:
         """
         times = finite_array("t", t, ())
         if times.ndim != 1 or not len(times) or (np.diff(times) <= 0).any():
-            raise InputError("t", "not a row of increasing times")
+            raise InputError("t", "not a sequence of increasing times")
         R, omega = finite_array("R0", R0, (3, 3)), finite_array("omega0", omega0, (3,))
         failure = ""
 
@@ -318,7 +318,7 @@ class VirtualWork:
         axes = np.concatenate([*frames, R[..., None, :, :]], axis=-3)
         turn, r = _times(G, w), _times(axes, self._center)
         inertia = axes @ self._inertia @ np.swapaxes(axes, -1, -2)
-        # What inertia and weight ask of the motors: moments about O, since all turns about it.
+        # Moments of inertia forces and weight about O: all bodies turn about it.
         force = self._mass * (np.cross(rest, r) + np.cross(turn, np.cross(turn, r)) - self._gravity)
         moment = _times(inertia, rest) + np.cross(turn, _times(inertia, turn)) + np.cross(r, force)
         parallel_axis = _dot(r, r)[..., None, None] * np.eye(3) - _outer(r, r)

@@ -72,7 +72,7 @@ def axes_of(model: pin.Model, data: pin.Data, q: Array) -> list[Axis]:
 def arrows_of(
     model: pin.Model, data: pin.Data, axes: list[Axis], B: Array, size: float
 ) -> Iterator[Arrow]:
-    """What the motors give, at the joints that they act on.
+    """Torques of the motors, at the joints that they act on.
 
     Args:
         model: The tree.

@@ -48,7 +48,7 @@ class Shape(NamedTuple):
 
 
 class Arrow(NamedTuple):
-    """What a motor gives at a joint: a shape whose size follows it.
+    """Torque of a motor at a joint: a shape whose size shows it.
 
     Attributes:
         shape: At the largest torque or force.

@@ -34,7 +34,7 @@ class Scene:
 
     Attributes:
         shapes: All that do not change with the torques.
-        arrows: What the motors give.
+        arrows: Torques of the motors.
         labels: Words.
         layers: Those of `LAYERS` that there are, and whether each is shown at first.
         start: Configuration before one is asked for, shape (nq,).
@@ -95,7 +95,7 @@ class Scene:
         return placed | {strut.shape.mover: strut.at(joints) for strut in self._struts}
 
     def reach(self, q: Array, tau: Array) -> Array:
-        """Points that lie farthest out in many directions, of all that is shown in a motion.
+        """The outermost points in many directions, of everything that is shown in a motion.
 
         Args:
             q: Configurations, shape (n, nq).

@@ -45,14 +45,14 @@ def skeleton(
     for joint in range(1, model.njoints):
         own = [axis for axis in axes if axis.joint == joint]
         colour, r = colours.get(joint, _JOINT), _JOINT_RADIUS * size
-        bearer, at = joint, np.eye(4)
+        carrier, at = joint, np.eye(4)
         drawn: coal.ShapeBase = coal.Sphere(r)
         if len(own) == 1:
             (axis,) = own
-            bearer, at = axis.mover, homogeneous(along(axis.direction), axis.origin)
+            carrier, at = axis.mover, homogeneous(along(axis.direction), axis.origin)
             drawn = coal.Cylinder(r, 3 * r) if axis.turns else coal.Box(2 * r, 2 * r, 3 * r)
         name = f"joint_{model.names[joint]}"
-        yield Shape(str(bearer), "skeleton", name, solid(drawn), colour, at=at)
+        yield Shape(str(carrier), "skeleton", name, solid(drawn), colour, at=at)
     for closure in robot.closures:
         if isinstance(closure, (Closure, Distance)):
             for name in (closure.frame_a, closure.frame_b):

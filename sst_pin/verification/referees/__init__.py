@@ -77,13 +77,13 @@ class DirectReferee(Protocol):
 
 
 def all_referees(parameters: Parameters) -> tuple[list[Referee], list[MissingExtraError]]:
-    """Every referee that is installed, for one SST, and what the others lack.
+    """All installed referees for one SST, and what is missing for the others.
 
     Args:
         parameters: The SST.
 
     Returns:
-        The referees, and for each that cannot be had the error that says how to install it.
+        The referees, and for each missing one the error that says how to install it.
     """
     available: list[Referee] = []
     missing: list[MissingExtraError] = []

@@ -3,8 +3,8 @@
 
 Everything is solved by least squares on the columns of RNEA and on all rows of the closures,
 redundant ones too; `accelerations` is Pinocchio's own `constraintDynamics`. Takes any closed chain,
-any joints, closures and motors. Of the chain it reads what the chain is made of, its `Mechanism`,
-and nothing that is computed from it.
+any joints, closures and motors. From the chain it reads only the `Mechanism`, the description, and
+no computed results.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from .geometry import legs, require_same
 
 Array = NDArray[np.float64]
 
-#: Regularisation of the multipliers: with none, redundant closures end in NaN without a word.
+#: Regularisation of the multipliers: without it, redundant closures give NaN without an error.
 _MU = 1e-6
 #: Singular values below this count as redundant closures, relative to the largest.
 _REDUNDANT = 1e-10
@@ -96,7 +96,7 @@ def torques(
         loads: Further forces on the rates of the tree, shape (nv,), [N m] or [N].
 
     Returns:
-        tau, shape (motors,): where the motors cannot bring about the motion, as nearly as they can.
+        tau, shape (motors,); the nearest ones if the motors cannot produce the motion.
     """
     motion = _motion(chain, q, va)
     need = _need(motion, q, aa, loads)
@@ -168,7 +168,8 @@ def accelerations_by_multipliers(
     M = np.stack([pin.rnea(model, data, q, zero, e) - rest for e in np.eye(model.nv)], axis=1)
     force = motion.mechanism.motors @ tau + _given(motion, q, loads)
     force = force - pin.rnea(model, data, q, motion.v, zero)
-    rows, unit = len(motion.Phi), np.abs(M).max()  # of the multipliers, lest M be cut as rounding
+    # A unit for the multipliers, so that M is not lost in rounding.
+    rows, unit = len(motion.Phi), np.abs(M).max()
     system = np.block([[M / unit, motion.Phi.T], [motion.Phi, np.zeros((rows, rows))]])
     v_dot = _solve(system, np.concatenate([force / unit, -motion.drift]))[: model.nv]
     return motion.mechanism.selection @ v_dot
