@@ -16,40 +16,43 @@ from typing import Any
 import casadi as ca
 from casadi import SX
 
+from .checks import Checks
 from .closure_rows import Row
 from .elimination import total
 from .equations import Equations
 from .symbols import Sparse, add, definite, is_zero, solve_symmetric, sx
 
 
-def of_torques(e: Equations) -> tuple[SX, SX, SX, list[Any]]:
+def of_torques(e: Equations, checks: Checks) -> tuple[SX, SX, SX, list[Any]]:
     """Derivatives of f by q, va and aa, shapes (n, n), at a motion (q, va, aa), and checks."""
-    by_q, by_va, checks = _of_forces(e, _OnTree(e, e.aa, {}))
-    return by_q, by_va, e.inertia, checks
+    by_q, by_va, own = _of_forces(e, checks, _OnTree(e, e.aa, {}))
+    return by_q, by_va, e.inertia, own
 
 
-def of_torques_along(e: Equations, way: SX) -> tuple[SX, SX, SX, list[Any]]:
+def of_torques_along(e: Equations, checks: Checks, way: SX) -> tuple[SX, SX, SX, list[Any]]:
     """The same times a direction of the coordinates, shapes (n,)."""
-    return _of_forces_along(e, _OnTree(e, e.aa, {}), way)
+    return _of_forces_along(e, checks, _OnTree(e, e.aa, {}), way)
 
 
-def of_accelerations(e: Equations, tau: SX) -> tuple[SX, SX, SX, list[Any]]:
+def of_accelerations(e: Equations, checks: Checks, tau: SX) -> tuple[SX, SX, SX, list[Any]]:
     """Derivatives of aa by q, va and tau, and checks."""
     aa, inverses = e.accelerations(tau)
-    by_q, by_va, checks = _of_forces(e, _OnTree(e, aa, e.motor_forces(tau)))
+    by_q, by_va, own = _of_forces(e, checks, _OnTree(e, aa, e.motor_forces(tau)))
     right = ca.horzcat(-by_q, -by_va, e.motor_matrix)
     aa_x, _ = solve_symmetric(e.inertia, right)
     n = len(e.L)
-    return aa_x[:, :n], aa_x[:, n : 2 * n], aa_x[:, 2 * n :], [*checks, definite(inverses)]
+    return aa_x[:, :n], aa_x[:, n : 2 * n], aa_x[:, 2 * n :], [*own, definite(inverses)]
 
 
-def of_accelerations_along(e: Equations, tau: SX, way: SX) -> tuple[SX, SX, SX, list[Any]]:
+def of_accelerations_along(
+    e: Equations, checks: Checks, tau: SX, way: SX
+) -> tuple[SX, SX, SX, list[Any]]:
     """The same times a direction, of the coordinates and of as many motors, shapes (n,)."""
     aa, inverses = e.accelerations(tau)
-    by_q, by_va, _, checks = _of_forces_along(e, _OnTree(e, aa, e.motor_forces(tau)), way)
+    by_q, by_va, _, own = _of_forces_along(e, checks, _OnTree(e, aa, e.motor_forces(tau)), way)
     driven = e.project(e.motor_forces(way))
     aa_x, _ = solve_symmetric(e.inertia, ca.horzcat(-by_q, -by_va, driven))
-    return aa_x[:, 0], aa_x[:, 1], aa_x[:, 2], [*checks, definite(inverses)]
+    return aa_x[:, 0], aa_x[:, 1], aa_x[:, 2], [*own, definite(inverses)]
 
 
 def of_displacements(e: Equations) -> SX:
@@ -126,7 +129,7 @@ class _OnTree:
         return function(*self._values, step)
 
 
-def _of_forces(e: Equations, tree: _OnTree) -> tuple[SX, SX, list[Any]]:
+def _of_forces(e: Equations, checks: Checks, tree: _OnTree) -> tuple[SX, SX, list[Any]]:
     """Derivatives of f by q and va, the motors' forces held, and checks of what is solved."""
     nv, rows = e.mechanism.model.nv, e.factors.rows
     of_rows = (tree.slips, tree.q), (tree.c, tree.q), (tree.c, tree.v)
@@ -134,20 +137,22 @@ def _of_forces(e: Equations, tree: _OnTree) -> tuple[SX, SX, list[Any]]:
     slip_q, c_q, c_v, force_q, force_v = tree.by(*of_rows, *of_forces)
     L = ca.horzcat(*(_column(x, nv) for x in e.L))
     M = SX(nv, nv)
-    for (i, j), entry in e.tree_inertia.items():
+    for (i, j), entry in e.tree.inertia.items():
         M[i, j] = M[j, i] = entry
     inertial = [_entries(range(nv), ca.vec(row)) for row in ca.vertsplit(L.T @ M)]
     g = ca.vertcat(*(_row(e.multipliers(x), rows) for x in inertial))
-    checks = [check for x in inertial for check in e.unbalanced(x)]
+    own = [check for x in inertial for check in checks.unbalanced(x)]
     by_q, by_v = L.T @ force_q - g @ c_q, L.T @ force_v - g @ c_v
     lost = [_entries(rows, -x) for x in ca.horzsplit(_phi_dot_v(e, slip_q @ L, c_v @ L))]
     v_q = [e.factors.solve(x) for x in lost]
-    checks += [check for x, right in zip(v_q, lost, strict=True) for check in e.unsolved(x, right)]
+    own += [c for x, right in zip(v_q, lost, strict=True) for c in checks.unsolved(x, right)]
     of_q = by_q @ L + by_v @ ca.horzcat(*(_column(x, nv) for x in v_q))
-    return of_q, by_v @ L, checks
+    return of_q, by_v @ L, own
 
 
-def _of_forces_along(e: Equations, tree: _OnTree, way: SX) -> tuple[SX, SX, SX, list[Any]]:
+def _of_forces_along(
+    e: Equations, checks: Checks, tree: _OnTree, way: SX
+) -> tuple[SX, SX, SX, list[Any]]:
     """Derivatives of f by q, va and aa, the motors' forces held, times a direction, and checks."""
     rows, held = e.factors.rows, [0.0] * way.numel()
     step = e.complete(ca.vertsplit(way), {})
@@ -163,10 +168,10 @@ def _of_forces_along(e: Equations, tree: _OnTree, way: SX) -> tuple[SX, SX, SX, 
     columns = [tree.along(tree.forces, *change) for change in changes]
     forces = [_entries(range(e.mechanism.model.nv), x) for x in columns]
     solved = (step, none), (v_q, lost), (v_dot_q, c_q), (v_dot_va, c_va)
-    checks = [check for x, right in solved for check in e.unsolved(x, right)]
-    checks += [check for x in forces for check in e.unbalanced(x)]
+    own = [check for x, right in solved for check in checks.unsolved(x, right)]
+    own += [check for x in forces for check in checks.unbalanced(x)]
     f = [e.reduced(x) for x in forces]
-    return f[0], f[1], f[2], checks
+    return f[0], f[1], f[2], own
 
 
 def _phi_dot_v(e: Equations, slip_q: SX, c_v: SX, steps: Sequence[Sparse] | None = None) -> SX:
@@ -202,10 +207,10 @@ def _forces(e: Equations, v: Sparse, a: Sparse, rows: Sequence[Row], R: list[SX]
 
     power = -SX(total(x * row.velocity(v, twist) for x, row in zip(R, rows, strict=True)))
     wrenches = {i: ca.gradient(power, x) for i, x in twists.items()}
-    forces = e.tree_forces(v, a, reactions=wrenches)
+    forces = e.tree.forces(v, a, reactions=wrenches)
     coupled = {i: ca.gradient(power, rate) for i, rate in v.items()}
     forces = add(forces, {i: x for i, x in coupled.items() if not is_zero(x)})
-    return add(forces, add(e.friction(v), e.springs))
+    return add(forces, add(e.tree.friction(v), e.tree.springs))
 
 
 def _entries(places: Iterable[int], column: SX) -> Sparse:

@@ -16,7 +16,8 @@ from ..errors import DescriptionError, InputError
 from ..files import Writer, as_path, text_writer
 from . import c_code, kernels
 from .backend import impossible, sample_configurations
-from .equations import CLOSED, Equations
+from .checks import CLOSED, Checks
+from .equations import Equations
 from .parameters import BODY, Parameters
 
 Array = NDArray[np.float64]
@@ -222,7 +223,8 @@ def c_files(
     mechanism = chain._current.mechanism()
     model = mechanism.model
     samples = sample_configurations(chain._current.reference, q)
-    equations = Equations(mechanism, samples, closed=style.closed, rounding=style.rounding)
+    equations = Equations(mechanism, samples)
+    checks = Checks(equations, style.closed, style.rounding)
     numbers = equations.parameters.pack(mechanism, mechanism.friction)
     if not np.isfinite(numbers).all():
         raise DescriptionError("parameters of the robot", ["gravity or inertia is not finite"])
@@ -234,7 +236,7 @@ def c_files(
         try:
             if problem := impossible(mechanism, function.kernel):
                 raise DescriptionError("compiled kernels", [problem])
-            kernel = kernels.make(equations, function.kernel)
+            kernel = kernels.make(equations, function.kernel, checks)
         except DescriptionError as error:
             declarations.append(f"/* There is no robot_{name}: {_comment(str(error))} */\n")
             continue

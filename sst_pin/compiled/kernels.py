@@ -12,8 +12,9 @@ import numpy as np
 from casadi import SX
 
 from . import derivatives
+from .checks import Checks, pivot_check
 from .elimination import Factors, pivot_order, total
-from .equations import Equations, pivot_check
+from .equations import Equations
 from .symbols import add, definite, is_zero, solve_symmetric
 
 
@@ -39,23 +40,25 @@ class Kernel:
     directions: int = 0
 
 
-def make(equations: Equations, name: str) -> Kernel:
+def make(equations: Equations, name: str, checks: Checks | None = None) -> Kernel:
     """A kernel by its name.
 
     Args:
         equations: Of the robot.
         name: One of `KERNELS`; one of `DERIVATIVES` and `ALONG`; or "jacobian " and the name of a
             frame.
+        checks: Of the robot; those for double precision by default.
     """
+    checks = checks or Checks(equations)
     first, _, rest = name.partition(" ")
     directions = 0
     if first == "jacobian":
-        inputs, output, checks = _jacobian(equations, rest)
+        inputs, output, own = _jacobian(equations, checks, rest)
     elif rest:
         directions = len(equations.mechanism.coordinates)
-        inputs, output, checks = _along(equations, first, directions)
+        inputs, output, own = _along(equations, checks, first, directions)
     else:
-        inputs, output, checks = KERNELS[name](equations)
+        inputs, output, own = KERNELS[name](equations, checks)
     loads = equations.loads
     given = tuple(x for x in inputs if x is not loads or x.numel())
     loaded = any(x is loads for x in given)
@@ -64,7 +67,7 @@ def make(equations: Equations, name: str) -> Kernel:
         given,
         equations.p,
         ca.densify(output),
-        ca.vertcat(*(SX(check) for check in [*equations.checks, *checks])),
+        ca.vertcat(*(SX(check) for check in [*checks.of_state, *own])),
         directions,
     )
 
@@ -78,58 +81,58 @@ def entry(equations: Equations, name: str) -> list[Kernel]:
 _Made = tuple[list[SX], SX, list[Any]]
 
 
-def _forces(e: Equations) -> _Made:
-    return [e.q, e.va, e.aa, e.loads], e.generalized_forces, e.force_checks
+def _forces(e: Equations, checks: Checks) -> _Made:
+    return [e.q, e.va, e.aa, e.loads], e.generalized_forces, checks.of_forces
 
 
-def _torques(e: Equations) -> _Made:
+def _torques(e: Equations, checks: Checks) -> _Made:
     """The smallest torques that bring the motion about."""
-    inputs, f, checks = _forces(e)
+    inputs, f, own = _forces(e, checks)
     if e.mechanism.driven_one_to_one:
-        return inputs, f, checks
+        return inputs, f, own
     A = e.motor_matrix
     n, motors = A.shape
     if motors > n:
         tau, inverses = solve_symmetric(A @ A.T, f)
-        return inputs, A.T @ tau, [*checks, definite(inverses)]
+        return inputs, A.T @ tau, [*own, definite(inverses)]
     samples = e.at_samples(A)
     order, sizes = pivot_order(np.asarray(samples.any(axis=0)), samples)
     rows = [{j: A[i, j] for j in range(n) if not is_zero(A[i, j])} for i in range(n)]
     factors = Factors(rows, order)
     solution = factors.solve(dict(enumerate(ca.vertsplit(f))))
-    checks = [*checks, pivot_check(sizes, factors)]
-    return inputs, ca.vertcat(*(SX(solution.get(i, 0)) for i in range(n))), checks
+    own = [*own, pivot_check(sizes, factors)]
+    return inputs, ca.vertcat(*(SX(solution.get(i, 0)) for i in range(n))), own
 
 
-def _accelerations(e: Equations) -> _Made:
+def _accelerations(e: Equations, checks: Checks) -> _Made:
     tau = _motor_torques(e)
     aa, inverses = e.accelerations(tau)
-    return [e.q, e.va, tau, e.loads], aa, [*e.acceleration_checks, definite(inverses)]
+    return [e.q, e.va, tau, e.loads], aa, [*checks.of_accelerations, definite(inverses)]
 
 
-def _torque_derivatives(e: Equations) -> _Made:
+def _torque_derivatives(e: Equations, checks: Checks) -> _Made:
     """Of f by q, va and aa side by side, row by row."""
-    *parts, checks = derivatives.of_torques(e)
-    return [e.q, e.va, e.aa, e.loads], _rows(parts), e.force_checks + checks
+    *parts, own = derivatives.of_torques(e, checks)
+    return [e.q, e.va, e.aa, e.loads], _rows(parts), checks.of_forces + own
 
 
-def _acceleration_derivatives(e: Equations) -> _Made:
+def _acceleration_derivatives(e: Equations, checks: Checks) -> _Made:
     """Of aa by q, va and tau side by side, row by row."""
     tau = _motor_torques(e)
-    *parts, checks = derivatives.of_accelerations(e, tau)
-    return [e.q, e.va, tau, e.loads], _rows(parts), e.acceleration_checks + checks
+    *parts, own = derivatives.of_accelerations(e, checks, tau)
+    return [e.q, e.va, tau, e.loads], _rows(parts), checks.of_accelerations + own
 
 
-def _along(e: Equations, name: str, directions: int) -> _Made:
+def _along(e: Equations, checks: Checks, name: str, directions: int) -> _Made:
     """Derivatives along a direction, the last input; with all directions they are as above."""
     way = SX.sym("direction", directions)
     if name == "torque_derivatives":
-        x, checks = e.aa, e.force_checks
-        *parts, more = derivatives.of_torques_along(e, way)
+        x, own = e.aa, checks.of_forces
+        *parts, more = derivatives.of_torques_along(e, checks, way)
     else:
-        x, checks = _motor_torques(e), e.acceleration_checks
-        *parts, more = derivatives.of_accelerations_along(e, x, way)
-    return [e.q, e.va, x, e.loads, way], _rows(parts), checks + more
+        x, own = _motor_torques(e), checks.of_accelerations
+        *parts, more = derivatives.of_accelerations_along(e, checks, x, way)
+    return [e.q, e.va, x, e.loads, way], _rows(parts), own + more
 
 
 def _motor_torques(e: Equations) -> SX:
@@ -141,29 +144,29 @@ def _rows(parts: list[SX]) -> SX:
     return ca.vec(ca.horzcat(*parts).T)
 
 
-def _displacement_rates(e: Equations) -> _Made:
-    return [e.q, e.va], ca.vec(derivatives.of_displacements(e).T), e.unsolved(e.v, {})
+def _displacement_rates(e: Equations, checks: Checks) -> _Made:
+    return [e.q, e.va], ca.vec(derivatives.of_displacements(e).T), checks.of_rates
 
 
-def _reduced_terms(e: Equations) -> _Made:
-    gravity = e.project(add(e.tree_forces({}, {}, loads=False), e.springs))
-    friction = e.project(e.friction(e.v))
+def _reduced_terms(e: Equations, checks: Checks) -> _Made:
+    gravity = e.project(add(e.tree.forces({}, {}, loads=False), e.tree.springs))
+    friction = e.project(e.tree.friction(e.v))
     terms = [ca.vec(e.inertia.T), ca.vec(e.coriolis.T), -gravity, -friction]
-    return [e.q, e.va], ca.vertcat(*terms), e.unsolved(e.v, {}) + e.complement_checks
+    return [e.q, e.va], ca.vertcat(*terms), checks.of_rates + checks.of_complement
 
 
-def _rates(e: Equations) -> _Made:
+def _rates(e: Equations, checks: Checks) -> _Made:
     v = ca.vertcat(*(SX(e.v.get(i, 0)) for i in range(e.mechanism.model.nv)))
-    return [e.q, e.va], v, e.unsolved(e.v, {})
+    return [e.q, e.va], v, checks.of_rates
 
 
-def _state_rate(e: Equations) -> _Made:
+def _state_rate(e: Equations, checks: Checks) -> _Made:
     """Rates of q and va under motor torques."""
-    inputs, aa, checks = _accelerations(e)
-    return inputs, ca.vertcat(e.kinematics.q_rates(e.v), aa), checks
+    inputs, aa, own = _accelerations(e, checks)
+    return inputs, ca.vertcat(e.kinematics.q_rates(e.v), aa), own
 
 
-def _closing(e: Equations) -> _Made:
+def _closing(e: Equations, checks: Checks) -> _Made:
     """One step of Newton's method with the coordinates held; det Phi_u; the sum of its squares.
 
     Wheels roll on the way: rows that hold rates alone hold the step. The determinant is that of the
@@ -186,17 +189,17 @@ def _closing(e: Equations) -> _Made:
     return [e.q], ca.vertcat(e.kinematics.normalized(e.q + step), det, squares), []
 
 
-def _jacobian(e: Equations, frame: str) -> _Made:
+def _jacobian(e: Equations, checks: Checks, frame: str) -> _Made:
     model = e.mechanism.model
     point = e.kinematics.point(0, model.frames[model.getFrameId(frame)])
     columns = []
     for L in e.L:
         twists = [ca.vertcat(*point.columns[i]) * x for i, x in L.items() if i in point.columns]
         columns.append(sum(twists, SX(6, 1)))
-    return [e.q], ca.vec(ca.horzcat(*columns).T), e.complement_checks
+    return [e.q], ca.vec(ca.horzcat(*columns).T), checks.of_complement
 
 
-KERNELS: dict[str, Callable[[Equations], _Made]] = {
+KERNELS: dict[str, Callable[[Equations, Checks], _Made]] = {
     "forces": _forces,
     "torques": _torques,
     "accelerations": _accelerations,

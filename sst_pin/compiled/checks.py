@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Checks that a kernel computes with its results: each is at most 1 where the results are right.
+
+A sample fails its checks if its loops are open, if a pivot is much smaller than in the sample
+configurations, or if a solution of Phi x = right leaves a residual.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..chain.loops import CLOSURE_TOLERANCE
+from .elimination import Factors, total
+from .equations import Equations
+from .symbols import Sparse, add, is_zero
+
+Array = NDArray[np.float64]
+
+#: Largest residual of the closures: half of the reference path's tolerance.
+CLOSED = 0.5 * CLOSURE_TOLERANCE
+#: How much smaller than in the samples a pivot may be.
+_PIVOT = 1e-3
+#: Largest residual of a solution, in roundings of the matrix times the solution.
+_ROUNDINGS = 30
+#: Solutions up to this count as zero, [rad/s], [N m] and the like.
+_NOTHING = 1e-10
+
+
+class Checks:
+    """Checks of one robot's kernels.
+
+    Args:
+        equations: Of the robot.
+        closed: Largest residual of the closures, scaled.
+        rounding: Relative, of the numbers that the kernels compute with.
+    """
+
+    def __init__(
+        self,
+        equations: Equations,
+        closed: float = CLOSED,
+        rounding: float = float(np.finfo(float).eps),
+    ) -> None:
+        self._equations, self._closed, self._rounding = equations, closed, rounding
+        mechanism = equations.mechanism
+        self._row_scale, self._rate_scale = mechanism.row_scale, mechanism.rate_scale
+        self._dependent = [int(i) for i in mechanism.dependent]
+
+    @cached_property
+    def of_state(self) -> list[Any]:
+        """That the loops are closed; that no pivot of Phi_u is small."""
+        e = self._equations
+        gaps = [s**2 * x.gap for s, x in zip(self._row_scale, e.rows, strict=True)]
+        gaps += [gap**2 for gap in e.kinematics.unit_gaps]
+        return [total(gaps) / self._closed**2, pivot_check(e.pivots.sizes, e.factors)]
+
+    @property
+    def of_rates(self) -> list[Any]:
+        """That v is a solution."""
+        return self.unsolved(self._equations.v, {})
+
+    @property
+    def of_forces(self) -> list[Any]:
+        """Of all solutions in inverse dynamics."""
+        e = self._equations
+        return self.of_rates + self.unsolved(e.dv, e.drift) + self.unbalanced(e.tree_forces)
+
+    @property
+    def of_complement(self) -> list[Any]:
+        """Of the columns of L."""
+        return [check for x in self._equations.L for check in self.unsolved(x, {})]
+
+    @property
+    def of_accelerations(self) -> list[Any]:
+        """Of all solutions in direct dynamics."""
+        e = self._equations
+        return self.of_rates + self.unsolved(e.at_rest, e.drift) + self.of_complement
+
+    def unsolved(self, x: Sparse, right: Sparse) -> list[Any]:
+        """More than 1 where the rates x do not solve Phi x = right because a pivot was small.
+
+        The scaled residuals of the rows are summed with fixed random signs. So the check takes one
+        product with a sum of rows, not one with each row. There is no check if elimination changes
+        no entries, since then none can grow.
+        """
+        unit, signs, sums = self._row_sums
+        terms = [entry * x[j] for j, entry in sums.items() if j in x]
+        terms += [-(sign * right[i]) for i, sign in signs.items() if i in right]
+        scale = self._rate_scale
+        return self._too_much(unit, terms, [x[j] / scale[j] for j in self._dependent if j in x])
+
+    def unbalanced(self, tau: Sparse) -> list[Any]:
+        """Likewise, where the multipliers do not balance tau along the dependent rates."""
+        unit, signs, sums = self._column_sums
+        x, scale = self._equations.multipliers(tau), self._row_scale
+        terms = [entry * x[i] for i, entry in sums.items() if i in x]
+        terms += [-(sign * tau[j]) for j, sign in signs.items() if j in tau]
+        return self._too_much(unit, terms, [x[i] / scale[i] for i in x])
+
+    @cached_property
+    def _row_sums(self) -> tuple[float, dict[int, float], Sparse]:
+        """A unit, factors of the rows that elimination changes, and the sum of these, by rate."""
+        e = self._equations
+        unit, signs = _signs(e.factors.changed[0], self._row_scale)
+        sums: Sparse = {}
+        for i, sign in signs.items():
+            sums = add(sums, {j: sign * x for j, x in e.rows[i].Phi.items()})
+        return unit, signs, sums
+
+    @cached_property
+    def _column_sums(self) -> tuple[float, dict[int, float], Sparse]:
+        """Likewise of the dependent rates whose columns elimination changes, by row."""
+        e = self._equations
+        unit, signs = _signs(e.factors.changed[1], self._rate_scale)
+        sums = {
+            i: total(signs[j] * x for j, x in e.rows[i].Phi.items() if j in signs)
+            for i in e.factors.rows
+        }
+        return unit, signs, {i: x for i, x in sums.items() if not is_zero(x)}
+
+    def _too_much(self, unit: float, terms: list[Any], solution: list[Any]) -> list[Any]:
+        """The square of a residual against a solution, without a division."""
+        if not terms:
+            return []
+        most = _ROUNDINGS * self._rounding * self._equations.pivots.norm / unit
+        excess = (total(terms) / most) ** 2 - total(x**2 for x in solution)
+        return [excess / _NOTHING**2]
+
+
+def pivot_check(sizes: Array, factors: Factors) -> Any:
+    """More than 1 where a pivot is small against its size in the samples."""
+    inverses = factors.inverses
+    if len(inverses) < len(sizes):
+        sizes = np.append(sizes[:-2], sizes[-2] * sizes[-1])
+    return total([(_PIVOT * float(s) * x) ** 2 for s, x in zip(sizes, inverses, strict=True)])
+
+
+def _signs(places: Sequence[int], scale: Array) -> tuple[float, dict[int, float]]:
+    """A unit, and scales in it with signs that are random, but always the same."""
+    unit = float(scale[places[0]]) if places else 1.0
+    signs = np.random.default_rng(0).choice([-1.0, 1.0], size=len(places))
+    return unit, {i: float(x * scale[i] / unit) for i, x in zip(places, signs, strict=True)}

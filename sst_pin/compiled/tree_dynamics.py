@@ -1,0 +1,228 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Forces and mass matrix of the tree, without its closures, on CasADi's symbols.
+
+A body with the first moment c and the second moments J (the integral of r r^T) about its origin
+needs the force m a + U c and the moment c x a + 2 axial(U J), Eqs. (63)-(68).
+"""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Mapping
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import casadi as ca
+from casadi import SX
+
+from ..chain.closures import Closure
+from ..chain.mechanism import Mechanism
+from .kinematics import Kinematics, Motion
+from .parameters import SIGN_WIDTH, Parameters
+from .symbols import Sparse, add, is_zero, sx
+
+
+class Body(NamedTuple):
+    """A rigid body, or several that are welded to each other, in the frame of a link.
+
+    Attributes:
+        mass: Of all.
+        c: First moment.
+        J: Second moments, the integral of r r^T.
+        polar: Sum of mass times the square of the mass centre's distance from the origin.
+    """
+
+    mass: SX
+    c: SX
+    J: SX
+    polar: SX
+
+    def moved(self, R: SX, p: SX) -> Body:
+        """In a frame in which the one before has the orientation R and the origin p."""
+        c = R @ self.c
+        J = R @ self.J @ R.T + c @ p.T + p @ c.T + self.mass * p @ p.T
+        c += self.mass * p
+        return Body(self.mass, c, J, ca.sumsqr(c) / self.mass)
+
+
+class TreeDynamics:
+    """Dynamics of a tree.
+
+    Args:
+        mechanism: The robot.
+        kinematics: Of its tree.
+        parameters: Order of the open numbers.
+        p: The open numbers.
+        loads: [moment; force] on each body at its mass centre, base axes, body after body, or
+            empty.
+        smooth: Whether Coulomb friction is tanh(v / sign_width) instead of the sign.
+    """
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        kinematics: Kinematics,
+        parameters: Parameters,
+        p: SX,
+        loads: SX,
+        smooth: bool,
+    ) -> None:
+        self._mechanism, self._kinematics, self._parameters = mechanism, kinematics, parameters
+        self._p, self._loads, self._smooth = p, loads, smooth
+
+    @cached_property
+    def _bodies(self) -> list[Body | None]:
+        """By Pinocchio's joints; bodies that are welded to each other are one."""
+        model, kinematics = self._mechanism.model, self._kinematics
+        bodies: list[Body | None] = [None] * model.njoints
+        for i in range(1, model.njoints):
+            found = self._parameters.body(self._p, i)
+            if found is not None:
+                mass, c, J = found
+                bodies[i] = Body(mass, c, J, ca.sumsqr(c) / mass)
+        for closure in self._mechanism.closures:
+            if isinstance(closure, Closure) and all(closure.held):
+                ends = (closure.frame_a, closure.frame_b)
+                a, b = (model.frames[model.getFrameId(name)] for name in ends)
+                i, j = a.parentJoint, b.parentJoint
+                moving = bodies[j]
+                if i and moving is not None:
+                    R = kinematics.rotation(a) @ kinematics.rotation(b).T
+                    p = sx(a.placement.translation) - R @ sx(b.placement.translation)
+                    moved, other = moving.moved(R, p), bodies[i]
+                    bodies[i] = moved if other is None else Body(*map(operator.add, moved, other))
+                    bodies[j] = None
+        return bodies
+
+    def forces(
+        self,
+        v: Sparse,
+        dv: Sparse,
+        *,
+        loads: bool = True,
+        reactions: Mapping[int, SX] | None = None,
+    ) -> Sparse:
+        """tau of the tree by the recursion of Newton and Euler, without friction and springs.
+
+        Args:
+            v: Rates.
+            dv: Accelerations.
+            loads: Whether external wrenches act.
+            reactions: Force and moment about the origin that closures take of links, by their
+                index, axes of the link.
+        """
+        wrenches = []
+        gravity = self._kinematics.base.T @ self._parameters.gravity(self._p)
+        motions = self._kinematics.motions(v, dv, gravity)
+        for link, x in zip(self._kinematics.tree.links, motions, strict=True):
+            body = self._bodies[link.body]
+            F, N = SX(3, 1), SX(3, 1)
+            if body is not None:
+                mass, c, J, _ = body
+                F, N = mass * x.a + x.U @ c, _moment(x, J) + ca.cross(c, x.a)
+            if loads and link.body and self._loads.numel():
+                force, moment = self._load(link.body)
+                F, N = F - force, N - moment
+            wrenches.append((F, N))
+        for i, own in (reactions or {}).items():
+            wrenches[i] = wrenches[i][0] + own[:3], wrenches[i][1] + own[3:]
+        return add(self._kinematics.transmitted(wrenches), self._rotors(dv))
+
+    def _rotors(self, dv: Sparse) -> Sparse:
+        armature = self._parameters.of_joints("armature", self._p)
+        return {i: x * dv[i] for i, x in armature.items() if i in dv}
+
+    def _load(self, body: int) -> tuple[SX, SX]:
+        """External force and moment about the origin of a link, axes of the link."""
+        moment, force = ca.vertsplit(self._loads[6 * body - 6 : 6 * body], 3)
+        pose, _ = self._kinematics.pose(0, self._kinematics.tree.link_of[body])
+        back = pose.T @ self._kinematics.base.T
+        found = self._parameters.body(self._p, body)
+        lever = sx(self._mechanism.model.inertias[body].lever)
+        if found is not None:
+            lever = found[1] / found[0]
+        force = back @ force
+        return force, back @ moment + ca.cross(lever, force)
+
+    def friction(self, v: Sparse) -> Sparse:
+        """What friction takes."""
+        viscous = self._parameters.of_joints("viscous", self._p)
+        coulomb = self._parameters.of_joints("coulomb", self._p)
+        tau = {i: D * v[i] for i, D in viscous.items() if i in v}
+        return add(tau, {i: F * self._direction(v[i]) for i, F in coulomb.items() if i in v})
+
+    def _direction(self, rate: Any) -> Any:
+        """The sign of a rate in Coulomb friction."""
+        return ca.tanh(rate / self._p[SIGN_WIDTH]) if self._smooth else ca.sign(rate)
+
+    @cached_property
+    def springs(self) -> Sparse:
+        """What springs take."""
+        stiffness = self._parameters.of_joints("stiffness", self._p)
+        rest = self._parameters.of_joints("spring_reference", self._p)
+        way = self._kinematics.difference(rest)
+        return {k: c * way[k] for k, c in stiffness.items()}
+
+    def _inertia_of(self, body: int) -> tuple[SX, SX, SX]:
+        """Mass, first moment and inertia about the origin of a body; zeros without mass."""
+        found = self._bodies[body]
+        if found is None:
+            return SX(1, 1), SX(3, 1), SX(3, 3)
+        mass, c, J, _ = found
+        return mass, c, ca.trace(J) * SX.eye(3) - J
+
+    @cached_property
+    def inertia(self) -> dict[tuple[int, int], Any]:
+        """Upper triangle of the tree's mass matrix, by pairs of rates, from composite bodies."""
+        links, placements = self._kinematics.tree.links, self._kinematics.placements
+        composite = [self._inertia_of(link.body) for link in links]
+        M: dict[tuple[int, int], Any] = {}
+        for i in range(len(links) - 1, 0, -1):
+            mass, c, inertia = composite[i]
+            for k, S in zip(links[i].v, links[i].S.T, strict=True):
+                u, turn = sx(S[:3]), sx(S[3:])
+                F, N = mass * u + ca.cross(turn, c), inertia @ turn + ca.cross(c, u)
+                j = i
+                while j:
+                    for other, S_j in zip(links[j].v, links[j].S.T, strict=True):
+                        value = ca.dot(sx(S_j[:3]), F) + ca.dot(sx(S_j[3:]), N)
+                        if not is_zero(value) and (j != i or other <= k):
+                            pair = min(other, k), max(other, k)
+                            value *= 1 + (j != i and other == k)  # a mimic joint behind its own
+                            M[pair] = M.get(pair, 0) + value
+                    R, p = placements[j]
+                    F, N = R @ F, R @ N
+                    N += ca.cross(p, F)
+                    j = links[j].parent
+            R, p = placements[i]
+            c = R @ c
+            cross, arm = ca.skew(p) @ ca.skew(c), ca.skew(p)
+            moved = R @ inertia @ R.T - cross - cross.T - mass * arm @ arm
+            mass_0, c_0, inertia_0 = composite[links[i].parent]
+            composite[links[i].parent] = mass_0 + mass, c_0 + c + mass * p, inertia_0 + moved
+        for k, armature in self._parameters.of_joints("armature", self._p).items():
+            M[k, k] = M.get((k, k), 0) + armature
+        return M
+
+    def coriolis_forces(self, v: Sparse, L: Sparse, L_dot: Sparse) -> Sparse:
+        """What a column of T^T multiplies in Eq. (94): M t_dot + Omega M t, t and t_dot of L."""
+        wrenches = []
+        motions = self._kinematics.motions(v, L_dot, v_k=L)
+        for link, x in zip(self._kinematics.tree.links, motions, strict=True):
+            mass, c, inertia = self._inertia_of(link.body)
+            inner, body = inertia, self._bodies[link.body]
+            if body is not None:
+                # About the mass centre the paper's term is omega x (I omega_k).
+                inner = inertia - body.polar * SX.eye(3)
+            moment = inertia @ x.alpha + ca.cross(x.omega, inner @ x.omega_k)
+            wrenches.append((mass * x.a + x.U @ c, moment + ca.cross(c, x.a)))
+        return add(self._kinematics.transmitted(wrenches), self._rotors(L_dot))
+
+
+def _moment(x: Motion, J: SX) -> SX:
+    """About the origin of a link, of its motion but for the acceleration of the origin."""
+    if sum(not component.is_zero() for component in ca.vertsplit(x.omega)) == 1:
+        inertia = ca.trace(J) * SX.eye(3) - J
+        return inertia @ x.alpha + ca.cross(x.omega, inertia @ x.omega)
+    UJ = x.U @ J
+    return ca.vertcat(UJ[2, 1] - UJ[1, 2], UJ[0, 2] - UJ[2, 0], UJ[1, 0] - UJ[0, 1])
