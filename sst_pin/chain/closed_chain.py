@@ -350,20 +350,29 @@ class ClosedChain:
         v = single_array("q_dot", q_dot, (self._current.draft.model.nv,))
         return self._current.evaluated(q).Phi_dot(v)
 
-    def condition_number(self, q: ArrayLike) -> float:
+    def condition_number(self, q: ArrayLike) -> Array:
         """Condition number of the columns of Phi for the dependent joints, without units.
 
         It is infinite if the coordinates do not determine the motion.
 
         Args:
-            q: Configuration on the closures, shape (nq,).
+            q: Configurations on the closures, shape (..., nq).
+
+        Returns:
+            Shape (...).
 
         Example:
-            >>> print(round(chain.condition_number(chain.home), 2))
+            >>> print(round(float(chain.condition_number(chain.home)), 2))
             2.71
         """
-        Phi = self._current.scaled_Phi(q)
-        return condition_number(Phi, self._current.mechanism(q).coordinates)
+        current = self._current
+        array = current.configurations(q)
+        coordinates = current.mechanism(q).coordinates
+
+        def one(q: Array) -> Array:
+            return np.asarray(condition_number(current.scaled_Phi(q), coordinates))
+
+        return for_each_sample(one, [array], (1,), ())
 
     def assemble(
         self,

@@ -69,7 +69,7 @@ def add_to(commands: Commands) -> None:
         "--va0",
         type=named_numbers,
         metavar="JOINT=V,..",
-        help="initial rates of the coordinates of a --robot, rad/s or m/s (default: 0)",
+        help="initial rates of the coordinates of a --robot, rad/s or m/s (default with --q0: 0)",
     )
 
 

@@ -109,7 +109,8 @@ def read_start(
         chain: The robot.
         table: With positions as `read_motion` takes them, and `NAME_rad_s`, `NAME_m_s` for rates.
         q0: Positions of joints, [rad] or [m]; the first row's where None.
-        va0: Rates of coordinates, zero for those left out; the first row's where None.
+        va0: Rates of coordinates, zero for those left out; the first row's where None, or zero
+            where q0 is given and the row has none.
 
     Returns:
         A configuration on the closures, shape (nq,), and rates, shape (n,).
@@ -129,6 +130,8 @@ def read_start(
         va = np.array([va0.get(name, 0.0) for name in rate_names])
     elif set(rate_columns) <= set(table.columns):
         va = table.select(rate_columns)[0]
+    elif q0 is not None and not set(rate_columns) & set(table.columns):
+        va = np.zeros(len(rate_names))
     else:
         wanted = ",".join(f"{name}=.." for name in rate_names)
         raise FileFormatError(

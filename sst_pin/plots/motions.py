@@ -197,7 +197,7 @@ def condition_number(ax: Axes, robot: ClosedChain, motion: Trajectory) -> Axes:
             r"singularity (first kind), $1\,/\min\,|\sin\mu_k|$",
         )
     else:
-        values = np.array([[robot.condition_number(q)] for q in motion.q])
+        values = robot.condition_number(motion.q)[:, None]
         names = ("dependent joints",)
     curves.draw(ax, motion.t, Curves(names, ("",) * len(names), values), names)
     if values.max() > max(20, 10 * values.min()):

@@ -92,7 +92,7 @@ def _chain_states(
 ) -> Iterator[tuple[Array, Array, Array]]:
     """Assembled configurations away from singularities, with a motion of the coordinates."""
     start, model = chain.generic_configuration(), chain.model
-    n, limit = chain.degrees_of_freedom, max(1e3, chain.condition_number(start))
+    n, limit = chain.degrees_of_freedom, max(1e3, float(chain.condition_number(start)))
     found, tries = 0, 0
     while found < count:
         tries += 1

@@ -76,13 +76,17 @@ def test_an_mjcf_with_a_motor_that_pushes(here, capsys):
 
 
 def test_a_simulation_starts_at_named_joints(here, capsys):
-    """--q0 and --va0; a row of zeros has no start of its own."""
+    """--q0 and --va0, at rest without the latter; a row of zeros has no start of its own."""
     (here / "tau.csv").write_text("t_s,tau_1_Nm,tau_2_Nm,tau_3_Nm\n0,0,0,0\n0.001,0,0,0\n")
     start = ("--q0", "motor_1=0.3,motor_2=0.4,motor_3=0.3", "--va0", "motor_2=-1")
     arguments = ("tau.csv", "-o", "m.csv", "--robot", DELTA)
     assert run(capsys, "simulate", *arguments, *start)[0] == 0
     motion = sst_pin.Trajectory.load("m.csv")
     assert motion.va[0].tolist() == [0, -1, 0]
+    assert motion.q[0][motion.joint_names.index("motor_2")] == 0.4
+    assert run(capsys, "simulate", *arguments, *start[:2], "--force")[0] == 0
+    motion = sst_pin.Trajectory.load("m.csv")
+    assert not motion.va[0].any()
     assert motion.q[0][motion.joint_names.index("motor_2")] == 0.4
     code, _, err = run(capsys, "simulate", *arguments, "--force")
     assert code == 2

@@ -147,11 +147,11 @@ def _of_chain(name, robot, q, va, aa, tau, many) -> Iterator[Method]:
             optional,
         )
     yield method("residual", ("q", "huge"), q=q)
+    yield method("condition_number", ("q", "huge"), q=q)
     if not many:
         yield method("noc", q=q, va=va)
         yield method("Phi", ("q", "huge"), q=q)
         yield method("Phi_dot", ("q", "huge"), q=q, q_dot=0 * q)
-        yield method("condition_number", ("q", "huge"), q=q)
         yield method("assemble", ("q", "huge"), q=q)
         yield method("mobility", ("q", "None"), q=q)
 

@@ -178,8 +178,11 @@ def test_a_simulation_starts_where_names_or_the_first_row_say(delta, stroke):
     q0, va0 = read_start(delta, table, given, {first: 2.0})
     assert va0.tolist() == [2, 0, 0]
     assert np.abs(delta.residual(q0)).max() < 1e-9
-    with pytest.raises(sst_pin.FileFormatError, match="give --va0"):
-        read_start(delta, table, given)
+    assert read_start(delta, table, given)[1].tolist() == [0, 0, 0]
+    some = read_table(stream(f"t_s,tau_1_Nm,{first}_rad_s\n0,0,1\n"))
+    for of, start in ((table, None), (some, given)):
+        with pytest.raises(sst_pin.FileFormatError, match="give --va0"):
+            read_start(delta, of, start)
     with pytest.raises(sst_pin.FileFormatError, match="give --q0"):
         read_start(delta, table, None, {})
     with pytest.raises(sst_pin.FileFormatError, match="no rate of a coordinate wheel"):
