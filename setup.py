@@ -74,12 +74,14 @@ setup(
         Extension(
             "sst_pin.compiled._binding",
             ["sst_pin/compiled/_binding.pyx"],
+            depends=["sst_pin/compiled/batches.h"],
             include_dirs=[np.get_include()],
             define_macros=[
                 ("NPY_NO_DEPRECATED_API", "NPY_1_22_API_VERSION"),
-                made_of("sst_pin/compiled/_binding.pyx"),
+                made_of("sst_pin/compiled/_binding.pyx", "sst_pin/compiled/batches.h"),
             ],
-            extra_compile_args=["-O2"],
+            extra_compile_args=["-O2", "-pthread"],
+            extra_link_args=["-pthread"],
             optional=True,
         ),
     ],

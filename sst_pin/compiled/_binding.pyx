@@ -5,6 +5,7 @@
 cimport cython
 cimport numpy as cnp
 from libc.stddef cimport ptrdiff_t
+from cpython.long cimport PyLong_AsLongAndOverflow
 from cpython.mem cimport PyMem_RawCalloc, PyMem_RawFree, PyMem_RawMalloc
 from libc.stdint cimport uintptr_t
 from libc.string cimport memset
@@ -15,21 +16,6 @@ cnp.import_array()
 
 cdef extern from *:
     """
-    #include <stddef.h>
-    typedef struct {
-        char *data;
-        ptrdiff_t row, column;
-    } rows;
-    typedef int (*run_function)(const rows *in, const rows *out, const double *p, ptrdiff_t count,
-        unsigned char *bad);
-    typedef struct {
-        rows at;
-        ptrdiff_t step;
-    } courses;
-    typedef int (*roll_function)(const rows *in, const courses *tau, ptrdiff_t half,
-        const courses *out, const double *p, double h, ptrdiff_t steps, ptrdiff_t count,
-        ptrdiff_t *reached);
-
     static const char *instructions(void)
     {
     #if defined(__x86_64__)
@@ -41,6 +27,9 @@ cdef extern from *:
         return "plain";
     }
     """
+    const char *instructions()
+
+cdef extern from "batches.h":
     ctypedef struct rows:
         char *data
         ptrdiff_t row
@@ -55,7 +44,14 @@ cdef extern from *:
         const rows *, const courses *, ptrdiff_t, const courses *, const double *, double,
         ptrdiff_t, ptrdiff_t, ptrdiff_t *
     ) noexcept nogil
-    const char *instructions()
+    bint run_shared(
+        run_function, int, const rows *, const rows *, const double *, ptrdiff_t, unsigned char *,
+        ptrdiff_t, ptrdiff_t
+    ) noexcept nogil
+    void roll_shared(
+        roll_function, const rows *, const courses *, ptrdiff_t, const courses *, const double *,
+        double, ptrdiff_t, ptrdiff_t, ptrdiff_t *, ptrdiff_t, ptrdiff_t
+    ) noexcept nogil
 
 cdef enum:
     MOST_ARRAYS = 5
@@ -63,7 +59,7 @@ cdef enum:
 
 cdef extern from *:
     """
-    const char made_of[] = MADE_OF;  /* the hash of this file when it was compiled */
+    const char made_of[] = MADE_OF;  /* the hash of the sources when it was compiled */
     """
 
 #: What the processor offers: "avx512", "avx2" or "plain".
@@ -79,6 +75,16 @@ cdef inline bint is_plain(object array, int ndim, Py_ssize_t size):
         and cnp.PyArray_NDIM(<cnp.ndarray>array) == ndim
         and cnp.PyArray_DIM(<cnp.ndarray>array, ndim - 1) == size
     )
+
+
+cdef inline Py_ssize_t number_of(object threads):
+    """How many threads; 0 for what is no number of them."""
+    cdef int overflow = 0
+    cdef Py_ssize_t number
+    if type(threads) is not int:
+        return 0
+    number = PyLong_AsLongAndOverflow(threads, &overflow)
+    return 1 << 40 if overflow > 0 else max(number, 0)
 
 
 cdef rows rows_of(cnp.ndarray array):
@@ -157,9 +163,9 @@ cdef class Kernel:
 
         The kernel's inputs are the first of a, b, c, load, of shape (size,) or (N, size); the others
         have to be None, but with a load `loaded` answers. None is the answer too when an input is
-        not a plain float64 array of such a shape, when gravity is not what it was, when there are
-        several threads, when `out` is no plain array apart from the inputs, or when the kernel does
-        not vouch for all.
+        not a plain float64 array of such a shape, when gravity is not what it was, when `threads` is
+        no number of them, when `out` is no plain array apart from the inputs, or when the kernel
+        does not vouch for all.
         """
         cdef Kernel kernel = self
         if load is not None and self.arrays < 4:
@@ -179,9 +185,10 @@ cdef class Kernel:
         cdef const double *now = numbers_of(self.gravity)
         cdef const double *parameters = numbers_of(self.parameters)
         cdef bint moment = self.moment >= 0 and (is_plain(load, 1, 3) or is_plain(load, 2, 3))
+        cdef Py_ssize_t number = number_of(threads)
         cdef int i, size
         if (
-            self.arrays > 4 or type(threads) is not int or threads != 1
+            self.arrays > 4 or not number
             or not self.take(a, 0, self.sizes[0], inputs, &count)
             or not self.take(b, 1, self.sizes[1], inputs, &count)
             or not self.take(c, 2, self.sizes[2], inputs, &count)
@@ -211,13 +218,14 @@ cdef class Kernel:
                 return None
         if moment:
             return out if self.run_with_moment(inputs, &output, count) else None
-        return out if self.run(inputs, &output, count) else None
+        return out if self.run(inputs, &output, count, number) else None
 
-    cdef inline bint run(self, const rows *inputs, const rows *output, Py_ssize_t count) noexcept:
+    cdef inline bint run(
+        self, const rows *inputs, const rows *output, Py_ssize_t count, Py_ssize_t threads
+    ) noexcept:
         """Whether the kernel vouches for all; a count of -1 is one sample."""
         cdef unsigned char few[FEW]
         cdef unsigned char *flags = few
-        cdef run_function run = self.batch
         cdef const double *parameters = numbers_of(self.batch_parameters)
         cdef bint any_bad
         if count < 0:
@@ -227,10 +235,20 @@ cdef class Kernel:
             if not flags:
                 return False
         with nogil:
-            any_bad = run(inputs, output, parameters, count, flags)
+            any_bad = run_shared(
+                self.batch, self.arrays, inputs, output, parameters, count, flags, self.numbers(),
+                threads,
+            )
         if flags != few:
             PyMem_RawFree(flags)
         return not any_bad
+
+    cdef inline ptrdiff_t numbers(self) noexcept nogil:
+        """Of a sample, in and out."""
+        cdef ptrdiff_t result = self.output
+        for i in range(self.arrays):
+            result += self.sizes[i]
+        return result
 
     cdef bint run_with_moment(self, rows *inputs, rows *output, Py_ssize_t count) noexcept:
         """The same with moments in the place of loads: those are made for some samples at once."""
@@ -249,7 +267,7 @@ cdef class Kernel:
                     loads[k * size + self.moment + i] = (
                         <double *>(moments.data + (first + k) * moments.row + i * moments.column)
                     )[0]
-            good = self.run(inputs, output, -1 if count < 0 else some)
+            good = self.run(inputs, output, -1 if count < 0 else some, 1)
             first += some
             for i in range(3):
                 inputs[i].data += some * inputs[i].row
@@ -272,12 +290,13 @@ cdef class Kernel:
         inputs[i] = rows_of(<cnp.ndarray>array)
         return True
 
-    def many(self, tuple arrays not None, cnp.ndarray out not None):
+    def many(self, tuple arrays not None, cnp.ndarray out not None, Py_ssize_t threads=1):
         """Fill `out` and return the indices of the samples that the kernel does not vouch for.
 
         Args:
             arrays: float64, of shape (N, size), (size,) for all samples, or None for zeros.
             out: float64, shape (N, output), which shares no memory with the inputs.
+            threads: How many share the samples.
 
         Raises:
             TypeError, ValueError: For anything else.
@@ -313,7 +332,10 @@ cdef class Kernel:
             run, own = self.batch, self.batch_parameters
         parameters = numbers_of(own)
         with nogil:
-            any_bad = run(inputs, &output, parameters, count, &bad[0])
+            any_bad = run_shared(
+                run, self.arrays, inputs, &output, parameters, count, &bad[0], self.numbers(),
+                threads,
+            )
         return np.flatnonzero(flags) if any_bad else np.empty(0, dtype=np.intp)
 
 
@@ -345,7 +367,7 @@ cdef class Course:
     def run(
         self, double step, cnp.ndarray q0 not None, cnp.ndarray va0 not None,
         cnp.ndarray tau not None, cnp.ndarray load, cnp.ndarray q not None,
-        cnp.ndarray va not None,
+        cnp.ndarray va not None, Py_ssize_t threads=1,
     ):
         """Fill q and va and return how many states of each sample hold, shape (N,).
 
@@ -357,6 +379,7 @@ cdef class Course:
             load: Shape (N, size), or None.
             q: Shape (N, steps + 1, nq), to be filled; NaN where a state does not hold.
             va: Shape (N, steps + 1, n), likewise.
+            threads: How many share the motions.
 
         Raises:
             TypeError: For anything else.
@@ -369,7 +392,7 @@ cdef class Course:
         cdef ptrdiff_t half = 0
         cdef ptrdiff_t[::1] counts
         cdef const double *parameters
-        cdef roll_function code = self.code
+        cdef ptrdiff_t numbers = self.sizes[0] + self.sizes[1] + self.sizes[2]
         for array, ndim, size in (
             (q0, 2, self.sizes[0]), (va0, 2, self.sizes[1]), (tau, 3, self.sizes[2]),
             (q, 3, self.sizes[0]), (va, 3, self.sizes[1]),
@@ -397,7 +420,10 @@ cdef class Course:
         own = self.parameters
         parameters = numbers_of(own)
         with nogil:
-            code(inputs, &torques, half, outputs, parameters, step, steps, count, &counts[0])
+            roll_shared(
+                self.code, inputs, &torques, half, outputs, parameters, step, steps, count,
+                &counts[0], numbers, threads,
+            )
         return reached[:count]
 
 

@@ -9,6 +9,7 @@ made when it is first asked for.
 
 from __future__ import annotations
 
+import sys
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -35,7 +36,6 @@ from ..extensions import require_current
 from . import build
 from .code import Code
 from .parameters import Parameters
-from .shares import in_shares
 from .states import CompiledStates
 from .tree import Tree
 
@@ -63,7 +63,7 @@ _LOADED = " loaded"
 #: Kernels of derivatives that are kept, one for each width within which friction is smooth.
 _WIDTHS = 16
 #: What the binding is compiled from.
-_BINDING = Path(__file__).with_name("_binding.pyx")
+_BINDING = [Path(__file__).with_name(name) for name in ("_binding.pyx", "batches.h")]
 
 
 class CompiledBackend:
@@ -101,7 +101,7 @@ class CompiledBackend:
             raise CompilationError(
                 f"the extension module is missing ({error}); install sst-pin with a C compiler"
             ) from None
-        require_current(_binding.__file__, _BINDING)
+        require_current(_binding.__file__, *_BINDING)
         self._binding = _binding
         self._reference, self._mechanism = reference, reference.mechanism
         self._model, self._near = model, near
@@ -255,11 +255,7 @@ class CompiledBackend:
             return np.arange(len(out))
         rows = tuple(None if a is None else np.require(a, float, "A") for a in arrays)
 
-        def fill(part: slice) -> Indices:
-            left = kernel.many(tuple(None if a is None else a[part] for a in rows), out[part])
-            return left + part.start
-
-        return np.concatenate(in_shares(fill, len(out), threads))
+        return kernel.many(rows, out, min(threads, sys.maxsize))
 
     def kernel(self, name: str, friction: Friction | None = None) -> Kernel | None:
         """A kernel, with the friction of the mechanism or another one; None where there is none.

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from functools import cached_property
 from typing import TYPE_CHECKING, Protocol
 
@@ -12,7 +13,6 @@ from numpy.typing import NDArray
 
 from ..chain.mechanism import Friction
 from ..chain.reference import Reference, ReferenceStates
-from .shares import in_shares
 
 if TYPE_CHECKING:
     from ._binding import Course, Kernel
@@ -122,12 +122,7 @@ class CompiledStates(ReferenceStates):
         if course is None:
             return super().rollout(dt, q0, va0, tau, wrenches, q, va, threads)
         load = None if wrenches is None else wrenches.reshape(len(wrenches), -1)
-
-        def run(part: slice) -> Indices:
-            on = None if load is None else load[part]
-            return course.run(dt, q0[part], va0[part], tau[part], on, q[part], va[part])
-
-        reached = np.concatenate(in_shares(run, len(q), threads))
+        reached = course.run(dt, q0, va0, tau, load, q, va, min(threads, sys.maxsize))
         reached[~self._mechanism.space.on_manifold(q0)] = 0  # kernels normalise on the way
         steps = q.shape[1] - 1
         stride = 1 if tau.shape[1] == steps else 2

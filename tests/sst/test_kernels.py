@@ -148,7 +148,7 @@ def test_strange_memory_gives_the_same_bits(robot):
     assert np.array_equal(grid[1, 2, 0], robot.compute_torques(q[3], va[2], aa[0]))
 
 
-@pytest.mark.parametrize("count", [1, 2, 3, 4, 5, 31, 32, 33, 1000])
+@pytest.mark.parametrize("count", [1, 2, 3, 4, 5, 31, 32, 33, 1000, 5003])
 def test_every_sample_has_the_same_bits_alone_and_in_any_batch(robot, count):
     """Whole vectors or not, one thread or many."""
     rng = np.random.default_rng(count)
@@ -162,6 +162,19 @@ def test_every_sample_has_the_same_bits_alone_and_in_any_batch(robot, count):
     assert np.array_equal(
         accelerations[0], robot.compute_accelerations(*(x[pick[0]] for x in (q, va, alone)))
     )
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+def test_samples_at_fault_are_found_wherever_they_stand(robot, threads):
+    """Every hundredth of a batch that is large enough for several threads."""
+    q, va, aa = robot.joint_motion(*random_states(robot, np.random.default_rng(7), 10))
+    pick = np.arange(5003) % 10
+    q, va, aa = q[pick], va[pick], aa[pick]
+    tau = robot.compute_torques(q, va, aa)
+    q[::100, 1] += 0.1
+    found = robot.compute_torques(q, va, aa, threads=threads, on_error="nan")
+    tau[::100] = np.nan
+    assert np.array_equal(found, tau, equal_nan=True)
 
 
 def test_results_go_where_they_are_told_to_go(robot):
