@@ -206,6 +206,25 @@ CASES = {
 }
 
 
+def assert_frames_move_as_differences_say(case, q, va, random):
+    """The Jacobian's rate and drift, and the derivatives of the velocity by q and va."""
+    chain = case.chain
+    frame = chain.model.frames[-1].name
+    J, drift = chain.frame_jacobian(q, frame), chain.frame_drift(q, va, frame)
+
+    def derivative_of_J(rates):
+        sides = [case.at(q, rates, k * H) for k in STEPS]
+        return np.tensordot(WEIGHTS, chain.frame_jacobian(sides, frame), 1) / H
+
+    J_dot, way = chain.frame_jacobian_rate(q, va, frame), case.way(q, random)
+    close(J_dot, derivative_of_J(va), 1e-8)
+    close(J_dot @ va, drift, 1e-12)
+    d = chain.frame_velocity_derivatives(q, va, frame)
+    close(d.dva, J, 1e-13)
+    close(d.dq @ way, derivative_of_J(way) @ va, 1e-9)
+    close(d.dq @ va, drift, 1e-12)
+
+
 def assert_derivatives_are_those_of_differences(case, q, va, aa, wrenches, random):
     """Along a random direction, to 1e-7 of the largest number."""
     chain, way = case.chain, case.way(q, random)

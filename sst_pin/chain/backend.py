@@ -117,8 +117,21 @@ class Backend(Protocol):
     def joint_rates(self, q: Array, va: Array, v: Array, threads: int) -> Indices:
         """Fill v, the rates of the tree."""
 
-    def frame_jacobian(self, frame: str, q: Array, J: Array, threads: int) -> Indices:
-        """Fill rows of the Jacobian of a frame, shape (N, 6 n)."""
+    def frame_of(self, name: str, frame: str) -> Single:
+        """What gives the same of one sample or a batch, in the way of `torques_of`."""
+
+    def of_frame(
+        self, name: str, frame: str, arrays: tuple[Array, ...], rows: Array, threads: int
+    ) -> Indices:
+        """Fill rows of what there is of a frame.
+
+        Args:
+            name: A method of `Reference`: "frame_jacobian", "frame_drift" and so on.
+            frame: Its name.
+            arrays: q, and va where it is needed.
+            rows: Shape (N, size).
+            threads: How many share the samples.
+        """
 
     def reduced_terms(self, q: Array, va: Array, rows: Array, threads: int) -> Indices:
         """Fill rows of inertia, coriolis, gravity, friction, shape (N, 2 n (n + 1))."""

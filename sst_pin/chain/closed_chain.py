@@ -33,7 +33,6 @@ from .draft import Motor, closures_of, without_locked
 from .mechanism import Friction
 from .mobility import Mobility, condition_number
 from .samples import by_kernel
-from .tree import frame_id
 
 if TYPE_CHECKING:
     from ..compiled.casadi_functions import CasadiFunctions
@@ -506,12 +505,23 @@ class ClosedChain:
         rates = self._current.reference.accelerations_of_tree
         return for_each_sample(rates, arrays, (1, 1, 1), (mechanism.model.nv,))
 
-    def frame_jacobian(self, q: ArrayLike, frame: str) -> Array:
+    def frame_jacobian(
+        self,
+        q: ArrayLike,
+        frame: str,
+        *,
+        out: Array | None = None,
+        threads: int = 1,
+        on_error: str = "raise",
+    ) -> Array:
         """Jacobian of a frame with respect to the rates of the coordinates.
 
         Args:
             q: Configurations on the closures, shape (..., nq).
             frame: Its name.
+            out: Array for the result, shape (..., 6, n).
+            threads: As in `compute_torques`.
+            on_error: As in `compute_torques`.
 
         Returns:
             J with [linear; angular] velocity = J va, in base axes, at the frame's origin, shape
@@ -519,6 +529,7 @@ class ClosedChain:
 
         Raises:
             UnknownNameError: For an unknown frame.
+            InputError, ClosureError, SingularConfigurationError: As `compute_torques`.
 
         Example:
             >>> delta = sst_pin.robots.delta()
@@ -527,63 +538,88 @@ class ClosedChain:
                    [ 0.   , -0.091,  0.091],
                    [-0.05 , -0.05 , -0.05 ]])
         """
-        current = self._current
-        mechanism, arrays = current.arguments(q)
-        index, n = frame_id(mechanism.model, frame), len(mechanism.coordinates)
+        name = "frame_jacobian"
+        return samples.of_frame(self._current, name, frame, (q,), out, threads, on_error)
 
-        reference = partial(current.reference.frame_jacobian, frame=index)
-        kernel = partial(current.backend.frame_jacobian, frame)
-        return by_kernel(current, reference, kernel, arrays, (1,), (6, n))
-
-    def frame_jacobian_rate(self, q: ArrayLike, va: ArrayLike, frame: str) -> Array:
+    def frame_jacobian_rate(
+        self,
+        q: ArrayLike,
+        va: ArrayLike,
+        frame: str,
+        *,
+        out: Array | None = None,
+        threads: int = 1,
+        on_error: str = "raise",
+    ) -> Array:
         """Rate of `frame_jacobian` along a motion.
 
         Args:
             q: Configurations on the closures, shape (..., nq).
             va: Rates of the coordinates, shape (..., n).
             frame: Its name.
+            out: Array for the result, shape (..., 6, n).
+            threads: As in `compute_torques`.
+            on_error: As in `compute_torques`.
 
         Returns:
             J_dot, shape (..., 6, n).
+
+        Raises:
+            UnknownNameError: For an unknown frame.
+            InputError, ClosureError, SingularConfigurationError: As `compute_torques`.
 
         Example:
             >>> delta = sst_pin.robots.delta()
             >>> delta.frame_jacobian_rate(delta.home, [1, 0, 0], "platform").shape
             (6, 3)
         """
-        mechanism, arrays = self._current.arguments(q, va=va)
-        index = frame_id(mechanism.model, frame)
-        return for_each_sample(
-            partial(self._current.reference.frame_jacobian_rate, frame=index),
-            arrays,
-            (1, 1),
-            (6, len(mechanism.coordinates)),
-        )
+        name = "frame_jacobian_rate"
+        return samples.of_frame(self._current, name, frame, (q, va), out, threads, on_error)
 
-    def frame_drift(self, q: ArrayLike, va: ArrayLike, frame: str) -> Array:
+    def frame_drift(
+        self,
+        q: ArrayLike,
+        va: ArrayLike,
+        frame: str,
+        *,
+        out: Array | None = None,
+        threads: int = 1,
+        on_error: str = "raise",
+    ) -> Array:
         """Acceleration of a frame for aa = 0, which is J_dot va.
 
         Args:
             q: Configurations on the closures, shape (..., nq).
             va: Rates of the coordinates, shape (..., n).
             frame: Its name.
+            out: Array for the result, shape (..., 6).
+            threads: As in `compute_torques`.
+            on_error: As in `compute_torques`.
 
         Returns:
             [linear; angular], in base axes, at the frame's origin, shape (..., 6).
+
+        Raises:
+            UnknownNameError: For an unknown frame.
+            InputError, ClosureError, SingularConfigurationError: As `compute_torques`.
 
         Example:
             >>> delta = sst_pin.robots.delta()
             >>> delta.frame_drift(delta.home, [1, 1, 1], "platform")[:3].round(3)
             array([-0.   , -0.   , -0.142])
         """
-        mechanism, arrays = self._current.arguments(q, va=va)
-        index = frame_id(mechanism.model, frame)
-        return for_each_sample(
-            partial(self._current.reference.frame_drift, frame=index), arrays, (1, 1), (6,)
-        )
+        name = "frame_drift"
+        return samples.of_frame(self._current, name, frame, (q, va), out, threads, on_error)
 
     def frame_velocity_derivatives(
-        self, q: ArrayLike, va: ArrayLike, frame: str
+        self,
+        q: ArrayLike,
+        va: ArrayLike,
+        frame: str,
+        *,
+        out: Array | None = None,
+        threads: int = 1,
+        on_error: str = "raise",
     ) -> derivatives.FrameVelocityDerivatives:
         """Derivatives of a frame's velocity along the motions that keep the loops closed.
 
@@ -591,24 +627,26 @@ class ClosedChain:
             q: Configurations on the closures, shape (..., nq).
             va: Rates of the coordinates, shape (..., n).
             frame: Its name.
+            out: Array for dq and dva side by side, shape (..., 6, 2 n).
+            threads: As in `compute_torques`.
+            on_error: As in `compute_torques`.
 
         Returns:
             `.dq` and `.dva` of the [linear; angular] velocity J va, shapes (..., 6, n).
+
+        Raises:
+            UnknownNameError: For an unknown frame.
+            InputError, ClosureError, SingularConfigurationError: As `compute_torques`.
 
         Example:
             >>> delta = sst_pin.robots.delta()
             >>> delta.frame_velocity_derivatives(delta.home, [1, 0, 0], "platform").dva.shape
             (6, 3)
         """
-        mechanism, arrays = self._current.arguments(q, va=va)
-        n, index = len(mechanism.coordinates), frame_id(mechanism.model, frame)
-        both = for_each_sample(
-            partial(self._current.reference.frame_velocity_derivatives, frame=index),
-            arrays,
-            (1, 1),
-            (6, 2 * n),
-        )
-        return derivatives.FrameVelocityDerivatives(both[..., :n], both[..., n:])
+        name = "frame_velocity_derivatives"
+        rows = samples.of_frame(self._current, name, frame, (q, va), out, threads, on_error)
+        n = rows.shape[-1] // 2
+        return derivatives.FrameVelocityDerivatives(rows[..., :n], rows[..., n:])
 
     # --- dynamics ---------------------------------------------------------------------------
 

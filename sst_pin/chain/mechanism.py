@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..errors import DescriptionError
 from .closures import Constraint, Coupling, Distance, frames_of
 from .joint_space import JointSpace
-from .tree import frame_id, joint_id
+from .tree import frame_named, joint_id
 
 Array = NDArray[np.float64]
 
@@ -173,7 +173,7 @@ class Mechanism:
         offsets = [placement.translation for placement in list(self.model.jointPlacements)[1:]]
         for closure in self.closures:
             for name in frames_of(closure):
-                frame = self.model.frames[frame_id(self.model, name)]
+                frame = frame_named(self.model, name)
                 offsets.append(frame.placement.translation)
             if isinstance(closure, Distance):
                 offsets.append(np.array([closure.distance]))

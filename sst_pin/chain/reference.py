@@ -273,9 +273,15 @@ class ReferenceBackend:
         """All samples, for the reference path."""
         return np.arange(len(q))
 
-    def frame_jacobian(self, frame: str, q: Array, *arguments: Any) -> NDArray[np.intp]:
+    def frame_of(self, name: str, frame: str) -> Single:
+        """What leaves all to `ClosedChain`."""
+        return self.torques_of
+
+    def of_frame(
+        self, name: str, frame: str, arrays: tuple[Array, ...], rows: Array, threads: int
+    ) -> NDArray[np.intp]:
         """All samples, for the reference path."""
-        return np.arange(len(q))
+        return np.arange(len(rows))
 
     def states(self, friction: Friction) -> ReferenceStates:
         """The state space with a friction in the place of the mechanism's own."""

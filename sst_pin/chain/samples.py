@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,6 +23,7 @@ from ..errors import InputError
 from .backend import Indices
 from .current import CurrentMechanism
 from .mechanism import Mechanism
+from .tree import frame_id
 
 Array = NDArray[np.float64]
 
@@ -114,6 +116,63 @@ def derivatives(
         threads=threads,
         on_error=on_error,
     )
+
+
+def of_frame(
+    current: CurrentMechanism,
+    name: str,
+    frame: str,
+    arguments: Sequence[ArrayLike],
+    out: Array | None,
+    threads: int,
+    on_error: str,
+) -> Array:
+    """What there is of a frame, shape (..., 6, columns), or (..., 6) for its drift.
+
+    Args:
+        current: Whose it is.
+        name: Of the method of `Reference`.
+        frame: Its name.
+        arguments: q, and va where it is needed.
+        out: Where results go.
+        threads: As in `by_kernel`.
+        on_error: As in `by_kernel`.
+    """
+    if current.unseen:
+        current.look()
+    if out is None and on_error == "raise":
+        none = (None,) * (5 - len(arguments))
+        rows = current.backend.frame_of(name, frame)(*arguments, *none, threads)
+        if rows is not None:
+            n = len(current.reference.mechanism.coordinates)
+            rows.shape = (*rows.shape[:-1], *_shape(name, n))
+            return rows
+    q, *va = arguments
+    mechanism, arrays = current.arguments(q, **({"va": va[0]} if va else {}))
+    reference = partial(getattr(current.reference, name), frame=frame_id(mechanism.model, frame))
+
+    def kernel(*flat: Any) -> Indices:
+        *rows_of, rows, share = flat
+        return current.backend.of_frame(name, frame, tuple(rows_of), rows, share)
+
+    return by_kernel(
+        current,
+        reference,
+        kernel,
+        arrays,
+        (1,) * len(arrays),
+        _shape(name, len(mechanism.coordinates)),
+        out=out,
+        threads=threads,
+        on_error=on_error,
+    )
+
+
+def _shape(name: str, n: int) -> tuple[int, ...]:
+    """Of what there is of a frame."""
+    if name == "frame_drift":
+        return (6,)
+    return 6, 2 * n if name == "frame_velocity_derivatives" else n
 
 
 def linear_system(

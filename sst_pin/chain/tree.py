@@ -41,6 +41,11 @@ def frame_id(model: pin.Model, name: str) -> int:
     return found[0]
 
 
+def frame_named(model: pin.Model, name: str) -> pin.Frame:
+    """A frame by its name; errors as `frame_id`."""
+    return model.frames[frame_id(model, name)]
+
+
 def joint_id(model: pin.Model, name: str) -> int:
     """Index of a joint of the tree.
 

@@ -25,6 +25,7 @@ from ..chain.assembly import generic_configuration, home_of
 from ..chain.closures import Closure, Distance, Rolling
 from ..chain.mechanism import Friction, Mechanism
 from ..chain.reference import Reference
+from ..chain.tree import frame_named
 from ..errors import (
     ClosureError,
     CompilationError,
@@ -60,6 +61,8 @@ _LARGEST = 100_000
 _LARGEST_DERIVATIVES = 10_000
 #: Ends the names of kernels that take external wrenches.
 _LOADED = " loaded"
+#: Begins the names of kernels whose second word is a frame.
+_OF_FRAME = "frame_"
 #: Kernels of derivatives that are kept, one for each width within which friction is smooth.
 _WIDTHS = 16
 #: What the binding is compiled from.
@@ -151,9 +154,11 @@ class CompiledBackend:
         """Fill v, the rates of the tree."""
         return self._fill("rates", (q, va), None, v, threads)
 
-    def frame_jacobian(self, frame: str, q: Array, J: Array, threads: int) -> Indices:
-        """Fill rows of the Jacobian of a frame."""
-        return self._fill(f"jacobian {frame}", (q,), None, J, threads)
+    def of_frame(
+        self, name: str, frame: str, arrays: tuple[Array, ...], rows: Array, threads: int
+    ) -> Indices:
+        """Fill rows of what there is of a frame."""
+        return self._fill(f"{name} {frame}", arrays, None, rows, threads)
 
     def accelerations(
         self, q: Array, va: Array, tau: Array, wrenches: Array | None, aa: Array, threads: int
@@ -220,6 +225,11 @@ class CompiledBackend:
     def derivatives_of(self, name: str, sign_width: float) -> Callable[..., Any]:
         """Derivatives of one sample or a batch; None where they need care."""
         kernel = self._smoothed(name, sign_width)
+        return _nothing if kernel is None else kernel.answer
+
+    def frame_of(self, name: str, frame: str) -> Callable[..., Any]:
+        """What there is of a frame, once it was asked for; None where it needs care."""
+        kernel = self._kernels.get(f"{name} {frame}")
         return _nothing if kernel is None else kernel.answer
 
     def _smoothed(self, name: str, sign_width: float) -> Kernel | None:
@@ -347,9 +357,10 @@ class CompiledBackend:
         """Code from the cache, or compiled now."""
         first, _, second = name.partition(" ")
         content = self._content
-        if first == "jacobian":
+        of_frame = first.startswith(_OF_FRAME)
+        if of_frame:
             content += _frame(self._mechanism, second)
-        loaded = name.endswith(_LOADED) and first != "jacobian"
+        loaded = name.endswith(_LOADED) and not of_frame
         entry = first + "_loaded" * loaded
 
         def source() -> str:
@@ -443,7 +454,7 @@ def _content(mechanism: Mechanism, parameters: Parameters) -> bytes:
 
 
 def _frame(mechanism: Mechanism, name: str) -> bytes:
-    frame = mechanism.model.frames[mechanism.model.getFrameId(name)]
+    frame = frame_named(mechanism.model, name)
     return repr(frame.parentJoint).encode() + frame.placement.homogeneous.tobytes()
 
 

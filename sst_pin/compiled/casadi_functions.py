@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..chain.mechanism import Mechanism
 from ..chain.reference import Reference
-from ..chain.tree import frame_id
+from ..chain.tree import frame_named
 from ..errors import ActuationError
 from . import casadi_external, kernels
 from .backend import sample_configurations
@@ -199,16 +199,15 @@ class CasadiFunctions:
         Raises:
             UnknownNameError: For an unknown frame.
         """
-        self._point(frame)
-        rows = kernels.make(self._equations, f"jacobian {frame}").output
+        rows = kernels.make(self._equations, f"frame_jacobian {frame}").output
         J = ca.reshape(rows, self.n, 6).T
         return self._made("frame_jacobian", {"q": self._equations.q}, {"J": J})
 
     # --- inside -----------------------------------------------------------------------------
 
     def _point(self, frame: str) -> Point:
-        model = self._mechanism.model
-        return self._equations.kinematics.point(0, model.frames[frame_id(model, frame)])
+        named = frame_named(self._mechanism.model, frame)
+        return self._equations.kinematics.point(0, named)
 
     def _function(self, kernel: str, inputs: list[str], output: str) -> Function:
         """A kernel as a function."""

@@ -16,6 +16,7 @@ from numpy.polynomial.polynomial import polyder
 from numpy.typing import NDArray
 
 from ..chain.closures import Constraint, Coupling, Distance, Rolling
+from ..chain.tree import frame_named
 from .kinematics import Kinematics
 from .symbols import Sparse, add, is_zero, sx
 
@@ -73,7 +74,7 @@ class _Pair:
 
     def __init__(self, kinematics: Kinematics, model: pin.Model, a: str, b: str) -> None:
         tree = kinematics.tree
-        frames = [model.frames[model.getFrameId(name)] for name in (a, b)]
+        frames = [frame_named(model, name) for name in (a, b)]
         self._frames = frames
         self._links = [tree.link_of[frame.parentJoint] for frame in frames]
         paths = [tree.ancestors(link) for link in self._links]

@@ -27,6 +27,8 @@ from .symbols import Sparse, add, is_zero, solve_symmetric
 from .tree_dynamics import TreeDynamics
 
 Array = NDArray[np.float64]
+#: Entries of a matrix: row, column, value.
+Entries = list[tuple[int, int, Any]]
 
 
 class Pivots(NamedTuple):
@@ -196,6 +198,26 @@ class Equations:
         n = len(self._coordinates)
         return [self.complete([float(i == k) for i in range(n)], {}) for k in range(n)]
 
+    def Phi_change(self, along: Sparse) -> Entries:
+        """How Phi changes along rates of the tree, where it does."""
+        places = [(i, j) for i in self.factors.rows for j in self.rows[i].Phi]
+        entries = ca.vertcat(*(SX(self.rows[i].Phi[j]) for i, j in places))
+        rates = ca.jtimes(entries, self.q, self.kinematics.q_rates(along))
+        changes = zip(places, ca.vertsplit(rates), strict=True)
+        return [(i, j, rate) for (i, j), rate in changes if not is_zero(rate)]
+
+    def held(self, x: Sparse, Phi_change: Entries) -> tuple[Sparse, Sparse]:
+        """How rates x with Phi x = 0 change with Phi, those of the coordinates held, Eq. (20).
+
+        Returns:
+            The change, and Phi times it.
+        """
+        right: Sparse = {}
+        for i, j, rate in Phi_change:
+            if j in x:
+                right = add(right, {i: -(rate * x[j])})
+        return self.complete([0.0] * len(self._coordinates), right), right
+
     def project(self, tau: Sparse) -> SX:
         """L^T tau, with L."""
         columns = [[x * tau[i] for i, x in column.items() if i in tau] for column in self.L]
@@ -256,21 +278,10 @@ class Equations:
     @cached_property
     def coriolis(self) -> SX:
         """The Coriolis matrix, shape (n, n), Eq. (94)."""
-        places = [(i, j) for i in self.factors.rows for j in self.rows[i].Phi]
-        entries = ca.vertcat(*(SX(self.rows[i].Phi[j]) for i, j in places))
-        rates = ca.jtimes(entries, self.q, self.kinematics.q_rates(self.v))
-        changing = [
-            (i, j, rate)
-            for (i, j), rate in zip(places, ca.vertsplit(rates), strict=True)
-            if not is_zero(rate)
-        ]
+        Phi_dot = self.Phi_change(self.v)
         columns = []
         for L in self.L:
-            right: Sparse = {}
-            for i, j, rate in changing:
-                if j in L:
-                    right = add(right, {i: -(rate * L[j])})
-            L_dot = self.complete([0.0] * len(self.L), right)
+            L_dot, _ = self.held(L, Phi_dot)
             columns.append(self.project(self.tree.coriolis_forces(self.v, L, L_dot)))
         return ca.horzcat(*columns)
 

@@ -15,6 +15,7 @@ from . import derivatives
 from .checks import Checks, pivot_check
 from .elimination import Factors, pivot_order, total
 from .equations import Equations
+from .frames import OF_FRAMES
 from .symbols import add, definite, is_zero, solve_symmetric
 
 
@@ -45,15 +46,15 @@ def make(equations: Equations, name: str, checks: Checks | None = None) -> Kerne
 
     Args:
         equations: Of the robot.
-        name: One of `KERNELS`; one of `DERIVATIVES` and `ALONG`; or "jacobian " and the name of a
-            frame.
+        name: One of `KERNELS`; one of `DERIVATIVES` and `ALONG`; or one of `OF_FRAMES` and the name
+            of a frame.
         checks: Of the robot; those for double precision by default.
     """
     checks = checks or Checks(equations)
     first, _, rest = name.partition(" ")
     directions = 0
-    if first == "jacobian":
-        inputs, output, own = _jacobian(equations, checks, rest)
+    if first in OF_FRAMES:
+        inputs, output, own = OF_FRAMES[first](equations, checks, rest)
     elif rest:
         directions = len(equations.mechanism.coordinates)
         inputs, output, own = _along(equations, checks, first, directions)
@@ -187,16 +188,6 @@ def _closing(e: Equations, checks: Checks) -> _Made:
         if j in row.Phi
     )
     return [e.q], ca.vertcat(e.kinematics.normalized(e.q + step), det, squares), []
-
-
-def _jacobian(e: Equations, checks: Checks, frame: str) -> _Made:
-    model = e.mechanism.model
-    point = e.kinematics.point(0, model.frames[model.getFrameId(frame)])
-    columns = []
-    for L in e.L:
-        twists = [ca.vertcat(*point.columns[i]) * x for i, x in L.items() if i in point.columns]
-        columns.append(sum(twists, SX(6, 1)))
-    return [e.q], ca.vec(ca.horzcat(*columns).T), checks.of_complement
 
 
 KERNELS: dict[str, Callable[[Equations, Checks], _Made]] = {

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..chain.mechanism import Friction, Mechanism
+from ..chain.tree import frame_named
 
 if TYPE_CHECKING:
     from casadi import SX
@@ -85,7 +86,7 @@ class Parameters:
             if model.existJointName(name):
                 placement = model.jointPlacements[model.getJointId(name)]
             else:
-                placement = model.frames[model.getFrameId(name)].placement
+                placement = frame_named(model, name).placement
             parts.append(placement.rotation.ravel())
         return np.concatenate(parts)
 

@@ -17,6 +17,7 @@ from casadi import SX
 
 from ..chain.closures import Closure
 from ..chain.mechanism import Mechanism
+from ..chain.tree import frame_named
 from .kinematics import Kinematics, Motion
 from .parameters import SIGN_WIDTH, Parameters
 from .symbols import Sparse, add, is_zero, sx
@@ -83,7 +84,7 @@ class TreeDynamics:
         for closure in self._mechanism.closures:
             if isinstance(closure, Closure) and all(closure.held):
                 ends = (closure.frame_a, closure.frame_b)
-                a, b = (model.frames[model.getFrameId(name)] for name in ends)
+                a, b = (frame_named(model, name) for name in ends)
                 i, j = a.parentJoint, b.parentJoint
                 moving = bodies[j]
                 if i and moving is not None:

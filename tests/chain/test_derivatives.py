@@ -12,12 +12,10 @@ from scipy.linalg import expm
 from derivative_cases import (
     CASES,
     CONSTRAINTS,
-    STEPS,
     TREES,
-    WEIGHTS,
     WIDTH,
-    H,
     assert_derivatives_are_those_of_differences,
+    assert_frames_move_as_differences_say,
     carried_four_bar,
     close,
     derivative,
@@ -27,6 +25,7 @@ from derivative_cases import (
     of_tree,
     without_coulomb,
 )
+from pinocchio_derivatives import RIGHT, assert_Pinocchio_agrees, assert_Pinocchio_is_wrong
 from robots import ROBOTS
 from sst_pin import ClosedChain, robots
 from sst_pin.errors import ClosureError, InputError
@@ -154,65 +153,17 @@ def test_friction_slopes_are_those_of_the_width():
 # --- against Pinocchio --------------------------------------------------------------------------
 
 
-def of_pinocchio(model, closures, q, v, tau):
-    """Accelerations and their derivatives by q, v of the tree, proximal solver."""
-    kinds = {"3d": pin.ContactType.CONTACT_3D, "6d": pin.ContactType.CONTACT_6D}
-    constraints = []
-    for closure in closures:
-        a, b = (model.frames[model.getFrameId(f)] for f in (closure.frame_a, closure.frame_b))
-        ends = (a.parentJoint, a.placement, b.parentJoint, b.placement)
-        kind = kinds[closure.kind]
-        constraints.append(pin.RigidConstraintModel(kind, model, *ends, pin.LOCAL))
-    data, their = model.createData(), [c.createData() for c in constraints]
-    settings = pin.ProximalSettings(1e-14, 1e-6, 100)
-    pin.initConstraintDynamics(model, data, constraints, their)
-    arguments = (model, data, q, v, tau, constraints, their, settings)
-    v_dot = pin.constraintDynamics(*arguments).copy()
-    by = pin.computeConstraintDynamicsDerivatives(model, data, constraints, their, settings)
-    return v_dot, np.array(by[0]), np.array(by[1])
+def ours(chain, q, va, tau):
+    return chain.acceleration_derivatives(q, va, tau)[:2]
 
 
-def pinocchio_and_ours(model, closures, motors, q):
-    """d aa / dq of both at a random state."""
-    chain, random = ClosedChain(model, closures, motors), np.random.default_rng(0)
-    q = chain.assemble(q)
-    n = chain.degrees_of_freedom
-    va, tau = random.uniform(-1, 1, (2, n))
-    model = pin.Model(model)
-    model.damping = model.friction = np.zeros(model.nv)
-    columns = list(chain.actuated)
-    full = np.zeros(model.nv)
-    full[columns] = tau
-    L = chain.joint_rates(q, np.eye(n)).T
-    v_dot, by_q, by_v = of_pinocchio(model, closures, q, L @ va, full)
-    bare = ClosedChain(model, closures, motors)
-    assert_allclose(v_dot[columns], bare.compute_accelerations(q, va, tau), rtol=1e-7)
-
-    def rates(k, s):
-        return chain.joint_rates(chain.assemble(pin.integrate(model, q, s * L[:, k])), va)
-
-    v_q = np.array([derivative(lambda s, k=k: rates(k, s)) for k in range(n)]).T
-    theirs = (by_q @ L + by_v @ v_q)[columns]
-    da = bare.acceleration_derivatives(q, va, tau)
-    return theirs, da.dq, (by_v @ L)[columns], da.dva
-
-
-@pytest.mark.parametrize("name", ["four-bar, closed at the ground", "four-bar, coupler welded"])
+@pytest.mark.parametrize("name", RIGHT)
 def test_derivatives_agree_with_those_of_Pinocchio_where_these_are_right(name):
-    """Loops that hang on the ground by points or are closed by welds."""
-    robot = ROBOTS[name]
-    q = robot.joints(robot.x).real
-    dq, our_dq, dv, our_dv = pinocchio_and_ours(robot.model(), robot.closures, robot.actuated, q)
-    close(dq, our_dq, 1e-6)
-    close(dv, our_dv, 1e-6)
+    assert_Pinocchio_agrees(name, ours)
 
 
 def test_Pinocchio_is_wrong_for_points_on_a_moving_joint():
-    """The yaw column of a four-bar on a yaw joint, zero by symmetry, is not."""
-    theirs, ours, dv, our_dv = pinocchio_and_ours(*carried_four_bar(pin.JointModelRZ()))
-    assert np.abs(ours[:, 0]).max() < 1e-12 * np.abs(ours).max()
-    assert np.abs(theirs[:, 0]).max() > 1e-3 * np.abs(theirs).max()
-    close(dv, our_dv, 1e-6)
+    assert_Pinocchio_is_wrong(ours)
 
 
 # --- the motion next to a state -----------------------------------------------------------------
@@ -295,29 +246,16 @@ def test_linearize_goes_along_a_trajectory():
     assert np.array_equal(again[0], A)
 
 
-@pytest.mark.parametrize("make", [floating_four_bar, geared, lambda: of_gallery("delta")])
-def test_derivatives_of_a_frames_velocity_are_those_of_differences(make):
-    """dva is the Jacobian; its rate, dq along va, is the drift."""
-    case = make()
-    chain, random = case.chain, np.random.default_rng(2)
-    frame = chain.model.frames[-1].name
+@pytest.mark.parametrize(
+    "make",
+    [
+        floating_four_bar,
+        geared,
+        lambda: of_gallery("delta"),
+        lambda: of_tree("composite", "hinge"),
+    ],
+)
+def test_frames_move_as_differences_say(make):
+    case, random = make(), np.random.default_rng(2)
     for q, va, _, _ in case.states(5):
-        d = chain.frame_velocity_derivatives(q, va, frame)
-        close(d.dva, chain.frame_jacobian(q, frame), 1e-13)
-        way = case.way(q, random)
-        sides = [case.at(q, way, k * H) for k in STEPS]
-        velocity = WEIGHTS @ (chain.frame_jacobian(sides, frame) @ va) / H
-        close(d.dq @ way, velocity, 1e-9)
-        close(d.dq @ va, chain.frame_drift(q, va, frame), 1e-12)
-
-
-@pytest.mark.parametrize("make", [floating_four_bar, geared, lambda: of_tree("composite", "hinge")])
-def test_the_rate_of_a_frames_jacobian_is_that_of_differences(make):
-    """Along the motion; with the rates it is the drift."""
-    case = make()
-    chain, frame = case.chain, case.chain.model.frames[-1].name
-    for q, va, _, _ in case.states(3):
-        J_dot = chain.frame_jacobian_rate(q, va, frame)
-        sides = [case.at(q, va, k * H) for k in STEPS]
-        close(J_dot, np.tensordot(WEIGHTS, chain.frame_jacobian(sides, frame), 1) / H, 1e-8)
-        close(J_dot @ va, chain.frame_drift(q, va, frame), 1e-12)
+        assert_frames_move_as_differences_say(case, q, va, random)

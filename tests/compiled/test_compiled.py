@@ -153,6 +153,20 @@ def test_rates_forces_and_frame_jacobians_agree_with_the_reference_path(small):
     assert "reference" not in kernels.path.replace("torques by the reference path", "")
 
 
+def test_frames_of_one_name_at_one_place_are_one_frame(four_bar):
+    """As a joint and a link of a URDF often are."""
+    model = pin.Model(four_bar.model)
+    for frame in list(model.frames)[-3:]:
+        twin = pin.Frame(frame.name, frame.parentJoint, frame.placement, pin.FrameType.SENSOR)
+        model.addFrame(twin, False)
+    chain = sst_pin.ClosedChain(model, four_bar.closures, four_bar.motor_names)
+    chain.compile()
+    q, va, aa = (x[0] for x in moving(four_bar, 1))
+    frame = model.frames[-1].name
+    assert np.array_equal(chain.compute_torques(q, va, aa), four_bar.compute_torques(q, va, aa))
+    assert np.array_equal(chain.frame_jacobian(q, frame), four_bar.frame_jacobian(q, frame))
+
+
 def test_one_motion_needs_no_preparation_for_its_forces(small, monkeypatch):
     """Whatever the motors: the kernel takes the arguments as they are."""
     kernels, reference = small

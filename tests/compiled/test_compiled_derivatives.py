@@ -14,18 +14,20 @@ from derivative_cases import (
     WIDTH,
     Case,
     assert_derivatives_are_those_of_differences,
+    assert_frames_move_as_differences_say,
     carried_four_bar,
     close,
     floating_four_bar,
     of_gallery,
     of_tree,
 )
+from pinocchio_derivatives import RIGHT, assert_Pinocchio_agrees, assert_Pinocchio_is_wrong
 from sst_pin import ClosedChain
 from sst_pin.chain.mechanism import Friction
 from sst_pin.compiled import c_code, kernels
 from sst_pin.compiled.backend import ALONG, DERIVATIVES, sample_configurations
 from sst_pin.compiled.equations import Equations
-from sst_pin.errors import ClosureError, InputError
+from sst_pin.errors import ClosureError, InputError, UnknownNameError
 
 #: Of many samples, and of one.
 ALL = (*DERIVATIVES, *(f"{name} {ALONG}" for name in DERIVATIVES))
@@ -125,6 +127,22 @@ def test_a_turn_of_the_base_about_the_vertical_changes_nothing():
             assert np.abs(dq[:, 0]).max() < 1e-12 * np.abs(dq).max()
 
 
+@pytest.mark.parametrize("kernel", [name for name in ALL if name.startswith("acceleration")])
+def test_derivatives_agree_with_those_of_Pinocchio_where_these_are_right(kernel):
+    """Every kernel; where Pinocchio is wrong they are not."""
+
+    def ours(chain, q, va, tau):
+        case = Case(chain, chain, np.zeros(chain.model.nv), q)
+        evaluated, _ = numbers(case, [kernel])
+        n, wrenches = chain.degrees_of_freedom, np.zeros((chain.model.njoints - 1, 6))
+        d = evaluated(kernel, q, va, tau, wrenches)
+        return d[:, :n], d[:, n : 2 * n]
+
+    for name in RIGHT:
+        assert_Pinocchio_agrees(name, ours)
+    assert_Pinocchio_is_wrong(ours)
+
+
 @pytest.mark.parametrize("name", ["free-flyer", "spherical", "planar", "translation", "composite"])
 def test_displacement_rates_are_those_of_the_reference_path(name):
     chain = any_chain.with_joint(name)
@@ -182,6 +200,63 @@ def test_kernels_have_the_derivatives_of_differences(compiled):
     case, random = compiled[0], np.random.default_rng(1)
     for state in case.states(5):
         assert_derivatives_are_those_of_differences(case, *state, random)
+
+
+OF_FRAMES = ("frame_jacobian_rate", "frame_velocity_derivatives", "frame_drift")
+
+
+def test_kernels_of_frames_give_what_the_reference_path_gives(compiled):
+    """One sample and many; all are vouched for."""
+    ours, reference = compiled[0].chain, compiled[1].chain
+    q, va, _, _ = map(np.array, zip(*compiled[0].states(8), strict=True))
+    n, frame = ours.degrees_of_freedom, ours.model.frames[-1].name
+    for name in OF_FRAMES:
+        got, expected = (np.hstack(getattr(x, name)(q, va, frame)) for x in (ours, reference))
+        close(got, expected, 1e-11)
+        got, expected = (np.hstack(getattr(x, name)(q[3], va[3], frame)) for x in (ours, reference))
+        close(got, expected, 1e-11)
+        rows = np.empty((len(q), np.size(expected)))
+        assert not len(ours._current.backend.of_frame(name, frame, (q, va), rows, 1))
+    assert ours.frame_velocity_derivatives(q, va, frame).dq.shape == (8, 6, n)
+    assert "frame" not in ours.path
+
+
+def test_kernels_of_frames_say_what_differences_say(compiled):
+    case, random = compiled[0], np.random.default_rng(2)
+    for q, va, _, _ in case.states(5):
+        assert_frames_move_as_differences_say(case, q, va, random)
+
+
+def test_frames_have_out_threads_and_samples_at_fault(compiled):
+    """As `compute_torques`; a sample that no kernel vouches for gets its error."""
+    case, chain = compiled[0], compiled[0].chain
+    q, va, _, _ = map(np.array, zip(*case.states(6), strict=True))
+    frame, many = chain.model.frames[-1].name, np.arange(1200) % 6
+    opened = q.copy()
+    opened[2, -1] += 0.01
+    for name in ("frame_jacobian", *OF_FRAMES):
+        motions = () if name == "frame_jacobian" else (va,)
+
+        def call(q, *va, name=name, **options):
+            rows = getattr(chain, name)(q, *va, frame, **options)
+            return rows if isinstance(rows, np.ndarray) else np.concatenate(rows, axis=-1)
+
+        alone = call(q[many], *(x[many] for x in motions))
+        out = np.empty_like(alone)
+        shared = call(q[many], *(x[many] for x in motions), out=out, threads=3)
+        assert np.array_equal(out, alone)
+        assert np.array_equal(shared, alone)
+        with pytest.raises(InputError, match="out"):
+            call(q, *motions, out=out)
+        with pytest.raises(ClosureError, match=r"1 of 6 samples \(index 2\)"):
+            call(opened, *motions)
+        gaps = np.isnan(call(opened, *motions, on_error="nan")).reshape(6, -1).any(axis=1)
+        assert gaps.tolist() == [False, False, True, False, False, False]
+        with pytest.raises(ClosureError):
+            call(opened[2], *(x[2] for x in motions))
+        with pytest.raises(UnknownNameError, match="nowhere"):
+            getattr(chain, name)(q[0], *(x[0] for x in motions), "nowhere")
+        assert "nowhere" not in chain.path
 
 
 def test_identities_hold_for_kernels(compiled):
