@@ -31,6 +31,7 @@ TARGETS = {
     "plain": (2, ()),
     "avx2_one": (1, _AVX2),
     "plain_one": (1, ()),
+    "scalar": (1, ("-O1",)),  # C by CasADi; more takes twice as long and makes it no faster
 }
 #: Of these the one for single samples: a number takes less time than a vector of the same numbers.
 ONE = {"avx512": "avx2_one", "avx2": "avx2_one", "plain": "plain_one"}
@@ -189,7 +190,17 @@ def _plain(name: str) -> str:
 def _compile(code: Path, made: Path, flags: tuple[str, ...]) -> None:
     import subprocess
 
-    command = [*compiler(), *_OPTIONS, *flags, "-shared", "-fPIC", str(code), "-o", str(made)]
+    command = [
+        *compiler(),
+        *_OPTIONS,
+        *flags,
+        "-shared",
+        "-fPIC",
+        str(code),
+        "-o",
+        str(made),
+        "-lm",
+    ]
     try:
         result = subprocess.run(command, capture_output=True, errors="replace", check=False)
     except OSError as error:

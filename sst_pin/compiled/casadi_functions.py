@@ -15,7 +15,7 @@ from ..chain.mechanism import Mechanism
 from ..chain.reference import Reference
 from ..chain.tree import frame_named
 from ..errors import ActuationError
-from . import casadi_external, kernels
+from . import build, kernels
 from .backend import sample_configurations
 from .equations import Equations
 from .kinematics import Point
@@ -248,4 +248,27 @@ class CasadiFunctions:
         function = Function(name, list(given.values()), results, *names, _OPTIONS)
         if not self._compiled:
             return function
-        return casadi_external.compiled(self._mechanism.model.name, function, order)
+        return _compiled(self._mechanism.model.name, function, order)
+
+
+def _compiled(robot: str, function: Function, order: int) -> Function:
+    """The same function as an external one, from the cache or compiled now.
+
+    Args:
+        robot: A name to tell the library by.
+        function: Of expressions in `SX`.
+        order: Of its derivatives: with 1 it has a Jacobian, with 0 none.
+
+    Raises:
+        CompilationError: Without a compiler, or when it fails.
+    """
+    name, content = function.name(), f"{order} {function.serialize()}".encode()
+
+    def source() -> str:
+        generator = ca.CodeGenerator(name)
+        for one in [function, function.jacobian()] if order else [function]:
+            generator.add(one)
+        return str(generator.dump())
+
+    library = build.library(robot, f"casadi_{name}", content, "scalar", source)
+    return ca.external(name, library._name)

@@ -188,6 +188,16 @@ def test_compiled_functions_are_the_plain_ones_with_their_first_derivatives():
         least_torques(ours, start, {})
 
 
+def test_compiled_functions_of_one_coordinate_have_their_jacobians():
+    """Rows of one number, which a matrix library may take for columns."""
+    chain = four_bar()
+    plain, ours = chain.casadi().torques, chain.casadi(compiled=True).torques
+    (state,) = zip(*any_chain.states(chain, 1, 0), strict=True)
+    jacobians = [f.jacobian().call([*state, 0]) for f in (ours, plain)]
+    for block, expected in zip(*jacobians, strict=True):
+        close(block, expected, 1e-12)
+
+
 def test_functions_pickle_map_and_know_names():
     chain = four_bar()
     functions = chain.casadi()
