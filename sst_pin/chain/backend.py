@@ -90,8 +90,10 @@ class Backend(Protocol):
     ) -> Indices:
         """Fill aa."""
 
-    def derivatives_of(self, name: str, sign_width: float) -> Single:
-        """What gives derivatives of one sample or a batch, in the way of `torques_of`.
+    def derivatives_of(self, name: str, sign_width: float) -> Callable[..., Any]:
+        """What gives derivatives of one sample or a batch, or None, in the way of `torques_of`.
+
+        It takes the named tuple to make, q, va, aa or tau, and the threads.
 
         Args:
             name: "torque_derivatives" or "acceleration_derivatives".

@@ -910,16 +910,15 @@ class ClosedChain:
             >>> d.dq.round(3), d.dva.round(3), d.daa.round(4)
             (array([[0.103]]), array([[0.013]]), array([[0.0049]]))
         """
-        rows = samples.derivatives(
+        return samples.derivatives(
             self._current,
-            "torque_derivatives",
+            derivatives.TorqueDerivatives,
             (q, va, aa, external_wrenches),
             sign_width,
             out,
             threads,
             on_error,
         )
-        return derivatives.TorqueDerivatives.of_rows(rows)
 
     def acceleration_derivatives(
         self,
@@ -956,16 +955,15 @@ class ClosedChain:
             >>> chain.acceleration_derivatives(chain.home, [0], tau).dtau.round(2)
             array([[202.74]])
         """
-        rows = samples.derivatives(
+        return samples.derivatives(
             self._current,
-            "acceleration_derivatives",
+            derivatives.AccelerationDerivatives,
             (q, va, tau, external_wrenches),
             sign_width,
             out,
             threads,
             on_error,
         )
-        return derivatives.AccelerationDerivatives.of_rows(rows)
 
     def linearize(
         self,
@@ -1008,16 +1006,16 @@ class ClosedChain:
                    [-17.35,  -0.  ]]), array([[  0.  ],
                    [202.74]]))
         """
-        rows = samples.derivatives(
+        d = samples.derivatives(
             self._current,
-            "acceleration_derivatives",
+            derivatives.AccelerationDerivatives,
             (q, va, tau, external_wrenches),
             sign_width,
             None,
             threads,
             on_error,
         )
-        A, B = samples.linear_system(self._current, q, va, rows)
+        A, B = samples.linear_system(self._current, q, va, d)
         return (A, B) if dt is None else derivatives.discrete(A, B, positive_number("dt", dt))
 
     # --- energy -----------------------------------------------------------------------------

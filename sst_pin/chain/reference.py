@@ -8,6 +8,7 @@ are none, and leaves every sample to it.
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from math import isfinite
 from typing import Any
 
@@ -263,7 +264,7 @@ class ReferenceBackend:
     generalized_forces = accelerations = joint_rates = reduced_terms = torques
     displacement_rates = torques
 
-    def derivatives_of(self, name: str, sign_width: float) -> Single:
+    def derivatives_of(self, name: str, sign_width: float) -> Callable[..., None]:
         """What leaves all to `ClosedChain`."""
         return self.torques_of
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,10 +22,17 @@ from ..arrays import (
 from ..errors import InputError
 from .backend import Indices
 from .current import CurrentMechanism
+from .derivatives import AccelerationDerivatives, TorqueDerivatives
 from .mechanism import Mechanism
 from .tree import frame_id
 
 Array = NDArray[np.float64]
+D = TypeVar("D", TorqueDerivatives, AccelerationDerivatives)
+#: Of derivatives: of what computes them, and of their third argument.
+_NAMES = {
+    TorqueDerivatives: ("torque_derivatives", "aa"),
+    AccelerationDerivatives: ("acceleration_derivatives", "tau"),
+}
 
 
 def by_kernel(
@@ -72,18 +79,18 @@ def by_kernel(
 
 def derivatives(
     current: CurrentMechanism,
-    name: str,
+    kind: type[D],
     arguments: tuple[ArrayLike, ArrayLike, ArrayLike, ArrayLike | None],
     sign_width: float,
     out: Array | None,
     threads: int,
     on_error: str,
-) -> Array:
-    """Derivatives of dynamics with smoothed friction, side by side, shape (..., n, columns).
+) -> D:
+    """Derivatives of dynamics with smoothed friction.
 
     Args:
         current: Whose they are.
-        name: "torque_derivatives" or "acceleration_derivatives".
+        kind: Of which function.
         arguments: q, va, aa or tau, and external wrenches.
         sign_width: Of the smoothing.
         out: Where results go.
@@ -95,17 +102,16 @@ def derivatives(
     width = sign_width
     if type(width) is not float or not 0 < width < np.inf:
         width = positive_number("sign_width", sign_width)
+    name, third = _NAMES[kind]
     q, va, x, wrenches = arguments
     if wrenches is out is None and on_error == "raise":
-        rows = current.backend.derivatives_of(name, width)(q, va, x, None, None, threads)
-        if rows is not None:
-            n = np.shape(va)[-1]
-            rows.shape = (*rows.shape[:-1], n, rows.shape[-1] // n)
-            return rows
-    third = "aa" if name == "torque_derivatives" else "tau"
+        found: D | None = current.backend.derivatives_of(name, width)(kind, q, va, x, threads)
+        if found is not None:
+            return found
+    arrays: list[Array]
     mechanism, arrays = current.arguments(q, va=va, **{third: x})
     n = len(mechanism.coordinates)
-    return by_kernel(
+    rows = by_kernel(
         current,
         partial(getattr(current.reference, name), width),
         partial(current.backend.derivatives, name, width),
@@ -116,6 +122,7 @@ def derivatives(
         threads=threads,
         on_error=on_error,
     )
+    return kind.of_rows(rows)
 
 
 def of_frame(
@@ -176,7 +183,7 @@ def _shape(name: str, n: int) -> tuple[int, ...]:
 
 
 def linear_system(
-    current: CurrentMechanism, q: ArrayLike, va: ArrayLike, rows: Array
+    current: CurrentMechanism, q: ArrayLike, va: ArrayLike, d: AccelerationDerivatives
 ) -> tuple[Array, Array]:
     """A, shape (..., 2 n, 2 n), and B, shape (..., 2 n, motors), of the state next to a motion.
 
@@ -184,8 +191,9 @@ def linear_system(
         current: Whose they are.
         q: Configurations.
         va: Rates.
-        rows: Derivatives of the accelerations side by side.
+        d: Derivatives of the accelerations.
     """
+    rows = np.concatenate(d, axis=-1)
     n = rows.shape[-2]
     both = np.zeros((*rows.shape[:-2], 2 * n, rows.shape[-1]))
     both[..., :n, n : 2 * n] = np.eye(n)

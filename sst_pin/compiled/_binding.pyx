@@ -176,6 +176,40 @@ cdef class Kernel:
                 return None
         return kernel.respond(a, b, c, load, out, threads)
 
+    def derivatives(self, kind, a, b, c, threads):
+        """Derivatives by a, b and c, as many rows as b, or None where `answer` is None.
+
+        Args:
+            kind: The named tuple that they make, shapes (..., n, n), (..., n, n), (..., n, m).
+        """
+        cdef cnp.npy_intp shape[3]
+        cdef cnp.npy_intp strides[3]
+        cdef cnp.ndarray rows, part
+        cdef int ndim, columns = 2 * self.sizes[1] + self.sizes[2], width, i
+        cdef char *at
+        if self.arrays != 3 or columns * self.sizes[1] != self.output:
+            raise TypeError("no kernel of derivatives")
+        answer = self.respond(a, b, c, None, None, threads)
+        if answer is None:
+            return None
+        rows = answer
+        ndim, at = cnp.PyArray_NDIM(rows), cnp.PyArray_BYTES(rows)
+        shape[0] = cnp.PyArray_DIM(rows, 0)
+        strides[0], strides[ndim] = self.output * sizeof(double), sizeof(double)
+        strides[ndim - 1] = columns * sizeof(double)
+        shape[ndim - 1] = self.sizes[1]
+        parts = []
+        for i in range(3):
+            width = shape[ndim] = self.sizes[max(i, 1)]
+            part = cnp.PyArray_New(
+                cnp.ndarray, ndim + 1, shape, cnp.NPY_DOUBLE, strides, at, 0,
+                cnp.NPY_ARRAY_WRITEABLE, None,
+            )
+            cnp.set_array_base(part, rows)
+            parts.append(part)
+            at += width * sizeof(double)
+        return tuple.__new__(kind, parts)
+
     cdef respond(self, a, b, c, load, out, threads):
         """As `answer`."""
         cdef rows inputs[4]

@@ -225,7 +225,7 @@ class CompiledBackend:
     def derivatives_of(self, name: str, sign_width: float) -> Callable[..., Any]:
         """Derivatives of one sample or a batch; None where they need care."""
         kernel = self._smoothed(name, sign_width)
-        return _nothing if kernel is None else kernel.answer
+        return _nothing if kernel is None else kernel.derivatives
 
     def frame_of(self, name: str, frame: str) -> Callable[..., Any]:
         """What there is of a frame, once it was asked for; None where it needs care."""
