@@ -1130,7 +1130,8 @@ class ClosedChain:
                 v; positive, [rad/s] or [m/s].
             compiled: Whether the functions are compiled C code with derivatives of first order,
                 compiled at their first use and cached as by `compile`. Otherwise they need no
-                compiler and have derivatives of every order.
+                compiler and have derivatives of every order. docs/derivatives.md shows how to give
+                IPOPT a Hessian for compiled functions.
 
         Returns:
             `.torques`, `.accelerations`, `.rates`, `.residual`, `.step` and more; see
