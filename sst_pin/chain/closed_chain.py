@@ -1090,7 +1090,9 @@ class ClosedChain:
                 around it; a random one by default, around `home` for a robot of the gallery. If
                 the mobility depends on the assembly mode, give a configuration of your mode.
             derivatives: Whether to compile the derivatives too. They take longer to compile
-                (docs/derivatives.md gives times). By default this is done at their first use.
+                (docs/derivatives.md gives times). By default this is done at their first use, as
+                for all other methods that have kernels; docs/batches.md lists these. The logger
+                `sst_pin` says what is compiled, at level INFO.
 
         Raises:
             CompilationError: Without a compiler, or if it fails.
@@ -1109,7 +1111,9 @@ class ClosedChain:
         current = self._current
         near = None if q is None else current.single(q)
         current.mechanism(near)
-        kernels = FIRST + DERIVATIVES if derivatives else FIRST
+        kernels: tuple[str, ...] = FIRST + DERIVATIVES if derivatives else FIRST
+        if derivatives and current.reference.derivatives.axes_move:
+            kernels += ("displacement_rates",)
         make = partial(CompiledBackend.make, names=kernels)
         current.compute_by(partial(CompiledBackend, near=near), make)
 

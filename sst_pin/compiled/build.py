@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ctypes
 import hashlib
+import logging
 import os
 import shutil
 import stat
@@ -37,6 +38,7 @@ TARGETS = {
 ONE = {"avx512": "avx2_one", "avx2": "avx2_one", "plain": "plain_one"}
 _OPTIONS = ("-std=gnu11", "-O3", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast")
 _SUFFIX = ".so"
+_log = logging.getLogger(__name__)
 _CURE = "XDG_CACHE_HOME names another place"
 
 
@@ -170,6 +172,7 @@ def _loaded(
                     os.utime(path)
                 return ctypes.CDLL(str(path))
             path.unlink()  # damaged
+    _log.info("compiling %s of %s for %s; the cache keeps it", kernel, robot or "robot", target)
     label = f"{_plain(robot) or 'robot'}.{_plain(kernel)}"
     import tempfile
 

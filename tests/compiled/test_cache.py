@@ -33,6 +33,12 @@ def raising(error):
     return function
 
 
+def test_a_log_says_what_is_compiled_and_nothing_where_the_cache_has_it(folder, caplog):
+    caplog.set_level("INFO", logger="sst_pin")
+    assert answer() == answer() == 42
+    assert caplog.messages == ["compiling kernel of robot for plain; the cache keeps it"]
+
+
 def test_a_cache_that_cannot_be_written_serves_what_is_in_it(folder, monkeypatch):
     assert answer() == 42
     monkeypatch.setattr(os, "utime", raising(PermissionError(errno.EROFS, "Read-only")))

@@ -25,7 +25,7 @@ from pinocchio_derivatives import RIGHT, assert_Pinocchio_agrees, assert_Pinocch
 from sst_pin import ClosedChain
 from sst_pin.chain.mechanism import Friction
 from sst_pin.compiled import c_code, kernels
-from sst_pin.compiled.backend import ALONG, DERIVATIVES, sample_configurations
+from sst_pin.compiled.backend import ALONG, DERIVATIVES, CompiledBackend, sample_configurations
 from sst_pin.compiled.equations import Equations
 from sst_pin.errors import ClosureError, InputError, UnknownNameError
 
@@ -194,6 +194,17 @@ def test_kernels_give_what_the_reference_path_gives(compiled):
     for got, right in zip(single, reference.torque_derivatives(q[3], va[3], aa[3]), strict=True):
         close(got, right, 1e-9)  # friction is steep
     assert "derivatives by the reference path" not in ours.path
+
+
+@pytest.mark.parametrize("name", COMPILED)
+def test_compile_with_derivatives_has_all_of_linearize_ready(name, monkeypatch):
+    """What moving axes do to a displacement too, where there are some."""
+    asked = []
+    monkeypatch.setattr(CompiledBackend, "make", lambda _, names: asked.extend(names))
+    case = COMPILED[name]()
+    case.chain.compile(case.home, derivatives=True)
+    assert set(DERIVATIVES) < set(asked)
+    assert ("displacement_rates" in asked) == (name == "floating four-bar")
 
 
 def test_kernels_have_the_derivatives_of_differences(compiled):
