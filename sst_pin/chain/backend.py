@@ -119,6 +119,11 @@ class Backend(Protocol):
     def joint_rates(self, q: Array, va: Array, v: Array, threads: int) -> Indices:
         """Fill v, the rates of the tree."""
 
+    def joint_accelerations(
+        self, q: Array, va: Array, aa: Array, dv: Array, threads: int
+    ) -> Indices:
+        """Fill dv, the accelerations of the tree."""
+
     def frame_of(self, name: str, frame: str) -> Single:
         """What gives the same of one sample or a batch, in the way of `torques_of`."""
 

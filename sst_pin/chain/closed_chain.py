@@ -281,9 +281,9 @@ class ClosedChain:
     def refresh(self) -> None:
         """Use all changes of `model` from now on.
 
-        Every call checks for changes itself, with one exception: a single sample computed by
-        kernels checks gravity, but the rest of the model only if `robot.model` was read since the
-        last call. If you keep the model in a variable and change it, call `refresh`.
+        Every call checks for changes itself, with one exception: a call that kernels answer
+        checks gravity, but the rest of the model only if `robot.model` was read since the last
+        call. If you keep the model in a variable and change it, call `refresh`.
 
         Raises:
             DescriptionError, UnknownNameError: As the constructor.
@@ -501,9 +501,11 @@ class ClosedChain:
             >>> chain.joint_accelerations(chain.home, [1], [0]).round(3)
             array([-0.   ,  0.561,  0.594])
         """
-        mechanism, arrays = self._current.arguments(q, va=va, aa=aa)
-        rates = self._current.reference.accelerations_of_tree
-        return for_each_sample(rates, arrays, (1, 1, 1), (mechanism.model.nv,))
+        current = self._current
+        mechanism, arrays = current.arguments(q, va=va, aa=aa)
+        reference = current.reference.accelerations_of_tree
+        kernel = current.backend.joint_accelerations
+        return by_kernel(current, reference, kernel, arrays, (1, 1, 1), (mechanism.model.nv,))
 
     def frame_jacobian(
         self,

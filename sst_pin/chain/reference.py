@@ -262,7 +262,7 @@ class ReferenceBackend:
         return np.arange(len(q))
 
     generalized_forces = accelerations = joint_rates = reduced_terms = torques
-    displacement_rates = torques
+    joint_accelerations = displacement_rates = torques
 
     def derivatives_of(self, name: str, sign_width: float) -> Callable[..., None]:
         """What leaves all to `ClosedChain`."""

@@ -55,6 +55,15 @@ DERIVATIVES = ("torque_derivatives", "acceleration_derivatives")
 ALONG, _TIMES = "along", 2
 #: Configurations by which pivots are chosen.
 _SAMPLES = 8
+#: Kernels that write out no matrices.
+_WITHOUT_MATRICES = (
+    "torques",
+    "forces",
+    "rates",
+    "joint_accelerations",
+    "frame_drift",
+    "closing",
+)
 #: Of coordinates squared times rates, up to which inertia matrices are written out.
 _LARGEST = 100_000
 #: Likewise, derivatives.
@@ -153,6 +162,12 @@ class CompiledBackend:
     def joint_rates(self, q: Array, va: Array, v: Array, threads: int) -> Indices:
         """Fill v, the rates of the tree."""
         return self._fill("rates", (q, va), None, v, threads)
+
+    def joint_accelerations(
+        self, q: Array, va: Array, aa: Array, dv: Array, threads: int
+    ) -> Indices:
+        """Fill dv, the accelerations of the tree."""
+        return self._fill("joint_accelerations", (q, va, aa), None, dv, threads)
 
     def of_frame(
         self, name: str, frame: str, arrays: tuple[Array, ...], rows: Array, threads: int
@@ -392,7 +407,7 @@ def impossible(mechanism: Mechanism, name: str) -> str:
     n, first = len(mechanism.coordinates), name.split(maxsplit=1)[0]
     if first == "torques" and motors < n:
         return f"{motors} motors for {n} coordinates"
-    if first not in ("torques", "forces", "rates", "closing") and n * n * nv > _LARGEST:
+    if first not in _WITHOUT_MATRICES and n * n * nv > _LARGEST:
         return f"{n} coordinates of {nv} rates are too many for matrices to be written out"
     if first in DERIVATIVES and n * n * nv > _LARGEST_DERIVATIVES:
         return f"{n} coordinates of {nv} rates are too many for derivatives to be written out"

@@ -16,7 +16,7 @@ from .checks import Checks, pivot_check
 from .elimination import Factors, pivot_order, total
 from .equations import Equations
 from .frames import OF_FRAMES
-from .symbols import add, definite, is_zero, solve_symmetric
+from .symbols import Sparse, add, definite, is_zero, solve_symmetric
 
 
 @dataclass(frozen=True)
@@ -157,8 +157,17 @@ def _reduced_terms(e: Equations, checks: Checks) -> _Made:
 
 
 def _rates(e: Equations, checks: Checks) -> _Made:
-    v = ca.vertcat(*(SX(e.v.get(i, 0)) for i in range(e.mechanism.model.nv)))
-    return [e.q, e.va], v, checks.of_rates
+    return [e.q, e.va], _of_tree(e, e.v), checks.of_rates
+
+
+def _joint_accelerations(e: Equations, checks: Checks) -> _Made:
+    own = checks.of_rates + checks.unsolved(e.dv, e.drift)
+    return [e.q, e.va, e.aa], _of_tree(e, e.dv), own
+
+
+def _of_tree(e: Equations, x: Sparse) -> SX:
+    """All rates of the tree in a column."""
+    return ca.vertcat(*(SX(x.get(i, 0)) for i in range(e.mechanism.model.nv)))
 
 
 def _state_rate(e: Equations, checks: Checks) -> _Made:
@@ -199,6 +208,7 @@ KERNELS: dict[str, Callable[[Equations, Checks], _Made]] = {
     "displacement_rates": _displacement_rates,
     "reduced_terms": _reduced_terms,
     "rates": _rates,
+    "joint_accelerations": _joint_accelerations,
     "state_rate": _state_rate,
     "closing": _closing,
 }

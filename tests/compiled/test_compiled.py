@@ -143,6 +143,7 @@ def test_rates_forces_and_frame_jacobians_agree_with_the_reference_path(small):
     frame = kernels.model.frames[-1].name
     for name, arguments in (
         ("joint_rates", (q, va)),
+        ("joint_accelerations", (q, va, aa)),
         ("generalized_forces", (q, va, aa)),
         ("frame_jacobian", (q, frame)),
     ):

@@ -91,6 +91,8 @@ def test_every_joint_and_closure_gives_what_the_reference_path_gives(name):
             assert np.abs(got - np.ravel(term)).max() < 1e-11 * np.abs(row).max()
         # Solved twice: by squares of condition numbers.
         twice = 1e-11 * max(1, chain.condition_number(q) / 100) ** 2
+        dv = chain.joint_accelerations(q, va, aa)
+        assert relative(numbers("joint_accelerations", q, va, aa), dv) < twice
         frame = chain.model.frames[-1].name
         J = chain.frame_jacobian(q, frame)
         assert relative(numbers(f"frame_jacobian {frame}", q), J) < 1e-11
