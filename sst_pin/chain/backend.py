@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
 import numpy as np
@@ -52,9 +52,9 @@ class States(Protocol):
 class Backend(Protocol):
     """Dynamics of one mechanism.
 
-    Samples come as rows, float64 arrays of shape (N, ...); results are filled into the array
-    before `threads`. What is returned are the samples that a backend does not vouch for: the
-    reference path computes them one by one, or raises the error that is due.
+    Its results are those of the methods of `Reference` with the same names. Samples that fail its
+    checks (an open loop, a singular configuration, a number that is not finite) are left to the
+    reference path, which computes them one by one or raises the error.
     """
 
     def __str__(self) -> str:
@@ -75,20 +75,26 @@ class Backend(Protocol):
     def forces_of(self, q: Any, va: Any, aa: Any, load: Any, out: Any, threads: Any, /) -> Answer:
         """Forces along the coordinates likewise."""
 
-    def torques(
-        self, q: Array, va: Array, aa: Array, wrenches: Array | None, tau: Array, threads: int
+    def fill(
+        self,
+        name: str,
+        arrays: Sequence[Array | None],
+        out: Array,
+        threads: int,
+        sign_width: float | None = None,
     ) -> Indices:
-        """Fill tau."""
+        """Fill the results of N samples.
 
-    def generalized_forces(
-        self, q: Array, va: Array, aa: Array, wrenches: Array | None, f: Array, threads: int
-    ) -> Indices:
-        """Fill f."""
+        Args:
+            name: Of a method of `Reference`; behind it the name of the frame if it takes one.
+            arrays: Its arguments, q first, shapes (N, ...); None for no external wrenches.
+            out: For the results, flat, shape (N, size).
+            threads: How many share the samples.
+            sign_width: Of Coulomb friction in derivatives.
 
-    def accelerations(
-        self, q: Array, va: Array, tau: Array, wrenches: Array | None, aa: Array, threads: int
-    ) -> Indices:
-        """Fill aa."""
+        Returns:
+            Indices of the samples that fail the checks.
+        """
 
     def derivatives_of(self, name: str, sign_width: float) -> Callable[..., Any]:
         """What gives derivatives of one sample or a batch, or None, in the way of `torques_of`.
@@ -100,48 +106,8 @@ class Backend(Protocol):
             sign_width: Of Coulomb friction.
         """
 
-    def derivatives(
-        self,
-        name: str,
-        sign_width: float,
-        q: Array,
-        va: Array,
-        x: Array,
-        wrenches: Array | None,
-        rows: Array,
-        threads: int,
-    ) -> Indices:
-        """Fill rows of derivatives by q, va and x, which is aa or tau, side by side."""
-
-    def displacement_rates(self, q: Array, va: Array, rows: Array, threads: int) -> Indices:
-        """Fill rows of what moving axes of joints do to a displacement, shape (N, n n)."""
-
-    def joint_rates(self, q: Array, va: Array, v: Array, threads: int) -> Indices:
-        """Fill v, the rates of the tree."""
-
-    def joint_accelerations(
-        self, q: Array, va: Array, aa: Array, dv: Array, threads: int
-    ) -> Indices:
-        """Fill dv, the accelerations of the tree."""
-
     def frame_of(self, name: str, frame: str) -> Single:
         """What gives the same of one sample or a batch, in the way of `torques_of`."""
-
-    def of_frame(
-        self, name: str, frame: str, arrays: tuple[Array, ...], rows: Array, threads: int
-    ) -> Indices:
-        """Fill rows of what there is of a frame.
-
-        Args:
-            name: A method of `Reference`: "frame_jacobian", "frame_drift" and so on.
-            frame: Its name.
-            arrays: q, and va where it is needed.
-            rows: Shape (N, size).
-            threads: How many share the samples.
-        """
-
-    def reduced_terms(self, q: Array, va: Array, rows: Array, threads: int) -> Indices:
-        """Fill rows of inertia, coriolis, gravity, friction, shape (N, 2 n (n + 1))."""
 
     def states(self, friction: Friction) -> States:
         """The state space with a friction in the place of the mechanism's own."""

@@ -483,8 +483,9 @@ class ClosedChain:
         """
         current = self._current
         mechanism, arrays = current.arguments(q, va=va)
-        reference, kernel = current.reference.rates, current.backend.joint_rates
-        return by_kernel(current, reference, kernel, arrays, (1, 1), (mechanism.model.nv,))
+        return by_kernel(
+            current, current.reference.rates, "rates", arrays, (1, 1), (mechanism.model.nv,)
+        )
 
     def joint_accelerations(self, q: ArrayLike, va: ArrayLike, aa: ArrayLike) -> Array:
         """Accelerations of all joints, L aa + L_dot va, Eqs. (8), (20).
@@ -503,9 +504,8 @@ class ClosedChain:
         """
         current = self._current
         mechanism, arrays = current.arguments(q, va=va, aa=aa)
-        reference = current.reference.accelerations_of_tree
-        kernel = current.backend.joint_accelerations
-        return by_kernel(current, reference, kernel, arrays, (1, 1, 1), (mechanism.model.nv,))
+        name, reference = "joint_accelerations", current.reference.joint_accelerations
+        return by_kernel(current, reference, name, arrays, (1, 1, 1), (mechanism.model.nv,))
 
     def frame_jacobian(
         self,
@@ -705,7 +705,7 @@ class ClosedChain:
         return by_kernel(
             current,
             partial(current.reference.torques, weights=chosen),
-            current.backend.torques if weights is None else None,
+            "torques" if weights is None else None,
             [*arrays, samples.external_wrenches(mechanism, external_wrenches, on_error)],
             (1, 1, 1, 2),
             (mechanism.motors.shape[1],),
@@ -758,7 +758,7 @@ class ClosedChain:
         return by_kernel(
             current,
             current.reference.generalized_forces,
-            current.backend.generalized_forces,
+            "generalized_forces",
             [*arrays, samples.external_wrenches(mechanism, external_wrenches, on_error)],
             (1, 1, 1, 2),
             (len(mechanism.coordinates),),
@@ -809,7 +809,7 @@ class ClosedChain:
         return by_kernel(
             current,
             current.reference.accelerations,
-            current.backend.accelerations,
+            "accelerations",
             [*arrays, samples.external_wrenches(mechanism, external_wrenches, on_error)],
             (1, 1, 1, 2),
             (len(mechanism.coordinates),),
@@ -863,7 +863,7 @@ class ClosedChain:
         rows = by_kernel(
             current,
             current.reference.reduced_terms,
-            current.backend.reduced_terms,
+            "reduced_terms",
             arrays,
             (1, 1),
             (2 * n * (n + 1),),

@@ -8,7 +8,7 @@ are none, and leaves every sample to it.
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from math import isfinite
 from typing import Any
 
@@ -172,7 +172,7 @@ class Reference:
         _require_finite(v, va=va)
         return v
 
-    def accelerations_of_tree(self, q: Array, va: Array, aa: Array) -> Array:
+    def joint_accelerations(self, q: Array, va: Array, aa: Array) -> Array:
         """v_dot, shape (nv,), Eqs. (8), (20)."""
         ws = self.workspace
         ws.evaluate(q)
@@ -257,32 +257,24 @@ class ReferenceBackend:
 
     accelerations_of = forces_of = torques_of
 
-    def torques(self, q: Array, *arguments: Any) -> NDArray[np.intp]:
+    def fill(
+        self,
+        name: str,
+        arrays: Sequence[Array | None],
+        out: Array,
+        threads: int,
+        sign_width: float | None = None,
+    ) -> NDArray[np.intp]:
         """All samples, for the reference path."""
-        return np.arange(len(q))
-
-    generalized_forces = accelerations = joint_rates = reduced_terms = torques
-    joint_accelerations = displacement_rates = torques
+        return np.arange(len(out))
 
     def derivatives_of(self, name: str, sign_width: float) -> Callable[..., None]:
         """What leaves all to `ClosedChain`."""
         return self.torques_of
 
-    def derivatives(
-        self, name: str, sign_width: float, q: Array, *arguments: Any
-    ) -> NDArray[np.intp]:
-        """All samples, for the reference path."""
-        return np.arange(len(q))
-
     def frame_of(self, name: str, frame: str) -> Single:
         """What leaves all to `ClosedChain`."""
         return self.torques_of
-
-    def of_frame(
-        self, name: str, frame: str, arrays: tuple[Array, ...], rows: Array, threads: int
-    ) -> NDArray[np.intp]:
-        """All samples, for the reference path."""
-        return np.arange(len(rows))
 
     def states(self, friction: Friction) -> ReferenceStates:
         """The state space with a friction in the place of the mechanism's own."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -38,7 +38,7 @@ _NAMES = {
 def by_kernel(
     current: CurrentMechanism,
     reference: Callable[..., Array],
-    kernel: Callable[..., Indices] | None,
+    kernel: str | None,
     arrays: Sequence[Array | None],
     core_axes: Sequence[int],
     result: tuple[int, ...],
@@ -46,19 +46,21 @@ def by_kernel(
     out: Array | None = None,
     threads: int = 1,
     on_error: str = "raise",
+    sign_width: float | None = None,
 ) -> Array:
     """A batch by the kernel, what it leaves by the reference path, with its errors.
 
     Args:
         current: Whose kernel it is.
         reference: One sample by the reference path, of this shape.
-        kernel: Samples in a row, as the methods of `Backend`.
+        kernel: Its name, as `Backend.fill` takes it; None for the reference path alone.
         arrays: Arguments; None is handed on as it is.
         core_axes: Number of core axes of each.
         result: Shape of a result.
         out: Where results go, shape (..., *result).
         threads: How many share the batch in the kernel.
         on_error: "raise", or "nan": samples that fail become NaN.
+        sign_width: Of Coulomb friction in derivatives.
     """
     require_policy(on_error)
     threads = whole_number("threads", threads, 1)
@@ -70,7 +72,9 @@ def by_kernel(
             return reference(*arrays)  # the short way for one sample
 
     def fill(flat: list[Array | None], result: Array) -> Indices:
-        return np.arange(len(result)) if kernel is None else kernel(*flat, result, threads)
+        if kernel is None:
+            return np.arange(len(result))
+        return current.backend.fill(kernel, flat, result, threads, sign_width)
 
     return for_each_sample(
         reference, arrays, core_axes, result, on_error=on_error, out=out, fast=fill
@@ -114,13 +118,14 @@ def derivatives(
     rows = by_kernel(
         current,
         partial(getattr(current.reference, name), width),
-        partial(current.backend.derivatives, name, width),
+        name,
         [*arrays, external_wrenches(mechanism, wrenches, on_error)],
         (1, 1, 1, 2),
         (n, 2 * n + arrays[-1].shape[-1]),
         out=out,
         threads=threads,
         on_error=on_error,
+        sign_width=width,
     )
     return kind.of_rows(rows)
 
@@ -158,14 +163,10 @@ def of_frame(
     mechanism, arrays = current.arguments(q, **({"va": va[0]} if va else {}))
     reference = partial(getattr(current.reference, name), frame=frame_id(mechanism.model, frame))
 
-    def kernel(*flat: Any) -> Indices:
-        *rows_of, rows, share = flat
-        return current.backend.of_frame(name, frame, tuple(rows_of), rows, share)
-
     return by_kernel(
         current,
         reference,
-        kernel,
+        f"{name} {frame}",
         arrays,
         (1,) * len(arrays),
         _shape(name, len(mechanism.coordinates)),
@@ -200,11 +201,10 @@ def linear_system(
     both[..., n:, :] = rows
     if current.reference.derivatives.axes_move:
         _, arrays = current.arguments(q, va=va)
-        reference, kernel = current.reference.derivatives, current.backend.displacement_rates
-        moved = by_kernel(
-            current, reference.displacement_rates, kernel, arrays, (1, 1), (n, n), on_error="nan"
+        reference, name = current.reference.derivatives.displacement_rates, "displacement_rates"
+        both[..., :n, :n] = by_kernel(
+            current, reference, name, arrays, (1, 1), (n, n), on_error="nan"
         )
-        both[..., :n, :n] = moved
     return both[..., : 2 * n], both[..., 2 * n :]
 
 

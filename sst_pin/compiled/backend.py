@@ -143,65 +143,30 @@ class CompiledBackend:
         """
         from concurrent.futures import ThreadPoolExecutor  # takes long
 
+        wanted = [name for name in names if not impossible(self._mechanism, name)]
+        variants = [variant for name in wanted for variant in self._variants(name)]
         with ThreadPoolExecutor() as pool:
-            for _ in pool.map(self._made, [x for x in names if not impossible(self._mechanism, x)]):
+            for _ in pool.map(lambda variant: self._code(*variant), variants):
                 pass
 
-    def torques(
-        self, q: Array, va: Array, aa: Array, wrenches: Array | None, tau: Array, threads: int
-    ) -> Indices:
-        """Fill tau."""
-        return self._fill("torques", (q, va, aa), wrenches, tau, threads)
-
-    def generalized_forces(
-        self, q: Array, va: Array, aa: Array, wrenches: Array | None, f: Array, threads: int
-    ) -> Indices:
-        """Fill f."""
-        return self._fill(self._forces, (q, va, aa), wrenches, f, threads)
-
-    def joint_rates(self, q: Array, va: Array, v: Array, threads: int) -> Indices:
-        """Fill v, the rates of the tree."""
-        return self._fill("rates", (q, va), None, v, threads)
-
-    def joint_accelerations(
-        self, q: Array, va: Array, aa: Array, dv: Array, threads: int
-    ) -> Indices:
-        """Fill dv, the accelerations of the tree."""
-        return self._fill("joint_accelerations", (q, va, aa), None, dv, threads)
-
-    def of_frame(
-        self, name: str, frame: str, arrays: tuple[Array, ...], rows: Array, threads: int
-    ) -> Indices:
-        """Fill rows of what there is of a frame."""
-        return self._fill(f"{name} {frame}", arrays, None, rows, threads)
-
-    def accelerations(
-        self, q: Array, va: Array, tau: Array, wrenches: Array | None, aa: Array, threads: int
-    ) -> Indices:
-        """Fill aa."""
-        return self._fill("accelerations", (q, va, tau), wrenches, aa, threads)
-
-    def reduced_terms(self, q: Array, va: Array, rows: Array, threads: int) -> Indices:
-        """Fill rows of inertia, coriolis, gravity, friction."""
-        return self._fill("reduced_terms", (q, va), None, rows, threads)
-
-    def derivatives(
+    def fill(
         self,
         name: str,
-        sign_width: float,
-        q: Array,
-        va: Array,
-        x: Array,
-        wrenches: Array | None,
-        rows: Array,
+        arrays: Sequence[Array | None],
+        out: Array,
         threads: int,
+        sign_width: float | None = None,
     ) -> Indices:
-        """Fill rows of derivatives by q, va and x, which is aa or tau."""
-        return self._fill(name, (q, va, x), wrenches, rows, threads, sign_width)
-
-    def displacement_rates(self, q: Array, va: Array, rows: Array, threads: int) -> Indices:
-        """Fill rows of what moving axes of joints do to a displacement."""
-        return self._fill("displacement_rates", (q, va), None, rows, threads)
+        """Fill results by a kernel and return the samples that fail its checks; as `Backend`."""
+        if name == "generalized_forces":
+            name = self._forces
+        given = [np.require(a, float, "A") for a in arrays if a is not None]
+        if given[-1].ndim == 3:
+            name, given[-1] = name + _LOADED, given[-1].reshape(len(out), -1)
+        kernel = self.kernel(name) if sign_width is None else self._smoothed(name, sign_width)
+        if kernel is None:
+            return np.arange(len(out))
+        return kernel.many(tuple(given), out, min(threads, sys.maxsize))
 
     def states(self, friction: Friction) -> CompiledStates:
         """The state space with a friction in the place of the mechanism's own."""
@@ -253,7 +218,7 @@ class CompiledBackend:
             return self._smooth[name, sign_width]
         except KeyError:
             friction = replace(self._mechanism.friction, sign_width=sign_width)
-            kernel = None if name in self._why else self.kernel(name, friction)
+            kernel = self.kernel(name, friction)
             if len(self._smooth) >= _WIDTHS:
                 self._smooth.clear()
             self._smooth[name, sign_width] = kernel
@@ -262,25 +227,6 @@ class CompiledBackend:
     def _single(self, name: str) -> Callable[..., Any]:
         kernel = self.kernel(name)
         return _nothing if kernel is None else kernel.answer
-
-    def _fill(
-        self,
-        name: str,
-        arrays: tuple[Array, ...],
-        wrenches: Array | None,
-        out: Array,
-        threads: int,
-        sign_width: float | None = None,
-    ) -> Indices:
-        """Fill `out` by a kernel, with smooth friction where a width is given."""
-        if wrenches is not None:
-            name, arrays = name + _LOADED, (*arrays, wrenches.reshape(len(wrenches), -1))
-        kernel = self.kernel(name) if sign_width is None else self._smoothed(name, sign_width)
-        if kernel is None:
-            return np.arange(len(out))
-        rows = tuple(None if a is None else np.require(a, float, "A") for a in arrays)
-
-        return kernel.many(rows, out, min(threads, sys.maxsize))
 
     def kernel(self, name: str, friction: Friction | None = None) -> Kernel | None:
         """A kernel, with the friction of the mechanism or another one; None where there is none.
@@ -291,25 +237,23 @@ class CompiledBackend:
         """
         if friction is None and name in self._kernels:
             return self._kernels[name]
-        try:
-            codes = self._made(name)
-        except SSTError as error:
-            self._why[name], self._kernels[name] = str(error), None
-            return None
         loaded = partial(self.kernel, name + _LOADED, friction)
-        kernel = self._kernel(codes, "run", friction, loaded)
+        kernel = self._kernel(name, "run", friction, loaded)
         if friction is None:
             self._kernels[name] = kernel
         return kernel
 
     def _kernel(
         self,
-        codes: Sequence[Code],
+        name: str,
         word: str,
         friction: Friction | None,
         loaded: Callable[[], Kernel | None] | None = None,
-    ) -> Kernel:
-        """A kernel by its code for single samples, then for batches."""
+    ) -> Kernel | None:
+        """A kernel by its code for single samples, then for batches; None where there is none."""
+        codes = self._found(name)
+        if not codes:
+            return None
         numbers = self._numbers
         if friction is not None:
             numbers = self._parameters.pack(self._mechanism, friction)
@@ -329,12 +273,11 @@ class CompiledBackend:
 
     def rate(self, loaded: bool, friction: Friction) -> Kernel | None:
         """Rates of the states next to those given whose loops are closed; None as above."""
-        codes = self._rollout(loaded)
-        return self._kernel(codes, "rate", friction) if codes else None
+        return self._kernel("rollout" + _LOADED * loaded, "rate", friction)
 
     def course(self, loaded: bool, friction: Friction) -> Course | None:
         """The kernel of a rollout; None where there is none."""
-        codes = self._rollout(loaded)
+        codes = self._found("rollout" + _LOADED * loaded)
         if not codes:
             return None
         code = codes[-1]
@@ -343,30 +286,28 @@ class CompiledBackend:
         sizes = (q, va, tau, sum(load))
         return self._binding.Course(code.address("run"), sizes, code.prepared(numbers), code)
 
-    def _rollout(self, loaded: bool) -> list[Code]:
-        """Code of a rollout; none where there is none."""
-        name = "rollout" + _LOADED * loaded
-        if name in self._why:
-            return []
-        try:
-            return self._made(name)
-        except SSTError as error:
-            self._why[name] = str(error)
-            return []
+    def _found(self, name: str) -> list[Code]:
+        """A kernel's code for single samples, then for batches; none where there is none."""
+        if name not in self._why:
+            try:
+                return [self._code(*variant) for variant in self._variants(name)]
+            except SSTError as error:
+                self._why[name] = str(error)
+        return []
 
-    def _made(self, name: str) -> list[Code]:
-        """A kernel's code for single samples, then for batches."""
+    def _variants(self, name: str) -> list[tuple[str, str]]:
+        """Names and instruction sets of a kernel for single samples, then of one for batches."""
         if problem := impossible(self._mechanism, name):
             raise DescriptionError("compiled kernels", [problem])
         best = self._binding.INSTRUCTIONS
         if not _has_directions(self._mechanism, name, build.TARGETS[best][0]):
-            return [self._code(name, target) for target in (build.ONE[best], best)]
+            return [(name, build.ONE[best]), (name, best)]
         # Eight directions at once take longer than four.
         narrow = "avx2" if best == "avx512" else best
         fit = len(self._mechanism.coordinates) <= build.TARGETS[narrow][0]
         first, *loaded = name.split()
         single = " ".join([first, ALONG, *loaded])
-        return [self._code(single, narrow if fit else best), self._code(name, best)]
+        return [(single, narrow if fit else best), (name, best)]
 
     def _from_cache(self, name: str, target: str) -> Code:
         """Code from the cache, or compiled now."""

@@ -51,8 +51,8 @@ def exported(chain, folder):
 def test_no_sample_is_handed_over_and_all_are_those_of_the_reference_path(pair, motions):
     (kernels, reference), (q, va, aa) = pair, motions
     backend = kernels._current.backend
-    assert not len(backend.torques(q, va, aa, None, np.empty_like(va), 1))
-    assert not len(backend.accelerations(q, va, aa, None, np.empty_like(va), 1))
+    assert not len(backend.fill("torques", (q, va, aa), np.empty_like(va), 1))
+    assert not len(backend.fill("accelerations", (q, va, aa), np.empty_like(va), 1))
     for name, third in (("compute_torques", aa), ("compute_accelerations", aa)):
         expected = getattr(reference, name)(q, va, third)
         same(getattr(kernels, name)(q, va, third), expected)
@@ -133,7 +133,9 @@ def test_a_robot_without_motors_falls_as_on_the_reference_path(tmp_path):
     kernels.generic_configuration()
     kernels.compile()
     tau = np.empty((3, 0))
-    assert not len(kernels._current.backend.accelerations(q, va, tau, None, np.empty((3, 1)), 1))
+    assert not len(
+        kernels._current.backend.fill("accelerations", (q, va, tau), np.empty((3, 1)), 1)
+    )
     expected = reference.compute_accelerations(q, va, tau)
     same(kernels.compute_accelerations(q, va, tau), expected)
     same(kernels.compute_accelerations(q[0], va[0], tau[0]), expected[0])

@@ -81,9 +81,9 @@ def left(chain, q, va, aa):
     """How many samples the kernels of torques and accelerations leave to the reference path."""
     motors, kernels = len(chain.motor_names), chain._current.backend
     tau = np.ones((len(q), motors))
-    count = len(kernels.accelerations(q, va, tau, None, np.empty(va.shape), 1))
+    count = len(kernels.fill("accelerations", (q, va, tau), np.empty(va.shape), 1))
     if motors >= chain.degrees_of_freedom:
-        count += len(kernels.torques(q, va, aa, None, np.empty((len(q), motors)), 1))
+        count += len(kernels.fill("torques", (q, va, aa), np.empty((len(q), motors)), 1))
     return count
 
 

@@ -189,7 +189,7 @@ def test_kernels_give_what_the_reference_path_gives(compiled):
         close(got[0], right[0], 1e-10)
         close(got[1], right[1], 1e-10)
         rows = np.empty((len(q), 3 * n * n))
-        assert not len(backend.derivatives("torque_derivatives", WIDTH, q, va, aa, load, rows, 1))
+        assert not len(backend.fill("torque_derivatives", (q, va, aa, load), rows, 1, WIDTH))
     single = ours.torque_derivatives(q[3], va[3], aa[3])
     for got, right in zip(single, reference.torque_derivatives(q[3], va[3], aa[3]), strict=True):
         close(got, right, 1e-9)  # friction is steep
@@ -227,7 +227,7 @@ def test_kernels_of_frames_give_what_the_reference_path_gives(compiled):
         got, expected = (np.hstack(getattr(x, name)(q[3], va[3], frame)) for x in (ours, reference))
         close(got, expected, 1e-11)
         rows = np.empty((len(q), np.size(expected)))
-        assert not len(ours._current.backend.of_frame(name, frame, (q, va), rows, 1))
+        assert not len(ours._current.backend.fill(f"{name} {frame}", (q, va), rows, 1))
     assert ours.frame_velocity_derivatives(q, va, frame).dq.shape == (8, 6, n)
     assert "frame" not in ours.path
 
