@@ -34,7 +34,9 @@ def _cache(arguments: argparse.Namespace) -> None:
         print(f"{build.empty_cache()} kernels deleted from {folder}")
         return
     entries = build.cached()
+    wide = [max((len(e[k]) for e in entries), default=0) for k in (1, 2)]
     for entry in entries:
         when = time.strftime("%Y-%m-%d", time.localtime(entry.used))
-        print(f"{entry.robot:24} {entry.kernel:24} {entry.size / 1e3:8.0f} kB  used {when}")
+        names = f"{entry.robot:{wide[0]}}  {entry.kernel:{wide[1]}}"
+        print(f"{names} {entry.size / 1e3:6.0f} kB  used {when}")
     print(f"{len(entries)} kernels, {sum(e.size for e in entries) / 1e6:.1f} MB in {folder}")

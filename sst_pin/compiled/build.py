@@ -14,6 +14,7 @@ import os
 import shutil
 import stat
 import sys
+import time
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
@@ -40,6 +41,8 @@ _OPTIONS = ("-std=gnu11", "-O3", "-fno-math-errno", "-fno-trapping-math", "-ffp-
 _SUFFIX = ".so"
 _log = logging.getLogger(__name__)
 _CURE = "XDG_CACHE_HOME names another place"
+#: Folders in the cache where libraries are being made; older ones were left by a process that died.
+_BUILDING, _DEAD = ".building-", 86_400.0  # seconds
 
 
 class Entry(NamedTuple):
@@ -64,11 +67,15 @@ def compiler() -> list[str]:
     """The command of a C compiler: `$CC`, the system's, or the one of the package ziglang.
 
     Raises:
-        CompilationError: When there is none.
+        CompilationError: When there is none, or not the one that `$CC` names.
     """
-    for name in (os.environ.get("CC", ""), "cc", "gcc", "clang"):
-        if name and shutil.which(name.split()[0]):
-            return name.split()
+    if named := os.environ.get("CC", "").split():
+        if not shutil.which(named[0]):
+            raise CompilationError(f"CC names {named[0]}, which is not found; correct or unset CC")
+        return named
+    for name in ("cc", "gcc", "clang"):
+        if shutil.which(name):
+            return [name]
     if find_spec("ziglang"):
         return [sys.executable, "-m", "ziglang", "cc"]
     raise CompilationError(
@@ -127,6 +134,8 @@ def cached() -> list[Entry]:
 def empty_cache() -> int:
     """Delete all libraries in the cache; how many there were. Those in use stay in memory.
 
+    What a process left behind that was killed while it compiled goes with them, after a day.
+
     Raises:
         CompilationError: When they cannot be deleted.
     """
@@ -136,6 +145,10 @@ def empty_cache() -> int:
             entry.path.unlink(missing_ok=True)
         except OSError as error:
             raise _unusable(entry.path.parent, error) from None
+    for left in cache_folder().glob(f"{_BUILDING}*"):
+        with suppress(FileNotFoundError):
+            if left.stat().st_mtime < time.time() - _DEAD:
+                shutil.rmtree(left, ignore_errors=True)
     return len(entries)
 
 
@@ -177,17 +190,24 @@ def _loaded(
     import tempfile
 
     # Built beside its place and moved there when it is whole: another process sees all or nothing.
-    with tempfile.TemporaryDirectory(dir=folder, prefix=".building-") as scratch:
+    with tempfile.TemporaryDirectory(dir=folder, prefix=_BUILDING) as scratch:
         code, made = Path(scratch, "kernel.c"), Path(scratch, "kernel.so")
         code.write_text(source(), encoding="utf-8")
         _compile(code, made, TARGETS[target][1])
+        try:
+            ctypes.CDLL(str(made))
+        except OSError as error:  # it is not kept: another compiler may do better
+            raise CompilationError(
+                f"{folder} cannot be used: {error}; {_CURE}, CC another compiler"
+            ) from None
         name = f"{label}.{key}.{_digest(made)}{_SUFFIX}"
         return ctypes.CDLL(str(made.replace(folder / name)))
 
 
 def _plain(name: str) -> str:
-    """What can stand in the name of a file."""
-    return "".join(c if c.isalnum() or c in "-_" else "_" for c in name)[:40]
+    """What can stand in the name of a file, which has at most 255 bytes."""
+    plain = "".join(c if c.isalnum() or c in "-_" else "_" for c in name)
+    return plain.encode()[:40].decode(errors="ignore")
 
 
 def _compile(code: Path, made: Path, flags: tuple[str, ...]) -> None:
@@ -210,6 +230,7 @@ def _compile(code: Path, made: Path, flags: tuple[str, ...]) -> None:
         raise CompilationError(f"{command[0]} cannot be run: {error.strerror}") from None
     if result.returncode or not made.is_file():
         said = "\n".join(result.stderr.strip().splitlines()[:5])
+        said = said or "it wrote no library; CC names another compiler"
         raise CompilationError(f"{command[0]} failed with code {result.returncode}:\n{said}")
 
 
@@ -219,7 +240,7 @@ def _digest(path: Path) -> str:
 
 @cache
 def _version() -> bytes:
-    """Changes with the text of the generator."""
+    """Changes with the text of the generator and with the kind of machine; a home can be shared."""
     here = Path(__file__).parent
     texts = [path.read_bytes() for path in sorted([*here.glob("*.py"), *here.glob("c/*.h")])]
-    return hashlib.sha256(b"\0".join(texts)).digest()
+    return hashlib.sha256(b"\0".join([os.uname().machine.encode(), *texts])).digest()

@@ -6,6 +6,7 @@ import errno
 import os
 import pwd
 import tempfile
+import time
 
 import pytest
 
@@ -92,7 +93,11 @@ def test_a_user_without_a_home_is_told_where_to_name_one(monkeypatch):
             "failed with code 1:\nan . odd byte",
         ),
         (b"#!/bin/sh\nkill -9 $$\n", "failed with code -9"),
-        (b"#!/bin/sh\nexit 0\n", "failed with code 0"),
+        (b"#!/bin/sh\nexit 0\n", "failed with code 0:\nit wrote no library; CC names another"),
+        (
+            b'#!/bin/sh\nfor name; do :; done; echo no library > "$name"\n',
+            "kernel.so: .*; XDG_CACHE_HOME names another place, CC another compiler",
+        ),
     ],
 )
 def test_whatever_a_compiler_does_is_told(folder, tmp_path, monkeypatch, content, said):
@@ -103,3 +108,43 @@ def test_whatever_a_compiler_does_is_told(folder, tmp_path, monkeypatch, content
     with pytest.raises(CompilationError, match=said):
         answer()
     assert not list(folder.iterdir())
+    monkeypatch.delenv("CC")
+    assert answer() == 42  # nothing of the failure is kept
+
+
+def test_a_compiler_that_is_not_there_is_named_and_none_is_the_system_s(folder, monkeypatch):
+    monkeypatch.setenv("CC", "nonsense-cc -m64")
+    with pytest.raises(CompilationError, match="CC names nonsense-cc, which is not found"):
+        answer()
+    monkeypatch.setenv("CC", " ")
+    assert answer() == 42
+
+
+def test_names_of_any_length_and_script_fit_into_the_cache(folder):
+    label = "\N{CJK UNIFIED IDEOGRAPH-673A}" * 100
+    made = build.library(label, label, b"content", "plain", lambda: SOURCE)
+    assert made.answer() == 42
+    assert [len(entry.robot) for entry in build.cached()] == [40 // 3]
+
+
+def test_machines_that_share_a_home_do_not_share_libraries(folder, monkeypatch):
+    assert answer() == 42
+    another = os.uname_result(("Linux", "node", "6", "1", "another machine"))
+    monkeypatch.setattr(os, "uname", lambda: another)
+    build._version.cache_clear()
+    try:
+        assert answer() == 42
+    finally:
+        build._version.cache_clear()
+    assert len(build.cached()) == 2
+
+
+def test_what_a_killed_process_left_goes_with_the_cache_but_not_what_is_being_made(folder):
+    assert answer() == 42
+    for name, age in (("old", 2 * 86_400), ("new", 0)):
+        left = folder / f".building-{name}"
+        left.mkdir()
+        (left / "kernel.c").touch()
+        os.utime(left, (time.time() - age,) * 2)
+    build.empty_cache()
+    assert [path.name for path in folder.iterdir()] == [".building-new"]
