@@ -59,7 +59,8 @@ def finite_array(name: str, value: ArrayLike, core: tuple[int, ...]) -> Array:
     if not finite.all():
         bad = np.argwhere(~finite)[0]
         entry = float(array[tuple(bad)])
-        error = InputError(name, f"entry {[int(i) for i in bad[-len(core) :]]} is {entry}")
+        at = [int(i) for i in bad[len(bad) - len(core) :]]
+        error = InputError(name, f"entry {at} is {entry}" if core else f"{entry} is not finite")
         batch = array.shape[: array.ndim - len(core)]
         if batch:
             samples = np.argwhere(~finite.reshape(*batch, -1).all(axis=-1))

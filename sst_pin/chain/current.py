@@ -31,6 +31,10 @@ from .reference import Reference, ReferenceBackend
 Array = NDArray[np.float64]
 #: Makes what computes a mechanism; the tree is the owner's, whose gravity kernels watch.
 Kernels = Callable[[Reference, pin.Model], Backend]
+_MOVE = (
+    "check kinds and axes of the closures; if another assembly moves, make it "
+    'model.referenceConfigurations["home"]'
+)
 
 
 class CurrentMechanism:
@@ -81,12 +85,17 @@ class CurrentMechanism:
     def __getstate__(self) -> dict[str, Any]:
         of_the_model = ("draft", "reference", "backend", "torques_of", "accelerations_of")
         dropped = (*of_the_model, "_lock", "_generic", "_settled", "examined")
-        return {name: x for name, x in self.__dict__.items() if name not in dropped}
+        state = {name: x for name, x in self.__dict__.items() if name not in dropped}
+        if self._settled_by_caller and self.model == self.draft.model:
+            state["_inherited"] = self._settled_names()
+        return state
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
         self._lock = threading.Lock()
+        inherited = self._inherited
         self.take_in()
+        self._inherited = inherited
 
     # --- the model --------------------------------------------------------------------------
 
@@ -99,6 +108,8 @@ class CurrentMechanism:
         self._generic: Array | ClosureError | None = None
         self._settled: Mechanism | None = None
         self._settled_by_caller = False
+        #: Names of the coordinates that a copied chain has settled on.
+        self._inherited: tuple[str, ...] = ()
         self.unseen = False
         self._use(Reference(self.draft))
         self.reference.workspace  # noqa: B018  (finds the frames, or says which is unknown)
@@ -131,6 +142,9 @@ class CurrentMechanism:
         return self._settled
 
     def _settle(self, q: ArrayLike | None) -> None:
+        if self._inherited and self._settled is None:
+            self._adopt(self.draft.space.rates_of(self._inherited), by_caller=True)
+            return
         own = None if q is None else self.first_closed(q)
         if own is None and self._settled is not None:
             return
@@ -144,7 +158,7 @@ class CurrentMechanism:
             report = self._report(aside, "a configuration close to the first one in use")
         if report.degrees_of_freedom == 0:
             raise DescriptionError(
-                f"model {self.draft.model.name}", [f"nothing can move:\n{report}"]
+                f"model {self.draft.model.name}", [f"nothing can move; {_MOVE}:\n{report}"]
             )
         chosen = self.draft.space.rates_of(report.coordinates)
         if self._wanted is not None and set(chosen) != set(self.draft.coordinates):
@@ -154,12 +168,21 @@ class CurrentMechanism:
             )
         if self._wanted is not None:
             chosen = self.draft.coordinates
+        self._adopt(chosen, by_caller=own is not None)
+
+    def _adopt(self, chosen: NDArray[np.intp], *, by_caller: bool) -> None:
         if self._settled is None or not np.array_equal(chosen, self._settled.coordinates):
             settled = replace(self.draft, coordinates=chosen)
             self._use(Reference(settled))
             self._install(self._made(self.reference))
             self._settled = settled  # last: other threads read it without the lock
-        self._settled_by_caller = own is not None
+        self._settled_by_caller = by_caller
+
+    def _settled_names(self) -> tuple[str, ...]:
+        """Of the coordinates that are settled, or those that will be without a further look."""
+        if self._settled is None:
+            return self._inherited
+        return self.draft.space.names_of(self._settled.coordinates.tolist())
 
     def first_closed(self, q: ArrayLike) -> Array | None:
         """The first of configurations, where its loops are closed."""
@@ -317,9 +340,7 @@ class CurrentMechanism:
     def _report(self, q: Array, where: str) -> Mobility:
         loops, draft = self.evaluated(q), self.draft
         loops.require_closed(draft.row_scale)
-        names: Sequence[str] = self._wanted or ()
-        if self._settled is not None:  # they stay, if they can
-            names = draft.space.names_of(self._settled.coordinates.tolist())
+        names = self._settled_names() or self._wanted or ()  # they stay, if they can
         wanted = [draft.space.rates_of([name]) for name in names]
         in_loops = np.flatnonzero(loops.touched.any(axis=0))
         return judge(draft, self.scaled_Phi(q), q, where, in_loops, wanted)

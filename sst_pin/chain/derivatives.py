@@ -17,6 +17,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from ..errors import InputError
 from .dynamics import Workspace, applied_forces, direct_dynamics, motion_of_tree
 from .mechanism import Friction, Mechanism
 from .plain_tree import PlainTree
@@ -79,13 +80,24 @@ class FrameVelocityDerivatives(NamedTuple):
 
 
 def discrete(A: Array, B: Array, dt: float) -> tuple[Array, Array]:
-    """The exact step of x' = A x + B u over dt with u held: the exponential of [A B; 0 0] dt."""
+    """The exact step of x' = A x + B u over dt with u held: the exponential of [A B; 0 0] dt.
+
+    Raises:
+        InputError: When dt is so long that it overflows.
+    """
     from scipy.linalg import expm
 
     states, inputs = B.shape[-2:]
     both = np.zeros((*A.shape[:-2], states + inputs, states + inputs))
     both[..., :states, :states], both[..., :states, states:] = A, B
-    step = expm(both * dt)
+    with np.errstate(over="ignore", invalid="ignore"):
+        step = expm(both * dt)
+    if (~np.isfinite(step).all(axis=(-2, -1)) & np.isfinite(both).all(axis=(-2, -1))).any():
+        fastest = float(np.abs(np.linalg.eigvals(np.nan_to_num(A)).real).max())
+        raise InputError(
+            "dt",
+            f"{dt:g} s is too long: the exponential overflows, A has poles of {fastest:.3g} /s",
+        )
     return step[..., :states, :states], step[..., :states, states:]
 
 

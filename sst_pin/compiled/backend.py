@@ -29,7 +29,6 @@ from ..chain.tree import frame_named
 from ..errors import (
     ClosureError,
     CompilationError,
-    DescriptionError,
     MissingExtraError,
     SSTError,
 )
@@ -298,7 +297,7 @@ class CompiledBackend:
     def _variants(self, name: str) -> list[tuple[str, str]]:
         """Names and instruction sets of a kernel for single samples, then of one for batches."""
         if problem := impossible(self._mechanism, name):
-            raise DescriptionError("compiled kernels", [problem])
+            raise CompilationError(problem)
         best = self._binding.INSTRUCTIONS
         if not _has_directions(self._mechanism, name, build.TARGETS[best][0]):
             return [(name, build.ONE[best]), (name, best)]
@@ -347,7 +346,7 @@ def impossible(mechanism: Mechanism, name: str) -> str:
     nv, motors = mechanism.motors.shape
     n, first = len(mechanism.coordinates), name.split(maxsplit=1)[0]
     if first == "torques" and motors < n:
-        return f"{motors} motors for {n} coordinates"
+        return f"fewer motors ({motors}) than coordinates ({n})"
     if first not in _WITHOUT_MATRICES and n * n * nv > _LARGEST:
         return f"{n} coordinates of {nv} rates are too many for matrices to be written out"
     if first in DERIVATIVES and n * n * nv > _LARGEST_DERIVATIVES:

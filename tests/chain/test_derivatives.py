@@ -9,6 +9,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.linalg import expm
 
+import sst_pin
 from derivative_cases import (
     CASES,
     CONSTRAINTS,
@@ -218,6 +219,28 @@ def test_the_discrete_system_is_the_motion_next_to_an_equilibrium():
         return np.concatenate([motion.q[-1][columns], motion.va[-1]])
 
     close(A_d @ way + B_d @ push, derivative(end, 1e-3), 1e-7)
+
+
+def test_a_step_that_overflows_is_an_error_not_infinite():
+    """A sample that is NaN by `on_error` is no such step."""
+    robot = sst_pin.SST()
+    rest, hold = np.zeros(3), robot.compute_torques(robot.home, np.zeros(3), np.zeros(3))
+    with pytest.raises(InputError, match=r"dt: 1000 s is too long.*poles of 4.* /s"):
+        robot.linearize(robot.home, rest, hold, dt=1000)
+    q = np.array([robot.home, robot.home])
+    q[1, 1] += 0.1
+    A, B = robot.linearize(q, rest, hold, dt=0.1, on_error="nan")
+    assert np.isfinite(A[0]).all()
+    assert np.isnan(A[1]).any()
+    assert np.isnan(B[1]).any()
+
+
+@pytest.mark.parametrize("dt", [np.nan, np.inf, 0, -1])
+def test_a_step_is_a_positive_number_and_a_number_has_no_index(dt):
+    robot = robots.four_bar()
+    said = "is not above 0" if np.isfinite(dt) else "is not finite"
+    with pytest.raises(InputError, match=f"dt: {dt} {said}"):
+        robot.linearize(robot.home, [0.0], [0.0], dt=dt)
 
 
 def test_linearize_goes_along_a_trajectory():

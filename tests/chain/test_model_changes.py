@@ -205,6 +205,34 @@ def test_copies_compute_the_same(copied):
     assert other.coordinates == chain.coordinates
 
 
+def rhombus():
+    """Four equal bars; folded, crank and coupler turn together and the rocker rests."""
+    model = pin.Model()
+    model.name = "rhombus"
+    along = pin.SE3(np.eye(3), np.array([0.3, 0.0, 0.0]))
+    for parent, name, place in (
+        (0, "crank", pin.SE3.Identity()),
+        (1, "coupler", along),
+        (0, "rocker", along),
+    ):
+        joint = model.addJoint(parent, pin.JointModelRY(), place, name)
+        model.addFrame(pin.Frame(f"{name}_tip", joint, along, pin.FrameType.BODY))
+        model.inertias[joint] = pin.Inertia(1.0, np.array([0.1, 0.0, 0.0]), np.eye(3) * 0.01)
+    closures = [Closure("coupler_tip", "rocker_tip", "3d")]
+    return ClosedChain(model, closures, ["rocker", "crank"]), np.array([0.7, np.pi, np.pi])
+
+
+@pytest.mark.parametrize("copied", [copy.copy, lambda c: pickle.loads(pickle.dumps(c))])
+def test_copies_keep_the_coordinates_of_the_assembly_in_use(copied):
+    """Also a copy that has not seen this assembly itself."""
+    chain, folded = rhombus()
+    assert rhombus()[0].coordinates == ("rocker",)
+    wanted = chain.generalized_forces(folded, [1.0], [1.0])
+    other = copied(copied(chain))
+    assert other.coordinates == chain.coordinates == ("crank",)
+    assert other.generalized_forces(folded, [1.0], [1.0]) == wanted
+
+
 def test_threads_compute_the_same_from_the_first_call_on():
     """Many threads ask a chain that nobody has asked before."""
     model = tree("free", ["RX", "revolute", "RZ"], ["RZ", "revolute", "ball"], seed=3)

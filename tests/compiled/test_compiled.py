@@ -345,6 +345,17 @@ def test_copies_threads_forks_and_other_processes_compute_the_same(four_bar):
             assert np.array_equal(result, expected)
 
 
+def test_the_path_says_in_plain_words_what_has_no_kernel():
+    bars = sst_pin.robots.five_bar()
+    chain = sst_pin.ClosedChain(bars.model, bars.closures, bars.motor_names[:1])
+    chain.compile()
+    with pytest.raises(sst_pin.ActuationError):
+        chain.compute_torques(bars.home, [0.0, 0.0], [1.0, 2.0])
+    assert chain.path.endswith(
+        "; torques by the reference path: fewer motors (1) than coordinates (2)"
+    )
+
+
 def test_without_a_compiler_the_reason_is_said_and_the_reference_path_computes(
     tmp_path, monkeypatch
 ):
