@@ -93,9 +93,8 @@ class CurrentMechanism:
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
         self._lock = threading.Lock()
-        inherited = self._inherited
         self.take_in()
-        self._inherited = inherited
+        self._inherited = state["_inherited"]
 
     # --- the model --------------------------------------------------------------------------
 
@@ -108,8 +107,7 @@ class CurrentMechanism:
         self._generic: Array | ClosureError | None = None
         self._settled: Mechanism | None = None
         self._settled_by_caller = False
-        #: Names of the coordinates that a copied chain has settled on.
-        self._inherited: tuple[str, ...] = ()
+        self._inherited: tuple[str, ...] = ()  # coordinates that a copied chain has settled on
         self.unseen = False
         self._use(Reference(self.draft))
         self.reference.workspace  # noqa: B018  (finds the frames, or says which is unknown)

@@ -34,9 +34,10 @@ def _cache(arguments: argparse.Namespace) -> None:
         print(f"{build.empty_cache()} kernels deleted from {folder}")
         return
     entries = build.cached()
-    wide = [max((len(e[k]) for e in entries), default=0) for k in (1, 2)]
+    robot = max((len(entry.robot) for entry in entries), default=0)
+    kernel = max((len(entry.kernel) for entry in entries), default=0)
     for entry in entries:
         when = time.strftime("%Y-%m-%d", time.localtime(entry.used))
-        names = f"{entry.robot:{wide[0]}}  {entry.kernel:{wide[1]}}"
+        names = f"{entry.robot:{robot}}  {entry.kernel:{kernel}}"
         print(f"{names} {entry.size / 1e3:6.0f} kB  used {when}")
     print(f"{len(entries)} kernels, {sum(e.size for e in entries) / 1e6:.1f} MB in {folder}")
