@@ -79,6 +79,7 @@ class CurrentMechanism:
         self._wanted = None if coordinates is None else names("coordinates", coordinates)
         self._numbers, self._examine = numbers, examine
         self.kernels: Kernels | None = None
+        self._inherited: tuple[str, ...] = ()  # coordinates that a copied chain has settled on
         self._lock = threading.Lock()
         self.take_in()
 
@@ -94,7 +95,7 @@ class CurrentMechanism:
         self.__dict__.update(state)
         self._lock = threading.Lock()
         self.take_in()
-        self._inherited = state["_inherited"]
+        self._inherited = tuple(state["_inherited"])
 
     # --- the model --------------------------------------------------------------------------
 
@@ -107,7 +108,7 @@ class CurrentMechanism:
         self._generic: Array | ClosureError | None = None
         self._settled: Mechanism | None = None
         self._settled_by_caller = False
-        self._inherited: tuple[str, ...] = ()  # coordinates that a copied chain has settled on
+        self._inherited = ()
         self.unseen = False
         self._use(Reference(self.draft))
         self.reference.workspace  # noqa: B018  (finds the frames, or says which is unknown)
