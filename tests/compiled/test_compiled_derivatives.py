@@ -238,6 +238,26 @@ def test_kernels_of_frames_say_what_differences_say(compiled):
         assert_frames_move_as_differences_say(case, q, va, random)
 
 
+def test_the_reference_path_computes_a_frame_that_no_kernel_vouches_for(compiled):
+    """A loop open by more than a kernel takes, and less than is an error."""
+    ours, reference = compiled[0].chain, compiled[1].chain
+    q, va, _, _ = map(np.array, zip(*compiled[0].states(6), strict=True))
+    frame, rows = ours.model.frames[-1].name, np.empty((6, 6))
+    closed, left = q[2, -1], []
+    for step in np.geomspace(1e-8, 1e-4, 60):
+        q[2, -1] = closed + step
+        left = ours._current.backend.of_frame("frame_drift", frame, (q, va), rows, 1)
+        if len(left):
+            break
+    assert list(left) == [2]
+    for name in OF_FRAMES:
+        got, expected = (np.stack(getattr(x, name)(q, va, frame)) for x in (ours, reference))
+        close(got, expected, 1e-11)
+        one = np.stack(getattr(ours, name)(q[2], va[2], frame))
+        many = got[:, 2] if name == "frame_velocity_derivatives" else got[2]
+        assert np.array_equal(one, many)
+
+
 def test_frames_have_out_threads_and_samples_at_fault(compiled):
     """As `compute_torques`; a sample that no kernel vouches for gets its error."""
     case, chain = compiled[0], compiled[0].chain
