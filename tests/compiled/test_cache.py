@@ -95,7 +95,7 @@ def test_a_user_without_a_home_is_told_where_to_name_one(monkeypatch):
         (b"#!/bin/sh\nkill -9 $$\n", "failed with code -9"),
         (b"#!/bin/sh\nexit 0\n", "failed with code 0:\nit wrote no library; CC names another"),
         (
-            b'#!/bin/sh\nfor name; do :; done; echo no library > "$name"\n',
+            b'#!/bin/sh\nwhile [ "$1" != -o ]; do shift; done; echo no library > "$2"\n',
             "kernel.so: .*; XDG_CACHE_HOME names another place, CC another compiler",
         ),
     ],
