@@ -225,17 +225,17 @@ def assert_frames_move_as_differences_say(case, q, va, random):
     close(d.dq @ va, drift, 1e-12)
 
 
-def assert_derivatives_are_those_of_differences(case, q, va, aa, wrenches, random):
-    """Along a random direction, to 1e-7 of the largest number."""
+def assert_derivatives_are_those_of_differences(case, door, q, va, aa, wrenches, random):
+    """Along a random direction, to 1e-7 of the largest number; by one of the `doors`."""
     chain, way = case.chain, case.way(q, random)
     tau, push = random.uniform(-5, 5, (2, len(chain.motor_names)))
-    options = {"external_wrenches": wrenches, "sign_width": WIDTH}
+    loads = {} if wrenches is None else {"external_wrenches": wrenches}
     moved = {k * H: case.at(q, way, k * H) for k in STEPS}
 
     def f(q, va, aa):
         return case.forces(q, va, aa, wrenches)
 
-    df = chain.torque_derivatives(q, va, aa, **options)
+    df = door.torque_derivatives(q, va, aa, **loads)
     close(df.dq @ way, derivative(lambda s: f(moved[s], va, aa)), 1e-7)
     close(df.dva @ way, derivative(lambda s: f(q, va + s * way, aa)), 1e-7)
     close(df.daa @ way, derivative(lambda s: f(q, va, aa + s * way)), 1e-7)
@@ -243,7 +243,20 @@ def assert_derivatives_are_those_of_differences(case, q, va, aa, wrenches, rando
     def a(q, va, tau):
         return case.accelerations(q, va, tau, wrenches)
 
-    da = chain.acceleration_derivatives(q, va, tau, **options)
+    da = door.acceleration_derivatives(q, va, tau, **loads)
     close(da.dq @ way, derivative(lambda s: a(moved[s], va, tau)), 1e-7)
     close(da.dva @ way, derivative(lambda s: a(q, va + s * way, tau)), 1e-7)
     close(da.dtau @ push, derivative(lambda s: a(q, va, tau + s * push)), 1e-7)
+
+
+def assert_daa_is_the_inertia_and_dtau_its_inverse(case, door, q, va, aa, wrenches):
+    """Condition numbers of inertia matrices of mixed units are up to 1e4."""
+    chain = case.chain
+    loads = {} if wrenches is None else {"external_wrenches": wrenches}
+    inertia, motors = chain.noc(q, va).inertia, case.L(q)[list(chain.actuated)].T
+    daa = door.torque_derivatives(q, va, aa, **loads).daa
+    close(daa, inertia, 1e-12)
+    tau = np.ones(len(chain.motor_names))
+    dtau = door.acceleration_derivatives(q, va, tau, **loads).dtau
+    close(daa @ dtau, motors, 1e-10)
+    close(dtau, np.linalg.solve(inertia, motors), 1e-10)

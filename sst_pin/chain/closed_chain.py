@@ -1165,23 +1165,24 @@ class ClosedChain:
         width = positive_number("sign_width", sign_width)
         return CasadiFunctions(current.reference, near, width, external_wrenches, compiled)
 
-    def jax(self, *, sign_width: float = 1e-3) -> JaxFunctions:
+    def jax(self, q: ArrayLike | None = None, *, sign_width: float = 1e-3) -> JaxFunctions:
         """The dynamics as JAX functions for `jit`, `vmap` and `grad`, on the CPU.
 
         JAX calls this chain by callbacks. For speed, call `compile` before.
 
         Args:
-            sign_width: In derivatives, Coulomb friction uses tanh(v / sign_width) instead of the
-                sign of the rates v; positive, [rad/s] or [m/s].
+            q: As in `compile`.
+            sign_width: In derivatives and in `step`, Coulomb friction uses tanh(v / sign_width)
+                instead of the sign of the rates v; positive, [rad/s] or [m/s].
 
         Returns:
-            `.torques`, `.generalized_forces` and `.accelerations`; see
+            `.torques`, `.accelerations`, `.step` and more, with derivatives of every order; see
             `sst_pin.compiled.jax_functions.JaxFunctions`.
 
         Raises:
-            MissingExtraError: Without JAX, `sst-pin[jax]`.
+            MissingExtraError: Without JAX or CasADi, `sst-pin[jax]`.
             InputError: If JAX uses single precision.
-            DescriptionError: If a coordinate is not a single entry of q (a ball).
+            DescriptionError: If the robot has a rolling contact.
 
         Example:
             >>> import jax
@@ -1192,9 +1193,10 @@ class ClosedChain:
         """
         try:
             from ..compiled.jax_functions import JaxFunctions
-        except ModuleNotFoundError:
-            raise MissingExtraError("jax", "jax") from None
-        return JaxFunctions(self, positive_number("sign_width", sign_width))
+        except ModuleNotFoundError as error:
+            raise MissingExtraError(error.name or "jax", "jax") from None
+        near = None if q is None else self._current.single(q)
+        return JaxFunctions(self, near, positive_number("sign_width", sign_width))
 
     @classmethod
     def from_urdf(

@@ -207,7 +207,7 @@ class JointSpace:
         """
         if self.euclidean:
             return
-        rest = (q * q).dot(self._unit_parts) - 1
+        rest = (q * q).dot(self.unit_parts) - 1
         if rest.dot(rest) < 1e-12:
             return  # the short way: lengths differ from 1 by less than half of that
         if not self.on_manifold(q):
@@ -220,10 +220,10 @@ class JointSpace:
 
     def _off_length_one(self, q: Array) -> Array:
         """By how much each quaternion and each pair is, shape (..., parts)."""
-        return np.abs(np.sqrt((q * q).dot(self._unit_parts)) - 1)
+        return np.abs(np.sqrt((q * q).dot(self.unit_parts)) - 1)
 
     @cached_property
-    def _unit_parts(self) -> Array:
+    def unit_parts(self) -> Array:
         """1 for the entries of q in each quaternion and pair, shape (nq, parts)."""
         parts = np.zeros((self._model.nq, len(self._quaternions) + len(self._circles)))
         sizes = [(i, 4) for i, _ in self._quaternions] + [(i, 2) for i, _ in self._circles]

@@ -17,6 +17,7 @@ from ..chain.tree import frame_named
 from ..errors import ActuationError
 from . import build, kernels
 from .backend import sample_configurations
+from .checks import Checks
 from .equations import Equations
 from .kinematics import Point
 
@@ -39,7 +40,7 @@ class CasadiFunctions:
 
     Every function is made when it is first asked for, pickles, takes numbers, `SX` and `MX`, and
     has derivatives of every order; compiled ones have those of first order, and pickle for this
-    machine and user. Coulomb friction is smooth. Nothing here looks at the samples:
+    machine and user. Coulomb friction is smooth. Nothing here looks at the samples, save `check`:
     next to a singularity numbers grow without an error.
 
     Attributes:
@@ -134,6 +135,17 @@ class CasadiFunctions:
         rows = [e.rows[i].residual for i in sorted(e.factors.rows)]
         gaps = [row for row in rows if row is not None] + e.kinematics.unit_gaps
         return self._made("residual", {"q": e.q}, {"r": ca.vertcat(*gaps)})
+
+    @cached_property
+    def check(self) -> Function:
+        """Q -> c: above 1 (or NaN) where the functions cannot be trusted at q.
+
+        The loops are open there, or q is too far from the configurations for which the order of
+        elimination was chosen, next to a singularity.
+        """
+        checks = Checks(self._equations)
+        worst = ca.mmax(ca.vertcat(*checks.of_state, *checks.of_complement))
+        return self._made("check", {"q": self._equations.q}, {"c": worst})
 
     @cached_property
     def torque_derivatives(self) -> Function:

@@ -1,80 +1,109 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The dynamics of a chain as functions of JAX, for `jit`, `vmap` and `grad` on processors.
 
-JAX calls back into this process, where the chain computes whole batches by whatever it computes by.
-What JAX differentiates are the chain's own derivatives.
+JAX calls back into this process, where whole batches are computed: values and first derivatives of
+the dynamics by the chain, all others by CasADi. JAX itself traces nothing of the robot.
 """
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
-from functools import partial
+from functools import cache, cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from numpy.typing import NDArray
 
-from ..errors import DescriptionError, InputError
+from ..arrays import for_each_sample
+from ..chain.closures import Rolling
+from ..chain.mechanism import Mechanism
+from ..chain.tree import frame_id
+from ..errors import ActuationError, DescriptionError, InputError, SSTError
+from .along_motions import AlongMotions
+from .casadi_functions import CasadiFunctions
 
 if TYPE_CHECKING:
     from ..chain.closed_chain import ClosedChain
-    from ..chain.mechanism import Mechanism
+
+Array = NDArray[np.float64]
+#: Derivatives of an order of arrays in rows.
+Values = Callable[..., Array]
 
 
 class JaxFunctions:
     """Dynamics of a chain as JAX functions.
 
     Arguments and results are those of the chain's methods, in float64; leading axes broadcast. The
-    functions work with `jit`, `vmap`, `grad`, `jacfwd` and `jacrev`. Derivatives are of
-    first order. The result for a bad sample is NaN, as with `on_error="nan"`.
+    functions work with `jit`, `vmap`, `grad`, `scan` and the like, and have derivatives of every
+    order, forward and reverse. The result for a bad sample is NaN, as with `on_error="nan"`, and so
+    are its derivatives.
 
-    q must be a closed configuration. A derivative with respect to q is the one along the closed
-    motions: it has values at the entries of the coordinates, and zeros at the dependent joints.
+    q must be a closed configuration; `closed` and `step` return such. The functions depend on the
+    coordinates in q alone: the dependent joints follow them and only tell the assembly mode. So a
+    derivative with respect to q is the one along the closed motions: it has values at the entries
+    of the coordinates' joints, and zeros at those of the others.
+
+    First derivatives of torques and accelerations are the chain's. The others, and those of higher
+    orders, need CasADi; each order takes a multiple of the time and memory of the one before.
+
+    Attributes:
+        nq, n, motors: Numbers of entries in q, va, tau.
 
     Args:
         chain: The robot; changes of its model take effect at the next call. For speed, call
             `compile(derivatives=True)` before.
-        sign_width: In derivatives, Coulomb friction uses tanh(v / sign_width) instead of the sign
-            of v.
+        near: Where coordinates and the order of elimination are chosen, shape (nq,); anywhere by
+            default.
+        sign_width: In derivatives and in `step`, Coulomb friction uses tanh(v / sign_width) instead
+            of the sign of v.
 
     Raises:
         InputError: If JAX uses single precision.
-        DescriptionError: If a coordinate is not a single entry of q (a ball, a free-flyer).
+        DescriptionError: If the robot has a rolling contact.
     """
 
-    def __init__(self, chain: ClosedChain, sign_width: float) -> None:
-        if jnp.zeros(()).dtype != np.float64:
-            raise InputError(
-                "jax", "single precision is on; call jax.config.update('jax_enable_x64', True)"
-            )
-        self._chain, self._sign_width = chain, sign_width
-        entries, n = _entries(chain._current.mechanism()), chain.degrees_of_freedom
-        by = chain.torque_derivatives
-        self._forces = self._function(chain.generalized_forces, by, entries, n)
-        by_tau = chain.acceleration_derivatives
-        self._accelerations = self._function(chain.compute_accelerations, by_tau, entries, n)
+    def __init__(self, chain: ClosedChain, near: Array | None, sign_width: float) -> None:
+        _require_double()
+        self._chain, self._near, self._sign_width = chain, near, sign_width
+        self._mechanism = mechanism = chain._current.mechanism(near)
+        if any(isinstance(closure, Rolling) for closure in mechanism.closures):
+            problem = "with a rolling contact q has more directions than rates; use casadi()"
+            raise DescriptionError("jax", [problem])
+        self._along: tuple[Mechanism, AlongMotions] | None = None
+        self._lock = threading.Lock()  # CasADi is not for several threads
+        self._placement = cache(self._placement_of)
+        self.nq = mechanism.model.nq
+        self.n, self.motors = len(mechanism.coordinates), mechanism.motors.shape[1]
 
-    def generalized_forces(self, q: Any, va: Any, aa: Any) -> jax.Array:
-        """Generalized forces of a motion, shape (..., n); the torques if motor k is coordinate k.
+    def __repr__(self) -> str:
+        sizes = f"nq={self.nq}, n={self.n}, motors={self.motors}"
+        return f"JaxFunctions({self._mechanism.model.name}: {sizes})"
+
+    def torques(self, q: Any, va: Any, aa: Any) -> jax.Array:
+        """Inverse dynamics, shape (..., motors); with redundant motors the smallest torques.
 
         Args:
             q: Configurations on the closures, shape (..., nq).
             va: Rates of the coordinates, shape (..., n).
             aa: Their accelerations, shape (..., n).
-        """
-        return self._forces(*_doubles(q, va, aa))
-
-    def torques(self, q: Any, va: Any, aa: Any) -> jax.Array:
-        """Inverse dynamics, shape (..., motors); arguments as `generalized_forces`.
 
         Raises:
-            DescriptionError: If the motors are not the coordinates.
+            ActuationError: If there are fewer motors than coordinates.
         """
-        if not self._chain._current.mechanism().driven_one_to_one:
-            problem = "the motors are not the coordinates; use generalized_forces"
-            raise DescriptionError("jax", [problem])
-        return self.generalized_forces(q, va, aa)
+        if self._mechanism.driven_one_to_one:
+            return self.generalized_forces(q, va, aa)
+        if self.motors < self.n:
+            raise ActuationError(
+                f"{self.motors} motors for {self.n} coordinates; use generalized_forces"
+            )
+        return self._torques(*self._arguments(q=q, va=va, aa=aa))
+
+    def generalized_forces(self, q: Any, va: Any, aa: Any) -> jax.Array:
+        """Generalized forces of a motion, shape (..., n); arguments as `torques`."""
+        return self._forces(*self._arguments(q=q, va=va, aa=aa))
 
     def accelerations(self, q: Any, va: Any, tau: Any) -> jax.Array:
         """Direct dynamics, shape (..., n).
@@ -84,53 +113,267 @@ class JaxFunctions:
             va: Rates of the coordinates, shape (..., n).
             tau: Motor torques, shape (..., motors).
         """
-        return self._accelerations(*_doubles(q, va, tau))
+        return self._accelerations(*self._arguments(q=q, va=va, tau=tau))
 
-    def _function(
-        self,
-        values: Callable[..., Any],
-        derivatives: Callable[..., Any],
-        entries: list[int],
-        n: int,
+    def rates(self, q: Any, va: Any) -> jax.Array:
+        """Rates v of all joints, shape (..., nv); arguments as `torques`."""
+        return self._rates(*self._arguments(q=q, va=va))
+
+    def tangent(self, q: Any) -> jax.Array:
+        """T, shape (..., nq, n), with q_dot = T va; q as in `torques`."""
+        (q,) = self._arguments(q=q)
+        T: jax.Array = self._tangent(q).reshape(*q.shape[:-1], self.nq, self.n)
+        return T
+
+    def closed(self, q: Any) -> jax.Array:
+        """The configurations near q whose loops are closed, with the same coordinates.
+
+        Args:
+            q: Shape (..., nq); quaternions of any length.
+
+        Returns:
+            Shape (..., nq).
+        """
+        (q,) = self._arguments(q=q)
+        parts = self._mechanism.space.unit_parts
+        if parts.size:
+            q = q * (1 + (1 / jnp.sqrt((q * q) @ parts) - 1) @ parts.T)
+        return self._closed(q)
+
+    def step(self, q: Any, va: Any, tau: Any, dt: Any) -> tuple[jax.Array, jax.Array]:
+        """The state after a step of the classical Runge-Kutta method of order four.
+
+        Args:
+            q: Configurations on the closures, shape (..., nq).
+            va: Rates of the coordinates, shape (..., n).
+            tau: Motor torques, constant during the step, shape (..., motors).
+            dt: Steps, shape (...), [s].
+
+        Returns:
+            q on the closures, shape (..., nq), and va, shape (..., n).
+        """
+        q, va, tau, dt = self._arguments(q=q, va=va, tau=tau, dt=dt)
+
+        def rate(q: jax.Array, va: jax.Array) -> tuple[jax.Array, jax.Array]:
+            q_dot = (self.tangent(q) @ va[..., None])[..., 0]
+            return q_dot, self._smooth_accelerations(q, va, tau)
+
+        first = rate(q, va)
+        second = rate(self.closed(q + dt / 2 * first[0]), va + dt / 2 * first[1])
+        third = rate(self.closed(q + dt / 2 * second[0]), va + dt / 2 * second[1])
+        fourth = rate(self.closed(q + dt * third[0]), va + dt * third[1])
+        stages = first, second, third, fourth
+        q_dot, aa = (a + 2 * b + 2 * c + d for a, b, c, d in zip(*stages, strict=True))
+        return self.closed(q + dt / 6 * q_dot), va + dt / 6 * aa
+
+    def frame_placement(self, frame: str) -> Callable[[Any], tuple[jax.Array, jax.Array]]:
+        """A function q -> p, shape (..., 3), and R, shape (..., 3, 3): a frame in the base.
+
+        Args:
+            frame: Its name.
+
+        Raises:
+            UnknownNameError: For an unknown frame.
+        """
+        frame_id(self._mechanism.model, frame)
+        return self._placement(frame)
+
+    def _placement_of(self, frame: str) -> Callable[[Any], tuple[jax.Array, jax.Array]]:
+        values = self._differentiable(partial(self._by_casadi, f"frame_placement {frame}"), 12)
+
+        def placement(q: Any) -> tuple[jax.Array, jax.Array]:
+            (q,) = self._arguments(q=q)
+            both = values(q)
+            return both[..., :3], both[..., 3:].reshape(*q.shape[:-1], 3, 3)
+
+        return placement
+
+    # --- functions of arrays of the right shape ---------------------------------------------
+
+    @cached_property
+    def _forces(self) -> Callable[..., jax.Array]:
+        return self._dynamics(
+            "generalized_forces",
+            partial(self._chain.generalized_forces, on_error="nan"),
+            self._chain.torque_derivatives,
+        )
+
+    @cached_property
+    def _accelerations(self) -> Callable[..., jax.Array]:
+        values = partial(self._chain.compute_accelerations, on_error="nan")
+        return self._dynamics("accelerations", values, self._chain.acceleration_derivatives)
+
+    @cached_property
+    def _smooth_accelerations(self) -> Callable[..., jax.Array]:
+        """With the smooth friction of derivatives."""
+
+        def values(q: Array, va: Array, tau: Array) -> Array:
+            states = self._chain.states(self._sign_width, q)
+
+            def one(q: Array, va: Array, tau: Array) -> Array:
+                rate: Array = states.rate(np.concatenate([q, va], axis=-1), tau, None)
+                return rate[..., self.nq :]
+
+            return _samples(one, self.n, q, va, tau)
+
+        return self._dynamics("accelerations", values, self._chain.acceleration_derivatives)
+
+    @cached_property
+    def _torques(self) -> Callable[..., jax.Array]:
+        def values(order: int, *arrays: Array) -> Array:
+            if order:
+                return self._by_casadi("torques", order, *arrays)
+            return self._chain.compute_torques(*arrays, on_error="nan")
+
+        return self._differentiable(values, self.motors)
+
+    @cached_property
+    def _rates(self) -> Callable[..., jax.Array]:
+        return self._differentiable(partial(self._by_casadi, "rates"), self._mechanism.model.nv)
+
+    @cached_property
+    def _tangent(self) -> Callable[..., jax.Array]:
+        return self._differentiable(partial(self._by_casadi, "tangent"), self.nq * self.n)
+
+    @cached_property
+    def _closed(self) -> Callable[..., jax.Array]:
+        def values(q: Array) -> Array:
+            return _samples(self._chain.states(self._sign_width, q).closed, self.nq, q)
+
+        on_arrays = self._on_arrays(values)
+
+        @jax.custom_jvp
+        def closed(q: jax.Array) -> jax.Array:
+            return _called(on_arrays, (self.nq,), q)
+
+        @closed.defjvp
+        def _(primals: Any, tangents: Any) -> Any:
+            q = closed(*primals)
+            way = self._way(q, *tangents)[..., None]
+            return q, (self.tangent(q) @ way)[..., 0]
+
+        return closed
+
+    def _dynamics(
+        self, name: str, values: Values, derivatives: Callable[..., Any]
     ) -> Callable[..., jax.Array]:
-        """A function of q, va and x, differentiated by its derivatives along the motions."""
+        """The chain's values and first derivatives, CasADi's of higher orders."""
 
-        def on_arrays(*arrays: Any) -> Any:
-            return values(*map(np.asarray, arrays), on_error="nan")
-
-        def on_arrays_by(*arrays: Any) -> Any:
-            plain = map(np.asarray, arrays)
-            d = derivatives(*plain, sign_width=self._sign_width, on_error="nan")
+        def of_order(order: int, *arrays: Array) -> Array:
+            if order == 0:
+                return values(*arrays)
+            if order > 1:
+                return self._by_casadi(name, order, *arrays)
+            d = derivatives(*arrays, sign_width=self._sign_width, on_error="nan")
             return np.concatenate(d, axis=-1)
 
+        return self._differentiable(of_order, self.n)
+
+    def _differentiable(
+        self, values: Values, size: int, order: int = 0
+    ) -> Callable[..., jax.Array]:
+        """A function of q and others, shape (..., size, N, .., N), differentiated along motions.
+
+        Args:
+            values: It and its derivatives; the first argument is the order.
+            size: Of its result.
+            order: Of the derivative that it is itself.
+        """
+        on_arrays = self._on_arrays(partial(values, order))
+        by = cache(lambda: self._differentiable(values, size, order + 1))
+
         @jax.custom_jvp
-        def by(q: jax.Array, va: jax.Array, x: jax.Array) -> jax.Array:
-            return _called(on_arrays_by, (n, 2 * n + x.shape[-1]), q, va, x)
+        def function(*arrays: jax.Array) -> jax.Array:
+            N = self.n + sum(x.shape[-1] for x in arrays[1:])
+            return _called(on_arrays, (size, *(N,) * order), *arrays)
 
-        @by.defjvp
-        def _second_order(primals: Any, tangents: Any) -> Any:
-            problem = "derivatives are of first order; CasADi's functions have those of every order"
-            raise InputError("jax", problem)
+        @function.defjvp
+        def _(primals: Any, tangents: Any) -> Any:
+            rows, (dq, *others) = by()(*primals), tangents
+            lead = rows.shape[: -2 - order]
+            parts = [self._way(primals[0], dq), *others]
+            parts = [jnp.broadcast_to(x, (*lead, x.shape[-1])) for x in parts]
+            way = jnp.concatenate(parts, axis=-1).reshape(*lead, *(1,) * order, -1, 1)
+            return function(*primals), (rows @ way)[..., 0]
 
-        @jax.custom_jvp
-        def function(q: jax.Array, va: jax.Array, x: jax.Array) -> jax.Array:
-            return _called(on_arrays, (n,), q, va, x)
-
-        def jvp(primals: Any, tangents: Any) -> Any:
-            q, va, x = primals
-            rows = by(q, va, x)
-            dq, dva, dx = tangents
-            parts = [dq[..., entries], dva, dx]
-            lead = rows.shape[:-2]
-            parts = [jnp.broadcast_to(part, (*lead, part.shape[-1])) for part in parts]
-            change = jnp.einsum("...ij,...j->...i", rows, jnp.concatenate(parts, axis=-1))
-            return function(q, va, x), change
-
-        function.defjvp(jvp)
         return function
 
+    def _way(self, q: jax.Array, dq: jax.Array) -> jax.Array:
+        """Rates of the coordinates in the change dq of q, shape (..., n)."""
+        entries, single = self._entries
+        if single:
+            return dq[..., entries]
+        T = self.tangent(q)[..., entries, :]
+        T_t = jnp.swapaxes(T, -1, -2)
+        return jnp.linalg.solve(T_t @ T, T_t @ dq[..., entries, None])[..., 0]
 
-def _called(function: Callable[..., Any], shape: tuple[int, ...], *arrays: jax.Array) -> jax.Array:
+    @cached_property
+    def _entries(self) -> tuple[NDArray[np.intp], bool]:
+        """Entries of q of the coordinates' joints, and whether each is a coordinate."""
+        of_rate: dict[int, range] = {}
+        for joint in list(self._mechanism.model.joints)[1:]:
+            for k in range(joint.nv):
+                own = range(joint.nq) if joint.nq > joint.nv else range(k, k + 1)
+                of_rate[joint.idx_v + k] = range(joint.idx_q + own.start, joint.idx_q + own.stop)
+        parts = [of_rate[int(k)] for k in self._mechanism.coordinates]
+        entries = list(dict.fromkeys(i for part in parts for i in part))
+        return np.array(entries, dtype=np.intp), all(len(part) == 1 for part in parts)
+
+    # --- inside -----------------------------------------------------------------------------
+
+    def _by_casadi(self, name: str, order: int, *arrays: Array) -> Array:
+        """As `AlongMotions.values`, of the model as it stands."""
+        lead = np.broadcast_shapes(*(x.shape[:-1] for x in arrays))
+        arrays = tuple(np.broadcast_to(x, (*lead, x.shape[-1])) for x in arrays)
+        with self._lock:
+            mechanism, made = self._chain._current.mechanism(), self._along
+            if made is None or made[0] is not mechanism:
+                reference = self._chain._current.reference
+                functions = CasadiFunctions(reference, self._near, self._sign_width)
+                made = self._along = mechanism, AlongMotions(functions)
+            return made[1].values(name, order, *arrays)
+
+    def _on_arrays(self, values: Values) -> Callable[..., Array]:
+        """What JAX calls."""
+
+        def on_arrays(*given: Any) -> Array:
+            results = values(*map(np.asarray, given))
+            now = self._chain._current.mechanism().coordinates
+            if not np.array_equal(now, self._mechanism.coordinates):
+                problem = "the robot has other coordinates now; call jax() again, near this q"
+                raise DescriptionError("jax", [problem])
+            return results
+
+        return on_arrays
+
+    def _arguments(self, **arguments: Any) -> list[jax.Array]:
+        """In double precision, checked, with as many leading axes each; dt as a column."""
+        _require_double()
+        sizes = {"q": self.nq, "va": self.n, "aa": self.n, "tau": self.motors}
+        arrays = []
+        for name, value in arguments.items():
+            try:
+                array = jnp.asarray(value)
+            except (TypeError, ValueError) as error:
+                raise InputError(name, f"not an array of numbers ({error})") from None
+            if array.dtype.kind not in "iuf":
+                raise InputError(name, f"not an array of real numbers (dtype {array.dtype})")
+            if name == "dt":
+                array = array[..., None]
+            elif array.shape[-1:] != (sizes[name],):
+                raise InputError(name, f"shape {array.shape}, expected (..., {sizes[name]})")
+            arrays.append(array.astype(jnp.float64))
+        leads = [x.shape[:-1] for x in arrays]
+        try:
+            axes = len(jnp.broadcast_shapes(*leads))
+        except ValueError:
+            raise InputError("batch", f"leading axes {leads} do not broadcast") from None
+        return [x.reshape((1,) * (axes + 1 - x.ndim) + x.shape) for x in arrays]
+
+
+def _called(
+    function: Callable[..., Array], shape: tuple[int, ...], *arrays: jax.Array
+) -> jax.Array:
     """A function on this process's arrays, a batch at once."""
     lead = jnp.broadcast_shapes(*(array.shape[:-1] for array in arrays))
     result = jax.eval_shape(partial(jnp.zeros, (*lead, *shape), jnp.float64))
@@ -138,21 +381,22 @@ def _called(function: Callable[..., Any], shape: tuple[int, ...], *arrays: jax.A
     return found
 
 
-def _doubles(*arrays: Any) -> tuple[jax.Array, ...]:
-    return tuple(jnp.asarray(array, dtype=jnp.float64) for array in arrays)
+def _samples(function: Callable[..., Array], size: int, *arrays: Array) -> Array:
+    """A function of many samples, one by one where some are at fault: these become NaN."""
+
+    def fill(flat: list[Array | None], results: Array) -> NDArray[np.intp]:
+        try:
+            results[:] = function(*flat)
+        except SSTError:
+            return np.arange(len(results))
+        return np.arange(0)
+
+    axes = [1] * len(arrays)
+    return for_each_sample(function, arrays, axes, (size,), on_error="nan", fast=fill)
 
 
-def _entries(mechanism: Mechanism) -> list[int]:
-    """The entry of q of each coordinate."""
-    of_rate: dict[int, int] = {}
-    for joint in list(mechanism.model.joints)[1:]:
-        if joint.nq == joint.nv:
-            of_rate |= {joint.idx_v + k: joint.idx_q + k for k in range(joint.nv)}
-    problems = [
-        f"coordinate {name} is not a single entry of q"
-        for k, name in zip(mechanism.coordinates, mechanism.coordinate_rate_names, strict=True)
-        if int(k) not in of_rate
-    ]
-    if problems:
-        raise DescriptionError("jax", problems)
-    return [of_rate[int(k)] for k in mechanism.coordinates]
+def _require_double() -> None:
+    if jnp.zeros(()).dtype != np.float64:
+        raise InputError(
+            "jax", "single precision is on; call jax.config.update('jax_enable_x64', True)"
+        )

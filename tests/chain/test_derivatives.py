@@ -15,9 +15,9 @@ from derivative_cases import (
     CONSTRAINTS,
     TREES,
     WIDTH,
+    assert_daa_is_the_inertia_and_dtau_its_inverse,
     assert_derivatives_are_those_of_differences,
     assert_frames_move_as_differences_say,
-    carried_four_bar,
     close,
     derivative,
     floating_four_bar,
@@ -26,9 +26,10 @@ from derivative_cases import (
     of_tree,
     without_coulomb,
 )
+from doors import Arrays
 from pinocchio_derivatives import RIGHT, assert_Pinocchio_agrees, assert_Pinocchio_is_wrong
 from robots import ROBOTS
-from sst_pin import ClosedChain, robots
+from sst_pin import robots
 from sst_pin.errors import ClosureError, InputError
 
 #: The others take a second for each of twenty states.
@@ -50,9 +51,9 @@ def some(request):
 
 def test_derivatives_of_robots_are_those_of_differences(some):
     """20 states; friction, springs and wrenches everywhere."""
-    random = np.random.default_rng(1)
+    random, door = np.random.default_rng(1), Arrays(some)
     for state in some.states(20):
-        assert_derivatives_are_those_of_differences(some, *state, random)
+        assert_derivatives_are_those_of_differences(some, door, *state, random)
 
 
 @pytest.mark.slow
@@ -62,45 +63,15 @@ def test_derivatives_through_every_closure_and_every_joint(name, kind):
     """Trees that were not added depth-first, with joints whose axes move."""
     case, random = of_tree(name, kind), np.random.default_rng(1)
     for state in case.states(2):
-        assert_derivatives_are_those_of_differences(case, *state, random)
-
-
-@pytest.mark.parametrize("name", ROBOTS)
-def test_derivatives_obey_the_principle_of_virtual_work(name):
-    """Along any curve of states tau' = dq q_a' + dva va' + daa aa', by virtual work alone."""
-    robot = without_coulomb(name)
-    chain, random = robot.chain(), np.random.default_rng(3)
-    n = len(robot.x)
-    wrenches = random.uniform(-5, 5, (len(robot.links), 6))
-    state = np.array([robot.x, *random.uniform(-1, 1, (2, n))])
-    way = random.uniform(-1, 1, (3, n))
-
-    def motion(s):
-        m = robot.motion(*(state + s * way), wrenches)
-        return np.array([m.q[robot.motors], m.va, m.aa, m.tau]).real
-
-    m = robot.motion(*state, wrenches)
-    d_q, d_va, d_aa, d_tau = derivative(motion, 2e-3)
-    df = chain.torque_derivatives(m.q.real, m.va, m.aa, external_wrenches=wrenches)
-    # Cauchy's integrals leave 1e-14 of the torques, over the step; assembled to 1e-15.
-    close(df.dq @ d_q + df.dva @ d_va + df.daa @ d_aa, d_tau, 1e-9)
+        assert_derivatives_are_those_of_differences(case, Arrays(case), *state, random)
 
 
 # --- identities ---------------------------------------------------------------------------------
 
 
 def test_daa_is_the_inertia_and_dtau_its_inverse(some):
-    chain = some.chain
-    for q, va, aa, wrenches in some.states(5):
-        daa = chain.torque_derivatives(q, va, aa, external_wrenches=wrenches).daa
-        close(daa, chain.noc(q, va).inertia, 1e-12)
-        tau = np.ones(len(chain.motor_names))
-        dtau = chain.acceleration_derivatives(q, va, tau, external_wrenches=wrenches).dtau
-        L = some.L(q)
-        motors = L[list(chain.actuated)].T
-        # Condition numbers of inertia matrices of mixed units are up to 1e4.
-        close(daa @ dtau, motors, 1e-10)
-        close(dtau, np.linalg.solve(chain.noc(q, va).inertia, motors), 1e-10)
+    for state in some.states(5):
+        assert_daa_is_the_inertia_and_dtau_its_inverse(some, Arrays(some), *state)
 
 
 def test_direct_and_inverse_dynamics_have_the_same_derivatives():
@@ -113,19 +84,6 @@ def test_direct_and_inverse_dynamics_have_the_same_derivatives():
     close(df.daa @ da.dq, -df.dq, 1e-10)
     close(df.daa @ da.dva, -df.dva, 1e-10)
     close(df.daa @ da.dtau, np.eye(6), 1e-10)
-
-
-def test_a_turn_of_the_base_about_the_vertical_changes_nothing():
-    """The yaw column of a four-bar on a yaw joint is zero, for forces and accelerations."""
-    model, closures, motors, start = carried_four_bar(pin.JointModelRZ())
-    chain, random = ClosedChain(model, closures, motors), np.random.default_rng(0)
-    for _ in range(20):
-        q = chain.assemble(start + random.uniform(-0.1, 0.1, 4))
-        va, aa, tau = random.uniform(-2, 2, (3, 2))
-        dq = chain.torque_derivatives(q, va, aa).dq
-        assert np.abs(dq[:, 0]).max() < 1e-12 * np.abs(dq).max()
-        dq = chain.acceleration_derivatives(q, va, tau).dq
-        assert np.abs(dq[:, 0]).max() < 1e-12 * np.abs(dq).max()
 
 
 def test_derivatives_leave_the_robot_as_it_is():

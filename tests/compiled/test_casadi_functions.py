@@ -122,21 +122,6 @@ def test_wrenches_are_an_input_where_they_are_asked_for():
         close(functions.step(q, 0.1 * va, tau, 1e-4, wrenches)[0], motion.q[1], 1e-12)
 
 
-def test_second_derivatives_are_those_of_differences():
-    """Central differences of the exact first ones: the step is 1e-6, rounding leaves 1e-9."""
-    chain = four_bar()
-    f, (q,) = chain.casadi().torques, [chain.home]
-    first, second = f.jacobian(), f.jacobian().jacobian()
-
-    def numbers(q):
-        return np.concatenate([x.full().ravel() for x in first(q, [1.2], [0.7], 0)])
-
-    by_q = np.vstack([block.full() for block in second(q, [1.2], [0.7], 0, 0, 0, 0)[::4]])
-    h = 1e-6
-    columns = [(numbers(q + h * e) - numbers(q - h * e)) / (2 * h) for e in np.eye(3)]
-    close(by_q, np.transpose(columns), 1e-7)
-
-
 def program(functions, start):
     """The pose near a start in which a robot needs the least torques."""
     opti = ca.Opti()

@@ -13,7 +13,6 @@ from derivative_cases import (
     TREES,
     WIDTH,
     Case,
-    assert_derivatives_are_those_of_differences,
     assert_frames_move_as_differences_say,
     carried_four_bar,
     close,
@@ -207,12 +206,6 @@ def test_compile_with_derivatives_has_all_of_linearize_ready(name, monkeypatch):
     assert ("displacement_rates" in asked) == (name == "floating four-bar")
 
 
-def test_kernels_have_the_derivatives_of_differences(compiled):
-    case, random = compiled[0], np.random.default_rng(1)
-    for state in case.states(5):
-        assert_derivatives_are_those_of_differences(case, *state, random)
-
-
 OF_FRAMES = ("frame_jacobian_rate", "frame_velocity_derivatives", "frame_drift")
 
 
@@ -288,16 +281,6 @@ def test_frames_have_out_threads_and_samples_at_fault(compiled):
         with pytest.raises(UnknownNameError, match="nowhere"):
             getattr(chain, name)(q[0], *(x[0] for x in motions), "nowhere")
         assert "nowhere" not in chain.path
-
-
-def test_identities_hold_for_kernels(compiled):
-    """daa is the inertia; with dtau it gives what the motors do."""
-    case, chain = compiled[0], compiled[0].chain
-    for q, va, aa, _ in case.states(5):
-        daa = chain.torque_derivatives(q, va, aa).daa
-        close(daa, chain.noc(q, va).inertia, 1e-12)
-        dtau = chain.acceleration_derivatives(q, va, np.ones(len(chain.motor_names))).dtau
-        close(daa @ dtau, case.L(q)[list(chain.actuated)].T, 1e-10)
 
 
 def test_out_threads_and_samples_at_fault(compiled):

@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Derivatives of every order along the motions that keep the loops closed, as numbers.
+
+On the closures q has n directions, those of `tangent`, T. What is differentiated by q and then
+along T is the derivative along a closed motion; it is itself a function of a closed q, which can be
+differentiated in the same way. CasADi does all of this.
+"""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+from casadi import SX, Function
+from numpy.typing import NDArray
+
+from .casadi_functions import CasadiFunctions
+
+Array = NDArray[np.float64]
+
+
+class AlongMotions:
+    """Values and derivatives of functions of closed configurations, one thread at a time.
+
+    Args:
+        functions: Of the robot, not compiled.
+    """
+
+    def __init__(self, functions: CasadiFunctions) -> None:
+        self._functions = functions
+        self._made: dict[tuple[str, int], Function] = {}
+
+    def values(self, name: str, order: int, *arguments: Array) -> Array:
+        """A function, or its derivatives, of samples in rows.
+
+        Args:
+            name: Of one of the `CasadiFunctions`; "frame_placement " and the name of a frame.
+            order: Of the derivatives; 0 for values.
+            arguments: q, shape (..., nq), and the others, shape (..., size), with the same leading
+                axes.
+
+        Returns:
+            Shape (..., size, N, .., N), an axis of N for each order: the n directions of q, then
+            the entries of the others. Samples that fail the checks are NaN.
+        """
+        lead = arguments[0].shape[:-1]
+        columns = [x.reshape(-1, x.shape[-1]).T for x in arguments]
+        values = self._function(name, order)(*columns).full().T
+        checks = self._functions.check(columns[0]).full().ravel()
+        values[~(checks <= 1)] = np.nan
+        others = sum(x.shape[-1] for x in arguments[1:])
+        return values.reshape(*lead, -1, *(self._functions.n + others,) * order)
+
+    def _function(self, name: str, order: int) -> Function:
+        """All numbers of one order in a column, the last axis first."""
+        if (name, order) not in self._made:
+            self._made[name, order] = self._derived(name, order) if order else self._given(name)
+        return self._made[name, order]
+
+    def _given(self, name: str) -> Function:
+        first, _, rest = name.partition(" ")
+        function = getattr(self._functions, first)
+        if rest:
+            function = function(rest)
+        symbols = function.sx_in()
+        results = ca.vertcat(*(ca.vec(x.T) for x in function.call(symbols)))
+        return Function("values", symbols, [results])
+
+    def _derived(self, name: str, order: int) -> Function:
+        before = self._function(name, order - 1)
+        symbols = before.sx_in()
+        (values,), x = before.call(symbols), ca.vertcat(*symbols)
+        T = self._functions.tangent(symbols[0])
+        step = ca.diagcat(T, SX.eye(x.numel() - self._functions.nq))
+        return Function("derivatives", symbols, [ca.vec(ca.jtimes(values, x, step).T)])

@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The ways in which users reach the dynamics: NumPy arrays, CasADi functions, JAX functions.
+
+Each takes and returns NumPy arrays of one sample, friction smooth within `WIDTH` in derivatives.
+"""
+
+import numpy as np
+import pytest
+
+from derivative_cases import WIDTH
+from sst_pin.chain.derivatives import AccelerationDerivatives, TorqueDerivatives
+
+
+class Arrays:
+    """The chain's methods on the reference path."""
+
+    takes_wrenches = True
+
+    def __init__(self, case):
+        self.chain = case.chain
+
+    def forces(self, *state, **loads):
+        return self.chain.generalized_forces(*state, **loads)
+
+    def accelerations(self, *state, **loads):
+        return self.chain.compute_accelerations(*state, **loads)
+
+    def rates(self, q, va):
+        return self.chain.joint_rates(q, va)
+
+    def torque_derivatives(self, *state, **loads):
+        return self.chain.torque_derivatives(*state, sign_width=WIDTH, **loads)
+
+    def acceleration_derivatives(self, *state, **loads):
+        return self.chain.acceleration_derivatives(*state, sign_width=WIDTH, **loads)
+
+    def step(self, q, va, tau, dt):
+        motion = self.chain.rollout([tau], q, va, dt, sign_width=WIDTH)
+        return motion.q[1], motion.va[1]
+
+
+class Kernels(Arrays):
+    """The same by compiled kernels."""
+
+    def __init__(self, case):
+        super().__init__(case)
+        self.chain.compile(case.home, derivatives=True)
+
+
+class Casadi:
+    """CasADi's functions, differentiated by CasADi along their tangent."""
+
+    takes_wrenches = True
+
+    def __init__(self, case):
+        self.chain = case.chain
+        self._plain = case.chain.casadi(case.home, sign_width=WIDTH)
+        self._loaded = case.chain.casadi(case.home, sign_width=WIDTH, external_wrenches=True)
+
+    def forces(self, *state, external_wrenches=None):
+        functions, state = self._taking(state, external_wrenches)
+        return functions.generalized_forces(*state).full().ravel()
+
+    def accelerations(self, *state, external_wrenches=None):
+        functions, state = self._taking(state, external_wrenches)
+        return functions.accelerations(*state).full().ravel()
+
+    def rates(self, *state):
+        return self._plain.rates(*state).full().ravel()
+
+    def torque_derivatives(self, *state, external_wrenches=None):
+        rows = self._rows("generalized_forces", state, external_wrenches)
+        return TorqueDerivatives.of_rows(rows)
+
+    def acceleration_derivatives(self, *state, external_wrenches=None):
+        return AccelerationDerivatives.of_rows(
+            self._rows("accelerations", state, external_wrenches)
+        )
+
+    def _rows(self, name, state, wrenches):
+        functions, state = self._taking(state, wrenches)
+        by = [x.full() for x in getattr(functions, name).jacobian()(*state, 0)[:3]]
+        return np.hstack([by[0] @ functions.tangent(state[0]).full(), *by[1:]])
+
+    def _taking(self, state, wrenches):
+        return (self._plain, state) if wrenches is None else (self._loaded, (*state, wrenches))
+
+    def second_derivatives(self, *state):
+        """Of the torques, shape (n, 3 n, 3 n)."""
+        functions, n = self._plain, self._plain.n
+        by = functions.torque_derivatives.jacobian()(*state, 0, 0, 0)
+        T = functions.tangent(state[0]).full()
+        blocks = []  # of dq, dva, daa, each column after column, by q, va, aa
+        for k in range(3):
+            block = [x.full() for x in by[3 * k : 3 * k + 3]]
+            block = np.hstack([block[0] @ T, *block[1:]])
+            blocks.append(block.reshape(n, n, 3 * n).swapaxes(0, 1))
+        return np.concatenate(blocks, axis=1)
+
+    def step(self, *state_and_dt):
+        return [x.full().ravel() for x in self._plain.step(*state_and_dt)]
+
+    def step_derivatives(self, *state_and_dt):
+        """Of both results in a column, by q along the motions, va and tau."""
+        by = [x.full() for x in self._plain.step.jacobian()(*state_and_dt, 0, 0)]
+        by = [np.vstack([by[k], by[k + 4]]) for k in range(3)]
+        return np.hstack([by[0] @ self._plain.tangent(state_and_dt[0]).full(), *by[1:]])
+
+
+class Jax:
+    """JAX's functions under `jit`, differentiated by JAX."""
+
+    takes_wrenches = False
+
+    def __init__(self, case):
+        jax = pytest.importorskip("jax", reason="JAX is not installed (extra `jax`)")
+        jax.config.update("jax_enable_x64", True)
+        self.chain = case.chain
+        self.functions = functions = case.chain.jax(case.home, sign_width=WIDTH)
+        made = functions.generalized_forces, functions.accelerations, functions.rates
+        self.forces, self.accelerations, self.rates = map(jax.jit, made)
+        self.step = jax.jit(functions.step)
+
+        self._step_by = jax.jit(jax.jacrev(functions.step, argnums=(0, 1, 2)))
+        self._tangent = jax.jit(functions.tangent)
+        first = [jax.jit(jax.jacrev(f, argnums=(0, 1, 2))) for f in made[:2]]
+        self._forces_by, self._accelerations_by = first
+        self._second = jax.jit(jax.jacfwd(first[0], argnums=(0, 1, 2)))
+
+    def torque_derivatives(self, *state):
+        return TorqueDerivatives(*self._along(self._forces_by(*state), state[0]))
+
+    def acceleration_derivatives(self, *state):
+        return AccelerationDerivatives(*self._along(self._accelerations_by(*state), state[0]))
+
+    def second_derivatives(self, *state):
+        """Of the torques, shape (n, 3 n, 3 n)."""
+        rows = [np.concatenate(self._along(row, state[0]), axis=-1) for row in self._second(*state)]
+        rows[0] = np.swapaxes(np.swapaxes(rows[0], -1, -2) @ self._tangent(state[0]), -1, -2)
+        return np.concatenate(rows, axis=1)
+
+    def step_derivatives(self, *state_and_dt):
+        """Of both results in a column, by q along the motions, va and tau."""
+        q = state_and_dt[0]
+        both = [np.hstack(self._along(by, q)) for by in self._step_by(*state_and_dt)]
+        return np.vstack(both)
+
+    def _along(self, by, q):
+        return [by[0] @ self._tangent(q), *map(np.asarray, by[1:])]
+
+
+DOORS = {"arrays": Arrays, "kernels": Kernels, "CasADi": Casadi, "JAX": Jax}
