@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,47 @@ Indices = NDArray[np.intp]
 Answer = Array | None
 #: Takes arguments as the caller gave them.
 Single = Callable[..., Answer]
+
+
+class Motions(NamedTuple):
+    """N motions with a fixed step.
+
+    Attributes:
+        dt: Step, [s].
+        q0: Starts, shape (N, nq).
+        va0: Rates at the starts, shape (N, n).
+        tau: Torques, shape (N, steps, motors), or at ends and middles, (N, 2 steps + 1, motors).
+        load: Constant external wrenches, shape (N, 6 r), or None.
+        q: To be filled, shape (N, steps + 1, nq); NaN behind the end.
+        va: To be filled, shape (N, steps + 1, n).
+    """
+
+    dt: float
+    q0: Array
+    va0: Array
+    tau: Array
+    load: Array | None
+    q: Array
+    va: Array
+
+    @property
+    def steps(self) -> int:
+        """How many there are."""
+        return self.q.shape[1] - 1
+
+    @property
+    def held(self) -> bool:
+        """Whether torques are constant in each step."""
+        return self.tau.shape[1] == self.steps
+
+    def rest(self, i: int, done: int) -> Motions:
+        """Motion i alone, from its state `done` on."""
+        one = slice(i, i + 1)
+        q0, va0 = (self.q[one, done], self.va[one, done]) if done else (self.q0[one], self.va0[one])
+        tau = self.tau[one, (1 if self.held else 2) * done :]
+        load = None if self.load is None else self.load[one]
+        q, va = self.q[one, done:], self.va[one, done:]
+        return Motions(self.dt, q0.copy(), va0.copy(), tau, load, q, va)
 
 
 class States(Protocol):
@@ -35,18 +76,8 @@ class States(Protocol):
     def passes_singularity(self, before: Array, after: Array) -> bool:
         """Whether the coordinates lose hold of the robot between two configurations."""
 
-    def rollout(
-        self,
-        dt: float,
-        q0: Array,
-        va0: Array,
-        tau: Array,
-        wrenches: Array | None,
-        q: Array,
-        va: Array,
-        threads: int,
-    ) -> Indices:
-        """Fill q and va with the states of N motions; how many of each hold, shape (N,)."""
+    def rollout(self, motions: Motions, threads: int) -> Indices:
+        """Fill the states of motions; how many of each hold, shape (N,)."""
 
 
 class Backend(Protocol):

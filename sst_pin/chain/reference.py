@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ..arrays import finite_array
 from ..errors import ActuationError, InputError, SSTError
 from . import dynamics
-from .backend import Single
+from .backend import Motions, Single
 from .derivatives import Derivatives
 from .dynamics import Workspace
 from .loops import CLOSURE_TOLERANCE
@@ -344,41 +344,25 @@ class ReferenceStates:
         loops.evaluate(q)
         return loops.Phi() * mechanism.row_scale[:, None] * mechanism.rate_scale
 
-    def rollout(
-        self,
-        dt: float,
-        q0: Array,
-        va0: Array,
-        tau: Array,
-        wrenches: Array | None,
-        q: Array,
-        va: Array,
-        threads: int,
-    ) -> NDArray[np.intp]:
+    def rollout(self, motions: Motions, threads: int) -> NDArray[np.intp]:
         """The classical Runge-Kutta method with fixed steps, one motion after the other.
 
         After each step the dependent joints are moved onto the closures. A motion ends at the
         first state that does not hold: open loops, a singularity, a number that is not finite.
 
         Args:
-            dt: Step, [s].
-            q0: Starts, shape (N, nq).
-            va0: Rates at the starts, shape (N, n).
-            tau: Torques, shape (N, steps, motors), or (N, 2 steps + 1, motors).
-            wrenches: Constant, shape (N, r, 6), or None.
-            q: Filled, shape (N, steps + 1, nq); NaN behind the end.
-            va: Filled, shape (N, steps + 1, n).
+            motions: To be filled.
             threads: Without effect here.
 
         Returns:
             How many states of each motion hold, shape (N,).
         """
-        steps = q.shape[1] - 1
-        held = tau.shape[1] == steps
+        dt, q0, va0, tau, loads, q, va = motions
+        steps, held = motions.steps, motions.held
         q[:], va[:] = np.nan, np.nan
         reached = np.zeros(len(q), dtype=np.intp)
         for i in range(len(q)):
-            load = None if wrenches is None else wrenches[i]
+            load = None if loads is None else loads[i].reshape(-1, 6)
             state, before = np.concatenate([q0[i], va0[i]]), q0[i]
             for s in range(steps + 1):
                 q_s = state[: self._nq]

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ..chain.backend import Motions
 from ..chain.mechanism import Friction
 from ..chain.reference import Reference, ReferenceStates
 
@@ -106,34 +107,16 @@ class CompiledStates(ReferenceStates):
             return math.nan, math.nan
         return answer.item(-2), answer.item(-1)
 
-    def rollout(
-        self,
-        dt: float,
-        q0: Array,
-        va0: Array,
-        tau: Array,
-        wrenches: Array | None,
-        q: Array,
-        va: Array,
-        threads: int,
-    ) -> Indices:
+    def rollout(self, motions: Motions, threads: int) -> Indices:
         """As `ReferenceStates.rollout`; it goes on where the kernels stop."""
-        course = self._backend.course(wrenches is not None, self._friction)
+        course = self._backend.course(motions.load is not None, self._friction)
         if course is None:
-            return super().rollout(dt, q0, va0, tau, wrenches, q, va, threads)
-        load = None if wrenches is None else wrenches.reshape(len(wrenches), -1)
-        reached = course.run(dt, q0, va0, tau, load, q, va, min(threads, sys.maxsize))
-        reached[~self._mechanism.space.on_manifold(q0)] = 0  # kernels normalise on the way
-        steps = q.shape[1] - 1
-        stride = 1 if tau.shape[1] == steps else 2
-        for i in np.flatnonzero(reached <= steps):
-            done, one = max(int(reached[i]) - 1, 0), slice(i, i + 1)
-            q_start = (q[one, done] if done else q0[one]).copy()
-            va_start = (va[one, done] if done else va0[one]).copy()
-            loads = None if wrenches is None else wrenches[one]
-            rest = tau[one, stride * done :]
-            arguments = (dt, q_start, va_start, rest, loads, q[one, done:], va[one, done:], 1)
-            reached[i] = done + super().rollout(*arguments)[0]
+            return super().rollout(motions, threads)
+        reached = course.run(*motions, min(threads, sys.maxsize))
+        reached[~self._mechanism.space.on_manifold(motions.q0)] = 0  # kernels normalise on the way
+        for i in map(int, np.flatnonzero(reached <= motions.steps)):
+            done = max(int(reached[i]) - 1, 0)
+            reached[i] = done + super().rollout(motions.rest(i, done), 1)[0]
         return reached
 
     @cached_property

@@ -20,6 +20,7 @@ from ..arrays import (
     single_array,
     whole_number,
 )
+from ..chain.backend import Motions
 from ..errors import InputError, SimulationError
 
 if TYPE_CHECKING:
@@ -102,11 +103,11 @@ def rollout(
         wrenches = finite_array("external_wrenches", external_wrenches, shape)
     batch, flat = flattened((start, rates, torques, wrenches), (1, 1, 2, 2))
     q_0, va_0, tau_0 = (np.require(a, None, "A") for a in flat[:3])
-    load = flat[3]
     count = torques.shape[-2] if steps is None else steps
     samples = math.prod(batch)
+    load = None if flat[3] is None else flat[3].reshape(samples, 6 * len(chain.joint_names))
     q, va = empty((samples, count + 1, nq)), empty((samples, count + 1, n))
-    reached = states.rollout(step, q_0, va_0, tau_0, load, q, va, threads)
+    reached = states.rollout(Motions(step, q_0, va_0, tau_0, load, q, va), threads)
     stopped = np.flatnonzero(reached <= count)
     if len(stopped) and on_error == "raise":
         first = int(stopped[0])
