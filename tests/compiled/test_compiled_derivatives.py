@@ -239,7 +239,7 @@ def test_the_reference_path_computes_a_frame_that_no_kernel_vouches_for(compiled
     closed, left = q[2, -1], []
     for step in np.geomspace(1e-8, 1e-4, 60):
         q[2, -1] = closed + step
-        left = ours._current.backend.of_frame("frame_drift", frame, (q, va), rows, 1)
+        left = ours._current.backend.fill(f"frame_drift {frame}", (q, va), rows, 1)
         if len(left):
             break
     assert list(left) == [2]
