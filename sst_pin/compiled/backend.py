@@ -161,7 +161,8 @@ class CompiledBackend:
             name = self._forces
         given = [np.require(a, float, "A") for a in arrays if a is not None]
         if given[-1].ndim == 3:
-            name, given[-1] = name + _LOADED, given[-1].reshape(len(out), -1)
+            N, bodies, _ = given[-1].shape
+            name, given[-1] = name + _LOADED, given[-1].reshape(N, 6 * bodies)
         kernel = self.kernel(name) if sign_width is None else self._smoothed(name, sign_width)
         if kernel is None:
             return np.arange(len(out))

@@ -168,6 +168,15 @@ def test_frames_of_one_name_at_one_place_are_one_frame(four_bar):
     assert np.array_equal(chain.frame_jacobian(q, frame), four_bar.frame_jacobian(q, frame))
 
 
+def test_no_samples_have_no_results(four_bar):
+    """Whatever the arguments, wrenches on the bodies too."""
+    (q, va, aa), bodies = moving(four_bar, 1), four_bar.model.njoints - 1
+    loads = {"external_wrenches": np.empty((0, bodies, 6))}
+    assert four_bar.compute_torques(q[:0], va[:0], aa[:0], **loads).shape == (0, 1)
+    motion = four_bar.rollout(np.empty((0, 5, 1)), q[:0], va[:0], 0.01, **loads)
+    assert motion.q.shape == (0, 6, 3)
+
+
 def test_one_motion_needs_no_preparation_for_its_forces(small, monkeypatch):
     """Whatever the motors: the kernel takes the arguments as they are."""
     kernels, reference = small
