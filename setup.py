@@ -61,15 +61,16 @@ setup(
             extra_compile_args=COMPILE,
             optional=True,  # without a compiler the reference path computes everything
         ),
-        Extension(
-            "sst_pin.chain.closure_kinds",  # runs without being compiled, too
-            ["sst_pin/chain/closure_kinds.py"],
-            depends=["sst_pin/chain/closure_kinds.pxd"],
-            define_macros=[
-                made_of("sst_pin/chain/closure_kinds.py", "sst_pin/chain/closure_kinds.pxd"),
-            ],
-            extra_compile_args=["-O2"],
-            optional=True,
+        *(
+            Extension(
+                f"sst_pin.chain.{name}",  # runs without being compiled, too
+                [f"sst_pin/chain/{name}.py"],
+                depends=[f"sst_pin/chain/{name}.pxd"],
+                define_macros=[made_of(f"sst_pin/chain/{name}.py", f"sst_pin/chain/{name}.pxd")],
+                extra_compile_args=["-O3"],
+                optional=True,
+            )
+            for name in ("blocks", "closure_kinds")
         ),
         Extension(
             "sst_pin.compiled._binding",

@@ -6,7 +6,8 @@ from pathlib import Path
 
 from ..extensions import require_current
 
-_kinds = find_spec(f"{__name__}.closure_kinds")
-if _kinds is not None and _kinds.origin is not None and not _kinds.origin.endswith(".py"):
-    _source = Path(__file__).with_name("closure_kinds.py")
-    require_current(_kinds.origin, _source, _source.with_suffix(".pxd"))
+for _name in ("blocks", "closure_kinds"):
+    _found = find_spec(f"{__name__}.{_name}")
+    if _found is not None and _found.origin is not None and not _found.origin.endswith(".py"):
+        _source = Path(__file__).with_name(f"{_name}.py")
+        require_current(_found.origin, _source, _source.with_suffix(".pxd"))

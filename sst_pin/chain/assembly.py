@@ -10,7 +10,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from ..errors import ClosureError, DescriptionError
-from .loops import Loops
+from .loops import Loops, connected
 from .mechanism import Mechanism
 
 Array = NDArray[np.float64]
@@ -173,21 +173,13 @@ class Assembly:
 
     def _parts(self, free: Indices) -> Iterator[tuple[Indices, Indices]]:
         """Rows and free rates of loops that share none."""
-        from scipy.sparse import coo_matrix
-        from scipy.sparse.csgraph import connected_components
-
-        touched = self._loops.touched
-        rows, columns = np.nonzero(touched[:, free])
-        n, m = touched.shape[0], len(free)
-        graph = coo_matrix((np.ones(len(rows)), (rows, columns + n)), shape=(n + m, n + m))
-        _, label = connected_components(graph, directed=False)
-        of_closure = label[:n].copy()
-        for part in self._loops.slices:  # the rows of one closure stay together
-            of_closure[part] = label[part.start]
-        order = self._rows
-        for name in dict.fromkeys(of_closure[order].tolist()):
-            members = order[of_closure[order] == name]
-            yield members, free[np.isin(label[n:], np.unique(label[members]))]
+        loops = self._loops
+        of_closures = np.array([loops.touched[rows].any(axis=0) for rows in loops.slices])
+        number = np.repeat(np.arange(len(loops.slices)), [s.stop - s.start for s in loops.slices])
+        for closures, columns in connected(of_closures.reshape(-1, loops.model.nv)[:, free]):
+            rows = self._rows[np.isin(number[self._rows], closures)]
+            if len(rows):
+                yield rows, free[columns]
 
 
 class _Limits:

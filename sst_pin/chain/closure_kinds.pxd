@@ -30,8 +30,7 @@ cdef void put_number(double[:, :, :, :] W, int side, int row, int i, number x) n
 
 cdef class Frame:
     cdef object _data
-    cdef readonly object index, placement, parts
-    cdef Py_ssize_t[::1] columns, rates
+    cdef readonly object index, placement, parts, columns, rates
     cdef double[:, :, ::1] _parts
     cdef double[::1] twist, acceleration
     cdef double[:] _p, _joint_p, _v, _a
@@ -46,9 +45,14 @@ cdef class Frame:
     cdef vector origin(self) noexcept
     cdef vector axis(self, int k) noexcept
 
+cdef class Moved:
+    cdef Py_ssize_t[::1] columns, rates
+
 cdef class Pair:
     cdef readonly Frame B, A
-    cdef readonly object at
+    cdef readonly object at, rates
+    cdef Moved _of_B, _of_A
+    cdef Py_ssize_t[::1] _rates
     cdef object _numbers
     cdef Py_ssize_t _first
     cdef double[:, :, :, :] _W
@@ -56,9 +60,9 @@ cdef class Pair:
 
     cdef void residual(self) except *
     cpdef void wrenches(self) except *
-    @cython.locals(frame=Frame, sign=double, x=double, side=int, i=int, k=Py_ssize_t,
+    @cython.locals(moved=Moved, sign=double, x=double, side=int, i=int, k=Py_ssize_t,
                    n=Py_ssize_t, column=Py_ssize_t)
-    cdef void add_product(self, int part, double[:, ::1] J, double[:, ::1] Phi) except *
+    cdef void product(self, int part, double[:, ::1] J, double[:, ::1] Phi) except *
     @cython.locals(W=double[:, :, :, :], drift=double[:], B=Frame, A=Frame, i=int, k=int)
     cdef void drift(self) except *
     cdef void _hold_velocity(self, int row, vector u, vector of_b, vector of_a) noexcept
@@ -106,9 +110,11 @@ cdef class Wheel(Pair):
 
 @cython.locals(frame=Frame, pair=Pair)
 cpdef place(list frames, list pairs)
+@cython.locals(square=double, i=Py_ssize_t)
+cpdef double length(const double[:] f, const double[:] scale) except? -1
 @cython.locals(pair=Pair)
 cpdef wrenches(list pairs)
 @cython.locals(pair=Pair)
-cpdef add_products(list pairs, int part, double[:, ::1] J, double[:, ::1] Phi)
+cpdef products(list pairs, int part, double[:, ::1] J, double[:, ::1] Phi)
 @cython.locals(frame=Frame, pair=Pair)
 cpdef move(list frames, list pairs)

@@ -182,6 +182,20 @@ class Frame:
         return vector_at(self._parts, 1 + k)
 
 
+class Moved:
+    """What moves a frame and not the other one.
+
+    Attributes:
+        columns: Indices of the columns of J.
+        rates: Indices of the rates v that these belong to.
+    """
+
+    def __init__(self, frame: Frame, other: Frame) -> None:
+        alone = ~np.isin(frame.columns, other.columns)
+        self.columns = np.asarray(frame.columns)[alone]
+        self.rates = np.asarray(frame.rates)[alone]
+
+
 class Rows:
     """Memory for the rows of closures.
 
@@ -210,10 +224,14 @@ class Pair:
 
     Attributes:
         B, A, at: As given.
+        rates: Indices of the rates that move one of the frames only.
     """
 
     def __init__(self, closure: Any, B: Frame, A: Frame, rows: Rows, at: slice) -> None:
         self.B, self.A, self.at, self._first = B, A, at, at.start
+        self._of_B, self._of_A = Moved(B, A), Moved(A, B)
+        self.rates = np.union1d(self._of_B.rates, self._of_A.rates)
+        self._rates = self.rates
         self._numbers = rows.W[:, :, at]
         self._W, self._f, self._drift = self._numbers, rows.f[at], rows.drift[at]
 
@@ -224,22 +242,27 @@ class Pair:
     def wrenches(self) -> None:
         """Compute what of W changes."""
 
-    def add_product(self, part: int, J: Array, Phi: Array) -> None:
-        """Add W J, or W_dot J, at B for what moves B, less that at A for what moves A.
+    def product(self, part: int, J: Array, Phi: Array) -> None:
+        """Put W J, or W_dot J, at B for what moves B only, less that at A for what moves A only.
+
+        What moves both frames leaves the closure as it is.
 
         Args:
             part: 0 for W, 1 for W_dot.
             J: By columns, shape (nvExtended, 6).
             Phi: All rows, shape (rows, nv).
         """
+        for k in range(len(self._f)):
+            for n in range(len(self._rates)):
+                Phi[self._first + k, self._rates[n]] = 0.0
         for side in range(2):
-            frame, sign = (self.A, -1.0) if side else (self.B, 1.0)
+            moved, sign = (self._of_A, -1.0) if side else (self._of_B, 1.0)
             for k in range(len(self._f)):
-                for n in range(len(frame.columns)):
-                    column, x = frame.columns[n], 0.0
+                for n in range(len(moved.columns)):
+                    column, x = moved.columns[n], 0.0
                     for i in range(6):
                         x += self._W[part, side, k, i] * J[column, i]
-                    Phi[self._first + k, frame.rates[n]] += sign * x
+                    Phi[self._first + k, moved.rates[n]] += sign * x
 
     def drift(self) -> None:
         """Compute the accelerations with v_dot = 0, by W and its rate."""
@@ -433,16 +456,24 @@ def place(frames: list[Frame], pairs: list[Pair]) -> None:
         pair.residual()
 
 
+def length(f: Array, scale: Array) -> float:
+    """Of the scaled residuals, one number after the other."""
+    square = 0.0
+    for i in range(len(f)):
+        square += f[i] * scale[i] * f[i] * scale[i]
+    return square**0.5
+
+
 def wrenches(pairs: list[Pair]) -> None:
     """Compute W."""
     for pair in pairs:
         pair.wrenches()
 
 
-def add_products(pairs: list[Pair], part: int, J: Array, Phi: Array) -> None:
-    """As `Pair.add_product`, for all."""
+def products(pairs: list[Pair], part: int, J: Array, Phi: Array) -> None:
+    """As `Pair.product`, for all."""
     for pair in pairs:
-        pair.add_product(part, J, Phi)
+        pair.product(part, J, Phi)
 
 
 def move(frames: list[Frame], pairs: list[Pair]) -> None:

@@ -159,7 +159,8 @@ class Derivatives:
         """-S [v, L e_k]: rates of a displacement due to joints' axes that move, shape (n, n)."""
         ws = self._ws
         ws.evaluate(self._plain.configuration(q))
-        L, v, _ = motion_of_tree(ws, va, np.zeros_like(va))
+        v, _ = motion_of_tree(ws, va, np.zeros_like(va))
+        L = ws.complement.L
         rates = np.zeros_like(L)
         for joint, data in zip(ws.model.joints, ws.data.joints, strict=True):
             if joint.nv > 1:
@@ -171,7 +172,8 @@ class Derivatives:
         """Derivatives of a frame's velocity by q and va side by side, shape (6, 2 n)."""
         q = self._plain.configuration(q)
         self._ws.evaluate(q)
-        L, v, v_dot = motion_of_tree(self._ws, va, np.zeros_like(va))
+        v, v_dot = motion_of_tree(self._ws, va, np.zeros_like(va))
+        L = self._ws.complement.L
         tree = Tree(self._branches, self._ws.data, q, v, v_dot)
         v_q = -self._inverse().dot(partials(self._ws.loops, tree).velocity_q.dot(L))
         moved = tree.frame(frame)
@@ -191,7 +193,8 @@ class Derivatives:
         """Derivatives of f - L^T B tau by q, va and aa, and L, on the plain tree."""
         ws, mechanism = self._ws, self._mechanism
         ws.evaluate(q)
-        L, v, v_dot = motion_of_tree(ws, va, aa)
+        v, v_dot = motion_of_tree(ws, va, aa)
+        L = ws.complement.L
         tree = Tree(self._branches, ws.data, q, v, v_dot)
         rows, G = partials(ws.loops, tree), self._inverse()
         force = pin.rnea(ws.model, ws.data, q, v, v_dot) - mechanism.motors.dot(tau)

@@ -153,7 +153,7 @@ class Workspace:
         self.mechanism, self.model = mechanism, mechanism.model
         self.loops = Loops(mechanism.model, mechanism.closures)
         self.data = self.loops.data
-        self.complement = JointComplement(mechanism)
+        self.complement = JointComplement(mechanism, self.loops.touched)
         self.assembly = Assembly(mechanism, self.loops)
         self.without_slip = Assembly(mechanism, self.loops, slipping=False)
         self._weightless = pin.Model(mechanism.model)
@@ -183,14 +183,12 @@ class Workspace:
         return (inertia + inertia.T) / 2
 
 
-def motion_of_tree(ws: Workspace, va: Array, aa: Array) -> tuple[Array, Array, Array]:
-    """L, v and v_dot of a motion of the coordinates at the configuration evaluated last."""
-    L = ws.complement.factorise(ws.loops.Phi())
-    v = L.dot(va)  # Eq. (16)
-    # The rate of Phi v = 0, Eqs. (8), (20): Phi v_dot = -Phi_dot v. The solution for coordinates
-    # that do not accelerate leaves rounding in their rows, which is taken out with aa.
-    bias = ws.complement.solve(ws.loops.drift(v))
-    return L, v, L.dot(aa + bias[ws.mechanism.coordinates]) - bias
+def motion_of_tree(ws: Workspace, va: Array, aa: Array) -> tuple[Array, Array]:
+    """v and v_dot of a motion of the coordinates at the configuration evaluated last."""
+    ws.complement.factorise(ws.loops.update_Phi())
+    v = ws.complement.rates(va)
+    # The rate of Phi v = 0, Eqs. (8), (20): Phi v_dot = -Phi_dot v.
+    return v, ws.complement.accelerations(aa, ws.loops.drift(v))
 
 
 def applied_forces(
@@ -210,7 +208,7 @@ def applied_forces(
 
 def inverse_dynamics(
     ws: Workspace, q: Array, va: Array, aa: Array, wrenches: Array | None
-) -> tuple[Array, Array, Array]:
+) -> tuple[Array, Array]:
     """What a motion needs along the coordinates, Eq. (92), short form.
 
     `pin.rnea` is N_l forward and N_l^T backward; it forms no K.
@@ -224,15 +222,15 @@ def inverse_dynamics(
             (r, 6), or None.
 
     Returns:
-        f, shape (n,), L, shape (nv, n), and the forces on the tree, shape (nv,), f = L^T of these.
+        f, shape (n,), and the forces on the tree, shape (nv,), f = L^T of these.
     """
     ws.evaluate(q)
-    L, v, v_dot = motion_of_tree(ws, va, aa)
+    v, v_dot = motion_of_tree(ws, va, aa)
     tree = pin.rnea(ws.model, ws.data, q, v, v_dot)
     applied = applied_forces(ws, ws.mechanism.friction, q, v, wrenches)
     if applied is not None:
         tree = tree - applied
-    return tree.dot(L), L, tree
+    return ws.complement.reduced(tree), tree
 
 
 def resistance(ws: Workspace, q: Array, v: Array, wrenches: Array | None) -> float:
@@ -272,13 +270,13 @@ def direct_dynamics(
     from scipy.linalg.lapack import dposv
 
     ws.evaluate(q, tolerance)
-    L, v, bias = motion_of_tree(ws, va, np.zeros_like(va))
+    v, bias = motion_of_tree(ws, va, np.zeros_like(va))
     force = ws.mechanism.motors.dot(tau) - pin.rnea(ws.model, ws.data, q, v, bias)
     applied = applied_forces(ws, friction, q, v, wrenches)
     if applied is not None:
         force += applied
-    inertia = ws.reduced_inertia(q, L)
-    _, aa, info = dposv(inertia, force.dot(L))
+    inertia = ws.reduced_inertia(q, ws.complement.L)
+    _, aa, info = dposv(inertia, ws.complement.reduced(force))
     if info:
         raise SingularConfigurationError(
             "the mass matrix is not positive definite: "
@@ -293,7 +291,8 @@ def terms(ws: Workspace, q: Array, va: Array) -> Terms:
     ws.evaluate(q)
     mechanism, model = ws.mechanism, ws.model
     Phi = ws.loops.Phi()
-    L = ws.complement.factorise(Phi)
+    ws.complement.factorise(Phi)
+    L = ws.complement.L
     v = L @ va  # Eq. (16)
     L_dot = -ws.complement.solve(ws.loops.Phi_dot(v) @ L)
     K, K_dot, M, Omega, w_g = bodies(model, ws.data, v)

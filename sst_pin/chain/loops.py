@@ -3,7 +3,8 @@
 
 With the wrenches W of the closures' rows (`closure_kinds`), Pinocchio's joint Jacobian J, and the
 supports S of 0 and 1 of the two frames of a closure, Phi = (W_B J) S_B - (W_A J) S_A; `tree` says
-what the columns of J are. Phi_dot v is W_dot times the twists of the frames, and W times their
+what the columns of J are. Columns in both supports are left out: what moves both frames alike
+leaves a closed loop as it is. Phi_dot v is W_dot times the twists of the frames, and W times their
 accelerations without v_dot. Pinocchio's own constraint functions are not used, they are wrong or
 NaN in silence on redundant loops.
 
@@ -12,7 +13,7 @@ Rows run [linear; angular], as Pinocchio's do; the paper's order comes in with t
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -20,12 +21,13 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from ..errors import ClosureError, InputError
-from .closure_kinds import Frame, Pair, Rows, add_products, move, pair_of, place, wrenches
+from .closure_kinds import Frame, Pair, Rows, length, move, pair_of, place, products, wrenches
 from .closures import Closure, Constraint, Coupling, Distance, Rolling, frames_of
 from .couplings import Coupled
-from .tree import JacobianRates, frame_id, of_rates, rates_of_columns, summed, support
+from .tree import JacobianRates, frame_id, of_rates, rates_of_columns, support
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
 
 #: Loops further open than this are open, relative to the length of the robot or in [rad].
 CLOSURE_TOLERANCE = 1e-6
@@ -61,8 +63,8 @@ class Loops:
         self.rows = int(starts[-1])
         self.holonomic = np.array([not row.startswith("slip") for c in closures for row in c.rows])
         self._jacobian_rates, self._zero = JacobianRates(model), np.zeros(model.nv)
-        self._J, self._J_dot = of_rates(self.data.J), of_rates(self.data.dJ)
-        self._of_pairs = Rows(self.rows)
+        self._J, self._J_dot = of_rates(self.data.J).T, of_rates(self.data.dJ).T
+        self._numbers, self._Phi = Rows(self.rows), np.zeros((self.rows, model.nv))
         self._frames: list[Frame] = []
         self.pairs: list[Pair] = []
         self.couplings: list[tuple[slice, Coupled]] = []
@@ -77,9 +79,9 @@ class Loops:
     def _connect(self, closure: Closure | Distance | Rolling, rows: slice) -> None:
         """Take in a closure of two frames and what moves them."""
         a, b = (frame_id(self.model, name) for name in frames_of(closure))
-        self.pairs.append(pair_of(closure, self._frame(b), self._frame(a), self._of_pairs, rows))
-        at_b, at_a = (support(self.model, self.model.frames[x].parentJoint) for x in (b, a))
-        self.touched[rows] = summed(self.model, at_b != at_a)
+        pair = pair_of(closure, self._frame(b), self._frame(a), self._numbers, rows)
+        self.pairs.append(pair)
+        self.touched[rows, pair.rates] = True
 
     def _frame(self, index: int) -> Frame:
         """A frame of the model, the same one for all closures."""
@@ -98,13 +100,12 @@ class Loops:
         pin.updateFramePlacements(self.model, self.data)
         place(self._frames, self.pairs)
         self._q = q
+        for rows, coupled in self.couplings:
+            self._numbers.f[rows] = coupled.residual(q)
 
     def residual(self) -> Array:
         """f(q) of Eq. (2), shape (rows,), [m] and [rad], zero when the loops are closed."""
-        f = self._of_pairs.f.copy()
-        for rows, coupled in self.couplings:
-            f[rows] = coupled.residual(self._q)
-        return f
+        return self._numbers.f.copy()
 
     def require_closed(self, scale: Array, tolerance: float = CLOSURE_TOLERANCE) -> None:
         """Check that all loops are closed.
@@ -117,11 +118,10 @@ class Loops:
             InputError: When q is not finite.
             ClosureError: When a loop is open.
         """
-        f = self.residual()
-        scaled = f * scale
-        if scaled.dot(scaled) <= tolerance**2:
+        f = self._numbers.f
+        if length(f, scale) <= tolerance:
             return  # the short way: no row is longer than all
-        if not np.abs(scaled).max(initial=0.0) <= tolerance:
+        if not np.abs(f * scale).max(initial=0.0) <= tolerance:
             residual = float(np.abs(f).max())
             if np.isnan(residual):
                 raise InputError("q", "not finite")
@@ -133,25 +133,31 @@ class Loops:
 
     def Phi(self) -> Array:
         """Jacobian of the closures, shape (rows, nv): Phi v = 0, Eqs. (3), (4)."""
+        return self.update_Phi().copy()
+
+    def update_Phi(self) -> Array:
+        """Phi in memory that stays the same; only what the closures touch is written."""
         wrenches(self.pairs)
-        Phi = self._relative(_W, self._J)
+        products(self.pairs, _W, self._J, self._Phi)
         for rows, coupled in self.couplings:
-            Phi[rows] = coupled.row(self._q)
-        return Phi
+            self._Phi[rows] = coupled.row(self._q)
+        return self._Phi
 
     def Phi_dot(self, v: Array) -> Array:
         """Rate of Phi at rates v of the tree, shape (rows, nv); J and its rate are at v then."""
         self._move(v)
         self._jacobian_rates.update(self.data, self._q, v)
-        Phi_dot = self._relative(_W, self._J_dot) + self._relative(_W_DOT, self._J)
+        Phi_dot, of_axes = np.zeros((2, *self._Phi.shape))
+        products(self.pairs, _W, self._J_dot, Phi_dot)
+        products(self.pairs, _W_DOT, self._J, of_axes)
         for rows, coupled in self.couplings:
             Phi_dot[rows] = coupled.row_rate(self._q, v)
-        return Phi_dot
+        return Phi_dot + of_axes
 
     def drift(self, v: Array) -> Array:
         """Phi_dot v at rates v of the tree, shape (rows,), from accelerations of the frames."""
         self._move(v)
-        drift = self._of_pairs.drift.copy()
+        drift = self._numbers.drift.copy()
         for rows, coupled in self.couplings:
             drift[rows] = coupled.drift(self._q, v)
         return drift
@@ -161,8 +167,22 @@ class Loops:
         pin.forwardKinematics(self.model, self.data, self._q, v, self._zero)
         move(self._frames, self.pairs)
 
-    def _relative(self, part: int, J: Array) -> Array:
-        """W J or W_dot J at frame B, for what moves it, less that at frame A."""
-        Phi = np.zeros(self.touched.shape)
-        add_products(self.pairs, part, J.T, Phi)
-        return Phi
+
+def connected(touched: NDArray[np.bool_]) -> Iterator[tuple[Indices, Indices]]:
+    """Rows and rates that belong together, in parts that share neither.
+
+    Args:
+        touched: Which rates a row depends on, shape (rows, rates).
+
+    Returns:
+        Of each part the indices of its rows and rates; there may be none of one of them.
+    """
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    rows, rates = np.nonzero(touched)
+    n, m = touched.shape
+    graph = coo_matrix((np.ones(len(rows)), (rows, rates + n)), shape=(n + m, n + m))
+    count, label = connected_components(graph, directed=False)
+    for name in range(count):
+        yield np.flatnonzero(label[:n] == name), np.flatnonzero(label[n:] == name)

@@ -9,14 +9,16 @@ at the frame's origin, and `body_jacobians` is the one place that crosses from o
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
-import eigenpy
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
 from ..errors import SingularConfigurationError
+from .blocks import Block, add_solution, factorise, follow, reduce
+from .loops import connected
 from .mechanism import Mechanism
 from .mobility import condition_number
 from .tree import columns, of_rates, summed, support
@@ -30,63 +32,85 @@ MAX_CONDITION_NUMBER = 1e8
 class JointComplement:
     """Solver of the velocity constraints with given rates of the coordinates; one per thread.
 
-    Phi x = c and x^a = a are solved as one system [Phi; selection] x = [c; a], which is Eqs. (7)
-    and (8) without sorting the joints. Redundant rows of Phi stay in: they are consistent, so that
-    least squares over all rows equals the inverse over independent ones, and the column-pivoted
-    QR tells when they are too few. Rows and rates are made free of units first.
+    Phi x = c with x^a = a, Eqs. (7) and (8) without sorting the joints, block by block. Redundant
+    rows of Phi stay in: they are consistent, so that least squares over all rows equals the
+    inverse over independent ones. Rows and rates are made free of units first.
 
     Args:
         mechanism: Whose constraints they are.
+        touched: Which rates each row of Phi depends on, shape (rows, nv).
     """
 
-    def __init__(self, mechanism: Mechanism) -> None:
-        self._mechanism = mechanism
-        selection = mechanism.selection
-        n, nv = selection.shape
-        rows = len(mechanism.row_scale)
-        self._rate_scale = mechanism.rate_scale
-        self._free_of_units = bool((mechanism.rate_scale == 1).all())
-        self._scale = mechanism.row_scale[:, None] * mechanism.rate_scale
-        self._system = np.concatenate((np.zeros((rows, nv)), selection))
-        self._Phi = self._system[:rows]
-        #: Right sides: a unit rate of each coordinate, and a unit rate of each row of Phi.
-        self._of_coordinates = np.zeros((rows + n, n))
-        self._of_coordinates[rows:] = np.diag(1 / self._rate_scale[mechanism.coordinates])
-        self._of_rows = np.eye(rows + n, rows) * mechanism.row_scale
-        self._factors = eigenpy.ColPivHouseholderQR(rows + n, nv)
-        self._factors.setThreshold(1 / MAX_CONDITION_NUMBER)
+    def __init__(self, mechanism: Mechanism, touched: NDArray[np.bool_]) -> None:
+        self._mechanism, self._touched = mechanism, touched
+        self._coordinates, self._nv = mechanism.coordinates, touched.shape[1]
+        self._blocks = list(self._parts())
 
-    def factorise(self, Phi: Array) -> Array:
-        """Take in a configuration and return L: Phi L = 0, unit matrix in the coordinates' rows.
+    def _parts(self) -> Iterator[Block]:
+        """The blocks: rows and dependent rates that belong together."""
+        mechanism, dependent = self._mechanism, self._mechanism.dependent
+        for rows, columns in connected(self._touched[:, dependent]):
+            if len(columns):  # other rows are redundant
+                numbers = np.flatnonzero(self._touched[rows][:, self._coordinates].any(axis=0))
+                yield Block(
+                    rows,
+                    dependent[columns],
+                    self._coordinates[numbers],
+                    numbers,
+                    mechanism.row_scale[rows],
+                    mechanism.rate_scale[dependent[columns]],
+                )
+
+    def factorise(self, Phi: Array) -> None:
+        """Take in a configuration.
 
         Args:
             Phi: Jacobian of the closures, shape (rows, nv).
 
-        Returns:
-            L of Eq. (17), shape (nv, n).
-
         Raises:
             SingularConfigurationError: When the closures do not fix the dependent rates.
         """
-        np.multiply(Phi, self._scale, out=self._Phi)
-        self._factors.compute(self._system)
-        if self._factors.rank() < self._system.shape[1]:
+        if not factorise(self._blocks, Phi) > 1 / MAX_CONDITION_NUMBER:
+            scaled = Phi * self._mechanism.row_scale[:, None] * self._mechanism.rate_scale
             raise SingularConfigurationError(
                 "singular configuration: the coordinates do not determine the rates of the "
                 "dependent joints; move away, or choose other coordinates=",
-                condition_number(self._Phi, self._mechanism.coordinates),
+                condition_number(scaled, self._coordinates),
             )
-        return self._solve(self._of_coordinates)  # Eq. (17)
+
+    @property
+    def L(self) -> Array:
+        """L of Eq. (17), shape (nv, n): Phi L = 0, unit matrix in the coordinates' rows."""
+        L = np.zeros((self._nv, len(self._coordinates)))
+        L[self._coordinates, np.arange(len(self._coordinates))] = 1
+        for block in self._blocks:
+            L[block.corner] = block.L
+        return L
+
+    def rates(self, va: Array) -> Array:
+        """v = L va, shape (nv,), Eq. (16)."""
+        v = np.empty(self._nv)
+        follow(self._blocks, self._coordinates, va, v)
+        return v
+
+    def accelerations(self, aa: Array, drift: Array) -> Array:
+        """x with Phi x = -drift and x^a = aa, shape (nv,), Eqs. (8), (20)."""
+        x = self.rates(aa)
+        add_solution(self._blocks, drift, -1.0, x)
+        return x
 
     def solve(self, closures: Array) -> Array:
-        """x with Phi x = closures and x^a = 0, for a vector or for columns side by side."""
-        return self._solve(self._of_rows.dot(closures))
+        """X with Phi X = closures, shape (rows, k), and X^a = 0, shape (nv, k)."""
+        X = np.zeros((self._nv, closures.shape[1]))
+        for column, x in zip(closures.T, X.T, strict=True):
+            add_solution(self._blocks, column, 1.0, x)
+        return X
 
-    def _solve(self, right: Array) -> Array:
-        x = self._factors.solve(right)
-        if x.ndim != right.ndim:  # eigenpy hands out a single row or column as a vector
-            x = x.reshape(-1, *right.shape[1:])
-        return x if self._free_of_units else (x.T * self._rate_scale).T
+    def reduced(self, forces: Array) -> Array:
+        """L^T times forces on the tree, shape (n,)."""
+        f = np.empty(len(self._coordinates))
+        reduce(self._blocks, self._coordinates, forces, f)
+        return f
 
 
 class Bodies(NamedTuple):

@@ -72,7 +72,7 @@ class Reference:
 
     def generalized_forces(self, q: Array, va: Array, aa: Array, wrenches: Array | None) -> Array:
         """f, shape (n,)."""
-        f, _, _ = dynamics.inverse_dynamics(self.workspace, q, va, aa, wrenches)
+        f, _ = dynamics.inverse_dynamics(self.workspace, q, va, aa, wrenches)
         if not isfinite(f.dot(f)):  # cheaper than looking at each input
             _require_finite(f, q=q, va=va, aa=aa, external_wrenches=wrenches)
         return f
@@ -85,11 +85,12 @@ class Reference:
         Raises:
             ActuationError: When the motors cannot bring it about.
         """
-        f, L, tree = dynamics.inverse_dynamics(self.workspace, q, va, aa, wrenches)
+        f, tree = dynamics.inverse_dynamics(self.workspace, q, va, aa, wrenches)
         if not isfinite(f.dot(f)):
             _require_finite(f, q=q, va=va, aa=aa, external_wrenches=wrenches)
         if self.mechanism.driven_one_to_one:
             return f
+        L = self.workspace.complement.L
         tau, left = self._distributed(f, L, weights)
         largest = float(np.abs(tree * self.mechanism.rate_scale).max())
         if (np.abs(left) > UNSUPPLIED * largest).any():
@@ -168,7 +169,8 @@ class Reference:
         """v = L va, shape (nv,), Eq. (16)."""
         ws = self.workspace
         ws.evaluate(q)
-        v = ws.complement.factorise(ws.loops.Phi()).dot(va)
+        ws.complement.factorise(ws.loops.update_Phi())
+        v = ws.complement.rates(va)
         _require_finite(v, va=va)
         return v
 
@@ -176,7 +178,7 @@ class Reference:
         """v_dot, shape (nv,), Eqs. (8), (20)."""
         ws = self.workspace
         ws.evaluate(q)
-        v_dot = dynamics.motion_of_tree(ws, va, aa)[2]
+        _, v_dot = dynamics.motion_of_tree(ws, va, aa)
         _require_finite(v_dot, va=va, aa=aa)
         return v_dot
 
@@ -184,7 +186,8 @@ class Reference:
         """[linear; angular] of a frame, world axes at its origin, shape (6, n)."""
         ws = self.workspace
         ws.evaluate(q)
-        L = ws.complement.factorise(ws.loops.Phi())
+        ws.complement.factorise(ws.loops.update_Phi())
+        L = ws.complement.L
         J = pin.getFrameJacobian(ws.model, ws.data, frame, pin.LOCAL_WORLD_ALIGNED)
         return of_rates(J).dot(L)
 
@@ -192,7 +195,8 @@ class Reference:
         """Rate of `frame_jacobian`, shape (6, n)."""
         ws = self.workspace
         ws.evaluate(q)
-        L = ws.complement.factorise(ws.loops.Phi())
+        ws.complement.factorise(ws.loops.update_Phi())
+        L = ws.complement.L
         L_dot = -ws.complement.solve(ws.loops.Phi_dot(L.dot(va)).dot(L))
         # Pinocchio's own rate is wrong for mimic joints.
         moved_by = support(ws.model, ws.model.frames[frame].parentJoint)
@@ -215,7 +219,7 @@ class Reference:
         """[linear; angular] acceleration of a frame with aa = 0, shape (6,)."""
         ws = self.workspace
         ws.evaluate(q)
-        _, v, v_dot = dynamics.motion_of_tree(ws, va, np.zeros_like(va))
+        v, v_dot = dynamics.motion_of_tree(ws, va, np.zeros_like(va))
         _require_finite(v_dot, va=va)
         pin.forwardKinematics(ws.model, ws.data, q, v, v_dot)
         pin.updateFramePlacements(ws.model, ws.data)

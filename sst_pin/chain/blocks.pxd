@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: BSD-2-Clause
+# cython: language_level=3
+"""Types by which Cython compiles `blocks.py`."""
+
+cimport cython
+
+cdef extern from *:
+    """
+    const char made_of[] = MADE_OF;  /* the hash of the sources when they were compiled */
+    """
+
+cdef class Block:
+    cdef readonly object dependent, corner, L
+    cdef readonly double largest, smallest
+    cdef Py_ssize_t[::1] _rows, _dependent, _coordinates, _numbers, _order
+    cdef double[::1] _row_scale, _rate_scale, _diagonal, _factors, _squares, _products
+    cdef double[:, ::1] _L, _A, _of_coordinates, _right
+
+    @cython.locals(A=double[:, ::1], B=double[:, ::1], squares=double[::1], scale=double[::1],
+                   factor=double, row=Py_ssize_t, at=Py_ssize_t, i=Py_ssize_t, j=Py_ssize_t,
+                   k=Py_ssize_t, m=Py_ssize_t, d=Py_ssize_t, n=Py_ssize_t)
+    cdef void factorise(self, const double[:, ::1] Phi) noexcept
+    @cython.locals(A=double[:, ::1], squares=double[::1], order=Py_ssize_t[::1], p=Py_ssize_t,
+                   i=Py_ssize_t, j=Py_ssize_t)
+    cdef void _bring_largest_to(self, Py_ssize_t k) noexcept
+    @cython.locals(A=double[:, ::1], w=double[::1], squares=double[::1], length=double, u=double,
+                   i=Py_ssize_t, j=Py_ssize_t, m=Py_ssize_t, d=Py_ssize_t)
+    cdef void _reflect(self, Py_ssize_t k) noexcept
+    @cython.locals(A=double[:, ::1], w=double[::1], u=double, i=Py_ssize_t, j=Py_ssize_t,
+                   k=Py_ssize_t, m=Py_ssize_t, d=Py_ssize_t, n=Py_ssize_t)
+    cdef void _solve(self, double[:, ::1] B) noexcept
+    @cython.locals(b=double[:, ::1], i=Py_ssize_t, k=Py_ssize_t, at=Py_ssize_t)
+    cdef void add_solution(self, const double[:] c, double sign, double[:] x) noexcept
+    @cython.locals(L=double[:, ::1], s=double, i=Py_ssize_t, j=Py_ssize_t)
+    cdef void follow(self, const double[:] a, double[::1] x) noexcept
+    @cython.locals(L=double[:, ::1], s=double, i=Py_ssize_t, j=Py_ssize_t)
+    cdef void reduce(self, const double[:] x, double[::1] a) noexcept
+
+@cython.locals(block=Block, largest=double, smallest=double)
+cpdef double factorise(list blocks, const double[:, ::1] Phi) except? -1
+@cython.locals(block=Block, k=Py_ssize_t)
+cpdef follow(list blocks, const Py_ssize_t[::1] coordinates, const double[:] a, double[::1] x)
+@cython.locals(block=Block)
+cpdef add_solution(list blocks, const double[:] c, double sign, double[:] x)
+@cython.locals(block=Block, k=Py_ssize_t)
+cpdef reduce(list blocks, const Py_ssize_t[::1] coordinates, const double[:] x, double[::1] a)

@@ -1,0 +1,208 @@
+# SPDX-License-Identifier: BSD-2-Clause
+# cython: annotation_typing=False, boundscheck=False, cdivision=True, cpow=True
+# cython: initializedcheck=False, wraparound=False
+"""Phi x = c for given rates of the coordinates, block by block.
+
+A block consists of rows of Phi and of the dependent rates in them; no row of it contains a
+dependent rate of another block. Loops that share no dependent joints are blocks apart, so the cost
+is linear in their number. In each block Phi^u x^u = c - Phi^a x^a is solved by a QR decomposition
+of Phi^u with column pivoting, in the least-squares sense: redundant rows stay in.
+
+Cython compiles this module, with the types in `blocks.pxd`. Where it is not compiled, it computes
+the same in more time.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+
+class Block:
+    """Rows of Phi with their rates, and the decomposition of their dependent part.
+
+    Args:
+        rows: Indices of the rows, m of them.
+        dependent: Indices in v of the d dependent rates.
+        coordinates: Indices in v of the coordinates in the rows.
+        numbers: Which coordinates these are, indices in va.
+        row_scale: What makes the rows free of units, shape (m,).
+        rate_scale: The dependent rates in multiples of these are free of units, shape (d,).
+
+    Attributes:
+        dependent: As given.
+        corner: Where its part of L stands in the whole.
+        L: The rows of L, Eq. (17), for the dependent rates, in the columns of the coordinates.
+        largest, smallest: Of the pivots: the diagonal of R.
+    """
+
+    def __init__(
+        self,
+        rows: Indices,
+        dependent: Indices,
+        coordinates: Indices,
+        numbers: Indices,
+        row_scale: Array,
+        rate_scale: Array,
+    ) -> None:
+        m, d, n = len(rows), len(dependent), len(coordinates)
+        self.dependent, self.corner = dependent, np.ix_(dependent, numbers)
+        self._rows, self._dependent = rows, dependent
+        self._coordinates, self._numbers = coordinates, numbers
+        self._row_scale, self._rate_scale = row_scale, rate_scale
+        self.L = self._L = np.zeros((d, n))
+        self.largest = self.smallest = 0.0
+        # R above the diagonal, the reflections I - factor u u^T on and below it.
+        self._A, self._diagonal, self._factors = np.zeros((m, d)), np.zeros(d), np.zeros(d)
+        self._order = np.zeros(d, dtype=np.intp)
+        self._squares, self._products = np.zeros(d), np.zeros(max(d, n, 1))
+        self._of_coordinates, self._right = np.zeros((m, n)), np.zeros((m, 1))
+
+    def factorise(self, Phi: Array) -> None:
+        """Decompose the dependent part of Phi, shape (rows, nv), and compute L, Eq. (17)."""
+        m, d, n = len(self._rows), len(self._dependent), len(self._coordinates)
+        A, squares, scale = self._A, self._squares, self._rate_scale
+        for k in range(d):
+            self._order[k], self._diagonal[k], squares[k] = k, 0.0, 0.0
+        for i in range(m):
+            row, factor = self._rows[i], self._row_scale[i]
+            for k in range(d):
+                A[i, k] = Phi[row, self._dependent[k]] * factor * scale[k]
+                squares[k] += A[i, k] * A[i, k]
+        for k in range(min(m, d)):
+            self._bring_largest_to(k)
+            self._reflect(k)
+        self.largest, self.smallest = abs(self._diagonal[0]), abs(self._diagonal[d - 1])
+        if n == 0 or self.smallest == 0.0:
+            return
+        B = self._of_coordinates
+        for i in range(m):
+            for j in range(n):
+                B[i, j] = -Phi[self._rows[i], self._coordinates[j]] * self._row_scale[i]
+        self._solve(B)
+        for k in range(d):
+            at = self._order[k]
+            for j in range(n):
+                self._L[at, j] = B[k, j] * scale[at]
+
+    def _bring_largest_to(self, k: int) -> None:
+        """Exchange column k of what is left with the longest one."""
+        A, squares, order, p = self._A, self._squares, self._order, k
+        for j in range(k + 1, len(order)):
+            if squares[j] > squares[p]:
+                p = j
+        if p != k:
+            order[k], order[p] = order[p], order[k]
+            squares[k], squares[p] = squares[p], squares[k]
+            for i in range(len(self._rows)):
+                A[i, k], A[i, p] = A[i, p], A[i, k]
+
+    def _reflect(self, k: int) -> None:
+        """Turn column k onto the diagonal, the columns behind it with it."""
+        A, w, squares = self._A, self._products, self._squares
+        m, d = len(self._rows), len(self._dependent)
+        length = squares[k] ** 0.5
+        self._factors[k] = 0.0
+        if length > 0.0:
+            self._diagonal[k] = -length if A[k, k] > 0 else length
+            A[k, k] -= self._diagonal[k]
+            self._factors[k] = -1.0 / (self._diagonal[k] * A[k, k])
+        for j in range(k + 1, d):
+            w[j] = 0.0
+        for i in range(k, m):
+            u = A[i, k] * self._factors[k]
+            for j in range(k + 1, d):
+                w[j] += u * A[i, j]
+        for j in range(k + 1, d):
+            A[k, j] -= A[k, k] * w[j]
+            squares[j] = 0.0
+        for i in range(k + 1, m):
+            u = A[i, k]
+            for j in range(k + 1, d):
+                A[i, j] -= u * w[j]
+                squares[j] += A[i, j] * A[i, j]
+
+    def _solve(self, B: Array) -> None:
+        """Put the solution for right sides B, shape (m, k), into its first d rows."""
+        A, w, m, d, n = self._A, self._products, B.shape[0], len(self._dependent), B.shape[1]
+        for k in range(d):
+            for j in range(n):
+                w[j] = 0.0
+            for i in range(k, m):
+                u = A[i, k] * self._factors[k]
+                for j in range(n):
+                    w[j] += u * B[i, j]
+            for i in range(k, m):
+                u = A[i, k]
+                for j in range(n):
+                    B[i, j] -= u * w[j]
+        for k in range(d - 1, -1, -1):
+            for i in range(k + 1, d):
+                u = A[k, i]
+                for j in range(n):
+                    B[k, j] -= u * B[i, j]
+            for j in range(n):
+                B[k, j] /= self._diagonal[k]
+
+    def add_solution(self, c: Array, sign: float, x: Array) -> None:
+        """Add to the dependent rates x, shape (nv,), what the rows need for c, shape (rows,)."""
+        b = self._right
+        for i in range(len(self._rows)):
+            b[i, 0] = sign * c[self._rows[i]] * self._row_scale[i]
+        self._solve(b)
+        for k in range(len(self._dependent)):
+            at = self._order[k]
+            x[self._dependent[at]] += b[k, 0] * self._rate_scale[at]
+
+    def follow(self, a: Array, x: Array) -> None:
+        """Put L a into the dependent rates."""
+        L = self._L
+        for i in range(len(self._dependent)):
+            s = 0.0
+            for j in range(len(self._numbers)):
+                s += L[i, j] * a[self._numbers[j]]
+            x[self._dependent[i]] = s
+
+    def reduce(self, x: Array, a: Array) -> None:
+        """Add L^T x of the dependent rates to a, shape (n,)."""
+        L = self._L
+        for i in range(len(self._dependent)):
+            s = x[self._dependent[i]]
+            for j in range(len(self._numbers)):
+                a[self._numbers[j]] += L[i, j] * s
+
+
+def factorise(blocks: list[Block], Phi: Array) -> float:
+    """Decompose all; the smallest pivot relative to the largest, or to 1, that of a coordinate."""
+    largest, smallest = 1.0, 1.0
+    for block in blocks:
+        block.factorise(Phi)
+        largest = max(largest, block.largest)
+        if smallest == smallest and not block.smallest >= smallest:  # NaN stays
+            smallest = block.smallest
+    return smallest / largest
+
+
+def follow(blocks: list[Block], coordinates: Indices, a: Array, x: Array) -> None:
+    """x = L a, shapes (n,) and (nv,)."""
+    for k in range(len(coordinates)):
+        x[coordinates[k]] = a[k]
+    for block in blocks:
+        block.follow(a, x)
+
+
+def add_solution(blocks: list[Block], c: Array, sign: float, x: Array) -> None:
+    """Add x with Phi x = sign c and x^a = 0."""
+    for block in blocks:
+        block.add_solution(c, sign, x)
+
+
+def reduce(blocks: list[Block], coordinates: Indices, x: Array, a: Array) -> None:
+    """a = L^T x."""
+    for k in range(len(coordinates)):
+        a[k] = x[coordinates[k]]
+    for block in blocks:
+        block.reduce(x, a)
