@@ -384,7 +384,7 @@ EQUATIONS = (
     Equation(
         "(6), (7), (17)",
         "L",
-        ("noc.JointComplement.factorise",),
+        ("blocks.Blocks.L",),
         (_NOC + "L_is_the_block_formula_of_the_paper",),
         "the blocks of (17), sorted as in (6)",
         _complement,
@@ -392,7 +392,7 @@ EQUATIONS = (
     Equation(
         "(7b), (8), (20)",
         "q_ddot, L_dot",
-        ("noc.JointComplement.solve", "loops.Loops.Phi_dot"),
+        ("blocks.Blocks.solve", "loops.Loops.Phi_dot"),
         (
             _NOC + "rates_are_the_derivatives_along_the_motion",
             _MISPRINTS + "eq_20_gives_accelerations",

@@ -10,13 +10,16 @@ cdef extern from *:
     """
 
 cdef class Block:
-    cdef readonly object dependent, corner, L
+    cdef readonly object dependent
     cdef readonly double largest, smallest
-    cdef Py_ssize_t[::1] _rows, _dependent, _coordinates, _numbers, _order
-    cdef double[::1] _row_scale, _rate_scale, _diagonal, _factors, _squares, _products
+    cdef const Py_ssize_t[::1] _rows, _dependent, _coordinates, _numbers
+    cdef Py_ssize_t[::1] _order
+    cdef const double[::1] _row_scale, _rate_scale
+    cdef double[::1] _diagonal, _factors, _squares, _products
     cdef double[:, ::1] _L, _A, _of_coordinates, _right
 
-    @cython.locals(A=double[:, ::1], B=double[:, ::1], squares=double[::1], scale=double[::1],
+    @cython.locals(A=double[:, ::1], B=double[:, ::1], squares=double[::1],
+                   scale="const double[::1]",
                    factor=double, row=Py_ssize_t, at=Py_ssize_t, i=Py_ssize_t, j=Py_ssize_t,
                    k=Py_ssize_t, m=Py_ssize_t, d=Py_ssize_t, n=Py_ssize_t)
     cdef void factorise(self, const double[:, ::1] Phi) noexcept
@@ -31,16 +34,26 @@ cdef class Block:
     cdef void _solve(self, double[:, ::1] B) noexcept
     @cython.locals(b=double[:, ::1], i=Py_ssize_t, k=Py_ssize_t, at=Py_ssize_t)
     cdef void add_solution(self, const double[:] c, double sign, double[:] x) noexcept
+    @cython.locals(i=Py_ssize_t, j=Py_ssize_t)
+    cdef void write_L(self, double[:, ::1] L) noexcept
     @cython.locals(L=double[:, ::1], s=double, i=Py_ssize_t, j=Py_ssize_t)
-    cdef void follow(self, const double[:] a, double[::1] x) noexcept
+    cdef void follow(self, const double[:] a, double[:] x) noexcept
     @cython.locals(L=double[:, ::1], s=double, i=Py_ssize_t, j=Py_ssize_t)
     cdef void reduce(self, const double[:] x, double[::1] a) noexcept
 
-@cython.locals(block=Block, largest=double, smallest=double)
-cpdef double factorise(list blocks, const double[:, ::1] Phi) except? -1
-@cython.locals(block=Block, k=Py_ssize_t)
-cpdef follow(list blocks, const Py_ssize_t[::1] coordinates, const double[:] a, double[::1] x)
-@cython.locals(block=Block)
-cpdef add_solution(list blocks, const double[:] c, double sign, double[:] x)
-@cython.locals(block=Block, k=Py_ssize_t)
-cpdef reduce(list blocks, const Py_ssize_t[::1] coordinates, const double[:] x, double[::1] a)
+cdef class Blocks:
+    cdef readonly list blocks
+    cdef readonly double least
+    cdef const Py_ssize_t[::1] _coordinates
+    cdef Py_ssize_t _nv
+
+    @cython.locals(block=Block, sound=bint)
+    cpdef bint decompose(self, const double[:, ::1] Phi, double tolerance) except *
+    @cython.locals(block=Block, k=Py_ssize_t)
+    cdef void _write_L(self, double[:, ::1] L) except *
+    @cython.locals(block=Block, k=Py_ssize_t)
+    cdef void _follow(self, const double[:] a, double[:] x) except *
+    @cython.locals(block=Block)
+    cdef void _add_solution(self, const double[:] c, double sign, double[:] x) except *
+    @cython.locals(block=Block, k=Py_ssize_t)
+    cdef void _reduce(self, const double[:] x, double[::1] a) except *

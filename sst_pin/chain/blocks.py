@@ -34,8 +34,6 @@ class Block:
 
     Attributes:
         dependent: As given.
-        corner: Where its part of L stands in the whole.
-        L: The rows of L, Eq. (17), for the dependent rates, in the columns of the coordinates.
         largest, smallest: Of the pivots: the diagonal of R.
     """
 
@@ -49,11 +47,11 @@ class Block:
         rate_scale: Array,
     ) -> None:
         m, d, n = len(rows), len(dependent), len(coordinates)
-        self.dependent, self.corner = dependent, np.ix_(dependent, numbers)
+        self.dependent = dependent
         self._rows, self._dependent = rows, dependent
         self._coordinates, self._numbers = coordinates, numbers
         self._row_scale, self._rate_scale = row_scale, rate_scale
-        self.L = self._L = np.zeros((d, n))
+        self._L = np.zeros((d, n))
         self.largest = self.smallest = 0.0
         # R above the diagonal, the reflections I - factor u u^T on and below it.
         self._A, self._diagonal, self._factors = np.zeros((m, d)), np.zeros(d), np.zeros(d)
@@ -157,6 +155,12 @@ class Block:
             at = self._order[k]
             x[self._dependent[at]] += b[k, 0] * self._rate_scale[at]
 
+    def write_L(self, L: Array) -> None:
+        """Put its part of L into the whole, shape (nv, n)."""
+        for i in range(len(self._dependent)):
+            for j in range(len(self._numbers)):
+                L[self._dependent[i], self._numbers[j]] = self._L[i, j]
+
     def follow(self, a: Array, x: Array) -> None:
         """Put L a into the dependent rates."""
         L = self._L
@@ -175,34 +179,93 @@ class Block:
                 a[self._numbers[j]] += L[i, j] * s
 
 
-def factorise(blocks: list[Block], Phi: Array) -> float:
-    """Decompose all; the smallest pivot relative to the largest, or to 1, that of a coordinate."""
-    largest, smallest = 1.0, 1.0
-    for block in blocks:
-        block.factorise(Phi)
-        largest = max(largest, block.largest)
-        if smallest == smallest and not block.smallest >= smallest:  # NaN stays
-            smallest = block.smallest
-    return smallest / largest
+class Blocks:
+    """All blocks: x with Phi x = c and x^a = a, Eqs. (7) and (8) without sorting the joints.
 
+    Args:
+        blocks: They share no row and no dependent rate, and contain every dependent rate.
+        coordinates: Indices in v of the coordinates, n of them.
+        nv: Number of rates.
 
-def follow(blocks: list[Block], coordinates: Indices, a: Array, x: Array) -> None:
-    """x = L a, shapes (n,) and (nv,)."""
-    for k in range(len(coordinates)):
-        x[coordinates[k]] = a[k]
-    for block in blocks:
-        block.follow(a, x)
+    Attributes:
+        blocks: As given.
+        least: What the pivots of the last Phi had to exceed.
+    """
 
+    def __init__(self, blocks: list[Block], coordinates: Indices, nv: int) -> None:
+        self.blocks, self._coordinates, self._nv = blocks, coordinates, nv
 
-def add_solution(blocks: list[Block], c: Array, sign: float, x: Array) -> None:
-    """Add x with Phi x = sign c and x^a = 0."""
-    for block in blocks:
-        block.add_solution(c, sign, x)
+    def decompose(self, Phi: Array, tolerance: float) -> bool:
+        """Take in Phi, shape (rows, nv).
 
+        Args:
+            Phi: Jacobian of the closures, shape (rows, nv).
+            tolerance: A pivot counts that is larger than this times the largest one. Coordinates
+                have pivots of 1.
 
-def reduce(blocks: list[Block], coordinates: Indices, x: Array, a: Array) -> None:
-    """a = L^T x."""
-    for k in range(len(coordinates)):
-        a[k] = x[coordinates[k]]
-    for block in blocks:
-        block.reduce(x, a)
+        Returns:
+            Whether all pivots count.
+        """
+        self.least, sound = tolerance, True
+        for block in self.blocks:
+            block.factorise(Phi)
+            self.least = max(self.least, tolerance * block.largest)
+        for block in self.blocks:
+            if not block.smallest > self.least:
+                sound = False
+        return sound
+
+    @property
+    def L(self) -> Array:
+        """L of Eq. (17), shape (nv, n): Phi L = 0, unit matrix in the coordinates' rows."""
+        L = np.zeros((self._nv, len(self._coordinates)))
+        self._write_L(L)
+        return L
+
+    def _write_L(self, L: Array) -> None:
+        for k in range(len(self._coordinates)):
+            L[self._coordinates[k], k] = 1.0
+        for block in self.blocks:
+            block.write_L(L)
+
+    def rates(self, va: Array) -> Array:
+        """v = L va, shape (nv,), Eq. (16)."""
+        v = np.empty(self._nv)
+        self._follow(va, v)
+        return v
+
+    def _follow(self, a: Array, x: Array) -> None:
+        for k in range(len(self._coordinates)):
+            x[self._coordinates[k]] = a[k]
+        for block in self.blocks:
+            block.follow(a, x)
+
+    def accelerations(self, aa: Array, drift: Array) -> Array:
+        """x with Phi x = -drift and x^a = aa, shape (nv,), Eqs. (8), (20)."""
+        x = np.empty(self._nv)
+        self._follow(aa, x)
+        self._add_solution(drift, -1.0, x)
+        return x
+
+    def _add_solution(self, c: Array, sign: float, x: Array) -> None:
+        for block in self.blocks:
+            block.add_solution(c, sign, x)
+
+    def solve(self, closures: Array) -> Array:
+        """X with Phi X = closures, shape (rows, k), and X^a = 0, shape (nv, k)."""
+        X = np.zeros((self._nv, closures.shape[1]))
+        for k in range(closures.shape[1]):
+            self._add_solution(closures[:, k], 1.0, X[:, k])
+        return X
+
+    def reduced(self, forces: Array) -> Array:
+        """L^T times forces on the tree, shape (n,)."""
+        f = np.empty(len(self._coordinates))
+        self._reduce(forces, f)
+        return f
+
+    def _reduce(self, x: Array, a: Array) -> None:
+        for k in range(len(self._coordinates)):
+            a[k] = x[self._coordinates[k]]
+        for block in self.blocks:
+            block.reduce(x, a)

@@ -113,8 +113,6 @@ cpdef place(list frames, list pairs)
 @cython.locals(square=double, i=Py_ssize_t)
 cpdef double length(const double[:] f, const double[:] scale) except? -1
 @cython.locals(pair=Pair)
-cpdef wrenches(list pairs)
-@cython.locals(pair=Pair)
 cpdef products(list pairs, int part, double[:, ::1] J, double[:, ::1] Phi)
 @cython.locals(frame=Frame, pair=Pair)
 cpdef move(list frames, list pairs)

@@ -464,15 +464,10 @@ def length(f: Array, scale: Array) -> float:
     return square**0.5
 
 
-def wrenches(pairs: list[Pair]) -> None:
-    """Compute W."""
+def products(pairs: list[Pair], part: int, J: Array, Phi: Array) -> None:
+    """Compute W, and with it `Pair.product`."""
     for pair in pairs:
         pair.wrenches()
-
-
-def products(pairs: list[Pair], part: int, J: Array, Phi: Array) -> None:
-    """As `Pair.product`, for all."""
-    for pair in pairs:
         pair.product(part, J, Phi)
 
 

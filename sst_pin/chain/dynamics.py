@@ -179,8 +179,7 @@ class Workspace:
         else:
             columns = [self.momentum_rate(q, column) for column in np.ascontiguousarray(L.T)]
             M_L = np.array(columns).T
-        inertia = L.T.dot(M_L)
-        return (inertia + inertia.T) / 2
+        return L.T.dot(M_L)
 
 
 def motion_of_tree(ws: Workspace, va: Array, aa: Array) -> tuple[Array, Array]:

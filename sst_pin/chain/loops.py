@@ -21,7 +21,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from ..errors import ClosureError, InputError
-from .closure_kinds import Frame, Pair, Rows, length, move, pair_of, place, products, wrenches
+from .closure_kinds import Frame, Pair, Rows, length, move, pair_of, place, products
 from .closures import Closure, Constraint, Coupling, Distance, Rolling, frames_of
 from .couplings import Coupled
 from .tree import JacobianRates, frame_id, of_rates, rates_of_columns, support
@@ -137,7 +137,6 @@ class Loops:
 
     def update_Phi(self) -> Array:
         """Phi in memory that stays the same; only what the closures touch is written."""
-        wrenches(self.pairs)
         products(self.pairs, _W, self._J, self._Phi)
         for rows, coupled in self.couplings:
             self._Phi[rows] = coupled.row(self._q)
@@ -169,20 +168,18 @@ class Loops:
 
 
 def connected(touched: NDArray[np.bool_]) -> Iterator[tuple[Indices, Indices]]:
-    """Rows and rates that belong together, in parts that share neither.
+    """Rates that rows connect, in parts that share no row and no rate.
 
     Args:
         touched: Which rates a row depends on, shape (rows, rates).
 
     Returns:
-        Of each part the indices of its rows and rates; there may be none of one of them.
+        Of each part the indices of its rows and of its rates.
     """
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-
-    rows, rates = np.nonzero(touched)
-    n, m = touched.shape
-    graph = coo_matrix((np.ones(len(rows)), (rows, rates + n)), shape=(n + m, n + m))
-    count, label = connected_components(graph, directed=False)
-    for name in range(count):
-        yield np.flatnonzero(label[:n] == name), np.flatnonzero(label[n:] == name)
+    part = np.arange(touched.shape[1])  # of each rate, by the name of one of them
+    for row in touched:
+        together = np.unique(part[row])
+        part[np.isin(part, together[1:])] = together[:1]
+    for name in np.unique(part):
+        rates = part == name
+        yield np.flatnonzero(touched[:, rates].any(axis=1)), np.flatnonzero(rates)

@@ -17,7 +17,8 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from ..errors import SingularConfigurationError
-from .blocks import Block, add_solution, factorise, follow, reduce
+from ..summaries import listed
+from .blocks import Block, Blocks
 from .loops import connected
 from .mechanism import Mechanism
 from .mobility import condition_number
@@ -29,12 +30,11 @@ Array = NDArray[np.float64]
 MAX_CONDITION_NUMBER = 1e8
 
 
-class JointComplement:
+class JointComplement(Blocks):
     """Solver of the velocity constraints with given rates of the coordinates; one per thread.
 
-    Phi x = c with x^a = a, Eqs. (7) and (8) without sorting the joints, block by block. Redundant
-    rows of Phi stay in: they are consistent, so that least squares over all rows equals the
-    inverse over independent ones. Rows and rates are made free of units first.
+    Redundant rows of Phi stay in: they are consistent, so that least squares over all rows equals
+    the inverse over independent ones. Rows and rates are made free of units first.
 
     Args:
         mechanism: Whose constraints they are.
@@ -42,24 +42,9 @@ class JointComplement:
     """
 
     def __init__(self, mechanism: Mechanism, touched: NDArray[np.bool_]) -> None:
-        self._mechanism, self._touched = mechanism, touched
-        self._coordinates, self._nv = mechanism.coordinates, touched.shape[1]
-        self._blocks = list(self._parts())
-
-    def _parts(self) -> Iterator[Block]:
-        """The blocks: rows and dependent rates that belong together."""
-        mechanism, dependent = self._mechanism, self._mechanism.dependent
-        for rows, columns in connected(self._touched[:, dependent]):
-            if len(columns):  # other rows are redundant
-                numbers = np.flatnonzero(self._touched[rows][:, self._coordinates].any(axis=0))
-                yield Block(
-                    rows,
-                    dependent[columns],
-                    self._coordinates[numbers],
-                    numbers,
-                    mechanism.row_scale[rows],
-                    mechanism.rate_scale[dependent[columns]],
-                )
+        self._mechanism = mechanism
+        blocks = list(_blocks(mechanism, touched))
+        super().__init__(blocks, mechanism.coordinates, mechanism.model.nv)
 
     def factorise(self, Phi: Array) -> None:
         """Take in a configuration.
@@ -70,47 +55,30 @@ class JointComplement:
         Raises:
             SingularConfigurationError: When the closures do not fix the dependent rates.
         """
-        if not factorise(self._blocks, Phi) > 1 / MAX_CONDITION_NUMBER:
-            scaled = Phi * self._mechanism.row_scale[:, None] * self._mechanism.rate_scale
+        if not self.decompose(Phi, 1 / MAX_CONDITION_NUMBER):
+            mechanism = self._mechanism
+            scaled = Phi * mechanism.row_scale[:, None] * mechanism.rate_scale
+            loose = [k for b in self.blocks if not b.smallest > self.least for k in b.dependent]
+            names = listed([mechanism.space.rate_names[k] for k in loose])
             raise SingularConfigurationError(
                 "singular configuration: the coordinates do not determine the rates of the "
-                "dependent joints; move away, or choose other coordinates=",
-                condition_number(scaled, self._coordinates),
+                f"dependent joints {names}; move away, or choose other coordinates=",
+                condition_number(scaled, mechanism.coordinates),
             )
 
-    @property
-    def L(self) -> Array:
-        """L of Eq. (17), shape (nv, n): Phi L = 0, unit matrix in the coordinates' rows."""
-        L = np.zeros((self._nv, len(self._coordinates)))
-        L[self._coordinates, np.arange(len(self._coordinates))] = 1
-        for block in self._blocks:
-            L[block.corner] = block.L
-        return L
 
-    def rates(self, va: Array) -> Array:
-        """v = L va, shape (nv,), Eq. (16)."""
-        v = np.empty(self._nv)
-        follow(self._blocks, self._coordinates, va, v)
-        return v
-
-    def accelerations(self, aa: Array, drift: Array) -> Array:
-        """x with Phi x = -drift and x^a = aa, shape (nv,), Eqs. (8), (20)."""
-        x = self.rates(aa)
-        add_solution(self._blocks, drift, -1.0, x)
-        return x
-
-    def solve(self, closures: Array) -> Array:
-        """X with Phi X = closures, shape (rows, k), and X^a = 0, shape (nv, k)."""
-        X = np.zeros((self._nv, closures.shape[1]))
-        for column, x in zip(closures.T, X.T, strict=True):
-            add_solution(self._blocks, column, 1.0, x)
-        return X
-
-    def reduced(self, forces: Array) -> Array:
-        """L^T times forces on the tree, shape (n,)."""
-        f = np.empty(len(self._coordinates))
-        reduce(self._blocks, self._coordinates, forces, f)
-        return f
+def _blocks(mechanism: Mechanism, touched: NDArray[np.bool_]) -> Iterator[Block]:
+    coordinates, dependent = mechanism.coordinates, mechanism.dependent
+    for rows, rates in connected(touched[:, dependent]):
+        numbers = np.flatnonzero(touched[rows][:, coordinates].any(axis=0))
+        yield Block(
+            rows,
+            dependent[rates],
+            coordinates[numbers],
+            numbers,
+            mechanism.row_scale[rows],
+            mechanism.rate_scale[dependent[rates]],
+        )
 
 
 class Bodies(NamedTuple):

@@ -85,7 +85,7 @@ def test_rows_are_the_same_whether_the_kinds_are_compiled_or_not(kind, monkeypat
     spec = importlib.util.spec_from_file_location("sst_pin.chain.closure_kinds", source)
     as_written = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(as_written)
-    for name in ("Frame", "Rows", "length", "move", "pair_of", "place", "products", "wrenches"):
+    for name in ("Frame", "Rows", "length", "move", "pair_of", "place", "products"):
         monkeypatch.setattr(loops_module, name, getattr(as_written, name))
     loops = Loops(model, [CONSTRAINTS[kind]])
     assert isinstance(loops.pairs[0], as_written.Pair)

@@ -1,0 +1,218 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Loops that share no dependent joints are solved apart, and the whole is the same."""
+
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from numpy.testing import assert_allclose
+from scipy.sparse.csgraph import connected_components
+
+import sst_pin
+from sst_pin import ClosedChain, Closure
+from sst_pin.chain import blocks as blocks_module
+from sst_pin.chain import noc
+from sst_pin.chain.dynamics import Workspace
+from sst_pin.chain.loops import connected
+from sst_pin.errors import SingularConfigurationError
+
+CRANK, COUPLER, ROCKER = 0.6, 0.5, 0.6
+#: Crank of a loop, its kind, and the length of its fixed bar: loops 0 and 1 have the same crank;
+#: hinges between parallel axes have redundant rows.
+LOOPS = ((0, "3d", 1.0), (0, "hinge", 1.2), (2, "hinge", 1.0))
+
+
+def dead_point(ground):
+    """Angle of the crank at which coupler and rocker lie in one line."""
+    diagonal = COUPLER + ROCKER
+    return np.arccos((CRANK**2 + ground**2 - diagonal**2) / (2 * CRANK * ground))
+
+
+def four_bars():
+    """Three four-bars with two cranks, beside each other."""
+    random = np.random.default_rng(0)
+    model, cranks, closures = pin.Model(), {}, []
+
+    def bar(parent, at, name, length):
+        placement = pin.SE3(np.eye(3), np.array(at))
+        joint = model.addJoint(parent, pin.JointModelRZ(), placement, name)
+        mass, lever = random.uniform(1, 2), np.array([length / 2, 0.1, 0])
+        body = pin.Inertia(mass, lever, mass * np.diag(random.uniform(0.1, 0.2, 3)))
+        model.appendBodyToJoint(joint, body, pin.SE3.Identity())
+        tip = pin.SE3(np.eye(3), np.array([length, 0, 0]))
+        model.addFrame(pin.Frame(f"{name}_tip", joint, 0, tip, pin.FrameType.OP_FRAME))
+        return joint
+
+    for k, (base, kind, ground) in enumerate(LOOPS):
+        if base not in cranks:
+            cranks[base] = bar(0, (0, 3.0 * base, 0), f"crank_{base}", CRANK)
+        bar(cranks[base], (CRANK, 0, 0), f"coupler_{k}", COUPLER)
+        bar(0, (ground, 3.0 * base, 0), f"rocker_{k}", ROCKER)
+        closures.append(Closure(f"coupler_{k}_tip", f"rocker_{k}_tip", kind))
+    return ClosedChain(model, closures, [f"crank_{base}" for base in cranks])
+
+
+def closed(chain, *angles):
+    """The configuration at angles of the cranks, every loop on the same side of its diagonal."""
+    q = np.zeros(chain.model.nq)
+    of_crank = dict(zip((0, 2), angles, strict=True))
+    for k, (base, _, ground) in enumerate(LOOPS):
+        angle = of_crank[base]
+        tip = CRANK * np.array([np.cos(angle), np.sin(angle)])
+        to_base = np.array([ground, 0]) - tip
+        diagonal, heading = np.hypot(*to_base), np.arctan2(to_base[1], to_base[0])
+        cosine = (diagonal**2 + COUPLER**2 - ROCKER**2) / (2 * diagonal * COUPLER)
+        coupler = heading + np.arccos(min(cosine, 1.0))
+        end = tip + COUPLER * np.array([np.cos(coupler), np.sin(coupler)])
+        rocker = np.arctan2(end[1], end[0] - ground)
+        joints = {f"crank_{base}": angle, f"coupler_{k}": coupler - angle, f"rocker_{k}": rocker}
+        for name, x in joints.items():
+            q[chain.model.joints[chain.model.getJointId(name)].idx_q] = x
+    return q
+
+
+def whole(chain, Phi, right):
+    """Least squares over all loops at once: Phi x = right, coordinates at rest."""
+    mechanism = chain._current.mechanism()
+    system = np.concatenate((Phi, mechanism.selection))
+    zeros = np.zeros((len(mechanism.selection), right.shape[1]))
+    return np.linalg.lstsq(system, np.concatenate((right, zeros)), rcond=None)[0]
+
+
+ROBOTS = {
+    "four-bars": (four_bars, 3),
+    "ladder": (lambda: sst_pin.robots.ladder(7), 7),
+    "stewart": (sst_pin.robots.stewart, 1),
+    "SST": (lambda: sst_pin.SST(kernels=False), 1),
+}
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_blocks_solve_what_all_loops_at_once_do(name):
+    """L, and what closures need, against least squares over all rows; by how many blocks."""
+    build, count = ROBOTS[name]
+    chain, random = build(), np.random.default_rng(1)
+    q = closed(chain, 0.9, 0.7) if name == "four-bars" else chain.generic_configuration()
+    ws = Workspace(chain._current.mechanism(q))
+    ws.evaluate(q)
+    Phi = ws.loops.Phi()
+    ws.complement.factorise(Phi)
+    assert len(ws.complement.blocks) == count
+    L, coordinates = ws.complement.L, ws.mechanism.coordinates
+    assert np.array_equal(L[coordinates], np.eye(len(coordinates)))
+    moved = -Phi[:, coordinates]
+    expected = whole(chain, Phi, moved)
+    expected[coordinates] += np.eye(len(coordinates))
+    # Two ways with rounding of 1e-16 times condition numbers below 1e2.
+    assert_allclose(L, expected, rtol=0, atol=1e-13 * np.abs(L).max())
+    right = Phi @ random.normal(size=(ws.model.nv, 3))
+    X = ws.complement.solve(right)
+    assert_allclose(X, whole(chain, Phi, right), rtol=0, atol=1e-13 * np.abs(X).max())
+    assert not X[coordinates].any()
+    va, force = random.normal(size=len(coordinates)), random.normal(size=ws.model.nv)
+    assert_allclose(ws.complement.rates(va), L @ va, rtol=0, atol=1e-13 * np.abs(L).max())
+    assert_allclose(ws.complement.reduced(force), L.T @ force, rtol=0, atol=1e-12)
+    x = ws.complement.accelerations(va, right[:, 0])
+    assert_allclose(x, L @ va - X[:, 0], rtol=0, atol=1e-13 * np.abs(x).max())
+
+
+@pytest.mark.parametrize("cells", [4, 16])
+def test_a_block_of_a_ladder_is_as_large_as_that_of_any_other(cells):
+    """Memory and operations are in proportion to the number of loops."""
+    chain = sst_pin.robots.ladder(cells)
+    ws = Workspace(chain._current.mechanism())
+    assert [len(block.dependent) for block in ws.complement.blocks] == [2] * cells
+    assert [int(row.sum()) for row in ws.loops.touched] == [3] * 3 * cells
+
+
+def test_a_loop_does_not_notice_what_the_others_do():
+    """To the last bit: no number of another loop enters its equations."""
+    chain, random = four_bars(), np.random.default_rng(2)
+    (va, aa), (others_va, others_aa) = random.normal(size=(2, 2))
+    here = chain.compute_torques(closed(chain, 0.9, 0.7), [va, 0.3], [aa, -0.2])
+    there = chain.compute_torques(closed(chain, 0.9, -0.4), [va, others_va], [aa, others_aa])
+    assert here[0] == there[0]
+    assert here[1] != there[1]
+
+
+@pytest.mark.parametrize(
+    ("angles", "named"),
+    [
+        ((0.9, dead_point(1.0)), "coupler_2, rocker_2"),
+        ((dead_point(1.2), 0.7), "coupler_1, rocker_1"),
+        ((dead_point(1.2), dead_point(1.0)), "coupler_1, rocker_1, coupler_2, rocker_2"),
+    ],
+)
+def test_a_singular_loop_is_named_and_no_other(angles, named):
+    """Coupler and rocker in one line: the crank does not say which way they fold."""
+    chain = four_bars()
+    chain.compute_torques(closed(chain, 0.9, 0.7), np.zeros(2), np.zeros(2))
+    with pytest.raises(SingularConfigurationError, match=rf"dependent joints {named};") as caught:
+        chain.compute_torques(closed(chain, *angles), np.zeros(2), np.zeros(2))
+    assert caught.value.condition_number > 1e7
+
+
+def test_connected_parts_are_those_of_the_graph():
+    """Of random rows, also empty ones and rates in no row."""
+    random = np.random.default_rng(3)
+    for _ in range(50):
+        touched = random.random(size=random.integers(0, 12, size=2)) < 0.15
+        n, m = touched.shape
+        graph = np.block([[np.zeros((n, n)), touched], [touched.T, np.zeros((m, m))]])
+        _, label = connected_components(graph, directed=False)
+        parts = {
+            (tuple(np.flatnonzero(label[:n] == k)), tuple(np.flatnonzero(label[n:] == k)))
+            for k in set(label[n:].tolist())
+        }
+        found = [(tuple(rows), tuple(rates)) for rows, rates in connected(touched)]
+        assert set(found) == parts
+        assert len(found) == len(parts)
+
+
+@pytest.mark.parametrize("shape", [(3, 2, 1), (12, 6, 3), (5, 5, 0), (4, 3, 2)])
+def test_a_block_is_the_same_whether_it_is_compiled_or_not(shape):
+    """An old build would differ; the last row is the sum of the others."""
+    source = Path(blocks_module.__file__).with_name("blocks.py")
+    spec = importlib.util.spec_from_file_location("sst_pin.chain.blocks", source)
+    as_written = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(as_written)
+    (m, d, n), random = shape, np.random.default_rng(4)
+    Phi = random.normal(size=(m, d + n))
+    if m > d:
+        Phi[-1] = Phi[:-1].sum(axis=0)
+    dependent, coordinates = np.arange(n, d + n), np.arange(n)
+    scales = random.uniform(0.5, 2, m), random.uniform(0.5, 2, d)
+    found = []
+    for module in (blocks_module, as_written):
+        block = module.Block(np.arange(m), dependent, coordinates, coordinates, *scales)
+        solver = module.Blocks([block], coordinates, d + n)
+        assert solver.decompose(Phi, 1e-8)
+        right = Phi @ np.arange(1.0, d + n + 1)[:, None]
+        rates = solver.rates(np.ones(n)), solver.reduced(np.ones(d + n))
+        found.append((solver.L, solver.solve(right), *rates, block.smallest))
+    for x, y in zip(*found, strict=True):
+        # A few roundings times condition numbers below 1e2: sums of products in another order.
+        assert_allclose(x, y, rtol=0, atol=1e-13 * np.abs(x).max(initial=1))
+
+
+def test_a_joint_that_no_closure_holds_counts_as_singular():
+    """As it would be if the coordinates were too few."""
+    nothing = np.empty(0, dtype=np.intp)
+    block = blocks_module.Block(nothing, np.arange(1), nothing, nothing, np.empty(0), np.ones(1))
+    solver = blocks_module.Blocks([block], nothing, 1)
+    assert not solver.decompose(np.empty((0, 1)), 1 / noc.MAX_CONDITION_NUMBER)
+
+
+def test_numbers_that_are_not_finite_count_as_singular():
+    """In the block where they are, whatever the pivots of the other one."""
+    index = np.arange(2)
+    blocks = [
+        blocks_module.Block(index[k:][:1], index[k:][:1], index[:0], index[:0], *np.ones((2, 1)))
+        for k in range(2)
+    ]
+    solver = blocks_module.Blocks(blocks, index[:0], 2)
+    assert solver.decompose(np.diag([2.0, 3.0]), 1e-8)
+    for numbers in ([np.nan, 3.0], [2.0, np.nan], [np.nan, np.nan]):
+        assert not solver.decompose(np.diag(numbers), 1e-8)
