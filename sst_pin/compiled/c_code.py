@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from typing import NamedTuple
@@ -11,10 +10,10 @@ from typing import NamedTuple
 import casadi as ca
 
 from ..chain.mechanism import AT_REST
+from . import statements
 from .kernels import Kernel
 from .parameters import SIGN_WIDTH
 
-_WIDTH = 94
 #: Arguments of the sign of a rate besides it: its width, and what is slower is at rest.
 _OF_SIGNS = f"p[{SIGN_WIDTH}], N({AT_REST})"
 _BINARY = {ca.OP_ADD: "+", ca.OP_SUB: "-", ca.OP_MUL: "*", ca.OP_DIV: "/"}
@@ -30,14 +29,6 @@ _FORMS = {
 }
 #: What differs for numbers of the parameters alone, which are no vectors.
 _OF_NUMBERS = {ca.OP_FABS: "{0} < 0 ? -{0} : {0}", ca.OP_LE: "{0} <= {1}"}
-#: Statements of a function that is not cut, and of the parts of one that is.
-_LARGEST, _PART = 7000, 500
-#: Names of results of statements.
-_RESULT = re.compile(r"\b(?:ti?|s|c)\d+\b")
-#: Sine and cosine of a number of the input.
-_TURN = re.compile(r"real s(\d+), c\d+; sines_cosines\(1, &(x\[\d+\])")
-#: Numbers of the input.
-_INPUT = re.compile(r"\bx\[\d+\]")
 
 
 def part(name: str) -> str:
@@ -64,13 +55,14 @@ class Body(NamedTuple):
     room: int
 
 
-def body(kernel: Kernel, size: int | None = None, suffix: str = "") -> Body:
+def body(kernel: Kernel, size: int | None = None, suffix: str = "", *, one: bool = False) -> Body:
     """The C of a kernel; what depends on the parameters alone is apart, to be computed once.
 
     Args:
         kernel: What is to be computed.
         size: Of p before its constants; that of the parameters by default.
         suffix: Of numbers: "f" in single precision.
+        one: Whether it is for one sample at once.
     """
     function = ca.Function(
         kernel.name,
@@ -96,18 +88,21 @@ def body(kernel: Kernel, size: int | None = None, suffix: str = "") -> Body:
             operands = [writer.names[i] for i in arguments]
             writer.names[target] = writer.write(f"t{k}", operation, operands)
     prepare = f"static void {kernel.name}_constants(number *p)"
-    texts = [_function(prepare, ["(void)p;", *writer.lines["number"]])]
+    texts = [statements.function(prepare, ["(void)p;", *writer.lines["number"]])]
     lines, room = writer.lines["real"], kernel.output.numel() + kernel.checks.numel()
-    if len(lines) <= _LARGEST and not kernel.directions:
-        functions = {kernel.name: ["(void)p;", *_together(lines)]}
+    if len(lines) <= statements.LARGEST and not kernel.directions:
+        own = statements.together(lines)
+        if one:
+            own = statements.at_hand(own)
+        functions = {kernel.name: ["(void)p;", *own]}
     else:
         whole = {kernel.name: lines}
         if kernel.directions:
             inputs = sum(symbols.numel() for symbols in kernel.inputs)
-            once, each = _split(lines, range(inputs - kernel.directions, inputs))
+            once, each = statements.split(lines, range(inputs - kernel.directions, inputs))
             whole = {f"{kernel.name}_once": once, kernel.name: each}
-        pieces = {name: _pieces(lines) for name, lines in whole.items()}
-        parts, handed_on = _parts(kernel.name, list(pieces.values()))
+        pieces = {name: statements.pieces(lines) for name, lines in whole.items()}
+        parts, handed_on = statements.in_parts(kernel.name, list(pieces.values()))
         numbers = iter(range(len(parts)))
         functions = {
             name: [f"{kernel.name}_{next(numbers)}(x, p, y, y + {room});" for _ in own]
@@ -115,106 +110,10 @@ def body(kernel: Kernel, size: int | None = None, suffix: str = "") -> Body:
         }
         texts += parts
         room += handed_on
-    for name, statements in functions.items():
+    for name, own in functions.items():
         head = f"static void {name}(const real *x, const number *p, real *y)"
-        texts.append(_function(head, statements))
+        texts.append(statements.function(head, own))
     return Body("\n".join(texts), writer.size, room)
-
-
-def _function(head: str, lines: Sequence[str]) -> str:
-    return "\n    ".join([f"{head}\n{{", *_wrapped(lines)]) + "\n}\n"
-
-
-def _together(lines: Sequence[str]) -> list[str]:
-    """Statements with the sines and cosines of all inputs before them, several at once."""
-    names: dict[str, str] = {}
-    angles: list[str] = []
-    for found in filter(None, map(_TURN.match, lines)):
-        names |= {f"{x}{found[1]}": f"{x}[{len(angles)}]" for x in "sc"}
-        angles.append(found[2])
-    rest = [_renamed(line, names) for line in lines if not _TURN.match(line)]
-    if not angles:
-        return rest
-    n, listed = len(angles), ", ".join(angles)
-    arrays = f"real s[{n}], c[{n}]; const real angles[] = {{{listed}}};"
-    return [arrays, f"sines_cosines({n}, angles, s, c);", *rest]
-
-
-def _split(lines: Sequence[str], inputs: range) -> tuple[list[str], list[str]]:
-    """Statements that do not depend on some inputs, and those that do."""
-    once: list[str] = []
-    each: list[str] = []
-    of_inputs, depending = {f"x[{i}]" for i in inputs}, set[str]()
-    for line in lines:
-        used = _used(line)
-        if not depending.isdisjoint(used) or not of_inputs.isdisjoint(_INPUT.findall(line)):
-            depending.update(used[:1] if line.startswith("const") else used)
-            each.append(line)
-        else:
-            once.append(line)
-    return once, each
-
-
-def _pieces(lines: Sequence[str]) -> list[Sequence[str]]:
-    """Statements, cut where they are many."""
-    if len(lines) <= _LARGEST:
-        return [lines]
-    size = -(-len(lines) // -(-len(lines) // _PART))
-    return [lines[i : i + size] for i in range(0, len(lines), size)]
-
-
-def _parts(name: str, groups: Sequence[Sequence[Sequence[str]]]) -> tuple[list[str], int]:
-    """Functions for `real` that run one after the other, and the size of w.
-
-    A compiler takes more than proportionally long for a large function. What parts compute for
-    later ones goes by the array w. All groups but the first may run several times.
-    """
-    parts = [part for group in groups for part in group]
-    last = {result: k for k, part in enumerate(parts) for line in part for result in _used(line)}
-    for part in groups[0] if len(groups) > 1 else []:
-        for line in part:
-            kept = (result for result in _used(line) if last[result] >= len(groups[0]))
-            last.update(dict.fromkeys(kept, len(parts)))
-    places: dict[str, int] = {}
-    free: list[int] = []
-    handed_on, texts = 0, []
-    for k, part in enumerate(parts):
-        at = {result: f"w[{place}]" for result, place in places.items()}
-        body = [_renamed(line, at) for line in part]
-        free += [places.pop(result) for result in at if last[result] == k]
-        made = {result for line in part for result in _used(line)} - at.keys()
-        for result in sorted(made):
-            if last[result] > k:
-                if not free:
-                    free.append(handed_on)
-                    handed_on += 1
-                places[result] = free.pop()
-                body.append(f"w[{places[result]}] = {result};")
-        head = (
-            f"PART {name}_{k}(const real *x, const number *p, real *restrict y, real *restrict w)"
-        )
-        texts.append(_function(head, ["(void)x, (void)p, (void)y, (void)w;", *body]))
-    return texts, handed_on
-
-
-def _renamed(line: str, names: Mapping[str, str]) -> str:
-    """A statement with other names for some results."""
-    return _RESULT.sub(lambda found: names.get(found[0], found[0]), line)
-
-
-def _used(line: str) -> list[str]:
-    """Names of results in a statement."""
-    return _RESULT.findall(line)
-
-
-def _wrapped(statements: Sequence[str]) -> list[str]:
-    """Statements in lines of some hundred characters."""
-    lines = [""]
-    for statement in statements:
-        if len(lines[-1]) + len(statement) > _WIDTH:
-            lines.append("")
-        lines[-1] += " " * bool(lines[-1]) + statement
-    return lines
 
 
 #: What an expression is called, and its type: "real" of a sample, "number" of the parameters alone.
@@ -304,10 +203,10 @@ def library(name: str, kernels: Sequence[Kernel], lanes: int) -> str:
         lanes: How many samples at once.
     """
     heads = [f"#define LANES {lanes}\n#define NAME(x) x", part("real.h"), part("driver.h")]
-    return "\n".join([*heads, source({name: kernels})])
+    return "\n".join([*heads, source({name: kernels}, one=lanes == 1)])
 
 
-def source(entries: Mapping[str, Sequence[Kernel]]) -> str:
+def source(entries: Mapping[str, Sequence[Kernel]], *, one: bool = False) -> str:
     """Functions that run kernels on rows of samples, to stand behind real.h and driver.h.
 
     What a library offers of each entry, every name in the macro NAME: `run_<entry>` and
@@ -316,6 +215,7 @@ def source(entries: Mapping[str, Sequence[Kernel]]) -> str:
 
     Args:
         entries: Kernels as for `library`, by name. Those of the same name are written once.
+        one: Whether they are for one sample at once.
     """
     parts: list[str] = []
     bodies: dict[str, Body] = {}
@@ -323,7 +223,7 @@ def source(entries: Mapping[str, Sequence[Kernel]]) -> str:
         size = None
         for kernel in kernels:
             if kernel.name not in bodies:
-                bodies[kernel.name] = body(kernel, size)
+                bodies[kernel.name] = body(kernel, size, one=one)
                 parts.append(bodies[kernel.name].text)
             size = bodies[kernel.name].size
         last = kernels[-1]

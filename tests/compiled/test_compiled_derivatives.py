@@ -23,7 +23,7 @@ from derivative_cases import (
 from pinocchio_derivatives import RIGHT, assert_Pinocchio_agrees, assert_Pinocchio_is_wrong
 from sst_pin import ClosedChain
 from sst_pin.chain.mechanism import Friction
-from sst_pin.compiled import c_code, kernels
+from sst_pin.compiled import c_code, kernels, statements
 from sst_pin.compiled.backend import ALONG, DERIVATIVES, CompiledBackend, sample_configurations
 from sst_pin.compiled.equations import Equations
 from sst_pin.errors import ClosureError, InputError, UnknownNameError
@@ -320,8 +320,8 @@ def test_a_function_cut_into_parts_computes_the_same(monkeypatch):
     whole.compile(derivatives=True)
     q, va, aa = any_chain.states(whole, 5, 0)
     expected = whole.torque_derivatives(q, va, aa)
-    monkeypatch.setattr(c_code, "_LARGEST", 100)
-    monkeypatch.setattr(c_code, "_PART", 60)
+    monkeypatch.setattr(statements, "LARGEST", 100)
+    monkeypatch.setattr(statements, "_PART", 60)
     chain = of_gallery("four_bar").chain
     chain.compile()
     chain._current.backend._content += b"cut"

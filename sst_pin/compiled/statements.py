@@ -1,0 +1,171 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Statements of C, one for each operation, made functions of."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from heapq import heappop, heappush
+from itertools import pairwise
+
+_WIDTH = 94
+#: Statements of a function that is not cut, and of the parts of one that is.
+LARGEST, _PART = 7000, 500
+#: Of a function whose code a processor's cache of instructions holds, with what calls it.
+_FEW = 1500
+#: Between two uses of a result; where it waits for longer, it does so in an array.
+_NEAR = 80
+#: Numbers within reach of a pointer, 16 on each side, and how many pointers there are.
+_REACH, _POINTERS = 32, 12
+#: Names of results of statements.
+_RESULT = re.compile(r"\b(?:ti?|s|c)\d+\b")
+#: Sine and cosine of a number of the input.
+_TURN = re.compile(r"real s(\d+), c\d+; sines_cosines\(1, &(x\[\d+\])")
+#: Numbers of the input.
+_INPUT = re.compile(r"\bx\[\d+\]")
+
+
+def function(head: str, lines: Sequence[str]) -> str:
+    """A function by its head and its statements."""
+    return "\n    ".join([f"{head}\n{{", *_wrapped(lines)]) + "\n}\n"
+
+
+def together(lines: Sequence[str]) -> list[str]:
+    """Statements with the sines and cosines of all inputs before them, several at once."""
+    names: dict[str, str] = {}
+    angles: list[str] = []
+    for found in filter(None, map(_TURN.match, lines)):
+        names |= {f"{x}{found[1]}": f"{x}[{len(angles)}]" for x in "sc"}
+        angles.append(found[2])
+    rest = [_renamed(line, names) for line in lines if not _TURN.match(line)]
+    if not angles:
+        return rest
+    n, listed = len(angles), ", ".join(angles)
+    arrays = f"real s[{n}], c[{n}]; const real angles[] = {{{listed}}};"
+    return [arrays, f"sines_cosines({n}, angles, s, c);", *rest]
+
+
+def at_hand(lines: Sequence[str]) -> list[str]:
+    """Statements of a function for one sample, their results in an array while they wait long.
+
+    A compiler has them in memory then, too, but on the stack, where an address takes four bytes;
+    near a pointer it takes one. The code of a delta robot becomes shorter by a quarter, so that a
+    processor's cache of instructions holds it, as it does anyway where statements are few.
+    """
+    if len(lines) <= _FEW:
+        return list(lines)
+    uses: dict[str, list[int]] = {}
+    for i, line in enumerate(lines):
+        for result in _used(line):
+            uses.setdefault(result, []).append(i)
+    waits = {
+        result: next((b for a, b in pairwise(at) if b - a > _NEAR), None)
+        for result, at in uses.items()
+    }
+    places: dict[str, int] = {}
+    free: list[int] = []
+    size = 0
+    body: list[str] = []
+    for i, line in enumerate(lines):
+        used = dict.fromkeys(_used(line))
+        late = {x: _place(places[x]) for x in used if x in places and i >= (waits[x] or 0)}
+        body.append(_renamed(line, late))
+        for result in used:
+            if waits[result] is None:
+                continue
+            if result not in places:
+                if not free:
+                    heappush(free, size)
+                    size += 1
+                places[result] = heappop(free)
+                body.append(f"{_place(places[result])} = {result};")
+            if i == uses[result][-1]:
+                heappush(free, places[result])
+    pointers = -(-size // _REACH)
+    room = [f"real room[{_REACH * pointers}];"] * (pointers > 0)
+    for k in range(pointers):
+        room.append(f"real *w{k} = room + {_REACH * k + _REACH // 2};")
+        if k < _POINTERS:  # kept as a pointer where the compiler cannot tell what it points to
+            room.append(f'__asm__("" : "+r"(w{k}));')
+    return room + body
+
+
+def _place(k: int) -> str:
+    return f"w{k // _REACH}[{k % _REACH - _REACH // 2}]"
+
+
+def split(lines: Sequence[str], inputs: range) -> tuple[list[str], list[str]]:
+    """Statements that do not depend on some inputs, and those that do."""
+    once: list[str] = []
+    each: list[str] = []
+    of_inputs, depending = {f"x[{i}]" for i in inputs}, set[str]()
+    for line in lines:
+        used = _used(line)
+        if not depending.isdisjoint(used) or not of_inputs.isdisjoint(_INPUT.findall(line)):
+            depending.update(used[:1] if line.startswith("const") else used)
+            each.append(line)
+        else:
+            once.append(line)
+    return once, each
+
+
+def pieces(lines: Sequence[str]) -> list[Sequence[str]]:
+    """Statements, cut where they are many."""
+    if len(lines) <= LARGEST:
+        return [lines]
+    size = -(-len(lines) // -(-len(lines) // _PART))
+    return [lines[i : i + size] for i in range(0, len(lines), size)]
+
+
+def in_parts(name: str, groups: Sequence[Sequence[Sequence[str]]]) -> tuple[list[str], int]:
+    """Functions for `real` that run one after the other, and the size of w.
+
+    A compiler takes more than proportionally long for a large function. What parts compute for
+    later ones goes by the array w. All groups but the first may run several times.
+    """
+    parts = [part for group in groups for part in group]
+    last = {result: k for k, part in enumerate(parts) for line in part for result in _used(line)}
+    for part in groups[0] if len(groups) > 1 else []:
+        for line in part:
+            kept = (result for result in _used(line) if last[result] >= len(groups[0]))
+            last.update(dict.fromkeys(kept, len(parts)))
+    places: dict[str, int] = {}
+    free: list[int] = []
+    handed_on, texts = 0, []
+    for k, part in enumerate(parts):
+        at = {result: f"w[{place}]" for result, place in places.items()}
+        body = [_renamed(line, at) for line in part]
+        free += [places.pop(result) for result in at if last[result] == k]
+        made = {result for line in part for result in _used(line)} - at.keys()
+        for result in sorted(made):
+            if last[result] > k:
+                if not free:
+                    free.append(handed_on)
+                    handed_on += 1
+                places[result] = free.pop()
+                body.append(f"w[{places[result]}] = {result};")
+        head = (
+            f"PART {name}_{k}(const real *x, const number *p, real *restrict y, real *restrict w)"
+        )
+        texts.append(function(head, ["(void)x, (void)p, (void)y, (void)w;", *body]))
+    return texts, handed_on
+
+
+def _renamed(line: str, names: Mapping[str, str]) -> str:
+    """A statement with other names for some results."""
+    return _RESULT.sub(lambda found: names.get(found[0], found[0]), line)
+
+
+def _used(line: str) -> list[str]:
+    """Names of results in a statement."""
+    return _RESULT.findall(line)
+
+
+def _wrapped(statements: Sequence[str]) -> list[str]:
+    """Statements in lines of some hundred characters."""
+    lines = [""]
+    for statement in statements:
+        if len(lines[-1]) + len(statement) > _WIDTH:
+            lines.append("")
+        lines[-1] += " " * bool(lines[-1]) + statement
+    return lines

@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Statements of generated C, computed here by Python."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from sst_pin.compiled.statements import at_hand
+
+NUMBERS, INPUTS, OUTPUTS = 2000, 8, 20
+
+
+def straight_line(seed: int) -> list[str]:
+    """Statements that use results close to them and far away."""
+    random = np.random.default_rng(seed)
+    known = [f"x[{i}]" for i in range(INPUTS)]
+    lines = []
+    for k in range(NUMBERS):
+        far, close = random.choice(known), known[-1 - random.integers(min(30, len(known)))]
+        lines.append(f"const real t{k} = 0.7 * {far} - 0.6 * {close};")
+        known.append(f"t{k}")
+    return lines + [f"y[{i}] = {random.choice(known)};" for i in range(OUTPUTS)]
+
+
+class Pointer:
+    """A pointer into a list."""
+
+    def __init__(self, numbers: list[float], at: int) -> None:
+        self.numbers, self.at = numbers, at
+
+    def __getitem__(self, k: int) -> float:
+        return self.numbers[self.at + k]
+
+    def __setitem__(self, k: int, number: float) -> None:
+        self.numbers[self.at + k] = number
+
+
+def computed(lines: list[str]) -> list[float]:
+    """y for some x."""
+    names = {"x": [0.1 * i - 0.4 for i in range(INPUTS)], "y": [0.0] * OUTPUTS, "Pointer": Pointer}
+    for line in lines:
+        if not line.startswith("__asm__"):
+            python = re.sub(r"^real (\w+)\[(\d+)\];", r"\1 = [None] * \2", line)
+            python = re.sub(r"^real \*(\w+) = (\w+) \+ (\d+);", r"\1 = Pointer(\2, \3)", python)
+            exec(python.removeprefix("const real ").rstrip(";"), names)
+    return names["y"]
+
+
+def test_results_that_wait_in_an_array_are_the_same():
+    """To the last bit; places that are free are taken again."""
+    for seed in range(3):
+        lines = straight_line(seed)
+        kept = at_hand(lines)
+        stored = sum(bool(re.match(r"w\d+\[", line)) for line in kept)
+        places = int(re.fullmatch(r"real room\[(\d+)\];", kept[0])[1])
+        assert 0 < places < stored < NUMBERS
+        assert computed(kept) == computed(lines)
+
+
+def test_results_that_are_used_soon_stay_where_they_are():
+    """Nor has a short function an array."""
+    lines = [f"const real t{k} = x[{k % INPUTS}] + t{max(k - 50, 0)};" for k in range(NUMBERS)]
+    lines[0] = "const real t0 = x[0];"
+    assert at_hand(lines[50:]) == lines[50:]
+    assert at_hand(straight_line(0)[:500]) == straight_line(0)[:500]
