@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What a `ClosedChain` and an integrator ask of whatever computes the dynamics."""
+"""The interface between a `ClosedChain` or an integrator and the code that computes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .mechanism import Friction
 Array = NDArray[np.float64]
 #: Indices of samples, or a count for each sample.
 Indices = NDArray[np.intp]
-#: A result; None where the arguments need more care.
+#: A result; None if the arguments must be checked first, or a sample fails the checks.
 Answer = Array | None
 #: Takes arguments as the caller gave them.
 Single = Callable[..., Answer]
@@ -95,16 +95,16 @@ class Backend(Protocol):
         """Inverse dynamics of arguments as the caller gave them, for one sample or a batch.
 
         Returns:
-            tau; None when the arguments need more care, or when a sample is not vouched for.
+            tau; None if the arguments must be checked first, or if a sample fails the checks.
         """
 
     def accelerations_of(
         self, q: Any, va: Any, tau: Any, load: Any, out: Any, threads: Any, /
     ) -> Answer:
-        """Direct dynamics likewise."""
+        """Direct dynamics in the same way."""
 
     def forces_of(self, q: Any, va: Any, aa: Any, load: Any, out: Any, threads: Any, /) -> Answer:
-        """Forces along the coordinates likewise."""
+        """Generalized forces in the same way."""
 
     def fill(
         self,
@@ -141,4 +141,4 @@ class Backend(Protocol):
         """What gives the same of one sample or a batch, in the way of `torques_of`."""
 
     def states(self, friction: Friction) -> States:
-        """The state space with a friction in the place of the mechanism's own."""
+        """The state space with this friction instead of the mechanism's."""

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The reference path: single samples by Pinocchio and NumPy, in any number of threads.
 
-`Reference` computes samples; `ReferenceBackend` is what stands in the place of kernels where there
-are none, and leaves every sample to it.
+`Reference` computes samples; `ReferenceBackend` is the backend without kernels, which leaves every
+sample to it.
 """
 
 from __future__ import annotations
@@ -281,7 +281,7 @@ class ReferenceBackend:
         return self.torques_of
 
     def states(self, friction: Friction) -> ReferenceStates:
-        """The state space with a friction in the place of the mechanism's own."""
+        """The state space with this friction instead of the mechanism's."""
         return ReferenceStates(self._reference, friction)
 
 
@@ -293,7 +293,7 @@ class ReferenceStates:
 
     Args:
         reference: Of the mechanism.
-        friction: In the place of the mechanism's own.
+        friction: Instead of the mechanism's.
     """
 
     def __init__(self, reference: Reference, friction: Friction) -> None:

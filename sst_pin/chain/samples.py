@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""One sample or many: by kernels where they vouch for it, else by the reference path."""
+"""One sample or many: by kernels, and by the reference path if they fail a kernel's checks."""
 
 from __future__ import annotations
 
@@ -48,13 +48,13 @@ def by_kernel(
     on_error: str = "raise",
     sign_width: float | None = None,
 ) -> Array:
-    """A batch by the kernel, what it leaves by the reference path, with its errors.
+    """A batch by the kernel; samples that fail its checks by the reference path, with its errors.
 
     Args:
         current: Whose kernel it is.
         reference: One sample by the reference path, of this shape.
         kernel: Its name, as `Backend.fill` takes it; None for the reference path alone.
-        arrays: Arguments; None is handed on as it is.
+        arrays: Arguments; None stays None.
         core_axes: Number of core axes of each.
         result: Shape of a result.
         out: Where results go, shape (..., *result).
@@ -139,7 +139,7 @@ def of_frame(
     threads: int,
     on_error: str,
 ) -> Array:
-    """What there is of a frame, shape (..., 6, columns), or (..., 6) for its drift.
+    """A quantity of a frame, shape (..., 6, columns), or (..., 6) for its drift.
 
     Args:
         current: Whose it is.

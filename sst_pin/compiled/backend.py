@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Compiled kernels as the backend of a chain.
 
-A kernel vouches for the samples whose loops are clearly closed, whose pivots are not much smaller
-than in the samples they were chosen by, and whose numbers are finite. The others go to the
-reference path, one by one: it finds the answer, or raises the error that is due. Each kernel is
-made when it is first asked for.
+A kernel checks each sample: its loops are closed, no pivot is much smaller than in the sample
+configurations, all numbers are finite. Samples that fail these checks go to the reference path, one
+by one; it computes them or raises the error. Each kernel is made at its first use.
 """
 
 from __future__ import annotations
@@ -65,7 +64,7 @@ _WITHOUT_MATRICES = (
 )
 #: Of coordinates squared times rates, up to which inertia matrices are written out.
 _LARGEST = 100_000
-#: Likewise, derivatives.
+#: The same limit for derivatives.
 _LARGEST_DERIVATIVES = 10_000
 #: Ends the names of kernels that take external wrenches.
 _LOADED = " loaded"
@@ -82,8 +81,7 @@ class CompiledBackend:
 
     Args:
         reference: Of its mechanism.
-        model: The tree whose gravity single samples watch: when it changes they are not vouched
-            for.
+        model: The user's tree. If its gravity changes, single calls return None.
         near: Where the order of elimination is chosen, shape (nq,); anywhere by default.
         parameters: Which numbers the kernels take; those of `Parameters` by default.
         code: Gives the code of a kernel by its name and an instruction set; from the cache by
@@ -137,10 +135,10 @@ class CompiledBackend:
         """Have kernels ready.
 
         Raises:
-            MissingExtraError: Without CasADi, `sst-pin[compile]`, where they are not in the cache.
-            CompilationError: Without a compiler, likewise, or when it fails.
+            MissingExtraError: Without CasADi, `sst-pin[compile]`, if they are not in the cache.
+            CompilationError: Without a compiler, if they are not in the cache; when it fails.
         """
-        from concurrent.futures import ThreadPoolExecutor  # takes long
+        from concurrent.futures import ThreadPoolExecutor  # slow to import
 
         wanted = [name for name in names if not impossible(self._mechanism, name)]
         variants = [variant for name in wanted for variant in self._variants(name)]
@@ -169,7 +167,7 @@ class CompiledBackend:
         return kernel.many(tuple(given), out, min(threads, sys.maxsize))
 
     def states(self, friction: Friction) -> CompiledStates:
-        """The state space with a friction in the place of the mechanism's own."""
+        """The state space with this friction instead of the mechanism's."""
         return CompiledStates(self._reference, friction, self)
 
     # --- inside -----------------------------------------------------------------------------
@@ -189,26 +187,26 @@ class CompiledBackend:
 
     @property
     def torques_of(self) -> Callable[..., Any]:
-        """Inverse dynamics of one sample or a batch; None where it needs care."""
+        """Inverse dynamics of one sample or a batch, as `Backend.torques_of`."""
         return self._single("torques")
 
     @property
     def accelerations_of(self) -> Callable[..., Any]:
-        """Direct dynamics of one sample or a batch; None where it needs care."""
+        """Direct dynamics of one sample or a batch, as `Backend.torques_of`."""
         return self._single("accelerations")
 
     @cached_property
     def forces_of(self) -> Callable[..., Any]:
-        """Forces along the coordinates of one sample or a batch; None where they need care."""
+        """Forces along the coordinates of one sample or a batch, as `Backend.torques_of`."""
         return self._single(self._forces)
 
     def derivatives_of(self, name: str, sign_width: float) -> Callable[..., Any]:
-        """Derivatives of one sample or a batch; None where they need care."""
+        """Derivatives of one sample or a batch, as `Backend.torques_of`."""
         kernel = self._smoothed(name, sign_width)
         return _nothing if kernel is None else kernel.derivatives
 
     def frame_of(self, name: str, frame: str) -> Callable[..., Any]:
-        """What there is of a frame, once it was asked for; None where it needs care."""
+        """A quantity of a frame, if its kernel is made already, as `Backend.torques_of`."""
         kernel = self._kernels.get(f"{name} {frame}")
         return _nothing if kernel is None else kernel.answer
 
@@ -229,11 +227,11 @@ class CompiledBackend:
         return _nothing if kernel is None else kernel.answer
 
     def kernel(self, name: str, friction: Friction | None = None) -> Kernel | None:
-        """A kernel, with the friction of the mechanism or another one; None where there is none.
+        """A kernel; None if there is none.
 
         Args:
             name: One of those of `kernels.make`, with " loaded" for one that takes wrenches.
-            friction: In the place of the mechanism's own, in the same joints.
+            friction: Instead of the mechanism's, in the same joints.
         """
         if friction is None and name in self._kernels:
             return self._kernels[name]
@@ -302,7 +300,7 @@ class CompiledBackend:
         best = self._binding.INSTRUCTIONS
         if not _has_directions(self._mechanism, name, build.TARGETS[best][0]):
             return [(name, build.ONE[best]), (name, best)]
-        # Eight directions at once take longer than four.
+        # Eight directions at once are slower than four.
         narrow = "avx2" if best == "avx512" else best
         fit = len(self._mechanism.coordinates) <= build.TARGETS[narrow][0]
         first, *loaded = name.split()

@@ -158,8 +158,8 @@ def library(
     """The library of a kernel, from the cache or compiled now.
 
     Args:
-        robot: A name to tell it by.
-        kernel: Likewise.
+        robot: Name of the robot, for the name of the file.
+        kernel: Name of the kernel.
         content: All that the source is made from.
         target: One of `TARGETS`.
         source: Gives the C source when it is needed.

@@ -95,7 +95,7 @@ class Checks:
         return self._too_much(unit, terms, [x[j] / scale[j] for j in self._dependent if j in x])
 
     def unbalanced(self, tau: Sparse) -> list[Any]:
-        """Likewise, where the multipliers do not balance tau along the dependent rates."""
+        """More than 1 where the multipliers do not balance tau along the dependent rates."""
         unit, signs, sums = self._column_sums
         x, scale = self._equations.multipliers(tau), self._row_scale
         terms = [entry * x[i] for i, entry in sums.items() if i in x]
@@ -114,7 +114,7 @@ class Checks:
 
     @cached_property
     def _column_sums(self) -> tuple[float, dict[int, float], Sparse]:
-        """Likewise of the dependent rates whose columns elimination changes, by row."""
+        """The same of the dependent rates whose columns elimination changes, by row."""
         e = self._equations
         unit, signs = _signs(e.factors.changed[1], self._rate_scale)
         sums = {

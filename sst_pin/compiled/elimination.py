@@ -22,7 +22,7 @@ Rows = Sequence[Mapping[int, Any]]
 
 #: How much smaller than the largest of its column a pivot may be in a sample.
 _SOUND = 0.1
-#: What counts as zero, relative to the row it stands in.
+#: Smaller entries count as zero, relative to the largest of their row.
 _ZERO = 1e-9
 
 
@@ -76,7 +76,7 @@ def pivot_order(pattern: NDArray[np.bool_], values: Array) -> tuple[list[tuple[i
 
 
 class Factors:
-    """A square sparse matrix A, factorised along given pivots; the last two, if coupled, at once.
+    """A square sparse matrix A, factorised along given pivots, the last two as one 2 x 2 block.
 
     Args:
         rows: A is part of these.
@@ -84,7 +84,7 @@ class Factors:
 
     Attributes:
         rows: Of A, in the order of elimination.
-        pivots: In this order; the determinant in the place of the last two that are taken at once.
+        pivots: In this order; for a last 2 x 2 block its determinant.
         inverses: One over each.
     """
 
@@ -95,7 +95,7 @@ class Factors:
         self._factors: list[dict[int, Any]] = []  # of each step, by the row they change
         self.pivots: list[Any] = []
         self.inverses: list[Any] = []
-        self._core: dict[tuple[int, int], Any] = {}  # inverse of what the last two pivots stand in
+        self._core: dict[tuple[int, int], Any] = {}  # inverse of the last 2 x 2 block
         waiting = [i for i, _ in order]
         for i, j in order:
             if len(waiting) == 2 and self._invert_core([work[k] for k in waiting]):
@@ -114,7 +114,7 @@ class Factors:
         self._upper = work  # what is left of each row beside its pivot
 
     def _invert_core(self, rows: list[Mapping[int, Any]]) -> bool:
-        """Where one pivot may vanish while the matrix is regular: the inverse of the last 2 x 2."""
+        """Invert the last 2 x 2 block: one of its pivots may vanish while the matrix is regular."""
         (i, j), (k, m) = self._order[-2:]
         if m not in rows[0] or j not in rows[1]:
             return False

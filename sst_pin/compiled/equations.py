@@ -4,7 +4,7 @@
 Rows of closures are in the axes of the last link that both branches of their loop hang on, relative
 to which the rates of the loop are counted. One factorisation of Phi_u, the columns of the dependent
 rates, serves rates, accelerations and, transposed, forces, so that inverse dynamics forms no L.
-Numbers of the geometry are folded in; `Parameters` lists what stays open.
+The geometry is numbers; `Parameters` lists the numbers that stay symbols.
 """
 
 from __future__ import annotations
@@ -154,7 +154,7 @@ class Equations:
         return x | self.factors.solve(self._left(x, right))
 
     def _left(self, x: Sparse, right: Sparse) -> Sparse:
-        """What is left of the right side for the dependent ones of rates x."""
+        """The right side for the dependent rates, when those of the coordinates are x."""
         moved: Sparse = {}
         for i in self.factors.rows:
             row = self.rows[i].Phi
@@ -236,7 +236,7 @@ class Equations:
     # --- dynamics ---------------------------------------------------------------------------
 
     def forces(self, dv: Sparse) -> Sparse:
-        """All that a motion at v takes along the rates of the tree."""
+        """All forces along the rates of the tree that a motion at v needs."""
         friction = self.tree.friction(self.v)
         return add(self.tree.forces(self.v, dv), add(friction, self.tree.springs))
 

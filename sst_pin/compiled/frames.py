@@ -48,7 +48,7 @@ def _drift(e: Equations, checks: Checks, frame: str) -> _Made:
     return [e.q, e.va], drift, checks.of_rates + own
 
 
-#: What there is of a frame, by the names of `ClosedChain`'s methods.
+#: Quantities of a frame, by the names of `ClosedChain`'s methods.
 OF_FRAMES: dict[str, Callable[[Equations, Checks, str], _Made]] = {
     "frame_jacobian": _jacobian,
     "frame_jacobian_rate": _jacobian_rate,

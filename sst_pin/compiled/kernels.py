@@ -28,7 +28,7 @@ class Kernel:
         inputs: Symbols of each input, column vectors.
         parameters: Symbols of the open numbers.
         output: All results in a column.
-        checks: Numbers that are at most 1 where the results can be vouched for.
+        checks: Numbers that are at most 1 if the results are right.
         directions: Where the last input is a direction and the output is along it, how many there
             are: a sample's results are those of all, side by side in rows. Else 0.
     """
@@ -87,7 +87,7 @@ def _forces(e: Equations, checks: Checks) -> _Made:
 
 
 def _torques(e: Equations, checks: Checks) -> _Made:
-    """The smallest torques that bring the motion about."""
+    """The smallest torques that produce the motion."""
     inputs, f, own = _forces(e, checks)
     if e.mechanism.driven_one_to_one:
         return inputs, f, own
@@ -179,9 +179,8 @@ def _state_rate(e: Equations, checks: Checks) -> _Made:
 def _closing(e: Equations, checks: Checks) -> _Made:
     """One step of Newton's method with the coordinates held; det Phi_u; the sum of its squares.
 
-    Wheels roll on the way: rows that hold rates alone hold the step. The determinant is that of the
-    rows of the pivots, the sum goes over all rows; both are free of units, as the condition number
-    is.
+    Wheels roll during the step: rows on rates only constrain the step. The determinant is that of
+    the rows with pivots, the sum is over all rows; both are without units, as the condition number.
     """
     residuals = {i: e.rows[i].residual for i in e.factors.rows}
     right = {i: -x for i, x in residuals.items() if x is not None}

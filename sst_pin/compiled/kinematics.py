@@ -34,7 +34,7 @@ class Motion:
 
     Attributes:
         omega: Angular velocity.
-        omega_k: That of the motion whose rate is taken; `omega`, save for columns of matrices.
+        omega_k: That of the motion that is differentiated: `omega`, except for matrix columns.
         alpha: Angular acceleration.
         a: Acceleration of the origin.
     """
@@ -60,9 +60,9 @@ class Placement(NamedTuple):
     """A link in its parent.
 
     Attributes:
-        R: Its orientation, but for the last turn.
+        R: Its orientation before the small turn.
         p: Its origin.
-        turn: A small turn besides, axes of the link.
+        turn: A small turn after R, axes of the link.
     """
 
     R: SX
@@ -98,8 +98,7 @@ class Kinematics:
 
     Args:
         model: The tree.
-        rotations: Orientations of joints at rest and of frames, in the place of the model's, by
-            name.
+        rotations: Orientations of joints at rest and of frames, by name, instead of the model's.
         displaced: Whether all joints are displaced, each along its rates, to first order.
         lift: Acceleration of link 0, its axes.
 
@@ -284,7 +283,7 @@ class Kinematics:
         return Motion(omega, omega_k, alpha, a)
 
     def transmitted(self, wrenches: list[tuple[SX, SX]]) -> Sparse:
-        """What the joints transmit of a force and a moment about the origin of each link."""
+        """Forces along the rates, from a force and a moment about the origin of each link."""
         tau: Sparse = {}
         wrenches = list(wrenches)
         for i in range(len(self.tree.links) - 1, 0, -1):

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """What stays open in compiled kernels: gravity, masses and inertias, friction, springs, rotors.
 
-Which bodies have mass and which joints have friction, springs or rotors is folded in, the numbers
-are not: they cost a load each, and a payload, an identified friction or another gravity then take
-no compiler.
+A kernel has fixed which bodies have mass and which joints have friction, springs or rotors, but not
+their numbers. Each number costs a load; in return a payload, an identified friction or another
+gravity needs no compiler.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class Parameters:
 
     Args:
         mechanism: The robot.
-        complete: Whether all bodies have a mass and all joints friction and a rotor, be they zero.
+        complete: Whether all bodies have mass, all joints friction and a rotor, zero included.
         rotated: Names of joints and frames whose orientation stays open.
 
     Attributes:
@@ -70,7 +70,7 @@ class Parameters:
 
         Args:
             mechanism: The robot.
-            friction: In the place of its own, in the same joints.
+            friction: Instead of its own, in the same joints.
         """
         model, values = mechanism.model, _of_joints(mechanism)
         values |= {"viscous": friction.viscous, "coulomb": friction.coulomb}
@@ -128,7 +128,7 @@ def _of_joints(mechanism: Mechanism) -> dict[str, Array]:
 
 
 def _ends_of_springs(mechanism: Mechanism) -> tuple[int, ...]:
-    """Entries of q by which springs are drawn: of a ball or an unbounded joint all."""
+    """Entries of q of joints with springs: of a ball or an unbounded joint all."""
     stiff, found = mechanism.springs.stiffness, []
     for joint in list(mechanism.model.joints)[1:]:
         of_rates = stiff[joint.idx_v : joint.idx_v + joint.nv]

@@ -36,11 +36,11 @@ class Kernels(Protocol):
 
 
 class CompiledStates(ReferenceStates):
-    """The state space of a mechanism by its kernels; the reference path does what they leave.
+    """The state space of a mechanism by kernels; samples that fail go to the reference path.
 
     Args:
         reference: Of the mechanism.
-        friction: In the place of the mechanism's own.
+        friction: Instead of the mechanism's.
         backend: With its kernels.
     """
 
@@ -100,7 +100,7 @@ class CompiledStates(ReferenceStates):
         return not product > 0
 
     def _determinant(self, q: Array) -> tuple[float, float]:
-        """det Phi_u and the sum of the squares of its entries; NaN where nothing vouches for it."""
+        """det Phi_u and the sum of the squares of its entries; NaN if q fails the checks."""
         closing = self._closing
         answer = None if closing is None else closing.answer(q, None, None, None, None, 1)
         if answer is None:

@@ -136,7 +136,7 @@ def _neutral(kind: str) -> list[float]:
 
 
 def clean(a: Array) -> Array:
-    """Numbers that are 0, 1 or -1 but for rounding made so: what they multiply falls away."""
+    """Round numbers next to 0, 1 or -1 to these, so that products with them need no operation."""
     a = np.array(a, dtype=float)
     for whole in (-1.0, 0.0, 1.0):
         a[np.abs(a - whole) < 4e-16] = whole

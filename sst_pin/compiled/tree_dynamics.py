@@ -146,7 +146,7 @@ class TreeDynamics:
         return force, back @ moment + ca.cross(lever, force)
 
     def friction(self, v: Sparse) -> Sparse:
-        """What friction takes."""
+        """Forces that friction needs."""
         viscous = self._parameters.of_joints("viscous", self._p)
         coulomb = self._parameters.of_joints("coulomb", self._p)
         tau = {i: D * v[i] for i, D in viscous.items() if i in v}
@@ -158,7 +158,7 @@ class TreeDynamics:
 
     @cached_property
     def springs(self) -> Sparse:
-        """What springs take."""
+        """Forces that springs need."""
         stiffness = self._parameters.of_joints("stiffness", self._p)
         rest = self._parameters.of_joints("spring_reference", self._p)
         way = self._kinematics.difference(rest)
@@ -221,7 +221,7 @@ class TreeDynamics:
 
 
 def _moment(x: Motion, J: SX) -> SX:
-    """About the origin of a link, of its motion but for the acceleration of the origin."""
+    """Inertial moment about the origin of a link whose origin does not accelerate."""
     if sum(not component.is_zero() for component in ca.vertsplit(x.omega)) == 1:
         inertia = ca.trace(J) * SX.eye(3) - J
         return inertia @ x.alpha + ca.cross(x.omega, inertia @ x.omega)

@@ -29,7 +29,7 @@ def backend(reference: Reference, model: Any, off: str) -> Backend:
         model: The tree whose gravity the kernels watch.
         off: Why not to use kernels; empty to use them.
     """
-    from ..compiled.backend import CompiledBackend  # at its first use: it brings much
+    from ..compiled.backend import CompiledBackend  # at its first use: it imports much
     from . import kernels
 
     mechanism = reference.mechanism

@@ -2,7 +2,7 @@
 """The kernels of the SST, shipped compiled: those of `compile()`, with the geometry left open.
 
 `scripts/kernels/make_kernels.py` writes `kernels.c`; the files named after instruction sets compile
-it for these. The environment variable SST_PIN_KERNELS=off leaves them aside.
+it for these. The environment variable SST_PIN_KERNELS=off switches them off.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from ...extensions import require_current
 from ..topology import CUTS
 
 FOLDER = Path(__file__).parent
-#: What there is.
+#: Names of the kernels.
 ENTRIES = (
     "torques",
     "accelerations",
@@ -40,7 +40,7 @@ ENTRIES = (
 
 
 def open_numbers(mechanism: Mechanism) -> Parameters:
-    """What stays open: with what `Parameters` lists of all bodies and joints, the geometry."""
+    """Parameters of the kernels: of all bodies and joints, and the geometry."""
     frames = sorted({frame for cut in CUTS for frame in cut})
     return Parameters(mechanism, complete=True, rotated=[*MOTOR_NAMES, *frames])
 
