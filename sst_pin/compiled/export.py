@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -35,12 +35,13 @@ class _Style(NamedTuple):
     head: str
     closed: float  #: Open loops up to this, [m] or [rad], times the scale of the rows.
     rounding: float  #: Relative.
+    angle: float  #: The largest.
 
 
 #: Angles that are rounded to 24 bits leave loops open by some 1e-6.
 _STYLES = {
-    "double": _Style("double", "", 17, "", CLOSED, 2.0**-52),
-    "single": _Style("float", "f", 9, "#define SINGLE\n", 1e-4, 2.0**-23),
+    "double": _Style("double", "", 17, "", CLOSED, 2.0**-52, 1e6),
+    "single": _Style("float", "f", 9, "#define SINGLE\n", 1e-4, 2.0**-23, 1e3),
 }
 
 _HEADER = """\
@@ -221,7 +222,6 @@ def c_files(
     style, q = _STYLES[precision], chain.generic_configuration()
     n, motors = chain.degrees_of_freedom, len(chain.motor_names)
     mechanism = chain._current.mechanism()
-    model = mechanism.model
     samples = sample_configurations(chain._current.reference, q)
     equations = Equations(mechanism, samples)
     checks = Checks(equations, style.closed, style.rounding)
@@ -230,7 +230,7 @@ def c_files(
         raise DescriptionError("parameters of the robot", ["gravity or inertia is not finite"])
     sizes = {"q": len(q), "q_next": len(q), "va": n, "aa": n, "f": n, "tau": motors}
     dynamics = "torques" if motors >= n else "forces"
-    declarations, bodies = [], []
+    declarations, definitions = [], []
     for name in (dynamics, "accelerations", "assembly_step"):
         function = _FUNCTIONS[name]
         try:
@@ -240,32 +240,10 @@ def c_files(
         except DescriptionError as error:
             declarations.append(f"/* There is no robot_{name}: {_comment(str(error))} */\n")
             continue
-        given = [x for x in function.inputs if sizes[x]]  # no torques without motors
-        arguments = ", ".join(f"const {style.type} {x}[{sizes[x]}]" for x in given)
-        head = f"int robot_{name}({arguments}, {style.type} {function.output}"
-        head += f"[{sizes[function.output]}])"
+        head = _head(name, function, sizes, style)
         declarations.append(f"/* {function.meaning} */\n{head};\n")
-        outputs, total = sizes[function.output], kernel.output.numel() + kernel.checks.numel()
-        written = c_code.body(kernel, suffix=style.suffix)
-        bodies += [
-            written.text,
-            _WRAPPER.format(
-                size=written.size,
-                room=written.room,
-                parameters=len(numbers),
-                head=head,
-                name=kernel.name,
-                type=style.type,
-                inputs=sum(sizes[x] for x in given),
-                angles=len(q),
-                copies="\n".join(_copies(given, sizes)),
-                outputs=outputs,
-                output=function.output,
-                checks=kernel.output.numel(),
-                total=total,
-            ),
-        ]
-    code = "\n".join(bodies)
+        definitions.append(_definition(head, function, kernel, sizes, style))
+    code = "\n".join(definitions)
     listed = "\n".join(_listed(equations.parameters, mechanism, numbers, style.suffix))
     source = [
         '#include "robot.h"\n',
@@ -274,35 +252,66 @@ def c_files(
         f"{style.type} robot_parameters[{len(numbers)}] = {{\n{listed}\n}};\n",
         code,
     ]
-    header = _HEADER.format(
-        robot=_comment(model.name),
-        nq=len(q),
-        q_names=_comment(", ".join(chain.position_names)),
-        n=n,
-        coordinates=_comment(", ".join(mechanism.coordinate_rate_names)),
-        motors=motors,
-        motor_names=_comment(", ".join(chain.motor_names)),
-        closed=style.closed,
-        angle=1e6 if precision == "double" else 1e3,
-        type=style.type,
-        size=len(numbers),
-        functions="\n".join(declarations),
-    )
     at_rest = [*np.asarray(q).tolist(), *[0] * (2 * n)]
-    main = _MAIN.format(
-        meaning=_FUNCTIONS[dynamics].meaning.split(",")[0].removesuffix("."),
-        robot=_comment(model.name),
-        nq=len(q),
-        n=n,
-        type=style.type,
-        inputs=len(at_rest),
-        outputs=motors if dynamics == "torques" else n,
-        name=dynamics,
-        digits=style.digits,
-        example=" ".join(map(repr, at_rest)),
-    )
-    texts = {"robot.h": header, "robot.c": "\n".join(source), "main.c": main}
+    about = {
+        **style._asdict(),
+        "robot": _comment(mechanism.model.name),
+        "nq": len(q),
+        "n": n,
+        "motors": motors,
+        "q_names": _comment(", ".join(chain.position_names)),
+        "coordinates": _comment(", ".join(mechanism.coordinate_rate_names)),
+        "motor_names": _comment(", ".join(chain.motor_names)),
+        "size": len(numbers),
+        "functions": "\n".join(declarations),
+        "meaning": _FUNCTIONS[dynamics].meaning.split(",")[0].removesuffix("."),
+        "name": dynamics,
+        "inputs": len(at_rest),
+        "outputs": sizes[_FUNCTIONS[dynamics].output],
+        "example": " ".join(map(repr, at_rest)),
+    }
+    texts = {
+        "robot.h": _HEADER.format(**about),
+        "robot.c": "\n".join(source),
+        "main.c": _MAIN.format(**about),
+    }
     return {as_path(folder) / name: text_writer(text) for name, text in texts.items()}
+
+
+def _head(name: str, function: _Function, sizes: Mapping[str, int], style: _Style) -> str:
+    """The head of a function; without motors it takes no torques."""
+    inputs = (f"const {style.type} {x}[{sizes[x]}], " for x in function.inputs if sizes[x])
+    output = f"{style.type} {function.output}[{sizes[function.output]}]"
+    return f"int robot_{name}({''.join(inputs)}{output})"
+
+
+def _definition(
+    head: str, function: _Function, kernel: kernels.Kernel, sizes: Mapping[str, int], style: _Style
+) -> str:
+    """The C of a kernel and of the function that applies it to separate arrays."""
+    copies, inputs = [], 0
+    for x in function.inputs:
+        if sizes[x]:
+            copies.append(
+                f"    for (int i = 0; i < {sizes[x]}; i++)\n        x[{inputs} + i] = {x}[i];"
+            )
+        inputs += sizes[x]
+    body, outputs = c_code.body(kernel, suffix=style.suffix), kernel.output.numel()
+    return f"{body.text}\n" + _WRAPPER.format(
+        head=head,
+        name=kernel.name,
+        type=style.type,
+        inputs=inputs,
+        angles=sizes["q"],
+        copies="\n".join(copies),
+        output=function.output,
+        outputs=sizes[function.output],
+        parameters=kernel.parameters.numel(),
+        size=body.size,
+        room=body.room,
+        checks=outputs,
+        total=outputs + kernel.checks.numel(),
+    )
 
 
 def _listed(
@@ -316,19 +325,11 @@ def _listed(
     for quantity, where in parameters.joints.items():
         of = space.position_names if quantity == "spring_reference" else space.rate_names
         lines += [(1, f"{quantity.replace('_', ' ')} of {of[k]}") for k in where]
-    lines += [(9, f"orientation of {name}") for name in parameters.rotated]
     start = 0
     for size, meaning in lines:
         listed = ", ".join(repr(x) + suffix for x in numbers[start : start + size].tolist())
         yield f"    /* {start}: {_comment(meaning)} */\n    {listed},"
         start += size
-
-
-def _copies(inputs: Sequence[str], sizes: dict[str, int]) -> Iterator[str]:
-    start = 0
-    for x in inputs:
-        yield f"    for (int i = 0; i < {sizes[x]}; i++)\n        x[{start} + i] = {x}[i];"
-        start += sizes[x]
 
 
 def _comment(text: str) -> str:
