@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Arrays at the border: checked on the way in, leading batch axes looped over."""
+"""Arrays at the border: checked on the way in, leading batch axes looped over; angles."""
 
 from __future__ import annotations
 
@@ -235,3 +235,8 @@ def _require_fitting(out: Array | None, shape: tuple[int, ...]) -> None:
         raise InputError("out", "a masked array; masked entries may not be written")
     if out.shape != shape:
         raise InputError("out", f"shape {out.shape}, expected {shape}")
+
+
+def in_one_turn(angles: ArrayLike) -> Array:
+    """The same directions in [-pi, pi), [rad]; any shape."""
+    return np.asarray((np.asarray(angles) + np.pi) % (2 * np.pi) - np.pi)

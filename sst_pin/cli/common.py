@@ -86,7 +86,9 @@ def any_robot_of(arguments: argparse.Namespace) -> ClosedChain:
 
 def chain_of(path: Path) -> ClosedChain:
     """Any robot: an MJCF by its suffix .xml or .mjcf, else a URDF beside its YAML."""
-    if path.suffix.lower() in (".xml", ".mjcf"):
+    from ..reading.text import is_mjcf
+
+    if is_mjcf(path):
         return ClosedChain.from_mjcf(path)
     return ClosedChain.from_urdf(path)
 

@@ -11,13 +11,15 @@ from .common import Commands
 
 def add_to(commands: Commands) -> None:
     """Add the command."""
-    parser = commands.add("validate", _run, "List all problems of a URDF and of its closures.")
-    parser.add_argument("file", type=Path, metavar="FILE", help="a URDF")
+    parser = commands.add(
+        "validate", _run, "List all problems of a URDF or MJCF and of its closures."
+    )
+    parser.add_argument("file", type=Path, metavar="FILE", help="a URDF or an MJCF (.xml, .mjcf)")
     parser.add_argument(
         "--cuts",
         type=Path,
         metavar="YAML",
-        help="closures and motors (default: the YAML with the name of FILE)",
+        help="of a URDF: closures and motors (default: the YAML with the name of FILE)",
     )
 
 

@@ -115,7 +115,7 @@ _MAIN = """\
  *     cc -std=c99 -O2 -o dynamics main.c robot.c
  *     ./dynamics < motions.txt
  *
- * At rest, for one: {example}
+ * For example, at rest: {example}
  * It ends with 1 and a message at a motion without a result. */
 #include <stdio.h>
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..arrays import names
 from ..chain.closures import Closure, Constraint, Coupling, Distance, Rolling
-from ..chain.draft import without_locked
+from ..chain.draft import Motor, without_locked
 from ..errors import DescriptionError
 from ..files import beside
 from . import inertias
@@ -55,11 +55,11 @@ class Cuts(NamedTuple):
 
 
 class Extended(NamedTuple):
-    """What an "extended URDF" says of a closed chain: tree, closures, names of the motors."""
+    """What a description says of a closed chain: tree, closures, motors."""
 
     model: pin.Model
     closures: tuple[Constraint, ...]
-    actuated: tuple[str, ...]
+    actuated: tuple[Motor, ...]
 
 
 def read_urdf(

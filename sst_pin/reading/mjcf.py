@@ -10,8 +10,10 @@ body axes in both.
 
 from __future__ import annotations
 
+import xml.etree.ElementTree as ET
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -77,11 +79,22 @@ def _reader(path: str | Path, locked: Sequence[str]) -> _Reader:
         compiled = mujoco.MjModel.from_xml_path(str(path))
     except ValueError as error:
         raise DescriptionError(str(path), [f"not an MJCF: {error}"]) from None
+    if _first_element(path) == "robot":  # MuJoCo reads a URDF, which has no closures
+        text = "an MJCF starts with <mujoco>, not with <robot>; ClosedChain.from_urdf reads a URDF"
+        raise DescriptionError(str(path), [f"not an MJCF: {text}"])
     try:
         compiled.names.decode()
     except UnicodeDecodeError as error:
         raise DescriptionError(str(path), [f"names that are not UTF-8: {error}"]) from None
     return _Reader(mujoco, compiled, str(path), locked)
+
+
+def _first_element(path: Path) -> str:
+    """The name of an XML's root; empty where MuJoCo reads it more leniently than Python."""
+    with suppress(ET.ParseError), path.open("rb") as file:
+        for _, element in ET.iterparse(file, events=("start",)):
+            return str(element.tag)
+    return ""
 
 
 class _Reader:

@@ -11,6 +11,11 @@ from ..errors import DescriptionError
 _LARGEST = 16 * 2**20
 
 
+def is_mjcf(path: Path) -> bool:
+    """Whether a file is an MJCF, by its ending; else a URDF."""
+    return path.suffix.lower() in (".xml", ".mjcf")
+
+
 def read_text(path: str | Path, what: str) -> str:
     """The content of a description file.
 

@@ -10,6 +10,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
+from ..arrays import in_one_turn
+
 Array = NDArray[np.float64]
 
 
@@ -22,11 +24,6 @@ def direction(vector: ArrayLike) -> float:
 def angle_about_z(R: Array) -> float:
     """Angle of a turn about z, [rad]; shape (3, 3)."""
     return float(np.arctan2(R[1, 0], R[0, 0]))
-
-
-def wrapped(angle: float) -> float:
-    """The same direction in [-pi, pi), [rad]."""
-    return float((angle + np.pi) % (2 * np.pi) - np.pi)
 
 
 def two_link(target: ArrayLike, first: float, second: float, elbow: int) -> tuple[float, float]:
@@ -46,7 +43,7 @@ def two_link(target: ArrayLike, first: float, second: float, elbow: int) -> tupl
     with np.errstate(invalid="ignore"):
         bend = elbow * np.arccos(cosine)
     shoulder = np.arctan2(y, x) - np.arctan2(second * np.sin(bend), first + second * cosine)
-    return wrapped(shoulder), float(bend)
+    return float(in_one_turn(shoulder)), float(bend)
 
 
 def universal(vector: ArrayLike) -> tuple[float, float]:

@@ -10,8 +10,9 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from ..arrays import in_one_turn
 from ..chain.closures import Closure
-from .angles import angle_about_z, direction, two_link, wrapped
+from .angles import angle_about_z, direction, two_link
 from .gallery_robot import GalleryRobot, Joints, of_dimensions
 from .tree import UPRIGHT, Tree, box, planar, rod, rods, shift
 
@@ -151,7 +152,7 @@ def _excavator_joints(
     boom, arm, bucket = lengths
     wrist = local.act(np.array([-bucket, 0, 0]))
     raised, bent = two_link(wrist, boom, arm, -1)
-    curled = wrapped(angle_about_z(local.rotation) - raised - bent)
+    curled = float(in_one_turn(angle_about_z(local.rotation) - raised - bent))
     on_arm = planar(arm, 0, curled).act(np.array([*bucket_pin, 0]))
     rocker, link = two_link(on_arm - (*pivot, 0), *bars, -1)
     joints: Joints = {"swing": swing, "boom": raised, "arm": bent, "bucket": curled}

@@ -9,8 +9,9 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from ..arrays import in_one_turn
 from ..chain.closures import Closure
-from .angles import angle_about_z, direction, two_link, wrapped
+from .angles import angle_about_z, direction, two_link
 from .gallery_robot import GalleryRobot, Joints, of_dimensions
 from .tree import UPRIGHT, Tree, circle, planar, rod, shift, star
 
@@ -74,7 +75,7 @@ def _four_bar_joints(pose: pin.SE3, coupler: float, ground: float, point: float)
     crank = direction(pins[0])
     return {
         "crank": crank,
-        "coupler": wrapped(angle_about_z(pose.rotation) - crank),
+        "coupler": float(in_one_turn(angle_about_z(pose.rotation) - crank)),
         "rocker": direction(pins[1] - (ground, 0, 0)),
     }
 
@@ -247,4 +248,4 @@ def _planar_wrist_1s(
         shoulder, elbow = two_link(pose.act(vertex) - foot, *lengths, 1)
         joints |= {f"shoulder_{k}": shoulder, f"elbow_{k}": elbow}
     turn = angle_about_z(pose.rotation) - joints["shoulder_1"] - joints["elbow_1"]
-    return joints | {"wrist_1": wrapped(turn)}
+    return joints | {"wrist_1": float(in_one_turn(turn))}

@@ -8,9 +8,9 @@ from functools import partial
 import numpy as np
 import pinocchio as pin
 
-from ..arrays import whole_number
+from ..arrays import in_one_turn, whole_number
 from ..chain.closures import Closure
-from .angles import two_link, wrapped
+from .angles import two_link
 from .gallery_robot import GalleryRobot, Joints, of_dimensions
 from .tree import UPRIGHT, Tree, box, planar, rod, shift
 
@@ -148,6 +148,6 @@ def _ladder_joints(pose: pin.SE3, cells: int, lengths: tuple[float, float]) -> J
     lower, bend = two_link(UPRIGHT.actInv(pose).translation, *lengths, -1)
     joints: Joints = {}
     for k in range(1, cells + 1):
-        lean = lower if k <= cells - cells // 2 else wrapped(lower + bend)
+        lean = lower if k <= cells - cells // 2 else float(in_one_turn(lower + bend))
         joints |= {f"left_{k}": lean, f"right_{k}": lean, f"rung_{k}": -lean}
     return joints

@@ -16,6 +16,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from ..arrays import in_one_turn
 from . import kinematics
 
 Array = NDArray[np.float64]
@@ -107,7 +108,7 @@ def _outside_arcs(
     low, high = arc_ends(geometry)
     bounded = np.isfinite(low)
     middle = np.where(bounded, high / 2, 0)
-    q = middle + (q - middle + np.pi) % (2 * np.pi) - np.pi  # a whole turn leads to the same place
+    q = middle + in_one_turn(q - middle)  # a whole turn leads to the same place
     out = arc_margins(geometry, q) < 0
     for i in np.flatnonzero(bounded):
         problem = f"{names[i]} leaves its arc of {_degrees(low[i], high[i])}"

@@ -13,7 +13,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from .. import description, reading
-from ..arrays import finite_array, single_array
+from ..arrays import finite_array, in_one_turn, single_array
 from ..chain.closed_chain import ClosedChain
 from ..description import MOTOR_NAMES
 from ..description.parameters import Parameters
@@ -307,7 +307,7 @@ class SST(ClosedChain):
         if not len(solutions):
             raise WorkspaceError(f"no assembly exists at gamma = {gamma.tolist()} rad")
         before = single_array("near", near, (9,))
-        turns = (solutions - before + np.pi) % (2 * np.pi) - np.pi
+        turns = in_one_turn(solutions - before)
         best = int(np.abs(turns).max(axis=1).argmin())
         q: Array = before + turns[best]
         q[::3] = gamma

@@ -18,6 +18,8 @@ from ..reading.problems import Problem, error, warning
 
 #: Open by so much a configuration is that was written with four digits, [m] or [rad].
 _WRITTEN = 1e-3
+#: Where the problem of a robot in which nothing moves is.
+_STILL = "mobility"
 
 
 def check(urdf: str, path: Path, cuts: Path | None) -> Iterator[Problem]:
@@ -44,11 +46,48 @@ def check(urdf: str, path: Path, cuts: Path | None) -> Iterator[Problem]:
     yield from problems
     if problems:
         return
+    try:
+        reading.load_poses(path, robot.model, found.joints)
+    except DescriptionError as caught:
+        yield from (error("srdf", text) for text in caught.problems)
+    yield from _moving(robot)
+
+
+def check_mjcf(path: Path) -> Iterator[Problem]:
+    """Problems of an MJCF that MuJoCo has not.
+
+    Args:
+        path: Of the file.
+
+    Raises:
+        MissingExtraError: Without MuJoCo.
+    """
+    from ..reading.mjcf import read_mjcf
+
+    try:
+        found = read_mjcf(path)
+    except DescriptionError as caught:
+        told = [problem.removeprefix("not an MJCF: ") for problem in caught.problems]
+        yield from (error("file", text) for text in told)
+        return
+    robot = reading.Extended(found.model, found.closures, found.actuated)
+    if not robot.closures:
+        yield error("equality", "no closures: connect, weld, joint or tendon")
+    if not robot.model.nv:
+        yield error("tree", "no joints")
+    if robot.closures and robot.model.nv:
+        yield from _moving(robot)
+
+
+def _moving(robot: reading.Extended) -> Iterator[Problem]:
     problems = list(_open(robot.model, robot.closures))
     yield from problems
-    if not problems:
-        yield from _actuation(robot)
-        yield from _home(robot, path, found)
+    if problems:
+        return
+    problems = list(_actuation(robot))
+    yield from problems
+    if not any(problem.where == _STILL for problem in problems):
+        yield from _home(robot)
 
 
 def _unknown(robot: reading.Extended) -> Iterator[Problem]:
@@ -94,12 +133,7 @@ def _gap(model: pin.Model, closures: Sequence[Constraint]) -> float:
     return 0.0
 
 
-def _home(robot: reading.Extended, path: Path, found: reading.Cuts) -> Iterator[Problem]:
-    try:
-        reading.load_poses(path, robot.model, found.joints)
-    except DescriptionError as caught:
-        yield from (error("srdf", text) for text in caught.problems)
-        return
+def _home(robot: reading.Extended) -> Iterator[Problem]:
     if "home" not in robot.model.referenceConfigurations:
         return
     chain = ClosedChain(robot.model, robot.closures, robot.actuated)
@@ -127,7 +161,9 @@ def _actuation(robot: reading.Extended) -> Iterator[Problem]:
     except SSTError as caught:
         yield error("robot", str(caught))
         return
-    if not mobility.sufficient:
+    if not mobility.degrees_of_freedom:
+        yield error(_STILL, "nothing can move; check kinds and axes of the closures")
+    elif not mobility.sufficient:
         loose = mobility.degrees_of_freedom - mobility.held
         yield error(
             "actuation",

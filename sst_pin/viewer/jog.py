@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
+from ..arrays import in_one_turn
 from ..chain.closed_chain import ClosedChain
 from ..chain.joint_space import JointSpace
 from ..errors import ClosureError, SSTError, WorkspaceError
@@ -116,7 +117,7 @@ class Jog:
 
             def read(q: Array, own: Indices = own) -> Array:
                 values: Array = pin.difference(model, start, q) + offset
-                values[endless] = (values[endless] + np.pi) % (2 * np.pi) - np.pi
+                values[endless] = in_one_turn(values[endless])
                 return values[own]
 
             def solve(values: Array, q: Array, own: Indices = own) -> Array:
@@ -191,8 +192,7 @@ def _star(robot: SST) -> Sliders:
 
     def solve(angles: Array, q: Array) -> Array:
         found = robot.inverse_kinematics(orientation(*angles), robot.branch(q))
-        turned: Array = (found - q + np.pi) % (2 * np.pi) - np.pi
-        return q + turned
+        return q + in_one_turn(found - q)
 
     low, high = np.array((-np.pi, 0, -np.pi)), np.full(3, np.pi)
     return Sliders("Star", "rad", ("theta", "phi", "psi"), low, high, read, solve)

@@ -349,3 +349,47 @@ def test_a_closure_frame_of_an_ambiguous_name_is_told(found):
     """A fixed joint's frame and a link of one name, at different places."""
     problems = found(URDF.replace('"rod_2a_end_fixed"', '"platform_1b"'))
     assert any("several frames have this name" in problem.text for problem in problems)
+
+
+BARS = """<mujoco>
+  <worldbody>
+    <body name="crank"><joint name="crank" axis="0 1 0"/><geom size="0.02" pos="0.05 0 0"/>
+      <body name="coupler" pos="0.1 0 0"><joint name="elbow" axis="0 1 0"/>
+        <geom size="0.02" pos="0.15 0 0"/></body></body>
+    <body name="rocker" pos="0.3 0 0"><joint name="rocker" axis="0 1 0"/>
+      <geom size="0.02" pos="0.1 0 0"/></body>
+  </worldbody>
+  <equality><connect name="pin" body1="coupler" body2="rocker" anchor="0.3 0 0"/></equality>
+  <actuator><motor joint="crank"/></actuator>
+  <keyframe><key name="home" qpos="0.5 -0.9443 -0.9443"/></keyframe>
+</mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("", "", []),
+        ("<mujoco>", "<mujoco", ["error: file: XML parse error"]),
+        (BARS, '<robot name="a"><link name="a"/></robot>', ["from_urdf reads a URDF"]),
+        ("<connect ", '<connect active="false" ', ["error: equality: no closures"]),
+        ("<connect ", "<weld ", ["error: mobility: nothing can move"]),
+        (
+            "<worldbody>",
+            '<option><flag actuation="disable"/></option><worldbody>',
+            ["error: file: <flag actuation"],
+        ),
+        ("<actuator>", '<actuator><motor joint="rocker"/>', ["warning: actuation: redundant: 2"]),
+        ("-0.9443 -0.9443", "2 9", ["warning: home"]),
+    ],
+)
+def test_an_mjcf_is_judged_too(tmp_path, capsys, old, new, told):
+    """What the reader refuses, closures, motors and home; MuJoCo judges the rest."""
+    path = tmp_path / "bars.xml"
+    path.write_text(BARS.replace(old, new))
+    problems = list(map(str, sst_pin.validate(path)))
+    assert len(problems) == len(told)
+    for problem, text in zip(problems, told, strict=True):
+        assert text in problem
+    assert main(["validate", str(path)]) == any("error" in problem for problem in problems)
+    with pytest.raises(sst_pin.InputError, match="an MJCF contains its closures"):
+        sst_pin.validate(path, "cuts.yaml")
