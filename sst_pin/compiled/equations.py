@@ -262,10 +262,10 @@ class Equations:
     def inertia(self) -> SX:
         """L^T M L, shape (n, n), Eq. (93)."""
         n = len(self.L)
-        matrix = SX(n, n)
+        matrix, M = SX(n, n), self.tree.composed(self._following)
         for k, column in enumerate(self.L):
             force: Sparse = {}
-            for (i, j), entry in self.tree.inertia.items():
+            for (i, j), entry in M.items():
                 if j in column:
                     force = add(force, {i: entry * column[j]})
                 if i != j and i in column:
@@ -274,6 +274,20 @@ class Equations:
                 terms = [x * force[i] for i, x in self.L[other].items() if i in force]
                 matrix[other, k] = matrix[k, other] = total(terms)
         return matrix
+
+    @cached_property
+    def _following(self) -> dict[int, dict[int, Sparse]]:
+        """Rows of L of the dependent rates, by the link that their loops hang on."""
+        tree = self.kinematics.tree
+        following: dict[int, dict[int, Sparse]] = {}
+        for rate in self._dependent:
+            columns = zip(self._coordinates, self.L, strict=True)
+            row = {k: column[rate] for k, column in columns if rate in column}
+            moved = [i for i, x in enumerate(tree.links) if {rate, *row}.intersection(x.v)]
+            before = [set(tree.ancestors(tree.links[i].parent)) for i in moved]
+            if base := max(set.intersection(*before)):  # parents come first
+                following.setdefault(base, {})[rate] = row
+        return following
 
     @cached_property
     def coriolis(self) -> SX:

@@ -41,18 +41,18 @@ def definite(inverses: list[Any]) -> Any:
 
 def solve_symmetric(A: SX, b: SX) -> tuple[SX, list[Any]]:
     """x with A x = b for a symmetric A, by L D L^T, and one over each entry of D; b has columns."""
-    n = A.shape[0]
-    L: list[dict[int, Any]] = [{} for _ in range(n)]  # below the diagonal, by column
-    D: list[Any] = []
+    n, order = A.shape[0], _elimination(A)
+    A, b = A[order, order], b[order, :]
+    L: list[dict[int, Any]] = [{} for _ in range(n)]  # rows, below the diagonal
+    LD: list[dict[int, Any]] = [{} for _ in range(n)]
     inverses: list[Any] = []
     for j in range(n):
-        D.append(A[j, j] - total(x**2 * D[k] for k, x in L[j].items()))
-        inverses.append(1 / D[j])
+        inverses.append(1 / (A[j, j] - total(x * L[j][k] for k, x in LD[j].items())))
         for i in range(j + 1, n):
-            both = L[i].keys() & L[j].keys()
-            entry = A[i, j] - total(L[i][k] * L[j][k] * D[k] for k in sorted(both))
+            both = sorted(L[i].keys() & L[j].keys())
+            entry = A[i, j] - total(LD[i][k] * L[j][k] for k in both)
             if not is_zero(entry):
-                L[i][j] = entry * inverses[j]
+                LD[i][j], L[i][j] = entry, entry * inverses[j]
     x = [b[i, :] for i in range(n)]
     for i in range(n):
         x[i] -= total(entry * x[k] for k, entry in L[i].items())
@@ -60,4 +60,17 @@ def solve_symmetric(A: SX, b: SX) -> tuple[SX, list[Any]]:
     for i in reversed(range(n)):
         for k, entry in L[i].items():
             x[k] -= entry * x[i]
-    return ca.vertcat(*x), inverses
+    return ca.vertcat(*(x[order.index(i)] for i in range(n))), inverses
+
+
+def _elimination(A: SX) -> list[int]:
+    """An order in which elimination fills few zeros: next is who has the fewest neighbours."""
+    n = A.shape[0]
+    near = [{j for j in range(n) if j != i and not is_zero(A[i, j])} for i in range(n)]
+    order: list[int] = []
+    while len(order) < n:
+        i = min(set(range(n)).difference(order), key=lambda k: (len(near[k]), k))
+        for j in near[i]:
+            near[j] = (near[j] | near[i]) - {i, j}
+        order.append(i)
+    return order

@@ -174,33 +174,55 @@ class TreeDynamics:
 
     @cached_property
     def inertia(self) -> dict[tuple[int, int], Any]:
-        """Upper triangle of the tree's mass matrix, by pairs of rates, from composite bodies."""
+        """Upper triangle of the tree's mass matrix, by pairs of rates."""
+        return self.composed({})
+
+    def composed(self, following: Mapping[int, Mapping[int, Sparse]]) -> dict[tuple[int, int], Any]:
+        """A matrix M with the same L^T M L as the mass matrix, from composite bodies.
+
+        Args:
+            following: By link, rates behind it that follow from those of coordinates behind it:
+                their rows of L, by index. What their joints' forces do to the link and those
+                before it is counted with these coordinates.
+        """
         links, placements = self._kinematics.tree.links, self._kinematics.placements
         composite = [self._inertia_of(link.body) for link in links]
+        forces: list[dict[int, tuple[SX, SX]]] = [{} for _ in links]  # by rate
         M: dict[tuple[int, int], Any] = {}
         for i in range(len(links) - 1, 0, -1):
-            mass, c, inertia = composite[i]
-            for k, S in zip(links[i].v, links[i].S.T, strict=True):
+            (mass, c, inertia), link, behind = composite[i], links[i], forces[i]
+            for rate, row in following.get(i, {}).items():
+                F, N = behind.pop(rate, (SX(3, 1), SX(3, 1)))
+                for k, factor in row.items():
+                    _push(behind, k, factor * F, factor * N)
+            own = {}
+            for k, S in zip(link.v, link.S.T, strict=True):
                 u, turn = sx(S[:3]), sx(S[3:])
-                F, N = mass * u + ca.cross(turn, c), inertia @ turn + ca.cross(c, u)
-                j = i
-                while j:
-                    for other, S_j in zip(links[j].v, links[j].S.T, strict=True):
-                        value = ca.dot(sx(S_j[:3]), F) + ca.dot(sx(S_j[3:]), N)
-                        if not is_zero(value) and (j != i or other <= k):
-                            pair = min(other, k), max(other, k)
-                            value *= 1 + (j != i and other == k)  # a mimic joint behind its own
-                            M[pair] = M.get(pair, 0) + value
-                    R, p = placements[j]
-                    F, N = R @ F, R @ N
-                    N += ca.cross(p, F)
-                    j = links[j].parent
+                own[k] = mass * u + ca.cross(turn, c), inertia @ turn + ca.cross(c, u)
+            for j, S in zip(link.v, link.S.T, strict=True):
+                for is_own, (k, (F, N)) in [
+                    *((False, item) for item in behind.items()),
+                    *((True, item) for item in own.items()),
+                ]:
+                    value = ca.dot(sx(S[:3]), F) + ca.dot(sx(S[3:]), N)
+                    if not is_zero(value) and (not is_own or j <= k):
+                        pair = min(j, k), max(j, k)
+                        value *= 1 + (not is_own and j == k)  # a mimic joint behind its own
+                        M[pair] = M.get(pair, 0) + value
+            for k, (F, N) in own.items():
+                _push(behind, k, F, N)
             R, p = placements[i]
+            if link.parent:
+                for k, (F, N) in behind.items():
+                    F = R @ F
+                    _push(forces[link.parent], k, F, R @ N + ca.cross(p, F))
+            mass_0, c_0, inertia_0 = composite[link.parent]
             c = R @ c
-            cross, arm = ca.skew(p) @ ca.skew(c), ca.skew(p)
-            moved = R @ inertia @ R.T - cross - cross.T - mass * arm @ arm
-            mass_0, c_0, inertia_0 = composite[links[i].parent]
-            composite[links[i].parent] = mass_0 + mass, c_0 + c + mass * p, inertia_0 + moved
+            middle = c + mass * p / 2
+            moved = R @ inertia @ R.T - middle @ p.T - p @ middle.T
+            moved += ca.dot(2 * p, middle) * SX.eye(3)
+            moved = inertia_0 + ca.triu2symm(ca.triu(moved))
+            composite[link.parent] = mass_0 + mass, c_0 + c + mass * p, moved
         for k, armature in self._parameters.of_joints("armature", self._p).items():
             M[k, k] = M.get((k, k), 0) + armature
         return M
@@ -218,6 +240,13 @@ class TreeDynamics:
             moment = inertia @ x.alpha + ca.cross(x.omega, inner @ x.omega_k)
             wrenches.append((mass * x.a + x.U @ c, moment + ca.cross(c, x.a)))
         return add(self._kinematics.transmitted(wrenches), self._rotors(L_dot))
+
+
+def _push(forces: dict[int, tuple[SX, SX]], rate: int, F: SX, N: SX) -> None:
+    """Add a force and a moment to those of a rate."""
+    if rate in forces:
+        F, N = forces[rate][0] + F, forces[rate][1] + N
+    forces[rate] = F, N
 
 
 def _moment(x: Motion, J: SX) -> SX:
