@@ -37,6 +37,7 @@ CHAINS = (
             kind="3d", coordinates=["arm_1", "arm_2", "arm_3", "arm_4"], actuated=["body"]
         ),
         "planar 3-RRR": lambda: robots.planar_3rrr().chain(),
+        "loops that hang on loops": lambda: sst_pin.robots.ladder(3),
     }
 )
 

@@ -46,6 +46,17 @@ def test_kernels_step_as_the_reference_path_does():
     assert np.abs(a.q[:, -1] - q).max() > 1e-4  # it did move
 
 
+def test_coarse_steps_leave_the_loops_closed_to_rounding():
+    """One step of Newton's method would leave 1e-9; each motion takes the steps that it needs."""
+    robot = sst_pin.SST()
+    q, va, _ = robot.joint_motion(*random_states(robot, np.random.default_rng(3), 5))
+    tau = np.zeros((8, 3))
+    motion = robot.rollout(tau, q, va, 0.03)
+    assert np.abs(robot.residual(motion.q)).max() < 1e-13
+    for i in range(5):
+        assert np.array_equal(robot.rollout(tau, q[i], va[i], 0.03).q, motion.q[i])
+
+
 def test_rollouts_end_where_simulate_ends(odd):
     """Friction smoothed alike, torques constant: an adaptive method of eighth order as referee."""
     rng = np.random.default_rng(1)

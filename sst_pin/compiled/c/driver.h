@@ -130,8 +130,11 @@ typedef struct {
     ptrdiff_t step;
 } courses;
 
-/* The classical Runge-Kutta method on q and va, and a step of Newton's method onto the closures
- * after each step. `rate` takes (q, va, tau, load) and gives the rates of q and va; `close` takes q
+/* Newton's method ends with a step up to this length: the square of it is what is left. */
+#define LARGEST_LAST_STEP N(1e-8)
+
+/* The classical Runge-Kutta method on q and va, and Newton's method onto the closures after each
+ * step. `rate` takes (q, va, tau, load) and gives the rates of q and va; `close` takes q
  * and gives it nearer to the closures, then a determinant that is zero at singularities. Torques are
  * those at the beginning of each step, in its middle (`half` bytes later) and at its end; where
  * `half` is 0, that of the beginning. `reached` gets the number of states that hold. */
@@ -169,7 +172,8 @@ INLINE int roll(const stepper *f, real *x, real *y, real *start, real *sum, cons
                 sum[j] = start[j] = x[j];
             for (int stage = 0; stage < (s < steps ? 4 : 1); stage++) {
                 rows from = tau->at;
-                if (s < steps) { /* at the last state any torque serves to judge it */
+                /* at the last state any torque serves to judge it */
+                if (s < steps && (stage == 0 || (half && stage != 2))) {
                     from.data += s * tau->step + (stage == 0 ? 0 : stage == 3 ? 2 : 1) * half;
                     take(x + states, &from, first, lanes, f->tau);
                 }
@@ -189,10 +193,17 @@ INLINE int roll(const stepper *f, real *x, real *y, real *start, real *sum, cons
                 break;
             for (int j = 0; j < states; j++)
                 x[j] = sum[j];
-            f->close(x, p, y);
-            det = y[f->q];
-            for (int j = 0; j < f->q; j++)
-                x[j] = y[j];
+            mask open = (real){0} == (real){0};
+            for (int step = 0; step < 3 && some(open); step++) {
+                real squares = {0};
+                f->close(x, p, y);
+                det = choose(open, y[f->q], det);
+                for (int j = 0; j < f->q; j++) {
+                    squares += (y[j] - x[j]) * (y[j] - x[j]);
+                    x[j] = choose(open, y[j], x[j]);
+                }
+                open &= squares > LARGEST_LAST_STEP * LARGEST_LAST_STEP;
+            }
         }
         for (int l = 0; l < lanes; l++) {
             if (reached[first + l] > steps)

@@ -78,6 +78,24 @@ HELPER real square_root(real x)
 }
 #endif
 
+/* Lane by lane the one or the other. */
+HELPER real choose(mask first, real x, real y)
+{
+#if LANES == 1
+    return first ? x : y;
+#else
+    return (real)((first & (mask)x) | (~first & (mask)y));
+#endif
+}
+
+HELPER int some(mask x)
+{
+    int found = 0;
+    for (int l = 0; l < LANES; l++)
+        found |= LANE(x, l) != 0;
+    return found;
+}
+
 #if TURNS == 1
 typedef real turn;
 #else
