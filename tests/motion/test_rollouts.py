@@ -118,7 +118,7 @@ def test_arguments_of_a_rollout_are_checked(robot):
         ((tau[0], q, va, 1e-3), {}, r"tau: shape \(3,\), expected \(..., N, 3\)"),
         ((tau, q, va, 1e-3), {"steps": 3}, "tau: 4 torques for 3 steps"),
         ((tau, q[:8], va, 1e-3), {}, "q0: shape"),
-        ((tau, q, va, np.nan), {}, "dt: entry"),
+        ((tau, q, va, np.nan), {}, "dt: nan is not finite"),
         ((tau, q, va, 1e-3), {"threads": 0}, "threads: 0"),
         ((tau, q, va, 1e-3), {"on_error": "x"}, "on_error"),
         ((np.zeros((2, 4, 3)), np.tile(q, (3, 1)), va, 1e-3), {}, "do not broadcast"),
