@@ -200,22 +200,21 @@ class TreeDynamics:
                 u, turn = sx(S[:3]), sx(S[3:])
                 own[k] = mass * u + ca.cross(turn, c), inertia @ turn + ca.cross(c, u)
             for j, S in zip(link.v, link.S.T, strict=True):
-                for is_own, (k, (F, N)) in [
-                    *((False, item) for item in behind.items()),
-                    *((True, item) for item in own.items()),
-                ]:
-                    value = ca.dot(sx(S[:3]), F) + ca.dot(sx(S[3:]), N)
-                    if not is_zero(value) and (not is_own or j <= k):
+                # Twice: a mimic joint behind its own.
+                pairs = [(k, force, 1 + (j == k)) for k, force in behind.items()]
+                pairs += [(k, force, 1) for k, force in own.items() if j <= k]
+                for k, (F, N), times in pairs:
+                    value = times * (ca.dot(sx(S[:3]), F) + ca.dot(sx(S[3:]), N))
+                    if not is_zero(value):
                         pair = min(j, k), max(j, k)
-                        value *= 1 + (not is_own and j == k)  # a mimic joint behind its own
                         M[pair] = M.get(pair, 0) + value
             for k, (F, N) in own.items():
                 _push(behind, k, F, N)
             R, p = placements[i]
             if link.parent:
                 for k, (F, N) in behind.items():
-                    F = R @ F
-                    _push(forces[link.parent], k, F, R @ N + ca.cross(p, F))
+                    turned = R @ F
+                    _push(forces[link.parent], k, turned, R @ N + ca.cross(p, turned))
             mass_0, c_0, inertia_0 = composite[link.parent]
             c = R @ c
             middle = c + mass * p / 2
