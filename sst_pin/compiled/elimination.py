@@ -40,16 +40,13 @@ def pivot_order(pattern: NDArray[np.bool_], values: Array) -> tuple[list[tuple[i
     Raises:
         SingularConfigurationError: When the samples do not have full column rank.
     """
-    values, pattern = values.copy(), pattern.copy()
-    rows, columns = pattern.shape
+    values, (rows, columns) = values.copy(), map(np.arange, pattern.shape)
     noise = _ZERO * np.abs(values).max(axis=(0, 2), initial=0.0)
-    open_rows, open_columns = np.ones(rows, dtype=bool), np.ones(columns, dtype=bool)
     order, sizes = [], []
-    for _ in range(columns):
+    while len(columns):
         # Rounding noise of redundant rows is no pivot and makes no fill.
-        pattern &= (np.abs(values) > noise[:, None]).any(axis=0) | ~open_rows[:, None]
-        live = pattern & np.outer(open_rows, open_columns)
-        size = np.abs(np.where(live, values, 0.0))
+        pattern = pattern & (np.abs(values) > noise[:, None]).any(axis=0)
+        size = np.abs(np.where(pattern, values, 0.0))
         with np.errstate(invalid="ignore", divide="ignore"):
             soundness = np.nan_to_num(size / size.max(axis=1, keepdims=True)).min(axis=0)
         if not soundness.any():
@@ -59,19 +56,20 @@ def pivot_order(pattern: NDArray[np.bool_], values: Array) -> tuple[list[tuple[i
                 np.inf,
             )
         sound = soundness >= min(_SOUND, soundness.max())
-        fill = np.outer(live.sum(axis=1) - 1, live.sum(axis=0) - 1)
+        fill = np.outer(pattern.sum(axis=1) - 1, pattern.sum(axis=0) - 1)
         cost = np.where(sound, fill - soundness / 2, np.inf)
-        i, j = map(int, np.unravel_index(np.argmin(cost), cost.shape))
-        order.append((i, j))
+        i, j = np.unravel_index(np.argmin(cost), cost.shape)
+        order.append((int(rows[i]), int(columns[j])))
         sizes.append(size[:, i, j].max())
-        open_rows[i] = open_columns[j] = False
-        below = np.flatnonzero(live[:, j] & open_rows)
-        right = np.flatnonzero(live[i] & open_columns)
+        below, right = np.flatnonzero(pattern[:, j]), np.flatnonzero(pattern[i])
         factors = values[:, below, j] / values[:, i, j, None]
-        values[np.ix_(np.arange(len(values)), below, right)] -= (
-            factors[:, :, None] * values[:, None, i, right]
-        )
+        block = np.ix_(np.arange(len(values)), below, right)
+        values[block] -= factors[:, :, None] * values[:, None, i, right]
         pattern[np.ix_(below, right)] = True
+        rows, noise = np.delete(rows, i), np.delete(noise, i)
+        columns = np.delete(columns, j)
+        values = np.delete(np.delete(values, i, axis=1), j, axis=2)
+        pattern = np.delete(np.delete(pattern, i, axis=0), j, axis=1)
     return order, np.array(sizes)
 
 
