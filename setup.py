@@ -70,7 +70,7 @@ setup(
                 extra_compile_args=["-O3"],
                 optional=True,
             )
-            for name in ("blocks", "closure_kinds")
+            for name in ("blocks", "calls", "closure_kinds")
         ),
         Extension(
             "sst_pin.compiled._binding",

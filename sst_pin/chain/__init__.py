@@ -6,7 +6,7 @@ from pathlib import Path
 
 from ..extensions import require_current
 
-for _name in ("blocks", "closure_kinds"):
+for _name in ("blocks", "calls", "closure_kinds"):
     _found = find_spec(f"{__name__}.{_name}")
     if _found is not None and _found.origin is not None and not _found.origin.endswith(".py"):
         _source = Path(__file__).with_name(f"{_name}.py")
