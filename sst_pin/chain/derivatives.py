@@ -159,7 +159,7 @@ class Derivatives:
         """-S [v, L e_k]: rates of a displacement due to joints' axes that move, shape (n, n)."""
         ws = self._ws
         ws.evaluate(self._plain.configuration(q))
-        v, _ = motion_of_tree(ws, va, np.zeros_like(va))
+        v, _ = motion_of_tree(ws, va, ws.steady)
         L = ws.complement.L
         rates = np.zeros_like(L)
         for joint, data in zip(ws.model.joints, ws.data.joints, strict=True):
@@ -172,7 +172,7 @@ class Derivatives:
         """Derivatives of a frame's velocity by q and va side by side, shape (6, 2 n)."""
         q = self._plain.configuration(q)
         self._ws.evaluate(q)
-        v, v_dot = motion_of_tree(self._ws, va, np.zeros_like(va))
+        v, v_dot = motion_of_tree(self._ws, va, self._ws.steady)
         L = self._ws.complement.L
         tree = Tree(self._branches, self._ws.data, q, v, v_dot)
         v_q = -self._inverse().dot(partials(self._ws.loops, tree).velocity_q.dot(L))

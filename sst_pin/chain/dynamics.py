@@ -12,7 +12,9 @@ depth-first; for these, and for mimic joints, they come from RNEA without gravit
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -161,6 +163,15 @@ class Workspace:
         mimic = list(mechanism.model.mimicking_joints)
         self._composite_bodies = depth_first(mechanism.model) and not mimic
         self.zero = np.zeros(mechanism.model.nv)
+        #: Accelerations of coordinates that have none.
+        self.steady = np.zeros(len(mechanism.coordinates))
+
+    @cached_property
+    def dposv(self) -> Callable[..., tuple[Array, Array, int]]:
+        """LAPACK's solution of a positive definite system; each import takes a microsecond."""
+        from scipy.linalg.lapack import dposv
+
+        return dposv
 
     def evaluate(self, q: Array, tolerance: float = CLOSURE_TOLERANCE) -> None:
         """Compute what depends on q, which must be on its manifold and close the loops."""
@@ -266,16 +277,14 @@ def direct_dynamics(
     Raises:
         SingularConfigurationError: When the inertia matrix is not positive definite.
     """
-    from scipy.linalg.lapack import dposv
-
     ws.evaluate(q, tolerance)
-    v, bias = motion_of_tree(ws, va, np.zeros_like(va))
+    v, bias = motion_of_tree(ws, va, ws.steady)
     force = ws.mechanism.motors.dot(tau) - pin.rnea(ws.model, ws.data, q, v, bias)
     applied = applied_forces(ws, friction, q, v, wrenches)
     if applied is not None:
         force += applied
     inertia = ws.reduced_inertia(q, ws.complement.L)
-    _, aa, info = dposv(inertia, ws.complement.reduced(force))
+    _, aa, info = ws.dposv(inertia, ws.complement.reduced(force))
     if info:
         raise SingularConfigurationError(
             "the mass matrix is not positive definite: "

@@ -219,7 +219,7 @@ class Reference:
         """[linear; angular] acceleration of a frame with aa = 0, shape (6,)."""
         ws = self.workspace
         ws.evaluate(q)
-        v, v_dot = dynamics.motion_of_tree(ws, va, np.zeros_like(va))
+        v, v_dot = dynamics.motion_of_tree(ws, va, ws.steady)
         _require_finite(v_dot, va=va)
         pin.forwardKinematics(ws.model, ws.data, q, v, v_dot)
         pin.updateFramePlacements(ws.model, ws.data)
