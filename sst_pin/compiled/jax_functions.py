@@ -8,7 +8,7 @@ the dynamics by the chain, all others by CasADi. JAX itself traces nothing of th
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache, cached_property, partial
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from ..arrays import for_each_sample
 from ..chain.closures import Rolling
 from ..chain.mechanism import Mechanism
+from ..chain.samples import by_kernel
 from ..chain.tree import frame_id
 from ..errors import ActuationError, DescriptionError, InputError, SSTError
 from .along_motions import AlongMotions
@@ -155,8 +156,8 @@ class JaxFunctions:
         q, va, tau, dt = self._arguments(q=q, va=va, tau=tau, dt=dt)
 
         def rate(q: jax.Array, va: jax.Array) -> tuple[jax.Array, jax.Array]:
-            q_dot = (self.tangent(q) @ va[..., None])[..., 0]
-            return q_dot, self._smooth_accelerations(q, va, tau)
+            both = self._state_rate(q, va, tau)
+            return both[..., : self.nq], both[..., self.nq :]
 
         first = rate(q, va)
         second = rate(self.closed(q + dt / 2 * first[0]), va + dt / 2 * first[1])
@@ -192,31 +193,43 @@ class JaxFunctions:
 
     @cached_property
     def _forces(self) -> Callable[..., jax.Array]:
-        return self._dynamics(
-            "generalized_forces",
-            partial(self._chain.generalized_forces, on_error="nan"),
-            self._chain.torque_derivatives,
-        )
+        def values(order: int, *arrays: Array) -> Array:
+            if order:
+                return self._derivatives("generalized_forces", order, *arrays)
+            return self._chain.generalized_forces(*arrays, on_error="nan")
+
+        return self._differentiable(values, self.n)
 
     @cached_property
     def _accelerations(self) -> Callable[..., jax.Array]:
-        values = partial(self._chain.compute_accelerations, on_error="nan")
-        return self._dynamics("accelerations", values, self._chain.acceleration_derivatives)
+        def values(order: int, *arrays: Array) -> Array:
+            if order:
+                return self._derivatives("accelerations", order, *arrays)
+            return self._chain.compute_accelerations(*arrays, on_error="nan")
+
+        return self._differentiable(values, self.n)
 
     @cached_property
-    def _smooth_accelerations(self) -> Callable[..., jax.Array]:
-        """With the smooth friction of derivatives."""
+    def _state_rate(self) -> Callable[..., jax.Array]:
+        """q_dot and aa side by side, with the smooth friction of derivatives."""
 
-        def values(q: Array, va: Array, tau: Array) -> Array:
+        def values(order: int, *arrays: Array) -> Array:
+            q, va, tau = _with_all_axes(arrays)
+            if order:
+                of_q = self._by_casadi("q_rates", order, q, va)
+                by_tau = [(0, 0)] * (of_q.ndim - order) + [(0, self.motors)] * order
+                aa = self._derivatives("accelerations", order, q, va, tau)
+                return np.concatenate([np.pad(of_q, by_tau), aa], axis=-1 - order)
             states = self._chain.states(self._sign_width, q)
 
-            def one(q: Array, va: Array, tau: Array) -> Array:
-                rate: Array = states.rate(np.concatenate([q, va], axis=-1), tau, None)
-                return rate[..., self.nq :]
+            def rate(q: Array, va: Array, tau: Array) -> Array:
+                return states.rate(np.concatenate([q, va], axis=-1), tau, None)
 
-            return _samples(one, self.n, q, va, tau)
+            rates = _samples(rate, self.nq + self.n, q, va, tau)  # closes the loops
+            rates[np.isnan(self._joint_rates(q, va)).any(axis=-1)] = np.nan
+            return rates
 
-        return self._dynamics("accelerations", values, self._chain.acceleration_derivatives)
+        return self._differentiable(values, self.nq + self.n)
 
     @cached_property
     def _torques(self) -> Callable[..., jax.Array]:
@@ -229,7 +242,10 @@ class JaxFunctions:
 
     @cached_property
     def _rates(self) -> Callable[..., jax.Array]:
-        return self._differentiable(partial(self._by_casadi, "rates"), self._mechanism.model.nv)
+        def values(order: int, *arrays: Array) -> Array:
+            return self._by_casadi("rates", order, *arrays) if order else self._joint_rates(*arrays)
+
+        return self._differentiable(values, self._mechanism.model.nv)
 
     @cached_property
     def _tangent(self) -> Callable[..., jax.Array]:
@@ -253,21 +269,6 @@ class JaxFunctions:
             return q, (self.tangent(q) @ way)[..., 0]
 
         return closed
-
-    def _dynamics(
-        self, name: str, values: Values, derivatives: Callable[..., Any]
-    ) -> Callable[..., jax.Array]:
-        """The chain's values and first derivatives, CasADi's of higher orders."""
-
-        def of_order(order: int, *arrays: Array) -> Array:
-            if order == 0:
-                return values(*arrays)
-            if order > 1:
-                return self._by_casadi(name, order, *arrays)
-            d = derivatives(*arrays, sign_width=self._sign_width, on_error="nan")
-            return np.concatenate(d, axis=-1)
-
-        return self._differentiable(of_order, self.n)
 
     def _differentiable(
         self, values: Values, size: int, order: int = 0
@@ -321,17 +322,32 @@ class JaxFunctions:
 
     # --- inside -----------------------------------------------------------------------------
 
+    def _derivatives(self, name: str, order: int, *arrays: Array) -> Array:
+        """Of forces or accelerations: the chain's of first order, CasADi's of higher ones."""
+        if order > 1:
+            return self._by_casadi(name, order, *arrays)
+        chain = self._chain
+        first: Callable[..., Any] = chain.acceleration_derivatives
+        if name == "generalized_forces":
+            first = chain.torque_derivatives
+        d = first(*arrays, sign_width=self._sign_width, on_error="nan")
+        return np.concatenate(d, axis=-1)
+
+    def _joint_rates(self, q: Array, va: Array) -> Array:
+        """As the chain's; NaN where loops are open."""
+        current = self._chain._current
+        reference, size = current.reference.rates, (self._mechanism.model.nv,)
+        return by_kernel(current, reference, "rates", [q, va], (1, 1), size, on_error="nan")
+
     def _by_casadi(self, name: str, order: int, *arrays: Array) -> Array:
         """As `AlongMotions.values`, of the model as it stands."""
-        lead = np.broadcast_shapes(*(x.shape[:-1] for x in arrays))
-        arrays = tuple(np.broadcast_to(x, (*lead, x.shape[-1])) for x in arrays)
         with self._lock:
             mechanism, made = self._chain._current.mechanism(), self._along
             if made is None or made[0] is not mechanism:
                 reference = self._chain._current.reference
                 functions = CasadiFunctions(reference, self._near, self._sign_width)
                 made = self._along = mechanism, AlongMotions(functions)
-            return made[1].values(name, order, *arrays)
+            return made[1].values(name, order, *_with_all_axes(arrays))
 
     def _on_arrays(self, values: Values) -> Callable[..., Array]:
         """What JAX calls."""
@@ -379,6 +395,12 @@ def _called(
     result = jax.eval_shape(partial(jnp.zeros, (*lead, *shape), jnp.float64))
     found: jax.Array = jax.pure_callback(function, result, *arrays, vmap_method="expand_dims")
     return found
+
+
+def _with_all_axes(arrays: Sequence[Array]) -> list[Array]:
+    """Arrays with the leading axes of all."""
+    lead = np.broadcast_shapes(*(x.shape[:-1] for x in arrays))
+    return [np.broadcast_to(x, (*lead, x.shape[-1])) for x in arrays]
 
 
 def _samples(function: Callable[..., Array], size: int, *arrays: Array) -> Array:

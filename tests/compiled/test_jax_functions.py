@@ -215,9 +215,9 @@ def test_a_sample_at_fault_is_nan_with_its_derivatives():
     for found in (
         functions.torques(q, va, [0.0]),
         functions.rates(q, va),
-        functions.step(q, va, [0.0], 1e-3)[1],
+        jax.jit(functions.step)(q, va, [0.0], 1e-3)[1],
         jax.jit(jax.vmap(jax.grad(squares(functions.torques), 1)))(q, va, 0 * va),
-        jax.vmap(jax.hessian(squares(functions.torques), 1))(q, va, 0 * va)[:, 0],
+        jax.jit(jax.vmap(jax.hessian(squares(functions.torques), 1)))(q, va, 0 * va)[:, 0],
     ):
         assert np.isnan(found).all(axis=-1).tolist() == at_fault
         assert np.isnan(found).any(axis=-1).tolist() == at_fault
