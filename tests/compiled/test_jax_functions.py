@@ -221,6 +221,8 @@ def test_a_sample_at_fault_is_nan_with_its_derivatives():
     ):
         assert np.isnan(found).all(axis=-1).tolist() == at_fault
         assert np.isnan(found).any(axis=-1).tolist() == at_fault
+    for found in (functions.tangent(q), functions.frame_placement("platform")(q)[1]):
+        assert np.isnan(found).all(axis=(1, 2)).tolist() == [False, True, False]
     close(functions.closed(q)[1, 0], q[1, 0], 0)
     assert np.abs(chain.residual(functions.closed(q))).max() < 1e-12
     far = np.array([chain.home, np.full(3, np.nan)])
