@@ -20,6 +20,7 @@ from scipy.linalg import qr
 
 import cassie
 from sst_pin import ClosedChain, robots
+from sst_pin.chain.tree import series_of
 from sst_pin.compiled import build
 
 Array = NDArray[np.float64]
@@ -131,10 +132,11 @@ def closed_in_mujoco(chain: ClosedChain, q: Array, dt: float) -> tuple[Any, Any]
             body.add_joint(name=model.names[i], type=kinds[joint.nq])
             own[-4:] = own[[-1, -4, -3, -2]]
             places.append((model.names[i], own))
-        else:  # turns and slides in a row, by their axes at zero
-            data = joint.createData()
-            joint.calc(data, np.zeros(joint.nq))
-            for k, S in enumerate(np.reshape(data.S, (6, -1)).T):
+        else:  # turns and slides in a row
+            for k, (one, _) in enumerate(series_of(joint)):  # S of a universal joint is not all set
+                data = one.createData()
+                one.calc(data, np.zeros(1))
+                S = np.ravel(data.S)
                 turns = bool(S[3:].any())
                 kind = mujoco.mjtJoint.mjJNT_HINGE if turns else mujoco.mjtJoint.mjJNT_SLIDE
                 name = f"{model.names[i]} {k}"
