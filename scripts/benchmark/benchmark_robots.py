@@ -114,7 +114,7 @@ class Constrained:
 
 
 def closed_in_mujoco(chain: ClosedChain, q: Array, dt: float) -> tuple[Any, Any]:
-    """The same tree in MuJoCo, its points closed by stiff `connect`s, at q."""
+    """The same tree in MuJoCo with springs and dampers, its points closed by stiff `connect`s."""
     model, spec = chain.model, mujoco.MjSpec()
     spec.option.timestep, spec.option.gravity = dt, model.gravity.linear
     bodies, places = [spec.worldbody], []
@@ -131,7 +131,7 @@ def closed_in_mujoco(chain: ClosedChain, q: Array, dt: float) -> tuple[Any, Any]
             kinds = {4: mujoco.mjtJoint.mjJNT_BALL, 7: mujoco.mjtJoint.mjJNT_FREE}
             body.add_joint(name=model.names[i], type=kinds[joint.nq])
             own[-4:] = own[[-1, -4, -3, -2]]
-            places.append((model.names[i], own))
+            places.append((model.names[i], own, joint.idx_q, joint.idx_v))
         else:  # turns and slides in a row
             for k, (one, _) in enumerate(series_of(joint)):  # S of a universal joint is not all set
                 data = one.createData()
@@ -141,7 +141,7 @@ def closed_in_mujoco(chain: ClosedChain, q: Array, dt: float) -> tuple[Any, Any]
                 kind = mujoco.mjtJoint.mjJNT_HINGE if turns else mujoco.mjtJoint.mjJNT_SLIDE
                 name = f"{model.names[i]} {k}"
                 body.add_joint(name=name, type=kind, axis=S[3:] if turns else S[:3])
-                places.append((name, own[k : k + 1]))
+                places.append((name, own[k : k + 1], joint.idx_q + k, joint.idx_v + k))
         bodies.append(body)
     for k, closure in enumerate(chain.closures):
         names = []
@@ -156,9 +156,15 @@ def closed_in_mujoco(chain: ClosedChain, q: Array, dt: float) -> tuple[Any, Any]
     compiled = spec.compile()
     compiled.opt.tolerance = 1e-8
     state = mujoco.MjData(compiled)
-    for name, own in places:
-        start = compiled.joint(name).qposadr[0]
+    mechanism = chain._current.mechanism()
+    for name, own, i, k in places:
+        joint = compiled.joint(name)
+        start, size = joint.qposadr[0], len(joint.dofadr)
         state.qpos[start : start + len(own)] = own
+        compiled.dof_damping[joint.dofadr] = mechanism.friction.viscous[k : k + size]
+        if size == 1:
+            compiled.jnt_stiffness[joint.id] = mechanism.springs.stiffness[k]
+            compiled.qpos_spring[start] = mechanism.springs.reference[i]
     return compiled, state
 
 
@@ -248,6 +254,10 @@ def rollouts(chain: ClosedChain, starts: int = 64, steps: int = 50) -> Calls:
     mujoco.mj_getState(world, state, row, mujoco.mjtState.mjSTATE_FULLPHYSICS)
     runner, rows = mujoco.rollout.Rollout(nthread=0), np.tile(row, (starts, 1))
     torques, q = np.zeros((starts, steps, tau)), np.tile(q, (starts, 1))
+    ours = chain.rollout(torques, q, rest, dt).q[:, -1]
+    theirs, _ = runner.rollout(world, state, rows, nstep=steps)
+    ways = [np.abs(ours - q).max(), np.abs(theirs[:, -1] - row)[:, 1 : 1 + world.nq].max()]
+    assert np.isclose(*ways, rtol=1e-3), f"not the same motion: {ways}"
     return {
         "rollout": (lambda: chain.rollout(torques, q, rest, dt), starts * steps),
         "mujoco.rollout": (
