@@ -11,9 +11,9 @@ import sys
 
 import sst_pin
 from sst_pin.compiled import c_code, kernels
-from sst_pin.compiled.backend import ALONG, sample_configurations
+from sst_pin.compiled.backend import sample_configurations
 from sst_pin.compiled.equations import Equations
-from sst_pin.sst.kernels import ENTRIES, FOLDER, open_numbers
+from sst_pin.sst.kernels import ENTRIES, FOLDER, OF_LANES, open_numbers
 
 FILE = FOLDER / "kernels.c"
 HEAD = """\
@@ -32,12 +32,15 @@ def source() -> str:
     made = {}
     for kind in ((False, False), (True, False), (False, True)):
         equations = Equations(reference.mechanism, samples, *kind, parameters=numbers)
-        for name in ENTRIES:
+        for name in (*ENTRIES, *OF_LANES):
             plain = name.removesuffix(" loaded")
-            if kind == (plain != name, name.endswith(ALONG)):
+            if kind == (plain != name, name in OF_LANES):
                 made[name] = kernels.entry(equations, plain)
-    entries = {name.replace(" ", "_"): made[name] for name in ENTRIES}
-    return HEAD + c_code.source(entries)
+    all_lanes, several = (
+        c_code.source({name.replace(" ", "_"): made[name] for name in names})
+        for names in (ENTRIES, OF_LANES)
+    )
+    return f"{HEAD}{all_lanes}\n#if LANES > 1\n{several}\n#endif\n"
 
 
 def main() -> int:

@@ -329,7 +329,8 @@ class CompiledBackend:
                 return c_code.library(entry, made, build.TARGETS[target][0])
 
         robot = self._mechanism.model.name
-        return Code(build.library(robot, name, content, target, source), entry)
+        options = build.LONG if first in DERIVATIVES else ()
+        return Code(build.library(robot, name, content, target, source, options), entry)
 
     def _equations_of(self, loaded: bool, smooth: bool) -> Equations:
         from .equations import Equations

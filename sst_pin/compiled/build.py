@@ -38,6 +38,8 @@ TARGETS = {
 #: Of these the one for single samples: a number takes less time than a vector of the same numbers.
 ONE = {"avx512": "avx2_one", "avx2": "avx2_one", "plain": "plain_one"}
 _OPTIONS = ("-std=gnu11", "-O3", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast")
+#: Of derivatives: -O3 takes half as long again for their long functions, which run no faster.
+LONG = ("-O1", "-fexpensive-optimizations")
 _SUFFIX = ".so"
 _log = logging.getLogger(__name__)
 _CURE = "XDG_CACHE_HOME names another place"
@@ -153,7 +155,12 @@ def empty_cache() -> int:
 
 
 def library(
-    robot: str, kernel: str, content: bytes, target: str, source: Callable[[], str]
+    robot: str,
+    kernel: str,
+    content: bytes,
+    target: str,
+    source: Callable[[], str],
+    options: tuple[str, ...] = (),
 ) -> ctypes.CDLL:
     """The library of a kernel, from the cache or compiled now.
 
@@ -163,6 +170,7 @@ def library(
         content: All that the source is made from.
         target: One of `TARGETS`.
         source: Gives the C source when it is needed.
+        options: What the compiler is told besides, the same for each kernel of this name.
 
     Raises:
         CompilationError: Without compiler or cache, or when the compiler fails.
@@ -170,13 +178,20 @@ def library(
     key = hashlib.sha256(b"\0".join([content, kernel.encode(), target.encode(), _version()]))
     folder = cache_folder()
     try:
-        return _loaded(folder, robot, kernel, key.hexdigest()[:32], target, source)
+        flags = (*TARGETS[target][1], *options)
+        return _loaded(folder, robot, kernel, key.hexdigest()[:32], target, source, flags)
     except OSError as error:
         raise _unusable(folder, error) from None
 
 
 def _loaded(
-    folder: Path, robot: str, kernel: str, key: str, target: str, source: Callable[[], str]
+    folder: Path,
+    robot: str,
+    kernel: str,
+    key: str,
+    target: str,
+    source: Callable[[], str],
+    flags: tuple[str, ...],
 ) -> ctypes.CDLL:
     for path in folder.glob(f"*.{key}.*{_SUFFIX}"):
         with suppress(FileNotFoundError):  # another process empties the cache
@@ -193,7 +208,7 @@ def _loaded(
     with tempfile.TemporaryDirectory(dir=folder, prefix=_BUILDING) as scratch:
         code, made = Path(scratch, "kernel.c"), Path(scratch, "kernel.so")
         code.write_text(source(), encoding="utf-8")
-        _compile(code, made, TARGETS[target][1])
+        _compile(code, made, flags)
         try:
             ctypes.CDLL(str(made))
         except OSError as error:  # it is not kept: another compiler may do better

@@ -64,7 +64,7 @@ def make(equations: Equations, name: str, checks: Checks | None = None) -> Kerne
     given = tuple(x for x in inputs if x is not loads or x.numel())
     loaded = any(x is loads for x in given)
     return Kernel(
-        first + "_loaded" * loaded,
+        "_".join([first, *[rest] * bool(directions), *["loaded"] * loaded]),
         given,
         equations.p,
         ca.densify(output),

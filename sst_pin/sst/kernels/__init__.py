@@ -24,7 +24,7 @@ from ...extensions import require_current
 from ..topology import CUTS
 
 FOLDER = Path(__file__).parent
-#: Names of the kernels.
+#: Names of the kernels for one sample and for many.
 ENTRIES = (
     "torques",
     "accelerations",
@@ -35,8 +35,9 @@ ENTRIES = (
     "torques loaded",
     "accelerations loaded",
     "rollout loaded",
-    *(f"{name} {ALONG}" for name in DERIVATIVES),
 )
+#: Names of those with several lanes only: of samples, or of directions of one sample.
+OF_LANES = (*DERIVATIVES, *(f"{name} {ALONG}" for name in DERIVATIVES))
 
 
 def open_numbers(mechanism: Mechanism) -> Parameters:
@@ -49,15 +50,13 @@ def code(name: str, target: str) -> Code:
     """The code of a kernel.
 
     Args:
-        name: One of `ENTRIES`.
+        name: One of `ENTRIES` or `OF_LANES`.
         target: An instruction set.
 
     Raises:
         CompilationError: When there is none.
     """
-    if name in DERIVATIVES:  # of many samples, one after the other
-        name = f"{name} {ALONG}"
-    if name not in ENTRIES:
+    if name not in (*ENTRIES, *OF_LANES):
         raise CompilationError("the shipped kernels have none")
     return Code(_library(), f"{name.replace(' ', '_')}_{target}")
 
