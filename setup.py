@@ -63,14 +63,14 @@ setup(
         ),
         *(
             Extension(
-                f"sst_pin.chain.{name}",  # runs without being compiled, too
-                [f"sst_pin/chain/{name}.py"],
-                depends=[f"sst_pin/chain/{name}.pxd"],
-                define_macros=[made_of(f"sst_pin/chain/{name}.py", f"sst_pin/chain/{name}.pxd")],
+                f"sst_pin.{name.replace('/', '.')}",  # runs without being compiled, too
+                [f"sst_pin/{name}.py"],
+                depends=[f"sst_pin/{name}.pxd"],
+                define_macros=[made_of(f"sst_pin/{name}.py", f"sst_pin/{name}.pxd")],
                 extra_compile_args=["-O3"],
                 optional=True,
             )
-            for name in ("blocks", "calls", "closure_kinds")
+            for name in ("chain/blocks", "chain/calls", "chain/closure_kinds", "sst/calls")
         ),
         Extension(
             "sst_pin.compiled._binding",

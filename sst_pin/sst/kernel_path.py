@@ -6,8 +6,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from ..arrays import finite_array
 from ..chain.backend import Backend
 from ..chain.closures import Closure, Constraint
 from ..chain.reference import Reference, ReferenceBackend
@@ -62,3 +63,13 @@ def star_load(moment: Array) -> Array:
     wrenches = np.zeros((*moment.shape[:-1], len(JOINT_NAMES), 6))
     wrenches[..., STAR, :3] = moment
     return wrenches
+
+
+def with_moment(moment: ArrayLike | None, wrenches: ArrayLike | None) -> ArrayLike | None:
+    """External wrenches with a moment on the star besides."""
+    if moment is None:
+        return wrenches
+    on_star = star_load(finite_array("platform_moment", moment, (3,)))
+    if wrenches is None:
+        return on_star
+    return on_star + finite_array("external_wrenches", wrenches, (9, 6))

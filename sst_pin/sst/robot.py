@@ -24,8 +24,10 @@ from ..motion.simulation import Load, Torque, constant_or_called
 from ..motion.trajectories import Trajectory, require_motion
 from ..reading.shapes import UrdfShapes
 from . import direct_kinematics, kernel_path, kinematics
+from .calls import Calls
 from .check import Finding, findings
 from .geometry_models import ParameterShapes
+from .kernel_path import with_moment
 from .kinematics import Geometry
 from .read_back import parameters_of
 from .topology import CUTS, frame_of, geometry_of
@@ -58,7 +60,7 @@ def _geometry(model: pin.Model) -> Geometry:
     return geometry_of(model, f"model {model.name}")
 
 
-class SST(ClosedChain):
+class SST(Calls):
     """A 3-RRP spherical parallel manipulator.
 
     Joint vectors are gamma_1, mu_1, beta_1, gamma_2, ...; the motors are gamma_1..3.
@@ -394,109 +396,6 @@ class SST(ClosedChain):
 
     # --- dynamics ---------------------------------------------------------------------------
 
-    def compute_torques(
-        self,
-        q: ArrayLike,
-        va: ArrayLike,
-        aa: ArrayLike,
-        *,
-        platform_moment: ArrayLike | None = None,
-        external_wrenches: ArrayLike | None = None,
-        weights: ArrayLike | None = None,
-        out: Array | None = None,
-        threads: int = 1,
-        on_error: str = "raise",
-    ) -> Array:
-        """Inverse dynamics: the motor torques of a motion, Eq. (92).
-
-        Args:
-            q: Joint coordinates on the closures, shape (..., 9), [rad].
-            va: Motor rates, shape (..., 3), [rad/s].
-            aa: Motor accelerations, shape (..., 3), [rad/s^2].
-            platform_moment: External moment on the star, in base axes, shape (..., 3), [N m].
-            external_wrenches: External [moment; force] on each of the nine bodies at its mass
-                centre, in base axes, shape (..., 9, 6).
-            weights: As in `ClosedChain.compute_torques`; no effect, because there are as many
-                motors as degrees of freedom.
-            out: Array for the result, shape (..., 3).
-            threads: Number of threads for batches; the reference path uses one.
-            on_error: "raise", or "nan" to set the results of bad samples to NaN.
-
-        Returns:
-            tau, shape (..., 3), [N m].
-
-        Raises:
-            InputError, ClosureError, SingularConfigurationError: As `ClosedChain.compute_torques`.
-
-        Example:
-            >>> robot.compute_torques(robot.home, [1, 0, 0], [0, 0, 0]).round(3)
-            array([-0.   ,  4.475, -4.475])
-        """
-        current = self._current
-        if current.unseen:
-            current.look()
-        if external_wrenches is weights is None and on_error == "raise":
-            tau = current.torques_of(q, va, aa, platform_moment, out, threads)
-            if tau is not None:
-                return tau
-        wrenches = _with_moment(platform_moment, external_wrenches)
-        return super().compute_torques(
-            q,
-            va,
-            aa,
-            external_wrenches=wrenches,
-            weights=weights,
-            out=out,
-            threads=threads,
-            on_error=on_error,
-        )
-
-    def compute_accelerations(
-        self,
-        q: ArrayLike,
-        va: ArrayLike,
-        tau: ArrayLike,
-        *,
-        platform_moment: ArrayLike | None = None,
-        external_wrenches: ArrayLike | None = None,
-        out: Array | None = None,
-        threads: int = 1,
-        on_error: str = "raise",
-    ) -> Array:
-        """Direct dynamics: motor accelerations for given torques, Eq. (92).
-
-        Args:
-            q: Joint coordinates on the closures, shape (..., 9), [rad].
-            va: Motor rates, shape (..., 3), [rad/s].
-            tau: Motor torques, shape (..., 3), [N m].
-            platform_moment: As in `compute_torques`.
-            external_wrenches: As in `compute_torques`.
-            out: As in `compute_torques`.
-            threads: As in `compute_torques`.
-            on_error: As in `compute_torques`.
-
-        Returns:
-            aa, shape (..., 3), [rad/s^2].
-
-        Raises:
-            InputError, ClosureError, SingularConfigurationError: As `compute_torques`.
-
-        Example:
-            >>> robot.compute_accelerations(robot.home, [0, 0, 0], [0, 4.3, -4.3]).round(3)
-            array([ 0.   ,  0.116, -0.116])
-        """
-        current = self._current
-        if current.unseen:
-            current.look()
-        if external_wrenches is None and on_error == "raise":
-            aa = current.accelerations_of(q, va, tau, platform_moment, out, threads)
-            if aa is not None:
-                return aa
-        wrenches = _with_moment(platform_moment, external_wrenches)
-        return super().compute_accelerations(
-            q, va, tau, external_wrenches=wrenches, out=out, threads=threads, on_error=on_error
-        )
-
     def simulate(
         self,
         torque: Torque,
@@ -544,7 +443,7 @@ class SST(ClosedChain):
 
             def load(time: float, q: Array, va: Array) -> ArrayLike:
                 on_star = single_array("platform_moment", moment(time, q, va), (3,))
-                wrenches = _with_moment(on_star, others(time, q, va))
+                wrenches = with_moment(on_star, others(time, q, va))
                 assert wrenches is not None
                 return wrenches
 
@@ -600,7 +499,7 @@ class SST(ClosedChain):
             q0,
             va0,
             dt,
-            external_wrenches=_with_moment(platform_moment, external_wrenches),
+            external_wrenches=with_moment(platform_moment, external_wrenches),
             steps=steps,
             sign_width=sign_width,
             threads=threads,
@@ -639,13 +538,3 @@ class SST(ClosedChain):
                 rows = np.argwhere(outside.any(axis=-1))
                 error.name_samples([tuple(map(int, i)) for i in rows], q[..., 0].size)
             raise error
-
-
-def _with_moment(moment: ArrayLike | None, wrenches: ArrayLike | None) -> ArrayLike | None:
-    """External wrenches with a moment on the star besides."""
-    if moment is None:
-        return wrenches
-    on_star = kernel_path.star_load(finite_array("platform_moment", moment, (3,)))
-    if wrenches is None:
-        return on_star
-    return on_star + finite_array("external_wrenches", wrenches, (9, 6))
