@@ -123,6 +123,7 @@ class CompiledBackend:
         self._equations: dict[tuple[bool, bool], Equations] = {}
         self._why: dict[str, str] = {}
         self._lock = threading.RLock()
+        self._given_up = False  # of one whose kernels could not be made; it is not used
 
     def __str__(self) -> str:
         whys = {name: " ".join(why.split()) for name, why in self._why.items()}  # in one line
@@ -143,8 +144,12 @@ class CompiledBackend:
         wanted = [name for name in names if not impossible(self._mechanism, name)]
         variants = [variant for name in wanted for variant in self._variants(name)]
         with ThreadPoolExecutor() as pool:
-            for _ in pool.map(lambda variant: self._code(*variant), variants):
-                pass
+            try:
+                for _ in pool.map(lambda variant: self._code(*variant), variants):
+                    pass
+            except BaseException:  # Ctrl-C too: the other threads make no more
+                self._given_up = True
+                raise
 
     def fill(
         self,
@@ -323,6 +328,8 @@ class CompiledBackend:
             except ImportError:
                 raise MissingExtraError("casadi", "compile") from None
             with self._lock:  # equations are made once, and CasADi is not for several threads
+                if self._given_up:
+                    raise CompilationError("given up")
                 plain = name.removesuffix(_LOADED) if loaded else name
                 equations = self._equations_of(loaded, smooth=plain.split()[0] in DERIVATIVES)
                 made = kernels.entry(equations, plain)

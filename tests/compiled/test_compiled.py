@@ -354,6 +354,25 @@ def test_copies_threads_forks_and_other_processes_compute_the_same(four_bar):
             assert np.array_equal(result, expected)
 
 
+def test_ctrl_c_ends_all_compilation(tmp_path, monkeypatch):
+    """Kernels that have not begun are not made, and the chain computes as before."""
+    begun = []
+
+    def interrupted(*_):
+        begun.append(1)
+        raise KeyboardInterrupt
+
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr(build, "_compile", interrupted)
+    chain = sst_pin.robots.four_bar()
+    tau = chain.compute_torques(chain.home, [1.0], [1.0])
+    with pytest.raises(KeyboardInterrupt):
+        chain.compile(derivatives=True)
+    assert len(begun) < 6  # of seven
+    assert chain.path.startswith("the reference path")
+    assert np.array_equal(chain.compute_torques(chain.home, [1.0], [1.0]), tau)
+
+
 def test_the_path_says_in_plain_words_what_has_no_kernel():
     bars = sst_pin.robots.five_bar()
     chain = sst_pin.ClosedChain(bars.model, bars.closures, bars.motor_names[:1])
