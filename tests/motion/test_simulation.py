@@ -200,7 +200,7 @@ def test_arguments_are_checked_before_the_integration(robot, circle):
         (np.zeros((4, 3)), [0, 1], r"torque: shape \(4, 3\), expected \(2, 3\)"),
         (np.zeros(3), [0], "N >= 2"),
         (np.zeros(3), [0, 1, 1], r"not increasing: t\[2\] = 1 after 1"),
-        (np.zeros(3), [0, np.nan], "t: entry"),
+        (np.zeros(3), [0, np.nan], r"index 1\): t: nan is not finite"),
         (circle, [0, 1], "has samples from 0 to 0.523599 s, but the simulation is from 0 to 1 s"),
         (lambda t, q, va: np.zeros(4), [0, 1], r"torque\(t, q, va\): shape \(4,\)"),
         (lambda t, q, va: (0, np.nan, 0), [0, 1], "torque.* is nan"),
