@@ -7,6 +7,7 @@ Prints the table of docs/derivatives.md; what compiles is in no cache then. Run 
 
 import os
 import tempfile
+import time
 import timeit
 from pathlib import Path
 
@@ -80,9 +81,9 @@ def measured(name: str, chain: sst_pin.ClosedChain) -> str:
     """A row of the table."""
     q, n = chain.generic_configuration(), chain.degrees_of_freedom
     chain.compile()
-    started = processor_seconds()
+    started, wall = processor_seconds(), time.perf_counter()
     chain.compile(derivatives=True)
-    took = processor_seconds() - started
+    took, wall = processor_seconds() - started, time.perf_counter() - wall
     va, aa = np.random.default_rng(0).normal(size=(2, n))
     tau = np.ones(len(chain.motor_names))
     many = [np.tile(x, (4096, 1)) for x in (q, va, aa)]
@@ -97,7 +98,7 @@ def measured(name: str, chain: sst_pin.ClosedChain) -> str:
     batch = min(timeit.repeat(lambda: chain.torque_derivatives(*many), number=1, repeat=5))
     torques, accelerations = us["torques"], us["accelerations"]
     return (
-        f"| {name} | {n}, {chain.model.nv} | {took:.0f} s "
+        f"| {name} | {n}, {chain.model.nv} | {wall:.1f} s, {took:.1f} s "
         f"| {torques:.1f} us | {torques / us['RNEA derivatives']:.2f} "
         f"| {accelerations:.1f} us "
         f"| {accelerations / us['constraint dynamics and derivatives']:.2f} "
@@ -108,11 +109,9 @@ def measured(name: str, chain: sst_pin.ClosedChain) -> str:
 def main() -> None:
     folder = tempfile.TemporaryDirectory()
     os.environ["XDG_CACHE_HOME"] = folder.name
-    print(
-        "| robot | n, nv | compile, processor time | torque derivatives | / RNEA derivatives |",
-        end="",
-    )
-    print(" acceleration derivatives | / constraint dynamics and derivatives | in batches |")
+    print("| robot | n, nv | compile: wall, processor time | torque derivatives |", end="")
+    print(" / RNEA derivatives | acceleration derivatives |", end="")
+    print(" / constraint dynamics and derivatives | in batches |")
     print("|---|---|---|---|---|---|---|---|")
     for name, make in ROBOTS.items():
         print(measured(name, make()), flush=True)
