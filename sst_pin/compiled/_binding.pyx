@@ -78,7 +78,7 @@ cdef inline bint is_plain(object array, int ndim, Py_ssize_t size):
 
 
 cdef inline Py_ssize_t number_of(object threads):
-    """How many threads; 0 for what is no number of them."""
+    """Number of threads; 0 if the argument is not a positive integer."""
     cdef int overflow = 0
     cdef Py_ssize_t number
     if type(threads) is not int:
@@ -98,7 +98,7 @@ cdef rows rows_of(cnp.ndarray array):
 
 
 cdef bint overlap(const rows *a, int size_a, const rows *b, int size_b, Py_ssize_t count) noexcept:
-    """Whether two arrays may share memory: results on top of inputs would be looked at again."""
+    """Whether two arrays may share memory: results would then overwrite inputs."""
     cdef char *low_a
     cdef char *high_a
     cdef char *low_b
@@ -120,16 +120,16 @@ cdef class Kernel:
     """A compiled function of rows of numbers.
 
     Args:
-        single: Address of the code that is faster for one sample.
-        batch: Address of the code that is faster for many.
+        single: Address of the code for one sample.
+        batch: Address of the code for batches.
         sizes: Numbers of a sample in each input.
         output: Numbers of a sample in the output.
-        parameters: The open numbers, gravity first; a copy is kept.
-        gravity: Gravity of the model, which its owner may change, shape (3,).
-        library: What must live as long as the code is in use.
-        loaded: Gives the kernel that takes a load too, or None.
-        batch_parameters: The open numbers of `batch`, where its own differ from those of `single`.
-        moment: Where three numbers stand in a load that can be given alone; -1 for none.
+        parameters: Run-time parameters, gravity first; a copy is kept.
+        gravity: Gravity of the model, in the model's memory, shape (3,).
+        library: Kept alive with the kernel.
+        loaded: Returns the kernel with external loads, or None.
+        batch_parameters: Those of `batch`, if they differ from those of `single`.
+        moment: Index in the load of three numbers that can be given alone; -1 for none.
     """
 
     cdef run_function single, batch
@@ -152,20 +152,20 @@ cdef class Kernel:
             self.sizes[i] = sizes[i]
         self.parameters = np.array(parameters, dtype=np.float64, order="C")
         if not is_plain(gravity, 1, 3) or not gravity.flags.c_contiguous or parameters.size < 3:
-            raise TypeError("gravity is not a row of three numbers")
+            raise TypeError("gravity is not an array of three numbers")
         self.gravity, self.library, self.loaded = gravity, library, loaded
         self.batch_parameters = self.parameters
         if batch_parameters is not None:
             self.batch_parameters = np.array(batch_parameters, dtype=np.float64, order="C")
 
     def answer(self, a, b, c, load, out, threads):
-        """The result, or None where the caller has to take the careful way.
+        """The result, or None if the caller has to check the arguments and compute it itself.
 
-        The kernel's inputs are the first of a, b, c, load, of shape (size,) or (N, size); the others
-        have to be None, but with a load `loaded` answers. None is the answer too when an input is
-        not a plain float64 array of such a shape, when gravity is not what it was, when `threads` is
-        no number of them, when `out` is no plain array apart from the inputs, or when the kernel
-        does not vouch for all.
+        The kernel's inputs are the first of a, b, c, load, shape (size,) or (N, size); the others
+        must be None. With a load, the kernel `loaded` computes the result. The result is None if an
+        input is not a plain float64 array of such a shape, if gravity has changed, if `threads` is
+        not a positive integer, if `out` is not a plain array or overlaps an input, or if a sample
+        fails its checks.
         """
         cdef Kernel kernel = self
         if load is not None and self.arrays < 4:
@@ -238,7 +238,7 @@ cdef class Kernel:
                 try:
                     out = cnp.PyArray_SimpleNew(2, shape, cnp.NPY_DOUBLE)
                 except MemoryError:
-                    return None  # told in the careful way
+                    return None  # the caller raises the error
         elif (
             not is_plain(out, 1 if count < 0 else 2, self.output)
             or not cnp.PyArray_ISWRITEABLE(<cnp.ndarray>out)
@@ -257,7 +257,7 @@ cdef class Kernel:
     cdef inline bint run(
         self, const rows *inputs, const rows *output, Py_ssize_t count, Py_ssize_t threads
     ) noexcept:
-        """Whether the kernel vouches for all; a count of -1 is one sample."""
+        """Whether all samples pass their checks; a count of -1 is one sample."""
         cdef unsigned char few[FEW]
         cdef unsigned char *flags = few
         cdef const double *parameters = numbers_of(self.batch_parameters)
@@ -278,14 +278,14 @@ cdef class Kernel:
         return not any_bad
 
     cdef inline ptrdiff_t numbers(self) noexcept nogil:
-        """Of a sample, in and out."""
+        """Number of inputs and outputs of a sample."""
         cdef ptrdiff_t result = self.output
         for i in range(self.arrays):
             result += self.sizes[i]
         return result
 
     cdef bint run_with_moment(self, rows *inputs, rows *output, Py_ssize_t count) noexcept:
-        """The same with moments in the place of loads: those are made for some samples at once."""
+        """The same with moments; the loads are made from them for some samples at a time."""
         cdef rows moments = inputs[3]
         cdef int size = self.sizes[3]
         cdef Py_ssize_t first = 0, some = 1 if count < 0 else min(count, <Py_ssize_t>FEW), k
@@ -310,7 +310,7 @@ cdef class Kernel:
         return good
 
     cdef inline bint take(self, object array, int i, int size, rows *inputs, Py_ssize_t *count):
-        """Whether an argument is what the kernel takes there; `count` is -1 for one sample."""
+        """Take in an argument if it fits; `count` is -1 for one sample."""
         cdef Py_ssize_t own
         if i >= self.arrays:
             return array is None
@@ -325,12 +325,12 @@ cdef class Kernel:
         return True
 
     def many(self, tuple arrays not None, cnp.ndarray out not None, Py_ssize_t threads=1):
-        """Fill `out` and return the indices of the samples that the kernel does not vouch for.
+        """Fill `out` and return the indices of the samples that fail their checks.
 
         Args:
             arrays: float64, of shape (N, size), (size,) for all samples, or None for zeros.
             out: float64, shape (N, output), which shares no memory with the inputs.
-            threads: How many share the samples.
+            threads: Number of threads.
 
         Raises:
             TypeError, ValueError: For anything else.
@@ -380,8 +380,8 @@ cdef class Course:
     Args:
         code: Address of the code.
         sizes: Numbers in q, va, tau and in the load.
-        parameters: The open numbers; a copy is kept.
-        library: What must live as long as the code is in use.
+        parameters: Run-time parameters; a copy is kept.
+        library: Kept alive with the kernel.
     """
 
     cdef roll_function code
@@ -403,17 +403,17 @@ cdef class Course:
         cnp.ndarray tau not None, cnp.ndarray load, cnp.ndarray q not None,
         cnp.ndarray va not None, Py_ssize_t threads=1,
     ):
-        """Fill q and va and return how many states of each sample hold, shape (N,).
+        """Fill q and va and return the number of valid states of each sample, shape (N,).
 
         Args:
-            step: Of time.
+            step: Time step, [s].
             q0: Shape (N, nq).
             va0: Shape (N, n).
             tau: Shape (N, steps, motors), held over each step, or (N, 2 steps + 1, motors).
             load: Shape (N, size), or None.
-            q: Shape (N, steps + 1, nq), to be filled; NaN where a state does not hold.
-            va: Shape (N, steps + 1, n), likewise.
-            threads: How many share the motions.
+            q: Shape (N, steps + 1, nq), to be filled; NaN for states that fail their checks.
+            va: Shape (N, steps + 1, n), filled in the same way.
+            threads: Number of threads.
 
         Raises:
             TypeError: For anything else.
@@ -433,13 +433,13 @@ cdef class Course:
             *(() if load is None else ((load, 2, self.sizes[3]),)),
         ):
             if not is_plain(array, ndim, size) or array.shape[0] != count:
-                raise TypeError("arrays that do not fit together")
+                raise TypeError("the shapes of the arrays do not match")
         held = tau.shape[1] == steps
         if (
             steps < 0 or va.shape[1] != steps + 1 or not (held or tau.shape[1] == 2 * steps + 1)
             or not q.flags.writeable or not va.flags.writeable
         ):
-            raise TypeError("arrays that do not fit together")
+            raise TypeError("the shapes of the arrays do not match")
         inputs[0], inputs[1] = rows_of(q0), rows_of(va0)
         memset(&inputs[2], 0, sizeof(rows))
         if load is not None:

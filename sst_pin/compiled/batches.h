@@ -21,16 +21,15 @@ typedef int (*roll_function)(const rows *in, const courses *tau, ptrdiff_t half,
     const courses *out, const double *p, double h, ptrdiff_t steps, ptrdiff_t count,
     ptrdiff_t *reached);
 
-/* The samples of a part are a multiple of these: no thread leaves lanes empty, but the last. */
+/* Samples in a part are a multiple of this, so that only the last part has empty lanes. */
 #define LANES_AT_MOST 8
-/* Numbers that are taken at once, and those that are worth another thread, which takes some ten
- * microseconds to start. */
+/* Numbers in a part, and numbers per thread: it takes some 50 microseconds to start a thread. */
 #define PART 2048
 #define WORTH 32768
 #define THREADS_AT_MOST 256
-/* What a step of a rollout takes, in evaluations of a kernel. */
+/* Time of a step of a rollout, in evaluations of a kernel. */
 #define EVALUATIONS 8
-/* As the main thread has it; elsewhere other threads have less than large kernels need. */
+/* As that of the main thread: by default some systems give less than large kernels need. */
 #define STACK (8 << 20)
 
 typedef struct batch batch;
@@ -87,7 +86,7 @@ static int roll_part(const batch *all, ptrdiff_t first, ptrdiff_t count)
         all->reached + first);
 }
 
-/* Whoever is done with a part takes the next. */
+/* Each thread takes the next part when it has finished one. */
 static void *take_parts(void *argument)
 {
     batch *all = argument;
@@ -100,8 +99,8 @@ static void *take_parts(void *argument)
     return NULL;
 }
 
-/* Returns whether a sample is bad; `numbers` of a sample, in and out, say how long it takes. Where
- * the system refuses a thread, the others do its share. */
+/* Returns whether a sample is bad. The inputs and outputs of a sample, `numbers`, estimate
+ * its time. If the system refuses a thread, the others do its work. */
 static int share(batch *all, ptrdiff_t numbers, ptrdiff_t threads)
 {
     const ptrdiff_t worth = 1 + (ptrdiff_t)((double)all->count * (double)numbers / WORTH);
@@ -128,8 +127,7 @@ static int share(batch *all, ptrdiff_t numbers, ptrdiff_t threads)
     return atomic_load(&all->any_bad);
 }
 
-/* The samples through a kernel; `bad` gets a 1 for each that is bad, and the result is whether any
- * is. */
+/* Samples by a kernel; `bad` becomes 1 for each bad sample. Returns whether any is bad. */
 static int run_shared(run_function run, int arrays, const rows *in, const rows *out,
     const double *p, ptrdiff_t count, unsigned char *bad, ptrdiff_t numbers, ptrdiff_t threads)
 {
@@ -138,7 +136,7 @@ static int run_shared(run_function run, int arrays, const rows *in, const rows *
     return share(&all, numbers, threads);
 }
 
-/* Motions by a rollout; `reached` gets how many states of each hold. */
+/* Motions by a rollout; `reached` becomes the number of valid states of each. */
 static void roll_shared(roll_function roll, const rows *in, const courses *tau, ptrdiff_t half,
     const courses *states, const double *p, double step, ptrdiff_t steps, ptrdiff_t count,
     ptrdiff_t *reached, ptrdiff_t numbers, ptrdiff_t threads)

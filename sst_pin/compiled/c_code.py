@@ -93,7 +93,7 @@ def body(kernel: Kernel, size: int | None = None, suffix: str = "", *, one: bool
     if len(lines) <= statements.LARGEST and not kernel.directions:
         own = statements.together(lines)
         if one:
-            own = statements.at_hand(own)
+            own = statements.with_short_addresses(own)
         functions = {kernel.name: ["(void)p;", *own]}
     else:
         whole = {kernel.name: lines}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Statements of C, one for each operation, made functions of."""
+"""Functions of C from statements, one statement for each operation."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from itertools import pairwise
 _WIDTH = 94
 #: Statements of a function that is not cut, and of the parts of one that is.
 LARGEST, _PART = 7000, 500
-#: Of a function whose code a processor's cache of instructions holds, with what calls it.
+#: Statements of a function whose machine code fits into the instruction cache with its callers.
 _FEW = 1500
-#: Between two uses of a result; where it waits for longer, it does so in an array.
+#: Results that are not used for more statements than this are kept in an array.
 _NEAR = 80
-#: Numbers within reach of a pointer, 16 on each side, and how many pointers there are.
+#: Numbers of the array for each pointer, half of them on each side, and the number of pointers.
 _REACH, _POINTERS = 32, 12
 #: Names of results of statements.
 _RESULT = re.compile(r"\b(?:ti?|s|c)\d+\b")
@@ -45,12 +45,12 @@ def together(lines: Sequence[str]) -> list[str]:
     return [arrays, f"sines_cosines({n}, angles, s, c);", *rest]
 
 
-def at_hand(lines: Sequence[str]) -> list[str]:
-    """Statements of a function for one sample, their results in an array while they wait long.
+def with_short_addresses(lines: Sequence[str]) -> list[str]:
+    """Statements of a function for one sample, with results kept in an array until they are used.
 
-    A compiler has them in memory then, too, but on the stack, where an address takes four bytes;
-    near a pointer it takes one. The code of a delta robot becomes shorter by a quarter, so that a
-    processor's cache of instructions holds it, as it does anyway where statements are few.
+    A compiler keeps such results on the stack, where an address takes four bytes; near a pointer it
+    takes one. So the machine code of a delta robot is a quarter shorter and fits into the
+    instruction cache. Functions with few statements fit anyway.
     """
     if len(lines) <= _FEW:
         return list(lines)
@@ -85,7 +85,7 @@ def at_hand(lines: Sequence[str]) -> list[str]:
     room = [f"real room[{_REACH * pointers}];"] * (pointers > 0)
     for k in range(pointers):
         room.append(f"real *w{k} = room + {_REACH * k + _REACH // 2};")
-        if k < _POINTERS:  # kept as a pointer where the compiler cannot tell what it points to
+        if k < _POINTERS:  # hides from the compiler that it points to the stack
             room.append(f'__asm__("" : "+r"(w{k}));')
     return room + body
 
@@ -120,8 +120,8 @@ def pieces(lines: Sequence[str]) -> list[Sequence[str]]:
 def in_parts(name: str, groups: Sequence[Sequence[Sequence[str]]]) -> tuple[list[str], int]:
     """Functions for `real` that run one after the other, and the size of w.
 
-    A compiler takes more than proportionally long for a large function. What parts compute for
-    later ones goes by the array w. All groups but the first may run several times.
+    The compile time grows faster than the size of a function. Parts pass results to later parts in
+    the array w. All groups except the first may run several times.
     """
     parts = [part for group in groups for part in group]
     last = {result: k for k, part in enumerate(parts) for line in part for result in _used(line)}

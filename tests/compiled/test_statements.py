@@ -7,7 +7,7 @@ import re
 
 import numpy as np
 
-from sst_pin.compiled.statements import at_hand
+from sst_pin.compiled.statements import with_short_addresses
 
 NUMBERS, INPUTS, OUTPUTS = 2000, 8, 20
 
@@ -52,7 +52,7 @@ def test_results_that_wait_in_an_array_are_the_same():
     """To the last bit; places that are free are taken again."""
     for seed in range(3):
         lines = straight_line(seed)
-        kept = at_hand(lines)
+        kept = with_short_addresses(lines)
         stored = sum(bool(re.match(r"w\d+\[", line)) for line in kept)
         places = int(re.fullmatch(r"real room\[(\d+)\];", kept[0])[1])
         assert 0 < places < stored < NUMBERS
@@ -63,5 +63,5 @@ def test_results_that_are_used_soon_stay_where_they_are():
     """Nor has a short function an array."""
     lines = [f"const real t{k} = x[{k % INPUTS}] + t{max(k - 50, 0)};" for k in range(NUMBERS)]
     lines[0] = "const real t0 = x[0];"
-    assert at_hand(lines[50:]) == lines[50:]
-    assert at_hand(straight_line(0)[:500]) == straight_line(0)[:500]
+    assert with_short_addresses(lines[50:]) == lines[50:]
+    assert with_short_addresses(straight_line(0)[:500]) == straight_line(0)[:500]
