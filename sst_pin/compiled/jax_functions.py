@@ -193,21 +193,22 @@ class JaxFunctions:
 
     @cached_property
     def _forces(self) -> Callable[..., jax.Array]:
-        def values(order: int, *arrays: Array) -> Array:
-            if order:
-                return self._derivatives("generalized_forces", order, *arrays)
-            return self._chain.generalized_forces(*arrays, on_error="nan")
-
-        return self._differentiable(values, self.n)
+        values = partial(self._chain.generalized_forces, on_error="nan")
+        return self._with_values("generalized_forces", values, self.n)
 
     @cached_property
     def _accelerations(self) -> Callable[..., jax.Array]:
-        def values(order: int, *arrays: Array) -> Array:
-            if order:
-                return self._derivatives("accelerations", order, *arrays)
-            return self._chain.compute_accelerations(*arrays, on_error="nan")
+        values = partial(self._chain.compute_accelerations, on_error="nan")
+        return self._with_values("accelerations", values, self.n)
 
-        return self._differentiable(values, self.n)
+    @cached_property
+    def _torques(self) -> Callable[..., jax.Array]:
+        values = partial(self._chain.compute_torques, on_error="nan")
+        return self._with_values("torques", values, self.motors)
+
+    @cached_property
+    def _rates(self) -> Callable[..., jax.Array]:
+        return self._with_values("rates", self._joint_rates, self._mechanism.model.nv)
 
     @cached_property
     def _state_rate(self) -> Callable[..., jax.Array]:
@@ -232,22 +233,6 @@ class JaxFunctions:
         return self._differentiable(values, self.nq + self.n)
 
     @cached_property
-    def _torques(self) -> Callable[..., jax.Array]:
-        def values(order: int, *arrays: Array) -> Array:
-            if order:
-                return self._by_casadi("torques", order, *arrays)
-            return self._chain.compute_torques(*arrays, on_error="nan")
-
-        return self._differentiable(values, self.motors)
-
-    @cached_property
-    def _rates(self) -> Callable[..., jax.Array]:
-        def values(order: int, *arrays: Array) -> Array:
-            return self._by_casadi("rates", order, *arrays) if order else self._joint_rates(*arrays)
-
-        return self._differentiable(values, self._mechanism.model.nv)
-
-    @cached_property
     def _tangent(self) -> Callable[..., jax.Array]:
         return self._differentiable(partial(self._by_casadi, "tangent"), self.nq * self.n)
 
@@ -269,6 +254,22 @@ class JaxFunctions:
             return q, (self.tangent(q) @ way)[..., 0]
 
         return closed
+
+    def _with_values(
+        self, name: str, values: Callable[..., Array], size: int
+    ) -> Callable[..., jax.Array]:
+        """A function whose values the chain computes.
+
+        Args:
+            name: Its name in `CasadiFunctions`.
+            values: Of arrays in rows.
+            size: Of its result.
+        """
+
+        def of_order(order: int, *arrays: Array) -> Array:
+            return self._derivatives(name, order, *arrays) if order else values(*arrays)
+
+        return self._differentiable(of_order, size)
 
     def _differentiable(
         self, values: Values, size: int, order: int = 0
@@ -323,14 +324,14 @@ class JaxFunctions:
     # --- inside -----------------------------------------------------------------------------
 
     def _derivatives(self, name: str, order: int, *arrays: Array) -> Array:
-        """Of forces or accelerations: the chain's of first order, CasADi's of higher ones."""
-        if order > 1:
+        """The chain's first derivatives of forces and accelerations, else CasADi's."""
+        firsts: dict[str, Callable[..., Any]] = {
+            "generalized_forces": self._chain.torque_derivatives,
+            "accelerations": self._chain.acceleration_derivatives,
+        }
+        if order > 1 or name not in firsts:
             return self._by_casadi(name, order, *arrays)
-        chain = self._chain
-        first: Callable[..., Any] = chain.acceleration_derivatives
-        if name == "generalized_forces":
-            first = chain.torque_derivatives
-        d = first(*arrays, sign_width=self._sign_width, on_error="nan")
+        d = firsts[name](*arrays, sign_width=self._sign_width, on_error="nan")
         return np.concatenate(d, axis=-1)
 
     def _joint_rates(self, q: Array, va: Array) -> Array:
