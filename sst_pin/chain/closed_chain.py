@@ -25,6 +25,7 @@ from ..arrays import (
 from ..errors import ClosureError, DescriptionError, InputError, MissingExtraError
 from ..summaries import as_html, as_text, listed
 from . import derivatives, dynamics, samples
+from .appearance import Appearance, appearance_of
 from .assignments import require_assignable
 from .backend import States
 from .calls import Calls
@@ -38,6 +39,8 @@ from .samples import by_kernel
 if TYPE_CHECKING:
     from ..compiled.casadi_functions import CasadiFunctions
     from ..compiled.jax_functions import JaxFunctions
+    from ..files import Table
+    from ..motion.limits import Finding
     from ..motion.rollouts import Rollout
     from ..motion.simulation import Load, Torque
     from ..motion.trajectories import Trajectory
@@ -279,6 +282,16 @@ class ClosedChain(Calls):
         """
         return self._current.path()
 
+    @property
+    def appearance(self) -> Appearance:
+        """What pictures of the robot show beside its bodies.
+
+        Example:
+            >>> [frame.name for frame in chain.appearance.frames]
+            ['coupler_end', 'rocker_end']
+        """
+        return appearance_of(self.model, self.closures)
+
     def refresh(self) -> None:
         """Use all changes of `model` from now on.
 
@@ -465,6 +478,42 @@ class ClosedChain(Calls):
             judged at           a random assembled configuration
         """
         return self._current.mobility(q)
+
+    def singularity_measures(self, q: ArrayLike) -> dict[str, Array]:
+        """Numbers that grow without bound towards a singularity, by name; here one.
+
+        Args:
+            q: Configurations on the closures, shape (..., nq).
+
+        Returns:
+            Arrays of shape (...).
+
+        Example:
+            >>> chain.singularity_measures(chain.home).keys()
+            dict_keys(['dependent joints'])
+        """
+        return {"dependent joints": self.condition_number(q)}
+
+    def check(self, motion: Trajectory | ArrayLike) -> tuple[Finding, ...]:
+        """Check a motion: joints that leave their limits, and nearby singularities.
+
+        Args:
+            motion: A motion of this robot, or one configuration, shape (nq,).
+
+        Returns:
+            One finding for each joint or singularity, with its times; empty if there are none.
+
+        Raises:
+            InputError: For the motion of another robot.
+
+        Example:
+            >>> chain.check(chain.home)
+            ()
+        """
+        from ..motion.limits import findings, samples_of, verdicts
+
+        t, q = samples_of(self, motion)
+        return findings(t, verdicts(self, q))
 
     # --- kinematics -------------------------------------------------------------------------
 
@@ -911,7 +960,13 @@ class ClosedChain(Calls):
 
     # --- compilation, files, motions --------------------------------------------------------
 
-    def compile(self, q: ArrayLike | None = None, *, derivatives: bool = False) -> None:
+    def compile(
+        self,
+        q: ArrayLike | None = None,
+        *,
+        derivatives: bool = False,
+        all: bool = False,  # noqa: A002
+    ) -> None:
         """Generate and compile kernels for this robot; they compute its dynamics from then on.
 
         They are generated as C, compiled by the C compiler of the system (or of the package
@@ -930,6 +985,8 @@ class ClosedChain(Calls):
                 (docs/derivatives.md gives times). By default this is done at their first use, as
                 for all other methods that have kernels; docs/batches.md lists these. The logger
                 `sst_pin` says what is compiled, at level INFO.
+            all: Whether to compile all kernels except those of frames, so that no later call has to
+                compile.
 
         Raises:
             CompilationError: Without a compiler, or if it fails.
@@ -943,7 +1000,7 @@ class ClosedChain(Calls):
             >>> chain.path
             'compiled kernels: avx512, 8 samples at once'
         """
-        from ..compiled.backend import DERIVATIVES, FIRST, CompiledBackend
+        from ..compiled.backend import DERIVATIVES, EVERY, FIRST, CompiledBackend
 
         current = self._current
         near = None if q is None else current.single(q)
@@ -951,6 +1008,7 @@ class ClosedChain(Calls):
         kernels: tuple[str, ...] = FIRST + DERIVATIVES if derivatives else FIRST
         if derivatives and current.reference.derivatives.axes_move:
             kernels += ("displacement_rates",)
+        kernels = EVERY if all else kernels
         make = partial(CompiledBackend.make, names=kernels)
         current.compute_by(partial(CompiledBackend, near=near), make)
 
@@ -1304,6 +1362,10 @@ class ClosedChain(Calls):
 
     #: Called with each model that is taken in; an SST reads its geometry, or refuses it.
     _examine: Callable[[pin.Model], Any] = staticmethod(_anything_goes)
+
+    def _motion_in(self, table: Table) -> tuple[Array, Array, Array] | None:
+        """q, va, aa of a table whose columns are not the coordinates; an SST has such tables."""
+        return None
 
     def __copy__(self: _Chain) -> _Chain:
         twin = type(self).__new__(type(self))

@@ -49,6 +49,18 @@ Indices = NDArray[np.intp]
 FIRST = ("torques", "accelerations")
 #: Of the dynamics.
 DERIVATIVES = ("torque_derivatives", "acceleration_derivatives")
+#: With variants for external wrenches.
+_LOADABLE = (*FIRST, "forces", "rollout", *DERIVATIVES)
+#: All kernels but those of frames.
+EVERY = (
+    *_LOADABLE,
+    *(f"{name} loaded" for name in _LOADABLE),
+    "rates",
+    "joint_accelerations",
+    "reduced_terms",
+    "closing",
+    "displacement_rates",
+)
 #: In their names: one sample, its directions side by side, so many times at most.
 ALONG, _TIMES = "along", 2
 #: Configurations by which pivots are chosen.

@@ -14,6 +14,7 @@ import os
 import shutil
 import stat
 import sys
+import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -207,8 +208,13 @@ def _loaded(
     # Built beside its place and moved there when it is whole: another process sees all or nothing.
     with tempfile.TemporaryDirectory(dir=folder, prefix=_BUILDING) as scratch:
         code, made = Path(scratch, "kernel.c"), Path(scratch, "kernel.so")
-        code.write_text(source(), encoding="utf-8")
-        _compile(code, made, flags)
+        patience = threading.Timer(1.0, _tell, (robot or "robot",))
+        patience.start()
+        try:
+            code.write_text(source(), encoding="utf-8")
+            _compile(code, made, flags)
+        finally:
+            patience.cancel()
         try:
             ctypes.CDLL(str(made))
         except OSError as error:  # it is not kept: another compiler may do better
@@ -217,6 +223,12 @@ def _loaded(
             ) from None
         name = f"{label}.{key}.{_digest(made)}{_SUFFIX}"
         return ctypes.CDLL(str(made.replace(folder / name)))
+
+
+@cache
+def _tell(robot: str) -> None:
+    """Say once that a person has to wait; without other settings on standard error."""
+    _log.warning("sst-pin: compiling kernels of %s; the cache keeps them", robot)
 
 
 def _plain(name: str) -> str:

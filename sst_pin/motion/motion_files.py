@@ -161,6 +161,8 @@ def _motion_of(chain: ClosedChain, table: Table, *, keep_torques: bool) -> Traje
         tau = read_torques(chain, table) if given else None
         q, va, aa = (table.select(columns) for columns in (positions, rates, accelerations))
         return chain.trajectory(t, q, va, aa, tau)
+    if (other := chain._motion_in(table)) is not None:
+        return chain.trajectory(t, *other)
     found = _joints(chain, table)
     missing = [name for name in chain.coordinates if name not in found]
     if missing:

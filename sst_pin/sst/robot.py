@@ -14,18 +14,19 @@ from numpy.typing import ArrayLike, NDArray
 
 from .. import description, reading
 from ..arrays import finite_array, in_one_turn, single_array
+from ..chain.appearance import Appearance
 from ..chain.closed_chain import ClosedChain
 from ..description import MOTOR_NAMES
 from ..description.parameters import Parameters
 from ..errors import DescriptionError, InputError, WorkspaceError
-from ..files import beside
+from ..files import Table, beside
+from ..motion.limits import Finding, findings, samples_of
 from ..motion.rollouts import Rollout
 from ..motion.simulation import Load, Torque, constant_or_called
-from ..motion.trajectories import Trajectory, require_motion
+from ..motion.trajectories import Trajectory
 from ..reading.shapes import UrdfShapes
-from . import direct_kinematics, kernel_path, kinematics
+from . import appearance, check, direct_kinematics, kernel_path, kinematics, motion_files
 from .calls import Calls
-from .check import Finding, findings
 from .geometry_models import ParameterShapes
 from .kernel_path import with_moment
 from .kinematics import Geometry
@@ -373,11 +374,11 @@ class SST(Calls):
             condition = values[..., 0] / values[..., -1]
         return Singularities(np.abs(legs.sin_mu).min(axis=-1), values[..., -1], condition)
 
-    def check(self, motion: Trajectory) -> tuple[Finding, ...]:
+    def check(self, motion: Trajectory | ArrayLike) -> tuple[Finding, ...]:
         """Check a motion: joints that leave their arcs or limits, and nearby singularities.
 
         Args:
-            motion: A motion of this robot.
+            motion: A motion of this robot, or one configuration, shape (9,).
 
         Returns:
             One finding for each joint or singularity, with its times; empty if there are none.
@@ -391,8 +392,22 @@ class SST(Calls):
             ...     print(finding.joints, finding.times[0].round(2))
             ('beta_1',) 0.26
         """
-        require_motion(motion, self.position_names)
-        return findings(self._current.draft.model, self.geometry, motion.t, motion.q)
+        t, q = samples_of(self, motion)
+        return findings(t, check.verdicts(self.model, self.geometry, q))
+
+    def singularity_measures(self, q: ArrayLike) -> dict[str, Array]:
+        """Condition number of A (second kind) and 1 / min |sin(mu_k)| (first kind).
+
+        Example:
+            >>> [value.round(2).item() for value in robot.singularity_measures(robot.home).values()]
+            [1.0, 1.0]
+        """
+        found = self.singularities(q)
+        with np.errstate(divide="ignore"):
+            return {
+                "singularity (second kind), cond A": found.condition_number,
+                "singularity (first kind), 1 / min |sin mu_k|": np.asarray(1 / found.first_kind),
+            }
 
     # --- dynamics ---------------------------------------------------------------------------
 
@@ -521,6 +536,14 @@ class SST(Calls):
             return Parameters().star_radius
         E = frame_of(model, "E")
         return float(np.linalg.norm(E.placement.translation))
+
+    @property
+    def appearance(self) -> Appearance:
+        """What pictures show: axes e_1..9, frames {0k}..{3k} and {E}, the path of E."""
+        return appearance.appearance_of(self, self.star_radius)
+
+    def _motion_in(self, table: Table) -> tuple[Array, Array, Array]:
+        return motion_files.motion_in(self, table)
 
     # --- inside -----------------------------------------------------------------------------
 

@@ -51,8 +51,11 @@ class Viewer:
         axes: Whether the axes of the joints are shown at first; for an `SST` they are e_1..9.
         frames: Whether the frames of the closures are shown at first; for an `SST` {0k}..{3k} and
             {E}.
+        frame: Name of the frame whose path is drawn; by default E of an `SST` and `platform` of
+            other robots, if they have it.
 
     Raises:
+        UnknownNameError: For an unknown frame.
         DescriptionError: When a shape's file cannot be read.
         MissingExtraError: Without Meshcat.
 
@@ -68,8 +71,9 @@ class Viewer:
         *,
         axes: bool = False,
         frames: bool = False,
+        frame: str | None = None,
     ) -> None:
-        self._scene = Scene(robot, visual_model, axes=axes, frames=frames)
+        self._scene = Scene(robot, visual_model, axes=axes, frames=frames, frame=frame)
         self._robot = robot
         self._server: Server | None = None
         self._units = motor_units(robot)
@@ -301,11 +305,10 @@ class Viewer:
     ) -> None:
         """Tell the panel what there is to see."""
         robot, scene = self._robot, self._scene
-        times, samples = (None, q) if motion is None else (motion.t, motion.q)
         self._panel = {
             "title": title,
             "robot": robot.model.name,
-            "warnings": warnings_of(robot, times, samples),
+            "warnings": warnings_of(robot, q[0] if motion is None else motion),
             "t": t,
             "curves": curves,
             "speed": speed,

@@ -157,7 +157,7 @@ def commands(w: World) -> Iterator[Call]:
     lines = [
         "--unknown", "fly", "paper --samples 5", "paper --samples x",
         "paper --samples -1", "paper --samples 1e3",
-        "paper --samples 99999999999999999999", "paper --out file", "paper --urdf missing.urdf",
+        "paper --samples 99999999999999999999", "paper --out file", "paper --robot missing.urdf",
         "paper --samples", "paper extra", "paper --out /dev/null/x --samples 10",
         "torques motion.csv -o x.csv --robot missing.urdf", "info --json --robot bad.urdf",
         "torques motion.csv -o no/such/x.csv", "torques motion.csv -o x.csv --robot bad.urdf",
@@ -171,17 +171,17 @@ def commands(w: World) -> Iterator[Call]:
         "torques /dev/zero -o x.csv", "torques . -o x.csv", f"torques {long} -o x.csv",
         f"torques motion.csv -o {long}.csv", f"torques {nul} -o x.csv",
         f"torques motion.csv -o {nul}.csv", "torques motion.csv -o .",
-        "torques motion.csv -o /dev/full", "torques motion.csv -o x.csv --urdf bad.urdf",
-        "torques motion.csv -o x.csv --urdf .", "torques motion.csv -o x.csv --urdf empty.csv",
+        "torques motion.csv -o /dev/full", "torques motion.csv -o x.csv --robot bad.urdf",
+        "torques motion.csv -o x.csv --robot .", "torques motion.csv -o x.csv --robot empty.csv",
         "simulate", "simulate still.csv -o x.csv", "simulate half.csv -o x.csv",
-        "simulate still.csv -o x.csv --gamma 0.1", "simulate still.csv -o x.csv --gamma a,b,c",
-        "simulate still.csv -o x.csv --gamma nan,0,0 --gamma-dot 0,0,0",
-        "simulate still.csv -o x.csv --gamma 0.1,0.2,0.3",
-        "simulate still.csv -o x.csv --gamma 1e308,0,0 --gamma-dot 1e308,0,0",
-        "simulate still.csv -o x.csv --gamma 0.7,0.5,1 --gamma-dot 1e200,0,0",
-        "simulate still.csv -o x.txt --gamma 0.7,0.5,1 --gamma-dot 0,0,0",
-        "simulate empty.csv -o x.csv --gamma 0,0,0 --gamma-dot 0,0,0",
-        "simulate motion.csv -o x.csv --gamma",
+        "simulate still.csv -o x.csv --q0 0.1", "simulate still.csv -o x.csv --q0 a=b",
+        "simulate still.csv -o x.csv --q0 gamma_1=nan",
+        "simulate still.csv -o x.csv --q0 gamma_1=0.1,gamma_2=0.2,gamma_3=0.3",
+        "simulate still.csv -o x.csv --q0 gamma_1=1e308 --va0 gamma_1=1e308",
+        "simulate still.csv -o x.csv --q0 gamma_1=1,gamma_2=1,gamma_3=1 --va0 gamma_1=1e200",
+        "simulate still.csv -o x.txt --q0 gamma_1=1,gamma_2=1,gamma_3=1",
+        "simulate empty.csv -o x.csv --q0 gamma_1=0,gamma_2=0,gamma_3=0",
+        "simulate motion.csv -o x.csv --q0",
         "show missing.csv --html x.html", "show motion.csv --html x.txt",
         "show motion.csv --html file/x.html", "show motion.csv --speed 0 --html x.html",
         "show motion.csv --speed -1 --html x.html", "show motion.csv --speed nan --html x.html",
@@ -212,16 +212,17 @@ def commands(w: World) -> Iterator[Call]:
         "describe -o x --base-radius 0", "describe -o x --base-radius 1e308",
         "describe -o x --base-radius nan", "describe -o x --star-radius 1e-320",
         "describe -o x --star-radius -1", "describe -o x --gravity 1,2",
-        "describe -o x --gravity inf,0,0", "describe -o x --urdf bad.urdf", f"describe -o {nul}",
-        "verify --urdf missing.urdf", "verify extra", "verify --quick --urdf bad.urdf",
+        "describe -o x --gravity inf,0,0", "describe -o x --robot bad.urdf", f"describe -o {nul}",
+        "verify --robot missing.urdf", "verify extra", "verify --quick --robot bad.urdf",
         "validate", "validate missing.urdf", "validate file", "validate bad.urdf", "validate .",
         "validate /dev/zero", f"validate {long}", f"validate {nul}",
         "validate bad.urdf --cuts missing.yaml", "validate bad.urdf --cuts .",
         "validate bad.urdf --cuts bad.urdf",
-        "export-c", "export-c file", "export-c x --urdf missing.urdf", "export-c x --urdf bad.urdf",
+        "export-c", "export-c file", "export-c x --robot missing.urdf",
+        "export-c x --robot bad.urdf",
         f"export-c {nul}", f"export-c {long}", "export-c /dev/null/x",
-        "info --urdf missing.urdf", "info --urdf bad.urdf", "info extra", "info --urdf",
-        f"info --urdf {nul}", f"info --urdf {long}",
+        "info --robot missing.urdf", "info --robot bad.urdf", "info extra", "info --urdf",
+        f"info --robot {nul}", f"info --robot {long}",
     ]  # fmt: skip
     for line in lines:
         yield Call(
@@ -241,22 +242,6 @@ def commands(w: World) -> Iterator[Call]:
     yield Call("sst-pin with an empty file name", lambda: _command(["torques", "", "-o", "x.csv"]))
     yield Call(
         "sst-pin with an empty output", lambda: _command(["torques", "motion.csv", "-o", ""])
-    )
-    yield Call(
-        "sst-pin simulate --gamma -0.1,...",
-        lambda: _command(
-            [
-                "simulate",
-                "still.csv",
-                "-o",
-                "x.csv",
-                "--gamma",
-                "-0.1,0.2,0.3",
-                "--gamma-dot",
-                "-1,0,0",
-            ]
-        ),
-        lambda value: Path("x.csv").stat().st_size > 0,
     )
 
 
