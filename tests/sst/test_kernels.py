@@ -49,7 +49,7 @@ def test_the_compiled_path_is_the_one_in_use(robot):
 
 @compiled
 def test_derivatives_equal_the_reference(case):
-    """One sample and many, friction smooth; no compiler is asked for."""
+    """One sample and many, friction smooth; compiled at their first use."""
     robot, q, va, aa = case
     reference = on_reference_path(robot)
     for name in ("torque_derivatives", "acceleration_derivatives"):
@@ -60,6 +60,27 @@ def test_derivatives_equal_the_reference(case):
             # Two solves more than for torques: the condition number once more.
             assert all(error(a, b) < 100 * RELATIVE for a, b in zip(ours, right, strict=True))
     assert "reference" not in robot.path
+
+
+@compiled
+@pytest.mark.parametrize(("compiler", "path"), [({}, ""), ({"CC": "/no/cc"}, "CC names /no/cc")])
+def test_derivatives_need_a_compiler_but_not_casadi(tmp_path, compiler, path):
+    """Without a compiler the reference path computes them, and the path tells why."""
+    code = (
+        "import sys\n"
+        "sys.modules['casadi'] = None\n"
+        "import numpy as np, sst_pin\n"
+        "robot, reference = sst_pin.SST(), sst_pin.SST(kernels=False)\n"
+        "state = robot.home, [0.1, 0.2, 0.3], [1.0, 2.0, 3.0]\n"
+        "d, right = (x.torque_derivatives(*state, sign_width=0.1) for x in (robot, reference))\n"
+        "assert all(np.allclose(a, b, rtol=1e-9, atol=1e-9) for a, b in zip(d, right))\n"
+        "print(robot.path)"
+    )
+    environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path), "PYTHONPATH": str(ROOT)} | compiler
+    command = [sys.executable, "-c", code]
+    result = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    assert ("by the reference path" in result.stdout) == bool(path)
+    assert path in result.stdout
 
 
 def test_torques_and_accelerations_equal_the_reference(case):
@@ -339,7 +360,7 @@ def test_a_moment_on_the_star_alone_loads_kernels_as_the_wrenches_of_all_bodies_
 
 @compiled
 def test_every_instruction_set_of_the_machine_computes_the_same():
-    """The shipped library holds all; those that the processor has agree to rounding."""
+    """The package holds all; those that the processor has agree to rounding."""
     have = {"plain": ["plain", "plain_one"]}
     have["avx2"] = ["avx2", "avx2_one", *have["plain"]]
     have["avx512"] = ["avx512", *have["avx2"]]
