@@ -97,12 +97,13 @@ class Scene:
         placed = {str(i): matrix for i, matrix in enumerate(joints)}
         return placed | {strut.shape.mover: strut.at(joints) for strut in self._struts}
 
-    def reach(self, q: Array, tau: Array) -> Array:
+    def reach(self, q: Array, tau: Array, wanted: Array | None = None) -> Array:
         """The outermost points in many directions, of everything that is shown in a motion.
 
         Args:
             q: Configurations, shape (n, nq).
             tau: Motor torques as shares of the largest, shape (n, motors).
+            wanted: Configurations of the reference path, shape (m, nq); q by default.
 
         Returns:
             Shape (m, 3), [m].
@@ -121,6 +122,10 @@ class Scene:
             placed = vertices @ at[:3, :3].T + at[:3, 3]
             clouds.setdefault(mover, []).append(_farthest(placed, directions))
         found = np.zeros((0, 3))
+        if self.layers.get("trail"):
+            found = _farthest(
+                np.vstack([self._path(x) for x in (q, q if wanted is None else wanted)]), directions
+            )
         for i in kept:
             poses = self.poses(q[i])
             moved = [

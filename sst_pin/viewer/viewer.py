@@ -102,7 +102,7 @@ class Viewer:
             tau = single_array("tau", tau, (motors,))[None]
             curves, effort = [torques_of(self._robot, tau), *curves], self._shares(tau)
         self._drawing.place(q[0], effort[0])
-        self._describe("configuration", [0.0], q, effort, curves, 1.0, None)
+        self._describe("configuration", [0.0], q, effort, curves, 1.0, None, q)
 
     def play(
         self,
@@ -133,9 +133,10 @@ class Viewer:
             self.show(motion.q[0], motion.tau[0])
             return
         known, effort = _thinned(motion), self._shares(_thinned(motion).tau)
-        self._drawing.animate(known, effort, _thinned(wanted or motion).q)
+        reference = _thinned(wanted or motion).q
+        self._drawing.animate(known, effort, reference)
         curves = curves_of(self._robot, known)
-        self._describe(title, known.t.tolist(), known.q, effort, curves, speed, motion)
+        self._describe(title, known.t.tolist(), known.q, effort, curves, speed, motion, reference)
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -302,6 +303,7 @@ class Viewer:
         curves: list[dict[str, Any]],
         speed: float,
         motion: Trajectory | None,
+        wanted: Array,
     ) -> None:
         """Tell the panel what there is to see."""
         robot, scene = self._robot, self._scene
@@ -315,7 +317,7 @@ class Viewer:
             "colours": COLOURS,
             "layers": scene.layers,
             "labels": [label._asdict() for label in scene.labels],
-            "reach": scene.reach(q, effort).tolist(),
+            "reach": scene.reach(q, effort, wanted).tolist(),
             "trail": 6 * TRAIL_SIDES,  # indices of its triangles for each sample passed
             "credit": f"sst_pin {__version__}, Meshcat {version('meshcat')}",
         }
