@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from ..arrays import whole_number
 from ..errors import ClosureError, DescriptionError
 from .loops import Loops, connected
 from .mechanism import Mechanism
@@ -88,9 +89,10 @@ class Assembly:
         Raises:
             ClosureError: That of the start that came nearest.
         """
-        random, model = np.random.default_rng(seed), self.mechanism.model
-        failures = []
-        for width in np.linspace(0.0, 2.0, tries):
+        random = np.random.default_rng(whole_number("seed", seed, 0))
+        model, failures = self.mechanism.model, []
+        for k in range(tries):
+            width = 2.0 * k / max(tries - 1, 1)
             aside = np.zeros(model.nv)
             aside[free] = width * random.normal(size=len(free))
             start = pin.integrate(model, q, aside * self.mechanism.rate_scale)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import finite_array, names
+from ..arrays import finite_array, names, single_array
 from ..errors import FileFormatError, InputError, MissingExtraError, OutputError
 from ..files import Writer, as_path, read_table, table_writer, write_files
 from ..summaries import as_html, as_text, listed
@@ -188,7 +188,7 @@ class Trajectory:
             >>> motion.between(0.04, 0.2).t
             array([0.05, 0.1 ])
         """
-        first, last = (float(finite_array("time", time, ())) for time in (start, end))
+        first, last = (float(single_array("time", time, ())) for time in (start, end))
         chosen = (self.t >= first) & (self.t <= last)
         if not chosen.any():
             range_ = f"sampled from {self.t[0]:g} to {self.t[-1]:g} s"

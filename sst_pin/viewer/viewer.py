@@ -129,6 +129,8 @@ class Viewer:
         for name, given in (("motion", motion), ("wanted", motion if wanted is None else wanted)):
             self._require_own(given, name)
         speed = positive_number("speed", speed)
+        if wanted is not None and len(wanted) == 1:
+            raise InputError("wanted", "one sample, which is no path")
         if len(motion) == 1:
             self.show(motion.q[0], motion.tau[0])
             return
