@@ -133,6 +133,7 @@ class CompiledBackend:
         self._kernels: dict[str, Kernel | None] = {}
         self._smooth: dict[tuple[str, float], Kernel | None] = {}
         self._equations: dict[tuple[bool, bool], Equations] = {}
+        self._codes: dict[str, list[Code]] = {}
         self._why: dict[str, str] = {}
         self._lock = threading.RLock()
         self._given_up = False  # of one whose kernels could not be made; it is not used
@@ -303,12 +304,12 @@ class CompiledBackend:
 
     def _found(self, name: str) -> list[Code]:
         """A kernel's code for single samples, then for batches; none where there is none."""
-        if name not in self._why:
+        if name not in self._codes:
             try:
-                return [self._code(*variant) for variant in self._variants(name)]
+                self._codes[name] = [self._code(*variant) for variant in self._variants(name)]
             except SSTError as error:
-                self._why[name] = str(error)
-        return []
+                self._codes[name], self._why[name] = [], str(error)
+        return self._codes[name]
 
     def _variants(self, name: str) -> list[tuple[str, str]]:
         """Names and instruction sets of a kernel for single samples, then of one for batches."""
