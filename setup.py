@@ -97,7 +97,7 @@ setup(
                 extra_compile_args=["-O3", "-g0"],
                 optional=True,
             )
-            for name in ("chain/blocks", "chain/calls", "chain/closure_kinds", "sst/calls")
+            for name in ("chain/blocks", "chain/closure_kinds")
         ),
     ],
 )

@@ -36,7 +36,7 @@ class Robot(Protocol):
     def joint_rates(self, q: ArrayLike, va: ArrayLike) -> Array:
         """Rates of all joints; raises an error if q is open or singular."""
 
-    def states(self, sign_width: float, q: ArrayLike) -> States:
+    def _states(self, sign_width: float) -> States:
         """The state space, the sign of friction smoothed, for motions that start at q."""
 
     def trajectory(

@@ -177,7 +177,7 @@ def accelerations_by_multipliers(
 
 def _motion(chain: ClosedChain, q: Array, va: Array) -> _Motion:
     """Closures by Pinocchio's frames, and the rates that keep them closed."""
-    mechanism = chain._current.mechanism(q)
+    mechanism = chain._current.mechanism
     Phi, _ = _rows(mechanism, q, np.zeros(mechanism.model.nv))
     right = np.concatenate([np.zeros(len(Phi)), va])
     v = _solve(np.vstack([Phi, mechanism.selection]), right)
