@@ -186,8 +186,10 @@ def choose_coordinates(mechanism: Mechanism, Phi: Array, wanted: Sequence[Indice
         return True
 
     space = mechanism.space
-    for rates in [*wanted, *([k] for k in mechanism.driven.tolist())]:
+    for rates in wanted:
         take(rates)
+    for k in mechanism.driven:
+        take([k])
     for name in sorted(space.rates):
         if not Phi[:, list(space.rates[name])].any():
             take(space.rates[name])
