@@ -130,7 +130,7 @@ def without_locked(model: pin.Model, locked: Sequence[str] | Mapping[str, float]
     if list(model.mimicking_joints):
         raise InputError("locked", "the model has mimic joints; lock joints before you add these")
     q = pin.neutral(model)
-    ids = [joint_id(model, name) for name in names_of("locked", locked)]
+    ids = [joint_id(model, name) for name in names_of("locked", list(locked))]
     if isinstance(locked, Mapping):
         for index, value in zip(ids, locked.values(), strict=True):
             joint = model.joints[index]
