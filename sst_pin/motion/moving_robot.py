@@ -6,6 +6,7 @@ from __future__ import annotations
 from typing import Protocol
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from ..chain.backend import States
@@ -16,6 +17,14 @@ Array = NDArray[np.float64]
 
 class Robot(Protocol):
     """A robot that moves in time."""
+
+    @property
+    def model(self) -> pin.Model:
+        """Its tree."""
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Names of the independent joints."""
 
     @property
     def joint_names(self) -> tuple[str, ...]:

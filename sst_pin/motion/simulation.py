@@ -91,7 +91,7 @@ def simulate(
         raise InputError("progress", f"{progress!r} cannot be called")
     times = sample_times(t, 2)
     if isinstance(torque, Trajectory):
-        require_motion(torque, chain.position_names, "torque")
+        require_motion(torque, chain, "torque")
     # A bad start fails by its own name.
     q0 = single_array("q0", q0, (len(chain.position_names),))
     states = chain._states(sign_width)
