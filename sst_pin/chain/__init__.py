@@ -3,4 +3,4 @@
 
 from ..extensions import require_current_modules
 
-require_current_modules(__name__, ("blocks", "closure_kinds"))
+require_current_modules(__name__, ("calls",))

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Sequence
-from functools import cached_property
 from math import isfinite
 from typing import Any
 
@@ -21,11 +20,11 @@ from ..arrays import finite_array
 from ..errors import ActuationError, InputError, SSTError
 from . import dynamics
 from .backend import Motions, Single
-from .continuity import Continuity, Way
 from .derivatives import Derivatives
 from .dynamics import Workspace
 from .loops import CLOSURE_TOLERANCE
 from .mechanism import Friction, Mechanism
+from .mobility import condition_number
 from .noc import MAX_CONDITION_NUMBER, mass_centers
 from .tree import of_rates, summed, support
 
@@ -170,8 +169,8 @@ class Reference:
         """v = L va, shape (nv,), Eq. (16)."""
         ws = self.workspace
         ws.evaluate(q)
-        ws.complement.factorise(ws.loops.update_Phi())
-        v = ws.complement.rates(va)
+        ws.complement.factorise(ws.loops.Phi())
+        v = ws.complement.L.dot(va)  # Eq. (16)
         _require_finite(v, va=va)
         return v
 
@@ -187,7 +186,7 @@ class Reference:
         """[linear; angular] of a frame, world axes at its origin, shape (6, n)."""
         ws = self.workspace
         ws.evaluate(q)
-        ws.complement.factorise(ws.loops.update_Phi())
+        ws.complement.factorise(ws.loops.Phi())
         L = ws.complement.L
         J = pin.getFrameJacobian(ws.model, ws.data, frame, pin.LOCAL_WORLD_ALIGNED)
         return of_rates(J).dot(L)
@@ -196,9 +195,9 @@ class Reference:
         """Rate of `frame_jacobian`, shape (6, n)."""
         ws = self.workspace
         ws.evaluate(q)
-        ws.complement.factorise(ws.loops.update_Phi())
+        ws.complement.factorise(ws.loops.Phi())
         L = ws.complement.L
-        L_dot = -ws.complement.solve(ws.loops.Phi_dot(L.dot(va)).dot(L))
+        L_dot = ws.complement.L_dot(ws.loops.Phi_dot(L.dot(va)))
         # Pinocchio's own rate is wrong for mimic joints.
         moved_by = support(ws.model, ws.model.frames[frame].parentJoint)
         J, J_dot = (summed(ws.model, X * moved_by) for X in map(of_rates, (ws.data.J, ws.data.dJ)))
@@ -334,35 +333,20 @@ class ReferenceStates:
         aa, v = dynamics.direct_dynamics(*arguments)
         return np.concatenate([self._mechanism.space.coordinate_rates(q, v), aa])
 
-    def regular(self, q: Array, limit: float) -> bool:
-        """Whether the condition number of the dependent part of Phi is below a limit."""
-        return self._continuity.regular(q, limit)
+    def near_singularity(self, q: Array, limit: float) -> bool:
+        """Whether the condition number of the dependent part of Phi is above a limit."""
+        return not condition_number(self._Phi(q), self._mechanism.coordinates) < limit
 
-    def follow(self, start: Array, way: Way, limit: float) -> tuple[float, Array]:
-        """How much of a step stays regular and in its assembly mode; see `Continuity.follow`."""
-        return self._continuity.follow(start, way, limit)
+    def passes_singularity(self, before: Array, after: Array) -> bool:
+        """Whether the smallest singular value changes its sign between two configurations."""
+        columns = self._mechanism.dependent
+        product = self._Phi(before)[:, columns].T @ self._Phi(after)[:, columns]
+        return bool(np.linalg.slogdet(product)[0] < 0)
 
-    @cached_property
-    def _continuity(self) -> Continuity:
-        return Continuity(self._mechanism, self._reference.workspace.loops)
-
-    def _continues(self, before: Array, after: Array) -> bool:
-        """Whether one state of a rollout leads to the next."""
-
-        def way(q: Array, low: float, high: float) -> Array | None:
-            if high == 1:
-                return after
-            try:
-                return self.closed(self._between(before, after, high))
-            except SSTError:
-                return None
-
-        return self.follow(before, way, MAX_CONDITION_NUMBER)[0] == 1
-
-    def _between(self, before: Array, after: Array, fraction: float) -> Array:
-        """A configuration on the way between two others, its loops almost closed."""
-        model = self._mechanism.model
-        return pin.integrate(model, before, fraction * pin.difference(model, before, after))
+    def _Phi(self, q: Array) -> Array:
+        loops, mechanism = self._reference.workspace.loops, self._mechanism
+        loops.evaluate(q)
+        return loops.Phi() * mechanism.row_scale[:, None] * mechanism.rate_scale
 
     def rollout(self, motions: Motions, threads: int) -> NDArray[np.intp]:
         """The classical Runge-Kutta method with fixed steps, one motion after the other.
@@ -388,7 +372,7 @@ class ReferenceStates:
                 q_s = state[: self._nq]
                 try:
                     self._reference.workspace.evaluate(q_s)
-                    if not (np.isfinite(state).all() and (s == 0 or self._continues(before, q_s))):
+                    if not np.isfinite(state).all() or self.passes_singularity(before, q_s):
                         break
                     q[i, s], va[i, s] = q_s, state[self._nq :]
                     before, reached[i] = q_s, s + 1

@@ -5,9 +5,10 @@ from __future__ import annotations
 
 import argparse
 import time
+from pathlib import Path
 
 from ..compiled import build
-from .common import Commands, add_robot, robot_of
+from .common import Commands, chain_of
 
 
 def add_to(commands: Commands) -> None:
@@ -15,18 +16,15 @@ def add_to(commands: Commands) -> None:
     parser = commands.add(
         "compile", _compile, "Compile the kernels of a robot; chain.compile() loads them later."
     )
-    add_robot(parser)
-    parser.add_argument(
-        "--all", action="store_true", help="all kernels, not only torques and accelerations"
-    )
+    parser.add_argument("robot", type=Path, help="a URDF with its YAML beside it, or an MJCF")
     parser = commands.add("cache", _cache, "List the kernels in the cache, or delete them.")
     parser.add_argument("--empty", action="store_true", help="delete all kernels")
 
 
 def _compile(arguments: argparse.Namespace) -> None:
-    chain = robot_of(arguments)
+    chain = chain_of(arguments.robot)
     start = time.perf_counter()
-    chain.compile(all=arguments.all)
+    chain.compile()
     print(f"{chain.path}\nin {time.perf_counter() - start:.2g} s")
 
 

@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 import plain_reading
-from call_world import ODD_PATHS, World
+from call_world import World
+from chain_calls import same
 from judged_calls import Call
-from signature_calls import same
+from motion_calls import ODD_PATHS
 
 import sst_pin
 from sst_pin import ClosedChain

@@ -45,7 +45,6 @@ FORWARDING = {
             "trajectory",
             "simulate",
             "rollout",
-            "check",
             "show",
             "compile",
             "casadi",

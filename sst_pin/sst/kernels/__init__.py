@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The kernels of the SST: those of `compile()`, with the geometry left open.
+"""The kernels of the SST, shipped compiled: those of `compile()`, with the geometry left open.
 
-`scripts/kernels/make_kernels.py` writes the C. The files named after instruction sets compile
-`kernels.c` at installation; derivatives are compiled at their first use, into the cache. The
-environment variable SST_PIN_KERNELS=off switches all of them off.
+`scripts/kernels/make_kernels.py` writes `kernels.c`; the files named after instruction sets compile
+it for these. The environment variable SST_PIN_KERNELS=off switches them off.
 """
 
 from __future__ import annotations
@@ -25,9 +24,7 @@ from ...extensions import require_current
 from ..topology import CUTS
 
 FOLDER = Path(__file__).parent
-#: C that goes into every library, and its folder.
-PARTS, INCLUDE = ("real.h", "driver.h"), Path(build.__file__).with_name("c")
-#: Kernels that the package contains compiled.
+#: Names of the kernels for one sample and for many.
 ENTRIES = (
     "torques",
     "accelerations",
@@ -39,8 +36,8 @@ ENTRIES = (
     "accelerations loaded",
     "rollout loaded",
 )
-#: Kernels that are compiled at their first use, each from a file of its name.
-AT_FIRST_USE = (*DERIVATIVES, *(f"{name} {ALONG}" for name in DERIVATIVES))
+#: Names of those with several lanes only: of samples, or of directions of one sample.
+OF_LANES = (*DERIVATIVES, *(f"{name} {ALONG}" for name in DERIVATIVES))
 
 
 def open_numbers(mechanism: Mechanism) -> Parameters:
@@ -53,18 +50,15 @@ def code(name: str, target: str) -> Code:
     """The code of a kernel.
 
     Args:
-        name: One of `ENTRIES` or `AT_FIRST_USE`.
+        name: One of `ENTRIES` or `OF_LANES`.
         target: An instruction set.
 
     Raises:
-        CompilationError: When there is none, or for derivatives no compiler.
+        CompilationError: When there is none.
     """
-    entry = name.replace(" ", "_")
-    if name in AT_FIRST_USE:
-        return Code(_from_cache(entry, target), entry)
-    if name not in ENTRIES:
+    if name not in (*ENTRIES, *OF_LANES):
         raise CompilationError("the shipped kernels have none")
-    return Code(_installed(target), f"{entry}_{target}")
+    return Code(_library(), f"{name.replace(' ', '_')}_{target}")
 
 
 def missing() -> str:
@@ -72,31 +66,17 @@ def missing() -> str:
     if os.environ.get("SST_PIN_KERNELS") == "off":
         return "switched off by SST_PIN_KERNELS=off"
     try:
-        _installed("plain")
+        _library()
     except CompilationError as error:
         return str(error)
     return ""
 
 
-def source_file(entry: str) -> Path:
-    """The C of a kernel that is compiled at its first use."""
-    return FOLDER / f"{entry}.c"
-
-
-def _from_cache(entry: str, target: str) -> ctypes.CDLL:
-    body = source_file(entry).read_text(encoding="utf-8")
-
-    def source() -> str:
-        lanes = f"#define LANES {build.TARGETS[target][0]}\n#define NAME(x) x\n"
-        return lanes + "".join(f'#include "{part}"\n' for part in PARTS) + body
-
-    options = *build.LONG, f"-I{INCLUDE}"
-    return build.library("sst", entry, body.encode(), target, source, options)
-
-
 @cache
-def _installed(target: str) -> ctypes.CDLL:
-    found = find_spec(f"{__name__}._{target}")
+def _library() -> ctypes.CDLL:
+    found = find_spec(f"{__name__}._library")
     if found is None or found.origin is None:
         raise CompilationError("the extension module is missing; install sst-pin with a C compiler")
-    return require_current(found.origin, FOLDER / "kernels.c", *(INCLUDE / x for x in PARTS))
+    parts = Path(build.__file__).with_name("c")
+    sources = FOLDER / "kernels.c", parts / "real.h", parts / "driver.h"
+    return require_current(found.origin, *sources)
