@@ -8,18 +8,13 @@ from pathlib import Path
 
 import numpy as np
 from setuptools import Extension, setup
+from setuptools.command.build_ext import build_ext
 from setuptools.command.build_py import build_py
 
 FOLDER = "sst_pin/sst/kernels"
 PARTS = "sst_pin/compiled/c"
-COMPILE = [
-    "-std=gnu11",
-    "-O3",
-    "-fno-math-errno",
-    "-fno-trapping-math",
-    "-ffp-contract=fast",
-    "-g0",
-]
+KERNELS = [f"{FOLDER}/kernels.c", f"{PARTS}/real.h", f"{PARTS}/driver.h"]
+FAST = ["-std=gnu11", "-O3", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast"]
 
 
 class BuildWithUrdf(build_py):
@@ -29,6 +24,25 @@ class BuildWithUrdf(build_py):
         super().run()
         if not self.editable_mode:
             shutil.copytree("urdf", Path(self.build_lib, "sst_pin", "urdf"), dirs_exist_ok=True)
+
+
+class BuildOnAllCores(build_ext):
+    """Compiles extensions side by side; keeps those in place whose sources have not changed."""
+
+    def initialize_options(self) -> None:
+        super().initialize_options()
+        self.parallel = True
+
+    def build_extension(self, extension: Extension) -> None:
+        kept = Path(self.get_ext_filename(extension.name))
+        place = Path(self.get_ext_fullpath(extension.name))
+        (hashed,) = (value for name, value in extension.define_macros if name == "MADE_OF")
+        newer = kept.is_file() and kept.stat().st_mtime > Path("setup.py").stat().st_mtime
+        if not newer or hashed.strip('"').encode() not in kept.read_bytes():
+            super().build_extension(extension)
+        elif kept.resolve() != place.resolve():
+            place.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(kept, place)
 
 
 def readme() -> str:
@@ -47,31 +61,8 @@ def made_of(*sources: str) -> tuple[str, str]:
 setup(
     long_description=readme(),
     long_description_content_type="text/markdown",
-    cmdclass={"build_py": BuildWithUrdf},
+    cmdclass={"build_py": BuildWithUrdf, "build_ext": BuildOnAllCores},
     ext_modules=[
-        Extension(
-            "sst_pin.sst.kernels._library",  # no module: ctypes loads it
-            [f"{FOLDER}/{x}.c" for x in ("plain", "plain_one", "avx2", "avx2_one", "avx512")],
-            depends=[f"{FOLDER}/{x}" for x in ("kernels.c", "target.h")]
-            + [f"{PARTS}/{x}" for x in ("real.h", "driver.h")],
-            include_dirs=[PARTS],
-            define_macros=[
-                made_of(f"{FOLDER}/kernels.c", f"{PARTS}/real.h", f"{PARTS}/driver.h"),
-            ],
-            extra_compile_args=COMPILE,
-            optional=True,  # without a compiler the reference path computes everything
-        ),
-        *(
-            Extension(
-                f"sst_pin.{name.replace('/', '.')}",  # runs without being compiled, too
-                [f"sst_pin/{name}.py"],
-                depends=[f"sst_pin/{name}.pxd"],
-                define_macros=[made_of(f"sst_pin/{name}.py", f"sst_pin/{name}.pxd")],
-                extra_compile_args=["-O3"],
-                optional=True,
-            )
-            for name in ("chain/calls", "sst/calls")
-        ),
         Extension(
             "sst_pin.compiled._binding",
             ["sst_pin/compiled/_binding.pyx"],
@@ -81,9 +72,21 @@ setup(
                 ("NPY_NO_DEPRECATED_API", "NPY_1_22_API_VERSION"),
                 made_of("sst_pin/compiled/_binding.pyx", "sst_pin/compiled/batches.h"),
             ],
-            extra_compile_args=["-O2", "-pthread"],
+            extra_compile_args=["-O2", "-g0", "-pthread"],
             extra_link_args=["-pthread"],
             optional=True,
+        ),
+        *(
+            Extension(
+                f"sst_pin.sst.kernels._{target}",  # no module: ctypes loads it
+                [f"{FOLDER}/{target}.c"],
+                depends=[*KERNELS, f"{FOLDER}/target.h"],
+                include_dirs=[PARTS],
+                define_macros=[made_of(*KERNELS)],
+                extra_compile_args=[*FAST, "-g0"],
+                optional=True,  # without a compiler the reference path computes everything
+            )
+            for target in ("avx512", "avx2", "avx2_one", "plain", "plain_one")
         ),
     ],
 )

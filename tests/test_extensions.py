@@ -13,9 +13,8 @@ from sst_pin.extensions import require_current
 
 PACKAGE = Path(sst_pin.__file__).parent
 SOURCES = {
-    "chain.calls": ("chain/calls.py", "chain/calls.pxd"),
     "compiled._binding": ("compiled/_binding.pyx", "compiled/batches.h"),
-    "sst.kernels._library": ("sst/kernels/kernels.c", "compiled/c/real.h", "compiled/c/driver.h"),
+    "sst.kernels._plain": ("sst/kernels/kernels.c", "compiled/c/real.h", "compiled/c/driver.h"),
 }
 
 

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from .continuity import Way
 from .mechanism import Friction
 
 Array = NDArray[np.float64]
@@ -70,11 +71,11 @@ class States(Protocol):
     def rate(self, states: Array, tau: Array, wrenches: Array | None) -> Array:
         """Rates of states, shape (..., nq + n)."""
 
-    def near_singularity(self, q: Array, limit: float) -> bool:
-        """Whether the condition number of the dependent part of Phi is above a limit."""
+    def regular(self, q: Array, limit: float) -> bool:
+        """Whether the condition number of the dependent part of Phi is below a limit."""
 
-    def passes_singularity(self, before: Array, after: Array) -> bool:
-        """Whether the coordinates lose hold of the robot between two configurations."""
+    def follow(self, start: Array, way: Way, limit: float) -> tuple[float, Array]:
+        """How much of a step stays regular and in its assembly mode; see `Continuity.follow`."""
 
     def rollout(self, motions: Motions, threads: int) -> Indices:
         """Fill the states of motions; how many of each hold, shape (N,)."""

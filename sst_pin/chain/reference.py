@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Sequence
+from functools import cached_property
 from math import isfinite
 from typing import Any
 
@@ -20,11 +21,11 @@ from ..arrays import finite_array
 from ..errors import ActuationError, InputError, SSTError
 from . import dynamics
 from .backend import Motions, Single
+from .continuity import Continuity, Way
 from .derivatives import Derivatives
 from .dynamics import Workspace
 from .loops import CLOSURE_TOLERANCE
 from .mechanism import Friction, Mechanism
-from .mobility import condition_number
 from .noc import MAX_CONDITION_NUMBER, mass_centers
 from .tree import of_rates, summed, support
 
@@ -333,20 +334,35 @@ class ReferenceStates:
         aa, v = dynamics.direct_dynamics(*arguments)
         return np.concatenate([self._mechanism.space.coordinate_rates(q, v), aa])
 
-    def near_singularity(self, q: Array, limit: float) -> bool:
-        """Whether the condition number of the dependent part of Phi is above a limit."""
-        return not condition_number(self._Phi(q), self._mechanism.coordinates) < limit
+    def regular(self, q: Array, limit: float) -> bool:
+        """Whether the condition number of the dependent part of Phi is below a limit."""
+        return self._continuity.regular(q, limit)
 
-    def passes_singularity(self, before: Array, after: Array) -> bool:
-        """Whether the smallest singular value changes its sign between two configurations."""
-        columns = self._mechanism.dependent
-        product = self._Phi(before)[:, columns].T @ self._Phi(after)[:, columns]
-        return bool(np.linalg.slogdet(product)[0] < 0)
+    def follow(self, start: Array, way: Way, limit: float) -> tuple[float, Array]:
+        """How much of a step stays regular and in its assembly mode; see `Continuity.follow`."""
+        return self._continuity.follow(start, way, limit)
 
-    def _Phi(self, q: Array) -> Array:
-        loops, mechanism = self._reference.workspace.loops, self._mechanism
-        loops.evaluate(q)
-        return loops.Phi() * mechanism.row_scale[:, None] * mechanism.rate_scale
+    @cached_property
+    def _continuity(self) -> Continuity:
+        return Continuity(self._mechanism, self._reference.workspace.loops)
+
+    def _continues(self, before: Array, after: Array) -> bool:
+        """Whether one state of a rollout leads to the next."""
+
+        def way(q: Array, low: float, high: float) -> Array | None:
+            if high == 1:
+                return after
+            try:
+                return self.closed(self._between(before, after, high))
+            except SSTError:
+                return None
+
+        return self.follow(before, way, MAX_CONDITION_NUMBER)[0] == 1
+
+    def _between(self, before: Array, after: Array, fraction: float) -> Array:
+        """A configuration on the way between two others, its loops almost closed."""
+        model = self._mechanism.model
+        return pin.integrate(model, before, fraction * pin.difference(model, before, after))
 
     def rollout(self, motions: Motions, threads: int) -> NDArray[np.intp]:
         """The classical Runge-Kutta method with fixed steps, one motion after the other.
@@ -372,7 +388,7 @@ class ReferenceStates:
                 q_s = state[: self._nq]
                 try:
                     self._reference.workspace.evaluate(q_s)
-                    if not np.isfinite(state).all() or self.passes_singularity(before, q_s):
+                    if not (np.isfinite(state).all() and (s == 0 or self._continues(before, q_s))):
                         break
                     q[i, s], va[i, s] = q_s, state[self._nq :]
                     before, reached[i] = q_s, s + 1

@@ -8,6 +8,7 @@ import re
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from difflib import get_close_matches
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from pathlib import Path
@@ -17,13 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
+from .. import robots
 from ..chain.closed_chain import ClosedChain
-from ..errors import MissingExtraError
+from ..description import JOINT_NAMES
+from ..errors import InputError, MissingExtraError
 from ..files import Writer, write_files
-from ..motion import motion_files as any_motion_files
-from ..motion.limits import beyond_limits
 from ..motion.trajectories import Trajectory
-from ..sst import motion_files
+from ..reading import is_mjcf, parse_xml, read_text
 from ..sst.robot import SST
 
 Array = NDArray[np.float64]
@@ -34,12 +35,17 @@ class Parser(argparse.ArgumentParser):
 
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
-        # What begins like a negative number is a value, as in --gamma -0.1,0.2,0.3.
+        # What begins like a negative number is a value, as in --gravity -1,0,0.
         self._negative_number_matcher = re.compile(r"-\.?\d")
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Parse; keep the words for the message of an error."""
+        self._words = sys.argv[1:] if args is None else list(args)
+        return super().parse_known_args(args, namespace)
 
     def error(self, message: str) -> NoReturn:
         """Leave with exit code 2."""
-        self.exit(2, f"{self.prog}: error: {message}\n")
+        self.exit(2, f"{self.prog}: error: {message}{misplaced(self._words)}\n")
 
 
 class Commands:
@@ -55,54 +61,69 @@ class Commands:
         return parser
 
 
-def add_urdf(parser: argparse._ActionsContainer) -> None:
-    """The option --urdf; `robot_of` reads it."""
-    parser.add_argument(
-        "--urdf", type=Path, metavar="FILE", help="edited URDF of an SST (default: the paper's)"
-    )
-
-
-def robot_of(arguments: argparse.Namespace) -> SST:
-    """The robot that the options ask for."""
-    return SST() if arguments.urdf is None else SST.from_urdf(arguments.urdf)
-
-
 def add_robot(parser: Parser) -> None:
-    """The options --robot and --urdf; `any_robot_of` reads them."""
-    options = parser.add_mutually_exclusive_group()
-    options.add_argument(
+    """The option --robot; `robot_of` and `sst_of` read it."""
+    parser.add_argument(
         "--robot",
-        type=Path,
-        metavar="FILE",
-        help="any robot: a URDF with its YAML beside it, or an MJCF",
+        metavar="ROBOT",
+        help="a URDF with its YAML beside it, an MJCF, or a name of the gallery, such as delta "
+        "(default: the SST of the paper)",
     )
-    add_urdf(options)
 
 
-def any_robot_of(arguments: argparse.Namespace) -> ClosedChain:
-    """The robot that --robot or --urdf asks for."""
-    return robot_of(arguments) if arguments.robot is None else chain_of(arguments.robot)
-
-
-def chain_of(path: Path) -> ClosedChain:
-    """Any robot: an MJCF by its suffix .xml or .mjcf, else a URDF beside its YAML."""
-    from ..reading.text import is_mjcf
-
+def robot_of(arguments: argparse.Namespace) -> ClosedChain:
+    """The robot that --robot names; a file with the joints of an SST is an SST."""
+    name = arguments.robot
+    if name is None or name in _gallery():
+        return SST() if name in (None, "sst") else getattr(robots, name)()
+    path = Path(name)
+    if not path.suffix and not path.exists():
+        near = "".join(f"; did you mean {x}?" for x in get_close_matches(name, _gallery(), 1))
+        names = ", ".join(_gallery())
+        raise InputError("--robot", f"{name!r} is neither a file nor one of {names}{near}")
     if is_mjcf(path):
         return ClosedChain.from_mjcf(path)
-    return ClosedChain.from_urdf(path)
+    root = parse_xml(read_text(path, "URDF"), str(path))
+    joints = {joint.get("name") for joint in root.iter("joint")}
+    return (SST if joints >= set(JOINT_NAMES) else ClosedChain).from_urdf(path)
+
+
+def sst_of(arguments: argparse.Namespace) -> SST:
+    """The SST that --robot names.
+
+    Raises:
+        DescriptionError: When it is another robot.
+    """
+    name = arguments.robot
+    if name in (None, "sst"):
+        return SST()
+    if name in _gallery():
+        raise InputError("--robot", f"{name} is not an SST, which this command needs")
+    return (SST.from_mjcf if is_mjcf(Path(name)) else SST.from_urdf)(name)
+
+
+def _gallery() -> list[str]:
+    return ["sst", *(name for name in robots.__all__ if name.islower())]
+
+
+def misplaced(words: Sequence[str]) -> str:
+    """The end of an error message when one of the arguments is a robot, else nothing."""
+    for word in words:
+        suffix = Path(word).suffix.lower()
+        if suffix in (".urdf", ".xml", ".mjcf") or (word in _gallery() and not Path(word).exists()):
+            return f"; did you mean --robot {word}?"
+    return ""
 
 
 def source_of(path: Path) -> Path | BinaryIO:
-    """A file, or standard input for `-`."""
+    """A file, or standard input for `-`.
+
+    Raises:
+        InputError: For a robot.
+    """
+    if hint := misplaced([str(path)]):
+        raise InputError(str(path), f"is a robot, not a table{hint}")
     return sys.stdin.buffer if str(path) == "-" else path
-
-
-def motion_in(robot: ClosedChain, path: Path) -> Trajectory:
-    """The motion in a file or in standard input, its torques computed where it has none."""
-    if isinstance(robot, SST):
-        return motion_files.load_motion(robot, source_of(path))
-    return any_motion_files.load_motion(robot, source_of(path))
 
 
 def require_extras(**packages: str) -> None:
@@ -153,9 +174,7 @@ def add_strict(parser: Parser) -> None:
 
 def refuses(robot: ClosedChain, motion: Trajectory, arguments: argparse.Namespace) -> bool:
     """Print where the machine cannot execute a motion; whether this ends the command."""
-    found: Sequence[object] = (
-        robot.check(motion) if isinstance(robot, SST) else beyond_limits(robot, motion.q, motion.t)
-    )
+    found = robot.check(motion)
     for finding in found:
         kind = "error" if arguments.strict else "warning"
         print(f"sst-pin: {kind}: {finding}", file=sys.stderr)

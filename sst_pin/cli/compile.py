@@ -5,10 +5,9 @@ from __future__ import annotations
 
 import argparse
 import time
-from pathlib import Path
 
 from ..compiled import build
-from .common import Commands, chain_of
+from .common import Commands, add_robot, robot_of
 
 
 def add_to(commands: Commands) -> None:
@@ -16,15 +15,18 @@ def add_to(commands: Commands) -> None:
     parser = commands.add(
         "compile", _compile, "Compile the kernels of a robot; chain.compile() loads them later."
     )
-    parser.add_argument("robot", type=Path, help="a URDF with its YAML beside it, or an MJCF")
+    add_robot(parser)
+    parser.add_argument(
+        "--all", action="store_true", help="all kernels, not only torques and accelerations"
+    )
     parser = commands.add("cache", _cache, "List the kernels in the cache, or delete them.")
     parser.add_argument("--empty", action="store_true", help="delete all kernels")
 
 
 def _compile(arguments: argparse.Namespace) -> None:
-    chain = chain_of(arguments.robot)
+    chain = robot_of(arguments)
     start = time.perf_counter()
-    chain.compile()
+    chain.compile(all=arguments.all)
     print(f"{chain.path}\nin {time.perf_counter() - start:.2g} s")
 
 

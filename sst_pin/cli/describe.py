@@ -14,8 +14,7 @@ from ..description import description_writers
 from ..description.parameters import Parameters, RigidBody
 from ..files import write_files
 from ..sst.configurations import configurations_of
-from ..sst.robot import SST
-from .common import Commands, add_force, add_urdf, require_extras, triple
+from .common import Commands, add_force, add_robot, require_extras, sst_of, triple
 
 Array = NDArray[np.float64]
 
@@ -26,9 +25,9 @@ def add_to(commands: Commands) -> None:
         "describe",
         _run,
         "Write an SST as a folder for other tools: URDF, cuts, SRDF, MJCF, meshes, README. The "
-        "robot is the paper's, or that of --urdf; the other options change its parameters.",
+        "robot is the paper's, or that of --robot; the other options change its parameters.",
     )
-    add_urdf(parser)
+    add_robot(parser)
     parser.add_argument(
         "-o",
         "--output",
@@ -70,10 +69,7 @@ def _run(arguments: argparse.Namespace) -> None:
     require_extras(mesh="trimesh", plot="matplotlib")
     from ..plots.picture import picture_writers
 
-    p = _changed(
-        Parameters() if arguments.urdf is None else SST.from_urdf(arguments.urdf).parameters,
-        arguments,
-    )
+    p = _changed(sst_of(arguments).parameters, arguments)
     files = description_writers(p, configurations_of(p)) | picture_writers(p)
     folder = arguments.output
     write_files({folder / n: write for n, write in files.items()}, arguments.force, folder=folder)

@@ -7,9 +7,15 @@ import argparse
 import json
 import platform
 
-from ..sst.robot import SST
+import numpy as np
+from numpy.typing import NDArray
+
+from ..chain.closed_chain import ClosedChain
+from ..errors import ClosureError, DescriptionError
 from ..version import __version__
-from .common import Commands, add_robot, any_robot_of, version_of
+from .common import Commands, add_robot, robot_of, version_of
+
+Array = NDArray[np.float64]
 
 
 def add_to(commands: Commands) -> None:
@@ -20,12 +26,11 @@ def add_to(commands: Commands) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> None:
-    robot = any_robot_of(arguments)
-    q = robot.home if isinstance(robot, SST) else None
-    mobility = robot.mobility(q)
+    robot = robot_of(arguments)
+    mobility = robot.mobility(_home_of(robot))
     others = {name: version_of(name) for name in ("pin", "numpy", "scipy", "matplotlib")}
     versions = {"sst-pin": __version__} | others
-    source = arguments.robot or arguments.urdf or "the URDF of the package"
+    source = arguments.robot or "the URDF of the package"
     mass = sum(inertia.mass for inertia in robot.model.inertias)
     if arguments.json:
         content = {
@@ -55,3 +60,10 @@ def _run(arguments: argparse.Namespace) -> None:
     print(f"  friction: {friction}")
     print(f"  dynamics computed by: {robot.path}")
     print(mobility)
+
+
+def _home_of(robot: ClosedChain) -> Array | None:
+    try:
+        return robot.home
+    except (DescriptionError, ClosureError):
+        return None

@@ -14,12 +14,12 @@ from ..sst.paper import PERIOD, compare, example_1, example_2
 from .common import (
     Commands,
     add_force,
+    add_robot,
     add_strict,
-    add_urdf,
     progress_bar,
     refuses,
     remark,
-    robot_of,
+    sst_of,
 )
 
 
@@ -28,7 +28,7 @@ def add_to(commands: Commands) -> None:
     parser = commands.add(
         "paper", _run, "Compute both examples of the paper and draw their figures."
     )
-    add_urdf(parser)
+    add_robot(parser)
     parser.add_argument(
         "-o",
         "--output",
@@ -58,7 +58,7 @@ def _count(text: str) -> int:
 def _run(arguments: argparse.Namespace) -> int:
     from .. import plots  # needs the extra `plot`
 
-    robot, out = robot_of(arguments), arguments.output
+    robot, out = sst_of(arguments), arguments.output
     t = np.linspace(0, PERIOD, arguments.samples)
     clock = time.perf_counter
     began = clock()

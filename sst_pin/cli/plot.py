@@ -7,16 +7,17 @@ import argparse
 from pathlib import Path
 
 from ..errors import FileFormatError
+from ..motion.motion_files import load_motion
 from .common import (
     Commands,
     add_figure,
     add_robot,
     add_strict,
-    any_robot_of,
-    motion_in,
     output_name,
     refuses,
+    robot_of,
     say,
+    source_of,
     write,
 )
 
@@ -68,8 +69,8 @@ def _run(arguments: argparse.Namespace) -> int:
 
     name = output_name(arguments.output, ".png")
     plots.require_ending(name)
-    robot = any_robot_of(arguments)
-    motion = motion_in(robot, arguments.motion)
+    robot = robot_of(arguments)
+    motion = load_motion(robot, source_of(arguments.motion))
     if len(motion) < 2:
         raise FileFormatError(arguments.motion, "has one sample; a curve needs at least two")
     if refuses(robot, motion, arguments):

@@ -17,6 +17,7 @@ import pinocchio as pin
 from ..chain.closed_chain import ClosedChain
 from ..errors import InputError, OutputError
 from ..files import write_files
+from ..motion.motion_files import load_motion
 from ..motion.trajectories import Trajectory
 from ..sst.paper import PERIOD, example_1
 from ..sst.robot import SST
@@ -26,8 +27,8 @@ from .common import (
     add_force,
     add_robot,
     add_strict,
-    any_robot_of,
-    motion_in,
+    robot_of,
+    source_of,
 )
 
 
@@ -61,6 +62,11 @@ def add_to(commands: Commands) -> None:
     ):
         parser.add_argument(f"--{kind}", type=Path, metavar="FILE", help=f"write {text}")
     parser.add_argument("--axes", action="store_true", help="show the axes of the joints")
+    parser.add_argument(
+        "--frame",
+        metavar="NAME",
+        help="draw the path of this frame (default: platform; E of an SST)",
+    )
     parser.add_argument(
         "--frames", action="store_true", help="show frames: of an SST {0k}..{3k}, {E}; of closures"
     )
@@ -101,12 +107,12 @@ def _run(arguments: argparse.Namespace) -> int:
     looks: dict[str, Any] = {"axes": arguments.axes, "frames": arguments.frames}
     looks["visual_model"] = pin.GeometryModel() if arguments.skeleton else None
     if arguments.interactive:
-        for name in ("motion", "speed", "html", "png", "gif", "strict"):
+        for name in ("motion", "speed", "html", "png", "gif", "strict", "frame"):
             if getattr(arguments, name):
                 raise InputError("--interactive", f"cannot be combined with {name}")
         from ..viewer.interactive import Interactive  # needs the extra `interactive`
 
-        robot = any_robot_of(arguments)
+        robot = robot_of(arguments)
         with Interactive(robot, arguments.host, arguments.port, **looks) as page:
             _wait(page.url, arguments.no_open)
         return 0
@@ -117,7 +123,7 @@ def _run(arguments: argparse.Namespace) -> int:
     for ending, path in wanted:
         if path is not None and path.suffix.lower() != ending:
             raise OutputError(path, f"the ending should be {ending}")
-    with Viewer(robot, **looks) as viewer:
+    with Viewer(robot, frame=arguments.frame, **looks) as viewer:
         if motion is not None:
             viewer.play(motion, speed=arguments.speed or speed, title=title)
         for warning in viewer.warnings:
@@ -140,11 +146,12 @@ def _asked_for(
     arguments: argparse.Namespace,
 ) -> tuple[ClosedChain, Trajectory | None, float, str]:
     """Robot, motion, speed and title."""
-    path, robot = arguments.motion, any_robot_of(arguments)
+    path, robot = arguments.motion, robot_of(arguments)
     if path is not None:
-        return robot, motion_in(robot, path), 1.0, path.name
-    if isinstance(robot, SST):
-        return robot, example_1(robot, np.linspace(0, PERIOD, 201)), 0.1, "Example 1: the circle"
+        return robot, load_motion(robot, source_of(path)), 1.0, path.name
+    if arguments.robot is None:
+        example = example_1(SST(), np.linspace(0, PERIOD, 201))
+        return robot, example, 0.1, "Example 1: the circle"
     return robot, None, 1.0, robot.model.name
 
 

@@ -8,17 +8,15 @@ from pathlib import Path
 
 import numpy as np
 
-from ..motion import motion_files as any_motion_files
-from ..sst.motion_files import read_motion
-from ..sst.robot import SST
+from ..motion.motion_files import read_motion
 from ..summaries import listed
 from .common import (
     Commands,
     add_output,
     add_robot,
     add_strict,
-    any_robot_of,
     refuses,
+    robot_of,
     save,
     say,
     source_of,
@@ -44,11 +42,8 @@ def add_to(commands: Commands) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    robot, source = any_robot_of(arguments), source_of(arguments.motion)
-    if isinstance(robot, SST):
-        motion = read_motion(robot, source)
-    else:
-        motion = any_motion_files.read_motion(robot, source)
+    robot, source = robot_of(arguments), source_of(arguments.motion)
+    motion = read_motion(robot, source)
     if refuses(robot, motion, arguments):
         return 1
     save(motion, arguments)
@@ -60,7 +55,6 @@ def _run(arguments: argparse.Namespace) -> int:
         found = zip(motion.actuated, peaks, motion.torque_units, strict=True)
         told = listed([f"{name} {p:.4g} {u.replace('Nm', 'N m')}" for name, p, u in found])
     say(f"{len(motion)} samples, peak torques {told} -> {arguments.output}", arguments)
-    if not isinstance(robot, SST):
-        start = zip(motion.joint_names, motion.q[0], strict=True)
-        say(f"  starts at {listed([f'{name} {x:.4g}' for name, x in start])}", arguments)
+    start = zip(motion.joint_names, motion.q[0], strict=True)
+    say(f"  starts at {listed([f'{name} {x:.4g}' for name, x in start])}", arguments)
     return 0

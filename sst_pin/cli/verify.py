@@ -8,13 +8,13 @@ import json
 
 from tqdm import tqdm
 
-from .common import Commands, add_urdf, robot_of
+from .common import Commands, add_robot, robot_of
 
 
 def add_to(commands: Commands) -> None:
     """Add the command."""
     parser = commands.add("verify", _run, "Compare the torques with every installed referee.")
-    add_urdf(parser)
+    add_robot(parser)
     parser.add_argument("--quick", action="store_true", help="fewer cases, no simulation")
     parser.add_argument("--json", action="store_true", help="print the table as JSON")
 
@@ -22,7 +22,7 @@ def add_to(commands: Commands) -> None:
 def _run(arguments: argparse.Namespace) -> int:
     from ..verification import comparisons, verify
 
-    if arguments.urdf is None:
+    if arguments.robot is None:
         found, missing = verify.verify_sst(arguments.quick), verify.skipped()
     else:  # the engines are built from parameters; multipliers take any closed chain
         robot, count = robot_of(arguments), 5 if arguments.quick else 40

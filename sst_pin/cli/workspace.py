@@ -14,7 +14,7 @@ from ..files import Writer
 from ..sst.paper import PERIOD
 from ..sst.platform_motion import paper_circle
 from ..sst.workspace import Workspace, workspace_at, workspace_over_rolls
-from .common import Commands, add_figure, add_urdf, output_name, robot_of, say, write
+from .common import Commands, add_figure, add_robot, output_name, say, sst_of, write
 
 
 def add_to(commands: Commands) -> None:
@@ -25,7 +25,7 @@ def add_to(commands: Commands) -> None:
         "Draw a map of the directions of the star's axis: reach, condition number, singular "
         "curves; for one roll angle psi of the star, and for the best psi of each direction.",
     )
-    add_urdf(parser)
+    add_robot(parser)
     add_figure(parser)
     parser.add_argument(
         "--psi", type=_angle, default=0.0, metavar="DEG", help="roll angle of the star (default: 0)"
@@ -50,7 +50,7 @@ def _run(arguments: argparse.Namespace) -> None:
 
     name = output_name(arguments.output, ".png")
     plots.require_ending(name)
-    robot = robot_of(arguments)
+    robot = sst_of(arguments)
     at_psi = workspace_at(robot, np.radians(arguments.psi))
     if str(arguments.data) == str(arguments.output) == "-":
         raise InputError("--data", "standard output can hold the figure or the data, not both")
@@ -59,7 +59,7 @@ def _run(arguments: argparse.Namespace) -> None:
         files[arguments.data] = at_psi.writer(output_name(arguments.data, ".csv"))
     over_rolls = workspace_over_rolls(robot)
     path = None
-    if arguments.urdf is None:
+    if arguments.robot is None:
         circle = paper_circle(np.linspace(0, PERIOD, 361)).R[:, :, 0]
         path = ("circle of the paper", circle)
     figure = plots.workspace_page(robot, at_psi, over_rolls, path)

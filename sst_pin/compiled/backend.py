@@ -17,11 +17,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
-from ..chain.assembly import generic_configuration, home_of
+from ..chain.assembly import home_of
 from ..chain.closures import Closure, Distance, Rolling
+from ..chain.coordinates import examples
 from ..chain.mechanism import Friction, Mechanism
 from ..chain.reference import Reference
 from ..chain.tree import frame_named
@@ -49,6 +49,18 @@ Indices = NDArray[np.intp]
 FIRST = ("torques", "accelerations")
 #: Of the dynamics.
 DERIVATIVES = ("torque_derivatives", "acceleration_derivatives")
+#: With variants for external wrenches.
+_LOADABLE = (*FIRST, "forces", "rollout", *DERIVATIVES)
+#: All kernels but those of frames.
+EVERY = (
+    *_LOADABLE,
+    *(f"{name} loaded" for name in _LOADABLE),
+    "rates",
+    "joint_accelerations",
+    "reduced_terms",
+    "closing",
+    "displacement_rates",
+)
 #: In their names: one sample, its directions side by side, so many times at most.
 ALONG, _TIMES = "along", 2
 #: Configurations by which pivots are chosen.
@@ -81,7 +93,6 @@ class CompiledBackend:
 
     Args:
         reference: Of its mechanism.
-        model: The user's tree. If its gravity changes, single calls return None.
         near: Where the order of elimination is chosen, shape (nq,); anywhere by default.
         parameters: Which numbers the kernels take; those of `Parameters` by default.
         code: Gives the code of a kernel by its name and an instruction set; from the cache by
@@ -97,7 +108,6 @@ class CompiledBackend:
     def __init__(
         self,
         reference: Reference,
-        model: pin.Model,
         near: Array | None = None,
         *,
         parameters: Parameters | None = None,
@@ -113,7 +123,7 @@ class CompiledBackend:
         require_current(_binding.__file__, *_BINDING)
         self._binding = _binding
         self._reference, self._mechanism = reference, reference.mechanism
-        self._model, self._near = model, near
+        self._near = near
         self._parameters = parameters or Parameters(self._mechanism)
         self._code = code or self._from_cache
         self._moment = -1 if bearer is None else 6 * bearer
@@ -121,6 +131,7 @@ class CompiledBackend:
         self._kernels: dict[str, Kernel | None] = {}
         self._smooth: dict[tuple[str, float], Kernel | None] = {}
         self._equations: dict[tuple[bool, bool], Equations] = {}
+        self._codes: dict[str, list[Code]] = {}
         self._why: dict[str, str] = {}
         self._lock = threading.RLock()
         self._given_up = False  # of one whose kernels could not be made; it is not used
@@ -267,8 +278,8 @@ class CompiledBackend:
             tuple(sizes),
             outputs,
             codes[0].prepared(numbers),
-            self._model.gravity.linear,  # watched in the model's own memory, which has to stay
-            (codes, self._model),
+            self._mechanism.model.gravity.linear,
+            (codes, self._mechanism.model),
             loaded,
             codes[-1].prepared(numbers),
             self._moment,
@@ -291,12 +302,12 @@ class CompiledBackend:
 
     def _found(self, name: str) -> list[Code]:
         """A kernel's code for single samples, then for batches; none where there is none."""
-        if name not in self._why:
+        if name not in self._codes:
             try:
-                return [self._code(*variant) for variant in self._variants(name)]
+                self._codes[name] = [self._code(*variant) for variant in self._variants(name)]
             except SSTError as error:
-                self._why[name] = str(error)
-        return []
+                self._codes[name], self._why[name] = [], str(error)
+        return self._codes[name]
 
     def _variants(self, name: str) -> list[tuple[str, str]]:
         """Names and instruction sets of a kernel for single samples, then of one for batches."""
@@ -381,7 +392,8 @@ def sample_configurations(reference: Reference, near: Array | None = None) -> Ar
     """
     assembly = reference.workspace.assembly
     if near is None:
-        near = generic_configuration(assembly)
+        example = reference.mechanism.example
+        near = next(examples(assembly)) if example is None else example
     reference.workspace.evaluate(near)
     samples = [near]
     for seed in range(4 * _SAMPLES):

@@ -2,7 +2,9 @@
 """From C to loaded libraries: a compiler, and a folder that keeps what it made.
 
 A library is found again by the content that it was made from. Its file's name ends in the hash of
-the file itself; the folder is the user's own, so that what is loaded is what was written.
+the file itself; the folder is the user's own, so that what is loaded is what was written. When a
+new library makes the folder larger than `LARGEST`, those that were loaded longest ago are deleted.
+A process that has loaded a library keeps it in memory, so any process may delete any file.
 """
 
 from __future__ import annotations
@@ -14,6 +16,7 @@ import os
 import shutil
 import stat
 import sys
+import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -35,12 +38,14 @@ TARGETS = {
     "plain_one": (1, ()),
     "scalar": (1, ("-O1",)),  # C by CasADi; more takes twice as long and makes it no faster
 }
-#: Of these the one for single samples: a number takes less time than a vector of the same numbers.
+#: The target for single samples of each: a number takes less time than a vector of the same numbers.
 ONE = {"avx512": "avx2_one", "avx2": "avx2_one", "plain": "plain_one"}
 _OPTIONS = ("-std=gnu11", "-O3", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast")
-#: Of derivatives: -O3 takes half as long again for their long functions, which run no faster.
+#: Options for derivatives: -O3 takes half as long again for their long functions, which run no faster.
 LONG = ("-O1", "-fexpensive-optimizations")
 _SUFFIX = ".so"
+#: Bytes that all libraries in the cache have together, at most.
+LARGEST = 2**30
 _log = logging.getLogger(__name__)
 _CURE = "XDG_CACHE_HOME names another place"
 #: Folders in the cache where libraries are being made; older ones were left by a process that died.
@@ -51,10 +56,10 @@ class Entry(NamedTuple):
     """A library in the cache.
 
     Attributes:
-        path: Of the file.
+        path: Its file.
         robot: Name of the model that it was made for.
         kernel: What it computes.
-        size: Of the file, bytes.
+        size: Bytes of the file.
         used: When it was last loaded, seconds since 1970.
     """
 
@@ -136,22 +141,31 @@ def cached() -> list[Entry]:
 def empty_cache() -> int:
     """Delete all libraries in the cache; how many there were. Those in use stay in memory.
 
-    What a process left behind that was killed while it compiled goes with them, after a day.
+    Folders that a process left when it was killed while it compiled are deleted after a day.
 
     Raises:
         CompilationError: When they cannot be deleted.
     """
-    entries = cached()
-    for entry in entries:
+    return _shrink(0)
+
+
+def _shrink(largest: int) -> int:
+    """Delete the libraries last used longest ago until the rest is smaller than this; how many."""
+    left, old = 0, []
+    for entry in cached():
+        left += entry.size
+        if left >= largest:
+            old.append(entry.path)
+    for path in old:
         try:
-            entry.path.unlink(missing_ok=True)
+            path.unlink(missing_ok=True)  # another process may have deleted it
         except OSError as error:
-            raise _unusable(entry.path.parent, error) from None
-    for left in cache_folder().glob(f"{_BUILDING}*"):
+            raise _unusable(path.parent, error) from None
+    for folder in cache_folder().glob(f"{_BUILDING}*"):
         with suppress(FileNotFoundError):
-            if left.stat().st_mtime < time.time() - _DEAD:
-                shutil.rmtree(left, ignore_errors=True)
-    return len(entries)
+            if folder.stat().st_mtime < time.time() - _DEAD:
+                shutil.rmtree(folder, ignore_errors=True)
+    return len(old)
 
 
 def library(
@@ -198,7 +212,12 @@ def _loaded(
             if path.name.split(".")[-2] == _digest(path):
                 with suppress(OSError):  # a cache may be read-only
                     os.utime(path)
-                return ctypes.CDLL(str(path))
+                try:
+                    return ctypes.CDLL(str(path))
+                except OSError:
+                    if path.exists():
+                        raise
+                    continue  # another process deleted it since
             path.unlink()  # damaged
     _log.info("compiling %s of %s for %s; the cache keeps it", kernel, robot or "robot", target)
     label = f"{_plain(robot) or 'robot'}.{_plain(kernel)}"
@@ -207,8 +226,13 @@ def _loaded(
     # Built beside its place and moved there when it is whole: another process sees all or nothing.
     with tempfile.TemporaryDirectory(dir=folder, prefix=_BUILDING) as scratch:
         code, made = Path(scratch, "kernel.c"), Path(scratch, "kernel.so")
-        code.write_text(source(), encoding="utf-8")
-        _compile(code, made, flags)
+        patience = threading.Timer(1.0, _tell, (robot or "robot",))
+        patience.start()
+        try:
+            code.write_text(source(), encoding="utf-8")
+            _compile(code, made, flags)
+        finally:
+            patience.cancel()
         try:
             ctypes.CDLL(str(made))
         except OSError as error:  # it is not kept: another compiler may do better
@@ -216,7 +240,16 @@ def _loaded(
                 f"{folder} cannot be used: {error}; {_CURE}, CC another compiler"
             ) from None
         name = f"{label}.{key}.{_digest(made)}{_SUFFIX}"
-        return ctypes.CDLL(str(made.replace(folder / name)))
+        loaded = ctypes.CDLL(str(made.replace(folder / name)))
+    with suppress(CompilationError):  # the library is good, even if old ones cannot be deleted
+        _shrink(LARGEST)
+    return loaded
+
+
+@cache
+def _tell(robot: str) -> None:
+    """Say once that a person has to wait; without other settings on standard error."""
+    _log.warning("sst-pin: compiling kernels of %s; the cache keeps them", robot)
 
 
 def _plain(name: str) -> str:

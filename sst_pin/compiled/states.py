@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..chain.backend import Motions
+from ..chain.continuity import TRAVEL
 from ..chain.mechanism import Friction
 from ..chain.reference import Reference, ReferenceStates
 
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
     from ._binding import Course, Kernel
 
 Array = NDArray[np.float64]
+#: det Phi_u changes by no more than this factor in half a step that is sound.
+_CHANGE = 1.25
 Indices = NDArray[np.intp]
 
 
@@ -48,7 +51,6 @@ class CompiledStates(ReferenceStates):
         super().__init__(reference, friction)
         self._backend = backend
         self._closing = backend.kernel("closing")
-        self._dependent = len(self._mechanism.dependent)
 
     def closed(self, states: Array) -> Array:
         """As `ReferenceStates.closed`, by Newton's method."""
@@ -78,35 +80,6 @@ class CompiledStates(ReferenceStates):
         answer = kernel.answer(states, tau, load, None, None, 1)
         return super().rate(states, tau, wrenches) if answer is None else answer
 
-    def near_singularity(self, q: Array, limit: float) -> bool:
-        """As `ReferenceStates.near_singularity`, from det Phi_u where that suffices.
-
-        Of n singular values whose squares sum to s, n - 1 have a product of at most
-        (s / (n - 1))^((n - 1) / 2). So the smallest is at least |det| over this, the largest at
-        most sqrt(s).
-        """
-        det, squares = self._determinant(q)
-        others = self._dependent - 1
-        most = math.sqrt(squares) * (squares / max(others, 1)) ** (others / 2)
-        if most < limit * abs(det):
-            return False
-        return super().near_singularity(q, limit)
-
-    def passes_singularity(self, before: Array, after: Array) -> bool:
-        """Whether det Phi_u changes its sign."""
-        product = self._determinant(before)[0] * self._determinant(after)[0]
-        if math.isnan(product):
-            return super().passes_singularity(before, after)
-        return not product > 0
-
-    def _determinant(self, q: Array) -> tuple[float, float]:
-        """det Phi_u and the sum of the squares of its entries; NaN if q fails the checks."""
-        closing = self._closing
-        answer = None if closing is None else closing.answer(q, None, None, None, None, 1)
-        if answer is None:
-            return math.nan, math.nan
-        return answer.item(-2), answer.item(-1)
-
     def rollout(self, motions: Motions, threads: int) -> Indices:
         """As `ReferenceStates.rollout`; it goes on where the kernels stop."""
         course = self._backend.course(motions.load is not None, self._friction)
@@ -114,10 +87,43 @@ class CompiledStates(ReferenceStates):
             return super().rollout(motions, threads)
         reached = course.run(*motions, min(threads, sys.maxsize))
         reached[~self._mechanism.space.on_manifold(motions.q0)] = 0  # kernels normalise on the way
+        reached = self._continuous(motions, reached)
         for i in map(int, np.flatnonzero(reached <= motions.steps)):
             done = max(int(reached[i]) - 1, 0)
             reached[i] = done + super().rollout(motions.rest(i, done), 1)[0]
         return reached
+
+    def _continuous(self, motions: Motions, reached: Indices) -> Indices:
+        """How many states of each motion follow one another in one assembly mode, shape (N,).
+
+        In the middle between two modes, and near a singularity, a block of Phi_u is almost
+        singular. So a short step is sound where det Phi_u changes little to its middle and to its
+        end; the others are left to the reference path.
+        """
+        q, until = motions.q, reached.copy()
+        ends, middles = self._determinants(q), self._determinants((q[:, 1:] + q[:, :-1]) / 2)
+        units = self._mechanism.space.position_units
+        longest = TRAVEL * np.where(np.array(units) == "m", self._mechanism.length, 1.0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratios = np.stack([middles / ends[:, :-1], ends[:, 1:] / middles])
+        sound = ((ratios > 1 / _CHANGE) & (ratios < _CHANGE)).all(axis=0)
+        sound &= (np.abs(np.diff(q, axis=1)) <= longest).all(axis=2)
+        sound |= np.arange(motions.steps) + 1 >= reached[:, None]
+        for i, s in np.argwhere(~sound):
+            if s + 1 < until[i] and not self._continues(q[i, s], q[i, s + 1]):
+                until[i] = s + 1
+        return until
+
+    def _determinants(self, q: Array) -> Array:
+        """det Phi_u of configurations, shape (..., nq); NaN where they fail the checks."""
+        det = np.full(math.prod(q.shape[:-1]), np.nan)
+        if self._closing is not None:
+            flat = np.ascontiguousarray(q.reshape(-1, self._nq))
+            result = np.empty((len(flat), self._nq + 2))
+            left = self._closing.many((flat,), result)
+            det[:] = result[:, -2]
+            det[left] = np.nan
+        return det.reshape(q.shape[:-1])
 
     @cached_property
     def _rate_alone(self) -> Kernel | None:

@@ -21,7 +21,7 @@ _HEAD = """\
 The SST is a 3-RRP spherical parallel manipulator: three motors on the base rotate a star about the
 fixed centre O. This folder describes it for simulators, planners and viewers. The folder is complete,
 so you can copy it. `sst-pin describe` generates it. For another robot use
-`sst-pin describe -o FOLDER` with options, or with `--urdf` and an edited `sst.urdf`.
+`sst-pin describe -o FOLDER` with options, or with `--robot` and an edited `sst.urdf`.
 
 | file | content |
 |---|---|

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import finite_array
 from ..chain.closed_chain import ClosedChain
-from ..errors import ClosureError, InputError, UnknownNameError
+from ..errors import ClosureError, DescriptionError, InputError, UnknownNameError
 from .samples import sample_times, spline
 from .trajectories import Trajectory
 
@@ -89,8 +89,10 @@ def start_configuration(
     """
     model = chain.model
     if guess is None:
-        known = model.referenceConfigurations
-        guesses = [known["home"]] if "home" in known else [pin.neutral(model)]
+        guesses = []
+        with suppress(DescriptionError, ClosureError):
+            guesses.append(chain.home)
+        guesses = guesses or [pin.neutral(model)]
         with suppress(ClosureError):
             guesses.append(chain.generic_configuration())
     else:

@@ -1,32 +1,107 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Where a motion leaves the joint limits of its robot."""
+"""Where a motion leaves the joint limits of its robot or comes close to a singularity."""
 
 from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import single_array
 from ..chain.closed_chain import ClosedChain
 from ..chain.loops import CLOSURE_TOLERANCE
+from .trajectories import Trajectory, require_motion
 
 Array = NDArray[np.float64]
 
+#: Condition number of the dependent joints from which a configuration is close to a singularity.
+LARGEST_CONDITION = 1e3
 
-def beyond_limits(chain: ClosedChain, q: Array, t: Array | None = None) -> list[str]:
-    """A sentence for each joint that leaves its limits, with its worst sample.
+
+@dataclass(frozen=True, eq=False)
+class Finding:
+    """One thing that the machine cannot execute in a motion.
+
+    Attributes:
+        problem: A sentence.
+        joints: The joints concerned.
+        times: Times of the samples concerned, shape (n,), [s]; NaN for a single configuration.
+        values: What is out of its limits there, shape (n,): the joint's position, [rad] or [m]; a
+            condition number; for a singularity of the first kind of an SST |sin(mu_k)|.
+        limits: The lower and the upper one.
+        unit: Unit of the value in the text: "rad", "deg" or "m"; "" for a number.
+        singular: Whether it is a singularity.
+    """
+
+    problem: str
+    joints: tuple[str, ...]
+    times: Array
+    values: Array
+    limits: tuple[float, float]
+    unit: str = ""
+    singular: bool = False
+
+    def __str__(self) -> str:
+        low, high = self.limits
+        worst = np.maximum(low - self.values, self.values - high).argmax()
+        value = self.values[worst]
+        shown = np.degrees(value) if self.unit == "deg" else value
+        text = f"{self.problem}: {shown:.4g} {self.unit}".rstrip()
+        if np.isnan(self.times[worst]):
+            return text
+        text += f" at t = {self.times[worst]:.6g} s"
+        if len(self.times) == 1:
+            return text
+        first, last = self.times[[0, -1]]
+        return f"{text} ({len(self.times)} samples from {first:.6g} to {last:.6g} s)"
+
+
+#: Problem, joints, values (N,), which of them are at fault, limits, unit, whether singular.
+Verdict = tuple[str, tuple[str, ...], Array, NDArray[np.bool_], tuple[float, float], str, bool]
+
+
+def samples_of(chain: ClosedChain, motion: Any) -> tuple[Array, Array]:
+    """Times and configurations of a motion, shapes (N,) and (N, nq); NaN for the time of one q.
+
+    Raises:
+        InputError: For the motion of another robot, or a configuration of another shape.
+    """
+    if isinstance(motion, Trajectory):
+        require_motion(motion, chain)
+        return motion.t, motion.q
+    q = single_array("motion", motion, (len(chain.position_names),))
+    return np.array([np.nan]), q[None]
+
+
+def findings(t: Array, verdicts: Iterable[Verdict]) -> tuple[Finding, ...]:
+    """A finding for each verdict with samples at fault."""
+    return tuple(
+        Finding(problem, joints, t[out], values[out], limits, unit, singular)
+        for problem, joints, values, out, limits, unit, singular in verdicts
+        if out.any()
+    )
+
+
+def verdicts(chain: ClosedChain, q: Array) -> Iterable[Verdict]:
+    """Joint limits and singularities of any closed chain.
 
     Args:
         chain: Any closed chain.
         q: Configurations, shape (N, nq).
-        t: Their times, shape (N,), [s]; None for a single configuration.
     """
     low, high = chain.model.lowerPositionLimit, chain.model.upperPositionLimit
-    excess = np.maximum(low - q, q - high)
-    found = []
+    out = np.maximum(low - q, q - high) > CLOSURE_TOLERANCE
     for i, (name, unit) in enumerate(zip(chain.position_names, chain.joint_units, strict=True)):
-        worst = int(excess[:, i].argmax())
-        if unit and excess[worst, i] > CLOSURE_TOLERANCE:
-            limits = f"{low[i]:.4g} to {high[i]:.4g} {unit}"
-            when = "" if t is None else f" at t = {t[worst]:.6g} s"
-            found.append(f"{name} leaves its limits of {limits}: {q[worst, i]:.4g} {unit}{when}")
-    return found
+        if unit:
+            limits = (float(low[i]), float(high[i]))
+            problem = f"{name} leaves its limits of {low[i]:.4g} to {high[i]:.4g} {unit}"
+            yield problem, (name,), q[:, i], out[:, i], limits, unit, False
+    closed = np.abs(chain.residual(q)).max(axis=-1, initial=0.0) < CLOSURE_TOLERANCE
+    condition = np.ones(len(q))
+    condition[closed] = chain.condition_number(q[closed])
+    problem = f"close to a singularity, condition number > {LARGEST_CONDITION:g}"
+    far, limits = condition > LARGEST_CONDITION, (-np.inf, LARGEST_CONDITION)
+    yield problem, chain.coordinates, condition, far, limits, "", True

@@ -6,6 +6,7 @@ from __future__ import annotations
 import warnings
 from bisect import bisect_right
 from collections.abc import Callable
+from functools import cache
 from math import factorial, isfinite
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -90,13 +91,13 @@ def simulate(
         raise InputError("progress", f"{progress!r} cannot be called")
     times = sample_times(t, 2)
     if isinstance(torque, Trajectory):
-        require_motion(torque, chain.position_names, "torque")
+        require_motion(torque, chain, "torque")
     # A bad start fails by its own name.
     q0 = single_array("q0", q0, (len(chain.position_names),))
-    states = chain.states(sign_width, q0)
+    states = chain._states(sign_width)
     chain.joint_rates(q0, np.zeros(chain.degrees_of_freedom))
     va0 = single_array("va0", va0, (chain.degrees_of_freedom,))
-    if states.near_singularity(q0, max_condition_number):
+    if not states.regular(q0, max_condition_number):
         raise InputError("q0", f"closer to a singularity than {max_condition_number=:g}")
     motion = _Motion(
         states,
@@ -200,45 +201,33 @@ class _Run:
                 raise SimulationError(f"the integrator stopped ({why})", float(solver.t))
             if self._progress is not None:
                 self._progress(float(solver.t))
-            after = self._closed(solver.y)
+            fraction, before = self._follow(solver, before)
             end = float(solver.t)
-            if after is None or self._ends(before, after):
-                end = self._last_regular(solver, before)
+            if fraction < 1:
+                end = float(solver.t_old + fraction * (solver.t - solver.t_old))
                 stopped = (
                     f"stopped at t = {end:.9g} s before a singularity: "
                     f"condition number {self._limit:g}"
                 )
-            else:
-                before = after
             new = times[len(samples) :]
             new = new[new <= end]
             if len(new):
                 samples.extend(solver.dense_output()(new).T)
         return times[: len(samples)], np.array(samples), stopped
 
-    def _last_regular(self, solver: OdeSolver, before: Array) -> float:
-        """The end of the regular part of the last step, by bisection."""
-        course = solver.dense_output()
-        low, high = float(solver.t_old), float(solver.t)
-        while abs(high - low) > 1e-12 * max(1.0, abs(high)):
-            middle = (low + high) / 2
-            q = self._closed(course(middle))
-            if q is None or self._ends(before, q):
-                high = middle
-            else:
-                low = middle
-        return low
+    def _follow(self, solver: OdeSolver, before: Array) -> tuple[float, Array]:
+        """How much of the last step is regular, and the configuration there."""
+        start, length = solver.t_old, solver.t - solver.t_old
+        course = cache(solver.dense_output)
 
-    def _closed(self, state: Array) -> Array | None:
-        try:
-            return self._states.closed(state)
-        except SSTError:
-            return None
+        def way(q: Array, low: float, high: float) -> Array | None:
+            try:
+                state = solver.y if high == 1 else course()(start + high * length)
+                return self._states.closed(state)
+            except SSTError:
+                return None
 
-    def _ends(self, before: Array, after: Array) -> bool:
-        return self._states.near_singularity(after, self._limit) or self._states.passes_singularity(
-            before, after
-        )
+        return self._states.follow(before, way, self._limit)
 
 
 def _torque_of(torque: Torque, times: Array, states: States, motors: int) -> _Input:
@@ -292,8 +281,3 @@ def _sampled(smooth: BSpline) -> _Input:
         return ((t - start) ** powers).dot(coefficients)
 
     return _Input(at, lambda t, y: np.asarray(smooth(t)))
-
-
-def constant_or_called(load: Load) -> Callable[[float, Array, Array], ArrayLike | None]:
-    """A load of any kind as a function of (t, q, va)."""
-    return load if callable(load) else lambda t, q, va: load

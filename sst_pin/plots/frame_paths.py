@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from ..chain.appearance import PLATFORM
 from ..chain.closed_chain import ClosedChain
 from ..chain.tree import frame_id
 from ..errors import InputError
@@ -17,8 +18,6 @@ from .style import COLOURS, Axes
 
 Array = NDArray[np.float64]
 
-#: The frame of most interest, where a robot has one of this name.
-PLATFORM = "platform"
 #: A path counts as planar if its distance from a plane is less than this share of its length.
 _FLAT = 1e-6
 
@@ -76,7 +75,7 @@ def points_of(robot: ClosedChain, motion: Trajectory, frame: str) -> Array:
         UnknownNameError: For a frame that the model does not have.
         InputError: For another robot's motion.
     """
-    require_motion(motion, robot.position_names)
+    require_motion(motion, robot)
     model = robot.model
     number, data = frame_id(model, frame), model.createData()
     points = np.empty((len(motion), 3))

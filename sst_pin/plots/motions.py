@@ -14,7 +14,6 @@ from ..chain.joint_space import JointSpace
 from ..motion.energy import energy_balance as balance_of
 from ..motion.energy import motor_powers
 from ..motion.trajectories import Trajectory
-from ..sst.robot import SST
 from . import curves
 from .curves import Curves
 from .sphere import PATHS
@@ -174,10 +173,9 @@ def energy_balance(ax: Axes, robot: ClosedChain, motion: Trajectory) -> Axes:
 def condition_number(ax: Axes, robot: ClosedChain, motion: Trajectory) -> Axes:
     """Distance from singularities over time: 1 is best, infinite at a singularity.
 
-    For any closed chain, it is the condition number of the columns of Phi for the dependent joints,
-    without units. For an SST there are two curves: the condition number of A, infinite at a
-    singularity of the second kind, and 1 / min |sin(mu_k)|, infinite at a singularity of the first
-    kind.
+    The curves are those of `robot.singularity_measures`. For any closed chain, it is the condition
+    number of the columns of Phi for the dependent joints, without units. For an SST there are two:
+    the condition number of A (second kind) and 1 / min |sin(mu_k)| (first kind).
 
     Args:
         ax: 2-D axes.
@@ -188,17 +186,8 @@ def condition_number(ax: Axes, robot: ClosedChain, motion: Trajectory) -> Axes:
         >>> plots.condition_number(ax, chain, motion).get_ylabel()
         'condition number (1)'
     """
-    if isinstance(robot, SST):
-        found = robot.singularities(motion.q)
-        with np.errstate(divide="ignore"):
-            values = np.stack([found.condition_number, 1 / found.first_kind], axis=1)
-        names: tuple[str, ...] = (
-            r"singularity (second kind), $\mathrm{cond}\,A$",
-            r"singularity (first kind), $1\,/\min\,|\sin\mu_k|$",
-        )
-    else:
-        values = robot.condition_number(motion.q)[:, None]
-        names = ("dependent joints",)
+    found = robot.singularity_measures(motion.q)
+    names, values = tuple(found), np.stack([*found.values()], axis=1)
     curves.draw(ax, motion.t, Curves(names, ("",) * len(names), values), names)
     if values.max() > max(20, 10 * values.min()):
         ax.set_yscale("log")

@@ -5,18 +5,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from textwrap import wrap
+from typing import cast
 
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from ..chain.appearance import PLATFORM
 from ..chain.closed_chain import ClosedChain
 from ..errors import InputError
-from ..motion.limits import beyond_limits
 from ..motion.trajectories import Trajectory, require_motion
 from ..sst.robot import SST
 from ..sst.workspace import Workspace
-from .frame_paths import PLATFORM, frame_path, plane_of, points_of
+from .frame_paths import frame_path, plane_of, points_of
 from .motions import CURVES, Panel, panels
 from .sphere import paths_on_sphere
 from .style import Axes, StyledFigure, style
@@ -36,9 +37,9 @@ def motion_page(
     subjects: Sequence[str] | None = None,
     frame: str | None = None,
 ) -> Figure:
-    """A page about a motion, two axes in a row, lettered; below them where it leaves joint limits.
+    """A page about a motion, two axes in a row, lettered; below them what `check` finds.
 
-    Of an SST all that `check` finds stands there. A subject takes several axes where units differ
+    A subject takes several axes where units differ
     or more than nine curves are to be told apart.
 
     Args:
@@ -57,7 +58,7 @@ def motion_page(
         >>> page = plots.motion_page(chain, motion, ["torques", "path"], frame="platform")
         >>> page.savefig("page.pdf")
     """
-    require_motion(motion, robot.position_names)
+    require_motion(motion, robot)
     if len(motion) < 2:
         raise InputError("motion", "has one sample; a curve needs at least two")
     if subjects is None:
@@ -76,12 +77,7 @@ def motion_page(
             ax = draw(figure.add_subplot(rows, columns, place, projection=projection))
             if len(parts) > 1:
                 _letter(ax, place)
-        found = (
-            robot.check(motion)
-            if isinstance(robot, SST)
-            else beyond_limits(robot, motion.q, motion.t)
-        )
-        if found:
+        if found := robot.check(motion):
             lines = [line for f in found for line in wrap(f"Warning: {f}", 65 * columns)]
             figure.supxlabel("\n".join(lines), x=0.02, ha="left", size=7, color="#B00020")
     return figure
@@ -98,25 +94,29 @@ def summary_of(robot: ClosedChain, frame: str | None = None) -> tuple[str, ...]:
         >>> plots.summary_of(chain)
         ('torques', 'joints', 'rates', 'energy', 'condition')
     """
-    return SUMMARY if isinstance(robot, SST) or frame is not None else SUMMARY[1:]
+    known = frame is not None or robot.appearance.spherical
+    return SUMMARY if known else SUMMARY[1:]
 
 
 def _parts(
     subject: str, robot: ClosedChain, motion: Trajectory, frame: str | None
 ) -> Iterator[tuple[str | None, Panel]]:
     """Projection and content of each pair of axes that a subject takes."""
-    if subject == "path" and (frame is not None or not isinstance(robot, SST)):
-        name = frame or PLATFORM
-        if frame is None and not robot.model.existFrame(PLATFORM):
-            known = ", ".join(dict.fromkeys(f.name for f in robot.model.frames))
-            problem = f"name the frame whose path is drawn: frame= (--frame) one of {known}"
-            raise InputError("frame", problem)
-        flat = plane_of(points_of(robot, motion, name)) is not None
-        yield None if flat else "3d", lambda ax: frame_path(ax, robot, motion, name)
-    elif isinstance(robot, SST) and subject == "path":
-        yield "3d", lambda ax: paths_on_sphere(ax, robot, [("path", motion)])
-    else:
+    if subject != "path":
         yield from ((None, panel) for panel in panels(subject, robot, motion))
+        return
+    shown = robot.appearance
+    if frame is None and shown.spherical:
+        star = cast(SST, robot)  # only an SST is drawn on a sphere
+        yield "3d", lambda ax: paths_on_sphere(ax, star, [("path", motion)])
+        return
+    if frame is None and shown.point is None:
+        known = ", ".join(dict.fromkeys(f.name for f in robot.model.frames))
+        problem = f"name the frame whose path is drawn: frame= (--frame) one of {known}"
+        raise InputError("frame", problem)
+    name = frame or PLATFORM
+    flat = plane_of(points_of(robot, motion, name)) is not None
+    yield None if flat else "3d", lambda ax: frame_path(ax, robot, motion, name)
 
 
 def _letter(ax: Axes, place: int) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Poses that satisfy the equations and that the machine cannot take.
+"""Poses that satisfy the equations but that the machine cannot reach.
 
 The passive slider of leg k runs on a quarter circle of the star, 0 <= beta_k <= 90 deg, the arc
 whose mass centre Eq. (54) gives, and R_k stays on the side P_k P_{k+1} of the base triangle,
@@ -10,13 +10,13 @@ singularity torques or motions grow without bound.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
 from ..arrays import in_one_turn
+from ..motion.limits import Verdict
 from . import kinematics
 
 Array = NDArray[np.float64]
@@ -25,38 +25,6 @@ Array = NDArray[np.float64]
 SMALLEST_SINE, LARGEST_CONDITION = 0.05, 50.0
 #: The ends of the arcs belong to them, rounding included; [rad].
 _END = 1e-9
-
-
-@dataclass(frozen=True, eq=False)
-class Finding:
-    """One thing that the machine cannot take of a motion.
-
-    Attributes:
-        problem: In words.
-        joints: The joints concerned.
-        times: Of the samples concerned, shape (n,), [s].
-        values: What is out of its limits there, shape (n,): the joint's angle, [rad]; for a
-            singularity |sin(mu_k)| (first kind) or the condition number of A (second kind).
-        limits: The lower and the upper one.
-    """
-
-    problem: str
-    joints: tuple[str, ...]
-    times: Array
-    values: Array
-    limits: tuple[float, float]
-
-    def __str__(self) -> str:
-        low, high = self.limits
-        worst = np.maximum(low - self.values, self.values - high).argmax()
-        value, unit = self.values[worst], ""
-        if self.problem.endswith("deg"):
-            value, unit = np.degrees(value), " deg"
-        text = f"{self.problem}: {value:.4g}{unit} at t = {self.times[worst]:.6g} s"
-        if len(self.times) == 1:
-            return text
-        first, last = self.times[[0, -1]]
-        return f"{text} ({len(self.times)} samples from {first:.6g} to {last:.6g} s)"
 
 
 def arc_ends(geometry: kinematics.Geometry) -> Array:
@@ -75,36 +43,23 @@ def arc_margins(geometry: kinematics.Geometry, q: Array) -> Array:
     return np.asarray(np.minimum(q - low, high - q) + _END)
 
 
-def findings(
-    model: pin.Model, geometry: kinematics.Geometry, t: Array, q: Array
-) -> tuple[Finding, ...]:
-    """What the machine cannot take of a motion.
+def verdicts(model: pin.Model, geometry: kinematics.Geometry, q: Array) -> Iterator[Verdict]:
+    """Arcs, joint limits and singularities.
 
     Args:
         model: The tree of an SST, with its joint limits.
-        geometry: Of the same SST.
-        t: Times, shape (n,), [s].
+        geometry: Geometry of this SST.
         q: Joint coordinates on the closures, shape (n, 9), [rad].
     """
     names = tuple(model.names)[1:]
-    return tuple(
-        Finding(problem, joints, t[out], values[out], (float(low), float(high)))
-        for problem, joints, values, out, low, high in (
-            *_outside_arcs(geometry, names, q),
-            *_outside_limits(model, names, q),
-            *_near_singularities(geometry, names, q),
-        )
-        if out.any()
-    )
-
-
-#: Problem, joints, values (n,), which of them are at fault, lower and upper limit.
-_Verdict = tuple[str, tuple[str, ...], Array, NDArray[np.bool_], float, float]
+    yield from _outside_arcs(geometry, names, q)
+    yield from _outside_limits(model, names, q)
+    yield from _near_singularities(geometry, names, q)
 
 
 def _outside_arcs(
     geometry: kinematics.Geometry, names: tuple[str, ...], q: Array
-) -> Iterator[_Verdict]:
+) -> Iterator[Verdict]:
     low, high = arc_ends(geometry)
     bounded = np.isfinite(low)
     middle = np.where(bounded, high / 2, 0)
@@ -112,28 +67,31 @@ def _outside_arcs(
     out = arc_margins(geometry, q) < 0
     for i in np.flatnonzero(bounded):
         problem = f"{names[i]} leaves its arc of {_degrees(low[i], high[i])}"
-        yield problem, (names[i],), q[:, i], out[:, i], low[i], high[i]
+        limits = (float(low[i]), float(high[i]))
+        yield problem, (names[i],), q[:, i], out[:, i], limits, "deg", False
 
 
-def _outside_limits(model: pin.Model, names: tuple[str, ...], q: Array) -> Iterator[_Verdict]:
+def _outside_limits(model: pin.Model, names: tuple[str, ...], q: Array) -> Iterator[Verdict]:
     low, high = model.lowerPositionLimit, model.upperPositionLimit
     out = (q < low) | (q > high)
     for i, name in enumerate(names):
         problem = f"{name} leaves its limits of {_degrees(low[i], high[i])}"
-        yield problem, (name,), q[:, i], out[:, i], low[i], high[i]
+        limits = (float(low[i]), float(high[i]))
+        yield problem, (name,), q[:, i], out[:, i], limits, "deg", False
 
 
 def _near_singularities(
     geometry: kinematics.Geometry, names: tuple[str, ...], q: Array
-) -> Iterator[_Verdict]:
+) -> Iterator[Verdict]:
     legs = kinematics.legs_of_joints(geometry, q)
     for k, sine in enumerate(np.abs(legs.sin_mu).T, 1):
         problem = f"leg {k} is close to the plane of its arc, |sin mu_{k}| < {SMALLEST_SINE}"
-        yield problem, (names[3 * k - 2],), sine, sine < SMALLEST_SINE, SMALLEST_SINE, np.inf
+        limits = (SMALLEST_SINE, np.inf)
+        yield problem, (names[3 * k - 2],), sine, sine < SMALLEST_SINE, limits, "", True
     condition = np.linalg.cond(legs.y_2)
     problem = f"close to a singularity (second kind), condition number > {LARGEST_CONDITION:g}"
     out = condition > LARGEST_CONDITION
-    yield problem, names[::3], condition, out, -np.inf, LARGEST_CONDITION
+    yield problem, names[::3], condition, out, (-np.inf, LARGEST_CONDITION), "", True
 
 
 def _degrees(low: float, high: float) -> str:

@@ -1,23 +1,18 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Motions of the star that people write down: as quaternions, as angles, as motor angles."""
+"""Motions of the star in tables: as quaternions, as angles, as motor angles."""
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import BinaryIO
+from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ..description import MOTOR_NAMES
 from ..errors import FileFormatError, SSTError
-from ..files import Table, read_table
-from ..motion.motion_columns import parts_of
-from ..motion.motion_files import is_npz, of_robot
+from ..files import Table
 from ..motion.samples import spline
-from ..motion.trajectories import Trajectory
 from .platform_motion import interpolate_orientations, orientation
-from .robot import SST
 
 Array = NDArray[np.float64]
 
@@ -25,8 +20,24 @@ _QUATERNION = ("qx", "qy", "qz", "qw")
 _ANGLES = ("theta", "phi", "psi")
 
 
-def read_motion(robot: SST, source: str | Path | BinaryIO) -> Trajectory:
-    """The motor torques of a motion in a CSV, at the times that stand there.
+class Star(Protocol):
+    """What this module needs of an SST."""
+
+    @property
+    def home(self) -> Array:
+        """See `SST.home`."""
+
+    def joint_motion(
+        self, R: ArrayLike, omega: ArrayLike, alpha: ArrayLike
+    ) -> tuple[Array, Array, Array]:
+        """See `SST.joint_motion`."""
+
+    def forward_kinematics(self, gamma: ArrayLike, near: ArrayLike | None = None) -> Array:
+        """See `SST.forward_kinematics`."""
+
+
+def motion_in(robot: Star, table: Table) -> tuple[Array, Array, Array]:
+    """The motion in a table: q continuous in time, va, aa.
 
     The columns are `t_s` and one of: `qw, qx, qy, qz`, the orientation of {E} in the base;
     `theta, phi, psi`, the paper's angles; `gamma_1, gamma_2, gamma_3`. Angles may end in `_rad` or
@@ -34,20 +45,13 @@ def read_motion(robot: SST, source: str | Path | BinaryIO) -> Trajectory:
     of degree five: on the rotation group for orientations, in the angles for motors.
 
     Args:
-        robot: Whose motion it is.
-        source: The file, or a stream.
-
-    Returns:
-        The motion with its torques, joint angles continuous in time.
+        robot: The robot of the motion.
+        table: The table.
 
     Raises:
-        FileFormatError: When the file is not such a motion.
+        FileFormatError: When the table is not such a motion.
         WorkspaceError, SingularConfigurationError: When the robot cannot follow it.
     """
-    return _motion_of(robot, read_table(source))
-
-
-def _motion_of(robot: SST, table: Table) -> Trajectory:
     path = table.path
     kinds = {
         "qw, qx, qy, qz": any(name in table.columns for name in _QUATERNION),
@@ -71,26 +75,7 @@ def _motion_of(robot: SST, table: Table) -> Trajectory:
     else:
         read = _rotations if given[0].startswith("q") else _rotations_of_angles
         q, va, aa = robot.joint_motion(*interpolate_orientations(t, read(table), t))
-    tau = robot.compute_torques(q, va, aa)
-    return Trajectory(t, np.unwrap(q, axis=0), va, aa, tau, robot.joint_names, MOTOR_NAMES)
-
-
-def load_motion(robot: SST, source: str | Path | BinaryIO) -> Trajectory:
-    """A motion with the torques of its file; without these, with computed torques.
-
-    Args:
-        robot: Whose motion it is.
-        source: What `Trajectory.save` has written, or a CSV for `read_motion`; a stream is a CSV.
-
-    Raises:
-        FileFormatError, WorkspaceError, SingularConfigurationError: As `read_motion`.
-    """
-    if is_npz(source):
-        return of_robot(robot, Trajectory.load(source), source)
-    table = read_table(source)
-    if not {f"{name}_rad" for name in robot.joint_names} | {"tau_1_Nm"} <= set(table.columns):
-        return _motion_of(robot, table)
-    return of_robot(robot, Trajectory(**parts_of(table)), table.path)
+    return np.unwrap(q, axis=0), va, aa
 
 
 def _unit(table: Table, name: str) -> str | None:
@@ -126,7 +111,7 @@ def _rotations_of_angles(table: Table) -> Array:
     return orientation(_angle(table, "theta"), _angle(table, "phi"), psi)
 
 
-def _from_motor_angles(robot: SST, table: Table, t: Array) -> tuple[Array, Array, Array]:
+def _from_motor_angles(robot: Star, table: Table, t: Array) -> tuple[Array, Array, Array]:
     gamma = np.column_stack([_angle(table, name) for name in MOTOR_NAMES])
     q, near = [], robot.home
     for sample, line in zip(gamma, table.lines, strict=True):

@@ -18,12 +18,12 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from ..chain.appearance import Sliders
 from ..chain.closed_chain import ClosedChain
 from ..errors import MissingExtraError, ServerError, SSTError
-from ..sst.robot import SST
 from .curves import motor_units
 from .hosts import is_ours, listen, url_of
-from .jog import Jog, Pose, Sliders
+from .jog import Jog, Pose
 from .parts import Shape, decompose
 from .scene import Scene
 from .warnings import warnings_of
@@ -219,7 +219,7 @@ class Interactive:
         self.q = pose.q
         tau, status = self._statics()
         status += [f"**Stopped:** {pose.stopped}"] if pose.stopped else []
-        found = warnings_of(self._robot, None, self.q[None])
+        found = warnings_of(self._robot, self.q)
         status += [f"**The machine cannot reach this pose:** {'; '.join(found)}."] if found else []
         if not pose.stopped and not found:
             status.append("Loops closed, not singular.")
@@ -250,12 +250,8 @@ class Interactive:
                 zip(robot.motor_names, tau.round(3) + 0.0, self._units, strict=True), 1
             )
         ]
-        if isinstance(robot, SST):
-            near = robot.singularities(self.q)
-            rows.append(f"condition number | {near.condition_number:.2f}")
-            rows.append(f"smallest sin mu_k | {near.first_kind:.3f}")
-        else:
-            rows.append(f"condition number | {robot.condition_number(self.q):.2f}")
+        for name, value in robot.singularity_measures(self.q).items():
+            rows.append(f"condition number ({name}) | {value:.2f}")
         table = "".join(f"| {row} |\n" for row in rows)
         shares = np.clip(tau / self._largest, -1, 1)
         return shares, [f"| torques at rest | |\n|---|---|\n{table}"]

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Moving a closed robot by hand, up to where it can go."""
+"""Moves a closed robot by hand, up to limits and singularities."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -11,12 +11,10 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import in_one_turn
+from ..chain.appearance import Sliders
 from ..chain.closed_chain import ClosedChain
 from ..chain.joint_space import JointSpace
 from ..errors import ClosureError, SSTError, WorkspaceError
-from ..sst.check import LARGEST_CONDITION, SMALLEST_SINE
-from ..sst.platform_motion import orientation
-from ..sst.robot import SST
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -24,8 +22,6 @@ Indices = NDArray[np.intp]
 #: Of one step on the way, [rad] or of the robot's length; a joint that moves further than `_JUMP`
 #: in it has changed its assembly.
 _STEP, _JUMP = np.radians(1.0), 0.5
-#: Condition number from which on the coordinates hardly fix the other joints.
-_SINGULAR = 1e3
 #: Limits that wide are none: two turns, or as much by the robot's length.
 _WIDE = 4 * np.pi
 
@@ -42,35 +38,13 @@ class Pose(NamedTuple):
     stopped: str = ""
 
 
-class Sliders(NamedTuple):
-    """Numbers of one unit that move a robot.
-
-    Attributes:
-        title: What they move, and how.
-        unit: "rad" or "m".
-        names: Of the numbers.
-        low: Their least values, shape (n,).
-        high: Their largest values, shape (n,).
-        read: Their values at a configuration.
-        solve: The configuration for their values, next to another one.
-    """
-
-    title: str
-    unit: str
-    names: tuple[str, ...]
-    low: Array
-    high: Array
-    read: Callable[[Array], Array]
-    solve: Callable[[Array, Array], Array]
-
-
 class Jog:
     """Moves a robot by hand.
 
     Attributes:
-        sliders: What moves it: its coordinates, a group for each unit; before them, of an SST, the
-            angles of its star. A coordinate that is a joint by itself reads as the joint does; of
-            a joint of several rates it is the way from `start`, about or along its axis.
+        sliders: The robot's own sliders, then its coordinates, a group for each unit. A coordinate
+            that is a joint by itself has the joint's position; one of several rates of a joint
+            is the displacement from `start`, about or along its axis.
 
     Args:
         robot: Any closed chain.
@@ -82,8 +56,7 @@ class Jog:
         self._robot, self._start, self._size = robot, start, size
         self._space = JointSpace(robot.model)
         self._scale = np.array([1.0 if u == "rad" else 1 / size for u in self._space.rate_units])
-        self.sliders = [_star(robot)] if isinstance(robot, SST) else []
-        self.sliders += self._coordinates()
+        self.sliders = [*robot.appearance.sliders, *self._coordinates()]
 
     def move(self, sliders: Sliders, q: Array, goal: ArrayLike) -> Pose:
         """Move the robot in small steps, as far as they lead within one assembly.
@@ -159,40 +132,10 @@ class Jog:
             WorkspaceError: When the way ends here.
         """
         robot = self._robot
-        if isinstance(robot, SST):
-            near = robot.singularities(q)
-            if near.first_kind < SMALLEST_SINE:
-                leg = int(np.abs(np.sin(q[1::3])).argmin()) + 1
-                raise WorkspaceError(
-                    f"boundary of the workspace: leg {leg} is in the plane of its arc"
-                )
-            if near.condition_number > LARGEST_CONDITION:
-                raise WorkspaceError("singularity: the motors do not hold the star")
-        elif robot.condition_number(q) > _SINGULAR:
-            raise WorkspaceError("singularity: the coordinates do not determine the other joints")
+        for finding in robot.check(q):
+            if finding.singular:
+                raise WorkspaceError(finding.problem)
         moved = pin.difference(robot.model, before, q) * self._scale
         if np.abs(moved).max(initial=0.0) > _JUMP:
             raise WorkspaceError("end of this assembly")
         return q
-
-
-def angles_of(R: Array) -> Array:
-    """theta, phi, psi of an orientation of the star, as `orientation` takes them, [rad]."""
-    s = R[:, 0]
-    theta, phi = np.arctan2(s[1], s[0]), np.arctan2(np.hypot(s[0], s[1]), s[2])
-    turn = orientation(theta, phi).T @ R  # about x
-    return np.array((theta, phi, np.arctan2(turn[2, 1], turn[1, 1])))
-
-
-def _star(robot: SST) -> Sliders:
-    """By inverse kinematics, which keeps the branches of the legs."""
-
-    def read(q: Array) -> Array:
-        return angles_of(robot.platform_orientation(q))
-
-    def solve(angles: Array, q: Array) -> Array:
-        found = robot.inverse_kinematics(orientation(*angles), robot.branch(q))
-        return q + in_one_turn(found - q)
-
-    low, high = np.array((-np.pi, 0, -np.pi)), np.full(3, np.pi)
-    return Sliders("Star", "rad", ("theta", "phi", "psi"), low, high, read, solve)

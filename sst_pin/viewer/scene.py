@@ -7,12 +7,12 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from ..chain.appearance import drawn_frame
 from ..chain.closed_chain import ClosedChain
 from ..errors import ClosureError, DescriptionError, InputError
-from ..sst.robot import SST
 from .bodies import body_shapes
 from .joints import arrows_of, axes_of
-from .names import names_of, point_of
+from .names import names_of
 from .parts import COLOURS, Shape
 from .shapes import tube
 from .skeleton import masses, points_of, skeleton, struts
@@ -39,13 +39,14 @@ class Scene:
         layers: Those of `LAYERS` that there are, and whether each is shown at first.
         start: Configuration before one is asked for, shape (nq,).
         size: A length of the robot, [m].
-        point: The point whose path is drawn, as `names.point_of`.
+        point: The frame whose path is drawn, or None.
 
     Args:
         robot: Any closed chain.
         visual_model: Shapes of its bodies; its own by default, an empty one for a skeleton.
         axes: Whether the joints' axes are shown at first.
         frames: Whether frames are shown at first.
+        frame: Name of the frame whose path is drawn; that of `robot.appearance` by default.
     """
 
     def __init__(
@@ -55,6 +56,7 @@ class Scene:
         *,
         axes: bool = False,
         frames: bool = False,
+        frame: str | None = None,
     ) -> None:
         if not isinstance(robot, ClosedChain):
             raise InputError("robot", f"a ClosedChain is needed, not {type(robot).__name__}")
@@ -63,7 +65,8 @@ class Scene:
         bodies = robot.visual_model if visual_model is None else visual_model
         self.shapes = [shape for body in bodies.geometryObjects for shape in body_shapes(body)]
         bare = not self.shapes
-        self.start, self.point = start_of(robot), point_of(robot)
+        self.start = start_of(robot)
+        self.point = robot.appearance.point if frame is None else drawn_frame(model, frame)
         lines = axes_of(model, self._data, self.start)
         self.size = size = self._size(robot)
         B = robot.actuation
@@ -75,7 +78,7 @@ class Scene:
         self._struts = list(struts(robot, lines, size))
         self.shapes += [strut.shape for strut in self._struts]
         self.arrows = list(arrows_of(model, self._data, lines, B, _LARGEST * size))
-        named, self.labels = names_of(robot, lines, size)
+        named, self.labels = names_of(robot, lines, self.point, size)
         self.shapes += named
         self._width = 0.009 * size
         there = {shape.layer for shape in (*self.shapes, *(a.shape for a in self.arrows))}
@@ -94,12 +97,13 @@ class Scene:
         placed = {str(i): matrix for i, matrix in enumerate(joints)}
         return placed | {strut.shape.mover: strut.at(joints) for strut in self._struts}
 
-    def reach(self, q: Array, tau: Array) -> Array:
+    def reach(self, q: Array, tau: Array, wanted: Array | None = None) -> Array:
         """The outermost points in many directions, of everything that is shown in a motion.
 
         Args:
             q: Configurations, shape (n, nq).
             tau: Motor torques as shares of the largest, shape (n, motors).
+            wanted: Configurations of the reference path, shape (m, nq); q by default.
 
         Returns:
             Shape (m, 3), [m].
@@ -118,6 +122,10 @@ class Scene:
             placed = vertices @ at[:3, :3].T + at[:3, 3]
             clouds.setdefault(mover, []).append(_farthest(placed, directions))
         found = np.zeros((0, 3))
+        if self.layers.get("trail"):
+            found = _farthest(
+                np.vstack([self._path(x) for x in (q, q if wanted is None else wanted)]), directions
+            )
         for i in kept:
             poses = self.poses(q[i])
             moved = [
@@ -147,13 +155,14 @@ class Scene:
         return np.array([at.homogeneous for at in self._data.oMi])
 
     def _path(self, q: Array) -> Array:
-        joint, point = self.point or (0, np.zeros(3))
-        return np.array([self._data.oMi[joint].act(point) for _ in map(self._joints, q)])
+        assert self.point is not None
+        joint, origin = self.point.joint, self.point.placement.translation
+        return np.array([self._data.oMi[joint].act(origin) for _ in map(self._joints, q)])
 
     def _size(self, robot: ClosedChain) -> float:
-        """A length of the robot, [m]: OE of an SST; half of what another one has around it."""
-        if isinstance(robot, SST):
-            return robot.star_radius
+        """A length of the robot, [m]: its own, or a quarter of the diagonal of its shapes."""
+        if (size := robot.appearance.size) is not None:
+            return size
         poses = self._joints(self.start)
         points = [
             (shape.mesh.vertices @ shape.at[:3, :3].T + shape.at[:3, 3], int(shape.mover))

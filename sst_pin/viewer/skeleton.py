@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..chain.closed_chain import ClosedChain
 from ..chain.closures import Closure, Distance, Rolling
-from ..chain.tree import frame_id
+from ..chain.tree import frame_named
 from .joints import Axis
 from .parts import Shape, Strut, along, homogeneous
 from .shapes import Mesh, ellipsoid, solid, tube
@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 _BONE, _JOINT, _END, _MASS = "#8A9199", "#5C656E", "#B3261E", "#C98A2B"
 #: Of what is drawn, as shares of the robot's length.
 _BONE_RADIUS, _JOINT_RADIUS, _END_RADIUS = 0.022, 0.055, 0.04
+#: Frames of fixed links and of points, such as a foot or a tool.
+_ENDS = (pin.FrameType.BODY, pin.FrameType.OP_FRAME)
 
 
 def skeleton(
@@ -56,12 +58,12 @@ def skeleton(
     for closure in robot.closures:
         if isinstance(closure, (Closure, Distance)):
             for name in (closure.frame_a, closure.frame_b):
-                frame = _frame(model, name)
+                frame = frame_named(model, name)
                 mesh = solid(coal.Sphere(_END_RADIUS * size))
                 at = frame.placement.homogeneous
                 yield Shape(str(frame.parentJoint), "skeleton", f"end_{name}", mesh, _END, at=at)
         elif isinstance(closure, Rolling):
-            frame, r = _frame(model, closure.wheel), closure.radius
+            frame, r = frame_named(model, closure.wheel), closure.radius
             wheel = coal.Sphere(r) if closure.ball else coal.Cylinder(r, 0.1 * r)
             at = frame.placement.homogeneous
             mover, name = str(frame.parentJoint), f"wheel_{closure.wheel}"
@@ -93,7 +95,7 @@ def struts(robot: ClosedChain, axes: Sequence[Axis], size: float) -> Iterator[St
     line = tube([(0, 0, 0), (0, 0, 1)], _BONE_RADIUS * size)
     rods = [closure for closure in robot.closures if isinstance(closure, Distance)]
     for k, closure in enumerate(rods):
-        frames = [_frame(robot.model, name) for name in (closure.frame_a, closure.frame_b)]
+        frames = [frame_named(robot.model, name) for name in (closure.frame_a, closure.frame_b)]
         a, b = (int(frame.parentJoint) for frame in frames)
         points = np.array([frame.placement.translation for frame in frames])
         yield Strut(Shape(f"rod_{k}", "bodies", "rod", line, _BONE), (a, b), points)
@@ -105,7 +107,7 @@ def struts(robot: ClosedChain, axes: Sequence[Axis], size: float) -> Iterator[St
 
 
 def points_of(robot: ClosedChain) -> list[list[Array]]:
-    """What each body connects: joints that it bears, ends of loops, else its mass centre.
+    """What each body connects: joints that it bears, ends of loops, feet, else its mass centre.
 
     Returns:
         Points of each joint's body in the joint's axes, those of the base first.
@@ -117,13 +119,14 @@ def points_of(robot: ClosedChain) -> list[list[Array]]:
     for closure in robot.closures:
         if isinstance(closure, (Closure, Distance)):
             for name in (closure.frame_a, closure.frame_b):
-                frame = _frame(model, name)
+                frame = frame_named(model, name)
                 points[frame.parentJoint].append(frame.placement.translation)
+    for frame in model.frames:
+        own, point = points[frame.parentJoint], frame.placement.translation
+        seen = any(np.linalg.norm(point - other) < 1e-9 for other in own)
+        if frame.parentJoint and frame.type in _ENDS and not seen:
+            own.append(point)
     for joint in range(1, model.njoints):
         if not any(np.linalg.norm(p) > 1e-9 for p in points[joint]):
             points[joint].append(model.inertias[joint].lever)
     return points
-
-
-def _frame(model: pin.Model, name: str) -> pin.Frame:
-    return model.frames[frame_id(model, name)]

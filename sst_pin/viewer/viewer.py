@@ -51,8 +51,11 @@ class Viewer:
         axes: Whether the axes of the joints are shown at first; for an `SST` they are e_1..9.
         frames: Whether the frames of the closures are shown at first; for an `SST` {0k}..{3k} and
             {E}.
+        frame: Name of the frame whose path is drawn; by default E of an `SST` and `platform` of
+            other robots, if they have it.
 
     Raises:
+        UnknownNameError: For an unknown frame.
         DescriptionError: When a shape's file cannot be read.
         MissingExtraError: Without Meshcat.
 
@@ -68,8 +71,9 @@ class Viewer:
         *,
         axes: bool = False,
         frames: bool = False,
+        frame: str | None = None,
     ) -> None:
-        self._scene = Scene(robot, visual_model, axes=axes, frames=frames)
+        self._scene = Scene(robot, visual_model, axes=axes, frames=frames, frame=frame)
         self._robot = robot
         self._server: Server | None = None
         self._units = motor_units(robot)
@@ -98,7 +102,7 @@ class Viewer:
             tau = single_array("tau", tau, (motors,))[None]
             curves, effort = [torques_of(self._robot, tau), *curves], self._shares(tau)
         self._drawing.place(q[0], effort[0])
-        self._describe("configuration", [0.0], q, effort, curves, 1.0, None)
+        self._describe("configuration", [0.0], q, effort, curves, 1.0, None, q)
 
     def play(
         self,
@@ -125,13 +129,16 @@ class Viewer:
         for name, given in (("motion", motion), ("wanted", motion if wanted is None else wanted)):
             self._require_own(given, name)
         speed = positive_number("speed", speed)
+        if wanted is not None and len(wanted) == 1:
+            raise InputError("wanted", "one sample, which is no path")
         if len(motion) == 1:
             self.show(motion.q[0], motion.tau[0])
             return
         known, effort = _thinned(motion), self._shares(_thinned(motion).tau)
-        self._drawing.animate(known, effort, _thinned(wanted or motion).q)
+        reference = _thinned(wanted or motion).q
+        self._drawing.animate(known, effort, reference)
         curves = curves_of(self._robot, known)
-        self._describe(title, known.t.tolist(), known.q, effort, curves, speed, motion)
+        self._describe(title, known.t.tolist(), known.q, effort, curves, speed, motion, reference)
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -266,7 +273,7 @@ class Viewer:
 
     def _require_own(self, motion: Trajectory, name: str) -> None:
         robot = self._robot
-        require_motion(motion, robot.position_names, name)
+        require_motion(motion, robot, name)
         if motion.tau.shape[1] != len(robot.motor_names):
             motors = f"{motion.tau.shape[1]} motors, the robot has {len(robot.motor_names)}"
             raise InputError(name, f"belongs to another robot, with torques of {motors}")
@@ -298,21 +305,21 @@ class Viewer:
         curves: list[dict[str, Any]],
         speed: float,
         motion: Trajectory | None,
+        wanted: Array,
     ) -> None:
         """Tell the panel what there is to see."""
         robot, scene = self._robot, self._scene
-        times, samples = (None, q) if motion is None else (motion.t, motion.q)
         self._panel = {
             "title": title,
             "robot": robot.model.name,
-            "warnings": warnings_of(robot, times, samples),
+            "warnings": warnings_of(robot, q[0] if motion is None else motion),
             "t": t,
             "curves": curves,
             "speed": speed,
             "colours": COLOURS,
             "layers": scene.layers,
             "labels": [label._asdict() for label in scene.labels],
-            "reach": scene.reach(q, effort).tolist(),
+            "reach": scene.reach(q, effort, wanted).tolist(),
             "trail": 6 * TRAIL_SIDES,  # indices of its triangles for each sample passed
             "credit": f"sst_pin {__version__}, Meshcat {version('meshcat')}",
         }

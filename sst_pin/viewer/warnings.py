@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What a machine could not take of what is shown."""
+"""Why a machine could not execute what is shown."""
 
 from __future__ import annotations
 
@@ -10,34 +10,26 @@ from numpy.typing import NDArray
 
 from ..chain.closed_chain import ClosedChain
 from ..chain.loops import CLOSURE_TOLERANCE
-from ..motion.limits import beyond_limits
-from ..sst.check import findings
-from ..sst.robot import SST
+from ..motion.limits import samples_of
+from ..motion.trajectories import Trajectory
 
 Array = NDArray[np.float64]
 
 
-def warnings_of(robot: ClosedChain, t: Array | None, q: Array) -> list[str]:
-    """One line each: open loops, joints beyond their limits; of an SST all that `check` finds.
+def warnings_of(robot: ClosedChain, shown: Trajectory | Array) -> list[str]:
+    """One line each: open loops, then what `robot.check` finds.
 
     Args:
         robot: Any closed chain.
-        t: Times of a motion, shape (n,), [s]; None for a single configuration.
-        q: Configurations, shape (n, nq).
+        shown: A motion, or a configuration, shape (nq,).
     """
-    lines = list(_open(robot, t, q))
-    if isinstance(robot, SST):
-        found = findings(robot.model, robot.geometry, np.zeros(1) if t is None else t, q)
-        return lines + [finding.problem if t is None else str(finding) for finding in found]
-    return lines + beyond_limits(robot, q, t)
+    t, q = samples_of(robot, shown)
+    return [*_open(robot, t, q), *map(str, robot.check(shown))]
 
 
-def _open(robot: ClosedChain, t: Array | None, q: Array) -> Iterator[str]:
+def _open(robot: ClosedChain, t: Array, q: Array) -> Iterator[str]:
     residuals = np.abs(robot.residual(q)).max(axis=1, initial=0.0)
     worst = int(residuals.argmax())
     if residuals[worst] > CLOSURE_TOLERANCE:
-        yield f"the loops are open by {residuals[worst]:.3g} (m or rad){_at(t, worst)}"
-
-
-def _at(t: Array | None, sample: int) -> str:
-    return "" if t is None else f" at t = {t[sample]:.6g} s"
+        when = "" if np.isnan(t[worst]) else f" at t = {t[worst]:.6g} s"
+        yield f"the loops are open by {residuals[worst]:.3g} (m or rad){when}"

@@ -108,7 +108,7 @@ def test_every_way_of_writing_a_motion_gives_the_torques_of_example_1(here, caps
 
 
 def test_simulate_starts_where_it_is_told(here, capsys, robot):
-    """--gamma and --gamma-dot, for torques without a motion."""
+    """--q0 and --va0, for torques without a motion."""
     hold = robot.compute_torques(robot.home, np.zeros(3), np.zeros(3))
     t = np.linspace(0, 0.1, 8)
     write_motion(
@@ -116,10 +116,8 @@ def test_simulate_starts_where_it_is_told(here, capsys, robot):
         ("t_s", "tau_1_Nm", "tau_2_Nm", "tau_3_Nm"),
         np.column_stack([t, np.tile(hold, (8, 1))]),
     )
-    start = ",".join(map(str, robot.home[::3]))
-    code, _, _ = run(
-        capsys, "simulate", "tau.csv", "-o", "m.csv", "--gamma", start, "--gamma-dot", "0,0,0"
-    )
+    start = ",".join(f"gamma_{k + 1}={x}" for k, x in enumerate(robot.home[::3]))
+    code, _, _ = run(capsys, "simulate", "tau.csv", "-o", "m.csv", "--q0", start)
     assert code == 0
     assert np.abs(sst_pin.Trajectory.load("m.csv").q - robot.home).max() < 1e-12
 
@@ -131,7 +129,15 @@ def test_simulate_says_that_it_stopped(here, capsys):
         ("t_s", "tau_1_Nm", "tau_2_Nm", "tau_3_Nm"),
         np.column_stack([np.linspace(0, 5, 501), np.zeros((501, 3))]),
     )
-    arguments = ("tau.csv", "-o", "m.csv", "--gamma", "0.8,0.7,0.9", "--gamma-dot", "0,0,0")
+    arguments = (
+        "tau.csv",
+        "-o",
+        "m.csv",
+        "--q0",
+        "gamma_1=0.8,gamma_2=0.7,gamma_3=0.9",
+        "--va0",
+        "gamma_1=0,gamma_2=0,gamma_3=0",
+    )
     code, out, _ = run(capsys, "simulate", *arguments)
     assert code == 3
     assert "before a singularity" in out
@@ -154,14 +160,14 @@ def test_info_tells_versions_model_and_mobility(capsys):
 
 
 def test_every_command_takes_another_robot(here, capsys):
-    """--urdf."""
+    """--robot."""
     text = (
         Path(sst_pin.URDF_PATH).read_text().replace('<mass value="0.3" />', '<mass value="0.6" />')
     )
     (here / "mine.urdf").write_text(text)
-    assert "4.58 kg" in run(capsys, "info", "--urdf", "mine.urdf")[1]
+    assert "4.58 kg" in run(capsys, "info", "--robot", "mine.urdf")[1]
     run(capsys, "torques", SAMPLE, "-o", "a.csv")
-    run(capsys, "torques", SAMPLE, "-o", "b.csv", "--urdf", "mine.urdf")
+    run(capsys, "torques", SAMPLE, "-o", "b.csv", "--robot", "mine.urdf")
     a, b = (sst_pin.Trajectory.load(name).tau for name in ("a.csv", "b.csv"))
     assert np.abs(a - b).max() > 0.1
 
@@ -218,7 +224,7 @@ def test_motor_angles_without_assembly_are_told_by_line(here, capsys):
     columns = ("t_s", "gamma_1_rad", "gamma_2_rad", "gamma_3_rad")
     rows = [(0, *robot.home[::3]), (1, *robot.home[::3]), (2, *nowhere)]
     write_motion(here / "m.csv", columns, rows)
-    code, _, err = run(capsys, "torques", "m.csv", "-o", "out.csv", "--urdf", "odd.urdf")
+    code, _, err = run(capsys, "torques", "m.csv", "-o", "out.csv", "--robot", "odd.urdf")
     assert code == 2
     assert "m.csv, line 4: no assembly exists at gamma" in err
 
@@ -232,11 +238,14 @@ def test_motor_angles_without_assembly_are_told_by_line(here, capsys):
         (("torques", SAMPLE, "-o", "out.xlsx"), "known: .csv, .npz"),
         (("torques", SAMPLE, "-o", "there.csv"), "use force (--force)"),
         (("torques", SAMPLE, "-o", "there.csv/out.csv"), "cannot be written"),
-        (("torques", SAMPLE, "-o", "out.csv", "--urdf", "nowhere.urdf"), "the URDF cannot be read"),
-        (("torques", SAMPLE, "-o", "out.csv", "--urdf", "there.csv"), "not a URDF"),
+        (
+            ("torques", SAMPLE, "-o", "out.csv", "--robot", "nowhere.urdf"),
+            "the URDF cannot be read",
+        ),
+        (("torques", SAMPLE, "-o", "out.csv", "--robot", "there.csv"), "not a URDF"),
         (("simulate", SAMPLE, "-o", "out.csv"), "missing columns tau_1_Nm"),
-        (("simulate", "tau.csv", "-o", "out.csv"), "give --gamma"),
-        (("simulate", "tau.csv", "-o", "out.csv", "--gamma", "1,2"), "not three numbers"),
+        (("simulate", "tau.csv", "-o", "out.csv"), "give --va0 gamma_1=.."),
+        (("simulate", "tau.csv", "-o", "out.csv", "--q0", "1,2"), "the form crank=0.1"),
         (("paper", "--samples", "3"), "whole number from 10"),
         (("paper", "--out", "there.csv"), "cannot be written"),
     ],

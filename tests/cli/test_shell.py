@@ -130,7 +130,12 @@ def test_sigterm_leaves_no_temporary_file(here):
 def test_numbers_of_an_option_may_begin_with_a_minus(here, capsys):
     """No option begins with a digit."""
     (here / "tau.csv").write_text("t_s,tau_1_Nm,tau_2_Nm,tau_3_Nm\n0,0,0,0\n0.001,0,0,0\n")
-    options = ("--gamma", "-0.1,0.2,0.3", "--gamma-dot", "-.5,0,0")
+    options = (
+        "--q0",
+        "gamma_1=-0.1,gamma_2=0.2,gamma_3=0.3",
+        "--va0",
+        "gamma_1=-.5,gamma_2=0,gamma_3=0",
+    )
     code, _, _ = run(capsys, "simulate", "tau.csv", "-o", "out.csv", *options)
     assert code == 0
     motion = sst_pin.Trajectory.load("out.csv")
@@ -150,7 +155,7 @@ LONG = 300 * "x"
         (("show", "--interactive", "--html", "x.html"), "cannot be combined with html"),
         (("torques", SAMPLE, "-o", f"{LONG}.csv"), "File name too long"),
         (("torques", f"{LONG}.csv", "-o", "out.csv"), "File name too long"),
-        (("torques", SAMPLE, "-o", "out.csv", "--urdf", f"{LONG}.urdf"), "File name too long"),
+        (("torques", SAMPLE, "-o", "out.csv", "--robot", f"{LONG}.urdf"), "File name too long"),
         (("plot", f"{LONG}.csv", "-o", "out.png"), "File name too long"),
         (("export-c", LONG), "File name too long"),
         (("paper", "--samples", "10", "--out", LONG), "File name too long"),

@@ -8,8 +8,10 @@ import pwd
 import tempfile
 import time
 
+import numpy as np
 import pytest
 
+import robots
 from sst_pin.compiled import build
 from sst_pin.errors import CompilationError
 
@@ -148,3 +150,52 @@ def test_what_a_killed_process_left_goes_with_the_cache_but_not_what_is_being_ma
         os.utime(left, (time.time() - age,) * 2)
     build.empty_cache()
     assert [path.name for path in folder.iterdir()] == [".building-new"]
+
+
+def test_a_library_that_another_process_deletes_while_it_is_loaded_is_made_again(
+    folder, monkeypatch
+):
+    assert answer() == 42
+    (entry,) = build.cached()  # under another name, as if this process had not loaded it
+    other = entry.path.rename(folder / f"another_{entry.path.name}")
+    touch = os.utime
+    monkeypatch.setattr(os, "utime", lambda path: (touch(path), path.unlink()))
+    assert answer() == 42
+    assert [again.path for again in build.cached()] == [entry.path]
+    assert not other.exists()
+
+
+def test_the_cache_stays_below_its_bound_and_loses_what_was_used_longest_ago(folder, monkeypatch):
+    def made(k):
+        source = f"int answer(void) {{ return {k}; }}"
+        return build.library(f"robot{k}", "kernel", bytes([k]), "plain", lambda: source)
+
+    loaded = {0: made(0)}
+    (entry,) = build.cached()
+    monkeypatch.setattr(build, "LARGEST", 3 * entry.size + entry.size // 2)
+    for k in (1, 2):
+        loaded[k] = made(k)
+    for k, age in ((0, 30), (1, 20), (2, 10)):
+        (path,) = folder.glob(f"robot{k}.*")
+        os.utime(path, (time.time() - age,) * 2)
+    made(0)  # used again
+    loaded[3] = made(3)
+    assert {entry.robot for entry in build.cached()} == {"robot0", "robot2", "robot3"}
+    assert [library.answer() for library in loaded.values()] == [0, 1, 2, 3]  # in memory
+
+
+def test_a_robot_searches_the_cache_for_each_kernel_once(monkeypatch):
+    chain, asked, library = robots.four_bar().chain(), [], build.library
+    q = chain.generic_configuration()
+    chain.compile(q)
+
+    def counting(robot, kernel, content, target, *rest):
+        asked.append((kernel, target))
+        return library(robot, kernel, content, target, *rest)
+
+    monkeypatch.setattr(build, "library", counting)
+    for width in (1e-3, 2e-3, 3e-3):
+        chain.torque_derivatives(q, [1.0], [0.0], sign_width=width)
+        chain.rollout(np.zeros((3, 1)), q, [1.0], 1e-3, sign_width=width)
+    assert {"torque_derivatives", "rollout"} <= {kernel for kernel, _ in asked}
+    assert len(asked) == len(set(asked))

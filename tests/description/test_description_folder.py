@@ -224,8 +224,8 @@ def test_options_of_describe_reach_the_robot(described):
 
 
 def test_describe_takes_its_own_urdf_back(described, tmp_path, capsys):
-    """--urdf of a described robot writes that robot, changed by the options only."""
-    urdf = ["--urdf", str(described / "sst.urdf")]
+    """--robot of a described robot writes that robot, changed by the options only."""
+    urdf = ["--robot", str(described / "sst.urdf")]
     assert main(["describe", *urdf, "-o", str(tmp_path), "--star-mass", "4"]) == 0
     assert "22 files" in capsys.readouterr().out
     before, after = (

@@ -3,18 +3,17 @@
 
 from collections.abc import Iterator
 
-import array_calls
-import chain_calls
 import file_calls
-import motion_calls
 import shown_calls
+import signature_calls
+import special_calls
 from call_world import World
 from judged_calls import Call
 
 GROUPS = {
-    "arrays": array_calls.calls,
-    "chains": chain_calls.calls,
-    "motion": motion_calls.calls,
+    "signatures": signature_calls.calls,
+    "chains": special_calls.chains,
+    "motions": special_calls.motions,
     "files": file_calls.calls,
     "pictures": shown_calls.pictures,
     "commands": shown_calls.commands,

@@ -3,12 +3,31 @@
 
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 import robots
 import sst_pin
 from sst_pin.verification.sampling import random_states
+
+#: What is no path of a file that can be written or read.
+ODD_PATHS: dict[str, Any] = {
+    "None": None,
+    "number": 5,
+    "empty": "",
+    "a folder": ".",
+    "below a device": "/dev/null/all.csv",
+    "NUL": "a\0b.csv",
+    "300 letters": "a" * 300 + ".csv",
+    "bytes": b"a.csv",
+    "list": ["a.csv"],
+    "other ending": "a.txt",
+    "no ending": "a",
+    "only an ending": ".csv",
+    "below a file": "file/a.csv",
+    "surrogate": "\udcff\ud800.csv",
+}
 
 
 class World:
@@ -73,10 +92,10 @@ class World:
 
     @cached_property
     def motion_of_another(self):
-        """Of a four-bar."""
+        """Of a robot that is not here."""
         rates = [np.ones((2, 1))] * 3
-        names = ("crank", "coupler", "rocker")
-        return sst_pin.Trajectory([0.0, 1.0], np.ones((2, 3)), *rates, names, ("crank",))
+        names = ("lift", "boom", "bucket")
+        return sst_pin.Trajectory([0.0, 1.0], np.ones((2, 3)), *rates, names, ("lift",))
 
     @cached_property
     def urdf(self):

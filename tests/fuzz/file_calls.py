@@ -7,10 +7,9 @@ from typing import Any
 
 import numpy as np
 import plain_reading
-from call_world import World
-from chain_calls import same
+from call_world import ODD_PATHS, World
 from judged_calls import Call
-from motion_calls import ODD_PATHS
+from signature_calls import same
 
 import sst_pin
 from sst_pin import ClosedChain

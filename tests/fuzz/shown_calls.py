@@ -7,136 +7,48 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from call_world import World
 from judged_calls import Call
-from motion_calls import ODD_PATHS, word
+from signature_calls import each
 
 import sst_pin
 from sst_pin.cli import main
 
+#: Subjects of a page that are drawn from the motion alone, or from the motion and the foot.
+FROM_MOTION = ("path", "torques", "joints")
+
 
 def pictures(w: World) -> Iterator[Call]:
     """Figures, maps and the viewer."""
-    from matplotlib.figure import Figure
-
     from sst_pin import plots
     from sst_pin.sst.workspace import workspace_at, workspace_over_rolls
     from sst_pin.viewer import Viewer
 
-    m = w.motion
-    single, other, opened = w.motion[:1], w.motion_of_another, w.open_motion
-    motions = {"of one sample": single, "of another robot": other}
-    for name, motion in motions.items():
-        for subject in plots.SUBJECTS:
-            if subject in ("path", "torques", "joints") and name == "of another robot":
-                continue  # drawn from the motion alone, but for the path
-            yield Call(
-                f"motion_page({subject} of a motion {name})",
-                lambda m=motion, s=subject: plots.motion_page(w.robot, m, [s]),
-                None if subject == "energy" or motion is other else _is_figure,
-            )
-    for name, motion in {
-        "None": None,
-        "text": "m",
-        "array": m.q,
-        "with open loops": opened,
-    }.items():
-        yield Call(f"motion_page(motion {name})", lambda m=motion: plots.motion_page(w.robot, m))
-    for subjects in ([], (), "torques", ["torque"], [None], 5, "unknown", [["torques"]]):
-        yield Call(
-            f"motion_page(subjects={subjects!r})",
-            lambda s=subjects: plots.motion_page(w.robot, m, s),
+    m, other = w.motion, w.motion_of_another
+    for name, motion in (("one sample", m[:1]), ("another robot's motion", other)):
+        subjects = [s for s in plots.SUBJECTS if motion is not other or s not in FROM_MOTION]
+        yield from each(
+            f"motion_page of {name}",
+            lambda s, motion=motion: plots.motion_page(w.robot, motion, [s]),
+            subjects,
         )
-    ax = Figure().add_subplot()
-    for name, q in {
-        "of eight": m.q[0, :8],
-        "a batch": m.q,
-        "NaN": m.q[0] * np.nan,
-        "None": None,
-        "complex": m.q[0] + 1j,
-        "masked": np.ma.masked_array(m.q[0], mask=True),
-    }.items():
-        yield Call(f"robot_pose(q {name})", lambda q=q: plots.robot_pose(_sphere(), w.robot, q))
-    for path in ("a.jpg", "a", "", None, 5, "a.csv", b"a.png"):
-        yield Call(f"figure_writer({path!r})", lambda p=path: plots.figure_writer(ax.figure, p))
-        yield Call(f"require_ending({path!r})", lambda p=path: plots.require_ending(p))
-    for value in (None, "x", np.nan, np.inf, 1j, [0.0, 1.0], {}, np.ma.masked, "0.1"):
-        yield Call(
-            f"workspace_at(psi={word(value)})",
-            lambda v=value: workspace_at(w.robot, v, rings=3, spokes=3),
-        )
-    for value in (0, -1, 2, 3.5, None, "3", np.nan, 10**12, 10**30, [3], 1j):
-        for option in ("rings", "spokes"):
-            yield Call(
-                f"workspace_at({option}={word(value)})",
-                lambda o=option, v=value: workspace_at(
-                    w.robot, **{"rings": 3, "spokes": 3} | {o: v}
-                ),
-            )
-        if value in (2,):
-            continue
-        yield Call(
-            f"workspace_over_rolls(rolls={word(value)})",
-            lambda v=value: workspace_over_rolls(w.robot, v, rings=3, spokes=3),
-        )
-    map_ = workspace_at(w.robot, rings=5, spokes=6)
+    odd = ([], (), "torques", ["torque"], [None], 5, "unknown", [["torques"]])
+    yield from each("motion_page, subjects", lambda s: plots.motion_page(w.robot, m, s), odd)
+    yield from each("require_ending", plots.require_ending, ("a.jpg", "a.csv", b"a.png"))
+    sizes = ((2, 3), (3, 2), (10**12, 3), (3, 10**12))
+    yield from each("workspace_at", lambda size: workspace_at(w.robot, 0.0, *size), sizes)
+    yield Call("workspace_over_rolls(10**12)", lambda: workspace_over_rolls(w.robot, 10**12, 3, 3))
     Path("there.npz").write_text("x")
-    Path("file").write_text("x")
-    for name, path in ODD_PATHS.items():
-        yield Call(f"workspace.save({name})", lambda p=path: map_.save(p))
-        yield Call(f"workspace.writer({name})", lambda p=path: map_.writer(p), callable)
+    map_ = workspace_at(w.robot, rings=5, spokes=6)
     yield Call("workspace.save onto what is there", lambda: map_.save("there.npz"))
-
-    viewer = Viewer(w.robot)
-    for name, q in {
-        "of eight": m.q[0, :8],
-        "a batch": m.q,
-        "NaN": m.q[0] * np.nan,
-        "None": None,
-        "text": "home",
-        "complex": m.q[0] + 1j,
-        "masked": np.ma.masked_array(m.q[0], mask=True),
-    }.items():
-        yield Call(f"viewer.show(q {name})", lambda q=q: viewer.show(q))
-    for name, motion in {**motions, "None": None, "text": "m", "array": m.q}.items():
-        yield Call(
-            f"viewer.play(motion {name})",
-            lambda m=motion: viewer.play(m),
-            (lambda value: value is None) if name == "of one sample" else None,
-        )
-    for speed in (0, -1, np.nan, np.inf, None, "fast", 1j, [1.0], {}):
-        yield Call(f"viewer.play(speed={speed!r})", lambda s=speed: viewer.play(m, speed=s))
-        yield Call(
-            f"robot.show(motion, speed={speed!r})",
-            lambda s=speed: w.robot.show(m, speed=s, open_browser=False),
-        )
-    for name, path in ODD_PATHS.items():
-        yield Call(f"viewer.save({name})", lambda p=path: viewer.save(p))
-    for host, port in (
-        ("127.0.0.1", 99999), ("127.0.0.1", -1), ("127.0.0.1", "x"), ("127.0.0.1", None),
-        ("127.0.0.1", 1.5), ("nowhere.invalid", 0), ("", "0"), (5, 0), (None, "x"),
-        ("a" * 300, 0), ("a\0b", 0), ("256.1.1.1", 0), ("192.0.2.1", 0),
-    ):  # fmt: skip
-        yield Call(
-            f"viewer.serve({word(host)}, {port!r})",
-            lambda h=host, p=port: Viewer(w.robot).serve(h, p),
-        )
+    yield from each("viewer.show", Viewer(w.robot).show, (m.q[0, :8], m.q, "home"))
+    hosts = (
+        ("127.0.0.1", 99999), ("127.0.0.1", "x"), ("nowhere.invalid", 0), ("", "0"), (5, 0),
+        (None, "x"), ("a" * 300, 0), ("a\0b", 0), ("256.1.1.1", 0), ("192.0.2.1", 0),
+    )  # fmt: skip
+    yield from each("viewer.serve", lambda address: Viewer(w.robot).serve(*address), hosts)
     yield Call("viewer.play(of an SST on a chain)", lambda: Viewer(w.chain).play(m))
-    for robot in (None, "robot", 5):
-        yield Call(f"Viewer({robot!r})", lambda r=robot: Viewer(r))
-
-
-def _sphere() -> Any:
-    from matplotlib.figure import Figure
-
-    return Figure().add_subplot(projection="3d")
-
-
-def _is_figure(value: Any) -> bool:
-    from matplotlib.figure import Figure
-
-    return isinstance(value, Figure)
+    yield from each("Viewer", Viewer, (None, "robot", 5))
 
 
 def commands(w: World) -> Iterator[Call]:
@@ -157,7 +69,7 @@ def commands(w: World) -> Iterator[Call]:
     lines = [
         "--unknown", "fly", "paper --samples 5", "paper --samples x",
         "paper --samples -1", "paper --samples 1e3",
-        "paper --samples 99999999999999999999", "paper --out file", "paper --urdf missing.urdf",
+        "paper --samples 99999999999999999999", "paper --out file", "paper --robot missing.urdf",
         "paper --samples", "paper extra", "paper --out /dev/null/x --samples 10",
         "torques motion.csv -o x.csv --robot missing.urdf", "info --json --robot bad.urdf",
         "torques motion.csv -o no/such/x.csv", "torques motion.csv -o x.csv --robot bad.urdf",
@@ -171,17 +83,17 @@ def commands(w: World) -> Iterator[Call]:
         "torques /dev/zero -o x.csv", "torques . -o x.csv", f"torques {long} -o x.csv",
         f"torques motion.csv -o {long}.csv", f"torques {nul} -o x.csv",
         f"torques motion.csv -o {nul}.csv", "torques motion.csv -o .",
-        "torques motion.csv -o /dev/full", "torques motion.csv -o x.csv --urdf bad.urdf",
-        "torques motion.csv -o x.csv --urdf .", "torques motion.csv -o x.csv --urdf empty.csv",
+        "torques motion.csv -o /dev/full", "torques motion.csv -o x.csv --robot bad.urdf",
+        "torques motion.csv -o x.csv --robot .", "torques motion.csv -o x.csv --robot empty.csv",
         "simulate", "simulate still.csv -o x.csv", "simulate half.csv -o x.csv",
-        "simulate still.csv -o x.csv --gamma 0.1", "simulate still.csv -o x.csv --gamma a,b,c",
-        "simulate still.csv -o x.csv --gamma nan,0,0 --gamma-dot 0,0,0",
-        "simulate still.csv -o x.csv --gamma 0.1,0.2,0.3",
-        "simulate still.csv -o x.csv --gamma 1e308,0,0 --gamma-dot 1e308,0,0",
-        "simulate still.csv -o x.csv --gamma 0.7,0.5,1 --gamma-dot 1e200,0,0",
-        "simulate still.csv -o x.txt --gamma 0.7,0.5,1 --gamma-dot 0,0,0",
-        "simulate empty.csv -o x.csv --gamma 0,0,0 --gamma-dot 0,0,0",
-        "simulate motion.csv -o x.csv --gamma",
+        "simulate still.csv -o x.csv --q0 0.1", "simulate still.csv -o x.csv --q0 a=b",
+        "simulate still.csv -o x.csv --q0 gamma_1=nan",
+        "simulate still.csv -o x.csv --q0 gamma_1=0.1,gamma_2=0.2,gamma_3=0.3",
+        "simulate still.csv -o x.csv --q0 gamma_1=1e308 --va0 gamma_1=1e308",
+        "simulate still.csv -o x.csv --q0 gamma_1=1,gamma_2=1,gamma_3=1 --va0 gamma_1=1e200",
+        "simulate still.csv -o x.txt --q0 gamma_1=1,gamma_2=1,gamma_3=1",
+        "simulate empty.csv -o x.csv --q0 gamma_1=0,gamma_2=0,gamma_3=0",
+        "simulate motion.csv -o x.csv --q0",
         "show missing.csv --html x.html", "show motion.csv --html x.txt",
         "show motion.csv --html file/x.html", "show motion.csv --speed 0 --html x.html",
         "show motion.csv --speed -1 --html x.html", "show motion.csv --speed nan --html x.html",
@@ -212,16 +124,17 @@ def commands(w: World) -> Iterator[Call]:
         "describe -o x --base-radius 0", "describe -o x --base-radius 1e308",
         "describe -o x --base-radius nan", "describe -o x --star-radius 1e-320",
         "describe -o x --star-radius -1", "describe -o x --gravity 1,2",
-        "describe -o x --gravity inf,0,0", "describe -o x --urdf bad.urdf", f"describe -o {nul}",
-        "verify --urdf missing.urdf", "verify extra", "verify --quick --urdf bad.urdf",
+        "describe -o x --gravity inf,0,0", "describe -o x --robot bad.urdf", f"describe -o {nul}",
+        "verify --robot missing.urdf", "verify extra", "verify --quick --robot bad.urdf",
         "validate", "validate missing.urdf", "validate file", "validate bad.urdf", "validate .",
         "validate /dev/zero", f"validate {long}", f"validate {nul}",
         "validate bad.urdf --cuts missing.yaml", "validate bad.urdf --cuts .",
         "validate bad.urdf --cuts bad.urdf",
-        "export-c", "export-c file", "export-c x --urdf missing.urdf", "export-c x --urdf bad.urdf",
+        "export-c", "export-c file", "export-c x --robot missing.urdf",
+        "export-c x --robot bad.urdf",
         f"export-c {nul}", f"export-c {long}", "export-c /dev/null/x",
-        "info --urdf missing.urdf", "info --urdf bad.urdf", "info extra", "info --urdf",
-        f"info --urdf {nul}", f"info --urdf {long}",
+        "info --robot missing.urdf", "info --robot bad.urdf", "info extra", "info --urdf",
+        f"info --robot {nul}", f"info --robot {long}",
     ]  # fmt: skip
     for line in lines:
         yield Call(
@@ -241,22 +154,6 @@ def commands(w: World) -> Iterator[Call]:
     yield Call("sst-pin with an empty file name", lambda: _command(["torques", "", "-o", "x.csv"]))
     yield Call(
         "sst-pin with an empty output", lambda: _command(["torques", "motion.csv", "-o", ""])
-    )
-    yield Call(
-        "sst-pin simulate --gamma -0.1,...",
-        lambda: _command(
-            [
-                "simulate",
-                "still.csv",
-                "-o",
-                "x.csv",
-                "--gamma",
-                "-0.1,0.2,0.3",
-                "--gamma-dot",
-                "-1,0,0",
-            ]
-        ),
-        lambda value: Path("x.csv").stat().st_size > 0,
     )
 
 

@@ -2,7 +2,7 @@
 """Bad calls end with an error that has a name, or with the right answer; never otherwise.
 
 Never raw (another exception than `SSTError`, or the end of the process), silent (a wrong number, or
-nothing), endless. Each group of calls runs in a process of its own. Ducks are not in the table: an
+nothing), endless. Each group of calls runs in a process of its own. Ducks are not among them: an
 object that is no robot at all has not the methods of one. The default run takes each tenth call,
 `-m slow` takes them all and prints their counts with `-s`.
 """
@@ -12,22 +12,12 @@ import judged_calls
 import pytest
 
 
-def require_no_fault(group, every):
+@pytest.mark.parametrize("every", [10, pytest.param(1, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("group", call_tables.GROUPS)
+def test_bad_calls_have_a_named_error_or_a_right_answer(group, every):
+    """0 raw, 0 silent, 0 endless, in all calls or in a tenth of them."""
     verdicts = judged_calls.judged_apart("call_tables", group, every)
     report = judged_calls.report(verdicts)
     print(f"{group}: {report}")
     assert verdicts
     assert not [v for v in verdicts if v.kind in judged_calls.FAULTS], report
-
-
-@pytest.mark.parametrize("group", call_tables.GROUPS)
-def test_bad_calls_have_a_named_error_or_a_right_answer(group):
-    """0 raw, 0 silent, 0 endless in a share of the table."""
-    require_no_fault(group, every=10)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("group", call_tables.GROUPS)
-def test_all_bad_calls_have_a_named_error_or_a_right_answer(group):
-    """0 raw, 0 silent, 0 endless in all of it."""
-    require_no_fault(group, every=1)

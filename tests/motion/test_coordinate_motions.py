@@ -9,7 +9,6 @@ import pytest
 import sst_pin
 from sst_pin.files import read_table
 from sst_pin.motion.coordinate_motions import coordinate_motion, start_configuration
-from sst_pin.motion.limits import beyond_limits
 from sst_pin.motion.motion_files import load_motion, read_motion, read_start
 from sst_pin.sst import paper
 
@@ -196,10 +195,10 @@ def test_joints_beyond_their_limits_are_named_with_their_worst_sample(delta, str
     model.lowerPositionLimit[:] = -1e9
     model.upperPositionLimit[:] = 1e9
     wide = sst_pin.ClosedChain(model, delta.closures, list(delta.motor_names))
-    assert beyond_limits(wide, motion.q, motion.t) == []
+    assert wide.check(motion) == ()
     model.upperPositionLimit[motor] = motion.q[:, motor].max() - 0.01
     narrow = sst_pin.ClosedChain(model, delta.closures, list(delta.motor_names))
-    (found,) = beyond_limits(narrow, motion.q, motion.t)
+    (found,) = map(str, narrow.check(motion))
     worst = motion.t[motion.q[:, motor].argmax()]
     assert found.startswith(f"{delta.coordinates[0]} leaves its limits of ")
-    assert found.endswith(f"{motion.q[:, motor].max():.4g} rad at t = {worst:.6g} s")
+    assert f": {motion.q[:, motor].max():.4g} rad at t = {worst:.6g} s" in found

@@ -108,7 +108,7 @@ def test_a_robot_that_reaches_nothing_on_its_arcs_is_told(here, capsys, monkeypa
     )
     odd = random_parameters(np.random.default_rng(3))
     (here / "odd.urdf").write_text(urdf_of(odd))
-    code, out, _ = run(capsys, "workspace", "-o", "map.svg", "--urdf", "odd.urdf")
+    code, out, _ = run(capsys, "workspace", "-o", "map.svg", "--robot", "odd.urdf")
     assert code == 0
     assert out.count("no direction has all sliders on their arcs") == 2
     assert b"circle of the paper" not in (here / "map.svg").read_bytes()
@@ -135,7 +135,7 @@ def test_a_robot_that_reaches_nothing_on_its_arcs_is_told(here, capsys, monkeypa
         (("workspace", "-o", "a.png", "--psi", "north"), "'north' is not an angle in degrees"),
         (("workspace", "-o", "a.png", "--psi", "nan"), "'nan' is not an angle in degrees"),
         (("workspace", "-o", "a.png", "--data", "a.xlsx"), "known: .csv, .npz"),
-        (("workspace", "-o", "a.png", "--urdf", "nowhere.urdf"), "the URDF cannot be read"),
+        (("workspace", "-o", "a.png", "--robot", "nowhere.urdf"), "the URDF cannot be read"),
     ],
 )
 def test_bad_arguments_give_one_clear_line_and_exit_code_2(here, capsys, arguments, word):

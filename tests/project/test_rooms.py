@@ -45,6 +45,7 @@ FORWARDING = {
             "trajectory",
             "simulate",
             "rollout",
+            "check",
             "show",
             "compile",
             "casadi",

@@ -12,10 +12,10 @@ from sst_pin.verification.sampling import random_parameters
 T = np.linspace(0, 1, 41)
 
 
-def motion_of(robot, q):
+def motion_of(robot, q, t=T):
     """A motion that only needs its angles."""
     zero = np.zeros((len(q), 3))
-    return sst_pin.Trajectory(T[: len(q)], q, zero, zero, zero, robot.joint_names, MOTORS)
+    return sst_pin.Trajectory(t[: len(q)], q, zero, zero, zero, robot.joint_names, MOTORS)
 
 
 MOTORS = ("gamma_1", "gamma_2", "gamma_3")
@@ -89,7 +89,7 @@ def test_both_kinds_of_singularity_are_found_where_they_are_near(robot):
     R = sst_pin.orientation(*rng.uniform(-np.pi, np.pi, (3, 4000)))
     q = robot.inverse_kinematics(R)
     t, near = np.arange(len(q)) / 100, robot.singularities(q)
-    found = check.findings(robot.model, robot.geometry, t, q)
+    found = robot.check(motion_of(robot, q, t))
     first = [f for f in found if f.joints[0].startswith("mu")]
     second = [f for f in found if f.joints == MOTORS]
     flat = near.first_kind < check.SMALLEST_SINE
@@ -110,7 +110,7 @@ def test_the_map_of_the_workspace_and_the_check_judge_alike(robot):
     regular = found.first_kind > 0.1
     R = sst_pin.orientation(found.theta[regular], found.phi[regular], 0.3)
     for q, on_arcs in zip(robot.inverse_kinematics(R), found.on_arcs[regular], strict=True):
-        off = check.findings(robot.model, robot.geometry, T[:1], q[None])
+        off = robot.check(q)
         assert on_arcs == (not any(" arc of " in f.problem for f in off))
 
 

@@ -36,7 +36,7 @@ def test_exported_c_computes_the_torques_of_python(tmp_path, seed):
         parameters = random_parameters(np.random.default_rng(seed))
         (tmp_path / "mine.urdf").write_text(urdf_of(parameters))
         robot = sst_pin.SST.from_urdf(tmp_path / "mine.urdf")
-        arguments += ["--urdf", str(tmp_path / "mine.urdf")]
+        arguments += ["--robot", str(tmp_path / "mine.urdf")]
     assert main(arguments) == 0
     program = build(tmp_path / "c")
     motion = robot.joint_motion(*random_states(robot, np.random.default_rng(2), 20))

@@ -36,6 +36,7 @@ def case(request):
     rng = np.random.default_rng(100 + request.param)
     robot = sst_pin.SST(random_parameters(rng))
     robot.model.armature = rng.uniform(0, 0.1, 9)
+    robot.refresh()
     states = random_states(robot, rng, 40)
     return robot, *robot.joint_motion(*states, rng.choice((-1, 1), (40, 3)))
 
@@ -49,7 +50,7 @@ def test_the_compiled_path_is_the_one_in_use(robot):
 
 @compiled
 def test_derivatives_equal_the_reference(case):
-    """One sample and many, friction smooth; no compiler is asked for."""
+    """One sample and many, friction smooth; compiled at their first use."""
     robot, q, va, aa = case
     reference = on_reference_path(robot)
     for name in ("torque_derivatives", "acceleration_derivatives"):
@@ -60,6 +61,27 @@ def test_derivatives_equal_the_reference(case):
             # Two solves more than for torques: the condition number once more.
             assert all(error(a, b) < 100 * RELATIVE for a, b in zip(ours, right, strict=True))
     assert "reference" not in robot.path
+
+
+@compiled
+@pytest.mark.parametrize(("compiler", "path"), [({}, ""), ({"CC": "/no/cc"}, "CC names /no/cc")])
+def test_derivatives_need_a_compiler_but_not_casadi(tmp_path, compiler, path):
+    """Without a compiler the reference path computes them, and the path tells why."""
+    code = (
+        "import sys\n"
+        "sys.modules['casadi'] = None\n"
+        "import numpy as np, sst_pin\n"
+        "robot, reference = sst_pin.SST(), sst_pin.SST(kernels=False)\n"
+        "state = robot.home, [0.1, 0.2, 0.3], [1.0, 2.0, 3.0]\n"
+        "d, right = (x.torque_derivatives(*state, sign_width=0.1) for x in (robot, reference))\n"
+        "assert all(np.allclose(a, b, rtol=1e-9, atol=1e-9) for a, b in zip(d, right))\n"
+        "print(robot.path)"
+    )
+    environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path), "PYTHONPATH": str(ROOT)} | compiler
+    command = [sys.executable, "-c", code]
+    result = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    assert ("by the reference path" in result.stdout) == bool(path)
+    assert path in result.stdout
 
 
 def test_torques_and_accelerations_equal_the_reference(case):
@@ -298,17 +320,18 @@ def test_angles_of_many_turns_are_angles(robot):
 
 
 def test_changes_of_the_model_are_taken_in_when_told(robot):
-    """refresh() after the first use; simulations need no telling."""
+    """By refresh(), for torques, simulations and rollouts alike."""
     mine = sst_pin.SST()
     rest = np.zeros(3)
-    assert mine.compute_torques(mine.home, rest, (1, 0, 0)) is not None
+    before = mine.compute_torques(mine.home, rest, (1, 0, 0))
     mine.model.gravity.linear = np.array((0, 0, 1.0))
-    motion = mine.simulate(rest, mine.home, rest, [0, 0.01])  # reads it anew, as roll-outs do
+    assert np.array_equal(mine.compute_torques(mine.home, rest, (1, 0, 0)), before)
+    mine.refresh()
+    motion = mine.simulate(rest, mine.home, rest, [0, 0.01])
     expected = on_reference_path(mine).compute_accelerations(mine.home, rest, rest)
     assert error(motion.aa[0], expected) < RELATIVE
     rolled = mine.rollout(np.zeros((100, 3)), mine.home, rest, 1e-4)
     assert np.abs(rolled.va[-1] - motion.va[-1]).max() < 1e-9
-    mine.refresh()
     expected = on_reference_path(mine).compute_torques(mine.home, rest, (1, 0, 0))
     assert error(mine.compute_torques(mine.home, rest, (1, 0, 0)), expected) < RELATIVE
 
@@ -339,7 +362,7 @@ def test_a_moment_on_the_star_alone_loads_kernels_as_the_wrenches_of_all_bodies_
 
 @compiled
 def test_every_instruction_set_of_the_machine_computes_the_same():
-    """The shipped library holds all; those that the processor has agree to rounding."""
+    """The package holds all; those that the processor has agree to rounding."""
     have = {"plain": ["plain", "plain_one"]}
     have["avx2"] = ["avx2", "avx2_one", *have["plain"]]
     have["avx512"] = ["avx512", *have["avx2"]]

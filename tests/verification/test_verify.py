@@ -120,5 +120,5 @@ def test_an_edited_urdf_is_verified_too(tmp_path, capsys):
     """By multipliers, which need no parameters."""
     path = tmp_path / "mine.urdf"
     path.write_text(Path(sst_pin.URDF_PATH).read_text().replace('"0.3"', '"0.7"'))
-    assert main(["verify", "--quick", "--urdf", str(path)]) == 0
+    assert main(["verify", "--quick", "--robot", str(path)]) == 0
     assert "torques, sst" in capsys.readouterr().out

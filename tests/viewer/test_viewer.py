@@ -300,6 +300,6 @@ def test_the_page_warns_of_what_the_machine_cannot_take(robot, motion):
     warnings = viewer._panel["warnings"]
     assert warnings[0] == "beta_1 leaves its arc of 0 to 90 deg: -80 deg at t = 1 s"
     viewer.show(off[1])
-    assert viewer._panel["warnings"][0] == "beta_1 leaves its arc of 0 to 90 deg"
+    assert viewer._panel["warnings"][0] == "beta_1 leaves its arc of 0 to 90 deg: -80 deg"
     viewer.play(motion)
     assert viewer._panel["warnings"] == []

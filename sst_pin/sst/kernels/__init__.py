@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The kernels of the SST, shipped compiled: those of `compile()`, with the geometry left open.
+"""The kernels of the SST: those of `compile()`, with the geometry left open.
 
-`scripts/kernels/make_kernels.py` writes `kernels.c`; the files named after instruction sets compile
-it for these. The environment variable SST_PIN_KERNELS=off switches them off.
+`scripts/kernels/make_kernels.py` writes the C. The files named after instruction sets compile
+`kernels.c` at installation; derivatives are compiled at their first use, into the cache. The
+environment variable SST_PIN_KERNELS=off switches all of them off.
 """
 
 from __future__ import annotations
@@ -24,7 +25,9 @@ from ...extensions import require_current
 from ..topology import CUTS
 
 FOLDER = Path(__file__).parent
-#: Names of the kernels for one sample and for many.
+#: C that goes into every library, and its folder.
+PARTS, INCLUDE = ("real.h", "driver.h"), Path(build.__file__).with_name("c")
+#: Kernels that the package contains compiled.
 ENTRIES = (
     "torques",
     "accelerations",
@@ -36,8 +39,8 @@ ENTRIES = (
     "accelerations loaded",
     "rollout loaded",
 )
-#: Names of those with several lanes only: of samples, or of directions of one sample.
-OF_LANES = (*DERIVATIVES, *(f"{name} {ALONG}" for name in DERIVATIVES))
+#: Kernels that are compiled at their first use, each from a file of its name.
+AT_FIRST_USE = (*DERIVATIVES, *(f"{name} {ALONG}" for name in DERIVATIVES))
 
 
 def open_numbers(mechanism: Mechanism) -> Parameters:
@@ -50,15 +53,18 @@ def code(name: str, target: str) -> Code:
     """The code of a kernel.
 
     Args:
-        name: One of `ENTRIES` or `OF_LANES`.
+        name: One of `ENTRIES` or `AT_FIRST_USE`.
         target: An instruction set.
 
     Raises:
-        CompilationError: When there is none.
+        CompilationError: When there is none, or for derivatives no compiler.
     """
-    if name not in (*ENTRIES, *OF_LANES):
+    entry = name.replace(" ", "_")
+    if name in AT_FIRST_USE:
+        return Code(_from_cache(entry, target), entry)
+    if name not in ENTRIES:
         raise CompilationError("the shipped kernels have none")
-    return Code(_library(), f"{name.replace(' ', '_')}_{target}")
+    return Code(_installed(target), f"{entry}_{target}")
 
 
 def missing() -> str:
@@ -66,17 +72,31 @@ def missing() -> str:
     if os.environ.get("SST_PIN_KERNELS") == "off":
         return "switched off by SST_PIN_KERNELS=off"
     try:
-        _library()
+        _installed("plain")
     except CompilationError as error:
         return str(error)
     return ""
 
 
+def source_file(entry: str) -> Path:
+    """The C of a kernel that is compiled at its first use."""
+    return FOLDER / f"{entry}.c"
+
+
+def _from_cache(entry: str, target: str) -> ctypes.CDLL:
+    body = source_file(entry).read_text(encoding="utf-8")
+
+    def source() -> str:
+        lanes = f"#define LANES {build.TARGETS[target][0]}\n#define NAME(x) x\n"
+        return lanes + "".join(f'#include "{part}"\n' for part in PARTS) + body
+
+    options = *build.LONG, f"-I{INCLUDE}"
+    return build.library("sst", entry, body.encode(), target, source, options)
+
+
 @cache
-def _library() -> ctypes.CDLL:
-    found = find_spec(f"{__name__}._library")
+def _installed(target: str) -> ctypes.CDLL:
+    found = find_spec(f"{__name__}._{target}")
     if found is None or found.origin is None:
         raise CompilationError("the extension module is missing; install sst-pin with a C compiler")
-    parts = Path(build.__file__).with_name("c")
-    sources = FOLDER / "kernels.c", parts / "real.h", parts / "driver.h"
-    return require_current(found.origin, *sources)
+    return require_current(found.origin, FOLDER / "kernels.c", *(INCLUDE / x for x in PARTS))

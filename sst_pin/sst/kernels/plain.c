@@ -3,4 +3,3 @@
 #define LANES 2
 #define SUFFIX plain
 #include "target.h"
-const char made_of[] = MADE_OF;

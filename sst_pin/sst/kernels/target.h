@@ -15,6 +15,8 @@ FOR_TARGET(TARGET)
 #include "real.h"
 #include "driver.h"
 #include "kernels.c"
+/* The hash of the sources, which `extensions.py` compares. */
+const char made_of[] = MADE_OF;
 #if defined(TARGET) && defined(__clang__)
 #pragma clang attribute pop
 #endif

@@ -13,8 +13,11 @@ const chart = (() => {
 
   function ticks(low, high, count) {
     const rough = (high - low) / count, power = 10 ** Math.floor(Math.log10(rough));
-    const step = [1, 2, 5, 10].map((m) => m * power).find((s) => s >= rough * 0.999);
-    const first = Math.ceil(low / step - 1e-9), last = Math.floor(high / step + 1e-9);
+    const ends = (s) => [Math.ceil(low / s - 1e-9), Math.floor(high / s + 1e-9)];
+    const steps = [0.2, 0.5, 1, 2, 5, 10].map((m) => m * power);
+    const few = steps.findIndex((s) => s >= rough * 0.999), enough = (s) => ends(s)[1] > ends(s)[0];
+    const step = steps.slice(0, few + 1).findLast(enough); // with two numbers at least
+    const [first, last] = ends(step);
     const digits = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
     return Array.from({ length: last - first + 1 }, (_, i) => {
       const value = (first + i) * step;

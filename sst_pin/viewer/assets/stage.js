@@ -1,7 +1,7 @@
 "use strict";
 // The picture: light, floor, camera, layers and words around Meshcat's scene.
 const at = (id) => document.getElementById(id);
-const subscript = (name) => name.replace(/^tau/, "\u03c4").replace(/_(\w+)$/, "<sub>$1</sub>");
+const subscript = (name) => name.replace(/^tau/, "\u03c4").replace(/_(\d+|[A-Za-z])$/, "<sub>$1</sub>");
 
 const stage = (() => {
   const THREE = MeshCat.THREE, pane = at("pane");

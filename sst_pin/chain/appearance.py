@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""What pictures of a robot show beside its bodies, and what its sliders move."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from .closures import Constraint, frames_of
+from .tree import frame_named
+
+Array = NDArray[np.float64]
+
+#: The frame whose path is drawn, in a robot that has one of this name.
+PLATFORM = "platform"
+_INK = "#6B747D"
+
+
+class DrawnFrame(NamedTuple):
+    """A frame in a picture.
+
+    Attributes:
+        name: Its label.
+        joint: Number of the joint whose body it is fixed to.
+        placement: On this body.
+        colour: Of the label, as "#rrggbb".
+    """
+
+    name: str
+    joint: int
+    placement: pin.SE3
+    colour: str = _INK
+
+
+class Sliders(NamedTuple):
+    """Numbers of one unit that move a robot.
+
+    Attributes:
+        title: What they move, and how.
+        unit: "rad" or "m".
+        names: Names of the numbers.
+        low: Least values, shape (n,).
+        high: Largest values, shape (n,).
+        read: Function from a configuration to the values.
+        solve: Function from values and a configuration to the next configuration nearby.
+    """
+
+    title: str
+    unit: str
+    names: tuple[str, ...]
+    low: Array
+    high: Array
+    read: Callable[[Array], Array]
+    solve: Callable[[Array, Array], Array]
+
+
+class Appearance(NamedTuple):
+    """What a robot's pictures show.
+
+    Attributes:
+        axes: Label and colour of the axis of each rate, in the order of v.
+        frames: Frames with axes and a label.
+        point: The frame whose path is drawn, by its origin; None for none.
+        size: A length of the robot, [m]; None to measure its shapes.
+        axis_length: Length of the drawn axes, as a share of `size`.
+        sliders: What moves the robot besides its coordinates.
+        spherical: Whether the path is drawn on the sphere of an SST.
+    """
+
+    axes: tuple[tuple[str, str], ...]
+    frames: tuple[DrawnFrame, ...]
+    point: DrawnFrame | None
+    size: float | None = None
+    axis_length: float = 0.5
+    sliders: tuple[Sliders, ...] = ()
+    spherical: bool = False
+
+
+def drawn_frame(model: pin.Model, name: str) -> DrawnFrame:
+    """A frame of the model.
+
+    Raises:
+        UnknownNameError: For an unknown name.
+    """
+    frame = frame_named(model, name)
+    return DrawnFrame(name, frame.parentJoint, frame.placement)
+
+
+def appearance_of(model: pin.Model, closures: Sequence[Constraint]) -> Appearance:
+    """Names of the joints at their axes, frames where loops close, and the platform."""
+    joints = list(zip(model.names, model.joints, strict=True))[1:]
+    axes = tuple((name, _INK) for name, joint in joints for _ in range(joint.nv))
+    names = [name for closure in closures for name in frames_of(closure)]
+    platform = [PLATFORM] if model.existFrame(PLATFORM) else []
+    frames = [drawn_frame(model, name) for name in dict.fromkeys([*names, *platform])]
+    point = drawn_frame(model, PLATFORM) if platform else None
+    return Appearance(axes, tuple(frames), point)

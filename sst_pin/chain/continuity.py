@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Whether a motion stays in its assembly mode, judged in each block of loops.
+
+Between two configurations a and b of one mode there is a shortest way along which a block's
+dependent part of Phi stays near Phi_a. If a and b lie in different modes, or a singular
+configuration lies between them, the mean of Phi over that way is singular, so that
+|Phi_a^+ (Phi_b - Phi_a)| is about 2 or more. A step counts as continuous below 1/2; a longer one
+is divided. Units of rows do not matter for this measure. One determinant of all loops would not
+do: it keeps its sign where two blocks become singular at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from .loops import Loops, connected
+from .mechanism import Mechanism
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+#: From a configuration at one fraction of a step to that at a later fraction; None where the loops
+#: cannot be closed.
+Way = Callable[[Array, float, float], Array | None]
+
+#: Largest |Phi_a^+ (Phi_b - Phi_a)| of two configurations that count as neighbours.
+_CHANGE = 0.5
+#: Largest motion of a joint between them, [rad] or of the robot's length.
+TRAVEL = 0.5
+#: Parts of a step are not divided further, as a fraction of the step.
+_SHORTEST = 1e-12
+
+
+class _Place(NamedTuple):
+    """A configuration and the dependent part of Phi there.
+
+    Attributes:
+        q: Shape (nq,).
+        blocks: Those of one shape together, shapes (count, rows, dependent rates).
+    """
+
+    q: Array
+    blocks: list[Array]
+
+
+class Continuity:
+    """Follows motions of one mechanism from a configuration to the next; one object per thread.
+
+    Args:
+        mechanism: Whose motions they are.
+        loops: Its closures.
+    """
+
+    def __init__(self, mechanism: Mechanism, loops: Loops) -> None:
+        self._mechanism, self._loops = mechanism, loops
+        self._scale = mechanism.row_scale[:, None] * mechanism.rate_scale
+        self._moving = np.flatnonzero(loops.touched.any(axis=0))
+        dependent, shapes = (
+            mechanism.dependent,
+            dict[tuple[int, int], list[tuple[Indices, Indices]]](),
+        )
+        for rows, rates in connected(loops.touched[:, dependent]):
+            shapes.setdefault((len(rows), len(rates)), []).append((rows, dependent[rates]))
+        self._entries = [
+            (np.array([r for r, _ in alike])[:, :, None], np.array([k for _, k in alike])[:, None])
+            for alike in shapes.values()
+        ]
+        self._last: Array | None = None
+        self._anchor: _Place
+        self._inverses: list[Array]
+        self._smallest = 0.0
+
+    def regular(self, q: Array, limit: float) -> bool:
+        """Whether the condition number of the dependent part of Phi is below a limit.
+
+        Args:
+            q: Closed configuration, shape (nq,).
+            limit: Of the condition number.
+        """
+        return _condition_below(self._place(q).blocks, limit)
+
+    def follow(self, start: Array, way: Way, limit: float) -> tuple[float, Array]:
+        """How much of a step is continuous and regular.
+
+        Args:
+            start: Configuration before the step, shape (nq,).
+            way: Gives configurations at fractions of the step, 1 for its end.
+            limit: Of the condition number.
+
+        Returns:
+            The fraction reached, 1 for the whole step, and the configuration there.
+        """
+        q, low, high = start, 0.0, 1.0
+        while low < 1 and high - low >= _SHORTEST:
+            found = way(q, low, high)
+            if found is not None and self._near(q, found, limit):
+                q, low, high = found, high, min(1.0, high + 2 * (high - low))
+            else:
+                high = (low + high) / 2
+        return low, q
+
+    def _near(self, before: Array, after: Array, limit: float) -> bool:
+        """Whether a configuration is next to the one before it, and regular."""
+        place = self._place(after)
+        if self._last is before and self._continues(place, limit):
+            self._last = after
+            return True
+        if self._last is not before or self._anchor.q is not before:
+            self._anchor_at(before)
+            if self._continues(place, limit):
+                self._last = after
+                return True
+        return False
+
+    def _anchor_at(self, q: Array) -> None:
+        self._anchor, self._inverses, self._smallest = self._place(q), [], np.inf
+        self._last = q
+        for blocks in self._anchor.blocks:
+            U, s, Vt = np.linalg.svd(blocks, full_matrices=False)
+            smallest = s[:, -1].min() if s.shape[1] == blocks.shape[2] else 0.0
+            self._smallest = min(self._smallest, float(smallest))
+            inverses = np.where(s > 0, 1 / np.where(s > 0, s, 1), 0)
+            self._inverses.append(np.swapaxes(U * inverses[:, None], 1, 2))
+            self._inverses[-1] = np.swapaxes(Vt, 1, 2) @ self._inverses[-1]
+
+    def _continues(self, place: _Place, limit: float) -> bool:
+        anchor = self._anchor
+        if not self._smallest > 0:
+            return False
+        way = pin.difference(self._mechanism.model, anchor.q, place.q) / self._mechanism.rate_scale
+        if not np.abs(way[self._moving]).max(initial=0.0) <= TRAVEL:
+            return False
+        for inverse, a, b in zip(self._inverses, anchor.blocks, place.blocks, strict=True):
+            E = inverse @ (b - a)
+            if not np.einsum("bij,bij->b", E, E).max() <= _CHANGE**2:
+                return False
+        # The smallest singular value has not fallen below half of that at the anchor.
+        largest = max(
+            (float(np.linalg.norm(b, axis=(1, 2)).max()) for b in place.blocks), default=0
+        )
+        if largest < limit * (1 - _CHANGE) * self._smallest:
+            return True
+        return _condition_below(place.blocks, limit)
+
+    def _place(self, q: Array) -> _Place:
+        self._loops.evaluate(q)
+        Phi = self._loops.Phi() * self._scale
+        return _Place(q, [Phi[entries] for entries in self._entries])
+
+
+def _condition_below(blocks: list[Array], limit: float) -> bool:
+    """Whether the condition number of a block-diagonal matrix is below a limit."""
+    values = [np.linalg.svd(block, compute_uv=False) for block in blocks]
+    if any(s.shape[1] < b.shape[2] for s, b in zip(values, blocks, strict=True)):
+        return False
+    largest = max((s[:, 0].max() for s in values), default=1.0)
+    smallest = min((s[:, -1].min() for s in values), default=1.0)
+    return bool(largest < limit * smallest)
