@@ -33,3 +33,7 @@ __all__ = [
     "stewart",
     "ups_pu",
 ]
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""What editors and type checkers see of the package after `pip install -e`."""
+
+import json
+import subprocess
+import sys
+import sysconfig
+import venv
+from pathlib import Path
+
+import jedi
+import pytest
+
+import sst_pin
+
+ROOT = Path(__file__).resolve().parents[2]
+PYRIGHT = ROOT / "scripts" / "pages" / "tools" / "web" / "node_modules" / "pyright" / "index.js"
+#: A user's file: what is right, then two mistakes.
+USE = """\
+import sst_pin
+
+robot = sst_pin.SST()
+chain = sst_pin.robots.delta(platform_mass=0.3)
+print(robot.compute_torques(robot.home, [0, 0, 0], [1, 0, 0]), chain.mobility())
+sst_pin.compute_torques
+robot.compute_torque
+"""
+#: Beginnings of lines, and what has to be among their completions.
+STARTS = {
+    "sst_pin.": {*sst_pin.__all__, "robots", "plots", "viewer"},
+    "sst_pin.robots.": set(sst_pin.robots.__all__),
+    "robot = sst_pin.robots.delta()\nrobot.": {"compute_torques", "mobility", "home"},
+    "robot = sst_pin.ClosedChain.from_urdf('a.urdf')\nrobot.": {"compile", "assemble"},
+}
+
+
+@pytest.fixture(scope="module")
+def python(tmp_path_factory):
+    """Of an environment with an editable installation, its dependencies lent by this one."""
+    folder = tmp_path_factory.mktemp("editable")
+    venv.create(folder / "env")
+    site = folder / "env" / "lib" / f"python{sysconfig.get_python_version()}" / "site-packages"
+    lent = [path for path in sys.path if "site-packages" in path]
+    (site / "lent.pth").write_text("\n".join(lent))
+    python = folder / "env" / "bin" / "python"
+    pip = [sys.executable, "-m", "pip", "--python", python, "install", "--no-index", "--no-deps"]
+    command = [*pip, "--no-build-isolation", "-e", ROOT]
+    subprocess.run(command, check=True, capture_output=True)
+    return python
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("start", STARTS)
+def test_jedi_completes_a_file(python, start):
+    """Without running it, in the environment of the user."""
+    environment = jedi.create_environment(python.parents[1], safe=False)
+    script = jedi.Script(f"import sst_pin\n{start}", environment=environment)
+    assert STARTS[start] <= {completion.name for completion in script.complete()}
+
+
+@pytest.mark.parametrize("line", ["sst_pin.", "sst_pin.robots.", "robot."])
+def test_jedi_completes_a_session(line):
+    """As IPython asks it; of the gallery robots only."""
+    robot = sst_pin.SST()
+    found = jedi.Interpreter(line, [{"sst_pin": sst_pin, "robot": robot}]).complete()
+    names = {completion.name for completion in found if completion.name[0] != "_"}
+    wanted = {"sst_pin.": set(sst_pin.__all__), "sst_pin.robots.": set(sst_pin.robots.__all__)}
+    assert wanted.get(line, {"compute_torques", "home"}) <= names
+    if line == "sst_pin.robots.":
+        assert names == wanted[line]
+
+
+@pytest.mark.slow
+def test_mypy_finds_the_package_and_both_mistakes(python, tmp_path):
+    """Types come with an editable installation."""
+    (tmp_path / "use.py").write_text(USE)
+    command = [sys.executable, "-m", "mypy", "--python-executable", python, "use.py"]
+    result = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    wrong = [line.split(":")[1] for line in result.stdout.splitlines() if ": error:" in line]
+    assert wrong == ["6", "7"], result.stdout
+
+
+@pytest.mark.slow
+@pytest.mark.tools
+def test_pyright_finds_the_package_and_both_mistakes(python, tmp_path):
+    """As the editors do that are built on it."""
+    (tmp_path / "use.py").write_text(USE)
+    command = ["node", PYRIGHT, "--pythonpath", python, "--outputjson", "use.py"]
+    result = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    found = json.loads(result.stdout)["generalDiagnostics"]
+    wrong = [x["range"]["start"]["line"] + 1 for x in found if x["severity"] == "error"]
+    assert wrong == [6, 7], result.stdout
