@@ -37,8 +37,7 @@ class BuildOnAllCores(build_ext):
         kept = Path(self.get_ext_filename(extension.name))
         place = Path(self.get_ext_fullpath(extension.name))
         (hashed,) = (value for name, value in extension.define_macros if name == "MADE_OF")
-        newer = kept.is_file() and kept.stat().st_mtime > Path("setup.py").stat().st_mtime
-        if not newer or hashed.strip('"').encode() not in kept.read_bytes():
+        if self.force or not kept.is_file() or hashed.strip('"').encode() not in kept.read_bytes():
             super().build_extension(extension)
         elif kept.resolve() != place.resolve():
             place.parent.mkdir(parents=True, exist_ok=True)
@@ -87,6 +86,17 @@ setup(
                 optional=True,  # without a compiler the reference path computes everything
             )
             for target in ("avx512", "avx2", "avx2_one", "plain", "plain_one")
+        ),
+        *(
+            Extension(
+                f"sst_pin.{name.replace('/', '.')}",  # runs without being compiled, too
+                [f"sst_pin/{name}.py"],
+                depends=[f"sst_pin/{name}.pxd"],
+                define_macros=[made_of(f"sst_pin/{name}.py", f"sst_pin/{name}.pxd")],
+                extra_compile_args=["-O3", "-g0"],
+                optional=True,
+            )
+            for name in ("chain/blocks", "chain/calls", "chain/closure_kinds", "sst/calls")
         ),
     ],
 )

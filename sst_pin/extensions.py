@@ -5,6 +5,10 @@ from __future__ import annotations
 
 import ctypes
 import hashlib
+import warnings
+from collections.abc import Sequence
+from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 
 from .errors import CompilationError
@@ -33,8 +37,40 @@ def require_current(extension: str | Path, *sources: Path) -> ctypes.CDLL:
     return library
 
 
+@cache
+def missing() -> str:
+    """Why an extension is not there; a clone that hides an installed package warns, once."""
+    from importlib.metadata import distributions  # slow to import
+
+    here = Path(__file__).parent
+    for distribution in distributions(name="sst-pin"):
+        installed = Path(str(distribution.locate_file(here.name)))
+        if (installed / "__init__.py").is_file() and installed.resolve() != here.resolve():
+            hidden = (
+                f"Python imports sst_pin from {here}, where it is not compiled, and not the one "
+                f"installed in {installed}; start Python in another folder, or pip install -e ."
+            )
+            warnings.warn(hidden, RuntimeWarning, stacklevel=2)
+            return hidden
+    return "the extension module is missing; install sst-pin with a C compiler"
+
+
 def _made_of(library: ctypes.CDLL) -> str:
     try:
         return (ctypes.c_char * 65).in_dll(library, "made_of").value.decode()
     except ValueError:  # of a version that did not have it
         return ""
+
+
+def require_current_modules(package: str, names: Sequence[str]) -> None:
+    """Likewise those modules of a package that run without being compiled, too.
+
+    Args:
+        package: Its name.
+        names: Of the modules; beside the source of each is its `.pxd`.
+    """
+    for name in names:
+        found = find_spec(f"{package}.{name}")
+        if found is not None and found.origin is not None and not found.origin.endswith(".py"):
+            source = Path(found.origin).with_name(f"{name}.py")
+            require_current(found.origin, source, source.with_suffix(".pxd"))

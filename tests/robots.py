@@ -99,14 +99,13 @@ class Robot:
         self.armature = random.uniform(0, 0.1, m)
         self.viscous, self.coulomb = random.uniform(0, 2, (2, m))
 
-    def model(self, order: Sequence[int] | None = None) -> pin.Model:
-        """The tree, with the frames where it is cut; its joints added in an order."""
-        model, order = pin.Model(), list(order or range(len(self.links)))
+    def model(self) -> pin.Model:
+        """The tree, with the frames where it is cut."""
+        model = pin.Model()
         model.gravity.linear = GRAVITY
-        for i in order:
-            link = self.links[i]
+        for i, link in enumerate(self.links):
             joint = model.addJoint(
-                model.getJointId(link.parent) if link.parent else 0,
+                self.parents[i] + 1,
                 _joint_model(link),
                 pin.SE3(link.turned, link.origin),
                 link.name,
@@ -117,8 +116,7 @@ class Robot:
             joint = model.getJointId(frame.link)
             placement = pin.SE3(frame.turned, frame.origin)
             model.addFrame(pin.Frame(frame.name, joint, placement, pin.FrameType.OP_FRAME))
-        numbers = (x[order] for x in (self.armature, self.viscous, self.coulomb))
-        model.armature, model.damping, model.friction = numbers
+        model.armature, model.damping, model.friction = self.armature, self.viscous, self.coulomb
         return model
 
     def chain(self, actuated: Sequence[str] | None = None, **options) -> ClosedChain:

@@ -384,7 +384,7 @@ EQUATIONS = (
     Equation(
         "(6), (7), (17)",
         "L",
-        ("noc.JointComplement.factorise",),
+        ("blocks.Blocks.L",),
         (_NOC + "L_is_the_block_formula_of_the_paper",),
         "the blocks of (17), sorted as in (6)",
         _complement,
@@ -392,7 +392,7 @@ EQUATIONS = (
     Equation(
         "(7b), (8), (20)",
         "q_ddot, L_dot",
-        ("noc.JointComplement.L_dot", "loops.Loops.Phi_dot"),
+        ("blocks.Blocks.solve", "loops.Loops.Phi_dot"),
         (
             _NOC + "rates_are_the_derivatives_along_the_motion",
             _MISPRINTS + "eq_20_gives_accelerations",
@@ -435,7 +435,7 @@ EQUATIONS = (
     Equation(
         "(22), (23), (25)",
         "T, T_dot",
-        ("noc.natural_complement",),
+        ("dynamics.terms",),
         (_NOC + "T_and_its_rate_are_the_block_formulas_of_the_paper",),
         "the blocks of (23) and (25)",
         _complement_of_bodies,

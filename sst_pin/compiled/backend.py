@@ -17,11 +17,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import NDArray
 
-from ..chain.assembly import home_of
+from ..chain.assembly import generic_configuration, home_of
 from ..chain.closures import Closure, Distance, Rolling
-from ..chain.coordinates import examples
 from ..chain.mechanism import Friction, Mechanism
 from ..chain.reference import Reference
 from ..chain.tree import frame_named
@@ -31,7 +31,7 @@ from ..errors import (
     MissingExtraError,
     SSTError,
 )
-from ..extensions import require_current
+from ..extensions import missing, require_current
 from . import build
 from .code import Code
 from .parameters import Parameters
@@ -93,6 +93,7 @@ class CompiledBackend:
 
     Args:
         reference: Of its mechanism.
+        model: The user's tree. If its gravity changes, single calls return None.
         near: Where the order of elimination is chosen, shape (nq,); anywhere by default.
         parameters: Which numbers the kernels take; those of `Parameters` by default.
         code: Gives the code of a kernel by its name and an instruction set; from the cache by
@@ -108,6 +109,7 @@ class CompiledBackend:
     def __init__(
         self,
         reference: Reference,
+        model: pin.Model,
         near: Array | None = None,
         *,
         parameters: Parameters | None = None,
@@ -117,13 +119,11 @@ class CompiledBackend:
         try:
             from . import _binding
         except ImportError as error:
-            raise CompilationError(
-                f"the extension module is missing ({error}); install sst-pin with a C compiler"
-            ) from None
+            raise CompilationError(f"{missing()} ({error})") from None
         require_current(_binding.__file__, *_BINDING)
         self._binding = _binding
         self._reference, self._mechanism = reference, reference.mechanism
-        self._near = near
+        self._model, self._near = model, near
         self._parameters = parameters or Parameters(self._mechanism)
         self._code = code or self._from_cache
         self._moment = -1 if bearer is None else 6 * bearer
@@ -278,8 +278,8 @@ class CompiledBackend:
             tuple(sizes),
             outputs,
             codes[0].prepared(numbers),
-            self._mechanism.model.gravity.linear,
-            (codes, self._mechanism.model),
+            self._model.gravity.linear,  # watched in the model's own memory, which has to stay
+            (codes, self._model),
             loaded,
             codes[-1].prepared(numbers),
             self._moment,
@@ -392,8 +392,7 @@ def sample_configurations(reference: Reference, near: Array | None = None) -> Ar
     """
     assembly = reference.workspace.assembly
     if near is None:
-        example = reference.mechanism.example
-        near = next(examples(assembly)) if example is None else example
+        near = generic_configuration(assembly)
     reference.workspace.evaluate(near)
     samples = [near]
     for seed in range(4 * _SAMPLES):

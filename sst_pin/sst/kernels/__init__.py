@@ -14,6 +14,7 @@ from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
+from ... import extensions
 from ...chain.mechanism import Mechanism
 from ...compiled import build
 from ...compiled.backend import ALONG, DERIVATIVES
@@ -21,7 +22,6 @@ from ...compiled.code import Code
 from ...compiled.parameters import Parameters
 from ...description import MOTOR_NAMES
 from ...errors import CompilationError
-from ...extensions import require_current
 from ..topology import CUTS
 
 FOLDER = Path(__file__).parent
@@ -98,5 +98,7 @@ def _from_cache(entry: str, target: str) -> ctypes.CDLL:
 def _installed(target: str) -> ctypes.CDLL:
     found = find_spec(f"{__name__}._{target}")
     if found is None or found.origin is None:
-        raise CompilationError("the extension module is missing; install sst-pin with a C compiler")
-    return require_current(found.origin, FOLDER / "kernels.c", *(INCLUDE / x for x in PARTS))
+        raise CompilationError(extensions.missing())
+    return extensions.require_current(
+        found.origin, FOLDER / "kernels.c", *(INCLUDE / x for x in PARTS)
+    )

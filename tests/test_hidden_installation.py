@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""A clone that hides an installed package says so."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import sst_pin
+
+PACKAGE = Path(sst_pin.__file__).parent
+CODE = "import sst_pin; print(sst_pin.SST().path); print(sst_pin.SST().path)"
+
+
+@pytest.mark.parametrize("installed", [True, False])
+def test_a_clone_without_extensions_tells_of_the_installation_that_it_hides(tmp_path, installed):
+    """By a warning, once, and by the path, with what to do; alone it asks for a compiler."""
+    clone, site = tmp_path / "clone", tmp_path / "site"
+    shutil.copytree(
+        PACKAGE, clone / "sst_pin", ignore=shutil.ignore_patterns("*.so", "__pycache__")
+    )
+    (clone / "urdf").symlink_to(Path(sst_pin.URDF_PATH).parent)
+    if installed:
+        (site / "sst_pin").mkdir(parents=True)
+        (site / "sst_pin" / "__init__.py").touch()
+        (site / "sst_pin-0.dist-info").mkdir()
+        (site / "sst_pin-0.dist-info" / "METADATA").write_text("Name: sst-pin\nVersion: 0\n")
+    command = [sys.executable, "-c", CODE]
+    environment = os.environ | {"PYTHONPATH": str(site)}
+    environment.pop("SST_PIN_KERNELS", None)
+    result = subprocess.run(
+        command, cwd=clone, env=environment, capture_output=True, text=True, check=True
+    )
+    path, again = result.stdout.splitlines()
+    assert path == again
+    assert path.startswith("the reference path: ")
+    hides = f"imports sst_pin from {clone / 'sst_pin'}, where it is not compiled"
+    cure = "start Python in another folder, or pip install -e ."
+    assert (hides in path and str(site) in path and path.endswith(cure)) == installed
+    assert result.stderr.count(f"RuntimeWarning: Python {hides}") == installed
+    assert ("install sst-pin with a C compiler" in path) != installed
