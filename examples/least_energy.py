@@ -49,7 +49,7 @@ def energy(motion: sst_pin.Trajectory) -> tuple[float, float]:
 
 
 def energy_of_held(chain: GalleryRobot, solution: Solution) -> tuple[float, float]:
-    """The same for torques held over intervals, in which they do tau times the motors' turn."""
+    """The work of torques held over intervals: tau times the turn of the motors."""
     motors = [chain.position_names.index(name) for name in chain.coordinates]
     turns = np.diff(solution.q[::DEGREE, motors], axis=0)
     interval = solution.duration / len(solution.tau)
@@ -109,7 +109,7 @@ def least(chain: GalleryRobot, intervals: int, print_level: int = 0) -> Solution
 
 
 def simulated(chain: GalleryRobot, solution: Solution, samples: int) -> sst_pin.Trajectory:
-    """The motion of `rollout` under the torques, so many samples in each interval."""
+    """The motion of `rollout` under the torques, with a number of samples in each interval."""
     tau = np.repeat(solution.tau, samples, axis=0)
     t = np.linspace(0, solution.duration, len(tau) + 1)
     motion = chain.rollout(tau, solution.q[0], solution.va[0], t[1])

@@ -32,7 +32,7 @@ class Regulator(NamedTuple):
     poles: Array  # of the robot alone, continuous, [1/s]
 
     def torques(self, robot: sst_pin.SST, q: Array, va: Array) -> Array:
-        """Of states (..., 9), (..., 3)."""
+        """The torques at states (..., 9), (..., 3)."""
         motors = list(robot.actuated)
         off = np.concatenate([q[..., motors] - self.q[motors], va], axis=-1)
         return np.clip(self.hold - off @ self.gain.T, -LIMIT, LIMIT)

@@ -60,7 +60,7 @@ def at_limit(solution: Solution, limit: float = LIMIT) -> Array:
 
 
 def simulated(robot: sst_pin.SST, solution: Solution, samples: int = 4) -> sst_pin.Trajectory:
-    """The motion of `simulate` under the torques, so many samples in each interval."""
+    """The motion of `simulate` under the torques, with a number of samples in each interval."""
     interval = solution.duration / len(solution.tau)
     q, va, aa = [solution.q[:1]], [np.zeros((1, 3))], []
     for tau in solution.tau:

@@ -40,7 +40,7 @@ class Arrays:
 
 
 class Kernels(Arrays):
-    """The same by compiled kernels."""
+    """A chain computed by compiled kernels."""
 
     def __init__(self, case):
         super().__init__(case)
@@ -86,7 +86,7 @@ class Casadi:
         return (self._plain, state) if wrenches is None else (self._loaded, (*state, wrenches))
 
     def second_derivatives(self, *state):
-        """Of the torques, shape (n, 3 n, 3 n)."""
+        """Second derivatives of the torques, shape (n, 3 n, 3 n)."""
         functions, n = self._plain, self._plain.n
         by = functions.torque_derivatives.jacobian()(*state, 0, 0, 0)
         T = functions.tangent(state[0]).full()
@@ -101,7 +101,7 @@ class Casadi:
         return [x.full().ravel() for x in self._plain.step(*state_and_dt)]
 
     def step_derivatives(self, *state_and_dt):
-        """Of both results in a column, by q along the motions, va and tau."""
+        """Derivatives of both results in a column, by q along the motions, va and tau."""
         by = [x.full() for x in self._plain.step.jacobian()(*state_and_dt, 0, 0)]
         by = [np.vstack([by[k], by[k + 4]]) for k in range(3)]
         return np.hstack([by[0] @ self._plain.tangent(state_and_dt[0]).full(), *by[1:]])
@@ -134,13 +134,13 @@ class Jax:
         return AccelerationDerivatives(*self._along(self._accelerations_by(*state), state[0]))
 
     def second_derivatives(self, *state):
-        """Of the torques, shape (n, 3 n, 3 n)."""
+        """Second derivatives of the torques, shape (n, 3 n, 3 n)."""
         rows = [np.concatenate(self._along(row, state[0]), axis=-1) for row in self._second(*state)]
         rows[0] = np.swapaxes(np.swapaxes(rows[0], -1, -2) @ self._tangent(state[0]), -1, -2)
         return np.concatenate(rows, axis=1)
 
     def step_derivatives(self, *state_and_dt):
-        """Of both results in a column, by q along the motions, va and tau."""
+        """Derivatives of both results in a column, by q along the motions, va and tau."""
         q = state_and_dt[0]
         both = [np.hstack(self._along(by, q)) for by in self._step_by(*state_and_dt)]
         return np.vstack(both)

@@ -67,7 +67,7 @@ class Firefox:
         return json.loads(answer["result"].get("value", "null"))
 
     def screenshot(self):
-        """As PNG."""
+        """The picture, a PNG."""
         return base64.b64decode(
             self._call("browsingContext.captureScreenshot", **self._page)["data"]
         )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The same robot on its other path."""
+"""A robot computed by its other path."""
 
 import copy
 from functools import partial

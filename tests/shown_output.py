@@ -25,7 +25,7 @@ def _near(wanted: str, got: str) -> bool:
 
 
 class Checker(doctest.OutputChecker):
-    """Of doctests."""
+    """Compares the output of doctests."""
 
     def check_output(self, want: str, got: str, optionflags: int) -> bool:
         return super().check_output(want, got, optionflags) or same_output(want, got)

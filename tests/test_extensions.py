@@ -22,7 +22,7 @@ SOURCES = {
 
 @pytest.mark.parametrize("name", SOURCES)
 def test_an_extension_of_other_sources_is_refused(tmp_path, name):
-    """As it is after an update of a clone; an extension without its sources is loaded."""
+    """An updated clone has such extensions; an extension without its sources is loaded."""
     found = find_spec(f"sst_pin.{name}")
     if found is None or found.origin is None or found.origin.endswith(".py"):
         pytest.skip("the extension is not compiled here")

@@ -120,7 +120,7 @@ def gradient(function, model, q, h=0.01):
 
 
 class Lagrange:
-    """M v_dot + h = B tau + Phi^T lambda + applied, Phi v_dot = -gamma: solved as it stands.
+    """M v_dot + h = B tau + Phi^T lambda + applied, Phi v_dot = -gamma, solved as one system.
 
     Args:
         model: The tree.

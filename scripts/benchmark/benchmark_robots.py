@@ -114,7 +114,7 @@ class Constrained:
 
 
 def closed_in_mujoco(chain: ClosedChain, q: Array, dt: float) -> tuple[Any, Any]:
-    """The same tree in MuJoCo with springs and dampers, its points closed by stiff `connect`s."""
+    """The tree in MuJoCo with springs and dampers, its points closed by stiff `connect`s."""
     model, spec = chain.model, mujoco.MjSpec()
     spec.option.timestep, spec.option.gravity = dt, model.gravity.linear
     bodies, places = [spec.worldbody], []

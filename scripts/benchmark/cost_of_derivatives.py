@@ -73,7 +73,7 @@ def least(functions: dict) -> dict[str, float]:
 
 
 def processor_seconds() -> float:
-    """Of this process and of compilers that it has called."""
+    """Processor time of this process and of the compilers that it has called."""
     return sum(os.times()[:4])
 
 

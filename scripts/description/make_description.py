@@ -35,7 +35,7 @@ def same(path: Path, content: bytes) -> bool:
 
 
 def _corners(stl: bytes) -> np.ndarray:
-    """Of all triangles of a binary STL, shape (faces, 3, 3)."""
+    """The corners of all triangles of a binary STL, shape (faces, 3, 3)."""
     triangle = np.dtype([("normal", "<3f4"), ("corners", "<9f4"), ("attribute", "<u2")])
     return np.frombuffer(stl[84:], triangle)["corners"].reshape(-1, 3, 3)
 

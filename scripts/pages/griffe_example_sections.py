@@ -11,7 +11,7 @@ class ExampleSections(griffe.Extension):
     """Renames the section before griffe parses it."""
 
     def on_object(self, *, obj: griffe.Object, **kwargs: Any) -> None:
-        """Of each object with a docstring."""
+        """Change the sections of each object with a docstring."""
         if obj.docstring:
             text = obj.docstring.value
             obj.docstring.value = re.sub(r"^Example:$", "Examples:", text, flags=re.MULTILINE)

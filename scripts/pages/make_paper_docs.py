@@ -311,7 +311,7 @@ def write() -> None:
 
 
 def problems(page: str) -> Iterator[str]:
-    """What is wrong with the page as it stands, one sentence each."""
+    """What is wrong with the page, one sentence each."""
     yield from _missing_names(page)
     written = table_names(page)
     for name in TABLES.keys() ^ written:

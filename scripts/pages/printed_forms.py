@@ -125,7 +125,7 @@ class Case:
 
 
 def cases(seed: int, states: int, robots: int) -> list[Case]:
-    """Random motions of the paper's robot, and one of each of so many random robots.
+    """Random motions of the paper's robot, and one of each of some random robots.
 
     Args:
         seed: Of all randomness.
@@ -158,7 +158,7 @@ def arc_normal(case: Case) -> Forms:
 
 
 def five_bar() -> sst_pin.ClosedChain:
-    """As many motors as unactuated joints, so that the blocks of (7c) fit as printed."""
+    """A five-bar: as many motors as passive joints, so that the blocks of (7c) fit as printed."""
     model = pin.Model()
     for leg, x in (("left", 0.0), ("right", 0.4)):
         parent, where = 0, pin.SE3(np.eye(3), np.array([x, 0, 0]))

@@ -48,7 +48,7 @@ class Block(NamedTuple):
 
 
 def blocks(page: str) -> list[Block]:
-    """Of a page, in order."""
+    """The blocks of a page, in order."""
     return [
         Block(
             m["language"], m["title"], m["text"], not m["not_run"], m.start("text"), m.end("text")

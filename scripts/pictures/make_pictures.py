@@ -51,7 +51,7 @@ def workspace() -> Figure:
 
 
 def workspace_75() -> Figure:
-    """The same at another roll, where both kinds of singularity are in sight."""
+    """The map at another roll, where both kinds of singularity are in sight."""
     robot = SST()
     workspace = workspace_at(robot, np.radians(75))
     with plots.style():

@@ -70,7 +70,7 @@ def test_a_ladder_closes_when_each_of_its_loops_closes_alone(monkeypatch):
 
 
 def test_an_open_loop_is_named_and_the_others_close():
-    """Of five four-bars, one cannot close: it alone is in the message."""
+    """One of five four-bars cannot close: it alone is in the message."""
     chain = ladder(5, broken=3)
     guess = np.tile([1.2, -0.7, 2.0], 5)
     with pytest.raises(ClosureError) as caught:
@@ -80,7 +80,7 @@ def test_an_open_loop_is_named_and_the_others_close():
 
 
 def test_several_starts_close_what_one_start_does_not():
-    """The same for the same seed, and of another seed closed as well."""
+    """One seed gives one configuration; another seed also gives a closed one."""
     chain = ClosedChain(
         tree("", ["RZ", "RX", "PZ"], ["ball", "RX", "revolute", "PX"], seed=5),
         [Closure("A", "B", "6d")],
@@ -107,7 +107,7 @@ def test_several_starts_close_what_one_start_does_not():
 
 
 def scaled(robot, factor):
-    """The same robot in another unit of length."""
+    """The robot in another unit of length."""
     model = robot.model()
     for k in range(1, model.njoints):
         model.jointPlacements[k] = pin.SE3(
@@ -279,7 +279,7 @@ def test_limits_that_no_configuration_meets_are_named():
 
 
 def test_limits_that_are_not_reached_change_nothing():
-    """The same numbers with and without them."""
+    """They do not change the numbers."""
     chain, guess = limited([-9] * 3, [9] * 3), [1.2, -0.7, 2.0]
     assert np.array_equal(chain.assemble(guess), chain.assemble(guess, limits=True))
 

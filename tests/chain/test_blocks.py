@@ -155,7 +155,7 @@ def test_a_singular_loop_is_named_and_no_other(angles, named):
 
 
 def test_connected_parts_are_those_of_the_graph():
-    """Of random rows, also empty ones and rates in no row."""
+    """Random rows, also empty ones, and rates that are in no row."""
     random = np.random.default_rng(3)
     for _ in range(50):
         touched = random.random(size=random.integers(0, 12, size=2)) < 0.15
@@ -198,7 +198,7 @@ def test_a_block_is_the_same_whether_it_is_compiled_or_not(shape):
 
 
 def test_a_joint_that_no_closure_holds_counts_as_singular():
-    """As it would be if the coordinates were too few."""
+    """There are too few coordinates."""
     nothing = np.empty(0, dtype=np.intp)
     block = blocks_module.Block(nothing, np.arange(1), nothing, nothing, np.empty(0), np.ones(1))
     solver = blocks_module.Blocks([block], nothing, 1)

@@ -129,7 +129,7 @@ def test_Pinocchio_is_wrong_for_points_on_a_moving_joint():
 
 
 def test_linearize_is_the_motion_next_to_a_state():
-    """Of a floating four-bar: neighbours drift by A, carried on by the axes that move."""
+    """A floating four-bar: neighbouring motions drift by A; the moving axes carry them on."""
     case = floating_four_bar()
     chain, model = case.chain, case.chain.model
     random, n = np.random.default_rng(4), chain.degrees_of_freedom
@@ -158,7 +158,7 @@ def test_linearize_is_the_motion_next_to_a_state():
 
 
 def test_the_discrete_system_is_the_motion_next_to_an_equilibrium():
-    """Of a delta at rest: what a step makes of neighbours and of torques, by the integrator."""
+    """A delta at rest: A and B of one step agree with differences of the integrator."""
     robot = robots.delta()
     q, dt, rest = robot.home, 0.02, np.zeros(3)
     hold = robot.compute_torques(q, rest, rest)

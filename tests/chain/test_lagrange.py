@@ -126,7 +126,7 @@ def close(actual, expected, tolerance=1e-9):
 
 @pytest.mark.parametrize("name", CASES)
 def test_accelerations_are_those_of_Lagrange_multipliers(name):
-    """Of all joints, on random states, with random torques; and the rates keep the loop closed."""
+    """Accelerations of all joints in random states; the rates keep the loop closed."""
     case = CASES[name]
     chain, referee = case.build()
     for q, va, random in states(chain):
@@ -281,7 +281,7 @@ def test_the_order_in_which_joints_were_added_does_not_matter():
 
 
 def test_coordinates_are_what_the_caller_names():
-    """The same motion in other coordinates: forces transform by L^T, accelerations by L."""
+    """For one motion in two sets of coordinates, forces transform by L^T, accelerations by L."""
     case = Case(ARM, "6d", ["a0_RZ", "a1_revolute", "a2_RX", "a3_PZ"])
     chain, _ = case.build()
     n = chain.degrees_of_freedom

@@ -127,7 +127,7 @@ def test_dynamics_are_those_of_the_coupled_robot(pair):
 
 
 def test_derivatives_are_those_of_the_coupled_robot(pair):
-    """Of forces and accelerations; 1e-9 of the largest is rounding."""
+    """Derivatives of forces and accelerations; 1e-9 of the largest is rounding."""
     a, b, to_b, _ = pair
     for q, va, aa in states(a, 2):
         for method, third in (("torque_derivatives", aa), ("acceleration_derivatives", aa[:2])):

@@ -83,7 +83,7 @@ def test_a_reader_that_has_enough_ends_the_command_in_silence(arguments):
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
 def test_an_output_that_is_full_is_told_in_one_line():
-    """As on a full disc."""
+    """The disc is full."""
     with open("/dev/full", "w") as full:  # noqa: PTH123
         process = start("info", stdout=full)
         _, err = process.communicate(timeout=60)
@@ -197,7 +197,7 @@ def test_force_keeps_links_and_modes(here):
 
 
 def test_a_link_to_nothing_leads_to_the_new_file(here):
-    """As when a shell writes through it."""
+    """A shell writes through such a link, and so does the package."""
     (here / "link.csv").symlink_to(here / "data.csv")
     write_files({here / "link.csv": text_writer("new")})
     assert (here / "link.csv").is_symlink()

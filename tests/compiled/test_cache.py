@@ -25,7 +25,7 @@ def folder(tmp_path, monkeypatch):
 
 
 def answer():
-    """Of a library that is compiled, or found in the cache."""
+    """Messages about a library that is compiled, or found in the cache."""
     return build.library("robot", "kernel", b"content", "plain", lambda: SOURCE).answer()
 
 

@@ -98,7 +98,7 @@ def test_derivatives_along_tangents_are_those_of_the_closed_robot(chain, functio
 
 
 def test_the_residual_fixes_all_but_the_coordinates(chain, functions):
-    """As many rows as it takes, independent, and they allow what the tangent says."""
+    """The rows are independent and complete: they allow the tangent's motions only."""
     q = chain.generic_configuration()
     rows = functions.residual.jacobian()(q, 0).full()
     T = functions.tangent(q).full()

@@ -54,7 +54,7 @@ def pair(request, tmp_path_factory):
     scope="module", params=["four-bar", pytest.param("floating", marks=pytest.mark.slow)]
 )
 def small(request, tmp_path_factory):
-    """Likewise a small one, all kernels of which are soon made."""
+    """A small robot, whose kernels are compiled quickly."""
     return twice(request.param, tmp_path_factory.mktemp("robot"))
 
 
@@ -155,7 +155,7 @@ def test_rates_forces_and_frame_jacobians_agree_with_the_reference_path(small):
 
 
 def test_frames_of_one_name_at_one_place_are_one_frame(four_bar):
-    """As a joint and a link of a URDF often are."""
+    """A joint and a link of a URDF often have one name."""
     model = pin.Model(four_bar.model)
     for frame in list(model.frames)[-3:]:
         twin = pin.Frame(frame.name, frame.parentJoint, frame.placement, pin.FrameType.SENSOR)
@@ -191,7 +191,7 @@ def test_one_motion_needs_no_preparation_for_its_forces(small, monkeypatch):
 
 @pytest.mark.slow
 def test_simulation_and_rollout_agree_with_the_reference_path(small):
-    """The same equations, integrated to 1e-10 and to the same rule."""
+    """Both paths: `simulate` to 1e-10, `rollout` by one rule of integration."""
     kernels, reference = small
     q, va, _ = moving(reference, 2, 3)
     tau = np.zeros((2, 5, len(reference.motor_names)))

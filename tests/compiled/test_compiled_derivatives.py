@@ -252,7 +252,7 @@ def test_the_reference_path_computes_a_frame_that_no_kernel_vouches_for(compiled
 
 
 def test_frames_have_out_threads_and_samples_at_fault(compiled):
-    """As `compute_torques`; a sample that no kernel vouches for gets its error."""
+    """A bad sample gets the error of `compute_torques`."""
     case, chain = compiled[0], compiled[0].chain
     q, va, _, _ = map(np.array, zip(*case.states(6), strict=True))
     frame, many = chain.model.frames[-1].name, np.arange(1200) % 6
@@ -284,7 +284,7 @@ def test_frames_have_out_threads_and_samples_at_fault(compiled):
 
 
 def test_out_threads_and_samples_at_fault(compiled):
-    """As `compute_torques` has them."""
+    """The options are those of `compute_torques`."""
     case, chain = compiled[0], compiled[0].chain
     q, va, aa, _ = map(np.array, zip(*case.states(6), strict=True))
     n = chain.degrees_of_freedom

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The same theorems for NumPy arrays on both paths, CasADi's functions and JAX's."""
+"""NumPy arrays on both paths, CasADi's functions and JAX's satisfy the same theorems."""
 
 from types import SimpleNamespace
 
@@ -175,7 +175,7 @@ def test_a_turn_of_the_base_about_the_vertical_changes_nothing(door):
 
 
 def assert_second_derivatives_are_those_of_differences(case, door):
-    """Of exact first ones; symmetric, for coordinates are single joints: motions commute."""
+    """Differences of exact first derivatives; symmetric, as the coordinates are single joints."""
     q, va, aa, _ = next(states(case, door, 1))
     n, (way, dva, daa) = len(va), (case.way(q, np.random.default_rng(k)) for k in range(3))
 
@@ -205,7 +205,7 @@ def test_second_derivatives_of_other_robots_are_those_of_differences(name):
 
 @pytest.mark.parametrize("door", ["CasADi", "JAX"])
 def test_derivatives_of_a_step_are_those_of_differences(door):
-    """Of rollouts by the chain, from neighbours and with other torques."""
+    """Differences of rollouts by the chain, from neighbours and with other torques."""
     make, *arguments = CASES["five_bar"]
     case, random = make(*arguments), np.random.default_rng(0)
     door, chain = DOORS[door](case), case.chain

@@ -233,7 +233,7 @@ def test_what_depends_on_parameters_alone_is_computed_once(name):
 
 @pytest.mark.slow
 def test_operations_per_joint_of_a_ladder_do_not_depend_on_its_length():
-    """Of 4 to 96 four-bars: within a tenth."""
+    """Ladders of 4 to 96 four-bars differ by less than a tenth."""
     counts = []
     for bars in (4, 16, 96):
         chain = sst_pin.robots.ladder(bars)

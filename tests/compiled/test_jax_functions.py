@@ -93,7 +93,7 @@ def test_jacobians_are_the_chains_derivatives(chain):
 
 
 def test_the_gradient_of_a_loss_is_that_of_differences():
-    """Of a batch's squared torques by one scale of all motions, through vmap, grad and jit."""
+    """The derivative of a batch's squared torques by a scale, through vmap, grad and jit."""
     chain = four_bar()
     torques = chain.jax().torques
     q, va, aa = any_chain.states(chain, 4, 0)
@@ -138,7 +138,7 @@ def test_third_derivatives_are_those_of_differences():
 
 
 def test_the_gradient_of_a_scanned_motion_is_that_of_differences_of_rollouts():
-    """Of the place where torques lead, with the steps remade on the way back."""
+    """The gradient of a final state by the torques, steps computed again on the way back."""
     chain = four_bar()
     functions = chain.jax(chain.home, sign_width=0.1)
     placement = functions.frame_placement("platform")
@@ -273,7 +273,7 @@ def test_what_there_is_not_has_its_error():
 
 
 def test_other_coordinates_than_those_of_the_functions_are_told():
-    """As after a change of the model that leads to others."""
+    """A change of the model may lead to other coordinates."""
     chain = four_bar()
     functions = chain.jax()
     functions._mechanism = replace(functions._mechanism, coordinates=np.array([2]))

@@ -87,7 +87,7 @@ def test_folder_holds_what_its_readme_lists(folder):
 
 @pytest.mark.slow
 def test_code_of_the_folders_readme_runs_in_it(folder):
-    """As a stranger would paste it."""
+    """The lines are pasted from the page."""
     (block,) = re.findall(
         r"^```python\n(.*?)^```$", (folder / "README.md").read_text(), re.M | re.S
     )

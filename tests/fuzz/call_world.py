@@ -85,14 +85,14 @@ class World:
 
     @cached_property
     def open_motion(self):
-        """The same with its loops open."""
+        """The motion with its loops open."""
         m = self.motion
         q = m.q + 0.1 * np.arange(9)
         return sst_pin.Trajectory(m.t, q, m.va, m.aa, m.tau, m.joint_names, m.actuated)
 
     @cached_property
     def motion_of_another(self):
-        """Of a robot that is not here."""
+        """A motion of a robot with other joints."""
         rates = [np.ones((2, 1))] * 3
         names = ("lift", "boom", "bucket")
         return sst_pin.Trajectory([0.0, 1.0], np.ones((2, 3)), *rates, names, ("lift",))

@@ -86,7 +86,7 @@ def reads(name: str, urdf: str = FOUR_BAR, cuts: str = FOUR_BAR_CUTS) -> ClosedC
 
 
 def as_it_stands(urdf: str, cuts: str = FOUR_BAR_CUTS) -> Callable[[ClosedChain], bool]:
-    """Whether a chain has the torques of what stands in its files."""
+    """Whether a chain has the torques that its files describe."""
 
     def right(chain: ClosedChain) -> bool:
         n = len(chain.actuated)

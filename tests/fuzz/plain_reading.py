@@ -24,7 +24,7 @@ class UnreadableError(Exception):
 
 
 def numbers(text: str, count: int) -> np.ndarray:
-    """So many finite decimal numbers."""
+    """A given count of finite decimal numbers."""
     words = text.split()
     if len(words) != count or not all(_NUMBER.fullmatch(word) for word in words):
         raise UnreadableError(text)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Files changed at random: what is still read is what stands there, everything else is refused.
+"""Files changed at random are refused, or read with exactly the numbers in the file.
 
 Torques of what was read are compared with those of `plain_reading`, which reads the file once more
 with other means and solves for Lagrange multipliers. The default run takes the same few hundred
@@ -134,7 +134,7 @@ def require_same_torques(chain, expected, close):
 
 
 def require_right(folder, urdf, cuts):
-    """A description is refused by name, or its torques are those of what stands in it."""
+    """A description is refused by name, or its torques are those of its own numbers."""
     path = folder / "robot.urdf"
     path.write_text(urdf, encoding="utf-8", errors="replace")
     path.with_suffix(".yaml").write_text(cuts, encoding="utf-8", errors="replace")
@@ -153,7 +153,7 @@ def urdf(folder, text):
 
 @fuzzed(60, changed_yaml(FOUR_BAR_CUTS))
 def cuts(folder, text):
-    """The YAML beside a URDF is refused, or closures, motors and gravity are what stands in it."""
+    """The YAML beside a URDF is refused, or closures, motors and gravity are those in the file."""
     require_right(folder, FOUR_BAR, text)
 
 
@@ -218,7 +218,7 @@ def text_of(motion):
 
 @fuzzed(60, changed_csv(text_of(MOTION)))
 def trajectories(folder, text):
-    """A motion comes back as it stands in the CSV, or not at all."""
+    """A motion is read with exactly the numbers of the CSV, or refused."""
     path = folder / "motion.csv"
     path.write_text(text, encoding="utf-8")
     try:

@@ -77,7 +77,7 @@ def test_closures_hold_whatever_the_tolerance_of_the_integrator():
 
 
 def test_projection_leaves_the_dynamics_alone():
-    """The same motion integrated in R and omega of the star by virtual work, without closures."""
+    """Virtual work integrates the motion in R and omega of the star, without closures."""
     robot, referee = sst_pin.SST(HANGING), VirtualWork(HANGING)
     q0 = tilted_home(robot, (0.2, 0.1, 0))
     t = np.linspace(0, 2, 5)

@@ -245,7 +245,7 @@ def test_files_that_are_no_motions_are_told(tmp_path):
 
 
 def test_motors_that_are_no_coordinates_come_back_by_their_names(tmp_path):
-    """As many motors as coordinates, but others; more; and fewer."""
+    """There may be as many motors as coordinates, but others; more; and fewer."""
     for motors in (("rocker",), ("crank", "rocker"), ("0.5 crank + 1 rocker",)):
         tau = np.arange(2.0 * len(motors)).reshape(2, -1)
         q, va = np.arange(6.0).reshape(2, 3), np.ones((2, 1))

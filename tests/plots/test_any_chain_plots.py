@@ -150,7 +150,7 @@ def test_curves_are_what_the_chain_computes():
 
 
 def test_every_two_hues_differ():
-    """As seen by the eye: further apart than 20 in CIELAB."""
+    """Colours differ for the eye: by more than 20 in CIELAB."""
     from matplotlib.colors import to_rgb
 
     def lab(colour):

@@ -27,7 +27,7 @@ def test_notebook_runs(path, tmp_path, monkeypatch):
 
 
 def kinds(cell):
-    """Of its outputs, without the noise of the kernel."""
+    """The text of its outputs, without the messages of the kernel."""
     return [
         (output["output_type"], sorted(output.get("data", ())))
         for output in cell.get("outputs", ())

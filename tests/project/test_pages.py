@@ -71,7 +71,7 @@ def test_links_between_files_lead_somewhere(name):
     ],
 )
 def test_code_of_the_page_runs_and_prints_what_it_shows(name, tmp_path, monkeypatch):
-    """As one session in an empty folder; the last digit shown may differ."""
+    """A page runs as one session in an empty folder; the last digit shown may differ."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     page = PAGES[name].read_text(encoding="utf-8")

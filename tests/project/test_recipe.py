@@ -15,7 +15,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 @pytest.fixture(scope="module")
 def recipe():
-    """As conda-build renders it."""
+    """The recipe, rendered as conda-build does."""
     text = (ROOT / "recipe" / "meta.yaml").read_text(encoding="utf-8")
     strict = jinja2.Environment(undefined=jinja2.StrictUndefined, autoescape=False)
     known = {

@@ -200,7 +200,7 @@ def test_forwarding_methods_may_look_up() -> None:
 
 
 def test_the_old_name_of_the_workspace_is_an_alias() -> None:
-    """The same objects."""
+    """Both names give one object."""
     for name in sst_pin.workspace.__all__:
         assert getattr(sst_pin.workspace, name) is getattr(workspace, name)
 

@@ -110,7 +110,7 @@ def section(kind):
 
 @pytest.mark.parametrize("kind", marked(kind for kind in TOOLS if "```python" in section(kind)))
 def test_code_of_the_page_runs(kind, monkeypatch):
-    """As it stands there, from the root of the repository."""
+    """The command of the page, run in the root of the repository."""
     installed(kind)
     monkeypatch.chdir(script.PAGE.parents[1])
     for block in re.findall(r"^```python\n(.*?)^```$", section(kind), re.MULTILINE | re.DOTALL):

@@ -48,7 +48,7 @@ def named(q, digits):
 
 @pytest.mark.parametrize("reader", ["urdf", "mjcf"])
 def test_the_shipped_descriptions_bring_the_home_of_the_closed_form(reader):
-    """The same numbers by way of an SRDF and of a keyframe, printed with 15 digits."""
+    """An SRDF and a keyframe, printed with 15 digits, give the same numbers."""
     if reader == "mjcf":
         pytest.importorskip("mujoco")
         chain = sst_pin.ClosedChain.from_mjcf(sst_pin.MJCF_PATH)

@@ -45,7 +45,7 @@ def body(model, q, name):
 
 
 def test_a_continuous_joint_counts_as_one_unbounded_angle():
-    """The same motion as of a revolute joint, over many turns."""
+    """It moves like a revolute joint, over many turns."""
     bounded = parse_urdf(chain_urdf("revolute", "revolute"), "test")
     endless = parse_urdf(chain_urdf("continuous", "revolute"), "test")
     assert (endless.nq, endless.nv) == (2, 2)
@@ -603,7 +603,7 @@ def test_what_a_flag_disables_is_not_read(mjcf):
 
 
 def test_motors_of_a_group_that_is_disabled_are_none(mjcf):
-    """As in MuJoCo."""
+    """MuJoCo disables such motors too."""
     text = MJCF.replace('<position joint="ja"/>', '<position joint="ja" group="3"/>')
     mjcf.write_text(text.replace("<option ", '<option actuatorgroupdisable="3" '))
     assert read_mjcf(mjcf).actuated == ("jb",)
@@ -664,7 +664,7 @@ def test_a_platform_may_be_free_or_on_three_slides_and_a_ball(tmp_path, joints):
 
 
 def test_names_that_are_no_text_are_named(mjcf):
-    """Of a file in another encoding."""
+    """A file in another encoding is refused by name."""
     mjcf.write_bytes(MJCF.replace('"ja"', '"jä"').encode("latin-1"))
     with pytest.raises(sst_pin.DescriptionError, match="names that are not UTF-8"):
         read_mjcf(mjcf)

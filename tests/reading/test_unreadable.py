@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What the readers cannot take as it stands they refuse: by name, all at once, and at once.
+"""Readers refuse what they cannot read: by name, all faults together, and quickly.
 
 The words are those of `validate`.
 """
@@ -148,7 +148,7 @@ def test_what_would_be_read_as_something_else_is_refused(files, change, word):
 
 
 def test_all_faults_of_a_urdf_are_told_at_once(files):
-    """Of joints and of links."""
+    """One error lists the faults of joints and of links."""
     kind, root, write = files
     joint, link = moving(root)
     link.find("inertial/mass").set("value", "0,3")
@@ -375,7 +375,7 @@ def test_a_path_to_no_description_is_named(path):
 
 
 def test_a_robot_read_by_a_subclass_is_of_it(tmp_path):
-    """As people expect of a constructor."""
+    """A constructor of a subclass returns the subclass."""
 
     class Own(sst_pin.ClosedChain):
         pass

@@ -91,7 +91,7 @@ def test_the_data_cover_the_sst_and_the_whole_gallery():
 
 
 def test_the_description_is_that_of_the_robot(name, chain):
-    """What `describe` says now is what stands."""
+    """The file agrees with what `describe` gives now."""
     describe = pytest.importorskip("describe")
     now = json.loads(json.dumps(describe.describe(chain)))
     stands = {key: value for key, value in REFERENCE[name].items() if key != "states"}

@@ -68,7 +68,7 @@ def test_a_finding_carries_times_values_and_limits_and_says_the_worst(robot):
 
 
 def test_the_ends_of_an_arc_belong_to_it(robot):
-    """As in the workspace, rounding included."""
+    """The limits are those of the workspace, rounding included."""
     q = tilted(robot, np.array([np.pi / 2]))
     assert abs(q[0, 2]) < 1e-15
     assert robot.check(motion_of(robot, q)) == ()

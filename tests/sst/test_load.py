@@ -30,7 +30,7 @@ def test_load_is_a_robot_wrapper_with_geometry_and_poses(robot):
 
 
 def test_named_poses_are_free_of_collisions():
-    """Of the pairs that the SRDF leaves; and what touches always is not among them."""
+    """The pairs that the SRDF leaves are checked; bodies that always touch are not among them."""
     wrapper = sst_pin.load()
     model, collision = wrapper.model, wrapper.collision_model
 

@@ -15,7 +15,7 @@ from sst_pin.verification.verify_in_time import verify_in_time
 
 @pytest.fixture
 def no_engines(monkeypatch):
-    """As on a machine without the extra `verify`."""
+    """The machine has no extra `verify`."""
     real = referees.import_module
 
     def import_module(name, package=None):

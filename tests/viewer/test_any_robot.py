@@ -360,7 +360,7 @@ def test_a_configuration_has_no_torques_unless_they_are_given(tmp_path):
 
 
 def test_a_page_warns_of_open_loops_and_limits(tmp_path):
-    """Of a configuration and of a motion, with its time."""
+    """Warnings for a configuration, and for a motion with its time."""
     chain, q, _ = five_bar(tmp_path)
     viewer = Viewer(chain)
     viewer.show(q)

@@ -63,7 +63,7 @@ class Tool:
 
     @classmethod
     def version(cls) -> str:
-        """Of the program."""
+        """The version of the program."""
         return metadata.version(cls.distribution)
 
     def frame_poses(self, q: Array) -> dict[str, Array] | None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The same measurements of every tool, against our own robot."""
+"""Measure every tool in the same way, against our own robot."""
 
 from __future__ import annotations
 
