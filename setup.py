@@ -87,16 +87,5 @@ setup(
             )
             for target in ("avx512", "avx2", "avx2_one", "plain", "plain_one")
         ),
-        *(
-            Extension(
-                f"sst_pin.{name.replace('/', '.')}",  # runs without being compiled, too
-                [f"sst_pin/{name}.py"],
-                depends=[f"sst_pin/{name}.pxd"],
-                define_macros=[made_of(f"sst_pin/{name}.py", f"sst_pin/{name}.pxd")],
-                extra_compile_args=["-O3", "-g0"],
-                optional=True,
-            )
-            for name in ("chain/blocks", "chain/calls", "chain/closure_kinds", "sst/calls")
-        ),
     ],
 )

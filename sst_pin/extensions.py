@@ -6,9 +6,7 @@ from __future__ import annotations
 import ctypes
 import hashlib
 import warnings
-from collections.abc import Sequence
 from functools import cache
-from importlib.util import find_spec
 from pathlib import Path
 
 from .errors import CompilationError
@@ -60,17 +58,3 @@ def _made_of(library: ctypes.CDLL) -> str:
         return (ctypes.c_char * 65).in_dll(library, "made_of").value.decode()
     except ValueError:  # of a version that did not have it
         return ""
-
-
-def require_current_modules(package: str, names: Sequence[str]) -> None:
-    """Likewise those modules of a package that run without being compiled, too.
-
-    Args:
-        package: Its name.
-        names: Of the modules; beside the source of each is its `.pxd`.
-    """
-    for name in names:
-        found = find_spec(f"{package}.{name}")
-        if found is not None and found.origin is not None and not found.origin.endswith(".py"):
-            source = Path(found.origin).with_name(f"{name}.py")
-            require_current(found.origin, source, source.with_suffix(".pxd"))

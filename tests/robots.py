@@ -99,13 +99,14 @@ class Robot:
         self.armature = random.uniform(0, 0.1, m)
         self.viscous, self.coulomb = random.uniform(0, 2, (2, m))
 
-    def model(self) -> pin.Model:
-        """The tree, with the frames where it is cut."""
-        model = pin.Model()
+    def model(self, order: Sequence[int] | None = None) -> pin.Model:
+        """The tree, with the frames where it is cut; its joints added in an order."""
+        model, order = pin.Model(), list(order or range(len(self.links)))
         model.gravity.linear = GRAVITY
-        for i, link in enumerate(self.links):
+        for i in order:
+            link = self.links[i]
             joint = model.addJoint(
-                self.parents[i] + 1,
+                model.getJointId(link.parent) if link.parent else 0,
                 _joint_model(link),
                 pin.SE3(link.turned, link.origin),
                 link.name,
@@ -116,7 +117,8 @@ class Robot:
             joint = model.getJointId(frame.link)
             placement = pin.SE3(frame.turned, frame.origin)
             model.addFrame(pin.Frame(frame.name, joint, placement, pin.FrameType.OP_FRAME))
-        model.armature, model.damping, model.friction = self.armature, self.viscous, self.coulomb
+        numbers = (x[order] for x in (self.armature, self.viscous, self.coulomb))
+        model.armature, model.damping, model.friction = numbers
         return model
 
     def chain(self, actuated: Sequence[str] | None = None, **options) -> ClosedChain:

@@ -13,8 +13,6 @@ from sst_pin.extensions import require_current
 
 PACKAGE = Path(sst_pin.__file__).parent
 SOURCES = {
-    "chain.blocks": ("chain/blocks.py", "chain/blocks.pxd"),
-    "chain.closure_kinds": ("chain/closure_kinds.py", "chain/closure_kinds.pxd"),
     "compiled._binding": ("compiled/_binding.pyx", "compiled/batches.h"),
     "sst.kernels._plain": ("sst/kernels/kernels.c", "compiled/c/real.h", "compiled/c/driver.h"),
 }

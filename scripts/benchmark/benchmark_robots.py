@@ -56,7 +56,7 @@ class Kkt:
             (self.model.getFrameId(c.frame_a), self.model.getFrameId(c.frame_b))
             for c in chain.closures
         ]
-        self.coordinates = chain._current.mechanism().coordinates
+        self.coordinates = chain._current.mechanism.coordinates
         self.rest = np.setdiff1d(np.arange(self.model.nv), self.coordinates)
         self.rows = np.arange(3 * len(self.frames))
         self.rows = np.sort(qr(self._Phi(q)[:, self.rest].T, pivoting=True)[2][: len(self.rest)])
@@ -156,7 +156,7 @@ def closed_in_mujoco(chain: ClosedChain, q: Array, dt: float) -> tuple[Any, Any]
     compiled = spec.compile()
     compiled.opt.tolerance = 1e-8
     state = mujoco.MjData(compiled)
-    mechanism = chain._current.mechanism()
+    mechanism = chain._current.mechanism
     for name, own, i, k in places:
         joint = compiled.joint(name)
         start, size = joint.qposadr[0], len(joint.dofadr)
@@ -211,7 +211,7 @@ def single_calls(name: str, chain: ClosedChain) -> Calls:
     }
     if n > MOST:
         return calls
-    constrained, B = Constrained(chain), chain._current.mechanism().motors
+    constrained, B = Constrained(chain), chain._current.mechanism.motors
     force = B @ tau
     world, state = closed_in_mujoco(chain, q, 1e-4)
     world.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER

@@ -371,12 +371,12 @@ EQUATIONS = (
         "differences of f of second order, off the closures", _slope_of_residual,
     ),
     Equation(
-        "(6), (7), (17)", "L", ("blocks.Blocks.L",),
+        "(6), (7), (17)", "L", ("noc.JointComplement.factorise",),
         (_NOC + "L_is_the_block_formula_of_the_paper",), "the blocks of (17), sorted as in (6)",
         _complement,
     ),
     Equation(
-        "(7b), (8), (20)", "q_ddot, L_dot", ("blocks.Blocks.solve", "loops.Loops.Phi_dot"),
+        "(7b), (8), (20)", "q_ddot, L_dot", ("noc.JointComplement.L_dot", "loops.Loops.Phi_dot"),
         (_NOC + "rates_are_the_derivatives_along_the_motion",
          _MISPRINTS + "eq_20_gives_accelerations"),
         "joint accelerations in closed form", _accelerations,
@@ -401,7 +401,7 @@ EQUATIONS = (
         (_NOC + "the_closures_keep_nothing_of_L",), "zero, all twelve rows", _annihilated,
     ),
     Equation(
-        "(22), (23), (25)", "T, T_dot", ("dynamics.terms",),
+        "(22), (23), (25)", "T, T_dot", ("noc.natural_complement",),
         (_NOC + "T_and_its_rate_are_the_block_formulas_of_the_paper",),
         "the blocks of (23) and (25)", _complement_of_bodies,
     ),

@@ -24,7 +24,7 @@ _STEPS = 100
 _STRIDE = 0.5
 #: A joint this near to its limit, scaled, is at it: rounding of the step that led there.
 _AT_LIMIT = 1e-12
-#: How far a configuration next to another one lies, likewise.
+#: How far a configuration next to another one lies, [rad] or robot lengths.
 _ASIDE = 0.2
 
 
@@ -38,10 +38,13 @@ class Assembly:
         mechanism: What is put together.
         loops: Its closures.
         slipping: Whether rolling wheels may slip on the way.
+
+    Attributes:
+        mechanism, loops: As given.
     """
 
     def __init__(self, mechanism: Mechanism, loops: Loops, *, slipping: bool = True) -> None:
-        self.mechanism, self._loops = mechanism, loops
+        self.mechanism, self.loops = mechanism, loops
         self._rows = np.flatnonzero(loops.holonomic | (not slipping))
         self._scale = mechanism.row_scale[:, None] * mechanism.rate_scale
         self._known_parts: dict[bytes, list[tuple[Indices, Indices]]] = {}
@@ -63,7 +66,7 @@ class Assembly:
         q = bounds.clipped(q)
         bounds.require_within(q)
         if len(open_rows):
-            loops, mechanism = self._loops, self.mechanism
+            loops, mechanism = self.loops, self.mechanism
             residual = np.abs(loops.residual())
             largest = float(residual[open_rows].max())
             names = [
@@ -110,11 +113,12 @@ class Assembly:
         """
         from scipy.linalg import null_space
 
-        mechanism, loops = self.mechanism, self._loops
+        mechanism, loops = self.mechanism, self.loops
         loops.evaluate(q)
         motions = null_space(loops.Phi() * self._scale, rcond=1e-8)
         random = np.random.default_rng(seed)
-        direction = motions @ random.normal(size=motions.shape[1])
+        # A projection, so that the basis of the motions does not count.
+        direction = motions @ (motions.T @ random.normal(size=len(motions)))
         step = _ASIDE * direction / max(float(np.abs(direction).max(initial=0.0)), 1e-300)
         moved = pin.integrate(mechanism.model, q, step * mechanism.rate_scale)
         return self.assemble(moved, np.arange(mechanism.model.nv))
@@ -134,7 +138,7 @@ class Assembly:
             ]
             if not busy:
                 break
-            Phi = self._loops.Phi() * self._scale
+            Phi = self.loops.Phi() * self._scale
             step = np.zeros(Phi.shape[1])
             for rows, of_loop in busy:
                 columns, part = bounds.project(q, of_loop, Phi[rows], -f[rows])
@@ -170,12 +174,12 @@ class Assembly:
                     step[columns] = 0.0  # rounding, or a dead end
 
     def _residual(self, q: Array) -> Array:
-        self._loops.evaluate(q)
-        return self._loops.residual() * self.mechanism.row_scale
+        self.loops.evaluate(q)
+        return self.loops.residual() * self.mechanism.row_scale
 
     def _parts(self, free: Indices) -> Iterator[tuple[Indices, Indices]]:
         """Rows and free rates of loops that share none."""
-        loops = self._loops
+        loops = self.loops
         of_closures = np.array([loops.touched[rows].any(axis=0) for rows in loops.slices])
         number = np.repeat(np.arange(len(loops.slices)), [s.stop - s.start for s in loops.slices])
         for closures, columns in connected(of_closures.reshape(-1, loops.model.nv)[:, free]):
@@ -255,39 +259,6 @@ class _Limits:
 
     def _names(self, chosen: NDArray[np.bool_]) -> str:
         return ", ".join(np.array(self._mechanism.space.rate_names)[chosen])
-
-
-def generic_configuration(assembly: Assembly) -> Array:
-    """Some assembled configuration away from the symmetric ones, the same at each call.
-
-    Around what the model calls home, where there is one, else around `pin.neutral`, ever further.
-
-    Args:
-        assembly: Of the mechanism.
-
-    Raises:
-        ClosureError: When no guess leads to one.
-    """
-    failures = []
-    for guess in _guesses(assembly.mechanism):
-        try:
-            return assembly.assemble(guess, np.arange(assembly.mechanism.model.nv))
-        except ClosureError as error:
-            failures.append(error)
-    raise min(failures, key=lambda error: error.residual)
-
-
-def _guesses(mechanism: Mechanism) -> Iterator[Array]:
-    model, scale, home = mechanism.model, mechanism.rate_scale, home_of(mechanism)
-    if home is not None:
-        random = np.random.default_rng(0)
-        for width in (0.1, 0.03, 0.01):
-            aside = scale * random.uniform(-width, width, model.nv)
-            yield pin.integrate(model, home, aside)
-    random = np.random.default_rng(0)
-    for width in np.linspace(0.1, 2.0, 20):
-        aside = scale * width * random.normal(size=model.nv)
-        yield pin.integrate(model, pin.neutral(model), aside)
 
 
 def home_of(mechanism: Mechanism) -> Array | None:

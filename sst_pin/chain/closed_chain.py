@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from copy import copy
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -15,6 +14,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import (
+    as_array,
     finite_array,
     for_each_sample,
     names,
@@ -22,19 +22,19 @@ from ..arrays import (
     single_array,
     whole_number,
 )
-from ..errors import ClosureError, DescriptionError, InputError, MissingExtraError
+from ..errors import DescriptionError, InputError, MissingExtraError
 from ..summaries import as_html, as_text, listed
 from . import derivatives, dynamics, samples
 from .appearance import Appearance, appearance_of
 from .assignments import require_assignable
 from .backend import States
-from .calls import Calls
 from .closures import Constraint
-from .current import CurrentMechanism
-from .draft import Motor, closures_of, without_locked
-from .mechanism import Friction
-from .mobility import Mobility, condition_number
+from .current import Current
+from .draft import Motor, closures_of, mechanism_of, without_locked
+from .mechanism import Friction, Mechanism
+from .mobility import Mobility, condition_number, scaled_Phi
 from .samples import by_kernel
+from .tree import frame_id
 
 if TYPE_CHECKING:
     from ..compiled.casadi_functions import CasadiFunctions
@@ -54,7 +54,7 @@ def _anything_goes(model: pin.Model) -> None:
     pass
 
 
-class ClosedChain(Calls):
+class ClosedChain:
     """A robot with closed loops.
 
     `q` is a configuration of the tree, shape (nq,), in the format of Pinocchio. The independent
@@ -62,7 +62,8 @@ class ClosedChain(Calls):
     (n,). `tau` are the torques of the motors, in the order of `motor_names`. Methods can be called
     from several threads.
 
-    A change of `model` takes effect at the next call; see `refresh`.
+    A chain is what it was made from: a change of `model` counts after `refresh`. So a result
+    depends on the arguments alone, not on the calls before.
 
     Args:
         model: The tree. The chain computes with a copy.
@@ -70,8 +71,8 @@ class ClosedChain(Calls):
             that must coincide.
         actuated: The motors: names of joints; for a tendon a mapping from joint names to factors.
         coordinates: Names of the independent joints; a joint with several rates counts with all
-            of them. By default the independent ones of the actuated joints, and other joints if
-            these are too few.
+            of them. By default as many of the actuated joints as are independent near `home` or,
+            without one, at an assembled configuration, and other joints if these are too few.
         locked: Names of joints that are fixed at `pin.neutral`, or a mapping from names of
             one-coordinate joints to their fixed positions.
         viscous_friction: D of each rate, shape (nv,); that of the model by default.
@@ -111,27 +112,32 @@ class ClosedChain(Calls):
             "stiffness": stiffness,
             "spring_reference": spring_reference,
         }
-        self._current = CurrentMechanism(
-            without_locked(model, locked) if locked else model,
-            closures_of(closures),
-            actuated,
-            coordinates,
-            numbers,
-            self._examine,
+        self._model = without_locked(model, locked) if locked else model
+        self._recipe: Callable[[pin.Model], Mechanism] = partial(
+            mechanism_of,
+            closures=closures_of(closures),
+            motors=actuated,
+            coordinates=coordinates,
+            numbers=numbers,
         )
+        self._current = Current(self._mechanism_of_model())
+
+    def _mechanism_of_model(self) -> Mechanism:
+        """The mechanism of `model` as it stands."""
+        self._examine(self._model)
+        return self._recipe(pin.Model(self._model))
 
     # --- what it is -------------------------------------------------------------------------
 
     @property
     def model(self) -> pin.Model:
-        """The tree. A change takes effect at the next call; see `refresh`.
+        """The tree of the caller. A change counts after `refresh`.
 
         Example:
             >>> chain.model.nq, chain.model.njoints
             (3, 4)
         """
-        self._current.unseen = True
-        return self._current.model
+        return self._model
 
     @property
     def closures(self) -> tuple[Constraint, ...]:
@@ -141,7 +147,7 @@ class ClosedChain(Calls):
             >>> [str(closure) for closure in robot.closures]
             ['closedloop1_A - closedloop1_B', 'closedloop2_A - closedloop2_B']
         """
-        return self._current.closures
+        return self._current.mechanism.closures
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -151,7 +157,7 @@ class ClosedChain(Calls):
             >>> chain.joint_names
             ('crank', 'coupler', 'rocker')
         """
-        return self._current.draft.space.joint_names
+        return self._current.mechanism.space.joint_names
 
     @property
     def position_names(self) -> tuple[str, ...]:
@@ -161,7 +167,7 @@ class ClosedChain(Calls):
             >>> sst_pin.robots.delta().position_names[-5:]
             ('motor_3', 'rod_3a_1', 'rod_3a_2', 'rod_3b_1', 'rod_3b_2')
         """
-        return self._current.draft.space.position_names
+        return self._current.mechanism.space.position_names
 
     @property
     def joint_units(self) -> tuple[str, ...]:
@@ -171,7 +177,7 @@ class ClosedChain(Calls):
             >>> sorted(set(sst_pin.robots.excavator().joint_units))
             ['m', 'rad']
         """
-        return self._current.draft.space.position_units
+        return self._current.mechanism.space.position_units
 
     @property
     def home(self) -> Array:
@@ -189,13 +195,14 @@ class ClosedChain(Calls):
             >>> sst_pin.ClosedChain.from_urdf(sst_pin.URDF_PATH).home[:3].round(4)
             array([0.7854, 1.5708, 0.6155])
         """
-        q = self._current.home()
+        q = self._current.home
         if q is None:
-            cure = 'set model.referenceConfigurations["home"] = q; assemble(guess) computes a q'
-            name = self._current.model.name
-            raise DescriptionError(f"model {name}", [f"no configuration is named home; {cure}"])
-        closed = self._current.first_closed(q)
-        return self.assemble(q) if closed is None else closed
+            cure = 'set model.referenceConfigurations["home"] = q and call refresh()'
+            raise DescriptionError(
+                f"model {self._current.mechanism.model.name}",
+                [f"no configuration is named home; {cure}; assemble(guess) computes a q"],
+            )
+        return q.copy()
 
     @property
     def actuated(self) -> NDArray[np.intp]:
@@ -205,7 +212,7 @@ class ClosedChain(Calls):
             >>> robot.joint_rates(robot.home, [1, 2, 3])[robot.actuated]
             array([1., 2., 3.])
         """
-        return self._current.draft.driven
+        return self._current.mechanism.driven
 
     @property
     def actuation(self) -> Array:
@@ -215,7 +222,7 @@ class ClosedChain(Calls):
             >>> chain.actuation.T
             array([[1., 0., 0.]])
         """
-        return self._current.draft.motors
+        return self._current.mechanism.motors
 
     @property
     def motor_names(self) -> tuple[str, ...]:
@@ -225,7 +232,7 @@ class ClosedChain(Calls):
             >>> robot.motor_names
             ('gamma_1', 'gamma_2', 'gamma_3')
         """
-        return self._current.draft.motor_names
+        return self._current.mechanism.motor_names
 
     @property
     def motor_units(self) -> tuple[str, ...]:
@@ -235,21 +242,17 @@ class ClosedChain(Calls):
             >>> robot.motor_units
             ('Nm', 'Nm', 'Nm')
         """
-        return self._current.draft.space.force_units(self.actuation)
+        return self._current.mechanism.space.force_units(self.actuation)
 
     @property
     def coordinates(self) -> tuple[str, ...]:
         """Names of the independent joints, or of single rates of a joint.
 
-        Raises:
-            ClosureError: If the coordinates are chosen automatically and no configuration can be
-                assembled.
-
         Example:
             >>> chain.coordinates
             ('crank',)
         """
-        mechanism = self._current.mechanism()
+        mechanism = self._current.mechanism
         return mechanism.space.names_of(mechanism.coordinates.tolist())
 
     @property
@@ -260,7 +263,7 @@ class ClosedChain(Calls):
             >>> sst_pin.robots.stewart().degrees_of_freedom
             6
         """
-        return len(self._current.mechanism().coordinates)
+        return len(self._current.mechanism.coordinates)
 
     @property
     def friction(self) -> Friction:
@@ -270,7 +273,7 @@ class ClosedChain(Calls):
             >>> robot.friction.viscous
             array([0., 0., 0., 0., 0., 0., 0., 0., 0.])
         """
-        return self._current.draft.friction
+        return self._current.mechanism.friction
 
     @property
     def path(self) -> str:
@@ -280,7 +283,7 @@ class ClosedChain(Calls):
             >>> sst_pin.SST(kernels=False).path
             'the reference path: switched off by kernels=False'
         """
-        return self._current.path()
+        return str(self._current.backend)
 
     @property
     def appearance(self) -> Appearance:
@@ -293,23 +296,18 @@ class ClosedChain(Calls):
         return appearance_of(self.model, self.closures)
 
     def refresh(self) -> None:
-        """Use all changes of `model` from now on.
-
-        Every call checks for changes itself, with one exception: a call that kernels answer
-        checks gravity, but the rest of the model only if `robot.model` was read since the last
-        call. If you keep the model in a variable and change it, call `refresh`.
+        """Take in all changes of `model`; the coordinates are chosen again.
 
         Raises:
             DescriptionError, UnknownNameError: As the constructor.
 
         Example:
-            >>> model = chain.model
-            >>> model.gravity.linear = np.zeros(3)
+            >>> chain.model.gravity.linear = np.zeros(3)
             >>> chain.refresh()
             >>> bool(abs(chain.compute_torques(chain.home, [0], [0])) < 1e-12)
             True
         """
-        self._current.take_in()
+        self._current = Current(self._mechanism_of_model(), self._current.kernels)
 
     # --- closures ---------------------------------------------------------------------------
 
@@ -360,7 +358,7 @@ class ClosedChain(Calls):
             >>> chain.Phi_dot(chain.home, chain.joint_rates(chain.home, [1])).shape
             (3, 3)
         """
-        v = single_array("q_dot", q_dot, (self._current.draft.model.nv,))
+        v = single_array("q_dot", q_dot, (self._current.mechanism.model.nv,))
         return self._current.evaluated(q).Phi_dot(v)
 
     def condition_number(self, q: ArrayLike) -> Array:
@@ -380,10 +378,11 @@ class ClosedChain(Calls):
         """
         current = self._current
         array = current.configurations(q)
-        coordinates = current.mechanism(q).coordinates
+        mechanism, loops = current.mechanism, current.reference.workspace.loops
 
         def one(q: Array) -> Array:
-            return np.asarray(condition_number(current.scaled_Phi(q), coordinates))
+            Phi = scaled_Phi(mechanism, loops, current.single(q))
+            return np.asarray(condition_number(Phi, mechanism.coordinates))
 
         return for_each_sample(one, [array], (1,), ())
 
@@ -421,15 +420,14 @@ class ClosedChain(Calls):
             >>> bool(abs(chain.residual(q)).max() < 1e-12)
             True
         """
-        start, tries = self._current.guess(q), whole_number("tries", tries, 1)
-        space = self._current.draft.space
+        mechanism, tries = self._current.mechanism, whole_number("tries", tries, 1)
+        model, space = mechanism.model, mechanism.space
+        if model.nv != model.nq and as_array("q", q, ()).shape == (model.nv,):
+            q = pin.integrate(model, pin.neutral(model), single_array("q", q, (model.nv,)))
+        start = space.normalised(single_array("q", q, (model.nq,)))
+        held = mechanism.coordinates
         if fixed is not None:
             held = space.rates_of(names("fixed", fixed))
-        else:
-            try:
-                held = self._current.mechanism().coordinates
-            except ClosureError:
-                held = self._current.draft.coordinates
         free = np.setdiff1d(np.arange(len(space.rate_names)), held)
         assembly = self._current.reference.workspace.assembly
         return assembly.try_starts(start, free, tries, seed, limits=limits)
@@ -438,7 +436,7 @@ class ClosedChain(Calls):
         """A random assembled configuration without symmetry, the same at each call.
 
         It is close to `home` if the robot has one, because other assemblies can have other degrees
-        of freedom.
+        of freedom. The coordinates were chosen there.
 
         Returns:
             Shape (nq,).
@@ -451,7 +449,7 @@ class ClosedChain(Calls):
             >>> bool(abs(chain.residual(q)).max() < 1e-12)
             True
         """
-        return self._current.generic_configuration()
+        return self._current.example()
 
     def mobility(self, q: ArrayLike | None = None) -> Mobility:
         """Degrees of freedom, redundant closure constraints, and whether the motors suffice.
@@ -532,9 +530,9 @@ class ClosedChain(Calls):
             array([ 1.   , -1.213,  0.213])
         """
         current = self._current
-        mechanism, arrays = current.arguments(q, va=va)
+        arrays = current.arguments(q, va=va)
         return by_kernel(
-            current, current.reference.rates, "rates", arrays, (1, 1), (mechanism.model.nv,)
+            current, current.reference.rates, "rates", arrays, (1, 1), (current.mechanism.model.nv,)
         )
 
     def joint_accelerations(self, q: ArrayLike, va: ArrayLike, aa: ArrayLike) -> Array:
@@ -553,9 +551,10 @@ class ClosedChain(Calls):
             array([-0.   ,  0.561,  0.594])
         """
         current = self._current
-        mechanism, arrays = current.arguments(q, va=va, aa=aa)
+        arrays = current.arguments(q, va=va, aa=aa)
         name, reference = "joint_accelerations", current.reference.joint_accelerations
-        return by_kernel(current, reference, name, arrays, (1, 1, 1), (mechanism.model.nv,))
+        nv = current.mechanism.model.nv
+        return by_kernel(current, reference, name, arrays, (1, 1, 1), (nv,))
 
     def frame_jacobian(
         self,
@@ -702,6 +701,173 @@ class ClosedChain(Calls):
 
     # --- dynamics ---------------------------------------------------------------------------
 
+    def compute_torques(
+        self,
+        q: ArrayLike,
+        va: ArrayLike,
+        aa: ArrayLike,
+        *,
+        platform_moment: ArrayLike | None = None,
+        external_wrenches: ArrayLike | None = None,
+        weights: ArrayLike | None = None,
+        out: Array | None = None,
+        threads: int = 1,
+        on_error: str = "raise",
+    ) -> Array:
+        """Inverse dynamics: the motor torques of a motion, Eq. (92).
+
+        With more motors than degrees of freedom these are the smallest torques for the motion.
+
+        Args:
+            q: Configurations on the closures, shape (..., nq).
+            va: Rates of the coordinates, shape (..., n).
+            aa: Accelerations of the coordinates, shape (..., n).
+            platform_moment: External moment on the platform, in base axes, shape (..., 3), [N m];
+                the platform is the body of the frame "platform", the star of an SST.
+            external_wrenches: [moment; force] that acts on each body at its mass centre, in base
+                axes, bodies in the order of the joints, shape (..., r, 6).
+            weights: Weights of the squared torques, positive, shape (motors,); one by default.
+            out: Array for the result, shape (..., motors).
+            threads: Number of threads for batches in compiled kernels; the reference path uses
+                one.
+            on_error: "raise", or "nan" to set the results of bad samples to NaN.
+
+        Returns:
+            tau, shape (..., motors), [N m] or [N].
+
+        Raises:
+            InputError: For a wrong shape or a number that is not finite.
+            ClosureError: If q is open.
+            SingularConfigurationError: If the coordinates do not determine the motion at q.
+            ActuationError: If the motors cannot produce the motion.
+
+        Example:
+            >>> chain.compute_torques(chain.home, [1], [0]).round(3)
+            array([0.166])
+        """
+        current = self._current
+        if external_wrenches is weights is None and on_error == "raise":
+            tau = current.torques_of(q, va, aa, platform_moment, out, threads)
+            if tau is not None:
+                return tau
+        arrays = current.arguments(q, va=va, aa=aa)
+        chosen = None if weights is None else samples.motor_weights(current.mechanism, weights)
+        return by_kernel(
+            current,
+            partial(current.reference.torques, weights=chosen),
+            "torques" if weights is None else None,
+            [*arrays, self._wrenches(platform_moment, external_wrenches, on_error)],
+            (1, 1, 1, 2),
+            (current.mechanism.motors.shape[1],),
+            out=out,
+            threads=threads,
+            on_error=on_error,
+        )
+
+    def generalized_forces(
+        self,
+        q: ArrayLike,
+        va: ArrayLike,
+        aa: ArrayLike,
+        *,
+        platform_moment: ArrayLike | None = None,
+        external_wrenches: ArrayLike | None = None,
+        out: Array | None = None,
+        on_error: str = "raise",
+    ) -> Array:
+        """Generalized forces that a motion needs: L^T times the joint forces of the tree.
+
+        They do not depend on the motors.
+
+        Args:
+            q: Configurations on the closures, shape (..., nq).
+            va: Rates of the coordinates, shape (..., n).
+            aa: Accelerations of the coordinates, shape (..., n).
+            platform_moment: As in `compute_torques`.
+            external_wrenches: As in `compute_torques`.
+            out: Array for the result, shape (..., n).
+            on_error: As in `compute_torques`.
+
+        Returns:
+            f, shape (..., n), [N m] or [N].
+
+        Raises:
+            InputError, ClosureError, SingularConfigurationError: As `compute_torques`.
+
+        Example:
+            >>> arm = sst_pin.robots.planar_4rrr()
+            >>> arm.generalized_forces(arm.home, np.zeros(3), [1, 0, 0]).shape
+            (3,)
+        """
+        current = self._current
+        if external_wrenches is None and on_error == "raise":
+            f = current.backend.forces_of(q, va, aa, platform_moment, out, 1)
+            if f is not None:
+                return f
+        arrays = current.arguments(q, va=va, aa=aa)
+        return by_kernel(
+            current,
+            current.reference.generalized_forces,
+            "generalized_forces",
+            [*arrays, self._wrenches(platform_moment, external_wrenches, on_error)],
+            (1, 1, 1, 2),
+            (len(current.mechanism.coordinates),),
+            out=out,
+            on_error=on_error,
+        )
+
+    def compute_accelerations(
+        self,
+        q: ArrayLike,
+        va: ArrayLike,
+        tau: ArrayLike,
+        *,
+        platform_moment: ArrayLike | None = None,
+        external_wrenches: ArrayLike | None = None,
+        out: Array | None = None,
+        threads: int = 1,
+        on_error: str = "raise",
+    ) -> Array:
+        """Direct dynamics: the accelerations of the coordinates for given torques, Eq. (92).
+
+        Args:
+            q: Configurations on the closures, shape (..., nq).
+            va: Rates of the coordinates, shape (..., n).
+            tau: Motor torques, shape (..., motors), [N m] or [N].
+            platform_moment: As in `compute_torques`.
+            external_wrenches: As in `compute_torques`.
+            out: Array for the result, shape (..., n).
+            threads: As in `compute_torques`.
+            on_error: As in `compute_torques`.
+
+        Returns:
+            aa, shape (..., n).
+
+        Raises:
+            InputError, ClosureError, SingularConfigurationError: As `compute_torques`.
+
+        Example:
+            >>> chain.compute_accelerations(chain.home, [0], [0]).round(3)
+            array([-32.345])
+        """
+        current = self._current
+        if external_wrenches is None and on_error == "raise":
+            aa = current.accelerations_of(q, va, tau, platform_moment, out, threads)
+            if aa is not None:
+                return aa
+        arrays = current.arguments(q, va=va, tau=tau)
+        return by_kernel(
+            current,
+            current.reference.accelerations,
+            "accelerations",
+            [*arrays, self._wrenches(platform_moment, external_wrenches, on_error)],
+            (1, 1, 1, 2),
+            (len(current.mechanism.coordinates),),
+            out=out,
+            threads=threads,
+            on_error=on_error,
+        )
+
     def noc(self, q: ArrayLike, va: ArrayLike) -> dynamics.Terms:
         """All matrices of the paper at one state, with f = I aa + C va - tau^g - tau^f.
 
@@ -718,8 +884,7 @@ class ClosedChain(Calls):
             ((9, 3), (54, 9), (54, 3))
         """
         current = self._current
-        single = current.single(q)
-        n = len(current.mechanism(single).coordinates)
+        single, n = current.single(q), len(current.mechanism.coordinates)
         return dynamics.terms(current.reference.workspace, single, single_array("va", va, (n,)))
 
     def reduced_terms(
@@ -742,8 +907,8 @@ class ClosedChain(Calls):
             (array([[0.0049]]), array([-0.16]))
         """
         current = self._current
-        mechanism, arrays = current.arguments(q, va=va)
-        n = len(mechanism.coordinates)
+        arrays = current.arguments(q, va=va)
+        n = len(current.mechanism.coordinates)
         rows = by_kernel(
             current,
             current.reference.reduced_terms,
@@ -914,7 +1079,7 @@ class ClosedChain(Calls):
             0.0025
         """
         v = self.joint_rates(q, va)
-        _, arrays = self._current.arguments(q)
+        arrays = self._current.arguments(q)
         return for_each_sample(self._current.reference.kinetic_energy, [*arrays, v], (1, 1), ())
 
     def potential_energy(self, q: ArrayLike) -> Array:
@@ -931,8 +1096,7 @@ class ClosedChain(Calls):
             3.106
         """
         current = self._current
-        current.look()
-        array = finite_array("q", q, (current.draft.model.nq,))
+        array = finite_array("q", q, (current.mechanism.model.nq,))
         return for_each_sample(current.reference.potential_energy, (array,), (1,), ())
 
     def friction_power(self, q: ArrayLike, va: ArrayLike) -> Array:
@@ -956,7 +1120,7 @@ class ClosedChain(Calls):
             >>> chain.motor_rates(chain.home, [1])
             array([1.])
         """
-        return np.asarray(self.joint_rates(q, va) @ self._current.mechanism().motors)
+        return np.asarray(self.joint_rates(q, va) @ self._current.mechanism.motors)
 
     # --- compilation, files, motions --------------------------------------------------------
 
@@ -1004,13 +1168,18 @@ class ClosedChain(Calls):
 
         current = self._current
         near = None if q is None else current.single(q)
-        current.mechanism(near)
         kernels: tuple[str, ...] = FIRST + DERIVATIVES if derivatives else FIRST
         if derivatives and current.reference.derivatives.axes_move:
             kernels += ("displacement_rates",)
         kernels = EVERY if all else kernels
-        make = partial(CompiledBackend.make, names=kernels)
-        current.compute_by(partial(CompiledBackend, near=near), make)
+        compiled = Current(
+            current.mechanism,
+            partial(CompiledBackend, near=near, bearer=self._platform_body),
+        )
+        backend = CompiledBackend(compiled.reference, near, bearer=self._platform_body)
+        backend.make(kernels)
+        compiled.backend = backend
+        self._current = compiled
 
     def casadi(
         self,
@@ -1054,7 +1223,6 @@ class ClosedChain(Calls):
             raise MissingExtraError("casadi", "compile") from None
         current = self._current
         near = None if q is None else current.single(q)
-        current.mechanism(near)
         width = positive_number("sign_width", sign_width)
         return CasadiFunctions(current.reference, near, width, external_wrenches, compiled)
 
@@ -1210,7 +1378,7 @@ class ClosedChain(Calls):
         """
         from ..motion.trajectories import Trajectory
 
-        mechanism = self._current.mechanism()
+        mechanism = self._current.mechanism
         space = mechanism.space
         return Trajectory(
             t,
@@ -1234,6 +1402,7 @@ class ClosedChain(Calls):
         va0: ArrayLike,
         t: ArrayLike,
         *,
+        platform_moment: Load = None,
         external_wrenches: Load = None,
         method: str = "DOP853",
         rtol: float = 1e-12,
@@ -1257,7 +1426,7 @@ class ClosedChain(Calls):
             q0,
             va0,
             t,
-            external_wrenches=external_wrenches,
+            external_wrenches=self._moving_load(platform_moment, external_wrenches),
             method=method,
             rtol=rtol,
             atol=atol,
@@ -1273,6 +1442,7 @@ class ClosedChain(Calls):
         va0: ArrayLike,
         dt: float,
         *,
+        platform_moment: ArrayLike | None = None,
         external_wrenches: ArrayLike | None = None,
         steps: int | None = None,
         sign_width: float = 1e-3,
@@ -1294,7 +1464,7 @@ class ClosedChain(Calls):
             q0,
             va0,
             dt,
-            external_wrenches=external_wrenches,
+            external_wrenches=self._wrenches(platform_moment, external_wrenches),
             steps=steps,
             sign_width=sign_width,
             threads=threads,
@@ -1360,17 +1530,61 @@ class ClosedChain(Calls):
 
     # --- inside -----------------------------------------------------------------------------
 
-    #: Called with each model that is taken in; an SST reads its geometry, or refuses it.
+    #: Refuses a model that is none of this class.
     _examine: Callable[[pin.Model], Any] = staticmethod(_anything_goes)
+    #: Name of the frame whose body is the platform.
+    _platform = "platform"
 
     def _motion_in(self, table: Table) -> tuple[Array, Array, Array] | None:
         """q, va, aa of a table whose columns are not the coordinates; an SST has such tables."""
         return None
 
-    def __copy__(self: _Chain) -> _Chain:
-        twin = type(self).__new__(type(self))
-        twin.__dict__.update(self.__dict__, _current=copy(self._current))
-        return twin
+    @property
+    def _platform_body(self) -> int | None:
+        """Index of the body that bears a moment on the platform, counted from 0."""
+        model = self._current.mechanism.model
+        if not model.existFrame(self._platform):
+            return None
+        joint = model.frames[frame_id(model, self._platform)].parentJoint
+        return joint - 1 if joint else None
+
+    def _wrenches(
+        self,
+        platform_moment: ArrayLike | None,
+        external_wrenches: ArrayLike | None,
+        on_error: str = "raise",
+    ) -> Array | None:
+        """Wrenches on all bodies, shape (..., r, 6), with a moment on the platform, or None."""
+        mechanism = self._current.mechanism
+        wrenches = samples.external_wrenches(mechanism, external_wrenches, on_error)
+        if platform_moment is None:
+            return wrenches
+        body = self._platform_body
+        if body is None:
+            raise InputError(
+                "platform_moment",
+                f'the robot has no body with a frame "{self._platform}"; use external_wrenches=',
+            )
+        moment = as_array("platform_moment", platform_moment, (3,))
+        if on_error == "raise":
+            moment = finite_array("platform_moment", moment, (3,))
+        on_platform = np.zeros((*moment.shape[:-1], mechanism.model.njoints - 1, 6))
+        on_platform[..., body, :3] = moment
+        return on_platform if wrenches is None else on_platform + wrenches
+
+    def _moving_load(self, platform_moment: Load, external_wrenches: Load) -> Load:
+        """Both loads of a simulation as one, which may depend on time and state."""
+        if platform_moment is None:
+            return external_wrenches
+
+        def load(t: float, q: Array, va: Array) -> Array:
+            loads = (platform_moment, external_wrenches)
+            moment, others = (x(t, q, va) if callable(x) else x for x in loads)
+            wrenches = self._wrenches(moment, others)
+            assert wrenches is not None
+            return wrenches
+
+        return load
 
     def __setattr__(self, name: str, value: object) -> None:
         require_assignable(self, name)
@@ -1383,27 +1597,17 @@ class ClosedChain(Calls):
         return as_html(*self._summary())
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
-        """What it is, in a few rows; nothing is assembled for them."""
-        draft = self._current.draft
-        title = f"{type(self).__name__} {draft.model.name}"
-        computing = [("computed by", str(self._current.backend))] if self._current.settled else []
+        """What it is, in a few rows."""
+        model = self._current.mechanism.model
+        title = f"{type(self).__name__} {model.name}"
         return title, [
             ("joints", f"{len(self.joint_names)} ({listed(self.joint_names)})"),
             ("closures", f"{len(self.closures)} ({listed([str(c) for c in self.closures], 3)})"),
             ("motors", f"{len(self.motor_names)} ({listed(self.motor_names)})"),
-            ("sizes", f"nq = {draft.model.nq}, nv = {draft.model.nv}"),
-            *computing,
+            ("sizes", f"nq = {model.nq}, nv = {model.nv}"),
+            ("computed by", self.path),
         ]
 
-    def states(self, sign_width: float, q: ArrayLike) -> States:
-        """The state space for an integrator.
-
-        Args:
-            sign_width: By which the sign of friction is smoothed.
-            q: Where motions start, shape (..., nq).
-
-        Example:
-            >>> states = chain.states(1e-3, chain.home)
-        """
-        self._current.mechanism(q)
+    def _states(self, sign_width: float) -> States:
+        """The state space for an integrator, with the sign of friction smoothed."""
         return self._current.backend.states(replace(self.friction, sign_width=sign_width))

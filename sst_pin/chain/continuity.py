@@ -59,7 +59,10 @@ class Continuity:
         self._mechanism, self._loops = mechanism, loops
         self._scale = mechanism.row_scale[:, None] * mechanism.rate_scale
         self._moving = np.flatnonzero(loops.touched.any(axis=0))
-        dependent, shapes = mechanism.dependent, dict[tuple[int, int], list[tuple[Indices, Indices]]]()
+        dependent, shapes = (
+            mechanism.dependent,
+            dict[tuple[int, int], list[tuple[Indices, Indices]]](),
+        )
         for rows, rates in connected(loops.touched[:, dependent]):
             shapes.setdefault((len(rows), len(rates)), []).append((rows, dependent[rates]))
         self._entries = [
@@ -145,7 +148,7 @@ class Continuity:
 
     def _place(self, q: Array) -> _Place:
         self._loops.evaluate(q)
-        Phi = self._loops.update_Phi() * self._scale
+        Phi = self._loops.Phi() * self._scale
         return _Place(q, [Phi[entries] for entries in self._entries])
 
 

@@ -21,8 +21,8 @@ from ..errors import InputError
 from .dynamics import Workspace, applied_forces, direct_dynamics, motion_of_tree
 from .mechanism import Friction, Mechanism
 from .plain_tree import PlainTree
-from .row_derivatives import Branches, Frame, Partials, Tree, partials
-from .vectors import brackets, cross
+from .row_derivatives import Branches, Frames, Partials, Tree, partials
+from .vectors import brackets, cross_products, skew
 
 Array = NDArray[np.float64]
 
@@ -175,10 +175,10 @@ class Derivatives:
         v, v_dot = motion_of_tree(self._ws, va, self._ws.steady)
         L = self._ws.complement.L
         tree = Tree(self._branches, self._ws.data, q, v, v_dot)
-        v_q = -self._inverse().dot(partials(self._ws.loops, tree).velocity_q.dot(L))
-        moved = tree.frame(frame)
-        J = np.concatenate((moved.vectors_q[0], moved.J[3:]))
-        by_q = np.concatenate((moved.vectors_tq[0], moved.twist_q[3:]))
+        v_q = -self._ws.complement.inverse.dot(partials(self._ws.loops, tree).velocity_q.dot(L))
+        moved = tree.frames_of([frame])
+        J = np.concatenate((moved.vectors_q[0, :, 0, :3].T, moved.J[0, 3:]))
+        by_q = np.concatenate((moved.vectors_tq[0, :, 0, :3].T, moved.twist_q[0, 3:]))
         return np.concatenate((by_q.dot(L) + J.dot(v_q), J.dot(L)), axis=1)
 
     def _forces(
@@ -196,7 +196,7 @@ class Derivatives:
         v, v_dot = motion_of_tree(ws, va, aa)
         L = ws.complement.L
         tree = Tree(self._branches, ws.data, q, v, v_dot)
-        rows, G = partials(ws.loops, tree), self._inverse()
+        rows, G = partials(ws.loops, tree), ws.complement.inverse
         force = pin.rnea(ws.model, ws.data, q, v, v_dot) - mechanism.motors.dot(tau)
         applied = applied_forces(ws, friction, q, v, wrenches)
         if applied is not None:
@@ -222,52 +222,50 @@ class Derivatives:
         is its own derivative w_q less that of a wrench that does.
         """
         ws, model = self._ws, self._ws.model
-        loads: list[tuple[Frame, Array, Array]] = []
-        for rows_of, frame, W, W_q in rows.held:
-            loads.append(
-                (frame, reactions[rows_of].dot(W), np.tensordot(reactions[rows_of], W_q, 1))
-            )
-        if wrenches is not None:
-            for joint, (moment, force) in enumerate(wrenches.reshape(-1, 2, 3), start=1):
-                if moment.any() or force.any():
-                    loads.append(_on_mass_centre(tree, ws.data, joint, moment, force))
+        shares = reactions[:, None] * rows.W, reactions[:, None, None] * rows.W_q
+        w, w_q = np.zeros((len(rows.frames.J), 6)), np.zeros_like(rows.frames.J)
+        np.add.at(w, ws.loops.pairs.frames, shares[0])
+        np.add.at(w_q, ws.loops.pairs.frames, shares[1])
+        joints = [model.frames[frame].parentJoint for frame in ws.loops.frames]
+        loads = [(joints, rows.frames, w, w_q)]
+        if wrenches is not None and wrenches.any():
+            loads.append(_on_mass_centres(tree, ws.data, wrenches.reshape(-1, 6)))
         total = np.zeros((model.njoints, 6))
-        for frame, w, _ in loads:
-            total[frame.joint] += w
+        for joints, _, w, _ in loads:
+            np.add.at(total, joints, w)
         in_bodies = pin.StdVec_Force()
-        for placement, w in zip(ws.data.oMi, total, strict=True):
-            in_bodies.append(placement.actInv(pin.Force(w)))
+        for placement, of_body in zip(ws.data.oMi, total, strict=True):
+            in_bodies.append(placement.actInv(pin.Force(of_body)))
         arguments = (model, ws.data, tree.q, tree.v, tree.v_dot, in_bodies)
         force_q, force_v, M = (np.array(x) for x in pin.computeRNEADerivatives(*arguments))
-        for frame, w, w_q in loads:
-            force_q -= frame.J.T.dot(w_q - _force_cross(frame.J, w))
+        for _, frames, w, w_q in loads:
+            turning = w_q - _carried(frames.J, w)
+            force_q -= np.tensordot(frames.J, turning, axes=((0, 1), (0, 1)))
         for row, k, second in rows.coupled:
             force_q[k, k] -= reactions[row] * second
         return force_q, force_v, M
-
-    def _inverse(self) -> Array:
-        """G: Phi G c = c for c that Phi can bring about, no coordinate moves, shape (nv, rows)."""
-        return self._ws.complement.solve(np.eye(self._ws.loops.rows))
 
     def _friction(self, sign_width: float) -> Friction:
         return replace(self._mechanism.friction, sign_width=sign_width)
 
 
-def _on_mass_centre(
-    tree: Tree, data: pin.Data, joint: int, moment: Array, force: Array
-) -> tuple[Frame, Array, Array]:
-    """A constant wrench at a body's mass centre: the body, the wrench at the origin, its w_q."""
-    model = tree.model
-    centre = data.oMi[joint] * pin.SE3(np.eye(3), model.inertias[joint].lever)
-    frame = Frame(tree, joint, centre)
-    p, p_q = frame.vectors[0], frame.vectors_q[0]
-    w = np.concatenate((force, moment + cross(p, force)))
-    w_q = np.concatenate((np.zeros_like(p_q), cross(p_q, force)))
-    return frame, w, w_q
+def _on_mass_centres(
+    tree: Tree, data: pin.Data, wrenches: Array
+) -> tuple[list[int], Frames, Array, Array]:
+    """Constant wrenches at the mass centres: the bodies, the wrenches at the origin, their w_q."""
+    joints = [int(k) for k in np.flatnonzero(wrenches.any(axis=1)) + 1]
+    levers = [pin.SE3(np.eye(3), tree.model.inertias[joint].lever) for joint in joints]
+    placements = [data.oMi[j] * lever for j, lever in zip(joints, levers, strict=True)]
+    frames = tree.frames(joints, placements)
+    moments, forces = wrenches[wrenches.any(axis=1)].reshape(-1, 2, 3).swapaxes(0, 1)
+    w = np.hstack((forces, moments + cross_products(frames.vectors[:, 0, :3], forces)))
+    w_q = np.zeros_like(frames.J)
+    w_q[:, 3:] = -skew(forces) @ frames.vectors_q[:, :, 0, :3].swapaxes(1, 2)
+    return joints, frames, w, w_q
 
 
-def _force_cross(twists: Array, w: Array) -> Array:
-    """Derivatives of a wrench that is carried along, twist by twist, shape (6, nv)."""
-    linear, omega = twists[:3], twists[3:]
-    moment = cross(omega, w[3:]) + cross(linear, w[:3])
-    return np.concatenate((cross(omega, w[:3]), moment))
+def _carried(twists: Array, w: Array) -> Array:
+    """Derivatives of wrenches, shape (k, 6), that twists, shape (k, 6, nv), carry along."""
+    force, moment = -skew(w[:, :3]), -skew(w[:, 3:])
+    linear, omega = twists[:, :3], twists[:, 3:]
+    return np.concatenate((force @ omega, moment @ omega + force @ linear), axis=1)

@@ -6,6 +6,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -14,8 +15,11 @@ from numpy.typing import ArrayLike, NDArray
 from ..arrays import finite_array
 from ..arrays import names as names_of
 from ..errors import DescriptionError, InputError
+from .assembly import Assembly
 from .closures import Closure, Constraint, Coupling, Distance, Rolling
+from .coordinates import settle
 from .joint_space import JointSpace
+from .loops import Loops
 from .mechanism import Friction, Mechanism, Springs
 from .tree import joint_id
 
@@ -26,7 +30,19 @@ _MIMIC = re.compile(
     r"Mimicking joint type: JointModel([RP][XYZ]|(Revolute|Prismatic)Unaligned)$", re.M
 )
 
-#: A motor: the joint that it drives, or how its force is shared by joints (a tendon).
+#: Arrays of a model with a number for each rate, and for each position.
+_OF_RATES = (
+    "armature",
+    "damping",
+    "friction",
+    "rotorInertia",
+    "rotorGearRatio",
+    "effortLimit",
+    "velocityLimit",
+)
+_OF_POSITIONS = ("lowerPositionLimit", "upperPositionLimit")
+
+#: A motor: the joint that it drives, or the factors of the joints that it drives (a tendon).
 Motor = str | Mapping[str, float]
 
 
@@ -49,57 +65,72 @@ def closures_of(closures: Sequence[Constraint | tuple[str, str]]) -> tuple[Const
     return tuple(found)
 
 
-def draft(
+def mechanism_of(
     model: pin.Model,
     closures: tuple[Constraint, ...],
     motors: Sequence[Motor],
     coordinates: Sequence[str] | None,
-    *,
-    viscous_friction: ArrayLike | None,
-    coulomb_friction: ArrayLike | None,
-    stiffness: ArrayLike | None,
-    spring_reference: ArrayLike | None,
+    numbers: Mapping[str, ArrayLike | None],
 ) -> Mechanism:
-    """A mechanism whose coordinates are those asked for, else all that motors act on.
+    """A mechanism with its coordinates, from what the constructor of `ClosedChain` takes.
+
+    Args:
+        model: The tree; the mechanism keeps it.
+        closures: What closes it.
+        motors: What drives it.
+        coordinates: Names of the independent joints; None to choose them.
+        numbers: `viscous_friction`, `coulomb_friction`, `stiffness`, `spring_reference`.
 
     Raises:
         DescriptionError: For a tree that cannot be computed.
-        UnknownNameError: For a joint that it does not have.
+        UnknownNameError: For a joint or frame that the tree does not have.
         InputError: For numbers that do not fit.
     """
     _require_sound(model, closures)
     space = JointSpace(model)
     B, names = _motors(space, motors, model.nv)
+
+    def of_rates(name: str, default: Array) -> Array:
+        given = numbers[name]
+        array = finite_array(name, default if given is None else given, (model.nv,))
+        if array.shape != (model.nv,):
+            raise InputError(name, f"shape {array.shape}, expected {(model.nv,)}")
+        return array
+
     friction = Friction(
-        _of_rates("viscous_friction", viscous_friction, model.damping),
-        _of_rates("coulomb_friction", coulomb_friction, model.friction),
+        of_rates("viscous_friction", model.damping),
+        of_rates("coulomb_friction", model.friction),
     )
-    rest = pin.neutral(model) if spring_reference is None else spring_reference
+    rest = numbers["spring_reference"]
+    rest = pin.neutral(model) if rest is None else rest
     springs = Springs(
-        _of_rates("stiffness", stiffness, np.zeros(model.nv)),
+        of_rates("stiffness", np.zeros(model.nv)),
         finite_array("spring_reference", rest, (model.nq,)),
     )
     springs.check(model)
-    mechanism = Mechanism(model, closures, np.empty(0, dtype=np.intp), B, names, friction, springs)
-    chosen = (
-        mechanism.driven
-        if coordinates is None
-        else space.rates_of(names_of("coordinates", coordinates))
-    )
-    return Mechanism(model, closures, chosen, B, names, friction, springs)
+    wanted = None
+    if coordinates is not None:
+        wanted = space.rates_of(names_of("coordinates", coordinates))
+    unsettled = Mechanism(model, closures, np.empty(0, dtype=np.intp), B, names, friction, springs)
+    assembly = Assembly(unsettled, Loops(model, closures))
+    chosen, example = settle(assembly, wanted)
+    return replace(unsettled, coordinates=chosen, example=example)
 
 
 def without_locked(model: pin.Model, locked: Sequence[str] | Mapping[str, float]) -> pin.Model:
     """The tree with some joints held.
 
     Raises:
+        DescriptionError: For a tree whose arrays have wrong sizes.
         UnknownNameError: For a joint that it does not have.
         InputError: For a tree with mimic joints, which Pinocchio cannot reduce.
     """
+    if problems := _wrong_sizes(model):
+        raise DescriptionError(f"model {model.name}", problems)
     if list(model.mimicking_joints):
         raise InputError("locked", "the model has mimic joints; lock joints before you add these")
     q = pin.neutral(model)
-    ids = [joint_id(model, name) for name in names_of("locked", locked)]
+    ids = [joint_id(model, name) for name in names_of("locked", list(locked))]
     if isinstance(locked, Mapping):
         for index, value in zip(ids, locked.values(), strict=True):
             joint = model.joints[index]
@@ -134,16 +165,12 @@ def _motors(space: JointSpace, motors: Sequence[Motor], nv: int) -> tuple[Array,
     return np.array(columns).reshape(-1, nv).T, tuple(names)
 
 
-def _of_rates(name: str, given: ArrayLike | None, default: Array) -> Array:
-    array = finite_array(name, default if given is None else given, (len(default),))
-    if array.shape != default.shape:
-        raise InputError(name, f"shape {array.shape}, expected {default.shape}")
-    return array
-
-
 def _require_sound(model: pin.Model, closures: Sequence[Constraint]) -> None:
     names = list(model.names)[1:]
-    problems = [f"joint {n}: the name appears twice" for n, k in Counter(names).items() if k > 1]
+    problems = _wrong_sizes(model)
+    problems += [f"joint {n}: the name appears twice" for n, k in Counter(names).items() if k > 1]
+    if model.nv and not problems:
+        problems = _names_with_two_meanings(model)
     if model != pin.Model(model):
         problems.append("contains NaN")
     if model.gravity.angular.any():
@@ -166,3 +193,28 @@ def _require_sound(model: pin.Model, closures: Sequence[Constraint]) -> None:
     ]
     if problems:
         raise DescriptionError(f"model {model.name}", problems)
+
+
+def _wrong_sizes(model: pin.Model) -> list[str]:
+    """Arrays of numbers whose size is not that of q or v; Pinocchio would read beside them."""
+    sizes = dict.fromkeys(_OF_RATES, model.nv) | dict.fromkeys(_OF_POSITIONS, model.nq)
+    return [
+        f"{name}: {len(getattr(model, name))} numbers, {size} are needed"
+        for name, size in sizes.items()
+        if len(getattr(model, name)) != size
+    ]
+
+
+def _names_with_two_meanings(model: pin.Model) -> list[str]:
+    """Joints whose name is also that of one position or rate of another joint."""
+    problems = []
+    for kind, of_joints in JointSpace(model).names_by_joint.items():
+        owner: dict[str, str] = {}
+        for joint, names in of_joints.items():
+            for name in {joint, *names}:
+                if owner.setdefault(name, joint) != joint:
+                    problems.append(
+                        f"joints {owner[name]} and {joint}: {name} names a {kind} of both; "
+                        "rename one of them"
+                    )
+    return list(dict.fromkeys(problems))

@@ -12,9 +12,7 @@ depth-first; for these, and for mimic joints, they come from RNEA without gravit
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -27,7 +25,7 @@ from .assembly import Assembly
 from .loops import CLOSURE_TOLERANCE, Loops
 from .mechanism import Friction, Mechanism
 from .mobility import independent_rows
-from .noc import JointComplement, bodies, body_jacobians, decoupled
+from .noc import JointComplement, bodies, body_jacobians, decoupled, natural_complement
 from .tree import depth_first
 
 Array = NDArray[np.float64]
@@ -166,13 +164,6 @@ class Workspace:
         #: Accelerations of coordinates that have none.
         self.steady = np.zeros(len(mechanism.coordinates))
 
-    @cached_property
-    def dposv(self) -> Callable[..., tuple[Array, Array, int]]:
-        """LAPACK's solution of a positive definite system; each import takes a microsecond."""
-        from scipy.linalg.lapack import dposv
-
-        return dposv
-
     def evaluate(self, q: Array, tolerance: float = CLOSURE_TOLERANCE) -> None:
         """Compute what depends on q, which must be on its manifold and close the loops."""
         self.mechanism.space.require_on_manifold(q)
@@ -195,9 +186,8 @@ class Workspace:
 
 def motion_of_tree(ws: Workspace, va: Array, aa: Array) -> tuple[Array, Array]:
     """v and v_dot of a motion of the coordinates at the configuration evaluated last."""
-    ws.complement.factorise(ws.loops.update_Phi())
-    v = ws.complement.rates(va)
-    # The rate of Phi v = 0, Eqs. (8), (20): Phi v_dot = -Phi_dot v.
+    ws.complement.factorise(ws.loops.Phi())
+    v = ws.complement.L.dot(va)  # Eq. (16)
     return v, ws.complement.accelerations(aa, ws.loops.drift(v))
 
 
@@ -240,7 +230,7 @@ def inverse_dynamics(
     applied = applied_forces(ws, ws.mechanism.friction, q, v, wrenches)
     if applied is not None:
         tree = tree - applied
-    return ws.complement.reduced(tree), tree
+    return tree.dot(ws.complement.L), tree
 
 
 def resistance(ws: Workspace, q: Array, v: Array, wrenches: Array | None) -> float:
@@ -277,14 +267,17 @@ def direct_dynamics(
     Raises:
         SingularConfigurationError: When the inertia matrix is not positive definite.
     """
+    from scipy.linalg.lapack import dposv
+
     ws.evaluate(q, tolerance)
     v, bias = motion_of_tree(ws, va, ws.steady)
     force = ws.mechanism.motors.dot(tau) - pin.rnea(ws.model, ws.data, q, v, bias)
     applied = applied_forces(ws, friction, q, v, wrenches)
     if applied is not None:
         force += applied
-    inertia = ws.reduced_inertia(q, ws.complement.L)
-    _, aa, info = ws.dposv(inertia, ws.complement.reduced(force))
+    L = ws.complement.L
+    inertia = ws.reduced_inertia(q, L)
+    _, aa, info = dposv(inertia, force.dot(L))
     if info:
         raise SingularConfigurationError(
             "the mass matrix is not positive definite: "
@@ -302,10 +295,10 @@ def terms(ws: Workspace, q: Array, va: Array) -> Terms:
     ws.complement.factorise(Phi)
     L = ws.complement.L
     v = L @ va  # Eq. (16)
-    L_dot = -ws.complement.solve(ws.loops.Phi_dot(v) @ L)
-    K, K_dot, M, Omega, w_g = bodies(model, ws.data, v)
-    T = K @ L  # Eq. (22)
-    T_dot = K_dot @ L + K @ L_dot  # Eq. (25)
+    L_dot = ws.complement.L_dot(ws.loops.Phi_dot(v))
+    of_bodies = bodies(model, ws.data, v)
+    T, T_dot = natural_complement(of_bodies, L, L_dot)
+    K, K_dot, M, Omega, w_g = of_bodies
     # Rotors geared to a joint (model.armature) are no bodies of the paper; RNEA counts them too.
     rotors = L.T * model.armature
     N_l, N_d = decoupled(model, ws.data)

@@ -48,10 +48,12 @@ class JointSpace:
 
     Attributes:
         joint_names: Names of the joints.
-        position_names: Of the entries of q: the joint's name, with a suffix where it has several.
-        rate_names: Of the entries of v.
+        position_names: Names of the entries of q: that of the joint, with a suffix where it has
+            several.
+        rate_names: Names of the entries of v, in the same way.
         position_units: "rad", "m", or "" for an entry of a quaternion or a cosine.
         rate_units: "rad" or "m" for each entry of v.
+        names_by_joint: Names of the entries of each joint, by "position" and "rate".
     """
 
     def __init__(self, model: pin.Model) -> None:
@@ -62,9 +64,13 @@ class JointSpace:
         self._quaternions: list[tuple[int, int]] = []  # first of q, first of v
         self._circles: list[tuple[int, int]] = []
         self._frames: list[tuple[int, int, int]] = []  # free-flyers (3) and planes (2)
+        self.names_by_joint: dict[str, dict[str, list[str]]] = {"position": {}, "rate": {}}
         for name, joint in zip(self.joint_names, list(model.joints)[1:], strict=True):
+            i, k = len(q), len(v)
             for part, suffix in _parts(joint):
                 self._add(q, v, name + suffix, part)
+            self.names_by_joint["position"][name] = [word for word, _ in q[i:]]
+            self.names_by_joint["rate"][name] = [word for word, _ in v[k:]]
         self.position_names, self.position_units = (tuple(x) for x in zip(*q, strict=True))
         self.rate_names, self.rate_units = (tuple(x) for x in zip(*v, strict=True))
 

@@ -1,12 +1,11 @@
-# SPDX-License-Identifier: BSD-2-Clause
 """Residual f(q) of the constraints, their Jacobian Phi and its rate, at one configuration.
 
 With the wrenches W of the closures' rows (`closure_kinds`), Pinocchio's joint Jacobian J, and the
 supports S of 0 and 1 of the two frames of a closure, Phi = (W_B J) S_B - (W_A J) S_A; `tree` says
 what the columns of J are. Columns in both supports are left out: what moves both frames alike
-leaves a closed loop as it is. Phi_dot v is W_dot times the twists of the frames, and W times their
-accelerations without v_dot. Pinocchio's own constraint functions are not used, they are wrong or
-NaN in silence on redundant loops.
+leaves a closed loop as it is. Phi_dot is W J_dot + W_dot J, and Phi_dot v is W times the
+accelerations of the frames without v_dot plus W_dot times their twists. Pinocchio's own constraint
+functions are not used, they are wrong or NaN in silence on redundant loops.
 
 Rows run [linear; angular], as Pinocchio's do; the paper's order comes in with the bodies' twists.
 """
@@ -21,17 +20,17 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from ..errors import ClosureError, InputError
-from .closure_kinds import Frame, Pair, Rows, length, move, pair_of, place, products
-from .closures import Closure, Constraint, Coupling, Distance, Rolling, frames_of
+from .closure_kinds import PairRows
+from .closures import Constraint, Coupling, frames_of
 from .couplings import Coupled
-from .tree import JacobianRates, frame_id, of_rates, rates_of_columns, support
+from .tree import JacobianRates, frame_id, memory_of, of_rates, rates_of_columns, summed, support
+from .vectors import carrying
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 #: Loops further open than this are open, relative to the length of the robot or in [rad].
 CLOSURE_TOLERANCE = 1e-6
-_W, _W_DOT = 0, 1
 
 
 class Loops:
@@ -48,8 +47,10 @@ class Loops:
         slices: Rows of each closure.
         holonomic: Rows that have a residual; the others hold rates only.
         touched: Which rates a row depends on: those that move one of its two frames only.
-        pairs: The closures of two frames.
-        couplings: The others, with their rows.
+        pairs: The rows of all closures of two frames.
+        frames: Indices of the frames that they connect, after one for the world.
+        supports: For each of these frames 1 for the columns of J that move it.
+        couplings: The other closures, with their rows.
 
     Raises:
         UnknownNameError: For a frame or joint that the model does not have.
@@ -62,50 +63,59 @@ class Loops:
         self.slices = tuple(slice(a, b) for a, b in pairwise(starts))
         self.rows = int(starts[-1])
         self.holonomic = np.array([not row.startswith("slip") for c in closures for row in c.rows])
-        self._jacobian_rates, self._zero = JacobianRates(model), np.zeros(model.nv)
-        self._J, self._J_dot = of_rates(self.data.J).T, of_rates(self.data.dJ).T
-        self._numbers, self._Phi = Rows(self.rows), np.zeros((self.rows, model.nv))
-        self._frames: list[Frame] = []
-        self.pairs: list[Pair] = []
-        self.couplings: list[tuple[slice, Coupled]] = []
+        ends = [[frame_id(model, name) for name in frames_of(closure)] for closure in closures]
+        self.frames = [0, *dict.fromkeys(frame for pair in ends for frame in pair)]
+        number = {frame: k for k, frame in enumerate(self.frames[1:], start=1)}
+        joints = [model.frames[frame].parentJoint for frame in self.frames]
+        self.supports = np.array([support(model, joint) for joint in joints])
+        self.pairs = PairRows(
+            [
+                (closure, rows.start, *(number[frame] for frame in pair))
+                for closure, rows, pair in zip(closures, self.slices, ends, strict=True)
+                if not isinstance(closure, Coupling)
+            ],
+            len(self.frames),
+            self.rows,
+        )
+        self.couplings = [
+            (rows, Coupled(model, closure))
+            for closure, rows in zip(closures, self.slices, strict=True)
+            if isinstance(closure, Coupling)
+        ]
+        # Each entry of Phi: where it is, its column of J, its wrench.
+        alone = self.supports[self.pairs.frames] > self.supports[self.pairs.frames[::-1]]
+        side, row, self._column = np.nonzero(alone)
+        self._wrench, self._entry = side * self.rows + row, row * alone.shape[2] + self._column
+        self._rates = rates_of_columns(model)
         self.touched = np.zeros((self.rows, model.nv), dtype=bool)
-        for closure, rows in zip(closures, self.slices, strict=True):
-            if isinstance(closure, Coupling):
-                self.couplings.append((rows, Coupled(model, closure)))
-                self.touched[rows] = self.couplings[-1][1].touched
-            else:
-                self._connect(closure, rows)
-
-    def _connect(self, closure: Closure | Distance | Rolling, rows: slice) -> None:
-        """Take in a closure of two frames and what moves them."""
-        a, b = (frame_id(self.model, name) for name in frames_of(closure))
-        pair = pair_of(closure, self._frame(b), self._frame(a), self._numbers, rows)
-        self.pairs.append(pair)
-        self.touched[rows, pair.rates] = True
-
-    def _frame(self, index: int) -> Frame:
-        """A frame of the model, the same one for all closures."""
-        for frame in self._frames:
-            if frame.index == index:
-                return frame
-        joint = self.model.frames[index].parentJoint
-        columns = np.flatnonzero(support(self.model, joint))
-        rates = rates_of_columns(self.model)[columns]
-        self._frames.append(Frame(self.data, index, joint, columns, rates))
-        return self._frames[-1]
+        self.touched[row, self._rates[self._column]] = True
+        for rows, coupled in self.couplings:
+            self.touched[rows] = coupled.touched
+        self._jacobian_rates = JacobianRates(model)
+        self._J, self._J_dot = of_rates(self.data.J), of_rates(self.data.dJ)
+        self._placements = [self.data.oMf[frame] for frame in self.frames[1:]]
+        #: Frames as `PairRows` has them: origin, axes x, y, z.
+        self._at_world = np.tile(np.eye(4)[[3, 0, 1, 2]], (len(self.frames), 1, 1))
+        self._numbers: list[Array] = [np.empty((0, 3))]
+        for placement in self._placements:
+            self._numbers.append(memory_of(placement, "translation")[None])
+            self._numbers.append(memory_of(placement, "rotation").T)
 
     def evaluate(self, q: Array) -> None:
         """Compute what depends on q."""
         pin.computeJointJacobians(self.model, self.data, q)
         pin.updateFramePlacements(self.model, self.data)
-        place(self._frames, self.pairs)
-        self._q = q
+        self._q, self._x = q, self._at_world.copy()
+        self._x[1:, :, :3] = np.concatenate(self._numbers).reshape(-1, 4, 3)
+        self._vectors = self.pairs.vectors(self._x)
+        self._f = self.pairs.residual(self._x, self._vectors[0])
+        self._W = self.pairs.wrenches(*self._vectors)
         for rows, coupled in self.couplings:
-            self._numbers.f[rows] = coupled.residual(q)
+            self._f[rows] = coupled.residual(q)
 
     def residual(self) -> Array:
         """f(q) of Eq. (2), shape (rows,), [m] and [rad], zero when the loops are closed."""
-        return self._numbers.f.copy()
+        return self._f.copy()
 
     def require_closed(self, scale: Array, tolerance: float = CLOSURE_TOLERANCE) -> None:
         """Check that all loops are closed.
@@ -118,9 +128,7 @@ class Loops:
             InputError: When q is not finite.
             ClosureError: When a loop is open.
         """
-        f = self._numbers.f
-        if length(f, scale) <= tolerance:
-            return  # the short way: no row is longer than all
+        f = self._f
         if not np.abs(f * scale).max(initial=0.0) <= tolerance:
             residual = float(np.abs(f).max())
             if np.isnan(residual):
@@ -132,39 +140,45 @@ class Loops:
             )
 
     def Phi(self) -> Array:
-        """Jacobian of the closures, shape (rows, nv): Phi v = 0, Eqs. (3), (4)."""
-        return self.update_Phi().copy()
-
-    def update_Phi(self) -> Array:
-        """Phi in memory that stays the same; only what the closures touch is written."""
-        products(self.pairs, _W, self._J, self._Phi)
+        """Jacobian of the closures, shape (rows, nv): Phi v = 0."""
+        Phi = self._rows_times(self._W, self._J)  # Eqs. (3), (4)
         for rows, coupled in self.couplings:
-            self._Phi[rows] = coupled.row(self._q)
-        return self._Phi
+            Phi[rows] = coupled.row(self._q)
+        return Phi
 
     def Phi_dot(self, v: Array) -> Array:
         """Rate of Phi at rates v of the tree, shape (rows, nv); J and its rate are at v then."""
-        self._move(v)
-        self._jacobian_rates.update(self.data, self._q, v)
-        Phi_dot, of_axes = np.zeros((2, *self._Phi.shape))
-        products(self.pairs, _W, self._J_dot, Phi_dot)
-        products(self.pairs, _W_DOT, self._J, of_axes)
+        W_dot, _, _ = self._move(v)
+        Phi_dot = self._rows_times(self._W, self._J_dot) + self._rows_times(W_dot, self._J)
         for rows, coupled in self.couplings:
             Phi_dot[rows] = coupled.row_rate(self._q, v)
-        return Phi_dot + of_axes
+        return Phi_dot
 
     def drift(self, v: Array) -> Array:
         """Phi_dot v at rates v of the tree, shape (rows,), from accelerations of the frames."""
-        self._move(v)
-        drift = self._numbers.drift.copy()
+        W_dot, twists, accelerations = self._move(v)
+        both = self.pairs.frames
+        drift: Array = np.einsum("sri,sri->r", W_dot, twists.take(both, axis=0))
+        drift += np.einsum("sri,sri->r", self._W, accelerations.take(both, axis=0))
         for rows, coupled in self.couplings:
             drift[rows] = coupled.drift(self._q, v)
         return drift
 
-    def _move(self, v: Array) -> None:
-        """Compute the rate of W, and accelerations without v_dot."""
-        pin.forwardKinematics(self.model, self.data, self._q, v, self._zero)
-        move(self._frames, self.pairs)
+    def _move(self, v: Array) -> tuple[Array, Array, Array]:
+        """W_dot, and the frames' twists and accelerations with v_dot = 0, shape (frames, 6)."""
+        self._jacobian_rates.update(self.data, self._q, v)
+        moved_by = self.supports * v[self._rates]
+        with np.errstate(over="ignore", invalid="ignore"):  # of what is not finite, errors tell
+            twists, accelerations = moved_by.dot(self._J.T), moved_by.dot(self._J_dot.T)
+            rates = self.pairs.vector_rates(self._x, self._x @ carrying(twists))
+        return self.pairs.wrench_rates(*self._vectors, *rates), twists, accelerations
+
+    def _rows_times(self, W: Array, J: Array) -> Array:
+        """W J at B for what moves B only, less that at A for what moves A only."""
+        product = np.zeros(self.rows * J.shape[1])
+        wrenches = W.reshape(-1, 6).take(self._wrench, axis=0)
+        product[self._entry] = np.einsum("ij,ij->i", wrenches, J.T.take(self._column, axis=0))
+        return summed(self.model, product.reshape(self.rows, -1))
 
 
 def connected(touched: NDArray[np.bool_]) -> Iterator[tuple[Indices, Indices]]:

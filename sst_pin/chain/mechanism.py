@@ -121,9 +121,11 @@ class Mechanism:
         closures: What closes the tree.
         coordinates: Indices in v of the independent rates, shape (n,).
         motors: B: the forces on the tree are B tau, shape (nv, motors).
-        motor_names: Of the motors.
-        friction: Of all joints.
-        springs: Of all joints.
+        motor_names: Names of the motors.
+        friction: Friction of all joints.
+        springs: Springs of all joints.
+        example: A configuration with closed loops, shape (nq,), where the coordinates were judged;
+            None if none was found.
     """
 
     model: pin.Model
@@ -133,6 +135,7 @@ class Mechanism:
     motor_names: tuple[str, ...]
     friction: Friction
     springs: Springs
+    example: Array | None = None
 
     @cached_property
     def space(self) -> JointSpace:
@@ -169,16 +172,25 @@ class Mechanism:
 
     @cached_property
     def length(self) -> float:
-        """A length of the robot, [m]: the largest offset between its joints and closures."""
-        offsets = [placement.translation for placement in list(self.model.jointPlacements)[1:]]
+        """A length of the robot, [m]: the largest offset between joints and closures of one body.
+
+        Where the robot stands in the world does not count.
+        """
+        of_body: dict[int, list[Array]] = {}
+        for joint in range(1, self.model.njoints):
+            of_body.setdefault(joint, []).append(np.zeros(3))
+            place = self.model.jointPlacements[joint].translation
+            of_body.setdefault(self.model.parents[joint], []).append(place)
+        lengths = [0.0]
         for closure in self.closures:
             for name in frames_of(closure):
                 frame = frame_named(self.model, name)
-                offsets.append(frame.placement.translation)
+                of_body.setdefault(frame.parentJoint, []).append(frame.placement.translation)
             if isinstance(closure, Distance):
-                offsets.append(np.array([closure.distance]))
-        largest = max((float(np.linalg.norm(offset)) for offset in offsets), default=0.0)
-        return largest or 1.0
+                lengths.append(closure.distance)
+        for points in map(np.array, of_body.values()):
+            lengths.append(float(np.linalg.norm(points[:, None] - points, axis=-1).max()))
+        return max(lengths) or 1.0
 
     @cached_property
     def row_scale(self) -> Array:

@@ -3,13 +3,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..summaries import as_html
+from .loops import Loops
 from .mechanism import Mechanism
 
 Array = NDArray[np.float64]
@@ -18,6 +19,8 @@ Indices = NDArray[np.intp]
 #: A singular value or pivot this much smaller than the largest counts as zero: assembled closures
 #: leave noise of 1e-12, a mechanism that still moves at 1e-8 is of no use.
 RANK_TOLERANCE = 1e-8
+#: A rate whose motion beside the rates already chosen is smaller moves with these.
+INDEPENDENT = 1e-4
 
 
 @dataclass(frozen=True)
@@ -141,65 +144,83 @@ def free_motions(Phi: Array) -> Array:
     return np.asarray(null_space(Phi, rcond=RANK_TOLERANCE))
 
 
-def choose_coordinates(motions: Array, wanted: Sequence[Indices]) -> Indices:
+def scaled_Phi(mechanism: Mechanism, loops: Loops, q: Array) -> Array:
+    """Phi at one configuration, free of units, shape (rows, nv)."""
+    loops.evaluate(q)
+    return loops.Phi() * mechanism.row_scale[:, None] * mechanism.rate_scale
+
+
+def choose_coordinates(mechanism: Mechanism, Phi: Array, wanted: Sequence[Indices] = ()) -> Indices:
     """Independent rates that describe all motions.
 
+    Joints outside of the loops are taken whole, as the base of a floating robot. Among the others
+    the rate comes next that depends least on those already chosen; where several are equal, the
+    first by name.
+
     Args:
-        motions: Of `free_motions`.
-        wanted: Groups of rates in the order of preference, each taken as a whole if it can be.
+        mechanism: Whose motions they are.
+        Phi: From `scaled_Phi`, shape (rows, nv).
+        wanted: Groups of rates to be taken first, each as a whole if it can be; by default the
+            rates of the motors.
 
     Returns:
-        Indices of as many rates as there are motions, in the order of their choice.
+        Indices of n rates: those that were wanted in their order, then the others.
     """
-    left, chosen = motions.copy(), list[int]()
+    left, chosen = free_motions(Phi), list[int]()
+    n = left.shape[1]
 
-    def take(group: Indices) -> bool:
+    def take(group: Iterable[int]) -> bool:
         nonlocal left
-        if len(chosen) + len(group) > motions.shape[1]:
+        group = [int(k) for k in group]
+        if len(chosen) + len(group) > n:
             return False
         trial = left
         for k in group:
             row = trial[k]
             size = float(np.linalg.norm(row))
-            if size < 1e-4:  # they move with those already chosen
+            if size < INDEPENDENT:  # they move with those already chosen
                 return False
             trial = trial - np.outer(trial @ (row / size), row / size)
         left = trial
-        chosen.extend(map(int, group))
+        chosen.extend(group)
         return True
 
-    for group in wanted:
-        take(group)
-    while len(chosen) < motions.shape[1]:
-        best = int(np.linalg.norm(left, axis=1).argmax())
-        if not take(np.array([best])):
+    space = mechanism.space
+    for rates in wanted:
+        take(rates)
+    for k in mechanism.driven:
+        take([k])
+    for name in sorted(space.rates):
+        if not Phi[:, list(space.rates[name])].any():
+            take(space.rates[name])
+    while len(chosen) < n:
+        sizes = np.linalg.norm(left, axis=1)
+        equal = np.flatnonzero(sizes > (1 - 1e-6) * sizes.max())
+        if not take([min(equal.tolist(), key=lambda k: space.rate_names[k])]):
             break
     return np.array(chosen, dtype=np.intp)
 
 
 def judge(
-    mechanism: Mechanism,
-    Phi: Array,
-    q: Array,
-    where: str,
-    in_loops: Indices,
-    wanted: Sequence[Indices] = (),
+    mechanism: Mechanism, loops: Loops, q: Array, where: str, wanted: Sequence[Indices] = ()
 ) -> Mobility:
     """Count the motions at one configuration and choose coordinates for them.
 
     Args:
-        mechanism: Whose mobility it is; its coordinates do not matter.
-        Phi: Of its closures at q, free of units, shape (rows, nv).
+        mechanism: Whose mobility it is.
+        loops: Its closures.
         q: The configuration, shape (nq,).
         where: Which one that is.
-        in_loops: Indices of the rates that belong to a loop.
         wanted: Coordinates to be taken first, joint by joint.
+
+    Raises:
+        ClosureError: If q is open.
     """
+    Phi = scaled_Phi(mechanism, loops, q)
+    loops.require_closed(mechanism.row_scale)
     space = mechanism.space
-    motions = free_motions(Phi)
-    joints = [np.array(rates) for rates in space.rates.values()]
-    motors = [np.array([k]) for k in mechanism.driven]
-    coordinates = choose_coordinates(motions, [*wanted, *motors, *joints])
+    coordinates = choose_coordinates(mechanism, Phi, wanted)
+    n = len(coordinates)
     free = np.setdiff1d(np.arange(Phi.shape[1]), mechanism.driven)
     loose = free_motions(Phi[:, free])
     moving = np.abs(loose).max(axis=1, initial=0.0) > 1e-6
@@ -209,15 +230,15 @@ def judge(
         coordinates=space.names_of(coordinates.tolist()),
         rows=tuple(f"{c}: {row}" for c in mechanism.closures for row in c.rows),
         independent_rows=tuple(map(int, independent_rows(Phi))),
-        degrees_of_freedom=motions.shape[1],
-        held=motions.shape[1] - loose.shape[1],
+        degrees_of_freedom=n,
+        held=n - loose.shape[1],
         loose_joints=tuple(space.rate_names[i] for i, m in zip(free, moving, strict=True) if m),
         idle_joints=tuple(
             name
-            for name, k in zip(space.rates, joints, strict=True)
-            if np.isin(k, in_loops).any()
-            and not np.isin(k, mechanism.driven).any()
-            and _spins(Phi[:, k])
+            for name, rates in space.rates.items()
+            if loops.touched[:, list(rates)].any()
+            and not np.isin(rates, mechanism.driven).any()
+            and _spins(Phi[:, list(rates)])
         ),
         condition_number=condition_number(Phi, coordinates),
         where=where,
@@ -236,7 +257,9 @@ def condition_number(Phi: Array, coordinates: Indices) -> float:
     dependent = np.setdiff1d(np.arange(Phi.shape[1]), coordinates)
     if not len(dependent):
         return 1.0
+    if len(Phi) < len(dependent) or not np.isfinite(Phi).all():
+        return float("inf")
     values = np.linalg.svd(Phi[:, dependent], compute_uv=False)
-    if len(values) < len(dependent) or values[-1] == 0:
+    if values[-1] == 0:
         return float("inf")
     return float(values[0] / values[-1])

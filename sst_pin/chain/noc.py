@@ -9,7 +9,6 @@ at the frame's origin, and `body_jacobians` is the one place that crosses from o
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -18,36 +17,66 @@ from numpy.typing import NDArray
 
 from ..errors import SingularConfigurationError
 from ..summaries import listed
-from .blocks import Block, Blocks
 from .loops import connected
 from .mechanism import Mechanism
 from .mobility import condition_number
 from .tree import columns, of_rates, summed, support
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
 
 #: Where the constraints count as singular: half of the sixteen digits are lost by then.
 MAX_CONDITION_NUMBER = 1e8
 
 
-class JointComplement(Blocks):
-    """Solver of the velocity constraints with given rates of the coordinates; one per thread.
+class _Block:
+    """Part of Phi^u: rows, and dependent rates that are in these rows only.
+
+    Attributes:
+        rates: Indices in v of the dependent rates.
+        scale: What makes Phi^u free of units, shape (rows, rates).
+        of_u, of_a: Where the block's Phi^u and Phi^a stand in Phi.
+        of_inverse: Where its inverse stands in that of all.
+    """
+
+    def __init__(
+        self, mechanism: Mechanism, touched: NDArray[np.bool_], rows: Indices, dependent: Indices
+    ) -> None:
+        self.rates = mechanism.dependent[dependent]
+        column, nv = rows[:, None], mechanism.model.nv
+        self.scale = mechanism.row_scale[column] * mechanism.rate_scale[self.rates]
+        self.of_u, self.of_a = column * nv + self.rates, column * nv + mechanism.coordinates
+        self.of_inverse = self.rates[:, None] * len(touched) + rows
+
+
+class JointComplement:
+    """L and the inverse of Phi^u at one configuration; one object per thread.
 
     Redundant rows of Phi stay in: they are consistent, so that least squares over all rows equals
-    the inverse over independent ones. Rows and rates are made free of units first.
+    the inverse over independent ones. Rows and rates are made free of units first. Loops that share
+    no dependent joint are inverted apart, so that the cost is linear in their number.
 
     Args:
         mechanism: Whose constraints they are.
         touched: Which rates each row of Phi depends on, shape (rows, nv).
+
+    Attributes:
+        blocks: The parts of Phi^u that share no dependent rate.
+        L: Joint orthogonal complement, shape (nv, n), Eq. (17): Phi L = 0.
+        inverse: G, shape (nv, rows): x = G c solves Phi x = c with coordinates at rest.
     """
 
     def __init__(self, mechanism: Mechanism, touched: NDArray[np.bool_]) -> None:
-        self._mechanism = mechanism
-        blocks = list(_blocks(mechanism, touched))
-        super().__init__(blocks, mechanism.coordinates, mechanism.model.nv)
+        from scipy.linalg import lapack  # an import takes a microsecond at each call
+
+        self._mechanism, self._lapack = mechanism, lapack
+        self.blocks = [
+            _Block(mechanism, touched, *part) for part in connected(touched[:, mechanism.dependent])
+        ]
+        self.inverse = np.zeros(touched.T.shape)
 
     def factorise(self, Phi: Array) -> None:
-        """Take in a configuration.
+        """Compute L and the inverse.
 
         Args:
             Phi: Jacobian of the closures, shape (rows, nv).
@@ -55,30 +84,49 @@ class JointComplement(Blocks):
         Raises:
             SingularConfigurationError: When the closures do not fix the dependent rates.
         """
-        if not self.decompose(Phi, 1 / MAX_CONDITION_NUMBER):
-            mechanism = self._mechanism
-            scaled = Phi * mechanism.row_scale[:, None] * mechanism.rate_scale
-            loose = [k for b in self.blocks if not b.smallest > self.least for k in b.dependent]
-            names = listed([mechanism.space.rate_names[k] for k in loose])
-            raise SingularConfigurationError(
-                "singular configuration: the coordinates do not determine the rates of the "
-                f"dependent joints {names}; move away, or choose other coordinates=",
-                condition_number(scaled, mechanism.coordinates),
-            )
+        self.L: Array = self._mechanism.selection.T.copy()
+        smallest, largest = [], 1.0  # pivots of the coordinates are 1
+        for block in self.blocks:
+            inverse, pivots = self._least_squares(Phi.take(block.of_u) * block.scale)
+            inverse *= block.scale.T
+            self.inverse.put(block.of_inverse, inverse)
+            self.L[block.rates] = -inverse.dot(Phi.take(block.of_a))  # Eqs. (7), (17)
+            smallest.append(pivots[-1])
+            largest = max(largest, pivots[0])
+        if not all(pivot * MAX_CONDITION_NUMBER > largest for pivot in smallest):
+            self._refuse(Phi, largest / MAX_CONDITION_NUMBER, smallest)
 
+    def _least_squares(self, A: Array) -> tuple[Array, Array]:
+        """(A^T A)^-1 A^T by a QR decomposition A P = Q R with column pivoting; the pivots of R."""
+        m, d = A.shape
+        if m < d:
+            return np.zeros((d, m)), np.zeros(1)
+        QR, order, tau, _, _ = self._lapack.dgeqp3(A)
+        pivots = np.abs(QR.diagonal())
+        inverse = np.empty((d, m))
+        Q, _, _ = self._lapack.dorgqr(QR, tau)
+        inverse[order - 1], _ = self._lapack.dtrtrs(QR[:d], Q.T)
+        return inverse, pivots
 
-def _blocks(mechanism: Mechanism, touched: NDArray[np.bool_]) -> Iterator[Block]:
-    coordinates, dependent = mechanism.coordinates, mechanism.dependent
-    for rows, rates in connected(touched[:, dependent]):
-        numbers = np.flatnonzero(touched[rows][:, coordinates].any(axis=0))
-        yield Block(
-            rows,
-            dependent[rates],
-            coordinates[numbers],
-            numbers,
-            mechanism.row_scale[rows],
-            mechanism.rate_scale[dependent[rates]],
+    def _refuse(self, Phi: Array, least: float, smallest: list[float]) -> None:
+        mechanism = self._mechanism
+        verdicts = zip(self.blocks, smallest, strict=True)
+        loose = [rate for block, pivot in verdicts if not pivot > least for rate in block.rates]
+        names = listed([mechanism.space.rate_names[k] for k in loose])
+        scaled = Phi * mechanism.row_scale[:, None] * mechanism.rate_scale
+        raise SingularConfigurationError(
+            "singular configuration: the coordinates do not determine the rates of the "
+            f"dependent joints {names}; move away, or choose other coordinates=",
+            condition_number(scaled, mechanism.coordinates),
         )
+
+    def accelerations(self, aa: Array, drift: Array) -> Array:
+        """v_dot with Phi v_dot = -drift, drift = Phi_dot v, shape (nv,)."""
+        return self.L.dot(aa) - self.inverse.dot(drift)  # Eqs. (8), (20)
+
+    def L_dot(self, Phi_dot: Array) -> Array:
+        """Rate of L, shape (nv, n): the rate of Phi L = 0 is Phi L_dot = -Phi_dot L."""
+        return -self.inverse.dot(Phi_dot.dot(self.L))  # Eq. (20)
 
 
 class Bodies(NamedTuple):
@@ -137,6 +185,13 @@ def bodies(model: pin.Model, data: pin.Data, q_dot: Array) -> Bodies:
         Omega.reshape(6 * r, 6 * r),
         weights.ravel(),
     )
+
+
+def natural_complement(bodies: Bodies, L: Array, L_dot: Array) -> tuple[Array, Array]:
+    """T and its rate, shape (6 r, n): t = T va, t_dot = T aa + T_dot va, Eqs. (21), (24)."""
+    T = bodies.K @ L  # Eqs. (22), (23)
+    T_dot = bodies.K_dot @ L + bodies.K @ L_dot  # Eq. (25)
+    return T, T_dot
 
 
 def decoupled(model: pin.Model, data: pin.Data) -> tuple[Array, Array]:

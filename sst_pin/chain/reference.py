@@ -170,8 +170,8 @@ class Reference:
         """v = L va, shape (nv,), Eq. (16)."""
         ws = self.workspace
         ws.evaluate(q)
-        ws.complement.factorise(ws.loops.update_Phi())
-        v = ws.complement.rates(va)
+        ws.complement.factorise(ws.loops.Phi())
+        v = ws.complement.L.dot(va)  # Eq. (16)
         _require_finite(v, va=va)
         return v
 
@@ -187,7 +187,7 @@ class Reference:
         """[linear; angular] of a frame, world axes at its origin, shape (6, n)."""
         ws = self.workspace
         ws.evaluate(q)
-        ws.complement.factorise(ws.loops.update_Phi())
+        ws.complement.factorise(ws.loops.Phi())
         L = ws.complement.L
         J = pin.getFrameJacobian(ws.model, ws.data, frame, pin.LOCAL_WORLD_ALIGNED)
         return of_rates(J).dot(L)
@@ -196,9 +196,9 @@ class Reference:
         """Rate of `frame_jacobian`, shape (6, n)."""
         ws = self.workspace
         ws.evaluate(q)
-        ws.complement.factorise(ws.loops.update_Phi())
+        ws.complement.factorise(ws.loops.Phi())
         L = ws.complement.L
-        L_dot = -ws.complement.solve(ws.loops.Phi_dot(L.dot(va)).dot(L))
+        L_dot = ws.complement.L_dot(ws.loops.Phi_dot(L.dot(va)))
         # Pinocchio's own rate is wrong for mimic joints.
         moved_by = support(ws.model, ws.model.frames[frame].parentJoint)
         J, J_dot = (summed(ws.model, X * moved_by) for X in map(of_rates, (ws.data.J, ws.data.dJ)))

@@ -1,4 +1,3 @@
-# SPDX-License-Identifier: BSD-2-Clause
 """Partial derivatives on the tree of the closures' rows: of Phi v and of its rate.
 
 Derivatives by q are taken along each rate of the tree, as Pinocchio's are. Twists and the wrenches
@@ -13,50 +12,49 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from .closure_kinds import Pair
-from .couplings import Coupled
 from .loops import Loops
 from .tree import of_rates, support
-from .vectors import brackets, skew
+from .vectors import brackets, carrying, skew
 
 Array = NDArray[np.float64]
 
 
-class Frame:
-    """A frame, its twist and the derivatives of its motion.
+class Frames:
+    """Frames, their twists and the derivatives of their motions; the first index is the frame.
+
+    Args:
+        tree: That bears them.
+        supports: For each frame 1 for the rates that move it, shape (k, nv).
+        vectors: Their origins and axes x, y, z in homogeneous coordinates, shape (k, 4, 4).
 
     Attributes:
-        joint: The joint that moves it.
-        J: Its twist per rate of the tree, shape (6, nv).
-        twist, acceleration: Spatial, shape (6,).
-        twist_q, acceleration_q, acceleration_v: Their derivatives, shape (6, nv).
-        vectors: Its origin and its axes x, y, z, shape (4, 3).
-        vectors_q, vectors_tq: Their derivatives, and those of their rates, shape (4, 3, nv).
+        J: Twist per rate of the tree, shape (k, 6, nv).
+        twist, acceleration: Spatial, shape (k, 6).
+        twist_q, acceleration_q, acceleration_v: Their derivatives, shape (k, 6, nv).
+        vectors: As given.
+        vectors_t: Their rates, shape (k, 4, 4).
+        vectors_q, vectors_tq: Derivatives of both, shape (k, nv, 4, 4).
     """
 
-    def __init__(self, tree: Tree, joint: int, placement: pin.SE3) -> None:
-        support = tree.support(joint)
-        J, J_dot = tree.J * support, tree.J_dot * support
-        self.joint = joint
+    def __init__(self, tree: Tree, supports: Array, vectors: Array) -> None:
+        moved = supports[:, None]
+        J, J_dot = tree.J * moved, tree.J_dot * moved
         self.J, self.twist = J, J.dot(tree.v)
         self.acceleration = J.dot(tree.v_dot) + J_dot.dot(tree.v)
         # A rate turns all that moves between its joint and the frame.
         at, at_2 = _bracket_matrix(self.twist), _bracket_matrix(self.acceleration)
-        borne = tree.borne * support
-        self.twist_q = -at.dot(J) - borne
-        self.acceleration_q = at.dot(borne) - at_2.dot(J) - tree.borne_on * support
+        borne = tree.borne * moved
+        self.twist_q = -at @ J - borne
+        self.acceleration_q = at @ borne - at_2 @ J - tree.borne_on * moved
         self.acceleration_v = self.twist_q + J_dot
-        self.vectors = np.array([placement.translation, *placement.rotation.T])
-        turned = -skew(self.vectors)  # times omega: omega x vector
-        self.vectors_q = turned @ J[3:]
-        self.vectors_q[0] += J[:3]
-        self.vectors_tq = turned @ self.twist_q[3:] + skew(self.twist[3:]) @ self.vectors_q
-        self.vectors_tq[0] += self.twist_q[:3]
-
-    @property
-    def numbers_q(self) -> Array:
-        """Derivatives of its vectors and of their rates, as `Pair` has them."""
-        return np.stack((self.vectors_q, self.vectors_tq), axis=-1).transpose(2, 0, 1, 3)
+        # Moved by each rate: by its twist J_k, and with the twists' derivatives.
+        k, nv = len(J), len(tree.v)
+        by_rate = carrying(J.swapaxes(1, 2).reshape(-1, 6)).reshape(k, nv, 4, 4)
+        by_twist_q = carrying(self.twist_q.swapaxes(1, 2).reshape(-1, 6)).reshape(k, nv, 4, 4)
+        by_twist = carrying(self.twist)
+        self.vectors, self.vectors_t = vectors, vectors @ by_twist
+        self.vectors_q = vectors[:, None] @ by_rate
+        self.vectors_tq = vectors[:, None] @ by_twist_q + self.vectors_q @ by_twist[:, None]
 
 
 class Branches:
@@ -101,33 +99,23 @@ class Tree:
         self.borne = brackets(self.J, twist)
         self.borne_on = brackets(self.J, acceleration) - brackets(self.borne, twist)
 
-    def support(self, joint: int) -> Array:
-        """1 for the rates that move a joint's body, shape (nv,)."""
-        return self._branches.supports[joint]
+    def frames(self, joints: list[int], placements: list[pin.SE3]) -> Frames:
+        """Frames on bodies, where they are now."""
+        vectors = [M.homogeneous.T[[3, 0, 1, 2]] for M in placements]
+        return Frames(self, self._branches.supports[joints], np.array(vectors))
 
-    def frame(self, index: int) -> Frame:
-        """A frame of the model."""
-        joint = self.model.frames[index].parentJoint
-        return Frame(self, joint, self._data.oMf[index])
+    def frames_of(self, indices: list[int]) -> Frames:
+        """Frames of the model."""
+        joints = [self.model.frames[index].parentJoint for index in indices]
+        return self.frames(joints, [self._data.oMf[index] for index in indices])
 
 
 def _bracket_matrix(twist: Array) -> Array:
-    """The matrix that takes another twist to the bracket of this one with it, shape (6, 6)."""
-    matrix = np.zeros((6, 6))
-    matrix[:3, :3] = matrix[3:, 3:] = skew(twist[3:])
-    matrix[:3, 3:] = skew(twist[:3])
+    """The matrices that take another twist to the bracket of these with it, shape (k, 6, 6)."""
+    matrix = np.zeros((len(twist), 6, 6))
+    matrix[:, :3, :3] = matrix[:, 3:, 3:] = skew(twist[:, 3:])
+    matrix[:, :3, 3:] = skew(twist[:, :3])
     return matrix
-
-
-def partials(loops: Loops, tree: Tree) -> Partials:
-    """Of the rows' velocities and accelerations at a motion of the tree, which the loops know."""
-    zeros = np.zeros((3, loops.rows, len(tree.v)))
-    found = Partials(zeros[0], zeros[1], zeros[2], [], [])
-    for pair in loops.pairs:
-        found.add_pair(pair, tree)
-    for rows, coupled in loops.couplings:
-        found.add_coupling(rows.start, coupled, tree)
-    return found
 
 
 class Partials(NamedTuple):
@@ -137,37 +125,48 @@ class Partials(NamedTuple):
         velocity_q: Of the velocity by q, v held, shape (rows, nv).
         acceleration_q: Of the acceleration by q, v and v_dot held, shape (rows, nv).
         acceleration_v: Of the acceleration by v, shape (rows, nv).
-        held: Rows, frame and its wrenches W on it, shape (rows, 6), with W_q, shape (rows, 6, nv).
+        frames: The frames that the closures connect.
+        W: Wrenches of the rows on them, shape (2, rows, 6).
+        W_q: Their derivatives, shape (2, rows, 6, nv).
         coupled: Row, index of a rate, and the second derivative of the coupling's polynomial.
     """
 
     velocity_q: Array
     acceleration_q: Array
     acceleration_v: Array
-    held: list[tuple[slice, Frame, Array, Array]]
+    frames: Frames
+    W: Array
+    W_q: Array
     coupled: list[tuple[int, int, float]]
 
-    def add_pair(self, pair: Pair, tree: Tree) -> None:
-        """A closure of two frames, which stand and move as the tree."""
-        B, A = tree.frame(pair.B.index), tree.frame(pair.A.index)
-        numbers, numbers_q = pair.derivatives(B.numbers_q, A.numbers_q)
-        for side, sign, frame in ((0, 1.0, B), (1, -1.0, A)):
-            (W, W_t), (W_q, W_tq) = sign * numbers[:, side], sign * numbers_q[:, side]
-            turned = frame.twist.dot(W_q)
-            self.held.append((pair.at, frame, W, W_q))
-            self.velocity_q[pair.at] += W.dot(frame.twist_q) + turned
-            by_q = W.dot(frame.acceleration_q) + frame.acceleration.dot(W_q)
-            by_q += W_t.dot(frame.twist_q) + frame.twist.dot(W_tq)
-            self.acceleration_q[pair.at] += by_q
-            by_v = W.dot(frame.acceleration_v) + W_t.dot(frame.J) + turned
-            self.acceleration_v[pair.at] += by_v
 
-    def add_coupling(self, row: int, coupled: Coupled, tree: Tree) -> None:
-        """The row of a coupling: the sum of P(q) has the rates P' v and P' v_dot + P'' v^2."""
-        for i, k, _, _, P_2 in coupled.terms:
-            q, v, v_dot = tree.q[i], tree.v[k], tree.v_dot[k]
+def partials(loops: Loops, tree: Tree) -> Partials:
+    """Derivatives of the rows' velocities and accelerations, at a motion that the loops know."""
+    pairs, frames = loops.pairs, tree.frames_of(loops.frames)
+    x, x_t = frames.vectors, frames.vectors_t
+    x_q, x_tq = (y.swapaxes(0, 1) for y in (frames.vectors_q, frames.vectors_tq))
+    vectors = pairs.vectors(x)
+    W, W_t = pairs.wrenches(*vectors), pairs.wrench_rates(*vectors, *pairs.vector_rates(x, x_t))
+    W_q, W_tq = (np.moveaxis(y, 0, -1) for y in pairs.derivatives(x, x_t, x_q, x_tq))
+
+    def both(wrenches: Array, twists: Array) -> Array:
+        """Sums over the two frames of wrenches times twists, one of them with derivatives."""
+        short, long = sorted((wrenches, twists[pairs.frames]), key=np.ndim)
+        return np.einsum("sri,srik->rk", short, long)
+
+    turned = both(W_q, frames.twist)
+    velocity_q = both(W, frames.twist_q) + turned
+    acceleration_q = both(W, frames.acceleration_q) + both(W_q, frames.acceleration)
+    acceleration_q += both(W_t, frames.twist_q) + both(W_tq, frames.twist)
+    acceleration_v = both(W, frames.acceleration_v) + both(W_t, frames.J) + turned
+    coupled: list[tuple[int, int, float]] = []
+    for rows, coupling in loops.couplings:
+        # The sum of P(q) has the rates P' v and P' v_dot + P'' v^2.
+        for i, k, _, _, P_2 in coupling.terms:
+            row, q, v, v_dot = rows.start, tree.q[i], tree.v[k], tree.v_dot[k]
             second = float(P_2(q))
-            self.velocity_q[row, k] = second * v
-            self.acceleration_q[row, k] = second * v_dot + P_2.deriv()(q) * v**2
-            self.acceleration_v[row, k] = 2 * second * v
-            self.coupled.append((row, k, second))
+            velocity_q[row, k] = second * v
+            acceleration_q[row, k] = second * v_dot + P_2.deriv()(q) * v**2
+            acceleration_v[row, k] = 2 * second * v
+            coupled.append((row, k, second))
+    return Partials(velocity_q, acceleration_q, acceleration_v, frames, W, W_q, coupled)

@@ -21,7 +21,7 @@ from ..arrays import (
 )
 from ..errors import InputError
 from .backend import Indices
-from .current import CurrentMechanism
+from .current import Current
 from .derivatives import AccelerationDerivatives, TorqueDerivatives
 from .mechanism import Mechanism
 from .tree import frame_id
@@ -36,7 +36,7 @@ _NAMES = {
 
 
 def by_kernel(
-    current: CurrentMechanism,
+    current: Current,
     reference: Callable[..., Array],
     kernel: str | None,
     arrays: Sequence[Array | None],
@@ -82,7 +82,7 @@ def by_kernel(
 
 
 def derivatives(
-    current: CurrentMechanism,
+    current: Current,
     kind: type[D],
     arguments: tuple[ArrayLike, ArrayLike, ArrayLike, ArrayLike | None],
     sign_width: float,
@@ -101,8 +101,6 @@ def derivatives(
         threads: As in `by_kernel`.
         on_error: As in `by_kernel`.
     """
-    if current.unseen:
-        current.look()
     width = sign_width
     if type(width) is not float or not 0 < width < np.inf:
         width = positive_number("sign_width", sign_width)
@@ -113,8 +111,8 @@ def derivatives(
         if found is not None:
             return found
     arrays: list[Array]
-    mechanism, arrays = current.arguments(q, va=va, **{third: x})
-    n = len(mechanism.coordinates)
+    arrays = current.arguments(q, va=va, **{third: x})
+    mechanism, n = current.mechanism, len(current.mechanism.coordinates)
     rows = by_kernel(
         current,
         partial(getattr(current.reference, name), width),
@@ -131,7 +129,7 @@ def derivatives(
 
 
 def of_frame(
-    current: CurrentMechanism,
+    current: Current,
     name: str,
     frame: str,
     arguments: Sequence[ArrayLike],
@@ -150,8 +148,6 @@ def of_frame(
         threads: As in `by_kernel`.
         on_error: As in `by_kernel`.
     """
-    if current.unseen:
-        current.look()
     if out is None and on_error == "raise":
         none = (None,) * (5 - len(arguments))
         rows = current.backend.frame_of(name, frame)(*arguments, *none, threads)
@@ -160,7 +156,7 @@ def of_frame(
             rows.shape = (*rows.shape[:-1], *_shape(name, n))
             return rows
     q, *va = arguments
-    mechanism, arrays = current.arguments(q, **({"va": va[0]} if va else {}))
+    mechanism, arrays = current.mechanism, current.arguments(q, **({"va": va[0]} if va else {}))
     reference = partial(getattr(current.reference, name), frame=frame_id(mechanism.model, frame))
 
     return by_kernel(
@@ -184,7 +180,7 @@ def _shape(name: str, n: int) -> tuple[int, ...]:
 
 
 def linear_system(
-    current: CurrentMechanism, q: ArrayLike, va: ArrayLike, d: AccelerationDerivatives
+    current: Current, q: ArrayLike, va: ArrayLike, d: AccelerationDerivatives
 ) -> tuple[Array, Array]:
     """A, shape (..., 2 n, 2 n), and B, shape (..., 2 n, motors), of the state next to a motion.
 
@@ -200,7 +196,7 @@ def linear_system(
     both[..., :n, n : 2 * n] = np.eye(n)
     both[..., n:, :] = rows
     if current.reference.derivatives.axes_move:
-        _, arrays = current.arguments(q, va=va)
+        arrays = current.arguments(q, va=va)
         reference, name = current.reference.derivatives.displacement_rates, "displacement_rates"
         both[..., :n, :n] = by_kernel(
             current, reference, name, arrays, (1, 1), (n, n), on_error="nan"

@@ -20,13 +20,19 @@ def skew(a: Array) -> Array:
     return a.reshape(-1, 3).dot(_TO_MATRIX).reshape(*a.shape, 3)
 
 
-def cross(a: Array, b: Array) -> Array:
-    """Products of a vector with a vector or with columns, in either order."""
-    return skew(a).dot(b) if a.ndim == 1 else -skew(b).dot(a)
-
-
 #: Products of the entries of two vectors, one after the other, times this: their cross product.
 _OF_PRODUCTS = _TO_MATRIX.reshape(3, 3, 3).transpose(0, 2, 1).reshape(9, 3)
+
+
+def cross_products(a: Array, b: Array) -> Array:
+    """Products of vectors with vectors, shapes (..., 3)."""
+    products = a[..., :, None] * b[..., None, :]
+    return np.asarray(products.reshape(*products.shape[:-2], 9).dot(_OF_PRODUCTS))
+
+
+def dots(a: Array, b: Array) -> Array:
+    """Scalar products of vectors with vectors, shapes (k, 3)."""
+    return np.asarray(np.einsum("ij,ij->i", a, b))
 
 
 def _of_twists() -> Array:
@@ -42,3 +48,23 @@ def brackets(a: Array, b: Array) -> Array:
     """Lie brackets of twists [linear; angular] with columns, shape (6, k); a may be one twist."""
     products = a.reshape(6, 1, -1) * b
     return np.asarray(_OF_TWISTS.dot(products.reshape(36, -1)))
+
+
+def _to_rates() -> Array:
+    """Twist times this: the matrix that takes homogeneous coordinates in a row to their rates."""
+    matrices = np.zeros((6, 4, 4))
+    matrices[:3, 3, :3] = np.eye(3)
+    matrices[3:, :3, :3] = -_TO_MATRIX.reshape(3, 3, 3)
+    return matrices.reshape(6, 16)
+
+
+_TO_RATES = _to_rates()
+
+
+def carrying(twists: Array) -> Array:
+    """Matrices, shape (k, 4, 4), with x_t = x @ matrix for points and directions x in rows.
+
+    Args:
+        twists: [linear; angular] at the world's origin, shape (k, 6).
+    """
+    return twists.dot(_TO_RATES).reshape(-1, 4, 4)

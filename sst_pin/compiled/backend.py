@@ -17,11 +17,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
-from ..chain.assembly import generic_configuration, home_of
+from ..chain.assembly import home_of
 from ..chain.closures import Closure, Distance, Rolling
+from ..chain.coordinates import examples
 from ..chain.mechanism import Friction, Mechanism
 from ..chain.reference import Reference
 from ..chain.tree import frame_named
@@ -93,7 +93,6 @@ class CompiledBackend:
 
     Args:
         reference: Of its mechanism.
-        model: The user's tree. If its gravity changes, single calls return None.
         near: Where the order of elimination is chosen, shape (nq,); anywhere by default.
         parameters: Which numbers the kernels take; those of `Parameters` by default.
         code: Gives the code of a kernel by its name and an instruction set; from the cache by
@@ -109,7 +108,6 @@ class CompiledBackend:
     def __init__(
         self,
         reference: Reference,
-        model: pin.Model,
         near: Array | None = None,
         *,
         parameters: Parameters | None = None,
@@ -123,7 +121,7 @@ class CompiledBackend:
         require_current(_binding.__file__, *_BINDING)
         self._binding = _binding
         self._reference, self._mechanism = reference, reference.mechanism
-        self._model, self._near = model, near
+        self._near = near
         self._parameters = parameters or Parameters(self._mechanism)
         self._code = code or self._from_cache
         self._moment = -1 if bearer is None else 6 * bearer
@@ -278,8 +276,8 @@ class CompiledBackend:
             tuple(sizes),
             outputs,
             codes[0].prepared(numbers),
-            self._model.gravity.linear,  # watched in the model's own memory, which has to stay
-            (codes, self._model),
+            self._mechanism.model.gravity.linear,
+            (codes, self._mechanism.model),
             loaded,
             codes[-1].prepared(numbers),
             self._moment,
@@ -392,7 +390,8 @@ def sample_configurations(reference: Reference, near: Array | None = None) -> Ar
     """
     assembly = reference.workspace.assembly
     if near is None:
-        near = generic_configuration(assembly)
+        example = reference.mechanism.example
+        near = next(examples(assembly)) if example is None else example
     reference.workspace.evaluate(near)
     samples = [near]
     for seed in range(4 * _SAMPLES):

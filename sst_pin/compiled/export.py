@@ -221,7 +221,7 @@ def c_files(
         raise InputError("precision", f"{precision!r} is not one of {', '.join(_STYLES)}")
     style, q = _STYLES[precision], chain.generic_configuration()
     n, motors = chain.degrees_of_freedom, len(chain.motor_names)
-    mechanism = chain._current.mechanism()
+    mechanism = chain._current.mechanism
     samples = sample_configurations(chain._current.reference, q)
     equations = Equations(mechanism, samples)
     checks = Checks(equations, style.closed, style.rounding)

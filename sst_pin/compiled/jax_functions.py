@@ -69,7 +69,7 @@ class JaxFunctions:
     def __init__(self, chain: ClosedChain, near: Array | None, sign_width: float) -> None:
         _require_double()
         self._chain, self._near, self._sign_width = chain, near, sign_width
-        self._mechanism = mechanism = chain._current.mechanism(near)
+        self._mechanism = mechanism = chain._current.mechanism
         if any(isinstance(closure, Rolling) for closure in mechanism.closures):
             problem = "with a rolling contact q has more directions than rates; use casadi()"
             raise DescriptionError("jax", [problem])
@@ -221,7 +221,7 @@ class JaxFunctions:
                 by_tau = [(0, 0)] * (of_q.ndim - order) + [(0, self.motors)] * order
                 aa = self._derivatives("accelerations", order, q, va, tau)
                 return np.concatenate([np.pad(of_q, by_tau), aa], axis=-1 - order)
-            states = self._chain.states(self._sign_width, q)
+            states = self._chain._states(self._sign_width)
 
             def rate(q: Array, va: Array, tau: Array) -> Array:
                 return states.rate(np.concatenate([q, va], axis=-1), tau, None)
@@ -239,7 +239,7 @@ class JaxFunctions:
     @cached_property
     def _closed(self) -> Callable[..., jax.Array]:
         def values(q: Array) -> Array:
-            return _samples(self._chain.states(self._sign_width, q).closed, self.nq, q)
+            return _samples(self._chain._states(self._sign_width).closed, self.nq, q)
 
         on_arrays = self._on_arrays(values)
 
@@ -343,7 +343,7 @@ class JaxFunctions:
     def _by_casadi(self, name: str, order: int, *arrays: Array) -> Array:
         """As `AlongMotions.values`, of the model as it stands."""
         with self._lock:
-            mechanism, made = self._chain._current.mechanism(), self._along
+            mechanism, made = self._chain._current.mechanism, self._along
             if made is None or made[0] is not mechanism:
                 reference = self._chain._current.reference
                 functions = CasadiFunctions(reference, self._near, self._sign_width)
@@ -355,7 +355,7 @@ class JaxFunctions:
 
         def on_arrays(*given: Any) -> Array:
             results = values(*map(np.asarray, given))
-            now = self._chain._current.mechanism().coordinates
+            now = self._chain._current.mechanism.coordinates
             if not np.array_equal(now, self._mechanism.coordinates):
                 problem = "the robot has other coordinates now; call jax() again, near this q"
                 raise DescriptionError("jax", [problem])

@@ -57,7 +57,7 @@ def energy_balance(chain: ClosedChain, motion: Trajectory) -> EnergyBalance:
         InputError: For another motion.
         ClosureError: When its loops are open.
     """
-    require_motion(motion, chain.position_names)
+    require_motion(motion, chain)
     if len(motion) < 2:
         raise InputError("motion", "has one sample; at least two are needed")
 

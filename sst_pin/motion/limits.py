@@ -70,7 +70,7 @@ def samples_of(chain: ClosedChain, motion: Any) -> tuple[Array, Array]:
         InputError: For the motion of another robot, or a configuration of another shape.
     """
     if isinstance(motion, Trajectory):
-        require_motion(motion, chain.position_names)
+        require_motion(motion, chain)
         return motion.t, motion.q
     q = single_array("motion", motion, (len(chain.position_names),))
     return np.array([np.nan]), q[None]

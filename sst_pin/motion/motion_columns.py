@@ -13,6 +13,8 @@ from ..errors import FileFormatError
 from ..files import Table
 
 _TORQUE = re.compile(r"tau_(.+)_(Nm|N)")
+#: Of a rate; of an acceleration with a 2 behind.
+RATE = re.compile(r"(.+)_(rad|m)_s(2?)")
 _POSITION = re.compile(r"(.+)_(?:(rad|m)|1)")
 
 
@@ -52,7 +54,7 @@ def parts_of(table: Table) -> dict[str, Any]:
     Raises:
         FileFormatError: When it is none, with what is missing.
     """
-    rates = [re.fullmatch(r"(.+)_(rad|m)_s(2?)", name) for name in table.columns]
+    rates = [RATE.fullmatch(name) for name in table.columns]
     coordinates, accelerations = (
         [(p[1], p[2]) for p in rates if p and p[3] == power] for power in ("", "2")
     )

@@ -11,12 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..chain.closed_chain import ClosedChain
-from ..chain.joint_space import JointSpace
-from ..errors import ClosureError, FileFormatError
+from ..errors import ClosureError, FileFormatError, InputError
 from ..files import Table, read_table
 from .coordinate_motions import angles_and_lengths, coordinate_motion, start_configuration
-from .motion_columns import position_columns, rate_columns
-from .trajectories import Trajectory
+from .motion_columns import RATE, position_columns, rate_columns
+from .trajectories import Trajectory, rates_of_coordinates, require_motion
 
 Array = NDArray[np.float64]
 
@@ -68,15 +67,15 @@ def is_npz(source: str | Path | BinaryIO) -> TypeGuard[str | Path]:
 
 
 def of_robot(chain: ClosedChain, motion: Trajectory, path: str | Path) -> Trajectory:
-    """The motion, when its joints are those of the robot.
+    """The motion, when its joints, coordinates and motors are those of the robot.
 
     Raises:
         FileFormatError: When they are not.
     """
-    if motion.joint_names != tuple(chain.position_names):
-        raise FileFormatError(
-            path, f"the motion of another robot, with joints {', '.join(motion.joint_names)}"
-        )
+    try:
+        require_motion(motion, chain)
+    except InputError as error:
+        raise FileFormatError(path, str(error)) from None
     return motion
 
 
@@ -84,15 +83,23 @@ def read_torques(chain: ClosedChain, table: Table) -> Array:
     """The motors' torques in a table, shape (N, motors).
 
     The columns are `tau_NAME_Nm`, or `tau_NAME_N` of a motor that pushes, or have the motor's
-    number, counted from 1, for its name.
+    number, counted from 1, for its name. In a file with rates, numbers count the coordinates in the
+    order of their rates, as `Trajectory.save` writes them.
 
     Raises:
-        FileFormatError: When one is missing.
+        FileFormatError: When one is missing, or numbers count other motors than the robot's.
     """
     columns = []
+    by_rates = [p[1] for p in map(RATE.fullmatch, table.columns) if p and not p[3]]
     motors = zip(chain.motor_names, chain.motor_units, strict=True)
     for number, (name, force) in enumerate(motors, 1):
         named = f"tau_{name}_{force}"
+        if named not in table.columns and by_rates and by_rates != list(chain.motor_names):
+            raise FileFormatError(
+                table.path,
+                f"no column {named}; torques with numbers are those of {', '.join(by_rates)} here",
+                1,
+            )
         columns.append(named if named in table.columns else f"tau_{number}_{force}")
     return table.select(columns)
 
@@ -197,10 +204,8 @@ def _position_columns(chain: ClosedChain) -> list[str]:
 
 def _rates(chain: ClosedChain) -> tuple[list[str], list[str]]:
     """Names of the coordinates' rates, and their columns."""
-    space = JointSpace(chain.model)
-    rates = space.rates_of(chain.coordinates)
-    names = [space.rate_names[k] for k in rates]
-    return names, rate_columns(names, [space.rate_units[k] for k in rates])
+    names, units = rates_of_coordinates(chain)
+    return list(names), rate_columns(names, units)
 
 
 def _joints(chain: ClosedChain, table: Table) -> dict[str, Array]:

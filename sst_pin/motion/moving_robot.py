@@ -6,6 +6,7 @@ from __future__ import annotations
 from typing import Protocol
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from ..chain.backend import States
@@ -16,6 +17,14 @@ Array = NDArray[np.float64]
 
 class Robot(Protocol):
     """A robot that moves in time."""
+
+    @property
+    def model(self) -> pin.Model:
+        """Its tree."""
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Names of the independent joints."""
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -36,7 +45,7 @@ class Robot(Protocol):
     def joint_rates(self, q: ArrayLike, va: ArrayLike) -> Array:
         """Rates of all joints; raises an error if q is open or singular."""
 
-    def states(self, sign_width: float, q: ArrayLike) -> States:
+    def _states(self, sign_width: float) -> States:
         """The state space, the sign of friction smoothed, for motions that start at q."""
 
     def trajectory(

@@ -91,10 +91,10 @@ def simulate(
         raise InputError("progress", f"{progress!r} cannot be called")
     times = sample_times(t, 2)
     if isinstance(torque, Trajectory):
-        require_motion(torque, chain.position_names, "torque")
+        require_motion(torque, chain, "torque")
     # A bad start fails by its own name.
     q0 = single_array("q0", q0, (len(chain.position_names),))
-    states = chain.states(sign_width, q0)
+    states = chain._states(sign_width)
     chain.joint_rates(q0, np.zeros(chain.degrees_of_freedom))
     va0 = single_array("va0", va0, (chain.degrees_of_freedom,))
     if not states.regular(q0, max_condition_number):
@@ -281,8 +281,3 @@ def _sampled(smooth: BSpline) -> _Input:
         return ((t - start) ** powers).dot(coefficients)
 
     return _Input(at, lambda t, y: np.asarray(smooth(t)))
-
-
-def constant_or_called(load: Load) -> Callable[[float, Array, Array], ArrayLike | None]:
-    """A load of any kind as a function of (t, q, va)."""
-    return load if callable(load) else lambda t, q, va: load

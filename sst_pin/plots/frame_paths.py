@@ -75,7 +75,7 @@ def points_of(robot: ClosedChain, motion: Trajectory, frame: str) -> Array:
         UnknownNameError: For a frame that the model does not have.
         InputError: For another robot's motion.
     """
-    require_motion(motion, robot.position_names)
+    require_motion(motion, robot)
     model = robot.model
     number, data = frame_id(model, frame), model.createData()
     points = np.empty((len(motion), 3))

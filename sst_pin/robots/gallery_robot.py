@@ -71,16 +71,21 @@ class GalleryRobot(ClosedChain):
         *,
         point: bool = False,
     ) -> None:
-        super().__init__(tree.model, closures, actuated)
-        self._tree, self._shapes = tree.model, tree.visual_model
-        self._joints = joints
+        self._tree, self._shapes, self._joints = tree.model, tree.visual_model, joints
         self._rows = slice(None), slice(3 if point else 0, 4)  # of a pose, that count
+        with np.errstate(invalid="ignore"):
+            q = self._configuration(joints(home))
+        unreachable = WorkspaceError(
+            f"{tree.model.name}: with these dimensions the loops do not close at home"
+        )
+        if not np.isfinite(q).all():
+            raise unreachable
+        tree.model.referenceConfigurations["home"] = pin.normalize(tree.model, q)
+        super().__init__(tree.model, closures, actuated)
         try:
-            self._current.call_home(self.inverse_kinematics(home))
+            self.inverse_kinematics(home)
         except (InputError, WorkspaceError):
-            raise WorkspaceError(
-                f"{tree.model.name}: with these dimensions the loops do not close at home"
-            ) from None
+            raise unreachable from None
 
     def inverse_kinematics(self, pose: pin.SE3 | ArrayLike) -> Array:
         """Inverse kinematics: the configuration for a pose of the platform.
@@ -112,7 +117,7 @@ class GalleryRobot(ClosedChain):
                 q = self._configuration(self._joints(pin.SE3(pose)))
             if not np.isfinite(q).all():
                 raise WorkspaceError("the pose of the platform is out of reach")
-            q = self._current.draft.space.normalised(q)
+            q = self._current.mechanism.space.normalised(q)
             missed = np.abs(self._pose(q) - pose)[self._rows].max()
             opened = np.abs(self.residual(q)).max()
             if max(missed, opened) > CLOSURE_TOLERANCE:
@@ -141,7 +146,7 @@ class GalleryRobot(ClosedChain):
         """
 
         def pose(q: Array) -> Array:
-            self._current.draft.space.require_on_manifold(q)
+            self._current.mechanism.space.require_on_manifold(q)
             return self._pose(q)
 
         return for_each_sample(pose, (finite_array("q", q, (self._tree.nq,)),), (1,), (4, 4))

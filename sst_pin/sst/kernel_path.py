@@ -1,14 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Which robots the shipped kernels fit, and loads on the star."""
+"""Which robots the shipped kernels fit."""
 
 from __future__ import annotations
 
-from typing import Any
-
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
-from ..arrays import finite_array
 from ..chain.backend import Backend
 from ..chain.closures import Closure, Constraint
 from ..chain.reference import Reference, ReferenceBackend
@@ -16,18 +10,15 @@ from ..description import JOINT_NAMES
 from ..errors import CompilationError
 from .topology import CUTS
 
-Array = NDArray[np.float64]
-
 #: Index of the body that bears the loads on the star; the three arcs are one body.
 STAR = JOINT_NAMES.index("beta_1")
 
 
-def backend(reference: Reference, model: Any, off: str) -> Backend:
+def backend(reference: Reference, off: str) -> Backend:
     """The kernels of one robot, or the reference path with the reason why it has none.
 
     Args:
         reference: Of its mechanism.
-        model: The tree whose gravity the kernels watch.
         off: Why not to use kernels; empty to use them.
     """
     from ..compiled.backend import CompiledBackend  # at its first use: it imports much
@@ -41,7 +32,7 @@ def backend(reference: Reference, model: Any, off: str) -> Backend:
         return ReferenceBackend(reference, why)
     numbers = kernels.open_numbers(mechanism)
     try:
-        return CompiledBackend(reference, model, parameters=numbers, code=kernels.code, bearer=STAR)
+        return CompiledBackend(reference, parameters=numbers, code=kernels.code, bearer=STAR)
     except CompilationError as error:
         return ReferenceBackend(reference, str(error))
 
@@ -56,20 +47,3 @@ def misfit(joint_names: tuple[str, ...], closures: tuple[Constraint, ...]) -> st
     if len(cuts) < len(closures) or frames != CUTS or not kinds <= {"6d", "orientation"}:
         return "the cuts differ from those of the YAML in the package"
     return ""
-
-
-def star_load(moment: Array) -> Array:
-    """Wrenches on the nine bodies with a moment on the star, shape (..., 9, 6)."""
-    wrenches = np.zeros((*moment.shape[:-1], len(JOINT_NAMES), 6))
-    wrenches[..., STAR, :3] = moment
-    return wrenches
-
-
-def with_moment(moment: ArrayLike | None, wrenches: ArrayLike | None) -> ArrayLike | None:
-    """External wrenches with a moment on the star besides."""
-    if moment is None:
-        return wrenches
-    on_star = star_load(finite_array("platform_moment", moment, (3,)))
-    if wrenches is None:
-        return on_star
-    return on_star + finite_array("external_wrenches", wrenches, (9, 6))

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -16,19 +16,16 @@ from .. import description, reading
 from ..arrays import finite_array, in_one_turn, single_array
 from ..chain.appearance import Appearance
 from ..chain.closed_chain import ClosedChain
+from ..chain.current import Current
 from ..description import MOTOR_NAMES
 from ..description.parameters import Parameters
 from ..errors import DescriptionError, InputError, WorkspaceError
 from ..files import Table, beside
 from ..motion.limits import Finding, findings, samples_of
-from ..motion.rollouts import Rollout
-from ..motion.simulation import Load, Torque, constant_or_called
 from ..motion.trajectories import Trajectory
 from ..reading.shapes import UrdfShapes
 from . import appearance, check, direct_kinematics, kernel_path, kinematics, motion_files
-from .calls import Calls
 from .geometry_models import ParameterShapes
-from .kernel_path import with_moment
 from .kinematics import Geometry
 from .read_back import parameters_of
 from .topology import CUTS, frame_of, geometry_of
@@ -61,7 +58,7 @@ def _geometry(model: pin.Model) -> Geometry:
     return geometry_of(model, f"model {model.name}")
 
 
-class SST(Calls):
+class SST(ClosedChain):
     """A 3-RRP spherical parallel manipulator.
 
     Joint vectors are gamma_1, mu_1, beta_1, gamma_2, ...; the motors are gamma_1..3.
@@ -166,11 +163,13 @@ class SST(Calls):
                 cuts_source, [f"name_mot: {list(actuated)}, an SST has {', '.join(MOTOR_NAMES)}"]
             )
         model.gravity.linear = gravity
-        super().__init__(model, closures, actuated)
+        super().__init__(model, closures, actuated, coordinates=actuated)
         off = "" if kernels else "switched off by kernels=False"
-        self._current.kernels = partial(kernel_path.backend, off=off)
+        kernels_of = partial(kernel_path.backend, off=off)
+        self._current = Current(self._current.mechanism, kernels_of)
 
     _examine = staticmethod(_geometry)
+    _platform = "beta_1"  # the star
 
     @property
     def geometry(self) -> Geometry:
@@ -180,8 +179,7 @@ class SST(Calls):
             >>> robot.geometry.e[0]
             array([0., 0., 1.])
         """
-        geometry: Geometry = self._current.examined
-        return geometry
+        return _geometry(self._current.mechanism.model)
 
     @property
     def parameters(self) -> Parameters:
@@ -194,7 +192,7 @@ class SST(Calls):
             >>> robot.parameters.star.mass
             2.6
         """
-        return parameters_of(self.model, self.geometry, self.friction)
+        return parameters_of(self._current.mechanism.model, self.geometry, self.friction)
 
     # --- kinematics -------------------------------------------------------------------------
 
@@ -409,118 +407,6 @@ class SST(Calls):
                 "singularity (first kind), 1 / min |sin mu_k|": np.asarray(1 / found.first_kind),
             }
 
-    # --- dynamics ---------------------------------------------------------------------------
-
-    def simulate(
-        self,
-        torque: Torque,
-        q0: ArrayLike,
-        va0: ArrayLike,
-        t: ArrayLike,
-        *,
-        platform_moment: Load = None,
-        external_wrenches: Load = None,
-        method: str = "DOP853",
-        rtol: float = 1e-12,
-        atol: float = 1e-12,
-        max_condition_number: float = 1e4,
-        sign_width: float = 1e-3,
-        progress: Callable[[float], None] | None = None,
-    ) -> Trajectory:
-        """Simulate the motion for given torques; see `sst_pin.motion.simulation.simulate`.
-
-        Args:
-            torque: Torques of the motors: a function of (t, q, va), a constant, samples at t, or a
-                `Trajectory`.
-            q0: Joint angles at t[0], on the closures, shape (9,).
-            va0: Motor rates at t[0], shape (3,).
-            t: Times of the output, shape (N,), [s].
-            platform_moment: Moment on the star, in base axes: a function (t, q, va) -> (3,), or a
-                constant, shape (3,), [N m].
-            external_wrenches: Wrenches on the nine bodies: a function (t, q, va) -> (9, 6), or a
-                constant.
-            method: Integrator; this and the following arguments are those of
-                `sst_pin.motion.simulation.simulate`.
-            rtol: Relative tolerance.
-            atol: Absolute tolerance.
-            max_condition_number: The motion stops at this condition number, before a singularity.
-            sign_width: Width of the smoothed Coulomb friction, [rad/s].
-            progress: Function that is called with the time reached.
-
-        Example:
-            >>> motion = robot.simulate([0, 0, 0], robot.home, [0, 0, 0], np.linspace(0, 0.1, 11))
-            >>> motion.q.shape
-            (11, 9)
-        """
-        load = external_wrenches
-        if platform_moment is not None:
-            moment, others = map(constant_or_called, (platform_moment, external_wrenches))
-
-            def load(time: float, q: Array, va: Array) -> ArrayLike:
-                on_star = single_array("platform_moment", moment(time, q, va), (3,))
-                wrenches = with_moment(on_star, others(time, q, va))
-                assert wrenches is not None
-                return wrenches
-
-        return super().simulate(
-            torque,
-            q0,
-            va0,
-            t,
-            external_wrenches=load,
-            method=method,
-            rtol=rtol,
-            atol=atol,
-            max_condition_number=max_condition_number,
-            sign_width=sign_width,
-            progress=progress,
-        )
-
-    def rollout(
-        self,
-        tau: ArrayLike,
-        q0: ArrayLike,
-        va0: ArrayLike,
-        dt: float,
-        *,
-        platform_moment: ArrayLike | None = None,
-        external_wrenches: ArrayLike | None = None,
-        steps: int | None = None,
-        sign_width: float = 1e-3,
-        threads: int = 1,
-        on_error: str = "raise",
-    ) -> Rollout:
-        """Simulate many motions with a fixed step; see `sst_pin.motion.rollouts.rollout`.
-
-        Args:
-            tau: Motor torques, shape (..., N, 3), or (..., 2 N + 1, 3) with `steps`.
-            q0: Initial joint angles, shape (..., 9).
-            va0: Initial motor rates, shape (..., 3).
-            dt: Step, [s].
-            platform_moment: Constant moment on the star, in base axes, shape (..., 3), [N m].
-            external_wrenches: Constant wrenches on the nine bodies, shape (..., 9, 6).
-            steps: Number of steps N.
-            sign_width: Width of the smoothed Coulomb friction, [rad/s].
-            threads: Number of threads.
-            on_error: "raise" or "nan".
-
-        Example:
-            >>> motion = robot.rollout(np.zeros((8, 50, 3)), robot.home, [0, 0, 0], dt=1e-3)
-            >>> motion.q.shape
-            (8, 51, 9)
-        """
-        return super().rollout(
-            tau,
-            q0,
-            va0,
-            dt,
-            external_wrenches=with_moment(platform_moment, external_wrenches),
-            steps=steps,
-            sign_width=sign_width,
-            threads=threads,
-            on_error=on_error,
-        )
-
     # --- pictures ---------------------------------------------------------------------------
 
     @property
@@ -531,7 +417,7 @@ class SST(Calls):
             >>> robot.star_radius
             0.4
         """
-        model = self._current.draft.model
+        model = self._current.mechanism.model
         if not model.existFrame("E"):
             return Parameters().star_radius
         E = frame_of(model, "E")
@@ -548,7 +434,8 @@ class SST(Calls):
     # --- inside -----------------------------------------------------------------------------
 
     def _require_limits(self, q: Array) -> None:
-        lower, upper = self.model.lowerPositionLimit, self.model.upperPositionLimit
+        model = self._current.mechanism.model
+        lower, upper = model.lowerPositionLimit, model.upperPositionLimit
         outside = (q < lower) | (q > upper)
         if outside.any():
             *sample, joint = (int(i) for i in np.argwhere(outside)[0])

@@ -273,7 +273,7 @@ class Viewer:
 
     def _require_own(self, motion: Trajectory, name: str) -> None:
         robot = self._robot
-        require_motion(motion, robot.position_names, name)
+        require_motion(motion, robot, name)
         if motion.tau.shape[1] != len(robot.motor_names):
             motors = f"{motion.tau.shape[1]} motors, the robot has {len(robot.motor_names)}"
             raise InputError(name, f"belongs to another robot, with torques of {motors}")

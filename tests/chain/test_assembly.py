@@ -180,6 +180,7 @@ def scissor(cells):
         q += [-angle, angle] if k == 0 else [-2 * angle, 2 * angle]
         # The next cell: its left lower end is down's upper end, its right one is up's.
         left, right, place = down, up, [0.0, 0, 1]
+    model.referenceConfigurations["home"] = np.array(q)
     return ClosedChain(model, closures, ["slide"]), np.array(q)
 
 
@@ -201,36 +202,20 @@ def test_a_scissor_lift_of_twenty_cells_is_judged_at_the_callers_configuration()
     assert chain.compute_accelerations(q, [0.0], tau) == pytest.approx(0, abs=1e-8)
 
 
-def test_a_generic_configuration_that_is_not_found_is_not_looked_for_again(monkeypatch):
-    """The second call answers at once, with an error of its own."""
+def test_a_robot_that_cannot_be_assembled_says_so_at_every_call():
+    """Its coordinates are those of its motors."""
     chain = ladder(2, broken=1)
-    errors = []
     for _ in range(2):
-        with pytest.raises(ClosureError) as caught:
+        with pytest.raises(ClosureError, match="cannot be closed"):
             chain.generic_configuration()
-        errors.append(caught.value)
-        monkeypatch.setattr("sst_pin.chain.current.generic_configuration", None)
-    assert str(errors[0]) == str(errors[1])
-
-
-def test_a_motion_starts_where_no_generic_configuration_is_found(monkeypatch):
-    """The start tells the coordinates."""
-
-    def fail(*_):
-        raise ClosureError("none", 1.0)
-
-    monkeypatch.setattr("sst_pin.chain.current.generic_configuration", fail)
-    chain = ladder(1)
-    q = chain.assemble([1.2, -0.7, 2.0], ["crank_0"])
-    chain.simulate([0.0], q, [0.0], [0, 0.01])
-    chain = ladder(1)
-    chain.rollout(np.zeros((3, 1)), q, [0.0], 0.01)
+    assert chain.coordinates == chain.motor_names
 
 
 def limited(lower, upper):
     """One four-bar with limits of crank, coupler and rocker."""
     chain = ladder(1)
     chain.model.lowerPositionLimit[:], chain.model.upperPositionLimit[:] = lower, upper
+    chain.refresh()
     return chain
 
 

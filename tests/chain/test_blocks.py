@@ -1,9 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Loops that share no dependent joints are solved apart, and the whole is the same."""
 
-import importlib.util
-from pathlib import Path
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -11,11 +8,11 @@ from numpy.testing import assert_allclose
 from scipy.sparse.csgraph import connected_components
 
 import sst_pin
-from sst_pin import ClosedChain, Closure
-from sst_pin.chain import blocks as blocks_module
-from sst_pin.chain import noc
+from sst_pin import ClosedChain, Closure, Coupling
 from sst_pin.chain.dynamics import Workspace
 from sst_pin.chain.loops import connected
+from sst_pin.chain.mechanism import Friction, Mechanism, Springs
+from sst_pin.chain.noc import JointComplement
 from sst_pin.errors import SingularConfigurationError
 
 CRANK, COUPLER, ROCKER = 0.6, 0.5, 0.6
@@ -75,7 +72,7 @@ def closed(chain, *angles):
 
 def whole(chain, Phi, right):
     """Least squares over all loops at once: Phi x = right, coordinates at rest."""
-    mechanism = chain._current.mechanism()
+    mechanism = chain._current.mechanism
     system = np.concatenate((Phi, mechanism.selection))
     zeros = np.zeros((len(mechanism.selection), right.shape[1]))
     return np.linalg.lstsq(system, np.concatenate((right, zeros)), rcond=None)[0]
@@ -95,7 +92,7 @@ def test_blocks_solve_what_all_loops_at_once_do(name):
     build, count = ROBOTS[name]
     chain, random = build(), np.random.default_rng(1)
     q = closed(chain, 0.9, 0.7) if name == "four-bars" else chain.generic_configuration()
-    ws = Workspace(chain._current.mechanism(q))
+    ws = Workspace(chain._current.mechanism)
     ws.evaluate(q)
     Phi = ws.loops.Phi()
     ws.complement.factorise(Phi)
@@ -108,12 +105,10 @@ def test_blocks_solve_what_all_loops_at_once_do(name):
     # Two ways with rounding of 1e-16 times condition numbers below 1e2.
     assert_allclose(L, expected, rtol=0, atol=1e-13 * np.abs(L).max())
     right = Phi @ random.normal(size=(ws.model.nv, 3))
-    X = ws.complement.solve(right)
+    X = ws.complement.inverse @ right
     assert_allclose(X, whole(chain, Phi, right), rtol=0, atol=1e-13 * np.abs(X).max())
     assert not X[coordinates].any()
-    va, force = random.normal(size=len(coordinates)), random.normal(size=ws.model.nv)
-    assert_allclose(ws.complement.rates(va), L @ va, rtol=0, atol=1e-13 * np.abs(L).max())
-    assert_allclose(ws.complement.reduced(force), L.T @ force, rtol=0, atol=1e-12)
+    va = random.normal(size=len(coordinates))
     x = ws.complement.accelerations(va, right[:, 0])
     assert_allclose(x, L @ va - X[:, 0], rtol=0, atol=1e-13 * np.abs(x).max())
 
@@ -122,8 +117,8 @@ def test_blocks_solve_what_all_loops_at_once_do(name):
 def test_a_block_of_a_ladder_is_as_large_as_that_of_any_other(cells):
     """Memory and operations are in proportion to the number of loops."""
     chain = sst_pin.robots.ladder(cells)
-    ws = Workspace(chain._current.mechanism())
-    assert [len(block.dependent) for block in ws.complement.blocks] == [2] * cells
+    ws = Workspace(chain._current.mechanism)
+    assert [len(block.rates) for block in ws.complement.blocks] == [2] * cells
     assert [int(row.sum()) for row in ws.loops.touched] == [3] * 3 * cells
 
 
@@ -171,48 +166,30 @@ def test_connected_parts_are_those_of_the_graph():
         assert len(found) == len(parts)
 
 
-@pytest.mark.parametrize("shape", [(3, 2, 1), (12, 6, 3), (5, 5, 0), (4, 3, 2)])
-def test_a_block_is_the_same_whether_it_is_compiled_or_not(shape):
-    """An old build would differ; the last row is the sum of the others."""
-    source = Path(blocks_module.__file__).with_name("blocks.py")
-    spec = importlib.util.spec_from_file_location("sst_pin.chain.blocks", source)
-    as_written = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(as_written)
-    (m, d, n), random = shape, np.random.default_rng(4)
-    Phi = random.normal(size=(m, d + n))
-    if m > d:
-        Phi[-1] = Phi[:-1].sum(axis=0)
-    dependent, coordinates = np.arange(n, d + n), np.arange(n)
-    scales = random.uniform(0.5, 2, m), random.uniform(0.5, 2, d)
-    found = []
-    for module in (blocks_module, as_written):
-        block = module.Block(np.arange(m), dependent, coordinates, coordinates, *scales)
-        solver = module.Blocks([block], coordinates, d + n)
-        assert solver.decompose(Phi, 1e-8)
-        right = Phi @ np.arange(1.0, d + n + 1)[:, None]
-        rates = solver.rates(np.ones(n)), solver.reduced(np.ones(d + n))
-        found.append((solver.L, solver.solve(right), *rates, block.smallest))
-    for x, y in zip(*found, strict=True):
-        # A few roundings times condition numbers below 1e2: sums of products in another order.
-        assert_allclose(x, y, rtol=0, atol=1e-13 * np.abs(x).max(initial=1))
+def hinges(count):
+    """A chain of joints about z without coordinates, each held by a coupling."""
+    model = pin.Model()
+    for k in range(count):
+        model.addJoint(k, pin.JointModelRZ(), pin.SE3.Identity(), f"joint_{k}")
+    closures = tuple(Coupling(f"joint_{k}") for k in range(count))
+    none = Friction(np.zeros(count), np.zeros(count))
+    springs = Springs(np.zeros(count), np.zeros(count))
+    nothing = np.empty(0, dtype=np.intp)
+    return Mechanism(model, closures, nothing, np.empty((count, 0)), (), none, springs)
 
 
 def test_a_joint_that_no_closure_holds_counts_as_singular():
     """There are too few coordinates."""
-    nothing = np.empty(0, dtype=np.intp)
-    block = blocks_module.Block(nothing, np.arange(1), nothing, nothing, np.empty(0), np.ones(1))
-    solver = blocks_module.Blocks([block], nothing, 1)
-    assert not solver.decompose(np.empty((0, 1)), 1 / noc.MAX_CONDITION_NUMBER)
+    solver = JointComplement(hinges(1), np.zeros((1, 1), dtype=bool))
+    with pytest.raises(SingularConfigurationError, match="joint_0"):
+        solver.factorise(np.zeros((1, 1)))
 
 
 def test_numbers_that_are_not_finite_count_as_singular():
     """In the block where they are, whatever the pivots of the other one."""
-    index = np.arange(2)
-    blocks = [
-        blocks_module.Block(index[k:][:1], index[k:][:1], index[:0], index[:0], *np.ones((2, 1)))
-        for k in range(2)
-    ]
-    solver = blocks_module.Blocks(blocks, index[:0], 2)
-    assert solver.decompose(np.diag([2.0, 3.0]), 1e-8)
+    solver = JointComplement(hinges(2), np.eye(2, dtype=bool))
+    solver.factorise(np.diag([2.0, 3.0]))
+    assert_allclose(solver.inverse, np.diag([1 / 2, 1 / 3]), rtol=1e-15)
     for numbers in ([np.nan, 3.0], [2.0, np.nan], [np.nan, np.nan]):
-        assert not solver.decompose(np.diag(numbers), 1e-8)
+        with pytest.raises(SingularConfigurationError):
+            solver.factorise(np.diag(numbers))

@@ -1,9 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Every closure holds what it says, on trees with every joint of Pinocchio."""
 
-import importlib.util
 import itertools
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -11,7 +9,6 @@ import pytest
 from numpy.testing import assert_allclose
 
 from sst_pin import ClosedChain, Closure
-from sst_pin.chain import loops as loops_module
 from sst_pin.chain.closures import Coupling, Distance, Rolling
 from sst_pin.chain.loops import Loops
 from sst_pin.errors import DescriptionError
@@ -65,34 +62,6 @@ def test_Phi_is_the_derivative_of_the_residual_and_Phi_dot_its_rate(name, kind):
     """Where the loop is closed, along every rate of every joint, whatever the rates are."""
     loops, q = loops_at(tree(*TREES[name], seed=1), CONSTRAINTS[kind], seed=2)
     assert_jacobian_and_rate(loops, q, np.random.default_rng(3))
-
-
-@pytest.mark.parametrize("kind", CONSTRAINTS)
-def test_rows_are_the_same_whether_the_kinds_are_compiled_or_not(kind, monkeypatch):
-    """Open or closed, with their rates and their derivatives; an old build would differ."""
-    model, random = tree(*TREES["floating"], seed=1), np.random.default_rng(4)
-
-    def numbers(loops, q, v, directions):
-        found = [at(loops, q).residual(), loops.Phi(), loops.drift(v), loops.Phi_dot(v)]
-        (pair,) = loops.pairs
-        return [*found, *pair.derivatives(*directions)]
-
-    states = [(random_q(model, random), random.normal(size=model.nv)) for _ in range(3)]
-    directions = random.normal(size=(2, 2, 4, 3, 2))
-    loops = Loops(model, [CONSTRAINTS[kind]])
-    here = [numbers(loops, *state, directions) for state in states]
-    source = Path(loops_module.__file__).with_name("closure_kinds.py")
-    spec = importlib.util.spec_from_file_location("sst_pin.chain.closure_kinds", source)
-    as_written = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(as_written)
-    for name in ("Frame", "Rows", "length", "move", "pair_of", "place", "products"):
-        monkeypatch.setattr(loops_module, name, getattr(as_written, name))
-    loops = Loops(model, [CONSTRAINTS[kind]])
-    assert isinstance(loops.pairs[0], as_written.Pair)
-    for state, expected in zip(states, here, strict=True):
-        for x, y in zip(numbers(loops, *state, directions), expected, strict=True):
-            # Sums of a dozen products of numbers near 1, in another order: a few roundings.
-            assert_allclose(y, x, rtol=0, atol=1e-13 * max(1, np.abs(x).max()))
 
 
 @pytest.mark.parametrize("mask", MASKS, ids=lambda mask: "".join(".x"[m] for m in mask))
@@ -208,7 +177,7 @@ def test_names_of_coordinates_and_rates_fit_every_joint():
     for name, parts in TREES.items():
         chain = ClosedChain(tree(*parts, seed=13), [Closure("A", "B", "3d")], [])
         model = chain.model
-        space = chain._current.draft.space
+        space = chain._current.mechanism.space
         assert len(set(space.position_names)) == model.nq, name
         assert len(set(space.rate_names)) == model.nv, name
         random = np.random.default_rng(14)

@@ -92,6 +92,7 @@ def test_external_wrenches_are_weights_when_they_pull_like_weights(odd):
     expected = odd.compute_torques(q, va, aa)
     weightless = pickle.loads(pickle.dumps(odd))
     weightless.model.gravity.linear = np.zeros(3)
+    weightless.refresh()
     tau = weightless.compute_torques(q, va, aa, external_wrenches=weights)
     assert np.abs(tau - expected).max() < 1e-12 * max(1, np.abs(expected).max())
 
@@ -135,6 +136,7 @@ def test_rotors_count_in_the_long_and_in_the_short_form():
     """model.armature is in RNEA, so it must be in Eq. (93) too."""
     robot = sst_pin.SST()
     robot.model.armature = np.linspace(0.01, 0.09, 9)
+    robot.refresh()
     q, va, aa = robot.joint_motion(*random_state(robot, np.random.default_rng(4)))
     t = robot.noc(q, va)
     long = t.inertia @ aa + t.coriolis @ va - t.gravity - t.friction

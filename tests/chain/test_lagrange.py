@@ -215,7 +215,7 @@ def test_forces_that_nobody_supplies_are_named():
     f = chain.generalized_forces(q, va, aa)
     with pytest.raises(ActuationError, match="no motor supplies") as caught:
         chain.compute_torques(q, va, aa)
-    names = chain._current.mechanism().coordinate_rate_names
+    names = chain._current.mechanism.coordinate_rate_names
     driven = {"a0_RX", "b0_RZ"}
     expected = {n: x for n, x in zip(names, f, strict=True) if n not in driven}
     assert set(caught.value.missing) == set(expected)
@@ -291,7 +291,7 @@ def test_coordinates_are_what_the_caller_names():
         L = chain.noc(q, va).L
         # Other independent joints, by a pivoted QR.
         pivots = qr(L[4:].T, pivoting=True)[2][:n] + 4
-        names = chain._current.draft.space.rate_names
+        names = chain._current.mechanism.space.rate_names
         wanted = [names[k] for k in sorted(pivots)]
         other = ClosedChain(chain.model, chain.closures, case.motors, coordinates=wanted)
         k = sorted(pivots)

@@ -42,7 +42,7 @@ COMPILED = {
 def numbers(case, names):
     """The reference path, kernels as functions of numbers, and f differentiated by CasADi."""
     chain = case.chain
-    reference, mechanism = chain._current.reference, chain._current.mechanism()
+    reference, mechanism = chain._current.reference, chain._current.mechanism
     samples = sample_configurations(reference, case.home)
     equations = Equations(mechanism, samples, loaded=True, smooth=True)
     own = mechanism.friction
@@ -146,7 +146,7 @@ def test_derivatives_agree_with_those_of_Pinocchio_where_these_are_right(kernel)
 def test_displacement_rates_are_those_of_the_reference_path(name):
     chain = any_chain.with_joint(name)
     chain.generic_configuration()
-    mechanism, n = chain._current.mechanism(), chain.degrees_of_freedom
+    mechanism, n = chain._current.mechanism, chain.degrees_of_freedom
     reference = chain._current.reference
     equations = Equations(mechanism, sample_configurations(reference))
     kernel = kernels.make(equations, "displacement_rates")

@@ -47,7 +47,7 @@ class Numbers:
 
     def __init__(self, chain, loaded=False):
         chain.generic_configuration()
-        self.mechanism = chain._current.mechanism()
+        self.mechanism = chain._current.mechanism
         samples = sample_configurations(chain._current.reference)
         self.equations = Equations(self.mechanism, samples, loaded)
         self.made = {}
@@ -160,14 +160,14 @@ def test_a_step_of_closing_squares_the_gap(name):
 def test_numbers_of_friction_and_gravity_stay_open():
     """One graph serves other masses, gravity and friction in the same joints."""
     chain = any_chain.chain()
-    numbers, mechanism = Numbers(chain), chain._current.mechanism()
+    numbers, mechanism = Numbers(chain), chain._current.mechanism
     (q,), (va,), (aa,) = any_chain.states(chain, 1, 0)
     numbers("forces", q, va, aa)
     model = pin.Model(chain.model)
     model.gravity.linear = np.array([1.0, 2.0, 3.0])
     model.inertias[3] = model.inertias[3] + pin.Inertia.Random()
     other = type(chain)(model, chain.closures, ["body"], viscous_friction=3 * model.damping)
-    numbers.mechanism = other._current.mechanism()
+    numbers.mechanism = other._current.mechanism
     got = numbers("forces", q, va, aa)
     assert relative(got, other.generalized_forces(q, va, aa)) < 1e-11
     assert mechanism.model != numbers.mechanism.model
@@ -221,9 +221,9 @@ def test_what_depends_on_parameters_alone_is_computed_once(name):
     chain = any_chain.chain(kind="6d")
     chain.generic_configuration()
     samples = sample_configurations(chain._current.reference)
-    body = c_code.body(kernels.make(Equations(chain._current.mechanism(), samples), name))
+    body = c_code.body(kernels.make(Equations(chain._current.mechanism, samples), name))
     prepare, run = re.split(rf"(?:PART|static void) {name}(?:_\d+)?\(", body.text, maxsplit=1)
-    parameters = Equations(chain._current.mechanism(), samples).parameters.size
+    parameters = Equations(chain._current.mechanism, samples).parameters.size
     assert body.size > parameters
     assert f"p[{parameters}] = " in prepare
     assert "x[" not in prepare
@@ -239,7 +239,7 @@ def test_operations_per_joint_of_a_ladder_do_not_depend_on_its_length():
         chain = sst_pin.robots.ladder(bars)
         q = chain.generic_configuration()
         samples = sample_configurations(chain._current.reference, q)
-        kernel = kernels.make(Equations(chain._current.mechanism(), samples), "torques")
+        kernel = kernels.make(Equations(chain._current.mechanism, samples), "torques")
         text = c_code.body(kernel).text
         counts.append(text.count("const real t") / chain.model.nv)
     assert max(counts) < 1.1 * min(counts)

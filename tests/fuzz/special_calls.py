@@ -126,8 +126,7 @@ def _hand_built(w: World) -> Iterator[Call]:
     ):
 
         def breadth_first(method=method, last=last) -> Any:
-            model = _reordered(table, order)
-            chain = sst_pin.ClosedChain(model, table.closures, table.actuated)
+            chain = sst_pin.ClosedChain(table.model(order), table.closures, table.actuated)
             return getattr(chain, method)(q[order], va, *last)
 
         yield Call(f"joints breadth first: {method}", breadth_first, same(wanted))
@@ -193,24 +192,6 @@ def _hand_built(w: World) -> Iterator[Call]:
             lambda k=kind: of(with_joint(k(np.zeros(3)))).compute_torques(np.r_[q, 0], va, aa),
         )
     yield Call("a massless chain", lambda: of(massless).compute_accelerations(q, va, tau))
-
-
-def _reordered(table: Any, order: list[int]) -> pin.Model:
-    """The model of a table of links, its joints added in another order."""
-    whole, model, numbers = table.model(), pin.Model(), {0: 0}
-    model.gravity.linear = whole.gravity.linear
-    for j in (i + 1 for i in order):
-        numbers[j] = model.addJoint(
-            numbers[whole.parents[j]], whole.joints[j], whole.jointPlacements[j], whole.names[j]
-        )
-        model.appendBodyToJoint(numbers[j], whole.inertias[j], pin.SE3.Identity())
-    for frame in whole.frames:
-        if frame.name in ("A", "B"):
-            at = numbers[frame.parentJoint]
-            model.addFrame(pin.Frame(frame.name, at, frame.placement, frame.type))
-    for name in ("armature", "damping", "friction"):
-        setattr(model, name, getattr(whole, name)[order])
-    return model
 
 
 def _by_multipliers(robot: Any, q: np.ndarray, va: np.ndarray, aa: np.ndarray) -> np.ndarray:

@@ -357,3 +357,40 @@ def test_a_tendon_over_sliding_joints_gives_newtons(tmp_path):
         older = {key: file[key] for key in file.files if key != "torque_units"}
     np.savez(tmp_path / "older.npz", **older)
     assert sst_pin.Trajectory.load(tmp_path / "older.npz").torque_units == ("Nm",)
+
+
+def motion_of_other(what):
+    """A five-bar, and a motion of the same joints with other names in another order."""
+    chain = sst_pin.robots.five_bar()
+    model, closures = chain.model, chain.closures
+    motors, coordinates = list(chain.motor_names), list(chain.coordinates)
+    if what == "motors":
+        other = sst_pin.ClosedChain(model, closures, motors[::-1], coordinates=coordinates)
+    else:
+        other = sst_pin.ClosedChain(model, closures, motors, coordinates=coordinates[::-1])
+    t, zero = np.linspace(0, 0.1, 11), np.zeros(2)
+    return chain, other.simulate(np.array([0.1, 0.3]), chain.home, zero, t)
+
+
+@pytest.mark.parametrize("what", ["motors", "coordinates"])
+def test_a_motion_with_other_motors_or_coordinates_is_refused_everywhere(what, tmp_path):
+    """Its columns have the same number; only their names tell that they are swapped."""
+    chain, motion = motion_of_other(what)
+    for use in (
+        lambda: sst_pin.energy_error(chain, motion),
+        lambda: chain.simulate(motion, chain.home, [0, 0], motion.t),
+        lambda: chain.check(motion),
+        lambda: sst_pin.plots.motion_page(chain, motion),
+        lambda: chain.show(motion),
+    ):
+        with pytest.raises(sst_pin.InputError, match=f"another robot, with {what}"):
+            use()
+    motion.save(tmp_path / "other.npz")
+    with pytest.raises(sst_pin.FileFormatError, match=f"another robot, with {what}"):
+        load_motion(chain, tmp_path / "other.npz")
+    motion.save(tmp_path / "other.csv")  # has names for all columns, or is refused
+    read = load_motion(chain, tmp_path / "other.csv")
+    assert read.coordinates == chain.coordinates
+    for name in chain.motor_names:
+        ours, theirs = (m.tau[:, m.actuated.index(name)] for m in (read, motion))
+        assert np.array_equal(ours, theirs)

@@ -93,6 +93,7 @@ def test_a_robot_without_a_home_says_how_to_give_it_one(folder):
         chain.home  # noqa: B018
     assert np.abs(chain.residual(start_of(chain))).max() < 1e-9
     chain.model.referenceConfigurations["home"] = sst_pin.SST().home
+    chain.refresh()
     for same in (chain, copy.copy(chain), pickle.loads(pickle.dumps(chain))):
         np.testing.assert_array_equal(same.home, sst_pin.SST().home)
     with pytest.raises(sst_pin.AssignmentError, match="referenceConfigurations"):
@@ -181,9 +182,8 @@ def test_a_generic_configuration_lies_near_home():
 def test_a_home_that_is_no_configuration_is_named(home):
     robot = sst_pin.robots.four_bar()
     robot.model.referenceConfigurations["home"] = home
-    for ask in (lambda: robot.home, robot.mobility, robot.generic_configuration):
-        with pytest.raises(sst_pin.DescriptionError, match=r"home: \d numbers; 3 finite ones"):
-            ask()
+    with pytest.raises(sst_pin.DescriptionError, match=r"home: \d numbers; 3 finite ones"):
+        robot.refresh()
 
 
 @pytest.mark.parametrize("held", ["X", "Y", "Z", "YZ"])

@@ -36,6 +36,7 @@ def case(request):
     rng = np.random.default_rng(100 + request.param)
     robot = sst_pin.SST(random_parameters(rng))
     robot.model.armature = rng.uniform(0, 0.1, 9)
+    robot.refresh()
     states = random_states(robot, rng, 40)
     return robot, *robot.joint_motion(*states, rng.choice((-1, 1), (40, 3)))
 
@@ -319,17 +320,18 @@ def test_angles_of_many_turns_are_angles(robot):
 
 
 def test_changes_of_the_model_are_taken_in_when_told(robot):
-    """refresh() after the first use; simulations need no telling."""
+    """By refresh(), for torques, simulations and rollouts alike."""
     mine = sst_pin.SST()
     rest = np.zeros(3)
-    assert mine.compute_torques(mine.home, rest, (1, 0, 0)) is not None
+    before = mine.compute_torques(mine.home, rest, (1, 0, 0))
     mine.model.gravity.linear = np.array((0, 0, 1.0))
-    motion = mine.simulate(rest, mine.home, rest, [0, 0.01])  # reads it anew, as roll-outs do
+    assert np.array_equal(mine.compute_torques(mine.home, rest, (1, 0, 0)), before)
+    mine.refresh()
+    motion = mine.simulate(rest, mine.home, rest, [0, 0.01])
     expected = on_reference_path(mine).compute_accelerations(mine.home, rest, rest)
     assert error(motion.aa[0], expected) < RELATIVE
     rolled = mine.rollout(np.zeros((100, 3)), mine.home, rest, 1e-4)
     assert np.abs(rolled.va[-1] - motion.va[-1]).max() < 1e-9
-    mine.refresh()
     expected = on_reference_path(mine).compute_torques(mine.home, rest, (1, 0, 0))
     assert error(mine.compute_torques(mine.home, rest, (1, 0, 0)), expected) < RELATIVE
 

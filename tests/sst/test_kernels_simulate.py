@@ -9,7 +9,7 @@ import sst_pin
 from paths import on_reference_path
 from sst_pin.chain import dynamics
 from sst_pin.sst import kernels
-from sst_pin.sst.kernel_path import star_load
+from sst_pin.sst.kernel_path import STAR
 from sst_pin.sst.kinematics import legs_of_joints
 from sst_pin.verification.sampling import random_parameters, random_state
 
@@ -76,7 +76,7 @@ def test_samples_hold_the_torques_asked_for_and_the_rates_of_the_motion(robot, l
 @pytest.mark.parametrize("gap", [1e-9, 1e-4, 1e-2])
 def test_rates_are_those_of_the_closed_loops(robot, gap):
     """Where passive joints have drifted, and in a trial step that goes far off."""
-    fast, slow = (r.states(0.0, r.home) for r in (robot, on_reference_path(robot)))
+    fast, slow = (r._states(0.0) for r in (robot, on_reference_path(robot)))
     rng = np.random.default_rng(2)
     for _ in range(5):
         q, va, tau = robot.joint_motion(*random_state(robot, rng))
@@ -97,7 +97,8 @@ def test_loads_stay_on_the_kernels(robot, monkeypatch):
     monkeypatch.setattr(dynamics, "direct_dynamics", forbidden)
     zero = np.zeros(3)
     robot.simulate(zero, robot.home, zero, T, **LOADS["moment that changes"])
-    load = star_load(np.array([0.1, 0.2, 0.3]))
+    load = np.zeros((9, 6))
+    load[STAR, :3] = 0.1, 0.2, 0.3
     robot.simulate(zero, robot.home, zero, T, external_wrenches=load)
     robot.simulate(zero, robot.home, zero, T, **LOADS["wrenches"])
     robot.simulate(zero, robot.home, zero, T, **LOADS["both"])

@@ -368,6 +368,7 @@ def test_a_page_warns_of_open_loops_and_limits(tmp_path):
     viewer.show(q + 0.1 * np.eye(4)[0])
     assert "the loops are open by" in viewer.warnings[0]
     chain.model.upperPositionLimit[:] = q + np.array((-0.2, 1, 1, 1))
+    chain.refresh()
     zero = np.zeros((2, 2))
     viewer.play(chain.trajectory([0, 1], [q, q], zero, zero))
     assert viewer.warnings[0].startswith("left_1 leaves its limits of -3 to ")

@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from ...chain.closed_chain import ClosedChain
 from ...chain.closures import Closure, Coupling, Distance, Rolling, frames_of
 from ...chain.mechanism import Mechanism
+from ...chain.tree import depth_first
 from ...description.parameters import Parameters
 from ...errors import DescriptionError
 from ...sst.robot import SST
@@ -119,7 +120,7 @@ def generalized_forces(
 def accelerations(
     chain: ClosedChain, q: Array, va: Array, tau: Array, loads: Array | None = None
 ) -> Array:
-    """Direct dynamics of any closed chain by Pinocchio's `constraintDynamics`.
+    """Direct dynamics by Pinocchio's `constraintDynamics`, for trees added depth-first.
 
     Args:
         chain: The robot; its closures are of kind "6d" or "3d".
@@ -132,9 +133,15 @@ def accelerations(
         Accelerations of the coordinates, shape (n,).
 
     Raises:
-        DescriptionError: For a closure that Pinocchio does not know.
+        DescriptionError: For a closure that Pinocchio does not know, or a tree whose joints are not
+            added depth-first: Pinocchio's answer is wrong then.
     """
     model, motion = chain.model, _motion(chain, q, va)
+    if not depth_first(model):
+        raise DescriptionError(
+            "constraintDynamics",
+            ["wrong for joints not added depth-first; use accelerations_by_multipliers"],
+        )
     kinds = {"6d": pin.ContactType.CONTACT_6D, "3d": pin.ContactType.CONTACT_3D}
     constraints = []
     for closure in chain.closures:
@@ -177,7 +184,7 @@ def accelerations_by_multipliers(
 
 def _motion(chain: ClosedChain, q: Array, va: Array) -> _Motion:
     """Closures by Pinocchio's frames, and the rates that keep them closed."""
-    mechanism = chain._current.mechanism(q)
+    mechanism = chain._current.mechanism
     Phi, _ = _rows(mechanism, q, np.zeros(mechanism.model.nv))
     right = np.concatenate([np.zeros(len(Phi)), va])
     v = _solve(np.vstack([Phi, mechanism.selection]), right)

@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The choice of the coordinates, made once, when a robot is made.
+
+It depends on the robot alone: random displacements are drawn for each joint by its name, and ties
+are decided by names, so that neither the order of the joints nor the units count.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from zlib import crc32
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from ..errors import ClosureError
+from .assembly import Assembly, home_of
+from .mechanism import Mechanism
+from .mobility import INDEPENDENT, choose_coordinates, free_motions, scaled_Phi
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+#: Widths of the random displacements from home or `pin.neutral`, [rad] or robot lengths.
+_AROUND_HOME, _AROUND_NEUTRAL = (0.1, 0.03, 0.01), np.linspace(0.1, 2.0, 20)
+
+
+def examples(assembly: Assembly) -> Iterator[Array]:
+    """Assembled configurations without symmetry, the same at each call.
+
+    They lie close to `home` if the robot has one, because other assemblies can have other degrees
+    of freedom; otherwise around `pin.neutral`.
+
+    Raises:
+        ClosureError: If no guess leads to one; the error of the guess that came nearest.
+    """
+    mechanism = assembly.mechanism
+    model, home = mechanism.model, home_of(mechanism)
+    starts = [(pin.neutral(model), width) for width in _AROUND_NEUTRAL]
+    if home is not None:
+        starts = [(home, width) for width in _AROUND_HOME] + starts
+    failures, found = [], False
+    for start, width in starts:
+        if found and home is not None and start is not home:
+            return
+        way = width * _displacement(mechanism, seed=round(1000 * width))
+        guess, rates = pin.integrate(model, start, way), np.arange(model.nv)
+        # Motors that stay where they are lead to assemblies in which they hold the robot.
+        for free in (np.setdiff1d(rates, mechanism.driven), rates):
+            try:
+                q = assembly.assemble(guess, free)
+            except ClosureError as error:
+                failures.append(error)
+            else:
+                found = True
+                yield q
+                break
+    if not found:
+        raise min(failures, key=lambda error: error.residual)
+
+
+def _displacement(mechanism: Mechanism, seed: int) -> Array:
+    """Random rates of the tree, drawn joint by joint from the joint's name, shape (nv,)."""
+    way = np.zeros(mechanism.model.nv)
+    for name, rates in mechanism.space.rates.items():
+        random = np.random.default_rng([seed, crc32(name.encode())])
+        way[rates] = random.uniform(-1.5, 1.5, len(rates))
+    return way * mechanism.rate_scale
+
+
+def settle(assembly: Assembly, wanted: Indices | None) -> tuple[Indices, Array | None]:
+    """Choose the coordinates of a robot.
+
+    The order of preference: the coordinates asked for; the motors' joints, as many as are
+    independent; other joints by rank. Where there is no home, the assembled configuration counts
+    in which the motors hold most.
+
+    Args:
+        assembly: Of the robot, whose coordinates do not matter yet.
+        wanted: Indices in v of the coordinates asked for, or None.
+
+    Returns:
+        Indices in v, and the configuration where they were judged; without an assembled
+        configuration the motors' joints and None.
+    """
+    mechanism = assembly.mechanism
+    asked = mechanism.driven if wanted is None else wanted
+    best: tuple[tuple[bool, int, int], Array, Array] | None = None
+    try:
+        for q in examples(assembly):
+            Phi = scaled_Phi(mechanism, assembly.loops, q)
+            motions = free_motions(Phi)
+            values = np.linalg.svd(motions[asked], compute_uv=False)
+            held, n = int(np.count_nonzero(values > INDEPENDENT)), motions.shape[1]
+            if best is None or (n > 0, held - n, held) > best[0]:
+                best = (n > 0, held - n, held), Phi, q
+            if 0 < n == held:
+                break
+    except ClosureError:
+        return asked, None
+    assert best is not None
+    _, Phi, q = best
+    return choose_coordinates(mechanism, Phi) if wanted is None else wanted, q

@@ -1,0 +1,169 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The coordinates are chosen when a robot is made, from the robot alone."""
+
+import copy
+import pickle
+from itertools import permutations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import sst_pin
+from sst_pin import ClosedChain, Closure
+
+BARS = {"crank": 0.2, "coupler": 0.3, "rocker": 0.25}
+
+
+def body(model, parent, kind, x, name, mass=1.0):
+    """A joint at (x, 0, 0) of its parent with a slender body along x; returns its index."""
+    joint = model.addJoint(parent, kind, pin.SE3(np.eye(3), np.array([x, 0.0, 0.0])), name)
+    model.inertias[joint] = pin.Inertia(mass, np.array([0.1, 0, 0]), np.eye(3) * 0.01)
+    return joint
+
+
+def tip(model, joint, x, name):
+    model.addFrame(pin.Frame(name, joint, pin.SE3(np.eye(3), np.array([x, 0, 0.0])), pin.OP_FRAME))
+
+
+def slide_with_two_bars(unit=1.0):
+    """A slide along x and two equal bars, one on the ground, one on the slide: a scissor's half.
+
+    Folded, with the slide at zero, the bars turn together and the slide rests.
+    """
+    model = pin.Model()
+    model.name = "scissor"
+    slide = body(model, 0, pin.JointModelPX(), 0.0, "slide")
+    bar_s = body(model, slide, pin.JointModelRY(), 0.0, "bar_s")
+    bar_g = body(model, 0, pin.JointModelRY(), 0.0, "bar_g")
+    tip(model, bar_s, 0.3 * unit, "end_s")
+    tip(model, bar_g, 0.3 * unit, "end_g")
+    return model, [Closure("end_s", "end_g", "3d")]
+
+
+def rhombus():
+    """Four equal bars; folded, crank and coupler turn together and the rocker rests."""
+    model = pin.Model()
+    model.name = "rhombus"
+    crank = body(model, 0, pin.JointModelRY(), 0.0, "crank")
+    coupler = body(model, crank, pin.JointModelRY(), 0.3, "coupler")
+    rocker = body(model, 0, pin.JointModelRY(), 0.3, "rocker")
+    tip(model, coupler, 0.3, "coupler_tip")
+    tip(model, rocker, 0.3, "rocker_tip")
+    return model, [Closure("coupler_tip", "rocker_tip", "3d")], np.array([0.7, np.pi, np.pi])
+
+
+def test_the_motor_on_the_slide_is_the_coordinate():
+    """Of two modes of assembly the one counts in which the motor holds the robot."""
+    chain = ClosedChain(*slide_with_two_bars(), ["slide"])
+    assert chain.coordinates == ("slide",)
+    q = chain.assemble([0.2, 2.0, 1.0])
+    assert q[0] == 0.2
+    # The slide alone moves: all bodies fall or rise with the bars by symmetry.
+    step = 1e-5
+    energy = [chain.potential_energy(chain.assemble(np.add(q, [s, 0, 0]))) for s in (step, -step)]
+    tau = chain.compute_torques(q, [0.0], [0.0])
+    assert tau == pytest.approx((energy[0] - energy[1]) / (2 * step), rel=1e-6)
+
+
+@pytest.mark.parametrize("folded_first", [False, True])
+def test_coordinates_do_not_depend_on_what_was_called_before(folded_first):
+    """A call in the other mode is refused by name and changes nothing."""
+    model, closures, folded = rhombus()
+    chain = ClosedChain(model, closures, ["rocker", "crank"])
+    if folded_first:
+        with pytest.raises(sst_pin.SingularConfigurationError, match="do not determine"):
+            chain.compute_torques(folded, [1.0], [1.0])
+    assert chain.coordinates == ("rocker",)
+    open_mode = chain.assemble([0.7, -0.7, 0.7])
+    assert chain.generalized_forces(open_mode, [1.0], [1.0]).shape == (1,)
+    assert chain.coordinates == ("rocker",)
+
+
+def test_home_decides_the_mode():
+    """In the folded mode the rocker rests; there the crank is the coordinate."""
+    model, closures, folded = rhombus()
+    model.referenceConfigurations["home"] = folded
+    chain = ClosedChain(model, closures, ["rocker", "crank"])
+    assert chain.coordinates == ("crank",)
+    assert np.isfinite(chain.generalized_forces(folded, [1.0], [1.0])).all()
+
+
+@pytest.mark.parametrize("coordinates", [["slide"], ["bar_g"]])
+def test_coordinates_of_the_caller_stand(coordinates):
+    """Wherever they describe the motion; elsewhere the call says which others do."""
+    chain = ClosedChain(*slide_with_two_bars(), ["slide"], coordinates=coordinates)
+    assert chain.coordinates == tuple(coordinates)
+    q = chain.assemble([0.2, 2.0, 1.0])
+    assert chain.joint_rates(q, [1.0]).shape == (3,)
+    assert chain.condition_number(q) < 100
+
+
+def _four_bar(order, unit=1.0):
+    """A four-bar whose joints are added in an order that keeps parents first."""
+    model, of = pin.Model(), {}
+    parents = {"crank": (None, 0.0), "coupler": ("crank", 0.2), "rocker": (None, 0.3)}
+    for name in order:
+        parent, x = parents[name]
+        of[name] = body(model, of[parent] if parent else 0, pin.JointModelRY(), x * unit, name)
+    tip(model, of["coupler"], 0.3 * unit, "a")
+    tip(model, of["rocker"], 0.25 * unit, "b")
+    return ClosedChain(model, [Closure("a", "b", "3d")], [])
+
+
+def test_coordinates_do_not_depend_on_order_or_units():
+    """Without motors, where rank alone decides."""
+    orders = [o for o in permutations(BARS) if o.index("crank") < o.index("coupler")]
+    chosen = {_four_bar(order, unit).coordinates for order in orders for unit in (1.0, 1e3, 1e-3)}
+    assert len(chosen) == 1
+
+
+@pytest.mark.parametrize(
+    "copied", [copy.copy, copy.deepcopy, lambda chain: pickle.loads(pickle.dumps(chain))]
+)
+def test_copies_have_the_same_coordinates(copied):
+    model, closures, folded = rhombus()
+    model.referenceConfigurations["home"] = folded
+    chain = ClosedChain(model, closures, ["rocker", "crank"])
+    other = copied(copied(chain))
+    assert other.coordinates == chain.coordinates == ("crank",)
+    wanted = chain.generalized_forces(folded, [1.0], [1.0])
+    assert other.generalized_forces(folded, [1.0], [1.0]) == wanted
+
+
+@pytest.mark.parametrize(
+    ("kind", "other"),
+    [
+        (pin.JointModelUniversal(np.eye(3)[0], np.eye(3)[1]), "leg_1"),
+        (pin.JointModelSpherical(), "leg_wx"),
+        (pin.JointModelRUBZ(), "leg_cos"),
+    ],
+)
+def test_a_name_of_two_rates_is_refused(kind, other):
+    """`leg_1` would be a rate of the joint leg, or the joint leg_1."""
+    model = pin.Model()
+    leg = body(model, 0, kind, 0.0, "leg")
+    end = body(model, leg, pin.JointModelRY(), 0.2, other)
+    foot = body(model, 0, pin.JointModelRY(), 0.3, "foot")
+    tip(model, end, 0.2, "a")
+    tip(model, foot, 0.2, "b")
+    with pytest.raises(sst_pin.DescriptionError, match=f"joints leg and {other}: {other} names a"):
+        ClosedChain(model, [Closure("a", "b", "3d")], ["foot"])
+
+
+@pytest.mark.parametrize("distance", [0.0, 1e3, 1e5])
+def test_where_the_robot_stands_does_not_count(distance):
+    """Loops open by 0.1 mm are open, assembled ones are closed, at any distance to the origin."""
+    model, closures, _ = rhombus()
+    moved = pin.Model(model)
+    for joint in (1, 3):
+        moved.jointPlacements[joint].translation += distance * np.array([0.6, 0.0, 0.8])
+    chain = ClosedChain(moved, closures, ["rocker"])
+    here = ClosedChain(model, closures, ["rocker"])
+    q = chain.assemble([0.7, -0.7, 0.7])
+    np.testing.assert_allclose(q, here.assemble([0.7, -0.7, 0.7]), atol=1e-9)
+    # At 100 km the places of joints are rounded to 1.5e-11 m.
+    tau = here.compute_torques(q, [1.0], [1.0])
+    np.testing.assert_allclose(chain.compute_torques(q, [1.0], [1.0]), tau, rtol=1e-8)
+    with pytest.raises(sst_pin.ClosureError):
+        chain.compute_torques(np.add(q, [0, 3e-4, 0]), [1.0], [1.0])
