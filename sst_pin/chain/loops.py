@@ -1,6 +1,6 @@
 """Residual f(q) of the constraints, their Jacobian Phi and its rate, at one configuration.
 
-With the wrenches W of the closures' rows (`closure_kinds`), Pinocchio's joint Jacobian J, and the
+With the wrenches W of the closures' rows (`pair_rows`), Pinocchio's joint Jacobian J, and the
 supports S of 0 and 1 of the two frames of a closure, Phi = (W_B J) S_B - (W_A J) S_A; `tree` says
 what the columns of J are. Columns in both supports are left out: what moves both frames alike
 leaves a closed loop as it is. Phi_dot is W J_dot + W_dot J, and Phi_dot v is W times the
@@ -20,9 +20,9 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from ..errors import ClosureError, InputError
-from .closure_kinds import PairRows
 from .closures import Constraint, Coupling, frames_of
 from .couplings import Coupled
+from .pair_rows import PairRows
 from .tree import JacobianRates, frame_id, memory_of, of_rates, rates_of_columns, summed, support
 from .vectors import carrying
 

@@ -1,7 +1,7 @@
 """Partial derivatives on the tree of the closures' rows: of Phi v and of its rate.
 
 Derivatives by q are taken along each rate of the tree, as Pinocchio's are. Twists and the wrenches
-W of `closure_kinds` run [linear; angular], in world axes, reduced at the world's origin.
+W of `pair_rows` run [linear; angular], in world axes, reduced at the world's origin.
 """
 
 from __future__ import annotations
