@@ -19,6 +19,7 @@ from scipy.integrate import simpson
 
 import sst_pin
 from collocation import DEGREE, Solution, Transcription
+from sst_pin import plots
 from sst_pin.robots.gallery_robot import GalleryRobot
 
 Array = NDArray[np.float64]
@@ -142,7 +143,7 @@ def draw(chain: GalleryRobot, motions: dict[str, sst_pin.Trajectory]) -> Path:
     mpl.use("Agg")
     import matplotlib.pyplot as plt
 
-    figure, (paths, torques, powers) = plt.subplots(1, 3, figsize=(13, 4), layout="constrained")
+    figure, (paths, torques, powers) = plt.subplots(1, 3, figsize=(10.5, 3.4), layout="constrained")
     x = np.linspace(-HALF, HALF, 200)
     paths.fill_between(1e3 * x, 1e3 * ground(x), color="0.85", label="to be cleared")
     for (name, motion), style in zip(motions.items(), ("--", "-"), strict=True):
@@ -158,9 +159,10 @@ def draw(chain: GalleryRobot, motions: dict[str, sst_pin.Trajectory]) -> Path:
     for axes in (paths, torques, powers):
         axes.legend(fontsize="small", loc="lower center", bbox_to_anchor=(0.5, 1), ncols=2)
     path = Path("least_energy.png")
-    figure.savefig(path, dpi=110)
+    figure.savefig(path, dpi=150)
     return path
 
 
 if __name__ == "__main__":
-    main()
+    with plots.style():
+        main()

@@ -18,6 +18,7 @@ from scipy.linalg import solve_discrete_are
 from scipy.spatial.transform import Rotation
 
 import sst_pin
+from sst_pin import plots
 
 Array = NDArray[np.float64]
 STEP, LIMIT = 0.005, 6.0  # of the controller [s]; of each motor [N m], at home 4.3 are needed
@@ -97,7 +98,7 @@ def main() -> None:
     held = region(robot, control, angles)
     print(f"{held.mean():.0%} of {held.size} starts come back")
     degrees = np.degrees(angles)
-    figure, (left, right) = plt.subplots(1, 2, figsize=(10, 4.2), layout="constrained")
+    figure, (left, right) = plt.subplots(1, 2, figsize=(8.5, 3.6), layout="constrained")
     left.pcolormesh(degrees, degrees, held.T, cmap="Blues", vmin=-0.3, vmax=1.4, shading="nearest")
     left.plot(0, 0, "k+")
     left.set(xlabel="star turned about x (deg)", ylabel="about y (deg)", aspect="equal")
@@ -108,9 +109,10 @@ def main() -> None:
     right.set(xlabel="time (s)", ylabel="largest error of a motor (deg)", ylim=(1e-3, 100))
     right.set_title(f"from starts within 0.4 rad, torques within {LIMIT:g} N m")
     path = Path("lqr_hold.png")
-    figure.savefig(path, dpi=110)
+    figure.savefig(path, dpi=150)
     print(path)
 
 
 if __name__ == "__main__":
-    main()
+    with plots.style():
+        main()

@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 
 import sst_pin
 from collocation import DEGREE, Solution, Transcription
+from sst_pin import plots
 from sst_pin.sst.check import arc_ends
 
 Array = NDArray[np.float64]
@@ -120,7 +121,7 @@ def draw(solution: Solution, motion: sst_pin.Trajectory, deviations: dict[str, A
     mpl.use("Agg")
     import matplotlib.pyplot as plt
 
-    figure = plt.figure(figsize=(13, 4.2), layout="constrained")
+    figure = plt.figure(figsize=(10.5, 3.4), layout="constrained")
     torques = figure.subplot_mosaic("1ab;2ab;3ab", sharex=True)
     angles, replays = torques.pop("a"), torques.pop("b")
     edges = np.linspace(0, solution.duration, len(solution.tau) + 1)
@@ -143,9 +144,10 @@ def draw(solution: Solution, motion: sst_pin.Trajectory, deviations: dict[str, A
     replays.set(xlabel="time (s)", ylabel="largest deviation of a joint (rad)")
     replays.legend()
     path = Path("time_optimal.png")
-    figure.savefig(path, dpi=110)
+    figure.savefig(path, dpi=150)
     return path
 
 
 if __name__ == "__main__":
-    main()
+    with plots.style():
+        main()

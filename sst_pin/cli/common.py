@@ -49,7 +49,7 @@ class Parser(argparse.ArgumentParser):
 
 
 class Commands:
-    """Where each command adds its parser."""
+    """The parsers of all commands."""
 
     def __init__(self, parser: Parser) -> None:
         self._parsers = parser.add_subparsers(metavar="COMMAND", parser_class=Parser)
@@ -226,7 +226,7 @@ def write(files: Mapping[Path, Writer], arguments: argparse.Namespace) -> None:
 
 
 def say(text: str, arguments: argparse.Namespace) -> None:
-    """What was done: on standard output, unless that holds the result."""
+    """Print a message: to standard output, or to standard error if that holds the result."""
     print(text, file=sys.stderr if str(arguments.output) == "-" else sys.stdout)
 
 

@@ -21,7 +21,7 @@ from .common import (
     write,
 )
 
-#: As in `plots.SUBJECTS`, which needs matplotlib.
+#: `plots.SUBJECTS`, without importing matplotlib.
 SUBJECTS = ("path", "torques", "joints", "rates", "power", "energy", "condition")
 
 

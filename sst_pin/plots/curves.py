@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""How curves over time are told apart: by colour, in grey print by dashes and marks."""
+"""Curves over time: their labels, axes and legends; their colours, dashes and marks."""
 
 from __future__ import annotations
 
@@ -18,11 +18,12 @@ Array = NDArray[np.float64]
 
 #: Curves in one pair of axes, at most.
 MOST = 9
-#: Of Okabe and Ito, the legs' three first, and two more; told apart by colour-blind readers.
+#: Colours of Okabe and Ito, those of the legs first, and two more, for colour-blind readers.
 _HUES = (*COLOURS, "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#7F7F7F", "#8C510A")
 _MARKS = ("", "o", "s")
 
-_LETTER = re.compile(r"(alpha|beta|gamma|delta|theta|phi|psi|mu|nu|xi|rho|sigma|omega)_(\d+)")
+_GREEK = "alpha|beta|gamma|delta|theta|phi|psi|mu|nu|xi|rho|sigma|omega"
+_LETTER = re.compile(rf"({_GREEK})_(\d+)")
 
 #: Labels of the axes, by what is drawn and its unit.
 POSITION = {"rad": "joint angle (deg)", "m": "joint displacement (m)", "": "quaternion (1)"}
@@ -34,8 +35,8 @@ class Curves(NamedTuple):
     """Numbers over time with names and units.
 
     Attributes:
-        names: Of the columns.
-        units: Of the columns.
+        names: Names of the columns.
+        units: Units of the columns.
         values: Shape (N, columns).
     """
 
@@ -44,7 +45,7 @@ class Curves(NamedTuple):
     values: Array
 
     def pick(self, names: Sequence[str] | None) -> Curves:
-        """Those of some names; all where none are given.
+        """The curves of some names; all of them by default.
 
         Raises:
             UnknownNameError: For a name that none of them has.
@@ -70,7 +71,7 @@ class Curves(NamedTuple):
         return kinds[0]
 
     def panels(self) -> Iterator[tuple[str, ...]]:
-        """Names for one pair of axes each: of one unit, at most `MOST`, in even shares."""
+        """Names of the curves in each pair of axes: one unit, at most `MOST` curves."""
         for unit in dict.fromkeys(self.units):
             names = [name for name, u in zip(self.names, self.units, strict=True) if u == unit]
             count = -(-len(names) // MOST)
@@ -78,15 +79,15 @@ class Curves(NamedTuple):
 
 
 def draw(ax: Axes, t: Array, curves: Curves, labels: Sequence[str]) -> None:
-    """Each column as a curve with a look of its own."""
+    """Draw each column as a curve with its own style."""
     for look, values, label in zip(looks(curves.names), curves.values.T, labels, strict=True):
         ax.plot(t, values, label=label, **look)
 
 
 def looks(names: Sequence[str]) -> list[dict[str, Any]]:
-    """What tells curves apart, on a screen and in grey print.
+    """Colours, dashes and marks of curves, distinct on a screen and in grey print.
 
-    Up to three by colour and dashes; more by marks too. Of names like gamma_1 the number gives
+    Up to three by colour and dashes; more by marks too. For names like gamma_1 the number selects
     colour and mark, the letter the dashes.
     """
     if len(names) <= len(DASHES):
@@ -121,19 +122,24 @@ def label(name: str, accent: str = "") -> str:
     return f" {plain}" if plain.startswith("_") else plain  # else no entry of a legend
 
 
+def formula(text: str) -> str:
+    """A text with bars and Greek letters as mathematics."""
+    return re.sub(rf"({_GREEK})_(\w)", r"$\\\1_\2$", text).replace("|", "$|$")
+
+
 def subscript(digits: str) -> str:
     """A number below a letter, in mathematics."""
     return digits if len(digits) == 1 else f"{{{digits}}}"
 
 
 def number(name: str) -> str:
-    """The number of a name like gamma_1; of others nothing."""
+    """The number of a name like gamma_1, else an empty text."""
     found = _LETTER.fullmatch(name)
     return found[2] if found else ""
 
 
 def legend_above(ax: Axes) -> None:
-    """Above the axes, where it covers no curve, in as many columns as fit."""
+    """A legend above the axes, where it covers no curve, in as many columns as fit."""
     handles, labels = ax.get_legend_handles_labels()
     longest = max((_length(text) for text in labels), default=1)
     size = mpl.rcParams["font.size"] * (1 if longest < 8 else 0.83)
@@ -153,14 +159,14 @@ def legend_above(ax: Axes) -> None:
 
 
 def _width(ax: Axes) -> float:
-    """About what the axes will have for a legend, [pt]."""
+    """Approximate width of a legend over the axes, [pt]."""
     spec = ax.get_subplotspec()
     share = 1 / spec.get_gridspec().ncols if spec else ax.get_position().width
     return float(72 * ax.figure.get_figwidth() * share - 55)
 
 
 def _length(text: str) -> int:
-    """Letters of a label, about; a command or an exponent of mathematics counts as one."""
+    """Approximate number of letters of a label; a command of mathematics counts as one."""
     plain = re.sub(r"\\[a-z]+\s?|\^\{.*?\}", "x", text)
     return len(re.sub(r"[${}_\\,]", "", plain) if "$" in text else text)
 

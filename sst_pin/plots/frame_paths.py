@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Paths of frames in the axes of the base, of any closed chain."""
+"""Paths of frames of any closed chain, in the axes of the base."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ def frame_path(ax: Axes, robot: ClosedChain, motion: Trajectory, frame: str = PL
     Args:
         ax: Axes with projection "3d", or plane axes for a path parallel to a plane of the base.
         robot: Any closed chain.
-        motion: Of that robot.
-        frame: Name of one of `robot.model.frames`, as links and ends of loops are.
+        motion: A motion of this robot.
+        frame: Name of a frame of `robot.model`, such as a link or an end of a loop.
 
     Raises:
         UnknownNameError: For a frame that the model does not have.
@@ -69,7 +69,7 @@ def frame_path(ax: Axes, robot: ClosedChain, motion: Trajectory, frame: str = PL
 
 
 def points_of(robot: ClosedChain, motion: Trajectory, frame: str) -> Array:
-    """Where the origin of a frame is, in the axes of the base, shape (N, 3), [m].
+    """Positions of the origin of a frame in the axes of the base, shape (N, 3), [m].
 
     Raises:
         UnknownNameError: For a frame that the model does not have.

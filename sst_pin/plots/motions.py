@@ -188,7 +188,8 @@ def condition_number(ax: Axes, robot: ClosedChain, motion: Trajectory) -> Axes:
     """
     found = robot.singularity_measures(motion.q)
     names, values = tuple(found), np.stack([*found.values()], axis=1)
-    curves.draw(ax, motion.t, Curves(names, ("",) * len(names), values), names)
+    labels = [curves.formula(name) for name in names]
+    curves.draw(ax, motion.t, Curves(names, ("",) * len(names), values), labels)
     if values.max() > max(20, 10 * values.min()):
         ax.set_yscale("log")
     curves.time(ax, motion.t, "condition number (1)")
@@ -225,7 +226,7 @@ def _powers(motion: Trajectory, power: Array) -> Curves:
 
 
 def _positions(motion: Trajectory) -> Curves:
-    """Angles in degrees; a cosine and a sine as the angle that they are of."""
+    """Positions, angles in degrees; a cosine and a sine become one angle."""
     names, units, columns = [], [], []
     values = iter(zip(motion.joint_names, motion.units, motion.q.T, strict=True))
     for name, unit, column in values:
@@ -260,12 +261,12 @@ Panel = Callable[[Axes], Axes]
 
 
 def panels(subject: str, robot: ClosedChain, motion: Trajectory) -> Iterator[Panel]:
-    """What draws a subject: one pair of axes, or several where units differ or curves are many.
+    """Functions that draw a subject, each into one pair of axes.
 
     Args:
-        subject: Of `CURVES`.
+        subject: A key of `CURVES`.
         robot: Any closed chain.
-        motion: Of that robot.
+        motion: A motion of this robot.
     """
     draw, found = CURVES[subject], _PARTS.get(subject)
     if found is None:

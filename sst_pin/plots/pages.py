@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Whole pages: several axes with what one wants to see of a motion or of a robot."""
+"""Pages with several axes about a motion or a workspace."""
 
 from __future__ import annotations
 
@@ -44,14 +44,14 @@ def motion_page(
 
     Args:
         robot: Any closed chain.
-        motion: Of that robot, with more than one sample.
-        subjects: Of `SUBJECTS`, in the order of the page; all but power by default, and the path
-            for an SST only, or when a frame is given.
-        frame: Whose path is drawn, in the axes of the base. By default that of `platform`, and of
-            an SST that of E on its sphere.
+        motion: A motion of this robot, with more than one sample.
+        subjects: Some of `SUBJECTS`, in the order of the page; all but power by default, the path
+            only for an SST or a given frame.
+        frame: Frame whose path is drawn, in the axes of the base. By default `platform`; for an
+            SST the path of E on its sphere.
 
     Raises:
-        InputError: For a subject that is none, or a motion of another robot.
+        InputError: For an unknown subject, or a motion of another robot.
         UnknownNameError: For a frame that the model does not have.
 
     Example:

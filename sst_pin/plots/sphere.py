@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What lies on the sphere about O, drawn in space."""
+"""Drawings of the SST in space: paths on the sphere about O, and the robot in a pose."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def paths_on_sphere(
         ax: Axes with projection "3d".
         robot: The SST.
         motions: Label and motion of each path; of several, the first is the wanted one.
-        radius: Of the sphere, [m]; the star's by default.
+        radius: Radius of the sphere, [m]; the star's by default.
 
     Example:
         >>> t = np.linspace(0, 0.1, 21)
@@ -66,7 +66,7 @@ def robot_pose(ax: Axes, robot: SST, q: Array, radii: tuple[float, float] | None
         ax: Axes with projection "3d".
         robot: The SST.
         q: Joint coordinates, shape (9,).
-        radii: Of the base sphere and of the star's arcs, [m]; by default the star's own, and 7/8
+        radii: Radii of the base sphere and of the star's arcs, [m]; by default the star's, and 7/8
             of it for the base, as in the paper.
 
     Example:

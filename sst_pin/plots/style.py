@@ -27,6 +27,7 @@ _STYLE: dict[Any, Any] = {
     "mathtext.fontset": "stix",
     "font.size": 9,
     "axes.linewidth": 0.6,
+    "axes.prop_cycle": mpl.cycler(color=[*COLOURS, "#CC79A7", "#E69F00", "#56B4E9"]),
     "lines.linewidth": 1.2,
     "legend.frameon": False,
     "svg.hashsalt": "sst_pin",  # the same figure is the same file
@@ -63,12 +64,12 @@ class StyledFigure(Figure):
     """
 
     def draw(self, renderer: Any) -> None:
-        """As `Figure.draw`."""
+        """Draw with the fonts of the pages; see `Figure.draw`."""
         with style():
             super().draw(renderer)
 
     def savefig(self, fname: Any, **options: Any) -> None:
-        """As `Figure.savefig`."""
+        """Save with the fonts of the pages; see `Figure.savefig`."""
         with style():
             super().savefig(fname, **options)
 
@@ -95,7 +96,7 @@ def require_ending(path: str | Path) -> str:
 
 
 def figure_writer(figure: Figure, path: str | Path) -> Writer:
-    """What writes a figure in the format the path's ending asks for.
+    """A function that writes a figure in the format of the path's ending.
 
     Raises:
         OutputError: For another ending than .png, .svg or .pdf.

@@ -139,7 +139,7 @@ def workspace_on_sphere(
     *,
     colourbar: bool = True,
 ) -> Axes:
-    """The same as `workspace_map`, drawn on the sphere.
+    """Map of `workspace_map`, drawn on the sphere.
 
     Args:
         ax: 2-D axes; the view is an orthographic projection.

@@ -17,7 +17,7 @@ from .shapes import Mesh, shaded, solid
 
 Array = NDArray[np.float64]
 
-#: Of a surface with more colours than that, the mean is shown.
+#: A surface with more colours is shown in their mean.
 _MOST_COLOURS = 32
 
 
@@ -27,7 +27,7 @@ def body_shapes(body: pin.GeometryObject) -> Iterator[Shape]:
     A colour in the description counts before those in the mesh file, as in the URDF's rules.
 
     Args:
-        body: Of a visual model.
+        body: A body of a visual model.
 
     Raises:
         InputError: For a geometry without a surface.
@@ -88,7 +88,7 @@ def _pieces(mesh: Any, plain: str) -> Iterator[tuple[str, Any]]:
 
 
 def _mean(colours: Any) -> str:
-    """Of red, green and blue from 0 to 255, shape (..., 4)."""
+    """The mean of colours with red, green and blue from 0 to 255, shape (..., 4)."""
     rows = np.atleast_2d(np.asarray(colours, dtype=float))
     return _hex(rows[:, :3].mean(axis=0) / 255)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""A window for Meshcat that is kept in this process: no server, no port, nothing to wait for."""
+"""A window for Meshcat in this process, without a server."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import umsgpack
 
 
 class CommandBuffer:
-    """What `meshcat.Visualizer` takes for its window: keeps the last word on every node.
+    """A window for `meshcat.Visualizer` that keeps the last command for every node.
 
     Attributes:
-        commands: Packed for the page, by what they speak of.
-        listener: Is told each command as it comes.
+        commands: Packed for the page, by type, node and property.
+        listener: Function that receives each command.
     """
 
     def __init__(self) -> None:
@@ -22,7 +22,7 @@ class CommandBuffer:
         self.listener: Callable[[bytes], None] | None = None
 
     def send(self, command: Any) -> None:
-        """Take in a command of Meshcat."""
+        """Receive a command of Meshcat."""
         lowered = command.lower()
         kind, path = lowered["type"], lowered.get("path", "")
         packed = umsgpack.packb(lowered)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What can be drawn against time beside the robot."""
+"""Curves over time beside the robot."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _WORDS = {
 
 
 def motor_units(robot: ClosedChain) -> list[str]:
-    """Unit of what each motor gives, "N m" or "N"."""
+    """Unit of each motor's torque or force, "N m" or "N"."""
     return [unit.replace("Nm", "N m") for unit in robot.motor_units]
 
 
@@ -36,11 +36,11 @@ def curves_of(robot: ClosedChain, motion: Trajectory) -> list[dict[str, Any]]:
 
     Args:
         robot: Any closed chain.
-        motion: Of it.
+        motion: A motion of this robot.
 
     Returns:
-        Of each set: what it is `called`; `what` is drawn, with units; of each curve `names`,
-        `owners`, the joints, and `units`; `values`, sample after sample.
+        For each set: its name `called`; `what` is drawn, with units; for each curve its name, its
+        joint (`owners`) and its unit; `values`, sample after sample.
     """
     numbers = range(1, len(robot.motor_names) + 1)
     powers = motor_powers(robot, motion)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Where pages may be served, and to whom.
+"""Addresses for pages, and checks of requests.
 
 A page of another site can make a browser ask 127.0.0.1 under that site's name (DNS rebinding), and
 open WebSockets to any address. Requests must therefore name this machine, and come from our page.

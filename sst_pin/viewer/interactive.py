@@ -37,18 +37,18 @@ except ImportError:
 Array = NDArray[np.float64]
 
 _PORT = 8080
-#: Of the camera, from its lower to its upper end, [rad].
+#: Vertical field of view of the camera, [rad].
 _FIELD = np.radians(24)
-#: What a slider shows a unit in, and how many of those it is; its step.
+#: Units of the sliders and their factors; the step.
 _SHOWN, _STEP = {"rad": ("deg", 180 / np.pi), "m": ("mm", 1e3)}, 0.1
 
 
 class Interactive:
-    """Serves until it is closed, or its `with` block is left.
+    """A page with sliders; its server runs until `close` or the end of the `with` block.
 
     Attributes:
-        url: Of the page.
-        q: Where the robot stands, shape (nq,).
+        url: Address of the page.
+        q: The configuration shown, shape (nq,).
 
     Args:
         robot: Any closed chain. Its sliders are its coordinates, within the limits of the joints
@@ -61,7 +61,7 @@ class Interactive:
         frames: Whether frames are shown at first.
 
     Raises:
-        InputError: When the robot is none.
+        InputError: If the robot is not a ClosedChain.
         MissingExtraError: Without viser.
         ServerError: When nothing can listen there.
 
@@ -207,7 +207,7 @@ class Interactive:
         self._when_free(lambda: self._show(self._jog.move(group, self.q, goal), sliders))
 
     def _when_free(self, act: Callable[[], None]) -> None:
-        """Do what was asked for last."""
+        """Do only what was requested last."""
         self._wishes += 1
         mine = self._wishes
         with self._busy:
@@ -258,7 +258,7 @@ class Interactive:
 
 
 def _place(handle: Any, matrix: Array) -> tuple[float, float, float]:
-    """Put something where a homogeneous matrix has it; the matrix's scale."""
+    """Place an object by a homogeneous matrix; return the scale of the matrix."""
     (handle.position,), ((x, y, z, w),), (scale,) = decompose(matrix[None])
     handle.wxyz = (w, x, y, z)
     x, y, z = scale.tolist()
@@ -266,7 +266,7 @@ def _place(handle: Any, matrix: Array) -> tuple[float, float, float]:
 
 
 def _silence() -> AbstractContextManager[object]:
-    """Without the box that viser prints; the page's address is for us to say."""
+    """Suppress the text that viser prints."""
     return redirect_stdout(StringIO())
 
 

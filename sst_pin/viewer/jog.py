@@ -19,19 +19,19 @@ from ..errors import ClosureError, SSTError, WorkspaceError
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-#: Of one step on the way, [rad] or of the robot's length; a joint that moves further than `_JUMP`
-#: in it has changed its assembly.
+#: Length of a step, [rad] or as a share of the robot's length. A joint that moves by more than
+#: `_JUMP` in a step has changed its assembly.
 _STEP, _JUMP = np.radians(1.0), 0.5
 #: Limits that wide are none: two turns, or as much by the robot's length.
 _WIDE = 4 * np.pi
 
 
 class Pose(NamedTuple):
-    """Where the robot stands.
+    """A pose that was reached.
 
     Attributes:
         q: Configuration, shape (nq,).
-        stopped: Why it went no further; empty when it arrived.
+        stopped: Reason for stopping before the goal; empty if it was reached.
     """
 
     q: Array

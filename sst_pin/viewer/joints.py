@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Axes of the joints, and the arrows of what motors give about and along them."""
+"""Axes of the joints, and arrows for the torques and forces of the motors."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ Array = NDArray[np.float64]
 
 
 class Axis(NamedTuple):
-    """Of one rate of a joint.
+    """The axis of one rate of a joint.
 
     Attributes:
         joint: Number of the joint.
-        mover: Number of the joint that bears the axis.
+        mover: Number of the joint whose body bears the axis.
         turns: Whether the joint turns about it rather than sliding along it.
-        direction: On what bears it, a unit vector.
-        origin: A point of the axis there, next to the joint's frame; of a slider, where that is
-            when it stands at 0; [m].
+        direction: Unit vector in the axes of this body.
+        origin: A point of the axis on this body, close to the joint's frame (of a sliding joint
+            at position 0), [m].
     """
 
     joint: int
@@ -38,12 +38,12 @@ class Axis(NamedTuple):
 def axes_of(model: pin.Model, data: pin.Data, q: Array) -> list[Axis]:
     """The axis of each rate, in the order of v.
 
-    That of a joint of one rate stays where it is on the body before the joint; those of other
-    joints are drawn on the body behind it, as they are at a configuration.
+    The axis of a joint with one rate is fixed to the body before the joint. Axes of other joints
+    are drawn on the body behind the joint, for one configuration.
 
     Args:
         model: The tree.
-        data: Of the tree.
+        data: Data of the tree.
         q: The configuration, shape (nq,).
     """
     J = pin.computeJointJacobians(model, data, q)
@@ -76,10 +76,10 @@ def arrows_of(
 
     Args:
         model: The tree.
-        data: Of the tree, at the configuration of the axes.
-        axes: Of all rates.
+        data: Data of the tree, at the configuration of the axes.
+        axes: Axes of all rates.
         B: Forces on the tree for torques of the motors, shape (nv, motors).
-        size: Of the largest arrow, [m].
+        size: Length of the largest arrow, [m].
     """
     turn = np.linspace(0, np.radians(250), 40)
     torque = arrow(np.vstack([arc(1.0, turn), arc(1.0, turn[-1:] + 0.6)]), 0.055)

@@ -18,7 +18,7 @@ from .scene import Scene
 
 Array = NDArray[np.float64]
 
-#: What the page finds the robot under.
+#: Node of the robot in the tree of the page.
 _ROOT = "robot"
 
 
@@ -29,7 +29,7 @@ class MeshcatScene:
         buffer: Takes the commands.
 
     Args:
-        scene: What is to be seen.
+        scene: The scene.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -43,7 +43,7 @@ class MeshcatScene:
         self._animated = False
 
     def place(self, q: Array, effort: Array) -> None:
-        """Put everything where it is at a configuration.
+        """Show a configuration.
 
         Args:
             q: Configuration, shape (nq,).
@@ -60,7 +60,7 @@ class MeshcatScene:
         """Let the page move everything along a motion.
 
         Args:
-            motion: Of two samples at least.
+            motion: A motion with two samples at least.
             effort: Its torques as shares of the largest, shape (n, motors).
             wanted: Configurations whose path is the reference, shape (m, nq).
         """
@@ -99,7 +99,7 @@ class MeshcatScene:
 
 
 def _tracks(matrices: list[Array]) -> Iterator[tuple[str, str, list[list[float]]]]:
-    """What changes of position, quaternion and scale."""
+    """Those of position, quaternion and scale that change, with their values."""
     kinds = {"position": "vector3", "quaternion": "quaternion", "scale": "vector3"}
     for (name, kind), values in zip(kinds.items(), decompose(np.array(matrices)), strict=True):
         if (np.ptp(values, axis=0) > 1e-12).any():

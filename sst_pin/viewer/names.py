@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What a robot's axes and frames are called, and where they are drawn."""
+"""Labels of axes and frames, and their shapes."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..chain.appearance import DrawnFrame
+from ..chain.appearance import PLATFORM, DrawnFrame
 from ..chain.closed_chain import ClosedChain
 from .joints import Axis
 from .parts import AXES, Label, Shape, along, homogeneous
@@ -45,7 +45,7 @@ def names_of(
             shapes.append(Shape(str(joint), "frames", f"{name}_{letter}", mesh, shade, at=at))
         tip = place.act(np.array((0, 0, 0.2 * size)))
         labels.append(_label(name, colour, "frames", str(joint), tip))
-    if point is not None:
+    if point is not None and point.name != PLATFORM:  # which is seen without its name
         name, joint, place, colour = point
         labels.append(_label(name, colour, "trail", str(joint), 1.2 * place.translation))
     return shapes, labels

@@ -14,7 +14,7 @@ def page(commands: Iterable[bytes], panel: dict[str, Any], live: bool = False) -
     """HTML that needs nothing from outside.
 
     Args:
-        commands: Of Meshcat, packed.
+        commands: Commands of Meshcat, packed.
         panel: What the scripts show: title, times, curves, layers, how to play.
         live: Whether it asks the server it came from for what follows.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What a scene consists of."""
+"""Parts of a scene: shapes, arrows, struts and labels."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from .shapes import Mesh
 
 Array = NDArray[np.float64]
 
-#: Of the motors and of the curves, told apart by colour-blind readers too (Okabe and Ito).
+#: Colours of motors and curves (Okabe and Ito), distinct for colour-blind readers too.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
-#: Of the axes x, y, z of a frame.
+#: Colours of the axes x, y, z of a frame.
 AXES = ("#C0392B", "#27AE60", "#2E5FA8")
 _SMALLEST = 1e-3  # a scale of zero has no normals
 
@@ -24,11 +24,11 @@ class Shape(NamedTuple):
     """A mesh.
 
     Attributes:
-        mover: What it moves with: the number of a joint, "0" for the base, or a strut's name.
-        layer: What it is shown and hidden with.
-        name: Of its own within both.
+        mover: Body that it moves with: number of a joint, "0" for the base, or name of a strut.
+        layer: Name of the group that is shown and hidden together.
+        name: Its own within both.
         mesh: In the axes of `at`.
-        colour: As "#rrggbb".
+        colour: Colour as "#rrggbb".
         opacity: 1 is opaque.
         at: Placement on what it moves with, homogeneous.
     """
@@ -53,7 +53,7 @@ class Arrow(NamedTuple):
     Attributes:
         shape: At the largest torque or force.
         motor: Its index in tau.
-        share: Of the motor's torque that acts here; the largest of the motor's shares is 1.
+        share: Share of the motor's torque that acts here; the motor's largest share is 1.
         mirror: Diagonal of what turns the arrow round.
     """
 
@@ -90,7 +90,7 @@ class Strut(NamedTuple):
         """Its placement.
 
         Args:
-            poses: Of all joints, homogeneous, shape (joints, 4, 4).
+            poses: Placements of all joints, homogeneous, shape (joints, 4, 4).
         """
         start, end = (
             poses[joint, :3, :3] @ point + poses[joint, :3, 3]
@@ -106,10 +106,10 @@ class Label(NamedTuple):
     """A word in the scene.
 
     Attributes:
-        text: As on paper: "e_1" has an index.
-        colour: As "#rrggbb".
-        layer: What it is shown and hidden with.
-        mover: As of a shape.
+        text: Text; digits or one letter after "_" are an index, as in "e_1".
+        colour: Colour as "#rrggbb".
+        layer: Name of the group that is shown and hidden together.
+        mover: Body that it moves with, see `Shape`.
         point: On what it moves with, [m].
     """
 

@@ -70,7 +70,7 @@ def png(
 
     Args:
         html: The page.
-        share: Of the motion that is over.
+        share: Time of the picture as a share of the motion.
         size: Width and height, [px].
         scale: Pixels of the picture for one of the page.
     """

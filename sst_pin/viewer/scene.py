@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What is to be seen of a robot, whoever draws it."""
+"""The scene of a robot for the viewers: shapes, arrows, labels, layers."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ class Scene:
     """A robot as shapes: its bodies, or where it has none a skeleton and its masses.
 
     Attributes:
-        shapes: All that do not change with the torques.
+        shapes: All shapes that do not change with the torques.
         arrows: Torques of the motors.
-        labels: Words.
-        layers: Those of `LAYERS` that there are, and whether each is shown at first.
+        labels: Labels.
+        layers: Existing ones of `LAYERS`, and whether each is shown at first.
         start: Configuration before one is asked for, shape (nq,).
         size: A length of the robot, [m].
         point: The frame whose path is drawn, or None.
@@ -88,7 +88,7 @@ class Scene:
         self.layers = {name: shown.get(name, True) for name in LAYERS if name in there}
 
     def poses(self, q: Array) -> dict[str, Array]:
-        """Where the movers of the shapes are: homogeneous matrices, those of struts with a scale.
+        """Placements of the movers of the shapes: homogeneous matrices, with a scale for struts.
 
         Args:
             q: Configuration, shape (nq,).
@@ -173,7 +173,7 @@ class Scene:
 
 
 def start_of(robot: ClosedChain) -> Array:
-    """Where a robot is shown first: at home, else closed as near to neutral as may be."""
+    """First configuration: home, or an assembled configuration close to neutral."""
     model = robot.model
     try:
         return robot.home

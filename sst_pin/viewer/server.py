@@ -22,7 +22,7 @@ class Server:
     """Serves until it is closed.
 
     Attributes:
-        url: Of the page.
+        url: Address of the page.
         visited: Set once a page has come to listen.
 
     Args:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What is drawn, as triangles: bodies' geometry, tubes and arrows."""
+"""Triangle meshes: geometry of bodies, tubes and arrows."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ def tube(points: ArrayLike, radii: ArrayLike, sides: int = 14) -> Mesh:
     """A round tube along a line, its ends closed.
 
     Args:
-        points: Of the line, shape (n, 3); a point that comes twice in a row is a step in radius.
+        points: Points of the line, shape (n, 3); a point twice in a row is a step in radius.
         radii: One for all points, or shape (n,).
-        sides: Of its section.
+        sides: Number of sides of its section.
 
     Returns:
         Its faces come along the line, 2 * sides for each step, and then those of the ends.
@@ -70,8 +70,8 @@ def arrow(points: ArrayLike, radius: float) -> Mesh:
     """A tube along a line that ends in an arrow's head.
 
     Args:
-        points: Of the line, shape (n, 3); its last step is the head.
-        radius: Of the shaft, [m].
+        points: Points of the line, shape (n, 3); its last step is the head.
+        radius: Radius of the shaft, [m].
     """
     points = np.asarray(points, dtype=float)
     shaft, neck, tip = points[:-1], points[-2], points[-1]

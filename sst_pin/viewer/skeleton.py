@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""A robot of which only the dynamics are known: joints, lines between them, masses."""
+"""The drawing of a robot without shapes: joints, lines between them, masses."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .shapes import Mesh, ellipsoid, solid, tube
 Array = NDArray[np.float64]
 
 _BONE, _JOINT, _END, _MASS = "#8A9199", "#5C656E", "#B3261E", "#C98A2B"
-#: Of what is drawn, as shares of the robot's length.
+#: Radii as shares of the robot's length.
 _BONE_RADIUS, _JOINT_RADIUS, _END_RADIUS = 0.022, 0.055, 0.04
 #: Frames of fixed links and of points, such as a foot or a tool.
 _ENDS = (pin.FrameType.BODY, pin.FrameType.OP_FRAME)
@@ -33,8 +33,8 @@ def skeleton(
 
     Args:
         robot: Any closed chain.
-        axes: Of the joints, for each rate.
-        colours: Of the joints that have one, by number.
+        axes: Axes of the joints, for each rate.
+        colours: Colours of joints, by number.
         size: A length of the robot, [m].
     """
     model = robot.model
@@ -91,7 +91,7 @@ def masses(model: pin.Model) -> Iterator[Shape]:
 
 
 def struts(robot: ClosedChain, axes: Sequence[Axis], size: float) -> Iterator[Strut]:
-    """Rods of `Distance`, which no body has, and what a slider has run along."""
+    """Rods of `Distance` closures, and rails of sliding joints."""
     line = tube([(0, 0, 0), (0, 0, 1)], _BONE_RADIUS * size)
     rods = [closure for closure in robot.closures if isinstance(closure, Distance)]
     for k, closure in enumerate(rods):
@@ -107,7 +107,7 @@ def struts(robot: ClosedChain, axes: Sequence[Axis], size: float) -> Iterator[St
 
 
 def points_of(robot: ClosedChain) -> list[list[Array]]:
-    """What each body connects: joints that it bears, ends of loops, feet, else its mass centre.
+    """Points that each body connects: joints, ends of loops, feet; without these its mass centre.
 
     Returns:
         Points of each joint's body in the joint's axes, those of the base first.
