@@ -18,7 +18,7 @@ from sst_pin import robots as gallery
 from sst_pin.files import write_files
 from sst_pin.sst.paper import PERIOD, example_1
 from sst_pin.sst.workspace import workspace_at, workspace_over_rolls
-from sst_pin.viewer.shapes import Mesh, tube
+from sst_pin.viewer.triangles import Mesh, tube
 
 FOLDER = Path(__file__).resolve().parents[2] / "docs"
 

@@ -16,27 +16,27 @@ from . import (
     describe,
     export_c,
     info,
-    paper,
+    paper_command,
     plot,
     show,
     simulate,
     torques,
     validate,
-    verify,
-    workspace,
+    verify_command,
+    workspace_command,
 )
 from .common import Commands, Parser
 
 #: In the order of the help text.
 COMMANDS = (
-    paper,
+    paper_command,
     torques,
     simulate,
     show,
     plot,
-    workspace,
+    workspace_command,
     describe,
-    verify,
+    verify_command,
     validate,
     export_c,
     compile_,

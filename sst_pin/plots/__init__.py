@@ -30,7 +30,7 @@ from .style import (
     require_ending,
     style,
 )
-from .workspace import (
+from .workspace_maps import (
     condition_colourbar,
     second_kind,
     workspace_legend,

@@ -21,7 +21,12 @@ from .frame_paths import frame_path, plane_of, points_of
 from .motions import CURVES, Panel, panels
 from .sphere import paths_on_sphere
 from .style import Axes, StyledFigure, style
-from .workspace import condition_colourbar, workspace_legend, workspace_map, workspace_on_sphere
+from .workspace_maps import (
+    condition_colourbar,
+    workspace_legend,
+    workspace_map,
+    workspace_on_sphere,
+)
 
 Array = NDArray[np.float64]
 
@@ -144,8 +149,8 @@ def workspace_page(
         path: Label and directions of s along a motion, shape (N, 3).
 
     Example:
-        >>> at_psi = sst_pin.workspace.workspace_at(robot, rings=9, spokes=24)
-        >>> over_rolls = sst_pin.workspace.workspace_over_rolls(robot, 6, rings=9, spokes=24)
+        >>> at_psi = sst_pin.sst.workspace.workspace_at(robot, rings=9, spokes=24)
+        >>> over_rolls = sst_pin.sst.workspace.workspace_over_rolls(robot, 6, rings=9, spokes=24)
         >>> plots.workspace_page(robot, at_psi, over_rolls).savefig("workspace.png")
     """
     label, s = path or (None, None)

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
+from cycler import cycler
 from matplotlib.figure import Figure
 
 from ..description.colours import LEG_COLOURS
@@ -27,7 +28,7 @@ _STYLE: dict[Any, Any] = {
     "mathtext.fontset": "stix",
     "font.size": 9,
     "axes.linewidth": 0.6,
-    "axes.prop_cycle": mpl.cycler(color=[*COLOURS, "#CC79A7", "#E69F00", "#56B4E9"]),
+    "axes.prop_cycle": cycler(color=[*COLOURS, "#CC79A7", "#E69F00", "#56B4E9"]),
     "lines.linewidth": 1.2,
     "legend.frameon": False,
     "svg.hashsalt": "sst_pin",  # the same figure is the same file

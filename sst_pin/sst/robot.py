@@ -24,7 +24,7 @@ from ..files import Table, beside
 from ..motion.limits import Finding, findings, samples_of
 from ..motion.trajectories import Trajectory
 from ..reading.shapes import UrdfShapes
-from . import appearance, check, direct_kinematics, kernel_path, kinematics, motion_files
+from . import check, direct_kinematics, kernel_path, kinematics, star_appearance, star_motions
 from .geometry_models import ParameterShapes
 from .kinematics import Geometry
 from .read_back import parameters_of
@@ -426,10 +426,10 @@ class SST(ClosedChain):
     @property
     def appearance(self) -> Appearance:
         """What pictures show: axes e_1..9, frames {0k}..{3k} and {E}, the path of E."""
-        return appearance.appearance_of(self, self.star_radius)
+        return star_appearance.appearance_of(self, self.star_radius)
 
     def _motion_in(self, table: Table) -> tuple[Array, Array, Array]:
-        return motion_files.motion_in(self, table)
+        return star_motions.motion_in(self, table)
 
     # --- inside -----------------------------------------------------------------------------
 

@@ -12,8 +12,8 @@ import pinocchio as pin
 import trimesh
 from numpy.typing import NDArray
 
-from .parts import Shape
-from .shapes import Mesh, shaded, solid
+from .scene_parts import Shape
+from .triangles import Mesh, shaded, solid
 
 Array = NDArray[np.float64]
 

@@ -21,11 +21,11 @@ from numpy.typing import NDArray
 from ..chain.appearance import Sliders
 from ..chain.closed_chain import ClosedChain
 from ..errors import MissingExtraError, ServerError, SSTError
-from .curves import motor_units
 from .hosts import is_ours, listen, url_of
 from .jog import Jog, Pose
-from .parts import Shape, decompose
-from .scene import Scene
+from .panel_curves import motor_units
+from .robot_scene import Scene
+from .scene_parts import Shape, decompose
 from .warnings import warnings_of
 
 try:

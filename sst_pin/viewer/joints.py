@@ -10,8 +10,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from .parts import COLOURS, Arrow, Shape, along, homogeneous
-from .shapes import arc, arrow
+from .scene_parts import COLOURS, Arrow, Shape, along, homogeneous
+from .triangles import arc, arrow
 
 Array = NDArray[np.float64]
 

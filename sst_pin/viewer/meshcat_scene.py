@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from ..motion.trajectories import Trajectory
 from .command_buffer import CommandBuffer
-from .parts import Shape, decompose
-from .scene import Scene
+from .robot_scene import Scene
+from .scene_parts import Shape, decompose
 
 Array = NDArray[np.float64]
 

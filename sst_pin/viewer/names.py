@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from ..chain.appearance import PLATFORM, DrawnFrame
 from ..chain.closed_chain import ClosedChain
 from .joints import Axis
-from .parts import AXES, Label, Shape, along, homogeneous
-from .shapes import arrow
+from .scene_parts import AXES, Label, Shape, along, homogeneous
+from .triangles import arrow
 
 Array = NDArray[np.float64]
 

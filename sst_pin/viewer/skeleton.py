@@ -14,8 +14,8 @@ from ..chain.closed_chain import ClosedChain
 from ..chain.closures import Closure, Distance, Rolling
 from ..chain.tree import frame_named
 from .joints import Axis
-from .parts import Shape, Strut, along, homogeneous
-from .shapes import Mesh, ellipsoid, solid, tube
+from .scene_parts import Shape, Strut, along, homogeneous
+from .triangles import Mesh, ellipsoid, solid, tube
 
 Array = NDArray[np.float64]
 

@@ -22,11 +22,11 @@ from ..errors import InputError, OutputError, UnknownNameError
 from ..files import Writer, as_path, write_files
 from ..motion.trajectories import Trajectory, require_motion
 from ..version import __version__
-from .curves import curves_of, joints_of, motor_units, torques_of
 from .meshcat_scene import MeshcatScene
 from .page import page
-from .parts import COLOURS
-from .scene import TRAIL_SIDES, Scene
+from .panel_curves import curves_of, joints_of, motor_units, torques_of
+from .robot_scene import TRAIL_SIDES, Scene
+from .scene_parts import COLOURS
 from .server import Message, Server
 from .warnings import warnings_of
 

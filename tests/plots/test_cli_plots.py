@@ -9,7 +9,7 @@ import pytest
 
 import sst_pin
 from commands import run
-from sst_pin.cli import plot, workspace
+from sst_pin.cli import plot, workspace_command
 from sst_pin.description import urdf_of
 from sst_pin.sst.workspace import workspace_over_rolls
 from sst_pin.verification.sampling import random_parameters
@@ -104,7 +104,9 @@ def test_workspace_as_picture_and_numbers(here, capsys):
 def test_a_robot_that_reaches_nothing_on_its_arcs_is_told(here, capsys, monkeypatch):
     """This one cannot; the map, a coarse one for the test, shows the rest."""
     monkeypatch.setattr(
-        workspace, "workspace_over_rolls", lambda robot: workspace_over_rolls(robot, 24, 21, 60)
+        workspace_command,
+        "workspace_over_rolls",
+        lambda robot: workspace_over_rolls(robot, 24, 21, 60),
     )
     odd = random_parameters(np.random.default_rng(3))
     (here / "odd.urdf").write_text(urdf_of(odd))

@@ -12,8 +12,6 @@ from typing import NamedTuple
 import pytest
 
 import sst_pin
-import sst_pin.workspace
-from sst_pin.sst import workspace
 
 PACKAGE = Path(sst_pin.__file__).parent
 ROOT = Path(__file__).resolve().parents[2]
@@ -31,7 +29,7 @@ ROWS = (
     {"verification"},
     {"plots", "viewer"},
     {"cli"},
-    {"sst_pin", "__main__", "workspace"},  # what a user imports; the last is kept for one release
+    {"sst_pin", "__main__"},  # what a user imports
 )
 ROW = {room: i for i, rooms in enumerate(ROWS) for room in rooms}
 
@@ -197,12 +195,6 @@ def test_forwarding_methods_may_look_up() -> None:
         "        from ..motion.simulation import simulate\n"
     )
     assert judged(source, "sst_pin.chain.closed_chain") == (set(), [])
-
-
-def test_the_old_name_of_the_workspace_is_an_alias() -> None:
-    """Both names give one object."""
-    for name in sst_pin.workspace.__all__:
-        assert getattr(sst_pin.workspace, name) is getattr(workspace, name)
 
 
 def test_scripts_know_no_tests_and_change_no_path() -> None:

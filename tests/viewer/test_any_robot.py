@@ -16,8 +16,8 @@ from sst_pin.cli import main
 from sst_pin.reading.shapes import UrdfShapes
 from sst_pin.viewer import Viewer
 from sst_pin.viewer.bodies import body_shapes
-from sst_pin.viewer.curves import curves_of
-from sst_pin.viewer.scene import LAYERS, Scene
+from sst_pin.viewer.panel_curves import curves_of
+from sst_pin.viewer.robot_scene import LAYERS, Scene
 
 DELTA = Path(__file__).parents[2] / "examples" / "delta.urdf"
 BARE = pin.GeometryModel()

@@ -8,7 +8,7 @@ import pytest
 import sst_pin
 from browser import chromium, needs_browser, visit  # noqa: F401
 from sst_pin.viewer import Viewer
-from sst_pin.viewer.scene import Scene
+from sst_pin.viewer.robot_scene import Scene
 
 FOOT = np.array((0.3, 0.0, -0.4))
 

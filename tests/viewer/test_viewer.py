@@ -22,7 +22,7 @@ from sst_pin import errors
 from sst_pin.cli import main
 from sst_pin.sst import paper
 from sst_pin.verification.sampling import random_parameters
-from sst_pin.viewer import Viewer, pictures, shapes
+from sst_pin.viewer import Viewer, pictures, triangles
 
 
 @pytest.fixture(scope="module")
@@ -202,7 +202,7 @@ def test_showing_again_replaces_what_was_there(robot, motion):
 def test_a_tube_is_closed_and_as_long_as_its_line():
     """Volume by the divergence theorem: that of a prism of as many sides."""
     points = np.outer(np.linspace(0, 2, 5), (1, 2, 2)) / 3
-    vertices, faces = shapes.tube(points, 0.1, sides=12)
+    vertices, faces = triangles.tube(points, 0.1, sides=12)
     a, b, c = (vertices[faces[:, i]] for i in range(3))
     volume = np.einsum("ij,ij->", a, np.cross(b, c)) / 6
     assert volume == pytest.approx(2 * 6 * 0.1**2 * np.sin(np.pi / 6), rel=1e-12)

@@ -89,7 +89,7 @@ def second_kind(robot: SST, workspace: Workspace) -> list[Array]:
         workspace: A workspace of this robot at one psi.
 
     Example:
-        >>> at_psi = sst_pin.workspace.workspace_at(robot, 1.0, rings=41, spokes=72)
+        >>> at_psi = sst_pin.sst.workspace.workspace_at(robot, 1.0, rings=41, spokes=72)
         >>> all(curve.shape[1] == 3 for curve in plots.second_kind(robot, at_psi))
         True
     """
@@ -119,7 +119,7 @@ def workspace_map(
         colourbar: Whether it is drawn below.
 
     Example:
-        >>> at_psi = sst_pin.workspace.workspace_at(robot, rings=9, spokes=24)
+        >>> at_psi = sst_pin.sst.workspace.workspace_at(robot, rings=9, spokes=24)
         >>> plots.workspace_map(ax, robot, at_psi).figure.savefig("map.png")
     """
     chart = Chart.of_robot(robot)
@@ -149,7 +149,7 @@ def workspace_on_sphere(
         colourbar: Whether it is drawn below.
 
     Example:
-        >>> at_psi = sst_pin.workspace.workspace_at(robot, rings=9, spokes=24)
+        >>> at_psi = sst_pin.sst.workspace.workspace_at(robot, rings=9, spokes=24)
         >>> plots.workspace_on_sphere(ax, robot, at_psi).figure.savefig("sphere.png")
     """
     aside = Rotation.from_euler("yx", (-22, 6), degrees=True).as_matrix()
@@ -228,7 +228,7 @@ def workspace_legend(workspace: Workspace, path: str | None = None) -> list[Any]
         path: Name of the path, if there is one.
 
     Example:
-        >>> at_psi = sst_pin.workspace.workspace_at(robot, rings=9, spokes=24)
+        >>> at_psi = sst_pin.sst.workspace.workspace_at(robot, rings=9, spokes=24)
         >>> [handle.get_label() for handle in plots.workspace_legend(at_psi)][0]
         'base triangle'
     """

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from .shapes import Mesh
+from .triangles import Mesh
 
 Array = NDArray[np.float64]
 

@@ -13,9 +13,9 @@ from ..errors import ClosureError, DescriptionError, InputError
 from .bodies import body_shapes
 from .joints import arrows_of, axes_of
 from .names import names_of
-from .parts import COLOURS, Shape
-from .shapes import tube
+from .scene_parts import COLOURS, Shape
 from .skeleton import masses, points_of, skeleton, struts
+from .triangles import tube
 
 Array = NDArray[np.float64]
 
