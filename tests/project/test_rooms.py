@@ -44,6 +44,7 @@ FORWARDING = {
             "simulate",
             "rollout",
             "check",
+            "_moving_load",
             "show",
             "compile",
             "casadi",
