@@ -14,16 +14,20 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from ..errors import ClosureError
+from ..errors import ClosureError, SSTError
 from .assembly import Assembly, home_of
+from .dynamics import Workspace
 from .mechanism import Mechanism
 from .mobility import INDEPENDENT, choose_coordinates, free_motions, scaled_Phi
+from .noc import body_jacobians
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 #: Widths of the random displacements from home or `pin.neutral`, [rad] or robot lengths.
 _AROUND_HOME, _AROUND_NEUTRAL = (0.1, 0.03, 0.01), np.linspace(0.1, 2.0, 20)
+#: An inertia that is smaller than this part of what its bodies have is rounding.
+_ROUNDING = 1e-13
 
 
 def examples(assembly: Assembly) -> Iterator[Array]:
@@ -102,3 +106,33 @@ def settle(assembly: Assembly, wanted: Indices | None) -> tuple[Indices, Array |
     assert best is not None
     _, Phi, q = best
     return choose_coordinates(mechanism, Phi) if wanted is None else wanted, q
+
+
+def without_mass(mechanism: Mechanism) -> tuple[str, ...]:
+    """Names of the coordinates that move no mass, such as the spin of a thin rod between two balls.
+
+    The mass matrix is singular there to rounding, at every configuration.
+
+    Args:
+        mechanism: The robot, with its coordinates.
+    """
+    q, n = mechanism.example, len(mechanism.coordinates)
+    if q is None or not n:
+        return ()
+    ws = Workspace(mechanism)
+    try:
+        ws.evaluate(q)
+        ws.complement.factorise(ws.loops.update_Phi())
+    except SSTError:
+        return ()  # coordinates of the caller, for another assembly
+    L = ws.complement.L
+    # What each coordinate would move if a body turned about its heaviest axis.
+    twists = (body_jacobians(ws.model, ws.data) @ L).reshape(-1, 2, 3, n)
+    inertias = list(ws.model.inertias)[1:]
+    sizes = np.array([(np.trace(body.inertia), body.mass) for body in inertias])
+    most = np.einsum("bp,bpin->n", sizes, twists**2) + ws.model.armature @ L**2
+    scale = 1 / np.sqrt(np.maximum(most, 1e-300))
+    inertia = scale[:, None] * ws.reduced_inertia(q, L) * scale
+    values, vectors = np.linalg.eigh(inertia)
+    idle = np.abs(vectors[:, values < _ROUNDING]).max(axis=1, initial=0.0) > INDEPENDENT
+    return tuple(np.array(mechanism.coordinate_rate_names)[idle].tolist())

@@ -17,7 +17,7 @@ from ..arrays import names as names_of
 from ..errors import DescriptionError, InputError
 from .assembly import Assembly
 from .closures import Closure, Constraint, Coupling, Distance, Rolling
-from .coordinates import settle
+from .coordinates import settle, without_mass
 from .joint_space import JointSpace
 from .loops import Loops
 from .mechanism import Friction, Mechanism, Springs
@@ -114,7 +114,8 @@ def mechanism_of(
     unsettled = Mechanism(model, closures, np.empty(0, dtype=np.intp), B, names, friction, springs)
     assembly = Assembly(unsettled, Loops(model, closures))
     chosen, example = settle(assembly, wanted)
-    return replace(unsettled, coordinates=chosen, example=example)
+    settled = replace(unsettled, coordinates=chosen, example=example)
+    return replace(settled, without_mass=without_mass(settled))
 
 
 def without_locked(model: pin.Model, locked: Sequence[str] | Mapping[str, float]) -> pin.Model:
@@ -130,7 +131,8 @@ def without_locked(model: pin.Model, locked: Sequence[str] | Mapping[str, float]
     if list(model.mimicking_joints):
         raise InputError("locked", "the model has mimic joints; lock joints before you add these")
     q = pin.neutral(model)
-    ids = [joint_id(model, name) for name in names_of("locked", list(locked))]
+    held = tuple(locked) if isinstance(locked, Mapping) else locked
+    ids = [joint_id(model, name) for name in names_of("locked", held)]
     if isinstance(locked, Mapping):
         for index, value in zip(ids, locked.values(), strict=True):
             joint = model.joints[index]

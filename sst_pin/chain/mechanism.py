@@ -10,7 +10,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from ..errors import DescriptionError
+from ..errors import DescriptionError, SingularConfigurationError
+from ..summaries import listed
 from .closures import Constraint, Coupling, Distance, frames_of
 from .joint_space import JointSpace
 from .tree import frame_named, joint_id
@@ -126,6 +127,7 @@ class Mechanism:
         springs: Springs of all joints.
         example: A configuration with closed loops, shape (nq,), where the coordinates were judged;
             None if none was found.
+        without_mass: Names of the coordinates that move no mass.
     """
 
     model: pin.Model
@@ -136,6 +138,7 @@ class Mechanism:
     friction: Friction
     springs: Springs
     example: Array | None = None
+    without_mass: tuple[str, ...] = ()
 
     @cached_property
     def space(self) -> JointSpace:
@@ -169,6 +172,20 @@ class Mechanism:
     def driven_one_to_one(self) -> bool:
         """Whether motor k gives the force of coordinate k, and nothing else."""
         return np.array_equal(self.motors, self.selection.T)
+
+    def require_mass(self) -> None:
+        """Refuse direct dynamics where a coordinate moves no mass.
+
+        Raises:
+            SingularConfigurationError: Which coordinates these are, and what helps.
+        """
+        if self.without_mass:
+            raise SingularConfigurationError(
+                "the mass matrix is not positive definite: the coordinates "
+                f"{listed(self.without_mass)} move no mass; give their bodies inertia about these "
+                "axes, or fix the joints by locked= (a universal joint in the place of a ball)",
+                float("inf"),
+            )
 
     @cached_property
     def length(self) -> float:

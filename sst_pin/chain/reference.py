@@ -131,6 +131,7 @@ class Reference:
 
     def accelerations(self, q: Array, va: Array, tau: Array, wrenches: Array | None) -> Array:
         """aa, shape (n,)."""
+        self.mechanism.require_mass()
         friction = self.mechanism.friction
         aa, _ = dynamics.direct_dynamics(self.workspace, friction, q, va, tau, wrenches)
         if not isfinite(aa.dot(aa)):
@@ -161,6 +162,7 @@ class Reference:
         self, sign_width: float, q: Array, va: Array, tau: Array, wrenches: Array | None
     ) -> Array:
         """Derivatives of aa by q, va, tau side by side, shape (n, 2 n + motors)."""
+        self.mechanism.require_mass()
         da = self.derivatives.accelerations(sign_width, q, va, tau, wrenches)
         if not np.isfinite(da).all():
             _require_finite(da, q=q, va=va, tau=tau, external_wrenches=wrenches)
@@ -298,6 +300,7 @@ class ReferenceStates:
     """
 
     def __init__(self, reference: Reference, friction: Friction) -> None:
+        reference.mechanism.require_mass()
         self._reference, self._mechanism = reference, reference.mechanism
         self._friction, self._nq = friction, reference.mechanism.model.nq
 

@@ -361,6 +361,8 @@ def impossible(mechanism: Mechanism, name: str) -> str:
     """Why there is no kernel of this name; empty when there is one."""
     nv, motors = mechanism.motors.shape
     n, first = len(mechanism.coordinates), name.split(maxsplit=1)[0]
+    if mechanism.without_mass and first in ("accelerations", "acceleration_derivatives"):
+        return "the mass matrix is singular"
     if first == "torques" and motors < n:
         return f"fewer motors ({motors}) than coordinates ({n})"
     if first not in _WITHOUT_MATRICES and n * n * nv > _LARGEST:

@@ -167,3 +167,34 @@ def test_where_the_robot_stands_does_not_count(distance):
     np.testing.assert_allclose(chain.compute_torques(q, [1.0], [1.0]), tau, rtol=1e-8)
     with pytest.raises(sst_pin.ClosureError):
         chain.compute_torques(np.add(q, [0, 3e-4, 0]), [1.0], [1.0])
+
+
+def rod_between_two_balls(spin):
+    """A crank and a rocker joined by a rod on two balls; `spin` is its inertia about itself."""
+    model = pin.Model()
+    crank = body(model, 0, pin.JointModelRZ(), 0.0, "crank")
+    rocker = body(model, 0, pin.JointModelRY(), 0.4, "rocker")
+    rod = model.addJoint(
+        crank, pin.JointModelSpherical(), pin.SE3(np.eye(3), np.array([0.2, 0, 0])), "rod"
+    )
+    model.inertias[rod] = pin.Inertia(1.0, np.array([0.15, 0, 0]), np.diag([spin, 0.01, 0.01]))
+    tip(model, rod, 0.3, "rod_end")
+    tip(model, rocker, 0.2, "rocker_end")
+    return ClosedChain(model, [Closure("rod_end", "rocker_end", "3d")], ["crank"])
+
+
+def test_a_rod_without_spin_inertia_between_two_balls_is_named():
+    """Its accelerations would be rounding; torques and a thick rod's accelerations are numbers."""
+    thin, thick = rod_between_two_balls(0.0), rod_between_two_balls(1e-9)
+    q, n = thin.generic_configuration(), thin.degrees_of_freedom
+    state = q, np.zeros(n), [0.0]
+    for ask in (
+        lambda: thin.compute_accelerations(*state),
+        lambda: thin.acceleration_derivatives(*state),
+        lambda: thin.simulate([0.0], q, np.zeros(n), [0, 0.1]),
+        lambda: thin.rollout(np.zeros((2, 1)), q, np.zeros(n), 1e-3),
+    ):
+        with pytest.raises(sst_pin.SingularConfigurationError, match=r"rod_w.* move no mass"):
+            ask()
+    assert np.isfinite(thin.generalized_forces(q, np.zeros(n), np.ones(n))).all()
+    assert np.isfinite(thick.compute_accelerations(*state)).all()
