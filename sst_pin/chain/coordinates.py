@@ -122,7 +122,7 @@ def without_mass(mechanism: Mechanism) -> tuple[str, ...]:
     ws = Workspace(mechanism)
     try:
         ws.evaluate(q)
-        ws.complement.factorise(ws.loops.update_Phi())
+        ws.complement.factorise(ws.loops.Phi())
     except SSTError:
         return ()  # coordinates of the caller, for another assembly
     L = ws.complement.L

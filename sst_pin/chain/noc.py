@@ -19,7 +19,7 @@ from ..errors import SingularConfigurationError
 from ..summaries import listed
 from .loops import connected
 from .mechanism import Mechanism
-from .mobility import condition_number
+from .mobility import choose_coordinates, condition_number
 from .tree import columns, of_rates, summed, support
 
 Array = NDArray[np.float64]
@@ -27,6 +27,8 @@ Indices = NDArray[np.intp]
 
 #: Where the constraints count as singular: half of the sixteen digits are lost by then.
 MAX_CONDITION_NUMBER = 1e8
+#: Rates of too many coordinates break redundant rows by about their own size; open loops, by less.
+_INCONSISTENT = 0.1
 
 
 class _Block:
@@ -70,6 +72,7 @@ class JointComplement:
         from scipy.linalg import lapack  # an import takes a microsecond at each call
 
         self._mechanism, self._lapack = mechanism, lapack
+        self._row_scale = mechanism.row_scale[:, None]
         self.blocks = [
             _Block(mechanism, touched, *part) for part in connected(touched[:, mechanism.dependent])
         ]
@@ -95,6 +98,9 @@ class JointComplement:
             largest = max(largest, pivots[0])
         if not all(pivot * MAX_CONDITION_NUMBER > largest for pivot in smallest):
             self._refuse(Phi, largest / MAX_CONDITION_NUMBER, smallest)
+        left = self._row_scale * Phi.dot(self.L)  # Phi L = 0 in the rows that are redundant too
+        if not np.abs(left).max(initial=0.0) < _INCONSISTENT * largest * np.abs(self.L).max():
+            self._refuse(Phi, 0.0, smallest)
 
     def _least_squares(self, A: Array) -> tuple[Array, Array]:
         """(A^T A)^-1 A^T by a QR decomposition A P = Q R with column pivoting; the pivots of R."""
@@ -112,11 +118,15 @@ class JointComplement:
         mechanism = self._mechanism
         verdicts = zip(self.blocks, smallest, strict=True)
         loose = [rate for block, pivot in verdicts if not pivot > least for rate in block.rates]
-        names = listed([mechanism.space.rate_names[k] for k in loose])
         scaled = Phi * mechanism.row_scale[:, None] * mechanism.rate_scale
+        why = "the closures hold the coordinates themselves"
+        if loose:
+            names = listed([mechanism.space.rate_names[k] for k in loose])
+            why = f"the coordinates do not determine the rates of the dependent joints {names}"
+        others = mechanism.space.names_of(choose_coordinates(mechanism, scaled).tolist())
         raise SingularConfigurationError(
-            "singular configuration: the coordinates do not determine the rates of the "
-            f"dependent joints {names}; move away, or choose other coordinates=",
+            f"singular configuration: {why}; move away, or choose other coordinates=, "
+            f"for example {listed(others)} describe the motion here",
             condition_number(scaled, mechanism.coordinates),
         )
 

@@ -394,7 +394,7 @@ def sample_configurations(reference: Reference, near: Array | None = None) -> Ar
     if near is None:
         example = reference.mechanism.example
         near = next(examples(assembly)) if example is None else example
-    reference.workspace.evaluate(near)
+    reference.rates(near, np.zeros(len(reference.mechanism.coordinates)))
     samples = [near]
     for seed in range(4 * _SAMPLES):
         try:

@@ -72,7 +72,7 @@ def test_coordinates_do_not_depend_on_what_was_called_before(folded_first):
     model, closures, folded = rhombus()
     chain = ClosedChain(model, closures, ["rocker", "crank"])
     if folded_first:
-        with pytest.raises(sst_pin.SingularConfigurationError, match="do not determine"):
+        with pytest.raises(sst_pin.SingularConfigurationError, match="for example crank"):
             chain.compute_torques(folded, [1.0], [1.0])
     assert chain.coordinates == ("rocker",)
     open_mode = chain.assemble([0.7, -0.7, 0.7])
@@ -97,6 +97,24 @@ def test_coordinates_of_the_caller_stand(coordinates):
     q = chain.assemble([0.2, 2.0, 1.0])
     assert chain.joint_rates(q, [1.0]).shape == (3,)
     assert chain.condition_number(q) < 100
+
+
+@pytest.mark.parametrize("coordinates", [["crank", "rocker"], ["crank", "rocker", "coupler"]])
+def test_too_many_coordinates_are_refused_at_a_configuration(coordinates):
+    """The closures hold the coordinates themselves; rates that break them are no motion."""
+    model, closures, _ = rhombus()
+    chain = ClosedChain(model, closures, ["crank"], coordinates=coordinates)
+    q = chain.assemble([0.7, -0.7, 0.7], ())
+    n = np.ones(len(coordinates))
+    with pytest.raises(sst_pin.SingularConfigurationError, match="for example crank describe"):
+        chain.generalized_forces(q, n, n)
+
+
+def test_no_coordinates_are_refused():
+    model, closures, folded = rhombus()
+    chain = ClosedChain(model, closures, ["crank"], coordinates=[])
+    with pytest.raises(sst_pin.DescriptionError, match="no coordinates"):
+        chain.generalized_forces(folded, [], [])
 
 
 def _four_bar(order, unit=1.0):
