@@ -26,6 +26,7 @@ from ..errors import DescriptionError, InputError, MissingExtraError
 from ..summaries import as_html, as_text, listed
 from . import derivatives, dynamics, samples
 from .appearance import Appearance, appearance_of
+from .assembly import home_of
 from .assignments import require_assignable
 from .backend import States
 from .closures import Constraint
@@ -33,6 +34,7 @@ from .current import Current
 from .draft import Motor, closures_of, mechanism_of, without_locked
 from .mechanism import Friction, Mechanism
 from .mobility import Mobility, condition_number, scaled_Phi
+from .named_positions import put
 from .samples import by_kernel
 from .tree import frame_id
 
@@ -388,7 +390,7 @@ class ClosedChain:
 
     def assemble(
         self,
-        q: ArrayLike,
+        q: ArrayLike | Mapping[str, float],
         fixed: Sequence[str] | None = None,
         *,
         tries: int = 1,
@@ -399,9 +401,10 @@ class ClosedChain:
 
         Args:
             q: A guess, shape (nq,). For a robot with balls, free or continuous joints also the
-                displacement from `pin.neutral`, shape (nv,), without quaternions.
-            fixed: Names of joints that keep their position; the coordinates by default, () for
-                none.
+                displacement from `pin.neutral`, shape (nv,), without quaternions. Or positions by
+                the names of joints, [rad] or [m]; the other joints start from home, else from zero.
+            fixed: Names of joints that keep their position, () for none. By default the
+                coordinates; if q names joints that are no coordinates, the joints named.
             tries: Number of starts: the guess, then random configurations around it.
             seed: Seed of the random starts.
             limits: Whether joints with one coordinate must stay within the limits of the model.
@@ -419,9 +422,16 @@ class ClosedChain:
             >>> q = chain.assemble(chain.home + 0.1)
             >>> bool(abs(chain.residual(q)).max() < 1e-12)
             True
+            >>> chain.assemble({"crank": 0.3})[0].round(3)
+            np.float64(0.3)
         """
         mechanism, tries = self._current.mechanism, whole_number("tries", tries, 1)
         model, space = mechanism.model, mechanism.space
+        if isinstance(q, Mapping):
+            if fixed is None and not set(q) <= set(self.coordinates):
+                fixed = list(q)
+            home = home_of(mechanism)
+            q = put(space, pin.neutral(model) if home is None else home, q)
         if model.nv != model.nq and as_array("q", q, ()).shape == (model.nv,):
             q = pin.integrate(model, pin.neutral(model), single_array("q", q, (model.nv,)))
         start = space.normalised(single_array("q", q, (model.nq,)))

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from contextlib import suppress
 
@@ -11,16 +12,17 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import finite_array
+from ..chain.backend import States
 from ..chain.closed_chain import ClosedChain
-from ..errors import ClosureError, DescriptionError, InputError, UnknownNameError
+from ..chain.joint_space import JointSpace
+from ..chain.loops import CLOSURE_TOLERANCE
+from ..chain.named_positions import angles_and_lengths, put
+from ..chain.noc import MAX_CONDITION_NUMBER
+from ..errors import ClosureError, DescriptionError, DescriptionWarning, InputError, SSTError
 from .samples import sample_times, spline
 from .trajectories import Trajectory
 
 Array = NDArray[np.float64]
-
-#: A step is halved until what Newton's method adds to the rates' guess is this small beside it.
-_CORRECTION = 0.1
-_HALVINGS = 12
 
 
 def coordinate_motion(
@@ -29,7 +31,8 @@ def coordinate_motion(
     """The motion and the torques for given coordinates over time.
 
     The other joints are computed from sample to sample, in steps short enough to stay in the same
-    assembly. Rates are derivatives of splines of degree five through the samples.
+    assembly mode: never across a singular configuration. Rates are derivatives of splines of degree
+    five through the samples.
 
     Args:
         chain: Any closed chain with revolute or prismatic coordinates.
@@ -58,9 +61,10 @@ def coordinate_motion(
     q = np.empty((len(times), len(chain.position_names)))
     first = dict(zip(chain.coordinates, values[0], strict=True))
     q[0] = start_configuration(chain, first, start)
+    states = chain._states(0.0)
     for i in range(1, len(times)):
         try:
-            q[i] = _follow(chain, q[i - 1], values[i] - values[i - 1], _HALVINGS)
+            q[i] = _follow(chain, states, q[i - 1], values[i] - values[i - 1])
         except ClosureError as error:
             error.name_samples([(i,)], len(times))
             raise
@@ -78,79 +82,86 @@ def start_configuration(
         positions: By the names of joints that turn or slide; the coordinates among them are held,
             the others choose the assembly.
         guess: The other joints, shape (nq,); by default the configuration that the description
-            calls `home`, else all joints at zero, else a generic assembled one.
+            calls `home`, else one closed near zero, else a generic assembled one.
 
     Returns:
         Shape (nq,).
+
+    Warns:
+        DescriptionWarning: If neither the description nor the caller chooses the assembly mode.
 
     Raises:
         UnknownNameError: For a name that is no such joint's.
         ClosureError: When the loops cannot be closed there.
     """
-    model = chain.model
     if guess is None:
-        guesses = []
-        with suppress(DescriptionError, ClosureError):
-            guesses.append(chain.home)
-        guesses = guesses or [pin.neutral(model)]
+        guesses = [start_of(chain)]
         with suppress(ClosureError):
             guesses.append(chain.generic_configuration())
+        _warn_of_choice(chain, positions)
     else:
-        guesses = [finite_array("start", guess, (model.nq,))]
+        guesses = [finite_array("start", guess, (chain.model.nq,))]
     failure: ClosureError | None = None
     for each in guesses:
         try:
-            return chain.assemble(_put(chain, each, positions))
+            return chain.assemble(put(JointSpace(chain.model), each, positions))
         except ClosureError as error:
             failure = failure or error
     assert failure is not None
     raise failure
 
 
-def angles_and_lengths(chain: ClosedChain) -> dict[str, str]:
-    """Names of joints with one coordinate, and "rad" or "m" for each."""
-    units = dict(zip(chain.position_names, chain.joint_units, strict=True))
-    endless = {name[:-4]: "rad" for name, unit in units.items() if _is_cosine(name, unit, units)}
-    return {name: unit for name, unit in units.items() if unit} | endless
+def start_of(chain: ClosedChain) -> Array:
+    """The configuration where a chain stands first: home, else closed near zero, shape (nq,).
 
-
-def _is_cosine(name: str, unit: str, units: Mapping[str, str]) -> bool:
-    return not unit and name.endswith("_cos") and f"{name[:-4]}_sin" in units
-
-
-def _put(chain: ClosedChain, q: Array, positions: Mapping[str, float]) -> Array:
-    known, names = angles_and_lengths(chain), list(chain.position_names)
-    q = np.array(q)
-    for name, value in positions.items():
-        if name not in known:
-            raise UnknownNameError("revolute or prismatic joint", name, known)
-        if name in names:
-            q[names.index(name)] = value
-        else:
-            q[names.index(f"{name}_cos")] = np.cos(value)
-            q[names.index(f"{name}_sin")] = np.sin(value)
-    return q
-
-
-def _follow(chain: ClosedChain, q: Array, step: Array, halvings: int) -> Array:
-    """Where the coordinates are a step further, on the same assembly."""
-    if not step.any():
-        return q
-    way = chain.joint_rates(q, step)
-    guess = pin.integrate(chain.model, q, way)
+    Where the loops of this cannot be closed, they are open in the result.
+    """
+    model = chain.model
     try:
-        found = chain.assemble(guess)
-        correction = np.abs(pin.difference(chain.model, guess, found)).max()
-        near = correction <= _CORRECTION * np.abs(way).max()
+        return chain.home
     except ClosureError:
-        if not halvings:
-            raise
-        near = False
-    if near:
-        return found
-    if not halvings:
+        return np.array(model.referenceConfigurations["home"])
+    except DescriptionError:
+        neutral: Array = pin.neutral(model)
+    try:
+        return chain.assemble(neutral, fixed=())
+    except ClosureError:
+        return neutral
+
+
+def _warn_of_choice(chain: ClosedChain, positions: Mapping[str, float]) -> None:
+    """Say that the assembly was chosen here, unless the description or the caller has done so."""
+    free = set(angles_and_lengths(JointSpace(chain.model))) - positions.keys()
+    if "home" in chain.model.referenceConfigurations or not free:
+        return
+    neutral = pin.neutral(chain.model)
+    if np.abs(chain.residual(neutral)).max(initial=0.0) < CLOSURE_TOLERANCE:
+        return  # the description is drawn assembled
+    warnings.warn(
+        f"model {chain.model.name}: no configuration is named home, so the loops were closed in an "
+        "assembly mode chosen here; other modes need other torques. Check the start; to choose it, "
+        "name a configuration home (an SRDF beside the URDF, a keyframe of an MJCF, or "
+        'model.referenceConfigurations["home"]), or give positions of dependent joints too',
+        DescriptionWarning,
+        stacklevel=4,
+    )
+
+
+def _follow(chain: ClosedChain, states: States, start: Array, step: Array) -> Array:
+    """Where the coordinates are a step further, in the same assembly mode."""
+    if not step.any():
+        return start
+
+    def way(q: Array, low: float, high: float) -> Array | None:
+        try:
+            ahead = chain.joint_rates(q, (high - low) * step)
+            return chain.assemble(pin.integrate(chain.model, q, ahead))
+        except SSTError:
+            return None
+
+    reached, found = states.follow(start, way, MAX_CONDITION_NUMBER)
+    if reached < 1:
         raise ClosureError(
             "the loops cannot be closed further along the motion: out of reach, or singular", 0.0
         )
-    middle = _follow(chain, q, step / 2, halvings - 1)
-    return _follow(chain, middle, step / 2, halvings - 1)
+    return found

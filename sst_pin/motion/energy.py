@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
+from .moving_robot import require_motion
 from .samples import spline
-from .trajectories import Trajectory, require_motion
+from .trajectories import Trajectory
 
 if TYPE_CHECKING:
     from ..chain.closed_chain import ClosedChain

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from ..arrays import single_array
 from ..chain.closed_chain import ClosedChain
 from ..chain.loops import CLOSURE_TOLERANCE
-from .trajectories import Trajectory, require_motion
+from .moving_robot import require_motion
+from .trajectories import Trajectory
 
 Array = NDArray[np.float64]
 

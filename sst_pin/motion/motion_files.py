@@ -11,11 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..chain.closed_chain import ClosedChain
+from ..chain.joint_space import JointSpace
+from ..chain.named_positions import angles_and_lengths
 from ..errors import ClosureError, FileFormatError, InputError
 from ..files import Table, read_table
-from .coordinate_motions import angles_and_lengths, coordinate_motion, start_configuration
+from .coordinate_motions import coordinate_motion, start_configuration
 from .motion_columns import RATE, position_columns, rate_columns
-from .trajectories import Trajectory, rates_of_coordinates, require_motion
+from .moving_robot import rates_of_coordinates, require_motion
+from .trajectories import Trajectory
 
 Array = NDArray[np.float64]
 
@@ -189,7 +192,7 @@ def _motion_of(chain: ClosedChain, table: Table, *, keep_torques: bool) -> Traje
 
 def _wanted(chain: ClosedChain, table: Table) -> str:
     """What a motion needs, and what there is."""
-    known = angles_and_lengths(chain)
+    known = angles_and_lengths(JointSpace(chain.model))
     there = f"found: {', '.join(table.columns)}"
     if not set(chain.coordinates) <= known.keys():
         columns = ", ".join(["t_s", *_position_columns(chain), *_rates(chain)[1]])
@@ -211,7 +214,7 @@ def _rates(chain: ClosedChain) -> tuple[list[str], list[str]]:
 def _joints(chain: ClosedChain, table: Table) -> dict[str, Array]:
     """Positions of the joints that have a column, in SI."""
     found = {}
-    for name, unit in angles_and_lengths(chain).items():
+    for name, unit in angles_and_lengths(JointSpace(chain.model)).items():
         columns = _known_columns(table, name, _ENDINGS[unit])
         if len(columns) > 1:
             listed = ", ".join(columns)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The interface that `simulate` and `rollout` need; every `ClosedChain` has it."""
+"""What motions need of a robot, which every `ClosedChain` has; whether a motion is a robot's."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from ..chain.backend import States
+from ..chain.joint_space import JointSpace
+from ..errors import InputError
 from .trajectories import Trajectory
 
 Array = NDArray[np.float64]
@@ -59,3 +61,36 @@ class Robot(Protocol):
         stopped: str = "",
     ) -> Trajectory:
         """A motion of this robot as a value."""
+
+
+def require_motion(motion: Trajectory, robot: Robot, name: str = "motion") -> None:
+    """Check that something is a motion of a robot: its joints, coordinates and motors, in order.
+
+    Args:
+        motion: What should be one.
+        robot: Whose motion it should be.
+        name: The argument.
+
+    Raises:
+        InputError: When it is none, or another robot's.
+    """
+    if not isinstance(motion, Trajectory):
+        raise InputError(name, f"a Trajectory is needed, not {type(motion).__name__}")
+    for what, found, needed in (
+        ("joints", motion.joint_names, robot.position_names),
+        ("coordinates", motion.coordinates, rates_of_coordinates(robot)[0]),
+        ("motors", motion.actuated, robot.motor_names),
+    ):
+        if found != tuple(needed):
+            raise InputError(
+                name,
+                f"belongs to another robot, with {what} {', '.join(found)}; "
+                f"this one has {', '.join(needed) or 'none'}",
+            )
+
+
+def rates_of_coordinates(robot: Robot) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Names and units of the rates of a robot's coordinates."""
+    space = JointSpace(robot.model)
+    rates = space.rates_of(robot.coordinates)
+    return tuple(space.rate_names[k] for k in rates), tuple(space.rate_units[k] for k in rates)

@@ -15,8 +15,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import as_array, positive_number, single_array
 from ..errors import InputError, SimulationError, SingularityWarning, SSTError
+from .moving_robot import require_motion
 from .samples import sample_times, spline
-from .trajectories import Trajectory, require_motion
+from .trajectories import Trajectory
 
 if TYPE_CHECKING:
     from scipy.integrate import OdeSolver

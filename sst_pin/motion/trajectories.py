@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import finite_array, names, single_array
-from ..chain.joint_space import JointSpace
 from ..errors import FileFormatError, InputError, MissingExtraError, OutputError
 from ..files import Writer, as_path, read_table, table_writer, write_files
 from ..summaries import as_html, as_text, listed
@@ -22,8 +21,6 @@ from .samples import sample_times, spline, times_within
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from .moving_robot import Robot
 
 Array = NDArray[np.float64]
 
@@ -359,36 +356,3 @@ def _units(
     if len(units) != len(owners) or not set(units) <= set(known):
         raise InputError(name, f"{units}, expected {len(owners)} of {', '.join(map(repr, known))}")
     return units
-
-
-def require_motion(motion: Trajectory, robot: Robot, name: str = "motion") -> None:
-    """Check that something is a motion of a robot: its joints, coordinates and motors, in order.
-
-    Args:
-        motion: What should be one.
-        robot: Whose motion it should be.
-        name: The argument.
-
-    Raises:
-        InputError: When it is none, or another robot's.
-    """
-    if not isinstance(motion, Trajectory):
-        raise InputError(name, f"a Trajectory is needed, not {type(motion).__name__}")
-    for what, found, needed in (
-        ("joints", motion.joint_names, robot.position_names),
-        ("coordinates", motion.coordinates, rates_of_coordinates(robot)[0]),
-        ("motors", motion.actuated, robot.motor_names),
-    ):
-        if found != tuple(needed):
-            raise InputError(
-                name,
-                f"belongs to another robot, with {what} {', '.join(found)}; "
-                f"this one has {', '.join(needed) or 'none'}",
-            )
-
-
-def rates_of_coordinates(robot: Robot) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Names and units of the rates of a robot's coordinates."""
-    space = JointSpace(robot.model)
-    rates = space.rates_of(robot.coordinates)
-    return tuple(space.rate_names[k] for k in rates), tuple(space.rate_units[k] for k in rates)

@@ -12,7 +12,8 @@ from ..chain.appearance import PLATFORM
 from ..chain.closed_chain import ClosedChain
 from ..chain.tree import frame_id
 from ..errors import InputError
-from ..motion.trajectories import Trajectory, require_motion
+from ..motion.moving_robot import require_motion
+from ..motion.trajectories import Trajectory
 from .curves import legend_above
 from .style import COLOURS, Axes
 

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from ..chain.appearance import PLATFORM
 from ..chain.closed_chain import ClosedChain
 from ..errors import InputError
-from ..motion.trajectories import Trajectory, require_motion
+from ..motion.moving_robot import require_motion
+from ..motion.trajectories import Trajectory
 from ..sst.robot import SST
 from ..sst.workspace import Workspace
 from .frame_paths import frame_path, plane_of, points_of

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from ..chain.appearance import drawn_frame
 from ..chain.closed_chain import ClosedChain
-from ..errors import ClosureError, DescriptionError, InputError
+from ..errors import InputError
+from ..motion.coordinate_motions import start_of
 from .bodies import body_shapes
 from .joints import arrows_of, axes_of
 from .names import names_of
@@ -170,21 +171,6 @@ class Scene:
         ] or [(np.array(own), joint) for joint, own in enumerate(points_of(robot)) if own]
         placed = [p @ poses[joint][:3, :3].T + poses[joint][:3, 3] for p, joint in points]
         return float(np.linalg.norm(np.ptp(np.vstack(placed), axis=0))) / 4 or 1.0
-
-
-def start_of(robot: ClosedChain) -> Array:
-    """First configuration: home, or an assembled configuration close to neutral."""
-    model = robot.model
-    try:
-        return robot.home
-    except ClosureError:  # open, and the page says so
-        return np.array(model.referenceConfigurations["home"])
-    except DescriptionError:
-        neutral: Array = pin.neutral(model)
-    try:
-        return robot.assemble(neutral, fixed=())
-    except ClosureError:
-        return neutral  # open, and the page says so
 
 
 def _farthest(points: Array, directions: Array) -> Array:

@@ -20,7 +20,8 @@ from ..chain.closed_chain import ClosedChain
 from ..chain.joint_space import JointSpace
 from ..errors import InputError, OutputError, UnknownNameError
 from ..files import Writer, as_path, write_files
-from ..motion.trajectories import Trajectory, require_motion
+from ..motion.moving_robot import require_motion
+from ..motion.trajectories import Trajectory
 from ..version import __version__
 from .meshcat_scene import MeshcatScene
 from .page import page

@@ -8,8 +8,8 @@ from numpy.testing import assert_allclose
 
 from robots import ROBOTS
 from sst_pin import ClosedChain, Closure
-from sst_pin.errors import ClosureError, InputError
-from sst_pin.robots import delta
+from sst_pin.errors import ClosureError, InputError, UnknownNameError
+from sst_pin.robots import delta, four_bar
 from trees import tree
 
 RX = pin.JointModelRX
@@ -289,3 +289,15 @@ def test_what_carries_both_ends_of_a_loop_stays(kind):
     q = chain.assemble(guess, fixed=())
     assert np.abs(q - guess).max() > 1e-3
     assert_allclose(q[:7], guess[:7], rtol=0, atol=1e-15)
+
+
+def test_positions_are_given_by_name():
+    """Coordinates are held; a joint that is none, too, if it is named."""
+    chain = four_bar()
+    crank, rocker = (chain.position_names.index(name) for name in ("crank", "rocker"))
+    by_crank = chain.assemble({"crank": chain.home[crank] + 0.2})
+    assert by_crank[crank] == chain.home[crank] + 0.2
+    by_rocker = chain.assemble({"rocker": by_crank[rocker]})
+    assert np.abs(by_rocker - by_crank).max() < 1e-9
+    with pytest.raises(UnknownNameError, match="wheel"):
+        chain.assemble({"wheel": 1.0})

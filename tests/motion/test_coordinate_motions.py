@@ -2,6 +2,7 @@
 """Motions given by the coordinates alone, in arrays and in files."""
 
 import io
+import warnings
 
 import numpy as np
 import pytest
@@ -202,3 +203,30 @@ def test_joints_beyond_their_limits_are_named_with_their_worst_sample(delta, str
     worst = motion.t[motion.q[:, motor].argmax()]
     assert found.startswith(f"{delta.coordinates[0]} leaves its limits of ")
     assert f": {motion.q[:, motor].max():.4g} rad at t = {worst:.6g} s" in found
+
+
+def test_a_parallelogram_does_not_go_on_through_its_flat_position():
+    """Where the coupler could also turn back; any distance of the samples."""
+    chain = sst_pin.robots.four_bar(crank=0.3, coupler=0.8, rocker=0.3, ground=0.8)
+    start = chain.home[chain.position_names.index("crank")]
+    for count in (4, 9, 61, 300):
+        x = np.linspace(start, start + 2 * np.pi + 0.1, count)[:, None]
+        with pytest.raises(sst_pin.ClosureError, match="singular"):
+            coordinate_motion(chain, np.linspace(0, 1, count), x, chain.home)
+
+
+def test_who_chooses_the_assembly_itself_says_so():
+    """Without a home, and with the coordinates alone, a four-bar may start in either mode."""
+    chain = sst_pin.robots.four_bar()
+    home, t = chain.home, np.linspace(0, 1, 11)
+    x = home[0] + 0.1 * t[:, None]
+    bare = sst_pin.ClosedChain(chain.model.copy(), chain.closures, chain.motor_names)
+    del bare.model.referenceConfigurations["home"]
+    bare = sst_pin.ClosedChain(bare.model, chain.closures, chain.motor_names)
+    with pytest.warns(sst_pin.DescriptionWarning, match="named home"):
+        coordinate_motion(bare, t, x)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        coordinate_motion(chain, t, x)
+        coordinate_motion(bare, t, x, home)
+        start_configuration(bare, dict(zip(bare.position_names, home, strict=True)))

@@ -13,7 +13,7 @@ import pytest
 
 import sst_pin
 from sst_pin.compiled.backend import sample_configurations
-from sst_pin.viewer.robot_scene import start_of
+from sst_pin.motion.coordinate_motions import start_of
 
 ROOT = Path(__file__).resolve().parents[2]
 _SRDF = """<robot name="sst"><group_state name="home" group="all">

@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Positions of joints by their names."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import finite_array
+from ..errors import UnknownNameError
+from .joint_space import JointSpace
+
+Array = NDArray[np.float64]
+
+
+def angles_and_lengths(space: JointSpace) -> dict[str, str]:
+    """Names of joints with one coordinate, and "rad" or "m" for each."""
+    units = dict(zip(space.position_names, space.position_units, strict=True))
+    endless = {name[:-4]: "rad" for name, unit in units.items() if _is_cosine(name, unit, units)}
+    return {name: unit for name, unit in units.items() if unit} | endless
+
+
+def _is_cosine(name: str, unit: str, units: Mapping[str, str]) -> bool:
+    return not unit and name.endswith("_cos") and f"{name[:-4]}_sin" in units
+
+
+def put(space: JointSpace, q: Array, positions: Mapping[str, float]) -> Array:
+    """A configuration with some joints at given positions, the others as they are.
+
+    Args:
+        space: Names of the entries of q.
+        q: The configuration, shape (nq,).
+        positions: By the names of joints that turn or slide, [rad] or [m].
+
+    Raises:
+        UnknownNameError: For a name that is no such joint's.
+        InputError: For a position that is not a finite number.
+    """
+    known, names, q = angles_and_lengths(space), list(space.position_names), np.array(q)
+    for name, position in positions.items():
+        if name not in known:
+            raise UnknownNameError("revolute or prismatic joint", name, known)
+        value = float(finite_array(name, position, ()))
+        if name in names:
+            q[names.index(name)] = value
+        else:
+            q[names.index(f"{name}_cos")] = np.cos(value)
+            q[names.index(f"{name}_sin")] = np.sin(value)
+    return q
