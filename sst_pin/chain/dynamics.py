@@ -208,7 +208,7 @@ def applied_forces(
 
 def inverse_dynamics(
     ws: Workspace, q: Array, va: Array, aa: Array, wrenches: Array | None
-) -> tuple[Array, Array]:
+) -> Array:
     """What a motion needs along the coordinates, Eq. (92), short form.
 
     `pin.rnea` is N_l forward and N_l^T backward; it forms no K.
@@ -222,7 +222,7 @@ def inverse_dynamics(
             (r, 6), or None.
 
     Returns:
-        f, shape (n,), and the forces on the tree, shape (nv,), f = L^T of these.
+        f, shape (n,).
     """
     ws.evaluate(q)
     v, v_dot = motion_of_tree(ws, va, aa)
@@ -230,16 +230,36 @@ def inverse_dynamics(
     applied = applied_forces(ws, ws.mechanism.friction, q, v, wrenches)
     if applied is not None:
         tree = tree - applied
-    return tree.dot(ws.complement.L), tree
+    return tree.dot(ws.complement.L)
 
 
-def resistance(ws: Workspace, q: Array, v: Array, wrenches: Array | None) -> float:
-    """The largest force that weights, rates or what is applied put on the tree, free of units."""
-    forces = [pin.rnea(ws.model, ws.data, q, v, ws.zero)]
-    applied = applied_forces(ws, ws.mechanism.friction, q, v, wrenches)
-    if applied is not None:
-        forces.append(applied)
-    return float(np.abs(np.array(forces) * ws.mechanism.rate_scale).max())
+def sizes_of_terms(
+    ws: Workspace, q: Array, va: Array, aa: Array, wrenches: Array | None
+) -> tuple[Array, Array]:
+    """Sizes of all forces that meet in each coordinate, none balanced by another.
+
+    They are the weight, the inertia and the load of each body, and the friction, the spring and
+    the rotor of each joint; arguments as `inverse_dynamics`.
+
+    Returns:
+        Their sum along the coordinates, shape (n,), and the same without regard to the directions
+        of wrenches and motions, of which rounding takes its part, shape (n,).
+    """
+    ws.evaluate(q)
+    mechanism, model, r = ws.mechanism, ws.model, ws.model.njoints - 1
+    v, v_dot = motion_of_tree(ws, va, aa)
+    L = np.abs(ws.complement.L)
+    ws.loops.Phi_dot(v)  # brings J and its rate to v
+    K, K_dot, M, Omega, weights = bodies(model, ws.data, v)
+    wrenches_on_bodies = [M @ (K @ v_dot), M @ (K_dot @ v), Omega @ (M @ (K @ v)), weights]
+    if wrenches is not None:
+        wrenches_on_bodies.append(wrenches.ravel())
+    wrench = np.abs(wrenches_on_bodies).sum(axis=0)
+    own = [mechanism.friction.forces(v), mechanism.springs.forces(model, q), model.armature * v_dot]
+    of_joints = np.abs(own).sum(axis=0)
+    lengths = np.linalg.norm(K.reshape(2 * r, 3, -1), axis=1)
+    sizes = np.linalg.norm(wrench.reshape(2 * r, 3), axis=1)
+    return L.T @ (np.abs(K.T) @ wrench + of_joints), L.T @ (lengths.T @ sizes + of_joints)
 
 
 def direct_dynamics(

@@ -31,8 +31,11 @@ from .tree import of_rates, summed, support
 
 Array = NDArray[np.float64]
 
-#: Forces that the motors leave over, relative to those of the tree, count as none below this.
+#: Forces that the motors leave over count as none below this, relative to the sum of the sizes of
+#: all forces that meet in the same coordinate.
 UNSUPPLIED = 1e-6
+#: What rounding leaves of forces that do not act along a coordinate, relative to their sizes.
+ROUNDING = 1e-12
 
 
 class Reference:
@@ -73,7 +76,7 @@ class Reference:
 
     def generalized_forces(self, q: Array, va: Array, aa: Array, wrenches: Array | None) -> Array:
         """f, shape (n,)."""
-        f, _ = dynamics.inverse_dynamics(self.workspace, q, va, aa, wrenches)
+        f = dynamics.inverse_dynamics(self.workspace, q, va, aa, wrenches)
         if not isfinite(f.dot(f)):  # cheaper than looking at each input
             _require_finite(f, q=q, va=va, aa=aa, external_wrenches=wrenches)
         return f
@@ -86,18 +89,18 @@ class Reference:
         Raises:
             ActuationError: When the motors cannot bring it about.
         """
-        f, tree = dynamics.inverse_dynamics(self.workspace, q, va, aa, wrenches)
-        if not isfinite(f.dot(f)):
-            _require_finite(f, q=q, va=va, aa=aa, external_wrenches=wrenches)
+        f = self.generalized_forces(q, va, aa, wrenches)
         if self.mechanism.driven_one_to_one:
             return f
         L = self.workspace.complement.L
         tau, left = self._distributed(f, L, weights)
-        largest = float(np.abs(tree * self.mechanism.rate_scale).max())
-        if (np.abs(left) > UNSUPPLIED * largest).any():
-            # Where great forces balance, rounding is left: compare with these.
-            largest = max(largest, dynamics.resistance(self.workspace, q, L.dot(va), wrenches))
-            self._require_supplied(left, UNSUPPLIED * largest)
+        over = np.abs(left) > UNSUPPLIED * np.abs(f)
+        if over.any():
+            # Where large forces balance, their rounding is left: compare with all of them.
+            along, sizes = dynamics.sizes_of_terms(self.workspace, q, va, aa, wrenches)
+            over = np.abs(left) > UNSUPPLIED * along + ROUNDING * sizes
+        if over.any():
+            raise self._unsupplied(left, over)
         return tau
 
     def _distributed(self, f: Array, L: Array, weights: Array | None) -> tuple[Array, Array]:
@@ -109,25 +112,24 @@ class Reference:
         # A motor that does not move with a coordinate leaves rounding, which no force balances.
         A[np.abs(A) * MAX_CONDITION_NUMBER < np.outer(*(np.abs(X).max(axis=0) for X in (L, B)))] = 0
         half = np.ones(A.shape[1]) if weights is None else 1 / np.sqrt(weights)
-        tau = half * np.linalg.lstsq(A * half, f * units, rcond=1e-10)[0]
-        return tau, f * units - A.dot(tau)
+        # Each freedom counts alike, whatever the weights of its motors.
+        rows = np.linalg.norm(A * half, axis=1)
+        rows[rows == 0] = 1
+        scaled = A * half / rows[:, None]
+        tau = half * np.linalg.lstsq(scaled, f * units / rows, rcond=1 / MAX_CONDITION_NUMBER)[0]
+        return tau, f - A.dot(tau) / units
 
-    def _require_supplied(self, left: Array, limit: float) -> None:
-        """Refuse a motion that needs more than the motors give."""
-        mechanism = self.mechanism
-        units = mechanism.rate_scale[mechanism.coordinates]
-        over = np.abs(left) > limit
-        if over.any():
-            names = mechanism.coordinate_rate_names
-            missing = {name: float(x) for name, x in zip(names, left / units, strict=True)}
-            missing = {name: missing[name] for name, o in zip(names, over, strict=True) if o}
-            listed = ", ".join(f"{name} {x:.4g}" for name, x in list(missing.items())[:6])
-            raise ActuationError(
-                f"the motors cannot produce this motion: no motor supplies the forces {listed} "
-                "(N m or N); generalized_forces computes the forces that a motion needs, "
-                "compute_accelerations the motion for given torques",
-                missing,
-            )
+    def _unsupplied(self, left: Array, over: NDArray[np.bool_]) -> ActuationError:
+        """The error for a motion that needs more than the motors give."""
+        names = self.mechanism.coordinate_rate_names
+        missing = {names[k]: float(left[k]) for k in np.flatnonzero(over)}
+        listed = ", ".join(f"{name} {x:.4g}" for name, x in list(missing.items())[:6])
+        return ActuationError(
+            f"the motors cannot produce this motion: no motor supplies the forces {listed} "
+            "(N m or N); generalized_forces computes the forces that a motion needs, "
+            "compute_accelerations the motion for given torques",
+            missing,
+        )
 
     def accelerations(self, q: Array, va: Array, tau: Array, wrenches: Array | None) -> Array:
         """aa, shape (n,)."""

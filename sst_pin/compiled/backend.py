@@ -11,6 +11,7 @@ from __future__ import annotations
 import sys
 import threading
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -26,6 +27,7 @@ from ..chain.mechanism import Friction, Mechanism
 from ..chain.reference import Reference
 from ..chain.tree import frame_named
 from ..errors import (
+    ActuationError,
     ClosureError,
     CompilationError,
     MissingExtraError,
@@ -154,11 +156,16 @@ class CompiledBackend:
         variants = [variant for name in wanted for variant in self._variants(name)]
         with ThreadPoolExecutor() as pool:
             try:
-                for _ in pool.map(lambda variant: self._code(*variant), variants):
+                for _ in pool.map(self._prepare, variants):
                     pass
             except BaseException:  # Ctrl-C too: the other threads make no more
                 self._given_up = True
                 raise
+
+    def _prepare(self, variant: tuple[str, str]) -> None:
+        """Make code, unless the motors do not suffice, which `_found` tells."""
+        with suppress(ActuationError):
+            self._code(*variant)
 
     def fill(
         self,

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from importlib.resources import files
+from math import isfinite
 from typing import NamedTuple
 
 import casadi as ca
@@ -76,7 +77,7 @@ def body(kernel: Kernel, size: int | None = None, suffix: str = "", *, one: bool
         arguments = function.instruction_input(k)
         (target, *place) = function.instruction_output(k)
         if operation == ca.OP_CONST:
-            number = repr(float(function.instruction_constant(k))) + suffix
+            number = _literal(float(function.instruction_constant(k)), suffix)
             writer.names[target] = f"({number})" if number[0] == "-" else number, "number"
         elif operation == ca.OP_INPUT:
             array, i = arguments
@@ -114,6 +115,14 @@ def body(kernel: Kernel, size: int | None = None, suffix: str = "", *, one: bool
         head = f"static void {name}(const real *x, const number *p, real *y)"
         texts.append(statements.function(head, own))
     return Body("\n".join(texts), writer.size, room)
+
+
+def _literal(x: float, suffix: str) -> str:
+    """A number in C; one that is not finite, as of a robot without mass, ends as NaN or infinity."""
+    if isfinite(x):
+        return repr(x) + suffix
+    large = f"1e38{suffix} * 1e38{suffix}" if suffix else "1e308 * 1e308"
+    return f"({large})" if x > 0 else f"(-({large}))" if x < 0 else f"(0 * ({large}))"
 
 
 #: What an expression is called, and its type: "real" of a sample, "number" of the parameters alone.

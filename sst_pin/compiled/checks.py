@@ -11,11 +11,13 @@ from collections.abc import Sequence
 from functools import cached_property
 from typing import Any
 
+import casadi as ca
 import numpy as np
+from casadi import SX
 from numpy.typing import NDArray
 
 from ..chain.loops import CLOSURE_TOLERANCE
-from .elimination import Factors, total
+from .elimination import total
 from .equations import Equations
 from .symbols import Sparse, add, is_zero
 
@@ -23,10 +25,10 @@ Array = NDArray[np.float64]
 
 #: Largest residual of the closures: half of the reference path's tolerance.
 CLOSED = 0.5 * CLOSURE_TOLERANCE
-#: How much smaller than in the samples a pivot may be.
-_PIVOT = 1e-3
 #: Largest residual of a solution, in roundings of the matrix times the solution.
 _ROUNDINGS = 30
+#: Largest force that motors leave over, in roundings of the forces that meet in a coordinate.
+_LEFT = 1e4
 #: Solutions up to this count as zero, [rad/s], [N m] and the like.
 _NOTHING = 1e-10
 
@@ -57,7 +59,9 @@ class Checks:
         e = self._equations
         gaps = [s**2 * x.gap for s, x in zip(self._row_scale, e.rows, strict=True)]
         gaps += [gap**2 for gap in e.kinematics.unit_gaps]
-        return [total(gaps) / self._closed**2, pivot_check(e.pivots.sizes, e.factors)]
+        parts = zip(e.factors.parts, e.pivots.sizes, strict=True)
+        small = total(part.small(sizes) for part, sizes in parts)
+        return [total(gaps) / self._closed**2, small]
 
     @property
     def of_rates(self) -> list[Any]:
@@ -102,6 +106,15 @@ class Checks:
         terms += [-(sign * tau[j]) for j, sign in signs.items() if j in tau]
         return self._too_much(unit, terms, [x[i] / scale[i] for i in x])
 
+    def unsupplied(self, tau: Sparse, f: SX) -> list[Any]:
+        """More than 1 where motor torques do not bring about f, coordinate by coordinate."""
+        checks = []
+        for row, force in zip(self._equations.motor_rows, ca.vertsplit(f), strict=True):
+            terms = [x * tau[k] for k, x in row.items() if k in tau] + [-force]
+            excess = (total(terms) / (_LEFT * self._rounding)) ** 2 - total(x**2 for x in terms)
+            checks.append(excess / _NOTHING**2)
+        return checks
+
     @cached_property
     def _row_sums(self) -> tuple[float, dict[int, float], Sparse]:
         """A unit, factors of the rows that elimination changes, and the sum of these, by rate."""
@@ -130,14 +143,6 @@ class Checks:
         most = _ROUNDINGS * self._rounding * self._equations.pivots.norm / unit
         excess = (total(terms) / most) ** 2 - total(x**2 for x in solution)
         return [excess / _NOTHING**2]
-
-
-def pivot_check(sizes: Array, factors: Factors) -> Any:
-    """More than 1 where a pivot is small against its size in the samples."""
-    inverses = factors.inverses
-    if len(inverses) < len(sizes):
-        sizes = np.append(sizes[:-2], sizes[-2] * sizes[-1])
-    return total([(_PIVOT * float(s) * x) ** 2 for s, x in zip(sizes, inverses, strict=True)])
 
 
 def _signs(places: Sequence[int], scale: Array) -> tuple[float, dict[int, float]]:

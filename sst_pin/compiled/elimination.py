@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Sparse elimination: an order of pivots found on numbers, then carried out on symbols.
+"""Sparse linear systems: an order of pivots found on numbers, then carried out on symbols.
 
-Pivots are chosen once, for all configurations: few fill-ins (Markowitz), and in every sample not
-much smaller than the rest of their column, so that no element grows. Rows that follow from others
-get no pivot and are never computed.
+`Factors` eliminates. Its pivots are chosen once, for all configurations: few fill-ins (Markowitz),
+and in every sample not much smaller than the rest of their column, so that no element grows. Rows
+that follow from others with constant coefficients get no pivot and are never computed.
+
+Where the coefficients change with the configuration, each choice of rows is singular somewhere,
+though all rows together are not. `Orthogonal` takes all of these rows.
 """
 
 from __future__ import annotations
@@ -24,6 +27,8 @@ Rows = Sequence[Mapping[int, Any]]
 _SOUND = 0.1
 #: Smaller entries count as zero, relative to the largest of their row.
 _ZERO = 1e-9
+#: How much smaller than in the samples a pivot may be.
+_SMALL = 1e-3
 
 
 def pivot_order(pattern: NDArray[np.bool_], values: Array) -> tuple[list[tuple[int, int]], Array]:
@@ -124,6 +129,13 @@ class Factors:
         self._core |= {(m, i): -c * inverse, (m, k): a * inverse}
         return True
 
+    def small(self, sizes: Array) -> Any:
+        """More than 1 where a pivot is much smaller than these sizes, one for each pivot."""
+        if len(self.inverses) < len(sizes):
+            sizes = np.append(sizes[:-2], sizes[-2] * sizes[-1])
+        pairs = zip(sizes, self.inverses, strict=True)
+        return total([(_SMALL * float(s) * x) ** 2 for s, x in pairs])
+
     @property
     def _steps(self) -> list[tuple[tuple[int, int], dict[int, Any], Any]]:
         """Row and column, factors and inverse of each pivot before the core."""
@@ -174,6 +186,126 @@ class Factors:
                 if k in x:
                     _add(x, i, -(factor * x[k]))
         return x
+
+
+class Orthogonal:
+    """A sparse matrix A with independent columns, Q R by the modified method of Gram and Schmidt.
+
+    No order of pivots has to be chosen: the squares of the columns of Q, which are not normalised,
+    are at least the square of the smallest singular value. Both solutions are backward stable
+    (Bjoerck, Numerical methods for least squares problems, 1996, Sects. 2.4.4 and 2.4.5).
+
+    Args:
+        rows: A is part of these.
+        scale: Its rows, at least as many as columns, and by what each is multiplied first.
+        columns: Its columns.
+
+    Attributes:
+        rows: Of A.
+        squares: Of the columns of Q.
+        inverses: One over each.
+    """
+
+    changed: tuple[list[int], list[int]] = [], []  #: No element of Q grows.
+
+    def __init__(
+        self,
+        rows: Rows,
+        scale: Mapping[int, float],
+        columns: Sequence[int],
+    ) -> None:
+        self.rows, self._columns, self._scale = list(scale), list(columns), scale
+        A = [{i: rows[i][j] * x for i, x in scale.items() if j in rows[i]} for j in columns]
+        self._Q, self.squares, self.inverses = A, list[Any](), list[Any]()
+        self._R: list[dict[int, Any]] = []  # above the diagonal, which is one, row by row
+        for k, q in enumerate(A):
+            self.squares.append(_product(q, q))
+            self.inverses.append(1 / self.squares[k])
+            self._R.append({})
+            for j in range(k + 1, len(A)):
+                if q.keys() & A[j].keys():
+                    self._R[k][j] = _product(q, A[j]) * self.inverses[k]
+                    _subtract(A[j], self._R[k][j], q)
+
+    @property
+    def pivots(self) -> list[Any]:
+        """Lengths of the columns of Q; their product is that of the singular values."""
+        return [square**0.5 for square in self.squares]
+
+    def small(self, sizes: Array) -> Any:
+        """More than 1 where a column of Q is much smaller than the square root of these sizes."""
+        pairs = zip(sizes, self.inverses, strict=True)
+        return total([(_SMALL**2 * float(s) * x) ** 2 for s, x in pairs])
+
+    def solve(self, right: Mapping[int, Any]) -> dict[int, Any]:
+        """x by column, for which A x is nearest to right; entries of `right` by row."""
+        b = {i: value * self._scale[i] for i, value in right.items()}
+        y: dict[int, Any] = {}
+        for k, q in enumerate(self._Q):
+            if q.keys() & b.keys():
+                y[k] = _product(q, b) * self.inverses[k]
+                _subtract(b, y[k], q)
+        for k in reversed(range(len(self._Q))):
+            for j, entry in self._R[k].items():
+                if j in y:
+                    _add(y, k, -(entry * y[j]))
+        return {self._columns[k]: value for k, value in y.items()}
+
+    def solve_transposed(self, right: Mapping[int, Any]) -> dict[int, Any]:
+        """The shortest x by row with A^T x = right; entries of `right` by column."""
+        w = {k: right[j] for k, j in enumerate(self._columns) if j in right}
+        for k in range(len(self._Q)):
+            if k in w:
+                for j, entry in self._R[k].items():
+                    _add(w, j, -(entry * w[k]))
+        x: dict[int, Any] = {}
+        for k in reversed(range(len(self._Q))):
+            left = {k: -w[k]} if k in w else {}
+            if self._Q[k].keys() & x.keys():
+                _add(left, k, _product(self._Q[k], x))
+            if left:
+                _subtract(x, left[k] * self.inverses[k], self._Q[k])
+        return {i: value * self._scale[i] for i, value in x.items()}
+
+
+class Blocks:
+    """A sparse matrix of full column rank, part by part; no two parts share a row or a column.
+
+    Args:
+        parts: The factorised parts.
+
+    Attributes:
+        parts: As given.
+        rows: Of all parts.
+    """
+
+    def __init__(self, parts: Sequence[Factors | Orthogonal]) -> None:
+        self.parts = list(parts)
+        self.rows = [i for part in parts for i in part.rows]
+
+    @property
+    def changed(self) -> tuple[list[int], list[int]]:
+        """Rows and columns with elements that elimination changes."""
+        both = [part.changed for part in self.parts]
+        return [i for rows, _ in both for i in rows], sorted(j for _, own in both for j in own)
+
+    def solve(self, right: Mapping[int, Any]) -> dict[int, Any]:
+        """As of each part."""
+        x: dict[int, Any] = {}
+        for part in self.parts:
+            x |= part.solve({i: b for i, b in right.items() if i in part.rows})
+        return x
+
+    def solve_transposed(self, right: Mapping[int, Any]) -> dict[int, Any]:
+        """As of each part, which takes the entries of its own columns."""
+        x: dict[int, Any] = {}
+        for part in self.parts:
+            x |= part.solve_transposed(right)
+        return x
+
+
+def _product(a: Mapping[int, Any], b: Mapping[int, Any]) -> Any:
+    return total(x * b[i] for i, x in a.items() if i in b)
 
 
 def _subtract(row: dict[int, Any], factor: Any, other: Mapping[int, Any]) -> None:

@@ -18,30 +18,38 @@ import numpy as np
 from casadi import SX
 from numpy.typing import NDArray
 
+from ..chain.loops import connected
 from ..chain.mechanism import Mechanism
+from ..chain.mobility import independent_rows
+from ..chain.noc import MAX_CONDITION_NUMBER
+from ..errors import ActuationError
 from .closure_rows import Row, closure_rows
-from .elimination import Factors, pivot_order, total
+from .elimination import Blocks, Factors, Orthogonal, pivot_order, total
 from .kinematics import Kinematics
 from .parameters import Parameters
 from .symbols import Sparse, add, is_zero, solve_symmetric
 from .tree_dynamics import TreeDynamics
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
 #: Entries of a matrix: row, column, value.
 Entries = list[tuple[int, int, Any]]
 
 
 class Pivots(NamedTuple):
-    """Pivots of Phi_u.
+    """Phi_u, factorised.
 
     Attributes:
-        places: Row and rate of each, in the order of elimination.
-        sizes: Their largest sizes in the samples, shape (dependent,).
+        factors: Its parts.
+        sizes: The largest sizes of the pivots of each part in the samples.
+        determinant: Of the rows with pivots, free of units; of parts where all rows count, the
+            product of the singular values.
         norm: The largest norm of Phi_u in the samples, scaled.
     """
 
-    places: list[tuple[int, int]]
-    sizes: Array
+    factors: Blocks
+    sizes: list[Array]
+    determinant: Any
     norm: float
 
 
@@ -114,32 +122,73 @@ class Equations:
 
     @cached_property
     def pivots(self) -> Pivots:
-        """Pivots of Phi_u."""
-        places: list[tuple[int, int]] = []
-        entries: list[SX] = []
-        for i, row in enumerate(self.rows):
-            for k, j in enumerate(self._dependent):
-                if j in row.Phi:
-                    places.append((i, k))
-                    entries.append(row.Phi[j])
+        """Phi_u in parts that share no row and no rate."""
+        places = [
+            (i, k)
+            for i, row in enumerate(self.rows)
+            for k, j in enumerate(self._dependent)
+            if j in row.Phi
+        ]
+        entries = [self.rows[i].Phi[self._dependent[k]] for i, k in places]
         where = np.array(places, dtype=int).reshape(-1, 2).T
         pattern = np.zeros((len(self.rows), len(self._dependent)), dtype=bool)
         pattern[where[0], where[1]] = True
         values = np.zeros((len(self._samples), *pattern.shape))
         values[:, where[0], where[1]] = self.at_samples(ca.vertcat(*entries))[..., 0]
         values *= self.mechanism.row_scale[:, None]
-        order, sizes = pivot_order(pattern, values)
-        rows = [i for i, _ in order]
-        scaled = values[:, rows] * self.mechanism.rate_scale[self._dependent]
-        size = float(np.linalg.norm(scaled, axis=(1, 2)).max(initial=0.0))
-        # The sizes of pivots of the rows as they are, not as they are scaled.
-        sizes = sizes / self.mechanism.row_scale[rows]
-        return Pivots([(i, self._dependent[k]) for i, k in order], sizes, size)
+        parts: list[tuple[Factors | Orthogonal, Array]] = []
+        part_of = np.empty(len(self._dependent), dtype=int)
+        eliminated = np.ones(len(self._dependent), dtype=bool)
+        for k, (rows, columns) in enumerate(connected(pattern)):
+            part_of[columns] = k
+            if numbers := self._all_of(values, rows, columns):
+                eliminated[columns] = False
+                parts.append(self._orthogonal(numbers, columns))
+        kept = np.flatnonzero(eliminated)
+        order, sizes = pivot_order(pattern[:, kept], values[:, :, kept])
+        of_parts: dict[int, list[tuple[int, int, float]]] = {}
+        for (i, k), size in zip(order, sizes.tolist(), strict=True):
+            # The sizes of pivots of the rows as they are, not as they are scaled.
+            pivot = i, self._dependent[kept[k]], size / self.mechanism.row_scale[i]
+            of_parts.setdefault(part_of[kept[k]], []).append(pivot)
+        Phi = [row.Phi for row in self.rows]
+        for chosen in of_parts.values():
+            factors = Factors(Phi, [(i, j) for i, j, _ in chosen])
+            parts.append((factors, np.array([size for _, _, size in chosen])))
+        blocks = Blocks([factors for factors, _ in parts])
+        units = self.mechanism.rate_scale[self._dependent]
+        norm = np.linalg.norm(values[:, blocks.rows] * units, axis=(1, 2)).max(initial=0.0)
+        eliminated_rows = [i for i, _ in order]
+        det: Any = float(np.prod(self.mechanism.row_scale[eliminated_rows]) * np.prod(units))
+        for factors, _ in parts:
+            for pivot in factors.pivots:
+                det *= pivot
+        return Pivots(blocks, [sizes for _, sizes in parts], det, float(norm))
 
-    @cached_property
-    def factors(self) -> Factors:
+    def _all_of(self, values: Array, rows: Indices, columns: Indices) -> dict[int, float]:
+        """Rows of a part of Phi_u that all count, with their scales; none where a choice suffices.
+
+        Where as many rows as columns are independent over all samples together, the other rows
+        follow from these at every configuration. Else any choice is singular somewhere.
+        """
+        units = self.mechanism.rate_scale[self.mechanism.dependent[columns]]
+        side_by_side = np.hstack(list(values[:, rows][:, :, columns] * units))
+        free = independent_rows(side_by_side)
+        if len(free) <= len(columns):
+            return {}
+        return {int(i): float(self.mechanism.row_scale[i]) for i in rows[free]}
+
+    def _orthogonal(self, numbers: dict[int, float], columns: Indices) -> tuple[Orthogonal, Array]:
+        """Factors of a part of Phi_u with all of its rows, and its squares in the samples."""
+        Phi = [row.Phi for row in self.rows]
+        orthogonal = Orthogonal(Phi, numbers, [self._dependent[k] for k in columns])
+        squares = self.at_samples(ca.vertcat(*orthogonal.squares))
+        return orthogonal, squares[..., 0].max(axis=0)
+
+    @property
+    def factors(self) -> Blocks:
         """Phi_u, factorised."""
-        return Factors([row.Phi for row in self.rows], self.pivots.places)
+        return self.pivots.factors
 
     def at_samples(self, symbols: SX) -> Array:
         """Values of a function of q, shape (samples, rows, columns)."""
@@ -253,10 +302,48 @@ class Equations:
     @cached_property
     def motor_matrix(self) -> SX:
         """L^T B, shape (n, motors)."""
-        columns = [
+        columns: list[Sparse] = [
             {i: float(b) for i, b in enumerate(column) if b} for column in self.mechanism.motors.T
         ]
         return ca.horzcat(*(self.reduced(column) for column in columns))
+
+    @cached_property
+    def motor_rows(self) -> list[dict[int, Any]]:
+        """Rows of L^T B, without entries that are rounding in all samples.
+
+        Raises:
+            ActuationError: When the motors do not act on all coordinates.
+        """
+        mechanism, A = self.mechanism, self.motor_matrix
+        scale, n = mechanism.rate_scale, len(self._coordinates)
+        units = scale[mechanism.coordinates, None]
+        L = np.zeros((len(self._samples), n, 1))
+        for k, column in enumerate(self.L):
+            scaled = ca.vertcat(*(SX(x) / scale[j] * units[k, 0] for j, x in column.items()))
+            L[:, k] = np.abs(self.at_samples(scaled)).max(axis=1)
+        B = np.abs(mechanism.motors * scale[:, None]).max(axis=0)
+        values = self.at_samples(A) * units
+        acts = np.abs(values) * MAX_CONDITION_NUMBER >= L * B
+        sizes = np.linalg.svd(np.where(acts, values, 0.0), compute_uv=False)
+        rank = int((sizes * MAX_CONDITION_NUMBER > sizes[:, :1]).sum(axis=1).max())
+        if rank < n:
+            raise ActuationError(
+                f"the motors supply {rank} of {n} forces along the coordinates; "
+                "generalized_forces computes all of them"
+            )
+        return [{k: A[i, k] for k in np.flatnonzero(acts[:, i].any(axis=0))} for i in range(n)]
+
+    @cached_property
+    def motor_factors(self) -> tuple[Orthogonal, Array]:
+        """(L^T B)^T, factorised, and the squares of its pivots in the samples."""
+        by_motor: list[dict[int, Any]] = [{} for _ in self.mechanism.motor_names]
+        for i, row in enumerate(self.motor_rows):
+            for k, x in row.items():
+                by_motor[k][i] = x
+        columns = range(len(self._coordinates))
+        factors = Orthogonal(by_motor, dict.fromkeys(range(len(by_motor)), 1.0), columns)
+        squares = self.at_samples(ca.vertcat(*(SX(x) for x in factors.squares)))
+        return factors, squares[..., 0].max(axis=0)
 
     @cached_property
     def inertia(self) -> SX:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..chain.closed_chain import ClosedChain
 from ..chain.mechanism import Mechanism
-from ..errors import DescriptionError, InputError
+from ..errors import ActuationError, DescriptionError, InputError
 from ..files import Writer, as_path, text_writer
 from . import c_code, kernels
 from .backend import impossible, sample_configurations
@@ -62,7 +62,8 @@ extern "C" {{
 /* What each function returns: 0, or why its result means nothing. */
 enum {{
     ROBOT_OPEN = 1, /* the loops are open by more than {closed:g} */
-    ROBOT_SINGULAR, /* the coordinates do not fix the motion, or nearly so */
+    ROBOT_SINGULAR, /* the coordinates do not fix the motion, or the motors do not hold it, or
+                     * nearly so */
     ROBOT_NOT_FINITE /* a number is not finite, or an angle beyond {angle:g} */
 }};
 
@@ -193,7 +194,7 @@ def c_files(
 ) -> dict[Path, Writer]:
     """The files that compute a robot's dynamics without Python.
 
-    robot.h declares `robot_torques` (with fewer motors than coordinates `robot_forces`),
+    robot.h declares `robot_torques` (`robot_forces` where the motors do not hold all coordinates),
     `robot_accelerations` and `robot_assembly_step`, as far as the robot has them.
 
     Args:
@@ -229,7 +230,7 @@ def c_files(
     if not np.isfinite(numbers).all():
         raise DescriptionError("parameters of the robot", ["gravity or inertia is not finite"])
     sizes = {"q": len(q), "q_next": len(q), "va": n, "aa": n, "f": n, "tau": motors}
-    dynamics = "torques" if motors >= n else "forces"
+    dynamics = "torques" if _held(equations) else "forces"
     declarations, definitions = [], []
     for name in (dynamics, "accelerations", "assembly_step"):
         function = _FUNCTIONS[name]
@@ -276,6 +277,14 @@ def c_files(
         "main.c": _MAIN.format(**about),
     }
     return {as_path(folder) / name: text_writer(text) for name, text in texts.items()}
+
+
+def _held(equations: Equations) -> bool:
+    """Whether the motors act on all coordinates."""
+    try:
+        return equations.mechanism.driven_one_to_one or bool(equations.motor_rows)
+    except ActuationError:
+        return False
 
 
 def _head(name: str, function: _Function, sizes: Mapping[str, int], style: _Style) -> str:

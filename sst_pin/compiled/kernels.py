@@ -12,11 +12,11 @@ import numpy as np
 from casadi import SX
 
 from . import derivatives
-from .checks import Checks, pivot_check
-from .elimination import Factors, pivot_order, total
+from .checks import Checks
+from .elimination import total
 from .equations import Equations
 from .frames import OF_FRAMES
-from .symbols import Sparse, add, definite, is_zero, solve_symmetric
+from .symbols import Sparse, add, definite
 
 
 @dataclass(frozen=True)
@@ -91,18 +91,14 @@ def _torques(e: Equations, checks: Checks) -> _Made:
     inputs, f, own = _forces(e, checks)
     if e.mechanism.driven_one_to_one:
         return inputs, f, own
-    A = e.motor_matrix
-    n, motors = A.shape
-    if motors > n:
-        tau, inverses = solve_symmetric(A @ A.T, f)
-        return inputs, A.T @ tau, [*own, definite(inverses)]
-    samples = e.at_samples(A)
-    order, sizes = pivot_order(np.asarray(samples.any(axis=0)), samples)
-    rows = [{j: A[i, j] for j in range(n) if not is_zero(A[i, j])} for i in range(n)]
-    factors = Factors(rows, order)
-    solution = factors.solve(dict(enumerate(ca.vertsplit(f))))
-    own = [*own, pivot_check(sizes, factors)]
-    return inputs, ca.vertcat(*(SX(solution.get(i, 0)) for i in range(n))), own
+    factors, sizes = e.motor_factors
+    tau = factors.solve_transposed(dict(enumerate(ca.vertsplit(f))))
+    own = [*own, factors.small(sizes), *checks.unsupplied(tau, f)]
+    return (
+        inputs,
+        ca.vertcat(*(SX(tau.get(k, 0)) for k in range(len(e.mechanism.motor_names)))),
+        own,
+    )
 
 
 def _accelerations(e: Equations, checks: Checks) -> _Made:
@@ -180,22 +176,21 @@ def _closing(e: Equations, checks: Checks) -> _Made:
     """One step of Newton's method with the coordinates held; det Phi_u; the sum of its squares.
 
     Wheels roll during the step: rows on rates only constrain the step. The determinant is that of
-    the rows with pivots, the sum is over all rows; both are without units, as the condition number.
+    the rows with pivots, or where all rows count the product of the singular values; the sum is
+    over all rows. Both are without units, as the condition number.
     """
     residuals = {i: e.rows[i].residual for i in e.factors.rows}
     right = {i: -x for i, x in residuals.items() if x is not None}
     step = e.kinematics.q_rates(e.factors.solve(right))
     rows, columns = e.mechanism.row_scale, e.mechanism.rate_scale
-    det = float(np.prod(rows[e.factors.rows]) * np.prod(columns[e.mechanism.dependent]))
-    for pivot in e.factors.pivots:
-        det *= pivot
     squares = total(
         (rows[i] * columns[j] * row.Phi[j]) ** 2
         for i, row in enumerate(e.rows)
         for j in e.mechanism.dependent
         if j in row.Phi
     )
-    return [e.q], ca.vertcat(e.kinematics.normalized(e.q + step), det, squares), []
+    result = ca.vertcat(e.kinematics.normalized(e.q + step), e.pivots.determinant, squares)
+    return [e.q], result, []
 
 
 KERNELS: dict[str, Callable[[Equations, Checks], _Made]] = {

@@ -1,0 +1,212 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Each refusal of the reference path is one of the kernels': the same error on every path."""
+
+from collections.abc import Callable
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import any_chain
+import sst_pin
+from sst_pin.errors import (
+    ActuationError,
+    ClosureError,
+    InputError,
+    SingularConfigurationError,
+    SSTError,
+)
+
+Robot = sst_pin.ClosedChain
+
+
+def cart(
+    joint: pin.JointModel, motors: list[str], mass: float = 1.0, of_bars: float = 1.0
+) -> Robot:
+    """A four-bar linkage on a cart or a lift, its bars of any mass."""
+    model, up = pin.Model(), pin.rpy.rpyToMatrix(np.pi / 2, 0, 0)
+
+    def add(parent: int, kind: pin.JointModel, name: str, at: pin.SE3, m: float) -> int:
+        index = model.addJoint(parent, kind, at, name)
+        body = pin.Inertia(m, np.array([0.1, 0.02, 0]), 0.01 * m * np.eye(3))
+        model.appendBodyToJoint(index, body, pin.SE3.Identity())
+        return index
+
+    def along(length: float) -> pin.SE3:
+        return pin.SE3(np.eye(3), np.array([length, 0, 0]))
+
+    base = add(0, joint, "cart", pin.SE3.Identity(), mass)
+    stand = pin.SE3(up, np.zeros(3))
+    crank = add(base, pin.JointModelRZ(), "crank", stand, of_bars)
+    coupler = add(crank, pin.JointModelRZ(), "coupler", along(0.2), of_bars)
+    rocker = add(base, pin.JointModelRZ(), "rocker", stand * along(0.45), of_bars)
+    model.addFrame(pin.Frame("a", coupler, along(0.5), pin.FrameType.OP_FRAME))
+    model.addFrame(pin.Frame("b", rocker, along(0.4), pin.FrameType.OP_FRAME))
+    closure = sst_pin.Closure("a", "b", "hinge")
+    return Robot(model, [closure], motors, coordinates=["cart", "rocker"])
+
+
+ALL = ["cart", "crank", "coupler", "rocker"]
+ROBOTS: dict[str, Callable[[], Robot]] = {
+    "cart": lambda: cart(pin.JointModelPX(), ALL),
+    "cart without motor": lambda: cart(pin.JointModelPX(), ALL[1:]),
+    "lift of 1e5 kg": lambda: cart(pin.JointModelPZ(), ["cart"], 1e5, 1e-3),
+    "massless bars": lambda: cart(pin.JointModelPX(), ALL, 1.0, 0.0),
+    "floating": lambda: any_chain.with_joint("free-flyer", kind="hinge"),
+}
+
+
+@cache
+def robot(name: str, compiled: bool) -> Robot:
+    made = ROBOTS[name]()
+    made.generic_configuration()
+    if compiled:
+        made.compile()
+    return made
+
+
+class Fault(NamedTuple):
+    """A sample that is refused: how q, va and x = aa or tau are spoilt."""
+
+    robot: str
+    error: type[SSTError]
+    spoil: Callable[[Robot, np.ndarray, np.ndarray, np.ndarray], Any] = lambda *_: None
+
+
+def flat(chain: Robot, q: np.ndarray, *_: np.ndarray) -> None:
+    """Crank and coupler in line, where the rocker does not determine their rates."""
+    crank = np.arccos((0.7**2 + 0.45**2 - 0.4**2) / (2 * 0.7 * 0.45))  # the law of cosines
+    end = 0.7 * np.array([np.cos(crank), np.sin(crank)]) - [0.45, 0]
+    q[1:] = crank, 0.0, np.arctan2(end[1], end[0])
+
+
+def set_nan(x: np.ndarray) -> None:
+    x[0] = np.nan
+
+
+FAULTS = {
+    "q not finite": Fault("cart", InputError, lambda _, q, va, x: set_nan(q)),
+    "va not finite": Fault("cart", InputError, lambda _, q, va, x: set_nan(va)),
+    "x not finite": Fault("cart", InputError, lambda _, q, va, x: set_nan(x)),
+    "results not finite": Fault("cart", InputError, lambda _, q, va, x: va.fill(1e300)),
+    "a quaternion of length 2": Fault(
+        "floating", InputError, lambda _, q, va, x: q.__setitem__(slice(3, 7), 2 * q[3:7])
+    ),
+    "open loops": Fault("cart", ClosureError, lambda _, q, va, x: q.__setitem__(3, q[3] + 1e-3)),
+    "singular": Fault("cart", SingularConfigurationError, flat),
+    "no motor of the cart": Fault("cart without motor", ActuationError),
+    "no motor of the light bars": Fault("lift of 1e5 kg", ActuationError),
+    "no mass": Fault("massless bars", SingularConfigurationError),
+}
+#: Methods by what their arguments are; those of frames have the frame first.
+TAKES = {
+    "joint_rates": "q va",
+    "joint_accelerations": "q va x",
+    "frame_jacobian": "frame q",
+    "frame_jacobian_rate": "frame q va",
+    "frame_drift": "frame q va",
+    "frame_velocity_derivatives": "frame q va",
+    "reduced_terms": "q va",
+    "compute_torques": "q va x",
+    "generalized_forces": "q va x",
+    "torque_derivatives": "q va x",
+    "compute_accelerations": "q va tau",
+    "acceleration_derivatives": "q va tau",
+}
+#: What a fault can be seen by, if not by all.
+SEEN_BY = {
+    "a quaternion of length 2": set(TAKES) - {"compute_torques"},  # it has no motors
+    "va not finite": {name for name, takes in TAKES.items() if "va" in takes},
+    "x not finite": {name for name, takes in TAKES.items() if {"x", "tau"} & set(takes.split())},
+    "results not finite": {"compute_torques", "generalized_forces", "compute_accelerations"},
+    "no motor of the cart": {"compute_torques"},
+    "no motor of the light bars": {"compute_torques"},
+    "no mass": {"compute_accelerations", "acceleration_derivatives"},
+}
+QUICK = {"compute_torques", "compute_accelerations"}
+CASES = [
+    pytest.param(
+        fault,
+        name,
+        marks=() if name in QUICK else pytest.mark.slow,
+    )
+    for fault in FAULTS
+    for name in TAKES
+    if name in SEEN_BY.get(fault, TAKES)
+]
+
+
+def samples(chain: Robot, fault: Fault, takes: str) -> list[Any]:
+    """Three samples of the arguments, the second of them spoilt."""
+    motors, n = len(chain.motor_names), chain.degrees_of_freedom
+    random = np.random.default_rng(0)
+    q = np.tile(chain.generic_configuration(), (3, 1))
+    va, x = (0.1 * random.normal(size=(3, k)) for k in (n, motors if "tau" in takes else n))
+    fault.spoil(chain, q[1], va[1], x[1])
+    if fault.error is ActuationError:  # the others need nothing of the motors that are not there
+        q, va, x = (np.tile(a[1], (3, 1)) for a in (q, va, x))
+    by_name = {"q": q, "va": va, "x": x, "tau": x, "frame": chain.model.frames[-1].name}
+    return [by_name[name] for name in takes.split()]
+
+
+@pytest.mark.parametrize("compiled", [False, True], ids=["reference", "compiled"])
+@pytest.mark.parametrize(("fault", "name"), CASES)
+def test_every_path_refuses_alike(fault, name, compiled):
+    chain, case = robot(FAULTS[fault].robot, compiled), FAULTS[fault]
+    method, arguments = getattr(chain, name), samples(chain, case, TAKES[name])
+    one = [a if isinstance(a, str) else a[1] for a in arguments]
+    with pytest.raises(case.error):
+        method(*one)
+    if name in ("joint_rates", "joint_accelerations"):
+        return
+    with pytest.raises(case.error) as caught:
+        method(*arguments)
+    assert (1,) in caught.value.samples
+    options: list[dict[str, Any]] = [{}]
+    if name != "generalized_forces":
+        options.append({"threads": 2})
+    for more in options:
+        result = method(*arguments, on_error="nan", **more)
+        parts = result if isinstance(result, tuple) else (result,)
+        assert all(np.isnan(part[1]).all() for part in parts)
+    if isinstance(result, np.ndarray):
+        out = np.zeros_like(result)
+        with pytest.raises(case.error):
+            method(*arguments, out=out)
+
+
+@pytest.mark.parametrize("compiled", [False, True], ids=["reference", "compiled"])
+@pytest.mark.parametrize("fault", ["x not finite", "open loops", "singular", "no mass"])
+def test_rollouts_end_where_a_single_call_is_refused(fault, compiled):
+    case = FAULTS[fault]
+    chain = robot(case.robot, compiled)
+    q, va, tau = (a[1] for a in samples(chain, case, "q va tau"))
+    with pytest.raises(SSTError):
+        chain.rollout(np.tile(tau, (3, 1)), q, va, 1e-3)
+
+
+@pytest.mark.parametrize("compiled", [False, True], ids=["reference", "compiled"])
+@pytest.mark.parametrize("mass", [1e-3, 1.0, 1e5])
+def test_torques_of_redundant_motors_make_the_motion(mass, compiled):
+    """L^T B tau = f in each coordinate, relative to what meets in it, also for extreme weights."""
+    chain = cart(pin.JointModelPZ(), ALL, 1e5, mass)
+    if compiled:
+        chain.compile()
+    random = np.random.default_rng(2)
+    q = chain.generic_configuration()
+    for _ in range(5):
+        va, aa = random.normal(size=(2, 2))
+        f, A = chain.generalized_forces(q, va, aa), chain.noc(q, va).L.T @ chain.actuation
+        for weights in (None, [1, 1, 1, 1], [1, 1e24, 1e20, 1e24], [1e24, 1, 1, 1]):
+            tau = chain.compute_torques(q, va, aa, weights=weights)
+            assert np.allclose(A @ tau, f, rtol=1e-9, atol=0)
+
+
+def test_what_balances_needs_no_motor():
+    """At rest nothing pushes a cart, though weights on it are large: rounding is no force."""
+    for compiled in (False, True):
+        chain = robot("cart without motor", compiled)
+        q, zero = chain.generic_configuration(), np.zeros(2)
+        assert np.isfinite(chain.compute_torques(q, zero, zero)).all()
