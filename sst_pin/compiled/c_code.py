@@ -118,7 +118,7 @@ def body(kernel: Kernel, size: int | None = None, suffix: str = "", *, one: bool
 
 
 def _literal(x: float, suffix: str) -> str:
-    """A number in C; one that is not finite, as of a robot without mass, ends as NaN or infinity."""
+    """A number in C; infinity and NaN too, as those of a robot without mass."""
     if isfinite(x):
         return repr(x) + suffix
     large = f"1e38{suffix} * 1e38{suffix}" if suffix else "1e308 * 1e308"

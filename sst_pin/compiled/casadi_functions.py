@@ -18,6 +18,7 @@ from ..errors import ActuationError
 from . import build, kernels
 from .backend import sample_configurations
 from .checks import Checks
+from .elimination import Orthogonal
 from .equations import Equations
 from .kinematics import Point
 
@@ -82,7 +83,7 @@ class CasadiFunctions:
         """(q, va, aa) -> tau: as `compute_torques`; with redundant motors the smallest torques.
 
         Raises:
-            ActuationError: If there are fewer motors than coordinates.
+            ActuationError: If the motors do not act on all coordinates.
         """
         if self.motors < self.n:
             raise ActuationError(
@@ -129,11 +130,19 @@ class CasadiFunctions:
         The rows are independent closure constraints, and |u|^2 - 1 of the unit vectors in q
         (quaternions, cosine-sine pairs). Redundant rows, and constraints on rates only (rolling),
         are left out. With these rows alone a loop can also close in a wrong way (a hinge turned by
-        half a turn): check results with `chain.residual`, which has all rows.
+        half a turn): check results with `chain.residual`, which has all rows. Where no choice of
+        rows is independent everywhere (Bennett's linkage), all rows are combined to as many
+        numbers as the loop has dependent rates.
         """
         e = self._equations
-        rows = [e.rows[i].residual for i in sorted(e.factors.rows)]
-        gaps = [row for row in rows if row is not None] + e.kinematics.unit_gaps
+        residuals = {i: e.rows[i].residual for i in sorted(e.factors.rows)}
+        left = {i: row for i, row in residuals.items() if row is not None}
+        combined: list[SX] = []
+        for part in e.factors.parts:
+            if isinstance(part, Orthogonal):
+                own = part.solve({i: left.pop(i) for i in part.rows if i in left})
+                combined += own.values()
+        gaps = [*left.values(), *combined, *e.kinematics.unit_gaps]
         return self._made("residual", {"q": e.q}, {"r": ca.vertcat(*gaps)})
 
     @cached_property

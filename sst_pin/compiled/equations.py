@@ -153,8 +153,8 @@ class Equations:
             of_parts.setdefault(part_of[kept[k]], []).append(pivot)
         Phi = [row.Phi for row in self.rows]
         for chosen in of_parts.values():
-            factors = Factors(Phi, [(i, j) for i, j, _ in chosen])
-            parts.append((factors, np.array([size for _, _, size in chosen])))
+            own = np.array([size for _, _, size in chosen])
+            parts.append((Factors(Phi, [(i, j) for i, j, _ in chosen]), own))
         blocks = Blocks([factors for factors, _ in parts])
         units = self.mechanism.rate_scale[self._dependent]
         norm = np.linalg.norm(values[:, blocks.rows] * units, axis=(1, 2)).max(initial=0.0)
@@ -331,7 +331,8 @@ class Equations:
                 f"the motors supply {rank} of {n} forces along the coordinates; "
                 "generalized_forces computes all of them"
             )
-        return [{k: A[i, k] for k in np.flatnonzero(acts[:, i].any(axis=0))} for i in range(n)]
+        acting = acts.any(axis=0)
+        return [{k: A[i, k] for k in np.flatnonzero(acting[i]).tolist()} for i in range(n)]
 
     @cached_property
     def motor_factors(self) -> tuple[Orthogonal, Array]:

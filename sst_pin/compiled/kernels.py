@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
-import numpy as np
 from casadi import SX
 
 from . import derivatives

@@ -3,7 +3,6 @@
 
 import numpy as np
 import pytest
-
 from overconstrained import LOOPS
 
 #: These meet singular configurations on their way.
