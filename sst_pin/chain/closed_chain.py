@@ -1591,7 +1591,8 @@ class ClosedChain:
             loads = (platform_moment, external_wrenches)
             moment, others = (x(t, q, va) if callable(x) else x for x in loads)
             wrenches = self._wrenches(moment, others)
-            assert wrenches is not None
+            if wrenches is None:
+                raise InputError("platform_moment(t, q, va)", "None: three numbers are needed")
             return wrenches
 
         return load
