@@ -8,20 +8,20 @@ from difflib import get_close_matches
 from ..errors import AssignmentError
 
 _CURES = {
-    "model": "change its contents, such as robot.model.gravity.linear = [0, 0, -1.62], or build "
-    "another robot",
+    "model": "change its contents, such as robot.model.gravity.linear = [0, 0, -1.62], and call "
+    "refresh(), or build another robot",
     "closures": "build another robot: ClosedChain(robot.model, closures, ...)",
     "actuated": "build another robot with these motors: ClosedChain(..., actuated=[names])",
     "motor_names": "build another robot with these motors: ClosedChain(..., actuated=[names])",
     "coordinates": "build another robot: ClosedChain(..., coordinates=[names])",
     "degrees_of_freedom": "it follows from the joints and the closures",
-    "friction": "change robot.model.damping and robot.model.friction, or build another robot with "
-    "viscous_friction= and coulomb_friction=",
+    "friction": "change robot.model.damping and robot.model.friction and call refresh(), or build "
+    "another robot with viscous_friction= and coulomb_friction=",
     "path": "call compile() to get kernels",
     "parameters": "build another robot: SST(parameters)",
-    "geometry": "change robot.model, or build another robot: SST(parameters)",
+    "geometry": "change robot.model and call refresh(), or build another robot: SST(parameters)",
     "home": "of an SST it follows from the geometry; for other robots set "
-    "robot.model.referenceConfigurations['home']",
+    "robot.model.referenceConfigurations['home'] and call refresh()",
 }
 
 

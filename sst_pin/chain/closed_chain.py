@@ -142,6 +142,16 @@ class ClosedChain:
         return self._model
 
     @property
+    def mechanism(self) -> Mechanism:
+        """What is computed: a copy of the tree with closures, coordinates, motors and forces.
+
+        Example:
+            >>> chain.mechanism.model.nq, chain.mechanism.motors.shape
+            (3, (3, 1))
+        """
+        return self._current.mechanism
+
+    @property
     def closures(self) -> tuple[Constraint, ...]:
         """The closures of the tree.
 
@@ -149,7 +159,7 @@ class ClosedChain:
             >>> [str(closure) for closure in robot.closures]
             ['closedloop1_A - closedloop1_B', 'closedloop2_A - closedloop2_B']
         """
-        return self._current.mechanism.closures
+        return self.mechanism.closures
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -159,7 +169,7 @@ class ClosedChain:
             >>> chain.joint_names
             ('crank', 'coupler', 'rocker')
         """
-        return self._current.mechanism.space.joint_names
+        return self.mechanism.space.joint_names
 
     @property
     def position_names(self) -> tuple[str, ...]:
@@ -169,7 +179,7 @@ class ClosedChain:
             >>> sst_pin.robots.delta().position_names[-5:]
             ('motor_3', 'rod_3a_1', 'rod_3a_2', 'rod_3b_1', 'rod_3b_2')
         """
-        return self._current.mechanism.space.position_names
+        return self.mechanism.space.position_names
 
     @property
     def joint_units(self) -> tuple[str, ...]:
@@ -179,7 +189,7 @@ class ClosedChain:
             >>> sorted(set(sst_pin.robots.excavator().joint_units))
             ['m', 'rad']
         """
-        return self._current.mechanism.space.position_units
+        return self.mechanism.space.position_units
 
     @property
     def home(self) -> Array:
@@ -201,7 +211,7 @@ class ClosedChain:
         if q is None:
             cure = 'set model.referenceConfigurations["home"] = q and call refresh()'
             raise DescriptionError(
-                f"model {self._current.mechanism.model.name}",
+                f"model {self.mechanism.model.name}",
                 [f"no configuration is named home; {cure}; assemble(guess) computes a q"],
             )
         return q.copy()
@@ -214,7 +224,7 @@ class ClosedChain:
             >>> robot.joint_rates(robot.home, [1, 2, 3])[robot.actuated]
             array([1., 2., 3.])
         """
-        return self._current.mechanism.driven
+        return self.mechanism.driven
 
     @property
     def actuation(self) -> Array:
@@ -224,7 +234,7 @@ class ClosedChain:
             >>> chain.actuation.T
             array([[1., 0., 0.]])
         """
-        return self._current.mechanism.motors
+        return self.mechanism.motors
 
     @property
     def motor_names(self) -> tuple[str, ...]:
@@ -234,7 +244,7 @@ class ClosedChain:
             >>> robot.motor_names
             ('gamma_1', 'gamma_2', 'gamma_3')
         """
-        return self._current.mechanism.motor_names
+        return self.mechanism.motor_names
 
     @property
     def motor_units(self) -> tuple[str, ...]:
@@ -244,7 +254,7 @@ class ClosedChain:
             >>> robot.motor_units
             ('Nm', 'Nm', 'Nm')
         """
-        return self._current.mechanism.space.force_units(self.actuation)
+        return self.mechanism.space.force_units(self.actuation)
 
     @property
     def coordinates(self) -> tuple[str, ...]:
@@ -265,7 +275,7 @@ class ClosedChain:
             >>> sst_pin.robots.stewart().degrees_of_freedom
             6
         """
-        return len(self._current.mechanism.coordinates)
+        return len(self.mechanism.coordinates)
 
     @property
     def friction(self) -> Friction:
@@ -275,7 +285,7 @@ class ClosedChain:
             >>> robot.friction.viscous
             array([0., 0., 0., 0., 0., 0., 0., 0., 0.])
         """
-        return self._current.mechanism.friction
+        return self.mechanism.friction
 
     @property
     def path(self) -> str:
@@ -360,7 +370,7 @@ class ClosedChain:
             >>> chain.Phi_dot(chain.home, chain.joint_rates(chain.home, [1])).shape
             (3, 3)
         """
-        v = single_array("q_dot", q_dot, (self._current.mechanism.model.nv,))
+        v = single_array("q_dot", q_dot, (self.mechanism.model.nv,))
         return self._current.evaluated(q).Phi_dot(v)
 
     def condition_number(self, q: ArrayLike) -> Array:
@@ -1130,7 +1140,7 @@ class ClosedChain:
             >>> chain.motor_rates(chain.home, [1])
             array([1.])
         """
-        return np.asarray(self.joint_rates(q, va) @ self._current.mechanism.motors)
+        return np.asarray(self.joint_rates(q, va) @ self.mechanism.motors)
 
     # --- compilation, files, motions --------------------------------------------------------
 
@@ -1552,7 +1562,7 @@ class ClosedChain:
     @property
     def _platform_body(self) -> int | None:
         """Index of the body that bears a moment on the platform, counted from 0."""
-        model = self._current.mechanism.model
+        model = self.mechanism.model
         if not model.existFrame(self._platform):
             return None
         joint = model.frames[frame_id(model, self._platform)].parentJoint
@@ -1609,7 +1619,7 @@ class ClosedChain:
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
         """What it is, in a few rows."""
-        model = self._current.mechanism.model
+        model = self.mechanism.model
         title = f"{type(self).__name__} {model.name}"
         return title, [
             ("joints", f"{len(self.joint_names)} ({listed(self.joint_names)})"),

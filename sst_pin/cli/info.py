@@ -31,12 +31,13 @@ def _run(arguments: argparse.Namespace) -> None:
     others = {name: version_of(name) for name in ("pin", "numpy", "scipy", "matplotlib")}
     versions = {"sst-pin": __version__} | others
     source = arguments.robot or "the URDF of the package"
-    mass = sum(inertia.mass for inertia in robot.model.inertias)
+    model = robot.mechanism.model
+    mass = sum(inertia.mass for inertia in model.inertias)
     if arguments.json:
         content = {
             "versions": {"python": platform.python_version()} | versions,
             "system": f"{platform.system()} {platform.machine()}",
-            "model": robot.model.name,
+            "model": model.name,
             "source": str(source),
             "joints": list(robot.joint_names),
             "motors": list(robot.motor_names),
@@ -45,7 +46,7 @@ def _run(arguments: argparse.Namespace) -> None:
             "closure_equations": len(mobility.rows),
             "redundant_closure_equations": mobility.redundant_rows,
             "moving_mass_kg": mass,
-            "gravity_m_s2": robot.model.gravity.linear.tolist(),
+            "gravity_m_s2": model.gravity.linear.tolist(),
             "friction": not robot.friction.none,
             "path": robot.path,
         }
@@ -53,9 +54,9 @@ def _run(arguments: argparse.Namespace) -> None:
         return
     print(f"Python {platform.python_version()} on {platform.system()} {platform.machine()}")
     print(", ".join(f"{name} {version}" for name, version in versions.items()))
-    print(f"model {robot.model.name}: {source}")
+    print(f"model {model.name}: {source}")
     print(f"  order of the joints in q: {', '.join(robot.joint_names)}")
-    print(f"  moving mass {mass:.6g} kg, gravity {robot.model.gravity.linear.tolist()} m/s^2")
+    print(f"  moving mass {mass:.6g} kg, gravity {model.gravity.linear.tolist()} m/s^2")
     friction = "none" if robot.friction.none else "viscous and Coulomb, from the description"
     print(f"  friction: {friction}")
     print(f"  dynamics computed by: {robot.path}")

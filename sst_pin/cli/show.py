@@ -152,7 +152,7 @@ def _asked_for(
     if arguments.robot is None:
         example = example_1(SST(), np.linspace(0, PERIOD, 201))
         return robot, example, 0.1, "Example 1: the circle"
-    return robot, None, 1.0, robot.model.name
+    return robot, None, 1.0, robot.mechanism.model.name
 
 
 def _wait(url: str, no_open: bool) -> None:

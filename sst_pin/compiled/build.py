@@ -38,10 +38,10 @@ TARGETS = {
     "plain_one": (1, ()),
     "scalar": (1, ("-O1",)),  # C by CasADi; more takes twice as long and makes it no faster
 }
-#: The target for single samples of each: a number takes less time than a vector of the same numbers.
+#: The target for single samples of each: one number takes less time than a vector of equal ones.
 ONE = {"avx512": "avx2_one", "avx2": "avx2_one", "plain": "plain_one"}
 _OPTIONS = ("-std=gnu11", "-O3", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast")
-#: Options for derivatives: -O3 takes half as long again for their long functions, which run no faster.
+#: Options for derivatives: with -O3 their long functions compile slower and run no faster.
 LONG = ("-O1", "-fexpensive-optimizations")
 _SUFFIX = ".so"
 #: Bytes that all libraries in the cache have together, at most.

@@ -54,8 +54,8 @@ class JaxFunctions:
         nq, n, motors: Numbers of entries in q, va, tau.
 
     Args:
-        chain: The robot; changes of its model take effect at the next call. For speed, call
-            `compile(derivatives=True)` before.
+        chain: The robot; after `chain.refresh()` the functions use the changed model. For speed,
+            call `compile(derivatives=True)` before.
         near: Where coordinates and the order of elimination are chosen, shape (nq,); anywhere by
             default.
         sign_width: In derivatives and in `step`, Coulomb friction uses tanh(v / sign_width) instead

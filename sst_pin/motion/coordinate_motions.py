@@ -100,11 +100,11 @@ def start_configuration(
             guesses.append(chain.generic_configuration())
         _warn_of_choice(chain, positions)
     else:
-        guesses = [finite_array("start", guess, (chain.model.nq,))]
+        guesses = [finite_array("start", guess, (chain.mechanism.model.nq,))]
     failure: ClosureError | None = None
     for each in guesses:
         try:
-            return chain.assemble(put(JointSpace(chain.model), each, positions))
+            return chain.assemble(put(JointSpace(chain.mechanism.model), each, positions))
         except ClosureError as error:
             failure = failure or error
     assert failure is not None
@@ -116,7 +116,7 @@ def start_of(chain: ClosedChain) -> Array:
 
     Where the loops of this cannot be closed, they are open in the result.
     """
-    model = chain.model
+    model = chain.mechanism.model
     try:
         return chain.home
     except ClosureError:
@@ -131,14 +131,14 @@ def start_of(chain: ClosedChain) -> Array:
 
 def _warn_of_choice(chain: ClosedChain, positions: Mapping[str, float]) -> None:
     """Say that the assembly was chosen here, unless the description or the caller has done so."""
-    free = set(angles_and_lengths(JointSpace(chain.model))) - positions.keys()
-    if "home" in chain.model.referenceConfigurations or not free:
+    free = set(angles_and_lengths(JointSpace(chain.mechanism.model))) - positions.keys()
+    if "home" in chain.mechanism.model.referenceConfigurations or not free:
         return
-    neutral = pin.neutral(chain.model)
+    neutral = pin.neutral(chain.mechanism.model)
     if np.abs(chain.residual(neutral)).max(initial=0.0) < CLOSURE_TOLERANCE:
         return  # the description is drawn assembled
     warnings.warn(
-        f"model {chain.model.name}: no configuration is named home, so the loops were closed in an "
+        f"model {chain.mechanism.model.name}: no configuration is named home, so the loops were closed in an "
         "assembly mode chosen here; other modes need other torques. Check the start; to choose it, "
         "name a configuration home (an SRDF beside the URDF, a keyframe of an MJCF, or "
         'model.referenceConfigurations["home"]), or give positions of dependent joints too',
@@ -155,7 +155,7 @@ def _follow(chain: ClosedChain, states: States, start: Array, step: Array) -> Ar
     def way(q: Array, low: float, high: float) -> Array | None:
         try:
             ahead = chain.joint_rates(q, (high - low) * step)
-            return chain.assemble(pin.integrate(chain.model, q, ahead))
+            return chain.assemble(pin.integrate(chain.mechanism.model, q, ahead))
         except SSTError:
             return None
 

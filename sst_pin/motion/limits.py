@@ -93,7 +93,7 @@ def verdicts(chain: ClosedChain, q: Array) -> Iterable[Verdict]:
         chain: Any closed chain.
         q: Configurations, shape (N, nq).
     """
-    low, high = chain.model.lowerPositionLimit, chain.model.upperPositionLimit
+    low, high = chain.mechanism.model.lowerPositionLimit, chain.mechanism.model.upperPositionLimit
     out = np.maximum(low - q, q - high) > CLOSURE_TOLERANCE
     for i, (name, unit) in enumerate(zip(chain.position_names, chain.joint_units, strict=True)):
         if unit:

@@ -6,11 +6,11 @@ from __future__ import annotations
 from typing import Protocol
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from ..chain.backend import States
 from ..chain.joint_space import JointSpace
+from ..chain.mechanism import Mechanism
 from ..errors import InputError
 from .trajectories import Trajectory
 
@@ -21,8 +21,8 @@ class Robot(Protocol):
     """A robot that moves in time."""
 
     @property
-    def model(self) -> pin.Model:
-        """Its tree."""
+    def mechanism(self) -> Mechanism:
+        """What is computed."""
 
     @property
     def coordinates(self) -> tuple[str, ...]:
@@ -30,15 +30,15 @@ class Robot(Protocol):
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """Of the joints, each of which bears a body."""
+        """Names of the joints, each of which bears a body."""
 
     @property
     def position_names(self) -> tuple[str, ...]:
-        """Of the entries of q."""
+        """Names of the entries of q."""
 
     @property
     def motor_names(self) -> tuple[str, ...]:
-        """Of the motors."""
+        """Names of the motors."""
 
     @property
     def degrees_of_freedom(self) -> int:
@@ -91,6 +91,6 @@ def require_motion(motion: Trajectory, robot: Robot, name: str = "motion") -> No
 
 def rates_of_coordinates(robot: Robot) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Names and units of the rates of a robot's coordinates."""
-    space = JointSpace(robot.model)
+    space = JointSpace(robot.mechanism.model)
     rates = space.rates_of(robot.coordinates)
     return tuple(space.rate_names[k] for k in rates), tuple(space.rate_units[k] for k in rates)

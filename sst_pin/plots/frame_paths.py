@@ -77,7 +77,7 @@ def points_of(robot: ClosedChain, motion: Trajectory, frame: str) -> Array:
         InputError: For another robot's motion.
     """
     require_motion(motion, robot)
-    model = robot.model
+    model = robot.mechanism.model
     number, data = frame_id(model, frame), model.createData()
     points = np.empty((len(motion), 3))
     for point, q in zip(points, motion.q, strict=True):

@@ -243,7 +243,7 @@ def _positions(motion: Trajectory) -> Curves:
 
 
 def _rates(robot: ClosedChain, motion: Trajectory) -> Curves:
-    space = JointSpace(robot.model)
+    space = JointSpace(robot.mechanism.model)
     return Curves(space.rate_names, space.rate_units, robot.joint_rates(motion.q, motion.va))
 
 

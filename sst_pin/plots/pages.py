@@ -117,7 +117,7 @@ def _parts(
         yield "3d", lambda ax: paths_on_sphere(ax, star, [("path", motion)])
         return
     if frame is None and shown.point is None:
-        known = ", ".join(dict.fromkeys(f.name for f in robot.model.frames))
+        known = ", ".join(dict.fromkeys(f.name for f in robot.mechanism.model.frames))
         problem = f"name the frame whose path is drawn: frame= (--frame) one of {known}"
         raise InputError("frame", problem)
     name = frame or PLATFORM

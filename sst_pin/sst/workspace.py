@@ -263,7 +263,10 @@ def _poses(robot: SST, R: Array) -> _Poses:
     legs = kinematics.legs_of_orientation(geometry, R[defined], (1, 1, 1))
     q = kinematics.joints_of_legs(geometry, legs)
     singular_values = np.linalg.svd(legs.y_2, compute_uv=False)
-    lower, upper = robot.model.lowerPositionLimit, robot.model.upperPositionLimit
+    lower, upper = (
+        robot.mechanism.model.lowerPositionLimit,
+        robot.mechanism.model.upperPositionLimit,
+    )
     limits = np.minimum(q - lower, upper - q).min(axis=-1)
     with np.errstate(divide="ignore"):
         condition = singular_values[:, 0] / singular_values[:, -1]

@@ -71,7 +71,7 @@ def verify_chain(chain: ClosedChain, count: int = 20) -> Iterator[Comparison]:
         ClosureError: When the chain cannot be assembled.
     """
     rng = np.random.default_rng(0)
-    name, of = lagrange.LagrangeMultipliers.name, chain.model.name or "chain"
+    name, of = lagrange.LagrangeMultipliers.name, chain.mechanism.model.name or "chain"
     forces = Judge(name, f"forces along the coordinates, {of}")
     torques, back = Judge(name, f"torques, {of}"), Judge(name, f"accelerations, {of}")
     sufficient = chain.mobility().sufficient
@@ -91,7 +91,7 @@ def _chain_states(
     chain: ClosedChain, count: int, rng: np.random.Generator
 ) -> Iterator[tuple[Array, Array, Array]]:
     """Assembled configurations away from singularities, with a motion of the coordinates."""
-    start, model = chain.generic_configuration(), chain.model
+    start, model = chain.generic_configuration(), chain.mechanism.model
     n, limit = chain.degrees_of_freedom, max(1e3, float(chain.condition_number(start)))
     found, tries = 0, 0
     while found < count:

@@ -94,8 +94,8 @@ class Interactive:
         self.url = url_of(host, self._server.get_port())
         self.q = scene.start
         # The largest arrow: the robot's weight, half of it for a torque, on the robot's length.
-        gravity = np.linalg.norm(robot.model.gravity.linear)
-        weight = float(sum(i.mass for i in robot.model.inertias) * gravity) or 1.0
+        gravity = np.linalg.norm(robot.mechanism.model.gravity.linear)
+        weight = float(sum(i.mass for i in robot.mechanism.model.inertias) * gravity) or 1.0
         lever = scene.size / 2
         self._largest = np.array([weight * (lever if u == "N m" else 1) for u in self._units])
         try:
@@ -170,7 +170,7 @@ class Interactive:
             show_share_button=False,
         )
         gui.main_panel.dock_right()  # beside the robot, which it would cover elsewhere
-        gui.set_panel_label(self._robot.model.name)
+        gui.set_panel_label(self._robot.mechanism.model.name)
         self._sliders = [(group, self._add_sliders(group)) for group in self._jog.sliders]
         home = gui.add_button("Home")
         home.on_click(lambda _: self._when_free(lambda: self._show(Pose(self._scene.start))))

@@ -54,7 +54,7 @@ class Jog:
 
     def __init__(self, robot: ClosedChain, start: Array, size: float) -> None:
         self._robot, self._start, self._size = robot, start, size
-        self._space = JointSpace(robot.model)
+        self._space = JointSpace(robot.mechanism.model)
         self._scale = np.array([1.0 if u == "rad" else 1 / size for u in self._space.rate_units])
         self.sliders = [*robot.appearance.sliders, *self._coordinates()]
 
@@ -81,7 +81,7 @@ class Jog:
 
     def _coordinates(self) -> Iterator[Sliders]:
         robot, space, start = self._robot, self._space, self._start
-        model = robot.model
+        model = robot.mechanism.model
         title = "Motors" if robot.coordinates == robot.motor_names else "Coordinates"
         low, high, offset, endless = self._ranges()
         rates = space.rates_of(robot.coordinates)
@@ -109,7 +109,7 @@ class Jog:
 
         Without limits an angle has one turn, a length two of the robot's each way from the start.
         """
-        model, start, units = self._robot.model, self._start, self._space.rate_units
+        model, start, units = self._robot.mechanism.model, self._start, self._space.rate_units
         offset, endless = np.zeros(model.nv), np.zeros(model.nv, dtype=bool)
         limits = np.full((2, model.nv), np.inf)
         for joint in list(model.joints)[1:]:
@@ -135,7 +135,7 @@ class Jog:
         for finding in robot.check(q):
             if finding.singular:
                 raise WorkspaceError(finding.problem)
-        moved = pin.difference(robot.model, before, q) * self._scale
+        moved = pin.difference(robot.mechanism.model, before, q) * self._scale
         if np.abs(moved).max(initial=0.0) > _JUMP:
             raise WorkspaceError("end of this assembly")
         return q

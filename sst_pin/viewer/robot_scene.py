@@ -61,7 +61,7 @@ class Scene:
     ) -> None:
         if not isinstance(robot, ClosedChain):
             raise InputError("robot", f"a ClosedChain is needed, not {type(robot).__name__}")
-        self._model, self._data = robot.model, robot.model.createData()
+        self._model, self._data = robot.mechanism.model, robot.mechanism.model.createData()
         model = self._model
         bodies = robot.visual_model if visual_model is None else visual_model
         self.shapes = [shape for body in bodies.geometryObjects for shape in body_shapes(body)]

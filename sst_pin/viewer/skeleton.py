@@ -37,7 +37,7 @@ def skeleton(
         colours: Colours of joints, by number.
         size: A length of the robot, [m].
     """
-    model = robot.model
+    model = robot.mechanism.model
     for joint, points in enumerate(points_of(robot)):
         hub = np.mean(points, axis=0) if joint == 0 and points else np.zeros(3)
         for i, point in enumerate(points):
@@ -95,7 +95,9 @@ def struts(robot: ClosedChain, axes: Sequence[Axis], size: float) -> Iterator[St
     line = tube([(0, 0, 0), (0, 0, 1)], _BONE_RADIUS * size)
     rods = [closure for closure in robot.closures if isinstance(closure, Distance)]
     for k, closure in enumerate(rods):
-        frames = [frame_named(robot.model, name) for name in (closure.frame_a, closure.frame_b)]
+        frames = [
+            frame_named(robot.mechanism.model, name) for name in (closure.frame_a, closure.frame_b)
+        ]
         a, b = (int(frame.parentJoint) for frame in frames)
         points = np.array([frame.placement.translation for frame in frames])
         yield Strut(Shape(f"rod_{k}", "bodies", "rod", line, _BONE), (a, b), points)
@@ -112,7 +114,7 @@ def points_of(robot: ClosedChain) -> list[list[Array]]:
     Returns:
         Points of each joint's body in the joint's axes, those of the base first.
     """
-    model = robot.model
+    model = robot.mechanism.model
     points: list[list[Array]] = [[] for _ in model.joints]
     for joint in range(1, model.njoints):
         points[model.parents[joint]].append(model.jointPlacements[joint].translation)

@@ -263,7 +263,7 @@ class Viewer:
 
     def __repr__(self) -> str:
         where = "not served" if self._server is None else self._server.url
-        return f"<Viewer of {self._robot.model.name}: {self._panel['title']}, {where}>"
+        return f"<Viewer of {self._robot.mechanism.model.name}: {self._panel['title']}, {where}>"
 
     def _repr_html_(self) -> str:
         """The page in a notebook; a copy, which needs no port."""
@@ -278,7 +278,7 @@ class Viewer:
         if motion.tau.shape[1] != len(robot.motor_names):
             motors = f"{motion.tau.shape[1]} motors, the robot has {len(robot.motor_names)}"
             raise InputError(name, f"belongs to another robot, with torques of {motors}")
-        space = JointSpace(robot.model)
+        space = JointSpace(robot.mechanism.model)
         try:
             same = np.array_equal(
                 space.rates_of(motion.coordinates), space.rates_of(robot.coordinates)
@@ -312,7 +312,7 @@ class Viewer:
         robot, scene = self._robot, self._scene
         self._panel = {
             "title": title,
-            "robot": robot.model.name,
+            "robot": robot.mechanism.model.name,
             "warnings": warnings_of(robot, q[0] if motion is None else motion),
             "t": t,
             "curves": curves,

@@ -136,7 +136,7 @@ def accelerations(
         DescriptionError: For a closure that Pinocchio does not know, or a tree whose joints are not
             added depth-first: Pinocchio's answer is wrong then.
     """
-    model, motion = chain.model, _motion(chain, q, va)
+    model, motion = chain.mechanism.model, _motion(chain, q, va)
     if not depth_first(model):
         raise DescriptionError(
             "constraintDynamics",
@@ -168,7 +168,7 @@ def accelerations_by_multipliers(
     chain: ClosedChain, q: Array, va: Array, tau: Array, loads: Array | None = None
 ) -> Array:
     """Direct dynamics of any closed chain, multipliers solved for here; as `accelerations`."""
-    model, motion = chain.model, _motion(chain, q, va)
+    model, motion = chain.mechanism.model, _motion(chain, q, va)
     data, zero = model.createData(), np.zeros(model.nv)
     rest = pin.rnea(model, data, q, zero, zero)
     # `pin.crba` is wrong for trees whose joints are not added depth-first.
