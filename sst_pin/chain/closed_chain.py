@@ -441,10 +441,12 @@ class ClosedChain:
             if fixed is None and not set(q) <= set(self.coordinates):
                 fixed = list(q)
             home = home_of(mechanism)
-            q = put(space, pin.neutral(model) if home is None else home, q)
-        if model.nv != model.nq and as_array("q", q, ()).shape == (model.nv,):
-            q = pin.integrate(model, pin.neutral(model), single_array("q", q, (model.nv,)))
-        start = space.normalised(single_array("q", q, (model.nq,)))
+            guess = put(space, pin.neutral(model) if home is None else home, q)
+        else:
+            guess = as_array("q", q, ())
+        if model.nv != model.nq and guess.shape == (model.nv,):
+            guess = pin.integrate(model, pin.neutral(model), single_array("q", guess, (model.nv,)))
+        start = space.normalised(single_array("q", guess, (model.nq,)))
         held = mechanism.coordinates
         if fixed is not None:
             held = space.rates_of(names("fixed", fixed))

@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 from ..arrays import finite_array
 from ..chain.backend import States
 from ..chain.closed_chain import ClosedChain
-from ..chain.joint_space import JointSpace
 from ..chain.loops import CLOSURE_TOLERANCE
 from ..chain.named_positions import angles_and_lengths, put
 from ..chain.noc import MAX_CONDITION_NUMBER
@@ -104,7 +103,7 @@ def start_configuration(
     failure: ClosureError | None = None
     for each in guesses:
         try:
-            return chain.assemble(put(JointSpace(chain.mechanism.model), each, positions))
+            return chain.assemble(put(chain.mechanism.space, each, positions))
         except ClosureError as error:
             failure = failure or error
     assert failure is not None
@@ -131,14 +130,15 @@ def start_of(chain: ClosedChain) -> Array:
 
 def _warn_of_choice(chain: ClosedChain, positions: Mapping[str, float]) -> None:
     """Say that the assembly was chosen here, unless the description or the caller has done so."""
-    free = set(angles_and_lengths(JointSpace(chain.mechanism.model))) - positions.keys()
-    if "home" in chain.mechanism.model.referenceConfigurations or not free:
+    model = chain.mechanism.model
+    free = set(angles_and_lengths(chain.mechanism.space)) - positions.keys()
+    if "home" in model.referenceConfigurations or not free:
         return
-    neutral = pin.neutral(chain.mechanism.model)
+    neutral = pin.neutral(model)
     if np.abs(chain.residual(neutral)).max(initial=0.0) < CLOSURE_TOLERANCE:
         return  # the description is drawn assembled
     warnings.warn(
-        f"model {chain.mechanism.model.name}: no configuration is named home, so the loops were closed in an "
+        f"model {model.name}: no configuration is named home, so the loops were closed in an "
         "assembly mode chosen here; other modes need other torques. Check the start; to choose it, "
         "name a configuration home (an SRDF beside the URDF, a keyframe of an MJCF, or "
         'model.referenceConfigurations["home"]), or give positions of dependent joints too',

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..chain.closed_chain import ClosedChain
-from ..chain.joint_space import JointSpace
 from ..chain.named_positions import angles_and_lengths
 from ..errors import ClosureError, FileFormatError, InputError
 from ..files import Table, read_table
@@ -192,7 +191,7 @@ def _motion_of(chain: ClosedChain, table: Table, *, keep_torques: bool) -> Traje
 
 def _wanted(chain: ClosedChain, table: Table) -> str:
     """What a motion needs, and what there is."""
-    known = angles_and_lengths(JointSpace(chain.mechanism.model))
+    known = angles_and_lengths(chain.mechanism.space)
     there = f"found: {', '.join(table.columns)}"
     if not set(chain.coordinates) <= known.keys():
         columns = ", ".join(["t_s", *_position_columns(chain), *_rates(chain)[1]])
@@ -214,7 +213,7 @@ def _rates(chain: ClosedChain) -> tuple[list[str], list[str]]:
 def _joints(chain: ClosedChain, table: Table) -> dict[str, Array]:
     """Positions of the joints that have a column, in SI."""
     found = {}
-    for name, unit in angles_and_lengths(JointSpace(chain.mechanism.model)).items():
+    for name, unit in angles_and_lengths(chain.mechanism.space).items():
         columns = _known_columns(table, name, _ENDINGS[unit])
         if len(columns) > 1:
             listed = ", ".join(columns)

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..chain.backend import States
-from ..chain.joint_space import JointSpace
 from ..chain.mechanism import Mechanism
 from ..errors import InputError
 from .trajectories import Trajectory
@@ -91,6 +90,6 @@ def require_motion(motion: Trajectory, robot: Robot, name: str = "motion") -> No
 
 def rates_of_coordinates(robot: Robot) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Names and units of the rates of a robot's coordinates."""
-    space = JointSpace(robot.mechanism.model)
+    space = robot.mechanism.space
     rates = space.rates_of(robot.coordinates)
     return tuple(space.rate_names[k] for k in rates), tuple(space.rate_units[k] for k in rates)

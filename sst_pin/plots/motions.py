@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..chain.closed_chain import ClosedChain
-from ..chain.joint_space import JointSpace
 from ..motion.energy import energy_balance as balance_of
 from ..motion.energy import motor_powers
 from ..motion.trajectories import Trajectory
@@ -243,7 +242,7 @@ def _positions(motion: Trajectory) -> Curves:
 
 
 def _rates(robot: ClosedChain, motion: Trajectory) -> Curves:
-    space = JointSpace(robot.mechanism.model)
+    space = robot.mechanism.space
     return Curves(space.rate_names, space.rate_units, robot.joint_rates(motion.q, motion.va))
 
 

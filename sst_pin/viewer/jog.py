@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 from ..arrays import in_one_turn
 from ..chain.appearance import Sliders
 from ..chain.closed_chain import ClosedChain
-from ..chain.joint_space import JointSpace
 from ..errors import ClosureError, SSTError, WorkspaceError
 
 Array = NDArray[np.float64]
@@ -54,7 +53,7 @@ class Jog:
 
     def __init__(self, robot: ClosedChain, start: Array, size: float) -> None:
         self._robot, self._start, self._size = robot, start, size
-        self._space = JointSpace(robot.mechanism.model)
+        self._space = robot.mechanism.space
         self._scale = np.array([1.0 if u == "rad" else 1 / size for u in self._space.rate_units])
         self.sliders = [*robot.appearance.sliders, *self._coordinates()]
 

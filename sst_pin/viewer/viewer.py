@@ -17,7 +17,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import positive_number, single_array
 from ..chain.closed_chain import ClosedChain
-from ..chain.joint_space import JointSpace
 from ..errors import InputError, OutputError, UnknownNameError
 from ..files import Writer, as_path, write_files
 from ..motion.moving_robot import require_motion
@@ -278,7 +277,7 @@ class Viewer:
         if motion.tau.shape[1] != len(robot.motor_names):
             motors = f"{motion.tau.shape[1]} motors, the robot has {len(robot.motor_names)}"
             raise InputError(name, f"belongs to another robot, with torques of {motors}")
-        space = JointSpace(robot.mechanism.model)
+        space = robot.mechanism.space
         try:
             same = np.array_equal(
                 space.rates_of(motion.coordinates), space.rates_of(robot.coordinates)
