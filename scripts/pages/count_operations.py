@@ -319,7 +319,7 @@ expression with `compute_torques` or `compute_accelerations` to 1e-9; otherwise 
   which only the products with va and aa are needed.
 - Forming L takes {with_L} times the operations of solving with it.
 - Virtual work over NOC, for the SST: {work:.2f} for the inverse and {direct_work:.2f} for the
-  direct dynamics. In the same form the two methods cost nearly the same. From the state of an
+  direct dynamics. The methods differ less than two forms of one method. From the state of an
   integrator virtual work also needs the direct kinematics of the star at each step, an iteration
   that has no fixed count. The NOC does not; this is its real advantage, as Sect. 6.2 says.
 - Direct dynamics by multipliers takes {multipliers} times the operations of the NOC.

