@@ -14,6 +14,7 @@ import xml.etree.ElementTree as ET
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
+from copy import copy
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -137,7 +138,7 @@ class _Reader:
         closures = tuple(self._closures())
         motors = tuple(self._motors() if actuated is None else actuated)
         self._add_body_frames()
-        self._problems += self._forces()
+        self._problems += list(self._forces()) or self._unread_forces()
         if self._problems:
             raise DescriptionError(self._source, self._problems)
         if model.njoints - 1 > MOST_JOINTS:
@@ -441,6 +442,25 @@ class _Reader:
                 yield f"{what} is not supported"
         if mj.opt.density or mj.opt.viscosity:
             yield "a medium (density, viscosity, wind) is not supported"
+        for body in map(int, np.flatnonzero(getattr(mj, "body_plugin", np.empty(0)) >= 0)):
+            name, plugin = self._owner("body", body), mj.plugin(mj.body_plugin[body]).name
+            yield f"{name}: a plugin{f' {plugin}' * bool(plugin)} with forces is not supported"
+
+    def _unread_forces(self) -> Iterator[str]:
+        """Joints on which MuJoCo's passive forces are not those of their springs and dampers."""
+        mj, mujoco = copy(self._mj), self._mujoco
+        mj.jnt_stiffness[:], mj.dof_damping[:] = 0, 0
+        mj.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+        data, random = mujoco.MjData(mj), np.random.default_rng(0)
+        moving, acting = np.isin(np.arange(mj.nv), self._dofs), np.zeros(mj.nv, dtype=bool)
+        for step, rates in random.normal(size=(3, 2, mj.nv)):
+            data.qpos, data.qvel = mj.qpos0, rates * moving
+            mujoco.mj_integratePos(mj, data.qpos, 0.3 * step * moving, 1)
+            mujoco.mj_fwdPosition(mj, data)
+            mujoco.mj_fwdVelocity(mj, data)
+            acting |= moving & (data.qfrc_passive != 0)
+        for joint in dict.fromkeys(map(int, mj.dof_jntid[acting])):
+            yield f"joint {self._name(joint)}: a passive force of MuJoCo on it is not supported"
 
 
 class _Length(NamedTuple):
@@ -481,12 +501,21 @@ def _along(axis: Array, aligned: Sequence[type], unaligned: type) -> Any:
 #: Fields of a compiled model, the forces that they cause, and the flag that disables them.
 _FORCES = {
     "jnt_stiffnesspoly": ("the polynomial of a spring", "spring"),
+    "jnt_springyield": ("the yield of a spring", "spring"),
+    "tendon_springyield": ("the yield of a tendon's spring", "spring"),
     "dof_dampingpoly": ("the polynomial of a damper", "damper"),
     "body_gravcomp": ("compensation of gravity", "gravity"),
     "tendon_stiffness": ("the stiffness of a tendon", "spring"),
     "tendon_damping": ("the damping of a tendon", "damper"),
     "tendon_frictionloss": ("the friction of a tendon", "frictionloss"),
     "tendon_armature": ("the armature of a tendon", ""),
+    "tendon_stiffnesspoly": ("the polynomial of a tendon's spring", "spring"),
+    "tendon_dampingpoly": ("the polynomial of a tendon's damper", "damper"),
+    "flex_edgestiffness": ("the stiffness of a flex's edges", "spring"),
+    "flex_edgedamping": ("the damping of a flex's edges", "damper"),
+    "flex_stiffness": ("the elasticity of a flex", "spring"),
+    "flex_bending": ("the bending stiffness of a flex", "spring"),
+    "actuator_dampingpoly": ("the polynomial of an actuator's damper", ""),
     "actuator_damping": ("the damping of an actuator", ""),
     "actuator_armature": ("the armature of an actuator", ""),
 }

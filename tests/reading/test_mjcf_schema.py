@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Whatever an MJCF may say, in any attribute of MuJoCo's schema, is read rightly or refused."""
+
+import xml.etree.ElementTree as ET
+from copy import deepcopy
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import sst_pin
+from sst_pin.chain.mechanism import Springs
+from sst_pin.reading.mjcf import read_mjcf
+
+#: A tree of hinges and slides with an instance of every element that can act on its joints.
+BASE = """
+<mujoco>
+<compiler/><option><flag/></option><size/>
+<default><joint/><geom/><site/><equality/><tendon/></default>
+<worldbody>
+  <body name="a" pos="0.1 0.2 0.3"><inertial pos="0 0 .1" mass="2" diaginertia=".2 .3 .4"/>
+    <joint name="a" axis="0 1 0" stiffness="3" damping="0.2" springref="10"/>
+    <geom name="shape" size=".1 .2 .3" type="box" mass="1"/><site name="at_a"/>
+    <body name="b" pos="0 0 .5"><joint name="b" type="slide" axis="1 0 0" stiffness="2"/>
+      <geom size=".1 .2 .3" type="ellipsoid" mass="1.5"/><site name="at_b"/></body>
+    <frame><body name="d" pos="0 .3 0"><joint name="d"/><geom size=".1"/></body></frame>
+  </body>
+</worldbody>
+<tendon><fixed name="sum"><joint joint="a" coef="1"/><joint joint="b" coef="2"/></fixed>
+  <spatial name="line"><site site="at_a"/><site site="at_b"/></spatial></tendon>
+<equality><connect name="c" body1="b" body2="d" anchor="0 0 0"/>
+  <weld name="w" body1="b" body2="d"/><joint name="j" joint1="a" joint2="b"/>
+  <tendon name="t" tendon1="sum"/></equality>
+<actuator><general joint="a"/><motor joint="a"/><position joint="b"/><velocity joint="b"/>
+  <intvelocity joint="a" actrange="-1 1"/><damper joint="a" ctrlrange="0 1" kv="1"/>
+  <cylinder joint="a"/>
+  <muscle tendon="sum"/></actuator>
+<contact><pair geom1="shape" geom2="shape"/><exclude body1="a" body2="d"/></contact>
+<keyframe><key name="home"/></keyframe>
+</mujoco>
+"""
+TRIALS = ("true", "0.3", "0.1 0.2 0.3")
+#: Elements that cannot act on a tree, or are taken by MuJoCo from elements of `BASE`.
+ELSEWHERE = {
+    "compiler/lengthrange", "statistic", "extension", "asset", "sensor", "visual", "custom",
+    "(world)body/attach", "(world)body/camera", "(world)body/light", "(world)body/flexcomp",
+    "deformable", "tendon/spatial/geom", "tendon/spatial/pulley", "(world)body/freejoint",
+    "equality/flex", "equality/flexstrain", "actuator/orientation", "actuator/pid",
+    "actuator/adhesion", "actuator/dcmotor", "actuator/plugin", "default",
+    "(world)body/plugin", "(world)body/geom/plugin",
+}  # fmt: skip
+
+
+def schema():
+    """Attributes by element, as MuJoCo prints them."""
+    path, found = [], {}
+    for line in mujoco.mj_printSchema(False, False).splitlines():
+        words = line.split()
+        if "(" in line and len(words) > 1 and words[1] in ("(!)", "(*)", "(?)", "(R)"):
+            path[(len(line) - len(line.lstrip())) // 3 :] = [words[0]]
+            words = words[2:]
+        found.setdefault("/".join(path[1:]), []).extend(words)
+    return {name: attributes for name, attributes in found.items() if name}
+
+
+def elements(root):
+    """Elements of `BASE` by their name in the schema."""
+    found = {}
+
+    def walk(element, path):
+        for child in element:
+            inside = path if child.tag in ("worldbody", "body", "frame") else [*path, child.tag]
+            if child.tag in ("worldbody", "body"):
+                inside = ["(world)body"]
+            if child.tag != "worldbody":  # which has no attributes
+                found.setdefault("/".join(inside), []).append(child)
+            walk(child, inside)
+
+    walk(root, [])
+    return found
+
+
+def disagreements(path, text):
+    """What differs between MuJoCo's tree and ours; empty where the reader refuses the file."""
+    path.write_text(text)
+    mj = mujoco.MjModel.from_xml_path(str(path))
+    try:
+        read = read_mjcf(path)
+    except sst_pin.DescriptionError:
+        return "refused"
+    mj.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+    data, model = mujoco.MjData(mj), read.model
+    springs, random = Springs(read.stiffness, read.spring_reference), np.random.default_rng(0)
+    for q, v, dv in random.normal(size=(2, 3, model.nv)):
+        data.qpos, data.qvel, data.qacc = q, v, dv
+        mujoco.mj_inverse(mj, data)
+        ours = pin.rnea(model, model.createData(), q, v, dv)
+        ours += model.damping * v - springs.forces(model, q)
+        if np.abs(ours - data.qfrc_inverse).max() > 1e-9 * (1 + np.abs(ours).max()):
+            return "differs"
+    return "read"
+
+
+#: Elements whose attributes are set one by one; those of springs, dampers, bodies, media.
+ACTING = ("(world)body", "(world)body/inertial", "(world)body/joint", "tendon/fixed", "option")
+
+
+def test_every_element_of_the_schema_is_known():
+    """Else a new MuJoCo has one that nobody has looked at."""
+    here = elements(ET.fromstring(BASE))
+    assert [
+        name
+        for name in schema()
+        if name not in here and not any(f"{name}/".startswith(f"{e}/") for e in ELSEWHERE)
+    ] == []
+
+
+@pytest.mark.parametrize("name", ACTING)
+def test_every_attribute_is_read_as_mujoco_reads_it_or_refused(tmp_path, name):
+    """Forces of a tree at random states, against `mj_inverse`, for each value that it takes."""
+    root = ET.fromstring(BASE)
+    assert disagreements(tmp_path / "r.xml", BASE) == "read"
+    taken = 0
+    for attribute in schema()[name]:
+        for value in TRIALS:
+            changed = deepcopy(root)
+            elements(changed)[name][0].set(attribute, value)
+            try:
+                found = disagreements(tmp_path / "r.xml", ET.tostring(changed, encoding="unicode"))
+            except ValueError:
+                continue  # MuJoCo does not take it
+            assert found != "differs", (attribute, value)
+            taken += 1
+    assert taken
+
+
+FLEX = """<mujoco><worldbody><flexcomp name="flex" type="grid" count="3 {}" spacing=".1 .1 .1"
+  mass="1" radius=".01">{}</flexcomp></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        (FLEX.format('1 1" dim="1', '<edge stiffness="3"/>'), "stiffness of a flex's edges"),
+        (FLEX.format('1 1" dim="1', '<edge damping="3"/>'), "damping of a flex's edges"),
+        (
+            FLEX.format(
+                '3 1" dim="2', '<elasticity young="1e3" thickness=".01" elastic2d="both"/>'
+            ),
+            "elasticity of a flex",
+        ),
+        (
+            FLEX.format(
+                '3 1" dim="2', '<elasticity young="1e3" thickness=".01" elastic2d="bend"/>'
+            ),
+            "bending stiffness of a flex",
+        ),
+        (BASE.replace('damping="0.2"', 'springyield="0.1"'), "the yield of a spring"),
+    ],
+)
+def test_what_acts_and_is_not_read_is_named(tmp_path, text, problem):
+    """Elasticity of flexes, and springs that yield."""
+    (tmp_path / "r.xml").write_text(text)
+    with pytest.raises(sst_pin.DescriptionError, match=problem):
+        read_mjcf(tmp_path / "r.xml")
