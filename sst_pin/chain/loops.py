@@ -108,8 +108,8 @@ class Loops:
         self._q, self._x = q, self._at_world.copy()
         self._x[1:, :, :3] = np.concatenate(self._numbers).reshape(-1, 4, 3)
         self._vectors = self.pairs.vectors(self._x)
-        self._f = self.pairs.residual(self._x, self._vectors[0])
-        self._W = self.pairs.wrenches(*self._vectors)
+        self._f = self.pairs.residual(self._x, self._vectors)
+        self._W = self.pairs.wrenches(self._vectors)
         for rows, coupled in self.couplings:
             self._f[rows] = coupled.residual(q)
 
@@ -129,7 +129,10 @@ class Loops:
             ClosureError: When a loop is open.
         """
         f = self._f
-        if not np.abs(f * scale).max(initial=0.0) <= tolerance:
+        scaled = f * scale
+        if scaled.dot(scaled) <= tolerance**2:
+            return  # the short way: no row is longer than all
+        if not np.abs(scaled).max(initial=0.0) <= tolerance:
             residual = float(np.abs(f).max())
             if np.isnan(residual):
                 raise InputError("q", "not finite")
@@ -171,7 +174,7 @@ class Loops:
         with np.errstate(over="ignore", invalid="ignore"):  # of what is not finite, errors tell
             twists, accelerations = moved_by.dot(self._J.T), moved_by.dot(self._J_dot.T)
             rates = self.pairs.vector_rates(self._x, self._x @ carrying(twists))
-        return self.pairs.wrench_rates(*self._vectors, *rates), twists, accelerations
+        return self.pairs.wrench_rates(self._vectors, rates), twists, accelerations
 
     def _rows_times(self, W: Array, J: Array) -> Array:
         """W J at B for what moves B only, less that at A for what moves A only."""

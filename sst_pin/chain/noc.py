@@ -94,25 +94,24 @@ class JointComplement:
             inverse *= block.scale.T
             self.inverse.put(block.of_inverse, inverse)
             self.L[block.rates] = -inverse.dot(Phi.take(block.of_a))  # Eqs. (7), (17)
-            smallest.append(pivots[-1])
             largest = max(largest, pivots[0])
+            smallest.append(pivots[1])
         if not all(pivot * MAX_CONDITION_NUMBER > largest for pivot in smallest):
             self._refuse(Phi, largest / MAX_CONDITION_NUMBER, smallest)
         left = self._row_scale * Phi.dot(self.L)  # Phi L = 0 in the rows that are redundant too
         if not np.abs(left).max(initial=0.0) < _INCONSISTENT * largest * np.abs(self.L).max():
             self._refuse(Phi, 0.0, smallest)
 
-    def _least_squares(self, A: Array) -> tuple[Array, Array]:
-        """(A^T A)^-1 A^T by a QR decomposition A P = Q R with column pivoting; the pivots of R."""
+    def _least_squares(self, A: Array) -> tuple[Array, tuple[float, float]]:
+        """(A^T A)^-1 A^T by a QR decomposition with column pivoting; first and last pivot."""
         m, d = A.shape
         if m < d:
-            return np.zeros((d, m)), np.zeros(1)
+            return np.zeros((d, m)), (0.0, 0.0)
         QR, order, tau, _, _ = self._lapack.dgeqp3(A)
-        pivots = np.abs(QR.diagonal())
         inverse = np.empty((d, m))
         Q, _, _ = self._lapack.dorgqr(QR, tau)
         inverse[order - 1], _ = self._lapack.dtrtrs(QR[:d], Q.T)
-        return inverse, pivots
+        return inverse, (abs(QR[0, 0]), abs(QR[d - 1, d - 1]))
 
     def _refuse(self, Phi: Array, least: float, smallest: list[float]) -> None:
         mechanism = self._mechanism

@@ -27,7 +27,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from .closures import Closure, Distance, Rolling
-from .vectors import cross_products, dots
+from .vectors import cross_products
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -36,15 +36,15 @@ Indices = NDArray[np.intp]
 _STEP = 1e-50
 
 
-def _wrenches() -> Array:
-    """Products of a point (p, 1) and of u = [s; t], times this: the wrench [s; p x s + t]."""
-    products = np.zeros((4, 6, 6))
-    products[3] = np.eye(6)
-    products[:3, :3, 3:] = cross_products(np.eye(3)[:, None], np.eye(3))
-    return products.reshape(24, 6)
+def _maps() -> tuple[Array, Array]:
+    """Products of (p, 1) and u times these: [u; p x u], and [0; u]."""
+    slides, turns = np.zeros((2, 4, 3, 6))
+    slides[3, :, :3] = turns[3, :, 3:] = np.eye(3)
+    slides[:3, :, 3:] = cross_products(np.eye(3)[:, None], np.eye(3))
+    return slides.reshape(12, 6), turns.reshape(12, 6)
 
 
-_WRENCHES = _wrenches()
+_SLIDES, _TURNS = _maps()
 
 
 class PairRows:
@@ -70,7 +70,6 @@ class PairRows:
         frames: int,
         rows: int,
     ) -> None:
-        self._count = rows
         self.frames = np.zeros((2, rows), dtype=np.intp)
         #: Of each row its direction, its points on B and on A, the ends of its gap.
         table = np.zeros((5, rows), dtype=np.intp)
@@ -81,45 +80,58 @@ class PairRows:
         angles: list[tuple[int, int, int, float]] = []
         self._oriented: list[tuple[slice, int, int]] = []
         self._aligned: list[tuple[int, int, int]] = []
-        # Directions are the axes of the frames, the rods, the normals of angles.
-        first_rod = 3 * frames
+        # Vectors are origin and axes of each frame, then contacts, rods, normals of angles.
+        first_contact = 4 * frames
+        first_rod = first_contact + sum(isinstance(closure, Rolling) for closure, *_ in closures)
         first_angle = first_rod + sum(isinstance(closure, Distance) for closure, *_ in closures)
         for closure, first, a, b in closures:
-            row = first
+            row, at_a, at_b = first, 4 * a, 4 * b
             self.frames[:, row : row + len(closure.rows)] = [[b], [a]]
             if isinstance(closure, Distance):
-                table[:, row] = first_rod + len(rods), b, a, b, a
+                table[:, row] = first_rod + len(rods), at_b, at_a, at_b, at_a
                 slide[row], self._lengths[row] = 1.0, closure.distance
                 rods.append((b, a))
                 continue
             if isinstance(closure, Rolling):
-                contact = frames + len(wheels)  # points are the frames' origins, then contacts
+                contact = first_contact + len(wheels)
                 wheels.append((b, a, closure.radius, closure.ball))
                 for k in range(3):  # only the height has a residual
-                    table[:, row + k] = 3 * a + k, contact, contact, contact, (contact, a)[k == 2]
+                    start = at_a if k == 2 else contact
+                    table[:, row + k] = at_a + 1 + k, contact, contact, contact, start
                     slide[row + k] = 1.0
                 continue
             in_world = closure.kind in ("6d", "3d")
             for k in range(3):
                 if closure.held[k]:
-                    table[:, row] = (k, b, a, b, a) if in_world else (3 * a + k, b, b, b, a)
+                    u, at = (1 + k, at_a) if in_world else (at_a + 1 + k, at_b)
+                    table[:, row] = u, at_b, at, at_b, at_a
                     slide[row] = 1.0
                     row += 1
             held = [k for k in range(3) if closure.held[3 + k]]
             turn[row : row + len(held)] = 1.0
             if len(held) == 3:
                 self._oriented.append((slice(row, row + 3), a, b))
-                table[0, row : row + 3] = range(3)
+                table[0, row : row + 3] = range(1, 4)
                 continue
             if len(held) == 2:
-                self._aligned.append((row, 3 * a + 3 - sum(held), 3 * b + 3 - sum(held)))
+                self._aligned.append((row, at_a + 4 - sum(held), at_b + 4 - sum(held)))
             for i, j, sign in _right_angles(held):
                 table[0, row] = first_angle + len(angles)
-                angles.append((row, 3 * a + i, 3 * b + j, sign))
+                angles.append((row, at_a + 1 + i, at_b + 1 + j, sign))
                 row += 1
-        self._u, self._arms, self._ends = table[0], table[1:3], table[3:]
-        sorts = np.stack((slide, turn), axis=1)[..., None]
-        self._sorts = np.stack((sorts, -sorts))  # what B does, less what A does
+        self._table = table
+        slides, turns = (sort[:, None, None] for sort in (slide, turn))
+        maps = slides * _SLIDES + turns * _TURNS
+        self._maps = np.stack((maps, -maps))  # what B does, less what A does
+        self._keep(rods, wheels, angles)
+
+    def _keep(
+        self,
+        rods: list[tuple[int, int]],
+        wheels: list[tuple[int, int, float, bool]],
+        angles: list[tuple[int, int, int, float]],
+    ) -> None:
+        """Take in what vectors are made from."""
         angle, wheel = np.array(angles).reshape(-1, 4), np.array(wheels).reshape(-1, 4)
         self._rods = _columns(np.array(rods).reshape(-1, 2))
         self._angle, *self._axes = _columns(angle[:, :3])
@@ -127,35 +139,25 @@ class PairRows:
         self._wheels = _columns(wheel[:, :2])
         self._radii, self._discs = wheel[:, 2:3], 1.0 - wheel[:, 3:]
 
-    def vectors(self, x: Array) -> tuple[Array, Array]:
-        """Directions [u; 0] or [0; u], minus these at A, and points b and a of all rows.
+    def vectors(self, x: Array) -> Array:
+        """Of each row its direction, its points b and a, the ends of its gap.
 
         Returns:
-            Shapes (..., 2, rows, 6) and (..., 2, rows, 4).
+            Shape (..., 5, rows, 4).
         """
-        return self._at_rows(self._directions(x), self._points(x))
+        return self._all(x).take(self._table, axis=-2)
 
-    def vector_rates(self, x: Array, x_t: Array) -> tuple[Array, Array]:
+    def vector_rates(self, x: Array, x_t: Array) -> Array:
         """Rates of `vectors`."""
-        return self._at_rows(self._directions_t(x, x_t), self._points_t(x, x_t))
+        return self._all_rates(x, x_t).take(self._table, axis=-2)
 
-    def _at_rows(self, directions: Array, points: Array) -> tuple[Array, Array]:
-        u = self._sorts * directions.take(self._u, axis=-2)[..., None, :, None, :3]
-        return u.reshape(*u.shape[:-2], 6), points.take(self._arms, axis=-2)
-
-    def residual(self, x: Array, u: Array) -> Array:
-        """f(q), shape (rows,), zero where the closures are closed; rows of rates have zero.
-
-        Args:
-            x: The frames.
-            u: Directions of the rows, as `vectors` has them.
-        """
-        to, start = self._points(x).take(self._ends, axis=-2)
-        f = dots(u[0, :, :3], (to - start)[:, :3]) - self._lengths
+    def residual(self, x: Array, vectors: Array) -> Array:
+        """f(q), shape (rows,), zero where the closures are closed; rows of rates have zero."""
+        f: Array = np.einsum("ri,ri->r", vectors[0], vectors[3] - vectors[4]) - self._lengths
         for rows, a, b in self._oriented:
             f[rows] = pin.log3(x[b, 1:, :3].T.dot(x[a, 1:, :3]))
         if len(self._angle):
-            axes = x[:, 1:].reshape(-1, 4)
+            axes = x.reshape(-1, 4)
             of_a, of_b = self._axes
             f[self._angle] = self._signs[:, 0] * (axes[of_a] * axes[of_b]).sum(axis=1)
             for row, axis_of_a, axis_of_b in self._aligned:
@@ -166,14 +168,17 @@ class PairRows:
                     f[row : row + 2] -= 2 * (two / size if size else np.array([1.0, 0.0]))
         return f
 
-    def wrenches(self, u: Array, points: Array) -> Array:
-        """W at B, and minus W at A, shape (..., 2, rows, 6), from `vectors`."""
-        products = points[..., :, None] * u[..., None, :]
-        return np.asarray(products.reshape(*products.shape[:-2], 24).dot(_WRENCHES))
+    def wrenches(self, vectors: Array) -> Array:
+        """W at B, and minus W at A, shape (..., 2, rows, 6)."""
+        return self._mapped(_products(vectors, vectors))
 
-    def wrench_rates(self, u: Array, points: Array, u_t: Array, points_t: Array) -> Array:
+    def wrench_rates(self, vectors: Array, rates: Array) -> Array:
         """Rates of `wrenches`, from `vectors` and `vector_rates`."""
-        return self.wrenches(u_t, points) + self.wrenches(u, points_t)
+        return self._mapped(_products(rates, vectors) + _products(vectors, rates))
+
+    def _mapped(self, products: Array) -> Array:
+        flat = products.reshape(*products.shape[:-2], 1, 12)
+        return np.asarray((flat @ self._maps)[..., 0, :])
 
     def derivatives(self, x: Array, x_t: Array, x_q: Array, x_tq: Array) -> tuple[Array, Array]:
         """Derivatives of `wrenches` and of `wrench_rates` along directions of x and x_t.
@@ -189,25 +194,40 @@ class PairRows:
         """
         moved, moved_t = x + 1j * _STEP * x_q, x_t + 1j * _STEP * x_tq
         vectors = self.vectors(moved)
-        W_t = self.wrench_rates(*vectors, *self.vector_rates(moved, moved_t))
-        return self.wrenches(*vectors).imag / _STEP, W_t.imag / _STEP
+        W_t = self.wrench_rates(vectors, self.vector_rates(moved, moved_t))
+        return self.wrenches(vectors).imag / _STEP, W_t.imag / _STEP
 
-    def _points(self, x: Array) -> Array:
-        """Origins of the frames, then points of contact, shape (..., points, 4)."""
-        if not len(self._radii):
-            return x[..., 0, :]
-        contacts = x[..., self._wheels[0], 0, :] - self._radii * _unit(self._across(x))[0]
-        return np.concatenate((x[..., 0, :], contacts), axis=-2)
+    def _all(self, x: Array) -> Array:
+        """Origin and axes of each frame, contacts, rods, normals, shape (..., vectors, 4)."""
+        all_vectors = x.reshape(*x.shape[:-3], -1, 4)
+        parts = [all_vectors]
+        if len(self._radii):
+            up = _unit(self._across(x))[0]
+            parts.append(x[..., self._wheels[0], 0, :] - self._radii * up)
+        if len(self._rods[0]):
+            b, a = self._rods
+            parts.append(_unit(x[..., b, 0, :] - x[..., a, 0, :])[0])
+        if len(self._angle):
+            of_a, of_b = (all_vectors[..., axes, :] for axes in self._axes)
+            parts.append(self._signs * _normals(of_b, of_a))
+        return np.concatenate(parts, axis=-2) if len(parts) > 1 else all_vectors
 
-    def _points_t(self, x: Array, x_t: Array) -> Array:
-        if not len(self._radii):
-            return x_t[..., 0, :]
-        wheel, plane = self._wheels
-        (z, n), (z_t, n_t) = ((y[..., wheel, 3, :], y[..., plane, 3, :]) for y in (x, x_t))
-        along, along_t = _dot(n, z), _dot(n_t, z) + _dot(n, z_t)
-        up_t = _unit_rate(self._across(x), n_t - self._discs * (along_t * z + along * z_t))
-        contacts = x_t[..., wheel, 0, :] - self._radii * up_t
-        return np.concatenate((x_t[..., 0, :], contacts), axis=-2)
+    def _all_rates(self, x: Array, x_t: Array) -> Array:
+        both = tuple(y.reshape(*y.shape[:-3], -1, 4) for y in (x, x_t))
+        parts = [both[1]]
+        if len(self._radii):
+            wheel, plane = self._wheels
+            (z, n), (z_t, n_t) = ((y[..., wheel, 3, :], y[..., plane, 3, :]) for y in (x, x_t))
+            along, along_t = _dot(n, z), _dot(n_t, z) + _dot(n, z_t)
+            up_t = _unit_rate(self._across(x), n_t - self._discs * (along_t * z + along * z_t))
+            parts.append(x_t[..., wheel, 0, :] - self._radii * up_t)
+        if len(self._rods[0]):
+            b, a = self._rods
+            parts.append(_unit_rate(*(y[..., b, 0, :] - y[..., a, 0, :] for y in (x, x_t))))
+        if len(self._angle):
+            (of_a, a_t), (of_b, b_t) = ([y[..., axes, :] for y in both] for axes in self._axes)
+            parts.append(self._signs * (_normals(b_t, of_a) + _normals(of_b, a_t)))
+        return np.concatenate(parts, axis=-2) if len(parts) > 1 else both[1]
 
     def _across(self, x: Array) -> Array:
         """The plane's normal; of a disc, what of it is across the axle."""
@@ -215,32 +235,10 @@ class PairRows:
         z, n = x[..., wheel, 3, :], x[..., plane, 3, :]
         return n - self._discs * _dot(n, z) * z
 
-    def _directions(self, x: Array) -> Array:
-        """Axes of the frames, rods, normals of angles, shape (..., directions, 4)."""
-        axes = x[..., 1:, :].reshape(*x.shape[:-3], -1, 4)
-        parts = [axes]
-        if len(self._rods[0]):
-            b, a = self._rods
-            parts.append(_unit(x[..., b, 0, :] - x[..., a, 0, :])[0])
-        if len(self._angle):
-            of_a, of_b = self._axes
-            normals = _normals(axes[..., of_b, :], axes[..., of_a, :])
-            parts.append(self._signs * normals)
-        return np.concatenate(parts, axis=-2) if len(parts) > 1 else axes
 
-    def _directions_t(self, x: Array, x_t: Array) -> Array:
-        axes, axes_t = (y[..., 1:, :].reshape(*y.shape[:-3], -1, 4) for y in (x, x_t))
-        parts = [axes_t]
-        if len(self._rods[0]):
-            b, a = self._rods
-            d, d_t = (y[..., b, 0, :] - y[..., a, 0, :] for y in (x, x_t))
-            parts.append(_unit_rate(d, d_t))
-        if len(self._angle):
-            of_a, of_b = self._axes
-            normals = _normals(axes_t[..., of_b, :], axes[..., of_a, :])
-            normals += _normals(axes[..., of_b, :], axes_t[..., of_a, :])
-            parts.append(self._signs * normals)
-        return np.concatenate(parts, axis=-2) if len(parts) > 1 else axes_t
+def _products(points: Array, directions: Array) -> Array:
+    """Of the points b and a with the direction of their row, shape (..., 2, rows, 4, 3)."""
+    return points[..., 1:3, :, :, None] * directions[..., :1, :, None, :3]
 
 
 def _columns(table: NDArray[np.generic]) -> list[Indices]:
@@ -272,11 +270,12 @@ def _dot(a: Array, b: Array) -> Array:
 
 
 def _unit(d: Array) -> tuple[Array, Array]:
-    """Unit vectors and lengths; zero stays zero."""
+    """Unit vectors and lengths; zero stays zero and has length one."""
     length = np.sqrt(_dot(d, d))
-    return d / (length + (length == 0)), length
+    length = length + (length == 0)
+    return d / length, length
 
 
 def _unit_rate(d: Array, d_t: Array) -> Array:
     u, length = _unit(d)
-    return (d_t - _dot(u, d_t) * u) / (length + (length == 0))
+    return (d_t - _dot(u, d_t) * u) / length

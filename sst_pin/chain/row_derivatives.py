@@ -146,7 +146,7 @@ def partials(loops: Loops, tree: Tree) -> Partials:
     x, x_t = frames.vectors, frames.vectors_t
     x_q, x_tq = (y.swapaxes(0, 1) for y in (frames.vectors_q, frames.vectors_tq))
     vectors = pairs.vectors(x)
-    W, W_t = pairs.wrenches(*vectors), pairs.wrench_rates(*vectors, *pairs.vector_rates(x, x_t))
+    W, W_t = pairs.wrenches(vectors), pairs.wrench_rates(vectors, pairs.vector_rates(x, x_t))
     W_q, W_tq = (np.moveaxis(y, 0, -1) for y in pairs.derivatives(x, x_t, x_q, x_tq))
 
     def both(wrenches: Array, twists: Array) -> Array:

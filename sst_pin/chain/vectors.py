@@ -30,11 +30,6 @@ def cross_products(a: Array, b: Array) -> Array:
     return np.asarray(products.reshape(*products.shape[:-2], 9).dot(_OF_PRODUCTS))
 
 
-def dots(a: Array, b: Array) -> Array:
-    """Scalar products of vectors with vectors, shapes (k, 3)."""
-    return np.asarray(np.einsum("ij,ij->i", a, b))
-
-
 def _of_twists() -> Array:
     of_twists, of_vectors = np.zeros((6, 6, 6)), _OF_PRODUCTS.T.reshape(3, 3, 3)
     of_twists[:3, 3:, :3] = of_twists[:3, :3, 3:] = of_twists[3:, 3:, 3:] = of_vectors
