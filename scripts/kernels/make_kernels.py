@@ -32,12 +32,10 @@ def sources() -> dict[Path, str]:
     made = {}
     for kind in ((False, False), (True, False), (False, True)):
         equations = Equations(reference.mechanism, samples, *kind, parameters=numbers)
-        for name in (*ENTRIES, *AT_FIRST_USE):
-            plain = name.removesuffix(" loaded")
-            if kind == (plain != name, name in AT_FIRST_USE):
-                made[name.replace(" ", "_")] = kernels.entry(equations, plain)
-    shipped = (name.replace(" ", "_") for name in ENTRIES)
-    files = {FOLDER / "kernels.c": {entry: made.pop(entry) for entry in shipped}}
+        for key in (*ENTRIES, *AT_FIRST_USE):
+            if kind == (key.loaded, key in AT_FIRST_USE):
+                made[key.entry] = kernels.entry(equations, key)
+    files = {FOLDER / "kernels.c": {key.entry: made.pop(key.entry) for key in ENTRIES}}
     files |= {source_file(entry): {entry: kernel} for entry, kernel in made.items()}
     return {path: HEAD + c_code.source(entries) for path, entries in files.items()}
 

@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple, Protocol
+from collections.abc import Callable
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +17,33 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 #: A result; None if the arguments must be checked first, or a sample fails the checks.
 Answer = Array | None
-#: Takes arguments as the caller gave them.
-Single = Callable[..., Answer]
+D = TypeVar("D")
+
+
+class Key(NamedTuple):
+    """What a kernel computes.
+
+    Attributes:
+        quantity: Name of the method of `Reference` that computes it.
+        frame: Name of the frame, for a quantity of a frame.
+        loaded: Whether external wrenches act.
+        along: Whether it takes one sample at a time, several directions of derivatives at once.
+        sign_width: Width within which Coulomb friction is smooth, for derivatives.
+    """
+
+    quantity: str
+    frame: str | None = None
+    loaded: bool = False
+    along: bool = False
+    sign_width: float | None = None
+
+    @property
+    def entry(self) -> str:
+        """The name of its functions in C."""
+        return "_".join([self.quantity, *["along"] * self.along, *["loaded"] * self.loaded])
+
+    def __str__(self) -> str:
+        return self.entry if self.frame is None else f"{self.entry} {self.frame}"
 
 
 class Motions(NamedTuple):
@@ -81,6 +106,47 @@ class States(Protocol):
         """Fill the states of motions; how many of each hold, shape (N,)."""
 
 
+class Kernel(Protocol):
+    """Computes one quantity; `NoKernel` leaves all samples to the reference path."""
+
+    def answer(self, a: Any, b: Any, c: Any, load: Any, out: Any, threads: Any, /) -> Answer:
+        """The result for arguments as the caller gave them, for one sample or a batch.
+
+        Returns:
+            The result; None if the arguments must be checked first, or a sample fails the checks.
+        """
+
+    def derivatives(
+        self, kind: Callable[..., D], a: Any, b: Any, c: Any, threads: Any, /
+    ) -> D | None:
+        """Derivatives by a, b and c as a named tuple of this kind, or None as `answer`."""
+
+    def many(self, arrays: tuple[Array, ...], out: Array, threads: int = 1, /) -> Indices:
+        """Fill the results of N samples.
+
+        Args:
+            arrays: Arguments, q first, shapes (N, ...); external wrenches have shape (N, 6 r).
+            out: For the results, flat, shape (N, size).
+            threads: How many share the samples.
+
+        Returns:
+            Indices of the samples that fail the checks.
+        """
+
+
+class NoKernel:
+    """Stands where there is no kernel."""
+
+    def answer(self, *_: Any) -> None:
+        """Nothing."""
+
+    derivatives = answer
+
+    def many(self, arrays: tuple[Array, ...], out: Array, threads: int = 1) -> Indices:
+        """All samples."""
+        return np.arange(len(out))
+
+
 class Backend(Protocol):
     """Dynamics of one mechanism.
 
@@ -92,54 +158,12 @@ class Backend(Protocol):
     def __str__(self) -> str:
         """What computes, and why."""
 
-    def torques_of(self, q: Any, va: Any, aa: Any, load: Any, out: Any, threads: Any, /) -> Answer:
-        """Inverse dynamics of arguments as the caller gave them, for one sample or a batch.
+    def kernel(self, key: Key, /) -> Kernel:
+        """What computes a quantity; it is made at its first use.
 
-        Returns:
-            tau; None if the arguments must be checked first, or if a sample fails the checks.
+        Raises:
+            UnknownNameError: For an unknown frame.
         """
-
-    def accelerations_of(
-        self, q: Any, va: Any, tau: Any, load: Any, out: Any, threads: Any, /
-    ) -> Answer:
-        """Direct dynamics in the same way."""
-
-    def forces_of(self, q: Any, va: Any, aa: Any, load: Any, out: Any, threads: Any, /) -> Answer:
-        """Generalized forces in the same way."""
-
-    def fill(
-        self,
-        name: str,
-        arrays: Sequence[Array | None],
-        out: Array,
-        threads: int,
-        sign_width: float | None = None,
-    ) -> Indices:
-        """Fill the results of N samples.
-
-        Args:
-            name: Of a method of `Reference`; behind it the name of the frame if it takes one.
-            arrays: Its arguments, q first, shapes (N, ...); None for no external wrenches.
-            out: For the results, flat, shape (N, size).
-            threads: How many share the samples.
-            sign_width: Of Coulomb friction in derivatives.
-
-        Returns:
-            Indices of the samples that fail the checks.
-        """
-
-    def derivatives_of(self, name: str, sign_width: float) -> Callable[..., Any]:
-        """What gives derivatives of one sample or a batch, or None, in the way of `torques_of`.
-
-        It takes the named tuple to make, q, va, aa or tau, and the threads.
-
-        Args:
-            name: "torque_derivatives" or "acceleration_derivatives".
-            sign_width: Of Coulomb friction.
-        """
-
-    def frame_of(self, name: str, frame: str) -> Single:
-        """What gives the same of one sample or a batch, in the way of `torques_of`."""
 
     def states(self, friction: Friction) -> States:
         """The state space with this friction instead of the mechanism's."""

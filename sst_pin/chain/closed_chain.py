@@ -28,7 +28,7 @@ from . import derivatives, dynamics, samples
 from .appearance import Appearance, appearance_of
 from .assembly import home_of
 from .assignments import require_assignable
-from .backend import States
+from .backend import Key, States
 from .closures import Constraint
 from .current import Current
 from .draft import Motor, closures_of, mechanism_of, without_locked
@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from ..viewer import Viewer
 
 Array = NDArray[np.float64]
+_FORCES = Key("generalized_forces")
 _Chain = TypeVar("_Chain", bound="ClosedChain")
 
 
@@ -554,7 +555,12 @@ class ClosedChain:
         current = self._current
         arrays = current.arguments(q, va=va)
         return by_kernel(
-            current, current.reference.rates, "rates", arrays, (1, 1), (current.mechanism.model.nv,)
+            current,
+            current.reference.rates,
+            Key("rates"),
+            arrays,
+            (1, 1),
+            (current.mechanism.model.nv,),
         )
 
     def joint_accelerations(self, q: ArrayLike, va: ArrayLike, aa: ArrayLike) -> Array:
@@ -574,9 +580,9 @@ class ClosedChain:
         """
         current = self._current
         arrays = current.arguments(q, va=va, aa=aa)
-        name, reference = "joint_accelerations", current.reference.joint_accelerations
+        key, reference = Key("joint_accelerations"), current.reference.joint_accelerations
         nv = current.mechanism.model.nv
-        return by_kernel(current, reference, name, arrays, (1, 1, 1), (nv,))
+        return by_kernel(current, reference, key, arrays, (1, 1, 1), (nv,))
 
     def frame_jacobian(
         self,
@@ -777,7 +783,7 @@ class ClosedChain:
         return by_kernel(
             current,
             partial(current.reference.torques, weights=chosen),
-            "torques" if weights is None else None,
+            Key("torques") if weights is None else None,
             [*arrays, self._wrenches(platform_moment, external_wrenches, on_error)],
             (1, 1, 1, 2),
             (current.mechanism.motors.shape[1],),
@@ -823,14 +829,14 @@ class ClosedChain:
         """
         current = self._current
         if external_wrenches is None and on_error == "raise":
-            f = current.backend.forces_of(q, va, aa, platform_moment, out, 1)
+            f = current.backend.kernel(_FORCES).answer(q, va, aa, platform_moment, out, 1)
             if f is not None:
                 return f
         arrays = current.arguments(q, va=va, aa=aa)
         return by_kernel(
             current,
             current.reference.generalized_forces,
-            "generalized_forces",
+            _FORCES,
             [*arrays, self._wrenches(platform_moment, external_wrenches, on_error)],
             (1, 1, 1, 2),
             (len(current.mechanism.coordinates),),
@@ -881,7 +887,7 @@ class ClosedChain:
         return by_kernel(
             current,
             current.reference.accelerations,
-            "accelerations",
+            Key("accelerations"),
             [*arrays, self._wrenches(platform_moment, external_wrenches, on_error)],
             (1, 1, 1, 2),
             (len(current.mechanism.coordinates),),
@@ -934,7 +940,7 @@ class ClosedChain:
         rows = by_kernel(
             current,
             current.reference.reduced_terms,
-            "reduced_terms",
+            Key("reduced_terms"),
             arrays,
             (1, 1),
             (2 * n * (n + 1),),
@@ -1190,9 +1196,9 @@ class ClosedChain:
 
         current = self._current
         near = None if q is None else current.single(q)
-        kernels: tuple[str, ...] = FIRST + DERIVATIVES if derivatives else FIRST
+        kernels: tuple[Key, ...] = FIRST + DERIVATIVES if derivatives else FIRST
         if derivatives and current.reference.derivatives.axes_move:
-            kernels += ("displacement_rates",)
+            kernels += (Key("displacement_rates"),)
         kernels = EVERY if all else kernels
         compiled = Current(
             current.mechanism,

@@ -17,7 +17,7 @@ from ..arrays import as_array, single_array
 from ..errors import ClosureError, DescriptionError, InputError, SSTError
 from ..summaries import listed
 from .assembly import home_of
-from .backend import Answer, Backend
+from .backend import Answer, Backend, Key
 from .coordinates import examples
 from .loops import Loops
 from .mechanism import Mechanism
@@ -72,12 +72,12 @@ class Current:
     @cached_property
     def torques_of(self) -> Callable[..., Answer]:
         """Inverse dynamics by the backend."""
-        return self.backend.torques_of
+        return self.backend.kernel(Key("torques")).answer
 
     @cached_property
     def accelerations_of(self) -> Callable[..., Answer]:
         """Direct dynamics by the backend."""
-        return self.backend.accelerations_of
+        return self.backend.kernel(Key("accelerations")).answer
 
     # --- arguments --------------------------------------------------------------------------
 

@@ -8,7 +8,6 @@ sample to it.
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Sequence
 from functools import cached_property
 from math import isfinite
 from typing import Any
@@ -20,7 +19,7 @@ from numpy.typing import NDArray
 from ..arrays import finite_array
 from ..errors import ActuationError, InputError, SSTError
 from . import dynamics
-from .backend import Motions, Single
+from .backend import Key, Motions, NoKernel
 from .continuity import Continuity, Way
 from .derivatives import Derivatives
 from .dynamics import Workspace
@@ -261,29 +260,9 @@ class ReferenceBackend:
     def __str__(self) -> str:
         return f"the reference path: {self._why}"
 
-    def torques_of(self, *arguments: Any) -> None:
-        """Nothing: it leaves all to `ClosedChain`."""
-
-    accelerations_of = forces_of = torques_of
-
-    def fill(
-        self,
-        name: str,
-        arrays: Sequence[Array | None],
-        out: Array,
-        threads: int,
-        sign_width: float | None = None,
-    ) -> NDArray[np.intp]:
-        """All samples, for the reference path."""
-        return np.arange(len(out))
-
-    def derivatives_of(self, name: str, sign_width: float) -> Callable[..., None]:
-        """What leaves all to `ClosedChain`."""
-        return self.torques_of
-
-    def frame_of(self, name: str, frame: str) -> Single:
-        """What leaves all to `ClosedChain`."""
-        return self.torques_of
+    def kernel(self, key: Key) -> NoKernel:
+        """No kernel: it leaves all samples to the reference path."""
+        return NoKernel()
 
     def states(self, friction: Friction) -> ReferenceStates:
         """The state space with this friction instead of the mechanism's."""

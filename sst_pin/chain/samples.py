@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TypeVar
@@ -20,7 +21,7 @@ from ..arrays import (
     whole_number,
 )
 from ..errors import InputError
-from .backend import Indices
+from .backend import Indices, Key
 from .current import Current
 from .derivatives import AccelerationDerivatives, TorqueDerivatives
 from .mechanism import Mechanism
@@ -38,7 +39,7 @@ _NAMES = {
 def by_kernel(
     current: Current,
     reference: Callable[..., Array],
-    kernel: str | None,
+    kernel: Key | None,
     arrays: Sequence[Array | None],
     core_axes: Sequence[int],
     result: tuple[int, ...],
@@ -46,21 +47,19 @@ def by_kernel(
     out: Array | None = None,
     threads: int = 1,
     on_error: str = "raise",
-    sign_width: float | None = None,
 ) -> Array:
     """A batch by the kernel; samples that fail its checks by the reference path, with its errors.
 
     Args:
         current: Whose kernel it is.
         reference: One sample by the reference path, of this shape.
-        kernel: Its name, as `Backend.fill` takes it; None for the reference path alone.
+        kernel: What computes it; None for the reference path alone. Loads follow from arrays.
         arrays: Arguments; None stays None.
         core_axes: Number of core axes of each.
         result: Shape of a result.
         out: Where results go, shape (..., *result).
         threads: How many share the batch in the kernel.
         on_error: "raise", or "nan": samples that fail become NaN.
-        sign_width: Of Coulomb friction in derivatives.
     """
     require_policy(on_error)
     threads = whole_number("threads", threads, 1)
@@ -74,7 +73,11 @@ def by_kernel(
     def fill(flat: list[Array | None], result: Array) -> Indices:
         if kernel is None:
             return np.arange(len(result))
-        return current.backend.fill(kernel, flat, result, threads, sign_width)
+        key, given = kernel, [np.require(a, float, "A") for a in flat if a is not None]
+        if given[-1].ndim == 3:
+            N, bodies, _ = given[-1].shape
+            key, given[-1] = key._replace(loaded=True), given[-1].reshape(N, 6 * bodies)
+        return current.backend.kernel(key).many(tuple(given), result, min(threads, sys.maxsize))
 
     return for_each_sample(
         reference, arrays, core_axes, result, on_error=on_error, out=out, fast=fill
@@ -105,9 +108,10 @@ def derivatives(
     if type(width) is not float or not 0 < width < np.inf:
         width = positive_number("sign_width", sign_width)
     name, third = _NAMES[kind]
+    key = Key(name, sign_width=width)
     q, va, x, wrenches = arguments
     if wrenches is out is None and on_error == "raise":
-        found: D | None = current.backend.derivatives_of(name, width)(kind, q, va, x, threads)
+        found: D | None = current.backend.kernel(key).derivatives(kind, q, va, x, threads)
         if found is not None:
             return found
     arrays: list[Array]
@@ -116,14 +120,13 @@ def derivatives(
     rows = by_kernel(
         current,
         partial(getattr(current.reference, name), width),
-        name,
+        key,
         [*arrays, external_wrenches(mechanism, wrenches, on_error)],
         (1, 1, 1, 2),
         (n, 2 * n + arrays[-1].shape[-1]),
         out=out,
         threads=threads,
         on_error=on_error,
-        sign_width=width,
     )
     return kind.of_rows(rows)
 
@@ -148,9 +151,10 @@ def of_frame(
         threads: As in `by_kernel`.
         on_error: As in `by_kernel`.
     """
-    if out is None and on_error == "raise":
-        none = (None,) * (5 - len(arguments))
-        rows = current.backend.frame_of(name, frame)(*arguments, *none, threads)
+    key = Key(name, frame)
+    if out is None and on_error == "raise" and isinstance(frame, str):
+        first, second = arguments if len(arguments) == 2 else (*arguments, None)
+        rows = current.backend.kernel(key).answer(first, second, None, None, None, threads)
         if rows is not None:
             n = len(current.reference.mechanism.coordinates)
             rows.shape = (*rows.shape[:-1], *_shape(name, n))
@@ -162,7 +166,7 @@ def of_frame(
     return by_kernel(
         current,
         reference,
-        f"{name} {frame}",
+        key,
         arrays,
         (1,) * len(arrays),
         _shape(name, len(mechanism.coordinates)),
@@ -197,9 +201,9 @@ def linear_system(
     both[..., n:, :] = rows
     if current.reference.derivatives.axes_move:
         arrays = current.arguments(q, va=va)
-        reference, name = current.reference.derivatives.displacement_rates, "displacement_rates"
+        reference, key = current.reference.derivatives.displacement_rates, Key("displacement_rates")
         both[..., :n, :n] = by_kernel(
-            current, reference, name, arrays, (1, 1), (n, n), on_error="nan"
+            current, reference, key, arrays, (1, 1), (n, n), on_error="nan"
         )
     return both[..., : 2 * n], both[..., 2 * n :]
 

@@ -8,7 +8,6 @@ by one; it computes them or raises the error. Each kernel is made at its first u
 
 from __future__ import annotations
 
-import sys
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -20,7 +19,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..chain import backend as chain
 from ..chain.assembly import home_of
+from ..chain.backend import Key, NoKernel
 from ..chain.closures import Closure, Distance, Rolling
 from ..chain.coordinates import examples
 from ..chain.mechanism import Friction, Mechanism
@@ -45,26 +46,27 @@ if TYPE_CHECKING:
     from .equations import Equations
 
 Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 #: Made by `ClosedChain.compile`; the others when they are first needed.
-FIRST = ("torques", "accelerations")
-#: Of the dynamics.
-DERIVATIVES = ("torque_derivatives", "acceleration_derivatives")
-#: With variants for external wrenches.
-_LOADABLE = (*FIRST, "forces", "rollout", *DERIVATIVES)
+FIRST = (Key("torques"), Key("accelerations"))
+#: Derivatives of the dynamics.
+DERIVATIVES = (Key("torque_derivatives"), Key("acceleration_derivatives"))
+#: Quantities whose friction is smooth.
+_SMOOTH = [key.quantity for key in DERIVATIVES]
+#: Kernels with variants for external wrenches.
+_LOADABLE = (*FIRST, Key("forces"), Key("rollout"), *DERIVATIVES)
 #: All kernels but those of frames.
 EVERY = (
     *_LOADABLE,
-    *(f"{name} loaded" for name in _LOADABLE),
-    "rates",
-    "joint_accelerations",
-    "reduced_terms",
-    "closing",
-    "displacement_rates",
+    *(key._replace(loaded=True) for key in _LOADABLE),
+    Key("rates"),
+    Key("joint_accelerations"),
+    Key("reduced_terms"),
+    Key("closing"),
+    Key("displacement_rates"),
 )
-#: In their names: one sample, its directions side by side, so many times at most.
-ALONG, _TIMES = "along", 2
+#: Directions side by side are computed in at most so many passes.
+_TIMES = 2
 #: Configurations by which pivots are chosen.
 _SAMPLES = 8
 #: Kernels that write out no matrices.
@@ -80,10 +82,6 @@ _WITHOUT_MATRICES = (
 _LARGEST = 100_000
 #: The same limit for derivatives.
 _LARGEST_DERIVATIVES = 10_000
-#: Ends the names of kernels that take external wrenches.
-_LOADED = " loaded"
-#: Begins the names of kernels whose second word is a frame.
-_OF_FRAME = "frame_"
 #: Kernels of derivatives that are kept, one for each width within which friction is smooth.
 _WIDTHS = 16
 #: What the binding is compiled from.
@@ -97,7 +95,7 @@ class CompiledBackend:
         reference: Of its mechanism.
         near: Where the order of elimination is chosen, shape (nq,); anywhere by default.
         parameters: Which numbers the kernels take; those of `Parameters` by default.
-        code: Gives the code of a kernel by its name and an instruction set; from the cache by
+        code: Gives the code of a kernel by its key and an instruction set; from the cache by
             default.
         bearer: Body on which a moment alone is a load too, counted from 0; none by default.
 
@@ -113,7 +111,7 @@ class CompiledBackend:
         near: Array | None = None,
         *,
         parameters: Parameters | None = None,
-        code: Callable[[str, str], Code] | None = None,
+        code: Callable[[Key, str], Code] | None = None,
         bearer: int | None = None,
     ) -> None:
         try:
@@ -128,22 +126,21 @@ class CompiledBackend:
         self._code = code or self._from_cache
         self._moment = -1 if bearer is None else 6 * bearer
         self._numbers = self._parameters.pack(self._mechanism, self._mechanism.friction)
-        self._kernels: dict[str, Kernel | None] = {}
-        self._smooth: dict[tuple[str, float], Kernel | None] = {}
+        self._kernels: dict[Key, chain.Kernel] = {}
         self._equations: dict[tuple[bool, bool], Equations] = {}
-        self._codes: dict[str, list[Code]] = {}
-        self._why: dict[str, str] = {}
+        self._codes: dict[Key, list[Code]] = {}
+        self._why: dict[Key, str] = {}
         self._lock = threading.RLock()
         self._given_up = False  # of one whose kernels could not be made; it is not used
 
     def __str__(self) -> str:
-        whys = {name: " ".join(why.split()) for name, why in self._why.items()}  # in one line
-        without = [f"{name} by the reference path: {why}" for name, why in whys.items()]
+        whys = {key: " ".join(why.split()) for key, why in self._why.items()}  # in one line
+        without = [f"{key} by the reference path: {why}" for key, why in whys.items()]
         lanes = build.TARGETS[self._binding.INSTRUCTIONS][0]
         instructions = f"{self._binding.INSTRUCTIONS}, {lanes} samples at once"
         return "; ".join([f"compiled kernels: {instructions}", *without])
 
-    def make(self, names: Sequence[str] = FIRST) -> None:
+    def make(self, keys: Sequence[Key] = FIRST) -> None:
         """Have kernels ready.
 
         Raises:
@@ -152,8 +149,8 @@ class CompiledBackend:
         """
         from concurrent.futures import ThreadPoolExecutor  # slow to import
 
-        wanted = [name for name in names if not impossible(self._mechanism, name)]
-        variants = [variant for name in wanted for variant in self._variants(name)]
+        wanted = [key for key in keys if not impossible(self._mechanism, key.quantity)]
+        variants = [variant for key in wanted for variant in self._variants(key)]
         with ThreadPoolExecutor() as pool:
             try:
                 for _ in pool.map(self._prepare, variants):
@@ -162,30 +159,25 @@ class CompiledBackend:
                 self._given_up = True
                 raise
 
-    def _prepare(self, variant: tuple[str, str]) -> None:
+    def _prepare(self, variant: tuple[Key, str]) -> None:
         """Make code, unless the motors do not suffice, which `_found` tells."""
         with suppress(ActuationError):
             self._code(*variant)
 
-    def fill(
-        self,
-        name: str,
-        arrays: Sequence[Array | None],
-        out: Array,
-        threads: int,
-        sign_width: float | None = None,
-    ) -> Indices:
-        """Fill results by a kernel and return the samples that fail its checks; as `Backend`."""
-        if name == "generalized_forces":
-            name = self._forces
-        given = [np.require(a, float, "A") for a in arrays if a is not None]
-        if given[-1].ndim == 3:
-            N, bodies, _ = given[-1].shape
-            name, given[-1] = name + _LOADED, given[-1].reshape(N, 6 * bodies)
-        kernel = self.kernel(name) if sign_width is None else self._smoothed(name, sign_width)
-        if kernel is None:
-            return np.arange(len(out))
-        return kernel.many(tuple(given), out, min(threads, sys.maxsize))
+    def kernel(self, key: Key) -> chain.Kernel:
+        """What computes a quantity, as `Backend.kernel`; those of the last widths are kept."""
+        try:
+            return self._kernels[key]
+        except KeyError:
+            pass
+        if key.frame is not None:
+            frame_named(self._mechanism.model, key.frame)
+        if key.sign_width is not None:
+            smooth = [made for made in list(self._kernels) if made.sign_width is not None]
+            for made in smooth if len(smooth) >= _WIDTHS else ():
+                self._kernels.pop(made, None)
+        kernel = self._kernels[key] = self._kernel(key) or NoKernel()
+        return kernel
 
     def states(self, friction: Friction) -> CompiledStates:
         """The state space with this friction instead of the mechanism's."""
@@ -201,78 +193,15 @@ class CompiledBackend:
             near = home_of(self._mechanism)
         return content if near is None else content + near.tobytes()
 
-    @property
-    def _forces(self) -> str:
-        """The kernel of the forces along the coordinates."""
-        return "torques" if self._mechanism.driven_one_to_one else "forces"
-
-    @property
-    def torques_of(self) -> Callable[..., Any]:
-        """Inverse dynamics of one sample or a batch, as `Backend.torques_of`."""
-        return self._single("torques")
-
-    @property
-    def accelerations_of(self) -> Callable[..., Any]:
-        """Direct dynamics of one sample or a batch, as `Backend.torques_of`."""
-        return self._single("accelerations")
-
-    @cached_property
-    def forces_of(self) -> Callable[..., Any]:
-        """Forces along the coordinates of one sample or a batch, as `Backend.torques_of`."""
-        return self._single(self._forces)
-
-    def derivatives_of(self, name: str, sign_width: float) -> Callable[..., Any]:
-        """Derivatives of one sample or a batch, as `Backend.torques_of`."""
-        kernel = self._smoothed(name, sign_width)
-        return _nothing if kernel is None else kernel.derivatives
-
-    def frame_of(self, name: str, frame: str) -> Callable[..., Any]:
-        """A quantity of a frame, if its kernel is made already, as `Backend.torques_of`."""
-        kernel = self._kernels.get(f"{name} {frame}")
-        return _nothing if kernel is None else kernel.answer
-
-    def _smoothed(self, name: str, sign_width: float) -> Kernel | None:
-        """A kernel with smooth friction; those of the last few widths are kept."""
-        try:
-            return self._smooth[name, sign_width]
-        except KeyError:
-            friction = replace(self._mechanism.friction, sign_width=sign_width)
-            kernel = self.kernel(name, friction)
-            if len(self._smooth) >= _WIDTHS:
-                self._smooth.clear()
-            self._smooth[name, sign_width] = kernel
-            return kernel
-
-    def _single(self, name: str) -> Callable[..., Any]:
-        kernel = self.kernel(name)
-        return _nothing if kernel is None else kernel.answer
-
-    def kernel(self, name: str, friction: Friction | None = None) -> Kernel | None:
-        """A kernel; None if there is none.
-
-        Args:
-            name: One of those of `kernels.make`, with " loaded" for one that takes wrenches.
-            friction: Instead of the mechanism's, in the same joints.
-        """
-        if friction is None and name in self._kernels:
-            return self._kernels[name]
-        loaded = partial(self.kernel, name + _LOADED, friction)
-        kernel = self._kernel(name, "run", friction, loaded)
-        if friction is None:
-            self._kernels[name] = kernel
-        return kernel
-
     def _kernel(
-        self,
-        name: str,
-        word: str,
-        friction: Friction | None,
-        loaded: Callable[[], Kernel | None] | None = None,
+        self, key: Key, word: str = "run", friction: Friction | None = None
     ) -> Kernel | None:
         """A kernel by its code for single samples, then for batches; None where there is none."""
-        codes = self._found(name)
+        codes = self._found(key)
         if not codes:
             return None
+        if key.sign_width is not None:
+            friction = replace(self._mechanism.friction, sign_width=key.sign_width)
         numbers = self._numbers
         if friction is not None:
             numbers = self._parameters.pack(self._mechanism, friction)
@@ -285,18 +214,18 @@ class CompiledBackend:
             codes[0].prepared(numbers),
             self._mechanism.model.gravity.linear,
             (codes, self._mechanism.model),
-            loaded,
+            None if key.loaded else partial(self._kernel, key._replace(loaded=True)),
             codes[-1].prepared(numbers),
             self._moment,
         )
 
-    def rate(self, loaded: bool, friction: Friction) -> Kernel | None:
-        """Rates of the states next to those given whose loops are closed; None as above."""
-        return self._kernel("rollout" + _LOADED * loaded, "rate", friction)
+    def rate(self, loaded: bool, friction: Friction) -> chain.Kernel:
+        """Rates of the states next to those given whose loops are closed."""
+        return self._kernel(Key("rollout", loaded=loaded), "rate", friction) or NoKernel()
 
     def course(self, loaded: bool, friction: Friction) -> Course | None:
         """The kernel of a rollout; None where there is none."""
-        codes = self._found("rollout" + _LOADED * loaded)
+        codes = self._found(Key("rollout", loaded=loaded))
         if not codes:
             return None
         code = codes[-1]
@@ -305,38 +234,36 @@ class CompiledBackend:
         sizes = (q, va, tau, sum(load))
         return self._binding.Course(code.address("run"), sizes, code.prepared(numbers), code)
 
-    def _found(self, name: str) -> list[Code]:
+    def _found(self, key: Key) -> list[Code]:
         """A kernel's code for single samples, then for batches; none where there is none."""
-        if name not in self._codes:
+        key = key._replace(sign_width=None)  # it is a parameter
+        if key.quantity == "generalized_forces":
+            one = self._mechanism.driven_one_to_one
+            key = key._replace(quantity="torques" if one else "forces")
+        if key not in self._codes:
             try:
-                self._codes[name] = [self._code(*variant) for variant in self._variants(name)]
+                self._codes[key] = [self._code(*variant) for variant in self._variants(key)]
             except SSTError as error:
-                self._codes[name], self._why[name] = [], str(error)
-        return self._codes[name]
+                self._codes[key], self._why[key] = [], str(error)
+        return self._codes[key]
 
-    def _variants(self, name: str) -> list[tuple[str, str]]:
-        """Names and instruction sets of a kernel for single samples, then of one for batches."""
-        if problem := impossible(self._mechanism, name):
+    def _variants(self, key: Key) -> list[tuple[Key, str]]:
+        """Keys and instruction sets of a kernel for single samples, then of one for batches."""
+        if problem := impossible(self._mechanism, key.quantity):
             raise CompilationError(problem)
         best = self._binding.INSTRUCTIONS
-        if not _has_directions(self._mechanism, name, build.TARGETS[best][0]):
-            return [(name, build.ONE[best]), (name, best)]
+        if not _has_directions(self._mechanism, key.quantity, build.TARGETS[best][0]):
+            return [(key, build.ONE[best]), (key, best)]
         # Eight directions at once are slower than four.
         narrow = "avx2" if best == "avx512" else best
         fit = len(self._mechanism.coordinates) <= build.TARGETS[narrow][0]
-        first, *loaded = name.split()
-        single = " ".join([first, ALONG, *loaded])
-        return [(single, narrow if fit else best), (name, best)]
+        return [(key._replace(along=True), narrow if fit else best), (key, best)]
 
-    def _from_cache(self, name: str, target: str) -> Code:
+    def _from_cache(self, key: Key, target: str) -> Code:
         """Code from the cache, or compiled now."""
-        first, _, second = name.partition(" ")
-        content = self._content
-        of_frame = first.startswith(_OF_FRAME)
-        if of_frame:
-            content += _frame(self._mechanism, second)
-        loaded = name.endswith(_LOADED) and not of_frame
-        entry = first + "_loaded" * loaded
+        content, smooth = self._content, key.quantity in _SMOOTH
+        if key.frame is not None:
+            content += _frame(self._mechanism, key.frame)
 
         def source() -> str:
             try:
@@ -346,14 +273,12 @@ class CompiledBackend:
             with self._lock:  # equations are made once, and CasADi is not for several threads
                 if self._given_up:
                     raise CompilationError("given up")
-                plain = name.removesuffix(_LOADED) if loaded else name
-                equations = self._equations_of(loaded, smooth=plain.split()[0] in DERIVATIVES)
-                made = kernels.entry(equations, plain)
-                return c_code.library(entry, made, build.TARGETS[target][0])
+                made = kernels.entry(self._equations_of(key.loaded, smooth), key)
+                return c_code.library(key.entry, made, build.TARGETS[target][0])
 
-        robot = self._mechanism.model.name
-        options = build.LONG if first in DERIVATIVES else ()
-        return Code(build.library(robot, name, content, target, source, options), entry)
+        robot, options = self._mechanism.model.name, build.LONG if smooth else ()
+        library = build.library(robot, str(key), content, target, source, options)
+        return Code(library, key.entry)
 
     def _equations_of(self, loaded: bool, smooth: bool) -> Equations:
         from .equations import Equations
@@ -364,26 +289,27 @@ class CompiledBackend:
         return self._equations[loaded, smooth]
 
 
-def impossible(mechanism: Mechanism, name: str) -> str:
-    """Why there is no kernel of this name; empty when there is one."""
+def impossible(mechanism: Mechanism, quantity: str) -> str:
+    """Why there is no kernel of this quantity; empty when there is one."""
     nv, motors = mechanism.motors.shape
-    n, first = len(mechanism.coordinates), name.split(maxsplit=1)[0]
-    if mechanism.without_mass and first in ("accelerations", "acceleration_derivatives"):
+    n = len(mechanism.coordinates)
+    if mechanism.without_mass and quantity in ("accelerations", "acceleration_derivatives"):
         return "the mass matrix is singular"
-    if first == "torques" and motors < n:
+    if quantity == "torques" and motors < n:
         return f"fewer motors ({motors}) than coordinates ({n})"
-    if first not in _WITHOUT_MATRICES and n * n * nv > _LARGEST:
+    if quantity not in _WITHOUT_MATRICES and n * n * nv > _LARGEST:
         return f"{n} coordinates of {nv} rates are too many for matrices to be written out"
-    if first in DERIVATIVES and n * n * nv > _LARGEST_DERIVATIVES:
+    if quantity in _SMOOTH and n * n * nv > _LARGEST_DERIVATIVES:
         return f"{n} coordinates of {nv} rates are too many for derivatives to be written out"
     return ""
 
 
-def _has_directions(mechanism: Mechanism, name: str, lanes: int) -> bool:
+def _has_directions(mechanism: Mechanism, quantity: str, lanes: int) -> bool:
     """Whether derivatives of one sample take less time direction by direction, `lanes` at once."""
     n, motors = len(mechanism.coordinates), mechanism.motors.shape[1]
-    first = name.split(maxsplit=1)[0]
-    fit = first == "torque_derivatives" or (first == "acceleration_derivatives" and motors == n)
+    fit = quantity == "torque_derivatives" or (
+        quantity == "acceleration_derivatives" and motors == n
+    )
     return fit and 1 < n <= _TIMES * lanes
 
 
@@ -437,7 +363,3 @@ def _content(mechanism: Mechanism, parameters: Parameters) -> bytes:
 def _frame(mechanism: Mechanism, name: str) -> bytes:
     frame = frame_named(mechanism.model, name)
     return repr(frame.parentJoint).encode() + frame.placement.homogeneous.tobytes()
-
-
-def _nothing(*_: object) -> None:
-    return None

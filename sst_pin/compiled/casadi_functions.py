@@ -220,7 +220,7 @@ class CasadiFunctions:
         Raises:
             UnknownNameError: For an unknown frame.
         """
-        rows = kernels.make(self._equations, f"frame_jacobian {frame}").output
+        rows = kernels.make(self._equations, "frame_jacobian", frame=frame).output
         J = ca.reshape(rows, self.n, 6).T
         return self._made("frame_jacobian", {"q": self._equations.q}, {"J": J})
 

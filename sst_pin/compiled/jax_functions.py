@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import for_each_sample
+from ..chain.backend import Key
 from ..chain.closures import Rolling
 from ..chain.mechanism import Mechanism
 from ..chain.samples import by_kernel
@@ -338,7 +339,7 @@ class JaxFunctions:
         """As the chain's; NaN where loops are open."""
         current = self._chain._current
         reference, size = current.reference.rates, (self._mechanism.model.nv,)
-        return by_kernel(current, reference, "rates", [q, va], (1, 1), size, on_error="nan")
+        return by_kernel(current, reference, Key("rates"), [q, va], (1, 1), size, on_error="nan")
 
     def _by_casadi(self, name: str, order: int, *arrays: Array) -> Array:
         """As `AlongMotions.values`, of the model as it stands."""

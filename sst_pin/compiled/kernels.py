@@ -10,6 +10,7 @@ from typing import Any
 import casadi as ca
 from casadi import SX
 
+from ..chain.backend import Key
 from . import derivatives
 from .checks import Checks
 from .elimination import total
@@ -40,30 +41,36 @@ class Kernel:
     directions: int = 0
 
 
-def make(equations: Equations, name: str, checks: Checks | None = None) -> Kernel:
-    """A kernel by its name.
+def make(
+    equations: Equations,
+    quantity: str,
+    checks: Checks | None = None,
+    *,
+    frame: str | None = None,
+    along: bool = False,
+) -> Kernel:
+    """The kernel of a quantity.
 
     Args:
         equations: Of the robot.
-        name: One of `KERNELS`; one of `DERIVATIVES` and `ALONG`; or one of `OF_FRAMES` and the name
-            of a frame.
-        checks: Of the robot; those for double precision by default.
+        quantity: One of `KERNELS` or `OF_FRAMES`.
+        checks: Checks of the robot; those for double precision by default.
+        frame: Name of the frame, for one of `OF_FRAMES`.
+        along: Whether derivatives are those along directions.
     """
     checks = checks or Checks(equations)
-    first, _, rest = name.partition(" ")
-    directions = 0
-    if first in OF_FRAMES:
-        inputs, output, own = OF_FRAMES[first](equations, checks, rest)
-    elif rest:
-        directions = len(equations.mechanism.coordinates)
-        inputs, output, own = _along(equations, checks, first, directions)
+    directions = len(equations.mechanism.coordinates) if along else 0
+    if frame is not None:
+        inputs, output, own = OF_FRAMES[quantity](equations, checks, frame)
+    elif along:
+        inputs, output, own = _along(equations, checks, quantity, directions)
     else:
-        inputs, output, own = KERNELS[name](equations, checks)
+        inputs, output, own = KERNELS[quantity](equations, checks)
     loads = equations.loads
     given = tuple(x for x in inputs if x is not loads or x.numel())
     loaded = any(x is loads for x in given)
     return Kernel(
-        "_".join([first, *[rest] * bool(directions), *["loaded"] * loaded]),
+        Key(quantity, loaded=loaded, along=along).entry,
         given,
         equations.p,
         ca.densify(output),
@@ -72,10 +79,10 @@ def make(equations: Equations, name: str, checks: Checks | None = None) -> Kerne
     )
 
 
-def entry(equations: Equations, name: str) -> list[Kernel]:
-    """The kernels of an entry of a library: that of its name, or those of a rollout."""
-    parts = ["closing", "state_rate"] if name == "rollout" else [name]
-    return [make(equations, part) for part in parts]
+def entry(equations: Equations, key: Key) -> list[Kernel]:
+    """The kernels in the library of a key: one, or those of a rollout."""
+    parts = ["closing", "state_rate"] if key.quantity == "rollout" else [key.quantity]
+    return [make(equations, part, frame=key.frame, along=key.along) for part in parts]
 
 
 _Made = tuple[list[SX], SX, list[Any]]

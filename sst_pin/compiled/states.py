@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import math
 import sys
 from functools import cached_property
 from typing import TYPE_CHECKING, Protocol
@@ -11,13 +10,13 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ..chain.backend import Motions
+from ..chain.backend import Kernel, Key, Motions
 from ..chain.continuity import TRAVEL
 from ..chain.mechanism import Friction
 from ..chain.reference import Reference, ReferenceStates
 
 if TYPE_CHECKING:
-    from ._binding import Course, Kernel
+    from ._binding import Course
 
 Array = NDArray[np.float64]
 #: det Phi_u changes by no more than this factor in half a step that is sound.
@@ -26,16 +25,16 @@ Indices = NDArray[np.intp]
 
 
 class Kernels(Protocol):
-    """What states ask of a backend; None where it has no such kernel."""
+    """The methods of a backend that states call."""
 
-    def kernel(self, name: str) -> Kernel | None:
-        """A kernel by its name."""
+    def kernel(self, key: Key) -> Kernel:
+        """The kernel of a quantity."""
 
-    def rate(self, loaded: bool, friction: Friction) -> Kernel | None:
-        """Rates of states."""
+    def rate(self, loaded: bool, friction: Friction) -> Kernel:
+        """The kernel of the rates of states."""
 
     def course(self, loaded: bool, friction: Friction) -> Course | None:
-        """The kernel of a rollout."""
+        """The kernel of a rollout; None where there is none."""
 
 
 class CompiledStates(ReferenceStates):
@@ -50,12 +49,10 @@ class CompiledStates(ReferenceStates):
     def __init__(self, reference: Reference, friction: Friction, backend: Kernels) -> None:
         super().__init__(reference, friction)
         self._backend = backend
-        self._closing = backend.kernel("closing")
+        self._closing = backend.kernel(Key("closing"))
 
     def closed(self, states: Array) -> Array:
         """As `ReferenceStates.closed`, by Newton's method."""
-        if self._closing is None:
-            return super().closed(states)
         answer = self._closing.answer(states[..., : self._nq], None, None, None, None, 1)
         if answer is not None:  # closed to 1e-6 before this step: the next one is the last
             q = answer[..., : self._nq]
@@ -74,8 +71,6 @@ class CompiledStates(ReferenceStates):
     def rate(self, states: Array, tau: Array, wrenches: Array | None) -> Array:
         """As `ReferenceStates.rate`."""
         kernel = self._rate_alone if wrenches is None else self._loaded_rate
-        if kernel is None:
-            return super().rate(states, tau, wrenches)
         load = None if wrenches is None else wrenches.reshape(*wrenches.shape[:-2], -1)
         answer = kernel.answer(states, tau, load, None, None, 1)
         return super().rate(states, tau, wrenches) if answer is None else answer
@@ -116,19 +111,17 @@ class CompiledStates(ReferenceStates):
 
     def _determinants(self, q: Array) -> Array:
         """det Phi_u of configurations, shape (..., nq); NaN where they fail the checks."""
-        det = np.full(math.prod(q.shape[:-1]), np.nan)
-        if self._closing is not None:
-            flat = np.ascontiguousarray(q.reshape(-1, self._nq))
-            result = np.empty((len(flat), self._nq + 2))
-            left = self._closing.many((flat,), result)
-            det[:] = result[:, -2]
-            det[left] = np.nan
+        flat = np.ascontiguousarray(q.reshape(-1, self._nq))
+        result = np.empty((len(flat), self._nq + 2))
+        left = self._closing.many((flat,), result)
+        det = result[:, -2]
+        det[left] = np.nan
         return det.reshape(q.shape[:-1])
 
     @cached_property
-    def _rate_alone(self) -> Kernel | None:
+    def _rate_alone(self) -> Kernel:
         return self._backend.rate(False, self._friction)
 
     @cached_property
-    def _loaded_rate(self) -> Kernel | None:
+    def _loaded_rate(self) -> Kernel:
         return self._backend.rate(True, self._friction)

@@ -11,6 +11,7 @@ import pytest
 
 import any_chain
 from sst_pin import ClosedChain, ClosureError, InputError, robots
+from sst_pin.chain.backend import Key
 from sst_pin.compiled import build
 from sst_pin.compiled.export import c_files
 from sst_pin.files import write_files
@@ -51,8 +52,8 @@ def exported(chain, folder):
 def test_no_sample_is_handed_over_and_all_are_those_of_the_reference_path(pair, motions):
     (kernels, reference), (q, va, aa) = pair, motions
     backend = kernels._current.backend
-    assert not len(backend.fill("torques", (q, va, aa), np.empty_like(va), 1))
-    assert not len(backend.fill("accelerations", (q, va, aa), np.empty_like(va), 1))
+    assert not len(backend.kernel(Key("torques")).many((q, va, aa), np.empty_like(va)))
+    assert not len(backend.kernel(Key("accelerations")).many((q, va, aa), np.empty_like(va)))
     for name, third in (("compute_torques", aa), ("compute_accelerations", aa)):
         expected = getattr(reference, name)(q, va, third)
         same(getattr(kernels, name)(q, va, third), expected)
@@ -136,7 +137,7 @@ def test_a_robot_without_motors_falls_as_on_the_reference_path(tmp_path):
     kernels.compile()
     tau = np.empty((3, 0))
     assert not len(
-        kernels._current.backend.fill("accelerations", (q, va, tau), np.empty((3, 1)), 1)
+        kernels._current.backend.kernel(Key("accelerations")).many((q, va, tau), np.empty((3, 1)))
     )
     expected = reference.compute_accelerations(q, va, tau)
     same(kernels.compute_accelerations(q, va, tau), expected)

@@ -19,6 +19,7 @@ import cassie
 import robots
 import sst_pin
 import sst_pin.robots as robots_of_the_gallery
+from sst_pin.chain.backend import Key
 from sst_pin.compiled import backend, build
 from sst_pin.errors import CompilationError
 
@@ -81,9 +82,9 @@ def left(chain, q, va, aa):
     """How many samples the kernels of torques and accelerations leave to the reference path."""
     motors, kernels = len(chain.motor_names), chain._current.backend
     tau = np.ones((len(q), motors))
-    count = len(kernels.fill("accelerations", (q, va, tau), np.empty(va.shape), 1))
+    count = len(kernels.kernel(Key("accelerations")).many((q, va, tau), np.empty(va.shape)))
     if motors >= chain.degrees_of_freedom:
-        count += len(kernels.fill("torques", (q, va, aa), np.empty((len(q), motors)), 1))
+        count += len(kernels.kernel(Key("torques")).many((q, va, aa), np.empty((len(q), motors))))
     return count
 
 
@@ -283,7 +284,7 @@ def test_strided_read_only_broadcast_and_overlapping_arrays(four_bar):
 
 def test_the_binding_computes_with_nothing_but_float64_rows(four_bar):
     (q, va, aa), out = moving(four_bar, 5), np.empty((5, 1))
-    kernel = four_bar._current.backend.kernel("torques")
+    kernel = four_bar._current.backend.kernel(Key("torques"))
     assert kernel.answer(q[0], va[0], aa[0], None, None, 1) is not None
     batch = kernel.answer(q, va[0], aa, None, None, 1)
     alone = [kernel.answer(q[k], va[0], aa[k], None, None, 1) for k in range(5)]

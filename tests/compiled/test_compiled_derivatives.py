@@ -22,14 +22,15 @@ from derivative_cases import (
 )
 from pinocchio_derivatives import RIGHT, assert_Pinocchio_agrees, assert_Pinocchio_is_wrong
 from sst_pin import ClosedChain
+from sst_pin.chain.backend import Key
 from sst_pin.chain.mechanism import Friction
 from sst_pin.compiled import c_code, kernels, statements
-from sst_pin.compiled.backend import ALONG, DERIVATIVES, CompiledBackend, sample_configurations
+from sst_pin.compiled.backend import DERIVATIVES, CompiledBackend, sample_configurations
 from sst_pin.compiled.equations import Equations
 from sst_pin.errors import ClosureError, InputError, UnknownNameError
 
 #: Of many samples, and of one.
-ALL = (*DERIVATIVES, *(f"{name} {ALONG}" for name in DERIVATIVES))
+ALL = (*DERIVATIVES, *(key._replace(along=True) for key in DERIVATIVES))
 #: The others take a second or more.
 QUICK = ("floating four-bar", "geared", "four_bar", "five_bar")
 SOME = [pytest.param(name, marks=() if name in QUICK else pytest.mark.slow) for name in CASES]
@@ -39,7 +40,7 @@ COMPILED = {
 }
 
 
-def numbers(case, names):
+def numbers(case, keys):
     """The reference path, kernels as functions of numbers, and f differentiated by CasADi."""
     chain = case.chain
     reference, mechanism = chain._current.reference, chain._current.mechanism
@@ -48,19 +49,19 @@ def numbers(case, names):
     own = mechanism.friction
     p = equations.parameters.pack(mechanism, Friction(own.viscous, own.coulomb, WIDTH))
     functions = {}
-    for name in names:
-        kernel = kernels.make(equations, name)
+    for key in keys:
+        (kernel,) = kernels.entry(equations, key)
         results = [ca.vertcat(kernel.output, ca.mmax(kernel.checks))]
-        functions[name] = ca.Function(kernel.name, [*kernel.inputs, kernel.parameters], results)
+        functions[key] = ca.Function(kernel.name, [*kernel.inputs, kernel.parameters], results)
     e, f = equations, equations.generalized_forces
     along = ca.horzcat(*(e.kinematics.q_rates(L) for L in e.L))
     plain = ca.horzcat(ca.jacobian(f, e.q) @ along, ca.jacobian(f, ca.vertcat(e.va, e.aa)))
     plain = ca.Function("plain", [e.q, e.va, e.aa, e.loads, e.p], [ca.densify(plain)])
 
-    def evaluated(name, q, va, x, wrenches):
+    def evaluated(key, q, va, x, wrenches):
         n = chain.degrees_of_freedom
-        ways = [[way] for way in np.eye(n)] if name.endswith(ALONG) else [[]]
-        columns = [functions[name](q, va, x, wrenches.ravel(), *way, p).full() for way in ways]
+        ways = [[way] for way in np.eye(n)] if key.along else [[]]
+        columns = [functions[key](q, va, x, wrenches.ravel(), *way, p).full() for way in ways]
         results = np.hstack(columns)
         assert results[-1].max() <= 1  # the kernel vouches for it
         return results[:-1].reshape(n, -1)
@@ -68,12 +69,12 @@ def numbers(case, names):
     return evaluated, lambda *state: plain(*state[:3], state[3].ravel(), p).full()
 
 
-def assert_all_ways_agree(case, count, names=ALL):
+def assert_all_ways_agree(case, count, keys=ALL):
     """The reference path's derivatives, those by one factorisation, and CasADi's of f itself."""
     chain = case.chain
     if len(chain.motor_names) != chain.degrees_of_freedom:
-        names = [name for name in names if name != f"acceleration_derivatives {ALONG}"]
-    evaluated, plain = numbers(case, names)
+        keys = [key for key in keys if key != DERIVATIVES[1]._replace(along=True)]
+    evaluated, plain = numbers(case, keys)
     options = {"sign_width": WIDTH}
     for k, (q, va, aa, wrenches) in enumerate(case.states(count)):
         options["external_wrenches"] = wrenches
@@ -81,15 +82,15 @@ def assert_all_ways_agree(case, count, names=ALL):
         close(plain(q, va, aa, wrenches), df, 1e-10)
         tau = np.linspace(-2, 3, len(chain.motor_names))
         da = np.concatenate(chain.acceleration_derivatives(q, va, tau, **options), axis=1)
-        for name in names:
-            x, expected = (aa, df) if name.startswith("torque") else (tau, da)
-            d = evaluated(name, q, va, x, wrenches)
+        for key in keys:
+            x, expected = (aa, df) if key.quantity == "torque_derivatives" else (tau, da)
+            d = evaluated(key, q, va, x, wrenches)
             close(d, expected, 1e-10)
             if k > 2:
                 continue
             inertia, motors = chain.noc(q, va).inertia, case.L(q)[list(chain.actuated)].T
             by_x = d[:, 2 * len(va) :]
-            if name.startswith("torque"):
+            if key.quantity == "torque_derivatives":
                 close(by_x, inertia, 1e-12)
             else:  # condition numbers of inertia matrices of mixed units are up to 1e4
                 close(inertia @ by_x, motors, 1e-10)
@@ -110,8 +111,8 @@ def test_derivatives_through_every_closure_and_every_joint(name, kind):
 
     Those of accelerations are solved from those of forces: every closure on one of the trees.
     """
-    names = ALL if name == "floating" else ("torque_derivatives",)
-    assert_all_ways_agree(of_tree(name, kind), 2, names)
+    keys = ALL if name == "floating" else DERIVATIVES[:1]
+    assert_all_ways_agree(of_tree(name, kind), 2, keys)
 
 
 def test_a_turn_of_the_base_about_the_vertical_changes_nothing():
@@ -121,12 +122,12 @@ def test_a_turn_of_the_base_about_the_vertical_changes_nothing():
     case = Case(chain, chain, np.zeros(model.nv), chain.assemble(start))
     evaluated, _ = numbers(case, ALL)
     for q, va, x, wrenches in case.states(20):
-        for name in ALL:
-            dq = evaluated(name, q, va, random.uniform(-2, 2) * x, 0 * wrenches)[:, :2]
+        for key in ALL:
+            dq = evaluated(key, q, va, random.uniform(-2, 2) * x, 0 * wrenches)[:, :2]
             assert np.abs(dq[:, 0]).max() < 1e-12 * np.abs(dq).max()
 
 
-@pytest.mark.parametrize("kernel", [name for name in ALL if name.startswith("acceleration")])
+@pytest.mark.parametrize("kernel", ALL[1::2], ids=str)
 def test_derivatives_agree_with_those_of_Pinocchio_where_these_are_right(kernel):
     """Every kernel; where Pinocchio is wrong they are not."""
 
@@ -188,7 +189,9 @@ def test_kernels_give_what_the_reference_path_gives(compiled):
         close(got[0], right[0], 1e-10)
         close(got[1], right[1], 1e-10)
         rows = np.empty((len(q), 3 * n * n))
-        assert not len(backend.fill("torque_derivatives", (q, va, aa, load), rows, 1, WIDTH))
+        loads = () if load is None else (load.reshape(len(q), -1),)
+        key = Key("torque_derivatives", loaded=load is not None, sign_width=WIDTH)
+        assert not len(backend.kernel(key).many((q, va, aa, *loads), rows))
     single = ours.torque_derivatives(q[3], va[3], aa[3])
     for got, right in zip(single, reference.torque_derivatives(q[3], va[3], aa[3]), strict=True):
         close(got, right, 1e-9)  # friction is steep
@@ -199,11 +202,11 @@ def test_kernels_give_what_the_reference_path_gives(compiled):
 def test_compile_with_derivatives_has_all_of_linearize_ready(name, monkeypatch):
     """What moving axes do to a displacement too, where there are some."""
     asked = []
-    monkeypatch.setattr(CompiledBackend, "make", lambda _, names: asked.extend(names))
+    monkeypatch.setattr(CompiledBackend, "make", lambda _, keys: asked.extend(keys))
     case = COMPILED[name]()
     case.chain.compile(case.home, derivatives=True)
     assert set(DERIVATIVES) < set(asked)
-    assert ("displacement_rates" in asked) == (name == "floating four-bar")
+    assert (Key("displacement_rates") in asked) == (name == "floating four-bar")
 
 
 OF_FRAMES = ("frame_jacobian_rate", "frame_velocity_derivatives", "frame_drift")
@@ -220,7 +223,7 @@ def test_kernels_of_frames_give_what_the_reference_path_gives(compiled):
         got, expected = (np.hstack(getattr(x, name)(q[3], va[3], frame)) for x in (ours, reference))
         close(got, expected, 1e-11)
         rows = np.empty((len(q), np.size(expected)))
-        assert not len(ours._current.backend.fill(f"{name} {frame}", (q, va), rows, 1))
+        assert not len(ours._current.backend.kernel(Key(name, frame)).many((q, va), rows))
     assert ours.frame_velocity_derivatives(q, va, frame).dq.shape == (8, 6, n)
     assert "frame" not in ours.path
 
@@ -239,7 +242,7 @@ def test_the_reference_path_computes_a_frame_that_no_kernel_vouches_for(compiled
     closed, left = q[2, -1], []
     for step in np.geomspace(1e-8, 1e-4, 60):
         q[2, -1] = closed + step
-        left = ours._current.backend.fill(f"frame_drift {frame}", (q, va), rows, 1)
+        left = ours._current.backend.kernel(Key("frame_drift", frame)).many((q, va), rows)
         if len(left):
             break
     assert list(left) == [2]

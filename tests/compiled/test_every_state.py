@@ -6,6 +6,7 @@ import pinocchio as pin
 import pytest
 
 from sst_pin import SST, ClosureError, SingularConfigurationError, robots
+from sst_pin.chain.backend import Key
 
 #: Condition numbers up to which states are taken.
 WORST = 1e4
@@ -95,7 +96,7 @@ def test_kernels_give_the_numbers_of_the_reference_path_or_leave_the_state_to_it
     assert kernels.path.startswith("compiled")
     tau, found, backend = np.empty((len(q), motors)), np.empty_like(aa), kernels._current.backend
     expected = reference.compute_torques(q, va, aa)
-    left = backend.fill("torques", (q, va, aa), tau, 1)
+    left = backend.kernel(Key("torques")).many((q, va, aa), tau)
     kept = np.delete(np.arange(len(q)), left)
     size = np.abs(expected).max(axis=1)
     for i in kept[~(np.abs(tau - expected).max(axis=1) < allowed * size)[kept]]:
@@ -103,7 +104,7 @@ def test_kernels_give_the_numbers_of_the_reference_path_or_leave_the_state_to_it
         rounding = of_rounding(reference, reference.compute_torques, *motion)
         parts = of_parts(reference.compute_torques, *motion)
         assert np.abs(tau[i] - expected[i]).max() < max(2 * rounding, allowed[i] * parts)
-    also_left = backend.fill("accelerations", (q, va, expected), found, 1)
+    also_left = backend.kernel(Key("accelerations")).many((q, va, expected), found)
     kept = np.delete(np.arange(len(q)), also_left)
     forces_of = reference.generalized_forces
     taken, forces = (forces_of(q[kept], va[kept], x[kept]) for x in (found, aa))

@@ -5,6 +5,8 @@ import numpy as np
 import pytest
 from overconstrained import LOOPS
 
+from sst_pin.chain.backend import Key
+
 #: These meet singular configurations on their way.
 STOPPING = {
     "threefold Bricard",
@@ -36,9 +38,8 @@ def test_loops_turn_fully_by_kernels_and_follow_the_reference_path(name):
         (kernels.compute_accelerations, reference.compute_accelerations),
     ):
         expected = theirs(q, va, aa)
-        by_kernel = ours.__self__._current.backend.fill
-        result = np.empty_like(expected)
-        assert not len(by_kernel(ours.__name__.removeprefix("compute_"), (q, va, aa), result, 1))
+        key, result = Key(ours.__name__.removeprefix("compute_")), np.empty_like(expected)
+        assert not len(kernels._current.backend.kernel(key).many((q, va, aa), result))
         # Condition numbers are below 1e3.
         assert np.allclose(result, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
 

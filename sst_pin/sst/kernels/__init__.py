@@ -15,9 +15,10 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from ... import extensions
+from ...chain.backend import Key
 from ...chain.mechanism import Mechanism
 from ...compiled import build
-from ...compiled.backend import ALONG, DERIVATIVES
+from ...compiled.backend import DERIVATIVES
 from ...compiled.code import Code
 from ...compiled.parameters import Parameters
 from ...description import MOTOR_NAMES
@@ -29,18 +30,14 @@ FOLDER = Path(__file__).parent
 PARTS, INCLUDE = ("real.h", "driver.h"), Path(build.__file__).with_name("c")
 #: Kernels that the package contains compiled.
 ENTRIES = (
-    "torques",
-    "accelerations",
-    "reduced_terms",
-    "rates",
-    "closing",
-    "rollout",
-    "torques loaded",
-    "accelerations loaded",
-    "rollout loaded",
+    *(
+        Key(quantity)
+        for quantity in ("torques", "accelerations", "reduced_terms", "rates", "closing", "rollout")
+    ),
+    *(Key(quantity, loaded=True) for quantity in ("torques", "accelerations", "rollout")),
 )
 #: Kernels that are compiled at their first use, each from a file of its name.
-AT_FIRST_USE = (*DERIVATIVES, *(f"{name} {ALONG}" for name in DERIVATIVES))
+AT_FIRST_USE = (*DERIVATIVES, *(key._replace(along=True) for key in DERIVATIVES))
 
 
 def open_numbers(mechanism: Mechanism) -> Parameters:
@@ -49,22 +46,21 @@ def open_numbers(mechanism: Mechanism) -> Parameters:
     return Parameters(mechanism, complete=True, rotated=[*MOTOR_NAMES, *frames])
 
 
-def code(name: str, target: str) -> Code:
+def code(key: Key, target: str) -> Code:
     """The code of a kernel.
 
     Args:
-        name: One of `ENTRIES` or `AT_FIRST_USE`.
+        key: One of `ENTRIES` or `AT_FIRST_USE`.
         target: An instruction set.
 
     Raises:
         CompilationError: When there is none, or for derivatives no compiler.
     """
-    entry = name.replace(" ", "_")
-    if name in AT_FIRST_USE:
-        return Code(_from_cache(entry, target), entry)
-    if name not in ENTRIES:
+    if key in AT_FIRST_USE:
+        return Code(_from_cache(key.entry, target), key.entry)
+    if key not in ENTRIES:
         raise CompilationError("the shipped kernels have none")
-    return Code(_installed(target), f"{entry}_{target}")
+    return Code(_installed(target), f"{key.entry}_{target}")
 
 
 def missing() -> str:
