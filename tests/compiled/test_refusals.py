@@ -100,14 +100,14 @@ FAULTS = {
     "no motor of the light bars": Fault("lift of 1e5 kg", ActuationError),
     "no mass": Fault("massless bars", SingularConfigurationError),
 }
-#: Methods by what their arguments are; those of frames have the frame first.
+#: Methods by what their arguments are.
 TAKES = {
     "joint_rates": "q va",
     "joint_accelerations": "q va x",
-    "frame_jacobian": "frame q",
-    "frame_jacobian_rate": "frame q va",
-    "frame_drift": "frame q va",
-    "frame_velocity_derivatives": "frame q va",
+    "frame_jacobian": "q frame",
+    "frame_jacobian_rate": "q va frame",
+    "frame_drift": "q va frame",
+    "frame_velocity_derivatives": "q va frame",
     "reduced_terms": "q va",
     "compute_torques": "q va x",
     "generalized_forces": "q va x",
