@@ -29,6 +29,7 @@ robot.compute_torque
 STARTS = {
     "sst_pin.": {*sst_pin.__all__, "robots", "plots", "viewer"},
     "sst_pin.robots.": set(sst_pin.robots.__all__),
+    "robot = sst_pin.SST()\nrobot.": {"compute_torques", "inverse_kinematics", "simulate"},
     "robot = sst_pin.robots.delta()\nrobot.": {"compute_torques", "mobility", "home"},
     "robot = sst_pin.ClosedChain.from_urdf('a.urdf')\nrobot.": {"compile", "assemble"},
 }
