@@ -12,7 +12,15 @@ import pytest
 import sst_pin
 
 PACKAGE = Path(sst_pin.__file__).parent
-CODE = "import sst_pin; print(sst_pin.SST().path); print(sst_pin.SST().path)"
+#: Two robots, where no other clone is on the path.
+CODE = """
+import os, sys
+own = "", os.environ["PYTHONPATH"]
+sys.path[:] = [p for p in sys.path if p in own or not os.path.isdir(f"{p}/sst_pin")]
+import sst_pin
+print(sst_pin.SST().path)
+print(sst_pin.SST().path)
+"""
 
 
 @pytest.mark.parametrize("installed", [True, False])
