@@ -8,9 +8,11 @@ thread computes from the old one or from the new one.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import as_array, single_array
@@ -49,8 +51,8 @@ class Current:
         self.mechanism, self.kernels = mechanism, kernels
         self.reference = Reference(mechanism)
 
-    def __reduce__(self) -> tuple[type[Current], tuple[Mechanism, Kernels | None]]:
-        return Current, (self.mechanism, self.kernels)
+    def __reduce__(self) -> tuple[Callable[..., Current], tuple[Mechanism, Kernels | None]]:
+        return _unpickled, (self.mechanism, self.kernels)
 
     # --- what computes ----------------------------------------------------------------------
 
@@ -164,3 +166,8 @@ class Current:
         groups = [mechanism.space.rates_of([name]) for name in names]
         at = self.example() if q is None else self.single(q)
         return judge(mechanism, loops, at, given, groups)
+
+
+def _unpickled(mechanism: Mechanism, kernels: Kernels | None) -> Current:
+    """With a copy of the model: mimic joints of an unpickled one end the process in `calc`."""
+    return Current(replace(mechanism, model=pin.Model(mechanism.model)), kernels)
