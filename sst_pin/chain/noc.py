@@ -99,7 +99,8 @@ class JointComplement:
         if not all(pivot * MAX_CONDITION_NUMBER > largest for pivot in smallest):
             self._refuse(Phi, largest / MAX_CONDITION_NUMBER, smallest)
         left = self._row_scale * Phi.dot(self.L)  # Phi L = 0 in the rows that are redundant too
-        if not np.abs(left).max(initial=0.0) < _INCONSISTENT * largest * np.abs(self.L).max():
+        bound = _INCONSISTENT * largest * np.abs(self.L).max(initial=0.0)
+        if not np.abs(left).max(initial=0.0) <= bound:
             self._refuse(Phi, 0.0, smallest)
 
     def _least_squares(self, A: Array) -> tuple[Array, tuple[float, float]]:
@@ -122,7 +123,9 @@ class JointComplement:
         if loose:
             names = listed([mechanism.space.rate_names[k] for k in loose])
             why = f"the coordinates do not determine the rates of the dependent joints {names}"
-        others = mechanism.space.names_of(choose_coordinates(mechanism, scaled).tolist())
+        others = mechanism.space.names_of(
+            choose_coordinates(mechanism, np.nan_to_num(scaled)).tolist()
+        )
         raise SingularConfigurationError(
             f"singular configuration: {why}; move away, or choose other coordinates=, "
             f"for example {listed(others)} describe the motion here",
