@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 import sst_pin
 from paths import on_reference_path
+from sst_pin.chain.backend import Key
 from sst_pin.compiled import _binding
 from sst_pin.description import urdf_of
 from sst_pin.sst import kernels
@@ -372,7 +373,7 @@ def test_every_instruction_set_of_the_machine_computes_the_same():
     mechanism = robot._current.reference.mechanism
     numbers = kernels.open_numbers(mechanism).pack(mechanism, mechanism.friction)
     for target in have[_binding.INSTRUCTIONS]:
-        code = kernels.code("torques", target)
+        code = kernels.code(Key("torques"), target)
         address, (size, *inputs) = code.address("run"), code.sizes("run")
         p, gravity = code.prepared(numbers), robot.model.gravity.linear
         kernel = _binding.Kernel(address, address, tuple(inputs), size, p, gravity, code)
