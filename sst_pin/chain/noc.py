@@ -69,9 +69,9 @@ class JointComplement:
     """
 
     def __init__(self, mechanism: Mechanism, touched: NDArray[np.bool_]) -> None:
-        from scipy.linalg import lapack  # an import takes a microsecond at each call
+        from scipy.linalg import blas, lapack  # an import takes a microsecond at each call
 
-        self._mechanism, self._lapack = mechanism, lapack
+        self._mechanism, self._lapack, self._dtrsm = mechanism, lapack, blas.dtrsm
         self._row_scale = mechanism.row_scale[:, None]
         self.blocks = [
             _Block(mechanism, touched, *part) for part in connected(touched[:, mechanism.dependent])
@@ -111,7 +111,7 @@ class JointComplement:
         QR, order, tau, _, _ = self._lapack.dgeqp3(A)
         inverse = np.empty((d, m))
         Q, _, _ = self._lapack.dorgqr(QR, tau)
-        inverse[order - 1], _ = self._lapack.dtrtrs(QR[:d], Q.T)
+        inverse[order - 1] = self._dtrsm(1.0, QR[:d], Q.T)  # dtrtrs starts threads, which wait long
         return inverse, (abs(QR[0, 0]), abs(QR[d - 1, d - 1]))
 
     def _refuse(self, Phi: Array, least: float, smallest: list[float]) -> None:
