@@ -23,6 +23,7 @@ from ..errors import DescriptionError, InputError, WorkspaceError
 from ..files import Table, beside
 from ..motion.limits import Finding, findings, samples_of
 from ..motion.trajectories import Trajectory
+from ..reading import inertias
 from ..reading.shapes import UrdfShapes
 from . import check, direct_kinematics, kernel_path, kinematics, star_appearance, star_motions
 from .geometry_models import ParameterShapes
@@ -101,6 +102,9 @@ class SST(ClosedChain):
         Raises:
             DescriptionError: If it is not a URDF of an SST; the message lists all problems.
 
+        Warns:
+            DescriptionWarning: When the inertia of a link is one that no body has.
+
         Example:
             >>> robot = sst_pin.SST.from_urdf(sst_pin.URDF_PATH)
             >>> robot.motor_names
@@ -148,6 +152,7 @@ class SST(ClosedChain):
             cuts = own if own.is_file() else Path(description.YAML_PATH)
         text = reading.read_text(cuts, "YAML of the cuts")
         self._load(urdf, text, str(path), str(cuts), kernels)
+        inertias.warn(reading.parse_xml(urdf, str(path)), str(path), stacklevel=3)
         self._shapes = UrdfShapes(urdf, Path(path).parent)
 
     def _load(

@@ -35,10 +35,13 @@ def with_inertia(folder, mass, xx, yy, zz):
         ((0, 1e-3, 1e-3, 1e-3), "link link_2: inertia without mass"),
     ],
 )
-def test_a_warning_points_to_the_caller_and_the_numbers_are_computed_with(tmp_path, numbers, told):
+@pytest.mark.parametrize("kind", [sst_pin.ClosedChain, sst_pin.SST])
+def test_a_warning_points_to_the_caller_and_the_numbers_are_computed_with(
+    tmp_path, kind, numbers, told
+):
     path = with_inertia(tmp_path, *numbers)
     with pytest.warns(sst_pin.DescriptionWarning, match=told) as caught:
-        chain = sst_pin.ClosedChain.from_urdf(path)
+        chain = kind.from_urdf(path)
     assert [warning.filename for warning in caught] == [__file__]
     body = chain.model.inertias[chain.model.getJointId("gamma_2")]
     np.testing.assert_allclose(np.linalg.eigvalsh(body.inertia), numbers[1:], rtol=1e-9)
