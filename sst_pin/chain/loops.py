@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Residual f(q) of the constraints, their Jacobian Phi and its rate, at one configuration.
 
 With the wrenches W of the closures' rows (`pair_rows`), Pinocchio's joint Jacobian J, and the

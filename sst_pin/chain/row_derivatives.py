@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Partial derivatives on the tree of the closures' rows: of Phi v and of its rate.
 
 Derivatives by q are taken along each rate of the tree, as Pinocchio's are. Twists and the wrenches

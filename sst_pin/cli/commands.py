@@ -7,7 +7,7 @@ import sys
 import warnings
 from collections.abc import Sequence
 
-from ..errors import SingularityWarning, SSTError
+from ..errors import DescriptionWarning, SingularityWarning, SSTError
 from ..version import __version__
 from . import (
     compile as compile_,
@@ -68,6 +68,7 @@ def run(argv: Sequence[str] | None) -> int:
         with warnings.catch_warnings():
             # A motion that stops early is told on standard output, once.
             warnings.simplefilter("ignore", SingularityWarning)
+            warnings.simplefilter("always", DescriptionWarning)  # each command says it again
             warnings.showwarning = _warn
             return arguments.run(arguments) or 0
     except SSTError as error:

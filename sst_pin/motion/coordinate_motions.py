@@ -132,7 +132,10 @@ def _warn_of_choice(chain: ClosedChain, positions: Mapping[str, float]) -> None:
     """Say that the assembly was chosen here, unless the description or the caller has done so."""
     model = chain.mechanism.model
     free = set(angles_and_lengths(chain.mechanism.space)) - positions.keys()
-    if "home" in model.referenceConfigurations or not free:
+    with suppress(DescriptionError):
+        chain.home  # noqa: B018
+        return
+    if not free:
         return
     neutral = pin.neutral(model)
     if np.abs(chain.residual(neutral)).max(initial=0.0) < CLOSURE_TOLERANCE:

@@ -35,5 +35,5 @@ def configurations_of(parameters: Parameters) -> dict[str, Array]:
         except SingularConfigurationError:
             continue
         # The last bit of an arctangent is the machine's own; files shall be the same everywhere.
-        found[name] = kinematics.joints_of_legs(geometry, legs).round(15)
+        found[name] = kinematics.joints_of_legs(geometry, legs).round(14)
     return found

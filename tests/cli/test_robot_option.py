@@ -48,7 +48,8 @@ def test_torques_of_a_delta_lead_back_to_its_motion(here, capsys):
     write_delta(here / "m.csv")
     robot = ("--robot", DELTA)
     code, out, err = run(capsys, "torques", "m.csv", "-o", "tau.csv", *robot)
-    assert (code, err) == (0, "")
+    assert code == 0
+    assert err.startswith("sst-pin: warning: model delta: no configuration is named home")
     assert "41 samples, peak torques " in out
     assert "starts at motor_1 " in out
     assert run(capsys, "simulate", "tau.csv", "-o", "back.csv", *robot)[0] == 0
@@ -274,7 +275,7 @@ def test_no_command_ends_in_a_traceback_when_its_output_breaks(
     assert code == expected
     err = capsys.readouterr().err
     assert words in err
-    assert err.count("\n") <= 1
+    assert len([line for line in err.splitlines() if ": warning: " not in line]) <= 1
 
 
 @pytest.mark.parametrize(

@@ -54,7 +54,8 @@ class Numbers:
 
     def __call__(self, name, *inputs, friction=None):
         if name not in self.made:
-            kernel = kernels.make(self.equations, name)
+            quantity, _, frame = name.partition(" ")
+            kernel = kernels.make(self.equations, quantity, frame=frame or None)
             self.made[name] = ca.Function(
                 "kernel", [*kernel.inputs, kernel.parameters], [kernel.output, kernel.checks]
             )

@@ -198,7 +198,7 @@ def bad_values(w: World, name: str, kind: str, good: Any, out: Any) -> Iterator[
     Raises:
         TypeError: For a type without bad values here; `bool` and the caller's types have none.
     """
-    plain = kind.removesuffix(" | None")
+    plain = kind.removesuffix(" | None").removesuffix(" | Mapping[str, float]")
     if name == "out":
         if np.ndim(out):
             yield from bad_outs(np.asarray(out))

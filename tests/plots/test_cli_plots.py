@@ -126,7 +126,7 @@ def test_a_robot_that_reaches_nothing_on_its_arcs_is_told(here, capsys, monkeypa
         (("plot", "nowhere.npz", "-o", "a.png"), "not a motion"),
         (("plot", "text.csv", "-o", "a.png"), "columns of no motion"),
         (("plot", "one.csv", "-o", "a.png"), "has one sample; a curve needs at least two"),
-        (("plot", "other.npz", "-o", "a.png"), "the motion of another robot, with joints crank"),
+        (("plot", "other.npz", "-o", "a.png"), "belongs to another robot, with joints crank"),
         (
             ("plot", SAMPLE, "-o", "a.png", "--what", "torques,dance"),
             "'dance' unknown; known:",

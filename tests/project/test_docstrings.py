@@ -13,7 +13,6 @@ from matplotlib.figure import Figure
 import sst_pin
 from shown_output import Checker, same_output
 from sst_pin import plots
-from sst_pin.chain import calls
 from sst_pin.viewer import Viewer
 from sst_pin.viewer.interactive import Interactive
 
@@ -31,7 +30,6 @@ def public():
         if inspect.isfunction(getattr(sst_pin.robots, name)):
             yield f"robots.{name}", getattr(sst_pin.robots, name)
     owners = [*(getattr(sst_pin, name) for name in CLASSES), sst_pin.robots.GalleryRobot]
-    owners += [calls.Calls, sst_pin.SST.__base__]
     for owner in owners:
         for name, member in vars(owner).items():
             if not name.startswith("_") and (callable(member) or hasattr(member, "__get__")):
