@@ -88,7 +88,7 @@ def test_several_starts_close_what_one_start_does_not():
     )
     random = np.random.default_rng(1)
     helped = 0
-    for _ in range(30):
+    for _ in range(100):
         guess = pin.integrate(chain.model, pin.neutral(chain.model), 2 * random.normal(size=9))
         try:
             chain.assemble(guess, ())

@@ -112,7 +112,9 @@ def test_wrenches_are_an_input_where_they_are_asked_for():
     chain = any_chain.with_joint("spherical")
     functions = chain.casadi(external_wrenches=True, sign_width=1e-9)
     wrenches = np.random.default_rng(0).normal(size=(len(chain.joint_names), 6))
-    for q, va, aa in states(chain, 2):
+    near = [state for state in states(chain, 6) if chain.condition_number(state[0]) < 100]
+    assert len(near) >= 2  # closer to a singularity a step loses digits
+    for q, va, aa in near:
         f = chain.generalized_forces(q, va, aa, external_wrenches=wrenches)
         close(functions.generalized_forces(q, va, aa, wrenches), f, 1e-11)
         named = functions.torques(q=q, va=va, aa=aa, external_wrenches=wrenches)
@@ -150,7 +152,10 @@ def test_a_nonlinear_program_with_closed_loops_is_solved_by_ipopt():
     assert np.abs(closed - best).max() < 1e-8
     random, least = np.random.default_rng(0), np.inf
     for _ in range(300):
-        pose = chain.assemble(start + random.uniform(-0.1, 0.1, functions.nq))
+        try:
+            pose = chain.assemble(start + random.uniform(-0.1, 0.1, functions.nq))
+        except sst_pin.ClosureError:
+            continue  # out of reach
         if np.sum((pose - start) ** 2) <= 0.01:
             least = min(least, np.sum(chain.compute_torques(pose, [0.0] * n, [0.0] * n) ** 2))
     found = np.sum(chain.compute_torques(closed, [0.0] * n, [0.0] * n) ** 2)
@@ -212,9 +217,9 @@ def test_what_there_is_not_has_its_error():
     del homeless.referenceConfigurations["home"]
     lift = sst_pin.ClosedChain(homeless, known.closures, known.motor_names)
     assert lift.compute_torques(known.home, [0.0], [0.0]).shape == (1,)  # it stands opened
-    with pytest.raises(sst_pin.SingularConfigurationError, match="do not determine"):
-        lift.casadi()
-    assert lift.casadi(known.home).n == known.casadi().n == known.degrees_of_freedom
+    assert (
+        lift.casadi().n == lift.casadi(known.home).n == known.casadi().n == known.degrees_of_freedom
+    )
     idle = any_chain.chain(coordinates=["body"], actuated=[])
     with pytest.raises(sst_pin.errors.ActuationError, match="0 motors for 1 coordinates"):
         _ = idle.casadi().torques
