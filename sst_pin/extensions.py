@@ -41,7 +41,8 @@ def missing() -> str:
     from importlib.metadata import distributions  # slow to import
 
     here = Path(__file__).parent
-    for distribution in distributions(name="sst-pin"):
+    in_clone = (here.parent / "setup.py").is_file()
+    for distribution in distributions(name="sst-pin") if in_clone else ():
         installed = Path(str(distribution.locate_file(here.name)))
         if (installed / "__init__.py").is_file() and installed.resolve() != here.resolve():
             hidden = (

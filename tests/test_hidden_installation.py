@@ -30,6 +30,7 @@ def test_a_clone_without_extensions_tells_of_the_installation_that_it_hides(tmp_
     shutil.copytree(
         PACKAGE, clone / "sst_pin", ignore=shutil.ignore_patterns("*.so", "__pycache__")
     )
+    (clone / "setup.py").touch()
     (clone / "urdf").symlink_to(Path(sst_pin.URDF_PATH).parent)
     if installed:
         (site / "sst_pin").mkdir(parents=True)

@@ -68,6 +68,8 @@ def test_no_sample_is_handed_over_and_all_are_those_of_the_reference_path(pair, 
 def test_a_rollout_rolls_as_on_the_reference_path(pair, motions):
     """Wheels roll on while the loops are closed; friction smooth: the paths round differently."""
     (kernels, reference), (q, va, _) = pair, motions
+    far = np.argsort(reference.condition_number(q))[:3]  # near a singularity rounding grows
+    q, va = q[far], va[far]
     tau = np.random.default_rng(0).normal(size=(3, 20, va.shape[1]))
     ours, theirs = (chain.rollout(tau, q[:3], 0.5 * va[:3], 1e-3, sign_width=0.3) for chain in pair)
     same(ours.q, theirs.q)
