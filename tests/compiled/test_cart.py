@@ -68,10 +68,10 @@ def test_no_sample_is_handed_over_and_all_are_those_of_the_reference_path(pair, 
 def test_a_rollout_rolls_as_on_the_reference_path(pair, motions):
     """Wheels roll on while the loops are closed; friction smooth: the paths round differently."""
     (kernels, reference), (q, va, _) = pair, motions
-    far = np.argsort(reference.condition_number(q))[:3]  # near a singularity rounding grows
+    far = np.argsort(reference.condition_number(q))[:1]  # near a singularity rounding grows
     q, va = q[far], va[far]
-    tau = np.random.default_rng(0).normal(size=(3, 10, va.shape[1]))
-    ours, theirs = (chain.rollout(tau, q[:3], 0.2 * va[:3], 1e-3, sign_width=0.3) for chain in pair)
+    tau = np.random.default_rng(0).normal(size=(1, 20, va.shape[1]))
+    ours, theirs = (chain.rollout(tau, q, 0.2 * va, 1e-3, sign_width=0.3) for chain in pair)
     same(ours.q, theirs.q)
     same(ours.va, theirs.va, 1e-11)
     step = reference.casadi(sign_width=0.3).step(q[0], 0.2 * va[0], tau[0, 0], 1e-3)
