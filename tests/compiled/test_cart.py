@@ -70,7 +70,7 @@ def test_a_rollout_rolls_as_on_the_reference_path(pair, motions):
     (kernels, reference), (q, va, _) = pair, motions
     far = np.argsort(reference.condition_number(q))[:1]  # near a singularity rounding grows
     q, va = q[far], va[far]
-    tau = np.random.default_rng(0).normal(size=(1, 20, va.shape[1]))
+    tau = np.random.default_rng(0).normal(size=(1, 10, va.shape[1]))
     ours, theirs = (chain.rollout(tau, q, 0.2 * va, 1e-3, sign_width=0.3) for chain in pair)
     same(ours.q, theirs.q)
     same(ours.va, theirs.va, 1e-11)
