@@ -65,17 +65,15 @@ def test_no_sample_is_handed_over_and_all_are_those_of_the_reference_path(pair, 
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(reason="the rates of both paths differ by 1.5e-11; the cause is not found")
+@pytest.mark.xfail(reason="the rates of both paths differ by 3e-11; the cause is not found")
 def test_a_rollout_rolls_as_on_the_reference_path(pair, motions):
     """Wheels roll on while the loops are closed; friction smooth: the paths round differently."""
     (kernels, reference), (q, va, _) = pair, motions
-    far = np.argsort(reference.condition_number(q))[:1]  # near a singularity rounding grows
-    q, va = q[far], va[far]
-    tau = np.random.default_rng(0).normal(size=(1, 10, va.shape[1]))
-    ours, theirs = (chain.rollout(tau, q, 0.2 * va, 1e-3, sign_width=0.3) for chain in pair)
+    tau = np.random.default_rng(0).normal(size=(3, 20, va.shape[1]))
+    ours, theirs = (chain.rollout(tau, q[:3], 0.5 * va[:3], 1e-3, sign_width=0.3) for chain in pair)
     same(ours.q, theirs.q)
     same(ours.va, theirs.va, 1e-11)
-    step = reference.casadi(sign_width=0.3).step(q[0], 0.2 * va[0], tau[0, 0], 1e-3)
+    step = reference.casadi(sign_width=0.3).step(q[0], 0.5 * va[0], tau[0, 0], 1e-3)
     same(step[0].full().ravel(), theirs.q[0, 1])
     same(step[1].full().ravel(), theirs.va[0, 1])
     assert np.abs(ours.q[:, -1] - ours.q[:, 0]).max() > 1e-3
