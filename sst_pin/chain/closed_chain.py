@@ -304,7 +304,7 @@ class ClosedChain:
 
         Example:
             >>> [frame.name for frame in chain.appearance.frames]
-            ['coupler_end', 'rocker_end']
+            ['coupler_pin', 'rocker_pin', 'platform']
         """
         return appearance_of(self.model, self.closures)
 
@@ -495,7 +495,7 @@ class ClosedChain:
             actuated joints     1 (crank)
             actuation           sufficient, one motor for each degree of freedom
             coordinates         crank
-            condition number    2.668 (dependent joints)
+            condition number    2.604 (dependent joints)
             judged at           a random assembled configuration
         """
         return self._current.mobility(q)

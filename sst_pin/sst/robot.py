@@ -430,7 +430,12 @@ class SST(ClosedChain):
 
     @property
     def appearance(self) -> Appearance:
-        """What pictures show: axes e_1..9, frames {0k}..{3k} and {E}, the path of E."""
+        """What pictures show: axes e_1..9, frames {0k}..{3k} and {E}, the path of E.
+
+        Example:
+            >>> len(robot.appearance.frames)
+            13
+        """
         return star_appearance.appearance_of(self, self.star_radius)
 
     def _motion_in(self, table: Table) -> tuple[Array, Array, Array]:
