@@ -441,8 +441,7 @@ class ClosedChain:
         if isinstance(q, Mapping):
             if fixed is None and not set(q) <= set(self.coordinates):
                 fixed = list(q)
-            home = home_of(mechanism)
-            guess = put(space, pin.neutral(model) if home is None else home, q)
+            guess = put(space, self._start_pose(), q)
         else:
             guess = as_array("q", q, ())
         if model.nv != model.nq and guess.shape == (model.nv,):
@@ -454,6 +453,11 @@ class ClosedChain:
         free = np.setdiff1d(np.arange(len(space.rate_names)), held)
         assembly = self._current.reference.workspace.assembly
         return assembly.try_starts(start, free, tries, seed, limits=limits)
+
+    def _start_pose(self) -> Array:
+        """Home, its loops as open as the model has them, else `pin.neutral`."""
+        home = home_of(self._current.mechanism)
+        return pin.neutral(self._current.mechanism.model) if home is None else home
 
     def generic_configuration(self) -> Array:
         """A random assembled configuration without symmetry, the same at each call.

@@ -22,3 +22,10 @@ def test_a_guess_without_quaternions_is_the_way_from_the_neutral_configuration()
     assert np.abs(delta.residual(q)).max() < 1e-11
     with pytest.raises(sst_pin.InputError, match=r"expected \(19,\)"):
         delta.assemble([0.1] * 17)
+
+
+def test_joints_that_a_guess_does_not_name_start_from_home():
+    """The SST's home follows from its dimensions; no description has to give it."""
+    robot = sst_pin.SST()
+    assert np.array_equal(robot.assemble({}), robot.home)
+    assert np.abs(robot.assemble({"gamma_1": 0.8}) - robot.home).max() < 0.02
