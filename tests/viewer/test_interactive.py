@@ -239,7 +239,7 @@ def test_the_page_says_that_the_machine_cannot_stand_off_its_arcs(served):
     number(shown.page, "theta").fill("20")
     number(shown.page, "phi").fill("170")
     shown.page.get_by_text("The machine cannot reach this pose:").wait_for()
-    problems = shown.page.get_by_text("beta_1 leaves its arc of 0 to 90 deg: -80 deg; beta_2 leaves")
+    problems = shown.page.get_by_text("beta_1 leaves its arc of 0 to 90 deg: -80 deg; beta_2")
     problems.wait_for()
     assert not shown.page.get_by_text("Loops closed, not singular").is_visible()
     shown.page.get_by_role("button", name="Home").click()
