@@ -70,12 +70,11 @@ class Casadi:
 
     def torque_derivatives(self, *state, external_wrenches=None):
         rows = self._rows("generalized_forces", state, external_wrenches)
-        return TorqueDerivatives.of_rows(rows)
+        return TorqueDerivatives(*np.hsplit(rows, 3))
 
     def acceleration_derivatives(self, *state, external_wrenches=None):
-        return AccelerationDerivatives.of_rows(
-            self._rows("accelerations", state, external_wrenches)
-        )
+        rows = self._rows("accelerations", state, external_wrenches)
+        return AccelerationDerivatives(*np.split(rows, (len(rows), 2 * len(rows)), axis=1))
 
     def _rows(self, name, state, wrenches):
         functions, state = self._taking(state, wrenches)

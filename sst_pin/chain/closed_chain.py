@@ -35,7 +35,6 @@ from .draft import Motor, closures_of, mechanism_of, without_locked
 from .mechanism import Friction, Mechanism
 from .mobility import Mobility, condition_number, scaled_Phi
 from .named_positions import put
-from .samples import by_kernel
 from .tree import frame_id
 
 if TYPE_CHECKING:
@@ -60,13 +59,25 @@ def _anything_goes(model: pin.Model) -> None:
 class ClosedChain:
     """A robot with closed loops.
 
-    `q` is a configuration of the tree, shape (nq,), in the format of Pinocchio. The independent
-    joints `coordinates` describe the motion: `va` are their rates, `aa` their accelerations, shape
-    (n,). `tau` are the torques of the motors, in the order of `motor_names`. Methods can be called
-    from several threads.
-
     A chain is what it was made from: a change of `model` counts after `refresh`. So a result
-    depends on the arguments alone, not on the calls before.
+    depends on the arguments alone, not on the calls before. Methods can be called from several
+    threads. Several methods have these arguments:
+
+    - `q`: configurations of the tree in the format of Pinocchio, shape (..., nq), with closed
+      loops. All leading axes broadcast; `Phi`, `Phi_dot`, `noc`, `compile`, `casadi` and `jax` take
+      one configuration, shape (nq,).
+    - `va`, `aa`: rates and accelerations of the independent joints `coordinates`, shape (..., n).
+    - `tau`: torques of the motors in the order of `motor_names`, shape (..., motors), [N m] or [N].
+    - `platform_moment`: external moment on the platform, in base axes, shape (..., 3), [N m]; the
+      platform is the body of the frame "platform", the star of an SST.
+    - `external_wrenches`: [moment; force] that acts on each body at its mass centre, in base axes,
+      bodies in the order of the joints, shape (..., r, 6).
+    - `sign_width`: for derivatives Coulomb friction uses tanh(v / sign_width) instead of the sign
+      of the rates v; positive, [rad/s] or [m/s].
+    - `frame`: name of a frame of the tree.
+    - `out`: array for the result, of its shape.
+    - `threads`: number of threads for batches in compiled kernels; the reference path uses one.
+    - `on_error`: "raise", or "nan" to set the results of bad samples to NaN.
 
     Args:
         model: The tree. The chain computes with a copy.
@@ -325,10 +336,7 @@ class ClosedChain:
     # --- closures ---------------------------------------------------------------------------
 
     def residual(self, q: ArrayLike) -> Array:
-        """Residual of the closure constraints; zero if the loops are closed.
-
-        Args:
-            q: Configurations, shape (..., nq).
+        """Residual of the closure constraints, of any q; zero if the loops are closed.
 
         Returns:
             f(q) of Eq. (2), shape (..., rows), [m] and [rad], in the order of `closures`.
@@ -345,9 +353,6 @@ class ClosedChain:
     def Phi(self, q: ArrayLike) -> Array:
         """Constraint Jacobian with all rows, also redundant ones, Eqs. (3), (4).
 
-        Args:
-            q: Configuration on the closures, shape (nq,).
-
         Returns:
             Shape (rows, nv).
 
@@ -361,7 +366,6 @@ class ClosedChain:
         """Rate of the constraint Jacobian `Phi`, for joint rates that keep the loops closed.
 
         Args:
-            q: Configuration on the closures, shape (nq,).
             q_dot: Rates v of all joints, shape (nv,).
 
         Returns:
@@ -378,9 +382,6 @@ class ClosedChain:
         """Condition number of the columns of Phi for the dependent joints, without units.
 
         It is infinite if the coordinates do not determine the motion.
-
-        Args:
-            q: Configurations on the closures, shape (..., nq).
 
         Returns:
             Shape (...).
@@ -507,9 +508,6 @@ class ClosedChain:
     def singularity_measures(self, q: ArrayLike) -> dict[str, Array]:
         """Numbers that grow without bound towards a singularity, by name; here one.
 
-        Args:
-            q: Configurations on the closures, shape (..., nq).
-
         Returns:
             Arrays of shape (...).
 
@@ -545,10 +543,6 @@ class ClosedChain:
     def joint_rates(self, q: ArrayLike, va: ArrayLike) -> Array:
         """Rates of all joints, v = L va, Eq. (16).
 
-        Args:
-            q: Configurations on the closures, shape (..., nq).
-            va: Rates of the coordinates, shape (..., n).
-
         Returns:
             Shape (..., nv).
 
@@ -556,24 +550,10 @@ class ClosedChain:
             >>> chain.joint_rates(chain.home, [1]).round(3)
             array([ 1.   , -1.213,  0.213])
         """
-        current = self._current
-        arrays = current.arguments(q, va=va)
-        return by_kernel(
-            current,
-            current.reference.rates,
-            Key("rates"),
-            arrays,
-            (1, 1),
-            (current.mechanism.model.nv,),
-        )
+        return samples.computed(self._current, Key("rates"), q, va=va)
 
     def joint_accelerations(self, q: ArrayLike, va: ArrayLike, aa: ArrayLike) -> Array:
         """Accelerations of all joints, L aa + L_dot va, Eqs. (8), (20).
-
-        Args:
-            q: Configurations on the closures, shape (..., nq).
-            va: Rates of the coordinates, shape (..., n).
-            aa: Their accelerations, shape (..., n).
 
         Returns:
             Shape (..., nv).
@@ -582,11 +562,7 @@ class ClosedChain:
             >>> chain.joint_accelerations(chain.home, [1], [0]).round(3)
             array([-0.   ,  0.561,  0.594])
         """
-        current = self._current
-        arrays = current.arguments(q, va=va, aa=aa)
-        key, reference = Key("joint_accelerations"), current.reference.joint_accelerations
-        nv = current.mechanism.model.nv
-        return by_kernel(current, reference, key, arrays, (1, 1, 1), (nv,))
+        return samples.computed(self._current, Key("joint_accelerations"), q, va=va, aa=aa)
 
     def frame_jacobian(
         self,
@@ -598,13 +574,6 @@ class ClosedChain:
         on_error: str = "raise",
     ) -> Array:
         """Jacobian of a frame with respect to the rates of the coordinates.
-
-        Args:
-            q: Configurations on the closures, shape (..., nq).
-            frame: Its name.
-            out: Array for the result, shape (..., 6, n).
-            threads: As in `compute_torques`.
-            on_error: As in `compute_torques`.
 
         Returns:
             J with [linear; angular] velocity = J va, in base axes, at the frame's origin, shape
@@ -621,8 +590,8 @@ class ClosedChain:
                    [ 0.   , -0.091,  0.091],
                    [-0.05 , -0.05 , -0.05 ]])
         """
-        name = "frame_jacobian"
-        return samples.of_frame(self._current, name, frame, (q,), out, threads, on_error)
+        key = Key("frame_jacobian", frame)
+        return samples.of_frame(self._current, key, q, out, threads, on_error)
 
     def frame_jacobian_rate(
         self,
@@ -636,14 +605,6 @@ class ClosedChain:
     ) -> Array:
         """Rate of `frame_jacobian` along a motion.
 
-        Args:
-            q: Configurations on the closures, shape (..., nq).
-            va: Rates of the coordinates, shape (..., n).
-            frame: Its name.
-            out: Array for the result, shape (..., 6, n).
-            threads: As in `compute_torques`.
-            on_error: As in `compute_torques`.
-
         Returns:
             J_dot, shape (..., 6, n).
 
@@ -656,8 +617,8 @@ class ClosedChain:
             >>> delta.frame_jacobian_rate(delta.home, [1, 0, 0], "platform").shape
             (6, 3)
         """
-        name = "frame_jacobian_rate"
-        return samples.of_frame(self._current, name, frame, (q, va), out, threads, on_error)
+        key = Key("frame_jacobian_rate", frame)
+        return samples.of_frame(self._current, key, q, out, threads, on_error, va=va)
 
     def frame_drift(
         self,
@@ -671,14 +632,6 @@ class ClosedChain:
     ) -> Array:
         """Acceleration of a frame for aa = 0, which is J_dot va.
 
-        Args:
-            q: Configurations on the closures, shape (..., nq).
-            va: Rates of the coordinates, shape (..., n).
-            frame: Its name.
-            out: Array for the result, shape (..., 6).
-            threads: As in `compute_torques`.
-            on_error: As in `compute_torques`.
-
         Returns:
             [linear; angular], in base axes, at the frame's origin, shape (..., 6).
 
@@ -691,8 +644,8 @@ class ClosedChain:
             >>> delta.frame_drift(delta.home, [1, 1, 1], "platform")[:3].round(3)
             array([-0.   , -0.   , -0.142])
         """
-        name = "frame_drift"
-        return samples.of_frame(self._current, name, frame, (q, va), out, threads, on_error)
+        key = Key("frame_drift", frame)
+        return samples.of_frame(self._current, key, q, out, threads, on_error, va=va)
 
     def frame_velocity_derivatives(
         self,
@@ -707,12 +660,7 @@ class ClosedChain:
         """Derivatives of a frame's velocity along the motions that keep the loops closed.
 
         Args:
-            q: Configurations on the closures, shape (..., nq).
-            va: Rates of the coordinates, shape (..., n).
-            frame: Its name.
             out: Array for dq and dva side by side, shape (..., 6, 2 n).
-            threads: As in `compute_torques`.
-            on_error: As in `compute_torques`.
 
         Returns:
             `.dq` and `.dva` of the [linear; angular] velocity J va, shapes (..., 6, n).
@@ -726,8 +674,8 @@ class ClosedChain:
             >>> delta.frame_velocity_derivatives(delta.home, [1, 0, 0], "platform").dva.shape
             (6, 3)
         """
-        name = "frame_velocity_derivatives"
-        rows = samples.of_frame(self._current, name, frame, (q, va), out, threads, on_error)
+        key = Key("frame_velocity_derivatives", frame)
+        rows = samples.of_frame(self._current, key, q, out, threads, on_error, va=va)
         n = rows.shape[-1] // 2
         return derivatives.FrameVelocityDerivatives(rows[..., :n], rows[..., n:])
 
@@ -751,18 +699,7 @@ class ClosedChain:
         With more motors than degrees of freedom these are the smallest torques for the motion.
 
         Args:
-            q: Configurations on the closures, shape (..., nq).
-            va: Rates of the coordinates, shape (..., n).
-            aa: Accelerations of the coordinates, shape (..., n).
-            platform_moment: External moment on the platform, in base axes, shape (..., 3), [N m];
-                the platform is the body of the frame "platform", the star of an SST.
-            external_wrenches: [moment; force] that acts on each body at its mass centre, in base
-                axes, bodies in the order of the joints, shape (..., r, 6).
             weights: Weights of the squared torques, positive, shape (motors,); one by default.
-            out: Array for the result, shape (..., motors).
-            threads: Number of threads for batches in compiled kernels; the reference path uses
-                one.
-            on_error: "raise", or "nan" to set the results of bad samples to NaN.
 
         Returns:
             tau, shape (..., motors), [N m] or [N].
@@ -782,19 +719,10 @@ class ClosedChain:
             tau = current.torques_of(q, va, aa, platform_moment, out, threads)
             if tau is not None:
                 return tau
-        arrays = current.arguments(q, va=va, aa=aa)
-        chosen = None if weights is None else samples.motor_weights(current.mechanism, weights)
-        return by_kernel(
-            current,
-            partial(current.reference.torques, weights=chosen),
-            Key("torques") if weights is None else None,
-            [*arrays, self._wrenches(platform_moment, external_wrenches, on_error)],
-            (1, 1, 1, 2),
-            (current.mechanism.motors.shape[1],),
-            out=out,
-            threads=threads,
-            on_error=on_error,
-        )
+        load = self._wrenches(platform_moment, external_wrenches, on_error)
+        how: dict[str, Any] = {"out": out, "threads": threads, "on_error": on_error}
+        key = Key("torques")
+        return samples.computed(current, key, q, va=va, aa=aa, load=load, weights=weights, **how)
 
     def generalized_forces(
         self,
@@ -810,15 +738,6 @@ class ClosedChain:
         """Generalized forces that a motion needs: L^T times the joint forces of the tree.
 
         They do not depend on the motors.
-
-        Args:
-            q: Configurations on the closures, shape (..., nq).
-            va: Rates of the coordinates, shape (..., n).
-            aa: Accelerations of the coordinates, shape (..., n).
-            platform_moment: As in `compute_torques`.
-            external_wrenches: As in `compute_torques`.
-            out: Array for the result, shape (..., n).
-            on_error: As in `compute_torques`.
 
         Returns:
             f, shape (..., n), [N m] or [N].
@@ -836,17 +755,9 @@ class ClosedChain:
             f = current.backend.kernel(_FORCES).answer(q, va, aa, platform_moment, out, 1)
             if f is not None:
                 return f
-        arrays = current.arguments(q, va=va, aa=aa)
-        return by_kernel(
-            current,
-            current.reference.generalized_forces,
-            _FORCES,
-            [*arrays, self._wrenches(platform_moment, external_wrenches, on_error)],
-            (1, 1, 1, 2),
-            (len(current.mechanism.coordinates),),
-            out=out,
-            on_error=on_error,
-        )
+        load = self._wrenches(platform_moment, external_wrenches, on_error)
+        how: dict[str, Any] = {"out": out, "on_error": on_error}
+        return samples.computed(current, _FORCES, q, va=va, aa=aa, load=load, **how)
 
     def compute_accelerations(
         self,
@@ -861,16 +772,6 @@ class ClosedChain:
         on_error: str = "raise",
     ) -> Array:
         """Direct dynamics: the accelerations of the coordinates for given torques, Eq. (92).
-
-        Args:
-            q: Configurations on the closures, shape (..., nq).
-            va: Rates of the coordinates, shape (..., n).
-            tau: Motor torques, shape (..., motors), [N m] or [N].
-            platform_moment: As in `compute_torques`.
-            external_wrenches: As in `compute_torques`.
-            out: Array for the result, shape (..., n).
-            threads: As in `compute_torques`.
-            on_error: As in `compute_torques`.
 
         Returns:
             aa, shape (..., n).
@@ -887,25 +788,12 @@ class ClosedChain:
             aa = current.accelerations_of(q, va, tau, platform_moment, out, threads)
             if aa is not None:
                 return aa
-        arrays = current.arguments(q, va=va, tau=tau)
-        return by_kernel(
-            current,
-            current.reference.accelerations,
-            Key("accelerations"),
-            [*arrays, self._wrenches(platform_moment, external_wrenches, on_error)],
-            (1, 1, 1, 2),
-            (len(current.mechanism.coordinates),),
-            out=out,
-            threads=threads,
-            on_error=on_error,
-        )
+        load = self._wrenches(platform_moment, external_wrenches, on_error)
+        how: dict[str, Any] = {"out": out, "threads": threads, "on_error": on_error}
+        return samples.computed(current, Key("accelerations"), q, va=va, tau=tau, load=load, **how)
 
     def noc(self, q: ArrayLike, va: ArrayLike) -> dynamics.Terms:
         """All matrices of the paper at one state, with f = I aa + C va - tau^g - tau^f.
-
-        Args:
-            q: Configuration on the closures, shape (nq,).
-            va: Rates of the coordinates, shape (n,).
 
         Raises:
             InputError, ClosureError, SingularConfigurationError: As `compute_torques`.
@@ -924,12 +812,6 @@ class ClosedChain:
     ) -> dynamics.ReducedTerms:
         """Mass matrix, Coriolis matrix, gravity and friction in the coordinates, Eqs. (93)-(96).
 
-        Args:
-            q: Configurations on the closures, shape (..., nq).
-            va: Rates of the coordinates, shape (..., n).
-            threads: As in `compute_torques`.
-            on_error: As in `compute_torques`.
-
         Raises:
             InputError, ClosureError, SingularConfigurationError: As `compute_torques`.
 
@@ -938,20 +820,9 @@ class ClosedChain:
             >>> terms.inertia.round(4), terms.gravity.round(3)
             (array([[0.0049]]), array([-0.16]))
         """
-        current = self._current
-        arrays = current.arguments(q, va=va)
-        n = len(current.mechanism.coordinates)
-        rows = by_kernel(
-            current,
-            current.reference.reduced_terms,
-            Key("reduced_terms"),
-            arrays,
-            (1, 1),
-            (2 * n * (n + 1),),
-            threads=threads,
-            on_error=on_error,
-        )
-        return dynamics.ReducedTerms.of_rows(rows, n)
+        how: dict[str, Any] = {"threads": threads, "on_error": on_error}
+        rows = samples.computed(self._current, Key("reduced_terms"), q, va=va, **how)
+        return dynamics.ReducedTerms.of_rows(rows, self.degrees_of_freedom)
 
     # --- derivatives ------------------------------------------------------------------------
 
@@ -972,15 +843,7 @@ class ClosedChain:
         They are derivatives along the motions that keep the loops closed; docs/derivatives.md.
 
         Args:
-            q: Configurations on the closures, shape (..., nq).
-            va: Rates of the coordinates, shape (..., n).
-            aa: Accelerations of the coordinates, shape (..., n).
-            external_wrenches: As in `compute_torques`, constant in base axes.
-            sign_width: Coulomb friction uses tanh(v / sign_width) instead of the sign of the rates
-                v; positive, [rad/s] or [m/s].
             out: Array for dq, dva and daa side by side, shape (..., n, 3 n).
-            threads: As in `compute_torques`.
-            on_error: As in `compute_torques`.
 
         Returns:
             `.dq`, `.dva`, `.daa`, shapes (..., n, n). Column k of dq: q moves by L e_k.
@@ -993,15 +856,9 @@ class ClosedChain:
             >>> d.dq.round(3), d.dva.round(3), d.daa.round(4)
             (array([[0.103]]), array([[0.013]]), array([[0.0049]]))
         """
-        return samples.derivatives(
-            self._current,
-            derivatives.TorqueDerivatives,
-            (q, va, aa, external_wrenches),
-            sign_width,
-            out,
-            threads,
-            on_error,
-        )
+        kind, given = derivatives.TorqueDerivatives, (q, va, aa, external_wrenches)
+        how = out, threads, on_error
+        return samples.derivatives(self._current, kind, given, sign_width, *how)
 
     def acceleration_derivatives(
         self,
@@ -1018,14 +875,7 @@ class ClosedChain:
         """Derivatives of `compute_accelerations`, with friction smoothed by `sign_width`.
 
         Args:
-            q: Configurations on the closures, shape (..., nq).
-            va: Rates of the coordinates, shape (..., n).
-            tau: Motor torques, shape (..., motors), [N m] or [N].
-            external_wrenches: As in `torque_derivatives`.
-            sign_width: As in `torque_derivatives`.
             out: Array for dq, dva and dtau side by side, shape (..., n, 2 n + motors).
-            threads: As in `compute_torques`.
-            on_error: As in `compute_torques`.
 
         Returns:
             `.dq`, `.dva`, shapes (..., n, n), and `.dtau`, shape (..., n, motors).
@@ -1038,15 +888,9 @@ class ClosedChain:
             >>> chain.acceleration_derivatives(chain.home, [0], tau).dtau.round(2)
             array([[202.74]])
         """
-        return samples.derivatives(
-            self._current,
-            derivatives.AccelerationDerivatives,
-            (q, va, tau, external_wrenches),
-            sign_width,
-            out,
-            threads,
-            on_error,
-        )
+        kind, given = derivatives.AccelerationDerivatives, (q, va, tau, external_wrenches)
+        how = out, threads, on_error
+        return samples.derivatives(self._current, kind, given, sign_width, *how)
 
     def linearize(
         self,
@@ -1065,15 +909,8 @@ class ClosedChain:
         x is the deviation of the coordinates and of va, u is the deviation of the torques.
 
         Args:
-            q: Configurations on the closures, shape (..., nq).
-            va: Rates of the coordinates, shape (..., n).
-            tau: Motor torques, shape (..., motors), [N m] or [N].
             dt: Step of the discrete system x_next = A x + B u with constant u, [s]: the matrix
                 exponential, exact for the linear system. None for the continuous system.
-            external_wrenches: As in `torque_derivatives`.
-            sign_width: As in `torque_derivatives`.
-            threads: As in `compute_torques`.
-            on_error: As in `compute_torques`.
 
         Returns:
             A, shape (..., 2 n, 2 n), and B, shape (..., 2 n, motors).
@@ -1089,15 +926,9 @@ class ClosedChain:
                    [-17.35,  -0.  ]]), array([[  0.  ],
                    [202.74]]))
         """
-        d = samples.derivatives(
-            self._current,
-            derivatives.AccelerationDerivatives,
-            (q, va, tau, external_wrenches),
-            sign_width,
-            None,
-            threads,
-            on_error,
-        )
+        how: dict[str, Any] = {"sign_width": sign_width, "threads": threads, "on_error": on_error}
+        loads = external_wrenches
+        d = self.acceleration_derivatives(q, va, tau, external_wrenches=loads, **how)
         A, B = samples.linear_system(self._current, q, va, d)
         return (A, B) if dt is None else derivatives.discrete(A, B, positive_number("dt", dt))
 
@@ -1120,9 +951,6 @@ class ClosedChain:
         That of the weights is zero if all masses are at the origin, that of the springs at their
         reference.
 
-        Args:
-            q: Configurations, shape (..., nq).
-
         Example:
             >>> print(chain.potential_energy(chain.home).round(3))
             3.106
@@ -1133,10 +961,6 @@ class ClosedChain:
 
     def friction_power(self, q: ArrayLike, va: ArrayLike) -> Array:
         """Power of friction in all joints, Eq. (87), negative or zero, shape (...), [W].
-
-        Args:
-            q: Configurations on the closures, shape (..., nq).
-            va: Rates of the coordinates, shape (..., n).
 
         Example:
             >>> print(chain.friction_power(chain.home, [1]))  # without friction
@@ -1223,11 +1047,11 @@ class ClosedChain:
     ) -> CasadiFunctions:
         """The dynamics as CasADi functions with exact derivatives, for optimization.
 
+        As in `compile`, the order of elimination is chosen around q. All functions are smooth in
+        the rates, by `sign_width`.
+
         Args:
-            q: As in `compile`.
             external_wrenches: Whether the dynamics have them as their last input, shape (r, 6).
-            sign_width: Coulomb friction uses tanh(v / sign_width) instead of the sign of the rates
-                v; positive, [rad/s] or [m/s].
             compiled: Whether the functions are compiled C code with derivatives of first order,
                 compiled at their first use and cached as by `compile`. Otherwise they need no
                 compiler and have derivatives of every order. docs/derivatives.md shows how to give
@@ -1261,12 +1085,8 @@ class ClosedChain:
     def jax(self, q: ArrayLike | None = None, *, sign_width: float = 1e-3) -> JaxFunctions:
         """The dynamics as JAX functions for `jit`, `vmap` and `grad`, on the CPU.
 
-        JAX calls this chain by callbacks. For speed, call `compile` before.
-
-        Args:
-            q: As in `compile`.
-            sign_width: In derivatives and in `step`, Coulomb friction uses tanh(v / sign_width)
-                instead of the sign of the rates v; positive, [rad/s] or [m/s].
+        JAX calls this chain by callbacks. For speed, call `compile` before. As there, the order of
+        elimination is chosen around q. `.step` is smooth in the rates, as derivatives are.
 
         Returns:
             `.torques`, `.accelerations`, `.step` and more, with derivatives of every order; see

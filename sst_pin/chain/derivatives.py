@@ -40,12 +40,6 @@ class TorqueDerivatives(NamedTuple):
     dva: Array
     daa: Array
 
-    @classmethod
-    def of_rows(cls, rows: Array) -> TorqueDerivatives:
-        """Views of the three side by side, shape (..., n, 3 n)."""
-        n = rows.shape[-2]
-        return cls(rows[..., :n], rows[..., n : 2 * n], rows[..., 2 * n :])
-
 
 class AccelerationDerivatives(NamedTuple):
     """Derivatives of the accelerations aa of the coordinates.
@@ -59,12 +53,6 @@ class AccelerationDerivatives(NamedTuple):
     dq: Array
     dva: Array
     dtau: Array
-
-    @classmethod
-    def of_rows(cls, rows: Array) -> AccelerationDerivatives:
-        """Views of the three side by side, shape (..., n, 2 n + motors)."""
-        n = rows.shape[-2]
-        return cls(rows[..., :n], rows[..., n : 2 * n], rows[..., 2 * n :])
 
 
 class FrameVelocityDerivatives(NamedTuple):

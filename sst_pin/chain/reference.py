@@ -81,7 +81,12 @@ class Reference:
         return f
 
     def torques(
-        self, q: Array, va: Array, aa: Array, wrenches: Array | None, weights: Array | None
+        self,
+        q: Array,
+        va: Array,
+        aa: Array,
+        wrenches: Array | None,
+        weights: Array | None = None,
     ) -> Array:
         """tau, shape (motors,): f itself, or the smallest torques that bring it about.
 
@@ -168,6 +173,10 @@ class Reference:
         if not np.isfinite(da).all():
             _require_finite(da, q=q, va=va, tau=tau, external_wrenches=wrenches)
         return da
+
+    def displacement_rates(self, q: Array, va: Array) -> Array:
+        """Rates of a displacement that joints' axes make as they move, shape (n, n)."""
+        return self.derivatives.displacement_rates(q, va)
 
     def rates(self, q: Array, va: Array) -> Array:
         """v = L va, shape (nv,), Eq. (16)."""

@@ -4,9 +4,9 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -29,59 +29,101 @@ from .tree import frame_id
 
 Array = NDArray[np.float64]
 D = TypeVar("D", TorqueDerivatives, AccelerationDerivatives)
-#: Of derivatives: of what computes them, and of their third argument.
+#: Names of derivatives, and of their third argument.
 _NAMES = {
     TorqueDerivatives: ("torque_derivatives", "aa"),
     AccelerationDerivatives: ("acceleration_derivatives", "tau"),
 }
+#: Quantities with external wrenches as their last argument.
+_LOADABLE = {"torques", "generalized_forces", "accelerations"} | {n for n, _ in _NAMES.values()}
 
 
-def by_kernel(
+def _shape(quantity: str, n: int, nv: int, motors: int) -> tuple[int, ...]:
+    """Shape of a quantity of one sample."""
+    shapes: dict[str, tuple[int, ...]] = {
+        "torques": (motors,),
+        "rates": (nv,),
+        "joint_accelerations": (nv,),
+        "reduced_terms": (2 * n * (n + 1),),
+        "torque_derivatives": (n, 3 * n),
+        "acceleration_derivatives": (n, 2 * n + motors),
+        "displacement_rates": (n, n),
+        "frame_drift": (6,),
+        "frame_jacobian": (6, n),
+        "frame_jacobian_rate": (6, n),
+        "frame_velocity_derivatives": (6, 2 * n),
+    }
+    return shapes.get(quantity, (n,))
+
+
+def computed(
     current: Current,
-    reference: Callable[..., Array],
-    kernel: Key | None,
-    arrays: Sequence[Array | None],
-    core_axes: Sequence[int],
-    result: tuple[int, ...],
+    key: Key,
+    q: ArrayLike,
     *,
+    load: Array | None = None,
+    weights: ArrayLike | None = None,
     out: Array | None = None,
     threads: int = 1,
     on_error: str = "raise",
+    **others: Any,
 ) -> Array:
-    """A batch by the kernel; samples that fail its checks by the reference path, with its errors.
+    """A quantity by its kernel; samples that fail its checks by the reference path, or its errors.
 
-    Args:
-        current: Whose kernel it is.
-        reference: One sample by the reference path, of this shape.
-        kernel: What computes it; None for the reference path alone. Loads follow from arrays.
-        arrays: Arguments; None stays None.
-        core_axes: Number of core axes of each.
-        result: Shape of a result.
-        out: Where results go, shape (..., *result).
-        threads: How many share the batch in the kernel.
-        on_error: "raise", or "nan": samples that fail become NaN.
+    `others` are the arguments after q by name, `load` wrenches on all bodies, shape (..., r, 6);
+    the rest is as in `ClosedChain`. There are no kernels for weights of the motors.
     """
+    arrays: list[Array | None] = [*current.arguments(q, **others)]
+    axes, mechanism = [1] * len(arrays), current.mechanism
+    n, (nv, motors) = len(mechanism.coordinates), mechanism.motors.shape
+    reference: Callable[..., Array] = getattr(current.reference, key.quantity)
+    if key.frame is not None:
+        reference = partial(reference, frame=frame_id(mechanism.model, key.frame))
+    if key.sign_width is not None:
+        reference = partial(reference, key.sign_width)
+    if weights is not None:
+        reference = partial(reference, weights=_motor_weights(mechanism, weights))
+    if key.quantity in _LOADABLE:
+        arrays, axes = [*arrays, load], [*axes, 2]
     require_policy(on_error)
     threads = whole_number("threads", threads, 1)
     if out is None and on_error == "raise" and not current.has_kernels:
-        for array, axes in zip(arrays, core_axes, strict=True):
-            if array is not None and array.ndim != axes:
-                break
-        else:
+        pairs = zip(arrays, axes, strict=True)
+        if all(array is None or array.ndim == core for array, core in pairs):
             return reference(*arrays)  # the short way for one sample
 
     def fill(flat: list[Array | None], result: Array) -> Indices:
-        if kernel is None:
+        if weights is not None:
             return np.arange(len(result))
-        key, given = kernel, [np.require(a, float, "A") for a in flat if a is not None]
-        if given[-1].ndim == 3:
-            N, bodies, _ = given[-1].shape
-            key, given[-1] = key._replace(loaded=True), given[-1].reshape(N, 6 * bodies)
-        return current.backend.kernel(key).many(tuple(given), result, min(threads, sys.maxsize))
+        given = [np.require(a, float, "A") for a in flat if a is not None]
+        loaded = given[-1].ndim == 3
+        if loaded:
+            given[-1] = given[-1].reshape(len(result), -1)
+        kernel = current.backend.kernel(key._replace(loaded=loaded))
+        return kernel.many(tuple(given), result, min(threads, sys.maxsize))
 
-    return for_each_sample(
-        reference, arrays, core_axes, result, on_error=on_error, out=out, fast=fill
-    )
+    shape = _shape(key.quantity, n, nv, motors)
+    return for_each_sample(reference, arrays, axes, shape, on_error=on_error, out=out, fast=fill)
+
+
+def of_frame(
+    current: Current,
+    key: Key,
+    q: ArrayLike,
+    out: Array | None,
+    threads: int,
+    on_error: str,
+    **va: Any,
+) -> Array:
+    """A quantity of a frame, shape (..., 6, columns), or (..., 6) for its drift."""
+    if out is None and on_error == "raise" and isinstance(key.frame, str):
+        kernel = current.backend.kernel(key)
+        rows = kernel.answer(q, va.get("va"), None, None, None, threads)
+        if rows is not None:
+            shape = _shape(key.quantity, len(current.mechanism.coordinates), 0, 0)
+            rows.shape = (*rows.shape[:-1], *shape)
+            return rows
+    return computed(current, key, q, out=out, threads=threads, on_error=on_error, **va)
 
 
 def derivatives(
@@ -93,17 +135,7 @@ def derivatives(
     threads: int,
     on_error: str,
 ) -> D:
-    """Derivatives of dynamics with smoothed friction.
-
-    Args:
-        current: Whose they are.
-        kind: Of which function.
-        arguments: q, va, aa or tau, and external wrenches.
-        sign_width: Of the smoothing.
-        out: Where results go.
-        threads: As in `by_kernel`.
-        on_error: As in `by_kernel`.
-    """
+    """Derivatives of the dynamics with smooth friction; `arguments` end with external wrenches."""
     width = sign_width
     if type(width) is not float or not 0 < width < np.inf:
         width = positive_number("sign_width", sign_width)
@@ -114,106 +146,30 @@ def derivatives(
         found: D | None = current.backend.kernel(key).derivatives(kind, q, va, x, threads)
         if found is not None:
             return found
-    arrays: list[Array]
-    arrays = current.arguments(q, va=va, **{third: x})
-    mechanism, n = current.mechanism, len(current.mechanism.coordinates)
-    rows = by_kernel(
-        current,
-        partial(getattr(current.reference, name), width),
-        key,
-        [*arrays, external_wrenches(mechanism, wrenches, on_error)],
-        (1, 1, 1, 2),
-        (n, 2 * n + arrays[-1].shape[-1]),
-        out=out,
-        threads=threads,
-        on_error=on_error,
-    )
-    return kind.of_rows(rows)
-
-
-def of_frame(
-    current: Current,
-    name: str,
-    frame: str,
-    arguments: Sequence[ArrayLike],
-    out: Array | None,
-    threads: int,
-    on_error: str,
-) -> Array:
-    """A quantity of a frame, shape (..., 6, columns), or (..., 6) for its drift.
-
-    Args:
-        current: Whose it is.
-        name: Of the method of `Reference`.
-        frame: Its name.
-        arguments: q, and va where it is needed.
-        out: Where results go.
-        threads: As in `by_kernel`.
-        on_error: As in `by_kernel`.
-    """
-    key = Key(name, frame)
-    if out is None and on_error == "raise" and isinstance(frame, str):
-        first, second = arguments if len(arguments) == 2 else (*arguments, None)
-        rows = current.backend.kernel(key).answer(first, second, None, None, None, threads)
-        if rows is not None:
-            n = len(current.reference.mechanism.coordinates)
-            rows.shape = (*rows.shape[:-1], *_shape(name, n))
-            return rows
-    q, *va = arguments
-    mechanism, arrays = current.mechanism, current.arguments(q, **({"va": va[0]} if va else {}))
-    reference = partial(getattr(current.reference, name), frame=frame_id(mechanism.model, frame))
-
-    return by_kernel(
-        current,
-        reference,
-        key,
-        arrays,
-        (1,) * len(arrays),
-        _shape(name, len(mechanism.coordinates)),
-        out=out,
-        threads=threads,
-        on_error=on_error,
-    )
-
-
-def _shape(name: str, n: int) -> tuple[int, ...]:
-    """Of what there is of a frame."""
-    if name == "frame_drift":
-        return (6,)
-    return 6, 2 * n if name == "frame_velocity_derivatives" else n
+    load = external_wrenches(current.mechanism, wrenches, on_error)
+    how: dict[str, Any] = {third: x, "out": out, "threads": threads, "on_error": on_error}
+    rows = computed(current, key, q, va=va, load=load, **how)
+    n = rows.shape[-2]
+    return kind(*np.split(rows, (n, 2 * n), axis=-1))
 
 
 def linear_system(
     current: Current, q: ArrayLike, va: ArrayLike, d: AccelerationDerivatives
 ) -> tuple[Array, Array]:
-    """A, shape (..., 2 n, 2 n), and B, shape (..., 2 n, motors), of the state next to a motion.
-
-    Args:
-        current: Whose they are.
-        q: Configurations.
-        va: Rates.
-        d: Derivatives of the accelerations.
-    """
+    """A, shape (..., 2 n, 2 n), and B, shape (..., 2 n, motors), of the state next to a motion."""
     rows = np.concatenate(d, axis=-1)
     n = rows.shape[-2]
     both = np.zeros((*rows.shape[:-2], 2 * n, rows.shape[-1]))
     both[..., :n, n : 2 * n] = np.eye(n)
     both[..., n:, :] = rows
     if current.reference.derivatives.axes_move:
-        arrays = current.arguments(q, va=va)
-        reference, key = current.reference.derivatives.displacement_rates, Key("displacement_rates")
-        both[..., :n, :n] = by_kernel(
-            current, reference, key, arrays, (1, 1), (n, n), on_error="nan"
-        )
+        rates = computed(current, Key("displacement_rates"), q, va=va, on_error="nan")
+        both[..., :n, :n] = rates
     return both[..., : 2 * n], both[..., 2 * n :]
 
 
-def motor_weights(mechanism: Mechanism, weights: ArrayLike) -> Array:
-    """Weights of the motors' squared torques, shape (motors,).
-
-    Raises:
-        InputError: When one is not positive.
-    """
+def _motor_weights(mechanism: Mechanism, weights: ArrayLike) -> Array:
+    """Weights of the motors' squared torques, positive, shape (motors,)."""
     array = single_array("weights", weights, (mechanism.motors.shape[1],))
     if not (array > 0).all():
         raise InputError("weights", "must be positive")

@@ -21,7 +21,7 @@ from ..arrays import for_each_sample
 from ..chain.backend import Key
 from ..chain.closures import Rolling
 from ..chain.mechanism import Mechanism
-from ..chain.samples import by_kernel
+from ..chain.samples import computed
 from ..chain.tree import frame_id
 from ..errors import ActuationError, DescriptionError, InputError, SSTError
 from .along_motions import AlongMotions
@@ -336,10 +336,8 @@ class JaxFunctions:
         return np.concatenate(d, axis=-1)
 
     def _joint_rates(self, q: Array, va: Array) -> Array:
-        """As the chain's; NaN where loops are open."""
-        current = self._chain._current
-        reference, size = current.reference.rates, (self._mechanism.model.nv,)
-        return by_kernel(current, reference, Key("rates"), [q, va], (1, 1), size, on_error="nan")
+        """The chain's joint rates; NaN where loops are open."""
+        return computed(self._chain._current, Key("rates"), q, va=va, on_error="nan")
 
     def _by_casadi(self, name: str, order: int, *arrays: Array) -> Array:
         """As `AlongMotions.values`, of the model as it stands."""
