@@ -16,12 +16,7 @@ _FLOAT64 = np.dtype(np.float64)
 
 
 def as_array(name: str, value: ArrayLike | None, core: tuple[int, ...]) -> Array:
-    """The value as float64 of shape (..., *core).
-
-    Raises:
-        InputError: When it does not consist of real numbers, when a part of it is masked, or when
-            its last axes are others.
-    """
+    """The value as float64 of shape (..., *core); refuses all but real numbers, and masked ones."""
     if type(value) is np.ndarray and value.shape == core and value.dtype is _FLOAT64:
         return value  # the short way for one sample in a control loop
     if value is None:
@@ -49,11 +44,7 @@ def _masked(value: object) -> bool:
 
 
 def finite_array(name: str, value: ArrayLike, core: tuple[int, ...]) -> Array:
-    """`as_array`, every number finite; the error names the samples of a batch.
-
-    Raises:
-        InputError: As `as_array`, or when an entry is NaN or infinite.
-    """
+    """`as_array`, every number finite; the error names the samples of a batch."""
     array = as_array(name, value, core)
     finite = np.isfinite(array)
     if not finite.all():
@@ -70,11 +61,7 @@ def finite_array(name: str, value: ArrayLike, core: tuple[int, ...]) -> Array:
 
 
 def single_array(name: str, value: ArrayLike | None, shape: tuple[int, ...]) -> Array:
-    """One sample, every number finite.
-
-    Raises:
-        InputError: When it is not numeric, not finite, or of another shape.
-    """
+    """One sample of exactly this shape, every number finite."""
     array = as_array(name, value, ())
     if array.shape != shape:
         raise InputError(name, f"shape {array.shape}, expected {shape}: one sample")
@@ -93,22 +80,12 @@ def for_each_sample(
 ) -> Array:
     """Apply a function of single samples along the broadcast leading axes.
 
-    Args:
-        function: Takes one sample of each array and returns an array of shape `result`.
-        arrays: Each with leading axes before its core axes; None is handed on as it is.
-        core_axes: Number of core axes of each array.
-        result: Shape of one result.
-        on_error: "raise", or "nan": samples that fail become NaN.
-        out: Where results go, shape (..., *result), float64; it may overlap the inputs.
-        fast: Fills results of shape (n, size) from arrays of shape (n, ...), n samples, and
-            returns the indices of those it leaves to `function`.
+    `core_axes` are the numbers of axes behind the leading ones, array by array; None in `arrays` is
+    handed on. `fast` fills rows of results and returns the indices of those that it leaves to
+    `function`. `out` gets the results, shape (..., *result), and may overlap the inputs.
 
-    Returns:
-        The results, shape (..., *result); `out` when it was given.
-
-    Raises:
-        SSTError: That of the first sample at fault, naming all samples with the like.
-        InputError: When the leading axes do not broadcast, or `out` does not fit.
+    With `on_error="nan"` samples that fail become NaN. Otherwise the error is that of the first
+    sample at fault, and names all samples with an error of this class.
     """
     require_policy(on_error)
     batch, flat = flattened(arrays, core_axes)
@@ -143,11 +120,7 @@ def require_policy(on_error: str) -> None:
 
 
 def empty(shape: tuple[int, ...]) -> Array:
-    """An array for results.
-
-    Raises:
-        InputError: When memory does not hold it.
-    """
+    """An array for results; refuses what memory does not hold."""
     try:
         return np.empty(shape)
     except (MemoryError, ValueError):
@@ -155,11 +128,7 @@ def empty(shape: tuple[int, ...]) -> Array:
 
 
 def names(name: str, value: Sequence[str]) -> tuple[str, ...]:
-    """A sequence of names.
-
-    Raises:
-        InputError: For a single word or anything else.
-    """
+    """A sequence of names; refuses a single word and all else."""
     if isinstance(value, str) or not isinstance(value, Iterable):
         raise InputError(name, f"{value!r}: a sequence of names is needed")
     found = tuple(value)
@@ -169,11 +138,7 @@ def names(name: str, value: Sequence[str]) -> tuple[str, ...]:
 
 
 def whole_number(name: str, value: int, least: int) -> int:
-    """A count.
-
-    Raises:
-        InputError: When it is no whole number, or less than `least`.
-    """
+    """A count of at least `least`."""
     if type(value) is int and value >= least:
         return value  # the short way for one sample in a control loop
     if isinstance(value, (bool, np.bool)) or not hasattr(value, "__index__"):
@@ -184,11 +149,7 @@ def whole_number(name: str, value: int, least: int) -> int:
 
 
 def positive_number(name: str, value: float, *, or_zero: bool = False) -> float:
-    """A number above 0, or 0 where it may be.
-
-    Raises:
-        InputError: When it is none, or not finite.
-    """
+    """A finite number above 0, or 0 where it may be."""
     number = float(single_array(name, value, ()))
     if number < 0 or (number == 0 and not or_zero):
         raise InputError(name, f"{number:g} is {'below' if or_zero else 'not above'} 0")
@@ -198,11 +159,7 @@ def positive_number(name: str, value: float, *, or_zero: bool = False) -> float:
 def flattened(
     arrays: Sequence[Array | None], core_axes: Sequence[int]
 ) -> tuple[tuple[int, ...], list[Array | None]]:
-    """The broadcast leading axes, and the samples in a row, (n, ...); views where NumPy can.
-
-    Raises:
-        InputError: When the leading axes do not broadcast.
-    """
+    """The broadcast leading axes, and the samples in a row, (n, ...); views where NumPy can."""
     pairs = list(zip(arrays, core_axes, strict=True))
     leading = [a.shape[: a.ndim - core] for a, core in pairs if a is not None]
     try:

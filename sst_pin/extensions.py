@@ -15,14 +15,9 @@ from .errors import CompilationError
 def require_current(extension: str | Path, *sources: Path) -> ctypes.CDLL:
     """Load an extension as a library; refuse one that was compiled from other sources.
 
-    After an update of a clone that is installed with `pip install -e`, the extensions are old.
-
-    Args:
-        extension: Its file. It contains the hash of its sources as the string `made_of`.
-        sources: Its sources. If one does not exist, the extension was installed without them.
-
-    Raises:
-        CompilationError: If the sources have changed.
+    After an update of a clone that is installed with `pip install -e`, the extensions are old. The
+    file contains the hash of its sources as the string `made_of`; if a source does not exist, the
+    extension was installed without them.
     """
     library = ctypes.CDLL(str(extension))
     if all(source.is_file() for source in sources):

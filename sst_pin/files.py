@@ -34,11 +34,7 @@ _LARGEST = 2**30
 
 
 def as_path(path: str | os.PathLike[str]) -> Path:
-    """The path of a file.
-
-    Raises:
-        InputError: When no file can have it.
-    """
+    """The path of a file; refuses what no file can have."""
     try:
         if b"\0" not in os.fsencode(path):
             return Path(path)
@@ -68,19 +64,11 @@ class Table(NamedTuple):
     lines: tuple[int, ...]
 
     def column(self, name: str) -> Array:
-        """One column by its name.
-
-        Raises:
-            FileFormatError: When it is missing.
-        """
+        """One column by its name."""
         return self.select([name])[:, 0]
 
     def select(self, names: Sequence[str]) -> Array:
-        """Columns side by side, shape (rows, len(names)).
-
-        Raises:
-            FileFormatError: When one is missing.
-        """
+        """Columns side by side, shape (rows, len(names)); the error names missing ones."""
         missing = [name for name in names if name not in self.columns]
         if missing:
             raise FileFormatError(
@@ -92,15 +80,10 @@ class Table(NamedTuple):
 
 
 def read_table(source: str | Path | BinaryIO) -> Table:
-    """Read a CSV with one header line, rows of finite numbers and increasing times.
+    """Read a CSV, a file or a stream of bytes, with one header line and increasing times.
 
-    The column of times is `t_s`; `time_s`, `t` and `time` are taken for it.
-
-    Args:
-        source: A file's path, or a stream of bytes, such as `sys.stdin.buffer`.
-
-    Raises:
-        FileFormatError: With the line that is wrong.
+    The column of times is `t_s`; `time_s`, `t` and `time` are taken for it. The error names the
+    line.
     """
     path = as_path(source) if isinstance(source, str | os.PathLike) else _stream_name(source)
     try:
@@ -140,11 +123,7 @@ def read_table(source: str | Path | BinaryIO) -> Table:
 
 
 def _stream_name(source: object) -> Path:
-    """What messages call a stream.
-
-    Raises:
-        InputError: When bytes cannot be read from it.
-    """
+    """What messages call a stream of bytes."""
     if not hasattr(source, "read"):
         raise InputError("path", f"{source!r} is not the path of a file")
     name = getattr(source, "name", None)
@@ -169,12 +148,7 @@ def _numbers(path: Path, line: int, header: Sequence[str], row: Sequence[str]) -
 
 
 def table_writer(columns: Sequence[str], values: Array) -> Writer:
-    """A writer of a CSV from which every bit can be read back.
-
-    Args:
-        columns: Name of each column.
-        values: Shape (rows, columns).
-    """
+    """A writer of a CSV, one row for each of `values`, from which every bit can be read back."""
 
     def write(file: BinaryIO) -> None:
         lines = [",".join(columns), *(",".join(map(repr, row)) for row in values.tolist())]
@@ -195,19 +169,11 @@ def text_writer(text: str) -> Writer:
 def write_files(
     files: Mapping[Path, Writer], force: bool = False, *, folder: Path | None = None
 ) -> None:
-    """Write files whole or not at all.
+    """Write files whole or not at all; with `force` also those that exist.
 
     Every target is looked at before the first is written; each is written beside its place and
     moved there when it is complete. A file that is replaced keeps its mode, and a link to it
-    remains.
-
-    Args:
-        files: Writer of each path.
-        force: Whether files that are there may be replaced.
-        folder: One that is made where it is missing, and folders inside it; no others are.
-
-    Raises:
-        OutputError: When a file exists and may not be replaced, or cannot be written.
+    remains. Only `folder`, and folders inside it, are made where they are missing.
     """
     places = {path: _place(as_path(path), force) for path in files}
     if folder is None:

@@ -81,11 +81,7 @@ class Appearance(NamedTuple):
 
 
 def drawn_frame(model: pin.Model, name: str) -> DrawnFrame:
-    """A frame of the model.
-
-    Raises:
-        UnknownNameError: For an unknown name.
-    """
+    """A frame of the model, to be drawn."""
     frame = frame_named(model, name)
     return DrawnFrame(name, frame.parentJoint, frame.placement)
 

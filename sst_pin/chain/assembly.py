@@ -29,18 +29,10 @@ _ASIDE = 0.2
 
 
 class Assembly:
-    """Newton's method on the closures of one mechanism; a workspace, one per thread.
+    """Newton's method on the closures of one mechanism; one object per thread.
 
     Loops that share no joints are solved apart: each comes as near as it can, whatever the others
-    do.
-
-    Args:
-        mechanism: What is put together.
-        loops: Its closures.
-        slipping: Whether rolling wheels may slip on the way.
-
-    Attributes:
-        mechanism, loops: As given.
+    do. Unless `slipping`, wheels roll on the way.
     """
 
     def __init__(self, mechanism: Mechanism, loops: Loops, *, slipping: bool = True) -> None:
@@ -50,16 +42,10 @@ class Assembly:
         self._known_parts: dict[bytes, list[tuple[Indices, Indices]]] = {}
 
     def assemble(self, q: Array, free: Indices, *, limits: bool = False) -> Array:
-        """The configuration next to q with closed loops.
+        """The configuration next to q with closed loops; only the rates `free` move.
 
-        Args:
-            q: A guess, shape (nq,).
-            free: Indices of the rates that may move.
-            limits: Whether joints of one coordinate stay within their limits.
-
-        Raises:
-            ClosureError: When there is none within reach: which loops stay open, by how much, and
-                which joints are at their limits.
+        With `limits` joints of one coordinate stay within their limits. The error says which loops
+        stay open, by how much, and which joints are at their limits.
         """
         bounds = _Limits(self.mechanism, free, limits)
         q, open_rows = self._newton(bounds.clipped(q), free, bounds)
@@ -87,11 +73,7 @@ class Assembly:
     def try_starts(
         self, q: Array, free: Indices, tries: int, seed: int, *, limits: bool = False
     ) -> Array:
-        """The first success from q and from random configurations around it.
-
-        Raises:
-            ClosureError: That of the start that came nearest.
-        """
+        """The first success from q and from random configurations around it, or the best error."""
         random = np.random.default_rng(whole_number("seed", seed, 0))
         model, failures = self.mechanism.model, []
         for k in range(tries):
@@ -106,11 +88,7 @@ class Assembly:
         raise min(failures, key=lambda error: error.residual)
 
     def aside(self, q: Array, seed: int) -> Array:
-        """Another configuration of the same assembly mode as q, which lies on the closures.
-
-        Raises:
-            ClosureError: When a fifth of a radian leads out of the mode.
-        """
+        """A configuration in the assembly mode of q, which is closed, a fifth of a radian off."""
         from scipy.linalg import null_space
 
         mechanism, loops = self.mechanism, self.loops
@@ -189,13 +167,7 @@ class Assembly:
 
 
 class _Limits:
-    """Limits of the joints of one coordinate that may move; the others have none.
-
-    Args:
-        mechanism: Whose joints they are.
-        free: Indices of the rates that may move.
-        wanted: Whether limits count at all.
-    """
+    """Limits of the joints of one coordinate among the rates `free`; none if not `wanted`."""
 
     def __init__(self, mechanism: Mechanism, free: Indices, wanted: bool) -> None:
         model, self._mechanism = mechanism.model, mechanism
@@ -230,11 +202,7 @@ class _Limits:
         return float((room / np.maximum(np.abs(step), 1e-300)).min(initial=1.0))
 
     def require_within(self, q: Array) -> None:
-        """Refuse joints that are held outside their limits, or whose limits exclude each other.
-
-        Raises:
-            ClosureError: Which they are.
-        """
+        """Refuse joints held outside their limits, and limits that exclude each other."""
         room = self._room(q).min(axis=0)
         if (room < 0).any():
             raise ClosureError(
@@ -262,11 +230,7 @@ class _Limits:
 
 
 def home_of(mechanism: Mechanism) -> Array | None:
-    """What the model calls home, its loops as open as they are there, shape (nq,).
-
-    Raises:
-        DescriptionError: When it is no configuration of the model.
-    """
+    """What the model calls home, shape (nq,), its loops as open as they are there; or None."""
     model = mechanism.model
     known = model.referenceConfigurations
     if "home" not in known:

@@ -26,12 +26,9 @@ _CURES = {
 
 
 def require_assignable(robot: object, name: str) -> None:
-    """Refuse an attribute that is computed, and one that a robot of this package does not have.
+    """Refuse an attribute that is computed or that robots do not have, and say the cure.
 
     Classes derived outside this package may have attributes of their own.
-
-    Raises:
-        AssignmentError: With the cure.
     """
     kind = type(robot)
     if name.startswith("_"):

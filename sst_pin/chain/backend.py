@@ -112,8 +112,7 @@ class Kernel(Protocol):
     def answer(self, a: Any, b: Any, c: Any, load: Any, out: Any, threads: Any, /) -> Answer:
         """The result for arguments as the caller gave them, for one sample or a batch.
 
-        Returns:
-            The result; None if the arguments must be checked first, or a sample fails the checks.
+        None if the arguments must be checked first, or a sample fails the checks.
         """
 
     def derivatives(
@@ -122,15 +121,9 @@ class Kernel(Protocol):
         """Derivatives by a, b and c as a named tuple of this kind, or None as `answer`."""
 
     def many(self, arrays: tuple[Array, ...], out: Array, threads: int = 1, /) -> Indices:
-        """Fill the results of N samples.
+        """Fill flat results of N samples, shape (N, size); indices of those that fail the checks.
 
-        Args:
-            arrays: Arguments, q first, shapes (N, ...); external wrenches have shape (N, 6 r).
-            out: For the results, flat, shape (N, size).
-            threads: How many share the samples.
-
-        Returns:
-            Indices of the samples that fail the checks.
+        Arguments have shapes (N, ...), q first; external wrenches have shape (N, 6 r).
         """
 
 
@@ -159,11 +152,7 @@ class Backend(Protocol):
         """What computes, and why."""
 
     def kernel(self, key: Key, /) -> Kernel:
-        """What computes a quantity; it is made at its first use.
-
-        Raises:
-            UnknownNameError: For an unknown frame.
-        """
+        """What computes a quantity; it is made at its first use."""
 
     def states(self, friction: Friction) -> States:
         """The state space with this friction instead of the mechanism's."""

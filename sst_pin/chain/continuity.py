@@ -36,24 +36,14 @@ _SHORTEST = 1e-12
 
 
 class _Place(NamedTuple):
-    """A configuration and the dependent part of Phi there.
-
-    Attributes:
-        q: Shape (nq,).
-        blocks: Those of one shape together, shapes (count, rows, dependent rates).
-    """
+    """A configuration, shape (nq,), and its blocks of Phi, shapes (count, rows, rates)."""
 
     q: Array
     blocks: list[Array]
 
 
 class Continuity:
-    """Follows motions of one mechanism from a configuration to the next; one object per thread.
-
-    Args:
-        mechanism: Whose motions they are.
-        loops: Its closures.
-    """
+    """Follows motions of one mechanism from a configuration to the next; one object per thread."""
 
     def __init__(self, mechanism: Mechanism, loops: Loops) -> None:
         self._mechanism, self._loops = mechanism, loops
@@ -75,24 +65,14 @@ class Continuity:
         self._smallest = 0.0
 
     def regular(self, q: Array, limit: float) -> bool:
-        """Whether the condition number of the dependent part of Phi is below a limit.
-
-        Args:
-            q: Closed configuration, shape (nq,).
-            limit: Of the condition number.
-        """
+        """Whether the condition number of the dependent part of Phi is below a limit at q."""
         return _condition_below(self._place(q).blocks, limit)
 
     def follow(self, start: Array, way: Way, limit: float) -> tuple[float, Array]:
-        """How much of a step is continuous and regular.
+        """How much of a step is continuous and regular, 1 for all, and the configuration there.
 
-        Args:
-            start: Configuration before the step, shape (nq,).
-            way: Gives configurations at fractions of the step, 1 for its end.
-            limit: Of the condition number.
-
-        Returns:
-            The fraction reached, 1 for the whole step, and the configuration there.
+        `way` gives configurations at fractions of the step, 1 for its end; `limit` is that of the
+        condition number.
         """
         q, low, high = start, 0.0, 1.0
         while low < 1 and high - low >= _SHORTEST:

@@ -34,10 +34,7 @@ def examples(assembly: Assembly) -> Iterator[Array]:
     """Assembled configurations without symmetry, the same at each call.
 
     They lie close to `home` if the robot has one, because other assemblies can have other degrees
-    of freedom; otherwise around `pin.neutral`.
-
-    Raises:
-        ClosureError: If no guess leads to one; the error of the guess that came nearest.
+    of freedom; otherwise around `pin.neutral`. The error is that of the guess that came nearest.
     """
     mechanism = assembly.mechanism
     model, home = mechanism.model, home_of(mechanism)
@@ -74,19 +71,11 @@ def _displacement(mechanism: Mechanism, seed: int) -> Array:
 
 
 def settle(assembly: Assembly, wanted: Indices | None) -> tuple[Indices, Array | None]:
-    """Choose the coordinates of a robot.
+    """Indices in v of the coordinates, and the configuration where they were judged, or None.
 
-    The order of preference: the coordinates asked for; the motors' joints, as many as are
-    independent; other joints by rank. Where there is no home, the assembled configuration counts
-    in which the motors hold most.
-
-    Args:
-        assembly: Of the robot, whose coordinates do not matter yet.
-        wanted: Indices in v of the coordinates asked for, or None.
-
-    Returns:
-        Indices in v, and the configuration where they were judged; without an assembled
-        configuration the motors' joints and None.
+    The order of preference: the coordinates `wanted`; the motors' joints, as many as are
+    independent; other joints by rank. Where there is no home, the assembled configuration counts in
+    which the motors hold most; where nothing can be assembled, the motors' joints.
     """
     mechanism = assembly.mechanism
     asked = mechanism.driven if wanted is None else wanted
@@ -112,9 +101,6 @@ def without_mass(mechanism: Mechanism) -> tuple[str, ...]:
     """Names of the coordinates that move no mass, such as the spin of a thin rod between two balls.
 
     The mass matrix is singular there to rounding, at every configuration.
-
-    Args:
-        mechanism: The robot, with its coordinates.
     """
     q, n = mechanism.example, len(mechanism.coordinates)
     if q is None or not n:

@@ -16,18 +16,11 @@ Array = NDArray[np.float64]
 
 
 class Coupled:
-    """The row of a coupling.
-
-    Args:
-        model: The tree.
-        coupling: What it says.
+    """The row of a coupling of joints that have one coordinate each.
 
     Attributes:
         terms: For each joint its index in q and in v, the polynomial P of its coordinate with
             sum P = offset, and the first and second derivative of P.
-
-    Raises:
-        DescriptionError: For joints that have several coordinates.
     """
 
     def __init__(self, model: pin.Model, coupling: Coupling) -> None:

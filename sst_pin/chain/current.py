@@ -36,16 +36,7 @@ Kernels = Callable[[Reference], Backend]
 
 
 class Current:
-    """A mechanism and the code that computes its dynamics.
-
-    Args:
-        mechanism: The mechanism.
-        kernels: Makes its backend; None for the reference path.
-
-    Attributes:
-        mechanism, kernels: As given.
-        reference: The reference path of the mechanism.
-    """
+    """A mechanism, its reference path, and what makes its backend; None for the reference path."""
 
     def __init__(self, mechanism: Mechanism, kernels: Kernels | None = None) -> None:
         self.mechanism, self.kernels = mechanism, kernels
@@ -84,16 +75,7 @@ class Current:
     # --- arguments --------------------------------------------------------------------------
 
     def arguments(self, q: ArrayLike, **others: ArrayLike) -> list[Array]:
-        """Arguments as arrays of the shapes that the mechanism has.
-
-        Args:
-            q: Configurations, shape (..., nq).
-            others: By name: `tau`, shape (..., motors), the others, shape (..., n).
-
-        Raises:
-            InputError: For another shape.
-            DescriptionError: If nothing can move.
-        """
+        """Arguments as arrays of the shapes that the mechanism has, q first, the others by name."""
         mechanism = self.mechanism
         if not len(mechanism.coordinates):
             raise DescriptionError(f"model {mechanism.model.name}", [_NOTHING_MOVES])
@@ -133,11 +115,7 @@ class Current:
 
     @cached_property
     def home(self) -> Array | None:
-        """The home of the model with closed loops, shape (nq,); None without one.
-
-        Raises:
-            ClosureError: If its loops cannot be closed with fixed coordinates.
-        """
+        """The home of the model with closed loops, shape (nq,); None without one."""
         mechanism = self.mechanism
         q = home_of(mechanism)
         if q is None:
@@ -149,17 +127,13 @@ class Current:
         return q
 
     def example(self) -> Array:
-        """A configuration with closed loops and without symmetry, shape (nq,).
-
-        Raises:
-            ClosureError: If none is found.
-        """
+        """A configuration with closed loops and without symmetry, shape (nq,)."""
         if self.mechanism.example is None:
             return next(examples(self.reference.workspace.assembly))
         return self.mechanism.example.copy()
 
     def mobility(self, q: ArrayLike | None = None) -> Mobility:
-        """As `ClosedChain.mobility`."""
+        """Degrees of freedom and motors; see `ClosedChain.mobility`."""
         mechanism, loops = self.mechanism, self.reference.workspace.loops
         given = "a random assembled configuration" if q is None else "the configuration given"
         names = mechanism.space.names_of(mechanism.coordinates.tolist())

@@ -68,11 +68,7 @@ class FrameVelocityDerivatives(NamedTuple):
 
 
 def discrete(A: Array, B: Array, dt: float) -> tuple[Array, Array]:
-    """The exact step of x' = A x + B u over dt with u held: the exponential of [A B; 0 0] dt.
-
-    Raises:
-        InputError: When dt is so long that it overflows.
-    """
+    """The exact step of x' = A x + B u over dt with u held: the exponential of [A B; 0 0] dt."""
     from scipy.linalg import expm
 
     states, inputs = B.shape[-2:]
@@ -92,10 +88,7 @@ def discrete(A: Array, B: Array, dt: float) -> tuple[Array, Array]:
 class Derivatives:
     """Derivatives of the dynamics of one mechanism; one object per thread.
 
-    Arguments are as those of `dynamics.inverse_dynamics` and `dynamics.direct_dynamics`.
-
-    Args:
-        mechanism: Whose dynamics it is.
+    Arguments are those of `dynamics.inverse_dynamics` and `dynamics.direct_dynamics`.
     """
 
     def __init__(self, mechanism: Mechanism) -> None:
@@ -107,15 +100,7 @@ class Derivatives:
     def torques(
         self, sign_width: float, q: Array, va: Array, aa: Array, wrenches: Array | None
     ) -> Array:
-        """Derivatives of f by q, va and aa side by side, shape (n, 3 n).
-
-        Args:
-            sign_width: Of Coulomb friction, as `Friction` has it.
-            q: Configuration on the closures, shape (nq,).
-            va: Rates of the coordinates, shape (n,).
-            aa: Their accelerations, shape (n,).
-            wrenches: External ones, shape (r, 6), or None.
-        """
+        """Derivatives of f by q, va and aa side by side, shape (n, 3 n)."""
         q, wrenches = self._plain.configuration(q), self._plain.wrenches(wrenches)
         tau = np.zeros(self._mechanism.motors.shape[1])
         by_q, by_va, inertia, _ = self._forces(self._friction(sign_width), q, va, aa, tau, wrenches)
@@ -124,10 +109,7 @@ class Derivatives:
     def accelerations(
         self, sign_width: float, q: Array, va: Array, tau: Array, wrenches: Array | None
     ) -> Array:
-        """Derivatives of aa by q, va and tau side by side, shape (n, 2 n + motors).
-
-        Arguments as `torques`.
-        """
+        """Derivatives of aa by q, va and tau side by side, shape (n, 2 n + motors)."""
         q, wrenches = self._plain.configuration(q), self._plain.wrenches(wrenches)
         friction = self._friction(sign_width)
         aa, _ = direct_dynamics(self._ws, friction, q, va, tau, wrenches)

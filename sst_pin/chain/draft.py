@@ -47,11 +47,7 @@ Motor = str | Mapping[str, float]
 
 
 def closures_of(closures: Sequence[Constraint | tuple[str, str]]) -> tuple[Constraint, ...]:
-    """Closures, with pairs of names for frames that must coincide.
-
-    Raises:
-        InputError: For anything else.
-    """
+    """Closures, with pairs of names for frames that must coincide."""
     found: list[Constraint] = []
     if not isinstance(closures, Iterable):
         raise InputError("closures", f"{closures!r}: a sequence of closures is needed")
@@ -74,17 +70,8 @@ def mechanism_of(
 ) -> Mechanism:
     """A mechanism with its coordinates, from what the constructor of `ClosedChain` takes.
 
-    Args:
-        model: The tree; the mechanism keeps it.
-        closures: What closes it.
-        motors: What drives it.
-        coordinates: Names of the independent joints; None to choose them.
-        numbers: `viscous_friction`, `coulomb_friction`, `stiffness`, `spring_reference`.
-
-    Raises:
-        DescriptionError: For a tree that cannot be computed.
-        UnknownNameError: For a joint or frame that the tree does not have.
-        InputError: For numbers that do not fit.
+    The mechanism keeps the tree. `numbers` has viscous_friction, coulomb_friction, stiffness and
+    spring_reference.
     """
     _require_sound(model, closures)
     space = JointSpace(model)
@@ -119,13 +106,7 @@ def mechanism_of(
 
 
 def without_locked(model: pin.Model, locked: Sequence[str] | Mapping[str, float]) -> pin.Model:
-    """The tree with some joints held.
-
-    Raises:
-        DescriptionError: For a tree whose arrays have wrong sizes.
-        UnknownNameError: For a joint that it does not have.
-        InputError: For a tree with mimic joints, which Pinocchio cannot reduce.
-    """
+    """The tree with some joints held; Pinocchio cannot reduce one with mimic joints."""
     if problems := _wrong_sizes(model):
         raise DescriptionError(f"model {model.name}", problems)
     if list(model.mimicking_joints):

@@ -209,20 +209,10 @@ def applied_forces(
 def inverse_dynamics(
     ws: Workspace, q: Array, va: Array, aa: Array, wrenches: Array | None
 ) -> Array:
-    """What a motion needs along the coordinates, Eq. (92), short form.
+    """What a motion needs along the coordinates, f of shape (n,), Eq. (92), short form.
 
-    `pin.rnea` is N_l forward and N_l^T backward; it forms no K.
-
-    Args:
-        ws: Workspace of the mechanism.
-        q: Configuration on the closures, shape (nq,).
-        va: Rates of the coordinates, shape (n,).
-        aa: Their accelerations, shape (n,).
-        wrenches: External [moment; force] on each body at its mass centre, base axes, shape
-            (r, 6), or None.
-
-    Returns:
-        f, shape (n,).
+    `pin.rnea` is N_l forward and N_l^T backward; it forms no K. `wrenches` are external [moment;
+    force] on each body at its mass centre, base axes, shape (r, 6), or None.
     """
     ws.evaluate(q)
     v, v_dot = motion_of_tree(ws, va, aa)
@@ -236,14 +226,11 @@ def inverse_dynamics(
 def sizes_of_terms(
     ws: Workspace, q: Array, va: Array, aa: Array, wrenches: Array | None
 ) -> tuple[Array, Array]:
-    """Sizes of all forces that meet in each coordinate, none balanced by another.
+    """Sizes of all forces that meet in each coordinate, none balanced by another, shape (n,).
 
-    They are the weight, the inertia and the load of each body, and the friction, the spring and
-    the rotor of each joint; arguments as `inverse_dynamics`.
-
-    Returns:
-        Their sum along the coordinates, shape (n,), and the same without regard to the directions
-        of wrenches and motions, of which rounding takes its part, shape (n,).
+    They are the weight, the inertia and the load of each body, and the friction, the spring and the
+    rotor of each joint. The second result disregards the directions of wrenches and motions;
+    rounding takes its part of it.
     """
     ws.evaluate(q)
     mechanism, model, r = ws.mechanism, ws.model, ws.model.njoints - 1
@@ -271,21 +258,10 @@ def direct_dynamics(
     wrenches: Array | None,
     tolerance: float = CLOSURE_TOLERANCE,
 ) -> tuple[Array, Array]:
-    """Accelerations of the coordinates from Eq. (92), and v = L va.
+    """Accelerations of the coordinates from Eq. (92), and v = L va; loops open up to `tolerance`.
 
-    Bias forces are a `pin.rnea`, N_l forward and N_l^T back.
-
-    Args:
-        ws: Workspace of the mechanism.
-        friction: In the place of the mechanism's own.
-        q: Configuration on the closures, shape (nq,).
-        va: Rates of the coordinates, shape (n,).
-        tau: Motor torques, shape (motors,).
-        wrenches: As in `inverse_dynamics`.
-        tolerance: By which the loops may be open.
-
-    Raises:
-        SingularConfigurationError: When the inertia matrix is not positive definite.
+    Bias forces are a `pin.rnea`, N_l forward and N_l^T back. `friction` is taken instead of the
+    mechanism's.
     """
     from scipy.linalg.lapack import dposv
 

@@ -100,12 +100,7 @@ class JointSpace:
         )
 
     def rates_of(self, names: Sequence[str]) -> NDArray[np.intp]:
-        """Indices in v of joints, or of single rates, by name.
-
-        Raises:
-            UnknownNameError: For a name that neither has.
-            InputError: When a joint appears twice.
-        """
+        """Indices in v of joints, or of single rates, by name."""
         found: list[int] = []
         for name in names:
             if name in self.joint_names and name not in self.rates:
@@ -123,11 +118,7 @@ class JointSpace:
         return np.array(found, dtype=np.intp)
 
     def force_units(self, B: Array) -> tuple[str, ...]:
-        """For each motor "Nm" or "N", by the rate that it acts on most.
-
-        Args:
-            B: Forces on the tree for torques of the motors, shape (nv, motors).
-        """
+        """Units of motors, "Nm" or "N", by the rate that a column of B, (nv, motors), acts on."""
         acts_on = np.abs(B).argmax(axis=0)
         return tuple("N" if self.rate_units[k] == "m" else "Nm" for k in acts_on)
 
@@ -182,11 +173,7 @@ class JointSpace:
         return q_dot
 
     def normalised(self, q: Array) -> Array:
-        """q with its quaternions and cosine-sine pairs at length one, shape (nq,).
-
-        Raises:
-            InputError: When one is zero: it has no direction.
-        """
+        """q with its quaternions and cosine-sine pairs at length one, shape (nq,)."""
         if self.euclidean:
             return q
         q = q.copy()
@@ -206,11 +193,7 @@ class JointSpace:
         return np.all(self._off_length_one(q) < 1e-6, axis=-1)
 
     def require_on_manifold(self, q: Array) -> None:
-        """Check that quaternions and cosine-sine pairs of q, shape (nq,), have length one.
-
-        Raises:
-            InputError: When one does not, or when an entry is not finite.
-        """
+        """Check that quaternions and cosine-sine pairs of q, shape (nq,), have length one."""
         if self.euclidean:
             return
         rest = (q * q).dot(self.unit_parts) - 1

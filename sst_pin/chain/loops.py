@@ -39,10 +39,6 @@ class Loops:
 
     `evaluate(q)` computes what depends on q; all other methods speak of that configuration.
 
-    Args:
-        model: The tree; it must not change afterwards.
-        closures: What closes it.
-
     Attributes:
         rows: How many rows there are.
         slices: Rows of each closure.
@@ -52,10 +48,6 @@ class Loops:
         frames: Indices of the frames that they connect, after one for the world.
         supports: For each of these frames 1 for the columns of J that move it.
         couplings: The other closures, with their rows.
-
-    Raises:
-        UnknownNameError: For a frame or joint that the model does not have.
-        DescriptionError: For a coupling of joints that have several coordinates.
     """
 
     def __init__(self, model: pin.Model, closures: Sequence[Constraint]) -> None:
@@ -119,16 +111,7 @@ class Loops:
         return self._f.copy()
 
     def require_closed(self, scale: Array, tolerance: float = CLOSURE_TOLERANCE) -> None:
-        """Check that all loops are closed.
-
-        Args:
-            scale: Of each row, by which its residual is multiplied, shape (rows,).
-            tolerance: Of the scaled residual.
-
-        Raises:
-            InputError: When q is not finite.
-            ClosureError: When a loop is open.
-        """
+        """Check that all residuals, times the scale of their rows, stay below the tolerance."""
         f = self._f
         scaled = f * scale
         if scaled.dot(scaled) <= tolerance**2:
@@ -188,11 +171,8 @@ class Loops:
 def connected(touched: NDArray[np.bool_]) -> Iterator[tuple[Indices, Indices]]:
     """Rates that rows connect, in parts that share no row and no rate.
 
-    Args:
-        touched: Which rates a row depends on, shape (rows, rates).
-
-    Returns:
-        Of each part the indices of its rows and of its rates.
+    `touched` says which rates a row depends on, shape (rows, rates). Gives the indices of the rows
+    and of the rates of each part.
     """
     part = np.arange(touched.shape[1])  # of each rate, by the name of one of them
     for row in touched:

@@ -95,11 +95,7 @@ class Springs:
         return float(self.stiffness @ pin.difference(model, self.reference, q) ** 2 / 2)
 
     def check(self, model: pin.Model) -> None:
-        """Refuse springs whose force would not be the gradient of an energy.
-
-        Raises:
-            DescriptionError: For a joint of several rates with different stiffnesses.
-        """
+        """Refuse springs whose force would not be the gradient of an energy."""
         problems = []
         for name, joint in zip(list(model.names)[1:], list(model.joints)[1:], strict=True):
             k = self.stiffness[joint.idx_v : joint.idx_v + joint.nv]
@@ -174,11 +170,7 @@ class Mechanism:
         return np.array_equal(self.motors, self.selection.T)
 
     def require_mass(self) -> None:
-        """Refuse direct dynamics where a coordinate moves no mass.
-
-        Raises:
-            SingularConfigurationError: Which coordinates these are, and what helps.
-        """
+        """Refuse direct dynamics where a coordinate moves no mass."""
         if self.without_mass:
             raise SingularConfigurationError(
                 "the mass matrix is not positive definite: the coordinates "

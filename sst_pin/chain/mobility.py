@@ -120,12 +120,7 @@ def _listed(names: Sequence[str]) -> str:
 
 
 def independent_rows(Phi: Array, tolerance: float = RANK_TOLERANCE) -> Indices:
-    """Indices of rows that carry the rank of Phi, by a column-pivoted QR of its transpose.
-
-    Args:
-        Phi: Shape (rows, nv).
-        tolerance: A pivot this much smaller than the largest counts as zero.
-    """
+    """Indices of rows that carry the rank of Phi, by a column-pivoted QR of its transpose."""
     if not Phi.size:
         return np.empty(0, dtype=np.intp)
     from scipy.linalg import qr
@@ -151,20 +146,12 @@ def scaled_Phi(mechanism: Mechanism, loops: Loops, q: Array) -> Array:
 
 
 def choose_coordinates(mechanism: Mechanism, Phi: Array, wanted: Sequence[Indices] = ()) -> Indices:
-    """Independent rates that describe all motions.
+    """Indices of independent rates that describe all motions, those wanted first.
 
-    Joints outside of the loops are taken whole, as the base of a floating robot. Among the others
-    the rate comes next that depends least on those already chosen; where several are equal, the
-    first by name.
-
-    Args:
-        mechanism: Whose motions they are.
-        Phi: From `scaled_Phi`, shape (rows, nv).
-        wanted: Groups of rates to be taken first, each as a whole if it can be; by default the
-            rates of the motors.
-
-    Returns:
-        Indices of n rates: those that were wanted in their order, then the others.
+    The rates `wanted`, each group as a whole, come before those of the motors. Joints outside of
+    the loops are taken whole, as the base of a floating robot. Among the others the rate comes next
+    that depends least on those already chosen; where several are equal, the first by name. Phi is
+    that of `scaled_Phi`.
     """
     left, chosen = free_motions(Phi), list[int]()
     n = left.shape[1]
@@ -204,18 +191,7 @@ def choose_coordinates(mechanism: Mechanism, Phi: Array, wanted: Sequence[Indice
 def judge(
     mechanism: Mechanism, loops: Loops, q: Array, where: str, wanted: Sequence[Indices] = ()
 ) -> Mobility:
-    """Count the motions at one configuration and choose coordinates for them.
-
-    Args:
-        mechanism: Whose mobility it is.
-        loops: Its closures.
-        q: The configuration, shape (nq,).
-        where: Which one that is.
-        wanted: Coordinates to be taken first, joint by joint.
-
-    Raises:
-        ClosureError: If q is open.
-    """
+    """Count the motions at a closed configuration q and choose coordinates, those wanted first."""
     Phi = scaled_Phi(mechanism, loops, q)
     loops.require_closed(mechanism.row_scale)
     space = mechanism.space
@@ -253,7 +229,7 @@ def _spins(columns: Array) -> bool:
 
 
 def condition_number(Phi: Array, coordinates: Indices) -> float:
-    """Of the part of Phi that determines the dependent rates: infinite where it does not."""
+    """Condition number of the columns of Phi for the dependent rates; infinite if singular."""
     dependent = np.setdiff1d(np.arange(Phi.shape[1]), coordinates)
     if not len(dependent):
         return 1.0

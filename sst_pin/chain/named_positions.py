@@ -27,17 +27,7 @@ def _is_cosine(name: str, unit: str, units: Mapping[str, str]) -> bool:
 
 
 def put(space: JointSpace, q: Array, positions: Mapping[str, float]) -> Array:
-    """A configuration with some joints at given positions, the others as they are.
-
-    Args:
-        space: Names of the entries of q.
-        q: The configuration, shape (nq,).
-        positions: By the names of joints that turn or slide, [rad] or [m].
-
-    Raises:
-        UnknownNameError: For a name that is no such joint's.
-        InputError: For a position that is not a finite number.
-    """
+    """A configuration with the joints named, which turn or slide, at positions, [rad] or [m]."""
     known, names, q = angles_and_lengths(space), list(space.position_names), np.array(q)
     for name, position in positions.items():
         if name not in known:

@@ -58,10 +58,6 @@ class JointComplement:
     the inverse over independent ones. Rows and rates are made free of units first. Loops that share
     no dependent joint are inverted apart, so that the cost is linear in their number.
 
-    Args:
-        mechanism: Whose constraints they are.
-        touched: Which rates each row of Phi depends on, shape (rows, nv).
-
     Attributes:
         blocks: The parts of Phi^u that share no dependent rate.
         L: Joint orthogonal complement, shape (nv, n), Eq. (17): Phi L = 0.
@@ -79,14 +75,7 @@ class JointComplement:
         self.inverse = np.zeros(touched.T.shape)
 
     def factorise(self, Phi: Array) -> None:
-        """Compute L and the inverse.
-
-        Args:
-            Phi: Jacobian of the closures, shape (rows, nv).
-
-        Raises:
-            SingularConfigurationError: When the closures do not fix the dependent rates.
-        """
+        """Compute L and the inverse; the error says which rates the closures do not fix."""
         self.L: Array = self._mechanism.selection.T.copy()
         smallest, largest = [], 1.0  # pivots of the coordinates are 1
         for block in self.blocks:
@@ -167,13 +156,7 @@ def body_jacobians(model: pin.Model, data: pin.Data) -> Array:
 
 
 def bodies(model: pin.Model, data: pin.Data, q_dot: Array) -> Bodies:
-    """K, K_dot, M, Omega and w^g.
-
-    Args:
-        model: The tree.
-        data: With joint Jacobians and their rates up to date.
-        q_dot: Joint rates, shape (m,).
-    """
+    """K, K_dot, M, Omega and w^g; joint Jacobians and their rates in `data` are up to date."""
     c = mass_centers(model, data)
     K = _reduce_to_mass_centers(model, of_rates(data.J), c)
     # The reduction moves with the mass centre: d/dt (omega x c) has the term omega x c_dot.
@@ -207,19 +190,11 @@ def natural_complement(bodies: Bodies, L: Array, L_dot: Array) -> tuple[Array, A
 
 
 def decoupled(model: pin.Model, data: pin.Data) -> tuple[Array, Array]:
-    """The decoupled form K = N_l N_d of the paper's [5, 6].
+    """N_l, shape (6 r, 6 r), and N_d, shape (6 r, nv), with K = N_l N_d, of the paper's [5, 6].
 
-    N_d holds the twists of each body that its own joint gives it, N_l carries the twists of a body
-    to all that it bears: the forward recursion of inverse dynamics is N_l, the backward one its
-    transpose.
-
-    Args:
-        model: The tree.
-        data: With joint Jacobians up to date.
-
-    Returns:
-        N_l, shape (6 r, 6 r), with unit blocks on the diagonal and zero blocks above it, and N_d,
-        shape (6 r, nv), block diagonal.
+    N_d, block diagonal, holds the twists of each body that its own joint gives it; N_l, with unit
+    blocks on the diagonal and zeros above, carries the twists of a body to all that it bears. The
+    forward recursion of inverse dynamics is N_l, the backward one its transpose.
     """
     c = mass_centers(model, data)
     r = len(c)

@@ -55,13 +55,11 @@ class PairRows:
     x_t of these numbers have the same shape, as have points and directions made of them: W is
     bilinear in direction and point.
 
-    Args:
-        closures: Each with its first row and the numbers of its frames A and B.
-        frames: How many frames there are.
-        rows: How many rows there are, those of couplings included: their wrenches are zero.
+    `closures` come with their first row and the numbers of their frames A and B. Rows of couplings
+    are counted in `rows`, and have wrenches of zero.
 
     Attributes:
-        frames: Of each row the numbers of B and A, shape (2, rows).
+        frames: Numbers of the frames B and A of each row, shape (2, rows).
     """
 
     def __init__(
@@ -140,11 +138,7 @@ class PairRows:
         self._radii, self._discs = wheel[:, 2:3], 1.0 - wheel[:, 3:]
 
     def vectors(self, x: Array) -> Array:
-        """Of each row its direction, its points b and a, the ends of its gap.
-
-        Returns:
-            Shape (..., 5, rows, 4).
-        """
+        """Direction, points b and a, and ends of the gap of each row, shape (..., 5, rows, 4)."""
         return self._all(x).take(self._table, axis=-2)
 
     def vector_rates(self, x: Array, x_t: Array) -> Array:
@@ -181,16 +175,9 @@ class PairRows:
         return np.asarray((flat @ self._maps)[..., 0, :])
 
     def derivatives(self, x: Array, x_t: Array, x_q: Array, x_tq: Array) -> tuple[Array, Array]:
-        """Derivatives of `wrenches` and of `wrench_rates` along directions of x and x_t.
+        """Derivatives of `wrenches` and of `wrench_rates`, shapes (k, 2, rows, 6).
 
-        Args:
-            x: The frames.
-            x_t: Their rates.
-            x_q: Directions of x, shape (k, frames, 4, 4).
-            x_tq: Directions of x_t, shape (k, frames, 4, 4).
-
-        Returns:
-            Shapes (k, 2, rows, 6).
+        They are taken along directions x_q of x and x_tq of x_t, shapes (k, frames, 4, 4).
         """
         moved, moved_t = x + 1j * _STEP * x_q, x_t + 1j * _STEP * x_tq
         vectors = self.vectors(moved)
@@ -237,7 +224,7 @@ class PairRows:
 
 
 def _products(points: Array, directions: Array) -> Array:
-    """Of the points b and a with the direction of their row, shape (..., 2, rows, 4, 3)."""
+    """Products of points b and a with the direction of their row, shape (..., 2, rows, 4, 3)."""
     return points[..., 1:3, :, :, None] * directions[..., :1, :, None, :3]
 
 

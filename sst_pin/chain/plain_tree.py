@@ -25,14 +25,7 @@ Array = NDArray[np.float64]
 
 
 class PlainTree:
-    """A mechanism on its plain tree.
-
-    Args:
-        mechanism: On any tree.
-
-    Attributes:
-        mechanism: On the plain tree; coordinates and motors in the order of the given one.
-    """
+    """A mechanism on its plain tree; coordinates and motors keep their order."""
 
     def __init__(self, mechanism: Mechanism) -> None:
         given, model = mechanism.model, pin.Model()

@@ -38,11 +38,7 @@ ROUNDING = 1e-12
 
 
 class Reference:
-    """All dynamics of one mechanism, sample by sample.
-
-    Args:
-        mechanism: Whose dynamics it is.
-    """
+    """All dynamics of one mechanism, sample by sample."""
 
     def __init__(self, mechanism: Mechanism) -> None:
         self.mechanism = mechanism
@@ -88,11 +84,7 @@ class Reference:
         wrenches: Array | None,
         weights: Array | None = None,
     ) -> Array:
-        """tau, shape (motors,): f itself, or the smallest torques that bring it about.
-
-        Raises:
-            ActuationError: When the motors cannot bring it about.
-        """
+        """tau, shape (motors,): f itself, or the smallest torques that bring it about."""
         f = self.generalized_forces(q, va, aa, wrenches)
         if self.mechanism.driven_one_to_one:
             return f
@@ -240,13 +232,13 @@ class Reference:
         return pin.getFrameClassicalAcceleration(ws.model, ws.data, frame, where).vector
 
     def kinetic_energy(self, q: Array, v: Array) -> Array:
-        """Of all bodies and rotors at rates v of the tree, [J]."""
+        """Kinetic energy of all bodies and rotors at rates v of the tree, [J]."""
         energy = np.asarray(v.dot(self.workspace.momentum_rate(q, v)) / 2)
         _require_finite(energy, v=v)
         return energy
 
     def potential_energy(self, q: Array) -> Array:
-        """Of the weights, zero with all masses at the origin, and of the springs, [J]."""
+        """Potential energy of weights, zero with all masses at the origin, and of springs, [J]."""
         ws, springs = self.workspace, self.mechanism.springs
         self.mechanism.space.require_on_manifold(q)
         ws.loops.evaluate(q)
@@ -256,12 +248,7 @@ class Reference:
 
 
 class ReferenceBackend:
-    """A backend that leaves everything to the reference path.
-
-    Args:
-        reference: Of the mechanism.
-        why: There are no kernels.
-    """
+    """A backend that leaves everything to the reference path; `why` there are no kernels."""
 
     def __init__(self, reference: Reference, why: str) -> None:
         self._reference, self._why = reference, why
@@ -281,12 +268,8 @@ class ReferenceBackend:
 class ReferenceStates:
     """The state space (q, va) of one mechanism for an integrator, on the reference path.
 
-    States are y = (q, va), shape (nq + n,) or (N, nq + n); their dependent joints need only be
-    near the closures, their quaternions near length one.
-
-    Args:
-        reference: Of the mechanism.
-        friction: Instead of the mechanism's.
+    States are y = (q, va), shape (nq + n,) or (N, nq + n); their dependent joints need only be near
+    the closures, their quaternions near length one. `friction` is taken instead of the mechanism's.
     """
 
     def __init__(self, reference: Reference, friction: Friction) -> None:
@@ -295,11 +278,7 @@ class ReferenceStates:
         self._friction, self._nq = friction, reference.mechanism.model.nq
 
     def closed(self, states: Array) -> Array:
-        """q with the dependent joints moved onto the closures, wheels rolling, shape (..., nq).
-
-        Raises:
-            ClosureError: When they are out of reach.
-        """
+        """q with the dependent joints moved onto the closures, wheels rolling, shape (..., nq)."""
         if states.ndim == 1:
             q = self._mechanism.space.normalised(states[: self._nq])
             assembly = self._reference.workspace.without_slip
@@ -307,11 +286,7 @@ class ReferenceStates:
         return np.array([self.closed(state) for state in states])
 
     def rate(self, states: Array, tau: Array, wrenches: Array | None) -> Array:
-        """Eqs. (7) and (92): the rates of states, where the loops are closed.
-
-        Raises:
-            ClosureError, SingularConfigurationError: As `ClosedChain.compute_accelerations`.
-        """
+        """Eqs. (7) and (92): the rates of states, where the loops are closed."""
         if states.ndim == 2:
             loads = [None] * len(states) if wrenches is None else wrenches
             samples = zip(states, tau, loads, strict=True)
@@ -360,15 +335,9 @@ class ReferenceStates:
     def rollout(self, motions: Motions, threads: int) -> NDArray[np.intp]:
         """The classical Runge-Kutta method with fixed steps, one motion after the other.
 
-        After each step the dependent joints are moved onto the closures. A motion ends at the
-        first state that does not hold: open loops, a singularity, a number that is not finite.
-
-        Args:
-            motions: To be filled.
-            threads: Without effect here.
-
-        Returns:
-            How many states of each motion hold, shape (N,).
+        After each step the dependent joints are moved onto the closures. A motion ends at the first
+        state that does not hold: open loops, a singularity, a number that is not finite. Gives how
+        many states of each motion hold, shape (N,).
         """
         dt, q0, va0, tau, loads, q, va = motions
         steps, held = motions.steps, motions.held

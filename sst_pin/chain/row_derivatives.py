@@ -23,17 +23,14 @@ Array = NDArray[np.float64]
 class Frames:
     """Frames, their twists and the derivatives of their motions; the first index is the frame.
 
-    Args:
-        tree: That bears them.
-        supports: For each frame 1 for the rates that move it, shape (k, nv).
-        vectors: Their origins and axes x, y, z in homogeneous coordinates, shape (k, 4, 4).
+    `supports` are 1 for the rates that move a frame, shape (k, nv), `vectors` its origin and axes
+    x, y, z in homogeneous coordinates, shape (k, 4, 4).
 
     Attributes:
         J: Twist per rate of the tree, shape (k, 6, nv).
         twist, acceleration: Spatial, shape (k, 6).
         twist_q, acceleration_q, acceleration_v: Their derivatives, shape (k, 6, nv).
-        vectors: As given.
-        vectors_t: Their rates, shape (k, 4, 4).
+        vectors_t: Rates of the vectors, shape (k, 4, 4).
         vectors_q, vectors_tq: Derivatives of both, shape (k, nv, 4, 4).
     """
 
@@ -61,9 +58,6 @@ class Frames:
 class Branches:
     """Which rates of a tree move what.
 
-    Args:
-        model: The tree.
-
     Attributes:
         supports: For each joint 1 for the rates that move its body, shape (joints, nv).
         before: Column k: those that move what bears the joint of rate k, shape (nv, nv).
@@ -80,10 +74,7 @@ class Branches:
 class Tree:
     """The motion of a tree, its joints added depth-first with axes that keep their place.
 
-    Args:
-        branches: Of the tree.
-        data: With the frames at q; joint Jacobians and their rates go there.
-        q, v, v_dot: The motion.
+    `data` has the frames at q; joint Jacobians and their rates go there.
     """
 
     def __init__(

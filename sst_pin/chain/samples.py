@@ -181,8 +181,7 @@ def external_wrenches(
 ) -> Array | None:
     """Wrenches on all bodies, shape (..., r, 6), or None.
 
-    Kernels leave out those that do no work. So one that is not finite is looked for here; where
-    samples at fault become NaN, all wrenches of its sample do.
+    Kernels leave out those that do no work, so what is not finite is looked for here.
     """
     if wrenches is None:
         return None

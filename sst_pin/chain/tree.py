@@ -22,12 +22,7 @@ Array = NDArray[np.float64]
 
 
 def frame_id(model: pin.Model, name: str) -> int:
-    """Index of a frame; a joint and a link of one name are one frame where they coincide.
-
-    Raises:
-        UnknownNameError: When there is none of that name.
-        DescriptionError: When several frames of that name lie at different places.
-    """
+    """Index of a frame; a joint and a link of one name are one frame where they coincide."""
     found = [i for i, frame in enumerate(model.frames) if frame.name == name]
     if not found:
         raise UnknownNameError("frame", name, [f.name for f in model.frames])
@@ -47,11 +42,7 @@ def frame_named(model: pin.Model, name: str) -> pin.Frame:
 
 
 def joint_id(model: pin.Model, name: str) -> int:
-    """Index of a joint of the tree.
-
-    Raises:
-        UnknownNameError: When there is none of that name.
-    """
+    """Index of a joint of the tree."""
     names = list(model.names)[1:]
     if name not in names:
         raise UnknownNameError("joint", name, names)
@@ -90,11 +81,9 @@ def summed(model: pin.Model, X: Array) -> Array:
 
 
 def memory_of(element: Any, attribute: str) -> Array:
-    """What Pinocchio keeps, as an array on its own memory, which follows what it computes.
+    """An array on Pinocchio's own memory, such as `translation` of a placement in `data.oMf`.
 
-    Args:
-        element: As a placement of `data.oMf`; the data must stay.
-        attribute: As "translation".
+    It follows what Pinocchio computes; the data must stay.
     """
     part = getattr(element, attribute)
     if part.__array_interface__["data"] != getattr(element, attribute).__array_interface__["data"]:
@@ -103,10 +92,7 @@ def memory_of(element: Any, attribute: str) -> Array:
 
 
 def of_rates(matrix: Array) -> Array:
-    """A matrix of Pinocchio's with a column for each rate, shape (6, nv), on its own memory.
-
-    Pinocchio hands out that of a single rate as six numbers.
-    """
+    """Pinocchio's matrix with a column for each rate, shape (6, nv), also of a single rate."""
     return matrix.reshape(6, -1)
 
 
@@ -142,9 +128,6 @@ class JacobianRates:
 
     Pinocchio leaves out that axes move in a joint that is several in series. There the rate of a
     column is its bracket with the twist of what bears and moves its axis.
-
-    Args:
-        model: The tree.
     """
 
     def __init__(self, model: pin.Model) -> None:

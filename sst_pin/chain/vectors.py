@@ -57,9 +57,8 @@ _TO_RATES = _to_rates()
 
 
 def carrying(twists: Array) -> Array:
-    """Matrices, shape (k, 4, 4), with x_t = x @ matrix for points and directions x in rows.
+    """Matrices with x_t = x @ matrix, shape (k, 4, 4), for points and directions x in rows.
 
-    Args:
-        twists: [linear; angular] at the world's origin, shape (k, 6).
+    Twists are [linear; angular] at the world's origin, shape (k, 6).
     """
     return twists.dot(_TO_RATES).reshape(-1, 4, 4)

@@ -19,28 +19,19 @@ Array = NDArray[np.float64]
 
 
 class AlongMotions:
-    """Values and derivatives of functions of closed configurations, one thread at a time.
-
-    Args:
-        functions: Of the robot, not compiled.
-    """
+    """Values and derivatives of functions of closed configurations, one thread at a time."""
 
     def __init__(self, functions: CasadiFunctions) -> None:
         self._functions = functions
         self._made: dict[tuple[str, int], Function] = {}
 
     def values(self, name: str, order: int, *arguments: Array) -> Array:
-        """A function, or its derivatives, of samples in rows.
+        """One of the `CasadiFunctions` by name, or its derivatives of an order, of samples in rows.
 
-        Args:
-            name: Of one of the `CasadiFunctions`; "frame_placement " and the name of a frame.
-            order: Of the derivatives; 0 for values.
-            arguments: q, shape (..., nq), and the others, shape (..., size), with the same leading
-                axes.
-
-        Returns:
-            Shape (..., size, N, .., N), an axis of N for each order: the n directions of q, then
-            the entries of the others. Samples that fail the checks are NaN.
+        The arguments are q, shape (..., nq), and others, shape (..., size). The result has the
+        shape (..., size, N, .., N), an axis of N for each order: the n directions of q, then the
+        entries of the others. Samples that fail the checks are NaN. A frame's name follows
+        "frame_placement ".
         """
         lead = arguments[0].shape[:-1]
         columns = [x.reshape(-1, x.shape[-1]).T for x in arguments]

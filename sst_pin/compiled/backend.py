@@ -91,18 +91,9 @@ _BINDING = [Path(__file__).with_name(name) for name in ("_binding.pyx", "batches
 class CompiledBackend:
     """Dynamics of one mechanism by kernels of its own.
 
-    Args:
-        reference: Of its mechanism.
-        near: Where the order of elimination is chosen, shape (nq,); anywhere by default.
-        parameters: Which numbers the kernels take; those of `Parameters` by default.
-        code: Gives the code of a kernel by its key and an instruction set; from the cache by
-            default.
-        bearer: Body on which a moment alone is a load too, counted from 0; none by default.
-
-    Raises:
-        CompilationError: When the package was installed without its extension module, or with one
-            of other sources.
-        DescriptionError: When the mechanism holds something without compiled equations.
+    The order of elimination is chosen near `near`, shape (nq,); by default anywhere. `code` gives
+    the code of a kernel by its key and an instruction set; by default from the cache. `bearer` is a
+    body on which a moment alone is a load too, counted from 0.
     """
 
     def __init__(
@@ -141,12 +132,7 @@ class CompiledBackend:
         return "; ".join([f"compiled kernels: {instructions}", *without])
 
     def make(self, keys: Sequence[Key] = FIRST) -> None:
-        """Have kernels ready.
-
-        Raises:
-            MissingExtraError: Without CasADi, `sst-pin[compile]`, if they are not in the cache.
-            CompilationError: Without a compiler, if they are not in the cache; when it fails.
-        """
+        """Have kernels ready, those in the cache or compiled now."""
         from concurrent.futures import ThreadPoolExecutor  # slow to import
 
         wanted = [key for key in keys if not impossible(self._mechanism, key.quantity)]
@@ -314,15 +300,7 @@ def _has_directions(mechanism: Mechanism, quantity: str, lanes: int) -> bool:
 
 
 def sample_configurations(reference: Reference, near: Array | None = None) -> Array:
-    """Assembled configurations of a mechanism, the same at each call, shape (samples, nq).
-
-    Args:
-        reference: Of the mechanism.
-        near: The first of them; a generic one by default.
-
-    Raises:
-        ClosureError: When none is found, or the one given is open.
-    """
+    """Assembled configurations, the same at each call, shape (samples, nq), `near` the first."""
     assembly = reference.workspace.assembly
     if near is None:
         example = reference.mechanism.example

@@ -53,15 +53,7 @@ _BUILDING, _DEAD = ".building-", 86_400.0  # seconds
 
 
 class Entry(NamedTuple):
-    """A library in the cache.
-
-    Attributes:
-        path: Its file.
-        robot: Name of the model that it was made for.
-        kernel: What it computes.
-        size: Bytes of the file.
-        used: When it was last loaded, seconds since 1970.
-    """
+    """A library in the cache; `used` is when it was last loaded, in seconds since 1970."""
 
     path: Path
     robot: str
@@ -71,11 +63,7 @@ class Entry(NamedTuple):
 
 
 def compiler() -> list[str]:
-    """The command of a C compiler: `$CC`, the system's, or the one of the package ziglang.
-
-    Raises:
-        CompilationError: When there is none, or not the one that `$CC` names.
-    """
+    """The command of a C compiler: `$CC`, the system's, or the one of the package ziglang."""
     if named := os.environ.get("CC", "").split():
         if not shutil.which(named[0]):
             raise CompilationError(f"CC names {named[0]}, which is not found; correct or unset CC")
@@ -92,11 +80,7 @@ def compiler() -> list[str]:
 
 
 def cache_folder() -> Path:
-    """Where libraries are kept: the user's cache folder.
-
-    Raises:
-        CompilationError: When it belongs to someone else, or others can write to it.
-    """
+    """The user's cache folder; one that others can write to is refused."""
     folder = _base() / "sst_pin" / "kernels"
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -178,16 +162,8 @@ def library(
 ) -> ctypes.CDLL:
     """The library of a kernel, from the cache or compiled now.
 
-    Args:
-        robot: Name of the robot, for the name of the file.
-        kernel: Name of the kernel.
-        content: All that the source is made from.
-        target: One of `TARGETS`.
-        source: Gives the C source when it is needed.
-        options: What the compiler is told besides, the same for each kernel of this name.
-
-    Raises:
-        CompilationError: Without compiler or cache, or when the compiler fails.
+    `content` is all that the source is made from, `target` one of `TARGETS`. `options` are told to
+    the compiler besides; they are the same for each kernel of this name.
     """
     key = hashlib.sha256(b"\0".join([content, kernel.encode(), target.encode(), _version()]))
     folder = cache_folder()

@@ -59,11 +59,8 @@ class Body(NamedTuple):
 def body(kernel: Kernel, size: int | None = None, suffix: str = "", *, one: bool = False) -> Body:
     """The C of a kernel; what depends on the parameters alone is apart, to be computed once.
 
-    Args:
-        kernel: What is to be computed.
-        size: Of p before its constants; that of the parameters by default.
-        suffix: Of numbers: "f" in single precision.
-        one: Whether it is for one sample at once.
+    `size` is that of p before its constants, `suffix` that of numbers, "f" in single precision;
+    `one` is for one sample at once.
     """
     function = ca.Function(
         kernel.name,
@@ -135,7 +132,7 @@ class _Writer:
     Attributes:
         names: What stands in each place of the work vector.
         lines: Statements by the type of their result.
-        size: Of p.
+        size: Size of p.
     """
 
     def __init__(self, size: int) -> None:
@@ -204,13 +201,7 @@ class _Writer:
 
 
 def library(name: str, kernels: Sequence[Kernel], lanes: int) -> str:
-    """Source of a library with one entry.
-
-    Args:
-        name: Of the entry.
-        kernels: One; or "closing" and "state_rate" for rollouts.
-        lanes: How many samples at once.
-    """
+    """Source of a library with one entry: a kernel, or "closing" and "state_rate" for rollouts."""
     heads = [f"#define LANES {lanes}\n#define NAME(x) x", part("real.h"), part("driver.h")]
     return "\n".join([*heads, source({name: kernels}, one=lanes == 1)])
 
@@ -220,11 +211,8 @@ def source(entries: Mapping[str, Sequence[Kernel]], *, one: bool = False) -> str
 
     What a library offers of each entry, every name in the macro NAME: `run_<entry>` and
     `sizes_run_<entry>` (of p, of the output, of each input, -1), `prepare_<entry>`; of rollouts
-    `rate_<entry>` and its sizes too, which takes q and va in one array.
-
-    Args:
-        entries: Kernels as for `library`, by name. Those of the same name are written once.
-        one: Whether they are for one sample at once.
+    `rate_<entry>` and its sizes too, which takes q and va in one array. Kernels of one name are
+    written once.
     """
     parts: list[str] = []
     bodies: dict[str, Body] = {}

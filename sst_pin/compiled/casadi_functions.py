@@ -273,16 +273,7 @@ class CasadiFunctions:
 
 
 def _compiled(robot: str, function: Function, order: int) -> Function:
-    """The same function as an external one, from the cache or compiled now.
-
-    Args:
-        robot: A name to tell the library by.
-        function: Of expressions in `SX`.
-        order: Of its derivatives: with 1 it has a Jacobian, with 0 none.
-
-    Raises:
-        CompilationError: Without a compiler, or when it fails.
-    """
+    """A function as an external one, from the cache or compiled now, with a Jacobian if `order`."""
     name, content = function.name(), f"{order} {function.serialize()}".encode()
 
     def source() -> str:

@@ -36,10 +36,7 @@ _NOTHING = 1e-10
 class Checks:
     """Checks of one robot's kernels.
 
-    Args:
-        equations: Of the robot.
-        closed: Largest residual of the closures, scaled.
-        rounding: Relative, of the numbers that the kernels compute with.
+    `closed` is the largest residual of the closures, scaled, `rounding` that of the numbers.
     """
 
     def __init__(
@@ -70,18 +67,18 @@ class Checks:
 
     @property
     def of_forces(self) -> list[Any]:
-        """Of all solutions in inverse dynamics."""
+        """That all solutions in inverse dynamics are solutions."""
         e = self._equations
         return self.of_rates + self.unsolved(e.dv, e.drift) + self.unbalanced(e.tree_forces)
 
     @property
     def of_complement(self) -> list[Any]:
-        """Of the columns of L."""
+        """That the columns of L are solutions."""
         return [check for x in self._equations.L for check in self.unsolved(x, {})]
 
     @property
     def of_accelerations(self) -> list[Any]:
-        """Of all solutions in direct dynamics."""
+        """That all solutions in direct dynamics are solutions."""
         e = self._equations
         return self.of_rates + self.unsolved(e.at_rest, e.drift) + self.of_complement
 

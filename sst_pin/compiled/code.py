@@ -16,12 +16,7 @@ _MOST_SIZES = 8
 
 @dataclass(frozen=True)
 class Code:
-    """A kernel in a library.
-
-    Attributes:
-        library: Loaded.
-        entry: What the names of its functions end in.
-    """
+    """A kernel in a loaded library; the names of its functions end in `entry`."""
 
     library: ctypes.CDLL
     entry: str
@@ -31,7 +26,7 @@ class Code:
         return self._sizes(word)[1:]
 
     def address(self, word: str) -> int:
-        """Of one of its functions: "run", of rollouts "rate" too."""
+        """Address of one of its functions: "run", of rollouts "rate" too."""
         function = getattr(self.library, f"{word}_{self.entry}")
         address = ctypes.cast(function, ctypes.c_void_p).value
         assert address is not None

@@ -82,15 +82,10 @@ def _bracket(a: SX, b: SX) -> SX:
 class _OnTree:
     """Derivatives on the tree, where q, v, v_dot and the forces of the closures are independent.
 
-    Args:
-        e: Of the robot.
-        aa: Accelerations of the coordinates.
-        motors: What motors give along the rates of the tree.
-
     Attributes:
         slips: Phi v of those rows that hold rates and no positions; zeros for the others.
         c: Phi v_dot + Phi_dot v.
-        forces: Of the tree less those of the motors and of the closures.
+        forces: Forces of the tree less those of the motors and of the closures.
         q, v, v_dot: What they can be differentiated by; q along each rate.
     """
 
@@ -175,16 +170,10 @@ def _of_forces_along(
 
 
 def _phi_dot_v(e: Equations, slip_q: SX, c_v: SX, steps: Sequence[Sparse] | None = None) -> SX:
-    """Phi_dot v, with Phi_dot along each L e_k, shape (rows, n).
+    """Phi_dot v, with Phi_dot along each L e_k or each of the steps, shape (rows, n).
 
     Where rows hold positions and the loops are closed, c_v L e_k is twice that, but for the bracket
-    of L e_k and v.
-
-    Args:
-        e: Of the robot.
-        slip_q: The same, of rows that hold rates only.
-        c_v: c_v L.
-        steps: In the place of all L e_k.
+    of L e_k and v. For rows that hold rates only it is `slip_q`.
     """
     result = SX(c_v)
     brackets = [_brackets(e, step, e.v) for step in steps or e.L]

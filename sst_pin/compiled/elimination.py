@@ -32,18 +32,10 @@ _SMALL = 1e-3
 
 
 def pivot_order(pattern: NDArray[np.bool_], values: Array) -> tuple[list[tuple[int, int]], Array]:
-    """Rows and columns of the pivots, and their sizes.
+    """Rows and columns of the pivots in the order of elimination, and their largest sizes.
 
-    Args:
-        pattern: Where the matrix may be different from zero, shape (rows, columns).
-        values: Samples of it, shape (samples, rows, columns).
-
-    Returns:
-        A pair for each column, in the order of elimination, and the largest size of each pivot
-        over the samples, shape (columns,).
-
-    Raises:
-        SingularConfigurationError: When the samples do not have full column rank.
+    `pattern` says where the matrix may be different from zero, shape (rows, columns), `values` are
+    samples of it, shape (samples, rows, columns), of full column rank.
     """
     values, (rows, columns) = values.copy(), map(np.arange, pattern.shape)
     noise = _ZERO * np.abs(values).max(axis=(0, 2), initial=0.0)
@@ -81,12 +73,10 @@ def pivot_order(pattern: NDArray[np.bool_], values: Array) -> tuple[list[tuple[i
 class Factors:
     """A square sparse matrix A, factorised along given pivots, the last two as one 2 x 2 block.
 
-    Args:
-        rows: A is part of these.
-        order: Rows and columns of the pivots, which are those of A.
+    A is the part of `rows` that the pivots lie in.
 
     Attributes:
-        rows: Of A, in the order of elimination.
+        rows: Rows of A, in the order of elimination.
         pivots: In this order; for a last 2 x 2 block its determinant.
         inverses: One over each.
     """
@@ -195,14 +185,11 @@ class Orthogonal:
     are at least the square of the smallest singular value. Both solutions are backward stable
     (Bjoerck, Numerical methods for least squares problems, 1996, Sects. 2.4.4 and 2.4.5).
 
-    Args:
-        rows: A is part of these.
-        scale: Its rows, at least as many as columns, and by what each is multiplied first.
-        columns: Its columns.
+    A has the rows in `scale`, each multiplied by its scale, at least as many as columns.
 
     Attributes:
-        rows: Of A.
-        squares: Of the columns of Q.
+        rows: Rows of A.
+        squares: Squares of the columns of Q.
         inverses: One over each.
     """
 
@@ -269,15 +256,7 @@ class Orthogonal:
 
 
 class Blocks:
-    """A sparse matrix of full column rank, part by part; no two parts share a row or a column.
-
-    Args:
-        parts: The factorised parts.
-
-    Attributes:
-        parts: As given.
-        rows: Of all parts.
-    """
+    """A sparse matrix of full column rank, part by part; no two parts share a row or a column."""
 
     def __init__(self, parts: Sequence[Factors | Orthogonal]) -> None:
         self.parts = list(parts)
@@ -290,14 +269,14 @@ class Blocks:
         return [i for rows, _ in both for i in rows], sorted(j for _, own in both for j in own)
 
     def solve(self, right: Mapping[int, Any]) -> dict[int, Any]:
-        """As of each part."""
+        """x by column, each part by its own solution."""
         x: dict[int, Any] = {}
         for part in self.parts:
             x |= part.solve({i: b for i, b in right.items() if i in part.rows})
         return x
 
     def solve_transposed(self, right: Mapping[int, Any]) -> dict[int, Any]:
-        """As of each part, which takes the entries of its own columns."""
+        """x by row, each part by its own solution."""
         x: dict[int, Any] = {}
         for part in self.parts:
             x |= part.solve_transposed(right)

@@ -42,7 +42,7 @@ class Pivots(NamedTuple):
     Attributes:
         factors: Its parts.
         sizes: The largest sizes of the pivots of each part in the samples.
-        determinant: Of the rows with pivots, free of units; of parts where all rows count, the
+        determinant: That of the rows with pivots, free of units; of parts where all rows count, the
             product of the singular values.
         norm: The largest norm of Phi_u in the samples, scaled.
     """
@@ -56,25 +56,15 @@ class Pivots(NamedTuple):
 class Equations:
     """Symbols of one mechanism.
 
-    Args:
-        mechanism: The robot.
-        samples: Assembled configurations, by which pivots are chosen, shape (samples, nq).
-        loaded: Whether external wrenches act on the bodies.
-        smooth: Whether Coulomb friction is tanh(v / sign_width) for derivatives, not the sign,
-            which kernels smooth by themselves where the width is not zero.
-        parameters: Which numbers stay open; those of `Parameters` by default.
-        displaced: Whether the joints are displaced, as `Kinematics` has it.
+    Pivots are chosen by assembled configurations, the samples. `loaded` tells whether external
+    wrenches act; `smooth` whether Coulomb friction is tanh(v / sign_width) for derivatives, not the
+    sign, which kernels smooth by themselves where the width is not zero. With `displaced` joints
+    derivatives by q along the rates can be taken, as `Kinematics` says.
 
     Attributes:
-        kinematics: Of the tree.
-        tree: Its dynamics.
         va, aa: Rates and accelerations of the coordinates.
         loads: [moment; force] on each body at its mass centre, base axes, body after body.
         p: Open numbers, in the order of `parameters`.
-
-    Raises:
-        DescriptionError: For a joint without compiled equations.
-        SingularConfigurationError: When the coordinates do not fix the motion at the samples.
     """
 
     def __init__(
@@ -258,8 +248,7 @@ class Equations:
     def held(self, x: Sparse, Phi_change: Entries) -> tuple[Sparse, Sparse]:
         """How rates x with Phi x = 0 change with Phi, those of the coordinates held, Eq. (20).
 
-        Returns:
-            The change, and Phi times it.
+        The second result is Phi times the change.
         """
         right: Sparse = {}
         for i, j, rate in Phi_change:
@@ -291,7 +280,7 @@ class Equations:
 
     @cached_property
     def tree_forces(self) -> Sparse:
-        """The same at the accelerations of the motion."""
+        """Forces that the motion needs along the rates of the tree."""
         return self.forces(self.dv)
 
     @cached_property
@@ -309,11 +298,7 @@ class Equations:
 
     @cached_property
     def motor_rows(self) -> list[dict[int, Any]]:
-        """Rows of L^T B, without entries that are rounding in all samples.
-
-        Raises:
-            ActuationError: When the motors do not act on all coordinates.
-        """
+        """Rows of L^T B without entries that are rounding in all samples; n motors must act."""
         mechanism, A = self.mechanism, self.motor_matrix
         scale, n = mechanism.rate_scale, len(self._coordinates)
         units = scale[mechanism.coordinates, None]

@@ -58,7 +58,7 @@ OF_FRAMES: dict[str, Callable[[Equations, Checks, str], _Made]] = {
 
 
 def _columns(e: Equations, frame: str) -> list[SX]:
-    """Of the Jacobian."""
+    """Columns of the Jacobian."""
     point = e.kinematics.point(0, frame_named(e.mechanism.model, frame))
     columns = []
     for L in e.L:
@@ -72,12 +72,8 @@ def _changes(
 ) -> tuple[list[SX], list[Any]]:
     """Changes of velocities of a frame, and checks that the changes of rates are solutions.
 
-    Args:
-        e: Of the robot.
-        checks: Of the robot.
-        frame: Its name.
-        motions: Rates of the tree that give the velocity; rates along which it changes; how the
-            first then change; Phi times that.
+    A motion is: rates of the tree that give the velocity; rates along which it changes; how the
+    first then change; Phi times that.
     """
     kinematics, place = e.kinematics, frame_named(e.mechanism.model, frame)
     link = kinematics.tree.link_of[place.parentJoint]

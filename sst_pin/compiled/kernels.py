@@ -49,14 +49,9 @@ def make(
     frame: str | None = None,
     along: bool = False,
 ) -> Kernel:
-    """The kernel of a quantity.
+    """The kernel of a quantity, one of `KERNELS`, or with a frame of `OF_FRAMES`.
 
-    Args:
-        equations: Of the robot.
-        quantity: One of `KERNELS` or `OF_FRAMES`.
-        checks: Checks of the robot; those for double precision by default.
-        frame: Name of the frame, for one of `OF_FRAMES`.
-        along: Whether derivatives are those along directions.
+    `checks` are those for double precision by default; `along` takes derivatives along directions.
     """
     checks = checks or Checks(equations)
     directions = len(equations.mechanism.coordinates) if along else 0
@@ -114,13 +109,13 @@ def _accelerations(e: Equations, checks: Checks) -> _Made:
 
 
 def _torque_derivatives(e: Equations, checks: Checks) -> _Made:
-    """Of f by q, va and aa side by side, row by row."""
+    """Derivatives of f by q, va and aa side by side, row by row."""
     *parts, own = derivatives.of_torques(e, checks)
     return [e.q, e.va, e.aa, e.loads], _rows(parts), checks.of_forces + own
 
 
 def _acceleration_derivatives(e: Equations, checks: Checks) -> _Made:
-    """Of aa by q, va and tau side by side, row by row."""
+    """Derivatives of aa by q, va and tau side by side, row by row."""
     tau = _motor_torques(e)
     *parts, own = derivatives.of_accelerations(e, checks, tau)
     return [e.q, e.va, tau, e.loads], _rows(parts), checks.of_accelerations + own

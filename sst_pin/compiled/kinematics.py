@@ -94,24 +94,16 @@ class Point(NamedTuple):
 
 
 class Kinematics:
-    """Symbols of a tree.
+    """Symbols of a tree; a joint without compiled equations is refused.
 
-    Args:
-        model: The tree.
-        rotations: Orientations of joints at rest and of frames, by name, instead of the model's.
-        displaced: Whether all joints are displaced, each along its rates, to first order.
-        lift: Acceleration of link 0, its axes.
+    `rotations` are orientations of joints at rest and of frames, by name, instead of the model's.
 
     Attributes:
-        tree: Its links.
-        q: Its coordinates.
-        displacement: By how much along each rate; empty when nothing is displaced. Derivatives by
-            it at zero are those by q along the rates.
+        lift: Acceleration of link 0, its axes.
+        displacement: By how much each joint is displaced along its rates, to first order; empty
+            when nothing is displaced. Derivatives by it at zero are those by q along the rates.
         base: Axes that vectors of link 0 are in, in the base: those of the first joint where the
             orientation of this is given.
-
-    Raises:
-        DescriptionError: For a joint without compiled equations.
     """
 
     def __init__(
@@ -165,11 +157,7 @@ class Kinematics:
         return self.q + self.q_rates(dict(enumerate(ca.vertsplit(self.displacement))))
 
     def difference(self, reference: Mapping[int, SX]) -> Sparse:
-        """The shortest way of joints from a reference, along their rates.
-
-        Args:
-            reference: Their coordinates there, by index.
-        """
+        """The shortest way of joints from a reference, by indices in q, along their rates."""
         q, way = self.moved_q, Sparse()
         for link in self.tree.links:
             at = [i for i in link.q if i in reference]
@@ -241,13 +229,9 @@ class Kinematics:
     def motions(
         self, v: Sparse, dv: Sparse, gravity: SX | None = None, v_k: Sparse | None = None
     ) -> list[Motion]:
-        """Motion of all links.
+        """Motion of all links; the base seems to be accelerated against gravity.
 
-        Args:
-            v: Rates, by index.
-            dv: Accelerations.
-            gravity: Which the base seems to be accelerated against.
-            v_k: Rates of the motion whose rate is taken; `v` by default.
+        `v_k` are rates of the motion whose rate is taken; `v` by default.
         """
         motions = [Motion.of_rest(None if gravity is None else -gravity)]
         for i, link in enumerate(self.tree.links[1:], start=1):

@@ -32,10 +32,8 @@ _JOINT = ("armature", "viscous", "coulomb", "stiffness", "spring_reference")
 class Parameters:
     """Order of the open numbers of a mechanism.
 
-    Args:
-        mechanism: The robot.
-        complete: Whether all bodies have mass, all joints friction and a rotor, zero included.
-        rotated: Names of joints and frames whose orientation stays open.
+    If `complete`, all bodies have mass, all joints friction and a rotor, zero included; `rotated`
+    are names of joints and frames whose orientation stays open.
 
     Attributes:
         size: How many there are.
@@ -66,12 +64,7 @@ class Parameters:
         self.size = start + 9 * len(self.rotated)
 
     def pack(self, mechanism: Mechanism, friction: Friction) -> Array:
-        """The numbers of a mechanism with the same structure, shape (size,).
-
-        Args:
-            mechanism: The robot.
-            friction: Instead of its own, in the same joints.
-        """
+        """The numbers of a mechanism with the same structure, with this friction, shape (size,)."""
         model, values = mechanism.model, _of_joints(mechanism)
         values |= {"viscous": friction.viscous, "coulomb": friction.coulomb}
         parts = [model.gravity.linear, [friction.sign_width]]

@@ -38,13 +38,7 @@ class Kernels(Protocol):
 
 
 class CompiledStates(ReferenceStates):
-    """The state space of a mechanism by kernels; samples that fail go to the reference path.
-
-    Args:
-        reference: Of the mechanism.
-        friction: Instead of the mechanism's.
-        backend: With its kernels.
-    """
+    """The state space of a mechanism by kernels; samples that fail go to the reference path."""
 
     def __init__(self, reference: Reference, friction: Friction, backend: Kernels) -> None:
         super().__init__(reference, friction)
@@ -52,7 +46,7 @@ class CompiledStates(ReferenceStates):
         self._closing = backend.kernel(Key("closing"))
 
     def closed(self, states: Array) -> Array:
-        """As `ReferenceStates.closed`, by Newton's method."""
+        """q with closed loops, by kernels that make steps of Newton's method."""
         answer = self._closing.answer(states[..., : self._nq], None, None, None, None, 1)
         if answer is not None:  # closed to 1e-6 before this step: the next one is the last
             q = answer[..., : self._nq]
@@ -69,14 +63,14 @@ class CompiledStates(ReferenceStates):
         return super().closed(states)
 
     def rate(self, states: Array, tau: Array, wrenches: Array | None) -> Array:
-        """As `ReferenceStates.rate`."""
+        """Rates of states, by the kernel of a rollout."""
         kernel = self._rate_alone if wrenches is None else self._loaded_rate
         load = None if wrenches is None else wrenches.reshape(*wrenches.shape[:-2], -1)
         answer = kernel.answer(states, tau, load, None, None, 1)
         return super().rate(states, tau, wrenches) if answer is None else answer
 
     def rollout(self, motions: Motions, threads: int) -> Indices:
-        """As `ReferenceStates.rollout`; it goes on where the kernels stop."""
+        """Fill the states of motions; the reference path goes on where the kernels stop."""
         course = self._backend.course(motions.load is not None, self._friction)
         if course is None:
             return super().rollout(motions, threads)

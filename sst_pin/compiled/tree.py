@@ -55,23 +55,14 @@ class Link:
 
 @dataclass
 class Tree:
-    """All links, parents first; link 0 is the base.
-
-    Attributes:
-        links: Of the tree.
-        link_of: Index in `links` for each of Pinocchio's joints.
-    """
+    """All links, parents first, link 0 the base; `link_of` gives that of each Pinocchio joint."""
 
     links: list[Link] = field(default_factory=list)
     link_of: list[int] = field(default_factory=list)
 
     @classmethod
     def of(cls, model: pin.Model) -> Tree:
-        """The tree of a Pinocchio model.
-
-        Raises:
-            DescriptionError: For a joint without compiled equations.
-        """
+        """The tree of a Pinocchio model; a joint without compiled equations is refused."""
         base = Link(0, np.eye(3), np.zeros(3), "fixed", range(0), range(0), np.zeros((6, 0)))
         tree = cls([base], [0])
         for i in range(1, model.njoints):

@@ -27,7 +27,7 @@ class Body(NamedTuple):
     """A rigid body, or several that are welded to each other, in the frame of a link.
 
     Attributes:
-        mass: Of all.
+        mass: Mass of all.
         c: First moment.
         J: Second moments, the integral of r r^T.
         polar: Sum of mass times the square of the mass centre's distance from the origin.
@@ -47,16 +47,10 @@ class Body(NamedTuple):
 
 
 class TreeDynamics:
-    """Dynamics of a tree.
+    """Dynamics of a tree; p are the open numbers, in the order of `parameters`.
 
-    Args:
-        mechanism: The robot.
-        kinematics: Of its tree.
-        parameters: Order of the open numbers.
-        p: The open numbers.
-        loads: [moment; force] on each body at its mass centre, base axes, body after body, or
-            empty.
-        smooth: Whether Coulomb friction is tanh(v / sign_width) instead of the sign.
+    `loads` are [moment; force] on each body at its mass centre, base axes, body after body, or
+    empty.
     """
 
     def __init__(
@@ -105,12 +99,8 @@ class TreeDynamics:
     ) -> Sparse:
         """tau of the tree by the recursion of Newton and Euler, without friction and springs.
 
-        Args:
-            v: Rates.
-            dv: Accelerations.
-            loads: Whether external wrenches act.
-            reactions: Force and moment about the origin that closures take of links, by their
-                index, axes of the link.
+        `reactions` are force and moment about the origin that closures take of links, by their
+        index.
         """
         wrenches = []
         gravity = self._kinematics.base.T @ self._parameters.gravity(self._p)
@@ -180,10 +170,9 @@ class TreeDynamics:
     def composed(self, following: Mapping[int, Mapping[int, Sparse]]) -> dict[tuple[int, int], Any]:
         """A matrix M with the same L^T M L as the mass matrix, from composite bodies.
 
-        Args:
-            following: By link, rates behind it that follow from those of coordinates behind it:
-                their rows of L, by index. What their joints' forces do to the link and those
-                before it is counted with these coordinates.
+        `following` has, by link, rates behind it that follow from those of coordinates behind it:
+        their rows of L. What their joints' forces do to the link and those before it is counted
+        with these coordinates.
         """
         links, placements = self._kinematics.tree.links, self._kinematics.placements
         composite = [self._inertia_of(link.body) for link in links]

@@ -19,7 +19,7 @@ for _k in range(1, 11):
 
 
 def rotation_vector(quaternion: SX) -> SX:
-    """Of a quaternion (x, y, z, w) of length one, at most half a turn long."""
+    """Rotation vector of a unit quaternion (x, y, z, w), at most half a turn long."""
     vector, w = quaternion[:3], quaternion[3]
     side = _side(w)
     return 2 * side * _arc_over_sine(side * w) * vector
@@ -38,7 +38,7 @@ def _side(x: Any) -> Any:
 
 
 def _arc_over_sine(cosine: Any) -> Any:
-    """Of an arc up to a right angle."""
+    """An arc up to a right angle over its sine."""
     halved = 1
     for _ in range(3):
         square, cosine = (1 - cosine) / 2, ca.sqrt((1 + cosine) / 2)

@@ -27,16 +27,10 @@ def angle_about_z(R: Array) -> float:
 
 
 def two_link(target: ArrayLike, first: float, second: float, elbow: int) -> tuple[float, float]:
-    """Angles of a planar arm of two links whose tip is at a point.
+    """Angles of a planar arm of two links whose tip is at a point seen from its shoulder, [rad].
 
-    Args:
-        target: The point, seen from the shoulder, shape (2,) or longer, [m].
-        first: Length of the upper link, [m].
-        second: Length of the lower link, [m].
-        elbow: Sign of the angle of the elbow.
-
-    Returns:
-        Angle of the shoulder from the x axis and of the elbow from the upper link, [rad].
+    They are those of the shoulder from the x axis and of the elbow from the upper link; `elbow` is
+    the sign of the latter.
     """
     x, y, *_ = np.asarray(target, dtype=float)
     cosine = (x**2 + y**2 - first**2 - second**2) / (2 * first * second)

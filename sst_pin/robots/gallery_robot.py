@@ -26,11 +26,7 @@ _Build = TypeVar("_Build", bound=Callable[..., "GalleryRobot"])
 
 
 def of_dimensions(build: _Build) -> _Build:
-    """Have a function of dimensions and masses refuse numbers that are not above 0.
-
-    Raises:
-        InputError: For such a number, by the function that comes back.
-    """
+    """Have a function of dimensions and masses refuse numbers that are not above 0."""
     defaults = {name: p.default for name, p in signature(build).parameters.items()}
 
     @wraps(build)
@@ -159,7 +155,7 @@ class GalleryRobot(ClosedChain):
         return q
 
     def _pose(self, q: Array) -> Array:
-        """Of the platform, from joint to joint: a `pin.Data` takes memory with the cube of nv."""
+        """Pose of the platform, joint by joint: a `pin.Data` takes memory with the cube of nv."""
         frame = self._tree.frames[self._tree.getFrameId("platform")]
         at = pin.SE3.Identity()
         for index in list(self._tree.supports[frame.parentJoint])[1:]:

@@ -33,13 +33,7 @@ class Solid(NamedTuple):
 
 
 def rods(mass: float, points: ArrayLike, radius: float) -> list[Solid]:
-    """Round rods of one section along a line.
-
-    Args:
-        mass: Of all of them, [kg].
-        points: Of the line, shape (n, 3), [m].
-        radius: Of the section, [m].
-    """
+    """Round rods of one radius along a line, points of shape (n, 3); a mass for all; SI units."""
     points = np.asarray(points, dtype=float)
     steps = np.diff(points, axis=0)
     lengths = np.linalg.norm(steps, axis=1)
@@ -53,39 +47,26 @@ def rods(mass: float, points: ArrayLike, radius: float) -> list[Solid]:
 
 
 def rod(mass: float, end: ArrayLike, radius: float) -> list[Solid]:
-    """A round rod from the origin to a point; arguments as `rods`."""
+    """A round rod from the origin to a point."""
     return rods(mass, np.stack([np.zeros(3), end]), radius)
 
 
 def star(mass: float, points: Sequence[Array], radius: float) -> list[Solid]:
-    """Rods from the centre of some points to each of them, equally heavy; arguments as `rods`."""
+    """Rods from the centre of some points to each of them, equally heavy; a mass for all."""
     centre = np.mean(points, axis=0)
     share = mass / len(points)
     return [solid for point in points for solid in rods(share, [centre, point], radius)]
 
 
 def arc(mass: float, angle: float, radius: float, thickness: float) -> list[Solid]:
-    """Four rods along a circle about x, from the z axis on.
-
-    Args:
-        mass: Of all of them, [kg].
-        angle: Of the arc, [rad].
-        radius: Of the circle, [m].
-        thickness: Radius of the rods, [m].
-    """
+    """Four rods of a thickness, their radius, along a circle about x, from the z axis on."""
     turns = np.linspace(0, angle, 5)
     points = radius * np.stack([0 * turns, -np.sin(turns), np.cos(turns)], axis=1)
     return rods(mass, points, thickness)
 
 
 def box(mass: float, size: ArrayLike, centre: ArrayLike = (0, 0, 0)) -> list[Solid]:
-    """A box along the axes.
-
-    Args:
-        mass: [kg].
-        size: Of its edges, shape (3,), [m].
-        centre: Shape (3,), [m].
-    """
+    """A box along the axes, edges and centre of shape (3,)."""
     x, y, z = np.asarray(size, dtype=float)
     at = pin.SE3(np.eye(3), np.asarray(centre, dtype=float))
     return [Solid(pin.Inertia.FromBox(mass, x, y, z), coal.Box(x, y, z), at)]
@@ -98,15 +79,7 @@ def disc(mass: float, radius: float, thickness: float) -> list[Solid]:
 
 
 class Tree:
-    """A Pinocchio tree under construction, with the shapes of its bodies.
-
-    Args:
-        name: Of the model.
-
-    Attributes:
-        model: The tree; weight along -z.
-        visual_model: The shapes.
-    """
+    """A Pinocchio tree under construction, weight along -z, with the shapes of its bodies."""
 
     def __init__(self, name: str) -> None:
         self.model, self.visual_model = pin.Model(), pin.GeometryModel()
@@ -122,12 +95,8 @@ class Tree:
     ) -> None:
         """Add a joint and the body that it moves.
 
-        Args:
-            name: Of the joint.
-            kind: The joint's model.
-            solids: What the body is made of.
-            parent: Name of the joint whose body bears it, "universe" for the base.
-            at: Placement of the joint on its parent, at the parent's joint by default.
+        `parent` is the joint whose body bears it, "universe" for the base; `at` its placement
+        there, at the parent's joint by default.
         """
         at = pin.SE3.Identity() if at is None else at
         joint = self.model.addJoint(self.model.getJointId(parent), kind, at, name)
@@ -138,19 +107,16 @@ class Tree:
             self.visual_model.addGeometryObject(shape)
 
     def frame(self, name: str, body: str, at: ArrayLike | pin.SE3) -> None:
-        """Add a frame on a body.
+        """Add a frame on the body of a joint, "universe" for the base.
 
-        Args:
-            name: Of the frame.
-            body: Name of the joint that moves the body, "universe" for the base.
-            at: Its placement, or its origin where it keeps the body's axes, shape (3,).
+        `at` is its placement, or its origin where it keeps the body's axes, shape (3,).
         """
         placement = at if isinstance(at, pin.SE3) else shift(at)
         joint = self.model.getJointId(body)
         self.model.addFrame(pin.Frame(name, joint, placement, pin.FrameType.OP_FRAME))
 
     def platform(self, body: str, at: ArrayLike | pin.SE3 = (0, 0, 0)) -> None:
-        """Make a body the platform, with the frame "platform"; arguments as `frame`."""
+        """Make a body the platform, with the frame "platform"."""
         self.frame("platform", body, at)
         for shape in self.visual_model.geometryObjects:
             if shape.parentJoint == self.model.getJointId(body):

@@ -44,13 +44,7 @@ def arc_margins(geometry: kinematics.Geometry, q: Array) -> Array:
 
 
 def verdicts(model: pin.Model, geometry: kinematics.Geometry, q: Array) -> Iterator[Verdict]:
-    """Arcs, joint limits and singularities.
-
-    Args:
-        model: The tree of an SST, with its joint limits.
-        geometry: Geometry of this SST.
-        q: Joint coordinates on the closures, shape (n, 9), [rad].
-    """
+    """Verdicts about arcs, joint limits and singularities at closed q of shape (n, 9)."""
     names = tuple(model.names)[1:]
     yield from _outside_arcs(geometry, names, q)
     yield from _outside_limits(model, names, q)

@@ -16,12 +16,10 @@ Array = NDArray[np.float64]
 
 
 def configurations_of(parameters: Parameters) -> dict[str, Array]:
-    """Joint coordinates of the poses that every description offers.
+    """Joint coordinates, shape (9,), of the poses that every description offers, by name.
 
-    `home` is the pose of `SST.home`, `circle_start` the first one of the paper's circle.
-
-    Returns:
-        q of shape (9,) by name, [rad]; without a pose in which a leg would lie flat on its arc.
+    `home` is the pose of `SST.home`, `circle_start` the first one of the paper's circle; one in
+    which a leg would lie flat on its arc is left out.
     """
     geometry = kinematics.Geometry(base_orientations(parameters), star_orientations(parameters))
     orientations = {

@@ -56,18 +56,10 @@ def _quadrics(u: Array, m: Array) -> Array:
 
 
 def orientations(u: Array, m: Array) -> Array:
-    """All rotations R with u_k . R m_k = 0 for k = 1, 2, 3.
+    """All rotations R with u_k . R m_k = 0 for k = 1, 2, 3, shape (n, 3, 3), n <= 8, in any order.
 
-    Args:
-        u: Unit vectors in the base, rows of a (3, 3) array.
-        m: Unit vectors in the star, rows of a (3, 3) array.
-
-    Returns:
-        Shape (n, 3, 3), n <= 8, in no particular order.
-
-    Raises:
-        SingularConfigurationError: When a continuum of orientations fits: the star moves while
-            the motors stand.
+    u are unit vectors in the base, m in the star, rows of (3, 3) arrays. Where a continuum of
+    orientations fits, the star moves while the motors stand: a singularity.
     """
     from scipy.spatial.transform import Rotation
 

@@ -16,25 +16,13 @@ from ..reading.shapes import UrdfShapes
 
 
 class ParameterShapes(NamedTuple):
-    """Of a URDF whose meshes are made of its parameters.
-
-    Attributes:
-        urdf: The XML that names them.
-        parameters: What to make them of.
-    """
+    """The shapes of a URDF whose meshes are made of its parameters."""
 
     urdf: str
     parameters: Parameters
 
     def __call__(self, model: pin.Model) -> pin.GeometryModel:
-        """Shapes for the eye.
-
-        Args:
-            model: The tree of the same URDF.
-
-        Raises:
-            MissingExtraError: Without trimesh.
-        """
+        """Shapes for the eye, for the tree of the same URDF."""
         with TemporaryDirectory() as name:
             folder = Path(name)
             files = mesh_writers(self.parameters)

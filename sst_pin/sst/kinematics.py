@@ -76,16 +76,7 @@ def _dot(a: Array, b: Array) -> Array:
 
 
 def legs_of_orientation(geometry: Geometry, R: Array, branch: ArrayLike) -> Legs:
-    """Axes of the legs that carry the star at R.
-
-    Args:
-        geometry: Of the SST.
-        R: {E} in the base, shape (..., 3, 3).
-        branch: Signs of sin(mu_k), shape (..., 3).
-
-    Raises:
-        SingularConfigurationError: When a leg is in the plane of its arc (first kind).
-    """
+    """Axes of the legs that carry the star at R, shape (..., 3, 3), with signs of sin(mu_k)."""
     R_3 = R[..., None, :, :] @ np.swapaxes(geometry.R_E, -1, -2)
     n = R_3[..., 2]
     u = np.cross(geometry.e, n)
@@ -135,13 +126,7 @@ def joints_of_legs(geometry: Geometry, legs: Legs) -> Array:
 
 
 def joints_of_actuated(geometry: Geometry, gamma: Array, R: Array) -> Array:
-    """q at orientations that assemble with given gamma_k, the branches being what they are.
-
-    Args:
-        geometry: Of the SST.
-        gamma: Shape (..., 3); comes back in q as it is.
-        R: {E} in the base, shape (..., 3, 3).
-    """
+    """q at orientations that assemble with given gamma_k, the branches being what they are."""
     x_0, y_0 = geometry.R_0[:, :, 0], geometry.R_0[:, :, 1]
     u = np.cos(gamma)[..., None] * x_0 + np.sin(gamma)[..., None] * y_0
     R_3 = R[..., None, :, :] @ np.swapaxes(geometry.R_E, -1, -2)
@@ -174,14 +159,10 @@ def home_orientation(geometry: Geometry) -> Array:
 
 
 def joint_rates(legs: Legs, omega: Array) -> Array:
-    """Rates of all joints from the star's angular velocity, shape (..., 9).
+    """Rates of all joints from the star's angular velocity in base axes, shape (..., 9).
 
     In the axes of {2k}, omega = (mu_dot, gamma_dot sin(mu), gamma_dot cos(mu) + beta_dot): no
-    inverse is needed, but sin(mu) must not vanish.
-
-    Args:
-        legs: From `legs_of_orientation`.
-        omega: Base axes, shape (..., 3) or, leg by leg, (..., 3, 3).
+    inverse is needed, but sin(mu) must not vanish. omega may differ leg by leg, shape (..., 3, 3).
     """
     w = omega[..., None, :] if omega.ndim < legs.u.ndim else omega
     gamma_dot = _dot(w, legs.y_2) / legs.sin_mu
@@ -191,14 +172,7 @@ def joint_rates(legs: Legs, omega: Array) -> Array:
 
 
 def joint_accelerations(geometry: Geometry, legs: Legs, q_dot: Array, alpha: Array) -> Array:
-    """Accelerations of all joints from the star's, shape (..., 9).
-
-    Args:
-        geometry: Of the SST.
-        legs: From `legs_of_orientation`.
-        q_dot: Joint rates, shape (..., 9).
-        alpha: Angular acceleration of the star, base axes, shape (..., 3).
-    """
+    """Accelerations of all joints, shape (..., 9), from the star's, alpha in base axes."""
     rates = q_dot.reshape(*q_dot.shape[:-1], 3, 3)
     gamma_dot, mu_dot, beta_dot = (rates[..., i, None] for i in range(3))
     # The axes e_{k+3} and e_{k+6} turn with the links that carry them.
@@ -209,11 +183,7 @@ def joint_accelerations(geometry: Geometry, legs: Legs, q_dot: Array, alpha: Arr
 
 
 def require_rotation(R: Array) -> None:
-    """Check that matrices are rotations.
-
-    Raises:
-        InputError: Naming the samples of a batch.
-    """
+    """Check that matrices are rotations; the error names the samples of a batch."""
     error = np.abs(R @ np.swapaxes(R, -1, -2) - np.eye(3)).max(axis=(-1, -2))
     wrong = (error > 1e-8) | (np.linalg.det(R) < 0)
     if wrong.any():

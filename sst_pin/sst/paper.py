@@ -24,12 +24,7 @@ ROUNDED_GAMMA_DOT = (4.2096, -0.6918, -0.6918)
 
 
 def example_1(robot: SST, t: ArrayLike) -> Trajectory:
-    """Inverse dynamics along the circle (Sect. 7.2).
-
-    Args:
-        robot: The paper's, or another SST that can follow the circle.
-        t: Times, shape (N,), [s].
-    """
+    """Inverse dynamics along the circle (Sect. 7.2)."""
     q, va, aa = robot.joint_motion(*paper_circle(t))
     tau = robot.compute_torques(q, va, aa)
     motors = [robot.joint_names[i] for i in robot.actuated]

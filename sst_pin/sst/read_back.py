@@ -20,19 +20,9 @@ Array = NDArray[np.float64]
 
 
 def parameters_of(model: pin.Model, geometry: Geometry, friction: Friction) -> Parameters:
-    """The parameters that describe a tree.
+    """The parameters that make a tree; the star is the sum of its three arcs.
 
-    Args:
-        model: Tree of an SST, with gravity and the frames E and P_1 to P_3.
-        geometry: Of the SST, by `geometry_of`.
-        friction: Of the joints.
-
-    Returns:
-        What makes the same robot; the star is the sum of its three arcs.
-
-    Raises:
-        DescriptionError: When the tree holds what parameters do not, with every problem found.
-        ParametersError: When they are impossible.
+    The error lists all that the tree holds and parameters do not.
     """
     problems = list(_frame_problems(model)) or [
         *_base_problems(model, geometry),

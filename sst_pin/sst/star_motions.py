@@ -39,18 +39,10 @@ class Star(Protocol):
 def motion_in(robot: Star, table: Table) -> tuple[Array, Array, Array]:
     """The motion in a table: q continuous in time, va, aa.
 
-    The columns are `t_s` and one of: `qw, qx, qy, qz`, the orientation of {E} in the base;
-    `theta, phi, psi`, the paper's angles; `gamma_1, gamma_2, gamma_3`. Angles may end in `_rad` or
-    `_deg` and are radians without; `psi` may be left out and is then zero. Rates come from splines
-    of degree five: on the rotation group for orientations, in the angles for motors.
-
-    Args:
-        robot: The robot of the motion.
-        table: The table.
-
-    Raises:
-        FileFormatError: When the table is not such a motion.
-        WorkspaceError, SingularConfigurationError: When the robot cannot follow it.
+    The columns are `t_s` and one of: `qw, qx, qy, qz`, the orientation of {E} in the base; `theta,
+    phi, psi`, the paper's angles; `gamma_1, gamma_2, gamma_3`. Angles may end in `_rad` or `_deg`
+    and are radians without; `psi` may be left out and is then zero. Rates come from splines of
+    degree five: on the rotation group for orientations, in the angles for motors.
     """
     path = table.path
     kinds = {

@@ -22,15 +22,7 @@ EXACT = 1e-9
 
 
 def geometry_of(model: pin.Model, source: str) -> Geometry:
-    """Read {0k} and {E} in {3k} off a tree, and tell what keeps it from being an SST's.
-
-    Args:
-        model: The tree.
-        source: What error messages call it.
-
-    Raises:
-        DescriptionError: With every problem found.
-    """
+    """Read {0k} and {E} in {3k} off a tree, or list all that keeps it from being an SST's."""
     # Joints first, then their axes and frames: the one makes no sense without the other.
     problems = list(_joint_problems(model)) or [*_axis_problems(model), *_frame_problems(model)]
     if problems:

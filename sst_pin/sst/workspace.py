@@ -37,16 +37,14 @@ _MOST = 100_000_000
 class Chart(NamedTuple):
     """Lambert's azimuthal equal-area map of the sphere about a direction.
 
-    Attributes:
-        axes: Right, up and the direction in the middle of the map, rows of a (3, 3) array, base
-            axes.
+    `axes` are right, up and the direction in the middle of the map, rows of a (3, 3) array.
     """
 
     axes: Array
 
     @classmethod
     def of_robot(cls, robot: SST) -> Chart:
-        """About the middle of the base triangle, seen from outside, P_3 straight above it."""
+        """A map about the middle of the base triangle, seen from outside, P_3 straight above it."""
         v = robot.geometry.R_0[:, :, 0]
         middle = v.sum(axis=0) / np.linalg.norm(v.sum(axis=0))
         up = v[2] - (v[2] @ middle) * middle
@@ -54,11 +52,7 @@ class Chart(NamedTuple):
         return cls(np.array((np.cross(up, middle), up, middle)))
 
     def project(self, s: ArrayLike) -> Array:
-        """Points of the map, shape (..., 2); half the sphere fills the disc of radius sqrt(2).
-
-        Args:
-            s: Unit vectors, shape (..., 3); the direction opposite to the middle has no point.
-        """
+        """Points of the map, shape (..., 2); half the sphere fills the disc of radius sqrt(2)."""
         right, up, ahead = np.moveaxis(np.asarray(s) @ self.axes.T, -1, 0)
         return np.stack([right, up], axis=-1) * np.sqrt(2 / (1 + ahead))[..., None]
 
@@ -146,24 +140,11 @@ class Workspace:
         return float(2 * np.pi * trapezoid(share, angle))
 
     def save(self, path: str | Path, force: bool = False) -> None:
-        """Write the map to a file.
-
-        Args:
-            path: Ends in .csv, one row for each direction, or in .npz, one array for each
-                attribute.
-            force: Whether a file that is there may be replaced.
-
-        Raises:
-            OutputError: When it cannot be written, or exists.
-        """
+        """Write the map to a .csv, one row for each direction, or .npz, one array per attribute."""
         write_files({as_path(path): self.writer(path)}, force)
 
     def writer(self, path: str | Path) -> Writer:
-        """What writes the map in the format the path's ending asks for.
-
-        Raises:
-            OutputError: For another ending than .csv or .npz.
-        """
+        """What writes the map in the format that the path's ending asks for, .csv or .npz."""
         kind = as_path(path).suffix.lower()
         arrays: dict[str, Any] = {field.name: getattr(self, field.name) for field in fields(self)}
         if kind == ".npz":
@@ -181,16 +162,10 @@ _ANGLES = ("theta", "phi", "psi", "margin", "roll")
 
 
 def workspace_at(robot: SST, psi: float = 0.0, rings: int = 151, spokes: int = 360) -> Workspace:
-    """The map at one roll of the star, about half a second.
+    """The map at one roll psi of the star, the paper's angle, about half a second.
 
-    psi is the paper's angle, which the poles of the base frame do not have: curves of the map meet
-    in z_0.
-
-    Args:
-        robot: Any SST.
-        psi: The paper's angle, [rad].
-        rings: Directions from the middle of the map to its edge.
-        spokes: Directions round it.
+    The poles of the base frame do not have this angle: curves of the map meet in z_0. `rings` are
+    directions from the middle of the map to its edge, `spokes` those round it.
     """
     return _workspace(robot, single_array("psi", psi, ())[None], rings, spokes)
 
@@ -198,14 +173,7 @@ def workspace_at(robot: SST, psi: float = 0.0, rings: int = 151, spokes: int = 3
 def workspace_over_rolls(
     robot: SST, rolls: int = 72, rings: int = 61, spokes: int = 180
 ) -> Workspace:
-    """The map over the whole turn about s, each direction with its best psi; some seconds.
-
-    Args:
-        robot: Any SST.
-        rolls: Values of psi, evenly round the turn.
-        rings: As for `workspace_at`.
-        spokes: As for `workspace_at`.
-    """
+    """The map over the whole turn about s, each direction with its best psi; some seconds."""
     count = whole_number("rolls", rolls, 1)
     if count > _MOST:
         raise InputError("rolls", f"{count} are too many")

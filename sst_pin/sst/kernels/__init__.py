@@ -47,15 +47,7 @@ def open_numbers(mechanism: Mechanism) -> Parameters:
 
 
 def code(key: Key, target: str) -> Code:
-    """The code of a kernel.
-
-    Args:
-        key: One of `ENTRIES` or `AT_FIRST_USE`.
-        target: An instruction set.
-
-    Raises:
-        CompilationError: When there is none, or for derivatives no compiler.
-    """
+    """The code of one of `ENTRIES` or `AT_FIRST_USE` for an instruction set."""
     if key in AT_FIRST_USE:
         return Code(_from_cache(key.entry, target), key.entry)
     if key not in ENTRIES:
