@@ -20,6 +20,8 @@ Indices = NDArray[np.intp]
 #: Scaled residual that an assembled configuration stays below.
 ASSEMBLED = 1e-11
 _STEPS = 100
+#: A loop that closes by less than a tenth in so many steps does not close.
+_PATIENCE = 10
 #: Longest stride, [rad] or of the robot's length: the closures are far from linear beyond it.
 _STRIDE = 0.5
 #: A joint this near to its limit, scaled, is at it: rounding of the step that led there.
@@ -107,15 +109,17 @@ class Assembly:
         key = free.tobytes()
         if key not in self._known_parts:
             self._known_parts[key] = list(self._parts(free))
-        parts = self._known_parts[key]
+        parts, before = self._known_parts[key], [np.full(len(f), np.inf)] * _PATIENCE
         for _ in range(_STEPS):
             busy = [
                 (rows, columns)
                 for rows, columns in parts
                 if np.linalg.norm(f[rows]) >= 1e-3 * ASSEMBLED
+                and np.linalg.norm(f[rows]) < 0.9 * np.linalg.norm(before[-_PATIENCE][rows])
             ]
             if not busy:
                 break
+            before.append(f)
             Phi = self.loops.Phi() * self._scale
             step = np.zeros(Phi.shape[1])
             for rows, of_loop in busy:
