@@ -20,6 +20,16 @@ def odd(request):
     return sst_pin.SST(random_parameters(np.random.default_rng(request.param)))
 
 
+@pytest.fixture(scope="session", autouse=True)
+def cache_of_the_run(tmp_path_factory):
+    """Compiled kernels are in a folder of their own, shared by the workers of one run."""
+    base = tmp_path_factory.getbasetemp()
+    folder = base.parent if base.name.startswith("popen-") else base
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_CACHE_HOME", str(folder / "cache"))
+        yield folder / "cache"
+
+
 @pytest.fixture
 def here(tmp_path, monkeypatch):
     """An empty folder, the working directory."""

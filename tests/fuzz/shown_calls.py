@@ -88,7 +88,6 @@ def commands(w: World) -> Iterator[Call]:
         "simulate", "simulate still.csv -o x.csv", "simulate half.csv -o x.csv",
         "simulate still.csv -o x.csv --q0 0.1", "simulate still.csv -o x.csv --q0 a=b",
         "simulate still.csv -o x.csv --q0 gamma_1=nan",
-        "simulate still.csv -o x.csv --q0 gamma_1=0.1,gamma_2=0.2,gamma_3=0.3",
         "simulate still.csv -o x.csv --q0 gamma_1=1e308 --va0 gamma_1=1e308",
         "simulate still.csv -o x.csv --q0 gamma_1=1,gamma_2=1,gamma_3=1 --va0 gamma_1=1e200",
         "simulate still.csv -o x.txt --q0 gamma_1=1,gamma_2=1,gamma_3=1",

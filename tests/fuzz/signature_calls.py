@@ -24,12 +24,31 @@ import sst_pin
 
 #: Of torques computed twice by other ways: rounding times the condition of a mild pose.
 CLOSE = 1e-8
-NOT_NUMBERS = (None, "fast", "1e-9", np.nan, np.inf, -np.inf, -1.0, 1j, [], np.ones(2), {}, object)
-NOT_COUNTS = (None, "two", 0, -1, 1.5, np.nan, np.inf, [1], 1j, 10**30, object())
-NOT_NAMES = (None, "unknown", "", 5, b"raise", ["x"], [None], object())
+NOT_NUMBERS = (
+    None, "fast", "1e-9", 0.0, np.nan, np.inf, -np.inf, -1.0, 1j, [], np.ones(2), {}, object,
+)  # fmt: skip
+NOT_COUNTS = (
+    None, "two", "2", 0, -1, -(2**100), 1.0, 1.5, True, np.nan, np.inf, [1], 1j, 10**30, object(),
+)  # fmt: skip
+NOT_NAMES = (
+    None, "unknown", "", 5, True, b"raise", np.array("nan"), ["x"], [None], object(),
+)  # fmt: skip
 NOT_LISTS_OF_NAMES = (
     None, "gamma_1", 5, object(), ["unknown"], [None], [0], [["gamma_1"]], [b"gamma_1"],
 )  # fmt: skip
+
+
+class Unwilling:
+    """Its conversion to an array fails by an error of its own."""
+
+    def __array__(self, *_: Any, **__: Any) -> Any:
+        raise RuntimeError("no array today")
+
+
+class Lying:
+    """Promises an array that it does not have."""
+
+    __array_interface__ = {"shape": "many", "typestr": "<f8", "version": 3}  # noqa: RUF012
 
 
 class Subject(NamedTuple):
@@ -115,19 +134,31 @@ def bad_arrays(good: Any, fixed_shape: bool) -> Iterator[tuple[str, Any]]:
         bad[0] = value
         return bad.reshape(good.shape)
 
-    first = with_first(np.nan) != with_first(np.nan)
+    first, endless = with_first(np.nan) != with_first(np.nan), []
+    endless.append(endless)
+    hidden = [np.ma.masked_array(row, np.ones(np.shape(row), bool)) for row in np.atleast_1d(good)]
+    days = np.full(good.shape, datetime.date(2026, 1, 1))
     yield from {
         "None": None,
         "text": "fast",
         "digits": good.astype(str),
+        "digits as objects": good.astype(str).astype(object),
         "bytes": good.astype(str).astype(bytes),
         "complex": good + 0.1j,
+        "list of complex": (good + 0.1j).tolist(),
+        "truth values": np.ones(good.shape, bool),
         "masked": np.ma.masked_array(good, mask=first),
+        "masked nowhere": np.ma.masked_array(good),
+        "rows of masked": hidden,
         "dates": np.full(good.shape, np.datetime64("2026-01-01")),
         "spans": np.full(good.shape, np.timedelta64(1, "s")),
-        "days": np.full(good.shape, datetime.date(2026, 1, 1)),
+        "days": days,
+        "list of days": days.tolist(),
         "object": object(),
         "objects": np.full(good.shape, None),
+        "endless": endless,
+        "unwilling": Unwilling(),
+        "lying": Lying(),
         "records": np.zeros(good.shape, dtype=[("x", float)]),
         "dict": {},
         "set": {1.0},
@@ -141,6 +172,7 @@ def bad_arrays(good: Any, fixed_shape: bool) -> Iterator[tuple[str, Any]]:
         yield "empty", np.empty(0)
         yield "longer", np.concatenate([good, good[..., :1]], axis=-1)
         yield "scalar", 1.0
+        yield "gaps", np.full(good.shape, None).tolist()
 
 
 def bad_outs(good: np.ndarray) -> Iterator[tuple[str, Any]]:
@@ -155,6 +187,8 @@ def bad_outs(good: np.ndarray) -> Iterator[tuple[str, Any]]:
         "list": [0.0] * 3,
         "text": "out",
         "wrong shape": np.empty((7, 3)),
+        "a column": np.empty((*good.shape, 1)),
+        "masked": np.ma.zeros(good.shape),
         "one too many": np.empty((*good.shape[:-1], good.shape[-1] + 1)),
         "read-only": frozen,
         "a type": np.ndarray,
@@ -277,6 +311,8 @@ FINE = {
     "viscous_friction: scalar", "coulomb_friction: scalar", "check(motion: open loops)",
     "check(motion: of one sample)", "play(motion: of one sample)", "play(wanted: open loops)",
     "writer(path: below a device)", "writer(path: 300 letters)", "writer(path: below a file)",
+    "sign_width: 0.0", "rollout(dt: 0.0)", "start: 0.0", "end: 0.0", "psi: 0.0",
+    "with_payload(mass: 0.0)", "assemble(q: dict)",
 }  # fmt: skip
 #: Parameters that are not called with bad values: by method and name.
 FREE = {

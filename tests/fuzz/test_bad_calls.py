@@ -7,16 +7,34 @@ object that is no robot at all has not the methods of one. The default run takes
 `-m slow` takes them all and prints their counts with `-s`.
 """
 
-import call_tables
+import file_calls
 import judged_calls
 import pytest
+import shown_calls
+import signature_calls
+import special_calls
+from call_world import World
+
+GROUPS = {
+    "signatures": signature_calls.calls,
+    "chains": special_calls.chains,
+    "motions": special_calls.motions,
+    "files": file_calls.calls,
+    "pictures": shown_calls.pictures,
+    "commands": shown_calls.commands,
+}
+
+
+def calls(group):
+    """The calls of one group, for the process that judges them."""
+    return GROUPS[group](World())
 
 
 @pytest.mark.parametrize("every", [10, pytest.param(1, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("group", call_tables.GROUPS)
+@pytest.mark.parametrize("group", GROUPS)
 def test_bad_calls_have_a_named_error_or_a_right_answer(group, every):
     """0 raw, 0 silent, 0 endless, in all calls or in a tenth of them."""
-    verdicts = judged_calls.judged_apart("call_tables", group, every)
+    verdicts = judged_calls.judged_apart("test_bad_calls", group, every)
     report = judged_calls.report(verdicts)
     print(f"{group}: {report}")
     assert verdicts

@@ -84,8 +84,9 @@ def test_parallelograms_stop_before_they_are_flat(which, compiled):
         # The condition number is 1e4 so near to the flat position; nothing turns in other ways.
         assert stop == pytest.approx((np.pi - START) / 2, abs=1e-3)
         assert off_mode(chain, motion.q).max() < 1e-9
-    for _ in range(10):
-        dt, rate = 10 ** random.uniform(-3, -1), random.uniform(1, 4) * random.choice([-1, 1])
+    for _ in range(10 if compiled else 4):
+        dt = 10 ** random.uniform(-3 if compiled else -2, -1)
+        rate = random.uniform(1, 4) * random.choice([-1, 1])
         start = random.uniform(0.3, 1.2)
         q0 = chain.assemble(np.sign(chain.home) * start)
         torques = np.zeros((int(8 / abs(rate) / dt), 1))
@@ -112,16 +113,15 @@ def test_four_bars_do_not_step_over_a_gap(compiled):
         if compiled:
             chain.compile(home)
         side = side_of(chain, home)
-        for _ in range(5):
-            rate, dt = random.uniform(1, 4), 10 ** random.uniform(-2.5, -1)
+        for _ in range(3):
+            rate, dt = random.uniform(1, 4), 10 ** random.uniform(-2, -1)
             torques = np.zeros((int(6 / rate / dt), 1))
             q, _ = chain.rollout(torques, home, [rate], dt, on_error="nan")
             held = q[np.isfinite(q[:, 0])]
             assert {side_of(chain, each) for each in held} == {side}
-            # No part of the way between two states is out of reach.
+            # The middle of the way between two states is not out of reach.
             for a, b in pairwise(held):
-                for part in (0.25, 0.5, 0.75):
-                    chain.assemble(a + part * (b - a))
+                chain.assemble((a + b) / 2)
 
 
 def side_of(chain, q):
@@ -130,13 +130,19 @@ def side_of(chain, q):
     return np.sign(np.linalg.det(chain.Phi(q)[:2, dependent]))
 
 
-@pytest.mark.parametrize("compiled", [False, True])
+FREE = pin.JointModelFreeFlyer(), pin.JointModelRZ
+BALL = pin.JointModelSpherical(), pin.JointModelRUBZ
+PLANE = pin.JointModelPlanar(), pin.JointModelRZ
+
+
 @pytest.mark.parametrize(
-    ("base", "joint"),
+    ("base", "joint", "compiled"),
     [
-        (pin.JointModelFreeFlyer(), pin.JointModelRZ),
-        (pin.JointModelSpherical(), pin.JointModelRUBZ),
-        (pin.JointModelPlanar(), pin.JointModelRZ),
+        (*FREE, False),
+        (*BALL, False),
+        (*PLANE, True),
+        *(pytest.param(*base, True, marks=pytest.mark.slow) for base in (FREE, BALL)),
+        pytest.param(*PLANE, False, marks=pytest.mark.slow),
     ],
 )
 def test_a_tumbling_base_is_no_singularity(base, joint, compiled):

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 import sst_pin
 from paths import on_reference_path
@@ -101,24 +100,6 @@ def test_torques_and_accelerations_equal_the_reference(case):
     assert error(robot.compute_torques(q, va, aa), free) < RELATIVE
 
 
-@pytest.mark.slow
-def test_twenty_thousand_torques_equal_the_reference():
-    """Twenty geometries, a thousand states each, all of them against the reference."""
-    rng = np.random.default_rng(1)
-    for _ in range(20):
-        robot = sst_pin.SST(random_parameters(rng))
-        R = Rotation.random(6000, rng).as_matrix()
-        q = robot.inverse_kinematics(R, rng.choice((-1, 1), (len(R), 3)))
-        distance = robot.singularities(q)
-        q = q[(distance.first_kind > 0.15) & (distance.condition_number < 10)][:1000]
-        assert len(q) == 1000
-        va, aa = 2 * rng.normal(size=(1000, 3)), 20 * rng.normal(size=(1000, 3))
-        tau = robot.compute_torques(q, va, aa)
-        expected = on_reference_path(robot).compute_torques(q, va, aa)
-        scale = np.abs(expected).max(axis=1, keepdims=True)
-        assert np.abs((tau - expected) / scale).max() < RELATIVE
-
-
 def test_reduced_terms_equal_those_of_the_long_form(case):
     """Inertia, Coriolis matrix (not only its product with the rates), gravity, friction."""
     robot, q, va, aa = case
@@ -145,30 +126,6 @@ def test_an_edited_urdf_is_what_the_kernels_compute(tmp_path):
     q, va, aa = robot.joint_motion(*random_states(robot, np.random.default_rng(3), 20))
     expected = on_reference_path(robot).compute_torques(q, va, aa)
     assert error(robot.compute_torques(q, va, aa), expected) < RELATIVE
-
-
-def test_strange_memory_gives_the_same_bits(robot):
-    """Strides, negative strides, Fortran order, read-only, byte order, integers, broadcasting."""
-    q, va, aa = robot.joint_motion(*random_states(robot, np.random.default_rng(4), 70))
-    va, aa = va.copy(), aa.copy()
-    tau = robot.compute_torques(q, va, aa)
-    wide = np.zeros((70, 31))
-    wide[:, 2:20:2] = q
-    assert np.array_equal(robot.compute_torques(wide[:, 2:20:2], va, aa), tau)
-    assert np.array_equal(robot.compute_torques(q[::-1], va[::-1], aa[::-1]), tau[::-1])
-    assert np.array_equal(robot.compute_torques(np.asfortranarray(q), va, aa), tau)
-    assert np.array_equal(robot.compute_torques(q.astype(">f8"), va, aa), tau)
-    frozen = q.copy()
-    frozen.setflags(write=False)
-    assert np.array_equal(robot.compute_torques(frozen, va, aa), tau)
-    off = np.zeros(70 * 72 + 1, dtype=np.uint8)[1:].view(np.float64).reshape(70, 9)
-    off[:] = q
-    assert np.array_equal(robot.compute_torques(off, va, aa), tau)
-    ones = robot.compute_torques(q, np.ones(3), aa)
-    assert np.array_equal(robot.compute_torques(q, [1, 1, 1], aa.tolist()), ones)
-    grid = robot.compute_torques(q[:6].reshape(2, 1, 3, 9), va[:4, None], aa[0])
-    assert grid.shape == (2, 4, 3, 3)
-    assert np.array_equal(grid[1, 2, 0], robot.compute_torques(q[3], va[2], aa[0]))
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 4, 5, 31, 32, 33, 1000, 5003])
@@ -198,33 +155,6 @@ def test_samples_at_fault_are_found_wherever_they_stand(robot, threads):
     found = robot.compute_torques(q, va, aa, threads=threads, on_error="nan")
     tau[::100] = np.nan
     assert np.array_equal(found, tau, equal_nan=True)
-
-
-def test_results_go_where_they_are_told_to_go(robot):
-    """out=: the same array back, strided too, and over the inputs, however they overlap."""
-    q, va, aa = robot.joint_motion(*random_states(robot, np.random.default_rng(5), 50))
-    tau = robot.compute_torques(q, va, aa)
-    out = np.empty((50, 3))
-    assert robot.compute_torques(q, va, aa, out=out) is out
-    assert np.array_equal(out, tau)
-    one = np.empty(3)
-    assert robot.compute_torques(q[7], va[7], aa[7], out=one) is one
-    assert np.array_equal(one, tau[7])
-    strided = np.zeros((50, 9))[:, ::3]
-    robot.compute_torques(q, va, aa, out=strided)
-    assert np.array_equal(strided, tau)
-    over = aa.copy()
-    assert np.array_equal(robot.compute_torques(q, va, over, out=over), tau)
-    shifted = np.zeros((51, 3))
-    shifted[:50] = aa
-    assert np.array_equal(robot.compute_torques(q, va, shifted[:50], out=shifted[1:]), tau)
-    for wrong in (np.empty((50, 2)), np.empty((50, 3), dtype=np.float32), [0.0] * 3):
-        with pytest.raises(sst_pin.InputError, match="out: "):
-            robot.compute_torques(q, va, aa, out=wrong)
-    with pytest.raises(sst_pin.InputError, match="threads: 0"):
-        robot.compute_torques(q, va, aa, threads=0)
-    with pytest.raises(sst_pin.InputError, match="on_error: 'ignore' unknown"):
-        robot.compute_torques(q, va, aa * np.nan, on_error="ignore")
 
 
 SMALL_STACK = """
@@ -318,23 +248,6 @@ def test_angles_of_many_turns_are_angles(robot):
         away = 2 * np.pi * turns
         # An angle of so many turns is known to its last digit only.
         assert error(robot.compute_torques(q + away, va, aa), tau) < 1e-12 + 1e-14 * abs(away)
-
-
-def test_changes_of_the_model_are_taken_in_when_told(robot):
-    """By refresh(), for torques, simulations and rollouts alike."""
-    mine = sst_pin.SST()
-    rest = np.zeros(3)
-    before = mine.compute_torques(mine.home, rest, (1, 0, 0))
-    mine.model.gravity.linear = np.array((0, 0, 1.0))
-    assert np.array_equal(mine.compute_torques(mine.home, rest, (1, 0, 0)), before)
-    mine.refresh()
-    motion = mine.simulate(rest, mine.home, rest, [0, 0.01])
-    expected = on_reference_path(mine).compute_accelerations(mine.home, rest, rest)
-    assert error(motion.aa[0], expected) < RELATIVE
-    rolled = mine.rollout(np.zeros((100, 3)), mine.home, rest, 1e-4)
-    assert np.abs(rolled.va[-1] - motion.va[-1]).max() < 1e-9
-    expected = on_reference_path(mine).compute_torques(mine.home, rest, (1, 0, 0))
-    assert error(mine.compute_torques(mine.home, rest, (1, 0, 0)), expected) < RELATIVE
 
 
 def test_the_committed_c_is_what_the_generator_makes():
