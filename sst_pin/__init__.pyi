@@ -10,6 +10,7 @@ from .chain.closures import Coupling as Coupling
 from .chain.closures import Distance as Distance
 from .chain.closures import Rolling as Rolling
 from .chain.dynamics import ReducedTerms as ReducedTerms
+from .chain.reactions import Reactions as Reactions
 from .description import MJCF_PATH as MJCF_PATH
 from .description import PACKAGE_PATH as PACKAGE_PATH
 from .description import REPOSITORY_PATH as REPOSITORY_PATH
@@ -24,6 +25,7 @@ from .errors import ClosureError as ClosureError
 from .errors import DescriptionError as DescriptionError
 from .errors import DescriptionWarning as DescriptionWarning
 from .errors import FileFormatError as FileFormatError
+from .errors import IndeterminateError as IndeterminateError
 from .errors import InputError as InputError
 from .errors import MissingExtraError as MissingExtraError
 from .errors import OutputError as OutputError

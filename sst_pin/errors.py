@@ -159,6 +159,28 @@ class ActuationError(SSTError):
         self.missing = dict(missing or {})
 
 
+class IndeterminateError(SSTError):
+    """A reaction that is not unique, because the robot is overconstrained.
+
+    Attributes:
+        name: Name of the joint or closure.
+        components: Those of its wrench that are not unique.
+
+    Example:
+        >>> chain.reactions(chain.home, [0], [0]).of("rocker")
+        Traceback (most recent call last):
+            ...
+        sst_pin.errors.IndeterminateError: rocker: ... are not unique: ...
+    """
+
+    def __init__(self, name: str, components: Sequence[str]) -> None:
+        super().__init__(
+            f"{name}: {', '.join(components)} are not unique: the robot is overconstrained; "
+            "stiffness= of joints and closures makes them so"
+        )
+        self.name, self.components = name, tuple(components)
+
+
 class ClosureError(SSTError):
     """The loops are open, or cannot be closed.
 

@@ -24,7 +24,7 @@ from ..arrays import (
 )
 from ..errors import DescriptionError, InputError, MissingExtraError
 from ..summaries import as_html, as_text, listed
-from . import derivatives, dynamics, samples
+from . import derivatives, dynamics, reactions, samples
 from .appearance import Appearance, appearance_of
 from .assembly import home_of
 from .assignments import require_assignable
@@ -722,7 +722,9 @@ class ClosedChain:
         load = self._wrenches(platform_moment, external_wrenches, on_error)
         how: dict[str, Any] = {"out": out, "threads": threads, "on_error": on_error}
         key = Key("torques")
-        return samples.computed(current, key, q, va=va, aa=aa, load=load, weights=weights, **how)
+        if weights is not None:
+            how["special"] = {"weights": samples.motor_weights(current.mechanism, weights)}
+        return samples.computed(current, key, q, va=va, aa=aa, load=load, **how)
 
     def generalized_forces(
         self,
@@ -791,6 +793,68 @@ class ClosedChain:
         load = self._wrenches(platform_moment, external_wrenches, on_error)
         how: dict[str, Any] = {"out": out, "threads": threads, "on_error": on_error}
         return samples.computed(current, Key("accelerations"), q, va=va, tau=tau, load=load, **how)
+
+    def reactions(
+        self,
+        q: ArrayLike,
+        va: ArrayLike,
+        aa: ArrayLike | None = None,
+        *,
+        tau: ArrayLike | None = None,
+        stiffness: Mapping[str, ArrayLike] | None = None,
+        platform_moment: ArrayLike | None = None,
+        external_wrenches: ArrayLike | None = None,
+        out: Array | None = None,
+        threads: int = 1,
+        on_error: str = "raise",
+    ) -> reactions.Reactions:
+        """Wrenches in all joints and closures, each with the verdict whether it is unique.
+
+        Args:
+            q: Configurations on the closures, shape (..., nq).
+            va: Rates of the coordinates, shape (..., n).
+            aa: Accelerations of the coordinates, shape (..., n); without them those that follow
+                from tau.
+            tau: Motor torques, shape (..., motors); without them the smallest for the motion.
+            stiffness: Makes reactions of an overconstrained robot unique: by the name of a joint or
+                closure, stiffnesses about x, y, z [N m/rad] and along x, y, z [N/m] in the axes of
+                its wrench, infinite where it is rigid. Joints without one are rigid.
+            platform_moment: As in `compute_torques`.
+            external_wrenches: As in `compute_torques`.
+            out: Array for all numbers of a sample side by side, shape (..., 12 (r + closures) + 6):
+                wrenches of joints, closures and the ground, then by how much inner stresses of size
+                one change each component of joints and closures, zero where it is unique.
+            threads: As in `compute_torques`.
+            on_error: As in `compute_torques`.
+
+        Returns:
+            `Reactions`; components that are not unique are NaN.
+
+        Raises:
+            InputError: If neither aa nor tau is given, or both.
+            UnknownNameError: For a stiffness of an unknown joint.
+            ClosureError, SingularConfigurationError, ActuationError: As `compute_torques`.
+
+        Example:
+            >>> w = chain.reactions(chain.home, [0], [0])
+            >>> w.joints.shape, w.determined.joints.all(axis=1)
+            ((3, 6), array([False, False, False]))
+        """
+        current = self._current
+        how: dict[str, Any] = {"threads": threads, "on_error": on_error}
+        load = self._wrenches(platform_moment, external_wrenches, on_error)
+        if aa is None and tau is not None:
+            aa = self.compute_accelerations(q, va, tau, external_wrenches=load, **how)
+        elif aa is not None and tau is None:
+            tau = self.compute_torques(q, va, aa, external_wrenches=load, **how)
+        else:
+            raise InputError("aa, tau", "one of them is needed, not both")
+        if stiffness is not None:
+            how["special"] = {"compliances": reactions.compliances_of(current.mechanism, stiffness)}
+        how |= {"va": va, "aa": aa, "tau": tau, "load": load, "out": out}
+        rows = samples.computed(current, Key("reactions"), q, **how)
+        relaxed = stiffness is not None
+        return reactions.unpacked(current.mechanism, rows, np.asarray(tau, dtype=float), relaxed)
 
     def noc(self, q: ArrayLike, va: ArrayLike) -> dynamics.Terms:
         """All matrices of the paper at one state, with f = I aa + C va - tau^g - tau^f.

@@ -60,6 +60,7 @@ class Loops:
         self.frames = [0, *dict.fromkeys(frame for pair in ends for frame in pair)]
         number = {frame: k for k, frame in enumerate(self.frames[1:], start=1)}
         joints = [model.frames[frame].parentJoint for frame in self.frames]
+        self._bodies = np.array(joints)
         self.supports = np.array([support(model, joint) for joint in joints])
         self.pairs = PairRows(
             [
@@ -150,6 +151,23 @@ class Loops:
         for rows, coupled in self.couplings:
             drift[rows] = coupled.drift(self._q, v)
         return drift
+
+    def forces_on_bodies(self, Lambda: Array) -> Array:
+        """What the closures of frames give to the bodies for multipliers of the rows.
+
+        Args:
+            Lambda: In columns, shape (rows, k): the forces on the tree are Phi^T Lambda.
+
+        Returns:
+            [force; moment] at the world's origin, shape (1 + r, 6, k), the ground first.
+        """
+        given = np.zeros((self.model.njoints, 6, Lambda.shape[1]))
+        np.add.at(given, self._bodies[self.pairs.frames], self._W[..., None] * Lambda[:, None])
+        return given
+
+    def on_B(self, rows: slice) -> Array:
+        """Wrenches of the rows of a closure on frame B, at the world's origin, shape (rows, 6)."""
+        return self._W[0, rows]
 
     def _move(self, v: Array) -> tuple[Array, Array, Array]:
         """W_dot, and the frames' twists and accelerations with v_dot = 0, shape (frames, 6)."""

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ..arrays import finite_array
 from ..errors import ActuationError, InputError, SSTError
-from . import dynamics
+from . import dynamics, reactions
 from .backend import Key, Motions, NoKernel
 from .continuity import Continuity, Way
 from .derivatives import Derivatives
@@ -169,6 +169,21 @@ class Reference:
     def displacement_rates(self, q: Array, va: Array) -> Array:
         """Rates of a displacement that joints' axes make as they move, shape (n, n)."""
         return self.derivatives.displacement_rates(q, va)
+
+    def reactions(
+        self,
+        q: Array,
+        va: Array,
+        aa: Array,
+        tau: Array,
+        wrenches: Array | None,
+        compliances: Array | None = None,
+    ) -> Array:
+        """Wrenches of joints, closures and ground, and verdicts, in a row."""
+        row = reactions.reactions(self.workspace, q, va, aa, tau, wrenches, compliances)
+        ground = row[len(row) // 2 - 3 : len(row) // 2 + 3]
+        _require_finite(ground, q=q, va=va, aa=aa, tau=tau, external_wrenches=wrenches)
+        return row
 
     def rates(self, q: Array, va: Array) -> Array:
         """v = L va, shape (nv,), Eq. (16)."""

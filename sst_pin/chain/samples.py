@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any, TypeVar
 
@@ -21,6 +21,7 @@ from ..arrays import (
     whole_number,
 )
 from ..errors import InputError
+from . import reactions
 from .backend import Indices, Key
 from .current import Current
 from .derivatives import AccelerationDerivatives, TorqueDerivatives
@@ -35,11 +36,13 @@ _NAMES = {
     AccelerationDerivatives: ("acceleration_derivatives", "tau"),
 }
 #: Quantities with external wrenches as their last argument.
-_LOADABLE = {"torques", "generalized_forces", "accelerations"} | {n for n, _ in _NAMES.values()}
+_LOADABLE = {"torques", "generalized_forces", "accelerations", "reactions"}
+_LOADABLE |= {name for name, _ in _NAMES.values()}
 
 
-def _shape(quantity: str, n: int, nv: int, motors: int) -> tuple[int, ...]:
+def _shape(quantity: str, mechanism: Mechanism) -> tuple[int, ...]:
     """Shape of a quantity of one sample."""
+    n, (nv, motors) = len(mechanism.coordinates), mechanism.motors.shape
     shapes: dict[str, tuple[int, ...]] = {
         "torques": (motors,),
         "rates": (nv,),
@@ -48,6 +51,7 @@ def _shape(quantity: str, n: int, nv: int, motors: int) -> tuple[int, ...]:
         "torque_derivatives": (n, 3 * n),
         "acceleration_derivatives": (n, 2 * n + motors),
         "displacement_rates": (n, n),
+        "reactions": (reactions.size_of(mechanism),),
         "frame_drift": (6,),
         "frame_jacobian": (6, n),
         "frame_jacobian_rate": (6, n),
@@ -62,7 +66,7 @@ def computed(
     q: ArrayLike,
     *,
     load: Array | None = None,
-    weights: ArrayLike | None = None,
+    special: Mapping[str, Array] | None = None,
     out: Array | None = None,
     threads: int = 1,
     on_error: str = "raise",
@@ -71,18 +75,18 @@ def computed(
     """A quantity by its kernel; samples that fail its checks by the reference path, or its errors.
 
     `others` are the arguments after q by name, `load` wrenches on all bodies, shape (..., r, 6);
-    the rest is as in `ClosedChain`. There are no kernels for weights of the motors.
+    `special` arguments of the reference path for which there are no kernels; the rest is as in
+    `ClosedChain`.
     """
     arrays: list[Array | None] = [*current.arguments(q, **others)]
     axes, mechanism = [1] * len(arrays), current.mechanism
-    n, (nv, motors) = len(mechanism.coordinates), mechanism.motors.shape
     reference: Callable[..., Array] = getattr(current.reference, key.quantity)
     if key.frame is not None:
         reference = partial(reference, frame=frame_id(mechanism.model, key.frame))
     if key.sign_width is not None:
         reference = partial(reference, key.sign_width)
-    if weights is not None:
-        reference = partial(reference, weights=_motor_weights(mechanism, weights))
+    if special:
+        reference = partial(reference, **special)
     if key.quantity in _LOADABLE:
         arrays, axes = [*arrays, load], [*axes, 2]
     require_policy(on_error)
@@ -93,7 +97,7 @@ def computed(
             return reference(*arrays)  # the short way for one sample
 
     def fill(flat: list[Array | None], result: Array) -> Indices:
-        if weights is not None:
+        if special:
             return np.arange(len(result))
         given = [np.require(a, float, "A") for a in flat if a is not None]
         loaded = given[-1].ndim == 3
@@ -102,7 +106,7 @@ def computed(
         kernel = current.backend.kernel(key._replace(loaded=loaded))
         return kernel.many(tuple(given), result, min(threads, sys.maxsize))
 
-    shape = _shape(key.quantity, n, nv, motors)
+    shape = _shape(key.quantity, mechanism)
     return for_each_sample(reference, arrays, axes, shape, on_error=on_error, out=out, fast=fill)
 
 
@@ -120,7 +124,7 @@ def of_frame(
         kernel = current.backend.kernel(key)
         rows = kernel.answer(q, va.get("va"), None, None, None, threads)
         if rows is not None:
-            shape = _shape(key.quantity, len(current.mechanism.coordinates), 0, 0)
+            shape = _shape(key.quantity, current.mechanism)
             rows.shape = (*rows.shape[:-1], *shape)
             return rows
     return computed(current, key, q, out=out, threads=threads, on_error=on_error, **va)
@@ -168,7 +172,7 @@ def linear_system(
     return both[..., : 2 * n], both[..., 2 * n :]
 
 
-def _motor_weights(mechanism: Mechanism, weights: ArrayLike) -> Array:
+def motor_weights(mechanism: Mechanism, weights: ArrayLike) -> Array:
     """Weights of the motors' squared torques, positive, shape (motors,)."""
     array = single_array("weights", weights, (mechanism.motors.shape[1],))
     if not (array > 0).all():

@@ -279,6 +279,8 @@ def impossible(mechanism: Mechanism, quantity: str) -> str:
     """Why there is no kernel of this quantity; empty when there is one."""
     nv, motors = mechanism.motors.shape
     n = len(mechanism.coordinates)
+    if quantity == "reactions":
+        return "there are no kernels of reactions"
     if mechanism.without_mass and quantity in ("accelerations", "acceleration_derivatives"):
         return "the mass matrix is singular"
     if quantity == "torques" and motors < n:

@@ -1,0 +1,305 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Reactions: the wrenches in joints and closures, and which of them are unique.
+
+The forces of the closures on the tree are Phi^T lambda, what the tree needs less what motors,
+friction, springs and loads supply. Where rows of Phi are redundant, lambda is free along
+N = null(Phi^T), the states of inner stress. A joint gives to all that it bears what the recursion
+of Newton and Euler needs, less what closures give to it, X lambda: a component of its wrench is
+unique exactly where its row of X N is zero (Wojtyra 2005; Fraczek and Wojtyra 2011). Rows are
+free of units, so that the verdict does not depend on them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
+
+from ..arrays import as_array
+from ..errors import IndeterminateError, InputError, UnknownNameError
+from ..summaries import as_html, as_text, listed
+from .closures import Coupling
+from .dynamics import Workspace, applied_forces, motion_of_tree
+from .mechanism import Mechanism
+from .noc import mass_centers
+from .tree import joint_id
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+#: A component that inner stresses change by less, free of units, is unique: loops that are open by
+#: their tolerance change it by about that.
+_UNIQUE = 1e-5
+#: Inner stresses that stiffnesses resist less than this, relative to the most, are left free.
+_RESISTED = 1e-9
+_MOMENT_FIRST = [3, 4, 5, 0, 1, 2]
+
+
+class Verdict(NamedTuple):
+    """One answer for each component of the wrenches.
+
+    Attributes:
+        joints: Shape (..., r, 6).
+        closures: Shape (..., closures, 6).
+    """
+
+    joints: Flags
+    closures: Flags
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Reactions:
+    """Wrenches [moment; force] in the joints and closures of a robot, [N m], [N].
+
+    A joint's wrench is all that its parent gives to its child there, at the origin and in the axes
+    of the joint: by the bearing, the motor, friction, springs and gears. What rotors
+    (`model.armature`) need is along the joint's axis and not in it. A closure's wrench is what
+    the link of frame A gives to the link of frame B, at the origin and in the axes of B; that of a
+    coupling is its force on the dependent joint, written about or along z.
+
+    Components that are not unique are NaN, unless stiffnesses were given.
+
+    Attributes:
+        names: Of the joints, then of the closures.
+        joints: Shape (..., r, 6), joints in the order of the tree.
+        closures: Shape (..., closures, 6).
+        motors: Motor torques that act, shape (..., motors).
+        ground: What the ground gives to the robot in all, at the origin of the base in base axes,
+            shape (..., 6).
+        determined: Which components are unique in the rigid robot.
+        elastic: Which are not, and come from the stiffnesses given.
+
+    Example:
+        >>> delta = sst_pin.robots.delta()
+        >>> w = delta.reactions(delta.home, np.zeros(3), np.zeros(3))
+        >>> w.ground[5].round(3), w.of("motor_1")[3:].round(3)
+        (np.float64(5.003), array([ 0.65 , -0.   ,  1.668]))
+    """
+
+    names: tuple[str, ...]
+    joints: Array
+    closures: Array
+    motors: Array
+    ground: Array
+    determined: Verdict
+    elastic: Verdict
+
+    def of(self, name: str) -> Array:
+        """The wrench in one joint or closure, shape (..., 6).
+
+        Args:
+            name: As in `names`; a closure is called by its frames, "a - b".
+
+        Raises:
+            UnknownNameError: If there is none of that name.
+            IndeterminateError: If components of it are not unique.
+
+        Example:
+            >>> chain.reactions(chain.home, [0], [0]).of("rocker").shape
+            (6,)
+        """
+        if name not in self.names:
+            raise UnknownNameError("joint or closure", name, self.names)
+        k, joints = self.names.index(name), self.joints.shape[-2]
+        wrench = self.joints[..., k, :] if k < joints else self.closures[..., k - joints, :]
+        missing = np.isnan(wrench).reshape(-1, 6).any(axis=0)
+        if missing.any():
+            raise IndeterminateError(name, [_COMPONENTS[i] for i in np.flatnonzero(missing)])
+        return wrench
+
+    def __repr__(self) -> str:
+        return as_text(*self._summary())
+
+    def _repr_html_(self) -> str:
+        return as_html(*self._summary())
+
+    def _summary(self) -> tuple[str, list[tuple[str, str]]]:
+        """The verdict for each joint and closure."""
+        flags = np.concatenate(self.determined, axis=-2)
+        unique = np.all(flags.reshape(-1, *flags.shape[-2:]), axis=0)
+        rows = []
+        for name, flags in zip(self.names, unique, strict=True):
+            free = [_COMPONENTS[i] for i in np.flatnonzero(~flags)]
+            rows.append((name, f"not unique: {listed(free)}" if free else "determined"))
+        return "Reactions [moment; force]", rows
+
+
+_COMPONENTS = ("moment x", "moment y", "moment z", "force x", "force y", "force z")
+
+
+def names_of(mechanism: Mechanism) -> tuple[str, ...]:
+    """Names of the joints of the tree, then of the closures."""
+    return (*list(mechanism.model.names)[1:], *map(str, mechanism.closures))
+
+
+def size_of(mechanism: Mechanism) -> int:
+    """How many numbers `reactions` gives for a sample."""
+    return 12 * len(names_of(mechanism)) + 6
+
+
+def reactions(
+    ws: Workspace,
+    q: Array,
+    va: Array,
+    aa: Array,
+    tau: Array,
+    wrenches: Array | None,
+    compliances: Array | None,
+) -> Array:
+    """Reactions at one configuration.
+
+    Args:
+        ws: Workspace of the mechanism.
+        q: Configuration on the closures, shape (nq,).
+        va: Rates of the coordinates, shape (n,).
+        aa: Their accelerations, shape (n,).
+        tau: Motor torques with which the robot moves so, shape (motors,).
+        wrenches: External [moment; force] on each body at its mass centre, base axes, shape
+            (r, 6), or None.
+        compliances: Of each component of the wrenches, shape (r + closures, 6), or None.
+
+    Returns:
+        Wrenches of joints and closures, [moment; force], the ground's, and by how much inner
+        stresses of size one change each component, free of units, in a row. What compliances leave
+        open is NaN.
+    """
+    mechanism, model, data = ws.mechanism, ws.model, ws.data
+    ws.evaluate(q)
+    v, v_dot = motion_of_tree(ws, va, aa)
+    needed = pin.rnea(model, data, q, v, v_dot) - mechanism.motors.dot(tau)
+    applied = applied_forces(ws, mechanism.friction, q, v, wrenches)
+    if applied is not None:
+        needed -= applied
+    Lambda = _multipliers(ws, needed)
+
+    loads = [pin.Force(load) for load in _loads(ws, wrenches)]
+    local = [place.actInv(load) for place, load in zip(data.oMi, loads, strict=True)]
+    pin.rnea(model, data, q, v, v_dot, pin.StdVec_Force(local))
+    borne = np.array([f.vector for f in data.f])[1:]
+    ground = sum(
+        (
+            data.oMi[j].act(data.f[j]).vector
+            for j in range(1, model.njoints)
+            if not model.parents[j]
+        ),
+        np.zeros(6),
+    )
+
+    both = _wrenches(ws, Lambda)
+    both[: len(borne), :, 0] += borne
+    both = both[:, _MOMENT_FIRST]
+    values, stresses = both[..., 0], both[..., 1:]
+    size = np.repeat([1.0, mechanism.length], 3)
+    changes = np.linalg.norm(stresses, axis=-1) * size
+    if compliances is not None:
+        values, left = _relaxed(values, stresses, compliances)
+        values[np.linalg.norm(left, axis=-1) * size > _UNIQUE] = np.nan
+    return np.concatenate([values.ravel(), ground[_MOMENT_FIRST], changes.ravel()])
+
+
+def _multipliers(ws: Workspace, needed: Array) -> Array:
+    """The smallest lambda with Phi^T lambda = needed, then N, in columns, shape (rows, 1 + k)."""
+    mechanism = ws.mechanism
+    row, rate = mechanism.row_scale, mechanism.rate_scale
+    U, s, Vt = np.linalg.svd(ws.loops.Phi() * row[:, None] * rate)
+    rank = mechanism.model.nv - len(mechanism.coordinates)
+    smallest = U[:, :rank] @ ((Vt[:rank] @ (rate * needed)) / s[:rank])
+    return row[:, None] * np.column_stack([smallest, U[:, rank:]])
+
+
+def _loads(ws: Workspace, wrenches: Array | None) -> Array:
+    """[force; moment] on each body at the world's origin, base axes, shape (1 + r, 6)."""
+    loads = np.zeros((ws.model.njoints, 6))
+    if wrenches is not None:
+        moment, force = wrenches[:, :3], wrenches[:, 3:]
+        loads[1:, :3] = force
+        loads[1:, 3:] = moment + np.cross(mass_centers(ws.model, ws.data), force)
+    return loads
+
+
+def _wrenches(ws: Workspace, Lambda: Array) -> Array:
+    """[force; moment] in joints and closures from lambda, shape (r + closures, 6, columns)."""
+    model, data = ws.model, ws.data
+    on_bodies = ws.loops.forces_on_bodies(Lambda)
+    for j in range(model.njoints - 1, 0, -1):
+        on_bodies[model.parents[j]] += on_bodies[j]
+    found = [-data.oMi[j].toActionMatrix().T @ on_bodies[j] for j in range(1, model.njoints)]
+    for k, closure in enumerate(ws.mechanism.closures):
+        rows = ws.loops.slices[k]
+        if isinstance(closure, Coupling):
+            wrench = np.zeros((6, Lambda.shape[1]))
+            joint = model.joints[joint_id(model, closure.joint)]
+            slides = ws.mechanism.space.rate_units[joint.idx_v] == "m"
+            wrench[2 if slides else 5] = Lambda[rows][0]
+            found.append(wrench)
+        else:
+            at = data.oMf[ws.loops.frames[ws.loops.pairs.frames[0, rows.start]]]
+            found.append(at.toActionMatrix().T @ ws.loops.on_B(rows).T @ Lambda[rows])
+    return np.array(found).reshape(-1, 6, Lambda.shape[1])
+
+
+def _relaxed(values: Array, stresses: Array, compliances: Array) -> tuple[Array, Array]:
+    """Wrenches with the least elastic energy, and the stresses that no stiffness resists."""
+    root, flat = np.sqrt(compliances).ravel(), stresses.reshape(values.size, -1)
+    U, s, Vt = np.linalg.svd(root[:, None] * flat, full_matrices=False)
+    rank = int(np.count_nonzero(s > _RESISTED * s.max(initial=0.0)))
+    amounts = -Vt[:rank].T @ ((U[:, :rank].T @ (root * values.ravel())) / s[:rank])
+    return values + stresses @ amounts, stresses @ Vt[rank:].T
+
+
+def compliances_of(mechanism: Mechanism, stiffness: Mapping[str, ArrayLike]) -> Array:
+    """Compliance of each component of the wrenches, zero where no stiffness is given.
+
+    Args:
+        mechanism: The robot.
+        stiffness: By the name of a joint or closure, six numbers: about x, y, z [N m/rad], along
+            x, y, z [N/m], in the axes of its wrench; infinite where it is rigid.
+
+    Raises:
+        UnknownNameError: For a name that is neither a joint's nor a closure's.
+        InputError: For a stiffness that is not positive.
+    """
+    names = names_of(mechanism)
+    if not isinstance(stiffness, Mapping):
+        raise InputError("stiffness", f"{stiffness!r} is not a dict of six numbers by name")
+    found = np.zeros((len(names), 6))
+    for name, given in stiffness.items():
+        if name not in names:
+            raise UnknownNameError("joint or closure", name, names)
+        numbers = as_array("stiffness", given, ())
+        if numbers.shape != (6,) or not (numbers > 0).all():
+            problem = f"of {name}: {numbers.tolist()}, expected six positive numbers"
+            raise InputError("stiffness", problem)
+        found[names.index(name)] = 1 / numbers
+    return found
+
+
+def unpacked(mechanism: Mechanism, rows: Array, tau: Array, relaxed: bool) -> Reactions:
+    """Reactions from the numbers of each sample in a row.
+
+    Args:
+        mechanism: The robot.
+        rows: From `reactions`, shape (..., size).
+        tau: Motor torques, shape (..., motors).
+        relaxed: Whether there were compliances.
+    """
+    names, r = names_of(mechanism), mechanism.model.njoints - 1
+    count = 6 * len(names)
+    values, ground, changes = np.split(rows, [count, count + 6], axis=-1)
+    values = values.reshape(*rows.shape[:-1], len(names), 6)
+    flags = changes.reshape(values.shape) <= _UNIQUE
+    elastic = ~flags & np.isfinite(values) & relaxed
+    values = np.where(flags | elastic, values, np.nan)
+    return Reactions(
+        names,
+        values[..., :r, :],
+        values[..., r:, :],
+        tau,
+        ground,
+        Verdict(flags[..., :r, :], flags[..., r:, :]),
+        Verdict(elastic[..., :r, :], elastic[..., r:, :]),
+    )

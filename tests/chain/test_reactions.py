@@ -1,0 +1,324 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Reactions in joints and closures, and which of them are unique."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.linalg import null_space
+
+import any_chain
+import sst_pin
+from sst_pin import robots
+
+GALLERY = [name for name in robots.__all__ if name.islower()]
+
+
+def random_state(chain, seed):
+    """A configuration on the closures, rates, wrenches on the bodies, torques."""
+    random = np.random.default_rng(seed)
+    va = random.uniform(-1, 1, chain.degrees_of_freedom)
+    wrenches = random.normal(size=(chain.model.njoints - 1, 6))
+    return chain.generic_configuration(), va, wrenches, random.normal(size=len(chain.motor_names))
+
+
+def moved(wrench, lever):
+    """[moment; force] about a point, from that about a point `lever` away from it."""
+    return np.concatenate([wrench[:3] + np.cross(lever, wrench[3:]), wrench[3:]])
+
+
+def unbalanced(chain, q, va, aa, wrenches, w):
+    """Newton and Euler of each body, base axes, shape (r, 6): zero where it is balanced.
+
+    Momentum changes by M t_dot + Omega M t with twists from the long form of Eq. (92).
+    """
+    model, terms = chain.mechanism.model, chain.noc(q, va)
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, q)
+    v, v_dot = chain.joint_rates(q, va), chain.joint_accelerations(q, va, aa)
+    t, t_dot = terms.K @ v, terms.K @ v_dot + terms.K_dot @ v
+    left = (terms.M @ t_dot + terms.Omega @ terms.M @ t).reshape(-1, 6) - wrenches
+    centres = [data.oMi[j] * model.inertias[j].lever for j in range(1, model.njoints)]
+
+    def give(body, wrench, at, sign):
+        if body:
+            turned = np.concatenate([at.rotation @ wrench[:3], at.rotation @ wrench[3:]])
+            left[body - 1] -= sign * moved(turned, at.translation - centres[body - 1])
+
+    for j in range(1, model.njoints):
+        left[j - 1, 3:] -= model.inertias[j].mass * model.gravity.linear
+        give(j, w.joints[j - 1], data.oMi[j], 1)
+        give(model.parents[j], w.joints[j - 1], data.oMi[j], -1)
+    for closure, wrench in zip(chain.closures, w.closures, strict=True):
+        if isinstance(closure, sst_pin.Coupling):
+            continue
+        ends = [model.frames[model.getFrameId(name)] for name in frames_of(closure)]
+        at = data.oMf[model.getFrameId(frames_of(closure)[1])]
+        give(ends[1].parentJoint, wrench, at, 1)
+        give(ends[0].parentJoint, wrench, at, -1)
+    return left
+
+
+def frames_of(closure):
+    if isinstance(closure, sst_pin.Rolling):
+        return closure.plane, closure.wheel
+    return closure.frame_a, closure.frame_b
+
+
+def soft(chain):
+    """A stiffness for each joint and closure, none like another."""
+    random = np.random.default_rng(1)
+    names = (*chain.mechanism.model.names, *map(str, chain.closures))
+    return {name: random.uniform(1, 2, 6) for name in list(names)[1:]}
+
+
+def solved(chain, seed, **options):
+    """A random state, and its reactions under random torques."""
+    q, va, wrenches, tau = random_state(chain, seed)
+    loads = {"external_wrenches": wrenches}
+    aa = chain.compute_accelerations(q, va, tau, **loads)
+    return (q, va, aa, wrenches), chain.reactions(q, va, tau=tau, **loads, **options)
+
+
+def balances(chain):
+    """Whether all bodies do, when soft joints make all reactions unique."""
+    state, w = solved(chain, 3, stiffness=soft(chain))
+    scale = 1 + np.abs(w.joints).max()
+    assert np.abs(unbalanced(chain, *state, w)).max() < 1e-10 * scale
+    ground = state[0]
+    model, data = chain.mechanism.model, chain.mechanism.model.createData()
+    pin.computeCentroidalMomentumTimeVariation(
+        model, data, ground, chain.joint_rates(*state[:2]), chain.joint_accelerations(*state[:3])
+    )
+    weight = -pin.computeTotalMass(model) * model.gravity.linear
+    assert w.ground[3:] == pytest.approx(
+        data.dhg.linear + weight - state[3][:, 3:].sum(axis=0), abs=1e-10 * scale
+    )
+
+
+@pytest.mark.parametrize("name", GALLERY)
+def test_newton_and_euler_close_for_every_body_of_the_gallery(name):
+    balances(getattr(robots, name)())
+
+
+def test_newton_and_euler_close_for_every_body_of_the_sst():
+    balances(sst_pin.SST(kernels=False))
+
+
+@pytest.mark.parametrize("joint", [*any_chain.JOINTS, *any_chain.IN_A_ROW])
+def test_newton_and_euler_close_with_every_joint(joint):
+    """Rotors turn the joints only; without them what is transmitted balances."""
+    chain = any_chain.with_joint(joint)
+    chain.model.armature[:] = 0
+    chain.refresh()
+    balances(chain)
+
+
+@pytest.mark.parametrize("kind", any_chain.CLOSURES, ids=str)
+def test_newton_and_euler_close_with_every_closure(kind):
+    balances(any_chain.chain(kind=kind))
+
+
+@pytest.mark.parametrize(
+    "make",
+    [any_chain.rods, any_chain.coupled, lambda: any_chain.rolling(False), any_chain.cart],
+    ids=["rods", "coupled", "rolling", "cart"],
+)
+def test_newton_and_euler_close_with_rods_couplings_and_wheels(make):
+    balances(make())
+
+
+def unique_by_equilibrium(chain, q):
+    """Which components are, from the equilibrium of all bodies in absolute coordinates.
+
+    Unknown are the wrenches that joints and closures can transmit, whatever their motors do; one
+    is unique where the null space of the equations of equilibrium does not reach it.
+    """
+    model = chain.mechanism.model
+    data = model.createData()
+    pin.computeJointJacobians(model, data, q)
+    pin.updateFramePlacements(model, data)
+    columns, owners = [], []
+
+    def unknown(at, basis, parent, child):
+        start = len(columns)
+        for wrench in basis.T:  # [force; moment] in the axes at `at`
+            column = np.zeros((model.njoints, 6))
+            column[child] += at.act(pin.Force(wrench)).vector
+            column[parent] -= at.act(pin.Force(wrench)).vector
+            columns.append(column[1:].ravel())
+        owners.append((basis, slice(start, len(columns))))
+
+    for j in range(1, model.njoints):
+        S = np.linalg.svd(_S(model, data, j))[0]
+        unknown(data.oMi[j], S[:, model.joints[j].nv :], model.parents[j], j)
+    for closure in chain.closures:
+        a, b = (model.frames[model.getFrameId(name)] for name in frames_of(closure))
+        at = data.oMf[model.getFrameId(closure.frame_b)]
+        turn = at.rotation.T @ data.oMf[model.getFrameId(closure.frame_a)].rotation
+        if isinstance(closure, sst_pin.Distance):
+            rod = at.translation - data.oMf[model.getFrameId(closure.frame_a)].translation
+            basis = np.zeros((6, 1))
+            basis[:3, 0] = at.rotation.T @ rod / np.linalg.norm(rod)
+        else:
+            basis = np.kron(np.eye(2), turn)[:, np.array(closure.held)]
+        unknown(at, basis, a.parentJoint, b.parentJoint)
+    matrix = np.array(columns).T
+    free = null_space(matrix, rcond=1e-9)
+    moves = np.array([np.linalg.norm(basis @ free[own], axis=1) for basis, own in owners])
+    return moves[:, [3, 4, 5, 0, 1, 2]] < 1e-6
+
+
+def _S(model, data, j):
+    """Twists of a joint's rates in its own axes."""
+    J = pin.getJointJacobian(model, data, j, pin.LOCAL)
+    return J[:, model.joints[j].idx_v : model.joints[j].idx_v + model.joints[j].nv]
+
+
+@pytest.mark.parametrize("name", GALLERY)
+def test_verdicts_are_those_of_the_equilibrium_of_all_bodies(name):
+    chain = getattr(robots, name)()
+    (q, *_), w = solved(chain, 3)
+    assert np.array_equal(np.concatenate(w.determined), unique_by_equilibrium(chain, q))
+
+
+def cube(cut, unit=1.0):
+    """Bricard's six hinges along edges of a cube, the loop cut at one of them.
+
+    Args:
+        cut: Number of the hinge that is the closure, 1 to 6.
+        unit: Length of an edge.
+    """
+    points = unit * np.array(
+        [(0, 0, 0), (1, 0, 0), (1, -1, 0), (1, -1, 1), (0, -1, 1), (0, 0, 1)], dtype=float
+    )
+    axes = np.eye(3)[[1, 2, 0, 1, 2, 0]]
+    hinges = [
+        pin.SE3(pin.Quaternion.FromTwoVectors(np.eye(3)[2], axis).matrix(), point)
+        for axis, point in zip(axes, points, strict=True)
+    ]
+    model = pin.Model()
+    model.gravity.linear = unit * np.array([0.3, -9.81, 0.7])
+    ends, places = [0, 0], [pin.SE3.Identity()] * 2
+    body = pin.Inertia.FromBox(1.0, *(unit * np.array([0.4, 0.3, 0.1])))
+
+    def bear(side, k, link):
+        joint = model.addJoint(
+            ends[side], pin.JointModelRZ(), places[side].actInv(hinges[k - 1]), f"hinge_{k}"
+        )
+        middle = (points[link - 1] + points[link]) / 2
+        world = pin.SE3(np.eye(3), middle)
+        model.appendBodyToJoint(joint, body, hinges[k - 1].actInv(world))
+        ends[side], places[side] = joint, hinges[k - 1]
+
+    for k in range(1, cut):
+        bear(0, k, k)
+    for k in range(6, cut, -1):
+        bear(1, k, k - 1)
+    for name, side in (("a", 0), ("b", 1)):
+        at = places[side].actInv(hinges[cut - 1])
+        model.addFrame(pin.Frame(name, ends[side], at, pin.FrameType.OP_FRAME))
+    motor = "hinge_1" if cut > 1 else "hinge_6"
+    return sst_pin.ClosedChain(model, [sst_pin.Closure("a", "b", "hinge")], [motor])
+
+
+def through_hinges(cut, unit=1.0):
+    """What the link before gives to the link behind each hinge, and the verdicts, all at once."""
+    chain = cube(cut, unit)
+    q = pin.neutral(chain.model)
+    rates = chain.joint_rates(q, [1.0])
+    w = chain.reactions(q, [0.7 / rates[0]], tau=[0.0])
+    found = {}
+    for k in range(1, 7):
+        if k == cut:
+            found[k] = w.closures[0], w.determined.closures[0]
+        else:
+            j = w.names.index(f"hinge_{k}")
+            found[k] = w.joints[j] * (1 if k < cut else -1), w.determined.joints[j]
+    return np.array([found[k][0] for k in range(1, 7)]), np.array(
+        [found[k][1] for k in range(1, 7)]
+    )
+
+
+def test_another_cut_gives_the_same_verdicts_and_the_same_unique_wrenches():
+    wrenches, unique = through_hinges(6)
+    assert unique.any()
+    assert not unique.all()
+    for cut in range(2, 6):
+        others, verdicts = through_hinges(cut)
+        assert np.array_equal(verdicts, unique)
+        assert others == pytest.approx(wrenches, abs=1e-10, nan_ok=True)
+
+
+def test_millimetres_give_the_verdicts_of_metres():
+    """kg, mm, s: forces are 1e3 times, moments 1e6 times those in metres."""
+    wrenches, unique = through_hinges(4)
+    scaled, verdicts = through_hinges(4, 1e3)
+    assert np.array_equal(verdicts, unique)
+    size = np.repeat([1e6, 1e3], 3)
+    assert scaled / size == pytest.approx(wrenches, abs=1e-10, nan_ok=True)
+
+
+def test_a_wrench_that_is_not_unique_is_named_where_asked_for_singly():
+    chain = robots.four_bar()
+    w = chain.reactions(chain.home, [0], [0])
+    with pytest.raises(sst_pin.IndeterminateError, match="rocker: moment y, force z are not"):
+        w.of("rocker")
+    with pytest.raises(sst_pin.UnknownNameError, match="joint or closure 'wheel'"):
+        w.of("wheel")
+
+
+def test_a_batch_is_its_samples_and_may_leave_the_bad_out():
+    chain = robots.five_bar()
+    q, va, _, tau = random_state(chain, 1)
+    many = [np.tile(x, (3, 1)) for x in (q, va, tau)]
+    many[0][1] += 0.1  # an open loop
+    with pytest.raises(sst_pin.ClosureError, match="1 of 3 samples"):
+        chain.reactions(*many[:2], tau=many[2])
+    out = np.empty((3, 12 * 5 + 6))
+    w = chain.reactions(*many[:2], tau=many[2], on_error="nan", out=out)
+    assert np.isnan(w.joints[1]).all()
+    assert not w.determined.joints[1].any()
+    assert np.array_equal(w.joints[2], chain.reactions(q, va, tau=tau).joints, equal_nan=True)
+    with pytest.raises(sst_pin.InputError, match="one of them is needed"):
+        chain.reactions(q, va)
+
+
+def door():
+    """A door on two hinges one above the other, its weight along their common axis."""
+    model = pin.Model()
+    hinge = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "lower")
+    body = pin.Inertia(10.0, np.array([0.5, 0, 0.5]), np.eye(3))
+    model.appendBodyToJoint(hinge, body, pin.SE3.Identity())
+    above = pin.SE3(np.eye(3), np.array([0.0, 0, 1]))
+    for name, joint in (("frame", 0), ("leaf", hinge)):
+        model.addFrame(pin.Frame(name, joint, above, pin.FrameType.OP_FRAME))
+    return sst_pin.ClosedChain(model, [sst_pin.Closure("frame", "leaf", "hinge")], ["lower"])
+
+
+def test_hinges_of_a_door_share_its_weight_as_their_stiffnesses():
+    """And the moment of the weight is a couple of horizontal forces, whatever the stiffnesses."""
+    chain, weight = door(), 98.1
+    w = chain.reactions([0], [0], [0])
+    assert not w.determined.joints[0, 5]
+    with pytest.raises(sst_pin.IndeterminateError):
+        w.of("lower")
+    turns = [1e-9] * 3  # so soft about all axes that they transmit no moment
+    k = {"lower": [*turns, 1, 1, 3], "frame - leaf": [*turns, 1, 1, 1]}
+    w = chain.reactions([0], [0], [0], stiffness=k)
+    assert w.of("lower") == pytest.approx([0, 0, 0, weight / 2, 0, 0.75 * weight], abs=1e-6)
+    assert w.of("frame - leaf") == pytest.approx([0, 0, 0, -weight / 2, 0, weight / 4], abs=1e-6)
+    assert w.elastic.joints[0, 5]
+
+
+def test_stiffnesses_leave_unique_components_as_they_are():
+    chain = robots.four_bar()
+    rigid = chain.reactions(chain.home, [0], [0])
+    w = chain.reactions(chain.home, [0], [0], stiffness=soft(chain))
+    assert not (w.elastic.joints & w.determined.joints).any()
+    assert (w.elastic.joints | w.determined.joints).all()
+    known = rigid.determined.joints
+    assert w.joints[known] == pytest.approx(rigid.joints[known], abs=1e-12)
+    with pytest.raises(sst_pin.InputError, match="six positive numbers"):
+        chain.reactions(chain.home, [0], [0], stiffness={"crank": [1, 2, 3]})
+    with pytest.raises(sst_pin.UnknownNameError, match="joint or closure"):
+        chain.reactions(chain.home, [0], [0], stiffness={"wheel": np.ones(6)})
