@@ -73,9 +73,7 @@ class Case:
         L = self.L(q)
         friction = L.T @ (self.coulomb * np.tanh(L @ va / WIDTH))
         aa = self.twin.compute_accelerations(q, va, tau, external_wrenches=wrenches)
-        n = len(va)
-        forces = self.twin.generalized_forces(q, va, np.vstack([np.zeros(n), np.eye(n)]))
-        return aa - np.linalg.solve((forces[1:] - forces[0]).T, friction)
+        return aa - np.linalg.solve(self.twin.noc(q, va).inertia, friction)
 
     def way(self, q, random):
         """Rates of the coordinates at which no joint moves faster than 1."""

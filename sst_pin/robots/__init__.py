@@ -11,6 +11,7 @@ from .planar import five_bar, four_bar, planar_3rrr, planar_4rrr
 from .platforms import hexaglide, stewart, ups_pu
 from .spherical import agile_eye, agile_wrist
 from .stacks import ladder, scissor_lift
+from .standard_problems import andrews, bricard, n_four_bar
 
 #: Ten states of the SST and of each robot, to 40 digits; see docs/reference_data.md.
 REFERENCE_PATH = Path(__file__).with_name("reference.json")
@@ -20,13 +21,16 @@ __all__ = [
     "GalleryRobot",
     "agile_eye",
     "agile_wrist",
+    "andrews",
     "bennett",
+    "bricard",
     "delta",
     "excavator",
     "five_bar",
     "four_bar",
     "hexaglide",
     "ladder",
+    "n_four_bar",
     "planar_3rrr",
     "planar_4rrr",
     "scissor_lift",

@@ -1,0 +1,194 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Closed chains on which the literature of multibody dynamics compares its programs.
+
+Axes, masses and starts are those of the publications; docs/standard_problems.md has the results.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
+
+from ..arrays import in_one_turn, whole_number
+from ..chain.closures import Closure
+from .angles import angle_about_z, direction, two_link
+from .gallery_robot import GalleryRobot, Joints, of_dimensions
+from .tree import Solid, Tree, box, planar, rods, shift
+
+Array = NDArray[np.float64]
+_RX, _RY, _RZ = pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ
+_ALONG_Y = np.array([0.0, -9.81, 0.0])
+
+
+def _body(
+    mass: float, centre: ArrayLike, moments: ArrayLike, points: ArrayLike, radius: float
+) -> list[Solid]:
+    """Rods along a line as the shape of a body whose inertia is given about its mass centre."""
+    first, *others = (s._replace(inertia=pin.Inertia.Zero()) for s in rods(1.0, points, radius))
+    x, y, *z = np.asarray(centre, dtype=float)
+    inertia = pin.Inertia(mass, np.array([x, y, *(z or [0.0])]), np.diag(moments))
+    return [first._replace(inertia=first.at.actInv(inertia)), *others]
+
+
+@of_dimensions
+def bricard(*, length: float = 1.0, mass: float = 1.0, thickness: float = 0.1) -> GalleryRobot:
+    """Bricard's linkage of six hinges along the edges of a cube; overconstrained but movable.
+
+    Problem A04 of the IFToMM library: five equal rods, weight along -y, at home along the edges of
+    the cube. The counting formula gives no degree of freedom, but the linkage has one. The platform
+    is the third rod, its frame at the third hinge. The motor is at the first hinge.
+
+    Args:
+        length: Of the rods, [m].
+        mass: Of each rod, [kg].
+        thickness: Side of their square section, [m].
+
+    Example:
+        >>> chain = sst_pin.robots.bricard()
+        >>> chain.compute_torques(chain.home, [0.0], [0.0]).round(2)
+        array([-9.81])
+    """
+    tree = Tree("bricard")
+    tree.model.gravity.linear = _ALONG_Y
+    edges = length * np.array([(1, 0, 0), (0, -1, 0), (0, 0, 1), (-1, 0, 0), (0, 1, 0)])
+    parent, at = "universe", pin.SE3.Identity()
+    for k, (kind, edge) in enumerate(zip((_RY, _RZ, _RX, _RY, _RZ), edges, strict=True), 1):
+        size = np.maximum(np.abs(edge), thickness)
+        tree.joint(f"hinge_{k}", kind(), box(mass, size, edge / 2), parent, at)
+        parent, at = f"hinge_{k}", shift(edge)
+    z_to_x = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])
+    tree.frame("ground_pin", "universe", pin.SE3(z_to_x, np.array([0, 0, length])))
+    tree.frame("end_pin", parent, pin.SE3(z_to_x, edges[-1]))
+    tree.platform("hinge_3")
+    return GalleryRobot(
+        tree,
+        [Closure("ground_pin", "end_pin", "hinge")],
+        ["hinge_1"],
+        partial(_bricard_joints, length=length),
+        shift(edges[0] + edges[1]),
+    )
+
+
+def _bricard_joints(pose: pin.SE3, length: float) -> Joints:
+    x, y, z = pose.translation / length
+    first, second = np.arctan2(-z, x), np.arctan2(np.hypot(x, z) - 1, -y)
+    turned = pin.rpy.rpyToMatrix(0.0, first, 0.0) @ pin.rpy.rpyToMatrix(0.0, 0.0, second)
+    rolled = turned.T @ pose.rotation
+    x, y, z = pose.actInv(np.array([0, 0, length])) / length - (0, 0, 1)
+    return {
+        "hinge_1": first,
+        "hinge_2": second,
+        "hinge_3": np.arctan2(rolled[2, 1], rolled[1, 1]),
+        "hinge_4": np.arctan2(z, -x),
+        "hinge_5": np.arctan2(np.hypot(x, z) - 1, y),
+    }
+
+
+@of_dimensions
+def n_four_bar(
+    loops: int = 2, *, length: float = 1.0, mass: float = 1.0, radius: float = 0.02
+) -> GalleryRobot:
+    """A row of four-bars that share their vertical bars; all bars equal and slender.
+
+    Problem A02 of the IFToMM library. At home the vertical bars are upright; the weight is along
+    -y. Where all bars lie on one line, the mechanism is singular and has loops + 1 degrees of
+    freedom. The platform is the first horizontal bar, which does not turn; its frame is at its
+    left end. The motor is at the foot of the first vertical bar.
+
+    Args:
+        loops: Four-bars, one or more.
+        length: Of the bars, [m].
+        mass: Of each bar, [kg].
+        radius: Of the bars in pictures, [m].
+
+    Raises:
+        InputError: For no loops.
+
+    Example:
+        >>> chain = sst_pin.robots.n_four_bar(2)
+        >>> chain.compute_torques(chain.home, [-1.0], [0.0]).round(2)
+        array([0.])
+    """
+    loops = whole_number("loops", loops, 1)
+    tree = Tree("n_four_bar")
+    tree.model.gravity.linear = _ALONG_Y
+    moments = mass * np.array([radius**2 / 2, length**2 / 12, length**2 / 12])
+    points = np.array([(0, 0, 0), (length, 0, 0)])
+    bar = _body(mass, points[1] / 2, moments, points, radius)
+    for k in range(loops + 1):
+        tree.joint(f"bar_{k}", _RZ(), bar, at=shift((k * length, 0)))
+        tree.frame(f"end_of_bar_{k}", f"bar_{k}", points[1])
+        if k < loops:
+            tree.joint(f"link_{k + 1}", _RZ(), bar, f"bar_{k}", shift(points[1]))
+            tree.frame(f"end_of_link_{k + 1}", f"link_{k + 1}", points[1])
+    tree.platform("link_1")
+    steps = range(1, loops + 1)
+    closures = [Closure(f"end_of_link_{k}", f"end_of_bar_{k}", "3d") for k in steps]
+    joints = partial(_n_four_bar_joints, loops=loops)
+    return GalleryRobot(tree, closures, ["bar_0"], joints, shift((0, length)))
+
+
+def _n_four_bar_joints(pose: pin.SE3, loops: int) -> Joints:
+    lean = direction(pose.translation)
+    links: Joints = {f"link_{k}": -lean for k in range(1, loops + 1)}
+    return links | {f"bar_{k}": lean for k in range(loops + 1)}
+
+
+#: Points of Andrews' mechanism in the base and on its bodies, [m]; names of the IVP test set.
+_A, _B = (-0.06934, -0.00227), (-0.03635, 0.03273)
+_D, _RR, _E, _SS, _U, _ZF, _ZT = 0.028, 0.007, 0.02, 0.035, 0.04, 0.02, 0.04
+
+
+def andrews() -> GalleryRobot:
+    """Andrews' squeezing mechanism: seven bodies in a plane, three loops through one point.
+
+    Problem A03 of the IFToMM library (E. Hairer and G. Wanner, Solving Ordinary Differential
+    Equations II, VII.7; the joints have the names of its angles). There is no weight. Dimensions,
+    masses and moments of inertia about z are the published ones; those about x and y do not count.
+    The motor drives beta. At home, the published start, theta is at a dead point: gamma does not
+    describe the motion there. The platform is the body of theta, its frame where all loops meet.
+
+    Example:
+        >>> chain = sst_pin.robots.andrews()
+        >>> chain.home.round(4)
+        array([-0.0617,  0.    ,  0.4553,  0.4874,  0.2227,  1.2305, -0.2227])
+    """
+    tree = Tree("andrews")
+    tree.model.gravity.linear = np.zeros(3)
+    fixed = "universe"
+    for name, parent, at, mass, inertia, centre, ends in (
+        ("beta", fixed, (0, 0), 0.04325, 2.194e-6, (0.00092, 0), [(_RR, 0)]),
+        ("theta", "beta", (_RR, 0), 0.00365, 4.410e-7, (-0.0115, 0), [(-_D, 0)]),
+        ("gamma", fixed, _B, 0.02373, 5.255e-6, (0.01874, 0.01043), [(0.02, -0.018), (0, -_SS)]),
+        ("delta", fixed, _A, 0.07050, 1.169e-5, (0.02308, 0.00916), [(_ZT, 0)]),
+        ("phi", "delta", (_ZT, 0), 0.00706, 5.667e-7, (0, 0.01421 - _E), [(0, -_E)]),
+        ("epsilon", fixed, _A, 0.05498, 1.912e-5, (0.01228, 0.00449), [(0, -_U)]),
+        ("omega", "epsilon", (0, -_U), 0.00706, 5.667e-7, (_ZF - 0.01421, 0), [(_ZF, 0)]),
+    ):
+        line = np.array([(0, 0, 0), *((*end, 0) for end in ends)], dtype=float)
+        solids = _body(mass, centre, inertia * np.array([0.6, 0.6, 1]), line, 0.0012)
+        tree.joint(name, _RZ(), solids, parent, shift(at))
+        tree.frame(f"tip_of_{name}", name, line[-1])
+    tree.platform("theta", (-_D, 0))
+    tips = [Closure(f"tip_of_{name}", "tip_of_theta", "3d") for name in ("gamma", "phi", "omega")]
+    home = planar(0, 0, -0.0617138900142764496358948458001) * shift((_RR - _D, 0))
+    return GalleryRobot(tree, tips, ["beta"], _andrews_joints, home)
+
+
+def _andrews_joints(pose: pin.SE3) -> Joints:
+    tip = pose.translation
+    beta, gamma = direction(pose.act(np.array([_D, 0, 0]))), direction(tip[:2] - _B) + np.pi / 2
+    delta, bend = two_link(tip[:2] - _A, _ZT, _E, -1)
+    epsilon, knee = two_link(tip[:2] - _A, _U, _ZF, 1)
+    return {
+        "beta": beta,
+        "theta": float(in_one_turn(angle_about_z(pose.rotation) - beta)),
+        "gamma": gamma,
+        "delta": delta,
+        "phi": bend + np.pi / 2,
+        "epsilon": epsilon + np.pi / 2,
+        "omega": knee - np.pi / 2,
+    }
