@@ -12,7 +12,7 @@ import platform
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from functools import cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -110,12 +110,12 @@ def accelerations_long(e: Equations, tau: ca.SX) -> ca.SX:
 
 def accelerations_multipliers(e: Equations, tau: ca.SX) -> ca.SX:
     """Accelerations of all joints together with the Lagrange multipliers of the closures."""
-    nv, rows = e.mechanism.model.nv, e.factors.rows
+    nv, rows = e.mechanism.model.nv, list(_independent(e))
     system: list[dict[int, Any]] = [{} for _ in range(nv + len(rows))]
     for (i, j), entry in e.tree.composed({}).items():
         system[i][j] = system[j][i] = entry
-    for k, row in enumerate(rows, start=nv):
-        for j, entry in e.rows[row].Phi.items():
+    for k, (row, _) in enumerate(rows, start=nv):
+        for j, entry in row.items():
             system[k][j] = system[j][k] = entry
     places = [(i, j) for i, row in enumerate(system) for j in row]
     where = tuple(np.array(places).T)
@@ -126,9 +126,25 @@ def accelerations_multipliers(e: Equations, tau: ca.SX) -> ca.SX:
     values[:, where[0], where[1]] = e.at_samples(symbols)[..., 0]
     order, _ = pivot_order(pattern, values)
     forces = add(e.motor_forces(tau), {i: -x for i, x in e.forces({}).items()})
-    right = forces | {nv + k: e.drift[row] for k, row in enumerate(rows) if row in e.drift}
+    right = forces | {k: drift for k, (_, drift) in enumerate(rows, start=nv) if drift is not None}
     solution = Factors(system, order).solve(right)
     return ca.vertcat(*(ca.SX(solution[int(i)]) for i in e.mechanism.coordinates))
+
+
+def _independent(e: Equations) -> Iterator[tuple[Mapping[int, Any], Any]]:
+    """Rows of Phi and their drifts; of a loop of which all rows count, combinations of them."""
+    for part in e.factors.parts:
+        if isinstance(part, Factors):
+            yield from ((e.rows[i].Phi, e.drift.get(i)) for i in part.rows)
+            continue
+        own: dict[int, dict[int, Any]] = {j: {} for i in part.rows for j in e.rows[i].Phi}
+        for i in part.rows:
+            for j, entry in e.rows[i].Phi.items():
+                own[j][i] = entry
+        columns = {j: part.solve(column) for j, column in own.items()}
+        drift = part.solve({i: e.drift[i] for i in part.rows if i in e.drift})
+        for k in sorted(drift):
+            yield {j: column[k] for j, column in columns.items() if k in column}, drift[k]
 
 
 LONG, SHORT, WITH_L = "NOC, every term of Eq. (92)", "NOC, one recursion", "NOC, with L"

@@ -58,8 +58,6 @@ def test_a_stale_count_is_found_and_times_may_differ(tmp_path, monkeypatch, caps
 @pytest.mark.parametrize("robot", ODD_ROBOTS)
 def test_counted_expressions_compute_the_right_numbers(robot, problem, method):
     """Robots that the page does not have, all samples, 1e-9 of the largest torque."""
-    if (robot, problem, method) == ("bennett", "direct", cost.MULTIPLIERS):
-        pytest.skip("multipliers of fixed rows: those of a Bennett loop are dependent on its way")
     robot = ODD_ROBOTS[robot]()
     e = cost.equations_of(robot)
     cost.require_right(robot, e, problem, method, cost.count(e, problem, method))

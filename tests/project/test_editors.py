@@ -83,6 +83,9 @@ def test_mypy_finds_the_package_and_both_mistakes(python, tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.tools
+@pytest.mark.skipif(
+    not PYRIGHT.exists(), reason="needs `npm install --prefix scripts/pages/tools/web`"
+)
 def test_pyright_finds_the_package_and_both_mistakes(python, tmp_path):
     """As the editors do that are built on it."""
     (tmp_path / "use.py").write_text(USE)
