@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -53,10 +54,7 @@ def finite_array(name: str, value: ArrayLike, core: tuple[int, ...]) -> Array:
         at = [int(i) for i in bad[len(bad) - len(core) :]]
         error = InputError(name, f"entry {at} is {entry}" if core else f"{entry} is not finite")
         batch = array.shape[: array.ndim - len(core)]
-        if batch:
-            samples = np.argwhere(~finite.reshape(*batch, -1).all(axis=-1))
-            error.name_samples([tuple(map(int, s)) for s in samples], int(np.prod(batch)))
-        raise error
+        raise of_samples(error, np.asarray(~finite.reshape(*batch, -1).all(axis=-1)))
     return array
 
 
@@ -174,6 +172,15 @@ def flattened(
             raise InputError("batch", f"{batch} samples do not fit into memory") from None
 
     return batch, [None if a is None else flat(a, a.shape[a.ndim - core :]) for a, core in pairs]
+
+
+E = TypeVar("E", bound=SSTError)
+
+
+def of_samples(error: E, at_fault: NDArray[np.bool_]) -> E:
+    """The error with the samples of a batch that it means; as it is for a single sample."""
+    name_samples(error, np.flatnonzero(at_fault).tolist(), at_fault.shape)
+    return error
 
 
 def name_samples(error: SSTError, flat: Sequence[int], batch: tuple[int, ...]) -> None:

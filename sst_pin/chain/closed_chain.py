@@ -1092,14 +1092,11 @@ class ClosedChain:
         if derivatives and current.reference.derivatives.axes_move:
             kernels += (Key("displacement_rates"),)
         kernels = EVERY if all else kernels
-        compiled = Current(
-            current.mechanism,
-            partial(CompiledBackend, near=near, bearer=self._platform_body),
-        )
-        backend = CompiledBackend(compiled.reference, near, bearer=self._platform_body)
+        make = partial(CompiledBackend, near=near, bearer=self._platform_body)
+        compiled = Current(current.mechanism, make)
+        backend = make(compiled.reference)
         backend.make(kernels)
-        compiled.backend = backend
-        self._current = compiled
+        compiled.backend, self._current = backend, compiled
 
     def casadi(
         self,

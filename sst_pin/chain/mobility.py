@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..summaries import as_html
+from ..summaries import as_html, listed
 from .loops import Loops
 from .mechanism import Mechanism
 
@@ -88,7 +88,7 @@ class Mobility:
         if not self.sufficient:
             verdict = (
                 f"INSUFFICIENT: {dof - self.held} degree(s) of freedom move with the motors "
-                f"locked, through {_listed(self.loose_joints)}"
+                f"locked, through {listed(self.loose_joints, 12)}"
             )
         elif self.redundantly_actuated:
             verdict = f"REDUNDANT: {n - dof} more than degrees of freedom"
@@ -99,24 +99,18 @@ class Mobility:
             f"closure equations   {len(self.rows)}, rank {self.rank}, "
             f"{self.redundant_rows} redundant",
             f"degrees of freedom  {dof}",
-            f"actuated joints     {n} ({_listed(self.actuated)})",
+            f"actuated joints     {n} ({listed(self.actuated, 12)})",
             f"actuation           {verdict}",
-            f"coordinates         {_listed(self.coordinates)}",
+            f"coordinates         {listed(self.coordinates, 12)}",
             f"condition number    {self.condition_number:.4g} (dependent joints)",
             f"judged at           {self.where}",
         ]
         if self.idle_joints:
             lines.append(
-                f"idle joints         {_listed(self.idle_joints)} (they can spin alone; locked= "
+                f"idle joints         {listed(self.idle_joints, 12)} (they can spin alone; locked= "
                 "fixes them)"
             )
         return "\n".join(lines)
-
-
-def _listed(names: Sequence[str]) -> str:
-    if not names:
-        return "none"
-    return ", ".join(names[:12]) + (f" and {len(names) - 12} more" if len(names) > 12 else "")
 
 
 def independent_rows(Phi: Array, tolerance: float = RANK_TOLERANCE) -> Indices:

@@ -8,9 +8,11 @@ sample to it.
 from __future__ import annotations
 
 import threading
-from functools import cached_property
+from collections.abc import Callable, Iterable
+from functools import cached_property, wraps
+from inspect import signature
 from math import isfinite
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -29,12 +31,37 @@ from .noc import MAX_CONDITION_NUMBER, mass_centers
 from .tree import of_rates, summed, support
 
 Array = NDArray[np.float64]
+_Method = TypeVar("_Method", bound=Callable[..., Array])
 
 #: Forces that the motors leave over count as none below this, relative to the sum of the sizes of
 #: all forces that meet in the same coordinate.
 UNSUPPLIED = 1e-6
 #: What rounding leaves of forces that do not act along a coordinate, relative to their sizes.
 ROUNDING = 1e-12
+
+
+def _finite(method: _Method) -> _Method:
+    """Refuse results that are not finite, and say which argument is at fault."""
+    names = list(signature(method).parameters)[1:]
+
+    @wraps(method)
+    def checked(self: Reference, *arguments: Any, **more: Any) -> Array:
+        result = method(self, *arguments, **more)
+        _require_finite(result, names, arguments)
+        return result
+
+    return checked  # type: ignore[return-value]  # it has the parameters of `method`
+
+
+def _require_finite(result: Array, names: Iterable[str], arguments: Iterable[Any]) -> None:
+    flat = result.ravel()
+    if isfinite(flat.dot(flat)):  # cheaper than looking at each number
+        return
+    for name, array in zip(names, arguments, strict=False):
+        if isinstance(array, np.ndarray):
+            finite_array(name, array, array.shape)
+    if not np.isfinite(result).all():
+        raise InputError("result", "not finite: arguments or numbers of the model are too large")
 
 
 class Reference:
@@ -69,23 +96,23 @@ class Reference:
             self._per_thread.derivatives = Derivatives(self.mechanism)
             return self._per_thread.derivatives
 
-    def generalized_forces(self, q: Array, va: Array, aa: Array, wrenches: Array | None) -> Array:
+    @_finite
+    def generalized_forces(
+        self, q: Array, va: Array, aa: Array, external_wrenches: Array | None
+    ) -> Array:
         """f, shape (n,)."""
-        f = dynamics.inverse_dynamics(self.workspace, q, va, aa, wrenches)
-        if not isfinite(f.dot(f)):  # cheaper than looking at each input
-            _require_finite(f, q=q, va=va, aa=aa, external_wrenches=wrenches)
-        return f
+        return dynamics.inverse_dynamics(self.workspace, q, va, aa, external_wrenches)
 
     def torques(
         self,
         q: Array,
         va: Array,
         aa: Array,
-        wrenches: Array | None,
+        external_wrenches: Array | None,
         weights: Array | None = None,
     ) -> Array:
         """tau, shape (motors,): f itself, or the smallest torques that bring it about."""
-        f = self.generalized_forces(q, va, aa, wrenches)
+        f = self.generalized_forces(q, va, aa, external_wrenches)
         if self.mechanism.driven_one_to_one:
             return f
         L = self.workspace.complement.L
@@ -93,7 +120,7 @@ class Reference:
         over = np.abs(left) > UNSUPPLIED * np.abs(f)
         if over.any():
             # Where large forces balance, their rounding is left: compare with all of them.
-            along, sizes = dynamics.sizes_of_terms(self.workspace, q, va, aa, wrenches)
+            along, sizes = dynamics.sizes_of_terms(self.workspace, q, va, aa, external_wrenches)
             over = np.abs(left) > UNSUPPLIED * along + ROUNDING * sizes
         if over.any():
             raise self._unsupplied(left, over)
@@ -127,44 +154,38 @@ class Reference:
             missing,
         )
 
-    def accelerations(self, q: Array, va: Array, tau: Array, wrenches: Array | None) -> Array:
+    @_finite
+    def accelerations(
+        self, q: Array, va: Array, tau: Array, external_wrenches: Array | None
+    ) -> Array:
         """aa, shape (n,)."""
         self.mechanism.require_mass()
         friction = self.mechanism.friction
-        aa, _ = dynamics.direct_dynamics(self.workspace, friction, q, va, tau, wrenches)
-        if not isfinite(aa.dot(aa)):
-            _require_finite(aa, q=q, va=va, tau=tau, external_wrenches=wrenches)
+        aa, _ = dynamics.direct_dynamics(self.workspace, friction, q, va, tau, external_wrenches)
         return aa
 
+    @_finite
     def reduced_terms(self, q: Array, va: Array) -> Array:
         """Inertia, coriolis, gravity, friction in a row, shape (2 n (n + 1),)."""
         terms = dynamics.terms(self.workspace, q, va)
         gravity = terms.gravity + terms.springs
-        row = np.concatenate(
-            [terms.inertia.ravel(), terms.coriolis.ravel(), gravity, terms.friction]
-        )
-        if not isfinite(row.dot(row)):
-            _require_finite(row, q=q, va=va)
-        return row
+        matrices = terms.inertia.ravel(), terms.coriolis.ravel()
+        return np.concatenate([*matrices, gravity, terms.friction])
 
+    @_finite
     def torque_derivatives(
-        self, sign_width: float, q: Array, va: Array, aa: Array, wrenches: Array | None
+        self, sign_width: float, q: Array, va: Array, aa: Array, external_wrenches: Array | None
     ) -> Array:
         """Derivatives of f by q, va, aa side by side, shape (n, 3 n)."""
-        df = self.derivatives.torques(sign_width, q, va, aa, wrenches)
-        if not np.isfinite(df).all():
-            _require_finite(df, q=q, va=va, aa=aa, external_wrenches=wrenches)
-        return df
+        return self.derivatives.torques(sign_width, q, va, aa, external_wrenches)
 
+    @_finite
     def acceleration_derivatives(
-        self, sign_width: float, q: Array, va: Array, tau: Array, wrenches: Array | None
+        self, sign_width: float, q: Array, va: Array, tau: Array, external_wrenches: Array | None
     ) -> Array:
         """Derivatives of aa by q, va, tau side by side, shape (n, 2 n + motors)."""
         self.mechanism.require_mass()
-        da = self.derivatives.accelerations(sign_width, q, va, tau, wrenches)
-        if not np.isfinite(da).all():
-            _require_finite(da, q=q, va=va, tau=tau, external_wrenches=wrenches)
-        return da
+        return self.derivatives.accelerations(sign_width, q, va, tau, external_wrenches)
 
     def displacement_rates(self, q: Array, va: Array) -> Array:
         """Rates of a displacement that joints' axes make as they move, shape (n, n)."""
@@ -182,41 +203,40 @@ class Reference:
         """Wrenches of joints, closures and ground, and verdicts, in a row."""
         row = reactions.reactions(self.workspace, q, va, aa, tau, wrenches, compliances)
         ground = row[len(row) // 2 - 3 : len(row) // 2 + 3]
-        _require_finite(ground, q=q, va=va, aa=aa, tau=tau, external_wrenches=wrenches)
+        names = "q", "va", "aa", "tau", "external_wrenches"
+        _require_finite(ground, names, (q, va, aa, tau, wrenches))
         return row
 
+    @_finite
     def rates(self, q: Array, va: Array) -> Array:
         """v = L va, shape (nv,), Eq. (16)."""
+        return self._L(q).dot(va)  # Eq. (16)
+
+    def _L(self, q: Array) -> Array:
+        """L where the loops are closed, shape (nv, n), Eq. (17)."""
         ws = self.workspace
         ws.evaluate(q)
         ws.complement.factorise(ws.loops.Phi())
-        v = ws.complement.L.dot(va)  # Eq. (16)
-        _require_finite(v, va=va)
-        return v
+        return ws.complement.L
 
+    @_finite
     def joint_accelerations(self, q: Array, va: Array, aa: Array) -> Array:
         """v_dot, shape (nv,), Eqs. (8), (20)."""
         ws = self.workspace
         ws.evaluate(q)
         _, v_dot = dynamics.motion_of_tree(ws, va, aa)
-        _require_finite(v_dot, va=va, aa=aa)
         return v_dot
 
     def frame_jacobian(self, q: Array, frame: int) -> Array:
         """[linear; angular] of a frame, world axes at its origin, shape (6, n)."""
-        ws = self.workspace
-        ws.evaluate(q)
-        ws.complement.factorise(ws.loops.Phi())
-        L = ws.complement.L
+        L, ws = self._L(q), self.workspace
         J = pin.getFrameJacobian(ws.model, ws.data, frame, pin.LOCAL_WORLD_ALIGNED)
         return of_rates(J).dot(L)
 
+    @_finite
     def frame_jacobian_rate(self, q: Array, va: Array, frame: int) -> Array:
         """Rate of `frame_jacobian`, shape (6, n)."""
-        ws = self.workspace
-        ws.evaluate(q)
-        ws.complement.factorise(ws.loops.Phi())
-        L = ws.complement.L
+        L, ws = self._L(q), self.workspace
         L_dot = ws.complement.L_dot(ws.loops.Phi_dot(L.dot(va)))
         # Pinocchio's own rate is wrong for mimic joints.
         moved_by = support(ws.model, ws.model.frames[frame].parentJoint)
@@ -225,32 +245,28 @@ class Reference:
         p_dot = twist[:3] + np.cross(twist[3:], p)
         J_dot[:3] += np.cross(J_dot[3:].T, p).T + np.cross(J[3:].T, p_dot).T
         J[:3] += np.cross(J[3:].T, p).T
-        rate = J_dot.dot(L) + J.dot(L_dot)
-        _require_finite(rate, va=va)
-        return rate
+        return J_dot.dot(L) + J.dot(L_dot)
 
+    @_finite
     def frame_velocity_derivatives(self, q: Array, va: Array, frame: int) -> Array:
         """Derivatives of a frame's velocity by q and va side by side, shape (6, 2 n)."""
-        by_q_and_va = self.derivatives.frame_velocity(q, va, frame)
-        _require_finite(by_q_and_va, va=va)
-        return by_q_and_va
+        return self.derivatives.frame_velocity(q, va, frame)
 
+    @_finite
     def frame_drift(self, q: Array, va: Array, frame: int) -> Array:
         """[linear; angular] acceleration of a frame with aa = 0, shape (6,)."""
         ws = self.workspace
         ws.evaluate(q)
         v, v_dot = dynamics.motion_of_tree(ws, va, ws.steady)
-        _require_finite(v_dot, va=va)
         pin.forwardKinematics(ws.model, ws.data, q, v, v_dot)
         pin.updateFramePlacements(ws.model, ws.data)
         where = pin.LOCAL_WORLD_ALIGNED
         return pin.getFrameClassicalAcceleration(ws.model, ws.data, frame, where).vector
 
+    @_finite
     def kinetic_energy(self, q: Array, v: Array) -> Array:
         """Kinetic energy of all bodies and rotors at rates v of the tree, [J]."""
-        energy = np.asarray(v.dot(self.workspace.momentum_rate(q, v)) / 2)
-        _require_finite(energy, v=v)
-        return energy
+        return np.asarray(v.dot(self.workspace.momentum_rate(q, v)) / 2)
 
     def potential_energy(self, q: Array) -> Array:
         """Potential energy of weights, zero with all masses at the origin, and of springs, [J]."""
@@ -390,11 +406,3 @@ class ReferenceStates:
             rate = self._rate(q, stage[nq:], tau[when], wrenches, np.inf)
             end, stage = end + weight * rate, state + ahead * rate
         return np.concatenate([self.closed(end), end[nq:]])
-
-
-def _require_finite(result: Array, **arguments: Array | None) -> None:
-    for name, array in arguments.items():
-        if array is not None:
-            finite_array(name, array, array.shape)
-    if not np.isfinite(result).all():
-        raise InputError("result", "not finite: arguments or numbers of the model are too large")

@@ -167,7 +167,10 @@ class CompiledBackend:
 
     def states(self, friction: Friction) -> CompiledStates:
         """The state space with this friction instead of the mechanism's."""
-        return CompiledStates(self._reference, friction, self)
+        closing, course = self.kernel(Key("closing")), partial(self._course, friction)
+        return CompiledStates(
+            self._reference, friction, closing, partial(self._rate, friction), course
+        )
 
     # --- inside -----------------------------------------------------------------------------
 
@@ -205,11 +208,11 @@ class CompiledBackend:
             self._moment,
         )
 
-    def rate(self, loaded: bool, friction: Friction) -> chain.Kernel:
+    def _rate(self, friction: Friction, loaded: bool) -> chain.Kernel:
         """Rates of the states next to those given whose loops are closed."""
         return self._kernel(Key("rollout", loaded=loaded), "rate", friction) or NoKernel()
 
-    def course(self, loaded: bool, friction: Friction) -> Course | None:
+    def _course(self, friction: Friction, loaded: bool) -> Course | None:
         """The kernel of a rollout; None where there is none."""
         codes = self._found(Key("rollout", loaded=loaded))
         if not codes:

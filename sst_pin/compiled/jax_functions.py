@@ -76,7 +76,7 @@ class JaxFunctions:
             raise DescriptionError("jax", [problem])
         self._along: tuple[Mechanism, AlongMotions] | None = None
         self._lock = threading.Lock()  # CasADi is not for several threads
-        self._placement = cache(self._placement_of)
+        self._placement, self._function = cache(self._placement_of), cache(self._of_chain)
         self.nq = mechanism.model.nq
         self.n, self.motors = len(mechanism.coordinates), mechanism.motors.shape[1]
 
@@ -101,11 +101,11 @@ class JaxFunctions:
             raise ActuationError(
                 f"{self.motors} motors for {self.n} coordinates; use generalized_forces"
             )
-        return self._torques(*self._arguments(q=q, va=va, aa=aa))
+        return self._function("torques")(*self._arguments(q=q, va=va, aa=aa))
 
     def generalized_forces(self, q: Any, va: Any, aa: Any) -> jax.Array:
         """Generalized forces of a motion, shape (..., n); arguments as `torques`."""
-        return self._forces(*self._arguments(q=q, va=va, aa=aa))
+        return self._function("generalized_forces")(*self._arguments(q=q, va=va, aa=aa))
 
     def accelerations(self, q: Any, va: Any, tau: Any) -> jax.Array:
         """Direct dynamics, shape (..., n).
@@ -115,11 +115,11 @@ class JaxFunctions:
             va: Rates of the coordinates, shape (..., n).
             tau: Motor torques, shape (..., motors).
         """
-        return self._accelerations(*self._arguments(q=q, va=va, tau=tau))
+        return self._function("accelerations")(*self._arguments(q=q, va=va, tau=tau))
 
     def rates(self, q: Any, va: Any) -> jax.Array:
         """Rates v of all joints, shape (..., nv); arguments as `torques`."""
-        return self._rates(*self._arguments(q=q, va=va))
+        return self._function("rates")(*self._arguments(q=q, va=va))
 
     def tangent(self, q: Any) -> jax.Array:
         """T, shape (..., nq, n), with q_dot = T va; q as in `torques`."""
@@ -192,24 +192,22 @@ class JaxFunctions:
 
     # --- functions of arrays of the right shape ---------------------------------------------
 
-    @cached_property
-    def _forces(self) -> Callable[..., jax.Array]:
-        values = partial(self._chain.generalized_forces, on_error="nan")
-        return self._with_values("generalized_forces", values, self.n)
+    def _of_chain(self, name: str) -> Callable[..., jax.Array]:
+        """A function of `CasadiFunctions` whose values the chain computes."""
+        methods: dict[str, tuple[Values, int]] = {
+            "torques": (self._chain.compute_torques, self.motors),
+            "generalized_forces": (self._chain.generalized_forces, self.n),
+            "accelerations": (self._chain.compute_accelerations, self.n),
+            "rates": (self._joint_rates, self._mechanism.model.nv),
+        }
+        values, size = methods[name]
 
-    @cached_property
-    def _accelerations(self) -> Callable[..., jax.Array]:
-        values = partial(self._chain.compute_accelerations, on_error="nan")
-        return self._with_values("accelerations", values, self.n)
+        def of_order(order: int, *arrays: Array) -> Array:
+            if order:
+                return self._derivatives(name, order, *arrays)
+            return values(*arrays, on_error="nan")
 
-    @cached_property
-    def _torques(self) -> Callable[..., jax.Array]:
-        values = partial(self._chain.compute_torques, on_error="nan")
-        return self._with_values("torques", values, self.motors)
-
-    @cached_property
-    def _rates(self) -> Callable[..., jax.Array]:
-        return self._with_values("rates", self._joint_rates, self._mechanism.model.nv)
+        return self._differentiable(of_order, size)
 
     @cached_property
     def _state_rate(self) -> Callable[..., jax.Array]:
@@ -255,22 +253,6 @@ class JaxFunctions:
             return q, (self.tangent(q) @ way)[..., 0]
 
         return closed
-
-    def _with_values(
-        self, name: str, values: Callable[..., Array], size: int
-    ) -> Callable[..., jax.Array]:
-        """A function whose values the chain computes.
-
-        Args:
-            name: Its name in `CasadiFunctions`.
-            values: Of arrays in rows.
-            size: Of its result.
-        """
-
-        def of_order(order: int, *arrays: Array) -> Array:
-            return self._derivatives(name, order, *arrays) if order else values(*arrays)
-
-        return self._differentiable(of_order, size)
 
     def _differentiable(
         self, values: Values, size: int, order: int = 0
@@ -335,9 +317,9 @@ class JaxFunctions:
         d = firsts[name](*arrays, sign_width=self._sign_width, on_error="nan")
         return np.concatenate(d, axis=-1)
 
-    def _joint_rates(self, q: Array, va: Array) -> Array:
+    def _joint_rates(self, q: Array, va: Array, on_error: str = "nan") -> Array:
         """The chain's joint rates; NaN where loops are open."""
-        return computed(self._chain._current, Key("rates"), q, va=va, on_error="nan")
+        return computed(self._chain._current, Key("rates"), q, va=va, on_error=on_error)
 
     def _by_casadi(self, name: str, order: int, *arrays: Array) -> Array:
         """As `AlongMotions.values`, of the model as it stands."""

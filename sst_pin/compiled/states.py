@@ -4,13 +4,14 @@
 from __future__ import annotations
 
 import sys
-from functools import cached_property
-from typing import TYPE_CHECKING, Protocol
+from collections.abc import Callable
+from functools import cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..chain.backend import Kernel, Key, Motions
+from ..chain.backend import Kernel, Motions
 from ..chain.continuity import TRAVEL
 from ..chain.mechanism import Friction
 from ..chain.reference import Reference, ReferenceStates
@@ -24,26 +25,23 @@ _CHANGE = 1.25
 Indices = NDArray[np.intp]
 
 
-class Kernels(Protocol):
-    """The methods of a backend that states call."""
-
-    def kernel(self, key: Key) -> Kernel:
-        """The kernel of a quantity."""
-
-    def rate(self, loaded: bool, friction: Friction) -> Kernel:
-        """The kernel of the rates of states."""
-
-    def course(self, loaded: bool, friction: Friction) -> Course | None:
-        """The kernel of a rollout; None where there is none."""
-
-
 class CompiledStates(ReferenceStates):
-    """The state space of a mechanism by kernels; samples that fail go to the reference path."""
+    """The state space of a mechanism by kernels; samples that fail go to the reference path.
 
-    def __init__(self, reference: Reference, friction: Friction, backend: Kernels) -> None:
+    `closing` closes loops; `rate` and `course` give the kernels of rates and of rollouts, with or
+    without loads.
+    """
+
+    def __init__(
+        self,
+        reference: Reference,
+        friction: Friction,
+        closing: Kernel,
+        rate: Callable[[bool], Kernel],
+        course: Callable[[bool], Course | None],
+    ) -> None:
         super().__init__(reference, friction)
-        self._backend = backend
-        self._closing = backend.kernel(Key("closing"))
+        self._closing, self._rate_of, self._course = closing, cache(rate), course
 
     def closed(self, states: Array) -> Array:
         """q with closed loops, by kernels that make steps of Newton's method."""
@@ -64,14 +62,14 @@ class CompiledStates(ReferenceStates):
 
     def rate(self, states: Array, tau: Array, wrenches: Array | None) -> Array:
         """Rates of states, by the kernel of a rollout."""
-        kernel = self._rate_alone if wrenches is None else self._loaded_rate
+        kernel = self._rate_of(wrenches is not None)
         load = None if wrenches is None else wrenches.reshape(*wrenches.shape[:-2], -1)
         answer = kernel.answer(states, tau, load, None, None, 1)
         return super().rate(states, tau, wrenches) if answer is None else answer
 
     def rollout(self, motions: Motions, threads: int) -> Indices:
         """Fill the states of motions; the reference path goes on where the kernels stop."""
-        course = self._backend.course(motions.load is not None, self._friction)
+        course = self._course(motions.load is not None)
         if course is None:
             return super().rollout(motions, threads)
         reached = course.run(*motions, min(threads, sys.maxsize))
@@ -111,11 +109,3 @@ class CompiledStates(ReferenceStates):
         det = result[:, -2]
         det[left] = np.nan
         return det.reshape(q.shape[:-1])
-
-    @cached_property
-    def _rate_alone(self) -> Kernel:
-        return self._backend.rate(False, self._friction)
-
-    @cached_property
-    def _loaded_rate(self) -> Kernel:
-        return self._backend.rate(True, self._friction)

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..arrays import of_samples
 from ..errors import InputError, SingularConfigurationError
 
 Array = NDArray[np.float64]
@@ -82,16 +83,13 @@ def legs_of_orientation(geometry: Geometry, R: Array, branch: ArrayLike) -> Legs
     u = np.cross(geometry.e, n)
     length = np.linalg.norm(u, axis=-1)
     if (length < _FLAT).any():
-        *sample, leg = (int(i) for i in np.argwhere(length < _FLAT)[0])
+        leg = int(np.argwhere(length < _FLAT)[0, -1])
         error = SingularConfigurationError(
             f"leg {leg + 1} is in the plane of its arc (sin mu_{leg + 1} = 0), "
             f"gamma_{leg + 1} is not determined",
             1 / max(float(length.min()), 1e-300),
         )
-        if sample:
-            flat = np.argwhere((length < _FLAT).any(axis=-1))
-            error.name_samples([tuple(map(int, i)) for i in flat], length[..., 0].size)
-        raise error
+        raise of_samples(error, (length < _FLAT).any(axis=-1))
     sign = np.asarray(branch, dtype=float)
     u = u * (sign / length)[..., None]
     return _legs(geometry, u, n, R_3[..., 0])
@@ -192,6 +190,4 @@ def require_rotation(R: Array) -> None:
             f"not a rotation matrix (|R R^T - 1| = {float(error.max()):.3g}, "
             f"det R = {float(np.linalg.det(R).min()):.3g})",
         )
-        if R.ndim > 2:
-            problem.name_samples([tuple(map(int, i)) for i in np.argwhere(wrong)], wrong.size)
-        raise problem
+        raise of_samples(problem, wrong)

@@ -10,11 +10,12 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from ..chain.mechanism import Friction
+from ..chain.tree import frame_named
 from ..description import JOINT_NAMES, base_orientations
 from ..description.parameters import Parameters, RigidBody
 from ..errors import DescriptionError
 from .kinematics import Geometry
-from .topology import EXACT, frame_of
+from .topology import EXACT
 
 Array = NDArray[np.float64]
 
@@ -36,7 +37,7 @@ def parameters_of(model: pin.Model, geometry: Geometry, friction: Friction) -> P
     turns = np.arctan2(geometry.R_E[1:, 1, 2], geometry.R_E[1:, 1, 1]) % (2 * np.pi)
     alpha_2, alpha_3 = turns[0], (turns[1] - turns[0]) % (2 * np.pi)
     return Parameters(
-        base_directions=[frame_of(model, f"P_{k}").placement.translation for k in (1, 2, 3)],
+        base_directions=[frame_named(model, f"P_{k}").placement.translation for k in (1, 2, 3)],
         arc_angles=_rounded((2 * np.pi - alpha_2 - alpha_3, alpha_2, alpha_3)),
         link=_one_or_three(bodies[0::3]),
         passive_link=_one_or_three(bodies[1::3]),
@@ -50,7 +51,7 @@ def parameters_of(model: pin.Model, geometry: Geometry, friction: Friction) -> P
 
 
 def _radius(model: pin.Model, point: str) -> float:
-    return float(_rounded(np.linalg.norm(frame_of(model, point).placement.translation)))
+    return float(_rounded(np.linalg.norm(frame_named(model, point).placement.translation)))
 
 
 def _body(inertia: pin.Inertia) -> RigidBody:
@@ -93,7 +94,7 @@ def _base_problems(model: pin.Model, geometry: Geometry) -> Iterator[str]:
         if np.abs(geometry.R_0[k] - wanted[k]).max() > EXACT:
             yield f"joint gamma_{k + 1}: z must be normal to x of this leg and of the next"
         name = f"P_{k + 1}"
-        frame = frame_of(model, name)
+        frame = frame_named(model, name)
         at_P = np.abs(frame.placement.translation - radius * v[k]).max() < EXACT
         if frame.parentJoint != 0 or not at_P:
             yield f"frame {name}: must be fixed to base on v_{k + 1}, at the same radius as P_1"
@@ -105,7 +106,7 @@ def _star_problems(model: pin.Model, geometry: Geometry) -> Iterator[str]:
     for k in (2, 3):
         if np.abs(geometry.R_E[k - 1, 0] - np.eye(3)[0]).max() > EXACT:
             yield f"frame closedloop{k - 1}_B: {{E}} may be rotated about x of star_{k} only"
-    E = frame_of(model, "E")
+    E = frame_named(model, "E")
     radius = _radius(model, "E")
     on_x = E.placement.isApprox(pin.SE3(np.eye(3), np.array((radius, 0, 0))), EXACT)
     if E.parentJoint != model.getJointId("beta_1") or not on_x:

@@ -13,10 +13,11 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from .. import description, reading
-from ..arrays import finite_array, in_one_turn, single_array
+from ..arrays import finite_array, in_one_turn, of_samples, single_array
 from ..chain.appearance import Appearance
 from ..chain.closed_chain import ClosedChain
 from ..chain.current import Current
+from ..chain.tree import frame_named
 from ..description import MOTOR_NAMES
 from ..description.parameters import Parameters
 from ..errors import DescriptionError, InputError, WorkspaceError
@@ -29,7 +30,7 @@ from . import check, direct_kinematics, kernel_path, kinematics, star_appearance
 from .geometry_models import ParameterShapes
 from .kinematics import Geometry
 from .read_back import parameters_of
-from .topology import CUTS, frame_of, geometry_of
+from .topology import CUTS, geometry_of
 
 Array = NDArray[np.float64]
 
@@ -425,7 +426,7 @@ class SST(ClosedChain):
         model = self._current.mechanism.model
         if not model.existFrame("E"):
             return Parameters().star_radius
-        E = frame_of(model, "E")
+        E = frame_named(model, "E")
         return float(np.linalg.norm(E.placement.translation))
 
     @property
@@ -436,7 +437,14 @@ class SST(ClosedChain):
             >>> len(robot.appearance.frames)
             13
         """
-        return star_appearance.appearance_of(self, self.star_radius)
+
+        def joints_near(R: Array, q: Array) -> Array:
+            return self.inverse_kinematics(R, self.branch(q))
+
+        orientation_of = self.platform_orientation
+        return star_appearance.appearance_of(
+            self.geometry, self.star_radius, orientation_of, joints_near
+        )
 
     def _start_pose(self) -> Array:
         return self.home
@@ -452,12 +460,9 @@ class SST(ClosedChain):
         outside = (q < lower) | (q > upper)
         if outside.any():
             *sample, joint = (int(i) for i in np.argwhere(outside)[0])
-            error = WorkspaceError(
+            problem = (
                 f"the orientation is out of reach: {self.joint_names[joint]} would be "
                 f"{q[tuple(sample)][joint]:.4g} rad, its limits are "
                 f"{lower[joint]:.4g} and {upper[joint]:.4g} rad"
             )
-            if sample:
-                rows = np.argwhere(outside.any(axis=-1))
-                error.name_samples([tuple(map(int, i)) for i in rows], q[..., 0].size)
-            raise error
+            raise of_samples(WorkspaceError(problem), outside.any(axis=-1))

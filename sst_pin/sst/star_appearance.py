@@ -3,12 +3,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Protocol
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from ..arrays import in_one_turn
 from ..chain.appearance import Appearance, DrawnFrame, Sliders
@@ -19,36 +18,32 @@ from .platform_motion import angles_of, orientation
 Array = NDArray[np.float64]
 
 
-class Star(Protocol):
-    """The kinematics of an SST."""
-
-    @property
-    def geometry(self) -> Geometry:
-        """See `SST.geometry`."""
-
-    def platform_orientation(self, q: ArrayLike) -> Array:
-        """See `SST.platform_orientation`."""
-
-    def inverse_kinematics(self, R: ArrayLike, branch: ArrayLike) -> Array:
-        """See `SST.inverse_kinematics`."""
-
-    def branch(self, q: ArrayLike) -> NDArray[np.intp]:
-        """See `SST.branch`."""
-
-
-def appearance_of(robot: Star, radius: float) -> Appearance:
+def appearance_of(
+    geometry: Geometry,
+    radius: float,
+    orientation_of: Callable[[Array], Array],
+    joints_near: Callable[[Array, Array], Array],
+) -> Appearance:
     """Axes e_1..9, frames {0k}..{3k} and {E}, the path of E, sliders for theta, phi, psi.
 
-    Args:
-        robot: The SST.
-        radius: Distance OE, [m].
+    `radius` is the distance OE; the functions are platform_orientation(q), and inverse kinematics
+    of an orientation in the branches of q.
     """
+
+    def solve(angles: Array, q: Array) -> Array:
+        return q + in_one_turn(joints_near(orientation(*angles), q) - q)
+
+    low, high = np.array((-np.pi, 0, -np.pi)), np.full(3, np.pi)
+    names = "theta", "phi", "psi"
+    sliders = Sliders(
+        "Star", "rad", names, low, high, lambda q: angles_of(orientation_of(q)), solve
+    )
     # gamma_k, mu_k, beta_k turn about e_k, e_{k+3}, e_{k+6}.
     axes = tuple((f"e_{i // 3 + 3 * (i % 3) + 1}", LEG_COLOURS[i // 3]) for i in range(9))
-    E = pin.SE3(np.eye(3), radius * robot.geometry.R_E[0][:, 0])
-    frames = tuple(_frames(robot.geometry, radius))
+    E = pin.SE3(np.eye(3), radius * geometry.R_E[0][:, 0])
+    frames = tuple(_frames(geometry, radius))
     point = DrawnFrame("E", 3, E)
-    return Appearance(axes, frames, point, radius, 1.25, (_sliders(robot),), spherical=True)
+    return Appearance(axes, frames, point, radius, 1.25, (sliders,), spherical=True)
 
 
 def _frames(geometry: Geometry, r: float) -> Iterator[DrawnFrame]:
@@ -62,17 +57,3 @@ def _frames(geometry: Geometry, r: float) -> Iterator[DrawnFrame]:
             yield DrawnFrame(f"{{{i}{k + 1}}}", joint, at, LEG_COLOURS[k])
     R_E = geometry.R_E[0]
     yield DrawnFrame("{E}", 3, pin.SE3(R_E, 1.12 * r * R_E[:, 0]))
-
-
-def _sliders(robot: Star) -> Sliders:
-    """The star's angles by inverse kinematics, which keeps the branches of the legs."""
-
-    def read(q: Array) -> Array:
-        return angles_of(robot.platform_orientation(q))
-
-    def solve(angles: Array, q: Array) -> Array:
-        found = robot.inverse_kinematics(orientation(*angles), robot.branch(q))
-        return q + in_one_turn(found - q)
-
-    low, high = np.array((-np.pi, 0, -np.pi)), np.full(3, np.pi)
-    return Sliders("Star", "rad", ("theta", "phi", "psi"), low, high, read, solve)

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 import pinocchio as pin
 
-from ..chain.tree import frame_id
+from ..chain.tree import frame_named
 from ..description import JOINT_NAMES
 from ..errors import DescriptionError
 from .kinematics import Geometry
@@ -29,13 +29,8 @@ def geometry_of(model: pin.Model, source: str) -> Geometry:
         raise DescriptionError(source, problems)
     R_0 = [model.jointPlacements[model.getJointId(f"gamma_{k}")].rotation for k in (1, 2, 3)]
     ends = ("closedloop1_A", "closedloop1_B", "closedloop2_B")
-    R_E = [frame_of(model, name).placement.rotation for name in ends]
+    R_E = [frame_named(model, name).placement.rotation for name in ends]
     return Geometry(np.array(R_0), np.array(R_E))
-
-
-def frame_of(model: pin.Model, name: str) -> pin.Frame:
-    """A frame by its name."""
-    return model.frames[frame_id(model, name)]
 
 
 def _joint_problems(model: pin.Model) -> Iterator[str]:
@@ -78,11 +73,11 @@ def _frame_problems(model: pin.Model) -> Iterator[str]:
     for name, k in _STAR_OF.items():
         if name in missing:
             continue
-        frame = frame_of(model, name)
+        frame = frame_named(model, name)
         fixed_to_star = frame.parentJoint == model.getJointId(f"beta_{k}")
         if not fixed_to_star or np.abs(frame.placement.translation).max() > EXACT:
             yield f"frame {name}: must be fixed to star_{k} with origin xyz 0 0 0"
     if not missing:
-        first, second = (frame_of(model, f"closedloop{loop}_A").placement for loop in (1, 2))
+        first, second = (frame_named(model, f"closedloop{loop}_A").placement for loop in (1, 2))
         if not first.actInv(second).isIdentity(EXACT):
             yield "frame closedloop2_A: must coincide with closedloop1_A"
