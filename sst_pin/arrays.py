@@ -202,5 +202,5 @@ def _require_fitting(out: Array | None, shape: tuple[int, ...]) -> None:
 
 
 def in_one_turn(angles: ArrayLike) -> Array:
-    """The same directions in [-pi, pi), [rad]; any shape."""
+    """Angles of the same directions in [-pi, pi), [rad]; any shape."""
     return np.asarray((np.asarray(angles) + np.pi) % (2 * np.pi) - np.pi)

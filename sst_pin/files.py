@@ -44,7 +44,7 @@ def as_path(path: str | os.PathLike[str]) -> Path:
 
 
 def beside(path: Path, ending: str) -> Path:
-    """The same path with another ending."""
+    """A path with another ending."""
     return path.parent / f"{path.stem}{ending}"
 
 

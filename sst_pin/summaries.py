@@ -23,7 +23,7 @@ def as_text(title: str, rows: Rows) -> str:
 
 
 def as_html(title: str, rows: Rows) -> str:
-    """The same as a table that takes the colours of the page around it."""
+    """A title and rows as a table that takes the colours of the page around it."""
     cell = 'style="text-align:left;vertical-align:top;padding:0 1em 0 0"'
     lines = [
         f"<tr><th {cell}>{escape(word)}</th><td {cell}>{escape(value)}</td></tr>"

@@ -24,7 +24,7 @@ from ..arrays import (
 )
 from ..errors import DescriptionError, InputError, MissingExtraError
 from ..summaries import as_html, as_text, listed
-from . import derivatives, dynamics, reactions, samples
+from . import derivatives, dispatch, dynamics, reactions
 from .appearance import Appearance, appearance_of
 from .assembly import home_of
 from .assignments import require_assignable
@@ -550,7 +550,7 @@ class ClosedChain:
             >>> chain.joint_rates(chain.home, [1]).round(3)
             array([ 1.   , -1.213,  0.213])
         """
-        return samples.computed(self._current, Key("rates"), q, va=va)
+        return dispatch.computed(self._current, Key("rates"), q, va=va)
 
     def joint_accelerations(self, q: ArrayLike, va: ArrayLike, aa: ArrayLike) -> Array:
         """Accelerations of all joints, L aa + L_dot va, Eqs. (8), (20).
@@ -562,7 +562,7 @@ class ClosedChain:
             >>> chain.joint_accelerations(chain.home, [1], [0]).round(3)
             array([-0.   ,  0.561,  0.594])
         """
-        return samples.computed(self._current, Key("joint_accelerations"), q, va=va, aa=aa)
+        return dispatch.computed(self._current, Key("joint_accelerations"), q, va=va, aa=aa)
 
     def frame_jacobian(
         self,
@@ -591,7 +591,7 @@ class ClosedChain:
                    [-0.05 , -0.05 , -0.05 ]])
         """
         key = Key("frame_jacobian", frame)
-        return samples.of_frame(self._current, key, q, out, threads, on_error)
+        return dispatch.of_frame(self._current, key, q, out, threads, on_error)
 
     def frame_jacobian_rate(
         self,
@@ -618,7 +618,7 @@ class ClosedChain:
             (6, 3)
         """
         key = Key("frame_jacobian_rate", frame)
-        return samples.of_frame(self._current, key, q, out, threads, on_error, va=va)
+        return dispatch.of_frame(self._current, key, q, out, threads, on_error, va=va)
 
     def frame_drift(
         self,
@@ -645,7 +645,7 @@ class ClosedChain:
             array([-0.   , -0.   , -0.142])
         """
         key = Key("frame_drift", frame)
-        return samples.of_frame(self._current, key, q, out, threads, on_error, va=va)
+        return dispatch.of_frame(self._current, key, q, out, threads, on_error, va=va)
 
     def frame_velocity_derivatives(
         self,
@@ -675,7 +675,7 @@ class ClosedChain:
             (6, 3)
         """
         key = Key("frame_velocity_derivatives", frame)
-        rows = samples.of_frame(self._current, key, q, out, threads, on_error, va=va)
+        rows = dispatch.of_frame(self._current, key, q, out, threads, on_error, va=va)
         n = rows.shape[-1] // 2
         return derivatives.FrameVelocityDerivatives(rows[..., :n], rows[..., n:])
 
@@ -723,8 +723,8 @@ class ClosedChain:
         how: dict[str, Any] = {"out": out, "threads": threads, "on_error": on_error}
         key = Key("torques")
         if weights is not None:
-            how["special"] = {"weights": samples.motor_weights(current.mechanism, weights)}
-        return samples.computed(current, key, q, va=va, aa=aa, load=load, **how)
+            how["special"] = {"weights": dispatch.motor_weights(current.mechanism, weights)}
+        return dispatch.computed(current, key, q, va=va, aa=aa, load=load, **how)
 
     def generalized_forces(
         self,
@@ -759,7 +759,7 @@ class ClosedChain:
                 return f
         load = self._wrenches(platform_moment, external_wrenches, on_error)
         how: dict[str, Any] = {"out": out, "on_error": on_error}
-        return samples.computed(current, _FORCES, q, va=va, aa=aa, load=load, **how)
+        return dispatch.computed(current, _FORCES, q, va=va, aa=aa, load=load, **how)
 
     def compute_accelerations(
         self,
@@ -792,7 +792,7 @@ class ClosedChain:
                 return aa
         load = self._wrenches(platform_moment, external_wrenches, on_error)
         how: dict[str, Any] = {"out": out, "threads": threads, "on_error": on_error}
-        return samples.computed(current, Key("accelerations"), q, va=va, tau=tau, load=load, **how)
+        return dispatch.computed(current, Key("accelerations"), q, va=va, tau=tau, load=load, **how)
 
     def reactions(
         self,
@@ -852,7 +852,7 @@ class ClosedChain:
         if stiffness is not None:
             how["special"] = {"compliances": reactions.compliances_of(current.mechanism, stiffness)}
         how |= {"va": va, "aa": aa, "tau": tau, "load": load, "out": out}
-        rows = samples.computed(current, Key("reactions"), q, **how)
+        rows = dispatch.computed(current, Key("reactions"), q, **how)
         relaxed = stiffness is not None
         return reactions.unpacked(current.mechanism, rows, np.asarray(tau, dtype=float), relaxed)
 
@@ -885,7 +885,7 @@ class ClosedChain:
             (array([[0.0049]]), array([-0.16]))
         """
         how: dict[str, Any] = {"threads": threads, "on_error": on_error}
-        rows = samples.computed(self._current, Key("reduced_terms"), q, va=va, **how)
+        rows = dispatch.computed(self._current, Key("reduced_terms"), q, va=va, **how)
         return dynamics.ReducedTerms.of_rows(rows, self.degrees_of_freedom)
 
     # --- derivatives ------------------------------------------------------------------------
@@ -922,7 +922,7 @@ class ClosedChain:
         """
         kind, given = derivatives.TorqueDerivatives, (q, va, aa, external_wrenches)
         how = out, threads, on_error
-        return samples.derivatives(self._current, kind, given, sign_width, *how)
+        return dispatch.derivatives(self._current, kind, given, sign_width, *how)
 
     def acceleration_derivatives(
         self,
@@ -954,7 +954,7 @@ class ClosedChain:
         """
         kind, given = derivatives.AccelerationDerivatives, (q, va, tau, external_wrenches)
         how = out, threads, on_error
-        return samples.derivatives(self._current, kind, given, sign_width, *how)
+        return dispatch.derivatives(self._current, kind, given, sign_width, *how)
 
     def linearize(
         self,
@@ -993,7 +993,7 @@ class ClosedChain:
         how: dict[str, Any] = {"sign_width": sign_width, "threads": threads, "on_error": on_error}
         loads = external_wrenches
         d = self.acceleration_derivatives(q, va, tau, external_wrenches=loads, **how)
-        A, B = samples.linear_system(self._current, q, va, d)
+        A, B = dispatch.linear_system(self._current, q, va, d)
         return (A, B) if dt is None else derivatives.discrete(A, B, positive_number("dt", dt))
 
     # --- energy -----------------------------------------------------------------------------
@@ -1084,7 +1084,7 @@ class ClosedChain:
             >>> chain.path.partition(":")[0]
             'compiled kernels'
         """
-        from ..compiled.backend import DERIVATIVES, EVERY, FIRST, CompiledBackend
+        from ..compiled.compiled_backend import DERIVATIVES, EVERY, FIRST, CompiledBackend
 
         current = self._current
         near = None if q is None else current.single(q)
@@ -1469,7 +1469,7 @@ class ClosedChain:
     ) -> Array | None:
         """Wrenches on all bodies, shape (..., r, 6), with a moment on the platform, or None."""
         mechanism = self._current.mechanism
-        wrenches = samples.external_wrenches(mechanism, external_wrenches, on_error)
+        wrenches = dispatch.external_wrenches(mechanism, external_wrenches, on_error)
         if platform_moment is None:
             return wrenches
         body = self._platform_body

@@ -47,7 +47,7 @@ class Coupled:
         return sum(float(P(q[i])) for i, _, P, *_ in self.terms) - self._offset
 
     def row(self, q: Array) -> Array:
-        """Of Phi, shape (nv,)."""
+        """Row of Phi, shape (nv,)."""
         row = np.zeros(self._nv)
         for i, k, _, P_1, _ in self.terms:
             row[k] = P_1(q[i])

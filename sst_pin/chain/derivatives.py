@@ -21,7 +21,7 @@ from ..errors import InputError
 from .dynamics import Workspace, applied_forces, direct_dynamics, motion_of_tree
 from .mechanism import Friction, Mechanism
 from .plain_tree import PlainTree
-from .row_derivatives import Branches, Frames, Partials, Tree, partials
+from .row_derivatives import Branches, FrameMotions, Partials, TreeMotion, partials
 from .vectors import brackets, cross_products, skew
 
 Array = NDArray[np.float64]
@@ -144,7 +144,7 @@ class Derivatives:
         self._ws.evaluate(q)
         v, v_dot = motion_of_tree(self._ws, va, self._ws.steady)
         L = self._ws.complement.L
-        tree = Tree(self._branches, self._ws.data, q, v, v_dot)
+        tree = TreeMotion(self._branches, self._ws.data, q, v, v_dot)
         v_q = -self._ws.complement.inverse.dot(partials(self._ws.loops, tree).velocity_q.dot(L))
         moved = tree.frames_of([frame])
         J = np.concatenate((moved.vectors_q[0, :, 0, :3].T, moved.J[0, 3:]))
@@ -165,7 +165,7 @@ class Derivatives:
         ws.evaluate(q)
         v, v_dot = motion_of_tree(ws, va, aa)
         L = ws.complement.L
-        tree = Tree(self._branches, ws.data, q, v, v_dot)
+        tree = TreeMotion(self._branches, ws.data, q, v, v_dot)
         rows, G = partials(ws.loops, tree), ws.complement.inverse
         force = pin.rnea(ws.model, ws.data, q, v, v_dot) - mechanism.motors.dot(tau)
         applied = applied_forces(ws, friction, q, v, wrenches)
@@ -184,7 +184,7 @@ class Derivatives:
         return by_q, by_va, (inertia + inertia.T) / 2, L
 
     def _tree_forces(
-        self, tree: Tree, rows: Partials, reactions: Array, wrenches: Array | None
+        self, tree: TreeMotion, rows: Partials, reactions: Array, wrenches: Array | None
     ) -> tuple[Array, Array, Array]:
         """Derivatives of RNEA - Phi^T reactions - K^T wrenches by q, v and v_dot.
 
@@ -220,8 +220,8 @@ class Derivatives:
 
 
 def _on_mass_centres(
-    tree: Tree, data: pin.Data, wrenches: Array
-) -> tuple[list[int], Frames, Array, Array]:
+    tree: TreeMotion, data: pin.Data, wrenches: Array
+) -> tuple[list[int], FrameMotions, Array, Array]:
     """Constant wrenches at the mass centres: the bodies, the wrenches at the origin, their w_q."""
     joints = [int(k) for k in np.flatnonzero(wrenches.any(axis=1)) + 1]
     levers = [pin.SE3(np.eye(3), tree.model.inertias[joint].lever) for joint in joints]

@@ -20,7 +20,7 @@ from .vectors import brackets, carrying, skew
 Array = NDArray[np.float64]
 
 
-class Frames:
+class FrameMotions:
     """Frames, their twists and the derivatives of their motions; the first index is the frame.
 
     `supports` are 1 for the rates that move a frame, shape (k, nv), `vectors` its origin and axes
@@ -34,7 +34,7 @@ class Frames:
         vectors_q, vectors_tq: Derivatives of both, shape (k, nv, 4, 4).
     """
 
-    def __init__(self, tree: Tree, supports: Array, vectors: Array) -> None:
+    def __init__(self, tree: TreeMotion, supports: Array, vectors: Array) -> None:
         moved = supports[:, None]
         J, J_dot = tree.J * moved, tree.J_dot * moved
         self.J, self.twist = J, J.dot(tree.v)
@@ -71,7 +71,7 @@ class Branches:
         self.before = self.supports[bearers].T
 
 
-class Tree:
+class TreeMotion:
     """The motion of a tree, its joints added depth-first with axes that keep their place.
 
     `data` has the frames at q; joint Jacobians and their rates go there.
@@ -91,13 +91,13 @@ class Tree:
         self.borne = brackets(self.J, twist)
         self.borne_on = brackets(self.J, acceleration) - brackets(self.borne, twist)
 
-    def frames(self, joints: list[int], placements: list[pin.SE3]) -> Frames:
-        """Frames on bodies, where they are now."""
+    def frames(self, joints: list[int], placements: list[pin.SE3]) -> FrameMotions:
+        """FrameMotions on bodies, where they are now."""
         vectors = [M.homogeneous.T[[3, 0, 1, 2]] for M in placements]
-        return Frames(self, self._branches.supports[joints], np.array(vectors))
+        return FrameMotions(self, self._branches.supports[joints], np.array(vectors))
 
-    def frames_of(self, indices: list[int]) -> Frames:
-        """Frames of the model."""
+    def frames_of(self, indices: list[int]) -> FrameMotions:
+        """FrameMotions of the model."""
         joints = [self.model.frames[index].parentJoint for index in indices]
         return self.frames(joints, [self._data.oMf[index] for index in indices])
 
@@ -126,13 +126,13 @@ class Partials(NamedTuple):
     velocity_q: Array
     acceleration_q: Array
     acceleration_v: Array
-    frames: Frames
+    frames: FrameMotions
     W: Array
     W_q: Array
     coupled: list[tuple[int, int, float]]
 
 
-def partials(loops: Loops, tree: Tree) -> Partials:
+def partials(loops: Loops, tree: TreeMotion) -> Partials:
     """Derivatives of the rows' velocities and accelerations, at a motion that the loops know."""
     pairs, frames = loops.pairs, tree.frames_of(loops.frames)
     x, x_t = frames.vectors, frames.vectors_t

@@ -12,8 +12,8 @@ import casadi as ca
 
 from ..chain.mechanism import AT_REST
 from . import statements
-from .kernels import Kernel
-from .parameters import SIGN_WIDTH
+from .kernels import SymbolicKernel
+from .open_numbers import SIGN_WIDTH
 
 #: Arguments of the sign of a rate besides it: its width, and what is slower is at rest.
 _OF_SIGNS = f"p[{SIGN_WIDTH}], N({AT_REST})"
@@ -56,7 +56,9 @@ class Body(NamedTuple):
     room: int
 
 
-def body(kernel: Kernel, size: int | None = None, suffix: str = "", *, one: bool = False) -> Body:
+def body(
+    kernel: SymbolicKernel, size: int | None = None, suffix: str = "", *, one: bool = False
+) -> Body:
     """The C of a kernel; what depends on the parameters alone is apart, to be computed once.
 
     `size` is that of p before its constants, `suffix` that of numbers, "f" in single precision;
@@ -200,13 +202,13 @@ class _Writer:
         return self._inverses[name]
 
 
-def library(name: str, kernels: Sequence[Kernel], lanes: int) -> str:
+def library(name: str, kernels: Sequence[SymbolicKernel], lanes: int) -> str:
     """Source of a library with one entry: a kernel, or "closing" and "state_rate" for rollouts."""
     heads = [f"#define LANES {lanes}\n#define NAME(x) x", part("real.h"), part("driver.h")]
     return "\n".join([*heads, source({name: kernels}, one=lanes == 1)])
 
 
-def source(entries: Mapping[str, Sequence[Kernel]], *, one: bool = False) -> str:
+def source(entries: Mapping[str, Sequence[SymbolicKernel]], *, one: bool = False) -> str:
     """Functions that run kernels on rows of samples, to stand behind real.h and driver.h.
 
     What a library offers of each entry, every name in the macro NAME: `run_<entry>` and

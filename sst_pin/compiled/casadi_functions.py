@@ -16,11 +16,11 @@ from ..chain.reference import Reference
 from ..chain.tree import frame_named
 from ..errors import ActuationError
 from . import build, kernels
-from .backend import sample_configurations
-from .checks import Checks
+from .compiled_backend import sample_configurations
 from .elimination import Orthogonal
 from .equations import Equations
-from .kinematics import Point
+from .kernel_checks import Checks
+from .link_kinematics import Point
 
 #: Common subexpressions are computed once.
 _OPTIONS = {"cse": True}
@@ -243,7 +243,7 @@ class CasadiFunctions:
         named = self._named(made, inputs)
         return self._made(kernel, named, dict(zip(outputs, parts, strict=True)), order=0)
 
-    def _named(self, made: kernels.Kernel, inputs: list[str]) -> dict[str, SX]:
+    def _named(self, made: kernels.SymbolicKernel, inputs: list[str]) -> dict[str, SX]:
         """Inputs of a kernel by name."""
         if len(made.inputs) > len(inputs):
             inputs = [*inputs, _WRENCHES]

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..chain.closures import Constraint, Coupling, Distance, Rolling
 from ..chain.tree import frame_named
-from .kinematics import Kinematics
+from .link_kinematics import Kinematics
 from .symbols import Sparse, add, is_zero, sx
 
 #: Linear and angular velocity of a link relative to an ancestor, by their indices, link's axes.
@@ -94,7 +94,7 @@ class _Pair:
         return ends[0], ends[1]
 
     def _velocity(self, v: Sparse) -> SX:
-        """Of the origin of B less that of A."""
+        """Velocity of the origin of B less that of A."""
         velocity = SX(3, 1)
         for sign, point in ((-1, self.a), (1, self.b)):
             for k, (u, _) in point.columns.items():
@@ -312,7 +312,7 @@ def _coupling(kinematics: Kinematics, model: pin.Model, closure: Coupling) -> Ro
 
 
 def _value(coefficients: NDArray[np.floating[Any]], x: SX) -> SX:
-    """Of a polynomial."""
+    """Value of a polynomial."""
     value = SX(0)
     for c in coefficients[::-1]:
         value = value * x + float(c)

@@ -4,7 +4,7 @@
 Rows of closures are in the axes of the last link that both branches of their loop hang on, relative
 to which the rates of the loop are counted. One factorisation of Phi_u, the columns of the dependent
 rates, serves rates, accelerations and, transposed, forces, so that inverse dynamics forms no L.
-The geometry is numbers; `Parameters` lists the numbers that stay symbols.
+The geometry is numbers; `OpenNumbers` lists the numbers that stay symbols.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from ..chain.noc import MAX_CONDITION_NUMBER
 from ..errors import ActuationError
 from .closure_rows import Row, closure_rows
 from .elimination import Blocks, Factors, Orthogonal, pivot_order, total
-from .kinematics import Kinematics
-from .parameters import Parameters
+from .link_kinematics import Kinematics
+from .open_numbers import OpenNumbers
 from .symbols import Sparse, add, is_zero, solve_symmetric
 from .tree_dynamics import TreeDynamics
 
@@ -73,11 +73,11 @@ class Equations:
         samples: Array,
         loaded: bool = False,
         smooth: bool = False,
-        parameters: Parameters | None = None,
+        parameters: OpenNumbers | None = None,
         displaced: bool = False,
     ) -> None:
         self.mechanism, model = mechanism, mechanism.model
-        self.parameters = parameters or Parameters(mechanism)
+        self.parameters = parameters or OpenNumbers(mechanism)
         self.p = SX.sym("p", self.parameters.size)
         rotations = self.parameters.rotations(self.p)
         self.kinematics = Kinematics(model, rotations, displaced=displaced)
@@ -95,7 +95,7 @@ class Equations:
 
     @cached_property
     def displaced(self) -> Equations:
-        """The same equations, on symbols of their own, with displaced joints."""
+        """These equations on symbols of their own, with displaced joints."""
         loaded = self.loads.numel() > 0
         arguments = (self.mechanism, self._samples, loaded, self._smooth, self.parameters)
         return Equations(*arguments, displaced=True)

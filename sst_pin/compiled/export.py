@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from string import Template
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -15,10 +16,10 @@ from ..chain.mechanism import Mechanism
 from ..errors import ActuationError, DescriptionError, InputError
 from ..files import Writer, as_path, text_writer
 from . import c_code, kernels
-from .backend import impossible, sample_configurations
-from .checks import CLOSED, Checks
+from .compiled_backend import impossible, sample_configurations
 from .equations import Equations
-from .parameters import BODY, Parameters
+from .kernel_checks import CLOSED, Checks
+from .open_numbers import BODY, OpenNumbers
 
 Array = NDArray[np.float64]
 
@@ -43,116 +44,6 @@ _STYLES = {
     "double": _Style("double", "", 17, "", CLOSED, 2.0**-52, 1e6),
     "single": _Style("float", "f", 9, "#define SINGLE\n", 1e-4, 2.0**-23, 1e3),
 }
-
-_HEADER = """\
-/* Dynamics of the robot {robot}, by sst-pin export-c. SI units, radians.
- *
- * q[{nq}]: {q_names}
- * va[{n}], aa[{n}]: rates and accelerations of {coordinates}
- * tau[{motors}]: {motor_names}
- *
- * An array for the result may be one of the arguments. Compile without -ffast-math. */
-#ifndef ROBOT_H
-#define ROBOT_H
-
-#ifdef __cplusplus
-extern "C" {{
-#endif
-
-/* What each function returns: 0, or why its result means nothing. */
-enum {{
-    ROBOT_OPEN = 1, /* the loops are open by more than {closed:g} */
-    ROBOT_SINGULAR, /* the coordinates do not fix the motion, or the motors do not hold it, or
-                     * nearly so */
-    ROBOT_NOT_FINITE /* a number is not finite, or an angle beyond {angle:g} */
-}};
-
-/* Gravity, masses, inertias, friction, springs, rotors; robot.c says which is which. They may be
- * changed between calls. */
-extern {type} robot_parameters[{size}];
-
-{functions}
-#ifdef __cplusplus
-}}
-#endif
-
-#endif
-"""
-
-_WRAPPER = """
-{head}
-{{
-    {type} x[{inputs}], y[{room}], p[{size}], finite = 0;
-    int bad = 0;
-{copies}
-    for (int i = 0; i < {inputs}; i++)
-        finite += x[i] * 0;
-    for (int i = 0; i < {angles}; i++)
-        if (!(x[i] <= LARGEST_ANGLE && x[i] >= -LARGEST_ANGLE))
-            return ROBOT_NOT_FINITE;
-    if (!(finite <= 0))
-        return ROBOT_NOT_FINITE;
-    for (int i = 0; i < {parameters}; i++)
-        p[i] = robot_parameters[i];
-    {name}_constants(p);
-    {name}(x, p, y);
-    for (int i = 0; i < {outputs}; i++) {{
-        {output}[i] = y[i];
-        finite += y[i] * 0;
-    }}
-    for (int i = {checks} + 1; i < {total}; i++)
-        if (!(y[i] <= 1))
-            bad = ROBOT_SINGULAR;
-    if (!(y[{checks}] <= 1))
-        bad = ROBOT_OPEN;
-    return bad ? bad : finite <= 0 ? 0 : ROBOT_NOT_FINITE;
-}}
-"""
-
-_MAIN = """\
-/* {meaning} of the robot {robot}
- * for the motions on standard input: per line q[{nq}], va[{n}], aa[{n}].
- *
- *     cc -std=c99 -O2 -o dynamics main.c robot.c
- *     ./dynamics < motions.txt
- *
- * For example, at rest: {example}
- * It ends with 1 and a message at a motion without a result. */
-#include <stdio.h>
-
-#include "robot.h"
-
-static int fail(const char *problem)
-{{
-    fprintf(stderr, "%s\\n", problem);
-    return 1;
-}}
-
-int main(void)
-{{
-    static const char *const problems[] = {{"", "the loops are open", "singular", "not finite"}};
-    {type} x[{inputs}], y[{outputs}];
-    for (;;) {{
-        for (int i = 0; i < {inputs}; i++) {{
-            double number;
-            if (scanf("%lf", &number) != 1) {{
-                if (!feof(stdin) || ferror(stdin))
-                    return fail("not a number");
-                if (i > 0)
-                    return fail("the numbers end inside a motion");
-                return fflush(stdout) ? fail("cannot write") : 0;
-            }}
-            x[i] = ({type})number;
-        }}
-        const int bad = robot_{name}(x, x + {nq}, x + {nq} + {n}, y);
-        if (bad)
-            return fail(problems[bad]);
-        for (int i = 0; i < {outputs}; i++)
-            if (printf("%.{digits}g%c", (double)y[i], i + 1 < {outputs} ? ' ' : '\\n') < 0)
-                return fail("cannot write");
-    }}
-}}
-"""
 
 
 class _Function(NamedTuple):
@@ -256,6 +147,8 @@ def c_files(
     at_rest = [*np.asarray(q).tolist(), *[0] * (2 * n)]
     about = {
         **style._asdict(),
+        "closed": f"{style.closed:g}",
+        "angle": f"{style.angle:g}",
         "robot": _comment(mechanism.model.name),
         "nq": len(q),
         "n": n,
@@ -272,9 +165,9 @@ def c_files(
         "example": " ".join(map(repr, at_rest)),
     }
     texts = {
-        "robot.h": _HEADER.format(**about),
+        "robot.h": _filled("robot.h", about),
         "robot.c": "\n".join(source),
-        "main.c": _MAIN.format(**about),
+        "main.c": _filled("main.c", about),
     }
     return {as_path(folder) / name: text_writer(text) for name, text in texts.items()}
 
@@ -295,7 +188,11 @@ def _head(name: str, function: _Function, sizes: Mapping[str, int], style: _Styl
 
 
 def _definition(
-    head: str, function: _Function, kernel: kernels.Kernel, sizes: Mapping[str, int], style: _Style
+    head: str,
+    function: _Function,
+    kernel: kernels.SymbolicKernel,
+    sizes: Mapping[str, int],
+    style: _Style,
 ) -> str:
     """The C of a kernel and of the function that applies it to separate arrays."""
     copies, inputs = [], 0
@@ -306,25 +203,31 @@ def _definition(
             )
         inputs += sizes[x]
     body, outputs = c_code.body(kernel, suffix=style.suffix), kernel.output.numel()
-    return f"{body.text}\n" + _WRAPPER.format(
-        head=head,
-        name=kernel.name,
-        type=style.type,
-        inputs=inputs,
-        angles=sizes["q"],
-        copies="\n".join(copies),
-        output=function.output,
-        outputs=sizes[function.output],
-        parameters=kernel.parameters.numel(),
-        size=body.size,
-        room=body.room,
-        checks=outputs,
-        total=outputs + kernel.checks.numel(),
-    )
+    numbers = {
+        "head": head,
+        "name": kernel.name,
+        "type": style.type,
+        "inputs": inputs,
+        "angles": sizes["q"],
+        "copies": "\n".join(copies),
+        "output": function.output,
+        "outputs": sizes[function.output],
+        "parameters": kernel.parameters.numel(),
+        "size": body.size,
+        "room": body.room,
+        "checks": outputs,
+        "total": outputs + kernel.checks.numel(),
+    }
+    return f"{body.text}\n\n{_filled('function.c', numbers)}"
+
+
+def _filled(name: str, values: Mapping[str, object]) -> str:
+    """A file of the exported C with its blanks filled in."""
+    return Template(c_code.part(f"export/{name}")).substitute(values)
 
 
 def _listed(
-    parameters: Parameters, mechanism: Mechanism, numbers: Array, suffix: str
+    parameters: OpenNumbers, mechanism: Mechanism, numbers: Array, suffix: str
 ) -> Iterator[str]:
     """Lines of the open numbers, each with its index and what it is."""
     space, names = mechanism.space, mechanism.model.names

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from ..arrays import for_each_sample
 from ..chain.backend import Key
 from ..chain.closures import Rolling
+from ..chain.dispatch import computed
 from ..chain.mechanism import Mechanism
-from ..chain.samples import computed
 from ..chain.tree import frame_id
 from ..errors import ActuationError, DescriptionError, InputError, SSTError
 from .along_motions import AlongMotions
@@ -322,7 +322,7 @@ class JaxFunctions:
         return computed(self._chain._current, Key("rates"), q, va=va, on_error=on_error)
 
     def _by_casadi(self, name: str, order: int, *arrays: Array) -> Array:
-        """As `AlongMotions.values`, of the model as it stands."""
+        """Values of `AlongMotions`, of the model as it stands."""
         with self._lock:
             mechanism, made = self._chain._current.mechanism, self._along
             if made is None or made[0] is not mechanism:

@@ -11,16 +11,16 @@ import casadi as ca
 from casadi import SX
 
 from ..chain.backend import Key
-from . import derivatives
-from .checks import Checks
+from . import symbolic_derivatives
 from .elimination import total
 from .equations import Equations
-from .frames import OF_FRAMES
+from .frame_kernels import OF_FRAMES
+from .kernel_checks import Checks
 from .symbols import Sparse, add, definite
 
 
 @dataclass(frozen=True)
-class Kernel:
+class SymbolicKernel:
     """A function of rows of numbers.
 
     Attributes:
@@ -48,7 +48,7 @@ def make(
     *,
     frame: str | None = None,
     along: bool = False,
-) -> Kernel:
+) -> SymbolicKernel:
     """The kernel of a quantity, one of `KERNELS`, or with a frame of `OF_FRAMES`.
 
     `checks` are those for double precision by default; `along` takes derivatives along directions.
@@ -64,7 +64,7 @@ def make(
     loads = equations.loads
     given = tuple(x for x in inputs if x is not loads or x.numel())
     loaded = any(x is loads for x in given)
-    return Kernel(
+    return SymbolicKernel(
         Key(quantity, loaded=loaded, along=along).entry,
         given,
         equations.p,
@@ -74,7 +74,7 @@ def make(
     )
 
 
-def entry(equations: Equations, key: Key) -> list[Kernel]:
+def entry(equations: Equations, key: Key) -> list[SymbolicKernel]:
     """The kernels in the library of a key: one, or those of a rollout."""
     parts = ["closing", "state_rate"] if key.quantity == "rollout" else [key.quantity]
     return [make(equations, part, frame=key.frame, along=key.along) for part in parts]
@@ -110,14 +110,14 @@ def _accelerations(e: Equations, checks: Checks) -> _Made:
 
 def _torque_derivatives(e: Equations, checks: Checks) -> _Made:
     """Derivatives of f by q, va and aa side by side, row by row."""
-    *parts, own = derivatives.of_torques(e, checks)
+    *parts, own = symbolic_derivatives.of_torques(e, checks)
     return [e.q, e.va, e.aa, e.loads], _rows(parts), checks.of_forces + own
 
 
 def _acceleration_derivatives(e: Equations, checks: Checks) -> _Made:
     """Derivatives of aa by q, va and tau side by side, row by row."""
     tau = _motor_torques(e)
-    *parts, own = derivatives.of_accelerations(e, checks, tau)
+    *parts, own = symbolic_derivatives.of_accelerations(e, checks, tau)
     return [e.q, e.va, tau, e.loads], _rows(parts), checks.of_accelerations + own
 
 
@@ -126,10 +126,10 @@ def _along(e: Equations, checks: Checks, name: str, directions: int) -> _Made:
     way = SX.sym("direction", directions)
     if name == "torque_derivatives":
         x, own = e.aa, checks.of_forces
-        *parts, more = derivatives.of_torques_along(e, checks, way)
+        *parts, more = symbolic_derivatives.of_torques_along(e, checks, way)
     else:
         x, own = _motor_torques(e), checks.of_accelerations
-        *parts, more = derivatives.of_accelerations_along(e, checks, x, way)
+        *parts, more = symbolic_derivatives.of_accelerations_along(e, checks, x, way)
     return [e.q, e.va, x, e.loads, way], _rows(parts), own + more
 
 
@@ -143,7 +143,7 @@ def _rows(parts: list[SX]) -> SX:
 
 
 def _displacement_rates(e: Equations, checks: Checks) -> _Made:
-    return [e.q, e.va], ca.vec(derivatives.of_displacements(e).T), checks.of_rates
+    return [e.q, e.va], ca.vec(symbolic_derivatives.of_displacements(e).T), checks.of_rates
 
 
 def _reduced_terms(e: Equations, checks: Checks) -> _Made:

@@ -12,7 +12,7 @@ from casadi import SX
 from numpy.typing import NDArray
 
 from .elimination import total
-from .tree import clean
+from .links import clean
 
 Array = NDArray[np.float64]
 #: Entries by index, zeros left out; each is a scalar symbol or a number.

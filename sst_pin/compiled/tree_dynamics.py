@@ -18,8 +18,8 @@ from casadi import SX
 from ..chain.closures import Closure
 from ..chain.mechanism import Mechanism
 from ..chain.tree import frame_named
-from .kinematics import Kinematics, Motion
-from .parameters import SIGN_WIDTH, Parameters
+from .link_kinematics import Kinematics, LinkMotion
+from .open_numbers import SIGN_WIDTH, OpenNumbers
 from .symbols import Sparse, add, is_zero, sx
 
 
@@ -57,7 +57,7 @@ class TreeDynamics:
         self,
         mechanism: Mechanism,
         kinematics: Kinematics,
-        parameters: Parameters,
+        parameters: OpenNumbers,
         p: SX,
         loads: SX,
         smooth: bool,
@@ -237,7 +237,7 @@ def _push(forces: dict[int, tuple[SX, SX]], rate: int, F: SX, N: SX) -> None:
     forces[rate] = F, N
 
 
-def _moment(x: Motion, J: SX) -> SX:
+def _moment(x: LinkMotion, J: SX) -> SX:
     """Inertial moment about the origin of a link whose origin does not accelerate."""
     if sum(not component.is_zero() for component in ca.vertsplit(x.omega)) == 1:
         inertia = ca.trace(J) * SX.eye(3) - J

@@ -190,7 +190,7 @@ def _hexaglide_joints(pose: pin.SE3, rails: Array, vertices: Array, strut: float
 
 
 def _height(foot: Array, vertex: Array, length: float) -> float:
-    """Of a level platform on struts of one length, [m]; NaN where they are too short."""
+    """Height of a level platform on struts of one length, [m]; NaN where they are too short."""
     with np.errstate(invalid="ignore"):
         return float(np.sqrt(length**2 - ((foot - vertex) ** 2).sum()))
 

@@ -16,7 +16,7 @@ STAR = JOINT_NAMES.index("beta_1")
 
 def backend(reference: Reference, off: str) -> Backend:
     """The kernels of one robot, or the reference path with the reason, such as `off`."""
-    from ..compiled.backend import CompiledBackend  # at its first use: it imports much
+    from ..compiled.compiled_backend import CompiledBackend  # at its first use: it imports much
     from . import kernels
 
     mechanism = reference.mechanism

@@ -20,7 +20,7 @@ import robots
 import sst_pin
 import sst_pin.robots as robots_of_the_gallery
 from sst_pin.chain.backend import Key
-from sst_pin.compiled import backend, build
+from sst_pin.compiled import build, compiled_backend
 from sst_pin.errors import CompilationError
 
 
@@ -357,7 +357,7 @@ def test_without_a_compiler_the_reason_is_said_and_the_reference_path_computes(
     q, va, aa = moving(chain, 1)
     assert np.isfinite(chain.compute_torques(q, va, aa)).all()
     assert "compile()" in chain.path
-    chain._current.kernels = backend.CompiledBackend
+    chain._current.kernels = compiled_backend.CompiledBackend
     elsewhere = pickle.loads(pickle.dumps(chain))
     assert np.isfinite(elsewhere.compute_torques(q, va, aa)).all()
     assert "no C compiler found" in elsewhere.path

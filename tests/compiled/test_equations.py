@@ -13,7 +13,7 @@ import robots
 import sst_pin
 from sst_pin.chain.mechanism import Friction
 from sst_pin.compiled import c_code, kernels
-from sst_pin.compiled.backend import sample_configurations
+from sst_pin.compiled.compiled_backend import sample_configurations
 from sst_pin.compiled.elimination import Factors, pivot_order
 from sst_pin.compiled.equations import Equations
 

@@ -18,9 +18,9 @@ from ... import extensions
 from ...chain.backend import Key
 from ...chain.mechanism import Mechanism
 from ...compiled import build
-from ...compiled.backend import DERIVATIVES
 from ...compiled.code import Code
-from ...compiled.parameters import Parameters
+from ...compiled.compiled_backend import DERIVATIVES
+from ...compiled.open_numbers import OpenNumbers
 from ...description import MOTOR_NAMES
 from ...errors import CompilationError
 from ..topology import CUTS
@@ -40,10 +40,10 @@ ENTRIES = (
 AT_FIRST_USE = (*DERIVATIVES, *(key._replace(along=True) for key in DERIVATIVES))
 
 
-def open_numbers(mechanism: Mechanism) -> Parameters:
-    """Parameters of the kernels: of all bodies and joints, and the geometry."""
+def open_numbers(mechanism: Mechanism) -> OpenNumbers:
+    """Open numbers of the kernels: of all bodies and joints, and the geometry."""
     frames = sorted({frame for cut in CUTS for frame in cut})
-    return Parameters(mechanism, complete=True, rotated=[*MOTOR_NAMES, *frames])
+    return OpenNumbers(mechanism, complete=True, rotated=[*MOTOR_NAMES, *frames])
 
 
 def code(key: Key, target: str) -> Code:

@@ -29,7 +29,7 @@ SIGN_WIDTH = 3
 _JOINT = ("armature", "viscous", "coulomb", "stiffness", "spring_reference")
 
 
-class Parameters:
+class OpenNumbers:
     """Order of the open numbers of a mechanism.
 
     If `complete`, all bodies have mass, all joints friction and a rotor, zero included; `rotated`

@@ -102,7 +102,7 @@ def computed(
         given = [np.require(a, float, "A") for a in flat if a is not None]
         loaded = given[-1].ndim == 3
         if loaded:
-            given[-1] = given[-1].reshape(len(result), -1)
+            given[-1] = given[-1].reshape(len(result), 6 * (mechanism.model.njoints - 1))
         kernel = current.backend.kernel(key._replace(loaded=loaded))
         return kernel.many(tuple(given), result, min(threads, sys.maxsize))
 

@@ -16,10 +16,10 @@ from typing import Any
 import casadi as ca
 from casadi import SX
 
-from .checks import Checks
 from .closure_rows import Row
 from .elimination import total
 from .equations import Equations
+from .kernel_checks import Checks
 from .symbols import Sparse, add, definite, is_zero, solve_symmetric, sx
 
 
@@ -30,7 +30,7 @@ def of_torques(e: Equations, checks: Checks) -> tuple[SX, SX, SX, list[Any]]:
 
 
 def of_torques_along(e: Equations, checks: Checks, way: SX) -> tuple[SX, SX, SX, list[Any]]:
-    """The same times a direction of the coordinates, shapes (n,)."""
+    """Derivatives of f times a direction of the coordinates, shapes (n,)."""
     return _of_forces_along(e, checks, _OnTree(e, e.aa, {}), way)
 
 
@@ -47,7 +47,7 @@ def of_accelerations(e: Equations, checks: Checks, tau: SX) -> tuple[SX, SX, SX,
 def of_accelerations_along(
     e: Equations, checks: Checks, tau: SX, way: SX
 ) -> tuple[SX, SX, SX, list[Any]]:
-    """The same times a direction, of the coordinates and of as many motors, shapes (n,)."""
+    """Derivatives of aa times a direction of coordinates and as many motors, shapes (n,)."""
     aa, inverses = e.accelerations(tau)
     by_q, by_va, _, own = _of_forces_along(e, checks, _OnTree(e, aa, e.motor_forces(tau)), way)
     driven = e.project(e.motor_forces(way))

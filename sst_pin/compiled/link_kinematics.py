@@ -19,8 +19,8 @@ import pinocchio as pin
 from casadi import SX
 from numpy.typing import NDArray
 
+from .links import Link, LinkTree, clean
 from .symbols import Sparse, is_zero, sx
-from .tree import Link, Tree, clean
 from .turns import angle, rotation_vector
 
 Array = NDArray[np.float64]
@@ -29,7 +29,7 @@ _UNIT = {"ball": 4, "free": 4, "planar": 2, "unbounded": 2}
 
 
 @dataclass(frozen=True)
-class Motion:
+class LinkMotion:
     """Rates and accelerations of a link, axes of the link.
 
     Attributes:
@@ -45,7 +45,7 @@ class Motion:
     a: SX
 
     @classmethod
-    def of_rest(cls, a: SX | None = None) -> Motion:
+    def of_rest(cls, a: SX | None = None) -> LinkMotion:
         """A base that does not turn, its acceleration zero unless given."""
         zero = SX(3, 1)
         return cls(zero, zero, zero, zero if a is None else a)
@@ -114,7 +114,7 @@ class Kinematics:
         displaced: bool = False,
     ) -> None:
         self.lift = SX(3, 1)
-        self.tree = Tree.of(model)
+        self.tree = LinkTree.of(model)
         self._rotations = dict(rotations or {})
         self._at_rest = {
             self.tree.link_of[model.getJointId(name)]: R
@@ -125,7 +125,7 @@ class Kinematics:
         self.q = SX.sym("q", model.nq)
         self.displacement = SX.sym("displacement", model.nv if displaced else 0)
         self.pose = cache(self._pose)
-        self._at_rates: tuple[Sparse, Sparse, dict[tuple[int, int], Motion]] = {}, {}, {}
+        self._at_rates: tuple[Sparse, Sparse, dict[tuple[int, int], LinkMotion]] = {}, {}, {}
 
     @cached_property
     def placements(self) -> list[tuple[SX, SX]]:
@@ -139,7 +139,7 @@ class Kinematics:
 
     @cached_property
     def _placed(self) -> list[Placement]:
-        """The same, with the displacements of the joints."""
+        """Placements with the displacements of the joints."""
         if not self.displacement.numel():
             return [Placement(R, p, None) for R, p in self.placements]
         own = dict(enumerate(ca.vertsplit(self.displacement)))
@@ -194,7 +194,7 @@ class Kinematics:
         return R, p
 
     def _pose_as_is(self, base: int, link: int) -> tuple[SX, SX]:
-        """The same without displacements."""
+        """Orientation and origin of a link in an ancestor, without displacements."""
         if link == base:
             return SX.eye(3), SX(3, 1)
         R, p = self._pose_as_is(base, self.tree.links[link].parent)
@@ -228,31 +228,31 @@ class Kinematics:
 
     def motions(
         self, v: Sparse, dv: Sparse, gravity: SX | None = None, v_k: Sparse | None = None
-    ) -> list[Motion]:
-        """Motion of all links; the base seems to be accelerated against gravity.
+    ) -> list[LinkMotion]:
+        """LinkMotion of all links; the base seems to be accelerated against gravity.
 
         `v_k` are rates of the motion whose rate is taken; `v` by default.
         """
-        motions = [Motion.of_rest(None if gravity is None else -gravity)]
+        motions = [LinkMotion.of_rest(None if gravity is None else -gravity)]
         for i, link in enumerate(self.tree.links[1:], start=1):
             motions.append(self._next(i, motions[link.parent], v, v if v_k is None else v_k, dv))
         return motions
 
-    def relative_motion(self, base: int, link: int, v: Sparse, dv: Sparse) -> Motion:
-        """Motion of a link relative to one of its ancestors."""
+    def relative_motion(self, base: int, link: int, v: Sparse, dv: Sparse) -> LinkMotion:
+        """LinkMotion of a link relative to one of its ancestors."""
         if self._at_rates[0] is not v or self._at_rates[1] is not dv:
             self._at_rates = v, dv, {}
         known = self._at_rates[2]
         if (base, link) not in known:
             if link == base:
-                known[base, link] = Motion.of_rest(None if base else self.lift)
+                known[base, link] = LinkMotion.of_rest(None if base else self.lift)
             else:
                 before = self.relative_motion(base, self.tree.links[link].parent, v, dv)
                 known[base, link] = self._next(link, before, v, v, dv)
         return known[base, link]
 
-    def _next(self, i: int, before: Motion, v: Sparse, v_k: Sparse, dv: Sparse) -> Motion:
-        """Motion of link i from that of its parent."""
+    def _next(self, i: int, before: LinkMotion, v: Sparse, v_k: Sparse, dv: Sparse) -> LinkMotion:
+        """LinkMotion of link i from that of its parent."""
         link, placement = self.tree.links[i], self._placed[i]
         back = placement.back
         u, turn = _own(link, v)
@@ -264,7 +264,7 @@ class Kinematics:
         a = back(before.a + before.U @ placement.p) + du
         if link.S[:3].any():
             a += ca.cross(back(before.omega_k), u) + ca.cross(omega, u_k)
-        return Motion(omega, omega_k, alpha, a)
+        return LinkMotion(omega, omega_k, alpha, a)
 
     def transmitted(self, wrenches: list[tuple[SX, SX]]) -> Sparse:
         """Forces along the rates, from a force and a moment about the origin of each link."""

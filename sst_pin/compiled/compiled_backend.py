@@ -37,9 +37,9 @@ from ..errors import (
 from ..extensions import missing, require_current
 from . import build
 from .code import Code
-from .parameters import Parameters
+from .links import LinkTree
+from .open_numbers import OpenNumbers
 from .states import CompiledStates
-from .tree import Tree
 
 if TYPE_CHECKING:
     from ._binding import Course, Kernel
@@ -101,7 +101,7 @@ class CompiledBackend:
         reference: Reference,
         near: Array | None = None,
         *,
-        parameters: Parameters | None = None,
+        parameters: OpenNumbers | None = None,
         code: Callable[[Key, str], Code] | None = None,
         bearer: int | None = None,
     ) -> None:
@@ -113,7 +113,7 @@ class CompiledBackend:
         self._binding = _binding
         self._reference, self._mechanism = reference, reference.mechanism
         self._near = near
-        self._parameters = parameters or Parameters(self._mechanism)
+        self._parameters = parameters or OpenNumbers(self._mechanism)
         self._code = code or self._from_cache
         self._moment = -1 if bearer is None else 6 * bearer
         self._numbers = self._parameters.pack(self._mechanism, self._mechanism.friction)
@@ -322,9 +322,9 @@ def sample_configurations(reference: Reference, near: Array | None = None) -> Ar
     return np.array(samples)
 
 
-def _content(mechanism: Mechanism, parameters: Parameters) -> bytes:
+def _content(mechanism: Mechanism, parameters: OpenNumbers) -> bytes:
     """All that the kernels are made from."""
-    model, tree = mechanism.model, Tree.of(mechanism.model)
+    model, tree = mechanism.model, LinkTree.of(mechanism.model)
     parts: list[Any] = [mechanism.closures, mechanism.length, parameters.bodies, parameters.joints]
     for link in tree.links:
         parts += [link.parent, link.kind, link.q, link.v, link.body]

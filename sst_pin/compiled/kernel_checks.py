@@ -124,7 +124,7 @@ class Checks:
 
     @cached_property
     def _column_sums(self) -> tuple[float, dict[int, float], Sparse]:
-        """The same of the dependent rates whose columns elimination changes, by row."""
+        """A unit, factors of the rates whose columns elimination changes, and their sum, by row."""
         e = self._equations
         unit, signs = _signs(e.factors.changed[1], self._rate_scale)
         sums = {

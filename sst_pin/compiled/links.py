@@ -32,7 +32,7 @@ class Link:
     """A joint and the body behind it.
 
     Attributes:
-        parent: Index of the parent in `Tree.links`; the base is 0.
+        parent: Index of the parent in `LinkTree.links`; the base is 0.
         R: Orientation of the joint's frame at rest in the parent's frame, shape (3, 3).
         p: Its origin, shape (3,), [m].
         kind: How its placement follows from q: one of the values of `_KINDS`.
@@ -54,14 +54,14 @@ class Link:
 
 
 @dataclass
-class Tree:
+class LinkTree:
     """All links, parents first, link 0 the base; `link_of` gives that of each Pinocchio joint."""
 
     links: list[Link] = field(default_factory=list)
     link_of: list[int] = field(default_factory=list)
 
     @classmethod
-    def of(cls, model: pin.Model) -> Tree:
+    def of(cls, model: pin.Model) -> LinkTree:
         """The tree of a Pinocchio model; a joint without compiled equations is refused."""
         base = Link(0, np.eye(3), np.zeros(3), "fixed", range(0), range(0), np.zeros((6, 0)))
         tree = cls([base], [0])

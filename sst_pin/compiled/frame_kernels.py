@@ -18,8 +18,8 @@ import casadi as ca
 from casadi import SX
 
 from ..chain.tree import frame_named
-from .checks import Checks
 from .equations import Equations
+from .kernel_checks import Checks
 from .symbols import Sparse, sx
 
 _Made = tuple[list[SX], SX, list[Any]]

@@ -1,0 +1,32 @@
+/* Dynamics of the robot ${robot}, by sst-pin export-c. SI units, radians.
+ *
+ * q[${nq}]: ${q_names}
+ * va[${n}], aa[${n}]: rates and accelerations of ${coordinates}
+ * tau[${motors}]: ${motor_names}
+ *
+ * An array for the result may be one of the arguments. Compile without -ffast-math. */
+#ifndef ROBOT_H
+#define ROBOT_H
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* What each function returns: 0, or why its result means nothing. */
+enum {
+    ROBOT_OPEN = 1, /* the loops are open by more than $closed */
+    ROBOT_SINGULAR, /* the coordinates do not fix the motion, or the motors do not hold it, or
+                     * nearly so */
+    ROBOT_NOT_FINITE /* a number is not finite, or an angle beyond $angle */
+};
+
+/* Gravity, masses, inertias, friction, springs, rotors; robot.c says which is which. They may be
+ * changed between calls. */
+extern ${type} robot_parameters[${size}];
+
+${functions}
+#ifdef __cplusplus
+}
+#endif
+
+#endif
