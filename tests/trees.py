@@ -1,9 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Trees with every joint of Pinocchio, and a referee for closed chains that shares nothing.
-
-The referee takes the equations of motion of the tree, RNEA column by column, and the constraint
-forces as Lagrange multipliers of a Jacobian that the caller gives.
-"""
+"""Trees with every joint of Pinocchio, and derivatives by differences."""
 
 import numpy as np
 import pinocchio as pin
@@ -117,86 +113,3 @@ def gradient(function, model, q, h=0.01):
         [derivative(lambda s, e=e: function(pin.integrate(model, q, s * e)), h) for e in units],
         axis=-1,
     )
-
-
-class Lagrange:
-    """M v_dot + h = B tau + Phi^T lambda + applied, Phi v_dot = -gamma, solved as one system.
-
-    Args:
-        model: The tree.
-        B: Of the motors, shape (nv, motors).
-        jacobian: q -> Phi, shape (rows, nv), from elsewhere than the code under test.
-        drift: (q, v) -> Phi_dot v, shape (rows,); differences of the Jacobian by default.
-    """
-
-    def __init__(self, model, B, jacobian, drift=None):
-        self.model, self.B, self.jacobian = model, B, jacobian
-        self.drift = drift or self._difference
-        self.data = model.createData()
-
-    def mass_matrix(self, q):
-        """RNEA's columns."""
-        zero, model = np.zeros(self.model.nv), self.model
-        rest = pin.rnea(model, self.data, q, zero, zero)
-        return np.array([pin.rnea(model, self.data, q, zero, e) - rest for e in np.eye(model.nv)]).T
-
-    def forces(self, q, v, v_dot, applied=0):
-        """What the motors and closures must give, shape (nv,)."""
-        return pin.rnea(self.model, self.data, q, v, v_dot) - applied
-
-    def torques(self, q, v, v_dot, applied=0):
-        """Least-squares tau of B tau + Phi^T lambda, and what is left over."""
-        A = np.hstack([self.B, self.jacobian(q).T])
-        force = self.forces(q, v, v_dot, applied)
-        x = np.linalg.lstsq(A, force, rcond=1e-9)[0]
-        return x[: self.B.shape[1]], force - A @ x
-
-    def _difference(self, q, v):
-        return derivative(lambda s: self.jacobian(pin.integrate(self.model, q, s * v)) @ v, 0.003)
-
-    def accelerations(self, q, v, tau, applied=0):
-        """v_dot of the whole tree."""
-        model, Phi = self.model, self.jacobian(q)
-        M = self.mass_matrix(q)
-        bias = pin.rnea(model, self.data, q, v, np.zeros(model.nv))
-        rows = len(Phi)
-        A = np.block([[M, -Phi.T], [Phi, np.zeros((rows, rows))]])
-        right = np.concatenate([self.B @ tau + applied - bias, -self.drift(q, v)])
-        return np.linalg.lstsq(A, right, rcond=1e-11)[0][: model.nv]
-
-
-class TwistRows:
-    """Rows that hold the twist of frame "B" relative to "A" in the axes of "A", by Pinocchio.
-
-    Where the loop is closed these are the closure's own rows up to their order and axes, and so is
-    what their rate makes of rates that keep the loop closed.
-    """
-
-    def __init__(self, model, kind):
-        self._model, self._data = model, model.createData()
-        self._ids = [model.getFrameId(name) for name in "AB"]
-        self._held = {"6d": slice(6), "3d": slice(3), "hinge": slice(5)}[kind]
-
-    def __call__(self, q):
-        """Phi, shape (rows, nv)."""
-        model, data = self._model, self._data
-        pin.computeJointJacobians(model, data, q)
-        pin.updateFramePlacements(model, data)
-        where = pin.LOCAL_WORLD_ALIGNED
-        J_a, J_b = (pin.getFrameJacobian(model, data, f, where) for f in self._ids)
-        return (self._axes() @ (J_b - J_a))[self._held]
-
-    def drift(self, q, v):
-        """Phi_dot v, shape (rows,)."""
-        model, data, where = self._model, self._data, pin.LOCAL_WORLD_ALIGNED
-        pin.forwardKinematics(model, data, q, v, 0 * v)
-        pin.updateFramePlacements(model, data)
-        twists = [pin.getFrameVelocity(model, data, f, where) for f in self._ids]
-        rates = [pin.getFrameClassicalAcceleration(model, data, f, where) for f in self._ids]
-        relative, omega = twists[1] - twists[0], twists[0].angular
-        turned = [np.cross(omega, relative.linear), np.cross(omega, relative.angular)]
-        rate = (rates[1] - rates[0]).vector - np.concatenate(turned)
-        return (self._axes() @ rate)[self._held]
-
-    def _axes(self):
-        return np.kron(np.eye(2), self._data.oMf[self._ids[0]].rotation.T)

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
 import pickle
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pinocchio as pin
@@ -141,44 +140,6 @@ def test_rotors_count_in_the_long_and_in_the_short_form():
     t = robot.noc(q, va)
     long = t.inertia @ aa + t.coriolis @ va - t.gravity - t.friction
     assert np.abs(long - robot.compute_torques(q, va, aa)).max() < 1e-11
-
-
-def test_batches_equal_single_samples_and_broadcast(odd):
-    """(..., 9) with (3,): leading axes follow NumPy's rules; an empty batch gives an empty one."""
-    rng = np.random.default_rng(5)
-    q, va, aa = odd.joint_motion(*random_states(odd, rng, 6))
-    tau = odd.compute_torques(q.reshape(2, 3, 9), va.reshape(2, 3, 3), aa[0])
-    assert tau.shape == (2, 3, 3)
-    for i in range(6):
-        single = odd.compute_torques(q[i], va[i], aa[0])
-        assert np.array_equal(tau.reshape(6, 3)[i], single)
-    back = odd.compute_accelerations(q[0], va[0], tau[0, :1])
-    assert back.shape == (1, 3)
-    assert odd.compute_torques(np.empty((0, 9)), va[0], aa[0]).shape == (0, 3)
-
-
-def test_inputs_are_left_as_they_were(robot):
-    """Lists, integers, Fortran order and read-only arrays go in; none is written to."""
-    q = robot.home
-    q.setflags(write=False)
-    tau = robot.compute_torques(q, [1, 2, 3], (0, 0, 1))
-    strided = np.zeros((9, 2))
-    strided[:, 1] = q
-    again = robot.compute_torques(strided[:, 1], np.array([1, 2, 3], dtype=np.int32), (0, 0, 1))
-    assert np.array_equal(tau, again)
-    tau[:] = 0  # the result is the caller's own
-    assert np.array_equal(again, robot.compute_torques(q, [1, 2, 3], (0, 0, 1)))
-
-
-def test_threads_and_pickles_compute_the_same(robot):
-    """One robot in many threads, and a copy that went through a pickle."""
-    rng = np.random.default_rng(6)
-    q, va, aa = robot.joint_motion(*random_states(robot, rng, 200))
-    expected = robot.compute_torques(q, va, aa)
-    with ThreadPoolExecutor(8) as pool:
-        tau = list(pool.map(robot.compute_torques, q, va, aa))
-    assert np.array_equal(tau, expected)
-    assert np.array_equal(pickle.loads(pickle.dumps(robot)).compute_torques(q, va, aa), expected)
 
 
 def test_the_motors_need_more_than_the_tree(robot):

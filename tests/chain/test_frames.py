@@ -6,7 +6,6 @@ import pinocchio as pin
 import pytest
 
 from sst_pin import ClosedChain, Closure
-from sst_pin.errors import InputError
 from sst_pin.motion.trajectories import Trajectory
 from trees import derivative, tree
 
@@ -54,15 +53,6 @@ def test_frame_jacobian_and_drift_are_rates_of_the_frames_pose(name):
     acceleration = chain.frame_jacobian(q, tip) @ aa + chain.frame_drift(q, va, tip)
     expected = derivative(twist_at, 0.001)
     assert np.abs(acceleration - expected).max() < 1e-7 * (1 + np.abs(expected).max())
-
-
-@pytest.mark.parametrize("call", ["joint_rates", "frame_drift", "joint_accelerations"])
-def test_a_nan_is_no_motion(call):
-    """It is named, not passed on."""
-    chain, q, va, _ = chain_and_state("floating")
-    more = {"joint_rates": [], "frame_drift": ["A"], "joint_accelerations": [va]}[call]
-    with pytest.raises(InputError, match="va"):
-        getattr(chain, call)(q, np.full_like(va, np.nan), *more)
 
 
 @pytest.mark.parametrize("ending", ["csv", "npz"])

@@ -13,7 +13,6 @@ from sst_pin.errors import (
     ActuationError,
     ClosureError,
     SingularConfigurationError,
-    UnknownNameError,
 )
 
 STATES = range(4)
@@ -293,13 +292,6 @@ def test_too_few_motors_leave_loose_joints(name, motors):
     assert np.abs(chain.compute_torques(q, np.ones(n), aa)).max(initial=0.0) < 1e-9
 
 
-def test_five_motors_of_a_hexapod_leave_it_one_freedom():
-    """A 6-UPS with five motors has 16 passive joints and 15 closure equations."""
-    chain = ROBOTS["6-UPS"].chain([f"stroke_{k}" for k in range(5)])
-    assert chain.degrees_of_freedom == 6
-    assert not chain.mobility().sufficient
-
-
 @pytest.mark.parametrize(
     ("name", "extra"),
     [
@@ -345,17 +337,6 @@ def test_an_open_loop_is_refused(robot, chain):
         with pytest.raises(ClosureError) as caught:
             compute()
         assert caught.value.residual == pytest.approx(opened)
-
-
-def test_unknown_names_are_refused(robot, chain):
-    """Joints and frames that are not in the model, with those that are."""
-    with pytest.raises(UnknownNameError) as caught:
-        robot.chain(["nobody"])
-    assert caught.value.known == [link.name for link in robot.links]
-    with pytest.raises(UnknownNameError):
-        chain.assemble(robot.joints(robot.x).real, fixed=["nobody"])
-    with pytest.raises(UnknownNameError, match="nowhere"):
-        ClosedChain(robot.model(), [*robot.closures, ("nowhere", "B")], robot.actuated)
 
 
 @pytest.mark.parametrize(

@@ -26,7 +26,7 @@ CHAINS = {
 
 
 #: Each takes seconds.
-LARGE = ("free-flyer", "Stewart")
+LARGE = ("SST", "free-flyer", "Stewart")
 
 
 @pytest.fixture(

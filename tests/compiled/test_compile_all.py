@@ -4,11 +4,13 @@
 import logging
 
 import numpy as np
+import pytest
 
 import sst_pin
 from sst_pin.compiled import build
 
 
+@pytest.mark.slow
 def test_nothing_is_left_to_compile(tmp_path, monkeypatch, caplog):
     """Every method with a kernel, also with wrenches, leaves the cache as it is."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))

@@ -27,7 +27,7 @@ from sst_pin.chain.mechanism import Friction
 from sst_pin.compiled import c_code, kernels, statements
 from sst_pin.compiled.compiled_backend import DERIVATIVES, CompiledBackend, sample_configurations
 from sst_pin.compiled.equations import Equations
-from sst_pin.errors import ClosureError, InputError, UnknownNameError
+from sst_pin.errors import InputError, UnknownNameError
 
 #: Of many samples, and of one.
 ALL = (*DERIVATIVES, *(key._replace(along=True) for key in DERIVATIVES))
@@ -254,66 +254,31 @@ def test_the_reference_path_computes_a_frame_that_no_kernel_vouches_for(compiled
         assert np.array_equal(one, many)
 
 
-def test_frames_have_out_threads_and_samples_at_fault(compiled):
-    """A bad sample gets the error of `compute_torques`."""
-    case, chain = compiled[0], compiled[0].chain
-    q, va, _, _ = map(np.array, zip(*case.states(6), strict=True))
-    frame, many = chain.model.frames[-1].name, np.arange(1200) % 6
-    opened = q.copy()
-    opened[2, -1] += 0.01
-    for name in ("frame_jacobian", *OF_FRAMES):
-        motions = () if name == "frame_jacobian" else (va,)
+@pytest.mark.parametrize("name", ["torque_derivatives", "frame_jacobian", *OF_FRAMES])
+def test_out_and_threads_change_nothing(compiled, name):
+    """The options are those of `compute_torques`; what is refused: test_refusals.py."""
+    chain, states = compiled[0].chain, list(zip(*compiled[0].states(6), strict=True))
+    states = {"torque_derivatives": states[:3], "frame_jacobian": states[:1]}.get(name, states[:2])
+    frame = () if name == "torque_derivatives" else (chain.model.frames[-1].name,)
+    motions, many = [np.array(x) for x in states], np.arange(1200) % 6
 
-        def call(q, *va, name=name, **options):
-            rows = getattr(chain, name)(q, *va, frame, **options)
-            return rows if isinstance(rows, np.ndarray) else np.concatenate(rows, axis=-1)
+    def call(*motions, **options):
+        rows = getattr(chain, name)(*motions, *frame, **options)
+        return rows if isinstance(rows, np.ndarray) else np.concatenate(rows, axis=-1)
 
-        alone = call(q[many], *(x[many] for x in motions))
-        out = np.empty_like(alone)
-        shared = call(q[many], *(x[many] for x in motions), out=out, threads=3)
-        assert np.array_equal(out, alone)
-        assert np.array_equal(shared, alone)
+    alone = call(*(x[many] for x in motions))
+    out = np.empty_like(alone)
+    shared = call(*(x[many] for x in motions), out=out, threads=3)
+    assert np.array_equal(out, alone)
+    assert np.shares_memory(shared, out) or np.array_equal(shared, alone)
+    for wrong in (out, np.empty((6, *out.shape[1:-1], out.shape[-1] + 1))):
         with pytest.raises(InputError, match="out"):
-            call(q, *motions, out=out)
-        with pytest.raises(ClosureError, match=r"1 of 6 samples \(index 2\)"):
-            call(opened, *motions)
-        gaps = np.isnan(call(opened, *motions, on_error="nan")).reshape(6, -1).any(axis=1)
-        assert gaps.tolist() == [False, False, True, False, False, False]
-        with pytest.raises(ClosureError):
-            call(opened[2], *(x[2] for x in motions))
+            call(*motions, out=wrong)
+    assert call(*(x[:0] for x in motions)).shape == (0, *out.shape[1:])
+    if frame:
         with pytest.raises(UnknownNameError, match="nowhere"):
-            getattr(chain, name)(q[0], *(x[0] for x in motions), "nowhere")
+            getattr(chain, name)(*(x[0] for x in motions), "nowhere")
         assert "nowhere" not in chain.path
-
-
-def test_out_threads_and_samples_at_fault(compiled):
-    """The options are those of `compute_torques`."""
-    case, chain = compiled[0], compiled[0].chain
-    q, va, aa, _ = map(np.array, zip(*case.states(6), strict=True))
-    n = chain.degrees_of_freedom
-    many = np.arange(1200) % 6
-    out = np.empty((1200, n, 3 * n))
-    d = chain.torque_derivatives(q[many], va[many], aa[many], out=out, threads=3)
-    assert np.shares_memory(d.dva, out)
-    alone = chain.torque_derivatives(q[many], va[many], aa[many])
-    assert all(np.array_equal(a, b) for a, b in zip(d, alone, strict=True))
-    for shape in ((6, n, 3 * n + 1), (6, 3 * n * n)):
-        with pytest.raises(InputError, match="out"):
-            chain.torque_derivatives(q, va, aa, out=np.empty(shape))
-    assert chain.torque_derivatives(q[:0], va[:0], aa[:0]).dq.shape == (0, n, n)
-    opened = q.copy()
-    opened[2, -1] += 0.01
-    with pytest.raises(ClosureError, match=r"1 of 6 samples \(index 2\)"):
-        chain.acceleration_derivatives(opened, va, np.ones(len(chain.motor_names)))
-    dq = chain.torque_derivatives(opened, va, aa, on_error="nan").dq
-    assert np.isnan(dq).any(axis=(1, 2)).tolist() == [False, False, True, False, False, False]
-    with pytest.raises(ClosureError):
-        chain.torque_derivatives(opened[2], va[2], aa[2])
-    for width in (0, -1.0, np.nan, "wide", [1e-3]):
-        with pytest.raises(InputError, match="sign_width"):
-            chain.torque_derivatives(q[0], va[0], aa[0], sign_width=width)
-    with pytest.raises(InputError, match="va"):
-        chain.torque_derivatives(q[0], va[0] * np.nan, aa[0])
 
 
 @pytest.mark.slow

@@ -132,7 +132,7 @@ def test_fewer_motors_than_coordinates_export_forces(tmp_path):
 @pytest.mark.parametrize(
     ("compiler", "precision"),
     [
-        (["cc"], "double"),
+        pytest.param(["cc"], "double", marks=pytest.mark.slow),
         *(
             pytest.param(ZIG, precision, marks=[pytest.mark.slow, needs_ziglang])
             for precision in TYPES

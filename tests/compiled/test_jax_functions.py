@@ -137,6 +137,7 @@ def test_third_derivatives_are_those_of_differences():
     close(jax.grad(jax.grad(jax.grad(torque)))(0.2), derivative(lambda s: second(0.2 + s)), 1e-8)
 
 
+@pytest.mark.slow
 def test_the_gradient_of_a_scanned_motion_is_that_of_differences_of_rollouts():
     """The gradient of a final state by the torques, steps computed again on the way back."""
     chain = four_bar()

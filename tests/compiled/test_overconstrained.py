@@ -28,7 +28,7 @@ def test_loops_turn_fully_by_kernels_and_follow_the_reference_path(name):
     kernels, reference = LOOPS[name](), LOOPS[name]()
     q0 = kernels.generic_configuration()
     kernels.compile()
-    motion = kernels.simulate([0.0], q0, [3.0], np.linspace(0, 8, 401), rtol=1e-9, atol=1e-9)
+    motion = kernels.simulate([0.0], q0, [3.0], np.linspace(0, 8, 101), rtol=1e-9, atol=1e-9)
     assert not motion.stopped
     assert np.ptp(motion.q[:, 0]) > 2 * np.pi
     q, va = motion.q, motion.va

@@ -125,12 +125,13 @@ SEEN_BY = {
     "no motor of the light bars": {"compute_torques"},
     "no mass": {"compute_accelerations", "acceleration_derivatives"},
 }
+#: A floating robot compiles for seconds.
 QUICK = {"compute_torques", "compute_accelerations"}
 CASES = [
     pytest.param(
         fault,
         name,
-        marks=() if name in QUICK else pytest.mark.slow,
+        marks=() if name in QUICK and FAULTS[fault].robot != "floating" else pytest.mark.slow,
     )
     for fault in FAULTS
     for name in TAKES

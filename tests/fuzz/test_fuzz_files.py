@@ -68,44 +68,18 @@ MJCF_EXTRA = (
 )
 
 
-def random(examples, slow):
-    """Settings of a test: few examples, or many; the same at each run."""
-    return settings(
-        max_examples=10 * examples if slow else examples,
-        derandomize=True,
-        deadline=None,
-        database=None,
-        suppress_health_check=list(HealthCheck),
-    )
+#: Properties of random files: the strategy, how many files the default run takes, the property.
+FUZZED = {}
 
 
 def fuzzed(examples, strategy):
-    """A property of random files, as a quick test and as a slow one."""
+    """Take up a property of random files, a function of a folder and a text."""
 
-    def decorate(judge):
-        def quick(self, tmp_path_factory):
-            self.run(judge, strategy, random(examples, False), tmp_path_factory)
+    def take(judge):
+        FUZZED[judge.__name__] = strategy, examples, judge
+        return judge
 
-        def slow(self, tmp_path_factory):
-            self.run(judge, strategy, random(examples, True), tmp_path_factory)
-
-        def run(self, judge, strategy, how, tmp_path_factory):
-            folder = tmp_path_factory.mktemp("fuzz")
-
-            @how
-            @given(strategy)
-            def holds(text):
-                note(str(text)[:5000])
-                with limited():
-                    judge(folder, text)
-
-            holds()
-
-        members = {"__doc__": judge.__doc__, "run": run, "test_quick": quick}
-        members["test_slow"] = pytest.mark.slow(slow)
-        return type("Test" + judge.__name__.title().replace("_", ""), (), members)
-
-    return decorate
+    return take
 
 
 def require_same_torques(chain, expected, close):
@@ -287,5 +261,23 @@ def archives(folder, content):
     assert motion == MOTION
 
 
-TestUrdf, TestCuts, TestMjcf, TestValidated = urdf, cuts, mjcf, validated
-TestTrajectories, TestMotions, TestArchives = trajectories, motions_of_the_star, archives
+@pytest.mark.parametrize("more", [1, pytest.param(10, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", FUZZED)
+def test_files_changed_at_random_are_refused_or_read_rightly(name, more, tmp_path):
+    """The same files at each run."""
+    strategy, examples, judge = FUZZED[name]
+
+    @settings(
+        max_examples=more * examples,
+        derandomize=True,
+        deadline=None,
+        database=None,
+        suppress_health_check=list(HealthCheck),
+    )
+    @given(strategy)
+    def holds(text):
+        note(str(text)[:5000])
+        with limited():
+            judge(tmp_path, text)
+
+    holds()

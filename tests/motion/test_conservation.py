@@ -9,7 +9,6 @@ from numpy.testing import assert_allclose
 from sst_pin import ClosedChain, Closure
 from sst_pin.chain.closures import Rolling
 from sst_pin.motion.energy import energy_error
-from trees import Lagrange
 
 SHAPE = np.diag([0.02, 0.03, 0.035])
 
@@ -148,24 +147,3 @@ def test_what_rolls_keeps_its_energy_and_does_not_slip(kind):
         v = chain.joint_rates(q, va)
         assert np.abs(rows(q) @ v).max() < 1e-11 * np.abs(v).max()
         assert np.abs(chain.Phi(q) @ v).max() < 1e-12 * np.abs(v).max()
-
-
-@pytest.mark.parametrize("kind", ["disc", "vehicle"])
-def test_rolling_obeys_Lagrange_multipliers(kind):
-    """Accelerations and torques of the non-holonomic rows, written down by velocities."""
-    model, closures, motors, guess = vehicle(kind)
-    chain = ClosedChain(model, closures, motors)
-    B = np.array([np.eye(model.nv)[model.joints[model.getJointId(m)].idx_v] for m in motors])
-    rollings = [c for c in closures if isinstance(c, Rolling)]
-    referee = Lagrange(model, B.reshape(-1, model.nv).T, rolling_rows(model, rollings))
-    q = chain.assemble(guess, fixed=())
-    for seed in range(20):
-        random = np.random.default_rng(seed)
-        va, tau = random.normal(size=chain.degrees_of_freedom), random.normal(size=len(motors))
-        v = chain.joint_rates(q, va)
-        aa = chain.compute_accelerations(q, va, tau)
-        v_dot = referee.accelerations(q, v, tau)
-        scale = np.abs(v_dot).max()
-        assert_allclose(chain.joint_accelerations(q, va, aa), v_dot, atol=1e-9 * scale)
-        assert_allclose(chain.compute_torques(q, va, aa), tau, atol=1e-9 * max(1, scale))
-        assert np.abs(referee.torques(q, v, v_dot)[1]).max() < 1e-9 * scale

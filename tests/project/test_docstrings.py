@@ -18,6 +18,8 @@ from sst_pin.viewer.interactive import Interactive
 
 #: What each example may use; the pages of the reference say so.
 GIVEN = {"np": np, "pin": pin, "sst_pin": sst_pin}
+#: Robots that an example may use.
+MADE = {"robot": sst_pin.SST, "chain": sst_pin.robots.four_bar}
 CLASSES = ("ClosedChain", "SST", "Trajectory")
 
 
@@ -77,7 +79,13 @@ def drawn(name, chain):
 
 
 # Most of them take milliseconds; a compiler and other engines take seconds.
-LONG = {"ClosedChain.compile", "ClosedChain.from_mjcf", "SST.from_mjcf", "ClosedChain.show"}
+LONG = {
+    "ClosedChain.jax",
+    "ClosedChain.compile",
+    "ClosedChain.from_mjcf",
+    "SST.from_mjcf",
+    "ClosedChain.show",
+}
 
 
 @pytest.mark.filterwarnings("default::sst_pin.errors.SingularityWarning")
@@ -95,10 +103,12 @@ def test_examples_print_what_they_show(names, tmp_path, monkeypatch):
     parser, told = doctest.DocTestParser(), []
     runner = doctest.DocTestRunner(Checker(), optionflags=doctest.ELLIPSIS)
     for name in names:
-        given = GIVEN | {"robot": sst_pin.SST(), "chain": sst_pin.robots.four_bar()}
-        if name in PICTURES:
+        text = words(THINGS[name]) or ""
+        drawing = name in PICTURES
+        given = GIVEN | {n: made() for n, made in MADE.items() if drawing or f"{n}." in text}
+        if drawing:
             given |= drawn(name, given["chain"])
-        test = parser.get_doctest(words(THINGS[name]) or "", given, name, name, 0)
+        test = parser.get_doctest(text, given, name, name, 0)
         runner.run(test, out=told.append)
     assert runner.summarize(verbose=False).failed == 0, "".join(told)
 

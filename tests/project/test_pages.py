@@ -24,7 +24,8 @@ OUTSIDE = {
 RUN_ELSEWHERE = {"urdf/README.md": "description/test_description_folder.py"}
 RUN_ELSEWHERE |= {"docs/tools.md": "project/test_tools.py"}
 #: These compile, draw, or run for seconds.
-SLOW = {"README.md"} | {f"docs/{x}.md" for x in ("accuracy", "batches", "derivatives", "gallery")}
+LONG = ["accuracy", "batches", "derivatives", "export_c", "gallery", "own_robot", "plots", "viewer"]
+SLOW = {"README.md"} | {f"docs/{name}.md" for name in LONG}
 
 PAGES = {path.relative_to(ROOT).as_posix(): path for path in sorted(DOCS.rglob("*.md"))}
 PAGES |= {name: ROOT / name for name in ("README.md", "CONTRIBUTING.md", "urdf/README.md")}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The gallery against the literature's mobility and an independent referee."""
+"""The gallery against the literature's mobility; test_reference.py holds its dynamics."""
 
 import inspect
 import pickle
@@ -12,7 +12,6 @@ import pytest
 from numpy.testing import assert_allclose
 
 import sst_pin
-from lagrange_referee import LagrangeReferee
 from sst_pin import robots
 from sst_pin.errors import InputError, WorkspaceError
 
@@ -55,22 +54,14 @@ def robot(name):
 
 
 @pytest.fixture(scope="module")
-def referee(robot):
-    return LagrangeReferee(robot.model, robot.closures, robot.coordinates, robot.motor_names)
-
-
-@pytest.fixture(scope="module")
-def states(robot, referee):
-    """Twenty random assembled configurations near home, with random motions of the coordinates."""
-    random = np.random.default_rng(0)
-    _, J, _ = referee.rows(robot.home, np.zeros(robot.model.nv))
-    ways = np.linalg.svd(J)[2][np.linalg.matrix_rank(J, 1e-9) :]
-    found = []
-    for _ in range(20):
-        step = random.uniform(-0.1, 0.1, len(ways)) @ ways
-        q = referee.assembled_near(robot.home, step)
-        found.append(referee.state(q, *random.uniform(-1, 1, (2, len(referee.coordinates)))))
-    return found
+def configurations(robot):
+    """Twenty random assembled configurations near home."""
+    random, found = np.random.default_rng(0), []
+    for va in random.uniform(-1, 1, (20, robot.degrees_of_freedom)):
+        way = robot.joint_rates(robot.home, va)
+        step = 0.1 * way / np.abs(way).max()
+        found.append(robot.assemble(pin.integrate(robot.model, robot.home, step), fixed=()))
+    return np.array(found)
 
 
 def test_the_gallery_is_complete():
@@ -97,17 +88,17 @@ def test_a_robot_is_a_closed_chain_with_a_platform(robot):
     assert_allclose(copy.inverse_kinematics(pose), robot.home, rtol=0, atol=1e-13)
 
 
-def test_inverse_kinematics_closes_the_loops_and_holds_the_pose(name, robot, states):
+def test_inverse_kinematics_closes_the_loops_and_holds_the_pose(name, robot, configurations):
     """A whole batch of poses that the robot can take."""
-    poses = robot.platform_pose(np.stack([state.q for state in states]))
+    poses = robot.platform_pose(configurations)
     q = robot.inverse_kinematics(poses)
     # Closed forms: rounding of lengths below 3 m, divided by sines above 0.1.
     assert max(np.abs(robot.residual(sample)).max() for sample in q) < 1e-13
     rows = slice(3 if name == "five_bar" else 0, 4)
     assert_allclose(robot.platform_pose(q)[..., rows], poses[..., rows], rtol=0, atol=1e-13)
     if name != "ladder":  # which has more freedoms than its platform
-        for state, sample in zip(states, q, strict=True):
-            turned = pin.difference(robot.model, state.q, sample)
+        for given, sample in zip(configurations, q, strict=True):
+            turned = pin.difference(robot.model, given, sample)
             # Newton's method ends at 1e-15, times the condition number.
             assert_allclose((turned + np.pi) % (2 * np.pi) - np.pi, 0, atol=1e-12)
 
@@ -144,45 +135,6 @@ def test_every_body_has_a_physical_inertia_and_a_shape(robot):
         assert any(shape.parentJoint == joint for shape in robot.visual_model.geometryObjects)
 
 
-def test_torques_and_accelerations_are_those_of_the_referee(robot, referee, states):
-    """Lagrange multipliers by least squares, on twenty states."""
-    for state in states:
-        va, aa = state.v[referee.coordinates], state.dv[referee.coordinates]
-        tau = referee.torques(state)
-        scale = max(np.abs(tau).max(), 1e-3)
-        # Two solutions of well-conditioned systems: rounding times a condition below 1e4.
-        assert_allclose(robot.compute_torques(state.q, va, aa), tau, rtol=0, atol=1e-9 * scale)
-        back = robot.compute_accelerations(state.q, va, tau)
-        assert_allclose(back, aa, rtol=0, atol=1e-9)
-        assert_allclose(referee.accelerations(state.q, state.v, tau), aa, rtol=0, atol=1e-9)
-
-
-def test_energies_are_those_of_the_referee(robot, referee, states):
-    """Kinetic and potential, to rounding."""
-    for state in states:
-        va = state.v[referee.coordinates]
-        kinetic, potential = referee.energy(state)
-        assert_allclose(robot.kinetic_energy(state.q, va), kinetic, rtol=1e-10)
-        assert_allclose(robot.potential_energy(state.q), potential, rtol=1e-10, atol=1e-12)
-
-
-def test_the_motors_power_is_the_rate_of_the_energy(robot, referee, states):
-    """tau . rates = d(T + V)/dt along the motion, by central differences."""
-    h = 1e-4
-    for state in states[:5]:
-        va, aa = state.v[referee.coordinates], state.dv[referee.coordinates]
-        energies = []
-        for t in (-h, h):
-            q = referee.assembled_near(state.q, state.v * t + state.dv * t**2 / 2)
-            rates = referee.state(q, va + aa * t, aa).v[referee.coordinates]
-            energies.append(robot.kinetic_energy(q, rates) + robot.potential_energy(q))
-        power = robot.compute_torques(state.q, va, aa) @ state.v[referee.motors]
-        balance = (energies[1] - energies[0]) / (2 * h)
-        # The truncation is h^2 times the third derivative of the energy, rounding 1e-16 E / h.
-        scale = np.abs(robot.compute_torques(state.q, va, aa)).max()
-        assert_allclose(balance, power, rtol=0, atol=1e-5 * max(scale, abs(power)))
-
-
 @pytest.mark.parametrize(
     ("build", "cells"),
     [(robots.ladder, 1), (robots.scissor_lift, 0), (robots.n_four_bar, 0), (robots.ladder, -3)],
@@ -207,9 +159,8 @@ def test_bennetts_linkage_moves_where_its_lengths_allow_it_only():
     model = moving.model.copy()
     frame = model.frames[model.getFrameId("follower_pin")]
     frame.placement = pin.SE3(frame.placement.rotation, 1.1 * frame.placement.translation)
-    rigid = LagrangeReferee(model, moving.closures, ["crank"], ["crank"])
-    _, J, _ = rigid.rows(moving.home, np.zeros(3))
-    assert np.linalg.matrix_rank(J, 1e-6) == 3
+    rigid = sst_pin.ClosedChain(model, moving.closures, ["crank"])
+    assert np.linalg.matrix_rank(rigid.Phi(moving.home), 1e-6) == 3
 
 
 def test_the_page_of_the_gallery_is_current():

@@ -2,6 +2,7 @@
 """The example that holds the SST where it would fall over."""
 
 import numpy as np
+import pytest
 
 from lqr_hold import STEP, Regulator, region, regulator, starts, swing
 
@@ -25,6 +26,7 @@ def test_the_regulator_holds_a_pose_that_is_unstable(robot):
     np.testing.assert_allclose(swing(robot, control, q, 100 * STEP)[:, 0], expected, atol=1e-7)
 
 
+@pytest.mark.slow
 def test_it_falls_without_and_far_from_the_pose(robot):
     control = regulator(robot)
     held = region(robot, control, np.array([-0.7, -0.2, 0.2]), seconds=2.0)

@@ -92,7 +92,7 @@ def test_a_referee_agrees_in_random_states_under_loads(referee, robot):
 def test_a_referee_agrees_for_random_robots(referee, friction):
     """Odd base triangles and arcs, nine different bodies, tilted gravity, loads."""
     rng = np.random.default_rng(2)
-    for _ in range(10):
+    for _ in range(4):
         parameters = random_parameters(rng, friction)
         robot, judge = sst_pin.SST(parameters), referee(parameters)
         for _ in range(3):
@@ -216,6 +216,7 @@ def test_exudyns_motion_converges_with_the_square_of_the_step(stepped):
     assert errors[-1] < 1e-4
 
 
+@pytest.mark.slow
 def test_mujocos_welded_robot_tends_to_the_rigid_one(stepped):
     """The error falls as the inverse of the welds' stiffness, far above that of its integrator."""
     mujoco_engine = need("mujoco_engine", "mujoco")

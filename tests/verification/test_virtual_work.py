@@ -11,7 +11,6 @@ import pytest
 from numpy.typing import NDArray
 
 import sst_pin
-from reference import EXAMPLE_1
 from sst_pin.errors import (
     InputError,
     SimulationError,
@@ -73,32 +72,6 @@ def test_referee_imports_nothing_of_what_it_judges() -> None:
 
 
 # --- inverse dynamics -----------------------------------------------------------------------
-
-
-def test_torques_of_the_paper_circle_are_the_reference_values() -> None:
-    """Torques of example 1 known from an implementation in 40 digits."""
-    times, torques = list(EXAMPLE_1), list(EXAMPLE_1.values())
-    tau = VirtualWork(sst_pin.Parameters()).torques(*sst_pin.paper_circle(times))
-    assert np.abs(tau - torques).max() < 1e-11  # printed with 14 digits
-
-
-def test_torques_equal_those_of_the_complement_on_the_paper_circle() -> None:
-    """All round the circle of Sect. 7.2."""
-    robot, referee = sst_pin.SST(), VirtualWork(sst_pin.Parameters())
-    motion = sst_pin.paper_circle(np.linspace(0, PERIOD, 200))
-    tau = robot.compute_torques(*robot.joint_motion(*motion))
-    assert relative_error(tau, referee.torques(*motion)) < ROUNDING
-
-
-@pytest.mark.parametrize("seed", SEEDS)
-def test_torques_of_the_paper_robot_agree_at_any_motion(seed: int) -> None:
-    """Orientations, velocities, accelerations and moments on the star at random."""
-    rng = np.random.default_rng(seed)
-    robot, referee = sst_pin.SST(), VirtualWork(sst_pin.Parameters())
-    motion, moment = random_states(robot, rng, 20), rng.normal(scale=5, size=(20, 3))
-    tau = robot.compute_torques(*robot.joint_motion(*motion), platform_moment=moment)
-    wanted = referee.torques(*motion, platform_moment=moment)
-    assert relative_error(tau, wanted) < ROUNDING
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -168,17 +141,6 @@ def test_accelerations_agree_at_any_torques(seed: int) -> None:
     q, va, aa = robot.joint_motion(R, omega, alpha)
     wanted = robot.compute_accelerations(q, va, tau, platform_moment=moment)
     assert relative_error(aa, wanted) < ROUNDING
-
-
-@pytest.mark.parametrize("seed", SEEDS)
-def test_direct_dynamics_inverts_inverse_dynamics(seed: int) -> None:
-    """Torques of a motion bring back its acceleration."""
-    rng = np.random.default_rng(300 + seed)
-    parameters = random_parameters(rng)
-    referee = VirtualWork(parameters)
-    R, omega, alpha = random_states(sst_pin.SST(parameters), rng, 10)
-    tau = referee.torques(R, omega, alpha)
-    assert relative_error(referee.accelerations(R, omega, tau), alpha) < ROUNDING
 
 
 # --- direct kinematics ----------------------------------------------------------------------

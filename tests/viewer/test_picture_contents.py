@@ -64,6 +64,7 @@ def test_digits_and_single_letters_alone_are_subscripts(chromium, tmp_path):  # 
     assert told == ["gamma<sub>12</sub>", "e<sub>x</sub>", "left_knee", "rod_1a"]
 
 
+@pytest.mark.slow
 @needs_browser
 def test_a_low_chart_has_two_numbers_on_its_axis(chromium, tmp_path, robot):  # noqa: F811
     """On a phone, for the torques of the paper's circle."""
