@@ -42,6 +42,10 @@ class SSTError(Exception):
         more = ", ..." if len(samples) > 5 else ""
         self.args = (f"{len(samples)} of {total} samples (index {shown}{more}): {self.args[0]}",)
 
+    def name_file(self, path: str) -> None:
+        """Tell which file describes the robot at fault."""
+        self.args = (f"{path}: {self.args[0]}",)
+
 
 class InputError(SSTError, ValueError):
     """An argument has a wrong shape, is not finite, or contradicts another argument.

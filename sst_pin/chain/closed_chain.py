@@ -22,7 +22,7 @@ from ..arrays import (
     single_array,
     whole_number,
 )
-from ..errors import DescriptionError, InputError, MissingExtraError
+from ..errors import DescriptionError, InputError, MissingExtraError, SSTError
 from ..summaries import as_html, as_text, listed
 from . import derivatives, dispatch, dynamics, reactions
 from .appearance import Appearance, appearance_of
@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from ..motion.rollouts import Rollout
     from ..motion.simulation import Load, Torque
     from ..motion.trajectories import Trajectory
+    from ..reading import Described
     from ..viewer import Viewer
 
 Array = NDArray[np.float64]
@@ -1208,12 +1209,8 @@ class ClosedChain:
             ('gamma_1', 'gamma_2', 'gamma_3')
         """
         from .. import reading
-        from ..reading.shapes import UrdfShapes
 
-        model, closures, motors = reading.read_urdf(path, cuts, locked)
-        chain = cls(model, closures, motors if actuated is None else actuated)
-        chain._shapes = UrdfShapes(reading.read_text(path, "URDF"), Path(path).parent)
-        return chain
+        return cls._of_file(reading.read_urdf(path, cuts, locked, actuated))
 
     @classmethod
     def from_mjcf(
@@ -1250,17 +1247,24 @@ class ClosedChain:
             ('gamma_1', 'gamma_2', 'gamma_3')
         """
         from ..reading.mjcf import read_mjcf
-        from ..reading.shapes import MjcfShapes
 
-        read = read_mjcf(path, locked, actuated)
-        chain = cls(
-            read.model,
-            read.closures,
-            read.actuated,
-            stiffness=read.stiffness,
-            spring_reference=read.spring_reference,
-        )
-        chain._shapes = MjcfShapes(Path(path).absolute(), tuple(locked))
+        return cls._of_file(read_mjcf(path, locked, actuated))
+
+    @classmethod
+    def _of_file(cls: type[_Chain], found: Described) -> _Chain:
+        """A robot from what its files say; errors name the files."""
+        try:
+            chain = cls(
+                found.model,
+                found.closures,
+                found.actuated,
+                stiffness=found.stiffness,
+                spring_reference=found.spring_reference,
+            )
+        except SSTError as error:
+            error.name_file(found.source)
+            raise
+        chain._shapes = found.shapes
         return chain
 
     def trajectory(

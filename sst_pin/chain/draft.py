@@ -21,6 +21,7 @@ from .coordinates import settle, without_mass
 from .joint_space import JointSpace
 from .loops import Loops
 from .mechanism import Friction, Mechanism, Springs
+from .rebuilt_tree import POSITION_ARRAYS, RATE_ARRAYS, rebuilt
 from .tree import joint_id
 
 Array = NDArray[np.float64]
@@ -29,18 +30,6 @@ Array = NDArray[np.float64]
 _MIMIC = re.compile(
     r"Mimicking joint type: JointModel([RP][XYZ]|(Revolute|Prismatic)Unaligned)$", re.M
 )
-
-#: Arrays of a model with a number for each rate, and for each position.
-_OF_RATES = (
-    "armature",
-    "damping",
-    "friction",
-    "rotorInertia",
-    "rotorGearRatio",
-    "effortLimit",
-    "velocityLimit",
-)
-_OF_POSITIONS = ("lowerPositionLimit", "upperPositionLimit")
 
 #: A motor: the joint that it drives, or the factors of the joints that it drives (a tendon).
 Motor = str | Mapping[str, float]
@@ -120,48 +109,7 @@ def without_locked(model: pin.Model, locked: Sequence[str] | Mapping[str, float]
             if (joint.nq, joint.nv) != (1, 1):
                 raise InputError("locked", f"joint {model.names[index]} has several coordinates")
             q[joint.idx_q] = float(finite_array("locked", value, ()))
-    return _fixed(model, set(ids), q)
-
-
-def _fixed(old: pin.Model, ids: set[int], q: Array) -> pin.Model:
-    """The tree with some joints fixed where they are at q; its joints may come in any order.
-
-    `pin.buildReducedModel` needs joints added depth-first, each with a frame; without these it ends
-    the process.
-    """
-    data = old.createData()
-    pin.forwardKinematics(old, data, q)
-    model = pin.Model()
-    model.name, model.gravity = old.name, old.gravity
-    model.inertias[0] = old.inertias[0]
-    bearers = [(0, pin.SE3.Identity())]  # of each old joint, the new one and its place there
-    for i in range(1, old.njoints):
-        bearer, at = bearers[old.parents[i]]
-        if i in ids:
-            bearers.append((bearer, at * data.liMi[i]))
-        else:
-            joint = model.addJoint(bearer, old.joints[i], at * old.jointPlacements[i], old.names[i])
-            model.addJointFrame(joint)
-            bearers.append((joint, pin.SE3.Identity()))
-        model.appendBodyToJoint(bearers[i][0], old.inertias[i], bearers[i][1])
-    for frame in list(old.frames)[1:]:
-        joint, at = bearers[frame.parentJoint]
-        kind = frame.type
-        if kind == pin.FrameType.JOINT:
-            if frame.parentJoint not in ids:
-                continue
-            kind = pin.FrameType.FIXED_JOINT
-        model.addFrame(pin.Frame(frame.name, joint, at * frame.placement, kind), False)
-    joints = [old.joints[i] for i in range(1, old.njoints) if i not in ids]
-    rates = [k for joint in joints for k in range(joint.idx_v, joint.idx_v + joint.nv)]
-    entries = [k for joint in joints for k in range(joint.idx_q, joint.idx_q + joint.nq)]
-    for name in _OF_RATES:
-        setattr(model, name, getattr(old, name)[rates])
-    for name in _OF_POSITIONS:
-        setattr(model, name, getattr(old, name)[entries])
-    for pair in old.referenceConfigurations:
-        model.referenceConfigurations[pair.key()] = np.array(pair.data())[entries]
-    return model
+    return rebuilt(model, {i: {} for i in ids}, q)
 
 
 def _motors(space: JointSpace, motors: Sequence[Motor], nv: int) -> tuple[Array, tuple[str, ...]]:
@@ -221,7 +169,7 @@ def _require_sound(model: pin.Model, closures: Sequence[Constraint]) -> None:
 
 def _wrong_sizes(model: pin.Model) -> list[str]:
     """Arrays of numbers whose size is not that of q or v; Pinocchio would read beside them."""
-    sizes = dict.fromkeys(_OF_RATES, model.nv) | dict.fromkeys(_OF_POSITIONS, model.nq)
+    sizes = dict.fromkeys(RATE_ARRAYS, model.nv) | dict.fromkeys(POSITION_ARRAYS, model.nq)
     return [
         f"{name}: {len(getattr(model, name))} numbers, {size} are needed"
         for name, size in sizes.items()

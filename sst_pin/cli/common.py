@@ -20,11 +20,11 @@ from tqdm import tqdm
 
 from .. import robots
 from ..chain.closed_chain import ClosedChain
-from ..description import JOINT_NAMES
+from ..description import JOINT_NAMES, YAML_PATH
 from ..errors import InputError, MissingExtraError
 from ..files import Writer, write_files
 from ..motion.trajectories import Trajectory
-from ..reading import is_mjcf, parse_xml, read_text
+from ..reading import Urdf, is_mjcf, read_urdf
 from ..sst.robot import SST
 
 Array = NDArray[np.float64]
@@ -83,9 +83,10 @@ def robot_of(arguments: argparse.Namespace) -> ClosedChain:
         raise InputError("--robot", f"{name!r} is neither a file nor one of {names}{near}")
     if is_mjcf(path):
         return ClosedChain.from_mjcf(path)
-    root = parse_xml(read_text(path, "URDF"), str(path))
-    joints = {joint.get("name") for joint in root.iter("joint")}
-    return (SST if joints >= set(JOINT_NAMES) else ClosedChain).from_urdf(path)
+    urdf = Urdf.read(path)
+    if set(JOINT_NAMES) <= set(urdf.joint_names):
+        return SST._of_file(read_urdf(urdf, default=YAML_PATH))
+    return ClosedChain._of_file(read_urdf(urdf))
 
 
 def sst_of(arguments: argparse.Namespace) -> SST:

@@ -24,9 +24,9 @@ def add_to(commands: Commands) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from ..validation import summary, validate
+    from ..validation import examine
 
-    problems = validate(arguments.file, arguments.cuts)
+    problems, summary = examine(arguments.file, arguments.cuts)
     for problem in problems:
         print(problem)
     errors = sum(problem.severity == "error" for problem in problems)
@@ -34,5 +34,5 @@ def _run(arguments: argparse.Namespace) -> int:
         print(f"{errors} error(s), {len(problems) - errors} warning(s)")
         return 1
     found = f"{len(problems)} warning(s), no errors" if problems else "no problems found"
-    print(f"{found}\n{summary(arguments.file, arguments.cuts)}")
+    print(f"{found}\n{summary}")
     return 0

@@ -1,20 +1,19 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""From description files to Pinocchio: URDF and MJCF to models, YAML to cuts."""
+"""Description files to what robots are made of: a tree, closures and motors."""
 
-from .cuts import Cuts, Extended, closed, load_poses, parse_cuts, read_urdf
-from .text import is_mjcf, read_text
-from .urdf import parse_mimics, parse_urdf, parse_xml
+from .cuts import Cuts, closed, load_poses, parse_cuts, read_cuts, read_urdf
+from .described import Described
+from .text import is_mjcf
+from .urdf import Urdf
 
 __all__ = [
     "Cuts",
-    "Extended",
+    "Described",
+    "Urdf",
     "closed",
     "is_mjcf",
     "load_poses",
     "parse_cuts",
-    "parse_mimics",
-    "parse_urdf",
-    "parse_xml",
-    "read_text",
+    "read_cuts",
     "read_urdf",
 ]

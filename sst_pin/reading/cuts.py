@@ -21,10 +21,11 @@ from ..chain.draft import Motor, without_locked
 from ..errors import DescriptionError
 from ..files import beside
 from . import inertias
+from .described import Described, naming
 from .problems import numbers
-from .srdf import load_configurations
+from .srdf import Srdf
 from .text import read_text
-from .urdf import KINDS, closing_frames, parse_mimics, parse_urdf, parse_xml
+from .urdf import KINDS, Urdf, closing_frames
 
 Array = NDArray[np.float64]
 
@@ -45,66 +46,78 @@ class Cuts(NamedTuple):
         closures: What closes the loops; by default frames `closing_NAME_1`, `closing_NAME_2`.
         actuated: Names of the motors' joints.
         gravity: Acceleration of gravity in base axes, shape (3,), [m/s^2].
-        joints: What joints are in truth, by name; see `parse_urdf`.
+        joints: What joints are in truth, by name; see `Urdf.tree`.
+        source: The YAML, for messages; empty without one.
     """
 
     closures: tuple[Constraint, ...]
     actuated: tuple[str, ...]
     gravity: Array
     joints: dict[str, str]
-
-
-class Extended(NamedTuple):
-    """What a description says of a closed chain: tree, closures, motors."""
-
-    model: pin.Model
-    closures: tuple[Constraint, ...]
-    actuated: tuple[Motor, ...]
+    source: str = ""
 
 
 def read_urdf(
-    path: str | Path, cuts: str | Path | None = None, locked: Sequence[str] = ()
-) -> Extended:
+    path: str | Path | Urdf,
+    cuts: str | Path | None = None,
+    locked: Sequence[str] = (),
+    actuated: Sequence[Motor] | None = None,
+    *,
+    default: str | Path | None = None,
+) -> Described:
     """Read a robot; see `ClosedChain.from_urdf`, whose caller a warning points to."""
-    locked = names("locked", locked)
-    text = read_text(path, "URDF")
-    own = beside(Path(path), ".yaml")
-    if cuts is None and "closing_" in text and not own.is_file():
-        found = Cuts((), (), _EARTH, {})
-    else:
-        cuts = own if cuts is None else cuts
-        found = parse_cuts(read_text(cuts, "YAML of the cuts"), str(cuts))
-    model, closures, motors = closed(text, str(path), found)
+    urdf, locked = path if isinstance(path, Urdf) else Urdf.read(path), names("locked", locked)
+    found = read_cuts(urdf, cuts, default)
+    robot = closed(urdf, found)
+    model, closures, motors = robot.model, robot.closures, robot.actuated
     if locked:
-        model = without_locked(model, locked)
-        closures = tuple(_held(closures, set(locked), str(path)))
+        with naming(robot.source):
+            model = without_locked(model, locked)
+        closures = tuple(_held(closures, set(locked), robot.source))
         motors = tuple(name for name in motors if name not in locked)
-    load_poses(Path(path), model, {*locked, *found.joints})
-    inertias.warn(parse_xml(text, str(path)), str(path), stacklevel=3)
-    return Extended(model, closures, motors)
+    srdf = load_poses(urdf, model, {*locked, *found.joints})
+    inertias.warn(urdf.root, urdf.source, stacklevel=3)
+    motors = motors if actuated is None else actuated
+    return robot._replace(model=model, closures=closures, actuated=motors, srdf=srdf)
 
 
-def load_poses(path: Path, model: pin.Model, held: Collection[str] = ()) -> None:
-    """Named configurations, from the SRDF beside a URDF, where there is one.
+def read_cuts(urdf: Urdf, path: str | Path | None, default: str | Path | None = None) -> Cuts:
+    """Cuts of a URDF.
 
-    Raises:
-        DescriptionError: As `load_configurations`.
-    """
-    srdf = beside(path, ".srdf")
-    if srdf.is_file():
-        load_configurations(srdf, model, held)
-
-
-def closed(text: str, source: str, cuts: Cuts) -> Extended:
-    """The tree of a URDF, closed by its cuts, or else by its marks, and by its mimic joints.
+    Args:
+        urdf: The URDF, read from a file.
+        path: Their YAML; None for that beside the URDF.
+        default: The YAML if there is none beside; without one the marks of the URDF.
 
     Raises:
-        DescriptionError: As `parse_urdf`.
+        DescriptionError: When the YAML is missing or cannot be used.
     """
-    model = parse_urdf(text, source, cuts.joints)
+    if path is None:
+        path = beside(Path(urdf.source), ".yaml")
+        if not path.is_file():
+            if default is None and any("closing_" in str(x.get("name")) for x in urdf.root):
+                return Cuts((), (), _EARTH, {})
+            path = default or path
+    return parse_cuts(read_text(path, "YAML of the cuts"), str(path))
+
+
+def load_poses(urdf: Urdf, model: pin.Model, held: Collection[str] = ()) -> Srdf | None:
+    """Named configurations from the SRDF beside a URDF; the SRDF, where there is one."""
+    path = beside(Path(urdf.source), ".srdf")
+    if not path.is_file():
+        return None
+    srdf = Srdf(path)
+    srdf.load_configurations(model, held)
+    return srdf
+
+
+def closed(urdf: Urdf, cuts: Cuts) -> Described:
+    """The tree of a URDF, closed by its cuts, or else by its marks, and by its mimic joints."""
+    model = urdf.tree(cuts.joints)
     model.gravity.linear = cuts.gravity
-    loops = cuts.closures or closing_frames(model)
-    return Extended(model, (*loops, *parse_mimics(text, source)), cuts.actuated)
+    closures = (*(cuts.closures or closing_frames(model)), *urdf.mimics)
+    source = f"{urdf.source} with {cuts.source}" if cuts.source else urdf.source
+    return Described(source, model, closures, cuts.actuated, urdf.shapes)
 
 
 def _held(closures: Sequence[Constraint], locked: set[str], source: str) -> Iterator[Constraint]:
@@ -182,7 +195,9 @@ def parse_cuts(text: str, source: str) -> Cuts:
     problems += [f"joint_type: {kind!r} unknown; known: {', '.join(KINDS)}" for kind in unknown]
     if problems or gravity is None:
         raise DescriptionError(source, problems)
-    return Cuts(tuple(closures), tuple(motors), gravity, dict(zip(named, types, strict=True)))
+    return Cuts(
+        tuple(closures), tuple(motors), gravity, dict(zip(named, types, strict=True)), source
+    )
 
 
 def _content(text: str, source: str) -> dict[str, Any]:

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DescriptionWarning
-from .checks import ENTRIES
 from .problems import number
+from .urdf_checks import ENTRIES
 
 #: Of the largest moment: what rounding of an exact rod or disc leaves.
 _ROUNDING = 1e-9

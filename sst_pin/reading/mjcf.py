@@ -27,50 +27,17 @@ from ..chain.closures import Closure, Constraint, Coupling
 from ..chain.draft import Motor
 from ..errors import DescriptionError, MissingExtraError, UnknownNameError
 from ..files import as_path
+from .described import Described, naming
+from .shapes import MjcfShapes, pose_of
 from .urdf import MOST_JOINTS
 
 Array = NDArray[np.float64]
 
 
-class Mjcf(NamedTuple):
-    """What an MJCF says of a closed chain.
-
-    Attributes:
-        model: The tree, with the named keyframes as `referenceConfigurations`.
-        closures: Its active equalities.
-        actuated: Joints with an actuator, in the order of the actuators; a fixed tendon that has
-            one as the share of each joint.
-        stiffness: Of the joints' springs, shape (nv,).
-        spring_reference: Where they are at rest, shape (nq,).
-    """
-
-    model: pin.Model
-    closures: tuple[Constraint, ...]
-    actuated: tuple[Motor, ...]
-    stiffness: Array
-    spring_reference: Array
-
-
 def read_mjcf(
     path: str | Path, locked: Sequence[str] = (), actuated: Sequence[Motor] | None = None
-) -> Mjcf:
+) -> Described:
     """Read a robot; see `ClosedChain.from_mjcf`."""
-    return _reader(path, locked).read(actuated)
-
-
-def bodies_of(
-    path: str | Path, locked: Sequence[str] = ()
-) -> tuple[Any, list[tuple[int, pin.SE3]]]:
-    """MuJoCo's model of a robot and of each body the joint that bears it and its placement there.
-
-    Arguments and errors as `ClosedChain.from_mjcf`.
-    """
-    reader = _reader(path, locked)
-    reader.read(())
-    return reader.compiled, reader.bodies
-
-
-def _reader(path: str | Path, locked: Sequence[str]) -> _Reader:
     try:
         import mujoco
     except ImportError:
@@ -87,7 +54,7 @@ def _reader(path: str | Path, locked: Sequence[str]) -> _Reader:
         compiled.names.decode()
     except UnicodeDecodeError as error:
         raise DescriptionError(str(path), [f"names that are not UTF-8: {error}"]) from None
-    return _Reader(mujoco, compiled, str(path), locked)
+    return _Reader(mujoco, compiled, str(path), locked).read(actuated)
 
 
 def _first_element(path: Path) -> str:
@@ -102,7 +69,7 @@ class _Reader:
     """One pass over a compiled model."""
 
     def __init__(self, mujoco: Any, compiled: Any, source: str, locked: Sequence[str]) -> None:
-        self.compiled = self._mj = compiled
+        self._mj = compiled
         self._source, self._locked = source, set(locked)
         self._mujoco = mujoco
         self._model = pin.Model()
@@ -110,7 +77,7 @@ class _Reader:
         weightless = self._disabled("gravity")
         self._model.gravity.linear = np.zeros(3) if weightless else compiled.opt.gravity
         #: Of each body: the joint that bears it and its placement there.
-        self.bodies = [(0, pin.SE3.Identity())]
+        self._bodies = [(0, pin.SE3.Identity())]
         #: Of each rate: the degree of freedom in MuJoCo.
         self._dofs: list[int] = []
         self._rest: list[float] = []
@@ -120,14 +87,15 @@ class _Reader:
         self._turns: dict[int, int] = {}
         self._problems: list[str] = []
 
-    def read(self, actuated: Sequence[Motor] | None) -> Mjcf:
+    def read(self, actuated: Sequence[Motor] | None) -> Described:
         """Tree, closures, motors; given ones replace those of the file."""
         mj, model = self._mj, self._model
         if problems := [*self._impossible(), *self._switched_off()]:
             raise DescriptionError(self._source, problems)
         known = [name for j in range(mj.njnt) for name in (self._name(j), *self._axes(j))]
-        for name in self._locked.difference(known):
-            raise UnknownNameError("joint", name, dict.fromkeys(known))
+        with naming(self._source):
+            for name in self._locked.difference(known):
+                raise UnknownNameError("joint", name, dict.fromkeys(known))
         names = Counter(self._name(j) for j in range(mj.njnt))
         if twice := [name for name, count in names.items() if count > 1]:
             text = f"a joint without a name gets its body's name: several joints {', '.join(twice)}"
@@ -136,7 +104,7 @@ class _Reader:
             self._add_body(body)
         self._add_sites()
         closures = tuple(self._closures())
-        motors = tuple(self._motors() if actuated is None else actuated)
+        motors = tuple(self._motors()) if actuated is None else actuated
         self._add_body_frames()
         self._problems += list(self._forces()) or self._unread_forces()
         if self._problems:
@@ -164,7 +132,8 @@ class _Reader:
                     q[i] = _turns_of(mj.key_qpos[key][address : address + 4])[turn]
                 model.referenceConfigurations[name] = pin.normalize(model, q)
         stiffness = mj.jnt_stiffness[joints] * (not self._disabled("spring"))
-        return Mjcf(model, closures, motors, stiffness, np.array(self._rest))
+        shapes, rest = MjcfShapes(mj, self._bodies), np.array(self._rest)
+        return Described(self._source, model, closures, motors, shapes, stiffness, rest)
 
     def _disabled(self, flag: str) -> bool:
         """Whether a flag of the options is "disable"; not every MuJoCo has every flag."""
@@ -208,12 +177,12 @@ class _Reader:
 
     def _add_body(self, body: int) -> None:
         mj = self._mj
-        parent, placement = self.bodies[mj.body_parentid[body]]
+        parent, placement = self._bodies[mj.body_parentid[body]]
         placement = placement * pose_of(mj.body_pos[body], mj.body_quat[body])
         first = mj.body_jntadr[body]
         for joint in range(first, first + mj.body_jntnum[body]):
             parent, placement = self._add_joint(joint, parent, placement)
-        self.bodies.append((parent, placement))
+        self._bodies.append((parent, placement))
         R = pose_of(mj.body_ipos[body], mj.body_iquat[body]).rotation
         inertia = pin.Inertia(
             mj.body_mass[body], mj.body_ipos[body], R * mj.body_inertia[body] @ R.T
@@ -275,7 +244,7 @@ class _Reader:
         for body in range(1, self._mj.nbody):
             name = self._mj.body(body).name
             if name and not self._model.existFrame(name):
-                parent, placement = self.bodies[body]
+                parent, placement = self._bodies[body]
                 self._model.addFrame(pin.Frame(name, parent, placement, pin.FrameType.BODY))
 
     def _site(self, site: int) -> str:
@@ -287,7 +256,7 @@ class _Reader:
                 f"frame {name}: two frames (sites, ends of equalities) have this name"
             )
             return
-        parent, placement = self.bodies[body]
+        parent, placement = self._bodies[body]
         kind = pin.FrameType.OP_FRAME
         self._model.addFrame(pin.Frame(name, parent, placement * place, kind))
 
@@ -532,8 +501,3 @@ _FREE, _BALL, _SLIDE, _HINGE = range(4)
 _SWITCHED_OFF = {"constraint": "closure", "equality": "closure", "actuation": "motor"}
 #: Where `eq_data` of a weld has what its torque is scaled by: with 0 it lets the bodies turn.
 _TORQUESCALE = 10
-
-
-def pose_of(position: Array, quaternion: Array) -> pin.SE3:
-    """Of MuJoCo's w, x, y, z."""
-    return pin.SE3(pin.Quaternion(*quaternion).normalized().matrix(), position)

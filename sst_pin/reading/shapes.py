@@ -4,15 +4,18 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from collections.abc import Sequence
+from copy import deepcopy
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import coal
+import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from ..errors import DescriptionError
-from .mjcf import bodies_of, pose_of
-from .urdf import parse_xml
 
 #: Groups of geoms that MuJoCo's viewer shows; collision shapes are in others by custom.
 _SHOWN_GROUPS = 3
@@ -22,15 +25,16 @@ _SPHERE, _CAPSULE, _ELLIPSOID, _CYLINDER, _BOX, _MESH = range(2, 8)
 _CURE = "an empty pinocchio.GeometryModel() as visual_model (show --skeleton) does without"
 
 
-class UrdfShapes(NamedTuple):
+@dataclass(frozen=True)
+class UrdfShapes:
     """Of a URDF.
 
     Attributes:
-        urdf: The XML that names them.
+        root: Its elements.
         folder: What its mesh files are relative to; `package://` is looked for above it too.
     """
 
-    urdf: str
+    root: ET.Element
     folder: Path
 
     def __call__(
@@ -48,41 +52,38 @@ class UrdfShapes(NamedTuple):
         folders = [str(folder) for folder in (self.folder, *self.folder.resolve().parents)]
         try:
             return pin.buildGeomFromUrdfString(
-                model, _without_dynamics(self.urdf), kind, package_dirs=folders
+                model, _without_dynamics(self.root), kind, package_dirs=folders
             )
         except (ValueError, RuntimeError) as error:
             problem = f"its shapes cannot be loaded: {error}; {_CURE}"
             raise DescriptionError(str(self.folder), [problem]) from None
 
 
-class MjcfShapes(NamedTuple):
+@dataclass(frozen=True)
+class MjcfShapes:
     """Of an MJCF: geoms of the groups that MuJoCo's viewer shows.
 
     Attributes:
-        path: The file.
-        locked: As it was read.
+        compiled: MuJoCo's model.
+        bodies: Of each body the joint that bears it and its placement there.
     """
 
-    path: Path
-    locked: tuple[str, ...]
+    compiled: Any
+    bodies: Sequence[tuple[int, pin.SE3]]
 
     def __call__(self, model: pin.Model) -> pin.GeometryModel:
         """Shapes for the eye.
 
         Args:
             model: The tree as it was read.
-
-        Raises:
-            DescriptionError: When the file is there no more.
         """
-        mj, bodies = bodies_of(self.path, self.locked)
-        shapes = pin.GeometryModel()
+        mj, shapes = self.compiled, pin.GeometryModel()
         for i in range(mj.ngeom):
             colour = mj.mat_rgba[mj.geom_matid[i]] if mj.geom_matid[i] >= 0 else mj.geom_rgba[i]
             geometry = _geometry(mj, i)
             if geometry is None or not colour[3] or mj.geom_group[i] >= _SHOWN_GROUPS:
                 continue
-            joint, at = bodies[mj.geom_bodyid[i]]
+            joint, at = self.bodies[mj.geom_bodyid[i]]
             at = at * pose_of(mj.geom_pos[i], mj.geom_quat[i])
             shape = pin.GeometryObject(f"{i}_{mj.geom(i).name}", joint, at, geometry)
             shape.meshColor = colour.astype(float)
@@ -90,24 +91,33 @@ class MjcfShapes(NamedTuple):
         return shapes
 
 
-def _without_dynamics(urdf: str) -> str:
+def pose_of(position: NDArray[np.float64], quaternion: NDArray[np.float64]) -> pin.SE3:
+    """A placement from MuJoCo's position and quaternion w, x, y, z."""
+    return pin.SE3(pin.Quaternion(*quaternion).normalized().matrix(), position)
+
+
+def _without_dynamics(root: ET.Element) -> str:
     """Links with their shapes and how they hang together, numbers with one blank between them.
 
     Joints and masses are those of the model; here they could only be wrong.
     """
-    root = parse_xml(urdf, "URDF")
-    root[:] = [element for element in root if element.tag in ("link", "joint", "material")]
+    bare = ET.Element(root.tag, root.attrib)
     for element in root:
-        if element.tag == "joint":
-            element.set("type", "fixed")
-            element[:] = [child for child in element if child.tag in ("parent", "child")]
-        elif element.tag == "link":
-            element[:] = [child for child in element if child.tag in ("visual", "collision")]
-            for each in element.iter():
+        if element.tag == "material":
+            bare.append(element)
+        elif element.tag in ("link", "joint"):
+            link = element.tag == "link"
+            kept = ("visual", "collision") if link else ("parent", "child")
+            copy = ET.SubElement(bare, element.tag, element.attrib)
+            copy.extend(deepcopy(child) for child in element if child.tag in kept)
+            if not link:
+                copy.set("type", "fixed")
+                continue
+            for each in copy.iter():
                 for key in ("xyz", "rpy", "size", "scale", "rgba", "radius", "length"):
                     if key in each.attrib:
                         each.set(key, " ".join(each.attrib[key].split()))
-    return ET.tostring(root, encoding="unicode")
+    return ET.tostring(bare, encoding="unicode")
 
 
 def _geometry(mj: Any, i: int) -> coal.CollisionGeometry | None:

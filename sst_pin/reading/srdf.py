@@ -11,40 +11,46 @@ import pinocchio as pin
 
 from ..errors import DescriptionError
 from .problems import numbers
-from .text import read_text
-from .urdf import parse_xml
+from .text import parse_xml, read_text
 
 
-def load_configurations(path: str | Path, model: pin.Model, held: Collection[str] = ()) -> None:
-    """Put the named configurations of an SRDF into a model, as its `referenceConfigurations`.
-
-    Args:
-        path: The SRDF; its pairs of links are not looked at.
-        model: The tree that it belongs to.
-        held: Joints that the SRDF may name though the tree does not have them.
-
-    Raises:
-        DescriptionError: When it cannot be read, with every problem found.
-    """
-    root = parse_xml(read_text(path, "SRDF"), str(path), "an SRDF")
-    if problems := list(_configurations(root, model, held)):
-        raise DescriptionError(str(path), problems)
-    pin.loadReferenceConfigurations(model, str(path), False)
-
-
-def check_srdf(path: str | Path, model: pin.Model) -> None:
-    """Refuse what Pinocchio would leave at zero, or leave out, in silence.
+class Srdf:
+    """An SRDF, read and parsed once.
 
     Args:
-        path: The SRDF.
-        model: The tree that it belongs to.
+        path: The file.
 
     Raises:
-        DescriptionError: When it cannot be read, with every problem found.
+        DescriptionError: When it is not XML.
     """
-    root = parse_xml(read_text(path, "SRDF"), str(path), "an SRDF")
-    if problems := [*_configurations(root, model), *_pairs(root, model)]:
-        raise DescriptionError(str(path), problems)
+
+    def __init__(self, path: Path) -> None:
+        self._source, self._text = str(path), read_text(path, "SRDF")
+        self._root = parse_xml(self._text, self._source, "an SRDF")
+
+    def load_configurations(self, model: pin.Model, held: Collection[str] = ()) -> None:
+        """Put the named configurations into a model, as its `referenceConfigurations`.
+
+        Args:
+            model: The tree that it belongs to.
+            held: Joints that the SRDF may name though the tree does not have them.
+
+        Raises:
+            DescriptionError: For what Pinocchio would leave at zero in silence.
+        """
+        if problems := list(_configurations(self._root, model, held)):
+            raise DescriptionError(self._source, problems)
+        pin.loadReferenceConfigurationsFromXML(model, self._text, False)
+
+    def remove_pairs(self, model: pin.Model, collision: pin.GeometryModel) -> None:
+        """Leave out the pairs of links that need no check.
+
+        Raises:
+            DescriptionError: For what Pinocchio would leave out in silence.
+        """
+        if problems := list(_pairs(self._root, model)):
+            raise DescriptionError(self._source, problems)
+        pin.removeCollisionPairsFromXML(model, collision, self._text, False)
 
 
 def _configurations(

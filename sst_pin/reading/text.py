@@ -3,12 +3,15 @@
 
 from __future__ import annotations
 
+import xml.etree.ElementTree as ET
 from pathlib import Path
 
 from ..errors import DescriptionError
 
 #: What a description may have, [byte]; the largest of real robots has half a million.
 _LARGEST = 16 * 2**20
+#: Links, joints and others; Pinocchio goes down a tree by recursion, deep enough to crash.
+_MOST_ELEMENTS = 10_000
 
 
 def is_mjcf(path: Path) -> bool:
@@ -31,3 +34,20 @@ def read_text(path: str | Path, what: str) -> str:
     if len(content) > _LARGEST:
         raise DescriptionError(str(path), [f"the {what} has more than {_LARGEST} bytes"])
     return text
+
+
+def parse_xml(text: str, source: str, what: str = "a URDF") -> ET.Element:
+    """The elements of a URDF or an SRDF.
+
+    Raises:
+        DescriptionError: When it is not XML, with line and column, which urdfdom does not say; or
+            when it is larger than any robot.
+    """
+    try:
+        root = ET.fromstring(text)
+    except ET.ParseError as error:
+        raise DescriptionError(source, [f"not {what}: not XML: {error}"]) from None
+    if len(root) > _MOST_ELEMENTS:
+        text = f"not {what}: {len(root)} elements; at most {_MOST_ELEMENTS} are supported"
+        raise DescriptionError(source, [text])
+    return root

@@ -1,19 +1,22 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""URDF to a Pinocchio model, its mimic joints to couplings."""
+"""A URDF to a Pinocchio model, couplings of its mimic joints and shapes."""
 
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from difflib import get_close_matches
+from pathlib import Path
 from typing import Any
 
 import pinocchio as pin
 
 from ..chain.closures import Closure, Coupling
+from ..chain.rebuilt_tree import rebuilt
 from ..errors import DescriptionError
-from .checks import FIXED, INERTIAL, MOVING, check
-from .problems import Problem
+from .shapes import UrdfShapes
+from .text import parse_xml, read_text
+from .urdf_checks import FIXED, INERTIAL, MOVING, check
 
 _TURNS = {"X": pin.JointModelRX(), "Y": pin.JointModelRY(), "Z": pin.JointModelRZ()}
 #: What a joint of the LAAS schema is: its parts, each with what is added to its name.
@@ -27,73 +30,108 @@ KINDS: dict[str, dict[str, Any]] = {
         if a != b
     },
 }
-#: What a tree has for each rate, and for each coordinate.
-_OF_RATES = ("damping", "friction", "effortLimit", "velocityLimit")
-_OF_COORDINATES = ("lowerPositionLimit", "upperPositionLimit")
 #: Of a joint without limits; [rad] or [m].
 _WIDE = "1e9"
 #: Pinocchio's data have several arrays with the cube of their number: 4 GB here.
 MOST_JOINTS = 400
-#: Links, joints and others; Pinocchio goes down a tree by recursion, deep enough to crash.
-_MOST_ELEMENTS = 10_000
 
 
-def parse_urdf(text: str, source: str, joints: Mapping[str, str] | None = None) -> pin.Model:
-    """A Pinocchio model of a URDF.
-
-    A `continuous` joint is read as a revolute one without limits: one angle, where Pinocchio would
-    have its cosine and sine. A joint that mimics another is free here; see `parse_mimics`.
+class Urdf:
+    """A URDF, read and parsed once.
 
     Args:
         text: The XML.
-        source: What error messages call it.
-        joints: What joints are in truth, where a URDF cannot say, by name: "FIXED"; "SPHERICAL", a
-            ball; "UJOINT_XY", ..., a joint for each axis, `name_X` and `name_Y`.
+        source: Its path, or what else error messages call it.
 
-    Raises:
-        DescriptionError: When it is no URDF, or has what the dynamics would overlook: with every
-            error that `validate` finds in names, tree and numbers.
-    """
-    root = parse_xml(text, source)
-    problems = _errors(check(root))
-    names = [joint.get("name", "") for joint in root.findall("joint")]
-    for name in set(joints or ()).difference(names):
-        meant = [f"; {near} is meant?" for near in get_close_matches(name, names, 1, 0.8)]
-        problems.append(f"joint {name} is missing{''.join(meant)}")
-    if problems:
-        raise DescriptionError(source, problems)
-    _strip(root)
-    _unbind(root)
-    for joint in root.findall("joint"):
-        if (joints or {}).get(joint.get("name", "")) == "FIXED":
-            joint.set("type", "fixed")
-    moving = sum(joint.get("type") != "fixed" for joint in root.findall("joint"))
-    if moving > MOST_JOINTS:
-        problems = [f"{moving} moving joints; at most {MOST_JOINTS} are supported"]
-        raise DescriptionError(source, problems)
-    try:
-        model = pin.buildModelFromXML(ET.tostring(root, encoding="unicode"))
-    except (ValueError, RuntimeError) as error:
-        raise DescriptionError(source, [f"not a URDF: {error}"]) from None
-    parts = {name: KINDS[kind] for name, kind in (joints or {}).items() if KINDS[kind]}
-    return _with(model, parts, source) if parts else model
-
-
-def parse_mimics(text: str, source: str) -> tuple[Coupling, ...]:
-    """A coupling for each joint of a URDF that mimics another: multiplier and offset.
+    Attributes:
+        source: As given.
+        root: Its elements; not to be changed.
+        problems: What is wrong in names, tree and numbers.
 
     Raises:
         DescriptionError: When it is not XML.
     """
-    return tuple(
-        Coupling(
-            joint.get("name", ""),
-            {mimic.get("joint", ""): (0.0, float(mimic.get("multiplier", "1")))},
-            float(mimic.get("offset", "0")),
+
+    def __init__(self, text: str, source: str) -> None:
+        self.source, self.root = source, parse_xml(text, source)
+        self.problems = tuple(check(self.root))
+
+    @classmethod
+    def read(cls, path: str | Path) -> Urdf:
+        """The URDF in a file."""
+        return cls(read_text(path, "URDF"), str(path))
+
+    @property
+    def joint_names(self) -> list[str]:
+        """Names of all joints, in the order of the file."""
+        return [joint.get("name", "") for joint in self.root.findall("joint")]
+
+    @property
+    def shapes(self) -> UrdfShapes:
+        """The shapes of its bodies."""
+        return UrdfShapes(self.root, Path(self.source).parent)
+
+    def tree(self, joints: Mapping[str, str] | None = None) -> pin.Model:
+        """The Pinocchio model.
+
+        A `continuous` joint is read as a revolute one without limits: one angle, where Pinocchio
+        would have its cosine and sine. A joint that mimics another is free here; see `mimics`.
+
+        Args:
+            joints: What joints are in truth, where a URDF cannot say, by name: "FIXED";
+                "SPHERICAL", a ball; "UJOINT_XY", ..., a joint for each axis, `name_X` and `name_Y`.
+
+        Raises:
+            DescriptionError: With every error of `problems`, or for an unknown joint.
+        """
+        joints, names = joints or {}, self.joint_names
+        problems = [
+            f"{'not a URDF' if problem.where == 'file' else problem.where}: {problem.text}"
+            for problem in self.problems
+            if problem.severity == "error"
+        ]
+        for name in set(joints).difference(names):
+            meant = [f"; {near} is meant?" for near in get_close_matches(name, names, 1, 0.8)]
+            problems.append(f"joint {name} is missing{''.join(meant)}")
+        if problems:
+            raise DescriptionError(self.source, problems)
+        root = _dynamics(self.root)
+        for joint in root.findall("joint"):
+            if joints.get(joint.get("name", "")) == "FIXED":
+                joint.set("type", "fixed")
+        moving = sum(joint.get("type") != "fixed" for joint in root.findall("joint"))
+        if moving > MOST_JOINTS:
+            problems = [f"{moving} moving joints; at most {MOST_JOINTS} are supported"]
+            raise DescriptionError(self.source, problems)
+        try:
+            model = pin.buildModelFromXML(ET.tostring(root, encoding="unicode"))
+        except (ValueError, RuntimeError) as error:
+            raise DescriptionError(self.source, [f"not a URDF: {error}"]) from None
+        parts = {name: KINDS[kind] for name, kind in joints.items() if KINDS[kind]}
+        return self._split(model, parts) if parts else model
+
+    def _split(self, model: pin.Model, parts: Mapping[str, Mapping[str, Any]]) -> pin.Model:
+        """The tree with some joints replaced by several in series."""
+        taken = {frame.name for frame in model.frames if frame.type != pin.FrameType.BODY}
+        for name in (name + suffix for name, own in parts.items() for suffix in own if suffix):
+            if name in taken:
+                text = f"joint {name}: 2 have this name, a part of {name[:-2]} is one of them"
+                raise DescriptionError(self.source, [text])
+        numbers = {model.getJointId(name): own for name, own in parts.items()}
+        return rebuilt(model, numbers, pin.neutral(model))
+
+    @property
+    def mimics(self) -> tuple[Coupling, ...]:
+        """A coupling for each joint that mimics another: multiplier and offset."""
+        return tuple(
+            Coupling(
+                joint.get("name", ""),
+                {mimic.get("joint", ""): (0.0, float(mimic.get("multiplier", "1")))},
+                float(mimic.get("offset", "0")),
+            )
+            for joint in self.root.findall("joint")
+            for mimic in joint.findall("mimic")
         )
-        for joint in parse_xml(text, source).findall("joint")
-        for mimic in joint.findall("mimic")
-    )
 
 
 def closing_frames(model: pin.Model) -> tuple[Closure, ...]:
@@ -106,94 +144,30 @@ def closing_frames(model: pin.Model) -> tuple[Closure, ...]:
     return tuple(Closure(a, b, "3d") for a, b in pairs if a.endswith("_1") and model.existFrame(b))
 
 
-def parse_xml(text: str, source: str, what: str = "a URDF") -> ET.Element:
-    """The elements of a URDF or an SRDF.
-
-    Raises:
-        DescriptionError: When it is not XML, with line and column, which urdfdom does not say; or
-            when it is larger than any robot.
-    """
-    try:
-        root = ET.fromstring(text)
-    except ET.ParseError as error:
-        raise DescriptionError(source, [f"not {what}: not XML: {error}"]) from None
-    if len(root) > _MOST_ELEMENTS:
-        text = f"not {what}: {len(root)} elements; at most {_MOST_ELEMENTS} are supported"
-        raise DescriptionError(source, [text])
-    return root
-
-
-def _errors(problems: Iterable[Problem]) -> list[str]:
-    return [
-        f"{'not a URDF' if problem.where == 'file' else problem.where}: {problem.text}"
-        for problem in problems
-        if problem.severity == "error"
-    ]
-
-
-def _strip(root: ET.Element) -> None:
-    """Leave what the dynamics are made of, and one blank between numbers.
+def _dynamics(root: ET.Element) -> ET.Element:
+    """What the dynamics are made of, with one blank between numbers and no continuous joints.
 
     Otherwise urdfdom takes a number before a tab for none, and a tree with an odd shape as well.
     """
-    root[:] = [element for element in root if element.tag in ("link", "joint")]
+    found = ET.Element(root.tag, root.attrib)
     for element in root:
+        if element.tag not in ("link", "joint"):
+            continue
         fixed = element.get("type") == "fixed"
         kept = ("inertial",) if element.tag == "link" else FIXED if fixed else MOVING
-        element[:] = [child for child in element if child.tag in kept]
-        for child in element:
-            child[:] = [ET.Element(e.tag, e.attrib) for e in child if e.tag in INERTIAL]
-            if child.tag == "dynamics":  # urdfdom wants one of them
-                child.attrib.setdefault("damping", "0")
-            if child.tag not in ("parent", "child"):  # which have names
-                for e in (child, *child):
+        copy = ET.SubElement(found, element.tag, element.attrib)
+        for child in (child for child in element if child.tag in kept):
+            part = ET.SubElement(copy, child.tag, child.attrib)
+            part.extend(ET.Element(e.tag, e.attrib) for e in child if e.tag in INERTIAL)
+            if part.tag == "dynamics":  # urdfdom wants one of them
+                part.attrib.setdefault("damping", "0")
+            if part.tag not in ("parent", "child"):  # which have names
+                for e in (part, *part):
                     e.attrib.update({key: " ".join(text.split()) for key, text in e.items()})
-
-
-def _unbind(root: ET.Element) -> None:
-    """Make continuous joints revolute."""
-    for joint in root.findall("joint"):
-        if joint.get("type") == "continuous":
-            joint.set("type", "revolute")
-            limit = joint.find("limit")
+        if copy.get("type") == "continuous":
+            copy.set("type", "revolute")
+            limit = copy.find("limit")
             if limit is None:
-                limit = ET.SubElement(joint, "limit", effort="0", velocity="0")
+                limit = ET.SubElement(copy, "limit", effort="0", velocity="0")
             limit.attrib.update(lower="-" + _WIDE, upper=_WIDE)
-
-
-def _with(old: pin.Model, parts: Mapping[str, Mapping[str, Any]], source: str) -> pin.Model:
-    """The tree in which some joints are replaced, each by one or several joints in series."""
-    for name in (name + suffix for name, own in parts.items() for suffix in own if suffix):
-        if any(frame.name == name and frame.type != pin.FrameType.BODY for frame in old.frames):
-            text = f"joint {name}: 2 have this name, a part of {name[:-2]} is one of them"
-            raise DescriptionError(source, [text])
-    model, ids = pin.Model(), [0]
-    model.name, model.gravity = old.name, old.gravity
-    model.inertias[0] = old.inertias[0]
-    for name, place, joint, parent, inertia in zip(
-        *(list(x)[1:] for x in (old.names, old.jointPlacements, old.joints, old.parents)),
-        list(old.inertias)[1:],
-        strict=True,
-    ):
-        parent_joint, at = ids[parent], place
-        for suffix, part in parts.get(name, {"": joint}).items():
-            parent_joint = model.addJoint(parent_joint, part, at, name + suffix)
-            at = pin.SE3.Identity()
-            model.addJointFrame(parent_joint)
-        model.appendBodyToJoint(parent_joint, inertia, at)
-        ids.append(parent_joint)
-    for frame in list(old.frames)[1:]:
-        if frame.type != pin.FrameType.JOINT:
-            placed = pin.Frame(frame.name, ids[frame.parentJoint], frame.placement, frame.type)
-            model.addFrame(placed, False)
-    for name in set(old.names) & set(model.names) - set(parts):  # numbers of the joints that stay
-        a, b = (m.joints[m.getJointId(name)] for m in (old, model))
-        for field in _OF_RATES:
-            getattr(model, field)[b.idx_v : b.idx_v + b.nv] = getattr(old, field)[
-                a.idx_v : a.idx_v + a.nv
-            ]
-        for field in _OF_COORDINATES:
-            getattr(model, field)[b.idx_q : b.idx_q + b.nq] = getattr(old, field)[
-                a.idx_q : a.idx_q + a.nq
-            ]
-    return model
+    return found

@@ -3,9 +3,10 @@
 
 from __future__ import annotations
 
+import xml.etree.ElementTree as ET
+from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import NamedTuple
 
 import pinocchio as pin
 
@@ -15,10 +16,11 @@ from ..files import write_files
 from ..reading.shapes import UrdfShapes
 
 
-class ParameterShapes(NamedTuple):
+@dataclass(frozen=True)
+class ParameterShapes:
     """The shapes of a URDF whose meshes are made of its parameters."""
 
-    urdf: str
+    root: ET.Element
     parameters: Parameters
 
     def __call__(self, model: pin.Model) -> pin.GeometryModel:
@@ -27,4 +29,4 @@ class ParameterShapes(NamedTuple):
             folder = Path(name)
             files = mesh_writers(self.parameters)
             write_files({folder / n: write for n, write in files.items()}, folder=folder)
-            return UrdfShapes(self.urdf, folder)(model)
+            return UrdfShapes(self.root, folder)(model)

@@ -12,20 +12,21 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from .. import description, reading
+from .. import description
 from ..arrays import finite_array, in_one_turn, of_samples, single_array
 from ..chain.appearance import Appearance
 from ..chain.closed_chain import ClosedChain
+from ..chain.closures import Coupling
 from ..chain.current import Current
+from ..chain.mechanism import Friction
 from ..chain.tree import frame_named
 from ..description import MOTOR_NAMES
 from ..description.parameters import Parameters
 from ..errors import DescriptionError, InputError, WorkspaceError
-from ..files import Table, beside
+from ..files import Table
 from ..motion.limits import Finding, findings, samples_of
 from ..motion.trajectories import Trajectory
-from ..reading import inertias
-from ..reading.shapes import UrdfShapes
+from ..reading import Described, Urdf, closed, parse_cuts, read_urdf
 from . import check, direct_kinematics, kernel_path, kinematics, star_appearance, star_motions
 from .geometry_models import ParameterShapes
 from .kinematics import Geometry
@@ -78,15 +79,16 @@ class SST(ClosedChain):
 
     def __init__(self, parameters: Parameters | None = None, *, kernels: bool = True) -> None:
         if parameters is None:
-            self._load_files(Path(description.URDF_PATH), Path(description.YAML_PATH), kernels)
+            self._load(read_urdf(description.URDF_PATH, description.YAML_PATH), kernels)
         elif not isinstance(parameters, Parameters):
             raise InputError(
                 "parameters", f"{parameters!r} is not Parameters; to read a file use SST.from_urdf"
             )
         else:
-            urdf, cuts = description.urdf_of(parameters), description.yaml_of(parameters)
-            self._load(urdf, cuts, "URDF of the parameters", "cuts of the parameters", kernels)
-            self._shapes = ParameterShapes(urdf, parameters)
+            urdf = Urdf(description.urdf_of(parameters), "URDF of the parameters")
+            cuts = parse_cuts(description.yaml_of(parameters), "cuts of the parameters")
+            shapes = ParameterShapes(urdf.root, parameters)
+            self._load(closed(urdf, cuts)._replace(shapes=shapes), kernels)
 
     @classmethod
     def from_urdf(  # type: ignore[override]  # an SST has its motors and nothing to lock
@@ -111,9 +113,8 @@ class SST(ClosedChain):
             >>> robot.motor_names
             ('gamma_1', 'gamma_2', 'gamma_3')
         """
-        robot = cls.__new__(cls)
-        robot._load_files(path, cuts, kernels)
-        return robot
+        found = read_urdf(path, cuts, default=description.YAML_PATH)
+        return cls._of_file(found, kernels)
 
     @classmethod
     def from_mjcf(  # type: ignore[override]  # an SST has its motors
@@ -135,44 +136,41 @@ class SST(ClosedChain):
             >>> sst_pin.SST.from_mjcf(sst_pin.MJCF_PATH).motor_names
             ('gamma_1', 'gamma_2', 'gamma_3')
         """
-        chain, source = ClosedChain.from_mjcf(path, locked=locked), str(path)
-        geometry = geometry_of(chain.model, source)
-        motors = tuple(chain.joint_names[i] for i in chain.actuated)
-        ends = {str(closure) for closure in chain.closures}
+        from ..reading.mjcf import read_mjcf
+
+        found, source = read_mjcf(path, locked), str(path)
+        geometry = geometry_of(found.model, source)
+        motors = found.actuated
+        ends = {str(closure) for closure in found.closures}
         if motors != MOTOR_NAMES or ends != _WELDS:
             wanted = f"an SST has motors {', '.join(MOTOR_NAMES)} and welds {sorted(_WELDS)}"
             raise DescriptionError(
                 source, [f"motors {motors}, equalities {sorted(ends)}; {wanted}"]
             )
-        return cls(parameters_of(chain.model, geometry, chain.friction), kernels=kernels)
+        if found.stiffness is not None and found.stiffness.any():
+            raise DescriptionError(source, ["an SST has no springs at its joints"])
+        friction = Friction(found.model.damping, found.model.friction)
+        return cls(parameters_of(found.model, geometry, friction), kernels=kernels)
 
-    def _load_files(self, path: str | Path, cuts: str | Path | None, kernels: bool) -> None:
-        urdf = reading.read_text(path, "URDF")
-        if cuts is None:
-            own = beside(Path(path), ".yaml")
-            cuts = own if own.is_file() else Path(description.YAML_PATH)
-        text = reading.read_text(cuts, "YAML of the cuts")
-        self._load(urdf, text, str(path), str(cuts), kernels)
-        inertias.warn(reading.parse_xml(urdf, str(path)), str(path), stacklevel=3)
-        self._shapes = UrdfShapes(urdf, Path(path).parent)
+    @classmethod
+    def _of_file(cls, found: Described, kernels: bool = True) -> SST:
+        robot = cls.__new__(cls)
+        robot._load(found, kernels)
+        return robot
 
-    def _load(
-        self, urdf: str, cuts: str, urdf_source: str, cuts_source: str, kernels: bool
-    ) -> None:
-        closures, actuated, gravity, joints = reading.parse_cuts(cuts, cuts_source)
-        model = reading.parse_urdf(urdf, urdf_source, joints)
-        geometry_of(model, urdf_source)  # its complaints come first
-        if mimics := reading.parse_mimics(urdf, urdf_source):
-            raise DescriptionError(urdf_source, [f"{mimics[0]}: an SST has no mimic joints"])
-        if actuated != MOTOR_NAMES:
+    def _load(self, found: Described, kernels: bool) -> None:
+        geometry_of(found.model, found.source)  # its complaints come first
+        if mimics := [each for each in found.closures if isinstance(each, Coupling)]:
+            raise DescriptionError(found.source, [f"{mimics[0]}: an SST has no mimic joints"])
+        if found.actuated != MOTOR_NAMES:
+            wanted = ", ".join(MOTOR_NAMES)
             raise DescriptionError(
-                cuts_source, [f"name_mot: {list(actuated)}, an SST has {', '.join(MOTOR_NAMES)}"]
+                found.source, [f"name_mot: {list(found.actuated)}, an SST has {wanted}"]
             )
-        model.gravity.linear = gravity
-        super().__init__(model, closures, actuated, coordinates=actuated)
+        super().__init__(found.model, found.closures, MOTOR_NAMES, coordinates=MOTOR_NAMES)
         off = "" if kernels else "switched off by kernels=False"
-        kernels_of = partial(kernel_path.backend, off=off)
-        self._current = Current(self._current.mechanism, kernels_of)
+        self._current = Current(self._current.mechanism, partial(kernel_path.backend, off=off))
+        self._shapes = found.shapes
 
     _examine = staticmethod(_geometry)
     _platform = "beta_1"  # the star

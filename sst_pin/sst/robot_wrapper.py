@@ -10,9 +10,7 @@ import pinocchio as pin
 from .. import description
 from ..errors import DescriptionError
 from ..files import as_path, beside
-from ..reading.shapes import UrdfShapes
-from ..reading.srdf import check_srdf
-from ..reading.text import read_text
+from ..reading import read_urdf
 from .robot import SST
 
 
@@ -35,19 +33,16 @@ def load(urdf: str | Path = description.URDF_PATH) -> pin.RobotWrapper:
         9
     """
     path = as_path(urdf)
-    sst = SST.from_urdf(path, kernels=False)
-    model = sst.model
-    srdf = beside(path, ".srdf")
-    if not srdf.is_file():
-        raise DescriptionError(str(srdf), ["the SRDF beside the URDF is missing"])
-    check_srdf(srdf, model)
-    pin.loadReferenceConfigurations(model, str(srdf), False)
-    shapes = UrdfShapes(read_text(path, "URDF"), path.parent)
+    found = read_urdf(path, default=description.YAML_PATH)
+    sst = SST._of_file(found, kernels=False)
+    model, srdf = sst.model, found.srdf
+    if srdf is None:
+        raise DescriptionError(str(beside(path, ".srdf")), ["the SRDF beside the URDF is missing"])
     visual, collision = (
-        shapes(model, kind) for kind in (pin.GeometryType.VISUAL, pin.GeometryType.COLLISION)
+        found.shapes(model, kind) for kind in (pin.GeometryType.VISUAL, pin.GeometryType.COLLISION)
     )
     collision.addAllCollisionPairs()
-    pin.removeCollisionPairs(model, collision, str(srdf), False)
+    srdf.remove_pairs(model, collision)
     robot = pin.RobotWrapper(model, collision, visual)
     robot.q0 = sst.home
     return robot

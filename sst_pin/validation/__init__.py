@@ -4,15 +4,28 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import NamedTuple
 
 from ..chain.closed_chain import ClosedChain
 from ..errors import ClosureError, DescriptionError, InputError
 from ..files import as_path, beside
-from ..reading import checks, is_mjcf, parse_urdf, parse_xml, read_text
+from ..reading import Urdf, is_mjcf
 from ..reading.problems import Problem, error
 from . import inertia, loops, meshes
 
-__all__ = ["Problem", "summary", "validate"]
+__all__ = ["Problem", "examine", "validate"]
+
+
+class Examined(NamedTuple):
+    """A description that was looked at.
+
+    Attributes:
+        problems: Errors first, then warnings.
+        summary: Joints, mass and mobility of a robot without errors.
+    """
+
+    problems: list[Problem]
+    summary: str = ""
 
 
 def validate(path: str | Path, cuts: str | Path | None = None) -> list[Problem]:
@@ -41,50 +54,41 @@ def validate(path: str | Path, cuts: str | Path | None = None) -> list[Problem]:
         >>> sst_pin.validate(sst_pin.URDF_PATH)
         []
     """
-    if _is_mjcf(path, cuts):
-        return sorted(loops.check_mjcf(as_path(path)), key=lambda problem: problem.severity)
+    return examine(path, cuts).problems
+
+
+def examine(path: str | Path, cuts: str | Path | None = None) -> Examined:
+    """Problems and summary of a robot; arguments as in `validate`."""
+    if isinstance(path, (str, Path)) and is_mjcf(Path(path)):
+        if cuts is not None:
+            raise InputError("cuts", "an MJCF contains its closures and motors")
+        return _examined(*loops.check_mjcf(as_path(path)), Path(path))
     try:
-        text = read_text(path, "URDF")
-        root = parse_xml(text, str(path))
+        urdf = Urdf.read(path)
     except DescriptionError as caught:
         told = [problem.removeprefix("not a URDF: ") for problem in caught.problems]
-        return [error("file", problem) for problem in told]
-    path = Path(path)
-    problems = list(checks.check(root))
+        return Examined([error("file", problem) for problem in told])
+    path, problems = Path(path), list(urdf.problems)
+    robot: loops.Robot = None
     if not any(problem.severity == "error" for problem in problems):  # Pinocchio needs a tree
-        problems += loops.check(text, path, _cuts_of(path, cuts))
-    problems += [*inertia.check(root), *meshes.check(root, path.parent)]
-    return sorted(problems, key=lambda problem: problem.severity)
+        own = beside(path, ".yaml")
+        cuts = as_path(cuts) if cuts is not None else own if own.is_file() else None
+        found, robot = loops.check(urdf, cuts)
+        problems += found
+    problems += [*inertia.check(urdf.root), *meshes.check(urdf.root, path.parent)]
+    return _examined(problems, robot, path)
 
 
-def summary(path: str | Path, cuts: str | Path | None = None) -> str:
-    """Joints, mass and mobility of a robot without errors; arguments as in `validate`."""
-    path = as_path(path)
-    mjcf = _is_mjcf(path, cuts)
-    cuts = _cuts_of(path, cuts)
-    if cuts is None and not mjcf:
-        model = parse_urdf(read_text(path, "URDF"), str(path))
+def _examined(problems: list[Problem], robot: loops.Robot, path: Path) -> Examined:
+    problems = sorted(problems, key=lambda problem: problem.severity)
+    if robot is None or any(problem.severity == "error" for problem in problems):
+        return Examined(problems)
+    model = robot.model if isinstance(robot, ClosedChain) else robot
+    try:
         mobility = f"joints              {model.njoints - 1}, an open tree: no {path.stem}.yaml"
-    else:
-        chain = ClosedChain.from_mjcf(path) if mjcf else ClosedChain.from_urdf(path, cuts)
-        model = chain.model
-        try:
-            mobility = str(chain.mobility())
-        except ClosureError as caught:
-            mobility = str(caught)
+        if isinstance(robot, ClosedChain):
+            mobility = str(robot.mobility())
+    except ClosureError as caught:
+        mobility = str(caught)
     mass = sum(inertia.mass for inertia in list(model.inertias)[1:])
-    return f"{mobility}\nmoving mass         {mass:.6g} kg"
-
-
-def _is_mjcf(path: str | Path, cuts: str | Path | None) -> bool:
-    mjcf = isinstance(path, (str, Path)) and is_mjcf(Path(path))
-    if mjcf and cuts is not None:
-        raise InputError("cuts", "an MJCF contains its closures and motors")
-    return mjcf
-
-
-def _cuts_of(path: Path, cuts: str | Path | None) -> Path | None:
-    if cuts is not None:
-        return as_path(cuts)
-    own = beside(path, ".yaml")
-    return own if own.is_file() else None
+    return Examined(problems, f"{mobility}\nmoving mass         {mass:.6g} kg")

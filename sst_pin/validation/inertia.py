@@ -6,9 +6,9 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 
-from ..reading.checks import ends
 from ..reading.inertias import impossible, inertia_of, principal_moments
 from ..reading.problems import Problem, error, number, warning
+from ..reading.urdf_checks import ends
 
 #: Heaviest over lightest moving link, beyond which half the digits are gone.
 _SPREAD = 1e8

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 import pinocchio as pin
@@ -14,83 +15,82 @@ from ..chain.closed_chain import ClosedChain
 from ..chain.closures import Constraint, frames_of
 from ..chain.tree import frame_id
 from ..errors import ActuationError, ClosureError, DescriptionError, SSTError, UnknownNameError
+from ..reading import Urdf
 from ..reading.problems import Problem, error, warning
 
-#: Open by so much a configuration is that was written with four digits, [m] or [rad].
+#: How far the loops of a configuration written with four digits are open, [m] or [rad].
 _WRITTEN = 1e-3
 #: Where the problem of a robot in which nothing moves is.
 _STILL = "mobility"
+#: An open tree is its model; None where there is no robot.
+Robot: TypeAlias = ClosedChain | pin.Model | None
 
 
-def check(urdf: str, path: Path, cuts: Path | None) -> Iterator[Problem]:
-    """Problems that only the robot as a whole has.
+def check(urdf: Urdf, cuts: Path | None) -> tuple[list[Problem], Robot]:
+    """Problems that only the robot as a whole has, and the robot.
 
     Args:
-        urdf: Text of a URDF that is a tree.
-        path: Where it came from.
+        urdf: One that is a tree.
         cuts: The YAML of the cuts; None for an open tree.
     """
-    where, found = "cuts", None
+    where = "cuts"
     try:
-        if cuts is not None:
-            found = reading.parse_cuts(reading.read_text(cuts, "YAML of the cuts"), str(cuts))
+        found = None if cuts is None else reading.read_cuts(urdf, cuts)
         where = "file"
         if found is None:
-            reading.parse_urdf(urdf, str(path))
-            return
-        robot = reading.closed(urdf, str(path), found)
+            return [], urdf.tree()
+        robot = reading.closed(urdf, found)
     except DescriptionError as caught:
-        yield from (error(where, text) for text in caught.problems)
-        return
-    problems = list(_unknown(robot))
-    yield from problems
-    if problems:
-        return
+        return [error(where, text) for text in caught.problems], None
+    if problems := list(_unknown(robot)):
+        return problems, None
     try:
-        reading.load_poses(path, robot.model, found.joints)
+        reading.load_poses(urdf, robot.model, found.joints)
     except DescriptionError as caught:
-        yield from (error("srdf", text) for text in caught.problems)
-    yield from _moving(robot)
+        problems = [error("srdf", text) for text in caught.problems]
+    moving, chain = _moving(robot)
+    return problems + moving, chain
 
 
-def check_mjcf(path: Path) -> Iterator[Problem]:
-    """Problems of an MJCF that MuJoCo has not.
-
-    Args:
-        path: Of the file.
-
-    Raises:
-        MissingExtraError: Without MuJoCo.
-    """
+def check_mjcf(path: Path) -> tuple[list[Problem], Robot]:
+    """Problems of an MJCF that MuJoCo has not, and the robot."""
     from ..reading.mjcf import read_mjcf
 
     try:
-        found = read_mjcf(path)
+        robot = read_mjcf(path)
     except DescriptionError as caught:
         told = [problem.removeprefix("not an MJCF: ") for problem in caught.problems]
-        yield from (error("file", text) for text in told)
-        return
-    robot = reading.Extended(found.model, found.closures, found.actuated)
+        return [error("file", text) for text in told], None
+    problems = []
     if not robot.closures:
-        yield error("equality", "no closures: connect, weld, joint or tendon")
+        problems.append(error("equality", "no closures: connect, weld, joint or tendon"))
     if not robot.model.nv:
-        yield error("tree", "no joints")
-    if robot.closures and robot.model.nv:
-        yield from _moving(robot)
+        problems.append(error("tree", "no joints"))
+    return (problems, None) if problems else _moving(robot)
 
 
-def _moving(robot: reading.Extended) -> Iterator[Problem]:
-    problems = list(_open(robot.model, robot.closures))
-    yield from problems
-    if problems:
-        return
-    problems = list(_actuation(robot))
-    yield from problems
+def _moving(robot: reading.Described) -> tuple[list[Problem], Robot]:
+    """Problems of the closed chain, and the chain."""
+    if problems := list(_open(robot.model, robot.closures)):
+        return problems, None
+    try:
+        chain = ClosedChain(
+            robot.model,
+            robot.closures,
+            robot.actuated,
+            stiffness=robot.stiffness,
+            spring_reference=robot.spring_reference,
+        )
+    except SSTError as caught:
+        where = "actuation" if isinstance(caught, ActuationError) else "robot"
+        return [error(where, str(caught))], None
+    problems = list(_actuation(chain))
     if not any(problem.where == _STILL for problem in problems):
-        yield from _home(robot)
+        problems += _home(chain)
+    return problems, chain
 
 
-def _unknown(robot: reading.Extended) -> Iterator[Problem]:
+def _unknown(robot: reading.Described) -> Iterator[Problem]:
     model = robot.model
     if not robot.closures:
         yield error("cuts", "no closures")
@@ -133,11 +133,10 @@ def _gap(model: pin.Model, closures: Sequence[Constraint]) -> float:
     return 0.0
 
 
-def _home(robot: reading.Extended) -> Iterator[Problem]:
-    if "home" not in robot.model.referenceConfigurations:
+def _home(chain: ClosedChain) -> Iterator[Problem]:
+    if "home" not in chain.model.referenceConfigurations:
         return
-    chain = ClosedChain(robot.model, robot.closures, robot.actuated)
-    home = pin.normalize(robot.model, robot.model.referenceConfigurations["home"])
+    home = pin.normalize(chain.model, chain.model.referenceConfigurations["home"])
     gap = np.abs(chain.residual(home)).max()
     try:
         chain.home  # noqa: B018
@@ -149,17 +148,15 @@ def _home(robot: reading.Extended) -> Iterator[Problem]:
             yield warning("home", text)
 
 
-def _actuation(robot: reading.Extended) -> Iterator[Problem]:
+def _actuation(chain: ClosedChain) -> Iterator[Problem]:
+    motors = len(chain.motor_names)
     try:
-        mobility = ClosedChain(*robot).mobility()
+        mobility = chain.mobility()
     except ClosureError:
         yield warning("closures", "they can be closed at q = 0 only, so mobility is not computed")
         return
-    except ActuationError as caught:
-        yield error("actuation", str(caught))
-        return
     except SSTError as caught:
-        yield error("robot", str(caught))
+        yield error("actuation" if isinstance(caught, ActuationError) else "robot", str(caught))
         return
     if not mobility.degrees_of_freedom:
         yield error(_STILL, "nothing can move; check kinds and axes of the closures")
@@ -168,12 +165,12 @@ def _actuation(robot: reading.Extended) -> Iterator[Problem]:
         yield error(
             "actuation",
             f"insufficient: {mobility.degrees_of_freedom} degrees of freedom, "
-            f"{len(robot.actuated)} motors; {loose} move with the motors locked, through "
+            f"{motors} motors; {loose} move with the motors locked, through "
             f"{', '.join(mobility.loose_joints)}",
         )
     elif mobility.redundantly_actuated:
         yield warning(
             "actuation",
-            f"redundant: {len(robot.actuated)} motors for {mobility.degrees_of_freedom} degrees of "
+            f"redundant: {motors} motors for {mobility.degrees_of_freedom} degrees of "
             "freedom; the smallest torques are computed",
         )

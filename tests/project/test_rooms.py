@@ -40,6 +40,7 @@ FORWARDING = {
         for name in [
             "from_urdf",
             "from_mjcf",
+            "_of_file",
             "trajectory",
             "simulate",
             "rollout",

@@ -12,8 +12,8 @@ import pytest
 import sst_pin
 from sst_pin.chain.closures import Coupling, Distance, Rolling
 from sst_pin.chain.mechanism import Springs
-from sst_pin.reading import parse_urdf
-from sst_pin.reading.mjcf import bodies_of, read_mjcf
+from sst_pin.reading import Urdf
+from sst_pin.reading.mjcf import read_mjcf
 
 LINK = """
 <link name="{name}"><inertial><origin xyz="0.1 0 0"/><mass value="1"/>
@@ -46,8 +46,8 @@ def body(model, q, name):
 
 def test_a_continuous_joint_counts_as_one_unbounded_angle():
     """It moves like a revolute joint, over many turns."""
-    bounded = parse_urdf(chain_urdf("revolute", "revolute"), "test")
-    endless = parse_urdf(chain_urdf("continuous", "revolute"), "test")
+    bounded = Urdf(chain_urdf("revolute", "revolute"), "test").tree()
+    endless = Urdf(chain_urdf("continuous", "revolute"), "test").tree()
     assert (endless.nq, endless.nv) == (2, 2)
     assert endless.upperPositionLimit[0] > 1e6
     q = np.array([40.0, 0.5])
@@ -66,8 +66,8 @@ def test_a_continuous_joint_counts_as_one_unbounded_angle():
 def test_a_joint_of_the_laas_schema_turns_about_its_axes_in_turn(kind, names, q, turn):
     """In the place of the joint of the URDF, with the same body after it; a ball is one joint."""
     q = np.array(q) / (np.linalg.norm(q) if kind == "SPHERICAL" else 1)
-    model = parse_urdf(chain_urdf("revolute", "revolute", "prismatic"), "test", {"j1": kind})
-    plain = parse_urdf(chain_urdf("revolute", "revolute", "prismatic"), "test")
+    urdf = Urdf(chain_urdf("revolute", "revolute", "prismatic"), "test")
+    model, plain = urdf.tree({"j1": kind}), urdf.tree()
     assert list(model.names)[1:] == ["j0", *names, "j2"]
     at = body(plain, np.array([0.7, 0, 0]), "c")
     found = body(model, np.array([0.7, *q, 0.4]), "c")
@@ -123,7 +123,7 @@ def _about(axes, q):
 def test_a_urdf_that_cannot_be_meant_is_refused(urdf, joints, word):
     """With its place."""
     with pytest.raises(sst_pin.DescriptionError) as caught:
-        parse_urdf(urdf, "test", joints)
+        Urdf(urdf, "test").tree(joints)
     assert word in str(caught.value)
 
 
@@ -586,8 +586,9 @@ def test_motors_that_are_named_count_in_the_place_of_the_files(mjcf):
     mjcf.write_text(text)
     with pytest.raises(sst_pin.DescriptionError, match=r"an actuator on a ball.*by actuated="):
         read_mjcf(mjcf)
-    assert read_mjcf(mjcf, actuated=["ja"]).actuated == ("ja",)
-    assert len(bodies_of(mjcf)[1]) == 5  # for pictures
+    read = read_mjcf(mjcf, actuated=["ja"])
+    assert read.actuated == ["ja"]
+    assert len(read.shapes.bodies) == 5  # for pictures
 
 
 def test_what_a_flag_disables_is_not_read(mjcf):

@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""A file is read once, whoever reads it, and errors of the robot name it."""
+
+import builtins
+import io
+import os
+import pickle
+import shutil
+from pathlib import Path
+
+import pytest
+
+import sst_pin
+from sst_pin.cli import main
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+@pytest.fixture
+def delta(tmp_path):
+    """Files of a delta robot that may be changed."""
+    for ending in (".urdf", ".yaml"):
+        shutil.copy(EXAMPLES / f"delta{ending}", tmp_path)
+    return tmp_path / "delta.urdf"
+
+
+@pytest.mark.parametrize(
+    "read",
+    [
+        sst_pin.ClosedChain.from_urdf,
+        sst_pin.SST.from_urdf,
+        sst_pin.load,
+        sst_pin.validate,
+        lambda path: main(["info", "--robot", str(path)]),
+        lambda path: main(["validate", str(path)]),
+    ],
+)
+def test_each_file_of_a_robot_is_opened_once(read, monkeypatch, tmp_path, capsys):
+    """URDF, YAML and SRDF, by all that is made of them; meshes are asked for by Pinocchio."""
+    source = Path(sst_pin.URDF_PATH)
+    shutil.copytree(source.parent, tmp_path / "sst")
+    path = tmp_path / "sst" / source.name
+    opened, plain = [], io.open
+
+    def count(file, *args, **options):
+        opened.append(Path(os.fsdecode(file)).name)
+        return plain(file, *args, **options)
+
+    monkeypatch.setattr(io, "open", count)
+    monkeypatch.setattr(builtins, "open", count)
+    read(path)
+    files = [name for name in opened if name.startswith(path.stem + ".")]
+    assert path.name in files
+    assert len(files) == len(set(files))
+
+
+@pytest.mark.parametrize(
+    ("ending", "old", "new", "fault"),
+    [
+        (".yaml", "[rod_1b_end,", "[toe,", "frame 'toe' not in the model"),
+        (".yaml", "motor_1", "moter_1", "joint 'moter_1' not in the model"),
+    ],
+)
+def test_an_unknown_name_is_told_with_the_file(delta, ending, old, new, fault):
+    """Both files: the one that has the name and the one that lacks it."""
+    file = delta.with_suffix(ending)
+    text = file.read_text()
+    assert old in text
+    file.write_text(text.replace(old, new, 1))
+    with pytest.raises(sst_pin.UnknownNameError) as caught:
+        sst_pin.ClosedChain.from_urdf(delta)
+    assert str(delta) in str(caught.value)
+    assert str(delta.with_suffix(".yaml")) in str(caught.value)
+    assert fault in str(caught.value)
+
+
+def test_a_frame_of_two_places_is_told_with_the_file(delta):
+    """The description has it twice: as a joint and as a link elsewhere."""
+    twice = (
+        '<link name="x"/><joint name="rod_2a_end" type="fixed"><origin xyz="1 0 0"/>'
+        '<parent link="base"/><child link="x"/></joint></robot>'
+    )
+    text = delta.read_text()
+    delta.write_text(text.replace("</robot>", twice))
+    with pytest.raises(sst_pin.DescriptionError, match="several frames have this name") as caught:
+        sst_pin.ClosedChain.from_urdf(delta)
+    assert str(delta) in str(caught.value)
+
+
+def test_an_unknown_joint_to_lock_is_told_with_the_file(delta):
+    """In both formats."""
+    with pytest.raises(sst_pin.UnknownNameError, match="'knee'") as caught:
+        sst_pin.ClosedChain.from_urdf(delta, locked=["knee"])
+    assert str(delta) in str(caught.value)
+    with pytest.raises(sst_pin.UnknownNameError, match="'knee'") as caught:
+        sst_pin.ClosedChain.from_mjcf(sst_pin.MJCF_PATH, locked=["knee"])
+    assert str(sst_pin.MJCF_PATH) in str(caught.value)
+
+
+def test_an_sst_brings_the_poses_of_its_files():
+    """Like any robot that is read."""
+    kinds = (sst_pin.SST, sst_pin.ClosedChain)
+    poses = [kind.from_urdf(sst_pin.URDF_PATH).model.referenceConfigurations for kind in kinds]
+    ours, theirs = ([pair.key() for pair in each] for each in poses)
+    assert ours == theirs != []
+
+
+def test_springs_of_an_mjcf_are_not_lost_in_an_sst(tmp_path):
+    """`Parameters` have none."""
+    shutil.copytree(Path(sst_pin.MJCF_PATH).parent, tmp_path / "sst")
+    path = tmp_path / "sst" / Path(sst_pin.MJCF_PATH).name
+    text = path.read_text()
+    path.write_text(text.replace('<joint name="mu_1"', '<joint name="mu_1" stiffness="2"', 1))
+    with pytest.raises(sst_pin.DescriptionError, match="no springs"):
+        sst_pin.SST.from_mjcf(path)
+
+
+def test_the_shapes_of_an_mjcf_stay_with_its_robot(tmp_path):
+    """The file is compiled once; a copy in another process needs it no more."""
+    folder = Path(sst_pin.MJCF_PATH).parent
+    shutil.copytree(folder, tmp_path / "sst")
+    path = tmp_path / "sst" / Path(sst_pin.MJCF_PATH).name
+    chain = sst_pin.ClosedChain.from_mjcf(path)
+    shutil.rmtree(tmp_path / "sst")
+    bodies = [
+        len(c.visual_model.geometryObjects) for c in (chain, pickle.loads(pickle.dumps(chain)))
+    ]
+    assert bodies[0] == bodies[1] > 0
