@@ -10,6 +10,7 @@ from .chain.closures import Coupling as Coupling
 from .chain.closures import Distance as Distance
 from .chain.closures import Rolling as Rolling
 from .chain.dynamics import ReducedTerms as ReducedTerms
+from .chain.lines import LineForce as LineForce
 from .chain.reactions import Reactions as Reactions
 from .description import MJCF_PATH as MJCF_PATH
 from .description import PACKAGE_PATH as PACKAGE_PATH

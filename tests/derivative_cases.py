@@ -102,7 +102,8 @@ def case(model, closures, motors, home=None, **options):
     chain = ClosedChain(model, closures, motors, coulomb_friction=coulomb, **options)
     twin = ClosedChain(model, closures, motors, coulomb_friction=np.zeros(model.nv), **options)
     if home is None:
-        home = regular(ClosedChain(model, closures, motors))
+        lines = {"forces": options.get("forces", ())}
+        home = regular(ClosedChain(model, closures, motors, **lines))
     # Both choose their coordinates at the same place.
     for robot in (chain, twin):
         robot.frame_jacobian(home, "universe")

@@ -11,6 +11,7 @@ _CURES = {
     "model": "change its contents, such as robot.model.gravity.linear = [0, 0, -1.62], and call "
     "refresh(), or build another robot",
     "closures": "build another robot: ClosedChain(robot.model, closures, ...)",
+    "forces": "build another robot: ClosedChain(..., forces=[...])",
     "actuated": "build another robot with these motors: ClosedChain(..., actuated=[names])",
     "motor_names": "build another robot with these motors: ClosedChain(..., actuated=[names])",
     "coordinates": "build another robot: ClosedChain(..., coordinates=[names])",

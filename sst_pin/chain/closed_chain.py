@@ -31,7 +31,8 @@ from .assignments import require_assignable
 from .backend import Key, States
 from .closures import Constraint
 from .current import Current
-from .draft import Motor, closures_of, mechanism_of, without_locked
+from .draft import Motor, closures_of, forces_of, mechanism_of, without_locked
+from .lines import LineForce
 from .mechanism import Friction, Mechanism
 from .mobility import Mobility, condition_number, scaled_Phi
 from .named_positions import put
@@ -84,7 +85,8 @@ class ClosedChain:
         model: The tree. The chain computes with a copy.
         closures: `Closure`, `Distance`, `Coupling`, `Rolling`, or pairs of frame names for frames
             that must coincide.
-        actuated: The motors: names of joints; for a tendon a mapping from joint names to factors.
+        actuated: The motors: names of joints and of lines in `forces`; for a tendon a mapping from
+            such names to factors.
         coordinates: Names of the independent joints; a joint with several rates counts with all
             of them. By default as many of the actuated joints as are independent near `home` or,
             without one, at an assembled configuration, and other joints if these are too few.
@@ -94,6 +96,7 @@ class ClosedChain:
         coulomb_friction: F_c of each rate, shape (nv,); that of the model by default.
         stiffness: Of springs at the joints, shape (nv,), [N m/rad] or [N/m]; none by default.
         spring_reference: Positions without spring force, shape (nq,); `pin.neutral` by default.
+        forces: Springs, dampers and cylinders between two frames, each a `LineForce`.
 
     Raises:
         DescriptionError: Without closures, if two joints have one name, or if nothing can move.
@@ -118,6 +121,7 @@ class ClosedChain:
         coulomb_friction: ArrayLike | None = None,
         stiffness: ArrayLike | None = None,
         spring_reference: ArrayLike | None = None,
+        forces: Sequence[LineForce] = (),
     ) -> None:
         if not isinstance(model, pin.Model):
             raise InputError("model", f"a pinocchio.Model is needed, not {type(model).__name__}")
@@ -134,6 +138,7 @@ class ClosedChain:
             motors=actuated,
             coordinates=coordinates,
             numbers=numbers,
+            forces=forces_of(forces),
         )
         self._current = Current(self._mechanism_of_model())
 
@@ -173,6 +178,16 @@ class ClosedChain:
             ['closedloop1_A - closedloop1_B', 'closedloop2_A - closedloop2_B']
         """
         return self.mechanism.closures
+
+    @property
+    def forces(self) -> tuple[LineForce, ...]:
+        """The forces along lines between two frames.
+
+        Example:
+            >>> chain.forces
+            ()
+        """
+        return self.mechanism.lines.forces
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -243,6 +258,9 @@ class ClosedChain:
     def actuation(self) -> Array:
         """B: motor torques tau apply the forces B tau to the joints; shape (nv, motors).
 
+        A motor on a line has zeros here, because its forces on the joints depend on q; see
+        `actuator_jacobian`.
+
         Example:
             >>> chain.actuation.T
             array([[1., 0., 0.]])
@@ -261,13 +279,13 @@ class ClosedChain:
 
     @property
     def motor_units(self) -> tuple[str, ...]:
-        """For each motor "Nm" or "N", by the joints that it acts on.
+        """For each motor "Nm" or "N", by the joints that it acts on; "N" on a line.
 
         Example:
             >>> robot.motor_units
             ('Nm', 'Nm', 'Nm')
         """
-        return self.mechanism.space.force_units(self.actuation)
+        return self.mechanism.motor_units
 
     @property
     def coordinates(self) -> tuple[str, ...]:
@@ -1011,10 +1029,10 @@ class ClosedChain:
         return for_each_sample(self._current.reference.kinetic_energy, [*arrays, v], (1, 1), ())
 
     def potential_energy(self, q: ArrayLike) -> Array:
-        """Potential energy of weights and springs, shape (...), [J].
+        """Potential energy of weights, springs and lines, shape (...), [J].
 
         That of the weights is zero if all masses are at the origin, that of the springs at their
-        reference.
+        reference, that of the lines, preload included, at their rest lengths.
 
         Example:
             >>> print(chain.potential_energy(chain.home).round(3))
@@ -1025,14 +1043,18 @@ class ClosedChain:
         return for_each_sample(current.reference.potential_energy, (array,), (1,), ())
 
     def friction_power(self, q: ArrayLike, va: ArrayLike) -> Array:
-        """Power of friction in all joints, Eq. (87), negative or zero, shape (...), [W].
+        """Power of friction in all joints, Eq. (87), and of the dampers along lines, [W].
+
+        It is negative or zero, shape (...).
 
         Example:
             >>> print(chain.friction_power(chain.home, [1]))  # without friction
             0.0
         """
         v = self.joint_rates(q, va)
-        return finite_array("power", (self.friction.forces(v) * v).sum(axis=-1), ())
+        _, _, damping, _ = self.mechanism.lines.numbers
+        on_lines = (damping * self._line_rates(q, v) ** 2).sum(axis=-1)
+        return finite_array("power", (self.friction.forces(v) * v).sum(axis=-1) - on_lines, ())
 
     def motor_rates(self, q: ArrayLike, va: ArrayLike) -> Array:
         """Rates of the motors, shape (..., motors); arguments as `joint_rates`.
@@ -1041,7 +1063,46 @@ class ClosedChain:
             >>> chain.motor_rates(chain.home, [1])
             array([1.])
         """
-        return np.asarray(self.joint_rates(q, va) @ self.mechanism.motors)
+        v, mechanism = self.joint_rates(q, va), self.mechanism
+        return np.asarray(v @ mechanism.motors + self._line_rates(q, v) @ mechanism.lines.motors)
+
+    def actuator_jacobian(self, q: ArrayLike) -> Array:
+        """J: the rates of the motors are J va, and motor torques tau give the forces J^T tau.
+
+        Returns:
+            Shape (..., motors, n), motors on lines included.
+
+        Raises:
+            ClosureError, SingularConfigurationError: As `joint_rates`; or the ends of the line of a
+                motor coincide.
+
+        Example:
+            >>> chain.actuator_jacobian(chain.home)
+            array([[1.]])
+        """
+        current = self._current
+        shape = len(self.motor_names), self.degrees_of_freedom
+        arrays = current.arguments(q)
+        return for_each_sample(current.reference.actuator_jacobian, arrays, (1,), shape)
+
+    def line_lengths(self, q: ArrayLike) -> Array:
+        """Lengths of the lines of `forces`, of any q, shape (..., lines), [m].
+
+        Example:
+            >>> chain.line_lengths(chain.home)
+            array([], dtype=float64)
+        """
+        current = self._current
+        array = finite_array("q", q, (current.mechanism.model.nq,))
+        return for_each_sample(current.reference.line_lengths, [array], (1,), (len(self.forces),))
+
+    def _line_rates(self, q: ArrayLike, v: Array) -> Array:
+        """Rates of the lengths of the lines at rates v of the tree, shape (..., lines)."""
+        current = self._current
+        if not self.forces:
+            return np.zeros((*v.shape[:-1], 0))
+        arrays = [*current.arguments(q), v]
+        return for_each_sample(current.reference.line_rates, arrays, (1, 1), (len(self.forces),))
 
     # --- compilation, files, motions --------------------------------------------------------
 
@@ -1309,7 +1370,7 @@ class ClosedChain:
             stopped,
             coordinates=mechanism.coordinate_rate_names,
             rate_units=tuple(space.rate_units[k] for k in mechanism.coordinates),
-            torque_units=space.force_units(mechanism.motors),
+            torque_units=mechanism.motor_units,
         )
 
     def simulate(
@@ -1518,10 +1579,13 @@ class ClosedChain:
         """What it is, in a few rows."""
         model = self.mechanism.model
         title = f"{type(self).__name__} {model.name}"
+        names = [force.name for force in self.forces]
+        lines = [("lines", f"{len(names)} ({listed(names)})")] if names else []
         return title, [
             ("joints", f"{len(self.joint_names)} ({listed(self.joint_names)})"),
             ("closures", f"{len(self.closures)} ({listed([str(c) for c in self.closures], 3)})"),
             ("motors", f"{len(self.motor_names)} ({listed(self.motor_names)})"),
+            *lines,
             ("sizes", f"nq = {model.nq}, nv = {model.nv}"),
             ("computed by", self.path),
         ]

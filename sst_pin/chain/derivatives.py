@@ -19,12 +19,15 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from .dynamics import Workspace, applied_forces, direct_dynamics, motion_of_tree
+from .loops import Loops
 from .mechanism import Friction, Mechanism
 from .plain_tree import PlainTree
 from .row_derivatives import Branches, FrameMotions, Partials, TreeMotion, partials
 from .vectors import brackets, cross_products, skew
 
 Array = NDArray[np.float64]
+#: Wrenches on bodies: these, frames on them, the wrenches at the world's origin, their w_q.
+_Load = tuple[list[int], FrameMotions, Array, Array]
 
 
 class TorqueDerivatives(NamedTuple):
@@ -114,7 +117,7 @@ class Derivatives:
         friction = self._friction(sign_width)
         aa, _ = direct_dynamics(self._ws, friction, q, va, tau, wrenches)
         by_q, by_va, inertia, L = self._forces(friction, q, va, aa, tau, wrenches)
-        motors = L.T.dot(self._mechanism.motors)
+        motors = L.T.dot(self._ws.actuation(q))
         return np.linalg.solve(inertia, np.concatenate((-by_q, -by_va, motors), axis=1))
 
     @property
@@ -167,11 +170,24 @@ class Derivatives:
         L = ws.complement.L
         tree = TreeMotion(self._branches, ws.data, q, v, v_dot)
         rows, G = partials(ws.loops, tree), ws.complement.inverse
-        force = pin.rnea(ws.model, ws.data, q, v, v_dot) - mechanism.motors.dot(tau)
-        applied = applied_forces(ws, friction, q, v, wrenches)
-        if applied is not None:
-            force -= applied
-        force_q, force_v, M = self._tree_forces(tree, rows, G.T.dot(force), wrenches)
+        force = pin.rnea(ws.model, ws.data, q, v, v_dot)
+        force -= applied_forces(ws, friction, q, v, wrenches, tau)
+        reactions, lines = G.T.dot(force), mechanism.lines
+        loads = [_on_frames(ws.loops, rows, reactions)]
+        if not lines.none:
+            lengths, J = ws.lines.evaluate(q)
+            along = partials(ws.lines.loops, tree)
+            pulls = lines.tensions(lengths, J.dot(v), tau)
+            loads.append(_on_frames(ws.lines.loops, along, -pulls))
+        if wrenches is not None and wrenches.any():
+            loads.append(_on_mass_centres(tree, ws.data, wrenches.reshape(-1, 6)))
+        force_q, force_v, M = self._tree_forces(tree, loads)
+        for row, k, second in rows.coupled:
+            force_q[k, k] -= reactions[row] * second
+        if not lines.none:
+            stiffness, _, damping, _ = lines.numbers
+            force_q += (J.T * stiffness).dot(J) + (J.T * damping).dot(along.velocity_q)
+            force_v += (J.T * damping).dot(J)
         force_v += np.diag(-friction.slopes(v))
         if not mechanism.springs.none:
             force_q -= mechanism.springs.slopes(ws.model, q)
@@ -183,23 +199,13 @@ class Derivatives:
         inertia = L.T.dot(M).dot(L)
         return by_q, by_va, (inertia + inertia.T) / 2, L
 
-    def _tree_forces(
-        self, tree: TreeMotion, rows: Partials, reactions: Array, wrenches: Array | None
-    ) -> tuple[Array, Array, Array]:
-        """Derivatives of RNEA - Phi^T reactions - K^T wrenches by q, v and v_dot.
+    def _tree_forces(self, tree: TreeMotion, loads: list[_Load]) -> tuple[Array, Array, Array]:
+        """Derivatives of RNEA less the forces of loads by q, v and v_dot.
 
         Pinocchio holds external wrenches in the bodies. What a wrench w does not turn with its body
         is its own derivative w_q less that of a wrench that does.
         """
         ws, model = self._ws, self._ws.model
-        shares = reactions[:, None] * rows.W, reactions[:, None, None] * rows.W_q
-        w, w_q = np.zeros((len(rows.frames.J), 6)), np.zeros_like(rows.frames.J)
-        np.add.at(w, ws.loops.pairs.frames, shares[0])
-        np.add.at(w_q, ws.loops.pairs.frames, shares[1])
-        joints = [model.frames[frame].parentJoint for frame in ws.loops.frames]
-        loads = [(joints, rows.frames, w, w_q)]
-        if wrenches is not None and wrenches.any():
-            loads.append(_on_mass_centres(tree, ws.data, wrenches.reshape(-1, 6)))
         total = np.zeros((model.njoints, 6))
         for joints, _, w, _ in loads:
             np.add.at(total, joints, w)
@@ -211,17 +217,22 @@ class Derivatives:
         for _, frames, w, w_q in loads:
             turning = w_q - _carried(frames.J, w)
             force_q -= np.tensordot(frames.J, turning, axes=((0, 1), (0, 1)))
-        for row, k, second in rows.coupled:
-            force_q[k, k] -= reactions[row] * second
         return force_q, force_v, M
 
     def _friction(self, sign_width: float) -> Friction:
         return replace(self._mechanism.friction, sign_width=sign_width)
 
 
-def _on_mass_centres(
-    tree: TreeMotion, data: pin.Data, wrenches: Array
-) -> tuple[list[int], FrameMotions, Array, Array]:
+def _on_frames(loops: Loops, rows: Partials, reactions: Array) -> _Load:
+    """Forces along the rows of closures or lines, as wrenches on the frames that they connect."""
+    w, w_q = np.zeros((len(rows.frames.J), 6)), np.zeros_like(rows.frames.J)
+    np.add.at(w, loops.pairs.frames, reactions[:, None] * rows.W)
+    np.add.at(w_q, loops.pairs.frames, reactions[:, None, None] * rows.W_q)
+    joints = [loops.model.frames[frame].parentJoint for frame in loops.frames]
+    return joints, rows.frames, w, w_q
+
+
+def _on_mass_centres(tree: TreeMotion, data: pin.Data, wrenches: Array) -> _Load:
     """Constant wrenches at the mass centres: the bodies, the wrenches at the origin, their w_q."""
     joints = [int(k) for k in np.flatnonzero(wrenches.any(axis=1)) + 1]
     levers = [pin.SE3(np.eye(3), tree.model.inertias[joint].lever) for joint in joints]

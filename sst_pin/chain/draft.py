@@ -19,10 +19,11 @@ from .assembly import Assembly
 from .closures import Closure, Constraint, Coupling, Distance, Rolling
 from .coordinates import settle, without_mass
 from .joint_space import JointSpace
+from .lines import LineForce, Lines
 from .loops import Loops
 from .mechanism import Friction, Mechanism, Springs
 from .rebuilt_tree import POSITION_ARRAYS, RATE_ARRAYS, rebuilt
-from .tree import joint_id
+from .tree import frame_id, joint_id
 
 Array = NDArray[np.float64]
 
@@ -31,7 +32,7 @@ _MIMIC = re.compile(
     r"Mimicking joint type: JointModel([RP][XYZ]|(Revolute|Prismatic)Unaligned)$", re.M
 )
 
-#: A motor: the joint that it drives, or the factors of the joints that it drives (a tendon).
+#: A motor: the joint or line that it drives, or the factors of those that it drives (a tendon).
 Motor = str | Mapping[str, float]
 
 
@@ -56,15 +57,19 @@ def mechanism_of(
     motors: Sequence[Motor],
     coordinates: Sequence[str] | None,
     numbers: Mapping[str, ArrayLike | None],
+    forces: tuple[LineForce, ...],
 ) -> Mechanism:
     """A mechanism with its coordinates, from what the constructor of `ClosedChain` takes.
 
-    The mechanism keeps the tree. `numbers` has viscous_friction, coulomb_friction, stiffness and
-    spring_reference.
+    The mechanism keeps the tree. `forces` act along lines. `numbers` has viscous_friction,
+    coulomb_friction, stiffness and spring_reference.
     """
     _require_sound(model, closures)
     space = JointSpace(model)
-    B, names = _motors(space, motors, model.nv)
+    B, names = _motors(space, motors, _rows_of_lines(space, forces))
+    for name in (end for line in forces for end in (line.frame_a, line.frame_b)):
+        frame_id(model, name)
+    lines = Lines(forces, B[model.nv :])
 
     def of_rates(name: str, default: Array) -> Array:
         given = numbers[name]
@@ -87,7 +92,8 @@ def mechanism_of(
     wanted = None
     if coordinates is not None:
         wanted = space.rates_of(names_of("coordinates", coordinates))
-    unsettled = Mechanism(model, closures, np.empty(0, dtype=np.intp), B, names, friction, springs)
+    none, on_joints = np.empty(0, dtype=np.intp), B[: model.nv]
+    unsettled = Mechanism(model, closures, none, on_joints, names, friction, springs, lines)
     assembly = Assembly(unsettled, Loops(model, closures))
     chosen, example = settle(assembly, wanted)
     settled = replace(unsettled, coordinates=chosen, example=example)
@@ -112,16 +118,48 @@ def without_locked(model: pin.Model, locked: Sequence[str] | Mapping[str, float]
     return rebuilt(model, {i: {} for i in ids}, q)
 
 
-def _motors(space: JointSpace, motors: Sequence[Motor], nv: int) -> tuple[Array, tuple[str, ...]]:
-    """B and the motors' names."""
+def forces_of(forces: Sequence[LineForce]) -> tuple[LineForce, ...]:
+    """Forces along lines, each with a name of its own."""
+    if not isinstance(forces, Iterable):
+        raise InputError("forces", f"{forces!r}: a sequence of LineForce is needed")
+    found = tuple(forces)
+    for force in found:
+        if not isinstance(force, LineForce):
+            raise InputError("forces", f"{force!r} is not a LineForce")
+    twice = [name for name, k in Counter(map(str, found)).items() if k > 1]
+    if twice:
+        raise InputError("forces", f"several lines have the name {', '.join(twice)}; give name=")
+    return found
+
+
+def _rows_of_lines(space: JointSpace, forces: Sequence[LineForce]) -> dict[str, int]:
+    """Where each line stands in B, after the rates; no line has the name of a joint."""
+    for line in forces:
+        if line.name in space.joint_names or line.name in space.rate_names:
+            raise InputError("forces", f"line {line} has the name of a joint; give another name=")
+    return {line.name: row for row, line in enumerate(forces, len(space.rate_names))}
+
+
+def _motors(
+    space: JointSpace, motors: Sequence[Motor], lines: Mapping[str, int]
+) -> tuple[Array, tuple[str, ...]]:
+    """B with a row for each rate and each line, and the motors' names."""
+    size = len(space.rate_names) + len(lines)
+
+    def rows(names: list[str]) -> NDArray[np.intp]:
+        found = [[lines[name]] if name in lines else space.rates_of([name]) for name in names]
+        if len(set(rows := [int(k) for part in found for k in part])) != len(rows):
+            raise InputError("names", f"a joint appears twice in {names}")
+        return np.array(rows, dtype=np.intp)
+
     if isinstance(motors, str) or not isinstance(motors, Iterable):
         raise InputError("actuated", f"{motors!r}: a sequence of names is needed")
     columns: list[Array] = []
     names: list[str] = []
     for motor in motors:
         if isinstance(motor, Mapping):
-            column = np.zeros(nv)
-            k = space.rates_of(list(motor))
+            column = np.zeros(size)
+            k = rows(list(motor))
             column[k] = finite_array("actuated", list(motor.values()), (len(k),))
             if not column.any():
                 raise InputError("actuated", f"{dict(motor)}: this motor acts on no joint")
@@ -129,12 +167,13 @@ def _motors(space: JointSpace, motors: Sequence[Motor], nv: int) -> tuple[Array,
             shares = " + ".join(f"{share:g} {name}" for name, share in motor.items())
             names.append(shares.replace("+ -", "- "))
         else:
-            k = space.rates_of(names_of("actuated", [motor]))
-            columns.extend(np.eye(nv)[k])
-            names.extend(space.rate_names[i] for i in k)
+            (name,) = names_of("actuated", [motor])
+            k = rows([name])
+            columns.extend(np.eye(size)[k])
+            names.extend([name] if name in lines else [space.rate_names[i] for i in k])
     if len(set(names)) != len(names):
         raise InputError("actuated", f"a joint appears twice in {names}")
-    return np.array(columns).reshape(-1, nv).T, tuple(names)
+    return np.array(columns).reshape(-1, size).T, tuple(names)
 
 
 def _require_sound(model: pin.Model, closures: Sequence[Constraint]) -> None:

@@ -3,7 +3,8 @@
 
 The long form assembles every term of Eq. (92) from K, T, M and Omega, to be seen and tested. The
 short form is the same equation with v = L va and v_dot = L aa + L_dot va put into the tree's
-inverse dynamics: f = L^T (RNEA(q, v, v_dot) - tau^f - tau^s - K^T w). `pin.rnea` is the decoupled
+inverse dynamics: f = L^T (RNEA(q, v, v_dot) - tau^f - tau^s - K^T w), tau^f and tau^s with the
+forces along lines. `pin.rnea` is the decoupled
 form K = N_l N_d of [5, 6] as recursions: N_d and N_l forward, N_l^T and N_d^T backward.
 
 Inertia matrices come from `pin.crba`. It is wrong for trees whose joints were not added
@@ -22,6 +23,7 @@ from numpy.typing import NDArray
 from ..errors import SingularConfigurationError
 from ..summaries import as_html, as_text
 from .assembly import Assembly
+from .lines import LineKinematics
 from .loops import CLOSURE_TOLERANCE, Loops
 from .mechanism import Friction, Mechanism
 from .mobility import independent_rows
@@ -54,8 +56,8 @@ class Terms:
         coriolis: Coriolis matrix (with centrifugal terms), shape (n, n), Eq. (94).
         gravity: Generalized forces of the weights, tau^g, shape (n,), Eq. (95).
         friction: Generalized forces of friction, L^T tau^f, shape (n,), Eq. (96); they oppose the
-            rates.
-        springs: Generalized forces of the springs, shape (n,).
+            rates. Dampers along lines are among them.
+        springs: Generalized forces of the springs, those along lines among them, shape (n,).
     """
 
     Phi: Array
@@ -154,6 +156,7 @@ class Workspace:
         self.loops = Loops(mechanism.model, mechanism.closures)
         self.data = self.loops.data
         self.complement = JointComplement(mechanism, self.loops.touched)
+        self.lines = LineKinematics(self.model, mechanism.lines.forces, mechanism.length)
         self.assembly = Assembly(mechanism, self.loops)
         self.without_slip = Assembly(mechanism, self.loops, slipping=False)
         self._weightless = pin.Model(mechanism.model)
@@ -169,6 +172,11 @@ class Workspace:
         self.mechanism.space.require_on_manifold(q)
         self.loops.evaluate(q)
         self.loops.require_closed(self.mechanism.row_scale, tolerance)
+
+    def actuation(self, q: Array) -> Array:
+        """B with what motors on lines do at q: forces on the tree are B tau, shape (nv, motors)."""
+        B, lines = self.mechanism.motors, self.mechanism.lines
+        return B + self.lines.evaluate(q)[1].T.dot(lines.motors) if lines.motors.any() else B
 
     def momentum_rate(self, q: Array, a: Array) -> Array:
         """M a, generalised forces of rates a_k of the tree, shape (nv,), by N_l and N_l^T."""
@@ -192,17 +200,25 @@ def motion_of_tree(ws: Workspace, va: Array, aa: Array) -> tuple[Array, Array]:
 
 
 def applied_forces(
-    ws: Workspace, friction: Friction, q: Array, v: Array, wrenches: Array | None
-) -> Array | None:
-    """Friction, springs and external wrenches as forces on the tree, shape (nv,), or None."""
-    springs, force = ws.mechanism.springs, None
+    ws: Workspace,
+    friction: Friction,
+    q: Array,
+    v: Array,
+    wrenches: Array | None,
+    tau: Array | None = None,
+) -> Array:
+    """Motors, friction, springs, lines, external wrenches as forces on the tree, shape (nv,)."""
+    springs, lines = ws.mechanism.springs, ws.mechanism.lines
+    force = ws.zero if tau is None else ws.mechanism.motors.dot(tau)
     if not friction.none:
-        force = friction.forces(v)
+        force = force + friction.forces(v)
     if not springs.none:
-        force = springs.forces(ws.model, q) + (0 if force is None else force)
+        force = force + springs.forces(ws.model, q)
+    if not lines.none:
+        lengths, J = ws.lines.evaluate(q)
+        force = force - lines.tensions(lengths, J.dot(v), tau).dot(J)
     if wrenches is not None:
-        on_bodies = wrenches.ravel().dot(body_jacobians(ws.model, ws.data))
-        force = on_bodies + (0 if force is None else force)
+        force = force + wrenches.ravel().dot(body_jacobians(ws.model, ws.data))
     return force
 
 
@@ -217,9 +233,7 @@ def inverse_dynamics(
     ws.evaluate(q)
     v, v_dot = motion_of_tree(ws, va, aa)
     tree = pin.rnea(ws.model, ws.data, q, v, v_dot)
-    applied = applied_forces(ws, ws.mechanism.friction, q, v, wrenches)
-    if applied is not None:
-        tree = tree - applied
+    tree = tree - applied_forces(ws, ws.mechanism.friction, q, v, wrenches)
     return tree.dot(ws.complement.L)
 
 
@@ -243,6 +257,8 @@ def sizes_of_terms(
         wrenches_on_bodies.append(wrenches.ravel())
     wrench = np.abs(wrenches_on_bodies).sum(axis=0)
     own = [mechanism.friction.forces(v), mechanism.springs.forces(model, q), model.armature * v_dot]
+    now, J = ws.lines.evaluate(q)
+    own += list(mechanism.lines.tensions(now, J.dot(v))[:, None] * J)
     of_joints = np.abs(own).sum(axis=0)
     lengths = np.linalg.norm(K.reshape(2 * r, 3, -1), axis=1)
     sizes = np.linalg.norm(wrench.reshape(2 * r, 3), axis=1)
@@ -267,10 +283,8 @@ def direct_dynamics(
 
     ws.evaluate(q, tolerance)
     v, bias = motion_of_tree(ws, va, ws.steady)
-    force = ws.mechanism.motors.dot(tau) - pin.rnea(ws.model, ws.data, q, v, bias)
-    applied = applied_forces(ws, friction, q, v, wrenches)
-    if applied is not None:
-        force += applied
+    force = -pin.rnea(ws.model, ws.data, q, v, bias)
+    force += applied_forces(ws, friction, q, v, wrenches, tau)
     L = ws.complement.L
     inertia = ws.reduced_inertia(q, L)
     _, aa, info = dposv(inertia, force.dot(L))
@@ -293,6 +307,9 @@ def terms(ws: Workspace, q: Array, va: Array) -> Terms:
     v = L @ va  # Eq. (16)
     L_dot = ws.complement.L_dot(ws.loops.Phi_dot(v))
     of_bodies = bodies(model, ws.data, v)
+    lengths, J = ws.lines.evaluate(q)
+    at_rest = mechanism.lines.tensions(lengths, np.zeros(len(J)))
+    damping = mechanism.lines.tensions(lengths, J @ v) - at_rest
     T, T_dot = natural_complement(of_bodies, L, L_dot)
     K, K_dot, M, Omega, w_g = of_bodies
     # Rotors geared to a joint (model.armature) are no bodies of the paper; RNEA counts them too.
@@ -314,6 +331,6 @@ def terms(ws: Workspace, q: Array, va: Array) -> Terms:
         inertia=T.T @ M @ T + rotors @ L,  # Eq. (93)
         coriolis=T.T @ M @ T_dot + T.T @ Omega @ M @ T + rotors @ L_dot,  # Eq. (94)
         gravity=T.T @ w_g,  # Eq. (95)
-        friction=L.T @ mechanism.friction.forces(v),  # Eq. (96)
-        springs=L.T @ mechanism.springs.forces(model, q),
+        friction=L.T @ (mechanism.friction.forces(v) - damping @ J),  # Eq. (96)
+        springs=L.T @ (mechanism.springs.forces(model, q) - at_rest @ J),
     )

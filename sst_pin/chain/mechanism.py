@@ -14,6 +14,7 @@ from ..errors import DescriptionError, SingularConfigurationError
 from ..summaries import listed
 from .closures import Constraint, Coupling, Distance, frames_of
 from .joint_space import JointSpace
+from .lines import Lines
 from .tree import frame_named, joint_id
 
 Array = NDArray[np.float64]
@@ -121,6 +122,7 @@ class Mechanism:
         motor_names: Names of the motors.
         friction: Friction of all joints.
         springs: Springs of all joints.
+        lines: Forces along lines, those of motors on lines among them.
         example: A configuration with closed loops, shape (nq,), where the coordinates were judged;
             None if none was found.
         without_mass: Names of the coordinates that move no mass.
@@ -133,6 +135,7 @@ class Mechanism:
     motor_names: tuple[str, ...]
     friction: Friction
     springs: Springs
+    lines: Lines = Lines((), np.zeros((0, 0)))  # noqa: RUF009
     example: Array | None = None
     without_mass: tuple[str, ...] = ()
 
@@ -167,7 +170,13 @@ class Mechanism:
     @cached_property
     def driven_one_to_one(self) -> bool:
         """Whether motor k gives the force of coordinate k, and nothing else."""
-        return np.array_equal(self.motors, self.selection.T)
+        return np.array_equal(self.motors, self.selection.T) and not self.lines.motors.any()
+
+    @cached_property
+    def motor_units(self) -> tuple[str, ...]:
+        """For each motor "Nm" or "N", by the rate that it acts on most; on a line alone "N"."""
+        units = zip(self.motors.T, self.space.force_units(self.motors), strict=True)
+        return tuple(unit if on_joints.any() else "N" for on_joints, unit in units)
 
     def require_mass(self) -> None:
         """Refuse direct dynamics where a coordinate moves no mass."""

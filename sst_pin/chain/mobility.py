@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..summaries import as_html, listed
+from .lines import LineKinematics
 from .loops import Loops
 from .mechanism import Mechanism
 
@@ -192,7 +193,7 @@ def judge(
     coordinates = choose_coordinates(mechanism, Phi, wanted)
     n = len(coordinates)
     free = np.setdiff1d(np.arange(Phi.shape[1]), mechanism.driven)
-    loose = free_motions(Phi[:, free])
+    loose = free_motions(np.vstack([Phi, _motors_on_lines(mechanism, q)])[:, free])
     moving = np.abs(loose).max(axis=1, initial=0.0) > 1e-6
     return Mobility(
         joints=space.rate_names,
@@ -214,6 +215,15 @@ def judge(
         where=where,
         q=q.copy(),
     )
+
+
+def _motors_on_lines(mechanism: Mechanism, q: Array) -> Array:
+    """Rates of motors on lines from the rates of the tree, without units, shape (motors, nv)."""
+    lines, length = mechanism.lines, mechanism.length
+    if not lines.motors.any():
+        return np.empty((0, mechanism.model.nv))
+    _, J = LineKinematics(mechanism.model, lines.forces, length).evaluate(q)
+    return lines.motors.T.dot(J) * mechanism.rate_scale / length
 
 
 def _spins(columns: Array) -> bool:

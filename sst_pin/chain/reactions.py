@@ -170,14 +170,17 @@ def reactions(
     mechanism, model, data = ws.mechanism, ws.model, ws.data
     ws.evaluate(q)
     v, v_dot = motion_of_tree(ws, va, aa)
-    needed = pin.rnea(model, data, q, v, v_dot) - mechanism.motors.dot(tau)
-    applied = applied_forces(ws, mechanism.friction, q, v, wrenches)
-    if applied is not None:
-        needed -= applied
+    needed = pin.rnea(model, data, q, v, v_dot)
+    needed -= applied_forces(ws, mechanism.friction, q, v, wrenches, tau)
     Lambda = _multipliers(ws, needed)
 
-    loads = [pin.Force(load) for load in _loads(ws, wrenches)]
-    local = [place.actInv(load) for place, load in zip(data.oMi, loads, strict=True)]
+    loads = _loads(ws, wrenches)
+    if not mechanism.lines.none:
+        lengths, J = ws.lines.evaluate(q)
+        tensions = mechanism.lines.tensions(lengths, J.dot(v), tau)
+        loads += ws.lines.loops.forces_on_bodies(-tensions[:, None])[..., 0]
+    forces = map(pin.Force, loads)
+    local = [place.actInv(load) for place, load in zip(data.oMi, forces, strict=True)]
     pin.rnea(model, data, q, v, v_dot, pin.StdVec_Force(local))
     borne = np.array([f.vector for f in data.f])[1:]
     ground = sum(
@@ -186,7 +189,7 @@ def reactions(
             for j in range(1, model.njoints)
             if not model.parents[j]
         ),
-        np.zeros(6),
+        -loads[0],  # what lines take from it
     )
 
     both = _wrenches(ws, Lambda)

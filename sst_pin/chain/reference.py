@@ -116,7 +116,7 @@ class Reference:
         if self.mechanism.driven_one_to_one:
             return f
         L = self.workspace.complement.L
-        tau, left = self._distributed(f, L, weights)
+        tau, left = self._distributed(f, L, self.workspace.actuation(q), weights)
         over = np.abs(left) > UNSUPPLIED * np.abs(f)
         if over.any():
             # Where large forces balance, their rounding is left: compare with all of them.
@@ -126,11 +126,13 @@ class Reference:
             raise self._unsupplied(left, over)
         return tau
 
-    def _distributed(self, f: Array, L: Array, weights: Array | None) -> tuple[Array, Array]:
+    def _distributed(
+        self, f: Array, L: Array, B: Array, weights: Array | None
+    ) -> tuple[Array, Array]:
         """The torques of least weighted norm with A tau = f, A = L^T B, and what is left of f."""
         mechanism = self.mechanism
         scale, units = mechanism.rate_scale[:, None], mechanism.rate_scale[mechanism.coordinates]
-        L, B = L / scale * units, mechanism.motors * scale
+        L, B = L / scale * units, B * scale
         A = L.T.dot(B)
         # A motor that does not move with a coordinate leaves rounding, which no force balances.
         A[np.abs(A) * MAX_CONDITION_NUMBER < np.outer(*(np.abs(X).max(axis=0) for X in (L, B)))] = 0
@@ -264,18 +266,35 @@ class Reference:
         return pin.getFrameClassicalAcceleration(ws.model, ws.data, frame, where).vector
 
     @_finite
+    def actuator_jacobian(self, q: Array) -> Array:
+        """J, shape (motors, n): the rates of the motors are J va."""
+        L = self._L(q)
+        return self.workspace.actuation(q).T.dot(L)
+
+    def line_lengths(self, q: Array) -> Array:
+        """Lengths of the lines, shape (lines,)."""
+        self.mechanism.space.require_on_manifold(q)
+        return self.workspace.lines.lengths(q)
+
+    @_finite
+    def line_rates(self, q: Array, v: Array) -> Array:
+        """Rates of the lengths at rates v of the tree, shape (lines,)."""
+        return self.workspace.lines.evaluate(q)[1].dot(v)
+
+    @_finite
     def kinetic_energy(self, q: Array, v: Array) -> Array:
         """Kinetic energy of all bodies and rotors at rates v of the tree, [J]."""
         return np.asarray(v.dot(self.workspace.momentum_rate(q, v)) / 2)
 
     def potential_energy(self, q: Array) -> Array:
-        """Potential energy of weights, zero with all masses at the origin, and of springs, [J]."""
+        """Potential energy of weights, zero with all masses at the origin, springs, lines, [J]."""
         ws, springs = self.workspace, self.mechanism.springs
         self.mechanism.space.require_on_manifold(q)
         ws.loops.evaluate(q)
         masses = np.array([body.mass for body in list(ws.model.inertias)[1:]])
         energy = -masses.dot(mass_centers(ws.model, ws.data)).dot(ws.model.gravity.linear)
-        return np.asarray(energy + (0 if springs.none else springs.energy(ws.model, q)))
+        energy += 0 if springs.none else springs.energy(ws.model, q)
+        return np.asarray(energy + self.mechanism.lines.energy(ws.lines.lengths(q)))
 
 
 class ReferenceBackend:

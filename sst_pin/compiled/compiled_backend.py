@@ -335,6 +335,10 @@ def _content(mechanism: Mechanism, parameters: OpenNumbers) -> bytes:
         for i in range(1, model.njoints)
         if i not in parameters.bodies
     ]
+    if not mechanism.lines.none:
+        parts.append(mechanism.lines.motors.tobytes())
+    for line in mechanism.lines.forces:
+        parts += [_frame(mechanism, name) for name in (line.frame_a, line.frame_b)]
     for closure in mechanism.closures:
         if isinstance(closure, (Closure, Distance)):
             parts += [_frame(mechanism, name) for name in (closure.frame_a, closure.frame_b)]

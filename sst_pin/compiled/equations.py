@@ -291,10 +291,16 @@ class Equations:
     @cached_property
     def motor_matrix(self) -> SX:
         """L^T B, shape (n, motors)."""
-        columns: list[Sparse] = [
-            {i: float(b) for i, b in enumerate(column) if b} for column in self.mechanism.motors.T
+        return ca.horzcat(*(self.reduced(column) for column in self._motor_columns))
+
+    @cached_property
+    def _motor_columns(self) -> list[Sparse]:
+        """Columns of B, motors on lines included."""
+        motors = enumerate(self.mechanism.motors.T)
+        return [
+            add({i: float(b) for i, b in enumerate(column) if b}, self.tree.motors_on_lines(k))
+            for k, column in motors
         ]
-        return ca.horzcat(*(self.reduced(column) for column in columns))
 
     @cached_property
     def motor_rows(self) -> list[dict[int, Any]]:
@@ -306,7 +312,10 @@ class Equations:
         for k, column in enumerate(self.L):
             scaled = ca.vertcat(*(SX(x) / scale[j] * units[k, 0] for j, x in column.items()))
             L[:, k] = np.abs(self.at_samples(scaled)).max(axis=1)
-        B = np.abs(mechanism.motors * scale[:, None]).max(axis=0)
+        B: Array = np.zeros((len(self._samples), 1, len(mechanism.motor_names)))
+        for k, forces in enumerate(self._motor_columns):
+            scaled = ca.vertcat(*(SX(x) * scale[j] for j, x in forces.items()))
+            B[..., k] = np.abs(self.at_samples(scaled)).max(axis=1)
         values = self.at_samples(A) * units
         acts = np.abs(values) * MAX_CONDITION_NUMBER >= L * B
         sizes = np.linalg.svd(np.where(acts, values, 0.0), compute_uv=False)
@@ -316,7 +325,7 @@ class Equations:
                 f"the motors supply {rank} of {n} forces along the coordinates; "
                 "generalized_forces computes all of them"
             )
-        acting = acts.any(axis=0)
+        acting = np.any(acts, axis=0)
         return [{k: A[i, k] for k in np.flatnonzero(acting[i]).tolist()} for i in range(n)]
 
     @cached_property
@@ -374,11 +383,19 @@ class Equations:
 
     def motor_forces(self, tau: SX) -> Sparse:
         """B tau: what motors give along the rates of the tree."""
-        return {
+        on_joints = {
             i: total([float(b) * tau[k] for k, b in enumerate(shares) if b])
             for i, shares in enumerate(self.mechanism.motors)
             if shares.any()
         }
+        return add(on_joints, self.pushed(tau))
+
+    def pushed(self, tau: SX) -> Sparse:
+        """What motors on lines give along the rates of the tree."""
+        forces: Sparse = {}
+        for k in map(int, np.flatnonzero(self.mechanism.lines.motors.any(axis=0))):
+            forces = add(forces, {i: x * tau[k] for i, x in self.tree.motors_on_lines(k).items()})
+        return forces
 
     def accelerations(self, tau: SX) -> tuple[SX, list[Any]]:
         """aa under motor torques from Eq. (92), and one over each pivot of the inertia matrix."""

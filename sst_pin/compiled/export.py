@@ -19,7 +19,7 @@ from . import c_code, kernels
 from .compiled_backend import impossible, sample_configurations
 from .equations import Equations
 from .kernel_checks import CLOSED, Checks
-from .open_numbers import BODY, OpenNumbers
+from .open_numbers import BODY, LINE, OpenNumbers
 
 Array = NDArray[np.float64]
 
@@ -237,6 +237,8 @@ def _listed(
     for quantity, where in parameters.joints.items():
         of = space.position_names if quantity == "spring_reference" else space.rate_names
         lines += [(1, f"{quantity.replace('_', ' ')} of {of[k]}") for k in where]
+    numbers_of = "stiffness, rest length, damping, preload"
+    lines += [(LINE, f"line {force}: {numbers_of}") for force in mechanism.lines.forces]
     start = 0
     for size, meaning in lines:
         listed = ", ".join(repr(x) + suffix for x in numbers[start : start + size].tolist())

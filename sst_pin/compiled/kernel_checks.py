@@ -16,6 +16,7 @@ import numpy as np
 from casadi import SX
 from numpy.typing import NDArray
 
+from ..chain.lines import LEAST_LENGTH
 from ..chain.loops import CLOSURE_TOLERANCE
 from .elimination import total
 from .equations import Equations
@@ -52,13 +53,15 @@ class Checks:
 
     @cached_property
     def of_state(self) -> list[Any]:
-        """That the loops are closed; that no pivot of Phi_u is small."""
+        """That the loops are closed; that no pivot of Phi_u is small; that no line is."""
         e = self._equations
         gaps = [s**2 * x.gap for s, x in zip(self._row_scale, e.rows, strict=True)]
         gaps += [gap**2 for gap in e.kinematics.unit_gaps]
         parts = zip(e.factors.parts, e.pivots.sizes, strict=True)
         small = total(part.small(sizes) for part, sizes in parts)
-        return [total(gaps) / self._closed**2, small]
+        least = 2 * LEAST_LENGTH * e.mechanism.length
+        short = [least / line.length for line in e.tree.lines]
+        return [total(gaps) / self._closed**2, small, *short]
 
     @property
     def of_rates(self) -> list[Any]:

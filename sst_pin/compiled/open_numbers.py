@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What stays open in compiled kernels: gravity, masses and inertias, friction, springs, rotors.
+"""What stays open in kernels: gravity, masses and inertias, friction, springs, rotors, lines.
 
 A kernel has fixed which bodies have mass and which joints have friction, springs or rotors, but not
 their numbers. Each number costs a load; in return a payload, an identified friction or another
@@ -24,6 +24,8 @@ Array = NDArray[np.float64]
 
 #: Numbers of a body: mass, first moment (3), second moments xx, xy, xz, yy, yz, zz about its frame.
 BODY = 10
+#: Numbers of a line: stiffness, rest length, damping, preload.
+LINE = 4
 #: Index of the rate within which friction is tanh instead of sign.
 SIGN_WIDTH = 3
 _JOINT = ("armature", "viscous", "coulomb", "stiffness", "spring_reference")
@@ -61,7 +63,8 @@ class OpenNumbers:
             self._starts[name] = start
             start += len(self.joints[name])
         self.rotated = tuple(rotated)
-        self.size = start + 9 * len(self.rotated)
+        self._lines = start, len(mechanism.lines.forces)
+        self.size = start + LINE * len(mechanism.lines.forces) + 9 * len(self.rotated)
 
     def pack(self, mechanism: Mechanism, friction: Friction) -> Array:
         """The numbers of a mechanism with the same structure, with this friction, shape (size,)."""
@@ -75,6 +78,7 @@ class OpenNumbers:
             half = (xx + yy + zz) / 2
             parts += [about_origin[:4], [half - xx, -xy, -xz, half - yy, -yz, half - zz]]
         parts += [values[name][list(self.joints[name])] for name in _JOINT]
+        parts += [line.numbers for line in mechanism.lines.forces]
         for name in self.rotated:
             if model.existJointName(name):
                 placement = model.jointPlacements[model.getJointId(name)]
@@ -102,6 +106,11 @@ class OpenNumbers:
         start = 4 + BODY * self.bodies.index(body)
         J = p[[start + k for k in (4, 5, 6, 5, 7, 8, 6, 8, 9)]].reshape((3, 3))
         return p[start], p[start + 1 : start + 4], J
+
+    def of_lines(self, p: SX) -> list[list[SX]]:
+        """Stiffness, rest length, damping and preload of each line."""
+        start, count = self._lines
+        return [[p[start + LINE * i + k] for k in range(LINE)] for i in range(count)]
 
     def of_joints(self, name: str, p: SX) -> dict[int, SX]:
         """A quantity of the joints that have it, by indices as those of `joints`."""

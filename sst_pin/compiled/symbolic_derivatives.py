@@ -25,19 +25,19 @@ from .symbols import Sparse, add, definite, is_zero, solve_symmetric, sx
 
 def of_torques(e: Equations, checks: Checks) -> tuple[SX, SX, SX, list[Any]]:
     """Derivatives of f by q, va and aa, shapes (n, n), at a motion (q, va, aa), and checks."""
-    by_q, by_va, own = _of_forces(e, checks, _OnTree(e, e.aa, {}))
+    by_q, by_va, own = _of_forces(e, checks, _OnTree(e, e.aa, None))
     return by_q, by_va, e.inertia, own
 
 
 def of_torques_along(e: Equations, checks: Checks, way: SX) -> tuple[SX, SX, SX, list[Any]]:
     """Derivatives of f times a direction of the coordinates, shapes (n,)."""
-    return _of_forces_along(e, checks, _OnTree(e, e.aa, {}), way)
+    return _of_forces_along(e, checks, _OnTree(e, e.aa, None), way)
 
 
 def of_accelerations(e: Equations, checks: Checks, tau: SX) -> tuple[SX, SX, SX, list[Any]]:
     """Derivatives of aa by q, va and tau, and checks."""
     aa, inverses = e.accelerations(tau)
-    by_q, by_va, own = _of_forces(e, checks, _OnTree(e, aa, e.motor_forces(tau)))
+    by_q, by_va, own = _of_forces(e, checks, _OnTree(e, aa, tau))
     right = ca.horzcat(-by_q, -by_va, e.motor_matrix)
     aa_x, _ = solve_symmetric(e.inertia, right)
     n = len(e.L)
@@ -49,7 +49,7 @@ def of_accelerations_along(
 ) -> tuple[SX, SX, SX, list[Any]]:
     """Derivatives of aa times a direction of coordinates and as many motors, shapes (n,)."""
     aa, inverses = e.accelerations(tau)
-    by_q, by_va, _, own = _of_forces_along(e, checks, _OnTree(e, aa, e.motor_forces(tau)), way)
+    by_q, by_va, _, own = _of_forces_along(e, checks, _OnTree(e, aa, tau), way)
     driven = e.project(e.motor_forces(way))
     aa_x, _ = solve_symmetric(e.inertia, ca.horzcat(-by_q, -by_va, driven))
     return aa_x[:, 0], aa_x[:, 1], aa_x[:, 2], [*own, definite(inverses)]
@@ -85,13 +85,15 @@ class _OnTree:
     Attributes:
         slips: Phi v of those rows that hold rates and no positions; zeros for the others.
         c: Phi v_dot + Phi_dot v.
-        forces: Forces of the tree less those of the motors and of the closures.
+        forces: Forces of the tree less those of the closures and of motors on lines.
         q, v, v_dot: What they can be differentiated by; q along each rate.
     """
 
-    def __init__(self, e: Equations, aa: SX, motors: Sparse) -> None:
+    def __init__(self, e: Equations, aa: SX, tau: SX | None) -> None:
         of_v_dot = e.complete(ca.vertsplit(aa), e.drift)
-        self.force = add(e.forces(of_v_dot), {i: -x for i, x in motors.items()})
+        tau = SX(len(e.mechanism.motor_names), 1) if tau is None else tau
+        motors = e.motor_forces(tau)
+        self.force = add(e.forces(of_v_dot), {i: -x for i, x in motors.items() if not is_zero(x)})
         reactions = e.multipliers(self.force)
         nv, twin = e.mechanism.model.nv, e.displaced
         rows = [twin.rows[i] for i in e.factors.rows]
@@ -103,11 +105,13 @@ class _OnTree:
         slips = (row.velocity(v, twists) if row.residual is None else SX(0) for row in rows)
         self.slips = SX(ca.vertcat(*slips))
         self.c = SX(ca.vertcat(*(row.acceleration(v, a) for row in rows)))
-        self.forces = _column(_forces(twin, v, a, rows, ca.vertsplit(R)), nv)
-        self._symbols = [twin.q, self.q, self.v, self.v_dot, R, twin.p, twin.loads]
+        held_tau = SX.sym("tau", *tau.shape)
+        motors = {i: -x for i, x in twin.pushed(held_tau).items()}
+        self.forces = _column(add(_forces(twin, v, a, rows, ca.vertsplit(R)), motors), nv)
+        self._symbols = [twin.q, self.q, self.v, self.v_dot, R, twin.p, twin.loads, held_tau]
         held = ca.vertcat(*(reactions.get(i, 0) for i in e.factors.rows))
         now = [_column(e.v, nv), _column(of_v_dot, nv), held]
-        self._values = [e.q, SX(nv, 1), *now, e.p, e.loads]
+        self._values = [e.q, SX(nv, 1), *now, e.p, e.loads, tau]
 
     def by(self, *pairs: tuple[SX, SX]) -> list[SX]:
         """Derivatives of one of them by another, pair by pair."""

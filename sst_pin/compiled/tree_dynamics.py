@@ -18,6 +18,8 @@ from casadi import SX
 from ..chain.closures import Closure
 from ..chain.mechanism import Mechanism
 from ..chain.tree import frame_named
+from .closure_rows import Line, line
+from .elimination import total
 from .link_kinematics import Kinematics, LinkMotion
 from .open_numbers import SIGN_WIDTH, OpenNumbers
 from .symbols import Sparse, add, is_zero, sx
@@ -136,11 +138,15 @@ class TreeDynamics:
         return force, back @ moment + ca.cross(lever, force)
 
     def friction(self, v: Sparse) -> Sparse:
-        """Forces that friction needs."""
+        """Forces that friction and the dampers along lines need."""
         viscous = self._parameters.of_joints("viscous", self._p)
         coulomb = self._parameters.of_joints("coulomb", self._p)
         tau = {i: D * v[i] for i, D in viscous.items() if i in v}
-        return add(tau, {i: F * self._direction(v[i]) for i, F in coulomb.items() if i in v})
+        tau = add(tau, {i: F * self._direction(v[i]) for i, F in coulomb.items() if i in v})
+        for (_, row), (_, _, damping, _) in zip(self.lines, self._numbers_of_lines, strict=True):
+            pull = damping * total(x * v[i] for i, x in row.items() if i in v)
+            tau = add(tau, {i: x * pull for i, x in row.items()})
+        return tau
 
     def _direction(self, rate: Any) -> Any:
         """The sign of a rate in Coulomb friction."""
@@ -148,11 +154,35 @@ class TreeDynamics:
 
     @cached_property
     def springs(self) -> Sparse:
-        """Forces that springs need."""
+        """Forces that springs need, those along lines among them."""
         stiffness = self._parameters.of_joints("stiffness", self._p)
         rest = self._parameters.of_joints("spring_reference", self._p)
         way = self._kinematics.difference(rest)
-        return {k: c * way[k] for k, c in stiffness.items()}
+        tau = {k: c * way[k] for k, c in stiffness.items()}
+        for (length, row), (c, at_rest, _, preload) in zip(
+            self.lines, self._numbers_of_lines, strict=True
+        ):
+            pull = preload + c * (length - at_rest)
+            tau = add(tau, {i: x * pull for i, x in row.items()})
+        return tau
+
+    @cached_property
+    def lines(self) -> list[Line]:
+        """The lines along which forces act."""
+        model, forces = self._mechanism.model, self._mechanism.lines.forces
+        return [line(self._kinematics, model, x.frame_a, x.frame_b) for x in forces]
+
+    @property
+    def _numbers_of_lines(self) -> list[list[SX]]:
+        return self._parameters.of_lines(self._p)
+
+    def motors_on_lines(self, motor: int) -> Sparse:
+        """Forces along the rates of a motor's unit torque, by the lines that it pushes apart."""
+        tau: Sparse = {}
+        for (_, row), share in zip(self.lines, self._mechanism.lines.motors[:, motor], strict=True):
+            if share:
+                tau = add(tau, {i: float(share) * x for i, x in row.items()})
+        return tau
 
     def _inertia_of(self, body: int) -> tuple[SX, SX, SX]:
         """Mass, first moment and inertia about the origin of a body; zeros without mass."""

@@ -24,9 +24,9 @@ class EnergyBalance(NamedTuple):
 
     Attributes:
         kinetic: Of all bodies.
-        potential: Of the weights and springs.
+        potential: Of the weights, the springs and the forces along lines.
         motors: Work of the motors.
-        friction: Work of friction in all joints, negative or zero.
+        friction: Work of friction in all joints and of dampers along lines, negative or zero.
     """
 
     kinetic: Array

@@ -16,12 +16,12 @@ extern "C" {
 enum {
     ROBOT_OPEN = 1, /* the loops are open by more than $closed */
     ROBOT_SINGULAR, /* the coordinates do not fix the motion, or the motors do not hold it, or
-                     * nearly so */
+                     * nearly so; or the ends of a line coincide */
     ROBOT_NOT_FINITE /* a number is not finite, or an angle beyond $angle */
 };
 
-/* Gravity, masses, inertias, friction, springs, rotors; robot.c says which is which. They may be
- * changed between calls. */
+/* Gravity, masses, inertias, friction, springs, rotors, lines; robot.c says which is which. They
+ * may be changed between calls. */
 extern ${type} robot_parameters[${size}];
 
 ${functions}
