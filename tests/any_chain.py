@@ -81,14 +81,7 @@ def chain(
     more: Sequence[Constraint] = (),
     **options,
 ) -> ClosedChain:
-    """A body on a joint from the base, held by an arm of six revolutes.
-
-    Args:
-        joints: Between base and body, each with its placement; a revolute one by default.
-        kind: Of the closure between body and arm; "" for none.
-        more: Further constraints, on joints "body", "arm_1".. and frames "point_arm_1"..
-        options: Of `ClosedChain`.
-    """
+    """A body on a joint from the base, held by an arm of six revolutes."""
     random = np.random.default_rng(0)
     model = pin.Model()
     model.gravity.linear = np.array([0.7, -1.1, -9.6])

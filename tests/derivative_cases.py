@@ -33,17 +33,9 @@ def close(actual, expected, tolerance, least=1e-3):
     assert_allclose(actual, expected, rtol=0, atol=tolerance * max(np.abs(expected).max(), least))
 
 
-# --- robots -------------------------------------------------------------------------------------
-
-
 @dataclass
 class Case:
-    """A closed chain, and a twin without Coulomb friction.
-
-    Attributes:
-        coulomb: F_c of the chain, shape (nv,).
-        home: On the closures.
-    """
+    """A closed chain, and a twin without Coulomb friction."""
 
     chain: ClosedChain
     twin: ClosedChain

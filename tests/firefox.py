@@ -37,11 +37,7 @@ user_pref("ui.prefersReducedMotion", 1);
 
 
 class Firefox:
-    """One page of a Firefox.
-
-    Args:
-        socket: To its BiDi session.
-    """
+    """One page of a Firefox."""
 
     def __init__(self, socket):
         self._socket, self._numbers = socket, itertools.count()

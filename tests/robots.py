@@ -21,17 +21,7 @@ GRAVITY = np.array([0.7, -1.1, -9.6])
 
 
 class Link(NamedTuple):
-    """A joint of one coordinate and the body that it carries.
-
-    Attributes:
-        name: Of the joint.
-        parent: Name of the link that bears the joint; "" is the base.
-        origin: Of the joint's frame in the parent's frame.
-        axis: Unit vector in the joint's frame.
-        prismatic: Whether the joint slides along the axis rather than turning about it.
-        turned: Orientation of the joint's frame in the parent's frame.
-        massless: Whether the body is a mere carrier of further joints.
-    """
+    """A joint of one coordinate and the body that it carries."""
 
     name: str
     parent: str
@@ -63,17 +53,7 @@ class Motion(NamedTuple):
 
 @dataclass
 class Robot:
-    """A mechanism with random masses, inertias, rotors and joint friction.
-
-    Attributes:
-        links: Parents first, each branch in one piece.
-        frames: Where the loops close.
-        closures: What closes them.
-        actuated: Names of the motors' joints.
-        joints: Inverse kinematics: x of shape (..., n) -> q of shape (..., m), analytic.
-        x: Independent coordinates away from singularities, shape (n,).
-        redundant_rows: How many closure equations follow from the others.
-    """
+    """A mechanism with random masses, inertias, rotors and joint friction."""
 
     links: Sequence[Link]
     frames: Sequence[Frame]
@@ -156,14 +136,7 @@ class Robot:
     def motion(
         self, x: np.ndarray, x_dot: np.ndarray, x_ddot: np.ndarray, wrenches: np.ndarray
     ) -> Motion:
-        """Motor torques by the principle of virtual work.
-
-        Args:
-            x: Independent coordinates, shape (n,).
-            x_dot: Their rates.
-            x_ddot: Their accelerations.
-            wrenches: External [moment; force] on each body at its mass centre, shape (m, 6).
-        """
+        """Motor torques by the principle of virtual work."""
         (q, q_dot, q_ddot) = derivatives(self.joints, x, x_dot, x_ddot)
         (B, B_dot, B_ddot) = derivatives(self.bodies, x, x_dot, x_ddot)
         R_t = B[..., :3].swapaxes(1, 2)
@@ -211,9 +184,6 @@ def _joint_model(link: Link) -> pin.JointModel:
     return pin.JointModelRevoluteUnaligned(link.axis)
 
 
-# --- analysis -----------------------------------------------------------------------------------
-
-
 def derivatives(function, x, x_dot, x_ddot=0.0):
     """Value, first and second rate of an analytic function along x + x_dot t + x_ddot t^2 / 2.
 
@@ -235,9 +205,6 @@ def difference(function, h=0.01):
     """
     weights = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
     return sum(w * (function(k * h) - function(-k * h)) for k, w in weights.items()) / h
-
-
-# --- vectors and angles that stay analytic for complex arguments --------------------------------
 
 
 def dot(u, v):
@@ -298,8 +265,6 @@ def orientation(angles):
     x, y, z = np.moveaxis(angles, -1, 0)
     return rotation(X, x) @ rotation(Y, y) @ rotation(Z, z)
 
-
-# --- the robots ---------------------------------------------------------------------------------
 
 SKEW = orientation(np.array([0.4, -0.7, 0.9]))
 #: Planes of motion: two axes and the normal.

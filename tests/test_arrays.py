@@ -34,7 +34,6 @@ def case(request):
 
 @pytest.mark.parametrize("method", ["RK4", "", None, 5])
 def test_an_unknown_integrator_is_named(robot, method):
-    """With those that there are."""
     with pytest.raises(sst_pin.InputError, match=r"^method: .* unknown; known: .*DOP853"):
         robot.simulate(np.zeros(3), HOME, np.zeros(3), [0, 1e-3], method=method)
 
@@ -101,7 +100,6 @@ LAYOUTS = {
 @pytest.mark.parametrize("layout", LAYOUTS)
 @pytest.mark.parametrize("count", [0, 1, 7, 40])
 def test_memory_of_any_layout_gives_the_same_bits(case, count, layout):
-    """With an axis more there is an axis more."""
     robot, *arrays = case
     arrays = [x[:count] for x in arrays]
     tau, given = robot.compute_torques(*arrays), [LAYOUTS[layout](x) for x in arrays]
@@ -187,7 +185,6 @@ def test_the_binding_says_what_its_stub_says():
 
 @compiled
 def test_the_binding_refuses_what_is_no_code():
-    """By Python's own errors: it is not for users."""
     gravity = np.zeros(3)
     for wrong in ((), (None,), (0, 0, (9,), 3, np.zeros(4), gravity, None)):
         with pytest.raises((TypeError, ValueError)):

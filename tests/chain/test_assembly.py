@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Assembly that scales: loops apart, several starts, any unit of length."""
 
+from pathlib import Path
+
 import numpy as np
 import pinocchio as pin
 import pytest
 from numpy.testing import assert_allclose
 
+import sst_pin
 from robots import ROBOTS
 from sst_pin import ClosedChain, Closure
 from sst_pin.errors import ClosureError, InputError, UnknownNameError
@@ -203,7 +206,6 @@ def test_a_scissor_lift_of_twenty_cells_is_judged_at_the_callers_configuration()
 
 
 def test_a_robot_that_cannot_be_assembled_says_so_at_every_call():
-    """Its coordinates are those of its motors."""
     chain = ladder(2, broken=1)
     for _ in range(2):
         with pytest.raises(ClosureError, match="cannot be closed"):
@@ -264,7 +266,6 @@ def test_limits_that_no_configuration_meets_are_named():
 
 
 def test_limits_that_are_not_reached_change_nothing():
-    """They do not change the numbers."""
     chain, guess = limited([-9] * 3, [9] * 3), [1.2, -0.7, 2.0]
     assert np.array_equal(chain.assemble(guess), chain.assemble(guess, limits=True))
 
@@ -301,3 +302,25 @@ def test_positions_are_given_by_name():
     assert np.abs(by_rocker - by_crank).max() < 1e-9
     with pytest.raises(UnknownNameError, match="wheel"):
         chain.assemble({"wheel": 1.0})
+
+
+DELTA = Path(__file__).resolve().parents[2] / "examples" / "delta.urdf"
+
+
+def test_a_guess_without_quaternions_is_the_way_from_the_neutral_configuration():
+    """A ball counts three angles there, four numbers in q; both lead to the same robot."""
+    delta = sst_pin.ClosedChain.from_urdf(DELTA)
+    assert (delta.model.nq, delta.model.nv) == (19, 18)
+    guess = pin.integrate(delta.model, pin.neutral(delta.model), np.full(18, 0.1))
+    q = delta.assemble([0.1] * 18)
+    assert np.array_equal(q, delta.assemble(guess))
+    assert np.abs(delta.residual(q)).max() < 1e-11
+    with pytest.raises(sst_pin.InputError, match=r"expected \(19,\)"):
+        delta.assemble([0.1] * 17)
+
+
+def test_joints_that_a_guess_does_not_name_start_from_home():
+    """The SST's home follows from its dimensions; no description has to give it."""
+    robot = sst_pin.SST()
+    assert np.array_equal(robot.assemble({}), robot.home)
+    assert np.abs(robot.assemble({"gamma_1": 0.8}) - robot.home).max() < 0.02

@@ -34,7 +34,6 @@ RATES = np.array((1.0, 2, 3))
     ],
 )
 def test_wrong_arrays_are_named(robot, method, q, va, third, word):
-    """Shape, finiteness, type; never NaN in silence."""
     with pytest.raises(sst_pin.InputError, match=word):
         getattr(robot, method)(q, va, third)
 
@@ -54,7 +53,6 @@ def test_an_open_closure_is_told_with_its_size_and_its_remedy(robot):
 
 
 def test_a_star_turned_by_half_a_turn_is_open(robot):
-    """A residual made of sines would take it for closed."""
     q = HOME.copy()
     q[2] += np.pi
     with pytest.raises(sst_pin.ClosureError):
@@ -162,7 +160,6 @@ def test_a_singular_configuration_is_told_with_its_condition_number(robot):
 
 
 def test_a_batch_names_the_samples_whose_numbers_are_not_finite(robot):
-    """By index, along all leading axes."""
     q, va, aa = robot.joint_motion(*random_states(robot, np.random.default_rng(0), 6))
     va = va.reshape(2, 3, 3).copy()
     va[1, 2, 0] = np.nan
@@ -259,7 +256,6 @@ def test_closures_are_made_of_numbers(make, said):
 
 
 def test_names_that_are_not_there_are_told_with_those_that_are(robot):
-    """Joints, frames, kinds of closure."""
     model = robot.model
     with pytest.raises(
         sst_pin.UnknownNameError, match=r"frame 'F' not in the model; known: .*star_1"
@@ -288,7 +284,6 @@ def test_a_massless_robot_has_no_accelerations():
 
 
 def test_only_one_sample_where_one_is_meant(robot):
-    """noc, Phi and the like say so."""
     for call in (robot.Phi, robot.mobility, robot.assemble):
         with pytest.raises(sst_pin.InputError, match="one sample"):
             call(np.tile(HOME, (2, 1)))
@@ -363,7 +358,6 @@ def test_numbers_that_are_not_finite_are_told_by_every_function(afloat):
 
 
 def test_a_batch_is_computed_with_one_model(monkeypatch):
-    """Also when another thread changes it meanwhile."""
     chain = sst_pin.ClosedChain(*four_bar(0.2, 0.3, 0.25, 0.3), ["crank"])
     q = chain.generic_configuration()
     expected = chain.compute_torques(q, [1.0], [0.0])

@@ -179,7 +179,6 @@ def hinges(count):
 
 
 def test_a_joint_that_no_closure_holds_counts_as_singular():
-    """There are too few coordinates."""
     solver = JointComplement(hinges(1), np.zeros((1, 1), dtype=bool))
     with pytest.raises(SingularConfigurationError, match="joint_0"):
         solver.factorise(np.zeros((1, 1)))

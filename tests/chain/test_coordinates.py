@@ -131,7 +131,6 @@ def _four_bar(order, unit=1.0):
 
 
 def test_coordinates_do_not_depend_on_order_or_units():
-    """Without motors, where rank alone decides."""
     orders = [o for o in permutations(BARS) if o.index("crank") < o.index("coupler")]
     chosen = {_four_bar(order, unit).coordinates for order in orders for unit in (1.0, 1e3, 1e-3)}
     assert len(chosen) == 1

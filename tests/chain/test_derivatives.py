@@ -46,9 +46,6 @@ def some(request):
     return make(*arguments)
 
 
-# --- against differences ------------------------------------------------------------------------
-
-
 def test_derivatives_of_robots_are_those_of_differences(some):
     """20 states; friction, springs and wrenches everywhere."""
     random, door = np.random.default_rng(1), Arrays(some)
@@ -64,9 +61,6 @@ def test_derivatives_through_every_closure_and_every_joint(name, kind):
     case, random = of_tree(name, kind), np.random.default_rng(1)
     for state in case.states(2):
         assert_derivatives_are_those_of_differences(case, Arrays(case), *state, random)
-
-
-# --- identities ---------------------------------------------------------------------------------
 
 
 def test_daa_is_the_inertia_and_dtau_its_inverse(some):
@@ -109,9 +103,6 @@ def test_friction_slopes_are_those_of_the_width():
         chain.torque_derivatives(q, [0.0], [0.3], sign_width=0)
 
 
-# --- against Pinocchio --------------------------------------------------------------------------
-
-
 def ours(chain, q, va, tau):
     return chain.acceleration_derivatives(q, va, tau)[:2]
 
@@ -123,9 +114,6 @@ def test_derivatives_agree_with_those_of_Pinocchio_where_these_are_right(name):
 
 def test_Pinocchio_is_wrong_for_points_on_a_moving_joint():
     assert_Pinocchio_is_wrong(ours)
-
-
-# --- the motion next to a state -----------------------------------------------------------------
 
 
 def test_linearize_is_the_motion_next_to_a_state():

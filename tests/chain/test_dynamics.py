@@ -97,7 +97,6 @@ def test_external_wrenches_are_weights_when_they_pull_like_weights(odd):
 
 
 def test_wrenches_and_moment_on_the_star_add_up(robot):
-    """Both arguments at once, batched against single."""
     rng = np.random.default_rng(1)
     q, va, aa = robot.joint_motion(*random_states(robot, rng, 4))
     w, m = rng.normal(size=(9, 6)), rng.normal(size=(4, 3))
@@ -147,3 +146,20 @@ def test_the_motors_need_more_than_the_tree(robot):
     q, va, aa = robot.joint_motion(*sst_pin.paper_circle(0.1))
     tree = pin.rnea(robot.model, robot.model.createData(), q, robot.joint_rates(q, va), np.zeros(9))
     assert np.abs(tree[::3] - robot.compute_torques(q, va, aa)).max() > 1
+
+
+@pytest.mark.parametrize("kernels", [True, False])
+def test_joints_at_rest_have_no_coulomb_friction(kernels):
+    """All motors alike at home: by symmetry beta_k rest, and mu_k turn by sqrt(2) each.
+
+    So each motor needs F_c (1 + sqrt(2)) more than without friction; a sign of rounding would add
+    F_c to some of them.
+    """
+    parameters = sst_pin.Parameters(coulomb_friction=0.3)
+    rough = sst_pin.SST(parameters, kernels=kernels)
+    bare = sst_pin.SST(kernels=kernels)
+    motion = rough.home, [1, 1, 1], [0, 0, 0]
+    v = rough.joint_rates(*motion[:2])
+    assert np.abs(v[2::3]).max() < 1e-14
+    found = rough.compute_torques(*motion) - bare.compute_torques(*motion)
+    assert np.allclose(found, 0.3 * (1 + np.sqrt(2)), rtol=0, atol=1e-12)

@@ -58,7 +58,6 @@ def test_frame_jacobian_and_drift_are_rates_of_the_frames_pose(name):
 @pytest.mark.parametrize("ending", ["csv", "npz"])
 @pytest.mark.parametrize("name", TREES)
 def test_motions_with_quaternions_come_back_to_the_last_bit(name, ending, tmp_path):
-    """All arrays, names, units."""
     chain, q, va, aa = chain_and_state(name)
     near = [
         chain.assemble(pin.integrate(chain.model, q, 0.01 * k * chain.joint_rates(q, va)))

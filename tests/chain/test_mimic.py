@@ -165,7 +165,6 @@ def test_what_a_mimic_joint_cannot_be_is_refused():
     ],
 )
 def test_mimic_joints_that_pinocchio_computes_wrongly_are_refused(kind, factor):
-    """With the cure."""
     model = pin.transformJointIntoMimic(ordinary(kind), 2, 5, factor, OFFSET)
     with pytest.raises(DescriptionError, match=r"mimic joint e: .* Coupling"):
         ClosedChain(model, [Closure("f_end", "g_end", "3d")], ["a"])

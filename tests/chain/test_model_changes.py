@@ -150,7 +150,6 @@ def test_a_changed_sst_equals_a_new_one_on_kernels_and_the_reference_path(name):
 
 
 def test_a_frame_added_to_the_model_can_be_asked_for():
-    """It has a Jacobian after refresh()."""
     model = tree("free", ["RX", "revolute", "RZ"], ["RZ", "revolute", "ball"], seed=3)
     chain = build(model)
     q = model.referenceConfigurations["closed"]
@@ -195,7 +194,6 @@ def test_arrays_of_a_wrong_size_are_refused(name, size, locked):
 
 
 def test_a_model_with_a_nan_is_refused():
-    """It would never equal itself."""
     model = tree("free", ["RX"], ["RZ"], seed=3)
     model.effortLimit = np.full(model.nv, np.nan)
     with pytest.raises(sst_pin.DescriptionError, match="NaN"):
@@ -235,7 +233,6 @@ def _torques(connection, chain, q, va, aa):
 
 
 def test_a_forked_process_computes_the_same():
-    """With the memory of its parent."""
     model = tree("free", ["RX", "revolute", "RZ"], ["RZ", "revolute", "ball"], seed=3)
     chain = build(model)
     q = model.referenceConfigurations["closed"]

@@ -47,9 +47,6 @@ def close(actual, expected, tolerance):
     assert_allclose(actual, expected, rtol=0, atol=tolerance * max(np.abs(expected).max(), 1e-3))
 
 
-# --- closures -----------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("generic", [True, False])
 def test_mobility_counts_the_freedoms_and_the_redundant_rows(robot, chain, generic):
     """The rank of the closures is m - n, and the motors hold all of the n freedoms."""
@@ -72,29 +69,6 @@ def test_assembly_finds_the_passive_joints(robot, chain):
         guess[passive] += random.uniform(-0.05, 0.05, len(passive))
         # Residuals below 1e-12 times a condition number below 100.
         assert_allclose(chain.assemble(guess), q, rtol=0, atol=1e-10)
-
-
-def test_Phi_is_the_Jacobian_of_the_residual(robot, chain):
-    """On the closures, each column of Phi is the derivative of the residual along one joint."""
-    q = robot.joints(robot.x).real
-    columns = [
-        difference(lambda h, unit=unit: chain.residual(q + h * unit)) for unit in np.eye(len(q))
-    ]
-    # Sines and cosines: the differences are at rounding, 1e-14, times lever arms.
-    close(chain.Phi(q), np.stack(columns, axis=1), 1e-12)
-
-
-def test_Phi_dot_is_the_rate_of_Phi(robot, chain):
-    """Along a motion that keeps the loops closed."""
-    for seed in STATES:
-        x, x_dot, *_ = random_state(robot, seed)
-        q, q_dot, _ = derivatives(robot.joints, x, x_dot)
-        rate = difference(lambda t, x=x, x_dot=x_dot: chain.Phi(robot.joints(x + x_dot * t).real))
-        # The differences' truncation.
-        close(chain.Phi_dot(q, q_dot), rate, 1e-9)
-
-
-# --- natural orthogonal complement --------------------------------------------------------------
 
 
 def test_L_is_an_orthogonal_complement_of_Phi(robot, chain):
@@ -124,9 +98,6 @@ def test_the_rates_of_the_complement_are_its_derivatives(robot, chain, name):
     rate = getattr(chain.noc(q, q_dot[robot.motors]), name + "_dot")
     # The differences' truncation.
     close(rate, difference(matrix), 1e-9)
-
-
-# --- dynamics -----------------------------------------------------------------------------------
 
 
 def test_torques_obey_the_principle_of_virtual_work(robot, chain):
@@ -212,9 +183,6 @@ def test_a_batch_equals_a_loop(robot, chain):
         close(held[i], chain.compute_torques(q[0, 0], va[i], aa[0, i[1]]), 1e-12)
 
 
-# --- energy -------------------------------------------------------------------------------------
-
-
 def test_energies_are_the_sums_over_the_bodies(robot, chain):
     """Kinetic energy with the rotors', potential energy, and the power of friction."""
     for seed in STATES:
@@ -230,7 +198,6 @@ def test_energies_are_the_sums_over_the_bodies(robot, chain):
 
 
 def test_without_torque_and_friction_energy_is_conserved(robot):
-    """Over a tenth of a second of free motion."""
     chain = robot.frictionless()
     x, x_dot, *_ = random_state(robot, 0)
     q, q_dot, _ = derivatives(robot.joints, x, x_dot)
@@ -241,9 +208,6 @@ def test_without_torque_and_friction_energy_is_conserved(robot):
     assert np.ptp(kinetic) > 1e-2  # [J], so that the theorem says something
     # The integrator keeps coordinates to 1e-12 a step; in ten steps the weights rise by 1e-11 m.
     assert np.ptp(total) < 1e-11 * robot.masses.sum() * np.linalg.norm(GRAVITY)
-
-
-# --- equivalent closures ------------------------------------------------------------------------
 
 
 def test_a_spherical_robot_needs_its_orientation_closures_only():
@@ -262,9 +226,6 @@ def test_a_spherical_robot_needs_its_orientation_closures_only():
         close(one, other, 1e-12)
 
 
-# --- failures -----------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("name", "motors"),
     [
@@ -274,7 +235,6 @@ def test_a_spherical_robot_needs_its_orientation_closures_only():
     ],
 )
 def test_too_few_motors_leave_loose_joints(name, motors):
-    """Redundant rows cannot stand in for a motor."""
     robot = ROBOTS[name]
     chain, q = robot.chain(motors), robot.joints(robot.x).real
     report = chain.mobility(q)

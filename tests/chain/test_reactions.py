@@ -182,12 +182,7 @@ def test_verdicts_are_those_of_the_equilibrium_of_all_bodies(name):
 
 
 def cube(cut, unit=1.0):
-    """Bricard's six hinges along edges of a cube, the loop cut at one of them.
-
-    Args:
-        cut: Number of the hinge that is the closure, 1 to 6.
-        unit: Length of an edge.
-    """
+    """Bricard's six hinges along edges of a cube, the loop cut at one of them."""
     points = unit * np.array(
         [(0, 0, 0), (1, 0, 0), (1, -1, 0), (1, -1, 1), (0, -1, 1), (0, 0, 1)], dtype=float
     )

@@ -2,7 +2,6 @@
 import re
 import subprocess
 import sys
-import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +18,6 @@ SAMPLE = ROOT / "examples" / "figure_eight.csv"
 
 
 def test_paper_writes_data_and_figures_and_prints_its_table(here, capsys, robot):
-    """The main job, whole."""
     code, out, _ = run(capsys, "paper", "--samples", 201)
     assert code == 0
     names = {p.name for p in (here / "paper").iterdir()}
@@ -38,26 +36,6 @@ def test_paper_writes_data_and_figures_and_prints_its_table(here, capsys, robot)
     )
     assert exact < 1e-9
     assert 1e-6 < printed < 5e-5
-
-
-@pytest.mark.slow
-def test_figures_are_pictures_with_labels(here, capsys):
-    """PNG with ink of several colours, SVG that parses; the same run gives the same SVG."""
-    image = pytest.importorskip("matplotlib.image", reason="extra `plot` is not installed")
-    run(capsys, "paper", "--samples", 51)
-    first = {p.name: p.read_bytes() for p in (here / "paper").glob("*.svg")}
-    for path in (here / "paper").glob("*.png"):
-        pixels = image.imread(path)[..., :3]
-        assert min(pixels.shape[:2]) > 600
-        colours = np.unique((pixels * 7).round() @ [64, 8, 1])
-        assert len(colours) > 10
-        border = np.concatenate([pixels[0], pixels[-1], pixels[:, 0], pixels[:, -1]])
-        assert (border > 0.99).all()  # nothing is cut off
-    for content in first.values():
-        assert ET.fromstring(content).tag.endswith("svg")
-    assert b"motor torque (N m)" in first["figure_10_torques.svg"]
-    run(capsys, "paper", "--samples", 51, "--force")
-    assert first == {p.name: p.read_bytes() for p in (here / "paper").glob("*.svg")}
 
 
 def test_sample_motion_goes_to_torques_and_back(here, capsys):
@@ -123,7 +101,6 @@ def test_simulate_starts_where_it_is_told(here, capsys, robot):
 
 
 def test_simulate_says_that_it_stopped(here, capsys):
-    """Zero torque: the robot falls into a singularity."""
     write_motion(
         here / "tau.csv",
         ("t_s", "tau_1_Nm", "tau_2_Nm", "tau_3_Nm"),
@@ -145,7 +122,6 @@ def test_simulate_says_that_it_stopped(here, capsys):
 
 
 def test_info_tells_versions_model_and_mobility(capsys):
-    """What one asks for first when something is odd."""
     code, out, _ = run(capsys, "info")
     assert code == 0
     for word in (
@@ -160,7 +136,6 @@ def test_info_tells_versions_model_and_mobility(capsys):
 
 
 def test_every_command_takes_another_robot(here, capsys):
-    """--robot."""
     text = (
         Path(sst_pin.URDF_PATH).read_text().replace('<mass value="0.3" />', '<mass value="0.6" />')
     )
@@ -202,7 +177,6 @@ BAD = {
 
 @pytest.mark.parametrize("case", BAD)
 def test_a_bad_motion_gives_one_clear_line_and_exit_code_2(here, capsys, case):
-    """No traceback, no output file."""
     text, word = BAD[case]
     (here / "bad.csv").write_text(text)
     code, out, err = run(capsys, "torques", "bad.csv", "-o", "out.csv")
@@ -229,43 +203,7 @@ def test_motor_angles_without_assembly_are_told_by_line(here, capsys):
     assert "m.csv, line 4: no assembly exists at gamma" in err
 
 
-@pytest.mark.parametrize(
-    ("arguments", "word"),
-    [
-        (("dance",), "invalid choice: 'dance'"),
-        (("torques", SAMPLE), "required: -o/--output"),
-        (("torques", "nowhere.csv", "-o", "out.csv"), "cannot be read: No such file"),
-        (("torques", SAMPLE, "-o", "out.xlsx"), "known: .csv, .npz"),
-        (("torques", SAMPLE, "-o", "there.csv"), "use force (--force)"),
-        (("torques", SAMPLE, "-o", "there.csv/out.csv"), "cannot be written"),
-        (
-            ("torques", SAMPLE, "-o", "out.csv", "--robot", "nowhere.urdf"),
-            "the URDF cannot be read",
-        ),
-        (("torques", SAMPLE, "-o", "out.csv", "--robot", "there.csv"), "not a URDF"),
-        (("simulate", SAMPLE, "-o", "out.csv"), "missing columns tau_1_Nm"),
-        (("simulate", "tau.csv", "-o", "out.csv"), "give --va0 gamma_1=.."),
-        (("simulate", "tau.csv", "-o", "out.csv", "--q0", "1,2"), "the form crank=0.1"),
-        (("paper", "--samples", "3"), "whole number from 10"),
-        (("paper", "--out", "there.csv"), "cannot be written"),
-    ],
-)
-def test_bad_arguments_give_one_clear_line_and_exit_code_2(here, capsys, arguments, word):
-    """Whatever is wrong."""
-    (here / "there.csv").write_text("in the way")
-    write_motion(here / "tau.csv", ("t_s", "tau_1_Nm", "tau_2_Nm", "tau_3_Nm"), np.eye(4)[::-1])
-    (here / "tau.csv").write_text("t_s,tau_1_Nm,tau_2_Nm,tau_3_Nm\n0,0,0,0\n1,0,0,0\n")
-    code, _, err = run(capsys, *arguments)
-    assert code == 2
-    assert err.count("\n") == 1
-    assert "error: " in err
-    assert word in err
-    assert sorted(p.name for p in here.iterdir()) == ["tau.csv", "there.csv"]
-    assert (here / "there.csv").read_text() == "in the way"
-
-
 def test_paper_replaces_nothing_without_force(here, capsys):
-    """One file of twelve in the way: none is written."""
     (here / "paper").mkdir()
     (here / "paper" / "figure_10_torques.png").write_text("mine")
     code, _, err = run(capsys, "paper", "--samples", 21)
@@ -275,7 +213,6 @@ def test_paper_replaces_nothing_without_force(here, capsys):
 
 
 def test_module_and_script_are_the_same_command():
-    """python -m sst_pin --version."""
     result = subprocess.run(
         [sys.executable, "-m", "sst_pin", "--version"], capture_output=True, text=True, check=True
     )
@@ -290,6 +227,5 @@ def test_module_and_script_are_the_same_command():
 
 
 def test_sample_motion_is_current():
-    """examples/ is what the generator makes."""
     script = ROOT / "scripts" / "description" / "make_sample_motion.py"
     subprocess.run([sys.executable, script, "--check"], check=True)

@@ -62,7 +62,6 @@ def test_torques_of_a_delta_lead_back_to_its_motion(here, capsys):
 
 
 def test_an_mjcf_with_a_motor_that_pushes(here, capsys):
-    """Millimetres in, newtons out."""
     pytest.importorskip("mujoco", reason="extra `mjcf` is not installed")
     (here / "slider.xml").write_text(SLIDER)
     stroke = [f"{t!r},{10 * math.sin(6 * t)!r}" for t in np.linspace(0, 1, 41).tolist()]
@@ -94,34 +93,6 @@ def test_a_simulation_starts_at_named_joints(here, capsys):
     assert "give --va0 motor_1=..,motor_2=..,motor_3=.." in err
 
 
-@pytest.mark.parametrize(
-    ("arguments", "word"),
-    [
-        (("simulate", "t.csv", "-o", "m.csv", "--q0", "motor_1"), "the form crank=0.1"),
-        (("simulate", "t.csv", "-o", "m.csv", "--q0", "wheel=1", "--va0", "motor_1=0"), "motor_1"),
-        (("torques", SAMPLE, "-o", "x.csv"), "no column of motor_1, motor_2, motor_3"),
-        (("info", "--robot", "delat"), "did you mean delta?"),
-        (("info", str(DELTA)), f"did you mean --robot {DELTA}?"),
-        (("torques", "delta", "-o", "m.csv"), "did you mean --robot delta?"),
-        (("show", str(DELTA)), f"did you mean --robot {DELTA}?"),
-        (("compile", "delta"), "did you mean --robot delta?"),
-        (("export-c", str(DELTA), "-o", "c"), f"did you mean --robot {DELTA}?"),
-        (("paper", "--robot", "delta"), "delta is not an SST"),
-        (("plot", "t.csv", "-o", "x.png", "--what", "path"), "no column of"),
-        (("info", "--robot", "nowhere.xml"), "nowhere.xml"),
-    ],
-)
-def test_bad_arguments_of_any_robot_are_told_in_one_line(here, capsys, arguments, word):
-    """Exit code 2, nothing written."""
-    (here / "t.csv").write_text("t_s,tau_1_Nm,tau_2_Nm,tau_3_Nm\n0,0,0,0\n0.001,0,0,0\n")
-    robot = () if "--robot" in arguments else ("--robot", DELTA)
-    code, _, err = run(capsys, *arguments, *robot)
-    assert code == 2
-    assert err.count("\n") == 1
-    assert word in err
-    assert [path.name for path in here.iterdir()] == ["t.csv"]
-
-
 def through(capsysbinary, monkeypatch, data, *arguments):
     """A command that reads bytes: exit code, bytes, text of errors."""
     monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(data)))
@@ -149,7 +120,6 @@ def test_a_pipe_of_commands(here, capsysbinary, monkeypatch):
 
 
 def test_an_error_in_standard_input_names_it(capsysbinary, monkeypatch):
-    """And its line."""
     text = b"t_s,qw,qx,qy,qz\n0,1,0,0,zero\n"
     code, out, err = through(capsysbinary, monkeypatch, text, "torques", "-", "-o", "-")
     assert (code, out) == (2, b"")
@@ -157,7 +127,6 @@ def test_an_error_in_standard_input_names_it(capsysbinary, monkeypatch):
 
 
 def test_the_bare_command_shows_its_help(capsys):
-    """On standard output."""
     code, out, err = run(capsys)
     assert (code, err) == (0, "")
     assert out.startswith("usage: sst-pin ")
@@ -165,7 +134,6 @@ def test_the_bare_command_shows_its_help(capsys):
 
 
 def test_info_as_json_says_the_same(capsys):
-    """For programs; of any robot."""
     code, out, _ = run(capsys, "info", "--json", "--robot", DELTA)
     assert code == 0
     content = json.loads(out)
@@ -176,7 +144,6 @@ def test_info_as_json_says_the_same(capsys):
 
 
 def test_validate_says_when_it_finds_nothing(capsys):
-    """In its first line."""
     code, out, _ = run(capsys, "validate", DELTA)
     assert code == 0
     assert out.startswith("no problems found\n")
@@ -265,7 +232,6 @@ CASES = [
 def test_no_command_ends_in_a_traceback_when_its_output_breaks(
     here, capsys, monkeypatch, arguments, fault
 ):
-    """An exit code that says so, and one line at most."""
     write_delta(here / "motors.csv")
     (here / "tau.csv").write_text("t_s,tau_1_Nm,tau_2_Nm,tau_3_Nm\n0,0,0,0\n0.001,0,0,0\n")
     error, expected, words = FAULTS[fault]
@@ -289,7 +255,6 @@ def test_no_command_ends_in_a_traceback_when_its_output_breaks(
 )
 @pytest.mark.skipif(not Path("/proc/self").exists(), reason="no /proc")
 def test_an_unwritable_place_is_told_in_one_line(capsys, arguments):
-    """Where even root makes no file."""
     code, _, err = run(capsys, *arguments)
     assert code == 2
     assert err.count("\n") == 1

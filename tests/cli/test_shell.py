@@ -64,7 +64,6 @@ def test_a_pose_that_the_machine_cannot_take_is_a_warning_and_with_strict_an_err
 
 
 def test_a_motion_on_its_arcs_is_no_matter_for_strict(here, capsys):
-    """The sample."""
     code, _, err = run(capsys, "torques", SAMPLE, "-o", "out.csv", "--strict")
     assert (code, err) == (0, "")
 
@@ -83,7 +82,6 @@ def test_a_reader_that_has_enough_ends_the_command_in_silence(arguments):
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
 def test_an_output_that_is_full_is_told_in_one_line():
-    """The disc is full."""
     with open("/dev/full", "w") as full:  # noqa: PTH123
         process = start("info", stdout=full)
         _, err = process.communicate(timeout=60)
@@ -92,7 +90,6 @@ def test_an_output_that_is_full_is_told_in_one_line():
 
 
 def test_ctrl_c_while_the_packages_load_is_answered_in_one_line():
-    """The first third of a second is spent on imports."""
     code = (
         "import sys; from sst_pin.cli import main\n"
         "class Announcer:\n"
@@ -110,7 +107,6 @@ def test_ctrl_c_while_the_packages_load_is_answered_in_one_line():
 
 
 def test_sigterm_leaves_no_temporary_file(here):
-    """While a file is being written."""
     code = (
         "import sys, time; from sst_pin.cli import main; from sst_pin import Trajectory\n"
         "def write(file):\n"
@@ -128,7 +124,6 @@ def test_sigterm_leaves_no_temporary_file(here):
 
 
 def test_numbers_of_an_option_may_begin_with_a_minus(here, capsys):
-    """No option begins with a digit."""
     (here / "tau.csv").write_text("t_s,tau_1_Nm,tau_2_Nm,tau_3_Nm\n0,0,0,0\n0.001,0,0,0\n")
     options = (
         "--q0",
@@ -143,47 +138,13 @@ def test_numbers_of_an_option_may_begin_with_a_minus(here, capsys):
     assert list(motion.va[0]) == [-0.5, 0, 0]
 
 
-LONG = 300 * "x"
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (("show", "--port", "99999"), "'99999' is not a port"),
-        (("show", "--port", "-1"), "'-1' is not a port"),
-        (("show", "--interactive", SAMPLE), "cannot be combined with motion"),
-        (("show", "--interactive", "--html", "x.html"), "cannot be combined with html"),
-        (("torques", SAMPLE, "-o", f"{LONG}.csv"), "File name too long"),
-        (("torques", f"{LONG}.csv", "-o", "out.csv"), "File name too long"),
-        (("torques", SAMPLE, "-o", "out.csv", "--robot", f"{LONG}.urdf"), "File name too long"),
-        (("plot", f"{LONG}.csv", "-o", "out.png"), "File name too long"),
-        (("export-c", LONG), "File name too long"),
-        (("paper", "--samples", "10", "--out", LONG), "File name too long"),
-        (("describe", "-o", "d", "--base-radius", "1e308"), "base_radius: 1e+308 m is outside"),
-        (("describe", "-o", "d", "--star-radius", "1e308"), "star_radius: 1e+308 m is outside"),
-        (("describe", "-o", "d", "--link-mass", "1e308"), "not finite"),
-        (("torques", SAMPLE, "-o", "device.csv", "--force"), "is a device, not a file"),
-    ],
-)
-def test_what_cannot_be_done_is_told_in_one_line(here, capsys, arguments, words):
-    """Exit code 2, nothing written."""
-    (here / "device.csv").symlink_to("/dev/null")
-    code, _, err = run(capsys, *arguments)
-    assert code == 2
-    assert err.count("\n") == 1
-    assert words in err
-    assert [path.name for path in here.iterdir()] == ["device.csv"]
-
-
 def test_a_name_as_long_as_the_file_system_takes_is_taken(here):
-    """The partial file has a short name of its own."""
     name = 251 * "x" + ".csv"
     write_files({here / name: text_writer("whole")})
     assert (here / name).read_text() == "whole"
 
 
 def test_force_keeps_links_and_modes(here):
-    """What is replaced is the content."""
     (here / "far").mkdir()
     far, link = here / "far" / "data.csv", here / "link.csv"
     far.write_text("old")

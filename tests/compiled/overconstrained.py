@@ -16,15 +16,7 @@ def loop(
     kind: str = "6d",
     seed: int = 0,
 ) -> sst_pin.ClosedChain:
-    """All joints in one branch whose end is welded to the base; or all but the last, "hinge".
-
-    Args:
-        lengths: Of each bar, [m].
-        twists: From the axis at its start to that at its end, [rad].
-        offsets: Of the bars along the axes; zeros by default.
-        kind: Of the closure.
-        seed: Of inertias, and of the pose of the whole in space.
-    """
+    """All joints in one branch whose end is welded to the base; or all but the last, "hinge"."""
     random, n = np.random.default_rng(seed), len(lengths)
     model = pin.Model()
     model.name = f"loop_{n}"

@@ -3,15 +3,19 @@
 
 import ctypes
 import errno
+import logging
 import os
 import pwd
 import tempfile
 import time
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import robots
+import sst_pin
+from sst_pin.cli import main
 from sst_pin.compiled import build
 from sst_pin.errors import CompilationError
 
@@ -40,6 +44,17 @@ def test_a_log_says_what_is_compiled_and_nothing_where_the_cache_has_it(folder, 
     caplog.set_level("INFO", logger="sst_pin")
     assert answer() == answer() == 42
     assert caplog.messages == ["compiling kernel of robot for plain; the cache keeps it"]
+
+
+def test_a_library_that_is_damaged_is_made_anew(folder):
+    assert answer() == 42
+    (entry,) = build.cached()
+    damaged = entry.path.read_bytes()[:-100]
+    entry.path.unlink()  # what is loaded stays
+    entry.path.write_bytes(damaged)
+    assert answer() == 42
+    (again,) = build.cached()
+    assert again.path.name.split(".")[-2] == build._digest(again.path)
 
 
 def test_a_cache_that_cannot_be_written_serves_what_is_in_it(folder, monkeypatch):
@@ -199,3 +214,90 @@ def test_a_robot_searches_the_cache_for_each_kernel_once(monkeypatch):
         chain.rollout(np.zeros((3, 1)), q, [1.0], 1e-3, sign_width=width)
     assert {"torque_derivatives", "rollout"} <= {kernel for kernel, _ in asked}
     assert len(asked) == len(set(asked))
+
+
+@pytest.mark.slow
+def test_nothing_is_left_to_compile(tmp_path, monkeypatch, caplog):
+    """Every method with a kernel, also with wrenches, leaves the cache as it is."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    chain = sst_pin.robots.four_bar()
+    chain.compile(all=True)
+    caplog.set_level(logging.INFO, logger="sst_pin")
+    caplog.clear()
+    q, zero = chain.home, np.zeros(1)
+    for wrench in (None, np.zeros((chain.model.njoints - 1, 6))):
+        load = {} if wrench is None else {"external_wrenches": wrench}
+        tau = chain.compute_torques(q, zero, zero, **load)
+        chain.generalized_forces(q, zero, zero, **load)
+        chain.compute_accelerations(q, zero, tau, **load)
+        chain.torque_derivatives(q, zero, zero, **load)
+        chain.acceleration_derivatives(q, zero, tau, **load)
+        chain.linearize(q, zero, tau, **load)
+        chain.rollout(np.zeros((3, 1)), q, zero, 1e-3, **load)
+        chain.simulate(tau, q, zero, np.linspace(0, 0.01, 3), **load)
+    chain.joint_rates(q, zero)
+    chain.joint_accelerations(q, zero, zero)
+    chain.reduced_terms(q, zero)
+    assert [record.getMessage() for record in caplog.records] == []
+
+
+def test_a_person_who_waits_longer_than_a_second_is_told_once(tmp_path, monkeypatch, caplog):
+    """Two kernels that take longer, one line; a quick one, none."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    build._tell.cache_clear()
+    wait, source = build.time.sleep, "int zero(void) { return 0; }"
+    for kernel, seconds in (("quick", 0), ("slow", 1.2), ("slower", 1.2)):
+        build.library("bars", kernel, b"", "plain_one", lambda s=seconds: wait(s) or source)
+    told = [r.getMessage() for r in caplog.records if r.levelno == logging.WARNING]
+    assert told == ["sst-pin: compiling kernels of bars; the cache keeps them"]
+
+
+URDF = """<robot name="bars">
+  <link name="base"/>
+  {links}
+  <link name="end"/><link name="pivot"/>
+  <joint name="j1" type="revolute"><parent link="base"/><child link="l1"/><axis xyz="0 1 0"/>
+    <limit lower="-9" upper="9" effort="1" velocity="1"/></joint>
+  <joint name="j2" type="revolute"><parent link="l1"/><child link="l2"/><axis xyz="0 1 0"/>
+    <origin xyz="0.2 0 0"/><limit lower="-9" upper="9" effort="1" velocity="1"/></joint>
+  <joint name="j3" type="revolute"><parent link="l2"/><child link="l3"/><axis xyz="0 1 0"/>
+    <origin xyz="0.5 0 0"/><limit lower="-9" upper="9" effort="1" velocity="1"/></joint>
+  <joint name="e" type="fixed"><parent link="l3"/><child link="end"/><origin xyz="0.4 0 0"/></joint>
+  <joint name="p" type="fixed"><parent link="base"/><child link="pivot"/>
+    <origin xyz="0.45 0 0"/></joint>
+</robot>"""
+LINK = """<link name="l{}"><inertial><mass value="1"/><origin xyz="0.1 0 0"/>
+  <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>"""
+CUTS = "closed_loop: [[end, pivot]]\ntype: [3d]\nname_mot: [j1]\n"
+
+
+@pytest.fixture
+def bars(tmp_path):
+    path = tmp_path / "bars.urdf"
+    path.write_text(URDF.format(links="".join(LINK.format(k) for k in (1, 2, 3))))
+    path.with_suffix(".yaml").write_text(CUTS)
+    assert pin.buildModelFromUrdf(str(path)).nv == 3
+    return path
+
+
+def test_kernels_are_made_listed_and_deleted(bars, tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    assert main(["compile", "--robot", str(bars)]) == 0
+    assert "compiled kernels" in capsys.readouterr().out
+    assert main(["cache"]) == 0
+    listed = capsys.readouterr().out
+    assert "bars" in listed
+    assert "torques" in listed
+    assert "2 kernels" in listed.replace("4 kernels", "2 kernels")  # two widths with AVX-512
+    assert main(["cache", "--empty"]) == 0
+    assert "deleted" in capsys.readouterr().out
+    main(["cache"])
+    assert "0 kernels" in capsys.readouterr().out
+
+
+def test_a_folder_that_others_can_write_to_is_refused(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    (tmp_path / "sst_pin" / "kernels").mkdir(parents=True)
+    (tmp_path / "sst_pin" / "kernels").chmod(0o777)
+    assert main(["cache"]) == 2
+    assert "chmod 700" in capsys.readouterr().err

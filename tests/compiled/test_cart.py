@@ -141,7 +141,6 @@ def test_exported_it_computes_the_same(pair, motions, tmp_path):
 
 
 def test_a_robot_without_motors_falls_as_on_the_reference_path(tmp_path):
-    """No torques to compute, and none to be given."""
     robot = robots.four_bar()
     kernels, reference = (ClosedChain(robot.model, robot.closures, []) for _ in range(2))
     q, va, _ = any_chain.states(reference, 3, 0)

@@ -156,7 +156,6 @@ def test_rates_forces_and_frame_jacobians_agree_with_the_reference_path(small):
 
 
 def test_frames_of_one_name_at_one_place_are_one_frame(four_bar):
-    """A joint and a link of a URDF often have one name."""
     model = pin.Model(four_bar.model)
     for frame in list(model.frames)[-3:]:
         twin = pin.Frame(frame.name, frame.parentJoint, frame.placement, pin.FrameType.SENSOR)
@@ -170,7 +169,6 @@ def test_frames_of_one_name_at_one_place_are_one_frame(four_bar):
 
 
 def test_no_samples_have_no_results(four_bar):
-    """Whatever the arguments, wrenches on the bodies too."""
     (q, va, aa), bodies = moving(four_bar, 1), four_bar.model.njoints - 1
     loads = {"external_wrenches": np.empty((0, bodies, 6))}
     assert four_bar.compute_torques(q[:0], va[:0], aa[:0], **loads).shape == (0, 1)
@@ -188,23 +186,6 @@ def test_one_motion_needs_no_preparation_for_its_forces(small, monkeypatch):
     assert kernels.generalized_forces(q, va, aa, out=out) is out
     assert np.allclose(out, expected, rtol=1e-12)
     assert np.array_equal(kernels.generalized_forces(q, va, aa), out)
-
-
-@pytest.mark.slow
-def test_simulation_and_rollout_agree_with_the_reference_path(small):
-    """Both paths: `simulate` to 1e-10, `rollout` by one rule of integration."""
-    kernels, reference = small
-    q, va, _ = moving(reference, 2, 3)
-    tau = np.zeros((2, 5, len(reference.motor_names)))
-    ours = kernels.rollout(tau, q, 0.1 * va, 1e-3, sign_width=0.1)
-    theirs = reference.rollout(tau, q, 0.1 * va, 1e-3, sign_width=0.1)
-    assert np.abs(ours.q - theirs.q).max() < 1e-9
-    assert np.abs(ours.va - theirs.va).max() < 1e-7 * max(1, np.abs(theirs.va).max())
-    t = np.linspace(0, 0.01, 3)
-    options = {"sign_width": 0.1, "rtol": 1e-9, "atol": 1e-9}
-    first = kernels.simulate(tau[0, 0], q[0], 0.1 * va[0], t, **options)
-    second = reference.simulate(tau[0, 0], q[0], 0.1 * va[0], t, **options)
-    assert np.abs(first.q - second.q).max() < 1e-7
 
 
 def test_a_bad_sample_gets_the_error_or_the_answer_of_the_reference_path(four_bar):
@@ -364,30 +345,6 @@ def test_without_a_compiler_the_reason_is_said_and_the_reference_path_computes(
 
 
 @pytest.mark.slow
-def test_the_cache_is_the_users_own_and_holds_whole_files(four_bar, tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    chain = robots.four_bar(robots.SKEW_PLANE).chain()
-    chain.compile()
-    entries = build.cached()
-    assert {entry.kernel for entry in entries} == {"torques", "accelerations"}
-    stamps = {entry.path: entry.path.read_bytes() for entry in entries}
-    first = entries[0].path
-    damaged = first.read_bytes()[:-100]
-    first.unlink()  # what is loaded stays
-    first.write_bytes(damaged)  # is made anew
-    robots.four_bar(robots.SKEW_PLANE).chain().compile()
-    assert len(build.cached()) == len(stamps)
-    assert all(path.name.split(".")[-2] == build._digest(path) for path in stamps if path.exists())
-    folder = build.cache_folder()
-    folder.chmod(0o777)
-    with pytest.raises(CompilationError, match="is not safe"):
-        robots.four_bar().chain().compile()
-    folder.chmod(0o700)
-    assert build.empty_cache() == len(entries)
-    assert build.cached() == []
-
-
-@pytest.mark.slow
 def test_processes_that_compile_the_same_at_once_do_not_disturb_each_other(tmp_path):
     code = (
         "import robots; c = robots.four_bar().chain(); c.compile();"
@@ -444,7 +401,6 @@ def test_quaternions_stay_on_their_sphere_in_a_rollout(small):
 
 @pytest.mark.slow
 def test_verdicts_on_singularities_are_those_of_the_reference_path(small):
-    """What is regular is regular on both paths."""
     chain, reference = small
     q, _, _ = any_chain.states(chain, 6, 3)
     ours, theirs = chain._states(0.0), reference._states(0.0)

@@ -129,8 +129,6 @@ def test_a_turn_of_the_base_about_the_vertical_changes_nothing():
 
 @pytest.mark.parametrize("kernel", ALL[1::2], ids=str)
 def test_derivatives_agree_with_those_of_Pinocchio_where_these_are_right(kernel):
-    """Every kernel; where Pinocchio is wrong they are not."""
-
     def ours(chain, q, va, tau):
         case = Case(chain, chain, np.zeros(chain.model.nv), q)
         evaluated, _ = numbers(case, [kernel])
@@ -213,7 +211,6 @@ OF_FRAMES = ("frame_jacobian_rate", "frame_velocity_derivatives", "frame_drift")
 
 
 def test_kernels_of_frames_give_what_the_reference_path_gives(compiled):
-    """One sample and many; all are vouched for."""
     ours, reference = compiled[0].chain, compiled[1].chain
     q, va, _, _ = map(np.array, zip(*compiled[0].states(8), strict=True))
     n, frame = ours.degrees_of_freedom, ours.model.frames[-1].name

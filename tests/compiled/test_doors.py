@@ -81,9 +81,6 @@ def short(chain, q, va, tau):
     return 0.03 / np.abs(np.linalg.eigvals(A)).max()
 
 
-# --- values -------------------------------------------------------------------------------------
-
-
 def test_rates_keep_the_loops_closed_and_the_coordinates(behind):
     case, door = behind
     for q, va, _, _ in states(case, door, 3):
@@ -96,7 +93,7 @@ def test_a_step_keeps_the_loops_closed_and_its_error_is_of_fifth_order(behind):
     """Against an integrator of eighth order: half the step leaves a 32nd."""
     case, door = behind
     if isinstance(door, Kernels):
-        pytest.skip("test_compiled.py holds compiled rollouts to those of the reference path")
+        pytest.skip("test_cart.py holds compiled rollouts to those of the reference path")
     chain, errors = case.chain, []
     q, va, _, _ = next(states(case, door, 1))
     tau = np.linspace(-1, 1, len(chain.motor_names))
@@ -142,11 +139,7 @@ def test_dynamics_and_derivatives_obey_the_principle_of_virtual_work(name, door)
     close(df.dq @ d_q + df.dva @ d_va + df.daa @ d_aa, d_tau, 1e-9)
 
 
-# --- derivatives --------------------------------------------------------------------------------
-
-
 def test_derivatives_are_those_of_differences(behind):
-    """Friction, springs and wrenches everywhere."""
     case, door = behind
     random = np.random.default_rng(1)
     for state in states(case, door, 3):

@@ -106,7 +106,6 @@ def test_every_joint_and_closure_gives_what_the_reference_path_gives(name):
 
 @pytest.mark.parametrize("name", any_chain.IN_A_ROW)
 def test_a_joint_of_several_turns_is_these_turns_in_a_row(name):
-    """The reference computes with single joints."""
     one = any_chain.with_joint(name)
     row = any_chain.chain(any_chain.IN_A_ROW[name][1])
     numbers = Numbers(one)

@@ -25,9 +25,6 @@ def wander(chain, start, count, seed):
 
     Where the loops no longer close, or the condition number is above `WORST`, the step is halved,
     so that the ways end in states ever closer to singular ones.
-
-    Returns:
-        q, shape (count, nq), and condition numbers.
     """
     random, found, conditions = np.random.default_rng(seed), [], []
     while len(found) < count:

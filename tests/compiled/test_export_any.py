@@ -12,12 +12,15 @@ import pinocchio as pin
 import pytest
 
 import any_chain
+import sst_pin
 from sst_pin import ClosedChain, robots
 from sst_pin.cli import main
 from sst_pin.compiled import build
 from sst_pin.compiled.export import c_files
+from sst_pin.description import urdf_of, yaml_of
 from sst_pin.errors import DescriptionError, InputError
 from sst_pin.files import write_files
+from sst_pin.verification.sampling import random_parameters
 
 DELTA = Path(__file__).parents[2] / "examples" / "delta.urdf"
 STRICT = [
@@ -129,10 +132,21 @@ def test_fewer_motors_than_coordinates_export_forces(tmp_path):
     assert exported("accelerations", 2, q, va, np.ones(1))[0] == 0
 
 
+@pytest.fixture(params=["SST", "odd SST", pytest.param("delta", marks=pytest.mark.slow)])
+def described(request, tmp_path):
+    """The URDF of a robot, its cuts beside it."""
+    if request.param == "odd SST":
+        parameters, path = random_parameters(np.random.default_rng(1)), tmp_path / "odd.urdf"
+        path.write_text(urdf_of(parameters))
+        path.with_suffix(".yaml").write_text(yaml_of(parameters))
+        return path
+    return DELTA if request.param == "delta" else Path(sst_pin.URDF_PATH)
+
+
 @pytest.mark.parametrize(
     ("compiler", "precision"),
     [
-        pytest.param(["cc"], "double", marks=pytest.mark.slow),
+        (["cc"], "double"),
         *(
             pytest.param(ZIG, precision, marks=[pytest.mark.slow, needs_ziglang])
             for precision in TYPES
@@ -140,11 +154,13 @@ def test_fewer_motors_than_coordinates_export_forces(tmp_path):
     ],
     ids=lambda x: x if isinstance(x, str) else x[-1],
 )
-def test_the_exported_example_computes_the_torques_of_motions(compiler, precision, tmp_path):
-    chain = ClosedChain.from_urdf(DELTA)
-    arguments = ["export-c", "--robot", str(DELTA), str(tmp_path), "--precision", precision]
+def test_the_exported_example_computes_the_torques_of_motions(
+    described, compiler, precision, tmp_path
+):
+    chain, folder = ClosedChain.from_urdf(described), str(tmp_path / "c")
+    arguments = ["export-c", "--robot", str(described), folder, "--precision", precision]
     assert main(arguments) == 0
-    tau, expected = run(chain, tmp_path, [*compiler, *STRICT])
+    tau, expected = run(chain, Path(folder), [*compiler, *STRICT])
     assert worst(tau, expected) < (1e-11 if precision == "double" else 1e-4)  # a thousand roundings
 
 
@@ -217,3 +233,49 @@ def test_names_cannot_break_out_of_the_comments(tmp_path):
         assert "*/ int evil" not in text
         command = ["cc", *STRICT, "-fsyntax-only", "-x", "c", str(tmp_path / "robot.h")]
         subprocess.run(command, check=True)
+
+
+def test_the_exported_example_tells_what_it_cannot_compute(tmp_path):
+    """Exit code 1, a message and no torques: never nan for nan, never half of the input."""
+    assert main(["export-c", str(tmp_path)]) == 0
+    program = tmp_path / "dynamics"
+    command = ["cc", *STRICT, "-o", program, tmp_path / "main.c", tmp_path / "robot.c"]
+    subprocess.run(list(map(str, command)), check=True)
+    good = [*sst_pin.SST().home.tolist(), *[0.0] * 6]
+
+    def run(words):
+        return subprocess.run([program], input=words, capture_output=True, text=True, check=False)
+
+    def line(place, word):
+        return " ".join([*map(repr, good[:place]), word, *map(repr, good[place + 1 :])])
+
+    assert run("").returncode == 0
+    assert len(run(line(14, "0.0")).stdout.split()) == 3
+    cases = {
+        "not finite": [line(i, w) for i in range(15) for w in ("nan", "-inf", "1e999")]
+        + [line(9, "1e300"), line(4, repr(good[4] + 2e6 * np.pi))],
+        "not a number": [line(0, "abc"), line(9, "0,3"), "abc", line(14, "0.0") + "\nend"],
+        "inside a motion": ["1", line(14, "")],
+        "loops are open": [line(1, "0.1")],
+    }
+    for message, inputs in cases.items():
+        for words in inputs:
+            result = run(words)
+            assert (result.returncode, message in result.stderr) == (1, True), words
+            assert "nan" not in result.stdout
+            assert "inf" not in result.stdout
+    full = Path("/dev/full")
+    if full.exists():
+        with full.open("w") as stdout:
+            words = "\n".join([line(14, "0.0")] * 3)
+            ends = {"stdout": stdout, "stderr": subprocess.PIPE}
+            result = subprocess.run([program], input=words, text=True, check=False, **ends)
+        assert (result.returncode, result.stderr) == (1, "cannot write\n")
+
+
+def test_export_replaces_nothing_unasked(tmp_path, capsys):
+    (tmp_path / "main.c").write_text("mine")
+    assert main(["export-c", str(tmp_path)]) == 2
+    assert "main.c: exists already" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["main.c"]
+    assert main(["export-c", str(tmp_path), "--force"]) == 0

@@ -44,9 +44,6 @@ def squares(torques):
     return loss
 
 
-# --- transformations ----------------------------------------------------------------------------
-
-
 def test_functions_give_what_the_chain_gives(chain):
     """Alone, under jit, under vmap with some arguments held, and in batches."""
     functions = chain.jax()
@@ -205,11 +202,7 @@ def test_a_change_of_the_model_counts_after_refresh():
     assert np.abs(second(q, va, aa) - light).max() > 0.1 * np.abs(light).max()
 
 
-# --- bad input ----------------------------------------------------------------------------------
-
-
 def test_a_sample_at_fault_is_nan_with_its_derivatives():
-    """Open loops, numbers that are not; the others stay."""
     chain = four_bar()
     functions = chain.jax()
     q = np.array([chain.home, np.add(chain.home, [0.1, 0, 0]), chain.home])
@@ -234,7 +227,6 @@ def test_a_sample_at_fault_is_nan_with_its_derivatives():
 
 @pytest.mark.parametrize("wrapped", [lambda f: f, jax.jit], ids=["plain", "jit"])
 def test_bad_arguments_are_told_by_name(wrapped):
-    """While JAX traces, before anything is computed."""
     functions, home = four_bar().jax(), four_bar().home
     torques, step = wrapped(functions.torques), wrapped(functions.step)
     for call, word in (
@@ -276,7 +268,6 @@ def test_what_there_is_not_has_its_error():
 
 
 def test_other_coordinates_than_those_of_the_functions_are_told():
-    """A change of the model may lead to other coordinates."""
     chain = four_bar()
     functions = chain.jax()
     functions._mechanism = replace(functions._mechanism, coordinates=np.array([2]))

@@ -60,7 +60,6 @@ def test_results_that_wait_in_an_array_are_the_same():
 
 
 def test_results_that_are_used_soon_stay_where_they_are():
-    """Nor has a short function an array."""
     lines = [f"const real t{k} = x[{k % INPUTS}] + t{max(k - 50, 0)};" for k in range(NUMBERS)]
     lines[0] = "const real t0 = x[0];"
     assert with_short_addresses(lines[50:]) == lines[50:]

@@ -10,8 +10,7 @@ import pytest
 import yaml
 
 import sst_pin
-from sst_pin.description import JOINT_NAMES, base_orientations, star_orientations, urdf_of, yaml_of
-from sst_pin.verification.sampling import random_parameters
+from sst_pin.description import JOINT_NAMES, base_orientations
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -23,7 +22,6 @@ def test_shipped_description_is_current():
 
 
 def test_shipped_robot_is_the_one_of_the_default_parameters(robot):
-    """SST() and SST(Parameters()) are one robot."""
     other = sst_pin.SST(sst_pin.Parameters())
     q, va, aa = robot.home, np.array((1.0, -2, 3)), np.array((4.0, 5, -6))
     assert np.array_equal(robot.compute_torques(q, va, aa), other.compute_torques(q, va, aa))
@@ -49,16 +47,6 @@ def test_no_moving_link_is_massless_and_frames_weigh_an_explicit_nothing():
             assert float(mass.get("value")) > 0
         elif child.get(link.get("name")) == "fixed":
             assert float(mass.get("value")) == 0
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_frames_survive_the_way_through_text(seed):
-    """{0k} and {E} read from the URDF are those of the parameters, gimbal lock of rpy included."""
-    p = random_parameters(np.random.default_rng(seed))
-    geometry = sst_pin.SST(p).geometry
-    # Three roundings: to rpy, to urdfdom's quaternion, to Pinocchio's matrix.
-    assert np.abs(geometry.R_0 - base_orientations(p)).max() < 1e-14
-    assert np.abs(geometry.R_E - star_orientations(p)).max() < 1e-14
 
 
 @pytest.mark.parametrize("tilt", [0.0, 1e-15, 1e-9, 3e-8, 1e-7, 1e-4])
@@ -94,24 +82,6 @@ def test_cuts_are_in_the_schema_of_laas():
     assert cuts["type"] == ["6d", "6d"]
     assert cuts["name_mot"] == ["gamma_1", "gamma_2", "gamma_3"]
     assert cuts["gravity"] == [0, 0, -9.81]
-
-
-def test_an_edited_urdf_is_what_is_computed(tmp_path, robot):
-    """from_urdf reads masses, geometry, friction and gravity from the files, not from defaults."""
-    p = random_parameters(np.random.default_rng(11))
-    (tmp_path / "mine.urdf").write_text(urdf_of(p))
-    (tmp_path / "mine.yaml").write_text(yaml_of(p))
-    edited = sst_pin.SST.from_urdf(tmp_path / "mine.urdf")
-    same = sst_pin.SST(p)
-    q, va, aa = same.home, np.array((0.3, -0.2, 0.1)), np.array((1.0, 2, 3))
-    assert np.array_equal(edited.compute_torques(q, va, aa), same.compute_torques(q, va, aa))
-    assert edited.model.gravity.linear == pytest.approx(p.gravity)
-
-    heavier = tmp_path / "heavier.urdf"  # without a YAML beside it: the shipped cuts
-    heavier.write_text(
-        Path(sst_pin.URDF_PATH).read_text().replace('<mass value="0.3" />', '<mass value="0.5" />')
-    )
-    assert sum(i.mass for i in sst_pin.SST.from_urdf(heavier).model.inertias) == pytest.approx(4.28)
 
 
 def test_the_star_frame_may_be_turned_in_an_edited_urdf(tmp_path):
@@ -161,7 +131,6 @@ def test_a_urdf_of_another_topology_is_refused_by_name(tmp_path, old, new, word)
 
 
 def test_cuts_of_other_motors_are_refused(tmp_path):
-    """With those that an SST has."""
     path = tmp_path / "cuts.yaml"
     path.write_text("closed_loop: []\ntype: []\nname_mot: [mu_1]")
     with pytest.raises(sst_pin.DescriptionError, match="an SST has gamma_1"):

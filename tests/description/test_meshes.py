@@ -61,9 +61,6 @@ def off_surface(mesh, points):
     return trimesh.proximity.closest_point_naive(mesh, points)[1]
 
 
-# --- meshes -------------------------------------------------------------------------------------
-
-
 def test_every_mesh_is_closed_and_its_normals_point_outward(parameters):
     """Each of the solids by itself: no hole, no edge turned over, a positive volume."""
     for name, mesh in meshes_of(parameters).items():
@@ -144,9 +141,6 @@ def test_without_trimesh_the_error_names_the_extra(monkeypatch):
         meshes_of(Parameters())
 
 
-# --- what tools find ----------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("kind", [pin.GeometryType.VISUAL, pin.GeometryType.COLLISION])
 def test_every_body_has_a_picture_and_primitives(kind, tmp_path):
     """In the shipped folder and in one written for other parameters."""
@@ -183,9 +177,6 @@ def test_mujoco_and_yourdfpy_find_the_meshes_beside_the_urdf():
     scene = yourdfpy.URDF.load(sst_pin.URDF_PATH).scene
     assert len(scene.geometry) == 12
     assert np.abs(scene.bounds).max() < 0.55
-
-
-# --- collisions ---------------------------------------------------------------------------------
 
 
 def outside(shape, points):

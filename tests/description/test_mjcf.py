@@ -101,15 +101,6 @@ def test_tree_dynamics_of_mujoco_and_pinocchio_agree(seed):
         assert data.qfrc_inverse == pytest.approx(expected, rel=1e-12, abs=1e-12)
 
 
-def test_friction_and_gravity_are_the_parameters():
-    """All nine joints, digit for digit."""
-    p, _, model = random_robot(5)
-    assert np.array_equal(model.dof_damping, p.viscous_friction)
-    assert np.array_equal(model.dof_frictionloss, p.coulomb_friction)
-    assert np.array_equal(model.opt.gravity, p.gravity)
-    assert not model.dof_armature.any()
-
-
 @pytest.mark.parametrize("seed", range(3))
 def test_motors_and_welds_give_our_direct_dynamics(seed):
     """Accelerations of the welded robot under motor torques are those of the closed chain.
@@ -125,19 +116,6 @@ def test_motors_and_welds_give_our_direct_dynamics(seed):
         aa = robot.compute_accelerations(q, va, tau)
         open_loop = np.abs(data.qacc_smooth).max()
         assert np.abs(data.qacc[::3] - aa).max() < 30e-4 * open_loop
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_the_mjcf_read_as_any_robot_has_the_same_torques(seed, tmp_path):
-    """Parameters -> MJCF -> `ClosedChain.from_mjcf`: loops, motors, friction and gravity."""
-    p, robot, _ = random_robot(seed)
-    (tmp_path / "sst.xml").write_text(mjcf_of(p, configurations_of(p)))
-    (tmp_path / "meshes").symlink_to(Path(sst_pin.PACKAGE_PATH, "meshes"))
-    chain = sst_pin.ClosedChain.from_mjcf(tmp_path / "sst.xml")
-    assert chain.joint_names == robot.joint_names
-    q, va, aa = robot.joint_motion(*random_state(robot, np.random.default_rng(seed)))
-    expected = robot.compute_torques(q, va, aa)
-    assert chain.compute_torques(q, va, aa) == pytest.approx(expected, rel=1e-11, abs=1e-11)
 
 
 def test_sensors_measure_what_they_are_called(closed, robot):

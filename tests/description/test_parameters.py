@@ -19,7 +19,6 @@ def test_defaults_are_the_robot_of_the_paper():
 
 
 def test_directions_of_any_length_are_normalised():
-    """The length of v_k carries no meaning."""
     p = Parameters(base_directions=[[2, 0, 0], [0, 0.1, 0], [0, 0, 30]])
     assert p == Parameters()
 
@@ -38,7 +37,6 @@ def test_actuated_axes_are_normal_to_the_sides_of_the_base_triangle():
 
 
 def test_values_are_equal_hashable_and_read_only():
-    """Parameters are values."""
     a, b = (random_parameters(np.random.default_rng(3)) for _ in range(2))
     assert a == b
     assert hash(a) == hash(b)
@@ -51,7 +49,6 @@ def test_values_are_equal_hashable_and_read_only():
 
 
 def test_all_problems_are_reported_at_once():
-    """Nobody has to repair one number after the other."""
     heavy = RigidBody(-1.0, (0, 0, 0), np.diag((1, 1, 3)))
     with pytest.raises(ParametersError) as caught:
         Parameters(
@@ -97,7 +94,6 @@ def test_all_problems_are_reported_at_once():
     ],
 )
 def test_each_impossibility_has_its_sentence(arguments, word):
-    """The message names the field and the fault."""
     with pytest.raises(ParametersError) as caught:
         Parameters(**arguments)
     assert word in str(caught.value)
@@ -110,7 +106,6 @@ def test_a_thin_rod_is_possible():
 
 
 def test_words_in_place_of_numbers_are_refused():
-    """RigidBody takes numbers only."""
     with pytest.raises(ParametersError, match="mass"):
         RigidBody("heavy", (0, 0, 0), np.eye(3))
 
@@ -141,7 +136,6 @@ def test_a_payload_has_the_torques_of_a_point_mass_on_the_stars_body(at):
 
 
 def test_no_payload_changes_nothing():
-    """And the star of the others stays as it is."""
     p = Parameters()
     assert p.with_payload(0.0, (1, 2, 3)) == p
     assert p.with_payload(1.0).link == p.link
@@ -152,7 +146,6 @@ def test_no_payload_changes_nothing():
     [(-1, (0, 0, 0), "-1 kg"), (np.nan, (0, 0, 0), "nan kg"), (1, (0, 0), "at: shape")],
 )
 def test_a_payload_that_cannot_be_is_refused(mass, at, word):
-    """By its name."""
     with pytest.raises(ParametersError, match=word):
         Parameters().with_payload(mass, at)
 

@@ -56,13 +56,7 @@ class Verdict(NamedTuple):
 
 @dataclass(frozen=True)
 class Call:
-    """A bad or odd call.
-
-    Attributes:
-        name: How it would be written.
-        run: Makes the call.
-        right: Whether what it returned is right; None when only an error can be.
-    """
+    """A bad or odd call."""
 
     name: str
     run: Callable[[], Any]
@@ -84,13 +78,7 @@ class Call:
 
 
 def judged_apart(table: str, group: str, every: int = 1) -> list[Verdict]:
-    """Judge a group of calls in a child process; when a call ends the child, a new one goes on.
-
-    Args:
-        table: Module with a function `calls(group)`; it lies beside this one.
-        group: Which calls.
-        every: 1 for all of them, n for each n-th.
-    """
+    """Judge a group of calls in a child process; when a call ends the child, a new one goes on."""
     verdicts: list[Verdict] = []
     while not _child(table, group, every, verdicts):
         pass

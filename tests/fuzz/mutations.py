@@ -39,13 +39,7 @@ def broken_text(draw: st.DrawFn, text: str) -> str:
 
 @st.composite
 def changed_xml(draw: st.DrawFn, text: str, extra: tuple[tuple[str, str, str], ...] = ()) -> str:
-    """One to three changes of elements or attributes, or of the text itself.
-
-    Args:
-        draw: Of hypothesis.
-        text: Well-formed XML.
-        extra: Attributes that an element may get: tag, key, value.
-    """
+    """One to three changes of elements or attributes, or of the text itself."""
     if draw(st.integers(0, 9)) == 0:
         return draw(broken_text(text))
     root = ET.fromstring(text)

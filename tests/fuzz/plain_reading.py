@@ -124,11 +124,7 @@ class _StrictLoader(yaml.SafeLoader):
 def torques_of(
     urdf: str, cuts: str, chain: sst_pin.ClosedChain, q: np.ndarray, va: np.ndarray, aa: np.ndarray
 ) -> np.ndarray:
-    """Torques by Lagrange multipliers of what the files say; the chain only orders its joints.
-
-    Raises:
-        Exception: Of whatever kind, when the files do not say it clearly.
-    """
+    """Torques by Lagrange multipliers of what the files say; the chain only orders its joints."""
     model = model_of(urdf)
     content = yaml.load(cuts, _StrictLoader)
     others = set(content) - {"closed_loop", "type", "name_mot", "gravity"}
@@ -155,11 +151,7 @@ def torques_of(
 def torques_by_mujoco(
     xml: str, chain: sst_pin.ClosedChain, q: np.ndarray, va: np.ndarray, aa: np.ndarray
 ) -> np.ndarray:
-    """Torques of an MJCF of hinges and slides: MuJoCo's inverse dynamics, multipliers solved for.
-
-    Raises:
-        Exception: When MuJoCo does not take it.
-    """
+    """Torques of an MJCF of hinges and slides: its inverse dynamics and multipliers."""
     model = mujoco.MjModel.from_xml_string(xml)
     model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     bodies = model.jnt_bodyid.tolist()  # a joint without a name is called like its body

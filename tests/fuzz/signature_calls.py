@@ -52,13 +52,7 @@ class Lying:
 
 
 class Subject(NamedTuple):
-    """Something to call.
-
-    Attributes:
-        name: How it is called.
-        call: Takes the arguments by name.
-        examples: Good values by the name of the parameter, at least of those without a default.
-    """
+    """Something to call."""
 
     name: str
     call: Callable[..., Any]
@@ -120,9 +114,6 @@ def same(wanted: Any) -> Callable[[Any], bool]:
         )
 
     return right
-
-
-# --- bad values -------------------------------------------------------------------------------
 
 
 def bad_arrays(good: Any, fixed_shape: bool) -> Iterator[tuple[str, Any]]:
@@ -227,11 +218,7 @@ def bad_motions(w: World) -> dict[str, Any]:
 
 
 def bad_values(w: World, name: str, kind: str, good: Any, out: Any) -> Iterator[tuple[str, Any]]:
-    """Bad values for a parameter by its annotated type.
-
-    Raises:
-        TypeError: For a type without bad values here; `bool` and the caller's types have none.
-    """
+    """Bad values for a parameter by its annotated type."""
     plain = kind.removesuffix(" | None").removesuffix(" | Mapping[str, float]")
     if name == "out":
         if np.ndim(out):
@@ -320,8 +307,6 @@ FREE = {
     "ClosedChain.closures", "ClosedChain.actuated", "Parameters.link", "Parameters.passive_link",
     "Parameters.star", "chain.chain",
 }  # fmt: skip
-
-# --- what is called ---------------------------------------------------------------------------
 
 #: Methods that show, compile, read files, or have no arguments that are judged here.
 SKIPPED = {"casadi", "jax", "compile", "show", "from_urdf", "from_mjcf", "refresh", "states"}

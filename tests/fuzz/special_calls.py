@@ -44,9 +44,6 @@ def motions(w: World) -> Iterator[Call]:
     yield from _of_the_star(w)
 
 
-# --- chains -----------------------------------------------------------------------------------
-
-
 def _constructors(w: World) -> Iterator[Call]:
     table = w.table_of_four_bar
     q, va, aa, tau = w.chain_state
@@ -160,29 +157,19 @@ def _hand_built(w: World) -> Iterator[Call]:
         )
 
 
-# --- motions ----------------------------------------------------------------------------------
-
-
 def _in_time(w: World) -> Iterator[Call]:
-    """Times, torques and loads that a motion cannot have."""
+    """Times, torques and loads of a simulation, steps of a rollout."""
     q, va, _ = (x[0] for x in w.states)
     state = {"torque": w.tau[0], "q0": q, "va0": va, "t": np.linspace(0, 0.002, 3)}
-    times = (
-        [0.0], [], [1.0, 0.0], [0.0, 0.0], [[0.0, 1.0]], 1.0, [0.0, np.nan], [0.0, np.inf],
-        ["now", "then"], [1e300, 1.0000001e300],
-    )  # fmt: skip
-    torques = (np.ones((2, 3)), np.ones((3, 3, 3)), {}, lambda t, q, va: np.zeros(4))
-    bad = [{"t": t} for t in times] + [{"torque": torque} for torque in torques]
-    bad += [{"torque": w.motion, "t": [0.0, 1.0]}, {"torque": w.motion_of_another}]
-    loads = (np.full((9, 6), np.nan), np.zeros(6), None)
-    bad += [{"external_wrenches": lambda t, q, va, x=x: x} for x in loads]
+    times = ([], [1.0, 0.0], [[0.0, 1.0]], 1.0, [0.0, np.inf], ["now", "then"], [1e300, 1.1e300])
+    bad = [{"t": t} for t in times] + [{"torque": {}}, {"torque": w.motion_of_another}]
+    bad += [{"external_wrenches": lambda t, q, va, x=x: x} for x in (np.zeros(6), None)]
     yield from each("robot.simulate", lambda odd: w.robot.simulate(**state | odd), bad)
-    tau, few = np.tile(w.tau[0], (3, 1)), np.tile(q, (3, 1))
-    steps = {"tau": tau, "q0": q, "va0": va, "dt": 1e-3}
-    bad = [{"dt": 1e300}, {"steps": 2}, {"tau": np.zeros((2, 3, 3)), "q0": few}]
-    bad += [{"tau": np.broadcast_to(tau, (10**12, 3, 3))}]
-    for name, robot in (("robot", w.robot), ("reference", w.reference)):
-        yield from each(f"{name}.rollout", lambda odd, r=robot: r.rollout(**steps | odd), bad)
+    tau = np.broadcast_to(w.tau[0], (10**12, 3, 3))
+    for robot in (w.robot, w.reference):
+        for huge in ({"dt": 1e300, "tau": tau[0]}, {"dt": 1e-3, "tau": tau}):
+            given = {"q0": q, "va0": va} | huge
+            yield Call("rollout", lambda r=robot, x=given: r.rollout(**x))
 
 
 def _trajectories(w: World) -> Iterator[Call]:
@@ -245,15 +232,11 @@ def _files(w: World) -> Iterator[Call]:
         npz(joint_names=np.arange(9)), npz(t=np.datetime64("2026-01-01") + np.arange(10)),
         whole[:3000] + bytes([whole[3000] ^ 255]) + whole[3001:],
     )  # fmt: skip
-    cells = ("1_0", '"0,5"', "nan", "-inf", "1e999", "0x10", "\u0663", "3rad", "")
     tables = (
-        *map(_table, cells), _table("0").replace(b",", b";"), _table("0").replace(b",", b"\t"),
-        _table("0", time="-1"), b"", b"t_s,a_rad,a_rad_s,a_rad_s2,tau_1_Nm\n", bytes(range(256)),
-        b"t_s,a_rad\n0,\0\n", "t_s,\xe9_rad\n0,1\n".encode("latin-1"),
-        "t_s,a_rad\n0,1\n".encode("utf-16"), b't_s,a_rad\n"0,1\n',
+        _table("0", time="-1"), bytes(range(256)), b"t_s,a_rad\n0,\0\n",
+        "t_s,\xe9_rad\n0,1\n".encode("latin-1"), "t_s,a_rad\n0,1\n".encode("utf-16"),
         b"t_s," + b"a" * 200_000 + b"\n0,1\n", b"t_s,a_rad\n0," + b"1" * 200_000 + b"\n",
-        b"t_s,a_rad\n0,1,2\n", b"t_s,a_rad,a_rad\n0,1,2\n", b"t_s,time,a_rad\n0,1,2\n",
-        b"a_rad,a_rad_s\n0,1\n",
+        b"t_s,a_rad\n0,1,2\n", b"a_rad,a_rad_s\n0,1\n",
     )  # fmt: skip
     for ending, contents in (("npz", archives), ("csv", tables)):
         for i, content in enumerate(contents):
@@ -279,15 +262,9 @@ def _motion_files(w: World) -> Iterator[Call]:
     turned[3, 1:] = (0.0, 1, 0, 0)
     quaternion = "t_s,qw,qx,qy,qz"
     files = {
-        "two rows": (quaternion, still[:2]),
         "zero quaternion": (quaternion, still * (1, 0, 0, 0, 0)),
-        "long quaternion": (quaternion, still * (1, 2, 1, 1, 1)),
         "half a turn between": (quaternion, turned),
-        "no qz": ("t_s,qw,qx,qy", still[:, :4]),
-        "two kinds": ("t_s,qw,theta,gamma_1,qz", still),
-        "no kind": ("t_s,a,b,c,d", still),
         "theta alone": ("t_s,theta", still[:, :2]),
-        "gamma of two": ("t_s,gamma_1,gamma_2", still[:, :3]),
         "theta in two units": ("t_s,theta_rad,theta_deg,phi", still[:, :4]),
         "motors of 1e300": ("t_s,gamma_1,gamma_2,gamma_3", np.column_stack([t, *[t * 1e300] * 3])),
         "times of 1e-320": (quaternion, still * (1e-318, 1, 1, 1, 1)),

@@ -83,13 +83,7 @@ def fuzzed(examples, strategy):
 
 
 def require_same_torques(chain, expected, close):
-    """Torques in some motion are the expected ones; loops that do not close are no fault here.
-
-    Args:
-        chain: What was read.
-        expected: Function of chain, q, va, aa.
-        close: Relative tolerance.
-    """
+    """Torques in some motion are the expected ones; loops that do not close are no fault here."""
     n = len(chain.actuated)
     va, aa = np.full(n, 0.5), np.full(n, -0.3)
     start = dict(zip(("crank", "coupler", "rocker"), FOUR_BAR_GUESS, strict=True))
@@ -158,9 +152,6 @@ def validated(folder, text):
     except sst_pin.SSTError:
         refused = True
     assert errors or not refused
-
-
-# --- tables -------------------------------------------------------------------------------------
 
 
 def rows_of(text):
@@ -264,7 +255,6 @@ def archives(folder, content):
 @pytest.mark.parametrize("more", [1, pytest.param(10, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", FUZZED)
 def test_files_changed_at_random_are_refused_or_read_rightly(name, more, tmp_path):
-    """The same files at each run."""
     strategy, examples, judge = FUZZED[name]
 
     @settings(

@@ -19,14 +19,7 @@ def along_x(x):
 
 
 def linkage(base, bars, closed, motor, coordinates=None, joint=pin.JointModelRZ):
-    """Bars in a plane without gravity.
-
-    Args:
-        base: Joint of the body 1 that bears the linkage, or None for the world.
-        bars: Of each bar its parent (0 or 1 for the base), place in it, length, and angle at home.
-        closed: Pairs of bars whose ends coincide.
-        motor: The bar that is driven.
-    """
+    """Bars in a plane without gravity."""
     model = pin.Model()
     if base is not None:
         model.addJoint(0, base, pin.SE3.Identity(), "base")

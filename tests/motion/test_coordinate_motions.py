@@ -81,7 +81,6 @@ def test_what_is_no_motion_of_the_coordinates_is_refused(delta, t, x, words):
 
 
 def test_a_motion_out_of_reach_names_its_sample():
-    """The arms of a five-bar turn away from each other."""
     chain = sst_pin.robots.five_bar()
     motors = [chain.position_names.index(name) for name in chain.coordinates]
     x = chain.home[motors] + np.linspace(0, np.pi, 9)[:, None] * [1, -1]
@@ -91,7 +90,6 @@ def test_a_motion_out_of_reach_names_its_sample():
 
 
 def test_a_start_is_chosen_by_the_joints_that_are_given():
-    """A five-bar has its elbows outwards or inwards."""
     chain = sst_pin.robots.four_bar()
     outwards = start_configuration(chain, dict(zip(chain.position_names, chain.home, strict=True)))
     assert np.abs(outwards - chain.home).max() < 1e-9

@@ -112,7 +112,6 @@ def test_motions_that_stop_are_named_or_end_in_nan(fast):
 
 
 def test_arguments_of_a_rollout_are_checked(robot):
-    """Each with its own words."""
     tau, q, va = np.zeros((4, 3)), robot.home, np.zeros(3)
     for arguments, options, word in (
         ((tau[0], q, va, 1e-3), {}, r"tau: shape \(3,\), expected \(..., N, 3\)"),

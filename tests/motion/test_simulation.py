@@ -87,7 +87,6 @@ def test_projection_leaves_the_dynamics_alone():
 
 
 def test_time_runs_backwards_without_friction():
-    """Reversed rates lead back to the start."""
     robot = sst_pin.SST(random_parameters(np.random.default_rng(7), friction=False))
     q, va, _ = robot.joint_motion(*random_state(robot, np.random.default_rng(8)))
     t = np.linspace(0, 0.05, 11)
@@ -98,7 +97,6 @@ def test_time_runs_backwards_without_friction():
 
 
 def test_viscous_friction_accounts_for_the_lost_energy():
-    """Energy falls by just the work of friction."""
     p = sst_pin.Parameters(gravity=HANGING.gravity, viscous_friction=0.05)
     robot = sst_pin.SST(p)
     t = np.linspace(0, 3, 601)
@@ -187,13 +185,11 @@ def test_no_step_leads_across_a_singularity(kernels):
 
 
 def test_a_start_in_a_singularity_is_refused(robot):
-    """There is nothing to integrate."""
     with pytest.raises(sst_pin.InputError, match="closer to a singularity"):
         robot.simulate(np.zeros(3), robot.home, np.zeros(3), [0, 1], max_condition_number=2)
 
 
 def test_arguments_are_checked_before_the_integration(robot, circle):
-    """Each with its own words."""
     q, va = circle.q[0], circle.va[0]
     for torque, t, word in (
         (np.zeros(2), [0, 1], r"torque: shape \(2,\)"),
@@ -228,7 +224,6 @@ def test_an_integrator_that_gives_up_says_when():
 
 
 def test_progress_reports_the_time_reached(robot, circle):
-    """From the first to the last time."""
     seen = []
     robot.simulate(circle, circle.q[0], circle.va[0], circle.t, progress=seen.append)
     assert seen[0] == 0

@@ -20,14 +20,6 @@ def motion(robot):
     return paper.example_1(robot, np.linspace(0, 0.1, 7))
 
 
-@pytest.mark.parametrize("ending", ["csv", "npz"])
-def test_a_motion_comes_back_to_the_last_bit(motion, tmp_path, ending):
-    """Through either format."""
-    path = tmp_path / f"motion.{ending}"
-    motion.save(path)
-    assert sst_pin.Trajectory.load(path) == motion
-
-
 @settings(max_examples=30, deadline=None)
 @given(
     q=arrays(float, (3, 3), elements=NUMBERS),
@@ -70,7 +62,6 @@ def test_forces_of_prismatic_motors_are_in_newtons(tmp_path):
 
 
 def test_a_motion_is_a_value(motion):
-    """Read-only copies, compared by content."""
     with pytest.raises(ValueError, match="read-only"):
         motion.tau[0] = 0
     assert motion != "a motion"
@@ -79,7 +70,6 @@ def test_a_motion_is_a_value(motion):
 
 
 def test_torque_of_a_motion_passes_through_its_samples(motion):
-    """And is smooth in between: a spline of degree five."""
     torque = motion.torque()
     assert np.abs([torque(t) for t in motion.t] - motion.tau).max() < 1e-12
 
@@ -114,7 +104,6 @@ def test_names_and_units_are_words_one_for_each_joint(motion, words):
 
 @pytest.mark.parametrize("name", ["a,b", '"a"', " a", "a\nb"])
 def test_a_name_that_a_csv_cannot_hold_is_refused_there_only(tmp_path, name):
-    """It would come back as another name."""
     none = np.zeros((2, 1))
     motion = sst_pin.Trajectory([0, 1], none, none, none, none, [name], [name])
     with pytest.raises(sst_pin.OutputError, match=r"save it as \.npz"):
@@ -124,7 +113,6 @@ def test_a_name_that_a_csv_cannot_hold_is_refused_there_only(tmp_path, name):
 
 
 def test_why_a_motion_stopped_is_kept_in_npz(motion, tmp_path):
-    """A remark, not part of the comparison."""
     stopped = sst_pin.Trajectory(
         motion.t,
         motion.q,
@@ -141,7 +129,6 @@ def test_why_a_motion_stopped_is_kept_in_npz(motion, tmp_path):
 
 
 def test_nothing_is_overwritten_without_force(motion, tmp_path):
-    """And with force the file is replaced whole."""
     path = tmp_path / "m.csv"
     path.write_text("precious")
     with pytest.raises(sst_pin.OutputError, match="exists already"):
@@ -203,7 +190,6 @@ def test_places_that_cannot_be_written_are_told(motion, tmp_path):
     ],
 )
 def test_a_table_says_where_it_is_wrong(tmp_path, text, line, word):
-    """By line, counted as an editor counts them."""
     path = tmp_path / "table.csv"
     path.write_text(text)
     with pytest.raises(sst_pin.FileFormatError, match=word) as caught:
@@ -286,7 +272,6 @@ def test_a_part_of_a_motion_is_a_motion(motion, samples):
     ],
 )
 def test_samples_that_are_no_motion_are_refused(motion, samples, words):
-    """Backwards, none, one, or no indices at all."""
     with pytest.raises(sst_pin.InputError, match=words):
         motion[samples]
 
@@ -302,7 +287,6 @@ def test_a_motion_between_two_times_holds_the_samples_at_both(motion):
 
 
 def test_why_a_motion_stopped_belongs_to_its_last_sample(motion):
-    """A part that ends earlier was not stopped."""
     arrays = [getattr(motion, name) for name in ("t", "q", "va", "aa", "tau")]
     stopped = sst_pin.Trajectory(*arrays, motion.joint_names, motion.actuated, stopped="singular")
     assert stopped[3:].stopped == "singular"
@@ -310,7 +294,6 @@ def test_why_a_motion_stopped_belongs_to_its_last_sample(motion):
 
 
 def test_a_table_of_pandas_is_the_csv(motion, tmp_path):
-    """Columns, index and numbers."""
     pd = pytest.importorskip("pandas", reason="extra `pandas` is not installed")
     motion.save(tmp_path / "m.csv")
     read = pd.read_csv(tmp_path / "m.csv", index_col="t_s")

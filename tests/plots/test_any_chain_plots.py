@@ -28,7 +28,6 @@ def falling(chain, q=None, samples=21):
     ["five_bar", "stewart", pytest.param("delta", marks=pytest.mark.slow)],
 )
 def test_a_page_of_any_robot_is_legible(name, monkeypatch):
-    """Turning and sliding motors, up to thirty joints."""
     robot = getattr(sst_pin.robots, name)()
     motion = falling(robot, robot.home)
     require_legible(plots.motion_page(robot, motion, tuple(CURVES)), monkeypatch)
@@ -48,7 +47,6 @@ def test_axes_have_the_units_of_their_joints():
 
 
 def test_every_joint_is_drawn_once():
-    """In panels of at most nine."""
     robot = sst_pin.robots.stewart()
     motion = falling(robot, robot.home)
     page = plots.motion_page(robot, motion, ("joints",))
@@ -110,7 +108,6 @@ def test_panels_are_lettered():
 
 
 def test_a_page_saved_from_python_is_that_of_the_command(tmp_path):
-    """Fonts, sizes, resolution, to the last byte."""
     robot = sst_pin.robots.four_bar()
     page = plots.motion_page(robot, falling(robot, robot.home), ("torques", "energy"))
     with (tmp_path / "writer.png").open("wb") as file:
@@ -125,7 +122,6 @@ def test_a_page_saved_from_python_is_that_of_the_command(tmp_path):
     [((), "expected some of path"), ("torques", "expected"), (("dance",), "expected")],
 )
 def test_what_a_page_cannot_show_is_refused(subjects, word):
-    """Subjects that are none, a single sample."""
     robot = sst_pin.robots.four_bar()
     motion = falling(robot, robot.home)
     with pytest.raises(sst_pin.InputError, match=word):

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import sst_pin
 from commands import run
 from sst_pin.cli import plot, workspace_command
 from sst_pin.description import urdf_of
@@ -30,7 +29,6 @@ def require_picture(path):
 
 
 def test_a_page_of_a_motion(here, capsys):
-    """Without --what: all that one wants to see first."""
     code, out, _ = run(capsys, "plot", SAMPLE, "-o", "page.png")
     assert code == 0
     assert "path, torques, joints, rates, energy, condition of 201 samples" in out
@@ -51,33 +49,7 @@ def test_what_torques_wrote_and_the_motion_itself_give_the_same_figure(here, cap
     assert b"joint angle" not in first
 
 
-def test_torques_of_the_file_are_drawn_and_not_new_ones(here, capsys, monkeypatch):
-    """A motion under other torques than the robot's own keeps them."""
-    run(capsys, "torques", SAMPLE, "-o", "torques.npz")
-    motion = sst_pin.Trajectory.load("torques.npz")
-    halved = sst_pin.Trajectory(
-        motion.t,
-        motion.q,
-        motion.va,
-        motion.aa,
-        motion.tau / 2,
-        motion.joint_names,
-        motion.actuated,
-    )
-    halved.save("halved.csv")
-    from sst_pin import plots
-
-    drawn = []
-    monkeypatch.setattr(
-        plots, "motion_page", lambda robot, motion, what, frame: drawn.append(motion) or here
-    )
-    monkeypatch.setattr(plots, "figure_writer", lambda figure, path: lambda file: None)
-    assert run(capsys, "plot", "halved.csv", "-o", "a.svg")[0] == 0
-    assert drawn == [halved]
-
-
 def test_subjects_of_the_command_are_those_of_the_plots():
-    """Named twice, so that --help needs no matplotlib."""
     assert plot.SUBJECTS == plots.SUBJECTS
 
 
@@ -114,51 +86,3 @@ def test_a_robot_that_reaches_nothing_on_its_arcs_is_told(here, capsys, monkeypa
     assert code == 0
     assert out.count("no direction has all sliders on their arcs") == 2
     assert b"circle of the paper" not in (here / "map.svg").read_bytes()
-
-
-@pytest.mark.parametrize(
-    ("arguments", "word"),
-    [
-        (("plot", SAMPLE), "required: -o/--output"),
-        (("plot", SAMPLE, "-o", "a.gif"), "ending '.gif' unknown; known: .png, .svg, .pdf"),
-        (("plot", SAMPLE, "-o", "there.png"), "use force (--force)"),
-        (("plot", "nowhere.csv", "-o", "a.png"), "cannot be read: No such file"),
-        (("plot", "nowhere.npz", "-o", "a.png"), "not a motion"),
-        (("plot", "text.csv", "-o", "a.png"), "columns of no motion"),
-        (("plot", "one.csv", "-o", "a.png"), "has one sample; a curve needs at least two"),
-        (("plot", "other.npz", "-o", "a.png"), "belongs to another robot, with joints crank"),
-        (
-            ("plot", SAMPLE, "-o", "a.png", "--what", "torques,dance"),
-            "'dance' unknown; known:",
-        ),
-        (("plot", SAMPLE, "-o", "a.png", "--what", ""), "'' unknown"),
-        (("workspace",), "required: -o/--output"),
-        (("workspace", "-o", "a.txt"), "known: .png, .svg, .pdf"),
-        (("workspace", "-o", "a.png", "--psi", "north"), "'north' is not an angle in degrees"),
-        (("workspace", "-o", "a.png", "--psi", "nan"), "'nan' is not an angle in degrees"),
-        (("workspace", "-o", "a.png", "--data", "a.xlsx"), "known: .csv, .npz"),
-        (("workspace", "-o", "a.png", "--robot", "nowhere.urdf"), "the URDF cannot be read"),
-    ],
-)
-def test_bad_arguments_give_one_clear_line_and_exit_code_2(here, capsys, arguments, word):
-    """Whatever is wrong; no file is written."""
-    (here / "there.png").write_text("in the way")
-    (here / "text.csv").write_text("t_s,x\n0,1\n")
-    crank = sst_pin.Trajectory([0, 1], *[np.zeros((2, 1))] * 4, ["crank"], ["crank"])
-    crank.save("other.npz")
-    robot = sst_pin.SST()
-    one = sst_pin.Trajectory(
-        [0],
-        [robot.home],
-        *[np.zeros((1, 3))] * 3,
-        robot.joint_names,
-        ["gamma_1", "gamma_2", "gamma_3"],
-    )
-    one.save("one.csv")
-    before = {path.name: path.read_bytes() for path in here.iterdir()}
-    code, _, err = run(capsys, *arguments)
-    assert code == 2
-    assert err.count("\n") == 1
-    assert "error: " in err
-    assert word in err
-    assert {path.name: path.read_bytes() for path in here.iterdir()} == before

@@ -127,7 +127,6 @@ def test_energy_drawn_is_balanced(sticky, circle):
 
 
 def test_residual_in_the_legend_is_an_upper_bound(sticky, circle):
-    """The worst, one digit, rounded up."""
     ax = plots.energy_balance(axes(), sticky, circle)
     worst = np.abs(sst_pin.energy_error(sticky, circle)).max()
     text = ax.get_legend().get_texts()[-1].get_text()
@@ -142,7 +141,6 @@ def test_residual_in_the_legend_is_an_upper_bound(sticky, circle):
 
 
 def test_frictionless_robot_has_no_friction_in_its_legends(robot):
-    """What is zero for ever is not drawn."""
     motion = paper.example_1(robot, np.linspace(0, paper.PERIOD, 31))
     for draw in (plots.powers, plots.energy_balance):
         labels = [text.get_text() for text in draw(axes(), robot, motion).get_legend().get_texts()]
@@ -251,7 +249,6 @@ def test_isotropic_pose_is_named_so_and_others_by_their_number(robot, maps):
 
 @pytest.mark.slow
 def test_no_window_is_opened():
-    """pyplot, which holds global state, is never imported."""
     code = (
         "import sys, numpy as np, sst_pin\n"
         "from sst_pin import plots\n"
@@ -265,7 +262,6 @@ def test_no_window_is_opened():
 
 @pytest.mark.parametrize("ending", ["png", "svg", "pdf"])
 def test_the_same_figure_is_the_same_file(ending, circle, tmp_path):
-    """No dates, no random names."""
     contents = []
     for _ in range(2):
         figure = figures.Figure()
@@ -281,14 +277,12 @@ def test_the_same_figure_is_the_same_file(ending, circle, tmp_path):
 
 
 def test_unknown_ending_is_refused():
-    """With those that are known."""
     with pytest.raises(sst_pin.OutputError, match=r"known: \.png, \.svg, \.pdf"):
         plots.figure_writer(figures.Figure(), "figure.gif")
 
 
 @pytest.mark.parametrize("radius", [0.004, 0.05, 37.0])
 def test_a_star_is_drawn_at_its_own_size(radius):
-    """Paths, poses and the axes with their numbers."""
     robot = sst_pin.SST(sst_pin.Parameters(base_radius=7 / 8 * radius, star_radius=radius))
     motion = paper.example_1(robot, np.linspace(0, paper.PERIOD, 21))
     ax = plots.paths_on_sphere(axes("3d"), robot, [("path", motion)])
@@ -320,7 +314,6 @@ def test_a_page_says_what_the_machine_cannot_take(robot, monkeypatch):
 
 @pytest.mark.parametrize("radius", [0.4, 0.9])
 def test_a_path_alone_is_legible(radius, monkeypatch):
-    """No label cut, whatever the size of the star."""
     robot = sst_pin.SST(sst_pin.Parameters(star_radius=radius))
     motion = paper.example_1(robot, np.linspace(0, paper.PERIOD, 21))
     require_legible(plots.motion_page(robot, motion, ("path",)), monkeypatch)

@@ -22,8 +22,6 @@ ODD_ROBOTS = {
     "bennett": sst_pin.robots.bennett,
 }
 
-# --- the page ---
-
 
 @pytest.mark.slow
 def test_the_page_is_current(capsys):
@@ -51,9 +49,6 @@ def test_a_stale_count_is_found_and_times_may_differ(tmp_path, monkeypatch, caps
     assert "stale" in capsys.readouterr().out
 
 
-# --- what is counted ---
-
-
 @pytest.mark.parametrize(("problem", "method"), METHODS)
 @pytest.mark.parametrize("robot", ODD_ROBOTS)
 def test_counted_expressions_compute_the_right_numbers(robot, problem, method):
@@ -71,7 +66,6 @@ def test_virtual_work_computes_the_right_numbers(problem):
 
 
 def test_an_expression_with_a_wrong_term_is_not_counted(monkeypatch):
-    """Bodies without the Coriolis terms."""
     monkeypatch.setitem(cost.INVERSE, cost.LONG, lambda e: e.inertia @ e.aa)
     robot = sst_pin.robots.planar_3rrr()
     e = cost.equations_of(robot)
@@ -96,9 +90,6 @@ def test_the_form_matters_more_than_the_method():
         found |= {m: cost.count(e, "inverse", m).tally.total() for m in (cost.LONG, cost.SHORT)}
     assert all_[cost.LONG] > 2 * all_[cost.SHORT]
     assert work[cost.SHORT] == pytest.approx(all_[cost.SHORT], rel=0.2)
-
-
-# --- the counter, against counts known by hand ---
 
 
 def test_known_counts():

@@ -51,7 +51,6 @@ def test_page_covers_every_equation(script):
     ],
 )
 def test_check_sees_what_is_not_current(script, page, monkeypatch, old, new, word):
-    """A wrong name, row or number."""
     # What would be written now is what stands: only the change can be seen.
     tables = {name: script.read_table(page, name) for name in script.TABLES}
     monkeypatch.setattr(script, "TABLES", {n: (lambda n=n: tables[n], True) for n in tables})

@@ -53,7 +53,6 @@ def python(tmp_path_factory):
 @pytest.mark.slow
 @pytest.mark.parametrize("start", STARTS)
 def test_jedi_completes_a_file(python, start):
-    """Without running it, in the environment of the user."""
     environment = jedi.create_environment(python.parents[1], safe=False)
     script = jedi.Script(f"import sst_pin\n{start}", environment=environment)
     assert STARTS[start] <= {completion.name for completion in script.complete()}
@@ -61,7 +60,6 @@ def test_jedi_completes_a_file(python, start):
 
 @pytest.mark.parametrize("line", ["sst_pin.", "sst_pin.robots.", "robot."])
 def test_jedi_completes_a_session(line):
-    """As IPython asks it; of the gallery robots only."""
     robot = sst_pin.SST()
     found = jedi.Interpreter(line, [{"sst_pin": sst_pin, "robot": robot}]).complete()
     names = {completion.name for completion in found if completion.name[0] != "_"}
@@ -73,7 +71,6 @@ def test_jedi_completes_a_session(line):
 
 @pytest.mark.slow
 def test_mypy_finds_the_package_and_both_mistakes(python, tmp_path):
-    """Types come with an editable installation."""
     (tmp_path / "use.py").write_text(USE)
     command = [sys.executable, "-m", "mypy", "--python-executable", python, "use.py"]
     result = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
@@ -87,7 +84,6 @@ def test_mypy_finds_the_package_and_both_mistakes(python, tmp_path):
     not PYRIGHT.exists(), reason="needs `npm install --prefix scripts/pages/tools/web`"
 )
 def test_pyright_finds_the_package_and_both_mistakes(python, tmp_path):
-    """As the editors do that are built on it."""
     (tmp_path / "use.py").write_text(USE)
     command = ["node", PYRIGHT, "--pythonpath", python, "--outputjson", "use.py"]
     result = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)

@@ -129,7 +129,6 @@ def test_the_benchmark_tables_are_the_measured_ones():
 
 @pytest.mark.parametrize("number", range(len(blocks("python"))))
 def test_python_of_the_readme_runs_and_prints(number, tmp_path):
-    """Each block by itself, as a reader would paste it."""
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     result = subprocess.run(
         [sys.executable, "-c", blocks("python")[number]],
@@ -169,7 +168,6 @@ def test_commands_of_the_readme_run(tmp_path):
 
 
 def test_ci_runs_the_two_commands_of_the_readme_and_the_slow_tests():
-    """Word for word: it reads them from there."""
     script = (ROOT / ".ci" / "run").read_text()
     assert "grep '^python3 -m venv' README.md" in script
     assert '"${commands[0]}"' in script
@@ -178,7 +176,6 @@ def test_ci_runs_the_two_commands_of_the_readme_and_the_slow_tests():
 
 
 def test_functions_named_with_the_equations_exist():
-    """The table of equations leads to code."""
     page = (ROOT / "docs" / "theory.md").read_text(encoding="utf-8")
     table = page.split("## Equations and functions")[1]
     assert "`chain/noc.py`: `JointComplement`" in table
@@ -254,7 +251,6 @@ def test_the_core_imports_without_its_extras():
 
 
 def test_every_file_of_code_names_its_licence():
-    """SPDX in the first line."""
     for folder in ("sst_pin", "scripts", "tests"):
         for path in (ROOT / folder).rglob("*.py"):
             assert path.read_text().startswith("# SPDX-License-Identifier: BSD-2-Clause\n"), path

@@ -91,7 +91,6 @@ def test_a_wrong_output_is_seen():
 
 
 def test_an_unknown_program_is_refused():
-    """Nobody thinks that it was run."""
     assert list(shell(".venv/bin/sst-pin info | head\npip install x")) == [["info"]]
     with pytest.raises(ValueError, match="is not a program"):
         list(shell("sst_pin info"))

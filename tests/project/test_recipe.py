@@ -47,7 +47,6 @@ def test_recipe_has_name_version_licence_and_command_of_the_project(recipe, proj
 
 
 def test_recipe_asks_for_the_dependencies_of_the_project(recipe, project):
-    """Pinocchio has another name there."""
     own, needs = project["project"], recipe["requirements"]
     run = {line.replace("pinocchio", "pin") for line in pinned(needs["run"])}
     assert run == pinned(own["dependencies"]) | {"python" + own["requires-python"]}
@@ -56,7 +55,6 @@ def test_recipe_asks_for_the_dependencies_of_the_project(recipe, project):
 
 
 def test_recipe_builds_what_lies_around_it_for_each_platform(recipe):
-    """It has extensions, and asks no host for sources."""
     assert recipe["source"] == {"path": ".."}
     assert "noarch" not in recipe["build"]
     assert all(find_spec(name) for name in recipe["test"]["imports"])

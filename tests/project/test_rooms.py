@@ -148,12 +148,10 @@ def judged_package() -> dict[str, tuple[set[str], list[str]]]:
 
 
 def test_every_room_has_its_place() -> None:
-    """A new room is put into a row before it is built."""
     assert {room(module) for module in MODULES} <= ROW.keys()
 
 
 def test_no_import_leads_upwards_or_to_a_neighbour() -> None:
-    """Forwarding methods aside, which are listed by name."""
     assert [sentence for _, up in judged_package().values() for sentence in up] == []
 
 
@@ -190,7 +188,6 @@ def test_an_import_that_leads_upwards_is_seen(module: str, source: str) -> None:
 
 
 def test_forwarding_methods_may_look_up() -> None:
-    """Inside, and for the types in their signatures."""
     source = (
         "if TYPE_CHECKING:\n    from ..motion.trajectories import Trajectory\n"
         "class ClosedChain:\n    def simulate(self) -> Trajectory:\n"

@@ -61,7 +61,6 @@ def test_pages_load_nothing_from_other_hosts(site):
 
 
 def test_the_reference_holds_every_method_inherited_ones_too(site):
-    """By the anchors that search and links lead to."""
     for page, owner in (("closed_chain", "ClosedChain"), ("sst", "SST")):
         ids = Resources((site / "reference" / f"{page}.html").read_text(encoding="utf-8")).ids
         names = {name.rpartition(".")[2] for name in filter(None, ids) if f"{owner}." in name}
@@ -84,7 +83,6 @@ def test_equations_are_typeset_and_search_finds_words(site):
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("width", [390, 1440])
 def test_browser_stays_here_and_pages_fit(site, chromium, width, scheme):  # noqa: F811
-    """In headless Chromium, as opened from the disk."""
     for name in ("index", "theory", "reference/sst", "paper"):
         url = (site / f"{name}.html").as_uri()
         with visit(chromium, url, width, 844) as visited:

@@ -91,12 +91,10 @@ def test_closed_robot_falls_in_the_tool_as_it_does_here(closed, robot):
 
 
 def test_page_says_what_the_tool_sees(kind):
-    """Each row of its tables is what is measured now."""
     assert list(script.problems(PAGE, [(kind, measured(kind))])) == []
 
 
 def test_page_has_every_tool():
-    """In every table, and a section about how to load it."""
     for name in script.HEADERS:
         _, *rows = script.read_table(PAGE, name)
         assert [row[0] for row in rows] == [kind.name for kind in TOOLS]
@@ -125,7 +123,6 @@ def test_code_of_the_page_runs(kind, monkeypatch):
     ],
 )
 def test_check_sees_a_cell_that_is_not_so(old, new, column):
-    """Another mass, another residual."""
     kind = measuring.Pinocchio
     assert old in PAGE
     (problem,) = script.problems(PAGE.replace(old, new), [(kind, measured(kind))])

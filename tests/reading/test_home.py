@@ -117,7 +117,6 @@ def test_a_home_of_unknown_joints_or_no_numbers_is_refused(folder, name, value, 
 
 
 def test_home_leaves_out_locked_joints(folder):
-    """They are named in the SRDF and not in the tree."""
     put_home(folder, **named(sst_pin.SST().home, 9))
     chain = read(folder, locked=["mu_1"])
     np.testing.assert_allclose(

@@ -107,7 +107,6 @@ ACTING = ("(world)body", "(world)body/inertial", "(world)body/joint", "tendon/fi
 
 
 def test_every_element_of_the_schema_is_known():
-    """Else a new MuJoCo has one that nobody has looked at."""
     here = elements(ET.fromstring(BASE))
     assert [
         name
@@ -160,7 +159,6 @@ FLEX = """<mujoco><worldbody><flexcomp name="flex" type="grid" count="3 {}" spac
     ],
 )
 def test_what_acts_and_is_not_read_is_named(tmp_path, text, problem):
-    """Elasticity of flexes, and springs that yield."""
     (tmp_path / "r.xml").write_text(text)
     with pytest.raises(sst_pin.DescriptionError, match=problem):
         read_mjcf(tmp_path / "r.xml")

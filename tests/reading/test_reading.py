@@ -41,11 +41,7 @@ def body(model, q, name):
     return data.oMf[model.getFrameId(name)]
 
 
-# --- URDF -----------------------------------------------------------------------------------
-
-
 def test_a_continuous_joint_counts_as_one_unbounded_angle():
-    """It moves like a revolute joint, over many turns."""
     bounded = Urdf(chain_urdf("revolute", "revolute"), "test").tree()
     endless = Urdf(chain_urdf("continuous", "revolute"), "test").tree()
     assert (endless.nq, endless.nv) == (2, 2)
@@ -121,7 +117,6 @@ def _about(axes, q):
     ],
 )
 def test_a_urdf_that_cannot_be_meant_is_refused(urdf, joints, word):
-    """With its place."""
     with pytest.raises(sst_pin.DescriptionError) as caught:
         Urdf(urdf, "test").tree(joints)
     assert word in str(caught.value)
@@ -236,7 +231,6 @@ def test_a_yaml_may_close_a_loop_in_any_way(tmp_path):
 
 
 def test_a_missing_yaml_is_named(tmp_path):
-    """With the path where it was looked for."""
     (tmp_path / "robot.urdf").write_text(FIVE_BAR)
     with pytest.raises(sst_pin.DescriptionError, match=r"robot\.yaml:\s+the YAML of the cuts"):
         sst_pin.ClosedChain.from_urdf(tmp_path / "robot.urdf")
@@ -251,7 +245,6 @@ def test_a_missing_yaml_is_named(tmp_path):
     ],
 )
 def test_joint_types_that_cannot_be_used_are_refused(tmp_path, lines, word):
-    """The error names the key."""
     (tmp_path / "robot.urdf").write_text(FIVE_BAR)
     (tmp_path / "robot.yaml").write_text(FIVE_BAR_CUTS + lines)
     with pytest.raises(sst_pin.DescriptionError) as caught:
@@ -260,15 +253,12 @@ def test_joint_types_that_cannot_be_used_are_refused(tmp_path, lines, word):
 
 
 def test_an_sst_may_have_continuous_joints(tmp_path, robot):
-    """It is the same robot."""
     text = Path(sst_pin.URDF_PATH).read_text().replace('type="revolute"', 'type="continuous"')
     (tmp_path / "endless.urdf").write_text(text)
     endless = sst_pin.SST.from_urdf(tmp_path / "endless.urdf")
     tau = robot.compute_torques(robot.home, [1, 2, 3], [4, 5, 6])
     np.testing.assert_array_equal(endless.compute_torques(robot.home, [1, 2, 3], [4, 5, 6]), tau)
 
-
-# --- MJCF -----------------------------------------------------------------------------------
 
 #: Anchored, tilted, preloaded joints of all kinds, two in one body, and every form of a closure.
 MJCF = """
@@ -498,7 +488,6 @@ def test_closures_are_open_by_what_mujoco_measures(mjcf):
 
 
 def test_motors_friction_rotors_and_gravity_come_along(mjcf):
-    """A joint with two actuators has one torque."""
     read = read_mjcf(mjcf)
     assert read.actuated == ("jb", "ja")
     np.testing.assert_array_equal(read.model.armature, [0.2, 0, 0, 0, 0, 0])
@@ -566,7 +555,6 @@ def test_locked_joints_stay_at_their_reference(mjcf):
     ],
 )
 def test_what_the_dynamics_would_overlook_is_refused(mjcf, old, new, word):
-    """Each by name, with what to do."""
     assert old in MJCF
     mjcf.write_text(MJCF.replace(old, new, 1))
     with pytest.raises(sst_pin.DescriptionError) as caught:
@@ -604,14 +592,12 @@ def test_what_a_flag_disables_is_not_read(mjcf):
 
 
 def test_motors_of_a_group_that_is_disabled_are_none(mjcf):
-    """MuJoCo disables such motors too."""
     text = MJCF.replace('<position joint="ja"/>', '<position joint="ja" group="3"/>')
     mjcf.write_text(text.replace("<option ", '<option actuatorgroupdisable="3" '))
     assert read_mjcf(mjcf).actuated == ("jb",)
 
 
 def test_a_weld_that_bears_no_torque_is_a_point(mjcf):
-    """Its ends are those of the weld."""
     mjcf.write_text(MJCF.replace('"w', '"free_w').replace("<weld", '<weld torquescale="0"'))
     loose = read_mjcf(mjcf)
     assert [c.kind for c in loose.closures] == ["3d"] * 8
@@ -656,7 +642,6 @@ PLATFORM = """
     ],
 )
 def test_a_platform_may_be_free_or_on_three_slides_and_a_ball(tmp_path, joints):
-    """It is the same robot; two of its points coincide."""
     path = tmp_path / "platform.xml"
     path.write_text(PLATFORM.format(joints))
     chain = sst_pin.ClosedChain.from_mjcf(path)
@@ -665,7 +650,6 @@ def test_a_platform_may_be_free_or_on_three_slides_and_a_ball(tmp_path, joints):
 
 
 def test_names_that_are_no_text_are_named(mjcf):
-    """A file in another encoding is refused by name."""
     mjcf.write_bytes(MJCF.replace('"ja"', '"jä"').encode("latin-1"))
     with pytest.raises(sst_pin.DescriptionError, match="names that are not UTF-8"):
         read_mjcf(mjcf)
@@ -681,7 +665,6 @@ def test_an_mjcf_of_more_joints_than_can_be_computed_is_refused(mjcf):
 
 
 def test_without_mujoco_the_extra_is_named(mjcf, monkeypatch):
-    """Nothing but this reader needs it."""
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(sst_pin.MissingExtraError, match=r"sst-pin\[mjcf\]"):
         sst_pin.ClosedChain.from_mjcf(mjcf)

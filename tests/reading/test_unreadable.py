@@ -100,7 +100,6 @@ def test_a_number_that_cannot_be_read_is_refused(files, place, text):
 
 @pytest.mark.parametrize("text", [*UNREADABLE, "-1"])
 def test_friction_that_cannot_be_is_refused(files, text):
-    """A joint would be without it, or be driven by it."""
     kind, root, write = files
     joint, _ = moving(root)
     dynamics = joint.find("dynamics")
@@ -148,7 +147,6 @@ def test_what_would_be_read_as_something_else_is_refused(files, change, word):
 
 
 def test_all_faults_of_a_urdf_are_told_at_once(files):
-    """One error lists the faults of joints and of links."""
     kind, root, write = files
     joint, link = moving(root)
     link.find("inertial/mass").set("value", "0,3")
@@ -184,9 +182,6 @@ def test_what_only_pictures_need_does_not_keep_a_tree_from_being_read(files):
     for _ in range(2):
         ET.SubElement(root, "material", name="steel")
     assert (torques(kind, write()) == tau).all()
-
-
-# --- names and sizes ------------------------------------------------------------------------
 
 
 def test_a_joint_of_the_laas_schema_takes_no_name_that_is_another_s(tmp_path):
@@ -246,7 +241,6 @@ def test_a_urdf_beyond_all_robots_is_refused_at_once(tmp_path, urdf, word):
 
 
 def test_shapes_in_shapes_without_end_are_left_aside(tmp_path):
-    """They are for others to read."""
     kind, source = ROBOTS["delta"]
     deep = "<visual>" * 50_000 + "</visual>" * 50_000
     path = tmp_path / "delta.urdf"
@@ -317,9 +311,6 @@ def test_names_and_numbers_of_cuts_are_those_that_stand_there():
     assert cuts.gravity.tolist() == [0, 0.5, -10]
 
 
-# --- SRDF -----------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("old", "new", "word"),
     [
@@ -332,7 +323,6 @@ def test_names_and_numbers_of_cuts_are_those_that_stand_there():
     ],
 )
 def test_a_pose_that_cannot_be_read_is_refused(tmp_path, old, new, word):
-    """Pinocchio would leave the joint at zero."""
     shutil.copytree(Path(sst_pin.URDF_PATH).parent, tmp_path, dirs_exist_ok=True)
     srdf = tmp_path / "sst.srdf"
     text = srdf.read_text()
@@ -344,12 +334,8 @@ def test_a_pose_that_cannot_be_read_is_refused(tmp_path, old, new, word):
     assert str(srdf) in str(caught.value)
 
 
-# --- files ----------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("content", [b"\xff\xfe\x00", "<robot name='ä'/>".encode("latin-1")])
 def test_a_file_that_is_no_text_is_named(tmp_path, content):
-    """And what is wrong with it."""
     path = tmp_path / "robot.urdf"
     path.write_bytes(content)
     for kind, _ in ROBOTS.values():
@@ -358,7 +344,6 @@ def test_a_file_that_is_no_text_is_named(tmp_path, content):
 
 
 def test_a_mark_of_the_byte_order_is_no_part_of_a_description(tmp_path):
-    """Editors of some systems write it."""
     kind, source = ROBOTS["delta"]
     for suffix in (".urdf", ".yaml"):
         content = source.with_suffix(suffix).read_bytes()
@@ -368,15 +353,12 @@ def test_a_mark_of_the_byte_order_is_no_part_of_a_description(tmp_path):
 
 @pytest.mark.parametrize("path", ["", "/", "a\0b", "x" * 5000, "/dev/zero", "none.urdf"])
 def test_a_path_to_no_description_is_named(path):
-    """Whatever the system says of it."""
     with pytest.raises(sst_pin.DescriptionError, match="the URDF"):
         sst_pin.ClosedChain.from_urdf(path)
     assert [p.where for p in sst_pin.validate(path)] == ["file"]
 
 
 def test_a_robot_read_by_a_subclass_is_of_it(tmp_path):
-    """A constructor of a subclass returns the subclass."""
-
     class Own(sst_pin.ClosedChain):
         pass
 

@@ -65,7 +65,6 @@ def configurations(robot):
 
 
 def test_the_gallery_is_complete():
-    """Every public function of the room is judged here."""
     assert sorted(MOBILITY) == sorted(n for n in robots.__all__ if n.islower())
 
 
@@ -89,7 +88,6 @@ def test_a_robot_is_a_closed_chain_with_a_platform(robot):
 
 
 def test_inverse_kinematics_closes_the_loops_and_holds_the_pose(name, robot, configurations):
-    """A whole batch of poses that the robot can take."""
     poses = robot.platform_pose(configurations)
     q = robot.inverse_kinematics(poses)
     # Closed forms: rounding of lengths below 3 m, divided by sines above 0.1.
@@ -140,7 +138,6 @@ def test_every_body_has_a_physical_inertia_and_a_shape(robot):
     [(robots.ladder, 1), (robots.scissor_lift, 0), (robots.n_four_bar, 0), (robots.ladder, -3)],
 )
 def test_too_few_cells_are_refused(build, cells):
-    """With the number that is needed."""
     with pytest.raises(InputError, match="expected at least"):
         build(cells)
 
@@ -253,7 +250,6 @@ def test_static_torques_scale_with_lengths_and_masses(name):
     ],
 )
 def test_dimensions_that_no_robot_has_are_refused_by_name(build, wrong):
-    """Zero, negative, not finite, no number."""
     with pytest.raises(InputError) as caught:
         build(**wrong)
     assert caught.value.name == next(iter(wrong))
@@ -271,6 +267,5 @@ def test_dimensions_that_no_robot_has_are_refused_by_name(build, wrong):
     ],
 )
 def test_dimensions_that_do_not_close_are_refused(build, short):
-    """Legs too short to reach the platform at home."""
     with pytest.raises(WorkspaceError, match="do not close at home"):
         build(**short)

@@ -109,21 +109,18 @@ def test_the_states_close_the_loops(chain, states, rates):
 
 
 def test_torques_are_exact(chain, states, rates):
-    """Inverse dynamics of all ten states."""
     tau = chain.compute_torques(states.q, states.v[:, rates], states.dv[:, rates])
     # Rounding times a condition number below 1e3.
     assert off(tau, states.torques) < 1e-12
 
 
 def test_accelerations_are_exact(chain, states, rates):
-    """Direct dynamics under the given torques."""
     aa = chain.compute_accelerations(states.q, states.v[:, rates], states.given_torques)
     # As the torques, times the condition number of the inertia matrix, below 1e3.
     assert off(aa, states.accelerations) < 1e-10
 
 
 def test_energies_are_exact(chain, states, rates):
-    """Kinetic and potential energy."""
     kinetic = chain.kinetic_energy(states.q, states.v[:, rates])
     # Rates to 1e-13 and more.
     assert_allclose(kinetic, states.kinetic_energy, rtol=1e-11)
@@ -145,7 +142,6 @@ def test_the_description_alone_gives_the_torques(name, states, rates):
 
 @pytest.mark.parametrize("robot", ["bennett", "planar_4rrr", "ups_pu"])
 def test_the_states_are_those_that_the_script_makes(robot):
-    """The first state, computed anew to the last digit."""
     make = pytest.importorskip("make_reference", reason="mpmath is not installed (extra 'dev')")
     record = {key: value for key, value in REFERENCE[robot].items() if key != "states"}
     made = make.states_of(robot, record, getattr(robots, robot)().home, count=1)

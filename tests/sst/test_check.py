@@ -115,7 +115,6 @@ def test_the_map_of_the_workspace_and_the_check_judge_alike(robot):
 
 
 def test_a_motion_of_another_robot_is_refused(robot):
-    """Its joints are not ours."""
     zero = np.zeros((2, 1))
     other = sst_pin.Trajectory([0, 1], zero, zero, zero, zero, ["elbow"], ["elbow"])
     with pytest.raises(sst_pin.InputError, match="another robot, with joints elbow"):

@@ -116,7 +116,6 @@ def test_reduced_terms_equal_those_of_the_long_form(case):
 
 @pytest.mark.parametrize("count", [1, 2, 3, 4, 5, 31, 32, 33, 1000, 5003])
 def test_every_sample_has_the_same_bits_alone_and_in_any_batch(robot, count):
-    """Whole vectors or not, one thread or many."""
     rng = np.random.default_rng(count)
     q, va, aa = robot.joint_motion(*random_states(robot, rng, 10))
     pick = rng.integers(10, size=count)
@@ -237,7 +236,6 @@ def test_angles_of_many_turns_are_angles(robot):
 
 
 def test_the_committed_c_is_what_the_generator_makes():
-    """To the last character."""
     pytest.importorskip("casadi", reason="the generator computes with CasADi's expressions")
     script = ROOT / "scripts" / "kernels" / "make_kernels.py"
     subprocess.run([sys.executable, script, "--check"], check=True)

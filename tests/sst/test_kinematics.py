@@ -184,7 +184,6 @@ def test_home_of_the_paper_is_isotropic(robot):
 
 
 def test_home_is_assembled_on_the_working_branch(odd):
-    """For any SST."""
     assert np.abs(odd.residual(odd.home)).max() < 1e-14
     assert odd.branch(odd.home).tolist() == [1, 1, 1]
 
@@ -216,7 +215,6 @@ def test_measures_vanish_at_the_singularities_of_their_kind(robot):
 
 
 def test_batches_equal_single_samples(odd):
-    """Leading axes of any number, empty ones included."""
     R, omega, alpha = random_states(odd, np.random.default_rng(4), 6)
     q, va, aa = odd.joint_motion(
         R.reshape(2, 3, 3, 3), omega.reshape(2, 3, 3), alpha.reshape(2, 3, 3)

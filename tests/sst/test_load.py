@@ -51,7 +51,6 @@ def test_named_poses_are_free_of_collisions():
 
 
 def test_load_says_what_is_missing(tmp_path):
-    """A URDF taken away without its folder."""
     (tmp_path / "sst.urdf").write_bytes(Path(sst_pin.URDF_PATH).read_bytes())
     with pytest.raises(sst_pin.DescriptionError, match="SRDF beside the URDF"):
         sst_pin.load(tmp_path / "sst.urdf")
@@ -62,7 +61,6 @@ def test_load_says_what_is_missing(tmp_path):
 
 @pytest.mark.parametrize("tool", ["pinocchio", "mujoco", "yourdfpy"])
 def test_loaders_of_robot_descriptions_take_our_paths(tool, monkeypatch):
-    """Our package stands in for one of its modules."""
     module = types.ModuleType("robot_descriptions.sst_description")
     for name in ("REPOSITORY_PATH", "PACKAGE_PATH", "URDF_PATH", "MJCF_PATH", "SRDF_PATH"):
         path = getattr(sst_pin, name)

@@ -56,7 +56,6 @@ ROBOTS = [sst_pin.Parameters(), *map(odd_parameters, range(10))]
 
 @pytest.mark.parametrize("p", ROBOTS)
 def test_parameters_survive_the_way_through_urdf(p, tmp_path):
-    """Parameters -> URDF and cuts -> SST -> Parameters."""
     (tmp_path / "sst.urdf").write_text(urdf_of(p))
     (tmp_path / "sst.yaml").write_text(yaml_of(p))
     found = sst_pin.SST.from_urdf(tmp_path / "sst.urdf").parameters
@@ -123,7 +122,6 @@ def test_arcs_of_unequal_mass_are_read_as_their_sum(tmp_path):
 
 
 def test_legs_of_unequal_bodies_are_read_one_by_one(tmp_path):
-    """One edited link makes three links of one."""
     head, tail = Path(sst_pin.URDF_PATH).read_text().split('<link name="link_3">')
     (tmp_path / "edited.urdf").write_text(
         head + '<link name="link_3">' + tail.replace('<mass value="0.3" />', '<mass value="1" />')
@@ -165,7 +163,6 @@ def test_what_parameters_cannot_hold_is_refused_by_name(tmp_path, old, new, word
 
 
 def test_armature_is_refused_too(robot):
-    """A rotor's inertia has no place in the parameters."""
     model = pin.Model(robot.model)
     armature = np.zeros(9)
     armature[4] = 0.01

@@ -30,9 +30,6 @@ def orientations(workspace):
     return sst_pin.orientation(workspace.theta, workspace.phi, workspace.psi)
 
 
-# --- the chart ----------------------------------------------------------------------------------
-
-
 def test_chart_and_its_inverse_undo_each_other(odd):
     """Directions to points and back, anywhere but near the one opposite the middle."""
     chart = Chart.of_robot(odd)
@@ -61,9 +58,6 @@ def test_grid_is_the_half_sphere_about_the_middle_of_the_triangle(odd):
     assert np.abs(ahead[-1]).max() < 1e-14
     assert np.abs(np.linalg.norm(workspace.s, axis=-1) - 1).max() < 1e-15
     assert np.abs(orientations(workspace)[..., 0] - workspace.s).max() < 1e-14
-
-
-# --- values, against the robot's own kinematics -------------------------------------------------
 
 
 @pytest.mark.parametrize("psi", [0.7, -1.3, 2.6])
@@ -125,9 +119,6 @@ def test_flat_legs_are_told_and_break_nothing(robot, monkeypatch):
     assert over_rolls.reachable.all()  # some other psi does
 
 
-# --- theorems -----------------------------------------------------------------------------------
-
-
 def test_paper_robot_is_isotropic_in_the_middle(robot, at_zero, over_rolls):
     """Its home is the best pose of both maps, condition number 1."""
     s = robot.platform_orientation(robot.home)[:, 0]
@@ -174,7 +165,6 @@ def test_map_over_all_rolls_has_the_symmetry_of_the_robot(robot, over_rolls):
 
 
 def test_symmetric_poses_are_equally_conditioned(robot, over_rolls):
-    """The same, exact: a pose turned, its legs renamed."""
     turn = Rotation.from_rotvec(2 * np.pi / 3 * Chart.of_robot(robot).axes[2]).as_matrix()
     rename = robot.geometry.R_E[0].T @ robot.geometry.R_E[1]  # arc 2 to where arc 1 was
     R = orientations(over_rolls)[5:25:4, ::7]
@@ -215,11 +205,7 @@ def test_roll_in_the_middle_is_a_third_of_a_turn(over_rolls):
     assert over_rolls.roll[0, 0] == pytest.approx(2 * np.pi / 3, abs=1e-6)
 
 
-# --- files --------------------------------------------------------------------------------------
-
-
 def test_npz_holds_every_attribute(at_zero, tmp_path):
-    """To the last bit."""
     at_zero.save(tmp_path / "map.npz")
     with np.load(tmp_path / "map.npz") as file:
         assert set(file) == {field.name for field in fields(Workspace)}

@@ -42,7 +42,6 @@ def edited(tag, name, old, new):
 
 @pytest.mark.parametrize("path", [sst_pin.URDF_PATH, EXAMPLES / "delta.urdf"])
 def test_the_shipped_robots_have_no_problems(path):
-    """Neither errors nor warnings."""
     assert sst_pin.validate(path) == []
 
 
@@ -51,156 +50,82 @@ SPHERE = '<visual><origin xyz="{}"/><geometry><sphere radius="{}"/></geometry></
 MESH = '<visual><geometry><mesh filename="{}"/></geometry></visual>'
 
 
-@pytest.mark.parametrize(
-    ("urdf", "problem"),
-    [
-        # tree and names
-        ("<robot", "error: file: not XML"),
-        ("<model/>", "error: file: a URDF starts with <robot>"),
-        ("<mujoco/>", "not with <mujoco>; ClosedChain.from_mjcf reads an MJCF"),
-        ("<robot name='empty'/>", "error: file: no links"),
-        (edited("link", "arm_2", 'name="arm_2"', 'name="arm_1"'), "error: link arm_1: 2 have this"),
-        (
-            edited("joint", "motor_2", "motor_2", "motor_1"),
-            "error: joint motor_1: 2 have this name",
-        ),
-        (edited("joint", "motor_2", ' name="motor_2"', ""), "error: joint: 1 without a name"),
-        (edited("joint", "motor_2", '"base"', '"bass"'), "error: joint motor_2: parent bass is no"),
-        (
-            edited("joint", "motor_2", '<parent link="base"/>', ""),
-            "error: joint motor_2: no <parent",
-        ),
-        (
-            edited("joint", "motor_2", '"arm_2"', '"arm_1"'),
-            "link arm_1 is already the child of joint motor_1",
-        ),
-        (edited("joint", "motor_2", '"arm_2"', '"arm_1"'), "error: tree: 2 links without a parent"),
-        (
-            edited("joint", "motor_2", '"base"', '"rod_2a"'),
-            "error: tree: links that are not connected to the base",
-        ),
-        # joints
-        (
-            edited("joint", "motor_2", '"revolute"', '"hinge"'),
-            "joint motor_2: type 'hinge' unknown",
-        ),
-        (
-            edited("joint", "motor_2", '"revolute"', '"floating"'),
-            "motor_2: floating: q has one more",
-        ),
-        (
-            edited("joint", "motor_2", '"revolute"', '"continuous"'),
-            "warning: joint motor_2: continuous: two coordinates",
-        ),
-        (edited("joint", "motor_2", "0 1 0", "0 0 0"), "joint motor_2: its axis is zero"),
-        (edited("joint", "motor_2", "0 1 0", "0 1"), "joint motor_2: axis xyz='0 1' is not three"),
-        (
-            edited("joint", "motor_2", "0 1 0", "0 2 0"),
-            "warning: joint motor_2: its axis has length",
-        ),
-        (edited("joint", "motor_2", 'rpy="0 0', 'rpy="nan 0'), "motor_2: origin rpy='nan 0 2.09"),
-        (edited("joint", "motor_2", 'lower="-3.2"', 'lower="4"'), "lower limit 4 above the upper"),
-        (
-            edited("joint", "motor_2", 'lower="-3.2" upper="3.2" ', ""),
-            "warning: joint motor_2: limits",
-        ),
-        (
-            edited("joint", "motor_2", ' effort="10"', ""),
-            "error: joint motor_2: limit without effort",
-        ),
-        (edited("joint", "motor_2", "<limit", "<!-- "[:4] + " --><a"), "revolute without <limit>"),
-        (edited("joint", "motor_2", "<axis", '<mimic joint="motr_1"/><axis'), "mimics motr_1"),
-        (
-            URDF.replace('"revolute"', '"fixed"'),
-            "error: motor motor_2: no moving joint of this name",
-        ),
-        # inertia
-        (
-            edited("link", "arm_2", 'value="0.08"', 'value="0"'),
-            "error: link arm_2: moves without",
-        ),
-        (
-            edited("link", "arm_2", 'value="0.08"', 'value="-1"'),
-            "error: link arm_2: its mass is negative, -1 kg",
-        ),
-        (
-            edited("link", "arm_2", 'value="0.08"', 'value="inf"'),
-            "link arm_2: its mass is not a num",
-        ),
-        (edited("link", "arm_2", ' ixy="0"', ""), "link arm_2: its inertia has no number ixy"),
-        (edited("link", "arm_2", "2e-05", "-2e-05"), "link arm_2: inertia not positive definite"),
-        (edited("link", "arm_2", "2e-05", "0.001"), "link arm_2: impossible inertia"),
-        (
-            # Each pair of diagonal entries reaches the third, only the principal moments do not.
-            edited("link", "arm_2", ARM, ARM.replace('2e-05" ixy="0"', '0.00025" ixy="0.0002"')),
-            "principal moments 5e-05, 0.00025, 0.00045 kg m^2",
-        ),
-        (
-            edited("link", "arm_2", ARM, re.sub(r'"[\d.e-]+"', '"0"', ARM)),
-            "error: link arm_2: moves, has 0.08 kg but no inertia",
-        ),
-        (
-            edited("link", "rod_1b_end", 'mass value="0"', 'mass value="1e-9"'),
-            "warning: link rod_1b_end: has 1e-09 kg but no inertia",
-        ),
-        (
-            edited("link", "arm_2", 'value="0.08"', 'value="1e9"'),
-            "warning: links arm_2 and rod_1a: very different masses, 1e+09 kg and 0.02 kg",
-        ),
-        (
-            re.sub(r"<inertial>.*?</inertial>", "", URDF, count=1, flags=re.DOTALL),
-            "1 kg in PyBullet",
-        ),
-        (
-            URDF.replace(element(URDF, "link", "rod_1b_end"), '<link name="rod_1b_end"/>'),
-            "warning: link rod_1b_end: fixed link without <inertial>",
-        ),
-        # meshes
-        (
-            edited("link", "arm_2", "<inertial>", MESH.format("a.stl") + "<inertial>"),
-            "a.stl: not found",
-        ),
-        (
-            edited("link", "arm_2", "<inertial>", MESH.format("") + "<inertial>"),
-            "(no name): not found",
-        ),
-        (
-            edited("link", "arm_2", "<inertial>", MESH.format("a.dae") + "<inertial>"),
-            "cannot read it",
-        ),
-        (
-            edited("link", "arm_2", "<inertial>", MESH.format("package://p/a.obj") + "<inertial>"),
-            "warning: link arm_2: mesh package://p/a.obj: MuJoCo does not",
-        ),
-        (
-            edited("link", "arm_2", "<inertial>", MESH.format("/a.obj") + "<inertial>"),
-            "warning: link arm_2: mesh /a.obj: an absolute path",
-        ),
-        (
-            edited("link", "arm_2", "<inertial>", MESH.format("x" * 5000) + "<inertial>"),
-            "xxx: not found",
-        ),
-        (
-            edited("link", "arm_2", "<inertial>", SPHERE.format("1 0", "0,1") + "<inertial>"),
-            "error: link arm_2: origin xyz='1 0' of a shape is not 3 number(s)",
-        ),
-        (
-            edited("link", "arm_2", "<inertial>", SPHERE.format("1 0 0", "0,1") + "<inertial>"),
-            "error: link arm_2: sphere radius='0,1' of a shape is not 1 number(s)",
-        ),
-        (
-            edited(
-                "link",
-                "arm_2",
-                "<inertial>",
-                "<visual><geometry><capsule/></geometry></visual><inertial>",
-            ),
-            "warning: link arm_2: Pinocchio ignores <capsule>",
-        ),
-    ],
-)
+#: What is changed in the joint motor_2, and what is said of it.
+OF_THE_JOINT = [
+    ("motor_2", "motor_1", "error: joint motor_1: 2 have this name"),
+    (' name="motor_2"', "", "error: joint: 1 without a name"),
+    ('"base"', '"bass"', "error: joint motor_2: parent bass is no"),
+    ('<parent link="base"/>', "", "error: joint motor_2: no <parent"),
+    ('"arm_2"', '"arm_1"', "link arm_1 is already the child of joint motor_1"),
+    ('"arm_2"', '"arm_1"', "error: tree: 2 links without a parent"),
+    ('"base"', '"rod_2a"', "error: tree: links that are not connected to the base"),
+    ('"revolute"', '"hinge"', "joint motor_2: type 'hinge' unknown"),
+    ('"revolute"', '"floating"', "motor_2: floating: q has one more"),
+    ('"revolute"', '"continuous"', "warning: joint motor_2: continuous: two coordinates"),
+    ("0 1 0", "0 0 0", "joint motor_2: its axis is zero"),
+    ("0 1 0", "0 1", "joint motor_2: axis xyz='0 1' is not three"),
+    ("0 1 0", "0 2 0", "warning: joint motor_2: its axis has length"),
+    ('rpy="0 0', 'rpy="nan 0', "motor_2: origin rpy='nan 0 2.09"),
+    ('lower="-3.2"', 'lower="4"', "lower limit 4 above the upper"),
+    ('lower="-3.2" upper="3.2" ', "", "warning: joint motor_2: limits"),
+    (' effort="10"', "", "error: joint motor_2: limit without effort"),
+    ("<limit", "<!--  --><a", "revolute without <limit>"),
+    ("<axis", '<mimic joint="motr_1"/><axis', "mimics motr_1"),
+]
+#: What is changed in the link arm_2.
+OF_THE_LINK = [
+    ('name="arm_2"', 'name="arm_1"', "error: link arm_1: 2 have this"),
+    ('value="0.08"', 'value="0"', "error: link arm_2: moves without"),
+    ('value="0.08"', 'value="-1"', "error: link arm_2: its mass is negative, -1 kg"),
+    ('value="0.08"', 'value="inf"', "link arm_2: its mass is not a num"),
+    ('value="0.08"', 'value="1e9"', "very different masses, 1e+09 kg and 0.02 kg"),
+    (' ixy="0"', "", "link arm_2: its inertia has no number ixy"),
+    ("2e-05", "-2e-05", "link arm_2: inertia not positive definite"),
+    ("2e-05", "0.001", "link arm_2: impossible inertia"),
+    # Each pair of diagonal entries reaches the third, only the principal moments do not.
+    ('2e-05" ixy="0"', '0.00025" ixy="0.0002"', "principal moments 5e-05, 0.00025, 0.00045 kg"),
+    (
+        ARM,
+        re.sub(r'"[\d.e-]+"', '"0"', ARM),
+        "link arm_2: moves, has 0.08 kg but no inertia",
+    ),
+]
+#: What the link arm_2 gets besides.
+SHAPES = [
+    (MESH.format("a.stl"), "a.stl: not found"),
+    (MESH.format(""), "(no name): not found"),
+    (MESH.format("a.dae"), "cannot read it"),
+    (MESH.format("package://p/a.obj"), "arm_2: mesh package://p/a.obj: MuJoCo does not"),
+    (MESH.format("/a.obj"), "warning: link arm_2: mesh /a.obj: an absolute path"),
+    (MESH.format("x" * 5000), "xxx: not found"),
+    (SPHERE.format("1 0", "0,1"), "arm_2: origin xyz='1 0' of a shape is not 3 number(s)"),
+    (SPHERE.format("1 0 0", "0,1"), "arm_2: sphere radius='0,1' of a shape is not 1 number(s)"),
+    ("<visual><geometry><capsule/></geometry></visual>", "Pinocchio ignores <capsule>"),
+]
+END = element(URDF, "link", "rod_1b_end")
+OF_THE_WHOLE = [
+    ("<robot", "error: file: not XML"),
+    ("<model/>", "error: file: a URDF starts with <robot>"),
+    ("<mujoco/>", "not with <mujoco>; ClosedChain.from_mjcf reads an MJCF"),
+    ("<robot name='empty'/>", "error: file: no links"),
+    (URDF.replace('"revolute"', '"fixed"'), "error: motor motor_2: no moving joint of this name"),
+    (re.sub(r"<inertial>.*?</inertial>", "", URDF, count=1, flags=re.DOTALL), "1 kg in PyBullet"),
+    (URDF.replace(END, '<link name="rod_1b_end"/>'), "rod_1b_end: fixed link without <inertial>"),
+    (
+        URDF.replace(END, END.replace('mass value="0"', 'mass value="1e-9"', 1)),
+        "warning: link rod_1b_end: has 1e-09 kg but no inertia",
+    ),
+]
+FAULTS = [
+    *((edited("joint", "motor_2", old, new), problem) for old, new, problem in OF_THE_JOINT),
+    *((edited("link", "arm_2", old, new), problem) for old, new, problem in OF_THE_LINK),
+    *((edited("link", "arm_2", "<inertial>", s + "<inertial>"), problem) for s, problem in SHAPES),
+    *OF_THE_WHOLE,
+]
+
+
+@pytest.mark.parametrize(("urdf", "problem"), FAULTS, ids=[problem for _, problem in FAULTS])
 def test_a_fault_of_the_urdf_is_told_with_its_place(found, urdf, problem):
-    """One fault each, told once."""
     told = [str(p) for p in found(urdf) if problem in str(p)]
     assert len(told) == 1
 
@@ -228,14 +153,12 @@ def test_a_fault_of_the_urdf_is_told_with_its_place(found, urdf, problem):
     ],
 )
 def test_a_fault_of_the_cuts_is_told_with_its_place(found, old, new, problem):
-    """One fault each, told once."""
     assert old in CUTS
     told = [str(p) for p in found(cuts=CUTS.replace(old, new, 1)) if problem in str(p)]
     assert len(told) == 1
 
 
 def test_a_robot_without_moving_joints_is_told(found):
-    """It has no closure that could be judged."""
     cuts = "closed_loop: [[base, arm_1]]\ntype: [3d]\nname_mot: []\n"
     (problem,) = found(URDF.replace('"revolute"', '"fixed"'), cuts)
     assert str(problem) == "error: tree: all joints are fixed"
@@ -254,7 +177,6 @@ def test_a_motor_too_few_is_told_with_the_joints_that_stay_loose(found):
 
 
 def test_all_faults_are_told_at_once(found):
-    """Errors first."""
     urdf = edited("link", "arm_2", 'value="0.08"', 'value="0"')
     urdf = urdf.replace("<inertial>", MESH.format("none.stl") + "<inertial>", 1)
     problems = found(urdf, CUTS.replace("motor_1", "m").replace("rod_2a_end", "r"))
@@ -316,7 +238,6 @@ def test_a_relative_mesh_stays_relative_where_the_urdf_lies(tmp_path, monkeypatc
 
 
 def test_an_open_tree_needs_no_cuts(tmp_path):
-    """Nothing is said of loops and motors."""
     (tmp_path / "delta.urdf").write_text(URDF)
     assert sst_pin.validate(tmp_path / "delta.urdf") == []
     problems = sst_pin.validate(tmp_path / "delta.urdf", tmp_path / "none.yaml")

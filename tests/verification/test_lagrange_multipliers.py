@@ -42,7 +42,6 @@ def test_of_every_closure(name):
 
 @pytest.mark.parametrize("joint", JOINTS)
 def test_of_every_joint(joint):
-    """Each joint is the first of a loop."""
     chain = ClosedChain(
         tree("", [joint, "RX"], ["RZ", "ball", "translation"], seed=4),
         [Closure("A", "B", "6d")],

@@ -48,7 +48,6 @@ def test_second_block_of_eq_7c_is_the_rate_of_phi_u(seed):
 
 
 def test_eq_20_gives_accelerations(case):
-    """L aa + L_dot va is q_ddot, not q_dot."""
     judge(forms.rate_of_joint_rates(case), ROUNDING)
 
 
@@ -59,7 +58,6 @@ def test_chain_of_eq_54_starts_from_the_base_once(case):
 
 
 def test_minus_signs_of_eqs_59_to_61_do_not_turn_the_passive_links(case):
-    """Their frames turn as plus signs say."""
     judge(forms.spins_of_passive_links(case), DIFFERENCES)
 
 

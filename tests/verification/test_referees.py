@@ -9,7 +9,6 @@ from types import FunctionType
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from scipy.spatial.transform import Rotation
 
 import sst_pin
 from reference import EXAMPLE_1
@@ -59,18 +58,13 @@ def noc_torques(robot, state, **loads):
     return robot.compute_torques(*robot.joint_motion(*state), **loads)
 
 
-# --- one instant --------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("t", EXAMPLE_1)
 def test_a_referee_finds_the_torques_of_example_1(referee, t):
-    """Without any help of ours."""
     tau = referee(sst_pin.Parameters()).torques(*sst_pin.paper_circle(t))
     assert_allclose(tau, EXAMPLE_1[t], rtol=0, atol=1e-11)  # the references end at 1e-12
 
 
 def test_a_referee_agrees_along_the_papers_circle(referee, robot):
-    """One object serves all poses of a motion."""
     motion = sst_pin.paper_circle(np.linspace(0, np.pi / 6, 25))
     judge = referee(sst_pin.Parameters())
     tau = [judge.torques(*state) for state in zip(*motion, strict=True)]
@@ -124,9 +118,6 @@ def test_symbolic_direct_dynamics_gives_back_the_acceleration():
         close(found, alpha, 1e-9)  # and the condition number of the inertia comes in
 
 
-# --- any closed chain ---------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("name", ROBOTS)
 def test_multipliers_agree_for_other_robots(name):
     """Planar, spatial, spherical; redundant closures or not; friction, rotors."""
@@ -144,103 +135,12 @@ def test_multipliers_agree_for_other_robots(name):
 
 
 def test_pinocchio_is_not_asked_for_closures_it_does_not_know():
-    """An alignment of axes is none of its constraints."""
     robot = ROBOTS["spherical 3-RRR, aligned"]
     with pytest.raises(DescriptionError, match="accelerations_by_multipliers"):
         lagrange.accelerations(robot.chain(), robot.joints(robot.x).real, np.ones(3), np.ones(3))
 
 
-# --- time stepping ------------------------------------------------------------------------------
-
-
-def swing(R, axis):
-    """A smooth motion from R about a fixed axis."""
-    axis = axis / np.linalg.norm(axis)
-
-    def motion(t):
-        turn = Rotation.from_rotvec(0.15 * np.sin(10 * t) * axis).as_matrix()
-        return turn @ R, 1.5 * np.cos(10 * t) * axis, -15 * np.sin(10 * t) * axis
-
-    return motion
-
-
-@pytest.fixture(scope="module", params=["paper", "random"])
-def stepped(request):
-    """Parameters, robot and a motion from t = 0 on."""
-    if request.param == "paper":
-        return sst_pin.Parameters(), sst_pin.SST(), sst_pin.paper_circle
-    rng = np.random.default_rng(5)
-    parameters = random_parameters(rng, friction=False)
-    robot = sst_pin.SST(parameters)
-    return parameters, robot, swing(random_state(robot, rng)[0], rng.normal(size=3))
-
-
-def off_path(motion, times, path):
-    """Largest difference of an orientation from the one it should be."""
-    return max(np.abs(R - motion(t)[0]).max() for t, R in zip(times, path, strict=True))
-
-
-#: A quarter of the paper's circle, [s].
-DURATION = np.pi / 24
-
-
-def test_exudyns_torques_converge_with_the_square_of_the_step(stepped):
-    """Its generalised-alpha method is of second order: halving the step leaves a quarter."""
-    exudyn = need("exudyn_engine", "exudyn")
-    parameters, robot, motion = stepped
-    expected = noc_torques(robot, motion(DURATION))
-    errors = []
-    for steps in (60, 120, 240):
-        t, tau = exudyn.stepped_torques(parameters, motion, DURATION, steps)
-        assert_allclose(t, np.linspace(0, DURATION, steps + 1), rtol=0, atol=1e-12)
-        errors.append(np.abs(tau[-1] - expected).max())
-    ratios = np.array(errors[:-1]) / errors[1:]
-    assert ((ratios > 3.5) & (ratios < 4.5)).all()  # terms of third order are left, some 10 %
-    assert errors[-1] < 1e-4 * np.abs(expected).max()
-
-
-def test_exudyns_motion_converges_with_the_square_of_the_step(stepped):
-    """The motion under the torques of the NOC, by direct dynamics."""
-    exudyn = need("exudyn_engine", "exudyn")
-    parameters, robot, motion = stepped
-    R, omega, _ = motion(0.0)
-    errors = []
-    for steps in (20, 40, 80):
-        t, path = exudyn.stepped_motion(
-            parameters, R, omega, lambda t: noc_torques(robot, motion(t)), DURATION, steps
-        )
-        assert len(t) == steps + 1
-        errors.append(off_path(motion, t, path))
-    ratios = np.array(errors[:-1]) / errors[1:]
-    assert ((ratios > 3.5) & (ratios < 4.5)).all()
-    assert errors[-1] < 1e-4
-
-
-@pytest.mark.slow
-def test_mujocos_welded_robot_tends_to_the_rigid_one(stepped):
-    """The error falls as the inverse of the welds' stiffness, far above that of its integrator."""
-    mujoco_engine = need("mujoco_engine", "mujoco")
-    parameters, robot, motion = stepped
-    R, omega, _ = motion(0.0)
-    errors = []
-    for stiffness in (1e4, 1e5, 1e6):
-        t, path = mujoco_engine.welded_motion(
-            parameters,
-            R,
-            omega,
-            lambda t: noc_torques(robot, motion(t)),
-            DURATION / 2,
-            step=4e-4,
-            stiffness=stiffness,
-        )
-        errors.append(off_path(motion, t, path))
-    ratios = np.array(errors[:-1]) / errors[1:]
-    assert (ratios > 5).all()  # ten, once the welds have settled within the time
-    assert errors[-1] < 1e-4
-
-
 def test_exudyns_stepping_says_that_it_knows_no_friction():
-    """Rather than leave it out in silence."""
     exudyn = need("exudyn_engine", "exudyn")
     parameters = sst_pin.Parameters(viscous_friction=0.1)
     R, omega, _ = sst_pin.paper_circle(0.0)
@@ -248,9 +148,6 @@ def test_exudyns_stepping_says_that_it_knows_no_friction():
         exudyn.stepped_torques(parameters, sst_pin.paper_circle, 0.1, 10)
     with pytest.raises(InputError, match="friction"):
         exudyn.stepped_motion(parameters, R, omega, lambda t: np.zeros(3), 0.1, 10)
-
-
-# --- injected errors ----------------------------------------------------------------------------
 
 
 def _flip_closure_rate(patch):
@@ -352,9 +249,6 @@ def test_a_referee_uses_nothing_of_what_it_judges(referee, monkeypatch):
     assert_array_equal(judge.torques(*state), expected)
 
 
-# --- the list of referees -----------------------------------------------------------------------
-
-
 def test_all_referees_are_had_or_told_how_to_be_had(monkeypatch):
     """A package that is not there costs one referee, not all."""
     monkeypatch.setitem(sys.modules, "mujoco", None)  # what Python takes for not installed
@@ -366,7 +260,6 @@ def test_all_referees_are_had_or_told_how_to_be_had(monkeypatch):
 
 
 def test_referees_say_what_they_are():
-    """Distinct names, the package that pip knows."""
     available, _ = referees.all_referees(sst_pin.Parameters())
     assert len({judge.name for judge in available}) == len(available)
     for judge in available:
@@ -384,7 +277,6 @@ def test_a_missing_engine_is_named(package, monkeypatch):
 
 
 def test_a_broken_engine_is_not_taken_for_a_missing_one(tmp_path, monkeypatch):
-    """Its own import error comes through."""
     (tmp_path / "broken_engine.py").write_text("import no_such_dependency")
     monkeypatch.syspath_prepend(tmp_path)
     with pytest.raises(ModuleNotFoundError, match="no_such_dependency") as caught:

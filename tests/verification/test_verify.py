@@ -69,7 +69,6 @@ def test_the_whole_run_includes_those_that_step_in_time():
 
 @pytest.mark.slow
 def test_referees_that_are_not_installed_are_named_with_their_remedy(no_engines, capsys):
-    """The others are asked all the same."""
     assert main(["verify", "--quick"]) == 0
     out = capsys.readouterr().out
     for package in ("casadi", "mujoco", "exudyn"):
@@ -100,7 +99,6 @@ def test_a_wrong_torque_ends_in_exit_code_1(monkeypatch, capsys):
 
 
 def test_a_referee_that_answers_nan_disagrees():
-    """NaN is not below any limit."""
     judge = Judge("nobody", "nothing")
     judge.hold(lambda: np.array((1.0, np.nan)), np.ones(2))
     row = judge.verdict()
@@ -110,14 +108,12 @@ def test_a_referee_that_answers_nan_disagrees():
 
 @pytest.mark.parametrize("name", ROBOTS)
 def test_multipliers_referee_any_closed_chain(name):
-    """At configurations that verify finds by itself."""
     rows = list(verify.verify_chain(ROBOTS[name].chain(), 5))
     assert [row.cases for row in rows] == [5, 5, 5]  # torques, generalised forces, accelerations
     assert all(row.passed for row in rows)
 
 
 def test_an_edited_urdf_is_verified_too(tmp_path, capsys):
-    """By multipliers, which need no parameters."""
     path = tmp_path / "mine.urdf"
     path.write_text(Path(sst_pin.URDF_PATH).read_text().replace('"0.3"', '"0.7"'))
     assert main(["verify", "--quick", "--robot", str(path)]) == 0

@@ -52,9 +52,6 @@ def assemblies(robot: sst_pin.SST, gamma: Array) -> Array:
     return robot.platform_orientation(robot.forward_kinematics(gamma))
 
 
-# --- independence ---------------------------------------------------------------------------
-
-
 def test_referee_imports_nothing_of_what_it_judges() -> None:
     """Only the robot's data, errors and the checks of arrays come from the package."""
     own, foreign = set(), set()
@@ -69,9 +66,6 @@ def test_referee_imports_nothing_of_what_it_judges() -> None:
             own |= {node.module} if node.module else {alias.name for alias in node.names}
     assert foreign == {"__future__", "collections", "typing", "numpy", "scipy"}
     assert own == {"arrays", "conics", "description.parameters", "errors"}
-
-
-# --- inverse dynamics -----------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -113,7 +107,6 @@ def test_terms_of_the_long_form_add_up_to_the_torques(seed: int) -> None:
 
 
 def test_batches_of_any_shape_equal_their_samples() -> None:
-    """Leading axes broadcast."""
     rng = np.random.default_rng(1)
     parameters = random_parameters(rng)
     robot, referee = sst_pin.SST(parameters), VirtualWork(parameters)
@@ -124,9 +117,6 @@ def test_batches_of_any_shape_equal_their_samples() -> None:
         [[referee.torques(R[i], omega[j], alpha[j]) for j in range(4)] for i in range(4)]
     )
     assert relative_error(tau, one) < 1e-13  # the same sums, perhaps in another order
-
-
-# --- direct dynamics ------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -141,9 +131,6 @@ def test_accelerations_agree_at_any_torques(seed: int) -> None:
     q, va, aa = robot.joint_motion(R, omega, alpha)
     wanted = robot.compute_accelerations(q, va, tau, platform_moment=moment)
     assert relative_error(aa, wanted) < ROUNDING
-
-
-# --- direct kinematics ----------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -238,9 +225,6 @@ def test_no_assembly_is_told() -> None:
         referee.admissible(gamma, near_R[0])
 
 
-# --- motion in time -------------------------------------------------------------------------
-
-
 @pytest.mark.slow
 def test_torques_of_example_1_bring_the_star_round_the_circle() -> None:
     """Example 2: open loop over one period, from the exact initial state."""
@@ -268,9 +252,6 @@ def test_motion_with_friction_is_that_of_the_complement() -> None:
     q0, va0, _ = robot.joint_motion(R0, omega0, np.zeros(3))
     motion = robot.simulate(tau, q0, va0, t)
     assert np.abs(R - robot.platform_orientation(motion.q)).max() < 1e-9  # integrators' 1e-11
-
-
-# --- what cannot be -------------------------------------------------------------------------
 
 
 def test_flat_leg_is_a_singular_configuration_and_names_its_samples() -> None:
@@ -316,6 +297,5 @@ def test_impossible_input_is_told(R: Array, omega: Array) -> None:
 
 
 def test_branch_is_three_signs() -> None:
-    """Anything else is an error of the package."""
     with pytest.raises(SSTError):
         VirtualWork(sst_pin.Parameters(), (1, 0, 1))

@@ -53,7 +53,6 @@ def upgrade(served, **headers):
 
 
 def test_a_browser_on_this_machine_is_answered(served):
-    """Under every name that no site can have."""
     port = urlsplit(served[0]).port
     for host in (f"127.0.0.1:{port}", f"localhost:{port}", f"[::1]:{port}"):
         assert status(served, Host=host) == 200
@@ -75,7 +74,6 @@ def test_a_websocket_of_another_page_is_refused(served, origin):
 
 
 def test_the_name_that_was_asked_for_is_ours_and_so_is_the_machines():
-    """Whoever serves to a network says so by --host."""
     name = socket.gethostname()
     assert is_ours("robot.lab", "Robot.lab:8080", None)
     assert is_ours("0.0.0.0", f"{name}:8080", f"http://{name}:8080")
@@ -85,7 +83,6 @@ def test_the_name_that_was_asked_for_is_ours_and_so_is_the_machines():
 
 
 def test_an_address_of_version_six_is_written_in_brackets():
-    """Else its last part reads as a port."""
     assert url_of("::1", 80) == "http://[::1]:80/"
     assert url_of("127.0.0.1", 80) == "http://127.0.0.1:80/"
 
@@ -102,7 +99,6 @@ def test_an_address_that_cannot_be_listened_on_is_told(robot, kind, host, port):
 
 
 def test_a_taken_port_is_told_by_the_interactive_page_too(robot):
-    """The port that was asked for, or none."""
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()

@@ -20,7 +20,6 @@ ANY = st.floats(-np.pi, np.pi)
 
 @given(theta=ANY, phi=st.floats(0.01, 3.13), psi=ANY)
 def test_angles_of_an_orientation_are_those_it_was_made_of(theta, phi, psi):
-    """theta, phi, psi there and back, up to turns."""
     R = orientation(theta, phi, psi)
     assert np.abs(orientation(*angles_of(R)) - R).max() < 1e-12
 
@@ -50,7 +49,6 @@ def test_the_star_goes_where_it_is_sent_and_stays_closed(robot, by_hand, change)
 @settings(max_examples=15, deadline=None)
 @given(change=st.tuples(SMALL, SMALL, SMALL))
 def test_the_motors_go_where_they_are_sent_in_one_assembly(robot, by_hand, change):
-    """gamma as asked for; back again is home again."""
     pose = by_hand["motors"](robot.home[::3] + change)
     assert not pose.stopped
     assert np.abs(pose.q[::3] - robot.home[::3] - change).max() < 1e-12
@@ -88,7 +86,6 @@ def test_a_way_that_leads_too_far_ends_before_the_singularity(robot, by_hand, sl
     ],
 )
 def test_a_way_that_ends_says_why(by_hand, gamma, reason):
-    """Singularities of the first and of the second kind."""
     assert by_hand["motors"](gamma).stopped == reason
 
 
@@ -149,7 +146,6 @@ def test_sliders_keep_to_limits_and_give_an_angle_without_them_one_turn():
 
 
 def test_a_rocker_is_stopped_where_its_linkage_is_straight():
-    """The loop ends there; the way back is free."""
     model = sst_pin.robots.four_bar()
     chain = sst_pin.ClosedChain(model.model, model.closures, ["rocker"])
     moved = jog.Jog(chain, model.home, 0.1)
@@ -263,7 +259,6 @@ def test_the_page_of_another_robot_says_what_holds_it_still():
 
 
 def test_the_page_says_that_too_few_motors_hold_nothing():
-    """A floating body falls, whatever its joints do."""
     with Interactive(floating()) as page:
         assert "No torques hold this pose:" in page._status.content
 
@@ -271,7 +266,6 @@ def test_the_page_says_that_too_few_motors_hold_nothing():
 @pytest.mark.slow
 @needs_browser
 def test_the_page_asks_only_this_machine_and_nothing_fails(served):
-    """viser brings its own page."""
     interactive, shown = served
     assert interactive.url.startswith("http://127.0.0.1:")
     own = interactive.url.rstrip("/")

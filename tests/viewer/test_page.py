@@ -108,7 +108,6 @@ def canvas(page):
 
 
 def test_the_page_asks_for_nothing_and_nothing_fails(shown, page):
-    """One request: the file itself."""
     page.evaluate("panel.play(true)")
     page.wait_for_timeout(300)
     assert shown.requests_elsewhere() == [shown.page.url]
@@ -287,7 +286,6 @@ def test_a_notebook_shows_the_page_in_its_cell(chromium, robot, motion):  # noqa
 @pytest.mark.slow
 @needs_browser
 def test_warnings_stand_on_the_page_and_are_text(chromium, robot):  # noqa: F811
-    """One line each; without any there is no box."""
     off = robot.inverse_kinematics(sst_pin.orientation(np.radians(20), np.radians(170)))
     viewer = Viewer(robot)
     for q, count in ((robot.home, 0), (off, 3)):

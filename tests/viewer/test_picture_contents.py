@@ -27,7 +27,6 @@ def leg():
 
 
 def test_a_skeleton_reaches_to_the_foot():
-    """A bone of the coupler ends there."""
     chain, _ = leg()
     scene = Scene(chain, pin.GeometryModel())
     bones = [s.mesh.vertices for s in scene.shapes if s.node.startswith("2/skeleton/bone")]
@@ -67,7 +66,6 @@ def test_digits_and_single_letters_alone_are_subscripts(chromium, tmp_path):  # 
 @pytest.mark.slow
 @needs_browser
 def test_a_low_chart_has_two_numbers_on_its_axis(chromium, tmp_path, robot):  # noqa: F811
-    """On a phone, for the torques of the paper's circle."""
     t, path = np.linspace(0, 0.5, 40), tmp_path / "page.html"
     viewer = Viewer(robot)
     viewer.play(robot.trajectory(t, *robot.joint_motion(*sst_pin.paper_circle(t))))

@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""A command that cannot do what it is asked says why in one line, and writes nothing."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import sst_pin
+from commands import run
+
+ROOT = Path(__file__).resolve().parents[2]
+SAMPLE, DELTA = ROOT / "examples" / "figure_eight.csv", ROOT / "examples" / "delta.urdf"
+LONG = 300 * "x"
+
+#: By what the error says. Words of a command that hold blanks stand behind a bar.
+COMMANDS = [
+    ("dance", "invalid choice: 'dance'"),
+    # arguments that are missing, or no numbers
+    (f"torques {SAMPLE}", "required: -o/--output"),
+    (f"plot {SAMPLE}", "required: -o/--output"),
+    ("workspace", "required: -o/--output"),
+    ("paper --samples 3", "whole number from 10"),
+    ("show --port 99999", "'99999' is not a port"),
+    ("show --port -1", "'-1' is not a port"),
+    ("workspace -o a.png --psi north", "'north' is not an angle in degrees"),
+    ("workspace -o a.png --psi nan", "'nan' is not an angle in degrees"),
+    (f"plot {SAMPLE} -o a.png --what torques,dance", "'dance' unknown; known:"),
+    (f"plot {SAMPLE} -o a.png --what|", "'' unknown"),
+    (f"show --interactive {SAMPLE}", "cannot be combined with motion"),
+    ("show --interactive --html x.html", "cannot be combined with html"),
+    # starts of simulations
+    (f"simulate {SAMPLE} -o x.csv", "missing columns tau_1_Nm"),
+    ("simulate tau.csv -o x.csv", "give --va0 gamma_1=.."),
+    ("simulate tau.csv -o x.csv --q0 1,2", "the form crank=0.1"),
+    (f"simulate tau.csv -o x.csv --robot {DELTA} --q0 motor_1", "the form crank=0.1"),
+    (f"simulate tau.csv -o x.csv --robot {DELTA} --q0 wheel=1 --va0 motor_1=0", "motor_1"),
+    # files to be read
+    ("torques nowhere.csv -o x.csv", "cannot be read: No such file"),
+    ("plot nowhere.csv -o a.png", "cannot be read: No such file"),
+    ("plot nowhere.npz -o a.png", "not a motion"),
+    ("plot text.csv -o a.png", "columns of no motion"),
+    ("plot one.csv -o a.png", "has one sample; a curve needs at least two"),
+    ("plot other.npz -o a.png", "belongs to another robot, with joints crank"),
+    (f"plot tau.csv -o x.png --what path --robot {DELTA}", "no column of"),
+    (f"torques {SAMPLE} -o x.csv --robot {DELTA}", "no column of motor_1, motor_2, motor_3"),
+    (f"torques {LONG}.csv -o x.csv", "File name too long"),
+    (f"plot {LONG}.csv -o x.png", "File name too long"),
+    # robots
+    (f"torques {SAMPLE} -o x.csv --robot nowhere.urdf", "the URDF cannot be read"),
+    (f"torques {SAMPLE} -o x.csv --robot text.csv", "not a URDF"),
+    (f"torques {SAMPLE} -o x.csv --robot {LONG}.urdf", "File name too long"),
+    ("workspace -o a.png --robot nowhere.urdf", "the URDF cannot be read"),
+    ("info --robot nowhere.xml", "nowhere.xml"),
+    ("info --robot delat", "did you mean delta?"),
+    ("paper --robot delta", "delta is not an SST"),
+    (f"info {DELTA}", f"did you mean --robot {DELTA}?"),
+    (f"show {DELTA}", f"did you mean --robot {DELTA}?"),
+    (f"export-c {DELTA} -o c", f"did you mean --robot {DELTA}?"),
+    ("torques delta -o m.csv", "did you mean --robot delta?"),
+    ("compile delta", "did you mean --robot delta?"),
+    ("describe -o d --alpha 110,120,131", "they add up to"),
+    ("describe -o d --alpha 110,120", "three numbers"),
+    ("describe -o d --base-directions|1,0,0 0,1,0", "shape (2, 3)"),
+    ("describe -o d --base-directions|1,0,0 0,1,0 a,0,1", "three numbers"),
+    ("describe -o d --star-mass 0", "star.mass"),
+    ("describe -o d --base-radius -1", "base_radius"),
+    ("describe -o d --base-radius 1e308", "base_radius: 1e+308 m is outside"),
+    ("describe -o d --star-radius 1e308", "star_radius: 1e+308 m is outside"),
+    ("describe -o d --link-mass 1e308", "not finite"),
+    # files to be written
+    (f"torques {SAMPLE} -o x.xlsx", "known: .csv, .npz"),
+    (f"plot {SAMPLE} -o a.gif", "ending '.gif' unknown; known: .png, .svg, .pdf"),
+    ("workspace -o a.txt", "known: .png, .svg, .pdf"),
+    ("workspace -o a.png --data a.xlsx", "known: .csv, .npz"),
+    (f"torques {SAMPLE} -o there.csv", "use force (--force)"),
+    (f"plot {SAMPLE} -o there.png", "use force (--force)"),
+    (f"torques {SAMPLE} -o there.csv/out.csv", "cannot be written"),
+    ("paper --out there.csv", "cannot be written"),
+    (f"torques {SAMPLE} -o {LONG}.csv", "File name too long"),
+    (f"export-c {LONG}", "File name too long"),
+    (f"paper --samples 10 --out {LONG}", "File name too long"),
+    (f"torques {SAMPLE} -o device.csv --force", "is a device, not a file"),
+]
+
+
+@pytest.fixture
+def folder(here):
+    """Files in the way, and files that are not what they should be."""
+    for name in ("there.csv", "there.png"):
+        (here / name).write_text("in the way")
+    (here / "text.csv").write_text("t_s,x\n0,1\n")
+    (here / "tau.csv").write_text("t_s,tau_1_Nm,tau_2_Nm,tau_3_Nm\n0,0,0,0\n1,0,0,0\n")
+    (here / "device.csv").symlink_to("/dev/null")
+    sst_pin.Trajectory([0, 1], *[np.zeros((2, 1))] * 4, ["crank"], ["crank"]).save("other.npz")
+    robot, zero = sst_pin.SST(), np.zeros((1, 3))
+    robot.trajectory([0], [robot.home], zero, zero, zero).save("one.csv")
+    return here
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of packages of others
+@pytest.mark.parametrize(("command", "word"), COMMANDS)
+def test_a_command_says_in_one_line_why_it_does_nothing(folder, capsys, command, word):
+    """Exit code 2, one line, and every file as it was."""
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    words, bar, last = command.partition("|")
+    code, _, err = run(capsys, *words.split(" "), *[last] * bool(bar))
+    assert code == 2
+    assert err.count("\n") == 1
+    assert "error: " in err
+    assert word in err
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
