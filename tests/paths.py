@@ -5,13 +5,13 @@ import copy
 from functools import partial
 
 from sst_pin.chain.current import Current
-from sst_pin.sst import kernel_path
+from sst_pin.sst import kernels
 
 
 def on_reference_path(robot):
     """An SST without its kernels."""
     slow = copy.copy(robot)
-    off = partial(kernel_path.backend, off="for comparison")
+    off = partial(kernels.backend, off="for comparison")
     slow._current = Current(robot._current.mechanism, off)
     assert slow.path == "the reference path: for comparison"
     return slow

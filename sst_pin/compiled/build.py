@@ -237,17 +237,8 @@ def _plain(name: str) -> str:
 def _compile(code: Path, made: Path, flags: tuple[str, ...]) -> None:
     import subprocess
 
-    command = [
-        *compiler(),
-        *_OPTIONS,
-        *flags,
-        "-shared",
-        "-fPIC",
-        str(code),
-        "-o",
-        str(made),
-        "-lm",
-    ]
+    output = ["-shared", "-fPIC", str(code), "-o", str(made), "-lm"]
+    command = [*compiler(), *_OPTIONS, *flags, *output]
     try:
         result = subprocess.run(command, capture_output=True, errors="replace", check=False)
     except OSError as error:
@@ -266,5 +257,5 @@ def _digest(path: Path) -> str:
 def _version() -> bytes:
     """Changes with the text of the generator and with the kind of machine; a home can be shared."""
     here = Path(__file__).parent
-    texts = [path.read_bytes() for path in sorted([*here.glob("*.py"), *here.glob("c/*.h")])]
+    texts = [path.read_bytes() for path in sorted([*here.glob("*.py"), *here.glob("c/**/*.[ch]")])]
     return hashlib.sha256(b"\0".join([os.uname().machine.encode(), *texts])).digest()

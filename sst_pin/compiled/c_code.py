@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from math import isfinite
+from string import Template
 from typing import NamedTuple
 
 import casadi as ca
@@ -35,6 +36,11 @@ _OF_NUMBERS = {ca.OP_FABS: "{0} < 0 ? -{0} : {0}", ca.OP_LE: "{0} <= {1}"}
 def part(name: str) -> str:
     """The text of a file that goes into every library."""
     return (files(__package__) / "c" / name).read_text(encoding="utf-8")
+
+
+def filled(name: str, values: Mapping[str, object]) -> str:
+    """The text of a file with its blanks filled in."""
+    return Template(part(name)).substitute(values)
 
 
 class Body(NamedTuple):
@@ -242,63 +248,20 @@ def source(entries: Mapping[str, Sequence[SymbolicKernel]], *, one: bool = False
             "checks": checks,
             "room": max(bodies[kernel.name].room for kernel in kernels),
         }
-        parts.append(_PREPARE.format(**numbers))
+        parts.append(filled("entries/prepare.c", numbers))
         word, close, arrays = "run", "NULL", inputs[:-1] if directions else inputs
         if len(kernels) > 1:
             q, va, tau, *load = inputs
             word, close, arrays = "rate", kernels[0].name, [q + va, tau, *load]
             more = {"va": va, "tau": tau, "load": sum(load), "states": q + va, "close": close}
-            parts.append(_ROLL.format(**more, **numbers))
-            parts.append(_SIZES.format(word="run", sizes=_listed(inputs), **numbers))
-        numbers |= {"word": word, "sizes": _listed(arrays), "arrays": len(arrays)}
-        parts.append((_ALONG if directions else _RUN).format(close=close, **numbers))
-        parts.append(_SIZES.format(**numbers))
+            parts.append(filled("entries/roll.c", numbers | more))
+            runs = {"word": "run", "sizes": _listed(inputs)}
+            parts.append(filled("entries/sizes.c", numbers | runs))
+        numbers |= {"word": word, "sizes": _listed(arrays), "arrays": len(arrays), "close": close}
+        parts.append(filled(f"entries/{'along' if directions else 'run'}.c", numbers))
+        parts.append(filled("entries/sizes.c", numbers))
     return "\n".join(parts)
 
 
 def _listed(numbers: Sequence[int]) -> str:
     return ", ".join(map(str, numbers))
-
-
-_PREPARE = """\
-void NAME(prepare_{entry})(double *p)
-{{
-    {calls}
-}}
-"""
-
-_SIZES = """\
-const int NAME(sizes_{word}_{entry})[] = {{{size}, {results}, {sizes}, -1}};
-"""
-
-_RUN = """\
-int NAME({word}_{entry})(const rows *in, const rows *out, const double *p, ptrdiff_t count,
-    unsigned char *bad)
-{{
-    static const int sizes_in[] = {{{sizes}}};
-    real x[{inputs}], y[{room}];
-    return run({name}, {close}, {arrays}, sizes_in, {q}, {inputs}, {outputs}, {checks}, x, y, in,
-        out, p, count, bad);
-}}
-"""
-
-_ALONG = """\
-int NAME({word}_{entry})(const rows *in, const rows *out, const double *p, ptrdiff_t count,
-    unsigned char *bad)
-{{
-    static const int sizes_in[] = {{{sizes}}};
-    real x[{inputs}], y[{room}];
-    return along({name}_once, {name}, {arrays}, sizes_in, {q}, {directions}, {inputs}, {outputs},
-        {checks}, x, y, in, out, p, count, bad);
-}}
-"""
-
-_ROLL = """\
-int NAME(run_{entry})(const rows *in, const courses *tau, ptrdiff_t half, const courses *out,
-    const double *p, double h, ptrdiff_t steps, ptrdiff_t count, ptrdiff_t *reached)
-{{
-    static const stepper f = {{{q}, {va}, {tau}, {load}, {checks}, {name}, {close}}};
-    real x[{inputs}], y[{room}], start[{states}], sum[{states}];
-    return roll(&f, x, y, start, sum, in, tau, half, out, p, h, steps, count, reached);
-}}
-"""

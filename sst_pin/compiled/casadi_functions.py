@@ -46,13 +46,6 @@ class CasadiFunctions:
 
     Attributes:
         nq, n, motors: Numbers of entries in q, va, tau.
-
-    Args:
-        reference: Of the mechanism.
-        near: Where the order of elimination is chosen, shape (nq,); anywhere by default.
-        sign_width: Coulomb friction takes tanh(v / sign_width) for the sign of v.
-        loaded: Whether functions take external wrenches.
-        compiled: Whether functions are compiled C.
     """
 
     def __init__(
@@ -200,26 +193,12 @@ class CasadiFunctions:
         return Function("step", list(given.values()), results, *names)
 
     def frame_placement(self, frame: str) -> Function:
-        """Q -> p, shape (3,), and R, shape (3, 3): a frame in the base.
-
-        Args:
-            frame: Its name.
-
-        Raises:
-            UnknownNameError: For an unknown frame.
-        """
+        """Q -> p, shape (3,), and R, shape (3, 3): a frame, by its name, in the base."""
         e, point = self._equations, self._point(frame)
         return self._made("frame_placement", {"q": e.q}, {"p": point.p, "R": point.R})
 
     def frame_jacobian(self, frame: str) -> Function:
-        """Q -> J, shape (6, n): as `frame_jacobian` of the chain.
-
-        Args:
-            frame: Its name.
-
-        Raises:
-            UnknownNameError: For an unknown frame.
-        """
+        """Q -> J, shape (6, n): the chain's `frame_jacobian` of a frame, by its name."""
         rows = kernels.make(self._equations, "frame_jacobian", frame=frame).output
         J = ca.reshape(rows, self.n, 6).T
         return self._made("frame_jacobian", {"q": self._equations.q}, {"J": J})

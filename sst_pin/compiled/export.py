@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from string import Template
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -165,9 +164,9 @@ def c_files(
         "example": " ".join(map(repr, at_rest)),
     }
     texts = {
-        "robot.h": _filled("robot.h", about),
+        "robot.h": c_code.filled("export/robot.h", about),
         "robot.c": "\n".join(source),
-        "main.c": _filled("main.c", about),
+        "main.c": c_code.filled("export/main.c", about),
     }
     return {as_path(folder) / name: text_writer(text) for name, text in texts.items()}
 
@@ -218,12 +217,7 @@ def _definition(
         "checks": outputs,
         "total": outputs + kernel.checks.numel(),
     }
-    return f"{body.text}\n\n{_filled('function.c', numbers)}"
-
-
-def _filled(name: str, values: Mapping[str, object]) -> str:
-    """A file of the exported C with its blanks filled in."""
-    return Template(c_code.part(f"export/{name}")).substitute(values)
+    return f"{body.text}\n\n{c_code.filled('export/function.c', numbers)}"
 
 
 def _listed(

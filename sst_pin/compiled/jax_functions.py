@@ -87,11 +87,6 @@ class JaxFunctions:
     def torques(self, q: Any, va: Any, aa: Any) -> jax.Array:
         """Inverse dynamics, shape (..., motors); with redundant motors the smallest torques.
 
-        Args:
-            q: Configurations on the closures, shape (..., nq).
-            va: Rates of the coordinates, shape (..., n).
-            aa: Their accelerations, shape (..., n).
-
         Raises:
             ActuationError: If there are fewer motors than coordinates.
         """
@@ -104,25 +99,19 @@ class JaxFunctions:
         return self._function("torques")(*self._arguments(q=q, va=va, aa=aa))
 
     def generalized_forces(self, q: Any, va: Any, aa: Any) -> jax.Array:
-        """Generalized forces of a motion, shape (..., n); arguments as `torques`."""
+        """Generalized forces of a motion, shape (..., n)."""
         return self._function("generalized_forces")(*self._arguments(q=q, va=va, aa=aa))
 
     def accelerations(self, q: Any, va: Any, tau: Any) -> jax.Array:
-        """Direct dynamics, shape (..., n).
-
-        Args:
-            q: Configurations on the closures, shape (..., nq).
-            va: Rates of the coordinates, shape (..., n).
-            tau: Motor torques, shape (..., motors).
-        """
+        """Direct dynamics, shape (..., n)."""
         return self._function("accelerations")(*self._arguments(q=q, va=va, tau=tau))
 
     def rates(self, q: Any, va: Any) -> jax.Array:
-        """Rates v of all joints, shape (..., nv); arguments as `torques`."""
+        """Rates v of all joints, shape (..., nv)."""
         return self._function("rates")(*self._arguments(q=q, va=va))
 
     def tangent(self, q: Any) -> jax.Array:
-        """T, shape (..., nq, n), with q_dot = T va; q as in `torques`."""
+        """T, shape (..., nq, n), with q_dot = T va."""
         (q,) = self._arguments(q=q)
         T: jax.Array = self._tangent(q).reshape(*q.shape[:-1], self.nq, self.n)
         return T
@@ -130,11 +119,7 @@ class JaxFunctions:
     def closed(self, q: Any) -> jax.Array:
         """The configurations near q whose loops are closed, with the same coordinates.
 
-        Args:
-            q: Shape (..., nq); quaternions of any length.
-
-        Returns:
-            Shape (..., nq).
+        Quaternions in q may have any length.
         """
         (q,) = self._arguments(q=q)
         parts = self._mechanism.space.unit_parts
@@ -143,16 +128,9 @@ class JaxFunctions:
         return self._closed(q)
 
     def step(self, q: Any, va: Any, tau: Any, dt: Any) -> tuple[jax.Array, jax.Array]:
-        """The state after a step of the classical Runge-Kutta method of order four.
+        """q on the closures and va after a step of the classical Runge-Kutta method of order four.
 
-        Args:
-            q: Configurations on the closures, shape (..., nq).
-            va: Rates of the coordinates, shape (..., n).
-            tau: Motor torques, constant during the step, shape (..., motors).
-            dt: Steps, shape (...), [s].
-
-        Returns:
-            q on the closures, shape (..., nq), and va, shape (..., n).
+        The torques are constant during the steps dt, shape (...), [s].
         """
         q, va, tau, dt = self._arguments(q=q, va=va, tau=tau, dt=dt)
 
@@ -169,14 +147,7 @@ class JaxFunctions:
         return self.closed(q + dt / 6 * q_dot), va + dt / 6 * aa
 
     def frame_placement(self, frame: str) -> Callable[[Any], tuple[jax.Array, jax.Array]]:
-        """A function q -> p, shape (..., 3), and R, shape (..., 3, 3): a frame in the base.
-
-        Args:
-            frame: Its name.
-
-        Raises:
-            UnknownNameError: For an unknown frame.
-        """
+        """A function q -> p, (..., 3), and R, (..., 3, 3): a frame, by its name, in the base."""
         frame_id(self._mechanism.model, frame)
         return self._placement(frame)
 
@@ -259,10 +230,7 @@ class JaxFunctions:
     ) -> Callable[..., jax.Array]:
         """A function of q and others, shape (..., size, N, .., N), differentiated along motions.
 
-        Args:
-            values: It and its derivatives; the first argument is the order.
-            size: Of its result.
-            order: Of the derivative that it is itself.
+        `values` take the order of the derivative first; `order` is that of the function itself.
         """
         on_arrays = self._on_arrays(partial(values, order))
         by = cache(lambda: self._differentiable(values, size, order + 1))

@@ -15,10 +15,12 @@ from numpy.typing import ArrayLike, NDArray
 from .. import description
 from ..arrays import finite_array, in_one_turn, of_samples, single_array
 from ..chain.appearance import Appearance
+from ..chain.backend import Backend
 from ..chain.closed_chain import ClosedChain
 from ..chain.closures import Coupling
 from ..chain.current import Current
 from ..chain.mechanism import Friction
+from ..chain.reference import Reference
 from ..chain.tree import frame_named
 from ..description import MOTOR_NAMES
 from ..description.parameters import Parameters
@@ -27,7 +29,7 @@ from ..files import Table
 from ..motion.limits import Finding, findings, samples_of
 from ..motion.trajectories import Trajectory
 from ..reading import Described, Urdf, closed, parse_cuts, read_urdf
-from . import check, direct_kinematics, kernel_path, kinematics, star_appearance, star_motions
+from . import check, direct_kinematics, kinematics, star_appearance, star_motions
 from .geometry_models import ParameterShapes
 from .kinematics import Geometry
 from .read_back import parameters_of
@@ -59,6 +61,12 @@ class Singularities(NamedTuple):
 
 def _geometry(model: pin.Model) -> Geometry:
     return geometry_of(model, f"model {model.name}")
+
+
+def _kernels(reference: Reference, off: str) -> Backend:
+    from . import kernels  # at their first use: they import much
+
+    return kernels.backend(reference, off)
 
 
 class SST(ClosedChain):
@@ -169,7 +177,7 @@ class SST(ClosedChain):
             )
         super().__init__(found.model, found.closures, MOTOR_NAMES, coordinates=MOTOR_NAMES)
         off = "" if kernels else "switched off by kernels=False"
-        self._current = Current(self._current.mechanism, partial(kernel_path.backend, off=off))
+        self._current = Current(self._current.mechanism, partial(_kernels, off=off))
         self._shapes = found.shapes
 
     _examine = staticmethod(_geometry)

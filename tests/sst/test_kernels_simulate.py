@@ -9,7 +9,7 @@ import sst_pin
 from paths import on_reference_path
 from sst_pin.chain import dynamics
 from sst_pin.sst import kernels
-from sst_pin.sst.kernel_path import STAR
+from sst_pin.sst.kernels import STAR
 from sst_pin.sst.kinematics import legs_of_joints
 from sst_pin.verification.sampling import random_parameters, random_state
 

@@ -16,12 +16,14 @@ from pathlib import Path
 
 from ... import extensions
 from ...chain.backend import Key
+from ...chain.closures import Closure, Constraint
 from ...chain.mechanism import Mechanism
+from ...chain.reference import Reference
 from ...compiled import build
 from ...compiled.code import Code
-from ...compiled.compiled_backend import DERIVATIVES
+from ...compiled.compiled_backend import DERIVATIVES, CompiledBackend
 from ...compiled.open_numbers import OpenNumbers
-from ...description import MOTOR_NAMES
+from ...description import JOINT_NAMES, MOTOR_NAMES
 from ...errors import CompilationError
 from ..topology import CUTS
 
@@ -38,6 +40,37 @@ ENTRIES = (
 )
 #: Kernels that are compiled at their first use, each from a file of its name.
 AT_FIRST_USE = (*DERIVATIVES, *(key._replace(along=True) for key in DERIVATIVES))
+
+
+#: Index of the body that bears the loads on the star; the three arcs are one body.
+STAR = JOINT_NAMES.index("beta_1")
+
+
+def backend(reference: Reference, off: str) -> CompiledBackend:
+    """The kernels of one robot.
+
+    Raises:
+        CompilationError: Why it has none, `off` if that is not empty.
+    """
+    mechanism = reference.mechanism
+    why = off or misfit(mechanism.space.joint_names, mechanism.closures) or missing()
+    if not why and not (mechanism.driven_one_to_one and mechanism.springs.none):
+        why = "the motors or springs differ from those of an SST"
+    if why:
+        raise CompilationError(why)
+    return CompiledBackend(reference, parameters=open_numbers(mechanism), code=code, bearer=STAR)
+
+
+def misfit(joint_names: tuple[str, ...], closures: tuple[Constraint, ...]) -> str:
+    """What keeps a robot from the kernels, wherever they run; empty when nothing does."""
+    if joint_names != JOINT_NAMES:
+        return "the joints of the model are in another order"
+    cuts = [closure for closure in closures if isinstance(closure, Closure)]
+    frames = {(closure.frame_a, closure.frame_b) for closure in cuts}
+    kinds = {closure.kind for closure in cuts}
+    if len(cuts) < len(closures) or frames != CUTS or not kinds <= {"6d", "orientation"}:
+        return "the cuts differ from those of the YAML in the package"
+    return ""
 
 
 def open_numbers(mechanism: Mechanism) -> OpenNumbers:

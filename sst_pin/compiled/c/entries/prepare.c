@@ -1,0 +1,4 @@
+void NAME(prepare_${entry})(double *p)
+{
+    ${calls}
+}

@@ -1,0 +1,1 @@
+const int NAME(sizes_${word}_${entry})[] = {${size}, ${results}, ${sizes}, -1};
