@@ -13,12 +13,11 @@ from ..arrays import whole_number
 from ..errors import ClosureError, DescriptionError
 from .loops import Loops, connected
 from .mechanism import Mechanism
+from .thresholds import ASSEMBLED
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-#: Scaled residual that an assembled configuration stays below.
-ASSEMBLED = 1e-11
 _STEPS = 100
 #: A loop that closes by less than a tenth in so many steps does not close.
 _PATIENCE = 10

@@ -18,8 +18,9 @@ from ..errors import ClosureError, SSTError
 from .assembly import Assembly, home_of
 from .dynamics import Workspace
 from .mechanism import Mechanism
-from .mobility import INDEPENDENT, choose_coordinates, free_motions, scaled_Phi
+from .mobility import choose_coordinates, free_motions, scaled_Phi
 from .noc import body_jacobians
+from .thresholds import INDEPENDENT
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

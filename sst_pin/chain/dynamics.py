@@ -24,10 +24,11 @@ from ..errors import SingularConfigurationError
 from ..summaries import as_html, as_text
 from .assembly import Assembly
 from .lines import LineKinematics
-from .loops import CLOSURE_TOLERANCE, Loops
+from .loops import Loops
 from .mechanism import Friction, Mechanism
 from .mobility import independent_rows
 from .noc import JointComplement, bodies, body_jacobians, decoupled, natural_complement
+from .thresholds import CLOSURE_TOLERANCE
 from .tree import depth_first
 
 Array = NDArray[np.float64]

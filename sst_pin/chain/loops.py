@@ -24,14 +24,12 @@ from ..errors import ClosureError, InputError
 from .closures import Constraint, Coupling, frames_of
 from .couplings import Coupled
 from .pair_rows import PairRows
+from .thresholds import CLOSURE_TOLERANCE
 from .tree import JacobianRates, frame_id, memory_of, of_rates, rates_of_columns, summed, support
 from .vectors import carrying
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
-
-#: Loops further open than this are open, relative to the length of the robot or in [rad].
-CLOSURE_TOLERANCE = 1e-6
 
 
 class Loops:

@@ -15,13 +15,10 @@ from ..summaries import listed
 from .closures import Constraint, Coupling, Distance, frames_of
 from .joint_space import JointSpace
 from .lines import Lines
+from .thresholds import AT_REST
 from .tree import frame_named, joint_id
 
 Array = NDArray[np.float64]
-
-
-#: Joints that are slower are at rest, [rad/s] or [m/s]: the sign of their rate is rounding.
-AT_REST = 1e-12
 
 
 @dataclass(frozen=True)

@@ -13,15 +13,10 @@ from ..summaries import as_html, listed
 from .lines import LineKinematics
 from .loops import Loops
 from .mechanism import Mechanism
+from .thresholds import INDEPENDENT, RANK_TOLERANCE
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
-
-#: A singular value or pivot this much smaller than the largest counts as zero: assembled closures
-#: leave noise of 1e-12, a mechanism that still moves at 1e-8 is of no use.
-RANK_TOLERANCE = 1e-8
-#: A rate whose motion beside the rates already chosen is smaller moves with these.
-INDEPENDENT = 1e-4
 
 
 @dataclass(frozen=True)

@@ -20,13 +20,12 @@ from ..summaries import listed
 from .loops import connected
 from .mechanism import Mechanism
 from .mobility import choose_coordinates, condition_number
+from .thresholds import MAX_CONDITION_NUMBER
 from .tree import columns, of_rates, summed, support
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-#: Where the constraints count as singular: half of the sixteen digits are lost by then.
-MAX_CONDITION_NUMBER = 1e8
 #: Rates of too many coordinates break redundant rows by about their own size; open loops, by less.
 _INCONSISTENT = 0.1
 

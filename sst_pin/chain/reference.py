@@ -25,19 +25,13 @@ from .backend import Key, Motions, NoKernel
 from .continuity import Continuity, Way
 from .derivatives import Derivatives
 from .dynamics import Workspace
-from .loops import CLOSURE_TOLERANCE
 from .mechanism import Friction, Mechanism
-from .noc import MAX_CONDITION_NUMBER, mass_centers
+from .noc import mass_centers
+from .thresholds import CLOSURE_TOLERANCE, MAX_CONDITION_NUMBER, ROUNDING, UNSUPPLIED
 from .tree import of_rates, summed, support
 
 Array = NDArray[np.float64]
 _Method = TypeVar("_Method", bound=Callable[..., Array])
-
-#: Forces that the motors leave over count as none below this, relative to the sum of the sizes of
-#: all forces that meet in the same coordinate.
-UNSUPPLIED = 1e-6
-#: What rounding leaves of forces that do not act along a coordinate, relative to their sizes.
-ROUNDING = 1e-12
 
 
 def _finite(method: _Method) -> _Method:

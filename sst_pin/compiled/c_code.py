@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import casadi as ca
 
-from ..chain.mechanism import AT_REST
+from ..chain.thresholds import AT_REST
 from . import statements
 from .kernels import SymbolicKernel
 from .open_numbers import SIGN_WIDTH

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from ..chain.loops import connected
 from ..chain.mechanism import Mechanism
 from ..chain.mobility import independent_rows
-from ..chain.noc import MAX_CONDITION_NUMBER
+from ..chain.thresholds import MAX_CONDITION_NUMBER
 from ..errors import ActuationError
 from .closure_rows import Row, closure_rows
 from .elimination import Blocks, Factors, Orthogonal, pivot_order, total

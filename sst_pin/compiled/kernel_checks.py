@@ -17,7 +17,7 @@ from casadi import SX
 from numpy.typing import NDArray
 
 from ..chain.lines import LEAST_LENGTH
-from ..chain.loops import CLOSURE_TOLERANCE
+from ..chain.thresholds import CLOSURE_TOLERANCE
 from .elimination import total
 from .equations import Equations
 from .symbols import Sparse, add, is_zero

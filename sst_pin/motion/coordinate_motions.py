@@ -14,9 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from ..arrays import finite_array
 from ..chain.backend import States
 from ..chain.closed_chain import ClosedChain
-from ..chain.loops import CLOSURE_TOLERANCE
 from ..chain.named_positions import angles_and_lengths, put
-from ..chain.noc import MAX_CONDITION_NUMBER
+from ..chain.thresholds import CLOSURE_TOLERANCE, MAX_CONDITION_NUMBER
 from ..errors import ClosureError, DescriptionError, DescriptionWarning, InputError, SSTError
 from .samples import sample_times, spline
 from .trajectories import Trajectory

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..arrays import single_array
 from ..chain.closed_chain import ClosedChain
-from ..chain.loops import CLOSURE_TOLERANCE
+from ..chain.thresholds import CLOSURE_TOLERANCE
 from .moving_robot import require_motion
 from .trajectories import Trajectory
 

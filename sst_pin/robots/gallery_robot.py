@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..arrays import finite_array, for_each_sample, positive_number
 from ..chain.closed_chain import ClosedChain
 from ..chain.closures import Closure
-from ..chain.loops import CLOSURE_TOLERANCE
+from ..chain.thresholds import CLOSURE_TOLERANCE
 from ..errors import InputError, WorkspaceError
 from .tree import Tree
 

@@ -72,7 +72,8 @@ def _kernels(reference: Reference, off: str) -> Backend:
 class SST(ClosedChain):
     """A 3-RRP spherical parallel manipulator.
 
-    Joint vectors are gamma_1, mu_1, beta_1, gamma_2, ...; the motors are gamma_1..3.
+    Joint vectors q, shape (..., 9), [rad], are gamma_1, mu_1, beta_1, gamma_2, ...; the motors are
+    gamma_1..3. Orientations R of the star are those of {E} in the base, shape (..., 3, 3).
 
     Args:
         parameters: Geometry, masses, friction, gravity; by default those of the paper's robot.
@@ -329,11 +330,8 @@ class SST(ClosedChain):
     def platform_orientation(self, q: ArrayLike) -> Array:
         """Orientation of {E} in the base, computed from leg 1.
 
-        Args:
-            q: Joint coordinates, shape (..., 9), [rad].
-
         Returns:
-            Shape (..., 3, 3); its first column is s, the direction OE.
+            R, shape (..., 3, 3); its first column is s, the direction OE.
 
         Example:
             >>> robot.platform_orientation(robot.home)[:, 0].round(4)  # s
@@ -343,10 +341,6 @@ class SST(ClosedChain):
 
     def platform_velocity(self, q: ArrayLike, va: ArrayLike) -> Array:
         """Angular velocity of the star, base axes, shape (..., 3), [rad/s].
-
-        Args:
-            q: Joint coordinates on the closures, shape (..., 9).
-            va: Motor rates, shape (..., 3).
 
         Example:
             >>> robot.platform_velocity(robot.home, [1, 1, 1]).round(4)
@@ -370,9 +364,6 @@ class SST(ClosedChain):
 
     def singularities(self, q: ArrayLike) -> Singularities:
         """Distance to the singularities of both kinds.
-
-        Args:
-            q: Joint coordinates on the closures, shape (..., 9).
 
         Example:
             >>> print(round(float(robot.singularities(robot.home).condition_number), 6))

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..chain.closed_chain import ClosedChain
-from ..chain.loops import CLOSURE_TOLERANCE
+from ..chain.thresholds import CLOSURE_TOLERANCE
 from ..motion.limits import samples_of
 from ..motion.trajectories import Trajectory
 

@@ -1,0 +1,23 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Where both paths draw lines: when loops count as closed, ranks as full, joints as at rest."""
+
+from __future__ import annotations
+
+#: Loops further open than this are open, relative to the length of the robot or in [rad].
+CLOSURE_TOLERANCE = 1e-6
+#: Scaled residual that an assembled configuration stays below.
+ASSEMBLED = 1e-11
+#: A singular value or pivot this much smaller than the largest counts as zero: assembled closures
+#: leave noise of 1e-12, a mechanism that still moves at 1e-8 is of no use.
+RANK_TOLERANCE = 1e-8
+#: A rate whose motion beside the rates already chosen is smaller moves with these.
+INDEPENDENT = 1e-4
+#: Where the constraints count as singular: half of the sixteen digits are lost by then.
+MAX_CONDITION_NUMBER = 1e8
+#: Forces that the motors leave over count as none below this, relative to the sum of the sizes of
+#: all forces that meet in the same coordinate.
+UNSUPPLIED = 1e-6
+#: What rounding leaves of forces that do not act along a coordinate, relative to their sizes.
+ROUNDING = 1e-12
+#: Joints that are slower are at rest, [rad/s] or [m/s]: the sign of their rate is rounding.
+AT_REST = 1e-12
