@@ -20,21 +20,17 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.integrate import DOP853
+from scipy.integrate import solve_ivp
 
 from .. import errors
 from ..arrays import finite_array
 from ..description.parameters import Parameters
 from ..errors import InputError, SingularConfigurationError, SSTError
-from .conics import common_points
 
 Array = NDArray[np.float64]
 
 #: Quantities of the size of one count as zero below this.
 _ZERO = 1e-12
-#: Condition number of J at which a simulation stops.
-_NEAR_SINGULAR = 1e4
-_LOOSE = "the motor angles do not fix the star"
 
 
 class VirtualWork:
@@ -52,10 +48,9 @@ class VirtualWork:
     package = "sst-pin"
 
     def __init__(self, parameters: Parameters, branch: ArrayLike = (1, 1, 1)) -> None:
-        self._x_0 = parameters.base_directions
-        e = np.cross(self._x_0, self._x_0[[1, 2, 0]])
+        v = parameters.base_directions
+        e = np.cross(v, v[[1, 2, 0]])
         self._e = e / np.linalg.norm(e, axis=1)[:, None]
-        self._y_0 = np.cross(self._e, self._x_0)
         _, alpha_2, alpha_3 = parameters.arc_angles
         delta = np.array((0.0, alpha_2, alpha_2 + alpha_3))  # from arc 1 to arc k about s
         self._n_E = np.stack([0 * delta, -np.sin(delta), np.cos(delta)], axis=-1)
@@ -76,17 +71,7 @@ class VirtualWork:
         alpha: ArrayLike,
         platform_moment: ArrayLike | None = None,
     ) -> Array:
-        """Motor torques of a motion of the star.
-
-        Args:
-            R: {E} in the base, shape (..., 3, 3).
-            omega: Angular velocity of the star, base axes, shape (..., 3), [rad/s].
-            alpha: Its angular acceleration, base axes, shape (..., 3), [rad/s^2].
-            platform_moment: Moment that the surroundings exert on the star, base axes, shape
-                (..., 3), [N m].
-
-        Returns:
-            tau, shape (..., 3), [N m].
+        """Motor torques of motions of the star with leading axes; see `Referee.torques`.
 
         Raises:
             InputError: For a wrong shape, a number that is not finite, an R that is no rotation.
@@ -95,7 +80,7 @@ class VirtualWork:
         """
         star = self._star(R, omega, platform_moment)
         work = _times(star.A, finite_array("alpha", alpha, (3,))) + star.h
-        return _solve(np.swapaxes(star.J, -1, -2), work, _LOOSE)
+        return _solve(np.swapaxes(star.J, -1, -2), work, "the motor angles do not fix the star")
 
     def accelerations(
         self,
@@ -104,94 +89,8 @@ class VirtualWork:
         tau: ArrayLike,
         platform_moment: ArrayLike | None = None,
     ) -> Array:
-        """Angular acceleration of the star under given motor torques.
-
-        Args:
-            R: {E} in the base, shape (..., 3, 3).
-            omega: Angular velocity of the star, base axes, shape (..., 3), [rad/s].
-            tau: Motor torques, shape (..., 3), [N m].
-            platform_moment: As in `torques`.
-
-        Returns:
-            alpha, base axes, shape (..., 3), [rad/s^2].
-
-        Raises:
-            InputError: As `torques`.
-            SingularConfigurationError: When a leg is in the plane of its arc.
-        """
+        """Angular accelerations of the star; see `DirectReferee.accelerations`, `torques`."""
         return self._star(R, omega, platform_moment).acceleration(finite_array("tau", tau, (3,)))
-
-    def motor_motion(self, R: ArrayLike, omega: ArrayLike) -> tuple[Array, Array]:
-        """Motor angles and rates at a motion of the star.
-
-        Args:
-            R: {E} in the base, shape (..., 3, 3).
-            omega: Angular velocity of the star, base axes, shape (..., 3), [rad/s].
-
-        Returns:
-            gamma in (-pi, pi] and gamma_dot, shapes (..., 3), [rad], [rad/s].
-
-        Raises:
-            InputError, SingularConfigurationError: As `accelerations`.
-        """
-        star = self._star(R, omega)
-        gamma = np.arctan2(_dot(star.u, self._y_0), _dot(star.u, self._x_0))
-        return gamma, _times(star.J, finite_array("omega", omega, (3,)))
-
-    def orientations(self, gamma: ArrayLike) -> Array:
-        """Every real assembly for given motor angles, for all branches of its legs.
-
-        The legs' u_k . n_k = 0 hold the second and third column of R, six numbers, to a space of
-        three dimensions. In it |w_2| = |w_3| and w_2 . w_3 = 0 are two conics, which meet in at
-        most four points, each standing for two signs.
-
-        Args:
-            gamma: Motor angles, shape (3,), [rad].
-
-        Returns:
-            {E} in the base, shape (n, 3, 3), n <= 8, in no particular order.
-
-        Raises:
-            InputError: For a wrong shape or a number that is not finite.
-            SingularConfigurationError: When there are infinitely many assemblies, or all coincide.
-        """
-        u = self._passive_axes(gamma)
-        legs = np.hstack([self._n_E[:, 1:2] * u, self._n_E[:, 2:3] * u])
-        _, size, axes = np.linalg.svd(legs)
-        _require(size[-1], _LOOSE)
-        W_2, W_3 = np.sqrt(2) * axes[3:, :3].T, np.sqrt(2) * axes[3:, 3:].T
-        conics = np.array([W_2.T @ W_2 - W_3.T @ W_3, W_2.T @ W_3 + W_3.T @ W_2])
-        x = np.array(common_points(conics)).reshape(-1, 3)
-        w_2, w_3 = (np.concatenate([x, -x]) @ W.T for W in (W_2, W_3))
-        return np.stack([np.cross(w_2, w_3), w_2, w_3], axis=-1)
-
-    def admissible(self, gamma: ArrayLike, near_R: ArrayLike) -> Array:
-        """The assembly that continues a known one.
-
-        It is the nearest of those with each leg on its branch and with det J of the sign that it
-        had: det J vanishes where assemblies meet.
-
-        Args:
-            gamma: Motor angles, shape (3,), [rad].
-            near_R: {E} in the base shortly before, shape (3, 3).
-
-        Returns:
-            {E} in the base, shape (3, 3).
-
-        Raises:
-            InputError, SingularConfigurationError: As `orientations` and `accelerations`.
-            WorkspaceError: When no such assembly exists.
-        """
-        near_R = finite_array("near_R", near_R, (3, 3))
-        R = self.orientations(gamma)
-        side = _dot(self._passive_axes(gamma), np.cross(self._e, self._normals(R)))
-        R = R[(self._branch * side > 0).all(axis=-1)]
-        J, near_J = self._star(R, np.zeros(3)).J, self._star(near_R, np.zeros(3)).J
-        R = R[np.linalg.det(J) * np.linalg.det(near_J) > 0]
-        if not len(R):
-            raise errors.WorkspaceError(f"no assembly to go on with at gamma = {gamma!r} rad")
-        nearest: Array = R[np.einsum("nij,ij->n", R, near_R).argmax()]
-        return nearest
 
     def simulate(
         self,
@@ -203,10 +102,7 @@ class VirtualWork:
         tolerance: float = 1e-11,
         sign_width: float = 1e-3,
     ) -> tuple[Array, Array]:
-        """Integrate the direct dynamics with the state (gamma, gamma_dot).
-
-        Each evaluation solves the direct kinematics for all assemblies and selects the admissible
-        one by continuity from the last accepted step.
+        """Integrate the direct dynamics; the state is the star's orientation and angular velocity.
 
         Args:
             torque: Callable (t, R, omega) -> motor torques, shape (3,), [N m].
@@ -220,60 +116,46 @@ class VirtualWork:
             R and omega of shapes (N, 3, 3) and (N, 3).
 
         Raises:
-            InputError, SingularConfigurationError: As `accelerations`.
-            SimulationError: Before a singularity, where assemblies meet, or when the integrator
-                gives up.
+            InputError, SingularConfigurationError: See `accelerations`.
+            SimulationError: Before a singularity, or when the integrator gives up.
         """
         times = finite_array("t", t, ())
         if times.ndim != 1 or not len(times) or (np.diff(times) <= 0).any():
             raise InputError("t", "not a sequence of increasing times")
         R, omega = finite_array("R0", R0, (3, 3)), finite_array("omega0", omega0, (3,))
+        side = np.sign(np.linalg.det(self._star(R, omega).J))
         failure = ""
-
-        def pose(state: Array) -> tuple[Array, Array]:
-            R_now = self.admissible(state[:3], R)
-            J = self._star(R_now, np.zeros(3)).J
-            return R_now, _solve(J, state[3:], _LOOSE)
 
         def rate(time: float, state: Array) -> Array:
             nonlocal failure
-            if not np.isfinite(state).all():
-                return state
+            R, omega = _pose(state)
             try:
-                R_now, omega_now = pose(state)
-                star = self._star(R_now, omega_now, sign_width=sign_width)
+                star = self._star(R, omega, sign_width=sign_width)
+                tau = finite_array("torque(t, R, omega)", torque(time, R, omega), (3,))
+                alpha = star.acceleration(tau)
             except SSTError as error:  # a trial step went too far: NaN asks for a shorter one
                 failure = f" ({error})"
-                return np.full(6, np.nan)
-            tau = finite_array("torque(t, R, omega)", torque(time, R_now, omega_now), (3,))
-            gamma_ddot = _times(star.J, star.acceleration(tau)) + star.J_dot_omega
-            return np.concatenate([state[3:], gamma_ddot])
+                return np.full(12, np.nan)
+            return np.concatenate([np.cross(omega, R.T).T.ravel(), alpha])
 
-        samples = [(R, omega)]
-        start = np.concatenate(self.motor_motion(R, omega))
-        solver = DOP853(rate, times[0], start, times[-1], rtol=tolerance, atol=tolerance)
-        while solver.status == "running":
-            message = solver.step()
-            if message:
-                problem = f"the integrator stopped: {message}{failure}"
-                raise errors.SimulationError(problem, float(solver.t))
-            state = solver.dense_output()
-            passed = times[(times > solver.t_old) & (times <= solver.t)]
-            samples += [pose(state(time)) for time in passed]
-            R, _ = pose(solver.y)
-            if np.linalg.cond(self._star(R, np.zeros(3)).J) > _NEAR_SINGULAR:
-                raise errors.SimulationError("stopped before a singularity", float(solver.t))
-        return np.array([R for R, _ in samples]), np.array([omega for _, omega in samples])
+        def determinant(_: float, state: Array) -> float:
+            return float(np.linalg.det(self._star(*_pose(state)).J) * side)
+
+        determinant.terminal = True  # type: ignore[attr-defined]
+        start, span = np.concatenate([R.ravel(), omega]), (times[0], times[-1])
+        how = {"method": "DOP853", "rtol": tolerance, "atol": tolerance}
+        found = solve_ivp(rate, span, start, t_eval=times, events=determinant, **how)
+        if found.status == 1:
+            stop = float(found.t_events[0][0])
+            raise errors.SimulationError("stopped before a singularity", stop)
+        if found.status:
+            stop = float(found.t[-1]) if len(found.t) else float(times[0])
+            problem = f"the integrator stopped: {found.message}{failure}"
+            raise errors.SimulationError(problem, stop)
+        poses = [_pose(state) for state in found.y.T]
+        return np.array([R for R, _ in poses]), np.array([omega for _, omega in poses])
 
     # --- inside -----------------------------------------------------------------------------
-
-    def _passive_axes(self, gamma: ArrayLike) -> Array:
-        """u_k in the base, rows."""
-        gamma = finite_array("gamma", gamma, (3,))
-        if gamma.ndim != 1:
-            raise InputError("gamma", f"shape {gamma.shape}, expected (3,): one sample")
-        u: Array = np.cos(gamma)[:, None] * self._x_0 + np.sin(gamma)[:, None] * self._y_0
-        return u
 
     def _normals(self, R: Array) -> Array:
         """n_k in the base, shape (..., 3, 3), leg by leg."""
@@ -328,15 +210,19 @@ class VirtualWork:
         G_T, rates_T = np.swapaxes(G, -1, -2), np.swapaxes(rates, -1, -2)
         h = _times(G_T, moment).sum(axis=-2) + _times(rates_T, friction)
         h = h - finite_array("platform_moment", load, (3,))
-        return _Star(u, g, gamma_rest[..., 0], (G_T @ about_O @ G).sum(axis=-3), h)
+        return _Star(g, (G_T @ about_O @ G).sum(axis=-3), h)
+
+
+def _pose(state: Array) -> tuple[Array, Array]:
+    """The rotation next to the first nine numbers, and omega."""
+    left, _, right = np.linalg.svd(state[:9].reshape(3, 3))
+    return left @ right, state[9:]
 
 
 class _Star(NamedTuple):
-    """J^T tau = A alpha + h, with gamma_ddot = J alpha + J_dot omega and the passive axes u."""
+    """J^T tau = A alpha + h, with gamma_dot = J omega."""
 
-    u: Array
     J: Array
-    J_dot_omega: Array
     A: Array
     h: Array
 

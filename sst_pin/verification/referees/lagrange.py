@@ -2,9 +2,8 @@
 """Lagrange multipliers: the tree's equations of motion with the closures' forces as unknowns.
 
 Everything is solved by least squares on the columns of RNEA and on all rows of the closures,
-redundant ones too; `accelerations` is Pinocchio's own `constraintDynamics`. Takes any closed chain,
-any joints, closures and motors. From the chain it reads only the `Mechanism`, the description, and
-no computed results.
+redundant ones too. Takes any closed chain, any joints, closures and motors. From the chain it reads
+only the `Mechanism`, the description, and no computed results.
 """
 
 from __future__ import annotations
@@ -19,16 +18,12 @@ from numpy.typing import ArrayLike, NDArray
 from ...chain.closed_chain import ClosedChain
 from ...chain.closures import Closure, Coupling, Distance, Rolling, frames_of
 from ...chain.mechanism import Mechanism
-from ...chain.tree import depth_first
 from ...description.parameters import Parameters
-from ...errors import DescriptionError
 from ...sst.robot import SST
 from .geometry import legs, require_same
 
 Array = NDArray[np.float64]
 
-#: Regularisation of the multipliers: without it, redundant closures give NaN without an error.
-_MU = 1e-6
 #: Singular values below this count as redundant closures, relative to the largest.
 _REDUNDANT = 1e-10
 _EYE = np.eye(3)
@@ -120,54 +115,15 @@ def generalized_forces(
 def accelerations(
     chain: ClosedChain, q: Array, va: Array, tau: Array, loads: Array | None = None
 ) -> Array:
-    """Direct dynamics by Pinocchio's `constraintDynamics`, for trees added depth-first.
+    """Direct dynamics of any closed chain: accelerations of the coordinates, shape (n,).
 
     Args:
-        chain: The robot; its closures are of kind "6d" or "3d".
+        chain: The robot.
         q: Configuration on the closures, shape (nq,).
         va: Rates of the coordinates, shape (n,).
         tau: Motor torques, shape (motors,).
-        loads: As in `torques`.
-
-    Returns:
-        Accelerations of the coordinates, shape (n,).
-
-    Raises:
-        DescriptionError: For a closure that Pinocchio does not know, or a tree whose joints are not
-            added depth-first: Pinocchio's answer is wrong then.
+        loads: See `torques`.
     """
-    model, motion = chain.mechanism.model, _motion(chain, q, va)
-    if not depth_first(model):
-        raise DescriptionError(
-            "constraintDynamics",
-            ["wrong for joints not added depth-first; use accelerations_by_multipliers"],
-        )
-    kinds = {"6d": pin.ContactType.CONTACT_6D, "3d": pin.ContactType.CONTACT_3D}
-    constraints = []
-    for closure in chain.closures:
-        if not isinstance(closure, Closure) or closure.kind not in kinds:
-            raise DescriptionError(
-                f"closure {closure}",
-                ["Pinocchio has none of its kind; use accelerations_by_multipliers"],
-            )
-        ends = [model.frames[model.getFrameId(f)] for f in frames_of(closure)]
-        placements = [part for f in ends for part in (f.parentJoint, f.placement)]
-        kind = kinds[str(closure.kind)]
-        constraints.append(pin.RigidConstraintModel(kind, model, *placements, pin.LOCAL))
-    data, settings = model.createData(), pin.ProximalSettings(1e-14, _MU, 20)
-    workspaces = [constraint.createData() for constraint in constraints]
-    pin.initConstraintDynamics(model, data, constraints, workspaces)
-    force = motion.mechanism.motors @ tau + _given(motion, q, loads)
-    v_dot: Array = pin.constraintDynamics(
-        model, data, q, motion.v, force, constraints, workspaces, settings
-    )
-    return motion.mechanism.selection @ v_dot
-
-
-def accelerations_by_multipliers(
-    chain: ClosedChain, q: Array, va: Array, tau: Array, loads: Array | None = None
-) -> Array:
-    """Direct dynamics of any closed chain, multipliers solved for here; as `accelerations`."""
     model, motion = chain.mechanism.model, _motion(chain, q, va)
     data, zero = model.createData(), np.zeros(model.nv)
     rest = pin.rnea(model, data, q, zero, zero)

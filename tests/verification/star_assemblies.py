@@ -1,17 +1,40 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Common points of two conics: the end of the direct kinematics by virtual work's way."""
+"""Direct kinematics of the SST by two conics, a referee for the package's by quaternions."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import SingularConfigurationError
+from sst_pin import Parameters
+from sst_pin.errors import SingularConfigurationError
 
 Array = NDArray[np.float64]
 
 #: Quantities of the size of one count as zero below this.
 _ZERO = 1e-12
+
+
+def orientations(parameters: Parameters, gamma: Array) -> Array:
+    """Every real assembly for given motor angles, {E} in the base, shape (n, 3, 3), n <= 8.
+
+    The legs' u_k . n_k = 0 hold the second and third column of R, six numbers, to a space of
+    three dimensions. In it |w_2| = |w_3| and w_2 . w_3 = 0 are two conics, which meet in at
+    most four points, each standing for two signs.
+    """
+    x_0 = parameters.base_directions
+    e = np.cross(x_0, x_0[[1, 2, 0]])
+    e /= np.linalg.norm(e, axis=1)[:, None]
+    u = np.cos(gamma)[:, None] * x_0 + np.sin(gamma)[:, None] * np.cross(e, x_0)
+    turn = np.cumsum([0.0, *parameters.arc_angles[1:]])  # from arc 1 to arc k about s
+    legs = np.hstack([-np.sin(turn)[:, None] * u, np.cos(turn)[:, None] * u])
+    _, size, axes = np.linalg.svd(legs)
+    _require(size[-1])
+    W_2, W_3 = np.sqrt(2) * axes[3:, :3].T, np.sqrt(2) * axes[3:, 3:].T
+    conics = np.array([W_2.T @ W_2 - W_3.T @ W_3, W_2.T @ W_3 + W_3.T @ W_2])
+    x = np.array(common_points(conics)).reshape(-1, 3)
+    w_2, w_3 = (np.concatenate([x, -x]) @ W.T for W in (W_2, W_3))
+    return np.stack([np.cross(w_2, w_3), w_2, w_3], axis=-1)
 
 
 def common_points(conics: Array) -> list[Array]:
@@ -69,4 +92,6 @@ def _polished(conics: Array, x: Array) -> Array | None:
 
 def _require(size: float) -> None:
     if size < _ZERO:
-        raise SingularConfigurationError("the conics share a continuum", 1 / max(size, 1e-300))
+        raise SingularConfigurationError(
+            "the motor angles do not fix the star", 1 / max(size, 1e-300)
+        )
