@@ -9,9 +9,9 @@ from numpy.testing import assert_allclose
 
 import any_chain
 from robots import ROBOTS, Z, four_bar
-from sst_pin import ClosedChain, Closure, robots
-from sst_pin.chain.closures import Coupling, Distance, Rolling
-from trees import random_q, tree
+from sst_pin import ClosedChain, robots
+from sst_pin.chain.closures import Coupling, Distance
+from trees import CONSTRAINTS, TREES, random_q, tree
 
 #: Sixth-order central differences: the steps of the values, and their weights.
 STEPS = (-3, -2, -1, 1, 2, 3)
@@ -129,21 +129,6 @@ def of_table(name, **options):
     robot = ROBOTS[name]
     q = robot.chain().assemble(robot.joints(robot.x).real)
     return case(robot.model(), robot.closures, robot.actuated, q, **options)
-
-
-TREES = {
-    "floating": ("free", ["ball", "RX", "PZ"], ["revolute", "ZYX", "translation"]),
-    "planar": ("plane", ["universal", "prismatic", "RUBY", "PX"], ["ball", "helical", "free"]),
-    "composite": ("composite", ["unbounded", "HY", "ball"], ["RZ", "composite", "plane"]),
-}
-CONSTRAINTS = {
-    **{kind: Closure("A", "B", kind) for kind in Closure.KINDS},
-    "mask": Closure("A", "B", (False, True, False, True, False, False)),
-    "all turns": Closure("A", "B", (True, False, False, True, True, True)),
-    "rod": Distance("A", "B", 0.7),
-    "disc": Rolling("A", "B", 0.25),
-    "ball": Rolling("A", "B", 0.25, ball=True),
-}
 
 
 def of_tree(name, kind, **options):

@@ -197,16 +197,6 @@ def derivatives(function, x, x_dot, x_ddot=0.0):
     return taylor[0], taylor[1] / radius, 2 * taylor[2] / radius**2
 
 
-def difference(function, h=0.01):
-    """Derivative at 0 by central differences of eighth order.
-
-    The truncation h^8 f^(9) / 630 is 2e-10 when the nearest singularity is at |t| = 0.4, where
-    f^(9) = 9! / 0.4^9; for entire functions it is 1e-18. Rounding leaves 1e-16 / h.
-    """
-    weights = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
-    return sum(w * (function(k * h) - function(-k * h)) for k, w in weights.items()) / h
-
-
 def dot(u, v):
     return (u * v).sum(axis=-1)
 

@@ -4,6 +4,9 @@
 import numpy as np
 import pinocchio as pin
 
+from sst_pin import Closure
+from sst_pin.chain.closures import Distance, Rolling
+
 GRAVITY = np.array([0.6, -1.3, -9.4])
 
 
@@ -113,3 +116,19 @@ def gradient(function, model, q, h=0.01):
         [derivative(lambda s, e=e: function(pin.integrate(model, q, s * e)), h) for e in units],
         axis=-1,
     )
+
+
+#: Names of joints: root, branch of frame A, branch of frame B. Every type is in one of them.
+TREES = {
+    "floating": ("free", ["ball", "RX", "PZ"], ["revolute", "ZYX", "translation"]),
+    "planar": ("plane", ["universal", "prismatic", "RUBY", "PX"], ["ball", "helical", "free"]),
+    "composite": ("composite", ["unbounded", "HY", "ball"], ["RZ", "composite", "plane"]),
+}
+CONSTRAINTS = {
+    **{kind: Closure("A", "B", kind) for kind in Closure.KINDS},
+    "mask": Closure("A", "B", (False, True, False, True, False, False)),
+    "all turns": Closure("A", "B", (True, False, False, True, True, True)),
+    "rod": Distance("A", "B", 0.7),
+    "disc": Rolling("A", "B", 0.25),
+    "ball": Rolling("A", "B", 0.25, ball=True),
+}

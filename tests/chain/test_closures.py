@@ -8,26 +8,15 @@ import pinocchio as pin
 import pytest
 from numpy.testing import assert_allclose
 
+import trees
 from sst_pin import ClosedChain, Closure
-from sst_pin.chain.closures import Coupling, Distance, Rolling
+from sst_pin.chain.closures import Coupling, Rolling
 from sst_pin.chain.loops import Loops
 from sst_pin.errors import DescriptionError
-from trees import JOINTS, add_joint, derivative, gradient, random_q, tree
+from trees import CONSTRAINTS, JOINTS, add_joint, derivative, gradient, random_q, tree
 
-#: Names of joints: root, branch of frame A, branch of frame B. Every type is in one of them.
-TREES = {
-    "floating": ("free", ["ball", "RX", "PZ"], ["revolute", "ZYX", "translation"]),
-    "planar": ("plane", ["universal", "prismatic", "RUBY", "PX"], ["ball", "helical", "free"]),
-    "composite": ("composite", ["unbounded", "HY", "ball"], ["RZ", "composite", "plane"]),
-    "to the ground": ("", [], ["free", "ball", "RX"]),
-}
+TREES = trees.TREES | {"to the ground": ("", [], ["free", "ball", "RX"])}
 MASKS = [mask for mask in itertools.product([False, True], repeat=6) if any(mask)]
-CONSTRAINTS = {
-    **{kind: Closure("A", "B", kind) for kind in Closure.KINDS},
-    "rod": Distance("A", "B", 0.7),
-    "disc": Rolling("A", "B", 0.25),
-    "ball": Rolling("A", "B", 0.25, ball=True),
-}
 
 
 def loops_at(model, constraint, seed):

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The coordinates are chosen when a robot is made, from the robot alone."""
 
-import copy
-import pickle
 from itertools import permutations
 
 import numpy as np
@@ -134,19 +132,6 @@ def test_coordinates_do_not_depend_on_order_or_units():
     orders = [o for o in permutations(BARS) if o.index("crank") < o.index("coupler")]
     chosen = {_four_bar(order, unit).coordinates for order in orders for unit in (1.0, 1e3, 1e-3)}
     assert len(chosen) == 1
-
-
-@pytest.mark.parametrize(
-    "copied", [copy.copy, copy.deepcopy, lambda chain: pickle.loads(pickle.dumps(chain))]
-)
-def test_copies_have_the_same_coordinates(copied):
-    model, closures, folded = rhombus()
-    model.referenceConfigurations["home"] = folded
-    chain = ClosedChain(model, closures, ["rocker", "crank"])
-    other = copied(copied(chain))
-    assert other.coordinates == chain.coordinates == ("crank",)
-    wanted = chain.generalized_forces(folded, [1.0], [1.0])
-    assert other.generalized_forces(folded, [1.0], [1.0]) == wanted
 
 
 @pytest.mark.parametrize(

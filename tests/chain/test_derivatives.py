@@ -47,9 +47,9 @@ def some(request):
 
 
 def test_derivatives_of_robots_are_those_of_differences(some):
-    """20 states; friction, springs and wrenches everywhere."""
+    """8 states; friction, springs and wrenches everywhere."""
     random, door = np.random.default_rng(1), Arrays(some)
-    for state in some.states(20):
+    for state in some.states(8):
         assert_derivatives_are_those_of_differences(some, door, *state, random)
 
 

@@ -1,5 +1,4 @@
 # SPDX-License-Identifier: BSD-2-Clause
-import pickle
 
 import numpy as np
 import pinocchio as pin
@@ -35,15 +34,6 @@ def test_long_form_equals_short_form(case):
     assert np.abs(long - short).max() < 1e-11 * max(1, np.abs(short).max())
 
 
-def test_direct_dynamics_inverts_inverse_dynamics(case):
-    """aa -> tau -> aa to 1e-10, loads on the star included."""
-    robot, q, va, aa = case
-    moment = np.array((1.0, -2, 3))
-    tau = robot.compute_torques(q, va, aa, platform_moment=moment)
-    back = robot.compute_accelerations(q, va, tau, platform_moment=moment)
-    assert np.abs(back - aa).max() < 1e-10 * max(1, np.abs(aa).max())
-
-
 def test_power_of_the_motors_is_the_rate_of_the_energy_and_the_losses(case):
     """tau . va = d/dt (kinetic + potential) - friction power, Eq. (82), rates by differences."""
     robot, q, va, aa = case
@@ -60,17 +50,6 @@ def test_power_of_the_motors_is_the_rate_of_the_energy_and_the_losses(case):
     assert power == pytest.approx(rate - robot.friction_power(q, va), rel=1e-7, abs=1e-6)
 
 
-def test_equal_motions_on_other_branches_need_equal_power(robot):
-    """Branches move the legs elsewhere, but the star's load costs the same power on each."""
-    R, omega, alpha = random_state(robot, np.random.default_rng(3))
-    moment = np.array((3.0, 1, -2))
-    q, va, aa = robot.joint_motion(R, omega, alpha, sst_pin.BRANCHES)
-    loaded = robot.compute_torques(q, va, aa, platform_moment=moment)
-    free = robot.compute_torques(q, va, aa)
-    power = ((loaded - free) * va).sum(axis=-1)
-    assert np.abs(power + moment @ omega).max() < 1e-11
-
-
 def test_a_moment_on_the_star_is_carried_by_the_motors(odd):
     """Virtual power: (tau - tau_0) . va = -m . omega for any motion."""
     rng = np.random.default_rng(0)
@@ -79,34 +58,6 @@ def test_a_moment_on_the_star_is_carried_by_the_motors(odd):
     m = rng.normal(size=(5, 3))
     extra = odd.compute_torques(q, va, aa, platform_moment=m) - odd.compute_torques(q, va, aa)
     assert np.abs((extra * va).sum(axis=1) + (m * omega).sum(axis=1)).max() < 1e-10
-
-
-def test_external_wrenches_are_weights_when_they_pull_like_weights(odd):
-    """m g at each mass centre as a wrench replaces the model's gravity."""
-    R, omega, alpha = random_state(odd, np.random.default_rng(0))
-    q, va, aa = odd.joint_motion(R, omega, alpha)
-    weights = np.zeros((9, 6))
-    for i, inertia in enumerate(list(odd.model.inertias)[1:]):
-        weights[i, 3:] = inertia.mass * odd.model.gravity.linear
-    expected = odd.compute_torques(q, va, aa)
-    weightless = pickle.loads(pickle.dumps(odd))
-    weightless.model.gravity.linear = np.zeros(3)
-    weightless.refresh()
-    tau = weightless.compute_torques(q, va, aa, external_wrenches=weights)
-    assert np.abs(tau - expected).max() < 1e-12 * max(1, np.abs(expected).max())
-
-
-def test_wrenches_and_moment_on_the_star_add_up(robot):
-    rng = np.random.default_rng(1)
-    q, va, aa = robot.joint_motion(*random_states(robot, rng, 4))
-    w, m = rng.normal(size=(9, 6)), rng.normal(size=(4, 3))
-    free = robot.compute_torques(q, va, aa)
-    both = robot.compute_torques(q, va, aa, platform_moment=m, external_wrenches=w)
-    parts = robot.compute_torques(q, va, aa, platform_moment=m) - free
-    parts += robot.compute_torques(q, va, aa, external_wrenches=w) - free
-    assert np.abs(both - free - parts).max() < 1e-12
-    aa_back = robot.compute_accelerations(q, va, both, platform_moment=m, external_wrenches=w)
-    assert np.abs(aa_back - aa).max() < 1e-10 * np.abs(aa).max()
 
 
 def test_friction_of_every_joint_reaches_the_motors(robot):
@@ -128,17 +79,6 @@ def test_smoothed_coulomb_friction_tends_to_the_sign():
     smooth = Friction(np.zeros(3), np.ones(3), sign_width=1e-3)
     assert smooth.forces(np.array((0, 1e-3, -1.0))) == pytest.approx([0, -np.tanh(1), 1])
     assert Friction(np.zeros(2), np.ones(2)).forces(np.array((0, -2.0))).tolist() == [0, 1]
-
-
-def test_rotors_count_in_the_long_and_in_the_short_form():
-    """model.armature is in RNEA, so it must be in Eq. (93) too."""
-    robot = sst_pin.SST()
-    robot.model.armature = np.linspace(0.01, 0.09, 9)
-    robot.refresh()
-    q, va, aa = robot.joint_motion(*random_state(robot, np.random.default_rng(4)))
-    t = robot.noc(q, va)
-    long = t.inertia @ aa + t.coriolis @ va - t.gravity - t.friction
-    assert np.abs(long - robot.compute_torques(q, va, aa)).max() < 1e-11
 
 
 def test_the_motors_need_more_than_the_tree(robot):

@@ -7,13 +7,14 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.linalg import null_space
 
-from robots import GRAVITY, ROBOTS, Robot, derivatives, difference
+from robots import GRAVITY, ROBOTS, Robot, derivatives
 from sst_pin import ClosedChain
 from sst_pin.errors import (
     ActuationError,
     ClosureError,
     SingularConfigurationError,
 )
+from trees import derivative
 
 STATES = range(4)
 
@@ -97,7 +98,7 @@ def test_the_rates_of_the_complement_are_its_derivatives(robot, chain, name):
 
     rate = getattr(chain.noc(q, q_dot[robot.motors]), name + "_dot")
     # The differences' truncation.
-    close(rate, difference(matrix), 1e-9)
+    close(rate, derivative(matrix), 1e-9)
 
 
 def test_torques_obey_the_principle_of_virtual_work(robot, chain):

@@ -276,11 +276,6 @@ def test_the_same_figure_is_the_same_file(ending, circle, tmp_path):
     assert contents[0].lstrip()[:5] in (b"\x89PNG\r", b"<?xml", b"%PDF-")
 
 
-def test_unknown_ending_is_refused():
-    with pytest.raises(sst_pin.OutputError, match=r"known: \.png, \.svg, \.pdf"):
-        plots.figure_writer(figures.Figure(), "figure.gif")
-
-
 @pytest.mark.parametrize("radius", [0.004, 0.05, 37.0])
 def test_a_star_is_drawn_at_its_own_size(radius):
     robot = sst_pin.SST(sst_pin.Parameters(base_radius=7 / 8 * radius, star_radius=radius))

@@ -8,21 +8,12 @@ import numpy as np
 import pytest
 
 from sst_pin import ClosedChain, Closure
-from sst_pin.chain.closures import Coupling, Distance, Rolling
+from sst_pin.chain.closures import Coupling
 from sst_pin.verification.verify import verify_chain
-from trees import JOINTS, tree
-
-CLOSURES = {
-    **{kind: Closure("A", "B", kind) for kind in Closure.KINDS},
-    "one turn": Closure("A", "B", (False, True, False, False, True, False)),
-    "two turns": Closure("A", "B", (True, False, False, True, False, True)),
-    "distance": Distance("A", "B", 0.6),
-    "disc": Rolling("A", "B", 0.2),
-    "ball": Rolling("A", "B", 0.2, ball=True),
-}
+from trees import CONSTRAINTS, JOINTS, tree
 
 
-@pytest.mark.parametrize("name", CLOSURES)
+@pytest.mark.parametrize("name", CONSTRAINTS)
 def test_of_every_closure(name):
     """On a free base, springs and friction in a joint; tau of a motor and of a tendon."""
     model = tree("free", ["RX", "revolute", "RZ"], ["RZ", "ball", "PZ"], seed=3)
@@ -31,7 +22,7 @@ def test_of_every_closure(name):
     stiffness[k], friction[k] = 20, 0.3
     chain = ClosedChain(
         model,
-        [CLOSURES[name], Coupling("a2_RZ", {"a0_RX": (0.1, 0.5, 0.3), "b2_PZ": (0, 2)})],
+        [CONSTRAINTS[name], Coupling("a2_RZ", {"a0_RX": (0.1, 0.5, 0.3), "b2_PZ": (0, 2)})],
         ["a0_RX", {"a1_revolute": 2, "b2_PZ": -3}],
         stiffness=stiffness,
         viscous_friction=friction,
