@@ -84,7 +84,7 @@ class ClosedChain:
     Args:
         model: The tree. The chain computes with a copy.
         closures: `Closure`, `Distance`, `Coupling`, `Rolling`, or pairs of frame names for frames
-            that must coincide.
+            that must coincide; none for an open tree.
         actuated: The motors: names of joints and of lines in `forces`; for a tendon a mapping from
             such names to factors.
         coordinates: Names of the independent joints; a joint with several rates counts with all
@@ -99,7 +99,7 @@ class ClosedChain:
         forces: Springs, dampers and cylinders between two frames, each a `LineForce`.
 
     Raises:
-        DescriptionError: Without closures, if two joints have one name, or if nothing can move.
+        DescriptionError: If two joints have one name, or if nothing can move.
         UnknownNameError: For a joint or frame that is not in the model.
 
     Example:
@@ -1248,7 +1248,8 @@ class ClosedChain:
         The YAML lists closures (`closed_loop`, pairs of frames, each with its `type`), motors
         (`name_mot`) and, if needed, `gravity` and joints of the types "FIXED", "SPHERICAL" or
         "UJOINT_XY" (`joint_name`, `joint_type`). If the YAML has no closures, the frames
-        `closing_NAME_1` and `closing_NAME_2` of the URDF become point closures. Mimic joints are
+        `closing_NAME_1` and `closing_NAME_2` of the URDF become point closures. Without them and
+        without a YAML the robot is an open tree with a motor at each joint. Mimic joints are
         coupled to the joints that they follow. An SRDF beside the URDF defines named
         configurations, such as `home`.
 
@@ -1263,7 +1264,8 @@ class ClosedChain:
             UnknownNameError: For a joint or frame that is not in the URDF.
 
         Warns:
-            DescriptionWarning: When the inertia of a link is one that no body has.
+            DescriptionWarning: When the inertia of a link is one that no body has; for an open
+                tree without `actuated`, because its YAML may have been forgotten.
 
         Example:
             >>> sst_pin.ClosedChain.from_urdf(sst_pin.URDF_PATH).motor_names

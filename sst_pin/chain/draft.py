@@ -188,8 +188,6 @@ def _require_sound(model: pin.Model, closures: Sequence[Constraint]) -> None:
         problems.append(f"gravity.angular is {model.gravity.angular}; weights have no such part")
     if not model.nv:
         problems.append("no moving joints")
-    if not closures:
-        problems.append("no closures; for an open tree use pinocchio.rnea")
     problems += [
         f"mimic joint {names[j - 1]}: Pinocchio supports only revolute and prismatic mimic joints "
         "with limits and a factor other than 0; use an ordinary joint with a Coupling to the "

@@ -53,7 +53,8 @@ class Loops:
         starts = np.cumsum([0, *(len(c.rows) for c in closures)])
         self.slices = tuple(slice(a, b) for a, b in pairwise(starts))
         self.rows = int(starts[-1])
-        self.holonomic = np.array([not row.startswith("slip") for c in closures for row in c.rows])
+        holonomic = [not row.startswith("slip") for c in closures for row in c.rows]
+        self.holonomic = np.array(holonomic, dtype=bool)
         ends = [[frame_id(model, name) for name in frames_of(closure)] for closure in closures]
         self.frames = [0, *dict.fromkeys(frame for pair in ends for frame in pair)]
         number = {frame: k for k, frame in enumerate(self.frames[1:], start=1)}
@@ -181,7 +182,7 @@ class Loops:
         product = np.zeros(self.rows * J.shape[1])
         wrenches = W.reshape(-1, 6).take(self._wrench, axis=0)
         product[self._entry] = np.einsum("ij,ij->i", wrenches, J.T.take(self._column, axis=0))
-        return summed(self.model, product.reshape(self.rows, -1))
+        return summed(self.model, product.reshape(self.rows, J.shape[1]))
 
 
 def connected(touched: NDArray[np.bool_]) -> Iterator[tuple[Indices, Indices]]:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import reprlib
+import warnings
 from collections import Counter
 from collections.abc import Collection, Iterator, Sequence
 from itertools import accumulate
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 from ..arrays import names
 from ..chain.closures import Closure, Constraint, Coupling, Distance, Rolling
 from ..chain.draft import Motor, without_locked
-from ..errors import DescriptionError
+from ..errors import DescriptionError, DescriptionWarning
 from ..files import beside
 from . import inertias
 from .described import Described, naming
@@ -70,6 +71,13 @@ def read_urdf(
     found = read_cuts(urdf, cuts, default)
     robot = closed(urdf, found)
     model, closures, motors = robot.model, robot.closures, robot.actuated
+    if actuated is None and not found.source and not closing_frames(model):  # an open tree
+        followers = {closure.joint for closure in closures if isinstance(closure, Coupling)}
+        motors = tuple(name for name in list(model.names)[1:] if name not in followers)
+        own = beside(Path(urdf.source), ".yaml").name
+        message = f"{urdf.source}: no {own} with closures and motors is beside it; it is read as "
+        message += "an open tree with a motor at each joint; actuated= names the motors"
+        warnings.warn(message, DescriptionWarning, stacklevel=3)
     if locked:
         with naming(robot.source):
             model = without_locked(model, locked)
@@ -87,7 +95,7 @@ def read_cuts(urdf: Urdf, path: str | Path | None, default: str | Path | None = 
     Args:
         urdf: The URDF, read from a file.
         path: Their YAML; None for that beside the URDF.
-        default: The YAML if there is none beside; without one the marks of the URDF.
+        default: The YAML if there is none beside; without one there are no cuts.
 
     Raises:
         DescriptionError: When the YAML is missing or cannot be used.
@@ -95,9 +103,9 @@ def read_cuts(urdf: Urdf, path: str | Path | None, default: str | Path | None = 
     if path is None:
         path = beside(Path(urdf.source), ".yaml")
         if not path.is_file():
-            if default is None and any("closing_" in str(x.get("name")) for x in urdf.root):
+            if default is None:
                 return Cuts((), (), _EARTH, {})
-            path = default or path
+            path = default
     return parse_cuts(read_text(path, "YAML of the cuts"), str(path))
 
 

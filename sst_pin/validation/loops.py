@@ -61,12 +61,7 @@ def check_mjcf(path: Path) -> tuple[list[Problem], Robot]:
     except DescriptionError as caught:
         told = [problem.removeprefix("not an MJCF: ") for problem in caught.problems]
         return [error("file", text) for text in told], None
-    problems = []
-    if not robot.closures:
-        problems.append(error("equality", "no closures: connect, weld, joint or tendon"))
-    if not robot.model.nv:
-        problems.append(error("tree", "no joints"))
-    return (problems, None) if problems else _moving(robot)
+    return _moving(robot) if robot.model.nv else ([error("tree", "no joints")], None)
 
 
 def _moving(robot: reading.Described) -> tuple[list[Problem], Robot]:
@@ -92,8 +87,6 @@ def _moving(robot: reading.Described) -> tuple[list[Problem], Robot]:
 
 def _unknown(robot: reading.Described) -> Iterator[Problem]:
     model = robot.model
-    if not robot.closures:
-        yield error("cuts", "no closures")
     if not model.nv:
         yield error("tree", "all joints are fixed")
     for closure in robot.closures:
@@ -137,7 +130,7 @@ def _home(chain: ClosedChain) -> Iterator[Problem]:
     if "home" not in chain.model.referenceConfigurations:
         return
     home = pin.normalize(chain.model, chain.model.referenceConfigurations["home"])
-    gap = np.abs(chain.residual(home)).max()
+    gap = np.abs(chain.residual(home)).max(initial=0.0)
     try:
         chain.home  # noqa: B018
     except ClosureError:

@@ -46,7 +46,7 @@ def axes_of(model: pin.Model, data: pin.Data, q: Array) -> list[Axis]:
         data: Data of the tree.
         q: The configuration, shape (nq,).
     """
-    J = pin.computeJointJacobians(model, data, q)
+    J = pin.computeJointJacobians(model, data, q).reshape(6, -1)
     owners = {
         joint.idx_v + i: (number, joint.nv)
         for number, joint in enumerate(model.joints)

@@ -231,9 +231,12 @@ def test_a_yaml_may_close_a_loop_in_any_way(tmp_path):
 
 
 def test_a_missing_yaml_is_named(tmp_path):
+    """By a warning where it may be missing: the robot is read as an open tree; else by an error."""
     (tmp_path / "robot.urdf").write_text(FIVE_BAR)
-    with pytest.raises(sst_pin.DescriptionError, match=r"robot\.yaml:\s+the YAML of the cuts"):
+    with pytest.warns(sst_pin.DescriptionWarning, match=r"no robot\.yaml with closures"):
         sst_pin.ClosedChain.from_urdf(tmp_path / "robot.urdf")
+    with pytest.raises(sst_pin.DescriptionError, match=r"robot\.yaml:\s+the YAML of the cuts"):
+        sst_pin.ClosedChain.from_urdf(tmp_path / "robot.urdf", tmp_path / "robot.yaml")
 
 
 @pytest.mark.parametrize(

@@ -149,7 +149,7 @@ def test_a_fault_of_the_urdf_is_told_with_its_place(found, urdf, problem):
         (", motor_3]", "]", "insufficient: 3 degrees of freedom, 2 motors; 1 move with the motors"),
         ("motor_3]", "motor_3, elbow_1a_X]", "warning: actuation: redundant: 4 motors for 3"),
         ("elbow_1a,", "knee,", "error: file: joint knee is missing"),
-        (CUTS, "closed_loop: []\ntype: []\nname_mot: []", "error: cuts: no closures"),
+        (CUTS, "closed_loop: []\ntype: []\nname_mot: []", " degrees of freedom, 0 motors"),
     ],
 )
 def test_a_fault_of_the_cuts_is_told_with_its_place(found, old, new, problem):
@@ -292,7 +292,7 @@ BARS = """<mujoco>
         ("", "", []),
         ("<mujoco>", "<mujoco", ["error: file: XML parse error"]),
         (BARS, '<robot name="a"><link name="a"/></robot>', ["from_urdf reads a URDF"]),
-        ("<connect ", '<connect active="false" ', ["error: equality: no closures"]),
+        ("<connect ", '<connect active="false" ', ["insufficient: 3 degrees of freedom, 1 motors"]),
         ("<connect ", "<weld ", ["warning: home: cannot be closed"]),
         (
             "<worldbody>",

@@ -1,0 +1,284 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""A tree without closures is a robot too: every call gives what Pinocchio gives of the tree."""
+
+import warnings
+
+import casadi
+import numpy as np
+import pinocchio as pin
+import pytest
+from numpy.testing import assert_allclose
+
+import sst_pin
+from commands import run
+from derivative_cases import assert_derivatives_are_those_of_differences, case
+from doors import Arrays
+from sst_pin import ClosedChain, plots
+from trees import JOINTS, add_frame, add_joint, random_q, tree
+
+#: Names of joints, each on the one before or on the one whose number stands behind it.
+TREES = {
+    "pendulum": ["RX"],
+    "arm": ["RZ", "revolute", "RX", "RZ", "revolute", "RX", "RZ"],
+    "free flyer": ["free", "RX", ("PZ", 1)],
+    # No universal joint: Pinocchio's derivatives are wrong for it.
+    "planar": ["plane", "RUBY", ("PX", 1), "ball"],
+}
+
+
+def model_of(name):
+    random, model = np.random.default_rng(3), pin.Model()
+    model.name, model.gravity.linear = name.replace(" ", "_"), np.array([0.6, -1.3, -9.4])
+    for k, joint in enumerate(TREES[name]):
+        kind, parent = joint if isinstance(joint, tuple) else (joint, k)
+        index = add_joint(model, parent, f"joint_{k + 1}", JOINTS[kind](), random)
+    add_frame(model, "tip", index, random)
+    return model
+
+
+def chain_of(name):
+    model = model_of(name)
+    return ClosedChain(model, [], list(model.names)[1:])
+
+
+@pytest.fixture(params=TREES)
+def chain(request):
+    return chain_of(request.param)
+
+
+def states_of(chain):
+    """q, va, aa of five random states."""
+    random = np.random.default_rng(4)
+    q = np.stack([random_q(chain.model, random) for _ in range(5)])
+    return q, *random.normal(size=(2, 5, chain.model.nv))
+
+
+@pytest.fixture
+def states(chain):
+    return states_of(chain)
+
+
+def rnea(model, q, v, a):
+    return np.stack([pin.rnea(model, model.createData(), *x) for x in zip(q, v, a, strict=True)])
+
+
+def aba(model, q, v, tau):
+    return np.stack([pin.aba(model, model.createData(), *x) for x in zip(q, v, tau, strict=True)])
+
+
+@pytest.mark.parametrize(
+    ("name", "compiled"),
+    [
+        *((name, False) for name in TREES),
+        *(
+            pytest.param(name, True, marks=[pytest.mark.slow][: len(TREES[name]) - 1])
+            for name in TREES
+        ),
+    ],
+)
+def test_dynamics_and_derivatives_are_pinocchios(name, compiled):
+    """On both paths: torques, accelerations, their derivatives, the Jacobian of a frame."""
+    chain = chain_of(name)
+    model, (q, va, aa) = chain.model, states_of(chain)
+    if compiled:
+        chain.compile(derivatives=True)
+    tau = rnea(model, q, va, aa)
+    # Two recursions in another order: rounding.
+    assert_allclose(chain.compute_torques(q, va, aa), tau, rtol=0, atol=1e-12)
+    assert_allclose(chain.generalized_forces(q, va, aa), tau, rtol=0, atol=1e-12)
+    assert_allclose(chain.compute_accelerations(q, va, tau), aa, rtol=0, atol=1e-11)
+    assert_allclose(aba(model, q, va, tau), aa, rtol=0, atol=1e-11)
+    data = model.createData()
+    for x in zip(q, va, aa, tau, strict=True):
+        d = chain.torque_derivatives(*x[:3])
+        pin.computeRNEADerivatives(model, data, *x[:3])
+        inertia = np.triu(data.M) + np.triu(data.M, 1).T
+        for ours, theirs in zip(d, (data.dtau_dq, data.dtau_dv, inertia), strict=True):
+            assert_allclose(ours, theirs, rtol=0, atol=1e-11)
+        d = chain.acceleration_derivatives(*x[:2], x[3])
+        pin.computeABADerivatives(model, data, *x[:2], x[3])
+        inverse = np.triu(data.Minv) + np.triu(data.Minv, 1).T
+        for ours, theirs in zip(d, (data.ddq_dq, data.ddq_dv, inverse), strict=True):
+            # Times the condition number of the inertia matrix, below 1e3.
+            assert_allclose(ours, theirs, rtol=0, atol=1e-9)
+        J = pin.computeFrameJacobian(
+            model, data, x[0], model.getFrameId("tip"), pin.LOCAL_WORLD_ALIGNED
+        )
+        assert_allclose(chain.frame_jacobian(x[0], "tip"), J.reshape(6, -1), rtol=0, atol=1e-13)
+        A, B = chain.linearize(*x[:2], x[3])
+        n = model.nv
+        assert_allclose(B, np.vstack([np.zeros((n, n)), inverse]), rtol=0, atol=1e-9)
+        assert_allclose(A[n:, :n], data.ddq_dq, rtol=0, atol=1e-9)
+
+
+def test_casadi_and_jax_give_the_same(chain, states):
+    """Torques and accelerations of one state."""
+    q, va, aa = (x[0] for x in states)
+    tau = chain.compute_torques(q, va, aa)
+    functions = [chain.casadi()]
+    if "jax" in (jax := pytest.importorskip("jax")).__name__:
+        jax.config.update("jax_enable_x64", True)
+        functions.append(chain.jax())
+    for f in functions:
+        found = f.torques(q, va, aa), f.accelerations(q, va, tau)
+        found = [x.full().ravel() if isinstance(x, casadi.DM) else np.asarray(x) for x in found]
+        assert_allclose(found[0], tau, rtol=0, atol=1e-11)
+        assert_allclose(found[1], aa, rtol=0, atol=1e-10)
+
+
+@pytest.mark.parametrize("method", ["simulate", "rollout"])
+def test_a_free_motion_keeps_its_energy_and_obeys_pinocchio(chain, states, method):
+    """No motor, half a second; the accelerations along it are those of pin.aba."""
+    q0, va0, _ = (x[0] for x in states)
+    if method == "simulate":
+        motion = chain.simulate(np.zeros(chain.model.nv), q0, va0, np.linspace(0, 0.5, 6))
+        assert not motion.stopped
+        expected = aba(chain.model, motion.q, motion.va, np.zeros_like(motion.va))
+        assert_allclose(motion.aa, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+        assert not chain.check(motion)
+    else:
+        motion = chain.rollout(np.zeros((500, chain.model.nv)), q0, va0, 0.001)
+    energy = chain.kinetic_energy(motion.q, motion.va) + chain.potential_energy(motion.q)
+    # simulate: tolerance 1e-12 per step; rollout: the step to the fourth power, 1e-12, times
+    # derivatives of fifth order, at rates up to 10 rad/s.
+    assert np.ptp(energy) < {"simulate": 1e-9, "rollout": 1e-6}[method]
+
+
+def test_mobility_assembly_and_reactions_need_no_closures(chain, states):
+    """All rates are coordinates; any configuration is assembled; joints bear the weight."""
+    q = states[0][0]
+    report = chain.mobility(q)
+    assert report.degrees_of_freedom == chain.model.nv == chain.degrees_of_freedom
+    assert report.sufficient
+    assert (report.rows, report.redundant_rows, report.condition_number) == ((), 0, 1.0)
+    assert_allclose(pin.difference(chain.model, q, chain.assemble(q)), 0, atol=1e-14)
+    assert chain.residual(q).shape == (0,)
+    assert chain.Phi(q).shape == (0, chain.model.nv)
+    zero = np.zeros(chain.model.nv)
+    assert_allclose(chain.noc(q, zero).L, np.eye(chain.model.nv), atol=0)
+    assert chain.reactions(q, zero, zero).determined.joints.all()
+
+
+@pytest.mark.parametrize(
+    ("root", "first", "second"),
+    [
+        ("free", ["ball", "RX", "PZ"], ["revolute", "ZYX", "translation"]),
+        ("plane", ["universal", "prismatic", "RUBY", "PX"], ["ball", "helical", "free"]),
+        ("composite", ["unbounded", "HY", "ball"], ["RZ", "composite", "plane"]),
+    ],
+)
+def test_every_kind_of_joint_with_friction_and_springs(root, first, second):
+    """Joints added breadth-first; derivatives against differences."""
+    model = tree(root, first, second)
+    some = case(model, [], [model.names[k] for k in range(1, model.njoints)])
+    random, door = np.random.default_rng(1), Arrays(some)
+    for state in some.states(2):
+        assert_derivatives_are_those_of_differences(some, door, *state, random)
+    plain = ClosedChain(model, [], [], viscous_friction=np.zeros(model.nv))
+    q, v, a = state[0], *random.normal(size=(2, model.nv))
+    order = list(plain.mechanism.coordinates)
+    expected = pin.rnea(model, model.createData(), q, v, a)
+    found = plain.generalized_forces(q, v[order], a[order])
+    assert_allclose(found, expected[order], rtol=0, atol=1e-11)
+
+
+def test_pictures_of_a_tree(chain, states, tmp_path):
+    """The page of a motion, and the viewer's page, with its arrows."""
+    q0, va0, _ = (x[0] for x in states)
+    motion = chain.simulate(np.zeros(chain.model.nv), q0, va0, np.linspace(0, 0.1, 6))
+    assert plots.motion_page(chain, motion).axes
+    with chain.show(motion, open_browser=False) as viewer:
+        viewer.save(tmp_path / "page.html")
+    assert (tmp_path / "page.html").stat().st_size > 10_000
+
+
+def test_too_few_motors_and_coordinates_are_refused_as_in_any_robot():
+    """By the names of what nothing drives."""
+    model = model_of("arm")
+    few = ClosedChain(model, [], ["joint_1", "joint_2"])
+    q, rates = pin.neutral(model), np.ones(7)
+    with pytest.raises(sst_pin.ActuationError, match="joint_3"):
+        few.compute_torques(q, rates, rates)
+    with pytest.raises(sst_pin.SingularConfigurationError, match="joint_7"):
+        ClosedChain(model, [], [], coordinates=["joint_1"]).generalized_forces(q, [1], [1])
+    held = ClosedChain(model, [], ["joint_1"], locked=[f"joint_{k}" for k in range(2, 8)])
+    assert held.coordinates == ("joint_1",)
+
+
+ARM = """<robot name="arm">
+ <link name="base"/>
+ <link name="upper"><inertial><origin xyz="0.2 0 0"/><mass value="2"/>
+  <inertia ixx="0.01" iyy="0.02" izz="0.02" ixy="0" ixz="0" iyz="0"/></inertial></link>
+ <link name="lower"><inertial><origin xyz="0.1 0 0"/><mass value="1"/>
+  <inertia ixx="0.01" iyy="0.02" izz="0.02" ixy="0" ixz="0" iyz="0"/></inertial></link>
+ <joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/>
+  <axis xyz="0 1 0"/><limit lower="-2" upper="2" effort="50" velocity="3"/></joint>
+ <joint name="elbow" type="revolute"><parent link="upper"/><child link="lower"/>
+  <origin xyz="0.4 0 0"/><axis xyz="0 1 0"/>
+  <limit lower="-2" upper="2" effort="50" velocity="3"/></joint>
+</robot>"""
+
+
+def test_a_urdf_without_yaml_is_an_open_tree_and_says_so(tmp_path):
+    """With a motor at each joint, and a warning unless the caller names the motors."""
+    path = tmp_path / "arm.urdf"
+    path.write_text(ARM)
+    with pytest.warns(sst_pin.DescriptionWarning, match=r"no arm\.yaml .* open tree"):
+        arm = sst_pin.ClosedChain.from_urdf(path)
+    q, rates = np.array([[0.3, -0.5]]), np.array([[1.0, 2.0]])
+    expected = rnea(pin.buildModelFromUrdf(str(path)), q, rates, rates)
+    assert_allclose(arm.compute_torques(q, rates, rates), expected, rtol=0, atol=1e-13)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        chosen = sst_pin.ClosedChain.from_urdf(path, actuated=["elbow"])
+        assert chosen.motor_names == ("elbow",)
+        path.with_suffix(".yaml").write_text("name_mot: [shoulder, elbow]")
+        assert sst_pin.ClosedChain.from_urdf(path).motor_names == ("shoulder", "elbow")
+    assert sst_pin.validate(path) == []
+    with pytest.raises(sst_pin.DescriptionError, match="YAML of the cuts cannot be read"):
+        sst_pin.ClosedChain.from_urdf(path, tmp_path / "other.yaml")
+
+
+def test_an_mjcf_without_equalities_is_an_open_tree(tmp_path):
+    """With the actuators of the file; MuJoCo gives the same torques."""
+    mujoco = pytest.importorskip("mujoco")
+    path = tmp_path / "arm.xml"
+    path.write_text(
+        '<mujoco model="arm"><worldbody><body><joint name="a" axis="0 1 0" damping="0.1"/>'
+        '<geom type="capsule" fromto="0 0 0 .4 0 0" size=".03"/><body pos=".4 0 0">'
+        '<joint name="b" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 .3 0 0" size=".03"/>'
+        "</body></body></worldbody>"
+        '<actuator><motor joint="a"/><motor joint="b"/></actuator></mujoco>'
+    )
+    arm = sst_pin.ClosedChain.from_mjcf(path)
+    assert sst_pin.validate(path) == []
+    q, va, aa = np.array([0.3, -0.5]), np.array([1.0, 2.0]), np.array([3.0, -4.0])
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:], data.qacc[:] = q, va, aa
+    mujoco.mj_inverse(model, data)
+    assert_allclose(arm.compute_torques(q, va, aa), data.qfrc_inverse, rtol=0, atol=1e-12)
+
+
+def test_the_command_takes_a_tree(here, capsys):
+    """A motion, its torques, and back."""
+    (here / "arm.urdf").write_text(ARM)
+    (here / "arm.yaml").write_text("name_mot: [shoulder, elbow]")
+    arm = sst_pin.ClosedChain.from_urdf("arm.urdf")
+    t = np.linspace(0, 0.1, 21)
+    motion = sst_pin.coordinate_motion(arm, t, np.stack([np.sin(t), t**2], axis=1))
+    motion.save("motion.csv")
+    robot = ["--robot", "arm.urdf"]
+    assert run(capsys, "torques", "motion.csv", *robot, "-o", "torques.csv")[0] == 0
+    assert run(capsys, "simulate", "torques.csv", *robot, "-o", "back.csv")[0] == 0
+    back = np.genfromtxt("back.csv", delimiter=",", names=True)
+    # Torques between the samples are interpolated.
+    assert_allclose(back["shoulder_rad"][-1], np.sin(0.1), atol=1e-4)
+    for command in (
+        ["info"],
+        ["plot", "motion.csv", "-o", "page.png"],
+        ["show", "motion.csv", "--html", "page.html"],
+        ["export-c", "."],
+    ):
+        assert run(capsys, *command, *robot)[0] == 0, command
+    assert run(capsys, "validate", "arm.urdf")[0] == 0
