@@ -86,17 +86,15 @@ class Terms:
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
         """Shapes of the matrices, in a row for each step of the paper."""
-        return "Terms of Eq. (92)", [
-            ("closures", _shapes(Phi=self.Phi, L=self.L, L_dot=self.L_dot)),
-            ("bodies", _shapes(K=self.K, K_dot=self.K_dot, M=self.M, Omega=self.Omega)),
-            ("recursion", _shapes(N_l=self.N_l, N_d=self.N_d)),
-            ("complement", _shapes(T=self.T, T_dot=self.T_dot)),
-            ("matrices", _shapes(inertia=self.inertia, coriolis=self.coriolis)),
-            (
-                "forces",
-                _shapes(gravity=self.gravity, friction=self.friction, springs=self.springs),
-            ),
-        ]
+        rows = {
+            "closures": "Phi L L_dot",
+            "bodies": "K K_dot M Omega",
+            "recursion": "N_l N_d",
+            "complement": "T T_dot",
+            "matrices": "inertia coriolis",
+            "forces": "gravity friction springs",
+        }
+        return "Terms of Eq. (92)", [(word, _shapes(self, names)) for word, names in rows.items()]
 
 
 class ReducedTerms(NamedTuple):
@@ -129,10 +127,8 @@ class ReducedTerms(NamedTuple):
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
         """Shapes of the terms."""
-        return "ReducedTerms of Eq. (92)", [
-            ("matrices", _shapes(inertia=self.inertia, coriolis=self.coriolis)),
-            ("forces", _shapes(gravity=self.gravity, friction=self.friction)),
-        ]
+        rows = {"matrices": "inertia coriolis", "forces": "gravity friction"}
+        return "ReducedTerms of Eq. (92)", [(word, _shapes(self, x)) for word, x in rows.items()]
 
     @classmethod
     def of_rows(cls, rows: Array, n: int) -> ReducedTerms:
@@ -144,9 +140,9 @@ class ReducedTerms(NamedTuple):
         return cls(inertia.reshape(square), coriolis.reshape(square), gravity, friction)
 
 
-def _shapes(**arrays: Array) -> str:
+def _shapes(terms: Terms | ReducedTerms, names: str) -> str:
     """Names with shapes, as L (9, 3)."""
-    return ", ".join(f"{name} {array.shape}" for name, array in arrays.items())
+    return ", ".join(f"{name} {getattr(terms, name).shape}" for name in names.split())
 
 
 class Workspace:

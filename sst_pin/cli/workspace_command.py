@@ -13,7 +13,7 @@ from ..errors import InputError
 from ..files import Writer
 from ..sst.paper import PERIOD
 from ..sst.platform_motion import paper_circle
-from ..sst.workspace import Workspace, workspace_at, workspace_over_rolls
+from ..sst.workspace import WorkspaceMap, workspace_at, workspace_over_rolls
 from .common import Commands, add_figure, add_robot, output_name, say, sst_of, write
 
 
@@ -71,7 +71,7 @@ def _run(arguments: argparse.Namespace) -> None:
     say(f"-> {', '.join(map(str, files))}", arguments)
 
 
-def _summary(workspace: Workspace) -> str:
+def _summary(workspace: WorkspaceMap) -> str:
     if workspace.best is None:
         return "no direction has all sliders on their arcs"
     theta, phi = (np.degrees(angle[workspace.best]) for angle in (workspace.theta, workspace.phi))

@@ -17,7 +17,7 @@ from ..errors import InputError
 from ..motion.moving_robot import require_motion
 from ..motion.trajectories import Trajectory
 from ..sst.robot import SST
-from ..sst.workspace import Workspace
+from ..sst.workspace import WorkspaceMap
 from .frame_paths import frame_path, plane_of, points_of
 from .motions import CURVES, Panel, panels
 from .sphere import paths_on_sphere
@@ -137,8 +137,8 @@ def _letter(ax: Axes, place: int) -> None:
 
 def workspace_page(
     robot: SST,
-    at_psi: Workspace,
-    over_rolls: Workspace,
+    at_psi: WorkspaceMap,
+    over_rolls: WorkspaceMap,
     path: tuple[str, Array] | None = None,
 ) -> Figure:
     """Both maps of a robot, a sphere with the first map, and a legend.

@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from ..sst.platform_motion import orientation
 from ..sst.robot import SST
-from ..sst.workspace import Chart, Workspace
+from ..sst.workspace import Chart, WorkspaceMap
 from .sphere import great_arc
 from .style import Axes
 
@@ -79,7 +79,7 @@ def _colourbar(figure: Figure, cax: Axes | None = None, ax: Axes | None = None) 
     return bar.ax
 
 
-def second_kind(robot: SST, workspace: Workspace) -> list[Array]:
+def second_kind(robot: SST, workspace: WorkspaceMap) -> list[Array]:
     """Singular curves of the second kind, det A = 0, as directions of s, shapes (N, 3).
 
     Close to singularities of the first kind A is not well defined, and the curves have a gap.
@@ -100,7 +100,7 @@ def second_kind(robot: SST, workspace: Workspace) -> list[Array]:
 def workspace_map(
     ax: Axes,
     robot: SST,
-    workspace: Workspace,
+    workspace: WorkspaceMap,
     path: Array | None = None,
     *,
     colourbar: bool = True,
@@ -134,7 +134,7 @@ def workspace_map(
 def workspace_on_sphere(
     ax: Axes,
     robot: SST,
-    workspace: Workspace,
+    workspace: WorkspaceMap,
     path: Array | None = None,
     *,
     colourbar: bool = True,
@@ -164,7 +164,7 @@ def workspace_on_sphere(
 def _draw(
     ax: Axes,
     robot: SST,
-    workspace: Workspace,
+    workspace: WorkspaceMap,
     path: Array | None,
     project: Callable[[Array], Array],
     eye: Array,
@@ -220,7 +220,7 @@ def _draw(
             ax.text(*(point + 0.12 * beside), name, ha="center", va="center", path_effects=halo)
 
 
-def workspace_legend(workspace: Workspace, path: str | None = None) -> list[Any]:
+def workspace_legend(workspace: WorkspaceMap, path: str | None = None) -> list[Any]:
     """Handles for the legend of a map.
 
     Args:
@@ -254,20 +254,20 @@ def _handles(styles: Mapping[str, Mapping[str, Any]]) -> list[Any]:
     return [Line2D([], [], label=label, **look) for label, look in styles.items()]
 
 
-def _isotropic(workspace: Workspace) -> bool:
+def _isotropic(workspace: WorkspaceMap) -> bool:
     return bool(workspace.condition_number[workspace.best] < 1 + 1e-6)
 
 
-def _best_look(workspace: Workspace) -> dict[str, Any]:
+def _best_look(workspace: WorkspaceMap) -> dict[str, Any]:
     shape = {"marker": "*", "markersize": 9} if _isotropic(workspace) else {"marker": "D"}
     return _BEST | shape
 
 
-def _one_psi(workspace: Workspace) -> bool:
+def _one_psi(workspace: WorkspaceMap) -> bool:
     return bool(np.ptp(workspace.psi) == 0)
 
 
-def _margin(workspace: Workspace) -> Array:
+def _margin(workspace: WorkspaceMap) -> Array:
     """Flat legs count as off their arcs."""
     return np.where(np.isnan(workspace.margin), -np.pi, workspace.margin)
 
@@ -280,7 +280,7 @@ def _level_curves(robot: SST, field: Array, level: float) -> list[Array]:
     return [Chart.of_robot(robot).directions(curve) for curve in found]
 
 
-def _roll_lines(ax: Axes, workspace: Workspace, x: Array, y: Array) -> None:
+def _roll_lines(ax: Axes, workspace: WorkspaceMap, x: Array, y: Array) -> None:
     """Lines of equal roll, labelled below the best pose where there is room."""
     if workspace.best is None:
         return

@@ -10,8 +10,8 @@ import pinocchio as pin
 
 from ..chain.closures import Closure
 from .angles import direction
+from .building_blocks import Tree, planar, rod, shift, turned_x
 from .gallery_robot import GalleryRobot, Joints, of_dimensions
-from .tree import Tree, planar, rod, shift, turned_x
 
 
 @of_dimensions

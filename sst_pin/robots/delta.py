@@ -10,8 +10,8 @@ import pinocchio as pin
 
 from ..chain.closures import Closure
 from .angles import of_two_turns, two_link
+from .building_blocks import Tree, disc, planar, rod, shift
 from .gallery_robot import GalleryRobot, Joints, of_dimensions
-from .tree import Tree, disc, planar, rod, shift
 
 _SIDES = {"a": 1, "b": -1}
 

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from ..arrays import in_one_turn
 from ..chain.closures import Closure
 from .angles import angle_about_z, direction, two_link
+from .building_blocks import UPRIGHT, Tree, box, planar, rod, rods, shift
 from .gallery_robot import GalleryRobot, Joints, of_dimensions
-from .tree import UPRIGHT, Tree, box, planar, rod, rods, shift
 
 Array = NDArray[np.float64]
 _RZ = pin.JointModelRZ

@@ -17,7 +17,7 @@ from ..chain.closed_chain import ClosedChain
 from ..chain.closures import Closure
 from ..chain.thresholds import CLOSURE_TOLERANCE
 from ..errors import InputError, WorkspaceError
-from .tree import Tree
+from .building_blocks import Tree
 
 Array = NDArray[np.float64]
 #: Coordinates of joints by name.

@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from ..arrays import single_array
 from ..chain.closures import Closure
 from .angles import universal
+from .building_blocks import Tree, box, circle, disc, rod, rods, shift
 from .gallery_robot import GalleryRobot, Joints, of_dimensions
-from .tree import Tree, box, circle, disc, rod, rods, shift
 
 Array = NDArray[np.float64]
 _X, _Y, _ = np.eye(3)

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from ..chain.closures import Closure
 from .angles import angle_about_z
+from .building_blocks import Solid, Tree, arc, box, rods, turned_x
 from .gallery_robot import GalleryRobot, Joints, of_dimensions
-from .tree import Solid, Tree, arc, box, rods, turned_x
 
 Array = NDArray[np.float64]
 _RZ = pin.JointModelRZ

@@ -11,8 +11,8 @@ import pinocchio as pin
 from ..arrays import in_one_turn, whole_number
 from ..chain.closures import Closure
 from .angles import two_link
+from .building_blocks import UPRIGHT, Tree, box, planar, rod, shift
 from .gallery_robot import GalleryRobot, Joints, of_dimensions
-from .tree import UPRIGHT, Tree, box, planar, rod, shift
 
 _RZ = pin.JointModelRZ
 

@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 from ..arrays import in_one_turn, whole_number
 from ..chain.closures import Closure
 from .angles import angle_about_z, direction, two_link
+from .building_blocks import Solid, Tree, box, planar, rods, shift
 from .gallery_robot import GalleryRobot, Joints, of_dimensions
-from .tree import Solid, Tree, box, planar, rods, shift
 
 Array = NDArray[np.float64]
 _RX, _RY, _RZ = pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ

@@ -76,7 +76,7 @@ class Chart(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Workspace:
+class WorkspaceMap:
     """A map over the half sphere about the base triangle's middle.
 
     Each array is of shape (rings, spokes + 1), as `Chart.grid` lays its points out. Where several
@@ -161,7 +161,7 @@ class Workspace:
 _ANGLES = ("theta", "phi", "psi", "margin", "roll")
 
 
-def workspace_at(robot: SST, psi: float = 0.0, rings: int = 151, spokes: int = 360) -> Workspace:
+def workspace_at(robot: SST, psi: float = 0.0, rings: int = 151, spokes: int = 360) -> WorkspaceMap:
     """The map at one roll psi of the star, the paper's angle, about half a second.
 
     The poles of the base frame do not have this angle: curves of the map meet in z_0. `rings` are
@@ -172,7 +172,7 @@ def workspace_at(robot: SST, psi: float = 0.0, rings: int = 151, spokes: int = 3
 
 def workspace_over_rolls(
     robot: SST, rolls: int = 72, rings: int = 61, spokes: int = 180
-) -> Workspace:
+) -> WorkspaceMap:
     """The map over the whole turn about s, each direction with its best psi; some seconds."""
     count = whole_number("rolls", rolls, 1)
     if count > _MOST:
@@ -188,7 +188,7 @@ class _Poses(NamedTuple):
     margin: Array
 
 
-def _workspace(robot: SST, psi: Array, rings: int, spokes: int) -> Workspace:
+def _workspace(robot: SST, psi: Array, rings: int, spokes: int) -> WorkspaceMap:
     from scipy.spatial.transform import Rotation
 
     size = whole_number("rings", rings, 3) * whole_number("spokes", spokes, 3) * len(psi)
@@ -209,7 +209,7 @@ def _workspace(robot: SST, psi: Array, rings: int, spokes: int) -> Workspace:
     def best(values: NDArray[Any]) -> NDArray[Any]:
         return np.asarray(np.take_along_axis(values, chosen, axis=0)[0])
 
-    return Workspace(
+    return WorkspaceMap(
         theta,
         phi,
         np.broadcast_to(psi[chosen[0]], theta.shape),

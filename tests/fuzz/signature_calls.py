@@ -250,7 +250,7 @@ VALUES = {
     "SST": (),
 }
 WITHOUT = {
-    "bool", "Axes", "Figure", "Motion", "Workspace", "bool | None",
+    "bool", "Axes", "Figure", "Motion", "WorkspaceMap", "bool | None",
     "Sequence[tuple[str, Array, Array]]", "Sequence[tuple[str, Trajectory]]",
     "tuple[float, float]", "tuple[str, Array]",
 }  # fmt: skip

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 import sst_pin
 from sst_pin.description import urdf_of
 from sst_pin.sst import workspace as workspace_module
-from sst_pin.sst.workspace import Chart, Workspace, workspace_at, workspace_over_rolls
+from sst_pin.sst.workspace import Chart, WorkspaceMap, workspace_at, workspace_over_rolls
 from sst_pin.verification.sampling import random_parameters
 
 
@@ -208,7 +208,7 @@ def test_roll_in_the_middle_is_a_third_of_a_turn(over_rolls):
 def test_npz_holds_every_attribute(at_zero, tmp_path):
     at_zero.save(tmp_path / "map.npz")
     with np.load(tmp_path / "map.npz") as file:
-        assert set(file) == {field.name for field in fields(Workspace)}
+        assert set(file) == {field.name for field in fields(WorkspaceMap)}
         for name in file:
             assert np.array_equal(file[name], getattr(at_zero, name), equal_nan=True)
 
