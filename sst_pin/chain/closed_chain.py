@@ -840,9 +840,10 @@ class ClosedChain:
                 its wrench, infinite where it is rigid. Joints without one are rigid.
             platform_moment: As in `compute_torques`.
             external_wrenches: As in `compute_torques`.
-            out: Array for all numbers of a sample side by side, shape (..., 12 (r + closures) + 6):
-                wrenches of joints, closures and the ground, then by how much inner stresses of size
-                one change each component of joints and closures, zero where it is unique.
+            out: Array for all numbers of a sample side by side, shape
+                (..., 12 (r + closures) + 6 + motors): wrenches of joints, closures and the ground,
+                then by how much inner stresses of size one change each component of joints and
+                closures, zero where it is unique, then the torques.
             threads: As in `compute_torques`.
             on_error: As in `compute_torques`.
 
@@ -862,18 +863,18 @@ class ClosedChain:
         current = self._current
         how: dict[str, Any] = {"threads": threads, "on_error": on_error}
         load = self._wrenches(platform_moment, external_wrenches, on_error)
+        alike = current.mechanism.driven_one_to_one
         if aa is None and tau is not None:
             aa = self.compute_accelerations(q, va, tau, external_wrenches=load, **how)
-        elif aa is not None and tau is None:
-            tau = self.compute_torques(q, va, aa, external_wrenches=load, **how)
-        else:
+        elif aa is None or tau is not None:
             raise InputError("aa, tau", "one of them is needed, not both")
+        elif not alike:
+            tau = self.compute_torques(q, va, aa, external_wrenches=load, **how)
         if stiffness is not None:
             how["special"] = {"compliances": reactions.compliances_of(current.mechanism, stiffness)}
-        how |= {"va": va, "aa": aa, "tau": tau, "load": load, "out": out}
+        how |= {"va": va, "aa": aa, "tau": None if alike else tau, "load": load, "out": out}
         rows = dispatch.computed(current, Key("reactions"), q, **how)
-        relaxed = stiffness is not None
-        return reactions.unpacked(current.mechanism, rows, np.asarray(tau, dtype=float), relaxed)
+        return reactions.unpacked(current.mechanism, rows, stiffness is not None)
 
     def noc(self, q: ArrayLike, va: ArrayLike) -> dynamics.Terms:
         """All matrices of the paper at one state, with f = I aa + C va - tau^g - tau^f.

@@ -138,7 +138,7 @@ def names_of(mechanism: Mechanism) -> tuple[str, ...]:
 
 def size_of(mechanism: Mechanism) -> int:
     """How many numbers `reactions` gives for a sample."""
-    return 12 * len(names_of(mechanism)) + 6
+    return 12 * len(names_of(mechanism)) + 6 + mechanism.motors.shape[1]
 
 
 def reactions(
@@ -146,7 +146,7 @@ def reactions(
     q: Array,
     va: Array,
     aa: Array,
-    tau: Array,
+    tau: Array | None,
     wrenches: Array | None,
     compliances: Array | None,
 ) -> Array:
@@ -157,21 +157,25 @@ def reactions(
         q: Configuration on the closures, shape (nq,).
         va: Rates of the coordinates, shape (n,).
         aa: Their accelerations, shape (n,).
-        tau: Motor torques with which the robot moves so, shape (motors,).
+        tau: Motor torques with which the robot moves so, shape (motors,); None where there is one
+            motor for each coordinate.
         wrenches: External [moment; force] on each body at its mass centre, base axes, shape
             (r, 6), or None.
         compliances: Of each component of the wrenches, shape (r + closures, 6), or None.
 
     Returns:
         Wrenches of joints and closures, [moment; force], the ground's, and by how much inner
-        stresses of size one change each component, free of units, in a row. What compliances leave
-        open is NaN.
+        stresses of size one change each component, free of units, and the torques, in a row. What
+        compliances leave open is NaN.
     """
     mechanism, model, data = ws.mechanism, ws.model, ws.data
     ws.evaluate(q)
     v, v_dot = motion_of_tree(ws, va, aa)
     needed = pin.rnea(model, data, q, v, v_dot)
-    needed -= applied_forces(ws, mechanism.friction, q, v, wrenches, tau)
+    needed = needed - applied_forces(ws, mechanism.friction, q, v, wrenches, tau)
+    if tau is None:
+        tau = needed.dot(ws.complement.L)
+        needed -= mechanism.motors.dot(tau)
     Lambda = _multipliers(ws, needed)
 
     loads = _loads(ws, wrenches)
@@ -201,7 +205,7 @@ def reactions(
     if compliances is not None:
         values, left = _relaxed(values, stresses, compliances)
         values[np.linalg.norm(left, axis=-1) * size > _UNIQUE] = np.nan
-    return np.concatenate([values.ravel(), ground[_MOMENT_FIRST], changes.ravel()])
+    return np.concatenate([values.ravel(), ground[_MOMENT_FIRST], changes.ravel(), tau])
 
 
 def _multipliers(ws: Workspace, needed: Array) -> Array:
@@ -281,28 +285,30 @@ def compliances_of(mechanism: Mechanism, stiffness: Mapping[str, ArrayLike]) -> 
     return found
 
 
-def unpacked(mechanism: Mechanism, rows: Array, tau: Array, relaxed: bool) -> Reactions:
+def unpacked(mechanism: Mechanism, rows: Array, relaxed: bool) -> Reactions:
     """Reactions from the numbers of each sample in a row.
 
     Args:
         mechanism: The robot.
-        rows: From `reactions`, shape (..., size).
-        tau: Motor torques, shape (..., motors).
+        rows: From `reactions`, shape (..., size); what is not unique becomes NaN there.
         relaxed: Whether there were compliances.
     """
     names, r = names_of(mechanism), mechanism.model.njoints - 1
     count = 6 * len(names)
-    values, ground, changes = np.split(rows, [count, count + 6], axis=-1)
-    values = values.reshape(*rows.shape[:-1], len(names), 6)
-    flags = changes.reshape(values.shape) <= _UNIQUE
-    elastic = ~flags & np.isfinite(values) & relaxed
-    values = np.where(flags | elastic, values, np.nan)
+    ends = [count, count + 6, 2 * count + 6]
+    values, ground, changes, tau = np.split(rows, ends, axis=-1)
+    free = changes > _UNIQUE
+    elastic = free & np.isfinite(values) if relaxed else np.broadcast_to(np.False_, free.shape)
+    if free.any():
+        np.copyto(values, np.nan, where=free & ~elastic)
+    shape = (*rows.shape[:-1], len(names), 6)
+    values, unique, elastic = (x.reshape(shape) for x in (values, changes <= _UNIQUE, elastic))
     return Reactions(
         names,
         values[..., :r, :],
         values[..., r:, :],
         tau,
         ground,
-        Verdict(flags[..., :r, :], flags[..., r:, :]),
+        Verdict(unique[..., :r, :], unique[..., r:, :]),
         Verdict(elastic[..., :r, :], elastic[..., r:, :]),
     )

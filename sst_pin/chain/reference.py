@@ -192,15 +192,15 @@ class Reference:
         q: Array,
         va: Array,
         aa: Array,
-        tau: Array,
+        tau: Array | None,
         wrenches: Array | None,
         compliances: Array | None = None,
     ) -> Array:
-        """Wrenches of joints, closures and ground, and verdicts, in a row."""
+        """Wrenches of joints, closures and ground, what is not unique, and torques, in a row."""
         row = reactions.reactions(self.workspace, q, va, aa, tau, wrenches, compliances)
-        ground = row[len(row) // 2 - 3 : len(row) // 2 + 3]
+        torques = row[-self.mechanism.motors.shape[1] :]
         names = "q", "va", "aa", "tau", "external_wrenches"
-        _require_finite(ground, names, (q, va, aa, tau, wrenches))
+        _require_finite(torques, names, (q, va, aa, tau, wrenches))
         return row
 
     @_finite

@@ -54,7 +54,7 @@ DERIVATIVES = (Key("torque_derivatives"), Key("acceleration_derivatives"))
 #: Quantities whose friction is smooth.
 _SMOOTH = [key.quantity for key in DERIVATIVES]
 #: Kernels with variants for external wrenches.
-_LOADABLE = (*FIRST, Key("forces"), Key("rollout"), *DERIVATIVES)
+_LOADABLE = (*FIRST, Key("forces"), Key("rollout"), Key("reactions"), *DERIVATIVES)
 #: All kernels but those of frames.
 EVERY = (
     *_LOADABLE,
@@ -74,6 +74,7 @@ _WITHOUT_MATRICES = (
     "torques",
     "forces",
     "rates",
+    "reactions",
     "joint_accelerations",
     "frame_drift",
     "closing",
@@ -118,7 +119,7 @@ class CompiledBackend:
         self._moment = -1 if bearer is None else 6 * bearer
         self._numbers = self._parameters.pack(self._mechanism, self._mechanism.friction)
         self._kernels: dict[Key, chain.Kernel] = {}
-        self._equations: dict[tuple[bool, bool], Equations] = {}
+        self._equations: dict[tuple[bool, bool, bool], Equations] = {}
         self._codes: dict[Key, list[Code]] = {}
         self._why: dict[Key, str] = {}
         self._lock = threading.RLock()
@@ -262,28 +263,30 @@ class CompiledBackend:
             with self._lock:  # equations are made once, and CasADi is not for several threads
                 if self._given_up:
                     raise CompilationError("given up")
-                made = kernels.entry(self._equations_of(key.loaded, smooth), key)
+                made = kernels.entry(self._equations_of(key), key)
                 return c_code.library(key.entry, made, build.TARGETS[target][0])
 
         robot, options = self._mechanism.model.name, build.LONG if smooth else ()
         library = build.library(robot, str(key), content, target, source, options)
         return Code(library, key.entry)
 
-    def _equations_of(self, loaded: bool, smooth: bool) -> Equations:
+    def _equations_of(self, key: Key) -> Equations:
         from .equations import Equations
 
-        if (loaded, smooth) not in self._equations:
+        kind = key.loaded, key.quantity in _SMOOTH, key.quantity != "reactions"
+        if kind not in self._equations:
             samples = sample_configurations(self._reference, self._near)
-            self._equations[loaded, smooth] = Equations(self._mechanism, samples, loaded, smooth)
-        return self._equations[loaded, smooth]
+            loaded, smooth, welded = kind
+            self._equations[kind] = Equations(
+                self._mechanism, samples, loaded, smooth, welded=welded
+            )
+        return self._equations[kind]
 
 
 def impossible(mechanism: Mechanism, quantity: str) -> str:
     """Why there is no kernel of this quantity; empty when there is one."""
     nv, motors = mechanism.motors.shape
     n = len(mechanism.coordinates)
-    if quantity == "reactions":
-        return "there are no kernels of reactions"
     if mechanism.without_mass and quantity in ("accelerations", "acceleration_derivatives"):
         return "the mass matrix is singular"
     if quantity == "torques" and motors < n:

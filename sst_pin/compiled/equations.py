@@ -59,7 +59,8 @@ class Equations:
     Pivots are chosen by assembled configurations, the samples. `loaded` tells whether external
     wrenches act; `smooth` whether Coulomb friction is tanh(v / sign_width) for derivatives, not the
     sign, which kernels smooth by themselves where the width is not zero. With `displaced` joints
-    derivatives by q along the rates can be taken, as `Kinematics` says.
+    derivatives by q along the rates can be taken, as `Kinematics` says. `welded` bodies are
+    computed as one.
 
     Attributes:
         va, aa: Rates and accelerations of the coordinates.
@@ -75,6 +76,7 @@ class Equations:
         smooth: bool = False,
         parameters: OpenNumbers | None = None,
         displaced: bool = False,
+        welded: bool = True,
     ) -> None:
         self.mechanism, model = mechanism, mechanism.model
         self.parameters = parameters or OpenNumbers(mechanism)
@@ -89,7 +91,7 @@ class Equations:
         self.va, self.aa = (SX.sym(name, len(self._coordinates)) for name in ("va", "aa"))
         self.loads = SX.sym("loads", 6 * (model.njoints - 1) if loaded else 0)
         self.tree = TreeDynamics(
-            mechanism, self.kinematics, self.parameters, self.p, self.loads, smooth
+            mechanism, self.kinematics, self.parameters, self.p, self.loads, smooth, welded
         )
         self._samples, self._smooth = samples, smooth
 

@@ -15,6 +15,7 @@ from . import symbolic_derivatives
 from .elimination import total
 from .equations import Equations
 from .frame_kernels import OF_FRAMES
+from .joint_wrenches import reactions
 from .kernel_checks import Checks
 from .symbols import Sparse, add, definite
 
@@ -203,6 +204,7 @@ KERNELS: dict[str, Callable[[Equations, Checks], _Made]] = {
     "displacement_rates": _displacement_rates,
     "reduced_terms": _reduced_terms,
     "rates": _rates,
+    "reactions": reactions,
     "joint_accelerations": _joint_accelerations,
     "state_rate": _state_rate,
     "closing": _closing,

@@ -8,7 +8,7 @@ U = skew(alpha) + skew(omega) skew(omega).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 from typing import NamedTuple
@@ -24,6 +24,8 @@ from .symbols import Sparse, is_zero, sx
 from .turns import angle, rotation_vector
 
 Array = NDArray[np.float64]
+#: A force, and a moment about the origin of a link, in its axes.
+Wrench = tuple[SX, SX]
 #: Unit vectors among the coordinates of a joint: how long, at their end.
 _UNIT = {"ball": 4, "free": 4, "planar": 2, "unbounded": 2}
 
@@ -266,21 +268,25 @@ class Kinematics:
             a += ca.cross(back(before.omega_k), u) + ca.cross(omega, u_k)
         return LinkMotion(omega, omega_k, alpha, a)
 
-    def transmitted(self, wrenches: list[tuple[SX, SX]]) -> Sparse:
-        """Forces along the rates, from a force and a moment about the origin of each link."""
-        tau: Sparse = {}
-        wrenches = list(wrenches)
+    def borne(self, wrenches: Sequence[Wrench]) -> list[Wrench]:
+        """What each joint gives to all that it bears, from what each link needs; ground first."""
+        borne = list(wrenches)
         for i in range(len(self.tree.links) - 1, 0, -1):
-            link, placement, (F, N) = self.tree.links[i], self._placed[i], wrenches[i]
+            link, placement, (F, N) = self.tree.links[i], self._placed[i], borne[i]
+            F_0, N_0 = borne[link.parent]
+            F = placement.out(F)
+            borne[link.parent] = F_0 + F, N_0 + placement.out(N) + ca.cross(placement.p, F)
+        return borne
+
+    def transmitted(self, wrenches: Sequence[Wrench]) -> Sparse:
+        """Forces along the rates, from what each link needs."""
+        tau: Sparse = {}
+        pairs = zip(self.tree.links, self.borne(wrenches), strict=True)
+        for link, (F, N) in reversed(list(pairs)):
             for k, S in zip(link.v, link.S.T, strict=True):
                 value = ca.dot(sx(S[:3]), F) + ca.dot(sx(S[3:]), N)
                 if not is_zero(value):
                     tau[k] = tau[k] + value if k in tau else value
-            if link.parent:
-                F_0, N_0 = wrenches[link.parent]
-                F = placement.out(F)
-                N = placement.out(N) + ca.cross(placement.p, F)
-                wrenches[link.parent] = F_0 + F, N_0 + N
         return tau
 
     def q_rates(self, v: Sparse) -> SX:

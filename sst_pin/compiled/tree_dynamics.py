@@ -20,7 +20,7 @@ from ..chain.mechanism import Mechanism
 from ..chain.tree import frame_named
 from .closure_rows import Line, line
 from .elimination import total
-from .link_kinematics import Kinematics, LinkMotion
+from .link_kinematics import Kinematics, LinkMotion, Wrench
 from .open_numbers import SIGN_WIDTH, OpenNumbers
 from .symbols import Sparse, add, is_zero, sx
 
@@ -52,7 +52,7 @@ class TreeDynamics:
     """Dynamics of a tree; p are the open numbers, in the order of `parameters`.
 
     `loads` are [moment; force] on each body at its mass centre, base axes, body after body, or
-    empty.
+    empty. Bodies that are `welded` to each other are computed as one.
     """
 
     def __init__(
@@ -63,13 +63,14 @@ class TreeDynamics:
         p: SX,
         loads: SX,
         smooth: bool,
+        welded: bool,
     ) -> None:
         self._mechanism, self._kinematics, self._parameters = mechanism, kinematics, parameters
-        self._p, self._loads, self._smooth = p, loads, smooth
+        self._p, self._loads, self._smooth, self._welded = p, loads, smooth, welded
 
     @cached_property
     def _bodies(self) -> list[Body | None]:
-        """By Pinocchio's joints; bodies that are welded to each other are one."""
+        """By Pinocchio's joints; where bodies are computed as one, the first has all of it."""
         model, kinematics = self._mechanism.model, self._kinematics
         bodies: list[Body | None] = [None] * model.njoints
         for i in range(1, model.njoints):
@@ -77,7 +78,7 @@ class TreeDynamics:
             if found is not None:
                 mass, c, J = found
                 bodies[i] = Body(mass, c, J, ca.sumsqr(c) / mass)
-        for closure in self._mechanism.closures:
+        for closure in self._mechanism.closures if self._welded else ():
             if isinstance(closure, Closure) and all(closure.held):
                 ends = (closure.frame_a, closure.frame_b)
                 a, b = (frame_named(model, name) for name in ends)
@@ -104,7 +105,14 @@ class TreeDynamics:
         `reactions` are force and moment about the origin that closures take of links, by their
         index.
         """
-        wrenches = []
+        wrenches = self.wrenches(v, dv, loads=loads)
+        for i, own in (reactions or {}).items():
+            wrenches[i] = wrenches[i][0] + own[:3], wrenches[i][1] + own[3:]
+        return add(self._kinematics.transmitted(wrenches), self._rotors(dv))
+
+    def wrenches(self, v: Sparse, dv: Sparse, *, loads: bool = True) -> list[Wrench]:
+        """Force and moment that each link needs, less its weight and its load."""
+        wrenches: list[Wrench] = []
         gravity = self._kinematics.base.T @ self._parameters.gravity(self._p)
         motions = self._kinematics.motions(v, dv, gravity)
         for link, x in zip(self._kinematics.tree.links, motions, strict=True):
@@ -117,9 +125,7 @@ class TreeDynamics:
                 force, moment = self._load(link.body)
                 F, N = F - force, N - moment
             wrenches.append((F, N))
-        for i, own in (reactions or {}).items():
-            wrenches[i] = wrenches[i][0] + own[:3], wrenches[i][1] + own[3:]
-        return add(self._kinematics.transmitted(wrenches), self._rotors(dv))
+        return wrenches
 
     def _rotors(self, dv: Sparse) -> Sparse:
         armature = self._parameters.of_joints("armature", self._p)

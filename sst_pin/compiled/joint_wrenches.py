@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Reactions in joints and closures on CasADi's symbols, as `chain.reactions` has them.
+
+Rows that elimination leaves out give states of inner stress: one unit of such a row, balanced along
+the dependent rates by the rows with pivots.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import casadi as ca
+from casadi import SX
+
+from ..chain.closures import Coupling, frames_of
+from ..chain.tree import frame_named, joint_id
+from ..errors import CompilationError
+from .kernel_checks import Checks
+from .closure_rows import Row
+from .elimination import Factors, total
+from .equations import Equations
+from .link_kinematics import Wrench
+from .symbols import Sparse, add, sx
+
+
+def on_links(rows: Sequence[Row], v: Sparse) -> list[dict[int, SX]]:
+    """What a unit of each row gives to links: [force; moment] about their origins, their axes."""
+    twists: dict[int, SX] = {}
+
+    def twist(_: int, link: int) -> tuple[SX, SX]:
+        own = twists.setdefault(link, SX.sym("twist", 6))
+        return own[:3], own[3:]
+
+    velocities = [SX(row.velocity(v, twist)) for row in rows]
+    wrenches = ({i: ca.gradient(u, x) for i, x in twists.items()} for u in velocities)
+    return [{i: x for i, x in found.items() if not x.is_zero()} for found in wrenches]
+
+
+def reactions(e: Equations, checks: Checks) -> tuple[list[SX], SX, list[Any]]:
+    """Wrenches of joints and closures, the ground's, changes by inner stresses, in a column.
+
+    Raises:
+        CompilationError: With forces along lines, or where no fixed choice of rows is independent
+            on the robot's way.
+    """
+    if not all(isinstance(part, Factors) for part in e.factors.parts):
+        raise CompilationError("the independent rows of its loops change along the motion")
+    mechanism, needed = e.mechanism, e.tree_forces
+    if not mechanism.lines.none:
+        raise CompilationError("forces along lines act on its bodies")
+    inputs, tau = [e.q, e.va, e.aa], e.generalized_forces
+    if not mechanism.driven_one_to_one:
+        tau = SX.sym("tau", mechanism.motors.shape[1])
+        inputs.append(tau)
+        needed = add(needed, {i: -x for i, x in e.motor_forces(tau).items()})
+    units = on_links(e.rows, e.v)
+    values, ground = _wrenches(e, units, e.multipliers(needed), e.tree.wrenches(e.v, e.dv))
+    stresses = [_wrenches(e, units, stress)[0] for stress in _stresses(e)]
+    length, changes = mechanism.length, []
+    for k in range(values.numel()):
+        squares = [stress[k] ** 2 for stress in stresses if not stress[k].is_zero()]
+        changes.append((1.0 if k % 6 < 3 else length) * ca.sqrt(total(squares)) if squares else 0)
+    result = ca.vertcat(values, ground, *(SX(x) for x in changes), tau)
+    return [*inputs, e.loads], result, checks.of_forces + checks.unbalanced(needed)
+
+
+def _stresses(e: Equations) -> Iterator[Sparse]:
+    """Multipliers of all rows that act on no rate, one state for each row left out."""
+    for i in sorted(set(range(len(e.rows))) - set(e.factors.rows)):
+        balance = e.multipliers({j: -x for j, x in e.rows[i].Phi.items()})
+        scale = float(e.mechanism.row_scale[i])
+        yield {k: scale * x for k, x in (balance | {i: SX(1)}).items()}
+
+
+def _wrenches(
+    e: Equations, units: list[dict[int, SX]], Lambda: Sparse, needed: Sequence[Wrench] | None = None
+) -> tuple[SX, SX]:
+    """[moment; force] of joints, then closures, and of the ground, from multipliers of the rows."""
+    mechanism, model, tree = e.mechanism, e.mechanism.model, e.kinematics.tree
+    given = [SX(6, 1) for _ in tree.links]
+    for i, x in Lambda.items():
+        for link, unit in units[i].items():
+            given[link] += x * unit
+    loads = needed or [(SX(3, 1), SX(3, 1))] * len(tree.links)
+    borne = e.kinematics.borne(
+        [(F - x[:3], N - x[3:]) for (F, N), x in zip(loads, given, strict=True)]
+    )
+    found = [borne[tree.link_of[j]] for j in range(1, model.njoints)]
+    starts = 0
+    for closure in mechanism.closures:
+        rows = range(starts, starts + len(closure.rows))
+        starts = rows.stop
+        if isinstance(closure, Coupling):
+            joint = model.joints[joint_id(model, closure.joint)]
+            force = ca.vertcat(0, 0, SX(Lambda.get(rows[0], 0)))
+            slides = mechanism.space.rate_units[joint.idx_v] == "m"
+            found.append((force, SX(3, 1)) if slides else (SX(3, 1), force))
+            continue
+        frame = frame_named(model, frames_of(closure)[1])
+        on_b, link = SX(6, 1), tree.link_of[frame.parentJoint]
+        for i in rows:
+            if i in Lambda and link in units[i]:
+                on_b += Lambda[i] * units[i][link]
+        R, p = e.kinematics.rotation(frame), sx(frame.placement.translation)
+        F, N = on_b[:3], on_b[3:]
+        found.append((R.T @ F, R.T @ (N - ca.cross(p, F))))
+    base, (F, N) = e.kinematics.base, borne[0]
+    return (
+        ca.vertcat(*(x for F_k, N_k in found for x in (N_k, F_k))),
+        ca.vertcat(base @ N, base @ F),
+    )

@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Reactions by kernels are those of the reference path, with the same verdicts."""
+
+import numpy as np
+import pytest
+
+import any_chain
+import sst_pin
+from sst_pin import robots
+
+CHAINS = {
+    **{name: getattr(robots, name) for name in ("delta", "five_bar", "planar_4rrr", "ladder")},
+    "sst": sst_pin.SST,
+    "rods": any_chain.rods,
+    "coupled": any_chain.coupled,
+    "composite": lambda: any_chain.with_joint("composite"),
+    "motors on dependent joints": lambda: any_chain.chain(kind="hinge", coordinates=["arm_1", "arm_2"]),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", CHAINS)
+@pytest.mark.parametrize("loaded", [False, True], ids=["free", "loaded"])
+def test_kernels_give_the_reactions_of_the_reference_path(name, loaded):
+    """1e-11 of the largest: two ways of solving, with condition numbers up to 1e3."""
+    chain = CHAINS[name]()
+    q, va, _ = any_chain.states(chain, 5, 2)
+    random = np.random.default_rng(1)
+    tau = random.normal(size=(5, len(chain.motor_names)))
+    loads = {}
+    if loaded:
+        loads["external_wrenches"] = random.normal(size=(5, chain.model.njoints - 1, 6))
+    aa = chain.compute_accelerations(q, va, tau, **loads)
+    rows = [chain._current.reference.reactions(*x) for x in samples(q, va, aa, tau, loads)]
+    chain.compile()
+    w = chain.reactions(q, va, tau=tau, **loads)
+    assert "reactions" not in chain.path
+    others = sst_pin.chain.reactions.unpacked(chain.mechanism, np.array(rows), False)
+    assert np.array_equal(w.determined.joints, others.determined.joints)
+    assert np.array_equal(w.determined.closures, others.determined.closures)
+    largest = np.nanmax(np.abs(others.joints))
+    for name in ("joints", "closures", "ground", "motors"):
+        found, wanted = getattr(w, name), getattr(others, name)
+        assert found == pytest.approx(wanted, abs=1e-11 * largest, nan_ok=True)
+
+
+def samples(q, va, aa, tau, loads):
+    load = loads.get("external_wrenches", [None] * len(q))
+    return zip(q, va, aa, tau, load, strict=True)
+
+
+@pytest.mark.slow
+def test_a_loop_whose_independent_rows_change_is_left_to_the_reference_path():
+    chain = robots.bennett()
+    before = chain.reactions(chain.home, [0.3], [0.1])
+    chain.compile()
+    w = chain.reactions(chain.home, [0.3], [0.1])
+    assert "independent rows of its loops change" in chain.path
+    assert w.joints == pytest.approx(before.joints, abs=1e-12, nan_ok=True)
