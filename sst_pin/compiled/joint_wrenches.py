@@ -16,10 +16,10 @@ from casadi import SX
 from ..chain.closures import Coupling, frames_of
 from ..chain.tree import frame_named, joint_id
 from ..errors import CompilationError
-from .kernel_checks import Checks
 from .closure_rows import Row
 from .elimination import Factors, total
 from .equations import Equations
+from .kernel_checks import Checks
 from .link_kinematics import Wrench
 from .symbols import Sparse, add, sx
 

@@ -14,7 +14,9 @@ CHAINS = {
     "rods": any_chain.rods,
     "coupled": any_chain.coupled,
     "composite": lambda: any_chain.with_joint("composite"),
-    "motors on dependent joints": lambda: any_chain.chain(kind="hinge", coordinates=["arm_1", "arm_2"]),
+    "motors on dependent joints": lambda: any_chain.chain(
+        kind="hinge", coordinates=["arm_1", "arm_2"]
+    ),
 }
 
 
@@ -39,8 +41,8 @@ def test_kernels_give_the_reactions_of_the_reference_path(name, loaded):
     assert np.array_equal(w.determined.joints, others.determined.joints)
     assert np.array_equal(w.determined.closures, others.determined.closures)
     largest = np.nanmax(np.abs(others.joints))
-    for name in ("joints", "closures", "ground", "motors"):
-        found, wanted = getattr(w, name), getattr(others, name)
+    for part in ("joints", "closures", "ground", "motors"):
+        found, wanted = getattr(w, part), getattr(others, part)
         assert found == pytest.approx(wanted, abs=1e-11 * largest, nan_ok=True)
 
 
