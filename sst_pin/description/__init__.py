@@ -7,14 +7,13 @@ so that the three make up body 7 of the paper when the closures hold, and no mov
 massless.
 """
 
-from .cuts import yaml_of
+from .beside_urdf import srdf_of, yaml_of
 from .folder import description_writers
 from .frames import JOINT_NAMES, MOTOR_NAMES, base_orientations, star_orientations
 from .meshes import mesh_writers, meshes_of
-from .mjcf import mjcf_of
+from .mjcf_writer import mjcf_of
 from .paths import MJCF_PATH, PACKAGE_PATH, REPOSITORY_PATH, SRDF_PATH, URDF_PATH, YAML_PATH
-from .srdf import srdf_of
-from .urdf import urdf_of
+from .urdf_writer import urdf_of
 
 __all__ = [
     "JOINT_NAMES",

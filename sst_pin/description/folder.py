@@ -10,15 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..files import Writer, text_writer
-from .cuts import yaml_of
+from .beside_urdf import srdf_of, yaml_of
 from .meshes import mesh_writers
-from .mjcf import mjcf_of
+from .mjcf_writer import mjcf_of
 from .parameters import Parameters
 from .paths import PACKAGE_PATH
 from .readme import readme_of
 from .scene import scene_of
-from .srdf import srdf_of
-from .urdf import urdf_of
+from .urdf_writer import urdf_of
 
 #: What no parameter changes.
 _CONSTANT = ("LICENSE", "package.xml", "CMakeLists.txt")
@@ -30,7 +29,7 @@ def description_writers(
     """Writers of a description's files but its picture, by name, for `files.write_files`.
 
     Args:
-        p: Of the robot.
+        p: Parameters of the robot.
         configurations: Joint coordinates by name, shape (9,).
 
     Raises:

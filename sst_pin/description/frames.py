@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -37,6 +39,38 @@ def star_arcs(parameters: Parameters) -> tuple[RigidBody, ...]:
         RigidBody(star.mass / 3, R @ star.center_of_mass, R @ star.inertia @ R.T / 3)
         for R in star_orientations(parameters)
     )
+
+
+class LegBody(NamedTuple):
+    """A moving body of the tree and the joint that bears it.
+
+    Attributes:
+        name: Name of the body.
+        parent: Name of the body before it.
+        joint: Name of the joint.
+        axis: Axis of the joint in both bodies, as in a file.
+        friction: Viscous [N m s/rad] and Coulomb friction [N m] of the joint.
+        body: Mass properties.
+    """
+
+    name: str
+    parent: str
+    joint: str
+    axis: str
+    friction: tuple[float, float]
+    body: RigidBody
+
+
+def leg_bodies(p: Parameters) -> tuple[tuple[LegBody, ...], ...]:
+    """The three bodies of each leg, from the base on."""
+    friction = iter(zip(p.viscous_friction, p.coulomb_friction, strict=True))
+    legs = []
+    for k, bodies in enumerate(zip(p.links, p.passive_links, star_arcs(p), strict=True), start=1):
+        names = [f"{name}_{k}" for name in ("link", "passive", "star")]
+        joints, axes = JOINT_NAMES[3 * k - 3 : 3 * k], ("0 0 1", "1 0 0", "0 0 1")
+        rows = zip(names, ["base", *names], joints, axes, friction, bodies, strict=False)
+        legs.append(tuple(LegBody(*row) for row in rows))
+    return tuple(legs)
 
 
 def _rot_x(angle: float) -> Array:

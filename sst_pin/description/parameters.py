@@ -46,19 +46,30 @@ def _number(value: float, name: str) -> float:
     return float(array)
 
 
-def _same(a: Any, b: Any) -> bool:
-    """Equality of two values of one dataclass, arrays entry by entry."""
-    if type(a) is not type(b):
-        return False
-    pairs = ((getattr(a, f.name), getattr(b, f.name)) for f in fields(a))
-    return all(
-        np.array_equal(x, y) if isinstance(x, np.ndarray) else bool(x == y) for x, y in pairs
-    )
+class _Values:
+    """Equality, hash and text of a dataclass with arrays."""
 
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, _Values) or type(self) is not type(other):
+            return False
+        return self._values() == other._values()
 
-def _hash(a: Any) -> int:
-    values = (getattr(a, f.name) for f in fields(a))
-    return hash(tuple(x.tobytes() if isinstance(x, np.ndarray) else x for x in values))
+    def __hash__(self) -> int:
+        return hash(self._values())
+
+    def __repr__(self) -> str:
+        return as_text(*self._summary())
+
+    def _repr_html_(self) -> str:
+        return as_html(*self._summary())
+
+    def _values(self) -> tuple[Any, ...]:
+        values = (getattr(self, field.name) for field in fields(self))  # type: ignore[arg-type]
+        return tuple((x.shape, x.tobytes()) if isinstance(x, np.ndarray) else x for x in values)
+
+    def _summary(self) -> tuple[str, list[tuple[str, str]]]:
+        """What it is, and a row for each of its parts."""
+        raise NotImplementedError
 
 
 def _shape_problems(name: str, array: Array, shape: tuple[int, ...]) -> list[str]:
@@ -70,7 +81,7 @@ def _shape_problems(name: str, array: Array, shape: tuple[int, ...]) -> list[str
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
-class RigidBody:
+class RigidBody(_Values):
     """Mass properties of one body, in a frame fixed to it.
 
     Attributes:
@@ -91,18 +102,6 @@ class RigidBody:
         object.__setattr__(self, "mass", _number(mass, "mass"))
         object.__setattr__(self, "center_of_mass", _frozen(center_of_mass, "center_of_mass"))
         object.__setattr__(self, "inertia", _frozen(inertia, "inertia"))
-
-    def __eq__(self, other: object) -> bool:
-        return _same(self, other)
-
-    def __hash__(self) -> int:
-        return _hash(self)
-
-    def __repr__(self) -> str:
-        return as_text(*self._summary())
-
-    def _repr_html_(self) -> str:
-        return as_html(*self._summary())
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
         inertia = ", ".join(_numbers(row) for row in self.inertia)
@@ -175,7 +174,7 @@ PAPER_STAR = RigidBody(2.6, (0.8 / np.pi, 0, 0), np.diag((0.224, 0.224, 0.150)))
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
-class Parameters:
+class Parameters(_Values):
     """An SST: base triangle, arcs of the star, bodies, friction and gravity.
 
     Attributes:
@@ -249,20 +248,7 @@ class Parameters:
         v = self.base_directions
         put("base_directions", _frozen(v / np.linalg.norm(v, axis=1)[:, None], "base_directions"))
 
-    def __eq__(self, other: object) -> bool:
-        return _same(self, other)
-
-    def __hash__(self) -> int:
-        return _hash(self)
-
-    def __repr__(self) -> str:
-        return as_text(*self._summary())
-
-    def _repr_html_(self) -> str:
-        return as_html(*self._summary())
-
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
-        """What it is, and a row for each of its parts."""
         angles = _numbers(np.degrees(self.arc_angles))
         directions = ", ".join(_numbers(v) for v in self.base_directions)
         return "Parameters of an SST", [
@@ -282,7 +268,7 @@ class Parameters:
         ]
 
     def with_payload(self, mass: float, at: ArrayLike = (0, 0, 0)) -> Parameters:
-        """The same robot with a point mass fixed to the star.
+        """The robot with a point mass fixed to the star.
 
         Args:
             mass: Mass of the payload, [kg].

@@ -11,7 +11,7 @@ from ..errors import ClosureError, DescriptionError, InputError
 from ..files import as_path, beside
 from ..reading import Urdf, is_mjcf
 from ..reading.problems import Problem, error
-from . import inertia, loops, meshes
+from . import inertia, mesh_files, whole_robot
 
 __all__ = ["Problem", "examine", "validate"]
 
@@ -62,24 +62,24 @@ def examine(path: str | Path, cuts: str | Path | None = None) -> Examined:
     if isinstance(path, (str, Path)) and is_mjcf(Path(path)):
         if cuts is not None:
             raise InputError("cuts", "an MJCF contains its closures and motors")
-        return _examined(*loops.check_mjcf(as_path(path)), Path(path))
+        return _examined(*whole_robot.check_mjcf(as_path(path)), Path(path))
     try:
         urdf = Urdf.read(path)
     except DescriptionError as caught:
         told = [problem.removeprefix("not a URDF: ") for problem in caught.problems]
         return Examined([error("file", problem) for problem in told])
     path, problems = Path(path), list(urdf.problems)
-    robot: loops.Robot = None
+    robot: whole_robot.Robot = None
     if not any(problem.severity == "error" for problem in problems):  # Pinocchio needs a tree
         own = beside(path, ".yaml")
         cuts = as_path(cuts) if cuts is not None else own if own.is_file() else None
-        found, robot = loops.check(urdf, cuts)
+        found, robot = whole_robot.check(urdf, cuts)
         problems += found
-    problems += [*inertia.check(urdf.root), *meshes.check(urdf.root, path.parent)]
+    problems += [*inertia.check(urdf.root), *mesh_files.check(urdf.root, path.parent)]
     return _examined(problems, robot, path)
 
 
-def _examined(problems: list[Problem], robot: loops.Robot, path: Path) -> Examined:
+def _examined(problems: list[Problem], robot: whole_robot.Robot, path: Path) -> Examined:
     problems = sorted(problems, key=lambda problem: problem.severity)
     if robot is None or any(problem.severity == "error" for problem in problems):
         return Examined(problems)

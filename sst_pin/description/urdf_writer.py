@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .colours import COLOURS, PART_COLOURS
-from .frames import base_orientations, star_arcs, star_orientations
+from .frames import LegBody, base_orientations, leg_bodies, star_orientations
 from .parameters import Parameters
 from .parts import parts_of
 from .solids import Ball, Box, Cylinder, Solid, axes_along, primitives
@@ -46,26 +46,13 @@ def urdf_of(p: Parameters) -> str:
     base = _frame(robot, "base", "world")
     parts, R_0, R_E = parts_of(p), base_orientations(p), star_orientations(p)
     _add_shapes(base, parts)
-    friction = list(zip(p.viscous_friction, p.coulomb_friction, strict=True))
-    for k, (link, passive, arc) in enumerate(
-        zip(p.links, p.passive_links, star_arcs(p), strict=True)
-    ):
-        leg = k + 1
-        robot.append(ET.Comment(f" leg {leg} "))
-        _joint(robot, f"gamma_{leg}", "base", f"link_{leg}", "0 0 1", friction[3 * k], R_0[k])
-        element = ET.SubElement(robot, "link", name=f"link_{leg}")
-        _inertial(element, link.mass, link.center_of_mass, link.inertia)
-        _add_shapes(element, parts)
-
-        _joint(robot, f"mu_{leg}", f"link_{leg}", f"passive_{leg}", "1 0 0", friction[3 * k + 1])
-        element = ET.SubElement(robot, "link", name=f"passive_{leg}")
-        _inertial(element, passive.mass, passive.center_of_mass, passive.inertia)
-        _add_shapes(element, parts)
-
-        _joint(robot, f"beta_{leg}", f"passive_{leg}", f"star_{leg}", "0 0 1", friction[3 * k + 2])
-        element = ET.SubElement(robot, "link", name=f"star_{leg}")
-        _inertial(element, arc.mass, arc.center_of_mass, arc.inertia)
-        _add_shapes(element, parts)
+    for k, leg in enumerate(leg_bodies(p)):
+        robot.append(ET.Comment(f" leg {k + 1} "))
+        for each in leg:
+            _joint(robot, each, R_0[k] if each.parent == "base" else None)
+            element = ET.SubElement(robot, "link", name=each.name)
+            _inertial(element, each.body.mass, each.body.center_of_mass, each.body.inertia)
+            _add_shapes(element, parts)
     robot.append(ET.Comment(" frames of the cuts: {E} as each arc of the star sees it "))
     for loop, k in ((1, 1), (2, 2)):
         _frame(robot, f"closedloop{loop}_A", "star_1", R=R_E[0])
@@ -78,8 +65,9 @@ def urdf_of(p: Parameters) -> str:
     return '<?xml version="1.0"?>\n' + ET.tostring(robot, encoding="unicode") + "\n"
 
 
-def _numbers(values: Iterable[float]) -> str:
-    return " ".join(repr(float(x) + 0.0) for x in values)  # repr: the parser gets every bit back
+def numbers(values: Iterable[float]) -> str:
+    """Numbers of a file, from which every bit can be read back."""
+    return " ".join(repr(float(x) + 0.0) for x in values)
 
 
 def _rpy(R: Array) -> Array:
@@ -94,15 +82,15 @@ def _rpy(R: Array) -> Array:
 
 def _origin(parent: ET.Element, xyz: Iterable[float] = (0, 0, 0), R: Array | None = None) -> None:
     rpy = np.zeros(3) if R is None else _rpy(R)
-    ET.SubElement(parent, "origin", xyz=_numbers(xyz), rpy=_numbers(rpy))
+    ET.SubElement(parent, "origin", xyz=numbers(xyz), rpy=numbers(rpy))
 
 
 def _inertial(link: ET.Element, mass: float, xyz: Array, inertia: Array) -> None:
     inertial = ET.SubElement(link, "inertial")
     _origin(inertial, xyz)
-    ET.SubElement(inertial, "mass", value=_numbers([mass]))
+    ET.SubElement(inertial, "mass", value=numbers([mass]))
     entries = {
-        f"i{'xyz'[i]}{'xyz'[j]}": _numbers([inertia[i, j]]) for i in range(3) for j in range(i, 3)
+        f"i{'xyz'[i]}{'xyz'[j]}": numbers([inertia[i, j]]) for i in range(3) for j in range(i, 3)
     }
     ET.SubElement(inertial, "inertia", entries)
 
@@ -139,28 +127,20 @@ def _collision(link: ET.Element, primitive: Box | Cylinder | Ball) -> None:
     collision = ET.SubElement(link, "collision")
     # Nothing is computed from these: six digits do. A zero must not be -1e-17: that is -pi.
     rpy = _rpy(R.round(12) + 0.0).round(6)
-    ET.SubElement(collision, "origin", xyz=_numbers(center.round(6)), rpy=_numbers(rpy))
-    rounded = {name: _numbers(np.atleast_1d(size).round(6)) for name, size in sizes.items()}
+    ET.SubElement(collision, "origin", xyz=numbers(center.round(6)), rpy=numbers(rpy))
+    rounded = {name: numbers(np.atleast_1d(size).round(6)) for name, size in sizes.items()}
     ET.SubElement(ET.SubElement(collision, "geometry"), kind, rounded)
 
 
-def _joint(
-    robot: ET.Element,
-    name: str,
-    parent: str,
-    child: str,
-    axis: str,
-    friction: tuple[float, float],
-    R: Array | None = None,
-) -> None:
-    joint = ET.SubElement(robot, "joint", name=name, type="revolute")
+def _joint(robot: ET.Element, given: LegBody, R: Array | None) -> None:
+    joint = ET.SubElement(robot, "joint", name=given.joint, type="revolute")
     _origin(joint, R=R)
-    ET.SubElement(joint, "parent", link=parent)
-    ET.SubElement(joint, "child", link=child)
-    ET.SubElement(joint, "axis", xyz=axis)
+    ET.SubElement(joint, "parent", link=given.parent)
+    ET.SubElement(joint, "child", link=given.name)
+    ET.SubElement(joint, "axis", xyz=given.axis)
     ET.SubElement(joint, "limit", _LIMIT)
-    damping, dry = friction
-    ET.SubElement(joint, "dynamics", damping=_numbers([damping]), friction=_numbers([dry]))
+    damping, dry = (numbers([x]) for x in given.friction)
+    ET.SubElement(joint, "dynamics", damping=damping, friction=dry)
 
 
 def _frame(

@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .colours import COLOURS, PART_COLOURS
-from .frames import MOTOR_NAMES, base_orientations, star_arcs, star_orientations
+from .frames import MOTOR_NAMES, base_orientations, leg_bodies, star_orientations
 from .parameters import Parameters, RigidBody
 from .parts import parts_of
 from .solids import Ball, Box, Cylinder, Solid, primitives
+from .urdf_writer import numbers
 
 Array = NDArray[np.float64]
 
@@ -39,13 +40,13 @@ def mjcf_of(p: Parameters, configurations: Mapping[str, Array]) -> str:
     """XML of an SST: tree, loop closures, motors, sensors and keyframes.
 
     Args:
-        p: Of the robot.
+        p: Parameters of the robot.
         configurations: Joint coordinates of the keyframes by name, shape (9,).
     """
     robot = ET.Element("mujoco", model="sst")
     robot.append(ET.Comment(_HEADER))
     ET.SubElement(robot, "compiler", angle="radian", autolimits="true")
-    ET.SubElement(robot, "option", _OPTION, gravity=_numbers(p.gravity))
+    ET.SubElement(robot, "option", _OPTION, gravity=numbers(p.gravity))
     _defaults(ET.SubElement(robot, "default"))
     parts, asset = parts_of(p), ET.SubElement(robot, "asset")
     for name, rgba in COLOURS.items():
@@ -62,13 +63,13 @@ def mjcf_of(p: Parameters, configurations: Mapping[str, Array]) -> str:
     _sensors(ET.SubElement(robot, "sensor"))
     keyframe = ET.SubElement(robot, "keyframe")
     for name, q in configurations.items():
-        ET.SubElement(keyframe, "key", name=name, qpos=_numbers(q))
+        ET.SubElement(keyframe, "key", name=name, qpos=numbers(q))
     ET.indent(robot)
     return ET.tostring(robot, encoding="unicode") + "\n"
 
 
 def _defaults(default: ET.Element) -> None:
-    ET.SubElement(default, "joint", type="hinge", range=_numbers((-2 * np.pi, 2 * np.pi)))
+    ET.SubElement(default, "joint", type="hinge", range=numbers((-2 * np.pi, 2 * np.pi)))
     ET.SubElement(default, "motor", ctrlrange="-1000 1000")
     ET.SubElement(default, "equality", _WELD)
     for name, geom in _GEOMS.items():
@@ -80,19 +81,16 @@ def _tree(world: ET.Element, p: Parameters, parts: Mapping[str, Sequence[Solid]]
     base = ET.SubElement(world, "body", name="base")
     _add_shapes(base, parts)
     for k, v in enumerate(p.base_directions, start=1):
-        ET.SubElement(base, "site", name=f"P_{k}", pos=_numbers(p.base_radius * v))
-    friction = iter(zip(p.viscous_friction, p.coulomb_friction, strict=True))
-    bodies = zip(p.links, p.passive_links, star_arcs(p), strict=True)
-    for k, chain in enumerate(bodies, start=1):
+        ET.SubElement(base, "site", name=f"P_{k}", pos=numbers(p.base_radius * v))
+    for k, leg in enumerate(leg_bodies(p), start=1):
         element = base
-        names = (("link", "gamma", "0 0 1"), ("passive", "mu", "1 0 0"), ("star", "beta", "0 0 1"))
-        for (name, joint, axis), body in zip(names, chain, strict=True):
-            element = ET.SubElement(element, "body", name=f"{name}_{k}")
-            if name == "link":
+        for name, parent, joint, axis, friction, body in leg:
+            element = ET.SubElement(element, "body", name=name)
+            if parent == "base":
                 element.set("quat", _quaternion(R_0[k - 1]))
-            damping, dry = (_numbers([x]) for x in next(friction))
+            damping, dry = (numbers([x]) for x in friction)
             hinge = {"axis": axis, "damping": damping, "frictionloss": dry}
-            ET.SubElement(element, "joint", {"name": f"{joint}_{k}"} | hinge)
+            ET.SubElement(element, "joint", {"name": joint} | hinge)
             _inertial(element, body)
             _add_shapes(element, parts)
         # {E} as this arc of the star sees it, and the point E
@@ -100,16 +98,16 @@ def _tree(world: ET.Element, p: Parameters, parts: Mapping[str, Sequence[Solid]]
         for end in ("closedloop1_A", "closedloop2_A") if k == 1 else (f"closedloop{k - 1}_B",):
             ET.SubElement(element, "site", name=end, quat=E)
         if k == 1:
-            ET.SubElement(element, "site", name="E", pos=_numbers((p.star_radius, 0, 0)), quat=E)
+            ET.SubElement(element, "site", name="E", pos=numbers((p.star_radius, 0, 0)), quat=E)
 
 
 def _inertial(body: ET.Element, given: RigidBody) -> None:
     ET.SubElement(
         body,
         "inertial",
-        pos=_numbers(given.center_of_mass),
-        mass=_numbers([given.mass]),
-        fullinertia=_numbers(given.inertia[(0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)]),
+        pos=numbers(given.center_of_mass),
+        mass=numbers([given.mass]),
+        fullinertia=numbers(given.inertia[(0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)]),
     )
 
 
@@ -122,19 +120,13 @@ def _add_shapes(body: ET.Element, parts: Mapping[str, Sequence[Solid]]) -> None:
 
 
 def _collision(primitive: Box | Cylinder | Ball) -> dict[str, str]:
-    # As in the URDF, six digits.
+    # Nothing is computed from these: six digits do.
     if isinstance(primitive, Ball):
-        return {
-            "type": "sphere",
-            "pos": _six(primitive.center),
-            "size": _six([primitive.radius]),
-        }
+        sizes = {"pos": _six(primitive.center), "size": _six([primitive.radius])}
+        return {"type": "sphere"} | sizes
     if isinstance(primitive, Cylinder):
-        return {
-            "type": "cylinder",
-            "fromto": _six((*primitive.start, *primitive.end)),
-            "size": _six([primitive.radius]),
-        }
+        ends = _six((*primitive.start, *primitive.end))
+        return {"type": "cylinder", "fromto": ends, "size": _six([primitive.radius])}
     return {
         "type": "box",
         "pos": _six(primitive.center),
@@ -153,16 +145,12 @@ def _sensors(sensor: ET.Element) -> None:
         ET.SubElement(sensor, kind, name=f"star_{what}", objtype="site", objname="E")
 
 
-def _numbers(values: Iterable[float]) -> str:
-    return " ".join(repr(float(x) + 0.0) for x in values)
-
-
 def _six(values: Iterable[float]) -> str:
-    return _numbers(round(float(x), 6) for x in values)
+    return numbers(round(float(x), 6) for x in values)
 
 
 def _quaternion(R: Array) -> str:
     from scipy.spatial.transform import Rotation
 
     # As with rpy, without the digit that is the machine's own.
-    return _numbers(Rotation.from_matrix(R).as_quat(canonical=True)[[3, 0, 1, 2]].round(15))
+    return numbers(Rotation.from_matrix(R).as_quat(canonical=True)[[3, 0, 1, 2]].round(15))
