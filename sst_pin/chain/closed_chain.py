@@ -1247,12 +1247,12 @@ class ClosedChain:
         """A robot from a URDF and a YAML file, the "extended URDF" of LAAS.
 
         The YAML lists closures (`closed_loop`, pairs of frames, each with its `type`), motors
-        (`name_mot`) and, if needed, `gravity` and joints of the types "FIXED", "SPHERICAL" or
-        "UJOINT_XY" (`joint_name`, `joint_type`). If the YAML has no closures, the frames
-        `closing_NAME_1` and `closing_NAME_2` of the URDF become point closures. Without them and
-        without a YAML the robot is an open tree with a motor at each joint. Mimic joints are
-        coupled to the joints that they follow. An SRDF beside the URDF defines named
-        configurations, such as `home`.
+        (`name_mot`) and, if needed, forces along lines (`line_force`), `gravity` and joints of the
+        types "FIXED", "SPHERICAL" or "UJOINT_XY" (`joint_name`, `joint_type`). If the YAML has no
+        closures, the frames `closing_NAME_1` and `closing_NAME_2` of the URDF become point
+        closures. Without them and without a YAML the robot is an open tree with a motor at each
+        joint. Mimic joints are coupled to the joints that they follow. An SRDF beside the URDF
+        defines named configurations, such as `home`.
 
         Args:
             path: The URDF; its meshes are not needed.
@@ -1287,12 +1287,13 @@ class ClosedChain:
         """A robot from a MuJoCo file; its equalities close the loops.
 
         MuJoCo compiles the file. The reader uses `connect`, `weld`, `joint` and `tendon`
-        equalities, and springs, dampers, friction losses and armatures of the joints. The motors
-        are the joints and the fixed tendons with an actuator; tau is the force in the joint or the
-        tendon, for a `motor` gear times control. The positions of hinges and slides are those of
-        `qpos`. For balls and free joints, the scalar of a quaternion in q is last, and the linear
-        rates in v are in body axes. Named keyframes become `referenceConfigurations` of the model,
-        such as `home`.
+        equalities, and springs, dampers, friction losses and armatures of the joints. Spatial
+        tendons between two sites with a spring, a damper or an actuator become `forces`; their
+        limits are ignored. The motors are the joints and tendons with an actuator; tau is the force
+        in the joint or the tendon, for a `motor` gear times control. The positions of hinges and
+        slides are those of `qpos`. For balls and free joints, the scalar of a quaternion in q is
+        last, and the linear rates in v are in body axes. Named keyframes become
+        `referenceConfigurations` of the model, such as `home`.
 
         Args:
             path: The MJCF.
@@ -1305,6 +1306,9 @@ class ClosedChain:
             MissingExtraError: Without MuJoCo, `sst-pin[mjcf]`.
             DescriptionError: If the file cannot be used; the message lists all problems.
             UnknownNameError: For a name in `locked` that is not a joint.
+
+        Warns:
+            DescriptionWarning: When a spatial tendon has limits.
 
         Example:
             >>> sst_pin.ClosedChain.from_mjcf(sst_pin.MJCF_PATH).motor_names
@@ -1324,6 +1328,7 @@ class ClosedChain:
                 found.actuated,
                 stiffness=found.stiffness,
                 spring_reference=found.spring_reference,
+                forces=found.forces,
             )
         except SSTError as error:
             error.name_file(found.source)

@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from ..arrays import names
 from ..chain.closures import Closure, Constraint, Coupling, Distance, Rolling
 from ..chain.draft import Motor, without_locked
-from ..errors import DescriptionError, DescriptionWarning
+from ..chain.lines import LineForce
+from ..errors import DescriptionError, DescriptionWarning, InputError
 from ..files import beside
 from . import inertias
 from .described import Described, naming
@@ -31,7 +32,8 @@ from .urdf import KINDS, Urdf, closing_frames
 Array = NDArray[np.float64]
 
 _EARTH = np.array([0, 0, -9.81])
-_KEYS = ("closed_loop", "type", "name_mot", "gravity", "joint_name", "joint_type")
+_KEYS = ("closed_loop", "type", "name_mot", "line_force", "gravity", "joint_name", "joint_type")
+_OF_LINES = ("stiffness", "rest_length", "damping", "preload")
 _WITH_LENGTH = {"distance": Distance, "rolling": Rolling}
 #: Of a YAML; that of a robot with 400 joints has a tenth.
 _LONGEST = 200_000
@@ -45,10 +47,11 @@ class Cuts(NamedTuple):
 
     Attributes:
         closures: What closes the loops; by default frames `closing_NAME_1`, `closing_NAME_2`.
-        actuated: Names of the motors' joints.
+        actuated: Names of the motors: joints and lines.
         gravity: Acceleration of gravity in base axes, shape (3,), [m/s^2].
         joints: What joints are in truth, by name; see `Urdf.tree`.
         source: The YAML, for messages; empty without one.
+        forces: Along lines.
     """
 
     closures: tuple[Constraint, ...]
@@ -56,6 +59,7 @@ class Cuts(NamedTuple):
     gravity: Array
     joints: dict[str, str]
     source: str = ""
+    forces: tuple[LineForce, ...] = ()
 
 
 def read_urdf(
@@ -125,7 +129,7 @@ def closed(urdf: Urdf, cuts: Cuts) -> Described:
     model.gravity.linear = cuts.gravity
     closures = (*(cuts.closures or closing_frames(model)), *urdf.mimics)
     source = f"{urdf.source} with {cuts.source}" if cuts.source else urdf.source
-    return Described(source, model, closures, cuts.actuated, urdf.shapes)
+    return Described(source, model, closures, cuts.actuated, urdf.shapes, forces=cuts.forces)
 
 
 def _held(closures: Sequence[Constraint], locked: set[str], source: str) -> Iterator[Constraint]:
@@ -151,6 +155,7 @@ def parse_cuts(text: str, source: str) -> Cuts:
         text: The YAML with the key `name_mot`; `closed_loop` and `type`, `joint_name` and
             `joint_type` may be missing, and `gravity`, which is then (0, 0, -9.81). A type is a
             kind of `Closure`, or "distance" or "rolling" with a length, as "distance 0.3".
+            `line_force` lists mappings of two `frames` and what else a `LineForce` has.
         source: What error messages call it.
 
     Raises:
@@ -190,6 +195,7 @@ def parse_cuts(text: str, source: str) -> Cuts:
             else:
                 known = ", ".join([*Closure.KINDS, *(f"{word} LENGTH" for word in _WITH_LENGTH)])
                 problems.append(f"type: {kind!r} unknown; known: {known}")
+    forces = [_line(each, problems) for each in items("line_force", [])]
     gravity = _vector(content["gravity"]) if "gravity" in content else _EARTH
     if gravity is None:
         text = f"{_shown(content['gravity'])} is not a list of three numbers"
@@ -203,9 +209,34 @@ def parse_cuts(text: str, source: str) -> Cuts:
     problems += [f"joint_type: {kind!r} unknown; known: {', '.join(KINDS)}" for kind in unknown]
     if problems or gravity is None:
         raise DescriptionError(source, problems)
-    return Cuts(
-        tuple(closures), tuple(motors), gravity, dict(zip(named, types, strict=True)), source
-    )
+    joints, lines = dict(zip(named, types, strict=True)), tuple(filter(None, forces))
+    return Cuts(tuple(closures), tuple(motors), gravity, joints, source, lines)
+
+
+def _line(given: Any, problems: list[str]) -> LineForce | None:
+    """A force along a line; its problems go to the others."""
+    keys = ("name", "frames", *_OF_LINES)
+    frames = given.get("frames") if isinstance(given, dict) else None
+    if not (isinstance(frames, list) and len(frames) == 2 and all(map(_is_name, frames))):
+        problems.append(f"line_force: {_shown(given)} has no pair of frames")
+        return None
+    own = [f"{key} unknown; known: {', '.join(keys)}" for key in given if key not in keys]
+    values: dict[str, Any] = {key: _scalar(given[key]) for key in _OF_LINES if key in given}
+    own += [f"{key} {_shown(given[key])} is not a number" for key, x in values.items() if x is None]
+    if not _is_name(name := given.get("name", "-".join(frames))):
+        own.append(f"name {_shown(name)} is not a name")
+    if not own:
+        try:
+            return LineForce(*frames, name=name, **values)
+        except InputError as error:
+            own.append(str(error))
+    problems += [f"line_force {_shown(frames)}: {text}" for text in own]
+    return None
+
+
+def _scalar(value: Any) -> float | None:
+    found = numbers(value, 1) if _is_name(value) else None
+    return None if found is None else float(found[0])
 
 
 def _content(text: str, source: str) -> dict[str, Any]:
@@ -243,5 +274,5 @@ def _is_name(value: Any) -> bool:
 
 def _vector(value: Any) -> Array | None:
     words = value if isinstance(value, list) and all(map(_is_name, value)) else []
-    one = all(numbers(word, 1) is not None for word in words)
+    one = all(_scalar(word) is not None for word in words)
     return numbers(" ".join(words), 3) if one else None

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..chain.closures import Constraint
 from ..chain.draft import Motor
+from ..chain.lines import LineForce
 from ..errors import SSTError
 from .srdf import Srdf
 
@@ -26,11 +27,12 @@ class Described(NamedTuple):
         source: The files, for messages.
         model: The tree, with gravity and the named configurations as `referenceConfigurations`.
         closures: What closes the loops.
-        actuated: The motors: joints, and tendons as the share of each joint.
+        actuated: The motors: joints, lines, and fixed tendons as the share of each joint.
         shapes: Function from a tree to the shapes of its bodies.
         stiffness: Of the joints' springs, shape (nv,); None without springs.
         spring_reference: Where they are at rest, shape (nq,).
         srdf: What stands beside a URDF.
+        forces: Along lines.
     """
 
     source: str
@@ -41,6 +43,7 @@ class Described(NamedTuple):
     stiffness: Array | None = None
     spring_reference: Array | None = None
     srdf: Srdf | None = None
+    forces: tuple[LineForce, ...] = ()
 
 
 @contextmanager

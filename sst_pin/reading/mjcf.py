@@ -10,6 +10,7 @@ body axes in both.
 
 from __future__ import annotations
 
+import warnings
 import xml.etree.ElementTree as ET
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -25,7 +26,8 @@ from numpy.typing import NDArray
 from ..arrays import names
 from ..chain.closures import Closure, Constraint, Coupling
 from ..chain.draft import Motor
-from ..errors import DescriptionError, MissingExtraError, UnknownNameError
+from ..chain.lines import LineForce
+from ..errors import DescriptionError, DescriptionWarning, MissingExtraError, UnknownNameError
 from ..files import as_path
 from .described import Described, naming
 from .shapes import MjcfShapes, pose_of
@@ -105,6 +107,7 @@ class _Reader:
         self._add_sites()
         closures = tuple(self._closures())
         motors = tuple(self._motors()) if actuated is None else actuated
+        lines = tuple(self._lines(motors))
         self._add_body_frames()
         self._problems += list(self._forces()) or self._unread_forces()
         if self._problems:
@@ -133,7 +136,8 @@ class _Reader:
                 model.referenceConfigurations[name] = pin.normalize(model, q)
         stiffness = mj.jnt_stiffness[joints] * (not self._disabled("spring"))
         shapes, rest = MjcfShapes(mj, self._bodies), np.array(self._rest)
-        return Described(self._source, model, closures, motors, shapes, stiffness, rest)
+        found = self._source, model, closures, motors, shapes, stiffness, rest
+        return Described(*found, forces=lines)
 
     def _disabled(self, flag: str) -> bool:
         """Whether a flag of the options is "disable"; not every MuJoCo has every flag."""
@@ -318,12 +322,64 @@ class _Reader:
         mj = self._mj
         if tendon < 0:
             return _Length({}, 0.0)
-        wraps = range(mj.tendon_adr[tendon], mj.tendon_adr[tendon] + mj.tendon_num[tendon])
-        if any(mj.wrap_type[k] != int(self._mujoco.mjtWrap.mjWRAP_JOINT) for k in wraps):
-            name = mj.tendon(tendon).name or f"tendon_{tendon}"
-            self._problems.append(f"{name}: a spatial tendon; only fixed tendons are supported")
+        if self._is_spatial(tendon):
+            text = "a spatial tendon in an equality; only fixed tendons are supported there"
+            self._problems.append(f"{self._tendon(tendon)}: {text}")
             return _Length({}, 0.0)
+        wraps = self._wraps(tendon)
         return self._unlocked({mj.wrap_objid[k]: mj.wrap_prm[k] for k in wraps})
+
+    def _tendon(self, tendon: int) -> str:
+        return self._mj.tendon(tendon).name or f"tendon_{tendon}"
+
+    def _wraps(self, tendon: int) -> range:
+        """Indices of what a tendon runs through."""
+        first = self._mj.tendon_adr[tendon]
+        return range(first, first + self._mj.tendon_num[tendon])
+
+    def _is_spatial(self, tendon: int) -> bool:
+        kinds = self._mj.wrap_type[self._wraps(tendon)]
+        return bool((kinds != int(self._mujoco.mjtWrap.mjWRAP_JOINT)).any())
+
+    def _lines(self, motors: Sequence[Motor]) -> Iterator[LineForce]:
+        """Spatial tendons with a spring or a damper, and those that are motors."""
+        mj, driven = self._mj, {name for motor in motors for name in self._named(motor)}
+        for tendon in filter(self._is_spatial, range(mj.ntendon)):
+            name = self._tendon(tendon)
+            stiffness = mj.tendon_stiffness[tendon] * (not self._disabled("spring"))
+            damping = mj.tendon_damping[tendon] * (not self._disabled("damper"))
+            if mj.tendon_limited[tendon] and not self._disabled("limit"):
+                text = f"{self._source}: tendon {name}: its limits are ignored"
+                warnings.warn(text, DescriptionWarning, stacklevel=5)
+            if not (stiffness or damping or name in driven):
+                continue
+            shortest, longest = mj.tendon_lengthspring[tendon]
+            if problem := self._no_line(tendon):
+                self._problems.append(f"tendon {name}: {problem}")
+            elif stiffness and shortest != longest:
+                text = "a springlength with a dead band is not supported; give one number"
+                self._problems.append(f"tendon {name}: {text}")
+            else:
+                ends = (self._site(mj.wrap_objid[k]) for k in self._wraps(tendon))
+                rest = shortest if stiffness else 0.0
+                with naming(self._source):
+                    yield LineForce(
+                        *ends, stiffness=stiffness, rest_length=rest, damping=damping, name=name
+                    )
+
+    def _no_line(self, tendon: int) -> str:
+        """Why a spatial tendon is not a line between two sites."""
+        kinds = self._mj.wrap_type[self._wraps(tendon)]
+        if (kinds != int(self._mujoco.mjtWrap.mjWRAP_SITE)).any():
+            return "a tendon with pulleys or around geoms is not supported"
+        if len(kinds) != 2:
+            return f"a tendon through {len(kinds)} sites is not supported; two are"
+        joints = (self._name(j) for j in range(self._mj.njnt))
+        return "a joint has this name too; rename one" * (self._tendon(tendon) in joints)
+
+    @staticmethod
+    def _named(motor: Motor) -> list[str]:
+        return [motor] if isinstance(motor, str) else list(motor)
 
     def _unlocked(self, shares: Mapping[int, float]) -> _Length:
         """Shares of joints by name, and what they add up to with all joints at their reference."""
@@ -372,7 +428,7 @@ class _Reader:
             tendon = acts_on == trn.mjTRN_TENDON
             if not tendon and acts_on not in (trn.mjTRN_JOINT, trn.mjTRN_JOINTINPARENT):
                 what = acts_on.name.removeprefix("mjTRN_").lower()
-                text = "not on a joint or a fixed tendon"
+                text = "not on a joint or a tendon"
                 self._problems.append(f"{name}: an actuator on a {what}, {text}")
             elif (
                 (tendon, index) in seen
@@ -385,6 +441,11 @@ class _Reader:
                 self._problems.append(f"{name}: an actuator on a ball or a free joint; {text}")
             elif not mj.actuator_gear[i, 0]:
                 self._problems.append(f"{name}: its gear is 0, so it moves nothing")
+            elif tendon and self._is_spatial(index):
+                sites = self._mj.wrap_objid[self._wraps(index)]
+                bearers = {self._bodies[body][0] for body in mj.site_bodyid[sites]}
+                if len(bearers) > 1 or self._no_line(index):
+                    yield self._tendon(index)
             elif tendon:
                 if shares := self._tendon_length(index).shares:
                     yield shares
@@ -407,7 +468,10 @@ class _Reader:
         for field, (what, flag) in _FORCES.items():
             if self._disabled(flag):
                 continue
-            if np.any(getattr(mj, field, 0)):  # not every MuJoCo has every field
+            values = np.asarray(getattr(mj, field, 0))  # not every MuJoCo has every field
+            if field in _OF_LINES:
+                values = values[[not self._is_spatial(tendon) for tendon in range(mj.ntendon)]]
+            if values.any():
                 yield f"{what} is not supported"
         if mj.opt.density or mj.opt.viscosity:
             yield "a medium (density, viscosity, wind) is not supported"
@@ -419,6 +483,7 @@ class _Reader:
         """Joints on which MuJoCo's passive forces are not those of their springs and dampers."""
         mj, mujoco = copy(self._mj), self._mujoco
         mj.jnt_stiffness[:], mj.dof_damping[:] = 0, 0
+        mj.tendon_stiffness[:], mj.tendon_damping[:] = 0, 0
         mj.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
         data, random = mujoco.MjData(mj), np.random.default_rng(0)
         moving, acting = np.isin(np.arange(mj.nv), self._dofs), np.zeros(mj.nv, dtype=bool)
@@ -474,8 +539,8 @@ _FORCES = {
     "tendon_springyield": ("the yield of a tendon's spring", "spring"),
     "dof_dampingpoly": ("the polynomial of a damper", "damper"),
     "body_gravcomp": ("compensation of gravity", "gravity"),
-    "tendon_stiffness": ("the stiffness of a tendon", "spring"),
-    "tendon_damping": ("the damping of a tendon", "damper"),
+    "tendon_stiffness": ("the stiffness of a fixed tendon", "spring"),
+    "tendon_damping": ("the damping of a fixed tendon", "damper"),
     "tendon_frictionloss": ("the friction of a tendon", "frictionloss"),
     "tendon_armature": ("the armature of a tendon", ""),
     "tendon_stiffnesspoly": ("the polynomial of a tendon's spring", "spring"),
@@ -488,6 +553,8 @@ _FORCES = {
     "actuator_damping": ("the damping of an actuator", ""),
     "actuator_armature": ("the armature of an actuator", ""),
 }
+#: Those that spatial tendons may have.
+_OF_LINES = ("tendon_stiffness", "tendon_damping")
 #: Numbers that come over, by what they belong to.
 _NUMBERS = {
     "body": ("pos", "quat", "ipos", "iquat", "mass", "inertia"),

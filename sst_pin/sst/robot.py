@@ -176,7 +176,8 @@ class SST(ClosedChain):
             raise DescriptionError(
                 found.source, [f"name_mot: {list(found.actuated)}, an SST has {wanted}"]
             )
-        super().__init__(found.model, found.closures, MOTOR_NAMES, coordinates=MOTOR_NAMES)
+        what = found.model, found.closures, MOTOR_NAMES
+        super().__init__(*what, coordinates=MOTOR_NAMES, forces=found.forces)
         off = "" if kernels else "switched off by kernels=False"
         self._current = Current(self._current.mechanism, partial(_kernels, off=off))
         self._shapes = found.shapes

@@ -75,6 +75,7 @@ def _moving(robot: reading.Described) -> tuple[list[Problem], Robot]:
             robot.actuated,
             stiffness=robot.stiffness,
             spring_reference=robot.spring_reference,
+            forces=robot.forces,
         )
     except SSTError as caught:
         where = "actuation" if isinstance(caught, ActuationError) else "robot"
@@ -97,8 +98,13 @@ def _unknown(robot: reading.Described) -> Iterator[Problem]:
                 yield error(f"closure {closure}", f"no frame {frame} in the URDF")
             except DescriptionError as caught:
                 yield from (error(f"frame {frame}", text) for text in caught.problems)
+    for line in robot.forces:
+        for frame in (line.frame_a, line.frame_b):
+            if not model.existFrame(frame):
+                yield error(f"line {line}", f"no frame {frame} in the URDF")
+    known = [*list(model.names)[1:], *map(str, robot.forces)]
     for motor in robot.actuated:
-        if motor not in list(model.names)[1:]:
+        if motor not in known:
             yield error(f"motor {motor}", "no moving joint of this name in the URDF")
 
 

@@ -553,7 +553,7 @@ def test_locked_joints_stay_at_their_reference(mjcf):
         (
             "<actuator>",
             '<tendon><fixed damping="1"><joint joint="ja" coef="1"/></fixed></tendon><actuator>',
-            "the damping of a tendon",
+            "the damping of a fixed tendon",
         ),
     ],
 )

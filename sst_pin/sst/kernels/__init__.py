@@ -54,7 +54,8 @@ def backend(reference: Reference, off: str) -> CompiledBackend:
     """
     mechanism = reference.mechanism
     why = off or misfit(mechanism.space.joint_names, mechanism.closures) or missing()
-    if not why and not (mechanism.driven_one_to_one and mechanism.springs.none):
+    springs = not (mechanism.springs.none and mechanism.lines.none)
+    if not why and (springs or not mechanism.driven_one_to_one):
         why = "the motors or springs differ from those of an SST"
     if why:
         raise CompilationError(why)

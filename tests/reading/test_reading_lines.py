@@ -1,0 +1,200 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Forces along lines from files: spatial tendons of an MJCF, `line_force` of a YAML."""
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+import sst_pin
+from sst_pin import LineForce
+
+MJCF = """
+<mujoco><option gravity="0.4 -0.3 -9.7"/>
+<worldbody>
+  <site name="ceiling" pos="0.1 0.3 0.9"/>
+  <body name="base" pos="0 0 0.4"><joint name="left" axis="0 1 0" damping=".1"/>
+    <geom type="capsule" fromto="0 0 0 .2 0 .1" size=".02" mass="1"/>
+    <site name="on_left" pos=".1 .05 .1"/>
+    <body pos=".2 0 .1"><joint name="elbow" axis="0 1 0" stiffness="2"/>
+      <geom type="capsule" fromto="0 0 0 .2 0 -.1" size=".02" mass="1"/>
+      <site name="on_elbow" pos=".1 .02 -.05"/><site name="tip" pos=".2 0 -.1"/></body></body>
+  <body pos=".5 0 .3"><joint name="right" axis="0 1 0"/>
+    <geom type="capsule" fromto="0 0 0 -.1 .0 .2" size=".02" mass="1"/>
+    <site name="on_right" pos="-.05 -.1 .1"/>
+    <body pos="-.1 0 .2"><joint name="wrist" axis="0 1 0"/><joint name="spin" axis="0 0 1"/>
+      <geom type="capsule" fromto="0 0 0 -.1 .02 -.1" size=".02" mass="1"/>
+      <site name="hand" pos="-.1 .02 -.1"/></body></body>
+</worldbody>
+<equality><joint joint1="right" joint2="left" polycoef="0.1 0.7 0 0 0"/></equality>
+<tendon>
+  <spatial name="spring" stiffness="40" springlength="0.15"><site site="ceiling"/><site site="on_elbow"/></spatial>
+  <spatial name="damper" damping="7"><site site="on_left"/><site site="on_right"/></spatial>
+  <spatial name="both" stiffness="30" damping="3"><site site="hand"/><site site="tip"/></spatial>
+  <spatial name="cylinder"><site site="ceiling"/><site site="hand"/></spatial>
+  <spatial name="idle"><site site="ceiling"/><site site="tip"/></spatial>
+</tendon>
+<actuator><motor joint="left"/><motor tendon="cylinder" gear="3"/><motor joint="elbow"/>
+  <motor joint="wrist"/><motor joint="spin"/></actuator>
+</mujoco>
+"""  # noqa: E501
+
+LEFT, HAND, TIP = (f'<site site="{name}"/>' for name in ("on_left", "hand", "tip"))
+
+
+@pytest.fixture
+def mjcf(tmp_path):
+    path = tmp_path / "robot.xml"
+    path.write_text(MJCF)
+    return path
+
+
+def test_spatial_tendons_are_lines_as_in_mujoco(mjcf):
+    """Forces, accelerations and moment arms of a robot with a coupling, within 1e-9."""
+    chain, mj = sst_pin.ClosedChain.from_mjcf(mjcf), mujoco.MjModel.from_xml_path(str(mjcf))
+    assert [str(line) for line in chain.forces] == ["spring", "damper", "both", "cylinder"]
+    assert chain.motor_names == ("left", "cylinder", "elbow", "wrist", "spin")
+    mj.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+    data, random = mujoco.MjData(mj), np.random.default_rng(0)
+    for _ in range(5):
+        q = chain.assemble(random.uniform(-1, 1, 5))
+        va, aa = random.normal(size=(2, 4))
+        L = chain.joint_rates(q, np.eye(4)).T
+        data.qpos, data.qvel = q, chain.joint_rates(q, va)
+        data.qacc = chain.joint_accelerations(q, va, aa)
+        mujoco.mj_inverse(mj, data)
+        f = chain.generalized_forces(q, va, aa)
+        np.testing.assert_allclose(f, L.T @ data.qfrc_inverse, rtol=0, atol=1e-9 * abs(f).max())
+        np.testing.assert_allclose(chain.line_lengths(q), data.ten_length[:4], rtol=1e-12)
+        J = np.array(chain.actuator_jacobian(q))
+        J[1] *= 3  # tau is the force in the tendon: gear times control
+        moments = np.zeros((mj.nu, mj.nv))
+        mujoco.mju_sparse2dense(
+            moments,
+            data.actuator_moment,
+            data.moment_rownnz,
+            data.moment_rowadr,
+            data.moment_colind,
+        )
+        np.testing.assert_allclose(J, moments @ L, atol=1e-12)
+        tau = chain.compute_torques(q, va, aa)
+        np.testing.assert_allclose(chain.compute_accelerations(q, va, tau), aa, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "word"),
+    [
+        ('"0.15"', '"0.1 0.2"', "tendon spring: a springlength with a dead band"),
+        (f"{HAND}{TIP}", f"{HAND}{TIP}{HAND}", "tendon both: a tendon through 3 sites"),
+        (LEFT, f'{LEFT}{TIP}<pulley divisor="2"/>{TIP}', "tendon damper: a tendon with pulleys"),
+        ('name="damper"', 'name="elbow"', "tendon elbow: a joint has this name too"),
+        ('damping="7"', 'damping="7" frictionloss="1"', "friction of a tendon"),
+        (
+            "<joint joint1",
+            '<tendon tendon1="idle"/><joint joint1',
+            "a spatial tendon in an equality",
+        ),
+        ('stiffness="40"', 'stiffness="-40"', "stiffness of line spring: -40 is negative"),
+    ],
+)
+def test_tendons_that_are_no_lines_are_refused_by_name(mjcf, old, new, word):
+    assert old in MJCF
+    mjcf.write_text(MJCF.replace(old, new, 1))
+    with pytest.raises(sst_pin.SSTError, match=word) as caught:
+        sst_pin.ClosedChain.from_mjcf(mjcf)
+    assert str(mjcf) in str(caught.value)
+
+
+def test_limits_of_a_spatial_tendon_are_ignored_with_a_warning(mjcf):
+    mjcf.write_text(MJCF.replace('name="idle"', 'name="idle" range="0 1" limited="true"'))
+    with pytest.warns(sst_pin.DescriptionWarning, match="tendon idle: its limits are ignored"):
+        chain = sst_pin.ClosedChain.from_mjcf(mjcf)
+    assert len(chain.forces) == 4
+
+
+def test_a_tendon_named_as_a_motor_is_a_line(mjcf):
+    chain = sst_pin.ClosedChain.from_mjcf(mjcf, actuated=["idle", "left"])
+    assert [str(line) for line in chain.forces] == ["spring", "damper", "both", "idle"]
+    assert chain.motor_units == ("N", "Nm")
+
+
+def test_disabled_springs_and_dampers_are_not_read(mjcf):
+    flags = '<option><flag spring="disable" damper="disable"/></option><worldbody>'
+    mjcf.write_text(MJCF.replace("<worldbody>", flags))
+    chain = sst_pin.ClosedChain.from_mjcf(mjcf)
+    assert chain.forces == (LineForce("ceiling", "hand", name="cylinder"),)
+
+
+def test_a_cylinder_between_links_that_are_locked_is_no_motor(mjcf):
+    follow = '<joint joint1="right" joint2="left" polycoef="0.1 0.7 0 0 0"/>'
+    mjcf.write_text(MJCF.replace(follow, '<joint joint1="elbow" joint2="left"/>'))
+    chain = sst_pin.ClosedChain.from_mjcf(mjcf, actuated=None, locked=["right", "wrist", "spin"])
+    assert chain.motor_names == ("left", "elbow")
+
+
+DELTA = Path(__file__).parents[2] / "examples" / "delta.urdf"
+LINES = """
+line_force:
+  - {frames: [universe, platform], name: gas, stiffness: 60, rest_length: 0.4, damping: 2, preload: -8}
+  - {frames: [universe, rod_2a_end]}
+"""  # noqa: E501
+
+
+@pytest.fixture
+def delta(tmp_path):
+    """A URDF with its YAML, to which lines can be added."""
+    (tmp_path / "delta.urdf").write_text(DELTA.read_text())
+
+    def write(lines, motors="motor_1"):
+        cuts = DELTA.with_suffix(".yaml").read_text().replace("[motor_1", f"[{motors}")
+        (tmp_path / "delta.yaml").write_text(cuts + lines)
+        return tmp_path / "delta.urdf"
+
+    return write
+
+
+def test_a_yaml_lists_forces_along_lines(delta):
+    path = delta(LINES, "universe-rod_2a_end, motor_1")
+    chain = sst_pin.ClosedChain.from_urdf(path)
+    gas = LineForce(
+        "universe", "platform", name="gas", stiffness=60, rest_length=0.4, damping=2, preload=-8
+    )
+    assert chain.forces == (gas, LineForce("universe", "rod_2a_end"))
+    assert chain.motor_names[0] == "universe-rod_2a_end"
+    problems = [problem for problem in sst_pin.validate(path) if problem.severity == "error"]
+    assert problems == []
+
+
+@pytest.mark.parametrize(
+    ("lines", "word"),
+    [
+        ("line_force: gas", "line_force: a list is needed"),
+        ("line_force: [gas]", "line_force: 'gas' has no pair of frames"),
+        ("line_force: [{frames: [a]}]", "has no pair of frames"),
+        ("line_force: [{frames: [a, b], stiff: 3}]", "stiff unknown; known: name, frames, stiffn"),
+        ("line_force: [{frames: [a, b], damping: much}]", "damping 'much' is not a number"),
+        ("line_force: [{frames: [a, b], damping: -1}]", "damping of line a-b: -1 is negative"),
+        ("line_force: [{frames: [a, b], name: [c]}]", "is not a name"),
+        ("line_force: [{frames: [a, a]}]", "two different frames"),
+        ("line_force: [{frames: [universe, b]}]", "frame 'b' not in the model"),
+    ],
+)
+def test_lines_that_cannot_be_used_are_refused(delta, lines, word):
+    path = delta(lines)
+    with pytest.raises(sst_pin.SSTError, match="delta") as caught:
+        sst_pin.ClosedChain.from_urdf(path)
+    assert word in str(caught.value)
+    assert word.startswith("frame") or any(word in p.text for p in sst_pin.validate(path))
+
+
+def test_lines_of_an_sst_count_and_its_kernels_do_not(tmp_path, robot):
+    """The shipped kernels have none: the reference path computes, here that ends coincide."""
+    cuts = Path(sst_pin.YAML_PATH).read_text()
+    line = "line_force: [{frames: [universe, closedloop1_A], preload: 5}]"
+    (tmp_path / "sst.yaml").write_text(cuts + line)
+    lined = sst_pin.SST.from_urdf(sst_pin.URDF_PATH, tmp_path / "sst.yaml")
+    assert "springs differ" in lined.path
+    zero = np.zeros(3)
+    with pytest.raises(sst_pin.SingularConfigurationError, match="universe-closedloop1_A is not"):
+        lined.compute_torques(robot.home, zero, zero)
