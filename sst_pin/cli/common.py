@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 import re
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -153,6 +154,23 @@ def named_numbers(text: str) -> dict[str, float]:
     return numbers
 
 
+def number(
+    what: str, allowed: Callable[[float], bool], kind: Callable[[str], float] = float
+) -> Callable[[str], float]:
+    """What reads a number of an option, for argparse; `kind` int for a whole number."""
+
+    def read(text: str) -> float:
+        try:
+            value = kind(text) if kind is float or text.isdecimal() else math.nan
+        except ValueError:
+            value = math.nan
+        if not allowed(value):
+            raise argparse.ArgumentTypeError(f"{text!r} is not {what}")
+        return value
+
+    return read
+
+
 def triple(text: str) -> Array:
     """Three numbers of an option, for argparse."""
     try:
@@ -175,11 +193,15 @@ def add_strict(parser: Parser) -> None:
 
 def refuses(robot: ClosedChain, motion: Trajectory, arguments: argparse.Namespace) -> bool:
     """Print where the machine cannot execute a motion; whether this ends the command."""
-    found = robot.check(motion)
-    for finding in found:
+    return told(robot.check(motion), arguments)
+
+
+def told(findings: Sequence[object], arguments: argparse.Namespace) -> bool:
+    """Print what speaks against a motion; whether this ends the command."""
+    for finding in findings:
         kind = "error" if arguments.strict else "warning"
         print(f"sst-pin: {kind}: {finding}", file=sys.stderr)
-    return bool(found) and arguments.strict
+    return bool(findings) and arguments.strict
 
 
 def add_force(parser: Parser) -> None:
@@ -187,30 +209,24 @@ def add_force(parser: Parser) -> None:
     parser.add_argument("--force", action="store_true", help="replace existing files")
 
 
-def add_output(parser: Parser, metavar: str) -> None:
-    """The options --output and --force; `save` obeys them."""
-    parser.add_argument(
-        "-o",
-        "--output",
-        type=Path,
-        required=True,
-        metavar=metavar,
-        help="output file, .csv or .npz; - writes CSV to standard output",
-    )
+def add_output(
+    parser: Parser, metavar: str, text: str = "output file, .csv or .npz; - writes CSV"
+) -> None:
+    """The options --output and --force; `save` and `write` obey them."""
+    what = f"{text} to standard output"
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar=metavar, help=what)
     add_force(parser)
 
 
 def add_figure(parser: Parser) -> None:
     """The options --output and --force of commands that draw."""
-    parser.add_argument(
-        "-o",
-        "--output",
-        type=Path,
-        required=True,
-        metavar="FIGURE",
-        help="output file, .png, .svg or .pdf; - writes PNG to standard output",
-    )
-    add_force(parser)
+    add_output(parser, "FIGURE", "output file, .png, .svg or .pdf; - writes PNG")
+
+
+def add_input(parser: Parser, name: str, what: str) -> None:
+    """The argument for a table; `source_of` reads it."""
+    text = f"the {what}; - means standard input"
+    parser.add_argument(name, type=Path, metavar=f"{name.upper()}.csv", help=text)
 
 
 def output_name(path: Path, ending: str) -> Path:

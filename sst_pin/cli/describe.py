@@ -67,7 +67,7 @@ def _directions(text: str) -> list[Array]:
 
 def _run(arguments: argparse.Namespace) -> None:
     require_extras(mesh="trimesh", plot="matplotlib")
-    from ..plots.picture import picture_writers
+    from ..plots.paper_figures import picture_writers
 
     p = _changed(sst_of(arguments).parameters, arguments)
     files = description_writers(p, configurations_of(p)) | picture_writers(p)

@@ -16,6 +16,7 @@ from .common import (
     add_force,
     add_robot,
     add_strict,
+    number,
     progress_bar,
     refuses,
     remark,
@@ -40,19 +41,13 @@ def add_to(commands: Commands) -> None:
     )
     parser.add_argument(
         "--samples",
-        type=_count,
+        type=number("a whole number from 10 to 10 million", lambda n: 10 <= n <= 10**7, int),
         default=1001,
         metavar="N",
         help="samples per period (default: 1001)",
     )
     add_force(parser)
     add_strict(parser)
-
-
-def _count(text: str) -> int:
-    if not text.isdecimal() or not 10 <= int(text) <= 10**7:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 10 to 10 million")
-    return int(text)
 
 
 def _run(arguments: argparse.Namespace) -> int:

@@ -4,13 +4,13 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from ..errors import FileFormatError
 from ..motion.motion_files import load_motion
 from .common import (
     Commands,
     add_figure,
+    add_input,
     add_robot,
     add_strict,
     output_name,
@@ -34,9 +34,7 @@ def add_to(commands: Commands) -> None:
         "of `torques`.",
     )
     add_robot(parser)
-    parser.add_argument(
-        "motion", type=Path, metavar="MOTION.csv", help="the motion; - means standard input"
-    )
+    add_input(parser, "motion", "motion")
     add_figure(parser)
     add_strict(parser)
     parser.add_argument(

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 import threading
 import webbrowser
 from contextlib import suppress
@@ -27,8 +26,10 @@ from .common import (
     add_force,
     add_robot,
     add_strict,
+    number,
     robot_of,
     source_of,
+    told,
 )
 
 
@@ -51,7 +52,7 @@ def add_to(commands: Commands) -> None:
     )
     parser.add_argument(
         "--speed",
-        type=_positive,
+        type=number("a positive number", lambda x: 0 < x < np.inf),
         metavar="S",
         help="speed of the animation; 1 is real time (default: 1 for a file, 0.1 for the example)",
     )
@@ -81,26 +82,13 @@ def add_to(commands: Commands) -> None:
         "--host", default="127.0.0.1", help="address of the server (default: this machine only)"
     )
     parser.add_argument(
-        "--port", type=_port, default=0, help="port of the server (default: any free port)"
+        "--port",
+        type=number("a port, a whole number up to 65535", lambda n: n <= 65535, int),
+        default=0,
+        help="port of the server (default: any free port)",
     )
     add_force(parser)
     add_strict(parser)
-
-
-def _positive(text: str) -> float:
-    try:
-        number = float(text)
-    except ValueError:
-        number = 0.0
-    if not (0 < number < np.inf):
-        raise argparse.ArgumentTypeError(f"{text!r} is not a positive number")
-    return number
-
-
-def _port(text: str) -> int:
-    if not text.isdecimal() or int(text) > 65535:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a port, a whole number up to 65535")
-    return int(text)
 
 
 def _run(arguments: argparse.Namespace) -> int:
@@ -126,10 +114,7 @@ def _run(arguments: argparse.Namespace) -> int:
     with Viewer(robot, frame=arguments.frame, **looks) as viewer:
         if motion is not None:
             viewer.play(motion, speed=arguments.speed or speed, title=title)
-        for warning in viewer.warnings:
-            kind = "error" if arguments.strict else "warning"
-            print(f"sst-pin: {kind}: {warning}", file=sys.stderr)
-        if viewer.warnings and arguments.strict:
+        if told(viewer.warnings, arguments):
             return 1
         files = {path: viewer.writer(path) for _, path in wanted if path is not None}
         if files:

@@ -4,12 +4,12 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from ..files import read_table
 from ..motion.motion_files import read_start, read_torques
 from .common import (
     Commands,
+    add_input,
     add_output,
     add_robot,
     add_strict,
@@ -39,9 +39,7 @@ def add_to(commands: Commands) -> None:
         "simulation stopped before a singularity.",
     )
     add_robot(parser)
-    parser.add_argument(
-        "torques", type=Path, metavar="TORQUES.csv", help="the torques; - means standard input"
-    )
+    add_input(parser, "torques", "torques")
     add_output(parser, "MOTION.csv")
     add_strict(parser)
     parser.add_argument(

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from ..motion.motion_files import read_motion
 from ..summaries import listed
 from .common import (
     Commands,
+    add_input,
     add_output,
     add_robot,
     add_strict,
@@ -34,9 +34,7 @@ def add_to(commands: Commands) -> None:
         "crank_deg, slide_m.",
     )
     add_robot(parser)
-    parser.add_argument(
-        "motion", type=Path, metavar="MOTION.csv", help="the motion; - means standard input"
-    )
+    add_input(parser, "motion", "motion")
     add_output(parser, "TORQUES.csv")
     add_strict(parser)
 

@@ -14,7 +14,7 @@ from ..files import Writer
 from ..sst.paper import PERIOD
 from ..sst.platform_motion import paper_circle
 from ..sst.workspace import WorkspaceMap, workspace_at, workspace_over_rolls
-from .common import Commands, add_figure, add_robot, output_name, say, sst_of, write
+from .common import Commands, add_figure, add_robot, number, output_name, say, sst_of, write
 
 
 def add_to(commands: Commands) -> None:
@@ -28,21 +28,15 @@ def add_to(commands: Commands) -> None:
     add_robot(parser)
     add_figure(parser)
     parser.add_argument(
-        "--psi", type=_angle, default=0.0, metavar="DEG", help="roll angle of the star (default: 0)"
+        "--psi",
+        type=number("an angle in degrees", math.isfinite),
+        default=0.0,
+        metavar="DEG",
+        help="roll angle of the star (default: 0)",
     )
     parser.add_argument(
         "--data", type=Path, metavar="FILE", help="also write the map at psi as .npz or .csv"
     )
-
-
-def _angle(text: str) -> float:
-    try:
-        number = float(text)
-    except ValueError:
-        number = math.nan
-    if not math.isfinite(number):
-        raise argparse.ArgumentTypeError(f"{text!r} is not an angle in degrees")
-    return number
 
 
 def _run(arguments: argparse.Namespace) -> None:

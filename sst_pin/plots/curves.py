@@ -84,6 +84,15 @@ def draw(ax: Axes, t: Array, curves: Curves, labels: Sequence[str]) -> None:
         ax.plot(t, values, label=label, **look)
 
 
+def finish(ax: Axes, t: Array, what: str, *, zero: bool = False) -> Axes:
+    """Labels of the axes and a legend, once all curves are drawn; a thin line at 0."""
+    if zero:
+        ax.axhline(0, color="0.7", linewidth=0.5, zorder=0)
+    _axes(ax, t, what)
+    legend_above(ax)
+    return ax
+
+
 def looks(names: Sequence[str]) -> list[dict[str, Any]]:
     """Colours, dashes and marks of curves, distinct on a screen and in grey print.
 
@@ -171,12 +180,7 @@ def _length(text: str) -> int:
     return len(re.sub(r"[${}_\\,]", "", plain) if "$" in text else text)
 
 
-def zero(ax: Axes) -> None:
-    """A thin line at 0."""
-    ax.axhline(0, color="0.7", linewidth=0.5, zorder=0)
-
-
-def time(ax: Axes, t: Array, what: str) -> None:
+def _axes(ax: Axes, t: Array, what: str) -> None:
     """Labels, ends and numbers of the axes; no power of ten stands apart, above the axes."""
     ax.set(xlabel="time (s)", ylabel=what, xlim=(t[0], t[-1]))
     if ax.get_yscale() == "linear":

@@ -48,10 +48,7 @@ def motor_torques(ax: Axes, motion: Trajectory, motors: Sequence[str] | None = N
     else:
         labels = [curves.label(name) for name in found.names]
     curves.draw(ax, motion.t, found, labels)
-    curves.zero(ax)
-    curves.time(ax, motion.t, curves.FORCE[unit])
-    curves.legend_above(ax)
-    return ax
+    return curves.finish(ax, motion.t, curves.FORCE[unit], zero=True)
 
 
 def joint_angles(ax: Axes, motion: Trajectory, joints: Sequence[str] | None = None) -> Axes:
@@ -75,9 +72,7 @@ def joint_angles(ax: Axes, motion: Trajectory, joints: Sequence[str] | None = No
     found = _positions(motion).pick(joints)
     unit = found.unit()
     curves.draw(ax, motion.t, found, [curves.label(name) for name in found.names])
-    curves.time(ax, motion.t, curves.POSITION[unit])
-    curves.legend_above(ax)
-    return ax
+    return curves.finish(ax, motion.t, curves.POSITION[unit])
 
 
 def joint_rates(
@@ -102,10 +97,7 @@ def joint_rates(
     found = _rates(robot, motion).pick(joints)
     unit = found.unit()
     curves.draw(ax, motion.t, found, [curves.label(name, r"\dot") for name in found.names])
-    curves.zero(ax)
-    curves.time(ax, motion.t, curves.RATE[unit])
-    curves.legend_above(ax)
-    return ax
+    return curves.finish(ax, motion.t, curves.RATE[unit], zero=True)
 
 
 def powers(
@@ -137,10 +129,7 @@ def powers(
     if not robot.friction.none:
         lost = robot.friction_power(motion.q, motion.va)
         ax.plot(motion.t, lost, label="friction", **_FRICTION)
-    curves.zero(ax)
-    curves.time(ax, motion.t, "power (W)")
-    curves.legend_above(ax)
-    return ax
+    return curves.finish(ax, motion.t, "power (W)", zero=True)
 
 
 def energy_balance(ax: Axes, robot: ClosedChain, motion: Trajectory) -> Axes:
@@ -164,9 +153,7 @@ def energy_balance(ax: Axes, robot: ClosedChain, motion: Trajectory) -> Axes:
     worst = np.abs(balance.error).max()
     label = rf"residual $\leq$ {upper_bound(worst)} J"
     ax.plot(motion.t, balance.error, color="black", linewidth=0.8, label=label)
-    curves.time(ax, motion.t, "energy since start (J)")
-    curves.legend_above(ax)
-    return ax
+    return curves.finish(ax, motion.t, "energy since start (J)")
 
 
 def condition_number(ax: Axes, robot: ClosedChain, motion: Trajectory) -> Axes:
@@ -191,9 +178,7 @@ def condition_number(ax: Axes, robot: ClosedChain, motion: Trajectory) -> Axes:
     curves.draw(ax, motion.t, Curves(names, ("",) * len(names), values), labels)
     if values.max() > max(20, 10 * values.min()):
         ax.set_yscale("log")
-    curves.time(ax, motion.t, "condition number (1)")
-    curves.legend_above(ax)
-    return ax
+    return curves.finish(ax, motion.t, "condition number (1)")
 
 
 def path_errors(ax: Axes, errors: Sequence[tuple[str, Array, Array]]) -> Axes:

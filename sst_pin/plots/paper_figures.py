@@ -1,17 +1,18 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Figures 9, 10 and 11 of the paper."""
+"""Figures 9, 10 and 11 of the paper, and the picture in the README of a description."""
 
 from __future__ import annotations
 
 from matplotlib.figure import Figure
 
+from ..description.parameters import Parameters
 from ..files import Writer
 from ..motion.trajectories import Trajectory
 from ..sst.paper import angles_off_path
 from ..sst.robot import SST
 from .motions import motor_torques, path_errors
-from .sphere import paths_on_sphere
-from .style import figure_writers, style
+from .sphere import paths_on_sphere, robot_pose
+from .style import figure_writer, figure_writers, style
 
 
 def paper_figures(
@@ -52,3 +53,13 @@ def paper_figures(
         path_errors(figure.add_subplot(1, 2, 2), errors)
         files |= figure_writers(figure, "figure_11_direct_dynamics")
     return files
+
+
+def picture_writers(p: Parameters) -> dict[str, Writer]:
+    """Writer of `sst.png`, an SST in its home pose, by file name."""
+    robot = SST(p)
+    with style():
+        figure = Figure(figsize=(4, 4), layout="constrained")
+        axes = figure.add_subplot(projection="3d")
+        robot_pose(axes, robot, robot.home, (p.base_radius, p.star_radius))
+    return {"sst.png": figure_writer(figure, "sst.png")}
