@@ -129,14 +129,7 @@ def source_of(path: Path) -> Path | BinaryIO:
 
 
 def require_extras(**packages: str) -> None:
-    """Refuse a job whose packages are missing; name all of them.
-
-    Args:
-        packages: The package that each extra brings.
-
-    Raises:
-        MissingExtraError: With every extra that is missing.
-    """
+    """Refuse a job whose packages are missing; name all of them and the extras that bring them."""
     missing = {extra: name for extra, name in packages.items() if find_spec(name) is None}
     if missing:
         raise MissingExtraError(", ".join(missing.values()), ",".join(missing))

@@ -29,11 +29,7 @@ _TOUCHING = {
 
 
 def srdf_of(configurations: Mapping[str, NDArray[np.float64]]) -> str:
-    """XML of an SST's semantic description.
-
-    Args:
-        configurations: Joint coordinates by name, shape (9,).
-    """
+    """XML of an SST's semantic description, with poses of joint coordinates by name, shape (9,)."""
     robot = ET.Element("robot", name="sst")
     robot.append(ET.Comment(_HEADER))
     for group, joints in (("all", JOINT_NAMES), ("motors", JOINT_NAMES[::3])):

@@ -28,12 +28,7 @@ def description_writers(
 ) -> dict[str, Writer]:
     """Writers of a description's files but its picture, by name, for `files.write_files`.
 
-    Args:
-        p: Parameters of the robot.
-        configurations: Joint coordinates by name, shape (9,).
-
-    Raises:
-        MissingExtraError: Without trimesh.
+    `configurations` are joint coordinates by name, shape (9,).
     """
     texts = {
         "sst.urdf": urdf_of(p),

@@ -26,14 +26,9 @@ _BEVEL = 0.12
 
 
 def meshes_of(p: Parameters) -> dict[str, Any]:
-    """Meshes of an SST.
+    """Meshes of an SST: `trimesh.Trimesh` by the name of its file without ending.
 
-    Returns:
-        `trimesh.Trimesh` by the name of its file without ending, in metres and the axes of
-        `parts_of`; each a set of closed surfaces, normals outward.
-
-    Raises:
-        MissingExtraError: Without trimesh.
+    They are in metres and the axes of `parts_of`; each is a set of closed surfaces.
     """
     try:
         import trimesh
@@ -48,14 +43,7 @@ def meshes_of(p: Parameters) -> dict[str, Any]:
 
 
 def mesh_writers(p: Parameters) -> dict[str, Writer]:
-    """Writers of the meshes as STL and OBJ, by the file's name from the URDF on.
-
-    Args:
-        p: Of the SST.
-
-    Raises:
-        MissingExtraError: Without trimesh.
-    """
+    """Writers of the meshes as STL and OBJ, by the file's name from the URDF on."""
 
     def writer(mesh: Any, kind: str) -> Writer:
         def write(file: BinaryIO) -> None:

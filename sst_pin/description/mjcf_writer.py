@@ -37,12 +37,7 @@ _GEOMS = {
 
 
 def mjcf_of(p: Parameters, configurations: Mapping[str, Array]) -> str:
-    """XML of an SST: tree, loop closures, motors, sensors and keyframes.
-
-    Args:
-        p: Parameters of the robot.
-        configurations: Joint coordinates of the keyframes by name, shape (9,).
-    """
+    """XML of an SST: tree, closures, motors, sensors, keyframes of joint coordinates by name."""
     robot = ET.Element("mujoco", model="sst")
     robot.append(ET.Comment(_HEADER))
     ET.SubElement(robot, "compiler", angle="radian", autolimits="true")

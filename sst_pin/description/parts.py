@@ -52,7 +52,7 @@ def _gap(p: Parameters) -> float:
 
 
 def _scale(p: Parameters) -> float:
-    """Of the parts' sizes: as the base grows, and so that a carriage fits between the spheres."""
+    """Scale of the parts' sizes: the base grows, and a carriage fits between the spheres."""
     return min(p.base_radius / 0.35, abs(_gap(p)) / 0.05)
 
 

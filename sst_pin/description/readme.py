@@ -116,14 +116,7 @@ The three `star_k` are one body.
 
 
 class _Row(NamedTuple):
-    """A parameter, and where the paper's value comes from.
-
-    Attributes:
-        what: Its name and unit.
-        value: Read from the parameters; of shape (3, ...) where each leg has its own.
-        grade: Of the paper's value.
-        source: Of the paper's value.
-    """
+    """Name and unit of a parameter, its value, and grade and source of the paper's value."""
 
     what: str
     value: Callable[[Parameters], ArrayLike]

@@ -94,16 +94,7 @@ def read_urdf(
 
 
 def read_cuts(urdf: Urdf, path: str | Path | None, default: str | Path | None = None) -> Cuts:
-    """Cuts of a URDF.
-
-    Args:
-        urdf: The URDF, read from a file.
-        path: Their YAML; None for that beside the URDF.
-        default: The YAML if there is none beside; without one there are no cuts.
-
-    Raises:
-        DescriptionError: When the YAML is missing or cannot be used.
-    """
+    """Cuts of a URDF: from `path`, the YAML beside it, `default`, or none if the URDF has marks."""
     if path is None:
         path = beside(Path(urdf.source), ".yaml")
         if not path.is_file():

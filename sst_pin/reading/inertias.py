@@ -55,10 +55,7 @@ def impossible(mass: float, inertia: NDArray[np.float64]) -> str:
 def warn(root: ET.Element, source: str, stacklevel: int) -> None:
     """Warn of the links of a URDF with impossible inertias, which are computed as they stand.
 
-    Args:
-        root: Of a URDF without errors.
-        source: What the warning calls it.
-        stacklevel: Of the line that the warning points to, as for `warnings.warn`.
+    `stacklevel` is that of the line that the warning points to, see `warnings.warn`.
     """
     found = []
     for link in root.findall("link"):

@@ -237,14 +237,14 @@ class _Reader:
         return parent, at * anchor.inverse()
 
     def _add_sites(self) -> None:
-        """As frames."""
+        """Make frames of the sites."""
         mj = self._mj
         for site in range(mj.nsite):
             place = pose_of(mj.site_pos[site], mj.site_quat[site])
             self._add_frame(self._site(site), mj.site_bodyid[site], place)
 
     def _add_body_frames(self) -> None:
-        """As the links of a URDF; a joint or site that is called like a body keeps the name."""
+        """Make frames of the bodies; a joint or site with the name of a body keeps the name."""
         for body in range(1, self._mj.nbody):
             name = self._mj.body(body).name
             if name and not self._model.existFrame(name):
@@ -265,7 +265,7 @@ class _Reader:
         self._model.addFrame(pin.Frame(name, parent, placement * place, kind))
 
     def _name(self, joint: int) -> str:
-        """Of a joint; a nameless one is called like its body."""
+        """Name of a joint; one without a name is called after its body."""
         mj, body = self._mj, self._mj.jnt_bodyid[joint]
         number = joint - mj.body_jntadr[body]
         nameless = mj.body(body).name or f"body_{body}"
@@ -498,12 +498,7 @@ class _Reader:
 
 
 class _Length(NamedTuple):
-    """A sum of joints.
-
-    Attributes:
-        shares: Of the joints by name, without those that are locked.
-        start: What they add up to with all joints at their reference.
-    """
+    """A sum of joints by name, and its value with all joints at their reference."""
 
     shares: dict[str, float]
     start: float

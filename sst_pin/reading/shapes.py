@@ -27,7 +27,7 @@ _CURE = "an empty pinocchio.GeometryModel() as visual_model (show --skeleton) do
 
 @dataclass(frozen=True)
 class UrdfShapes:
-    """Of a URDF.
+    """Shapes of a URDF.
 
     Attributes:
         root: Its elements.
@@ -61,11 +61,11 @@ class UrdfShapes:
 
 @dataclass(frozen=True)
 class MjcfShapes:
-    """Of an MJCF: geoms of the groups that MuJoCo's viewer shows.
+    """Shapes of an MJCF: geoms of the groups that MuJoCo's viewer shows.
 
     Attributes:
         compiled: MuJoCo's model.
-        bodies: Of each body the joint that bears it and its placement there.
+        bodies: For each body the joint that bears it and its placement there.
     """
 
     compiled: Any
@@ -121,7 +121,7 @@ def _without_dynamics(root: ET.Element) -> str:
 
 
 def _geometry(mj: Any, i: int) -> coal.CollisionGeometry | None:
-    """Of a geom; None for a plane, a height field and what else is no body."""
+    """A geom as a shape; None for a plane, a height field and what else is no body."""
     (a, b, c), kind = mj.geom_size[i].tolist(), mj.geom_type[i]
     if kind == _SPHERE:
         return coal.Sphere(a)

@@ -15,14 +15,7 @@ from .text import parse_xml, read_text
 
 
 class Srdf:
-    """An SRDF, read and parsed once.
-
-    Args:
-        path: The file.
-
-    Raises:
-        DescriptionError: When it is not XML.
-    """
+    """An SRDF, read and parsed once."""
 
     def __init__(self, path: Path) -> None:
         self._source, self._text = str(path), read_text(path, "SRDF")
@@ -31,23 +24,15 @@ class Srdf:
     def load_configurations(self, model: pin.Model, held: Collection[str] = ()) -> None:
         """Put the named configurations into a model, as its `referenceConfigurations`.
 
-        Args:
-            model: The tree that it belongs to.
-            held: Joints that the SRDF may name though the tree does not have them.
-
-        Raises:
-            DescriptionError: For what Pinocchio would leave at zero in silence.
+        Joints in `held` may be named though the tree does not have them. What Pinocchio would leave
+        at zero in silence is refused.
         """
         if problems := list(_configurations(self._root, model, held)):
             raise DescriptionError(self._source, problems)
         pin.loadReferenceConfigurationsFromXML(model, self._text, False)
 
     def remove_pairs(self, model: pin.Model, collision: pin.GeometryModel) -> None:
-        """Leave out the pairs of links that need no check.
-
-        Raises:
-            DescriptionError: For what Pinocchio would leave out in silence.
-        """
+        """Leave out the pairs of links that need no check; unknown links are refused."""
         if problems := list(_pairs(self._root, model)):
             raise DescriptionError(self._source, problems)
         pin.removeCollisionPairsFromXML(model, collision, self._text, False)

@@ -39,17 +39,10 @@ MOST_JOINTS = 400
 class Urdf:
     """A URDF, read and parsed once.
 
-    Args:
-        text: The XML.
-        source: Its path, or what else error messages call it.
-
     Attributes:
-        source: As given.
+        source: Its path, or what else error messages call it.
         root: Its elements; not to be changed.
         problems: What is wrong in names, tree and numbers.
-
-    Raises:
-        DescriptionError: When it is not XML.
     """
 
     def __init__(self, text: str, source: str) -> None:

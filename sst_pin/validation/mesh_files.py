@@ -30,12 +30,7 @@ _SIZES = {
 
 
 def check(root: ET.Element, folder: Path) -> Iterator[Problem]:
-    """Problems of a URDF's shapes.
-
-    Args:
-        root: The URDF.
-        folder: Where it lies.
-    """
+    """Problems of the shapes of a URDF in a folder."""
     told = set()
     for link in root.findall("link"):
         where = f"link {link.get('name')}"

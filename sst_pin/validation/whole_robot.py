@@ -27,12 +27,7 @@ Robot: TypeAlias = ClosedChain | pin.Model | None
 
 
 def check(urdf: Urdf, cuts: Path | None) -> tuple[list[Problem], Robot]:
-    """Problems that only the robot as a whole has, and the robot.
-
-    Args:
-        urdf: One that is a tree.
-        cuts: The YAML of the cuts; None for an open tree.
-    """
+    """Problems that only the robot as a whole has, and the robot; without cuts an open tree."""
     where = "cuts"
     try:
         found = None if cuts is None else reading.read_cuts(urdf, cuts)

@@ -42,9 +42,7 @@ def random_arc_angles(rng: np.random.Generator) -> Array:
 def random_parameters(rng: np.random.Generator, friction: bool = True) -> Parameters:
     """An SST far from the paper's: another geometry, nine different bodies, tilted gravity.
 
-    Args:
-        rng: Source of randomness.
-        friction: Whether all nine joints have viscous and Coulomb friction, each its own.
+    With friction all nine joints have viscous and Coulomb friction, each its own.
     """
     links, passive_links = (
         tuple(random_body(rng, mass, 0.3) for mass in rng.uniform(low, high, 3))
@@ -63,16 +61,7 @@ def random_parameters(rng: np.random.Generator, friction: bool = True) -> Parame
 
 
 def random_state(robot: SST, rng: np.random.Generator) -> tuple[Array, Array, Array]:
-    """A motion of the star at one instant, away from the singularities of both kinds.
-
-    Args:
-        robot: Which shall make the motion.
-        rng: Source of randomness.
-
-    Returns:
-        R, omega, alpha of shapes (3, 3), (3,), (3,): {E} in the base, angular velocity [rad/s] and
-        acceleration [rad/s^2], base axes.
-    """
+    """R, omega, alpha of the star at one instant, away from the singularities of both kinds."""
     while True:
         R = Rotation.random(None, rng).as_matrix()
         distance = robot.singularities(robot.inverse_kinematics(R))

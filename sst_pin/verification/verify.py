@@ -29,11 +29,7 @@ Array = NDArray[np.float64]
 def verify_sst(quick: bool = False) -> Iterator[Comparison]:
     """Every installed referee on example 1, on random states and on random SSTs.
 
-    Args:
-        quick: Fewer cases, and none that step in time.
-
-    Yields:
-        A line of the table as soon as it is known.
+    `quick` takes fewer cases, and none that step in time.
     """
     count = 5 if quick else 40
     t = np.linspace(0, paper.PERIOD, 13 if quick else 101)
@@ -59,13 +55,6 @@ def skipped() -> list[MissingExtraError]:
 
 def verify_chain(chain: ClosedChain, count: int = 20) -> Iterator[Comparison]:
     """Lagrange multipliers on any closed chain, at random configurations in random motion.
-
-    Args:
-        chain: The robot.
-        count: Number of configurations.
-
-    Yields:
-        Lines of the table.
 
     Raises:
         ClosureError: When the chain cannot be assembled.

@@ -39,9 +39,6 @@ class VirtualWork:
     Args:
         parameters: Geometry, masses, friction and gravity of the robot.
         branch: Sign of sin(mu_k) for each leg, shape (3,).
-
-    Raises:
-        InputError: When branch is not made of three +1 or -1.
     """
 
     name = "virtual work"
@@ -109,14 +106,13 @@ class VirtualWork:
             R0: {E} in the base at t[0], shape (3, 3).
             omega0: Angular velocity of the star at t[0], base axes, shape (3,), [rad/s].
             t: Times at which the motion is wanted, increasing, shape (N,), [s].
-            tolerance: Of the integrator, relative and absolute.
+            tolerance: Tolerance of the integrator, relative and absolute.
             sign_width: [rad/s]; in Coulomb friction sign(x) is taken as tanh(x / sign_width).
 
         Returns:
             R and omega of shapes (N, 3, 3) and (N, 3).
 
         Raises:
-            InputError, SingularConfigurationError: See `accelerations`.
             SimulationError: Before a singularity, or when the integrator gives up.
         """
         times = finite_array("t", t, ())

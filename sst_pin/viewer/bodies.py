@@ -25,12 +25,6 @@ def body_shapes(body: pin.GeometryObject) -> Iterator[Shape]:
     """One shape for each colour that a body has.
 
     A colour in the description counts before those in the mesh file, as in the URDF's rules.
-
-    Args:
-        body: A body of a visual model.
-
-    Raises:
-        InputError: For a geometry without a surface.
     """
     whole, plain = solid(body.geometry), _hex(body.meshColor[:3])
     parts = {} if body.overrideMaterial else _coloured(body, whole, plain)

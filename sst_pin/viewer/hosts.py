@@ -17,11 +17,7 @@ from ..errors import ServerError
 
 
 def listen(host: str, port: int) -> list[socket.socket]:
-    """Sockets that listen.
-
-    Args:
-        host: Address to listen on.
-        port: 0 for any that is free.
+    """Sockets that listen on an address; port 0 takes any that is free.
 
     Raises:
         ServerError: When nothing can listen there.
@@ -47,10 +43,8 @@ def url_of(host: str, port: int) -> str:
 def is_ours(host: str, asked: str | None, origin: str | None) -> bool:
     """Whether a request asks this machine by its own name, and comes from its own page.
 
-    Args:
-        host: Address that is listened on.
-        asked: Header `Host` of the request. Addresses in numbers pass: no site has their name.
-        origin: Header `Origin`; programs that are no browser send none.
+    `asked` is the header `Host`; addresses in numbers pass: no site has their name. `origin` is the
+    header `Origin`; programs that are no browser send none.
     """
     try:
         name = urlsplit(f"//{asked or ''}").hostname or ""

@@ -40,11 +40,6 @@ def axes_of(model: pin.Model, data: pin.Data, q: Array) -> list[Axis]:
 
     The axis of a joint with one rate is fixed to the body before the joint. Axes of other joints
     are drawn on the body behind the joint, for one configuration.
-
-    Args:
-        model: The tree.
-        data: Data of the tree.
-        q: The configuration, shape (nq,).
     """
     J = pin.computeJointJacobians(model, data, q).reshape(6, -1)
     owners = {
@@ -72,14 +67,9 @@ def axes_of(model: pin.Model, data: pin.Data, q: Array) -> list[Axis]:
 def arrows_of(
     model: pin.Model, data: pin.Data, axes: list[Axis], B: Array, size: float
 ) -> Iterator[Arrow]:
-    """Torques of the motors, at the joints that they act on.
+    """Torques of the motors, at the joints that they act on by B, shape (nv, motors).
 
-    Args:
-        model: The tree.
-        data: Data of the tree, at the configuration of the axes.
-        axes: Axes of all rates.
-        B: Forces on the tree for torques of the motors, shape (nv, motors).
-        size: Length of the largest arrow, [m].
+    `data` is at the configuration of the axes; `size` is the length of the largest arrow, [m].
     """
     turn = np.linspace(0, np.radians(250), 40)
     torque = arrow(np.vstack([arc(1.0, turn), arc(1.0, turn[-1:] + 0.6)]), 0.055)

@@ -23,14 +23,7 @@ _ROOT = "robot"
 
 
 class MeshcatScene:
-    """Draws motions of one robot.
-
-    Attributes:
-        buffer: Takes the commands.
-
-    Args:
-        scene: The scene.
-    """
+    """Draws motions of one robot by commands to `buffer`."""
 
     def __init__(self, scene: Scene) -> None:
         self.buffer = CommandBuffer()
@@ -43,12 +36,7 @@ class MeshcatScene:
         self._animated = False
 
     def place(self, q: Array, effort: Array) -> None:
-        """Show a configuration.
-
-        Args:
-            q: Configuration, shape (nq,).
-            effort: Motor torques as shares of the largest, shape (motors,).
-        """
+        """Show a configuration, with motor torques as shares of the largest."""
         if self._animated:
             self._root.set_animation(Animation())
             self._root[f"{_ROOT}/0/trail"].delete()
@@ -57,12 +45,10 @@ class MeshcatScene:
             self._root[node].set_transform(matrix)
 
     def animate(self, motion: Trajectory, effort: Array, wanted: Array) -> None:
-        """Let the page move everything along a motion.
+        """Let the page move everything along a motion of two samples at least.
 
-        Args:
-            motion: A motion with two samples at least.
-            effort: Its torques as shares of the largest, shape (n, motors).
-            wanted: Configurations whose path is the reference, shape (m, nq).
+        `effort` are its torques as shares of the largest, shape (n, motors); `wanted` are
+        configurations whose path is the reference, shape (m, nq).
         """
         self.place(motion.q[0], effort[0])
         self._animated = True

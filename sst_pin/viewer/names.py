@@ -20,14 +20,7 @@ Array = NDArray[np.float64]
 def names_of(
     robot: ClosedChain, axes: Sequence[Axis], point: DrawnFrame | None, size: float
 ) -> tuple[list[Shape], list[Label]]:
-    """Axes of the joints and frames, with their labels.
-
-    Args:
-        robot: Any closed chain.
-        axes: Axes of its joints, for each rate.
-        point: The frame whose path is drawn.
-        size: A length of the robot, [m].
-    """
+    """Axes of the joints and frames, with their labels; the path of `point` is drawn."""
     shapes: list[Shape] = []
     labels: list[Label] = []
     shown = robot.appearance

@@ -16,7 +16,7 @@ def page(commands: Iterable[bytes], panel: dict[str, Any], live: bool = False) -
     Args:
         commands: Commands of Meshcat, packed.
         panel: What the scripts show: title, times, curves, layers, how to play.
-        live: Whether it asks the server it came from for what follows.
+        live: Whether the page asks its server for more.
     """
     parts = {
         "MESHCAT": (files("meshcat") / "viewer/dist/main.min.js").read_text(encoding="utf-8"),

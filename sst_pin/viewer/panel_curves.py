@@ -34,10 +34,6 @@ def motor_units(robot: ClosedChain) -> list[str]:
 def curves_of(robot: ClosedChain, motion: Trajectory) -> list[dict[str, Any]]:
     """Sets of curves: torques, angles, rates and powers.
 
-    Args:
-        robot: Any closed chain.
-        motion: A motion of this robot.
-
     Returns:
         For each set: its name `called`; `what` is drawn, with units; for each curve its name, its
         joint (`owners`) and its unit; `values`, sample after sample.
@@ -56,13 +52,13 @@ def curves_of(robot: ClosedChain, motion: Trajectory) -> list[dict[str, Any]]:
 
 
 def torques_of(robot: ClosedChain, tau: Array) -> dict[str, Any]:
-    """The first of the sets, as `curves_of`; tau of shape (n, motors)."""
+    """The set of the torques, see `curves_of`; tau of shape (n, motors)."""
     names = [f"tau_{k + 1}" for k in range(len(robot.motor_names))]
     return _set("torques", "motor ", names, robot.motor_names, motor_units(robot), tau)
 
 
 def joints_of(robot: ClosedChain, q: Array) -> dict[str, Any]:
-    """The set of the joints that have a unit, as `curves_of`; q of shape (n, nq)."""
+    """The set of the joints that have a unit, see `curves_of`; q of shape (n, nq)."""
     units = robot.joint_units
     places = [i for i, unit in enumerate(units) if unit]
     names = [robot.position_names[i] for i in places]

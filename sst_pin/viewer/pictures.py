@@ -66,14 +66,7 @@ def browser() -> Iterator[Any]:
 def png(
     html: str, share: float = 0.2, size: tuple[int, int] = (1280, 640), scale: float = 2.0
 ) -> bytes:
-    """A still picture.
-
-    Args:
-        html: The page.
-        share: Time of the picture as a share of the motion.
-        size: Width and height, [px].
-        scale: Pixels of the picture for one of the page.
-    """
+    """A still picture at a share of the motion; size in [px], each of `scale` pixels."""
     (picture,) = _pictures(html, [share], size, scale)
     return picture
 
@@ -81,14 +74,7 @@ def png(
 def gif(
     html: str, frames: int = 36, seconds: float = 4.0, size: tuple[int, int] = (960, 480)
 ) -> bytes:
-    """An animation that repeats itself.
-
-    Args:
-        html: The page.
-        frames: Number of pictures.
-        seconds: For once through the motion.
-        size: Width and height, [px].
-    """
+    """An animation that repeats itself, in so many frames and seconds; size in [px]."""
     taken = _pictures(html, [i / frames for i in range(frames)], size, 1.0)
     from PIL import Image
 

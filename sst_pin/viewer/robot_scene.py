@@ -33,6 +33,8 @@ _DIRECTIONS, _SAMPLES = 150, 60
 class Scene:
     """A robot as shapes: its bodies, or where it has none a skeleton and its masses.
 
+    The arguments are those of `Viewer`.
+
     Attributes:
         shapes: All shapes that do not change with the torques.
         arrows: Torques of the motors.
@@ -41,13 +43,6 @@ class Scene:
         start: Configuration before one is asked for, shape (nq,).
         size: A length of the robot, [m].
         point: The frame whose path is drawn, or None.
-
-    Args:
-        robot: Any closed chain.
-        visual_model: Shapes of its bodies; its own by default, an empty one for a skeleton.
-        axes: Whether the joints' axes are shown at first.
-        frames: Whether frames are shown at first.
-        frame: Name of the frame whose path is drawn; that of `robot.appearance` by default.
     """
 
     def __init__(
@@ -89,11 +84,7 @@ class Scene:
         self.layers = {name: shown.get(name, True) for name in LAYERS if name in there}
 
     def poses(self, q: Array) -> dict[str, Array]:
-        """Placements of the movers of the shapes: homogeneous matrices, with a scale for struts.
-
-        Args:
-            q: Configuration, shape (nq,).
-        """
+        """Placements of the movers of the shapes: homogeneous matrices, with a scale for struts."""
         joints = self._joints(q)
         placed = {str(i): matrix for i, matrix in enumerate(joints)}
         return placed | {strut.shape.mover: strut.at(joints) for strut in self._struts}
@@ -105,9 +96,6 @@ class Scene:
             q: Configurations, shape (n, nq).
             tau: Motor torques as shares of the largest, shape (n, motors).
             wanted: Configurations of the reference path, shape (m, nq); q by default.
-
-        Returns:
-            Shape (m, 3), [m].
         """
         directions = _directions()
         kept = np.unique(np.linspace(0, len(q) - 1, _SAMPLES).round().astype(int))
@@ -137,16 +125,12 @@ class Scene:
         return found
 
     def trail(self, q: Array) -> Shape:
-        """The path of the point as a thick line, of which a page shows what has been passed.
-
-        Args:
-            q: Configurations along it, shape (n, nq), n >= 2.
-        """
+        """The path of the point as a thick line, of which a page shows what has been passed."""
         line = tube(self._path(q), self._width, TRAIL_SIDES)
         return Shape("0", "trail", "passed", line, _TRAIL)
 
     def reference(self, q: Array) -> Shape:
-        """The path of the point as a thin line; as `trail`."""
+        """The path of the point as a thin line."""
         return Shape("0", "trail", "path", tube(self._path(q), 0.45 * self._width), _PATH)
 
     # --- inside -----------------------------------------------------------------------------

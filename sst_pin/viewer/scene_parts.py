@@ -137,11 +137,7 @@ def along(axis: Array) -> Array:
 
 
 def decompose(matrices: Array) -> tuple[Array, Array, Array]:
-    """Positions, quaternions x, y, z, w, and scales.
-
-    Args:
-        matrices: Homogeneous, shape (n, 4, 4).
-    """
+    """Positions, quaternions x, y, z, w, and scales of homogeneous matrices, shape (n, 4, 4)."""
     A = matrices[:, :3, :3]
     scale = np.linalg.norm(A, axis=1)
     scale[np.linalg.det(A) < 0, 1] *= -1

@@ -21,15 +21,15 @@ Message = bytes | str
 class Server:
     """Serves until it is closed.
 
+    Args:
+        page: Gives the page.
+        state: Gives what a new page has to be told.
+        host: Address to listen on.
+        port: 0 for any that is free.
+
     Attributes:
         url: Address of the page.
         visited: Set once a page has come to listen.
-
-    Args:
-        page: Gives the page.
-        state: Gives what a page that comes has to be told.
-        host: Address to listen on.
-        port: 0 for any that is free.
     """
 
     def __init__(

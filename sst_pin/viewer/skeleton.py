@@ -31,11 +31,7 @@ def skeleton(
 ) -> Iterator[Shape]:
     """Joints, straight lines from each to what follows on the same body, ends of the loops.
 
-    Args:
-        robot: Any closed chain.
-        axes: Axes of the joints, for each rate.
-        colours: Colours of joints, by number.
-        size: A length of the robot, [m].
+    `axes` are those of all rates, `colours` those of joints by number.
     """
     model = robot.mechanism.model
     for joint, points in enumerate(points_of(robot)):
@@ -111,8 +107,7 @@ def struts(robot: ClosedChain, axes: Sequence[Axis], size: float) -> Iterator[St
 def points_of(robot: ClosedChain) -> list[list[Array]]:
     """Points that each body connects: joints, ends of loops, feet; without these its mass centre.
 
-    Returns:
-        Points of each joint's body in the joint's axes, those of the base first.
+    They are in the axes of the body's joint, those of the base first.
     """
     model = robot.mechanism.model
     points: list[list[Array]] = [[] for _ in model.joints]

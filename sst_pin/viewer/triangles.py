@@ -33,13 +33,8 @@ class Mesh(NamedTuple):
 def tube(points: ArrayLike, radii: ArrayLike, sides: int = 14) -> Mesh:
     """A round tube along a line, its ends closed.
 
-    Args:
-        points: Points of the line, shape (n, 3); a point twice in a row is a step in radius.
-        radii: One for all points, or shape (n,).
-        sides: Number of sides of its section.
-
-    Returns:
-        Its faces come along the line, 2 * sides for each step, and then those of the ends.
+    A point twice in a row is a step in radius. The faces come along the line, 2 * sides for each
+    step, and then those of the ends.
     """
     points = np.asarray(points, dtype=float)
     radii = np.broadcast_to(np.asarray(radii, dtype=float), len(points))
@@ -67,12 +62,7 @@ def tube(points: ArrayLike, radii: ArrayLike, sides: int = 14) -> Mesh:
 
 
 def arrow(points: ArrayLike, radius: float) -> Mesh:
-    """A tube along a line that ends in an arrow's head.
-
-    Args:
-        points: Points of the line, shape (n, 3); its last step is the head.
-        radius: Radius of the shaft, [m].
-    """
+    """A tube along a line that ends in an arrow's head, which is the last step."""
     points = np.asarray(points, dtype=float)
     shaft, neck, tip = points[:-1], points[-2], points[-1]
     line = np.vstack([shaft, neck, neck, tip])

@@ -17,12 +17,7 @@ Array = NDArray[np.float64]
 
 
 def warnings_of(robot: ClosedChain, shown: Trajectory | Array) -> list[str]:
-    """One line each: open loops, then what `robot.check` finds.
-
-    Args:
-        robot: Any closed chain.
-        shown: A motion, or a configuration, shape (nq,).
-    """
+    """One line each: open loops, then what `robot.check` finds in a motion or a configuration."""
     t, q = samples_of(robot, shown)
     return [*_open(robot, t, q), *map(str, robot.check(shown))]
 

@@ -77,14 +77,7 @@ class DirectReferee(Protocol):
 
 
 def all_referees(parameters: Parameters) -> tuple[list[Referee], list[MissingExtraError]]:
-    """All installed referees for one SST, and what is missing for the others.
-
-    Args:
-        parameters: The SST.
-
-    Returns:
-        The referees, and for each missing one the error that says how to install it.
-    """
+    """All installed referees for one SST, and for each missing one how to install it."""
     available: list[Referee] = []
     missing: list[MissingExtraError] = []
     for module, kind in _REFEREES:

@@ -28,14 +28,7 @@ Motion = Callable[[float], tuple[ArrayLike, ArrayLike, ArrayLike]]
 
 
 class ExudynInstant:
-    """Motor torques from Exudyn's equations of motion at one instant.
-
-    Args:
-        parameters: The SST.
-
-    Raises:
-        MissingExtraError: Without Exudyn.
-    """
+    """Motor torques from Exudyn's equations of motion at one instant."""
 
     name = "Exudyn, instantaneous"
     package = "exudyn"
@@ -94,17 +87,13 @@ def stepped_torques(
 
     Args:
         parameters: The SST, without friction.
-        motion: Of the star, for example `paper_circle`; called at times from 0 on.
-        duration: [s].
+        motion: Motion of the star, such as `paper_circle`; called at times from 0 on.
+        duration: Length of the motion, [s].
         steps: Number of steps, all equal.
-        spectral_radius: Of the integrator at infinite frequency, in [0, 1].
+        spectral_radius: Spectral radius of the integrator at infinite frequency, in [0, 1].
 
     Returns:
         Times, shape (steps + 1,), and motor torques at them, shape (steps + 1, 3), [N m].
-
-    Raises:
-        MissingExtraError: Without Exudyn.
-        InputError: For an SST with friction.
     """
     _require_frictionless(parameters)
     R, omega, _ = motion(0.0)
@@ -139,21 +128,11 @@ def stepped_motion(
 ) -> tuple[Array, Array]:
     """Direct dynamics in time: the motion of the star under given motor torques.
 
-    Args:
-        parameters: The SST, without friction.
-        R: {E} in the base at the start, shape (3, 3).
-        omega: Angular velocity of the star at the start, base axes, shape (3,), [rad/s].
-        torque: Motor torques of shape (3,) as a function of time, [N m].
-        duration: [s].
-        steps: Number of steps, all equal.
-        spectral_radius: Of the integrator at infinite frequency, in [0, 1].
+    The motion starts at R and omega of the star; `torque` is a function of time; the rest is as in
+    `stepped_torques`.
 
     Returns:
         Times, shape (steps + 1,), and {E} in the base at them, shape (steps + 1, 3, 3).
-
-    Raises:
-        MissingExtraError: Without Exudyn.
-        InputError: For an SST with friction.
     """
     _require_frictionless(parameters)
     robot = Robot(parameters, R, omega, None)

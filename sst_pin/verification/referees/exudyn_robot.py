@@ -25,13 +25,9 @@ Turns = Callable[[float], Array]
 
 
 class Robot:
-    """The SST in Exudyn, its joints fitted in one pose.
+    """The SST in Exudyn, its joints fitted in one pose with R and omega of the star.
 
-    Args:
-        parameters: The SST.
-        R: {E} in the base in that pose, shape (3, 3).
-        omega: Angular velocity of the star in that pose, shape (3,).
-        turns: How far the motors are from that pose; None for motors that are free to turn.
+    `turns` says how far the motors are from that pose; None leaves them free to turn.
     """
 
     def __init__(

@@ -37,12 +37,7 @@ class Legs(NamedTuple):
 
 
 def legs(parameters: Parameters, R: ArrayLike) -> Legs:
-    """The legs that carry the star, with 0 < mu_k < pi.
-
-    Args:
-        parameters: The SST.
-        R: {E} in the base, shape (3, 3).
-    """
+    """The legs that carry the star at R, {E} in the base, with 0 < mu_k < pi."""
     R = np.asarray(R, dtype=float)
     v = parameters.base_directions
     e = _unit(np.cross(v, v[[1, 2, 0]]))

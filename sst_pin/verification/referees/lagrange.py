@@ -39,11 +39,7 @@ class _Motion(NamedTuple):
 
 
 class LagrangeMultipliers:
-    """The cut tree with a force in each cut.
-
-    Args:
-        parameters: The SST.
-    """
+    """The cut tree of an SST with a force in each cut."""
 
     name = "Lagrange multipliers"
     package = "pin"
@@ -115,15 +111,7 @@ def generalized_forces(
 def accelerations(
     chain: ClosedChain, q: Array, va: Array, tau: Array, loads: Array | None = None
 ) -> Array:
-    """Direct dynamics of any closed chain: accelerations of the coordinates, shape (n,).
-
-    Args:
-        chain: The robot.
-        q: Configuration on the closures, shape (nq,).
-        va: Rates of the coordinates, shape (n,).
-        tau: Motor torques, shape (motors,).
-        loads: See `torques`.
-    """
+    """Direct dynamics of any closed chain: accelerations of the coordinates, shape (n,)."""
     model, motion = chain.mechanism.model, _motion(chain, q, va)
     data, zero = model.createData(), np.zeros(model.nv)
     rest = pin.rnea(model, data, q, zero, zero)
@@ -268,7 +256,7 @@ def _jacobian(model: pin.Model, data: pin.Data, frame: int) -> Array:
 
 
 def _acceleration(model: pin.Model, data: pin.Data, frame: int) -> Array:
-    """Of the frame's origin, base axes, [linear; angular]."""
+    """Acceleration of the frame's origin, base axes, [linear; angular]."""
     kind = pin.LOCAL_WORLD_ALIGNED
     vector: Array = pin.getFrameClassicalAcceleration(model, data, frame, kind).vector
     return vector.copy()

@@ -26,14 +26,7 @@ _STARS = ("star_1", "star_2", "star_3")
 
 
 class MujocoInverse:
-    """`mj_inverse` on the tree, projected to the motors.
-
-    Args:
-        parameters: The SST.
-
-    Raises:
-        MissingExtraError: Without MuJoCo.
-    """
+    """`mj_inverse` on the tree, projected to the motors."""
 
     name = "MuJoCo mj_inverse, projected"
     package = "mujoco"
@@ -70,10 +63,6 @@ class MujocoInverse:
 
     def move(self, R: ArrayLike, omega: ArrayLike) -> tuple[Array, Array]:
         """Put the tree into a state in which its loops are closed.
-
-        Args:
-            R: {E} in the base, shape (3, 3).
-            omega: Angular velocity of the star, base axes, shape (3,), [rad/s].
 
         Returns:
             Angular Jacobian of the three arcs of the star, shape (9, 9), and the joint rates.
@@ -116,15 +105,12 @@ def welded_motion(
         R: {E} in the base at the start, shape (3, 3).
         omega: Angular velocity of the star at the start, base axes, shape (3,), [rad/s].
         torque: Motor torques of shape (3,) as a function of time, [N m].
-        duration: [s].
-        step: Of MuJoCo's Runge-Kutta integrator, [s]; stable below about 1 / sqrt(stiffness).
-        stiffness: Of the welds, critically damped, per unit of inertia, [1/s^2].
+        duration: Length of the motion, [s].
+        step: Step of MuJoCo's Runge-Kutta integrator, [s]; stable below about 1 / sqrt(stiffness).
+        stiffness: Stiffness of the welds, critically damped, per unit of inertia, [1/s^2].
 
     Returns:
         Times, shape (N,), and {E} in the base at them by leg 1, shape (N, 3, 3).
-
-    Raises:
-        MissingExtraError: Without MuJoCo.
     """
     mujoco = engine("mujoco")
     model = welded(mujoco, parameters, step, stiffness)

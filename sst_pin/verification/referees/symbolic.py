@@ -22,14 +22,7 @@ Array = NDArray[np.float64]
 
 
 class SymbolicLagrange:
-    """Lagrange's equations along closed-form kinematics, by automatic differentiation.
-
-    Args:
-        parameters: The SST.
-
-    Raises:
-        MissingExtraError: Without CasADi.
-    """
+    """Lagrange's equations along closed-form kinematics, by automatic differentiation."""
 
     name = "Lagrange, symbolic (CasADi)"
     package = "casadi"
@@ -69,14 +62,7 @@ class SymbolicLagrange:
         tau: ArrayLike,
         platform_moment: ArrayLike | None = None,
     ) -> Array:
-        """Angular acceleration of the star under given torques, base axes, shape (3,), [rad/s^2].
-
-        Args:
-            R: {E} in the base, shape (3, 3).
-            omega: Angular velocity of the star, base axes, shape (3,), [rad/s].
-            tau: Motor torques, shape (3,), [N m].
-            platform_moment: As in `Referee.torques`.
-        """
+        """Angular acceleration of the star; see `DirectReferee.accelerations`."""
         inertia, bias, G = self._terms(R, omega, platform_moment)
         force = G.T @ np.asarray(tau, dtype=float) - bias
         alpha: Array = 2 * np.linalg.solve(inertia, force)
