@@ -24,7 +24,7 @@ from ..arrays import (
 )
 from ..errors import DescriptionError, InputError, MissingExtraError, SSTError
 from ..summaries import as_html, as_text, listed
-from . import derivatives, dispatch, dynamics, reactions
+from . import derivatives, dispatch, dynamics, reactions, redundancy
 from .appearance import Appearance, appearance_of
 from .assembly import home_of
 from .assignments import require_assignable
@@ -709,16 +709,22 @@ class ClosedChain:
         platform_moment: ArrayLike | None = None,
         external_wrenches: ArrayLike | None = None,
         weights: ArrayLike | None = None,
+        preload: ArrayLike | None = None,
+        limits: ArrayLike | None = None,
         out: Array | None = None,
         threads: int = 1,
         on_error: str = "raise",
     ) -> Array:
         """Inverse dynamics: the motor torques of a motion, Eq. (92).
 
-        With more motors than degrees of freedom these are the smallest torques for the motion.
+        With more motors than degrees of freedom these are the smallest torques for the motion,
+        unless a preload is given; where they would pass limits, the next ones within.
 
         Args:
             weights: Weights of the squared torques, positive, shape (motors,); one by default.
+            preload: Torques along `preload_directions`, shape (..., k), which are added.
+            limits: Largest sizes of the torques, shape (motors,), or least and largest ones, shape
+                (motors, 2); infinite for none.
 
         Returns:
             tau, shape (..., motors), [N m] or [N].
@@ -727,12 +733,19 @@ class ClosedChain:
             InputError: For a wrong shape or a number that is not finite.
             ClosureError: If q is open.
             SingularConfigurationError: If the coordinates do not determine the motion at q.
-            ActuationError: If the motors cannot produce the motion.
+            ActuationError: If the motors cannot produce the motion, or not within their limits.
 
         Example:
             >>> chain.compute_torques(chain.home, [1], [0]).round(3)
             array([0.166])
         """
+        if preload is not None or limits is not None:
+            least: dict[str, Any] = {"external_wrenches": external_wrenches, "weights": weights}
+            least |= {"platform_moment": platform_moment, "on_error": on_error, "threads": threads}
+            smallest = self.compute_torques(q, va, aa, out=out, **least)
+            choice = self._directions(q, on_error), preload, limits, weights
+            smallest[...] = redundancy.adjusted(self.mechanism, smallest, *choice)
+            return smallest
         current = self._current
         if external_wrenches is weights is None and on_error == "raise":
             tau = current.torques_of(q, va, aa, platform_moment, out, threads)
@@ -1081,10 +1094,36 @@ class ClosedChain:
             >>> chain.actuator_jacobian(chain.home)
             array([[1.]])
         """
-        current = self._current
-        shape = len(self.motor_names), self.degrees_of_freedom
-        arrays = current.arguments(q)
-        return for_each_sample(current.reference.actuator_jacobian, arrays, (1,), shape)
+        return dispatch.computed(self._current, Key("actuator_jacobian"), q)
+
+    def preload_directions(self, q: ArrayLike) -> Array:
+        """Motor torques that make no motion, but stress the robot, as an orthonormal basis.
+
+        A batch is a path along its last axis: the basis changes continuously from sample to sample,
+        without changes of sign or order.
+
+        Returns:
+            Shape (..., motors, k); `mobility().inner_stresses` is k.
+
+        Raises:
+            ClosureError: If q is open.
+            SingularConfigurationError: Where the motors hold fewer freedoms than elsewhere.
+
+        Example:
+            >>> arm = sst_pin.robots.planar_4rrr()
+            >>> B = arm.preload_directions(arm.home)
+            >>> bool(np.abs(arm.actuator_jacobian(arm.home).T @ B).max() < 1e-12)
+            True
+        """
+        return self._directions(q)
+
+    def _directions(self, q: ArrayLike, on_error: str = "raise") -> Array:
+        key, regular = (
+            Key("actuator_jacobian"),
+            self.actuator_jacobian(self.generic_configuration()),
+        )
+        J = dispatch.computed(self._current, key, q, on_error=on_error)
+        return redundancy.directions(self.mechanism, J, regular)
 
     def line_lengths(self, q: ArrayLike) -> Array:
         """Lengths of the lines of `forces`, of any q, shape (..., lines), [m].

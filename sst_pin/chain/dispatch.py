@@ -52,6 +52,7 @@ def _shape(quantity: str, mechanism: Mechanism) -> tuple[int, ...]:
         "acceleration_derivatives": (n, 2 * n + motors),
         "displacement_rates": (n, n),
         "reactions": (reactions.size_of(mechanism),),
+        "actuator_jacobian": (motors, n),
         "frame_drift": (6,),
         "frame_jacobian": (6, n),
         "frame_jacobian_rate": (6, n),

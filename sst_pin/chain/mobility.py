@@ -72,6 +72,11 @@ class Mobility:
         """Whether there are more motors than degrees of freedom."""
         return len(self.actuated) > self.degrees_of_freedom
 
+    @property
+    def inner_stresses(self) -> int:
+        """Number of independent motor torques that make no motion; see `preload_directions`."""
+        return len(self.actuated) - self.held
+
     def __repr__(self) -> str:
         return str(self)
 
@@ -90,6 +95,8 @@ class Mobility:
             verdict = f"REDUNDANT: {n - dof} more than degrees of freedom"
         else:
             verdict = "sufficient, one motor for each degree of freedom"
+        if self.inner_stresses:
+            verdict += f"; torques of the motors that make no motion: {self.inner_stresses}"
         lines = [
             f"joints              {len(self.joints)}",
             f"closure equations   {len(self.rows)}, rank {self.rank}, "

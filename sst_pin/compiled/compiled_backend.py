@@ -61,6 +61,7 @@ EVERY = (
     *(key._replace(loaded=True) for key in _LOADABLE),
     Key("rates"),
     Key("joint_accelerations"),
+    Key("actuator_jacobian"),
     Key("reduced_terms"),
     Key("closing"),
     Key("displacement_rates"),
@@ -75,6 +76,7 @@ _WITHOUT_MATRICES = (
     "forces",
     "rates",
     "reactions",
+    "actuator_jacobian",
     "joint_accelerations",
     "frame_drift",
     "closing",
@@ -289,6 +291,8 @@ def impossible(mechanism: Mechanism, quantity: str) -> str:
     n = len(mechanism.coordinates)
     if mechanism.without_mass and quantity in ("accelerations", "acceleration_derivatives"):
         return "the mass matrix is singular"
+    if quantity == "actuator_jacobian" and not motors:
+        return "there are no motors"
     if quantity == "torques" and motors < n:
         return f"fewer motors ({motors}) than coordinates ({n})"
     if quantity not in _WITHOUT_MATRICES and n * n * nv > _LARGEST:

@@ -293,10 +293,10 @@ class Equations:
     @cached_property
     def motor_matrix(self) -> SX:
         """L^T B, shape (n, motors)."""
-        return ca.horzcat(*(self.reduced(column) for column in self._motor_columns))
+        return ca.horzcat(*(self.reduced(column) for column in self.motor_columns))
 
     @cached_property
-    def _motor_columns(self) -> list[Sparse]:
+    def motor_columns(self) -> list[Sparse]:
         """Columns of B, motors on lines included."""
         motors = enumerate(self.mechanism.motors.T)
         return [
@@ -315,7 +315,7 @@ class Equations:
             scaled = ca.vertcat(*(SX(x) / scale[j] * units[k, 0] for j, x in column.items()))
             L[:, k] = np.abs(self.at_samples(scaled)).max(axis=1)
         B: Array = np.zeros((len(self._samples), 1, len(mechanism.motor_names)))
-        for k, forces in enumerate(self._motor_columns):
+        for k, forces in enumerate(self.motor_columns):
             scaled = ca.vertcat(*(SX(x) * scale[j] for j, x in forces.items()))
             B[..., k] = np.abs(self.at_samples(scaled)).max(axis=1)
         values = self.at_samples(A) * units

@@ -158,6 +158,11 @@ def _rates(e: Equations, checks: Checks) -> _Made:
     return [e.q, e.va], _of_tree(e, e.v), checks.of_rates
 
 
+def _actuator_jacobian(e: Equations, checks: Checks) -> _Made:
+    own = [check for column in e.motor_columns for check in checks.unbalanced(column)]
+    return [e.q], ca.vec(e.motor_matrix), own
+
+
 def _joint_accelerations(e: Equations, checks: Checks) -> _Made:
     own = checks.of_rates + checks.unsolved(e.dv, e.drift)
     return [e.q, e.va, e.aa], _of_tree(e, e.dv), own
@@ -205,6 +210,7 @@ KERNELS: dict[str, Callable[[Equations, Checks], _Made]] = {
     "reduced_terms": _reduced_terms,
     "rates": _rates,
     "reactions": reactions,
+    "actuator_jacobian": _actuator_jacobian,
     "joint_accelerations": _joint_accelerations,
     "state_rate": _state_rate,
     "closing": _closing,
