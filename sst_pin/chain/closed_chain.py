@@ -22,7 +22,7 @@ from ..arrays import (
     single_array,
     whole_number,
 )
-from ..errors import DescriptionError, InputError, MissingExtraError, SSTError
+from ..errors import DescriptionError, InputError, MissingExtraError
 from ..summaries import as_html, as_text, listed
 from . import derivatives, dispatch, dynamics, reactions, redundancy
 from .appearance import Appearance, appearance_of
@@ -1360,18 +1360,10 @@ class ClosedChain:
     @classmethod
     def _of_file(cls: type[_Chain], found: Described) -> _Chain:
         """A robot from what its files say; errors name the files."""
-        try:
-            chain = cls(
-                found.model,
-                found.closures,
-                found.actuated,
-                stiffness=found.stiffness,
-                spring_reference=found.spring_reference,
-                forces=found.forces,
-            )
-        except SSTError as error:
-            error.name_file(found.source)
-            raise
+        from ..reading.described import naming
+
+        with naming(found.source):
+            chain = cls(**found.arguments)
         chain._shapes = found.shapes
         return chain
 

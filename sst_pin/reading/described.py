@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -29,7 +29,7 @@ class Described(NamedTuple):
         closures: What closes the loops.
         actuated: The motors: joints, lines, and fixed tendons as the share of each joint.
         shapes: Function from a tree to the shapes of its bodies.
-        stiffness: Of the joints' springs, shape (nv,); None without springs.
+        stiffness: Stiffness of the joints' springs, shape (nv,); None without springs.
         spring_reference: Where they are at rest, shape (nq,).
         srdf: What stands beside a URDF.
         forces: Along lines.
@@ -44,6 +44,12 @@ class Described(NamedTuple):
     spring_reference: Array | None = None
     srdf: Srdf | None = None
     forces: tuple[LineForce, ...] = ()
+
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """Arguments of the constructor of `ClosedChain`."""
+        names = ("model", "closures", "actuated", "stiffness", "spring_reference", "forces")
+        return {name: getattr(self, name) for name in names}
 
 
 @contextmanager

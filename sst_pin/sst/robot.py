@@ -156,8 +156,8 @@ class SST(ClosedChain):
             raise DescriptionError(
                 source, [f"motors {motors}, equalities {sorted(ends)}; {wanted}"]
             )
-        if found.stiffness is not None and found.stiffness.any():
-            raise DescriptionError(source, ["an SST has no springs at its joints"])
+        if found.forces or (found.stiffness is not None and found.stiffness.any()):
+            raise DescriptionError(source, ["parameters have no springs and no tendons"])
         friction = Friction(found.model.damping, found.model.friction)
         return cls(parameters_of(found.model, geometry, friction), kernels=kernels)
 

@@ -64,14 +64,7 @@ def _moving(robot: reading.Described) -> tuple[list[Problem], Robot]:
     if problems := list(_open(robot.model, robot.closures)):
         return problems, None
     try:
-        chain = ClosedChain(
-            robot.model,
-            robot.closures,
-            robot.actuated,
-            stiffness=robot.stiffness,
-            spring_reference=robot.spring_reference,
-            forces=robot.forces,
-        )
+        chain = ClosedChain(**robot.arguments)
     except SSTError as caught:
         where = "actuation" if isinstance(caught, ActuationError) else "robot"
         return [error(where, str(caught))], None

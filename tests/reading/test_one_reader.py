@@ -105,12 +105,20 @@ def test_an_sst_brings_the_poses_of_its_files():
     assert ours == theirs != []
 
 
-def test_springs_of_an_mjcf_are_not_lost_in_an_sst(tmp_path):
-    """`Parameters` have none."""
+TENDON = (
+    '<tendon><spatial stiffness="1"><site site="P_1"/><site site="E"/></spatial></tendon></mujoco>'
+)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [('<joint name="mu_1"', '<joint name="mu_1" stiffness="2"'), ("</mujoco>", TENDON)],
+)
+def test_springs_of_an_mjcf_are_not_lost_in_an_sst(tmp_path, old, new):
+    """`Parameters` have none, so the file is refused."""
     shutil.copytree(Path(sst_pin.MJCF_PATH).parent, tmp_path / "sst")
     path = tmp_path / "sst" / Path(sst_pin.MJCF_PATH).name
-    text = path.read_text()
-    path.write_text(text.replace('<joint name="mu_1"', '<joint name="mu_1" stiffness="2"', 1))
+    path.write_text(path.read_text().replace(old, new, 1))
     with pytest.raises(sst_pin.DescriptionError, match="no springs"):
         sst_pin.SST.from_mjcf(path)
 

@@ -18,13 +18,13 @@ from scipy.spatial.transform import Rotation
 
 from ...description.parameters import Parameters
 from ...errors import InputError
-from .exudyn_robot import Robot, frames, of_all_bodies, turning
-from .geometry import Legs, legs, require_same
+from .exudyn_robot import ExudynRobot, frames, of_all_bodies, turning
+from .geometry import LegAxes, legs, require_same
 
 Array = NDArray[np.float64]
 
 #: Orientation, angular velocity and acceleration of the star as functions of time, base axes.
-Motion = Callable[[float], tuple[ArrayLike, ArrayLike, ArrayLike]]
+StarMotion = Callable[[float], tuple[ArrayLike, ArrayLike, ArrayLike]]
 
 
 class ExudynInstant:
@@ -40,7 +40,7 @@ class ExudynInstant:
         fit = max(poses, key=lambda R: float(np.sin(legs(parameters, R).angles[:, 1]).min()))
         self._start = legs(parameters, fit).angles[:, 0]
         self._turns = np.zeros(3)
-        self._robot = Robot(parameters, fit, np.zeros(3), lambda t: self._turns)
+        self._robot = ExudynRobot(parameters, fit, np.zeros(3), lambda t: self._turns)
 
     def torques(
         self,
@@ -74,7 +74,7 @@ class ExudynInstant:
 
 def stepped_torques(
     parameters: Parameters,
-    motion: Motion,
+    motion: StarMotion,
     duration: float,
     steps: int,
     *,
@@ -105,7 +105,7 @@ def stepped_torques(
         wrapped: Array = (turn + np.pi) % (2 * np.pi) - np.pi
         return wrapped
 
-    robot = Robot(parameters, R, omega, turns)
+    robot = ExudynRobot(parameters, R, omega, turns)
     output = robot.exudyn.OutputVariableType.TorqueLocal
     item = robot.utilities.SensorObject
     sensors = [
@@ -135,7 +135,7 @@ def stepped_motion(
         Times, shape (steps + 1,), and {E} in the base at them, shape (steps + 1, 3, 3).
     """
     _require_frictionless(parameters)
-    robot = Robot(parameters, R, omega, None)
+    robot = ExudynRobot(parameters, R, omega, None)
     e = legs(parameters, R).e
 
     @lru_cache(maxsize=8)
@@ -166,7 +166,7 @@ def _turn(spins: Array, e: Array) -> Array:
 
 
 def _joint_moments(
-    p: Parameters, pose: Legs, rates: Array, platform_moment: ArrayLike | None
+    p: Parameters, pose: LegAxes, rates: Array, platform_moment: ArrayLike | None
 ) -> Array:
     """Moments of friction, and of the surroundings on the star, on all bodies, shape (7, 3)."""
     friction = p.viscous_friction.reshape(3, 3) * rates

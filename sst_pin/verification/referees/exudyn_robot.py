@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...description.parameters import Parameters
 from . import engine
-from .geometry import Legs, legs
+from .geometry import LegAxes, legs
 
 Array = NDArray[np.float64]
 
@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 Turns = Callable[[float], Array]
 
 
-class Robot:
+class ExudynRobot:
     """The SST in Exudyn, its joints fitted in one pose with R and omega of the star.
 
     `turns` says how far the motors are from that pose; None leaves them free to turn.
@@ -135,7 +135,7 @@ def _offset(turns: Turns, k: int) -> Callable[..., list[float]]:
     return lambda system, t, *_: [0.0] * 5 + [float(turns(t)[k])]
 
 
-def frames(pose: Legs, R: ArrayLike) -> Array:
+def frames(pose: LegAxes, R: ArrayLike) -> Array:
     """{1k} and {2k} of each leg, then {E}, shape (7, 3, 3)."""
     e, u, n, _ = pose
     link = np.stack([u, np.cross(e, u), e], axis=-1)
@@ -148,7 +148,7 @@ def of_all_bodies(link: Array, passive: Array, star: Array) -> Array:
     return np.concatenate([np.stack([link, passive], axis=1).reshape(6, *star.shape), [star]])
 
 
-def turning(pose: Legs, omega: Array, alpha: Array) -> tuple[Array, Array, Array]:
+def turning(pose: LegAxes, omega: Array, alpha: Array) -> tuple[Array, Array, Array]:
     """Joint rates, shape (3, 3); angular velocities and accelerations of all bodies, (7, 3)."""
     e, u, n, _ = pose
     axes = np.stack([e, u, n], axis=-1)  # omega = e gamma_dot + u mu_dot + n beta_dot

@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 _TOLERANCE = 1e-9
 
 
-class Legs(NamedTuple):
+class LegAxes(NamedTuple):
     """Joint axes and angles of the three legs, a row for each.
 
     Attributes:
@@ -36,7 +36,7 @@ class Legs(NamedTuple):
     angles: Array
 
 
-def legs(parameters: Parameters, R: ArrayLike) -> Legs:
+def legs(parameters: Parameters, R: ArrayLike) -> LegAxes:
     """The legs that carry the star at R, {E} in the base, with 0 < mu_k < pi."""
     R = np.asarray(R, dtype=float)
     v = parameters.base_directions
@@ -48,7 +48,7 @@ def legs(parameters: Parameters, R: ArrayLike) -> Legs:
     gamma = _angle(e, v, u)
     mu = _angle(u, e, n)
     beta = _angle(n, u, np.tile(R[:, 0], (3, 1)))
-    return Legs(e, u, n, np.stack([gamma, mu, beta], axis=-1))
+    return LegAxes(e, u, n, np.stack([gamma, mu, beta], axis=-1))
 
 
 def require_same(found: Array, wanted: Array, what: str) -> None:

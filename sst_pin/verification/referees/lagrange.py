@@ -29,7 +29,7 @@ _REDUNDANT = 1e-10
 _EYE = np.eye(3)
 
 
-class _Motion(NamedTuple):
+class _Rates(NamedTuple):
     """Closures and rates: Phi v_dot + drift = 0."""
 
     mechanism: Mechanism
@@ -126,13 +126,13 @@ def accelerations(
     return motion.mechanism.selection @ v_dot
 
 
-def _motion(chain: ClosedChain, q: Array, va: Array) -> _Motion:
+def _motion(chain: ClosedChain, q: Array, va: Array) -> _Rates:
     """Closures by Pinocchio's frames, and the rates that keep them closed."""
     mechanism = chain._current.mechanism
     Phi, _ = _rows(mechanism, q, np.zeros(mechanism.model.nv))
     right = np.concatenate([np.zeros(len(Phi)), va])
     v = _solve(np.vstack([Phi, mechanism.selection]), right)
-    return _Motion(mechanism, *_rows(mechanism, q, v), v)
+    return _Rates(mechanism, *_rows(mechanism, q, v), v)
 
 
 def _rows(mechanism: Mechanism, q: Array, v: Array) -> tuple[Array, Array]:
@@ -224,7 +224,7 @@ def _coupling(model: pin.Model, closure: Coupling, q: Array, v: Array) -> tuple[
     return row, np.array([drift])
 
 
-def _need(motion: _Motion, q: Array, aa: Array, loads: Array | None) -> Array:
+def _need(motion: _Rates, q: Array, aa: Array, loads: Array | None) -> Array:
     """What motors and closures must give the tree, shape (nv,)."""
     system = np.vstack([motion.Phi, motion.mechanism.selection])
     v_dot = _solve(system, np.concatenate([-motion.drift, aa]))
@@ -233,7 +233,7 @@ def _need(motion: _Motion, q: Array, aa: Array, loads: Array | None) -> Array:
     return need - _given(motion, q, loads)
 
 
-def _given(motion: _Motion, q: Array, loads: Array | None) -> Array:
+def _given(motion: _Rates, q: Array, loads: Array | None) -> Array:
     """Forces on the tree that are neither the motors' nor the closures', nor weights."""
     mechanism, v = motion.mechanism, motion.v
     friction, springs = mechanism.friction, mechanism.springs

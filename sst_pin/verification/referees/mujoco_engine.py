@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from ...description import urdf_of
+from ...description import star_orientations, urdf_of
 from ...description.parameters import Parameters
 from . import engine
 from .geometry import legs, require_same
@@ -70,7 +70,7 @@ class MujocoInverse:
         mujoco, model, data, p = self._mujoco, self._model, self._data, self._parameters
         data.qpos[:] = legs(p, R).angles.ravel()
         mujoco.mj_fwdPosition(model, data)
-        for name, R_E in zip(_STARS, _star_frames(p), strict=True):
+        for name, R_E in zip(_STARS, star_orientations(p), strict=True):
             found = data.body(name).xmat.reshape(3, 3) @ R_E
             require_same(found, np.asarray(R), "the star's orientation")
         J = self._turning(mujoco.mj_jacBody)
@@ -144,7 +144,7 @@ def _blind_urdf(parameters: Parameters) -> str:
 def welded(mujoco: Any, parameters: Parameters, step: float, stiffness: float) -> Any:
     """The closed robot: welds with a stiffness [1/s^2], critically damped, steps in [s]."""
     spec = mujoco.MjSpec.from_string(_blind_urdf(parameters))
-    for name, R_E in zip(_STARS, _star_frames(parameters), strict=True):
+    for name, R_E in zip(_STARS, star_orientations(parameters), strict=True):
         spec.body(name).add_site(name=name, quat=np.roll(Rotation.from_matrix(R_E).as_quat(), 1))
     for other in _STARS[1:]:
         weld = spec.add_equality(
@@ -162,10 +162,3 @@ def welded(mujoco: Any, parameters: Parameters, step: float, stiffness: float) -
     model.opt.tolerance = 0  # all iterations
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
     return model
-
-
-def _star_frames(parameters: Parameters) -> Array:
-    """{E} in {3k}: arc k stands at the angle 0, alpha_2, alpha_2 + alpha_3 about s."""
-    angles = np.cumsum([0.0, *parameters.arc_angles[1:]])
-    frames: Array = Rotation.from_rotvec(-angles[:, None] * np.eye(3)[0]).as_matrix()
-    return frames
