@@ -115,6 +115,7 @@ def regular(chain):
 
 def of_gallery(name, **options):
     robot = getattr(robots, name)()
+    options |= {"forces": robot.forces}
     return case(robot.model, robot.closures, robot.motor_names, robot.home, **options)
 
 

@@ -89,7 +89,8 @@ def _draw_bodies(axes: Any, chain: gallery.GalleryRobot) -> None:
         )
         everything.append(vertices)
     low, high = (reach(np.vstack(everything), axis=0) for reach in (np.min, np.max))
-    middle, half = (low + high) / 2, (high - low).max() / 2
+    size = high - low
+    middle, half = (low + high) / 2, max(size.max(), 0.75 * np.linalg.norm(size)) / 2
     axes.set(**{f"{x}lim": (m - half, m + half) for x, m in zip("xyz", middle, strict=True)})
     axes.set_box_aspect((1, 1, 1), zoom=1.5)
     axes.set_axis_off()

@@ -24,10 +24,22 @@ def describe(chain) -> dict:
         }
         for c in chain.closures
     ]
+    forces = [
+        {
+            "frame_a": _frame(model, f.frame_a),
+            "frame_b": _frame(model, f.frame_b),
+            "stiffness": f.stiffness,
+            "rest_length": f.rest_length,
+            "damping": f.damping,
+            "preload": f.preload,
+        }
+        for f in chain.forces
+    ]
     return {
         "gravity": _numbers(model.gravity.linear),
         "joints": joints,
         "closures": closures,
+        "forces": forces,
         "coordinates": list(chain.coordinates),
         "motors": list(chain.motor_names),
         "platform": _frame(model, "platform" if model.existFrame("platform") else "E"),

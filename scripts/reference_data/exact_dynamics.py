@@ -143,19 +143,19 @@ class ExactRobot:
             self.start_q.append(self.start_q[-1] + nq)
             self.start_v.append(self.start_v[-1] + nv)
         self.nq, self.nv = self.start_q[-1], self.start_v[-1]
-        self.closures = [
-            (
-                c["kind"],
-                *(
-                    (self.index.get(c[f]["joint"], -1), placement(c[f]["placement"]))
-                    for f in ("frame_a", "frame_b")
-                ),
-            )
-            for c in record["closures"]
+        self.closures = [(c["kind"], *self._ends(c)) for c in record["closures"]]
+        numbers = ("stiffness", "rest_length", "damping", "preload")
+        self.lines = [
+            (*self._ends(line), *(mpf(repr(line[x])) for x in numbers)) for line in record["forces"]
         ]
         self.coordinates = self._rates_of(record["coordinates"])
         self.motors = self._rates_of(record["motors"])
         self.others = [i for i in range(self.nv) if i not in self.coordinates]
+
+    def _ends(self, pair):
+        """Body and placement of two frames."""
+        frames = pair["frame_a"], pair["frame_b"]
+        return [(self.index.get(f["joint"], -1), placement(f["placement"])) for f in frames]
 
     def _rates_of(self, names):
         return [
@@ -213,6 +213,20 @@ class ExactRobot:
             found.append(Body(at, V, A, columns, centre))
         return found
 
+    def line_forces(self, bodies, v):
+        """Forces in all joints by which springs and dampers along lines pull, (nv,)."""
+        forces = [mpf(0)] * self.nv
+        for a, b, stiffness, rest, damping, preload in self.lines:
+            (A, a_rates, *_), (B, b_rates, *_) = (self._frame_motion(bodies, *f) for f in (a, b))
+            way = minus(B[1], A[1])
+            length = sqrt(dot(way, way))
+            of_rates = [
+                dot(way, minus(y, x)) / length for x, y in zip(a_rates, b_rates, strict=True)
+            ]
+            tension = preload + stiffness * (length - rest) + damping * dot(of_rates, v)
+            forces = [f - tension * rate for f, rate in zip(forces, of_rates, strict=True)]
+        return forces
+
     def tree_forces(self, bodies, gravity):
         """Forces in all joints that the motion of the tree takes, (nv,)."""
         forces = [mpf(0)] * self.nv
@@ -246,6 +260,11 @@ class ExactRobot:
             kinetic += mass * dot(at_centre, at_centre) / 2
             kinetic += dot(omega, self._turned(joint, body, omega)) / 2
             potential -= mass * dot(self.gravity, c)
+        for a, b, stiffness, rest, _, preload in self.lines:
+            ends = [self._frame_motion(bodies, *frame)[0][1] for frame in (a, b)]
+            way = minus(*ends)
+            drawn = sqrt(dot(way, way)) - rest
+            potential += stiffness * drawn**2 / 2 + preload * drawn
         return kinetic, potential
 
     # --- closures ---------------------------------------------------------------------------
@@ -306,7 +325,7 @@ class ExactRobot:
         q = self._stepped(home, rates)
         for _ in range(30):  # Newton's method, shortest steps
             residual, J, _ = self.rows(self.bodies(q, zero, zero))
-            if max(map(abs, residual)) < CLOSED:
+            if max(map(abs, residual), default=0) < CLOSED:
                 return q
             A = matrix([J[r] for r in rows])
             step = A.T * solve(A * A.T, [-residual[r] for r in rows])
@@ -352,7 +371,9 @@ class ExactRobot:
         _, _, drift = self.rows(self.bodies(q, v, zero))
         dv = self._completed(J, aa, [drift[r] for r in rows])
         _, _, moved_on = self.rows(self.bodies(q, v, dv))
-        assert max(map(abs, moved_on)) < mpf("1e-40"), "redundant rows must hold by themselves"
+        assert max(map(abs, moved_on), default=0) < mpf("1e-40"), (
+            "redundant rows must hold by themselves"
+        )
         return Motion(self, q, v, dv, J, [drift[r] for r in rows])
 
     def _completed(self, J, of_coordinates, drift):
@@ -380,10 +401,13 @@ class Motion:
     J: list
     drift: list
 
-    def generalized_forces(self, v, dv, gravity):
+    def generalized_forces(self, v, dv, gravity, lines=True):
         """What a motion of the tree takes along the coordinates, (n,)."""
         robot = self.robot
-        forces = robot.tree_forces(robot.bodies(self.q, v, dv), gravity)
+        bodies = robot.bodies(self.q, v, dv)
+        forces = robot.tree_forces(bodies, gravity)
+        if lines:
+            forces = minus(forces, robot.line_forces(bodies, v))
         multipliers = solve(robot._of_others(self.J).T, [forces[i] for i in robot.others])
         return [
             forces[i] - sum(row[i] * m for row, m in zip(self.J, multipliers, strict=True))
@@ -412,7 +436,7 @@ class Motion:
         zero, still = [mpf(0)] * robot.nv, [mpf(0)] * len(self.J)
         units = [[mpf(int(i == j)) for j in range(n)] for i in range(n)]
         columns = [
-            self.generalized_forces(zero, robot._completed(self.J, unit, still), ZERO)
+            self.generalized_forces(zero, robot._completed(self.J, unit, still), ZERO, False)
             for unit in units
         ]
         supplied = self._motor_rates() * matrix(torques)
@@ -447,4 +471,6 @@ def independent_rows(J):
 
 def solve(A, b):
     """The solution of a regular system."""
+    if not b:
+        return []
     return mp.lu_solve(A, matrix(b))

@@ -80,7 +80,7 @@ def main(wanted):
     for name, robot in sorted(data.items()):
         parts = []
         for key, value in robot.items():
-            if key in ("joints", "closures", "states"):
+            if key in ("joints", "closures", "forces", "states") and value:
                 rows = ",\n".join("  " + json.dumps(row) for row in value)
                 parts.append(f" {json.dumps(key)}: [\n{rows}\n ]")
             else:

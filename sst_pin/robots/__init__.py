@@ -11,7 +11,7 @@ from .planar import five_bar, four_bar, planar_3rrr, planar_4rrr
 from .platforms import hexaglide, stewart, ups_pu
 from .spherical import agile_eye, agile_wrist
 from .stacks import ladder, scissor_lift
-from .standard_problems import andrews, bricard, n_four_bar
+from .standard_problems import andrews, bricard, governor, n_four_bar, slider_crank
 
 #: Ten states of the SST and of each robot, to 40 digits; see docs/reference_data.md.
 REFERENCE_PATH = Path(__file__).with_name("reference.json")
@@ -28,12 +28,14 @@ __all__ = [
     "excavator",
     "five_bar",
     "four_bar",
+    "governor",
     "hexaglide",
     "ladder",
     "n_four_bar",
     "planar_3rrr",
     "planar_4rrr",
     "scissor_lift",
+    "slider_crank",
     "stewart",
     "ups_pu",
 ]

@@ -14,7 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import finite_array, for_each_sample, positive_number
 from ..chain.closed_chain import ClosedChain
-from ..chain.closures import Closure
+from ..chain.closures import Closure, Distance
+from ..chain.lines import LineForce
 from ..chain.thresholds import CLOSURE_TOLERANCE
 from ..errors import InputError, WorkspaceError
 from .building_blocks import Tree
@@ -32,7 +33,7 @@ def of_dimensions(build: _Build) -> _Build:
     @wraps(build)
     def checked(*args: Any, **dimensions: Any) -> GalleryRobot:
         for name, value in dimensions.items():
-            if isinstance(defaults.get(name), (int, float)):
+            if type(defaults.get(name)) in (int, float):
                 positive_number(name, value)
         return build(*args, **dimensions)
 
@@ -46,12 +47,13 @@ class GalleryRobot(ClosedChain):
 
     Args:
         tree: The tree and its shapes.
-        closures: What closes it.
+        closures: What closes it, if anything does.
         actuated: Names of the motors' joints.
         joints: Inverse kinematics in closed form: coordinates of all joints for a pose of the
             platform; NaN where it is out of reach.
         home: A pose of the platform where the robot is regular.
         point: Whether the platform is a point, so that its orientation does not count.
+        forces: Springs and dampers between two frames.
 
     Raises:
         WorkspaceError: When the loops do not close at home.
@@ -60,12 +62,13 @@ class GalleryRobot(ClosedChain):
     def __init__(
         self,
         tree: Tree,
-        closures: Sequence[Closure],
+        closures: Sequence[Closure | Distance],
         actuated: Sequence[str],
         joints: Callable[[pin.SE3], Joints],
         home: pin.SE3,
         *,
         point: bool = False,
+        forces: Sequence[LineForce] = (),
     ) -> None:
         self._tree, self._shapes, self._joints = tree.model, tree.visual_model, joints
         self._rows = slice(None), slice(3 if point else 0, 4)  # of a pose, that count
@@ -77,7 +80,7 @@ class GalleryRobot(ClosedChain):
         if not np.isfinite(q).all():
             raise unreachable
         tree.model.referenceConfigurations["home"] = pin.normalize(tree.model, q)
-        super().__init__(tree.model, closures, actuated)
+        super().__init__(tree.model, closures, actuated, forces=forces)
         try:
             self.inverse_kinematics(home)
         except (InputError, WorkspaceError):
@@ -115,7 +118,7 @@ class GalleryRobot(ClosedChain):
                 raise WorkspaceError("the pose of the platform is out of reach")
             q = self._current.mechanism.space.normalised(q)
             missed = np.abs(self._pose(q) - pose)[self._rows].max()
-            opened = np.abs(self.residual(q)).max()
+            opened = np.abs(self.residual(q)).max(initial=0.0)
             if max(missed, opened) > CLOSURE_TOLERANCE:
                 raise WorkspaceError(
                     f"the platform cannot reach this pose: its error would be {missed:.3g} and the "

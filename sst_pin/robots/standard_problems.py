@@ -8,13 +8,15 @@ from __future__ import annotations
 
 from functools import partial
 
+import coal
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import in_one_turn, whole_number
-from ..chain.closures import Closure
-from .angles import angle_about_z, direction, two_link
+from ..chain.closures import Closure, Distance
+from ..chain.lines import LineForce
+from .angles import angle_about_z, direction, of_two_turns, two_link
 from .building_blocks import Solid, Tree, box, planar, rods, shift
 from .gallery_robot import GalleryRobot, Joints, of_dimensions
 
@@ -148,8 +150,9 @@ def andrews() -> GalleryRobot:
     Problem A03 of the IFToMM library (E. Hairer and G. Wanner, Solving Ordinary Differential
     Equations II, VII.7; the joints have the names of its angles). There is no weight. Dimensions,
     masses and moments of inertia about z are the published ones; those about x and y do not count.
-    The motor drives beta. At home, the published start, theta is at a dead point: gamma does not
-    describe the motion there. The platform is the body of theta, its frame where all loops meet.
+    A spring pulls gamma towards the base, the motor drives beta. At home, the published start,
+    theta is at a dead point: gamma does not describe the motion there. The platform is the body of
+    theta, its frame where all loops meet.
 
     Example:
         >>> chain = sst_pin.robots.andrews()
@@ -173,9 +176,12 @@ def andrews() -> GalleryRobot:
         tree.joint(name, _RZ(), solids, parent, shift(at))
         tree.frame(f"tip_of_{name}", name, line[-1])
     tree.platform("theta", (-_D, 0))
+    tree.frame("spring_foot", fixed, (0.014, 0.072))
+    tree.frame("spring_eye", "gamma", (0.02, -0.018))
+    spring = LineForce("spring_foot", "spring_eye", stiffness=4530.0, rest_length=0.07785)
     tips = [Closure(f"tip_of_{name}", "tip_of_theta", "3d") for name in ("gamma", "phi", "omega")]
     home = planar(0, 0, -0.0617138900142764496358948458001) * shift((_RR - _D, 0))
-    return GalleryRobot(tree, tips, ["beta"], _andrews_joints, home)
+    return GalleryRobot(tree, tips, ["beta"], _andrews_joints, home, forces=[spring])
 
 
 def _andrews_joints(pose: pin.SE3) -> Joints:
@@ -192,3 +198,96 @@ def _andrews_joints(pose: pin.SE3) -> Joints:
         "epsilon": epsilon + np.pi / 2,
         "omega": knee - np.pi / 2,
     }
+
+
+#: Of the slider-crank: the centre of the crank's circle, [m].
+_CRANK = np.array([0.0, 0.1, 0.12])
+
+
+def slider_crank() -> GalleryRobot:
+    """A spatial slider-crank: a ball joint at the crank, a universal joint at the slider.
+
+    The benchmark of the IFToMM library (E. J. Haug, Computer Aided Kinematics and Dynamics of
+    Mechanical Systems, 1989): the crank turns about x, the slider moves along x, weight along -z.
+    At home the crank is upright. The platform is the rod, its frame at the ball, x towards the
+    slider. The motor drives the crank.
+
+    Example:
+        >>> chain = sst_pin.robots.slider_crank()
+        >>> chain.home.round(4)
+        array([ 0.    ,  0.2   , -0.4636,  0.8411])
+    """
+    tree = Tree("slider_crank")
+    tip, end = np.array([0.0, 0.0, 0.08]), np.array([-0.3, 0.0, 0.0])
+    crank = _body(0.12, tip / 2, (1e-4, 1e-4, 1e-5), [np.zeros(3), tip], 0.006)
+    bar = _body(0.5, end / 2, (4e-4, 4e-3, 4e-3), [np.zeros(3), end], 0.006)
+    tree.joint("crank", _RX(), crank, at=shift(_CRANK))
+    tree.joint("slider", pin.JointModelPX(), box(2.0, (0.05, 0.03, 0.03)))
+    tree.joint("rod", pin.JointModelUniversal(*np.eye(3)[:2]), bar, "slider")
+    tree.frame("tip", "crank", tip)
+    tree.platform("rod", end)
+    home = of_two_turns(*_rod_turns(_CRANK + tip, 0.2))
+    ball = [Closure("tip", "platform", "3d")]
+    return GalleryRobot(tree, ball, ["crank"], _slider_crank_joints, pin.SE3(home, _CRANK + tip))
+
+
+def _rod_turns(ball: Array, slider: float) -> tuple[float, float]:
+    x, y, z = ball - (slider, 0, 0)
+    return float(np.arctan2(-y, z)), float(np.arctan2(np.hypot(y, z), -x))
+
+
+def _slider_crank_joints(pose: pin.SE3) -> Joints:
+    ball = pose.translation
+    slider = float(pose.act(np.array([0.3, 0, 0]))[0])
+    _, y, z = ball - _CRANK
+    return {"crank": np.arctan2(-y, z), "slider": slider, "rod": _rod_turns(ball, slider)}
+
+
+@of_dimensions
+def governor(rigid: bool = False, *, stiffness: float = 8e5, damping: float = 4e4) -> GalleryRobot:
+    """A flyball governor whose springs and dampers are stiff; an open tree.
+
+    Problem A05 of the IFToMM library: a shaft that turns about z, two arms with balls hinged to it,
+    a slider on it, and a spring with a damper from the middle of each arm to the slider. All four
+    joints have a motor. The rigid twin has rods without mass for the springs: a closed chain with
+    two motors. The platform is the slider; for a pose of it the springs are at rest.
+
+    Args:
+        rigid: Whether rods replace the springs.
+        stiffness: Of each spring, [N/m].
+        damping: Of each damper, [N s/m].
+
+    Example:
+        >>> chain = sst_pin.robots.governor(rigid=True)
+        >>> np.degrees(chain.home[1:3]).round(6), chain.home[3].round(6)
+        (array([30., 30.]), np.float64(0.5))
+    """
+    tree, lines = Tree("governor"), []
+    tree.joint("shaft", _RZ(), box(0.3, (0.01, 0.01, 1), (0, 0, 0.5)))
+    ball = Solid(
+        pin.Inertia(5, np.zeros(3), np.zeros((3, 3))), coal.Box(0.07, 0.07, 0.07), shift((1, 0))
+    )
+    for k, turn in ((1, 0.0), (2, np.pi)):
+        arm = [*box(0.3, (1, 0.01, 0.01), (0.5, 0, 0)), ball]
+        hinge = planar(0, 0, turn) * shift((0.05, 0, 1))
+        tree.joint(f"arm_{k}", _RY(), arm, "shaft", hinge)
+        tree.frame(f"middle_{k}", f"arm_{k}", (0.5, 0, 0))
+        lines.append((f"middle_{k}", f"foot_{k}"))
+    tree.joint("slider", pin.JointModelPZ(), box(3.0, (0.1, 0.1, 0.1)), "shaft")
+    for k, x in ((1, 0.05), (2, -0.05)):
+        tree.frame(f"foot_{k}", "slider", (x, 0, 0))
+    tree.platform("slider")
+    if rigid:
+        rods = [Distance(*line, 0.5) for line in lines]
+        return GalleryRobot(tree, rods, ["shaft", "slider"], _governor_joints, shift((0, 0, 0.5)))
+    springs = [
+        LineForce(*line, stiffness=stiffness, rest_length=0.5, damping=damping) for line in lines
+    ]
+    joints = ["shaft", "arm_1", "arm_2", "slider"]
+    return GalleryRobot(tree, [], joints, _governor_joints, shift((0, 0, 0.5)), forces=springs)
+
+
+def _governor_joints(pose: pin.SE3) -> Joints:
+    height = pose.translation[2]
+    alpha = np.arcsin(1 - height)  # below the horizontal; half an arm and its spring are equal
+    return {"shaft": angle_about_z(pose.rotation), "arm_1": alpha, "arm_2": alpha, "slider": height}

@@ -55,6 +55,17 @@ def unbalanced(chain, q, va, aa, wrenches, w):
         at = data.oMf[model.getFrameId(frames_of(closure)[1])]
         give(ends[1].parentJoint, wrench, at, 1)
         give(ends[0].parentJoint, wrench, at, -1)
+    for line in chain.forces:
+        names = line.frame_a, line.frame_b
+        frames = [model.getFrameId(name) for name in names]
+        way = np.subtract(*(data.oMf[frame].translation for frame in frames))  # from B to A
+        length = np.linalg.norm(way)
+        rates = np.subtract(*(chain.frame_jacobian(q, name)[:3] @ va for name in names))
+        pull = line.preload + line.stiffness * (length - line.rest_length)
+        pull = (pull + line.damping * rates @ way / length) * way / length
+        for frame, sign in zip(frames, (-1, 1), strict=True):
+            at = pin.SE3(np.eye(3), data.oMf[frame].translation)
+            give(model.frames[frame].parentJoint, np.r_[0, 0, 0, pull], at, sign)
     return left
 
 

@@ -94,7 +94,7 @@ def torques(
     need = _need(motion, q, aa, loads)
     # need = B tau + Phi^T multipliers; motions that the closures leave do not see the latter.
     _, sizes, V = np.linalg.svd(motion.Phi)
-    free = V[np.count_nonzero(sizes > _REDUNDANT * sizes[0]) :]
+    free = V[np.count_nonzero(sizes > _REDUNDANT * sizes.max(initial=0.0)) :]
     return _solve(free @ motion.mechanism.motors, free @ need)
 
 
@@ -149,7 +149,7 @@ def _rows(mechanism: Mechanism, q: Array, v: Array) -> tuple[Array, Array]:
         else:
             ends = [_end(model, data, name, v) for name in frames_of(closure)]
             parts.append(_relative(closure, *ends))
-    Phi, drift = zip(*parts, strict=True)
+    Phi, drift = zip((np.empty((0, model.nv)), np.empty(0)), *parts, strict=True)
     return np.vstack(Phi), np.concatenate(drift)
 
 
