@@ -12,7 +12,7 @@ import threading
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -44,6 +44,7 @@ from .states import CompiledStates
 if TYPE_CHECKING:
     from ._binding import Course, Kernel
     from .equations import Equations
+    from .inertia_by_columns import ByColumns
 
 Array = NDArray[np.float64]
 
@@ -165,15 +166,15 @@ class CompiledBackend:
             smooth = [made for made in list(self._kernels) if made.sign_width is not None]
             for made in smooth if len(smooth) >= _WIDTHS else ():
                 self._kernels.pop(made, None)
-        kernel = self._kernels[key] = self._kernel(key) or NoKernel()
+        columns = self._by_columns() if key.quantity == "accelerations" else None
+        kernel = self._kernels[key] = columns or self._kernel(key) or NoKernel()
         return kernel
 
     def states(self, friction: Friction) -> CompiledStates:
         """The state space with this friction instead of the mechanism's."""
         closing, course = self.kernel(Key("closing")), partial(self._course, friction)
-        return CompiledStates(
-            self._reference, friction, closing, partial(self._rate, friction), course
-        )
+        rate, columns = partial(self._rate, friction), self._by_columns(friction)
+        return CompiledStates(self._reference, friction, closing, rate, course, columns)
 
     # --- inside -----------------------------------------------------------------------------
 
@@ -185,8 +186,32 @@ class CompiledBackend:
             near = home_of(self._mechanism)
         return content if near is None else content + near.tobytes()
 
+    def _by_columns(self, friction: Friction | None = None) -> ByColumns | None:
+        """Direct dynamics where the mass matrix is too large to be written out; None elsewhere."""
+        mechanism, forces = self._mechanism, Key("generalized_forces")
+        if not _too_large(mechanism) or mechanism.lines.motors.any() or mechanism.without_mass:
+            return None
+
+        def of_loads(loaded: bool) -> Kernel:
+            kernel = self._kernel(forces._replace(loaded=loaded), friction=friction)
+            if kernel is None:
+                raise CompilationError(str(self))
+            return kernel
+
+        from .inertia_by_columns import ByColumns
+
+        inertial, rates = self._kernel(forces, inertial=True), self._kernel(Key("rates"))
+        if inertial is None or rates is None:
+            return None
+        return ByColumns(mechanism, cache(of_loads), inertial, rates)
+
     def _kernel(
-        self, key: Key, word: str = "run", friction: Friction | None = None
+        self,
+        key: Key,
+        word: str = "run",
+        friction: Friction | None = None,
+        *,
+        inertial: bool = False,
     ) -> Kernel | None:
         """A kernel by its code for single samples, then for batches; None where there is none."""
         codes = self._found(key)
@@ -197,6 +222,8 @@ class CompiledBackend:
         numbers = self._numbers
         if friction is not None:
             numbers = self._parameters.pack(self._mechanism, friction)
+        if inertial:
+            numbers = self._parameters.inertial(numbers)
         outputs, *sizes = codes[0].sizes(word)
         return self._binding.Kernel(
             codes[0].address(word),
@@ -285,6 +312,12 @@ class CompiledBackend:
         return self._equations[kind]
 
 
+def _too_large(mechanism: Mechanism) -> bool:
+    """Whether there are too many coordinates for matrices to be written out."""
+    nv = mechanism.model.nv
+    return len(mechanism.coordinates) ** 2 * nv > _LARGEST
+
+
 def impossible(mechanism: Mechanism, quantity: str) -> str:
     """Why there is no kernel of this quantity; empty when there is one."""
     nv, motors = mechanism.motors.shape
@@ -295,7 +328,7 @@ def impossible(mechanism: Mechanism, quantity: str) -> str:
         return "there are no motors"
     if quantity == "torques" and motors < n:
         return f"fewer motors ({motors}) than coordinates ({n})"
-    if quantity not in _WITHOUT_MATRICES and n * n * nv > _LARGEST:
+    if quantity not in _WITHOUT_MATRICES and _too_large(mechanism):
         return f"{n} coordinates of {nv} rates are too many for matrices to be written out"
     if quantity in _SMOOTH and n * n * nv > _LARGEST_DERIVATIVES:
         return f"{n} coordinates of {nv} rates are too many for derivatives to be written out"

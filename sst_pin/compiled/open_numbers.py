@@ -87,6 +87,14 @@ class OpenNumbers:
             parts.append(placement.rotation.ravel())
         return np.concatenate(parts)
 
+    def inertial(self, numbers: Array) -> Array:
+        """The numbers without weights, springs and forces along lines."""
+        numbers, (line, lines) = numbers.copy(), self._lines
+        spring = self._starts["stiffness"]
+        numbers[:3] = numbers[spring : spring + len(self.joints["stiffness"])] = 0
+        numbers[line : line + LINE * lines] = 0
+        return numbers
+
     def rotations(self, p: SX) -> dict[str, SX]:
         """Open orientations, by name."""
         start = self.size - 9 * len(self.rotated)

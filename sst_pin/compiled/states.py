@@ -18,6 +18,7 @@ from ..chain.reference import Reference, ReferenceStates
 
 if TYPE_CHECKING:
     from ._binding import Course
+    from .inertia_by_columns import ByColumns
 
 Array = NDArray[np.float64]
 #: det Phi_u changes by no more than this factor in half a step that is sound.
@@ -29,7 +30,7 @@ class CompiledStates(ReferenceStates):
     """The state space of a mechanism by kernels; samples that fail go to the reference path.
 
     `closing` closes loops; `rate` and `course` give the kernels of rates and of rollouts, with or
-    without loads.
+    without loads. Where there are none for many coordinates, `by_columns` computes accelerations.
     """
 
     def __init__(
@@ -39,9 +40,11 @@ class CompiledStates(ReferenceStates):
         closing: Kernel,
         rate: Callable[[bool], Kernel],
         course: Callable[[bool], Course | None],
+        by_columns: ByColumns | None,
     ) -> None:
         super().__init__(reference, friction)
         self._closing, self._rate_of, self._course = closing, cache(rate), course
+        self._by_columns = by_columns
 
     def closed(self, states: Array) -> Array:
         """q with closed loops, by kernels that make steps of Newton's method."""
@@ -66,6 +69,14 @@ class CompiledStates(ReferenceStates):
         load = None if wrenches is None else wrenches.reshape(*wrenches.shape[:-2], -1)
         answer = kernel.answer(states, tau, load, None, None, 1)
         return super().rate(states, tau, wrenches) if answer is None else answer
+
+    def _rate(
+        self, q: Array, va: Array, tau: Array, wrenches: Array | None, tolerance: float
+    ) -> Array:
+        found = None
+        if self._by_columns is not None:
+            found = self._by_columns.state_rate(q, va, tau, wrenches)
+        return super()._rate(q, va, tau, wrenches, tolerance) if found is None else found
 
     def rollout(self, motions: Motions, threads: int) -> Indices:
         """Fill the states of motions; the reference path goes on where the kernels stop."""
