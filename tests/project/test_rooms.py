@@ -151,6 +151,11 @@ def test_every_room_has_its_place() -> None:
     assert {room(module) for module in MODULES} <= ROW.keys()
 
 
+def test_a_file_name_stands_once() -> None:
+    names = [path.stem for path in MODULES.values() if path.name != "__init__.py"]
+    assert sorted(set(names)) == sorted(names)
+
+
 def test_no_import_leads_upwards_or_to_a_neighbour() -> None:
     assert [sentence for _, up in judged_package().values() for sentence in up] == []
 
