@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from ..chain.closed_chain import ClosedChain
 from ..chain.closures import Closure, Distance, Rolling
+from ..chain.lines import LineForce
 from ..chain.tree import frame_named
 from .joints import Axis
-from .scene_parts import Shape, Strut, along, homogeneous
+from .scene_parts import COLOURS, Shape, Strut, along, homogeneous
 from .triangles import Mesh, ellipsoid, solid, tube
 
 Array = NDArray[np.float64]
@@ -22,6 +23,8 @@ Array = NDArray[np.float64]
 _BONE, _JOINT, _END, _MASS = "#8A9199", "#5C656E", "#B3261E", "#C98A2B"
 #: Radii as shares of the robot's length.
 _BONE_RADIUS, _JOINT_RADIUS, _END_RADIUS = 0.022, 0.055, 0.04
+#: Of the coil of a spring.
+_TURNS = 8
 #: Frames of fixed links and of points, such as a foot or a tool.
 _ENDS = (pin.FrameType.BODY, pin.FrameType.OP_FRAME)
 
@@ -87,21 +90,37 @@ def masses(model: pin.Model) -> Iterator[Shape]:
 
 
 def struts(robot: ClosedChain, axes: Sequence[Axis], size: float) -> Iterator[Strut]:
-    """Rods of `Distance` closures, and rails of sliding joints."""
+    """Rods of `Distance` closures, forces along lines, and rails of sliding joints."""
     line = tube([(0, 0, 0), (0, 0, 1)], _BONE_RADIUS * size)
     rods = [closure for closure in robot.closures if isinstance(closure, Distance)]
-    for k, closure in enumerate(rods):
-        frames = [
-            frame_named(robot.mechanism.model, name) for name in (closure.frame_a, closure.frame_b)
-        ]
+    drawn: list[tuple[Distance | LineForce, Shape]] = list(_lines(robot, size))
+    drawn += [(x, Shape(f"rod_{k}", "bodies", "rod", line, _BONE)) for k, x in enumerate(rods)]
+    for ends, shape in drawn:
+        frames = [frame_named(robot.mechanism.model, name) for name in (ends.frame_a, ends.frame_b)]
         a, b = (int(frame.parentJoint) for frame in frames)
         points = np.array([frame.placement.translation for frame in frames])
-        yield Strut(Shape(f"rod_{k}", "bodies", "rod", line, _BONE), (a, b), points)
+        yield Strut(shape, (a, b), points)
     thin = Mesh(line.vertices * (0.6, 0.6, 1), line.faces)
     for axis in axes:
         if not axis.turns and axis.mover != axis.joint:
             shape = Shape(f"rail_{axis.joint}", "skeleton", "rail", thin, _BONE)
             yield Strut(shape, (axis.mover, axis.joint), np.stack([axis.origin, np.zeros(3)]))
+
+
+def _lines(robot: ClosedChain, size: float) -> Iterator[tuple[LineForce, Shape]]:
+    """A motor on a line as a cylinder with its rod, a spring as a coil, others as a thin line."""
+    r, z = _BONE_RADIUS * size, np.linspace(0, 1, 12 * _TURNS + 1)
+    turn = 2 * np.pi * _TURNS * z
+    coil = np.stack([2 * r * np.cos(turn), 2 * r * np.sin(turn), z], axis=1)
+    for k, line in enumerate(robot.forces):
+        motors, colour = np.flatnonzero(robot.mechanism.lines.motors[k]), _BONE
+        mesh = tube([(0, 0, 0), (0, 0, 1)], 0.4 * r)
+        if len(motors):
+            ends = [(0, 0, x) for x in (0, 0.6, 0.6, 1)]
+            mesh, colour = tube(ends, [1.8 * r, 1.8 * r, 0.8 * r, 0.8 * r]), COLOURS[motors[0] % 6]
+        elif line.stiffness:
+            mesh = tube(coil, 0.4 * r, 6)
+        yield line, Shape(f"line_{k}", "bodies", f"line {line}", mesh, colour)
 
 
 def points_of(robot: ClosedChain) -> list[list[Array]]:

@@ -19,6 +19,7 @@ from sst_pin.viewer import Viewer
 from sst_pin.viewer.bodies import body_shapes
 from sst_pin.viewer.panel_curves import curves_of
 from sst_pin.viewer.robot_scene import LAYERS, Scene
+from sst_pin.viewer.scene_parts import COLOURS
 
 DELTA = Path(__file__).parents[2] / "examples" / "delta.urdf"
 BARE = pin.GeometryModel()
@@ -227,6 +228,25 @@ def test_rods_without_mass_reach_from_frame_to_frame():
         poses = scene.poses(q)
         for k, rod in enumerate(rods):
             assert np.linalg.norm(poses[f"rod_{k}"][:3, 2]) == pytest.approx(rod.distance)
+
+
+def test_forces_along_lines_reach_from_frame_to_frame():
+    """A motor as a cylinder in its colour, a spring as a coil, a damper as a thin line."""
+    bar = sst_pin.robots.four_bar()
+    ends = "universe", "platform"
+    kinds = {"cylinder": {}, "coil": {"stiffness": 3}, "damper": {"damping": 2}}
+    lines = [sst_pin.LineForce(*ends, name=name, **how) for name, how in kinds.items()]
+    robot = sst_pin.ClosedChain(bar.model, bar.closures, ["crank", "cylinder"], forces=lines)
+    scene = Scene(robot, BARE)
+    shapes = {shape.name: shape for shape in scene.shapes if shape.mover.startswith("line_")}
+    cylinder, coil, damper = (shapes[f"line {name}"] for name in kinds)
+    assert cylinder.colour == COLOURS[1]
+    assert len(coil.mesh.vertices) > 5 * len(damper.mesh.vertices)
+    for k in range(3):
+        poses = scene.poses(bar.home)
+        assert np.linalg.norm(poses[f"line_{k}"][:3, 2]) == pytest.approx(
+            robot.line_lengths(bar.home)[k]
+        )
 
 
 @pytest.mark.parametrize("name", ["delta", "delta.urdf", "rods"])

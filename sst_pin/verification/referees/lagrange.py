@@ -95,7 +95,7 @@ def torques(
     # need = B tau + Phi^T multipliers; motions that the closures leave do not see the latter.
     _, sizes, V = np.linalg.svd(motion.Phi)
     free = V[np.count_nonzero(sizes > _REDUNDANT * sizes.max(initial=0.0)) :]
-    return _solve(free @ motion.mechanism.motors, free @ need)
+    return _solve(free @ _actuation(motion, q), free @ need)
 
 
 def generalized_forces(
@@ -117,7 +117,7 @@ def accelerations(
     rest = pin.rnea(model, data, q, zero, zero)
     # `pin.crba` is wrong for trees whose joints are not added depth-first.
     M = np.stack([pin.rnea(model, data, q, zero, e) - rest for e in np.eye(model.nv)], axis=1)
-    force = motion.mechanism.motors @ tau + _given(motion, q, loads)
+    force = _actuation(motion, q) @ tau + _given(motion, q, loads)
     force = force - pin.rnea(model, data, q, motion.v, zero)
     # A unit for the multipliers, so that M is not lost in rounding.
     rows, unit = len(motion.Phi), np.abs(M).max()
@@ -239,7 +239,34 @@ def _given(motion: _Rates, q: Array, loads: Array | None) -> Array:
     friction, springs = mechanism.friction, mechanism.springs
     force = -friction.viscous * v - friction.coulomb * np.sign(v)
     force -= springs.stiffness * pin.difference(mechanism.model, springs.reference, q)
+    for line, (length, row) in zip(mechanism.lines.forces, _lines(mechanism, q), strict=True):
+        stretched = line.stiffness * (length - line.rest_length)
+        force -= (line.preload + stretched + line.damping * row @ v) * row
     return force if loads is None else loads + force
+
+
+def _actuation(motion: _Rates, q: Array) -> Array:
+    """Forces on the tree from motor torques, shape (nv, motors)."""
+    B = motion.mechanism.motors
+    for (_, row), shares in zip(
+        _lines(motion.mechanism, q), motion.mechanism.lines.motors, strict=True
+    ):
+        B = B + np.outer(row, shares)
+    return B
+
+
+def _lines(mechanism: Mechanism, q: Array) -> list[tuple[float, Array]]:
+    """Length of each line, and the forces on the tree that push its ends apart by 1 N."""
+    model, data, found = mechanism.model, mechanism.model.createData(), []
+    pin.computeJointJacobians(model, data, q)
+    pin.updateFramePlacements(model, data)
+    for line in mechanism.lines.forces:
+        a, b = (model.getFrameId(name) for name in (line.frame_a, line.frame_b))
+        way = data.oMf[b].translation - data.oMf[a].translation
+        length = float(np.linalg.norm(way))
+        apart = _jacobian(model, data, b)[:3] - _jacobian(model, data, a)[:3]
+        found.append((length, way @ apart / length))
+    return found
 
 
 def _solve(system: Array, right: Array) -> Array:
