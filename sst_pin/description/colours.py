@@ -22,6 +22,9 @@ LEG_COLOURS = tuple(
     for k in (1, 2, 3)
 )
 
+#: Those and three more of Okabe and Ito, for motors and curves.
+HUES = (*LEG_COLOURS, "#CC79A7", "#E69F00", "#56B4E9")
+
 #: Colour of each part of `parts_of` of a link, by the link's name.
 PART_COLOURS = {
     "base": {"base": "base", "motors": "motor"},

@@ -11,15 +11,15 @@ import matplotlib as mpl
 import numpy as np
 from numpy.typing import NDArray
 
+from ..description.colours import HUES
 from ..errors import InputError, UnknownNameError
-from .style import COLOURS, DASHES, Axes
+from .style import DASHES, Axes
 
 Array = NDArray[np.float64]
 
 #: Curves in one pair of axes, at most.
 MOST = 9
-#: Colours of Okabe and Ito, those of the legs first, and two more, for colour-blind readers.
-_HUES = (*COLOURS, "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#7F7F7F", "#8C510A")
+_HUES = (*HUES, "#000000", "#7F7F7F", "#8C510A")
 _MARKS = ("", "o", "s")
 
 _GREEK = "alpha|beta|gamma|delta|theta|phi|psi|mu|nu|xi|rho|sigma|omega"

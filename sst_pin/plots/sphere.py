@@ -99,10 +99,10 @@ def robot_pose(ax: Axes, robot: SST, q: Array, radii: tuple[float, float] | None
     return ax
 
 
-def great_arc(start: Array, end: Array, count: int = 60) -> Array:
-    """Unit vectors along the shorter great circle between two, shape (count, 3)."""
+def great_arc(start: Array, end: Array) -> Array:
+    """Unit vectors along the shorter great circle between two, shape (60, 3)."""
     side = np.arccos(np.clip(start @ end, -1, 1))
-    share = np.linspace(0, side, count)[:, None]
+    share = np.linspace(0, side, 60)[:, None]
     points: Array = (np.sin(side - share) * start + np.sin(share) * end) / np.sin(side)
     return points
 

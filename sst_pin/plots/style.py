@@ -13,7 +13,7 @@ import matplotlib as mpl
 from cycler import cycler
 from matplotlib.figure import Figure
 
-from ..description.colours import LEG_COLOURS
+from ..description.colours import HUES, LEG_COLOURS
 from ..errors import OutputError
 from ..files import Writer, as_path
 
@@ -28,7 +28,7 @@ _STYLE: dict[Any, Any] = {
     "mathtext.fontset": "stix",
     "font.size": 9,
     "axes.linewidth": 0.6,
-    "axes.prop_cycle": cycler(color=[*COLOURS, "#CC79A7", "#E69F00", "#56B4E9"]),
+    "axes.prop_cycle": cycler(color=HUES),
     "lines.linewidth": 1.2,
     "legend.frameon": False,
     "svg.hashsalt": "sst_pin",  # the same figure is the same file

@@ -10,7 +10,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from .scene_parts import COLOURS, Arrow, Shape, along, homogeneous
+from ..description.colours import HUES
+from .scene_parts import Arrow, Shape, along, homogeneous
 from .triangles import arc, arrow
 
 Array = NDArray[np.float64]
@@ -87,6 +88,6 @@ def arrows_of(
         matrix = homogeneous(size * R, origin)
         name = f"{motor + 1}_{model.names[axis.joint]}"
         mesh, mirror = (torque, (1.0, -1.0, 1.0)) if axis.turns else (force, (1.0, 1.0, -1.0))
-        colour = COLOURS[motor % len(COLOURS)]
+        colour = HUES[motor % len(HUES)]
         shape = Shape(str(axis.mover), "torques", name, mesh, colour, at=matrix)
         yield Arrow(shape, int(motor), float(share), mirror)

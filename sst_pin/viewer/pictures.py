@@ -63,11 +63,9 @@ def browser() -> Iterator[Any]:
             raise BrowserError(f"{path} failed: {error.message.splitlines()[0]}") from None
 
 
-def png(
-    html: str, share: float = 0.2, size: tuple[int, int] = (1280, 640), scale: float = 2.0
-) -> bytes:
-    """A still picture at a share of the motion; size in [px], each of `scale` pixels."""
-    (picture,) = _pictures(html, [share], size, scale)
+def png(html: str) -> bytes:
+    """A still picture, at a fifth of the motion."""
+    (picture,) = _pictures(html, [0.2], (1280, 640), 2.0)
     return picture
 
 

@@ -9,12 +9,13 @@ from numpy.typing import NDArray
 
 from ..chain.appearance import drawn_frame
 from ..chain.closed_chain import ClosedChain
+from ..description.colours import HUES
 from ..errors import InputError
 from ..motion.coordinate_motions import start_of
 from .bodies import body_shapes
 from .joints import arrows_of, axes_of
 from .names import names_of
-from .scene_parts import COLOURS, Shape
+from .scene_parts import Shape
 from .skeleton import masses, points_of, skeleton, struts
 from .triangles import tube
 
@@ -66,9 +67,7 @@ class Scene:
         lines = axes_of(model, self._data, self.start)
         self.size = size = self._size(robot)
         B = robot.actuation
-        colours = {
-            lines[i].joint: COLOURS[motor % len(COLOURS)] for i, motor in np.argwhere(B)[::-1]
-        }
+        colours = {lines[i].joint: HUES[motor % len(HUES)] for i, motor in np.argwhere(B)[::-1]}
         self.shapes += skeleton(robot, lines, colours, size)
         self.shapes += masses(model)
         self._struts = list(struts(robot, lines, size))

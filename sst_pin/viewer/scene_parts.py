@@ -13,8 +13,6 @@ from .triangles import Mesh
 
 Array = NDArray[np.float64]
 
-#: Colours of motors and curves (Okabe and Ito), distinct for colour-blind readers too.
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 #: Colours of the axes x, y, z of a frame.
 AXES = ("#C0392B", "#27AE60", "#2E5FA8")
 _SMALLEST = 1e-3  # a scale of zero has no normals

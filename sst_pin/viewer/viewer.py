@@ -17,7 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import positive_number, single_array
 from ..chain.closed_chain import ClosedChain
-from ..errors import InputError, OutputError, UnknownNameError
+from ..description.colours import HUES
+from ..errors import InputError, OutputError
 from ..files import Writer, as_path, write_files
 from ..motion.moving_robot import require_motion
 from ..motion.trajectories import Trajectory
@@ -26,7 +27,6 @@ from .meshcat_scene import MeshcatScene
 from .page import page
 from .panel_curves import curves_of, joints_of, motor_units, torques_of
 from .robot_scene import TRAIL_SIDES, Scene
-from .scene_parts import COLOURS
 from .server import Message, Server
 from .warnings import warnings_of
 
@@ -127,7 +127,7 @@ class Viewer:
             >>> viewer.play(motion, speed=0.1, title="falling")
         """
         for name, given in (("motion", motion), ("wanted", motion if wanted is None else wanted)):
-            self._require_own(given, name)
+            require_motion(given, self._robot, name)
         speed = positive_number("speed", speed)
         if wanted is not None and len(wanted) == 1:
             raise InputError("wanted", "one sample, which is no path")
@@ -271,23 +271,6 @@ class Viewer:
 
     # --- inside -----------------------------------------------------------------------------
 
-    def _require_own(self, motion: Trajectory, name: str) -> None:
-        robot = self._robot
-        require_motion(motion, robot, name)
-        if motion.tau.shape[1] != len(robot.motor_names):
-            motors = f"{motion.tau.shape[1]} motors, the robot has {len(robot.motor_names)}"
-            raise InputError(name, f"belongs to another robot, with torques of {motors}")
-        space = robot.mechanism.space
-        try:
-            same = np.array_equal(
-                space.rates_of(motion.coordinates), space.rates_of(robot.coordinates)
-            )
-        except UnknownNameError:
-            same = False
-        if not same:
-            words = [", ".join(each.coordinates) for each in (motion, robot)]
-            raise InputError(name, f"has rates of {words[0]}, the robot's coordinates: {words[1]}")
-
     def _shares(self, tau: Array) -> Array:
         """Torques as shares of the largest torque, forces as shares of the largest force."""
         shares = np.zeros_like(tau)
@@ -316,7 +299,7 @@ class Viewer:
             "t": t,
             "curves": curves,
             "speed": speed,
-            "colours": COLOURS,
+            "colours": HUES,
             "layers": scene.layers,
             "labels": [label._asdict() for label in scene.labels],
             "reach": scene.reach(q, effort, wanted).tolist(),
