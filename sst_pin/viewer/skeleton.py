@@ -14,8 +14,9 @@ from ..chain.closed_chain import ClosedChain
 from ..chain.closures import Closure, Distance, Rolling
 from ..chain.lines import LineForce
 from ..chain.tree import frame_named
+from ..description.colours import HUES
 from .joints import Axis
-from .scene_parts import COLOURS, Shape, Strut, along, homogeneous
+from .scene_parts import Shape, Strut, along, homogeneous
 from .triangles import Mesh, ellipsoid, solid, tube
 
 Array = NDArray[np.float64]
@@ -117,7 +118,7 @@ def _lines(robot: ClosedChain, size: float) -> Iterator[tuple[LineForce, Shape]]
         mesh = tube([(0, 0, 0), (0, 0, 1)], 0.4 * r)
         if len(motors):
             ends = [(0, 0, x) for x in (0, 0.6, 0.6, 1)]
-            mesh, colour = tube(ends, [1.8 * r, 1.8 * r, 0.8 * r, 0.8 * r]), COLOURS[motors[0] % 6]
+            mesh, colour = tube(ends, [1.8 * r, 1.8 * r, 0.8 * r, 0.8 * r]), HUES[motors[0] % 6]
         elif line.stiffness:
             mesh = tube(coil, 0.4 * r, 6)
         yield line, Shape(f"line_{k}", "bodies", f"line {line}", mesh, colour)
