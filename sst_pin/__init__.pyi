@@ -37,6 +37,7 @@ from .errors import SingularityWarning as SingularityWarning
 from .errors import SSTError as SSTError
 from .errors import UnknownNameError as UnknownNameError
 from .errors import WorkspaceError as WorkspaceError
+from .motion.bearing_loads import Loads as Loads
 from .motion.coordinate_motions import coordinate_motion as coordinate_motion
 from .motion.energy import energy_error as energy_error
 from .motion.rollouts import Rollout as Rollout

@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from ..compiled.casadi_functions import CasadiFunctions
     from ..compiled.jax_functions import JaxFunctions
     from ..files import Table
+    from ..motion.bearing_loads import Loads
     from ..motion.limits import Finding
     from ..motion.rollouts import Rollout
     from ..motion.simulation import Load, Torque
@@ -556,6 +557,31 @@ class ClosedChain:
 
         t, q = samples_of(self, motion)
         return findings(t, verdicts(self, q))
+
+    def loads(
+        self, motion: Trajectory, *, stiffness: Mapping[str, ArrayLike] | None = None
+    ) -> Loads:
+        """What joints and closures carry along a motion: peaks, their times, means.
+
+        Args:
+            motion: A motion of this robot under its weight and the torques of the motion.
+            stiffness: As in `reactions`.
+
+        Returns:
+            A table with `to_dataframe` and `save`; sizes that are not unique are NaN.
+
+        Raises:
+            InputError: For the motion of another robot, or one with other loads.
+
+        Example:
+            >>> delta = sst_pin.robots.delta()
+            >>> motion = delta.simulate(np.zeros(3), delta.home, np.zeros(3), [0, 0.01, 0.02])
+            >>> delta.loads(motion).rows[0].kind
+            'force'
+        """
+        from ..motion.bearing_loads import loads
+
+        return loads(self, motion, stiffness)
 
     # --- kinematics -------------------------------------------------------------------------
 

@@ -16,6 +16,7 @@ from . import (
     describe,
     export_c,
     info,
+    loads,
     paper_command,
     plot,
     show,
@@ -31,6 +32,7 @@ from .common import Commands, Parser
 COMMANDS = (
     paper_command,
     torques,
+    loads,
     simulate,
     show,
     plot,

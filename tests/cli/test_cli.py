@@ -229,3 +229,18 @@ def test_module_and_script_are_the_same_command():
 def test_sample_motion_is_current():
     script = ROOT / "scripts" / "description" / "make_sample_motion.py"
     subprocess.run([sys.executable, script, "--check"], check=True)
+
+
+def test_loads_of_the_sample_motion_are_a_table_for_any_robot(here, capsys):
+    """The SST's forces are not unique; those of a delta are."""
+    code, out, _ = run(capsys, "loads", SAMPLE, "-o", "loads.csv")
+    assert code == 0
+    assert "11 of 11 forces are not unique" in out
+    assert run(capsys, "loads", SAMPLE, "-o", "loads.csv")[0] == 2
+    delta = sst_pin.robots.delta()
+    motion = delta.simulate(np.zeros(3), delta.home, np.zeros(3), np.linspace(0, 0.1, 5))
+    motion.save("delta.csv")
+    code, out, _ = run(capsys, "loads", "delta.csv", "-o", "-", "--robot", "delta")
+    assert code == 0
+    assert out.splitlines()[0] == "name,kind,peak,time,x,y,z,rms,determined"
+    assert len(out.splitlines()) == 1 + 2 * 15

@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Loads of joints and closures along a motion."""
+
+import numpy as np
+import pytest
+
+import sst_pin
+from sst_pin import robots
+
+
+@pytest.fixture(scope="module")
+def delta():
+    return robots.delta()
+
+
+@pytest.fixture(scope="module")
+def motion(delta):
+    torque = np.array([0.3, -0.2, 0.1])
+    return delta.simulate(torque, delta.home, np.zeros(3), np.linspace(0, 0.1, 11))
+
+
+def test_peaks_and_means_are_those_of_the_reactions(delta, motion):
+    w = delta.reactions(motion.q, motion.va, tau=motion.tau)
+    rows = {(row.name, row.kind): row for row in delta.loads(motion).rows}
+    assert len(rows) == 2 * len(w.names)
+    for name in w.names:
+        for kind, part in (("force", slice(3, 6)), ("moment", slice(0, 3))):
+            row, vectors = rows[name, kind], w.of(name)[:, part]
+            sizes = np.linalg.norm(vectors, axis=1)
+            assert row.peak == pytest.approx(sizes.max(), rel=1e-12)
+            assert row.rms**2 == pytest.approx((sizes**2).mean(), rel=1e-12)
+            at = np.flatnonzero(motion.t == row.time)[0]
+            assert row.peak * np.array(row[4:7]) == pytest.approx(vectors[at], abs=1e-12)
+            assert row.determined
+
+
+def test_what_is_not_unique_is_no_number_in_the_table():
+    chain = robots.four_bar()
+    swing = chain.simulate([0], chain.home, [0], np.linspace(0, 0.1, 11))
+    rows = chain.loads(swing).rows
+    assert all(np.isnan(row.peak) and not row.determined for row in rows if row.kind == "force")
+    assert "not unique" in repr(chain.loads(swing))
+    soft = dict.fromkeys((*chain.joint_names, str(chain.closures[0])), np.ones(6))
+    assert all(np.isfinite(row.peak) for row in chain.loads(swing, stiffness=soft).rows)
+
+
+def test_a_motion_under_other_loads_is_refused(delta, motion):
+    heavy = delta.trajectory(motion.t, motion.q, motion.va, motion.aa, motion.tau + 1)
+    with pytest.raises(sst_pin.InputError, match="other forces than its torques"):
+        delta.loads(heavy)
+    with pytest.raises(sst_pin.InputError, match="belongs to another robot"):
+        robots.stewart().loads(motion)
+
+
+def test_the_table_is_written_and_read_by_pandas(delta, motion, tmp_path):
+    pandas = pytest.importorskip("pandas")
+    table = delta.loads(motion)
+    table.save(tmp_path / "loads.csv")
+    read = pandas.read_csv(tmp_path / "loads.csv")
+    pandas.testing.assert_frame_equal(read, table.to_dataframe(), rtol=1e-15)
+    with pytest.raises(sst_pin.OutputError, match="exists"):
+        table.save(tmp_path / "loads.csv")
