@@ -14,12 +14,12 @@ import any_chain
 import sst_pin
 from sst_pin import errors
 from sst_pin.cli import main
+from sst_pin.description.colours import HUES
 from sst_pin.reading.shapes import UrdfShapes
 from sst_pin.viewer import Viewer
 from sst_pin.viewer.bodies import body_shapes
 from sst_pin.viewer.panel_curves import curves_of
 from sst_pin.viewer.robot_scene import LAYERS, Scene
-from sst_pin.viewer.scene_parts import COLOURS
 
 DELTA = Path(__file__).parents[2] / "examples" / "delta.urdf"
 BARE = pin.GeometryModel()
@@ -240,7 +240,7 @@ def test_forces_along_lines_reach_from_frame_to_frame():
     scene = Scene(robot, BARE)
     shapes = {shape.name: shape for shape in scene.shapes if shape.mover.startswith("line_")}
     cylinder, coil, damper = (shapes[f"line {name}"] for name in kinds)
-    assert cylinder.colour == COLOURS[1]
+    assert cylinder.colour == HUES[1]
     assert len(coil.mesh.vertices) > 5 * len(damper.mesh.vertices)
     for k in range(3):
         poses = scene.poses(bar.home)
