@@ -75,13 +75,14 @@ def computed(
 ) -> Array:
     """A quantity by its kernel; samples that fail its checks by the reference path, or its errors.
 
-    `others` are the arguments after q by name, of which the last may be None, `load` wrenches on
-    all bodies, shape (..., r, 6), `special` arguments of the reference path for which there are no
-    kernels; the rest is as in `ClosedChain`.
+    `others` are the arguments after q by name, where only the tau of reactions may be None, `load`
+    wrenches on all bodies, shape (..., r, 6), `special` arguments of the reference path for which
+    there are no kernels; the rest is as in `ClosedChain`.
     """
-    given = {name: value for name, value in others.items() if value is not None}
-    arrays: list[Array | None] = [*current.arguments(q, **given)]
-    arrays += [None] * (len(others) - len(given))
+    without: list[None] = []
+    if key.quantity == "reactions" and others["tau"] is None:
+        without = [others.pop("tau")]
+    arrays: list[Array | None] = [*current.arguments(q, **others), *without]
     axes, mechanism = [1] * len(arrays), current.mechanism
     reference: Callable[..., Array] = getattr(current.reference, key.quantity)
     if key.frame is not None:
