@@ -35,9 +35,9 @@ _EARTH = np.array([0, 0, -9.81])
 _KEYS = ("closed_loop", "type", "name_mot", "line_force", "gravity", "joint_name", "joint_type")
 _OF_LINES = ("stiffness", "rest_length", "damping", "preload")
 _WITH_LENGTH = {"distance": Distance, "rolling": Rolling}
-#: Of a YAML; that of a robot with 400 joints has a tenth.
+#: Characters of a YAML at most; that of a robot with 400 joints has a tenth.
 _LONGEST = 200_000
-#: Of brackets in brackets; two are needed.
+#: Depth of brackets in brackets; two are needed.
 _DEEPEST = 50
 _BRACKETS = {"[": 1, "{": 1, "]": -1, "}": -1}
 
@@ -51,7 +51,7 @@ class Cuts(NamedTuple):
         gravity: Acceleration of gravity in base axes, shape (3,), [m/s^2].
         joints: What joints are in truth, by name; see `Urdf.tree`.
         source: The YAML, for messages; empty without one.
-        forces: Along lines.
+        forces: Forces along lines.
     """
 
     closures: tuple[Constraint, ...]

@@ -32,7 +32,7 @@ class Described(NamedTuple):
         stiffness: Stiffness of the joints' springs, shape (nv,); None without springs.
         spring_reference: Where they are at rest, shape (nq,).
         srdf: What stands beside a URDF.
-        forces: Along lines.
+        forces: Forces along lines.
     """
 
     source: str

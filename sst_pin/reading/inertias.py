@@ -13,7 +13,7 @@ from ..errors import DescriptionWarning
 from .problems import number
 from .urdf_checks import ENTRIES
 
-#: Of the largest moment: what rounding of an exact rod or disc leaves.
+#: What rounding of an exact rod or disc leaves, as a share of the largest moment.
 _ROUNDING = 1e-9
 #: Links that a warning names.
 _NAMED = 5

@@ -30,7 +30,7 @@ KINDS: dict[str, dict[str, Any]] = {
         if a != b
     },
 }
-#: Of a joint without limits; [rad] or [m].
+#: Limit of a joint that has none, [rad] or [m].
 _WIDE = "1e9"
 #: Pinocchio's data have several arrays with the cube of their number: 4 GB here.
 MOST_JOINTS = 400

@@ -54,37 +54,29 @@ class Judge:
 
     def __init__(self, referee: str, compared: str, limit: float = SAME_EQUATIONS) -> None:
         self._referee, self._compared, self._limit = referee, compared, limit
-        self._cases, self._absolute, self._relative, self._seconds = 0, 0.0, 0.0, 0.0
+        self._differences: list[float] = []
+        self._largest: list[float] = []
+        self._seconds = 0.0
 
     def hold(self, answer: Callable[[], Array], expected: Array) -> None:
         """Ask for an answer and hold it against ours; NaN is the worst of all."""
         began = time.perf_counter()
-        difference = np.abs(answer() - expected).max()
+        difference = float(np.abs(answer() - expected).max())
         self._seconds += time.perf_counter() - began
-        self._cases += 1
-        scale = max(float(np.abs(expected).max()), 1e-300)
-        self._absolute = float(np.fmax(self._absolute, difference))
-        worst = difference / scale if np.isfinite(difference) else np.inf
-        self._relative = max(self._relative, float(worst))
+        self._differences.append(difference if np.isfinite(difference) else np.inf)
+        self._largest.append(max(float(np.abs(expected).max()), 1e-300))
 
     @property
     def cases(self) -> int:
         """How many were held so far."""
-        return self._cases
+        return len(self._differences)
 
     def verdict(self) -> Comparison:
         """The line of the table."""
-        passed = self._relative <= self._limit
-        return Comparison(
-            self._referee,
-            self._compared,
-            self._cases,
-            self._absolute,
-            self._relative,
-            self._limit,
-            self._seconds,
-            passed,
-        )
+        worst = max(self._differences, default=0.0)
+        relative = float(np.max(np.divide(self._differences, self._largest), initial=0.0))
+        line = self._referee, self._compared, self.cases, worst, relative, self._limit
+        return Comparison(*line, self._seconds, relative <= self._limit)
 
 
 def table(rows: Sequence[Comparison]) -> str:

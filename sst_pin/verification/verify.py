@@ -112,17 +112,14 @@ def _instants(
     judges: dict[str, Judge] = {}
     for parameters, states in cases:
         robot, reference = SST(parameters), SST(parameters, kernels=False)
-        own = judges.setdefault("reference path", Judge("reference path", f"torques, {name}"))
+        asked = referees.all_referees(parameters)[0]
         for R, omega, alpha, moment in states:
-            q, va, aa = robot.joint_motion(R, omega, alpha)
-            tau = robot.compute_torques(q, va, aa, platform_moment=moment)
-            own.hold(lambda: reference.compute_torques(q, va, aa, platform_moment=moment), tau)  # noqa: B023
-        for referee in referees.all_referees(parameters)[0]:
-            judge = judges.setdefault(referee.name, Judge(referee.name, f"torques, {name}"))
-            for R, omega, alpha, moment in states:
-                q, va, aa = robot.joint_motion(R, omega, alpha)
-                tau = robot.compute_torques(q, va, aa, platform_moment=moment)
-                judge.hold(lambda: referee.torques(R, omega, alpha, moment), tau)  # noqa: B023
+            motion = robot.joint_motion(R, omega, alpha)
+            tau = robot.compute_torques(*motion, platform_moment=moment)
+            own = partial(reference.compute_torques, *motion, platform_moment=moment)
+            answers = {r.name: partial(r.torques, R, omega, alpha, moment) for r in asked}
+            for who, answer in ({"reference path": own} | answers).items():
+                judges.setdefault(who, Judge(who, f"torques, {name}")).hold(answer, tau)
     for judge in judges.values():
         yield judge.verdict()
 
@@ -130,24 +127,24 @@ def _instants(
 def _accelerations(robots: Sequence[Parameters], rng: np.random.Generator) -> Iterator[Comparison]:
     """Direct dynamics of those referees that have one."""
     judges: dict[str, Judge] = {}
-
-    def judge(name: str) -> Judge:
-        what = "accelerations, random SSTs, friction"
-        return judges.setdefault(name, Judge(name, what))
-
+    what = "accelerations, random SSTs, friction"
     for parameters in robots:
         robot = SST(parameters)
         R, omega, alpha = random_state(robot, rng)
         q, va, aa = robot.joint_motion(R, omega, alpha)
         tau = robot.compute_torques(q, va, aa)
-        for referee in referees.all_referees(parameters)[0]:
-            if isinstance(referee, referees.DirectReferee):
-                judge(referee.name).hold(lambda: referee.accelerations(R, omega, tau), alpha)  # noqa: B023
+        answers = {
+            referee.name: (partial(referee.accelerations, R, omega, tau), alpha)
+            for referee in referees.all_referees(parameters)[0]
+            if isinstance(referee, referees.DirectReferee)
+        }
         back = robot.compute_accelerations(q, va, tau)
-        multipliers = judge(lagrange.LagrangeMultipliers.name)
-        multipliers.hold(lambda: lagrange.accelerations(robot, q, va, tau), back)  # noqa: B023
-    for found in judges.values():
-        yield found.verdict()
+        multipliers = partial(lagrange.accelerations, robot, q, va, tau)
+        answers[lagrange.LagrangeMultipliers.name] = multipliers, back
+        for who, (answer, ours) in answers.items():
+            judges.setdefault(who, Judge(who, what)).hold(answer, ours)
+    for judge in judges.values():
+        yield judge.verdict()
 
 
 def _energy(robot: SST, samples: int) -> Comparison:

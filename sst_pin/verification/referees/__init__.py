@@ -19,6 +19,9 @@ from ...errors import MissingExtraError
 
 Array = NDArray[np.float64]
 
+#: Moment of the surroundings on the star, base axes, shape (3,), [N m]; None for none.
+Moment = ArrayLike | None
+
 #: Module and class of every referee.
 _REFEREES = (
     ("..virtual_work", "VirtualWork"),
@@ -41,11 +44,7 @@ class Referee(Protocol):
     package: str
 
     def torques(
-        self,
-        R: ArrayLike,
-        omega: ArrayLike,
-        alpha: ArrayLike,
-        platform_moment: ArrayLike | None = None,
+        self, R: ArrayLike, omega: ArrayLike, alpha: ArrayLike, platform_moment: Moment = None
     ) -> Array:
         """Motor torques of a motion of the star, on the working branch of all legs.
 
@@ -53,7 +52,7 @@ class Referee(Protocol):
             R: {E} in the base, shape (3, 3).
             omega: Angular velocity of the star, base axes, shape (3,), [rad/s].
             alpha: Its angular acceleration, base axes, shape (3,), [rad/s^2].
-            platform_moment: Moment of the surroundings on the star, base axes, shape (3,), [N m].
+            platform_moment: See `Moment`.
 
         Returns:
             tau, shape (3,), [N m].
@@ -66,11 +65,7 @@ class DirectReferee(Protocol):
     """A referee that has direct dynamics of one instant too."""
 
     def accelerations(
-        self,
-        R: ArrayLike,
-        omega: ArrayLike,
-        tau: ArrayLike,
-        platform_moment: ArrayLike | None = None,
+        self, R: ArrayLike, omega: ArrayLike, tau: ArrayLike, platform_moment: Moment = None
     ) -> Array:
         """Angular acceleration of the star under given motor torques, base axes, shape (3,)."""
         ...

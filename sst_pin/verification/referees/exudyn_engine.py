@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from ...description.parameters import Parameters
 from ...errors import InputError
+from . import Moment
 from .exudyn_robot import ExudynRobot, frames, of_all_bodies, turning
 from .geometry import LegAxes, legs, require_same
 
@@ -43,11 +44,7 @@ class ExudynInstant:
         self._robot = ExudynRobot(parameters, fit, np.zeros(3), lambda t: self._turns)
 
     def torques(
-        self,
-        R: ArrayLike,
-        omega: ArrayLike,
-        alpha: ArrayLike,
-        platform_moment: ArrayLike | None = None,
+        self, R: ArrayLike, omega: ArrayLike, alpha: ArrayLike, platform_moment: Moment = None
     ) -> Array:
         """Motor torques; see `Referee.torques`."""
         p, robot, exu = self._parameters, self._robot, self._robot.exudyn
@@ -160,9 +157,7 @@ def _turn(spins: Array, e: Array) -> Array:
     return np.hstack([scalar, spins * e[:, :1] + np.cross(spins, e[:, 1:])])
 
 
-def _joint_moments(
-    p: Parameters, pose: LegAxes, rates: Array, platform_moment: ArrayLike | None
-) -> Array:
+def _joint_moments(p: Parameters, pose: LegAxes, rates: Array, platform_moment: Moment) -> Array:
     """Moments of friction, and of the surroundings on the star, on all bodies, shape (7, 3)."""
     friction = p.viscous_friction.reshape(3, 3) * rates
     friction = -friction - p.coulomb_friction.reshape(3, 3) * np.sign(rates)

@@ -20,6 +20,7 @@ from ...chain.closures import Closure, Coupling, Distance, Rolling, frames_of
 from ...chain.mechanism import Mechanism
 from ...description.parameters import Parameters
 from ...sst.robot import SST
+from . import Moment
 from .geometry import legs, require_same
 
 Array = NDArray[np.float64]
@@ -51,11 +52,7 @@ class LagrangeMultipliers:
         self._ends = [model.getFrameId(name) for name in names]
 
     def torques(
-        self,
-        R: ArrayLike,
-        omega: ArrayLike,
-        alpha: ArrayLike,
-        platform_moment: ArrayLike | None = None,
+        self, R: ArrayLike, omega: ArrayLike, alpha: ArrayLike, platform_moment: Moment = None
     ) -> Array:
         """Motor torques; see `Referee.torques`."""
         model = self._chain.model

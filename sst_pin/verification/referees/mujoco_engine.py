@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from ...description import star_orientations, urdf_of
 from ...description.parameters import Parameters
-from . import engine
+from . import Moment, engine
 from .geometry import legs, require_same
 
 Array = NDArray[np.float64]
@@ -41,11 +41,7 @@ class MujocoInverse:
         self._data = mujoco.MjData(self._model)
 
     def torques(
-        self,
-        R: ArrayLike,
-        omega: ArrayLike,
-        alpha: ArrayLike,
-        platform_moment: ArrayLike | None = None,
+        self, R: ArrayLike, omega: ArrayLike, alpha: ArrayLike, platform_moment: Moment = None
     ) -> Array:
         """Motor torques; see `Referee.torques`."""
         mujoco, model, data = self._mujoco, self._model, self._data

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...description.parameters import Parameters
-from . import engine
+from . import Moment, engine
 
 Array = NDArray[np.float64]
 
@@ -43,11 +43,7 @@ class SymbolicLagrange:
         )
 
     def torques(
-        self,
-        R: ArrayLike,
-        omega: ArrayLike,
-        alpha: ArrayLike,
-        platform_moment: ArrayLike | None = None,
+        self, R: ArrayLike, omega: ArrayLike, alpha: ArrayLike, platform_moment: Moment = None
     ) -> Array:
         """Motor torques; see `Referee.torques`."""
         inertia, bias, G = self._terms(R, omega, platform_moment)
@@ -56,11 +52,7 @@ class SymbolicLagrange:
         return tau
 
     def accelerations(
-        self,
-        R: ArrayLike,
-        omega: ArrayLike,
-        tau: ArrayLike,
-        platform_moment: ArrayLike | None = None,
+        self, R: ArrayLike, omega: ArrayLike, tau: ArrayLike, platform_moment: Moment = None
     ) -> Array:
         """Angular acceleration of the star; see `DirectReferee.accelerations`."""
         inertia, bias, G = self._terms(R, omega, platform_moment)
@@ -69,7 +61,7 @@ class SymbolicLagrange:
         return alpha
 
     def _terms(
-        self, R: ArrayLike, omega: ArrayLike, platform_moment: ArrayLike | None
+        self, R: ArrayLike, omega: ArrayLike, platform_moment: Moment
     ) -> tuple[Array, Array, Array]:
         """Inertia, bias and Jacobian G of gamma: inertia x_ddot + bias = G^T tau."""
         moment = np.zeros(3) if platform_moment is None else platform_moment
