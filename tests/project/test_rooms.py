@@ -45,6 +45,7 @@ FORWARDING = {
             "simulate",
             "rollout",
             "check",
+            "loads",
             "_moving_load",
             "show",
             "compile",
