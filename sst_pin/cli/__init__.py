@@ -54,7 +54,7 @@ def _sigterm_unwinds() -> Iterator[None]:
 
 
 def _end(code: int, message: str = "") -> int:
-    """Say the last word, and keep the interpreter from writing what cannot be written."""
+    """Print a last message; what the interpreter still writes to standard output is dropped."""
     with suppress(OSError):
         if message:
             print(f"sst-pin: {message}", file=sys.stderr)

@@ -47,7 +47,7 @@ COMMANDS = (
 
 
 def _warn(message: Warning | str, *_: object, **__: object) -> None:
-    """One line, as errors are."""
+    """Print a warning in one line."""
     print(f"sst-pin: warning: {message}", file=sys.stderr)
 
 

@@ -150,7 +150,7 @@ def named_numbers(text: str) -> dict[str, float]:
 def number(
     what: str, allowed: Callable[[float], bool], kind: Callable[[str], float] = float
 ) -> Callable[[str], float]:
-    """What reads a number of an option, for argparse; `kind` int for a whole number."""
+    """A function that reads a number of an option, for argparse; `kind` is float or int."""
 
     def read(text: str) -> float:
         try:
@@ -270,7 +270,7 @@ def progress_bar(what: str, start: float, end: float) -> Iterator[Callable[[floa
 
 
 def version_of(package: str) -> str:
-    """Its installed version, or that there is none."""
+    """The installed version of a package, or that there is none."""
     try:
         return version(package)
     except PackageNotFoundError:

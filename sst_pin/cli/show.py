@@ -141,7 +141,7 @@ def _asked_for(
 
 
 def _wait(url: str, no_open: bool) -> None:
-    """Until Ctrl-C."""
+    """Show the URL, open the browser, and wait for Ctrl-C."""
     print(f"{url}  (Ctrl-C ends)", flush=True)
     if not no_open:
         webbrowser.open(url)

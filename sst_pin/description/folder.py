@@ -19,7 +19,7 @@ from .readme import readme_of
 from .scene import scene_of
 from .urdf_writer import urdf_of
 
-#: What no parameter changes.
+#: Files that no parameter changes.
 _CONSTANT = ("LICENSE", "package.xml", "CMakeLists.txt")
 
 

@@ -32,7 +32,7 @@ def star_orientations(parameters: Parameters) -> Array:
 
 
 def star_arcs(parameters: Parameters) -> tuple[RigidBody, ...]:
-    """The star's three arcs in {31}, {32}, {33}: each a third of its mass and of its inertia."""
+    """The star's three arcs in {31}, {32}, {33}, each with a third of its mass and inertia."""
     star = parameters.star
     # Turned into {3k} here: MuJoCo before 3.14 passes by the rpy of an inertial in silence.
     return tuple(

@@ -134,7 +134,7 @@ def _stack(heights: Array, sections: Sequence[Array]) -> Array:
 
 
 def _circle(radius: float) -> Array:
-    """Its points, counterclockwise; a multiple of four, so that its size is right."""
+    """Points of a circle, counterclockwise; a multiple of four, so that its size is right."""
     cosine = max(1 - _CHORD / radius, 0.9)  # eight points at least
     quarter = np.ceil(np.pi / 4 / np.arccos(cosine))
     angles = np.pi / 2 / quarter * np.arange(4 * quarter)
@@ -142,7 +142,7 @@ def _circle(radius: float) -> Array:
 
 
 def _rectangle(width: float, depth: float, bevel: float) -> Array:
-    """Its points, counterclockwise, the corners cut off."""
+    """Points of a rectangle, counterclockwise, the corners cut off."""
     a, b = width / 2, depth / 2
     half = np.array(((a, bevel - b), (a, b - bevel), (a - bevel, b), (bevel - a, b)))
     return np.concatenate([half, -half])

@@ -29,7 +29,7 @@ _HEADER = """
 _OPTION = {"timestep": "0.0005", "integrator": "RK4"}
 #: Critically damped with a time constant of two steps; MuJoCo lengthens it with a longer step.
 _WELD = {"solref": "0.001 1", "solimp": "0.9999 0.9999 0.001"}
-#: Parts of the robot collide with what stands about, not with one another, and weigh nothing.
+#: Parts of the robot collide with the environment, not with each other, and weigh nothing.
 _GEOMS = {
     "visual": {"type": "mesh", "mass": "0", "group": "2", "contype": "0", "conaffinity": "0"},
     "collision": {"mass": "0", "group": "3", "contype": "0", "conaffinity": "1"},

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 #: Relative slack of sums that should hold exactly: angles, symmetry, triangle inequality.
 _SLACK = 1e-9
-#: [m]; what is smaller or larger leaves the numbers of meshes.
+#: Radii for which meshes can be written, [m].
 _SMALLEST_RADIUS, _LARGEST_RADIUS = 1e-6, 1e6
 #: Three unit directions with a smaller triple product count as lying in one plane.
 _FLAT = 1e-6

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The parts an SST could be built of.
+"""Parts that an SST could be built of.
 
 The paper fixes axes and two radii; the rest is chosen so that the bodies turn in shells about O and
 keep clear of each other: base frame and links inside, carriages on them, the star outside.
@@ -46,7 +46,7 @@ def parts_of(p: Parameters) -> dict[str, tuple[Solid, ...]]:
 
 
 def _gap(p: Parameters) -> float:
-    """From the base sphere to the star's, negative when the star is inside, never quite zero."""
+    """Distance from the base sphere to the star's, negative when that is inside, never zero."""
     gap = p.star_radius - p.base_radius
     return float(np.copysign(max(abs(gap), 0.01 * p.base_radius), gap))
 
@@ -89,7 +89,7 @@ def _base(p: Parameters, scale: float) -> Iterator[Solid]:
 
 
 def _motors(p: Parameters, scale: float) -> Iterator[Solid]:
-    """On the ball, their shafts along e_k."""
+    """Motors on the ball at O, their shafts along e_k."""
     for axis in _outside(p) * p.actuated_axes:
         for start, end, radius in (
             (0.034, 0.085, _MOTOR),
@@ -101,7 +101,7 @@ def _motors(p: Parameters, scale: float) -> Iterator[Solid]:
 
 
 def _link(p: Parameters, scale: float) -> Iterator[Solid]:
-    """From the shaft of the motor round the base frame to the axis of mu_k."""
+    """An actuator link, from the motor's shaft around the base frame to the axis of mu_k."""
     x, y, z = np.eye(3)
     z = _outside(p) * z
     hub, width = _HUB * scale, _WIDTH * scale

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Where the shipped description lies; strings, as the loaders of other tools want them."""
+"""Paths of the shipped description, as strings for the loaders of other tools."""
 
 from importlib.resources import files
 from pathlib import Path

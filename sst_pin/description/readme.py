@@ -234,7 +234,7 @@ def _cells(row: _Row, p: Parameters) -> tuple[str, str, str, str]:
 
 
 def _text(value: Array) -> str:
-    """Six digits; one row where all rows are the same."""
+    """Numbers with six digits; one row where all rows are the same."""
     if value.size > 1 and (value == value[0]).all():
         value = value[0]
     rows = np.atleast_2d(value)

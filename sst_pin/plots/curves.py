@@ -59,7 +59,7 @@ class Curves(NamedTuple):
         return Curves(tuple(names), tuple(self.units[i] for i in chosen), self.values[:, chosen])
 
     def unit(self) -> str:
-        """The unit of all of them.
+        """The unit of the curves.
 
         Raises:
             InputError: When there are several, or nothing to draw.
@@ -132,12 +132,12 @@ def label(name: str, accent: str = "") -> str:
 
 
 def formula(text: str) -> str:
-    """A text with bars and Greek letters as mathematics."""
+    """A text with bars and Greek letters in TeX."""
     return re.sub(rf"({_GREEK})_(\w)", r"$\\\1_\2$", text).replace("|", "$|$")
 
 
 def subscript(digits: str) -> str:
-    """A number below a letter, in mathematics."""
+    """Digits as a subscript in TeX."""
     return digits if len(digits) == 1 else f"{{{digits}}}"
 
 

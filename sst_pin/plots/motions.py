@@ -232,7 +232,7 @@ def _rates(robot: ClosedChain, motion: Trajectory) -> Curves:
 
 
 def upper_bound(value: float) -> str:
-    """An upper bound with one digit, as mathematics."""
+    """An upper bound with one digit, in TeX."""
     if value == 0:
         return "$0$"
     exponent = int(np.floor(np.log10(value)))

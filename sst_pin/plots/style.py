@@ -35,7 +35,7 @@ _STYLE: dict[Any, Any] = {
     "savefig.dpi": 300,
 }
 
-#: What each kind of file says of itself: nothing that changes from run to run.
+#: Metadata of each kind of file: nothing that changes from run to run.
 _METADATA: dict[str, Mapping[str, None]] = {
     "png": {},
     "svg": {"Date": None},

@@ -268,7 +268,7 @@ def _one_psi(workspace: WorkspaceMap) -> bool:
 
 
 def _margin(workspace: WorkspaceMap) -> Array:
-    """Flat legs count as off their arcs."""
+    """Distance from the ends of the arcs; a flat leg counts as off its arc."""
     return np.where(np.isnan(workspace.margin), -np.pi, workspace.margin)
 
 
@@ -305,7 +305,7 @@ def _roll_lines(ax: Axes, workspace: WorkspaceMap, x: Array, y: Array) -> None:
 
 
 def _smooth(line: Array, step: float) -> Array:
-    """A line through samples whose places are known to half a step of the map only."""
+    """A smooth line through samples that are exact to half a step of the map."""
     from scipy.interpolate import make_smoothing_spline
 
     length = np.append(0, np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1)))
@@ -317,7 +317,7 @@ def _smooth(line: Array, step: float) -> Array:
 
 
 def _round(ax: Axes, radius: float, room: float) -> None:
-    """The outline of the map, and axes without a frame that hold it."""
+    """Draw the outline of the map, in axes without a frame."""
     turn = np.linspace(0, 2 * np.pi, 361)
     ax.plot(radius * np.cos(turn), radius * np.sin(turn), color="black", linewidth=0.6)
     limits = (-room * radius, room * radius)

@@ -205,7 +205,7 @@ def parse_cuts(text: str, source: str) -> Cuts:
 
 
 def _line(given: Any, problems: list[str]) -> LineForce | None:
-    """A force along a line; its problems go to the others."""
+    """A force along a line; its problems are added to `problems`."""
     keys = ("name", "frames", *_OF_LINES)
     frames = given.get("frames") if isinstance(given, dict) else None
     if not (isinstance(frames, list) and len(frames) == 2 and all(map(_is_name, frames))):
@@ -253,7 +253,7 @@ def _content(text: str, source: str) -> dict[str, Any]:
 
 
 def _shown(value: Any) -> str:
-    """A value in short: aliases make a list of lists of lists ... out of a few lines."""
+    """A short form of a value; aliases can make a few lines of YAML a list of lists of lists."""
     short = reprlib.Repr()
     short.maxlevel = 2
     return short.repr(value)

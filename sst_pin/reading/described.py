@@ -54,7 +54,7 @@ class Described(NamedTuple):
 
 @contextmanager
 def naming(source: str) -> Iterator[None]:
-    """Errors tell the file of the robot."""
+    """Add the file of the robot to errors."""
     try:
         yield
     except SSTError as error:

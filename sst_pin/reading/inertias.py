@@ -29,7 +29,7 @@ def inertia_of(inertial: ET.Element) -> NDArray[np.float64] | None:
 
 
 def principal_moments(inertia: NDArray[np.float64]) -> NDArray[np.float64]:
-    """In ascending order, shape (3,), [kg m^2]."""
+    """Principal moments of inertia, ascending, shape (3,), [kg m^2]."""
     size = np.abs(inertia).max() or 1.0  # of 1e300 the eigenvalues overflow
     return np.linalg.eigvalsh(inertia / size) * size
 

@@ -161,7 +161,7 @@ class _Reader:
                 yield f"{what} is not finite"
 
     def _owner(self, kind: str, i: int) -> str:
-        """What the row of a field belongs to."""
+        """Name of the element that a row of a field belongs to."""
         mj = self._mj
         if kind == "eq":
             return mj.equality(i).name or f"equality_{i}"
@@ -390,7 +390,7 @@ class _Reader:
     def _coupling(
         self, name: str, first: _Length, second: _Length, coefficients: Array
     ) -> Iterator[Coupling]:
-        """What makes first - start a polynomial of second - start."""
+        """The coupling that makes first - start a polynomial of second - start."""
         zero, linear = np.zeros(2), not coefficients[2:].any()
         if not first.shares and linear and coefficients[1]:  # 0 = c_0 + c_1 (second - start)
             first, second = second, first
@@ -514,7 +514,7 @@ def _scalar_last(address: int) -> list[int]:
 
 
 def _turns_of(quaternion: Array) -> Array:
-    """Angles of turns about x, y, z, one after the other, that a ball is turned by, shape (3,)."""
+    """Angles of successive turns about x, y, z that give a ball's orientation, shape (3,)."""
     R = pose_of(np.zeros(3), quaternion).rotation
     return -pin.rpy.matrixToRpy(R.T)
 
@@ -561,5 +561,5 @@ _NUMBERS = {
 #: Types of joints, as `mjtJoint` has them.
 _FREE, _BALL, _SLIDE, _HINGE = range(4)
 _SWITCHED_OFF = {"constraint": "closure", "equality": "closure", "actuation": "motor"}
-#: Where `eq_data` of a weld has what its torque is scaled by: with 0 it lets the bodies turn.
+#: Index of a weld's scale of torque in `eq_data`; with 0 it lets the bodies turn.
 _TORQUESCALE = 10

@@ -51,7 +51,7 @@ def warning(where: str, text: str) -> Problem:
 
 
 def numbers(text: str, count: int) -> NDArray[np.float64] | None:
-    """So many finite numbers, or None when it is anything else."""
+    """Finite numbers, as many as `count`; None if the text is anything else."""
     words = text.split()
     if len(words) != count or not all(map(_NUMBER.fullmatch, words)):
         return None

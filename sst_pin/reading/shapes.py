@@ -97,7 +97,7 @@ def pose_of(position: NDArray[np.float64], quaternion: NDArray[np.float64]) -> p
 
 
 def _without_dynamics(root: ET.Element) -> str:
-    """Links with their shapes and how they hang together, numbers with one blank between them.
+    """Links with their shapes, all joints fixed; numbers with one blank between them.
 
     Joints and masses are those of the model; here they could only be wrong.
     """

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ..errors import DescriptionError
 
-#: What a description may have, [byte]; the largest of real robots has half a million.
+#: Size of a description at most, [byte]; the largest of real robots has half a million.
 _LARGEST = 16 * 2**20
 #: Links, joints and others; Pinocchio goes down a tree by recursion, deep enough to crash.
 _MOST_ELEMENTS = 10_000

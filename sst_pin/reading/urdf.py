@@ -32,7 +32,7 @@ KINDS: dict[str, dict[str, Any]] = {
 }
 #: Limit of a joint that has none, [rad] or [m].
 _WIDE = "1e9"
-#: Pinocchio's data have several arrays with the cube of their number: 4 GB here.
+#: Moving joints at most: Pinocchio's data have arrays with the cube of their number, 4 GB here.
 MOST_JOINTS = 400
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Everything for which a URDF is not read: names, tree, and numbers that would be lost."""
+"""Checks of a URDF: names, tree, and numbers that would be lost."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _ATTRIBUTES = {
 }
 #: Attributes of elements that may have others, of makers' own.
 _OPEN = {"limit": ("lower", "upper", "effort", "velocity"), "dynamics": ("damping", "friction")}
-#: How alike a word must be to be a slip of the pen.
+#: Similarity of words from which one counts as misspelt.
 _ALIKE = 0.8
 
 
@@ -59,7 +59,7 @@ def check(root: ET.Element) -> Iterator[Problem]:
 
 
 def check_names(elements: Sequence[ET.Element]) -> Iterator[Problem]:
-    """Names that are missing, and names of two."""
+    """Names that are missing, and names that are not unique."""
     for name, count in Counter(element.get("name") for element in elements).items():
         tag = elements[0].tag
         if not name:
@@ -156,7 +156,7 @@ def _joint(joint: ET.Element) -> Iterator[Problem]:
 
 
 def _mimics(joints: Sequence[ET.Element]) -> Iterator[Problem]:
-    """Couplings of joints that cannot be."""
+    """Problems of mimic joints."""
     kinds = {joint.get("name"): joint.get("type") for joint in joints}
     for joint in joints:
         where = f"joint {joint.get('name')}"
@@ -177,7 +177,7 @@ def _mimics(joints: Sequence[ET.Element]) -> Iterator[Problem]:
 def _elements(
     parent: ET.Element, where: str, once: Sequence[str], others: Sequence[str] = ()
 ) -> Iterator[Problem]:
-    """Elements written wrong or twice, and attributes written wrong."""
+    """Misspelt or repeated elements, and misspelt attributes."""
     tags = Counter(element.tag for element in parent)
     for tag in tags:
         yield from _slip(f"<{tag}>", tag, (*once, *others), where)

@@ -17,7 +17,7 @@ __all__ = ["Problem", "examine", "validate"]
 
 
 class Examined(NamedTuple):
-    """A description that was looked at.
+    """What was found in a description.
 
     Attributes:
         problems: Errors first, then warnings.

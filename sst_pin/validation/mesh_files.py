@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Meshes that are there, in forms that every tool reads."""
+"""Checks of mesh files: that they exist, in formats that every tool reads."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 
 from ..reading.problems import Problem, error, numbers, warning
 
-#: What refuses a kind of file.
+#: Tools that refuse a kind of file.
 _REFUSED = {
     ".stl": "Drake",
     ".dae": "MuJoCo and Drake",
@@ -46,7 +46,7 @@ def check(root: ET.Element, folder: Path) -> Iterator[Problem]:
 
 
 def _sizes(shape: ET.Element, where: str) -> Iterator[Problem]:
-    """Numbers that are none: Pinocchio drops the shape."""
+    """Attributes that are no numbers, for which Pinocchio drops the shape."""
     for element in (*shape.findall("origin"), *shape.iterfind("geometry/*")):
         for key, count in _SIZES.get(element.tag, {}).items():
             text = element.get(key)

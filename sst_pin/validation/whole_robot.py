@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Loops that can be closed and motors that hold the robot."""
+"""Checks of the whole robot: loops that can be closed, motors that hold it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from ..reading.problems import Problem, error, warning
 
 #: How far the loops of a configuration written with four digits are open, [m] or [rad].
 _WRITTEN = 1e-3
-#: Where the problem of a robot in which nothing moves is.
+#: Place of the problem that nothing can move.
 _STILL = "mobility"
 #: An open tree is its model; None where there is no robot.
 Robot: TypeAlias = ClosedChain | pin.Model | None
@@ -48,7 +48,7 @@ def check(urdf: Urdf, cuts: Path | None) -> tuple[list[Problem], Robot]:
 
 
 def check_mjcf(path: Path) -> tuple[list[Problem], Robot]:
-    """Problems of an MJCF that MuJoCo has not, and the robot."""
+    """Problems of an MJCF that MuJoCo does not report, and the robot."""
     from ..reading.mjcf import read_mjcf
 
     try:
@@ -97,7 +97,7 @@ def _unknown(robot: reading.Described) -> Iterator[Problem]:
 
 
 def _open(model: pin.Model, closures: Sequence[Constraint]) -> Iterator[Problem]:
-    """Closures that stay open from wherever Newton's method starts."""
+    """Closures that Newton's method cannot close from any of its starts."""
     alone = {closure: _gap(model, [closure]) for closure in closures}
     for closure, gap in alone.items():
         if gap:
@@ -108,7 +108,7 @@ def _open(model: pin.Model, closures: Sequence[Constraint]) -> Iterator[Problem]
 
 
 def _gap(model: pin.Model, closures: Sequence[Constraint]) -> float:
-    """What stays open at best, 0 when the loops can be closed."""
+    """Smallest residual of the closures, 0 if the loops can be closed."""
     chain = ClosedChain(model, closures, ())
     try:
         chain.generic_configuration()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What a referee answered, held against what we did."""
+"""Comparisons of referees' answers with ours."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-#: Referees that solve the same equations, relative to the largest torque or acceleration: rounding
+#: Tolerance for the same equations, relative to the largest torque or acceleration: rounding
 #: times the condition numbers of the cases, 1e-12 at worst, leaves three digits to spare.
 SAME_EQUATIONS = 1e-9
 
@@ -59,7 +59,7 @@ class Judge:
         self._seconds = 0.0
 
     def hold(self, answer: Callable[[], Array], expected: Array) -> None:
-        """Ask for an answer and hold it against ours; NaN is the worst of all."""
+        """Ask for an answer and compare it with ours; NaN is the worst of all."""
         began = time.perf_counter()
         difference = float(np.abs(answer() - expected).max())
         self._seconds += time.perf_counter() - began
@@ -68,7 +68,7 @@ class Judge:
 
     @property
     def cases(self) -> int:
-        """How many were held so far."""
+        """Number of cases so far."""
         return len(self._differences)
 
     def verdict(self) -> Comparison:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The torques held against every referee that is installed: `sst-pin verify`."""
+"""Comparison of the torques with every installed referee: `sst-pin verify`."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def verify_sst(quick: bool = False) -> Iterator[Comparison]:
 
 
 def skipped() -> list[MissingExtraError]:
-    """What keeps referees from being asked, and how to install it."""
+    """Missing packages of referees, and how to install them."""
     return referees.all_referees(Parameters())[1]
 
 

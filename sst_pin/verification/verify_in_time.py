@@ -21,7 +21,7 @@ from .virtual_work import VirtualWork
 
 Array = NDArray[np.float64]
 
-#: Integrators must show the order that they claim to this.
+#: Largest error of an integrator's order.
 ORDER = 0.2
 
 

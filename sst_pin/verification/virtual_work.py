@@ -210,7 +210,7 @@ class VirtualWork:
 
 
 def _pose(state: Array) -> tuple[Array, Array]:
-    """The rotation next to the first nine numbers, and omega."""
+    """R and omega of a state; R is the rotation nearest to its first nine numbers."""
     left, _, right = np.linalg.svd(state[:9].reshape(3, 3))
     return left @ right, state[9:]
 

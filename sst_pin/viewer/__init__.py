@@ -12,7 +12,7 @@ from ..chain.closed_chain import ClosedChain
 from ..errors import MissingExtraError
 from ..motion.trajectories import Trajectory
 
-#: What the extra `viz` brings for pages, by the names they are imported by.
+#: Packages of the extra `viz` that pages need, and their modules.
 _NEEDED = {
     "meshcat": "meshcat",
     "pillow": "PIL",

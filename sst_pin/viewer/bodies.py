@@ -62,7 +62,7 @@ def _coloured(body: pin.GeometryObject, whole: Mesh, plain: str) -> dict[str, Me
 
 
 def _pieces(mesh: Any, plain: str) -> Iterator[tuple[str, Any]]:
-    """Parts of one colour each, with it."""
+    """Parts of a mesh with one colour each, and their colours."""
     visual = mesh.visual
     bare: Any = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
     if visual.kind == "texture":

@@ -125,7 +125,7 @@ class Jog:
         return np.minimum(low, offset), np.maximum(high, offset), offset, endless
 
     def _continued(self, before: Array, q: Array) -> Array:
-        """The next configuration on a way.
+        """The next configuration, if the way does not end there.
 
         Raises:
             WorkspaceError: When the way ends here.

@@ -85,7 +85,7 @@ class MeshcatScene:
 
 
 def _tracks(matrices: list[Array]) -> Iterator[tuple[str, str, list[list[float]]]]:
-    """Those of position, quaternion and scale that change, with their values."""
+    """Values over time of position, quaternion and scale, where they change."""
     kinds = {"position": "vector3", "quaternion": "quaternion", "scale": "vector3"}
     for (name, kind), values in zip(kinds.items(), decompose(np.array(matrices)), strict=True):
         if (np.ptp(values, axis=0) > 1e-12).any():

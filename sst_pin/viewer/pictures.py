@@ -18,7 +18,7 @@ from ..errors import BrowserError, MissingExtraError
 #: Programs that can take the pictures, the first that is there.
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 
-#: Until a page has to be there, [s]; large meshes take their time without a graphics card.
+#: Time for a page to load, [s]; large meshes are slow without a graphics card.
 _PATIENCE = 240
 
 

@@ -161,7 +161,7 @@ def _farthest(points: Array, directions: Array) -> Array:
 
 
 def _directions() -> Array:
-    """All around, evenly: a spiral from pole to pole, shape (n, 3)."""
+    """Directions spread evenly over a sphere, on a spiral from pole to pole, shape (n, 3)."""
     z = 1 - (2 * np.arange(_DIRECTIONS) + 1) / _DIRECTIONS
     turn = np.pi * (1 + np.sqrt(5)) * np.arange(_DIRECTIONS)
     r = np.sqrt(1 - z**2)

@@ -41,7 +41,7 @@ class Shape(NamedTuple):
 
     @property
     def node(self) -> str:
-        """Its path in a tree."""
+        """Path of the shape in the tree of the scene."""
         return f"{self.mover}/{self.layer}/{self.name.replace('/', '_')}"
 
 
@@ -61,7 +61,7 @@ class Arrow(NamedTuple):
     mirror: tuple[float, float, float]
 
     def at(self, effort: Array) -> Array:
-        """Its placement, with its size and sense.
+        """Placement of the arrow, with its size and sense.
 
         Args:
             effort: Motor torques as shares of the largest, shape (motors,).
@@ -85,7 +85,7 @@ class Strut(NamedTuple):
     points: Array
 
     def at(self, poses: Array) -> Array:
-        """Its placement.
+        """Placement of the strut.
 
         Args:
             poses: Placements of all joints, homogeneous, shape (joints, 4, 4).

@@ -19,7 +19,7 @@ Message = bytes | str
 
 
 class Server:
-    """Serves until it is closed.
+    """A server for the page; it runs until it is closed.
 
     Args:
         page: Gives the page.

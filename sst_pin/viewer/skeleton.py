@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 _BONE, _JOINT, _END, _MASS = "#8A9199", "#5C656E", "#B3261E", "#C98A2B"
 #: Radii as shares of the robot's length.
 _BONE_RADIUS, _JOINT_RADIUS, _END_RADIUS = 0.022, 0.055, 0.04
-#: Of the coil of a spring.
+#: Turns of the coil of a spring.
 _TURNS = 8
 #: Frames of fixed links and of points, such as a foot or a tool.
 _ENDS = (pin.FrameType.BODY, pin.FrameType.OP_FRAME)

@@ -14,7 +14,7 @@ from ..errors import InputError
 
 Array = NDArray[np.float64]
 
-#: Where faces meet at a larger angle, an edge is seen; [rad].
+#: Angle between faces from which their edge is drawn, [rad].
 _EDGE = np.radians(35.0)
 
 
@@ -94,7 +94,7 @@ def shaded(mesh: trimesh.Trimesh) -> Mesh:
 
 
 def ellipsoid(radii: ArrayLike, fineness: int = 3) -> Mesh:
-    """About the origin, along the axes, of 20 * 4^fineness triangles."""
+    """An ellipsoid about the origin, along the axes, of 20 * 4^fineness triangles."""
     ball = trimesh.creation.icosphere(fineness)
     return Mesh(np.asarray(ball.vertices) * np.asarray(radii), np.asarray(ball.faces))
 

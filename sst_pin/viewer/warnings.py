@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Why a machine could not execute what is shown."""
+"""Warnings of what a machine could not execute."""
 
 from __future__ import annotations
 

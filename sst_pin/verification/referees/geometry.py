@@ -16,7 +16,7 @@ from ...errors import ClosureError
 
 Array = NDArray[np.float64]
 
-#: An engine whose frames miss the pose by more, [rad] or [rad/s], got a wrong one.
+#: Largest difference of a pose by an engine's own frames, [rad] or [rad/s].
 _TOLERANCE = 1e-9
 
 
@@ -52,7 +52,7 @@ def legs(parameters: Parameters, R: ArrayLike) -> LegAxes:
 
 
 def require_same(found: Array, wanted: Array, what: str) -> None:
-    """Check what an engine's own kinematics makes of a pose.
+    """Compare a pose by an engine's own kinematics with the wanted one.
 
     Raises:
         ClosureError: When it differs.

@@ -133,7 +133,7 @@ def welded_motion(
 
 
 def _blind_urdf(parameters: Parameters) -> str:
-    """Our URDF without the meshes, which are files: MuJoCo passes visuals by when told so."""
+    """Our URDF with its visuals, which need files, switched off for MuJoCo."""
     return urdf_of(parameters).replace('discardvisual="false"', 'discardvisual="true"')
 
 
