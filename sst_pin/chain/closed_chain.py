@@ -869,22 +869,15 @@ class ClosedChain:
         """Wrenches in all joints and closures, each with the verdict whether it is unique.
 
         Args:
-            q: Configurations on the closures, shape (..., nq).
-            va: Rates of the coordinates, shape (..., n).
-            aa: Accelerations of the coordinates, shape (..., n); without them those that follow
-                from tau.
-            tau: Motor torques, shape (..., motors); without them the smallest for the motion.
+            aa: Without them the accelerations are those that follow from tau.
+            tau: Without them the torques are the smallest for the motion.
             stiffness: Makes reactions of an overconstrained robot unique: by the name of a joint or
                 closure, stiffnesses about x, y, z [N m/rad] and along x, y, z [N/m] in the axes of
                 its wrench, infinite where it is rigid. Joints without one are rigid.
-            platform_moment: As in `compute_torques`.
-            external_wrenches: As in `compute_torques`.
             out: Array for all numbers of a sample side by side, shape
                 (..., 12 (r + closures) + 6 + motors): wrenches of joints, closures and the ground,
                 then by how much inner stresses of size one change each component of joints and
                 closures, zero where it is unique, then the torques.
-            threads: As in `compute_torques`.
-            on_error: As in `compute_torques`.
 
         Returns:
             `Reactions`; components that are not unique are NaN.

@@ -125,13 +125,7 @@ class Lines:
 
 
 class LineKinematics:
-    """Lengths of lines and how they change, on one tree; one object per thread.
-
-    Args:
-        model: The tree.
-        forces: Along the lines.
-        length: Of the robot, [m].
-    """
+    """Lengths of lines and how they change, on one tree; one object per thread."""
 
     def __init__(self, model: pin.Model, forces: Sequence[LineForce], length: float) -> None:
         self._model, self._forces, self._least = model, forces, LEAST_LENGTH * length

@@ -152,13 +152,10 @@ class Loops:
         return drift
 
     def forces_on_bodies(self, Lambda: Array) -> Array:
-        """What the closures of frames give to the bodies for multipliers of the rows.
+        """[force; moment] at the world's origin that closures give to bodies, shape (1 + r, 6, k).
 
-        Args:
-            Lambda: In columns, shape (rows, k): the forces on the tree are Phi^T Lambda.
-
-        Returns:
-            [force; moment] at the world's origin, shape (1 + r, 6, k), the ground first.
+        The columns of Lambda, shape (rows, k), are multipliers: the forces on the tree are Phi^T
+        Lambda. The ground comes first.
         """
         given = np.zeros((self.model.njoints, 6, Lambda.shape[1]))
         np.add.at(given, self._bodies[self.pairs.frames], self._W[..., None] * Lambda[:, None])

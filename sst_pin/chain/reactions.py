@@ -150,23 +150,11 @@ def reactions(
     wrenches: Array | None,
     compliances: Array | None,
 ) -> Array:
-    """Reactions at one configuration.
+    """Wrenches of joints and closures, then the ground's, changes and torques, in a row.
 
-    Args:
-        ws: Workspace of the mechanism.
-        q: Configuration on the closures, shape (nq,).
-        va: Rates of the coordinates, shape (n,).
-        aa: Their accelerations, shape (n,).
-        tau: Motor torques with which the robot moves so, shape (motors,); None where there is one
-            motor for each coordinate.
-        wrenches: External [moment; force] on each body at its mass centre, base axes, shape
-            (r, 6), or None.
-        compliances: Of each component of the wrenches, shape (r + closures, 6), or None.
-
-    Returns:
-        Wrenches of joints and closures, [moment; force], the ground's, and by how much inner
-        stresses of size one change each component, free of units, and the torques, in a row. What
-        compliances leave open is NaN.
+    `tau` is None where there is one motor for each coordinate; `compliances` are those of the
+    components, shape (r + closures, 6), or None. The changes say by how much inner stresses of size
+    one change each component, free of units. What compliances leave open is NaN.
     """
     mechanism, model, data = ws.mechanism, ws.model, ws.data
     ws.evaluate(q)
@@ -259,17 +247,7 @@ def _relaxed(values: Array, stresses: Array, compliances: Array) -> tuple[Array,
 
 
 def compliances_of(mechanism: Mechanism, stiffness: Mapping[str, ArrayLike]) -> Array:
-    """Compliance of each component of the wrenches, zero where no stiffness is given.
-
-    Args:
-        mechanism: The robot.
-        stiffness: By the name of a joint or closure, six numbers: about x, y, z [N m/rad], along
-            x, y, z [N/m], in the axes of its wrench; infinite where it is rigid.
-
-    Raises:
-        UnknownNameError: For a name that is neither a joint's nor a closure's.
-        InputError: For a stiffness that is not positive.
-    """
+    """Compliance of each component of the wrenches, zero where no stiffness is given."""
     names = names_of(mechanism)
     if not isinstance(stiffness, Mapping):
         raise InputError("stiffness", f"{stiffness!r} is not a dict of six numbers by name")
@@ -286,13 +264,7 @@ def compliances_of(mechanism: Mechanism, stiffness: Mapping[str, ArrayLike]) -> 
 
 
 def unpacked(mechanism: Mechanism, rows: Array, relaxed: bool) -> Reactions:
-    """Reactions from the numbers of each sample in a row.
-
-    Args:
-        mechanism: The robot.
-        rows: From `reactions`, shape (..., size); what is not unique becomes NaN there.
-        relaxed: Whether there were compliances.
-    """
+    """Reactions from the numbers of each sample in a row; what is not unique becomes NaN there."""
     names, r = names_of(mechanism), mechanism.model.njoints - 1
     count = 6 * len(names)
     ends = [count, count + 6, 2 * count + 6]

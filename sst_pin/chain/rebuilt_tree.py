@@ -29,13 +29,8 @@ def rebuilt(old: pin.Model, parts: Mapping[int, Mapping[str, Any]], q: Array) ->
     """The tree with some joints replaced; its joints may come in any order.
 
     `pin.buildReducedModel` needs joints added depth-first, each with a frame; without these it ends
-    the process.
-
-    Args:
-        old: The tree.
-        parts: For joints by number, the joints in series that replace them, by what is added to the
-            name; a joint without parts is fixed.
-        q: Where joints are fixed.
+    the process. `parts` has, for joints by number, the joints in series that replace them, by what
+    is added to the name; a joint without parts is fixed where it is at q.
     """
     data, model = old.createData(), pin.Model()
     pin.forwardKinematics(old, data, q)

@@ -24,21 +24,10 @@ _FEASIBLE = 1e-12
 
 
 def directions(mechanism: Mechanism, J: Array, reference: Array) -> Array:
-    """Orthonormal directions of preload, continuous along the last batch axis.
+    """Orthonormal directions of preload, continuous along the last batch axis, (..., motors, k).
 
-    Each sample's basis is the one next to that of the sample before it, the first one's is next to
-    a reference.
-
-    Args:
-        mechanism: The robot.
-        J: Actuator Jacobians, shape (..., motors, n).
-        reference: One of them, of a regular configuration, shape (motors, n).
-
-    Returns:
-        Shape (..., motors, k).
-
-    Raises:
-        SingularConfigurationError: Where the motors hold fewer freedoms than at the reference.
+    J are actuator Jacobians, shape (..., motors, n). Each sample's basis is the one next to that of
+    the sample before it, the first one's is next to that of a regular reference, shape (motors, n).
     """
     units = mechanism.rate_scale[mechanism.coordinates]
     first, rank = _null_space(reference * units)
@@ -79,16 +68,7 @@ def adjusted(
     limits: ArrayLike | None,
     weights: ArrayLike | None,
 ) -> Array:
-    """Torques with a preload, within limits; arguments as those of `compute_torques`.
-
-    Args:
-        mechanism: The robot.
-        tau: The smallest torques, shape (..., motors).
-        basis: Directions of preload, shape (..., motors, k).
-        preload: Shape (..., k).
-        limits: Shape (motors,) or (motors, 2).
-        weights: Shape (motors,).
-    """
+    """The smallest torques, shape (..., motors), with a preload along a basis, within limits."""
     if preload is not None:
         amounts = finite_array("preload", preload, (basis.shape[-1],))
         try:

@@ -71,7 +71,7 @@ def rollout(
         q0: Initial configurations, on the closures, shape (..., nq).
         va0: Initial rates of the coordinates, shape (..., n).
         dt: Step, [s]; a negative step goes back in time.
-        external_wrenches: Constant for each motion, shape (..., r, 6); see `compute_torques`.
+        external_wrenches: Constant for each motion, shape (..., r, 6); see `ClosedChain`.
         steps: Number of steps N; by default the number of torques.
         sign_width: As in `simulate`, [rad/s].
         threads: Number of threads in compiled kernels.

@@ -65,7 +65,7 @@ def simulate(
         q0: Configuration at t[0], on the closures, shape (nq,).
         va0: Rates of the coordinates at t[0], shape (n,).
         t: Times of the output, increasing, shape (N,), N >= 2, [s].
-        external_wrenches: A function (t, q, va) -> (r, 6), or a constant; see `compute_torques`.
+        external_wrenches: A function (t, q, va) -> (r, 6), or a constant; see `ClosedChain`.
         method: Integrator of SciPy: RK23, RK45, DOP853, Radau, BDF or LSODA.
         rtol: Relative tolerance of the integrator.
         atol: Absolute tolerance of the integrator, [rad], [rad/s].

@@ -37,14 +37,7 @@ def example_2(
     rounded: bool = False,
     progress: Callable[[float], None] | None = None,
 ) -> Trajectory:
-    """Direct dynamics from the torques of example 1 (Sect. 7.3).
-
-    Args:
-        robot: That of example 1.
-        example: Result of `example_1`.
-        rounded: Start from the state as the paper prints it instead of the exact one.
-        progress: Called with the time reached.
-    """
+    """Direct dynamics by the torques of example 1, from its state or that printed (Sect. 7.3)."""
     q0, va0 = example.q[0], example.va[0]
     if rounded:
         q0 = robot.forward_kinematics(ROUNDED_GAMMA, near=q0)
