@@ -26,14 +26,12 @@ from .closures import Coupling
 from .dynamics import Workspace, applied_forces, motion_of_tree
 from .mechanism import Mechanism
 from .noc import mass_centers
+from .thresholds import UNIQUE
 from .tree import joint_id
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-#: A component that inner stresses change by less, free of units, is unique: loops that are open by
-#: their tolerance change it by about that.
-_UNIQUE = 1e-5
 #: Inner stresses that stiffnesses resist less than this, relative to the most, are left free.
 _RESISTED = 1e-9
 _MOMENT_FIRST = [3, 4, 5, 0, 1, 2]
@@ -192,7 +190,7 @@ def reactions(
     changes = np.linalg.norm(stresses, axis=-1) * size
     if compliances is not None:
         values, left = _relaxed(values, stresses, compliances)
-        values[np.linalg.norm(left, axis=-1) * size > _UNIQUE] = np.nan
+        values[np.linalg.norm(left, axis=-1) * size > UNIQUE] = np.nan
     return np.concatenate([values.ravel(), ground[_MOMENT_FIRST], changes.ravel(), tau])
 
 
@@ -269,12 +267,12 @@ def unpacked(mechanism: Mechanism, rows: Array, relaxed: bool) -> Reactions:
     count = 6 * len(names)
     ends = [count, count + 6, 2 * count + 6]
     values, ground, changes, tau = np.split(rows, ends, axis=-1)
-    free = changes > _UNIQUE
+    free = changes > UNIQUE
     elastic = free & np.isfinite(values) if relaxed else np.broadcast_to(np.False_, free.shape)
     if free.any():
         np.copyto(values, np.nan, where=free & ~elastic)
     shape = (*rows.shape[:-1], len(names), 6)
-    values, unique, elastic = (x.reshape(shape) for x in (values, changes <= _UNIQUE, elastic))
+    values, unique, elastic = (x.reshape(shape) for x in (values, changes <= UNIQUE, elastic))
     return Reactions(
         names,
         values[..., :r, :],

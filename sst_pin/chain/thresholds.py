@@ -19,5 +19,8 @@ MAX_CONDITION_NUMBER = 1e8
 UNSUPPLIED = 1e-6
 #: What rounding leaves of forces that do not act along a coordinate, relative to their sizes.
 ROUNDING = 1e-12
+#: A component of a reaction that inner stresses of size one change by less, free of units, is
+#: unique: loops that are open by their tolerance change it by about that.
+UNIQUE = 1e-5
 #: Joints that are slower are at rest, [rad/s] or [m/s]: the sign of their rate is rounding.
 AT_REST = 1e-12
