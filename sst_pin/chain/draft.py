@@ -66,7 +66,7 @@ def mechanism_of(
     """
     _require_sound(model, closures)
     space = JointSpace(model)
-    B, names = _motors(space, motors, _rows_of_lines(space, forces))
+    B, names = _motors(space, motors, forces)
     for name in (end for line in forces for end in (line.frame_a, line.frame_b)):
         frame_id(model, name)
     lines = Lines(forces, B[model.nv :])
@@ -132,18 +132,13 @@ def forces_of(forces: Sequence[LineForce]) -> tuple[LineForce, ...]:
     return found
 
 
-def _rows_of_lines(space: JointSpace, forces: Sequence[LineForce]) -> dict[str, int]:
-    """Where each line stands in B, after the rates; no line has the name of a joint."""
-    for line in forces:
-        if line.name in space.joint_names or line.name in space.rate_names:
-            raise InputError("forces", f"line {line} has the name of a joint; give another name=")
-    return {line.name: row for row, line in enumerate(forces, len(space.rate_names))}
-
-
 def _motors(
-    space: JointSpace, motors: Sequence[Motor], lines: Mapping[str, int]
+    space: JointSpace, motors: Sequence[Motor], forces: Sequence[LineForce]
 ) -> tuple[Array, tuple[str, ...]]:
-    """B with a row for each rate and each line, and the motors' names."""
+    """B with a row for each rate, then for each line, and the motors' names."""
+    lines = {line.name: row for row, line in enumerate(forces, len(space.rate_names))}
+    if both := lines.keys() & {*space.joint_names, *space.rate_names}:
+        raise InputError("forces", f"line {min(both)} has the name of a joint; give another name=")
     size = len(space.rate_names) + len(lines)
 
     def rows(names: list[str]) -> NDArray[np.intp]:

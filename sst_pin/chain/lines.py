@@ -80,11 +80,6 @@ class LineForce:
                 raise InputError(name, f"{number:g} is negative")
             object.__setattr__(self, field.name, number)
 
-    @property
-    def numbers(self) -> tuple[float, float, float, float]:
-        """Stiffness, rest length, damping, preload."""
-        return self.stiffness, self.rest_length, self.damping, self.preload
-
     def __str__(self) -> str:
         return self.name
 
@@ -110,7 +105,8 @@ class Lines:
     @cached_property
     def numbers(self) -> Array:
         """Stiffness, rest length, damping and preload of the lines, shape (4, lines)."""
-        return np.array([line.numbers for line in self.forces]).reshape(-1, 4).T
+        rows = [(x.stiffness, x.rest_length, x.damping, x.preload) for x in self.forces]
+        return np.array(rows).reshape(-1, 4).T
 
     def tensions(self, lengths: Array, rates: Array, tau: Array | None = None) -> Array:
         """What pulls the ends together, motors included, shape (..., lines), [N]."""
@@ -125,7 +121,7 @@ class Lines:
 
 
 class LineKinematics:
-    """Lengths of lines and how they change, on one tree; one object per thread."""
+    """Lengths of lines on a tree of this length, and their rates; one object per thread."""
 
     def __init__(self, model: pin.Model, forces: Sequence[LineForce], length: float) -> None:
         self._model, self._forces, self._least = model, forces, LEAST_LENGTH * length
@@ -144,18 +140,15 @@ class LineKinematics:
         return self.loops.residual() + 1.0
 
     def evaluate(self, q: Array) -> tuple[Array, Array]:
-        """Lengths, shape (lines,), and J, shape (lines, nv): the rates of the lengths are J v.
-
-        Raises:
-            SingularConfigurationError: When the ends of a line coincide.
-        """
+        """Lengths, shape (lines,), and J, shape (lines, nv): the rates of the lengths are J v."""
         lengths = self.lengths(q)
-        for line, length in zip(self._forces, lengths, strict=True):
-            if length <= self._least:
-                raise SingularConfigurationError(
-                    f"the direction of the force on line {line} is not determined: its ends "
-                    f"{line.frame_a} and {line.frame_b} coincide; move away, or choose other "
-                    "frames",
-                    float("inf"),
-                )
+        if short := [
+            x for x, size in zip(self._forces, lengths, strict=True) if size <= self._least
+        ]:
+            raise SingularConfigurationError(
+                f"the direction of the force on line {short[0]} is not determined: its ends "
+                f"{short[0].frame_a} and {short[0].frame_b} coincide; move away, or choose other "
+                "frames",
+                float("inf"),
+            )
         return lengths, self.loops.Phi() if self._forces else np.zeros((0, self._model.nv))

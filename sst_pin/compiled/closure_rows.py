@@ -55,25 +55,13 @@ def closure_rows(kinematics: Kinematics, model: pin.Model, closure: Constraint) 
     return pair.held(closure.held)
 
 
-class Line(NamedTuple):
-    """A line between two frames.
-
-    Attributes:
-        length: Its length.
-        row: The rate of the length per rate of the tree, by index.
-    """
-
-    length: SX
-    row: Sparse
-
-
-def line(kinematics: Kinematics, model: pin.Model, a: str, b: str) -> Line:
-    """The line between the origins of two frames."""
+def line(kinematics: Kinematics, model: pin.Model, a: str, b: str) -> tuple[SX, Sparse]:
+    """Length of the line between the origins of two frames, and its rate per rate of the tree."""
     pair = _Pair(kinematics, model, a, b)
     length = ca.sqrt(ca.sumsqr(pair.d))
     unit = pair.d / length
     row, _ = pair._row(lambda u, _: ca.dot(unit, u), lambda u, _: ca.dot(unit, u))
-    return Line(length, row)
+    return length, row
 
 
 class _End(NamedTuple):

@@ -78,7 +78,7 @@ class OpenNumbers:
             half = (xx + yy + zz) / 2
             parts += [about_origin[:4], [half - xx, -xy, -xz, half - yy, -yz, half - zz]]
         parts += [values[name][list(self.joints[name])] for name in _JOINT]
-        parts += [line.numbers for line in mechanism.lines.forces]
+        parts.append(mechanism.lines.numbers.T.ravel())
         for name in self.rotated:
             if model.existJointName(name):
                 placement = model.jointPlacements[model.getJointId(name)]

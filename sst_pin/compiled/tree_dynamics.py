@@ -18,7 +18,7 @@ from casadi import SX
 from ..chain.closures import Closure
 from ..chain.mechanism import Mechanism
 from ..chain.tree import frame_named
-from .closure_rows import Line, line
+from .closure_rows import line
 from .elimination import total
 from .link_kinematics import Kinematics, LinkMotion, Wrench
 from .open_numbers import SIGN_WIDTH, OpenNumbers
@@ -173,8 +173,8 @@ class TreeDynamics:
         return tau
 
     @cached_property
-    def lines(self) -> list[Line]:
-        """The lines along which forces act."""
+    def lines(self) -> list[tuple[SX, Sparse]]:
+        """Length and row of each line along which a force acts."""
         model, forces = self._mechanism.model, self._mechanism.lines.forces
         return [line(self._kinematics, model, x.frame_a, x.frame_b) for x in forces]
 

@@ -343,7 +343,8 @@ class _Reader:
 
     def _lines(self, motors: Sequence[Motor]) -> Iterator[LineForce]:
         """Spatial tendons with a spring or a damper, and those that are motors."""
-        mj, driven = self._mj, {name for motor in motors for name in self._named(motor)}
+        mj = self._mj
+        driven = {x for motor in motors for x in ([motor] if isinstance(motor, str) else motor)}
         for tendon in filter(self._is_spatial, range(mj.ntendon)):
             name = self._tendon(tendon)
             stiffness = mj.tendon_stiffness[tendon] * (not self._disabled("spring"))
@@ -376,10 +377,6 @@ class _Reader:
             return f"a tendon through {len(kinds)} sites is not supported; two are"
         joints = (self._name(j) for j in range(self._mj.njnt))
         return "a joint has this name too; rename one" * (self._tendon(tendon) in joints)
-
-    @staticmethod
-    def _named(motor: Motor) -> list[str]:
-        return [motor] if isinstance(motor, str) else list(motor)
 
     def _unlocked(self, shares: Mapping[int, float]) -> _Length:
         """Shares of joints by name, and what they add up to with all joints at their reference."""
