@@ -115,7 +115,7 @@ def regular(chain):
 
 def of_gallery(name, **options):
     robot = getattr(robots, name)()
-    options |= {"forces": robot.forces}
+    options = {"forces": robot.forces} | options
     return case(robot.model, robot.closures, robot.motor_names, robot.home, **options)
 
 
