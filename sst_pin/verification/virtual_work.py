@@ -124,14 +124,16 @@ class VirtualWork:
 
         def rate(time: float, state: Array) -> Array:
             nonlocal failure
+            if not np.isfinite(state).all():
+                return state
             R, omega = _pose(state)
             try:
                 star = self._star(R, omega, sign_width=sign_width)
-                tau = finite_array("torque(t, R, omega)", torque(time, R, omega), (3,))
-                alpha = star.acceleration(tau)
             except SSTError as error:  # a trial step went too far: NaN asks for a shorter one
                 failure = f" ({error})"
                 return np.full(12, np.nan)
+            tau = finite_array("torque(t, R, omega)", torque(time, R, omega), (3,))
+            alpha = star.acceleration(tau)
             return np.concatenate([np.cross(omega, R.T).T.ravel(), alpha])
 
         def determinant(_: float, state: Array) -> float:

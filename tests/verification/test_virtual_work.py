@@ -231,6 +231,13 @@ def test_simulation_into_a_singularity_stops_with_its_reason() -> None:
     assert abs(caught.value.time - 0.14442) < 1e-4
 
 
+def test_a_torque_that_is_no_number_is_told() -> None:
+    path = sst_pin.paper_circle(0.0)
+    referee = VirtualWork(sst_pin.Parameters())
+    with pytest.raises(InputError, match="torque"):
+        referee.simulate(lambda *_: (np.nan, 0, 0), path.R, np.zeros(3), (0, 0.1))
+
+
 @pytest.mark.parametrize(
     ("R", "omega"),
     [
