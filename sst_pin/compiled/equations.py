@@ -316,8 +316,9 @@ class Equations:
             L[:, k] = np.abs(self.at_samples(scaled)).max(axis=1)
         B: Array = np.zeros((len(self._samples), 1, len(mechanism.motor_names)))
         for k, forces in enumerate(self.motor_columns):
-            scaled = ca.vertcat(*(SX(x) * scale[j] for j, x in forces.items()))
-            B[..., k] = np.abs(self.at_samples(scaled)).max(axis=1)
+            scaled = [SX(x) * scale[j] for j, x in forces.items()]
+            if scaled:  # not of a motor between two frames of one body
+                B[..., k] = np.abs(self.at_samples(ca.vertcat(*scaled))).max(axis=1)
         values = self.at_samples(A) * units
         acts = np.abs(values) * MAX_CONDITION_NUMBER >= L * B
         sizes = np.linalg.svd(np.where(acts, values, 0.0), compute_uv=False)

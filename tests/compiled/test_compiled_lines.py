@@ -87,6 +87,22 @@ def test_samples_whose_line_has_no_direction_are_refused_by_kernels_too(both):
     assert np.isnan(tau).any(axis=1).tolist() == [False, True]
 
 
+def test_a_motor_between_frames_of_one_body_moves_nothing():
+    """On both paths it is refused, alone; beside another motor its force is zero."""
+    line, bar = LineForce("coupler_pin", "platform", name="idle"), robots.four_bar()
+    for motors in (["idle"], ["idle", "crank"]):
+        fast, plain = (ClosedChain(bar.model, bar.closures, motors, forces=[line]) for _ in "ab")
+        fast.compile()
+        if len(motors) == 1:
+            for robot in (fast, plain):
+                with pytest.raises(sst_pin.ActuationError):
+                    robot.compute_torques(bar.home, [1], [0])
+        else:
+            tau = plain.compute_torques(bar.home, [1], [0])
+            assert tau[0] == 0
+            close(fast.compute_torques(bar.home, [1], [0]), tau, 1e-12)
+
+
 @pytest.mark.parametrize("door", [Kernels, Casadi, pytest.param(Jax, marks=pytest.mark.slow)])
 def test_derivatives_are_those_of_differences(door):
     closures = robots.four_bar().closures
