@@ -245,6 +245,11 @@ VALUES = {
     "str": NOT_NAMES,
     "Sequence[str]": NOT_LISTS_OF_NAMES,
     "Sequence[str] | Mapping[str, float]": (*NOT_LISTS_OF_NAMES, {"crank": None}, {"unknown": 0.1}),
+    "Mapping[str, ArrayLike]": (
+        *(5, "x", ["crank"], {"unknown": np.ones(6)}, {"gamma_1": None}, {"gamma_1": "x"}),
+        *({"gamma_1": np.ones(5)}, {"gamma_1": np.full(6, np.nan)}, {"gamma_1": -np.ones(6)}),
+    ),
+    "Sequence[LineForce]": (5, "x", [5], ["a-b"], [None]),
     "Callable[[float], None]": (5, "x", [], True),
     "ClosedChain": (),  # an object that is no robot has not the methods of one
     "SST": (),
@@ -313,7 +318,7 @@ SKIPPED = {"casadi", "jax", "compile", "show", "from_urdf", "from_mjcf", "refres
 #: Methods of one sample.
 SINGLE = {
     "noc", "Phi", "Phi_dot", "assemble", "mobility", "simulate", "forward_kinematics", "rollout",
-    "check", "trajectory",
+    "check", "trajectory", "loads",
 }  # fmt: skip
 
 
@@ -329,6 +334,16 @@ def subjects(w: World) -> Iterator[Subject]:
     yield from _of_motions(w)
     yield from _of_parameters(w)
     yield from _of_pictures(w)
+
+
+def _of_motion(call: Callable[..., Any], aa: Any) -> Callable[..., Any]:
+    """Reactions, which need accelerations or torques, of accelerations unless others are given."""
+
+    def reactions(**given: Any) -> Any:
+        return call(**{"aa": aa} | given)
+
+    reactions.__signature__ = inspect.signature(call)  # type: ignore[attr-defined]
+    return reactions
 
 
 def _of_robots(w: World) -> Iterator[Subject]:
@@ -365,6 +380,8 @@ def _of_robots(w: World) -> Iterator[Subject]:
                 continue
             call = getattr(robot, attribute)
             motion = {}
+            if attribute == "reactions":
+                call = _of_motion(call, examples["aa"])
             if attribute == "rollout":
                 motion = {"tau": np.tile(examples["tau"], (3, 1))}
             if attribute == "trajectory":
