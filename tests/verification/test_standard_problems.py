@@ -1,0 +1,151 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Standard problems against published results and equations written by hand, in short form.
+
+docs/standard_problems.md has the whole motions.
+"""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import make_standard_problems as problems
+import standard_referees as referees
+from markdown_tables import read_table, table_names
+from sst_pin import ClosedChain, robots
+
+PUBLISHED = robots.PUBLISHED
+
+
+def motion_of(name, t, **options):
+    """From the published start with the published torques."""
+    chain, given = getattr(robots, name)(), PUBLISHED[name]
+    motion = chain.simulate(given["torques"], chain.home, given["start_rates"], t, **options)
+    assert not motion.stopped
+    return motion
+
+
+def test_andrews_mechanism_ends_where_it_is_published():
+    """A03: seven angles and rates after 0.03 s, in which the crank turns two and a half times."""
+    motion = motion_of("andrews", np.array([0, 0.03]))
+    given = PUBLISHED["andrews"]
+    q = [given["q"][name] for name in robots.andrews().joint_names]
+    assert_allclose(motion.q[-1], q, rtol=0, atol=5e-9)
+    assert_allclose(motion.va[-1], given["v"]["beta"], rtol=1e-9)
+
+
+def test_andrews_torque_accelerations_and_forces_at_the_published_state():
+    """The published accelerations follow from the published angles and rates to 1e-7."""
+    chain, given = robots.andrews(), PUBLISHED["andrews"]
+    q, v, a = (np.array([given[x][name] for name in chain.joint_names]) for x in ("q", "v", "dv"))
+    assert_allclose(chain.compute_torques(q, v[:1], a[:1]), 0.033, rtol=0, atol=5e-9)
+    found = chain.joint_accelerations(q, v[:1], a[:1])
+    assert_allclose(found, a, rtol=0, atol=3e-7 * np.abs(a).max())
+    assert_allclose(chain.compute_accelerations(q, v[:1], [0.033]), a[:1], rtol=3e-7)
+    (*_, forces) = problems.andrews_at_its_end()
+    assert float(forces[-1]) < 3e-7
+
+
+def test_the_home_of_andrews_is_the_published_start():
+    start = {
+        "beta": -0.0617138900142764496358948458001,
+        "theta": 0.0,
+        "gamma": 0.455279819163070380255912382449,
+        "phi": 0.222668390165885884674473185609,
+        "delta": 0.487364979543842550225598953530,
+        "omega": -0.222668390165885884674473185609,
+        "epsilon": 1.23054744454982119249735015568,
+    }
+    chain = robots.andrews()
+    assert_allclose(chain.home, [start[name] for name in chain.joint_names], rtol=0, atol=1e-15)
+
+
+@pytest.mark.parametrize("loops", [1, 2, 5])
+def test_the_row_of_four_bars_falls_as_one_pendulum(loops):
+    """A02, until shortly before the horizontal."""
+    t, chain = np.linspace(0, 0.5, 6), robots.n_four_bar(loops)
+    motion = chain.simulate([0.0], chain.home, PUBLISHED["n_four_bar"]["start_rates"], t)
+    ends = np.stack([np.cos(motion.q[:, 0]), np.sin(motion.q[:, 0])], axis=1)
+    assert_allclose(ends, referees.n_four_bar(loops, t), rtol=0, atol=1e-8)
+
+
+def test_the_pendulum_is_where_the_library_has_the_row_of_four_bars():
+    """Published with six and seven digits."""
+    for given in PUBLISHED["n_four_bar"]["B0"]:
+        B0 = referees.n_four_bar(given["loops"], np.array([0, given["t"]]))[-1]
+        assert_allclose(B0, [given["x"], given["y"]], rtol=0, atol=2e-6)
+
+
+@pytest.mark.slow
+def test_bricards_mechanism_is_the_same_by_each_of_its_hinges():
+    """A04, until hinge 2 turns round; against Newton's method and one equation of motion."""
+    t, chain = np.linspace(0, 1.2, 7), robots.bricard()
+    first = motion_of("bricard", t)
+    for k in range(2, 6):
+        names = [f"hinge_{k}"]
+        other = ClosedChain(chain.model, chain.closures, names, coordinates=names)
+        motion = other.simulate([0.0], chain.home, [0.0], t)
+        assert not motion.stopped
+        assert_allclose(motion.q, first.q, rtol=0, atol=1e-8)
+    places = chain.platform_pose(first.q)[:2, :3, 3]
+    # The referee takes differences of eighth order: 1e-10 and less.
+    assert_allclose(places, referees.bricard(t[:2]), rtol=0, atol=1e-8)
+
+
+def test_the_governor_is_the_stiff_solution():
+    """A05: eight digits of the turn of the shaft, the arms and the slider."""
+    t = np.linspace(0, 0.5, 6)
+    motion = motion_of("governor", t, method="LSODA")
+    expected = referees.governor(t)
+    assert_allclose(motion.q[:, [0, 1, 3]], expected, rtol=0, atol=1e-8)
+    assert_allclose(motion.q[:, 2], motion.q[:, 1], rtol=0, atol=1e-9)  # both arms
+
+
+def test_the_rigid_governor_is_the_limit_of_stiffer_springs():
+    """Rods for springs; the error falls with the stiffness."""
+    t, rates = np.linspace(0, 0.1, 3), PUBLISHED["governor"]["start_rates"]
+    rigid = robots.governor(rigid=True)
+    motion = rigid.simulate([0.0, 0.0], rigid.home, [rates[0], 0.0], t)
+    off = []
+    for factor in (1e2, 1e4):
+        expected = referees.governor(t, 8e5 * factor, 4e4 * factor**0.5)
+        off.append(np.abs(motion.q[:, [0, 1, 3]] - expected).max())
+    assert off[1] < 1e-7
+    assert off[1] < off[0] / 50
+
+
+def test_the_slider_crank_is_the_first_submission():
+    """By its energy; at 5 s the slider is at 0.24072 m, which only one submission has."""
+    t = np.linspace(0, 0.5, 6)
+    motion = motion_of("slider_crank", t)
+    x, slider = referees.slider_crank(t)
+    assert_allclose(motion.q[:, :2], np.stack([x, slider], axis=1), rtol=0, atol=1e-8)
+    path = problems.FOLDER / "slider_crank.csv"
+    slider = np.genfromtxt(path, delimiter=",", names=True)["slider_m"]
+    right, wrong = PUBLISHED["slider_crank"]["slider"]
+    assert abs(slider[-1] - right) < 1e-4
+    assert abs(slider[-1] - wrong) > 1e-2
+
+
+def test_modelicas_four_bar_is_that_of_its_energy():
+    """Dymola's values have its tolerance of 1e-6."""
+    t, chain = np.array([0, 0.1, 0.25, 1.0]), problems.modelica_four_bar()
+    motion = chain.simulate([0.0], chain.home, [referees.RATE], t)
+    expected = referees.modelica_four_bar(t)
+    assert_allclose(motion.q[:, 0], expected, rtol=0, atol=1e-8)
+    assert_allclose(expected[1:3], [0.573724169, 1.803753622], rtol=5e-6)
+
+
+def test_the_page_shows_every_problem_with_picture_and_motion():
+    """And each motion of the page is near its published end and its independent solution."""
+    page = problems.PAGE.read_text(encoding="utf-8")
+    every = problems.problems()
+    assert table_names(page) == set(every)
+    for name, problem in every.items():
+        table = read_table(page, name)
+        assert table[0] == problems.HEADER
+        assert f"standard_problems/{name}.csv" in page
+        rows = np.genfromtxt(problems.FOLDER / f"{name}.csv", delimiter=",", names=True)
+        assert rows.dtype.names == ("t_s", *problem.columns)
+        for quantity, *_, off in table[1:]:
+            if "time" not in quantity and off != "-" and "relative" not in quantity:
+                assert float(off.split()[0]) < 1e-7, (name, quantity)
