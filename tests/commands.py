@@ -6,6 +6,20 @@ import sys
 
 from sst_pin.cli import main
 
+#: A four-bar in a plane.
+BARS = """<mujoco model="bars">
+  <worldbody>
+    <body name="crank"><joint name="crank" axis="0 1 0"/><geom size="0.02" pos="0.05 0 0"/>
+      <body name="coupler" pos="0.1 0 0"><joint name="elbow" axis="0 1 0"/>
+        <geom size="0.02" pos="0.15 0 0"/></body></body>
+    <body name="rocker" pos="0.3 0 0"><joint name="rocker" axis="0 1 0"/>
+      <geom size="0.02" pos="0.1 0 0"/></body>
+  </worldbody>
+  <equality><connect name="pin" body1="coupler" body2="rocker" anchor="0.3 0 0"/></equality>
+  <actuator><motor joint="crank"/></actuator>
+  <keyframe><key name="home" qpos="0.5 -0.9443 -0.9443"/></keyframe>
+</mujoco>"""
+
 
 def run(capsys, *arguments):
     """Exit code, output, errors."""

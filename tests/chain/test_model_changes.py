@@ -17,44 +17,28 @@ from trees import tree
 MOTORS = ["a0_RX", "b0_RZ"]
 
 
-def _array(name, factor=0.7):
+def _array(name):
+    return lambda model: setattr(model, name, getattr(model, name) * 0.7 + 0.03)
+
+
+def _set(attributes, value):
+    """What sets, by a path such as "inertias.2.mass", one number or array of a model."""
+
     def change(model):
-        setattr(model, name, getattr(model, name) * factor + 0.03)
+        *owners, last = attributes.split(".")
+        for x in owners:
+            model = model[int(x)] if x.isdecimal() else getattr(model, x)
+        if last.isdecimal():
+            model[int(last)] = value
+        else:
+            setattr(model, last, value)
 
     return change
 
 
-def _inertia(model):
-    model.inertias[2] = pin.Inertia(3.0, np.array([0.1, 0.0, 0.2]), np.diag([0.4, 0.5, 0.6]))
-
-
-def _mass(model):
-    model.inertias[2].mass = 7.0
-
-
-def _placement(model):
-    model.jointPlacements[1] = pin.SE3(pin.exp3(np.array([0.1, 0.2, 0.3])), np.array([1.0, 2, 3]))
-
-
-def _gravity(model):
-    model.gravity.linear = np.array([1.0, 2.0, 3.0])
-
-
-def _gravity_in_memory(model):
-    model.gravity.linear[:] = (1.0, 2.0, 3.0)
-
-
-def _frame_inertia(model):
+def _load(model):
     model.addBodyFrame("load", 2, pin.SE3.Identity(), 0)
     model.appendBodyToJoint(2, pin.Inertia.Random(), pin.SE3.Identity())
-
-
-def _frame(model):
-    model.addFrame(pin.Frame("tool", 2, pin.SE3.Random(), pin.FrameType.OP_FRAME))
-
-
-def _name(model):
-    model.name += " renamed"
 
 
 def _joint(model):
@@ -62,23 +46,41 @@ def _joint(model):
     model.appendBodyToJoint(index, pin.Inertia.Random(), pin.SE3.Identity())
 
 
+def _in_memory(model):
+    model.gravity.linear[:] = (1.0, 2.0, 3.0)
+
+
+BODY = pin.Inertia(3.0, np.array([0.1, 0.0, 0.2]), np.diag([0.4, 0.5, 0.6]))
+PLACE = pin.SE3(pin.exp3(np.array([0.1, 0.2, 0.3])), np.array([1.0, 2, 3]))
 CHANGES = {
     **{n: _array(n) for n in ("armature", "damping", "friction", "rotorInertia", "rotorGearRatio")},
     **{n: _array(n) for n in ("upperPositionLimit", "lowerPositionLimit", "velocityLimit")},
-    "inertia": _inertia,
-    "mass": _mass,
-    "placement": _placement,
-    "gravity": _gravity,
-    "gravity in memory": _gravity_in_memory,
-    "body": _frame_inertia,
-    "frame": _frame,
-    "name": _name,
+    "inertia": _set("inertias.2", BODY),
+    "mass": _set("inertias.2.mass", 7.0),
+    "placement": _set("jointPlacements.1", PLACE),
+    "gravity": _set("gravity.linear", np.array([1.0, 2.0, 3.0])),
+    "gravity in memory": _in_memory,
+    "body": _load,
+    "frame": lambda m: m.addFrame(pin.Frame("tool", 2, pin.SE3.Random(), pin.FrameType.OP_FRAME)),
+    "name": _set("name", "renamed"),
     "joint": _joint,
 }
 
 
 def build(model):
     return ClosedChain(model, [Closure("A", "B", "6d")], MOTORS)
+
+
+@pytest.fixture
+def chain():
+    """Three and three joints on a base that floats, whose model a test may change."""
+    return build(tree("free", ["RX", "revolute", "RZ"], ["RZ", "revolute", "ball"], seed=3))
+
+
+@pytest.fixture
+def state(chain):
+    q = chain.model.referenceConfigurations["closed"]
+    return q, *np.random.default_rng(0).normal(size=(2, chain.mobility(q).degrees_of_freedom))
 
 
 def numbers(chain, q, random):
@@ -109,11 +111,9 @@ def everything(chain, q, random):
 
 
 @pytest.mark.parametrize("name", CHANGES)
-def test_a_changed_model_counts_after_refresh_and_not_before(name):
+def test_a_changed_model_counts_after_refresh_and_not_before(chain, name):
     """To the last bit, for every method: before as before, then as a newly built chain."""
-    model = tree("free", ["RX", "revolute", "RZ"], ["RZ", "revolute", "ball"], seed=3)
-    chain = build(model)
-    q = model.referenceConfigurations["closed"]
+    model, q = chain.model, chain.model.referenceConfigurations["closed"]
     before = everything(chain, q, np.random.default_rng(0))
     pin.seed(0)
     CHANGES[name](model)
@@ -149,26 +149,18 @@ def test_a_changed_sst_equals_a_new_one_on_kernels_and_the_reference_path(name):
         assert np.abs(tau - expected).max() < 1e-11 * max(1, np.abs(expected).max())
 
 
-def test_a_frame_added_to_the_model_can_be_asked_for():
-    model = tree("free", ["RX", "revolute", "RZ"], ["RZ", "revolute", "ball"], seed=3)
-    chain = build(model)
-    q = model.referenceConfigurations["closed"]
-    n = chain.mobility(q).degrees_of_freedom
-    chain.joint_rates(q, np.zeros(n))
+def test_a_frame_added_to_the_model_can_be_asked_for(chain, state):
+    q, va, _ = state
+    chain.joint_rates(q, va)
     chain.model.addFrame(pin.Frame("tool", 2, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
     chain.refresh()
-    assert chain.frame_jacobian(q, "tool").shape == (6, n)
+    assert chain.frame_jacobian(q, "tool").shape == (6, len(va))
 
 
-def _nan_mass(model):
-    model.inertias[2].mass = np.nan
-
-
-def _angular_gravity(model):
-    model.gravity.angular = np.array([0.0, 0.0, 1.0])
-
-
-@pytest.mark.parametrize("change", [_nan_mass, _angular_gravity])
+@pytest.mark.parametrize(
+    "change",
+    [_set("inertias.2.mass", np.nan), _set("gravity.angular", np.array([0.0, 0.0, 1.0]))],
+)
 @pytest.mark.parametrize("kernels", [True, False])
 def test_a_model_that_is_refused_leaves_the_robot_as_it_was(kernels, change):
     """refresh() raises at every call; the torques stay those of the model before."""
@@ -203,44 +195,30 @@ def test_a_model_with_a_nan_is_refused():
 @pytest.mark.parametrize(
     "copied", [copy.copy, copy.deepcopy, lambda c: pickle.loads(pickle.dumps(c))]
 )
-def test_copies_compute_the_same(copied):
+def test_copies_compute_the_same(chain, copied):
     """Also in the coordinates that the original has settled on."""
-    model = tree("free", ["RX", "revolute", "RZ"], ["RZ", "revolute", "ball"], seed=3)
-    chain = build(model)
-    q = model.referenceConfigurations["closed"]
+    q = chain.model.referenceConfigurations["closed"]
     wanted = numbers(chain, q, np.random.default_rng(0))
     other = copied(chain)
     assert np.array_equal(numbers(other, q, np.random.default_rng(0)), wanted)
     assert other.coordinates == chain.coordinates
 
 
-def test_threads_compute_the_same_from_the_first_call_on():
+def test_threads_compute_the_same_from_the_first_call_on(chain, state):
     """Many threads ask a chain that nobody has asked before."""
-    model = tree("free", ["RX", "revolute", "RZ"], ["RZ", "revolute", "ball"], seed=3)
-    q = model.referenceConfigurations["closed"]
-    n = build(model).mobility(q).degrees_of_freedom
-    va, aa = np.random.default_rng(0).normal(size=(2, n))
-    wanted = build(model).generalized_forces(q, va, aa)
+    wanted = chain.generalized_forces(*state)
     with ThreadPoolExecutor(8) as pool:
         for _ in range(5):
-            chain = build(model)
-            calls = [pool.submit(chain.generalized_forces, q, va, aa) for _ in range(32)]
+            new = build(chain.model)
+            calls = [pool.submit(new.generalized_forces, *state) for _ in range(32)]
             assert all(np.array_equal(call.result(), wanted) for call in calls)
 
 
-def _torques(connection, chain, q, va, aa):
-    connection.send(chain.generalized_forces(q, va, aa))
-
-
-def test_a_forked_process_computes_the_same():
-    model = tree("free", ["RX", "revolute", "RZ"], ["RZ", "revolute", "ball"], seed=3)
-    chain = build(model)
-    q = model.referenceConfigurations["closed"]
-    va, aa = np.random.default_rng(0).normal(size=(2, chain.mobility(q).degrees_of_freedom))
-    wanted = chain.generalized_forces(q, va, aa)
+def test_a_forked_process_computes_the_same(chain, state):
+    wanted = chain.generalized_forces(*state)
     context = multiprocessing.get_context("fork")
     here, there = context.Pipe()
-    process = context.Process(target=_torques, args=(there, chain, q, va, aa))
+    process = context.Process(target=lambda: there.send(chain.generalized_forces(*state)))
     process.start()
     assert here.poll(60)
     assert np.array_equal(here.recv(), wanted)

@@ -7,6 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.linalg import null_space
 
+from derivative_cases import close
 from robots import GRAVITY, ROBOTS, Robot, derivatives
 from sst_pin import ClosedChain
 from sst_pin.errors import (
@@ -41,11 +42,6 @@ def states(robot):
     for seed in STATES:
         *state, wrenches = random_state(robot, seed)
         yield robot.motion(*state, wrenches), wrenches
-
-
-def close(actual, expected, tolerance):
-    """Equality relative to the largest entry."""
-    assert_allclose(actual, expected, rtol=0, atol=tolerance * max(np.abs(expected).max(), 1e-3))
 
 
 @pytest.mark.parametrize("generic", [True, False])

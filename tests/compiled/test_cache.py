@@ -10,11 +10,11 @@ import tempfile
 import time
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 import robots
 import sst_pin
+from commands import BARS
 from sst_pin.cli import main
 from sst_pin.compiled import build
 from sst_pin.errors import CompilationError
@@ -252,35 +252,9 @@ def test_a_person_who_waits_longer_than_a_second_is_told_once(tmp_path, monkeypa
     assert told == ["sst-pin: compiling kernels of bars; the cache keeps them"]
 
 
-URDF = """<robot name="bars">
-  <link name="base"/>
-  {links}
-  <link name="end"/><link name="pivot"/>
-  <joint name="j1" type="revolute"><parent link="base"/><child link="l1"/><axis xyz="0 1 0"/>
-    <limit lower="-9" upper="9" effort="1" velocity="1"/></joint>
-  <joint name="j2" type="revolute"><parent link="l1"/><child link="l2"/><axis xyz="0 1 0"/>
-    <origin xyz="0.2 0 0"/><limit lower="-9" upper="9" effort="1" velocity="1"/></joint>
-  <joint name="j3" type="revolute"><parent link="l2"/><child link="l3"/><axis xyz="0 1 0"/>
-    <origin xyz="0.5 0 0"/><limit lower="-9" upper="9" effort="1" velocity="1"/></joint>
-  <joint name="e" type="fixed"><parent link="l3"/><child link="end"/><origin xyz="0.4 0 0"/></joint>
-  <joint name="p" type="fixed"><parent link="base"/><child link="pivot"/>
-    <origin xyz="0.45 0 0"/></joint>
-</robot>"""
-LINK = """<link name="l{}"><inertial><mass value="1"/><origin xyz="0.1 0 0"/>
-  <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>"""
-CUTS = "closed_loop: [[end, pivot]]\ntype: [3d]\nname_mot: [j1]\n"
-
-
-@pytest.fixture
-def bars(tmp_path):
-    path = tmp_path / "bars.urdf"
-    path.write_text(URDF.format(links="".join(LINK.format(k) for k in (1, 2, 3))))
-    path.with_suffix(".yaml").write_text(CUTS)
-    assert pin.buildModelFromUrdf(str(path)).nv == 3
-    return path
-
-
-def test_kernels_are_made_listed_and_deleted(bars, tmp_path, monkeypatch, capsys):
+def test_kernels_are_made_listed_and_deleted(tmp_path, monkeypatch, capsys):
+    bars = tmp_path / "bars.xml"
+    bars.write_text(BARS)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     assert main(["compile", "--robot", str(bars)]) == 0
     assert "compiled kernels" in capsys.readouterr().out

@@ -112,29 +112,18 @@ def commands(w: World) -> Iterator[Call]:
         "info --robot bad.urdf", "info extra", "info --urdf", f"info --robot {nul}",
         f"info --robot {long}",
     ]  # fmt: skip
-    for line in lines:
-        yield Call(
-            f"sst-pin {line if len(line) < 90 else line[:70] + '...'}", lambda x=line: _ran(x)
-        )
-    yield Call(
-        "sst-pin describe --base-directions with NaN",
-        lambda: _command(["describe", "-o", "x", "--base-directions", "1,0,0 0,1,0 0,0,nan"]),
-    )
-    yield Call(
-        "sst-pin describe --base-directions of two",
-        lambda: _command(["describe", "-o", "x", "--base-directions", "1,0,0 0,1,0"]),
-    )
-    yield Call(
-        "sst-pin with a surrogate", lambda: _command(["torques", "\udcff.csv", "-o", "x.csv"])
-    )
-    yield Call("sst-pin with an empty file name", lambda: _command(["torques", "", "-o", "x.csv"]))
-    yield Call(
-        "sst-pin with an empty output", lambda: _command(["torques", "motion.csv", "-o", ""])
-    )
-
-
-def _ran(line: str) -> Any:
-    return _command(line.split(" ") if line else [])
+    directions = ("describe", "-o", "x", "--base-directions")
+    for argv in (
+        *(line.split(" ") if line else [] for line in lines),
+        [*directions, "1,0,0 0,1,0 0,0,nan"],
+        [*directions, "1,0,0 0,1,0"],
+        ["torques", "\udcff.csv", "-o", "x.csv"],
+        ["torques", "", "-o", "x.csv"],
+        ["torques", "motion.csv", "-o", ""],
+    ):
+        line = ascii(" ".join(argv))
+        label = line if len(line) < 90 else line[:70] + "..."
+        yield Call(f"sst-pin {label}", lambda x=argv: _command(x))
 
 
 def _command(argv: list[str]) -> Any:

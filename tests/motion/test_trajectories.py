@@ -20,6 +20,12 @@ def motion(robot):
     return paper.example_1(robot, np.linspace(0, 0.1, 7))
 
 
+def with_words(motion, **words):
+    arrays = (getattr(motion, name) for name in ("t", "q", "va", "aa", "tau"))
+    names = {"joint_names": motion.joint_names, "actuated": motion.actuated}
+    return sst_pin.Trajectory(*arrays, **names | words)
+
+
 @settings(max_examples=30, deadline=None)
 @given(
     q=arrays(float, (3, 3), elements=NUMBERS),
@@ -50,11 +56,8 @@ def test_headers_carry_names_and_units(motion, tmp_path):
 
 def test_forces_of_prismatic_motors_are_in_newtons(tmp_path):
     """tau_1_N beside tau_2_Nm."""
-    zeros = np.zeros((2, 2))
-    units = ("rad", "rad", "m")
-    motion = sst_pin.Trajectory(
-        [0, 1], np.zeros((2, 3)), zeros, zeros, zeros, NAMES, ("slide", "mu_1"), units
-    )
+    q, two, units = np.zeros((2, 3)), np.zeros((2, 2)), ("rad", "rad", "m")
+    motion = sst_pin.Trajectory([0, 1], q, two, two, two, NAMES, ("slide", "mu_1"), units)
     motion.save(tmp_path / "m.csv")
     header = (tmp_path / "m.csv").read_text().splitlines()[0].split(",")
     assert header[-2:] == ["tau_1_N", "tau_2_Nm"]
@@ -96,10 +99,8 @@ def test_torque_of_a_motion_is_not_guessed_outside_of_it(motion, t):
 )
 def test_names_and_units_are_words_one_for_each_joint(motion, words):
     """A text is no sequence of names, and each name stands once."""
-    arrays = {name: getattr(motion, name) for name in ("t", "q", "va", "aa", "tau")}
-    names = {"joint_names": motion.joint_names, "actuated": motion.actuated}
     with pytest.raises(sst_pin.InputError, match=next(iter(words))):
-        sst_pin.Trajectory(**arrays, **names | words)
+        with_words(motion, **words)
 
 
 @pytest.mark.parametrize("name", ["a,b", '"a"', " a", "a\nb"])
@@ -113,19 +114,12 @@ def test_a_name_that_a_csv_cannot_hold_is_refused_there_only(tmp_path, name):
 
 
 def test_why_a_motion_stopped_is_kept_in_npz(motion, tmp_path):
-    stopped = sst_pin.Trajectory(
-        motion.t,
-        motion.q,
-        motion.va,
-        motion.aa,
-        motion.tau,
-        motion.joint_names,
-        motion.actuated,
-        stopped="before a singularity",
-    )
+    stopped = with_words(motion, stopped="singular")
     stopped.save(tmp_path / "m.npz")
-    assert sst_pin.Trajectory.load(tmp_path / "m.npz").stopped == "before a singularity"
+    assert sst_pin.Trajectory.load(tmp_path / "m.npz").stopped == "singular"
     assert stopped == motion
+    assert stopped[3:].stopped == "singular"  # of its last sample
+    assert stopped[:3].stopped == ""
 
 
 def test_nothing_is_overwritten_without_force(motion, tmp_path):
@@ -212,22 +206,17 @@ def test_tables_of_spreadsheets_are_read(tmp_path):
 
 def test_files_that_are_no_motions_are_told(tmp_path):
     """Missing, of another format, without the columns of a motion."""
-    with pytest.raises(sst_pin.FileFormatError, match="cannot be read: No such file"):
-        sst_pin.Trajectory.load(tmp_path / "m.csv")
-    with pytest.raises(sst_pin.FileFormatError, match="not a motion"):
-        sst_pin.Trajectory.load(tmp_path / "m.npz")
     (tmp_path / "x.npz").write_bytes(b"PK nothing")
-    with pytest.raises(sst_pin.FileFormatError, match="not a motion"):
-        sst_pin.Trajectory.load(tmp_path / "x.npz")
     np.savez(tmp_path / "y.npz", t=np.zeros(1))
-    with pytest.raises(sst_pin.FileFormatError, match="not a motion"):
-        sst_pin.Trajectory.load(tmp_path / "y.npz")
-    (tmp_path / "m.csv").write_text("t_s,x\n0,1\n")
-    with pytest.raises(sst_pin.FileFormatError, match="not a motion"):
-        sst_pin.Trajectory.load(tmp_path / "m.csv")
+    (tmp_path / "x.csv").write_text("t_s,x\n0,1\n")
     (tmp_path / "n.csv").write_text("t_s,gamma_1_rad,gamma_1_rad_s\n0,1,2\n")
-    with pytest.raises(sst_pin.FileFormatError, match="missing columns gamma_1_rad_s2, tau_1_Nm"):
-        sst_pin.Trajectory.load(tmp_path / "n.csv")
+    for name, words in (
+        ("m.csv", "cannot be read: No such file"),
+        *((name, "not a motion") for name in ("m.npz", "x.npz", "y.npz", "x.csv")),
+        ("n.csv", "missing columns gamma_1_rad_s2, tau_1_Nm"),
+    ):
+        with pytest.raises(sst_pin.FileFormatError, match=words):
+            sst_pin.Trajectory.load(tmp_path / name)
 
 
 def test_motors_that_are_no_coordinates_come_back_by_their_names(tmp_path):
@@ -284,13 +273,6 @@ def test_a_motion_between_two_times_holds_the_samples_at_both(motion):
         motion.between(2, 3)
     with pytest.raises(sst_pin.InputError, match="no sample from 1 to 0 s"):
         motion.between(1, 0)
-
-
-def test_why_a_motion_stopped_belongs_to_its_last_sample(motion):
-    arrays = [getattr(motion, name) for name in ("t", "q", "va", "aa", "tau")]
-    stopped = sst_pin.Trajectory(*arrays, motion.joint_names, motion.actuated, stopped="singular")
-    assert stopped[3:].stopped == "singular"
-    assert stopped[:3].stopped == ""
 
 
 def test_a_table_of_pandas_is_the_csv(motion, tmp_path):

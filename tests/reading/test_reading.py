@@ -81,44 +81,28 @@ def _about(axes, q):
     return np.linalg.multi_dot([np.eye(3), *turns])
 
 
+def mimic(leader, *kinds, more=""):
+    """A chain whose first joint mimics one."""
+    text = f'<mimic joint="{leader}" {more}/><limit'
+    return chain_urdf("revolute", *kinds).replace("<limit", text, 1)
+
+
 @pytest.mark.parametrize(
-    ("urdf", "joints", "word"),
+    ("urdf", "word"),
     [
-        ("<robot", {}, "not a URDF"),
-        ("<robot name='x'/>", {}, "not a URDF"),
-        (chain_urdf("revolute"), {"j7": "FIXED"}, "joint j7 is missing"),
-        (
-            chain_urdf("revolute").replace("<limit", '<mimic joint="other"/><limit'),
-            {},
-            "joint j0: mimics other, which is not a joint",
-        ),
-        (
-            chain_urdf("revolute").replace("<limit", '<mimic joint="j0"/><limit'),
-            {},
-            "joint j0: mimics itself",
-        ),
-        (
-            chain_urdf("revolute", "floating").replace("<limit", '<mimic joint="j1"/><limit', 1),
-            {},
-            "joint j0: mimics j1: j1 is floating",
-        ),
-        (
-            chain_urdf("revolute", "revolute").replace(
-                "<limit", '<mimic joint="j1" multiplier="x"/><limit', 1
-            ),
-            {},
-            "mimic multiplier='x' is not a number",
-        ),
-        (
-            chain_urdf("planar"),
-            {},
-            "joint j0: planar about 0 1 0",
-        ),
+        ("<robot", "not a URDF"),
+        ("<robot name='x'/>", "not a URDF"),
+        (chain_urdf("planar"), "joint j0: planar about 0 1 0"),
+        (chain_urdf("revolute"), "joint j7 is missing"),
+        (mimic("other"), "joint j0: mimics other, which is not a joint"),
+        (mimic("j0"), "joint j0: mimics itself"),
+        (mimic("j1", "floating"), "joint j0: mimics j1: j1 is floating"),
+        (mimic("j1", "revolute", more='multiplier="x"'), "mimic multiplier='x' is not a number"),
     ],
 )
-def test_a_urdf_that_cannot_be_meant_is_refused(urdf, joints, word):
+def test_a_urdf_that_cannot_be_meant_is_refused(urdf, word):
     with pytest.raises(sst_pin.DescriptionError) as caught:
-        Urdf(urdf, "test").tree(joints)
+        Urdf(urdf, "test").tree({"j7": "FIXED"} if "j7" in word else {})
     assert word in str(caught.value)
 
 

@@ -9,6 +9,9 @@ import sst_pin
 from sst_pin.sst.direct_kinematics import orientations
 from sst_pin.verification.sampling import random_parameters, random_state, random_states
 
+#: First derivatives by seven samples: error h^6 f^(7) / 140, and rounding eps / h.
+DIFFERENCES = np.array((-1, 9, -45, 0, 45, -9, 1)) / 60
+
 
 def wrap(angle):
     return (angle + np.pi) % (2 * np.pi) - np.pi
@@ -64,8 +67,7 @@ def test_rates_and_accelerations_are_derivatives_of_the_angles(odd):
     h = 1e-3
     t = 0.2 + h * np.arange(-3, 4)
     q, va, aa = motion(t)
-    # Sixth-order differences: error h^6 f^(7) / 140 is 1e-18 of f^(7), rounding eps / h.
-    first = np.array((-1, 9, -45, 0, 45, -9, 1)) / (60 * h)
+    first = DIFFERENCES / h
     gamma = np.unwrap(q[:, ::3], axis=0)
     assert np.abs(first @ gamma - va[3]).max() < 1e-9 * max(1, np.abs(va).max())
     assert np.abs(first @ va - aa[3]).max() < 1e-9 * max(1, np.abs(aa).max())
@@ -293,9 +295,8 @@ def test_interpolated_rates_are_the_derivatives_of_the_interpolated_motion():
     R = Rotation.from_rotvec(np.array((np.sin(t), t**2 / 4, 1 - t)).T).as_matrix()
     h = 1e-3
     motion = sst_pin.interpolate_orientations(t, R, 1.2 + h * np.arange(-3, 4))
-    first = np.array((-1, 9, -45, 0, 45, -9, 1)) / (60 * h)
+    first = DIFFERENCES / h
     W = np.einsum("t,tij->ij", first, motion.R) @ motion.R[3].T
-    # Sixth-order differences leave rounding, eps / h.
     assert np.abs(np.array((W[2, 1], W[0, 2], W[1, 0])) - motion.omega[3]).max() < 1e-11
     assert np.abs(first @ motion.omega - motion.alpha[3]).max() < 1e-11
 
@@ -317,8 +318,7 @@ def test_angles_of_the_paper_and_their_rates_are_consistent():
         (0.5 * t, 0.5 + 0 * t, 0 * t),
     )
     R, omega, alpha = sst_pin.orientation_motion(*angles)
-    first = np.array((-1, 9, -45, 0, 45, -9, 1)) / (60 * h)
+    first = DIFFERENCES / h
     W = np.einsum("t,tij->ij", first, R) @ R[3].T
-    # Sixth-order differences leave rounding, eps / h.
     assert np.abs(np.array((W[2, 1], W[0, 2], W[1, 0])) - omega[3]).max() < 1e-11
     assert np.abs(first @ omega - alpha[3]).max() < 1e-11

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import sst_pin
+from commands import BARS
 from sst_pin.cli import main
 from sst_pin.verification.sampling import random_body
 
@@ -272,25 +273,11 @@ def test_a_closure_frame_of_an_ambiguous_name_is_told(found):
     assert any("several frames have this name" in problem.text for problem in problems)
 
 
-BARS = """<mujoco>
-  <worldbody>
-    <body name="crank"><joint name="crank" axis="0 1 0"/><geom size="0.02" pos="0.05 0 0"/>
-      <body name="coupler" pos="0.1 0 0"><joint name="elbow" axis="0 1 0"/>
-        <geom size="0.02" pos="0.15 0 0"/></body></body>
-    <body name="rocker" pos="0.3 0 0"><joint name="rocker" axis="0 1 0"/>
-      <geom size="0.02" pos="0.1 0 0"/></body>
-  </worldbody>
-  <equality><connect name="pin" body1="coupler" body2="rocker" anchor="0.3 0 0"/></equality>
-  <actuator><motor joint="crank"/></actuator>
-  <keyframe><key name="home" qpos="0.5 -0.9443 -0.9443"/></keyframe>
-</mujoco>"""
-
-
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [
         ("", "", []),
-        ("<mujoco>", "<mujoco", ["error: file: XML parse error"]),
+        ('"bars">', '"bars"', ["error: file: XML parse error"]),
         (BARS, '<robot name="a"><link name="a"/></robot>', ["from_urdf reads a URDF"]),
         ("<connect ", '<connect active="false" ', ["insufficient: 3 degrees of freedom, 1 motors"]),
         ("<connect ", "<weld ", ["warning: home: cannot be closed"]),
