@@ -85,7 +85,7 @@ def computed(
     arrays: list[Array | None] = [*current.arguments(q, **others), *without]
     axes, mechanism = [1] * len(arrays), current.mechanism
     reference: Callable[..., Array] = getattr(current.reference, key.quantity)
-    if key.frame is not None:
+    if key.quantity.startswith("frame_"):
         reference = partial(reference, frame=frame_id(mechanism.model, key.frame))
     if key.sign_width is not None:
         reference = partial(reference, key.sign_width)

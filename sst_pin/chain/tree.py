@@ -21,11 +21,11 @@ from .vectors import brackets
 Array = NDArray[np.float64]
 
 
-def frame_id(model: pin.Model, name: str) -> int:
+def frame_id(model: pin.Model, name: str | None) -> int:
     """Index of a frame; a joint and a link of one name are one frame where they coincide."""
     found = [i for i, frame in enumerate(model.frames) if frame.name == name]
     if not found:
-        raise UnknownNameError("frame", name, [f.name for f in model.frames])
+        raise UnknownNameError("frame", str(name), [f.name for f in model.frames])
     first = model.frames[found[0]]
     for i in found[1:]:
         other = model.frames[i]

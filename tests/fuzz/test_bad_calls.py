@@ -3,7 +3,7 @@
 
 Never raw (another exception than `SSTError`, or the end of the process), silent (a wrong number, or
 nothing), endless. Each group of calls runs in a process of its own. Ducks are not among them: an
-object that is no robot at all has not the methods of one. The default run takes each 25th call,
+object that is no robot at all has not the methods of one. The default run takes each 59th call,
 `-m slow` takes them all and prints their counts with `-s`.
 """
 
@@ -30,7 +30,7 @@ def calls(group):
     return GROUPS[group](World())
 
 
-@pytest.mark.parametrize("every", [25, pytest.param(1, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("every", [59, pytest.param(1, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("group", GROUPS)
 def test_bad_calls_have_a_named_error_or_a_right_answer(group, every):
     """0 raw, 0 silent, 0 endless, in all calls or in some of them."""
