@@ -57,6 +57,7 @@ class Subject(NamedTuple):
     name: str
     call: Callable[..., Any]
     examples: dict[str, Any]
+    needed: str = ""
 
     @property
     def parameters(self) -> dict[str, inspect.Parameter]:
@@ -65,8 +66,8 @@ class Subject(NamedTuple):
     @property
     def good(self) -> dict[str, Any]:
         """Arguments that it takes."""
-        required = [n for n, p in self.parameters.items() if p.default is p.empty]
-        return {name: self.examples[name] for name in required}
+        of = self.parameters.items()
+        return {n: self.examples[n] for n, p in of if p.default is p.empty or n == self.needed}
 
 
 def word(value: Any) -> str:
@@ -304,7 +305,9 @@ FINE = {
     "check(motion: of one sample)", "play(motion: of one sample)", "play(wanted: open loops)",
     "writer(path: below a device)", "writer(path: 300 letters)", "writer(path: below a file)",
     "sign_width: 0.0", "rollout(dt: 0.0)", "start: 0.0", "end: 0.0", "psi: 0.0",
-    "with_payload(mass: 0.0)", "assemble(q: dict)",
+    "with_payload(mass: 0.0)", "assemble(q: dict)", "reactions(va: huge)", "reactions(aa: huge)",
+    "reactions(tau: huge)", "reactions(platform_moment: huge)", "loads(motion: of one sample)",
+    "reactions(external_wrenches: huge)",  # NaN where a wrench is not unique
 }  # fmt: skip
 #: Parameters that are not called with bad values: by method and name.
 FREE = {
@@ -334,16 +337,6 @@ def subjects(w: World) -> Iterator[Subject]:
     yield from _of_motions(w)
     yield from _of_parameters(w)
     yield from _of_pictures(w)
-
-
-def _of_motion(call: Callable[..., Any], aa: Any) -> Callable[..., Any]:
-    """Reactions, which need accelerations or torques, of accelerations unless others are given."""
-
-    def reactions(**given: Any) -> Any:
-        return call(**{"aa": aa} | given)
-
-    reactions.__signature__ = inspect.signature(call)  # type: ignore[attr-defined]
-    return reactions
 
 
 def _of_robots(w: World) -> Iterator[Subject]:
@@ -380,14 +373,14 @@ def _of_robots(w: World) -> Iterator[Subject]:
                 continue
             call = getattr(robot, attribute)
             motion = {}
-            if attribute == "reactions":
-                call = _of_motion(call, examples["aa"])
             if attribute == "rollout":
                 motion = {"tau": np.tile(examples["tau"], (3, 1))}
             if attribute == "trajectory":
                 m = w.motion if name != "chain" else w.motion_of_another
                 motion = {"t": m.t, "q": m.q, "va": m.va, "aa": m.aa}
-            yield Subject(f"{name}.{attribute}", call, examples | motion)
+            # Reactions take accelerations or torques.
+            for needed in ("aa", "tau") if attribute == "reactions" else ("",):
+                yield Subject(f"{name}.{attribute}", call, examples | motion, needed)
 
     def show(speed: float) -> Any:
         return w.robot.show(w.motion, speed=speed, open_browser=False)
