@@ -18,7 +18,6 @@ class Kernel:
         sizes: tuple[int, ...],
         output: int,
         parameters: Array,
-        gravity: Array,
         library: Any,
         loaded: Callable[[], Kernel | None] | None = None,
         batch_parameters: Array | None = None,

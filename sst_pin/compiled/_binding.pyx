@@ -124,8 +124,7 @@ cdef class Kernel:
         batch: Address of the code for batches.
         sizes: Numbers of a sample in each input.
         output: Numbers of a sample in the output.
-        parameters: Run-time parameters, gravity first; a copy is kept.
-        gravity: Gravity of the model, in the model's memory, shape (3,).
+        parameters: Run-time parameters; a copy is kept.
         library: Kept alive with the kernel.
         loaded: Returns the kernel with external loads, or None.
         batch_parameters: Those of `batch`, if they differ from those of `single`.
@@ -135,14 +134,12 @@ cdef class Kernel:
     cdef run_function single, batch
     cdef int arrays, output, moment
     cdef int sizes[MOST_ARRAYS]
-    cdef cnp.ndarray parameters, batch_parameters, gravity
+    cdef cnp.ndarray parameters, batch_parameters
     cdef object library, loaded
 
     def __cinit__(
         self, uintptr_t single, uintptr_t batch, tuple sizes, int output,
-        cnp.ndarray parameters not None, cnp.ndarray gravity not None, library, loaded=None,
-        batch_parameters=None,
-        int moment=-1,
+        cnp.ndarray parameters not None, library, loaded=None, batch_parameters=None, int moment=-1,
     ):
         if len(sizes) > MOST_ARRAYS or not single or not batch:
             raise ValueError("no such kernel")
@@ -151,9 +148,7 @@ cdef class Kernel:
         for i in range(self.arrays):
             self.sizes[i] = sizes[i]
         self.parameters = np.array(parameters, dtype=np.float64, order="C")
-        if not is_plain(gravity, 1, 3) or not gravity.flags.c_contiguous or parameters.size < 3:
-            raise TypeError("gravity is not an array of three numbers")
-        self.gravity, self.library, self.loaded = gravity, library, loaded
+        self.library, self.loaded = library, loaded
         self.batch_parameters = self.parameters
         if batch_parameters is not None:
             self.batch_parameters = np.array(batch_parameters, dtype=np.float64, order="C")
@@ -163,9 +158,8 @@ cdef class Kernel:
 
         The kernel's inputs are the first of a, b, c, load, shape (size,) or (N, size); the others
         must be None. With a load, the kernel `loaded` computes the result. The result is None if an
-        input is not a plain float64 array of such a shape, if gravity has changed, if `threads` is
-        not a positive integer, if `out` is not a plain array or overlaps an input, or if a sample
-        fails its checks.
+        input is not a plain float64 array of such a shape, if `threads` is not a positive integer,
+        if `out` is not a plain array or overlaps an input, or if a sample fails its checks.
         """
         cdef Kernel kernel = self
         if load is not None and self.arrays < 4:
@@ -211,13 +205,11 @@ cdef class Kernel:
         return tuple.__new__(kind, parts)
 
     cdef respond(self, a, b, c, load, out, threads):
-        """As `answer`."""
+        """The result by this kernel, or None, for `answer`."""
         cdef rows inputs[4]
         cdef rows output
         cdef cnp.npy_intp shape[2]
         cdef Py_ssize_t count = -1
-        cdef const double *now = numbers_of(self.gravity)
-        cdef const double *parameters = numbers_of(self.parameters)
         cdef bint moment = self.moment >= 0 and (is_plain(load, 1, 3) or is_plain(load, 2, 3))
         cdef Py_ssize_t number = number_of(threads)
         cdef int i, size
@@ -227,7 +219,6 @@ cdef class Kernel:
             or not self.take(b, 1, self.sizes[1], inputs, &count)
             or not self.take(c, 2, self.sizes[2], inputs, &count)
             or not self.take(load, 3, 3 if moment else self.sizes[3], inputs, &count)
-            or now[0] != parameters[0] or now[1] != parameters[1] or now[2] != parameters[2]
         ):
             return None
         shape[0], shape[1] = count, self.output
@@ -285,7 +276,7 @@ cdef class Kernel:
         return result
 
     cdef bint run_with_moment(self, rows *inputs, rows *output, Py_ssize_t count) noexcept:
-        """The same with moments; the loads are made from them for some samples at a time."""
+        """Run with moments; the loads are made from them for some samples at a time."""
         cdef rows moments = inputs[3]
         cdef int size = self.sizes[3]
         cdef Py_ssize_t first = 0, some = 1 if count < 0 else min(count, <Py_ssize_t>FEW), k

@@ -272,8 +272,8 @@ def test_every_instruction_set_of_the_machine_computes_the_same():
     for target in have[_binding.INSTRUCTIONS]:
         code = kernels.code(Key("torques"), target)
         address, (size, *inputs) = code.address("run"), code.sizes("run")
-        p, gravity = code.prepared(numbers), robot.model.gravity.linear
-        kernel = _binding.Kernel(address, address, tuple(inputs), size, p, gravity, code)
+        p = code.prepared(numbers)
+        kernel = _binding.Kernel(address, address, tuple(inputs), size, p, code)
         tau = np.empty((20, 3))
         assert not len(kernel.many(arguments, tau))
         assert error(tau, expected) < RELATIVE
