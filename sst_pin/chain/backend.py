@@ -96,6 +96,12 @@ class States(Protocol):
     def rate(self, states: Array, tau: Array, wrenches: Array | None) -> Array:
         """Rates of states, shape (..., nq + n)."""
 
+    def derivatives(self, state: Array, tau: Array, wrenches: Array | None) -> tuple[Array, Array]:
+        """Derivatives of `rate` by the state and by tau, shapes (nq + n, nq + n), (nq + n, motors).
+
+        Not where wheels roll: there the state has more freedoms than the coordinates.
+        """
+
     def regular(self, q: Array, limit: float) -> bool:
         """Whether the condition number of the dependent part of Phi is below a limit."""
 

@@ -346,6 +346,37 @@ class ReferenceStates:
         aa, v = dynamics.direct_dynamics(*arguments)
         return np.concatenate([self._mechanism.space.coordinate_rates(q, v), aa])
 
+    def derivatives(self, state: Array, tau: Array, wrenches: Array | None) -> tuple[Array, Array]:
+        """Derivatives of `rate` by the state and by tau, shapes (nq + n, nq + n), (nq + n, motors).
+
+        The coordinates and their rates determine the state, so columns of other joints are zero.
+        """
+        reference, space, nq = self._reference, self._mechanism.space, self._nq
+        q, va = self.closed(state), state[nq:]
+        n, ws = len(va), reference.workspace
+        by = self._acceleration_derivatives(q, va, tau, wrenches)
+        L = reference._L(q)
+        v, turns = L.dot(va), np.array([space.coordinate_rates(q, e) for e in np.eye(len(L))]).T
+        v_q = np.transpose([ws.complement.L_dot(ws.loops.Phi_dot(e)).dot(va) for e in L.T])
+        rates_q, q_dot_va = turns.dot(v_q), turns.dot(L)
+        if not space.euclidean:
+            # Rates of positions are quadratic in q, so central differences are exact.
+            ends = [[space.coordinate_rates(q + s * d, v) for s in (1, -1)] for d in q_dot_va.T]
+            rates_q += np.transpose([(ahead - behind) / 2 for ahead, behind in ends])
+        by_state, by_tau = np.zeros((nq + n, nq + n)), np.zeros((nq + n, len(tau)))
+        moved = np.linalg.pinv(turns)[self._mechanism.coordinates]
+        by_state[:, :nq] = np.vstack((rates_q, by[:, :n])).dot(moved)
+        by_state[:, nq:] = np.vstack((q_dot_va, by[:, n : 2 * n]))
+        by_tau[nq:] = by[:, 2 * n :]
+        return by_state, by_tau
+
+    def _acceleration_derivatives(
+        self, q: Array, va: Array, tau: Array, wrenches: Array | None
+    ) -> Array:
+        """Derivatives of aa by q, va and tau side by side, shape (n, 2 n + motors)."""
+        width = self._friction.sign_width
+        return self._reference.acceleration_derivatives(width, q, va, tau, wrenches)
+
     def regular(self, q: Array, limit: float) -> bool:
         """Whether the condition number of the dependent part of Phi is below a limit."""
         return self._continuity.regular(q, limit)

@@ -174,7 +174,9 @@ class CompiledBackend:
         """The state space with this friction instead of the mechanism's."""
         closing, course = self.kernel(Key("closing")), partial(self._course, friction)
         rate, columns = partial(self._rate, friction), self._by_columns(friction)
-        return CompiledStates(self._reference, friction, closing, rate, course, columns)
+        derivatives = Key("acceleration_derivatives", sign_width=friction.sign_width)
+        slopes = partial(self.kernel, derivatives)
+        return CompiledStates(self._reference, friction, closing, slopes, rate, course, columns)
 
     # --- inside -----------------------------------------------------------------------------
 

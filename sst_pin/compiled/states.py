@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..chain.backend import Kernel, Motions
 from ..chain.continuity import TRAVEL
+from ..chain.derivatives import AccelerationDerivatives
 from ..chain.mechanism import Friction
 from ..chain.reference import Reference, ReferenceStates
 
@@ -29,8 +30,9 @@ Indices = NDArray[np.intp]
 class CompiledStates(ReferenceStates):
     """The state space of a mechanism by kernels; samples that fail go to the reference path.
 
-    `closing` closes loops; `rate` and `course` give the kernels of rates and of rollouts, with or
-    without loads. Where there are none for many coordinates, `by_columns` computes accelerations.
+    `closing` closes loops; `slopes` gives the kernel of derivatives, `rate` and `course` give those
+    of rates and of rollouts, with or without loads. Where there are none for many coordinates,
+    `by_columns` computes accelerations.
     """
 
     def __init__(
@@ -38,12 +40,14 @@ class CompiledStates(ReferenceStates):
         reference: Reference,
         friction: Friction,
         closing: Kernel,
+        slopes: Callable[[], Kernel],
         rate: Callable[[bool], Kernel],
         course: Callable[[bool], Course | None],
         by_columns: ByColumns | None,
     ) -> None:
         super().__init__(reference, friction)
         self._closing, self._rate_of, self._course = closing, cache(rate), course
+        self._slopes = slopes
         self._by_columns = by_columns
 
     def closed(self, states: Array) -> Array:
@@ -77,6 +81,16 @@ class CompiledStates(ReferenceStates):
         if self._by_columns is not None:
             found = self._by_columns.state_rate(q, va, tau, wrenches)
         return super()._rate(q, va, tau, wrenches, tolerance) if found is None else found
+
+    def _acceleration_derivatives(
+        self, q: Array, va: Array, tau: Array, wrenches: Array | None
+    ) -> Array:
+        found = None
+        if wrenches is None:
+            found = self._slopes().derivatives(AccelerationDerivatives, q, va, tau, 1)
+        if found is None:
+            return super()._acceleration_derivatives(q, va, tau, wrenches)
+        return np.concatenate(found, axis=1)
 
     def rollout(self, motions: Motions, threads: int) -> Indices:
         """Fill the states of motions; the reference path goes on where the kernels stop."""

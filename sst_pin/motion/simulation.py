@@ -8,12 +8,13 @@ from bisect import bisect_right
 from collections.abc import Callable
 from functools import cache
 from math import factorial, isfinite
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import as_array, positive_number, single_array
+from ..chain.closures import Rolling
 from ..errors import InputError, SimulationError, SingularityWarning, SSTError
 from .moving_robot import require_motion
 from .samples import sample_times, spline
@@ -34,7 +35,10 @@ Torque = Callable[[float, Array, Array], ArrayLike] | ArrayLike | Trajectory
 #: Loads: a function of (t, q, va), a constant, or none.
 Load = Callable[[float, Array, Array], ArrayLike] | ArrayLike | None
 
-_METHODS = ("RK23", "RK45", "DOP853", "Radau", "BDF", "LSODA")
+#: Steps of differences, relative or [rad], [m] and per second.
+_DIFFERENCE = 1e-8
+_IMPLICIT = ("Radau", "BDF", "LSODA")
+_METHODS = ("RK23", "RK45", "DOP853", *_IMPLICIT)
 
 
 def simulate(
@@ -66,7 +70,9 @@ def simulate(
         va0: Rates of the coordinates at t[0], shape (n,).
         t: Times of the output, increasing, shape (N,), N >= 2, [s].
         external_wrenches: A function (t, q, va) -> (r, 6), or a constant; see `ClosedChain`.
-        method: Integrator of SciPy: RK23, RK45, DOP853, Radau, BDF or LSODA.
+        method: Integrator of SciPy: RK23, RK45, DOP853, Radau, BDF or LSODA. The last three are for
+            stiff motions and take the exact derivatives of the dynamics, unless sign_width is 0,
+            external_wrenches is a function, or wheels roll.
         rtol: Relative tolerance of the integrator.
         atol: Absolute tolerance of the integrator, [rad], [rad/s].
         max_condition_number: The motion stops before a singularity, where the condition number of
@@ -105,9 +111,16 @@ def simulate(
         _torque_of(torque, times, states, len(chain.motor_names)),
         _load_of(external_wrenches, states, len(chain.joint_names)),
     )
+    # A load that is a function, and wheels that roll, have more derivatives than the robot's.
+    exact = (
+        sign_width > 0
+        and not callable(external_wrenches)
+        and not any(isinstance(closure, Rolling) for closure in chain.mechanism.closures)
+    )
+    jacobian = {"jac": motion.jacobian} if exact and method in _IMPLICIT else {}
     run = _Run(motion, states, max_condition_number, progress)
     reached, samples, stopped = run.integrate(
-        method, times, np.concatenate([q0, va0]), rtol=rtol, atol=atol
+        method, times, np.concatenate([q0, va0]), rtol=rtol, atol=atol, **jacobian
     )
     if stopped:
         warnings.warn(stopped, SingularityWarning, stacklevel=3)
@@ -152,6 +165,7 @@ class _Motion:
     def __init__(self, states: States, torque: _Input, load: _Input | None) -> None:
         self._states, self.torque, self.load = states, torque, load
         self.failure: SSTError | None = None
+        self._last = np.zeros(())
 
     def rate(self, time: float, state: Array) -> Array:
         if not isfinite(state.dot(state)):
@@ -165,6 +179,23 @@ class _Motion:
             # A trial step went too far; the integrator answers NaN with a shorter one.
             self.failure = error
             return np.full_like(state, np.nan)
+
+    def jacobian(self, time: float, state: Array) -> Array:
+        """Derivatives of the rate by the state; a callable torque's own ones by differences."""
+        if not isfinite(state.dot(state)):
+            return self._last
+        try:
+            tau = self.torque.at(time, state)
+            load = None if self.load is None else self.load.at(time, state)
+            by_state, by_tau = self._states.derivatives(state, tau, load)
+            steps = _DIFFERENCE * np.maximum(1, np.abs(state))
+            ahead = [self.torque.at(time, moved) for moved in state + np.diag(steps)]
+            self._last = by_state + by_tau.dot(((ahead - tau) / steps[:, None]).T)
+        except InputError:
+            raise
+        except SSTError as error:  # a trial state went too far: the last Jacobian serves there
+            self.failure = error
+        return self._last
 
 
 class _Run:
@@ -181,7 +212,7 @@ class _Run:
         self._progress = progress
 
     def integrate(
-        self, method: str, times: Array, start: Array, **tolerances: float
+        self, method: str, times: Array, start: Array, **options: Any
     ) -> tuple[Array, Array, str]:
         """The times reached, the states at them, and why the motion stopped before the last."""
         from scipy import integrate
@@ -190,7 +221,7 @@ class _Run:
             why = self._motion.failure or "its rates are not finite"
             raise SimulationError(f"the motion cannot start ({why})", float(times[0]))
         kind = getattr(integrate, method)
-        solver = kind(self._motion.rate, times[0], start, times[-1], **tolerances)
+        solver = kind(self._motion.rate, times[0], start, times[-1], **options)
         samples, stopped = [start], ""
         if self._progress is not None:
             self._progress(float(times[0]))

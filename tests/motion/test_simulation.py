@@ -2,11 +2,13 @@
 import warnings
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from scipy.spatial.transform import Rotation
 
 import robots
 import sst_pin
+from sst_pin.chain.reference import ReferenceStates
 from sst_pin.motion.energy import energy_balance
 from sst_pin.sst import paper
 from sst_pin.verification.sampling import random_parameters, random_state
@@ -228,3 +230,76 @@ def test_progress_reports_the_time_reached(robot, circle):
     robot.simulate(circle, circle.q[0], circle.va[0], circle.t, progress=seen.append)
     assert seen[0] == 0
     assert max(seen) == circle.t[-1]
+
+
+@pytest.mark.parametrize(
+    ("name", "kernels"),
+    [("governor", False), ("bricard", False), ("delta", False), ("governor", True)],
+)
+def test_derivatives_of_states_are_those_of_their_rates(name, kernels):
+    """Central differences; relative to the largest derivative, the governor's 1.5e5 /s^2."""
+    chain = getattr(sst_pin.robots, name)()
+    if kernels:
+        chain.compile()
+    states, random = chain._states(0.1), np.random.default_rng(1)
+    n, motors = chain.degrees_of_freedom, len(chain.motor_names)
+    state, tau = np.concatenate([chain.home, random.normal(size=n) / 2]), random.normal(size=motors)
+    by_state, by_tau = states.derivatives(state, tau, None)
+
+    def differences(function, size, h):
+        return np.transpose([(function(h * e) - function(-h * e)) / (2 * h) for e in np.eye(size)])
+
+    expected = differences(lambda d: states.rate(state + d, tau, None), len(state), 1e-6)
+    assert np.abs(by_state - expected).max() < 1e-8 * (1 + np.abs(expected).max())
+    expected = differences(lambda d: states.rate(state, tau + d, None), motors, 1.0)  # linear
+    assert np.abs(by_tau - expected).max() < 1e-8 * (1 + np.abs(expected).max())
+
+
+@pytest.mark.parametrize("first", [pin.JointModelFreeFlyer(), pin.JointModelRUBZ()])
+def test_derivatives_of_states_on_quaternions_and_circles(first):
+    model = pin.Model()
+    inertia = pin.Inertia(2.0, np.array([0.1, 0.2, 0.3]), np.diag([0.4, 0.5, 0.6]))
+    joint = model.addJoint(0, first, pin.SE3.Identity(), "first")
+    model.appendBodyToJoint(joint, inertia, pin.SE3.Identity())
+    arm = model.addJoint(joint, pin.JointModelRX(), pin.SE3(np.eye(3), np.ones(3)), "arm")
+    model.appendBodyToJoint(arm, inertia, pin.SE3.Identity())
+    chain = sst_pin.ClosedChain(model, [], ["first", "arm"])
+    states, random = chain._states(0.1), np.random.default_rng(2)
+    q = pin.integrate(model, pin.neutral(model), random.normal(size=model.nv) / 2)
+    state, tau = np.concatenate([q, random.normal(size=model.nv)]), random.normal(size=model.nv)
+    h, by_state = 1e-6, states.derivatives(state, tau, None)[0]
+    ends = [[states.rate(state + s * e, tau, None) for s in (h, -h)] for e in np.eye(len(state))]
+    expected = np.transpose([(ahead - behind) / (2 * h) for ahead, behind in ends])
+    # Rates of positions by the length of a quaternion or circle, which integrators do not keep,
+    # are no part of the dynamics: compare along motions.
+    turns = np.array([chain.mechanism.space.coordinate_rates(q, e) for e in np.eye(model.nv)]).T
+    assert np.abs((by_state - expected)[:, : len(q)] @ turns).max() < 1e-7
+    assert np.abs((by_state - expected)[:, len(q) :]).max() < 1e-7
+
+
+def test_implicit_methods_take_exact_derivatives_of_stiff_motions(monkeypatch):
+    """The governor's springs and dampers, and a torque that is a function of the state."""
+    chain, exact, calls = sst_pin.robots.governor(), ReferenceStates.derivatives, []
+
+    def counted(self, *arguments):
+        calls.append(arguments)
+        return exact(self, *arguments)
+
+    monkeypatch.setattr(ReferenceStates, "derivatives", counted)
+    ends = []
+    for method in ("Radau", "BDF", "LSODA"):
+        ends.append(
+            chain.simulate(
+                lambda t, q, va: -np.array([0.1, 0, 0, 0]) * va,
+                chain.home,
+                2 * np.pi * np.eye(4)[0],
+                [0, 0.1],
+                method=method,
+                rtol=1e-7,
+                atol=1e-7,
+            ).q[-1]
+        )
+        assert calls, method
+        calls.clear()
+    # Errors of a step add up: a hundred steps of 1e-7.
+    assert np.ptp(ends, axis=0).max() < 1e-5
