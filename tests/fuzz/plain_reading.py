@@ -131,7 +131,8 @@ def torques_of(
     if not others <= {"joint_name", "joint_type"} or any(content[key] for key in others):
         raise UnreadableError("keys")
     motors, gravity = content["name_mot"], content.get("gravity", [0, 0, -9.81])
-    named = [*motors, *content["type"], *(name for pair in content["closed_loop"] for name in pair)]
+    kinds, loops = content.get("type", []), content.get("closed_loop", [])  # none: an open tree
+    named = [*motors, *kinds, *(name for pair in loops for name in pair)]
     if not all(isinstance(name, str) for name in named):
         raise UnreadableError("a name that is none")
     if len(gravity) != 3 or not all(type(x) in (int, float, str) for x in gravity):
@@ -142,7 +143,7 @@ def torques_of(
     )
     names = list(model.names)[1:]
     order = [chain.joint_names.index(name) for name in names]
-    pairs = zip(content["closed_loop"], content["type"], strict=True)
+    pairs = zip(loops, kinds, strict=True)
     closures = [sst_pin.Closure(a, b, kind.lower()) for (a, b), kind in pairs]
     own = sst_pin.ClosedChain(model, closures, motors)
     return lagrange.torques(own, q[order], va, aa)
