@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import pinocchio as pin
@@ -57,6 +58,10 @@ class Singularities(NamedTuple):
     first_kind: Array
     second_kind: Array
     condition_number: Array
+
+
+#: Read once from what each robot computes, which never changes.
+_GEOMETRIES: WeakKeyDictionary[Current, Geometry] = WeakKeyDictionary()
 
 
 def _geometry(model: pin.Model) -> Geometry:
@@ -193,7 +198,10 @@ class SST(ClosedChain):
             >>> robot.geometry.e[0]
             array([0., 0., 1.])
         """
-        return _geometry(self._current.mechanism.model)
+        current = self._current
+        if current not in _GEOMETRIES:
+            _GEOMETRIES[current] = _geometry(current.mechanism.model)
+        return _GEOMETRIES[current]
 
     @property
     def parameters(self) -> Parameters:

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 import pinocchio as pin
 
+from ..chain.mechanism import read_only
 from ..chain.tree import frame_named
 from ..description import JOINT_NAMES
 from ..errors import DescriptionError
@@ -30,7 +31,7 @@ def geometry_of(model: pin.Model, source: str) -> Geometry:
     R_0 = [model.jointPlacements[model.getJointId(f"gamma_{k}")].rotation for k in (1, 2, 3)]
     ends = ("closedloop1_A", "closedloop1_B", "closedloop2_B")
     R_E = [frame_named(model, name).placement.rotation for name in ends]
-    return Geometry(np.array(R_0), np.array(R_E))
+    return Geometry(read_only(np.array(R_0)), read_only(np.array(R_E)))
 
 
 def _joint_problems(model: pin.Model) -> Iterator[str]:
