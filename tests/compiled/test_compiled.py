@@ -308,8 +308,8 @@ def test_ctrl_c_ends_all_compilation(tmp_path, monkeypatch):
     chain = sst_pin.robots.four_bar()
     tau = chain.compute_torques(chain.home, [1.0], [1.0])
     with pytest.raises(KeyboardInterrupt):
-        chain.compile(derivatives=True)
-    assert len(begun) < 6  # of seven
+        chain.compile(all=True)
+    assert len(begun) < 20  # of about thirty; those that other threads have begun end
     assert chain.path.startswith("the reference path")
     assert np.array_equal(chain.compute_torques(chain.home, [1.0], [1.0]), tau)
 
