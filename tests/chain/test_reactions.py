@@ -193,6 +193,42 @@ def test_verdicts_are_those_of_the_equilibrium_of_all_bodies(name):
     assert np.array_equal(np.concatenate(w.determined), unique_by_equilibrium(chain, q))
 
 
+def parallelogram():
+    """A coupler along x on three equal, parallel cranks: one more than its motion needs."""
+    model = pin.Model()
+    bar = pin.Inertia(1.0, np.array([0.2, 0, 0]), 0.01 * np.eye(3))
+    for k in range(3):
+        place = pin.SE3(np.eye(3), np.array([0.5 * k, 0, 0]))
+        crank = model.addJoint(0, pin.JointModelRZ(), place, f"crank_{k}")
+        model.appendBodyToJoint(crank, bar, pin.SE3.Identity())
+        if k == 0:
+            tip = pin.SE3(np.eye(3), np.array([0.4, 0, 0]))
+            coupler = model.addJoint(crank, pin.JointModelRZ(), tip, "coupler")
+            model.appendBodyToJoint(coupler, bar, pin.SE3.Identity())
+        else:
+            model.addFrame(pin.Frame(f"tip_{k}", crank, tip, pin.FrameType.OP_FRAME))
+            model.addFrame(pin.Frame(f"pin_{k}", coupler, place, pin.FrameType.OP_FRAME))
+    planar = (True, True, False, False, False, False)
+    closures = [sst_pin.Closure(f"pin_{k}", f"tip_{k}", planar) for k in (1, 2)]
+    return sst_pin.ClosedChain(model, closures, ["crank_0"])
+
+
+def test_of_three_parallel_cranks_only_forces_along_them_are_not_unique():
+    """Parallel forces of three cranks hold the coupler, whose plane asks for two of them.
+
+    A crank's own equilibrium gives the force across it; no paper's number is needed.
+    """
+    chain = parallelogram()
+    q = np.array([0.9, -0.9, 0.9, 0.9])
+    assert chain.joint_names == ("crank_0", "coupler", "crank_1", "crank_2")
+    w = chain.reactions(q, [0.3], [0.2])
+    cranks = w.determined.joints[[0, 2, 3]]
+    assert not cranks[:, 3].any()  # x is along a crank
+    assert cranks[:, [0, 1, 2, 4, 5]].all()
+    assert not w.determined.closures[:, 3].any()
+    assert w.determined.closures[:, 4].all()
+
+
 def cube(cut, unit=1.0):
     """Bricard's six hinges along edges of a cube, the loop cut at one of them."""
     points = unit * np.array(
