@@ -12,6 +12,7 @@ from .chain.closures import Rolling as Rolling
 from .chain.dynamics import ReducedTerms as ReducedTerms
 from .chain.lines import LineForce as LineForce
 from .chain.reactions import Reactions as Reactions
+from .control.serial_view import SerialView as SerialView
 from .description import MJCF_PATH as MJCF_PATH
 from .description import PACKAGE_PATH as PACKAGE_PATH
 from .description import REPOSITORY_PATH as REPOSITORY_PATH

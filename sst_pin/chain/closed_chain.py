@@ -353,6 +353,33 @@ class ClosedChain:
         """
         self._current = Current(self._mechanism_of_model(), self._current.kernels)
 
+    def with_coordinates(self, coordinates: Sequence[str]) -> ClosedChain:
+        """The same robot, its dynamics in other coordinates.
+
+        Args:
+            coordinates: Names of the independent joints.
+
+        Returns:
+            A chain with the same motors, on the reference path until `compile`.
+
+        Raises:
+            UnknownNameError: For an unknown joint.
+            SingularConfigurationError: If they do not describe the motion.
+
+        Example:
+            >>> chain.with_coordinates(["rocker"]).coordinates
+            ('rocker',)
+        """
+        return self._remade(self._model, coordinates=names("coordinates", coordinates))
+
+    def _remade(self, model: pin.Model, **changes: object) -> ClosedChain:
+        """A chain of another model, or of other arguments of the constructor."""
+        chain = ClosedChain.__new__(ClosedChain)
+        chain._model, chain._shapes = model, self._shapes
+        chain._recipe = partial(self._recipe, **changes)
+        chain._current = Current(chain._mechanism_of_model())
+        return chain
+
     # --- closures ---------------------------------------------------------------------------
 
     def residual(self, q: ArrayLike) -> Array:

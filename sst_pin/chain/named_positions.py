@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,3 +39,17 @@ def put(space: JointSpace, q: Array, positions: Mapping[str, float]) -> Array:
             q[names.index(f"{name}_cos")] = np.cos(value)
             q[names.index(f"{name}_sin")] = np.sin(value)
     return q
+
+
+def taken(space: JointSpace, q: Array, names: Sequence[str]) -> Array:
+    """Positions of named joints, which turn or slide, shape (..., names), [rad] or [m]."""
+    known, columns = list(space.position_names), []
+    for name in names:
+        if name in known and name in angles_and_lengths(space):
+            columns.append(q[..., known.index(name)])
+        elif name in angles_and_lengths(space):
+            cosine, sine = (q[..., known.index(f"{name}_{part}")] for part in ("cos", "sin"))
+            columns.append(np.arctan2(sine, cosine))
+        else:
+            raise UnknownNameError("revolute or prismatic joint", name, angles_and_lengths(space))
+    return np.stack(columns, axis=-1) if columns else np.zeros((*q.shape[:-1], 0))

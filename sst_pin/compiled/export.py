@@ -68,6 +68,12 @@ _FUNCTIONS = {
         ("q", "va", "tau"),
         "aa",
     ),
+    "actuator_jacobian": _Function(
+        "J, row by row: the rates of the motors are J va, and torques tau give the forces J^T tau.",
+        "actuator_jacobian",
+        ("q",),
+        "J",
+    ),
     "assembly_step": _Function(
         "A step of Newton's method that closes the loops and keeps the coordinates. Start with\n"
         " * measured coordinates and the previous q of the other joints, and call it with\n"
@@ -85,7 +91,8 @@ def c_files(
     """The files that compute a robot's dynamics without Python.
 
     robot.h declares `robot_torques` (`robot_forces` where the motors do not hold all coordinates),
-    `robot_accelerations` and `robot_assembly_step`, as far as the robot has them.
+    `robot_accelerations`, `robot_actuator_jacobian` and `robot_assembly_step`, as far as the robot
+    has them.
 
     Args:
         chain: The robot.
@@ -119,10 +126,18 @@ def c_files(
     numbers = equations.parameters.pack(mechanism, mechanism.friction)
     if not np.isfinite(numbers).all():
         raise DescriptionError("parameters of the robot", ["gravity or inertia is not finite"])
-    sizes = {"q": len(q), "q_next": len(q), "va": n, "aa": n, "f": n, "tau": motors}
+    sizes = {
+        "q": len(q),
+        "q_next": len(q),
+        "va": n,
+        "aa": n,
+        "f": n,
+        "tau": motors,
+        "J": n * motors,
+    }
     dynamics = "torques" if _held(equations) else "forces"
     declarations, definitions = [], []
-    for name in (dynamics, "accelerations", "assembly_step"):
+    for name in (dynamics, "accelerations", "actuator_jacobian", "assembly_step"):
         function = _FUNCTIONS[name]
         try:
             if problem := impossible(mechanism, function.kernel):

@@ -62,7 +62,7 @@ def coordinate_motion(
     states = chain._states(0.0)
     for i in range(1, len(times)):
         try:
-            q[i] = _follow(chain, states, q[i - 1], values[i] - values[i - 1])
+            q[i] = followed(chain, states, q[i - 1], values[i] - values[i - 1])
         except ClosureError as error:
             error.name_samples([(i,)], len(times))
             raise
@@ -149,8 +149,8 @@ def _warn_of_choice(chain: ClosedChain, positions: Mapping[str, float]) -> None:
     )
 
 
-def _follow(chain: ClosedChain, states: States, start: Array, step: Array) -> Array:
-    """Where the coordinates are a step further, in the same assembly mode."""
+def followed(chain: ClosedChain, states: States, start: Array, step: Array) -> Array:
+    """Where the coordinates, shape (n,), are a step further, in the same assembly mode."""
     if not step.any():
         return start
 

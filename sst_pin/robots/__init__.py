@@ -9,6 +9,7 @@ from .bennett import bennett
 from .delta import delta
 from .excavator import excavator
 from .gallery_robot import GalleryRobot
+from .legs import ankle, knee, leg
 from .planar import five_bar, four_bar, planar_3rrr, planar_4rrr
 from .platforms import hexaglide, stewart, ups_pu
 from .spherical import agile_eye, agile_wrist
@@ -30,6 +31,7 @@ __all__ = [
     "agile_eye",
     "agile_wrist",
     "andrews",
+    "ankle",
     "bennett",
     "bricard",
     "delta",
@@ -38,7 +40,9 @@ __all__ = [
     "four_bar",
     "governor",
     "hexaglide",
+    "knee",
     "ladder",
+    "leg",
     "n_four_bar",
     "planar_3rrr",
     "planar_4rrr",

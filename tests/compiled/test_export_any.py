@@ -91,6 +91,10 @@ def test_exported_dynamics_are_those_of_the_package(name, precision, tmp_path):
         assert code == 0
         taken = chain.generalized_forces(q[i], va[i], found.astype(float))
         assert np.abs(taken - forces[i]).max() < allowed * np.abs(forces).max()
+        code, J = exported("actuator_jacobian", motors * n, q[i])
+        expected_J = chain.actuator_jacobian(q[i])
+        assert code == 0
+        assert np.abs(J - expected_J.ravel()).max() < allowed * max(np.abs(expected_J).max(), 1)
         nearby = pin.integrate(chain.model, q[i], 1e-3 * np.ones(chain.model.nv))
         for _ in range(8):
             code, nearby = exported("assembly_step", len(nearby), nearby)

@@ -21,11 +21,12 @@ from sst_pin.errors import InputError, WorkspaceError
 #: rows too many (Gosselin and Angeles, J. Mechanisms 111 (1989)); Bennett's linkage has one where
 #: it counts minus two (Bennett 1903), Bricard's where it counts none (IFToMM library, A04); the
 #: 6-UPS, 6-PUS, 3-UPS-PU and the delta with universal joints on its arms agree with Gruebler: 6, 6,
-#: 3 and 3 (Merlet, Parallel Robots, 2006).
+#: 3 and 3 (Merlet, Parallel Robots, 2006); so does the ankle: two.
 MOBILITY = {
     "agile_eye": (3, 6),
     "agile_wrist": (3, 6),
     "andrews": (1, 3),
+    "ankle": (2, 0),
     "bennett": (1, 3),
     "bricard": (1, 1),
     "delta": (3, 0),
@@ -34,7 +35,9 @@ MOBILITY = {
     "four_bar": (1, 1),
     "governor": (4, 0),
     "hexaglide": (6, 0),
+    "knee": (1, 1),
     "ladder": (4, 4),
+    "leg": (4, 1),
     "n_four_bar": (1, 2),
     "planar_3rrr": (3, 2),
     "planar_4rrr": (3, 3),

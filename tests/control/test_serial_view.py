@@ -1,0 +1,342 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Parallel joints seen as serial ones: maps, torques, inertia, gains."""
+
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from numpy.testing import assert_allclose
+from scipy.integrate import solve_ivp
+
+import squat
+import sst_pin
+from markdown_tables import read_table
+from sst_pin import robots
+from sst_pin.errors import (
+    ActuationError,
+    ClosureError,
+    InputError,
+    SingularConfigurationError,
+    UnknownNameError,
+    WorkspaceError,
+)
+
+LEG = ("hip", "knee", "ankle_pitch", "ankle_roll")
+
+
+def leg_with_rotors():
+    """A leg whose motors have rotors and whose joints have friction."""
+    chain = robots.leg()
+    model = pin.Model(chain.model)
+    armature = np.zeros(model.nv)
+    armature[chain.actuated] = 0.03, 0.05, 0.02, 0.02
+    model.armature = armature
+    D = np.linspace(0.01, 0.1, model.nv)
+    return sst_pin.ClosedChain(model, chain.closures, chain.motor_names, viscous_friction=D)
+
+
+@pytest.fixture(scope="module")
+def leg():
+    return sst_pin.SerialView(leg_with_rotors(), LEG)
+
+
+def four_bar_on_a_cylinder():
+    """The gallery's four-bar, moved by a cylinder of no mass between ground and rocker."""
+    bar = robots.four_bar()
+    model = pin.Model(bar.model)
+    place = pin.SE3(np.eye(3), np.array([0.45, 0.0, 0.0]))
+    model.addFrame(pin.Frame("foot", 0, place, pin.FrameType.OP_FRAME))
+    cylinder = sst_pin.LineForce("foot", "rocker_pin", name="cylinder")
+    return sst_pin.ClosedChain(
+        model, bar.closures, ["cylinder"], coordinates=["crank"], forces=[cylinder]
+    )
+
+
+#: Views, and the range of their joints.
+VIEWS = {
+    "ankle": (lambda: sst_pin.SerialView(robots.ankle(), LEG[2:]), 0.3),
+    "knee": (lambda: sst_pin.SerialView(robots.knee(), ["knee"]), 0.6),
+    "leg": (lambda: sst_pin.SerialView(leg_with_rotors(), LEG), 0.25),
+    "a part of the leg": (lambda: sst_pin.SerialView(robots.leg(), LEG[1:]), 0.25),
+    "excavator": (
+        lambda: sst_pin.SerialView(robots.excavator(), ["boom", "arm", "bucket"]),
+        0.1,
+    ),
+    "cylinder": (lambda: sst_pin.SerialView(four_bar_on_a_cylinder(), ["crank"]), 0.2),
+}
+
+
+@pytest.fixture(scope="module", params=VIEWS)
+def view(request):
+    return VIEWS[request.param][0]()
+
+
+@pytest.fixture(scope="module")
+def positions(request, view):
+    """Twenty positions of the joints about the start."""
+    width = next(width for make, width in VIEWS.values() if make().joints == view.joints)
+    middle = view.joint_positions(view.chain.home)
+    random = np.random.default_rng(0)
+    return middle + random.uniform(-width, width, (20, len(view.joints)))
+
+
+def test_joints_to_motors_and_back_is_the_identity(view, positions):
+    """Newton's method ends at 1e-12 of the robot's length; angles are of order one."""
+    q = view.from_joints(positions)
+    assert np.abs([view.chain.residual(sample) for sample in q]).max() < 1e-12
+    assert_allclose(view.joint_positions(q), positions, rtol=0, atol=1e-14)
+    back = view.from_motors(view.motor_positions(q))
+    assert_allclose(view.joint_positions(back), positions, rtol=0, atol=1e-12)
+
+
+def test_the_actuator_jacobian_is_the_slope_of_the_motors_positions(view, positions):
+    """Central differences of 1e-5: their error is its square."""
+    q, J = view.from_joints(positions[:5]), view.actuator_jacobian(view.from_joints(positions[:5]))
+    for k, step in enumerate(1e-5 * np.eye(len(view.joints))):
+        ahead, behind = (
+            view.motor_positions(view.from_joints(x))
+            for x in (positions[:5] + step, positions[:5] - step)
+        )
+        assert_allclose(J[..., k], (ahead - behind) / 2e-5, rtol=0, atol=1e-7)
+    assert J.shape == (5, len(view.motors), len(view.joints))
+    assert q.shape == (5, view.chain.model.nq)
+
+
+def test_power_at_the_motors_is_power_at_the_joints(view, positions):
+    """Rates and torques in both directions, to rounding."""
+    random, q = np.random.default_rng(1), view.from_joints(positions)
+    rates = random.standard_normal(positions.shape)
+    tau = random.standard_normal((len(q), len(view.motors)))
+    at_motors = (view.motor_rates(q, rates) * tau).sum(axis=-1)
+    assert_allclose(at_motors, (rates * view.joint_torques(q, tau)).sum(axis=-1), atol=1e-12)
+    assert_allclose(view.joint_rates(q, view.motor_rates(q, rates)), rates, atol=1e-12)
+    torques = view.joint_torques(q, tau)
+    assert_allclose(view.joint_torques(q, view.motor_torques(q, torques)), torques, atol=1e-12)
+
+
+def test_a_parallelogram_arm_maps_efforts_as_the_corrected_four_bar_transmission():
+    """ros2_control's FourBarLinkageTransmission after its repair (pull request 1837).
+
+    With ratios a of the actuators and j of the joints, both joints' j one here:
+    x_j2 = x_a2 / a2 - x_a1 / a1, tau_j1 = a1 tau_a1 + a2 tau_a2, tau_j2 = a2 tau_a2. Before, tau_j2
+    was a2 tau_a2 - a1 tau_a1, which does not keep the power.
+    """
+    model, ratios = pin.Model(), (50.0, -30.0)
+    long, short = np.array([0.4, 0, 0]), np.array([0.1, 0, 0])
+    body = pin.Inertia(1.0, np.array([0.1, 0, 0]), 0.01 * np.eye(3))
+
+    def add(name, parent, at):
+        place = pin.SE3(np.eye(3), at)
+        joint = model.addJoint(model.getJointId(parent), pin.JointModelRZ(), place, name)
+        model.appendBodyToJoint(joint, body, pin.SE3.Identity())
+
+    add("shoulder", "universe", np.zeros(3))
+    add("elbow", "shoulder", long)
+    add("crank", "universe", np.zeros(3))
+    add("coupler", "crank", -short)
+    for name, parent, at in (("lever", "elbow", -short), ("end", "coupler", long)):
+        place = pin.SE3(np.eye(3), at)
+        model.addFrame(pin.Frame(name, model.getJointId(parent), place, pin.FrameType.OP_FRAME))
+    at = {"shoulder": 0.7, "elbow": 0.9, "crank": 1.6, "coupler": -0.9}
+    home = np.array([at[name] for name in list(model.names)[1:]])
+    model.referenceConfigurations["home"] = home
+    motors = [{"shoulder": ratios[0]}, {"crank": ratios[1]}]
+    arm = sst_pin.ClosedChain(model, [sst_pin.Closure("lever", "end", "3d")], motors)
+    view = sst_pin.SerialView(arm, ["shoulder", "elbow"])
+    q = view.from_joints([[0.7, 0.9], [0.3, 1.4], [1.0, 2.0]])
+    x = view.motor_positions(q)
+    assert_allclose(view.joint_positions(q)[:, 0], x[:, 0] / ratios[0], atol=1e-12)
+    elbow = x[:, 1] / ratios[1] - x[:, 0] / ratios[0]
+    assert_allclose(view.joint_positions(q)[:, 1], elbow, atol=1e-12)
+    tau = np.array([[0.2, 0.0], [0.0, 0.3], [0.5, -0.1]])
+    expected = np.stack([tau @ ratios, ratios[1] * tau[:, 1]], axis=-1)
+    assert_allclose(view.joint_torques(q, tau), expected, atol=1e-11)
+
+
+def test_inertia_is_that_of_the_serial_tree_and_of_what_it_lacks(leg):
+    """Pinocchio's mass matrix of four hinges with the same bodies, plus the reflected inertia."""
+    full = leg.chain.model
+    tree = pin.Model()
+    parent = 0
+    for name in LEG:
+        i = full.getJointId(name)
+        above = list(full.supports[i])[-2]
+        assert full.names[above] == full.names[full.getJointId(tree.names[parent])]
+        kind = pin.JointModelRX() if name == "ankle_roll" else pin.JointModelRY()
+        parent = tree.addJoint(parent, kind, full.jointPlacements[i], name)
+        tree.appendBodyToJoint(parent, full.inertias[i], pin.SE3.Identity())
+    x = np.random.default_rng(2).uniform([-0.7, 0.6, -0.5, -0.1], [-0.3, 1.2, -0.1, 0.1], (5, 4))
+    q = leg.from_joints(x)
+    alone = []
+    for angles in x:
+        M = pin.crba(tree, tree.createData(), angles)
+        alone.append(np.triu(M) + np.triu(M, 1).T)
+    alone = np.array(alone)
+    added = leg.reflected_inertia(q)
+    rotor = np.zeros((4, 4))
+    rotor[0, 0] = 0.03  # the hip's motor sits in its joint: the serial tree has its rotor
+    assert_allclose(leg.inertia(q), alone + rotor + added, atol=1e-12)
+    assert np.linalg.eigvalsh(added).min() > -1e-12
+
+
+def test_reflected_rotors_are_the_gear_ratio_squared():
+    """A rotor of 1 kg m^2 at the knee's crank, beside one without."""
+    knee, rates = robots.knee(), []
+    for rotor in (0.0, 1.0):
+        model = pin.Model(knee.model)
+        armature = np.zeros(3)
+        armature[knee.actuated] = rotor
+        model.armature = armature
+        chain = sst_pin.ClosedChain(model, knee.closures, ["motor_knee"])
+        view = sst_pin.SerialView(chain, ["knee"])
+        q = view.from_joints([1.3])
+        rates.append(view.reflected_inertia(q)[0, 0])
+    ratio = view.actuator_jacobian(q)[0, 0]
+    assert rates[1] - rates[0] == pytest.approx(ratio**2, abs=1e-13)
+
+
+def test_damping_takes_the_power_of_friction(leg):
+    random = np.random.default_rng(3)
+    q = leg.from_joints(leg.joint_positions(leg.chain.home) + random.uniform(-0.1, 0.1, (5, 4)))
+    rates = random.standard_normal((5, 4))
+    taken = np.einsum("bi,bij,bj->b", rates, leg.damping(q), rates)
+    assert_allclose(taken, -leg.chain.friction_power(q, rates), rtol=1e-12)
+
+
+def test_a_leg_moves_as_its_serial_view():
+    """All loops by motor coordinates, beside M(x) and C(x, x') of the joints alone, for 0.2 s."""
+    chain = leg_with_rotors()
+    view = sst_pin.SerialView(chain, LEG)
+    rest = chain.compute_torques(chain.home, np.zeros(4), np.zeros(4))
+    tau = rest + np.array([3.0, 2.0, 0.4, -0.3])
+    times = np.linspace(0, 0.2, 5)
+    closed = chain.simulate(tau, chain.home, np.zeros(4), times)
+    start = view.joint_positions(chain.home)
+
+    def rate(t, state):
+        q = view.from_joints(state[:4])
+        terms = view.chain.reduced_terms(q, state[4:])
+        drive = view.joint_torques(q, tau) + terms.gravity + terms.friction
+        aa = np.linalg.solve(terms.inertia, drive - terms.coriolis @ state[4:])
+        return np.concatenate([state[4:], aa])
+
+    serial = solve_ivp(
+        rate, (0, 0.2), [*start, *np.zeros(4)], "DOP853", times, rtol=1e-11, atol=1e-11
+    )
+    assert_allclose(serial.y[:4].T, view.joint_positions(closed.q), rtol=0, atol=1e-9)
+    assert np.abs(serial.y[:4, -1] - start).max() > 0.1  # it has moved
+
+
+@pytest.mark.parametrize("name", ["ankle", "knee", "leg"])
+def test_gains_are_the_slope_of_the_torques_of_drives(name):
+    """Drives that hold positions with kp and torques tau: differences of what the joints feel."""
+    view = VIEWS[name][0]()
+    random, n = np.random.default_rng(4), len(view.motors)
+    x = view.joint_positions(view.chain.home) + 0.1
+    q, kp, tau = view.from_joints(x), random.uniform(100, 300, n), random.uniform(-20, 20, n)
+    there, slope = view.motor_positions(q), []
+    for step in 1e-5 * np.eye(len(x)):
+        felt = [
+            view.joint_torques(near, tau + kp * (there - view.motor_positions(near)))
+            for near in (view.from_joints(x + step), view.from_joints(x - step))
+        ]
+        slope.append((felt[0] - felt[1]) / 2e-5)
+    stiffness = view.joint_gains(q, kp, tau)
+    assert_allclose(stiffness, -np.array(slope).T, rtol=0, atol=1e-4)  # of some hundreds
+    assert_allclose(view.motor_gains(q, stiffness, tau), np.diag(kp), atol=1e-9)
+    assert np.abs(view.joint_gains(q, kp) - stiffness).max() > 0.01
+
+
+def test_the_torque_polygon_is_what_the_motors_can_give(view):
+    """Random torques within limits lie inside; beyond a corner nothing is possible."""
+    random, m = np.random.default_rng(5), len(view.motors)
+    limits = random.uniform(1, 10, m)
+    q = view.chain.home
+    corners = view.torque_polygon(q, limits)
+    inside = view.joint_torques(q, random.uniform(-limits, limits, (200, m)))
+    for direction in random.standard_normal((50, len(view.joints))):
+        reach = (corners @ direction).max()
+        assert (inside @ direction).max() <= reach + 1e-12
+        J = view.actuator_jacobian(q)
+        assert reach == pytest.approx(np.abs(J @ direction) @ limits)  # its support function
+
+
+def test_limits_come_from_the_model():
+    knee = robots.knee()
+    with pytest.raises(InputError, match="limits"):
+        sst_pin.SerialView(knee, ["knee"]).torque_polygon(knee.home)
+    model = pin.Model(knee.model)
+    model.effortLimit = np.full(3, 40.0)
+    view = sst_pin.SerialView(sst_pin.ClosedChain(model, knee.closures, ["motor_knee"]), ["knee"])
+    q = view.from_joints([1.0])
+    ratio = view.actuator_jacobian(q)[0, 0]
+    assert_allclose(view.torque_polygon(q).ravel(), [-40 * ratio, 40 * ratio])
+    lopsided = view.torque_polygon(q, [[-10, 40]])
+    assert_allclose(lopsided.ravel(), [-10 * ratio, 40 * ratio])
+
+
+def test_more_motors_than_joints_share_the_torque():
+    """4-RRR: the smallest torques; positions of four motors that fit no pose are refused."""
+    chain = robots.planar_4rrr()
+    view = sst_pin.SerialView(chain, ["elbow_1", "wrist_1", "elbow_2"])
+    assert len(view.motors) == 4
+    q, f = chain.home, np.array([0.3, -0.2, 0.1])
+    tau = view.motor_torques(q, f)
+    assert_allclose(view.joint_torques(q, tau), f, atol=1e-12)
+    B = chain.preload_directions(q)
+    assert np.abs(B.T @ tau).max() < 1e-12
+    with pytest.raises(WorkspaceError, match="no positions of the joints"):
+        view.from_motors(view.motor_positions(q) + 0.1 * B[:, 0])
+
+
+def test_bad_joints_are_refused_by_name():
+    leg = robots.leg()
+    with pytest.raises(UnknownNameError, match="knee"):
+        sst_pin.SerialView(leg, ["kne"])
+    with pytest.raises(InputError, match="joint appears twice"):
+        sst_pin.SerialView(leg, ["knee", "knee"])
+    with pytest.raises(InputError, match="name all joints of its linkage"):
+        sst_pin.SerialView(leg, ["ankle_pitch"])
+    with pytest.raises(SingularConfigurationError):
+        sst_pin.SerialView(leg, ["knee", "motor_knee"])
+    delta = robots.delta()
+    with pytest.raises(UnknownNameError, match="ball"):
+        sst_pin.SerialView(delta, ["ball"])
+    idle = sst_pin.ClosedChain(leg.model, leg.closures, ["hip"], coordinates=LEG)
+    with pytest.raises(ActuationError, match="do not hold the joints knee"):
+        sst_pin.SerialView(idle, ["knee"])
+    view = sst_pin.SerialView(four_bar_on_a_cylinder(), ["crank"])
+    with pytest.raises(InputError, match="tau: not for motors on lines"):
+        view.joint_gains(view.chain.home, [1.0], tau=[1.0])
+
+
+def test_positions_out_of_reach_name_the_sample(leg):
+    x = np.tile(leg.joint_positions(leg.chain.home), (3, 1))
+    x[1, 3] = 2.0
+    with pytest.raises(ClosureError) as caught:
+        leg.from_joints(x)
+    assert caught.value.samples == ((1,),)
+
+
+def test_kernels_give_what_the_reference_path_gives(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    slow, fast = (sst_pin.SerialView(robots.knee(), ["knee"]) for _ in range(2))
+    fast.compile()
+    q = slow.from_joints(np.random.default_rng(6).uniform(0.5, 1.5, (7, 1)))
+    for name in ("actuator_jacobian", "inertia", "reflected_inertia"):
+        assert_allclose(getattr(fast, name)(q), getattr(slow, name)(q), rtol=0, atol=1e-13)
+
+
+def test_the_table_of_shortcuts_is_current():
+    """The page's percentages are those of the example; each step to the full matrix helps."""
+    page = (Path(__file__).parents[2] / "docs" / "serial_view.md").read_text(encoding="utf-8")
+    rows = {name: cells for name, *cells in read_table(page, "squat")[1:]}
+    found = squat.errors()
+    assert list(rows) == list(found)
+    for name, cells in rows.items():
+        printed = [float(cell.rstrip("%")) for cell in cells]
+        assert_allclose(printed, 100 * found[name], rtol=0, atol=0.06)
+    assert found["all terms"].max() < 1e-12
+    assert found["Jacobian, full matrix"][1] < found["Jacobian, constant armature"][1]
+    assert found["Jacobian, constant armature"][1] < found["Jacobian"][1]
