@@ -902,9 +902,9 @@ class ClosedChain:
                 closure, stiffnesses about x, y, z [N m/rad] and along x, y, z [N/m] in the axes of
                 its wrench, infinite where it is rigid. Joints without one are rigid.
             out: Array for all numbers of a sample side by side, shape
-                (..., 12 (r + closures) + 6 + motors): wrenches of joints, closures and the ground,
-                then by how much inner stresses of size one change each component of joints and
-                closures, zero where it is unique, then the torques.
+                (..., 7 (r + closures) + 6 + motors): wrenches of joints, closures and the ground,
+                the torques, then for each joint and closure the sum of 2^k of its components k
+                that are not unique, k from 0 to 5.
 
         Returns:
             `Reactions`; components that are not unique are NaN.

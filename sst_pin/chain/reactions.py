@@ -35,6 +35,8 @@ Flags = NDArray[np.bool_]
 #: Inner stresses that stiffnesses resist less than this, relative to the most, are left free.
 _RESISTED = 1e-9
 _MOMENT_FIRST = [3, 4, 5, 0, 1, 2]
+#: In the code of a joint or closure, of its six components where they are not unique.
+BITS = 2.0 ** np.arange(6)
 
 
 class Verdict(NamedTuple):
@@ -136,7 +138,8 @@ def names_of(mechanism: Mechanism) -> tuple[str, ...]:
 
 def size_of(mechanism: Mechanism) -> int:
     """How many numbers `reactions` gives for a sample."""
-    return 12 * len(names_of(mechanism)) + 6 + mechanism.motors.shape[1]
+    wrenches = mechanism.model.njoints - 1 + len(mechanism.closures)
+    return 7 * wrenches + 6 + mechanism.motors.shape[1]
 
 
 def reactions(
@@ -148,11 +151,11 @@ def reactions(
     wrenches: Array | None,
     compliances: Array | None,
 ) -> Array:
-    """Wrenches of joints and closures, then the ground's, changes and torques, in a row.
+    """Wrenches of joints and closures, then the ground's, torques and codes, in a row.
 
     `tau` is None where there is one motor for each coordinate; `compliances` are those of the
-    components, shape (r + closures, 6), or None. The changes say by how much inner stresses of size
-    one change each component, free of units. What compliances leave open is NaN.
+    components, shape (r + closures, 6), or None. A code for each joint and closure has the bits of
+    the components that are not unique. What compliances leave open is NaN.
     """
     mechanism, model, data = ws.mechanism, ws.model, ws.data
     ws.evaluate(q)
@@ -191,7 +194,8 @@ def reactions(
     if compliances is not None:
         values, left = _relaxed(values, stresses, compliances)
         values[np.linalg.norm(left, axis=-1) * size > UNIQUE] = np.nan
-    return np.concatenate([values.ravel(), ground[_MOMENT_FIRST], changes.ravel(), tau])
+    codes = (changes > UNIQUE) @ BITS
+    return np.concatenate([values.ravel(), ground[_MOMENT_FIRST], tau, codes])
 
 
 def _multipliers(ws: Workspace, needed: Array) -> Array:
@@ -265,14 +269,18 @@ def unpacked(mechanism: Mechanism, rows: Array, relaxed: bool) -> Reactions:
     """Reactions from the numbers of each sample in a row; what is not unique becomes NaN there."""
     names, r = names_of(mechanism), mechanism.model.njoints - 1
     count = 6 * len(names)
-    ends = [count, count + 6, 2 * count + 6]
-    values, ground, changes, tau = np.split(rows, ends, axis=-1)
-    free = changes > UNIQUE
-    elastic = free & np.isfinite(values) if relaxed else np.broadcast_to(np.False_, free.shape)
-    if free.any():
-        np.copyto(values, np.nan, where=free & ~elastic)
+    values, ground, tau, codes = np.split(rows, [count, count + 6, -len(names)], axis=-1)
+    flat = codes.reshape(-1, len(names))
+    if len(flat) and (flat == flat[0]).all():
+        codes = flat[0]  # as in most batches, which saves a verdict for each sample
+    bits = np.nan_to_num(codes, nan=BITS.sum()).astype(np.uint8)  # NaN: of samples at fault
+    free = ((bits[..., None] & BITS.astype(np.uint8)) > 0).reshape(*codes.shape[:-1], count)
+    elastic = free & np.isfinite(values) if relaxed else np.zeros_like(free)
+    if not relaxed:
+        values[(..., free) if free.ndim == 1 else free] = np.nan
     shape = (*rows.shape[:-1], len(names), 6)
-    values, unique, elastic = (x.reshape(shape) for x in (values, changes <= UNIQUE, elastic))
+    unique, elastic = (np.broadcast_to(x, values.shape).reshape(shape) for x in (~free, elastic))
+    values = values.reshape(shape)
     return Reactions(
         names,
         values[..., :r, :],

@@ -11,9 +11,12 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import casadi as ca
+import numpy as np
 from casadi import SX
 
 from ..chain.closures import Coupling, frames_of
+from ..chain.reactions import BITS
+from ..chain.thresholds import UNIQUE
 from ..chain.tree import frame_named, joint_id
 from ..errors import CompilationError
 from .closure_rows import Row
@@ -38,7 +41,7 @@ def on_links(rows: Sequence[Row], v: Sparse) -> list[dict[int, SX]]:
 
 
 def reactions(e: Equations, checks: Checks) -> tuple[list[SX], SX, list[Any]]:
-    """Wrenches of joints and closures, the ground's, changes by inner stresses, in a column.
+    """Wrenches of joints and closures, the ground's, torques and codes, in a column.
 
     Raises:
         CompilationError: With forces along lines, or where no fixed choice of rows is independent
@@ -57,11 +60,13 @@ def reactions(e: Equations, checks: Checks) -> tuple[list[SX], SX, list[Any]]:
     units = on_links(e.rows, e.v)
     values, ground = _wrenches(e, units, e.multipliers(needed), e.tree.wrenches(e.v, e.dv))
     stresses = [_wrenches(e, units, stress)[0] for stress in _stresses(e)]
-    length, changes = mechanism.length, []
+    size, codes = np.repeat([1.0, mechanism.length], 3), [SX(0)] * (values.numel() // 6)
     for k in range(values.numel()):
         squares = [stress[k] ** 2 for stress in stresses if not stress[k].is_zero()]
-        changes.append((1.0 if k % 6 < 3 else length) * ca.sqrt(total(squares)) if squares else 0)
-    result = ca.vertcat(values, ground, *(SX(x) for x in changes), tau)
+        if squares:
+            unique = total(squares) <= float((UNIQUE / size[k % 6]) ** 2)
+            codes[k // 6] += float(BITS[k % 6]) * (1 - unique)
+    result = ca.vertcat(values, ground, tau, *codes)
     return [*inputs, e.loads], result, checks.of_forces + checks.unbalanced(needed)
 
 
