@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Reactions in joints and closures on CasADi's symbols, as `chain.reactions` has them.
 
-Rows that elimination leaves out give states of inner stress: one unit of such a row, balanced along
-the dependent rates by the rows with pivots.
+Rows without a pivot give states of inner stress: one unit of such a row, balanced along the
+dependent rates by the others, or where all rows count by the shortest multipliers of all.
 """
 
 from __future__ import annotations
@@ -14,12 +14,11 @@ import casadi as ca
 import numpy as np
 from casadi import SX
 
-from ..chain.closures import Coupling, frames_of
+from ..chain.closures import Coupling, Distance, frames_of
 from ..chain.reactions import BITS
 from ..chain.thresholds import UNIQUE
 from ..chain.tree import frame_named, joint_id
-from ..errors import CompilationError
-from .closure_rows import Row
+from .closure_rows import Row, closure_rows
 from .elimination import Factors, total
 from .equations import Equations
 from .kernel_checks import Checks
@@ -41,24 +40,16 @@ def on_links(rows: Sequence[Row], v: Sparse) -> list[dict[int, SX]]:
 
 
 def reactions(e: Equations, checks: Checks) -> tuple[list[SX], SX, list[Any]]:
-    """Wrenches of joints and closures, the ground's, torques and codes, in a column.
-
-    Raises:
-        CompilationError: With forces along lines, or where no fixed choice of rows is independent
-            on the robot's way.
-    """
-    if not all(isinstance(part, Factors) for part in e.factors.parts):
-        raise CompilationError("the independent rows of its loops change along the motion")
+    """Wrenches of joints and closures, the ground's, torques and codes, in a column."""
     mechanism, needed = e.mechanism, e.tree_forces
-    if not mechanism.lines.none:
-        raise CompilationError("forces along lines act on its bodies")
     inputs, tau = [e.q, e.va, e.aa], e.generalized_forces
     if not mechanism.driven_one_to_one:
         tau = SX.sym("tau", mechanism.motors.shape[1])
         inputs.append(tau)
         needed = add(needed, {i: -x for i, x in e.motor_forces(tau).items()})
-    units = on_links(e.rows, e.v)
-    values, ground = _wrenches(e, units, e.multipliers(needed), e.tree.wrenches(e.v, e.dv))
+    units = on_links([*e.rows, *_rows_of_lines(e)], e.v)
+    Lambda = e.multipliers(needed) | _pushes(e, tau)
+    values, ground = _wrenches(e, units, Lambda, e.tree.wrenches(e.v, e.dv))
     stresses = [_wrenches(e, units, stress)[0] for stress in _stresses(e)]
     size, codes = np.repeat([1.0, mechanism.length], 3), [SX(0)] * (values.numel() // 6)
     for k in range(values.numel()):
@@ -70,12 +61,31 @@ def reactions(e: Equations, checks: Checks) -> tuple[list[SX], SX, list[Any]]:
     return [*inputs, e.loads], result, checks.of_forces + checks.unbalanced(needed)
 
 
+def _rows_of_lines(e: Equations) -> Iterator[Row]:
+    """A row for each force along a line: the length of the line times its rate."""
+    for x in e.mechanism.lines.forces:
+        yield from closure_rows(
+            e.kinematics, e.mechanism.model, Distance(x.frame_a, x.frame_b, 1.0)
+        )
+
+
+def _pushes(e: Equations, tau: SX) -> Sparse:
+    """Multipliers of the rows of lines, which follow those of closures."""
+    pushes = {}
+    for k, pull in enumerate(e.tree.pulls(e.v)):
+        shares = enumerate(e.mechanism.lines.motors[k])
+        push = total([-pull, *(float(share) * tau[m] for m, share in shares if share)])
+        pushes[len(e.rows) + k] = push / e.tree.lines[k][0]
+    return pushes
+
+
 def _stresses(e: Equations) -> Iterator[Sparse]:
-    """Multipliers of all rows that act on no rate, one state for each row left out."""
-    for i in sorted(set(range(len(e.rows))) - set(e.factors.rows)):
+    """Multipliers of all rows that act on no rate, one state for each row without a pivot."""
+    pivots = {i for part in e.factors.parts if isinstance(part, Factors) for i in part.rows}
+    for i in sorted(set(range(len(e.rows))) - pivots):
         balance = e.multipliers({j: -x for j, x in e.rows[i].Phi.items()})
         scale = float(e.mechanism.row_scale[i])
-        yield {k: scale * x for k, x in (balance | {i: SX(1)}).items()}
+        yield {k: scale * x for k, x in add(balance, {i: SX(1)}).items()}
 
 
 def _wrenches(

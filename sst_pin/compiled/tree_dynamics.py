@@ -8,7 +8,7 @@ needs the force m a + U c and the moment c x a + 2 axial(U J), Eqs. (63)-(68).
 from __future__ import annotations
 
 import operator
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -149,10 +149,7 @@ class TreeDynamics:
         coulomb = self._parameters.of_joints("coulomb", self._p)
         tau = {i: D * v[i] for i, D in viscous.items() if i in v}
         tau = add(tau, {i: F * self._direction(v[i]) for i, F in coulomb.items() if i in v})
-        for (_, row), (_, _, damping, _) in zip(self.lines, self._numbers_of_lines, strict=True):
-            pull = damping * total(x * v[i] for i, x in row.items() if i in v)
-            tau = add(tau, {i: x * pull for i, x in row.items()})
-        return tau
+        return add(tau, self._along_lines(self._damping(v)))
 
     def _direction(self, rate: Any) -> Any:
         """The sign of a rate in Coulomb friction."""
@@ -165,10 +162,30 @@ class TreeDynamics:
         rest = self._parameters.of_joints("spring_reference", self._p)
         way = self._kinematics.difference(rest)
         tau = {k: c * way[k] for k, c in stiffness.items()}
-        for (length, row), (c, at_rest, _, preload) in zip(
-            self.lines, self._numbers_of_lines, strict=True
-        ):
-            pull = preload + c * (length - at_rest)
+        return add(tau, self._along_lines(self._tensions))
+
+    def pulls(self, v: Sparse) -> list[Any]:
+        """What pulls the ends of each line together, without motors."""
+        return list(map(operator.add, self._tensions, self._damping(v)))
+
+    @property
+    def _tensions(self) -> list[Any]:
+        """Pull of the spring and the preload along each line."""
+        numbers = zip(self.lines, self._parameters.of_lines(self._p), strict=True)
+        return [preload + c * (size - rest) for (size, _), (c, rest, _, preload) in numbers]
+
+    def _damping(self, v: Sparse) -> list[Any]:
+        """Pull of the damper along each line."""
+        numbers = zip(self.lines, self._parameters.of_lines(self._p), strict=True)
+        return [
+            damping * total(x * v[i] for i, x in row.items() if i in v)
+            for (_, row), (_, _, damping, _) in numbers
+        ]
+
+    def _along_lines(self, pulls: Sequence[Any]) -> Sparse:
+        """Forces along the rates that pulls along the lines need."""
+        tau: Sparse = {}
+        for (_, row), pull in zip(self.lines, pulls, strict=True):
             tau = add(tau, {i: x * pull for i, x in row.items()})
         return tau
 
@@ -177,10 +194,6 @@ class TreeDynamics:
         """Length and row of each line along which a force acts."""
         model, forces = self._mechanism.model, self._mechanism.lines.forces
         return [line(self._kinematics, model, x.frame_a, x.frame_b) for x in forces]
-
-    @property
-    def _numbers_of_lines(self) -> list[list[SX]]:
-        return self._parameters.of_lines(self._p)
 
     def motors_on_lines(self, motor: int) -> Sparse:
         """Forces along the rates of a motor's unit torque, by the lines that it pushes apart."""

@@ -63,6 +63,23 @@ def test_kernels_compute_what_the_reference_path_does(both):
     assert fast.path.startswith("compiled")
 
 
+@pytest.mark.slow
+def test_kernels_give_the_reactions_of_the_reference_path(both):
+    """1e-11 of the largest: two ways of solving."""
+    q, va, aa = any_chain.states(both[1], 5, 0)
+    random = np.random.default_rng(1)
+    loads = {"external_wrenches": random.normal(size=(5, 3, 6))}
+    for given in ({"aa": aa}, {"tau": random.normal(size=(5, 2)), **loads}):
+        w, wanted = (robot.reactions(q, va, **given) for robot in both)
+        assert np.array_equal(np.concatenate(w.determined, 1), np.concatenate(wanted.determined, 1))
+        for part in ("joints", "closures", "ground", "motors"):
+            largest = np.nanmax(np.abs(wanted.joints))
+            assert getattr(w, part) == pytest.approx(
+                getattr(wanted, part), abs=1e-11 * largest, nan_ok=True
+            )
+    assert "by the reference path" not in both[0].path
+
+
 def test_numbers_of_lines_change_without_a_new_compilation_and_ends_with_one(both):
     """Kernels hold the ends, not the numbers: both give what the reference path gives."""
     q, va, aa = any_chain.states(both[1], 3, 0)
