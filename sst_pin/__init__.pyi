@@ -12,6 +12,9 @@ from .chain.closures import Rolling as Rolling
 from .chain.dynamics import ReducedTerms as ReducedTerms
 from .chain.lines import LineForce as LineForce
 from .chain.reactions import Reactions as Reactions
+from .control.controllers import ComputedTorque as ComputedTorque
+from .control.controllers import GravityPD as GravityPD
+from .control.controllers import TrackingLQR as TrackingLQR
 from .control.serial_view import SerialView as SerialView
 from .description import MJCF_PATH as MJCF_PATH
 from .description import PACKAGE_PATH as PACKAGE_PATH

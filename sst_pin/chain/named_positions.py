@@ -43,13 +43,14 @@ def put(space: JointSpace, q: Array, positions: Mapping[str, float]) -> Array:
 
 def taken(space: JointSpace, q: Array, names: Sequence[str]) -> Array:
     """Positions of named joints, which turn or slide, shape (..., names), [rad] or [m]."""
-    known, columns = list(space.position_names), []
+    places = {name: k for k, name in enumerate(space.position_names)}
+    known, columns = angles_and_lengths(space), []
     for name in names:
-        if name in known and name in angles_and_lengths(space):
-            columns.append(q[..., known.index(name)])
-        elif name in angles_and_lengths(space):
-            cosine, sine = (q[..., known.index(f"{name}_{part}")] for part in ("cos", "sin"))
-            columns.append(np.arctan2(sine, cosine))
+        if name not in known:
+            raise UnknownNameError("revolute or prismatic joint", name, known)
+        if name in places:
+            columns.append(q[..., places[name]])
         else:
-            raise UnknownNameError("revolute or prismatic joint", name, angles_and_lengths(space))
+            cosine, sine = (q[..., places[f"{name}_{part}"]] for part in ("cos", "sin"))
+            columns.append(np.arctan2(sine, cosine))
     return np.stack(columns, axis=-1) if columns else np.zeros((*q.shape[:-1], 0))

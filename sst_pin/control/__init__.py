@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Uses of the dynamics for control: parallel joints as their controllers see them."""
+"""Uses of the dynamics for control: parallel joints as serial ones, and controllers."""

@@ -1,0 +1,261 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Controllers that follow a motion: each gives the motors' torques for a time and a state."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..arrays import finite_array
+from ..chain.closed_chain import ClosedChain
+from ..chain.named_positions import taken
+from ..errors import ActuationError, InputError
+from ..motion.moving_robot import require_motion
+from ..motion.samples import spline
+from ..motion.trajectories import Trajectory
+
+Array = NDArray[np.float64]
+
+
+class Controller:
+    """What controllers share: a robot's model, the motion to follow, limits of torques.
+
+    Before and after the motion its first and last configuration are held.
+
+    Args:
+        chain: The model of the robot; its motors must hold all coordinates, each of which turns
+            about an axis or slides along one.
+        motion: What to follow: a motion of this robot.
+        limits: Largest torque of each motor, shape (motors,) or (); none by default.
+
+    Raises:
+        InputError: For a motion of another robot, or limits that are not positive.
+        ActuationError: If the motors do not hold all coordinates.
+        UnknownNameError: For a coordinate that is a ball joint or a free body.
+    """
+
+    def __init__(
+        self, chain: ClosedChain, motion: Trajectory, *, limits: ArrayLike | None = None
+    ) -> None:
+        self.chain, self.motion = chain, motion
+        require_motion(motion, chain)
+        if not chain.mobility(motion.q[0]).sufficient:
+            raise ActuationError("the motors do not hold all coordinates: nothing can follow")
+        self.limits = None if limits is None else finite_array("limits", limits, ())
+        if self.limits is not None and not (self.limits > 0).all():
+            raise InputError("limits", "each must be positive")
+        self._path = spline(motion.t, self._positions(motion.q))
+        self._rates, self._accelerations = self._path.derivative(1), self._path.derivative(2)
+
+    def torque(self, t: float, q: Array, va: Array) -> Array:
+        """Torques of the motors, within the limits, shape (motors,).
+
+        Usable as `torque=` of `simulate`.
+
+        Args:
+            t: Time, [s].
+            q: Configuration, shape (nq,).
+            va: Rates of the coordinates, shape (n,).
+        """
+        tau = self._torque(t, q, va)
+        return tau if self.limits is None else np.clip(tau, -self.limits, self.limits)
+
+    def _torque(self, t: float, q: Array, va: Array) -> Array:
+        raise NotImplementedError
+
+    def _positions(self, q: Array) -> Array:
+        """Positions of the coordinates, shape (..., n); joints without ends do not jump."""
+        space = self.chain.mechanism.space
+        x = taken(space, q, self.chain.coordinates)
+        endless = [name not in space.position_names for name in self.chain.coordinates]
+        if x.ndim == 2:
+            x[:, endless] = np.unwrap(x[:, endless], axis=0)
+        return x
+
+    def _wanted(self, t: float) -> tuple[Array, Array, Array]:
+        """Positions, rates and accelerations of the coordinates at a time, shape (n,) each."""
+        first, last = self.motion.t[0], self.motion.t[-1]
+        if first <= t <= last:
+            return self._path(t), self._rates(t), self._accelerations(t)
+        held = self._path(first if t < first else last)
+        return held, np.zeros_like(held), np.zeros_like(held)
+
+    def _errors(self, t: float, q: Array, va: Array) -> tuple[Array, Array]:
+        """Errors of positions and of rates, shape (n,) each; full turns are none."""
+        x, rates, _ = self._wanted(t)
+        error = x - self._positions(q)
+        turns = np.array([unit == "rad" for unit in self._units])
+        error[turns] = (error[turns] + np.pi) % (2 * np.pi) - np.pi
+        return error, rates - va
+
+    @property
+    def _units(self) -> list[str]:
+        mechanism = self.chain.mechanism
+        return [mechanism.space.rate_units[k] for k in mechanism.coordinates]
+
+    def _motors(self, q: Array, f: Array) -> Array:
+        """The smallest torques that give forces f along the coordinates."""
+        J = self.chain.actuator_jacobian(q)
+        return np.asarray(np.linalg.lstsq(J.T, f, rcond=None)[0])
+
+    def _gains(self, name: str, value: ArrayLike) -> Array:
+        gains = finite_array(name, value, ())
+        if gains.shape not in ((), (self.chain.degrees_of_freedom,)) or (gains < 0).any():
+            raise InputError(name, "needed: a number that is not negative, or one per coordinate")
+        return gains
+
+
+class ComputedTorque(Controller):
+    """Inverse dynamics of the wanted accelerations plus feedback: errors die out alike everywhere.
+
+    The errors e of the coordinates obey e'' + kd e' + kp e = 0 for the model.
+
+    Args:
+        chain: The model; see `Controller`.
+        motion: What to follow.
+        kp: Position gains, () or shape (n,), [1/s^2].
+        kd: Rate gains, () or shape (n,), [1/s].
+        limits: Largest torques of the motors.
+
+    Example:
+        >>> x = np.full((3, 1), chain.home[0])
+        >>> motion = sst_pin.coordinate_motion(chain, [0, 0.5, 1.0], x)
+        >>> control = sst_pin.ComputedTorque(chain, motion, kp=400, kd=40)
+        >>> control.torque(0.0, chain.home, np.zeros(1)).round(2)
+        array([0.16])
+    """
+
+    def __init__(
+        self,
+        chain: ClosedChain,
+        motion: Trajectory,
+        *,
+        kp: ArrayLike,
+        kd: ArrayLike,
+        limits: ArrayLike | None = None,
+    ) -> None:
+        super().__init__(chain, motion, limits=limits)
+        self.kp, self.kd = self._gains("kp", kp), self._gains("kd", kd)
+
+    def _torque(self, t: float, q: Array, va: Array) -> Array:
+        error, rate = self._errors(t, q, va)
+        aa = self._wanted(t)[2] + self.kd * rate + self.kp * error
+        return self.chain.compute_torques(q, va, aa)
+
+
+class GravityPD(Controller):
+    """Springs and dampers to the wanted motion, and the torques that hold the weight.
+
+    Args:
+        chain: The model, of which only weights and springs count; see `Controller`.
+        motion: What to follow.
+        kp: Position gains, () or shape (n,), [N m/rad] or [N/m].
+        kd: Rate gains, () or shape (n,), [N m s/rad] or [N s/m].
+        limits: Largest torques of the motors.
+
+    Example:
+        >>> x = np.full((3, 1), chain.home[0])
+        >>> motion = sst_pin.coordinate_motion(chain, [0, 0.5, 1.0], x)
+        >>> control = sst_pin.GravityPD(chain, motion, kp=20, kd=2)
+        >>> control.torque(0.0, chain.home, np.array([0.1])).round(2)
+        array([-0.04])
+    """
+
+    def __init__(
+        self,
+        chain: ClosedChain,
+        motion: Trajectory,
+        *,
+        kp: ArrayLike,
+        kd: ArrayLike,
+        limits: ArrayLike | None = None,
+    ) -> None:
+        super().__init__(chain, motion, limits=limits)
+        self.kp, self.kd = self._gains("kp", kp), self._gains("kd", kd)
+
+    def _torque(self, t: float, q: Array, va: Array) -> Array:
+        error, rate = self._errors(t, q, va)
+        rest = np.zeros_like(va)
+        hold = self.chain.compute_torques(q, rest, rest)
+        return hold + self._motors(q, self.kp * error + self.kd * rate)
+
+
+class TrackingLQR(Controller):
+    """The torques of the motion and the linear feedback of least cost along it.
+
+    The cost is the sum of x Q x + u R u over steps of the motion's samples, with the errors x of
+    (coordinates, rates) and u of the torques; behind the end its last sample is held for ever.
+
+    Args:
+        chain: The model; see `Controller`.
+        motion: What to follow, at equal steps of time.
+        Q: Weights of x, shape (2 n,) or (2 n, 2 n).
+        R: Weights of u, shape (motors,) or (motors, motors).
+        limits: Largest torques of the motors.
+
+    Attributes:
+        gains: The torques change by -gains x, shape (N, motors, 2 n).
+
+    Raises:
+        InputError: For steps that differ, or weights that are not positive.
+
+    Example:
+        >>> x = np.full((9, 1), chain.home[0])
+        >>> motion = sst_pin.coordinate_motion(chain, np.arange(9) / 100, x)
+        >>> control = sst_pin.TrackingLQR(chain, motion, Q=[100, 1], R=[1])
+        >>> control.gains.shape
+        (9, 1, 2)
+    """
+
+    def __init__(
+        self,
+        chain: ClosedChain,
+        motion: Trajectory,
+        *,
+        Q: ArrayLike,
+        R: ArrayLike,
+        limits: ArrayLike | None = None,
+    ) -> None:
+        from scipy.linalg import LinAlgError, solve_discrete_are
+
+        super().__init__(chain, motion, limits=limits)
+        steps = np.diff(motion.t)
+        if np.ptp(steps) > 1e-9 * steps.mean():
+            raise InputError("motion", "its times must have equal steps")
+        n, motors = chain.degrees_of_freedom, len(chain.motor_names)
+        cost, effort = _weights("Q", Q, 2 * n, 0.0), _weights("R", R, motors, 1e-12)
+        A, B = chain.linearize(motion.q, motion.va, motion.tau, dt=float(steps.mean()))
+        try:
+            P = solve_discrete_are(A[-1], B[-1], cost, effort)
+        except LinAlgError:
+            raise InputError("Q", "no linear feedback holds the end of the motion") from None
+        found = []
+        for a, b in zip(A[::-1], B[::-1], strict=True):
+            K = np.linalg.solve(effort + b.T @ P @ b, b.T @ P @ a)
+            P = cost + a.T @ P @ (a - b @ K)
+            P = (P + P.T) / 2
+            found.append(K)
+        self.gains = np.array(found[::-1])
+        self._feed = spline(motion.t, motion.tau)
+
+    def _torque(self, t: float, q: Array, va: Array) -> Array:
+        times, size = self.motion.t, self.motion.t.size
+        place = np.interp(t, times, np.arange(size))
+        low = min(int(place), size - 2)
+        part = place - low
+        K = (1 - part) * self.gains[low] + part * self.gains[low + 1]
+        return self._feed(np.clip(t, times[0], times[-1])) + K @ np.concatenate(
+            self._errors(t, q, va)
+        )
+
+
+def _weights(name: str, value: ArrayLike, size: int, least: float) -> Array:
+    """A symmetric matrix of weights, its eigenvalues at least this part of the largest."""
+    given = finite_array(name, value, ())
+    matrix = np.diag(given) if given.shape == (size,) else given
+    if matrix.shape != (size, size) or not np.allclose(matrix, matrix.T):
+        raise InputError(name, f"needed: shape ({size},), or a symmetric ({size}, {size})")
+    values = np.linalg.eigvalsh(matrix)
+    if values[-1] <= 0 or values[0] < least * values[-1] - 1e-15 * values[-1]:
+        raise InputError(name, "not positive")
+    return matrix

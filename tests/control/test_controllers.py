@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Controllers: the errors that their models promise, limits, and a machine in MuJoCo."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.linalg import solve_discrete_are
+
+import control_bench
+import sst_pin
+from markdown_tables import read_table
+from sst_pin.errors import ActuationError, InputError, UnknownNameError
+
+T = np.linspace(0, 0.3, 61)
+
+
+@pytest.fixture(scope="module")
+def circle(robot):
+    """The first example of the paper, sampled as a motion of the joints."""
+    t = np.linspace(0, np.pi / 6, 201)
+    return robot.trajectory(t, *robot.joint_motion(*sst_pin.paper_circle(t)))
+
+
+@pytest.fixture(scope="module")
+def five_bar():
+    return sst_pin.robots.five_bar()
+
+
+@pytest.fixture(scope="module")
+def sway(five_bar):
+    """A smooth motion of a five-bar."""
+    x = five_bar.home[[0, 2]] + 0.2 * np.stack([np.sin(5 * T), np.cos(4 * T) - 1], axis=-1)
+    return sst_pin.coordinate_motion(five_bar, T, x)
+
+
+def held(chain, q, steps=9):
+    """A motion that stays, a hundred samples a second."""
+    rest = np.zeros((steps, chain.degrees_of_freedom))
+    return chain.trajectory(np.arange(steps) / 100, np.tile(q, (steps, 1)), rest, rest)
+
+
+def test_computed_torque_on_the_exact_model_follows_the_circle(robot, circle):
+    """To 1e-6 rad; the splines between the samples err by some 1e-8."""
+    control = sst_pin.ComputedTorque(robot, circle, kp=400, kd=40)
+    found = robot.simulate(control.torque, circle.q[0], circle.va[0], circle.t, rtol=1e-9)
+    assert np.abs(found.q - circle.q).max() < 1e-6
+
+
+def test_errors_of_computed_torque_obey_their_linear_equation(five_bar, sway):
+    """e'' + kd e' + kp e = 0, critically damped: e = (1 + 20 t) exp(-20 t) e0, for each motor."""
+    control = sst_pin.ComputedTorque(five_bar, sway, kp=400, kd=40)
+    off = np.array([0.05, -0.03])
+    start = dict(zip(five_bar.coordinates, sway.q[0, [0, 2]] - off, strict=True))
+    found = five_bar.simulate(control.torque, five_bar.assemble(start), sway.va[0], T, rtol=1e-10)
+    error = sway.q[:, [0, 2]] - found.q[:, [0, 2]]
+    expected = ((1 + 20 * T) * np.exp(-20 * T))[:, None] * off
+    assert_allclose(error, expected, rtol=0, atol=1e-7)  # what the spline errs by
+
+
+def test_gravity_pd_is_a_spring_at_the_motors(five_bar):
+    """At rest it gives the weight and kp times the error; by the power of a small motion."""
+    up = sst_pin.robots.knee()
+    control = sst_pin.GravityPD(up, held(up, up.home), kp=30, kd=3)
+    q = up.assemble({"motor_knee": up.home[0] - 0.1})
+    weight = up.compute_torques(q, [0], [0])
+    assert_allclose(control.torque(0.0, q, np.zeros(1)), weight + 30 * 0.1, rtol=1e-12)
+    assert_allclose(control.torque(0.0, q, np.ones(1)), weight + 30 * 0.1 - 3, rtol=1e-12)
+    many = sst_pin.robots.planar_4rrr()  # four motors share three forces
+    control = sst_pin.GravityPD(many, held(many, many.home), kp=30, kd=3)
+    moved = many.assemble(many.home + 0.01)
+    tau = control.torque(0.0, moved, np.zeros(3))
+    rest = many.compute_torques(moved, np.zeros(3), np.zeros(3))
+    x = [many.position_names.index(name) for name in many.coordinates]
+    forces = many.actuator_jacobian(moved).T @ (tau - rest)
+    assert_allclose(forces, 30 * (many.home - moved)[x], atol=1e-12)
+
+
+def test_the_regulator_of_a_held_pose_is_the_stationary_one(robot):
+    """Riccati's equation backward from its solution stays: SciPy's gain at every sample."""
+    motion = held(robot, robot.home)
+    control = sst_pin.TrackingLQR(robot, motion, Q=[100] * 3 + [1] * 3, R=[0.1] * 3)
+    A, B = robot.linearize(robot.home, np.zeros(3), motion.tau[0], dt=0.01)
+    R = 0.1 * np.eye(3)
+    P = solve_discrete_are(A, B, np.diag([100.0] * 3 + [1.0] * 3), R)
+    expected = np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
+    assert_allclose(control.gains, np.broadcast_to(expected, (9, 3, 6)), rtol=1e-7)
+
+
+def test_the_regulator_brings_the_robot_back_to_the_circle(robot, circle):
+    control = sst_pin.TrackingLQR(robot, circle, Q=[1000] * 3 + [1] * 3, R=[0.01] * 3)
+    gamma = dict(zip(robot.motor_names, circle.q[0, robot.actuated] + 0.03, strict=True))
+    found = robot.simulate(
+        control.torque, robot.assemble(gamma), circle.va[0], circle.t, rtol=1e-7, atol=1e-9
+    )
+    error = np.abs(found.q - circle.q)[:, robot.actuated].max(axis=1)
+    assert error[0] == pytest.approx(0.03)
+    assert error[-1] < 1e-5
+
+
+def test_a_motor_without_ends_has_no_error_of_full_turns():
+    """A crank that turns for ever is taken at the nearest turn."""
+    bar = sst_pin.robots.four_bar()
+    control = sst_pin.ComputedTorque(bar, held(bar, bar.home), kp=100, kd=20)
+    turned = bar.home + np.array([2 * np.pi, 0, 0])
+    expected = control.torque(0.0, bar.home, np.zeros(1))
+    assert_allclose(control.torque(0.0, turned, np.zeros(1)), expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("kind", ["ComputedTorque", "GravityPD", "TrackingLQR"])
+def test_torques_stay_within_limits_and_ends_are_held(kind, five_bar, sway):
+    gains = {"Q": [1e4] * 4, "R": [1e-4] * 2} if kind == "TrackingLQR" else {"kp": 900, "kd": 60}
+    control = getattr(sst_pin, kind)(five_bar, sway, limits=[0.05, 0.02], **gains)
+    far = five_bar.assemble(sway.q[0] + 0.3)
+    for va in (np.zeros(2), np.array([5.0, -5.0])):
+        tau = control.torque(0.1, far, va)
+        assert (np.abs(tau) <= [0.05, 0.02]).all()
+        assert (np.abs(tau) == [0.05, 0.02]).any()
+    rest = np.zeros(2)
+    late = control.torque(9.0, sway.q[-1], rest)
+    before = control.torque(-1.0, sway.q[0], rest)
+    assert np.isfinite([late, before]).all()
+    if kind != "TrackingLQR":  # which feeds the torques of the last sample
+        assert_allclose(late, five_bar.compute_torques(sway.q[-1], rest, rest), atol=1e-12)
+
+
+def test_bad_arguments_are_refused_by_name(robot, five_bar, sway):
+    one = {"kp": 1, "kd": 1}
+    with pytest.raises(InputError, match="motion"):
+        sst_pin.ComputedTorque(robot, sway, **one)
+    with pytest.raises(InputError, match="kp"):
+        sst_pin.ComputedTorque(five_bar, sway, kp=-1, kd=1)
+    with pytest.raises(InputError, match="kd"):
+        sst_pin.GravityPD(five_bar, sway, kp=1, kd=[1, 2, 3])
+    with pytest.raises(InputError, match="limits"):
+        sst_pin.GravityPD(five_bar, sway, limits=[1, 0], **one)
+    with pytest.raises(InputError, match="R"):
+        sst_pin.TrackingLQR(five_bar, sway, Q=[1] * 4, R=[1, -1])
+    with pytest.raises(InputError, match="equal steps"):
+        sst_pin.TrackingLQR(five_bar, sway[[0, 1, 2, 3, 4, 6, 9]], Q=[1] * 4, R=[1] * 2)
+    idle = sst_pin.ClosedChain(
+        five_bar.model, five_bar.closures, ["shoulder_1"], coordinates=five_bar.coordinates
+    )
+    with pytest.raises(ActuationError, match="hold"):
+        sst_pin.ComputedTorque(idle, held(idle, idle.home), **one)
+    hexapod = sst_pin.robots.stewart()
+    free = hexapod.with_coordinates(["platform"])
+    with pytest.raises(UnknownNameError, match="revolute or prismatic"):
+        sst_pin.ComputedTorque(free, held(free, free.home), **one)
+
+
+@pytest.mark.tools
+@pytest.mark.slow
+def test_the_table_of_the_bench_is_current():
+    """On a machine with friction and other masses the model's torques are worth their trouble."""
+    page = (Path(__file__).parents[2] / "docs" / "control.md").read_text(encoding="utf-8")
+    rows = {name: cells for name, *cells in read_table(page, "bench")[1:]}
+    found = control_bench.table()
+    assert list(rows) == list(found)
+    for name, values in found.items():
+        printed = [float(cell.split()[0]) for cell in rows[name]]
+        assert_allclose(printed, values, rtol=0.1, atol=0.5)  # engines of other versions
+    assert found["computed torque"][0] < found["PD + gravity"][0] / 4
