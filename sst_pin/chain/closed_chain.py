@@ -1565,6 +1565,7 @@ class ClosedChain:
         *,
         speed: float = 1.0,
         open_browser: bool = True,
+        reactions: bool | Mapping[str, ArrayLike] = False,
     ) -> Viewer:
         """Show a motion or a configuration in the browser, or in a Jupyter notebook.
 
@@ -1573,6 +1574,8 @@ class ClosedChain:
                 is none, an assembled configuration.
             speed: Speed of the animation; 1 is real time.
             open_browser: Whether to serve the page and open the browser; never from Jupyter.
+            reactions: Whether arrows show the forces in joints and closures; stiffnesses, as in
+                `reactions`, where these are not unique.
 
         Returns:
             The viewer. `save` writes a page, a picture or an animation; `close` stops the server.
@@ -1589,7 +1592,7 @@ class ClosedChain:
         """
         from ..viewer import show
 
-        return show(self, what, speed, open_browser)
+        return show(self, what, speed, open_browser, reactions)
 
     # --- inside -----------------------------------------------------------------------------
 

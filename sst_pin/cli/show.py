@@ -72,6 +72,9 @@ def add_to(commands: Commands) -> None:
         "--frames", action="store_true", help="show frames: of an SST {0k}..{3k}, {E}; of closures"
     )
     parser.add_argument(
+        "--reactions", action="store_true", help="show the forces in joints and closures"
+    )
+    parser.add_argument(
         "--skeleton", action="store_true", help="draw joints, lines and masses instead of shapes"
     )
     parser.add_argument(
@@ -95,7 +98,7 @@ def _run(arguments: argparse.Namespace) -> int:
     looks: dict[str, Any] = {"axes": arguments.axes, "frames": arguments.frames}
     looks["visual_model"] = pin.GeometryModel() if arguments.skeleton else None
     if arguments.interactive:
-        for name in ("motion", "speed", "html", "png", "gif", "strict", "frame"):
+        for name in ("motion", "speed", "html", "png", "gif", "strict", "frame", "reactions"):
             if getattr(arguments, name):
                 raise InputError("--interactive", f"cannot be combined with {name}")
         from ..viewer.interactive import Interactive  # needs the extra `interactive`
@@ -111,7 +114,8 @@ def _run(arguments: argparse.Namespace) -> int:
     for ending, path in wanted:
         if path is not None and path.suffix.lower() != ending:
             raise OutputError(path, f"the ending should be {ending}")
-    with Viewer(robot, frame=arguments.frame, **looks) as viewer:
+    looks |= {"frame": arguments.frame, "reactions": arguments.reactions}
+    with Viewer(robot, **looks) as viewer:
         if motion is not None:
             viewer.play(motion, speed=arguments.speed or speed, title=title)
         if told(viewer.warnings, arguments):

@@ -146,14 +146,22 @@ class Loads:
         write_files({as_path(path): text_writer(self.csv)}, force)
 
 
-def loads(chain: _Loaded, motion: Trajectory, stiffness: Mapping[str, ArrayLike] | None) -> Loads:
-    """Loads of a chain along a motion, under the torques of the motion."""
+def reactions_along(
+    chain: _Loaded, motion: Trajectory, stiffness: Mapping[str, ArrayLike] | None
+) -> Reactions:
+    """Reactions along a motion under its torques and the weights; refuses one with other loads."""
     require_motion(motion, chain)
     w = chain.reactions(motion.q, motion.va, tau=motion.tau, stiffness=stiffness)
     aa = chain.compute_accelerations(motion.q, motion.va, motion.tau)
     off = np.abs(aa - motion.aa).max() / (1 + np.abs(motion.aa).max())
     if off > 1e-6:
         raise InputError("motion", "other forces than its torques and the weights act on it")
+    return w
+
+
+def loads(chain: _Loaded, motion: Trajectory, stiffness: Mapping[str, ArrayLike] | None) -> Loads:
+    """Loads of a chain along a motion, under the torques of the motion."""
+    w = reactions_along(chain, motion, stiffness)
     wrenches = np.concatenate([w.joints, w.closures], axis=-2)
     unique = np.all(np.concatenate(w.determined, axis=-2), axis=0)
     rows = []

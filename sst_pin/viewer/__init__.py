@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
 from importlib.util import find_spec
 
 from numpy.typing import ArrayLike
@@ -29,10 +30,14 @@ __all__ = ["Viewer"]
 
 
 def show(
-    robot: ClosedChain, what: Trajectory | ArrayLike | None, speed: float, open_browser: bool
+    robot: ClosedChain,
+    what: Trajectory | ArrayLike | None,
+    speed: float,
+    open_browser: bool,
+    reactions: bool | Mapping[str, ArrayLike],
 ) -> Viewer:
     """See `ClosedChain.show`."""
-    viewer = Viewer(robot)
+    viewer = Viewer(robot, reactions=reactions)
     if isinstance(what, Trajectory):
         viewer.play(what, speed=speed)
     elif what is not None:

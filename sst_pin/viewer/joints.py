@@ -10,11 +10,15 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from ..chain.closed_chain import ClosedChain
+from ..chain.closures import Coupling, frames_of
 from ..description.colours import HUES
-from .scene_parts import Arrow, Shape, along, homogeneous
+from .scene_parts import Arrow, Pull, Shape, along, homogeneous
 from .triangles import arc, arrow
 
 Array = NDArray[np.float64]
+
+_FORCE = "#263238"
 
 
 class Axis(NamedTuple):
@@ -91,3 +95,23 @@ def arrows_of(
         colour = HUES[motor % len(HUES)]
         shape = Shape(str(axis.mover), "torques", name, mesh, colour, at=matrix)
         yield Arrow(shape, int(motor), float(share), mirror)
+
+
+def pulls_of(robot: ClosedChain, size: float) -> Iterator[Pull]:
+    """Forces of parents on children in joints, of A on B in closures, as `reactions` has them.
+
+    `size` is the length of the largest arrow, [m].
+    """
+    model, mesh = robot.mechanism.model, arrow(np.outer((0, 0.7, 1), (0, 0, 2.0)), 0.04)
+    places = [(j, np.eye(4)) for j in range(1, model.njoints)]
+    for closure in robot.closures:
+        if isinstance(closure, Coupling):  # gears have no place
+            places.append((0, np.zeros((4, 4))))
+        else:
+            frame = model.frames[model.getFrameId(frames_of(closure)[1])]
+            places.append((frame.parentJoint, frame.placement.homogeneous))
+    for k, (joint, at) in enumerate(places):
+        largest = at @ np.diag([size, size, size, 1.0])
+        shape = Shape(str(joint), "reactions", f"{k}", mesh, _FORCE, at=largest)
+        if at.any():
+            yield Pull(shape, len(robot.motor_names) + 3 * k)

@@ -13,15 +13,15 @@ from ..description.colours import HUES
 from ..errors import InputError
 from ..motion.coordinate_motions import start_of
 from .bodies import body_shapes
-from .joints import arrows_of, axes_of
+from .joints import arrows_of, axes_of, pulls_of
 from .names import names_of
-from .scene_parts import Shape
+from .scene_parts import Arrow, Pull, Shape
 from .skeleton import masses, points_of, skeleton, struts
 from .triangles import tube
 
 Array = NDArray[np.float64]
 
-#: Layers that can be shown and hidden, in the order of their boxes.
+#: Layers that can be shown and hidden, in the order of their boxes; reactions only on demand.
 LAYERS = ("bodies", "skeleton", "inertia", "torques", "trail", "axes", "frames")
 _TRAIL, _PATH = "#8E24AA", "#A9B0B6"
 TRAIL_SIDES = 8
@@ -38,7 +38,7 @@ class Scene:
 
     Attributes:
         shapes: All shapes that do not change with the torques.
-        arrows: Torques of the motors.
+        arrows: Torques of the motors, and the forces of reactions.
         labels: Labels.
         layers: Existing ones of `LAYERS`, and whether each is shown at first.
         start: Configuration before one is asked for, shape (nq,).
@@ -54,6 +54,7 @@ class Scene:
         axes: bool = False,
         frames: bool = False,
         frame: str | None = None,
+        reactions: bool = False,
     ) -> None:
         if not isinstance(robot, ClosedChain):
             raise InputError("robot", f"a ClosedChain is needed, not {type(robot).__name__}")
@@ -72,7 +73,11 @@ class Scene:
         self.shapes += masses(model)
         self._struts = list(struts(robot, lines, size))
         self.shapes += [strut.shape for strut in self._struts]
-        self.arrows = list(arrows_of(model, self._data, lines, B, _LARGEST * size))
+        self.arrows: list[Arrow | Pull] = list(
+            arrows_of(model, self._data, lines, B, _LARGEST * size)
+        )
+        if reactions:
+            self.arrows += pulls_of(robot, _LARGEST * size)
         named, self.labels = names_of(robot, lines, self.point, size)
         self.shapes += named
         self._width = 0.009 * size
@@ -80,7 +85,9 @@ class Scene:
         if self.point:
             there.add("trail")
         shown = {"skeleton": bare, "inertia": bare, "axes": axes, "frames": frames}
-        self.layers = {name: shown.get(name, True) for name in LAYERS if name in there}
+        self.layers = {
+            name: shown.get(name, True) for name in (*LAYERS, "reactions") if name in there
+        }
 
     def poses(self, q: Array) -> dict[str, Array]:
         """Placements of the movers of the shapes: homogeneous matrices, with a scale for struts."""
@@ -93,7 +100,7 @@ class Scene:
 
         Args:
             q: Configurations, shape (n, nq).
-            tau: Motor torques as shares of the largest, shape (n, motors).
+            tau: Motor torques, then forces of reactions, as shares of the largest, shape (n, ...).
             wanted: Configurations of the reference path, shape (m, nq); q by default.
         """
         directions = _directions()

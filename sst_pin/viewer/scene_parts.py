@@ -71,6 +71,29 @@ class Arrow(NamedTuple):
         return np.asarray(self.shape.at @ np.diag([*scale, 1.0]))
 
 
+class Pull(NamedTuple):
+    """Force in a joint or closure: an arrow along z whose size and direction show it.
+
+    Attributes:
+        shape: At the largest force, in the axes of the force.
+        first: Index of the first of its three components in the effort.
+    """
+
+    shape: Shape
+    first: int
+
+    def at(self, effort: Array) -> Array:
+        """Placement of the arrow.
+
+        Args:
+            effort: Motor torques, then all forces, as shares of the largest.
+        """
+        force = effort[self.first : self.first + 3]
+        size = max(float(np.linalg.norm(force)), _SMALLEST)
+        matrix = homogeneous(size * along(force / size), np.zeros(3))
+        return np.asarray(self.shape.at @ matrix)
+
+
 class Strut(NamedTuple):
     """A straight line between two points that move: its shape is one unit long, along z.
 

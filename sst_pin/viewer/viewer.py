@@ -6,7 +6,8 @@ from __future__ import annotations
 import html
 import json
 import webbrowser
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -17,11 +18,20 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import positive_number, single_array
 from ..chain.closed_chain import ClosedChain
+from ..chain.reactions import Reactions
 from ..description.colours import HUES
-from ..errors import InputError, OutputError
+from ..errors import (
+    ActuationError,
+    ClosureError,
+    InputError,
+    OutputError,
+    SingularConfigurationError,
+)
 from ..files import Writer, as_path, write_files
+from ..motion.bearing_loads import reactions_along
 from ..motion.moving_robot import require_motion
 from ..motion.trajectories import Trajectory
+from ..summaries import listed
 from ..version import __version__
 from .meshcat_scene import MeshcatScene
 from .page import page
@@ -53,6 +63,9 @@ class Viewer:
             {E}.
         frame: Name of the frame whose path is drawn; by default E of an `SST` and `platform` of
             other robots, if they have it.
+        reactions: Whether arrows show the forces in joints and closures that are unique: of the
+            parent on the child, of A on B. Stiffnesses, as in `ClosedChain.reactions`, make others
+            unique.
 
     Raises:
         UnknownNameError: For an unknown frame.
@@ -72,14 +85,20 @@ class Viewer:
         axes: bool = False,
         frames: bool = False,
         frame: str | None = None,
+        reactions: bool | Mapping[str, ArrayLike] = False,
     ) -> None:
-        self._scene = Scene(robot, visual_model, axes=axes, frames=frames, frame=frame)
+        self._loaded = reactions is not False
+        self._stiffness = None if isinstance(reactions, bool) else reactions
+        self._scene = Scene(
+            robot, visual_model, axes=axes, frames=frames, frame=frame, reactions=self._loaded
+        )
         self._robot = robot
         self._server: Server | None = None
         self._units = motor_units(robot)
         self._drawing = MeshcatScene(self._scene)
         self._drawing.buffer.listener = self._tell
         self._panel: dict[str, Any] = {}
+        self._note = ""
         self.show(self._scene.start)
 
     # --- what is shown ----------------------------------------------------------------------
@@ -90,7 +109,7 @@ class Viewer:
         Args:
             q: Configuration, shape (nq,).
             tau: Motor torques, shape (motors,), [N m] or [N]; unknown by default: then the panel
-                has the joints only.
+                has the joints only, and reactions are those of the pose at rest.
 
         Example:
             >>> viewer.show(chain.home, tau=[0.2])
@@ -101,6 +120,8 @@ class Viewer:
         if tau is not None:
             tau = single_array("tau", tau, (motors,))[None]
             curves, effort = [torques_of(self._robot, tau), *curves], self._shares(tau)
+        if self._loaded:
+            effort = self._with_forces(effort, partial(self._reactions_at, q, tau))
         self._drawing.place(q[0], effort[0])
         self._describe("configuration", [0.0], q, effort, curves, 1.0, None, q)
 
@@ -135,6 +156,9 @@ class Viewer:
             self.show(motion.q[0], motion.tau[0])
             return
         known, effort = _thinned(motion), self._shares(_thinned(motion).tau)
+        if self._loaded:
+            found = partial(reactions_along, self._robot, known, self._stiffness)
+            effort = self._with_forces(effort, found)
         reference = _thinned(wanted or motion).q
         self._drawing.animate(known, effort, reference)
         curves = curves_of(self._robot, known)
@@ -279,6 +303,31 @@ class Viewer:
             shares[:, own] = tau[:, own] / (np.abs(tau[:, own]).max(initial=0.0) or 1.0)
         return shares
 
+    def _reactions_at(self, q: Array, tau: Array | None) -> Reactions:
+        """Reactions of a configuration without motion, under torques or at rest."""
+        rest = np.zeros((1, self._robot.degrees_of_freedom))
+        aa = rest if tau is None else None
+        return self._robot.reactions(q, rest, aa, tau=tau, stiffness=self._stiffness)
+
+    def _with_forces(self, effort: Array, reactions: Callable[[], Reactions]) -> Array:
+        """Torques, then forces of joints and closures that are known, as shares of the largest."""
+        count = len(self._robot.mechanism.model.names) - 1 + len(self._robot.closures)
+        forces = np.zeros((len(effort), count, 3))
+        try:
+            w = reactions()
+        except (ActuationError, ClosureError, SingularConfigurationError) as error:
+            self._note = f"No reactions: {error}"
+            return np.hstack([effort, forces.reshape(len(effort), -1)])
+        found = np.concatenate([w.joints, w.closures], axis=1)[..., 3:]
+        free = np.isnan(found).any(axis=(0, 2))
+        forces[:, ~free] = found[:, ~free]
+        largest = float(np.linalg.norm(forces, axis=2).max(initial=0.0)) or 1.0
+        names = [name for name, own in zip(w.names, free, strict=True) if own]
+        drawn = f"Dark arrows: forces of joints on what they bear; the largest is {largest:.3g} N."
+        missing = f"Not unique, so not drawn: {listed(names)}."
+        self._note = " ".join([*[drawn] * (not free.all()), *[missing] * bool(names)])
+        return np.hstack([effort, (forces / largest).reshape(len(effort), -1)])
+
     def _describe(
         self,
         title: str,
@@ -302,6 +351,7 @@ class Viewer:
             "colours": HUES,
             "layers": scene.layers,
             "labels": [label._asdict() for label in scene.labels],
+            "note": self._note,
             "reach": scene.reach(q, effort, wanted).tolist(),
             "trail": 6 * TRAIL_SIDES,  # indices of its triangles for each sample passed
             "credit": f"sst_pin {__version__}, Meshcat {version('meshcat')}",

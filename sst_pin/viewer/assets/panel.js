@@ -45,8 +45,9 @@ const panel = (() => {
     for (const row of values) row.forEach((v, k) => { largest[units[k]] = Math.max(largest[units[k]] || 0, Math.abs(v)); });
     const sizes = Object.entries(largest).filter(([, value]) => value > 0)
       .map(([unit, value]) => `${Number(value.toPrecision(3))} ${unit}`);
-    at("arrows").hidden = !sizes.length;
-    at("arrows").textContent = `Arrows at the joints: motor torques and forces, in the colours of the curves; the largest is ${sizes.join(", ")}.`;
+    const ofMotors = `Arrows at the joints: motor torques and forces, in the colours of the curves; the largest is ${sizes.join(", ")}.`;
+    at("arrows").textContent = [...(sizes.length ? [ofMotors] : []), data.note].join(" ");
+    at("arrows").hidden = !at("arrows").textContent.trim();
   }
 
   function choose(called) {

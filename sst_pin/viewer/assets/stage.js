@@ -126,8 +126,7 @@ const stage = (() => {
   function showThrough() { // what bodies hide of the arrows, faintly
     const arrows = [];
     for (const mover of node().children) {
-      const layer = mover.children.find((child) => child.name === "torques");
-      if (layer) layer.traverse((object) => { if (object.isMesh && !object.children.length && object.material.depthTest) arrows.push(object); });
+      for (const layer of mover.children.filter((child) => ["torques", "reactions"].includes(child.name))) layer.traverse((object) => { if (object.isMesh && !object.children.length && object.material.depthTest) arrows.push(object); });
     }
     for (const arrow of arrows) {
       const seen = new THREE.Mesh(arrow.geometry, arrow.material.clone());
