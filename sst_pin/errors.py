@@ -329,9 +329,10 @@ class SingularityWarning(UserWarning):
     Example:
         >>> import warnings
         >>> with warnings.catch_warnings(record=True) as caught:
-        ...     motion = robot.simulate([0, 0, 0], robot.home, [0, 0, 0], np.linspace(0, 1, 11))
+        ...     row = sst_pin.robots.n_four_bar(1)
+        ...     motion = row.simulate([0], row.home, [-1], np.linspace(0, 1, 11))
         >>> caught[0].category.__name__, len(motion)
-        ('SingularityWarning', 5)
+        ('SingularityWarning', 8)
     """
 
 

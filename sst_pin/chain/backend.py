@@ -88,7 +88,13 @@ class Motions(NamedTuple):
 
 
 class States(Protocol):
-    """The state space (q, va) of one mechanism; states have shape (nq + n,) or (N, nq + n)."""
+    """The state space (q, va) of one mechanism; states have shape (nq + n,) or (N, nq + n).
+
+    Attributes:
+        coordinates: Indices in v of the rates va.
+    """
+
+    coordinates: Indices
 
     def closed(self, states: Array) -> Array:
         """q with the dependent joints moved onto the closures, shape (..., nq)."""
@@ -102,8 +108,17 @@ class States(Protocol):
         Not where wheels roll: there the state has more freedoms than the coordinates.
         """
 
-    def regular(self, q: Array, limit: float) -> bool:
-        """Whether the condition number of the dependent part of Phi is below a limit."""
+    def joint_rates(self, q: Array, va: Array) -> Array:
+        """v of one state whose loops are closed, shape (nv,)."""
+
+    def joint_accelerations(self, q: Array, va: Array, aa: Array) -> Array:
+        """v_dot of one state whose loops are closed, shape (nv,)."""
+
+    def condition_number(self, q: Array) -> float:
+        """Condition number of the dependent part of Phi, infinite if it is singular."""
+
+    def elsewhere(self, q: Array) -> States:
+        """The state space in the independent rates that describe motions from q on best."""
 
     def follow(self, start: Array, way: Way, limit: float) -> tuple[float, Array]:
         """How much of a step stays regular and in its assembly mode; see `Continuity.follow`."""

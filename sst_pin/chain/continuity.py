@@ -64,9 +64,9 @@ class Continuity:
         self._inverses: list[Array]
         self._smallest = 0.0
 
-    def regular(self, q: Array, limit: float) -> bool:
-        """Whether the condition number of the dependent part of Phi is below a limit at q."""
-        return _condition_below(self._place(q).blocks, limit)
+    def condition_number(self, q: Array) -> float:
+        """Condition number of the dependent part of Phi at q, infinite if it is singular."""
+        return _condition_number(self._place(q).blocks)
 
     def follow(self, start: Array, way: Way, limit: float) -> tuple[float, Array]:
         """How much of a step is continuous and regular, 1 for all, and the configuration there.
@@ -124,7 +124,7 @@ class Continuity:
         )
         if largest < limit * (1 - _CHANGE) * self._smallest:
             return True
-        return _condition_below(place.blocks, limit)
+        return _condition_number(place.blocks) < limit
 
     def _place(self, q: Array) -> _Place:
         self._loops.evaluate(q)
@@ -132,11 +132,11 @@ class Continuity:
         return _Place(q, [Phi[entries] for entries in self._entries])
 
 
-def _condition_below(blocks: list[Array], limit: float) -> bool:
-    """Whether the condition number of a block-diagonal matrix is below a limit."""
+def _condition_number(blocks: list[Array]) -> float:
+    """Condition number of a block-diagonal matrix."""
     values = [np.linalg.svd(block, compute_uv=False) for block in blocks]
     if any(s.shape[1] < b.shape[2] for s, b in zip(values, blocks, strict=True)):
-        return False
+        return np.inf
     largest = max((s[:, 0].max() for s in values), default=1.0)
     smallest = min((s[:, -1].min() for s in values), default=1.0)
-    return bool(largest < limit * smallest)
+    return float(largest / smallest) if smallest > 0 else np.inf

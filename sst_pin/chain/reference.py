@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from functools import cached_property, wraps
 from inspect import signature
 from math import isfinite
@@ -26,6 +27,7 @@ from .continuity import Continuity, Way
 from .derivatives import Derivatives
 from .dynamics import Workspace
 from .mechanism import Friction, Mechanism
+from .mobility import scaled_Phi
 from .noc import mass_centers
 from .thresholds import CLOSURE_TOLERANCE, MAX_CONDITION_NUMBER, ROUNDING, UNSUPPLIED
 from .tree import of_rates, summed, support
@@ -320,6 +322,8 @@ class ReferenceStates:
         reference.mechanism.require_mass()
         self._reference, self._mechanism = reference, reference.mechanism
         self._friction, self._nq = friction, reference.mechanism.model.nq
+        self.coordinates = reference.mechanism.coordinates
+        self._others = dict[bytes, ReferenceStates]()
 
     def closed(self, states: Array) -> Array:
         """q with the dependent joints moved onto the closures, wheels rolling, shape (..., nq)."""
@@ -377,9 +381,32 @@ class ReferenceStates:
         width = self._friction.sign_width
         return self._reference.acceleration_derivatives(width, q, va, tau, wrenches)
 
-    def regular(self, q: Array, limit: float) -> bool:
-        """Whether the condition number of the dependent part of Phi is below a limit."""
-        return self._continuity.regular(q, limit)
+    def joint_rates(self, q: Array, va: Array) -> Array:
+        """v of one state whose loops are closed, shape (nv,)."""
+        return self._reference.rates(q, va)
+
+    def joint_accelerations(self, q: Array, va: Array, aa: Array) -> Array:
+        """v_dot of one state whose loops are closed, shape (nv,)."""
+        return self._reference.joint_accelerations(q, va, aa)
+
+    def condition_number(self, q: Array) -> float:
+        """Condition number of the dependent part of Phi, infinite if it is singular."""
+        return self._continuity.condition_number(q)
+
+    def elsewhere(self, q: Array) -> ReferenceStates:
+        """The state space in the independent rates that describe motions from q on best."""
+        from scipy.linalg import qr
+
+        Phi = scaled_Phi(self._mechanism, self._reference.workspace.loops, q)
+        # Those of the smallest singular values: near a singularity there are more free motions.
+        motions = np.linalg.svd(Phi)[2][len(Phi.T) - len(self.coordinates) :]
+        _, order = qr(motions, pivoting=True, mode="r")
+        chosen = np.sort(order[: len(motions)]).astype(np.intp)
+        key = chosen.tobytes()
+        if key not in self._others:
+            mechanism = replace(self._mechanism, coordinates=chosen)
+            self._others[key] = ReferenceStates(Reference(mechanism), self._friction)
+        return self._others[key]
 
     def follow(self, start: Array, way: Way, limit: float) -> tuple[float, Array]:
         """How much of a step stays regular and in its assembly mode; see `Continuity.follow`."""

@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Direct dynamics in time: Eqs. (7) and (92) as a state space in q and va (Sect. 6.2)."""
+"""Direct dynamics in time: Eqs. (7) and (92) as a state space in q and va (Sect. 6.2).
+
+The rates va are those of independent joints, which are chosen again where they get bad.
+"""
 
 from __future__ import annotations
 
 import warnings
 from bisect import bisect_right
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from math import factorial, isfinite
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -37,6 +40,12 @@ Load = Callable[[float, Array, Array], ArrayLike] | ArrayLike | None
 
 #: Steps of differences, relative or [rad], [m] and per second.
 _DIFFERENCE = 1e-8
+#: Condition number of the dependent joints, below which coordinates are kept or taken up again,
+#: and above which others are looked for, as long as these are better by some margin.
+_WELL_CONDITIONED, _POOR, _MARGIN = 20.0, 50.0, 4.0
+#: A step that is not regular is tried again with its regular part, or this part of it at least;
+#: a motion ends where this leads to such a part of its time.
+_SHORTER, _STUCK = 0.25, 1e-12
 _IMPLICIT = ("Radau", "BDF", "LSODA")
 _METHODS = ("RK23", "RK45", "DOP853", *_IMPLICIT)
 
@@ -58,8 +67,9 @@ def simulate(
 ) -> Trajectory:
     """Simulate the motion of a closed chain for given torques.
 
-    In each evaluation the dependent joints are computed from the coordinates by the closure
-    constraints, so the loops stay closed.
+    In each evaluation the dependent joints are computed from independent ones by the closure
+    constraints, so the loops stay closed. The independent joints are the coordinates of the robot;
+    where these do not determine the motion well, others are chosen for a while.
 
     Args:
         chain: The robot.
@@ -75,8 +85,9 @@ def simulate(
             external_wrenches is a function, or wheels roll.
         rtol: Relative tolerance of the integrator.
         atol: Absolute tolerance of the integrator, [rad], [rad/s].
-        max_condition_number: The motion stops before a singularity, where the condition number of
-            the dependent columns of Phi reaches this value.
+        max_condition_number: The motion stops before a singularity of the mechanism, where the
+            condition number of the dependent columns of Phi reaches this value, whichever joints
+            are independent. Dead points of the coordinates do not end a motion.
         sign_width: Coulomb friction uses tanh(x / sign_width) instead of sign(x), [rad/s], because
             an integrator needs smooth forces. A joint that should stick moves slowly.
         progress: Function that is called with the time reached.
@@ -104,12 +115,12 @@ def simulate(
     states = chain._states(sign_width)
     chain.joint_rates(q0, np.zeros(chain.degrees_of_freedom))
     va0 = single_array("va0", va0, (chain.degrees_of_freedom,))
-    if not states.regular(q0, max_condition_number):
+    if not states.condition_number(q0) < max_condition_number:
         raise InputError("q0", f"closer to a singularity than {max_condition_number=:g}")
     motion = _Motion(
         states,
-        _torque_of(torque, times, states, len(chain.motor_names)),
-        _load_of(external_wrenches, states, len(chain.joint_names)),
+        _torque_of(torque, times, len(chain.motor_names)),
+        _load_of(external_wrenches, len(chain.joint_names)),
     )
     # A load that is a function, and wheels that roll, have more derivatives than the robot's.
     exact = (
@@ -117,23 +128,14 @@ def simulate(
         and not callable(external_wrenches)
         and not any(isinstance(closure, Rolling) for closure in chain.mechanism.closures)
     )
-    jacobian = {"jac": motion.jacobian} if exact and method in _IMPLICIT else {}
-    run = _Run(motion, states, max_condition_number, progress)
-    reached, samples, stopped = run.integrate(
-        method, times, np.concatenate([q0, va0]), rtol=rtol, atol=atol, **jacobian
-    )
-    if stopped:
-        warnings.warn(stopped, SingularityWarning, stacklevel=3)
-    tau = motion.torque.along(reached, samples)
-    load = None if motion.load is None else motion.load.along(reached, samples)
-    return chain.trajectory(
-        reached,
-        states.closed(samples),
-        samples[:, len(q0) :],
-        states.rate(samples, tau, load)[:, len(q0) :],
-        tau,
-        stopped=stopped,
-    )
+    options: dict[str, Any] = {"rtol": rtol, "atol": atol}
+    if exact and method in _IMPLICIT:
+        options["jac"] = motion.jacobian
+    run = _Run(motion, method, options, max_condition_number, progress)
+    q, va, aa, tau = run.integrate(times, np.concatenate([q0, va0]))
+    if run.stopped:
+        warnings.warn(run.stopped, SingularityWarning, stacklevel=3)
+    return chain.trajectory(times[: len(q)], q, va, aa, tau, stopped=run.stopped)
 
 
 def _require_options(
@@ -151,28 +153,44 @@ class _Input(NamedTuple):
     """What acts on a robot in motion.
 
     Attributes:
-        at: Its value at a time and a state.
-        along: Its values at times (N,) and states (N, nq + n).
+        at: Its value at a time, where the last argument gives q and va.
+        along: Its values at times (N,), for q (N, nq) and va (N, n).
     """
 
-    at: Callable[[float, Array], Array]
-    along: Callable[[Array, Array], Array]
+    at: Callable[[float, Callable[[], tuple[Array, Array]]], Array]
+    along: Callable[[Array, Array, Array], Array]
 
 
 class _Motion:
-    """Eqs. (7) and (92) as y' = f(t, y) with y = (q, va)."""
+    """Eqs. (7) and (92) as y' = f(t, y), y = (q, rates of the coordinates of `states`).
 
-    def __init__(self, states: States, torque: _Input, load: _Input | None) -> None:
-        self._states, self.torque, self.load = states, torque, load
+    `own` are the states in the robot's coordinates, which torques and loads are functions of.
+    """
+
+    def __init__(self, own: States, torque: _Input, load: _Input | None) -> None:
+        self.own = self.states = own
+        self.torque, self.load = torque, load
         self.failure: SSTError | None = None
         self._last = np.zeros(())
+
+    def seen(self, state: Array) -> tuple[Array, Array]:
+        """q with closed loops, and the rates of the robot's coordinates."""
+        q = self.states.closed(state)
+        va = state[len(q) :]
+        if self.states is not self.own:
+            va = self.states.joint_rates(q, va)[self.own.coordinates]
+        return q, va
+
+    def _inputs(self, time: float, state: Array) -> tuple[Array, Array | None]:
+        where = partial(self.seen, state)
+        load = None if self.load is None else self.load.at(time, where)
+        return self.torque.at(time, where), load
 
     def rate(self, time: float, state: Array) -> Array:
         if not isfinite(state.dot(state)):
             return np.full_like(state, np.nan)
         try:
-            load = None if self.load is None else self.load.at(time, state)
-            return self._states.rate(state, self.torque.at(time, state), load)
+            return self.states.rate(state, *self._inputs(time, state))
         except InputError:
             raise  # the caller's torque is at fault
         except SSTError as error:
@@ -180,16 +198,32 @@ class _Motion:
             self.failure = error
             return np.full_like(state, np.nan)
 
+    def along(self, times: Array, states: Array) -> tuple[Array, Array, Array, Array]:
+        """q, va, aa of the robot's coordinates, and torques, at times and states of the motion."""
+        q = self.states.closed(states)
+        rates = va = states[:, q.shape[1] :]
+        if self.states is not self.own:
+            coordinates = self.own.coordinates
+            v = [self.states.joint_rates(*x) for x in zip(q, rates, strict=True)]
+            va = np.array(v)[:, coordinates]
+        tau = self.torque.along(times, q, va)
+        load = None if self.load is None else self.load.along(times, q, va)
+        aa = self.states.rate(states, tau, load)[:, q.shape[1] :]
+        if self.states is not self.own:
+            v_dot = map(self.states.joint_accelerations, q, rates, aa)
+            aa = np.array(list(v_dot))[:, coordinates]
+        return q, va, aa, tau
+
     def jacobian(self, time: float, state: Array) -> Array:
         """Derivatives of the rate by the state; a callable torque's own ones by differences."""
         if not isfinite(state.dot(state)):
             return self._last
         try:
-            tau = self.torque.at(time, state)
-            load = None if self.load is None else self.load.at(time, state)
-            by_state, by_tau = self._states.derivatives(state, tau, load)
+            tau, load = self._inputs(time, state)
+            by_state, by_tau = self.states.derivatives(state, tau, load)
             steps = _DIFFERENCE * np.maximum(1, np.abs(state))
-            ahead = [self.torque.at(time, moved) for moved in state + np.diag(steps)]
+            moved = state + np.diag(steps)
+            ahead = [self.torque.at(time, partial(self.seen, y)) for y in moved]
             self._last = by_state + by_tau.dot(((ahead - tau) / steps[:, None]).T)
         except InputError:
             raise
@@ -199,70 +233,108 @@ class _Motion:
 
 
 class _Run:
-    """One integration, step by step; it ends before a singularity."""
+    """One integration, step by step, in coordinates that are chosen again where they get bad.
+
+    It ends before a singularity; `stopped` says why it ended before the last time.
+    """
 
     def __init__(
         self,
         motion: _Motion,
-        states: States,
+        method: str,
+        options: dict[str, Any],
         limit: float,
         progress: Callable[[float], None] | None,
     ) -> None:
-        self._motion, self._states, self._limit = motion, states, limit
-        self._progress = progress
-
-    def integrate(
-        self, method: str, times: Array, start: Array, **options: Any
-    ) -> tuple[Array, Array, str]:
-        """The times reached, the states at them, and why the motion stopped before the last."""
         from scipy import integrate
 
-        if not np.isfinite(self._motion.rate(float(times[0]), start)).all():
-            why = self._motion.failure or "its rates are not finite"
-            raise SimulationError(f"the motion cannot start ({why})", float(times[0]))
-        kind = getattr(integrate, method)
-        solver = kind(self._motion.rate, times[0], start, times[-1], **options)
-        samples, stopped = [start], ""
-        if self._progress is not None:
-            self._progress(float(times[0]))
-        before = self._states.closed(start)
-        while solver.status == "running" and not stopped:
-            message = solver.step()
-            if solver.status == "failed":
-                why = self._motion.failure or message
-                raise SimulationError(f"the integrator stopped ({why})", float(solver.t))
-            if self._progress is not None:
-                self._progress(float(solver.t))
-            fraction, before = self._follow(solver, before)
-            end = float(solver.t)
-            if fraction < 1:
-                end = float(solver.t_old + fraction * (solver.t - solver.t_old))
-                stopped = (
-                    f"stopped at t = {end:.9g} s before a singularity: "
-                    f"condition number {self._limit:g}"
-                )
-            new = times[len(samples) :]
-            new = new[new <= end]
-            if len(new):
-                samples.extend(solver.dense_output()(new).T)
-        return times[: len(samples)], np.array(samples), stopped
+        self._motion, self._solver, self._options = motion, getattr(integrate, method), options
+        self._most, self._progress = limit, progress or (lambda time: None)
+        self.stopped = ""
 
-    def _follow(self, solver: OdeSolver, before: Array) -> tuple[float, Array]:
+    def integrate(self, times: Array, start: Array) -> list[Array]:
+        """q, va, aa of the robot's coordinates and torques, at the times reached."""
+        motion, t, end = self._motion, float(times[0]), float(times[-1])
+        if not np.isfinite(motion.rate(t, start)).all():
+            why = motion.failure or "its rates are not finite"
+            raise SimulationError(f"the motion cannot start ({why})", t)
+        q = motion.own.closed(start)
+        state, limit = self._settle(q, start)
+        parts = [motion.along(times[:1], state[None])]
+        done, stride = 1, np.inf
+        self._progress(t)
+        while t < end and not self.stopped:
+            first = min(stride, end - t) if stride < np.inf else None
+            solver = self._solver(motion.rate, t, state, end, first_step=first, **self._options)
+            regular = True
+            samples = list[Array]()
+            while solver.status == "running" and regular:
+                last, message = solver.y, solver.step()
+                if solver.status == "failed":
+                    why = motion.failure or message
+                    raise SimulationError(f"the integrator stopped ({why})", float(solver.t))
+                stride = solver.step_size
+                self._progress(float(solver.t))
+                fraction, q = self._follow(solver, q, limit)
+                t, state = float(solver.t), solver.y
+                if fraction < 1:
+                    t = float(solver.t_old + fraction * (solver.t - solver.t_old))
+                    state = solver.dense_output()(t) if fraction else last
+                    stride *= max(fraction, _SHORTER)
+                new = times[done + len(samples) :]
+                new = new[new <= t]
+                if len(new):
+                    samples.extend(solver.dense_output()(new).T)
+                back = motion.states is not motion.own
+                regular = fraction == 1 and not (
+                    back and motion.own.condition_number(q) < _WELL_CONDITIONED
+                )
+            if samples:
+                reached = times[done : done + len(samples)]
+                parts.append(motion.along(reached, np.array(samples)))
+                done += len(samples)
+            if not regular:
+                state, next_limit = self._settle(q, state)
+                at_limit = limit == next_limit == self._most
+                if fraction < 1 and (at_limit or stride < _STUCK * (end - times[0])):
+                    self.stopped = (
+                        f"stopped at t = {t:.9g} s before a singularity: condition number {limit:g}"
+                    )
+                limit = next_limit
+        return [np.concatenate(part) for part in zip(*parts, strict=True)]
+
+    def _settle(self, q: Array, state: Array) -> tuple[Array, float]:
+        """The state in the coordinates that suit it, and the limit of their condition number."""
+        motion, own = self._motion, self._motion.own
+        before, condition, states = motion.states, own.condition_number(q), own
+        if condition > _WELL_CONDITIONED:
+            other = own.elsewhere(q)
+            best = other.condition_number(q)
+            if best < condition / 2:
+                states, condition = other, best
+        rates = state[len(q) :]
+        if states is not before:
+            rates = before.joint_rates(q, rates)[states.coordinates]
+            motion.states = states
+        state = np.concatenate([q, rates])
+        return state, min(self._most, max(_POOR, _MARGIN * condition))
+
+    def _follow(self, solver: OdeSolver, before: Array, limit: float) -> tuple[float, Array]:
         """How much of the last step is regular, and the configuration there."""
-        start, length = solver.t_old, solver.t - solver.t_old
+        states, start, length = self._motion.states, solver.t_old, solver.t - solver.t_old
         course = cache(solver.dense_output)
 
         def way(q: Array, low: float, high: float) -> Array | None:
             try:
                 state = solver.y if high == 1 else course()(start + high * length)
-                return self._states.closed(state)
+                return states.closed(state)
             except SSTError:
                 return None
 
-        return self._states.follow(before, way, self._limit)
+        return states.follow(before, way, limit)
 
 
-def _torque_of(torque: Torque, times: Array, states: States, motors: int) -> _Input:
+def _torque_of(torque: Torque, times: Array, motors: int) -> _Input:
     if isinstance(torque, Trajectory):
         if times[0] < torque.t[0] or times[-1] > torque.t[-1]:
             raise InputError(
@@ -273,31 +345,32 @@ def _torque_of(torque: Torque, times: Array, states: States, motors: int) -> _In
         return _sampled(spline(torque.t, torque.tau))
     if not callable(torque) and as_array("torque", torque, ()).ndim == 2:
         return _sampled(spline(times, single_array("torque", torque, (len(times), motors))))
-    return _called_or_constant("torque", torque, (motors,), states)
+    return _called_or_constant("torque", torque, (motors,))
 
 
-def _load_of(load: Load, states: States, bodies: int) -> _Input | None:
+def _load_of(load: Load, bodies: int) -> _Input | None:
     if load is None:
         return None
-    return _called_or_constant("external_wrenches", load, (bodies, 6), states)
+    return _called_or_constant("external_wrenches", load, (bodies, 6))
 
 
 def _called_or_constant(
     name: str,
     value: Callable[[float, Array, Array], ArrayLike] | ArrayLike,
     shape: tuple[int, ...],
-    states: States,
 ) -> _Input:
     if callable(value):
 
-        def at(t: float, state: Array) -> Array:
-            q = states.closed(state)
-            return single_array(f"{name}(t, q, va)", value(t, q, state[len(q) :]), shape)
+        def one(t: float, q: Array, va: Array) -> Array:
+            return single_array(f"{name}(t, q, va)", value(t, q, va), shape)
 
-        return _Input(at, lambda t, y: np.array([at(*x) for x in zip(t, y, strict=True)]))
+        return _Input(
+            lambda t, where: one(t, *where()),
+            lambda t, q, va: np.array(list(map(one, t, q, va))),
+        )
     constant = single_array(name, value, shape)
     return _Input(
-        lambda t, state: constant, lambda t, y: np.broadcast_to(constant, (len(t), *shape))
+        lambda t, where: constant, lambda t, q, va: np.broadcast_to(constant, (len(t), *shape))
     )
 
 
@@ -308,8 +381,8 @@ def _sampled(smooth: BSpline) -> _Input:
     pieces = list(zip(starts.tolist(), np.stack(taylor, axis=1), strict=True))
     inner, powers = starts[1:].tolist(), np.arange(smooth.k + 1.0)
 
-    def at(t: float, state: Array) -> Array:
+    def at(t: float, where: Callable[[], tuple[Array, Array]]) -> Array:
         start, coefficients = pieces[bisect_right(inner, t)]
         return ((t - start) ** powers).dot(coefficients)
 
-    return _Input(at, lambda t, y: np.asarray(smooth(t)))
+    return _Input(at, lambda t, q, va: np.asarray(smooth(t)))

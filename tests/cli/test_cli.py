@@ -103,22 +103,13 @@ def test_simulate_starts_where_it_is_told(here, capsys, robot):
 def test_simulate_says_that_it_stopped(here, capsys):
     write_motion(
         here / "tau.csv",
-        ("t_s", "tau_1_Nm", "tau_2_Nm", "tau_3_Nm"),
-        np.column_stack([np.linspace(0, 5, 501), np.zeros((501, 3))]),
+        ("t_s", "tau_1_Nm", "bar_0_rad", "bar_0_rad_s"),
+        np.column_stack([np.linspace(0, 1, 101), np.zeros(101), np.full((101, 2), (1.5, -1))]),
     )
-    arguments = (
-        "tau.csv",
-        "-o",
-        "m.csv",
-        "--q0",
-        "gamma_1=0.8,gamma_2=0.7,gamma_3=0.9",
-        "--va0",
-        "gamma_1=0,gamma_2=0,gamma_3=0",
-    )
-    code, out, _ = run(capsys, "simulate", *arguments)
+    code, out, _ = run(capsys, "simulate", "tau.csv", "-o", "m.csv", "--robot", "n_four_bar")
     assert code == 3
     assert "before a singularity" in out
-    assert len(sst_pin.Trajectory.load("m.csv")) < 501
+    assert len(sst_pin.Trajectory.load("m.csv")) < 101
 
 
 def test_info_tells_versions_model_and_mobility(capsys):

@@ -156,34 +156,36 @@ def test_a_load_on_the_star_drives_it(robot):
     assert np.abs(called.q[-1] - robot.home).max() > 1e-3
 
 
-def test_a_fall_stops_before_the_singularity_and_says_so(robot):
-    """Without torques under gravity: samples up to the stop, finite, energy kept, a warning."""
-    t = np.linspace(0, 5, 501)
-    q0 = tilted_home(robot, (0.3, 0.1, -0.2))
-    with pytest.warns(sst_pin.SingularityWarning, match="before a singularity"):
-        motion = robot.simulate(np.zeros(3), q0, np.zeros(3), t)
-    assert 10 < len(motion) < 501
-    assert "condition number 10000" in motion.stopped
-    assert np.array_equal(motion.t, t[: len(motion)])
-    energy = robot.kinetic_energy(motion.q, motion.va) + robot.potential_energy(motion.q)
-    assert np.abs(energy - energy[0]).max() < 1e-6
+def mechanical_energy(chain, motion):
+    """Where the rates of the coordinates determine those of the other joints well."""
+    sound = chain.condition_number(motion.q) < 100
+    assert sound.sum() > len(motion) / 2
+    q, va = motion.q[sound], motion.va[sound]
+    return chain.kinetic_energy(q, va) + chain.potential_energy(q)
+
+
+def test_a_fall_goes_on_where_the_motors_do_not_hold_the_robot(robot):
+    """Without torques under gravity, through condition numbers of more than 1000."""
+    t, q0 = np.linspace(0, 5, 501), tilted_home(robot, (0.3, 0.1, -0.2))
+    motion = robot.simulate(np.zeros(3), q0, np.zeros(3), t)
+    assert np.array_equal(motion.t, t)
+    assert robot.condition_number(motion.q).max() > 1000
+    assert np.ptp(mechanical_energy(robot, motion)) < 1e-8
     assert worst_residual(robot, motion) < 1e-11
 
 
 @pytest.mark.parametrize("kernels", [True, False])
-def test_no_step_leads_across_a_singularity(kernels):
-    """The symmetric fall from home comes through one so fast that long steps never see it near."""
+def test_steps_lead_across_singularities_of_the_coordinates(kernels):
+    """The symmetric fall from home comes through one fast; each tolerance finds one motion."""
     robot = sst_pin.SST(kernels=kernels)
-    stops = []
-    for tolerance in (1e-13, 1e-9, 1e-3):
-        with pytest.warns(sst_pin.SingularityWarning):
-            motion = robot.simulate(
-                np.zeros(3), robot.home, np.zeros(3), [0, 0.6], rtol=tolerance, atol=tolerance
-            )
-        assert len(motion) == 1
-        stops.append(float(motion.stopped.split("t = ")[1].split(" s")[0]))
-    assert stops[1] == pytest.approx(stops[0], rel=1e-8)
-    assert stops[2] == pytest.approx(stops[0], rel=1e-3)
+    ends = [
+        robot.simulate(
+            np.zeros(3), robot.home, np.zeros(3), [0, 0.6], rtol=tolerance, atol=tolerance
+        ).q[-1]
+        for tolerance in (1e-13, 1e-9, 1e-3)
+    ]
+    assert np.abs(ends[1] - ends[0]).max() < 1e-7
+    assert np.abs(ends[2] - ends[0]).max() < 1e-1
 
 
 def test_a_start_in_a_singularity_is_refused(robot):
