@@ -33,7 +33,9 @@ def add_to(commands: Commands) -> None:
     )
     add_robot(parser)
     add_input(parser, "motion", "motion")
-    add_output(parser, "LOADS.csv", "output file, .csv; - writes CSV")
+    add_output(
+        parser, "LOADS.csv", "table, .csv, or figure, .png, .svg or .pdf; - writes the table"
+    )
     add_strict(parser)
 
 
@@ -42,8 +44,13 @@ def _run(arguments: argparse.Namespace) -> int:
     motion = read_motion(robot, source)
     if refuses(robot, motion, arguments):
         return 1
-    loads = robot.loads(motion)
-    write({arguments.output: text_writer(loads.csv)}, arguments)
+    loads, output = robot.loads(motion), arguments.output
+    writer = text_writer(loads.csv)
+    if output.suffix.lower() in (".png", ".svg", ".pdf"):
+        from .. import plots  # needs the extra `plot`
+
+        writer = plots.figure_writer(plots.loads_page(loads), output)
+    write({output: writer}, arguments)
     forces = [row for row in loads.rows if row.kind == "force"]
     known = [row for row in forces if np.isfinite(row.peak)]
     told = f"{len(forces) - len(known)} of {len(forces)} forces are not unique"

@@ -9,6 +9,7 @@ except ImportError:
     raise MissingExtraError("matplotlib", "plot") from None
 
 from .frame_paths import frame_path
+from .load_bars import loads_page
 from .motions import (
     condition_number,
     energy_balance,
@@ -51,6 +52,7 @@ __all__ = [
     "frame_path",
     "joint_angles",
     "joint_rates",
+    "loads_page",
     "motion_page",
     "motor_torques",
     "paper_figures",
