@@ -75,6 +75,51 @@ def robots() -> Figure:
     return figure
 
 
+def bearings() -> Figure:
+    """Loads of the SST's bearings on the circle of the paper, its joints equally stiff."""
+    robot = SST()
+    motion = example_1(robot, np.linspace(0, PERIOD, 401))
+    soft = dict.fromkeys(robot.joint_names, [1e6] * 3 + [1e8] * 3)
+    return plots.loads_page(robot.loads(motion, stiffness=soft))
+
+
+def who_acts() -> Figure:
+    """Who acts on whom in a joint and in a closure, on a four-bar."""
+    points = {"crank": (0, 0), "coupler": (0.6, 1.4), "rocker": (3.2, 0), "tip": (2.9, 2.0)}
+    crank, coupler, rocker, tip = (np.array(p, dtype=float) for p in points.values())
+    with plots.style():
+        figure = Figure(figsize=(7, 3.2), layout="constrained")
+        ax = figure.add_subplot()
+        for start, end, name, side in (
+            (crank, coupler, "crank", (-0.32, 0.0)),
+            (coupler, tip, "coupler", (0.0, 0.2)),
+            (rocker, tip, "rocker", (0.35, 0.0)),
+        ):
+            ax.plot(*np.transpose([start, end]), color="0.75", linewidth=9, solid_capstyle="round")
+            ax.text(*((start + end) / 2 + side), name, ha="center", va="center", style="italic")
+        ax.plot([-0.8, 4.0], [-0.12, -0.12], color="0.4", linewidth=2)
+        ax.text(1.6, -0.32, "ground", ha="center", va="center", style="italic")
+        for at, way, text, place in (
+            (crank, (-0.35, 0.55), "ground on crank:\nw.of('crank')", (-1.55, 0.75)),
+            (coupler, (0.7, -0.45), "crank on coupler:\nw.of('coupler')", (1.0, 0.72)),
+            (rocker, (0.3, 0.6), "ground on rocker:\nw.of('rocker')", (3.7, 0.75)),
+            (
+                tip,
+                (0.75, 0.1),
+                "closure, frame A on the coupler, B on the rocker:\n"
+                "coupler on rocker: w.of('coupler_pin - rocker_pin')",
+                (3.75, 2.1),
+            ),
+        ):
+            arrow = {"arrowstyle": "-|>", "color": plots.COLOURS[1], "linewidth": 1.8}
+            ax.annotate("", at + way, at, arrowprops=arrow)
+            ax.plot(*at, "o", color="white", markeredgecolor="black", zorder=3)
+            ax.text(*place, text, va="center", fontsize=8)
+        ax.set(xlim=(-1.7, 6.6), ylim=(-0.5, 2.5), aspect="equal")
+        ax.set_axis_off()
+    return figure
+
+
 def _draw_bodies(axes: Any, chain: gallery.GalleryRobot) -> None:
     model, data = chain.model, chain.model.createData()
     pin.forwardKinematics(model, data, chain.home)
@@ -108,7 +153,9 @@ def _mesh(shape: coal.ShapeBase) -> Mesh:
     return square._replace(vertices=square.vertices @ turn.T * (x, y, 1))
 
 
-PICTURES = {f.__name__: f for f in (robot, summary, workspace, workspace_75, robots)}
+PICTURES = {
+    f.__name__: f for f in (robot, summary, workspace, workspace_75, robots, bearings, who_acts)
+}
 
 
 def write_small(figure: Figure) -> Any:
