@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -24,7 +25,7 @@ from ..arrays import (
 )
 from ..errors import DescriptionError, InputError, MissingExtraError
 from ..summaries import as_html, as_text, listed
-from . import derivatives, dispatch, dynamics, reactions, redundancy
+from . import derivatives, dispatch, dynamics, reactions, redundancy, regressor
 from .appearance import Appearance, appearance_of
 from .assembly import home_of
 from .assignments import require_assignable
@@ -133,7 +134,7 @@ class ClosedChain:
             "spring_reference": spring_reference,
         }
         self._model = without_locked(model, locked) if locked else model
-        self._recipe: Callable[[pin.Model], Mechanism] = partial(
+        self._recipe: partial[Mechanism] = partial(
             mechanism_of,
             closures=closures_of(closures),
             motors=actuated,
@@ -966,6 +967,82 @@ class ClosedChain:
         how: dict[str, Any] = {"threads": threads, "on_error": on_error}
         rows = dispatch.computed(self._current, Key("reduced_terms"), q, va=va, **how)
         return dynamics.ReducedTerms.of_rows(rows, self.degrees_of_freedom)
+
+    # --- parameters -------------------------------------------------------------------------
+
+    @property
+    def dynamic_parameters(self) -> regressor.DynamicParameters:
+        """The parameters of bodies, joints, lines and motors, with their names.
+
+        Generalized forces are linear in them: `torque_regressor` has a column for each.
+
+        Example:
+            >>> chain.dynamic_parameters["coupler.mass"]
+            1.0
+        """
+        return regressor.parameters_of(self.mechanism)
+
+    def torque_regressor(
+        self,
+        q: ArrayLike,
+        va: ArrayLike,
+        aa: ArrayLike,
+        *,
+        out: Array | None = None,
+        threads: int = 1,
+        on_error: str = "raise",
+    ) -> Array:
+        """Regressor of `generalized_forces`: f = Y theta, theta the `dynamic_parameters`.
+
+        The references of springs and the rest lengths of lines are those of this robot. Columns of
+        torque offsets give what measured torques of the motors have too much, as forces along the
+        coordinates. docs/identification.md lists the columns.
+
+        Returns:
+            Y, shape (..., n, p).
+
+        Raises:
+            InputError, ClosureError, SingularConfigurationError: As `compute_torques`.
+
+        Example:
+            >>> Y = chain.torque_regressor(chain.home, [1], [2])
+            >>> f = chain.generalized_forces(chain.home, [1], [2])
+            >>> bool(np.allclose(Y @ chain.dynamic_parameters, f))
+            True
+        """
+        how: dict[str, Any] = {"out": out, "threads": threads, "on_error": on_error}
+        return dispatch.computed(self._current, Key("torque_regressor"), q, va=va, aa=aa, **how)
+
+    def with_parameters(self: _Chain, theta: ArrayLike | Mapping[str, float]) -> _Chain:
+        """A new robot with other dynamic parameters.
+
+        Masses and inertias go into its `model`, friction and rotors too; this robot stays as it is.
+
+        Args:
+            theta: All `dynamic_parameters`, shape (p,), or some of them by name.
+
+        Returns:
+            A robot of the same class, computed by the same path.
+
+        Raises:
+            InputError: For a wrong shape, a number that is not finite, or what no chain has: a
+                first moment without mass, an offset of a joint without a spring, an offset of a
+                motor, a negative stiffness or damping of a line.
+            UnknownNameError: For an unknown name.
+            DescriptionError: For a spring that no joint can have.
+
+        Example:
+            >>> slower = chain.with_parameters({"crank.viscous": 0.5})
+            >>> slower.compute_torques(chain.home, [1], [0]).round(3)
+            array([0.666])
+        """
+        current = self._current
+        model, numbers, forces = regressor.changed(current.mechanism, theta)
+        robot = copy(self)
+        robot._model = model
+        robot._recipe = partial(self._recipe, numbers=numbers, forces=forces)
+        robot._current = Current(robot._mechanism_of_model(), current.kernels)
+        return robot
 
     # --- derivatives ------------------------------------------------------------------------
 

@@ -21,7 +21,7 @@ from ..arrays import (
     whole_number,
 )
 from ..errors import InputError
-from . import reactions
+from . import reactions, regressor
 from .backend import Indices, Key
 from .current import Current
 from .derivatives import AccelerationDerivatives, TorqueDerivatives
@@ -42,6 +42,8 @@ _LOADABLE |= {name for name, _ in _NAMES.values()}
 
 def _shape(quantity: str, mechanism: Mechanism) -> tuple[int, ...]:
     """Shape of a quantity of one sample."""
+    if quantity == "torque_regressor":
+        return len(mechanism.coordinates), regressor.size_of(mechanism)
     n, (nv, motors) = len(mechanism.coordinates), mechanism.motors.shape
     shapes: dict[str, tuple[int, ...]] = {
         "torques": (motors,),

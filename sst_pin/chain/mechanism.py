@@ -152,6 +152,15 @@ class Mechanism:
         return np.eye(self.model.nv)[self.coordinates]
 
     @cached_property
+    def sprung(self) -> NDArray[np.intp]:
+        """Rates at which a spring is possible, as `Springs.check` says."""
+        rates: set[int] = set()  # mimic joints share theirs
+        for joint in list(self.model.joints)[1:]:
+            if joint.nv in (1, joint.nq) or joint.shortname() == "JointModelSpherical":
+                rates.update(range(joint.idx_v, joint.idx_v + joint.nv))
+        return np.array(sorted(rates), dtype=np.intp)
+
+    @cached_property
     def driven(self) -> NDArray[np.intp]:
         """Indices in v of the rates that motors act on, motor after motor."""
         columns = (np.flatnonzero(column) for column in self.motors.T)

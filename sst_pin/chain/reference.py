@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from ..arrays import finite_array
 from ..errors import ActuationError, InputError, SSTError
-from . import dynamics, reactions
+from . import dynamics, reactions, regressor
 from .backend import Key, Motions, NoKernel
 from .continuity import Continuity, Way
 from .derivatives import Derivatives
@@ -169,6 +169,11 @@ class Reference:
         gravity = terms.gravity + terms.springs
         matrices = terms.inertia.ravel(), terms.coriolis.ravel()
         return np.concatenate([*matrices, gravity, terms.friction])
+
+    @_finite
+    def torque_regressor(self, q: Array, va: Array, aa: Array) -> Array:
+        """Y, shape (n, p): f = Y theta."""
+        return regressor.torque_regressor(self.workspace, q, va, aa)
 
     @_finite
     def torque_derivatives(

@@ -26,6 +26,7 @@ from ..chain.closures import Closure, Distance, Rolling
 from ..chain.coordinates import examples
 from ..chain.mechanism import Friction, Mechanism
 from ..chain.reference import Reference
+from ..chain.regressor import with_springs
 from ..chain.tree import frame_named
 from ..errors import (
     ActuationError,
@@ -52,6 +53,8 @@ Array = NDArray[np.float64]
 FIRST = (Key("torques"), Key("accelerations"))
 #: Derivatives of the dynamics.
 DERIVATIVES = (Key("torque_derivatives"), Key("acceleration_derivatives"))
+#: Its kernel has all masses, frictions, rotors and springs as open numbers.
+REGRESSOR = Key("torque_regressor")
 #: Quantities whose friction is smooth.
 _SMOOTH = [key.quantity for key in DERIVATIVES]
 #: Kernels with variants for external wrenches.
@@ -66,6 +69,7 @@ EVERY = (
     Key("reduced_terms"),
     Key("closing"),
     Key("displacement_rates"),
+    REGRESSOR,
 )
 #: Directions side by side are computed in at most so many passes.
 _TIMES = 2
@@ -84,7 +88,7 @@ _WITHOUT_MATRICES = (
 )
 #: Of coordinates squared times rates, up to which inertia matrices are written out.
 _LARGEST = 100_000
-#: The same limit for derivatives.
+#: The same limit for derivatives and the regressor.
 _LARGEST_DERIVATIVES = 10_000
 #: Kernels of derivatives that are kept, one for each width within which friction is smooth.
 _WIDTHS = 16
@@ -181,6 +185,10 @@ class CompiledBackend:
     # --- inside -----------------------------------------------------------------------------
 
     @cached_property
+    def _all_numbers(self) -> OpenNumbers:
+        return OpenNumbers(with_springs(self._mechanism), complete=True)
+
+    @cached_property
     def _content(self) -> bytes:
         """All that the kernels are made from."""
         content, near = _content(self._mechanism, self._parameters), self._near
@@ -222,6 +230,8 @@ class CompiledBackend:
         if key.sign_width is not None:
             friction = replace(self._mechanism.friction, sign_width=key.sign_width)
         numbers = self._numbers
+        if key == REGRESSOR:
+            numbers = self._all_numbers.pack(self._mechanism, self._mechanism.friction)
         if friction is not None:
             numbers = self._parameters.pack(self._mechanism, friction)
         if inertial:
@@ -303,6 +313,10 @@ class CompiledBackend:
     def _equations_of(self, key: Key) -> Equations:
         from .equations import Equations
 
+        if key == REGRESSOR:
+            samples = sample_configurations(self._reference, self._near)
+            mechanism = with_springs(self._mechanism)
+            return Equations(mechanism, samples, parameters=self._all_numbers)
         kind = key.loaded, key.quantity in _SMOOTH, key.quantity != "reactions"
         if kind not in self._equations:
             samples = sample_configurations(self._reference, self._near)
@@ -331,7 +345,8 @@ def impossible(mechanism: Mechanism, quantity: str) -> str:
         return f"fewer motors ({motors}) than coordinates ({n})"
     if quantity not in _WITHOUT_MATRICES and _too_large(mechanism):
         return f"{n} coordinates of {nv} rates are too many for matrices to be written out"
-    if quantity in _SMOOTH and n * n * nv > _LARGEST_DERIVATIVES:
+    large = quantity in _SMOOTH or quantity == REGRESSOR.quantity
+    if large and n * n * nv > _LARGEST_DERIVATIVES:
         return f"{n} coordinates of {nv} rates are too many for derivatives to be written out"
     return ""
 

@@ -17,6 +17,7 @@ from .equations import Equations
 from .frame_kernels import OF_FRAMES
 from .joint_wrenches import reactions
 from .kernel_checks import Checks
+from .regressor_columns import torque_regressor
 from .symbols import Sparse, add, definite
 
 
@@ -208,6 +209,7 @@ KERNELS: dict[str, Callable[[Equations, Checks], _Made]] = {
     "acceleration_derivatives": _acceleration_derivatives,
     "displacement_rates": _displacement_rates,
     "reduced_terms": _reduced_terms,
+    "torque_regressor": torque_regressor,
     "rates": _rates,
     "reactions": reactions,
     "actuator_jacobian": _actuator_jacobian,

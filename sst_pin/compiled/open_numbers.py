@@ -29,6 +29,17 @@ LINE = 4
 #: Index of the rate within which friction is tanh instead of sign.
 SIGN_WIDTH = 3
 _JOINT = ("armature", "viscous", "coulomb", "stiffness", "spring_reference")
+#: Second moments xx, xy, xz, yy, yz, zz from inertias xx, xy, yy, xz, yz, zz.
+_SECOND = np.array(
+    [
+        [-0.5, 0, 0.5, 0, 0, 0.5],
+        [0, -1, 0, 0, 0, 0],
+        [0, 0, 0, -1, 0, 0],
+        [0.5, 0, -0.5, 0, 0, 0.5],
+        [0, 0, 0, 0, -1, 0],
+        [0.5, 0, 0.5, 0, 0, -0.5],
+    ]
+)
 
 
 class OpenNumbers:
@@ -74,9 +85,7 @@ class OpenNumbers:
         for i in self.bodies:
             body = model.inertias[i]
             about_origin = body.toDynamicParameters()
-            xx, xy, yy, xz, yz, zz = about_origin[4:]
-            half = (xx + yy + zz) / 2
-            parts += [about_origin[:4], [half - xx, -xy, -xz, half - yy, -yz, half - zz]]
+            parts += [about_origin[:4], _SECOND.dot(about_origin[4:])]
         parts += [values[name][list(self.joints[name])] for name in _JOINT]
         parts.append(mechanism.lines.numbers.T.ravel())
         for name in self.rotated:
@@ -86,6 +95,20 @@ class OpenNumbers:
                 placement = frame_named(model, name).placement
             parts.append(placement.rotation.ravel())
         return np.concatenate(parts)
+
+    def by_parameters(self) -> list[Array]:
+        """Derivatives by the dynamic parameters of bodies, rates (offsets left out) and lines."""
+        own = np.eye(self.size)
+        first, count = 4, BODY * len(self.bodies)
+        bodies = own[:, first : first + count].reshape(self.size, -1, BODY).copy()
+        bodies[..., 4:] = bodies[..., 4:] @ _SECOND
+        blocks = [bodies.reshape(self.size, count)]
+        for name in ("viscous", "coulomb", "armature", "stiffness"):
+            blocks.append(own[:, self._starts[name] :][:, : len(self.joints[name])])
+        start, count = self._lines
+        of_lines = own[:, start : start + LINE * count].reshape(self.size, -1, LINE)
+        blocks.append(of_lines[..., [0, 2, 3]].reshape(self.size, -1))
+        return blocks
 
     def inertial(self, numbers: Array) -> Array:
         """The numbers without weights, springs and forces along lines."""

@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""f = Y theta: the regressor, the parameters, and robots with other parameters."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from numpy.testing import assert_allclose
+
+import any_chain
+import sst_pin
+from any_chain import states
+from sst_pin import ClosedChain, InputError, LineForce, UnknownNameError, robots
+
+GALLERY = [name for name in robots.__all__ if name[0].islower()]
+KINDS = {
+    "cart": any_chain.cart,
+    "composite": lambda: any_chain.with_joint("composite"),
+    "mimic": lambda: any_chain.mimicking("3d"),
+    "rods": any_chain.rods,
+    "coupled": any_chain.coupled,
+    "rolling": lambda: any_chain.rolling(ball=True),
+    "sprung ball": lambda: any_chain.sprung("spherical"),
+    "free-flyer": lambda: any_chain.with_joint("free-flyer"),
+}
+
+
+def drawn(chain, seed=0):
+    """The same chain with random masses, inertias, friction, rotors, springs and lines."""
+    random, theta = np.random.default_rng(seed), chain.dynamic_parameters
+    values = np.asarray(theta)
+    for k, name in enumerate(theta.names):
+        word = name.rpartition(".")[2]
+        if word in ("viscous", "coulomb", "armature", "stiffness", "damping", "preload"):
+            values[k] = random.uniform(0.1, 1)
+        elif not word.endswith("offset"):
+            values[k] += random.uniform(0.1, 0.2)
+    for joint in list(chain.model.joints)[1:]:
+        if joint.shortname() == "JointModelSpherical":  # alike in all directions
+            name = chain.mechanism.space.rate_names
+            here = [theta.names.index(f"{name[joint.idx_v + i]}.stiffness") for i in range(3)]
+            values[here] = values[here[0]]
+    return chain.with_parameters(values), values
+
+
+def with_lines():
+    """A four-bar with two lines, one of them also a motor."""
+    model = pin.Model(robots.four_bar().model)
+    place = pin.SE3(np.eye(3), np.array([-0.3, 0.1, 0.3]))
+    model.addFrame(pin.Frame("wall", 0, place, pin.FrameType.OP_FRAME))
+    lines = [
+        LineForce("wall", "platform", name="gas", stiffness=60, rest_length=0.4, damping=5),
+        LineForce("rocker_pin", "wall", stiffness=300, rest_length=0.1, preload=-9),
+    ]
+    closures = robots.four_bar().closures
+    return ClosedChain(model, closures, ["gas", {"rocker": 0.3}], forces=lines)
+
+
+def assert_linear(chain, theta, motions):
+    """Y theta is what the chain computes, to 1e-11 of the largest force."""
+    f, Y = chain.generalized_forces(*motions), chain.torque_regressor(*motions)
+    assert Y.shape == (*f.shape, len(theta))
+    assert_allclose(Y @ theta, f, rtol=0, atol=1e-11 * np.abs(f).max())
+
+
+@pytest.mark.parametrize("name", ["sst", *GALLERY])
+def test_forces_of_the_gallery_are_linear_in_the_parameters(name):
+    chain, theta = drawn(sst_pin.SST() if name == "sst" else getattr(robots, name)())
+    assert_allclose(chain.dynamic_parameters, theta, rtol=1e-12, atol=1e-13)
+    motions = states(chain, 2, 1)
+    assert_linear(chain, chain.dynamic_parameters, motions)
+    assert_linear(chain, theta, motions)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_forces_are_linear_for_every_kind_of_joint_and_closure(kind):
+    chain, theta = drawn(KINDS[kind]())
+    assert_linear(chain, theta, states(chain, 2, 1))
+
+
+def test_columns_are_what_a_change_of_one_parameter_does():
+    chain, theta = drawn(with_lines())
+    motions = states(chain, 2, 1)
+    f, Y = chain.generalized_forces(*motions), chain.torque_regressor(*motions)
+    for k, name in enumerate(chain.dynamic_parameters.names):
+        if not name.endswith("torque_offset"):
+            other = chain.with_parameters({name: theta[k] + 1.0})
+            # The forces are some hundred newtons, their differences lose as much.
+            assert_allclose(other.generalized_forces(*motions) - f, Y[..., k], atol=1e-11)
+    assert_allclose(Y[..., -2:], chain.actuator_jacobian(motions[0]).swapaxes(-1, -2), atol=1e-14)
+
+
+def test_columns_of_bodies_are_those_of_pinocchio():
+    model = pin.buildSampleModelManipulator()
+    chain = ClosedChain(model, [], list(model.names)[1:])
+    q, va, aa = (x[0] for x in states(chain, 1, 3))
+    data = model.createData()
+    theirs = pin.computeJointTorqueRegressor(model, data, q, va, aa)
+    ours = chain.torque_regressor(q, va, aa)[:, : theirs.shape[1]]
+    assert_allclose(ours, theirs, atol=1e-12 * np.abs(theirs).max())
+
+
+def test_the_offset_of_a_spring_moves_its_reference():
+    chain = any_chain.sprung("RY")
+    motions = states(chain, 2, 1)
+    f, Y = chain.generalized_forces(*motions), chain.torque_regressor(*motions)
+    names = chain.dynamic_parameters.names
+    pushed = chain.with_parameters({"arm_2.offset": 3.0})
+    column = Y[..., names.index("arm_2.offset")]
+    assert_allclose(pushed.generalized_forces(*motions), f + 3 * column, atol=1e-11)
+
+
+def test_a_robot_with_other_parameters_leaves_the_first_as_it_was():
+    robot = sst_pin.SST()
+    before = np.array(robot.dynamic_parameters)
+    heavier = robot.with_parameters({"beta_1.mass": 2.0, "mu_1.viscous": 0.3})
+    assert isinstance(heavier, sst_pin.SST)
+    assert heavier.path == robot.path
+    assert_allclose(robot.dynamic_parameters, before, rtol=0)
+    assert heavier.dynamic_parameters["beta_1.mass"] == 2.0
+    assert heavier.friction.viscous[list(heavier.joint_names).index("mu_1")] == 0.3
+    heavier.refresh()
+    assert heavier.dynamic_parameters["mu_1.viscous"] == 0.3
+
+
+@pytest.mark.parametrize(
+    ("theta", "error", "words"),
+    [
+        ([1.0], InputError, "theta"),
+        (np.full(46, np.nan), InputError, "theta"),
+        ({"crank.weight": 1.0}, UnknownNameError, "crank.weight"),
+        ({"crank.mass": np.inf}, InputError, "crank.mass"),
+        ({"crank.torque_offset": 1.0}, InputError, "torque offsets"),
+        ({"crank.offset": 1.0}, InputError, "springs with stiffness"),
+        ({"crank.mass": 0.0, "crank.mx": 1.0}, InputError, "no mass"),
+    ],
+)
+def test_parameters_that_no_chain_has_are_refused(theta, error, words):
+    with pytest.raises(error, match=words):
+        robots.four_bar().with_parameters(theta)
+
+
+def test_arguments_are_checked_as_in_other_calls():
+    chain = robots.four_bar()
+    q, va, aa = states(chain, 3, 0)
+    out = np.zeros((3, 1, 46))
+    assert chain.torque_regressor(q, va, aa, out=out, threads=2) is out
+    assert_allclose(out[1], chain.torque_regressor(q[1], va[1], aa[1]), atol=1e-14)
+    open_loops = q.copy()
+    open_loops[1, 0] += 0.1
+    with pytest.raises(sst_pin.ClosureError):
+        chain.torque_regressor(open_loops, va, aa)
+    Y = chain.torque_regressor(open_loops, va, aa, on_error="nan")
+    assert np.isnan(Y[1]).all()
+    assert np.array_equal(Y[[0, 2]], out[[0, 2]])
+    with pytest.raises(InputError, match="va"):
+        chain.torque_regressor(q, va[:, :0], aa)
