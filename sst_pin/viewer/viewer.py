@@ -68,7 +68,8 @@ class Viewer:
             unique.
 
     Raises:
-        UnknownNameError: For an unknown frame.
+        UnknownNameError: For an unknown frame, or a stiffness of an unknown joint.
+        InputError: For reactions that are neither.
         DescriptionError: When a shape's file cannot be read.
         MissingExtraError: Without Meshcat.
 
@@ -87,6 +88,8 @@ class Viewer:
         frame: str | None = None,
         reactions: bool | Mapping[str, ArrayLike] = False,
     ) -> None:
+        if not isinstance(reactions, bool | Mapping):
+            raise InputError("reactions", f"{reactions!r} is no bool and no dict of stiffnesses")
         self._loaded = reactions is not False
         self._stiffness = None if isinstance(reactions, bool) else reactions
         self._scene = Scene(

@@ -62,7 +62,7 @@ def test_forces_that_are_not_unique_are_named_and_drawn_with_stiffnesses_only():
     assert "reactions" not in Viewer(robot)._panel["layers"]
 
 
-@pytest.mark.parametrize("reactions", ["yes", 1, {"crank": [1, 2]}])
+@pytest.mark.parametrize("reactions", ["yes", 1, None, {"crank": [1, 2]}])
 def test_what_is_no_switch_and_no_stiffness_is_refused(reactions):
     with pytest.raises(sst_pin.InputError, match="stiffness"):
         Viewer(robots.four_bar(), reactions=reactions)
