@@ -203,11 +203,11 @@ class Reference:
         wrenches: Array | None,
         compliances: Array | None = None,
     ) -> Array:
-        """Wrenches of joints, closures and ground, what is not unique, and torques, in a row."""
+        """Wrenches of joints, closures and ground, torques, and codes of verdicts, in a row."""
         row = reactions.reactions(self.workspace, q, va, aa, tau, wrenches, compliances)
-        torques = row[-self.mechanism.motors.shape[1] :]
+        n = len(reactions.names_of(self.mechanism))
         names = "q", "va", "aa", "tau", "external_wrenches"
-        _require_finite(torques, names, (q, va, aa, tau, wrenches))
+        _require_finite(row[6 * n : -n], names, (q, va, aa, tau, wrenches))  # ground and torques
         return row
 
     @_finite

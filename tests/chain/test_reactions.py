@@ -326,6 +326,15 @@ def test_a_batch_is_its_samples_and_may_leave_the_bad_out():
         chain.reactions(q, va)
 
 
+@pytest.mark.parametrize("name", ["va", "aa", "external_wrenches"])
+def test_a_number_that_is_none_is_named_and_not_taken_for_what_is_not_unique(name):
+    chain = robots.four_bar()
+    good = {"va": np.ones(1), "aa": np.ones(1), "external_wrenches": np.ones((3, 6))}
+    good[name].flat[0] = np.nan
+    with pytest.raises(sst_pin.InputError, match=f"{name}: .*nan"):
+        chain.reactions(chain.home, **good)
+
+
 def door():
     """A door on two hinges one above the other, its weight along their common axis."""
     model = pin.Model()

@@ -321,7 +321,7 @@ SKIPPED = {"casadi", "jax", "compile", "show", "from_urdf", "from_mjcf", "refres
 #: Methods of one sample.
 SINGLE = {
     "noc", "Phi", "Phi_dot", "assemble", "mobility", "simulate", "forward_kinematics", "rollout",
-    "check", "trajectory", "loads",
+    "check", "trajectory", "loads", "with_coordinates", "with_parameters",
 }  # fmt: skip
 
 
@@ -352,12 +352,14 @@ def _of_robots(w: World) -> Iterator[Subject]:
     one |= {
         "torque": one["tau"], "q0": q[0], "va0": va[0], "t": np.linspace(0, 0.002, 3), "dt": 1e-3,
         "gamma": q[0, ::3], "near": q[0], "frame": "star_1", "motion": w.motion,
+        "coordinates": w.robot.coordinates, "theta": w.reference.dynamic_parameters,
     }  # fmt: skip
     q, va, aa, tau = w.chain_state
     chain = {
         "q": q, "va": va, "aa": aa, "tau": tau, "q_dot": 0 * q, "torque": tau, "q0": q, "va0": va,
         "t": one["t"], "dt": 1e-3, "frame": "B", "external_wrenches": np.ones((3, 6)),
-        "motion": w.motion_of_another,
+        "motion": w.motion_of_another, "coordinates": w.chain.coordinates,
+        "theta": w.chain.dynamic_parameters,
         "weights": np.ones(1),
     }  # fmt: skip
     for name, robot, examples in (
