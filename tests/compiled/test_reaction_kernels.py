@@ -53,3 +53,25 @@ def test_kernels_give_the_reactions_of_the_reference_path(name, loaded):
 def samples(q, va, aa, tau, loads):
     load = loads.get("external_wrenches", [None] * len(q))
     return zip(q, va, aa, tau, load, strict=True)
+
+
+@pytest.mark.slow
+def test_batches_are_their_samples_in_any_array_and_with_any_number_of_threads():
+    chain = robots.bennett()
+    plain = list(any_chain.states(chain, 6, 1))
+    wanted = chain.reactions(*plain)
+    chain.compile()
+    numbers = 7 * 4 + 6 + 1
+    room = np.zeros((12, 2 * numbers))
+    w = chain.reactions(*plain, out=room[::2, ::2])
+    assert np.shares_memory(w.joints, room)
+    many = chain.reactions(*(np.tile(x, (2, 500, 1)) for x in plain), threads=2)
+    for found in (w.joints, many.joints[1, -6:], many.joints[0, :6]):
+        assert found == pytest.approx(wanted.joints, abs=1e-11, nan_ok=True)
+    assert np.array_equal(many.determined.joints[1, -6:], wanted.determined.joints)
+    plain[0][2] += 0.3
+    w = chain.reactions(*plain, on_error="nan")
+    assert np.isnan(w.joints[2]).all()
+    assert not w.determined.joints[2].any()
+    assert w.joints[3] == pytest.approx(wanted.joints[3], abs=1e-11, nan_ok=True)
+    assert chain.reactions(*(x[:0] for x in plain)).determined.joints.shape == (0, 3, 6)
