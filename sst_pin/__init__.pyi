@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 # The public names. `__init__.py` reads this list, and so do editors and type checkers.
 
+from . import identification as identification
 from . import plots as plots
 from . import robots as robots
 from . import viewer as viewer

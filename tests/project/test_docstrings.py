@@ -31,6 +31,8 @@ def public():
     for name in sst_pin.robots.__all__:
         if inspect.isfunction(getattr(sst_pin.robots, name)):
             yield f"robots.{name}", getattr(sst_pin.robots, name)
+    for name in sst_pin.identification.__all__:
+        yield f"identification.{name}", getattr(sst_pin.identification, name)
     owners = [*(getattr(sst_pin, name) for name in CLASSES), sst_pin.robots.GalleryRobot]
     for owner in owners:
         for name, member in vars(owner).items():

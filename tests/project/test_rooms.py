@@ -22,7 +22,7 @@ ROWS = (
     {"arrays", "extensions", "files", "summaries"},
     {"chain"},
     {"motion", "compiled", "robots"},
-    {"reading", "control"},
+    {"reading", "control", "identification"},
     {"validation"},
     {"description"},
     {"sst"},

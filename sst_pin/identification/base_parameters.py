@@ -1,0 +1,216 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Base parameters: the combinations of dynamic parameters that forces depend on.
+
+Columns of the regressor at random states are taken one after the other; those that depend on the
+columns before are combined with them (M. Gautier, Numerical calculation of the base inertial
+parameters of robots, J. Robotic Systems 8, 1991).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
+
+from ..arrays import whole_number
+from ..chain.closed_chain import ClosedChain
+from ..chain.regressor import OF_BODY
+from ..errors import ClosureError, InputError, UnknownNameError
+from ..summaries import as_html, as_text, listed
+
+Array = NDArray[np.float64]
+Motion = tuple[ArrayLike, ArrayLike, ArrayLike]
+
+#: A column whose part that the others do not explain is smaller, relative to it, depends on them.
+_DEPENDENT = 1e-9
+#: States for each unknown force, so that chance makes no column depend on others.
+_ROWS = 2.5
+#: Largest condition number of a random configuration.
+_REGULAR = 1e2
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class BaseParameters:
+    """The b combinations of p dynamic parameters that can be identified.
+
+    For the parameters considered, Y theta = Y[..., columns] @ (matrix @ theta).
+
+    Attributes:
+        names: Each combination, such as "crank.ixx + 0.25 coupler.mass".
+        matrix: Their coefficients, shape (b, p); zero for parameters that are not considered.
+        columns: Columns of the regressor, one for each combination, shape (b,).
+        considered: Indices of the parameters considered.
+        unseen: Names of the parameters considered that change no force.
+
+    Example:
+        >>> chain = sst_pin.robots.four_bar()
+        >>> base = sst_pin.identification.base_parameters(chain)
+        >>> bool(np.allclose(base.matrix[:, base.columns], np.eye(len(base))))
+        True
+    """
+
+    names: tuple[str, ...]
+    matrix: Array
+    columns: NDArray[np.intp]
+    considered: NDArray[np.intp]
+    unseen: tuple[str, ...]
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def __repr__(self) -> str:
+        return as_text(*self._summary())
+
+    def _repr_html_(self) -> str:
+        return as_html(*self._summary())
+
+    def _summary(self) -> tuple[str, list[tuple[str, str]]]:
+        """All combinations, and what no motion shows."""
+        rows = [(str(k), name) for k, name in enumerate(self.names, 1)]
+        rows += [("unseen", listed(self.unseen, 12))] if self.unseen else []
+        return f"{len(self)} base parameters of {len(self.considered)} parameters", rows
+
+
+def base_parameters(
+    chain: ClosedChain,
+    which: Sequence[str] | None = None,
+    *,
+    motion: Motion | None = None,
+    seed: int = 0,
+) -> BaseParameters:
+    """The combinations of dynamic parameters that the forces of a chain depend on.
+
+    Args:
+        chain: The robot.
+        which: The parameters considered: names, or patterns such as "*.viscous" and "crank.*". By
+            default those of all bodies, and all others that are not zero.
+        motion: q, va, aa of many samples; the combinations are those that this motion shows. By
+            default random assembled states: what any motion can show.
+        seed: Seed of these.
+
+    Returns:
+        The combinations, in the order of the parameters; a parameter that depends on others is
+        combined with parameters before it.
+
+    Raises:
+        UnknownNameError: For a name or pattern that fits no parameter.
+        InputError: If the motion has fewer equations than base parameters could be.
+        ClosureError: If no configurations can be assembled.
+
+    Example:
+        >>> base = sst_pin.identification.base_parameters(sst_pin.robots.five_bar())
+        >>> len(base), base.names[3]
+        (7, 'elbow_1.izz + elbow_2.izz')
+    """
+    theta = chain.dynamic_parameters
+    considered = _considered(theta.names, np.asarray(theta), which)
+    if motion is None:
+        count = int(_ROWS * len(considered) / chain.degrees_of_freedom) + 10
+        motion = random_states(chain, count, seed)
+    Y = chain.torque_regressor(*motion)[..., considered]
+    rows = Y.reshape(-1, len(considered))
+    lengths = np.linalg.norm(rows, axis=1, keepdims=True)
+    rows = rows / np.where(lengths, lengths, 1)  # large forces must not hide small ones
+    if len(rows) < len(considered):
+        raise InputError(
+            "motion", f"{len(rows)} equations for {len(considered)} parameters; give more samples"
+        )
+    sizes = np.linalg.norm(rows, axis=0)
+    seen = np.flatnonzero(sizes > _DEPENDENT * sizes.max(initial=0.0))
+    scaled = rows[:, seen] / sizes[seen]
+    pivots = np.abs(np.diag(np.linalg.qr(scaled, mode="r")))
+    first = pivots > _DEPENDENT
+    factors = np.linalg.lstsq(scaled[:, first], scaled, rcond=None)[0]
+    factors *= sizes[seen] / sizes[seen[first], None]
+    matrix = np.zeros((int(first.sum()), len(theta)))
+    matrix[:, considered[seen]] = _clean(factors, sizes[seen] / sizes[seen[first], None])
+    hidden = np.setdiff1d(np.arange(len(considered)), seen)
+    return BaseParameters(
+        tuple(_combination(row, theta.names) for row in matrix),
+        matrix,
+        considered[seen[first]],
+        considered,
+        tuple(theta.names[k] for k in considered[hidden]),
+    )
+
+
+def random_states(chain: ClosedChain, count: int, seed: int = 0) -> tuple[Array, Array, Array]:
+    """q, va, aa at random assembled configurations, away from singularities.
+
+    Rates and accelerations are those at which weights and inertia matter alike.
+
+    Args:
+        chain: The robot.
+        count: Number of states.
+        seed: Seed of the random numbers.
+
+    Returns:
+        Arrays of shapes (count, nq), (count, n), (count, n).
+
+    Raises:
+        ClosureError: If too few configurations can be assembled.
+
+    Example:
+        >>> chain = sst_pin.robots.four_bar()
+        >>> q, va, aa = sst_pin.identification.random_states(chain, 5)
+        >>> q.shape, va.shape
+        ((5, 3), (5, 1))
+    """
+    random, mechanism = np.random.default_rng(seed), chain.mechanism
+    model, count = mechanism.model, whole_number("count", count, 1)
+    generic, found = chain.generic_configuration(), list[Array]()
+    for _ in range(20 * count):
+        step = 0.3 * random.normal(size=model.nv) * mechanism.rate_scale
+        try:
+            q = chain.assemble(pin.integrate(model, generic, step), fixed=())
+        except ClosureError:
+            continue
+        if chain.condition_number(q) < _REGULAR:
+            found.append(q)
+        if len(found) == count:
+            break
+    else:
+        raise ClosureError(
+            f"only {len(found)} of {count} random configurations could be assembled; give motion=",
+            float("inf"),
+        )
+    units = mechanism.rate_scale[mechanism.coordinates]
+    va, aa = random.normal(size=(2, count, len(units))) * units
+    faster = 9.81 / mechanism.length
+    return np.array(found), va * np.sqrt(faster), aa * faster
+
+
+def _considered(
+    names: Sequence[str], values: Array, which: Sequence[str] | None
+) -> NDArray[np.intp]:
+    """Indices of the parameters that are meant."""
+    if which is None:
+        of_bodies = np.array([name.rpartition(".")[2] in OF_BODY for name in names])
+        return np.flatnonzero(of_bodies | (values != 0))
+    patterns = [which] if isinstance(which, str) else list(which)
+    found: set[int] = set()
+    for pattern in patterns:
+        fits = {k for k, name in enumerate(names) if fnmatchcase(name, pattern)}
+        if not fits:
+            raise UnknownNameError("parameter", pattern, list(names))
+        found |= fits
+    return np.array(sorted(found), dtype=np.intp)
+
+
+def _clean(factors: Array, units: Array) -> Array:
+    """Factors without those that are rounding, in the units of the columns."""
+    return np.where(np.abs(factors) > _DEPENDENT * units, factors, 0.0)
+
+
+def _combination(row: Array, names: Sequence[str]) -> str:
+    """A sum of parameters with their factors as text."""
+    text = ""
+    for k in np.flatnonzero(row).tolist():
+        size = "" if abs(abs(row[k]) - 1) < _DEPENDENT else f"{abs(row[k]):.4g} "
+        sign = ("- " if row[k] < 0 else "+ ") if text else ("-" if row[k] < 0 else "")
+        text += f"{' ' if text else ''}{sign}{size}{names[k]}"
+    return text
