@@ -39,11 +39,15 @@ class Controller:
     ) -> None:
         self.chain, self.motion = chain, motion
         require_motion(motion, chain)
+        if len(motion) < 3:
+            raise InputError("motion", "at least three samples are needed")
         if not chain.mobility(motion.q[0]).sufficient:
             raise ActuationError("the motors do not hold all coordinates: nothing can follow")
         self.limits = None if limits is None else finite_array("limits", limits, ())
-        if self.limits is not None and not (self.limits > 0).all():
-            raise InputError("limits", "each must be positive")
+        if self.limits is not None and not (
+            self.limits.shape in ((), (len(chain.motor_names),)) and (self.limits > 0).all()
+        ):
+            raise InputError("limits", "needed: a positive number, or one for each motor")
         self._path = spline(motion.t, self._positions(motion.q))
         self._rates, self._accelerations = self._path.derivative(1), self._path.derivative(2)
 

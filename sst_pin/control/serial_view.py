@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import as_array, finite_array, for_each_sample, names, single_array
+from ..arrays import finite_array, for_each_sample, names, single_array
 from ..chain.closed_chain import ClosedChain
 from ..chain.named_positions import taken
 from ..chain.thresholds import RANK_TOLERANCE
@@ -93,11 +93,10 @@ class SerialView:
                     )
 
     def compile(self) -> None:
-        """Make kernels for all that is computed; `chain.compile` says how.
+        """Make kernels for all that is computed here; see `ClosedChain.compile`.
 
         Example:
-            >>> knee = sst_pin.SerialView(sst_pin.robots.knee(), ["knee"])
-            >>> knee.compile()
+            `view.compile()`
         """
         self.chain.compile()
         self._linkages.compile()
@@ -193,7 +192,7 @@ class SerialView:
         return np.asarray(at_joints @ B[driven] + on_lines)
 
     def _configurations(self, q: ArrayLike) -> Array:
-        return as_array("q", q, (self.chain.mechanism.model.nq,))
+        return finite_array("q", q, (self.chain.mechanism.model.nq,))
 
     def _start(self, start: ArrayLike | None) -> Array:
         """Where the way begins, its loops closed."""
@@ -318,7 +317,7 @@ class SerialView:
             array([[0.]])
         """
         n = self.chain.degrees_of_freedom
-        each = np.asarray(as_array("q", q, (self.chain.mechanism.model.nq,)))[..., None, :]
+        each = self._configurations(q)[..., None, :]
         v = self.chain.joint_rates(each, np.eye(n))
         _, _, on_lines, _ = self.chain.mechanism.lines.numbers
         lines = self.chain._line_rates(each, v)

@@ -305,8 +305,12 @@ FINE = {
     "check(motion: of one sample)", "play(motion: of one sample)", "play(wanted: open loops)",
     "writer(path: below a device)", "writer(path: 300 letters)", "writer(path: below a file)",
     "sign_width: 0.0", "rollout(dt: 0.0)", "start: 0.0", "end: 0.0", "psi: 0.0",
-    "with_payload(mass: 0.0)", "assemble(q: dict)", "reactions(va: huge)", "reactions(aa: huge)",
+    "with_payload(mass: 0.0)", "assemble(q: dict)", "with_parameters(theta: dict)",
+    "reactions(va: huge)", "reactions(aa: huge)",
     "reactions(tau: huge)", "reactions(platform_moment: huge)", "loads(motion: of one sample)",
+    *(f"ComputedTorque({word}: scalar)" for word in ("kp", "kd", "limits")),
+    *(f"GravityPD({word}: scalar)" for word in ("kp", "kd", "limits")),
+    "TrackingLQR(limits: scalar)",
     "reactions(external_wrenches: huge)",  # NaN where a wrench is not unique
 }  # fmt: skip
 #: Parameters that are not called with bad values: by method and name.
@@ -336,6 +340,7 @@ def subjects(w: World) -> Iterator[Subject]:
     yield from _of_robots(w)
     yield from _of_motions(w)
     yield from _of_parameters(w)
+    yield from _of_control(w)
     yield from _of_pictures(w)
 
 
@@ -393,6 +398,21 @@ def _of_robots(w: World) -> Iterator[Subject]:
     arrays = ("viscous_friction", "coulomb_friction", "stiffness", "spring_reference")
     good = made | dict.fromkeys(arrays, np.ones(3))
     yield Subject("ClosedChain", sst_pin.ClosedChain, good)
+
+
+def _of_control(w: World) -> Iterator[Subject]:
+    view = sst_pin.SerialView(sst_pin.robots.knee(), ["knee"])
+    q, one = view.chain.home, np.ones(1)
+    good = dict.fromkeys(("positions", "rates", "tau", "torques", "gains", "limits"), one)
+    good |= {"q": q, "start": q, "chain": view.chain, "joints": ["knee"]}
+    yield Subject("SerialView", sst_pin.SerialView, good)
+    for attribute, call in inspect.getmembers(view, inspect.ismethod):
+        if not attribute.startswith("_") and attribute != "compile":
+            yield Subject(f"view.{attribute}", call, good)
+    gains = {"kp": np.ones(3), "kd": np.ones(3), "Q": np.ones(6), "R": np.ones(3)}
+    for name in ("ComputedTorque", "GravityPD", "TrackingLQR"):
+        made = {"chain": w.robot, "motion": w.motion, "limits": np.ones(3)}
+        yield Subject(name, getattr(sst_pin, name), made | gains)
 
 
 def _of_motions(w: World) -> Iterator[Subject]:
