@@ -13,6 +13,7 @@ import ast
 import re
 import sys
 from collections.abc import Callable, Iterator
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 
@@ -333,8 +334,7 @@ def _missing_names(page: str) -> Iterator[str]:
         if not path.exists():
             yield f"{target}: no such file"
         elif path.is_relative_to(ROOT / "tests") and path.stem != name:
-            tree = ast.parse(path.read_text(encoding="utf-8"))
-            if name not in {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}:
+            if name not in _functions_in(path):
                 yield f"{target}: no test {name}"
         elif path.is_relative_to(ROOT / "sst_pin") and path.stem != name:
             module, *inner = name.split(".")
@@ -343,6 +343,12 @@ def _missing_names(page: str) -> Iterator[str]:
                 thing = getattr(thing, part, None)
             if thing is None or module != path.stem:
                 yield f"{target}: no {name}"
+
+
+@cache
+def _functions_in(path: Path) -> set[str]:
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    return {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}
 
 
 def main() -> int:

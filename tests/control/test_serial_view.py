@@ -328,6 +328,7 @@ def test_kernels_give_what_the_reference_path_gives(tmp_path, monkeypatch):
         assert_allclose(getattr(fast, name)(q), getattr(slow, name)(q), rtol=0, atol=1e-13)
 
 
+@pytest.mark.slow
 def test_the_table_of_shortcuts_is_current():
     """The page's percentages are those of the example; each step to the full matrix helps."""
     page = (Path(__file__).parents[2] / "docs" / "serial_view.md").read_text(encoding="utf-8")

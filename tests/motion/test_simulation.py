@@ -236,7 +236,12 @@ def test_progress_reports_the_time_reached(robot, circle):
 
 @pytest.mark.parametrize(
     ("name", "kernels"),
-    [("governor", False), ("bricard", False), ("delta", False), ("governor", True)],
+    [
+        ("governor", False),
+        ("bricard", False),
+        ("delta", False),
+        pytest.param("governor", True, marks=pytest.mark.slow),
+    ],
 )
 def test_derivatives_of_states_are_those_of_their_rates(name, kernels):
     """Central differences; relative to the largest derivative, the governor's 1.5e5 /s^2."""

@@ -100,6 +100,7 @@ def test_the_governor_is_the_stiff_solution():
     assert_allclose(motion.q[:, 2], motion.q[:, 1], rtol=0, atol=1e-9)  # both arms
 
 
+@pytest.mark.slow
 def test_the_rigid_governor_is_the_limit_of_stiffer_springs():
     """Rods for springs; the error falls with the stiffness."""
     t, rates = np.linspace(0, 0.1, 3), PUBLISHED["governor"]["start_rates"]
