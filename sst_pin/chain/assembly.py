@@ -113,7 +113,7 @@ class Assembly:
             busy = [
                 (rows, columns)
                 for rows, columns in parts
-                if np.linalg.norm(f[rows]) >= 1e-3 * ASSEMBLED
+                if np.linalg.norm(f[rows]) >= 1e-4 * ASSEMBLED
                 and np.linalg.norm(f[rows]) < 0.9 * np.linalg.norm(before[-_PATIENCE][rows])
             ]
             if not busy:

@@ -114,6 +114,9 @@ class States(Protocol):
     def joint_accelerations(self, q: Array, va: Array, aa: Array) -> Array:
         """v_dot of one state whose loops are closed, shape (nv,)."""
 
+    def Phi(self, q: Array) -> Array:
+        """Jacobian of the closures, free of units, shape (rows, nv)."""
+
     def condition_number(self, q: Array) -> float:
         """Condition number of the dependent part of Phi, infinite if it is singular."""
 

@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from ..compiled.jax_functions import JaxFunctions
     from ..files import Table
     from ..motion.bearing_loads import Loads
+    from ..motion.crossings import Crossing
     from ..motion.limits import Finding
     from ..motion.rollouts import Rollout
     from ..motion.simulation import Load, Torque
@@ -1499,6 +1500,7 @@ class ClosedChain:
         tau: ArrayLike | None = None,
         *,
         stopped: str = "",
+        crossings: Sequence[Crossing] = (),
     ) -> Trajectory:
         """A `Trajectory` of this robot.
 
@@ -1509,6 +1511,7 @@ class ClosedChain:
             aa: Accelerations of the coordinates, shape (N, n).
             tau: Motor torques, shape (N, motors); computed by default.
             stopped: Reason why the motion ended early; empty if it did not.
+            crossings: Singular configurations that it went through.
 
         Example:
             >>> motion = chain.trajectory([0, 1], [chain.home] * 2, [[0]] * 2, [[0]] * 2)
@@ -1533,6 +1536,7 @@ class ClosedChain:
             coordinates=mechanism.coordinate_rate_names,
             rate_units=tuple(space.rate_units[k] for k in mechanism.coordinates),
             torque_units=mechanism.motor_units,
+            crossings=crossings,
         )
 
     def simulate(
@@ -1548,6 +1552,7 @@ class ClosedChain:
         rtol: float = 1e-12,
         atol: float = 1e-12,
         max_condition_number: float = 1e4,
+        through_singularities: bool = False,
         sign_width: float = 1e-3,
         progress: Callable[[float], None] | None = None,
     ) -> Trajectory:
@@ -1571,6 +1576,7 @@ class ClosedChain:
             rtol=rtol,
             atol=atol,
             max_condition_number=max_condition_number,
+            through_singularities=through_singularities,
             sign_width=sign_width,
             progress=progress,
         )

@@ -11,7 +11,7 @@ do: it keeps its sign where two blocks become singular at once.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -31,6 +31,8 @@ Way = Callable[[Array, float, float], Array | None]
 _CHANGE = 0.5
 #: Largest motion of a joint between them, [rad] or of the robot's length.
 TRAVEL = 0.5
+#: Smaller singular values of a loop count as zero.
+_INDEPENDENT = 1e-6
 #: Parts of a step are not divided further, as a fraction of the step.
 _SHORTEST = 1e-12
 
@@ -49,12 +51,9 @@ class Continuity:
         self._mechanism, self._loops = mechanism, loops
         self._scale = mechanism.row_scale[:, None] * mechanism.rate_scale
         self._moving = np.flatnonzero(loops.touched.any(axis=0))
-        dependent, shapes = (
-            mechanism.dependent,
-            dict[tuple[int, int], list[tuple[Indices, Indices]]](),
-        )
-        for rows, rates in connected(loops.touched[:, dependent]):
-            shapes.setdefault((len(rows), len(rates)), []).append((rows, dependent[rates]))
+        shapes = dict[tuple[int, int], list[tuple[Indices, Indices]]]()
+        for rows, rates in self._parts():
+            shapes.setdefault((len(rows), len(rates)), []).append((rows, rates))
         self._entries = [
             (np.array([r for r, _ in alike])[:, :, None], np.array([k for _, k in alike])[:, None])
             for alike in shapes.values()
@@ -63,6 +62,34 @@ class Continuity:
         self._anchor: _Place
         self._inverses: list[Array]
         self._smallest = 0.0
+
+    def _parts(self) -> Iterator[tuple[Indices, Indices]]:
+        """Rows and dependent rates of the diagonal blocks of Phi, which is block triangular.
+
+        A loop that determines as many of the rates still open as it has independent rows is a
+        block, one after the other; what is left falls apart where it shares no rates.
+        """
+        mechanism, loops = self._mechanism, self._loops
+        open_rates, rows = mechanism.dependent, np.arange(loops.rows)
+        if mechanism.example is not None:
+            loops.evaluate(mechanism.example)
+            Phi, waiting, found = loops.Phi() * self._scale, list(loops.slices), True
+            while found:
+                found = False
+                for loop in waiting:
+                    own = np.arange(loops.rows)[loop]
+                    rates = open_rates[loops.touched[own][:, open_rates].any(axis=0)]
+                    rank = np.linalg.matrix_rank(Phi[own], _INDEPENDENT)
+                    part = np.linalg.matrix_rank(Phi[np.ix_(own, rates)], _INDEPENDENT)
+                    if 0 < len(rates) == rank == part:
+                        yield own, rates
+                        open_rates = np.setdiff1d(open_rates, rates)
+                        rows = np.setdiff1d(rows, own)
+                        waiting.remove(loop)
+                        found = True
+                        break
+        for part_rows, part in connected(loops.touched[np.ix_(rows, open_rates)]):
+            yield rows[part_rows], open_rates[part]
 
     def condition_number(self, q: Array) -> float:
         """Condition number of the dependent part of Phi at q, infinite if it is singular."""

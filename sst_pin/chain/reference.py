@@ -394,6 +394,10 @@ class ReferenceStates:
         """v_dot of one state whose loops are closed, shape (nv,)."""
         return self._reference.joint_accelerations(q, va, aa)
 
+    def Phi(self, q: Array) -> Array:
+        """Jacobian of the closures, free of units, shape (rows, nv)."""
+        return scaled_Phi(self._mechanism, self._reference.workspace.loops, q)
+
     def condition_number(self, q: Array) -> float:
         """Condition number of the dependent part of Phi, infinite if it is singular."""
         return self._continuity.condition_number(q)
@@ -402,7 +406,7 @@ class ReferenceStates:
         """The state space in the independent rates that describe motions from q on best."""
         from scipy.linalg import qr
 
-        Phi = scaled_Phi(self._mechanism, self._reference.workspace.loops, q)
+        Phi = self.Phi(q)
         # Those of the smallest singular values: near a singularity there are more free motions.
         motions = np.linalg.svd(Phi)[2][len(Phi.T) - len(self.coordinates) :]
         _, order = qr(motions, pivoting=True, mode="r")

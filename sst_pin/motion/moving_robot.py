@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..chain.backend import States
 from ..chain.mechanism import Mechanism
 from ..errors import InputError
+from .crossings import Crossing
 from .trajectories import Trajectory
 
 Array = NDArray[np.float64]
@@ -58,6 +60,7 @@ class Robot(Protocol):
         tau: ArrayLike | None = None,
         *,
         stopped: str = "",
+        crossings: Sequence[Crossing] = (),
     ) -> Trajectory:
         """A motion of this robot as a value."""
 

@@ -22,6 +22,8 @@ from .samples import sample_times, spline, times_within
 if TYPE_CHECKING:
     import pandas as pd
 
+    from .crossings import Crossing
+
 Array = NDArray[np.float64]
 
 #: What makes two motions the same, and what a file holds.
@@ -53,6 +55,8 @@ class Trajectory:
             prismatic joint.
         stopped: Why a simulation ended before its last time; empty if it did not. It is ignored
             in comparisons and not saved in a CSV.
+        crossings: Singular configurations that a simulation went through, each with `time`, `q`,
+            `rank_before` and `rank`. They are ignored in comparisons and not saved.
 
     Example:
         >>> motion = chain.simulate([0], chain.home, [0], [0, 0.05, 0.1])
@@ -69,6 +73,7 @@ class Trajectory:
     actuated: tuple[str, ...]
     units: tuple[str, ...]
     stopped: str
+    crossings: tuple[Crossing, ...]
     coordinates: tuple[str, ...]
     rate_units: tuple[str, ...]
     torque_units: tuple[str, ...]
@@ -88,6 +93,7 @@ class Trajectory:
         coordinates: Sequence[str] | None = None,
         rate_units: Sequence[str] | None = None,
         torque_units: Sequence[str] | None = None,
+        crossings: Sequence[Crossing] = (),
     ) -> None:
         times = sample_times(t)
         joint_names = _names("joint_names", joint_names)
@@ -124,6 +130,7 @@ class Trajectory:
         object.__setattr__(self, "rate_units", rate_units)
         object.__setattr__(self, "torque_units", torque_units)
         object.__setattr__(self, "stopped", stopped)
+        object.__setattr__(self, "crossings", tuple(crossings))
 
     def __len__(self) -> int:
         return len(self.t)
@@ -165,6 +172,9 @@ class Trajectory:
             self.actuated,
             self.units,
             self.stopped if chosen[-1] == len(self) - 1 else "",
+            crossings=[
+                c for c in self.crossings if self.t[chosen[0]] <= c.time <= self.t[chosen[-1]]
+            ],
             coordinates=self.coordinates,
             rate_units=self.rate_units,
             torque_units=self.torque_units,

@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The way of a smooth motion through a singular configuration of the mechanism.
+
+Several branches of motions meet there. The motion before it is continued by polynomials, which
+close the loops on one branch only; on the far side this branch has to hold the equations of motion
+again, at the same velocity and acceleration.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from ..chain.backend import States
+from ..chain.mechanism import Mechanism
+
+Array = NDArray[np.float64]
+
+#: How far ahead a singular configuration is looked for, in units of the time expected.
+_AHEAD = 3.0
+#: A singular value that falls below this part of its size has vanished.
+_VANISHED = 0.03
+#: What is left of it halfway, where it falls in proportion to the time.
+_HALFWAY = (0.3, 0.7)
+
+
+class Crossing(NamedTuple):
+    """A singular configuration that a motion went through.
+
+    Attributes:
+        time: When, [s].
+        q: The configuration, shape (nq,).
+        rank_before: Rank of the closures' Jacobian Phi next to it.
+        rank: Its rank there, smaller by the freedoms that the mechanism gains for an instant.
+
+    Example:
+        >>> row = sst_pin.robots.n_four_bar(2)
+        >>> motion = row.simulate([0], row.home, [-1], [0, 1], through_singularities=True)
+        >>> [(crossing.rank_before, crossing.rank) for crossing in motion.crossings]
+        [(4, 2)]
+    """
+
+    time: float
+    q: Array
+    rank_before: int
+    rank: int
+
+
+class Course:
+    """A motion continued smoothly from its last states, by polynomials of degree eleven or less.
+
+    Args:
+        mechanism: What moves.
+        times: Those of the states, the last one first, shape (N,).
+        q: Configurations, shape (N, nq).
+        v: Rates of all joints, shape (N, nv).
+        v_dot: Accelerations of all joints, shape (N, nv).
+        unit: A time of the size of what is continued, [s].
+    """
+
+    def __init__(
+        self, mechanism: Mechanism, times: Array, q: Array, v: Array, v_dot: Array, unit: float
+    ) -> None:
+        from scipy.interpolate import KroghInterpolator
+
+        space = mechanism.space
+        q_dot = np.array([space.coordinate_rates(*each) for each in zip(q, v, strict=True)])
+        x = np.repeat((times - times[0]) / unit, 2)
+        self._start, self._unit, self._normalised = times[0], unit, space.normalised
+        self._q, self._v = (
+            KroghInterpolator(x, np.stack([a, unit * b], axis=1).reshape(len(x), -1))
+            for a, b in ((q, q_dot), (v, v_dot))
+        )
+
+    def q(self, t: float) -> Array:
+        """The configuration."""
+        return self._normalised(np.asarray(self._q((t - self._start) / self._unit)))
+
+    def v(self, t: float) -> Array:
+        """Rates of all joints."""
+        return np.asarray(self._v((t - self._start) / self._unit))
+
+    def v_dot(self, t: float) -> Array:
+        """Accelerations of all joints."""
+        return np.asarray(self._v.derivative((t - self._start) / self._unit)) / self._unit
+
+
+def crossing_of(states: States, course: Course, start: float, left: float) -> Crossing | str:
+    """The singular configuration on a course, about `left` after `start`; or why there is none."""
+    from scipy.optimize import brentq
+
+    at, until, before = start, start + _AHEAD * left, np.zeros(0)
+    for _ in range(2):  # singular vectors turn a little on the way
+        U, values, Vt = np.linalg.svd(states.Phi(course.q(at)))
+        rank = Vt.shape[0] - len(states.coordinates)
+        u, w = U[:, rank - 1], Vt[rank - 1]
+        before = before if len(before) else values
+
+        def signed(t: float, u: Array = u, w: Array = w) -> float:
+            return float(u @ states.Phi(course.q(t)) @ w)
+
+        if signed(start) * signed(until) > 0:
+            return "the motion does not lead through it"
+        at = float(brentq(signed, start, until, xtol=1e-15, rtol=1e-14))
+    there = np.linalg.svd(states.Phi(course.q(at)), compute_uv=False)[:rank]
+    lost = int(np.count_nonzero(there < _VANISHED * before[:rank]))
+    halfway = np.linalg.svd(states.Phi(course.q((start + at) / 2)), compute_uv=False)[rank - 1]
+    if not lost or not _HALFWAY[0] < halfway / before[rank - 1] < _HALFWAY[1]:
+        return "branches are tangent to each other there"
+    return Crossing(at, course.q(at), rank, rank - lost)
+
+
+def mismatch(
+    mechanism: Mechanism,
+    course: Course,
+    t: float,
+    found: Sequence[Array],
+    left: float,
+) -> float:
+    """How far q, v and v_dot at a time are from a course, relative to the motion in `left`."""
+    q, v, v_dot = found
+    scale = mechanism.rate_scale
+    off = pin.difference(mechanism.model, course.q(t), q), left * (v - course.v(t))
+    jump = left**2 * (v_dot - course.v_dot(t))
+    moved = left * float(np.abs(v / scale).max())
+    return max(float(np.abs(x / scale).max()) for x in (*off, jump)) / max(moved, 1e-300)

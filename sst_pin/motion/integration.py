@@ -1,0 +1,345 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The integration of a motion in coordinates that are chosen again where they get bad."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from functools import cache, partial
+from math import isfinite
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..chain.backend import States
+from ..chain.mechanism import Mechanism
+from ..errors import InputError, SimulationError, SSTError
+from .crossings import Course, Crossing, crossing_of, mismatch
+
+if TYPE_CHECKING:
+    from scipy.integrate import OdeSolver
+
+Array = NDArray[np.float64]
+
+#: Steps of differences, relative or [rad], [m] and per second.
+_DIFFERENCE = 1e-8
+#: Condition number of the dependent joints, below which coordinates are kept or taken up again,
+#: and above which others are looked for, as long as these are better by some margin.
+_WELL_CONDITIONED, _POOR, _MARGIN = 20.0, 50.0, 4.0
+#: A step that is not regular is tried again with its regular part, or this part of it at least;
+#: a motion ends where this leads to such a part of its time.
+_SHORTER, _STUCK = 0.25, 1e-12
+#: States by which a motion is continued over a singular configuration, and the powers of three of
+#: the time left at which it is computed for this.
+_NODES, _APPROACH = 6, (4, 3, 2, 1, 0)
+#: They lie apart by this factor of their times left at least; the last one is so much nearer than
+#: where the singular configuration is noticed.
+_SPREAD, _NEARER = 2.0, 3.0
+#: How exactly the motion on the far side continues that before, relative to the way between them,
+#: or in tolerances of the integrator.
+_EXACT, _TOLERANCES = 1e-7, 100.0
+
+
+class Input(NamedTuple):
+    """What acts on a robot in motion.
+
+    Attributes:
+        at: Its value at a time, where the last argument gives q and va.
+        along: Its values at times (N,), for q (N, nq) and va (N, n).
+    """
+
+    at: Callable[[float, Callable[[], tuple[Array, Array]]], Array]
+    along: Callable[[Array, Array, Array], Array]
+
+
+class Motion:
+    """Eqs. (7) and (92) as y' = f(t, y), y = (q, rates of the coordinates of `states`).
+
+    `own` are the states in the robot's coordinates, which torques and loads are functions of.
+    """
+
+    def __init__(self, own: States, torque: Input, load: Input | None) -> None:
+        self.own = self.states = own
+        self.torque, self.load = torque, load
+        self.failure: SSTError | None = None
+        self.close_first = False
+        self._last = np.zeros(())
+
+    def seen(self, state: Array) -> tuple[Array, Array]:
+        """q with closed loops, and the rates of the robot's coordinates."""
+        q = self.states.closed(state)
+        va = state[len(q) :]
+        if self.states is not self.own:
+            va = self.states.joint_rates(q, va)[self.own.coordinates]
+        return q, va
+
+    def _inputs(self, time: float, state: Array) -> tuple[Array, Array | None]:
+        where = partial(self.seen, state)
+        load = None if self.load is None else self.load.at(time, where)
+        return self.torque.at(time, where), load
+
+    def rate(self, time: float, state: Array) -> Array:
+        """The rates of a state; NaN where the loops cannot be closed."""
+        if not isfinite(state.dot(state)):
+            return np.full_like(state, np.nan)
+        try:
+            if self.close_first:
+                q = self.states.closed(state)
+                state = np.concatenate([q, state[len(q) :]])
+            return self.states.rate(state, *self._inputs(time, state))
+        except InputError:
+            raise  # the caller's torque is at fault
+        except SSTError as error:
+            # A trial step went too far; the integrator answers NaN with a shorter one.
+            self.failure = error
+            return np.full_like(state, np.nan)
+
+    def whole(self, time: float, state: Array) -> tuple[Array, Array, Array]:
+        """q with closed loops, v and v_dot of all joints."""
+        q = self.states.closed(state)
+        va, state = state[len(q) :], np.concatenate([q, state[len(q) :]])
+        aa = self.states.rate(state, *self._inputs(time, state))[len(q) :]
+        v_dot = self.states.joint_accelerations(q, va, aa)
+        return q, self.states.joint_rates(q, va), v_dot
+
+    def along(self, times: Array, states: Array) -> tuple[Array, Array, Array, Array]:
+        """q, va, aa of the robot's coordinates, and torques, at times and states of the motion."""
+        q = self.states.closed(states)
+        rates = va = states[:, q.shape[1] :]
+        if self.states is not self.own:
+            coordinates = self.own.coordinates
+            v = [self.states.joint_rates(*x) for x in zip(q, rates, strict=True)]
+            va = np.array(v)[:, coordinates]
+        tau = self.torque.along(times, q, va)
+        load = None if self.load is None else self.load.along(times, q, va)
+        aa = self.states.rate(states, tau, load)[:, q.shape[1] :]
+        if self.states is not self.own:
+            v_dot = map(self.states.joint_accelerations, q, rates, aa)
+            aa = np.array(list(v_dot))[:, coordinates]
+        return q, va, aa, tau
+
+    def jacobian(self, time: float, state: Array) -> Array:
+        """Derivatives of the rate by the state; a callable torque's own ones by differences."""
+        if not isfinite(state.dot(state)):
+            return self._last
+        try:
+            tau, load = self._inputs(time, state)
+            by_state, by_tau = self.states.derivatives(state, tau, load)
+            steps = _DIFFERENCE * np.maximum(1, np.abs(state))
+            moved = state + np.diag(steps)
+            ahead = [self.torque.at(time, partial(self.seen, y)) for y in moved]
+            self._last = by_state + by_tau.dot(((ahead - tau) / steps[:, None]).T)
+        except InputError:
+            raise
+        except SSTError as error:  # a trial state went too far: the last Jacobian serves there
+            self.failure = error
+        return self._last
+
+
+class Run:
+    """One integration, step by step; it ends before a singularity, or goes through it.
+
+    Attributes:
+        stopped: Why it ended before the last time.
+        crossings: The singular configurations that it went through.
+    """
+
+    def __init__(
+        self,
+        motion: Motion,
+        mechanism: Mechanism,
+        method: str,
+        options: dict[str, Any],
+        limit: float,
+        progress: Callable[[float], None] | None,
+        through: bool,
+    ) -> None:
+        from scipy import integrate
+
+        self._motion, self._solver, self._options = motion, getattr(integrate, method), options
+        self._mechanism, self._most, self._through = mechanism, limit, through
+        self._progress = progress or (lambda time: None)
+        self._stride, self._limit, self._left = np.inf, 0.0, 0.0
+        self._nodes = deque[tuple[float, States, Array]](maxlen=3 * _NODES)
+        self.stopped, self._why, self.crossings = "", "", list[Crossing]()
+
+    def integrate(self, times: Array, start: Array) -> list[Array]:
+        """q, va, aa of the robot's coordinates and torques, at the times reached."""
+        motion, self._times, self._t = self._motion, times, float(times[0])
+        if not np.isfinite(motion.rate(self._t, start)).all():
+            why = motion.failure or "its rates are not finite"
+            raise SimulationError(f"the motion cannot start ({why})", self._t)
+        self._q = motion.own.closed(start)
+        self._state, self._bounds = start, [float(times[-1])]
+        self._settle()
+        self._parts, self._done = [motion.along(times[:1], self._state[None])], 1
+        self._progress(self._t)
+        while self._t < times[-1] and not self.stopped:
+            motion.close_first = len(self._bounds) > 1
+            self._advance(self._bounds[0])
+            if self._t >= self._bounds[0] < times[-1]:
+                self._bounds.pop(0)
+                if len(self._bounds) == 1:
+                    self._cross()
+        return [np.concatenate(part) for part in zip(*self._parts, strict=True)]
+
+    def _advance(self, bound: float) -> None:
+        """Go on to a time, or until other coordinates are needed."""
+        motion, states = self._motion, self._motion.states
+        first = min(self._stride, bound - self._t) if self._stride < np.inf else None
+        options = {"first_step": first, **self._options}
+        solver = self._solver(motion.rate, self._t, self._state, bound, **options)
+        self._nodes.append((self._t, states, self._state))
+        while solver.status == "running" and states is motion.states:
+            message = solver.step()
+            if solver.status == "failed":
+                why = motion.failure or message
+                raise SimulationError(f"the integrator stopped ({why})", float(solver.t))
+            self._stride = solver.step_size
+            self._progress(float(solver.t))
+            fraction, q = self._follow(solver, self._q)
+            t, state = float(solver.t), solver.y
+            if fraction < 1:
+                t = float(solver.t_old + fraction * (solver.t - solver.t_old))
+                state = solver.dense_output()(t) if fraction else self._state
+                self._stride *= max(fraction, _SHORTER)
+                if self._approaches(t, q):
+                    return
+            self._keep(solver, t)
+            self._t, self._q, self._state = t, q, state
+            self._nodes.append((t, states, state))
+            if fraction < 1:
+                self._settle(irregular=True)
+                return
+            better = states is not motion.own and motion.own.condition_number(q) < _WELL_CONDITIONED
+            calm = len(self._bounds) == 1 and self._limit > _POOR
+            if better or (calm and states.condition_number(q) * _MARGIN**2 < self._limit):
+                self._settle()
+
+    def _keep(self, solver: OdeSolver, until: float) -> None:
+        """Add the results of the last step."""
+        new = self._times[self._done :]
+        new = new[new <= until]
+        if len(new):
+            self._parts.append(self._motion.along(new, solver.dense_output()(new).T))
+            self._done += len(new)
+
+    def _settle(self, *, irregular: bool = False) -> None:
+        """Choose coordinates that suit the state and the limit of their condition number.
+
+        The motion ends where a step was irregular and no others are better.
+        """
+        motion, own, q = self._motion, self._motion.own, self._q
+        before, condition, states = motion.states, own.condition_number(q), own
+        if condition > _WELL_CONDITIONED:
+            other = own.elsewhere(q)
+            best = other.condition_number(q)
+            if best * _MARGIN < condition:
+                states, condition = other, best
+        rates = self._state[len(q) :]
+        if states is not before:
+            rates = before.joint_rates(q, rates)[states.coordinates]
+            motion.states = states
+        self._state = np.concatenate([q, rates])
+        limit, self._limit = self._limit, min(self._most, max(_POOR, _MARGIN * condition))
+        self._bounds = self._bounds[-1:]
+        stuck = self._stride < _STUCK * (self._times[-1] - self._times[0])
+        alike = states is before and limit >= self._most == self._limit
+        if irregular and (stuck or alike):
+            self.stopped = (
+                f"stopped at t = {self._t:.9g} s before a singularity: "
+                f"condition number {self._limit:g}{self._why}"
+            )
+
+    def _follow(self, solver: OdeSolver, before: Array) -> tuple[float, Array]:
+        """How much of the last step is regular, and the configuration there."""
+        states, start, length = self._motion.states, solver.t_old, solver.t - solver.t_old
+        course = cache(solver.dense_output)
+
+        def way(q: Array, low: float, high: float) -> Array | None:
+            try:
+                state = solver.y if high == 1 else course()(start + high * length)
+                return states.closed(state)
+            except SSTError:
+                return None
+
+        return states.follow(before, way, self._limit)
+
+    # --- through a singular configuration ---------------------------------------------------
+
+    def _approaches(self, t: float, q: Array) -> bool:
+        """Whether a singular configuration lies ahead of q, to be approached by shorter steps."""
+        states, last = self._motion.states, self._bounds[-1]
+        if not self._through or len(self._bounds) > 1:
+            return False
+        best = states.elsewhere(q).condition_number(q)
+        if best * _MARGIN < states.condition_number(q):
+            return False
+        there, here = (np.linalg.svd(states.Phi(x), compute_uv=False) for x in (self._q, q))
+        k = len(states.Phi(q).T) - len(states.coordinates) - 1
+        if not here[k] < there[k]:
+            return False
+        left = float((t - self._t) * here[k] / (there[k] - here[k]))
+        self._left, at = left / _NEARER, t + left
+        times = [at - self._left * 3.0**k for k in _APPROACH]
+        times = [time for time in times if time - self._t > self._left]
+        if not times or at + 2 * self._left > last:
+            return False
+        self._bounds, self._limit = [*times, last], _MARGIN * _NEARER * self._limit
+        return True
+
+    def _cross(self) -> None:
+        """Go to the far side of the singular configuration ahead, along the smooth branch."""
+        motion, start = self._motion, self._t
+        self._why, self._limit = "", min(self._most, self._limit)
+        try:
+            course = self._course()
+            found = crossing_of(motion.states, course, start, self._left)
+            if isinstance(found, str):
+                self._why = f"; the branch behind it is not determined: {found}"
+                return
+            far = 2 * found.time - start
+            rates = course.v(far)[motion.states.coordinates]
+            state = np.concatenate([course.q(far), rates])
+            whole = motion.whole(far, state)
+            off = mismatch(self._mechanism, course, far, whole, far - start)
+        except SSTError as error:
+            self._why = f"; the motion behind it is not found ({error})"
+            return
+        if not off < max(_EXACT, _TOLERANCES * self._options["rtol"]):
+            self._why = f"; the motion behind it does not continue this one (by {off:.1g})"
+            return
+        new = self._times[self._done :]
+        new = new[new <= far]
+        if len(new):
+            own = motion.own.coordinates
+            q, v, v_dot = (
+                np.array([f(t) for t in new]) for f in (course.q, course.v, course.v_dot)
+            )
+            tau = motion.torque.along(new, q, v[:, own])
+            self._parts.append((q, v[:, own], v_dot[:, own], tau))
+            self._done += len(new)
+        self.crossings.append(found)
+        self._t, self._q = far, whole[0]
+        self._state = np.concatenate([whole[0], rates])
+        self._limit = 0.0
+        self._settle()
+        condition = motion.states.condition_number(self._q)
+        self._limit = max(self._limit, _MARGIN * condition)  # it falls from here on
+
+    def _course(self) -> Course:
+        """The motion continued from its last states."""
+        motion, current = self._motion, self._motion.states
+        chosen = [self._nodes[-1]]
+        for node in reversed(self._nodes):
+            near, far = (chosen[0][0] + self._left - x[0] for x in (chosen[-1], node))
+            if far > _SPREAD * near and len(chosen) < _NODES:
+                chosen.append(node)
+        states = []
+        for time, motion.states, state in chosen:
+            states.append(motion.whole(time, state))
+        motion.states = current
+        q, v, v_dot = map(np.array, zip(*states, strict=True))
+        times = np.array([node[0] for node in chosen])
+        return Course(self._mechanism, times, q, v, v_dot, self._left)
