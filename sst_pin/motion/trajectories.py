@@ -16,13 +16,12 @@ from ..arrays import finite_array, names, single_array
 from ..errors import FileFormatError, InputError, MissingExtraError, OutputError
 from ..files import Writer, as_path, read_table, table_writer, write_files
 from ..summaries import as_html, as_text, listed
+from .crossings import Crossing
 from .motion_columns import motion_columns, parts_of
 from .samples import sample_times, spline, times_within
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from .crossings import Crossing
 
 Array = NDArray[np.float64]
 
@@ -110,6 +109,9 @@ class Trajectory:
         torque_units = _units("torque_units", torque_units, actuated, ("Nm", "N"))
         if not isinstance(stopped, str):
             raise InputError("stopped", f"{stopped!r} is not a text")
+        known = isinstance(crossings, (list, tuple))
+        if not known or not all(isinstance(crossing, Crossing) for crossing in crossings):
+            raise InputError("crossings", f"{crossings!r} are no crossings of a simulation")
         arrays = {
             "q": (q, len(joint_names)),
             "va": (va, len(coordinates)),

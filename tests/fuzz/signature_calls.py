@@ -251,6 +251,7 @@ VALUES = {
         *({"gamma_1": np.ones(5)}, {"gamma_1": np.full(6, np.nan)}, {"gamma_1": -np.ones(6)}),
     ),
     "Sequence[LineForce]": (5, "x", [5], ["a-b"], [None]),
+    "Sequence[Crossing]": (5, "x", [5], [None]),
     "Callable[[float], None]": (5, "x", [], True),
     "ClosedChain": (),  # an object that is no robot has not the methods of one
     "SST": (),
