@@ -167,6 +167,7 @@ def test_the_discrete_system_is_the_motion_next_to_an_equilibrium():
     close(A_d @ way + B_d @ push, derivative(end, 1e-3), 1e-7)
 
 
+@pytest.mark.slow
 def test_a_step_that_overflows_is_an_error_not_infinite():
     """A sample that is NaN by `on_error` is no such step."""
     robot = sst_pin.SST()

@@ -120,7 +120,9 @@ def test_a_motor_between_frames_of_one_body_moves_nothing():
             close(fast.compute_torques(bar.home, [1], [0]), tau, 1e-12)
 
 
-@pytest.mark.parametrize("door", [Kernels, Casadi, pytest.param(Jax, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "door", [Casadi, *(pytest.param(door, marks=pytest.mark.slow) for door in (Kernels, Jax))]
+)
 def test_derivatives_are_those_of_differences(door):
     closures = robots.four_bar().closures
     some = case(model(), closures, MOTORS, robots.four_bar().home, forces=(GAS, SPRING))

@@ -13,6 +13,7 @@ def found(robot, intervals, limit=LIMIT):
     return fastest(robot, pose(robot, START), pose(robot, GOAL), intervals, limit)
 
 
+@pytest.mark.slow
 def test_the_motion_is_that_of_its_torques_here_and_in_mujoco(robot):
     """Ten intervals of 60 ms: the collocation's own error is below 1e-3 rad."""
     pytest.importorskip("mujoco", reason="mujoco is not installed (extra 'mjcf')")

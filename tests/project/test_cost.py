@@ -74,6 +74,7 @@ def test_an_expression_with_a_wrong_term_is_not_counted(monkeypatch):
         cost.require_right(robot, e, "inverse", cost.LONG, counted)
 
 
+@pytest.mark.slow
 def test_inverse_dynamics_costs_in_proportion_to_the_bodies():
     """Each cell that a ladder gets, save the first, costs the same."""
     inverse = [operations for operations, _ in cost.count_ladders().values()]
