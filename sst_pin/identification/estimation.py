@@ -1,0 +1,183 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Base parameters from measured motions and torques, with their covariance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..arrays import finite_array
+from ..chain.closed_chain import ClosedChain
+from ..errors import InputError
+from ..summaries import as_html, as_text
+from .base_parameters import BaseParameters
+
+Array = NDArray[np.float64]
+
+#: Residuals up to so many standard deviations count in full (P. J. Huber).
+_HUBER = 1.345
+#: The motion shows no combination whose part is smaller than this.
+_UNSHOWN = 1e-9
+_ITERATIONS = 10
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Estimate:
+    """Base parameters as measured.
+
+    Attributes:
+        base: The combinations.
+        values: Their values, shape (b,).
+        covariance: Their covariance, shape (b, b), for noise that is independent from sample to
+            sample.
+        noise: Standard deviation of each motor's torque from the model, shape (motors,); the same
+            for all where there are more motors than freedoms.
+
+    Example:
+        >>> chain = sst_pin.robots.four_bar()
+        >>> base = sst_pin.identification.base_parameters(chain)
+        >>> q, va, aa = sst_pin.identification.random_states(chain, 200)
+        >>> tau = chain.compute_torques(q, va, aa)
+        >>> tau += 0.01 * np.random.default_rng(0).normal(size=tau.shape)
+        >>> found = sst_pin.identification.estimate(chain, base, q, va, aa, tau)
+        >>> found.noise.round(2)
+        array([0.01])
+    """
+
+    base: BaseParameters
+    values: Array
+    covariance: Array
+    noise: Array
+
+    @property
+    def deviations(self) -> Array:
+        """Standard deviations of the values, shape (b,)."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def supported(self) -> NDArray[np.bool_]:
+        """Which values differ from zero by more than three standard deviations, shape (b,)."""
+        return np.abs(self.values) > 3 * self.deviations
+
+    def __repr__(self) -> str:
+        return as_text(*self._summary())
+
+    def _repr_html_(self) -> str:
+        return as_html(*self._summary())
+
+    def _summary(self) -> tuple[str, list[tuple[str, str]]]:
+        """Values with three standard deviations; what the data do not support is marked."""
+        triples = zip(self.values, 3 * self.deviations, self.supported, strict=True)
+        texts = [f"{x:.4g} +- {d:.1g}{'' if ok else ', not supported'}" for x, d, ok in triples]
+        return f"{len(self.base)} base parameters, three standard deviations", list(
+            zip(texts, self.base.names, strict=True)
+        )
+
+
+def estimate(
+    chain: ClosedChain,
+    base: BaseParameters,
+    q: ArrayLike,
+    va: ArrayLike,
+    aa: ArrayLike,
+    tau: ArrayLike,
+    *,
+    robust: bool = False,
+) -> Estimate:
+    """Base parameters from measurements by weighted least squares.
+
+    Each motor is weighted by its own noise, which the residuals tell; motors more than freedoms
+    have the same noise. Parameters that `base` does
+    not consider keep the values of the chain.
+
+    Args:
+        chain: The robot.
+        base: The combinations that are estimated.
+        q: Configurations on the closures, shape (N, nq).
+        va: Rates of the coordinates, shape (N, n).
+        aa: Accelerations of the coordinates, shape (N, n).
+        tau: Measured torques of the motors, shape (N, motors).
+        robust: Whether large residuals count less, by Huber's function.
+
+    Returns:
+        Values with their covariance.
+
+    Raises:
+        InputError: For wrong shapes, fewer motors than coordinates, too few samples, or a motion
+            that does not show all combinations.
+        ClosureError, SingularConfigurationError: As `compute_torques`.
+
+    Example:
+        >>> chain = sst_pin.robots.five_bar()
+        >>> base = sst_pin.identification.base_parameters(chain)
+        >>> q, va, aa = sst_pin.identification.random_states(chain, 50)
+        >>> tau = chain.compute_torques(q, va, aa)
+        >>> found = sst_pin.identification.estimate(chain, base, q, va, aa, tau)
+        >>> bool(np.allclose(found.values, base.matrix @ chain.dynamic_parameters))
+        True
+    """
+    n, motors, b = chain.degrees_of_freedom, len(chain.motor_names), len(base)
+    measured = finite_array("tau", tau, (motors,))
+    Y = chain.torque_regressor(q, va, aa)
+    if measured.shape[:-1] != Y.shape[:-2] or Y.ndim != 3:
+        raise InputError("tau", f"shape {measured.shape}, expected {(len(Y), motors)}")
+    if motors < n:
+        raise InputError("chain", f"{motors} motors do not tell the forces of {n} coordinates")
+    if len(Y) * n <= b:
+        raise InputError("q", f"{len(Y)} samples are too few for {b} base parameters")
+    J = chain.actuator_jacobian(q)
+    known = np.array(chain.dynamic_parameters)
+    known[base.considered] = 0
+    right = (measured[:, None, :] @ J)[:, 0] - Y @ known  # J^T tau
+    left, surplus = Y[..., base.columns], motors / n
+    noise, weights = np.ones(motors), np.ones(right.shape)
+    for _ in range(_ITERATIONS):
+        try:
+            spread = np.linalg.cholesky((J.swapaxes(-1, -2) * noise**2) @ J)
+        except np.linalg.LinAlgError:
+            problem = "the motors do not act on all coordinates in all samples"
+            raise InputError("q", problem) from None
+        A = np.asarray(np.linalg.solve(spread, left), float)
+        z = np.asarray(np.linalg.solve(spread, right[..., None])[..., 0], float)
+        values, inverse = _solved(A * weights[..., None], z * weights)
+        z = z - A @ values
+        back = np.linalg.solve(spread.swapaxes(-1, -2), z[..., None])
+        errors = noise**2 * (J @ back)[..., 0]  # the smallest torques that explain the rest
+        freedoms = surplus * z.size / (z.size - b)
+        if robust:
+            scale = np.median(np.abs(errors), axis=0) / 0.6745
+            weights = np.sqrt(np.minimum(1, _HUBER / np.maximum(np.abs(z), 1e-300)))
+        else:
+            scale = np.sqrt(np.mean(errors**2, axis=0))
+        if motors > n:  # the shares of single motors are not seen
+            scale = np.full(motors, np.sqrt(np.mean(scale**2)))
+        scale *= np.sqrt(freedoms)
+        settled = np.allclose(scale, noise, rtol=1e-6, atol=0)
+        noise = np.maximum(scale, 1e-14 * np.abs(measured).max() + 1e-150)
+        if settled:
+            break
+    if robust:
+        _, inverse = _solved(A, z)
+        inside = np.abs(z) < _HUBER
+        inverse *= np.sqrt(np.mean(np.clip(z, -_HUBER, _HUBER) ** 2)) / inside.mean()
+    return Estimate(base, values, inverse @ inverse.T, noise)
+
+
+def _solved(A: Array, z: Array) -> tuple[Array, Array]:
+    """Least squares by QR, and the inverse of R, which is the root of the covariance."""
+    from scipy.linalg import solve_triangular
+
+    b = A.shape[-1]
+    rows = np.concatenate([A, z[..., None]], axis=-1).reshape(-1, b + 1)
+    sizes = np.linalg.norm(rows[:, :b], axis=0)
+    sizes[sizes == 0] = 1
+    rows[:, :b] /= sizes
+    R = np.asarray(np.linalg.qr(rows, mode="r"), float)[:b]
+    if np.abs(np.diag(R)[:b]).min(initial=1.0) < _UNSHOWN:
+        raise InputError(
+            "motion", "it does not show all base parameters; base_parameters(motion=) finds those"
+        )
+    inverse = solve_triangular(R[:, :b], np.eye(b)) / sizes[:, None]
+    return inverse @ R[:, b], inverse
