@@ -109,7 +109,8 @@ def problems() -> dict[str, Problem]:
         "n_four_bar_2": Problem(
             few, (-1.0,), (0.0,), np.linspace(0, 10, 201), B0, _ends,
             lambda t: referees.n_four_bar(2, t),
-            ((10, "B0_x_m", "0.3284574"), (10, "B0_y_m", "0.9445188")), {},
+            ((10, "B0_x_m", "0.3284574"), (10, "B0_y_m", "0.9445188")),
+            {"through_singularities": True},
         ),
         "n_four_bar_40": Problem(
             many, (-1.0,), (0.0,), np.linspace(0, 20, 201), B0, _ends,
@@ -117,7 +118,7 @@ def problems() -> dict[str, Problem]:
             (
                 (19.4, "B0_x_m", "-0.284004"), (19.4, "B0_y_m", "0.958823"),
                 (20, "B0_x_m", "0.410902"), (20, "B0_y_m", "0.911679"),
-            ), {},
+            ), {"through_singularities": True},
         ),
         "andrews": Problem(
             andrews, (0.0,), (0.033,), np.linspace(0, 0.03, 201),

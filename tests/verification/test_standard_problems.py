@@ -61,9 +61,11 @@ def test_the_home_of_andrews_is_the_published_start():
 
 @pytest.mark.parametrize("loops", [1, 2, 5])
 def test_the_row_of_four_bars_falls_as_one_pendulum(loops):
-    """A02, until shortly before the horizontal."""
-    t, chain = np.linspace(0, 0.5, 6), robots.n_four_bar(loops)
-    motion = chain.simulate([0.0], chain.home, PUBLISHED["n_four_bar"]["start_rates"], t)
+    """A02, through the horizontal, where all loops are singular at once."""
+    t, chain = np.linspace(0, 1, 6), robots.n_four_bar(loops)
+    rates = PUBLISHED["n_four_bar"]["start_rates"]
+    motion = chain.simulate([0.0], chain.home, rates, t, through_singularities=True)
+    assert len(motion.crossings) == 1
     ends = np.stack([np.cos(motion.q[:, 0]), np.sin(motion.q[:, 0])], axis=1)
     assert_allclose(ends, referees.n_four_bar(loops, t), rtol=0, atol=1e-8)
 
@@ -77,8 +79,8 @@ def test_the_pendulum_is_where_the_library_has_the_row_of_four_bars():
 
 @pytest.mark.slow
 def test_bricards_mechanism_is_the_same_by_each_of_its_hinges():
-    """A04, until hinge 2 turns round; against Newton's method and one equation of motion."""
-    t, chain = np.linspace(0, 1.2, 7), robots.bricard()
+    """A04, hinge 2 turns round; against Newton's method and one equation of motion."""
+    t, chain = np.linspace(0, 10, 51), robots.bricard()
     first = motion_of("bricard", t)
     for k in range(2, 6):
         names = [f"hinge_{k}"]
@@ -149,4 +151,6 @@ def test_the_page_shows_every_problem_with_picture_and_motion():
         assert rows.dtype.names == ("t_s", *problem.columns)
         for quantity, *_, off in table[1:]:
             if "time" not in quantity and off != "-" and "relative" not in quantity:
-                assert float(off.split()[0]) < 1e-7, (name, quantity)
+                # Forty loops are 81 bars of 600 J, fourteen times through a singular configuration.
+                most = 1e-5 if name == "n_four_bar_40" else 1e-7
+                assert float(off.split()[0]) < most, (name, quantity)
