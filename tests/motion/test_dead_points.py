@@ -53,7 +53,7 @@ def swing(chain, seconds, random, compiled):
 @pytest.mark.parametrize("which", idle_linkages(np.random.default_rng(0)))
 @pytest.mark.parametrize(
     ("seconds", "compiled"),
-    [(1, False), pytest.param(100, True, marks=pytest.mark.slow)],
+    [(1, False), pytest.param(10, True, marks=pytest.mark.slow)],
 )
 def test_idle_linkages_swing_through_their_dead_points(which, seconds, compiled):
     random = np.random.default_rng(3)
