@@ -1534,7 +1534,7 @@ class ClosedChain:
             space.position_units,
             stopped,
             coordinates=mechanism.coordinate_rate_names,
-            rate_units=tuple(space.rate_units[k] for k in mechanism.coordinates),
+            rate_units=mechanism.coordinate_rate_units,
             torque_units=mechanism.motor_units,
             crossings=crossings,
         )

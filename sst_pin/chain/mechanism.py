@@ -174,6 +174,11 @@ class Mechanism:
         return tuple(self.space.rate_names[k] for k in self.coordinates)
 
     @cached_property
+    def coordinate_rate_units(self) -> tuple[str, ...]:
+        """Unit of each coordinate: "rad" or "m", per second for its rate."""
+        return tuple(self.space.rate_units[k] for k in self.coordinates)
+
+    @cached_property
     def driven_one_to_one(self) -> bool:
         """Whether motor k gives the force of coordinate k, and nothing else."""
         return np.array_equal(self.motors, self.selection.T) and not self.lines.motors.any()

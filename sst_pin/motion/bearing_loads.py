@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,30 +15,15 @@ from ..chain.reactions import Reactions
 from ..errors import InputError, MissingExtraError
 from ..files import as_path, text_writer, write_files
 from ..summaries import as_html, as_text
-from .moving_robot import Robot, require_motion
+from .moving_robot import require_motion
 from .trajectories import Trajectory
 
 if TYPE_CHECKING:
     import pandas as pd
 
+    from ..chain.closed_chain import ClosedChain
+
 Array = NDArray[np.float64]
-
-
-class _Loaded(Robot, Protocol):
-    """A robot whose reactions can be computed."""
-
-    def compute_accelerations(self, q: ArrayLike, va: ArrayLike, tau: ArrayLike) -> Array:
-        """Accelerations of the coordinates."""
-
-    def reactions(
-        self,
-        q: ArrayLike,
-        va: ArrayLike,
-        *,
-        tau: ArrayLike,
-        stiffness: Mapping[str, ArrayLike] | None,
-    ) -> Reactions:
-        """Wrenches of joints and closures."""
 
 
 class Load(NamedTuple):
@@ -147,7 +132,7 @@ class Loads:
 
 
 def reactions_along(
-    chain: _Loaded, motion: Trajectory, stiffness: Mapping[str, ArrayLike] | None
+    chain: ClosedChain, motion: Trajectory, stiffness: Mapping[str, ArrayLike] | None
 ) -> Reactions:
     """Reactions along a motion under its torques and the weights; refuses one with other loads."""
     require_motion(motion, chain)
@@ -159,7 +144,9 @@ def reactions_along(
     return w
 
 
-def loads(chain: _Loaded, motion: Trajectory, stiffness: Mapping[str, ArrayLike] | None) -> Loads:
+def loads(
+    chain: ClosedChain, motion: Trajectory, stiffness: Mapping[str, ArrayLike] | None
+) -> Loads:
     """Loads of a chain along a motion, under the torques of the motion."""
     w = reactions_along(chain, motion, stiffness)
     wrenches = np.concatenate([w.joints, w.closures], axis=-2)

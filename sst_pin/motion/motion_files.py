@@ -16,7 +16,7 @@ from ..errors import ClosureError, FileFormatError, InputError
 from ..files import Table, read_table
 from .coordinate_motions import coordinate_motion, start_configuration
 from .motion_columns import RATE, position_columns, rate_columns
-from .moving_robot import rates_of_coordinates, require_motion
+from .moving_robot import require_motion
 from .trajectories import Trajectory
 
 Array = NDArray[np.float64]
@@ -206,7 +206,7 @@ def _position_columns(chain: ClosedChain) -> list[str]:
 
 def _rates(chain: ClosedChain) -> tuple[list[str], list[str]]:
     """Names of the coordinates' rates, and their columns."""
-    names, units = rates_of_coordinates(chain)
+    names, units = chain.mechanism.coordinate_rate_names, chain.mechanism.coordinate_rate_units
     return list(names), rate_columns(names, units)
 
 

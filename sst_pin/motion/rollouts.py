@@ -24,7 +24,7 @@ from ..chain.backend import Motions
 from ..errors import InputError, SimulationError
 
 if TYPE_CHECKING:
-    from .moving_robot import Robot
+    from ..chain.closed_chain import ClosedChain
 
 Array = NDArray[np.float64]
 
@@ -47,7 +47,7 @@ class Rollout(NamedTuple):
 
 
 def rollout(
-    chain: Robot,
+    chain: ClosedChain,
     tau: ArrayLike,
     q0: ArrayLike,
     va0: ArrayLike,

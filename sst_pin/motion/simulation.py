@@ -26,7 +26,7 @@ from .trajectories import Trajectory
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
 
-    from .moving_robot import Robot
+    from ..chain.closed_chain import ClosedChain
 
 Array = NDArray[np.float64]
 
@@ -49,7 +49,7 @@ _METHODS = ("RK23", "RK45", "DOP853", *_IMPLICIT)
 
 
 def simulate(
-    chain: Robot,
+    chain: ClosedChain,
     torque: Torque,
     q0: ArrayLike,
     va0: ArrayLike,
