@@ -75,6 +75,9 @@ def controllers(robot, motion):
         "LQR": sst_pin.TrackingLQR(
             robot, motion, Q=[3e5] * 3 + [30] * 3, R=[0.3] * 3, limits=LIMIT
         ),
+        "adaptive": sst_pin.Adaptive(
+            robot, motion, stiffness=60, damping=12, learning=0.1, limits=LIMIT
+        ),
         "computed torque": sst_pin.ComputedTorque(robot, motion, kp=1.5e4, kd=240, limits=LIMIT),
     }
 

@@ -99,6 +99,42 @@ def test_the_regulator_brings_the_robot_back_to_the_circle(robot, circle):
     assert error[-1] < 1e-5
 
 
+def test_the_coriolis_matrix_of_the_adaptive_controller_is_skew_with_the_inertia(five_bar, sway):
+    """s (M_dot - 2 C) s = 0 for every s, M_dot by differences; and C va is the robot's own."""
+    control = sst_pin.Adaptive(five_bar, sway, stiffness=20, damping=1, learning=1)
+    random, none = np.random.default_rng(0), np.zeros(2)
+    for k in (3, 20, 40):
+        q, va, aa = sway.q[k], random.standard_normal(2), random.standard_normal(2)
+        forces = five_bar.generalized_forces(q, va, aa)
+        assert_allclose(control._regressor(q, va, va, aa) @ control.theta, forces, atol=1e-12)
+        s, step = random.standard_normal(2), 1e-5
+        moved = [q + sign * step * five_bar.joint_rates(q, va) for sign in (1, -1)]
+        ahead, behind = (five_bar.reduced_terms(five_bar.assemble(x), none).inertia for x in moved)
+        rest, of_s = (control._regressor(q, va, x, none) @ control.theta for x in (none, s))
+        power = s @ ((ahead - behind) / (2 * step) @ s - 2 * (of_s - rest))
+        assert abs(power) < 1e-8 * np.abs(ahead).max() / step**0.5
+
+
+@pytest.mark.slow
+def test_the_adaptive_controller_learns_the_masses(five_bar):
+    """On a machine of 1.5 times the masses its error falls to a tenth in five turns."""
+    t = np.linspace(0, 5, 1001)
+    turn = 2 * np.pi * t
+    x = five_bar.home[[0, 2]] + 0.3 * np.stack([np.sin(turn), 1 - np.cos(turn)], axis=-1)
+    motion = sst_pin.coordinate_motion(five_bar, t, x)
+    machine = five_bar.with_parameters(1.5 * np.array(five_bar.dynamic_parameters))
+    worst = []
+    for learning in (0, 1):
+        control = sst_pin.Adaptive(five_bar, motion, stiffness=15, damping=0.02, learning=learning)
+        q, va, errors = motion.q[0], motion.va[0], []
+        for k in range(1000):
+            moved = machine.rollout(control.torque(t[k], q, va)[None], q, va, 5e-3)
+            q, va = moved.q[-1], moved.va[-1]
+            errors.append(np.abs(motion.q[k + 1] - q)[[0, 2]].max())
+        worst.append(max(errors[800:]))
+    assert worst[1] < worst[0] / 10
+
+
 def test_a_motor_without_ends_has_no_error_of_full_turns():
     """A crank that turns for ever is taken at the nearest turn."""
     bar = sst_pin.robots.four_bar()
@@ -127,6 +163,8 @@ def test_torques_stay_within_limits_and_ends_are_held(kind, five_bar, sway):
 
 def test_bad_arguments_are_refused_by_name(robot, five_bar, sway):
     one = {"kp": 1, "kd": 1}
+    with pytest.raises(InputError, match="learning"):
+        sst_pin.Adaptive(five_bar, sway, stiffness=1, damping=1, learning=-1)
     with pytest.raises(InputError, match="motion"):
         sst_pin.ComputedTorque(robot, sway, **one)
     with pytest.raises(InputError, match="kp"):
@@ -162,3 +200,4 @@ def test_the_table_of_the_bench_is_current():
         printed = [float(cell.split()[0]) for cell in rows[name]]
         assert_allclose(printed, values, rtol=0.1, atol=0.5)  # engines of other versions
     assert found["computed torque"][0] < found["PD + gravity"][0] / 4
+    assert found["adaptive"][0] < found["PD + gravity"][0] / 10

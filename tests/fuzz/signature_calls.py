@@ -309,9 +309,10 @@ FINE = {
     "with_payload(mass: 0.0)", "assemble(q: dict)", "with_parameters(theta: dict)",
     "reactions(va: huge)", "reactions(aa: huge)",
     "reactions(tau: huge)", "reactions(platform_moment: huge)", "loads(motion: of one sample)",
+    *(f"Adaptive({word}: scalar)" for word in ("stiffness", "damping", "limits")),
     *(f"ComputedTorque({word}: scalar)" for word in ("kp", "kd", "limits")),
     *(f"GravityPD({word}: scalar)" for word in ("kp", "kd", "limits")),
-    "TrackingLQR(limits: scalar)",
+    "TrackingLQR(limits: scalar)", "Adaptive(learning: 0.0)",
     "reactions(external_wrenches: huge)",  # NaN where a wrench is not unique
 }  # fmt: skip
 #: Parameters that are not called with bad values: by method and name.
@@ -411,7 +412,8 @@ def _of_control(w: World) -> Iterator[Subject]:
         if not attribute.startswith("_") and attribute != "compile":
             yield Subject(f"view.{attribute}", call, good)
     gains = {"kp": np.ones(3), "kd": np.ones(3), "Q": np.ones(6), "R": np.ones(3)}
-    for name in ("ComputedTorque", "GravityPD", "TrackingLQR"):
+    gains |= {"stiffness": np.ones(3), "damping": np.ones(3), "learning": 1.0}
+    for name in ("Adaptive", "ComputedTorque", "GravityPD", "TrackingLQR"):
         made = {"chain": w.robot, "motion": w.motion, "limits": np.ones(3)}
         yield Subject(name, getattr(sst_pin, name), made | gains)
 
