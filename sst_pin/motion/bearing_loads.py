@@ -156,8 +156,9 @@ def loads(
         for kind, part in (("force", slice(3, 6)), ("moment", slice(0, 3))):
             vectors = wrenches[:, k, part]
             sizes = np.linalg.norm(vectors, axis=1)
-            at = int(np.argmax(sizes))
-            peak, time, rms = float(sizes[at]), float(motion.t[at]), np.sqrt(np.mean(sizes**2))
+            peak = float(sizes.max())  # NaN if any is
+            at = int(np.argmax(~(sizes < (1 - 1e-9) * peak)))  # the first of equal peaks
+            time, rms = float(motion.t[at]), np.sqrt(np.mean(sizes**2))
             x, y, z = (vectors[at] / (peak or 1.0)).tolist()
             determined = bool(np.all(unique[k, part]))
             rows.append(Load(name, kind, peak, time, x, y, z, float(rms), determined))
