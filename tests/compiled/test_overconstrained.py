@@ -87,10 +87,14 @@ TURNING = {
     "planar drag link": lambda: loop(17, [0.4, 0.35, 0.38, 0.1], [0.0] * 4),
 }
 #: These meet singular configurations on their way.
-STOPPING = {
+#: Their driven hinge turns back at dead points.
+TURNING_BACK = {
     "threefold Bricard": lambda: threefold_bricard(8, 1.2),
     "another threefold Bricard": lambda: threefold_bricard(9, 1.4),
     "line-symmetric Bricard": lambda: line_symmetric_bricard(10),
+}
+#: Singular as mechanisms where they are flat.
+STOPPING = {
     "Sarrus": lambda: sarrus(18, 1.2),
     "right-angled Sarrus": lambda: sarrus(19, np.pi / 2),
 }
@@ -118,6 +122,21 @@ def test_loops_turn_fully_by_kernels_and_follow_the_reference_path(name):
         assert not len(kernels._current.backend.kernel(key).many((q, va, aa), result))
         # Condition numbers are below 1e3.
         assert np.allclose(result, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", TURNING_BACK)
+def test_loops_go_on_at_dead_points_of_their_hinge(name):
+    """The coordinate fails there, the mechanism does not; the energy stays."""
+    chain = TURNING_BACK[name]()
+    q0 = chain.generic_configuration()
+    chain.compile()
+    motion = chain.simulate([0.0], q0, [3.0], np.linspace(0, 4, 1001), rtol=1e-10, atol=1e-10)
+    assert not motion.stopped
+    assert max(map(chain.condition_number, motion.q)) > 100
+    # Ten thousand tolerances of the integrator.
+    error = np.abs(sst_pin.energy_error(chain, motion)).max()
+    assert error < 1e-6 * chain.kinetic_energy(motion.q[0], motion.va[0])
 
 
 @pytest.mark.slow
