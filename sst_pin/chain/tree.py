@@ -9,6 +9,7 @@ J, scaled already; it is added to that of the joint that it follows at the end.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -23,9 +24,11 @@ Array = NDArray[np.float64]
 
 def frame_id(model: pin.Model, name: str | None) -> int:
     """Index of a frame; a joint and a link of one name are one frame where they coincide."""
-    found = [i for i, frame in enumerate(model.frames) if frame.name == name]
-    if not found:
+    if not (isinstance(name, str) and model.existFrame(name)):
         raise UnknownNameError("frame", str(name), [f.name for f in model.frames])
+    with suppress(ValueError):  # several frames of the name
+        return int(model.getFrameId(name))
+    found = [i for i, frame in enumerate(model.frames) if frame.name == name]
     first = model.frames[found[0]]
     for i in found[1:]:
         other = model.frames[i]
