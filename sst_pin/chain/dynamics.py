@@ -240,8 +240,9 @@ def sizes_of_terms(
     """Sizes of all forces that meet in each coordinate, none balanced by another, shape (n,).
 
     They are the weight, the inertia and the load of each body, and the friction, the spring and the
-    rotor of each joint. The second result disregards the directions of wrenches and motions;
-    rounding takes its part of it.
+    rotor of each joint. The second result disregards the directions of wrenches and motions, and
+    where axes pass: each turn moves mass centres by the length of the robot. Rounding takes its
+    part of it.
     """
     ws.evaluate(q)
     mechanism, model, r = ws.mechanism, ws.model, ws.model.njoints - 1
@@ -258,6 +259,7 @@ def sizes_of_terms(
     own += list(mechanism.lines.tensions(now, J.dot(v))[:, None] * J)
     of_joints = np.abs(own).sum(axis=0)
     lengths = np.linalg.norm(K.reshape(2 * r, 3, -1), axis=1)
+    lengths[1::2] += mechanism.length * lengths[::2]
     sizes = np.linalg.norm(wrench.reshape(2 * r, 3), axis=1)
     return L.T @ (np.abs(K.T) @ wrench + of_joints), L.T @ (lengths.T @ sizes + of_joints)
 

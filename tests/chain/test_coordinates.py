@@ -203,6 +203,19 @@ def test_a_rod_without_spin_inertia_between_two_balls_is_named():
     assert np.isfinite(thick.compute_accelerations(*state)).all()
 
 
+def test_a_rod_without_spin_inertia_needs_no_motor_to_spin():
+    """Rounding of where its axis passes is no force; a thick rod's spin needs one."""
+    thin, thick = rod_between_two_balls(0.0), rod_between_two_balls(1e-3)
+    random, q = np.random.default_rng(0), thin.generic_configuration()
+    n, crank = thin.degrees_of_freedom, thin.mechanism.coordinate_rate_names.index("crank")
+    at_rest = np.zeros((1, 2, n))
+    for va, aa in [*at_rest, *random.normal(size=(10, 2, n))]:
+        f = thin.generalized_forces(q, va, aa)
+        np.testing.assert_allclose(thin.compute_torques(q, va, aa), [f[crank]], rtol=1e-9)
+    with pytest.raises(sst_pin.ActuationError, match="no motor supplies the forces rod_w"):
+        thick.compute_torques(q, va, aa)
+
+
 def _tree_added_breadth_first(frames):
     """Joints 1 to 4 whose parents are 0, 1, 1, 2, in this order, with or without joint frames."""
     model, random = pin.Model(), np.random.default_rng(0)
