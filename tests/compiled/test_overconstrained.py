@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Overconstrained loops: each choice of as many rows as rates is singular somewhere on the way."""
 
+from functools import cache
+
 import numpy as np
 import pinocchio as pin
 import pytest
 
 import sst_pin
 from sst_pin.chain.backend import Key
+from sst_pin.motion.energy import energy_balance
 
 
 def loop(seed, lengths, twists, kind="6d", offsets=None):
@@ -86,7 +89,6 @@ TURNING = {
     "planar, welded": lambda: loop(16, BARS, [0.0] * 4),
     "planar drag link": lambda: loop(17, [0.4, 0.35, 0.38, 0.1], [0.0] * 4),
 }
-#: These meet singular configurations on their way.
 #: Their driven hinge turns back at dead points.
 TURNING_BACK = {
     "threefold Bricard": lambda: threefold_bricard(8, 1.2),
@@ -100,14 +102,21 @@ STOPPING = {
 }
 
 
+@cache
+def both_paths(name):
+    """A robot with kernels and one without."""
+    kernels, reference = TURNING[name](), TURNING[name]()
+    kernels.compile()
+    return kernels, reference
+
+
 @pytest.mark.parametrize(
     "name", [pytest.param(x, marks=[pytest.mark.slow] * (x != "Bennett")) for x in TURNING]
 )
 def test_loops_turn_fully_by_kernels_and_follow_the_reference_path(name):
     """No kernel leaves a sample of a full turn to the reference path, where all is regular."""
-    kernels, reference = TURNING[name](), TURNING[name]()
+    kernels, reference = both_paths(name)
     q0 = kernels.generic_configuration()
-    kernels.compile()
     motion = kernels.simulate([0.0], q0, [3.0], np.linspace(0, 8, 101), rtol=1e-9, atol=1e-9)
     assert not motion.stopped
     assert np.ptp(motion.q[:, 0]) > 2 * np.pi
@@ -122,6 +131,25 @@ def test_loops_turn_fully_by_kernels_and_follow_the_reference_path(name):
         assert not len(kernels._current.backend.kernel(key).many((q, va, aa), result))
         # Condition numbers are below 1e3.
         assert np.allclose(result, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", TURNING)
+def test_loops_turn_fully_at_any_tolerance_on_both_paths(name):
+    """The energy stays as far as the tolerance asks; the loose ones take large steps."""
+    kernels, reference = both_paths(name)
+    q0, t = reference.generic_configuration(), np.linspace(0, 6, 16)
+    for chain, tolerance, left in (
+        (reference, 1e-3, 1.0),
+        (kernels, 1e-3, 1.0),
+        (kernels, 1e-6, 1e-2),
+        (kernels, 1e-12, 1e-8),
+    ):
+        motion = chain.simulate([0.0], q0, [3.0], t, rtol=tolerance, atol=tolerance)
+        assert not motion.stopped
+        assert np.ptp(motion.q[:, 0]) > 2 * np.pi
+        balance = energy_balance(chain, motion)
+        assert np.abs(balance.error).max() < left * np.ptp(balance.kinetic)
 
 
 @pytest.mark.slow
