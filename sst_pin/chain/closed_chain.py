@@ -776,7 +776,8 @@ class ClosedChain:
         unless a preload is given; where they would pass limits, the next ones within.
 
         Args:
-            weights: Weights of the squared torques, positive, shape (motors,); one by default.
+            weights: Weights of the squared torques, positive, shape (motors,); one by default, so
+                that 1 N in a slide counts as 1 N m in a hinge.
             preload: Torques along `preload_directions`, shape (..., k), which are added.
             limits: Largest sizes of the torques, shape (motors,), or least and largest ones, shape
                 (motors, 2); infinite for none.
@@ -1453,10 +1454,12 @@ class ClosedChain:
         equalities, and springs, dampers, friction losses and armatures of the joints. Spatial
         tendons between two sites with a spring, a damper or an actuator become `forces`; their
         limits are ignored. The motors are the joints and tendons with an actuator; tau is the force
-        in the joint or the tendon, for a `motor` gear times control. The positions of hinges and
-        slides are those of `qpos`. For balls and free joints, the scalar of a quaternion in q is
-        last, and the linear rates in v are in body axes. Named keyframes become
-        `referenceConfigurations` of the model, such as `home`.
+        in the joint or the tendon, for a `motor` gear times control. The laws of `position`,
+        `velocity` and other actuators are not read: in MuJoCo they also act without control, here
+        tau is all that a motor gives. The positions of hinges and slides are those of `qpos`. For
+        balls and free joints, the scalar of a quaternion in q is last, and the linear rates in v
+        are in body axes. Named keyframes become `referenceConfigurations` of the model, such as
+        `home`.
 
         Args:
             path: The MJCF.
