@@ -36,14 +36,6 @@ Torque = Callable[[float, Array, Array], ArrayLike] | ArrayLike | Trajectory
 #: Loads: a function of (t, q, va), a constant, or none.
 Load = Callable[[float, Array, Array], ArrayLike] | ArrayLike | None
 
-#: Steps of differences, relative or [rad], [m] and per second.
-_DIFFERENCE = 1e-8
-#: Condition number of the dependent joints, below which coordinates are kept or taken up again,
-#: and above which others are looked for, as long as these are better by some margin.
-_WELL_CONDITIONED, _POOR, _MARGIN = 20.0, 50.0, 4.0
-#: A step that is not regular is tried again with its regular part, or this part of it at least;
-#: a motion ends where this leads to such a part of its time.
-_SHORTER, _STUCK = 0.25, 1e-12
 _IMPLICIT = ("Radau", "BDF", "LSODA")
 _METHODS = ("RK23", "RK45", "DOP853", *_IMPLICIT)
 
