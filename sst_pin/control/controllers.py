@@ -3,10 +3,12 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import finite_array, positive_number
+from ..arrays import finite_array, in_one_turn, positive_number
 from ..chain.closed_chain import ClosedChain
 from ..chain.named_positions import taken
 from ..chain.regressor import OF_BODY
@@ -18,7 +20,7 @@ from ..motion.trajectories import Trajectory
 Array = NDArray[np.float64]
 
 
-class Controller:
+class Controller(ABC):
     """What controllers share: a robot's model, the motion to follow, limits of torques.
 
     Before and after the motion its first and last configuration are held.
@@ -49,7 +51,12 @@ class Controller:
             self.limits.shape in ((), (len(chain.motor_names),)) and (self.limits > 0).all()
         ):
             raise InputError("limits", "needed: a positive number, or one for each motor")
-        self._path = spline(motion.t, self._positions(motion.q))
+        mechanism = chain.mechanism
+        self._turns = np.array([unit == "rad" for unit in mechanism.coordinate_rate_units])
+        x, places = self._positions(motion.q), mechanism.space.position_names
+        endless = [name not in places for name in chain.coordinates]
+        x[:, endless] = np.unwrap(x[:, endless], axis=0)
+        self._path = spline(motion.t, x)
         self._rates, self._accelerations = self._path.derivative(1), self._path.derivative(2)
 
     def torque(self, t: float, q: Array, va: Array) -> Array:
@@ -65,17 +72,13 @@ class Controller:
         tau = self._torque(t, q, va)
         return tau if self.limits is None else np.clip(tau, -self.limits, self.limits)
 
+    @abstractmethod
     def _torque(self, t: float, q: Array, va: Array) -> Array:
-        raise NotImplementedError
+        """Torques of the motors, whatever their limits."""
 
     def _positions(self, q: Array) -> Array:
-        """Positions of the coordinates, shape (..., n); joints without ends do not jump."""
-        space = self.chain.mechanism.space
-        x = taken(space, q, self.chain.coordinates)
-        endless = [name not in space.position_names for name in self.chain.coordinates]
-        if x.ndim == 2:
-            x[:, endless] = np.unwrap(x[:, endless], axis=0)
-        return x
+        """Positions of the coordinates, shape (..., n)."""
+        return taken(self.chain.mechanism.space, q, self.chain.coordinates)
 
     def _wanted(self, t: float) -> tuple[Array, Array, Array]:
         """Positions, rates and accelerations of the coordinates at a time, shape (n,) each."""
@@ -85,18 +88,12 @@ class Controller:
         held = self._path(first if t < first else last)
         return held, np.zeros_like(held), np.zeros_like(held)
 
-    def _errors(self, t: float, q: Array, va: Array) -> tuple[Array, Array]:
-        """Errors of positions and of rates, shape (n,) each; full turns are none."""
-        x, rates, _ = self._wanted(t)
+    def _errors(self, t: float, q: Array, va: Array) -> tuple[Array, Array, Array]:
+        """Errors of positions, where full turns are none, and of rates; wanted accelerations."""
+        x, rates, accelerations = self._wanted(t)
         error = x - self._positions(q)
-        turns = np.array([unit == "rad" for unit in self._units])
-        error[turns] = (error[turns] + np.pi) % (2 * np.pi) - np.pi
-        return error, rates - va
-
-    @property
-    def _units(self) -> list[str]:
-        mechanism = self.chain.mechanism
-        return [mechanism.space.rate_units[k] for k in mechanism.coordinates]
+        error[self._turns] = in_one_turn(error[self._turns])
+        return error, rates - va, accelerations
 
     def _motors(self, q: Array, f: Array) -> Array:
         """The smallest torques that give forces f along the coordinates."""
@@ -110,7 +107,23 @@ class Controller:
         return gains
 
 
-class ComputedTorque(Controller):
+class _Feedback(Controller):
+    """Controllers with gains of positions and of rates."""
+
+    def __init__(
+        self,
+        chain: ClosedChain,
+        motion: Trajectory,
+        *,
+        kp: ArrayLike,
+        kd: ArrayLike,
+        limits: ArrayLike | None = None,
+    ) -> None:
+        super().__init__(chain, motion, limits=limits)
+        self.kp, self.kd = self._gains("kp", kp), self._gains("kd", kd)
+
+
+class ComputedTorque(_Feedback):
     """Inverse dynamics of the wanted accelerations plus feedback: errors die out alike everywhere.
 
     The errors e of the coordinates obey e'' + kd e' + kp e = 0 for the model.
@@ -130,25 +143,13 @@ class ComputedTorque(Controller):
         array([0.16])
     """
 
-    def __init__(
-        self,
-        chain: ClosedChain,
-        motion: Trajectory,
-        *,
-        kp: ArrayLike,
-        kd: ArrayLike,
-        limits: ArrayLike | None = None,
-    ) -> None:
-        super().__init__(chain, motion, limits=limits)
-        self.kp, self.kd = self._gains("kp", kp), self._gains("kd", kd)
-
     def _torque(self, t: float, q: Array, va: Array) -> Array:
-        error, rate = self._errors(t, q, va)
-        aa = self._wanted(t)[2] + self.kd * rate + self.kp * error
+        error, rate, wanted = self._errors(t, q, va)
+        aa = wanted + self.kd * rate + self.kp * error
         return self.chain.compute_torques(q, va, aa)
 
 
-class GravityPD(Controller):
+class GravityPD(_Feedback):
     """Springs and dampers to the wanted motion, and the torques that hold the weight.
 
     Args:
@@ -166,20 +167,8 @@ class GravityPD(Controller):
         array([-0.04])
     """
 
-    def __init__(
-        self,
-        chain: ClosedChain,
-        motion: Trajectory,
-        *,
-        kp: ArrayLike,
-        kd: ArrayLike,
-        limits: ArrayLike | None = None,
-    ) -> None:
-        super().__init__(chain, motion, limits=limits)
-        self.kp, self.kd = self._gains("kp", kp), self._gains("kd", kd)
-
     def _torque(self, t: float, q: Array, va: Array) -> Array:
-        error, rate = self._errors(t, q, va)
+        error, rate, _ = self._errors(t, q, va)
         rest = np.zeros_like(va)
         hold = self.chain.compute_torques(q, rest, rest)
         return hold + self._motors(q, self.kp * error + self.kd * rate)
@@ -249,9 +238,9 @@ class TrackingLQR(Controller):
         low = min(int(place), size - 2)
         part = place - low
         K = (1 - part) * self.gains[low] + part * self.gains[low + 1]
-        return self._feed(np.clip(t, times[0], times[-1])) + K @ np.concatenate(
-            self._errors(t, q, va)
-        )
+        error, rate, _ = self._errors(t, q, va)
+        feed = self._feed(np.clip(t, times[0], times[-1]))
+        return feed + K @ np.concatenate([error, rate])
 
 
 class Adaptive(Controller):
@@ -309,8 +298,7 @@ class Adaptive(Controller):
         self.theta, self._last = np.array(parameters.values), float(motion.t[0])
 
     def _torque(self, t: float, q: Array, va: Array) -> Array:
-        accelerations = self._wanted(t)[2]
-        error, rate_error = self._errors(t, q, va)
+        error, rate_error, accelerations = self._errors(t, q, va)
         s = rate_error + self.stiffness * error
         Y = self._regressor(q, va, va + s, accelerations + self.stiffness * rate_error)
         tau = self._motors(q, Y @ self.theta + self.damping * s)
