@@ -31,7 +31,7 @@ from .assembly import home_of
 from .assignments import require_assignable
 from .backend import Key, States
 from .closures import Constraint
-from .current import Current
+from .current import Current, Kernels
 from .draft import Motor, closures_of, forces_of, mechanism_of, without_locked
 from .lines import LineForce
 from .mechanism import Friction, Mechanism
@@ -353,10 +353,10 @@ class ClosedChain:
             >>> bool(abs(chain.compute_torques(chain.home, [0], [0])) < 1e-12)
             True
         """
-        self._current = Current(self._mechanism_of_model(), self._current.kernels)
+        self._filled(self._model, self._recipe, self._current.kernels)
 
     def with_coordinates(self, coordinates: Sequence[str]) -> ClosedChain:
-        """The same robot, its dynamics in other coordinates.
+        """This robot with its dynamics in other coordinates.
 
         Args:
             coordinates: Names of the independent joints.
@@ -377,10 +377,16 @@ class ClosedChain:
     def _remade(self, model: pin.Model, **changes: object) -> ClosedChain:
         """A chain of another model, or of other arguments of the constructor."""
         chain = ClosedChain.__new__(ClosedChain)
-        chain._model, chain._shapes = model, self._shapes
-        chain._recipe = partial(self._recipe, **changes)
-        chain._current = Current(chain._mechanism_of_model())
-        return chain
+        chain._shapes = self._shapes
+        return chain._filled(model, partial(self._recipe, **changes), None)
+
+    def _filled(
+        self: _Chain, model: pin.Model, recipe: partial[Mechanism], kernels: Kernels | None
+    ) -> _Chain:
+        """This chain made of a model and the other arguments of the constructor."""
+        self._model, self._recipe = model, recipe
+        self._current = Current(self._mechanism_of_model(), kernels)
+        return self
 
     # --- closures ---------------------------------------------------------------------------
 
@@ -1040,11 +1046,8 @@ class ClosedChain:
         """
         current = self._current
         model, numbers, forces = regressor.changed(current.mechanism, theta)
-        robot = copy(self)
-        robot._model = model
-        robot._recipe = partial(self._recipe, numbers=numbers, forces=forces)
-        robot._current = Current(robot._mechanism_of_model(), current.kernels)
-        return robot
+        recipe = partial(self._recipe, numbers=numbers, forces=forces)
+        return copy(self)._filled(model, recipe, current.kernels)
 
     # --- derivatives ------------------------------------------------------------------------
 

@@ -78,13 +78,13 @@ def adjusted(
             raise InputError("preload", problem) from None
     if limits is not None:
         given = None if weights is None else np.asarray(weights, dtype=float)
-        tau = _within(mechanism, tau, basis, _limits_of(mechanism, limits), given)
+        tau = _within(mechanism, tau, basis, limits_of(limits, tau.shape[-1]), given)
     return tau
 
 
-def _limits_of(mechanism: Mechanism, limits: ArrayLike) -> Array:
-    """Least and largest torques, shape (motors, 2)."""
-    given, motors = as_array("limits", limits, ()), mechanism.motors.shape[1]
+def limits_of(limits: ArrayLike, motors: int) -> Array:
+    """Least and largest torques, shape (motors, 2); from largest ones too, shape (motors,)."""
+    given = as_array("limits", limits, ())
     if given.shape == (motors,):
         given = np.column_stack([-given, given])
     if given.shape != (motors, 2):

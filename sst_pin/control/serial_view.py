@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..arrays import finite_array, for_each_sample, names, single_array
 from ..chain.closed_chain import ClosedChain
 from ..chain.named_positions import taken
+from ..chain.redundancy import limits_of
 from ..chain.thresholds import RANK_TOLERANCE
 from ..errors import ActuationError, InputError, WorkspaceError
 from ..motion.coordinate_motions import followed, start_of
@@ -374,13 +375,7 @@ class SerialView:
                 raise InputError("limits", "the model has no limits of these motors: give limits=")
         else:
             given = finite_array("limits", limits, ())
-        if given.shape == (len(self.motors),):
-            given = np.column_stack([-given, given])
-        if given.shape != (len(self.motors), 2) or not (given[:, 0] < given[:, 1]).all():
-            raise InputError(
-                "limits", "needed: a positive number for each motor, or least, largest"
-            )
-        return given
+        return limits_of(given, len(self.motors))
 
     def joint_gains(self, q: ArrayLike, gains: ArrayLike, tau: ArrayLike | None = None) -> Array:
         """Gains at the joints for gains of the motors: J^T k J, shape (..., joints, joints).

@@ -125,9 +125,9 @@ def base_parameters(
     pivots = np.abs(np.diag(np.linalg.qr(scaled, mode="r")))
     first = pivots > _DEPENDENT
     factors = np.linalg.lstsq(scaled[:, first], scaled, rcond=None)[0]
-    factors *= sizes[seen] / sizes[seen[first], None]
+    ratios = sizes[seen] / sizes[seen[first], None]
     matrix = np.zeros((int(first.sum()), len(theta)))
-    matrix[:, considered[seen]] = _clean(factors, sizes[seen] / sizes[seen[first], None])
+    matrix[:, considered[seen]] = _clean(factors * ratios, ratios)
     hidden = np.setdiff1d(np.arange(len(considered)), seen)
     return BaseParameters(
         tuple(_combination(row, theta.names) for row in matrix),

@@ -14,9 +14,10 @@ import sst_pin
 from sst_pin import robots
 from sst_pin.verification.referees.exudyn_robot import ExudynRobot
 
-exudyn = pytest.importorskip("exudyn")
-items = pytest.importorskip("exudyn.itemInterface")
-utilities = pytest.importorskip("exudyn.utilities")
+REASON = "exudyn, the referee, is an extra"
+exudyn = pytest.importorskip("exudyn", reason=REASON)
+items = pytest.importorskip("exudyn.itemInterface", reason=REASON)
+utilities = pytest.importorskip("exudyn.utilities", reason=REASON)
 
 
 class Twin(ExudynRobot):
