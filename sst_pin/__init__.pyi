@@ -49,6 +49,7 @@ from .motion.coordinate_motions import coordinate_motion as coordinate_motion
 from .motion.energy import energy_error as energy_error
 from .motion.rollouts import Rollout as Rollout
 from .motion.trajectories import Trajectory as Trajectory
+from .reading.loop_closures import write_loop_closures as write_loop_closures
 from .sst.kinematics import BRANCHES as BRANCHES
 from .sst.platform_motion import PlatformMotion as PlatformMotion
 from .sst.platform_motion import interpolate_orientations as interpolate_orientations

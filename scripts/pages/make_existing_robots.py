@@ -2,8 +2,9 @@
 """Write the table of docs/existing_robots.md from other people's files.
 
 The folder holds clones of their repositories, under the repositories' names:
-example-parallel-robots (Gepetto), mujoco_menagerie (google-deepmind), pal_mjlab (pal-robotics),
-placo-examples (Rhoban).
+example-parallel-robots (Gepetto), generalized_rbda (ROAM-Lab-ND), mujoco_menagerie
+(google-deepmind), pal_mjlab (pal-robotics), placo-examples (Rhoban). Rows of a repository that is
+not there stay as they are.
 
     python scripts/pages/make_existing_robots.py FOLDER
 """
@@ -16,7 +17,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import sst_pin
-from markdown_tables import Table, with_tables
+from markdown_tables import Table, read_table, with_tables
 from sst_pin import ClosedChain
 from sst_pin.verification.verify import verify_chain
 
@@ -34,6 +35,7 @@ HEADER = (
     "what to know",
 )
 LAAS = "example-parallel-robots/robots"
+GRBDA = "generalized_rbda/robot-models"
 KANGAROO = "pal_mjlab/src/pal_mjlab/robots/pal_kangaroo/xmls/kangaroo.xml"
 LEG = ("1_joint", "2_joint", "3_joint", "4_joint", "5_joint", "length_joint")
 SPINS = "rods and feet on three hinges spin"
@@ -77,7 +79,7 @@ ROBOTS = (
         "closures 2, 7, 8, 9, 10, each by itself, stay open by 0.5 to 32 mm or mrad: put their "
         "frames right",
     ),
-    Robot(f"{LAAS}/kangaroo_like_2leg", "no YAML: write the closures"),
+    Robot(f"{LAAS}/kangaroo_like_2leg", "no YAML: it is an open tree; write the closures"),
     Robot(
         f"{LAAS}/kangaroo_like_2legs",
         "ten closures, each by itself, stay open by 0.3 to 29 mm: put right",
@@ -106,6 +108,10 @@ ROBOTS = (
         "closures are marked by frames; `actuated=` names the motors",
         actuated=("ring1", "ring2", "ring3"),
     ),
+    Robot(f"{GRBDA}/four_bar.urdf", "URDF+"),
+    Robot(f"{GRBDA}/six_bar.urdf", "URDF+"),
+    Robot(f"{GRBDA}/planar_leg_linkage.urdf", "URDF+"),
+    Robot(f"{GRBDA}/jvrc1_humanoid.urdf", "URDF+: gears as `<coupling>`"),
 )
 
 
@@ -114,7 +120,7 @@ def read(robot: Robot, folder: Path) -> ClosedChain:
     path = folder / robot.path
     if path.suffix == ".xml":
         return ClosedChain.from_mjcf(path, locked=robot.locked, actuated=robot.actuated)
-    (urdf,) = path.glob("*.urdf")
+    (urdf,) = [path] if path.suffix == ".urdf" else path.glob("*.urdf")
     own = path / "robot.yaml"  # whatever the name of the URDF
     cuts = own if own.is_file() else None
     return ClosedChain.from_urdf(urdf, cuts, locked=robot.locked, actuated=robot.actuated)
@@ -142,18 +148,21 @@ def _row(robot: Robot, folder: Path) -> tuple[str, ...]:
     return (name, *map(str, counts), *errors, robot.remark)
 
 
-def _rows(folder: Path) -> Iterator[tuple[str, ...]]:
+def _rows(folder: Path, stands: Table) -> Iterator[tuple[str, ...]]:
     yield HEADER
+    known = {name: row for name, *row in stands}
     for robot in ROBOTS:
-        yield _row(robot, folder)
+        name = f"`{Path(robot.path).stem}`"
+        there = (folder / robot.path).exists()
+        yield _row(robot, folder) if there else (name, *known[name])
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path)
     folder = parser.parse_args().folder
-    table: Table = list(_rows(folder))
     page = PAGE.read_text(encoding="utf-8")
+    table: Table = list(_rows(folder, read_table(page, "existing")))
     PAGE.write_text(with_tables(page, lambda _: table), encoding="utf-8")
 
 

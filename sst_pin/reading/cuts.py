@@ -22,7 +22,8 @@ from ..chain.draft import Motor, without_locked
 from ..chain.lines import LineForce
 from ..errors import DescriptionError, DescriptionWarning, InputError
 from ..files import beside
-from . import inertias
+from . import inertias, loop_closures
+from .cut_joints import CutJoint
 from .described import Described, naming
 from .problems import numbers
 from .srdf import Srdf
@@ -52,6 +53,8 @@ class Cuts(NamedTuple):
         joints: What joints are in truth, by name; see `Urdf.tree`.
         source: The YAML, for messages; empty without one.
         forces: Forces along lines.
+        hinges: Hinges that close loops, of a `loop_closures.yaml`.
+        dependent: Joints whose positions follow from the closures; they mimic none.
     """
 
     closures: tuple[Constraint, ...]
@@ -60,6 +63,8 @@ class Cuts(NamedTuple):
     joints: dict[str, str]
     source: str = ""
     forces: tuple[LineForce, ...] = ()
+    hinges: tuple[CutJoint, ...] = ()
+    dependent: tuple[str, ...] = ()
 
 
 def read_urdf(
@@ -75,7 +80,7 @@ def read_urdf(
     found = read_cuts(urdf, cuts, default)
     robot = closed(urdf, found)
     model, closures, motors = robot.model, robot.closures, robot.actuated
-    if actuated is None and not found.source and not closing_frames(model):  # an open tree
+    if actuated is None and not found.source and not is_marked(robot):  # an open tree
         followers = {closure.joint for closure in closures if isinstance(closure, Coupling)}
         motors = tuple(name for name in list(model.names)[1:] if name not in followers)
         own = beside(Path(urdf.source), ".yaml").name
@@ -95,13 +100,18 @@ def read_urdf(
 
 def read_cuts(urdf: Urdf, path: str | Path | None, default: str | Path | None = None) -> Cuts:
     """Cuts of a URDF: from `path`, the YAML beside it, `default`, or none if the URDF has marks."""
+    path = default_cuts(Path(urdf.source)) or default if path is None else path
     if path is None:
-        path = beside(Path(urdf.source), ".yaml")
-        if not path.is_file():
-            if default is None:
-                return Cuts((), (), _EARTH, {})
-            path = default
+        return Cuts((), urdf.marks.independent, _EARTH, {})
     return parse_cuts(read_text(path, "YAML of the cuts"), str(path))
+
+
+def default_cuts(urdf: Path) -> Path | None:
+    """The YAML that belongs to a URDF: of its name, or a `loop_closures.yaml` of its package."""
+    package = urdf.parent.parent if urdf.parent.name == "urdf" else urdf.parent
+    folders = (urdf.parent, package, package / "config")
+    paths = [beside(urdf, ".yaml"), *(folder / "loop_closures.yaml" for folder in folders)]
+    return next((path for path in paths if path.is_file()), None)
 
 
 def load_poses(urdf: Urdf, model: pin.Model, held: Collection[str] = ()) -> Srdf | None:
@@ -116,11 +126,24 @@ def load_poses(urdf: Urdf, model: pin.Model, held: Collection[str] = ()) -> Srdf
 
 def closed(urdf: Urdf, cuts: Cuts) -> Described:
     """The tree of a URDF, closed by its cuts, or else by its marks, and by its mimic joints."""
-    model = urdf.tree(cuts.joints)
+    model, marks = urdf.tree(cuts.joints), urdf.marks
     model.gravity.linear = cuts.gravity
-    closures = (*(cuts.closures or closing_frames(model)), *urdf.mimics)
     source = f"{urdf.source} with {cuts.source}" if cuts.source else urdf.source
+    closures = cuts.closures
+    with naming(source):
+        if not closures:
+            joints = cuts.hinges or marks.joints
+            closures = (*closing_frames(model), *(joint.closure(model) for joint in joints))
+    followers = [mimic for mimic in urdf.mimics if mimic.joint not in cuts.dependent]
+    closures = (*closures, *marks.gears, *followers)
     return Described(source, model, closures, cuts.actuated, urdf.shapes, forces=cuts.forces)
+
+
+def is_marked(robot: Described) -> bool:
+    """Whether a URDF closes loops by itself, so that it is no open tree."""
+    return any(not isinstance(closure, Coupling) for closure in robot.closures) or bool(
+        robot.actuated
+    )
 
 
 def _held(closures: Sequence[Constraint], locked: set[str], source: str) -> Iterator[Constraint]:
@@ -153,6 +176,9 @@ def parse_cuts(text: str, source: str) -> Cuts:
         DescriptionError: With every problem found.
     """
     content = _content(text, source)
+    if "closures" in content:
+        hinges, dependent, independent = loop_closures.parse(content, source)
+        return Cuts((), independent, _EARTH, {}, source, (), hinges, dependent)
     problems = [f"{key}: unknown; known: {', '.join(_KEYS)}" for key in content if key not in _KEYS]
 
     def items(key: str, default: list[Any] | None = None) -> list[Any]:

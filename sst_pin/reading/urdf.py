@@ -14,6 +14,7 @@ import pinocchio as pin
 from ..chain.closures import Closure, Coupling
 from ..chain.rebuilt_tree import rebuilt
 from ..errors import DescriptionError
+from .cut_joints import Marks
 from .shapes import UrdfShapes
 from .text import parse_xml, read_text
 from .urdf_checks import FIXED, INERTIAL, MOVING, check
@@ -42,12 +43,14 @@ class Urdf:
     Attributes:
         source: Its path, or what else error messages call it.
         root: Its elements; not to be changed.
+        marks: What it says of loops beyond the tree.
         problems: What is wrong in names, tree and numbers.
     """
 
     def __init__(self, text: str, source: str) -> None:
         self.source, self.root = source, parse_xml(text, source)
-        self.problems = tuple(check(self.root))
+        self.marks = Marks(self.root)
+        self.problems = (*check(self.root), *self.marks.problems)
 
     @classmethod
     def read(cls, path: str | Path) -> Urdf:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from ..chain.closed_chain import ClosedChain
 from ..errors import ClosureError, DescriptionError, InputError
-from ..files import as_path, beside
+from ..files import as_path
 from ..reading import Urdf, is_mjcf
 from ..reading.problems import Problem, error
 from . import inertia, mesh_files, whole_robot
@@ -71,9 +71,7 @@ def examine(path: str | Path, cuts: str | Path | None = None) -> Examined:
     path, problems = Path(path), list(urdf.problems)
     robot: whole_robot.Robot = None
     if not any(problem.severity == "error" for problem in problems):  # Pinocchio needs a tree
-        own = beside(path, ".yaml")
-        cuts = as_path(cuts) if cuts is not None else own if own.is_file() else None
-        found, robot = whole_robot.check(urdf, cuts)
+        found, robot = whole_robot.check(urdf, None if cuts is None else as_path(cuts))
         problems += found
     problems += [*inertia.check(urdf.root), *mesh_files.check(urdf.root, path.parent)]
     return _examined(problems, robot, path)

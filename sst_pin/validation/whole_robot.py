@@ -27,14 +27,14 @@ Robot: TypeAlias = ClosedChain | pin.Model | None
 
 
 def check(urdf: Urdf, cuts: Path | None) -> tuple[list[Problem], Robot]:
-    """Problems that only the robot as a whole has, and the robot; without cuts an open tree."""
+    """Problems that only the robot as a whole has, and the robot; without loops an open tree."""
     where = "cuts"
     try:
-        found = None if cuts is None else reading.read_cuts(urdf, cuts)
+        found = reading.read_cuts(urdf, cuts)
         where = "file"
-        if found is None:
-            return [], urdf.tree()
         robot = reading.closed(urdf, found)
+        if not found.source and not reading.is_marked(robot):
+            return [], robot.model
     except DescriptionError as caught:
         return [error(where, text) for text in caught.problems], None
     if problems := list(_unknown(robot)):

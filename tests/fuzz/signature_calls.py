@@ -313,6 +313,7 @@ FINE = {
     *(f"ComputedTorque({word}: scalar)" for word in ("kp", "kd", "limits")),
     *(f"GravityPD({word}: scalar)" for word in ("kp", "kd", "limits")),
     "TrackingLQR(limits: scalar)", "Adaptive(learning: 0.0)",
+    "write_loop_closures(path: only an ending)",
     "reactions(external_wrenches: huge)",  # NaN where a wrench is not unique
 }  # fmt: skip
 #: Parameters that are not called with bad values: by method and name.
@@ -430,6 +431,8 @@ def _of_motions(w: World) -> Iterator[Subject]:
     yield Subject("motion.save", m.save, {"path": "all.csv"})
     yield Subject("motion.writer", m.writer, {"path": "all.csv"})
     yield Subject("Trajectory.load", sst_pin.Trajectory.load, {"path": "all.csv"})
+    closed_at_zero = {"chain": sst_pin.robots.n_four_bar(1), "path": "all.yaml", "force": True}
+    yield Subject("write_loop_closures", sst_pin.write_loop_closures, closed_at_zero)
     times = np.linspace(0, 0.1, 8)
     of_star = {"t": times, "R": sst_pin.paper_circle(times).R, "at": times[2:4]}
     yield Subject("interpolate_orientations", sst_pin.interpolate_orientations, of_star)
