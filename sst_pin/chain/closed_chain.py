@@ -1422,7 +1422,9 @@ class ClosedChain:
         defines named configurations, such as `home`.
 
         Args:
-            path: The URDF; its meshes are not needed.
+            path: The URDF, or an SDF; meshes are not needed. In an SDF, joints that make no tree
+                close the loops, a model without a joint to the world floats on `floating_base`,
+                and the base is the world.
             cuts: The YAML; by default the file with the name of the URDF and the ending .yaml.
             actuated: The motors, as in the constructor; those of the YAML by default.
             locked: Names of joints that are fixed at zero. A locked motor is removed.

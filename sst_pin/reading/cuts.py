@@ -102,7 +102,7 @@ def read_cuts(urdf: Urdf, path: str | Path | None, default: str | Path | None = 
     """Cuts of a URDF: from `path`, the YAML beside it, `default`, or none if the URDF has marks."""
     path = default_cuts(Path(urdf.source)) or default if path is None else path
     if path is None:
-        return Cuts((), urdf.marks.independent, _EARTH, {})
+        return Cuts((), urdf.marks.independent, urdf.gravity, {})
     return parse_cuts(read_text(path, "YAML of the cuts"), str(path))
 
 

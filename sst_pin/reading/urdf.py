@@ -9,12 +9,14 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pinocchio as pin
 
 from ..chain.closures import Closure, Coupling
 from ..chain.rebuilt_tree import rebuilt
 from ..errors import DescriptionError
 from .cut_joints import Marks
+from .sdf import Sdf
 from .shapes import UrdfShapes
 from .text import parse_xml, read_text
 from .urdf_checks import FIXED, INERTIAL, MOVING, check
@@ -38,17 +40,23 @@ MOST_JOINTS = 400
 
 
 class Urdf:
-    """A URDF, read and parsed once.
+    """A URDF, or an SDF in the form of a URDF, read and parsed once.
 
     Attributes:
         source: Its path, or what else error messages call it.
         root: Its elements; not to be changed.
+        gravity: Acceleration of gravity, shape (3,), [m/s^2].
         marks: What it says of loops beyond the tree.
         problems: What is wrong in names, tree and numbers.
     """
 
     def __init__(self, text: str, source: str) -> None:
         self.source, self.root = source, parse_xml(text, source)
+        self.gravity, self._balls = np.array([0, 0, -9.81]), list[str]()
+        if self.root.tag == "sdf":
+            sdf = Sdf(self.root, source)
+            self.root, self._balls = sdf.urdf(), sdf.balls
+            self.gravity = self.gravity if sdf.gravity is None else sdf.gravity
         self.marks = Marks(self.root)
         self.problems = (*check(self.root), *self.marks.problems)
 
@@ -80,7 +88,8 @@ class Urdf:
         Raises:
             DescriptionError: With every error of `problems`, or for an unknown joint.
         """
-        joints, names = joints or {}, self.joint_names
+        joints = {**dict.fromkeys(self._balls, "SPHERICAL"), **(joints or {})}
+        names = self.joint_names
         problems = [
             f"{'not a URDF' if problem.where == 'file' else problem.where}: {problem.text}"
             for problem in self.problems

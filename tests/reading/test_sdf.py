@@ -1,0 +1,228 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""An SDF is the robot that it describes: poses, reversed joints, loops, gravity."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import sst_pin
+from sst_pin.reading import Urdf
+
+LINK = """<link name="{name}"><pose{of}>{pose}</pose><inertial><pose>{at}</pose><mass>{mass}</mass>
+<inertia><ixx>0.02</ixx><iyy>0.03</iyy><izz>0.025</izz><ixy>0.001</ixy></inertia></inertial></link>"""
+
+
+def link(name: str, pose: str, of: str = "", at: str = "0.1 0 0.05 0.2 0.1 0", mass: float = 1.0):
+    given = f' relative_to="{of}"' if of else ""
+    return LINK.format(name=name, pose=pose, of=given, at=at, mass=mass)
+
+
+def joint(name: str, kind: str, parent: str, child: str, inside: str = "") -> str:
+    ends = f"<parent>{parent}</parent><child>{child}</child>"
+    return f'<joint name="{name}" type="{kind}">{ends}{inside}</joint>'
+
+
+def axis(xyz: str, more: str = "", tag: str = "axis", frame: str = "") -> str:
+    given = f' expressed_in="{frame}"' if frame else ""
+    return f"<{tag}><xyz{given}>{xyz}</xyz>{more}</{tag}>"
+
+
+def sdf(inside: str, pose: str = "0.1 0.2 0.3 0.3 -0.2 0.5", world: str = "") -> str:
+    model = f'<model name="r"><pose>{pose}</pose>{inside}</model>'
+    return f'<sdf version="1.9"><world name="w">{world}{model}</world></sdf>'
+
+
+TREE = [
+    link("a", "0.1 0 0.2 0.1 0 0"),
+    link("b", "0.2 0.1 0 0 0.3 0", of="a", mass=2.0),
+    link("c", "0 0.3 0.1 0 0 0.4", of="j_b", mass=0.7),
+    link("d", "0.3 -0.2 0.1 0.5 0 0", mass=1.3),
+    joint("j_a", "revolute", "world", "a", "<pose>0 0 -0.1 0 0.2 0</pose>" + axis("0 0.6 0.8")),
+    joint("j_b", "prismatic", "a", "b", axis("1 0 0.1")),
+    # the next one is written from the far link to the near one
+    joint("j_c", "revolute", "c", "b", axis("0 1 0", frame="__model__")),
+    joint("weld", "fixed", "b", "d", '<pose relative_to="__model__">0 0 1 0 0 0</pose>'),
+]
+
+
+def write(text: str, tmp_path):
+    path = tmp_path / "robot.sdf"
+    path.write_text(text)
+    return path
+
+
+@pytest.mark.tools
+def test_a_tree_is_drakes(tmp_path):
+    parsing = pytest.importorskip("pydrake.multibody.parsing", reason="Drake is the referee")
+    plants = pytest.importorskip("pydrake.multibody.plant", reason="Drake is the referee")
+    text = sdf("".join(TREE))
+    plant = plants.MultibodyPlant(0.0)
+    parsing.Parser(plant).AddModelsFromString(text, "sdf")
+    plant.Finalize()
+    context = plant.CreateDefaultContext()
+    urdf = Urdf.read(write(text, tmp_path))
+    chain = sst_pin.ClosedChain.from_urdf(urdf.source, actuated=["j_a", "j_b", "j_c"])
+    rng = np.random.default_rng(3)
+    q, v, a = rng.normal(size=(3, 3)) * 0.5
+    order = [plant.GetJointByName(name).velocity_start() for name in chain.joint_names]
+    for mine, theirs in ((q, plant.SetPositions), (v, plant.SetVelocities)):
+        values = np.zeros(3)
+        values[order] = mine
+        theirs(context, values)
+    data = chain.model.createData()
+    pin.framesForwardKinematics(chain.model, data, q)
+    for name in "abcd":
+        body = plant.EvalBodyPoseInWorld(context, plant.GetBodyByName(name))
+        # the frame of a link is that of its joint here; its mass centre is the same point
+        inertia = plant.GetBodyByName(name).CalcCenterOfMassInBodyFrame(context)
+        origin = urdf.root.find(f"link[@name='{name}']/inertial/origin").get("xyz")
+        mine = data.oMf[chain.model.getFrameId(name)].act(np.array(origin.split(), dtype=float))
+        np.testing.assert_allclose(mine, body.multiply(inertia), atol=1e-12)
+    from pydrake.multibody.tree import MultibodyForces
+
+    forces = MultibodyForces(plant)
+    plant.CalcForceElementsContribution(context, forces)
+    values = np.zeros(3)
+    values[order] = a
+    expected = plant.CalcInverseDynamics(context, values, forces)[order]
+    chain.model.gravity.linear = plant.gravity_field().gravity_vector()
+    chain.refresh()
+    np.testing.assert_allclose(chain.compute_torques(q, v, a), expected, rtol=1e-11)
+
+
+FIVE_BAR = [
+    link("left", "-0.1 0 0 0 0 0", at="0 0 0.1 0 0 0"),
+    link("left_rod", "-0.1 0 0.2 0 0.5 0", at="0 0 0.15 0 0 0"),
+    link("right", "0.1 0 0 0 0 0", at="0 0 0.1 0 0 0"),
+    link("right_rod", "0.1 0 0.2 0 -0.5 0", at="0 0 0.15 0 0 0"),
+    joint("m1", "revolute", "world", "left", axis("0 1 0")),
+    joint("e1", "revolute", "left", "left_rod", axis("0 1 0")),
+    joint("m2", "revolute", "world", "right", axis("0 1 0")),
+    joint("e2", "revolute", "right", "right_rod", axis("0 1 0")),
+]
+TOP = 0.1 / np.tan(0.5)
+TIP = joint("tip", "{}", "left_rod", "right_rod", f"<pose>0 0 {0.1 / np.sin(0.5)} 0 0 0</pose>{{}}")
+
+
+@pytest.mark.parametrize(
+    ("kind", "inside"), [("revolute", axis("0 1 0")), ("ball", ""), ("continuous", axis("0 2 0"))]
+)
+def test_a_link_with_two_parents_closes_a_loop(kind, inside, tmp_path):
+    path = write(sdf("".join(FIVE_BAR) + TIP.format(kind, inside), "0 0 0 0 0 0"), tmp_path)
+    chain = sst_pin.ClosedChain.from_urdf(path, actuated=["m1", "m2"])
+    assert chain.mobility().degrees_of_freedom == 2
+    assert abs(chain.residual(np.zeros(4))).max() < 1e-15
+    q = chain.assemble({"m1": 0.1, "m2": -0.2})
+    # by energy: the power of the motors is that of gravity in a motion without acceleration
+    tau = chain.compute_torques(q, [0, 0], [0, 0])
+    heights = []
+    for step in (-1e-5, 1e-5):
+        at = chain.assemble({"m1": 0.1 + step, "m2": -0.2})
+        data = chain.model.createData()
+        heights.append(pin.computePotentialEnergy(chain.model, data, at))
+    assert tau[0] == pytest.approx((heights[1] - heights[0]) / 2e-5, rel=1e-7)
+
+
+def test_the_order_of_joints_and_their_direction_do_not_count(tmp_path):
+    parts = [*FIVE_BAR, TIP.format("revolute", axis("0 1 0"))]
+    chain = sst_pin.ClosedChain.from_urdf(
+        write(sdf("".join(parts), "0 0 0 0 0 0"), tmp_path), actuated=["m1", "m2"]
+    )
+    turned = [part for part in parts if 'name="e1"' not in part]
+    place = '<pose relative_to="left_rod">0 0 0 0 0 0</pose>'
+    turned.insert(0, joint("e1", "revolute", "left_rod", "left", place + axis("0 -1 0")))
+    again = sst_pin.ClosedChain.from_urdf(
+        write(sdf("".join(turned), "0 0 0 0 0 0"), tmp_path), actuated=["m1", "m2"]
+    )
+    q, p = (each.assemble({"m1": 0.1, "m2": -0.2}) for each in (chain, again))
+    for name in chain.joint_names:  # turned about the opposite axis, seen from the other link
+        k, m = chain.joint_names.index(name), again.joint_names.index(name)
+        assert q[k] == pytest.approx(p[m], abs=1e-12)
+    tau = chain.compute_torques(q, [0.3, 0.2], [1, 2])
+    np.testing.assert_allclose(again.compute_torques(p, [0.3, 0.2], [1, 2]), tau, rtol=1e-11)
+
+
+def test_two_axes_are_two_joints_and_a_ball_has_a_quaternion(tmp_path):
+    parts = [
+        link("a", "0 0 0 0 0 0"),
+        link("b", "0 0 0.3 0 0 0"),
+        joint("u", "universal", "world", "a", axis("1 0 0") + axis("0 1 0", tag="axis2")),
+        joint("s", "ball", "a", "b"),
+    ]
+    chain = sst_pin.ClosedChain.from_urdf(write(sdf("".join(parts)), tmp_path), actuated=[])
+    assert chain.joint_names == ("u_1", "u_2", "s")
+    assert (chain.model.nq, chain.model.nv) == (6, 5)
+
+
+def test_a_model_that_nothing_holds_floats_and_gravity_is_the_worlds(tmp_path):
+    text = sdf(link("a", "0 0 0 0 0 0"), world="<gravity>0 1.62 0</gravity>")
+    chain = sst_pin.ClosedChain.from_urdf(write(text, tmp_path), actuated=[])
+    assert chain.joint_names == ("floating_base",)
+    R = pin.rpy.rpyToMatrix(0.3, -0.2, 0.5)  # of the model
+    falls = chain.compute_accelerations(pin.neutral(chain.model), np.zeros(6), [])
+    com = np.array([0.1, 0, 0.05])
+    np.testing.assert_allclose(R @ falls[:3], [0, 1.62, 0], atol=1e-12)
+    np.testing.assert_allclose(falls[3:], np.zeros(3), atol=1e-12)
+    assert com.any()
+
+
+def test_limits_friction_and_mimicry_are_those_of_the_axis(tmp_path):
+    limits = "<limit><lower>-0.5</lower><upper>0.7</upper><effort>9</effort></limit>"
+    rubs = "<dynamics><damping>0.3</damping><friction>0.2</friction></dynamics>"
+    follows = '<mimic joint="j_a"><multiplier>2</multiplier><offset>0.1</offset>'
+    follows += "<reference>0.3</reference></mimic>"
+    parts = [
+        link("a", "0 0 0 0 0 0"),
+        link("b", "0 0 0.3 0 0 0"),
+        joint("j_a", "revolute", "world", "a", axis("1 0 0", limits + rubs)),
+        joint("j_b", "revolute", "a", "b", axis("1 0 0", follows)),
+    ]
+    chain = sst_pin.ClosedChain.from_urdf(write(sdf("".join(parts)), tmp_path), actuated=["j_a"])
+    model = chain.model
+    assert (model.lowerPositionLimit[0], model.upperPositionLimit[0]) == (-0.5, 0.7)
+    assert (model.damping[0], model.friction[0], model.effortLimit[0]) == (0.3, 0.2, 9)
+    q = chain.assemble({"j_a": 0.4})
+    assert q[1] == pytest.approx(2 * (0.4 - 0.3) + 0.1, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("parts", "told"),
+    [
+        (["<link name='a'/>"], "link a: no mass, inertia/ixx, inertia/iyy, inertia/izz, for which"),
+        ([link("a", "0 0 0 0 0")], "link a: its pose '0 0 0 0 0' is not six or seven numbers"),
+        ([link("a", "0 0 0 0 0 0", of="b")], "frame b is not in this model"),
+        ([link("a", "0 0 0 0 0 0", of="a")], "frame a: its pose is relative to itself"),
+        (
+            [link("a", "0 0 0 0 0 0"), joint("j", "screw", "world", "a")],
+            "joint j: type 'screw' is not supported; supported: revolute",
+        ),
+        (
+            [link("a", "0 0 0 0 0 0"), joint("j", "revolute", "world", "nine")],
+            "joint j: its child 'nine' is not a link of this model",
+        ),
+        (
+            [link("a", "0 0 0 0 0 0"), joint("j", "revolute", "world", "a", axis("0 0 0"))],
+            "joint j: its <axis> is not a direction",
+        ),
+        (["<include/>"], "<include> inside a model is not supported"),
+        (
+            [
+                link("a", "0 0 0 0 0 0"),
+                joint("j", "revolute", "world", "a", axis("0 0 1", "<dynamics><spring_stiffness>3"
+                      "</spring_stiffness></dynamics>")),
+            ],
+            "joint j: springs are not read",
+        ),
+    ],
+)  # fmt: skip
+def test_faults_are_told_with_the_element(parts, told, tmp_path):
+    path = write(sdf("".join(parts)), tmp_path)
+    with pytest.raises(sst_pin.DescriptionError, match=told.replace("(", r"\(")):
+        Urdf.read(path)
+    assert any(told in str(problem) for problem in sst_pin.validate(path))
+
+
+def test_one_model_that_moves_is_needed(tmp_path):
+    for text in ('<sdf version="1.7"/>', '<sdf version="1.7"><model/><model/></sdf>'):
+        with pytest.raises(sst_pin.DescriptionError, match="models that move; one is needed"):
+            Urdf.read(write(text, tmp_path))
