@@ -62,6 +62,17 @@ class Firefox:
         assert answer["type"] == "success", answer
         return json.loads(answer["result"].get("value", "null"))
 
+    def drag(self, x, y, way):
+        """Press the mouse, move it to the right and release it."""
+        steps = [{"type": "pointerMove", "x": round(x), "y": round(y)}]
+        steps.append({"type": "pointerDown", "button": 0})
+        for share in (0.5, 1.0):
+            steps.append({"type": "pointerMove", "x": round(x + share * way), "y": round(y)})
+            steps.append({"type": "pause", "duration": 500})
+        steps.append({"type": "pointerUp", "button": 0})
+        actions = [{"type": "pointer", "id": "mouse", "actions": steps}]
+        self._call("input.performActions", **self._page, actions=actions)
+
     def screenshot(self):
         """The picture, a PNG."""
         return base64.b64decode(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Write the C in sst_pin/sst/kernels: the kernels of `compile()` for an SST of any geometry.
+"""Write the C and JavaScript in sst_pin/sst/kernels: kernels for an SST of any geometry.
 
 --check only compares.
 """
@@ -14,7 +14,8 @@ import sst_pin
 from sst_pin.compiled import c_code, kernels
 from sst_pin.compiled.compiled_backend import sample_configurations
 from sst_pin.compiled.equations import Equations
-from sst_pin.sst.kernels import AT_FIRST_USE, ENTRIES, FOLDER, open_numbers, source_file
+from sst_pin.compiled.page_code import choices, page_code
+from sst_pin.sst.kernels import AT_FIRST_USE, ENTRIES, FOLDER, PAGE, open_numbers, source_file
 
 HEAD = """\
 /* SPDX-License-Identifier: BSD-2-Clause */
@@ -36,9 +37,13 @@ def sources() -> dict[Path, str]:
         for key in (*ENTRIES, *AT_FIRST_USE):
             if kind == (key.loaded, key in AT_FIRST_USE):
                 made[key.entry] = kernels.entry(equations, key)
+    page = choices(reference, robot.home, numbers)
     files = {FOLDER / "kernels.c": {key.entry: made.pop(key.entry) for key in ENTRIES}}
     files |= {source_file(entry): {entry: kernel} for entry, kernel in made.items()}
-    return {path: HEAD + c_code.source(entries) for path, entries in files.items()}
+    texts = {path: c_code.source(entries) for path, entries in files.items()} | {
+        PAGE: page_code(page)
+    }
+    return {path: HEAD + text for path, text in texts.items()}
 
 
 def main() -> int:

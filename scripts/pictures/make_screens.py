@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Draw docs/screens_*.png: the viewer's page on a phone, a tablet and a desk."""
+"""Draw docs/screens_*.png: the viewer's page on a phone, a tablet and a desk; live_phone.png."""
 
 import io
 import tempfile
@@ -55,6 +55,7 @@ def screens() -> dict[str, Screen]:
         "tablet": Screen(
             820, 1180, "dark", shown(stewart, sway(stewart, stewart.home, 0.15), "Sway")
         ),
+        "live": Screen(390, 844, "light", Viewer(sst, live=True)),
         "desk": Screen(1440, 900, "light", shown(delta, sway(delta, start, 0.6), "A delta, bare")),
     }
 
@@ -82,8 +83,13 @@ def main() -> None:
             )
             page = context.new_page()
             page.goto(file.as_uri())
-            page.evaluate("panel.still(0.3)")
-            writers[ROOT / "docs" / f"screens_{name}.png"] = small(page.screenshot())
+            if name == "live":
+                page.evaluate("live.robot.move([-0.3, 0.4, 0.2]); live.refresh()")
+                page.wait_for_timeout(1000)
+            else:
+                page.evaluate("panel.still(0.3)")
+            file_name = "live_phone.png" if name == "live" else f"screens_{name}.png"
+            writers[ROOT / "docs" / file_name] = small(page.screenshot())
             context.close()
     write_files(writers, force=True)
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What pictures of a robot show beside its bodies, and what its sliders move."""
+"""What pictures of a robot show beside its bodies."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -36,28 +36,6 @@ class DrawnFrame(NamedTuple):
     colour: str = _INK
 
 
-class Sliders(NamedTuple):
-    """Numbers of one unit that move a robot.
-
-    Attributes:
-        title: What they move, and how.
-        unit: "rad" or "m".
-        names: Names of the numbers.
-        low: Least values, shape (n,).
-        high: Largest values, shape (n,).
-        read: Function from a configuration to the values.
-        solve: Function from values and a configuration to the next configuration nearby.
-    """
-
-    title: str
-    unit: str
-    names: tuple[str, ...]
-    low: Array
-    high: Array
-    read: Callable[[Array], Array]
-    solve: Callable[[Array, Array], Array]
-
-
 class Appearance(NamedTuple):
     """What a robot's pictures show.
 
@@ -67,7 +45,7 @@ class Appearance(NamedTuple):
         point: The frame whose path is drawn, by its origin; None for none.
         size: A length of the robot, [m]; None to measure its shapes.
         axis_length: Length of the drawn axes, as a share of `size`.
-        sliders: What moves the robot besides its coordinates.
+        arcs: Ends of the arcs that joints run on, shape (2, nq), [rad]; None for none.
         spherical: Whether the path is drawn on the sphere of an SST.
     """
 
@@ -76,7 +54,7 @@ class Appearance(NamedTuple):
     point: DrawnFrame | None
     size: float | None = None
     axis_length: float = 0.5
-    sliders: tuple[Sliders, ...] = ()
+    arcs: Array | None = None
     spherical: bool = False
 
 

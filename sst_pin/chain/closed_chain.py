@@ -1657,6 +1657,7 @@ class ClosedChain:
         speed: float = 1.0,
         open_browser: bool = True,
         reactions: bool | Mapping[str, ArrayLike] = False,
+        live: bool = False,
     ) -> Viewer:
         """Show a motion or a configuration in the browser, or in a Jupyter notebook.
 
@@ -1667,13 +1668,20 @@ class ClosedChain:
             open_browser: Whether to serve the page and open the browser; never from Jupyter.
             reactions: Whether arrows show the forces in joints and closures; stiffnesses, as in
                 `reactions`, where these are not unique.
+            live: Whether the page also computes: the robot is moved by hand, let go and pushed.
+                Without a server, in one file. An SST needs nothing else, other robots need CasADi
+                now (`sst-pin[compile]`).
 
         Returns:
             The viewer. `save` writes a page, a picture or an animation; `close` stops the server.
 
         Raises:
-            MissingExtraError: Without the extra `sst-pin[viz]`.
-            DescriptionError: If a mesh cannot be loaded.
+            MissingExtraError: Without the extra `sst-pin[viz]`; for a live page without CasADi.
+            DescriptionError: If a mesh cannot be loaded; for a live page of a robot without
+                compiled equations.
+            ClosureError: For a live page that starts with open loops.
+            SingularConfigurationError: For one that starts where the coordinates do not determine
+                the motion.
             InputError: For the motion of another robot.
 
         Example:
@@ -1683,9 +1691,17 @@ class ClosedChain:
         """
         from ..viewer import show
 
-        return show(self, what, speed, open_browser, reactions)
+        return show(self, what, speed, open_browser, reactions, live)
 
     # --- inside -----------------------------------------------------------------------------
+
+    def _page_functions(self, q: Array) -> tuple[str, Array]:
+        """JavaScript of this robot for a page that starts at q, and the open numbers it takes."""
+        try:
+            from ..compiled.page_code import functions_of
+        except ModuleNotFoundError:
+            raise MissingExtraError("casadi", "compile") from None
+        return functions_of(self._current.reference, q)
 
     #: Refuses a model that is none of this class.
     _examine: Callable[[pin.Model], Any] = staticmethod(_anything_goes)

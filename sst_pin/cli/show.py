@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..chain.closed_chain import ClosedChain
-from ..errors import InputError, OutputError
+from ..errors import OutputError
 from ..files import write_files
 from ..motion.motion_files import load_motion
 from ..motion.trajectories import Trajectory
@@ -78,7 +78,10 @@ def add_to(commands: Commands) -> None:
         "--skeleton", action="store_true", help="draw joints, lines and masses instead of shapes"
     )
     parser.add_argument(
-        "--interactive", action="store_true", help="move the robot by sliders; without a motion"
+        "--live",
+        action="store_true",
+        help="a page that also computes: sliders, dragging, simulation; robots other than the SST "
+        "need CasADi",
     )
     parser.add_argument("--no-open", action="store_true", help="print the URL, open no browser")
     parser.add_argument(
@@ -97,16 +100,6 @@ def add_to(commands: Commands) -> None:
 def _run(arguments: argparse.Namespace) -> int:
     looks: dict[str, Any] = {"axes": arguments.axes, "frames": arguments.frames}
     looks["visual_model"] = pin.GeometryModel() if arguments.skeleton else None
-    if arguments.interactive:
-        for name in ("motion", "speed", "html", "png", "gif", "strict", "frame", "reactions"):
-            if getattr(arguments, name):
-                raise InputError("--interactive", f"cannot be combined with {name}")
-        from ..viewer.interactive import Interactive  # needs the extra `interactive`
-
-        robot = robot_of(arguments)
-        with Interactive(robot, arguments.host, arguments.port, **looks) as page:
-            _wait(page.url, arguments.no_open)
-        return 0
     from ..viewer import Viewer  # needs the extra `viz`
 
     robot, motion, speed, title = _asked_for(arguments)
@@ -114,7 +107,7 @@ def _run(arguments: argparse.Namespace) -> int:
     for ending, path in wanted:
         if path is not None and path.suffix.lower() != ending:
             raise OutputError(path, f"the ending should be {ending}")
-    looks |= {"frame": arguments.frame, "reactions": arguments.reactions}
+    looks |= {name: getattr(arguments, name) for name in ("frame", "reactions", "live")}
     with Viewer(robot, **looks) as viewer:
         if motion is not None:
             viewer.play(motion, speed=arguments.speed or speed, title=title)

@@ -70,13 +70,51 @@ def body(
     `size` is that of p before its constants, `suffix` that of numbers, "f" in single precision;
     `one` is for one sample at once.
     """
+    writer = written(kernel, size, suffix)
+    prepare = f"static void {kernel.name}_constants(number *p)"
+    texts = [statements.function(prepare, ["(void)p;", *writer.lines["number"]])]
+    lines, room = writer.lines["real"], kernel.output.numel() + kernel.checks.numel()
+    if len(lines) <= statements.LARGEST and not kernel.directions:
+        own = statements.together(lines)
+        if one:
+            own = statements.with_short_addresses(own)
+        functions = {kernel.name: ["(void)p;", *own]}
+    else:
+        whole = {kernel.name: lines}
+        if kernel.directions:
+            inputs = sum(symbols.numel() for symbols in kernel.inputs)
+            once, each = statements.split(lines, range(inputs - kernel.directions, inputs))
+            whole = {f"{kernel.name}_once": once, kernel.name: each}
+        pieces = {name: statements.pieces(lines) for name, lines in whole.items()}
+        parts, handed_on = statements.in_parts(list(pieces.values()))
+        numbers = iter(range(len(parts)))
+        functions = {
+            name: [f"{kernel.name}_{next(numbers)}(x, p, y, y + {room});" for _ in own]
+            for name, own in pieces.items()
+        }
+        arguments = "const real *x, const number *p, real *restrict y, real *restrict w"
+        for k, own in enumerate(parts):
+            head, unused = (
+                f"PART {kernel.name}_{k}({arguments})",
+                "(void)x, (void)p, (void)y, (void)w;",
+            )
+            texts.append(statements.function(head, [unused, *own]))
+        room += handed_on
+    for name, own in functions.items():
+        head = f"static void {name}(const real *x, const number *p, real *y)"
+        texts.append(statements.function(head, own))
+    return Body("\n".join(texts), writer.size, room)
+
+
+def written(kernel: SymbolicKernel, size: int | None = None, suffix: str = "") -> Writer:
+    """Statements of a kernel, each in a form that is C; the arguments are those of `body`."""
     function = ca.Function(
         kernel.name,
         [ca.vertcat(*kernel.inputs), kernel.parameters],
         [ca.densify(ca.vertcat(kernel.output, kernel.checks))],
         {"cse": True},
     )
-    writer = _Writer(size or kernel.parameters.numel())
+    writer = Writer(size or kernel.parameters.numel())
     for k in range(function.n_instructions()):
         operation = function.instruction_id(k)
         arguments = function.instruction_input(k)
@@ -93,33 +131,7 @@ def body(
         else:
             operands = [writer.names[i] for i in arguments]
             writer.names[target] = writer.write(f"t{k}", operation, operands)
-    prepare = f"static void {kernel.name}_constants(number *p)"
-    texts = [statements.function(prepare, ["(void)p;", *writer.lines["number"]])]
-    lines, room = writer.lines["real"], kernel.output.numel() + kernel.checks.numel()
-    if len(lines) <= statements.LARGEST and not kernel.directions:
-        own = statements.together(lines)
-        if one:
-            own = statements.with_short_addresses(own)
-        functions = {kernel.name: ["(void)p;", *own]}
-    else:
-        whole = {kernel.name: lines}
-        if kernel.directions:
-            inputs = sum(symbols.numel() for symbols in kernel.inputs)
-            once, each = statements.split(lines, range(inputs - kernel.directions, inputs))
-            whole = {f"{kernel.name}_once": once, kernel.name: each}
-        pieces = {name: statements.pieces(lines) for name, lines in whole.items()}
-        parts, handed_on = statements.in_parts(kernel.name, list(pieces.values()))
-        numbers = iter(range(len(parts)))
-        functions = {
-            name: [f"{kernel.name}_{next(numbers)}(x, p, y, y + {room});" for _ in own]
-            for name, own in pieces.items()
-        }
-        texts += parts
-        room += handed_on
-    for name, own in functions.items():
-        head = f"static void {name}(const real *x, const number *p, real *y)"
-        texts.append(statements.function(head, own))
-    return Body("\n".join(texts), writer.size, room)
+    return writer
 
 
 def _literal(x: float, suffix: str) -> str:
@@ -134,7 +146,7 @@ def _literal(x: float, suffix: str) -> str:
 _Name = tuple[str, str]
 
 
-class _Writer:
+class Writer:
     """Statements of a kernel, those of parameters apart from those of samples.
 
     Attributes:

@@ -331,6 +331,14 @@ class Equations:
         acting = np.any(acts, axis=0)
         return [{k: A[i, k] for k in np.flatnonzero(acting[i]).tolist()} for i in range(n)]
 
+    @property
+    def driven(self) -> bool:
+        """Whether the motors act on all coordinates."""
+        try:
+            return self.mechanism.driven_one_to_one or bool(self.motor_rows)
+        except ActuationError:
+            return False
+
     @cached_property
     def motor_factors(self) -> tuple[Orthogonal, Array]:
         """(L^T B)^T, factorised, and the squares of its pivots in the samples."""

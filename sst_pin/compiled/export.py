@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..chain.closed_chain import ClosedChain
 from ..chain.mechanism import Mechanism
-from ..errors import ActuationError, DescriptionError, InputError
+from ..errors import DescriptionError, InputError
 from ..files import Writer, as_path, text_writer
 from . import c_code, kernels
 from .compiled_backend import impossible, sample_configurations
@@ -135,7 +135,7 @@ def c_files(
         "tau": motors,
         "J": n * motors,
     }
-    dynamics = "torques" if _held(equations) else "forces"
+    dynamics = "torques" if equations.driven else "forces"
     declarations, definitions = [], []
     for name in (dynamics, "accelerations", "actuator_jacobian", "assembly_step"):
         function = _FUNCTIONS[name]
@@ -184,14 +184,6 @@ def c_files(
         "main.c": c_code.filled("export/main.c", about),
     }
     return {as_path(folder) / name: text_writer(text) for name, text in texts.items()}
-
-
-def _held(equations: Equations) -> bool:
-    """Whether the motors act on all coordinates."""
-    try:
-        return equations.mechanism.driven_one_to_one or bool(equations.motor_rows)
-    except ActuationError:
-        return False
 
 
 def _head(name: str, function: _Function, sizes: Mapping[str, int], style: _Style) -> str:

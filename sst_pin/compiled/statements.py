@@ -109,16 +109,16 @@ def split(lines: Sequence[str], inputs: range) -> tuple[list[str], list[str]]:
     return once, each
 
 
-def pieces(lines: Sequence[str]) -> list[Sequence[str]]:
+def pieces(lines: Sequence[str], largest: int = LARGEST) -> list[Sequence[str]]:
     """Statements, cut where they are many."""
-    if len(lines) <= LARGEST:
+    if len(lines) <= largest:
         return [lines]
     size = -(-len(lines) // -(-len(lines) // _PART))
     return [lines[i : i + size] for i in range(0, len(lines), size)]
 
 
-def in_parts(name: str, groups: Sequence[Sequence[Sequence[str]]]) -> tuple[list[str], int]:
-    """Functions for `real` that run one after the other, and the size of w.
+def in_parts(groups: Sequence[Sequence[Sequence[str]]]) -> tuple[list[list[str]], int]:
+    """Statements of functions that run one after the other, and the size of w.
 
     The compile time grows faster than the size of a function. Parts pass results to later parts in
     the array w. All groups except the first may run several times.
@@ -131,7 +131,7 @@ def in_parts(name: str, groups: Sequence[Sequence[Sequence[str]]]) -> tuple[list
             last.update(dict.fromkeys(kept, len(parts)))
     places: dict[str, int] = {}
     free: list[int] = []
-    handed_on, texts = 0, []
+    handed_on, bodies = 0, []
     for k, part in enumerate(parts):
         at = {result: f"w[{place}]" for result, place in places.items()}
         body = [_renamed(line, at) for line in part]
@@ -144,11 +144,8 @@ def in_parts(name: str, groups: Sequence[Sequence[Sequence[str]]]) -> tuple[list
                     handed_on += 1
                 places[result] = free.pop()
                 body.append(f"w[{places[result]}] = {result};")
-        head = (
-            f"PART {name}_{k}(const real *x, const number *p, real *restrict y, real *restrict w)"
-        )
-        texts.append(function(head, ["(void)x, (void)p, (void)y, (void)w;", *body]))
-    return texts, handed_on
+        bodies.append(body)
+    return bodies, handed_on
 
 
 def _renamed(line: str, names: Mapping[str, str]) -> str:

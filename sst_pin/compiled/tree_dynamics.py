@@ -195,6 +195,29 @@ class TreeDynamics:
         model, forces = self._mechanism.model, self._mechanism.lines.forces
         return [line(self._kinematics, model, x.frame_a, x.frame_b) for x in forces]
 
+    def kinetic_energy(self, v: Sparse) -> Any:
+        """Of all bodies and rotors."""
+        pairs = [
+            (x * v[i] * v[j], i == j) for (i, j), x in self.inertia.items() if {i, j} <= v.keys()
+        ]
+        return total(x / 2 if same else x for x, same in pairs)
+
+    @property
+    def potential_energy(self) -> Any:
+        """Of the weights, the springs and the forces along lines."""
+        gravity, energies = self._kinematics.base.T @ self._parameters.gravity(self._p), []
+        for i, link in enumerate(self._kinematics.tree.links):
+            mass, c, _ = self._inertia_of(link.body)
+            R, p = self._kinematics.pose(0, i)
+            energies.append(-ca.dot(gravity, mass * p + R @ c))
+        way = self._kinematics.difference(self._parameters.of_joints("spring_reference", self._p))
+        stiffness = self._parameters.of_joints("stiffness", self._p)
+        energies += [c * way[k] ** 2 / 2 for k, c in stiffness.items()]
+        numbers = zip(self.lines, self._parameters.of_lines(self._p), strict=True)
+        for (length, _), (c, rest, _, preload) in numbers:
+            energies.append(c * (length - rest) ** 2 / 2 + preload * length)
+        return total(energies)
+
     def motors_on_lines(self, motor: int) -> Sparse:
         """Forces along the rates of a motor's unit torque, by the lines that it pushes apart."""
         tau: Sparse = {}

@@ -60,14 +60,6 @@ def orientation(theta: ArrayLike, phi: ArrayLike, psi: ArrayLike = 0.0) -> Array
     return R
 
 
-def angles_of(R: Array) -> Array:
-    """theta, phi, psi of an orientation of the star, shape (3, 3), as `orientation` takes them."""
-    s = R[:, 0]
-    theta, phi = np.arctan2(s[1], s[0]), np.arctan2(np.hypot(s[0], s[1]), s[2])
-    turn = orientation(theta, phi).T @ R  # about x
-    return np.array((theta, phi, np.arctan2(turn[2, 1], turn[1, 1])))
-
-
 def orientation_motion(
     theta: Sequence[ArrayLike], phi: Sequence[ArrayLike], psi: Sequence[ArrayLike]
 ) -> PlatformMotion:

@@ -443,14 +443,7 @@ class SST(ClosedChain):
             >>> len(robot.appearance.frames)
             13
         """
-
-        def joints_near(R: Array, q: Array) -> Array:
-            return self.inverse_kinematics(R, self.branch(q))
-
-        orientation_of = self.platform_orientation
-        return star_appearance.appearance_of(
-            self.geometry, self.star_radius, orientation_of, joints_near
-        )
+        return star_appearance.appearance_of(self.geometry, self.star_radius)
 
     def _start_pose(self) -> Array:
         return self.home
@@ -459,6 +452,11 @@ class SST(ClosedChain):
         return star_motions.motion_in(self, table)
 
     # --- inside -----------------------------------------------------------------------------
+
+    def _page_functions(self, q: Array) -> tuple[str, Array]:
+        from . import kernels
+
+        return kernels.page_functions(self.mechanism) or super()._page_functions(q)
 
     def _require_limits(self, q: Array) -> None:
         model = self._current.mechanism.model

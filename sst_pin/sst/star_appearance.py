@@ -1,49 +1,30 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What pictures of an SST show: the paper's axes and frames, the path of E, the star's angles."""
+"""What pictures of an SST show: the paper's axes and frames, the path of E, the arcs."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from ..arrays import in_one_turn
-from ..chain.appearance import Appearance, DrawnFrame, Sliders
+from ..chain.appearance import Appearance, DrawnFrame
 from ..description.colours import LEG_COLOURS
+from .check import arc_ends
 from .kinematics import Geometry
-from .platform_motion import angles_of, orientation
 
 Array = NDArray[np.float64]
 
 
-def appearance_of(
-    geometry: Geometry,
-    radius: float,
-    orientation_of: Callable[[Array], Array],
-    joints_near: Callable[[Array, Array], Array],
-) -> Appearance:
-    """Axes e_1..9, frames {0k}..{3k} and {E}, the path of E, sliders for theta, phi, psi.
-
-    `radius` is the distance OE; the functions are platform_orientation(q), and inverse kinematics
-    of an orientation in the branches of q.
-    """
-
-    def solve(angles: Array, q: Array) -> Array:
-        return q + in_one_turn(joints_near(orientation(*angles), q) - q)
-
-    low, high = np.array((-np.pi, 0, -np.pi)), np.full(3, np.pi)
-    names = "theta", "phi", "psi"
-    sliders = Sliders(
-        "Star", "rad", names, low, high, lambda q: angles_of(orientation_of(q)), solve
-    )
+def appearance_of(geometry: Geometry, radius: float) -> Appearance:
+    """Axes e_1..9, frames {0k}..{3k} and {E}, the path of E, the arcs; `radius` is OE."""
     # gamma_k, mu_k, beta_k turn about e_k, e_{k+3}, e_{k+6}.
     axes = tuple((f"e_{i // 3 + 3 * (i % 3) + 1}", LEG_COLOURS[i // 3]) for i in range(9))
     E = pin.SE3(np.eye(3), radius * geometry.R_E[0][:, 0])
     frames = tuple(_frames(geometry, radius))
     point = DrawnFrame("E", 3, E)
-    return Appearance(axes, frames, point, radius, 1.25, (sliders,), spherical=True)
+    return Appearance(axes, frames, point, radius, 1.25, arc_ends(geometry), spherical=True)
 
 
 def _frames(geometry: Geometry, r: float) -> Iterator[DrawnFrame]:

@@ -35,13 +35,15 @@ def show(
     speed: float,
     open_browser: bool,
     reactions: bool | Mapping[str, ArrayLike],
+    live: bool,
 ) -> Viewer:
     """See `ClosedChain.show`."""
-    viewer = Viewer(robot, reactions=reactions)
+    viewer = Viewer(robot, reactions=reactions, live=live)
     if isinstance(what, Trajectory):
         viewer.play(what, speed=speed)
     elif what is not None:
         viewer.show(what)
+    viewer._functions  # noqa: B018  (or says what is missing)
     if open_browser and "ipykernel" not in sys.modules:
         viewer.open()
     return viewer

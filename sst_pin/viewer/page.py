@@ -10,13 +10,16 @@ from importlib.resources import files
 from typing import Any
 
 
-def page(commands: Iterable[bytes], panel: dict[str, Any], live: bool = False) -> str:
+def page(
+    commands: Iterable[bytes], panel: dict[str, Any], functions: str = "", served: bool = False
+) -> str:
     """HTML that needs nothing from outside.
 
     Args:
         commands: Commands of Meshcat, packed.
         panel: What the scripts show: title, times, curves, layers, how to play.
-        live: Whether the page asks its server for more.
+        functions: JavaScript of the robot's functions, for a page that answers.
+        served: Whether the page asks its server for more.
     """
     parts = {
         "MESHCAT": (files("meshcat") / "viewer/dist/main.min.js").read_text(encoding="utf-8"),
@@ -24,9 +27,10 @@ def page(commands: Iterable[bytes], panel: dict[str, Any], live: bool = False) -
         "STAGE": _asset("stage.js"),
         "CHART": _asset("chart.js"),
         "PANEL": _asset("panel.js"),
+        "LIVE": functions + _asset("live.js") if functions else "const live = null;",
         "SCENE": json.dumps(
             {
-                "live": live,
+                "served": served,
                 "commands": [base64.b64encode(command).decode() for command in commands],
                 "panel": panel,
             }

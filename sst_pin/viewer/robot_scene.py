@@ -42,6 +42,7 @@ class Scene:
         labels: Labels.
         layers: Existing ones of `LAYERS`, and whether each is shown at first.
         start: Configuration before one is asked for, shape (nq,).
+        struts: Those of the shapes that run from one body to another.
         size: A length of the robot, [m].
         point: The frame whose path is drawn, or None.
     """
@@ -71,8 +72,8 @@ class Scene:
         colours = {lines[i].joint: HUES[motor % len(HUES)] for i, motor in np.argwhere(B)[::-1]}
         self.shapes += skeleton(robot, lines, colours, size)
         self.shapes += masses(model)
-        self._struts = list(struts(robot, lines, size))
-        self.shapes += [strut.shape for strut in self._struts]
+        self.struts = list(struts(robot, lines, size))
+        self.shapes += [strut.shape for strut in self.struts]
         self.arrows: list[Arrow | Pull] = list(
             arrows_of(model, self._data, lines, B, _LARGEST * size)
         )
@@ -93,7 +94,7 @@ class Scene:
         """Placements of the movers of the shapes: homogeneous matrices, with a scale for struts."""
         joints = self._joints(q)
         placed = {str(i): matrix for i, matrix in enumerate(joints)}
-        return placed | {strut.shape.mover: strut.at(joints) for strut in self._struts}
+        return placed | {strut.shape.mover: strut.at(joints) for strut in self.struts}
 
     def reach(self, q: Array, tau: Array, wanted: Array | None = None) -> Array:
         """The outermost points in many directions, of everything that is shown in a motion.

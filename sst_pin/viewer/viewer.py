@@ -7,8 +7,9 @@ import html
 import json
 import webbrowser
 from collections.abc import Callable, Mapping
-from functools import partial
+from functools import cached_property, partial
 from importlib.metadata import version
+from importlib.resources import files
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -23,6 +24,7 @@ from ..description.colours import HUES
 from ..errors import (
     ActuationError,
     ClosureError,
+    DescriptionError,
     InputError,
     OutputError,
     SingularConfigurationError,
@@ -33,6 +35,7 @@ from ..motion.moving_robot import require_motion
 from ..motion.trajectories import Trajectory
 from ..summaries import listed
 from ..version import __version__
+from .live import live_data
 from .meshcat_scene import MeshcatScene
 from .page import page
 from .panel_curves import curves_of, joints_of, motor_units, torques_of
@@ -66,6 +69,8 @@ class Viewer:
         reactions: Whether arrows show the forces in joints and closures that are unique: of the
             parent on the child, of A on B. Stiffnesses, as in `ClosedChain.reactions`, make others
             unique.
+        live: Whether the page also computes: sliders, dragging, simulation. Arrows of reactions
+            are then only in motions.
 
     Raises:
         UnknownNameError: For an unknown frame, or a stiffness of an unknown joint.
@@ -87,6 +92,7 @@ class Viewer:
         frames: bool = False,
         frame: str | None = None,
         reactions: bool | Mapping[str, ArrayLike] = False,
+        live: bool = False,
     ) -> None:
         if not isinstance(reactions, bool | Mapping):
             raise InputError("reactions", f"{reactions!r} is no bool and no dict of stiffnesses")
@@ -95,7 +101,7 @@ class Viewer:
         self._scene = Scene(
             robot, visual_model, axes=axes, frames=frames, frame=frame, reactions=self._loaded
         )
-        self._robot = robot
+        self._robot, self._live = robot, live
         self._server: Server | None = None
         self._units = motor_units(robot)
         self._drawing = MeshcatScene(self._scene)
@@ -188,7 +194,7 @@ class Viewer:
             >>> "<html" in viewer.html
             True
         """
-        return page(self._drawing.buffer.commands.values(), self._panel)
+        return page(self._drawing.buffer.commands.values(), self._panel, self._functions)
 
     def save(self, path: str | Path, force: bool = False) -> None:
         """Write the page, a picture or an animation.
@@ -252,7 +258,8 @@ class Viewer:
             >>> viewer.close()
         """
         if self._server is None:
-            self._server = Server(lambda: page((), self._panel, live=True), self._state, host, port)
+            text = partial(page, (), functions=self._functions, served=True)
+            self._server = Server(lambda: text(panel=self._panel), self._state, host, port)
         return self._server.url
 
     def open(self, wait: float = 20.0) -> bool:
@@ -297,6 +304,17 @@ class Viewer:
         return f'<iframe srcdoc="{html.escape(self.html)}" style="{style}"></iframe>'
 
     # --- inside -----------------------------------------------------------------------------
+
+    @cached_property
+    def _functions(self) -> str:
+        """JavaScript of a live page, for the robot near the configuration shown; else nothing."""
+        if not self._live:
+            return ""
+        code, numbers = self._robot._page_functions(np.array(self._panel["live"]["q"]))
+        if not np.isfinite(numbers).all():
+            raise DescriptionError("parameters of the robot", ["a number is not finite"])
+        engine = (files("sst_pin.compiled") / "engine.js").read_text(encoding="utf-8")
+        return f"{code}sst_functions.numbers = {numbers.tolist()};\n{engine}"
 
     def _shares(self, tau: Array) -> Array:
         """Torques as shares of the largest torque, forces as shares of the largest force."""
@@ -344,6 +362,7 @@ class Viewer:
     ) -> None:
         """Tell the panel what there is to see."""
         robot, scene = self._robot, self._scene
+        rates = np.zeros(robot.degrees_of_freedom) if motion is None else motion.va[0]
         self._panel = {
             "title": title,
             "robot": robot.mechanism.model.name,
@@ -355,6 +374,7 @@ class Viewer:
             "layers": scene.layers,
             "labels": [label._asdict() for label in scene.labels],
             "note": self._note,
+            "live": live_data(robot, scene, q[0], rates) if self._live else None,
             "reach": scene.reach(q, effort, wanted).tolist(),
             "trail": 6 * TRAIL_SIDES,  # indices of its triangles for each sample passed
             "credit": f"sst_pin {__version__}, Meshcat {version('meshcat')}",

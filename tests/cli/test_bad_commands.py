@@ -27,8 +27,6 @@ COMMANDS = [
     ("workspace -o a.png --psi nan", "'nan' is not an angle in degrees"),
     (f"plot {SAMPLE} -o a.png --what torques,dance", "'dance' unknown; known:"),
     (f"plot {SAMPLE} -o a.png --what|", "'' unknown"),
-    (f"show --interactive {SAMPLE}", "cannot be combined with motion"),
-    ("show --interactive --html x.html", "cannot be combined with html"),
     # starts of simulations
     (f"simulate {SAMPLE} -o x.csv", "missing columns tau_1_Nm"),
     ("simulate tau.csv -o x.csv", "give --va0 gamma_1=.."),

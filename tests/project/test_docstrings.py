@@ -14,7 +14,6 @@ import sst_pin
 from shown_output import Checker, same_output
 from sst_pin import plots
 from sst_pin.viewer import Viewer
-from sst_pin.viewer.interactive import Interactive
 
 #: What each example may use; the pages of the reference say so.
 GIVEN = {"np": np, "pin": pin, "sst_pin": sst_pin}
@@ -49,7 +48,6 @@ def pictures():
     for name, member in vars(Viewer).items():
         if not name.startswith("_"):
             yield f"Viewer.{name}", member
-    yield "Interactive", Interactive
 
 
 PICTURES = dict(pictures())

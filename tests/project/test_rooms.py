@@ -48,6 +48,7 @@ FORWARDING = {
             "loads",
             "_moving_load",
             "show",
+            "_page_functions",
             "compile",
             "casadi",
             "jax",

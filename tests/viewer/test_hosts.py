@@ -10,24 +10,18 @@ import pytest
 from sst_pin.errors import ServerError
 from sst_pin.viewer import Viewer
 from sst_pin.viewer.hosts import is_ours, url_of
-from sst_pin.viewer.interactive import Interactive
 
 
-@pytest.fixture(scope="module", params=["viewer", "interactive"])
-def served(request, robot):
-    """Address of a page, its WebSocket's path and the subprotocol it wants."""
-    if request.param == "viewer":
-        with Viewer(robot) as viewer:
-            yield viewer.serve(), "/socket", None
-    else:
-        viser = pytest.importorskip("viser")
-        with Interactive(robot) as page:
-            yield page.url, "/", f"viser-v{viser.__version__}"
+@pytest.fixture(scope="module")
+def served(robot):
+    """Address of a page."""
+    with Viewer(robot) as viewer:
+        yield viewer.serve()
 
 
 def status(served, path="/", **headers):
     """What a request with some headers is answered with."""
-    address = urlsplit(served[0])
+    address = urlsplit(served)
     connection = http.client.HTTPConnection(address.hostname, address.port, timeout=10)
     connection.putrequest("GET", path, skip_host=True)
     for name, value in ({"Host": address.netloc} | headers).items():
@@ -40,20 +34,17 @@ def status(served, path="/", **headers):
 
 def upgrade(served, **headers):
     """What a WebSocket's opening is answered with; 101 is yes."""
-    _, path, protocol = served
     opening = {
         "Connection": "Upgrade",
         "Upgrade": "websocket",
         "Sec_WebSocket_Version": "13",
         "Sec_WebSocket_Key": "dGhlIHNhbXBsZSBub25jZQ==",
     }
-    if protocol:
-        opening["Sec_WebSocket_Protocol"] = protocol
-    return status(served, path, **opening, **headers)
+    return status(served, "/socket", **opening, **headers)
 
 
 def test_a_browser_on_this_machine_is_answered(served):
-    port = urlsplit(served[0]).port
+    port = urlsplit(served).port
     for host in (f"127.0.0.1:{port}", f"localhost:{port}", f"[::1]:{port}"):
         assert status(served, Host=host) == 200
         assert upgrade(served, Host=host, Origin=f"http://{host}") == 101
@@ -62,7 +53,7 @@ def test_a_browser_on_this_machine_is_answered(served):
 
 def test_a_site_that_calls_itself_this_machine_is_not_answered(served):
     """DNS rebinding: the browser asks 127.0.0.1 under the site's name."""
-    host = f"rebound.example:{urlsplit(served[0]).port}"
+    host = f"rebound.example:{urlsplit(served).port}"
     assert status(served, Host=host) == 403
     assert upgrade(served, Host=host, Origin=f"http://{host}") == 403
 
@@ -91,17 +82,6 @@ def test_an_address_of_version_six_is_written_in_brackets():
     ("host", "port"),
     [("203.0.113.7", 0), ("256.1.1.1", 0), ("", 0), (300 * "x", 0), ("127.0.0.1", 99999)],
 )
-@pytest.mark.parametrize("kind", [Viewer, Interactive])
-def test_an_address_that_cannot_be_listened_on_is_told(robot, kind, host, port):
-    """At once; viser alone would try a thousand ports and wait for ever."""
+def test_an_address_that_cannot_be_listened_on_is_told(robot, host, port):
     with pytest.raises(ServerError, match="cannot listen on"):
-        kind(robot).serve(host, port) if kind is Viewer else Interactive(robot, host, port)
-
-
-def test_a_taken_port_is_told_by_the_interactive_page_too(robot):
-    with socket.socket() as taken:
-        taken.bind(("127.0.0.1", 0))
-        taken.listen()
-        port = taken.getsockname()[1]
-        with pytest.raises(ServerError, match=f"port {port}: Address already in use"):
-            Interactive(robot, port=port)
+        Viewer(robot).serve(host, port)

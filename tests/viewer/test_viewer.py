@@ -87,7 +87,7 @@ def test_a_taken_port_is_told(robot):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("options", [(), ("--interactive",)])
+@pytest.mark.parametrize("options", [(), ("--live",)])
 def test_show_serves_until_interrupted_and_leaves_no_orphan(options):
     """`sst-pin show --no-open`: a URL, an answer, Ctrl-C, exit code 0, no process, no port."""
     # What a shell starts in the background ignores Ctrl-C, and so would this.
@@ -198,7 +198,6 @@ def test_a_tube_is_closed_and_as_long_as_its_line():
     ("blocked", "commands"),
     [
         ({"meshcat, pillow, trimesh": "viz"}, ["show --no-open"]),
-        pytest.param({"viser": "interactive"}, ["show --interactive"], marks=pytest.mark.slow),
         pytest.param({"playwright": "viz"}, ["show --png x.png"], marks=pytest.mark.slow),
     ],
 )

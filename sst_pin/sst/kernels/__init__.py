@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The kernels of the SST: those of `compile()`, with the geometry left open.
 
-`scripts/kernels/make_kernels.py` writes the C. The files named after instruction sets compile
-`kernels.c` at installation; derivatives are compiled at their first use, into the cache. The
-environment variable SST_PIN_KERNELS=off switches all of them off.
+`scripts/kernels/make_kernels.py` writes the C, and the JavaScript of pages. The files named after
+instruction sets compile `kernels.c` at installation; derivatives are compiled at their first use,
+into the cache. The environment variable SST_PIN_KERNELS=off switches all C off.
 """
 
 from __future__ import annotations
@@ -13,6 +13,9 @@ import os
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
 
 from ... import extensions
 from ...chain.backend import Key
@@ -28,6 +31,8 @@ from ...errors import CompilationError
 from ..topology import CUTS
 
 FOLDER = Path(__file__).parent
+#: The functions of pages, in JavaScript.
+PAGE = FOLDER / "page.js"
 #: C that goes into every library, and its folder.
 PARTS, INCLUDE = ("real.h", "driver.h"), Path(build.__file__).with_name("c")
 #: Kernels that the package contains compiled.
@@ -53,11 +58,7 @@ def backend(reference: Reference, off: str) -> CompiledBackend:
         CompilationError: Why it has none, `off` if that is not empty.
     """
     mechanism = reference.mechanism
-    why = off or misfit(mechanism.space.joint_names, mechanism.closures) or missing()
-    springs = not (mechanism.springs.none and mechanism.lines.none)
-    if not why and (springs or not mechanism.driven_one_to_one):
-        why = "the motors or springs differ from those of an SST"
-    if why:
+    if why := off or _misfit(mechanism) or missing():
         raise CompilationError(why)
     return CompiledBackend(reference, parameters=open_numbers(mechanism), code=code, bearer=STAR)
 
@@ -72,6 +73,23 @@ def misfit(joint_names: tuple[str, ...], closures: tuple[Constraint, ...]) -> st
     if len(cuts) < len(closures) or frames != CUTS or not kinds <= {"6d", "orientation"}:
         return "the cuts differ from those of the YAML in the package"
     return ""
+
+
+def _misfit(mechanism: Mechanism) -> str:
+    """As `misfit`, with motors and springs."""
+    springs = not (mechanism.springs.none and mechanism.lines.none)
+    why = misfit(mechanism.space.joint_names, mechanism.closures)
+    if not why and (springs or not mechanism.driven_one_to_one):
+        why = "the motors or springs differ from those of an SST"
+    return why
+
+
+def page_functions(mechanism: Mechanism) -> tuple[str, NDArray[np.float64]] | None:
+    """The functions in JavaScript for a page, and their open numbers; None for a robot apart."""
+    if _misfit(mechanism):
+        return None
+    numbers = open_numbers(mechanism).pack(mechanism, mechanism.friction)
+    return PAGE.read_text(encoding="utf-8"), numbers
 
 
 def open_numbers(mechanism: Mechanism) -> OpenNumbers:

@@ -2,7 +2,7 @@
 // One clock drives Meshcat's animation, the curves and their cursor.
 const panel = (() => {
   const SPEEDS = [2, 1, 0.5, 0.2, 0.1, 0.05, 0.02];
-  let data = null, curves = null, picked = null, time = 0, playing = false, before = null;
+  let data = null, curves = null, picked = null, time = 0, playing = false, before = null, answering = false;
 
   const escaped = (text) => text.replace(/[&<>"]/g, (c) => `&#${c.charCodeAt(0)};`);
   const moves = () => data !== null && data.t.length > 1;
@@ -31,9 +31,22 @@ const panel = (() => {
       `<label><input type="checkbox" data-layer="${name}"${data.layers[name] ? " checked" : ""}>${name}</label>`).join("");
     describeArrows();
     stage.load(data);
+    document.body.classList.toggle("answers", Boolean(data.live));
+    live?.load(data.live);
     choose(data.curves.some((set) => set.called === picked) ? picked : data.curves[0].called);
     seek(data.t[0]);
-    play(moves() && !matchMedia("(prefers-reduced-motion: reduce)").matches);
+    if (data.live && !moves()) answer(true);
+    else play(moves() && !matchMedia("(prefers-reduced-motion: reduce)").matches);
+  }
+
+  function answer(on) { // or play the motion
+    answering = on;
+    play(false);
+    document.body.classList.toggle("live", on);
+    for (const button of at("modes").children) button.setAttribute("aria-pressed", String((button.dataset.mode === "live") === on));
+    if (!on) live.run(false);
+    if (moves()) stage.seek(0, 0);
+    if (on) { legend(live.motors); stage.resize(); live.reset(); } else choose(at("curves").value);
   }
 
   function shownLayers() { // as the reader has set them
@@ -53,18 +66,22 @@ const panel = (() => {
   function choose(called) {
     curves = data.curves.find((set) => set.called === called);
     at("curves").value = called;
+    legend(curves);
+    fit();
+  }
+
+  function legend(curves) {
     at("legend").innerHTML = curves.names.map((name, k) => {
       const owner = curves.owners[k] === name ? "" : `<i>${escaped(curves.owners[k])}</i>`;
       return `<div title="${escaped(curves.owners[k])}"><b><svg width="34" height="8"><line x1="0" x2="34" y1="4" y2="4" ` +
         `${chart.stroke(k, data.colours)}/></svg>${subscript(escaped(name))}</b>${owner}` +
         `<span><span class="value"></span> <small>${curves.units[k]}</small></span></div>`;
     }).join("");
-    fit();
   }
 
   function fit() {
     stage.resize();
-    if (!data) return;
+    if (!data || answering) return;
     chart.draw(data.t, curves, data.colours);
     show();
   }
@@ -95,6 +112,10 @@ const panel = (() => {
     } else {
       at("clock").textContent = "";
     }
+    write(now);
+  }
+
+  function write(now) {
     at("legend").querySelectorAll(".value").forEach((span, k) => {
       span.textContent = chart.readable(now[k], Math.abs(now[k]) < 1e4 ? 2 : 0);
     });
@@ -114,7 +135,10 @@ const panel = (() => {
 
   function frame(now) {
     requestAnimationFrame(frame);
-    if (playing) {
+    if (answering) {
+      live.frame(now);
+      write(live.tau);
+    } else if (playing) {
       if (before !== null) {
         const start = data.t[0], length = data.t[data.t.length - 1] - start;
         const ahead = time - start + (now - before) / 1000 * Number(at("speed").value);
@@ -132,6 +156,7 @@ const panel = (() => {
   at("time").oninput = () => { play(false); seek(Number(at("time").value)); };
   at("curves").onchange = () => choose(picked = at("curves").value);
   at("layers").onchange = ({ target }) => stage.showLayer(target.dataset.layer, target.checked);
+  at("modes").onclick = ({ target }) => { if (target.dataset.mode) answer(target.dataset.mode === "live"); };
   at("views").onclick = ({ target }) => { if (target.dataset.view) stage.look(target.dataset.view); };
   const drag = (event) => {
     const t = event.buttons ? chart.timeAt(event.clientX) : null;
@@ -151,7 +176,8 @@ const panel = (() => {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
     const focus = event.target.tagName;
     if (event.key === "r") stage.look("usual");
-    if (!moves() || focus === "SELECT") return;
+    if (answering && event.key === " " && !["BUTTON", "INPUT", "SELECT"].includes(focus)) { event.preventDefault(); at("go").click(); }
+    if (!moves() || answering || focus === "SELECT") return;
     if (event.key === " " && !["BUTTON", "INPUT"].includes(focus)) { event.preventDefault(); play(!playing); }
     const step = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
     if (step) {
@@ -167,7 +193,7 @@ const panel = (() => {
   const scene = JSON.parse(at("scene").textContent);
   scene.commands.map(decode).forEach(stage.command);
   load(scene.panel);
-  if (scene.live) {
+  if (scene.served) {
     const socket = new WebSocket(`${location.protocol.replace("http", "ws")}//${location.host}/socket`);
     socket.binaryType = "arraybuffer";
     socket.onmessage = ({ data: message }) => {
@@ -178,7 +204,7 @@ const panel = (() => {
   requestAnimationFrame(frame);
   const drawn = () => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)));
   return {
-    seek, play, load, choose,
+    seek, play, load, choose, answer,
     picture() { document.body.classList.add("picture"); fit(); },
     still(share) { // some part of the motion, once it has been drawn
       play(false);

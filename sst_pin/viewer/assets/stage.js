@@ -136,6 +136,36 @@ const stage = (() => {
     }
   }
 
+  // --- the hand ------------------------------------------------------------------------------
+
+  const caster = new THREE.Raycaster(), TOUCHED = ["bodies", "skeleton", "inertia"];
+
+  function aim(clientX, clientY) {
+    const { left, top, width, height } = pane.getBoundingClientRect();
+    viewer.camera.updateMatrixWorld();
+    caster.setFromCamera(new THREE.Vector2((clientX - left) / width * 2 - 1, 1 - (clientY - top) / height * 2), viewer.camera);
+  }
+  const inBase = (vector) => viewer.scene.worldToLocal(vector.clone()).toArray();
+
+  // What is seen at a place of the window: its mover, the point and the ray, base axes.
+  function hit(clientX, clientY) {
+    aim(clientX, clientY);
+    const layers = node().children.flatMap((mover) => mover.children.filter(({ name, visible }) => visible && TOUCHED.includes(name)));
+    const [first] = caster.intersectObjects(layers, true);
+    if (!first) return null;
+    let object = first.object;
+    while (object.parent !== node()) object = object.parent;
+    const base = inBase(caster.ray.origin);
+    return { mover: object.name, point: inBase(first.point), ray: inBase(caster.ray.origin.clone().add(caster.ray.direction)).map((x, i) => x - base[i]) };
+  }
+
+  function inPlane(clientX, clientY, point) { // through a point, parallel to the picture
+    aim(clientX, clientY);
+    const through = viewer.scene.localToWorld(new THREE.Vector3(...point)), normal = viewer.camera.getWorldDirection(new THREE.Vector3());
+    const found = caster.ray.intersectPlane(new THREE.Plane().setFromNormalAndCoplanarPoint(normal, through), new THREE.Vector3());
+    return found ? inBase(found) : point;
+  }
+
   function placeLabels() {
     for (const { element, mover, point } of labels) {
       const object = node(mover);
@@ -168,7 +198,12 @@ const stage = (() => {
   }
 
   return {
-    load, look, resize, placeLabels, showLayer, inside,
+    load, look, resize, placeLabels, showLayer, inside, hit, inPlane,
+    place(path, matrix) {
+      const { object } = viewer.scene_tree.find(["meshcat", "robot", ...path]);
+      matrix.decompose(object.position, object.quaternion, object.scale);
+      viewer.set_dirty();
+    },
     command(bytes) {
       viewer.handle_command_bytearray(bytes);
       if (viewer.animator.playing) viewer.animator.pause();

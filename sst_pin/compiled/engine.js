@@ -1,0 +1,237 @@
+// SPDX-License-Identifier: BSD-2-Clause
+// A robot that moves by its own functions: by hand along its closures, or in time.
+// `functions` are those of `page_code`, `d` the numbers of `page_data`.
+function engine(functions, d) {
+  "use strict";
+  const STEP = 0.02, JUMP = 0.1; // of a move; a correction of q that changes the assembly mode
+  const CHANGE = 3; // of det Phi_u in a step, which changes its sign at a singularity
+  const TOLERANCE = 1e-7, SHORTEST = 1e-7; // of a step, relative; [s]
+  const STIFF = 12, PUSH = 0.1; // of "hold" [1/s]; how long a push lasts [s]
+  const SMOOTH = 0.01; // [rad/s] of Coulomb friction without a width, whose jumps stop an integrator
+  const zeros = (n) => new Array(n).fill(0), turned = (x) => x - 2 * Math.PI * Math.round(x / (2 * Math.PI));
+  const nq = d.q.length, n = d.coordinates.length, motors = d.motors.names.length, rest = zeros(6 * d.bodies.length - 6);
+
+  function bind({ inputs, output, checks, size, room, constants, parts }, width) {
+    const x = new Float64Array(inputs.reduce((a, b) => a + b, 0)), p = new Float64Array(size);
+    const y = new Float64Array(output + checks), w = new Float64Array(room);
+    p.set(functions.numbers);
+    if (width && !(p[3] > 0)) p[3] = width;
+    constants(p);
+    return (...given) => {
+      let i = 0;
+      for (const array of given) { x.set(array, i); i += array.length; }
+      for (const part of parts) part(x, p, y, w);
+      return y;
+    };
+  }
+  const all = (kernels) => Object.fromEntries(Object.entries(kernels).map(([name, kernel]) => [name, bind(kernel, name === "state_rate" && SMOOTH)]));
+  const F = all(functions.common), sets = functions.sets.map(({ coordinates, kernels }) => ({ coordinates, ...all(kernels), checked: kernels.closing.output }));
+  const own = sets[0];
+
+  // The state, and what acts: how the motors are driven, their efforts, a hand.
+  const r = { q: d.q.slice(), va: d.va.slice(), time: 0, way: "none", efforts: zeros(motors), grip: null };
+  let now, rate_, moved, goal, step; // of a simulation: its set of coordinates, their rates, what the own ones have moved
+  const scale = d.coordinates.map((each) => each.scale), largest = (change) => Math.max(0, ...change.map((x, k) => Math.abs(x) / scale[k]));
+  const rates = (set, q, va) => set.rates(q, va); // of q, then of all joints
+
+  function reset() {
+    Object.assign(r, { q: d.q.slice(), va: d.va.slice(), time: 0, grip: null, efforts: zeros(motors) });
+  }
+
+  // --- kinematics ----------------------------------------------------------------------------
+
+  // Newton's method with the coordinates held; null where it finds nothing.
+  function closed(x, set = own) {
+    for (let k = 0; k < 12; k++) {
+      const y = set.closing(x), gap = y[set.checked];
+      x = Array.from(y.subarray(0, nq));
+      if (!x.every(Number.isFinite)) return null;
+      if (gap <= 1) return x; // it was closed before this step
+    }
+    return null;
+  }
+
+  // Of the columns of Phi for the dependent rates, by Jacobi's rotations of Phi^T Phi.
+  function condition(q = r.q, set = own) {
+    const Phi = F.loops(q), nv = d.nv, columns = [...Array(nv).keys()].filter((j) => !set.coordinates.includes(j)), m = columns.length;
+    const A = columns.map((i) => columns.map((j) => { let sum = 0; for (let k = 0; k < Phi.length; k += nv) sum += Phi[k + i] * Phi[k + j]; return sum; }));
+    for (let sweep = 0, left = 1; sweep < 12 && left; sweep++) {
+      left = 0;
+      for (let i = 0; i < m; i++) for (let j = i + 1; j < m; j++) {
+        if (Math.abs(A[i][j]) <= 1e-15 * Math.sqrt(Math.abs(A[i][i] * A[j][j]))) continue;
+        left += 1;
+        const t = Math.atan2(2 * A[i][j], A[j][j] - A[i][i]) / 2, c = Math.cos(t), s = Math.sin(t);
+        for (const row of A) [row[i], row[j]] = [c * row[i] - s * row[j], s * row[i] + c * row[j]];
+        for (let k = 0; k < m; k++) [A[i][k], A[j][k]] = [c * A[i][k] - s * A[j][k], s * A[i][k] + c * A[j][k]];
+      }
+    }
+    const squares = A.map((row, i) => row[i]);
+    return m ? Math.sqrt(Math.max(...squares) / Math.max(Math.min(...squares), 0)) : 1;
+  }
+  const near = (x) => `close to a singularity, condition number ${Number(x.toPrecision(3))}`;
+
+  // Move the coordinates in small steps, as far as they lead within one assembly mode; says what ended it.
+  function move(change) {
+    const steps = Math.max(1, Math.ceil(largest(change) / STEP)), part = change.map((x) => x / steps);
+    for (let k = 0, before = condition(), det = own.closing(r.q)[nq]; k < steps; k++) {
+      const ahead = rates(own, r.q, part), guess = r.q.map((x, i) => x + ahead[i]), next = closed(guess);
+      if (!next) return "the loops cannot be closed beyond this pose";
+      if (next.some((x, i) => Math.abs(x - guess[i]) > JUMP * d.scales[i])) return "the assembly mode ends here";
+      const after = condition(next), size = own.closing(next)[nq];
+      if (!(size / det > 1 / CHANGE) || !(after <= d.condition || after < before)) return near(Math.max(before, after));
+      [r.q, before, det] = [next, after, size];
+    }
+    return "";
+  }
+
+  function value(k) { // of a coordinate
+    const { kind, i } = d.coordinates[k];
+    return kind === "position" ? r.q[i] : kind === "angle" ? Math.atan2(r.q[i + 1], r.q[i]) : 0;
+  }
+
+  // A point of a body from `places`, or its velocity from their rates.
+  const on = (M, { body, at }) => [0, 1, 2].map((i) => [0, 3, 6].reduce((sum, c, k) => sum + M[12 * body + c + i] * at[k], M[12 * body + 9 + i]));
+  const velocity = (grip, q, q_dot) => on(F.flow(q, q_dot), grip);
+  const columns = (grip) => r.va.map((_, k) => velocity(grip, r.q, rates(own, r.q, r.va.map((_, j) => Number(j === k))).slice(0, nq)));
+
+  // The smallest change of the coordinates, damped, that brings a point nearer to its target.
+  function follow() {
+    const at = r.point(r.grip), J = columns(r.grip), damped = (0.05 * d.size) ** 2;
+    const A = [0, 1, 2].map((i) => [0, 1, 2].map((j) => J.reduce((sum, c, k) => sum + c[i] * scale[k] ** 2 * c[j], i === j ? damped : 0)));
+    const cross = (a, b) => [0, 1, 2].map((i) => a[(i + 1) % 3] * b[(i + 2) % 3] - a[(i + 2) % 3] * b[(i + 1) % 3]);
+    const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2], b = r.grip.target.map((x, i) => x - at[i]);
+    const det = dot(A[0], cross(A[1], A[2])), force = [dot(b, cross(A[1], A[2])), dot(A[0], cross(b, A[2])), dot(A[0], cross(A[1], b))].map((x) => x / det);
+    const change = J.map((c, k) => scale[k] ** 2 * dot(c, force)), share = Math.min(1, 0.1 / (largest(change) || 1));
+    return move(change.map((x, k) => {
+      const { kind, low, high } = d.coordinates[k], is = value(k);
+      return kind === "position" ? Math.min(Math.max(is + share * x, Math.min(low, is)), Math.max(high, is)) - is : share * x;
+    }));
+  }
+
+  // What a pose is that the machine cannot take.
+  function wrong(shown) {
+    const words = d.bounds.filter(({ i, low, high, what }) => {
+      const x = what === "arc" ? (low + high) / 2 + turned(r.q[i] - (low + high) / 2) : r.q[i];
+      return x < low || x > high;
+    }).map(({ name, unit, i, what, low, high }) => `${name} leaves its ${what} of ${shown(low, unit)} to ${shown(high, unit)}: ${shown(r.q[i], unit)}`);
+    const is = condition();
+    if (!(is <= d.condition)) words.push(near(is));
+    if (!(own.closing(r.q)[own.checked] <= 1)) words.unshift("the loops are open");
+    return words;
+  }
+
+  // --- dynamics ------------------------------------------------------------------------------
+
+  // What the motors give: nothing, what is given to them, or what holds the coordinates at a goal.
+  function efforts(q, va, s) {
+    if (r.way === "hold") return r.torques(q, zeros(n), goal.map((g, k) => STIFF ** 2 * (g - s[k]) - 2 * STIFF * va[k]));
+    return r.way === "sliders" ? r.efforts : zeros(motors);
+  }
+
+  // The hand on a body, a spring or a push, as moment about the mass centre and force.
+  function loads(q, q_dot) {
+    const { grip } = r;
+    if (!grip || !(grip.target || r.time < grip.until)) return rest;
+    const M = F.places(q).slice(), p = on(M, grip), c = on(M, { body: grip.body, at: d.centres[grip.body] }), W = rest.slice();
+    const speed = grip.target && velocity(grip, q, q_dot);
+    const force = grip.target ? p.map((x, i) => grip.mass * (grip.pull ** 2 * (grip.target[i] - x) - 1.4 * grip.pull * speed[i])) : grip.force;
+    [0, 1, 2].forEach((i) => {
+      const [j, k] = [(i + 1) % 3, (i + 2) % 3];
+      W[6 * grip.body - 6 + i] = (p[j] - c[j]) * force[k] - (p[k] - c[k]) * force[j];
+      W[6 * grip.body - 3 + i] = force[i];
+    });
+    return W;
+  }
+
+  function derivative(x, set) { // of q, the rates of the set, and what the own coordinates have moved
+    const q = x.slice(0, nq), u = x.slice(nq, nq + n), y = Array.from(rates(set, q, u)), va = own.coordinates.map((j) => y[nq + j]);
+    return [...set.state_rate(q, u, efforts(q, va, x.slice(nq + n)), loads(q, y.slice(0, nq))).subarray(0, nq + n), ...va];
+  }
+
+  // Dormand and Prince's method of order 5, whose error estimate chooses the steps.
+  const NODES = [[], [1 / 5], [3 / 40, 9 / 40], [44 / 45, -56 / 15, 32 / 9], [19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729],
+    [9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656], [35 / 384, 0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84]];
+  const ERROR = [71 / 57600, 0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40];
+  function tried(h) {
+    const x = [...r.q, ...rate_, ...moved], units = [...d.scales, ...now.coordinates.map((j) => d.rate_scales[j]), ...scale], K = [];
+    let end = x;
+    for (const row of NODES) {
+      end = x.map((value, i) => row.reduce((sum, a, k) => sum + h * a * K[k][i], value));
+      K.push(derivative(end, now));
+    }
+    const error = x.map((value, i) => Math.abs(h * ERROR.reduce((sum, a, k) => sum + a * K[k][i], 0)) / (units[i] + Math.abs(value)));
+    return [end, Math.max(...error) / TOLERANCE];
+  }
+
+  function start() {
+    [now, rate_, moved, goal, step] = [own, r.va.slice(), zeros(n), zeros(n), 1e-3];
+  }
+
+  // Coordinates and pivots that suit the pose: the own ones, or others whose pivots are much larger.
+  function settle() {
+    const small = sets.map((set) => set.closing(r.q)[set.checked + 1]).map((x) => Number.isFinite(x) ? x : Infinity);
+    const best = sets[small.indexOf(Math.min(...small))], wanted = small[0] < 1e-3 ? own : Math.min(...small) * 16 < small[sets.indexOf(now)] ? best : now;
+    if (wanted === now) return;
+    const v = Array.from(rates(now, r.q, rate_)).slice(nq);
+    [now, rate_] = [wanted, wanted.coordinates.map((j) => v[j])];
+  }
+
+  // Go on by dt, or as far as `until` allows; what is left, or words where the motion ends.
+  function advance(dt, until = Infinity) {
+    let left = dt;
+    while (left > 1e-12 && performance.now() < until) {
+      if (sets.length > 1) settle();
+      const h = Math.min(step, left), det = now.closing(r.q)[nq], [end, error] = tried(h);
+      const next = error <= 1 ? closed(end.slice(0, nq), now) : null, y = next && now.closing(next), ratio = y ? y[nq] / det : 1;
+      if (next && ratio > 1 / CHANGE && ratio < CHANGE) {
+        if (!(y[now.checked + 1] <= 1)) return "the simulation stopped close to a singularity";
+        [r.q, rate_, moved] = [next, end.slice(nq, nq + n), end.slice(nq + n)];
+        const v = rates(now, next, rate_).subarray(nq);
+        [r.va, r.time, left] = [own.coordinates.map((j) => v[j]), r.time + h, left - h];
+        if (h === step) step = h * Math.min(4, Math.max(0.2, 0.9 * error ** -0.2));
+      } else step = h * (error > 1 ? Math.max(0.2, 0.9 * error ** -0.2) : 0.3);
+      if (!(step > SHORTEST)) return "the simulation stopped close to a singularity, where its steps became too short";
+    }
+    return left;
+  }
+
+  // For "hold": where a coordinate is to go, or all stay.
+  function goTo(k, ahead) {
+    if (k === undefined) goal = moved?.slice();
+    else goal[k] = moved[k] + ahead;
+  }
+
+  function measure(running) { // torques that act, or hold the pose
+    const found = running ? efforts(r.q, r.va, moved) : F.torques ? r.torques(r.q, zeros(n), zeros(n)) : zeros(motors);
+    return found.map((x) => Number.isFinite(x) ? x : 0);
+  }
+
+  // --- the hand ------------------------------------------------------------------------------
+
+  // A point of a body in a hand: what mass it feels, and a spring that pulls it.
+  function gripped(grip) {
+    const J = columns(grip), none = own.state_rate(r.q, r.va, zeros(motors), rest).slice(nq);
+    const felt = [0, 1, 2].map((i) => {
+      r.grip = { ...grip, force: [0, 1, 2].map((j) => Number(i === j)), until: Infinity };
+      const more = own.state_rate(r.q, r.va, zeros(motors), loads(r.q)).slice(nq);
+      return J.reduce((sum, c, k) => sum + c[i] * (more[k] - none[k]), 0);
+    });
+    r.grip = { ...grip, mass: 1 / Math.max(...felt, 1e-9), pull: Math.sqrt(Math.max(150, 10 * d.fall / d.size)) };
+  }
+
+  function push(ray) { // along a ray, as hard as makes the speed of a fall by the robot's length
+    const size = r.grip.mass * Math.sqrt(d.fall * d.size) / PUSH;
+    r.grip = { ...r.grip, target: null, force: ray.map((x) => size * x), until: r.time + PUSH };
+  }
+
+  start();
+  return Object.assign(r, {
+    reset, move, value, condition, measure, follow, start, advance, goTo, gripped, push, wrong,
+    holds: Boolean(F.torques),
+    torques: (q, va, aa) => Array.from(F.torques(q, va, aa, rest).subarray(0, motors)),
+    accelerations: (q, va, tau) => Array.from(own.state_rate(q, va, tau, rest).subarray(nq, nq + n)),
+    energies: () => Array.from(F.energies(r.q, rates(own, r.q, r.va).subarray(nq))),
+    places: () => F.places(r.q),
+    point: (grip) => on(F.places(r.q), grip),
+  });
+}

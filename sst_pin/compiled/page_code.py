@@ -1,0 +1,204 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""A robot's functions as JavaScript, for a page that computes without a server.
+
+The statements are those of the C: each is written once, by `c_code`, and put into other words here.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pinocchio as pin
+from casadi import SX
+from numpy.typing import NDArray
+
+from ..chain.mobility import free_motions
+from ..chain.reference import Reference, ReferenceStates
+from ..errors import ClosureError, DescriptionError
+from . import c_code, kernels, statements
+from .compiled_backend import impossible, sample_configurations
+from .equations import Equations
+from .kernel_checks import Checks
+from .kernels import SymbolicKernel
+from .open_numbers import OpenNumbers
+from .symbols import Sparse
+
+Array = NDArray[np.float64]
+
+#: From a statement in C to one in JavaScript.
+_WORDS = [
+    (
+        re.compile(r"^real s(\d+), c\d+; sines_cosines\(1, &(\S+), .*"),
+        r"const s\1 = Math.sin(\2), c\1 = Math.cos(\2);",
+    ),
+    (re.compile(r"\bconst (?:real|number) "), "const "),
+    (re.compile(r"\(real\)\{0\} \+ "), ""),
+    (re.compile(r"\bN\(([^()]*)\)"), r"\1"),
+]
+#: What the statements call.
+_HELPERS = """\
+const AT_MOST = (x, y) => x <= y ? 1 : 0, ABSOLUTE = Math.abs, SQUARE_ROOT = Math.sqrt;
+const tangent = Math.tanh, sign = (x, rest) => x > rest ? 1 : x < -rest ? -1 : 0;
+const direction = (x, width, rest) => width > 0 ? tangent(x / width) : sign(x, rest);
+const rubbing = (x, F, width, rest) => F === 0 ? 0 : F * direction(x, width, rest);
+"""
+#: Choices of coordinates and pivots at most; walks that look for them, and their steps.
+_MOST, _WALKS, _STEPS = 4, 6, 50
+#: A large condition number, and a check of pivots that are small.
+_POOR, _SMALL = 20.0, 1e-3
+#: Statements of a function that browsers optimise.
+_LARGEST = 600
+
+
+def functions_of(reference: Reference, q: Array) -> tuple[str, Array]:
+    """`page_code` of a robot that starts at q, and its open numbers."""
+    mechanism = reference.mechanism
+    numbers = OpenNumbers(mechanism)
+    code = page_code(choices(reference, q, numbers))
+    return code, numbers.pack(mechanism, mechanism.friction)
+
+
+def choices(reference: Reference, q: Array, parameters: OpenNumbers) -> list[Equations]:
+    """Equations with other pivots and coordinates, so that some are sound at most configurations.
+
+    The first are in the robot's coordinates, with pivots chosen near q. Walks from there, downhill
+    and the same at each call, look for configurations where all have small pivots.
+    """
+    mechanism, random = reference.mechanism, np.random.default_rng(0)
+    model, data, n = mechanism.model, mechanism.model.createData(), len(mechanism.coordinates)
+    numbers = parameters.pack(mechanism, mechanism.friction)
+    own, found, smallness = ReferenceStates(reference, mechanism.friction), [], []
+
+    def add(reference: Reference, q: Array) -> None:
+        # Rounded, because legs are alike: the last digits must not choose the order.
+        samples = sample_configurations(reference, q).round(9)
+        found.append(Equations(reference.mechanism, samples, loaded=True, parameters=parameters))
+        small = Checks(found[-1]).of_state[1]
+        smallness.append(ca.Function("small", [found[-1].q, found[-1].p], [small]))
+
+    add(reference, q)
+    way = random.standard_normal(model.nv)
+    start = q
+    for k in range(_WALKS * _STEPS if len(mechanism.dependent) and n else 0):
+        q = q if k % _STEPS else start
+        motions = free_motions(own.Phi(q))
+        fall = -pin.computeGeneralizedGravity(model, data, q) * mechanism.rate_scale
+        way = way / np.linalg.norm(way) + 0.1 * random.standard_normal(model.nv)
+        way = motions @ (motions.T @ (way + 0.3 * fall / (np.linalg.norm(fall) + 1e-9)))
+        step = 0.1 * way / np.linalg.norm(way) * mechanism.rate_scale
+        best = own if own.condition_number(q) < _POOR else own.elsewhere(q)
+        try:
+            q = best.closed(np.concatenate([pin.integrate(model, q, step), np.zeros(n)]))
+        except ClosureError:
+            way = random.standard_normal(model.nv)
+            continue
+        best = own if own.condition_number(q) < _POOR else own.elsewhere(q)
+        if (
+            min(float(f(q, numbers)) for f in smallness) > _SMALL
+            and best.condition_number(q) < _POOR
+        ):
+            add(Reference(replace(mechanism, coordinates=best.coordinates)), q)
+        if len(found) == _MOST:
+            break
+    return found
+
+
+def page_code(found: Sequence[Equations]) -> str:
+    """JavaScript of `sst_functions`, an object with what `engine.js` needs of a robot.
+
+    A function has the sizes of its arrays, `constants(p)`, which completes the open numbers, and
+    `parts`, functions of x, p, y, w that run one after the other. `sets` have the dynamics by each
+    of the choices. Without motors that act on all
+    coordinates there are no torques.
+
+    Raises:
+        DescriptionError: For a robot without direct dynamics, or with a joint without compiled
+            equations.
+    """
+    own = found[0]
+    if problem := impossible(own.mechanism, "accelerations"):
+        raise DescriptionError("a page that answers", [problem])
+    common = list(_common(own))
+    if own.driven:
+        common.append(replace(kernels.make(own, "torques"), name="torques"))
+    sets, texts, listed = [common], [], []
+    for e in found:
+        made = [replace(kernels.make(e, x), name=x) for x in ("state_rate", "closing")]
+        rates = _kernel(e, "rates", [e.q, e.va], e.kinematics.q_rates(e.v), *_column(e, e.v))
+        sets.append([*made, rates])
+    for i, own_kernels in enumerate(sets):
+        written = [_function(kernel, f"f{i}_{kernel.name}") for kernel in own_kernels]
+        texts += [text for text, _ in written]
+        listed.append("{" + ", ".join(described for _, described in written) + "}")
+    rows = [
+        f"{{coordinates: {e.mechanism.coordinates.tolist()}, kernels: {described}}}"
+        for e, described in zip(found, listed[1:], strict=True)
+    ]
+    functions = f"{{common: {listed[0]}, sets: [{', '.join(rows)}]}}"
+    return (
+        f"const sst_functions = (() => {{\n{_HELPERS}{''.join(texts)}return {functions};\n}})();\n"
+    )
+
+
+def _common(e: Equations) -> Iterator[SymbolicKernel]:
+    """Functions that do not depend on the choice of coordinates; q_dot and v are given."""
+    kinematics, model, mechanism = e.kinematics, e.mechanism.model, e.mechanism
+    base, link_of = kinematics.base, kinematics.tree.link_of
+    poses = [kinematics.pose(0, link_of[i]) for i in range(model.njoints)]
+    places = ca.vertcat(*(ca.vec(base @ ca.horzcat(R, p)) for R, p in poses))
+    yield _kernel(e, "places", [e.q], places)
+    q_dot, v = SX.sym("q_dot", model.nq), SX.sym("v", model.nv)
+    yield _kernel(e, "flow", [e.q, q_dot], ca.jtimes(places, e.q, q_dot))
+    kinetic = e.tree.kinetic_energy(dict(enumerate(ca.vertsplit(v))))
+    yield _kernel(e, "energies", [e.q, v], kinetic, e.tree.potential_energy)
+    scales = zip(e.rows, mechanism.row_scale, strict=True)
+    Phi = [
+        _column(e, {j: x * scale * mechanism.rate_scale[j] for j, x in row.Phi.items()})
+        for row, scale in scales
+    ]
+    yield _kernel(e, "loops", [e.q], *(x for row in Phi for x in row))
+
+
+def _column(e: Equations, x: Sparse) -> list[Any]:
+    """An entry for each rate of the tree."""
+    return [x.get(j, 0.0) for j in range(e.mechanism.model.nv)]
+
+
+def _kernel(e: Equations, name: str, inputs: list[SX], *results: Any) -> SymbolicKernel:
+    """A function without checks."""
+    output = ca.densify(ca.vertcat(*map(SX, results)))
+    return SymbolicKernel(name, tuple(inputs), e.p, output, SX(0, 1))
+
+
+def _function(kernel: SymbolicKernel, name: str) -> tuple[str, str]:
+    """The functions of a kernel by names that begin with `name`, and what describes them."""
+    writer = c_code.written(kernel)
+    lines = {kind: list(map(_in_javascript, own)) for kind, own in writer.lines.items()}
+    parts, room = statements.in_parts([statements.pieces(lines["real"], _LARGEST)])
+    texts = [statements.function(f"function {name}_constants(p)", lines["number"])]
+    for k, own in enumerate(parts):
+        texts.append(statements.function(f"function {name}_{k}(x, p, y, w)", own))
+    sizes = {
+        "inputs": [symbols.numel() for symbols in kernel.inputs],
+        "output": kernel.output.numel(),
+        "checks": kernel.checks.numel(),
+        "size": writer.size,
+        "room": room,
+    }
+    functions = ", ".join(f"{name}_{k}" for k in range(len(parts)))
+    described = json.dumps(sizes)[1:-1]
+    return "".join(
+        texts
+    ), f"{kernel.name}: {{{described}, constants: {name}_constants, parts: [{functions}]}}"
+
+
+def _in_javascript(line: str) -> str:
+    for pattern, words in _WORDS:
+        line = pattern.sub(words, line)
+    return line

@@ -1,0 +1,222 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The live page's engine in Chromium, against the package: torques, motions, energies, refusals."""
+
+import json
+import sys
+import tempfile
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import any_chain
+import cassie
+import sst_pin
+from browser import chromium, needs_browser  # noqa: F401
+from sst_pin.errors import ClosureError, MissingExtraError, SSTError
+from sst_pin.viewer import Viewer
+
+pytestmark = needs_browser
+
+#: Values at some states of the page's engine.
+VALUES = """states => states.map(({q, va, aa, tau}) => {
+  const r = engine(sst_functions, data);
+  Object.assign(r, { q, va });
+  return { torques: r.holds ? r.torques(q, va, aa) : [], accelerations: r.accelerations(q, va, tau),
+    energies: r.energies(), condition: r.condition(), wrong: r.wrong((x) => String(x)) };
+})"""
+
+#: A motion in frames of 1/60 s, as the page computes them: times, states, energies, and its end.
+MOTION = """([q, va, seconds, way, efforts]) => {
+  const r = engine(sst_functions, data), found = [];
+  Object.assign(r, { q, va, way, efforts });
+  r.start();
+  for (let k = 0, left = 0; k <= 60 * seconds && typeof left !== "string"; k++) {
+    found.push({ t: r.time, q: r.q, va: r.va, energies: r.energies() });
+    left = r.advance(1 / 60);
+    if (typeof left === "string") found.end = left;
+  }
+  return { states: found, end: found.end || "" };
+}"""
+
+
+@cache
+def robot_named(name):
+    if name == "sst":
+        return sst_pin.SST(sst_pin.Parameters(viscous_friction=0.1, coulomb_friction=0.02))
+    if name == "cassie":  # on a stand
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder, "cassie.xml")
+            path.write_text(cassie.mjcf())
+            return sst_pin.ClosedChain.from_mjcf(path, locked=cassie.HELD)
+    if name in any_chain.JOINTS or name in any_chain.IN_A_ROW:
+        return any_chain.with_joint(name)
+    return getattr(sst_pin.robots if hasattr(sst_pin.robots, name) else any_chain, name)()
+
+
+def on_springs(name):
+    """A robot of the gallery whose motors have springs, so that it swings about its home."""
+    chain = sst_pin.SST() if name == "sst" else robot_named(name)
+    mechanism, home = chain.mechanism, chain.home
+    inertia = chain.reduced_terms(home, np.zeros(chain.degrees_of_freedom)).inertia
+    stiffness = np.zeros(mechanism.model.nv)
+    stiffness[mechanism.coordinates] = 400.0 * np.diag(inertia)
+    model = chain.model
+    return sst_pin.ClosedChain(
+        model, chain.closures, chain.motor_names, stiffness=stiffness, spring_reference=home
+    )
+
+
+class Engine:
+    """The engine of a robot in a page of its own."""
+
+    def __init__(self, chromium, chain, q=None):  # noqa: F811
+        self.viewer = Viewer(chain, pin.GeometryModel(), live=True)
+        if q is not None:
+            self.viewer.show(q)
+        self.q = np.array(self.viewer._panel["live"]["q"])
+        self.page = chromium.new_page()
+        self.page.add_script_tag(content=self.viewer._functions)
+        data = json.dumps(self.viewer._panel["live"])
+        self.page.add_script_tag(content=f"const data = {data};")
+
+    def values(self, states):
+        return self.page.evaluate(VALUES, [{k: x.tolist() for k, x in s.items()} for s in states])
+
+    def motion(self, q, va, seconds, way="none", efforts=()):
+        given = [np.asarray(q).tolist(), np.asarray(va).tolist(), seconds, way, list(efforts)]
+        found = self.page.evaluate(MOTION, given)
+        return {k: np.array([s[k] for s in found["states"]]) for k in found["states"][0]}, found
+
+
+def states_of(chain, count=6, q=None):
+    """Closed configurations near one, with rates, accelerations and torques, seeded."""
+    random = np.random.default_rng(5)
+    n, motors = chain.degrees_of_freedom, len(chain.motor_names)
+    q = chain.generic_configuration() if q is None else q
+    for _ in range(count):
+        way = chain.joint_rates(q, 0.02 * random.standard_normal(n))
+        with suppress(ClosureError):
+            q = chain.assemble(pin.integrate(chain.mechanism.model, q, way), fixed=())
+        va, aa, tau = (random.standard_normal(k) for k in (n, n, motors))
+        yield {"q": q, "va": va, "aa": aa, "tau": tau}
+
+
+def agree(engine, chain, states):
+    """The page's numbers at states are those of the package, to 1e-9 of their size."""
+    for state, found in zip(states, engine.values(states), strict=True):
+        q, va = state["q"], state["va"]
+        if found["torques"]:
+            tau = chain.compute_torques(q, va, state["aa"])
+            np.testing.assert_allclose(found["torques"], tau, rtol=1e-9, atol=1e-9)
+        if (
+            chain.mechanism.friction.coulomb.any()
+        ):  # the page smooths what an integrator cannot take
+            smooth = chain.casadi(engine.q, sign_width=0.01)
+            aa = np.ravel(smooth.accelerations(q, va, state["tau"]))
+        else:
+            aa = chain.compute_accelerations(q, va, state["tau"])
+        assert np.abs(np.array(found["accelerations"]) - aa).max() < 1e-8 * (1 + np.abs(aa).max())
+        energies = [chain.kinetic_energy(q, va), chain.potential_energy(q)]
+        np.testing.assert_allclose(found["energies"], energies, rtol=1e-9, atol=1e-12)
+        assert found["condition"] == pytest.approx(chain.condition_number(q), rel=1e-6)
+
+
+QUICK = ["sst", "four_bar", "bennett"]
+SLOW = ["delta", "stewart", "five_bar", "planar_4rrr", "excavator", "cassie", "coupled", "rods"]
+SLOW += [*any_chain.JOINTS, *any_chain.IN_A_ROW]
+
+
+@pytest.mark.parametrize(
+    "name", [*QUICK, *(pytest.param(name, marks=pytest.mark.slow) for name in SLOW)]
+)
+def test_the_page_computes_what_the_package_computes(chromium, name):  # noqa: F811
+    """Torques, accelerations, energies and the distance from singularities, friction included."""
+    chain = robot_named(name)
+    engine = Engine(chromium, chain)
+    agree(engine, chain, list(states_of(chain, q=engine.q)))
+    engine.page.close()
+
+
+@pytest.mark.parametrize(
+    ("name", "speed"),
+    [
+        ("four_bar", 3.0),
+        *(
+            pytest.param(name, speed, marks=pytest.mark.slow)
+            for name, speed in {"sst": 2.0, "delta": 2.0, "stewart": 0.3, "five_bar": 2.0}.items()
+        ),
+    ],
+)
+def test_a_swing_of_ten_seconds_keeps_its_energy(chromium, name, speed):  # noqa: F811
+    """To 0.1 % of the largest kinetic energy, with springs that hold the robot about its home."""
+    chain = on_springs(name)
+    engine = Engine(chromium, chain, chain.home)
+    motion, found = engine.motion(
+        chain.home, speed * (-1.0) ** np.arange(chain.degrees_of_freedom), 10
+    )
+    assert found["end"] == ""
+    kinetic, potential = motion["energies"].T
+    assert np.ptp(motion["q"], axis=0).max() > 0.05
+    assert np.ptp(kinetic + potential) < 1e-3 * kinetic.max()
+    engine.page.close()
+
+
+def test_a_motion_is_that_of_the_package(chromium):  # noqa: F811
+    """The SST let go from home: 0.5 s against `simulate`, tolerance of the page's steps."""
+    robot = sst_pin.SST()
+    engine = Engine(chromium, robot)
+    motion, _ = engine.motion(robot.home, [0.0] * 3, 0.5)
+    wanted = robot.simulate([0] * 3, robot.home, [0] * 3, motion["t"])
+    assert np.abs(motion["q"] - wanted.q).max() < 1e-5
+    engine.page.close()
+
+
+def test_hold_brings_the_robot_back_after_a_push(chromium):  # noqa: F811
+    """PD with gravity compensation: at rest in the pose where it began, 12/s critically damped."""
+    chain = robot_named("four_bar")
+    engine = Engine(chromium, chain, chain.home)
+    motion, found = engine.motion(chain.home, [2.0], 3, "hold")
+    assert found["end"] == ""
+    assert np.ptp(motion["q"], axis=0).max() > 0.02
+    assert np.abs(motion["q"][-1] - chain.home).max() < 1e-4
+    engine.page.close()
+
+
+def test_loops_stay_closed_as_coordinates_move_and_the_way_ends_in_words(chromium):  # noqa: F811
+    robot = sst_pin.SST()
+    engine = Engine(chromium, robot)
+    script = (
+        "way => { const r = engine(sst_functions, data), said = r.move(way); return [r.q, said] }"
+    )
+    q, said = engine.page.evaluate(script, [0.3, -0.2, 0.1])
+    assert said == ""
+    assert np.abs(robot.residual(q)).max() < 1e-9
+    assert np.abs(np.array(q)[::3] - robot.home[::3] - (0.3, -0.2, 0.1)).max() < 1e-9
+    q, said = engine.page.evaluate(script, [3.0, 3.0, 3.0])
+    assert "singularity" in said or "closed" in said or "assembly" in said
+    assert np.abs(robot.residual(q)).max() < 1e-9
+    engine.page.close()
+
+
+def test_what_a_page_cannot_compute_is_named(monkeypatch):
+    """Bodies without mass, open loops, and CasADi that is missing."""
+    model = robot_named("four_bar").model
+    for body in range(1, model.njoints):
+        model.inertias[body] = pin.Inertia.Zero()
+    weightless = sst_pin.ClosedChain(model, robot_named("four_bar").closures, ["crank"])
+    with pytest.raises(SSTError, match="mass"):
+        weightless.show(robot_named("four_bar").home, live=True, open_browser=False)
+    with pytest.raises(ClosureError, match="assemble"):
+        robot_named("four_bar").show(
+            model.lowerPositionLimit * 0 + 1, live=True, open_browser=False
+        )
+    for name in [x for x in sys.modules if x.startswith("sst_pin.compiled.page_code")]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "casadi", None)
+    with pytest.raises(MissingExtraError, match="casadi"):
+        sst_pin.robots.five_bar().show(live=True, open_browser=False)
+    assert "sst_functions" in sst_pin.SST().show(live=True, open_browser=False).html

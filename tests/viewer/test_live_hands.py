@@ -1,0 +1,205 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The live page in hands: sliders, dragging, letting go, pushing, holding, resetting."""
+
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+from test_live import robot_named
+
+import sst_pin
+from browser import Visit, chromium, needs_browser  # noqa: F401
+from firefox import firefox, needs_firefox
+from sst_pin.viewer import Viewer
+
+PHONE, TABLET, DESK = (390, 844), (820, 1180), (1440, 900)
+#: Where a body, the last that is met, is seen in the window.
+FOUND = """() => {
+  const { left, top, width, height } = document.getElementById("pane").getBoundingClientRect();
+  let found = [0, 0, 0];
+  for (let i = 4; i < 60; i++) for (let j = 4; j < 60; j++) {
+    const x = left + width * i / 64, y = top + height * j / 64, hit = stage.hit(x, y);
+    if (hit && Number(hit.mover) > found[2]) found = [x, y, Number(hit.mover)];
+  }
+  return found;
+}"""
+#: Counts pushes.
+COUNT = """() => {
+  const push = live.robot.push;
+  window.pushes = 0;
+  live.robot.push = (ray) => { pushes += 1; push(ray); };
+}"""
+#: Once so much time is simulated, or the simulation has ended.
+LATER = """t => new Promise((done) => {
+  const look = () => live.robot.time >= t || !live.running
+    ? done(live.robot.time) : requestAnimationFrame(look);
+  look();
+})"""
+
+
+@contextmanager
+def opened(chromium, chain, path, size):  # noqa: F811
+    Viewer(chain, live=True).save(path, force=True)
+    touch = size[0] < 1000
+    context = chromium.new_context(
+        viewport=dict(zip(("width", "height"), size, strict=True)), has_touch=touch, is_mobile=touch
+    )
+    page = context.new_page()
+    found = Visit(page)
+    page.goto(path.as_uri())
+    yield page
+    assert found.errors == []
+    assert found.requests_elsewhere(path.as_uri()) == []
+    context.close()
+
+
+def fingers(page, x, y, way, steps=5):
+    """A finger, or a mouse, put down, moved and taken away."""
+    events = page.context.new_cdp_session(page)
+    for k in range(steps + 1):
+        point = {"x": x + way[0] * k / steps, "y": y + way[1] * k / steps}
+        kind = "touchStart" if k == 0 else "touchMove"
+        events.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": [point]})
+        page.wait_for_timeout(60)
+    events.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+
+
+def mouse(page, x, y, way, steps=5):
+    page.mouse.move(x, y)
+    page.mouse.down()
+    for k in range(1, steps + 1):
+        page.mouse.move(x + way[0] * k / steps, y + way[1] * k / steps)
+        page.wait_for_timeout(60)
+    page.mouse.up()
+
+
+@pytest.mark.parametrize(
+    ("name", "size"),
+    [
+        ("four_bar", PHONE),
+        *(
+            pytest.param(name, size, marks=pytest.mark.slow)
+            for name, sizes in {
+                "sst": (PHONE, TABLET, DESK),
+                "delta": (PHONE, DESK),
+                "stewart": (TABLET,),
+                "five_bar": (DESK,),
+                "cassie": (PHONE,),
+            }.items()
+            for size in sizes
+        ),
+    ],
+)
+@needs_browser
+def test_the_robot_is_dragged_let_go_pushed_held_and_reset(chromium, tmp_path, name, size):  # noqa: F811
+    chain = robot_named(name)
+    with opened(chromium, chain, tmp_path / "page.html", size) as page:
+        state = lambda what: np.array(page.evaluate(f"Array.from(live.robot.{what})"))  # noqa: E731
+        start, hand = state("q"), fingers if size[0] < 1000 else mouse
+        camera = page.evaluate("viewer.camera.position.toArray()")
+        x, y, _ = page.evaluate(FOUND)
+        hand(page, x, y, (25, -25))
+        dragged = state("q")
+        assert np.abs(dragged - start).max() > 1e-3
+        assert np.abs(chain.residual(dragged)).max() < 1e-6
+        seen_from = page.evaluate("viewer.camera.position.toArray()")
+        assert seen_from == pytest.approx(camera)
+        page.locator("#again").click()
+        assert np.abs(state("q") - start).max() < 1e-12
+        slider = page.locator("#sliders input").first
+        before = float(slider.input_value())
+        slider.evaluate(
+            "(e, v) => { e.value = v; e.dispatchEvent(new Event('input')) }", before + 0.02
+        )
+        assert np.abs(state("q") - start).max() > 1e-4
+        page.locator("#again").click()
+        page.locator("#go").click()
+        page.evaluate(LATER, 0.03)
+        energy = page.locator("#energy").inner_text()
+        assert energy.startswith("energy: kinetic")
+        page.locator("#again").click()
+        assert not page.evaluate("live.running")
+        if page.evaluate("live.robot.holds"):
+            page.locator("#control").select_option("hold")
+            page.locator("#go").click()
+            page.evaluate(COUNT)
+            x, y, _ = page.evaluate(FOUND)
+            (page.touchscreen.tap if size[0] < 1000 else page.mouse.click)(x, y)
+            page.evaluate(LATER, 0.1)
+            assert page.evaluate("pushes") == 1
+            page.evaluate("live.robot.grip = null")
+            page.evaluate("for (let k = 0; k < 120; k++) live.robot.advance(1 / 60)")
+            # Goals of balls are turns added up, which their orientations follow to second order.
+            assert np.abs(state("q") - start).max() < 5e-3
+        across = "document.documentElement.scrollWidth <= innerWidth"
+        assert page.evaluate(across)
+
+
+@needs_browser
+def test_a_motion_is_beside_the_live_robot(chromium, tmp_path):  # noqa: F811
+    """The player is as before; Live takes the robot from the motion's first state."""
+    chain = robot_named("four_bar")
+    motion = chain.simulate([0.0], chain.home, [1.0], np.linspace(0, 0.2, 11))
+    viewer = chain.show(motion, live=True, open_browser=False)
+    path = tmp_path / "page.html"
+    viewer.save(path)
+    page = chromium.new_page()
+    found = Visit(page)
+    page.goto(path.as_uri())
+    assert page.locator("#chart").is_visible()
+    assert not page.locator("#live").is_visible()
+    page.get_by_role("button", name="Live").click()
+    assert page.locator("#live").is_visible()
+    assert page.evaluate("live.robot.va") == [1.0]
+    page.get_by_role("button", name="Motion").click()
+    assert page.locator("#chart").is_visible()
+    assert not page.evaluate("live.running")
+    assert found.errors == []
+    page.close()
+
+
+@pytest.mark.slow
+@needs_browser
+def test_a_delta_keeps_sixty_frames_a_second_on_a_slow_processor(chromium, tmp_path):  # noqa: F811
+    """What the page computes and draws for a frame, four times slowed: less than 16.7 ms.
+
+    Here a software renderer paints the frames; on a phone its graphics card does.
+    """
+    with opened(chromium, robot_named("delta"), tmp_path / "page.html", PHONE) as page:
+        page.context.new_cdp_session(page).send("Emulation.setCPUThrottlingRate", {"rate": 4})
+        times = page.evaluate(
+            """() => {
+              document.getElementById("control").value = "hold";
+              document.getElementById("control").onchange();
+              live.run(true);
+              return Array.from({ length: 360 }, (_, k) => {
+                const start = performance.now();
+                live.robot.goTo(k % 3, 0.002 * Math.sin(k));
+                live.frame(1e6 + 1000 * k / 60);
+                return performance.now() - start;
+              });
+            }"""
+        )
+        assert np.median(times[120:]) < 1000 / 60
+
+
+@pytest.mark.slow
+@needs_firefox
+@pytest.mark.parametrize("size", [PHONE, TABLET, DESK])
+def test_firefox_drags_lets_go_holds_and_resets(tmp_path, size):
+    robot = sst_pin.SST()
+    path = tmp_path / "page.html"
+    Viewer(robot, live=True).save(path)
+    with firefox() as page:
+        page.visit(path.as_uri(), *size)
+        page.evaluate("viewer.set_3d_pane_size()")
+        x, y, _ = page.evaluate(f"({FOUND})()")
+        page.drag(x, y, 40)
+        q = np.array(page.evaluate("live.robot.q"))
+        assert np.abs(q - robot.home).max() > 1e-3
+        assert np.abs(robot.residual(q)).max() < 1e-6
+        page.evaluate("document.getElementById('again').click()")
+        page.evaluate("document.getElementById('go').click()")
+        assert page.evaluate(f"({LATER})(0.05)") >= 0.05
+        page.evaluate("document.getElementById('again').click()")
+        assert np.abs(np.array(page.evaluate("live.robot.q")) - robot.home).max() < 1e-12
