@@ -1,14 +1,21 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Identification: which dynamic parameters motions show, and their values from measurements."""
+"""Identification: which parameters of a robot measurements show, and their values."""
 
 from .base_parameters import BaseParameters, base_parameters, random_states
+from .calibration import Calibration, calibrate
+from .consistency import consistent_parameters
 from .estimation import Estimate, estimate
+from .measurements import measured_motion
 
 __all__ = [
     "BaseParameters",
+    "Calibration",
     "Estimate",
     "base_parameters",
+    "calibrate",
+    "consistent_parameters",
     "estimate",
+    "measured_motion",
     "random_states",
 ]
 

@@ -141,7 +141,7 @@ def estimate(
             raise InputError("q", problem) from None
         A = np.asarray(np.linalg.solve(spread, left), float)
         z = np.asarray(np.linalg.solve(spread, right[..., None])[..., 0], float)
-        values, inverse = _solved(A * weights[..., None], z * weights)
+        values, inverse = solved(A * weights[..., None], z * weights)
         z = z - A @ values
         back = np.linalg.solve(spread.swapaxes(-1, -2), z[..., None])
         errors = noise**2 * (J @ back)[..., 0]  # the smallest torques that explain the rest
@@ -159,13 +159,13 @@ def estimate(
         if settled:
             break
     if robust:
-        _, inverse = _solved(A, z)
+        _, inverse = solved(A, z)
         inside = np.abs(z) < _HUBER
         inverse *= np.sqrt(np.mean(np.clip(z, -_HUBER, _HUBER) ** 2)) / inside.mean()
     return Estimate(base, values, inverse @ inverse.T, noise)
 
 
-def _solved(A: Array, z: Array) -> tuple[Array, Array]:
+def solved(A: Array, z: Array) -> tuple[Array, Array]:
     """Least squares by QR, and the inverse of R, which is the root of the covariance."""
     from scipy.linalg import solve_triangular
 

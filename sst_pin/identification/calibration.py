@@ -1,0 +1,333 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The geometry of a robot from measured poses: places of its joints and of its closures.
+
+Errors of the geometry are joints of an enlarged robot, three slides and three hinges at each place.
+The natural orthogonal complement of this robot has the derivatives of the measured pose by the
+errors, with closed loops.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
+
+from ..arrays import finite_array
+from ..chain.closed_chain import ClosedChain
+from ..chain.closures import Constraint, Coupling, frames_of
+from ..chain.named_positions import put
+from ..chain.rebuilt_tree import rebuilt
+from ..chain.tree import frame_id
+from ..errors import ClosureError, DescriptionError, InputError, UnknownNameError
+from ..files import as_path, text_writer, write_files
+from ..motion.coordinate_motions import followed, start_configuration
+from ..summaries import as_html, as_text, listed
+from .estimation import solved
+
+Array = NDArray[np.float64]
+
+_ERRORS = {
+    "x": pin.JointModelPX(),
+    "y": pin.JointModelPY(),
+    "z": pin.JointModelPZ(),
+    "rx": pin.JointModelRX(),
+    "ry": pin.JointModelRY(),
+    "rz": pin.JointModelRZ(),
+}
+#: An error whose part that other errors do not explain is smaller depends on them.
+_DEPENDENT = 1e-6
+_STEPS, _SETTLED = 30, 1e-9
+#: The measured frame of the enlarged robot, and what the names of the others end with.
+_FRAME, _MOVED = "measured frame", " moved"
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Calibration:
+    """Errors of a geometry.
+
+    Attributes:
+        names: The errors found, such as "elbow.x" along x of the joint's frame before it moves, and
+            "elbow.rz" about its z: [m] and [rad]. An offset of a motor is the turn about its axis.
+        values: Their values, shape (k,).
+        covariance: Their covariance, shape (k, k).
+        noise: Standard deviations of the measured positions, [m], and orientations, [rad]; the
+            second is missing where only positions were measured.
+        hidden: Errors that cannot be told apart from those found, or change nothing; they are zero.
+        chain: The robot with the calibrated geometry.
+
+    Example:
+        See `calibrate`.
+    """
+
+    names: tuple[str, ...]
+    values: Array
+    covariance: Array
+    noise: Array
+    hidden: tuple[str, ...]
+    chain: ClosedChain
+
+    @property
+    def deviations(self) -> Array:
+        """Standard deviations of the values, shape (k,)."""
+        return np.sqrt(np.diag(self.covariance))
+
+    def write_urdf(self, urdf: str | Path, path: str | Path, force: bool = False) -> None:
+        """Write a URDF with the calibrated origins of its joints.
+
+        Args:
+            urdf: The URDF that the robot was read from.
+            path: The new file.
+            force: Whether an existing file may be replaced.
+
+        Raises:
+            DescriptionError: If the URDF cannot be read, or has no joint at a calibrated place.
+            OutputError: If the file cannot be written, or exists.
+        """
+        try:
+            root = ET.parse(as_path(urdf)).getroot()
+        except (OSError, ET.ParseError) as error:
+            raise DescriptionError(str(urdf), [f"the URDF cannot be read: {error}"]) from None
+        joints = {joint.get("name"): joint for joint in root.findall("joint")}
+        for joint in root.findall("joint[child]"):
+            joints.setdefault(joint.find("child").get("link"), joint)  # type: ignore[union-attr]
+        for place, moved in _placements(self.names, self.values).items():
+            if place not in joints:
+                raise DescriptionError(str(urdf), [f"no joint bears {place}"])
+            origin = joints[place].find("origin")
+            if origin is None:
+                origin = ET.SubElement(joints[place], "origin")
+            xyz, rpy = (np.array(origin.get(k, "0 0 0").split(), float) for k in ("xyz", "rpy"))
+            new = pin.SE3(pin.rpy.rpyToMatrix(rpy), xyz) * moved
+            for key, vector in (
+                ("xyz", new.translation),
+                ("rpy", pin.rpy.matrixToRpy(new.rotation)),
+            ):
+                origin.set(key, " ".join(map(repr, vector.tolist())))
+        text = ET.tostring(root, encoding="unicode", xml_declaration=True)
+        write_files({as_path(path): text_writer(text)}, force)
+
+    def __repr__(self) -> str:
+        return as_text(*self._summary())
+
+    def _repr_html_(self) -> str:
+        return as_html(*self._summary())
+
+    def _summary(self) -> tuple[str, list[tuple[str, str]]]:
+        triples = zip(self.names, self.values, 3 * self.deviations, strict=True)
+        rows = [(name, f"{value:.4g} +- {d:.1g}") for name, value, d in triples]
+        rows += [("hidden", listed(self.hidden, 12))] if self.hidden else []
+        return f"{len(self.names)} errors of the geometry, three standard deviations", rows
+
+
+def calibrate(
+    chain: ClosedChain,
+    frame: str,
+    x: ArrayLike,
+    poses: ArrayLike,
+    *,
+    which: Sequence[str] | None = None,
+    start: ArrayLike | None = None,
+) -> Calibration:
+    """The geometry of a robot from measured poses of a frame and positions of the motors.
+
+    Args:
+        chain: The robot as it is drawn.
+        frame: Name of the frame that was measured.
+        x: Measured positions of the coordinates, shape (N, n), [rad] or [m].
+        poses: Measured poses of the frame in the base, shape (N, 4, 4), or positions of its origin,
+            shape (N, 3), [m].
+        which: The errors considered: names, or patterns such as "motor_*.r*", of joints that move,
+            of frames of closures, and of `frame`; by default those of all joints and closures.
+        start: A guess of all joints in the first pose, shape (nq,), as in `coordinate_motion`, from
+            which the others are followed; or in each pose, shape (N, nq).
+
+    Returns:
+        The errors that the poses show, in the order of the tree, and the calibrated robot.
+
+    Raises:
+        UnknownNameError: For an unknown frame, or a pattern that fits no error.
+        InputError: For wrong shapes, or fewer equations than errors that they could show.
+        ClosureError: If a pose cannot be assembled.
+
+    Example:
+        >>> import pinocchio
+        >>> made = sst_pin.robots.delta(arm=0.151)  # drawn with 0.15
+        >>> x = made.home[[0, 5, 9]] + np.random.default_rng(0).uniform(-0.3, 0.3, (20, 3))
+        >>> data, feet = made.model.createData(), []
+        >>> for q in (made.assemble(dict(zip(made.coordinates, each))) for each in x):
+        ...     pinocchio.framesForwardKinematics(made.model, data, q)
+        ...     feet.append(data.oMf[made.model.getFrameId("platform")].homogeneous)
+        >>> drawn = sst_pin.robots.delta(arm=0.15)
+        >>> found = sst_pin.identification.calibrate(drawn, "platform", x, feet, which=["rod_*.x"])
+        >>> found.values.round(6)  # of the six rods: where they join the arms
+        array([0.001, 0.001, 0.001, 0.001, 0.001, 0.001])
+    """
+    angles, measured = finite_array("x", x, (len(chain.coordinates),)), np.asarray(poses, float)
+    measured = finite_array("poses", measured, ())
+    if angles.ndim != 2 or measured.shape not in ((len(angles), 3), (len(angles), 4, 4)):
+        raise InputError("poses", f"shape {measured.shape}, expected (N, 3) or (N, 4, 4)")
+    large, errors = _enlarged(chain, frame, which)
+    columns = [large.coordinates.index(name) for name in errors]
+    length = chain.mechanism.length
+    units = np.where([".r" in name[-3:] for name in errors], 1.0, length)
+    q = [_with_errors(large, drawn) for drawn in _configurations(chain, angles, start)]
+    model = large.mechanism.model
+    data = model.createData()
+    values, noise = np.zeros(len(errors)), np.array([length, 1.0])
+    found: NDArray[np.intp] | None = None
+    for _ in range(_STEPS):
+        held, rows, rests = dict(zip(errors, values, strict=True)), [], []
+        for k in range(len(angles)):
+            q[k] = large.assemble(put(large.mechanism.space, q[k], held))
+            pin.framesForwardKinematics(model, data, q[k])
+            rests.append(_rest(data.oMf[model.getFrameId(_FRAME)], measured[k]))
+            rows.append(large.frame_jacobian(q[k], _FRAME)[: len(rests[k]), columns])
+        weights = np.repeat(1 / noise, 3)[: len(rests[0])]
+        A = np.array(rows) * weights[:, None] * units
+        z = np.array(rests) * weights
+        if found is None:
+            found = _independent(A.reshape(-1, len(errors)))
+        if z.size <= found.size:
+            problem = f"{z.size} equations for {found.size} errors; give more poses, or which="
+            raise InputError("poses", problem)
+        try:
+            step, root = solved(A[..., found], z)
+        except InputError:
+            problem = "errors too large for Newton's method, or which= leaves out those that matter"
+            raise InputError("poses", problem) from None
+        values[found] += step * units[found]
+        left = (z - A[..., found] @ step).reshape(len(z), -1, 3)
+        scale = np.sqrt(np.mean(left**2, axis=(0, 2)) * left.size / (left.size - found.size))
+        noise = np.maximum(
+            noise[: len(scale)] * scale, 1e-13 * np.array([length, 1.0])[: len(scale)]
+        )
+        if np.abs(step).max(initial=0.0) < _SETTLED:
+            break
+    assert found is not None
+    root = root * units[found][:, None]
+    kept = tuple(errors[k] for k in found)
+    hidden = tuple(name for name in errors if name not in kept)
+    moved = _moved(chain, _placements(kept, values[found]))
+    return Calibration(kept, values[found], root @ root.T, noise, hidden, moved)
+
+
+def _enlarged(
+    chain: ClosedChain, frame: str, which: Sequence[str] | None
+) -> tuple[ClosedChain, list[str]]:
+    """The robot whose geometry can err, and the names of the errors that are independent."""
+    tree, closures = chain.mechanism.model, chain.closures
+    ends = [end for c in closures if not isinstance(c, Coupling) for end in frames_of(c)]
+    places = list(dict.fromkeys([*list(tree.names)[1:], *ends, frame]))
+    frame_id(tree, frame)
+    names = [f"{place}.{axis}" for place in places for axis in _ERRORS]
+    patterns = [f"{place}.*" for place in places if place != frame] if which is None else which
+    for pattern in patterns:
+        if not any(fnmatchcase(name, pattern) for name in names):
+            raise UnknownNameError("error of the geometry", pattern, names)
+    errors = [name for name in names if any(fnmatchcase(name, p) for p in patterns)]
+    of_place: dict[str, dict[str, object]] = {}
+    for name in errors:
+        place, _, axis = name.rpartition(".")
+        of_place.setdefault(place, {})[f".{axis}"] = _ERRORS[axis]
+    joints = {tree.getJointId(place) for place in of_place if tree.existJointName(place)}
+    parts = {j: {**of_place[tree.names[j]], "": tree.joints[j]} for j in joints}
+    model = rebuilt(tree, parts, pin.neutral(tree))
+    for place in dict.fromkeys([*ends, frame]):
+        own = model.frames[frame_id(model, place)]
+        bearer, at = own.parentJoint, own.placement
+        for suffix, joint in of_place.get(place, {}).items():
+            bearer = model.addJoint(bearer, joint, at, place + suffix)
+            at = pin.SE3.Identity()
+        for new in [place + _MOVED] * (place in ends) + [_FRAME] * (place == frame):
+            model.addFrame(pin.Frame(new, bearer, at, pin.FrameType.OP_FRAME))
+    for pair in list(model.referenceConfigurations):  # of the tree without errors
+        del model.referenceConfigurations[pair.key()]
+    new_closures = [c if isinstance(c, Coupling) else _renamed(c, frames_of(c)) for c in closures]
+    large = ClosedChain(model, new_closures, [*chain.coordinates, *errors])
+    if lost := set(chain.coordinates) - set(large.coordinates):
+        raise InputError("which", f"the errors leave no choice of {listed(sorted(lost))}")
+    return large, [name for name in errors if name in large.coordinates]
+
+
+def _renamed(closure: Constraint, frames: Sequence[str]) -> Constraint:
+    """A closure of the frames that can be moved."""
+    keys = [key for key, value in vars(closure).items() if value in frames]
+    return replace(closure, **{key: getattr(closure, key) + _MOVED for key in keys})
+
+
+def _configurations(
+    chain: ClosedChain, angles: Array, start: ArrayLike | None
+) -> list[dict[str, float]]:
+    """Entries of the configurations of the robot as it is drawn, by name."""
+    guesses = None if start is None else finite_array("start", start, ())
+    each = guesses is not None and guesses.ndim == 2
+    if guesses is not None and guesses.shape != (*angles.shape[:each], len(chain.position_names)):
+        raise InputError("start", f"shape {guesses.shape}, expected (nq,) or (N, nq)")
+    states, q = chain._states(0.0), list[Array]()
+    for k, x in enumerate(angles):
+        try:
+            if k and not each:
+                q.append(followed(chain, states, q[-1], x - angles[k - 1]))
+            else:
+                guess = guesses[k] if each and guesses is not None else guesses
+                named = dict(zip(chain.coordinates, x, strict=True))
+                q.append(start_configuration(chain, named, guess))
+        except ClosureError as error:
+            error.name_samples([(k,)], len(angles))
+            raise
+    return [dict(zip(chain.position_names, each, strict=True)) for each in q]
+
+
+def _with_errors(large: ClosedChain, positions: dict[str, float]) -> Array:
+    """A configuration of the enlarged robot, without errors."""
+    q = pin.neutral(large.mechanism.model)
+    for k, name in enumerate(large.position_names):
+        q[k] = positions.get(name, q[k])
+    return np.asarray(q, float)
+
+
+def _rest(at: pin.SE3, measured: Array) -> Array:
+    """From a pose to the measured one, in base axes, shape (3,) or (6,)."""
+    if measured.shape == (3,):
+        return np.asarray(measured - at.translation)
+    turn = pin.log3(measured[:3, :3] @ at.rotation.T)
+    return np.concatenate([measured[:3, 3] - at.translation, turn])
+
+
+def _independent(A: Array) -> NDArray[np.intp]:
+    """Columns that do not depend on columns before them."""
+    sizes = np.linalg.norm(A, axis=0)
+    seen = np.flatnonzero(sizes > _DEPENDENT * sizes.max(initial=0.0))
+    padded = np.vstack([A[:, seen] / sizes[seen], np.zeros((seen.size, seen.size))])
+    pivots = np.abs(np.diag(np.linalg.qr(padded, mode="r")))
+    return seen[pivots > _DEPENDENT]
+
+
+def _placements(names: Sequence[str], values: Array) -> dict[str, pin.SE3]:
+    """The errors of each place as one placement: slides first, then hinges, as in _ERRORS."""
+    found: dict[str, pin.SE3] = {}
+    for name, value in zip(names, values, strict=True):
+        place, _, axis = name.rpartition(".")
+        unit = np.eye(3)["xyz".index(axis[-1])] * value
+        step = pin.SE3(pin.exp3(unit), np.zeros(3)) if len(axis) > 1 else pin.SE3(np.eye(3), unit)
+        found[place] = found.get(place, pin.SE3.Identity()) * step
+    return found
+
+
+def _moved(chain: ClosedChain, errors: dict[str, pin.SE3]) -> ClosedChain:
+    """The robot with its joints and frames where the errors put them."""
+    model = pin.Model(chain.model)
+    for place, error in errors.items():
+        if model.existJointName(place):
+            k = model.getJointId(place)
+            model.jointPlacements[k] = model.jointPlacements[k] * error
+        else:
+            at = model.frames[frame_id(model, place)]
+            at.placement = at.placement * error
+    return chain._remade(model)

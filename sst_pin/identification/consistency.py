@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Dynamic parameters that bodies can have, nearest to what was measured.
+
+A body can have ten parameters if its pseudo-inertia is positive definite (P. M. Wensing, S. Kim,
+J.-J. E. Slotine, IEEE RA-L 3(1), 2018). The parameters are linear in it, so that the nearest ones
+are the solution of a semi-definite programme.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import positive_number
+from ..chain.closed_chain import ClosedChain
+from ..chain.regressor import DynamicParameters
+from ..errors import InputError, MissingExtraError
+from .estimation import Estimate
+
+Array = NDArray[np.float64]
+
+#: Least eigenvalue of a pseudo-inertia, over that of a ball of this mass and the robot's length.
+_LEAST = 1e-6
+#: Parameters that are not negative.
+_POSITIVE = (".viscous", ".coulomb", ".armature", ".stiffness", ".damping")
+#: Upper triangle of a 4 x 4 matrix, column by column, and the factors of its entries in a norm.
+_ROWS, _COLUMNS = np.array([(i, j) for j in range(4) for i in range(j + 1)]).T
+_FACTORS = np.where(_ROWS == _COLUMNS, 1.0, np.sqrt(2.0))
+
+
+def consistent_parameters(
+    chain: ClosedChain,
+    found: Estimate,
+    *,
+    prior: float = 1e-4,
+    total_mass: float | None = None,
+) -> DynamicParameters:
+    """The dynamic parameters that bodies can have and that explain an estimate best.
+
+    All ten parameters of each body that the estimate considers are found, with a positive definite
+    pseudo-inertia; friction, rotors and stiffnesses are not negative. Where the estimate says
+    nothing, the parameters stay near those of the chain. Bodies without mass stay as they are.
+
+    Args:
+        chain: The robot whose parameters are the prior, such as those of CAD.
+        found: The estimate, of this robot.
+        prior: Weight of the prior, above 0: the parameters of a body have standard deviations of
+            1/sqrt(prior) times mass, mass times length, and mass times length squared of the body,
+            with the length of the robot.
+        total_mass: Sum of the masses of all bodies, [kg], if it is to be held.
+
+    Returns:
+        All parameters; `chain.with_parameters` takes them where they have no offsets.
+
+    Raises:
+        InputError: For a weight or a mass that is not positive, or less mass than the bodies have
+            that are not estimated; if the solver finds no parameters.
+        MissingExtraError: Without Clarabel, `sst-pin[identification]`.
+
+    Example:
+        >>> chain = sst_pin.robots.five_bar()
+        >>> base = sst_pin.identification.base_parameters(chain)
+        >>> q, va, aa = sst_pin.identification.random_states(chain, 50)
+        >>> tau = 2 * chain.compute_torques(q, va, aa)  # all is twice as heavy
+        >>> tau += 1e-6 * np.random.default_rng(0).normal(size=tau.shape)
+        >>> found = sst_pin.identification.estimate(chain, base, q, va, aa, tau)
+        >>> theta = sst_pin.identification.consistent_parameters(chain, found)
+        >>> twice = chain.with_parameters(theta)
+        >>> bool(np.allclose(twice.compute_torques(q, va, aa), tau, atol=1e-4))
+        True
+    """
+    try:
+        import clarabel
+    except ModuleNotFoundError:
+        raise MissingExtraError("clarabel", "identification") from None
+    from scipy.linalg import block_diag, solve_triangular
+    from scipy.sparse import csc_matrix, eye
+
+    cad, weight = np.asarray(chain.dynamic_parameters), np.sqrt(positive_number("prior", prior))
+    end = 10 * (chain.mechanism.model.njoints - 1)
+    varied = np.zeros(cad.size, dtype=bool)
+    varied[found.base.considered] = True
+    masses = cad[:end:10]
+    free = np.flatnonzero(varied[:end].reshape(-1, 10).any(axis=1) & (masses > 0))
+    others = np.flatnonzero(varied[end:]) + end
+    columns = np.concatenate([(10 * free[:, None] + np.arange(10)).ravel(), others])
+
+    root = np.linalg.cholesky(found.covariance)
+    rows = solve_triangular(root, found.base.matrix, lower=True)
+    rest = np.where(np.isin(np.arange(cad.size), columns), 0.0, cad)
+    seen = solve_triangular(root, found.values, lower=True) - rows @ rest
+    # unknowns in units of the bodies' masses and the robot's length, others of what is seen of them
+    of_length = chain.mechanism.length ** np.array([0, 1, 1, 1, 2, 2, 2, 2, 2, 2])
+    sizes = np.linalg.norm(rows[:, others], axis=0)
+    units = np.concatenate([np.outer(masses[free], of_length).ravel(), 1 / np.maximum(sizes, 1e-9)])
+    near = weight * (np.arange(units.size) < 10 * free.size)
+    Q, R = np.linalg.qr(np.vstack([rows[:, columns] * units, np.diag(near)]))
+    best = solve_triangular(R, Q.T @ np.concatenate([seen, near * cad[columns] / units]))
+
+    positive = [
+        k for k, i in enumerate(others) if chain.dynamic_parameters.names[i].endswith(_POSITIVE)
+    ]
+    one = (pseudo_inertias(np.eye(10))[:, _ROWS, _COLUMNS] * _FACTORS).T
+    walls = [block_diag(*[one] * free.size, np.eye(others.size)[positive])]
+    floor = [np.tile(_LEAST * (_ROWS == _COLUMNS), free.size), np.zeros(len(positive))]
+    cones = [clarabel.PSDTriangleConeT(4)] * free.size + [clarabel.NonnegativeConeT(len(positive))]
+    if total_mass is not None:
+        left = positive_number("total_mass", total_mass) - np.delete(masses, free).sum()
+        if left <= 0 or not free.size:
+            raise InputError("total_mass", f"{total_mass:g} kg is less than others have: {left:g}")
+        walls.insert(0, np.where(np.arange(units.size) % 10 == 0, units, 0.0)[None])
+        walls[0][:, 10 * free.size :] = 0
+        floor.insert(0, np.array([left]))
+        cones.insert(0, clarabel.ZeroConeT(1))
+    settings = clarabel.DefaultSettings()
+    settings.verbose, settings.tol_feas = False, 1e-10
+    wall = np.vstack(walls)
+    reach = solve_triangular(
+        R, wall.T, trans="T", lower=False
+    ).T  # unknowns: R times steps from best
+    room = wall @ best - np.concatenate(floor)
+    matrices = eye(units.size, format="csc"), np.zeros(units.size), csc_matrix(-reach), room
+    done = clarabel.DefaultSolver(*matrices, cones, settings).solve()
+    if str(done.status) not in ("Solved", "AlmostSolved"):
+        raise InputError("found", f"no parameters explain it: the solver says {done.status}")
+    theta = cad.copy()
+    theta[columns] = (best + solve_triangular(R, np.array(done.x))) * units
+    return DynamicParameters(chain.dynamic_parameters.names, theta)
+
+
+def pseudo_inertias(ten: Array) -> Array:
+    """Pseudo-inertias [[S, h], [h^T, m]], S = tr(I)/2 - I, of ten parameters, shape (..., 4, 4)."""
+    m, x, y, z, ixx, ixy, iyy, ixz, iyz, izz = np.moveaxis(ten, -1, 0)
+    half = (ixx + iyy + izz) / 2
+    rows = [[half - ixx, -ixy, -ixz, x], [-ixy, half - iyy, -iyz, y], [-ixz, -iyz, half - izz, z]]
+    return np.moveaxis(np.array([*rows, [x, y, z, m]]), (0, 1), (-2, -1))

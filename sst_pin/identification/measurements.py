@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Measured positions and torques as a motion: filtered without phase, differentiated, decimated."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..arrays import finite_array, positive_number
+from ..chain.closed_chain import ClosedChain
+from ..errors import InputError
+from ..motion.coordinate_motions import coordinate_motion
+from ..motion.samples import sample_times, spline
+from ..motion.trajectories import Trajectory
+
+Array = NDArray[np.float64]
+
+_ORDER = 4
+#: Samples of a running median, and how far an outlier is from it, over the usual deviation.
+_WINDOW, _OUTLIER = 7, 8.0
+
+
+def measured_motion(
+    chain: ClosedChain,
+    t: ArrayLike,
+    x: ArrayLike,
+    tau: ArrayLike,
+    *,
+    cutoff: float,
+    start: ArrayLike | None = None,
+) -> Trajectory:
+    """A log of positions and torques as a motion of the robot.
+
+    Outliers are replaced by running medians. A Butterworth filter of order four, forwards and
+    backwards, smooths positions and torques alike; rates and accelerations are derivatives of
+    splines of degree five. Of the filtered samples as many are kept as the cut-off frequency needs,
+    two in its period, without the first and the last two periods. Joints without a sensor follow by
+    assembly, from sample to sample in one assembly mode.
+
+    Args:
+        chain: The robot; each coordinate turns about an axis or slides.
+        t: Times, increasing, shape (N,), [s]; uneven ones are interpolated.
+        x: Positions of the coordinates, shape (N, n), [rad] or [m].
+        tau: Torques of the motors, shape (N, motors).
+        cutoff: Frequency where the two passes together let half of the amplitude through, [Hz].
+        start: A guess of all joints at the start, as in `coordinate_motion`.
+
+    Returns:
+        Times, configurations, rates, accelerations, and the filtered torques.
+
+    Raises:
+        InputError: For wrong shapes, or a cut-off frequency that is not below half of the sampling
+            rate, or needs more time than the log has.
+        ClosureError: If the loops cannot be closed along the motion.
+
+    Example:
+        >>> t = np.linspace(0, 4, 2001)
+        >>> x = chain.home[0] + 0.3 * np.sin(3 * t)[:, None]
+        >>> tau = np.cos(t)[:, None]
+        >>> motion = sst_pin.identification.measured_motion(chain, t, x, tau, cutoff=10)
+        >>> bool(np.abs(motion.va[:, 0] - 0.9 * np.cos(3 * motion.t)).max() < 1e-3)
+        True
+    """
+    from scipy.signal import butter, sosfiltfilt
+
+    times = sample_times(t, 3)
+    values = finite_array("x", x, (len(chain.coordinates),))
+    torques = finite_array("tau", tau, (len(chain.motor_names),))
+    for name, array in (("x", values), ("tau", torques)):
+        if array.ndim != 2 or len(array) != len(times):
+            raise InputError(name, f"shape {array.shape}, expected {len(times)} rows")
+    period = 1 / positive_number("cutoff", cutoff)
+    even = np.linspace(times[0], times[-1], len(times))
+    rate = 1 / (even[1] - even[0])
+    if not (cutoff < rate / 2 and even[-1] - even[0] > 8 * period):
+        raise InputError("cutoff", f"{cutoff:g} Hz, of {even[-1] - even[0]:g} s at {rate:g} Hz")
+    both = _without_outliers(np.hstack([values, torques]))
+    both = np.array([np.interp(even, times, column) for column in both.T]).T
+    sections = butter(_ORDER, cutoff, fs=rate, output="sos")
+    beyond = int(3 * rate * period)  # where the ends are continued
+    smooth = sosfiltfilt(sections, both, axis=0, padlen=min(beyond, len(even) - 1))
+    curve = spline(even, smooth[:, : values.shape[1]])
+    first, last = even[0] + 2 * period, even[-1] - 2 * period
+    kept = np.linspace(first, last, int((last - first) * 2 / period) + 1)
+    closed = coordinate_motion(chain, kept, curve(kept), start)
+    held = spline(even, smooth[:, values.shape[1] :])(kept)
+    va, aa = (curve.derivative(k)(kept) for k in (1, 2))
+    return replace(closed, va=va, aa=aa, tau=held)
+
+
+def _without_outliers(values: Array) -> Array:
+    """Samples, those far from a running median replaced by it (F. R. Hampel)."""
+    from scipy.ndimage import median_filter
+
+    middle = median_filter(values, (_WINDOW, 1), mode="nearest")
+    away = np.abs(values - middle)
+    usual = 1.4826 * median_filter(away, (20 * _WINDOW, 1), mode="nearest")
+    small = 1e-3 * np.ptp(middle, axis=0)
+    return np.where(away > _OUTLIER * np.maximum(usual, small), middle, values)

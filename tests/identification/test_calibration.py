@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The geometry from measured poses: exact without noise, honest with noise, named where hidden."""
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from numpy.testing import assert_allclose
+
+import sst_pin
+from sst_pin.identification import calibrate
+from sst_pin.identification.calibration import _moved, _placements
+
+ROOT = Path(__file__).parents[2]
+WHICH = ["motor_*.ry", "rod_*a.x", "rod_*b.x"]
+
+
+def configurations_of(chain: sst_pin.ClosedChain, x: np.ndarray) -> np.ndarray:
+    return np.array([chain.assemble(dict(zip(chain.coordinates, each, strict=True))) for each in x])
+
+
+def poses_of(chain: sst_pin.ClosedChain, x: np.ndarray, frame: str) -> np.ndarray:
+    """Poses of a frame, by assembly and Pinocchio's kinematics."""
+    data, found = chain.model.createData(), []
+    for q in configurations_of(chain, x):
+        pin.framesForwardKinematics(chain.model, data, q)
+        found.append(data.oMf[chain.model.getFrameId(frame)].homogeneous)
+    return np.array(found)
+
+
+@cache
+def deltas() -> tuple[sst_pin.ClosedChain, sst_pin.ClosedChain, dict[str, float], np.ndarray]:
+    """The delta as drawn, as made with errors of tenths of a millimetre, these, and poses."""
+    drawn, rng = sst_pin.robots.delta(), np.random.default_rng(4)
+    names = [f"motor_{k}.ry" for k in (1, 2, 3)] + [
+        f"rod_{k}{s}.x" for k in (1, 2, 3) for s in "ab"
+    ]
+    errors = dict(zip(names, rng.normal(size=9) * ([5e-3] * 3 + [3e-4] * 6), strict=True))
+    made = _moved(drawn, _placements(list(errors), np.array(list(errors.values()))))
+    at_home = [drawn.home[drawn.position_names.index(name)] for name in drawn.coordinates]
+    return drawn, made, errors, at_home + rng.uniform(-0.3, 0.3, (40, 3))
+
+
+def test_errors_of_a_delta_are_found_exactly_from_exact_poses():
+    drawn, made, errors, x = deltas()
+    found = calibrate(drawn, "platform", x[:12], poses_of(made, x[:12], "platform"), which=WHICH)
+    assert set(found.names) == set(errors)
+    assert_allclose(found.values, [errors[name] for name in found.names], atol=1e-11)
+    # and the calibrated robot goes where the made one goes, in other poses
+    again = poses_of(found.chain, x[12:], "platform")
+    assert_allclose(again, poses_of(made, x[12:], "platform"), atol=1e-10)
+
+
+def test_positions_alone_tell_the_offsets_of_the_motors():
+    drawn, _, errors, x = deltas()
+    only = {name: value for name, value in errors.items() if name.startswith("motor")}
+    turned = _moved(drawn, _placements(list(only), np.array(list(only.values()))))
+    feet = poses_of(turned, x[:8], "platform")[:, :3, 3]
+    found = calibrate(drawn, "platform", x[:8], feet, which=["motor_*.ry"])
+    assert_allclose(found.values, list(only.values()), atol=1e-11)
+    assert found.noise.shape == (1,)
+
+
+def test_what_is_hidden_moves_the_frame_as_errors_that_were_found_do():
+    """By differences of the robot with each error, without the enlarged robot."""
+    drawn, _, _, x = deltas()
+    x = x[:8]
+    which = ["motor_1.*", "rod_1*.x", "rod_1*.y"]
+    found = calibrate(drawn, "platform", x, poses_of(drawn, x, "platform"), which=which)
+    assert found.hidden
+    size, columns = 1e-6, []
+    for name in (*found.names, *found.hidden):
+        ends = [
+            poses_of(_moved(drawn, _placements([name], np.array([s]))), x, "platform")
+            for s in (-size, size)
+        ]
+        columns.append(((ends[1] - ends[0]) / (2 * size))[:, :3].ravel())
+    A = np.array(columns).T
+    A /= np.maximum(np.linalg.norm(A, axis=0), 1e-6)
+    count = len(found.names)
+    assert np.linalg.matrix_rank(A[:, :count], 1e-6) == count
+    assert np.linalg.matrix_rank(A, 1e-6) == count
+
+
+def noisy(poses: np.ndarray, seed: int) -> np.ndarray:
+    """Poses with noise of 0.05 mm and 0.2 mrad."""
+    rng, turned = np.random.default_rng(seed), poses.copy()
+    turned[:, :3, 3] += rng.normal(size=(len(poses), 3)) * 5e-5
+    for k, turn in enumerate(rng.normal(size=(len(poses), 3)) * 2e-4):
+        turned[k, :3, :3] = pin.exp3(turn) @ poses[k, :3, :3]
+    return turned
+
+
+@pytest.mark.parametrize("count", [4, pytest.param(30, marks=pytest.mark.slow)])
+def test_errors_are_within_three_of_their_standard_deviations(count):
+    drawn, made, errors, x = deltas()
+    exact, within = poses_of(made, x, "platform"), []
+    start = configurations_of(drawn, x)
+    for seed in range(count):
+        found = calibrate(drawn, "platform", x, noisy(exact, seed), which=WHICH, start=start)
+        true = np.array([errors[name] for name in found.names])
+        within.append(np.abs(found.values - true) < 3 * found.deviations)
+        assert_allclose(found.noise, [5e-5, 2e-4], rtol=0.35)
+    assert np.mean(within) > 0.95
+    left = poses_of(found.chain, x, "platform")[:, :3, 3] - exact[:, :3, 3]
+    assert np.sqrt(np.mean(left**2)) < 5e-5  # below the noise, which is averaged
+
+
+def test_a_calibrated_urdf_is_the_calibrated_robot(tmp_path):
+    urdf = ROOT / "examples" / "delta.urdf"
+    drawn = sst_pin.ClosedChain.from_urdf(urdf)
+    rng = np.random.default_rng(1)
+    joints = [name for name in drawn.joint_names if name in drawn.coordinates]
+    frame = drawn.closures[0].frame_a
+    names = [f"{joint}.{axis}" for joint in joints for axis in ("x", "ry")] + [f"{frame}.y"]
+    made = _moved(drawn, _placements(names, rng.normal(size=len(names)) * 1e-3))
+    q = drawn.generic_configuration()
+    held = [q[drawn.position_names.index(name)] for name in drawn.coordinates]
+    x = held + rng.uniform(-0.1, 0.1, (8, len(held)))
+    measured = next(n.name for n in drawn.model.frames if "platform" in n.name)
+    drawn.model.referenceConfigurations["home"] = q
+    made.model.referenceConfigurations["home"] = q
+    drawn.refresh()
+    made.refresh()
+    poses = poses_of(made, x, measured)
+    found = calibrate(drawn, measured, x, poses, which=names)
+    found.write_urdf(urdf, tmp_path / "delta.urdf")
+    (tmp_path / "delta.yaml").write_bytes(urdf.with_suffix(".yaml").read_bytes())
+    again = sst_pin.ClosedChain.from_urdf(tmp_path / "delta.urdf")
+    for k in range(1, again.model.njoints):
+        mine, theirs = found.chain.model.jointPlacements[k], again.model.jointPlacements[k]
+        assert mine.isApprox(theirs, 1e-12)
+    for mine in found.chain.model.frames:
+        theirs = again.model.frames[again.model.getFrameId(mine.name, mine.type)]
+        if mine.name == frame or mine.type == pin.FrameType.OP_FRAME:
+            assert mine.placement.isApprox(theirs.placement, 1e-12)
+
+
+def test_bad_measurements_are_refused():
+    drawn, _, _, x = deltas()
+    exact = poses_of(drawn, x[:4], "platform")
+    with pytest.raises(sst_pin.InputError, match="poses"):
+        calibrate(drawn, "platform", x[:4], exact[:3])
+    with pytest.raises(sst_pin.InputError, match="equations for"):
+        calibrate(drawn, "platform", x[:1], exact[:1, :3, 3], which=["platform.[xyz]"])
+    with pytest.raises(sst_pin.UnknownNameError, match="nothing"):
+        calibrate(drawn, "platform", x[:4], exact, which=["nothing.x"])
+    with pytest.raises(sst_pin.UnknownNameError, match="nowhere"):
+        calibrate(drawn, "nowhere", x[:4], exact)
+    with pytest.raises(sst_pin.ClosureError):
+        calibrate(drawn, "platform", x[:2] + 3, exact[:2])

@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Logs as motions: rates of the true motion, no phase, outliers without effect."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from sst_pin import InputError, robots
+from sst_pin.identification import measured_motion
+
+T = np.linspace(0, 6, 3001)
+CHAIN = robots.five_bar()
+HOME = np.array([CHAIN.home[CHAIN.position_names.index(name)] for name in CHAIN.coordinates])
+AMPLITUDE, RATE = np.array([0.2, 0.1]), np.array([3.0, 5.0])
+X = HOME + AMPLITUDE * np.sin(RATE * T[:, None])
+TAU = np.cos(RATE * T[:, None])
+
+
+def test_rates_and_accelerations_are_those_of_the_motion():
+    motion = measured_motion(CHAIN, T, X, TAU, cutoff=15)
+    t = motion.t[:, None]
+    assert_allclose(motion.va, AMPLITUDE * RATE * np.cos(RATE * t), atol=2e-3)
+    assert_allclose(motion.aa, -AMPLITUDE * RATE**2 * np.sin(RATE * t), atol=0.1)
+    assert_allclose(motion.tau, np.cos(RATE * t), atol=1e-3)
+    assert np.abs(CHAIN.residual(motion.q)).max() < 1e-9
+    assert np.diff(motion.t) == pytest.approx(1 / 30, rel=0.01)
+
+
+def test_encoder_steps_noise_jitter_and_outliers_leave_the_motion():
+    rng = np.random.default_rng(1)
+    t = T + rng.uniform(-4e-4, 4e-4, T.size)
+    t[[0, -1]] = T[[0, -1]]
+    x = np.round((HOME + AMPLITUDE * np.sin(RATE * t[:, None])) / 2e-4) * 2e-4
+    tau = np.cos(RATE * t[:, None]) + 0.02 * rng.normal(size=TAU.shape)
+    x[[700, 1500, 1501]] += 1.0
+    tau[[900, 2000]] -= 30.0
+    motion = measured_motion(CHAIN, t, x, tau, cutoff=15)
+    at = motion.t[:, None]
+    assert_allclose(motion.va, AMPLITUDE * RATE * np.cos(RATE * at), atol=0.02)
+    assert_allclose(motion.tau, np.cos(RATE * at), atol=0.03)
+
+
+def test_a_frequency_above_the_cutoff_is_gone_and_one_below_is_not_late():
+    fast = X + 0.01 * np.sin(2 * np.pi * 100 * T)[:, None]
+    motion = measured_motion(CHAIN, T, fast, TAU, cutoff=15)
+    slow = measured_motion(CHAIN, T, X, TAU, cutoff=15)
+    assert_allclose(motion.va, slow.va, atol=3e-3)  # of 6.3 rad/s that were added
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"cutoff": 300.0},
+        {"cutoff": 1.0},
+        {"cutoff": -1.0},
+        {"x": X[:-1]},
+        {"tau": TAU[:, :1]},
+        {"t": T[::-1]},
+    ],
+)
+def test_what_cannot_be_filtered_is_refused(change):
+    with pytest.raises(InputError):
+        measured_motion(**{"chain": CHAIN, "t": T, "x": X, "tau": TAU, "cutoff": 15.0} | change)
