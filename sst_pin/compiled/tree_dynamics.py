@@ -215,7 +215,7 @@ class TreeDynamics:
         energies += [c * way[k] ** 2 / 2 for k, c in stiffness.items()]
         numbers = zip(self.lines, self._parameters.of_lines(self._p), strict=True)
         for (length, _), (c, rest, _, preload) in numbers:
-            energies.append(c * (length - rest) ** 2 / 2 + preload * length)
+            energies.append(c * (length - rest) ** 2 / 2 + preload * (length - rest))
         return total(energies)
 
     def motors_on_lines(self, motor: int) -> Sparse:

@@ -20,6 +20,8 @@ Array = NDArray[np.float64]
 
 #: Limits of an angle that are as wide are none, [rad].
 _TURN = 2 * np.pi
+#: Limits farther away are none.
+_FAR = 1e6
 _BOUND = "name", "unit", "i", "what", "low", "high"
 
 
@@ -106,6 +108,7 @@ def _bounds(robot: ClosedChain) -> Iterator[dict[str, Any]]:
     units = [*enumerate(zip(robot.position_names, robot.joint_units, strict=True))]
     for what, low, high in ends:
         for i, (name, unit) in units:
-            if unit and max(abs(low[i]), abs(high[i])) < 1e6:
-                end = float(low[i]) - CLOSURE_TOLERANCE, float(high[i]) + CLOSURE_TOLERANCE
+            least, most = np.clip((low[i], high[i]), -_FAR, _FAR).tolist()
+            if unit and (least, most) != (-_FAR, _FAR):
+                end = least - CLOSURE_TOLERANCE, most + CLOSURE_TOLERANCE
                 yield dict(zip(_BOUND, (name, unit, i, what, *end), strict=True))

@@ -43,8 +43,21 @@ MOTION = """([q, va, seconds, way, efforts]) => {
 }"""
 
 
+LINE = sst_pin.LineForce(
+    "point_arm_2", "point_arm_5", stiffness=30, rest_length=0.1, damping=0.3, preload=2
+)
+OTHERS = {
+    "coupled": any_chain.coupled,
+    "rods": any_chain.rods,
+    "line": lambda: any_chain.chain(forces=[LINE]),
+    "tree": lambda: any_chain.with_joint("free-flyer", kind=""),  # without closures, in space
+    "wheel": lambda: any_chain.rolling(False),
+}
+
+
 @cache
 def robot_named(name):
+    """A robot of the gallery, of `OTHERS`, or one with a joint of this kind."""
     if name == "sst":
         return sst_pin.SST(sst_pin.Parameters(viscous_friction=0.1, coulomb_friction=0.02))
     if name == "cassie":  # on a stand
@@ -54,7 +67,7 @@ def robot_named(name):
             return sst_pin.ClosedChain.from_mjcf(path, locked=cassie.HELD)
     if name in any_chain.JOINTS or name in any_chain.IN_A_ROW:
         return any_chain.with_joint(name)
-    return getattr(sst_pin.robots if hasattr(sst_pin.robots, name) else any_chain, name)()
+    return (OTHERS.get(name) or getattr(sst_pin.robots, name))()
 
 
 def on_springs(name):
@@ -126,7 +139,19 @@ def agree(engine, chain, states):
 
 
 QUICK = ["sst", "four_bar", "bennett"]
-SLOW = ["delta", "stewart", "five_bar", "planar_4rrr", "excavator", "cassie", "coupled", "rods"]
+SLOW = [
+    "delta",
+    "stewart",
+    "five_bar",
+    "planar_4rrr",
+    "excavator",
+    "cassie",
+    "coupled",
+    "rods",
+    "line",
+    "tree",
+    "wheel",
+]
 SLOW += [*any_chain.JOINTS, *any_chain.IN_A_ROW]
 
 

@@ -85,8 +85,11 @@ def _misfit(mechanism: Mechanism) -> str:
 
 
 def page_functions(mechanism: Mechanism) -> tuple[str, NDArray[np.float64]] | None:
-    """The functions in JavaScript for a page, and their open numbers; None for a robot apart."""
-    if _misfit(mechanism):
+    """The functions in JavaScript for a page, and their open numbers; None where they do not fit.
+
+    They divide by the masses of the bodies.
+    """
+    if _misfit(mechanism) or not all(body.mass for body in list(mechanism.model.inertias)[1:]):
         return None
     numbers = open_numbers(mechanism).pack(mechanism, mechanism.friction)
     return PAGE.read_text(encoding="utf-8"), numbers
