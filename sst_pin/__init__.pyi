@@ -19,6 +19,7 @@ from .control.controllers import ComputedTorque as ComputedTorque
 from .control.controllers import GravityPD as GravityPD
 from .control.controllers import TrackingLQR as TrackingLQR
 from .control.serial_view import SerialView as SerialView
+from .control.timing import time_optimal as time_optimal
 from .description import MJCF_PATH as MJCF_PATH
 from .description import PACKAGE_PATH as PACKAGE_PATH
 from .description import REPOSITORY_PATH as REPOSITORY_PATH
@@ -47,6 +48,7 @@ from .errors import WorkspaceError as WorkspaceError
 from .motion.bearing_loads import Loads as Loads
 from .motion.coordinate_motions import coordinate_motion as coordinate_motion
 from .motion.energy import energy_error as energy_error
+from .motion.frame_motions import frame_motion as frame_motion
 from .motion.rollouts import Rollout as Rollout
 from .motion.trajectories import Trajectory as Trajectory
 from .reading.loop_closures import write_loop_closures as write_loop_closures
@@ -55,6 +57,7 @@ from .sst.platform_motion import PlatformMotion as PlatformMotion
 from .sst.platform_motion import interpolate_orientations as interpolate_orientations
 from .sst.platform_motion import orientation as orientation
 from .sst.platform_motion import orientation_motion as orientation_motion
+from .sst.platform_motion import orientation_path as orientation_path
 from .sst.platform_motion import paper_circle as paper_circle
 from .sst.robot import SST as SST
 from .sst.robot_wrapper import load as load

@@ -188,6 +188,18 @@ class JointSpace:
                 q[i : i + size] /= length
         return q
 
+    def without_jumps(self, q: Array) -> Array:
+        """Neighbouring configurations, shape (N, nq), without full turns and changes of sign.
+
+        Angles go on beyond pi, and quaternions have the sign that is nearer to the one before.
+        """
+        q = q.copy()
+        angles = [unit == "rad" for unit in self.position_units]
+        q[:, angles] = np.unwrap(q[:, angles], axis=0)
+        for i, _ in self._quaternions:
+            q[:, i : i + 4] = without_sign_changes(q[:, i : i + 4])
+        return q
+
     def on_manifold(self, q: Array) -> NDArray[np.bool]:
         """Whether quaternions and cosine-sine pairs have length one, q of shape (..., nq)."""
         return np.all(self._off_length_one(q) < 1e-6, axis=-1)
@@ -230,6 +242,14 @@ class JointSpace:
         for i, k, size in self._frames:
             q[i : i + size], v[k : k + size] = False, False
         return np.flatnonzero(q), np.flatnonzero(v)
+
+
+def without_sign_changes(quaternions: Array) -> Array:
+    """Neighbouring quaternions, shape (N, 4), each with the sign nearer to the one before."""
+    p = quaternions.copy()  # p and -p are one rotation
+    turned = np.where((p[1:] * p[:-1]).sum(axis=1) < 0, -1, 1)
+    p[1:] *= np.cumprod(turned)[:, None]
+    return p
 
 
 def kind_of(joint: Any) -> _Kind:

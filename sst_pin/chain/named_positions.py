@@ -6,9 +6,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import finite_array
+from ..arrays import single_array
 from ..errors import UnknownNameError
 from .joint_space import JointSpace
 
@@ -26,18 +26,21 @@ def _is_cosine(name: str, unit: str, units: Mapping[str, str]) -> bool:
     return not unit and name.endswith("_cos") and f"{name[:-4]}_sin" in units
 
 
-def put(space: JointSpace, q: Array, positions: Mapping[str, float]) -> Array:
-    """A configuration with the joints named, which turn or slide, at positions, [rad] or [m]."""
+def put(space: JointSpace, q: Array, positions: Mapping[str, ArrayLike]) -> Array:
+    """Configurations, (..., nq), with the joints named, which turn or slide, at positions, (...).
+
+    Positions are in [rad] or [m].
+    """
     known, names, q = angles_and_lengths(space), list(space.position_names), np.array(q)
     for name, position in positions.items():
         if name not in known:
             raise UnknownNameError("revolute or prismatic joint", name, known)
-        value = float(finite_array(name, position, ()))
+        value = single_array(name, position, q.shape[:-1])
         if name in names:
-            q[names.index(name)] = value
+            q[..., names.index(name)] = value
         else:
-            q[names.index(f"{name}_cos")] = np.cos(value)
-            q[names.index(f"{name}_sin")] = np.sin(value)
+            q[..., names.index(f"{name}_cos")] = np.cos(value)
+            q[..., names.index(f"{name}_sin")] = np.sin(value)
     return q
 
 

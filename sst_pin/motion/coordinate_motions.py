@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..arrays import finite_array
 from ..chain.backend import States
 from ..chain.closed_chain import ClosedChain
-from ..chain.named_positions import angles_and_lengths, put
+from ..chain.named_positions import angles_and_lengths, put, taken
 from ..chain.thresholds import CLOSURE_TOLERANCE, MAX_CONDITION_NUMBER
 from ..errors import ClosureError, DescriptionError, DescriptionWarning, InputError, SSTError
 from .samples import sample_times, spline
@@ -68,6 +68,19 @@ def coordinate_motion(
             raise
     curve = spline(times, values)
     return chain.trajectory(times, q, curve.derivative(1)(times), curve.derivative(2)(times))
+
+
+def coordinate_positions(chain: ClosedChain, q: Array) -> Array:
+    """Positions of the coordinates along a motion q, shape (N, nq), without jumps, shape (N, n).
+
+    Raises:
+        UnknownNameError: For a coordinate that neither turns about an axis nor slides.
+    """
+    space = chain.mechanism.space
+    x = taken(space, space.without_jumps(q), chain.coordinates)
+    endless = [name not in space.position_names for name in chain.coordinates]
+    x[:, endless] = np.unwrap(x[:, endless], axis=0)
+    return x
 
 
 def start_configuration(

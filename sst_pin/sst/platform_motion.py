@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import finite_array
+from ..arrays import empty, finite_array, whole_number
+from ..chain.joint_space import without_sign_changes
 from ..errors import InputError
 from ..motion.samples import sample_times, spline, times_within
 from .kinematics import require_rotation
@@ -184,10 +185,7 @@ def interpolate_orientations(t: ArrayLike, R: ArrayLike, at: ArrayLike) -> Platf
             f"{np.degrees(steps[i]):.0f} degrees between the samples at t = {times[i]:g} and "
             f"{times[i + 1]:g} s, more than a quarter turn; use more samples",
         )
-    quaternions = samples.as_quat()
-    turned = np.sign((quaternions[1:] * quaternions[:-1]).sum(axis=1))  # p and -p are one rotation
-    quaternions[1:] *= np.cumprod(turned)[:, None]
-    curve = spline(times, quaternions)
+    curve = spline(times, without_sign_changes(samples.as_quat()))
     p = curve(wanted)
     inverse = p * (-1, -1, -1, 1) / (p * p).sum(axis=-1, keepdims=True)
     # p_dot / p holds omega / 2 and, as its scalar, the rate of ln |p|, which no rotation sees.
@@ -195,6 +193,46 @@ def interpolate_orientations(t: ArrayLike, R: ArrayLike, at: ArrayLike) -> Platf
     omega = 2 * first[..., :3]
     alpha = 2 * second[..., :3] - 2 * first[..., 3:] * omega
     return PlatformMotion(Rotation.from_quat(p).as_matrix(), omega, alpha)
+
+
+def orientation_path(R: ArrayLike, count: int = 201) -> Array:
+    """Orientations along a smooth path through a few, on the rotation group.
+
+    Angular velocity and acceleration along it are continuous (SciPy's `RotationSpline`). The path
+    takes about as long between two samples as they are apart, and does not depend on the choice of
+    axes. `robot.inverse_kinematics` makes it a path for `time_optimal`.
+
+    Args:
+        R: {E} in the base on the way, shape (N, 3, 3), N >= 2, neighbours less than a half turn
+            apart.
+        count: Number of samples of the path, evenly along it.
+
+    Returns:
+        Shape (count, 3, 3), the first and the last as given.
+
+    Raises:
+        InputError: For matrices that are not rotations, two neighbours that are the same, or that
+            are a half turn apart.
+
+    Example:
+        >>> R = sst_pin.orientation([0.7, 0.9, 0.8], [0.9, 0.8, 1.0])
+        >>> sst_pin.orientation_path(R, 101).shape
+        (101, 3, 3)
+    """
+    from scipy.spatial.transform import Rotation, RotationSpline
+
+    matrices, samples = finite_array("R", R, (3, 3)), whole_number("count", count, 2)
+    if matrices.ndim != 3 or len(matrices) < 2:
+        raise InputError("R", f"shape {matrices.shape}, expected (N, 3, 3) with N >= 2")
+    require_rotation(matrices)
+    given = Rotation.from_matrix(matrices)
+    steps = (given[:-1].inv() * given[1:]).magnitude()
+    for i, step in enumerate(steps):
+        if not 1e-6 < step < np.pi - 1e-6:
+            raise InputError("R", f"{np.degrees(step):.6g} degrees between samples {i} and {i + 1}")
+    path, s = empty((samples, 3, 3)), np.append(0, np.cumsum(steps))
+    path[:] = RotationSpline(s, given)(np.linspace(0, s[-1], samples)).as_matrix()
+    return path
 
 
 def _times(p: Array, q: Array) -> Array:

@@ -16,6 +16,7 @@ from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
+import pinocchio as pin
 from call_world import ODD_PATHS, World
 from judged_calls import Call
 from numpy.typing import ArrayLike
@@ -312,6 +313,7 @@ FINE = {
     *(f"Adaptive({word}: scalar)" for word in ("stiffness", "damping", "limits")),
     *(f"ComputedTorque({word}: scalar)" for word in ("kp", "kd", "limits")),
     *(f"GravityPD({word}: scalar)" for word in ("kp", "kd", "limits")),
+    *(f"time_optimal({word}: scalar)" for word in ("torques", "rates", "accelerations")),
     "TrackingLQR(limits: scalar)", "Adaptive(learning: 0.0)",
     "write_loop_closures(path: only an ending)",
     "reactions(external_wrenches: huge)",  # NaN where a wrench is not unique
@@ -418,6 +420,10 @@ def _of_control(w: World) -> Iterator[Subject]:
         made = {"chain": w.robot, "motion": w.motion, "limits": np.ones(3)}
         yield Subject(name, getattr(sst_pin, name), made | gains)
 
+    made = {"chain": w.robot, "path": w.motion.q, "torques": np.full(3, 60.0)}
+    made |= {"rates": np.full(3, 50.0), "accelerations": np.full(3, 500.0), "dt": 0.01}
+    yield Subject("time_optimal", sst_pin.time_optimal, made, "torques")
+
 
 def _of_motions(w: World) -> Iterator[Subject]:
     m, robot, tau = w.motion, w.robot, w.tau
@@ -436,6 +442,14 @@ def _of_motions(w: World) -> Iterator[Subject]:
     times = np.linspace(0, 0.1, 8)
     of_star = {"t": times, "R": sst_pin.paper_circle(times).R, "at": times[2:4]}
     yield Subject("interpolate_orientations", sst_pin.interpolate_orientations, of_star)
+    through = {"R": sst_pin.paper_circle(times[[0, 3, 6]]).R, "count": 5}
+    yield Subject("orientation_path", sst_pin.orientation_path, through)
+    ends = {"chain": w.chain, "t": times[:3], "frame": "B", "start": w.chain_state[0]}
+    at_rest = w.chain.model, w.chain.model.createData()
+    pin.framesForwardKinematics(*at_rest, w.chain_state[0])
+    point = at_rest[1].oMf[w.chain.model.getFrameId("B")].translation
+    ends["poses"] = np.tile(point, (3, 1))
+    yield Subject("frame_motion", sst_pin.frame_motion, ends)
     yield Subject("paper_circle", sst_pin.paper_circle, of_star)
     angles = dict.fromkeys(("theta", "phi", "psi"), np.ones(2))
     yield Subject("orientation", sst_pin.orientation, angles)

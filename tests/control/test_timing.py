@@ -1,0 +1,228 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Time-optimal motions: known solutions of one body, laws of any chain, limits everywhere."""
+
+import time
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import sst_pin
+from sst_pin.motion.coordinate_motions import coordinate_positions
+
+pytest.importorskip("toppra", reason="toppra is not installed (extra 'timing')")
+
+#: The margin of the limits, 1e-4, and the grid cost less of the duration.
+CLOSE = 1e-3
+WAY = np.linspace(0, 1, 41)[:, None]
+
+
+def cart(mass=2.0, gravity=0.0, viscous=0.0, coulomb=0.0):
+    """One body that slides along z."""
+    model = pin.Model()
+    model.gravity.linear = np.array([0, 0, -gravity])
+    joint = model.addJoint(0, pin.JointModelPZ(), pin.SE3.Identity(), "slide")
+    model.appendBodyToJoint(joint, pin.Inertia(mass, np.zeros(3), np.eye(3)), pin.SE3.Identity())
+    friction = {"viscous_friction": [viscous], "coulomb_friction": [coulomb]}
+    return sst_pin.ClosedChain(model, [], ["slide"], **friction)
+
+
+@pytest.fixture(scope="module")
+def circle(robot):
+    """Configurations along the circle of the paper's example 1."""
+    return robot.inverse_kinematics(sst_pin.paper_circle(np.linspace(0, np.pi / 6, 201)).R)
+
+
+@pytest.mark.parametrize(
+    ("gravity", "coulomb"), [(0, 0), (9.81, 0), (0, 3.0), (9.81, 3.0), (-9.81, 1.0)]
+)
+def test_a_cart_speeds_up_and_brakes_at_its_limit(gravity, coulomb):
+    """m a = F - m g - F_c, then m b = F + m g + F_c: T^2 = 2 L (1 / a + 1 / b)."""
+    m, F, L = 2.0, 40.0, 1.5
+    motion = sst_pin.time_optimal(cart(m, gravity, 0, coulomb), L * WAY, torques=F)
+    a, b = (F - m * gravity - coulomb) / m, (F + m * gravity + coulomb) / m
+    assert motion.t[-1] == pytest.approx(np.sqrt(2 * L * (1 / a + 1 / b)), rel=CLOSE)
+    assert motion.q[-1, 0] == pytest.approx(L, rel=1e-9)
+    assert np.abs(motion.va[[0, -1]]).max() < 1e-6
+
+
+def test_viscous_friction_slows_a_cart_as_its_equation_says():
+    """m v' = F - D v, then m v' = -F - D v: integrated in small steps from both ends."""
+    m, F, D, L = 2.0, 40.0, 10.0, 1.5
+    chain = cart(m, viscous=D)
+    motion = sst_pin.time_optimal(chain, L * WAY, torques=F)
+    up = np.linspace(0, F / D * (1 - 1e-9), 2_000_001)[:-1]  # rates
+    ahead = np.cumsum(m * up / (F - D * up)) * np.diff(up)[0]  # where they are reached
+    brake = np.cumsum(m * up / (F + D * up)) * np.diff(up)[0]
+    peak = up[np.searchsorted(ahead + brake, L)]
+    duration = -m / D * np.log(1 - D * peak / F) + m / D * np.log(1 + D * peak / F)
+    assert motion.t[-1] == pytest.approx(duration, rel=CLOSE)
+
+
+def test_rates_and_accelerations_make_a_trapezoid():
+    """T = L / v + v / a."""
+    L, v, a = 1.5, 0.5, 2.0
+    motion = sst_pin.time_optimal(cart(), L * WAY, rates=v, accelerations=a)
+    assert motion.t[-1] == pytest.approx(L / v + v / a, rel=CLOSE)
+    assert np.abs(motion.va).max() <= v
+    assert np.abs(motion.aa).max() <= a
+
+
+def test_least_and_largest_torques_may_differ():
+    m, L = 2.0, 1.5
+    motion = sst_pin.time_optimal(cart(m), L * WAY, torques=[[-10.0, 40.0]])
+    assert motion.t[-1] == pytest.approx(np.sqrt(2 * L * (m / 40 + m / 10)), rel=CLOSE)
+
+
+def test_the_circle_of_example_1_with_30_N_m(robot, circle):
+    """Within 30 N m everywhere, a motor at its limit 95 % of the time, in half a second."""
+    begin = time.process_time()
+    motion = sst_pin.time_optimal(robot, circle, torques=30.0)
+    assert time.process_time() - begin < 2.0  # 0.2 s on an idle machine; CI's may be busy
+    peaks = np.abs(robot.compute_torques(motion.q, motion.va, motion.aa)).max(axis=1)
+    assert peaks.max() <= 30.0
+    assert (peaks > 0.999 * 30).mean() > 0.95
+    assert motion.t[-1] == pytest.approx(0.4994, abs=2e-4)
+    assert np.diff(motion.t).max() <= 1e-3
+
+
+def test_limits_hold_between_the_samples(robot, circle):
+    """The torques of constant path accelerations between the samples, forty times as many."""
+    coarse = sst_pin.time_optimal(robot, circle, torques=30.0, dt=0.01)
+    fine = sst_pin.time_optimal(robot, circle, torques=30.0, dt=2.5e-4)
+    assert coarse.t[-1] == fine.t[-1]
+    assert np.abs(fine.tau).max() <= 30.0
+
+
+def test_friction_of_all_kinds_counts(circle):
+    """Also of mu_1, which this circle leaves at rest: it may act either way."""
+    slow = sst_pin.SST(sst_pin.Parameters(viscous_friction=0.3, coulomb_friction=0.4))
+    motion = sst_pin.time_optimal(slow, circle, torques=30.0)
+    assert np.abs(motion.tau).max() <= 30.0
+    assert np.abs(motion.tau).max() > 0.99 * 30
+    assert motion.t[-1] > 0.502
+
+
+def wave(chain, size=0.15):
+    """Configurations along a curved path of the coordinates that does not turn back."""
+    first = coordinate_positions(chain, chain.home[None])[0]
+    k = np.arange(len(first))
+    x = first + size * (np.sin((k + 1) * WAY + k) - np.sin(k))
+    return sst_pin.coordinate_motion(chain, WAY[:, 0], x, chain.home).q
+
+
+def test_the_circle_takes_as_long_backwards(robot, circle):
+    """Without friction a film of the motion, shown backwards, needs the same torques."""
+    part = circle[:140]
+    there, back = (sst_pin.time_optimal(robot, q, torques=30.0) for q in (part, part[::-1]))
+    assert there.t[-1] == pytest.approx(back.t[-1], rel=1e-4)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["delta", "planar_4rrr", "leg"])
+def test_a_path_takes_as_long_backwards(name):
+    """With as many motors as freedoms and with more, of any chain."""
+    chain = getattr(sst_pin.robots, name)()
+    path = wave(chain)
+    rest = np.zeros(chain.degrees_of_freedom)
+    limit = 2 * np.abs(chain.compute_torques(path[0], rest, rest)).max() + 5
+    there, back = (sst_pin.time_optimal(chain, q, torques=limit) for q in (path, path[::-1]))
+    assert there.t[-1] == pytest.approx(back.t[-1], rel=1e-4)
+    assert np.abs(there.tau).max() <= limit
+    assert np.abs(there.tau).max() > 0.995 * limit
+
+
+@pytest.mark.slow
+def test_four_times_the_torque_halves_the_time_where_nothing_weighs():
+    chain = sst_pin.robots.five_bar()
+    chain.model.gravity.linear = np.zeros(3)
+    chain.refresh()
+    path = wave(chain)
+    once, four = (sst_pin.time_optimal(chain, path, torques=limit) for limit in (1.0, 4.0))
+    assert once.t[-1] == pytest.approx(2 * four.t[-1], rel=1e-6)
+
+
+def test_the_samples_times_do_not_matter(robot, circle):
+    """Half of the samples at other places: the same curve."""
+    places = np.sort(np.random.default_rng(0).choice(np.arange(1, 200), 120, replace=False))
+    other = circle[[0, *places, 200]]
+    full, some = (sst_pin.time_optimal(robot, q, torques=30.0).t[-1] for q in (circle, other))
+    assert some == pytest.approx(full, rel=1e-4)
+
+
+def test_full_turns_between_samples_are_no_motion(robot, circle):
+    jumping = circle.copy()
+    jumping[100:, 0] -= 2 * np.pi
+    motion = sst_pin.time_optimal(robot, jumping, torques=30.0)
+    assert motion.t[-1] == pytest.approx(0.4994, abs=2e-4)
+
+
+@pytest.mark.parametrize(
+    ("given", "error", "words"),
+    [
+        ({"torques": 2.0}, sst_pin.ActuationError, "gamma_. cannot hold the robot at the start"),
+        ({}, sst_pin.InputError, "a limit of one of them is needed"),
+        ({"torques": -3.0}, sst_pin.InputError, "torques: each least"),
+        ({"torques": [30, 30]}, sst_pin.InputError, r"torques: shape \(2,\)"),
+        ({"torques": 30, "rates": [[1, 2]] * 3}, sst_pin.InputError, "rates: motors at rest"),
+        ({"torques": 30, "rates": 0.0}, sst_pin.InputError, "rates"),
+        ({"torques": np.inf}, sst_pin.InputError, "torques"),
+        ({"torques": 30, "dt": 0}, sst_pin.InputError, "dt"),
+    ],
+)
+def test_limits_that_are_none_are_named(robot, circle, given, error, words):
+    with pytest.raises(error, match=words):
+        sst_pin.time_optimal(robot, circle, **given)
+
+
+def test_paths_that_are_none_are_named(robot, circle):
+    with pytest.raises(sst_pin.InputError, match="do not move"):
+        sst_pin.time_optimal(robot, np.tile(robot.home, (5, 1)), torques=30)
+    there_and_back = np.vstack([circle[:51], circle[49::-1]])
+    with pytest.raises(sst_pin.InputError, match="turns back at sample 50"):
+        sst_pin.time_optimal(robot, there_and_back, torques=30)
+    bar = sst_pin.robots.four_bar()
+    q = wave(bar).copy()
+    q[20:] = [bar.assemble({"crank": x[0], "rocker": -x[2]}, fixed=["crank"]) for x in q[20:]]
+    with pytest.raises(sst_pin.InputError, match="jumps, or has too few samples"):
+        sst_pin.time_optimal(bar, q, torques=30)
+    with pytest.raises(sst_pin.InputError, match="expected"):
+        sst_pin.time_optimal(robot, circle[:2], torques=30)
+
+
+def test_a_limit_that_the_path_passes_halfway_says_where():
+    """A pendulum that must stand still level with its axis."""
+    model = pin.Model()
+    model.gravity.linear = np.array([0, 0, -9.81])
+    joint = model.addJoint(0, pin.JointModelRY(), pin.SE3.Identity(), "arm")
+    model.appendBodyToJoint(
+        joint, pin.Inertia(1, np.array([0, 0, -1]), np.eye(3)), pin.SE3.Identity()
+    )
+    arm = sst_pin.ClosedChain(model, [], ["arm"])
+    with pytest.raises(sst_pin.ActuationError, match="no motion from rest to rest along"):
+        sst_pin.time_optimal(arm, np.pi * WAY, torques=5.0)
+    assert sst_pin.time_optimal(arm, np.pi * WAY, torques=10.0).t[-1] > 0
+
+
+def test_too_few_motors_are_refused_by_name():
+    lift = sst_pin.robots.five_bar()
+    poor = sst_pin.ClosedChain(lift.model, lift.closures, lift.motor_names[:1])
+    with pytest.raises(sst_pin.ActuationError, match="cannot produce"):
+        sst_pin.time_optimal(poor, wave(lift), torques=5.0)
+
+
+def test_accelerations_of_motors_on_lines_are_refused_by_name():
+    model, lines = pin.Model(), [sst_pin.LineForce("base", "tip", name="ram")]
+    below = pin.SE3(np.eye(3), np.array([0.0, 0, -1.0]))
+    model.addFrame(pin.Frame("base", 0, 0, below, pin.FrameType.OP_FRAME))
+    joint = model.addJoint(0, pin.JointModelRY(), pin.SE3.Identity(), "arm")
+    model.appendBodyToJoint(
+        joint, pin.Inertia(1, np.array([1.0, 0, 0]), np.eye(3)), pin.SE3.Identity()
+    )
+    tip = pin.SE3(np.eye(3), np.array([1.0, 0, 1.0]))
+    model.addFrame(pin.Frame("tip", joint, 0, tip, pin.FrameType.OP_FRAME))
+    arm = sst_pin.ClosedChain(model, [], ["ram"], forces=lines)
+    motion = sst_pin.time_optimal(arm, 0.3 * WAY, torques=60.0, rates=0.3)
+    assert np.abs(arm.motor_rates(motion.q, motion.va)).max() <= 0.3
+    with pytest.raises(sst_pin.InputError, match="not for motors on lines"):
+        sst_pin.time_optimal(arm, 0.3 * WAY, accelerations=1.0)
