@@ -5,6 +5,7 @@ from .base_parameters import BaseParameters, base_parameters, random_states
 from .calibration import Calibration, calibrate
 from .consistency import consistent_parameters
 from .estimation import Estimate, estimate
+from .excitation import condition_number, excitation
 from .measurements import measured_motion
 
 __all__ = [
@@ -13,8 +14,10 @@ __all__ = [
     "Estimate",
     "base_parameters",
     "calibrate",
+    "condition_number",
     "consistent_parameters",
     "estimate",
+    "excitation",
     "measured_motion",
     "random_states",
 ]

@@ -1,0 +1,171 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Motions that show parameters well: Fourier series (J. Swevers et al., IEEE T-RA 13(5), 1997)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import null_space
+
+from ..arrays import finite_array, positive_number, whole_number
+from ..chain.closed_chain import ClosedChain
+from ..chain.named_positions import taken
+from ..errors import InputError, SSTError
+from ..motion.coordinate_motions import coordinate_motion, start_of
+from ..motion.trajectories import Trajectory
+from .base_parameters import BaseParameters, random_states
+
+Array = NDArray[np.float64]
+
+#: Samples of a motion that is judged, for each harmonic.
+_SAMPLES = 12
+#: Smallest part of an amplitude that is tried before another motion.
+_SMALLEST = 0.05
+
+
+def condition_number(chain: ClosedChain, base: BaseParameters, motion: Trajectory) -> float:
+    """Condition number of the base regressor along a motion; the smaller, the better it is shown.
+
+    Each column is in units of its mean square at random states of the robot, so that units of
+    parameters do not count.
+
+    Args:
+        chain: The robot.
+        base: Its base parameters.
+        motion: A motion of it.
+
+    Example:
+        >>> chain = sst_pin.robots.four_bar()
+        >>> base = sst_pin.identification.base_parameters(chain)
+        >>> t = np.linspace(0, 2, 41)
+        >>> slow = sst_pin.coordinate_motion(chain, t, chain.home[0] + 0.1 * np.sin(t)[:, None])
+        >>> sst_pin.identification.condition_number(chain, base, slow) > 100
+        True
+    """
+    return _condition(chain, base, _sizes(chain, base), motion)
+
+
+def _sizes(chain: ClosedChain, base: BaseParameters) -> Array:
+    """Root mean squares of the columns of the base regressor at random states, shape (b,)."""
+    usual = chain.torque_regressor(*random_states(chain, 200, 0))[..., base.columns]
+    return np.asarray(np.sqrt(np.mean(usual**2, axis=(0, 1))))
+
+
+def _condition(chain: ClosedChain, base: BaseParameters, sizes: Array, motion: Trajectory) -> float:
+    Y = chain.torque_regressor(motion.q, motion.va, motion.aa)[..., base.columns]
+    return float(np.linalg.cond((Y / sizes).reshape(-1, len(base))))
+
+
+def excitation(
+    chain: ClosedChain,
+    base: BaseParameters,
+    duration: float,
+    *,
+    harmonics: int = 5,
+    rates: ArrayLike | None = None,
+    torques: ArrayLike | None = None,
+    start: ArrayLike | None = None,
+    tries: int = 60,
+    seed: int = 0,
+    dt: float = 0.01,
+) -> Trajectory:
+    """A motion that shows base parameters well, within what the robot can do.
+
+    Each coordinate is a Fourier series about its position at the start, where the motion begins and
+    ends at rest. Random series are scaled down until no limit is passed and no singular
+    configuration is met; the best one is bettered by random steps.
+
+    Args:
+        chain: The robot; each coordinate turns about an axis or slides.
+        base: The combinations to be shown.
+        duration: Of one period, [s].
+        harmonics: Of the series; the highest frequency is their number over the duration.
+        rates: Largest rate of each coordinate, shape (n,) or (); those of the model by default.
+        torques: Largest torque of each motor, shape (motors,) or (); those of the model by default.
+        start: The configuration at the start, shape (nq,); `home` by default.
+        tries: How many motions are judged.
+        seed: Seed of the random series.
+        dt: Time between samples of the result, [s].
+
+    Returns:
+        One period; positions of joints stay within the limits of the model.
+
+    Raises:
+        InputError: If no motion is possible within the limits, or the limits are not positive.
+
+    Example:
+        >>> chain = sst_pin.robots.five_bar()
+        >>> base = sst_pin.identification.base_parameters(chain)
+        >>> motion = sst_pin.identification.excitation(chain, base, 3.0, harmonics=2, tries=2)
+        >>> bool(np.abs(motion.va[[0, -1]]).max() < 1e-3)
+        True
+    """
+    period, n = positive_number("duration", duration), len(chain.coordinates)
+    count, tries = whole_number("harmonics", harmonics, 2), whole_number("tries", tries, 1)
+    mechanism, random = chain.mechanism, np.random.default_rng(whole_number("seed", seed, 0))
+    model, space = mechanism.model, mechanism.space
+    largest = _limits("rates", rates, model.velocityLimit[mechanism.coordinates], n)
+    effort = np.abs(mechanism.motors).T @ np.minimum(model.effortLimit, np.finfo(float).max / 10)
+    strongest = _limits("torques", torques, effort, len(chain.motor_names))
+    first = chain.assemble(start_of(chain) if start is None else start)
+    x0 = taken(space, first, chain.coordinates)
+    sizes = _sizes(chain, base)
+    turns = np.array([unit == "rad" for unit in mechanism.coordinate_rate_units])
+    units = np.where(turns, 1.0, mechanism.length)
+
+    orders = 2 * np.pi * np.arange(1, count + 1) / period
+    zero, one = np.zeros(count), np.ones(count)
+    ends = np.array([[*zero, *one], [*orders, *zero], [*zero, *orders**2]])  # rest at the start
+    rest = null_space(ends / np.abs(ends).max(axis=1, keepdims=True))
+
+    def sampled(z: Array, step: float) -> Trajectory:
+        t = np.linspace(0, period, max(round(period / step), 3) + 1)
+        waves = np.hstack([np.sin(np.outer(t, orders)), np.cos(np.outer(t, orders))])
+        return coordinate_motion(chain, t, x0 + (waves @ rest @ z) * units, first)
+
+    def allowed(motion: Trajectory) -> bool:
+        within = (motion.q >= model.lowerPositionLimit) & (motion.q <= model.upperPositionLimit)
+        bounded = model.lowerPositionLimit < model.upperPositionLimit
+        return bool(
+            within[:, bounded].all()
+            and (np.abs(motion.va) <= largest).all()
+            and (np.abs(motion.tau) <= strongest).all()
+        )
+
+    def judged(z: Array) -> tuple[float, Array]:
+        """Condition number of a motion as large as is allowed, and its coefficients."""
+        scale = 1.0
+        while scale > _SMALLEST:
+            try:
+                motion = sampled(scale * z, period / (_SAMPLES * count))
+                if allowed(motion):
+                    return _condition(chain, base, sizes, motion), scale * z
+            except SSTError:
+                pass
+            scale *= 0.7
+        return np.inf, z
+
+    best, kept = np.inf, np.zeros((rest.shape[1], n))
+    for k in range(tries):
+        step = np.asarray(random.normal(size=kept.shape) / count)
+        if k >= tries / 3 and np.isfinite(best):  # from the best one, ever shorter steps
+            step = kept + 0.5 * np.abs(kept).max() * count * (1 - k / tries) * step
+        value, found = judged(step)
+        if value < best:
+            best, kept = value, found
+    while np.isfinite(best):
+        motion = sampled(kept, positive_number("dt", dt))
+        if allowed(motion):
+            return motion
+        kept = 0.97 * kept  # a limit is passed between the samples that were judged
+    raise InputError("start", "no motion about it stays within the limits")
+
+
+def _limits(name: str, given: ArrayLike | None, model: Array, size: int) -> Array:
+    """Largest values, shape (size,); a limit of the model that is 0 is unknown."""
+    if given is None:
+        return np.where(model > 0, model, np.inf)
+    values = finite_array(name, given, ())
+    if values.shape not in ((), (size,)) or not (values > 0).all():
+        raise InputError(name, f"needed: a positive number, or {size}")
+    return np.broadcast_to(values, (size,))
