@@ -18,6 +18,11 @@ from .control.controllers import Adaptive as Adaptive
 from .control.controllers import ComputedTorque as ComputedTorque
 from .control.controllers import GravityPD as GravityPD
 from .control.controllers import TrackingLQR as TrackingLQR
+from .control.pose_abilities import Ellipsoid as Ellipsoid
+from .control.pose_abilities import acceleration_ellipsoid as acceleration_ellipsoid
+from .control.pose_abilities import acceleration_polytope as acceleration_polytope
+from .control.pose_abilities import force_ellipsoid as force_ellipsoid
+from .control.pose_abilities import force_polytope as force_polytope
 from .control.serial_view import SerialView as SerialView
 from .control.timing import time_optimal as time_optimal
 from .description import MJCF_PATH as MJCF_PATH

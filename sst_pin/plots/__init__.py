@@ -8,6 +8,7 @@ try:
 except ImportError:
     raise MissingExtraError("matplotlib", "plot") from None
 
+from .convex_sets import convex_set
 from .frame_paths import frame_path
 from .load_bars import loads_page
 from .motions import (
@@ -46,6 +47,7 @@ __all__ = [
     "StyledFigure",
     "condition_colourbar",
     "condition_number",
+    "convex_set",
     "energy_balance",
     "figure_writer",
     "figure_writers",

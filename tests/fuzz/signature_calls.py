@@ -300,6 +300,9 @@ def _right(
 
 #: Odd values that have the answer of the good call.
 SAME = {"threads: int", "tries: int", "seed: 0", "seed: int"}
+ABILITIES = [
+    f"{kind}_{form}" for kind in ("force", "acceleration") for form in ("ellipsoid", "polytope")
+]
 #: Odd values that have an answer.
 FINE = {
     "stopped: 'unknown'", "stopped: ''", "start: -1.0", "psi: -1.0", "port: 0", "end: inf",
@@ -313,6 +316,7 @@ FINE = {
     *(f"Adaptive({word}: scalar)" for word in ("stiffness", "damping", "limits")),
     *(f"ComputedTorque({word}: scalar)" for word in ("kp", "kd", "limits")),
     *(f"GravityPD({word}: scalar)" for word in ("kp", "kd", "limits")),
+    *(f"{name}(torques: scalar)" for name in ABILITIES), "force_ellipsoid(torques: huge)",
     *(f"time_optimal({word}: scalar)" for word in ("torques", "rates", "accelerations")),
     "TrackingLQR(limits: scalar)", "Adaptive(learning: 0.0)",
     "write_loop_closures(path: only an ending)",
@@ -420,6 +424,10 @@ def _of_control(w: World) -> Iterator[Subject]:
         made = {"chain": w.robot, "motion": w.motion, "limits": np.ones(3)}
         yield Subject(name, getattr(sst_pin, name), made | gains)
 
+    able = {"chain": w.robot, "q": w.motion.q[0], "frame": "star_1", "torques": np.full(3, 60.0)}
+    able |= {"va": np.ones(3)}
+    for name in ABILITIES:
+        yield Subject(name, getattr(sst_pin, name), able | {"turning": True})
     made = {"chain": w.robot, "path": w.motion.q, "torques": np.full(3, 60.0)}
     made |= {"rates": np.full(3, 50.0), "accelerations": np.full(3, 500.0), "dt": 0.01}
     yield Subject("time_optimal", sst_pin.time_optimal, made, "torques")

@@ -10,6 +10,8 @@ import sst_pin
 from legible import require_legible
 
 plots = pytest.importorskip("sst_pin.plots", reason="extra `plot` is not installed")
+from matplotlib.figure import Figure  # noqa: E402
+
 from sst_pin.plots import curves  # noqa: E402
 from sst_pin.plots.motions import CURVES  # noqa: E402
 
@@ -210,3 +212,25 @@ def test_a_path_of_an_unknown_frame_is_refused():
     with pytest.raises(sst_pin.InputError, match="name the frame whose path is drawn"):
         plots.motion_page(nameless, motion, ("path",))
     assert len(plots.motion_page(nameless, motion, frame="tool").axes[0].get_lines()) == 2
+
+
+def test_convex_sets_are_drawn_in_a_plane_and_as_bodies():
+    """A cube covers a square of its size; an ellipsoid stays inside; what is flat is refused."""
+    cube = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
+    ball = sst_pin.Ellipsoid(np.zeros(3), np.array([1.0, 0.5, 0.5]), np.eye(3))
+    ax = Figure().add_subplot()
+    for shape in (cube, ball):
+        plots.convex_set(ax, shape, at=(5, 0, 0), scale=2.0, plane=(0, 2))
+    square, ellipse = (patch.get_xy() for patch in ax.patches)
+    assert np.abs(np.sort(np.unique(square, axis=0), axis=0)).max() == 7
+    assert {tuple(x) for x in square} == {(3, -2), (3, 2), (7, -2), (7, 2)}
+    assert np.abs(ellipse[:, 0] - 5).max() == pytest.approx(2, rel=1e-2)
+    assert np.abs(ellipse[:, 1]).max() == pytest.approx(1, rel=1e-2)
+    space = Figure().add_subplot(projection="3d")
+    plots.convex_set(space, cube)
+    assert len(space.collections) == 1
+    for flat in (cube[:1], np.zeros((8, 3)), cube * (1, 0, 1)):
+        with pytest.raises(sst_pin.InputError, match="flat"):
+            plots.convex_set(Figure().add_subplot(), flat)
+    with pytest.raises(sst_pin.InputError, match="entry"):
+        plots.convex_set(ax, np.full((8, 3), np.nan))

@@ -1,0 +1,177 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""What a pose can do, against the dynamics with forces and torques applied."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.spatial import ConvexHull
+
+import sst_pin
+
+LIMIT = 2.0
+FRAME = "platform"
+ROBOTS = ("delta", "five_bar", "planar_4rrr", "stewart")
+
+
+def made(name):
+    chain = getattr(sst_pin.robots, name)()
+    rest = np.zeros(chain.degrees_of_freedom)
+    hold = np.abs(chain.compute_torques(chain.home, rest, rest)).max()
+    return chain, chain.home, 2 * hold + LIMIT
+
+
+def wrenches_of(chain, q, force, moment=(0, 0, 0)):
+    """What a force and a moment on the frame are for the body that carries it."""
+    model, data = chain.model, chain.model.createData()
+    pin.framesForwardKinematics(model, data, q)
+    frame = model.frames[model.getFrameId(FRAME)]
+    body = frame.parentJoint
+    center = data.oMi[body].act(model.inertias[body].lever)
+    arm = data.oMf[model.getFrameId(FRAME)].translation - center
+    wrenches = np.zeros((model.njoints - 1, 6))
+    wrenches[body - 1] = np.concatenate([moment + np.cross(arm, force), force])
+    return wrenches
+
+
+def inside(points, corners, slack=1e-9):
+    """Whether points lie in the convex hull, in the directions that it has."""
+    middle = corners.mean(axis=0)
+    _, s, axes = np.linalg.svd(corners - middle)
+    flat = axes[: (s > 1e-9 * s[0]).sum()]
+    hull = ConvexHull((corners - middle) @ flat.T)
+    local = (points - middle) @ flat.T
+    gaps = local @ hull.equations[:, :-1].T + hull.equations[:, -1]
+    return (gaps.max(axis=1) <= slack * np.abs(corners).max()).all()
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_forces_at_the_corners_take_a_motor_to_its_limit(name):
+    """By inverse dynamics with the reaction applied: none beyond, two or more at their limits."""
+    chain, q, limit = made(name)
+    rest = np.zeros(chain.degrees_of_freedom)
+    for force in sst_pin.force_polytope(chain, q, FRAME, limit):
+        load = wrenches_of(chain, q, -force)
+        tau = chain.compute_torques(q, rest, rest, external_wrenches=load)
+        assert np.abs(tau).max() == pytest.approx(limit, rel=1e-9)
+        assert (np.abs(tau) > limit * (1 - 1e-9)).sum() >= 2
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_squares_of_torques_sum_up_to_one_on_the_ellipsoid_of_forces(name):
+    chain, q, limit = made(name)
+    rest = np.zeros(chain.degrees_of_freedom)
+    hold = chain.compute_torques(q, rest, rest)
+    _, sizes, axes = sst_pin.force_ellipsoid(chain, q, FRAME, limit)
+    for size, axis in zip(sizes, axes, strict=True):
+        load = wrenches_of(chain, q, -axis * (size if np.isfinite(size) else 1.0))
+        tau = chain.compute_torques(q, rest, rest, external_wrenches=load) - hold
+        wanted = 1.0 if np.isfinite(size) else 0.0
+        assert np.sum((tau / limit) ** 2) == pytest.approx(wanted, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_accelerations_of_all_torques_lie_in_the_polytope(name):
+    """By direct dynamics and Pinocchio's frame accelerations; its corners are reached."""
+    chain, q, limit = made(name)
+    rng = np.random.default_rng(5)
+    va = rng.uniform(-1, 1, chain.degrees_of_freedom) * 0.3
+    corners = sst_pin.acceleration_polytope(chain, q, FRAME, limit, va=va)
+    tau = limit * np.vstack(
+        [
+            rng.uniform(-1, 1, (60, len(chain.motor_names))),
+            rng.choice([-1, 1], (60, len(chain.motor_names))),
+        ]
+    )
+    model, data = chain.model, chain.model.createData()
+    found = []
+    for aa in chain.compute_accelerations(q, va, tau):
+        v, dv = chain.joint_rates(q, va), chain.joint_accelerations(q, va, aa)
+        pin.forwardKinematics(model, data, q, v, dv)
+        kind = pin.LOCAL_WORLD_ALIGNED
+        number = model.getFrameId(FRAME)
+        found.append(pin.getFrameClassicalAcceleration(model, data, number, kind).linear.copy())
+    assert inside(np.array(found), corners, 1e-7)
+    gaps = np.linalg.norm(np.array(found)[:, None] - corners, axis=2).min(axis=0)
+    assert gaps.min() < 1e-7 * np.abs(corners).max()
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_the_ellipsoid_of_accelerations_lies_in_the_polytope(name):
+    chain, q, limit = made(name)
+    center, sizes, axes = sst_pin.acceleration_ellipsoid(chain, q, FRAME, limit)
+    corners = sst_pin.acceleration_polytope(chain, q, FRAME, limit)
+    ends = center + np.vstack([sizes[:, None] * axes, -sizes[:, None] * axes])
+    assert inside(ends, corners)
+    assert np.linalg.norm(corners - center, axis=1).max() >= sizes[0] * (1 - 1e-9)
+
+
+def test_the_star_at_home_turns_alike_about_all_axes(robot):
+    """Isotropic: the moments of unit torques are a unit ball, its corners those of a cube."""
+    sizes = sst_pin.force_ellipsoid(robot, robot.home, "star_1", 1.0, turning=True).sizes
+    assert np.abs(sizes - 1).max() < 1e-12
+    free = sst_pin.SST(sst_pin.Parameters(gravity=(0.0, 0.0, 0.0)))
+    corners = sst_pin.force_polytope(free, free.home, "star_1", 1.0, turning=True)
+    assert corners.shape == (8, 3)
+    assert np.abs(np.linalg.norm(corners, axis=1) - np.sqrt(3)).max() < 1e-9
+
+
+def test_a_five_bar_bears_what_leaves_its_plane():
+    lift, q, limit = made("five_bar")
+    found = sst_pin.force_ellipsoid(lift, q, FRAME, limit)
+    assert np.isinf(found.sizes[0])
+    assert np.abs(found.axes[0]) == pytest.approx([0, 0, 1])
+    assert sst_pin.acceleration_ellipsoid(lift, q, FRAME, limit).sizes[2] < 1e-9
+    assert np.abs(sst_pin.force_polytope(lift, q, FRAME, limit)[:, 2]).max() < 1e-9
+
+
+def test_the_middle_of_a_star_stays_where_it_is(robot):
+    """No force on it takes a torque, no torque accelerates it."""
+    assert np.isinf(sst_pin.force_ellipsoid(robot, robot.home, "star_1", 1.0).sizes).all()
+    assert sst_pin.acceleration_ellipsoid(robot, robot.home, "star_1", 1.0).sizes.max() == 0
+    assert sst_pin.acceleration_polytope(robot, robot.home, "star_1", 1.0).shape == (1, 3)
+    with pytest.raises(sst_pin.InputError, match="star_1 cannot move so"):
+        sst_pin.force_polytope(robot, robot.home, "star_1", 30.0)
+
+
+def test_one_motor_pushes_between_two_ends():
+    bar = sst_pin.robots.four_bar()
+    ends = sst_pin.force_polytope(bar, bar.home, FRAME, [[-1.0, 3.0]])
+    assert ends.shape == (2, 3)
+    rest = np.zeros(1)
+    torques = [
+        bar.compute_torques(bar.home, rest, rest, external_wrenches=wrenches_of(bar, bar.home, -f))
+        for f in ends
+    ]
+    assert np.sort(np.ravel(torques)) == pytest.approx([-1, 3])
+    assert sst_pin.acceleration_polytope(bar, bar.home, FRAME, 1.0).shape == (2, 3)
+
+
+def test_a_batch_is_its_samples():
+    chain = sst_pin.robots.delta()
+    q = np.array([chain.assemble(chain.home + 0.05 * k) for k in range(4)]).reshape(2, 2, -1)
+    va = np.ones(3)
+    for found, one in (
+        (
+            sst_pin.force_ellipsoid(chain, q, FRAME, LIMIT),
+            sst_pin.force_ellipsoid(chain, q[1, 0], FRAME, LIMIT),
+        ),
+        (
+            sst_pin.acceleration_ellipsoid(chain, q, FRAME, LIMIT, va=va),
+            sst_pin.acceleration_ellipsoid(chain, q[1, 0], FRAME, LIMIT, va=va),
+        ),
+    ):
+        assert found.axes.shape == (2, 2, 3, 3)
+        assert np.abs(found.sizes[1, 0] - one.sizes).max() < 1e-9 * one.sizes.max()
+        assert np.abs(found.center[1, 0] - one.center).max() < 1e-9
+
+
+def test_what_is_no_limit_is_refused():
+    chain = sst_pin.robots.delta()
+    with pytest.raises(sst_pin.ActuationError, match="cannot hold the robot"):
+        sst_pin.force_polytope(chain, chain.home, FRAME, 0.01)
+    with pytest.raises(sst_pin.InputError, match="same limits in both"):
+        sst_pin.force_ellipsoid(chain, chain.home, FRAME, [[-1, 2]] * 3)
+    with pytest.raises(sst_pin.InputError, match="below the largest"):
+        sst_pin.acceleration_polytope(chain, chain.home, FRAME, -1.0)
+    with pytest.raises(sst_pin.UnknownNameError, match="hand"):
+        sst_pin.force_ellipsoid(chain, chain.home, "hand", 1.0)
