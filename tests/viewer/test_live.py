@@ -129,7 +129,7 @@ def agree(engine, chain, states):
             chain.mechanism.friction.coulomb.any()
         ):  # the page smooths what an integrator cannot take
             smooth = chain.casadi(engine.q, sign_width=0.01)
-            aa = np.ravel(smooth.accelerations(q, va, state["tau"]))
+            aa = smooth.accelerations(q, va, state["tau"]).full().ravel()
         else:
             aa = chain.compute_accelerations(q, va, state["tau"])
         assert np.abs(np.array(found["accelerations"]) - aa).max() < 1e-8 * (1 + np.abs(aa).max())
