@@ -14,7 +14,7 @@ from ..chain.closed_chain import ClosedChain
 from ..chain.named_positions import taken
 from ..chain.redundancy import limits_of
 from ..chain.thresholds import RANK_TOLERANCE
-from ..errors import ActuationError, InputError, WorkspaceError
+from ..errors import ActuationError, InputError, SingularConfigurationError, WorkspaceError
 from ..motion.coordinate_motions import followed, start_of
 
 Array = NDArray[np.float64]
@@ -335,16 +335,18 @@ class SerialView:
         """The corners of all torques that the motors can give at the joints.
 
         Args:
-            q: One configuration, shape (nq,).
+            q: Configurations, shape (..., nq).
             limits: Largest torque of each motor of `motors`, shape (motors,), or least and
                 largest, (motors, 2); by default `effortLimit` of the model.
 
         Returns:
-            Shape (corners, joints): of one joint the least and the largest torque, of two the
-            corners of the polygon one after the other, of more the corners of the convex hull.
+            Shape (..., corners, joints): of one joint the least and the largest torque, of two the
+            corners of the polygon one after the other, of more the corners of the convex hull. In a
+            batch, a polygon with fewer corners than another has its last one several times.
 
         Raises:
             InputError: If a motor has no limit.
+            SingularConfigurationError: Where the motors do not hold all joints.
 
         Example:
             >>> ankle = sst_pin.SerialView(sst_pin.robots.ankle(), ["ankle_pitch", "ankle_roll"])
@@ -354,16 +356,14 @@ class SerialView:
                    [ 20.,   0.],
                    [  0.,  20.]])
         """
-        from scipy.spatial import ConvexHull
-
         bounds = self._limits(limits)
         corners = np.stack(np.meshgrid(*bounds, indexing="ij"), axis=-1).reshape(-1, len(bounds))
-        at_joints = self.joint_torques(
-            single_array("q", q, (self.chain.mechanism.model.nq,)), corners
-        )
-        if len(self.joints) == 1:
-            return np.array([at_joints.min(axis=0), at_joints.max(axis=0)])
-        return np.asarray(at_joints[ConvexHull(at_joints).vertices])
+        at_joints = self.joint_torques(self._configurations(q)[..., None, :], corners)
+        batch = at_joints.shape[:-2]
+        found = [_hull(points) for points in at_joints.reshape(-1, *at_joints.shape[-2:])]
+        most = max((len(points) for points in found), default=0)
+        padded = [np.pad(x, ((0, most - len(x)), (0, 0)), mode="edge") for x in found]
+        return np.array(padded).reshape(*batch, most, len(self.joints))
 
     def _limits(self, limits: ArrayLike | None) -> Array:
         """Least and largest torques of the motors, shape (motors, 2)."""
@@ -478,6 +478,19 @@ def _without_serial_bodies(chain: ClosedChain) -> pin.Model:
             armature[bearers[-1].idx_v : bearers[-1].idx_v + bearers[-1].nv] = 0
     model.armature = armature
     return model
+
+
+def _hull(points: Array) -> Array:
+    """Corners of the convex hull of points, in one dimension its ends, the first one first."""
+    from scipy.spatial import ConvexHull, QhullError
+
+    if points.shape[1] == 1:
+        return np.array([points.min(axis=0), points.max(axis=0)])
+    try:
+        around = ConvexHull(points).vertices
+    except QhullError:
+        raise SingularConfigurationError("the motors do not hold all joints", np.inf) from None
+    return np.asarray(points[np.roll(around, -int(around.argmin()))])
 
 
 def _matrix(gains: ArrayLike, size: int) -> Array:

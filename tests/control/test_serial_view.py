@@ -269,6 +269,20 @@ def test_the_torque_polygon_is_what_the_motors_can_give(view):
         assert reach == pytest.approx(np.abs(J @ direction) @ limits)  # its support function
 
 
+def test_polygons_of_a_batch_are_those_of_its_samples():
+    """One after the other from the same corner: they change continuously along a motion."""
+    ankle = sst_pin.SerialView(robots.ankle(), ["ankle_pitch", "ankle_roll"])
+    x = np.linspace(0, 1, 12)[:, None] * (0.4, -0.2)
+    q = ankle.from_joints(x).reshape(3, 4, -1)
+    corners = ankle.torque_polygon(q, [20.0, 30.0])
+    assert corners.shape == (3, 4, 4, 2)
+    for i, k in np.ndindex(3, 4):
+        assert_allclose(corners[i, k], ankle.torque_polygon(q[i, k], [20.0, 30.0]), atol=1e-12)
+    path = corners.reshape(12, 4, 2)
+    assert np.abs(np.diff(path, axis=0)).max() < 0.2 * np.abs(path).max()
+    assert ankle.torque_polygon(q[:0], [20.0, 30.0]).shape[0] == 0
+
+
 def test_limits_come_from_the_model():
     knee = robots.knee()
     with pytest.raises(InputError, match="limits"):
