@@ -15,6 +15,7 @@ from . import (
 from . import (
     describe,
     export_c,
+    identify,
     info,
     loads,
     paper_command,
@@ -40,6 +41,7 @@ COMMANDS = (
     describe,
     verify_command,
     validate,
+    identify,
     export_c,
     compile_,
     info,

@@ -7,6 +7,7 @@ from .consistency import consistent_parameters
 from .estimation import Estimate, estimate
 from .excitation import condition_number, excitation
 from .measurements import measured_motion
+from .report import predicted_torques, report
 
 __all__ = [
     "BaseParameters",
@@ -19,7 +20,9 @@ __all__ = [
     "estimate",
     "excitation",
     "measured_motion",
+    "predicted_torques",
     "random_states",
+    "report",
 ]
 
 

@@ -63,6 +63,27 @@ def load_motion(chain: ClosedChain, source: str | Path | BinaryIO) -> Trajectory
     return _motion_of(chain, read_table(source), keep_torques=True)
 
 
+def read_log(
+    chain: ClosedChain, source: str | Path | BinaryIO
+) -> tuple[Array, Array, Array, Array]:
+    """Measured positions and torques in a CSV, as `read_motion` and `read_torques` name columns.
+
+    Args:
+        chain: The robot.
+        source: The file, or a stream.
+
+    Returns:
+        Times, shape (N,); positions of the coordinates, shape (N, n); torques of the motors, shape
+        (N, motors); the configuration at the start, shape (nq,).
+
+    Raises:
+        FileFormatError: When the file is no such log.
+    """
+    table = read_table(source)
+    x, start = _coordinates(chain, table)
+    return table.column("t_s"), x, read_torques(chain, table), start
+
+
 def is_npz(source: str | Path | BinaryIO) -> TypeGuard[str | Path]:
     """Whether the path of a file says that it is one of NumPy's."""
     return isinstance(source, str | Path) and Path(source).suffix.lower() == ".npz"
@@ -172,21 +193,26 @@ def _motion_of(chain: ClosedChain, table: Table, *, keep_torques: bool) -> Traje
         return chain.trajectory(t, q, va, aa, tau)
     if (other := chain._motion_in(table)) is not None:
         return chain.trajectory(t, *other)
+    x, start = _coordinates(chain, table)
+    try:
+        return coordinate_motion(chain, t, x, start)
+    except ClosureError as error:
+        line = table.lines[error.samples[0][0]] if error.samples else table.lines[0]
+        raise FileFormatError(table.path, str(error), line) from None
+
+
+def _coordinates(chain: ClosedChain, table: Table) -> tuple[Array, Array]:
+    """Positions of the coordinates, shape (N, n), and the configuration at the start."""
     found = _joints(chain, table)
     missing = [name for name in chain.coordinates if name not in found]
     if missing:
         raise FileFormatError(
             table.path, f"no column of {', '.join(missing)}; {_wanted(chain, table)}", 1
         )
-    if len(t) < 3:
-        raise FileFormatError(table.path, f"{len(t)} rows; rates need at least three")
+    if len(table.lines) < 3:
+        raise FileFormatError(table.path, f"{len(table.lines)} rows; rates need at least three")
     x = np.column_stack([found[name] for name in chain.coordinates])
-    start = start_configuration(chain, {name: float(c[0]) for name, c in found.items()})
-    try:
-        return coordinate_motion(chain, t, x, start)
-    except ClosureError as error:
-        line = table.lines[error.samples[0][0]] if error.samples else table.lines[0]
-        raise FileFormatError(table.path, str(error), line) from None
+    return x, start_configuration(chain, {name: float(c[0]) for name, c in found.items()})
 
 
 def _wanted(chain: ClosedChain, table: Table) -> str:

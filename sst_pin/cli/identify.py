@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""`sst-pin identify` and `sst-pin excite`: dynamic parameters from a log, and motions for it."""
+
+from __future__ import annotations
+
+import argparse
+
+from ..files import text_writer
+from ..identification import (
+    base_parameters,
+    condition_number,
+    consistent_parameters,
+    estimate,
+    excitation,
+    measured_motion,
+)
+from ..identification.report import report
+from ..motion.motion_files import read_log
+from ..motion.trajectories import Trajectory
+from .common import (
+    Commands,
+    add_input,
+    add_output,
+    add_robot,
+    number,
+    require_extras,
+    robot_of,
+    save,
+    say,
+    source_of,
+    write,
+)
+
+_POSITIVE = number("a positive number", lambda x: 0 < x < float("inf"))
+
+
+def add_to(commands: Commands) -> None:
+    """Add both commands."""
+    parser = commands.add(
+        "identify",
+        _identify,
+        "Find masses, inertias and friction from a log of measured positions and torques. The log "
+        "is a motion file with columns of torques, as the command torques writes them; its last "
+        "third is kept apart for validation.",
+    )
+    add_robot(parser)
+    add_input(parser, "log", "log")
+    add_output(parser, "REPORT.md", "report, Markdown; - writes it")
+    parser.add_argument(
+        "--cutoff",
+        type=_POSITIVE,
+        required=True,
+        metavar="HZ",
+        help="frequency up to which positions and torques are kept",
+    )
+    parser.add_argument(
+        "--which",
+        default="*.m*,*.i*,*.viscous,*.coulomb",
+        metavar="NAMES",
+        help="parameters considered, patterns with commas between (default: %(default)s)",
+    )
+    parser.add_argument("--robust", action="store_true", help="let outliers count less")
+    parser = commands.add(
+        "excite", _excite, "Find a motion that shows the dynamic parameters of a robot well."
+    )
+    add_robot(parser)
+    add_output(parser, "MOTION.csv")
+    parser.add_argument(
+        "--duration", type=_POSITIVE, default=10.0, metavar="S", help="of one period (default: 10)"
+    )
+    parser.add_argument(
+        "--tries",
+        type=number("a count", lambda n: n >= 1, int),
+        default=30,
+        metavar="N",
+        help="motions that are judged (default: 30)",
+    )
+    parser.add_argument("--rates", type=_POSITIVE, metavar="V", help="largest rate, rad/s or m/s")
+    parser.add_argument("--torques", type=_POSITIVE, metavar="T", help="largest torque, N m or N")
+
+
+def _identify(arguments: argparse.Namespace) -> int:
+    require_extras(identification="clarabel")
+    robot, source = robot_of(arguments), source_of(arguments.log)
+    t, x, tau, start = read_log(robot, source)
+    motion = measured_motion(robot, t, x, tau, cutoff=arguments.cutoff, start=start)
+    cut = 2 * len(motion) // 3
+    seen, unseen = _part(motion, slice(0, cut)), _part(motion, slice(cut, None))
+    base = base_parameters(robot, arguments.which.split(","))
+    found = estimate(robot, base, seen.q, seen.va, seen.aa, seen.tau, robust=arguments.robust)
+    theta = consistent_parameters(robot, found)
+    write({arguments.output: text_writer(report(robot, found, theta, unseen))}, arguments)
+    told = f"{len(base)} combinations, {int(found.supported.sum())} supported"
+    say(f"{len(motion)} samples, {told} -> {arguments.output}", arguments)
+    return 0
+
+
+def _part(motion: Trajectory, rows: slice) -> Trajectory:
+    return motion.between(motion.t[rows][0], motion.t[rows][-1])
+
+
+def _excite(arguments: argparse.Namespace) -> int:
+    robot = robot_of(arguments)
+    base = base_parameters(robot)
+    limits = {"rates": arguments.rates, "torques": arguments.torques}
+    motion = excitation(robot, base, arguments.duration, tries=arguments.tries, **limits)
+    save(motion, arguments)
+    value = condition_number(robot, base, motion)
+    say(f"{len(motion)} samples, condition number {value:.3g} -> {arguments.output}", arguments)
+    return 0

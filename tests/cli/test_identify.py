@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""From a robot to a motion, from its log to the parameters."""
+
+import numpy as np
+import pytest
+
+import sst_pin
+from commands import run
+
+CHAIN = sst_pin.robots.five_bar()
+
+
+@pytest.fixture
+def log(here):
+    """Positions and noisy torques of a robot with friction in its left motor."""
+    true = CHAIN.with_parameters({"shoulder_1.viscous": 0.2})
+    t = np.linspace(0, 12, 601)
+    x = np.array(CHAIN.home)[[0, 2]] + np.array([0.3, 0.2]) * np.sin(
+        np.outer(t, [3, 4]) + np.sin(np.outer(t, [1, 2]))
+    )
+    tau = np.array(sst_pin.coordinate_motion(true, t, x).tau)
+    tau += 0.002 * np.random.default_rng(0).normal(size=tau.shape)
+    head = "t_s,shoulder_1_rad,shoulder_2_rad,tau_shoulder_1_Nm,tau_shoulder_2_Nm"
+    np.savetxt(
+        here / "log.csv", np.column_stack([t, x, tau]), "%.9g", ",", header=head, comments=""
+    )
+    return here / "log.csv"
+
+
+def test_a_report_has_the_friction_of_the_robot_and_the_errors_of_unseen_samples(log, capsys):
+    arguments = "--robot", "five_bar", "--cutoff", 10
+    code, out, _ = run(capsys, "identify", log, "-o", "report.md", *arguments)
+    assert code == 0
+    assert "report.md" in out
+    lines = (log.parent / "report.md").read_text().splitlines()
+    (row,) = [line.split("|") for line in lines if line.startswith("| shoulder_1.viscous |")]
+    assert float(row[2]) == pytest.approx(0.2, abs=float(row[3]))
+    assert not row[4].strip()
+    (motor,) = [line.split("|") for line in lines if line.startswith("| shoulder_1 |")]
+    assert float(motor[4]) < 0.03  # of the torque, in the third that was kept apart
+    code, out, _ = run(capsys, "identify", log, "-o", "-", "--robust", *arguments)
+    assert code == 0
+    assert out.startswith("# Dynamic parameters of five_bar")
+
+
+def test_a_motion_that_shows_parameters_is_a_motion_file(here, capsys):
+    options = "--robot", "five_bar", "--duration", 2, "--tries", 1, "--torques", 0.02
+    assert run(capsys, "excite", "-o", "motion.csv", *options)[0] == 0
+    motion = sst_pin.Trajectory.load(here / "motion.csv")
+    assert np.abs(motion.tau).max() <= 0.02
+    assert run(capsys, "torques", "motion.csv", "-o", "tau.csv", "--robot", "five_bar")[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (["--cutoff", 30], "cutoff"),
+        (["--cutoff", 0], "a positive number"),
+        (["--cutoff", 10, "--which", "nothing"], "nothing"),
+    ],
+)
+def test_what_cannot_be_identified_is_told_in_one_line(log, capsys, change, told):
+    code, _, error = run(capsys, "identify", log, "-o", "r.md", "--robot", "five_bar", *change)
+    assert code == 2
+    assert told in error
+    assert error.count("\n") == 1
+
+
+def test_a_motion_without_torques_is_no_log(log, capsys):
+    bare = "\n".join(",".join(line.split(",")[:3]) for line in log.read_text().splitlines())
+    log.write_text(bare)
+    code, _, error = run(
+        capsys, "identify", log, "-o", "r.md", "--robot", "five_bar", "--cutoff", 10
+    )
+    assert code == 2
+    assert "tau" in error
