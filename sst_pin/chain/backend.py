@@ -120,8 +120,8 @@ class States(Protocol):
     def condition_number(self, q: Array) -> float:
         """Condition number of the dependent part of Phi, infinite if it is singular."""
 
-    def elsewhere(self, q: Array) -> States:
-        """The state space in the independent rates that describe motions from q on best."""
+    def suited(self, q: Array) -> tuple[States, float]:
+        """These states if their condition is sound, or much better ones, and the condition."""
 
     def follow(self, start: Array, way: Way, limit: float) -> tuple[float, Array]:
         """How much of a step stays regular and in its assembly mode; see `Continuity.follow`."""

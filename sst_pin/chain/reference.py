@@ -29,10 +29,21 @@ from .dynamics import Workspace
 from .mechanism import Friction, Mechanism
 from .mobility import scaled_Phi
 from .noc import mass_centers
-from .thresholds import CLOSURE_TOLERANCE, MAX_CONDITION_NUMBER, ROUNDING, UNSUPPLIED
+from .thresholds import (
+    CLOSURE_TOLERANCE,
+    MARGIN,
+    MAX_CONDITION_NUMBER,
+    ROUNDING,
+    UNSUPPLIED,
+    WELL_CONDITIONED,
+)
 from .tree import of_rates, summed, support
 
 Array = NDArray[np.float64]
+#: Largest part of a motion's rates by which its two slopes in the middle of a step may differ.
+_SCATTER = 0.1
+#: Way of a joint on which coordinates are judged once, [rad] or of the robot's length.
+_LOOK = 0.05
 _Method = TypeVar("_Method", bound=Callable[..., Array])
 
 
@@ -402,20 +413,32 @@ class ReferenceStates:
         """Condition number of the dependent part of Phi, infinite if it is singular."""
         return self._continuity.condition_number(q)
 
-    def elsewhere(self, q: Array) -> ReferenceStates:
-        """The state space in the independent rates that describe motions from q on best."""
+    def suited(self, q: Array, sound: float = WELL_CONDITIONED) -> tuple[ReferenceStates, float]:
+        """These states if their condition is sound, or much better ones, and the condition.
+
+        The others are those in the independent rates that describe motions from q on best.
+        """
         from scipy.linalg import qr
 
-        Phi = self.Phi(q)
+        condition = self.condition_number(q)
+        if not condition > sound:
+            return self, condition
+        Phi, n = self.Phi(q), len(self.coordinates)
         # Those of the smallest singular values: near a singularity there are more free motions.
-        motions = np.linalg.svd(Phi)[2][len(Phi.T) - len(self.coordinates) :]
+        motions = np.linalg.svd(Phi)[2][len(Phi.T) - n :]
         _, order = qr(motions, pivoting=True, mode="r")
-        chosen = np.sort(order[: len(motions)]).astype(np.intp)
+        chosen = np.sort(order[:n]).astype(np.intp)
+        own, best = (
+            np.linalg.svd(Phi[:, rates], compute_uv=False)[[0, len(rates) - 1]]
+            for rates in (self._mechanism.dependent, order[n:])
+        )
+        if not own[1] * best[0] * MARGIN < best[1] * own[0]:
+            return self, condition
         key = chosen.tobytes()
         if key not in self._others:
             mechanism = replace(self._mechanism, coordinates=chosen)
             self._others[key] = ReferenceStates(Reference(mechanism), self._friction)
-        return self._others[key]
+        return self._others[key], self._others[key].condition_number(q)
 
     def follow(self, start: Array, way: Way, limit: float) -> tuple[float, Array]:
         """How much of a step stays regular and in its assembly mode; see `Continuity.follow`."""
@@ -450,32 +473,60 @@ class ReferenceStates:
         state that does not hold: open loops, a singularity, a number that is not finite. Gives how
         many states of each motion hold, shape (N,).
         """
-        dt, q0, va0, tau, loads, q, va = motions
-        steps, held = motions.steps, motions.held
-        q[:], va[:] = np.nan, np.nan
-        reached = np.zeros(len(q), dtype=np.intp)
-        for i in range(len(q)):
-            load = None if loads is None else loads[i].reshape(-1, 6)
-            state, before = np.concatenate([q0[i], va0[i]]), q0[i]
-            for s in range(steps + 1):
-                q_s = state[: self._nq]
-                try:
-                    self._reference.workspace.evaluate(q_s)
-                    if not (np.isfinite(state).all() and (s == 0 or self._continues(before, q_s))):
-                        break
-                    q[i, s], va[i, s] = q_s, state[self._nq :]
-                    before, reached[i] = q_s, s + 1
-                    if s < steps:
-                        three = tau[i, [s, s, s] if held else [2 * s, 2 * s + 1, 2 * s + 2]]
-                        state = self._step(state, three, load, dt)
-                except SSTError:
-                    break
-        return reached
+        return np.array([self._roll(motions, i)[0] for i in range(len(motions.q))], dtype=np.intp)
 
-    def _step(self, state: Array, tau: Array, wrenches: Array | None, h: float) -> Array:
-        """One step; between its ends q is off the closures by the square of the step."""
+    def _roll(self, motions: Motions, i: int, *, back: bool = False) -> tuple[int, bool]:
+        """How many states of motion i hold, and whether it goes on behind them.
+
+        Its rates are those of other joints where these describe it better; with `back`, until the
+        coordinates do again.
+        """
+        states, q, va = self, motions.q[i], motions.va[i]
+        q[:], va[:] = np.nan, np.nan
+        load = None if motions.load is None else motions.load[i].reshape(-1, 6)
+        state, before = np.concatenate([motions.q0[i], motions.va0[i]]), motions.q0[i]
+        done = 0
+        for s in range(motions.steps + 1):
+            q_s, rates = np.split(state, [self._nq])
+            try:
+                self._reference.workspace.evaluate(q_s)
+                if not (np.isfinite(state).all() and (s == 0 or states._continues(before, q_s))):
+                    break
+                v = states.joint_rates(q_s, rates)
+                q[s], va[s] = q_s, rates if states is self else v[self.coordinates]
+                before, done = q_s, s + 1
+                suited = self._suited_ahead(q_s, motions.dt * v)
+                if s == motions.steps or (back and s and suited is self):
+                    return done, True
+                if suited is not states:
+                    states, state = suited, np.concatenate([q_s, v[suited.coordinates]])
+                three = motions.tau[i, [s] * 3 if motions.held else slice(2 * s, 2 * s + 3)]
+                state, scatter = states._step(state, three, load, motions.dt)
+                if states is not self and not scatter < _SCATTER:
+                    break  # the step is too long for the bend of its way
+            except SSTError:
+                break
+        return done, False
+
+    def _suited_ahead(self, q: Array, way: Array) -> ReferenceStates:
+        """These states, or others that are much better on the way of a step from q."""
+        longest = float(np.abs(way / self._mechanism.rate_scale).max(initial=0))
+        parts = min(4, 1 + int(longest / _LOOK))
+        for fraction in np.arange(1, parts + 1) / parts:
+            suited, _ = self.suited(pin.integrate(self._mechanism.model, q, fraction * way), 1.0)
+            if suited is not self:
+                return suited
+        return self
+
+    def _step(
+        self, state: Array, tau: Array, wrenches: Array | None, h: float
+    ) -> tuple[Array, float]:
+        """One step, and how far its two slopes in the middle differ, relative to the rates.
+
+        Between the ends of the step q is off the closures by its square.
+        """
         nq, space = self._nq, self._mechanism.space
-        stage, end = state, state
+        stage, end, rates = state, state, list[Array]()
         for when, weight, ahead in (
             (0, h / 6, h / 2),
             (1, h / 3, h / 2),
@@ -483,6 +534,10 @@ class ReferenceStates:
             (2, h / 6, 0),
         ):
             q = space.normalised(stage[:nq])
-            rate = self._rate(q, stage[nq:], tau[when], wrenches, np.inf)
-            end, stage = end + weight * rate, state + ahead * rate
-        return np.concatenate([self.closed(end), end[nq:]])
+            rates.append(self._rate(q, stage[nq:], tau[when], wrenches, np.inf))
+            end, stage = end + weight * rates[-1], state + ahead * rates[-1]
+        scale = self._mechanism.rate_scale[self.coordinates]
+        apart = np.abs(h * (rates[2] - rates[1])[nq:] / scale).max(initial=0)
+        moved = (np.abs(state[nq:]) + np.abs(h * rates[0][nq:])) / scale
+        scatter = float(apart / max(moved.max(initial=0), 1e-300))
+        return np.concatenate([self.closed(end), end[nq:]]), scatter

@@ -24,3 +24,6 @@ ROUNDING = 1e-12
 UNIQUE = 1e-5
 #: Joints that are slower are at rest, [rad/s] or [m/s]: the sign of their rate is rounding.
 AT_REST = 1e-12
+#: Condition number of the dependent joints below which coordinates are kept or taken up again, and
+#: above which others are looked for, as long as these are better by some margin.
+WELL_CONDITIONED, POOR, MARGIN = 20.0, 50.0, 4.0

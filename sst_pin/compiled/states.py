@@ -16,6 +16,7 @@ from ..chain.continuity import TRAVEL
 from ..chain.derivatives import AccelerationDerivatives
 from ..chain.mechanism import Friction
 from ..chain.reference import Reference, ReferenceStates
+from ..errors import SSTError
 
 if TYPE_CHECKING:
     from ._binding import Course
@@ -97,20 +98,34 @@ class CompiledStates(ReferenceStates):
         course = self._course(motions.load is not None)
         if course is None:
             return super().rollout(motions, threads)
+        reached = self._run(course, motions, threads)
+        for i in map(int, np.flatnonzero(reached <= motions.steps)):
+            goes_on = True
+            while goes_on and reached[i] <= motions.steps:
+                done = max(int(reached[i]) - 1, 0)
+                more, goes_on = self._roll(motions.rest(i, done), 0, back=True)
+                reached[i] = done + more
+                if goes_on and reached[i] <= motions.steps:
+                    rest = motions.rest(i, done + more - 1)
+                    held = int(self._run(course, rest, 1)[0])
+                    if not held:  # only the reference path goes on from there
+                        rest.q[0, 0], rest.va[0, 0], held = rest.q0[0], rest.va0[0], 1
+                    reached[i] += held - 1
+        return reached
+
+    def _run(self, course: Course, motions: Motions, threads: int) -> Indices:
+        """Fill the states of motions as far as the kernels compute them well, and count them."""
         reached = course.run(*motions, min(threads, sys.maxsize))
         reached[~self._mechanism.space.on_manifold(motions.q0)] = 0  # kernels normalise on the way
-        reached = self._continuous(motions, reached)
-        for i in map(int, np.flatnonzero(reached <= motions.steps)):
-            done = max(int(reached[i]) - 1, 0)
-            reached[i] = done + super().rollout(motions.rest(i, done), 1)[0]
-        return reached
+        return self._continuous(motions, reached)
 
     def _continuous(self, motions: Motions, reached: Indices) -> Indices:
         """How many states of each motion follow one another in one assembly mode, shape (N,).
 
         In the middle between two modes, and near a singularity, a block of Phi_u is almost
         singular. So a short step is sound where det Phi_u changes little to its middle and to its
-        end; the others are left to the reference path.
+        end; the others are left to the reference path. So is a motion that comes near a dead point
+        of the coordinates.
         """
         q, until = motions.q, reached.copy()
         ends, middles = self._determinants(q), self._determinants((q[:, 1:] + q[:, :-1]) / 2)
@@ -121,10 +136,36 @@ class CompiledStates(ReferenceStates):
         sound = ((ratios > 1 / _CHANGE) & (ratios < _CHANGE)).all(axis=0)
         sound &= (np.abs(np.diff(q, axis=1)) <= longest).all(axis=2)
         sound |= np.arange(motions.steps) + 1 >= reached[:, None]
+        for i, s in np.argwhere(self._falls(ends)):
+            if s < until[i] and self._leaves(motions, i, s):
+                until[i] = s + 1
         for i, s in np.argwhere(~sound):
-            if s + 1 < until[i] and not self._continues(q[i, s], q[i, s + 1]):
+            if s + 1 < until[i] and (
+                self._leaves(motions, i, s) or not self._continues(q[i, s], q[i, s + 1])
+            ):
                 until[i] = s + 1
         return until
+
+    def _leaves(self, motions: Motions, i: int, s: int) -> bool:
+        """Whether the step from a state needs other coordinates, or cannot be done."""
+        q = motions.q[i, s]
+        try:
+            way = motions.dt * self.joint_rates(q, motions.va[i, s])
+        except SSTError:
+            return True
+        return self._suited_ahead(q, way) is not self
+
+    def _falls(self, ends: Array) -> NDArray[np.bool_]:
+        """Where |det Phi_u| first falls by one more `_CHANGE` below half its size elsewhere."""
+        largest = np.nanmax(np.abs(ends), axis=1, initial=0)
+        example = self._mechanism.example
+        if example is not None:
+            largest = np.fmax(largest, np.abs(self._determinants(example[None])))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            levels = np.floor(np.log(largest[:, None] / np.abs(ends) / 2) / np.log(_CHANGE))
+        levels = np.where(levels >= 0, levels, -1)  # where there is no number too
+        falls = np.diff(np.maximum.accumulate(levels, axis=1), axis=1, prepend=-1) > 0
+        return np.asarray(falls)
 
     def _determinants(self, q: Array) -> Array:
         """det Phi_u of configurations, shape (..., nq); NaN where they fail the checks."""

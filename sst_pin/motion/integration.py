@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ..chain.backend import States
 from ..chain.mechanism import Mechanism
+from ..chain.thresholds import MARGIN, POOR, WELL_CONDITIONED
 from ..errors import InputError, SimulationError, SSTError
 from .crossings import Course, Crossing, crossing_of, mismatch
 
@@ -24,9 +25,6 @@ Array = NDArray[np.float64]
 
 #: Steps of differences, relative or [rad], [m] and per second.
 _DIFFERENCE = 1e-8
-#: Condition number of the dependent joints, below which coordinates are kept or taken up again,
-#: and above which others are looked for, as long as these are better by some margin.
-_WELL_CONDITIONED, _POOR, _MARGIN = 20.0, 50.0, 4.0
 #: A step that is not regular is tried again with its regular part, or this part of it at least;
 #: a motion ends where this leads to such a part of its time.
 _SHORTER, _STUCK = 0.25, 1e-12
@@ -212,9 +210,9 @@ class Run:
             if fraction < 1:
                 self._settle(irregular=True)
                 return
-            better = states is not motion.own and motion.own.condition_number(q) < _WELL_CONDITIONED
-            calm = len(self._bounds) == 1 and self._limit > _POOR
-            if better or (calm and states.condition_number(q) * _MARGIN**2 < self._limit):
+            better = states is not motion.own and motion.own.condition_number(q) < WELL_CONDITIONED
+            calm = len(self._bounds) == 1 and self._limit > POOR
+            if better or (calm and states.condition_number(q) * MARGIN**2 < self._limit):
                 self._settle()
 
     def _keep(self, solver: OdeSolver, until: float) -> None:
@@ -231,18 +229,13 @@ class Run:
         The motion ends where a step was irregular and no others are better.
         """
         motion, own, q = self._motion, self._motion.own, self._q
-        before, condition, states = motion.states, own.condition_number(q), own
-        if condition > _WELL_CONDITIONED:
-            other = own.elsewhere(q)
-            best = other.condition_number(q)
-            if best * _MARGIN < condition:
-                states, condition = other, best
+        before, (states, condition) = motion.states, own.suited(q)
         rates = self._state[len(q) :]
         if states is not before:
             rates = before.joint_rates(q, rates)[states.coordinates]
             motion.states = states
         self._state = np.concatenate([q, rates])
-        limit, self._limit = self._limit, min(self._most, max(_POOR, _MARGIN * condition))
+        limit, self._limit = self._limit, min(self._most, max(POOR, MARGIN * condition))
         self._bounds = self._bounds[-1:]
         stuck = self._stride < _STUCK * (self._times[-1] - self._times[0])
         alike = states is before and limit >= self._most == self._limit
@@ -273,8 +266,7 @@ class Run:
         states, last = self._motion.states, self._bounds[-1]
         if not self._through or len(self._bounds) > 1:
             return False
-        best = states.elsewhere(q).condition_number(q)
-        if best * _MARGIN < states.condition_number(q):
+        if states.suited(q)[0] is not states:
             return False
         there, here = (np.linalg.svd(states.Phi(x), compute_uv=False) for x in (self._q, q))
         k = len(states.Phi(q).T) - len(states.coordinates) - 1
@@ -286,7 +278,7 @@ class Run:
         times = [time for time in times if time - self._t > self._left]
         if not times or at + 2 * self._left > last:
             return False
-        self._bounds, self._limit = [*times, last], _MARGIN * _NEARER * self._limit
+        self._bounds, self._limit = [*times, last], MARGIN * _NEARER * self._limit
         return True
 
     def _cross(self) -> None:
@@ -326,7 +318,7 @@ class Run:
         self._limit = 0.0
         self._settle()
         condition = motion.states.condition_number(self._q)
-        self._limit = max(self._limit, _MARGIN * condition)  # it falls from here on
+        self._limit = max(self._limit, MARGIN * condition)  # it falls from here on
 
     def _course(self) -> Course:
         """The motion continued from its last states."""

@@ -61,7 +61,9 @@ def rollout(
 ) -> Rollout:
     """Simulate many motions with a fixed step; the error is of fourth order in dt.
 
-    After each step the dependent joints are corrected, so that the loops stay closed.
+    After each step the dependent joints are corrected, so that the loops stay closed. Motions go
+    through dead points of the coordinates: near these, the rates of other joints are integrated.
+    They end before singular configurations of the mechanism and never change their assembly mode.
 
     Args:
         chain: The robot.
@@ -83,8 +85,8 @@ def rollout(
     Raises:
         InputError: For a wrong shape or a number that is not finite.
         ClosureError, SingularConfigurationError: For a bad initial state; lists the samples.
-        SimulationError: If the loops open (dt is too long), or a motion reaches a singularity or
-            diverges; it lists the samples and gives the time of the first.
+        SimulationError: If the loops open (dt is too long), or a motion reaches a singularity of
+            the mechanism or diverges; it lists the samples and gives the time of the first.
     """
     require_policy(on_error)
     threads = whole_number("threads", threads, 1)

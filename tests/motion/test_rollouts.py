@@ -3,6 +3,7 @@ import numpy as np
 import pytest
 
 import sst_pin
+from sst_pin import robots
 from sst_pin.sst import paper
 from sst_pin.verification.sampling import random_parameters, random_states
 
@@ -88,27 +89,85 @@ def test_leading_axes_broadcast_and_threads_change_nothing(robot):
 
 @pytest.mark.parametrize("fast", [True, False])
 def test_motions_that_stop_are_named_or_end_in_nan(fast):
-    """Through a singularity, from a bad start, with too long a step: no number in silence."""
-    robot = sst_pin.SST(kernels=fast)
-    q, va = np.tile(robot.home, (3, 1)), np.zeros((3, 3))
-    va[1] = (5, -5, 5)  # this one falls into a singularity
-    tau = np.zeros((60, 3))
+    """Before a singularity of the mechanism, from a bad start: no number in silence."""
+    row = robots.n_four_bar(1)
+    if fast:
+        row.compile()
+    q, va = np.tile(row.home, (3, 1)), np.zeros((3, 1))
+    q[:], va[1] = q + 0.1 * np.array([1, -1, 1]), -8.0  # this one falls flat
+    tau = np.zeros((60, 1))
     with pytest.raises(sst_pin.SimulationError, match=r"1 of 3 samples \(index 1\)") as caught:
-        robot.rollout(tau, q, va, 5e-3)
+        row.rollout(tau, q, va, 5e-3)
     assert 0 < caught.value.time < 0.3
-    motion = robot.rollout(tau, q, va, 5e-3, on_error="nan")
+    motion = row.rollout(tau, q, va, 5e-3, on_error="nan")
     stopped = np.isnan(motion.q).any(axis=-1)
     first = int(stopped[1].argmax())
     assert caught.value.time == pytest.approx(first * 5e-3)
     assert stopped[1, first:].all()
     assert not stopped[[0, 2]].any()
-    distance = robot.singularities(motion.q[1, :first])
-    assert distance.condition_number[-1] > 3 * distance.condition_number[0]
+    distance = row.condition_number(motion.q[1, :first])
+    assert distance[-1] > 3 * distance[0]
+    robot = sst_pin.SST(kernels=fast)
+    q, tau = np.tile(robot.home, (3, 1)), np.zeros((2, 3))
     q[2, 4] += 1e-3
     with pytest.raises(sst_pin.ClosureError, match=r"index 2"):
-        robot.rollout(tau[:2], q, np.zeros(3), 1e-3)
+        robot.rollout(tau, q, np.zeros(3), 1e-3)
     with pytest.raises(sst_pin.InputError, match="tau: entry"):
-        robot.rollout(tau[:2] * np.nan, robot.home, np.zeros(3), 1e-3)
+        robot.rollout(tau * np.nan, robot.home, np.zeros(3), 1e-3)
+
+
+@pytest.mark.parametrize("fast", [True, False])
+def test_a_rollout_goes_through_dead_points_as_simulate_does(fast):
+    """Torques at the ends and middles of the steps, in the user's coordinates: fourth order."""
+    four_bar = robots.four_bar()
+    by = four_bar.joint_names[-1]  # the rocker, which turns round at the dead points of the crank
+    chain = sst_pin.ClosedChain(four_bar.model, four_bar.closures, [by], coordinates=[by])
+    start, seconds, errors = four_bar.joint_rates(four_bar.home, [9.0])[-1:], 0.8, []
+    if fast:
+        chain.compile()
+    t = np.linspace(0, seconds, 201)
+    wanted = chain.simulate(lambda t, q, va: [0.02 * np.sin(9 * t)], chain.home, start, t)
+    dead = chain.condition_number(wanted.q) > 20
+    assert np.count_nonzero(np.diff(dead)) >= 4  # it comes to some dead points and leaves them
+    for steps in (200, 400):
+        tau = 0.02 * np.sin(9 * seconds / steps / 2 * np.arange(2 * steps + 1))[:, None]
+        motion = chain.rollout(tau, chain.home, start, seconds / steps, steps=steps)
+        assert np.abs(chain.residual(motion.q)).max() < 1e-12
+        errors.append(np.abs(motion.q[:: steps // 200] - wanted.q).max())
+        assert np.abs(motion.va[:: steps // 200] - wanted.va).max() < 100 * errors[-1]
+    assert errors[1] < 1e-4
+    assert errors[0] / errors[1] > 10  # 16, apart from where the coordinates change
+
+
+@pytest.mark.parametrize(
+    ("loops", "fast", "count"),
+    [
+        (1, False, 10),
+        (3, True, 25),
+        pytest.param(1, True, 100, marks=pytest.mark.slow),
+        pytest.param(3, True, 100, marks=pytest.mark.slow),
+        pytest.param(3, False, 100, marks=pytest.mark.slow),
+    ],
+)
+def test_no_rollout_changes_its_assembly_mode_or_passes_a_singularity(loops, fast, count):
+    """Parallelograms from any start with any step end before all bars lie on one line."""
+    row, random = robots.n_four_bar(loops), np.random.default_rng(5)
+    if fast:
+        row.compile()
+    turning = np.round(row.noc(row.home, [0.0]).L[:, 0])  # bars turn, others keep their direction
+    for _ in range(count):
+        angle, rate = random.uniform(0.3, 2.8), random.uniform(0.5, 4) * random.choice([-1, 1])
+        step = 10 ** random.uniform(-2, -0.7)
+        q0 = row.home + (angle - row.home[0]) * turning
+        tau = np.zeros((int(12 / abs(rate) / step), 1))
+        q = row.rollout(tau, q0, [rate], step, on_error="nan").q
+        held = np.isfinite(q).all(axis=1)
+        assert not held.all()
+        assert not np.isfinite(q[~held]).any()
+        q = q[held]
+        assert np.abs(q - row.home - (q[:, :1] - row.home[0]) * turning).max() < 1e-9
+        assert (q[:, 0] > 0).all()
+        assert (q[:, 0] < np.pi).all()
 
 
 def test_arguments_of_a_rollout_are_checked(robot):
