@@ -240,7 +240,8 @@ class SimulationError(SSTError):
         time: Time at which it stopped, [s].
 
     Example:
-        >>> robot.rollout(np.zeros((500, 3)), robot.home, [0, 0, 0], dt=1e-3)
+        >>> row = sst_pin.robots.n_four_bar(1)  # flat after 0.7 s
+        >>> row.rollout(np.zeros((500, 1)), row.home, [-1], dt=2e-3)
         Traceback (most recent call last):
             ...
         sst_pin.errors.SimulationError: the motion reached a singularity, diverged, or ...
