@@ -92,17 +92,15 @@ def choices(reference: Reference, q: Array, parameters: OpenNumbers) -> list[Equ
         way = way / np.linalg.norm(way) + 0.1 * random.standard_normal(model.nv)
         way = motions @ (motions.T @ (way + 0.3 * fall / (np.linalg.norm(fall) + 1e-9)))
         step = 0.1 * way / np.linalg.norm(way) * mechanism.rate_scale
-        best = own if own.condition_number(q) < _POOR else own.elsewhere(q)
         try:
-            q = best.closed(np.concatenate([pin.integrate(model, q, step), np.zeros(n)]))
+            q = own.suited(q, _POOR)[0].closed(
+                np.concatenate([pin.integrate(model, q, step), np.zeros(n)])
+            )
         except ClosureError:
             way = random.standard_normal(model.nv)
             continue
-        best = own if own.condition_number(q) < _POOR else own.elsewhere(q)
-        if (
-            min(float(f(q, numbers)) for f in smallness) > _SMALL
-            and best.condition_number(q) < _POOR
-        ):
+        best, condition = own.suited(q, _POOR)
+        if condition < _POOR and min(float(f(q, numbers)) for f in smallness) > _SMALL:
             add(Reference(replace(mechanism, coordinates=best.coordinates)), q)
         if len(found) == _MOST:
             break

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -18,8 +19,10 @@ from ..motion.trajectories import Trajectory
 Array = NDArray[np.float64]
 
 _ORDER = 4
-#: Samples of a running median, and how far an outlier is from it, over the usual deviation.
-_WINDOW, _OUTLIER = 7, 8.0
+#: How far an outlier is from the smooth curve, over the median of so many samples around it.
+_OUTLIER, _USUAL = 8.0, 141
+#: Of so many samples one outlier is replaced in each of so many passes.
+_AROUND, _PASSES = 7, 60
 
 
 def measured_motion(
@@ -33,11 +36,11 @@ def measured_motion(
 ) -> Trajectory:
     """A log of positions and torques as a motion of the robot.
 
-    Outliers are replaced by running medians. A Butterworth filter of order four, forwards and
-    backwards, smooths positions and torques alike; rates and accelerations are derivatives of
-    splines of degree five. Of the filtered samples as many are kept as the cut-off frequency needs,
-    two in its period, without the first and the last two periods. Joints without a sensor follow by
-    assembly, from sample to sample in one assembly mode.
+    A Butterworth filter of order four, forwards and backwards, smooths positions and torques alike;
+    outliers are replaced by the smooth curve around them. Rates and accelerations are derivatives
+    of splines of degree five. Of the filtered samples as many are kept as the cut-off frequency
+    needs, two in its period, without the first and the last two periods. Joints without a sensor
+    follow by assembly, from sample to sample in one assembly mode.
 
     Args:
         chain: The robot; each coordinate turns about an axis or slides.
@@ -77,11 +80,12 @@ def measured_motion(
     rate = 1 / (even[1] - even[0])
     if not (cutoff < rate / 2 and even[-1] - even[0] > 8 * period):
         raise InputError("cutoff", f"{cutoff:g} Hz, of {even[-1] - even[0]:g} s at {rate:g} Hz")
-    both = _without_outliers(np.hstack([values, torques]))
-    both = np.array([np.interp(even, times, column) for column in both.T]).T
+    both = np.array([np.interp(even, times, column) for column in np.hstack([values, torques]).T]).T
     sections = butter(_ORDER, cutoff, fs=rate, output="sos")
     beyond = int(3 * rate * period)  # where the ends are continued
-    smooth = sosfiltfilt(sections, both, axis=0, padlen=min(beyond, len(even) - 1))
+    smooth = _smoothed(
+        both, lambda x: sosfiltfilt(sections, x, axis=0, padlen=min(beyond, len(even) - 1))
+    )
     curve = spline(even, smooth[:, : values.shape[1]])
     first, last = even[0] + 2 * period, even[-1] - 2 * period
     kept = np.linspace(first, last, int((last - first) * 2 / period) + 1)
@@ -91,12 +95,21 @@ def measured_motion(
     return replace(closed, va=va, aa=aa, tau=held)
 
 
-def _without_outliers(values: Array) -> Array:
-    """Samples, those far from a running median replaced by it (F. R. Hampel)."""
-    from scipy.ndimage import median_filter
+def _smoothed(values: Array, smooth: Callable[[Array], Array]) -> Array:
+    """Smooth curves through samples; outliers give way to them, one by one.
 
-    middle = median_filter(values, (_WINDOW, 1), mode="nearest")
-    away = np.abs(values - middle)
-    usual = 1.4826 * median_filter(away, (20 * _WINDOW, 1), mode="nearest")
-    small = 1e-3 * np.ptp(middle, axis=0)
-    return np.where(away > _OUTLIER * np.maximum(usual, small), middle, values)
+    An outlier is the sample farthest from the curve around it, by far more than is usual there.
+    """
+    from scipy.ndimage import maximum_filter1d, median_filter
+
+    values = values.copy()
+    for _ in range(_PASSES):
+        curve = smooth(values)
+        away = np.abs(values - curve)
+        usual = 1.4826 * median_filter(away, (_USUAL, 1), mode="nearest")
+        far = away > _OUTLIER * np.maximum(usual, 1e-3 * np.ptp(curve, axis=0))
+        far &= away >= maximum_filter1d(away, _AROUND, axis=0)
+        if not far.any():
+            break
+        values[far] = curve[far]
+    return curve

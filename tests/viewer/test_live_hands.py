@@ -128,9 +128,11 @@ def test_the_robot_is_dragged_let_go_pushed_held_and_reset(chromium, tmp_path, n
             page.evaluate(LATER, 0.1)
             assert page.evaluate("pushes") == 1
             page.evaluate("live.robot.grip = null")
-            page.evaluate("for (let k = 0; k < 120; k++) live.robot.advance(1 / 60)")
-            # Goals of balls are turns added up, which their orientations follow to second order.
-            assert np.abs(state("q") - start).max() < 5e-3
+            away = []
+            for _ in range(3):
+                page.evaluate("for (let k = 0; k < 120; k++) live.robot.advance(1 / 60)")
+                away.append(np.abs(state("q") - start).max())
+            assert away[-1] < 1e-3, away
         across = "document.documentElement.scrollWidth <= innerWidth"
         assert page.evaluate(across)
 
