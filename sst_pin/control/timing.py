@@ -33,14 +33,15 @@ Array = NDArray[np.float64]
 #: between are others than expected.
 _INTERVALS, _HALVINGS = 500, 4
 #: Passes on finer grids, and how many intervals become of one in a pass.
-_PASSES, _PIECES = 12, 20
+_PASSES, _PIECES = 20, 20
 #: The part of a limit that stays free at the grid's points, for what happens between them.
 _MARGIN = 1e-4
 #: Where limits are tested in each interval. Where this part of a limit is used, the second grid is
 #: so fine that in an interval only a small part lies idle.
 _TESTED, _BUSY, _IDLE = np.linspace(0, 1, 6), 0.99, 8e-4
-#: Viscous friction is found when w^2 changes by less than this part.
-_SETTLED = 1e-4
+#: Viscous friction is found when w^2 changes by less than this part; at first it may use at least
+#: this part of a limit.
+_SETTLED, _CREEP = 1e-3, 1e-3
 #: A rate w at which friction is small beside inertia; the part of rates that joints at rest have.
 _FAST, _STILL = 1e4, 1e-8
 #: Between samples of a path loops may be open by this, [rad] or of the robot's length.
@@ -359,7 +360,7 @@ def _start(s: Array, loads: _Loads) -> Array:
     """w^2 where the linearization of viscous friction begins: below what friction allows."""
     parts = loads.at(s)
     x = _linear(s, loads.unit, parts)
-    free = np.maximum(1 - np.abs(parts.c) - np.maximum(parts.high, -parts.low), 0.05)
+    free = np.maximum(1 - np.abs(parts.c) - np.maximum(parts.high, -parts.low), _CREEP)
     with np.errstate(divide="ignore"):
         return np.minimum(x, (free / np.abs(parts.d)).min(axis=1) ** 2)
 
@@ -375,7 +376,7 @@ def _solved(s: Array, loads: _Loads, x: Array | None) -> Array:
             slope = np.where(w > 0, parts.d / (2 * w), 0)
         linear = parts._replace(b=parts.b + slope, c=parts.c + parts.d * w / 2)
         last, x = x, _linear(s, loads.unit, linear)
-        if np.abs(x - last).max() <= _SETTLED * x.max():
+        if (np.abs(x - last) <= _SETTLED * x).all():
             break
     return x
 

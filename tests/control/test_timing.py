@@ -59,6 +59,15 @@ def test_viscous_friction_slows_a_cart_as_its_equation_says():
     assert motion.t[-1] == pytest.approx(duration, rel=CLOSE)
 
 
+def test_a_cart_creeps_where_weight_and_friction_leave_little():
+    """It gets to v = (F - m g - F_c) / D, a hundredth of F / D, in some m / D."""
+    m, F, D, dry, L = 2.0, 30.0, 5.0, 10.0, 1.5
+    motion = sst_pin.time_optimal(cart(m, 9.81, D, dry), L * WAY, torques=F, dt=0.01)
+    v = (F * (1 - 1e-4) - m * 9.81 - dry) / D
+    assert motion.t[-1] == pytest.approx(L / v + m / D, rel=1e-2)
+    assert motion.va.max() == pytest.approx(v, rel=1e-2)
+
+
 def test_rates_and_accelerations_make_a_trapezoid():
     """T = L / v + v / a."""
     L, v, a = 1.5, 0.5, 2.0
