@@ -115,7 +115,7 @@ class Marks:
         for tag, sides in _SIDES.items():
             for element in root.findall(tag):
                 self._read(self._joint, element, sides)
-        for element in root.findall("gazebo/joint"):
+        for element in root.findall("gazebo/joint[parent]"):
             self._read(self._of_gazebo, element)
         for element in root.findall("coupling"):
             self._read(self._gear, element)

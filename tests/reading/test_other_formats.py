@@ -282,6 +282,13 @@ def test_unknown_names_of_loop_closures_are_told(tmp_path):
     assert any("nine" in str(problem) for problem in sst_pin.validate(path))
 
 
+def test_a_gazebo_element_about_a_joint_closes_nothing(tmp_path):
+    path = tmp_path / "robot.urdf"
+    other = '<gazebo><joint name="crank"><physics/></joint></gazebo>'
+    path.write_text(parallelogram(CUT + other))
+    assert len(sst_pin.ClosedChain.from_urdf(path, actuated=["crank"]).closures) == 1
+
+
 def test_couplings_are_part_of_the_urdf_not_of_loop_closures(tmp_path):
     path = tmp_path / "r.urdf"
     mimic = parallelogram(CUT, mimic='<mimic joint="crank" multiplier="-1"/>')
