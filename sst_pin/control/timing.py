@@ -10,7 +10,7 @@ Robotics 34(3), 2018, solve for w^2; d(s) w is linearized about the solution bef
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,9 +23,6 @@ from ..errors import ActuationError, InputError, MissingExtraError
 from ..motion.coordinate_motions import coordinate_positions
 from ..motion.samples import spline
 from ..motion.trajectories import Trajectory
-
-if TYPE_CHECKING:
-    pass
 
 Array = NDArray[np.float64]
 

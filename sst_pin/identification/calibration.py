@@ -158,7 +158,7 @@ def calibrate(
     Example:
         >>> import pinocchio
         >>> made = sst_pin.robots.delta(arm=0.151)  # drawn with 0.15
-        >>> x = made.home[[0, 5, 9]] + np.random.default_rng(0).uniform(-0.3, 0.3, (20, 3))
+        >>> x = made.home[[0, 5, 9]] + np.random.default_rng(0).uniform(-0.3, 0.3, (8, 3))
         >>> data, feet = made.model.createData(), []
         >>> for q in (made.assemble(dict(zip(made.coordinates, each))) for each in x):
         ...     pinocchio.framesForwardKinematics(made.model, data, q)
