@@ -109,9 +109,9 @@ def split(lines: Sequence[str], inputs: range) -> tuple[list[str], list[str]]:
     return once, each
 
 
-def pieces(lines: Sequence[str], largest: int = LARGEST) -> list[Sequence[str]]:
-    """Statements, cut where they are many."""
-    if len(lines) <= largest:
+def pieces(lines: Sequence[str], largest: int | None = None) -> list[Sequence[str]]:
+    """Statements, cut where they are more than `largest`, by default `LARGEST`."""
+    if len(lines) <= (LARGEST if largest is None else largest):
         return [lines]
     size = -(-len(lines) // -(-len(lines) // _PART))
     return [lines[i : i + size] for i in range(0, len(lines), size)]

@@ -20,7 +20,7 @@ from .estimation import Estimate
 Array = NDArray[np.float64]
 
 #: Least eigenvalue of a pseudo-inertia, over that of a ball of this mass and the robot's length.
-_LEAST = 1e-6
+_LEAST = 1e-5
 #: Parameters that are not negative.
 _POSITIVE = (".viscous", ".coulomb", ".armature", ".stiffness", ".damping")
 #: Upper triangle of a 4 x 4 matrix, column by column, and the factors of its entries in a norm.
@@ -113,7 +113,7 @@ def consistent_parameters(
         floor.insert(0, np.array([left]))
         cones.insert(0, clarabel.ZeroConeT(1))
     settings = clarabel.DefaultSettings()
-    settings.verbose, settings.tol_feas = False, 1e-10
+    settings.verbose, settings.tol_feas = False, 1e-9
     wall = np.vstack(walls)
     reach = solve_triangular(
         R, wall.T, trans="T", lower=False
@@ -121,10 +121,14 @@ def consistent_parameters(
     room = wall @ best - np.concatenate(floor)
     matrices = eye(units.size, format="csc"), np.zeros(units.size), csc_matrix(-reach), room
     done = clarabel.DefaultSolver(*matrices, cones, settings).solve()
-    if str(done.status) not in ("Solved", "AlmostSolved"):
-        raise InputError("found", f"no parameters explain it: the solver says {done.status}")
+    step = solve_triangular(R, np.array(done.x))
+    bodies = (best + step)[: 10 * free.size].reshape(-1, 10)
+    reached = str(done.status) in ("Solved", "AlmostSolved")
+    if not (reached and np.linalg.eigvalsh(pseudo_inertias(bodies)).min(initial=1.0) > 0):
+        problem = f"no parameters of bodies were found near it: {done.status}; a larger prior helps"
+        raise InputError("found", problem)
     theta = cad.copy()
-    theta[columns] = (best + solve_triangular(R, np.array(done.x))) * units
+    theta[columns] = (best + step) * units
     return DynamicParameters(chain.dynamic_parameters.names, theta)
 
 

@@ -19,7 +19,7 @@ from ..chain.closed_chain import ClosedChain
 from ..chain.closures import Closure, Coupling
 from ..chain.thresholds import CLOSURE_TOLERANCE, RANK_TOLERANCE
 from ..chain.tree import frame_id
-from ..errors import DescriptionError
+from ..errors import DescriptionError, OutputError
 from ..files import as_path, text_writer, write_files
 from .cut_joints import CutJoint, turned
 from .problems import numbers
@@ -87,7 +87,7 @@ def write_loop_closures(chain: ClosedChain, path: str | Path, force: bool = Fals
 
     Args:
         chain: A robot whose loops are closed at q = 0.
-        path: The file.
+        path: The file, its ending .yaml or .yml.
         force: Whether an existing file may be replaced.
 
     Raises:
@@ -101,6 +101,8 @@ def write_loop_closures(chain: ClosedChain, path: str | Path, force: bool = Fals
         >>> print(open("loop_closures.yaml").readlines()[-1].strip())
         independent: [bar_0]
     """
+    if as_path(path).suffix.lower() not in (".yaml", ".yml"):
+        raise OutputError(path, f"ending {as_path(path).suffix!r} unknown; known: .yaml, .yml")
     mechanism, model = chain.mechanism, chain.mechanism.model
     problems = [f"{line}: a force along a line" for line in mechanism.lines.forces]
     if np.abs(chain.residual(pin.neutral(model))).max(initial=0.0) > CLOSURE_TOLERANCE:

@@ -319,7 +319,6 @@ FINE = {
     *(f"{name}(torques: scalar)" for name in ABILITIES), "force_ellipsoid(torques: huge)",
     *(f"time_optimal({word}: scalar)" for word in ("torques", "rates", "accelerations")),
     "TrackingLQR(limits: scalar)", "Adaptive(learning: 0.0)",
-    "write_loop_closures(path: only an ending)",
     "reactions(external_wrenches: huge)",  # NaN where a wrench is not unique
 }  # fmt: skip
 #: Parameters that are not called with bad values: by method and name.
