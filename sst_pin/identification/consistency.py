@@ -8,6 +8,8 @@ are the solution of a semi-definite programme.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -74,7 +76,6 @@ def consistent_parameters(
     except ModuleNotFoundError:
         raise MissingExtraError("clarabel", "identification") from None
     from scipy.linalg import block_diag, solve_triangular
-    from scipy.sparse import csc_matrix, eye
 
     cad, weight = np.asarray(chain.dynamic_parameters), np.sqrt(positive_number("prior", prior))
     end = 10 * (chain.mechanism.model.njoints - 1)
@@ -112,24 +113,29 @@ def consistent_parameters(
         walls[0][:, 10 * free.size :] = 0
         floor.insert(0, np.array([left]))
         cones.insert(0, clarabel.ZeroConeT(1))
-    settings = clarabel.DefaultSettings()
-    settings.verbose, settings.tol_feas = False, 1e-9
     wall = np.vstack(walls)
-    reach = solve_triangular(
-        R, wall.T, trans="T", lower=False
-    ).T  # unknowns: R times steps from best
-    room = wall @ best - np.concatenate(floor)
-    matrices = eye(units.size, format="csc"), np.zeros(units.size), csc_matrix(-reach), room
-    done = clarabel.DefaultSolver(*matrices, cones, settings).solve()
-    step = solve_triangular(R, np.array(done.x))
+    y, status = _nearest(np.linalg.solve(R.T, wall.T).T, wall @ best - np.concatenate(floor), cones)
+    step = solve_triangular(R, y)
     bodies = (best + step)[: 10 * free.size].reshape(-1, 10)
-    reached = str(done.status) in ("Solved", "AlmostSolved")
+    reached = status in ("Solved", "AlmostSolved")
     if not (reached and np.linalg.eigvalsh(pseudo_inertias(bodies)).min(initial=1.0) > 0):
-        problem = f"no parameters of bodies were found near it: {done.status}; a larger prior helps"
+        problem = f"no parameters of bodies were found near it: {status}; a larger prior helps"
         raise InputError("found", problem)
     theta = cad.copy()
     theta[columns] = (best + step) * units
     return DynamicParameters(chain.dynamic_parameters.names, theta)
+
+
+def _nearest(reach: Array, room: Array, cones: list[Any]) -> tuple[Array, str]:
+    """The shortest y with `reach` y + `room` in the cones, and what the solver says of it."""
+    import clarabel
+    from scipy.sparse import csc_matrix, eye
+
+    settings, n = clarabel.DefaultSettings(), reach.shape[1]
+    settings.verbose, settings.tol_feas = False, 1e-9
+    matrices = eye(n, format="csc"), np.zeros(n), csc_matrix(-reach), room
+    done = clarabel.DefaultSolver(*matrices, cones, settings).solve()
+    return np.array(done.x), str(done.status)
 
 
 def pseudo_inertias(ten: Array) -> Array:
