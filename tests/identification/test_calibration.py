@@ -150,4 +150,4 @@ def test_bad_measurements_are_refused():
     with pytest.raises(sst_pin.UnknownNameError, match="nowhere"):
         calibrate(drawn, "nowhere", x[:4], exact)
     with pytest.raises(sst_pin.ClosureError):
-        calibrate(drawn, "platform", x[:2] + 3, exact[:2])
+        calibrate(drawn, "platform", x[:1] + 3, exact[:1])

@@ -81,7 +81,7 @@ def mouse(page, x, y, way, steps=5):
             pytest.param(name, size, marks=pytest.mark.slow)
             for name, sizes in {
                 "sst": (PHONE, TABLET, DESK),
-                "delta": (PHONE, DESK),
+                "delta": (PHONE,),
                 "stewart": (TABLET,),
                 "five_bar": (DESK,),
                 "cassie": (PHONE,),
@@ -128,8 +128,8 @@ def test_the_robot_is_dragged_let_go_pushed_held_and_reset(chromium, tmp_path, n
             page.evaluate(LATER, 0.1)
             assert page.evaluate("pushes") == 1
             page.evaluate("live.robot.grip = null")
-            away = []
-            for _ in range(3):
+            away = [np.inf]
+            while away[-1] > 1e-3 and len(away) < 4:  # six seconds to come to rest
                 page.evaluate("for (let k = 0; k < 120; k++) live.robot.advance(1 / 60)")
                 away.append(np.abs(state("q") - start).max())
             assert away[-1] < 1e-3, away
