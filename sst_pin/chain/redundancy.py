@@ -82,16 +82,25 @@ def adjusted(
     return tau
 
 
-def limits_of(limits: ArrayLike, motors: int) -> Array:
-    """Least and largest torques, shape (motors, 2); from largest ones too, shape (motors,)."""
-    given = as_array("limits", limits, ())
+def limits_of(limits: ArrayLike, motors: int, name: str = "limits") -> Array:
+    """Least and largest torques, shape (motors, 2); from largest ones too, shape (motors,).
+
+    `name` is what errors call them.
+    """
+    given = as_array(name, limits, ())
     if given.shape == (motors,):
         given = np.column_stack([-given, given])
     if given.shape != (motors, 2):
-        raise InputError("limits", f"shape {given.shape}, expected ({motors},) or ({motors}, 2)")
+        raise InputError(name, f"shape {given.shape}, expected ({motors},) or ({motors}, 2)")
     if not (given[:, 0] < given[:, 1]).all():
-        raise InputError("limits", "each least torque must be below the largest")
+        raise InputError(name, "each least torque must be below the largest")
     return given
+
+
+def limits_of_each(name: str, value: ArrayLike, motors: int) -> Array:
+    """Finite `limits_of`; one number counts for all motors."""
+    given = finite_array(name, value, ())
+    return limits_of(given if given.ndim else np.full(motors, given), motors, name)
 
 
 def _within(

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import finite_array, single_array
 from ..chain.closed_chain import ClosedChain
-from ..chain.redundancy import limits_of
+from ..chain.redundancy import limits_of_each
 from ..chain.thresholds import RANK_TOLERANCE
 from ..errors import ActuationError, InputError, SingularConfigurationError
 
@@ -214,8 +214,7 @@ def acceleration_polytope(
 
 def _bounds(chain: ClosedChain, torques: ArrayLike) -> Array:
     """Least and largest torques, shape (motors, 2)."""
-    given, motors = finite_array("torques", torques, ()), len(chain.motor_names)
-    return limits_of(given if given.ndim else np.full(motors, given), motors)
+    return limits_of_each("torques", torques, len(chain.motor_names))
 
 
 def _sizes(chain: ClosedChain, torques: ArrayLike) -> Array:

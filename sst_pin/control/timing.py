@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..arrays import finite_array, positive_number
 from ..chain.closed_chain import ClosedChain
 from ..chain.named_positions import put
-from ..chain.redundancy import limits_of
+from ..chain.redundancy import limits_of_each
 from ..errors import ActuationError, InputError, MissingExtraError
 from ..motion.coordinate_motions import coordinate_positions
 from ..motion.samples import spline
@@ -165,11 +165,7 @@ class _Limits:
         """Least and largest numbers, shape (motors, 2)."""
         if value is None:
             return None
-        given, motors = finite_array(name, value, ()), len(self.chain.motor_names)
-        try:
-            bounds = limits_of(given if given.ndim else np.full(motors, given), motors)
-        except InputError as error:
-            raise InputError(name, str(error).removeprefix("limits: ")) from None
+        bounds = limits_of_each(name, value, len(self.chain.motor_names))
         if name != "torques" and not (bounds * (-1, 1) > 0).all():
             raise InputError(name, "motors at rest pass them")
         return bounds
