@@ -122,8 +122,7 @@ def base_parameters(
     sizes = np.linalg.norm(rows, axis=0)
     seen = np.flatnonzero(sizes > _DEPENDENT * sizes.max(initial=0.0))
     scaled = rows[:, seen] / sizes[seen]
-    pivots = np.abs(np.diag(np.linalg.qr(scaled, mode="r")))
-    first = pivots > _DEPENDENT
+    first = np.isin(seen, independent(rows, _DEPENDENT))
     factors = np.linalg.lstsq(scaled[:, first], scaled, rcond=None)[0]
     ratios = sizes[seen] / sizes[seen[first], None]
     matrix = np.zeros((int(first.sum()), len(theta)))
@@ -214,3 +213,12 @@ def _combination(row: Array, names: Sequence[str]) -> str:
         sign = ("- " if row[k] < 0 else "+ ") if text else ("-" if row[k] < 0 else "")
         text += f"{' ' if text else ''}{sign}{size}{names[k]}"
     return text
+
+
+def independent(A: Array, tolerance: float) -> NDArray[np.intp]:
+    """Columns that do not depend on columns before them; a part below the tolerance is none."""
+    sizes = np.linalg.norm(A, axis=0)
+    seen = np.flatnonzero(sizes > tolerance * sizes.max(initial=0.0))
+    missing = np.zeros((max(0, seen.size - len(A)), seen.size))
+    scaled = np.vstack([A[:, seen] / sizes[seen], missing])
+    return seen[np.abs(np.diag(np.linalg.qr(scaled, mode="r"))) > tolerance]

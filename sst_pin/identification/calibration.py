@@ -26,8 +26,9 @@ from ..chain.rebuilt_tree import rebuilt
 from ..chain.tree import frame_id
 from ..errors import ClosureError, DescriptionError, InputError, UnknownNameError
 from ..files import as_path, text_writer, write_files
-from ..motion.coordinate_motions import followed, start_configuration
+from ..motion.coordinate_motions import configurations_of, start_configuration
 from ..summaries import as_html, as_text, listed
+from .base_parameters import independent
 from .estimation import solved
 
 Array = NDArray[np.float64]
@@ -168,8 +169,8 @@ def calibrate(
         >>> found.values.round(6)  # of the six rods: where they join the arms
         array([0.001, 0.001, 0.001, 0.001, 0.001, 0.001])
     """
-    angles, measured = finite_array("x", x, (len(chain.coordinates),)), np.asarray(poses, float)
-    measured = finite_array("poses", measured, ())
+    angles = finite_array("x", x, (len(chain.coordinates),))
+    measured = finite_array("poses", poses, ())
     if angles.ndim != 2 or measured.shape not in ((len(angles), 3), (len(angles), 4, 4)):
         raise InputError("poses", f"shape {measured.shape}, expected (N, 3) or (N, 4, 4)")
     large, errors = _enlarged(chain, frame, which)
@@ -192,7 +193,7 @@ def calibrate(
         A = np.array(rows) * weights[:, None] * units
         z = np.array(rests) * weights
         if found is None:
-            found = _independent(A.reshape(-1, len(errors)))
+            found = independent(A.reshape(-1, len(errors)), _DEPENDENT)
         if z.size <= found.size:
             problem = f"{z.size} equations for {found.size} errors; give more poses, or which="
             raise InputError("poses", problem)
@@ -266,21 +267,21 @@ def _configurations(
 ) -> list[dict[str, float]]:
     """Entries of the configurations of the robot as it is drawn, by name."""
     guesses = None if start is None else finite_array("start", start, ())
-    each = guesses is not None and guesses.ndim == 2
-    if guesses is not None and guesses.shape != (*angles.shape[:each], len(chain.position_names)):
+    size = len(chain.position_names)
+    if guesses is not None and guesses.shape not in ((size,), (len(angles), size)):
         raise InputError("start", f"shape {guesses.shape}, expected (nq,) or (N, nq)")
-    states, q = chain._states(0.0), list[Array]()
-    for k, x in enumerate(angles):
-        try:
-            if k and not each:
-                q.append(followed(chain, states, q[-1], x - angles[k - 1]))
-            else:
-                guess = guesses[k] if each and guesses is not None else guesses
-                named = dict(zip(chain.coordinates, x, strict=True))
-                q.append(start_configuration(chain, named, guess))
-        except ClosureError as error:
-            error.name_samples([(k,)], len(angles))
-            raise
+    if guesses is None or guesses.ndim == 1:
+        q = configurations_of(chain, angles, guesses)
+    else:
+        q = guesses.copy()
+        for k, x in enumerate(angles):
+            try:
+                q[k] = start_configuration(
+                    chain, dict(zip(chain.coordinates, x, strict=True)), q[k]
+                )
+            except ClosureError as error:
+                error.name_samples([(k,)], len(angles))
+                raise
     return [dict(zip(chain.position_names, each, strict=True)) for each in q]
 
 
@@ -298,15 +299,6 @@ def _rest(at: pin.SE3, measured: Array) -> Array:
         return np.asarray(measured - at.translation)
     turn = pin.log3(measured[:3, :3] @ at.rotation.T)
     return np.concatenate([measured[:3, 3] - at.translation, turn])
-
-
-def _independent(A: Array) -> NDArray[np.intp]:
-    """Columns that do not depend on columns before them."""
-    sizes = np.linalg.norm(A, axis=0)
-    seen = np.flatnonzero(sizes > _DEPENDENT * sizes.max(initial=0.0))
-    padded = np.vstack([A[:, seen] / sizes[seen], np.zeros((seen.size, seen.size))])
-    pivots = np.abs(np.diag(np.linalg.qr(padded, mode="r")))
-    return seen[pivots > _DEPENDENT]
 
 
 def _placements(names: Sequence[str], values: Array) -> dict[str, pin.SE3]:

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..arrays import finite_array, positive_number
 from ..chain.closed_chain import ClosedChain
 from ..errors import InputError
-from ..motion.coordinate_motions import coordinate_motion
+from ..motion.coordinate_motions import configurations_of
 from ..motion.samples import sample_times, spline
 from ..motion.trajectories import Trajectory
 
@@ -89,10 +88,10 @@ def measured_motion(
     curve = spline(even, smooth[:, : values.shape[1]])
     first, last = even[0] + 2 * period, even[-1] - 2 * period
     kept = np.linspace(first, last, int((last - first) * 2 / period) + 1)
-    closed = coordinate_motion(chain, kept, curve(kept), start)
+    q = configurations_of(chain, curve(kept), start)
     held = spline(even, smooth[:, values.shape[1] :])(kept)
     va, aa = (curve.derivative(k)(kept) for k in (1, 2))
-    return replace(closed, va=va, aa=aa, tau=held)
+    return chain.trajectory(kept, q, va, aa, held)
 
 
 def _smoothed(values: Array, smooth: Callable[[Array], Array]) -> Array:

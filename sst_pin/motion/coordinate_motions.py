@@ -56,16 +56,7 @@ def coordinate_motion(
         raise InputError(
             "x", f"shape {values.shape}, expected {(len(times), len(chain.coordinates))}"
         )
-    q = np.empty((len(times), len(chain.position_names)))
-    first = dict(zip(chain.coordinates, values[0], strict=True))
-    q[0] = start_configuration(chain, first, start)
-    states = chain._states(0.0)
-    for i in range(1, len(times)):
-        try:
-            q[i] = followed(chain, states, q[i - 1], values[i] - values[i - 1])
-        except ClosureError as error:
-            error.name_samples([(i,)], len(times))
-            raise
+    q = configurations_of(chain, values, start)
     curve = spline(times, values)
     return chain.trajectory(times, q, curve.derivative(1)(times), curve.derivative(2)(times))
 
@@ -81,6 +72,32 @@ def coordinate_positions(chain: ClosedChain, q: Array) -> Array:
     endless = [name not in space.position_names for name in chain.coordinates]
     x[:, endless] = np.unwrap(x[:, endless], axis=0)
     return x
+
+
+def configurations_of(chain: ClosedChain, x: Array, start: ArrayLike | None = None) -> Array:
+    """Configurations for samples of the coordinates, shape (N, n), in one assembly mode.
+
+    Args:
+        chain: Any closed chain.
+        x: The samples.
+        start: As for `coordinate_motion`.
+
+    Returns:
+        Shape (N, nq).
+
+    Raises:
+        ClosureError: If the loops cannot be closed along the motion; it names the sample.
+    """
+    q = np.empty((len(x), len(chain.position_names)))
+    q[0] = start_configuration(chain, dict(zip(chain.coordinates, x[0], strict=True)), start)
+    states = chain._states(0.0)
+    for i in range(1, len(x)):
+        try:
+            q[i] = followed(chain, states, q[i - 1], x[i] - x[i - 1])
+        except ClosureError as error:
+            error.name_samples([(i,)], len(x))
+            raise
+    return q
 
 
 def start_configuration(

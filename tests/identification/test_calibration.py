@@ -143,6 +143,9 @@ def test_bad_measurements_are_refused():
     exact = poses_of(drawn, x[:4], "platform")
     with pytest.raises(sst_pin.InputError, match="poses"):
         calibrate(drawn, "platform", x[:4], exact[:3])
+    for wrong in ("here", [["a"]], None):
+        with pytest.raises(sst_pin.InputError, match="poses"):
+            calibrate(drawn, "platform", x[:4], wrong)
     with pytest.raises(sst_pin.InputError, match="equations for"):
         calibrate(drawn, "platform", x[:1], exact[:1, :3, 3], which=["platform.[xyz]"])
     with pytest.raises(sst_pin.UnknownNameError, match="nothing"):
