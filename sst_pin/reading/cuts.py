@@ -25,7 +25,7 @@ from ..files import beside
 from . import inertias, loop_closures
 from .cut_joints import CutJoint
 from .described import Described, naming
-from .problems import numbers
+from .problems import numbers, vector
 from .srdf import Srdf
 from .text import read_text
 from .urdf import KINDS, Urdf, closing_frames
@@ -213,7 +213,7 @@ def parse_cuts(text: str, source: str) -> Cuts:
                 known = ", ".join([*Closure.KINDS, *(f"{word} LENGTH" for word in _WITH_LENGTH)])
                 problems.append(f"type: {kind!r} unknown; known: {known}")
     forces = [_line(each, problems) for each in items("line_force", [])]
-    gravity = _vector(content["gravity"]) if "gravity" in content else _EARTH
+    gravity = vector(content["gravity"]) if "gravity" in content else _EARTH
     if gravity is None:
         text = f"{_shown(content['gravity'])} is not a list of three numbers"
         problems.append(f"gravity: {text}")
@@ -287,9 +287,3 @@ def _shown(value: Any) -> str:
 
 def _is_name(value: Any) -> bool:
     return isinstance(value, str) and bool(value)
-
-
-def _vector(value: Any) -> Array | None:
-    words = value if isinstance(value, list) and all(map(_is_name, value)) else []
-    one = all(_scalar(word) is not None for word in words)
-    return numbers(" ".join(words), 3) if one else None

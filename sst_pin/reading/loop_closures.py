@@ -22,7 +22,7 @@ from ..chain.tree import frame_id
 from ..errors import DescriptionError, OutputError
 from ..files import as_path, text_writer, write_files
 from .cut_joints import CutJoint, turned
-from .problems import numbers
+from .problems import vector
 
 Array = NDArray[np.float64]
 
@@ -62,13 +62,7 @@ def _hinge(given: Any, k: int) -> CutJoint:
     if not isinstance(given, dict) or set(given) != set(_OF_HINGE):
         raise ValueError(f"needed: {', '.join(_OF_HINGE)}")
     links = given["link_a"], given["link_b"]
-    vectors = [
-        numbers(" ".join(given[key]), 3)
-        if isinstance(given[key], list) and all(isinstance(word, str) for word in given[key])
-        else None
-        for key in ("point", "axis")
-    ]
-    point, axis = vectors
+    point, axis = vector(given["point"]), vector(given["axis"])
     if point is None or axis is None or not axis.any():
         raise ValueError("point and axis are three numbers each")
     if not all(isinstance(link, str) for link in links) or links[0] == links[1]:

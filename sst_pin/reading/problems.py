@@ -59,6 +59,13 @@ def numbers(text: str, count: int) -> NDArray[np.float64] | None:
     return values if np.isfinite(values).all() else None
 
 
+def vector(value: object) -> NDArray[np.float64] | None:
+    """Three numbers in a list of a YAML, whose scalars are texts; None if it is anything else."""
+    words = value if isinstance(value, list) and all(isinstance(w, str) for w in value) else []
+    one = all(numbers(word, 1) is not None for word in words)
+    return numbers(" ".join(words), 3) if one else None
+
+
 def number(element: ET.Element | None, key: str) -> float | None:
     """An attribute that is one finite number, or None."""
     value = None if element is None else numbers(element.get(key, ""), 1)

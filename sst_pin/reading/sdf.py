@@ -36,7 +36,7 @@ class Sdf:
     """
 
     def __init__(self, root: ET.Element, source: str) -> None:
-        self.gravity, self.balls = _vector(root.findtext("world/gravity", "")), list[str]()
+        self.gravity, self.balls = numbers(root.findtext("world/gravity", ""), 3), list[str]()
         self._problems: list[str] = []
         models = [*root.findall("model"), *root.findall("world/model")]
         models = [model for model in models if model.findtext("static", "").strip() != "true"]
@@ -135,7 +135,7 @@ class Sdf:
         found = []
         for tag in ("axis", "axis2")[: 2 if joint.get("type") in _TWO_AXES else 1]:
             xyz = joint.find(f"{tag}/xyz")
-            axis = _vector("0 0 1" if xyz is None else xyz.text or "")
+            axis = numbers("0 0 1" if xyz is None else xyz.text or "", 3)
             if axis is None or not np.linalg.norm(axis) > 1e-100:
                 self._told(joint, f"its <{tag}> is not a direction")
                 axis = np.array([0.0, 0.0, 1.0])
@@ -342,7 +342,3 @@ def _origin(place: pin.SE3) -> dict[str, Any]:
 
 def _text(vector: Array) -> str:
     return " ".join(map(repr, map(float, vector)))
-
-
-def _vector(text: str) -> Array | None:
-    return numbers(text, 3)
