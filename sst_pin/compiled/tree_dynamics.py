@@ -196,7 +196,7 @@ class TreeDynamics:
         return [line(self._kinematics, model, x.frame_a, x.frame_b) for x in forces]
 
     def kinetic_energy(self, v: Sparse) -> Any:
-        """Of all bodies and rotors."""
+        """Kinetic energy of all bodies and rotors."""
         pairs = [
             (x * v[i] * v[j], i == j) for (i, j), x in self.inertia.items() if {i, j} <= v.keys()
         ]
@@ -204,7 +204,7 @@ class TreeDynamics:
 
     @property
     def potential_energy(self) -> Any:
-        """Of the weights, the springs and the forces along lines."""
+        """Potential energy of the weights, the springs and the forces along lines."""
         gravity, energies = self._kinematics.base.T @ self._parameters.gravity(self._p), []
         for i, link in enumerate(self._kinematics.tree.links):
             mass, c, _ = self._inertia_of(link.body)

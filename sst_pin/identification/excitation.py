@@ -101,6 +101,7 @@ def excitation(
         True
     """
     period, n = positive_number("duration", duration), len(chain.coordinates)
+    fine = positive_number("dt", dt)
     count, tries = whole_number("harmonics", harmonics, 2), whole_number("tries", tries, 1)
     mechanism, random = chain.mechanism, np.random.default_rng(whole_number("seed", seed, 0))
     model, space = mechanism.model, mechanism.space
@@ -154,7 +155,7 @@ def excitation(
         if value < best:
             best, kept = value, found
     while np.isfinite(best):
-        motion = sampled(kept, positive_number("dt", dt))
+        motion = sampled(kept, fine)
         if allowed(motion):
             return motion
         kept = 0.97 * kept  # a limit is passed between the samples that were judged

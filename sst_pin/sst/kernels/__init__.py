@@ -76,7 +76,7 @@ def misfit(joint_names: tuple[str, ...], closures: tuple[Constraint, ...]) -> st
 
 
 def _misfit(mechanism: Mechanism) -> str:
-    """As `misfit`, with motors and springs."""
+    """`misfit` of a robot with motors and springs."""
     springs = not (mechanism.springs.none and mechanism.lines.none)
     why = misfit(mechanism.space.joint_names, mechanism.closures)
     if not why and (springs or not mechanism.driven_one_to_one):
