@@ -40,6 +40,11 @@ EXTENT = """([view, share]) => {
 }"""
 
 
+#: Without a graphics card a frame takes most of a second. Tests that do not look at its points
+#: draw a sixteenth of them.
+COARSE = "viewer.renderer.setPixelRatio(1 / 4)"
+
+
 class Visit:
     """A page in Chromium, what went wrong on it and what it asked for."""
 

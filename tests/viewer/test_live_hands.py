@@ -8,7 +8,7 @@ import pytest
 from test_live import robot_named
 
 import sst_pin
-from browser import Visit, chromium, needs_browser  # noqa: F401
+from browser import COARSE, Visit, chromium, needs_browser  # noqa: F401
 from firefox import firefox, needs_firefox
 from sst_pin.viewer import Viewer
 
@@ -47,6 +47,7 @@ def opened(chromium, chain, path, size):  # noqa: F811
     page = context.new_page()
     found = Visit(page)
     page.goto(path.as_uri())
+    page.evaluate(COARSE)
     yield page
     assert found.errors == []
     assert found.requests_elsewhere(path.as_uri()) == []
@@ -148,6 +149,7 @@ def test_a_motion_is_beside_the_live_robot(chromium, tmp_path):  # noqa: F811
     page = chromium.new_page(viewport={"width": 600, "height": 400})
     found = Visit(page)
     page.goto(path.as_uri())
+    page.evaluate(COARSE)
     assert page.locator("#chart").is_visible()
     assert not page.locator("#live").is_visible()
     page.get_by_role("button", name="Live").click()
@@ -194,6 +196,7 @@ def test_firefox_drags_lets_go_holds_and_resets(tmp_path, size):
     Viewer(robot, live=True).save(path)
     with firefox() as page:
         page.visit(path.as_uri(), *size)
+        page.evaluate(COARSE)
         page.evaluate("viewer.set_3d_pane_size()")
         x, y, _ = page.evaluate(f"({FOUND})()")
         page.drag(x, y, 40)

@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 import sst_pin
-from browser import chromium, needs_browser, visit  # noqa: F401
+from browser import COARSE, chromium, needs_browser, visit  # noqa: F401
 from sst_pin.sst import paper
 from sst_pin.viewer import Viewer
 
@@ -60,6 +60,7 @@ def shown(chromium, robot, motion, tmp_path_factory):  # noqa: F811
     path = tmp_path_factory.mktemp("page") / "motion.html"
     viewer.save(path)
     with visit(chromium, path.as_uri()) as page:
+        page.page.evaluate(COARSE)
         yield page
 
 
@@ -103,6 +104,7 @@ def require_poses(page, robot, q):
 
 def canvas(page):
     """The 3D view as an array of colours."""
+    page.evaluate("viewer.renderer.setPixelRatio(1); viewer.render()")
     picture = page.locator("#pane").screenshot()
     return np.asarray(Image.open(io.BytesIO(picture)).convert("RGB")).astype(int)
 
@@ -247,6 +249,7 @@ def test_a_served_page_follows_the_program_and_outlives_it(chromium, robot, moti
     with Viewer(robot) as viewer:
         url = viewer.serve()
         with visit(chromium, url) as live:
+            live.page.evaluate(COARSE)
             live.page.wait_for_function("viewer.scene_tree.children.meshcat")
             q = robot.forward_kinematics(robot.home[::3] + 0.2, near=robot.home)
             viewer.show(q, [1.0, -2.0, 3.0])

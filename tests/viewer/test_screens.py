@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 import sst_pin
-from browser import EXTENT, Visit, chromium, needs_browser  # noqa: F401
+from browser import COARSE, EXTENT, Visit, chromium, needs_browser  # noqa: F401
 from sst_pin.sst import paper
 from sst_pin.viewer import Viewer
 
@@ -49,6 +49,7 @@ def opened(chromium, viewer, path, size, **options):  # noqa: F811
     page = context.new_page()
     found = Visit(page)
     page.goto(path.as_uri())
+    page.evaluate(COARSE)
     yield page
     assert found.errors == []
     context.close()
