@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -108,17 +109,15 @@ class Assembly:
         key = free.tobytes()
         if key not in self._known_parts:
             self._known_parts[key] = list(self._parts(free))
-        parts, before = self._known_parts[key], [np.full(len(f), np.inf)] * _PATIENCE
+        parts = self._known_parts[key]
+        before = [np.full(len(parts), np.inf)] * _PATIENCE
         for _ in range(_STEPS):
-            busy = [
-                (rows, columns)
-                for rows, columns in parts
-                if np.linalg.norm(f[rows]) >= 1e-4 * ASSEMBLED
-                and np.linalg.norm(f[rows]) < 0.9 * np.linalg.norm(before[-_PATIENCE][rows])
-            ]
+            sizes = np.array([_size(f[rows]) for rows, _ in parts])
+            open_still = (sizes >= 1e-4 * ASSEMBLED) & (sizes < 0.9 * before[-_PATIENCE])
+            busy = [parts[k] for k in np.flatnonzero(open_still)]
             if not busy:
                 break
-            before.append(f)
+            before.append(sizes)
             Phi = self.loops.Phi() * self._scale
             step = np.zeros(Phi.shape[1])
             for rows, of_loop in busy:
@@ -141,7 +140,7 @@ class Assembly:
             worse = [
                 (rows, columns)
                 for rows, columns in parts
-                if not np.linalg.norm(f_trial[rows]) < np.linalg.norm(f[rows])
+                if not _size(f_trial[rows]) < _size(f[rows])
             ]
             if all(not step[columns].any() for _, columns in worse):
                 moved = bool(step.any())
@@ -169,6 +168,10 @@ class Assembly:
                 yield rows, free[columns]
 
 
+def _size(f: Array) -> float:
+    return math.sqrt(f.dot(f))
+
+
 class _Limits:
     """Limits of the joints of one coordinate among the rates `free`; none if not `wanted`."""
 
@@ -192,6 +195,8 @@ class _Limits:
         """Newton's step along the rates that do not lead outward from a limit."""
         while True:
             part = np.asarray(np.linalg.lstsq(Phi[:, columns], right, rcond=1e-10)[0], dtype=float)
+            if not len(self._v):
+                return columns, part
             down, up = self._room(q)[:, columns]
             outward = np.where(part < 0, down, up) <= _AT_LIMIT
             if not outward.any():
@@ -200,6 +205,8 @@ class _Limits:
 
     def reach(self, q: Array, columns: Indices, step: Array) -> float:
         """How much of a step leads to the first limit, at most 1."""
+        if not len(self._v):
+            return 1.0
         down, up = self._room(q)[:, columns]
         room = np.where(step < 0, down, up)
         return float((room / np.maximum(np.abs(step), 1e-300)).min(initial=1.0))

@@ -120,8 +120,7 @@ def _pieces(arc: Arc) -> Iterator[Box | Cylinder]:
     middle, length = (inner + outer) / 2, 2 * outer * np.tan(half)
     x, y, z = arc.axes.T
     for angle in half * (2 * np.arange(count) + 1):
-        radial = np.cos(angle) * x + np.sin(angle) * y
-        along = np.cross(z, radial)
+        radial, along = np.cos(angle) * x + np.sin(angle) * y, np.cos(angle) * y - np.sin(angle) * x
         if arc.round:
             center, reach = middle * radial, length / 2 * along
             yield rod(center - reach, center + reach, (outer - inner) / 2)
