@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import null_space
 
 from ..arrays import finite_array, positive_number, whole_number
 from ..chain.closed_chain import ClosedChain
@@ -100,6 +99,8 @@ def excitation(
         >>> bool(np.abs(motion.va[[0, -1]]).max() < 1e-3)
         True
     """
+    from scipy.linalg import null_space  # takes as long to import as all else
+
     period, n = positive_number("duration", duration), len(chain.coordinates)
     fine = positive_number("dt", dt)
     count, tries = whole_number("harmonics", harmonics, 2), whole_number("tries", tries, 1)

@@ -250,6 +250,12 @@ def test_the_core_imports_without_its_extras():
     assert "pip install 'sst-pin[plot]'" in result.stderr
 
 
+def test_the_command_line_starts_without_scipy():
+    """Its import takes as long as that of all else."""
+    code = "import sys, sst_pin.cli.commands; sys.exit('scipy' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
 def test_every_file_of_code_names_its_licence():
     for folder in ("sst_pin", "scripts", "tests"):
         for path in (ROOT / folder).rglob("*.py"):
