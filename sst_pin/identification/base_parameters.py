@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..arrays import whole_number
 from ..chain.closed_chain import ClosedChain
 from ..chain.regressor import OF_BODY
-from ..errors import ClosureError, InputError, UnknownNameError
+from ..errors import ClosureError, InputError, SingularConfigurationError, UnknownNameError
 from ..summaries import as_html, as_text, listed
 
 Array = NDArray[np.float64]
@@ -138,7 +138,7 @@ def base_parameters(
 
 
 def random_states(chain: ClosedChain, count: int, seed: int = 0) -> tuple[Array, Array, Array]:
-    """q, va, aa at random assembled configurations, away from singularities.
+    """q, va, aa at random assembled configurations of one mode, away from singularities.
 
     Rates and accelerations are those at which weights and inertia matter alike.
 
@@ -161,12 +161,14 @@ def random_states(chain: ClosedChain, count: int, seed: int = 0) -> tuple[Array,
     """
     random, mechanism = np.random.default_rng(seed), chain.mechanism
     model, count = mechanism.model, whole_number("count", count, 1)
+    units = mechanism.rate_scale[mechanism.coordinates]
     generic, found = chain.generic_configuration(), list[Array]()
     for _ in range(20 * count):
-        step = 0.3 * random.normal(size=model.nv) * mechanism.rate_scale
+        q, step = generic, 0.1 * random.normal(size=len(units)) * units
         try:
-            q = chain.assemble(pin.integrate(model, generic, step), fixed=())
-        except ClosureError:
+            for _ in range(3):  # along the loops, so that they stay in one assembly mode
+                q = chain.assemble(pin.integrate(model, q, chain.joint_rates(q, step)), fixed=())
+        except (ClosureError, SingularConfigurationError):
             continue
         if chain.condition_number(q) < _REGULAR:
             found.append(q)
@@ -177,7 +179,6 @@ def random_states(chain: ClosedChain, count: int, seed: int = 0) -> tuple[Array,
             f"only {len(found)} of {count} random configurations could be assembled; give motion=",
             float("inf"),
         )
-    units = mechanism.rate_scale[mechanism.coordinates]
     va, aa = random.normal(size=(2, count, len(units))) * units
     faster = 9.81 / mechanism.length
     return np.array(found), va * np.sqrt(faster), aa * faster

@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 
 #: Least eigenvalue of a pseudo-inertia, over that of a ball of this mass and the robot's length.
 _LEAST = 1e-5
+#: Weight of the prior of the others, in deviations of what is seen of them: for what is not seen.
+_WEAK = 1e-3
 #: Parameters that are not negative.
 _POSITIVE = (".viscous", ".coulomb", ".armature", ".stiffness", ".damping")
 #: Upper triangle of a 4 x 4 matrix, column by column, and the factors of its entries in a norm.
@@ -94,7 +96,7 @@ def consistent_parameters(
     of_length = chain.mechanism.length ** np.array([0, 1, 1, 1, 2, 2, 2, 2, 2, 2])
     sizes = np.linalg.norm(rows[:, others], axis=0)
     units = np.concatenate([np.outer(masses[free], of_length).ravel(), 1 / np.maximum(sizes, 1e-9)])
-    near = weight * (np.arange(units.size) < 10 * free.size)
+    near = np.where(np.arange(units.size) < 10 * free.size, weight, _WEAK)
     Q, R = np.linalg.qr(np.vstack([rows[:, columns] * units, np.diag(near)]))
     best = solve_triangular(R, Q.T @ np.concatenate([seen, near * cad[columns] / units]))
 

@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import finite_array
+from ..arrays import finite_array, whole_number
 from ..chain.closed_chain import ClosedChain
 from ..errors import InputError
 from ..summaries import as_html, as_text
 from .base_parameters import BaseParameters
+from .measurements import decimated
 
 Array = NDArray[np.float64]
 
@@ -34,6 +35,7 @@ class Estimate:
             sample.
         noise: Standard deviation of each motor's torque from the model, shape (motors,); the same
             for all where there are more motors than freedoms.
+        decimate: Of so many samples one was used, after a filter.
 
     Example:
         >>> chain = sst_pin.robots.four_bar()
@@ -50,6 +52,7 @@ class Estimate:
     values: Array
     covariance: Array
     noise: Array
+    decimate: int = 1
 
     @property
     def deviations(self) -> Array:
@@ -85,12 +88,14 @@ def estimate(
     tau: ArrayLike,
     *,
     robust: bool = False,
+    decimate: int = 1,
 ) -> Estimate:
     """Base parameters from measurements by weighted least squares.
 
     Each motor is weighted by its own noise, which the residuals tell; motors more than freedoms
-    have the same noise. Parameters that `base` does
-    not consider keep the values of the chain.
+    have the same noise. Parameters that `base` does not consider keep the values of the chain.
+    With `decimate` both sides of the equations are filtered alike, and so is friction that jumps
+    (M. Gautier, ICRA 1997): the motion may then be filtered little.
 
     Args:
         chain: The robot.
@@ -100,6 +105,8 @@ def estimate(
         aa: Accelerations of the coordinates, shape (N, n).
         tau: Measured torques of the motors, shape (N, motors).
         robust: Whether large residuals count less, by Huber's function.
+        decimate: Of so many samples, evenly spaced in time, one is used, after a filter forwards
+            and backwards that lets through what these can show.
 
     Returns:
         Values with their covariance.
@@ -125,13 +132,14 @@ def estimate(
         raise InputError("tau", f"shape {measured.shape}, expected {(len(Y), motors)}")
     if motors < n:
         raise InputError("chain", f"{motors} motors do not tell the forces of {n} coordinates")
-    if len(Y) * n <= b:
+    if len(Y) // whole_number("decimate", decimate, 1) * n <= b:
         raise InputError("q", f"{len(Y)} samples are too few for {b} base parameters")
     J = chain.actuator_jacobian(q)
     known = np.array(chain.dynamic_parameters)
     known[base.considered] = 0
     right = (measured[:, None, :] @ J)[:, 0] - Y @ known  # J^T tau
-    left, surplus = Y[..., base.columns], motors / n
+    left, right = decimated(Y[..., base.columns], decimate), decimated(right, decimate)
+    J, surplus = J[::decimate], motors / n
     noise, weights = np.ones(motors), np.ones(right.shape)
     for _ in range(_ITERATIONS):
         try:
@@ -162,7 +170,7 @@ def estimate(
         _, inverse = solved(A, z)
         inside = np.abs(z) < _HUBER
         inverse *= np.sqrt(np.mean(np.clip(z, -_HUBER, _HUBER) ** 2)) / inside.mean()
-    return Estimate(base, values, inverse @ inverse.T, noise)
+    return Estimate(base, values, inverse @ inverse.T, noise, decimate)
 
 
 def solved(A: Array, z: Array) -> tuple[Array, Array]:

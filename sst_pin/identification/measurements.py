@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -18,7 +16,7 @@ from ..motion.trajectories import Trajectory
 Array = NDArray[np.float64]
 
 _ORDER = 4
-#: How far an outlier is from the smooth curve, over the median of so many samples around it.
+#: How far an outlier is from the smooth curve, over the median of about so many samples.
 _OUTLIER, _USUAL = 8.0, 141
 #: Of so many samples one outlier is replaced in each of so many passes.
 _AROUND, _PASSES = 7, 60
@@ -66,8 +64,6 @@ def measured_motion(
         >>> bool(np.abs(motion.va[:, 0] - 0.9 * np.cos(3 * motion.t)).max() < 1e-3)
         True
     """
-    from scipy.signal import butter, sosfiltfilt
-
     times = sample_times(t, 3)
     values = finite_array("x", x, (len(chain.coordinates),))
     torques = finite_array("tau", tau, (len(chain.motor_names),))
@@ -80,11 +76,7 @@ def measured_motion(
     if not (cutoff < rate / 2 and even[-1] - even[0] > 8 * period):
         raise InputError("cutoff", f"{cutoff:g} Hz, of {even[-1] - even[0]:g} s at {rate:g} Hz")
     both = np.array([np.interp(even, times, column) for column in np.hstack([values, torques]).T]).T
-    sections = butter(_ORDER, cutoff, fs=rate, output="sos")
-    beyond = int(3 * rate * period)  # where the ends are continued
-    smooth = _smoothed(
-        both, lambda x: sosfiltfilt(sections, x, axis=0, padlen=min(beyond, len(even) - 1))
-    )
+    smooth = _smoothed(both, cutoff / rate)
     curve = spline(even, smooth[:, : values.shape[1]])
     first, last = even[0] + 2 * period, even[-1] - 2 * period
     kept = np.linspace(first, last, int((last - first) * 2 / period) + 1)
@@ -94,18 +86,32 @@ def measured_motion(
     return chain.trajectory(kept, q, va, aa, held)
 
 
-def _smoothed(values: Array, smooth: Callable[[Array], Array]) -> Array:
+def lowpass(values: Array, cutoff: float) -> Array:
+    """Filtered forwards and backwards along the first axis, the cut-off in periods per sample."""
+    from scipy.signal import butter, sosfiltfilt
+
+    beyond = min(int(3 / cutoff), len(values) - 1)  # where the ends are continued
+    sections = butter(_ORDER, cutoff, fs=1.0, output="sos")
+    return np.asarray(sosfiltfilt(sections, values, axis=0, padlen=beyond))
+
+
+def decimated(values: Array, every: int) -> Array:
+    """One of so many samples, after a filter that lets through what these can show."""
+    return values if every == 1 else lowpass(values, 0.4 / every)[::every]
+
+
+def _smoothed(values: Array, cutoff: float) -> Array:
     """Smooth curves through samples; outliers give way to them, one by one.
 
     An outlier is the sample farthest from the curve around it, by far more than is usual there.
     """
-    from scipy.ndimage import maximum_filter1d, median_filter
+    from scipy.ndimage import maximum_filter1d
 
-    values = values.copy()
+    values, parts = values.copy(), max(1, len(values) // _USUAL)
     for _ in range(_PASSES):
-        curve = smooth(values)
+        curve = lowpass(values, cutoff)
         away = np.abs(values - curve)
-        usual = 1.4826 * median_filter(away, (_USUAL, 1), mode="nearest")
+        usual = 1.4826 * np.vstack([0 * a + np.median(a, 0) for a in np.array_split(away, parts)])
         far = away > _OUTLIER * np.maximum(usual, 1e-3 * np.ptp(curve, axis=0))
         far &= away >= maximum_filter1d(away, _AROUND, axis=0)
         if not far.any():

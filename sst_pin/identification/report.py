@@ -10,6 +10,7 @@ from ..arrays import finite_array
 from ..chain.closed_chain import ClosedChain
 from ..motion.trajectories import Trajectory
 from .estimation import Estimate
+from .measurements import decimated
 
 Array = NDArray[np.float64]
 
@@ -60,8 +61,8 @@ def report(chain: ClosedChain, found: Estimate, theta: ArrayLike, unseen: Trajec
         >>> print(text.splitlines()[0])
         # Dynamic parameters of five_bar
     """
-    errors = predicted_torques(chain, theta, unseen) - unseen.tau
-    size = np.sqrt(np.mean(np.square(unseen.tau), axis=0))
+    errors = decimated(predicted_torques(chain, theta, unseen) - unseen.tau, found.decimate)
+    size = np.sqrt(np.mean(np.square(decimated(unseen.tau, found.decimate)), axis=0))
     error = np.sqrt(np.mean(errors**2, axis=0))
     motors = zip(chain.motor_names, chain.motor_units, found.noise, error, size, strict=True)
     lines = [

@@ -123,3 +123,16 @@ def test_pseudo_inertias_are_those_of_points():
     ten = np.concatenate([[m.sum()], m @ r, six])
     h = np.hstack([r, np.ones((5, 1))])
     assert_allclose(pseudo_inertias(ten), (h.T * m) @ h, atol=1e-14)
+
+
+def test_parameters_that_are_seen_in_a_sum_alone_share_it():
+    """A constant torque of a joint, and the offset of its motor: nothing tells them apart."""
+    chain = robots.five_bar()
+    names = ["shoulder_1.offset", "shoulder_1.torque_offset"]
+    base = base_parameters(chain, ["*.m*", "*.i*", *names])
+    motion = random_states(chain, 100, 1)
+    tau = chain.compute_torques(*motion) + np.array([0.3, 0.0])
+    tau += 1e-3 * np.random.default_rng(0).normal(size=tau.shape)
+    theta = consistent_parameters(chain, estimate(chain, base, *motion, tau))
+    assert_allclose(sum(abs(theta[name]) for name in names), 0.3, atol=2e-3)
+    assert min(abs(theta[name]) for name in names) > 0.1
