@@ -1,6 +1,11 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """What many tests share."""
 
+import os
+
+# Each worker has a core: matrices as small as these only wait for threads. Before NumPy's import.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 import numpy as np
 import pytest
 

@@ -10,9 +10,9 @@ from commands import run
 CHAIN = sst_pin.robots.five_bar()
 
 
-@pytest.fixture
-def log(here):
-    """Positions and noisy torques of a robot with friction in its left motor."""
+@pytest.fixture(scope="module")
+def measured():
+    """Times, positions and noisy torques of a robot with friction in its left motor."""
     true = CHAIN.with_parameters({"shoulder_1.viscous": 0.2})
     t = np.linspace(0, 12, 601)
     x = np.array(CHAIN.home)[[0, 2]] + np.array([0.3, 0.2]) * np.sin(
@@ -20,10 +20,13 @@ def log(here):
     )
     tau = np.array(sst_pin.coordinate_motion(true, t, x).tau)
     tau += 0.002 * np.random.default_rng(0).normal(size=tau.shape)
+    return np.column_stack([t, x, tau])
+
+
+@pytest.fixture
+def log(here, measured):
     head = "t_s,shoulder_1_rad,shoulder_2_rad,tau_shoulder_1_Nm,tau_shoulder_2_Nm"
-    np.savetxt(
-        here / "log.csv", np.column_stack([t, x, tau]), "%.9g", ",", header=head, comments=""
-    )
+    np.savetxt(here / "log.csv", measured, "%.9g", ",", header=head, comments="")
     return here / "log.csv"
 
 

@@ -14,7 +14,7 @@ LIMITS = {"rates": 2.0, "torques": 0.01, "harmonics": 3}
 
 @pytest.fixture(scope="module")
 def motion():
-    return excitation(CHAIN, BASE, 3.0, tries=6, **LIMITS)
+    return excitation(CHAIN, BASE, 3.0, tries=3, **LIMITS)
 
 
 def test_limits_are_kept_between_the_samples_too(motion):

@@ -78,13 +78,20 @@ def drawn(name, chain):
     return given | {"Viewer": Viewer, "viewer": Viewer(chain)}
 
 
-# Most of them take milliseconds; a compiler and other engines take seconds.
+# Most of them take milliseconds; a compiler, other engines and fits take seconds.
 LONG = {
     "ClosedChain.jax",
     "ClosedChain.compile",
     "ClosedChain.from_mjcf",
     "SST.from_mjcf",
     "ClosedChain.show",
+    "ClosedChain.rollout",
+    "energy_error",
+    "SimulationError",
+    "SingularityWarning",
+    "time_optimal",
+    "Trajectory.to_dataframe",
+    *(name for name in THINGS if name.startswith("identification.")),
 }
 
 
