@@ -31,7 +31,7 @@ _FENCE = re.compile(
 )
 #: Of shell lines: installation and tools that are not ours.
 OTHERS = (
-    *("pip", "python", "python3", "mkdocs", "git", "cd", "head", "ls", "cc"),
+    *("pip", "python", "python3", "zensical", "git", "cd", "head", "ls", "cc"),
     *("check_urdf", "dask", "jupyter", "mypy", "pytest", "ruff"),
 )
 

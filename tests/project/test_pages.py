@@ -8,24 +8,24 @@ from pathlib import Path
 import pytest
 import yaml
 
+import make_site
+import robot_pages
 import sst_pin
 from run_pages import blocks, run, shell
 from shown_output import same_output
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
-#: Pages of the site whose files lie elsewhere; scripts/pages/site_hooks.py brings them.
-OUTSIDE = {
-    "changelog.md": "CHANGELOG.md",
-    "contributing.md": "CONTRIBUTING.md",
-    "description.md": "urdf/README.md",
-}
+#: Pages of the site that lie elsewhere or are written for it.
+ELSEWHERE = {page for page in make_site.OUTSIDE if page.endswith(".md")}
+ELSEWHERE |= {f"robots/{name}.md" for name in robot_pages.NAMES}
 #: Pages whose code other tests run.
 RUN_ELSEWHERE = {"urdf/README.md": "description/test_description_folder.py"}
 RUN_ELSEWHERE |= {"docs/tools.md": "project/test_tools.py"}
 #: These compile, draw, or run for seconds.
-LONG = ["accuracy", "batches", "derivatives", "export_c", "gallery", "own_robot", "plots", "viewer"]
-SLOW = {"README.md"} | {f"docs/{name}.md" for name in LONG}
+LONG = "accuracy batches derivatives export_c gallery identification own_robot plots "
+LONG += "standard_problems timing viewer"
+SLOW = {"README.md"} | {f"docs/{name}.md" for name in LONG.split()}
 
 PAGES = {path.relative_to(ROOT).as_posix(): path for path in sorted(DOCS.rglob("*.md"))}
 PAGES |= {name: ROOT / name for name in ("README.md", "CONTRIBUTING.md", "urdf/README.md")}
@@ -44,7 +44,7 @@ def pages_of(nav):
 
 def test_every_page_is_in_the_navigation():
     config = yaml.safe_load((ROOT / "mkdocs.yml").read_text(encoding="utf-8"))
-    there = {path.relative_to(DOCS).as_posix() for path in DOCS.rglob("*.md")} | set(OUTSIDE)
+    there = {path.relative_to(DOCS).as_posix() for path in DOCS.rglob("*.md")} | ELSEWHERE
     named = list(pages_of(config["nav"]))
     assert sorted(there - set(named)) == [], "add these pages to `nav` in mkdocs.yml"
     assert sorted(set(named) - there) == [], "these pages of `nav` in mkdocs.yml are not there"
@@ -59,7 +59,7 @@ def test_links_between_files_lead_somewhere(name):
         path = target.partition("#")[0]
         if re.match(r"[a-z]+:", target) or not path:
             continue
-        assert (PAGES[name].parent / path).exists() or path in OUTSIDE, target
+        assert (PAGES[name].parent / path).exists() or path in ELSEWHERE, target
 
 
 @pytest.mark.filterwarnings("default::sst_pin.errors.SingularityWarning")
