@@ -79,8 +79,8 @@ class Table(NamedTuple):
         return self.values[:, [self.columns.index(name) for name in names]]
 
 
-def read_table(source: str | Path | BinaryIO) -> Table:
-    """Read a CSV, a file or a stream of bytes, with one header line and increasing times.
+def read_table(source: str | Path | BinaryIO, *, timed: bool = True) -> Table:
+    """Read a CSV, a file or a stream of bytes, with one header line and, if timed, growing times.
 
     The column of times is `t_s`; `time_s`, `t` and `time` are taken for it. The error names the
     line.
@@ -104,13 +104,13 @@ def read_table(source: str | Path | BinaryIO) -> Table:
     twice = sorted({name for name in header if header.count(name) > 1})
     if twice:
         raise FileFormatError(path, f"column {twice[0]} appears twice", 1)
-    if "t_s" not in header:
+    if timed and "t_s" not in header:
         raise FileFormatError(path, f"missing column t_s; found: {', '.join(header) or 'none'}", 1)
     if not rows:
         raise FileFormatError(path, "no rows below the header")
     values = np.array([_numbers(path, line, header, row) for line, row in rows])
     lines = tuple(line for line, _ in rows)
-    times = values[:, header.index("t_s")]
+    times = values[:, header.index("t_s")] if timed else np.arange(len(rows))
     backwards = np.flatnonzero(np.diff(times) <= 0)
     if backwards.size:
         i = int(backwards[0])

@@ -1,13 +1,16 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""`sst-pin identify` and `sst-pin excite`: dynamic parameters from a log, and motions for it."""
+"""`sst-pin identify`, `excite`, `calibrate`: dynamic parameters and geometry from measurements."""
 
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 
+from ..errors import InputError
 from ..files import text_writer
 from ..identification import (
     base_parameters,
+    calibrate,
     condition_number,
     consistent_parameters,
     estimate,
@@ -15,8 +18,9 @@ from ..identification import (
     measured_motion,
 )
 from ..identification.report import report
-from ..motion.motion_files import read_log
+from ..motion.motion_files import read_log, read_poses
 from ..motion.trajectories import Trajectory
+from ..reading import is_mjcf
 from .common import (
     Commands,
     add_input,
@@ -35,7 +39,7 @@ _POSITIVE = number("a positive number", lambda x: 0 < x < float("inf"))
 
 
 def add_to(commands: Commands) -> None:
-    """Add both commands."""
+    """Add the commands."""
     parser = commands.add(
         "identify",
         _identify,
@@ -77,6 +81,23 @@ def add_to(commands: Commands) -> None:
     )
     parser.add_argument("--rates", type=_POSITIVE, metavar="V", help="largest rate, rad/s or m/s")
     parser.add_argument("--torques", type=_POSITIVE, metavar="T", help="largest torque, N m or N")
+    parser = commands.add(
+        "calibrate",
+        _calibrate,
+        "Find errors of the geometry of a robot from measured poses of a frame, and write its URDF "
+        "with calibrated origins. The table has positions of the coordinates, as in a motion file, "
+        "and FRAME_x_m, FRAME_y_m, FRAME_z_m (or _mm), perhaps FRAME_qw, _qx, _qy, _qz.",
+    )
+    add_robot(parser)
+    add_input(parser, "poses", "measured poses")
+    add_output(parser, "CALIBRATED.urdf", "calibrated URDF, its .yaml beside it; - writes the URDF")
+    parser.add_argument("--frame", required=True, help="the frame that was measured")
+    parser.add_argument(
+        "--which",
+        metavar="NAMES",
+        help="errors considered, patterns with commas between, such as motor_*.ry,rod_*.x "
+        "(default: those of all joints and closures)",
+    )
 
 
 def _identify(arguments: argparse.Namespace) -> int:
@@ -107,4 +128,20 @@ def _excite(arguments: argparse.Namespace) -> int:
     save(motion, arguments)
     value = condition_number(robot, base, motion)
     say(f"{len(motion)} samples, condition number {value:.3g} -> {arguments.output}", arguments)
+    return 0
+
+
+def _calibrate(arguments: argparse.Namespace) -> int:
+    urdf = Path(arguments.robot or "")
+    if not urdf.is_file() or is_mjcf(urdf):
+        raise InputError("--robot", "needed: a URDF, which is written with calibrated origins")
+    robot, source, frame = robot_of(arguments), source_of(arguments.poses), arguments.frame
+    x, poses, start = read_poses(robot, source, frame)
+    which = arguments.which and arguments.which.split(",")
+    found = calibrate(robot, frame, x, poses, which=which, start=start)
+    files = {arguments.output: text_writer(found._urdf(urdf))}
+    if str(arguments.output) != "-" and (cuts := urdf.with_suffix(".yaml")).is_file():
+        files[arguments.output.with_suffix(".yaml")] = text_writer(cuts.read_text(encoding="utf-8"))
+    write(files, arguments)
+    say(f"{found!r}\n{len(x)} poses -> {arguments.output}", arguments)
     return 0

@@ -27,6 +27,7 @@ from ..chain.tree import frame_id
 from ..errors import ClosureError, DescriptionError, InputError, UnknownNameError
 from ..files import as_path, text_writer, write_files
 from ..motion.coordinate_motions import configurations_of, start_configuration
+from ..motion.frame_motions import pose_error, targets_of
 from ..summaries import as_html, as_text, listed
 from .base_parameters import independent
 from .estimation import solved
@@ -90,6 +91,10 @@ class Calibration:
             DescriptionError: If the URDF cannot be read, or has no joint at a calibrated place.
             OutputError: If the file cannot be written, or exists.
         """
+        write_files({as_path(path): text_writer(self._urdf(urdf))}, force)
+
+    def _urdf(self, urdf: str | Path) -> str:
+        """The URDF that the robot was read from, with calibrated origins."""
         try:
             root = ET.parse(as_path(urdf)).getroot()
         except (OSError, ET.ParseError) as error:
@@ -110,8 +115,7 @@ class Calibration:
                 ("rpy", pin.rpy.matrixToRpy(new.rotation)),
             ):
                 origin.set(key, " ".join(map(repr, vector.tolist())))
-        text = ET.tostring(root, encoding="unicode", xml_declaration=True)
-        write_files({as_path(path): text_writer(text)}, force)
+        return ET.tostring(root, encoding="unicode", xml_declaration=True)
 
     def __repr__(self) -> str:
         return as_text(*self._summary())
@@ -153,7 +157,8 @@ def calibrate(
 
     Raises:
         UnknownNameError: For an unknown frame, or a pattern that fits no error.
-        InputError: For wrong shapes, or fewer equations than errors that they could show.
+        InputError: For wrong shapes, matrices that are not rotations, or fewer equations than
+            errors that they could show.
         ClosureError: If a pose cannot be assembled.
 
     Example:
@@ -170,9 +175,11 @@ def calibrate(
         array([0.001, 0.001, 0.001, 0.001, 0.001, 0.001])
     """
     angles = finite_array("x", x, (len(chain.coordinates),))
-    measured = finite_array("poses", poses, ())
-    if angles.ndim != 2 or measured.shape not in ((len(angles), 3), (len(angles), 4, 4)):
-        raise InputError("poses", f"shape {measured.shape}, expected (N, 3) or (N, 4, 4)")
+    if angles.ndim != 2:
+        raise InputError("x", f"shape {angles.shape}, expected (N, {len(chain.coordinates)})")
+    measured = targets_of(poses, len(angles))
+    if any(position is None for position, _ in measured):
+        raise InputError("poses", "orientations alone; expected shapes (N, 3) or (N, 4, 4)")
     large, errors = _enlarged(chain, frame, which)
     columns = [large.coordinates.index(name) for name in errors]
     length = chain.mechanism.length
@@ -187,7 +194,7 @@ def calibrate(
         for k in range(len(angles)):
             q[k] = large.assemble(put(large.mechanism.space, q[k], held))
             pin.framesForwardKinematics(model, data, q[k])
-            rests.append(_rest(data.oMf[model.getFrameId(_FRAME)], measured[k]))
+            rests.append(pose_error(data.oMf[model.getFrameId(_FRAME)], *measured[k]))
             rows.append(large.frame_jacobian(q[k], _FRAME)[: len(rests[k]), columns])
         weights = np.repeat(1 / noise, 3)[: len(rests[0])]
         A = np.array(rows) * weights[:, None] * units
@@ -291,14 +298,6 @@ def _with_errors(large: ClosedChain, positions: dict[str, float]) -> Array:
     for k, name in enumerate(large.position_names):
         q[k] = positions.get(name, q[k])
     return np.asarray(q, float)
-
-
-def _rest(at: pin.SE3, measured: Array) -> Array:
-    """From a pose to the measured one, in base axes, shape (3,) or (6,)."""
-    if measured.shape == (3,):
-        return np.asarray(measured - at.translation)
-    turn = pin.log3(measured[:3, :3] @ at.rotation.T)
-    return np.concatenate([measured[:3, 3] - at.translation, turn])
 
 
 def _placements(names: Sequence[str], values: Array) -> dict[str, pin.SE3]:

@@ -63,7 +63,7 @@ def frame_motion(
         array([ 0.027 ,  0.0421, -0.25  ])
     """
     times = sample_times(t, 3)
-    targets = _targets(poses, len(times))
+    targets = targets_of(poses, len(times))
     states, size = chain._states(0.0), (chain.mechanism.model.nq,)
     guess = start_of(chain) if start is None else finite_array("start", start, size)
     now, q = chain.assemble(guess), np.empty((len(times), *size))
@@ -77,7 +77,7 @@ def frame_motion(
     return chain.trajectory(times, q, curve.derivative(1)(times), curve.derivative(2)(times))
 
 
-def _targets(poses: ArrayLike, count: int) -> list[tuple[Array | None, Array | None]]:
+def targets_of(poses: ArrayLike, count: int) -> list[tuple[Array | None, Array | None]]:
     """Position and orientation of each sample, None where it does not matter."""
     given = as_array("poses", poses, ())
     if given.shape[1:] not in ((3,), (3, 3), (4, 4)) or len(given) != count:
@@ -94,6 +94,13 @@ def _targets(poses: ArrayLike, count: int) -> list[tuple[Array | None, Array | N
     if np.abs(given[:, 3] - (0, 0, 0, 1)).max() > 0:
         raise InputError("poses", "the last row of a homogeneous matrix is 0, 0, 0, 1")
     return list(zip(given[:, :3, 3], R, strict=True))
+
+
+def pose_error(at: pin.SE3, position: Array | None, R: Array | None) -> Array:
+    """From a pose to a target, in base axes, [m] and [rad], shape (3,) or (6,)."""
+    away = [] if position is None else [position - at.translation]
+    turn = [] if R is None else [at.rotation @ pin.log3(at.rotation.T @ R)]
+    return np.concatenate([*away, *turn])
 
 
 def _reached(
@@ -115,12 +122,7 @@ def _reached(
     while stalled < _PATIENCE:
         pin.forwardKinematics(model, data, q)
         at = pin.updateFramePlacement(model, data, number)
-        error = np.zeros(6)
-        if position is not None:
-            error[:3] = position - at.translation
-        if R is not None:
-            error[3:] = at.rotation @ pin.log3(at.rotation.T @ R)
-        error = (error / unit)[kept]
+        error = pose_error(at, position, R) / unit[kept]
         before, missed = missed, float(np.abs(error).max())
         stalled += missed > 0.99 * before
         try:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import BinaryIO, TypeGuard
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import NDArray
 
 from ..chain.closed_chain import ClosedChain
@@ -21,6 +22,8 @@ from .trajectories import Trajectory
 
 Array = NDArray[np.float64]
 
+#: A quaternion whose length is farther from 1 is no rounded one.
+_NOT_UNIT = 1e-3
 #: Endings of a joint's column, and what a number there is in SI.
 _ENDINGS = {
     "rad": {"_rad": 1.0, "_deg": np.pi / 180, "": 1.0},
@@ -82,6 +85,47 @@ def read_log(
     table = read_table(source)
     x, start = _coordinates(chain, table)
     return table.column("t_s"), x, read_torques(chain, table), start
+
+
+def read_poses(
+    chain: ClosedChain, source: str | Path | BinaryIO, frame: str
+) -> tuple[Array, Array, Array]:
+    """Measured poses of a frame, and positions of the coordinates, in a CSV without times.
+
+    The columns of coordinates are those of `read_motion`; the frame's are `FRAME_x_m`, `FRAME_y_m`
+    and `FRAME_z_m`, or `_mm`, and for its orientation `FRAME_qw`, `_qx`, `_qy`, `_qz`.
+
+    Args:
+        chain: The robot.
+        source: The file, or a stream.
+        frame: Name of the frame.
+
+    Returns:
+        Positions of the coordinates, shape (N, n); poses, shape (N, 4, 4), or positions of the
+        frame's origin, shape (N, 3); the configuration in the first row, shape (nq,).
+
+    Raises:
+        FileFormatError: When the file has no such poses, with the line at fault.
+    """
+    table = read_table(source, timed=False)
+    x, start = _coordinates(chain, table)
+    poses = np.tile(np.eye(4), (len(x), 1, 1))
+    for k, axis in enumerate("xyz"):
+        columns = _known_columns(table, f"{frame}_{axis}", {"_m": 1.0, "_mm": 1e-3})
+        if len(columns) != 1:
+            wanted, there = f"{frame}_{axis}_m or {frame}_{axis}_mm", ", ".join(table.columns)
+            raise FileFormatError(table.path, f"needed: one column {wanted}; found: {there}", 1)
+        for column, factor in columns.items():
+            poses[:, k, 3] = factor * table.column(column)
+    turns = [f"{frame}_q{axis}" for axis in "xyzw"]
+    if not set(turns) & set(table.columns):
+        return x, poses[:, :3, 3], start
+    for pose, turn, line in zip(poses, table.select(turns), table.lines, strict=True):
+        if abs(np.linalg.norm(turn) - 1) > _NOT_UNIT:
+            problem = f"the quaternion of {frame} has length {np.linalg.norm(turn):g}, not 1"
+            raise FileFormatError(table.path, problem, line)
+        pose[:3, :3] = pin.Quaternion(turn / np.linalg.norm(turn)).matrix()
+    return x, poses, start
 
 
 def is_npz(source: str | Path | BinaryIO) -> TypeGuard[str | Path]:

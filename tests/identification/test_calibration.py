@@ -143,7 +143,8 @@ def test_bad_measurements_are_refused():
     exact = poses_of(drawn, x[:4], "platform")
     with pytest.raises(sst_pin.InputError, match="poses"):
         calibrate(drawn, "platform", x[:4], exact[:3])
-    for wrong in ("here", [["a"]], None):
+    stretched = exact * [[[1.1, 1, 1, 1]]]
+    for wrong in ("here", [["a"]], None, stretched, exact[:, :3, :3]):
         with pytest.raises(sst_pin.InputError, match="poses"):
             calibrate(drawn, "platform", x[:4], wrong)
     with pytest.raises(sst_pin.InputError, match="equations for"):
