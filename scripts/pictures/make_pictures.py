@@ -18,7 +18,7 @@ from sst_pin import robots as gallery
 from sst_pin.files import write_files
 from sst_pin.sst.paper import PERIOD, example_1
 from sst_pin.sst.workspace import workspace_at, workspace_over_rolls
-from sst_pin.viewer.triangles import Mesh, tube
+from sst_pin.viewer.triangles import Mesh, ellipsoid, tube
 
 FOLDER = Path(__file__).resolve().parents[2] / "docs"
 
@@ -147,6 +147,8 @@ def _mesh(shape: coal.ShapeBase) -> Mesh:
     """A cylinder as a tube; a box as one of four sides, made as wide and deep as the box."""
     if isinstance(shape, coal.Cylinder):
         return tube([(0, 0, -shape.halfLength), (0, 0, shape.halfLength)], shape.radius)
+    if isinstance(shape, coal.Sphere):
+        return ellipsoid([shape.radius] * 3, 1)
     x, y, z = shape.halfSide
     square = tube([(0, 0, -z), (0, 0, z)], np.sqrt(2), sides=4)
     turn = pin.rpy.rpyToMatrix(0.0, 0.0, np.pi / 4)

@@ -11,11 +11,21 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
+from ..chain.closures import Closure, Constraint
+
 Array = NDArray[np.float64]
 
 #: From a plane of motion, x to the right and y up, to the base, where z points up.
 UPRIGHT = pin.SE3(np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]), np.zeros(3))
 _GREY, _ORANGE = np.array([0.55, 0.6, 0.65, 1.0]), np.array([0.95, 0.55, 0.15, 1.0])
+#: Pins and balls of joints; those of motors; what stands on the ground.
+_STEEL, _MOTOR, _GROUND = (
+    np.array([*rgb, 1.0]) for rgb in ((0.25, 0.28, 0.32), (0.1, 0.45, 0.7), (0.4, 0.36, 0.32))
+)
+
+
+#: Kinds of closures that are drawn as balls.
+_BALLS = ("3d", "universal")
 
 
 class Solid(NamedTuple):
@@ -39,7 +49,7 @@ def rods(mass: float, points: ArrayLike, radius: float) -> list[Solid]:
     lengths = np.linalg.norm(steps, axis=1)
     solids = []
     for start, step, length in zip(points, steps, lengths, strict=False):
-        turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0, 1]), step).matrix()
+        turn = _z_along(step)
         inertia = pin.Inertia.FromCylinder(mass * length / lengths.sum(), radius, length)
         shape = coal.Cylinder(radius, length)
         solids.append(Solid(inertia, shape, pin.SE3(turn, start + step / 2)))
@@ -121,6 +131,82 @@ class Tree:
         for shape in self.visual_model.geometryObjects:
             if shape.parentJoint == self.model.getJointId(body):
                 shape.meshColor = _ORANGE
+
+
+def joint_shapes(
+    model: pin.Model,
+    shapes: pin.GeometryModel,
+    closures: Sequence[Constraint],
+    motors: Sequence[str],
+) -> list[pin.GeometryObject]:
+    """Pins, balls and sleeves for the joints and closures, and feet on the ground, without mass."""
+    found: list[pin.GeometryObject] = []
+    home, thick = model.referenceConfigurations["home"], _thicknesses(shapes, model.njoints)
+
+    def add(name: str, joint: int, at: pin.SE3, shape: coal.ShapeBase, colour: Array) -> None:
+        found.append(pin.GeometryObject(f"joint_{len(found)}_{name}", joint, at, shape))
+        found[-1].meshColor = colour
+
+    for number, joint in list(enumerate(model.joints))[1:]:
+        name, parent, at = model.names[number], model.parents[number], model.jointPlacements[number]
+        colour, r = _MOTOR if name in motors else _STEEL, thick[number]
+        data = joint.createData()
+        joint.calc(data, home)
+        S = np.reshape(data.S, (6, joint.nv))
+        turns = np.linalg.norm(S[3:], axis=0) > 0
+        origin = pin.SE3.Identity()
+        if joint.nv == 1 and turns[0]:
+            origin = shift(_nearest_on_axis(S[3:, 0], shapes, number))
+            add(name, number, origin * pin.SE3(_z_along(S[3:, 0]), np.zeros(3)), _pin(r), colour)
+        elif joint.nv == 1:
+            rail = parent == 0  # else a sleeve about a rod
+            way = S[:3, 0] * (home[joint.idx_q] if rail else 0.0)
+            shape = coal.Cylinder(0.8 * r, 24 * r) if rail else coal.Cylinder(1.6 * r, 8 * r)
+            add(name, parent, at * pin.SE3(_z_along(S[:3, 0]), way), shape, colour)
+        elif turns.all() and joint.nv < 6:
+            add(name, number, origin, coal.Sphere(1.7 * r), colour)
+        if parent == 0 and turns.all() and joint.nv < 6:
+            add("ground", 0, at * data.M * origin, coal.Box(4 * r, 4 * r, 4 * r), _GROUND)
+    for closure in (c for c in closures if isinstance(c, Closure)):
+        if closure.kind in (*_BALLS, "hinge", "cylindrical"):
+            frame, is_ball = model.frames[model.getFrameId(closure.frame_a)], closure.kind in _BALLS
+            r = thick[frame.parentJoint]
+            shape = coal.Sphere(1.7 * r) if is_ball else _pin(r)
+            add(closure.frame_a, frame.parentJoint, frame.placement, shape, _STEEL)
+    return found
+
+
+def _pin(r: float) -> coal.Cylinder:
+    return coal.Cylinder(1.3 * r, 5 * r)
+
+
+def _thicknesses(shapes: pin.GeometryModel, joints: int) -> Array:
+    """Half the thickness of each body's links, not far from that of most, shape (joints,), [m]."""
+    halves: list[list[float]] = [[] for _ in range(joints)]
+    for body in shapes.geometryObjects:
+        shape = body.geometry
+        size = shape.halfSide if isinstance(shape, coal.Box) else (shape.radius, shape.halfLength)
+        halves[body.parentJoint].append(float(min(size)))
+    usual = float(np.median(np.concatenate(halves)))
+    return np.array([min(max(of_body, default=usual), 2 * usual) for of_body in halves])
+
+
+def _nearest_on_axis(axis: Array, shapes: pin.GeometryModel, joint: int) -> Array:
+    """Where a body's axis through the origin passes closest to an end of one of its links."""
+    ends = []
+    for body in shapes.geometryObjects:
+        if body.parentJoint == joint and isinstance(body.geometry, coal.Cylinder):
+            half = body.geometry.halfLength
+            ends += [body.placement.act(np.array([0, 0, z])) for z in (-half, half)]
+    if not ends:
+        return np.zeros(3)
+    along = np.array(ends) @ axis
+    off = np.linalg.norm(np.array(ends) - along[:, None] * axis, axis=1)
+    return np.asarray(along[np.argmin(off.round(9))] * axis)
+
+
+def _z_along(axis: Array) -> Array:
+    return pin.Quaternion.FromTwoVectors(np.array([0.0, 0, 1]), axis).matrix()
 
 
 def shift(origin: ArrayLike) -> pin.SE3:

@@ -18,7 +18,7 @@ from ..chain.closures import Closure, Distance
 from ..chain.lines import LineForce
 from ..chain.thresholds import CLOSURE_TOLERANCE
 from ..errors import InputError, WorkspaceError
-from .building_blocks import Tree
+from .building_blocks import Tree, joint_shapes
 
 Array = NDArray[np.float64]
 #: Coordinates of joints by name.
@@ -81,6 +81,8 @@ class GalleryRobot(ClosedChain):
             raise unreachable
         tree.model.referenceConfigurations["home"] = pin.normalize(tree.model, q)
         super().__init__(tree.model, closures, actuated, forces=forces)
+        for shape in joint_shapes(tree.model, tree.visual_model, closures, actuated):
+            tree.visual_model.addGeometryObject(shape)
         try:
             self.inverse_kinematics(home)
         except (InputError, WorkspaceError):

@@ -135,7 +135,8 @@ def test_every_body_has_a_physical_inertia_and_a_shape(robot):
         a, b, c = np.linalg.eigvalsh(body.inertia)
         assert body.mass > 0
         assert 0 < a <= b <= c < a + b
-        assert any(shape.parentJoint == joint for shape in robot.visual_model.geometryObjects)
+        own = [s.name for s in robot.visual_model.geometryObjects if s.parentJoint == joint]
+        assert not all(name.startswith("joint_") for name in own)
 
 
 @pytest.mark.parametrize(
@@ -276,3 +277,22 @@ def test_dimensions_that_no_robot_has_are_refused_by_name(build, wrong):
 def test_dimensions_that_do_not_close_are_refused(build, short):
     with pytest.raises(WorkspaceError, match="do not close at home"):
         build(**short)
+
+
+def test_a_pin_stays_on_its_axis_when_its_joint_turns(robot):
+    model, shapes = robot.model, robot.visual_model.geometryObjects
+    drawn = {s.name.split("_", 2)[2]: s for s in shapes if s.name.startswith("joint_")}
+    turning = [
+        j for j in list(model.joints)[1:] if j.nq == 1 and j.shortname().startswith("JointModelR")
+    ]
+    for joint in turning:
+        pin_of = drawn[model.names[joint.id]]
+        assert pin_of.parentJoint == joint.id
+        at = []
+        for angle in (0.0, 0.7):
+            data, q = model.createData(), pin.neutral(model)
+            q[joint.idx_q] = angle
+            pin.forwardKinematics(model, data, q)
+            at.append(data.oMi[joint.id] * pin_of.placement)
+        assert at[0].translation == pytest.approx(at[1].translation, abs=1e-12)
+        assert at[0].rotation[:, 2] == pytest.approx(at[1].rotation[:, 2], abs=1e-12)
