@@ -16,8 +16,9 @@ from ..identification import (
     estimate,
     excitation,
     measured_motion,
+    predicted_torques,
+    report,
 )
-from ..identification.report import report
 from ..motion.motion_files import read_log, read_poses
 from ..motion.trajectories import Trajectory
 from ..reading import is_mjcf
@@ -49,7 +50,7 @@ def add_to(commands: Commands) -> None:
     )
     add_robot(parser)
     add_input(parser, "log", "log")
-    add_output(parser, "REPORT.md", "report, Markdown; - writes it")
+    add_output(parser, "REPORT.md", "report, Markdown, a picture beside it; - writes the text")
     parser.add_argument(
         "--cutoff",
         type=_POSITIVE,
@@ -101,7 +102,9 @@ def add_to(commands: Commands) -> None:
 
 
 def _identify(arguments: argparse.Namespace) -> int:
-    require_extras(identification="clarabel")
+    output = arguments.output
+    pictures = {} if str(output) == "-" else {"plot": "matplotlib"}
+    require_extras(identification="clarabel", **pictures)
     robot, source = robot_of(arguments), source_of(arguments.log)
     t, x, tau, start = read_log(robot, source)
     motion = measured_motion(robot, t, x, tau, cutoff=arguments.cutoff, start=start)
@@ -110,9 +113,17 @@ def _identify(arguments: argparse.Namespace) -> int:
     base = base_parameters(robot, arguments.which.split(","))
     found = estimate(robot, base, seen.q, seen.va, seen.aa, seen.tau, robust=arguments.robust)
     theta = consistent_parameters(robot, found)
-    write({arguments.output: text_writer(report(robot, found, theta, unseen))}, arguments)
+    text, files = report(robot, found, theta, unseen), {}
+    if pictures:
+        from .. import plots
+
+        name = output.with_name(f"{output.stem}_torques.png")
+        page = plots.torques_page(unseen, predicted_torques(robot, theta, unseen))
+        files[name] = plots.figure_writer(page, name)
+        text += f"\n![Measured and predicted torques of the unseen motion](<{name.name}>)\n"
+    write({output: text_writer(text), **files}, arguments)
     told = f"{len(base)} combinations, {int(found.supported.sum())} supported"
-    say(f"{len(motion)} samples, {told} -> {arguments.output}", arguments)
+    say(f"{len(motion)} samples, {told} -> {output}", arguments)
     return 0
 
 

@@ -32,6 +32,7 @@ from .style import (
     require_ending,
     style,
 )
+from .torque_errors import torques_page
 from .workspace_maps import (
     condition_colourbar,
     second_kind,
@@ -66,6 +67,7 @@ __all__ = [
     "second_kind",
     "style",
     "summary_of",
+    "torques_page",
     "workspace_legend",
     "workspace_map",
     "workspace_on_sphere",
