@@ -42,10 +42,10 @@ class Machine:
         self._mujoco.mj_resetData(self.model, self.data)
         self.data.qpos[:], self.data.qvel[:] = q, v
 
-    def step(self, tau):
-        """Hold torques for a period of the controller."""
+    def step(self, tau, push=PUSH):
+        """Hold torques for a period of the controller; push the star when it is time."""
         pushed = PUSH_AT <= self.data.time < PUSH_AT + PUSH_FOR
-        self.data.xfrc_applied[self._star, 3:] = PUSH * np.array([1.0, 1.0, 1.0]) * pushed
+        self.data.xfrc_applied[self._star, 3:] = push * np.array([1.0, 1.0, 1.0]) * pushed
         self.data.ctrl[:] = tau
         self._mujoco.mj_step(self.model, self.data, self._steps)
         return self.data.qpos.copy()

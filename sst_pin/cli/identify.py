@@ -37,6 +37,7 @@ from .common import (
 )
 
 _POSITIVE = number("a positive number", lambda x: 0 < x < float("inf"))
+_COUNT = number("a count", lambda n: n >= 1, int)
 
 
 def add_to(commands: Commands) -> None:
@@ -64,6 +65,13 @@ def add_to(commands: Commands) -> None:
         metavar="NAMES",
         help="parameters considered, patterns with commas between (default: %(default)s)",
     )
+    parser.add_argument(
+        "--decimate",
+        type=_COUNT,
+        default=1,
+        metavar="N",
+        help="use one of N samples, after a filter on both sides of the equations (default: 1)",
+    )
     parser.add_argument("--robust", action="store_true", help="let outliers count less")
     parser = commands.add(
         "excite", _excite, "Find a motion that shows the dynamic parameters of a robot well."
@@ -75,7 +83,7 @@ def add_to(commands: Commands) -> None:
     )
     parser.add_argument(
         "--tries",
-        type=number("a count", lambda n: n >= 1, int),
+        type=_COUNT,
         default=30,
         metavar="N",
         help="motions that are judged (default: 30)",
@@ -111,7 +119,8 @@ def _identify(arguments: argparse.Namespace) -> int:
     cut = 2 * len(motion) // 3
     seen, unseen = _part(motion, slice(0, cut)), _part(motion, slice(cut, None))
     base = base_parameters(robot, arguments.which.split(","))
-    found = estimate(robot, base, seen.q, seen.va, seen.aa, seen.tau, robust=arguments.robust)
+    options = {"robust": arguments.robust, "decimate": arguments.decimate}
+    found = estimate(robot, base, seen.q, seen.va, seen.aa, seen.tau, **options)
     theta = consistent_parameters(robot, found)
     text, files = report(robot, found, theta, unseen), {}
     if pictures:

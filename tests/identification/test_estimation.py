@@ -65,6 +65,18 @@ def test_values_are_within_their_standard_deviations(name, options):
     assert np.mean(np.array(missed) < 3) > 0.98
 
 
+def test_friction_that_depends_on_the_direction_is_found():
+    """Forwards 0.3 N m, back 0.1 N m: the mean is Coulomb's, half the difference an offset."""
+    chain, _, motion, tau = case("five_bar")
+    first = chain.motor_names[0]
+    forwards = motion[1][:, 0] > 0
+    tau = tau + np.column_stack([np.where(forwards, 0.3, -0.1), np.zeros(len(tau))])
+    names = [f"{first}.coulomb", f"{first}.offset"]
+    base = base_parameters(chain, ["*.m*", "*.i*", "*.viscous", *names])
+    found = dict(zip(base.names, estimate(chain, base, *motion, tau).values, strict=True))
+    assert_allclose([found[name] for name in names], [0.2, 0.1], rtol=1e-6)
+
+
 def test_outliers_count_less_in_a_robust_estimate():
     chain, base, motion, tau = case("five_bar")
     true, random = base.matrix @ chain.dynamic_parameters, np.random.default_rng(0)
