@@ -58,6 +58,7 @@ def poor_model():
         inertia = robot.model.inertias[body]
         inertia.mass, inertia.inertia = 0.8 * inertia.mass, 0.8 * inertia.inertia
     robot.refresh()
+    robot.compile()
     return robot
 
 

@@ -181,7 +181,7 @@ class _Limits:
         single = [(j.idx_q, j.idx_v) for j in joints if (j.nq, j.nv) == (1, 1)]
         self._q, self._v = np.array(single, dtype=np.intp).reshape(-1, 2).T
         self._lower, self._upper = model.lowerPositionLimit, model.upperPositionLimit
-        self._may_move = self._q[np.isin(self._v, free)]
+        self._may_move = self._q[np.isin(self._v, free)] if single else self._q
 
     def clipped(self, q: Array) -> Array:
         """The nearest configuration within the limits."""
