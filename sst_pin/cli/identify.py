@@ -20,7 +20,6 @@ from ..identification import (
     report,
 )
 from ..motion.motion_files import read_log, read_poses
-from ..motion.trajectories import Trajectory
 from ..reading import is_mjcf
 from .common import (
     Commands,
@@ -117,7 +116,7 @@ def _identify(arguments: argparse.Namespace) -> int:
     t, x, tau, start = read_log(robot, source)
     motion = measured_motion(robot, t, x, tau, cutoff=arguments.cutoff, start=start)
     cut = 2 * len(motion) // 3
-    seen, unseen = _part(motion, slice(0, cut)), _part(motion, slice(cut, None))
+    seen, unseen = motion[:cut], motion[cut:]
     base = base_parameters(robot, arguments.which.split(","))
     options = {"robust": arguments.robust, "decimate": arguments.decimate}
     found = estimate(robot, base, seen.q, seen.va, seen.aa, seen.tau, **options)
@@ -134,10 +133,6 @@ def _identify(arguments: argparse.Namespace) -> int:
     told = f"{len(base)} combinations, {int(found.supported.sum())} supported"
     say(f"{len(motion)} samples, {told} -> {output}", arguments)
     return 0
-
-
-def _part(motion: Trajectory, rows: slice) -> Trajectory:
-    return motion.between(motion.t[rows][0], motion.t[rows][-1])
 
 
 def _excite(arguments: argparse.Namespace) -> int:
