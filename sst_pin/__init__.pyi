@@ -52,6 +52,7 @@ from .errors import UnknownNameError as UnknownNameError
 from .errors import WorkspaceError as WorkspaceError
 from .motion.bearing_loads import Loads as Loads
 from .motion.coordinate_motions import coordinate_motion as coordinate_motion
+from .motion.crossings import Crossing as Crossing
 from .motion.energy import energy_error as energy_error
 from .motion.frame_motions import frame_motion as frame_motion
 from .motion.rollouts import Rollout as Rollout

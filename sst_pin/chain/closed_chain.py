@@ -1638,7 +1638,7 @@ class ClosedChain:
             DescriptionError: If a mesh cannot be loaded.
 
         Example:
-            >>> [shape.name for shape in chain.visual_model.geometryObjects]
+            >>> [shape.name for shape in chain.visual_model.geometryObjects][:3]
             ['crank_0', 'coupler_0', 'rocker_0']
         """
         return self._shapes(self.model) if callable(self._shapes) else self._shapes
