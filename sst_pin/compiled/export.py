@@ -90,9 +90,9 @@ def c_files(
 ) -> dict[Path, Writer]:
     """The files that compute a robot's dynamics without Python.
 
-    robot.h declares `robot_torques` (`robot_forces` where the motors do not hold all coordinates),
-    `robot_accelerations`, `robot_actuator_jacobian` and `robot_assembly_step`, as far as the robot
-    has them.
+    robot.h declares `robot_torques` and `robot_computed_torque` (`robot_forces` where the motors do
+    not hold all coordinates), `robot_accelerations`, `robot_actuator_jacobian` and
+    `robot_assembly_step`, as far as the robot has them.
 
     Args:
         chain: The robot.
@@ -149,6 +149,10 @@ def c_files(
         head = _head(name, function, sizes, style)
         declarations.append(f"/* {function.meaning} */\n{head};\n")
         definitions.append(_definition(head, function, kernel, sizes, style))
+    if dynamics == "torques":
+        declaration, definition = _computed_torque(chain, style)
+        declarations.append(declaration)
+        definitions.append(definition)
     code = "\n".join(definitions)
     listed = "\n".join(_listed(equations.parameters, mechanism, numbers, style.suffix))
     source = [
@@ -191,6 +195,40 @@ def _head(name: str, function: _Function, sizes: Mapping[str, int], style: _Styl
     inputs = (f"const {style.type} {x}[{sizes[x]}], " for x in function.inputs if sizes[x])
     output = f"{style.type} {function.output}[{sizes[function.output]}]"
     return f"int robot_{name}({''.join(inputs)}{output})"
+
+
+def _computed_torque(chain: ClosedChain, style: _Style) -> tuple[str, str]:
+    """Declaration and definition of `ComputedTorque` in C."""
+    model, mechanism = chain.model, chain._current.mechanism
+    joints = [model.joints[model.getJointId(name)] for name in chain.coordinates]
+    if any((joint.nq, joint.nv) != (1, 1) for joint in joints):
+        return (
+            "/* There is no robot_computed_torque: a coordinate is no single number of q */\n",
+            "",
+        )
+    n, motors = len(joints), len(chain.motor_names)
+    arrays = [("q", model.nq), *((name, n) for name in ("va", "x", "v", "a", "kp", "kd"))]
+    inputs = ", ".join(
+        f"const {style.type} {x}[{size}]" for x, size in (*arrays, ("limits", motors))
+    )
+    head = f"int robot_computed_torque({inputs}, {style.type} tau[{motors}])"
+    blanks = {
+        "head": head,
+        "type": style.type,
+        "n": n,
+        "motors": motors,
+        "places": ", ".join(str(joint.idx_q) for joint in joints),
+        "turns": ", ".join(str(int(unit == "rad")) for unit in mechanism.coordinate_rate_units),
+        "turn": f"{2 * np.pi!r}{style.suffix}",
+        "half": f"0.5{style.suffix}",
+    }
+    meaning = (
+        "Torques that follow a motion with feedback: errors e of the coordinates obey\n"
+        " * e'' + kd e' + kp e = 0 for the model. x, v, a: wanted positions, rates and\n"
+        " * accelerations of the coordinates; full turns count as no error. limits: the largest\n"
+        " * torques of the motors."
+    )
+    return f"/* {meaning} */\n{head};\n", c_code.filled("export/computed_torque.c", blanks)
 
 
 def _definition(

@@ -106,6 +106,37 @@ def test_exported_dynamics_are_those_of_the_package(name, precision, tmp_path):
 
 
 @pytest.mark.parametrize("precision", TYPES)
+def test_exported_computed_torque_is_that_of_the_package(precision, tmp_path):
+    """At a sample of a motion, with full turns between, and within the limits of the motors."""
+    chain, random = robots.five_bar(), np.random.default_rng(0)
+    exported, t = Exported(chain, tmp_path, precision), np.linspace(0, 1, 11)
+    x = chain.home[[0, 2]] + 0.3 * np.sin(np.outer(t, [1, 2]))
+    motion, gains = sst_pin.coordinate_motion(chain, t, x), {"kp": [400, 300], "kd": [40, 30]}
+    for limit in (1e3, 0.005):
+        control = sst_pin.ComputedTorque(chain, motion, **gains, limits=limit)
+        for k in (2, 5):
+            q = chain.assemble(motion.q[k] + 0.1 * random.normal(size=chain.model.nq))
+            va = motion.va[k] + random.normal(size=2)
+            wanted = x[k] + [4 * np.pi, -2 * np.pi], motion.va[k], motion.aa[k]
+            inputs = q, va, *wanted, *gains.values(), [limit, limit]
+            code, tau = exported("computed_torque", 2, *inputs)
+            assert code == 0
+            exact = 1e-9 if precision == "double" else 1e-3  # of the spline of the controller
+            assert tau == pytest.approx(control.torque(t[k], q, va), rel=exact)
+            assert (np.abs(tau) == exported.type(0.005)).any() == (limit == 0.005)
+    inputs = list(inputs)
+    assert exported("computed_torque", 2, q, va, [np.nan, 0], *inputs[3:])[0] == NOT_FINITE
+    assert exported("computed_torque", 2, q + 0.1, *inputs[1:])[0] == OPEN
+
+
+def test_coordinates_that_are_no_single_number_have_no_computed_torque_in_c(tmp_path):
+    write_files(c_files(any_chain.with_joint("universal"), tmp_path))
+    header = (tmp_path / "robot.h").read_text(encoding="utf-8")
+    assert "int robot_torques(" in header
+    assert "There is no robot_computed_torque" in header
+
+
+@pytest.mark.parametrize("precision", TYPES)
 def test_the_exported_functions_say_why_they_have_no_result(precision, tmp_path):
     """Loops open, at a dead centre, not finite: each its own code."""
     chain = robots.four_bar()
