@@ -116,7 +116,7 @@ def test_motions_that_stop_are_named_or_end_in_nan(fast):
         robot.rollout(tau * np.nan, robot.home, np.zeros(3), 1e-3)
 
 
-@pytest.mark.parametrize("fast", [True, False])
+@pytest.mark.parametrize("fast", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_a_rollout_goes_through_dead_points_as_simulate_does(fast):
     """Torques at the ends and middles of the steps, in the user's coordinates: fourth order."""
     four_bar = robots.four_bar()
