@@ -1,15 +1,19 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Controllers on a machine that their model does not know well: the SST in MuJoCo.
+"""Controllers on machines that their model does not know well: the SST and a delta in MuJoCo.
 
-The machine has closed loops, friction in every joint and limits of torque. Its motors have encoders
-with steps; every millisecond a controller gets the pose from them and sets torques. The masses of
-the controllers' model are 20 % too small, and it has no friction. The star follows ten circles of
-the paper and is pushed in the sixth.
+The machines have closed loops, friction in every joint and limits of torque. Their motors have
+encoders with steps; every millisecond a controller gets the pose from them and sets torques. The
+masses of the controllers' models are 20 % too small, and they have no friction. The star follows
+ten circles of the paper, the delta's platform ten of a radius of 50 mm; both are pushed in the
+sixth.
 
-    python examples/control_bench.py
+    python examples/control_bench.py [--picture control_bench.png]
 """
 
+import argparse
+
 import numpy as np
+import pinocchio as pin
 from scipy.interpolate import make_interp_spline
 
 import sst_pin
@@ -21,39 +25,91 @@ COUNTS, FILTER = 2**17, 2e-3
 LIMIT, DAMPING, DRY = 40.0, 0.02, 0.05
 #: A moment on the star, [N m], for a time, [s].
 PUSH, PUSH_AT, PUSH_FOR = 15.0, 5.5 * CIRCLE, 0.03
+#: Inertia at the motors and friction of the delta in parts of those of the SST.
+SMALLER = 0.01
 
 
 class Machine:
-    """The closed SST in MuJoCo."""
+    """A closed robot in MuJoCo, the SST by default, one of whose bodies is pushed."""
 
-    def __init__(self):
+    def __init__(self, xml=None, body="star_1", push=(0, 0, 0, PUSH, PUSH, PUSH), friction=1.0):
         import mujoco
 
         self._mujoco = mujoco
-        self.model = mujoco.MjModel.from_xml_path(str(sst_pin.MJCF_PATH))
-        self.model.dof_damping[:] = DAMPING
-        self.model.dof_frictionloss[:] = DRY
+        if xml is None:
+            self.model = mujoco.MjModel.from_xml_path(str(sst_pin.MJCF_PATH))
+        else:
+            self.model = mujoco.MjModel.from_xml_string(xml)
+        self.model.dof_damping[:] = DAMPING * friction
+        self.model.dof_frictionloss[:] = DRY * friction
         self.data = mujoco.MjData(self.model)
         self._steps = round(PERIOD / self.model.opt.timestep)
-        self._star = self.model.body("star_1").id
+        self._body, self._push = self.model.body(body).id, np.array(push)
 
     def start(self, q, v):
-        """Put the machine into a state."""
+        """Put the machine into a state; quaternions of MuJoCo begin with w."""
         self._mujoco.mj_resetData(self.model, self.data)
         self.data.qpos[:], self.data.qvel[:] = q, v
+        for joint in np.flatnonzero(self.model.jnt_type == self._mujoco.mjtJoint.mjJNT_BALL):
+            k = self.model.jnt_qposadr[joint]
+            self.data.qpos[k : k + 4] = np.roll(q[k : k + 4], 1)
 
-    def step(self, tau, push=PUSH):
-        """Hold torques for a period of the controller; push the star when it is time."""
+    def step(self, tau, push=1.0):
+        """Hold torques for a period of the controller; push the body when it is time."""
         pushed = PUSH_AT <= self.data.time < PUSH_AT + PUSH_FOR
-        self.data.xfrc_applied[self._star, 3:] = push * np.array([1.0, 1.0, 1.0]) * pushed
+        self.data.xfrc_applied[self._body] = push * pushed * self._push
         self.data.ctrl[:] = tau
         self._mujoco.mj_step(self.model, self.data, self._steps)
         return self.data.qpos.copy()
 
 
-def poor_model():
-    """The SST as the controllers know it."""
-    robot = sst_pin.SST()
+def xml_of(chain):
+    """A chain of hinges, universal joints and balls with point closures as MJCF, without shapes."""
+    model, axes = (
+        chain.model,
+        {"JointModelRY": ["0 1 0"], "JointModelUniversal": ["1 0 0", "0 1 0"]},
+    )
+
+    def numbers(*x):
+        return " ".join(map(repr, np.ravel(x).tolist()))
+
+    def body(k):
+        name, at, inertia = model.names[k], model.jointPlacements[k], model.inertias[k]
+        kind = model.joints[k].shortname()
+        parts = [
+            f'<joint name="{name}{i or ""}" axis="{axis}"/>'
+            for i, axis in enumerate(axes.get(kind, []))
+        ] or [f'<joint name="{name}" type="ball"/>']
+        moments = inertia.inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+        parts += [
+            f'<inertial pos="{numbers(inertia.lever)}" mass="{inertia.mass!r}"'
+            f' fullinertia="{numbers(moments)}"/>'
+        ]
+        parts += [
+            f'<site name="{frame.name}" pos="{numbers(frame.placement.translation)}"/>'
+            for frame in model.frames
+            if frame.parentJoint == k and frame.type == pin.FrameType.OP_FRAME
+        ]
+        parts += [body(i) for i in range(1, model.njoints) if model.parents[i] == k]
+        quat = np.roll(pin.Quaternion(at.rotation).coeffs(), 1)
+        place = f'pos="{numbers(at.translation)}" quat="{numbers(quat)}"'
+        return f'<body name="{name}" {place}>{"".join(parts)}</body>'
+
+    stiff = 'solref="0.001 1" solimp="0.9999 0.9999 0.001"'
+    pairs = [f'site1="{c.frame_a}" site2="{c.frame_b}"' for c in chain.closures]
+    bodies = [body(i) for i in range(1, model.njoints) if model.parents[i] == 0]
+    return f"""<mujoco>
+      <compiler angle="radian"/>
+      <option timestep="0.0005" integrator="RK4"/>
+      <worldbody>{"".join(bodies)}</worldbody>
+      <equality>{"".join(f"<connect {pair} {stiff}/>" for pair in pairs)}</equality>
+      <actuator>{"".join(f'<motor joint="{name}"/>' for name in chain.motor_names)}</actuator>
+    </mujoco>"""
+
+
+def poor_model(robot=None):
+    """A robot, the SST by default, as the controllers know it."""
+    robot = robot or sst_pin.SST()
     for body in range(1, robot.model.njoints):
         inertia = robot.model.inertias[body]
         inertia.mass, inertia.inertia = 0.8 * inertia.mass, 0.8 * inertia.inertia
@@ -69,24 +125,42 @@ def circles(robot):
     return robot.trajectory(t, *robot.joint_motion(R, omega, alpha))
 
 
-def controllers(robot, motion):
-    """Each with gains of a bandwidth of some 20 Hz, and the same limits."""
+def circles_of_the_delta(robot):
+    """Its platform on a circle of 50 mm, ten times."""
+    t = np.linspace(0, CIRCLES * CIRCLE, round(CIRCLES * CIRCLE / 2e-3) + 1)
+    poses = np.tile(robot.platform_pose(robot.home), (len(t), 1, 1))
+    angle = 2 * np.pi * t / CIRCLE
+    poses[:, :2, 3] = 0.05 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    q = robot.inverse_kinematics(poses)
+    return sst_pin.coordinate_motion(robot, t, q[:, motors_of(robot)])
+
+
+def motors_of(robot):
+    """Where the positions of the motors are in q, and in the state of the machine."""
+    return [robot.position_names.index(name) for name in robot.motor_names]
+
+
+def controllers(robot, motion, limit=LIMIT, inertia=1.0, learning=0.1):
+    """Each with gains of a bandwidth of some 20 Hz, and the same limits.
+
+    `inertia` is that at the motors in parts of the SST's.
+    """
+    both = {"limits": limit}
+    weights = {"Q": [3e5] * 3 + [30] * 3, "R": [0.3 / inertia**2] * 3}
     return {
-        "PD + gravity": sst_pin.GravityPD(robot, motion, kp=600, kd=12, limits=LIMIT),
-        "LQR": sst_pin.TrackingLQR(
-            robot, motion, Q=[3e5] * 3 + [30] * 3, R=[0.3] * 3, limits=LIMIT
-        ),
+        "PD + gravity": sst_pin.GravityPD(robot, motion, kp=600 * inertia, kd=12 * inertia, **both),
+        "LQR": sst_pin.TrackingLQR(robot, motion, **weights, **both),
         "adaptive": sst_pin.Adaptive(
-            robot, motion, stiffness=60, damping=12, learning=0.1, limits=LIMIT
+            robot, motion, stiffness=60, damping=12 * inertia, learning=learning, **both
         ),
-        "computed torque": sst_pin.ComputedTorque(robot, motion, kp=1.5e4, kd=240, limits=LIMIT),
+        "computed torque": sst_pin.ComputedTorque(robot, motion, kp=1.5e4, kd=240, **both),
     }
 
 
 def run(motion, controller, machine):
     """Errors of the motors in the middle of each period, (N, 3), [rad], and torques, (N, 3)."""
     robot, q, va = controller.chain, motion.q[0], motion.va[0]
-    motors, step, keep = list(robot.actuated), 2 * np.pi / COUNTS, np.exp(-PERIOD / FILTER)
+    motors, step, keep = motors_of(robot), 2 * np.pi / COUNTS, np.exp(-PERIOD / FILTER)
     machine.start(q, robot.joint_rates(q, va))
     times = PERIOD * np.arange(round(motion.t[-1] / PERIOD))
     measured, found, torques = q[motors], [], []
@@ -116,20 +190,58 @@ def row(errors, torques):
     return rms, size[after].max(), np.abs(torques).max(), recovered
 
 
-def table():
-    """For each controller what `row` gives, in mrad, mrad, N m and ms."""
-    robot, machine = poor_model(), Machine()
-    motion, units = circles(robot), (1e3, 1e3, 1.0, 1e3)
+def bench(name):
+    """The motion of a robot, "SST" or "delta", its controllers by name, and its machine."""
+    if name == "SST":
+        robot = poor_model()
+        motion = circles(robot)
+        return motion, controllers(robot, motion), Machine()
+    robot, exact = poor_model(sst_pin.robots.delta()), sst_pin.robots.delta()
+    motion = circles_of_the_delta(robot)
+    machine = Machine(xml_of(exact), "ball", (3, 3, 3, 0, 0, 0), SMALLER)
+    return motion, controllers(robot, motion, 2.0, SMALLER, 0.03), machine
+
+
+def table(name, only=()):
+    """For each controller, or some, what `row` gives, in mrad, mrad, N m and ms."""
+    motion, each, machine = bench(name)
     return {
-        name: np.multiply(row(*run(motion, controller, machine)), units)
-        for name, controller in controllers(robot, motion).items()
+        called: np.multiply(row(*run(motion, controller, machine)), (1e3, 1e3, 1.0, 1e3))
+        for called, controller in each.items()
+        if not only or called in only
     }
 
 
+def picture(path):
+    """Errors of all controllers on both machines."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9, 4), layout="constrained")
+    for axes, name in zip(figure.subplots(1, 2, sharey=True), ("SST", "delta"), strict=True):
+        motion, each, machine = bench(name)
+        for called, controller in each.items():
+            errors, _ = run(motion, controller, machine)
+            t = PERIOD * np.arange(1, len(errors) + 1)
+            axes.semilogy(t, 1e3 * np.abs(errors).max(axis=1).clip(1e-5), label=called, lw=0.8)
+        axes.axvspan(PUSH_AT, PUSH_AT + PUSH_FOR, color="0.8")
+        axes.set(title=name, xlabel="time [s]", ylim=(1e-2, 1e2))
+    figure.axes[0].set_ylabel("largest error of a motor [mrad]")
+    figure.axes[0].legend(loc="lower right")
+    figure.savefig(path, dpi=150)
+
+
 if __name__ == "__main__":
-    print(
-        f"{'controller':18}{'RMS error':>12}{'peak error':>12}{'peak torque':>13}"
-        f"{'recovers in':>13}"
-    )
-    for name, (rms, peak, torque, recovered) in table().items():
-        print(f"{name:18}{rms:7.2f} mrad{peak:7.1f} mrad{torque:9.1f} N m{recovered:10.0f} ms")
+    parser = argparse.ArgumentParser(description="Controllers on machines that they know poorly.")
+    parser.add_argument("--picture", help="file for a picture of the errors")
+    arguments = parser.parse_args()
+    for name in ("SST", "delta"):
+        print(
+            f"{name + ': controller':24}{'RMS error':>12}{'peak error':>12}{'peak torque':>13}"
+            f"{'recovers in':>13}"
+        )
+        for called, (rms, peak, torque, recovered) in table(name).items():
+            print(
+                f"{called:24}{rms:7.2f} mrad{peak:7.1f} mrad{torque:9.2f} N m{recovered:10.0f} ms"
+            )
+    if arguments.picture:
+        picture(arguments.picture)
