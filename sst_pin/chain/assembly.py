@@ -76,7 +76,10 @@ class Assembly:
         self, q: Array, free: Indices, tries: int, seed: int, *, limits: bool = False
     ) -> Array:
         """The first success from q and from random configurations around it, or the best error."""
-        random = np.random.default_rng(whole_number("seed", seed, 0))
+        random_seed = whole_number("seed", seed, 0)
+        if tries == 1:
+            return self.assemble(q, free, limits=limits)
+        random = np.random.default_rng(random_seed)
         model, failures = self.mechanism.model, []
         for k in range(tries):
             width = 2.0 * k / max(tries - 1, 1)
@@ -213,6 +216,8 @@ class _Limits:
 
     def require_within(self, q: Array) -> None:
         """Refuse joints held outside their limits, and limits that exclude each other."""
+        if not len(self._v):
+            return
         room = self._room(q).min(axis=0)
         if (room < 0).any():
             raise ClosureError(

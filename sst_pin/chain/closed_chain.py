@@ -503,10 +503,10 @@ class ClosedChain:
         if model.nv != model.nq and guess.shape == (model.nv,):
             guess = pin.integrate(model, pin.neutral(model), single_array("q", guess, (model.nv,)))
         start = space.normalised(single_array("q", guess, (model.nq,)))
-        held = mechanism.coordinates
+        free = mechanism.dependent
         if fixed is not None:
             held = space.rates_of(names("fixed", fixed))
-        free = np.setdiff1d(np.arange(len(space.rate_names)), held)
+            free = np.setdiff1d(np.arange(len(space.rate_names)), held)
         assembly = self._current.reference.workspace.assembly
         return assembly.try_starts(start, free, tries, seed, limits=limits)
 
