@@ -23,6 +23,8 @@ from .control.pose_abilities import acceleration_ellipsoid as acceleration_ellip
 from .control.pose_abilities import acceleration_polytope as acceleration_polytope
 from .control.pose_abilities import force_ellipsoid as force_ellipsoid
 from .control.pose_abilities import force_polytope as force_polytope
+from .control.reach import ReachMap as ReachMap
+from .control.reach import reach_map as reach_map
 from .control.serial_view import SerialView as SerialView
 from .control.timing import time_optimal as time_optimal
 from .description import MJCF_PATH as MJCF_PATH

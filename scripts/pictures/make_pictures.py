@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from PIL import Image
 
-from sst_pin import SST, Parameters, paper_circle, plots
+from sst_pin import SST, Parameters, paper_circle, plots, reach_map
 from sst_pin import robots as gallery
 from sst_pin.files import write_files
 from sst_pin.sst.paper import PERIOD, example_1
@@ -61,6 +61,20 @@ def workspace_75() -> Figure:
         plots.workspace_on_sphere(axes[1], robot, workspace).set_title("the same as a sphere")
         handles = plots.workspace_legend(workspace)
         figure.legend(handles=handles, ncols=2, loc="outside lower center")
+    return figure
+
+
+def reach() -> Figure:
+    """Where a five-bar and a delta reach, and what 1 kg at the delta takes of motors of 1.2 N m."""
+    side, weight = np.linspace(-0.14, 0.14, 71), (0.0, 0.0, -9.81, 0.0, 0.0, 0.0)
+    lift = reach_map(gallery.five_bar(), "platform", x=side, y=np.linspace(-0.18, 0.18, 91))
+    x, z = np.linspace(-0.42, 0.42, 71), np.linspace(-0.5, 0.02, 45)
+    load = reach_map(gallery.delta(), "platform", 1.2, x=x, z=z, wrench=weight)
+    with plots.style():
+        figure = Figure(figsize=(7.5, 3.3), layout="constrained")
+        left, right = figure.subplots(1, 2)
+        plots.reach_map(left, lift)
+        plots.reach_map(right, load, "used")
     return figure
 
 
@@ -156,7 +170,8 @@ def _mesh(shape: coal.ShapeBase) -> Mesh:
 
 
 PICTURES = {
-    f.__name__: f for f in (robot, summary, workspace, workspace_75, robots, bearings, who_acts)
+    f.__name__: f
+    for f in (robot, summary, workspace, workspace_75, reach, robots, bearings, who_acts)
 }
 
 

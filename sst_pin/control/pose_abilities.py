@@ -73,7 +73,7 @@ def force_ellipsoid(
         array([  inf, 14.28, 10.2 ])
     """
     size = _sizes(chain, torques)
-    G = _torques_of_forces(chain, q, frame, turning) / size[:, None]
+    G = torques_of_forces(chain, q, frame, turning) / size[:, None]
     _, s, axes = np.linalg.svd(_square(G))
     with np.errstate(divide="ignore"):
         sizes = np.where(s > RANK_TOLERANCE * s[..., :1], 1 / s, np.inf)
@@ -118,7 +118,7 @@ def force_polytope(
     if room.min() <= 0:
         motor = chain.motor_names[int(room.argmin()) % len(hold)]
         raise ActuationError(f"motor {motor} cannot hold the robot at q within its limits")
-    G = _torques_of_forces(chain, single, frame, turning)
+    G = torques_of_forces(chain, single, frame, turning)
     moving = _range(_jacobian(chain, single, frame, turning))
     if not len(moving):
         raise InputError("frame", f"{frame} cannot move so: the structure bears what acts on it")
@@ -238,7 +238,7 @@ def _jacobian(chain: ClosedChain, q: ArrayLike, frame: str, turning: bool) -> Ar
     return np.where(sound, J, 0)[..., _rows(turning), :]
 
 
-def _torques_of_forces(chain: ClosedChain, q: ArrayLike, frame: str, turning: bool) -> Array:
+def torques_of_forces(chain: ClosedChain, q: ArrayLike, frame: str, turning: bool) -> Array:
     """G: forces w of a frame take the torques G w, shape (..., motors, 3)."""
     J = _jacobian(chain, q, frame, turning)
     return np.asarray(np.linalg.pinv(_turned(chain.actuator_jacobian(q))) @ _turned(J))

@@ -27,7 +27,8 @@ from ..chain.tree import frame_id
 from ..errors import ClosureError, DescriptionError, InputError, UnknownNameError
 from ..files import as_path, text_writer, write_files
 from ..motion.coordinate_motions import configurations_of, start_configuration
-from ..motion.frame_motions import pose_error, targets_of
+from ..motion.frame_guide import pose_error
+from ..motion.frame_motions import targets_of
 from ..summaries import as_html, as_text, listed
 from .base_parameters import independent
 from .estimation import solved

@@ -8,23 +8,14 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import as_array, finite_array, name_samples
-from ..chain.backend import States
 from ..chain.closed_chain import ClosedChain
-from ..chain.thresholds import CLOSURE_TOLERANCE
-from ..chain.tree import frame_id
-from ..errors import InputError, SSTError, WorkspaceError
-from .coordinate_motions import coordinate_positions, followed, start_of
+from ..errors import InputError, WorkspaceError
+from .coordinate_motions import coordinate_positions, start_of
+from .frame_guide import FrameGuide
 from .samples import sample_times, spline
 from .trajectories import Trajectory
 
 Array = NDArray[np.float64]
-#: Newton's method: the longest step and the last one, [rad] or of the robot's length; steps that
-#: may bring it no nearer.
-_LONGEST, _LAST, _PATIENCE = 0.2, 1e-13, 5
-#: Where more than this is wanted at once, the frame is at the end of its reach.
-_FARTHEST = 10.0
-#: Motions of a frame that a rate of this size hardly makes count as impossible.
-_SINGULAR = 1e-8
 
 
 def frame_motion(
@@ -37,8 +28,8 @@ def frame_motion(
     """The motion and the torques for given poses of a frame over time.
 
     The joints are computed from sample to sample by Newton's method, in steps short enough to stay
-    in the same assembly and working mode. With more freedoms than the task needs, the coordinates
-    move least. Rates are derivatives of splines of degree five through the coordinates.
+    in the same assembly and working mode. With more freedoms than the task needs, the joints move
+    least. Rates are derivatives of splines of degree five through the coordinates.
 
     Args:
         chain: Any closed chain with revolute or prismatic coordinates.
@@ -64,15 +55,23 @@ def frame_motion(
     """
     times = sample_times(t, 3)
     targets = targets_of(poses, len(times))
-    states, size = chain._states(0.0), (chain.mechanism.model.nq,)
+    coordinates = np.eye(chain.mechanism.model.nv)[chain.mechanism.coordinates]
+    kept = (targets[0][0] is not None, targets[0][1] is not None)
+    guide = FrameGuide(chain, frame, *kept, lambda _: coordinates)
+    size = (chain.mechanism.model.nq,)
     guess = start_of(chain) if start is None else finite_array("start", start, size)
     now, q = chain.assemble(guess), np.empty((len(times), *size))
-    for i, target in enumerate(targets):
-        try:
-            now = q[i] = _reached(chain, states, frame, now, target)
-        except WorkspaceError as error:
+    for i, (p, R) in enumerate(targets):
+        way = guide.follow(now, pose_of(p, R))
+        if way.missed:
+            error = WorkspaceError(
+                f"frame {frame} does not reach the pose: it misses it by {way.missed:.3g} (rad, or "
+                "parts of the robot's length), at the end of its reach, before a singular "
+                "configuration, or because it has fewer freedoms"
+            )
             name_samples(error, [i], (len(times),))
-            raise
+            raise error
+        now = q[i] = way.q
     curve = spline(times, coordinate_positions(chain, q))
     return chain.trajectory(times, q, curve.derivative(1)(times), curve.derivative(2)(times))
 
@@ -96,48 +95,6 @@ def targets_of(poses: ArrayLike, count: int) -> list[tuple[Array | None, Array |
     return list(zip(given[:, :3, 3], R, strict=True))
 
 
-def pose_error(at: pin.SE3, position: Array | None, R: Array | None) -> Array:
-    """From a pose to a target, in base axes, [m] and [rad], shape (3,) or (6,)."""
-    away = [] if position is None else [position - at.translation]
-    turn = [] if R is None else [at.rotation @ pin.log3(at.rotation.T @ R)]
-    return np.concatenate([*away, *turn])
-
-
-def _reached(
-    chain: ClosedChain,
-    states: States,
-    frame: str,
-    q: Array,
-    target: tuple[Array | None, Array | None],
-) -> Array:
-    """The configuration next to q where a frame is at its target."""
-    mechanism = chain.mechanism
-    model, number = mechanism.model, frame_id(mechanism.model, frame)
-    data = model.createData()
-    position, R = target
-    kept = np.repeat([position is not None, R is not None], 3)
-    unit = np.repeat([mechanism.length, 1.0], 3)
-    scale = mechanism.rate_scale[mechanism.coordinates]
-    missed, stalled = np.inf, 0
-    while stalled < _PATIENCE:
-        pin.forwardKinematics(model, data, q)
-        at = pin.updateFramePlacement(model, data, number)
-        error = pose_error(at, position, R) / unit[kept]
-        before, missed = missed, float(np.abs(error).max())
-        stalled += missed > 0.99 * before
-        try:
-            J = chain.frame_jacobian(q, frame) / unit[:, None] * scale
-            cut = _SINGULAR * np.linalg.norm(J) / max(np.linalg.norm(J[kept]), 1e-300)
-            step = np.linalg.pinv(J[kept], rcond=min(1.0, cut)) @ error
-            size = float(np.abs(step).max())
-            if size <= _LAST or size > _FARTHEST:
-                break
-            q = followed(chain, states, q, step * scale * min(1.0, _LONGEST / size))
-        except SSTError:
-            break
-    if missed > CLOSURE_TOLERANCE:
-        raise WorkspaceError(
-            f"frame {frame} does not reach the pose: it misses it by {missed:.3g} (rad, or parts "
-            "of the robot's length), at the end of its reach, or because it has fewer freedoms"
-        )
-    return q
+def pose_of(position: Array | None, R: Array | None) -> pin.SE3:
+    """A pose, zero in what does not matter."""
+    return pin.SE3(np.eye(3) if R is None else R, np.zeros(3) if position is None else position)

@@ -22,6 +22,7 @@ from .motions import (
 )
 from .pages import SUBJECTS, motion_page, summary_of, workspace_page
 from .paper_figures import paper_figures
+from .reach_maps import reach_map
 from .sphere import paths_on_sphere, robot_pose
 from .style import (
     COLOURS,
@@ -62,6 +63,7 @@ __all__ = [
     "path_errors",
     "paths_on_sphere",
     "powers",
+    "reach_map",
     "require_ending",
     "robot_pose",
     "second_kind",

@@ -317,6 +317,7 @@ FINE = {
     *(f"ComputedTorque({word}: scalar)" for word in ("kp", "kd", "limits")),
     *(f"GravityPD({word}: scalar)" for word in ("kp", "kd", "limits")),
     *(f"{name}(torques: scalar)" for name in ABILITIES), "force_ellipsoid(torques: huge)",
+    "reach_map(torques: scalar)",
     *(f"time_optimal({word}: scalar)" for word in ("torques", "rates", "accelerations")),
     "TrackingLQR(limits: scalar)", "Adaptive(learning: 0.0)",
     "reactions(external_wrenches: huge)",  # NaN where a wrench is not unique
@@ -427,6 +428,15 @@ def _of_control(w: World) -> Iterator[Subject]:
     able |= {"va": np.ones(3)}
     for name in ABILITIES:
         yield Subject(name, getattr(sst_pin, name), able | {"turning": True})
+
+    def reach(
+        frame: str, torques: ArrayLike, roll: ArrayLike, wrench: ArrayLike, start: ArrayLike
+    ) -> Any:
+        values: Any = {"roll": roll, "pitch": [0.0, 0.01], "wrench": wrench, "start": start}
+        return sst_pin.reach_map(w.robot, frame, torques, **values)
+
+    able |= {"roll": np.array([0.0, 0.01]), "wrench": np.ones(6), "start": w.robot.home}
+    yield Subject("reach_map", reach, able)
     made = {"chain": w.robot, "path": w.motion.q, "torques": np.full(3, 60.0)}
     made |= {"rates": np.full(3, 50.0), "accelerations": np.full(3, 500.0), "dt": 0.01}
     yield Subject("time_optimal", sst_pin.time_optimal, made, "torques")

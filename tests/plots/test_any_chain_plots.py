@@ -234,3 +234,29 @@ def test_convex_sets_are_drawn_in_a_plane_and_as_bodies():
             plots.convex_set(Figure().add_subplot(), flat)
     with pytest.raises(sst_pin.InputError, match="entry"):
         plots.convex_set(ax, np.full((8, 3), np.nan))
+
+
+def test_a_map_shows_what_is_reached_and_what_ends_it(monkeypatch):
+    lift = sst_pin.robots.five_bar()
+    side = np.linspace(-0.15, 0.15, 7)
+    found = sst_pin.reach_map(lift, "platform", 2.0, x=side, y=side)
+    figure = Figure(figsize=(7, 3), layout="constrained")
+    for axes, show in zip(figure.subplots(1, 2), ("condition", "used"), strict=True):
+        ax = plots.reach_map(axes, found, show)
+        field, ends = (drawn.get_array().T for drawn in ax.collections)
+        assert (np.ma.getmaskarray(field) ^ found.reached).all()
+        assert np.array_equal(field[found.reached], getattr(found, show)[found.reached])
+        assert (np.ma.getmaskarray(ends) ^ (found.why == 2)).all()
+        assert [text.get_text() for text in ax.get_legend().get_texts()] == ["singular"]
+    require_legible(figure, monkeypatch)
+    with pytest.raises(sst_pin.InputError, match="'q' unknown; known: condition, used"):
+        plots.reach_map(ax, found, "q")
+
+
+def test_a_map_of_angles_is_in_degrees(robot):
+    angles = np.radians([-5, 0, 5])
+    found = sst_pin.reach_map(robot, "star_1", 20.0, roll=angles, pitch=angles)
+    ax = plots.reach_map(Figure().add_subplot(), found)
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("roll (deg)", "pitch (deg)")
+    assert ax.get_xlim() == pytest.approx((-7.5, 7.5))
+    assert ax.get_legend() is None

@@ -1,0 +1,280 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Which poses a frame reaches, how evenly motors move it there, and what holding them takes."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
+
+from ..arrays import finite_array, single_array
+from ..chain.closed_chain import ClosedChain
+from ..chain.redundancy import limits_of_each
+from ..chain.thresholds import CLOSURE_TOLERANCE, RANK_TOLERANCE
+from ..errors import InputError
+from ..files import as_path, table_writer, write_files
+from ..motion.coordinate_motions import start_of
+from ..motion.frame_guide import FrameGuide
+from ..motion.motion_columns import position_columns
+from ..summaries import listed
+from .pose_abilities import torques_of_forces
+
+Array = NDArray[np.float64]
+
+#: What `ReachMap.why` counts.
+REASONS = ("reached", "joint limits", "singular", "out of reach", "cut off")
+_REACHED, _LIMITS, _SINGULAR, _OUT, _CUT_OFF = range(len(REASONS))
+_AXES = ("x", "y", "z", "roll", "pitch", "yaw")
+#: Points of the grid to which the way from the start is tried; the smallest part of a way.
+_FIRST, _SHORTEST = 4, 2**-6
+
+
+@dataclass(frozen=True, eq=False)
+class ReachMap:
+    """What a frame reaches on a grid of N by M poses.
+
+    Where a pose is not reached, numbers are NaN.
+
+    Attributes:
+        axes: Names of the two components that change along the grid.
+        values: Their values, shapes (N,) and (M,), [m] or [rad].
+        why: 0 for a pose that is reached; else 1 for joint limits, 2 singular, 3 out of reach, 4 cut
+            off from the start by these; shape (N, M).
+        q: Configurations, shape (N, M, nq).
+        condition: Condition number of the map from rates of the motors to the velocity of the frame
+            in the components named, free of units, shape (N, M); infinite where it is singular.
+        torque: Torques of the motors that hold the pose, shape (N, M, motors), [N m] or [N].
+        used: The largest part of a motor's limits that this takes, shape (N, M); more than 1 is
+            more than it can.
+        columns: Names of torques and joints in a file, with units.
+
+    Example:
+        >>> lift = sst_pin.robots.five_bar()
+        >>> found = sst_pin.reach_map(lift, "platform", 2.0, x=[-0.05, 0.05], y=[0.0, 0.1, 0.2])
+        >>> found.why
+        array([[2, 0, 3],
+               [2, 0, 3]], dtype=int8)
+    """
+
+    axes: tuple[str, str]
+    values: tuple[Array, Array]
+    why: NDArray[np.int8]
+    q: Array
+    condition: Array
+    torque: Array
+    used: Array
+    columns: tuple[str, ...]
+
+    @property
+    def reached(self) -> NDArray[np.bool_]:
+        """Which poses are reached, shape (N, M)."""
+        return self.why == _REACHED
+
+    @property
+    def area(self) -> float:
+        """Area of the poses that are reached, [m^2], [m rad] or [rad^2]."""
+        from scipy.integrate import trapezoid
+
+        return float(
+            trapezoid(trapezoid(self.reached.astype(float), self.values[1]), self.values[0])
+        )
+
+    def save(self, path: str | Path, force: bool = False) -> None:
+        """Write a .csv, one row for each pose."""
+        grid = np.meshgrid(*self.values, indexing="ij")
+        flat = [x[..., None] for x in (*grid, self.why, self.condition, self.used)]
+        rows = np.concatenate([*flat, self.torque, self.q], axis=-1)
+        names = [f"{axis}_{'m' if axis in 'xyz' else 'rad'}" for axis in self.axes]
+        names += ["why", "condition", "used", *self.columns]
+        write_files({as_path(path): table_writer(names, rows.reshape(-1, len(names)))}, force)
+
+
+def reach_map(
+    chain: ClosedChain,
+    frame: str,
+    torques: ArrayLike = 1.0,
+    *,
+    x: ArrayLike | None = None,
+    y: ArrayLike | None = None,
+    z: ArrayLike | None = None,
+    roll: ArrayLike | None = None,
+    pitch: ArrayLike | None = None,
+    yaw: ArrayLike | None = None,
+    wrench: ArrayLike | None = None,
+    start: ArrayLike | None = None,
+) -> ReachMap:
+    """Which poses on a grid a frame reaches, its conditioning there, and the torques that hold it.
+
+    From the start the poses are followed from neighbour to neighbour, so that all are in the
+    assembly and working mode of the start: none lies beyond a singular configuration or a joint's
+    limit. With any of x, y, z the position of the frame counts, with any of roll, pitch, yaw its
+    orientation; components that are not named then stay as at the start. With more freedoms than
+    that the joints move least, and the map depends on the way.
+
+    Args:
+        chain: A robot whose motors hold all coordinates.
+        frame: Name of a frame.
+        torques: Largest torque of each motor, shape () or (motors,), or least and largest ones,
+            shape (motors, 2), [N m] or [N]; by default 1.
+        x: Of the frame's origin in the base, [m]: a number, or values of the grid, increasing. Two
+            of the six are grids.
+        y: As x.
+        z: As x.
+        roll: About the x axis of the base, from the orientation at the start, [rad]. The
+            orientation is R_z(yaw) R_y(pitch) R_x(roll) times that at the start.
+        pitch: About the y axis.
+        yaw: About the z axis.
+        wrench: [force; moment] on the frame at its origin, in base axes, [N] and [N m], such as the
+            weight of what it carries; none by default.
+        start: A guess of all joints, shape (nq,), that selects the modes; by default `home`.
+
+    Raises:
+        InputError: For other than two grids, grids or limits that are none, a start beyond joint
+            limits, or a frame that cannot move along the grid.
+        ActuationError: If the motors cannot hold the robot.
+        ClosureError: If the start cannot be assembled.
+        UnknownNameError: For an unknown frame.
+
+    Example:
+        >>> delta, side = sst_pin.robots.delta(), np.linspace(-0.1, 0.1, 5)
+        >>> found = sst_pin.reach_map(delta, "platform", 2.0, x=side, y=side, z=-0.25)
+        >>> found.reached.all(), found.condition.min().round(2), found.used.max().round(2)
+        (np.True_, np.float64(1.51), np.float64(0.15))
+    """
+    given = dict(zip(_AXES, (x, y, z, roll, pitch, yaw), strict=True))
+    named = {name: finite_array(name, v, ()) for name, v in given.items() if v is not None}
+    axes = tuple(name for name, v in named.items() if v.ndim)
+    if len(axes) != 2 or any(named[axis].ndim != 1 for axis in axes):
+        raise InputError(", ".join(_AXES), "two of them are arrays of shape (N,), no more")
+    for axis in axes:
+        if len(named[axis]) < 2 or (np.diff(named[axis]) <= 0).any():
+            raise InputError(axis, "a grid has two values or more, increasing")
+    mechanism, motors = chain.mechanism, chain.motor_names
+    bounds = limits_of_each("torques", torques, len(motors))
+    push = single_array("wrench", np.zeros(6) if wrench is None else wrench, (6,))
+    guess = start_of(chain) if start is None else start
+    home = chain.assemble(single_array("start", guess, (mechanism.model.nq,)))
+    rest = np.zeros(chain.degrees_of_freedom)
+    chain.compute_torques(home, rest, rest)  # refuses motors that hold less than all
+    kinds = not named.keys().isdisjoint(_AXES[:3]), not named.keys().isdisjoint(_AXES[3:])
+    guide = FrameGuide(chain, frame, *kinds, _motor_rates(chain))
+    counted, units = np.repeat(kinds, 3), np.repeat([mechanism.length, 1.0], 3)
+    ratio = (_motor_units(chain) / units[:, None])[counted]
+    first = _velocities(chain, home, frame)[counted] * ratio
+    _require_motion(first, np.array(_AXES)[counted], axes)
+    why, q = _flood(chain, guide, home, named, axes)
+    reached = why == _REACHED
+    A = _velocities(chain, q[reached], frame)
+    tau = chain.compute_torques(q[reached], rest, rest) - push @ A
+    used = np.abs(2 * tau - bounds.sum(axis=1)) / np.ptp(bounds, axis=1)
+
+    def on_grid(values: Array) -> Array:
+        grid = np.full((*why.shape, *values.shape[1:]), np.nan)
+        grid[reached] = values
+        return grid
+
+    condition = on_grid(_conditions(A[:, counted] * ratio))
+    columns = (
+        *(f"tau_{name}_{unit}" for name, unit in zip(motors, chain.motor_units, strict=True)),
+        *position_columns(chain.position_names, chain.joint_units),
+    )
+    values = (named[axes[0]], named[axes[1]])
+    return ReachMap(
+        axes, values, why, q, condition, on_grid(tau), on_grid(used.max(axis=1)), columns
+    )
+
+
+def _motor_rates(chain: ClosedChain) -> Callable[[Array], Array]:
+    """From a configuration to the rates of motors by those of all joints, free of units."""
+    mechanism = chain.mechanism
+    per_unit = mechanism.rate_scale / _motor_units(chain)[:, None]
+    each = np.eye(mechanism.model.nv)
+
+    def rates(q: Array) -> Array:
+        on_lines = chain._line_rates(q, each) @ mechanism.lines.motors
+        return np.asarray((mechanism.motors + on_lines).T * per_unit)
+
+    return rates
+
+
+def _motor_units(chain: ClosedChain) -> Array:
+    """What makes rates of the motors free of units, shape (motors,)."""
+    return np.array([1.0 if u == "Nm" else chain.mechanism.length for u in chain.motor_units])
+
+
+def _velocities(chain: ClosedChain, q: Array, frame: str) -> Array:
+    """A: rates of the motors move the frame by A times these, shape (..., 6, motors)."""
+    G = [torques_of_forces(chain, q, frame, turning) for turning in (False, True)]
+    return np.swapaxes(np.concatenate(G, axis=-1), -1, -2)
+
+
+def _require_motion(A: Array, counted: NDArray[np.str_], axes: Sequence[str]) -> None:
+    """Refuse a frame that cannot move along the grid from the start."""
+    rest = np.eye(len(A)) - A @ np.linalg.pinv(A, rcond=RANK_TOLERANCE)
+    for axis in axes:
+        if np.abs(rest[:, counted == axis]).max() > np.sqrt(RANK_TOLERANCE):
+            others = ", ".join(counted[counted != axis])
+            raise InputError(
+                axis,
+                f"at the start motors cannot move the frame so while {others} stay: it has "
+                "fewer freedoms or motors, or the start is singular",
+            )
+
+
+def _flood(
+    chain: ClosedChain,
+    guide: FrameGuide,
+    home: Array,
+    named: dict[str, Array],
+    axes: tuple[str, str],
+) -> tuple[NDArray[np.int8], Array]:
+    """Why poses are not reached, and configurations, found from neighbour to neighbour."""
+    model, at = chain.mechanism.model, guide.pose(home)
+    here = dict(zip(_AXES, np.append(at.translation, np.zeros(3)), strict=True))
+    shape = (len(named[axes[0]]), len(named[axes[1]]))
+    with_unit = np.array([bool(unit) for unit in chain.joint_units])
+
+    def pose(point: tuple[int, int]) -> pin.SE3:
+        on_grid = {axis: named[axis][k] for axis, k in zip(axes, point, strict=True)}
+        numbers = np.array([float({**here, **named, **on_grid}[axis]) for axis in _AXES])
+        return pin.SE3(pin.rpy.rpyToMatrix(numbers[3:]) @ at.rotation, numbers[:3])
+
+    def beyond(q: Array) -> NDArray[np.bool_]:
+        out = np.maximum(model.lowerPositionLimit - q, q - model.upperPositionLimit)
+        return np.asarray((out > CLOSURE_TOLERANCE) & with_unit)
+
+    if beyond(home).any():
+        joints = listed([chain.position_names[k] for k in np.flatnonzero(beyond(home))])
+        raise InputError("start", f"outside the limits of {joints}")
+    why, found = np.full(shape, _CUT_OFF, dtype=np.int8), np.full((*shape, model.nq), np.nan)
+    places = [np.interp(here[axis], named[axis], np.arange(len(named[axis]))) for axis in axes]
+    far = np.hypot(*(k - place for k, place in zip(np.indices(shape), places, strict=True)))
+    first = np.argsort(far, axis=None, kind="stable")[:_FIRST]
+    queue = deque((home, divmod(int(k), shape[1])) for k in first)
+    while queue:
+        q, point = queue.popleft()
+        if why[point] == _REACHED:
+            continue
+        way = guide.follow(q, pose(point), _SHORTEST)
+        reason = _SINGULAR if way.singular else _OUT if way.missed else _LIMITS
+        if not way.missed and not beyond(way.q).any():
+            reason, found[point] = _REACHED, way.q
+            for step in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+                near = (point[0] + step[0], point[1] + step[1])
+                if 0 <= near[0] < shape[0] and 0 <= near[1] < shape[1]:
+                    queue.append((way.q, near))
+        why[point] = min(why[point], reason)
+    return why, found
+
+
+def _conditions(A: Array) -> Array:
+    """Condition numbers of matrices, shape (N, k, motors), infinite where one has lost rank."""
+    s = np.linalg.svd(A, compute_uv=False)
+    rank = (s > RANK_TOLERANCE * s[:, :1]).sum(axis=1).max(initial=1)
+    with np.errstate(divide="ignore"):
+        return np.asarray(s[:, 0] / s[:, rank - 1])

@@ -1,0 +1,215 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""What a frame reaches, against closed forms of a five-bar and an arm, and against the dynamics."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.ndimage import label
+
+import sst_pin
+from sst_pin.control.reach import REASONS
+from sst_pin.files import read_table
+
+REACHED, LIMITS, SINGULAR, OUT, CUT_OFF = range(len(REASONS))
+SPAN, PROXIMAL, DISTAL = 0.118, 0.09, 0.07
+
+
+def five_bar(points):
+    """Closed form with elbows outwards: where the circles meet, links of both arms as vectors."""
+    meets, links = np.ones(points.shape[:-1], bool), []
+    for side in (-1, 1):
+        away = points - (side * SPAN / 2, 0)
+        r = np.linalg.norm(away, axis=-1)
+        meets &= (abs(PROXIMAL - DISTAL) < r) & (r < PROXIMAL + DISTAL)
+        with np.errstate(invalid="ignore"):
+            elbow = np.arccos((PROXIMAL**2 + r**2 - DISTAL**2) / (2 * PROXIMAL * r))
+        angle = np.arctan2(away[..., 1], away[..., 0]) - side * elbow
+        upper = PROXIMAL * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+        links.append((upper, away - upper))
+    return meets, links
+
+
+def cross(a, b):
+    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+
+
+@pytest.fixture(scope="module")
+def mapped():
+    lift = sst_pin.robots.five_bar(span=SPAN, proximal=PROXIMAL, distal=DISTAL)
+    x, y = np.linspace(-0.16, 0.16, 17), np.linspace(-0.16, 0.16, 17)
+    found = sst_pin.reach_map(lift, "platform", 2.0, x=x, y=y)
+    return lift, found, np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)
+
+
+def test_a_five_bar_reaches_what_its_circles_and_singular_curves_leave(mapped):
+    """The part of two rings, on home's side of det = 0, that hangs together with home."""
+    lift, found, points = mapped
+    meets, ((_, left), (_, right)) = five_bar(points)
+    home = lift.platform_pose(lift.home)[:2, 3]
+    at = tuple(np.argwhere((np.abs(points - home) < 0.0101).all(axis=-1))[0])
+    turn = cross(left, right)
+    regular = turn * np.sign(turn[at]) > 0
+    parts, _ = label(meets & regular)
+    wanted = parts == parts[at]
+    assert not (found.reached & ~wanted).any()
+    # What is left out lies next to an end: the last steps towards one are not taken.
+    assert (wanted & ~found.reached).sum() <= 0.02 * wanted.sum()
+    assert (meets & (found.why == SINGULAR)).sum() > 0.8 * (found.why == SINGULAR).sum()
+    assert (~meets & (found.why == OUT)).sum() > 0.8 * (found.why == OUT).sum()
+    poses = np.tile(np.eye(4), (found.reached.sum(), 1, 1))
+    poses[:, :2, 3] = points[found.reached]
+    off = found.q[found.reached] - lift.inverse_kinematics(poses)
+    assert np.abs(np.angle(np.exp(1j * off))).max() < 1e-9
+    assert np.isnan(found.q[~found.reached]).all()
+    cell = 0.02**2
+    assert found.area == pytest.approx(found.reached.sum() * cell, rel=1e-9)
+
+
+def test_the_condition_number_is_that_of_the_jacobian_by_hand(mapped):
+    """l_k . p_dot = (l_k x u_k) gamma_dot_k for the distal link l_k and the proximal one u_k."""
+    _, found, points = mapped
+    _, links = five_bar(points[found.reached])
+    A = np.stack([lower for _, lower in links], axis=-2)
+    B = np.stack([cross(upper, lower) for upper, lower in links], axis=-1)
+    J = np.linalg.solve(A, B[..., None] * np.eye(2))
+    wanted = np.linalg.cond(J)
+    assert np.abs(found.condition[found.reached] / wanted - 1).max() < 1e-6
+    assert np.isnan(found.condition[~found.reached]).all()
+
+
+def test_the_coordinates_do_not_count(mapped):
+    lift, found, _ = mapped
+    other = lift.with_coordinates(["elbow_1", "elbow_2"])
+    corner = {"x": found.values[0][4:13:2], "y": found.values[1][8::2]}
+    maps = [sst_pin.reach_map(chain, "platform", 2.0, **corner) for chain in (lift, other)]
+    assert (maps[0].why == maps[1].why).all()
+    assert 0 < maps[0].reached.sum() < 25
+    assert np.allclose(maps[0].condition, maps[1].condition, rtol=1e-6, equal_nan=True)
+
+
+def arm(low=-np.inf):
+    model, at = pin.Model(), pin.SE3.Identity()
+    for k in range(2):
+        joint = model.addJoint(k, pin.JointModelRZ(), at, f"hinge_{k}")
+        model.appendBodyToJoint(
+            joint, pin.Inertia(1, np.array([0.3, 0, 0]), np.eye(3)), pin.SE3.Identity()
+        )
+        at = pin.SE3(np.eye(3), np.array([1.0 - 0.4 * k, 0, 0]))
+    model.addFrame(pin.Frame("tip", joint, 0, at, pin.FrameType.OP_FRAME))
+    model.lowerPositionLimit = np.array([-np.inf, low])
+    return sst_pin.ClosedChain(model, [], ["hinge_0", "hinge_1"])
+
+
+def test_an_arm_reaches_a_ring_and_with_a_stop_a_narrower_one():
+    """Links of 1 m and 0.6 m; the stop keeps the elbow bent by 1 rad or more."""
+    side = np.linspace(-1.65, 1.65, 9)
+    r = np.hypot(*np.meshgrid(side, side, indexing="ij"))
+    for low, outer in ((-np.inf, 1.6), (1.0, np.sqrt(1.36 + 1.2 * np.cos(1.0)))):
+        found = sst_pin.reach_map(arm(low), "tip", x=side, y=side, start=[0.1, 1.4])
+        ring = (r > 0.4) & (r < outer)
+        assert not (found.reached & ~ring).any()
+        assert (ring & ~found.reached).sum() <= 0.02 * ring.sum()
+        assert (found.q[found.reached][:, 1] > max(low, 0) - 1e-6).all()
+        assert (found.why == LIMITS).any() == (low == 1.0)
+        assert found.area == pytest.approx(np.pi * (outer**2 - 0.16), rel=0.1)
+
+
+@pytest.mark.parametrize("name", ["delta", "stewart"])
+def test_torques_hold_the_pose_against_its_wrench(name):
+    """By inverse dynamics with the wrench on the body's mass centre; also as parts of limits."""
+    chain = getattr(sst_pin.robots, name)()
+    side, push = np.array([-0.04, 0.03]), np.array([3.0, -4.0, -20.0, 0.4, 0.2, -0.3])
+    limits = np.column_stack(
+        [-np.arange(1, 1 + len(chain.motor_names)), 9.0 * np.ones_like(chain.actuated)]
+    )
+    held = {"yaw": 0.0} if name == "stewart" else {}
+    found = sst_pin.reach_map(chain, "platform", limits, x=side, y=side, wrench=push, **held)
+    model, data, rest = chain.model, chain.model.createData(), np.zeros(chain.degrees_of_freedom)
+    body = model.frames[model.getFrameId("platform")].parentJoint
+    for place in np.ndindex(2, 2):
+        q = found.q[place]
+        pin.framesForwardKinematics(model, data, q)
+        tip = data.oMf[model.getFrameId("platform")]
+        assert np.abs(tip.translation[:2] - side[list(place)]).max() < 1e-9
+        center = data.oMi[body].act(model.inertias[body].lever)
+        load = np.zeros((model.njoints - 1, 6))
+        moment = push[3:] + np.cross(tip.translation - center, push[:3])
+        load[body - 1] = np.concatenate([moment, push[:3]])
+        tau = chain.compute_torques(q, rest, rest, external_wrenches=load)
+        assert np.abs(found.torque[place] - tau).max() < 1e-8 * np.abs(tau).max()
+        part = np.abs(tau - limits.mean(axis=1)) / (limits[:, 1] - limits[:, 0]) * 2
+        assert found.used[place] == pytest.approx(part.max())
+
+
+def test_the_star_turns_as_its_angles_say(robot):
+    """Orientations on the grid; the condition number is that of omega by the motors' rates."""
+    angles = np.linspace(-0.3, 0.3, 3)
+    found = sst_pin.reach_map(robot, "star_1", 20.0, roll=angles, yaw=angles, pitch=0.2)
+    home = robot.platform_orientation(robot.home)
+    assert found.axes == ("roll", "yaw")
+    assert found.reached.all()
+    for i, j in np.ndindex(3, 3):
+        R = pin.rpy.rpyToMatrix(angles[i], 0.2, angles[j]) @ home
+        assert np.abs(robot.platform_orientation(found.q[i, j]) - R).max() < 1e-9
+        J = robot.frame_jacobian(found.q[i, j], "star_1")[3:]
+        assert found.condition[i, j] == pytest.approx(np.linalg.cond(J))
+
+
+def test_a_file_has_a_row_for_each_pose(robot, tmp_path):
+    angles = np.linspace(-0.1, 0.1, 3)
+    found = sst_pin.reach_map(robot, "star_1", roll=angles[:2], yaw=angles)
+    found.save(tmp_path / "map.csv")
+    table = read_table(tmp_path / "map.csv", timed=False)
+    assert table.columns[:6] == (
+        "roll_rad",
+        "yaw_rad",
+        "why",
+        "condition",
+        "used",
+        "tau_gamma_1_Nm",
+    )
+    assert (table.column("yaw_rad").reshape(2, 3) == angles).all()
+    assert (table.column("beta_3_rad").reshape(2, 3) == found.q[..., 8]).all()
+    assert (table.column("used").reshape(2, 3) == np.abs(found.torque).max(axis=-1)).all()
+    with pytest.raises(sst_pin.OutputError, match="exists"):
+        found.save(tmp_path / "map.csv")
+
+
+def test_a_slice_out_of_reach_is_a_map_without_area():
+    side = np.linspace(-0.1, 0.1, 3)
+    found = sst_pin.reach_map(sst_pin.robots.delta(), "platform", x=side, y=side, z=-3.0)
+    assert found.area == 0
+    assert set(found.why.ravel()) == {OUT, CUT_OFF}
+    assert np.isnan(found.used).all()
+
+
+@pytest.mark.parametrize(
+    ("changes", "word"),
+    [
+        ({"y": None}, "two of them"),
+        ({"z": [0.0, 1.0]}, "two of them"),
+        ({"y": np.zeros((2, 2))}, "two of them"),
+        ({"y": [0.1, 0.1]}, "increasing"),
+        ({"y": [0.1]}, "increasing"),
+        ({"yaw": 0.0}, "cannot move the frame so while y, z, roll, pitch, yaw stay"),
+        ({"y": None, "z": [0.0, 0.1]}, "z: at the start motors cannot move the frame so"),
+        ({"torques": -1.0}, "torques"),
+        ({"wrench": np.ones(3)}, "wrench"),
+        ({"start": np.ones(3)}, "start"),
+        ({"frame": "hand"}, "hand"),
+    ],
+)
+def test_what_is_no_map_is_refused(changes, word):
+    given = {"frame": "platform", "x": [0.0, 0.1], "y": [0.1, 0.2]} | changes
+    with pytest.raises(sst_pin.SSTError, match=word):
+        sst_pin.reach_map(sst_pin.robots.five_bar(), **given)
+
+
+def test_a_start_beyond_its_limits_and_idle_motors_are_refused():
+    with pytest.raises(sst_pin.InputError, match="outside the limits of hinge_1"):
+        sst_pin.reach_map(arm(1.0), "tip", x=[0, 1], y=[0, 1], start=[0.1, 0.5])
+    tree = arm().model
+    tree.gravity.linear = np.array([0, -9.81, 0])
+    loose = sst_pin.ClosedChain(tree, [], ["hinge_0"], coordinates=["hinge_0", "hinge_1"])
+    with pytest.raises(sst_pin.ActuationError):
+        sst_pin.reach_map(loose, "tip", x=[0, 1], y=[0, 1], start=[0.1, 0.5])
