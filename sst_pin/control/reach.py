@@ -43,8 +43,8 @@ class ReachMap:
     Attributes:
         axes: Names of the two components that change along the grid.
         values: Their values, shapes (N,) and (M,), [m] or [rad].
-        why: 0 for a pose that is reached; else 1 for joint limits, 2 singular, 3 out of reach, 4 cut
-            off from the start by these; shape (N, M).
+        why: 0 for a pose that is reached; else 1 for joint limits, 2 singular, 3 out of reach, 4
+            cut off from the start by these; shape (N, M).
         q: Configurations, shape (N, M, nq).
         condition: Condition number of the map from rates of the motors to the velocity of the frame
             in the components named, free of units, shape (N, M); infinite where it is singular.
