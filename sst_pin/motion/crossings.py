@@ -2,14 +2,14 @@
 """The way of a smooth motion through a singular configuration of the mechanism.
 
 Several branches of motions meet there. The motion before it is continued by polynomials, which
-close the loops on one branch only; on the far side this branch has to hold the equations of motion
-again, at the same velocity and acceleration.
+close the loops on one branch only. From there an implicit step over the configuration iterates, in
+which the equations of motion hold on both sides, but nowhere next to it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import pinocchio as pin
@@ -21,11 +21,22 @@ from ..chain.mechanism import Mechanism
 Array = NDArray[np.float64]
 
 #: How far ahead a singular configuration is looked for, in units of the time expected.
-_AHEAD = 3.0
+_AHEAD = 2.0
 #: A singular value that falls below this part of its size has vanished.
 _VANISHED = 0.03
 #: What is left of it halfway, where it falls in proportion to the time.
 _HALFWAY = (0.3, 0.7)
+#: Stages of a step over it, an even number, so that none is in the middle; its iterations at most.
+_STAGES, _ITERATIONS = 8, 20
+
+
+class Moving(Protocol):
+    """Equations of motion in the coordinates of `states`."""
+
+    states: States
+
+    def rate(self, time: float, state: Array) -> Array:
+        """The rates of a state."""
 
 
 class Crossing(NamedTuple):
@@ -112,6 +123,28 @@ def crossing_of(states: States, course: Course, start: float, left: float) -> Cr
     if not lost or not _HALFWAY[0] < halfway / before[rank - 1] < _HALFWAY[1]:
         return "branches are tangent to each other there"
     return Crossing(at, course.q(at), rank, rank - lost)
+
+
+def gauss_step(
+    motion: Moving, start: float, state: Array, end: float, guess: Course
+) -> tuple[Array, Array]:
+    """One step of Gauss' implicit method, order 16; times and states of start, stages and end."""
+    x, powers = (1 + np.polynomial.legendre.leggauss(_STAGES)[0]) / 2, np.arange(_STAGES)
+    weights = np.append(x, 1)[:, None] ** (powers + 1) / (powers + 1)
+    weights = weights.dot(np.linalg.inv(x[:, None] ** powers))  # integrals to the stages and to 1
+    times = start + (end - start) * np.append(x, 1)
+    coordinates, change = motion.states.coordinates, np.inf
+    states = np.array([[*guess.q(t), *guess.v(t)[coordinates]] for t in times])
+    nq = states.shape[1] - len(coordinates)
+    for _ in range(_ITERATIONS):
+        states[:, :nq] = motion.states.closed(states)
+        rates = np.array([motion.rate(t, y) for t, y in zip(times[:-1], states, strict=False)])
+        before, states = states, state + (end - start) * weights.dot(rates)
+        last, change = change, float(np.abs(states - before).max())
+        if not change < last / 2:  # what is left is rounding
+            break
+    states[:, :nq] = motion.states.closed(states)
+    return np.append(start, times), np.vstack([state, states])
 
 
 def mismatch(

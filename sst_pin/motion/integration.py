@@ -16,7 +16,7 @@ from ..chain.backend import States
 from ..chain.mechanism import Mechanism
 from ..chain.thresholds import MARGIN, POOR, WELL_CONDITIONED
 from ..errors import InputError, SimulationError, SSTError
-from .crossings import Course, Crossing, crossing_of, mismatch
+from .crossings import Course, Crossing, crossing_of, gauss_step, mismatch
 
 if TYPE_CHECKING:
     from scipy.integrate import OdeSolver
@@ -28,12 +28,15 @@ _DIFFERENCE = 1e-8
 #: A step that is not regular is tried again with its regular part, or this part of it at least;
 #: a motion ends where this leads to such a part of its time.
 _SHORTER, _STUCK = 0.25, 1e-12
-#: States by which a motion is continued over a singular configuration, and the powers of three of
-#: the time left at which it is computed for this.
-_NODES, _APPROACH = 6, (4, 3, 2, 1, 0)
-#: They lie apart by this factor of their times left at least; the last one is so much nearer than
-#: where the singular configuration is noticed.
-_SPREAD, _NEARER = 2.0, 3.0
+#: States by which a motion is continued over a singular configuration, apart by this factor of
+#: their times left at least.
+_NODES, _SPREAD = 6, 1.5
+#: The step over a singular configuration begins when the time left is so many times that at which
+#: the configuration is noticed: next to it, accelerations are noisy.
+_EARLIER = 4.0
+#: The middle of this step is so near to the configuration, relative to half the step, after so many
+#: steps at most.
+_CENTRED, _STEPS = 0.01, 3
 #: How exactly the motion on the far side continues that before, relative to the way between them,
 #: or in tolerances of the integrator.
 _EXACT, _TOLERANCES = 1e-7, 100.0
@@ -135,6 +138,10 @@ class Motion:
         return self._last
 
 
+#: A time, the coordinates and the state.
+Node = tuple[float, States, Array]
+
+
 class Run:
     """One integration, step by step; it ends before a singularity, or goes through it.
 
@@ -158,8 +165,8 @@ class Run:
         self._motion, self._solver, self._options = motion, getattr(integrate, method), options
         self._mechanism, self._most, self._through = mechanism, limit, through
         self._progress = progress or (lambda time: None)
-        self._stride, self._limit, self._left = np.inf, 0.0, 0.0
-        self._nodes = deque[tuple[float, States, Array]](maxlen=3 * _NODES)
+        self._stride, self._limit, self._left, self._next_try = np.inf, 0.0, 0.0, -np.inf
+        self._nodes = deque[Node](maxlen=3 * _NODES)
         self.stopped, self._why, self.crossings = "", "", list[Crossing]()
 
     def integrate(self, times: Array, start: Array) -> list[Array]:
@@ -175,7 +182,8 @@ class Run:
         self._progress(self._t)
         while self._t < times[-1] and not self.stopped:
             motion.close_first = len(self._bounds) > 1
-            self._advance(self._bounds[0])
+            if self._t < self._bounds[0]:
+                self._advance(self._bounds[0])
             if self._t >= self._bounds[0] < times[-1]:
                 self._bounds.pop(0)
                 if len(self._bounds) == 1:
@@ -262,7 +270,7 @@ class Run:
     # --- through a singular configuration ---------------------------------------------------
 
     def _approaches(self, t: float, q: Array) -> bool:
-        """Whether a singular configuration lies ahead of q, to be approached by shorter steps."""
+        """Whether a singular configuration lies ahead of q; if so, go back some steps before it."""
         states, last = self._motion.states, self._bounds[-1]
         if not self._through or len(self._bounds) > 1:
             return False
@@ -273,12 +281,19 @@ class Run:
         if not here[k] < there[k]:
             return False
         left = float((t - self._t) * here[k] / (there[k] - here[k]))
-        self._left, at = left / _NEARER, t + left
-        times = [at - self._left * 3.0**k for k in _APPROACH]
-        times = [time for time in times if time - self._t > self._left]
-        if not times or at + 2 * self._left > last:
+        at = t + left
+        wide = min(_EARLIER * left, (last - at) / 2)
+        if wide < left / _EARLIER or t < self._next_try:
             return False
-        self._bounds, self._limit = [*times, last], MARGIN * _NEARER * self._limit
+        self._next_try = at - left / _EARLIER
+        while len(self._nodes) > 1 and self._nodes[-1][0] > at - wide:
+            self._nodes.pop()
+        self._t, before, state = self._nodes[-1]
+        self._q = before.closed(state)
+        va = before.joint_rates(self._q, state[len(q) :])[states.coordinates]
+        self._state = np.concatenate([self._q, va])
+        self._left = at - max(at - wide, self._t)
+        self._bounds, self._limit = [at - self._left, last], MARGIN * _EARLIER * self._limit
         return True
 
     def _cross(self) -> None:
@@ -286,15 +301,21 @@ class Run:
         motion, start = self._motion, self._t
         self._why, self._limit = "", min(self._most, self._limit)
         try:
-            course = self._course()
+            course, middle = self._course(self._before()), np.inf
+            self._nodes.clear()
             found = crossing_of(motion.states, course, start, self._left)
+            for _ in range(_STEPS):
+                if isinstance(found, str) or abs(found.time - middle) < _CENTRED * self._left:
+                    break
+                middle, far = found.time, 2 * found.time - start
+                times, stages = gauss_step(motion, start, self._state, far, course)
+                nodes = [(t, motion.states, y) for t, y in zip(times, stages, strict=True)]
+                whole = motion.whole(far, stages[-1])
+                course = self._course(nodes[:-1])
+                found = crossing_of(motion.states, course, start, self._left)
             if isinstance(found, str):
                 self._why = f"; the branch behind it is not determined: {found}"
                 return
-            far = 2 * found.time - start
-            rates = course.v(far)[motion.states.coordinates]
-            state = np.concatenate([course.q(far), rates])
-            whole = motion.whole(far, state)
             off = mismatch(self._mechanism, course, far, whole, far - start)
         except SSTError as error:
             self._why = f"; the motion behind it is not found ({error})"
@@ -313,25 +334,28 @@ class Run:
             self._parts.append((q, v[:, own], v_dot[:, own], tau))
             self._done += len(new)
         self.crossings.append(found)
-        self._t, self._q = far, whole[0]
-        self._state = np.concatenate([whole[0], rates])
+        self._t, self._q, self._state = far, whole[0], stages[-1]
         self._limit = 0.0
         self._settle()
         condition = motion.states.condition_number(self._q)
         self._limit = max(self._limit, MARGIN * condition)  # it falls from here on
 
-    def _course(self) -> Course:
-        """The motion continued from its last states."""
-        motion, current = self._motion, self._motion.states
+    def _before(self) -> list[Node]:
+        """The last states of the motion, spread over the time before a singular configuration."""
         chosen = [self._nodes[-1]]
         for node in reversed(self._nodes):
             near, far = (chosen[0][0] + self._left - x[0] for x in (chosen[-1], node))
             if far > _SPREAD * near and len(chosen) < _NODES:
                 chosen.append(node)
-        states = []
-        for time, motion.states, state in chosen:
-            states.append(motion.whole(time, state))
+        return chosen
+
+    def _course(self, nodes: list[Node]) -> Course:
+        """The smooth motion through some states."""
+        motion, current = self._motion, self._motion.states
+        found = []
+        for time, motion.states, state in nodes:
+            found.append(motion.whole(time, state))
         motion.states = current
-        q, v, v_dot = map(np.array, zip(*states, strict=True))
-        times = np.array([node[0] for node in chosen])
+        q, v, v_dot = map(np.array, zip(*found, strict=True))
+        times = np.array([node[0] for node in nodes])
         return Course(self._mechanism, times, q, v, v_dot, self._left)

@@ -25,6 +25,7 @@ def through(chain, t, va, **options):
         (1, 3.0),
         (2, 3.0),
         pytest.param(2, 20.0, marks=pytest.mark.slow),
+        pytest.param(40, 20.0, marks=pytest.mark.slow),
     ],
 )
 def test_the_row_of_four_bars_turns_as_one_pendulum(loops, seconds):
@@ -34,8 +35,8 @@ def test_the_row_of_four_bars_turns_as_one_pendulum(loops, seconds):
         chain.compile()
     motion = through(chain, t, -1.0)
     ends = np.stack([np.cos(motion.q[:, 0]), np.sin(motion.q[:, 0])], axis=1)
-    # The error of a passage is 1e-10 of the rate; it adds up, and grows near the upright.
-    assert np.abs(ends - referees.n_four_bar(loops, t)).max() < 5e-8
+    # An error of a passage grows by a factor of about 50 each time the bars pass the upright.
+    assert np.abs(ends - referees.n_four_bar(loops, t)).max() < 1e-8
     regular = chain.condition_number(motion.q) < 500
     q, va = motion.q[regular], motion.va[regular]
     energy = chain.kinetic_energy(q, va) + chain.potential_energy(q)
@@ -48,47 +49,49 @@ def test_the_row_of_four_bars_turns_as_one_pendulum(loops, seconds):
         assert abs(place[1]) < 1e-7
 
 
-def parallelogram(crank, ground):
-    """Without weight."""
-    model = pin.Model()
-    at = {0.0: pin.SE3.Identity(), ground: pin.SE3(np.eye(3), np.array([ground, 0, 0]))}
-    at[crank] = pin.SE3(np.eye(3), np.array([crank, 0, 0]))
-    for name, on, place, length in (
-        ("crank", 0, 0.0, crank),
-        ("coupler", 1, crank, ground),
-        ("rocker", 0, ground, crank),
-    ):
-        k = model.addJoint(on, pin.JointModelRZ(), at[place], name)
+def parallelogram(crank, *grounds):
+    """A row of parallelograms that share their vertical bars, without weight."""
+    model, starts, closures = pin.Model(), [0.7], []
+
+    def bar(name, on, x, length):
+        k = model.addJoint(on, pin.JointModelRZ(), pin.SE3(np.eye(3), np.array([x, 0, 0])), name)
         lever = np.array([length / 2, 0, 0])
         model.appendBodyToJoint(k, pin.Inertia(1.0, lever, np.diag([0.01] * 3)), pin.SE3.Identity())
         end = pin.SE3(np.eye(3), np.array([length, 0, 0]))
         model.addFrame(pin.Frame(f"{name}_end", k, 0, end, pin.FrameType.OP_FRAME))
+        return k
+
+    upright = bar("crank", 0, 0.0, crank)
+    for i, ground in enumerate(grounds):
+        bar(f"coupler_{i}", upright, crank, ground)
+        upright = bar(f"rocker_{i}", 0, sum(grounds[: i + 1]), crank)
+        closures.append(sst_pin.Closure(f"coupler_{i}_end", f"rocker_{i}_end", "3d"))
+        starts += [-0.7, 0.7]
     model.gravity.linear = np.zeros(3)
-    model.referenceConfigurations["home"] = np.array([0.7, -0.7, 0.7])
-    return sst_pin.ClosedChain(
-        model, [sst_pin.Closure("coupler_end", "rocker_end", "3d")], ["crank"]
-    )
+    model.referenceConfigurations["home"] = np.array(starts)
+    return sst_pin.ClosedChain(model, closures, ["crank"])
 
 
-@pytest.mark.parametrize("count", [4, pytest.param(20, marks=pytest.mark.slow)])
-def test_a_parallelogram_stays_one_from_any_start_with_any_tolerance(count):
-    """Its coupler keeps its direction through both flat positions; its crank turns evenly."""
+@pytest.mark.parametrize("count", [3, pytest.param(100, marks=pytest.mark.slow)])
+def test_parallelograms_stay_what_they_are_from_any_start_with_any_tolerance(count):
+    """All loops are flat at once; couplers keep their directions, and the crank turns evenly."""
     random, stops = np.random.default_rng(0), 0
     for _ in range(count):
-        chain = parallelogram(*random.uniform(0.2, 1.0, 2))
+        loops = random.integers(1, 5)
+        chain = parallelogram(*random.uniform(0.2, 1.0, 1 + loops))
         start, rate = random.uniform(0.3, 2.8), random.uniform(0.5, 4) * random.choice([-1, 1])
         tolerance, t = 10 ** random.uniform(-12, -6), np.linspace(0, 2 * np.pi / abs(rate), 9)
-        q0 = chain.assemble(start * np.array([1, -1, 1.0]))
+        q0 = chain.assemble(start * np.sign(chain.home))
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             motion = chain.simulate(
                 [0], q0, [rate], t, rtol=tolerance, atol=tolerance, through_singularities=True
             )
         stops += bool(caught)
-        assert len(motion.crossings) == 2 or motion.stopped
-        assert np.abs(np.sin((motion.q[:, 0] + motion.q[:, 1]) / 2)).max() < 100 * tolerance + 1e-9
-        # A passage is exact to 1e-7 of the way over it.
-        assert np.abs(motion.q[:, 0] - start - rate * motion.t).max() < 1e4 * tolerance + 1e-7
+        assert [x.rank for x in motion.crossings] == [loops, loops] or motion.stopped
+        turn = start + rate * motion.t[:, None]
+        # Even motions are integrated exactly, but for rounding next to the flat position.
+        assert np.abs(motion.q - turn * np.sign(chain.home)).max() < 1e-9
     assert stops <= count / 10  # it says so where the branch is not clear enough
 
 
@@ -103,18 +106,18 @@ def test_crossings_are_those_of_the_samples_chosen():
 def test_a_motion_may_start_next_to_a_singular_configuration():
     chain = parallelogram(0.4, 0.7)
     for start in (1e-3, 1e-2):
-        q0 = chain.assemble(start * np.array([1, -1, 1.0]))
+        q0 = chain.assemble(start * np.sign(chain.home))
         motion = chain.simulate([0], q0, [-1.0], [0, 1], through_singularities=True)
         assert not motion.stopped
         assert [crossing.time for crossing in motion.crossings] == [pytest.approx(start, abs=1e-9)]
-        assert np.abs(motion.q[-1] - (start - 1) * np.array([1, -1, 1])).max() < 1e-9
+        assert np.abs(motion.q[-1] - (start - 1) * np.sign(chain.home)).max() < 1e-9
 
 
 @pytest.mark.parametrize("least", [1e-2, 1e-3, 1e-6])
 def test_a_motion_that_turns_round_goes_through_nothing(least):
     """The crank comes to rest at a small angle and returns; too near, no branch is determined."""
     chain, start = parallelogram(0.4, 0.7), 0.3
-    q0 = chain.assemble(start * np.array([1, -1, 1.0]))
+    q0 = chain.assemble(start * np.sign(chain.home))
     push = 1 / 2 / (start - least)
     tau, t = chain.compute_torques(q0, [0.0], [push]), np.linspace(0, 2 / push, 11)
     with warnings.catch_warnings(record=True) as caught:
