@@ -107,7 +107,7 @@ def problems() -> dict[str, Problem]:
     B0 = ("B0_x_m", "B0_y_m")
     return {
         "n_four_bar_2": Problem(
-            few, (-1.0,), (0.0,), np.linspace(0, 10, 201), B0, _ends,
+            few, (-1.0,), (0.0,), np.linspace(0, 20, 201), B0, _ends,
             lambda t: referees.n_four_bar(2, t),
             ((10, "B0_x_m", "0.3284574"), (10, "B0_y_m", "0.9445188")),
             {"through_singularities": True},
@@ -208,7 +208,8 @@ def picture(problem: Problem, motion: Any) -> Figure:
     with plots.style():
         figure = Figure(figsize=(7.2, 2.8), layout="constrained")
         robot = figure.add_subplot(1, 2, 1, projection="3d")
-        for body in chain.visual_model.geometryObjects:
+        shapes = chain.visual_model.geometryObjects
+        for body in (shape for shape in shapes if not shape.name.startswith("joint_")):
             at, shape = data.oMi[body.parentJoint] * body.placement, body.geometry
             half = getattr(shape, "halfSide", None)
             half = (
@@ -243,7 +244,7 @@ def main(names: list[str]) -> None:
         done[name] = table(problem, motion, exact)
         chain = problem.chain
         energy = chain.kinetic_energy(motion.q, motion.va) + chain.potential_energy(motion.q)
-        done[name].append(("time of computing, compiled", "-", f"{took:.0e} s", "-", "-"))
+        done[name].append(("time of computing, compiled", "-", f"{took:.1f} s", "-", "-"))
         if not any(problem.tau) and name != "governor":
             done[name].append(("energy", "-", "-", "constant", f"{np.ptp(energy):.0e} J"))
         print(name, motion.stopped or "whole", *done[name], sep="\n  ", flush=True)
