@@ -123,7 +123,9 @@ class States(Protocol):
     def suited(self, q: Array) -> tuple[States, float]:
         """These states if their condition is sound, or much better ones, and the condition."""
 
-    def follow(self, start: Array, way: Way, limit: float) -> tuple[float, Array]:
+    def follow(
+        self, start: Array, way: Way, limit: float, first: float = 1.0
+    ) -> tuple[float, Array]:
         """How much of a step stays regular and in its assembly mode; see `Continuity.follow`."""
 
     def rollout(self, motions: Motions, threads: int) -> Indices:

@@ -95,13 +95,15 @@ class Continuity:
         """Condition number of the dependent part of Phi at q, infinite if it is singular."""
         return _condition_number(self._place(q).blocks)
 
-    def follow(self, start: Array, way: Way, limit: float) -> tuple[float, Array]:
+    def follow(
+        self, start: Array, way: Way, limit: float, first: float = 1.0
+    ) -> tuple[float, Array]:
         """How much of a step is continuous and regular, 1 for all, and the configuration there.
 
         `way` gives configurations at fractions of the step, 1 for its end; `limit` is that of the
-        condition number.
+        condition number. A step that turns round at a fraction `first` is looked at there, too.
         """
-        q, low, high = start, 0.0, 1.0
+        q, low, high = start, 0.0, first
         while low < 1 and high - low >= _SHORTEST:
             found = way(q, low, high)
             if found is not None and self._near(q, found, limit):

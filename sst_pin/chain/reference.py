@@ -440,9 +440,11 @@ class ReferenceStates:
             self._others[key] = ReferenceStates(Reference(mechanism), self._friction)
         return self._others[key], self._others[key].condition_number(q)
 
-    def follow(self, start: Array, way: Way, limit: float) -> tuple[float, Array]:
+    def follow(
+        self, start: Array, way: Way, limit: float, first: float = 1.0
+    ) -> tuple[float, Array]:
         """How much of a step stays regular and in its assembly mode; see `Continuity.follow`."""
-        return self._continuity.follow(start, way, limit)
+        return self._continuity.follow(start, way, limit, first)
 
     @cached_property
     def _continuity(self) -> Continuity:

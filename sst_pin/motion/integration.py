@@ -265,7 +265,20 @@ class Run:
             except SSTError:
                 return None
 
-        return states.follow(before, way, self._limit)
+        return states.follow(before, way, self._limit, self._turn(solver.y))
+
+    def _turn(self, state: Array) -> float:
+        """Where the last step turns round, as a fraction of it; 1 if it does not.
+
+        The way there and back may be long though its ends are near each other.
+        """
+        nq, scale = len(self._q), self._mechanism.rate_scale[self._motion.states.coordinates]
+        before, after = self._state[nq:] / scale, state[nq:] / scale
+        slowed = before - after
+        at = float(before.dot(slowed) / max(slowed.dot(slowed), 1e-300))
+        least = np.linalg.norm(before - at * slowed)
+        turns = 0 < at < 1 and least < min(map(np.linalg.norm, (before, after))) / 2
+        return at if turns else 1.0
 
     # --- through a singular configuration ---------------------------------------------------
 

@@ -131,3 +131,17 @@ def test_a_motion_that_turns_round_goes_through_nothing(least):
         assert "singularity" in motion.stopped
         assert len(caught) == 1
     assert np.abs(motion.q[:, 0] + motion.q[:, 1]).max() < 1e-9
+
+
+@pytest.mark.parametrize("tolerance", [1e-9, 1e-6, 1e-3])
+def test_no_step_turns_round_behind_a_singular_configuration(tolerance):
+    """Long steps go through the flat position and back, so that they end on the side they left."""
+    chain, random = parallelogram(0.4, 0.7), np.random.default_rng(0)
+    for _ in range(3):
+        start, beyond = random.uniform(0.4, 0.6), 10 ** random.uniform(-4, -1.3)
+        push = 1 / 2 / (start + beyond)
+        q0 = chain.assemble(start * np.sign(chain.home))
+        tau, t = chain.compute_torques(q0, [0.0], [push]), np.linspace(0, 2 / push, 11)
+        with pytest.warns(sst_pin.SingularityWarning):
+            motion = chain.simulate(tau, q0, [-1.0], t, rtol=tolerance, atol=tolerance)
+        assert motion.t[-1] < (1 - np.sqrt(1 - 2 * push * start)) / push
