@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Draw docs/screens_*.png: the viewer's page on a phone, a tablet and a desk; live_phone.png."""
+"""Draw docs/screens_*.png: the viewer's page on screens, with a ghost; live_phone.png."""
 
 import io
 import tempfile
@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 from PIL import Image
 
-from sst_pin import SST, ClosedChain, Trajectory, robots
+from sst_pin import SST, ClosedChain, GravityPD, Trajectory, frame_motion, robots
 from sst_pin.files import write_files
 from sst_pin.sst.paper import PERIOD, example_1
 from sst_pin.viewer import Viewer, pictures
@@ -45,6 +45,20 @@ def shown(robot: ClosedChain, motion: Trajectory, title: str) -> Viewer:
     return viewer
 
 
+def loaded() -> Viewer:
+    """A delta that carries 0.6 kg and does not know it, with the planned motion as a ghost."""
+    model, robot = robots.delta(), robots.delta(platform_mass=0.75)
+    t = np.linspace(0, 1, 61)
+    turn = 2 * np.pi * t
+    way = np.column_stack([0.12 * np.sin(turn), 0.08 * np.cos(turn), 0 * t - 0.25])
+    planned = frame_motion(model, t, "platform", way)
+    control = GravityPD(model, planned, kp=3.0, kd=0.2)
+    motion = robot.simulate(control.torque, planned.q[0], planned.va[0], t)
+    viewer = Viewer(robot)
+    viewer.play(motion, ghost=planned, title="With a payload")
+    return viewer
+
+
 def screens() -> dict[str, Screen]:
     sst, stewart = SST(), robots.stewart()
     delta = ClosedChain.from_urdf(ROOT / "examples" / "delta.urdf")
@@ -56,6 +70,7 @@ def screens() -> dict[str, Screen]:
             820, 1180, "dark", shown(stewart, sway(stewart, stewart.home, 0.15), "Sway")
         ),
         "live": Screen(390, 844, "light", Viewer(sst, live=True)),
+        "ghost": Screen(1000, 700, "light", loaded()),
         "desk": Screen(1440, 900, "light", shown(delta, sway(delta, start, 0.6), "A delta, bare")),
     }
 

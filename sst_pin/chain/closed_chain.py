@@ -1658,6 +1658,7 @@ class ClosedChain:
         open_browser: bool = True,
         reactions: bool | Mapping[str, ArrayLike] = False,
         live: bool = False,
+        ghost: Trajectory | None = None,
     ) -> Viewer:
         """Show a motion or a configuration in the browser, or in a Jupyter notebook.
 
@@ -1671,6 +1672,8 @@ class ClosedChain:
             live: Whether the page also computes: the robot is moved by hand, let go and pushed.
                 Without a server, in one file. An SST needs nothing else, other robots need CasADi
                 now (`sst-pin[compile]`).
+            ghost: A second motion, such as the planned one, which a translucent robot plays at the
+                same times.
 
         Returns:
             The viewer. `save` writes a page, a picture or an animation; `close` stops the server.
@@ -1682,7 +1685,7 @@ class ClosedChain:
             ClosureError: For a live page that starts with open loops.
             SingularConfigurationError: For one that starts where the coordinates do not determine
                 the motion.
-            InputError: For the motion of another robot.
+            InputError: For the motion of another robot, or a ghost at other times than the motion.
 
         Example:
             >>> viewer = chain.show(open_browser=False)
@@ -1691,7 +1694,7 @@ class ClosedChain:
         """
         from ..viewer import show
 
-        return show(self, what, speed, open_browser, reactions, live)
+        return show(self, what, speed, open_browser, reactions, live, ghost)
 
     # --- inside -----------------------------------------------------------------------------
 

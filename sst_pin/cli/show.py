@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..chain.closed_chain import ClosedChain
-from ..errors import OutputError
+from ..errors import InputError, OutputError
 from ..files import write_files
 from ..motion.motion_files import load_motion
 from ..motion.trajectories import Trajectory
@@ -49,6 +49,12 @@ def add_to(commands: Commands) -> None:
         nargs="?",
         metavar="MOTION",
         help="input or output of `torques`, or output of `simulate`; - means standard input",
+    )
+    parser.add_argument(
+        "--ghost",
+        type=Path,
+        metavar="FILE",
+        help="a second motion, such as the planned one, which a translucent robot plays beside it",
     )
     parser.add_argument(
         "--speed",
@@ -108,9 +114,12 @@ def _run(arguments: argparse.Namespace) -> int:
         if path is not None and path.suffix.lower() != ending:
             raise OutputError(path, f"the ending should be {ending}")
     looks |= {name: getattr(arguments, name) for name in ("frame", "reactions", "live")}
+    if arguments.ghost is not None and motion is None:
+        raise InputError("--ghost", "only beside a motion")
+    ghost = None if arguments.ghost is None else load_motion(robot, source_of(arguments.ghost))
     with Viewer(robot, **looks) as viewer:
         if motion is not None:
-            viewer.play(motion, speed=arguments.speed or speed, title=title)
+            viewer.play(motion, speed=arguments.speed or speed, ghost=ghost, title=title)
         if told(viewer.warnings, arguments):
             return 1
         files = {path: viewer.writer(path) for _, path in wanted if path is not None}

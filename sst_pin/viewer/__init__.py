@@ -10,7 +10,7 @@ from importlib.util import find_spec
 from numpy.typing import ArrayLike
 
 from ..chain.closed_chain import ClosedChain
-from ..errors import MissingExtraError
+from ..errors import InputError, MissingExtraError
 from ..motion.trajectories import Trajectory
 
 #: Packages of the extra `viz` that pages need, and their modules.
@@ -36,11 +36,14 @@ def show(
     open_browser: bool,
     reactions: bool | Mapping[str, ArrayLike],
     live: bool,
+    ghost: Trajectory | None,
 ) -> Viewer:
     """See `ClosedChain.show`."""
     viewer = Viewer(robot, reactions=reactions, live=live)
     if isinstance(what, Trajectory):
-        viewer.play(what, speed=speed)
+        viewer.play(what, speed=speed, ghost=ghost)
+    elif ghost is not None:
+        raise InputError("ghost", "only beside a motion")
     elif what is not None:
         viewer.show(what)
     viewer._functions  # noqa: B018  (or says what is missing)

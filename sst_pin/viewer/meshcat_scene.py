@@ -18,8 +18,10 @@ from .scene_parts import Shape, decompose
 
 Array = NDArray[np.float64]
 
-#: Node of the robot in the tree of the page.
-_ROOT = "robot"
+#: Node of the robot in the tree of the page; in it that of the ghost, one layer.
+_ROOT, _GHOST = "robot", "ghost"
+#: Opacity of the ghost.
+_FAINT = 0.3
 
 
 class MeshcatScene:
@@ -40,32 +42,53 @@ class MeshcatScene:
         if self._animated:
             self._root.set_animation(Animation())
             self._root[f"{_ROOT}/0/trail"].delete()
+            self._root[f"{_ROOT}/{_GHOST}"].delete()
             self._animated = False
         for node, matrix in self._placements(q, effort).items():
             self._root[node].set_transform(matrix)
 
-    def animate(self, motion: Trajectory, effort: Array, wanted: Array) -> None:
+    def animate(
+        self, motion: Trajectory, effort: Array, wanted: Array, ghost: Trajectory | None
+    ) -> None:
         """Let the page move everything along a motion of two samples at least.
 
         `effort` are its torques as shares of the largest, shape (n, motors); `wanted` are
-        configurations whose path is the reference, shape (m, nq).
+        configurations whose path is the reference, shape (m, nq); `ghost` is the motion of a second
+        robot.
         """
         self.place(motion.q[0], effort[0])
         self._animated = True
-        times = (motion.t - motion.t[0]).tolist()
         animation = Animation(default_framerate=1)  # its frames are seconds
         placed = [self._placements(q, e) for q, e in zip(motion.q, effort, strict=True)]
-        for node in placed[0]:
-            key = animation.at_frame(self._root[node], 0.0)
-            for name, kind, values in _tracks([matrices[node] for matrices in placed]):
-                for key.current_frame, value in zip(times, values, strict=True):
-                    key.set_property(name, kind, value)
+        self._move(animation, motion.t - motion.t[0], placed)
+        if ghost is not None:
+            for shape in self._scene.moving:
+                mover = f"{_GHOST}/{_GHOST}/{shape.mover}"
+                self._add(shape._replace(mover=mover, opacity=_FAINT * shape.opacity))
+            placed = [self._ghost_placements(q) for q in ghost.q]
+            for node, matrix in placed[0].items():
+                self._root[node].set_transform(matrix)
+            self._move(animation, ghost.t - motion.t[0], placed)
         if self._scene.point:
             self._add(self._scene.reference(wanted))
             self._add(self._scene.trail(motion.q))
         self._root.set_animation(animation)
 
     # --- inside -----------------------------------------------------------------------------
+
+    def _move(self, animation: Animation, times: Array, placed: list[dict[str, Array]]) -> None:
+        """Keys of an animation for homogeneous matrices of nodes over time."""
+        for node in placed[0]:
+            key = animation.at_frame(self._root[node], 0.0)
+            for name, kind, values in _tracks([matrices[node] for matrices in placed]):
+                for key.current_frame, value in zip(times.tolist(), values, strict=True):
+                    key.set_property(name, kind, value)
+
+    def _ghost_placements(self, q: Array) -> dict[str, Array]:
+        """Homogeneous matrices of what moves of the ghost."""
+        poses = self._scene.poses(q)
+        movers = dict.fromkeys(shape.mover for shape in self._scene.moving)
+        return {f"{_ROOT}/{_GHOST}/{_GHOST}/{mover}": poses[mover] for mover in movers}
 
     def _add(self, shape: Shape) -> None:
         vertices, faces = shape.mesh

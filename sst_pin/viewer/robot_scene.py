@@ -90,6 +90,12 @@ class Scene:
             name: shown.get(name, True) for name in (*LAYERS, "reactions") if name in there
         }
 
+    @property
+    def moving(self) -> list[Shape]:
+        """Shapes of the bodies that move, or of their skeleton where there are none."""
+        layer = "bodies" if "bodies" in self.layers else "skeleton"
+        return [shape for shape in self.shapes if shape.layer == layer and shape.mover != "0"]
+
     def poses(self, q: Array) -> dict[str, Array]:
         """Placements of the movers of the shapes: homogeneous matrices, with a scale for struts."""
         joints = self._joints(q)

@@ -132,13 +132,14 @@ class Viewer:
         if self._loaded:
             effort = self._with_forces(effort, partial(self._reactions_at, q, tau))
         self._drawing.place(q[0], effort[0])
-        self._describe("configuration", [0.0], q, effort, curves, 1.0, None, q)
+        self._describe("configuration", [0.0], q, effort, curves, 1.0, None, q, q[:0])
 
     def play(
         self,
         motion: Trajectory,
         *,
         speed: float = 1.0,
+        ghost: Trajectory | None = None,
         wanted: Trajectory | None = None,
         title: str = "motion",
     ) -> None:
@@ -147,17 +148,25 @@ class Viewer:
         Args:
             motion: A motion of this robot; if it is long, the page uses only some of its samples.
             speed: Speed of the animation; 1 is real time.
-            wanted: A motion with the reference path; `motion` by default.
+            ghost: A second motion of this robot, such as the planned one, which a translucent robot
+                plays at the same times. Before its start and after its end it stands still.
+            wanted: A motion with the reference path; by default `ghost`, else `motion`.
             title: Title of the page.
 
         Raises:
-            InputError: For the motion of another robot, or a speed that is not positive.
+            InputError: For the motion of another robot, a ghost whose times are not those of the
+                motion, or a speed that is not positive.
 
         Example:
             >>> viewer.play(motion, speed=0.1, title="falling")
         """
-        for name, given in (("motion", motion), ("wanted", motion if wanted is None else wanted)):
-            require_motion(given, self._robot, name)
+        require_motion(motion, self._robot)
+        if ghost is not None:
+            require_motion(ghost, self._robot, "ghost")
+            ghost = _during(motion, ghost)
+        wanted = ghost if wanted is None else wanted
+        if wanted is not None:
+            require_motion(wanted, self._robot, "wanted")
         speed = positive_number("speed", speed)
         if wanted is not None and len(wanted) == 1:
             raise InputError("wanted", "one sample, which is no path")
@@ -169,9 +178,10 @@ class Viewer:
             found = partial(reactions_along, self._robot, known, self._stiffness)
             effort = self._with_forces(effort, found)
         reference = _thinned(wanted or motion).q
-        self._drawing.animate(known, effort, reference)
+        self._drawing.animate(known, effort, reference, ghost)
         curves = curves_of(self._robot, known)
-        self._describe(title, known.t.tolist(), known.q, effort, curves, speed, motion, reference)
+        t, second = known.t.tolist(), known.q[:0] if ghost is None else ghost.q
+        self._describe(title, t, known.q, effort, curves, speed, motion, reference, second)
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -359,9 +369,14 @@ class Viewer:
         speed: float,
         motion: Trajectory | None,
         wanted: Array,
+        ghost: Array,
     ) -> None:
         """Tell the panel what there is to see."""
         robot, scene = self._robot, self._scene
+        reach, layers = scene.reach(q, effort, wanted), scene.layers
+        if len(ghost):
+            reach = np.vstack([reach, scene.reach(ghost, 0 * effort[:1])])
+            layers = layers | {"ghost": True}
         rates = np.zeros(robot.degrees_of_freedom) if motion is None else motion.va[0]
         self._panel = {
             "title": title,
@@ -371,11 +386,11 @@ class Viewer:
             "curves": curves,
             "speed": speed,
             "colours": HUES,
-            "layers": scene.layers,
+            "layers": layers,
             "labels": [label._asdict() for label in scene.labels],
             "note": self._note,
             "live": live_data(robot, scene, q[0], rates) if self._live else None,
-            "reach": scene.reach(q, effort, wanted).tolist(),
+            "reach": reach.tolist(),
             "trail": 6 * TRAIL_SIDES,  # indices of its triangles for each sample passed
             "credit": f"sst_pin {__version__}, Meshcat {version('meshcat')}",
         }
@@ -393,3 +408,13 @@ def _thinned(motion: Trajectory) -> Trajectory:
     if len(motion) <= _MOST_SAMPLES:
         return motion
     return motion[np.linspace(0, len(motion) - 1, _MOST_SAMPLES).round().astype(int)]
+
+
+def _during(motion: Trajectory, ghost: Trajectory) -> Trajectory:
+    """The samples of a second motion that count between the ends of the first."""
+    low, high = max(motion.t[0], ghost.t[0]), min(motion.t[-1], ghost.t[-1])
+    if low >= high:
+        spans = [f"{m.t[0]:g} to {m.t[-1]:g} s" for m in (ghost, motion)]
+        raise InputError("ghost", f"from {spans[0]}, the motion from {spans[1]}: no time in common")
+    first, last = np.searchsorted(ghost.t, low, "right") - 1, np.searchsorted(ghost.t, high)
+    return _thinned(ghost[first : last + 1])

@@ -54,6 +54,7 @@ COMMANDS = [
     ("paper --robot delta", "delta is not an SST"),
     (f"info {DELTA}", f"did you mean --robot {DELTA}?"),
     (f"show {DELTA}", f"did you mean --robot {DELTA}?"),
+    (f"show --robot {DELTA} --ghost {SAMPLE}", "--ghost: only beside a motion"),
     (f"export-c {DELTA} -o c", f"did you mean --robot {DELTA}?"),
     ("torques delta -o m.csv", "did you mean --robot delta?"),
     ("compile delta", "did you mean --robot delta?"),

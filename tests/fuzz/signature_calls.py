@@ -308,6 +308,7 @@ FINE = {
     "stopped: 'unknown'", "stopped: ''", "start: -1.0", "psi: -1.0", "port: 0", "end: inf",
     "viscous_friction: scalar", "coulomb_friction: scalar", "check(motion: open loops)",
     "check(motion: of one sample)", "play(motion: of one sample)", "play(wanted: open loops)",
+    "play(ghost: open loops)",
     "writer(path: below a device)", "writer(path: 300 letters)", "writer(path: below a file)",
     "sign_width: 0.0", "rollout(dt: 0.0)", "start: 0.0", "end: 0.0", "psi: 0.0",
     "with_payload(mass: 0.0)", "assemble(q: dict)", "with_parameters(theta: dict)",

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import umsgpack
 from PIL import Image
 
 import sst_pin
@@ -141,6 +142,30 @@ def test_parameters_bring_their_own_meshes():
     assert len(Viewer(robot).html) > 1e6
 
 
+def test_a_ghost_moves_at_the_times_of_the_motion():
+    """Keys as they go to the page: samples between the ends of the motion and the next beside."""
+    lift = sst_pin.robots.five_bar()
+
+    def swing(t, size):
+        return sst_pin.coordinate_motion(lift, t, lift.home[[0, 2]] + size * np.sin(t)[:, None])
+
+    motion, planned = swing(np.linspace(2, 3, 6), 0.1), swing(np.linspace(0.1, 4.1, 21), 0.3)
+    viewer = lift.show(motion, ghost=planned, open_browser=False)
+    assert viewer._panel["layers"]["ghost"]
+    nodes = [path for kind, path, _ in viewer._drawing.buffer.commands if kind == "set_object"]
+    moved = [n for n in nodes if "robot/ghost/ghost/" in n]
+    assert len(moved) == sum(b.parentJoint > 0 for b in lift.visual_model.geometryObjects)
+    (packed,) = (
+        c for (k, _, _), c in viewer._drawing.buffer.commands.items() if k == "set_animation"
+    )
+    tracks = {a["path"]: a["clip"]["tracks"] for a in umsgpack.unpackb(packed)["animations"]}
+    (turn,) = (t for t in tracks["/meshcat/robot/ghost/ghost/1"] if "quaternion" in t["name"])
+    assert [key["time"] for key in turn["keys"]] == pytest.approx(planned.t[9:16] - 2)
+    half = planned.q[9:16, 0] / 2
+    wanted = np.column_stack([0 * half, 0 * half, np.sin(half), np.cos(half)])
+    assert np.abs(np.array([key["value"] for key in turn["keys"]]) - wanted).max() < 1e-12
+
+
 def test_what_cannot_be_shown_is_told(robot, motion, tmp_path):
     """Another robot's motion, a speed of nothing, an unknown ending, a file in the way."""
     viewer = Viewer(robot)
@@ -149,6 +174,12 @@ def test_what_cannot_be_shown_is_told(robot, motion, tmp_path):
         viewer.play(other)
     with pytest.raises(errors.InputError, match="robot: a ClosedChain is needed, not Model"):
         Viewer(robot.model)
+    with pytest.raises(errors.InputError, match="ghost: belongs to another robot"):
+        viewer.play(motion, ghost=other)
+    with pytest.raises(errors.InputError, match=r"ghost: from 0 to 0 s, .*no time in common"):
+        robot.show(motion, ghost=motion[:1], open_browser=False)
+    with pytest.raises(errors.InputError, match="ghost: only beside a motion"):
+        robot.show(robot.home, ghost=motion, open_browser=False)
     for speed in (0, -1, np.nan, np.inf):
         with pytest.raises(errors.InputError, match="speed"):
             viewer.play(motion, speed=speed)

@@ -190,6 +190,7 @@ const stage = (() => {
       return { ...label, element };
     });
     showThrough();
+    node().children.find(({ name }) => name === "ghost")?.traverse((object) => { object.castShadow = false; });
     for (const [name, on] of Object.entries(data.layers)) showLayer(name, on);
     viewer.camera.updateProjectionMatrix();
     if (viewer.first === undefined || !inside()) view ??= "usual";
