@@ -155,6 +155,22 @@ def test_the_star_turns_as_its_angles_say(robot):
         assert found.condition[i, j] == pytest.approx(np.linalg.cond(J))
 
 
+def test_an_ankle_holds_the_ground_as_its_serial_view_says():
+    """From an upright start roll and pitch are its joints; the moment goes through J^-T."""
+    view = sst_pin.SerialView(sst_pin.robots.ankle(), ["ankle_pitch", "ankle_roll"])
+    angles, moment = np.linspace(-0.4, 0.4, 3), np.array([0, 0, 0, 3.0, 40.0, 0])
+    start = view.from_joints([0, 0])
+    given = {"roll": angles, "pitch": angles, "start": start}
+    found = sst_pin.reach_map(view.chain, "platform", wrench=moment, **given)
+    for i, j in np.ndindex(3, 3):
+        q = view.from_joints([angles[j], angles[i]])
+        assert np.abs(found.q[i, j] - q).max() < 1e-9
+        weight = view.chain.compute_torques(q, [0, 0], [0, 0])
+        about_roll = moment[3] * np.cos(angles[j])  # the axis of roll turns with the pitch
+        tau = weight - view.motor_torques(q, [moment[4], about_roll])
+        assert found.torque[i, j] == pytest.approx(tau, abs=1e-9)
+
+
 def test_a_file_has_a_row_for_each_pose(robot, tmp_path):
     angles = np.linspace(-0.1, 0.1, 3)
     found = sst_pin.reach_map(robot, "star_1", roll=angles[:2], yaw=angles)
