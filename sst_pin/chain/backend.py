@@ -111,8 +111,8 @@ class States(Protocol):
     def joint_rates(self, q: Array, va: Array) -> Array:
         """v of one state whose loops are closed, shape (nv,)."""
 
-    def joint_accelerations(self, q: Array, va: Array, aa: Array) -> Array:
-        """v_dot of one state whose loops are closed, shape (nv,)."""
+    def joint_motion(self, q: Array, va: Array, aa: Array) -> tuple[Array, Array]:
+        """v and v_dot of one state whose loops are closed, shapes (nv,)."""
 
     def Phi(self, q: Array) -> Array:
         """Jacobian of the closures, free of units, shape (rows, nv)."""

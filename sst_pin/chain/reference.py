@@ -236,10 +236,12 @@ class Reference:
     @_finite
     def joint_accelerations(self, q: Array, va: Array, aa: Array) -> Array:
         """v_dot, shape (nv,), Eqs. (8), (20)."""
-        ws = self.workspace
-        ws.evaluate(q)
-        _, v_dot = dynamics.motion_of_tree(ws, va, aa)
-        return v_dot
+        return self.joint_motion(q, va, aa)[1]
+
+    def joint_motion(self, q: Array, va: Array, aa: Array) -> tuple[Array, Array]:
+        """v and v_dot, shapes (nv,), Eqs. (8), (16)."""
+        self.workspace.evaluate(q)
+        return dynamics.motion_of_tree(self.workspace, va, aa)
 
     def frame_jacobian(self, q: Array, frame: int) -> Array:
         """[linear; angular] of a frame, world axes at its origin, shape (6, n)."""
@@ -401,9 +403,9 @@ class ReferenceStates:
         """v of one state whose loops are closed, shape (nv,)."""
         return self._reference.rates(q, va)
 
-    def joint_accelerations(self, q: Array, va: Array, aa: Array) -> Array:
-        """v_dot of one state whose loops are closed, shape (nv,)."""
-        return self._reference.joint_accelerations(q, va, aa)
+    def joint_motion(self, q: Array, va: Array, aa: Array) -> tuple[Array, Array]:
+        """v and v_dot of one state whose loops are closed, shapes (nv,)."""
+        return self._reference.joint_motion(q, va, aa)
 
     def Phi(self, q: Array) -> Array:
         """Jacobian of the closures, free of units, shape (rows, nv)."""

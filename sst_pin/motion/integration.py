@@ -101,8 +101,7 @@ class Motion:
         q = self.states.closed(state)
         va, state = state[len(q) :], np.concatenate([q, state[len(q) :]])
         aa = self.states.rate(state, *self._inputs(time, state))[len(q) :]
-        v_dot = self.states.joint_accelerations(q, va, aa)
-        return q, self.states.joint_rates(q, va), v_dot
+        return q, *self.states.joint_motion(q, va, aa)
 
     def along(self, times: Array, states: Array) -> tuple[Array, Array, Array, Array]:
         """q, va, aa of the robot's coordinates, and torques, at times and states of the motion."""
@@ -116,8 +115,8 @@ class Motion:
         load = None if self.load is None else self.load.along(times, q, va)
         aa = self.states.rate(states, tau, load)[:, q.shape[1] :]
         if self.states is not self.own:
-            v_dot = map(self.states.joint_accelerations, q, rates, aa)
-            aa = np.array(list(v_dot))[:, coordinates]
+            v_dot = [self.states.joint_motion(*x)[1] for x in zip(q, rates, aa, strict=True)]
+            aa = np.array(v_dot)[:, coordinates]
         return q, va, aa, tau
 
     def jacobian(self, time: float, state: Array) -> Array:
