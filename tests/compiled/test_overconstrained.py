@@ -64,6 +64,13 @@ def line_symmetric_bricard(seed):
     return loop(seed, [*lengths] * 2, [*twists] * 2, offsets=[*offsets] * 2)
 
 
+def trihedral_bricard(seed, lengths):
+    """Six right twists that alternate; the squares of every other bar have the same sum."""
+    a, b, c, d, e = lengths
+    last = np.sqrt(a**2 + c**2 + e**2 - b**2 - d**2)
+    return loop(seed, [*lengths, last], [np.pi / 2, -np.pi / 2] * 3)
+
+
 def sarrus(seed, angle):
     """Three parallel axes and three other ones hold a straight line."""
     return loop(seed, [0.3, 0.3, 0.1, 0.25, 0.25, 0.1], [0, 0, angle, 0, 0, -angle])
@@ -81,7 +88,12 @@ TURNING = {
     "small Bennett": lambda: bennett(5, 0.005, 0.7, 1.5, "hinge"),
     "Goldberg": lambda: goldberg(6, 1.3, 0.4, 0.5),
     "another Goldberg": lambda: goldberg(7, 1.2, 0.5, 0.3),
+    "Goldberg with small twists": lambda: goldberg(60, 1.0, 0.3, 0.4),
+    "Goldberg with large twists": lambda: goldberg(61, 1.4, 0.6, 0.4),
+    "flat Bennett": lambda: bennett(63, 0.6, 0.1, 0.9, "6d"),
+    "Bennett with an obtuse twist, welded": lambda: bennett(62, 0.6, 0.9, 2.5, "6d"),
     "another line-symmetric Bricard": lambda: line_symmetric_bricard(20),
+    "third line-symmetric Bricard": lambda: line_symmetric_bricard(37),
     "spherical": lambda: loop(12, [0.0] * 4, ARCS, "hinge"),
     "spherical, welded": lambda: loop(13, [0.0] * 4, ARCS),
     "right-angled spherical": lambda: loop(14, [0.0] * 4, RIGHT),
@@ -94,6 +106,7 @@ TURNING_BACK = {
     "threefold Bricard": lambda: threefold_bricard(8, 1.2),
     "another threefold Bricard": lambda: threefold_bricard(9, 1.4),
     "line-symmetric Bricard": lambda: line_symmetric_bricard(10),
+    "trihedral Bricard": lambda: trihedral_bricard(55, [0.45, 0.2, 0.35, 0.3, 0.4]),
 }
 #: Singular as mechanisms where they are flat.
 STOPPING = {
