@@ -5,6 +5,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from numpy.testing import assert_allclose
+from scipy.interpolate import make_interp_spline
 
 import sst_pin
 
@@ -73,9 +74,9 @@ def test_a_leg_walks_in_one_mode_and_its_motor_gives_the_power(compiled):
     assert_allclose(toe.max(axis=0), [0.344, -0.616], atol=2e-3)
     tau = chain.compute_torques(motion.q, motion.va, motion.aa)[:, 0]
     energy = chain.kinetic_energy(motion.q, motion.va) + chain.potential_energy(motion.q)
-    power = np.gradient(energy, t, edge_order=2)
-    error = np.abs(tau * motion.va[:, 0] - power)[1:-1]  # differences of second order in 1/400 s
-    assert error.max() < 2e-3 * np.abs(power).max()
+    power = make_interp_spline(t, energy, k=9).derivative()(t)
+    error = np.abs(tau * motion.va[:, 0] - power)[20:-20]  # splines are poor at their ends
+    assert error.max() < 1e-7 * np.abs(power).max()
     swing = chain.simulate([0.0], motion.q[0], [3.0], np.linspace(0, 2, 21))
     energy = chain.kinetic_energy(swing.q, swing.va) + chain.potential_energy(swing.q)
     assert np.ptp(energy) < 1e-9
