@@ -129,7 +129,8 @@ def _nearest(
 
     if weights is not None:  # a basis that is orthonormal with these weights
         basis = basis @ np.linalg.inv(np.linalg.cholesky(basis.T @ (weights[:, None] * basis))).T
-    unit = np.abs(tau).max()
+    over = np.maximum(limits[:, 0] - tau, tau - limits[:, 1]).max()
+    unit = max(np.abs(tau).max(), over)
     G = np.vstack([basis, -basis])
     h = np.concatenate([limits[:, 0] - tau, tau - limits[:, 1]]) / unit
     finite = np.isfinite(h)
@@ -138,12 +139,14 @@ def _nearest(
     goal[k] = 1.0
     u, distance = nnls(E, goal)
     if distance <= np.sqrt(_FEASIBLE):
-        raise _beyond(mechanism, tau, basis, limits)
+        raise _beyond(mechanism, tau, basis, limits, unit)
     r = E @ u - goal
     return np.asarray(np.clip(tau - unit * (basis @ (r[:k] / r[k])), *limits.T))
 
 
-def _beyond(mechanism: Mechanism, tau: Array, basis: Array, limits: Array) -> ActuationError:
+def _beyond(
+    mechanism: Mechanism, tau: Array, basis: Array, limits: Array, unit: float
+) -> ActuationError:
     """The error for torques that pass the limits whatever the preload."""
     from scipy.optimize import linprog
 
@@ -152,9 +155,9 @@ def _beyond(mechanism: Mechanism, tau: Array, basis: Array, limits: Array) -> Ac
     bounds = np.concatenate([limits[:, 1] - tau, tau - limits[:, 0]])
     finite = np.isfinite(bounds)
     best = linprog(
-        [*[0] * k, 1], rows[finite], bounds[finite], bounds=[(None, None)] * k + [(0, None)]
+        [*[0] * k, 1], rows[finite], bounds[finite] / unit, bounds=[(None, None)] * k + [(0, None)]
     )
-    least = tau + basis @ best.x[:k]
+    least = tau + unit * (basis @ best.x[:k])
     excess = np.maximum(limits[:, 0] - least, least - limits[:, 1])
     most = (1 - 1e-6) * excess.max()
     beyond = {mechanism.motor_names[i]: float(excess[i]) for i in np.flatnonzero(excess >= most)}

@@ -159,6 +159,36 @@ def test_bad_limits_and_preloads_are_refused(arguments, problem):
         arm.compute_torques(arm.home, np.zeros(3), np.zeros(3), **arguments)
 
 
+def test_least_torques_apply_to_a_robot_that_needs_none():
+    """Without weight all torques are zero; limits as those of cables ask for more."""
+    for chain, answer in ((robots.planar_4rrr(), True), (robots.five_bar(), False)):
+        chain.model.gravity.linear = np.zeros(3)
+        chain.refresh()
+        rest, motors = np.zeros(chain.degrees_of_freedom), len(chain.motor_names)
+        limits = np.tile([-5.0, 5.0], (motors, 1))
+        limits[0] = 0.1, 5.0
+        if answer:
+            tau = chain.compute_torques(chain.home, rest, rest, limits=limits)
+            B = chain.preload_directions(chain.home)[:, 0]
+            assert tau == pytest.approx(0.1 * B / B[0], abs=1e-12)
+        else:
+            with pytest.raises(sst_pin.ActuationError, match=f"{chain.motor_names[0]} by 0.1 "):
+                chain.compute_torques(chain.home, rest, rest, limits=limits)
+
+
+def test_the_excess_named_is_the_smallest_in_any_units():
+    arm = robots.planar_4rrr()
+    arm.model.gravity.linear = np.zeros(3)
+    arm.refresh()
+    rest, aa = np.zeros(3), np.array([1.0, 2.0, 3.0])
+    peaks = []
+    for unit in (1.0, 1e-10, 1e10):
+        with pytest.raises(sst_pin.ActuationError) as caught:
+            arm.compute_torques(arm.home, rest, unit * aa, limits=np.full(4, 0.01 * unit))
+        peaks.append(max(caught.value.missing.values()) / unit)
+    assert peaks == pytest.approx([peaks[0]] * 3, rel=1e-9)
+
+
 def test_samples_at_fault_stay_out_of_the_others():
     arm = robots.planar_4rrr()
     q, va, aa = any_chain.states(arm, 3, 1)
