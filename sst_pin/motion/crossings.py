@@ -104,12 +104,13 @@ def crossing_of(states: States, course: Course, start: float, left: float) -> Cr
     """The singular configuration on a course, about `left` after `start`; or why there is none."""
     from scipy.optimize import brentq
 
-    at, until, before = start, start + _AHEAD * left, np.zeros(0)
+    U, before, Vt = np.linalg.svd(states.Phi(course.q(start)))
+    rank = Vt.shape[0] - len(states.coordinates)
+    rows, rates = U[:, :rank].T, Vt[:rank].T  # without what is zero on the whole way
+    at, until = start, start + _AHEAD * left
     for _ in range(2):  # singular vectors turn a little on the way
-        U, values, Vt = np.linalg.svd(states.Phi(course.q(at)))
-        rank = Vt.shape[0] - len(states.coordinates)
-        u, w = U[:, rank - 1], Vt[rank - 1]
-        before = before if len(before) else values
+        left_vectors, _, right_vectors = np.linalg.svd(rows @ states.Phi(course.q(at)) @ rates)
+        u, w = left_vectors[:, -1] @ rows, rates @ right_vectors[-1]
 
         def signed(t: float, u: Array = u, w: Array = w) -> float:
             return float(u @ states.Phi(course.q(t)) @ w)

@@ -49,22 +49,23 @@ def test_the_row_of_four_bars_turns_as_one_pendulum(loops, seconds):
         assert abs(place[1]) < 1e-7
 
 
+def bar(model, name, on, x, length):
+    """Add a bar that turns about z at x on another one."""
+    k = model.addJoint(on, pin.JointModelRZ(), pin.SE3(np.eye(3), np.array([x, 0, 0])), name)
+    lever = np.array([length / 2, 0, 0])
+    model.appendBodyToJoint(k, pin.Inertia(1.0, lever, np.diag([0.01] * 3)), pin.SE3.Identity())
+    end = pin.SE3(np.eye(3), np.array([length, 0, 0]))
+    model.addFrame(pin.Frame(f"{name}_end", k, 0, end, pin.FrameType.OP_FRAME))
+    return k
+
+
 def parallelogram(crank, *grounds):
     """A row of parallelograms that share their vertical bars, without weight."""
     model, starts, closures = pin.Model(), [0.7], []
-
-    def bar(name, on, x, length):
-        k = model.addJoint(on, pin.JointModelRZ(), pin.SE3(np.eye(3), np.array([x, 0, 0])), name)
-        lever = np.array([length / 2, 0, 0])
-        model.appendBodyToJoint(k, pin.Inertia(1.0, lever, np.diag([0.01] * 3)), pin.SE3.Identity())
-        end = pin.SE3(np.eye(3), np.array([length, 0, 0]))
-        model.addFrame(pin.Frame(f"{name}_end", k, 0, end, pin.FrameType.OP_FRAME))
-        return k
-
-    upright = bar("crank", 0, 0.0, crank)
+    upright = bar(model, "crank", 0, 0.0, crank)
     for i, ground in enumerate(grounds):
-        bar(f"coupler_{i}", upright, crank, ground)
-        upright = bar(f"rocker_{i}", 0, sum(grounds[: i + 1]), crank)
+        bar(model, f"coupler_{i}", upright, crank, ground)
+        upright = bar(model, f"rocker_{i}", 0, sum(grounds[: i + 1]), crank)
         closures.append(sst_pin.Closure(f"coupler_{i}_end", f"rocker_{i}_end", "3d"))
         starts += [-0.7, 0.7]
     model.gravity.linear = np.zeros(3)
@@ -93,6 +94,31 @@ def test_parallelograms_stay_what_they_are_from_any_start_with_any_tolerance(cou
         # Even motions are integrated exactly, but for rounding next to the flat position.
         assert np.abs(motion.q - turn * np.sign(chain.home)).max() < 1e-9
     assert stops <= count / 10  # it says so where the branch is not clear enough
+
+
+@pytest.mark.parametrize("kind", ["3d", "hinge"])  # one redundant row, or three
+def test_a_kite_passes_where_two_joints_meet(kind):
+    """Ground and crank, coupler and rocker are equal: at crank angle zero the crank's end meets
+    the rocker's pivot, and coupler and rocker could turn together about it, but do not."""
+    model, a, b = pin.Model(), 0.5, 0.8
+    bar(model, "coupler", bar(model, "crank", 0, 0.0, a), a, b)
+    bar(model, "rocker", 0, a, b)
+    closure = sst_pin.Closure("coupler_end", "rocker_end", kind)
+    chain = sst_pin.ClosedChain(model, [closure], ["crank"])
+
+    def kite(crank):
+        top = a * np.cos(crank / 2) + np.sqrt(b**2 - (a * np.sin(crank / 2)) ** 2)
+        x, y = top * np.cos(crank / 2), top * np.sin(crank / 2)
+        coupler = np.arctan2(y - a * np.sin(crank), x - a * np.cos(crank)) - crank
+        return np.stack([crank, coupler, np.arctan2(y, x - a)], axis=-1)
+
+    t, start = np.linspace(0, 0.3, 7), chain.assemble(kite(1.4))
+    motion = chain.simulate([0.0], start, [-12.0], t, through_singularities=True)
+    assert np.abs(motion.q - kite(motion.q[:, 0])).max() < 1e-9
+    energy = chain.kinetic_energy(motion.q, motion.va) + chain.potential_energy(motion.q)
+    assert np.ptp(energy) < 1e-8 * chain.kinetic_energy(start, [-12.0])
+    assert len(motion) == 7
+    assert [np.abs(crossing.q).max() < 1e-9 for crossing in motion.crossings] == [True]
 
 
 def test_crossings_are_those_of_the_samples_chosen():
