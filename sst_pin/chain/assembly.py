@@ -10,7 +10,6 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from ..arrays import whole_number
 from ..errors import ClosureError, DescriptionError
 from .loops import Loops, connected
 from .mechanism import Mechanism
@@ -76,10 +75,9 @@ class Assembly:
         self, q: Array, free: Indices, tries: int, seed: int, *, limits: bool = False
     ) -> Array:
         """The first success from q and from random configurations around it, or the best error."""
-        random_seed = whole_number("seed", seed, 0)
         if tries == 1:
             return self.assemble(q, free, limits=limits)
-        random = np.random.default_rng(random_seed)
+        random = np.random.default_rng(seed)
         model, failures = self.mechanism.model, []
         for k in range(tries):
             width = 2.0 * k / max(tries - 1, 1)

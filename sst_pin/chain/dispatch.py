@@ -9,6 +9,7 @@ from functools import partial
 from typing import Any, TypeVar
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import (
@@ -23,6 +24,7 @@ from ..arrays import (
 from ..errors import InputError
 from . import reactions, regressor
 from .backend import Indices, Key
+from .closures import Rolling
 from .current import Current
 from .derivatives import AccelerationDerivatives, TorqueDerivatives
 from .mechanism import Mechanism
@@ -38,6 +40,9 @@ _NAMES = {
 #: Quantities with external wrenches as their last argument.
 _LOADABLE = {"torques", "generalized_forces", "accelerations", "reactions"}
 _LOADABLE |= {name for name, _ in _NAMES.values()}
+#: The longest first step of an assembly by kernels, [rad] or robot lengths; the part of it that the
+#: next one may have at most; and a step behind which the next one is below rounding.
+_NEAR, _SHRINKS, _LAST = 0.1, 0.1, 1e-9
 
 
 def _shape(quantity: str, mechanism: Mechanism) -> tuple[int, ...]:
@@ -114,6 +119,27 @@ def computed(
 
     shape = _shape(key.quantity, mechanism)
     return for_each_sample(reference, arrays, axes, shape, on_error=on_error, out=out, fast=fill)
+
+
+def assembled(current: Current, q: Array) -> Array | None:
+    """The closed configuration near q with the coordinates held, by kernels; None if not near.
+
+    Steps of Newton's method that start short and shrink fast lead to the one solution nearby, which
+    is that of the reference path too.
+    """
+    mechanism, kernel = current.mechanism, current.backend.kernel(Key("closing"))
+    if any(isinstance(closure, Rolling) for closure in mechanism.closures):
+        return None  # in kernels they roll on the way
+    result, before = np.full((1, len(q) + 2), np.nan), _NEAR / _SHRINKS
+    while True:
+        refused = kernel.many((q[None],), result)
+        way = pin.difference(mechanism.model, q, result[0, :-2]) / mechanism.rate_scale
+        length = float(np.abs(way).max(initial=0.0))
+        if not length <= _SHRINKS * before:
+            return None
+        q, before = result[0, :-2].copy(), length
+        if length < _LAST:
+            return None if len(refused) else q
 
 
 def of_frame(
