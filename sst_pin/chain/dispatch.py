@@ -41,8 +41,8 @@ _NAMES = {
 _LOADABLE = {"torques", "generalized_forces", "accelerations", "reactions"}
 _LOADABLE |= {name for name, _ in _NAMES.values()}
 #: The longest first step of an assembly by kernels, [rad] or robot lengths; the part of it that the
-#: next one may have at most; and a step behind which the next one is below rounding.
-_NEAR, _SHRINKS, _LAST = 0.1, 0.1, 1e-9
+#: next one may have at most; a step behind which the next one is below rounding; and rounding.
+_NEAR, _SHRINKS, _LAST, _ROUNDING = 0.1, 0.1, 1e-9, 1e-14
 
 
 def _shape(quantity: str, mechanism: Mechanism) -> tuple[int, ...]:
@@ -137,7 +137,8 @@ def assembled(current: Current, q: Array) -> Array | None:
         length = float(np.abs(way).max(initial=0.0))
         if not length <= _SHRINKS * before:
             return None
-        q, before = result[0, :-2].copy(), length
+        if not length < _ROUNDING:  # what is closed stays as it is
+            q, before = result[0, :-2].copy(), length
         if length < _LAST:
             return None if len(refused) else q
 
