@@ -115,19 +115,20 @@ class Continuity:
     def _near(self, before: Array, after: Array, limit: float) -> bool:
         """Whether a configuration is next to the one before it, and regular."""
         place = self._place(after)
-        if self._last is before and self._continues(place, limit):
-            self._last = after
+        on_the_way = self._last is not None and np.array_equal(self._last, before)
+        if on_the_way and self._continues(place, limit):
+            self._last = after.copy()
             return True
-        if self._last is not before or self._anchor.q is not before:
+        if not on_the_way or not np.array_equal(self._anchor.q, before):
             self._anchor_at(before)
             if self._continues(place, limit):
-                self._last = after
+                self._last = after.copy()
                 return True
         return False
 
     def _anchor_at(self, q: Array) -> None:
-        self._anchor, self._inverses, self._smallest = self._place(q), [], np.inf
-        self._last = q
+        self._anchor, self._inverses, self._smallest = self._place(q.copy()), [], np.inf
+        self._last = self._anchor.q
         for blocks in self._anchor.blocks:
             U, s, Vt = np.linalg.svd(blocks, full_matrices=False)
             smallest = s[:, -1].min() if s.shape[1] == blocks.shape[2] else 0.0

@@ -14,6 +14,7 @@ depth-first; for these, and for mimic joints, they come from RNEA without gravit
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -23,6 +24,7 @@ from numpy.typing import NDArray
 from ..errors import SingularConfigurationError
 from ..summaries import as_html, as_text
 from .assembly import Assembly
+from .continuity import Continuity
 from .lines import LineKinematics
 from .loops import Loops
 from .mechanism import Friction, Mechanism
@@ -163,6 +165,11 @@ class Workspace:
         self.zero = np.zeros(mechanism.model.nv)
         #: Accelerations of coordinates that have none.
         self.steady = np.zeros(len(mechanism.coordinates))
+
+    @cached_property
+    def continuity(self) -> Continuity:
+        """Follows motions from one configuration to the next."""
+        return Continuity(self.mechanism, self.loops)
 
     def evaluate(self, q: Array, tolerance: float = CLOSURE_TOLERANCE) -> None:
         """Compute what depends on q, which must be on its manifold and close the loops."""

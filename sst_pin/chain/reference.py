@@ -10,7 +10,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Iterable
 from dataclasses import replace
-from functools import cached_property, wraps
+from functools import wraps
 from inspect import signature
 from math import isfinite
 from typing import Any, TypeVar
@@ -448,9 +448,9 @@ class ReferenceStates:
         """How much of a step stays regular and in its assembly mode; see `Continuity.follow`."""
         return self._continuity.follow(start, way, limit, first)
 
-    @cached_property
+    @property
     def _continuity(self) -> Continuity:
-        return Continuity(self._mechanism, self._reference.workspace.loops)
+        return self._reference.workspace.continuity
 
     def _continues(self, before: Array, after: Array) -> bool:
         """Whether one state of a rollout leads to the next."""
