@@ -121,6 +121,9 @@ def crossing_of(states: States, course: Course, start: float, left: float) -> Cr
     there = np.linalg.svd(states.Phi(course.q(at)), compute_uv=False)[:rank]
     lost = int(np.count_nonzero(there < _VANISHED * before[:rank]))
     halfway = np.linalg.svd(states.Phi(course.q((start + at) / 2)), compute_uv=False)[rank - 1]
+    ends = [rows @ states.Phi(course.q(t)) @ rates for t in (start, 2 * at - start)]
+    if np.linalg.slogdet(np.array(ends)).sign.prod() != (-1) ** lost:
+        return "another singular configuration is next to it"
     if not lost or not _HALFWAY[0] < halfway / before[rank - 1] < _HALFWAY[1]:
         return "branches are tangent to each other there"
     return Crossing(at, course.q(at), rank, rank - lost)
@@ -155,10 +158,9 @@ def mismatch(
     found: Sequence[Array],
     left: float,
 ) -> float:
-    """How far q, v and v_dot at a time are from a course, relative to the motion in `left`."""
-    q, v, v_dot = found
+    """How far q and v at a time are from a course, relative to the motion in `left`."""
+    q, v, _ = found
     scale = mechanism.rate_scale
     off = pin.difference(mechanism.model, course.q(t), q), left * (v - course.v(t))
-    jump = left**2 * (v_dot - course.v_dot(t))
     moved = left * float(np.abs(v / scale).max())
-    return max(float(np.abs(x / scale).max()) for x in (*off, jump)) / max(moved, 1e-300)
+    return max(float(np.abs(x / scale).max()) for x in off) / max(moved, 1e-300)

@@ -164,7 +164,7 @@ class Run:
         self._motion, self._solver, self._options = motion, getattr(integrate, method), options
         self._mechanism, self._most, self._through = mechanism, limit, through
         self._progress = progress or (lambda time: None)
-        self._stride, self._limit, self._left, self._next_try = np.inf, 0.0, 0.0, -np.inf
+        self._stride, self._limit, self._left, self._noticed = np.inf, 0.0, 0.0, -np.inf
         self._nodes = deque[Node](maxlen=3 * _NODES)
         self.stopped, self._why, self.crossings = "", "", list[Crossing]()
 
@@ -185,8 +185,11 @@ class Run:
                 self._advance(self._bounds[0])
             if self._t >= self._bounds[0] < times[-1]:
                 self._bounds.pop(0)
-                if len(self._bounds) == 1:
-                    self._cross()
+                if len(self._bounds) == 1 and not self._cross():
+                    nearer = self._t + self._left / 2
+                    if nearer <= self._noticed:
+                        self._left /= 2
+                        self._bounds.insert(0, nearer)
         return [np.concatenate(part) for part in zip(*self._parts, strict=True)]
 
     def _advance(self, bound: float) -> None:
@@ -295,9 +298,9 @@ class Run:
         left = float((t - self._t) * here[k] / (there[k] - here[k]))
         at = t + left
         wide = min(_EARLIER * left, (last - at) / 2)
-        if wide < left / _EARLIER or t < self._next_try:
+        if wide < left / _EARLIER or t <= self._noticed:
             return False
-        self._next_try = at - left / _EARLIER
+        self._noticed = t
         while len(self._nodes) > 1 and self._nodes[-1][0] > at - wide:
             self._nodes.pop()
         self._t, before, state = self._nodes[-1]
@@ -308,13 +311,12 @@ class Run:
         self._bounds, self._limit = [at - self._left, last], MARGIN * _EARLIER * self._limit
         return True
 
-    def _cross(self) -> None:
+    def _cross(self) -> bool:
         """Go to the far side of the singular configuration ahead, along the smooth branch."""
         motion, start = self._motion, self._t
         self._why, self._limit = "", min(self._most, self._limit)
         try:
             course, middle = self._course(self._before()), np.inf
-            self._nodes.clear()
             found = crossing_of(motion.states, course, start, self._left)
             for _ in range(_STEPS):
                 if isinstance(found, str) or abs(found.time - middle) < _CENTRED * self._left:
@@ -327,14 +329,14 @@ class Run:
                 found = crossing_of(motion.states, course, start, self._left)
             if isinstance(found, str):
                 self._why = f"; the branch behind it is not determined: {found}"
-                return
+                return False
             off = mismatch(self._mechanism, course, far, whole, far - start)
         except SSTError as error:
             self._why = f"; the motion behind it is not found ({error})"
-            return
+            return False
         if not off < max(_EXACT, _TOLERANCES * self._options["rtol"]):
             self._why = f"; the motion behind it does not continue this one (by {off:.1g})"
-            return
+            return False
         new = self._times[self._done :]
         new = new[new <= far]
         if len(new):
@@ -346,11 +348,13 @@ class Run:
             self._parts.append((q, v[:, own], v_dot[:, own], tau))
             self._done += len(new)
         self.crossings.append(found)
+        self._nodes.clear()
         self._t, self._q, self._state = far, whole[0], stages[-1]
         self._limit = 0.0
         self._settle()
         condition = motion.states.condition_number(self._q)
         self._limit = max(self._limit, MARGIN * condition)  # it falls from here on
+        return True
 
     def _before(self) -> list[Node]:
         """The last states of the motion, spread over the time before a singular configuration."""

@@ -121,6 +121,26 @@ def test_a_kite_passes_where_two_joints_meet(kind):
     assert [np.abs(crossing.q).max() < 1e-9 for crossing in motion.crossings] == [True]
 
 
+def test_singular_configurations_shortly_after_each_other_are_gone_through_one_by_one():
+    """Two parallelograms side by side are flat at nearly the same times."""
+    model = pin.Model()
+    for k in "ab":
+        bar(model, f"coupler_{k}", bar(model, f"crank_{k}", 0, 0.0, 0.5), 0.5, 0.6)
+        bar(model, f"rocker_{k}", 0, 0.6, 0.5)
+    closures = [sst_pin.Closure(f"coupler_{k}_end", f"rocker_{k}_end", "3d") for k in "ab"]
+    chain = sst_pin.ClosedChain(model, closures, ["crank_a", "crank_b"])
+    t, signs = np.linspace(0, 1, 11), np.array([1.0, -1.0, 1.0])
+    start = np.concatenate([1.0 * signs, 1.03 * signs])
+    motion = chain.simulate(
+        [0.0] * 2, start, [-5.0] * 2, t, rtol=1e-9, atol=1e-9, through_singularities=True
+    )
+    assert len(motion) == 11
+    assert np.abs(motion.q - start + 5 * t[:, None] * np.tile(signs, 2)).max() < 1e-7
+    flat = [1 / 5, 1.03 / 5, (1 + np.pi) / 5, (1.03 + np.pi) / 5]
+    assert [crossing.time for crossing in motion.crossings] == pytest.approx(flat, abs=1e-7)
+    assert [crossing.rank for crossing in motion.crossings] == [3] * 4
+
+
 def test_crossings_are_those_of_the_samples_chosen():
     chain = robots.n_four_bar(1)
     motion = through(chain, np.linspace(0, 1.0, 11), -1.0, rtol=1e-9, atol=1e-9)
