@@ -74,6 +74,9 @@ class SerialView:
         self._rows = np.flatnonzero(np.abs(J[:, self._columns]).max(axis=1) > RANK_TOLERANCE)
         self.motors = tuple(self.chain.motor_names[k] for k in self._rows)
         self._check(J[self._rows])
+        # After these a motor of a joint without limits is at the same position.
+        endless = ~np.isin(space.rate_names, space.position_names)
+        self._turns = 2 * np.pi * np.abs(chain.mechanism.motors[:, self._rows]).T @ endless
         self._linkages = self.chain._remade(_without_serial_bodies(self.chain))
 
     def _check(self, J: Array) -> None:
@@ -209,18 +212,23 @@ class SerialView:
     def _newton(self, q: Array, target: Array, unit: Array) -> Array:
         """From q to the configuration nearby where the motors are at their target."""
         for _ in range(_STEPS):
-            error = target - self.motor_positions(q)
-            step: Array = np.linalg.pinv(self.actuator_jacobian(q)) @ error
+            step: Array = np.linalg.pinv(self.actuator_jacobian(q)) @ self._missing(q, target)
             q = self._moved(q, step)
             if np.abs(step).max() <= _ARRIVED * self.chain.mechanism.length:
                 break
-        missed = np.abs((target - self.motor_positions(q)) / unit).max()
+        missed = np.abs(self._missing(q, target) / unit).max()
         if missed > np.sqrt(_ARRIVED):
             raise WorkspaceError(
                 f"no positions of the joints {', '.join(self.joints)} bring the motors "
                 f"{', '.join(self.motors)} to {target.round(6).tolist()}"
             )
         return q
+
+    def _missing(self, q: Array, target: Array) -> Array:
+        """How far motors are from their target; full turns do not count."""
+        error = target - self.motor_positions(q)
+        turns = np.round(error / np.where(self._turns, self._turns, 1))
+        return np.asarray(error - self._turns * turns)
 
     # --- rates and torques ------------------------------------------------------------------
 

@@ -332,6 +332,29 @@ def test_bad_joints_are_refused_by_name():
         view.joint_gains(view.chain.home, [1.0], tau=[1.0])
 
 
+def test_motors_without_limits_go_on_past_half_a_turn():
+    """A four-bar of joints without limits whose crank and rocker turn round and round."""
+    model = pin.Model()
+
+    def bar(name, on, x, length):
+        at = pin.SE3(np.eye(3), np.array([x, 0, 0]))
+        k = model.addJoint(on, pin.JointModelRUBZ(), at, name)
+        model.appendBodyToJoint(k, pin.Inertia.FromSphere(1.0, 0.1), pin.SE3.Identity())
+        end = pin.SE3(np.eye(3), np.array([length, 0, 0]))
+        model.addFrame(pin.Frame(f"{name}_end", k, end, pin.FrameType.OP_FRAME))
+        return k
+
+    bar("coupler", bar("crank", 0, 0.0, 0.5), 0.5, 0.45)
+    bar("rocker", 0, 0.2, 0.55)
+    closures = [sst_pin.Closure("coupler_end", "rocker_end", "3d")]
+    view = sst_pin.SerialView(sst_pin.ClosedChain(model, closures, ["rocker"]), ["crank"])
+    angles = np.array([2.0, -1.5, 1.5])
+    q = view.chain.assemble(np.column_stack([np.cos(angles), np.sin(angles)]).ravel())
+    for target in 1.5 + 0.9 * np.arange(8):
+        q = view.from_motors([target], start=q)
+        assert np.exp(1j * view.motor_positions(q)) == pytest.approx(np.exp(1j * target))
+
+
 def test_positions_out_of_reach_name_the_sample(leg):
     x = np.tile(leg.joint_positions(leg.chain.home), (3, 1))
     x[1, 3] = 2.0
