@@ -469,9 +469,9 @@ class ClosedChain:
         With kernels, a guess nearby takes some ten microseconds while the coordinates are held.
 
         Args:
-            q: A guess, shape (nq,). For a robot with balls, free or continuous joints also the
-                displacement from `pin.neutral`, shape (nv,), without quaternions. Or positions by
-                the names of joints, [rad] or [m]; the other joints start from home, else from zero.
+            q: Guesses, shape (..., nq). For a robot with balls, free or continuous joints also the
+                displacement from `pin.neutral`, shape (..., nv), without quaternions. Or positions
+                by the names of joints, [rad] or [m]; the others start from home, else from zero.
             fixed: Names of joints that keep their position, () for none. By default the
                 coordinates; if q names joints that are no coordinates, the joints named.
             tries: Number of starts: the guess, then random configurations around it.
@@ -479,7 +479,7 @@ class ClosedChain:
             limits: Whether joints with one coordinate must stay within the limits of the model.
 
         Returns:
-            A configuration near q with closed loops, shape (nq,).
+            Configurations near q with closed loops, shape (..., nq).
 
         Raises:
             ClosureError: If the loops cannot be closed; the message lists the open loops and the
@@ -503,6 +503,9 @@ class ClosedChain:
             guess = put(space, self._start_pose(), q)
         else:
             guess = as_array("q", q, ())
+        if guess.ndim > 1 and guess.shape[-1] in (model.nq, model.nv):
+            one = partial(self.assemble, fixed=fixed, tries=tries, seed=seed, limits=limits)
+            return for_each_sample(one, [guess], (1,), (model.nq,))
         if model.nv != model.nq and guess.shape == (model.nv,):
             guess = pin.integrate(model, pin.neutral(model), single_array("q", guess, (model.nv,)))
         start = space.normalised(single_array("q", guess, (model.nq,)))

@@ -324,3 +324,17 @@ def test_joints_that_a_guess_does_not_name_start_from_home():
     robot = sst_pin.SST()
     assert np.array_equal(robot.assemble({}), robot.home)
     assert np.abs(robot.assemble({"gamma_1": 0.8}) - robot.home).max() < 0.02
+
+
+def test_a_batch_of_guesses_is_assembled_sample_by_sample_and_open_ones_are_named():
+    robot, random = sst_pin.robots.five_bar(), np.random.default_rng(0)
+    guesses = robot.home + 0.05 * random.normal(size=(2, 3, robot.model.nq))
+    found = robot.assemble(guesses)
+    assert found.shape == guesses.shape
+    assert np.array_equal(found[1, 2], robot.assemble(guesses[1, 2]))
+    guesses[0, 1, list(robot.actuated)] = np.pi, 0.0  # the elbows are too far apart
+    with pytest.raises(sst_pin.ClosureError) as caught:
+        robot.assemble(guesses)
+    assert caught.value.samples == ((0, 1),)
+    with pytest.raises(sst_pin.InputError, match="expected"):
+        robot.assemble(guesses[..., :-1])

@@ -282,7 +282,7 @@ def test_a_massless_robot_has_no_accelerations():
 
 
 def test_only_one_sample_where_one_is_meant(robot):
-    for call in (robot.Phi, robot.mobility, robot.assemble):
+    for call in (robot.Phi, robot.mobility):
         with pytest.raises(sst_pin.InputError, match="one sample"):
             call(np.tile(HOME, (2, 1)))
     with pytest.raises(sst_pin.InputError, match="one sample"):
