@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from typing import Any
@@ -36,8 +37,15 @@ class Sdf:
     """
 
     def __init__(self, root: ET.Element, source: str) -> None:
-        self.gravity, self.balls = numbers(root.findtext("world/gravity", ""), 3), list[str]()
+        gravity, version = root.findtext("world/gravity"), root.get("version", "1.7").strip()
+        self.gravity, self.balls = numbers(gravity or "", 3), list[str]()
         self._problems: list[str] = []
+        if gravity is not None and self.gravity is None:
+            self._problems.append(f"gravity {gravity!r} is not three numbers")
+        minor = re.fullmatch(r"1\.(\d+)(\.\d+)?", version)
+        if minor is None:
+            raise DescriptionError(source, [f"version {version!r} is none of SDF, such as 1.12"])
+        self._old = int(minor[1]) < 5
         models = [*root.findall("model"), *root.findall("world/model")]
         models = [model for model in models if model.findtext("static", "").strip() != "true"]
         if len(models) != 1:
@@ -46,7 +54,6 @@ class Sdf:
         for tag in ("model", "include"):
             if self._model.find(tag) is not None:
                 raise DescriptionError(source, [f"<{tag}> inside a model is not supported"])
-        self._old = float(root.get("version", "1.7")[:3]) < 1.5
         self._links = {e.get("name", ""): e for e in self._model.findall("link")}
         self._frames = {
             element.get("name", ""): element
@@ -231,6 +238,8 @@ class Sdf:
         }
         if value["dynamics/spring_stiffness"]:
             self._told(joint, "springs are not read; give stiffness= to ClosedChain")
+        if value["limit/lower"] > value["limit/upper"]:
+            self._told(joint, "its lower limit is above the upper one")
         low, high = sorted((sign * value["limit/lower"], sign * value["limit/upper"]))
         free = low <= -_WIDE and high >= _WIDE
         if free and made.get("type") == "revolute":

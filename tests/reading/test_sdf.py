@@ -213,6 +213,14 @@ def test_limits_friction_and_mimicry_are_those_of_the_axis(tmp_path):
             ],
             "joint j: springs are not read",
         ),
+        (
+            [
+                link("a", "0 0 0 0 0 0"),
+                joint("j", "revolute", "world", "a", axis("0 0 1", "<limit><lower>2</lower>"
+                      "<upper>1</upper></limit>")),
+            ],
+            "joint j: its lower limit is above the upper one",
+        ),
     ],
 )  # fmt: skip
 def test_faults_are_told_with_the_element(parts, told, tmp_path):
@@ -226,3 +234,32 @@ def test_one_model_that_moves_is_needed(tmp_path):
     for text in ('<sdf version="1.7"/>', '<sdf version="1.7"><model/><model/></sdf>'):
         with pytest.raises(sst_pin.DescriptionError, match="models that move; one is needed"):
             Urdf.read(write(text, tmp_path))
+
+
+def test_axes_are_in_the_joints_frame_since_version_1_5(tmp_path):
+    parts = [
+        link("a", "0 0 0 0 0 0"),
+        link("b", "0 0 0.3 0.4 0 0"),
+        joint("j_a", "revolute", "world", "a", axis("1 0 0")),
+        joint("j_b", "revolute", "a", "b", axis("0 0 1")),
+    ]
+    tilted = []
+    for version in ("1.4", "1.5", "1.9", "1.10", "1.12"):
+        path = write(sdf("".join(parts)).replace("1.9", version), tmp_path)
+        chain = sst_pin.ClosedChain.from_urdf(path, actuated=["j_a", "j_b"])
+        turns = chain.frame_jacobian(np.zeros(2), "b")[3:]
+        tilted.append(turns[:, 0] @ np.cross(turns[:, 1], [0.3, -0.2, 0.5]))
+    assert tilted[0] != pytest.approx(tilted[1])
+    assert tilted[1:] == pytest.approx([tilted[1]] * 4)
+
+
+@pytest.mark.parametrize("version", ["", "latest", "1.x", "nan"])
+def test_a_version_that_is_none_is_named(version, tmp_path):
+    with pytest.raises(sst_pin.DescriptionError, match=f"version '{version}' is none of SDF"):
+        Urdf.read(write(sdf("").replace("1.9", version), tmp_path))
+
+
+def test_gravity_that_is_none_is_named(tmp_path):
+    text = sdf(link("a", "0 0 0 0 0 0"), world="<gravity>0 down 0</gravity>")
+    with pytest.raises(sst_pin.DescriptionError, match="gravity '0 down 0' is not three numbers"):
+        Urdf.read(write(text, tmp_path))
