@@ -87,6 +87,16 @@ def test_the_coordinates_do_not_count(mapped):
     assert np.allclose(maps[0].condition, maps[1].condition, rtol=1e-6, equal_nan=True)
 
 
+def test_dead_points_of_the_coordinates_are_poses_like_others():
+    """On the line of the motors the elbows come to rest while the platform moves."""
+    lift = sst_pin.robots.five_bar(span=0.2, proximal=0.3, distal=0.35)
+    other = lift.with_coordinates(["elbow_1", "elbow_2"])
+    grid = {"x": [-0.45, 0.0, 0.45], "y": [0.0, 0.1, 0.2, 0.3, 0.4]}
+    found, same = (sst_pin.reach_map(chain, "platform", 2.0, **grid) for chain in (lift, other))
+    assert found.reached[:, 0].any()
+    assert np.allclose(found.torque, same.torque, rtol=1e-9, equal_nan=True)
+
+
 def arm(low=-np.inf):
     model, at = pin.Model(), pin.SE3.Identity()
     for k in range(2):
