@@ -43,7 +43,7 @@ def filled(name: str, values: Mapping[str, object]) -> str:
     return Template(part(name)).substitute(values)
 
 
-class Body(NamedTuple):
+class KernelSource(NamedTuple):
     """The C of a kernel.
 
     Attributes:
@@ -64,7 +64,7 @@ class Body(NamedTuple):
 
 def body(
     kernel: SymbolicKernel, size: int | None = None, suffix: str = "", *, one: bool = False
-) -> Body:
+) -> KernelSource:
     """The C of a kernel; what depends on the parameters alone is apart, to be computed once.
 
     `size` is that of p before its constants, `suffix` that of numbers, "f" in single precision;
@@ -103,7 +103,7 @@ def body(
     for name, own in functions.items():
         head = f"static void {name}(const real *x, const number *p, real *y)"
         texts.append(statements.function(head, own))
-    return Body("\n".join(texts), writer.size, room)
+    return KernelSource("\n".join(texts), writer.size, room)
 
 
 def written(kernel: SymbolicKernel, size: int | None = None, suffix: str = "") -> Writer:
@@ -235,7 +235,7 @@ def source(entries: Mapping[str, Sequence[SymbolicKernel]], *, one: bool = False
     written once.
     """
     parts: list[str] = []
-    bodies: dict[str, Body] = {}
+    bodies: dict[str, KernelSource] = {}
     for entry, kernels in entries.items():
         size = None
         for kernel in kernels:
