@@ -46,6 +46,8 @@ _ERRORS = {
 #: An error whose part that other errors do not explain is smaller depends on them.
 _DEPENDENT = 1e-6
 _STEPS, _SETTLED = 30, 1e-9
+#: After all steps the last one may be so large, in standard deviations of the errors.
+_UNSURE = 0.01
 #: The measured frame of the enlarged robot, and what the names of the others end with.
 _FRAME, _MOVED = "measured frame", " moved"
 
@@ -158,8 +160,8 @@ def calibrate(
 
     Raises:
         UnknownNameError: For an unknown frame, or a pattern that fits no error.
-        InputError: For wrong shapes, matrices that are not rotations, or fewer equations than
-            errors that they could show.
+        InputError: For wrong shapes, matrices that are not rotations, fewer equations than errors
+            that they could show, or poses from which Newton's method does not settle.
         ClosureError: If a pose cannot be assembled.
 
     Example:
@@ -218,6 +220,10 @@ def calibrate(
         )
         if np.abs(step).max(initial=0.0) < _SETTLED:
             break
+    else:
+        if (np.abs(step) > _UNSURE * np.linalg.norm(root, axis=1)).any():
+            problem = f"the errors do not settle in {_STEPS} steps; give which= or better poses"
+            raise InputError("poses", problem)
     assert found is not None
     root = root * units[found][:, None]
     kept = tuple(errors[k] for k in found)

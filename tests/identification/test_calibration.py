@@ -155,3 +155,31 @@ def test_bad_measurements_are_refused():
         calibrate(drawn, "nowhere", x[:4], exact)
     with pytest.raises(sst_pin.ClosureError):
         calibrate(drawn, "platform", x[:1] + 3, exact[:1])
+
+
+def test_errors_that_do_not_settle_are_refused(monkeypatch):
+    """A four-bar's noise of 24 mm and errors that the poses hardly tell apart: steps go on."""
+    model = pin.Model()
+
+    def bar(name: str, on: int, x: float, length: float) -> int:
+        at, end = (pin.SE3(np.eye(3), np.array([size, 0, 0])) for size in (x, length))
+        k = model.addJoint(on, pin.JointModelRZ(), at, name)
+        model.appendBodyToJoint(k, pin.Inertia.FromSphere(1.0, 0.1), pin.SE3.Identity())
+        model.addFrame(pin.Frame(f"{name}_end", k, end, pin.FrameType.OP_FRAME))
+        return k
+
+    bar("coupler", bar("crank", 0, 0.0, 0.5), 0.5, 0.45)
+    bar("rocker", 0, 0.2, 0.55)
+    closures = [sst_pin.Closure("coupler_end", "rocker_end", "3d")]
+    chain, x = sst_pin.ClosedChain(model, closures, ["crank"]), np.linspace(2, 4.5, 40)[:, None]
+    start = chain.assemble(np.array([2.0, -1.5, 1.5]))
+    q = sst_pin.coordinate_motion(chain, np.arange(40), x, start=start).q
+    data, points = model.createData(), []
+    for each in q:
+        pin.framesForwardKinematics(model, data, each)
+        points.append(data.oMf[model.getFrameId("coupler_end")].translation.copy())
+    which = ["rocker.y", "crank.y", "coupler.x", "crank.rz", "coupler_end.y"]
+    noisy_points = points + np.random.default_rng(0).normal(scale=0.024, size=(len(x), 3))
+    monkeypatch.setattr("sst_pin.identification.calibration._STEPS", 10)  # as in 30, but sooner
+    with pytest.raises(sst_pin.InputError, match="do not settle in 10 steps"):
+        calibrate(chain, "coupler_end", x, noisy_points, which=which, start=start)
