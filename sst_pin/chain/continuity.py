@@ -58,7 +58,7 @@ class Continuity:
             (np.array([r for r, _ in alike])[:, :, None], np.array([k for _, k in alike])[:, None])
             for alike in shapes.values()
         ]
-        self._last: Array | None = None
+        self._last: _Place | None = None
         self._anchor: _Place
         self._inverses: list[Array]
         self._smallest = 0.0
@@ -114,21 +114,22 @@ class Continuity:
 
     def _near(self, before: Array, after: Array, limit: float) -> bool:
         """Whether a configuration is next to the one before it, and regular."""
-        place = self._place(after)
-        on_the_way = self._last is not None and np.array_equal(self._last, before)
-        if on_the_way and self._continues(place, limit):
-            self._last = after.copy()
-            return True
-        if not on_the_way or not np.array_equal(self._anchor.q, before):
-            self._anchor_at(before)
-            if self._continues(place, limit):
-                self._last = after.copy()
-                return True
-        return False
+        place, last = self._place(after), self._last
+        if last is None or not np.array_equal(last.q, before):
+            last = self._place(before)
+            self._anchor_at(last)
+        if not self._continues(place, limit):
+            if last is self._anchor:
+                return False
+            self._anchor_at(last)
+            if not self._continues(place, limit):
+                return False
+        self._last = place
+        return True
 
-    def _anchor_at(self, q: Array) -> None:
-        self._anchor, self._inverses, self._smallest = self._place(q.copy()), [], np.inf
-        self._last = self._anchor.q
+    def _anchor_at(self, place: _Place) -> None:
+        self._anchor = self._last = place
+        self._inverses, self._smallest = [], np.inf
         for blocks in self._anchor.blocks:
             U, s, Vt = np.linalg.svd(blocks, full_matrices=False)
             smallest = s[:, -1].min() if s.shape[1] == blocks.shape[2] else 0.0
@@ -159,7 +160,7 @@ class Continuity:
     def _place(self, q: Array) -> _Place:
         self._loops.evaluate(q)
         Phi = self._loops.Phi() * self._scale
-        return _Place(q, [Phi[entries] for entries in self._entries])
+        return _Place(q.copy(), [Phi[entries] for entries in self._entries])
 
 
 def _condition_number(blocks: list[Array]) -> float:
