@@ -447,7 +447,7 @@ class ClosedChain:
         """
         current = self._current
         array = current.configurations(q)
-        mechanism, loops = current.mechanism, current.reference.workspace.loops
+        mechanism, loops = current.mechanism, current.reference.memory.loops
 
         def one(q: Array) -> Array:
             Phi = scaled_Phi(mechanism, loops, current.single(q))
@@ -513,7 +513,7 @@ class ClosedChain:
         if fixed is not None:
             held = space.rates_of(names("fixed", fixed))
             free = np.setdiff1d(np.arange(len(space.rate_names)), held)
-        assembly = self._current.reference.workspace.assembly
+        assembly = self._current.reference.memory.assembly
         if self._current.has_kernels and not limits and np.array_equal(free, mechanism.dependent):
             found = dispatch.assembled(self._current, start)
             if found is not None:
@@ -967,7 +967,7 @@ class ClosedChain:
         """
         current = self._current
         single, n = current.single(q), len(current.mechanism.coordinates)
-        return dynamics.terms(current.reference.workspace, single, single_array("va", va, (n,)))
+        return dynamics.terms(current.reference.memory, single, single_array("va", va, (n,)))
 
     def reduced_terms(
         self, q: ArrayLike, va: ArrayLike, *, threads: int = 1, on_error: str = "raise"

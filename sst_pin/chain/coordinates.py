@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..errors import ClosureError, SSTError
 from .assembly import Assembly, home_of
-from .dynamics import Workspace
+from .dynamics import Memory
 from .mechanism import Mechanism
 from .mobility import choose_coordinates, free_motions, scaled_Phi
 from .noc import body_jacobians
@@ -106,20 +106,20 @@ def without_mass(mechanism: Mechanism) -> tuple[str, ...]:
     q, n = mechanism.example, len(mechanism.coordinates)
     if q is None or not n:
         return ()
-    ws = Workspace(mechanism)
+    memory = Memory(mechanism)
     try:
-        ws.evaluate(q)
-        ws.complement.factorise(ws.loops.Phi())
+        memory.evaluate(q)
+        memory.complement.factorise(memory.loops.Phi())
     except SSTError:
         return ()  # coordinates of the caller, for another assembly
-    L = ws.complement.L
+    L = memory.complement.L
     # What each coordinate would move if a body turned about its heaviest axis.
-    twists = (body_jacobians(ws.model, ws.data) @ L).reshape(-1, 2, 3, n)
-    inertias = list(ws.model.inertias)[1:]
+    twists = (body_jacobians(memory.model, memory.data) @ L).reshape(-1, 2, 3, n)
+    inertias = list(memory.model.inertias)[1:]
     sizes = np.array([(np.trace(body.inertia), body.mass) for body in inertias])
-    most = np.einsum("bp,bpin->n", sizes, twists**2) + ws.model.armature @ L**2
+    most = np.einsum("bp,bpin->n", sizes, twists**2) + memory.model.armature @ L**2
     scale = 1 / np.sqrt(np.maximum(most, 1e-300))
-    inertia = scale[:, None] * ws.reduced_inertia(q, L) * scale
+    inertia = scale[:, None] * memory.reduced_inertia(q, L) * scale
     values, vectors = np.linalg.eigh(inertia)
     idle = np.abs(vectors[:, values < _ROUNDING]).max(axis=1, initial=0.0) > INDEPENDENT
     return tuple(np.array(mechanism.coordinate_rate_names)[idle].tolist())

@@ -109,7 +109,7 @@ class Current:
     def evaluated(self, q: ArrayLike) -> Loops:
         """This thread's loops at one configuration."""
         array = self.single(q)
-        loops = self.reference.workspace.loops
+        loops = self.reference.memory.loops
         loops.evaluate(array)
         return loops
 
@@ -123,18 +123,18 @@ class Current:
         try:
             self.evaluated(q).require_closed(mechanism.row_scale)
         except ClosureError:
-            return self.reference.workspace.assembly.assemble(q, mechanism.dependent)
+            return self.reference.memory.assembly.assemble(q, mechanism.dependent)
         return q
 
     def example(self) -> Array:
         """A configuration with closed loops and without symmetry, shape (nq,)."""
         if self.mechanism.example is None:
-            return next(examples(self.reference.workspace.assembly))
+            return next(examples(self.reference.memory.assembly))
         return self.mechanism.example.copy()
 
     def mobility(self, q: ArrayLike | None = None) -> Mobility:
         """Degrees of freedom and motors; see `ClosedChain.mobility`."""
-        mechanism, loops = self.mechanism, self.reference.workspace.loops
+        mechanism, loops = self.mechanism, self.reference.memory.loops
         given = "a random assembled configuration" if q is None else "the configuration given"
         names = mechanism.space.names_of(mechanism.coordinates.tolist())
         groups = [mechanism.space.rates_of([name]) for name in names]

@@ -18,7 +18,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from .dynamics import Workspace, applied_forces, direct_dynamics, motion_of_tree
+from .dynamics import Memory, applied_forces, direct_dynamics, motion_of_tree
 from .loops import Loops
 from .mechanism import Friction, Mechanism
 from .plain_tree import PlainTree
@@ -97,7 +97,7 @@ class Derivatives:
     def __init__(self, mechanism: Mechanism) -> None:
         self._plain = PlainTree(mechanism)
         self._mechanism = self._plain.mechanism
-        self._ws = Workspace(self._mechanism)
+        self._memory = Memory(self._mechanism)
         self._branches = Branches(self._mechanism.model)
 
     def torques(
@@ -115,9 +115,9 @@ class Derivatives:
         """Derivatives of aa by q, va and tau side by side, shape (n, 2 n + motors)."""
         q, wrenches = self._plain.configuration(q), self._plain.wrenches(wrenches)
         friction = self._friction(sign_width)
-        aa, _ = direct_dynamics(self._ws, friction, q, va, tau, wrenches)
+        aa, _ = direct_dynamics(self._memory, friction, q, va, tau, wrenches)
         by_q, by_va, inertia, L = self._forces(friction, q, va, aa, tau, wrenches)
-        motors = L.T.dot(self._ws.actuation(q))
+        motors = L.T.dot(self._memory.actuation(q))
         return np.linalg.solve(inertia, np.concatenate((-by_q, -by_va, motors), axis=1))
 
     @property
@@ -130,12 +130,12 @@ class Derivatives:
 
     def displacement_rates(self, q: Array, va: Array) -> Array:
         """-S [v, L e_k]: rates of a displacement due to joints' axes that move, shape (n, n)."""
-        ws = self._ws
-        ws.evaluate(self._plain.configuration(q))
-        v, _ = motion_of_tree(ws, va, ws.steady)
-        L = ws.complement.L
+        memory = self._memory
+        memory.evaluate(self._plain.configuration(q))
+        v, _ = motion_of_tree(memory, va, memory.steady)
+        L = memory.complement.L
         rates = np.zeros_like(L)
-        for joint, data in zip(ws.model.joints, ws.data.joints, strict=True):
+        for joint, data in zip(memory.model.joints, memory.data.joints, strict=True):
             if joint.nv > 1:
                 k, S = slice(joint.idx_v, joint.idx_v + joint.nv), np.array(data.S)
                 rates[k] = S.T.dot(brackets(S.dot(v[k]), S.dot(L[k])))
@@ -144,11 +144,13 @@ class Derivatives:
     def frame_velocity(self, q: Array, va: Array, frame: int) -> Array:
         """Derivatives of a frame's velocity by q and va side by side, shape (6, 2 n)."""
         q = self._plain.configuration(q)
-        self._ws.evaluate(q)
-        v, v_dot = motion_of_tree(self._ws, va, self._ws.steady)
-        L = self._ws.complement.L
-        tree = TreeMotion(self._branches, self._ws.data, q, v, v_dot)
-        v_q = -self._ws.complement.inverse.dot(partials(self._ws.loops, tree).velocity_q.dot(L))
+        self._memory.evaluate(q)
+        v, v_dot = motion_of_tree(self._memory, va, self._memory.steady)
+        L = self._memory.complement.L
+        tree = TreeMotion(self._branches, self._memory.data, q, v, v_dot)
+        v_q = -self._memory.complement.inverse.dot(
+            partials(self._memory.loops, tree).velocity_q.dot(L)
+        )
         moved = tree.frames_of([frame])
         J = np.concatenate((moved.vectors_q[0, :, 0, :3].T, moved.J[0, 3:]))
         by_q = np.concatenate((moved.vectors_tq[0, :, 0, :3].T, moved.twist_q[0, 3:]))
@@ -164,23 +166,23 @@ class Derivatives:
         wrenches: Array | None,
     ) -> tuple[Array, Array, Array, Array]:
         """Derivatives of f - L^T B tau by q, va and aa, and L, on the plain tree."""
-        ws, mechanism = self._ws, self._mechanism
-        ws.evaluate(q)
-        v, v_dot = motion_of_tree(ws, va, aa)
-        L = ws.complement.L
-        tree = TreeMotion(self._branches, ws.data, q, v, v_dot)
-        rows, G = partials(ws.loops, tree), ws.complement.inverse
-        force = pin.rnea(ws.model, ws.data, q, v, v_dot)
-        force -= applied_forces(ws, friction, q, v, wrenches, tau)
+        memory, mechanism = self._memory, self._mechanism
+        memory.evaluate(q)
+        v, v_dot = motion_of_tree(memory, va, aa)
+        L = memory.complement.L
+        tree = TreeMotion(self._branches, memory.data, q, v, v_dot)
+        rows, G = partials(memory.loops, tree), memory.complement.inverse
+        force = pin.rnea(memory.model, memory.data, q, v, v_dot)
+        force -= applied_forces(memory, friction, q, v, wrenches, tau)
         reactions, lines = G.T.dot(force), mechanism.lines
-        loads = [_on_frames(ws.loops, rows, reactions)]
+        loads = [_on_frames(memory.loops, rows, reactions)]
         if not lines.none:
-            lengths, J = ws.lines.evaluate(q)
-            along = partials(ws.lines.loops, tree)
+            lengths, J = memory.lines.evaluate(q)
+            along = partials(memory.lines.loops, tree)
             pulls = lines.tensions(lengths, J.dot(v), tau)
-            loads.append(_on_frames(ws.lines.loops, along, -pulls))
+            loads.append(_on_frames(memory.lines.loops, along, -pulls))
         if wrenches is not None and wrenches.any():
-            loads.append(_on_mass_centres(tree, ws.data, wrenches.reshape(-1, 6)))
+            loads.append(_on_mass_centres(tree, memory.data, wrenches.reshape(-1, 6)))
         force_q, force_v, M = self._tree_forces(tree, loads)
         for row, k, second in rows.coupled:
             force_q[k, k] -= reactions[row] * second
@@ -190,7 +192,7 @@ class Derivatives:
             force_v += (J.T * damping).dot(J)
         force_v += np.diag(-friction.slopes(v))
         if not mechanism.springs.none:
-            force_q -= mechanism.springs.slopes(ws.model, q)
+            force_q -= mechanism.springs.slopes(memory.model, q)
         v_q = -G.dot(rows.velocity_q.dot(L))
         v_dot_q = -G.dot(rows.acceleration_q.dot(L) + rows.acceleration_v.dot(v_q))
         v_dot_va = -G.dot(rows.acceleration_v.dot(L))
@@ -205,14 +207,14 @@ class Derivatives:
         Pinocchio holds external wrenches in the bodies. What a wrench w does not turn with its body
         is its own derivative w_q less that of a wrench that does.
         """
-        ws, model = self._ws, self._ws.model
+        memory, model = self._memory, self._memory.model
         total = np.zeros((model.njoints, 6))
         for joints, _, w, _ in loads:
             np.add.at(total, joints, w)
         in_bodies = pin.StdVec_Force()
-        for placement, of_body in zip(ws.data.oMi, total, strict=True):
+        for placement, of_body in zip(memory.data.oMi, total, strict=True):
             in_bodies.append(placement.actInv(pin.Force(of_body)))
-        arguments = (model, ws.data, tree.q, tree.v, tree.v_dot, in_bodies)
+        arguments = (model, memory.data, tree.q, tree.v, tree.v_dot, in_bodies)
         force_q, force_v, M = (np.array(x) for x in pin.computeRNEADerivatives(*arguments))
         for _, frames, w, w_q in loads:
             turning = w_q - _carried(frames.J, w)

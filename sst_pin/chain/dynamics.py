@@ -147,7 +147,7 @@ def _shapes(terms: Terms | ReducedTerms, names: str) -> str:
     return ", ".join(f"{name} {getattr(terms, name).shape}" for name in names.split())
 
 
-class Workspace:
+class Memory:
     """Memory for the computations of one mechanism in one thread."""
 
     def __init__(self, mechanism: Mechanism) -> None:
@@ -196,15 +196,15 @@ class Workspace:
         return L.T.dot(M_L)
 
 
-def motion_of_tree(ws: Workspace, va: Array, aa: Array) -> tuple[Array, Array]:
+def motion_of_tree(memory: Memory, va: Array, aa: Array) -> tuple[Array, Array]:
     """v and v_dot of a motion of the coordinates at the configuration evaluated last."""
-    ws.complement.factorise(ws.loops.Phi())
-    v = ws.complement.L.dot(va)  # Eq. (16)
-    return v, ws.complement.accelerations(aa, ws.loops.drift(v))
+    memory.complement.factorise(memory.loops.Phi())
+    v = memory.complement.L.dot(va)  # Eq. (16)
+    return v, memory.complement.accelerations(aa, memory.loops.drift(v))
 
 
 def applied_forces(
-    ws: Workspace,
+    memory: Memory,
     friction: Friction,
     q: Array,
     v: Array,
@@ -212,37 +212,37 @@ def applied_forces(
     tau: Array | None = None,
 ) -> Array:
     """Motors, friction, springs, lines, external wrenches as forces on the tree, shape (nv,)."""
-    springs, lines = ws.mechanism.springs, ws.mechanism.lines
-    force = ws.zero if tau is None else ws.mechanism.motors.dot(tau)
+    springs, lines = memory.mechanism.springs, memory.mechanism.lines
+    force = memory.zero if tau is None else memory.mechanism.motors.dot(tau)
     if not friction.none:
         force = force + friction.forces(v)
     if not springs.none:
-        force = force + springs.forces(ws.model, q)
+        force = force + springs.forces(memory.model, q)
     if not lines.none:
-        lengths, J = ws.lines.evaluate(q)
+        lengths, J = memory.lines.evaluate(q)
         force = force - lines.tensions(lengths, J.dot(v), tau).dot(J)
     if wrenches is not None:
-        force = force + wrenches.ravel().dot(body_jacobians(ws.model, ws.data))
+        force = force + wrenches.ravel().dot(body_jacobians(memory.model, memory.data))
     return force
 
 
 def inverse_dynamics(
-    ws: Workspace, q: Array, va: Array, aa: Array, wrenches: Array | None
+    memory: Memory, q: Array, va: Array, aa: Array, wrenches: Array | None
 ) -> Array:
     """What a motion needs along the coordinates, f of shape (n,), Eq. (92), short form.
 
     `pin.rnea` is N_l forward and N_l^T backward; it forms no K. `wrenches` are external [moment;
     force] on each body at its mass centre, base axes, shape (r, 6), or None.
     """
-    ws.evaluate(q)
-    v, v_dot = motion_of_tree(ws, va, aa)
-    tree = pin.rnea(ws.model, ws.data, q, v, v_dot)
-    tree = tree - applied_forces(ws, ws.mechanism.friction, q, v, wrenches)
-    return tree.dot(ws.complement.L)
+    memory.evaluate(q)
+    v, v_dot = motion_of_tree(memory, va, aa)
+    tree = pin.rnea(memory.model, memory.data, q, v, v_dot)
+    tree = tree - applied_forces(memory, memory.mechanism.friction, q, v, wrenches)
+    return tree.dot(memory.complement.L)
 
 
 def sizes_of_terms(
-    ws: Workspace, q: Array, va: Array, aa: Array, wrenches: Array | None
+    memory: Memory, q: Array, va: Array, aa: Array, wrenches: Array | None
 ) -> tuple[Array, Array]:
     """Sizes of all forces that meet in each coordinate, none balanced by another, shape (n,).
 
@@ -251,18 +251,18 @@ def sizes_of_terms(
     where axes pass: each turn moves mass centres by the length of the robot. Rounding takes its
     part of it.
     """
-    ws.evaluate(q)
-    mechanism, model, r = ws.mechanism, ws.model, ws.model.njoints - 1
-    v, v_dot = motion_of_tree(ws, va, aa)
-    L = np.abs(ws.complement.L)
-    ws.loops.Phi_dot(v)  # brings J and its rate to v
-    K, K_dot, M, Omega, weights = bodies(model, ws.data, v)
+    memory.evaluate(q)
+    mechanism, model, r = memory.mechanism, memory.model, memory.model.njoints - 1
+    v, v_dot = motion_of_tree(memory, va, aa)
+    L = np.abs(memory.complement.L)
+    memory.loops.Phi_dot(v)  # brings J and its rate to v
+    K, K_dot, M, Omega, weights = bodies(model, memory.data, v)
     wrenches_on_bodies = [M @ (K @ v_dot), M @ (K_dot @ v), Omega @ (M @ (K @ v)), weights]
     if wrenches is not None:
         wrenches_on_bodies.append(wrenches.ravel())
     wrench = np.abs(wrenches_on_bodies).sum(axis=0)
     own = [mechanism.friction.forces(v), mechanism.springs.forces(model, q), model.armature * v_dot]
-    now, J = ws.lines.evaluate(q)
+    now, J = memory.lines.evaluate(q)
     own += list(mechanism.lines.tensions(now, J.dot(v))[:, None] * J)
     of_joints = np.abs(own).sum(axis=0)
     lengths = np.linalg.norm(K.reshape(2 * r, 3, -1), axis=1)
@@ -272,7 +272,7 @@ def sizes_of_terms(
 
 
 def direct_dynamics(
-    ws: Workspace,
+    memory: Memory,
     friction: Friction,
     q: Array,
     va: Array,
@@ -287,12 +287,12 @@ def direct_dynamics(
     """
     from scipy.linalg.lapack import dposv
 
-    ws.evaluate(q, tolerance)
-    v, bias = motion_of_tree(ws, va, ws.steady)
-    force = -pin.rnea(ws.model, ws.data, q, v, bias)
-    force += applied_forces(ws, friction, q, v, wrenches, tau)
-    L = ws.complement.L
-    inertia = ws.reduced_inertia(q, L)
+    memory.evaluate(q, tolerance)
+    v, bias = motion_of_tree(memory, va, memory.steady)
+    force = -pin.rnea(memory.model, memory.data, q, v, bias)
+    force += applied_forces(memory, friction, q, v, wrenches, tau)
+    L = memory.complement.L
+    inertia = memory.reduced_inertia(q, L)
     _, aa, info = dposv(inertia, force.dot(L))
     if info:
         raise SingularConfigurationError(
@@ -303,24 +303,24 @@ def direct_dynamics(
     return aa, v
 
 
-def terms(ws: Workspace, q: Array, va: Array) -> Terms:
+def terms(memory: Memory, q: Array, va: Array) -> Terms:
     """All matrices of Eq. (92), long form; arguments as `inverse_dynamics`."""
-    ws.evaluate(q)
-    mechanism, model = ws.mechanism, ws.model
-    Phi = ws.loops.Phi()
-    ws.complement.factorise(Phi)
-    L = ws.complement.L
+    memory.evaluate(q)
+    mechanism, model = memory.mechanism, memory.model
+    Phi = memory.loops.Phi()
+    memory.complement.factorise(Phi)
+    L = memory.complement.L
     v = L @ va  # Eq. (16)
-    L_dot = ws.complement.L_dot(ws.loops.Phi_dot(v))
-    of_bodies = bodies(model, ws.data, v)
-    lengths, J = ws.lines.evaluate(q)
+    L_dot = memory.complement.L_dot(memory.loops.Phi_dot(v))
+    of_bodies = bodies(model, memory.data, v)
+    lengths, J = memory.lines.evaluate(q)
     at_rest = mechanism.lines.tensions(lengths, np.zeros(len(J)))
     damping = mechanism.lines.tensions(lengths, J @ v) - at_rest
     T, T_dot = natural_complement(of_bodies, L, L_dot)
     K, K_dot, M, Omega, w_g = of_bodies
     # Rotors geared to a joint (model.armature) are no bodies of the paper; RNEA counts them too.
     rotors = L.T * model.armature
-    N_l, N_d = decoupled(model, ws.data)
+    N_l, N_d = decoupled(model, memory.data)
     scaled = Phi * mechanism.row_scale[:, None] * mechanism.rate_scale
     return Terms(
         Phi=Phi[independent_rows(scaled)],

@@ -23,7 +23,7 @@ from ..arrays import as_array
 from ..errors import IndeterminateError, InputError, UnknownNameError
 from ..summaries import as_html, as_text, listed
 from .closures import Coupling
-from .dynamics import Workspace, applied_forces, motion_of_tree
+from .dynamics import Memory, applied_forces, motion_of_tree
 from .mechanism import Mechanism
 from .noc import mass_centers
 from .thresholds import UNIQUE
@@ -143,7 +143,7 @@ def size_of(mechanism: Mechanism) -> int:
 
 
 def reactions(
-    ws: Workspace,
+    memory: Memory,
     q: Array,
     va: Array,
     aa: Array,
@@ -157,21 +157,21 @@ def reactions(
     components, shape (r + closures, 6), or None. A code for each joint and closure has the bits of
     the components that are not unique. What compliances leave open is NaN.
     """
-    mechanism, model, data = ws.mechanism, ws.model, ws.data
-    ws.evaluate(q)
-    v, v_dot = motion_of_tree(ws, va, aa)
+    mechanism, model, data = memory.mechanism, memory.model, memory.data
+    memory.evaluate(q)
+    v, v_dot = motion_of_tree(memory, va, aa)
     needed = pin.rnea(model, data, q, v, v_dot)
-    needed = needed - applied_forces(ws, mechanism.friction, q, v, wrenches, tau)
+    needed = needed - applied_forces(memory, mechanism.friction, q, v, wrenches, tau)
     if tau is None:
-        tau = needed.dot(ws.complement.L)
+        tau = needed.dot(memory.complement.L)
         needed -= mechanism.motors.dot(tau)
-    Lambda = _multipliers(ws, needed)
+    Lambda = _multipliers(memory, needed)
 
-    loads = _loads(ws, wrenches)
+    loads = _loads(memory, wrenches)
     if not mechanism.lines.none:
-        lengths, J = ws.lines.evaluate(q)
+        lengths, J = memory.lines.evaluate(q)
         tensions = mechanism.lines.tensions(lengths, J.dot(v), tau)
-        loads += ws.lines.loops.forces_on_bodies(-tensions[:, None])[..., 0]
+        loads += memory.lines.loops.forces_on_bodies(-tensions[:, None])[..., 0]
     forces = map(pin.Force, loads)
     local = [place.actInv(load) for place, load in zip(data.oMi, forces, strict=True)]
     pin.rnea(model, data, q, v, v_dot, pin.StdVec_Force(local))
@@ -185,7 +185,7 @@ def reactions(
         -loads[0],  # what lines take from it
     )
 
-    both = _wrenches(ws, Lambda)
+    both = _wrenches(memory, Lambda)
     both[: len(borne), :, 0] += borne
     both = both[:, _MOMENT_FIRST]
     values, stresses = both[..., 0], both[..., 1:]
@@ -198,44 +198,44 @@ def reactions(
     return np.concatenate([values.ravel(), ground[_MOMENT_FIRST], tau, codes])
 
 
-def _multipliers(ws: Workspace, needed: Array) -> Array:
+def _multipliers(memory: Memory, needed: Array) -> Array:
     """The smallest lambda with Phi^T lambda = needed, then N, in columns, shape (rows, 1 + k)."""
-    mechanism = ws.mechanism
+    mechanism = memory.mechanism
     row, rate = mechanism.row_scale, mechanism.rate_scale
-    U, s, Vt = np.linalg.svd(ws.loops.Phi() * row[:, None] * rate)
+    U, s, Vt = np.linalg.svd(memory.loops.Phi() * row[:, None] * rate)
     rank = mechanism.model.nv - len(mechanism.coordinates)
     smallest = U[:, :rank] @ ((Vt[:rank] @ (rate * needed)) / s[:rank])
     return row[:, None] * np.column_stack([smallest, U[:, rank:]])
 
 
-def _loads(ws: Workspace, wrenches: Array | None) -> Array:
+def _loads(memory: Memory, wrenches: Array | None) -> Array:
     """[force; moment] on each body at the world's origin, base axes, shape (1 + r, 6)."""
-    loads = np.zeros((ws.model.njoints, 6))
+    loads = np.zeros((memory.model.njoints, 6))
     if wrenches is not None:
         moment, force = wrenches[:, :3], wrenches[:, 3:]
         loads[1:, :3] = force
-        loads[1:, 3:] = moment + np.cross(mass_centers(ws.model, ws.data), force)
+        loads[1:, 3:] = moment + np.cross(mass_centers(memory.model, memory.data), force)
     return loads
 
 
-def _wrenches(ws: Workspace, Lambda: Array) -> Array:
+def _wrenches(memory: Memory, Lambda: Array) -> Array:
     """[force; moment] in joints and closures from lambda, shape (r + closures, 6, columns)."""
-    model, data = ws.model, ws.data
-    on_bodies = ws.loops.forces_on_bodies(Lambda)
+    model, data = memory.model, memory.data
+    on_bodies = memory.loops.forces_on_bodies(Lambda)
     for j in range(model.njoints - 1, 0, -1):
         on_bodies[model.parents[j]] += on_bodies[j]
     found = [-data.oMi[j].toActionMatrix().T @ on_bodies[j] for j in range(1, model.njoints)]
-    for k, closure in enumerate(ws.mechanism.closures):
-        rows = ws.loops.slices[k]
+    for k, closure in enumerate(memory.mechanism.closures):
+        rows = memory.loops.slices[k]
         if isinstance(closure, Coupling):
             wrench = np.zeros((6, Lambda.shape[1]))
             joint = model.joints[joint_id(model, closure.joint)]
-            slides = ws.mechanism.space.rate_units[joint.idx_v] == "m"
+            slides = memory.mechanism.space.rate_units[joint.idx_v] == "m"
             wrench[2 if slides else 5] = Lambda[rows][0]
             found.append(wrench)
         else:
-            at = data.oMf[ws.loops.frames[ws.loops.pairs.frames[0, rows.start]]]
-            found.append(at.toActionMatrix().T @ ws.loops.on_B(rows).T @ Lambda[rows])
+            at = data.oMf[memory.loops.frames[memory.loops.pairs.frames[0, rows.start]]]
+            found.append(at.toActionMatrix().T @ memory.loops.on_B(rows).T @ Lambda[rows])
     return np.array(found).reshape(-1, 6, Lambda.shape[1])
 
 

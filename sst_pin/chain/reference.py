@@ -25,7 +25,7 @@ from . import dynamics, reactions, regressor
 from .backend import Key, Motions, NoKernel
 from .continuity import Continuity, Way
 from .derivatives import Derivatives
-from .dynamics import Workspace
+from .dynamics import Memory
 from .mechanism import Friction, Mechanism
 from .mobility import scaled_Phi
 from .noc import mass_centers
@@ -86,13 +86,13 @@ class Reference:
         self._per_thread = threading.local()
 
     @property
-    def workspace(self) -> Workspace:
+    def memory(self) -> Memory:
         """This thread's memory."""
         try:
-            return self._per_thread.workspace
+            return self._per_thread.memory
         except AttributeError:
-            self._per_thread.workspace = Workspace(self.mechanism)
-            return self._per_thread.workspace
+            self._per_thread.memory = Memory(self.mechanism)
+            return self._per_thread.memory
 
     @property
     def derivatives(self) -> Derivatives:
@@ -108,7 +108,7 @@ class Reference:
         self, q: Array, va: Array, aa: Array, external_wrenches: Array | None
     ) -> Array:
         """f, shape (n,)."""
-        return dynamics.inverse_dynamics(self.workspace, q, va, aa, external_wrenches)
+        return dynamics.inverse_dynamics(self.memory, q, va, aa, external_wrenches)
 
     def torques(
         self,
@@ -122,12 +122,12 @@ class Reference:
         f = self.generalized_forces(q, va, aa, external_wrenches)
         if self.mechanism.driven_one_to_one:
             return f
-        L = self.workspace.complement.L
-        tau, left = self._distributed(f, L, self.workspace.actuation(q), weights)
+        L = self.memory.complement.L
+        tau, left = self._distributed(f, L, self.memory.actuation(q), weights)
         over = np.abs(left) > UNSUPPLIED * np.abs(f)
         if over.any():
             # Where large forces balance, their rounding is left: compare with all of them.
-            along, sizes = dynamics.sizes_of_terms(self.workspace, q, va, aa, external_wrenches)
+            along, sizes = dynamics.sizes_of_terms(self.memory, q, va, aa, external_wrenches)
             over = np.abs(left) > UNSUPPLIED * along + ROUNDING * sizes
         if over.any():
             raise self._unsupplied(left, over)
@@ -170,13 +170,13 @@ class Reference:
         """aa, shape (n,)."""
         self.mechanism.require_mass()
         friction = self.mechanism.friction
-        aa, _ = dynamics.direct_dynamics(self.workspace, friction, q, va, tau, external_wrenches)
+        aa, _ = dynamics.direct_dynamics(self.memory, friction, q, va, tau, external_wrenches)
         return aa
 
     @_finite
     def reduced_terms(self, q: Array, va: Array) -> Array:
         """Inertia, coriolis, gravity, friction in a row, shape (2 n (n + 1),)."""
-        terms = dynamics.terms(self.workspace, q, va)
+        terms = dynamics.terms(self.memory, q, va)
         gravity = terms.gravity + terms.springs
         matrices = terms.inertia.ravel(), terms.coriolis.ravel()
         return np.concatenate([*matrices, gravity, terms.friction])
@@ -184,7 +184,7 @@ class Reference:
     @_finite
     def torque_regressor(self, q: Array, va: Array, aa: Array) -> Array:
         """Y, shape (n, p): f = Y theta."""
-        return regressor.torque_regressor(self.workspace, q, va, aa)
+        return regressor.torque_regressor(self.memory, q, va, aa)
 
     @_finite
     def torque_derivatives(
@@ -215,7 +215,7 @@ class Reference:
         compliances: Array | None = None,
     ) -> Array:
         """Wrenches of joints, closures and ground, torques, and codes of verdicts, in a row."""
-        row = reactions.reactions(self.workspace, q, va, aa, tau, wrenches, compliances)
+        row = reactions.reactions(self.memory, q, va, aa, tau, wrenches, compliances)
         n = len(reactions.names_of(self.mechanism))
         names = "q", "va", "aa", "tau", "external_wrenches"
         _require_finite(row[6 * n : -n], names, (q, va, aa, tau, wrenches))  # ground and torques
@@ -228,10 +228,10 @@ class Reference:
 
     def _L(self, q: Array) -> Array:
         """L where the loops are closed, shape (nv, n), Eq. (17)."""
-        ws = self.workspace
-        ws.evaluate(q)
-        ws.complement.factorise(ws.loops.Phi())
-        return ws.complement.L
+        memory = self.memory
+        memory.evaluate(q)
+        memory.complement.factorise(memory.loops.Phi())
+        return memory.complement.L
 
     @_finite
     def joint_accelerations(self, q: Array, va: Array, aa: Array) -> Array:
@@ -240,24 +240,27 @@ class Reference:
 
     def joint_motion(self, q: Array, va: Array, aa: Array) -> tuple[Array, Array]:
         """v and v_dot, shapes (nv,), Eqs. (8), (16)."""
-        self.workspace.evaluate(q)
-        return dynamics.motion_of_tree(self.workspace, va, aa)
+        self.memory.evaluate(q)
+        return dynamics.motion_of_tree(self.memory, va, aa)
 
     def frame_jacobian(self, q: Array, frame: int) -> Array:
         """[linear; angular] of a frame, world axes at its origin, shape (6, n)."""
-        L, ws = self._L(q), self.workspace
-        J = pin.getFrameJacobian(ws.model, ws.data, frame, pin.LOCAL_WORLD_ALIGNED)
+        L, memory = self._L(q), self.memory
+        J = pin.getFrameJacobian(memory.model, memory.data, frame, pin.LOCAL_WORLD_ALIGNED)
         return of_rates(J).dot(L)
 
     @_finite
     def frame_jacobian_rate(self, q: Array, va: Array, frame: int) -> Array:
         """Rate of `frame_jacobian`, shape (6, n)."""
-        L, ws = self._L(q), self.workspace
-        L_dot = ws.complement.L_dot(ws.loops.Phi_dot(L.dot(va)))
+        L, memory = self._L(q), self.memory
+        L_dot = memory.complement.L_dot(memory.loops.Phi_dot(L.dot(va)))
         # Pinocchio's own rate is wrong for mimic joints.
-        moved_by = support(ws.model, ws.model.frames[frame].parentJoint)
-        J, J_dot = (summed(ws.model, X * moved_by) for X in map(of_rates, (ws.data.J, ws.data.dJ)))
-        p, twist = ws.data.oMf[frame].translation, J.dot(L.dot(va))
+        moved_by = support(memory.model, memory.model.frames[frame].parentJoint)
+        J, J_dot = (
+            summed(memory.model, X * moved_by)
+            for X in map(of_rates, (memory.data.J, memory.data.dJ))
+        )
+        p, twist = memory.data.oMf[frame].translation, J.dot(L.dot(va))
         p_dot = twist[:3] + np.cross(twist[3:], p)
         J_dot[:3] += np.cross(J_dot[3:].T, p).T + np.cross(J[3:].T, p_dot).T
         J[:3] += np.cross(J[3:].T, p).T
@@ -271,44 +274,46 @@ class Reference:
     @_finite
     def frame_drift(self, q: Array, va: Array, frame: int) -> Array:
         """[linear; angular] acceleration of a frame with aa = 0, shape (6,)."""
-        ws = self.workspace
-        ws.evaluate(q)
-        v, v_dot = dynamics.motion_of_tree(ws, va, ws.steady)
-        pin.forwardKinematics(ws.model, ws.data, q, v, v_dot)
-        pin.updateFramePlacements(ws.model, ws.data)
+        memory = self.memory
+        memory.evaluate(q)
+        v, v_dot = dynamics.motion_of_tree(memory, va, memory.steady)
+        pin.forwardKinematics(memory.model, memory.data, q, v, v_dot)
+        pin.updateFramePlacements(memory.model, memory.data)
         where = pin.LOCAL_WORLD_ALIGNED
-        return pin.getFrameClassicalAcceleration(ws.model, ws.data, frame, where).vector
+        return pin.getFrameClassicalAcceleration(memory.model, memory.data, frame, where).vector
 
     @_finite
     def actuator_jacobian(self, q: Array) -> Array:
         """J, shape (motors, n): the rates of the motors are J va."""
         L = self._L(q)
-        return self.workspace.actuation(q).T.dot(L)
+        return self.memory.actuation(q).T.dot(L)
 
     def line_lengths(self, q: Array) -> Array:
         """Lengths of the lines, shape (lines,)."""
         self.mechanism.space.require_on_manifold(q)
-        return self.workspace.lines.lengths(q)
+        return self.memory.lines.lengths(q)
 
     @_finite
     def line_rates(self, q: Array, v: Array) -> Array:
         """Rates of the lengths at rates v of the tree, shape (lines,)."""
-        return self.workspace.lines.evaluate(q)[1].dot(v)
+        return self.memory.lines.evaluate(q)[1].dot(v)
 
     @_finite
     def kinetic_energy(self, q: Array, v: Array) -> Array:
         """Kinetic energy of all bodies and rotors at rates v of the tree, [J]."""
-        return np.asarray(v.dot(self.workspace.momentum_rate(q, v)) / 2)
+        return np.asarray(v.dot(self.memory.momentum_rate(q, v)) / 2)
 
     def potential_energy(self, q: Array) -> Array:
         """Potential energy of weights, zero with all masses at the origin, springs, lines, [J]."""
-        ws, springs = self.workspace, self.mechanism.springs
+        memory, springs = self.memory, self.mechanism.springs
         self.mechanism.space.require_on_manifold(q)
-        ws.loops.evaluate(q)
-        masses = np.array([body.mass for body in list(ws.model.inertias)[1:]])
-        energy = -masses.dot(mass_centers(ws.model, ws.data)).dot(ws.model.gravity.linear)
-        energy += 0 if springs.none else springs.energy(ws.model, q)
-        return np.asarray(energy + self.mechanism.lines.energy(ws.lines.lengths(q)))
+        memory.loops.evaluate(q)
+        masses = np.array([body.mass for body in list(memory.model.inertias)[1:]])
+        energy = -masses.dot(mass_centers(memory.model, memory.data)).dot(
+            memory.model.gravity.linear
+        )
+        energy += 0 if springs.none else springs.energy(memory.model, q)
+        return np.asarray(energy + self.mechanism.lines.energy(memory.lines.lengths(q)))
 
 
 class ReferenceBackend:
@@ -347,7 +352,7 @@ class ReferenceStates:
         """q with the dependent joints moved onto the closures, wheels rolling, shape (..., nq)."""
         if states.ndim == 1:
             q = self._mechanism.space.normalised(states[: self._nq])
-            assembly = self._reference.workspace.without_slip
+            assembly = self._reference.memory.without_slip
             return assembly.assemble(q, self._mechanism.dependent)
         return np.array([self.closed(state) for state in states])
 
@@ -363,8 +368,8 @@ class ReferenceStates:
     def _rate(
         self, q: Array, va: Array, tau: Array, wrenches: Array | None, tolerance: float
     ) -> Array:
-        ws = self._reference.workspace
-        arguments = (ws, self._friction, q, va, tau, wrenches, tolerance)
+        memory = self._reference.memory
+        arguments = (memory, self._friction, q, va, tau, wrenches, tolerance)
         aa, v = dynamics.direct_dynamics(*arguments)
         return np.concatenate([self._mechanism.space.coordinate_rates(q, v), aa])
 
@@ -375,11 +380,11 @@ class ReferenceStates:
         """
         reference, space, nq = self._reference, self._mechanism.space, self._nq
         q, va = self.closed(state), state[nq:]
-        n, ws = len(va), reference.workspace
+        n, memory = len(va), reference.memory
         by = self._acceleration_derivatives(q, va, tau, wrenches)
         L = reference._L(q)
         v, turns = L.dot(va), np.array([space.coordinate_rates(q, e) for e in np.eye(len(L))]).T
-        v_q = np.transpose([ws.complement.L_dot(ws.loops.Phi_dot(e)).dot(va) for e in L.T])
+        v_q = np.transpose([memory.complement.L_dot(memory.loops.Phi_dot(e)).dot(va) for e in L.T])
         rates_q, q_dot_va = turns.dot(v_q), turns.dot(L)
         if not space.euclidean:
             # Rates of positions are quadratic in q, so central differences are exact.
@@ -409,7 +414,7 @@ class ReferenceStates:
 
     def Phi(self, q: Array) -> Array:
         """Jacobian of the closures, free of units, shape (rows, nv)."""
-        return scaled_Phi(self._mechanism, self._reference.workspace.loops, q)
+        return scaled_Phi(self._mechanism, self._reference.memory.loops, q)
 
     def condition_number(self, q: Array) -> float:
         """Condition number of the dependent part of Phi, infinite if it is singular."""
@@ -450,7 +455,7 @@ class ReferenceStates:
 
     @property
     def _continuity(self) -> Continuity:
-        return self._reference.workspace.continuity
+        return self._reference.memory.continuity
 
     def _continues(self, before: Array, after: Array) -> bool:
         """Whether one state of a rollout leads to the next."""
@@ -493,7 +498,7 @@ class ReferenceStates:
         for s in range(motions.steps + 1):
             q_s, rates = np.split(state, [self._nq])
             try:
-                self._reference.workspace.evaluate(q_s)
+                self._reference.memory.evaluate(q_s)
                 if not (np.isfinite(state).all() and (s == 0 or states._continues(before, q_s))):
                     break
                 v = states.joint_rates(q_s, rates)

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..arrays import single_array
 from ..errors import InputError, UnknownNameError
 from ..summaries import as_html, as_text, listed
-from .dynamics import Workspace, motion_of_tree
+from .dynamics import Memory, motion_of_tree
 from .lines import LineForce
 from .mechanism import Friction, Mechanism, Springs, read_only
 from .tree import of_rates, summed, support
@@ -116,30 +116,30 @@ def size_of(mechanism: Mechanism) -> int:
     return 10 * bodies + 4 * rates + len(mechanism.sprung) + 3 * lines + motors
 
 
-def torque_regressor(ws: Workspace, q: Array, va: Array, aa: Array) -> Array:
+def torque_regressor(memory: Memory, q: Array, va: Array, aa: Array) -> Array:
     """Y = L^T Y_tree, shape (n, p)."""
-    ws.evaluate(q)
-    v, v_dot = motion_of_tree(ws, va, aa)
-    model, mechanism, L = ws.model, ws.mechanism, ws.complement.L
-    one, none = np.ones(model.nv), ws.zero
+    memory.evaluate(q)
+    v, v_dot = motion_of_tree(memory, va, aa)
+    model, mechanism, L = memory.model, memory.mechanism, memory.complement.L
+    one, none = np.ones(model.nv), memory.zero
     sign = -Friction(none, one, mechanism.friction.sign_width).forces(v)
     drawn = pin.difference(model, mechanism.springs.reference, q)
     k = mechanism.sprung
     rates = [L.T * v, L.T * sign, L.T * v_dot, (L.T * drawn)[:, k], L.T]
-    lengths, J = ws.lines.evaluate(q)
+    lengths, J = memory.lines.evaluate(q)
     pulls = [lengths - mechanism.lines.numbers[1], J.dot(v), np.ones(len(J))]
     lines = (J.dot(L).T[..., None] * np.array(pulls).T).reshape(len(va), -1)
-    motors = L.T.dot(ws.actuation(q))
-    return np.hstack([_of_bodies(ws, q, v, v_dot), *rates, lines, motors])
+    motors = L.T.dot(memory.actuation(q))
+    return np.hstack([_of_bodies(memory, q, v, v_dot), *rates, lines, motors])
 
 
-def _of_bodies(ws: Workspace, q: Array, v: Array, v_dot: Array) -> Array:
+def _of_bodies(memory: Memory, q: Array, v: Array, v_dot: Array) -> Array:
     """Columns of the bodies, shape (n, 10 r).
 
     `pin.computeJointTorqueRegressor` does the same for trees without mimic joints.
-    The joint Jacobians in the workspace are up to date.
+    The joint Jacobians in the memory are up to date.
     """
-    model, data, L = ws.model, ws.data, ws.complement.L
+    model, data, L = memory.model, memory.data, memory.complement.L
     J, joints = of_rates(data.J).copy(), range(1, model.njoints)
     pin.rnea(model, data, q, v, v_dot)  # velocities, and accelerations less gravity, of all bodies
     moved_by = np.array([support(model, j) for j in joints])

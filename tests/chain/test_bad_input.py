@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 import sst_pin
 from sst_pin import errors
 from sst_pin.chain.closures import Coupling
-from sst_pin.chain.dynamics import Workspace
+from sst_pin.chain.dynamics import Memory
 from sst_pin.verification.sampling import random_states
 
 HOME = sst_pin.SST().home
@@ -359,7 +359,7 @@ def test_a_batch_is_computed_with_one_model(monkeypatch):
     chain = sst_pin.ClosedChain(*four_bar(0.2, 0.3, 0.25, 0.3), ["crank"])
     q = chain.generic_configuration()
     expected = chain.compute_torques(q, [1.0], [0.0])
-    evaluate, calls = Workspace.evaluate, []
+    evaluate, calls = Memory.evaluate, []
 
     def disturbed(self, *arguments):
         calls.append(1)
@@ -368,6 +368,6 @@ def test_a_batch_is_computed_with_one_model(monkeypatch):
             chain.refresh()
         evaluate(self, *arguments)
 
-    monkeypatch.setattr(Workspace, "evaluate", disturbed)
+    monkeypatch.setattr(Memory, "evaluate", disturbed)
     tau = chain.compute_torques([q] * 3, [1.0], [0.0])
     assert np.array_equal(tau, [expected] * 3)

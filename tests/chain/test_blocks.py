@@ -9,7 +9,7 @@ from scipy.sparse.csgraph import connected_components
 
 import sst_pin
 from sst_pin import ClosedChain, Closure, Coupling
-from sst_pin.chain.dynamics import Workspace
+from sst_pin.chain.dynamics import Memory
 from sst_pin.chain.loops import connected
 from sst_pin.chain.mechanism import Friction, Mechanism, Springs
 from sst_pin.chain.noc import JointComplement
@@ -92,24 +92,24 @@ def test_blocks_solve_what_all_loops_at_once_do(name):
     build, count = ROBOTS[name]
     chain, random = build(), np.random.default_rng(1)
     q = closed(chain, 0.9, 0.7) if name == "four-bars" else chain.generic_configuration()
-    ws = Workspace(chain._current.mechanism)
-    ws.evaluate(q)
-    Phi = ws.loops.Phi()
-    ws.complement.factorise(Phi)
-    assert len(ws.complement.blocks) == count
-    L, coordinates = ws.complement.L, ws.mechanism.coordinates
+    memory = Memory(chain._current.mechanism)
+    memory.evaluate(q)
+    Phi = memory.loops.Phi()
+    memory.complement.factorise(Phi)
+    assert len(memory.complement.blocks) == count
+    L, coordinates = memory.complement.L, memory.mechanism.coordinates
     assert np.array_equal(L[coordinates], np.eye(len(coordinates)))
     moved = -Phi[:, coordinates]
     expected = whole(chain, Phi, moved)
     expected[coordinates] += np.eye(len(coordinates))
     # Two ways with rounding of 1e-16 times condition numbers below 1e2.
     assert_allclose(L, expected, rtol=0, atol=1e-13 * np.abs(L).max())
-    right = Phi @ random.normal(size=(ws.model.nv, 3))
-    X = ws.complement.inverse @ right
+    right = Phi @ random.normal(size=(memory.model.nv, 3))
+    X = memory.complement.inverse @ right
     assert_allclose(X, whole(chain, Phi, right), rtol=0, atol=1e-13 * np.abs(X).max())
     assert not X[coordinates].any()
     va = random.normal(size=len(coordinates))
-    x = ws.complement.accelerations(va, right[:, 0])
+    x = memory.complement.accelerations(va, right[:, 0])
     assert_allclose(x, L @ va - X[:, 0], rtol=0, atol=1e-13 * np.abs(x).max())
 
 
@@ -117,9 +117,9 @@ def test_blocks_solve_what_all_loops_at_once_do(name):
 def test_a_block_of_a_ladder_is_as_large_as_that_of_any_other(cells):
     """Memory and operations are in proportion to the number of loops."""
     chain = sst_pin.robots.ladder(cells)
-    ws = Workspace(chain._current.mechanism)
-    assert [len(block.rates) for block in ws.complement.blocks] == [2] * cells
-    assert [int(row.sum()) for row in ws.loops.touched] == [3] * 3 * cells
+    memory = Memory(chain._current.mechanism)
+    assert [len(block.rates) for block in memory.complement.blocks] == [2] * cells
+    assert [int(row.sum()) for row in memory.loops.touched] == [3] * 3 * cells
 
 
 def test_a_loop_does_not_notice_what_the_others_do():

@@ -424,11 +424,11 @@ def test_andrews_multipliers_are_the_published_ones():
     R = data.oMf[chain.model.getFrameId("tip_of_theta")].rotation[:2, :2]
     assert w.closures[:, 3:5] @ R.T == pytest.approx(-published, abs=1e-7 * 199)
 
-    ws = chain._current.reference.workspace
-    ws.evaluate(q)
-    needed = pin.rnea(ws.model, ws.data, q, v, v_dot)
-    needed -= dynamics.applied_forces(ws, chain.friction, q, v, None, np.array([0.033]))
-    found = reactions._multipliers(ws, needed)[:, 0].reshape(3, 3)[:, :2]
+    memory = chain._current.reference.memory
+    memory.evaluate(q)
+    needed = pin.rnea(memory.model, memory.data, q, v, v_dot)
+    needed -= dynamics.applied_forces(memory, chain.friction, q, v, None, np.array([0.033]))
+    found = reactions._multipliers(memory, needed)[:, 0].reshape(3, 3)[:, :2]
     assert found == pytest.approx(-published, abs=1e-10 * 199)
 
 
