@@ -44,6 +44,10 @@ def parse(
         names[key] = content.get(key)
         if not isinstance(names[key], list) or not all(isinstance(n, str) for n in names[key]):
             problems.append(f"{key}: a list of joint names is needed")
+    if not problems:
+        all_names = names["dependent"] + names["independent"]
+        twice = [name for name in dict.fromkeys(all_names) if all_names.count(name) > 1]
+        problems += [f"{name}: named twice" for name in twice]
     hinges: list[CutJoint] = []
     given = content["closures"]
     for k, hinge in enumerate(given if isinstance(given, list) else []):

@@ -260,6 +260,7 @@ def test_faults_are_told_with_the_element(extra, told, tmp_path):
         ({"closures": []}, "closures: a list of hinges is needed"),
         ({"closures": [{"link_a": "2"}]}, r"closures\[0\]: needed: link_a, link_b, point, axis"),
         ({"independent": None}, "independent: a list of joint names is needed"),
+        ({"dependent": ["joint_1", "joint_1"]}, "joint_1: named twice"),
         ({"speed": 3}, "speed: unknown; known: closures, dependent, independent"),
     ],
 )
