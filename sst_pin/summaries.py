@@ -32,6 +32,20 @@ def as_html(title: str, rows: Rows) -> str:
     return f"<div><b>{escape(title)}</b><table>{''.join(lines)}</table></div>"
 
 
+class Summary:
+    """Shows itself by the rows of `_summary`."""
+
+    def __repr__(self) -> str:
+        return as_text(*self._summary())
+
+    def _repr_html_(self) -> str:
+        return as_html(*self._summary())
+
+    def _summary(self) -> tuple[str, Rows]:
+        """What it is, and a row for each of its parts."""
+        raise NotImplementedError
+
+
 def listed(words: Sequence[str], most: int = 9) -> str:
     """Words with commas; of more than `most` the first and how many follow.
 

@@ -24,7 +24,7 @@ from ..arrays import (
     whole_number,
 )
 from ..errors import DescriptionError, InputError, MissingExtraError
-from ..summaries import as_html, as_text, listed
+from ..summaries import Summary, listed
 from . import derivatives, dispatch, dynamics, reactions, redundancy, regressor
 from .appearance import Appearance, appearance_of
 from .assembly import home_of
@@ -61,7 +61,7 @@ def _anything_goes(model: pin.Model) -> None:
     pass
 
 
-class ClosedChain:
+class ClosedChain(Summary):
     """A robot with closed loops.
 
     A chain is what it was made from: a change of `model` counts after `refresh`. So a result
@@ -1776,12 +1776,6 @@ class ClosedChain:
     def __setattr__(self, name: str, value: object) -> None:
         require_assignable(self, name)
         super().__setattr__(name, value)
-
-    def __repr__(self) -> str:
-        return as_text(*self._summary())
-
-    def _repr_html_(self) -> str:
-        return as_html(*self._summary())
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
         """What it is, in a few rows."""

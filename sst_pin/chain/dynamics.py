@@ -22,7 +22,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from ..errors import SingularConfigurationError
-from ..summaries import as_html, as_text
+from ..summaries import Summary, as_html, as_text
 from .assembly import Assembly
 from .continuity import Continuity
 from .lines import LineKinematics
@@ -37,7 +37,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, repr=False)
-class Terms:
+class Terms(Summary):
     """Every matrix of Eq. (92): f = inertia aa + coriolis va - gravity - friction - springs.
 
     There are nv rates, n of them of coordinates, and r bodies. Units are SI, axes are base axes,
@@ -79,12 +79,6 @@ class Terms:
     gravity: Array
     friction: Array
     springs: Array
-
-    def __repr__(self) -> str:
-        return as_text(*self._summary())
-
-    def _repr_html_(self) -> str:
-        return as_html(*self._summary())
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
         """Shapes of the matrices, in a row for each step of the paper."""

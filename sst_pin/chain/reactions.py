@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import as_array
 from ..errors import IndeterminateError, InputError, UnknownNameError
-from ..summaries import as_html, as_text, listed
+from ..summaries import Summary, listed
 from .closures import Coupling
 from .dynamics import Memory, applied_forces, motion_of_tree
 from .mechanism import Mechanism
@@ -52,7 +52,7 @@ class Verdict(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Reactions:
+class Reactions(Summary):
     """Wrenches [moment; force] in the joints and closures of a robot, [N m], [N].
 
     A joint's wrench is all that its parent gives to its child there, at the origin and in the axes
@@ -110,12 +110,6 @@ class Reactions:
         if missing.any():
             raise IndeterminateError(name, [_COMPONENTS[i] for i in np.flatnonzero(missing)])
         return wrench
-
-    def __repr__(self) -> str:
-        return as_text(*self._summary())
-
-    def _repr_html_(self) -> str:
-        return as_html(*self._summary())
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
         """The verdict for each joint and closure."""

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import single_array
 from ..errors import InputError, UnknownNameError
-from ..summaries import as_html, as_text, listed
+from ..summaries import Summary, listed
 from .dynamics import Memory, motion_of_tree
 from .lines import LineForce
 from .mechanism import Friction, Mechanism, Springs, read_only
@@ -33,7 +33,7 @@ OF_LINE = ("stiffness", "damping", "preload")
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class DynamicParameters:
+class DynamicParameters(Summary):
     """The parameters in which generalized forces are linear, f = Y theta, with their names.
 
     It is an array for NumPy: `Y @ parameters` and `np.asarray(parameters)` work.
@@ -65,12 +65,6 @@ class DynamicParameters:
         if name not in self.names:
             raise UnknownNameError("parameter", name, list(self.names))
         return float(self.values[self.names.index(name)])
-
-    def __repr__(self) -> str:
-        return as_text(*self._summary())
-
-    def _repr_html_(self) -> str:
-        return as_html(*self._summary())
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
         """The parameters that are not zero."""

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import as_array
 from ..errors import InputError, ParametersError
-from ..summaries import as_html, as_text
+from ..summaries import Summary
 
 Array = NDArray[np.float64]
 
@@ -46,7 +46,7 @@ def _number(value: float, name: str) -> float:
     return float(array)
 
 
-class _Values:
+class _Values(Summary):
     """Equality, hash and text of a dataclass with arrays."""
 
     def __eq__(self, other: object) -> bool:
@@ -57,19 +57,9 @@ class _Values:
     def __hash__(self) -> int:
         return hash(self._values())
 
-    def __repr__(self) -> str:
-        return as_text(*self._summary())
-
-    def _repr_html_(self) -> str:
-        return as_html(*self._summary())
-
     def _values(self) -> tuple[Any, ...]:
         values = (getattr(self, field.name) for field in fields(self))  # type: ignore[arg-type]
         return tuple((x.shape, x.tobytes()) if isinstance(x, np.ndarray) else x for x in values)
-
-    def _summary(self) -> tuple[str, list[tuple[str, str]]]:
-        """What it is, and a row for each of its parts."""
-        raise NotImplementedError
 
 
 def _shape_problems(name: str, array: Array, shape: tuple[int, ...]) -> list[str]:

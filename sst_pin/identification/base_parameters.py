@@ -20,7 +20,7 @@ from ..arrays import whole_number
 from ..chain.closed_chain import ClosedChain
 from ..chain.regressor import OF_BODY
 from ..errors import ClosureError, InputError, SingularConfigurationError, UnknownNameError
-from ..summaries import as_html, as_text, listed
+from ..summaries import Summary, listed
 
 Array = NDArray[np.float64]
 Motion = tuple[ArrayLike, ArrayLike, ArrayLike]
@@ -34,7 +34,7 @@ _REGULAR = 1e2
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class BaseParameters:
+class BaseParameters(Summary):
     """The b combinations of p dynamic parameters that can be identified.
 
     For the parameters considered, Y theta = Y[..., columns] @ (matrix @ theta).
@@ -61,12 +61,6 @@ class BaseParameters:
 
     def __len__(self) -> int:
         return len(self.names)
-
-    def __repr__(self) -> str:
-        return as_text(*self._summary())
-
-    def _repr_html_(self) -> str:
-        return as_html(*self._summary())
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
         """All combinations, and what no motion shows."""

@@ -29,7 +29,7 @@ from ..files import as_path, text_writer, write_files
 from ..motion.coordinate_motions import configurations_of, start_configuration
 from ..motion.frame_guide import pose_error
 from ..motion.frame_motions import targets_of
-from ..summaries import as_html, as_text, listed
+from ..summaries import Summary, listed
 from .base_parameters import independent
 from .estimation import solved
 
@@ -53,7 +53,7 @@ _FRAME, _MOVED = "measured frame", " moved"
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Calibration:
+class Calibration(Summary):
     """Errors of a geometry.
 
     Attributes:
@@ -119,12 +119,6 @@ class Calibration:
             ):
                 origin.set(key, " ".join(map(repr, vector.tolist())))
         return ET.tostring(root, encoding="unicode", xml_declaration=True)
-
-    def __repr__(self) -> str:
-        return as_text(*self._summary())
-
-    def _repr_html_(self) -> str:
-        return as_html(*self._summary())
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
         triples = zip(self.names, self.values, 3 * self.deviations, strict=True)

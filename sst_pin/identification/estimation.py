@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..arrays import finite_array, whole_number
 from ..chain.closed_chain import ClosedChain
 from ..errors import InputError
-from ..summaries import as_html, as_text
+from ..summaries import Summary
 from .base_parameters import BaseParameters
 from .measurements import decimated
 
@@ -25,7 +25,7 @@ _ITERATIONS = 10
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Estimate:
+class Estimate(Summary):
     """Base parameters as measured.
 
     Attributes:
@@ -63,12 +63,6 @@ class Estimate:
     def supported(self) -> NDArray[np.bool_]:
         """Which values differ from zero by more than three standard deviations, shape (b,)."""
         return np.abs(self.values) > 3 * self.deviations
-
-    def __repr__(self) -> str:
-        return as_text(*self._summary())
-
-    def _repr_html_(self) -> str:
-        return as_html(*self._summary())
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
         """Values with three standard deviations; what the data do not support is marked."""

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..chain.reactions import Reactions
 from ..errors import InputError, MissingExtraError
 from ..files import as_path, text_writer, write_files
-from ..summaries import as_html, as_text
+from ..summaries import Summary
 from .moving_robot import require_motion
 from .trajectories import Trajectory
 
@@ -53,7 +53,7 @@ class Load(NamedTuple):
 
 
 @dataclass(frozen=True, repr=False)
-class Loads:
+class Loads(Summary):
     """A table of loads, two rows for each joint and closure.
 
     Attributes:
@@ -67,12 +67,6 @@ class Loads:
     """
 
     rows: tuple[Load, ...]
-
-    def __repr__(self) -> str:
-        return as_text(*self._summary())
-
-    def _repr_html_(self) -> str:
-        return as_html(*self._summary())
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
         units = {"force": "N", "moment": "N m"}

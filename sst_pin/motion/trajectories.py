@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..arrays import finite_array, names, single_array
 from ..errors import FileFormatError, InputError, MissingExtraError, OutputError
 from ..files import Writer, as_path, read_table, table_writer, write_files
-from ..summaries import as_html, as_text, listed
+from ..summaries import Summary, listed
 from .crossings import Crossing
 from .motion_columns import motion_columns, parts_of
 from .samples import sample_times, spline, times_within
@@ -33,7 +33,7 @@ _COMPARED = (
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Trajectory:
+class Trajectory(Summary):
     """A motion of a robot with its motor torques.
 
     `len(motion)` is the number of samples. `motion[10:20]`, `motion[::5]` and
@@ -228,12 +228,6 @@ class Trajectory:
         time, *columns = self._columns()
         values = np.column_stack([self.q, self.va, self.aa, self.tau])
         return pd.DataFrame(values, pd.Index(self.t, name=time), columns)
-
-    def __repr__(self) -> str:
-        return as_text(*self._summary())
-
-    def _repr_html_(self) -> str:
-        return as_html(*self._summary())
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
         """What it is, and a row for each of its parts."""
