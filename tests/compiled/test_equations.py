@@ -40,6 +40,13 @@ CHAINS = (
         "loops that hang on loops": lambda: sst_pin.robots.ladder(3),
     }
 )
+#: One of each sort; the others are slow tests.
+QUICK = (
+    *("joint HZ", "joint spherical", "joint planar", "joint translation", "closure 6d"),
+    *("closure hinge", "closure universal", "closure planar", "springs spherical", "mimic hinge"),
+    *("floating on a plane", "rods", "coupled", "ball", "coordinates other than motors"),
+    *("planar 3-RRR", "loops that hang on loops"),
+)
 
 
 class Numbers:
@@ -70,7 +77,9 @@ def relative(a, b):
     return np.abs(np.ravel(a) - np.ravel(b)).max() / np.abs(b).max()
 
 
-@pytest.mark.parametrize("name", CHAINS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name not in QUICK)) for name in CHAINS]
+)
 def test_every_joint_and_closure_gives_what_the_reference_path_gives(name):
     """To rounding times the condition numbers, which are below 1e4 and far below in most."""
     chain = CHAINS[name]()

@@ -50,8 +50,15 @@ def swing(chain, seconds, random, compiled):
         )
 
 
-@pytest.mark.parametrize("which", idle_linkages(np.random.default_rng(0)))
-@pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.slow)])
+LINKAGES = idle_linkages(np.random.default_rng(0))
+CASES = [
+    pytest.param(which, compiled, marks=[pytest.mark.slow] * (compiled or "slider" in which))
+    for which in LINKAGES
+    for compiled in (False, True)
+]
+
+
+@pytest.mark.parametrize(("which", "compiled"), CASES)
 def test_idle_linkages_swing_through_their_dead_points(which, compiled):
     """The first two take a second for each second: their cranks turn four times in it."""
     random = np.random.default_rng(3)

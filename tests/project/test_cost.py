@@ -50,7 +50,13 @@ def test_a_stale_count_is_found_and_times_may_differ(tmp_path, monkeypatch, caps
 
 
 @pytest.mark.parametrize(("problem", "method"), METHODS)
-@pytest.mark.parametrize("robot", ODD_ROBOTS)
+@pytest.mark.parametrize(
+    "robot",
+    [
+        pytest.param(name, marks=[pytest.mark.slow] * (name in ("delta", "stewart")))
+        for name in ODD_ROBOTS
+    ],
+)
 def test_counted_expressions_compute_the_right_numbers(robot, problem, method):
     """Robots that the page does not have, all samples, 1e-9 of the largest torque."""
     robot = ODD_ROBOTS[robot]()

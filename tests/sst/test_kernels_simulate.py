@@ -42,8 +42,14 @@ TORQUES = {
 }
 
 
-@pytest.mark.parametrize("load", LOADS)
-@pytest.mark.parametrize("torque", TORQUES)
+PAIRS = [
+    pytest.param(load, torque, marks=[pytest.mark.slow] * (load != "none" and torque != "constant"))
+    for load in LOADS
+    for torque in TORQUES
+]
+
+
+@pytest.mark.parametrize(("load", "torque"), PAIRS)
 def test_both_paths_take_the_same_motion(load, torque):
     """An odd robot with friction in every joint; tolerances of 1e-12, motions of 0.1 s."""
     rng = np.random.default_rng(0)
