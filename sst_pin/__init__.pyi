@@ -58,6 +58,7 @@ from .motion.crossings import Crossing as Crossing
 from .motion.energy import energy_error as energy_error
 from .motion.frame_motions import frame_motion as frame_motion
 from .motion.rollouts import Rollout as Rollout
+from .motion.sampled_torques import SampledTorque as SampledTorque
 from .motion.trajectories import Trajectory as Trajectory
 from .reading.loop_closures import write_loop_closures as write_loop_closures
 from .sst.kinematics import BRANCHES as BRANCHES

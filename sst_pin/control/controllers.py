@@ -249,7 +249,8 @@ class Adaptive(Controller):
     to the motion; its Coriolis matrix C makes M_dot - 2 C skew. J.-J. Slotine and W. Li, On the
     adaptive control of robot manipulators, Int. J. Robotics Research 6(3), 1987.
 
-    It learns from call to call, so it is for loops in which time goes on, not for `simulate`.
+    It learns from call to call, so it is for loops in which time goes on; `simulate` takes it as a
+    `SampledTorque`.
 
     Args:
         chain: The model to begin with; see `Controller`.

@@ -17,6 +17,7 @@ from ..chain.mechanism import Mechanism
 from ..chain.thresholds import MARGIN, POOR, WELL_CONDITIONED
 from ..errors import InputError, SimulationError, SSTError
 from .crossings import Course, Crossing, crossing_of, gauss_step, mismatch
+from .sampled_torques import Sampling
 
 if TYPE_CHECKING:
     from scipy.integrate import OdeSolver
@@ -48,10 +49,12 @@ class Input(NamedTuple):
     Attributes:
         at: Its value at a time, where the last argument gives q and va.
         along: Its values at times (N,), for q (N, nq) and va (N, n).
+        sampling: What it holds constant from one time to the next, if it does.
     """
 
     at: Callable[[float, Callable[[], tuple[Array, Array]]], Array]
     along: Callable[[Array, Array, Array], Array]
+    sampling: Sampling | None = None
 
 
 class Motion:
@@ -177,12 +180,13 @@ class Run:
         self._q = motion.own.closed(start)
         self._state, self._bounds = start, [float(times[-1])]
         self._settle()
+        self._sample()
         self._parts, self._done = [motion.along(times[:1], self._state[None])], 1
         self._progress(self._t)
         while self._t < times[-1] and not self.stopped:
             motion.close_first = len(self._bounds) > 1
             if self._t < self._bounds[0]:
-                self._advance(self._bounds[0])
+                self._advance(min(self._bounds[0], self._sample()))
             if self._t >= self._bounds[0] < times[-1]:
                 self._bounds.pop(0)
                 if len(self._bounds) == 1 and not self._cross():
@@ -191,6 +195,14 @@ class Run:
                         self._left /= 2
                         self._bounds.insert(0, nearer)
         return [np.concatenate(part) for part in zip(*self._parts, strict=True)]
+
+    def _sample(self) -> float:
+        """Let sampled torques see the state, and say until when they are constant."""
+        sampling = self._motion.torque.sampling
+        if sampling is None:
+            return np.inf
+        sampling.reach(self._t, partial(self._motion.seen, self._state))
+        return sampling.until(self._times)
 
     def _advance(self, bound: float) -> None:
         """Go on to a time, or until other coordinates are needed."""
@@ -204,7 +216,10 @@ class Run:
             if solver.status == "failed":
                 why = motion.failure or message
                 raise SimulationError(f"the integrator stopped ({why})", float(solver.t))
-            self._stride = solver.step_size
+            held = motion.torque.sampling is not None and solver.t == bound
+            # A step that ends where torques change could have been longer.
+            longer = self._stride if held and self._stride < np.inf else 0.0
+            self._stride = max(solver.step_size, longer)
             self._progress(float(solver.t))
             fraction, q = self._follow(solver, self._q)
             t, state = float(solver.t), solver.y
@@ -214,7 +229,8 @@ class Run:
                 self._stride *= max(fraction, _SHORTER)
                 if self._approaches(t, q):
                     return
-            self._keep(solver, t)
+            # Where torques change, results are those of the new ones.
+            self._keep(solver, np.nextafter(t, -np.inf) if held and t < self._times[-1] else t)
             self._t, self._q, self._state = t, q, state
             self._nodes.append((t, states, state))
             if fraction < 1:

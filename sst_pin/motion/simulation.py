@@ -20,6 +20,7 @@ from ..chain.closures import Rolling
 from ..errors import InputError, SingularityWarning
 from .integration import Input, Motion, Run
 from .moving_robot import require_motion
+from .sampled_torques import SampledTorque, Sampling, require_distinct
 from .samples import sample_times, spline
 from .trajectories import Trajectory
 
@@ -31,8 +32,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 #: Motor torques: a function of (t, q, va), a constant of shape (motors,), samples of shape
-#: (N, motors) at the times of the simulation, or the torques of a motion.
-Torque = Callable[[float, Array, Array], ArrayLike] | ArrayLike | Trajectory
+#: (N, motors) at the times of the simulation, the torques of a motion, or sampled ones.
+Torque = Callable[[float, Array, Array], ArrayLike] | ArrayLike | Trajectory | SampledTorque
 #: Loads: a function of (t, q, va), a constant, or none.
 Load = Callable[[float, Array, Array], ArrayLike] | ArrayLike | None
 
@@ -65,8 +66,9 @@ def simulate(
     Args:
         chain: The robot.
         torque: A function (t, q, va) -> (motors,); a constant, shape (motors,); samples at t, shape
-            (N, motors); or a `Trajectory` with its own times. Samples are interpolated by a smooth
-            spline. For torques with jumps, pass a function.
+            (N, motors); a `Trajectory` with its own times; or a `SampledTorque`, which is computed
+            once in each period and held. Samples are interpolated by a smooth spline. For torques
+            with jumps, pass a function.
         q0: Configuration at t[0], on the closures, shape (nq,).
         va0: Rates of the coordinates at t[0], shape (n,).
         t: Times of the output, increasing, shape (N,), N >= 2, [s].
@@ -106,6 +108,8 @@ def simulate(
     times = sample_times(t, 2)
     if isinstance(torque, Trajectory):
         require_motion(torque, chain, "torque")
+    if isinstance(torque, SampledTorque) and through_singularities:
+        raise InputError("through_singularities", "not with sampled torques, which are not smooth")
     # A bad start fails by its own name.
     q0 = single_array("q0", q0, (len(chain.position_names),))
     states = chain._states(sign_width)
@@ -164,6 +168,14 @@ def _torque_of(torque: Torque, times: Array, motors: int) -> Input:
                 f"but the simulation is from {times[0]:g} to {times[-1]:g} s",
             )
         return _sampled(spline(torque.t, torque.tau))
+    if isinstance(torque, SampledTorque):
+        require_distinct(torque.period, times)
+        held = Sampling(torque, float(times[0]), motors)
+        return Input(
+            lambda t, where: held.now,
+            lambda t, q, va: np.broadcast_to(held.now, (len(t), motors)),
+            held,
+        )
     if not callable(torque) and as_array("torque", torque, ()).ndim == 2:
         return _sampled(spline(times, single_array("torque", torque, (len(times), motors))))
     return _called_or_constant("torque", torque, (motors,))

@@ -310,7 +310,7 @@ FINE = {
     "check(motion: of one sample)", "play(motion: of one sample)", "play(wanted: open loops)",
     "play(ghost: open loops)",
     "writer(path: below a device)", "writer(path: 300 letters)", "writer(path: below a file)",
-    "sign_width: 0.0", "rollout(dt: 0.0)", "start: 0.0", "end: 0.0", "psi: 0.0",
+    "sign_width: 0.0", "rollout(dt: 0.0)", "start: 0.0", "end: 0.0", "psi: 0.0", "delay: 0.0",
     "with_payload(mass: 0.0)", "assemble(q: dict)", "with_parameters(theta: dict)",
     "reactions(va: huge)", "reactions(aa: huge)",
     "reactions(tau: huge)", "reactions(platform_moment: huge)", "loads(motion: of one sample)",
@@ -327,7 +327,7 @@ FINE = {
 FREE = {
     "Trajectory.stopped", "play.title", "ClosedChain.model",
     "ClosedChain.closures", "ClosedChain.actuated", "Parameters.link", "Parameters.passive_link",
-    "Parameters.star", "chain.chain",
+    "Parameters.star", "chain.chain", "SampledTorque.function",
 }  # fmt: skip
 
 #: Methods that show, compile, read files, or have no arguments that are judged here.
@@ -425,6 +425,8 @@ def _of_control(w: World) -> Iterator[Subject]:
         made = {"chain": w.robot, "motion": w.motion, "limits": np.ones(3)}
         yield Subject(name, getattr(sst_pin, name), made | gains)
 
+    made = {"function": lambda t, q, va: np.ones(3), "period": 0.01, "delay": 0.0}
+    yield Subject("SampledTorque", sst_pin.SampledTorque, made)
     able = {"chain": w.robot, "q": w.motion.q[0], "frame": "star_1", "torques": np.full(3, 60.0)}
     able |= {"va": np.ones(3)}
     for name in ABILITIES:

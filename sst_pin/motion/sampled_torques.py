@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Torques as a computer gives them: computed at times, acting later, held in between."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from math import floor
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..arrays import finite_array, positive_number, single_array
+from ..errors import InputError
+
+Array = NDArray[np.float64]
+
+#: Times that differ by less than this part of a period are the same.
+_SAME = 1e-3
+
+
+class SampledTorque:
+    """A torque function that is called once in each period, and whose torques act later.
+
+    Torques act from `delay` after they were computed until the next ones do; before the first ones
+    the motors give none. `simulate` begins a new integration wherever the torques change, and calls
+    the function as a machine does, once for each period and in the order of time, so that it may
+    remember what it likes, as `Adaptive` does.
+
+    Args:
+        function: (t, q, va) -> torques, shape (motors,), as the `torque` of a controller.
+        period: Time between two calls, [s].
+        delay: Time from a call until its torques act, [s]; it may be longer than a period.
+
+    Raises:
+        InputError: For a period that is not positive, or a negative delay.
+
+    Example:
+        >>> torque = sst_pin.SampledTorque(lambda t, q, va: [0.2 - va[0]], 0.01, delay=0.004)
+        >>> motion = chain.simulate(torque, chain.home, [0.5], [0, 0.002, 0.005, 0.02])
+        >>> motion.tau[:, 0].round(3)
+        array([ 0.   ,  0.   , -0.3  ,  0.386])
+    """
+
+    def __init__(
+        self,
+        function: Callable[[float, Array, Array], ArrayLike],
+        period: float,
+        *,
+        delay: float = 0.0,
+    ) -> None:
+        if not callable(function):
+            raise InputError("function", f"{function!r} cannot be called")
+        self.function, self.period = function, positive_number("period", period)
+        self.delay = positive_number("delay", delay, or_zero=True)
+        self._loop: Sampling | None = None
+        self._last = -np.inf
+
+    def torque(self, t: float, q: Array, va: Array) -> Array:
+        """Torques that act at a time, shape (motors,), for loops of your own in which time goes on.
+
+        Args:
+            t: Time, [s], not less than in the last call; the first call begins the first period.
+            q: Configuration, shape (nq,).
+            va: Rates of the coordinates, shape (n,).
+
+        Raises:
+            InputError: If time goes back, or the function does not give finite numbers.
+
+        Example:
+            >>> torque = sst_pin.SampledTorque(lambda t, q, va: [1.0 + t], 0.01)
+            >>> [float(torque.torque(t, chain.home, [0])[0]) for t in (0.0, 0.009, 0.011)]
+            [1.0, 1.0, 1.011]
+        """
+        t = float(single_array("t", t, ()))
+        if self._loop is None:
+            self._loop = Sampling(self, t)
+        if t < self._last:
+            problem = f"{t:g} s after {self._last:g} s; make a new SampledTorque for a new motion"
+            raise InputError("t", problem)
+        self._last = t
+        self._loop.reach(t, lambda: (q, va))
+        return self._loop.now
+
+
+def require_distinct(period: float, times: Array) -> None:
+    """Refuse a period that is lost in the rounding of times."""
+    least = 4 / _SAME * float(np.spacing(np.abs(times).max()))
+    if not period > least:
+        raise InputError("period", f"{period:g} s; at these times at least {least:.2g} s")
+
+
+class Sampling:
+    """A sampled torque from a start on.
+
+    Attributes:
+        now: The torques that act, shape (motors,).
+    """
+
+    def __init__(self, torque: SampledTorque, start: float, motors: int | None = None) -> None:
+        self._torque, self._start, self._calls = torque, start, 0
+        self._waiting = deque[tuple[float, Array]]()
+        self.now = np.zeros(motors or 0)
+        self._motors = motors
+
+    def until(self, times: Array) -> float:
+        """When the function is called next or other torques act: one of the times if it is next."""
+        called = self._start + self._calls * self._torque.period
+        due = min(called, self._waiting[0][0]) if self._waiting else called
+        near = float(times[np.abs(times - due).argmin()])
+        return near if abs(near - due) < _SAME / 2 * self._torque.period else due
+
+    def reach(self, t: float, where: Callable[[], tuple[Array, Array]]) -> None:
+        """Do what is due at a time, where q and va are known."""
+        period, name = self._torque.period, "torque(t, q, va)"
+        periods = floor((t - self._start) / period + _SAME)
+        if periods >= self._calls:
+            found = finite_array(name, self._torque.function(t, *where()), ())
+            if self._motors is None:
+                self._motors, self.now = len(found), np.zeros(len(found))
+            found = single_array(name, found, (self._motors,))
+            self._calls = periods + 1  # a loop that is late leaves out a period
+            at = self._start + periods * period + self._torque.delay
+            self._waiting.append((at, found.copy()))
+        while self._waiting and self._waiting[0][0] <= t + _SAME * period:
+            self.now = self._waiting.popleft()[1]

@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Torques computed once in each period, acting later, held in between."""
+
+from collections import deque
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import sst_pin
+from sst_pin.errors import InputError
+
+KP, KD = 30.0, 4.0
+
+
+def cart(mass):
+    """One body that slides without weight."""
+    model = pin.Model()
+    model.gravity.linear = np.zeros(3)
+    joint = model.addJoint(0, pin.JointModelPZ(), pin.SE3.Identity(), "slide")
+    model.appendBodyToJoint(joint, pin.Inertia(mass, np.zeros(3), np.eye(3)), pin.SE3.Identity())
+    return sst_pin.ClosedChain(model, [], ["slide"])
+
+
+def spring(t, q, va):
+    """A spring and a damper to a place that moves."""
+    return np.array([KP * (np.sin(t) - q[0]) - KD * va[0]])
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.007, 0.02, 0.053])
+def test_a_cart_moves_as_constant_forces_move_it_by_hand(delay):
+    """Between two changes of the force x and v are polynomials of time."""
+    m, period, count = 2.0, 0.02, 50
+    x, v, force, waiting = 0.3, -0.1, 0.0, deque()
+    places, forces = [x], []
+    for k in range(count):
+        t = k * period
+        waiting.append((t + delay, KP * (np.sin(t) - x) - KD * v))
+        until, forces_now = t + period, []
+        while t < until - 1e-9:
+            while waiting and waiting[0][0] < t + 1e-9:
+                force = waiting.popleft()[1]
+            forces_now.append(force)
+            h = min(until, waiting[0][0] if waiting else until) - t
+            x, v, t = x + v * h + force / m / 2 * h * h, v + force / m * h, t + h
+        places.append(x)
+        forces.append(forces_now[0])
+    torque = sst_pin.SampledTorque(spring, period, delay=delay)
+    motion = cart(m).simulate(torque, [0.3], [-0.1], np.arange(count + 1) * period)
+    assert np.abs(motion.q[:, 0] - places).max() < 1e-13
+    assert np.abs(motion.tau[:-1, 0] - forces).max() < 1e-11
+
+
+@pytest.mark.parametrize("kernels", [False, True])
+def test_a_motion_is_that_of_constant_torques_one_after_the_other(kernels):
+    """The SST under computed torque; rates of 40 rad/s and torques of 40 N m."""
+    robot = sst_pin.SST(sst_pin.Parameters(viscous_friction=0.1), kernels=kernels)
+    t = np.linspace(0, 0.03, 16)
+    motion = robot.trajectory(t, *robot.joint_motion(*sst_pin.paper_circle(t)))
+    control = sst_pin.ComputedTorque(robot, motion, kp=400, kd=40, limits=30.0)
+    start = motion.q[0], motion.va[0] + 0.5
+    found = robot.simulate(sst_pin.SampledTorque(control.torque, 2e-3), *start, t)
+    q, va = start
+    for k in range(len(t) - 1):
+        tau = control.torque(t[k], q, va)
+        assert np.abs(found.tau[k] - tau).max() < 1e-8
+        part = robot.simulate(tau, q, va, t[k : k + 2])
+        q, va = part.q[-1], part.va[-1]
+    assert np.abs(found.q[-1] - q).max() < 1e-11
+    other = robot.simulate(sst_pin.SampledTorque(control.torque, 2e-3), *start, [0, 0.0111, 0.03])
+    assert np.abs(other.q[-1] - found.q[-1]).max() < 1e-12  # whatever the times of the output
+
+
+def test_short_periods_come_near_the_law_in_proportion():
+    chain, t = cart(1.0), np.linspace(0, 0.4, 5)
+    exact = chain.simulate(spring, [0.3], [0.0], t).q
+    errors = [
+        np.abs(chain.simulate(sst_pin.SampledTorque(spring, h), [0.3], [0.0], t).q - exact).max()
+        for h in (0.02, 0.01, 0.005)
+    ]
+    assert errors[0] / errors[1] == pytest.approx(2, rel=0.05)
+    assert errors[1] / errors[2] == pytest.approx(2, rel=0.05)
+
+
+def test_the_function_is_called_once_in_each_period_in_the_order_of_time():
+    called = []
+
+    def law(t, q, va):
+        called.append((t, q[0]))
+        return spring(t, q, va)
+
+    motion = cart(1.0).simulate(
+        sst_pin.SampledTorque(law, 0.01, delay=0.004), [0.3], [0.0], np.linspace(0, 0.2, 21)
+    )
+    times, places = np.transpose(called)
+    assert np.abs(times - motion.t[:-1]).max() < 1e-12
+    assert np.abs(places - motion.q[:-1, 0]).max() < 1e-12
+
+
+def test_adaptive_control_in_simulate_is_that_of_a_loop():
+    chain = cart(2.0)
+    t = np.linspace(0, 1, 101)
+    wanted = sst_pin.coordinate_motion(chain, t, np.sin(6 * t)[:, None])
+    poor = chain.with_parameters(0.5 * np.array(chain.dynamic_parameters.values))
+    gains = {"stiffness": 20, "damping": 5, "learning": 2}
+    control = sst_pin.Adaptive(poor, wanted, **gains)
+    found = chain.simulate(sst_pin.SampledTorque(control.torque, 0.01), [0.0], [6.0], t)
+    again, x, v = sst_pin.Adaptive(poor, wanted, **gains), 0.0, 6.0
+    for k in range(100):
+        (force,) = again.torque(t[k], np.array([x]), np.array([v]))
+        x, v = x + 0.01 * v + force / 4 * 1e-4, v + force / 2 * 0.01
+    assert found.q[-1, 0] == pytest.approx(x, abs=1e-12)
+    assert np.abs(control.theta - again.theta).max() < 1e-12
+    assert np.abs(control.theta - poor.dynamic_parameters.values).max() > 0.1  # it did learn
+
+
+def test_a_loop_of_ones_own_gets_what_simulate_takes():
+    chain, h = cart(2.0), 1e-3
+    motion = chain.simulate(
+        sst_pin.SampledTorque(spring, 0.02, delay=0.005), [0.3], [0.0], np.arange(101) * h
+    )
+    loop = sst_pin.SampledTorque(spring, 0.02, delay=0.005)
+    acting = [loop.torque(*state) for state in zip(motion.t, motion.q, motion.va, strict=True)]
+    assert np.abs(acting[:-1] - motion.tau[:-1]).max() < 1e-11
+
+
+def test_what_cannot_be_sampled_is_refused_by_name():
+    chain, start = sst_pin.robots.four_bar(), [0.0]
+    with pytest.raises(InputError, match="function"):
+        sst_pin.SampledTorque(3.0, 0.01)
+    for period, delay in ((0.0, 0.0), (-1.0, 0.0), (0.1, -0.1), (np.nan, 0.0)):
+        with pytest.raises(InputError):
+            sst_pin.SampledTorque(spring, period, delay=delay)
+    good = sst_pin.SampledTorque(lambda t, q, va: [0.0], 0.01)
+    with pytest.raises(InputError, match="through_singularities"):
+        chain.simulate(good, chain.home, start, [0, 1], through_singularities=True)
+    with pytest.raises(InputError, match="period"):
+        chain.simulate(sst_pin.SampledTorque(spring, 1e-300), chain.home, start, [0, 1])
+    two = sst_pin.SampledTorque(lambda t, q, va: [0.0, 0.0], 0.01)
+    with pytest.raises(InputError, match="shape"):
+        chain.simulate(two, chain.home, start, [0, 1])
+    good.torque(1.0, chain.home, start)
+    with pytest.raises(InputError, match="new SampledTorque"):
+        good.torque(0.5, chain.home, start)
