@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..arrays import finite_array, positive_number
 from ..chain.closed_chain import ClosedChain
 from ..errors import InputError
-from ..motion.coordinate_motions import configurations_of
+from ..motion.coordinate_motions import configurations_of, without_full_turns
 from ..motion.samples import sample_times, spline
 from ..motion.trajectories import Trajectory
 
@@ -41,8 +41,10 @@ def measured_motion(
 
     Args:
         chain: The robot; each coordinate turns about an axis or slides.
-        t: Times, increasing, shape (N,), [s]; uneven ones are interpolated.
-        x: Positions of the coordinates, shape (N, n), [rad] or [m].
+        t: Times, increasing, shape (N,), [s]; uneven ones are interpolated, at most half a period
+            of the cut-off frequency apart.
+        x: Positions of the coordinates, shape (N, n), [rad] or [m]. Those of joints that turn
+            without end may jump by full turns.
         tau: Torques of the motors, shape (N, motors).
         cutoff: Frequency where the two passes together let half of the amplitude through, [Hz].
         start: A guess of all joints at the start, as in `coordinate_motion`.
@@ -51,8 +53,8 @@ def measured_motion(
         Times, configurations, rates, accelerations, and the filtered torques.
 
     Raises:
-        InputError: For wrong shapes, or a cut-off frequency that is not below half of the sampling
-            rate, or needs more time than the log has.
+        InputError: For wrong shapes, a gap in the log, or a cut-off frequency that is not below
+            half of the sampling rate, or needs more time than the log has.
         ClosureError: If the loops cannot be closed along the motion.
 
     Example:
@@ -70,11 +72,16 @@ def measured_motion(
     for name, array in (("x", values), ("tau", torques)):
         if array.ndim != 2 or len(array) != len(times):
             raise InputError(name, f"shape {array.shape}, expected {len(times)} rows")
+    values = without_full_turns(chain, values)
     period = 1 / positive_number("cutoff", cutoff)
     even = np.linspace(times[0], times[-1], len(times))
     rate = 1 / (even[1] - even[0])
     if not (cutoff < rate / 2 and even[-1] - even[0] > 8 * period):
         raise InputError("cutoff", f"{cutoff:g} Hz, of {even[-1] - even[0]:g} s at {rate:g} Hz")
+    gap = int(np.diff(times).argmax())
+    if (missing := times[gap + 1] - times[gap]) > period / 2:
+        problem = f"no samples for {missing:.3g} s from {times[gap]:.6g} s on"
+        raise InputError("t", f"{problem}: more than half a period of {cutoff:g} Hz; split the log")
     both = np.array([np.interp(even, times, column) for column in np.hstack([values, torques]).T]).T
     smooth = _smoothed(both, cutoff / rate)
     curve = spline(even, smooth[:, : values.shape[1]])

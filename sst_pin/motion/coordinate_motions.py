@@ -68,10 +68,13 @@ def coordinate_positions(chain: ClosedChain, q: Array) -> Array:
         UnknownNameError: For a coordinate that neither turns about an axis nor slides.
     """
     space = chain.mechanism.space
-    x = taken(space, space.without_jumps(q), chain.coordinates)
-    endless = [name not in space.position_names for name in chain.coordinates]
-    x[:, endless] = np.unwrap(x[:, endless], axis=0)
-    return x
+    return without_full_turns(chain, taken(space, space.without_jumps(q), chain.coordinates))
+
+
+def without_full_turns(chain: ClosedChain, x: Array) -> Array:
+    """Positions of the coordinates, shape (N, n); joints that turn without end do not jump."""
+    endless = [name not in chain.mechanism.space.position_names for name in chain.coordinates]
+    return np.where(endless, np.unwrap(x, axis=0), x)
 
 
 def configurations_of(chain: ClosedChain, x: Array, start: ArrayLike | None = None) -> Array:

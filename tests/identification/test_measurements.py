@@ -2,10 +2,11 @@
 """Logs as motions: rates of the true motion, no phase, outliers without effect."""
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from numpy.testing import assert_allclose
 
-from sst_pin import InputError, robots
+from sst_pin import ClosedChain, InputError, robots
 from sst_pin.identification import measured_motion
 
 T = np.linspace(0, 6, 3001)
@@ -40,6 +41,24 @@ def test_encoder_steps_noise_jitter_and_outliers_leave_the_motion():
     assert_allclose(motion.tau, np.cos(RATE * at), atol=0.03)
 
 
+def test_an_encoder_that_begins_anew_at_each_turn_gives_the_same_motion():
+    model = pin.Model()
+    for k, joint in enumerate((pin.JointModelRUBZ(), pin.JointModelRX())):
+        model.addJoint(k, joint, pin.SE3.Identity(), f"joint_{k}")
+        model.appendBodyToJoint(k + 1, pin.Inertia.Random(), pin.SE3.Identity())
+    wheel = ClosedChain(model, [], ["joint_0", "joint_1"])
+    x = np.column_stack([2 * T + 4 * np.sin(T), 4 * np.sin(T)])
+    jumping = np.column_stack([x[:, 0] % (2 * np.pi), x[:, 1]])
+    jumping[700, 0] += 4.0
+    start = pin.neutral(model)
+    one, other = (
+        measured_motion(wheel, T, log, TAU, cutoff=15, start=start) for log in (x, jumping)
+    )
+    assert_allclose(one.va[:, 0], 2 + 4 * np.cos(one.t), atol=2e-3)
+    assert_allclose(other.va, one.va, atol=0.02)
+    assert_allclose(other.q, one.q, atol=1e-3)
+
+
 def test_a_frequency_above_the_cutoff_is_gone_and_one_below_is_not_late():
     fast = X + 0.01 * np.sin(2 * np.pi * 100 * T)[:, None]
     motion = measured_motion(CHAIN, T, fast, TAU, cutoff=15)
@@ -62,3 +81,12 @@ def test_a_frequency_above_the_cutoff_is_gone_and_one_below_is_not_late():
 def test_what_cannot_be_filtered_is_refused(change):
     with pytest.raises(InputError):
         measured_motion(**{"chain": CHAIN, "t": T, "x": X, "tau": TAU, "cutoff": 15.0} | change)
+
+
+def test_a_gap_that_hides_motion_is_refused():
+    """Shorter ones are bridged; across longer ones the rates would be wrong."""
+    late = (T <= 2) | (T > 2.03)
+    measured_motion(CHAIN, T[late], X[late], TAU[late], cutoff=15)
+    late = (T <= 2) | (T > 2.05)
+    with pytest.raises(InputError, match=r"no samples for 0.052 s from 2 s on"):
+        measured_motion(CHAIN, T[late], X[late], TAU[late], cutoff=15)
