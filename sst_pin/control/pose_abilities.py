@@ -15,11 +15,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import finite_array, single_array
+from ..arrays import finite_array, name_samples, single_array
 from ..chain.closed_chain import ClosedChain
 from ..chain.redundancy import limits_of_each
-from ..chain.thresholds import RANK_TOLERANCE
+from ..chain.thresholds import RANK_TOLERANCE, UNSUPPLIED
 from ..errors import ActuationError, InputError, SingularConfigurationError
+from ..summaries import listed
 
 Array = NDArray[np.float64]
 
@@ -63,6 +64,7 @@ def force_ellipsoid(
         Forces, [N], or moments, [N m]; the center is zero.
 
     Raises:
+        ActuationError: Where a force of the frame moves a coordinate that no motor holds.
         InputError: For limits that are not positive.
         UnknownNameError: For an unknown frame.
         ClosureError, SingularConfigurationError: As `frame_jacobian`.
@@ -73,7 +75,7 @@ def force_ellipsoid(
         array([  inf, 14.28, 10.2 ])
     """
     size = _sizes(chain, torques)
-    G = torques_of_forces(chain, q, frame, turning) / size[:, None]
+    G = _supplied(chain, q, frame, turning) / size[:, None]
     _, s, axes = np.linalg.svd(_square(G))
     with np.errstate(divide="ignore"):
         sizes = np.where(s > RANK_TOLERANCE * s[..., :1], 1 / s, np.inf)
@@ -100,7 +102,8 @@ def force_polytope(
         Shape (corners, 3), in base axes, [N] or [N m]; in a plane one after the other.
 
     Raises:
-        ActuationError: If the motors cannot hold the robot at q.
+        ActuationError: If the motors cannot hold the robot at q, or a force of the frame moves a
+            coordinate that no motor holds.
         InputError: For limits that are none.
         SingularConfigurationError: Where a motor needs no torque for a force.
 
@@ -118,7 +121,7 @@ def force_polytope(
     if room.min() <= 0:
         motor = chain.motor_names[int(room.argmin()) % len(hold)]
         raise ActuationError(f"motor {motor} cannot hold the robot at q within its limits")
-    G = torques_of_forces(chain, single, frame, turning)
+    G = _supplied(chain, single, frame, turning)
     moving = _range(_jacobian(chain, single, frame, turning))
     if not len(moving):
         raise InputError("frame", f"{frame} cannot move so: the structure bears what acts on it")
@@ -242,6 +245,24 @@ def torques_of_forces(chain: ClosedChain, q: ArrayLike, frame: str, turning: boo
     """G: forces w of a frame take the torques G w, shape (..., motors, 3)."""
     J = _jacobian(chain, q, frame, turning)
     return np.asarray(np.linalg.pinv(_turned(chain.actuator_jacobian(q))) @ _turned(J))
+
+
+def _supplied(chain: ClosedChain, q: ArrayLike, frame: str, turning: bool) -> Array:
+    """G as `torques_of_forces`, where the motors hold the coordinates that the forces move."""
+    mechanism, G = chain.mechanism, torques_of_forces(chain, q, frame, turning)
+    units = mechanism.rate_scale[mechanism.coordinates, None]
+    forces = _turned(_jacobian(chain, q, frame, turning)) * units
+    left = np.abs(forces - _turned(chain.actuator_jacobian(q)) @ G * units)
+    over = left > UNSUPPLIED * np.abs(forces).max(axis=(-1, -2), keepdims=True)
+    if over.any():
+        moved = over.any(axis=-1)
+        names = [mechanism.coordinate_rate_names[k] for k in np.argwhere(moved)[:, -1]]
+        error = ActuationError(
+            f"no motor holds {listed(list(dict.fromkeys(names)))}, which a force on {frame} moves"
+        )
+        name_samples(error, np.flatnonzero(moved.any(axis=-1)).tolist(), moved.shape[:-1])
+        raise error
+    return G
 
 
 def _accelerations_by_torques(

@@ -175,3 +175,27 @@ def test_what_is_no_limit_is_refused():
         sst_pin.acceleration_polytope(chain, chain.home, FRAME, -1.0)
     with pytest.raises(sst_pin.UnknownNameError, match="hand"):
         sst_pin.force_ellipsoid(chain, chain.home, "hand", 1.0)
+
+
+@pytest.mark.parametrize("turning", [False, True])
+def test_forces_that_move_what_no_motor_holds_are_refused(turning):
+    lift = sst_pin.robots.five_bar()
+    poor = sst_pin.ClosedChain(lift.model, lift.closures, lift.motor_names[:1])
+    q = np.array([[lift.home] * 2] * 3)
+    with pytest.raises(sst_pin.ActuationError, match=r"6 of 6 samples.*no motor holds") as caught:
+        sst_pin.force_ellipsoid(poor, q, FRAME, 1.0, turning=turning)
+    assert poor.coordinates[1] in str(caught.value)
+    poor.model.gravity.linear = np.zeros(3)
+    poor.refresh()
+    with pytest.raises(sst_pin.ActuationError, match="no motor holds"):
+        sst_pin.force_polytope(poor, poor.home, FRAME, 1.0, turning=turning)
+
+
+def test_forces_that_one_motor_of_two_bears_are_found():
+    """Forces on the first crank turn the first motor alone, whether or not there is a second."""
+    lift = sst_pin.robots.five_bar()
+    crank = pin.Frame("crank", 1, pin.SE3.Identity(), pin.FrameType.OP_FRAME)
+    lift.model.addFrame(crank)
+    poor = sst_pin.ClosedChain(lift.model, lift.closures, lift.motor_names[:1])
+    sizes = sst_pin.force_ellipsoid(poor, lift.home, "crank", 2.0, turning=True).sizes
+    assert sizes == pytest.approx([np.inf, np.inf, 2.0])
