@@ -155,7 +155,8 @@ def calibrate(
     Raises:
         UnknownNameError: For an unknown frame, or a pattern that fits no error.
         InputError: For wrong shapes, matrices that are not rotations, fewer equations than errors
-            that they could show, or poses from which Newton's method does not settle.
+            that they could show, poses ten lengths of the robot away, or poses from which Newton's
+            method does not settle.
         ClosureError: If a pose cannot be assembled.
 
     Example:
@@ -197,6 +198,7 @@ def calibrate(
         A = np.array(rows) * weights[:, None] * units
         z = np.array(rests) * weights
         if found is None:
+            _require_near(np.array(rests)[:, :3], length)
             found = independent(A.reshape(-1, len(errors)), _DEPENDENT)
         if z.size <= found.size:
             problem = f"{z.size} equations for {found.size} errors; give more poses, or which="
@@ -226,6 +228,15 @@ def calibrate(
     return Calibration(kept, values[found], root @ root.T, noise, hidden, moved)
 
 
+def _require_near(away: Array, length: float) -> None:
+    """Refuse positions that no errors of a geometry explain, such as those in millimetres."""
+    sizes = np.linalg.norm(away, axis=1)
+    if sizes.max(initial=0.0) > 10 * length:
+        k = int(sizes.argmax())
+        problem = f"pose {k} is {sizes[k]:.4g} m from the frame of the robot as it is drawn"
+        raise InputError("poses", f"{problem}, {length:.3g} m long; check units, base and start")
+
+
 def _enlarged(
     chain: ClosedChain, frame: str, which: Sequence[str] | None
 ) -> tuple[ClosedChain, list[str]]:
@@ -250,7 +261,8 @@ def _enlarged(
     for place in dict.fromkeys([*ends, frame]):
         own = model.frames[frame_id(model, place)]
         bearer, at = own.parentJoint, own.placement
-        for suffix, joint in of_place.get(place, {}).items():
+        own_errors = {} if tree.existJointName(place) else of_place.get(place, {})
+        for suffix, joint in own_errors.items():
             bearer = model.addJoint(bearer, joint, at, place + suffix)
             at = pin.SE3.Identity()
         for new in [place + _MOVED] * (place in ends) + [_FRAME] * (place == frame):

@@ -155,6 +155,19 @@ def test_bad_measurements_are_refused():
         calibrate(drawn, "nowhere", x[:4], exact)
     with pytest.raises(sst_pin.ClosureError):
         calibrate(drawn, "platform", x[:1] + 3, exact[:1])
+    with pytest.raises(sst_pin.InputError, match=r"pose \d is .* check units"):
+        calibrate(drawn, "platform", x[:4], 1e3 * exact[:, :3, 3])  # in millimetres
+
+
+def test_a_frame_called_as_its_joint_has_the_errors_of_the_joint():
+    delta, _, _, x = deltas()
+    model = pin.Model(delta.model)
+    model.addJointFrame(model.getJointId("motor_1"))
+    drawn = sst_pin.ClosedChain(model, delta.closures, delta.motor_names)
+    made = _moved(drawn, _placements(["motor_1.ry"], np.array([4e-3])))
+    poses = poses_of(made, x[:4], "motor_1")
+    found = calibrate(drawn, "motor_1", x[:4], poses, which=["motor_1.r*"])
+    assert_allclose(found.values, [0, 4e-3, 0], atol=1e-11)
 
 
 def test_errors_that_do_not_settle_are_refused(monkeypatch):
