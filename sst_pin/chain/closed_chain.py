@@ -1044,8 +1044,8 @@ class ClosedChain(Summary):
 
         Raises:
             InputError: For a wrong shape, a number that is not finite, or what no chain has: a
-                first moment without mass, an offset of a joint without a spring, an offset of a
-                motor, a negative stiffness or damping of a line.
+                first moment without mass, an offset of a joint without a spring or of a ball, an
+                offset of a motor, a negative stiffness or damping of a line.
             UnknownNameError: For an unknown name.
             DescriptionError: For a spring that no joint can have.
 

@@ -172,6 +172,12 @@ def changed(
         raise InputError(
             "theta", f"offset of {listed(lost)}: a chain has offsets only of springs with stiffness"
         )
+    balls = [j for j in model.joints if j.shortname() == "JointModelSpherical"]
+    turning = [k for j in balls for k in range(j.idx_v, j.idx_v + 3)]
+    if lost := [mechanism.space.rate_names[k] for k in turning if offset[k]]:
+        raise InputError(
+            "theta", f"offset of {listed(lost)}: in a ball it depends on where its spring is"
+        )
     shift = np.divide(offset, stiffness, out=np.zeros(nv), where=stiffness != 0)
     numbers: dict[str, ArrayLike | None] = {
         "viscous_friction": None,  # those of the model

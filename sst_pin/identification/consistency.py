@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 #: Least eigenvalue of a pseudo-inertia, over that of a ball of this mass and the robot's length.
 _LEAST = 1e-5
 #: Weight of the prior of the others, in deviations of what is seen of them: for what is not seen.
-_WEAK = 1e-3
+_WEAK = 1e-6
 #: Parameters that are not negative.
 _POSITIVE = (".viscous", ".coulomb", ".armature", ".stiffness", ".damping")
 #: Upper triangle of a 4 x 4 matrix, column by column, and the factors of its entries in a norm.
@@ -58,7 +58,8 @@ def consistent_parameters(
 
     Raises:
         InputError: For a weight or a mass that is not positive, or less mass than the bodies have
-            that are not estimated; if the solver finds no parameters.
+            that are not estimated; if the estimate does not tell its combinations apart, or the
+            solver finds no parameters.
         MissingExtraError: Without Clarabel, `sst-pin[identification]`.
 
     Example:
@@ -88,7 +89,7 @@ def consistent_parameters(
     others = np.flatnonzero(varied[end:]) + end
     columns = np.concatenate([(10 * free[:, None] + np.arange(10)).ravel(), others])
 
-    root = np.linalg.cholesky(found.covariance)
+    root = _root(found)
     rows = solve_triangular(root, found.base.matrix, lower=True)
     rest = np.where(np.isin(np.arange(cad.size), columns), 0.0, cad)
     seen = solve_triangular(root, found.values, lower=True) - rows @ rest
@@ -128,6 +129,15 @@ def consistent_parameters(
     return DynamicParameters(chain.dynamic_parameters.names, theta)
 
 
+def _root(found: Estimate) -> Array:
+    """The lower triangular root of the covariance."""
+    try:
+        return np.asarray(np.linalg.cholesky(found.covariance))
+    except np.linalg.LinAlgError:
+        problem = "its combinations cannot be told apart; base_parameters(motion=) finds others"
+        raise InputError("found", problem) from None
+
+
 def _nearest(reach: Array, room: Array, cones: list[Any]) -> tuple[Array, str]:
     """The shortest y with `reach` y + `room` in the cones, and what the solver says of it."""
     import clarabel
@@ -136,7 +146,11 @@ def _nearest(reach: Array, room: Array, cones: list[Any]) -> tuple[Array, str]:
     settings, n = clarabel.DefaultSettings(), reach.shape[1]
     settings.verbose, settings.tol_feas = False, 1e-9
     matrices = eye(n, format="csc"), np.zeros(n), csc_matrix(-reach), room
-    done = clarabel.DefaultSolver(*matrices, cones, settings).solve()
+    for scaled in (True, False):  # scaling can spoil what is well known beside what is hardly known
+        settings.equilibrate_enable = scaled
+        done = clarabel.DefaultSolver(*matrices, cones, settings).solve()
+        if str(done.status) == "Solved":
+            break
     return np.array(done.x), str(done.status)
 
 

@@ -109,6 +109,12 @@ def test_the_offset_of_a_spring_moves_its_reference():
     assert_allclose(pushed.generalized_forces(*motions), f + 3 * column, atol=1e-11)
 
 
+def test_the_offset_in_a_ball_is_refused():
+    """The logarithm of a turn is not linear: no other reference gives a constant moment."""
+    with pytest.raises(InputError, match="offset of body_wy: in a ball"):
+        any_chain.sprung("spherical").with_parameters({"body_wy.offset": 0.1})
+
+
 def test_a_robot_with_other_parameters_leaves_the_first_as_it_was():
     robot = sst_pin.SST()
     before = np.array(robot.dynamic_parameters)

@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Parameters that bodies can have: positive definite, near the data, near the prior elsewhere."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from sst_pin import InputError, robots
+import any_chain
+from sst_pin import ClosedChain, InputError, robots
 from sst_pin.identification import base_parameters, consistent_parameters, estimate, random_states
 from sst_pin.identification.consistency import pseudo_inertias
 
@@ -105,6 +107,29 @@ def test_the_total_mass_is_held():
     chain, *_, found, _ = case("five_bar", 0.05)
     theta = consistent_parameters(chain, found, total_mass=0.4)
     assert bodies_of(chain, theta)[:, 0].sum() == pytest.approx(0.4, rel=1e-7)
+
+
+def test_what_is_well_known_does_not_hide_the_rest():
+    """Deviations of parameters are a thousand times apart, and friction is not the prior's."""
+    plain = any_chain.chain(kind="3d")
+    chain = ClosedChain(plain.model, plain.closures, plain.coordinates)
+    motion = random_states(chain, 100, 5)
+    base = base_parameters(chain, motion=motion)
+    more = [x for x in chain.dynamic_parameters.names if x.endswith((".viscous", ".coulomb"))]
+    rubbing = chain.with_parameters({x: 2 * chain.dynamic_parameters[x] for x in more})
+    tau = rubbing.compute_torques(*motion)
+    tau += 0.01 * np.random.default_rng(0).normal(size=tau.shape)
+    found = estimate(chain, base, *motion, tau)
+    assert np.ptp(np.log10(found.deviations)) > 3
+    away = base.matrix @ consistent_parameters(chain, found) - found.values
+    assert away @ np.linalg.solve(found.covariance, away) < len(base)
+
+
+def test_combinations_that_cannot_be_told_apart_are_refused():
+    chain, _, base, found, _ = case("five_bar", 1e-4)
+    alike = replace(found, covariance=np.ones((len(base), len(base))))
+    with pytest.raises(InputError, match="cannot be told apart"):
+        consistent_parameters(chain, alike)
 
 
 def test_weights_and_masses_must_be_positive():
