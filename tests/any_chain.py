@@ -215,7 +215,7 @@ def states(chain: ClosedChain, count: int, seed: int) -> tuple[np.ndarray, np.nd
             q = chain.assemble(moved, fixed=())
         except ClosureError:
             continue
-        if chain.condition_number(q) < 1e4:
+        if chain.condition_number(q) < 1e2:
             found.append(q)
     va, aa = random.normal(size=(2, count, chain.degrees_of_freedom))
     return np.array(found), va, aa
