@@ -168,10 +168,9 @@ class Loops:
     def _move(self, v: Array) -> tuple[Array, Array, Array]:
         """W_dot, and the frames' twists and accelerations with v_dot = 0, shape (frames, 6)."""
         self._jacobian_rates.update(self.data, self._q, v)
-        with np.errstate(over="ignore", invalid="ignore"):  # of what is not finite, errors tell
-            moved_by = self.supports * v[self._rates]
-            twists, accelerations = moved_by.dot(self._J.T), moved_by.dot(self._J_dot.T)
-            rates = self.pairs.vector_rates(self._x, self._x @ carrying(twists))
+        moved_by = self.supports * v[self._rates]
+        twists, accelerations = moved_by.dot(self._J.T), moved_by.dot(self._J_dot.T)
+        rates = self.pairs.vector_rates(self._x, self._x @ carrying(twists))
         return self.pairs.wrench_rates(self._vectors, rates), twists, accelerations
 
     def _rows_times(self, W: Array, J: Array) -> Array:

@@ -53,7 +53,8 @@ def _finite(method: _Method) -> _Method:
 
     @wraps(method)
     def checked(self: Reference, *arguments: Any, **more: Any) -> Array:
-        result = method(self, *arguments, **more)
+        with np.errstate(over="ignore", invalid="ignore"):  # the error says it better
+            result = method(self, *arguments, **more)
         _require_finite(result, names, arguments)
         return result
 
@@ -215,7 +216,8 @@ class Reference:
         compliances: Array | None = None,
     ) -> Array:
         """Wrenches of joints, closures and ground, torques, and codes of verdicts, in a row."""
-        row = reactions.reactions(self.memory, q, va, aa, tau, wrenches, compliances)
+        with np.errstate(over="ignore", invalid="ignore"):
+            row = reactions.reactions(self.memory, q, va, aa, tau, wrenches, compliances)
         n = len(reactions.names_of(self.mechanism))
         names = "q", "va", "aa", "tau", "external_wrenches"
         _require_finite(row[6 * n : -n], names, (q, va, aa, tau, wrenches))  # ground and torques

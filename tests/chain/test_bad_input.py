@@ -18,7 +18,7 @@ HOME = sst_pin.SST().home
 RATES = np.array((1.0, 2, 3))
 
 
-@pytest.mark.filterwarnings("ignore:invalid value:RuntimeWarning")  # NumPy's, before our error
+@pytest.mark.filterwarnings("error:invalid value:RuntimeWarning")
 @pytest.mark.parametrize("method", ["compute_torques", "compute_accelerations"])
 @pytest.mark.parametrize(
     ("q", "va", "third", "word"),
@@ -336,7 +336,6 @@ def test_a_tendon_is_called_by_its_shares():
     assert chain.motor_names == ("-1.5 crank - 0.5 coupler + 2 rocker",)
 
 
-@pytest.mark.filterwarnings("ignore:invalid value:RuntimeWarning")  # NumPy's, before our error
 def test_numbers_that_are_not_finite_are_told_by_every_function(afloat):
     """Rates for frames, wrenches of one sample, and what overflows on the way."""
     q, one = afloat.generic_configuration(), np.ones(7)

@@ -190,7 +190,6 @@ def faulty_batch(robot):
 
 
 @pytest.mark.parametrize("fast", [True, False])
-@pytest.mark.filterwarnings("ignore:invalid value:RuntimeWarning")  # NumPy's, before our error
 def test_samples_at_fault_are_named_or_become_nan(fast):
     """Both paths: the error of the first with all of its kind, or NaN rows, the rest as it is."""
     robot = sst_pin.SST(kernels=fast)
