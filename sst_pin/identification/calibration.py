@@ -23,8 +23,15 @@ from ..chain.closed_chain import ClosedChain
 from ..chain.closures import Constraint, Coupling, frames_of
 from ..chain.named_positions import put
 from ..chain.rebuilt_tree import rebuilt
+from ..chain.thresholds import RANK_TOLERANCE
 from ..chain.tree import frame_id
-from ..errors import ClosureError, DescriptionError, InputError, UnknownNameError
+from ..errors import (
+    ClosureError,
+    DescriptionError,
+    InputError,
+    SingularConfigurationError,
+    UnknownNameError,
+)
 from ..files import as_path, text_writer, write_files
 from ..motion.coordinate_motions import configurations_of, start_configuration
 from ..motion.frame_guide import pose_error
@@ -43,13 +50,23 @@ _ERRORS = {
     "ry": pin.JointModelRY(),
     "rz": pin.JointModelRZ(),
 }
-#: An error whose part that other errors do not explain is smaller depends on them.
-_DEPENDENT = 1e-6
+#: An error whose part that other errors do not explain is smaller depends on them: the first of
+#: these with which Newton's method settles.
+_DEPENDENT = (1e-6, 1e-5, 1e-4, 1e-3)
+#: What the joints do not close of an error, free of units, counts as none below this.
+_CLOSED = 1e-6
 _STEPS, _SETTLED = 30, 1e-9
+#: Least noise of positions as a part of that of orientations, and the reverse: less is rounding.
+_LEAST_NOISE = 1e-4
 #: After all steps the last one may be so large, in standard deviations of the errors.
 _UNSURE = 0.01
+_TOO_LARGE = "errors too large for Newton's method, or which= leaves out those that matter"
 #: The measured frame of the enlarged robot, and what the names of the others end with.
 _FRAME, _MOVED = "measured frame", " moved"
+
+
+class _UnsettledError(Exception):
+    """Newton's method does not settle, and why."""
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -145,7 +162,8 @@ def calibrate(
         poses: Measured poses of the frame in the base, shape (N, 4, 4), or positions of its origin,
             shape (N, 3), [m].
         which: The errors considered: names, or patterns such as "motor_*.r*", of joints that move,
-            of frames of closures, and of `frame`; by default those of all joints and closures.
+            of frames of closures, and of `frame`; by default those of all joints and closures. An
+            error that alone opens loops of an overconstrained robot is left out.
         start: A guess of all joints in the first pose, shape (nq,), as in `coordinate_motion`, from
             which the others are followed; or in each pose, shape (N, nq).
 
@@ -155,8 +173,8 @@ def calibrate(
     Raises:
         UnknownNameError: For an unknown frame, or a pattern that fits no error.
         InputError: For wrong shapes, matrices that are not rotations, fewer equations than errors
-            that they could show, poses ten lengths of the robot away, or poses from which Newton's
-            method does not settle.
+            that they could show, errors of `which` that alone open the loops, poses ten lengths of
+            the robot away, or poses from which Newton's method does not settle.
         ClosureError: If a pose cannot be assembled.
 
     Example:
@@ -178,54 +196,82 @@ def calibrate(
     measured = targets_of(poses, len(angles))
     if any(position is None for position, _ in measured):
         raise InputError("poses", "orientations alone; expected shapes (N, 3) or (N, 4, 4)")
+    drawn = _configurations(chain, angles, start)
     large, errors = _enlarged(chain, frame, which)
+    every = [x for x in large.mechanism.model.names if not chain.mechanism.model.existJointName(x)]
+    if opening := _opening(large, every, drawn):
+        if which is not None:
+            problem = f"{listed(opening)}: each alone opens loops that no joint closes"
+            raise InputError("which", f"{problem}, as the robot is overconstrained")
+        large, errors = _enlarged(chain, frame, [x for x in every if x not in opening])
+    for tolerance in _DEPENDENT:
+        try:
+            found, values, root, noise = _found(large, errors, drawn, measured, tolerance)
+            break
+        except _UnsettledError as error:
+            if tolerance == _DEPENDENT[-1]:
+                raise InputError("poses", str(error)) from None
+    kept = tuple(errors[k] for k in found)
+    hidden = tuple(name for name in errors if name not in kept)
+    moved = _moved(chain, _placements(kept, values))
+    return Calibration(kept, values, root @ root.T, noise, hidden, moved)
+
+
+def _found(
+    large: ClosedChain,
+    errors: list[str],
+    drawn: list[dict[str, float]],
+    measured: list[tuple[Array | None, Array | None]],
+    tolerance: float,
+) -> tuple[NDArray[np.intp], Array, Array, Array]:
+    """Indices of the errors found, their values, the root of their covariance, and the noise.
+
+    By Newton's method; an error whose part that the others do not explain is smaller than the
+    tolerance depends on them.
+    """
     columns = [large.coordinates.index(name) for name in errors]
-    length = chain.mechanism.length
+    length, model = large.mechanism.length, large.mechanism.model
     units = np.where([".r" in name[-3:] for name in errors], 1.0, length)
-    q = [_with_errors(large, drawn) for drawn in _configurations(chain, angles, start)]
-    model = large.mechanism.model
-    data = model.createData()
-    values, noise = np.zeros(len(errors)), np.array([length, 1.0])
-    found: NDArray[np.intp] | None = None
-    for _ in range(_STEPS):
+    q, data = [_with_errors(large, each) for each in drawn], model.createData()
+    size = np.array([length, 1.0])
+    values, noise = np.zeros(len(errors)), size
+    for step_number in range(_STEPS):
         held, rows, rests = dict(zip(errors, values, strict=True)), [], []
-        for k in range(len(angles)):
-            q[k] = large.assemble(put(large.mechanism.space, q[k], held))
+        for k, target in enumerate(measured):
+            try:
+                q[k] = large.assemble(put(large.mechanism.space, q[k], held))
+            except (ClosureError, SingularConfigurationError):
+                if step_number == 0:
+                    raise
+                raise _UnsettledError(_TOO_LARGE) from None
             pin.framesForwardKinematics(model, data, q[k])
-            rests.append(pose_error(data.oMf[model.getFrameId(_FRAME)], *measured[k]))
+            rests.append(pose_error(data.oMf[model.getFrameId(_FRAME)], *target))
             rows.append(large.frame_jacobian(q[k], _FRAME)[: len(rests[k]), columns])
         weights = np.repeat(1 / noise, 3)[: len(rests[0])]
         A = np.array(rows) * weights[:, None] * units
         z = np.array(rests) * weights
-        if found is None:
+        if step_number == 0:
             _require_near(np.array(rests)[:, :3], length)
-            found = independent(A.reshape(-1, len(errors)), _DEPENDENT)
-        if z.size <= found.size:
-            problem = f"{z.size} equations for {found.size} errors; give more poses, or which="
-            raise InputError("poses", problem)
+            found = independent(A.reshape(-1, len(errors)), tolerance)
+            if z.size <= found.size:
+                problem = f"{z.size} equations for {found.size} errors; give more poses, or which="
+                raise InputError("poses", problem)
         try:
             step, root = solved(A[..., found], z)
         except InputError:
-            problem = "errors too large for Newton's method, or which= leaves out those that matter"
-            raise InputError("poses", problem) from None
+            raise _UnsettledError(_TOO_LARGE) from None
         values[found] += step * units[found]
         left = (z - A[..., found] @ step).reshape(len(z), -1, 3)
         scale = np.sqrt(np.mean(left**2, axis=(0, 2)) * left.size / (left.size - found.size))
-        noise = np.maximum(
-            noise[: len(scale)] * scale, 1e-13 * np.array([length, 1.0])[: len(scale)]
-        )
-        if np.abs(step).max(initial=0.0) < _SETTLED:
+        noise = noise[: len(scale)] * scale / size[: len(scale)]
+        noise = np.maximum(noise, max(1e-13, _LEAST_NOISE * noise.max())) * size[: len(scale)]
+        if step_number and np.abs(step).max(initial=0.0) < _SETTLED:
             break
     else:
         if (np.abs(step) > _UNSURE * np.linalg.norm(root, axis=1)).any():
             problem = f"the errors do not settle in {_STEPS} steps; give which= or better poses"
-            raise InputError("poses", problem)
-    assert found is not None
-    root = root * units[found][:, None]
-    kept = tuple(errors[k] for k in found)
-    hidden = tuple(name for name in errors if name not in kept)
-    moved = _moved(chain, _placements(kept, values[found]))
-    return Calibration(kept, values[found], root @ root.T, noise, hidden, moved)
+            raise _UnsettledError(problem)
+    return found, values[found], root * units[found][:, None], noise
 
 
 def _require_near(away: Array, length: float) -> None:
@@ -274,6 +320,21 @@ def _enlarged(
     if lost := set(chain.coordinates) - set(large.coordinates):
         raise InputError("which", f"the errors leave no choice of {listed(sorted(lost))}")
     return large, [name for name in errors if name in large.coordinates]
+
+
+def _opening(large: ClosedChain, errors: list[str], drawn: list[dict[str, float]]) -> list[str]:
+    """The errors that alone open the loops of the robot as it is drawn, in all its poses."""
+    model = large.mechanism.model
+    columns = [model.joints[model.getJointId(name)].idx_v for name in errors]
+    least = np.full(len(errors), np.inf)
+    for positions in drawn:
+        Phi = large.Phi(_with_errors(large, positions)) * large.mechanism.rate_scale
+        Phi *= large.mechanism.row_scale[:, None]
+        U, s, _ = np.linalg.svd(np.delete(Phi, columns, axis=1), full_matrices=False)
+        closing = U[:, s > RANK_TOLERANCE * s.max(initial=0.0)]
+        E = Phi[:, columns]
+        least = np.minimum(least, np.linalg.norm(E - closing @ (closing.T @ E), axis=0))
+    return [name for name, size in zip(errors, least, strict=True) if size > _CLOSED]
 
 
 def _renamed(closure: Constraint, frames: Sequence[str]) -> Constraint:

@@ -153,8 +153,10 @@ def test_bad_measurements_are_refused():
         calibrate(drawn, "platform", x[:4], exact, which=["nothing.x"])
     with pytest.raises(sst_pin.UnknownNameError, match="nowhere"):
         calibrate(drawn, "nowhere", x[:4], exact)
-    with pytest.raises(sst_pin.ClosureError):
+    with pytest.raises(sst_pin.InputError, match="too large"):
         calibrate(drawn, "platform", x[:1] + 3, exact[:1])
+    with pytest.raises(sst_pin.ClosureError):
+        calibrate(sst_pin.robots.stewart(), "platform", [[9, 1, 1, 1, 1, 1]], exact[:1])  # legs
     with pytest.raises(sst_pin.InputError, match=r"pose \d is .* check units"):
         calibrate(drawn, "platform", x[:4], 1e3 * exact[:, :3, 3])  # in millimetres
 
@@ -196,3 +198,40 @@ def test_errors_that_do_not_settle_are_refused(monkeypatch):
     monkeypatch.setattr("sst_pin.identification.calibration._STEPS", 10)  # as in 30, but sooner
     with pytest.raises(sst_pin.InputError, match="do not settle in 10 steps"):
         calibrate(chain, "coupler_end", x, noisy_points, which=which, start=start)
+
+
+def test_errors_that_open_the_loops_of_an_overconstrained_robot_are_left_out():
+    """In a plane: each error along z or about x or y would open the loops."""
+    drawn, rng = sst_pin.robots.planar_3rrr(), np.random.default_rng(0)
+    values = {"elbow_2.x": 1e-3, "tip_3.x": -2e-3, "shoulder_1.rz": 4e-3}
+    made = _moved(drawn, _placements(list(values), np.array(list(values.values()))))
+    at_home = [drawn.home[drawn.position_names.index(name)] for name in drawn.coordinates]
+    x = at_home + rng.uniform(-0.1, 0.1, (12, 3))
+    exact = poses_of(made, x, "platform")
+    found = calibrate(drawn, "platform", x, exact)
+    assert not [name for name in found.names + found.hidden if name.endswith((".z", ".rx", ".ry"))
+                and not name.startswith(("tip", "vertex"))]  # fmt: skip
+    other = at_home + rng.uniform(-0.1, 0.1, (4, 3))
+    assert_allclose(
+        poses_of(found.chain, other, "platform"), poses_of(made, other, "platform"), atol=1e-10
+    )
+    with pytest.raises(sst_pin.InputError, match=r"elbow_1.z.* each alone opens loops"):
+        calibrate(drawn, "platform", x, exact, which=["*.x", "*.z"])
+
+
+def test_exact_orientations_beside_noisy_positions_do_not_spoil_the_errors():
+    drawn, rng = sst_pin.robots.five_bar(), np.random.default_rng(0)
+    at_home = [drawn.home[drawn.position_names.index(name)] for name in drawn.coordinates]
+    x = at_home + rng.uniform(-0.2, 0.2, (40, 2))
+    poses = poses_of(drawn, x, "platform")
+    poses[:, :3, 3] += 1e-5 * rng.normal(size=(40, 3))
+    found = calibrate(drawn, "platform", x, poses)
+    assert (np.abs(found.values) < 4 * found.deviations).all()
+    assert found.noise[0] == pytest.approx(1e-5, rel=0.2)
+
+
+def test_a_robot_that_is_as_drawn_has_deviations_of_its_noise():
+    """Not those of the weights that the first step begins with."""
+    drawn, _, _, x = deltas()
+    found = calibrate(drawn, "platform", x[:8], poses_of(drawn, x[:8], "platform"), which=WHICH)
+    assert found.deviations.max() < 1e-9
