@@ -244,7 +244,7 @@ def main(names: list[str]) -> None:
         done[name] = table(problem, motion, exact)
         chain = problem.chain
         energy = chain.kinetic_energy(motion.q, motion.va) + chain.potential_energy(motion.q)
-        done[name].append(("time of computing, compiled", "-", f"{took:.1f} s", "-", "-"))
+        done[name].append(("time of computing, compiled", "-", f"{took:.2g} s", "-", "-"))
         if not any(problem.tau) and name != "governor":
             done[name].append(("energy", "-", "-", "constant", f"{np.ptp(energy):.0e} J"))
         print(name, motion.stopped or "whole", *done[name], sep="\n  ", flush=True)
