@@ -80,7 +80,8 @@ def for_each_sample(
 
     `core_axes` are the numbers of axes behind the leading ones, array by array; None in `arrays` is
     handed on. `fast` fills rows of results and returns the indices of those that it leaves to
-    `function`. `out` gets the results, shape (..., *result), and may overlap the inputs.
+    `function`. `out` gets the results, shape (..., *result), and may overlap the inputs; after an
+    error it may hold a part of them.
 
     With `on_error="nan"` samples that fail become NaN. Otherwise the error is that of the first
     sample at fault, and names all samples with an error of this class.
@@ -89,7 +90,8 @@ def for_each_sample(
     batch, flat = flattened(arrays, core_axes)
     _require_fitting(out, batch + result)
     n = math.prod(batch)
-    results = empty((n, *result))
+    into_out = out is not None and out.flags.carray and not _overlapping(out, flat)
+    results = out.reshape(n, *result) if out is not None and into_out else empty((n, *result))
     left: Iterable[int] = range(n)
     if fast is not None:
         left = map(int, fast(flat, results.reshape(n, math.prod(result))))
@@ -107,8 +109,13 @@ def for_each_sample(
     shaped = results.reshape(batch + result)
     if out is None:
         return shaped
-    out[...] = shaped
+    if not into_out:
+        out[...] = shaped
     return out
+
+
+def _overlapping(out: Array, arrays: Sequence[Array | None]) -> bool:
+    return any(a is not None and np.may_share_memory(a, out) for a in arrays)
 
 
 def require_policy(on_error: str) -> None:
