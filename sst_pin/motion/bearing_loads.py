@@ -37,7 +37,7 @@ class Load(NamedTuple):
         x: Direction at the peak, a unit vector in the axes of the wrench.
         y: Its second component.
         z: Its third component.
-        rms: Root of the mean square of the size over the samples.
+        rms: Root of the mean square of the size over the time, by trapezoids between samples.
         determined: Whether it is unique in the rigid robot all along the motion.
     """
 
@@ -145,6 +145,8 @@ def loads(
     w = reactions_along(chain, motion, stiffness)
     wrenches = np.concatenate([w.joints, w.closures], axis=-2)
     unique = np.all(np.concatenate(w.determined, axis=-2), axis=0)
+    half = np.diff(motion.t, prepend=motion.t[0], append=motion.t[-1]) / 2
+    weights = half[:-1] + half[1:] if len(motion) > 1 else np.ones(1)
     rows = []
     for k, name in enumerate(w.names):
         for kind, part in (("force", slice(3, 6)), ("moment", slice(0, 3))):
@@ -152,7 +154,7 @@ def loads(
             sizes = np.linalg.norm(vectors, axis=1)
             peak = float(sizes.max())  # NaN if any is
             at = int(np.argmax(~(sizes < (1 - 1e-9) * peak)))  # the first of equal peaks
-            time, rms = float(motion.t[at]), np.sqrt(np.mean(sizes**2))
+            time, rms = float(motion.t[at]), np.sqrt(np.average(sizes**2, weights=weights))
             x, y, z = (vectors[at] / (peak or 1.0)).tolist()
             determined = bool(np.all(unique[k, part]))
             rows.append(Load(name, kind, peak, time, x, y, z, float(rms), determined))

@@ -16,7 +16,7 @@ def delta():
 @pytest.fixture(scope="module")
 def motion(delta):
     torque = np.array([0.3, -0.2, 0.1])
-    return delta.simulate(torque, delta.home, np.zeros(3), np.linspace(0, 0.1, 11))
+    return delta.simulate(torque, delta.home, np.zeros(3), 0.1 * np.linspace(0, 1, 11) ** 2)
 
 
 def test_peaks_and_means_are_those_of_the_reactions(delta, motion):
@@ -28,10 +28,16 @@ def test_peaks_and_means_are_those_of_the_reactions(delta, motion):
             row, vectors = rows[name, kind], w.of(name)[:, part]
             sizes = np.linalg.norm(vectors, axis=1)
             assert row.peak == pytest.approx(sizes.max(), rel=1e-12)
-            assert row.rms**2 == pytest.approx((sizes**2).mean(), rel=1e-12)
+            mean = np.trapezoid(sizes**2, motion.t) / 0.1
+            assert row.rms**2 == pytest.approx(mean, rel=1e-12)
             at = np.flatnonzero(motion.t == row.time)[0]
             assert row.peak * np.array(row[4:7]) == pytest.approx(vectors[at], abs=1e-12)
             assert row.determined
+
+
+def test_a_motion_of_one_sample_has_its_own_mean(delta, motion):
+    for row in delta.loads(motion[:1]).rows:
+        assert row.rms == pytest.approx(row.peak, rel=1e-12)
 
 
 def test_what_is_not_unique_is_no_number_in_the_table():
