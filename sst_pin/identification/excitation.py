@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -147,19 +149,25 @@ def excitation(
             scale *= 0.7
         return np.inf, z
 
-    best, kept = np.inf, np.zeros((rest.shape[1], n))
+    def followed(z: Array) -> Trajectory | None:
+        """The motion in short steps, a little smaller if it passes a limit between the others."""
+        for scale in 0.97 ** np.arange(10):
+            with suppress(SSTError):
+                motion = sampled(scale * z, fine)
+                if allowed(motion):
+                    return motion
+        return None
+
+    best, kept, chosen = np.inf, np.zeros((rest.shape[1], n)), None
     for k in range(tries):
         step = np.asarray(random.normal(size=kept.shape) / count)
         if k >= tries / 3 and np.isfinite(best):  # from the best one, ever shorter steps
             step = kept + 0.5 * np.abs(kept).max() * count * (1 - k / tries) * step
         value, found = judged(step)
-        if value < best:
-            best, kept = value, found
-    while np.isfinite(best):
-        motion = sampled(kept, fine)
-        if allowed(motion):
-            return motion
-        kept = 0.97 * kept  # a limit is passed between the samples that were judged
+        if value < best and (motion := followed(found)) is not None:
+            best, kept, chosen = value, found, motion
+    if chosen is not None:
+        return chosen
     raise InputError("start", "no motion about it stays within the limits")
 
 

@@ -44,3 +44,11 @@ def test_limits_that_nothing_keeps_are_refused():
     for wrong in ({"rates": 0.0}, {"rates": [1, 2, 3]}, {"harmonics": 1}, {"tries": 0}):
         with pytest.raises(InputError):
             excitation(CHAIN, BASE, 3.0, **wrong)
+
+
+@pytest.mark.slow
+def test_motions_that_meet_a_singular_configuration_between_the_samples_judged_are_left_out():
+    """With these numbers the best of those judged cannot be followed in short steps."""
+    motion = excitation(CHAIN, BASE, 5.0)
+    assert len(motion) == 501
+    assert np.abs(CHAIN.residual(motion.q)).max() < 1e-9
