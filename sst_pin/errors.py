@@ -338,7 +338,7 @@ class SingularityWarning(UserWarning):
 
 
 class DescriptionWarning(UserWarning):
-    """A URDF gives links inertias that no body has; the dynamics are computed with them.
+    """A URDF gives links inertias that no body has, or has no place for what a robot has.
 
     Example:
         >>> import warnings

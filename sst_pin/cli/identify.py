@@ -7,7 +7,7 @@ import argparse
 from pathlib import Path
 
 from ..errors import InputError
-from ..files import text_writer
+from ..files import Writer, text_writer
 from ..identification import (
     base_parameters,
     calibrate,
@@ -19,6 +19,7 @@ from ..identification import (
     predicted_torques,
     report,
 )
+from ..identification.urdf_numbers import with_dynamics
 from ..motion.motion_files import read_log, read_poses
 from ..reading import is_mjcf
 from .common import (
@@ -72,6 +73,12 @@ def add_to(commands: Commands) -> None:
         help="use one of N samples, after a filter on both sides of the equations (default: 1)",
     )
     parser.add_argument("--robust", action="store_true", help="let outliers count less")
+    parser.add_argument(
+        "--urdf",
+        type=Path,
+        metavar="FOUND.urdf",
+        help="write the URDF of --robot with the parameters found, its .yaml beside it",
+    )
     parser = commands.add(
         "excite", _excite, "Find a motion that shows the dynamic parameters of a robot well."
     )
@@ -112,6 +119,7 @@ def _identify(arguments: argparse.Namespace) -> int:
     output = arguments.output
     pictures = {} if str(output) == "-" else {"plot": "matplotlib"}
     require_extras(identification="clarabel", **pictures)
+    urdf = _urdf_of(arguments) if arguments.urdf else Path()
     robot, source = robot_of(arguments), source_of(arguments.log)
     t, x, tau, start = read_log(robot, source)
     motion = measured_motion(robot, t, x, tau, cutoff=arguments.cutoff, start=start)
@@ -129,6 +137,9 @@ def _identify(arguments: argparse.Namespace) -> int:
         page = plots.torques_page(unseen, predicted_torques(robot, theta, unseen))
         files[name] = plots.figure_writer(page, name)
         text += f"\n![Measured and predicted torques of the unseen motion](<{name.name}>)\n"
+    if arguments.urdf:
+        made = robot.with_parameters(theta)
+        files |= _with_closures(with_dynamics(made, urdf), urdf, arguments.urdf)
     write({output: text_writer(text), **files}, arguments)
     told = f"{len(base)} combinations, {int(found.supported.sum())} supported"
     say(f"{len(motion)} samples, {told} -> {output}", arguments)
@@ -146,17 +157,28 @@ def _excite(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _calibrate(arguments: argparse.Namespace) -> int:
+def _urdf_of(arguments: argparse.Namespace) -> Path:
+    """The URDF of the robot, which is written again with other numbers."""
     urdf = Path(arguments.robot or "")
     if not urdf.is_file() or is_mjcf(urdf):
-        raise InputError("--robot", "needed: a URDF, which is written with calibrated origins")
+        raise InputError("--robot", "needed: a URDF, which is written with the numbers found")
+    return urdf
+
+
+def _with_closures(text: str, urdf: Path, output: Path) -> dict[Path, Writer]:
+    """Writers of a URDF and of the YAML beside the first one."""
+    files = {output: text_writer(text)}
+    if str(output) != "-" and (cuts := urdf.with_suffix(".yaml")).is_file():
+        files[output.with_suffix(".yaml")] = text_writer(cuts.read_text(encoding="utf-8"))
+    return files
+
+
+def _calibrate(arguments: argparse.Namespace) -> int:
+    urdf = _urdf_of(arguments)
     robot, source, frame = robot_of(arguments), source_of(arguments.poses), arguments.frame
     x, poses, start = read_poses(robot, source, frame)
     which = arguments.which and arguments.which.split(",")
     found = calibrate(robot, frame, x, poses, which=which, start=start)
-    files = {arguments.output: text_writer(found._urdf(urdf))}
-    if str(arguments.output) != "-" and (cuts := urdf.with_suffix(".yaml")).is_file():
-        files[arguments.output.with_suffix(".yaml")] = text_writer(cuts.read_text(encoding="utf-8"))
-    write(files, arguments)
+    write(_with_closures(found._urdf(urdf), urdf, arguments.output), arguments)
     say(f"{found!r}\n{len(x)} poses -> {arguments.output}", arguments)
     return 0

@@ -8,6 +8,7 @@ from .estimation import Estimate, estimate
 from .excitation import condition_number, excitation
 from .measurements import measured_motion
 from .report import predicted_torques, report
+from .urdf_numbers import write_urdf
 
 __all__ = [
     "BaseParameters",
@@ -23,6 +24,7 @@ __all__ = [
     "predicted_torques",
     "random_states",
     "report",
+    "write_urdf",
 ]
 
 

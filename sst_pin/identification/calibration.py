@@ -8,7 +8,6 @@ errors, with closed loops.
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
@@ -27,7 +26,6 @@ from ..chain.thresholds import RANK_TOLERANCE
 from ..chain.tree import frame_id
 from ..errors import (
     ClosureError,
-    DescriptionError,
     InputError,
     SingularConfigurationError,
     UnknownNameError,
@@ -39,6 +37,7 @@ from ..motion.frame_motions import targets_of
 from ..summaries import Summary, listed
 from .base_parameters import independent
 from .estimation import solved
+from .urdf_numbers import with_origins
 
 Array = NDArray[np.float64]
 
@@ -115,27 +114,7 @@ class Calibration(Summary):
 
     def _urdf(self, urdf: str | Path) -> str:
         """The URDF that the robot was read from, with calibrated origins."""
-        try:
-            root = ET.parse(as_path(urdf)).getroot()
-        except (OSError, ET.ParseError) as error:
-            raise DescriptionError(str(urdf), [f"the URDF cannot be read: {error}"]) from None
-        joints = {joint.get("name"): joint for joint in root.findall("joint")}
-        for joint in root.findall("joint[child]"):
-            joints.setdefault(joint.find("child").get("link"), joint)  # type: ignore[union-attr]
-        for place, moved in _placements(self.names, self.values).items():
-            if place not in joints:
-                raise DescriptionError(str(urdf), [f"no joint bears {place}"])
-            origin = joints[place].find("origin")
-            if origin is None:
-                origin = ET.SubElement(joints[place], "origin")
-            xyz, rpy = (np.array(origin.get(k, "0 0 0").split(), float) for k in ("xyz", "rpy"))
-            new = pin.SE3(pin.rpy.rpyToMatrix(rpy), xyz) * moved
-            for key, vector in (
-                ("xyz", new.translation),
-                ("rpy", pin.rpy.matrixToRpy(new.rotation)),
-            ):
-                origin.set(key, " ".join(map(repr, vector.tolist())))
-        return ET.tostring(root, encoding="unicode", xml_declaration=True)
+        return with_origins(urdf, _placements(self.names, self.values))
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
         triples = zip(self.names, self.values, 3 * self.deviations, strict=True)

@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """From a robot to a motion, from its log to the parameters."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import sst_pin
 from commands import run
 
+DELTA = Path(__file__).parents[2] / "examples" / "delta.urdf"
 CHAIN = sst_pin.robots.five_bar()
 
 
@@ -46,6 +49,31 @@ def test_a_report_has_the_friction_of_the_robot_and_the_errors_of_unseen_samples
     code, out, _ = run(capsys, "identify", log, "-o", "-", "--robust", "--decimate", 2, *arguments)
     assert code == 0
     assert out.startswith("# Dynamic parameters of five_bar")
+
+
+@pytest.mark.filterwarnings("ignore::sst_pin.DescriptionWarning")
+def test_the_urdf_gets_the_parameters_found(here, capsys):
+    delta = sst_pin.ClosedChain.from_urdf(DELTA)
+    true = delta.with_parameters({"motor_1.viscous": 0.2, "motor_3.viscous": 0.1})
+    t = np.linspace(0, 4, 401)
+    x = 0.2 + np.array([0.3, 0.2, 0.1]) * np.sin(np.outer(t, [3, 4, 5]))
+    tau = np.array(sst_pin.coordinate_motion(true, t, x).tau)
+    head = [f"{name}_rad" for name in delta.coordinates]
+    head += [f"tau_{name}_Nm" for name in delta.coordinates]
+    table = np.column_stack([t, x, tau])
+    np.savetxt(here / "log.csv", table, "%.9g", ",", header=",".join(["t_s", *head]), comments="")
+    options = "--cutoff", 20, "--which", "motor_*.viscous", "--urdf", "found.urdf"
+    code, _, error = run(
+        capsys, "identify", "log.csv", "-o", "report.md", "--robot", DELTA, *options
+    )
+    assert code == 0, error
+    found = sst_pin.ClosedChain.from_urdf(here / "found.urdf").dynamic_parameters
+    assert found["motor_1.viscous"] == pytest.approx(0.2, abs=0.01)
+    assert found["motor_3.viscous"] == pytest.approx(0.1, abs=0.01)
+    assert found["motor_2.mx"] == pytest.approx(delta.dynamic_parameters["motor_2.mx"], rel=1e-12)
+    code, _, error = run(capsys, "identify", "log.csv", "-o", "r.md", "--robot", "delta", *options)
+    assert code == 2
+    assert "needed: a URDF" in error
 
 
 def test_a_motion_that_shows_parameters_is_a_motion_file(here, capsys):

@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""URDFs with the numbers of a robot: read again, they give this robot."""
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from numpy.testing import assert_allclose
+
+import sst_pin
+from sst_pin.identification import write_urdf
+
+ROOT = Path(__file__).parents[2]
+FILES = {"delta": ROOT / "examples" / "delta.urdf", "sst": Path(sst_pin.URDF_PATH)}
+#: A crank with a weight at a fixed joint, a slide on it, and a base that nothing moves.
+ARM = """<robot name="arm">
+<link name="base"><inertial><mass value="7"/>
+<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
+<link name="crank"/>
+<link name="weight"><inertial><origin xyz="0.1 0 0" rpy="0.3 0 0"/><mass value="2"/>
+<inertia ixx="0.1" ixy="0" ixz="0" iyy="0.2" iyz="0" izz="0.25"/></inertial></link>
+<link name="cap"><inertial><mass value="0.5"/>
+<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.02"/></inertial></link>
+<link name="slide"><inertial><mass value="1"/>
+<inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link>
+<joint name="turn" type="revolute"><parent link="base"/><child link="crank"/>
+<axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="5" velocity="5"/></joint>
+<joint name="bolt" type="fixed"><parent link="crank"/><child link="weight"/>
+<origin xyz="0 0 0.3" rpy="0 0 1"/></joint>
+<joint name="lid" type="fixed"><parent link="weight"/><child link="cap"/>
+<origin xyz="0.2 0 0"/></joint>
+<joint name="push" type="prismatic"><parent link="weight"/><child link="slide"/>
+<axis xyz="1 0 0"/><limit lower="-1" upper="1" effort="5" velocity="5"/>
+<dynamics damping="0.7" friction="0.1"/></joint>
+</robot>"""
+
+
+def read(path, text=None):
+    if text is not None:
+        path.write_text(text, encoding="utf-8")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", sst_pin.DescriptionWarning)
+        return sst_pin.ClosedChain.from_urdf(path)
+
+
+def changed(chain):
+    """Each body that has a mass and the friction of each motor another number."""
+    random, theta = np.random.default_rng(0), chain.dynamic_parameters
+    values = np.array(theta.values)
+    bodies = values[: 10 * (chain.model.njoints - 1)].reshape(-1, 10)
+    for k in np.flatnonzero(bodies[:, 0]):
+        bodies[k] += pin.Inertia.Random().toDynamicParameters()
+    named = dict(zip(theta.names[: bodies.size], bodies.ravel(), strict=True))
+    named |= {
+        name: random.uniform(0.1, 1)
+        for name in theta.names
+        if name.endswith((".viscous", ".coulomb")) and name.split(".")[0] in chain.motor_names
+    }
+    return chain.with_parameters(named)
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_a_robot_read_from_what_was_written_has_the_same_parameters(name, tmp_path):
+    pin.seed(0)
+    robot = changed(read(FILES[name]))
+    path = tmp_path / "found.urdf"
+    write_urdf(robot, FILES[name], path)
+    cuts = FILES[name].with_suffix(".yaml")
+    path.with_suffix(".yaml").write_bytes(cuts.read_bytes())
+    again = read(path)
+    assert again.dynamic_parameters.names == robot.dynamic_parameters.names
+    assert_allclose(again.dynamic_parameters.values, robot.dynamic_parameters.values, atol=1e-12)
+
+
+def test_links_at_fixed_joints_get_one_inertia_and_the_base_keeps_its_own(tmp_path):
+    pin.seed(1)
+    source = tmp_path / "arm.urdf"
+    robot = changed(read(source, ARM))
+    write_urdf(robot, source, tmp_path / "found.urdf")
+    again = read(tmp_path / "found.urdf")
+    assert_allclose(again.dynamic_parameters.values, robot.dynamic_parameters.values, atol=1e-12)
+    text = (tmp_path / "found.urdf").read_text(encoding="utf-8")
+    assert text.count("<inertial>") == 3
+    assert '<mass value="7"' in text
+
+
+def test_what_a_urdf_cannot_have_is_told_by_name(tmp_path):
+    source = tmp_path / "arm.urdf"
+    robot = read(source, ARM).with_parameters({"turn.armature": 0.2, "push.stiffness": 3.0})
+    with pytest.warns(sst_pin.DescriptionWarning, match=r"no place for .*turn\.armature.*push\.st"):
+        write_urdf(robot, source, tmp_path / "found.urdf")
+
+
+def test_files_of_other_robots_are_refused(tmp_path):
+    source = tmp_path / "arm.urdf"
+    robot = read(source, ARM)
+    with pytest.raises(sst_pin.DescriptionError, match="no link is moved by joint turn"):
+        write_urdf(robot, FILES["delta"], tmp_path / "found.urdf")
+    with pytest.raises(sst_pin.DescriptionError, match="cannot be read"):
+        write_urdf(robot, tmp_path / "none.urdf", tmp_path / "found.urdf")
+    with pytest.raises(sst_pin.OutputError, match="exists"):
+        write_urdf(robot, source, source)
