@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -20,6 +22,8 @@ _ORDER = 4
 _OUTLIER, _USUAL = 8.0, 141
 #: Of so many samples one outlier is replaced in each of so many passes.
 _AROUND, _PASSES = 7, 60
+#: Part of the samples that may be outliers: more spoil the curve that they are held against.
+_MOST = 0.05
 
 
 def measured_motion(
@@ -53,8 +57,8 @@ def measured_motion(
         Times, configurations, rates, accelerations, and the filtered torques.
 
     Raises:
-        InputError: For wrong shapes, a gap in the log, or a cut-off frequency that is not below
-            half of the sampling rate, or needs more time than the log has.
+        InputError: For wrong shapes, a gap in the log, too many outliers, or a cut-off frequency
+            that is not below half of the sampling rate, or needs more time than the log has.
         ClosureError: If the loops cannot be closed along the motion.
 
     Example:
@@ -83,7 +87,7 @@ def measured_motion(
         problem = f"no samples for {missing:.3g} s from {times[gap]:.6g} s on"
         raise InputError("t", f"{problem}: more than half a period of {cutoff:g} Hz; split the log")
     both = np.array([np.interp(even, times, column) for column in np.hstack([values, torques]).T]).T
-    smooth = _smoothed(both, cutoff / rate)
+    smooth = _smoothed(both, cutoff / rate, chain.coordinates)
     curve = spline(even, smooth[:, : values.shape[1]])
     first, last = even[0] + 2 * period, even[-1] - 2 * period
     kept = np.linspace(first, last, int((last - first) * 2 / period) + 1)
@@ -107,14 +111,15 @@ def decimated(values: Array, every: int) -> Array:
     return values if every == 1 else lowpass(values, 0.4 / every)[::every]
 
 
-def _smoothed(values: Array, cutoff: float) -> Array:
-    """Smooth curves through samples; outliers give way to them, one by one.
+def _smoothed(values: Array, cutoff: float, names: Sequence[str]) -> Array:
+    """Smooth curves through samples, the first those of `names`; outliers give way one by one.
 
     An outlier is the sample farthest from the curve around it, by far more than is usual there.
     """
     from scipy.ndimage import maximum_filter1d
 
     values, parts = values.copy(), max(1, len(values) // _USUAL)
+    replaced = np.zeros(values.shape, dtype=bool)
     for _ in range(_PASSES):
         curve = lowpass(values, cutoff)
         away = np.abs(values - curve)
@@ -123,5 +128,9 @@ def _smoothed(values: Array, cutoff: float) -> Array:
         far &= away >= maximum_filter1d(away, _AROUND, axis=0)
         if not far.any():
             break
-        values[far] = curve[far]
+        values[far], replaced[far] = curve[far], True
+    counts = replaced[:, : len(names)].sum(axis=0)
+    if counts[k := int(counts.argmax())] > _MOST * len(values):
+        problem = f"{counts[k]} of {len(values)} samples of {names[k]} are outliers"
+        raise InputError("x", f"{problem}: clean the log, or choose a higher cut-off frequency")
     return curve

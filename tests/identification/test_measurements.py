@@ -90,3 +90,11 @@ def test_a_gap_that_hides_motion_is_refused():
     late = (T <= 2) | (T > 2.05)
     with pytest.raises(InputError, match=r"no samples for 0.052 s from 2 s on"):
         measured_motion(CHAIN, T[late], X[late], TAU[late], cutoff=15)
+
+
+def test_a_log_with_so_many_outliers_that_they_bend_the_curve_is_refused():
+    rng, noisy = np.random.default_rng(0), X + 1e-4 * np.random.default_rng(1).normal(size=X.shape)
+    at = rng.choice(np.arange(100, 2900), 300, replace=False)
+    noisy[at] += 0.1 * rng.choice([-1, 1], (300, 1))
+    with pytest.raises(InputError, match=r"\d of 3001 samples of \w+ are outliers"):
+        measured_motion(CHAIN, T, noisy, TAU, cutoff=10)
