@@ -102,7 +102,7 @@ def force_polytope(
         Shape (corners, 3), in base axes, [N] or [N m]; in a plane one after the other.
 
     Raises:
-        ActuationError: If the motors cannot hold the robot at q, or a force of the frame moves a
+        ActuationError: If the motors have nothing to spare at q, or a force of the frame moves a
             coordinate that no motor holds.
         InputError: For limits that are none.
         SingularConfigurationError: Where a motor needs no torque for a force.
@@ -120,7 +120,7 @@ def force_polytope(
     room = np.concatenate([bounds[:, 1] - hold, hold - bounds[:, 0]])
     if room.min() <= 0:
         motor = chain.motor_names[int(room.argmin()) % len(hold)]
-        raise ActuationError(f"motor {motor} cannot hold the robot at q within its limits")
+        raise ActuationError(f"motor {motor} has no torque to spare: it needs all to hold the robot")
     G = _supplied(chain, single, frame, turning)
     moving = _range(_jacobian(chain, single, frame, turning))
     if not len(moving):
