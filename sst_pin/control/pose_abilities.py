@@ -120,7 +120,7 @@ def force_polytope(
     room = np.concatenate([bounds[:, 1] - hold, hold - bounds[:, 0]])
     if room.min() <= 0:
         motor = chain.motor_names[int(room.argmin()) % len(hold)]
-        raise ActuationError(f"motor {motor} has no torque to spare: it needs all to hold the robot")
+        raise ActuationError(f"motor {motor} has no torque to spare when it holds the robot")
     G = _supplied(chain, single, frame, turning)
     moving = _range(_jacobian(chain, single, frame, turning))
     if not len(moving):
