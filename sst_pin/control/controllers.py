@@ -13,7 +13,7 @@ from ..chain.closed_chain import ClosedChain
 from ..chain.named_positions import taken
 from ..chain.regressor import OF_BODY
 from ..errors import ActuationError, InputError
-from ..motion.coordinate_motions import coordinate_positions
+from ..motion.coordinate_motions import positions_along
 from ..motion.moving_robot import require_motion
 from ..motion.samples import spline
 from ..motion.trajectories import Trajectory
@@ -54,7 +54,7 @@ class Controller(ABC):
             raise InputError("limits", "needed: a positive number, or one for each motor")
         mechanism = chain.mechanism
         self._turns = np.array([unit == "rad" for unit in mechanism.coordinate_rate_units])
-        self._path = spline(motion.t, coordinate_positions(chain, motion.q))
+        self._path = spline(motion.t, positions_along(chain, motion))
         self._rates, self._accelerations = self._path.derivative(1), self._path.derivative(2)
 
     def torque(self, t: float, q: Array, va: Array) -> Array:

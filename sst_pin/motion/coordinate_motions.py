@@ -71,6 +71,20 @@ def coordinate_positions(chain: ClosedChain, q: Array) -> Array:
     return without_full_turns(chain, taken(space, space.without_jumps(q), chain.coordinates))
 
 
+def positions_along(chain: ClosedChain, motion: Trajectory) -> Array:
+    """Positions of the coordinates along a motion, full turns as its rates tell, shape (N, n).
+
+    Raises:
+        UnknownNameError: For a coordinate that neither turns about an axis nor slides.
+    """
+    x = taken(chain.mechanism.space, motion.q, chain.coordinates)
+    turning = np.array([unit == "rad" for unit in chain.mechanism.coordinate_rate_units])
+    moved = np.diff(motion.t)[:, None] * (motion.va[1:] + motion.va[:-1]) / 2
+    turns = np.round((moved - np.diff(x, axis=0)) / (2 * np.pi)) * turning
+    x[1:] += 2 * np.pi * np.cumsum(turns, axis=0)
+    return x
+
+
 def without_full_turns(chain: ClosedChain, x: Array) -> Array:
     """Positions of the coordinates, shape (N, n); joints that turn without end do not jump."""
     endless = [name not in chain.mechanism.space.position_names for name in chain.coordinates]

@@ -9,8 +9,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import as_array, finite_array, name_samples
 from ..chain.closed_chain import ClosedChain
+from ..chain.named_positions import taken
 from ..errors import InputError, WorkspaceError
-from .coordinate_motions import coordinate_positions, start_of
+from .coordinate_motions import start_of, without_full_turns
 from .frame_guide import FrameGuide
 from .samples import sample_times, spline
 from .trajectories import Trajectory
@@ -72,7 +73,8 @@ def frame_motion(
             name_samples(error, [i], (len(times),))
             raise error
         now = q[i] = way.q
-    curve = spline(times, coordinate_positions(chain, q))
+    x = taken(chain.mechanism.space, q, chain.coordinates)  # Newton's method makes no full turns
+    curve = spline(times, without_full_turns(chain, x))
     return chain.trajectory(times, q, curve.derivative(1)(times), curve.derivative(2)(times))
 
 

@@ -144,6 +144,19 @@ def test_a_motor_without_ends_has_no_error_of_full_turns():
     assert_allclose(control.torque(0.0, turned, np.zeros(1)), expected, atol=1e-12)
 
 
+def test_a_crank_may_turn_by_more_than_half_a_turn_between_samples():
+    """The wanted rates are those of the motion, wherever its positions jump by full turns."""
+    bar, t = sst_pin.robots.four_bar(), np.linspace(0, 2, 41)
+    motion = sst_pin.coordinate_motion(bar, t, bar.home[0] + 80 * (t + np.sin(t))[:, None])
+    jumping = motion.q.copy()
+    jumping[:, 0] %= 2 * np.pi
+    jumping = bar.trajectory(t, jumping, motion.va, motion.aa)
+    for each in (motion, jumping):
+        control = sst_pin.ComputedTorque(bar, each, kp=0, kd=0)
+        _, rates, _ = control._wanted(1.0)
+        assert_allclose(rates, 80 * (1 + np.cos(1.0)), rtol=1e-6)  # of the spline
+
+
 @pytest.mark.parametrize("kind", ["ComputedTorque", "GravityPD", "TrackingLQR"])
 def test_torques_stay_within_limits_and_ends_are_held(kind, five_bar, sway):
     gains = {"Q": [1e4] * 4, "R": [1e-4] * 2} if kind == "TrackingLQR" else {"kp": 900, "kd": 60}
