@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -18,10 +16,12 @@ from ..motion.trajectories import Trajectory
 Array = NDArray[np.float64]
 
 _ORDER = 4
-#: How far an outlier is from the smooth curve, over the median of about so many samples.
-_OUTLIER, _USUAL = 8.0, 141
-#: Of so many samples one outlier is replaced in each of so many passes.
-_AROUND, _PASSES = 7, 60
+#: How far an outlier is from the smooth curve, over the median of so many periods and samples:
+#: an outlier moves the curve by more than a period.
+_OUTLIER, _PERIODS, _USUAL = 8.0, 10, 141
+#: Of so many samples one outlier is replaced in each of so many passes; positions may be replaced
+#: for this part of a period.
+_AROUND, _PASSES, _BRIDGED = 7, 60, 0.25
 #: Part of the samples that may be outliers: more spoil the curve that they are held against.
 _MOST = 0.05
 
@@ -38,10 +38,11 @@ def measured_motion(
     """A log of positions and torques as a motion of the robot.
 
     A Butterworth filter of order four, forwards and backwards, smooths positions and torques alike;
-    outliers are replaced by the smooth curve around them. Rates and accelerations are derivatives
-    of splines of degree five. Of the filtered samples as many are kept as the cut-off frequency
-    needs, two in its period, without the first and the last two periods. Joints without a sensor
-    follow by assembly, from sample to sample in one assembly mode.
+    outliers are replaced by the smooth curve around them, positions for less than a quarter of a
+    period of the cut-off frequency. Rates and accelerations are derivatives of splines of degree
+    five. Of the filtered samples as many are kept as the cut-off frequency needs, two in its
+    period, without the first and the last two periods. Joints without a sensor follow by assembly,
+    from sample to sample in one assembly mode.
 
     Args:
         chain: The robot; each coordinate turns about an axis or slides.
@@ -57,8 +58,9 @@ def measured_motion(
         Times, configurations, rates, accelerations, and the filtered torques.
 
     Raises:
-        InputError: For wrong shapes, a gap in the log, too many outliers, or a cut-off frequency
-            that is not below half of the sampling rate, or needs more time than the log has.
+        InputError: For wrong shapes, a gap in the log, too many outliers, or too many in a row, or
+            a cut-off frequency that is not below half of the sampling rate, or needs more time than
+            the log has.
         ClosureError: If the loops cannot be closed along the motion.
 
     Example:
@@ -87,9 +89,11 @@ def measured_motion(
         problem = f"no samples for {missing:.3g} s from {times[gap]:.6g} s on"
         raise InputError("t", f"{problem}: more than half a period of {cutoff:g} Hz; split the log")
     both = np.array([np.interp(even, times, column) for column in np.hstack([values, torques]).T]).T
-    smooth = _smoothed(both, cutoff / rate, chain.coordinates)
+    smooth, replaced = _smoothed(both, cutoff / rate)
     curve = spline(even, smooth[:, : values.shape[1]])
     first, last = even[0] + 2 * period, even[-1] - 2 * period
+    inside = (first <= even) & (even <= last)
+    _require_bridged(chain, even[inside], replaced[inside], _BRIDGED * period)
     kept = np.linspace(first, last, int((last - first) * 2 / period) + 1)
     q = configurations_of(chain, curve(kept), start)
     held = spline(even, smooth[:, values.shape[1] :])(kept)
@@ -111,15 +115,31 @@ def decimated(values: Array, every: int) -> Array:
     return values if every == 1 else lowpass(values, 0.4 / every)[::every]
 
 
-def _smoothed(values: Array, cutoff: float, names: Sequence[str]) -> Array:
-    """Smooth curves through samples, the first those of `names`; outliers give way one by one.
+def _require_bridged(
+    chain: ClosedChain, t: Array, replaced: NDArray[np.bool], longest: float
+) -> None:
+    """Check that few positions are replaced, and for short times only."""
+    for name, column in zip(chain.coordinates, replaced.T, strict=False):
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], column, [False]]).astype(int)))
+        first, behind = edges[::2], edges[1::2]
+        at = t[first[t[behind - 1] - t[first] >= longest]]
+        if len(at):
+            problem = f"{name} jumps, or is faster than the cut-off frequency, at {at[0]:.6g} s"
+            raise InputError("x", f"{problem}; clean the log or split it there")
+        if (count := int(column.sum())) > _MOST * len(t):
+            problem = f"{count} of {len(t)} samples of {name} are outliers"
+            raise InputError("x", f"{problem}: clean the log, or choose a higher cut-off frequency")
+
+
+def _smoothed(values: Array, cutoff: float) -> tuple[Array, NDArray[np.bool]]:
+    """Smooth curves through samples, and which samples are outliers, which give way one by one.
 
     An outlier is the sample farthest from the curve around it, by far more than is usual there.
     """
     from scipy.ndimage import maximum_filter1d
 
-    values, parts = values.copy(), max(1, len(values) // _USUAL)
-    replaced = np.zeros(values.shape, dtype=bool)
+    values, replaced = values.copy(), np.zeros(values.shape, bool)
+    parts = max(1, int(len(values) / max(_USUAL, _PERIODS / cutoff)))
     for _ in range(_PASSES):
         curve = lowpass(values, cutoff)
         away = np.abs(values - curve)
@@ -128,9 +148,6 @@ def _smoothed(values: Array, cutoff: float, names: Sequence[str]) -> Array:
         far &= away >= maximum_filter1d(away, _AROUND, axis=0)
         if not far.any():
             break
-        values[far], replaced[far] = curve[far], True
-    counts = replaced[:, : len(names)].sum(axis=0)
-    if counts[k := int(counts.argmax())] > _MOST * len(values):
-        problem = f"{counts[k]} of {len(values)} samples of {names[k]} are outliers"
-        raise InputError("x", f"{problem}: clean the log, or choose a higher cut-off frequency")
-    return curve
+        values[far] = curve[far]
+        replaced |= far
+    return curve, replaced
