@@ -67,8 +67,8 @@ def add_robot(parser: Parser) -> None:
     parser.add_argument(
         "--robot",
         metavar="ROBOT",
-        help="a URDF with its YAML beside it, an SDF, an MJCF, or a name of the gallery, such as "
-        "delta (default: the SST of the paper)",
+        help="a URDF with its YAML beside it, an SDF, USD or MJCF, or a name of the gallery, such "
+        "as delta (default: the SST of the paper)",
     )
 
 

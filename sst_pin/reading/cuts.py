@@ -115,7 +115,13 @@ def default_cuts(urdf: Path) -> Path | None:
 
 
 def load_poses(urdf: Urdf, model: pin.Model, held: Collection[str] = ()) -> Srdf | None:
-    """Named configurations from the SRDF beside a URDF; the SRDF, where there is one."""
+    """Named configurations of a file and of the SRDF beside it; the SRDF, where there is one."""
+    for name, values in urdf.poses.items():
+        q = pin.neutral(model)
+        for joint in (model.joints[j] for j in range(1, model.njoints)):
+            own = slice(joint.idx_q, joint.idx_q + joint.nq)
+            q[own] = values.get(model.names[joint.id], q[own])
+        model.referenceConfigurations[name] = q
     path = beside(Path(urdf.source), ".srdf")
     if not path.is_file():
         return None

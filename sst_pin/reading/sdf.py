@@ -212,9 +212,9 @@ class Sdf:
         joint = ET.SubElement(urdf, "joint", name=name, type=kind)
         ET.SubElement(joint, "parent", link=parent)
         ET.SubElement(joint, "child", link=child)
-        ET.SubElement(joint, "origin", _origin(own[parent].actInv(own[child])))
+        ET.SubElement(joint, "origin", origin_of(own[parent].actInv(own[child])))
         if axis is not None:
-            ET.SubElement(joint, "axis", xyz=_text(axis))
+            ET.SubElement(joint, "axis", xyz=text_of(axis))
         return joint
 
     def _details(self, made: ET.Element, joint: ET.Element, tag: str, sign: int) -> None:
@@ -272,8 +272,8 @@ class Sdf:
         place = self._place(joint.get("name", ""))
         for side, end, axis in zip(("parent", "child"), ends, (axes[0], axes[-1]), strict=True):
             ET.SubElement(cut, side, link=end)
-            ET.SubElement(cut, f"{side}_origin", _origin(own[end].actInv(place)))
-            ET.SubElement(cut, f"{side}_axis", xyz=_text(axis))
+            ET.SubElement(cut, f"{side}_origin", origin_of(own[end].actInv(place)))
+            ET.SubElement(cut, f"{side}_axis", xyz=text_of(axis))
         if kind == "universal" and abs(axes[0] @ axes[1]) > 1e-9:
             self._told(joint, "closes a loop with two axes that are not at a right angle")
         for tag in ("damping", "friction", "spring_stiffness"):
@@ -297,7 +297,7 @@ class Sdf:
             self._told(link, f"no {missing}, for which SDF has 1; write it")
             return
         part = ET.SubElement(made, "inertial")
-        ET.SubElement(part, "origin", _origin(at * self._pose(inertial)))
+        ET.SubElement(part, "origin", origin_of(at * self._pose(inertial)))
         ET.SubElement(part, "mass", value=repr(self._number(link, inertial, "mass", 1.0)))
         values = {key: self._number(link, inertial, f"inertia/{key}", 0.0) for key in _ENTRIES}
         ET.SubElement(part, "inertia", {key: repr(x) for key, x in values.items()})
@@ -318,7 +318,7 @@ class Sdf:
         if kind is None or kind.tag not in keys:
             return
         part = ET.SubElement(made, tag)
-        ET.SubElement(part, "origin", _origin(at * self._pose(shape)))
+        ET.SubElement(part, "origin", origin_of(at * self._pose(shape)))
         given = {to: (kind.findtext(key) or "").strip() for key, to in keys[kind.tag].items()}
         if kind.tag == "mesh":
             given["scale"] = given["scale"] or "1 1 1"
@@ -345,9 +345,11 @@ class Sdf:
             self._problems.append(problem)
 
 
-def _origin(place: pin.SE3) -> dict[str, Any]:
-    return {"xyz": _text(place.translation), "rpy": _text(pin.rpy.matrixToRpy(place.rotation))}
+def origin_of(place: pin.SE3) -> dict[str, Any]:
+    """Attributes of the `<origin>` of a URDF."""
+    return {"xyz": text_of(place.translation), "rpy": text_of(pin.rpy.matrixToRpy(place.rotation))}
 
 
-def _text(vector: Array) -> str:
+def text_of(vector: Array) -> str:
+    """Numbers with blanks between, as many digits as they have."""
     return " ".join(map(repr, map(float, vector)))

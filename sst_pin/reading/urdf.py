@@ -20,6 +20,7 @@ from .sdf import Sdf
 from .shapes import UrdfShapes
 from .text import parse_xml, read_text
 from .urdf_checks import FIXED, INERTIAL, MOVING, check
+from .usd import Usd, is_usd
 
 _TURNS = {"X": pin.JointModelRX(), "Y": pin.JointModelRY(), "Z": pin.JointModelRZ()}
 #: What a joint of the LAAS schema is: its parts, each with what is added to its name.
@@ -40,19 +41,25 @@ MOST_JOINTS = 400
 
 
 class Urdf:
-    """A URDF, or an SDF in the form of a URDF, read and parsed once.
+    """A URDF, or an SDF or a USD in the form of a URDF, read and parsed once.
 
     Attributes:
         source: Its path, or what else error messages call it.
         root: Its elements; not to be changed.
         gravity: Acceleration of gravity, shape (3,), [m/s^2].
         marks: What it says of loops beyond the tree.
+        poses: Named configurations that the file itself has, by joint.
         problems: What is wrong in names, tree and numbers.
     """
 
-    def __init__(self, text: str, source: str) -> None:
-        self.source, self.root = source, parse_xml(text, source)
+    def __init__(self, content: str | Usd, source: str) -> None:
+        self.source, self.poses = source, dict[str, dict[str, list[float]]]()
         self.gravity, self._balls = np.array([0, 0, -9.81]), list[str]()
+        if isinstance(content, Usd):
+            self.root, self._balls, self.gravity = content.urdf(), content.balls, content.gravity
+            self.poses = content.poses
+        else:
+            self.root = parse_xml(content, source)
         if self.root.tag == "sdf":
             sdf = Sdf(self.root, source)
             self.root, self._balls = sdf.urdf(), sdf.balls
@@ -63,7 +70,8 @@ class Urdf:
     @classmethod
     def read(cls, path: str | Path) -> Urdf:
         """The URDF in a file."""
-        return cls(read_text(path, "URDF"), str(path))
+        usd = isinstance(path, (str, Path)) and is_usd(Path(path))
+        return cls(Usd(Path(path)) if usd else read_text(path, "URDF"), str(path))
 
     @property
     def joint_names(self) -> list[str]:
