@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import finite_array, positive_number
 from ..chain.closed_chain import ClosedChain
-from ..chain.named_positions import put
+from ..chain.named_positions import put, taken
 from ..chain.redundancy import limits_of_each
 from ..errors import ActuationError, InputError, MissingExtraError
 from ..motion.coordinate_motions import coordinate_positions
@@ -111,6 +111,9 @@ class _Path:
         if q.ndim != 2 or len(q) < 3:
             raise InputError("path", f"shape {q.shape}, expected (N, {q.shape[-1]}) with N >= 3")
         x = coordinate_positions(chain, q)
+        less = np.abs(np.diff(x - taken(self._space, q, chain.coordinates), axis=0)) > 1
+        if (less & (np.abs(np.diff(x, axis=0)) > np.pi / 2)).any() or (less[1:] & less[:-1]).any():
+            raise InputError("path", "a joint turns by half a turn between samples: use more")
         scale = chain.mechanism.rate_scale[chain.mechanism.coordinates]
         steps = np.linalg.norm(np.diff(x, axis=0) / scale, axis=1)
         kept = np.append(True, steps > 1e-9 * steps.sum())

@@ -204,6 +204,19 @@ def test_paths_that_are_none_are_named(robot, circle):
         sst_pin.time_optimal(robot, circle[:2], torques=30)
 
 
+@pytest.mark.parametrize("step", [4.0, 5.9])
+def test_steps_of_more_than_half_a_turn_are_refused(step):
+    """They look like shorter ones the other way."""
+    model = pin.Model()
+    joint = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "wheel")
+    model.appendBodyToJoint(joint, pin.Inertia.Identity(), pin.SE3.Identity())
+    wheel = sst_pin.ClosedChain(model, [], ["wheel"])
+    with pytest.raises(sst_pin.InputError, match="half a turn between samples"):
+        sst_pin.time_optimal(wheel, step * np.arange(11)[:, None], torques=5.0)
+    dense = sst_pin.time_optimal(wheel, np.linspace(0, 10 * step, 60)[:, None], torques=5.0)
+    assert dense.t[-1] == pytest.approx(2 * np.sqrt(10 * step / 5), rel=1e-3)
+
+
 def test_a_limit_that_the_path_passes_halfway_says_where():
     """A pendulum that must stand still level with its axis."""
     model = pin.Model()
