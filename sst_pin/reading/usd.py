@@ -91,7 +91,7 @@ class Usd:
             raise DescriptionError(str(path), [f"the USD cannot be read: {text}"]) from None
         self._physics = UsdPhysics
         self._unit = UsdGeom.GetStageMetersPerUnit(self._stage)
-        self._mass = UsdPhysics.GetStageKilogramsPerUnit(self._stage)
+        self._kilograms = UsdPhysics.GetStageKilogramsPerUnit(self._stage)
         self._world = UsdGeom.XformCache()
         self._problems: list[str] = []
         prims = [p for p in self._stage.Traverse() if p.IsActive()]
@@ -120,17 +120,8 @@ class Usd:
             if found is None:  # nothing holds this body: it floats
                 link = next(name for name in self._at if name not in own)
                 name = "floating_base" if len(own) == 1 else f"{link}_floats"
-                here = pin.SE3.Identity()
-                found = _Joint(
-                    name,
-                    "floating",
-                    (_WORLD, link),
-                    (here, here),
-                    np.eye(3)[2],
-                    (0, 0),
-                    False,
-                    False,
-                )
+                ends = (_WORLD, link), (here, here)
+                found = _Joint(name, "floating", *ends, axis=np.zeros(3), limits=(0.0, 0.0))
             else:
                 left.remove(found)
             values = self._branch(urdf, found, own)
@@ -142,7 +133,7 @@ class Usd:
         for path, name in self._names.items():
             self._link(urdf, self._bodies[path], name, own[name])
         if self._problems:
-            raise DescriptionError(self._source, self._problems)
+            raise DescriptionError(self._source, list(dict.fromkeys(self._problems)))
         if drawn is not None:
             self.poses = {"home": drawn}
         return urdf
@@ -299,8 +290,8 @@ class Usd:
         place = own.actInv(pin.SE3(R, self._at[name].actInv(c)))
         part = ET.SubElement(made, "inertial")
         ET.SubElement(part, "origin", origin_of(place))
-        ET.SubElement(part, "mass", value=repr(float(kilograms) * self._mass))
-        values = np.array(moments, float) * self._mass * self._unit**2
+        ET.SubElement(part, "mass", value=repr(float(kilograms) * self._kilograms))
+        values = np.array(moments, float) * self._kilograms * self._unit**2
         entries = dict(zip(("ixx", "iyy", "izz"), values.tolist(), strict=True))
         entries |= dict.fromkeys(("ixy", "ixz", "iyz"), 0.0)
         ET.SubElement(part, "inertia", {key: repr(x) for key, x in entries.items()})
