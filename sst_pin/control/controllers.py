@@ -176,7 +176,7 @@ class TrackingLQR(Controller):
     """The torques of the motion and the linear feedback of least cost along it.
 
     The cost is the sum of x Q x + u R u over steps of the motion's samples, with the errors x of
-    (coordinates, rates) and u of the torques; behind the end its last sample is held for ever.
+    (coordinates, rates) and u of the torques; behind the end its last place is held for ever.
 
     Args:
         chain: The model; see `Controller`.
@@ -228,7 +228,8 @@ class TrackingLQR(Controller):
             P = (P + P.T) / 2
             found.append(K)
         self.gains = np.array(found[::-1])
-        self._feed = spline(motion.t, motion.tau)
+        self._feed, still = spline(motion.t, motion.tau), np.zeros((2, n))
+        self._holding = chain.compute_torques(motion.q[[0, -1]], still, still)
 
     def _torque(self, t: float, q: Array, va: Array) -> Array:
         times, size = self.motion.t, self.motion.t.size
@@ -237,7 +238,9 @@ class TrackingLQR(Controller):
         part = place - low
         K = (1 - part) * self.gains[low] + part * self.gains[low + 1]
         error, rate, _ = self._errors(t, q, va)
-        feed = self._feed(np.clip(t, times[0], times[-1]))
+        feed = self._feed(t)
+        if not times[0] <= t <= times[-1]:
+            feed = self._holding[int(t > times[-1])]
         return feed + K @ np.concatenate([error, rate])
 
 
