@@ -75,13 +75,11 @@ class Loops:
             for closure, rows in zip(closures, self.slices, strict=True)
             if isinstance(closure, Coupling)
         ]
-        # Each entry of Phi: where it is, its column of J, its wrench.
-        alone = self.supports[self.pairs.frames] > self.supports[self.pairs.frames[::-1]]
-        side, row, self._column = np.nonzero(alone)
-        self._wrench, self._entry = side * self.rows + row, row * alone.shape[2] + self._column
+        supports = self.supports[self.pairs.frames]
+        #: 1 for the columns of J that move one frame of a row and not the other, by frame and row.
+        self._alone = np.asarray(supports > supports[::-1], dtype=float)
         self._rates = rates_of_columns(model)
-        self.touched = np.zeros((self.rows, model.nv), dtype=bool)
-        self.touched[row, self._rates[self._column]] = True
+        self.touched = summed(model, self._alone.sum(axis=0)) > 0
         for rows, coupled in self.couplings:
             self.touched[rows] = coupled.touched
         self._jacobian_rates = JacobianRates(model)
@@ -145,8 +143,9 @@ class Loops:
         """Phi_dot v at rates v of the tree, shape (rows,), from accelerations of the frames."""
         W_dot, twists, accelerations = self._move(v)
         both = self.pairs.frames
-        drift: Array = np.einsum("sri,sri->r", W_dot, twists.take(both, axis=0))
-        drift += np.einsum("sri,sri->r", self._W, accelerations.take(both, axis=0))
+        at_b, at_a = np.vecdot(W_dot, twists.take(both, axis=0))
+        at_b_too, at_a_too = np.vecdot(self._W, accelerations.take(both, axis=0))
+        drift: Array = at_b + at_a + at_b_too + at_a_too
         for rows, coupled in self.couplings:
             drift[rows] = coupled.drift(self._q, v)
         return drift
@@ -174,11 +173,9 @@ class Loops:
         return self.pairs.wrench_rates(self._vectors, rates), twists, accelerations
 
     def _rows_times(self, W: Array, J: Array) -> Array:
-        """W J at B for what moves B only, less that at A for what moves A only."""
-        product = np.zeros(self.rows * J.shape[1])
-        wrenches = W.reshape(-1, 6).take(self._wrench, axis=0)
-        product[self._entry] = np.einsum("ij,ij->i", wrenches, J.T.take(self._column, axis=0))
-        return summed(self.model, product.reshape(self.rows, J.shape[1]))
+        """W J at B for what moves B only, less that at A for what moves A only: W has the sign."""
+        at_b, at_a = (W @ J) * self._alone
+        return summed(self.model, at_b + at_a)
 
 
 def connected(touched: NDArray[np.bool_]) -> Iterator[tuple[Indices, Indices]]:

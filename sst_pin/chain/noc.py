@@ -86,9 +86,11 @@ class JointComplement:
             smallest.append(pivots[1])
         if not all(pivot * MAX_CONDITION_NUMBER > largest for pivot in smallest):
             self._refuse(Phi, largest / MAX_CONDITION_NUMBER, smallest)
-        left = self._row_scale * Phi.dot(self.L)  # Phi L = 0 in the rows that are redundant too
-        bound = _INCONSISTENT * largest * np.abs(self.L).max(initial=0.0)
-        if not np.abs(left).max(initial=0.0) <= bound:
+        left = (self._row_scale * Phi.dot(self.L)).ravel()  # Phi L = 0 in redundant rows too
+        bound = _INCONSISTENT * largest
+        if left.dot(left) <= bound**2:
+            return  # the short way: no entry of L is as large as those of its coordinates, 1
+        if not np.abs(left).max(initial=0.0) <= bound * np.abs(self.L).max(initial=0.0):
             self._refuse(Phi, 0.0, smallest)
 
     def _least_squares(self, A: Array) -> tuple[Array, tuple[float, float]]:

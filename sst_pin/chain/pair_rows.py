@@ -2,20 +2,21 @@
 """Rows of the closures of two frames by vector formulas, all closures at once.
 
 A row of Phi is a wrench W at frame B and another one at frame A, [force; moment] in world axes at
-the world's origin: Phi v = W_B . twist of B - W_A . twist of A. There are two sorts of rows:
+the world's origin: Phi v = W_B . twist of B - W_A . twist of A. With homogeneous coordinates, an
+origin [p; 1] and an axis [p; 0], each W is made of a direction u and a vector [p; s], and is
+[s u; p x u]. There are two sorts of rows:
 
-- velocity: along a direction u, of a point b of B less that of a point a of A:
-  W_B = [u; b x u], W_A = [u; a x u];
-- turn: about a direction u, of B less that of A: W_B = W_A = [0; u].
+- velocity: along a direction u, of a point of B less that of a point of A;
+- turn: about the product p x u of two directions, of B less that of A.
 
 The kinds of closures differ in their directions and points only:
 
-- "6d" and "3d": u are the axes of the world, b and a the two origins; a "6d" turns about the axes
+- "6d" and "3d": u are the axes of the world, the points both origins; a "6d" turns about the axes
   of the world, too;
-- other kinds: u are the axes of A, b and a both the origin of B; they turn about the axes of the
+- other kinds: u are the axes of A, the points both the origin of B; they turn about the axes of the
   world if no turn is free, else about the normals of two axes that stay at a right angle;
-- a distance: u is the unit vector from A to B, b and a the origins;
-- a rolling wheel: u are the axes of the plane A, b and a both the point of contact.
+- a distance: u is the unit vector from A to B, the points are the origins;
+- a rolling wheel: u are the axes of the plane A, the points both the point of contact.
 """
 
 from __future__ import annotations
@@ -36,15 +37,16 @@ Indices = NDArray[np.intp]
 _STEP = 1e-50
 
 
-def _maps() -> tuple[Array, Array]:
-    """Products of (p, 1) and u times these: [u; p x u], and [0; u]."""
-    slides, turns = np.zeros((2, 4, 3, 6))
-    slides[3, :, :3] = turns[3, :, 3:] = np.eye(3)
-    slides[:3, :, 3:] = cross_products(np.eye(3)[:, None], np.eye(3))
-    return slides.reshape(12, 6), turns.reshape(12, 6)
+def _map() -> Array:
+    """Products of (p, s) and u, one after the other, times this: [s u; p x u]."""
+    wrenches = np.zeros((4, 3, 6))
+    wrenches[3, :, :3] = np.eye(3)
+    wrenches[:3, :, 3:] = cross_products(np.eye(3)[:, None], np.eye(3))
+    return wrenches.reshape(12, 6)
 
 
-_SLIDES, _TURNS = _maps()
+#: What B does, less what A does.
+_WRENCHES = np.stack((_map(), -_map()))
 
 
 class PairRows:
@@ -70,72 +72,53 @@ class PairRows:
     ) -> None:
         self.frames = np.zeros((2, rows), dtype=np.intp)
         #: Of each row its direction, its points on B and on A, the ends of its gap.
-        table = np.zeros((5, rows), dtype=np.intp)
-        slide, turn = np.zeros((2, rows))
+        self._table = np.zeros((5, rows), dtype=np.intp)
         self._lengths = np.zeros(rows)
-        rods: list[tuple[int, int]] = []
-        wheels: list[tuple[int, int, float, bool]] = []
-        angles: list[tuple[int, int, int, float]] = []
         self._oriented: list[tuple[slice, int, int]] = []
         self._aligned: list[tuple[int, int, int]] = []
-        # Vectors are origin and axes of each frame, then contacts, rods, normals of angles.
-        first_contact = 4 * frames
-        first_rod = first_contact + sum(isinstance(closure, Rolling) for closure, *_ in closures)
-        first_angle = first_rod + sum(isinstance(closure, Distance) for closure, *_ in closures)
+        # Vectors are origin and axes of each frame, then contacts, then rods.
+        wheels = [(b, a, c.radius, c.ball) for c, _, a, b in closures if isinstance(c, Rolling)]
+        rods = [(b, a) for c, _, a, b in closures if isinstance(c, Distance)]
+        contact, rod = 4 * frames, 4 * frames + len(wheels)
         for closure, first, a, b in closures:
-            row, at_a, at_b = first, 4 * a, 4 * b
-            self.frames[:, row : row + len(closure.rows)] = [[b], [a]]
+            at_a, at_b = 4 * a, 4 * b
+            rows_of = slice(first, first + len(closure.rows))
+            self.frames[:, rows_of] = [[b], [a]]
             if isinstance(closure, Distance):
-                table[:, row] = first_rod + len(rods), at_b, at_a, at_b, at_a
-                slide[row], self._lengths[row] = 1.0, closure.distance
-                rods.append((b, a))
-                continue
-            if isinstance(closure, Rolling):
-                contact = first_contact + len(wheels)
-                wheels.append((b, a, closure.radius, closure.ball))
+                self._table[:, first] = rod, at_b, at_a, at_b, at_a
+                self._lengths[first] = closure.distance
+                rod += 1
+            elif isinstance(closure, Rolling):
                 for k in range(3):  # only the height has a residual
                     start = at_a if k == 2 else contact
-                    table[:, row + k] = at_a + 1 + k, contact, contact, contact, start
-                    slide[row + k] = 1.0
-                continue
-            in_world = closure.kind in ("6d", "3d")
-            for k in range(3):
-                if closure.held[k]:
-                    u, at = (1 + k, at_a) if in_world else (at_a + 1 + k, at_b)
-                    table[:, row] = u, at_b, at, at_b, at_a
-                    slide[row] = 1.0
-                    row += 1
-            held = [k for k in range(3) if closure.held[3 + k]]
-            turn[row : row + len(held)] = 1.0
-            if len(held) == 3:
-                self._oriented.append((slice(row, row + 3), a, b))
-                table[0, row : row + 3] = range(1, 4)
-                continue
-            if len(held) == 2:
-                self._aligned.append((row, at_a + 4 - sum(held), at_b + 4 - sum(held)))
-            for i, j, sign in _right_angles(held):
-                table[0, row] = first_angle + len(angles)
-                angles.append((row, at_a + 1 + i, at_b + 1 + j, sign))
-                row += 1
-        self._table = table
-        slides, turns = (sort[:, None, None] for sort in (slide, turn))
-        maps = slides * _SLIDES + turns * _TURNS
-        self._maps = np.stack((maps, -maps))  # what B does, less what A does
-        self._keep(rods, wheels, angles)
-
-    def _keep(
-        self,
-        rods: list[tuple[int, int]],
-        wheels: list[tuple[int, int, float, bool]],
-        angles: list[tuple[int, int, int, float]],
-    ) -> None:
-        """Take in what vectors are made from."""
-        angle, wheel = np.array(angles).reshape(-1, 4), np.array(wheels).reshape(-1, 4)
+                    self._table[:, first + k] = at_a + 1 + k, contact, contact, contact, start
+                contact += 1
+            else:
+                self._table[:, rows_of] = np.transpose(self._joint(closure, first, a, b))
         self._rods = _columns(np.array(rods).reshape(-1, 2))
-        self._angle, *self._axes = _columns(angle[:, :3])
-        self._signs = angle[:, 3:]
+        wheel = np.array(wheels).reshape(-1, 4)
         self._wheels = _columns(wheel[:, :2])
         self._radii, self._discs = wheel[:, 2:3], 1.0 - wheel[:, 3:]
+
+    def _joint(self, closure: Closure, first: int, a: int, b: int) -> list[list[int]]:
+        """Rows of the table for a massless joint."""
+        at_a, at_b, world = 4 * a, 4 * b, closure.kind in ("6d", "3d")
+        u, point = (0, at_a) if world else (at_a, at_b)
+        held = closure.held
+        rows = [[u + 1 + k, at_b, point, at_b, at_a] for k in range(3) if held[k]]
+        turns = [k for k in range(3) if held[3 + k]]
+        next_row = first + len(rows)
+        if len(turns) == 3:
+            self._oriented.append((slice(next_row, next_row + 3), a, b))
+            # An axis of the world is the product of the two others.
+            return rows + [[1 + (k + 2) % 3, *[1 + (k + 1) % 3] * 2, 0, 0] for k in range(3)]
+        if len(turns) == 2:
+            self._aligned.append((next_row, at_a + 4 - sum(turns), at_b + 4 - sum(turns)))
+        for i, j, about_a in _right_angles(turns):
+            of_a, of_b = at_a + 1 + i, at_b + 1 + j
+            # The gap is plus or minus the product of both axes; their products with 0 are zero.
+            rows.append([of_b, of_a, of_a, 0, of_a] if about_a else [of_a, of_b, of_b, of_b, 0])
+        return rows
 
     def vectors(self, x: Array) -> Array:
         """Direction, points b and a, and ends of the gap of each row, shape (..., 5, rows, 4)."""
@@ -147,32 +130,25 @@ class PairRows:
 
     def residual(self, x: Array, vectors: Array) -> Array:
         """f(q), shape (rows,), zero where the closures are closed; rows of rates have zero."""
-        f: Array = np.einsum("ri,ri->r", vectors[0], vectors[3] - vectors[4]) - self._lengths
+        f: Array = np.vecdot(vectors[0], vectors[3] - vectors[4]) - self._lengths
         for rows, a, b in self._oriented:
             f[rows] = pin.log3(x[b, 1:, :3].T.dot(x[a, 1:, :3]))
-        if len(self._angle):
+        for row, axis_of_a, axis_of_b in self._aligned:
             axes = x.reshape(-1, 4)
-            of_a, of_b = self._axes
-            f[self._angle] = self._signs[:, 0] * (axes[of_a] * axes[of_b]).sum(axis=1)
-            for row, axis_of_a, axis_of_b in self._aligned:
-                if axes[axis_of_a].dot(axes[axis_of_b]) < 0:
-                    # The axes are opposed: lead on in the same direction, over the right angle.
-                    two = f[row : row + 2]
-                    size = np.sqrt(two.dot(two))
-                    f[row : row + 2] -= 2 * (two / size if size else np.array([1.0, 0.0]))
+            if axes[axis_of_a].dot(axes[axis_of_b]) < 0:
+                # The axes are opposed: lead on in the same direction, over the right angle.
+                two = f[row : row + 2]
+                size = np.sqrt(two.dot(two))
+                f[row : row + 2] -= 2 * (two / size if size else np.array([1.0, 0.0]))
         return f
 
     def wrenches(self, vectors: Array) -> Array:
         """W at B, and minus W at A, shape (..., 2, rows, 6)."""
-        return self._mapped(_products(vectors, vectors))
+        return _products(vectors, vectors) @ _WRENCHES
 
     def wrench_rates(self, vectors: Array, rates: Array) -> Array:
         """Rates of `wrenches`, from `vectors` and `vector_rates`."""
-        return self._mapped(_products(rates, vectors) + _products(vectors, rates))
-
-    def _mapped(self, products: Array) -> Array:
-        flat = products.reshape(*products.shape[:-2], 1, 12)
-        return np.asarray((flat @ self._maps)[..., 0, :])
+        return (_products(rates, vectors) + _products(vectors, rates)) @ _WRENCHES
 
     def derivatives(self, x: Array, x_t: Array, x_q: Array, x_tq: Array) -> tuple[Array, Array]:
         """Derivatives of `wrenches` and of `wrench_rates`, shapes (k, 2, rows, 6).
@@ -185,23 +161,18 @@ class PairRows:
         return self.wrenches(vectors).imag / _STEP, W_t.imag / _STEP
 
     def _all(self, x: Array) -> Array:
-        """Origin and axes of each frame, contacts, rods, normals, shape (..., vectors, 4)."""
-        all_vectors = x.reshape(*x.shape[:-3], -1, 4)
-        parts = [all_vectors]
+        """Origin and axes of each frame, contacts, rods, shape (..., vectors, 4)."""
+        parts = [x.reshape(*x.shape[:-3], -1, 4)]
         if len(self._radii):
             up = _unit(self._across(x))[0]
             parts.append(x[..., self._wheels[0], 0, :] - self._radii * up)
         if len(self._rods[0]):
             b, a = self._rods
             parts.append(_unit(x[..., b, 0, :] - x[..., a, 0, :])[0])
-        if len(self._angle):
-            of_a, of_b = (all_vectors[..., axes, :] for axes in self._axes)
-            parts.append(self._signs * _normals(of_b, of_a))
-        return np.concatenate(parts, axis=-2) if len(parts) > 1 else all_vectors
+        return np.concatenate(parts, axis=-2) if len(parts) > 1 else parts[0]
 
     def _all_rates(self, x: Array, x_t: Array) -> Array:
-        both = tuple(y.reshape(*y.shape[:-3], -1, 4) for y in (x, x_t))
-        parts = [both[1]]
+        parts = [x_t.reshape(*x_t.shape[:-3], -1, 4)]
         if len(self._radii):
             wheel, plane = self._wheels
             (z, n), (z_t, n_t) = ((y[..., wheel, 3, :], y[..., plane, 3, :]) for y in (x, x_t))
@@ -211,10 +182,7 @@ class PairRows:
         if len(self._rods[0]):
             b, a = self._rods
             parts.append(_unit_rate(*(y[..., b, 0, :] - y[..., a, 0, :] for y in (x, x_t))))
-        if len(self._angle):
-            (of_a, a_t), (of_b, b_t) = ([y[..., axes, :] for y in both] for axes in self._axes)
-            parts.append(self._signs * (_normals(b_t, of_a) + _normals(of_b, a_t)))
-        return np.concatenate(parts, axis=-2) if len(parts) > 1 else both[1]
+        return np.concatenate(parts, axis=-2) if len(parts) > 1 else parts[0]
 
     def _across(self, x: Array) -> Array:
         """The plane's normal; of a disc, what of it is across the axle."""
@@ -224,32 +192,27 @@ class PairRows:
 
 
 def _products(points: Array, directions: Array) -> Array:
-    """Products of points b and a with the direction of their row, shape (..., 2, rows, 4, 3)."""
-    return points[..., 1:3, :, :, None] * directions[..., :1, :, None, :3]
+    """Products of points b and a with the direction of their row, shape (..., 2, rows, 12)."""
+    products = points[..., 1:3, :, :, None] @ directions[..., :1, :, None, :3]
+    return np.asarray(products.reshape(*products.shape[:-2], 12))
 
 
 def _columns(table: NDArray[np.generic]) -> list[Indices]:
     return list(table.T.astype(np.intp))
 
 
-def _right_angles(held: list[int]) -> list[tuple[int, int, float]]:
+def _right_angles(held: list[int]) -> list[tuple[int, int, bool]]:
     """Axes i of A and j of B that stay at a right angle, so that one or two turns are held.
 
-    The sign makes the row the turn about the axis that is held.
+    The row is the turn about A_i x B_j, or else about B_j x A_i: about the axis that is held.
     """
     if len(held) == 1:
-        return [((held[0] + 1) % 3, (held[0] + 2) % 3, -1.0)]
+        return [((held[0] + 1) % 3, (held[0] + 2) % 3, True)]
     # The turn about i moves axis k of B against axis j of A, by minus its rate; about j against i.
     k = 3 - sum(held)
     i, j = (k + 1) % 3, (k + 2) % 3
-    angles = {i: (j, k, -1.0), j: (i, k, 1.0)}
+    angles = {i: (j, k, True), j: (i, k, False)}
     return [angles[turn] for turn in held]
-
-
-def _normals(a: Array, b: Array) -> Array:
-    normals = np.zeros_like(a)
-    normals[..., :3] = cross_products(a[..., :3], b[..., :3])
-    return normals
 
 
 def _dot(a: Array, b: Array) -> Array:
