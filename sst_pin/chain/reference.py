@@ -29,6 +29,7 @@ from .dynamics import Memory
 from .mechanism import Friction, Mechanism
 from .mobility import scaled_Phi
 from .noc import mass_centers
+from .runge_kutta import runge_kutta_step
 from .thresholds import (
     CLOSURE_TOLERANCE,
     MARGIN,
@@ -537,16 +538,12 @@ class ReferenceStates:
         Between the ends of the step q is off the closures by its square.
         """
         nq, space = self._nq, self._mechanism.space
-        stage, end, rates = state, state, list[Array]()
-        for when, weight, ahead in (
-            (0, h / 6, h / 2),
-            (1, h / 3, h / 2),
-            (1, h / 3, h),
-            (2, h / 6, 0),
-        ):
+
+        def rate(when: int, stage: Array) -> Array:
             q = space.normalised(stage[:nq])
-            rates.append(self._rate(q, stage[nq:], tau[when], wrenches, np.inf))
-            end, stage = end + weight * rates[-1], state + ahead * rates[-1]
+            return self._rate(q, stage[nq:], tau[when], wrenches, np.inf)
+
+        end, rates = runge_kutta_step(rate, state, h)
         scale = self._mechanism.rate_scale[self.coordinates]
         apart = np.abs(h * (rates[2] - rates[1])[nq:] / scale).max(initial=0)
         moved = (np.abs(state[nq:]) + np.abs(h * rates[0][nq:])) / scale

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..chain.mechanism import Mechanism
 from ..chain.reference import Reference
+from ..chain.runge_kutta import runge_kutta_step
 from ..chain.tree import frame_named
 from ..errors import ActuationError
 from . import build, kernels
@@ -178,15 +179,11 @@ class CasadiFunctions:
         if self._bodies:
             rest[_WRENCHES] = MX.sym(_WRENCHES, self._bodies, 6)
 
-        def rate(x: MX) -> MX:
+        def rate(when: int, x: MX) -> MX:
             return state_rate(x[: self.nq], x[self.nq :], *rest.values())
 
         x, dt = ca.vertcat(*given.values()), MX.sym("dt")
-        first = rate(x)
-        second = rate(x + dt / 2 * first)
-        third = rate(x + dt / 2 * second)
-        fourth = rate(x + dt * third)
-        x += dt / 6 * (first + 2 * second + 2 * third + fourth)
+        x, _ = runge_kutta_step(rate, x, dt)
         given |= {"tau": rest.pop("tau"), "dt": dt} | rest
         results = [closed(x[: self.nq]), x[self.nq :]]
         names = list(given), ["q_next", "va_next"]

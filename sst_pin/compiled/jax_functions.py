@@ -22,6 +22,7 @@ from ..chain.backend import Key
 from ..chain.closures import Rolling
 from ..chain.dispatch import computed
 from ..chain.mechanism import Mechanism
+from ..chain.runge_kutta import runge_kutta_step
 from ..chain.tree import frame_id
 from ..errors import ActuationError, DescriptionError, InputError, SSTError
 from .along_motions import AlongMotions
@@ -134,17 +135,14 @@ class JaxFunctions:
         """
         q, va, tau, dt = self._arguments(q=q, va=va, tau=tau, dt=dt)
 
-        def rate(q: jax.Array, va: jax.Array) -> tuple[jax.Array, jax.Array]:
-            both = self._state_rate(q, va, tau)
-            return both[..., : self.nq], both[..., self.nq :]
+        def rate(when: int, x: jax.Array) -> jax.Array:
+            q, va = x[..., : self.nq], x[..., self.nq :]
+            return self._state_rate(self.closed(q) if when else q, va, tau)
 
-        first = rate(q, va)
-        second = rate(self.closed(q + dt / 2 * first[0]), va + dt / 2 * first[1])
-        third = rate(self.closed(q + dt / 2 * second[0]), va + dt / 2 * second[1])
-        fourth = rate(self.closed(q + dt * third[0]), va + dt * third[1])
-        stages = first, second, third, fourth
-        q_dot, aa = (a + 2 * b + 2 * c + d for a, b, c, d in zip(*stages, strict=True))
-        return self.closed(q + dt / 6 * q_dot), va + dt / 6 * aa
+        lead = jnp.broadcast_shapes(q.shape[:-1], va.shape[:-1])
+        state = [jnp.broadcast_to(x, (*lead, x.shape[-1])) for x in (q, va)]
+        x, _ = runge_kutta_step(rate, jnp.concatenate(state, axis=-1), dt)
+        return self.closed(x[..., : self.nq]), x[..., self.nq :]
 
     def frame_placement(self, frame: str) -> Callable[[Any], tuple[jax.Array, jax.Array]]:
         """A function q -> p, (..., 3), and R, (..., 3, 3): a frame, by its name, in the base."""

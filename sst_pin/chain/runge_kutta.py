@@ -1,0 +1,25 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""A step of the classical Runge-Kutta method, for NumPy, CasADi and JAX."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+#: Numbers, or symbols, of a state.
+X = TypeVar("X", bound=Any)
+
+#: For each slope: the half of the step where it is taken, its weight, the way to the next one.
+_SLOPES = ((0, 1 / 6, 1 / 2), (1, 1 / 3, 1 / 2), (1, 1 / 3, 1), (2, 1 / 6, 0))
+
+
+def runge_kutta_step(rate: Callable[[int, X], X], state: X, h: Any) -> tuple[X, list[X]]:
+    """The state after a step h, and the four slopes.
+
+    `rate(when, state)` is the slope at the start (0), in the middle (1), or at the end (2).
+    """
+    stage, end, slopes = state, state, list[X]()
+    for when, weight, ahead in _SLOPES:
+        slopes.append(rate(when, stage))
+        end, stage = end + weight * h * slopes[-1], state + ahead * h * slopes[-1]
+    return end, slopes
