@@ -31,7 +31,7 @@ class Solution(NamedTuple):
         va: Rates of the coordinates at t, shape (points + 1, n).
         tau: Torques of each interval, shape (intervals, motors).
         duration: [s].
-        iterations: Of IPOPT.
+        iterations: Most iterations of IPOPT.
     """
 
     t: Array
@@ -120,7 +120,7 @@ class Transcription:
         """Find the motion with IPOPT.
 
         Args:
-            print_level: Of IPOPT.
+            print_level: Print level of IPOPT.
 
         Raises:
             RuntimeError: When IPOPT does not converge.

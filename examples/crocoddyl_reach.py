@@ -87,7 +87,7 @@ class ClosedAction(crocoddyl.DifferentialActionModelAbstract):
     The cost is (x - goal)^T diag(weights) (x - goal) / 2 + effort |tau - hold|^2 / 2, per second.
 
     Args:
-        state: Of the robot.
+        state: State of the robot.
         goal: A state.
         weights: Shape (2 n,).
         effort: A number.

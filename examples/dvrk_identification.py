@@ -36,7 +36,7 @@ from sst_pin.identification import (
 Array = NDArray[np.float64]
 
 QUARTER = np.pi / 2
-#: Of the motors' counts to angles: wrist of the MTM, and of the PSM's instrument.
+#: Angles per count of the motors: wrist of the MTM, and of the PSM's instrument.
 PLATFORM, WRIST, JAW, JAW_OF_WRIST = 0.6697, 1.0186, 1.2178, -0.8306
 MASSES = 105, 205  # grams
 
@@ -46,9 +46,9 @@ class Judge(NamedTuple):
 
     Attributes:
         cutoff: Frequency up to which logs are kept, [Hz].
-        every: Of so many samples one is used.
-        frequency: At which the authors' filter ends, [Hz].
-        period: Of the motion; the authors judge the first one, [s].
+        every: One sample of this many is used.
+        frequency: Frequency at which the authors' filter ends, [Hz].
+        period: Period of the motion; the authors judge the first one, [s].
         published: The authors' relative torque errors, of the first motors.
     """
 
@@ -236,7 +236,7 @@ def as_the_authors(chain: ClosedChain, log: Array, judge: Judge) -> Trajectory:
 def relative_errors(
     chain: ClosedChain, theta: ArrayLike, motion: Trajectory, every: int, period: float
 ) -> Array:
-    """Of the torques in the first period, both sides decimated, shape (motors,)."""
+    """Relative errors of the torques in the first period, both sides decimated, (motors,)."""
     first = int(np.searchsorted(motion.t, motion.t[0] + period))
     off, size = predicted_torques(chain, theta, motion) - motion.tau, motion.tau
     if every > 1:

@@ -44,8 +44,8 @@ class Relay:
         """Positions and rates of the joints `names`.
 
         Args:
-            positions: Of each motor by its name, [rad] or [m]; other names are passed over.
-            rates: Of each coordinate of the chain, [rad/s] or [m/s]; zero where one is missing.
+            positions: Position of each motor by its name, [rad] or [m]; others are passed over.
+            rates: Rate of each coordinate, [rad/s] or [m/s]; zero where one is missing.
 
         Raises:
             sst_pin.InputError: If a motor is missing or a number is not finite.

@@ -23,7 +23,7 @@ from sst_pin import plots
 from sst_pin.robots.gallery_robot import GalleryRobot
 
 Array = NDArray[np.float64]
-#: Of the platform [m]; duration [s]; copper loss [W/(N m)^2]; of each motor [N m].
+#: Positions of the platform [m]; duration [s]; copper loss [W/(N m)^2]; of each motor [N m].
 PICK, PLACE = np.array([-0.1, 0.03, -0.28]), np.array([0.1, -0.02, -0.28])
 DURATION, LOSS, LIMIT = 0.35, 4.0, 4.0
 #: How far joints may be beyond where they start and end: [rad], away from singular poses.

@@ -35,8 +35,8 @@ class Stance(NamedTuple):
     """How it stands.
 
     Attributes:
-        torques: Of the motors, shape (10,), [N m].
-        forces: Of the ground on toes and heels, base axes, shape (4, 3), [N].
+        torques: Torques of the motors, shape (10,), [N m].
+        forces: Forces of the ground on toes and heels, base axes, shape (4, 3), [N].
     """
 
     torques: Array

@@ -31,7 +31,7 @@ ROWS = (
     ("examples", "example 2, rollout to 1e-9 rad", "example 2, reference path"),
 )
 
-#: Of these the README tells the ratios.
+#: The README tells the ratios of these.
 SHORT = (0, 1, 3, 6, 9)
 
 _TABLE = re.compile(r"(<!-- table: benchmark(, short|, robots)? -->\n).*?(<!-- end -->)", re.DOTALL)
@@ -73,7 +73,7 @@ def short_table(results: dict[str, Any]) -> str:
     return "\n".join(lines) + "\n"
 
 
-#: Of the robots: heading, group, ours and theirs.
+#: Columns of the robots: heading, group, ours and theirs.
 COLUMNS = (
     ("torques", "single call", "torques", "pin.rnea, open tree"),
     ("KKT by hand", "single call", "torques", "KKT, by hand"),

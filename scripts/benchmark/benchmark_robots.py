@@ -273,9 +273,9 @@ def measure(
     """All of it, by robot.
 
     Args:
-        names: Of the robots.
+        names: Names of the robots.
         in_turn: Measures calls, as in benchmark.py.
-        repeats: Of long calls and of short ones.
+        repeats: Numbers of long calls and of short ones.
         turn: Seconds of a short one.
     """
     few, many = repeats

@@ -42,7 +42,7 @@ class Problem(NamedTuple):
         of: These columns of a motion, shape (N, columns).
         independent: These columns at given times by other equations.
         published: Times and values of a column that are published.
-        options: Of `simulate`.
+        options: Options of `simulate`.
     """
 
     chain: Any

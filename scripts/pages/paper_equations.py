@@ -32,7 +32,7 @@ class Equation(NamedTuple):
     """A row of the table of equations.
 
     Attributes:
-        numbers: Of the equations, or of the section.
+        numbers: Numbers of the equations, or of the section.
         what: They are about.
         functions: Ours, with the module, without the package.
         tests: As file::name, without the ending of the file.

@@ -32,8 +32,8 @@ class Forms(NamedTuple):
     """Errors of two forms of one equation.
 
     Attributes:
-        printed: Of the form that the paper prints, under its kindest reading.
-        ours: Of the form that we take.
+        printed: Error of the form that the paper prints, under its kindest reading.
+        ours: Error of the form that we take.
     """
 
     printed: float
@@ -128,7 +128,7 @@ def cases(seed: int, states: int, robots: int) -> list[Case]:
     """Random motions of the paper's robot, and one of each of some random robots.
 
     Args:
-        seed: Of all randomness.
+        seed: Seed of all randomness.
         states: How many motions of the paper's robot.
         robots: How many random robots: odd geometry, nine bodies, tilted gravity, friction.
     """

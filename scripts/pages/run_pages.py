@@ -29,7 +29,7 @@ _FENCE = re.compile(
     r'^```(?P<language>\w*)(?: title="(?P<title>[^"]*)")?[^\n]*\n(?P<text>.*?)^```$',
     re.MULTILINE | re.DOTALL,
 )
-#: Of shell lines: installation and tools that are not ours.
+#: Shell lines that are left out: installation and tools that are not ours.
 OTHERS = (
     *("pip", "python", "python3", "zensical", "git", "cd", "head", "ls", "cc"),
     *("check_urdf", "dask", "jupyter", "mypy", "pytest", "ruff"),

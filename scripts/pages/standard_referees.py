@@ -157,7 +157,7 @@ def slider_crank(t):
     return x, np.array([placed(angle)[1] for angle in x])
 
 
-#: Of Modelica's four-bar: vectors of the three bodies, radius and density of the cylinders.
+#: Modelica's four-bar: vectors of the three bodies, radius and density of the cylinders.
 BARS = (np.array([0, 0.5, 0.1]), np.array([0, 0.2, 0]), np.array([-1, 0.3, 0.1]))
 RADIUS, DENSITY, RATE = 0.025, 7700.0, 5.235987755982989
 

@@ -27,7 +27,7 @@ class DrawnFrame(NamedTuple):
         name: Its label.
         joint: Number of the joint whose body it is fixed to.
         placement: On this body.
-        colour: Of the label, as "#rrggbb".
+        colour: Colour of the label, as "#rrggbb".
     """
 
     name: str

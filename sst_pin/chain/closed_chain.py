@@ -97,7 +97,7 @@ class ClosedChain(Summary):
             one-coordinate joints to their fixed positions.
         viscous_friction: D of each rate, shape (nv,); that of the model by default.
         coulomb_friction: F_c of each rate, shape (nv,); that of the model by default.
-        stiffness: Of springs at the joints, shape (nv,), [N m/rad] or [N/m]; none by default.
+        stiffness: Stiffness of joint springs, shape (nv,), [N m/rad] or [N/m]; zero by default.
         spring_reference: Positions without spring force, shape (nq,); `pin.neutral` by default.
         forces: Springs, dampers and cylinders between two frames, each a `LineForce`.
 

@@ -64,7 +64,7 @@ class Springs:
     """Linear springs of joints.
 
     Attributes:
-        stiffness: Of each rate, shape (nv,), [N m/rad] or [N/m]; read-only.
+        stiffness: Stiffness of each rate, shape (nv,), [N m/rad] or [N/m]; read-only.
         reference: Configuration without force, shape (nq,); read-only.
     """
 

@@ -33,8 +33,8 @@ class Mobility:
         held: Number of degrees of freedom that the motors hold.
         loose_joints: Rates that can be nonzero while all motors are locked.
         idle_joints: Passive joints of a loop that can spin while all other joints are fixed.
-        condition_number: Of the columns of Phi for the dependent rates, without units; infinite if
-            the coordinates do not suffice.
+        condition_number: Condition number of the columns of Phi for the dependent rates, without
+            units; infinite if the coordinates do not suffice.
         where: Which configuration was used.
         q: This configuration, shape (nq,).
     """

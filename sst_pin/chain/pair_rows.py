@@ -71,7 +71,7 @@ class PairRows:
         rows: int,
     ) -> None:
         self.frames = np.zeros((2, rows), dtype=np.intp)
-        #: Of each row its direction, its points on B and on A, the ends of its gap.
+        #: For each row its direction, its points on B and on A, the ends of its gap.
         self._table = np.zeros((5, rows), dtype=np.intp)
         self._lengths = np.zeros(rows)
         self._oriented: list[tuple[slice, int, int]] = []

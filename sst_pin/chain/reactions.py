@@ -64,7 +64,7 @@ class Reactions(Summary):
     Components that are not unique are NaN, unless stiffnesses were given.
 
     Attributes:
-        names: Of the joints, then of the closures.
+        names: Names of the joints, then of the closures.
         joints: Shape (..., r, 6), joints in the order of the tree.
         closures: Shape (..., closures, 6).
         motors: Motor torques that act, shape (..., motors).

@@ -114,9 +114,9 @@ class Partials(NamedTuple):
     """Derivatives of the velocity Phi v and the acceleration Phi v_dot + Phi_dot v of the rows.
 
     Attributes:
-        velocity_q: Of the velocity by q, v held, shape (rows, nv).
-        acceleration_q: Of the acceleration by q, v and v_dot held, shape (rows, nv).
-        acceleration_v: Of the acceleration by v, shape (rows, nv).
+        velocity_q: Derivative of the velocity by q, v held, shape (rows, nv).
+        acceleration_q: Derivative of the acceleration by q, v and v_dot held, shape (rows, nv).
+        acceleration_v: Derivative of the acceleration by v, shape (rows, nv).
         frames: The frames that the closures connect.
         W: Wrenches of the rows on them, shape (2, rows, 6).
         W_q: Their derivatives, shape (2, rows, 6, nv).

@@ -53,7 +53,7 @@ class KernelSource(NamedTuple):
             then the checks, then what parts of the function hand on. Where the kernel has
             directions, `<name>_once` comes first, with the same arguments: it computes what does
             not depend on them.
-        size: Of p.
+        size: Size of p.
         room: Size of y.
     """
 

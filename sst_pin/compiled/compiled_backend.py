@@ -86,7 +86,7 @@ _WITHOUT_MATRICES = (
     "frame_drift",
     "closing",
 )
-#: Of coordinates squared times rates, up to which inertia matrices are written out.
+#: The number of coordinates squared times rates up to which inertia matrices are written out.
 _LARGEST = 100_000
 #: The same limit for derivatives and the regressor.
 _LARGEST_DERIVATIVES = 10_000

@@ -12,7 +12,7 @@ from typing import Any
 import casadi as ca
 from casadi import SX
 
-#: Of asin(x) / x by x^2; x is at most sin(pi / 16).
+#: Coefficients of asin(x) / x by x^2; x is at most sin(pi / 16).
 _SERIES = [1.0]
 for _k in range(1, 11):
     _SERIES.append(_SERIES[-1] * (2 * _k - 1) ** 2 / (2 * _k * (2 * _k + 1)))

@@ -121,8 +121,8 @@ def reach_map(
         frame: Name of a frame.
         torques: Largest torque of each motor, shape () or (motors,), or least and largest ones,
             shape (motors, 2), [N m] or [N]; by default 1.
-        x: Of the frame's origin in the base, [m]: a number, or values of the grid, increasing. Two
-            of the six are grids.
+        x: Position of the frame's origin in the base, [m]: a number, or values of the grid,
+            increasing. Two of the six are grids.
         y: As x.
         z: As x.
         roll: About the x axis of the base, from the orientation at the start, [rad]. The

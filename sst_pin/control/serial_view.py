@@ -390,7 +390,7 @@ class SerialView:
 
         Args:
             q: Configurations where the motors are at their set points, shape (..., nq).
-            gains: Of the motors' position or rate loops, shape (motors,), or a matrix.
+            gains: Gains of the motors' position or rate loops, shape (motors,), or a matrix.
             tau: Torques that the motors hold there, shape (..., motors): they change the stiffness,
                 since J depends on q. For gains of positions only. None for none.
 

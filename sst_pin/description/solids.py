@@ -61,7 +61,7 @@ class Arc:
 
     Attributes:
         axes: The bar runs from the first column of this (3, 3) array towards the second.
-        radius: Of its middle line, [m].
+        radius: Radius of its middle line, [m].
         angle: From one end to the other, [rad].
         section: Radial and axial size of its section, [m].
         round: Whether the section is a circle instead of a rectangle, its sizes then equal.

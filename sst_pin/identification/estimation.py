@@ -35,7 +35,7 @@ class Estimate(Summary):
             sample.
         noise: Standard deviation of each motor's torque from the model, shape (motors,); the same
             for all where there are more motors than freedoms.
-        decimate: Of so many samples one was used, after a filter.
+        decimate: One sample of this many was used, after a filter.
 
     Example:
         >>> chain = sst_pin.robots.four_bar()
@@ -99,8 +99,8 @@ def estimate(
         aa: Accelerations of the coordinates, shape (N, n).
         tau: Measured torques of the motors, shape (N, motors).
         robust: Whether large residuals count less, by Huber's function.
-        decimate: Of so many samples, evenly spaced in time, one is used, after a filter forwards
-            and backwards that lets through what these can show.
+        decimate: One sample of this many, evenly spaced in time, is used, after a filter
+            forwards and backwards that lets through what these can show.
 
     Returns:
         Values with their covariance.

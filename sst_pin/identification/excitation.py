@@ -79,8 +79,8 @@ def excitation(
     Args:
         chain: The robot; each coordinate turns about an axis or slides.
         base: The combinations to be shown.
-        duration: Of one period, [s].
-        harmonics: Of the series; the highest frequency is their number over the duration.
+        duration: Duration of one period, [s].
+        harmonics: Number of harmonics; the highest frequency is it over the duration.
         rates: Largest rate of each coordinate, shape (n,) or (); those of the model by default.
         torques: Largest torque of each motor, shape (motors,) or (); those of the model by default.
         start: The configuration at the start, shape (nq,); `home` by default.

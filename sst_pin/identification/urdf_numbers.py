@@ -45,7 +45,7 @@ def write_urdf(chain: ClosedChain, urdf: str | Path, path: str | Path, force: bo
         OutputError: If the file cannot be written, or exists.
 
     Warns:
-        DescriptionWarning: Of parameters that a URDF cannot have: rotors, springs, forces along
+        DescriptionWarning: For parameters that a URDF cannot have: rotors, springs, forces along
             lines, friction of joints with several freedoms.
 
     Example:

@@ -23,8 +23,8 @@ class EnergyBalance(NamedTuple):
     """Energies along a motion since its start, where all are zero, each of shape (N,), [J].
 
     Attributes:
-        kinetic: Of all bodies.
-        potential: Of the weights, the springs and the forces along lines.
+        kinetic: Kinetic energy of all bodies.
+        potential: Potential energy of the weights, the springs and the forces along lines.
         motors: Work of the motors.
         friction: Work of friction in all joints and of dampers along lines, negative or zero.
     """

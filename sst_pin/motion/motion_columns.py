@@ -13,7 +13,7 @@ from ..errors import FileFormatError
 from ..files import Table
 
 _TORQUE = re.compile(r"tau_(.+)_(Nm|N)")
-#: Of a rate; of an acceleration with a 2 behind.
+#: Units of a rate; those of an acceleration have a 2 behind.
 RATE = re.compile(r"(.+)_(rad|m)_s(2?)")
 _POSITION = re.compile(r"(.+)_(?:(rad|m)|1)")
 

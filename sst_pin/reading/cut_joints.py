@@ -97,7 +97,7 @@ class Marks:
     Attributes:
         joints: Joints that close loops.
         gears: Couplings of joints along two paths: URDF+'s `<coupling>`.
-        independent: Of a URDF+, names of the joints that have the motors.
+        independent: Names of the joints that have the motors, in a URDF+.
         problems: What cannot be read.
     """
 

@@ -78,14 +78,14 @@ class _Reader:
         self._model.name = compiled.names.split(b"\0")[0].decode()
         weightless = self._disabled("gravity")
         self._model.gravity.linear = np.zeros(3) if weightless else compiled.opt.gravity
-        #: Of each body: the joint that bears it and its placement there.
+        #: For each body: the joint that bears it and its placement there.
         self._bodies = [(0, pin.SE3.Identity())]
-        #: Of each rate: the degree of freedom in MuJoCo.
+        #: For each rate: the degree of freedom in MuJoCo.
         self._dofs: list[int] = []
         self._rest: list[float] = []
-        #: Of each coordinate: its address in `qpos`; for a single turn of a ball the ball's.
+        #: For each coordinate: its address in `qpos`; for a single turn of a ball the ball's.
         self._addresses: list[int] = []
-        #: Of the coordinates that are single turns of balls, by index: about which axis.
+        #: The axes of the coordinates that are single turns of balls, by index.
         self._turns: dict[int, int] = {}
         self._problems: list[str] = []
 

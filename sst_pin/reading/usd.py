@@ -50,8 +50,8 @@ class _Joint(NamedTuple):
         kind: What a URDF calls it; "ball" for three freedoms.
         links: Names of the two bodies; the world is "world".
         places: Its frame on both bodies, in metres.
-        axis: Of the motion of the second body, in the frames.
-        limits: Of the motion, [rad] or [m].
+        axis: Axis of the motion of the second body, in the frames.
+        limits: Limits of the motion, [rad] or [m].
         driven: Whether it has a drive.
         cut: Whether the file leaves it out of the tree.
     """

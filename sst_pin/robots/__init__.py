@@ -18,7 +18,7 @@ from .standard_problems import andrews, bricard, governor, n_four_bar, slider_cr
 
 #: Ten states of the SST and of each robot, to 40 digits; see docs/reference_data.md.
 REFERENCE_PATH = Path(__file__).with_name("reference.json")
-#: Of the standard problems by robot: rates at the start, torques, and what is published at time t.
+#: For each standard problem: rates at the start, torques, and what is published at time t.
 #: "forces" are what the body of this joint takes from that of theta where they meet, base axes.
 PUBLISHED: dict[str, dict[str, Any]] = json.loads(
     Path(__file__).with_name("published.json").read_text(encoding="utf-8")

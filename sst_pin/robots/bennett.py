@@ -35,7 +35,7 @@ def bennett(
         twist: From the first axis of these bars to the second, [rad].
         coupler_twist: That of the coupler and of the base, [rad].
         linear_density: Mass of a bar per length, [kg/m].
-        radius: Of the bars, [m].
+        radius: Radius of the bars, [m].
 
     Example:
         >>> chain = sst_pin.robots.bennett()

@@ -36,13 +36,13 @@ def delta(
     machine for a table.
 
     Args:
-        base_radius: Of the circle of the motors, [m].
-        platform_radius: Of the circle of the platform's joints, [m].
+        base_radius: Radius of the circle of the motors, [m].
+        platform_radius: Radius of the circle of the platform's joints, [m].
         arm: Length of the driven arms, [m].
         forearm: Length of the rods, [m].
         spacing: Between the two rods of a pair, [m].
-        arm_mass: Of each, [kg].
-        rod_mass: Of each of the six, [kg].
+        arm_mass: Mass of each arm, [kg].
+        rod_mass: Mass of each of the six rods, [kg].
         platform_mass: [kg].
 
     Example:

@@ -24,9 +24,9 @@ class _Cylinder(NamedTuple):
     """A hydraulic cylinder.
 
     Attributes:
-        name: Of what it moves.
+        name: Name of what it moves.
         carrier: Body that carries the barrel.
-        foot: Of the barrel on this body, shape (2,), [m].
+        foot: Foot of the barrel on this body, shape (2,), [m].
         moved: Body that the rod's eye is pinned to.
         eye: On that body, shape (2,), [m].
         retracted: Length from foot to eye at no stroke, [m].
@@ -68,12 +68,12 @@ def excavator(
         bucket: From its pin to its tip, [m].
         rocker: On the arm, moved by the bucket's cylinder, [m].
         link: From the rocker to the bucket, [m].
-        swing_mass: Of the house that turns, [kg].
+        swing_mass: Mass of the house that turns, [kg].
         boom_mass: [kg].
         arm_mass: [kg].
         bucket_mass: [kg].
-        link_mass: Of link and rocker each, [kg].
-        cylinder_mass: Of each barrel; a rod weighs half as much, [kg].
+        link_mass: Mass of link and rocker each, [kg].
+        cylinder_mass: Mass of each barrel; a rod weighs half as much, [kg].
 
     Example:
         >>> chain = sst_pin.robots.excavator()

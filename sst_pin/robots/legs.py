@@ -25,11 +25,11 @@ class _Rod(NamedTuple):
     The crank points backward at 0, and so does the link's lever where the joint is at 0.
 
     Attributes:
-        name: Of motor and rod: `motor_name`, `rod_name`.
+        name: Name in those of motor and rod: `motor_name`, `rod_name`.
         motor: The motor's axis in the frame of the joint, its link not turned, shape (3,), [m].
         crank: Length of the crank, [m].
         eye: Where the rod meets the link, in the frame of the link, shape (3,), [m].
-        length: Of the rod, [m].
+        length: Length of the rod, [m].
     """
 
     name: str
@@ -74,8 +74,8 @@ def ankle(
         lever: Length of the cranks and of the foot's levers, [m].
         upper: Height of the left motor above the ankle, [m].
         lower: Height of the right motor above the ankle, [m].
-        rod_mass: Of each rod, [kg].
-        crank_mass: Of each crank, [kg].
+        rod_mass: Mass of each rod, [kg].
+        crank_mass: Mass of each crank, [kg].
         foot_mass: [kg].
 
     Example:
@@ -118,11 +118,11 @@ def knee(
     Args:
         thigh: From hip to knee, [m].
         shank: From knee to ankle, [m].
-        height: Of the motor above the knee, [m].
+        height: Height of the motor above the knee, [m].
         crank: Length of the crank, [m].
         lever: Length of the shank's lever, [m].
-        link_mass: Of the shank, [kg].
-        rod_mass: Of rod and crank each, [kg].
+        link_mass: Mass of the shank, [kg].
+        rod_mass: Mass of rod and crank each, [kg].
 
     Example:
         >>> chain = sst_pin.robots.knee()
@@ -170,7 +170,7 @@ def leg(
         thigh_mass: [kg].
         shank_mass: [kg].
         foot_mass: [kg].
-        rod_mass: Of each rod and crank of the ankle; those of the knee weigh twice as much, [kg].
+        rod_mass: Mass of each rod and crank of the ankle, [kg]; those of the knee weigh twice that.
 
     Example:
         >>> chain = sst_pin.robots.leg()

@@ -43,7 +43,7 @@ def four_bar(
         ground: From the crank's axis to the rocker's, along x, [m].
         point: From the crank's pin to the point of the coupler, [m].
         linear_density: Mass of a bar per length, [kg/m].
-        radius: Of the bars, [m].
+        radius: Radius of the bars, [m].
 
     Example:
         >>> chain = sst_pin.robots.four_bar()
@@ -101,7 +101,7 @@ def five_bar(
         proximal: Length of the driven links, [m].
         distal: Length of the others, [m].
         linear_density: Mass of a link per length, [kg/m].
-        radius: Of the links, [m].
+        radius: Radius of the links, [m].
 
     Example:
         >>> chain = sst_pin.robots.five_bar()
@@ -152,13 +152,13 @@ def planar_3rrr(
     bend to the left.
 
     Args:
-        base_radius: Of the circle of the motors, [m].
-        platform_radius: Of the circle of the platform's joints, [m].
+        base_radius: Radius of the circle of the motors, [m].
+        platform_radius: Radius of the circle of the platform's joints, [m].
         proximal: Length of the driven links, [m].
         distal: Length of the others, [m].
         platform_mass: [kg].
         linear_density: Mass of a link per length, [kg/m].
-        radius: Of the links, [m].
+        radius: Radius of the links, [m].
 
     Example:
         >>> chain = sst_pin.robots.planar_3rrr()

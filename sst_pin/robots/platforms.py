@@ -41,14 +41,14 @@ def stewart(
     here.
 
     Args:
-        base_radius: Of the circle of the base's joints, [m].
-        platform_radius: Of the circle of the platform's joints, [m].
+        base_radius: Radius of the circle of the base's joints, [m].
+        platform_radius: Radius of the circle of the platform's joints, [m].
         base_spread: Half the angle between two neighbours of the base, [rad].
         platform_spread: Half the angle between the same legs on the platform, [rad].
         retracted: Length of a strut at no stroke, [m].
         platform_mass: [kg].
-        barrel_mass: Of the part of each strut at the base, [kg].
-        rod_mass: Of the part of each strut at the platform, [kg].
+        barrel_mass: Mass of the part of each strut at the base, [kg].
+        rod_mass: Mass of the part of each strut at the platform, [kg].
 
     Example:
         >>> chain = sst_pin.robots.stewart()
@@ -91,14 +91,14 @@ def ups_pu(
     published with the NOC before; dimensions and masses are chosen here.
 
     Args:
-        base_radius: Of the circle of the base's joints, [m].
-        platform_radius: Of the circle of the platform's joints, [m].
+        base_radius: Radius of the circle of the base's joints, [m].
+        platform_radius: Radius of the circle of the platform's joints, [m].
         post: Length of the post, whose foot is at the base's height at no heave, [m].
         retracted: Length of a strut at no stroke, [m].
         platform_mass: [kg].
         post_mass: [kg].
-        barrel_mass: Of the part of each strut at the base, [kg].
-        rod_mass: Of the part of each strut at the platform, [kg].
+        barrel_mass: Mass of the part of each strut at the base, [kg].
+        rod_mass: Mass of the part of each strut at the platform, [kg].
 
     Example:
         >>> chain = sst_pin.robots.ups_pu()
@@ -147,12 +147,12 @@ def hexaglide(
 
     Args:
         rails: y of the six rails, shape (6,), [m].
-        platform_radius: Of the circle of the platform's joints, [m].
+        platform_radius: Radius of the circle of the platform's joints, [m].
         platform_spread: Half the angle between two neighbours of the platform, [rad].
         strut: Length of the rods, [m].
         platform_mass: [kg].
-        carriage_mass: Of each, [kg].
-        strut_mass: Of each, [kg].
+        carriage_mass: Mass of each carriage, [kg].
+        strut_mass: Mass of each strut, [kg].
 
     Example:
         >>> chain = sst_pin.robots.hexaglide()

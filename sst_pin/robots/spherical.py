@@ -36,9 +36,9 @@ def agile_eye(
     radius and masses are chosen here.
 
     Args:
-        radius: Of the driven links, [m].
-        proximal_mass: Of each driven link, [kg].
-        distal_mass: Of each of the others, [kg].
+        radius: Radius of the driven links, [m].
+        proximal_mass: Mass of each driven link, [kg].
+        distal_mass: Mass of each of the other links, [kg].
         platform_mass: Without the camera, [kg].
         camera_mass: [kg].
 
@@ -70,9 +70,9 @@ def agile_wrist(
     here.
 
     Args:
-        radius: Of the driven links, [m].
-        proximal_mass: Of each driven link, [kg].
-        distal_mass: Of each of the others, [kg].
+        radius: Radius of the driven links, [m].
+        proximal_mass: Mass of each driven link, [kg].
+        distal_mass: Mass of each of the other links, [kg].
         platform_mass: Without the tool, [kg].
         tool_mass: [kg].
         tool: Length of the tool, along the platform's z axis, [m].

@@ -36,10 +36,10 @@ def scissor_lift(
     Args:
         cells: Pairs of arms, one or more.
         arm: Length of an arm, [m].
-        arm_mass: Of each, [kg].
-        slider_mass: Of each of the two sliders, [kg].
+        arm_mass: Mass of each arm, [kg].
+        slider_mass: Mass of each of the two sliders, [kg].
         platform_mass: [kg].
-        radius: Of the arms, [m].
+        radius: Radius of the arms, [m].
 
     Raises:
         InputError: For no cells.
@@ -110,7 +110,7 @@ def ladder(
         rail: Length of the rails, [m].
         rung: Length of the rungs, [m].
         linear_density: Mass of a bar per length, [kg/m].
-        radius: Of the bars, [m].
+        radius: Radius of the bars, [m].
 
     Raises:
         InputError: For fewer than two cells.

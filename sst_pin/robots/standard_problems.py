@@ -44,8 +44,8 @@ def bricard(*, length: float = 1.0, mass: float = 1.0, thickness: float = 0.1) -
     is the third rod, its frame at the third hinge. The motor is at the first hinge.
 
     Args:
-        length: Of the rods, [m].
-        mass: Of each rod, [kg].
+        length: Length of the rods, [m].
+        mass: Mass of each rod, [kg].
         thickness: Side of their square section, [m].
 
     Example:
@@ -102,9 +102,9 @@ def n_four_bar(
 
     Args:
         loops: Four-bars, one or more.
-        length: Of the bars, [m].
-        mass: Of each bar, [kg].
-        radius: Of the bars in pictures, [m].
+        length: Length of the bars, [m].
+        mass: Mass of each bar, [kg].
+        radius: Radius of the bars in pictures, [m].
 
     Raises:
         InputError: For no loops.
@@ -200,7 +200,7 @@ def _andrews_joints(pose: pin.SE3) -> Joints:
     }
 
 
-#: Of the slider-crank: the centre of the crank's circle, [m].
+#: For the slider-crank: the centre of the crank's circle, [m].
 _CRANK = np.array([0.0, 0.1, 0.12])
 
 
@@ -254,8 +254,8 @@ def governor(rigid: bool = False, *, stiffness: float = 8e5, damping: float = 4e
 
     Args:
         rigid: Whether rods replace the springs.
-        stiffness: Of each spring, [N/m].
-        damping: Of each damper, [N s/m].
+        stiffness: Stiffness of each spring, [N/m].
+        damping: Damping of each damper, [N s/m].
 
     Example:
         >>> chain = sst_pin.robots.governor(rigid=True)

@@ -52,7 +52,7 @@ class Singularities(NamedTuple):
             star loses a degree of freedom (inverse kinematics).
         second_kind: Smallest singular value of A, shape (...): at 0 the star can move while the
             motors are fixed (direct kinematics).
-        condition_number: Of A, shape (...): 1 at an isotropic pose.
+        condition_number: Condition number of A, shape (...): 1 at an isotropic pose.
     """
 
     first_kind: Array
@@ -114,7 +114,7 @@ class SST(ClosedChain):
             path: The URDF, with the joint and frame names of `sst_pin.URDF_PATH`.
             cuts: YAML of closures, motors and gravity; by default the file with the name of the
                 URDF and the ending .yaml or, if there is none, `sst_pin.YAML_PATH`.
-            kernels: As in the constructor.
+            kernels: See the constructor.
 
         Raises:
             DescriptionError: If it is not a URDF of an SST; the message lists all problems.
@@ -139,7 +139,7 @@ class SST(ClosedChain):
         Args:
             path: The MJCF, with the joints, sites and welds of the shipped one.
             locked: As in `ClosedChain.from_mjcf`; an SST has nothing to lock.
-            kernels: As in the constructor.
+            kernels: See the constructor.
 
         Raises:
             MissingExtraError: Without MuJoCo, `sst-pin[mjcf]`.

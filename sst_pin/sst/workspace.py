@@ -89,9 +89,9 @@ class WorkspaceMap:
         psi: Roll of the star about s, the paper's angle, [rad].
         reachable: Whether joint limits hold and no leg is in the plane of its arc.
         first_kind: min |sin(mu_k)|, 0 where a leg is in the plane of its arc.
-        determinant: Of A, rows y_2k; changes sign at singularities of the second kind. NaN where a
-            leg is in the plane of its arc: A is not defined there.
-        condition_number: Of A; infinite where the direction is not reachable.
+        determinant: Determinant of A, rows y_2k; changes sign at singularities of the second kind.
+            NaN where a leg is in the plane of its arc: A is not defined there.
+        condition_number: Condition number of A; infinite where the direction is not reachable.
         margin: How far inside their arcs and joint limits all joints are, negative by how far one
             is outside, the largest over all psi, [rad]. NaN where a leg is in the plane of its arc.
         roll: Range of psi within the arcs, [rad]; 0 or 2 pi for a map at one psi.

@@ -53,7 +53,7 @@ def rhombus():
 
 
 def test_the_motor_on_the_slide_is_the_coordinate():
-    """Of two modes of assembly the one counts in which the motor holds the robot."""
+    """The mode of assembly counts in which the motor holds the robot."""
     chain = ClosedChain(*slide_with_two_bars(), ["slide"])
     assert chain.coordinates == ("slide",)
     q = chain.assemble([0.2, 2.0, 1.0])

@@ -107,7 +107,7 @@ def test_direct_dynamics_is_the_inverse_with_motors_on_lines():
 
 
 def test_a_motor_on_a_line_is_a_cylinder_without_mass():
-    """The same force as in the slide of a strut with hinges, whose bodies weigh nothing."""
+    """The force is that in the slide of a strut with hinges, whose bodies weigh nothing."""
     bar = sst_pin.robots.four_bar()
     line = LineForce("foot", "platform", stiffness=40, rest_length=0.3, damping=9, preload=-5)
     model = pin.Model(bar.model)

@@ -25,7 +25,7 @@ KINDS = {
 
 
 def drawn(chain, seed=0):
-    """The same chain with random masses, inertias, friction, rotors, springs and lines."""
+    """The chain with random masses, inertias, friction, rotors, springs and lines."""
     random, theta = np.random.default_rng(seed), chain.dynamic_parameters
     values = np.asarray(theta)
     for k, name in enumerate(theta.names):

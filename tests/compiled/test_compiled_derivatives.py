@@ -28,7 +28,7 @@ from sst_pin.compiled.compiled_backend import DERIVATIVES, CompiledBackend, samp
 from sst_pin.compiled.equations import Equations
 from sst_pin.errors import InputError, UnknownNameError
 
-#: Of many samples, and of one.
+#: Kernels for many samples, and for one.
 ALL = (*DERIVATIVES, *(key._replace(along=True) for key in DERIVATIVES))
 #: The others take a second or more.
 QUICK = ("floating four-bar", "geared", "four_bar", "five_bar")

@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 
 import sst_pin
 
-#: Of torques computed twice by other ways: rounding times the condition of a mild pose.
+#: Difference of torques that are computed in two ways: rounding times the condition of a mild pose.
 CLOSE = 1e-8
 NOT_NUMBERS = (
     None, "fast", "1e-9", 0.0, np.nan, np.inf, -np.inf, -1.0, 1j, [], np.ones(2), {}, object,

@@ -50,7 +50,7 @@ def test_torques_without_noise_give_the_parameters(name, decimate):
     ],
 )
 def test_values_are_within_their_standard_deviations(name, options):
-    """Of a normal distribution 68 % are within one, 99.7 % within three."""
+    """A normal distribution has 68 % within one, 99.7 % within three."""
     chain, base, motion, tau = case(name)
     true = base.matrix @ chain.dynamic_parameters
     sizes = np.array([0.01, 0.05]) if name == "five_bar" else 0.02

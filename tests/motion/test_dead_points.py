@@ -12,7 +12,7 @@ from sst_pin import robots
 
 
 def by(chain, *names):
-    """The same mechanism without weight, driven and described by other joints."""
+    """The mechanism without weight, driven and described by other joints."""
     model = chain.model.copy()
     model.gravity.linear = np.zeros(3)
     return sst_pin.ClosedChain(model, chain.closures, names, coordinates=names)

@@ -37,7 +37,7 @@ STARTS = {
 
 @pytest.fixture(scope="module")
 def python(tmp_path_factory):
-    """Of an environment with an editable installation, its dependencies lent by this one."""
+    """Python of an environment with an editable installation, its dependencies lent."""
     folder = tmp_path_factory.mktemp("editable")
     venv.create(folder / "env")
     site = folder / "env" / "lib" / f"python{sysconfig.get_python_version()}" / "site-packages"

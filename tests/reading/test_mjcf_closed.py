@@ -19,7 +19,7 @@ from sst_pin.sst.paper import PERIOD, example_1
 mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed (extra 'verify')")
 
 ROOT = Path(__file__).resolve().parents[2]
-#: Of the welds as the file has them.
+#: Softness of the welds as the file has them.
 TIME_CONSTANT, IMPEDANCE = 1e-3, 0.9999
 
 

@@ -34,9 +34,9 @@ class Tool:
         distribution: What pip installs.
         file: Which file of the folder it reads.
         closing: What closes the loops in its simulation; empty when it has none.
-        step: Of that simulation when it is of first order, [s].
+        step: Step of that simulation when it is of first order, [s].
         joints: Names of the joints that move, in the order of `q`.
-        mass: Of all bodies, [kg].
+        mass: Mass of all bodies, [kg].
         visuals: Number of visual shapes that it holds.
     """
 

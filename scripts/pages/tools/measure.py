@@ -47,7 +47,7 @@ TOOLS: tuple[type[Tool], ...] = (
 )
 #: Random configurations, all joints all the way round.
 CONFIGURATIONS = 100
-#: Of the fall from home under gravity, [s]; later the carriage of leg 1 meets the star.
+#: Duration of the fall from home under gravity, [s]; later the carriage of leg 1 meets the star.
 FALL = 0.2
 
 
@@ -57,11 +57,11 @@ class Facts(NamedTuple):
     Attributes:
         warnings: What it wrote while it loaded.
         joints: Number of joints that move.
-        mass: Of all bodies, [kg].
+        mass: Mass of all bodies, [kg].
         visuals: Number of visual shapes.
         frames: Number of frames that were compared.
         pose_error: Largest deviation of an entry of their homogeneous matrices, [1], [m].
-        torque_error: Of the tree's inverse dynamics, relative to the largest torque.
+        torque_error: Error of the tree's inverse dynamics, relative to the largest torque.
         gap: Angle between the arcs of the star at the end of the fall, [rad].
         fall_error: Angle between its star and ours at the end of the fall, [rad].
     """

@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from . import CLOSURES, Array, Tool
 
-#: Of Runge-Kutta, [s].
+#: Step of the Runge-Kutta method, [s].
 _STEP = 1e-3
 
 

@@ -42,7 +42,7 @@ class Pybullet(Tool):
 
     def _link_pose(self, link: int) -> Array:
         state = self._bullet.getLinkState(self._robot, link, computeForwardKinematics=True)
-        # Of the mass centre, and of the mass centre in the link; the pose of the link itself
+        # Poses of the mass centre, and of the mass centre in the link; the pose of the link itself
         # (state[4:6]) is made of these two in single precision.
         principal, inertial = (Rotation.from_quat(state[i]).as_matrix() for i in (1, 3))
         rotation = principal @ inertial.T
