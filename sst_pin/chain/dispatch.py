@@ -128,8 +128,9 @@ def assembled(current: Current, q: Array) -> Array | None:
     is that of the reference path too.
     """
     mechanism, kernel = current.mechanism, current.backend.kernel(Key("closing"))
-    if any(isinstance(closure, Rolling) for closure in mechanism.closures):
-        return None  # in kernels they roll on the way
+    rolling = any(isinstance(closure, Rolling) for closure in mechanism.closures)
+    if rolling or mechanism.held_in_part:
+        return None  # the way to the solution counts
     result, before = np.full((1, len(q) + 2), np.nan), _NEAR / _SHRINKS
     while True:
         refused = kernel.many((q[None],), result)

@@ -184,6 +184,16 @@ class Mechanism:
         return np.array_equal(self.motors, self.selection.T) and not self.lines.motors.any()
 
     @cached_property
+    def held_in_part(self) -> bool:
+        """Whether some rates of a joint with quaternions or body axes are coordinates, others not.
+
+        What it means to hold such a coordinate depends on the way to a configuration.
+        """
+        joints = [joint for joint in list(self.model.joints)[1:] if joint.nq != joint.nv > 1]
+        held = [np.isin(range(j.idx_v, j.idx_v + j.nv), self.coordinates) for j in joints]
+        return any(of_joint.any() and not of_joint.all() for of_joint in held)
+
+    @cached_property
     def motor_units(self) -> tuple[str, ...]:
         """For each motor "Nm" or "N", by the rate that it acts on most; on a line alone "N"."""
         units = zip(self.motors.T, self.space.force_units(self.motors), strict=True)
