@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Measure every equation of the paper; write the tables of docs/paper.md and its three figures.
+"""Measure every equation of the paper; write the numbers of docs/paper.md and its three figures.
 
-Tables stand between `<!-- table: name -->` and `<!-- end -->`; what is around them is written by
-hand. With --check nothing is written: every function, test and file that the page names must
-exist, and its tables must be what would be written now, residuals to two orders of magnitude.
+Tables stand between `<!-- table: name -->` and `<!-- end -->`; what is around them, and the words
+in those of equations and misprints, are written by hand. With --check nothing is written: every
+function, test and file that the page names must exist, and its tables must be what would be
+written now, residuals to two orders of magnitude.
 """
 
 from __future__ import annotations
@@ -41,52 +42,26 @@ STEPS, STIFFNESSES = (700, 1400), (1e6, 1e7)
 # --- equations and misprints --------------------------------------------------------------------
 
 
-def equation_table() -> Table:
-    cases = _cases()
-    table = [("paper", "what", "function", "test", "compared with", "worst residual")]
-    for row in equations.EQUATIONS:
-        functions, tests = (
-            ", ".join(map(_function, row.functions)),
-            ", ".join(map(_test, row.tests)),
-        )
-        table.append(
-            (row.numbers, row.what, functions, tests, row.against, f"{row.measure(cases):.0e}")
-        )
-    return table
+def equation_table(stands: Table) -> Table:
+    """The table as it stands, its last column measured."""
+    header, *rows = stands
+    return [header, *((*row[:-1], f"{equations.EQUATIONS[row[0]](_cases()):.0e}") for row in rows)]
 
 
-def misprint_table() -> Table:
-    cases = _cases()
-    table = [("where", "printed", "what holds", "test", "error of the print", "of ours")]
-    for row in equations.MISPRINTS:
-        numbers = ("-", "-")
-        if row.forms is not None:
-            printed, ours = zip(*row.forms(cases), strict=True)
-            numbers = (f"{min(printed):.0e} to {max(printed):.0e}", f"{max(ours):.0e}")
-        table.append((row.where, row.printed, row.holds, _test(row.test), *numbers))
-    return table
+def misprint_table(stands: Table) -> Table:
+    """The table as it stands, its last two columns measured where they are no dashes."""
+    header, *rows = stands
+    return [header, *(row if row[-1] == "-" else _measured(row) for row in rows)]
 
 
+def _measured(row: tuple[str, ...]) -> tuple[str, ...]:
+    printed, ours = zip(*equations.MISPRINTS[row[0]](_cases()), strict=True)
+    return *row[:-2], f"{min(printed):.0e} to {max(printed):.0e}", f"{max(ours):.0e}"
+
+
+@cache
 def _cases() -> list[forms.Case]:
     return forms.cases(equations.SEED, equations.STATES, equations.ROBOTS)
-
-
-def _function(name: str) -> str:
-    module, *_ = name.split(".")
-    file = min((ROOT / "sst_pin").rglob(f"{module}.py"), key=_room)
-    return f"[`{name}`](../{file.relative_to(ROOT)})"
-
-
-def _room(path: Path) -> int:
-    """Engine and robot come before what is drawn of them."""
-    rooms = ("chain", "motion", "sst", "description")
-    return rooms.index(path.parent.name) if path.parent.name in rooms else len(rooms)
-
-
-def _test(name: str) -> str:
-    file, function = name.split("::")
-    (path,) = (ROOT / "tests").rglob(f"{file}.py")
-    return f"[`{function}`](../{path.relative_to(ROOT)})"
 
 
 # --- alternative readings -----------------------------------------------------------------------
@@ -130,7 +105,7 @@ def _motions() -> dict[str, Trajectory]:
     return {name: example_1(SST(parameters), t) for name, parameters in readings().items()}
 
 
-def reading_table() -> Table:
+def reading_table(_: Table) -> Table:
     names = [f"tau_{k}" for k in (1, 2, 3)]
     table = [
         (
@@ -174,7 +149,7 @@ def draw_readings() -> None:
 # --- referees -----------------------------------------------------------------------------------
 
 
-def compare_referees() -> Table:
+def compare_referees(_: Table) -> Table:
     """Torques and motions of all methods; draws both figures on the way."""
     robot = SST()
     example = example_1(robot, np.linspace(0, PERIOD, 401))
@@ -297,7 +272,7 @@ def _write(figure: object, stem: str) -> None:
 # --- the page -----------------------------------------------------------------------------------
 
 #: What makes each table, and whether it takes seconds or longer.
-TABLES: dict[str, tuple[Callable[[], Table], bool]] = {
+TABLES: dict[str, tuple[Callable[[Table], Table], bool]] = {
     "equations": (equation_table, True),
     "misprints": (misprint_table, True),
     "readings": (reading_table, True),
@@ -306,7 +281,8 @@ TABLES: dict[str, tuple[Callable[[], Table], bool]] = {
 
 
 def write() -> None:
-    page = with_tables(PAGE.read_text(encoding="utf-8"), lambda name: TABLES[name][0]())
+    page = PAGE.read_text(encoding="utf-8")
+    page = with_tables(page, lambda name: TABLES[name][0](read_table(page, name)))
     draw_readings()
     PAGE.write_text(page, encoding="utf-8")
 
@@ -323,7 +299,7 @@ def problems(page: str) -> Iterator[str]:
         if not stands:
             yield f"table {name}: empty"
         elif quick:
-            yield from differences(name, stands, make())
+            yield from differences(name, stands, make(stands))
 
 
 def _missing_names(page: str) -> Iterator[str]:

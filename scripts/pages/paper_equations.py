@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Equations and misprints of the paper: our function, the tests, and a measure of each.
+"""Measures of the equations and of the misprints that docs/paper.md lists.
 
 A measure holds what the function gives against something that does not use it: vectors written
 out, closed-form kinematics, differences in time, virtual work. Residuals are relative to the
@@ -26,44 +26,6 @@ Array = NDArray[np.float64]
 SEED = 2012
 #: Motions of the paper's robot, then one of each of as many random robots.
 STATES, ROBOTS = 20, 20
-
-
-class Equation(NamedTuple):
-    """A row of the table of equations.
-
-    Attributes:
-        numbers: Numbers of the equations, or of the section.
-        what: They are about.
-        functions: Ours, with the module, without the package.
-        tests: As file::name, without the ending of the file.
-        against: What the measure compares with.
-        measure: Worst residual of some cases.
-    """
-
-    numbers: str
-    what: str
-    functions: tuple[str, ...]
-    tests: tuple[str, ...]
-    against: str
-    measure: Callable[[Sequence[Case]], float]
-
-
-class Misprint(NamedTuple):
-    """A row of the table of misprints.
-
-    Attributes:
-        where: Equation or section.
-        printed: What stands there.
-        holds: What holds.
-        test: As in `Equation`.
-        forms: Errors of both forms in some cases; None where words or shapes decide.
-    """
-
-    where: str
-    printed: str
-    holds: str
-    test: str
-    forms: Callable[[Sequence[Case]], Iterator[Forms]] | None
 
 
 # --- measures -----------------------------------------------------------------------------------
@@ -339,151 +301,35 @@ def _example_2(_: Sequence[Case]) -> float:
     return paper.compare(robot, example, paper.example_2(robot, example)).path_error
 
 
-# --- tables -------------------------------------------------------------------------------------
-
-_NOC, _DYNAMICS, _KINEMATICS, _WORK = (
-    f"test_{name}::test_" for name in ("noc", "dynamics", "kinematics", "virtual_work")
-)
-_MISPRINTS, _REFEREES, _TIME = (
-    f"test_{name}::test_" for name in ("misprints", "referees", "simulation")
-)
-
-EQUATIONS = (
-    Equation(
-        "(1)", "normals e_{k+6} of the arcs", ("kinematics.Legs", "kinematics.legs_of_orientation"),
-        (_MISPRINTS + "cross_product_of_eq_1_points_against_the_axis_of_eq_44",),
-        "z axes of {2k}, Eqs. (27), (28), with the sign that beta_k asks for", _arc_normals,
-    ),
-    Equation(
-        "(2), (37)", "closures f(q) = 0",
-        ("closed_chain.ClosedChain.residual", "robot.SST.inverse_kinematics"),
-        (_KINEMATICS + "inverse_kinematics_closes_the_loops_on_all_branches",),
-        "zero, on all eight branches (rad)", _closures,
-    ),
-    Equation(
-        "(3)", "Phi q_dot = 0", ("closed_chain.ClosedChain.Phi",),
-        ("test_other_robots::test_L_is_an_orthogonal_complement_of_Phi",),
-        "joint rates in closed form", _no_open_rate,
-    ),
-    Equation(
-        "(4), (5)", "Phi, the Jacobian of f", ("loops.Loops.Phi",),
-        (_NOC + "phi_is_the_derivative_of_the_residual",),
-        "differences of f of second order, off the closures", _slope_of_residual,
-    ),
-    Equation(
-        "(6), (7), (17)", "L", ("noc.JointComplement.factorise",),
-        (_NOC + "L_is_the_block_formula_of_the_paper",), "the blocks of (17), sorted as in (6)",
-        _complement,
-    ),
-    Equation(
-        "(7b), (8), (20)", "q_ddot, L_dot", ("noc.JointComplement.L_dot", "loops.Loops.Phi_dot"),
-        (_NOC + "rates_are_the_derivatives_along_the_motion",
-         _MISPRINTS + "eq_20_gives_accelerations"),
-        "joint accelerations in closed form", _accelerations,
-    ),
-    Equation(
-        "(9)-(14), (21)", "twists t = K q_dot = T va", ("noc.body_jacobians",),
-        (_NOC + "twists_are_those_of_the_mass_centres",),
-        "spins and velocities of seven bodies, vectors written out", _twists,
-    ),
-    Equation(
-        "(15), (24)", "their rates, K_dot and T_dot", ("noc.bodies",),
-        (_NOC + "rates_are_the_derivatives_along_the_motion",),
-        "accelerations of seven bodies, vectors written out", _twist_rates,
-    ),
-    Equation(
-        "(16)", "q_dot = L va", ("closed_chain.ClosedChain.joint_rates",),
-        (_KINEMATICS + "platform_velocity_inverts_joint_motion",), "joint rates in closed form",
-        _rates,
-    ),
-    Equation(
-        "(18), (19)", "Phi L = 0", ("noc.JointComplement",),
-        (_NOC + "the_closures_keep_nothing_of_L",), "zero, all twelve rows", _annihilated,
-    ),
-    Equation(
-        "(22), (23), (25)", "T, T_dot", ("noc.natural_complement",),
-        (_NOC + "T_and_its_rate_are_the_block_formulas_of_the_paper",),
-        "the blocks of (23) and (25)", _complement_of_bodies,
-    ),
-    Equation(
-        "(26)-(36)", "three chains to {E}",
-        ("kinematics.orientation_of_joints", "frames.base_orientations"),
-        (_KINEMATICS + "inverse_kinematics_closes_the_loops_on_all_branches",),
-        "products of rotations, leg by leg", _orientation,
-    ),
-    Equation(
-        "(38)-(62)", "K of the seven bodies", ("noc.bodies",),
-        (_NOC + "K_of_the_seven_bodies_is_that_of_the_paper",),
-        "e_i and r_ij written out, plus signs", _body_jacobians,
-    ),
-    Equation(
-        "(63)-(71)", "w* = -M t_dot - Omega M t", ("noc.bodies",),
-        (_NOC + "kinetic_energy_is_half_the_quadratic_form_of_the_inertia",
-         _MISPRINTS + "omega_of_eq_67_is_a_cross_product_matrix"),
-        "differences of the momenta M t in time", _momenta,
-    ),
-    Equation(
-        "(72)-(82)", "sum of powers", ("closed_chain.ClosedChain.friction_power",),
-        (_DYNAMICS + "power_of_the_motors_is_the_rate_of_the_energy_and_the_losses",),
-        "zero, the motors' power by virtual work", _powers,
-    ),
-    Equation(
-        "(83)-(91)", "tau from the wrenches",
-        ("dynamics.inverse_dynamics", "robot.SST.compute_torques"),
-        (_DYNAMICS + "long_form_equals_short_form",), "(89) with the wrenches of (68)",
-        _inertia_and_weight,
-    ),
-    Equation(
-        "(87), (88), (96)", "friction through L", ("mechanism.Friction.forces",),
-        (_NOC + "friction_dissipates_and_maps_through_L",
-         _DYNAMICS + "friction_of_every_joint_reaches_the_motors"),
-        "power of friction in the nine joints", _friction,
-    ),
-    Equation(
-        "(92)", "tau = I aa + C va - tau^g - tau^f",
-        ("dynamics.terms", "closed_chain.ClosedChain.noc"),
-        (_WORK + "terms_of_the_long_form_add_up_to_the_torques",), "virtual work", _long_form,
-    ),
-    Equation(
-        "(93)", "I", ("dynamics.Terms",), (_NOC + "inertia_is_symmetric_and_positive_definite",),
-        "kinetic energy of seven bodies, vectors written out", _kinetic_energy,
-    ),
-    Equation(
-        "(94)", "C", ("dynamics.Terms",), (_NOC + "inertia_rate_minus_twice_coriolis_is_skew",),
-        "I_dot - 2 C skew, I_dot by differences", _passivity,
-    ),
-    Equation(
-        "(95)", "tau^g", ("dynamics.Terms",),
-        (_NOC + "gravity_is_minus_the_gradient_of_the_potential_energy",), "virtual work at rest",
-        _weight,
-    ),
-    Equation(
-        "Sect. 6.1", "inverse dynamics", ("robot.SST.compute_torques", "robot.SST.joint_motion"),
-        (_WORK + "torques_of_any_robot_agree_at_any_motion",
-         _REFEREES + "a_referee_agrees_for_random_robots"),
-        "virtual work, a moment on the star", _inverse_dynamics,
-    ),
-    Equation(
-        "Sect. 6.2", "direct dynamics",
-        ("dynamics.direct_dynamics", "robot.SST.compute_accelerations"),
-        (_WORK + "accelerations_agree_at_any_torques",),
-        "the motion whose torques virtual work gave", _direct_dynamics,
-    ),
-    Equation(
-        "Sect. 7.2", "example 1", ("paper.example_1", "platform_motion.paper_circle"),
-        (_DYNAMICS + "torques_of_example_1_are_the_reference",),
-        "40-digit arithmetic at four instants (N m)", _example_1,
-    ),
-    Equation(
-        "Sect. 7.3", "initial state", ("robot.SST.joint_motion",),
-        (_KINEMATICS + "initial_conditions_of_the_paper_come_out_to_every_printed_digit",),
-        "the four printed decimals (rad, rad/s)", _initial_state,
-    ),
-    Equation(
-        "Sects. 6.2, 7.3", "example 2", ("paper.example_2", "simulation.simulate"),
-        (_TIME + "example_2_returns_to_the_circle",), "the circle (rad)", _example_2,
-    ),
-)  # fmt: skip
+#: The worst residual of each row of the page's table of equations in some cases.
+EQUATIONS: dict[str, Callable[[Sequence[Case]], float]] = {
+    "(1)": _arc_normals,
+    "(2), (37)": _closures,
+    "(3)": _no_open_rate,
+    "(4), (5)": _slope_of_residual,
+    "(6), (7), (17)": _complement,
+    "(7b), (8), (20)": _accelerations,
+    "(9)-(14), (21)": _twists,
+    "(15), (24)": _twist_rates,
+    "(16)": _rates,
+    "(18), (19)": _annihilated,
+    "(22), (23), (25)": _complement_of_bodies,
+    "(26)-(36)": _orientation,
+    "(38)-(62)": _body_jacobians,
+    "(63)-(71)": _momenta,
+    "(72)-(82)": _powers,
+    "(83)-(91)": _inertia_and_weight,
+    "(87), (88), (96)": _friction,
+    "(92)": _long_form,
+    "(93)": _kinetic_energy,
+    "(94)": _passivity,
+    "(95)": _weight,
+    "Sect. 6.1": _inverse_dynamics,
+    "Sect. 6.2": _direct_dynamics,
+    "Sect. 7.2": _example_1,
+    "Sect. 7.3": _initial_state,
+    "Sects. 6.2, 7.3": _example_2,
+}
 
 
 def _each(form: Callable[[Case], Forms]) -> Callable[[Sequence[Case]], Iterator[Forms]]:
@@ -506,66 +352,15 @@ def _five_bars(_: Sequence[Case]) -> Iterator[Forms]:
     return (forms.passive_accelerations(np.random.default_rng(SEED + i)) for i in range(20))
 
 
-MISPRINTS = (
-    Misprint(
-        "(1)", "e_{k+6} along s x e_{k+3}",
-        "along e_{k+3} x s where 0 < beta_k < pi, as on the whole path of Sect. 7.2: "
-        "otherwise it is minus the axis of (29) and (44)",
-        _MISPRINTS + "cross_product_of_eq_1_points_against_the_axis_of_eq_44", _on_the_circle,
-    ),
-    Misprint(
-        "(7c)", "[Phi_dot^a  Phi^a]", "[Phi_dot^a  Phi_dot^u]",
-        _MISPRINTS + "second_block_of_eq_7c_is_the_rate_of_phi_u", _five_bars,
-    ),
-    Misprint(
-        "(7c)", "its blocks on the nine rates of the SST", "six columns do not fit nine rates",
-        _MISPRINTS + "second_block_of_eq_7c_is_the_rate_of_phi_u", None,
-    ),
-    Misprint(
-        "(20)", "q_dot on the left", "q_ddot", _MISPRINTS + "eq_20_gives_accelerations",
-        _each(forms.rate_of_joint_rates),
-    ),
-    Misprint(
-        "(54)", "first two factors both lead from the base",
-        "the chain of (33), hence r_17 = (2R/pi) s",
-        _MISPRINTS + "chain_of_eq_54_starts_from_the_base_once",
-        _of_the_papers(forms.center_of_star),
-    ),
-    Misprint(
-        "(59)-(61)", "minus before mu_dot", "plus, with the rotations of (27)-(29)",
-        _MISPRINTS + "minus_signs_of_eqs_59_to_61_do_not_turn_the_passive_links",
-        _each(forms.spins_of_passive_links),
-    ),
-    Misprint(
-        "(62), upper row", "minus before mu_dot and beta_dot", "plus",
-        _NOC + "printed_minus_signs_do_not_give_the_twist_of_the_star", None,
-    ),
-    Misprint(
-        "(62), lower row", "minus before mu_dot and beta_dot", "plus",
-        _MISPRINTS + "minus_signs_of_eq_62_do_not_move_the_star", _each(forms.velocity_of_star),
-    ),
-    Misprint(
-        "(67)", "omega_i 1 in Omega_i", "the cross-product matrix of omega_i, as (65) asks",
-        _MISPRINTS + "omega_of_eq_67_is_a_cross_product_matrix", _each(forms.gyroscopic_moments),
-    ),
-    Misprint(
-        "(68)", "M_i on the stacked twist", "the stacked M of (69): 6 x 6 does not fit 6 r numbers",
-        "test_noc::test_kinetic_energy_is_half_the_quadratic_form_of_the_inertia", None,
-    ),
-    Misprint(
-        "(63), (74)-(76)", "words under (63): first the force, then the torque",
-        "[moment; force], on the twist [omega; v] of (9)",
-        _MISPRINTS + "powers_of_eqs_74_to_76_need_the_moment_first", _each(forms.power_of_inertia),
-    ),
-    Misprint(
-        "(87)-(96)", "tau^f as a power dissipated",
-        "tau^f opposes the rates: tau^f = -(D q_dot + F_c sign q_dot)",
-        _MISPRINTS + "friction_of_eqs_87_to_96_opposes_the_rates",
-        _rubbing(forms.balance_of_powers),
-    ),
-    Misprint(
-        "Sect. 7.2, words", "virtual work slightly faster than the NOC",
-        "37 % slower, by the times printed there and by Sect. 6.1",
-        "test_cost::test_the_page_has_the_papers_times", None,
-    ),
-)  # fmt: skip
+#: Errors of both forms of the misprints; the others are words or shapes.
+MISPRINTS: dict[str, Callable[[Sequence[Case]], Iterator[Forms]]] = {
+    "(1)": _on_the_circle,
+    "(7c)": _five_bars,
+    "(20)": _each(forms.rate_of_joint_rates),
+    "(54)": _of_the_papers(forms.center_of_star),
+    "(59)-(61)": _each(forms.spins_of_passive_links),
+    "(62), lower row": _each(forms.velocity_of_star),
+    "(67)": _each(forms.gyroscopic_moments),
+    "(63), (74)-(76)": _each(forms.power_of_inertia),
+    "(87)-(96)": _rubbing(forms.balance_of_powers),
+}
