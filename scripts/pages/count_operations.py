@@ -8,7 +8,6 @@ values are compared with `compute_torques` and `compute_accelerations` before a 
 from __future__ import annotations
 
 import argparse
-import platform
 import sys
 import time
 from collections import Counter
@@ -19,10 +18,10 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
 import sst_pin
+from markdown_tables import Table, differences, read_table, with_tables
 from sst_pin.compiled import kernels
 from sst_pin.compiled.elimination import Factors, pivot_order
 from sst_pin.compiled.equations import Equations
@@ -33,7 +32,6 @@ from sst_pin.verification.virtual_work import VirtualWork
 Array = NDArray[np.float64]
 
 PAGE = Path(__file__).parents[2] / "docs" / "cost.md"
-TIMES = "\n## Times\n"
 TOLERANCE = 1e-9  # relative to the largest torque or acceleration
 CELLS = (2, 4, 8, 16)  # of the ladders
 SAMPLES = 1001  # of example 1, as `sst-pin paper` takes them
@@ -285,176 +283,79 @@ def measure(rounds: int = 7, calls: int = 20) -> dict[str, tuple[float, float]]:
 
 # --- the page ---------------------------------------------------------------------------------
 
-_COUNTS_PAGE = """# Cost of the methods
 
-The paper compares its natural orthogonal complement (NOC) with virtual work by CPU time, 1.7316 s
-and 2.7612 s (Sect. 7.2). It says that an exact comparison needs the number of additions and
-multiplications of each method (Sect. 6.1), but does not give these numbers. This page gives them
-for the equations that this package generates.
-(The text of Sect. 7.2 calls virtual work the faster method; its times and the 37 % of Sect. 6.1
-say the opposite.)
-
-`scripts/pages/count_operations.py` writes this page. With `--check` it counts again, and fails if
-the counts on this page are outdated.
-
-## What is counted
-
-`compile()` writes the equations of a robot as CasADi expressions before they become C. The counts
-are the operations of these expressions for one sample, from (q, va, aa) to the motor torques or
-from (q, va, tau) to the accelerations. The expressions have no products with zeros and ones, they
-compute equal subexpressions once, and they compute only what the result needs. The geometry is
-inserted as numbers; masses, mass centres, inertias and gravity remain variables. There is no
-friction and no load.
-
-- **NOC, every term of Eq. (92)**: the inertia matrix, the Coriolis matrix and the gravity terms,
-  each by itself, Eqs. (93)-(95).
-- **NOC, with L**: L^T RNEA(q, v, dv), with the columns of L, Eq. (17).
-- **NOC, one recursion**: the same product without forming L. One factorisation of Phi_u gives rates
-  and accelerations, and transposed it takes the loads to the coordinates. For the direct dynamics
-  one recursion gives all terms without accelerations, and L^T M L is factorised by Cholesky. This
-  is what the kernels do. "Checked" includes the checks for open loops and small pivots.
-- **Lagrange multipliers**: the accelerations of all joints and the multipliers of the closures from
-  one linear system, solved by the same sparse elimination. The inverse dynamics by multipliers is
-  "one recursion": the transposed solution is the multipliers.
-- **Virtual work**, as in the paper's [10, 11], writes the equations of motion in coordinates of the
-  star, J^T tau = f. The joints of leg 1 are Euler angles of the star, so this is the same robot
-  with `coordinates=["gamma_1", "mu_1", "beta_1"]`.
-
-Subtractions count as additions, a doubling as a multiplication; trig is sin, cos and atan2.
-Changes of sign, comparisons and copies are not counted. The script compares the values of each
-expression with `compute_torques` or `compute_accelerations` to 1e-9; otherwise it writes no page.
-
-## Counts
-
-{inverse}
-
-{direct}
-
-- The form of a method matters more than the method. With every term by itself, the inverse dynamics
-  takes {long} times the operations of one recursion, because it computes whole matrices of
-  which only the products with va and aa are needed.
-- Forming L takes {with_L} times the operations of solving with it.
-- Virtual work over NOC, for the SST: {work:.2f} for the inverse and {direct_work:.2f} for the
-  direct dynamics. The methods differ less than two forms of one method. From the state of an
-  integrator virtual work also needs the direct kinematics of the star at each step, an iteration
-  that has no fixed count. The NOC does not; this is its real advantage, as Sect. 6.2 says.
-- Direct dynamics by multipliers takes {multipliers} times the operations of the NOC.
-- The checks take {checked} times the operations of the torques alone.
-
-## Growth with the number of bodies
-
-Ladders of parallelograms, each cell with three bodies, one loop and one motor:
-
-{ladders}
-
-The inverse dynamics grows in proportion to the number of bodies: every further cell costs
-{per_cell} operations. The direct dynamics also factorises an inertia matrix as large as the number
-of coordinates, so it grows faster.
-"""
-
-_TIMES_PAGE = """
-One run, medians of interleaved repeats; Python {python}, NumPy {numpy}, Pinocchio {pinocchio}.
-Inverse dynamics from the motion of the star by the reference path and by
-`sst_pin.verification.virtual_work`; example 1 has {samples} instants here.
-
-{table}
-
-| virtual work over NOC | every term | one recursion |
-|---|--:|--:|
-| paper, 2.7612 s / 1.7316 s | {paper:.3f} | |
-| one instant | {one} |
-| example 1 | {circle} |
-
-The paper's ratio cannot be compared with these, because its virtual work program and its number of
-samples are unknown. The ratios here are above and below one, because they depend on the
-implementation: the NOC uses Pinocchio's C++, sample by sample from Python; virtual work uses NumPy,
-where the samples of a batch share the cost of the calls.
-"""
-
-
-def _table(problem: str) -> str:
-    lines = [
-        f"| {problem} dynamics | {' | '.join(KINDS)} | all | of one recursion |",
-        "|---|" + "--:|" * 7,
-    ]
+def counts_of(problem: str) -> Table:
+    """The operations of each method for each robot."""
+    table = [(f"{problem} dynamics", *KINDS, "all", "of one recursion")]
     counts = count_all()
     for (its_problem, robot, name), tally in counts.items():
         if its_problem == problem:
+            numbers = *(tally[kind] for kind in KINDS), tally.total()
             ratio = tally.total() / counts[problem, robot, SHORT].total()
-            numbers = " | ".join(str(tally[kind]) for kind in KINDS)
-            lines.append(f"| {robot}: {name} | {numbers} | {tally.total()} | {ratio:.2f} |")
-    return "\n".join(lines)
+            table.append((f"{robot}: {name}", *map(str, numbers), f"{ratio:.2f}"))
+    return table
 
 
-def _over_short(problem: str, name: str) -> str:
-    """Smallest and largest ratio of a method to the short form."""
-    counts = count_all()
-    ratios = [
-        counts[problem, robot, name].total() / counts[problem, robot, SHORT].total()
-        for robot in ROBOTS
-    ]
-    return f"{min(ratios):.2f} to {max(ratios):.2f}"
+def ratios() -> Table:
+    """Operations of methods over those of one recursion, smallest and largest of the robots."""
+    pairs = ("inverse", LONG), ("inverse", WITH_L), ("inverse", CHECKED), ("inverse", WORK)
+    table = [("of one recursion", "least", "most")]
+    for problem, name in (*pairs, ("direct", LONG), ("direct", MULTIPLIERS), ("direct", WORK)):
+        counts = count_all()
+        found = [
+            counts[problem, robot, name].total() / counts[problem, robot, SHORT].total()
+            for robot in ROBOTS
+            if (problem, robot, name) in counts
+        ]
+        table.append((f"{name}: {problem}", f"{min(found):.2f}", f"{max(found):.2f}"))
+    return table
 
 
-def counts_page() -> str:
-    """What the page says before its times."""
-    counts, ladders = count_all(), count_ladders()
-    work = [
-        counts[problem, "SST", WORK].total() / counts[problem, "SST", SHORT].total()
-        for problem in ("inverse", "direct")
-    ]
-    rows = [
-        f"| {cells} | {3 * cells} | {inverse} | {direct} |"
-        for cells, (inverse, direct) in ladders.items()
-    ]
-    (first, (least, _)), *_, (last, (most, _)) = ladders.items()
-    return _COUNTS_PAGE.format(
-        inverse=_table("inverse"),
-        direct=_table("direct"),
-        long=_over_short("inverse", LONG),
-        with_L=_over_short("inverse", WITH_L),
-        work=work[0],
-        direct_work=work[1],
-        multipliers=_over_short("direct", MULTIPLIERS),
-        checked=_over_short("inverse", CHECKED),
-        ladders="\n".join(
-            ["| cells | bodies | inverse dynamics | direct dynamics |", "|" + "--:|" * 4, *rows]
-        ),
-        per_cell=round((most - least) / (last - first)),
-    )
+def ladders() -> Table:
+    """Operations by the number of cells, and of one more cell."""
+    table, before = [("cells", "bodies", "inverse", "direct", "inverse, a further cell")], None
+    for cells, (inverse, direct) in count_ladders().items():
+        more = "" if before is None else f"{(inverse - before[1]) / (cells - before[0]):.0f}"
+        table.append((*map(str, (cells, 3 * cells, inverse, direct)), more))
+        before = cells, inverse
+    return table
 
 
-def times_page(seconds: dict[str, tuple[float, float]]) -> str:
-    """What the page says of times."""
-    lines = ["| | one instant, µs | example 1, ms |", "|---|--:|--:|"]
+def times() -> Table:
+    """Times of the methods, and of virtual work over each."""
+    seconds = measure()
+    table = [("inverse dynamics", "one instant, µs", "all, ms", "virtual work over it", "for all")]
     for name, (one, circle) in seconds.items():
-        lines.append(f"| {name} | {1e6 * one:.0f} | {1e3 * circle:.1f} |")
-    ratios = [
-        " | ".join(f"{seconds[WORK][i] / seconds[form][i]:.3f}" for form in (LONG, SHORT))
-        for i in (0, 1)
-    ]
-    return _TIMES_PAGE.format(
-        python=platform.python_version(),
-        numpy=np.__version__,
-        pinocchio=pin.__version__,
-        samples=SAMPLES,
-        table="\n".join(lines),
-        paper=2.7612 / 1.7316,
-        one=ratios[0],
-        circle=ratios[1],
-    )
+        ratio = (f"{x / y:.3f}" for x, y in zip(seconds[WORK], (one, circle), strict=True))
+        table.append((name, f"{1e6 * one:.0f}", f"{1e3 * circle:.1f}", *ratio))
+    return table
+
+
+TABLES: dict[str, Callable[[], Table]] = {
+    "inverse": partial(counts_of, "inverse"),
+    "direct": partial(counts_of, "direct"),
+    "ratios": ratios,
+    "ladders": ladders,
+}
+
+
+def problems(page: str) -> Iterator[str]:
+    """Where the counts on the page are not those of now."""
+    for name, make in TABLES.items():
+        yield from differences(name, read_table(page, name), make())
 
 
 def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description="Count operations, time methods, write the page.")
     parser.add_argument("--check", action="store_true", help="recount and compare, write nothing")
     options = parser.parse_args(arguments)
-    page = counts_page()
+    page = PAGE.read_text(encoding="utf-8")
     if options.check:
-        current = PAGE.is_file() and PAGE.read_text(encoding="utf-8").split(TIMES)[0] == page
-        print(f"{PAGE.name}: the counts are {'current' if current else 'stale'}")
-        return 0 if current else 1
-    PAGE.write_text(page + TIMES + times_page(measure()), encoding="utf-8")
+        found = list(problems(page))
+        print(*found, f"{PAGE.name}: the counts are {'stale' if found else 'current'}", sep="\n")
+        return bool(found)
+    page = with_tables(page, lambda name: (TABLES | {"times": times})[name]())
+    PAGE.write_text(page, encoding="utf-8")
     return 0
 
 
