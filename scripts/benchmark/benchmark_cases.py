@@ -14,85 +14,13 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from pinocchio_peers import Constrained, Kkt
 from sst_pin import SST, Parameters, paper_circle
 from sst_pin.sst import paper
 from sst_pin.verification.referees import mujoco_engine
 
 Array = NDArray[np.float64]
 Calls = dict[str, tuple[Callable[[], object], float]]
-
-
-class Kkt:
-    """Inverse dynamics as one writes it by hand on Pinocchio: closures, multipliers, one solve."""
-
-    def __init__(self, robot: SST) -> None:
-        self.model, self.data = robot.model, robot.model.createData()
-        pairs = [(c.frame_a, c.frame_b) for c in robot.closures]
-        self.frames = [tuple(self.model.getFrameId(name) for name in pair) for pair in pairs]
-        self.actuated = list(robot.actuated)
-        self.passive = [i for i in range(9) if i not in self.actuated]
-
-    def torques(self, q: Array, va: Array, aa: Array) -> Array:
-        model, data, local = self.model, self.data, pin.LOCAL_WORLD_ALIGNED
-        pin.computeJointJacobians(model, data, q)
-        pin.updateFramePlacements(model, data)
-        Phi = np.vstack(
-            [
-                (
-                    pin.getFrameJacobian(model, data, b, local)
-                    - pin.getFrameJacobian(model, data, a, local)
-                )[3:]
-                for a, b in self.frames
-            ]
-        )
-        passive = np.linalg.inv(Phi[:, self.passive])
-        v = np.zeros(9)
-        v[self.actuated] = va
-        v[self.passive] = -passive @ (Phi[:, self.actuated] @ va)
-        pin.forwardKinematics(model, data, q, v, np.zeros(9))
-        drift = np.concatenate(
-            [
-                (
-                    pin.getFrameAcceleration(model, data, b, local)
-                    - pin.getFrameAcceleration(model, data, a, local)
-                ).angular
-                for a, b in self.frames
-            ]
-        )
-        a = np.zeros(9)
-        a[self.actuated] = aa
-        a[self.passive] = -passive @ (Phi[:, self.actuated] @ aa + drift)
-        tau = pin.rnea(model, data, q, v, a)
-        multipliers = passive.T @ tau[self.passive]
-        return tau[self.actuated] - Phi[:, self.actuated].T @ multipliers
-
-
-class Constrained:
-    """Pinocchio's constrained dynamics of the closed tree."""
-
-    def __init__(self, robot: SST) -> None:
-        self.model, self.data = robot.model, robot.model.createData()
-        self.constraints = []
-        for closure in robot.closures:
-            ends = [
-                self.model.frames[self.model.getFrameId(f)]
-                for f in (closure.frame_a, closure.frame_b)
-            ]
-            placements = [part for f in ends for part in (f.parentJoint, f.placement)]
-            self.constraints.append(
-                pin.RigidConstraintModel(
-                    pin.ContactType.CONTACT_6D, self.model, *placements, pin.LOCAL
-                )
-            )
-        self.workspaces = [constraint.createData() for constraint in self.constraints]
-        pin.initConstraintDynamics(self.model, self.data, self.constraints, self.workspaces)
-        # mu = 0 gives NaN on redundant closures; several iterations make up for it.
-        self.settings = pin.ProximalSettings(1e-14, 1e-6, 10)
-
-    def accelerations(self, q: Array, v: Array, tau: Array) -> Array:
-        return pin.constraintDynamics(
-            self.model, self.data, q, v, tau, self.constraints, self.workspaces, self.settings
-        )
 
 
 def _welded(step: float, stiffness: float = 1e6) -> mujoco.MjModel:
@@ -106,8 +34,8 @@ def single_calls(robot: SST) -> Calls:
     tau, v = robot.compute_torques(q, va, aa), robot.joint_rates(q, va)
     force = np.zeros(9)
     force[::3] = tau
-    kkt, constrained, data = Kkt(robot), Constrained(robot), robot.model.createData()
-    assert np.allclose(kkt.torques(q, va, aa), tau)
+    kkt, constrained, data = Kkt(robot, q), Constrained(robot), robot.model.createData()
+    assert np.allclose(kkt.forces(q, va, aa), tau)
     assert np.allclose(constrained.accelerations(q, v, force)[::3], aa, rtol=1e-5)
     welded = _welded(1e-4)
     welded.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER  # MuJoCo's default, one evaluation
@@ -118,7 +46,7 @@ def single_calls(robot: SST) -> Calls:
         "pin.rnea, open tree": (lambda: pin.rnea(robot.model, data, q, v, v), 1),
         "compute_torques": (lambda: robot.compute_torques(q, va, aa), 1),
         "compute_accelerations": (lambda: robot.compute_accelerations(q, va, tau), 1),
-        "KKT, hand-assembled on Pinocchio": (lambda: kkt.torques(q, va, aa), 1),
+        "KKT, hand-assembled on Pinocchio": (lambda: kkt.forces(q, va, aa), 1),
         "pin.constraintDynamics": (lambda: constrained.accelerations(q, v, force), 1),
         "mj_step": (lambda: mujoco.mj_step(welded, state), 1),
         "reference path, torques": (lambda: reference.compute_torques(q, va, aa), 1),

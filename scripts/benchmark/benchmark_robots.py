@@ -16,9 +16,9 @@ import mujoco.rollout
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
-from scipy.linalg import qr
 
 import cassie
+from pinocchio_peers import Constrained, Kkt
 from sst_pin import ClosedChain, robots
 from sst_pin.chain.tree import series_of
 from sst_pin.compiled import build
@@ -45,72 +45,6 @@ ROBOTS: dict[str, Callable[[], ClosedChain]] = {
 }
 #: Coordinates above which inertia matrices are not written out, so that torques alone are compiled.
 MOST = 40
-
-
-class Kkt:
-    """Inverse dynamics by hand on Pinocchio: independent rows of points, multipliers."""
-
-    def __init__(self, chain: ClosedChain, q: Array) -> None:
-        self.model, self.data = chain.model, chain.model.createData()
-        self.frames = [
-            (self.model.getFrameId(c.frame_a), self.model.getFrameId(c.frame_b))
-            for c in chain.closures
-        ]
-        self.coordinates = chain._current.mechanism.coordinates
-        self.rest = np.setdiff1d(np.arange(self.model.nv), self.coordinates)
-        self.rows = np.arange(3 * len(self.frames))
-        self.rows = np.sort(qr(self._Phi(q)[:, self.rest].T, pivoting=True)[2][: len(self.rest)])
-
-    def _Phi(self, q: Array) -> Array:
-        model, data, axes = self.model, self.data, pin.LOCAL_WORLD_ALIGNED
-        pin.computeJointJacobians(model, data, q)
-        pin.updateFramePlacements(model, data)
-        parts = [
-            pin.getFrameJacobian(model, data, b, axes)[:3]
-            - pin.getFrameJacobian(model, data, a, axes)[:3]
-            for a, b in self.frames
-        ]
-        return np.vstack(parts)[self.rows]
-
-    def forces(self, q: Array, va: Array, aa: Array) -> Array:
-        model, data, axes = self.model, self.data, pin.LOCAL_WORLD_ALIGNED
-        Phi = self._Phi(q)
-        inverse, free = np.linalg.inv(Phi[:, self.rest]), Phi[:, self.coordinates]
-        v, a = np.zeros((2, model.nv))
-        v[self.coordinates], v[self.rest] = va, -inverse @ (free @ va)
-        pin.forwardKinematics(model, data, q, v, np.zeros(model.nv))
-        drift = [
-            pin.getFrameClassicalAcceleration(model, data, j, axes).linear
-            - pin.getFrameClassicalAcceleration(model, data, i, axes).linear
-            for i, j in self.frames
-        ]
-        drift = np.concatenate(drift)[self.rows]
-        a[self.coordinates], a[self.rest] = aa, -inverse @ (free @ aa + drift)
-        tau = pin.rnea(model, data, q, v, a)
-        return tau[self.coordinates] - free.T @ (inverse.T @ tau[self.rest])
-
-
-class Constrained:
-    """`pin.constraintDynamics` of the tree with its points closed."""
-
-    def __init__(self, chain: ClosedChain) -> None:
-        self.model, self.data = chain.model, chain.model.createData()
-        frames = self.model.frames
-        self.constraints = []
-        for closure in chain.closures:
-            ends = [frames[self.model.getFrameId(f)] for f in (closure.frame_a, closure.frame_b)]
-            places = [part for f in ends for part in (f.parentJoint, f.placement)]
-            self.constraints.append(
-                pin.RigidConstraintModel(pin.ContactType.CONTACT_3D, self.model, *places, pin.LOCAL)
-            )
-        self.workspaces = [constraint.createData() for constraint in self.constraints]
-        pin.initConstraintDynamics(self.model, self.data, self.constraints, self.workspaces)
-        self.settings = pin.ProximalSettings(1e-14, 1e-6, 10)  # mu = 0 fails on redundant rows
-
-    def accelerations(self, q: Array, v: Array, tau: Array) -> Array:
-        return pin.constraintDynamics(
-            self.model, self.data, q, v, tau, self.constraints, self.workspaces, self.settings
-        )
 
 
 def closed_in_mujoco(chain: ClosedChain, q: Array, dt: float) -> tuple[Any, Any]:
