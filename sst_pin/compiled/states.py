@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 #: det Phi_u changes by no more than this factor in half a step that is sound.
 _CHANGE = 1.25
+#: Longest step that closes the middle of a sound step, in parts of `TRAVEL`.
+_NEARBY = 0.02
 Indices = NDArray[np.intp]
 
 
@@ -50,6 +52,8 @@ class CompiledStates(ReferenceStates):
         self._closing, self._rate_of, self._course = closing, cache(rate), course
         self._slopes = slopes
         self._by_columns = by_columns
+        units = np.array(self._mechanism.space.position_units)
+        self._travel = TRAVEL * np.where(units == "m", self._mechanism.length, 1.0)
 
     def closed(self, states: Array) -> Array:
         """q with closed loops, by kernels that make steps of Newton's method."""
@@ -128,13 +132,14 @@ class CompiledStates(ReferenceStates):
         of the coordinates.
         """
         q, until = motions.q, reached.copy()
-        ends, middles = self._determinants(q), self._determinants((q[:, 1:] + q[:, :-1]) / 2)
-        units = self._mechanism.space.position_units
-        longest = TRAVEL * np.where(np.array(units) == "m", self._mechanism.length, 1.0)
+        steps = np.diff(q, axis=1)
+        ends, middles = self._determinants(q), self._determinants(q[:, :-1] + steps / 2)
         with np.errstate(divide="ignore", invalid="ignore"):
             ratios = np.stack([middles / ends[:, :-1], ends[:, 1:] / middles])
         sound = ((ratios > 1 / _CHANGE) & (ratios < _CHANGE)).all(axis=0)
-        sound &= (np.abs(np.diff(q, axis=1)) <= longest).all(axis=2)
+        far = np.abs(steps) > self._travel
+        if far.any():  # asked of all first, which is fast
+            sound &= ~far.any(axis=2)
         sound |= np.arange(motions.steps) + 1 >= reached[:, None]
         for i, s in np.argwhere(self._falls(ends)):
             if s < until[i] and self._leaves(motions, i, s):
@@ -168,10 +173,18 @@ class CompiledStates(ReferenceStates):
         return np.asarray(falls)
 
     def _determinants(self, q: Array) -> Array:
-        """det Phi_u of configurations, shape (..., nq); NaN where they fail the checks."""
+        """det Phi_u of configurations, shape (..., nq), the open ones closed by a Newton step.
+
+        NaN where this step is long, or the checks fail.
+        """
         flat = np.ascontiguousarray(q.reshape(-1, self._nq))
         result = np.empty((len(flat), self._nq + 2))
         left = self._closing.many((flat,), result)
         det = result[:, -2]
         det[left] = np.nan
+        if len(left):
+            closed, again = result[left, :-2], np.empty((len(left), self._nq + 2))
+            near = (np.abs(closed - flat[left]) < _NEARBY * self._travel).all(axis=1)
+            near[self._closing.many((closed,), again)] = False
+            det[left[near]] = again[near, -2]
         return det.reshape(q.shape[:-1])
