@@ -184,7 +184,7 @@ class CompiledStates(ReferenceStates):
         det[left] = np.nan
         if len(left):
             closed, again = result[left, :-2], np.empty((len(left), self._nq + 2))
-            near = (np.abs(closed - flat[left]) < _NEARBY * self._travel).all(axis=1)
+            near = np.all(np.abs(closed - flat[left]) < _NEARBY * self._travel, axis=1)
             near[self._closing.many((closed,), again)] = False
             det[left[near]] = again[near, -2]
         return det.reshape(q.shape[:-1])
