@@ -27,6 +27,8 @@ Array = NDArray[np.float64]
 _CHANGE = 1.25
 #: Longest step that closes the middle of a sound step, in parts of `TRAVEL`.
 _NEARBY = 0.02
+#: Motions that are judged together, so that their numbers stay in the cache.
+_AT_ONCE = 64
 Indices = NDArray[np.intp]
 
 
@@ -121,7 +123,11 @@ class CompiledStates(ReferenceStates):
         """Fill the states of motions as far as the kernels compute them well, and count them."""
         reached = course.run(*motions, min(threads, sys.maxsize))
         reached[~self._mechanism.space.on_manifold(motions.q0)] = 0  # kernels normalise on the way
-        return self._continuous(motions, reached)
+        for first in range(0, len(reached), _AT_ONCE):
+            some = slice(first, first + _AT_ONCE)
+            part = motions._replace(q=motions.q[some], va=motions.va[some])
+            reached[some] = self._continuous(part, reached[some])
+        return reached
 
     def _continuous(self, motions: Motions, reached: Indices) -> Indices:
         """How many states of each motion follow one another in one assembly mode, shape (N,).
