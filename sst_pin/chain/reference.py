@@ -32,6 +32,7 @@ from .noc import mass_centers
 from .runge_kutta import runge_kutta_step
 from .thresholds import (
     CLOSURE_TOLERANCE,
+    FIXED_STEP,
     MARGIN,
     MAX_CONDITION_NUMBER,
     ROUNDING,
@@ -521,11 +522,12 @@ class ReferenceStates:
         return done, False
 
     def _suited_ahead(self, q: Array, way: Array) -> ReferenceStates:
-        """These states, or others that are much better on the way of a step from q."""
+        """These states, or others that are much better on the way of a fixed step from q."""
         longest = float(np.abs(way / self._mechanism.rate_scale).max(initial=0))
         parts = min(4, 1 + int(longest / _LOOK))
         for fraction in np.arange(1, parts + 1) / parts:
-            suited, _ = self.suited(pin.integrate(self._mechanism.model, q, fraction * way), 1.0)
+            ahead = pin.integrate(self._mechanism.model, q, fraction * way)
+            suited, _ = self.suited(ahead, FIXED_STEP)
             if suited is not self:
                 return suited
         return self
