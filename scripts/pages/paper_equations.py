@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import printed_forms as forms
+from example_1 import EXAMPLE_1
 from printed_forms import FIRST, Case, Forms, error
-from reference import EXAMPLE_1
 from sst_pin import BRANCHES, SST, paper_circle
 from sst_pin.sst import paper
 from sst_pin.verification.virtual_work import VirtualWork

@@ -14,8 +14,8 @@ from concurrent.futures import ProcessPoolExecutor
 from mpmath import mp, mpf, nstr
 
 import sst_pin
-from describe import describe
 from exact_dynamics import ExactRobot
+from plain_numbers import describe
 from sst_pin import robots
 
 STATES, DIGITS = 10, 40

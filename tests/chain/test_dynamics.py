@@ -5,7 +5,7 @@ import pinocchio as pin
 import pytest
 
 import sst_pin
-from reference import EXAMPLE_1
+from example_1 import EXAMPLE_1
 from sst_pin.chain.dynamics import Friction
 from sst_pin.verification.sampling import random_parameters, random_state, random_states
 

@@ -10,7 +10,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import sst_pin
-from commands import run
+from command_line import run
 from derivative_cases import assert_derivatives_are_those_of_differences, case
 from doors import Arrays
 from sst_pin import ClosedChain, plots

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import sst_pin
-from commands import run
+from command_line import run
 
 ROOT = Path(__file__).resolve().parents[2]
 SAMPLE, DELTA = ROOT / "examples" / "figure_eight.csv", ROOT / "examples" / "delta.urdf"

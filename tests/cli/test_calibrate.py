@@ -9,7 +9,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import sst_pin
-from commands import run
+from command_line import run
 
 URDF = Path(__file__).parents[2] / "examples" / "delta.urdf"
 MOTORS = ["motor_1", "motor_2", "motor_3"]

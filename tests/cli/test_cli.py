@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import sst_pin
-from commands import run
+from command_line import run
 from sst_pin.description import urdf_of
 from sst_pin.sst import paper
 from sst_pin.verification.sampling import random_parameters

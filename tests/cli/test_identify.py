@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import sst_pin
-from commands import run
+from command_line import run
 
 DELTA = Path(__file__).parents[2] / "examples" / "delta.urdf"
 CHAIN = sst_pin.robots.five_bar()

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import sst_pin
-from commands import run
+from command_line import run
 from sst_pin.cli import main
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import sst_pin
-from commands import run
+from command_line import run
 from sst_pin.files import text_writer, write_files
 
 SAMPLE = Path(__file__).resolve().parents[2] / "examples" / "figure_eight.csv"

@@ -14,7 +14,7 @@ import pytest
 
 import robots
 import sst_pin
-from commands import BARS
+from command_line import BARS
 from sst_pin.cli import main
 from sst_pin.compiled import build
 from sst_pin.errors import CompilationError

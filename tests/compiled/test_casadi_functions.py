@@ -11,7 +11,7 @@ import pytest
 import any_chain
 import robots
 import sst_pin
-from commands import said_without
+from command_line import said_without
 from sst_pin.robots import delta, four_bar, scissor_lift, stewart
 
 CHAINS = {

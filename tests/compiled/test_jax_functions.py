@@ -11,7 +11,7 @@ import pinocchio as pin
 import pytest
 
 import any_chain
-from commands import said_without
+from command_line import said_without
 from derivative_cases import close, derivative
 from sst_pin import UnknownNameError
 from sst_pin.errors import ActuationError, DescriptionError, InputError

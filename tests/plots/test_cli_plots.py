@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from commands import run
+from command_line import run
 from sst_pin.cli import plot, workspace_command
 from sst_pin.description import urdf_of
 from sst_pin.sst.workspace import workspace_over_rolls

@@ -154,7 +154,9 @@ def test_every_room_has_its_place() -> None:
 
 
 def test_a_file_name_stands_once() -> None:
-    names = [path.stem for path in MODULES.values() if path.name != "__init__.py"]
+    folders = (PACKAGE, *(ROOT / name for name in ("tests", "scripts", "examples")))
+    files = (path for folder in folders for path in folder.rglob("*.py"))
+    names = [path.stem for path in files if path.name != "__init__.py"]
     assert sorted(set(names)) == sorted(names)
 
 

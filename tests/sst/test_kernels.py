@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 import sst_pin
-from paths import on_reference_path
 from sst_pin.chain.backend import Key
 from sst_pin.compiled import _binding
 from sst_pin.sst import kernels
 from sst_pin.verification.sampling import random_parameters, random_state, random_states
+from without_kernels import on_reference_path
 
 ROOT = Path(__file__).resolve().parents[2]
 compiled = pytest.mark.skipif(bool(kernels.missing()), reason=f"no kernels: {kernels.missing()}")

@@ -6,12 +6,12 @@ import pytest
 from scipy.interpolate import make_interp_spline
 
 import sst_pin
-from paths import on_reference_path
 from sst_pin.chain import dynamics
 from sst_pin.sst import kernels
 from sst_pin.sst.kernels import STAR
 from sst_pin.sst.kinematics import legs_of_joints
 from sst_pin.verification.sampling import random_parameters, random_state
+from without_kernels import on_reference_path
 
 compiled = pytest.mark.skipif(bool(kernels.missing()), reason=f"no kernels: {kernels.missing()}")
 T = np.linspace(0, 0.1, 11)

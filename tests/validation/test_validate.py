@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import sst_pin
-from commands import BARS
+from command_line import BARS
 from sst_pin.cli import main
 from sst_pin.verification.sampling import random_body
 

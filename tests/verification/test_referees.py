@@ -11,8 +11,8 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 import sst_pin
+from example_1 import EXAMPLE_1
 from pinocchio_dynamics import joint_accelerations
-from reference import EXAMPLE_1
 from robots import ROBOTS
 from sst_pin.chain import dynamics, loops, noc
 from sst_pin.chain.loops import Loops
