@@ -12,7 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from .errors import InputError, SSTError
 
+#: Real numbers, indices, and marks.
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+Flags = NDArray[np.bool_]
 _FLOAT64 = np.dtype(np.float64)
 
 

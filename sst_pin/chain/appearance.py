@@ -6,14 +6,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from .closures import Constraint, frames_of
 from .tree import frame_named
-
-Array = NDArray[np.float64]
 
 #: The frame whose path is drawn, in a robot that has one of this name.
 PLATFORM = "platform"

@@ -8,15 +8,12 @@ from collections.abc import Iterator
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from ..arrays import Array, Flags, Indices
 from ..errors import ClosureError, DescriptionError
 from .loops import Loops, connected
 from .mechanism import Mechanism
 from .thresholds import ASSEMBLED
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 _STEPS = 100
 #: A loop that closes by less than a tenth in so many steps does not close.
@@ -238,7 +235,7 @@ class _Limits:
         room[:, self._v] = q[k] - self._lower[k], self._upper[k] - q[k]
         return room / self._mechanism.rate_scale
 
-    def _names(self, chosen: NDArray[np.bool_]) -> str:
+    def _names(self, chosen: Flags) -> str:
         return ", ".join(np.array(self._mechanism.space.rate_names)[chosen])
 
 

@@ -7,14 +7,12 @@ from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array, Indices
 from .continuity import Way
 from .mechanism import Friction
 
-Array = NDArray[np.float64]
 #: Indices of samples, or a count for each sample.
-Indices = NDArray[np.intp]
 #: A result; None if the arguments must be checked first, or a sample fails the checks.
 Answer = Array | None
 D = TypeVar("D")

@@ -12,9 +12,11 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..arrays import (
+    Array,
+    Indices,
     as_array,
     finite_array,
     for_each_sample,
@@ -52,7 +54,6 @@ if TYPE_CHECKING:
     from ..reading import Described
     from ..viewer import Viewer
 
-Array = NDArray[np.float64]
 _FORCES = Key("generalized_forces")
 _Chain = TypeVar("_Chain", bound="ClosedChain")
 
@@ -248,7 +249,7 @@ class ClosedChain(Summary):
         return q.copy()
 
     @property
-    def actuated(self) -> NDArray[np.intp]:
+    def actuated(self) -> Indices:
         """Indices in v of the motors' joints, in the order of the motors, read-only.
 
         Example:

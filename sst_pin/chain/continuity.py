@@ -16,13 +16,11 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from ..arrays import Array, Indices
 from .loops import Loops, connected
 from .mechanism import Mechanism
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 #: From a configuration at one fraction of a step to that at a later fraction; None where the loops
 #: cannot be closed.
 Way = Callable[[Array, float, float], Array | None]

@@ -12,8 +12,8 @@ from zlib import crc32
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from ..arrays import Array, Indices
 from ..errors import ClosureError, SSTError
 from .assembly import Assembly, home_of
 from .dynamics import Memory
@@ -21,9 +21,6 @@ from .mechanism import Mechanism
 from .mobility import choose_coordinates, free_motions, scaled_Phi
 from .noc import body_jacobians
 from .thresholds import INDEPENDENT
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 #: Widths of the random displacements from home or `pin.neutral`, [rad] or robot lengths.
 _AROUND_HOME, _AROUND_NEUTRAL = (0.1, 0.03, 0.01), np.linspace(0.1, 2.0, 20)

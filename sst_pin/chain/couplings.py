@@ -6,13 +6,11 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 from numpy.polynomial import Polynomial
-from numpy.typing import NDArray
 
+from ..arrays import Array, Flags
 from ..errors import DescriptionError
 from .closures import Coupling
 from .tree import joint_id
-
-Array = NDArray[np.float64]
 
 
 class Coupled:
@@ -38,7 +36,7 @@ class Coupled:
             self.terms.append((joint.idx_q, joint.idx_v, P, P.deriv(), P.deriv(2)))
 
     @property
-    def touched(self) -> NDArray[np.bool_]:
+    def touched(self) -> Flags:
         """Which rates it depends on, shape (nv,)."""
         return np.isin(np.arange(self._nv), [k for _, k, *_ in self.terms])
 

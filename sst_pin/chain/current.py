@@ -11,11 +11,10 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property
 
-import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ..arrays import as_array, single_array
+from ..arrays import Array, as_array, single_array
 from ..errors import ClosureError, DescriptionError, InputError, SSTError
 from ..summaries import listed
 from .assembly import home_of
@@ -26,7 +25,6 @@ from .mechanism import Mechanism
 from .mobility import Mobility, judge
 from .reference import Reference, ReferenceBackend
 
-Array = NDArray[np.float64]
 _NOTHING_MOVES = (
     "no coordinates: nothing can move; check kinds and axes of the closures; if another assembly "
     'moves, make it model.referenceConfigurations["home"]'

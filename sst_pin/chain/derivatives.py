@@ -15,8 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..errors import InputError
 from .dynamics import Memory, applied_forces, direct_dynamics, motion_of_tree
 from .loops import Loops
@@ -25,7 +25,6 @@ from .plain_tree import PlainTree
 from .row_derivatives import Branches, FrameMotions, Partials, TreeMotion, partials
 from .vectors import brackets, cross_products, skew
 
-Array = NDArray[np.float64]
 #: Wrenches on bodies: these, frames on them, the wrenches at the world's origin, their w_q.
 _Load = tuple[list[int], FrameMotions, Array, Array]
 

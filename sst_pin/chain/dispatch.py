@@ -10,9 +10,11 @@ from typing import Any, TypeVar
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..arrays import (
+    Array,
+    Indices,
     as_array,
     finite_array,
     for_each_sample,
@@ -23,14 +25,13 @@ from ..arrays import (
 )
 from ..errors import InputError
 from . import reactions, regressor
-from .backend import Indices, Key
+from .backend import Key
 from .closures import Rolling
 from .current import Current
 from .derivatives import AccelerationDerivatives, TorqueDerivatives
 from .mechanism import Mechanism
 from .tree import frame_id
 
-Array = NDArray[np.float64]
 D = TypeVar("D", TorqueDerivatives, AccelerationDerivatives)
 #: Names of derivatives, and of their third argument.
 _NAMES = {

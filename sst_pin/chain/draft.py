@@ -10,9 +10,9 @@ from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ..arrays import finite_array
+from ..arrays import Array, Indices, finite_array
 from ..arrays import names as names_of
 from ..errors import DescriptionError, InputError
 from .assembly import Assembly
@@ -24,8 +24,6 @@ from .loops import Loops
 from .mechanism import Friction, Mechanism, Springs
 from .rebuilt_tree import POSITION_ARRAYS, RATE_ARRAYS, rebuilt
 from .tree import frame_id, joint_id
-
-Array = NDArray[np.float64]
 
 #: Mimic joints that Pinocchio computes rightly. It leaves out the pitch of helical ones.
 _MIMIC = re.compile(
@@ -141,7 +139,7 @@ def _motors(
         raise InputError("forces", f"line {min(both)} has the name of a joint; give another name=")
     size = len(space.rate_names) + len(lines)
 
-    def rows(names: list[str]) -> NDArray[np.intp]:
+    def rows(names: list[str]) -> Indices:
         found = [[lines[name]] if name in lines else space.rates_of([name]) for name in names]
         if len(set(rows := [int(k) for part in found for k in part])) != len(rows):
             raise InputError("names", f"a joint appears twice in {names}")

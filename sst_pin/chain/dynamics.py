@@ -19,8 +19,8 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..errors import SingularConfigurationError
 from ..summaries import Summary, as_html, as_text
 from .assembly import Assembly
@@ -32,8 +32,6 @@ from .mobility import independent_rows
 from .noc import JointComplement, bodies, body_jacobians, decoupled, natural_complement
 from .thresholds import CLOSURE_TOLERANCE
 from .tree import depth_first
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, repr=False)

@@ -9,12 +9,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
-from ..arrays import finite_array
+from ..arrays import Array, Flags, Indices, finite_array
 from ..errors import InputError, UnknownNameError
-
-Array = NDArray[np.float64]
 
 
 class _Kind(NamedTuple):
@@ -99,7 +96,7 @@ class JointSpace:
             for suffix, unit in zip(kind.v, kind.units, strict=True)
         )
 
-    def rates_of(self, names: Sequence[str]) -> NDArray[np.intp]:
+    def rates_of(self, names: Sequence[str]) -> Indices:
         """Indices in v of joints, or of single rates, by name."""
         found: list[int] = []
         for name in names:
@@ -200,7 +197,7 @@ class JointSpace:
             q[:, i : i + 4] = without_sign_changes(q[:, i : i + 4])
         return q
 
-    def on_manifold(self, q: Array) -> NDArray[np.bool]:
+    def on_manifold(self, q: Array) -> Flags:
         """Whether quaternions and cosine-sine pairs have length one, q of shape (..., nq)."""
         return np.all(self._off_length_one(q) < 1e-6, axis=-1)
 
@@ -233,7 +230,7 @@ class JointSpace:
         return parts
 
     @cached_property
-    def _simple(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    def _simple(self) -> tuple[Indices, Indices]:
         """Entries of q and of v whose rates are the same numbers."""
         q, v = np.ones(self._model.nq, dtype=bool), np.ones(self._model.nv, dtype=bool)
         for size, first, pairs in ((4, 3, self._quaternions), (2, 1, self._circles)):

@@ -12,14 +12,11 @@ from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
-from ..arrays import finite_array
+from ..arrays import Array, finite_array
 from ..errors import InputError, SingularConfigurationError
 from .closures import Distance
 from .loops import Loops
-
-Array = NDArray[np.float64]
 
 #: A line that is shorter has no direction, relative to the length of the robot.
 LEAST_LENGTH = 1e-9

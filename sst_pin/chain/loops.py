@@ -18,8 +18,8 @@ from itertools import pairwise
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from ..arrays import Array, Flags, Indices
 from ..errors import ClosureError, InputError
 from .closures import Constraint, Coupling, frames_of
 from .couplings import Coupled
@@ -27,9 +27,6 @@ from .pair_rows import PairRows
 from .thresholds import CLOSURE_TOLERANCE
 from .tree import JacobianRates, frame_id, memory_of, of_rates, rates_of_columns, summed, support
 from .vectors import carrying
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 
 class Loops:
@@ -178,7 +175,7 @@ class Loops:
         return summed(self.model, at_b + at_a)
 
 
-def connected(touched: NDArray[np.bool_]) -> Iterator[tuple[Indices, Indices]]:
+def connected(touched: Flags) -> Iterator[tuple[Indices, Indices]]:
     """Rates that rows connect, in parts that share no row and no rate.
 
     `touched` says which rates a row depends on, shape (rows, rates). Gives the indices of the rows

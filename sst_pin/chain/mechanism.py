@@ -8,8 +8,8 @@ from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from ..arrays import Array, Indices
 from ..errors import DescriptionError, SingularConfigurationError
 from ..summaries import listed
 from .closures import Constraint, Coupling, Distance, frames_of
@@ -17,8 +17,6 @@ from .joint_space import JointSpace
 from .lines import Lines
 from .thresholds import AT_REST
 from .tree import frame_named, joint_id
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -127,7 +125,7 @@ class Mechanism:
 
     model: pin.Model
     closures: tuple[Constraint, ...]
-    coordinates: NDArray[np.intp]
+    coordinates: Indices
     motors: Array
     motor_names: tuple[str, ...]
     friction: Friction
@@ -142,7 +140,7 @@ class Mechanism:
         return JointSpace(self.model)
 
     @cached_property
-    def dependent(self) -> NDArray[np.intp]:
+    def dependent(self) -> Indices:
         """Indices in v of the rates that the closures determine."""
         return np.setdiff1d(np.arange(self.model.nv), self.coordinates)
 
@@ -152,7 +150,7 @@ class Mechanism:
         return np.eye(self.model.nv)[self.coordinates]
 
     @cached_property
-    def sprung(self) -> NDArray[np.intp]:
+    def sprung(self) -> Indices:
         """Rates at which a spring is possible, as `Springs.check` says."""
         rates: set[int] = set()  # mimic joints share theirs
         for joint in list(self.model.joints)[1:]:
@@ -161,7 +159,7 @@ class Mechanism:
         return np.array(sorted(rates), dtype=np.intp)
 
     @cached_property
-    def driven(self) -> NDArray[np.intp]:
+    def driven(self) -> Indices:
         """Indices in v of the rates that motors act on, motor after motor."""
         columns = (np.flatnonzero(column) for column in self.motors.T)
         rates = np.array(list(dict.fromkeys(k for c in columns for k in c)), dtype=np.intp)

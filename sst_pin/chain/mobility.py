@@ -7,16 +7,13 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array, Indices
 from ..summaries import as_html, listed
 from .lines import LineKinematics
 from .loops import Loops
 from .mechanism import Mechanism
 from .thresholds import INDEPENDENT, RANK_TOLERANCE
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 
 @dataclass(frozen=True)

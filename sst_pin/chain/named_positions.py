@@ -6,13 +6,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ..arrays import single_array
+from ..arrays import Array, single_array
 from ..errors import UnknownNameError
 from .joint_space import JointSpace
-
-Array = NDArray[np.float64]
 
 
 def angles_and_lengths(space: JointSpace) -> dict[str, str]:

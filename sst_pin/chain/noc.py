@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from ..arrays import Array, Flags, Indices
 from ..errors import SingularConfigurationError
 from ..summaries import listed
 from .loops import connected
@@ -22,9 +22,6 @@ from .mechanism import Mechanism
 from .mobility import choose_coordinates, condition_number
 from .thresholds import MAX_CONDITION_NUMBER
 from .tree import columns, of_rates, summed, support
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 #: Rates of too many coordinates break redundant rows by about their own size; open loops, by less.
 _INCONSISTENT = 0.1
@@ -41,7 +38,7 @@ class _Block:
     """
 
     def __init__(
-        self, mechanism: Mechanism, touched: NDArray[np.bool_], rows: Indices, dependent: Indices
+        self, mechanism: Mechanism, touched: Flags, rows: Indices, dependent: Indices
     ) -> None:
         self.rates = mechanism.dependent[dependent]
         column, nv = rows[:, None], mechanism.model.nv
@@ -63,7 +60,7 @@ class JointComplement:
         inverse: G, shape (nv, rows): x = G c solves Phi x = c with coordinates at rest.
     """
 
-    def __init__(self, mechanism: Mechanism, touched: NDArray[np.bool_]) -> None:
+    def __init__(self, mechanism: Mechanism, touched: Flags) -> None:
         from scipy.linalg import blas, lapack  # an import takes a microsecond at each call
 
         self._mechanism, self._lapack, self._dtrsm = mechanism, lapack, blas.dtrsm

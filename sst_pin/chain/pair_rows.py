@@ -27,11 +27,9 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from ..arrays import Array, Indices
 from .closures import Closure, Distance, Rolling
 from .vectors import cross_products
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 #: In complex numbers x + i _STEP x_q the imaginary part of f is _STEP f_q, exact to rounding.
 _STEP = 1e-50

@@ -15,13 +15,11 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from .closures import Coupling
 from .mechanism import Friction, Mechanism, Springs
 from .tree import series_of
-
-Array = NDArray[np.float64]
 
 
 class PlainTree:

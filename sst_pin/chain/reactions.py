@@ -17,9 +17,9 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ..arrays import as_array
+from ..arrays import Array, Flags, as_array
 from ..errors import IndeterminateError, InputError, UnknownNameError
 from ..summaries import Summary, listed
 from .closures import Coupling
@@ -28,9 +28,6 @@ from .mechanism import Mechanism
 from .noc import mass_centers
 from .thresholds import UNIQUE
 from .tree import joint_id
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 #: Inner stresses that stiffnesses resist less than this, relative to the most, are left free.
 _RESISTED = 1e-9

@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ..arrays import Array
 
 #: Arrays of a model with a number for each rate, and for each position.
 RATE_ARRAYS = (

@@ -8,14 +8,12 @@ null(J^T), the directions of preload.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ..arrays import as_array, finite_array, name_samples
+from ..arrays import Array, as_array, finite_array, name_samples
 from ..errors import ActuationError, InputError, SingularConfigurationError
 from .mechanism import Mechanism
 from .thresholds import RANK_TOLERANCE
-
-Array = NDArray[np.float64]
 
 #: Torques may pass limits by this part of the largest: rounding of a projection onto them.
 _ROUNDING = 1e-12

@@ -17,9 +17,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
-from ..arrays import finite_array
+from ..arrays import Array, Flags, Indices, finite_array
 from ..errors import ActuationError, InputError, SSTError
 from . import dynamics, reactions, regressor
 from .backend import Key, Motions, NoKernel
@@ -41,7 +40,6 @@ from .thresholds import (
 )
 from .tree import of_rates, summed, support
 
-Array = NDArray[np.float64]
 #: Largest part of a motion's rates by which its two slopes in the middle of a step may differ.
 _SCATTER = 0.1
 #: Way of a joint on which coordinates are judged once, [rad] or of the robot's length.
@@ -154,7 +152,7 @@ class Reference:
         tau = half * np.linalg.lstsq(scaled, f * units / rows, rcond=1 / MAX_CONDITION_NUMBER)[0]
         return tau, f - A.dot(tau) / units
 
-    def _unsupplied(self, left: Array, over: NDArray[np.bool_]) -> ActuationError:
+    def _unsupplied(self, left: Array, over: Flags) -> ActuationError:
         """The error for a motion that needs more than the motors give."""
         names = self.mechanism.coordinate_rate_names
         missing = {names[k]: float(left[k]) for k in np.flatnonzero(over)}
@@ -479,7 +477,7 @@ class ReferenceStates:
         model = self._mechanism.model
         return pin.integrate(model, before, fraction * pin.difference(model, before, after))
 
-    def rollout(self, motions: Motions, threads: int) -> NDArray[np.intp]:
+    def rollout(self, motions: Motions, threads: int) -> Indices:
         """The classical Runge-Kutta method with fixed steps, one motion after the other.
 
         After each step the dependent joints are moved onto the closures. A motion ends at the first

@@ -12,17 +12,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ..arrays import single_array
+from ..arrays import Array, single_array
 from ..errors import InputError, UnknownNameError
 from ..summaries import Summary, listed
 from .dynamics import Memory, motion_of_tree
 from .lines import LineForce
 from .mechanism import Friction, Mechanism, Springs, read_only
 from .tree import of_rates, summed, support
-
-Array = NDArray[np.float64]
 
 #: Parameters of a body about the frame of its joint, as in `pin.Inertia.toDynamicParameters`.
 OF_BODY = ("mass", "mx", "my", "mz", "ixx", "ixy", "iyy", "ixz", "iyz", "izz")

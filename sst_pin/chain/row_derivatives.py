@@ -11,13 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from .loops import Loops
 from .tree import of_rates, support
 from .vectors import brackets, carrying, skew
-
-Array = NDArray[np.float64]
 
 
 class FrameMotions:

@@ -14,12 +14,10 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from ..arrays import Array, Indices
 from ..errors import DescriptionError, UnknownNameError
 from .vectors import brackets
-
-Array = NDArray[np.float64]
 
 
 def frame_id(model: pin.Model, name: str | None) -> int:
@@ -67,7 +65,7 @@ def columns(model: pin.Model, joint: int) -> slice:
     return slice(first, first + model.joints[joint].nvExtended)
 
 
-def rates_of_columns(model: pin.Model) -> NDArray[np.intp]:
+def rates_of_columns(model: pin.Model) -> Indices:
     """For each column of J its rate in v: for a mimic joint that of the joint that it follows."""
     rates = np.empty(model.nvExtended, dtype=np.intp)
     for j in range(1, model.njoints):

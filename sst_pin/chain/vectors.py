@@ -4,9 +4,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ..arrays import Array
 
 #: Vector times this: its cross-product matrix, row after row.
 _TO_MATRIX = np.zeros((3, 9))

@@ -16,10 +16,10 @@ from pathlib import Path
 from typing import Any, BinaryIO, NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 from tqdm import tqdm
 
 from .. import robots
+from ..arrays import Array
 from ..chain.closed_chain import ClosedChain
 from ..description import JOINT_NAMES, YAML_PATH
 from ..errors import InputError, MissingExtraError
@@ -27,8 +27,6 @@ from ..files import Writer, write_files
 from ..motion.trajectories import Trajectory
 from ..reading import Urdf, is_mjcf, read_urdf
 from ..sst.robot import SST
-
-Array = NDArray[np.float64]
 
 
 class Parser(argparse.ArgumentParser):

@@ -8,15 +8,13 @@ from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..description import description_writers
 from ..description.parameters import Parameters, RigidBody
 from ..files import write_files
 from ..sst.configurations import configurations_of
 from .common import Commands, add_force, add_robot, require_extras, sst_of, triple
-
-Array = NDArray[np.float64]
 
 
 def add_to(commands: Commands) -> None:

@@ -7,15 +7,11 @@ import argparse
 import json
 import platform
 
-import numpy as np
-from numpy.typing import NDArray
-
+from ..arrays import Array
 from ..chain.closed_chain import ClosedChain
 from ..errors import ClosureError, DescriptionError
 from ..version import __version__
 from .common import Commands, add_robot, robot_of, version_of
-
-Array = NDArray[np.float64]
 
 
 def add_to(commands: Commands) -> None:

@@ -11,11 +11,9 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 from casadi import SX, Function
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from .casadi_functions import CasadiFunctions
-
-Array = NDArray[np.float64]
 
 
 class AlongMotions:

@@ -7,10 +7,9 @@ from dataclasses import replace
 from functools import cached_property
 
 import casadi as ca
-import numpy as np
 from casadi import MX, SX, Function
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..chain.mechanism import Mechanism
 from ..chain.reference import Reference
 from ..chain.runge_kutta import runge_kutta_step
@@ -26,8 +25,6 @@ from .link_kinematics import Point
 #: Common subexpressions are computed once.
 _OPTIONS = {"cse": True}
 _WRENCHES = "external_wrenches"
-
-Array = NDArray[np.float64]
 
 
 class CasadiFunctions:

@@ -7,9 +7,9 @@ import ctypes
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ..arrays import Array
+
 #: The list of sizes in a library ends with -1; there are no more than this.
 _MOST_SIZES = 8
 

@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..chain import backend as chain
 from ..chain.assembly import home_of
 from ..chain.backend import Key, NoKernel
@@ -47,7 +47,6 @@ if TYPE_CHECKING:
     from .equations import Equations
     from .inertia_by_columns import ByColumns
 
-Array = NDArray[np.float64]
 
 #: Made by `ClosedChain.compile`; the others when they are first needed.
 FIRST = (Key("torques"), Key("accelerations"))

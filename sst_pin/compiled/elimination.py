@@ -15,11 +15,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array, Flags
 from ..errors import SingularConfigurationError
 
-Array = NDArray[np.float64]
 #: Rows of a sparse matrix: entries by column. The entries are symbols or numbers.
 Rows = Sequence[Mapping[int, Any]]
 
@@ -31,7 +30,7 @@ _ZERO = 1e-9
 _SMALL = 1e-3
 
 
-def pivot_order(pattern: NDArray[np.bool_], values: Array) -> tuple[list[tuple[int, int]], Array]:
+def pivot_order(pattern: Flags, values: Array) -> tuple[list[tuple[int, int]], Array]:
     """Rows and columns of the pivots in the order of elimination, and their largest sizes.
 
     `pattern` says where the matrix may be different from zero, shape (rows, columns), `values` are

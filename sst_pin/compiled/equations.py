@@ -16,8 +16,8 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 from casadi import SX
-from numpy.typing import NDArray
 
+from ..arrays import Array, Indices
 from ..chain.loops import connected
 from ..chain.mechanism import Mechanism
 from ..chain.mobility import independent_rows
@@ -30,8 +30,6 @@ from .open_numbers import OpenNumbers
 from .symbols import Sparse, add, is_zero, solve_symmetric
 from .tree_dynamics import TreeDynamics
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 #: Entries of a matrix: row, column, value.
 Entries = list[tuple[int, int, Any]]
 

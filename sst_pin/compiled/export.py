@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..chain.closed_chain import ClosedChain
 from ..chain.mechanism import Mechanism
 from ..errors import DescriptionError, InputError
@@ -19,8 +19,6 @@ from .compiled_backend import impossible, sample_configurations
 from .equations import Equations
 from .kernel_checks import CLOSED, Checks
 from .open_numbers import BODY, LINE, OpenNumbers
-
-Array = NDArray[np.float64]
 
 #: Numbers of the exported C.
 Precision = Literal["double", "single"]

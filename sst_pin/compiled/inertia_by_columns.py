@@ -12,16 +12,14 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg.lapack import dposv
 
-from ..chain.backend import Indices, NoKernel
+from ..arrays import Array, Indices
+from ..chain.backend import NoKernel
 from ..chain.mechanism import Mechanism
 
 if TYPE_CHECKING:
     from ._binding import Kernel
-
-Array = NDArray[np.float64]
 
 
 class ByColumns(NoKernel):

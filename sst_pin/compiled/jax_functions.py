@@ -15,9 +15,8 @@ from typing import TYPE_CHECKING, Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from numpy.typing import NDArray
 
-from ..arrays import for_each_sample
+from ..arrays import Array, Indices, for_each_sample
 from ..chain.backend import Key
 from ..chain.closures import Rolling
 from ..chain.dispatch import computed
@@ -31,7 +30,6 @@ from .casadi_functions import CasadiFunctions
 if TYPE_CHECKING:
     from ..chain.closed_chain import ClosedChain
 
-Array = NDArray[np.float64]
 #: Derivatives of an order of arrays in rows.
 Values = Callable[..., Array]
 
@@ -259,7 +257,7 @@ class JaxFunctions:
         return jnp.linalg.solve(T_t @ T, T_t @ dq[..., entries, None])[..., 0]
 
     @cached_property
-    def _entries(self) -> tuple[NDArray[np.intp], bool]:
+    def _entries(self) -> tuple[Indices, bool]:
         """Entries of q of the coordinates' joints, and whether each is a coordinate."""
         of_rate: dict[int, range] = {}
         for joint in list(self._mechanism.model.joints)[1:]:
@@ -354,7 +352,7 @@ def _with_all_axes(arrays: Sequence[Array]) -> list[Array]:
 def _samples(function: Callable[..., Array], size: int, *arrays: Array) -> Array:
     """A function of many samples, one by one where some are at fault: these become NaN."""
 
-    def fill(flat: list[Array | None], results: Array) -> NDArray[np.intp]:
+    def fill(flat: list[Array | None], results: Array) -> Indices:
         try:
             results[:] = function(*flat)
         except SSTError:

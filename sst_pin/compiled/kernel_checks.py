@@ -14,15 +14,13 @@ from typing import Any
 import casadi as ca
 import numpy as np
 from casadi import SX
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..chain.lines import LEAST_LENGTH
 from ..chain.thresholds import CLOSURE_TOLERANCE
 from .elimination import total
 from .equations import Equations
 from .symbols import Sparse, add, is_zero
-
-Array = NDArray[np.float64]
 
 #: Largest residual of the closures: half of the reference path's tolerance.
 CLOSED = 0.5 * CLOSURE_TOLERANCE

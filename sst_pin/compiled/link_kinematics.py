@@ -17,13 +17,12 @@ import casadi as ca
 import numpy as np
 import pinocchio as pin
 from casadi import SX
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from .links import Link, LinkTree, clean
 from .symbols import Sparse, is_zero, sx
 from .turns import angle, rotation_vector
 
-Array = NDArray[np.float64]
 #: A force, and a moment about the origin of a link, in its axes.
 Wrench = tuple[SX, SX]
 #: Unit vectors among the coordinates of a joint: how long, at their end.

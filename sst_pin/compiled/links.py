@@ -7,12 +7,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..chain.tree import series_of
 from ..errors import DescriptionError
-
-Array = NDArray[np.float64]
 
 #: Kinds by how the joint's placement follows from its coordinates.
 _KINDS = {

@@ -12,15 +12,14 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..chain.mechanism import Friction, Mechanism
 from ..chain.tree import frame_named
 
 if TYPE_CHECKING:
     from casadi import SX
 
-Array = NDArray[np.float64]
 
 #: Numbers of a body: mass, first moment (3), second moments xx, xy, xz, yy, yz, zz about its frame.
 BODY = 10

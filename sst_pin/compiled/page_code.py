@@ -16,8 +16,8 @@ import casadi as ca
 import numpy as np
 import pinocchio as pin
 from casadi import SX
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..chain.mobility import free_motions
 from ..chain.reference import Reference, ReferenceStates
 from ..errors import ClosureError, DescriptionError
@@ -28,8 +28,6 @@ from .kernel_checks import Checks
 from .kernels import SymbolicKernel
 from .open_numbers import OpenNumbers
 from .symbols import Sparse
-
-Array = NDArray[np.float64]
 
 #: From a statement in C to one in JavaScript.
 _WORDS = [

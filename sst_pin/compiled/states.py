@@ -9,8 +9,8 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array, Flags, Indices
 from ..chain.backend import Kernel, Motions
 from ..chain.continuity import TRAVEL
 from ..chain.derivatives import AccelerationDerivatives
@@ -22,14 +22,12 @@ if TYPE_CHECKING:
     from ._binding import Course
     from .inertia_by_columns import ByColumns
 
-Array = NDArray[np.float64]
 #: det Phi_u changes by no more than this factor in half a step that is sound.
 _CHANGE = 1.25
 #: Longest step that closes the middle of a sound step, in parts of `TRAVEL`.
 _NEARBY = 0.02
 #: Motions that are judged together, so that their numbers stay in the cache.
 _AT_ONCE = 64
-Indices = NDArray[np.intp]
 
 
 class CompiledStates(ReferenceStates):
@@ -166,7 +164,7 @@ class CompiledStates(ReferenceStates):
             return True
         return self._suited_ahead(q, way) is not self
 
-    def _falls(self, ends: Array) -> NDArray[np.bool_]:
+    def _falls(self, ends: Array) -> Flags:
         """Where |det Phi_u| first falls by one more `_CHANGE` below half its size elsewhere."""
         largest = np.nanmax(np.abs(ends), axis=1, initial=0)
         example = self._mechanism.example

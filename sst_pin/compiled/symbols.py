@@ -7,14 +7,12 @@ from collections.abc import Mapping
 from typing import Any
 
 import casadi as ca
-import numpy as np
 from casadi import SX
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from .elimination import total
 from .links import clean
 
-Array = NDArray[np.float64]
 #: Entries by index, zeros left out; each is a scalar symbol or a number.
 Sparse = dict[int, Any]
 

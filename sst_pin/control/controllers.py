@@ -6,9 +6,9 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ..arrays import finite_array, in_one_turn, positive_number
+from ..arrays import Array, finite_array, in_one_turn, positive_number
 from ..chain.closed_chain import ClosedChain
 from ..chain.named_positions import taken
 from ..chain.regressor import OF_BODY
@@ -17,8 +17,6 @@ from ..motion.coordinate_motions import positions_along
 from ..motion.moving_robot import require_motion
 from ..motion.samples import spline
 from ..motion.trajectories import Trajectory
-
-Array = NDArray[np.float64]
 
 
 class Controller(ABC):

@@ -13,16 +13,14 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ..arrays import finite_array, name_samples, single_array
+from ..arrays import Array, finite_array, name_samples, single_array
 from ..chain.closed_chain import ClosedChain
 from ..chain.redundancy import limits_of_each
 from ..chain.thresholds import RANK_TOLERANCE, UNSUPPLIED
 from ..errors import ActuationError, InputError, SingularConfigurationError
 from ..summaries import listed
-
-Array = NDArray[np.float64]
 
 
 class Ellipsoid(NamedTuple):

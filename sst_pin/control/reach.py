@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import finite_array, single_array
+from ..arrays import Array, Flags, finite_array, single_array
 from ..chain.closed_chain import ClosedChain
 from ..chain.redundancy import limits_of_each
 from ..chain.thresholds import CLOSURE_TOLERANCE, RANK_TOLERANCE
@@ -23,8 +23,6 @@ from ..motion.frame_guide import FrameGuide
 from ..motion.motion_columns import position_columns
 from ..summaries import listed
 from .pose_abilities import torques_of_forces
-
-Array = NDArray[np.float64]
 
 #: What `ReachMap.why` counts.
 REASONS = ("reached", "joint limits", "singular", "out of reach", "cut off")
@@ -71,7 +69,7 @@ class ReachMap:
     columns: tuple[str, ...]
 
     @property
-    def reached(self) -> NDArray[np.bool_]:
+    def reached(self) -> Flags:
         """Which poses are reached, shape (N, M)."""
         return self.why == _REACHED
 
@@ -247,7 +245,7 @@ def _flood(
         numbers = np.array([float({**here, **named, **on_grid}[axis]) for axis in _AXES])
         return pin.SE3(pin.rpy.rpyToMatrix(numbers[3:]) @ at.rotation, numbers[:3])
 
-    def beyond(q: Array) -> NDArray[np.bool_]:
+    def beyond(q: Array) -> Flags:
         out = np.maximum(model.lowerPositionLimit - q, q - model.upperPositionLimit)
         return np.asarray((out > CLOSURE_TOLERANCE) & with_unit)
 

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ..arrays import finite_array, for_each_sample, names, single_array
+from ..arrays import Array, Indices, finite_array, for_each_sample, names, single_array
 from ..chain.closed_chain import ClosedChain
 from ..chain.named_positions import taken
 from ..chain.redundancy import limits_of
@@ -17,7 +17,6 @@ from ..chain.thresholds import RANK_TOLERANCE
 from ..errors import ActuationError, InputError, SingularConfigurationError, WorkspaceError
 from ..motion.coordinate_motions import followed, start_of
 
-Array = NDArray[np.float64]
 #: The joints go to given motor positions in pieces of this size, [rad], or of the robot's length.
 _PIECE = 0.2
 #: Newton's method in a piece: steps, and the error at which it has arrived, as for the pieces.
@@ -460,7 +459,7 @@ class SerialView:
         )
 
 
-def _others(chain: ClosedChain, rates: NDArray[np.intp]) -> list[str]:
+def _others(chain: ClosedChain, rates: Indices) -> list[str]:
     """Coordinates of a chain that some joints leave free, by greedy choice at its example."""
     mechanism = chain.mechanism
     L = chain.joint_rates(chain.generic_configuration(), np.eye(chain.degrees_of_freedom)).T

@@ -13,9 +13,9 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ..arrays import finite_array, positive_number
+from ..arrays import Array, Indices, finite_array, positive_number
 from ..chain.closed_chain import ClosedChain
 from ..chain.named_positions import put, taken
 from ..chain.redundancy import limits_of_each
@@ -23,8 +23,6 @@ from ..errors import ActuationError, InputError, MissingExtraError
 from ..motion.coordinate_motions import coordinate_positions
 from ..motion.samples import spline
 from ..motion.trajectories import Trajectory
-
-Array = NDArray[np.float64]
 
 #: Intervals at whose ends the dynamics is computed, and how often they are halved where the forces
 #: between are others than expected.
@@ -345,7 +343,7 @@ def _fastest(loads: _Loads) -> _Profile:
     return profile
 
 
-def _divided(s: Array, pieces: NDArray[np.intp]) -> Array:
+def _divided(s: Array, pieces: Indices) -> Array:
     """A grid with each interval in a number of equal pieces."""
     first = np.repeat(np.cumsum(pieces) - pieces, pieces)
     part = (np.arange(pieces.sum()) - first) / np.repeat(pieces, pieces)

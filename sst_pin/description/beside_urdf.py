@@ -7,9 +7,7 @@ import itertools
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 
-import numpy as np
-from numpy.typing import NDArray
-
+from ..arrays import Array
 from .frames import JOINT_NAMES
 from .parameters import Parameters
 
@@ -28,7 +26,7 @@ _TOUCHING = {
 }
 
 
-def srdf_of(configurations: Mapping[str, NDArray[np.float64]]) -> str:
+def srdf_of(configurations: Mapping[str, Array]) -> str:
     """XML of an SST's semantic description, with poses of joint coordinates by name, shape (9,)."""
     robot = ET.Element("robot", name="sst")
     robot.append(ET.Comment(_HEADER))

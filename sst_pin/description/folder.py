@@ -6,9 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
+from ..arrays import Array
 from ..files import Writer, text_writer
 from .beside_urdf import srdf_of, yaml_of
 from .meshes import mesh_writers
@@ -23,9 +21,7 @@ from .urdf_writer import urdf_of
 _CONSTANT = ("LICENSE", "package.xml", "CMakeLists.txt")
 
 
-def description_writers(
-    p: Parameters, configurations: Mapping[str, NDArray[np.float64]]
-) -> dict[str, Writer]:
+def description_writers(p: Parameters, configurations: Mapping[str, Array]) -> dict[str, Writer]:
     """Writers of a description's files but its picture, by name, for `files.write_files`.
 
     `configurations` are joint coordinates by name, shape (9,).

@@ -6,11 +6,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from .parameters import Parameters, RigidBody
-
-Array = NDArray[np.float64]
 
 #: Names of the joints of leg k, in the order of the chain and of q.
 JOINT_NAMES = tuple(f"{joint}_{k}" for k in (1, 2, 3) for joint in ("gamma", "mu", "beta"))

@@ -9,13 +9,12 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..errors import MissingExtraError
 from ..files import Writer
 from .parameters import Parameters
 from .parts import parts_of
 from .solids import Arc, Box, Cylinder, Solid, axes_along
-
-Array = NDArray[np.float64]
 
 #: How far a circle's chords may lie inside it, [m].
 _CHORD = 2e-4

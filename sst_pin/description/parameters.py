@@ -12,13 +12,11 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ..arrays import as_array
+from ..arrays import Array, as_array
 from ..errors import InputError, ParametersError
 from ..summaries import Summary
-
-Array = NDArray[np.float64]
 
 #: Relative slack of sums that should hold exactly: angles, symmetry, triangle inequality.
 _SLACK = 1e-9

@@ -10,12 +10,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .parameters import Parameters
 from .solids import Arc, Ball, Box, Cylinder, Solid, bar, rod
-
-Array = NDArray[np.float64]
 
 # Sizes in metres for the paper's radii, 0.35 and 0.40 m; see `_scale`.
 _TUBE = 0.006  # radius of the base frame

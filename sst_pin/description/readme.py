@@ -7,11 +7,10 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ..arrays import Array
 from .parameters import Parameters, RigidBody
-
-Array = NDArray[np.float64]
 
 _HEAD = """\
 # The SST as a description package

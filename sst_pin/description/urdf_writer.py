@@ -7,15 +7,14 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ..arrays import Array
 from .colours import COLOURS, PART_COLOURS
 from .frames import LegBody, base_orientations, leg_bodies, star_orientations
 from .parameters import Parameters
 from .parts import parts_of
 from .solids import Ball, Box, Cylinder, Solid, axes_along, primitives
-
-Array = NDArray[np.float64]
 
 #: The paper limits no joint; a bounded joint keeps nq == nv (a continuous one has two coordinates).
 _LIMIT = {

@@ -14,15 +14,14 @@ from fnmatch import fnmatchcase
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ..arrays import whole_number
+from ..arrays import Array, Indices, whole_number
 from ..chain.closed_chain import ClosedChain
 from ..chain.regressor import OF_BODY
 from ..errors import ClosureError, InputError, SingularConfigurationError, UnknownNameError
 from ..summaries import Summary, listed
 
-Array = NDArray[np.float64]
 Motion = tuple[ArrayLike, ArrayLike, ArrayLike]
 
 #: A column whose part that the others do not explain is smaller, relative to it, depends on them.
@@ -55,8 +54,8 @@ class BaseParameters(Summary):
 
     names: tuple[str, ...]
     matrix: Array
-    columns: NDArray[np.intp]
-    considered: NDArray[np.intp]
+    columns: Indices
+    considered: Indices
     unseen: tuple[str, ...]
 
     def __len__(self) -> int:
@@ -178,9 +177,7 @@ def random_states(chain: ClosedChain, count: int, seed: int = 0) -> tuple[Array,
     return np.array(found), va * np.sqrt(faster), aa * faster
 
 
-def _considered(
-    names: Sequence[str], values: Array, which: Sequence[str] | None
-) -> NDArray[np.intp]:
+def _considered(names: Sequence[str], values: Array, which: Sequence[str] | None) -> Indices:
     """Indices of the parameters that are meant."""
     if which is None:
         of_bodies = np.array([name.rpartition(".")[2] in OF_BODY for name in names])
@@ -210,7 +207,7 @@ def _combination(row: Array, names: Sequence[str]) -> str:
     return text
 
 
-def independent(A: Array, tolerance: float) -> NDArray[np.intp]:
+def independent(A: Array, tolerance: float) -> Indices:
     """Columns that do not depend on columns before them; a part below the tolerance is none."""
     sizes = np.linalg.norm(A, axis=0)
     seen = np.flatnonzero(sizes > tolerance * sizes.max(initial=0.0))

@@ -15,9 +15,9 @@ from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ..arrays import finite_array
+from ..arrays import Array, Indices, finite_array
 from ..chain.closed_chain import ClosedChain
 from ..chain.closures import Constraint, Coupling, frames_of
 from ..chain.named_positions import put
@@ -38,8 +38,6 @@ from ..summaries import Summary, listed
 from .base_parameters import independent
 from .estimation import solved
 from .urdf_numbers import with_origins
-
-Array = NDArray[np.float64]
 
 _ERRORS = {
     "x": pin.JointModelPX(),
@@ -202,7 +200,7 @@ def _found(
     drawn: list[dict[str, float]],
     measured: list[tuple[Array | None, Array | None]],
     tolerance: float,
-) -> tuple[NDArray[np.intp], Array, Array, Array]:
+) -> tuple[Indices, Array, Array, Array]:
     """Indices of the errors found, their values, the root of their covariance, and the noise.
 
     By Newton's method; an error whose part that the others do not explain is smaller than the

@@ -11,15 +11,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..arrays import positive_number
+from ..arrays import Array, positive_number
 from ..chain.closed_chain import ClosedChain
 from ..chain.regressor import DynamicParameters
 from ..errors import InputError, MissingExtraError
 from .estimation import Estimate
-
-Array = NDArray[np.float64]
 
 #: Least eigenvalue of a pseudo-inertia, over that of a ball of this mass and the robot's length.
 _LEAST = 1e-5

@@ -6,16 +6,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ..arrays import finite_array, whole_number
+from ..arrays import Array, Flags, finite_array, whole_number
 from ..chain.closed_chain import ClosedChain
 from ..errors import InputError
 from ..summaries import Summary
 from .base_parameters import BaseParameters
 from .measurements import decimated
-
-Array = NDArray[np.float64]
 
 #: Residuals up to so many standard deviations count in full (P. J. Huber).
 _HUBER = 1.345
@@ -60,7 +58,7 @@ class Estimate(Summary):
         return np.sqrt(np.diag(self.covariance))
 
     @property
-    def supported(self) -> NDArray[np.bool_]:
+    def supported(self) -> Flags:
         """Which values differ from zero by more than three standard deviations, shape (b,)."""
         return np.abs(self.values) > 3 * self.deviations
 

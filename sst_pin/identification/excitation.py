@@ -6,17 +6,15 @@ from __future__ import annotations
 from contextlib import suppress
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ..arrays import finite_array, positive_number, whole_number
+from ..arrays import Array, finite_array, positive_number, whole_number
 from ..chain.closed_chain import ClosedChain
 from ..chain.named_positions import taken
 from ..errors import InputError, SSTError
 from ..motion.coordinate_motions import coordinate_motion, start_of
 from ..motion.trajectories import Trajectory
 from .base_parameters import BaseParameters, random_states
-
-Array = NDArray[np.float64]
 
 #: Samples of a motion that is judged, for each harmonic.
 _SAMPLES = 12

@@ -4,16 +4,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ..arrays import finite_array, positive_number
+from ..arrays import Array, Flags, finite_array, positive_number
 from ..chain.closed_chain import ClosedChain
 from ..errors import InputError
 from ..motion.coordinate_motions import configurations_of, without_full_turns
 from ..motion.samples import sample_times, spline
 from ..motion.trajectories import Trajectory
-
-Array = NDArray[np.float64]
 
 _ORDER = 4
 #: How far an outlier is from the smooth curve, over the median of so many periods and samples:
@@ -115,9 +113,7 @@ def decimated(values: Array, every: int) -> Array:
     return values if every == 1 else lowpass(values, 0.4 / every)[::every]
 
 
-def _require_bridged(
-    chain: ClosedChain, t: Array, replaced: NDArray[np.bool], longest: float
-) -> None:
+def _require_bridged(chain: ClosedChain, t: Array, replaced: Flags, longest: float) -> None:
     """Check that few positions are replaced, and for short times only."""
     for name, column in zip(chain.coordinates, replaced.T, strict=False):
         edges = np.flatnonzero(np.diff(np.concatenate([[False], column, [False]]).astype(int)))
@@ -131,7 +127,7 @@ def _require_bridged(
             raise InputError("x", f"{problem}: clean the log, or choose a higher cut-off frequency")
 
 
-def _smoothed(values: Array, cutoff: float) -> tuple[Array, NDArray[np.bool]]:
+def _smoothed(values: Array, cutoff: float) -> tuple[Array, Flags]:
     """Smooth curves through samples, and which samples are outliers, which give way one by one.
 
     An outlier is the sample farthest from the curve around it, by far more than is usual there.

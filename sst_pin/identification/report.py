@@ -4,15 +4,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ..arrays import finite_array
+from ..arrays import Array, finite_array
 from ..chain.closed_chain import ClosedChain
 from ..motion.trajectories import Trajectory
 from .estimation import Estimate
 from .measurements import decimated
-
-Array = NDArray[np.float64]
 
 
 def predicted_torques(chain: ClosedChain, theta: ArrayLike, motion: Trajectory) -> Array:

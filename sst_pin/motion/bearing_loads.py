@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..chain.reactions import Reactions
 from ..errors import InputError, MissingExtraError
@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from ..chain.closed_chain import ClosedChain
-
-Array = NDArray[np.float64]
 
 
 class Load(NamedTuple):

@@ -9,9 +9,9 @@ from contextlib import suppress
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ..arrays import finite_array
+from ..arrays import Array, finite_array
 from ..chain.backend import States
 from ..chain.closed_chain import ClosedChain
 from ..chain.named_positions import angles_and_lengths, put, taken
@@ -19,8 +19,6 @@ from ..chain.thresholds import CLOSURE_TOLERANCE, MAX_CONDITION_NUMBER
 from ..errors import ClosureError, DescriptionError, DescriptionWarning, InputError, SSTError
 from .samples import sample_times, spline
 from .trajectories import Trajectory
-
-Array = NDArray[np.float64]
 
 
 def coordinate_motion(

@@ -13,12 +13,10 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..chain.backend import States
 from ..chain.mechanism import Mechanism
-
-Array = NDArray[np.float64]
 
 #: How far ahead a singular configuration is looked for, in units of the time expected.
 _AHEAD = 2.0

@@ -6,8 +6,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..errors import InputError
 from .moving_robot import require_motion
 from .samples import spline
@@ -15,8 +15,6 @@ from .trajectories import Trajectory
 
 if TYPE_CHECKING:
     from ..chain.closed_chain import ClosedChain
-
-Array = NDArray[np.float64]
 
 
 class EnergyBalance(NamedTuple):

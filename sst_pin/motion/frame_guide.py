@@ -15,15 +15,14 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..chain.closed_chain import ClosedChain
 from ..chain.loops import Loops
 from ..chain.mobility import scaled_Phi
 from ..chain.thresholds import CLOSURE_TOLERANCE, RANK_TOLERANCE
 from ..chain.tree import frame_id, of_rates
 
-Array = NDArray[np.float64]
 #: Newton's method: steps; the longest one, [rad] or of the robot's length, and the last one.
 _STEPS, _LONGEST, _LAST = 12, 0.5, 1e-9
 #: Largest |M_a^+ (M_b - M_a)| of neighbours.

@@ -5,9 +5,9 @@ from __future__ import annotations
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ..arrays import as_array, finite_array, name_samples
+from ..arrays import Array, as_array, finite_array, name_samples
 from ..chain.closed_chain import ClosedChain
 from ..chain.named_positions import taken
 from ..errors import InputError, WorkspaceError
@@ -15,8 +15,6 @@ from .coordinate_motions import start_of, without_full_turns
 from .frame_guide import FrameGuide
 from .samples import sample_times, spline
 from .trajectories import Trajectory
-
-Array = NDArray[np.float64]
 
 
 def frame_motion(

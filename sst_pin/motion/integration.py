@@ -10,8 +10,8 @@ from math import isfinite
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..chain.backend import States
 from ..chain.mechanism import Mechanism
 from ..chain.thresholds import MARGIN, POOR, WELL_CONDITIONED
@@ -22,7 +22,6 @@ from .sampled_torques import Sampling
 if TYPE_CHECKING:
     from scipy.integrate import OdeSolver
 
-Array = NDArray[np.float64]
 
 #: Steps of differences, relative or [rad], [m] and per second.
 _DIFFERENCE = 1e-8

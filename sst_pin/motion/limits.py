@@ -8,15 +8,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..arrays import single_array
+from ..arrays import Array, Flags, single_array
 from ..chain.closed_chain import ClosedChain
 from ..chain.thresholds import CLOSURE_TOLERANCE
 from .moving_robot import require_motion
 from .trajectories import Trajectory
-
-Array = NDArray[np.float64]
 
 #: Condition number of the dependent joints from which a configuration is close to a singularity.
 LARGEST_CONDITION = 1e3
@@ -61,7 +58,7 @@ class Finding:
 
 
 #: Problem, joints, values (N,), which of them are at fault, limits, unit, whether singular.
-Verdict = tuple[str, tuple[str, ...], Array, NDArray[np.bool_], tuple[float, float], str, bool]
+Verdict = tuple[str, tuple[str, ...], Array, Flags, tuple[float, float], str, bool]
 
 
 def samples_of(chain: ClosedChain, motion: Any) -> tuple[Array, Array]:

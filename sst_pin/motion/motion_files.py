@@ -9,8 +9,8 @@ from typing import BinaryIO, TypeGuard
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..chain.closed_chain import ClosedChain
 from ..chain.named_positions import angles_and_lengths
 from ..errors import ClosureError, FileFormatError, InputError
@@ -19,8 +19,6 @@ from .coordinate_motions import coordinate_motion, start_configuration
 from .motion_columns import RATE, position_columns, rate_columns
 from .moving_robot import require_motion
 from .trajectories import Trajectory
-
-Array = NDArray[np.float64]
 
 #: A quaternion whose length is farther from 1 is no rounded one.
 _NOT_UNIT = 1e-3

@@ -7,9 +7,10 @@ import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..arrays import (
+    Array,
     as_array,
     empty,
     finite_array,
@@ -25,8 +26,6 @@ from ..errors import InputError, SimulationError
 
 if TYPE_CHECKING:
     from ..chain.closed_chain import ClosedChain
-
-Array = NDArray[np.float64]
 
 
 class Rollout(NamedTuple):

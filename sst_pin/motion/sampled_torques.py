@@ -8,12 +8,10 @@ from collections.abc import Callable
 from math import floor
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ..arrays import finite_array, positive_number, single_array
+from ..arrays import Array, finite_array, positive_number, single_array
 from ..errors import InputError
-
-Array = NDArray[np.float64]
 
 #: Times that differ by less than this part of a period are the same.
 _SAME = 1e-3

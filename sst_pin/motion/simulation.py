@@ -13,9 +13,9 @@ from math import factorial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ..arrays import as_array, positive_number, single_array
+from ..arrays import Array, as_array, positive_number, single_array
 from ..chain.closures import Rolling
 from ..errors import InputError, SingularityWarning
 from .integration import Input, Motion, Run
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 
     from ..chain.closed_chain import ClosedChain
 
-Array = NDArray[np.float64]
 
 #: Motor torques: a function of (t, q, va), a constant of shape (motors,), samples of shape
 #: (N, motors) at the times of the simulation, the torques of a motion, or sampled ones.

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import finite_array, names, single_array
+from ..arrays import Array, finite_array, names, single_array
 from ..errors import FileFormatError, InputError, MissingExtraError, OutputError
 from ..files import Writer, as_path, read_table, table_writer, write_files
 from ..summaries import Summary, listed
@@ -23,7 +23,6 @@ from .samples import sample_times, spline, times_within
 if TYPE_CHECKING:
     import pandas as pd
 
-Array = NDArray[np.float64]
 
 #: What makes two motions the same, and what a file holds.
 _COMPARED = (

@@ -6,14 +6,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ..arrays import finite_array
+from ..arrays import Array, finite_array
 from ..control.pose_abilities import Ellipsoid
 from ..errors import InputError
 from .style import Axes
-
-Array = NDArray[np.float64]
 
 
 def convex_set(

@@ -9,13 +9,11 @@ from typing import Any, NamedTuple
 
 import matplotlib as mpl
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..description.colours import HUES
 from ..errors import InputError, UnknownNameError
 from .style import DASHES, Axes
-
-Array = NDArray[np.float64]
 
 #: Curves in one pair of axes, at most.
 MOST = 9

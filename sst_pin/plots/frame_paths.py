@@ -6,8 +6,8 @@ from __future__ import annotations
 import matplotlib as mpl
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..chain.appearance import PLATFORM
 from ..chain.closed_chain import ClosedChain
 from ..chain.tree import frame_id
@@ -16,8 +16,6 @@ from ..motion.moving_robot import require_motion
 from ..motion.trajectories import Trajectory
 from .curves import legend_above
 from .style import COLOURS, Axes
-
-Array = NDArray[np.float64]
 
 #: A path counts as planar if its distance from a plane is less than this share of its length.
 _FLAT = 1e-6

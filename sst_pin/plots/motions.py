@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..chain.closed_chain import ClosedChain
 from ..motion.energy import energy_balance as balance_of
 from ..motion.energy import motor_powers
@@ -17,8 +17,6 @@ from . import curves
 from .curves import Curves
 from .sphere import PATHS
 from .style import Axes
-
-Array = NDArray[np.float64]
 
 _ALL: dict[str, Any] = {"color": "black", "linewidth": 1.8}
 _FRICTION: dict[str, Any] = {"color": "#CC79A7", "linestyle": (0, (3, 1, 1, 1)), "linewidth": 1.8}

@@ -9,8 +9,8 @@ from typing import cast
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..chain.appearance import PLATFORM
 from ..chain.closed_chain import ClosedChain
 from ..errors import InputError
@@ -28,8 +28,6 @@ from .workspace_maps import (
     workspace_map,
     workspace_on_sphere,
 )
-
-Array = NDArray[np.float64]
 
 #: What a page can show of a motion.
 SUBJECTS = ("path", *CURVES)

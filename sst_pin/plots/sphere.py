@@ -8,15 +8,12 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
-from numpy.typing import NDArray
 
-from ..arrays import single_array
+from ..arrays import Array, single_array
 from ..motion.trajectories import Trajectory
 from ..sst.kinematics import legs_of_joints
 from ..sst.robot import SST
 from .style import COLOURS, Axes
-
-Array = NDArray[np.float64]
 
 #: The wanted path under the others, then those.
 PATHS: tuple[dict[str, Any], ...] = (

@@ -13,16 +13,15 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch
 from matplotlib.patheffects import withStroke
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
+from ..arrays import Array
 from ..sst.platform_motion import orientation
 from ..sst.robot import SST
 from ..sst.workspace import Chart, WorkspaceMap
 from .sphere import great_arc
 from .style import Axes
-
-Array = NDArray[np.float64]
 
 #: Steps of the condition number, each with its colour: light is good, dark is singular.
 LEVELS = (1, 1.1, 1.25, 1.5, 2, 3, 5, 10)

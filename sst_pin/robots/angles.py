@@ -8,11 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ..arrays import in_one_turn
-
-Array = NDArray[np.float64]
+from ..arrays import Array, in_one_turn
 
 
 def direction(vector: ArrayLike) -> float:

@@ -9,11 +9,10 @@ from typing import NamedTuple
 import coal
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ..arrays import Array
 from ..chain.closures import Closure, Constraint
-
-Array = NDArray[np.float64]
 
 #: From a plane of motion, x to the right and y up, to the base, where z points up.
 UPRIGHT = pin.SE3(np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]), np.zeros(3))

@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from ..arrays import in_one_turn
 from ..chain.closures import Closure
@@ -16,7 +15,6 @@ from .angles import angle_about_z, direction, two_link
 from .building_blocks import UPRIGHT, Tree, box, planar, rod, rods, shift
 from .gallery_robot import GalleryRobot, Joints, of_dimensions
 
-Array = NDArray[np.float64]
 _RZ = pin.JointModelRZ
 
 

@@ -10,9 +10,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ..arrays import finite_array, for_each_sample, positive_number
+from ..arrays import Array, finite_array, for_each_sample, positive_number
 from ..chain.closed_chain import ClosedChain
 from ..chain.closures import Closure, Distance
 from ..chain.lines import LineForce
@@ -20,7 +20,6 @@ from ..chain.thresholds import CLOSURE_TOLERANCE
 from ..errors import InputError, WorkspaceError
 from .building_blocks import Tree, joint_shapes
 
-Array = NDArray[np.float64]
 #: Coordinates of joints by name.
 Joints = dict[str, Any]
 _Build = TypeVar("_Build", bound=Callable[..., "GalleryRobot"])

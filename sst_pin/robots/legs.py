@@ -8,14 +8,13 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..chain.closures import Closure
 from .angles import two_link, universal
 from .building_blocks import Tree, box, disc, rod, shift
 from .gallery_robot import GalleryRobot, Joints, of_dimensions
 
-Array = NDArray[np.float64]
 _RY = pin.JointModelRY
 
 

@@ -7,15 +7,13 @@ from functools import partial
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
-from ..arrays import in_one_turn
+from ..arrays import Array, in_one_turn
 from ..chain.closures import Closure
 from .angles import angle_about_z, direction, two_link
 from .building_blocks import UPRIGHT, Tree, circle, planar, rod, shift, star
 from .gallery_robot import GalleryRobot, Joints, of_dimensions
 
-Array = NDArray[np.float64]
 _RZ = pin.JointModelRZ
 
 

@@ -7,15 +7,14 @@ from functools import partial
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ..arrays import single_array
+from ..arrays import Array, single_array
 from ..chain.closures import Closure
 from .angles import universal
 from .building_blocks import Tree, box, circle, disc, rod, rods, shift
 from .gallery_robot import GalleryRobot, Joints, of_dimensions
 
-Array = NDArray[np.float64]
 _X, _Y, _ = np.eye(3)
 #: Where the carriages of the hexaglide run, before the platform's joints or behind them.
 _SIDES = (-1, 1, -1, 1, -1, 1)

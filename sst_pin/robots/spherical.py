@@ -5,14 +5,13 @@ from __future__ import annotations
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..chain.closures import Closure
 from .angles import angle_about_z
 from .building_blocks import Solid, Tree, arc, box, rods, turned_x
 from .gallery_robot import GalleryRobot, Joints, of_dimensions
 
-Array = NDArray[np.float64]
 _RZ = pin.JointModelRZ
 _LEGS = (1, 2, 3)
 #: Angle between the diagonal of a cube and its edges, [rad].

@@ -11,16 +11,15 @@ from functools import partial
 import coal
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ..arrays import in_one_turn, whole_number
+from ..arrays import Array, in_one_turn, whole_number
 from ..chain.closures import Closure, Distance
 from ..chain.lines import LineForce
 from .angles import angle_about_z, direction, of_two_turns, two_link
 from .building_blocks import Solid, Tree, box, planar, rods, shift
 from .gallery_robot import GalleryRobot, Joints, of_dimensions
 
-Array = NDArray[np.float64]
 _RX, _RY, _RZ = pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ
 _ALONG_Y = np.array([0.0, -9.81, 0.0])
 

@@ -13,13 +13,10 @@ from collections.abc import Iterator
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
-from ..arrays import in_one_turn
+from ..arrays import Array, in_one_turn
 from ..motion.limits import Verdict
 from . import kinematics
-
-Array = NDArray[np.float64]
 
 #: Where a pose counts as close to a singularity: |sin(mu_k)|, and the condition number of A.
 SMALLEST_SINE, LARGEST_CONDITION = 0.05, 50.0

@@ -3,16 +3,12 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
+from ..arrays import Array
 from ..description.frames import base_orientations, star_orientations
 from ..description.parameters import Parameters
 from ..errors import SingularConfigurationError
 from . import kinematics
 from .platform_motion import paper_circle
-
-Array = NDArray[np.float64]
 
 
 def configurations_of(parameters: Parameters) -> dict[str, Array]:

@@ -16,9 +16,8 @@ import itertools
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..errors import SingularConfigurationError
-
-Array = NDArray[np.float64]
 
 _N_SOLUTIONS = 8
 #: Imaginary part of a unit quaternion above which a solution is complex. Generous, since a pair

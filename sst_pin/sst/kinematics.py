@@ -13,12 +13,10 @@ import itertools
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ..arrays import of_samples
+from ..arrays import Array, of_samples
 from ..errors import InputError, SingularConfigurationError
-
-Array = NDArray[np.float64]
 
 #: The eight combinations of leg branches, shape (8, 3): +1 for 0 < mu_k < pi, the paper's robot.
 BRANCHES = np.array(list(itertools.product((1, -1), repeat=3)))

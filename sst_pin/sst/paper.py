@@ -7,14 +7,13 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ..arrays import Array
 from ..motion.energy import energy_error
 from ..motion.trajectories import Trajectory
 from .platform_motion import paper_circle
 from .robot import SST
-
-Array = NDArray[np.float64]
 
 #: Once round the circle, [s].
 PERIOD = np.pi / 6

@@ -7,15 +7,13 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ..arrays import empty, finite_array, whole_number
+from ..arrays import Array, empty, finite_array, whole_number
 from ..chain.joint_space import without_sign_changes
 from ..errors import InputError
 from ..motion.samples import sample_times, spline, times_within
 from .kinematics import require_rotation
-
-Array = NDArray[np.float64]
 
 
 class PlatformMotion(NamedTuple):

@@ -7,8 +7,9 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ..arrays import Array
 from ..chain.mechanism import Friction
 from ..chain.tree import frame_named
 from ..description import JOINT_NAMES, base_orientations
@@ -16,8 +17,6 @@ from ..description.parameters import Parameters, RigidBody
 from ..errors import DescriptionError
 from .kinematics import Geometry
 from .topology import EXACT
-
-Array = NDArray[np.float64]
 
 
 def parameters_of(model: pin.Model, geometry: Geometry, friction: Friction) -> Parameters:

@@ -14,7 +14,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from .. import description
-from ..arrays import finite_array, in_one_turn, of_samples, single_array
+from ..arrays import Array, finite_array, in_one_turn, of_samples, single_array
 from ..chain.appearance import Appearance
 from ..chain.backend import Backend
 from ..chain.closed_chain import ClosedChain
@@ -35,8 +35,6 @@ from .geometry_models import ParameterShapes
 from .kinematics import Geometry
 from .read_back import parameters_of
 from .topology import CUTS, geometry_of
-
-Array = NDArray[np.float64]
 
 #: As closures print.
 _WELDS = {f"{a} - {b}" for a, b in CUTS}

@@ -7,14 +7,11 @@ from collections.abc import Iterator
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from ..chain.appearance import Appearance, DrawnFrame
 from ..description.colours import LEG_COLOURS
 from .check import arc_ends
 from .kinematics import Geometry
-
-Array = NDArray[np.float64]
 
 
 def appearance_of(geometry: Geometry, radius: float) -> Appearance:

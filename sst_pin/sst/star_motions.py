@@ -6,15 +6,14 @@ from __future__ import annotations
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ..arrays import Array
 from ..description import MOTOR_NAMES
 from ..errors import FileFormatError, SSTError
 from ..files import Table
 from ..motion.samples import spline
 from .platform_motion import interpolate_orientations, orientation
-
-Array = NDArray[np.float64]
 
 _QUATERNION = ("qx", "qy", "qz", "qw")
 _ANGLES = ("theta", "phi", "psi")

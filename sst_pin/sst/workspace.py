@@ -18,15 +18,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import single_array, whole_number
+from ..arrays import Array, Flags, single_array, whole_number
 from ..errors import InputError, OutputError
 from ..files import Writer, as_path, table_writer, write_files
 from . import kinematics
 from .check import arc_margins
 from .platform_motion import orientation
 from .robot import SST
-
-Array = NDArray[np.float64]
 
 #: |sin(mu_k)| below which the pose of leg k is not computed: gamma_k loses its digits.
 _FLAT = 1e-6
@@ -100,7 +98,7 @@ class WorkspaceMap:
     theta: Array
     phi: Array
     psi: Array
-    reachable: NDArray[np.bool_]
+    reachable: Flags
     first_kind: Array
     determinant: Array
     condition_number: Array
@@ -108,7 +106,7 @@ class WorkspaceMap:
     roll: Array
 
     @property
-    def on_arcs(self) -> NDArray[np.bool_]:
+    def on_arcs(self) -> Flags:
         """Where every slider is on its arcs, joint limits kept."""
         return self.margin >= 0  # and never where it is NaN
 
@@ -181,7 +179,7 @@ def workspace_over_rolls(
 
 
 class _Poses(NamedTuple):
-    reachable: NDArray[np.bool_]
+    reachable: Flags
     first_kind: Array
     determinant: Array
     condition_number: Array

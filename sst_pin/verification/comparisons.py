@@ -9,9 +9,8 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ..arrays import Array
 
 #: Tolerance for the same equations, relative to the largest torque or acceleration: rounding
 #: times the condition numbers of the cases, 1e-12 at worst, leaves three digits to spare.

@@ -4,13 +4,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from ..arrays import Array
 from ..description.parameters import Parameters, RigidBody
 from ..sst.robot import SST
-
-Array = NDArray[np.float64]
 
 
 def random_body(rng: np.random.Generator, mass: float, radius: float) -> RigidBody:

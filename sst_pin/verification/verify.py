@@ -8,8 +8,8 @@ from functools import partial
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..chain.closed_chain import ClosedChain
 from ..description.parameters import Parameters
 from ..errors import ClosureError, MissingExtraError
@@ -22,8 +22,6 @@ from .comparisons import Comparison, Judge
 from .referees import lagrange
 from .sampling import random_parameters, random_state
 from .verify_in_time import verify_in_time
-
-Array = NDArray[np.float64]
 
 
 def verify_sst(quick: bool = False) -> Iterator[Comparison]:

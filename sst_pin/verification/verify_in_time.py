@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..description.parameters import Parameters
 from ..errors import MissingExtraError
 from ..sst import paper
@@ -18,8 +18,6 @@ from ..sst.robot import SST
 from . import referees
 from .comparisons import Comparison, Judge
 from .virtual_work import VirtualWork
-
-Array = NDArray[np.float64]
 
 #: Largest error of an integrator's order.
 ORDER = 0.2

@@ -19,15 +19,13 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.integrate import solve_ivp
 
 from .. import errors
-from ..arrays import finite_array
+from ..arrays import Array, finite_array
 from ..description.parameters import Parameters
 from ..errors import InputError, SingularConfigurationError, SSTError
-
-Array = NDArray[np.float64]
 
 #: Quantities of the size of one count as zero below this.
 _ZERO = 1e-12

@@ -10,12 +10,10 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import trimesh
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from .scene_parts import Shape
 from .triangles import Mesh, shaded, solid
-
-Array = NDArray[np.float64]
 
 #: A surface with more colours is shown in their mean.
 _MOST_COLOURS = 32

@@ -8,15 +8,13 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..chain.closed_chain import ClosedChain
 from ..chain.closures import Coupling, frames_of
 from ..description.colours import HUES
 from .scene_parts import Arrow, Pull, Shape, along, homogeneous
 from .triangles import arc, arrow
-
-Array = NDArray[np.float64]
 
 _FORCE = "#263238"
 

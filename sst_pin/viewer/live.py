@@ -7,16 +7,14 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..chain.closed_chain import ClosedChain
 from ..chain.thresholds import CLOSURE_TOLERANCE
 from ..motion.limits import LARGEST_CONDITION
 from .panel_curves import torques_of
 from .robot_scene import Scene
 from .scene_parts import Arrow
-
-Array = NDArray[np.float64]
 
 #: Limits of an angle that are as wide are none, [rad].
 _TURN = 2 * np.pi

@@ -9,14 +9,12 @@ import meshcat
 import numpy as np
 from meshcat.animation import Animation
 from meshcat.geometry import MeshPhongMaterial, TriangularMeshGeometry
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..motion.trajectories import Trajectory
 from .command_buffer import CommandBuffer
 from .robot_scene import Scene
 from .scene_parts import Shape, decompose
-
-Array = NDArray[np.float64]
 
 #: Node of the robot in the tree of the page; in it that of the ghost, one layer.
 _ROOT, _GHOST = "robot", "ghost"

@@ -6,15 +6,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..chain.appearance import PLATFORM, DrawnFrame
 from ..chain.closed_chain import ClosedChain
 from .joints import Axis
 from .scene_parts import AXES, Label, Shape, along, homogeneous
 from .triangles import arrow
-
-Array = NDArray[np.float64]
 
 
 def names_of(

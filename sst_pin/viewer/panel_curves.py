@@ -6,14 +6,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from ..arrays import Array
 from ..chain.closed_chain import ClosedChain
 from ..motion.energy import motor_powers
 from ..motion.trajectories import Trajectory
-
-Array = NDArray[np.float64]
 
 _WORDS = {
     "N m": "torques",

@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..chain.appearance import drawn_frame
 from ..chain.closed_chain import ClosedChain
 from ..description.colours import HUES
@@ -18,8 +18,6 @@ from .names import names_of
 from .scene_parts import Arrow, Pull, Shape
 from .skeleton import masses, points_of, skeleton, struts
 from .triangles import tube
-
-Array = NDArray[np.float64]
 
 #: Layers that can be shown and hidden, in the order of their boxes; reactions only on demand.
 LAYERS = ("bodies", "skeleton", "inertia", "torques", "trail", "axes", "frames")

@@ -6,12 +6,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from ..arrays import Array
 from .triangles import Mesh
-
-Array = NDArray[np.float64]
 
 #: Colours of the axes x, y, z of a frame.
 AXES = ("#C0392B", "#27AE60", "#2E5FA8")

@@ -8,8 +8,8 @@ from collections.abc import Iterator, Mapping, Sequence
 import coal
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..chain.closed_chain import ClosedChain
 from ..chain.closures import Closure, Distance, Rolling
 from ..chain.lines import LineForce
@@ -18,8 +18,6 @@ from ..description.colours import HUES
 from .joints import Axis
 from .scene_parts import Shape, Strut, along, homogeneous
 from .triangles import Mesh, ellipsoid, solid, tube
-
-Array = NDArray[np.float64]
 
 _BONE, _JOINT, _END, _MASS = "#8A9199", "#5C656E", "#B3261E", "#C98A2B"
 #: Radii as shares of the robot's length.

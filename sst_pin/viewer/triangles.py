@@ -10,9 +10,8 @@ import numpy as np
 import trimesh
 from numpy.typing import ArrayLike, NDArray
 
+from ..arrays import Array
 from ..errors import InputError
-
-Array = NDArray[np.float64]
 
 #: Angle between faces from which their edge is drawn, [rad].
 _EDGE = np.radians(35.0)

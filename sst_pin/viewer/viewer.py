@@ -15,9 +15,9 @@ from typing import Any, BinaryIO
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ..arrays import positive_number, single_array
+from ..arrays import Array, positive_number, single_array
 from ..chain.closed_chain import ClosedChain
 from ..chain.reactions import Reactions
 from ..description.colours import HUES
@@ -42,8 +42,6 @@ from .panel_curves import curves_of, joints_of, motor_units, torques_of
 from .robot_scene import TRAIL_SIDES, Scene
 from .server import Message, Server
 from .warnings import warnings_of
-
-Array = NDArray[np.float64]
 
 #: Samples that a page is given at most.
 _MOST_SAMPLES = 600

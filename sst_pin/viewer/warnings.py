@@ -6,14 +6,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..chain.closed_chain import ClosedChain
 from ..chain.thresholds import CLOSURE_TOLERANCE
 from ..motion.limits import samples_of
 from ..motion.trajectories import Trajectory
-
-Array = NDArray[np.float64]
 
 
 def warnings_of(robot: ClosedChain, shown: Trajectory | Array) -> list[str]:

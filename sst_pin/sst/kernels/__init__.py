@@ -14,10 +14,8 @@ from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ... import extensions
+from ...arrays import Array
 from ...chain.backend import Key
 from ...chain.closures import Closure, Constraint
 from ...chain.mechanism import Mechanism
@@ -84,7 +82,7 @@ def _misfit(mechanism: Mechanism) -> str:
     return why
 
 
-def page_functions(mechanism: Mechanism) -> tuple[str, NDArray[np.float64]] | None:
+def page_functions(mechanism: Mechanism) -> tuple[str, Array] | None:
     """The functions in JavaScript for a page, and their open numbers; None where they do not fit.
 
     They divide by the masses of the bodies.

@@ -11,13 +11,11 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Any, Protocol, runtime_checkable
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ...arrays import Array
 from ...description.parameters import Parameters
 from ...errors import MissingExtraError
-
-Array = NDArray[np.float64]
 
 #: Moment of the surroundings on the star, base axes, shape (3,), [N m]; None for none.
 Moment = ArrayLike | None

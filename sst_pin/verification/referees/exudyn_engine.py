@@ -13,16 +13,15 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
+from ...arrays import Array
 from ...description.parameters import Parameters
 from ...errors import InputError
 from . import Moment
 from .exudyn_robot import ExudynRobot, frames, of_all_bodies, turning
 from .geometry import LegAxes, legs, require_same
-
-Array = NDArray[np.float64]
 
 #: Orientation, angular velocity and acceleration of the star as functions of time, base axes.
 StarMotion = Callable[[float], tuple[ArrayLike, ArrayLike, ArrayLike]]

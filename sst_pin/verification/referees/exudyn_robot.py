@@ -12,13 +12,12 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ...arrays import Array
 from ...description.parameters import Parameters
 from . import engine
 from .geometry import LegAxes, legs
-
-Array = NDArray[np.float64]
 
 #: Turns of the three motors as a function of time, shape (3,), [rad].
 Turns = Callable[[float], Array]

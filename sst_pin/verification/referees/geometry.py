@@ -9,12 +9,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ...arrays import Array
 from ...description.parameters import Parameters
 from ...errors import ClosureError
-
-Array = NDArray[np.float64]
 
 #: Largest difference of a pose by an engine's own frames, [rad] or [rad/s].
 _TOLERANCE = 1e-9

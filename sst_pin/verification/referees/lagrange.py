@@ -13,8 +13,9 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 from numpy.polynomial import Polynomial
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ...arrays import Array
 from ...chain.closed_chain import ClosedChain
 from ...chain.closures import Closure, Coupling, Distance, Rolling, frames_of
 from ...chain.mechanism import Mechanism
@@ -22,8 +23,6 @@ from ...description.parameters import Parameters
 from ...sst.robot import SST
 from . import Moment
 from .geometry import legs, require_same
-
-Array = NDArray[np.float64]
 
 #: Singular values below this count as redundant closures, relative to the largest.
 _REDUNDANT = 1e-10

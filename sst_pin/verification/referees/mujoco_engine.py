@@ -12,15 +12,14 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
+from ...arrays import Array
 from ...description import star_orientations, urdf_of
 from ...description.parameters import Parameters
 from . import Moment, engine
 from .geometry import legs, require_same
-
-Array = NDArray[np.float64]
 
 _STARS = ("star_1", "star_2", "star_3")
 

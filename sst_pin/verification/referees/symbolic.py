@@ -13,12 +13,11 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ...arrays import Array
 from ...description.parameters import Parameters
 from . import Moment, engine
-
-Array = NDArray[np.float64]
 
 
 class SymbolicLagrange:
