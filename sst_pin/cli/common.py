@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Options, progress bar and output of several commands."""
 
-from __future__ import annotations
-
 import argparse
 import math
 import re
@@ -10,7 +8,6 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from difflib import get_close_matches
-from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, BinaryIO, NoReturn
@@ -53,21 +50,25 @@ class Commands:
     def __init__(self, parser: Parser) -> None:
         self._parsers = parser.add_subparsers(metavar="COMMAND", parser_class=Parser)
 
-    def add(self, name: str, run: Callable[[argparse.Namespace], int | None], text: str) -> Parser:
-        """A parser of a command, without options yet."""
+    def add(
+        self,
+        name: str,
+        run: Callable[[argparse.Namespace], int | None],
+        text: str,
+        *,
+        robot: bool = True,
+    ) -> Parser:
+        """A parser of a command, with --robot unless it needs none; see `robot_of`, `sst_of`."""
         parser = self._parsers.add_parser(name, help=text, description=text)
         parser.set_defaults(run=run)
+        if robot:
+            parser.add_argument(
+                "--robot",
+                metavar="ROBOT",
+                help="a URDF with its YAML beside it, an SDF, USD or MJCF, or a name of the "
+                "gallery, such as delta (default: the SST of the paper)",
+            )
         return parser
-
-
-def add_robot(parser: Parser) -> None:
-    """The option --robot; `robot_of` and `sst_of` read it."""
-    parser.add_argument(
-        "--robot",
-        metavar="ROBOT",
-        help="a URDF with its YAML beside it, an SDF, USD or MJCF, or a name of the gallery, such "
-        "as delta (default: the SST of the paper)",
-    )
 
 
 def robot_of(arguments: argparse.Namespace) -> ClosedChain:
@@ -89,11 +90,7 @@ def robot_of(arguments: argparse.Namespace) -> ClosedChain:
 
 
 def sst_of(arguments: argparse.Namespace) -> SST:
-    """The SST that --robot names.
-
-    Raises:
-        DescriptionError: When it is another robot.
-    """
+    """The SST that --robot names; refuses another robot."""
     name = arguments.robot
     if name in (None, "sst"):
         return SST()
@@ -116,11 +113,7 @@ def misplaced(words: Sequence[str]) -> str:
 
 
 def source_of(path: Path) -> Path | BinaryIO:
-    """A file, or standard input for `-`.
-
-    Raises:
-        InputError: For a robot.
-    """
+    """A file, or standard input for `-`; refuses a robot."""
     if hint := misplaced([str(path)]):
         raise InputError(str(path), f"is a robot, not a table{hint}")
     return sys.stdin.buffer if str(path) == "-" else path
@@ -190,9 +183,13 @@ def refuses(robot: ClosedChain, motion: Trajectory, arguments: argparse.Namespac
 def told(findings: Sequence[object], arguments: argparse.Namespace) -> bool:
     """Print what speaks against a motion; whether this ends the command."""
     for finding in findings:
-        kind = "error" if arguments.strict else "warning"
-        print(f"sst-pin: {kind}: {finding}", file=sys.stderr)
+        tell("error" if arguments.strict else "warning", finding)
     return bool(findings) and arguments.strict
+
+
+def tell(kind: str, message: object) -> None:
+    """Print an error or a warning in one line."""
+    print(f"sst-pin: {kind}: {message}", file=sys.stderr)
 
 
 def add_force(parser: Parser) -> None:
@@ -207,6 +204,15 @@ def add_output(
     what = f"{text} to standard output"
     parser.add_argument("-o", "--output", type=Path, required=True, metavar=metavar, help=what)
     add_force(parser)
+
+
+def add_folder(parser: Parser, *names: str, **options: Any) -> None:
+    """The option --output of commands that write a folder, perhaps by further names."""
+    default = f" (default: {options['default']})" if "default" in options else ""
+    text = f"created if it does not exist{default}"
+    parser.add_argument(
+        *("-o", "--output", *names), type=Path, metavar="FOLDER", help=text, **options
+    )
 
 
 def add_figure(parser: Parser) -> None:
@@ -265,11 +271,3 @@ def progress_bar(what: str, start: float, end: float) -> Iterator[Callable[[floa
             bar.update(max(t - start - bar.n, 0))
 
         yield reach
-
-
-def version_of(package: str) -> str:
-    """The installed version of a package, or that there is none."""
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return "(not installed)"

@@ -1,47 +1,23 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """`sst-pin identify`, `excite`, `calibrate`: dynamic parameters and geometry from measurements."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 
+from .. import identification
 from ..errors import InputError
 from ..files import Writer, text_writer
-from ..identification import (
-    base_parameters,
-    calibrate,
-    condition_number,
-    consistent_parameters,
-    estimate,
-    excitation,
-    measured_motion,
-    predicted_torques,
-    report,
-)
 from ..identification.urdf_numbers import with_dynamics
 from ..motion.motion_files import read_log, read_poses
 from ..reading import is_mjcf
-from .common import (
-    Commands,
-    add_input,
-    add_output,
-    add_robot,
-    number,
-    require_extras,
-    robot_of,
-    save,
-    say,
-    source_of,
-    write,
-)
+from . import common
 
-_POSITIVE = number("a positive number", lambda x: 0 < x < float("inf"))
-_COUNT = number("a count", lambda n: n >= 1, int)
+_POSITIVE = common.number("a positive number", lambda x: 0 < x < float("inf"))
+_COUNT = common.number("a count", lambda n: n >= 1, int)
 
 
-def add_to(commands: Commands) -> None:
-    """Add the commands."""
+def add_identify(commands: common.Commands) -> None:
+    """Dynamic parameters from a log."""
     parser = commands.add(
         "identify",
         _identify,
@@ -49,9 +25,9 @@ def add_to(commands: Commands) -> None:
         "is a motion file with columns of torques, as the command torques writes them; its last "
         "third is kept apart for validation.",
     )
-    add_robot(parser)
-    add_input(parser, "log", "log")
-    add_output(parser, "REPORT.md", "report, Markdown, a picture beside it; - writes the text")
+    common.add_input(parser, "log", "log")
+    text = "report, Markdown, a picture beside it; - writes the text"
+    common.add_output(parser, "REPORT.md", text)
     parser.add_argument(
         "--cutoff",
         type=_POSITIVE,
@@ -79,11 +55,44 @@ def add_to(commands: Commands) -> None:
         metavar="FOUND.urdf",
         help="write the URDF of --robot with the parameters found, its .yaml beside it",
     )
-    parser = commands.add(
-        "excite", _excite, "Find a motion that shows the dynamic parameters of a robot well."
-    )
-    add_robot(parser)
-    add_output(parser, "MOTION.csv")
+
+
+def _identify(arguments: argparse.Namespace) -> int:
+    output = arguments.output
+    pictures = {} if str(output) == "-" else {"plot": "matplotlib"}
+    common.require_extras(identification="clarabel", **pictures)
+    urdf = _urdf_of(arguments) if arguments.urdf else None
+    robot, source = common.robot_of(arguments), common.source_of(arguments.log)
+    t, x, tau, start = read_log(robot, source)
+    motion = identification.measured_motion(robot, t, x, tau, cutoff=arguments.cutoff, start=start)
+    cut = 2 * len(motion) // 3
+    seen, unseen = motion[:cut], motion[cut:]
+    base = identification.base_parameters(robot, arguments.which.split(","))
+    options = {"robust": arguments.robust, "decimate": arguments.decimate}
+    found = identification.estimate(robot, base, seen.q, seen.va, seen.aa, seen.tau, **options)
+    theta = identification.consistent_parameters(robot, found)
+    text, files = identification.report(robot, found, theta, unseen), {}
+    if pictures:
+        from .. import plots
+
+        name = output.with_name(f"{output.stem}_torques.png")
+        page = plots.torques_page(unseen, identification.predicted_torques(robot, theta, unseen))
+        files[name] = plots.figure_writer(page, name)
+        text += f"\n![Measured and predicted torques of the unseen motion](<{name.name}>)\n"
+    if urdf:
+        made = with_dynamics(robot.with_parameters(theta), urdf)
+        files |= _with_closures(made, urdf, arguments.urdf)
+    common.write({output: text_writer(text), **files}, arguments)
+    told = f"{len(base)} combinations, {int(found.supported.sum())} supported"
+    common.say(f"{len(motion)} samples, {told} -> {output}", arguments)
+    return 0
+
+
+def add_excite(commands: common.Commands) -> None:
+    """A motion that shows the parameters."""
+    text = "Find a motion that shows the dynamic parameters of a robot well."
+    parser = commands.add("excite", _excite, text)
+    common.add_output(parser, "MOTION.csv")
     parser.add_argument(
         "--duration", type=_POSITIVE, default=10.0, metavar="S", help="of one period (default: 10)"
     )
@@ -96,6 +105,25 @@ def add_to(commands: Commands) -> None:
     )
     parser.add_argument("--rates", type=_POSITIVE, metavar="V", help="largest rate, rad/s or m/s")
     parser.add_argument("--torques", type=_POSITIVE, metavar="T", help="largest torque, N m or N")
+
+
+def _excite(arguments: argparse.Namespace) -> int:
+    robot = common.robot_of(arguments)
+    base = identification.base_parameters(robot)
+    limits = {"rates": arguments.rates, "torques": arguments.torques}
+    motion = identification.excitation(
+        robot, base, arguments.duration, tries=arguments.tries, **limits
+    )
+    common.save(motion, arguments)
+    value = identification.condition_number(robot, base, motion)
+    common.say(
+        f"{len(motion)} samples, condition number {value:.3g} -> {arguments.output}", arguments
+    )
+    return 0
+
+
+def add_calibrate(commands: common.Commands) -> None:
+    """The geometry from measured poses."""
     parser = commands.add(
         "calibrate",
         _calibrate,
@@ -103,9 +131,9 @@ def add_to(commands: Commands) -> None:
         "with calibrated origins. The table has positions of the coordinates, as in a motion file, "
         "and FRAME_x_m, FRAME_y_m, FRAME_z_m (or _mm), perhaps FRAME_qw, _qx, _qy, _qz.",
     )
-    add_robot(parser)
-    add_input(parser, "poses", "measured poses")
-    add_output(parser, "CALIBRATED.urdf", "calibrated URDF, its .yaml beside it; - writes the URDF")
+    common.add_input(parser, "poses", "measured poses")
+    text = "calibrated URDF, its .yaml beside it; - writes the URDF"
+    common.add_output(parser, "CALIBRATED.urdf", text)
     parser.add_argument("--frame", required=True, help="the frame that was measured")
     parser.add_argument(
         "--which",
@@ -115,45 +143,18 @@ def add_to(commands: Commands) -> None:
     )
 
 
-def _identify(arguments: argparse.Namespace) -> int:
-    output = arguments.output
-    pictures = {} if str(output) == "-" else {"plot": "matplotlib"}
-    require_extras(identification="clarabel", **pictures)
-    urdf = _urdf_of(arguments) if arguments.urdf else Path()
-    robot, source = robot_of(arguments), source_of(arguments.log)
-    t, x, tau, start = read_log(robot, source)
-    motion = measured_motion(robot, t, x, tau, cutoff=arguments.cutoff, start=start)
-    cut = 2 * len(motion) // 3
-    seen, unseen = motion[:cut], motion[cut:]
-    base = base_parameters(robot, arguments.which.split(","))
-    options = {"robust": arguments.robust, "decimate": arguments.decimate}
-    found = estimate(robot, base, seen.q, seen.va, seen.aa, seen.tau, **options)
-    theta = consistent_parameters(robot, found)
-    text, files = report(robot, found, theta, unseen), {}
-    if pictures:
-        from .. import plots
-
-        name = output.with_name(f"{output.stem}_torques.png")
-        page = plots.torques_page(unseen, predicted_torques(robot, theta, unseen))
-        files[name] = plots.figure_writer(page, name)
-        text += f"\n![Measured and predicted torques of the unseen motion](<{name.name}>)\n"
-    if arguments.urdf:
-        made = robot.with_parameters(theta)
-        files |= _with_closures(with_dynamics(made, urdf), urdf, arguments.urdf)
-    write({output: text_writer(text), **files}, arguments)
-    told = f"{len(base)} combinations, {int(found.supported.sum())} supported"
-    say(f"{len(motion)} samples, {told} -> {output}", arguments)
-    return 0
-
-
-def _excite(arguments: argparse.Namespace) -> int:
-    robot = robot_of(arguments)
-    base = base_parameters(robot)
-    limits = {"rates": arguments.rates, "torques": arguments.torques}
-    motion = excitation(robot, base, arguments.duration, tries=arguments.tries, **limits)
-    save(motion, arguments)
-    value = condition_number(robot, base, motion)
-    say(f"{len(motion)} samples, condition number {value:.3g} -> {arguments.output}", arguments)
+def _calibrate(arguments: argparse.Namespace) -> int:
+    urdf = _urdf_of(arguments)
+    robot, source, frame = (
+        common.robot_of(arguments),
+        common.source_of(arguments.poses),
+        arguments.frame,
+    )
+    x, poses, start = read_poses(robot, source, frame)
+    which = arguments.which and arguments.which.split(",")
+    found = identification.calibrate(robot, frame, x, poses, which=which, start=start)
+    common.write(_with_closures(found._urdf(urdf), urdf, arguments.output), arguments)
+    common.say(f"{found!r}\n{len(x)} poses -> {arguments.output}", arguments)
     return 0
 
 
@@ -171,14 +172,3 @@ def _with_closures(text: str, urdf: Path, output: Path) -> dict[Path, Writer]:
     if str(output) != "-" and (cuts := urdf.with_suffix(".yaml")).is_file():
         files[output.with_suffix(".yaml")] = text_writer(cuts.read_text(encoding="utf-8"))
     return files
-
-
-def _calibrate(arguments: argparse.Namespace) -> int:
-    urdf = _urdf_of(arguments)
-    robot, source, frame = robot_of(arguments), source_of(arguments.poses), arguments.frame
-    x, poses, start = read_poses(robot, source, frame)
-    which = arguments.which and arguments.which.split(",")
-    found = calibrate(robot, frame, x, poses, which=which, start=start)
-    write(_with_closures(found._urdf(urdf), urdf, arguments.output), arguments)
-    say(f"{found!r}\n{len(x)} poses -> {arguments.output}", arguments)
-    return 0

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """`sst-pin show`: animations of a robot in a browser, as a page, as pictures."""
 
-from __future__ import annotations
-
 import argparse
 import threading
 import webbrowser
@@ -20,29 +18,18 @@ from ..motion.motion_files import load_motion
 from ..motion.trajectories import Trajectory
 from ..sst.paper import PERIOD, example_1
 from ..sst.robot import SST
-from .common import (
-    Commands,
-    Parser,
-    add_force,
-    add_robot,
-    add_strict,
-    number,
-    robot_of,
-    source_of,
-    told,
-)
+from . import common
 
 
-def add_to(commands: Commands) -> None:
-    """Add the command."""
-    parser: Parser = commands.add(
+def add_show(commands: common.Commands) -> None:
+    """Animations of a robot."""
+    parser = commands.add(
         "show",
         _run,
         "Play a motion and its torques in the browser until Ctrl-C. Without a file, show example 1 "
         "of the paper, or with --robot one configuration of the robot. With --html, --png or "
         "--gif, write files instead.",
     )
-    add_robot(parser)
     parser.add_argument(
         "motion",
         type=Path,
@@ -58,7 +45,7 @@ def add_to(commands: Commands) -> None:
     )
     parser.add_argument(
         "--speed",
-        type=number("a positive number", lambda x: 0 < x < np.inf),
+        type=common.number("a positive number", lambda x: 0 < x < np.inf),
         metavar="S",
         help="speed of the animation; 1 is real time (default: 1 for a file, 0.1 for the example)",
     )
@@ -95,12 +82,12 @@ def add_to(commands: Commands) -> None:
     )
     parser.add_argument(
         "--port",
-        type=number("a port, a whole number up to 65535", lambda n: n <= 65535, int),
+        type=common.number("a port, a whole number up to 65535", lambda n: n <= 65535, int),
         default=0,
         help="port of the server (default: any free port)",
     )
-    add_force(parser)
-    add_strict(parser)
+    common.add_force(parser)
+    common.add_strict(parser)
 
 
 def _run(arguments: argparse.Namespace) -> int:
@@ -116,11 +103,13 @@ def _run(arguments: argparse.Namespace) -> int:
     looks |= {name: getattr(arguments, name) for name in ("frame", "reactions", "live")}
     if arguments.ghost is not None and motion is None:
         raise InputError("--ghost", "only beside a motion")
-    ghost = None if arguments.ghost is None else load_motion(robot, source_of(arguments.ghost))
+    ghost = (
+        None if arguments.ghost is None else load_motion(robot, common.source_of(arguments.ghost))
+    )
     with Viewer(robot, **looks) as viewer:
         if motion is not None:
             viewer.play(motion, speed=arguments.speed or speed, ghost=ghost, title=title)
-        if told(viewer.warnings, arguments):
+        if common.told(viewer.warnings, arguments):
             return 1
         files = {path: viewer.writer(path) for _, path in wanted if path is not None}
         if files:
@@ -137,9 +126,9 @@ def _asked_for(
     arguments: argparse.Namespace,
 ) -> tuple[ClosedChain, Trajectory | None, float, str]:
     """Robot, motion, speed and title."""
-    path, robot = arguments.motion, robot_of(arguments)
+    path, robot = arguments.motion, common.robot_of(arguments)
     if path is not None:
-        return robot, load_motion(robot, source_of(path)), 1.0, path.name
+        return robot, load_motion(robot, common.source_of(path)), 1.0, path.name
     if arguments.robot is None:
         example = example_1(SST(), np.linspace(0, PERIOD, 201))
         return robot, example, 0.1, "Example 1: the circle"
