@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Comparisons of referees' answers with ours."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
@@ -19,26 +17,19 @@ SAME_EQUATIONS = 1e-9
 
 @dataclass(frozen=True)
 class Comparison:
-    """One line of the table.
-
-    Attributes:
-        referee: Who was asked.
-        compared: What about.
-        cases: How many instants, or steps.
-        absolute: Worst difference, [N m], [rad/s^2], [rad] or [J].
-        relative: Worst difference relative to the largest value of its case.
-        limit: What `relative` had to stay below; None where `note` tells how it was judged.
-        seconds: Time of the referee.
-        passed: Whether it agreed.
-        note: What else was seen.
-    """
+    """One line of the table: a referee's answers beside ours."""
 
     referee: str
     compared: str
+    #: Number of instants, or of steps.
     cases: int
+    #: Worst difference, [N m], [rad/s^2], [rad] or [J].
     absolute: float
+    #: Worst difference relative to the largest value of its case.
     relative: float
+    #: What `relative` had to stay below; None where `note` tells how it was judged.
     limit: float | None
+    #: Time of the referee.
     seconds: float
     passed: bool
     note: str = ""
@@ -52,29 +43,21 @@ class Judge:
     """Collects differences of one referee on one question."""
 
     def __init__(self, referee: str, compared: str, limit: float = SAME_EQUATIONS) -> None:
-        self._referee, self._compared, self._limit = referee, compared, limit
-        self._differences: list[float] = []
-        self._largest: list[float] = []
-        self._seconds = 0.0
+        self._title, self._limit, self._seconds = (referee, compared), limit, 0.0
+        self._differences: list[tuple[float, float]] = []  # absolute and relative
 
     def hold(self, answer: Callable[[], Array], expected: Array) -> None:
         """Ask for an answer and compare it with ours; NaN is the worst of all."""
         began = time.perf_counter()
-        difference = float(np.abs(answer() - expected).max())
+        off = float(np.abs(answer() - expected).max())
         self._seconds += time.perf_counter() - began
-        self._differences.append(difference if np.isfinite(difference) else np.inf)
-        self._largest.append(max(float(np.abs(expected).max()), 1e-300))
-
-    @property
-    def cases(self) -> int:
-        """Number of cases so far."""
-        return len(self._differences)
+        off = off if np.isfinite(off) else np.inf
+        self._differences.append((off, off / max(float(np.abs(expected).max()), 1e-300)))
 
     def verdict(self) -> Comparison:
         """The line of the table."""
-        worst = max(self._differences, default=0.0)
-        relative = float(np.max(np.divide(self._differences, self._largest), initial=0.0))
-        line = self._referee, self._compared, self.cases, worst, relative, self._limit
+        worst, relative = map(max, zip(*self._differences, strict=True))
+        line = *self._title, len(self._differences), worst, relative, self._limit
         return Comparison(*line, self._seconds, relative <= self._limit)
 
 

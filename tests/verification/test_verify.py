@@ -9,7 +9,6 @@ import sst_pin
 from sst_pin.cli import main
 from sst_pin.verification import referees, verify
 from sst_pin.verification.comparisons import Judge
-from sst_pin.verification.verify_in_time import verify_in_time
 
 
 @pytest.fixture
@@ -56,7 +55,7 @@ def test_every_referee_agrees_in_the_quick_run(quick, monkeypatch, capsys):
 @pytest.mark.slow
 def test_the_whole_run_includes_those_that_step_in_time():
     """Each shows its order, its stiffness, or comes back to the circle."""
-    rows = list(verify_in_time())
+    rows = list(verify.verify_in_time())
     assert rows
     assert all(row.passed for row in rows)
     names = {row.referee for row in rows}

@@ -6,8 +6,6 @@ Exudyn. `stepped_torques` and `stepped_motion` leave the whole problem to Exudyn
 integrator: they tend to the exact answer with the square of the step.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import lru_cache
 from typing import Any
@@ -69,24 +67,13 @@ class ExudynInstant:
 
 
 def stepped_torques(
-    parameters: Parameters,
-    motion: StarMotion,
-    duration: float,
-    steps: int,
+    parameters: Parameters, motion: StarMotion, duration: float, steps: int
 ) -> tuple[Array, Array]:
-    """Inverse dynamics in time: the motors are constraints that turn as the motion asks.
+    """Times, (steps + 1,), and torques at them, (steps + 1, 3), of motors that turn as asked.
 
-    The first torques are some 10 N m off, since Exudyn's initial accelerations leave out those of
-    the motors; damping by a spectral radius of 0.6 has made up for it after some twenty steps.
-
-    Args:
-        parameters: The SST, without friction.
-        motion: Motion of the star, such as `paper_circle`; called at times from 0 on.
-        duration: Length of the motion, [s].
-        steps: Number of steps, all equal.
-
-    Returns:
-        Times, shape (steps + 1,), and motor torques at them, shape (steps + 1, 3), [N m].
+    The motors are constraints. The first torques are some 10 N m off, since Exudyn's initial
+    accelerations leave out those of the motors; damping by a spectral radius of 0.6 has made up for
+    it after some twenty steps.
     """
     _require_frictionless(parameters)
     R, omega, _ = motion(0.0)
@@ -117,13 +104,9 @@ def stepped_motion(
     duration: float,
     steps: int,
 ) -> tuple[Array, Array]:
-    """Direct dynamics in time: the motion of the star under given motor torques.
+    """Times, (steps + 1,), and {E} in the base at them, (steps + 1, 3, 3), by direct dynamics.
 
-    The motion starts at R and omega of the star; `torque` is a function of time; the rest is as in
-    `stepped_torques`.
-
-    Returns:
-        Times, shape (steps + 1,), and {E} in the base at them, shape (steps + 1, 3, 3).
+    The motion starts at R and omega of the star; `torque` is a function of time.
     """
     _require_frictionless(parameters)
     robot = ExudynRobot(parameters, R, omega, None)
