@@ -22,6 +22,7 @@ from ..motion.coordinate_motions import start_of
 from ..motion.frame_guide import FrameGuide
 from ..motion.motion_columns import position_columns
 from ..summaries import listed
+from .path_forces import part_of
 from .pose_abilities import torques_of_forces
 
 #: What `ReachMap.why` counts.
@@ -172,7 +173,6 @@ def reach_map(
     reached = why == _REACHED
     A = _velocities(chain, q[reached], frame)
     tau = chain.compute_torques(q[reached], rest, rest) - push @ A
-    used = np.abs(2 * tau - bounds.sum(axis=1)) / np.ptp(bounds, axis=1)
 
     def on_grid(values: Array) -> Array:
         grid = np.full((*why.shape, *values.shape[1:]), np.nan)
@@ -186,7 +186,14 @@ def reach_map(
     )
     values = (named[axes[0]], named[axes[1]])
     return ReachMap(
-        axes, values, why, q, condition, on_grid(tau), on_grid(used.max(axis=1)), columns
+        axes,
+        values,
+        why,
+        q,
+        condition,
+        on_grid(tau),
+        on_grid(np.abs(part_of(tau, bounds)).max(axis=1)),
+        columns,
     )
 
 
@@ -211,7 +218,7 @@ def _motor_units(chain: ClosedChain) -> Array:
 def _velocities(chain: ClosedChain, q: Array, frame: str) -> Array:
     """A: rates of the motors move the frame by A times these, shape (..., 6, motors)."""
     G = [torques_of_forces(chain, q, frame, turning) for turning in (False, True)]
-    return np.swapaxes(np.concatenate(G, axis=-1), -1, -2)
+    return np.concatenate(G, axis=-1).mT
 
 
 def _require_motion(A: Array, counted: NDArray[np.str_], axes: Sequence[str]) -> None:
