@@ -22,8 +22,6 @@ from ..chain.regressor import OF_BODY
 from ..errors import ClosureError, InputError, SingularConfigurationError, UnknownNameError
 from ..summaries import Summary, listed
 
-Motion = tuple[ArrayLike, ArrayLike, ArrayLike]
-
 #: A column whose part that the others do not explain is smaller, relative to it, depends on them.
 _DEPENDENT = 1e-9
 #: States for each unknown force, so that chance makes no column depend on others.
@@ -46,7 +44,6 @@ class BaseParameters(Summary):
         unseen: Names of the parameters considered that change no force.
 
     Example:
-        >>> chain = sst_pin.robots.four_bar()
         >>> base = sst_pin.identification.base_parameters(chain)
         >>> bool(np.allclose(base.matrix[:, base.columns], np.eye(len(base))))
         True
@@ -72,7 +69,7 @@ def base_parameters(
     chain: ClosedChain,
     which: Sequence[str] | None = None,
     *,
-    motion: Motion | None = None,
+    motion: tuple[ArrayLike, ArrayLike, ArrayLike] | None = None,
     seed: int = 0,
 ) -> BaseParameters:
     """The combinations of dynamic parameters that the forces of a chain depend on.
@@ -109,9 +106,8 @@ def base_parameters(
     lengths = np.linalg.norm(rows, axis=1, keepdims=True)
     rows = rows / np.where(lengths, lengths, 1)  # large forces must not hide small ones
     if len(rows) < len(considered):
-        raise InputError(
-            "motion", f"{len(rows)} equations for {len(considered)} parameters; give more samples"
-        )
+        problem = f"{len(rows)} equations for {len(considered)} parameters; give more samples"
+        raise InputError("motion", problem)
     sizes = np.linalg.norm(rows, axis=0)
     seen = np.flatnonzero(sizes > _DEPENDENT * sizes.max(initial=0.0))
     scaled = rows[:, seen] / sizes[seen]
@@ -119,7 +115,8 @@ def base_parameters(
     factors = np.linalg.lstsq(scaled[:, first], scaled, rcond=None)[0]
     ratios = sizes[seen] / sizes[seen[first], None]
     matrix = np.zeros((int(first.sum()), len(theta)))
-    matrix[:, considered[seen]] = _clean(factors * ratios, ratios)
+    # What is rounding, in the units of the columns, is none.
+    matrix[:, considered[seen]] = np.where(np.abs(factors) > _DEPENDENT, factors * ratios, 0.0)
     hidden = np.setdiff1d(np.arange(len(considered)), seen)
     return BaseParameters(
         tuple(_combination(row, theta.names) for row in matrix),
@@ -147,7 +144,6 @@ def random_states(chain: ClosedChain, count: int, seed: int = 0) -> tuple[Array,
         ClosureError: If too few configurations can be assembled.
 
     Example:
-        >>> chain = sst_pin.robots.four_bar()
         >>> q, va, aa = sst_pin.identification.random_states(chain, 5)
         >>> q.shape, va.shape
         ((5, 3), (5, 1))
@@ -168,10 +164,8 @@ def random_states(chain: ClosedChain, count: int, seed: int = 0) -> tuple[Array,
         if len(found) == count:
             break
     else:
-        raise ClosureError(
-            f"only {len(found)} of {count} random configurations could be assembled; give motion=",
-            float("inf"),
-        )
+        problem = f"only {len(found)} of {count} random configurations could be assembled"
+        raise ClosureError(f"{problem}; give motion=", float("inf"))
     va, aa = random.normal(size=(2, count, len(units))) * units
     faster = 9.81 / mechanism.length
     return np.array(found), va * np.sqrt(faster), aa * faster
@@ -190,11 +184,6 @@ def _considered(names: Sequence[str], values: Array, which: Sequence[str] | None
             raise UnknownNameError("parameter", pattern, list(names))
         found |= fits
     return np.array(sorted(found), dtype=np.intp)
-
-
-def _clean(factors: Array, units: Array) -> Array:
-    """Factors without those that are rounding, in the units of the columns."""
-    return np.where(np.abs(factors) > _DEPENDENT * units, factors, 0.0)
 
 
 def _combination(row: Array, names: Sequence[str]) -> str:

@@ -60,15 +60,14 @@ def consistent_parameters(
         MissingExtraError: Without Clarabel, `sst-pin[identification]`.
 
     Example:
-        >>> chain = sst_pin.robots.five_bar()
         >>> base = sst_pin.identification.base_parameters(chain)
         >>> q, va, aa = sst_pin.identification.random_states(chain, 50)
         >>> tau = 2 * chain.compute_torques(q, va, aa)  # all is twice as heavy
         >>> tau += 1e-6 * np.random.default_rng(0).normal(size=tau.shape)
         >>> found = sst_pin.identification.estimate(chain, base, q, va, aa, tau)
         >>> theta = sst_pin.identification.consistent_parameters(chain, found)
-        >>> twice = chain.with_parameters(theta)
-        >>> bool(np.allclose(twice.compute_torques(q, va, aa), tau, atol=1e-4))
+        >>> twice = chain.with_parameters(theta).compute_torques(q, va, aa)
+        >>> bool(np.allclose(twice, tau, atol=1e-4))
         True
     """
     try:
@@ -86,7 +85,11 @@ def consistent_parameters(
     others = np.flatnonzero(varied[end:]) + end
     columns = np.concatenate([(10 * free[:, None] + np.arange(10)).ravel(), others])
 
-    root = _root(found)
+    try:
+        root = np.linalg.cholesky(found.covariance)
+    except np.linalg.LinAlgError:
+        problem = "its combinations cannot be told apart; base_parameters(motion=) finds others"
+        raise InputError("found", problem) from None
     rows = solve_triangular(root, found.base.matrix, lower=True)
     # Deviations from the prior keep their digits beside what is known a million times better.
     seen = solve_triangular(root, found.values - found.base.matrix @ cad, lower=True)
@@ -124,15 +127,6 @@ def consistent_parameters(
     theta = cad.copy()
     theta[columns] = best * units
     return DynamicParameters(chain.dynamic_parameters.names, theta)
-
-
-def _root(found: Estimate) -> Array:
-    """The lower triangular root of the covariance."""
-    try:
-        return np.asarray(np.linalg.cholesky(found.covariance))
-    except np.linalg.LinAlgError:
-        problem = "its combinations cannot be told apart; base_parameters(motion=) finds others"
-        raise InputError("found", problem) from None
 
 
 def _nearest(reach: Array, room: Array, cones: list[Any]) -> tuple[Array, str]:

@@ -8,11 +8,12 @@ from contextlib import suppress
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Array, finite_array, positive_number, whole_number
+from ..arrays import Array, one_or_each, positive_number, whole_number
 from ..chain.closed_chain import ClosedChain
 from ..chain.named_positions import taken
 from ..errors import InputError, SSTError
 from ..motion.coordinate_motions import coordinate_motion, start_of
+from ..motion.moving_robot import require_motion
 from ..motion.trajectories import Trajectory
 from .base_parameters import BaseParameters, random_states
 
@@ -33,14 +34,17 @@ def condition_number(chain: ClosedChain, base: BaseParameters, motion: Trajector
         base: Its base parameters.
         motion: A motion of it.
 
+    Raises:
+        InputError: For a motion of another robot.
+
     Example:
-        >>> chain = sst_pin.robots.four_bar()
         >>> base = sst_pin.identification.base_parameters(chain)
         >>> t = np.linspace(0, 2, 41)
         >>> slow = sst_pin.coordinate_motion(chain, t, chain.home[0] + 0.1 * np.sin(t)[:, None])
         >>> sst_pin.identification.condition_number(chain, base, slow) > 100
         True
     """
+    require_motion(motion, chain)
     return _condition(chain, base, _sizes(chain, base), motion)
 
 
@@ -93,7 +97,6 @@ def excitation(
         InputError: If no motion is possible within the limits, or the limits are not positive.
 
     Example:
-        >>> chain = sst_pin.robots.five_bar()
         >>> base = sst_pin.identification.base_parameters(chain)
         >>> motion = sst_pin.identification.excitation(chain, base, 3.0, harmonics=2, tries=1)
         >>> bool(np.abs(motion.va[[0, -1]]).max() < 1e-3)
@@ -106,9 +109,9 @@ def excitation(
     count, tries = whole_number("harmonics", harmonics, 2), whole_number("tries", tries, 1)
     mechanism, random = chain.mechanism, np.random.default_rng(whole_number("seed", seed, 0))
     model, space = mechanism.model, mechanism.space
-    largest = _limits("rates", rates, model.velocityLimit[mechanism.coordinates], n)
+    largest = _limits("rates", rates, model.velocityLimit[mechanism.coordinates])
     effort = np.abs(mechanism.motors).T @ np.minimum(model.effortLimit, np.finfo(float).max / 10)
-    strongest = _limits("torques", torques, effort, len(chain.motor_names))
+    strongest = _limits("torques", torques, effort)
     first = chain.assemble(start_of(chain) if start is None else start)
     x0 = taken(space, first, chain.coordinates)
     sizes = _sizes(chain, base)
@@ -126,13 +129,10 @@ def excitation(
         return coordinate_motion(chain, t, x0 + (waves @ rest @ z) * units, first)
 
     def allowed(motion: Trajectory) -> bool:
-        within = (motion.q >= model.lowerPositionLimit) & (motion.q <= model.upperPositionLimit)
-        bounded = model.lowerPositionLimit < model.upperPositionLimit
-        return bool(
-            within[:, bounded].all()
-            and (np.abs(motion.va) <= largest).all()
-            and (np.abs(motion.tau) <= strongest).all()
-        )
+        low, high = model.lowerPositionLimit, model.upperPositionLimit
+        within = (low <= motion.q) & (motion.q <= high) | (low >= high)  # these are none
+        small = (np.abs(motion.va) <= largest).all() and (np.abs(motion.tau) <= strongest).all()
+        return bool(within.all() and small)
 
     def judged(z: Array) -> tuple[float, Array]:
         """Condition number of a motion as large as is allowed, and its coefficients."""
@@ -169,11 +169,8 @@ def excitation(
     raise InputError("start", "no motion about it stays within the limits")
 
 
-def _limits(name: str, given: ArrayLike | None, model: Array, size: int) -> Array:
-    """Largest values, shape (size,); a limit of the model that is 0 is unknown."""
+def _limits(name: str, given: ArrayLike | None, model: Array) -> Array:
+    """Largest values, one or each; a limit of the model that is 0 is unknown."""
     if given is None:
         return np.where(model > 0, model, np.inf)
-    values = finite_array(name, given, ())
-    if values.shape not in ((), (size,)) or not (values > 0).all():
-        raise InputError(name, f"needed: a positive number, or {size}")
-    return np.broadcast_to(values, (size,))
+    return one_or_each(name, given, len(model))

@@ -62,7 +62,6 @@ def measured_motion(
         ClosureError: If the loops cannot be closed along the motion.
 
     Example:
-        >>> chain = sst_pin.robots.four_bar()
         >>> t = np.linspace(0, 4, 2001)
         >>> x = chain.home[0] + 0.3 * np.sin(3 * t)[:, None]
         >>> tau = np.cos(t)[:, None]
