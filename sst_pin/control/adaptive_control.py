@@ -22,15 +22,13 @@ class Adaptive(Controller):
     adaptive control of robot manipulators, Int. J. Robotics Research 6(3), 1987.
 
     It learns from call to call, so it is for loops in which time goes on; `simulate` takes it as a
-    `SampledTorque`.
+    `SampledTorque`. While a limit is reached it does not learn. The other arguments are those of
+    `Controller`; the chain is the model to begin with.
 
     Args:
-        chain: The model to begin with; see `Controller`.
-        motion: What to follow.
         stiffness: How fast errors die out where s is 0, () or shape (n,), [1/s].
         damping: Torques by s, () or shape (n,), [N m s/rad] or [N s/m].
         learning: How fast it learns, without unit; 0 for never.
-        limits: Largest torques of the motors; while one is reached it does not learn.
 
     Attributes:
         theta: The parameters learned so far, in the order of `chain.dynamic_parameters`.

@@ -109,14 +109,12 @@ class _Feedback(Controller):
 class ComputedTorque(_Feedback):
     """Inverse dynamics of the wanted accelerations plus feedback: errors die out alike everywhere.
 
-    The errors e of the coordinates obey e'' + kd e' + kp e = 0 for the model.
+    The errors e of the coordinates obey e'' + kd e' + kp e = 0 for the model. The other arguments
+    are those of `Controller`.
 
     Args:
-        chain: The model; see `Controller`.
-        motion: What to follow.
         kp: Position gains, () or shape (n,), [1/s^2].
         kd: Rate gains, () or shape (n,), [1/s].
-        limits: Largest torques of the motors.
 
     Example:
         >>> x = np.full((3, 1), chain.home[0])
@@ -135,12 +133,11 @@ class ComputedTorque(_Feedback):
 class GravityPD(_Feedback):
     """Springs and dampers to the wanted motion, and the torques that hold the weight.
 
+    Only weights and springs of the model count. The other arguments are those of `Controller`.
+
     Args:
-        chain: The model, of which only weights and springs count; see `Controller`.
-        motion: What to follow.
         kp: Position gains, () or shape (n,), [N m/rad] or [N/m].
         kd: Rate gains, () or shape (n,), [N m s/rad] or [N s/m].
-        limits: Largest torques of the motors.
 
     Example:
         >>> x = np.full((3, 1), chain.home[0])
@@ -161,14 +158,12 @@ class TrackingLQR(Controller):
     """The torques of the motion and the linear feedback of least cost along it.
 
     The cost is the sum of x Q x + u R u over steps of the motion's samples, with the errors x of
-    (coordinates, rates) and u of the torques; behind the end its last place is held for ever.
+    (coordinates, rates) and u of the torques; behind the end its last place is held for ever. The
+    other arguments are those of `Controller`; the motion has equal steps of time.
 
     Args:
-        chain: The model; see `Controller`.
-        motion: What to follow, at equal steps of time.
         Q: Weights of x, shape (2 n,) or (2 n, 2 n).
         R: Weights of u, shape (motors,) or (motors, motors).
-        limits: Largest torques of the motors.
 
     Attributes:
         gains: The torques change by -gains x, shape (N, motors, 2 n).

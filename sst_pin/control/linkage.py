@@ -22,7 +22,10 @@ _STEPS, _ARRIVED = 20, 1e-12
 
 
 class Linkage:
-    """Positions of some joints and of their motors, and J: motor rates = J joint rates."""
+    """Positions of some joints and of their motors, and J: motor rates = J joint rates.
+
+    `SerialView` has an example.
+    """
 
     def __init__(self, chain: ClosedChain, joints: Sequence[str]) -> None:
         self.joints = tuple(names("joints", joints))
@@ -32,8 +35,7 @@ class Linkage:
         self.chain = chain.with_coordinates([*self.joints, *_others(chain, rates)])
         coordinates = self.chain.mechanism.coordinates
         self._columns = np.array([int(np.flatnonzero(coordinates == k)[0]) for k in rates])
-        units = {"Nm": 1.0, "N": chain.mechanism.length}
-        scale = np.array([units[unit] for unit in chain.motor_units])
+        scale = motor_units(chain)
         J = self.chain.actuator_jacobian(self.chain.generic_configuration())
         J = J / scale[:, None] * chain.mechanism.rate_scale[coordinates]
         self._rows = np.flatnonzero(np.abs(J[:, self._columns]).max(axis=1) > RANK_TOLERANCE)
@@ -73,10 +75,6 @@ class Linkage:
 
         Raises:
             ClosureError: If a position cannot be reached so.
-
-        Example:
-            >>> ankle.from_joints([[0.1, 0.0], [0.2, 0.0]]).shape
-            (2, 8)
         """
         first = self._start(start)
 
@@ -100,10 +98,6 @@ class Linkage:
             ClosureError, SingularConfigurationError: If the way there leads out of reach.
             WorkspaceError: If there are more motors than joints, and no positions of the joints
                 give these of the motors.
-
-        Example:
-            >>> ankle.joint_positions(ankle.from_motors([0.1, 0.1])).round(3) + 0.0
-            array([0.1, 0. ])
         """
         first = self._start(start)
         here = self.motor_positions(first)
@@ -119,21 +113,11 @@ class Linkage:
         return for_each_sample(one, [targets], (1,), first.shape)
 
     def joint_positions(self, q: ArrayLike) -> Array:
-        """Positions of the joints, shape (..., joints).
-
-        Example:
-            >>> ankle.joint_positions(q)
-            array([ 0.2, -0.1])
-        """
+        """Positions of the joints, shape (..., joints)."""
         return taken(self.chain.mechanism.space, self._configurations(q), self.joints)
 
     def motor_positions(self, q: ArrayLike) -> Array:
-        """Positions of the motors, shape (..., motors); of a motor on a line its length.
-
-        Example:
-            >>> ankle.motor_positions(q).round(3)
-            array([0.101, 0.301])
-        """
+        """Positions of the motors, shape (..., motors); of a motor on a line its length."""
         mechanism, array = self.chain.mechanism, self._configurations(q)
         B = mechanism.motors[:, self._rows]
         driven = np.flatnonzero(B.any(axis=1))
@@ -142,12 +126,7 @@ class Linkage:
         return np.asarray(at_joints @ B[driven] + on_lines)
 
     def actuator_jacobian(self, q: ArrayLike) -> Array:
-        """J: rates of the motors by rates of the joints, shape (..., motors, joints).
-
-        Example:
-            >>> ankle.actuator_jacobian(q).shape
-            (2, 2)
-        """
+        """J: rates of the motors by rates of the joints, shape (..., motors, joints)."""
         J = self.chain.actuator_jacobian(q)
         return np.asarray(J[..., self._rows, :][..., self._columns])
 
@@ -203,3 +182,8 @@ def _others(chain: ClosedChain, rates: Indices) -> list[str]:
         if np.linalg.matrix_rank(rows, tol=RANK_TOLERANCE) == len(rows):
             chosen, found = rows, [*found, name]
     return found
+
+
+def motor_units(chain: ClosedChain) -> Array:
+    """What makes rates of the motors free of units, shape (motors,)."""
+    return np.array([1.0 if u == "Nm" else chain.mechanism.length for u in chain.motor_units])

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,6 +22,7 @@ from ..motion.coordinate_motions import start_of
 from ..motion.frame_guide import FrameGuide
 from ..motion.motion_columns import position_columns
 from ..summaries import listed
+from .linkage import motor_units
 from .path_forces import part_of
 from .pose_abilities import torques_of_forces
 
@@ -79,9 +80,8 @@ class ReachMap:
         """Area of the poses that are reached, [m^2], [m rad] or [rad^2]."""
         from scipy.integrate import trapezoid
 
-        return float(
-            trapezoid(trapezoid(self.reached.astype(float), self.values[1]), self.values[0])
-        )
+        rows = trapezoid(self.reached.astype(float), self.values[1])
+        return float(trapezoid(rows, self.values[0]))
 
     def save(self, path: str | Path, force: bool = False) -> None:
         """Write a .csv, one row for each pose."""
@@ -164,9 +164,17 @@ def reach_map(
     rest = np.zeros(chain.degrees_of_freedom)
     chain.compute_torques(home, rest, rest)  # refuses motors that hold less than all
     kinds = not named.keys().isdisjoint(_AXES[:3]), not named.keys().isdisjoint(_AXES[3:])
-    guide = FrameGuide(chain, frame, *kinds, _motor_rates(chain))
+    of_motors = motor_units(chain)
+    per_unit, each = mechanism.rate_scale / of_motors[:, None], np.eye(mechanism.model.nv)
+
+    def motor_rates(q: Array) -> Array:
+        """Rates of the motors by those of all joints, free of units."""
+        on_lines = chain._line_rates(q, each) @ mechanism.lines.motors
+        return np.asarray((mechanism.motors + on_lines).T * per_unit)
+
+    guide = FrameGuide(chain, frame, *kinds, motor_rates)
     counted, units = np.repeat(kinds, 3), np.repeat([mechanism.length, 1.0], 3)
-    ratio = (_motor_units(chain) / units[:, None])[counted]
+    ratio = (of_motors / units[:, None])[counted]
     first = _velocities(chain, home, frame)[counted] * ratio
     _require_motion(first, np.array(_AXES)[counted], axes)
     why, q = _flood(chain, guide, home, named, axes)
@@ -184,35 +192,8 @@ def reach_map(
         *(f"tau_{name}_{unit}" for name, unit in zip(motors, chain.motor_units, strict=True)),
         *position_columns(chain.position_names, chain.joint_units),
     )
-    values = (named[axes[0]], named[axes[1]])
-    return ReachMap(
-        axes,
-        values,
-        why,
-        q,
-        condition,
-        on_grid(tau),
-        on_grid(np.abs(part_of(tau, bounds)).max(axis=1)),
-        columns,
-    )
-
-
-def _motor_rates(chain: ClosedChain) -> Callable[[Array], Array]:
-    """From a configuration to the rates of motors by those of all joints, free of units."""
-    mechanism = chain.mechanism
-    per_unit = mechanism.rate_scale / _motor_units(chain)[:, None]
-    each = np.eye(mechanism.model.nv)
-
-    def rates(q: Array) -> Array:
-        on_lines = chain._line_rates(q, each) @ mechanism.lines.motors
-        return np.asarray((mechanism.motors + on_lines).T * per_unit)
-
-    return rates
-
-
-def _motor_units(chain: ClosedChain) -> Array:
-    """What makes rates of the motors free of units, shape (motors,)."""
-    return np.array([1.0 if u == "Nm" else chain.mechanism.length for u in chain.motor_units])
+    grid, used = (named[axes[0]], named[axes[1]]), np.abs(part_of(tau, bounds)).max(axis=1)
+    return ReachMap(axes, grid, why, q, condition, on_grid(tau), on_grid(used), columns)
 
 
 def _velocities(chain: ClosedChain, q: Array, frame: str) -> Array:
@@ -227,11 +208,9 @@ def _require_motion(A: Array, counted: NDArray[np.str_], axes: Sequence[str]) ->
     for axis in axes:
         if np.abs(rest[:, counted == axis]).max() > np.sqrt(RANK_TOLERANCE):
             others = ", ".join(counted[counted != axis])
-            raise InputError(
-                axis,
-                f"at the start motors cannot move the frame so while {others} stay: it has "
-                "fewer freedoms or motors, or the start is singular",
-            )
+            problem = f"at the start motors cannot move the frame so while {others} stay"
+            cause = "it has fewer freedoms or motors, or the start is singular"
+            raise InputError(axis, f"{problem}: {cause}")
 
 
 def _flood(
@@ -272,10 +251,9 @@ def _flood(
         reason = _SINGULAR if way.singular else _OUT if way.missed else _LIMITS
         if not way.missed and not beyond(way.q).any():
             reason, found[point] = _REACHED, way.q
-            for step in ((1, 0), (-1, 0), (0, 1), (0, -1)):
-                near = (point[0] + step[0], point[1] + step[1])
-                if 0 <= near[0] < shape[0] and 0 <= near[1] < shape[1]:
-                    queue.append((way.q, near))
+            i, j = point
+            around = (i + 1, j), (i - 1, j), (i, j + 1), (i, j - 1)
+            queue += [(way.q, (a, b)) for a, b in around if 0 <= a < shape[0] and 0 <= b < shape[1]]
         why[point] = min(why[point], reason)
     return why, found
 

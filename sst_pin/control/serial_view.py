@@ -50,8 +50,27 @@ class SerialView(Linkage):
     Example:
         >>> ankle = sst_pin.SerialView(sst_pin.robots.ankle(), ["ankle_pitch", "ankle_roll"])
         >>> q = ankle.from_joints([0.2, -0.1])
-        >>> ankle.motor_positions(q).round(3)
-        array([0.101, 0.301])
+        >>> ankle.motor_positions(q).round(3), ankle.joint_positions(q)
+        (array([0.101, 0.301]), array([ 0.2, -0.1]))
+        >>> upright = ankle.from_motors([0, 0])
+        >>> ankle.motor_rates(upright, [1, 0]).round(3), ankle.joint_rates(upright, [1, 1]).round(3)
+        (array([1., 1.]), array([1., 0.]))
+        >>> ankle.motor_torques(upright, [20, 0]).round(3)
+        array([10., 10.])
+        >>> ankle.joint_torques(upright, [10, 10]).round(3)
+        array([20.,  0.])
+        >>> ankle.torque_polygon(upright, [10, 10]).round(3)
+        array([[-20.,   0.],
+               [  0., -20.],
+               [ 20.,   0.],
+               [  0.,  20.]])
+        >>> ankle.joint_gains(upright, [300, 300]).round(3)
+        array([[600.,   0.],
+               [  0., 600.]])
+        >>> ankle.motor_gains(upright, [600, 600]).round(3).diagonal()
+        array([300., 300.])
+        >>> (ankle.reflected_inertia(q) < ankle.inertia(q)).diagonal(), ankle.damping(q).shape
+        (array([ True,  True]), (2, 2))
     """
 
     def __init__(self, chain: ClosedChain, joints: Sequence[str]) -> None:
@@ -59,66 +78,35 @@ class SerialView(Linkage):
         self._linkages = self.chain._remade(_without_serial_bodies(self.chain))
 
     def compile(self) -> None:
-        """Make kernels for all that is computed here; see `ClosedChain.compile`.
-
-        Example:
-            `ankle.compile()`
-        """
+        """Make kernels for all that is computed here; see `ClosedChain.compile`."""
         self.chain.compile()
         self._linkages.compile()
 
-    # --- rates and torques ------------------------------------------------------------------
-
     def motor_rates(self, q: ArrayLike, rates: ArrayLike) -> Array:
-        """Rates of the motors, shape (..., motors), for rates of the joints, (..., joints).
-
-        Example:
-            >>> ankle.motor_rates(ankle.from_joints([0, 0]), [1, 0]).round(3)
-            array([1., 1.])
-        """
+        """Rates of the motors, shape (..., motors), for rates of the joints, (..., joints)."""
         return _mapped(self.actuator_jacobian(q), "rates", rates)
 
     def joint_rates(self, q: ArrayLike, rates: ArrayLike) -> Array:
         """Rates of the joints, shape (..., joints), for rates of the motors, (..., motors).
 
         With more motors than joints, they are those that fit best.
-
-        Example:
-            >>> ankle.joint_rates(ankle.from_joints([0, 0]), [1, 1]).round(3)
-            array([1., 0.])
         """
         return _mapped(np.linalg.pinv(self.actuator_jacobian(q)), "rates", rates)
 
     def joint_torques(self, q: ArrayLike, tau: ArrayLike) -> Array:
-        """Torques at the joints, shape (..., joints), for torques of the motors, (..., motors).
-
-        Example:
-            >>> ankle.joint_torques(ankle.from_joints([0, 0]), [10, 10]).round(3)
-            array([20.,  0.])
-        """
+        """Torques at the joints, shape (..., joints), for torques of the motors, (..., motors)."""
         return _mapped(self.actuator_jacobian(q).mT, "tau", tau)
 
     def motor_torques(self, q: ArrayLike, torques: ArrayLike) -> Array:
         """Torques of the motors, shape (..., motors), for torques at the joints, (..., joints).
 
         With more motors than joints, they are the smallest.
-
-        Example:
-            >>> ankle.motor_torques(ankle.from_joints([0, 0]), [20, 0]).round(3)
-            array([10., 10.])
         """
         return _mapped(np.linalg.pinv(self.actuator_jacobian(q)).mT, "torques", torques)
 
-    # --- inertia and damping ----------------------------------------------------------------
-
     def inertia(self, q: ArrayLike) -> Array:
-        """The whole mass matrix in `chain.coordinates`, shape (..., n, n), Eq. (93).
-
-        Example:
-            >>> ankle.inertia(q).shape
-            (2, 2)
-        """
-        return self._mass_matrix(self.chain, q)
+        """The whole mass matrix in `chain.coordinates`, shape (..., n, n), Eq. (93)."""
+        return self.chain.reduced_terms(q, np.zeros(self.chain.degrees_of_freedom)).inertia
 
     def reflected_inertia(self, q: ArrayLike) -> Array:
         """What rotors, cranks and rods add to the mass matrix of the serial tree, (..., n, n).
@@ -126,34 +114,16 @@ class SerialView(Linkage):
         The serial tree has the bodies that only joints of `chain.coordinates` carry. A simulator
         that has this tree alone needs this matrix beside its own; its diagonal alone, as
         `armature`, is not enough.
-
-        Example:
-            >>> bool((ankle.reflected_inertia(q).diagonal() < ankle.inertia(q).diagonal()).all())
-            True
         """
-        return self._mass_matrix(self._linkages, q)
+        return self._linkages.reduced_terms(q, np.zeros(self.chain.degrees_of_freedom)).inertia
 
     def damping(self, q: ArrayLike) -> Array:
-        """D: viscous friction of all joints and dampers takes D times the rates, (..., n, n).
-
-        Example:
-            >>> ankle.damping(q)
-            array([[0., 0.],
-                   [0., 0.]])
-        """
-        n = self.chain.degrees_of_freedom
+        """D: viscous friction of all joints and dampers takes D times the rates, (..., n, n)."""
         each = self._configurations(q)[..., None, :]
-        v = self.chain.joint_rates(each, np.eye(n))
-        _, _, on_lines, _ = self.chain.mechanism.lines.numbers
+        v = self.chain.joint_rates(each, np.eye(self.chain.degrees_of_freedom))
         lines = self.chain._line_rates(each, v)
-        D = np.einsum("...iv,v,...jv->...ij", v, self.chain.friction.viscous, v)
-        return np.asarray(D + np.einsum("...il,l,...jl->...ij", lines, on_lines, lines))
-
-    @staticmethod
-    def _mass_matrix(chain: ClosedChain, q: ArrayLike) -> Array:
-        return chain.reduced_terms(q, np.zeros(chain.degrees_of_freedom)).inertia
-
-    # --- limits and gains -------------------------------------------------------------------
+        _, _, on_lines, _ = self.chain.mechanism.lines.numbers
+        return (v * self.chain.friction.viscous) @ v.mT + (lines * on_lines) @ lines.mT
 
     def torque_polygon(self, q: ArrayLike, limits: ArrayLike | None = None) -> Array:
         """The corners of all torques that the motors can give at the joints.
@@ -171,13 +141,6 @@ class SerialView(Linkage):
         Raises:
             InputError: If a motor has no limit.
             SingularConfigurationError: Where the motors do not hold all joints.
-
-        Example:
-            >>> ankle.torque_polygon(ankle.from_joints([0, 0]), [10, 10]).round(3)
-            array([[-20.,   0.],
-                   [  0., -20.],
-                   [ 20.,   0.],
-                   [  0.,  20.]])
         """
         from scipy.spatial import QhullError
 
@@ -213,14 +176,9 @@ class SerialView(Linkage):
 
         Raises:
             InputError: For a wrong shape, or tau where a motor is on a line.
-
-        Example:
-            >>> ankle.joint_gains(ankle.from_joints([0, 0]), [300, 300]).round(3)
-            array([[600.,   0.],
-                   [  0., 600.]])
         """
         J = self.actuator_jacobian(q)
-        K = np.einsum("...mi,mn,...nj->...ij", J, _matrix(gains, len(self.motors)), J)
+        K = J.mT @ _matrix(gains, len(self.motors)) @ J
         return K if tau is None else K - self._slope(q, tau)
 
     def motor_gains(self, q: ArrayLike, gains: ArrayLike, tau: ArrayLike | None = None) -> Array:
@@ -236,16 +194,9 @@ class SerialView(Linkage):
 
         Raises:
             InputError: See `joint_gains`.
-
-        Example:
-            >>> ankle.motor_gains(ankle.from_joints([0, 0]), [600, 600]).round(3).diagonal()
-            array([300., 300.])
         """
-        K = _matrix(gains, len(self.joints))
-        back = np.linalg.pinv(self.actuator_jacobian(q))
-        if tau is not None:
-            K = K + self._slope(q, tau)
-        return np.einsum("...im,...ij,...jn->...mn", back, K, back)
+        back, K = np.linalg.pinv(self.actuator_jacobian(q)), _matrix(gains, len(self.joints))
+        return np.asarray(back.mT @ (K if tau is None else K + self._slope(q, tau)) @ back)
 
     def _slope(self, q: ArrayLike, tau: ArrayLike) -> Array:
         """Derivatives of J^T tau by the joints' positions, shape (..., joints, joints).
