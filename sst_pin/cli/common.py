@@ -39,6 +39,43 @@ class Parser(argparse.ArgumentParser):
         self._words = sys.argv[1:] if args is None else list(args)
         return super().parse_known_args(args, namespace)
 
+    def option(self, spec: str, text: str, kind: Callable[[str], Any] = str, **how: Any) -> None:
+        """An option such as "--psi DEG", without value "--all"; an argument such as "file FILE"."""
+        name, _, metavar = spec.partition(" ")
+        value = {"metavar": metavar, "type": kind} if metavar else {"action": "store_true"}
+        self.add_argument(name, help=text, **value, **how)
+
+    def add_input(self, name: str, what: str) -> None:
+        """The argument for a table; `source_of` reads it."""
+        self.option(f"{name} {name.upper()}.csv", f"the {what}; - means standard input", Path)
+
+    def add_output(
+        self, metavar: str, text: str = "output file, .csv or .npz; - writes CSV"
+    ) -> None:
+        """The options --output and --force; `save` and `write` obey them."""
+        what = f"{text} to standard output"
+        self.add_argument("-o", "--output", type=Path, required=True, metavar=metavar, help=what)
+        self.add_force()
+
+    def add_figure(self) -> None:
+        """The options --output and --force of commands that draw."""
+        self.add_output("FIGURE", "output file, .png, .svg or .pdf; - writes PNG")
+
+    def add_folder(self, *names: str, **how: Any) -> None:
+        """The option --output of commands that write a folder, perhaps by further names."""
+        default = f" (default: {how['default']})" if "default" in how else ""
+        text, names = f"created if it does not exist{default}", ("-o", "--output", *names)
+        self.add_argument(*names, type=Path, metavar="FOLDER", help=text, **how)
+
+    def add_force(self) -> None:
+        """The option --force, for commands that write files."""
+        self.option("--force", "replace existing files")
+
+    def add_strict(self) -> None:
+        """The option --strict; `refuses` obeys it."""
+        text = "if the machine cannot execute the motion, write nothing; exit code 1"
+        self.option("--strict", text)
+
     def error(self, message: str) -> NoReturn:
         """Leave with exit code 2."""
         self.exit(2, f"{self.prog}: error: {message}{misplaced(self._words)}\n")
@@ -62,11 +99,10 @@ class Commands:
         parser = self._parsers.add_parser(name, help=text, description=text)
         parser.set_defaults(run=run)
         if robot:
-            parser.add_argument(
-                "--robot",
-                metavar="ROBOT",
-                help="a URDF with its YAML beside it, an SDF, USD or MJCF, or a name of the "
-                "gallery, such as delta (default: the SST of the paper)",
+            parser.option(
+                "--robot ROBOT",
+                "a URDF with its YAML beside it, an SDF, USD or MJCF, or a name of the gallery, "
+                "such as delta (default: the SST of the paper)",
             )
         return parser
 
@@ -155,6 +191,9 @@ def number(
     return read
 
 
+POSITIVE = number("a positive number", lambda x: 0 < x < math.inf)
+
+
 def triple(text: str) -> Array:
     """Three numbers of an option, for argparse."""
     try:
@@ -164,15 +203,6 @@ def triple(text: str) -> Array:
     if numbers.shape != (3,) or not np.isfinite(numbers).all():
         raise argparse.ArgumentTypeError(f"{text!r} is not three numbers such as 0.1,0.2,0.3")
     return numbers
-
-
-def add_strict(parser: Parser) -> None:
-    """The option --strict; `refuses` obeys it."""
-    parser.add_argument(
-        "--strict",
-        action="store_true",
-        help="if the machine cannot execute the motion, write nothing; exit code 1",
-    )
 
 
 def refuses(robot: ClosedChain, motion: Trajectory, arguments: argparse.Namespace) -> bool:
@@ -190,40 +220,6 @@ def told(findings: Sequence[object], arguments: argparse.Namespace) -> bool:
 def tell(kind: str, message: object) -> None:
     """Print an error or a warning in one line."""
     print(f"sst-pin: {kind}: {message}", file=sys.stderr)
-
-
-def add_force(parser: Parser) -> None:
-    """The option --force, for commands that write files."""
-    parser.add_argument("--force", action="store_true", help="replace existing files")
-
-
-def add_output(
-    parser: Parser, metavar: str, text: str = "output file, .csv or .npz; - writes CSV"
-) -> None:
-    """The options --output and --force; `save` and `write` obey them."""
-    what = f"{text} to standard output"
-    parser.add_argument("-o", "--output", type=Path, required=True, metavar=metavar, help=what)
-    add_force(parser)
-
-
-def add_folder(parser: Parser, *names: str, **options: Any) -> None:
-    """The option --output of commands that write a folder, perhaps by further names."""
-    default = f" (default: {options['default']})" if "default" in options else ""
-    text = f"created if it does not exist{default}"
-    parser.add_argument(
-        *("-o", "--output", *names), type=Path, metavar="FOLDER", help=text, **options
-    )
-
-
-def add_figure(parser: Parser) -> None:
-    """The options --output and --force of commands that draw."""
-    add_output(parser, "FIGURE", "output file, .png, .svg or .pdf; - writes PNG")
-
-
-def add_input(parser: Parser, name: str, what: str) -> None:
-    """The argument for a table; `source_of` reads it."""
-    text = f"the {what}; - means standard input"
-    parser.add_argument(name, type=Path, metavar=f"{name.upper()}.csv", help=text)
 
 
 def output_name(path: Path, ending: str) -> Path:

@@ -12,7 +12,6 @@ from ..motion.motion_files import read_log, read_poses
 from ..reading import is_mjcf
 from . import common
 
-_POSITIVE = common.number("a positive number", lambda x: 0 < x < float("inf"))
 _COUNT = common.number("a count", lambda n: n >= 1, int)
 
 
@@ -25,35 +24,31 @@ def add_identify(commands: common.Commands) -> None:
         "is a motion file with columns of torques, as the command torques writes them; its last "
         "third is kept apart for validation.",
     )
-    common.add_input(parser, "log", "log")
+    parser.add_input("log", "log")
     text = "report, Markdown, a picture beside it; - writes the text"
-    common.add_output(parser, "REPORT.md", text)
-    parser.add_argument(
-        "--cutoff",
-        type=_POSITIVE,
+    parser.add_output("REPORT.md", text)
+    parser.option(
+        "--cutoff HZ",
+        "frequency up to which positions and torques are kept",
+        common.POSITIVE,
         required=True,
-        metavar="HZ",
-        help="frequency up to which positions and torques are kept",
     )
-    parser.add_argument(
-        "--which",
+    parser.option(
+        "--which NAMES",
+        "parameters considered, patterns with commas between (default: %(default)s)",
         default="*.m*,*.i*,*.viscous,*.coulomb",
-        metavar="NAMES",
-        help="parameters considered, patterns with commas between (default: %(default)s)",
     )
-    parser.add_argument(
-        "--decimate",
-        type=_COUNT,
+    parser.option(
+        "--decimate N",
+        "use one of N samples, after a filter on both sides of the equations (default: 1)",
+        _COUNT,
         default=1,
-        metavar="N",
-        help="use one of N samples, after a filter on both sides of the equations (default: 1)",
     )
-    parser.add_argument("--robust", action="store_true", help="let outliers count less")
-    parser.add_argument(
-        "--urdf",
-        type=Path,
-        metavar="FOUND.urdf",
-        help="write the URDF of --robot with the parameters found, its .yaml beside it",
+    parser.option("--robust", "let outliers count less")
+    parser.option(
+        "--urdf FOUND.urdf",
+        "write the URDF of --robot with the parameters found, its .yaml beside it",
+        Path,
     )
 
 
@@ -92,19 +87,11 @@ def add_excite(commands: common.Commands) -> None:
     """A motion that shows the parameters."""
     text = "Find a motion that shows the dynamic parameters of a robot well."
     parser = commands.add("excite", _excite, text)
-    common.add_output(parser, "MOTION.csv")
-    parser.add_argument(
-        "--duration", type=_POSITIVE, default=10.0, metavar="S", help="of one period (default: 10)"
-    )
-    parser.add_argument(
-        "--tries",
-        type=_COUNT,
-        default=30,
-        metavar="N",
-        help="motions that are judged (default: 30)",
-    )
-    parser.add_argument("--rates", type=_POSITIVE, metavar="V", help="largest rate, rad/s or m/s")
-    parser.add_argument("--torques", type=_POSITIVE, metavar="T", help="largest torque, N m or N")
+    parser.add_output("MOTION.csv")
+    parser.option("--duration S", "of one period (default: 10)", common.POSITIVE, default=10.0)
+    parser.option("--tries N", "motions that are judged (default: 30)", _COUNT, default=30)
+    parser.option("--rates V", "largest rate, rad/s or m/s", common.POSITIVE)
+    parser.option("--torques T", "largest torque, N m or N", common.POSITIVE)
 
 
 def _excite(arguments: argparse.Namespace) -> int:
@@ -131,14 +118,13 @@ def add_calibrate(commands: common.Commands) -> None:
         "with calibrated origins. The table has positions of the coordinates, as in a motion file, "
         "and FRAME_x_m, FRAME_y_m, FRAME_z_m (or _mm), perhaps FRAME_qw, _qx, _qy, _qz.",
     )
-    common.add_input(parser, "poses", "measured poses")
+    parser.add_input("poses", "measured poses")
     text = "calibrated URDF, its .yaml beside it; - writes the URDF"
-    common.add_output(parser, "CALIBRATED.urdf", text)
-    parser.add_argument("--frame", required=True, help="the frame that was measured")
-    parser.add_argument(
-        "--which",
-        metavar="NAMES",
-        help="errors considered, patterns with commas between, such as motor_*.ry,rod_*.x "
+    parser.add_output("CALIBRATED.urdf", text)
+    parser.option("--frame FRAME", "the frame that was measured", required=True)
+    parser.option(
+        "--which NAMES",
+        "errors considered, patterns with commas between, such as motor_*.ry,rod_*.x "
         "(default: those of all joints and closures)",
     )
 

@@ -27,9 +27,9 @@ def add_torques(commands: common.Commands) -> None:
         "_rad or _deg); for any --robot t_s and one column for each coordinate, such as crank_rad, "
         "crank_deg, slide_m.",
     )
-    common.add_input(parser, "motion", "motion")
-    common.add_output(parser, "TORQUES.csv")
-    common.add_strict(parser)
+    parser.add_input("motion", "motion")
+    parser.add_output("TORQUES.csv")
+    parser.add_strict()
 
 
 def _torques(arguments: argparse.Namespace) -> int:
@@ -59,10 +59,10 @@ def add_loads(commands: common.Commands) -> None:
         "Compute peak and mean forces and moments of each joint and closure along a motion, and "
         "say which are not unique. The motion file is as for torques.",
     )
-    common.add_input(parser, "motion", "motion")
+    parser.add_input("motion", "motion")
     text = "table, .csv, or figure, .png, .svg or .pdf; - writes the table"
-    common.add_output(parser, "LOADS.csv", text)
-    common.add_strict(parser)
+    parser.add_output("LOADS.csv", text)
+    parser.add_strict()
 
 
 def _loads(arguments: argparse.Namespace) -> int:
@@ -98,20 +98,18 @@ def add_simulate(commands: common.Commands) -> None:
         "names of the joints). Otherwise give the start by --q0 and --va0. Exit code 3: the "
         "simulation stopped before a singularity.",
     )
-    common.add_input(parser, "torques", "torques")
-    common.add_output(parser, "MOTION.csv")
-    common.add_strict(parser)
-    parser.add_argument(
-        "--q0",
-        type=common.named_numbers,
-        metavar="JOINT=X,..",
-        help="initial positions of joints, at least of the coordinates, rad or m",
+    parser.add_input("torques", "torques")
+    parser.add_output("MOTION.csv")
+    parser.add_strict()
+    parser.option(
+        "--q0 JOINT=X,..",
+        "initial positions of joints, at least of the coordinates, rad or m",
+        common.named_numbers,
     )
-    parser.add_argument(
-        "--va0",
-        type=common.named_numbers,
-        metavar="JOINT=V,..",
-        help="initial rates of the coordinates, rad/s or m/s (default with --q0: 0)",
+    parser.option(
+        "--va0 JOINT=V,..",
+        "initial rates of the coordinates, rad/s or m/s (default with --q0: 0)",
+        common.named_numbers,
     )
 
 
@@ -138,20 +136,18 @@ def add_plot(commands: common.Commands) -> None:
         "Draw figures of a motion. The file is an output of `torques` or `simulate`, or an input "
         "of `torques`.",
     )
-    common.add_input(parser, "motion", "motion")
-    common.add_figure(parser)
-    common.add_strict(parser)
-    parser.add_argument(
-        "--what",
-        type=_subjects,
-        metavar="A,B,..",
-        help=f"one or more of {', '.join(SUBJECTS)} (default: all except power; path only for an "
+    parser.add_input("motion", "motion")
+    parser.add_figure()
+    parser.add_strict()
+    parser.option(
+        "--what A,B,..",
+        f"one or more of {', '.join(SUBJECTS)} (default: all except power; path only for an "
         "SST, or with --frame)",
+        _subjects,
     )
-    parser.add_argument(
-        "--frame",
-        metavar="NAME",
-        help="draw the path of this frame in the axes of the base (default: platform; for an SST "
+    parser.option(
+        "--frame NAME",
+        "draw the path of this frame in the axes of the base (default: platform; for an SST "
         "the path of E on its sphere)",
     )
 

@@ -21,7 +21,7 @@ from . import common
 def add_info(commands: common.Commands) -> None:
     """Versions, model and mobility."""
     parser = commands.add("info", _info, "Print versions, the model and its mobility.")
-    parser.add_argument("--json", action="store_true", help="print JSON")
+    parser.option("--json", "print JSON")
 
 
 def _info(arguments: argparse.Namespace) -> None:
@@ -73,12 +73,11 @@ def add_validate(commands: common.Commands) -> None:
     """Every problem of a robot description."""
     text = "List all problems of a URDF or MJCF and of its closures."
     parser = commands.add("validate", _validate, text, robot=False)
-    parser.add_argument("file", type=Path, metavar="FILE", help="a URDF or an MJCF (.xml, .mjcf)")
-    parser.add_argument(
-        "--cuts",
-        type=Path,
-        metavar="YAML",
-        help="of a URDF: closures and motors (default: the YAML with the name of FILE)",
+    parser.option("file FILE", "a URDF or an MJCF (.xml, .mjcf)", Path)
+    parser.option(
+        "--cuts YAML",
+        "of a URDF: closures and motors (default: the YAML with the name of FILE)",
+        Path,
     )
 
 
@@ -100,8 +99,8 @@ def _validate(arguments: argparse.Namespace) -> int:
 def add_verify(commands: common.Commands) -> None:
     """Comparison of the torques with every referee."""
     parser = commands.add("verify", _verify, "Compare the torques with every installed referee.")
-    parser.add_argument("--quick", action="store_true", help="fewer cases, no simulation")
-    parser.add_argument("--json", action="store_true", help="print the table as JSON")
+    parser.option("--quick", "fewer cases, no simulation")
+    parser.option("--json", "print the table as JSON")
 
 
 def _verify(arguments: argparse.Namespace) -> int:
@@ -137,12 +136,10 @@ def add_compile(commands: common.Commands) -> None:
     """Compiled kernels, and the cache that keeps them."""
     text = "Compile the kernels of a robot; chain.compile() loads them later."
     parser = commands.add("compile", _compile, text)
-    parser.add_argument(
-        "--all", action="store_true", help="all kernels, not only torques and accelerations"
-    )
+    parser.option("--all", "all kernels, not only torques and accelerations")
     text = "List the kernels in the cache, or delete them."
     parser = commands.add("cache", _cache, text, robot=False)
-    parser.add_argument("--empty", action="store_true", help="delete all kernels")
+    parser.option("--empty", "delete all kernels")
 
 
 def _compile(arguments: argparse.Namespace) -> None:
@@ -175,15 +172,15 @@ def add_export(commands: common.Commands) -> None:
         "Write the dynamics of a robot as C code for its controller: header, source with the "
         "parameters of the robot, and an example.",
     )
-    parser.add_argument("folder", type=Path, nargs="?", metavar="FOLDER", help="the folder, or -o")
-    common.add_folder(parser)
+    parser.option("folder FOLDER", "the folder, or -o", Path, nargs="?")
+    parser.add_folder()
     parser.add_argument(
         "--precision",
         choices=["double", "single"],
         default="double",
         help="double or float (default: double)",
     )
-    common.add_force(parser)
+    parser.add_force()
 
 
 def _export(arguments: argparse.Namespace) -> None:

@@ -25,16 +25,15 @@ def add_paper(commands: common.Commands) -> None:
     """Both examples of the paper and their figures."""
     text = "Compute both examples of the paper and draw their figures."
     parser = commands.add("paper", _paper, text)
-    common.add_folder(parser, "--out", default=Path("paper"))
-    parser.add_argument(
-        "--samples",
-        type=common.number("a whole number from 10 to 10 million", lambda n: 10 <= n <= 10**7, int),
+    parser.add_folder("--out", default=Path("paper"))
+    parser.option(
+        "--samples N",
+        "samples per period (default: 1001)",
+        common.number("a whole number from 10 to 10 million", lambda n: 10 <= n <= 10**7, int),
         default=1001,
-        metavar="N",
-        help="samples per period (default: 1001)",
     )
-    common.add_force(parser)
-    common.add_strict(parser)
+    parser.add_force()
+    parser.add_strict()
 
 
 def _paper(arguments: argparse.Namespace) -> int:
@@ -91,17 +90,14 @@ def add_workspace(commands: common.Commands) -> None:
         "Draw a map of the directions of the star's axis: reach, condition number, singular "
         "curves; for one roll angle psi of the star, and for the best psi of each direction.",
     )
-    common.add_figure(parser)
-    parser.add_argument(
-        "--psi",
-        type=common.number("an angle in degrees", math.isfinite),
+    parser.add_figure()
+    parser.option(
+        "--psi DEG",
+        "roll angle of the star (default: 0)",
+        common.number("an angle in degrees", math.isfinite),
         default=0.0,
-        metavar="DEG",
-        help="roll angle of the star (default: 0)",
     )
-    parser.add_argument(
-        "--data", type=Path, metavar="FILE", help="also write the map at psi as .npz or .csv"
-    )
+    parser.option("--data FILE", "also write the map at psi as .npz or .csv", Path)
 
 
 def _workspace(arguments: argparse.Namespace) -> None:
@@ -150,16 +146,13 @@ def add_describe(commands: common.Commands) -> None:
         "Write an SST as a folder for other tools: URDF, cuts, SRDF, MJCF, meshes, README. The "
         "robot is the paper's, or that of --robot; the other options change its parameters.",
     )
-    common.add_folder(parser, required=True)
-    common.add_force(parser)
-    parser.add_argument(
-        "--alpha", type=common.triple, metavar="A1,A2,A3", help="angles between the arcs, degrees"
-    )
-    parser.add_argument(
-        "--base-directions",
-        type=_directions,
-        metavar="'X,Y,Z X,Y,Z X,Y,Z'",
-        help="directions from O to P_1, P_2, P_3; vectors of any length",
+    parser.add_folder(required=True)
+    parser.add_force()
+    parser.option("--alpha A1,A2,A3", "angles between the arcs, degrees", common.triple)
+    parser.option(
+        "--base-directions 'X,Y,Z X,Y,Z X,Y,Z'",
+        "directions from O to P_1, P_2, P_3; vectors of any length",
+        _directions,
     )
     for name, unit, text in (
         ("base-radius", "M", "radius of the base, m"),
@@ -170,10 +163,8 @@ def add_describe(commands: common.Commands) -> None:
         ("viscous-friction", "D", "viscous friction of all nine joints, N m s/rad"),
         ("coulomb-friction", "F", "Coulomb friction of all nine joints, N m"),
     ):
-        parser.add_argument(f"--{name}", type=float, metavar=unit, help=text)
-    parser.add_argument(
-        "--gravity", type=common.triple, metavar="X,Y,Z", help="gravity in base axes, m/s^2"
-    )
+        parser.option(f"--{name} {unit}", text, float)
+    parser.option("--gravity X,Y,Z", "gravity in base axes, m/s^2", common.triple)
 
 
 def _directions(text: str) -> list[Array]:

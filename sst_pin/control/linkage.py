@@ -61,7 +61,7 @@ class Linkage:
             raise InputError("joints", f"{problem}: name all joints of its linkage")
 
     def from_joints(self, positions: ArrayLike, start: ArrayLike | None = None) -> Array:
-        """The configuration for positions of the joints, each reached from the start alone.
+        """The configuration, (..., nq), for positions of the joints, each from the start alone.
 
         On the way no singular configuration is passed, so the assembly mode is that of the start.
 
@@ -69,9 +69,6 @@ class Linkage:
             positions: Shape (..., joints), [rad] or [m].
             start: A configuration with closed loops, shape (nq,); by default `home`. It also gives
                 the other coordinates.
-
-        Returns:
-            Shape (..., nq).
 
         Raises:
             ClosureError: If a position cannot be reached so.
@@ -85,14 +82,11 @@ class Linkage:
         return for_each_sample(one, [targets], (1,), first.shape)
 
     def from_motors(self, positions: ArrayLike, start: ArrayLike | None = None) -> Array:
-        """The configuration for positions of the motors; see `from_joints`.
+        """The configuration, (..., nq), for positions of the motors; see `from_joints`.
 
         Args:
             positions: Shape (..., motors), [rad] or [m]; of a motor on a line its length.
             start: A configuration with closed loops, shape (nq,); by default `home`.
-
-        Returns:
-            Shape (..., nq).
 
         Raises:
             ClosureError, SingularConfigurationError: If the way there leads out of reach.

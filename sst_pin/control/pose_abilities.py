@@ -207,17 +207,13 @@ def _sizes(chain: ClosedChain, torques: ArrayLike) -> Array:
     return np.asarray(bounds[:, 1])
 
 
-def _rows(turning: bool) -> slice:
-    return slice(3, 6) if turning else slice(0, 3)
-
-
 def _jacobian(chain: ClosedChain, q: ArrayLike, frame: str, turning: bool) -> Array:
     """Rows of the frame's Jacobian, shape (..., 3, n), without what is rounding beside others."""
     mechanism, J = chain.mechanism, chain.frame_jacobian(q, frame)
     units = np.repeat([mechanism.length, 1.0], 3)[:, None]
     sizes = np.abs(J) / units * mechanism.rate_scale[mechanism.coordinates]
     sound = sizes > RANK_TOLERANCE * sizes.max(axis=(-1, -2), keepdims=True)
-    return np.where(sound, J, 0)[..., _rows(turning), :]
+    return np.where(sound, J, 0)[..., 3 * turning : 3 * turning + 3, :]
 
 
 def torques_of_forces(chain: ClosedChain, q: ArrayLike, frame: str, turning: bool) -> Array:
@@ -254,7 +250,7 @@ def _accelerations_by_torques(
     tau = np.vstack([np.zeros(motors), np.eye(motors)])
     aa = chain.compute_accelerations(configurations[..., None, :], rates[..., None, :], tau)
     J = _jacobian(chain, configurations, frame, turning)
-    free = chain.frame_drift(configurations, rates, frame)[..., _rows(turning)]
+    free = chain.frame_drift(configurations, rates, frame)[..., 3 * turning : 3 * turning + 3]
     center = free + np.einsum("...ij,...j->...i", J, aa[..., 0, :])
     return center, J @ (aa[..., 1:, :] - aa[..., :1, :]).mT
 

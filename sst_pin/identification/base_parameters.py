@@ -74,6 +74,9 @@ def base_parameters(
 ) -> BaseParameters:
     """The combinations of dynamic parameters that the forces of a chain depend on.
 
+    They are in the order of the parameters; a parameter that depends on others is combined with
+    parameters before it.
+
     Args:
         chain: The robot.
         which: The parameters considered: names, or patterns such as "*.viscous" and "crank.*". By
@@ -81,10 +84,6 @@ def base_parameters(
         motion: q, va, aa of many samples; the combinations are those that this motion shows. By
             default random assembled states: what any motion can show.
         seed: Seed of these.
-
-    Returns:
-        The combinations, in the order of the parameters; a parameter that depends on others is
-        combined with parameters before it.
 
     Raises:
         UnknownNameError: For a name or pattern that fits no parameter.
@@ -130,15 +129,8 @@ def base_parameters(
 def random_states(chain: ClosedChain, count: int, seed: int = 0) -> tuple[Array, Array, Array]:
     """q, va, aa at random assembled configurations of one mode, away from singularities.
 
-    Rates and accelerations are those at which weights and inertia matter alike.
-
-    Args:
-        chain: The robot.
-        count: Number of states.
-        seed: Seed of the random numbers.
-
-    Returns:
-        Arrays of shapes (count, nq), (count, n), (count, n).
+    Shapes (count, nq), (count, n), (count, n); rates and accelerations are those at which weights
+    and inertia matter alike. `seed` is that of the random numbers.
 
     Raises:
         ClosureError: If too few configurations can be assembled.

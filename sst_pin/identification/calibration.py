@@ -106,6 +106,8 @@ def calibrate(
 ) -> Calibration:
     """The geometry of a robot from measured poses of a frame and positions of the motors.
 
+    The errors are those that the poses show, in the order of the tree.
+
     Args:
         chain: The robot as it is drawn.
         frame: Name of the frame that was measured.
@@ -117,9 +119,6 @@ def calibrate(
             error that alone opens loops of an overconstrained robot is left out.
         start: A guess of all joints in the first pose, shape (nq,), as in `coordinate_motion`, from
             which the others are followed; or in each pose, shape (N, nq).
-
-    Returns:
-        The errors that the poses show, in the order of the tree, and the calibrated robot.
 
     Raises:
         UnknownNameError: For an unknown frame, or a pattern that fits no error.

@@ -41,6 +41,7 @@ def consistent_parameters(
     All ten parameters of each body that the estimate considers are found, with a positive definite
     pseudo-inertia; friction, rotors and stiffnesses are not negative. Where the estimate says
     nothing, the parameters stay near those of the chain. Bodies without mass stay as they are.
+    `chain.with_parameters` takes the result where it has no offsets.
 
     Args:
         chain: The robot whose parameters are the prior, such as those of CAD.
@@ -49,9 +50,6 @@ def consistent_parameters(
             1/sqrt(prior) times mass, mass times length, and mass times length squared of the body,
             with the length of the robot.
         total_mass: Sum of the masses of all bodies, [kg], if it is to be held.
-
-    Returns:
-        All parameters; `chain.with_parameters` takes them where they have no offsets.
 
     Raises:
         InputError: For a weight or a mass that is not positive, or less mass than the bodies have

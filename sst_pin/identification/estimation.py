@@ -83,7 +83,7 @@ def estimate(
     robust: bool = False,
     decimate: int = 1,
 ) -> Estimate:
-    """Base parameters from measurements by weighted least squares.
+    """Base parameters from measurements by weighted least squares, with their covariance.
 
     Each motor is weighted by its own noise, which the residuals tell; motors more than freedoms
     have the same noise. Parameters that `base` does not consider keep the values of the chain.
@@ -100,9 +100,6 @@ def estimate(
         robust: Whether large residuals count less, by Huber's function.
         decimate: One sample of this many, evenly spaced in time, is used, after a filter
             forwards and backwards that lets through what these can show.
-
-    Returns:
-        Values with their covariance.
 
     Raises:
         InputError: For wrong shapes, fewer motors than coordinates, too few samples, or a motion
@@ -166,15 +163,12 @@ def estimate(
 
 
 def predicted_torques(chain: ClosedChain, theta: ArrayLike, motion: Trajectory) -> Array:
-    """Motor torques of a motion by given dynamic parameters, the smallest ones.
+    """Motor torques of a motion by dynamic parameters, the smallest ones, shape (N, motors).
 
     Args:
         chain: The robot.
         theta: All dynamic parameters, offsets of motors among them, shape (p,).
         motion: A motion of the robot.
-
-    Returns:
-        Shape (N, motors).
 
     Raises:
         InputError: For a motion of another robot, or a wrong shape.

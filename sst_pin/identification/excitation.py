@@ -72,11 +72,12 @@ def excitation(
     seed: int = 0,
     dt: float = 0.01,
 ) -> Trajectory:
-    """A motion that shows base parameters well, within what the robot can do.
+    """One period of a motion that shows base parameters well, within what the robot can do.
 
     Each coordinate is a Fourier series about its position at the start, where the motion begins and
     ends at rest. Random series are scaled down until no limit is passed and no singular
-    configuration is met; the best one is bettered by random steps.
+    configuration is met; the best one is bettered by random steps. Positions of joints stay within
+    the limits of the model.
 
     Args:
         chain: The robot; each coordinate turns about an axis or slides.
@@ -89,9 +90,6 @@ def excitation(
         tries: How many motions are judged.
         seed: Seed of the random series.
         dt: Time between samples of the result, [s].
-
-    Returns:
-        One period; positions of joints stay within the limits of the model.
 
     Raises:
         InputError: If no motion is possible within the limits, or the limits are not positive.
