@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from contextlib import suppress
 
 import numpy as np
@@ -19,8 +20,8 @@ from .base_parameters import BaseParameters, random_states
 
 #: Samples of a motion that is judged, for each harmonic.
 _SAMPLES = 12
-#: Smallest part of an amplitude that is tried before another motion.
-_SMALLEST = 0.05
+#: Parts of an amplitude that are tried before another motion.
+_PARTS = 0.7 ** np.arange(9)
 
 
 def condition_number(chain: ClosedChain, base: BaseParameters, motion: Trajectory) -> float:
@@ -107,14 +108,13 @@ def excitation(
     count, tries = whole_number("harmonics", harmonics, 2), whole_number("tries", tries, 1)
     mechanism, random = chain.mechanism, np.random.default_rng(whole_number("seed", seed, 0))
     model, space = mechanism.model, mechanism.space
-    largest = _limits("rates", rates, model.velocityLimit[mechanism.coordinates])
+    fastest = _limits("rates", rates, model.velocityLimit[mechanism.coordinates])
     effort = np.abs(mechanism.motors).T @ np.minimum(model.effortLimit, np.finfo(float).max / 10)
     strongest = _limits("torques", torques, effort)
     first = chain.assemble(start_of(chain) if start is None else start)
     x0 = taken(space, first, chain.coordinates)
     sizes = _sizes(chain, base)
-    turns = np.array([unit == "rad" for unit in mechanism.coordinate_rate_units])
-    units = np.where(turns, 1.0, mechanism.length)
+    units = mechanism.rate_scale[mechanism.coordinates]
 
     orders = 2 * np.pi * np.arange(1, count + 1) / period
     zero, one = np.zeros(count), np.ones(count)
@@ -129,39 +129,29 @@ def excitation(
     def allowed(motion: Trajectory) -> bool:
         low, high = model.lowerPositionLimit, model.upperPositionLimit
         within = (low <= motion.q) & (motion.q <= high) | (low >= high)  # these are none
-        small = (np.abs(motion.va) <= largest).all() and (np.abs(motion.tau) <= strongest).all()
+        small = (np.abs(motion.va) <= fastest).all() and (np.abs(motion.tau) <= strongest).all()
         return bool(within.all() and small)
 
-    def judged(z: Array) -> tuple[float, Array]:
-        """Condition number of a motion as large as is allowed, and its coefficients."""
-        scale = 1.0
-        while scale > _SMALLEST:
-            try:
-                motion = sampled(scale * z, period / (_SAMPLES * count))
-                if allowed(motion):
-                    return _condition(chain, base, sizes, motion), scale * z
-            except SSTError:
-                pass
-            scale *= 0.7
-        return np.inf, z
-
-    def followed(z: Array) -> Trajectory | None:
-        """The motion in short steps, a little smaller if it passes a limit between the others."""
-        for scale in 0.97 ** np.arange(10):
+    def possible(z: Array, parts: Iterable[float], step: float) -> tuple[Array, Trajectory] | None:
+        """Coefficients and motion of the first of these parts that is possible."""
+        for part in parts:
             with suppress(SSTError):
-                motion = sampled(scale * z, fine)
+                motion = sampled(part * z, step)
                 if allowed(motion):
-                    return motion
+                    return part * z, motion
         return None
 
     best, kept, chosen = np.inf, np.zeros((rest.shape[1], n)), None
     for k in range(tries):
-        step = np.asarray(random.normal(size=kept.shape) / count)
+        z = np.asarray(random.normal(size=kept.shape) / count)
         if k >= tries / 3 and np.isfinite(best):  # from the best one, ever shorter steps
-            step = kept + 0.5 * np.abs(kept).max() * count * (1 - k / tries) * step
-        value, found = judged(step)
-        if value < best and (motion := followed(found)) is not None:
-            best, kept, chosen = value, found, motion
+            z = kept + 0.5 * np.abs(kept).max() * count * (1 - k / tries) * z
+        if (found := possible(z, _PARTS, period / (_SAMPLES * count))) is None:
+            continue
+        value = _condition(chain, base, sizes, found[1])
+        # In short steps a little smaller, if it passes a limit between the others.
+        if value < best and (followed := possible(found[0], 0.97 ** np.arange(10), fine)):
+            best, kept, chosen = value, found[0], followed[1]
     if chosen is not None:
         return chosen
     raise InputError("start", "no motion about it stays within the limits")

@@ -126,14 +126,11 @@ def welded(mujoco: Any, parameters: Parameters, step: float, stiffness: float) -
     """The closed robot: welds with a stiffness [1/s^2], critically damped, steps in [s]."""
     spec = mujoco.MjSpec.from_string(_blind_urdf(parameters))
     for name, R_E in zip(_STARS, star_orientations(parameters), strict=True):
-        spec.body(name).add_site(name=name, quat=np.roll(Rotation.from_matrix(R_E).as_quat(), 1))
+        quat = Rotation.from_matrix(R_E).as_quat(scalar_first=True)
+        spec.body(name).add_site(name=name, quat=quat)
     for other in _STARS[1:]:
-        weld = spec.add_equality(
-            type=mujoco.mjtEq.mjEQ_WELD,
-            objtype=mujoco.mjtObj.mjOBJ_SITE,
-            name1=_STARS[0],
-            name2=other,
-        )
+        kinds = {"type": mujoco.mjtEq.mjEQ_WELD, "objtype": mujoco.mjtObj.mjOBJ_SITE}
+        weld = spec.add_equality(name1=_STARS[0], name2=other, **kinds)
         weld.solref[:] = -stiffness, -2 * np.sqrt(stiffness)  # negative: the numbers themselves
         weld.solimp[:2] = 0.99, 0.99  # the rest of the way is for the stiffness to close
     model = spec.compile()
