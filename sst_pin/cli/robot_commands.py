@@ -6,6 +6,7 @@ import json
 import platform
 import time
 from contextlib import suppress
+from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -120,7 +121,7 @@ def _verify(arguments: argparse.Namespace) -> int:
     if arguments.json:
         content = {
             "passed": not disagree,
-            "comparisons": [row.as_dict() for row in rows],
+            "comparisons": [asdict(row) for row in rows],
             "skipped": [{"package": e.package, "problem": str(e)} for e in missing],
         }
         print(json.dumps(content, indent=1))

@@ -34,10 +34,7 @@ class Ellipsoid(NamedTuple):
         axes: Orthonormal directions, in rows, shape (..., 3, 3).
 
     Example:
-        >>> delta = sst_pin.robots.delta()
-        >>> found = sst_pin.force_ellipsoid(delta, delta.home, "platform", 2.0)
-        >>> found.sizes.round(1), found.axes.shape
-        (array([23.1, 15.5, 15.5]), (3, 3))
+        See `force_ellipsoid`.
     """
 
     center: Array
@@ -70,8 +67,9 @@ def force_ellipsoid(
 
     Example:
         >>> lift = sst_pin.robots.five_bar()
-        >>> sst_pin.force_ellipsoid(lift, lift.home, "platform", 1.0).sizes.round(2)
-        array([  inf, 14.28, 10.2 ])
+        >>> found = sst_pin.force_ellipsoid(lift, lift.home, "platform", 1.0)
+        >>> found.sizes.round(2), found.axes.shape
+        (array([  inf, 14.28, 10.2 ]), (3, 3))
     """
     G = _supplied(chain, q, frame, turning) / _sizes(chain, torques)[:, None]
     s, axes = _stretches(G.mT)

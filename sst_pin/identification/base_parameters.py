@@ -44,9 +44,7 @@ class BaseParameters(Summary):
         unseen: Names of the parameters considered that change no force.
 
     Example:
-        >>> base = sst_pin.identification.base_parameters(chain)
-        >>> bool(np.allclose(base.matrix[:, base.columns], np.eye(len(base))))
-        True
+        See `base_parameters`.
     """
 
     names: tuple[str, ...]
@@ -94,6 +92,8 @@ def base_parameters(
         >>> base = sst_pin.identification.base_parameters(sst_pin.robots.five_bar())
         >>> len(base), base.names[3]
         (7, 'elbow_1.izz + elbow_2.izz')
+        >>> bool(np.allclose(base.matrix[:, base.columns], np.eye(7)))
+        True
     """
     theta = chain.dynamic_parameters
     considered = _considered(theta.names, np.asarray(theta), which)
