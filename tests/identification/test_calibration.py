@@ -10,6 +10,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import sst_pin
+from planar_bars import DRAG_LINK, planar
 from sst_pin.identification import calibrate
 from sst_pin.identification.geometry_errors import moved, placements
 
@@ -174,17 +175,7 @@ def test_a_frame_called_as_its_joint_has_the_errors_of_the_joint():
 
 def test_errors_that_do_not_settle_are_refused(monkeypatch):
     """A four-bar's noise of 24 mm and errors that the poses hardly tell apart: steps go on."""
-    model = pin.Model()
-
-    def bar(name: str, on: int, x: float, length: float) -> int:
-        at, end = (pin.SE3(np.eye(3), np.array([size, 0, 0])) for size in (x, length))
-        k = model.addJoint(on, pin.JointModelRZ(), at, name)
-        model.appendBodyToJoint(k, pin.Inertia.FromSphere(1.0, 0.1), pin.SE3.Identity())
-        model.addFrame(pin.Frame(f"{name}_end", k, end, pin.FrameType.OP_FRAME))
-        return k
-
-    bar("coupler", bar("crank", 0, 0.0, 0.5), 0.5, 0.45)
-    bar("rocker", 0, 0.2, 0.55)
+    model = planar(DRAG_LINK)
     closures = [sst_pin.Closure("coupler_end", "rocker_end", "3d")]
     chain, x = sst_pin.ClosedChain(model, closures, ["crank"]), np.linspace(2, 4.5, 40)[:, None]
     start = chain.assemble(np.array([2.0, -1.5, 1.5]))
