@@ -247,7 +247,7 @@ def save(motion: Trajectory, arguments: argparse.Namespace) -> None:
 
 
 def remark(motion: Trajectory) -> str:
-    """Why a motion ended early, for the end of a line; else nothing."""
+    """The reason of a motion that ended early, for the end of a line; else nothing."""
     return f"\n  {motion.stopped}" if motion.stopped else ""
 
 

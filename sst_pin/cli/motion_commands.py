@@ -52,7 +52,7 @@ def _torques(arguments: argparse.Namespace) -> int:
 
 
 def add_loads(commands: common.Commands) -> None:
-    """What the joints and closures carry along a motion."""
+    """Forces and moments of joints and closures along a motion."""
     parser = commands.add(
         "loads",
         _loads,

@@ -105,7 +105,7 @@ def add_verify(commands: common.Commands) -> None:
 
 
 def _verify(arguments: argparse.Namespace) -> int:
-    from ..verification import comparisons, verify
+    from ..verification import verify
 
     if arguments.robot is None:
         found, missing = verify.verify_sst(arguments.quick), verify.skipped()
@@ -126,7 +126,7 @@ def _verify(arguments: argparse.Namespace) -> int:
         }
         print(json.dumps(content, indent=1))
     else:
-        print(comparisons.table(rows))
+        print(verify.table(rows))
         for error in missing:
             print(f"skipped: {error}")
         print(f"{disagree} of {len(rows)} disagree" if disagree else "all agree")

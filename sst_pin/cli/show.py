@@ -106,9 +106,7 @@ def _run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _asked_for(
-    arguments: argparse.Namespace,
-) -> tuple[ClosedChain, Trajectory | None, float, str]:
+def _asked_for(arguments: argparse.Namespace) -> tuple[ClosedChain, Trajectory | None, float, str]:
     """Robot, motion, speed and title."""
     path, robot = arguments.motion, common.robot_of(arguments)
     if path is not None:

@@ -19,7 +19,7 @@ from ..motion.trajectories import Trajectory
 
 
 class Controller(ABC):
-    """What controllers share: a robot's model, the motion to follow, limits of torques.
+    """A robot's model, the motion to follow and limits of torques: the base of all controllers.
 
     Before and after the motion its first and last configuration are held.
 

@@ -128,7 +128,7 @@ class Linkage:
         return finite_array("q", q, (self.chain.mechanism.model.nq,))
 
     def _start(self, start: ArrayLike | None) -> Array:
-        """Where the way begins, its loops closed."""
+        """The start of the way, its loops closed."""
         size = (self.chain.mechanism.model.nq,)
         q = start_of(self.chain) if start is None else single_array("start", start, size)
         return self.chain.assemble(q)
@@ -153,7 +153,7 @@ class Linkage:
         return q
 
     def _missing(self, q: Array, target: Array) -> Array:
-        """How far motors are from their target; full turns do not count."""
+        """Distances of the motors from their target, without full turns."""
         error = target - self.motor_positions(q)
         turns = np.round(error / np.where(self._turns, self._turns, 1))
         return np.asarray(error - self._turns * turns)
@@ -179,5 +179,5 @@ def _others(chain: ClosedChain, rates: Indices) -> list[str]:
 
 
 def motor_units(chain: ClosedChain) -> Array:
-    """What makes rates of the motors free of units, shape (motors,)."""
+    """Rates of the motors in multiples of these are free of units, shape (motors,)."""
     return np.array([1.0 if u == "Nm" else chain.mechanism.length for u in chain.motor_units])

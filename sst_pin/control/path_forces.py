@@ -1,12 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What a motion along a path takes of the limits of the motors.
+"""Parts of the limits of the motors that a motion along a path takes.
 
 Along the path x(s) of the coordinates, with w and u the first and second derivative of s by time, a
 motor gives a(s) u + b(s) w^2 + c(s) + d(s) w + e(s): the parts of inertia, of rates, of weight, of
 viscous and of Coulomb friction. They are found from the inverse dynamics.
 """
-
-from __future__ import annotations
 
 from typing import NamedTuple
 
@@ -150,7 +148,7 @@ class MotorLimits:
 
 
 def part_of(values: Array, bounds: Array) -> Array:
-    """Where values, shape (..., motors), lie between bounds: from -1, the least, to 1."""
+    """Places of values, shape (..., motors), between bounds: from -1, the least, to 1."""
     return (2 * values - bounds.sum(axis=1)) / np.ptp(bounds, axis=1)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What a pose can do: forces and accelerations of a frame within the torques of the motors.
+"""Forces and accelerations of a frame in a pose, within the torques of the motors.
 
 With the Jacobian J of the frame and that of the motors J_a, a force w of the frame takes torques
 G w, the smallest with J_a^T G = J^T. Torques tau accelerate the frame by A tau beside what weight

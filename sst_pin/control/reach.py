@@ -36,7 +36,7 @@ _FIRST, _SHORTEST = 4, 2**-6
 
 @dataclass(frozen=True, eq=False)
 class ReachMap:
-    """What a frame reaches on a grid of N by M poses.
+    """The poses on a grid of N by M that a frame reaches.
 
     Where a pose is not reached, numbers are NaN.
 
@@ -219,7 +219,7 @@ def _flood(
     named: dict[str, Array],
     axes: tuple[str, str],
 ) -> tuple[NDArray[np.int8], Array]:
-    """Why poses are not reached, and configurations, found from neighbour to neighbour."""
+    """Reasons and configurations of all poses, found from neighbour to neighbour."""
     model, at = chain.mechanism.model, guide.pose(home)
     here = dict(zip(_AXES, np.append(at.translation, np.zeros(3)), strict=True))
     shape = (len(named[axes[0]]), len(named[axes[1]]))

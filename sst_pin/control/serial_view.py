@@ -109,7 +109,7 @@ class SerialView(Linkage):
         return self.chain.reduced_terms(q, np.zeros(self.chain.degrees_of_freedom)).inertia
 
     def reflected_inertia(self, q: ArrayLike) -> Array:
-        """What rotors, cranks and rods add to the mass matrix of the serial tree, (..., n, n).
+        """The part of rotors, cranks and rods in the mass matrix, shape (..., n, n).
 
         The serial tree has the bodies that only joints of `chain.coordinates` carry. A simulator
         that has this tree alone needs this matrix beside its own; its diagonal alone, as

@@ -27,7 +27,7 @@ from .urdf_numbers import with_origins
 
 #: An error whose part that other errors do not explain is smaller depends on them: the first of
 #: these with which Newton's method settles.
-_DEPENDENT = (1e-6, 1e-5, 1e-4, 1e-3)
+_TOLERANCES = (1e-6, 1e-5, 1e-4, 1e-3)
 _STEPS, _SETTLED = 30, 1e-9
 #: Least noise of positions as a part of that of orientations, and the reverse: less is rounding.
 _LEAST_NOISE = 1e-4
@@ -153,12 +153,12 @@ def calibrate(
             problem = f"{listed(alone)}: each alone opens loops that no joint closes"
             raise InputError("which", f"{problem}, as the robot is overconstrained")
         large, errors = enlarged(chain, frame, [x for x in every if x not in alone])
-    for tolerance in _DEPENDENT:
+    for tolerance in _TOLERANCES:
         try:
             found, values, root, noise = _found(large, errors, drawn, measured, tolerance)
             break
         except _UnsettledError as error:
-            if tolerance == _DEPENDENT[-1]:
+            if tolerance == _TOLERANCES[-1]:
                 raise InputError("poses", str(error)) from None
     kept = tuple(errors[k] for k in found)
     hidden = tuple(name for name in errors if name not in kept)

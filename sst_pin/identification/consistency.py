@@ -6,8 +6,6 @@ J.-J. E. Slotine, IEEE RA-L 3(1), 2018). The parameters are linear in it, so tha
 are the solution of a semi-definite programme.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -30,11 +28,7 @@ _FACTORS = np.where(_ROWS == _COLUMNS, 1.0, np.sqrt(2.0))
 
 
 def consistent_parameters(
-    chain: ClosedChain,
-    found: Estimate,
-    *,
-    prior: float = 1e-4,
-    total_mass: float | None = None,
+    chain: ClosedChain, found: Estimate, *, prior: float = 1e-4, total_mass: float | None = None
 ) -> DynamicParameters:
     """The dynamic parameters that bodies can have and that explain an estimate best.
 

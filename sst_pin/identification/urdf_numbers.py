@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Numbers found by measurements, in the URDF that a robot was read from."""
 
-from __future__ import annotations
-
 import warnings
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping

@@ -98,10 +98,7 @@ MOTIONS = [
         ["t_s,qw,qx,qy,qz", "0,1,0,0,0", "1,1,1,0,0", "2,1,0,0,0"],
         "line 3: quaternion of length 1.41421",
     ),
-    (
-        ["t_s,theta_rad,phi_rad,psi_rad", *map(FLAT.format, range(3))],
-        "is in the plane of its arc",
-    ),
+    (["t_s,theta_rad,phi_rad,psi_rad", *map(FLAT.format, range(3))], "is in the plane of its arc"),
 ]
 
 

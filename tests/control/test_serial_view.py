@@ -60,10 +60,7 @@ VIEWS = {
     "knee": (lambda: sst_pin.SerialView(robots.knee(), ["knee"]), 0.6),
     "leg": (lambda: sst_pin.SerialView(leg_with_rotors(), LEG), 0.25),
     "a part of the leg": (lambda: sst_pin.SerialView(robots.leg(), LEG[1:]), 0.25),
-    "excavator": (
-        lambda: sst_pin.SerialView(robots.excavator(), ["boom", "arm", "bucket"]),
-        0.1,
-    ),
+    "excavator": (lambda: sst_pin.SerialView(robots.excavator(), ["boom", "arm", "bucket"]), 0.1),
     "cylinder": (lambda: sst_pin.SerialView(four_bar_on_a_cylinder(), ["crank"]), 0.2),
 }
 
@@ -73,8 +70,7 @@ LONG = ("a part of the leg", "excavator")
 
 
 @pytest.fixture(
-    scope="module",
-    params=[pytest.param(x, marks=[pytest.mark.slow] * (x in LONG)) for x in VIEWS],
+    scope="module", params=[pytest.param(x, marks=[pytest.mark.slow] * (x in LONG)) for x in VIEWS]
 )
 def view(request):
     return VIEWS[request.param][0]()

@@ -8,7 +8,6 @@ import pytest
 import sst_pin
 from sst_pin.cli import main
 from sst_pin.verification import referees, verify
-from sst_pin.verification.comparisons import Judge
 
 
 @pytest.fixture
@@ -97,7 +96,7 @@ def test_a_wrong_torque_ends_in_exit_code_1(monkeypatch, capsys):
 
 
 def test_a_referee_that_answers_nan_disagrees():
-    judge = Judge("nobody", "nothing")
+    judge = verify.Judge("nobody", "nothing")
     judge.hold(lambda: np.array((1.0, np.nan)), np.ones(2))
     row = judge.verdict()
     assert row.passed is False

@@ -86,7 +86,7 @@ def torques(
 
 
 def generalized_forces(chain: ClosedChain, q: Array, va: Array, aa: Array) -> Array:
-    """What a motion needs along the coordinates, shape (n,)."""
+    """The forces along the coordinates that a motion needs, shape (n,)."""
     motion = _motion(chain, q, va)
     system = np.vstack([motion.Phi, motion.mechanism.selection])
     return _solve(system.T, _need(motion, q, aa))[len(motion.Phi) :]
@@ -129,13 +129,13 @@ def _rows(mechanism: Mechanism, q: Array, v: Array) -> tuple[Array, Array]:
         if isinstance(closure, Coupling):
             parts.append(_coupling(model, closure, q, v))
         else:
-            ends = [_end(model, data, name, v) for name in frames_of(closure)]
+            ends = [_frame(model, data, name, v) for name in frames_of(closure)]
             parts.append(_relative(closure, *ends))
     Phi, drift = zip((np.empty((0, model.nv)), np.empty(0)), *parts, strict=True)
     return np.vstack(Phi), np.concatenate(drift)
 
 
-class _End(NamedTuple):
+class _Frame(NamedTuple):
     """A frame: Jacobian, twist and acceleration as [linear; angular] of its origin, base axes."""
 
     placement: pin.SE3
@@ -144,13 +144,13 @@ class _End(NamedTuple):
     drift: Array
 
 
-def _end(model: pin.Model, data: pin.Data, name: str, v: Array) -> _End:
+def _frame(model: pin.Model, data: pin.Data, name: str, v: Array) -> _Frame:
     frame = model.getFrameId(name)
     J = _jacobian(model, data, frame)
-    return _End(data.oMf[frame], J, J @ v, _acceleration(model, data, frame))
+    return _Frame(data.oMf[frame], J, J @ v, _acceleration(model, data, frame))
 
 
-def _relative(closure: Closure | Distance | Rolling, A: _End, B: _End) -> tuple[Array, Array]:
+def _relative(closure: Closure | Distance | Rolling, A: _Frame, B: _Frame) -> tuple[Array, Array]:
     """Rows G [r_dot; w] of the position r and the angular velocity w of B in the axes of A.
 
     G moves with r and with the axes of B, which w turns.
@@ -207,7 +207,7 @@ def _coupling(model: pin.Model, closure: Coupling, q: Array, v: Array) -> tuple[
 
 
 def _need(motion: _Rates, q: Array, aa: Array) -> Array:
-    """What motors and closures must give the tree, shape (nv,)."""
+    """The forces of motors and closures on the tree, shape (nv,)."""
     system = np.vstack([motion.Phi, motion.mechanism.selection])
     v_dot = _solve(system, np.concatenate([-motion.drift, aa]))
     model = motion.mechanism.model
