@@ -62,7 +62,7 @@ def test_a_referee_agrees_along_the_papers_circle(referee, robot):
 
 @pytest.mark.parametrize("friction", [None, False, True])
 def test_a_referee_agrees_in_random_states_under_loads(referee, friction):
-    """The paper's robot, then odd base triangles and arcs, nine different bodies, tilted gravity."""
+    """The paper's robot, and odd triangles and arcs, nine bodies, tilted gravity."""
     rng = np.random.default_rng(2)
     for _ in range(4):
         parameters = sst_pin.Parameters() if friction is None else random_parameters(rng, friction)
