@@ -136,6 +136,7 @@ def random_states(chain: ClosedChain, count: int, seed: int = 0) -> tuple[Array,
         ClosureError: If too few configurations can be assembled.
 
     Example:
+        >>> chain = sst_pin.robots.four_bar()
         >>> q, va, aa = sst_pin.identification.random_states(chain, 5)
         >>> q.shape, va.shape
         ((5, 3), (5, 1))

@@ -96,6 +96,7 @@ def excitation(
         InputError: If no motion is possible within the limits, or the limits are not positive.
 
     Example:
+        >>> chain = sst_pin.robots.four_bar()
         >>> base = sst_pin.identification.base_parameters(chain)
         >>> motion = sst_pin.identification.excitation(chain, base, 3.0, harmonics=2, tries=1)
         >>> bool(np.abs(motion.va[[0, -1]]).max() < 1e-3)
