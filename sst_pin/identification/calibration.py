@@ -130,12 +130,9 @@ def calibrate(
     Example:
         >>> made = sst_pin.robots.delta(arm=0.151)  # drawn with 0.15
         >>> x = made.home[[0, 5, 9]] + np.random.default_rng(0).uniform(-0.3, 0.3, (8, 3))
-        >>> data, feet = made.model.createData(), []
-        >>> for q in (made.assemble(dict(zip(made.coordinates, each))) for each in x):
-        ...     pin.framesForwardKinematics(made.model, data, q)
-        ...     feet.append(data.oMf[made.model.getFrameId("platform")].homogeneous)
-        >>> drawn = sst_pin.robots.delta(arm=0.15)
-        >>> found = sst_pin.identification.calibrate(drawn, "platform", x, feet, which=["rod_*.x"])
+        >>> q = [made.assemble(dict(zip(made.coordinates, each))) for each in x]
+        >>> drawn, poses = sst_pin.robots.delta(arm=0.15), made.platform_pose(q)
+        >>> found = sst_pin.identification.calibrate(drawn, "platform", x, poses, which=["rod_*.x"])
         >>> found.values.round(6)  # of the six rods: where they join the arms
         array([0.001, 0.001, 0.001, 0.001, 0.001, 0.001])
     """
