@@ -14,7 +14,7 @@ from .chain.dynamics import ReducedTerms as ReducedTerms
 from .chain.lines import LineForce as LineForce
 from .chain.reactions import Reactions as Reactions
 from .chain.regressor import DynamicParameters as DynamicParameters
-from .control.controllers import Adaptive as Adaptive
+from .control.adaptive_control import Adaptive as Adaptive
 from .control.controllers import ComputedTorque as ComputedTorque
 from .control.controllers import GravityPD as GravityPD
 from .control.controllers import TrackingLQR as TrackingLQR

@@ -164,6 +164,15 @@ def positive_number(name: str, value: float, *, or_zero: bool = False) -> float:
     return number
 
 
+def one_or_each(name: str, value: ArrayLike, count: int, *, or_zero: bool = False) -> Array:
+    """A positive number for all of so many, or one for each; 0 where it may be."""
+    given = finite_array(name, value, ())
+    if given.shape not in ((), (count,)) or (given < 0).any() or not (or_zero or given.all()):
+        which = "not negative" if or_zero else "positive"
+        raise InputError(name, f"needed: a number that is {which}, or {count} of them")
+    return given
+
+
 def flattened(
     arrays: Sequence[Array | None], core_axes: Sequence[int]
 ) -> tuple[tuple[int, ...], list[Array | None]]:

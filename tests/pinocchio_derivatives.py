@@ -6,6 +6,7 @@ import pinocchio as pin
 from numpy.testing import assert_allclose
 
 from derivative_cases import carried_four_bar, close, derivative
+from pinocchio_peers import Constrained
 from robots import ROBOTS
 from sst_pin import ClosedChain
 
@@ -41,13 +42,13 @@ def both(model, closures, motors, q, ours):
     va, tau = random.uniform(-1, 1, (2, n))
     model = pin.Model(model)
     model.damping = model.friction = np.zeros(model.nv)
-    columns = list(chain.actuated)
+    bare, columns = ClosedChain(model, closures, motors), list(chain.actuated)
     full = np.zeros(model.nv)
     full[columns] = tau
-    L = chain.joint_rates(q, np.eye(n)).T
-    v_dot, by_q, by_v = of_the_tree(model, closures, q, L @ va, full)
-    bare = ClosedChain(model, closures, motors)
+    L, theirs = chain.joint_rates(q, np.eye(n)).T, Constrained(bare, iterations=100)
+    v_dot = theirs.accelerations(q, L @ va, full)
     assert_allclose(v_dot[columns], bare.compute_accelerations(q, va, tau), rtol=1e-7)
+    by_q, by_v = theirs.derivatives()
 
     def rates(k, s):
         return chain.joint_rates(chain.assemble(pin.integrate(model, q, s * L[:, k])), va)
@@ -55,21 +56,3 @@ def both(model, closures, motors, q, ours):
     v_q = np.array([derivative(lambda s, k=k: rates(k, s)) for k in range(n)]).T
     theirs = by_q @ L + by_v @ v_q, by_v @ L
     return [x[columns] for x in theirs], ours(bare, q, va, tau)
-
-
-def of_the_tree(model, closures, q, v, tau):
-    """Accelerations and their derivatives by q, v of the tree, proximal solver."""
-    kinds = {"3d": pin.ContactType.CONTACT_3D, "6d": pin.ContactType.CONTACT_6D}
-    constraints = []
-    for closure in closures:
-        a, b = (model.frames[model.getFrameId(f)] for f in (closure.frame_a, closure.frame_b))
-        ends = (a.parentJoint, a.placement, b.parentJoint, b.placement)
-        kind = kinds[closure.kind]
-        constraints.append(pin.RigidConstraintModel(kind, model, *ends, pin.LOCAL))
-    data, their = model.createData(), [c.createData() for c in constraints]
-    settings = pin.ProximalSettings(1e-14, 1e-6, 100)
-    pin.initConstraintDynamics(model, data, constraints, their)
-    arguments = (model, data, q, v, tau, constraints, their, settings)
-    v_dot = pin.constraintDynamics(*arguments).copy()
-    by = pin.computeConstraintDynamicsDerivatives(model, data, constraints, their, settings)
-    return v_dot, np.array(by[0]), np.array(by[1])

@@ -64,26 +64,36 @@ class Kkt:
 
 
 class Constrained:
-    """`pin.constraintDynamics` of the tree with its points and welds closed."""
+    """`pin.constraintDynamics` of a tree, added depth-first, with its points and welds closed.
 
-    def __init__(self, chain: ClosedChain) -> None:
+    With `mu` = 0 redundant rows give NaN without an error; several iterations make up for it.
+    """
+
+    def __init__(self, chain: ClosedChain, mu: float = 1e-6, iterations: int = 10) -> None:
         self.model, self.data = chain.model, chain.model.createData()
         frames = self.model.frames
         self.constraints = []
         for closure in chain.closures:
             ends = [frames[self.model.getFrameId(f)] for f in (closure.frame_a, closure.frame_b)]
             places = [part for f in ends for part in (f.parentJoint, f.placement)]
-            kind = (
-                pin.ContactType.CONTACT_6D if closure.kind == "6d" else pin.ContactType.CONTACT_3D
+            kind = {"6d": pin.ContactType.CONTACT_6D, "3d": pin.ContactType.CONTACT_3D}
+            constraint = pin.RigidConstraintModel(
+                kind[closure.kind], self.model, *places, pin.LOCAL
             )
-            self.constraints.append(pin.RigidConstraintModel(kind, self.model, *places, pin.LOCAL))
+            self.constraints.append(constraint)
         self.workspaces = [constraint.createData() for constraint in self.constraints]
         pin.initConstraintDynamics(self.model, self.data, self.constraints, self.workspaces)
-        # mu = 0 gives NaN on redundant rows; several iterations make up for it.
-        self.settings = pin.ProximalSettings(1e-14, 1e-6, 10)
+        self.settings = pin.ProximalSettings(1e-14, mu, iterations)
 
     def accelerations(self, q: Array, v: Array, tau: Array) -> Array:
         """Accelerations of the tree."""
         return pin.constraintDynamics(
             self.model, self.data, q, v, tau, self.constraints, self.workspaces, self.settings
         )
+
+    def derivatives(self) -> tuple[Array, Array]:
+        """Derivatives of the last accelerations by q and v."""
+        found = pin.computeConstraintDynamicsDerivatives(
+            self.model, self.data, self.constraints, self.workspaces, self.settings
+        )
+        return np.array(found[0]), np.array(found[1])

@@ -9,6 +9,8 @@ largest entry, but for rows that name a unit.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from itertools import filterfalse
 from typing import NamedTuple
 
 import numpy as np
@@ -332,16 +334,9 @@ EQUATIONS: dict[str, Callable[[Sequence[Case]], float]] = {
 }
 
 
-def _each(form: Callable[[Case], Forms]) -> Callable[[Sequence[Case]], Iterator[Forms]]:
-    return lambda cases: map(form, cases)
-
-
-def _of_the_papers(form: Callable[[Case], Forms]) -> Callable[[Sequence[Case]], Iterator[Forms]]:
-    return lambda cases: map(form, cases[:STATES])
-
-
-def _rubbing(form: Callable[[Case], Forms]) -> Callable[[Sequence[Case]], Iterator[Forms]]:
-    return lambda cases: map(form, cases[STATES:])
+def _rubs(case: Case) -> bool:
+    """Whether its joints have friction: those of the random robots, not of the paper's."""
+    return bool(case.parameters.coulomb_friction.any())
 
 
 def _on_the_circle(_: Sequence[Case]) -> Iterator[Forms]:
@@ -356,11 +351,11 @@ def _five_bars(_: Sequence[Case]) -> Iterator[Forms]:
 MISPRINTS: dict[str, Callable[[Sequence[Case]], Iterator[Forms]]] = {
     "(1)": _on_the_circle,
     "(7c)": _five_bars,
-    "(20)": _each(forms.rate_of_joint_rates),
-    "(54)": _of_the_papers(forms.center_of_star),
-    "(59)-(61)": _each(forms.spins_of_passive_links),
-    "(62), lower row": _each(forms.velocity_of_star),
-    "(67)": _each(forms.gyroscopic_moments),
-    "(63), (74)-(76)": _each(forms.power_of_inertia),
-    "(87)-(96)": _rubbing(forms.balance_of_powers),
+    "(20)": partial(map, forms.rate_of_joint_rates),
+    "(54)": lambda cases: map(forms.center_of_star, filterfalse(_rubs, cases)),
+    "(59)-(61)": partial(map, forms.spins_of_passive_links),
+    "(62), lower row": partial(map, forms.velocity_of_star),
+    "(67)": partial(map, forms.gyroscopic_moments),
+    "(63), (74)-(76)": partial(map, forms.power_of_inertia),
+    "(87)-(96)": lambda cases: map(forms.balance_of_powers, filter(_rubs, cases)),
 }

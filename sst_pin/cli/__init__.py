@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The command `sst-pin`: one module for each of its commands."""
-
-from __future__ import annotations
+"""The command `sst-pin`."""
 
 import os
 import signal

@@ -1,69 +1,45 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """All commands, and what answers the arguments."""
 
-from __future__ import annotations
-
-import sys
 import warnings
 from collections.abc import Sequence
 
 from ..errors import DescriptionWarning, SingularityWarning, SSTError
 from ..version import __version__
-from . import (
-    compile as compile_,
-)
-from . import (
-    describe,
-    export_c,
-    identify,
-    info,
-    loads,
-    paper_command,
-    plot,
-    show,
-    simulate,
-    torques,
-    validate,
-    verify_command,
-    workspace_command,
-)
-from .common import Commands, Parser
+from . import common, identify, motion_commands, robot_commands, show, sst_commands
 
-#: In the order of the help text.
+#: Each adds a command or two, in the order of the help text.
 COMMANDS = (
-    paper_command,
-    torques,
-    loads,
-    simulate,
-    show,
-    plot,
-    workspace_command,
-    describe,
-    verify_command,
-    validate,
-    identify,
-    export_c,
-    compile_,
-    info,
+    sst_commands.add_paper,
+    motion_commands.add_torques,
+    motion_commands.add_loads,
+    motion_commands.add_simulate,
+    show.add_show,
+    motion_commands.add_plot,
+    sst_commands.add_workspace,
+    sst_commands.add_describe,
+    robot_commands.add_verify,
+    robot_commands.add_validate,
+    identify.add_identify,
+    identify.add_excite,
+    identify.add_calibrate,
+    robot_commands.add_export,
+    robot_commands.add_compile,
+    robot_commands.add_info,
 )
-
-
-def _warn(message: Warning | str, *_: object, **__: object) -> None:
-    """Print a warning in one line."""
-    print(f"sst-pin: warning: {message}", file=sys.stderr)
 
 
 def run(argv: Sequence[str] | None) -> int:
     """Run the command that the arguments ask for; see `main`."""
-    parser = Parser(
+    parser = common.Parser(
         prog="sst-pin",
         description="Dynamics of closed-chain robots: torques, simulation, figures, checks.",
     )
     parser.set_defaults(run=None)
     parser.add_argument("--version", action="version", version=__version__)
-    commands = Commands(parser)
-    for command in COMMANDS:
-        command.add_to(commands)
+    commands = common.Commands(parser)
+    for add in COMMANDS:
+        add(commands)
     arguments = parser.parse_args(argv)
     if arguments.run is None:
         print(parser.format_help(), end="")
@@ -73,8 +49,8 @@ def run(argv: Sequence[str] | None) -> int:
             # A motion that stops early is told on standard output, once.
             warnings.simplefilter("ignore", SingularityWarning)
             warnings.simplefilter("always", DescriptionWarning)  # each command says it again
-            warnings.showwarning = _warn
+            warnings.showwarning = lambda message, *_, **__: common.tell("warning", message)
             return arguments.run(arguments) or 0
     except SSTError as error:
-        print(f"sst-pin: error: {' '.join(str(error).split())}", file=sys.stderr)
+        common.tell("error", " ".join(str(error).split()))
         return 2

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Options, progress bar and output of several commands."""
 
-from __future__ import annotations
-
 import argparse
 import math
 import re
@@ -10,7 +8,6 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from difflib import get_close_matches
-from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, BinaryIO, NoReturn
@@ -42,6 +39,43 @@ class Parser(argparse.ArgumentParser):
         self._words = sys.argv[1:] if args is None else list(args)
         return super().parse_known_args(args, namespace)
 
+    def option(self, spec: str, text: str, kind: Callable[[str], Any] = str, **how: Any) -> None:
+        """An option such as "--psi DEG", without value "--all"; an argument such as "file FILE"."""
+        name, _, metavar = spec.partition(" ")
+        value = {"metavar": metavar, "type": kind} if metavar else {"action": "store_true"}
+        self.add_argument(name, help=text, **value, **how)
+
+    def add_input(self, name: str, what: str) -> None:
+        """The argument for a table; `source_of` reads it."""
+        self.option(f"{name} {name.upper()}.csv", f"the {what}; - means standard input", Path)
+
+    def add_output(
+        self, metavar: str, text: str = "output file, .csv or .npz; - writes CSV"
+    ) -> None:
+        """The options --output and --force; `save` and `write` obey them."""
+        what = f"{text} to standard output"
+        self.add_argument("-o", "--output", type=Path, required=True, metavar=metavar, help=what)
+        self.add_force()
+
+    def add_figure(self) -> None:
+        """The options --output and --force of commands that draw."""
+        self.add_output("FIGURE", "output file, .png, .svg or .pdf; - writes PNG")
+
+    def add_folder(self, *names: str, **how: Any) -> None:
+        """The option --output of commands that write a folder, perhaps by further names."""
+        default = f" (default: {how['default']})" if "default" in how else ""
+        text, names = f"created if it does not exist{default}", ("-o", "--output", *names)
+        self.add_argument(*names, type=Path, metavar="FOLDER", help=text, **how)
+
+    def add_force(self) -> None:
+        """The option --force, for commands that write files."""
+        self.option("--force", "replace existing files")
+
+    def add_strict(self) -> None:
+        """The option --strict; `refuses` obeys it."""
+        text = "if the machine cannot execute the motion, write nothing; exit code 1"
+        self.option("--strict", text)
+
     def error(self, message: str) -> NoReturn:
         """Leave with exit code 2."""
         self.exit(2, f"{self.prog}: error: {message}{misplaced(self._words)}\n")
@@ -53,21 +87,24 @@ class Commands:
     def __init__(self, parser: Parser) -> None:
         self._parsers = parser.add_subparsers(metavar="COMMAND", parser_class=Parser)
 
-    def add(self, name: str, run: Callable[[argparse.Namespace], int | None], text: str) -> Parser:
-        """A parser of a command, without options yet."""
+    def add(
+        self,
+        name: str,
+        run: Callable[[argparse.Namespace], int | None],
+        text: str,
+        *,
+        robot: bool = True,
+    ) -> Parser:
+        """A parser of a command, with --robot unless it needs none; see `robot_of`, `sst_of`."""
         parser = self._parsers.add_parser(name, help=text, description=text)
         parser.set_defaults(run=run)
+        if robot:
+            parser.option(
+                "--robot ROBOT",
+                "a URDF with its YAML beside it, an SDF, USD or MJCF, or a name of the gallery, "
+                "such as delta (default: the SST of the paper)",
+            )
         return parser
-
-
-def add_robot(parser: Parser) -> None:
-    """The option --robot; `robot_of` and `sst_of` read it."""
-    parser.add_argument(
-        "--robot",
-        metavar="ROBOT",
-        help="a URDF with its YAML beside it, an SDF, USD or MJCF, or a name of the gallery, such "
-        "as delta (default: the SST of the paper)",
-    )
 
 
 def robot_of(arguments: argparse.Namespace) -> ClosedChain:
@@ -89,11 +126,7 @@ def robot_of(arguments: argparse.Namespace) -> ClosedChain:
 
 
 def sst_of(arguments: argparse.Namespace) -> SST:
-    """The SST that --robot names.
-
-    Raises:
-        DescriptionError: When it is another robot.
-    """
+    """The SST that --robot names; refuses another robot."""
     name = arguments.robot
     if name in (None, "sst"):
         return SST()
@@ -116,11 +149,7 @@ def misplaced(words: Sequence[str]) -> str:
 
 
 def source_of(path: Path) -> Path | BinaryIO:
-    """A file, or standard input for `-`.
-
-    Raises:
-        InputError: For a robot.
-    """
+    """A file, or standard input for `-`; refuses a robot."""
     if hint := misplaced([str(path)]):
         raise InputError(str(path), f"is a robot, not a table{hint}")
     return sys.stdin.buffer if str(path) == "-" else path
@@ -162,6 +191,9 @@ def number(
     return read
 
 
+POSITIVE = number("a positive number", lambda x: 0 < x < math.inf)
+
+
 def triple(text: str) -> Array:
     """Three numbers of an option, for argparse."""
     try:
@@ -173,15 +205,6 @@ def triple(text: str) -> Array:
     return numbers
 
 
-def add_strict(parser: Parser) -> None:
-    """The option --strict; `refuses` obeys it."""
-    parser.add_argument(
-        "--strict",
-        action="store_true",
-        help="if the machine cannot execute the motion, write nothing; exit code 1",
-    )
-
-
 def refuses(robot: ClosedChain, motion: Trajectory, arguments: argparse.Namespace) -> bool:
     """Print where the machine cannot execute a motion; whether this ends the command."""
     return told(robot.check(motion), arguments)
@@ -190,34 +213,13 @@ def refuses(robot: ClosedChain, motion: Trajectory, arguments: argparse.Namespac
 def told(findings: Sequence[object], arguments: argparse.Namespace) -> bool:
     """Print what speaks against a motion; whether this ends the command."""
     for finding in findings:
-        kind = "error" if arguments.strict else "warning"
-        print(f"sst-pin: {kind}: {finding}", file=sys.stderr)
+        tell("error" if arguments.strict else "warning", finding)
     return bool(findings) and arguments.strict
 
 
-def add_force(parser: Parser) -> None:
-    """The option --force, for commands that write files."""
-    parser.add_argument("--force", action="store_true", help="replace existing files")
-
-
-def add_output(
-    parser: Parser, metavar: str, text: str = "output file, .csv or .npz; - writes CSV"
-) -> None:
-    """The options --output and --force; `save` and `write` obey them."""
-    what = f"{text} to standard output"
-    parser.add_argument("-o", "--output", type=Path, required=True, metavar=metavar, help=what)
-    add_force(parser)
-
-
-def add_figure(parser: Parser) -> None:
-    """The options --output and --force of commands that draw."""
-    add_output(parser, "FIGURE", "output file, .png, .svg or .pdf; - writes PNG")
-
-
-def add_input(parser: Parser, name: str, what: str) -> None:
-    """The argument for a table; `source_of` reads it."""
-    text = f"the {what}; - means standard input"
-    parser.add_argument(name, type=Path, metavar=f"{name.upper()}.csv", help=text)
+def tell(kind: str, message: object) -> None:
+    """Print an error or a warning in one line."""
+    print(f"sst-pin: {kind}: {message}", file=sys.stderr)
 
 
 def output_name(path: Path, ending: str) -> Path:
@@ -245,7 +247,7 @@ def save(motion: Trajectory, arguments: argparse.Namespace) -> None:
 
 
 def remark(motion: Trajectory) -> str:
-    """Why a motion ended early, for the end of a line; else nothing."""
+    """The reason of a motion that ended early, for the end of a line; else nothing."""
     return f"\n  {motion.stopped}" if motion.stopped else ""
 
 
@@ -265,11 +267,3 @@ def progress_bar(what: str, start: float, end: float) -> Iterator[Callable[[floa
             bar.update(max(t - start - bar.n, 0))
 
         yield reach
-
-
-def version_of(package: str) -> str:
-    """The installed version of a package, or that there is none."""
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return "(not installed)"

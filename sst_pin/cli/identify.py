@@ -1,47 +1,22 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """`sst-pin identify`, `excite`, `calibrate`: dynamic parameters and geometry from measurements."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 
+from .. import identification
 from ..errors import InputError
 from ..files import Writer, text_writer
-from ..identification import (
-    base_parameters,
-    calibrate,
-    condition_number,
-    consistent_parameters,
-    estimate,
-    excitation,
-    measured_motion,
-    predicted_torques,
-    report,
-)
 from ..identification.urdf_numbers import with_dynamics
 from ..motion.motion_files import read_log, read_poses
 from ..reading import is_mjcf
-from .common import (
-    Commands,
-    add_input,
-    add_output,
-    add_robot,
-    number,
-    require_extras,
-    robot_of,
-    save,
-    say,
-    source_of,
-    write,
-)
+from . import common
 
-_POSITIVE = number("a positive number", lambda x: 0 < x < float("inf"))
-_COUNT = number("a count", lambda n: n >= 1, int)
+_COUNT = common.number("a count", lambda n: n >= 1, int)
 
 
-def add_to(commands: Commands) -> None:
-    """Add the commands."""
+def add_identify(commands: common.Commands) -> None:
+    """Dynamic parameters from a log."""
     parser = commands.add(
         "identify",
         _identify,
@@ -49,53 +24,93 @@ def add_to(commands: Commands) -> None:
         "is a motion file with columns of torques, as the command torques writes them; its last "
         "third is kept apart for validation.",
     )
-    add_robot(parser)
-    add_input(parser, "log", "log")
-    add_output(parser, "REPORT.md", "report, Markdown, a picture beside it; - writes the text")
-    parser.add_argument(
-        "--cutoff",
-        type=_POSITIVE,
+    parser.add_input("log", "log")
+    text = "report, Markdown, a picture beside it; - writes the text"
+    parser.add_output("REPORT.md", text)
+    parser.option(
+        "--cutoff HZ",
+        "frequency up to which positions and torques are kept",
+        common.POSITIVE,
         required=True,
-        metavar="HZ",
-        help="frequency up to which positions and torques are kept",
     )
-    parser.add_argument(
-        "--which",
+    parser.option(
+        "--which NAMES",
+        "parameters considered, patterns with commas between (default: %(default)s)",
         default="*.m*,*.i*,*.viscous,*.coulomb",
-        metavar="NAMES",
-        help="parameters considered, patterns with commas between (default: %(default)s)",
     )
-    parser.add_argument(
-        "--decimate",
-        type=_COUNT,
+    parser.option(
+        "--decimate N",
+        "use one of N samples, after a filter on both sides of the equations (default: 1)",
+        _COUNT,
         default=1,
-        metavar="N",
-        help="use one of N samples, after a filter on both sides of the equations (default: 1)",
     )
-    parser.add_argument("--robust", action="store_true", help="let outliers count less")
-    parser.add_argument(
-        "--urdf",
-        type=Path,
-        metavar="FOUND.urdf",
-        help="write the URDF of --robot with the parameters found, its .yaml beside it",
+    parser.option("--robust", "let outliers count less")
+    parser.option(
+        "--urdf FOUND.urdf",
+        "write the URDF of --robot with the parameters found, its .yaml beside it",
+        Path,
     )
-    parser = commands.add(
-        "excite", _excite, "Find a motion that shows the dynamic parameters of a robot well."
+
+
+def _identify(arguments: argparse.Namespace) -> int:
+    output = arguments.output
+    pictures = {} if str(output) == "-" else {"plot": "matplotlib"}
+    common.require_extras(identification="clarabel", **pictures)
+    urdf = _urdf_of(arguments) if arguments.urdf else None
+    robot, source = common.robot_of(arguments), common.source_of(arguments.log)
+    t, x, tau, start = read_log(robot, source)
+    motion = identification.measured_motion(robot, t, x, tau, cutoff=arguments.cutoff, start=start)
+    cut = 2 * len(motion) // 3
+    seen, unseen = motion[:cut], motion[cut:]
+    base = identification.base_parameters(robot, arguments.which.split(","))
+    options = {"robust": arguments.robust, "decimate": arguments.decimate}
+    found = identification.estimate(robot, base, seen.q, seen.va, seen.aa, seen.tau, **options)
+    theta = identification.consistent_parameters(robot, found)
+    text, files = identification.report(robot, found, theta, unseen), {}
+    if pictures:
+        from .. import plots
+
+        name = output.with_name(f"{output.stem}_torques.png")
+        page = plots.torques_page(unseen, identification.predicted_torques(robot, theta, unseen))
+        files[name] = plots.figure_writer(page, name)
+        text += f"\n![Measured and predicted torques of the unseen motion](<{name.name}>)\n"
+    if urdf:
+        made = with_dynamics(robot.with_parameters(theta), urdf)
+        files |= _with_closures(made, urdf, arguments.urdf)
+    common.write({output: text_writer(text), **files}, arguments)
+    told = f"{len(base)} combinations, {int(found.supported.sum())} supported"
+    common.say(f"{len(motion)} samples, {told} -> {output}", arguments)
+    return 0
+
+
+def add_excite(commands: common.Commands) -> None:
+    """A motion that shows the parameters."""
+    text = "Find a motion that shows the dynamic parameters of a robot well."
+    parser = commands.add("excite", _excite, text)
+    parser.add_output("MOTION.csv")
+    parser.option("--duration S", "of one period (default: 10)", common.POSITIVE, default=10.0)
+    parser.option("--tries N", "motions that are judged (default: 30)", _COUNT, default=30)
+    parser.option("--rates V", "largest rate, rad/s or m/s", common.POSITIVE)
+    parser.option("--torques T", "largest torque, N m or N", common.POSITIVE)
+
+
+def _excite(arguments: argparse.Namespace) -> int:
+    robot = common.robot_of(arguments)
+    base = identification.base_parameters(robot)
+    limits = {"rates": arguments.rates, "torques": arguments.torques}
+    motion = identification.excitation(
+        robot, base, arguments.duration, tries=arguments.tries, **limits
     )
-    add_robot(parser)
-    add_output(parser, "MOTION.csv")
-    parser.add_argument(
-        "--duration", type=_POSITIVE, default=10.0, metavar="S", help="of one period (default: 10)"
+    common.save(motion, arguments)
+    value = identification.condition_number(robot, base, motion)
+    common.say(
+        f"{len(motion)} samples, condition number {value:.3g} -> {arguments.output}", arguments
     )
-    parser.add_argument(
-        "--tries",
-        type=_COUNT,
-        default=30,
-        metavar="N",
-        help="motions that are judged (default: 30)",
-    )
-    parser.add_argument("--rates", type=_POSITIVE, metavar="V", help="largest rate, rad/s or m/s")
-    parser.add_argument("--torques", type=_POSITIVE, metavar="T", help="largest torque, N m or N")
+    return 0
+
+
+def add_calibrate(commands: common.Commands) -> None:
+    """The geometry from measured poses."""
     parser = commands.add(
         "calibrate",
         _calibrate,
@@ -103,57 +118,29 @@ def add_to(commands: Commands) -> None:
         "with calibrated origins. The table has positions of the coordinates, as in a motion file, "
         "and FRAME_x_m, FRAME_y_m, FRAME_z_m (or _mm), perhaps FRAME_qw, _qx, _qy, _qz.",
     )
-    add_robot(parser)
-    add_input(parser, "poses", "measured poses")
-    add_output(parser, "CALIBRATED.urdf", "calibrated URDF, its .yaml beside it; - writes the URDF")
-    parser.add_argument("--frame", required=True, help="the frame that was measured")
-    parser.add_argument(
-        "--which",
-        metavar="NAMES",
-        help="errors considered, patterns with commas between, such as motor_*.ry,rod_*.x "
+    parser.add_input("poses", "measured poses")
+    text = "calibrated URDF, its .yaml beside it; - writes the URDF"
+    parser.add_output("CALIBRATED.urdf", text)
+    parser.option("--frame FRAME", "the frame that was measured", required=True)
+    parser.option(
+        "--which NAMES",
+        "errors considered, patterns with commas between, such as motor_*.ry,rod_*.x "
         "(default: those of all joints and closures)",
     )
 
 
-def _identify(arguments: argparse.Namespace) -> int:
-    output = arguments.output
-    pictures = {} if str(output) == "-" else {"plot": "matplotlib"}
-    require_extras(identification="clarabel", **pictures)
-    urdf = _urdf_of(arguments) if arguments.urdf else Path()
-    robot, source = robot_of(arguments), source_of(arguments.log)
-    t, x, tau, start = read_log(robot, source)
-    motion = measured_motion(robot, t, x, tau, cutoff=arguments.cutoff, start=start)
-    cut = 2 * len(motion) // 3
-    seen, unseen = motion[:cut], motion[cut:]
-    base = base_parameters(robot, arguments.which.split(","))
-    options = {"robust": arguments.robust, "decimate": arguments.decimate}
-    found = estimate(robot, base, seen.q, seen.va, seen.aa, seen.tau, **options)
-    theta = consistent_parameters(robot, found)
-    text, files = report(robot, found, theta, unseen), {}
-    if pictures:
-        from .. import plots
-
-        name = output.with_name(f"{output.stem}_torques.png")
-        page = plots.torques_page(unseen, predicted_torques(robot, theta, unseen))
-        files[name] = plots.figure_writer(page, name)
-        text += f"\n![Measured and predicted torques of the unseen motion](<{name.name}>)\n"
-    if arguments.urdf:
-        made = robot.with_parameters(theta)
-        files |= _with_closures(with_dynamics(made, urdf), urdf, arguments.urdf)
-    write({output: text_writer(text), **files}, arguments)
-    told = f"{len(base)} combinations, {int(found.supported.sum())} supported"
-    say(f"{len(motion)} samples, {told} -> {output}", arguments)
-    return 0
-
-
-def _excite(arguments: argparse.Namespace) -> int:
-    robot = robot_of(arguments)
-    base = base_parameters(robot)
-    limits = {"rates": arguments.rates, "torques": arguments.torques}
-    motion = excitation(robot, base, arguments.duration, tries=arguments.tries, **limits)
-    save(motion, arguments)
-    value = condition_number(robot, base, motion)
-    say(f"{len(motion)} samples, condition number {value:.3g} -> {arguments.output}", arguments)
+def _calibrate(arguments: argparse.Namespace) -> int:
+    urdf = _urdf_of(arguments)
+    robot, source, frame = (
+        common.robot_of(arguments),
+        common.source_of(arguments.poses),
+        arguments.frame,
+    )
+    x, poses, start = read_poses(robot, source, frame)
+    which = arguments.which and arguments.which.split(",")
+    found = identification.calibrate(robot, frame, x, poses, which=which, start=start)
+    common.write(_with_closures(found._urdf(urdf), urdf, arguments.output), arguments)
+    common.say(f"{found!r}\n{len(x)} poses -> {arguments.output}", arguments)
     return 0
 
 
@@ -171,14 +158,3 @@ def _with_closures(text: str, urdf: Path, output: Path) -> dict[Path, Writer]:
     if str(output) != "-" and (cuts := urdf.with_suffix(".yaml")).is_file():
         files[output.with_suffix(".yaml")] = text_writer(cuts.read_text(encoding="utf-8"))
     return files
-
-
-def _calibrate(arguments: argparse.Namespace) -> int:
-    urdf = _urdf_of(arguments)
-    robot, source, frame = robot_of(arguments), source_of(arguments.poses), arguments.frame
-    x, poses, start = read_poses(robot, source, frame)
-    which = arguments.which and arguments.which.split(",")
-    found = calibrate(robot, frame, x, poses, which=which, start=start)
-    write(_with_closures(found._urdf(urdf), urdf, arguments.output), arguments)
-    say(f"{found!r}\n{len(x)} poses -> {arguments.output}", arguments)
-    return 0

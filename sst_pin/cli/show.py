@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """`sst-pin show`: animations of a robot in a browser, as a page, as pictures."""
 
-from __future__ import annotations
-
 import argparse
 import threading
 import webbrowser
@@ -20,87 +18,62 @@ from ..motion.motion_files import load_motion
 from ..motion.trajectories import Trajectory
 from ..sst.paper import PERIOD, example_1
 from ..sst.robot import SST
-from .common import (
-    Commands,
-    Parser,
-    add_force,
-    add_robot,
-    add_strict,
-    number,
-    robot_of,
-    source_of,
-    told,
-)
+from . import common
 
 
-def add_to(commands: Commands) -> None:
-    """Add the command."""
-    parser: Parser = commands.add(
+def add_show(commands: common.Commands) -> None:
+    """Animations of a robot."""
+    parser = commands.add(
         "show",
         _run,
         "Play a motion and its torques in the browser until Ctrl-C. Without a file, show example 1 "
         "of the paper, or with --robot one configuration of the robot. With --html, --png or "
         "--gif, write files instead.",
     )
-    add_robot(parser)
-    parser.add_argument(
-        "motion",
-        type=Path,
+    parser.option(
+        "motion MOTION",
+        "input or output of `torques`, or output of `simulate`; - means standard input",
+        Path,
         nargs="?",
-        metavar="MOTION",
-        help="input or output of `torques`, or output of `simulate`; - means standard input",
     )
-    parser.add_argument(
-        "--ghost",
-        type=Path,
-        metavar="FILE",
-        help="a second motion, such as the planned one, which a translucent robot plays beside it",
+    parser.option(
+        "--ghost FILE",
+        "a second motion, such as the planned one, which a translucent robot plays beside it",
+        Path,
     )
-    parser.add_argument(
-        "--speed",
-        type=number("a positive number", lambda x: 0 < x < np.inf),
-        metavar="S",
-        help="speed of the animation; 1 is real time (default: 1 for a file, 0.1 for the example)",
+    parser.option(
+        "--speed S",
+        "speed of the animation; 1 is real time (default: 1 for a file, 0.1 for the example)",
+        common.POSITIVE,
     )
     for kind, text in (
         ("html", "one page that needs no network"),
         ("png", "a picture; needs Chromium"),
         ("gif", "an animation; needs Chromium"),
     ):
-        parser.add_argument(f"--{kind}", type=Path, metavar="FILE", help=f"write {text}")
-    parser.add_argument("--axes", action="store_true", help="show the axes of the joints")
-    parser.add_argument(
-        "--frame",
-        metavar="NAME",
-        help="draw the path of this frame (default: platform; E of an SST)",
-    )
-    parser.add_argument(
-        "--frames", action="store_true", help="show frames: of an SST {0k}..{3k}, {E}; of closures"
-    )
-    parser.add_argument(
-        "--reactions", action="store_true", help="show the forces in joints and closures"
-    )
-    parser.add_argument(
-        "--skeleton", action="store_true", help="draw joints, lines and masses instead of shapes"
-    )
-    parser.add_argument(
+        parser.option(f"--{kind} FILE", f"write {text}", Path)
+    parser.option("--axes", "show the axes of the joints")
+    parser.option("--frame NAME", "draw the path of this frame (default: platform; E of an SST)")
+    parser.option("--frames", "show frames: of an SST {0k}..{3k}, {E}; of closures")
+    parser.option("--reactions", "show the forces in joints and closures")
+    parser.option("--skeleton", "draw joints, lines and masses instead of shapes")
+    parser.option(
         "--live",
-        action="store_true",
-        help="a page that also computes: sliders, dragging, simulation; robots other than the SST "
+        "a page that also computes: sliders, dragging, simulation; robots other than the SST "
         "need CasADi",
     )
-    parser.add_argument("--no-open", action="store_true", help="print the URL, open no browser")
-    parser.add_argument(
-        "--host", default="127.0.0.1", help="address of the server (default: this machine only)"
+    parser.option("--no-open", "print the URL, open no browser")
+    parser.option(
+        "--host HOST", "address of the server (default: this machine only)", default="127.0.0.1"
     )
-    parser.add_argument(
-        "--port",
-        type=number("a port, a whole number up to 65535", lambda n: n <= 65535, int),
+    parser.option(
+        "--port PORT",
+        "port of the server (default: any free port)",
+        common.number("a port, a whole number up to 65535", lambda n: n <= 65535, int),
         default=0,
-        help="port of the server (default: any free port)",
     )
-    add_force(parser)
-    add_strict(parser)
+    parser.add_force()
+    parser.add_strict()
 
 
 def _run(arguments: argparse.Namespace) -> int:
@@ -116,11 +89,11 @@ def _run(arguments: argparse.Namespace) -> int:
     looks |= {name: getattr(arguments, name) for name in ("frame", "reactions", "live")}
     if arguments.ghost is not None and motion is None:
         raise InputError("--ghost", "only beside a motion")
-    ghost = None if arguments.ghost is None else load_motion(robot, source_of(arguments.ghost))
+    ghost = arguments.ghost and load_motion(robot, common.source_of(arguments.ghost))
     with Viewer(robot, **looks) as viewer:
         if motion is not None:
             viewer.play(motion, speed=arguments.speed or speed, ghost=ghost, title=title)
-        if told(viewer.warnings, arguments):
+        if common.told(viewer.warnings, arguments):
             return 1
         files = {path: viewer.writer(path) for _, path in wanted if path is not None}
         if files:
@@ -133,13 +106,11 @@ def _run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _asked_for(
-    arguments: argparse.Namespace,
-) -> tuple[ClosedChain, Trajectory | None, float, str]:
+def _asked_for(arguments: argparse.Namespace) -> tuple[ClosedChain, Trajectory | None, float, str]:
     """Robot, motion, speed and title."""
-    path, robot = arguments.motion, robot_of(arguments)
+    path, robot = arguments.motion, common.robot_of(arguments)
     if path is not None:
-        return robot, load_motion(robot, source_of(path)), 1.0, path.name
+        return robot, load_motion(robot, common.source_of(path)), 1.0, path.name
     if arguments.robot is None:
         example = example_1(SST(), np.linspace(0, PERIOD, 201))
         return robot, example, 0.1, "Example 1: the circle"

@@ -8,10 +8,9 @@ from abc import ABC, abstractmethod
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Array, finite_array, in_one_turn, positive_number
+from ..arrays import Array, finite_array, in_one_turn, one_or_each
 from ..chain.closed_chain import ClosedChain
 from ..chain.named_positions import taken
-from ..chain.regressor import OF_BODY
 from ..errors import ActuationError, InputError
 from ..motion.coordinate_motions import positions_along
 from ..motion.moving_robot import require_motion
@@ -20,7 +19,7 @@ from ..motion.trajectories import Trajectory
 
 
 class Controller(ABC):
-    """What controllers share: a robot's model, the motion to follow, limits of torques.
+    """A robot's model, the motion to follow and limits of torques: the base of all controllers.
 
     Before and after the motion its first and last configuration are held.
 
@@ -45,15 +44,12 @@ class Controller(ABC):
             raise InputError("motion", "at least three samples are needed")
         if not chain.mobility(motion.q[0]).sufficient:
             raise ActuationError("the motors do not hold all coordinates: nothing can follow")
-        self.limits = None if limits is None else finite_array("limits", limits, ())
-        if self.limits is not None and not (
-            self.limits.shape in ((), (len(chain.motor_names),)) and (self.limits > 0).all()
-        ):
-            raise InputError("limits", "needed: a positive number, or one for each motor")
+        motors = len(chain.motor_names)
+        self.limits = None if limits is None else one_or_each("limits", limits, motors)
         mechanism = chain.mechanism
         self._turns = np.array([unit == "rad" for unit in mechanism.coordinate_rate_units])
-        self._path = spline(motion.t, positions_along(chain, motion))
-        self._rates, self._accelerations = self._path.derivative(1), self._path.derivative(2)
+        path = spline(motion.t, positions_along(chain, motion))
+        self._curves = path, path.derivative(1), path.derivative(2)
 
     def torque(self, t: float, q: Array, va: Array) -> Array:
         """Torques of the motors, within the limits, shape (motors,).
@@ -72,22 +68,16 @@ class Controller(ABC):
     def _torque(self, t: float, q: Array, va: Array) -> Array:
         """Torques of the motors, whatever their limits."""
 
-    def _positions(self, q: Array) -> Array:
-        """Positions of the coordinates, shape (..., n)."""
-        return taken(self.chain.mechanism.space, q, self.chain.coordinates)
-
     def _wanted(self, t: float) -> tuple[Array, Array, Array]:
         """Positions, rates and accelerations of the coordinates at a time, shape (n,) each."""
-        first, last = self.motion.t[0], self.motion.t[-1]
-        if first <= t <= last:
-            return self._path(t), self._rates(t), self._accelerations(t)
-        held = self._path(first if t < first else last)
-        return held, np.zeros_like(held), np.zeros_like(held)
+        inside = min(max(t, self.motion.t[0]), self.motion.t[-1])
+        x, rates, accelerations = (curve(inside) for curve in self._curves)
+        return (x, rates, accelerations) if t == inside else (x, 0 * rates, 0 * accelerations)
 
     def _errors(self, t: float, q: Array, va: Array) -> tuple[Array, Array, Array]:
         """Errors of positions, where full turns are none, and of rates; wanted accelerations."""
         x, rates, accelerations = self._wanted(t)
-        error = x - self._positions(q)
+        error = x - taken(self.chain.mechanism.space, q, self.chain.coordinates)
         error[self._turns] = in_one_turn(error[self._turns])
         return error, rates - va, accelerations
 
@@ -97,10 +87,7 @@ class Controller(ABC):
         return np.asarray(np.linalg.lstsq(J.T, f, rcond=None)[0])
 
     def _gains(self, name: str, value: ArrayLike) -> Array:
-        gains = finite_array(name, value, ())
-        if gains.shape not in ((), (self.chain.degrees_of_freedom,)) or (gains < 0).any():
-            raise InputError(name, "needed: a number that is not negative, or one per coordinate")
-        return gains
+        return one_or_each(name, value, self.chain.degrees_of_freedom, or_zero=True)
 
 
 class _Feedback(Controller):
@@ -122,14 +109,12 @@ class _Feedback(Controller):
 class ComputedTorque(_Feedback):
     """Inverse dynamics of the wanted accelerations plus feedback: errors die out alike everywhere.
 
-    The errors e of the coordinates obey e'' + kd e' + kp e = 0 for the model.
+    The errors e of the coordinates obey e'' + kd e' + kp e = 0 for the model. The other arguments
+    are those of `Controller`.
 
     Args:
-        chain: The model; see `Controller`.
-        motion: What to follow.
         kp: Position gains, () or shape (n,), [1/s^2].
         kd: Rate gains, () or shape (n,), [1/s].
-        limits: Largest torques of the motors.
 
     Example:
         >>> x = np.full((3, 1), chain.home[0])
@@ -148,12 +133,11 @@ class ComputedTorque(_Feedback):
 class GravityPD(_Feedback):
     """Springs and dampers to the wanted motion, and the torques that hold the weight.
 
+    Only weights and springs of the model count. The other arguments are those of `Controller`.
+
     Args:
-        chain: The model, of which only weights and springs count; see `Controller`.
-        motion: What to follow.
         kp: Position gains, () or shape (n,), [N m/rad] or [N/m].
         kd: Rate gains, () or shape (n,), [N m s/rad] or [N s/m].
-        limits: Largest torques of the motors.
 
     Example:
         >>> x = np.full((3, 1), chain.home[0])
@@ -174,14 +158,12 @@ class TrackingLQR(Controller):
     """The torques of the motion and the linear feedback of least cost along it.
 
     The cost is the sum of x Q x + u R u over steps of the motion's samples, with the errors x of
-    (coordinates, rates) and u of the torques; behind the end its last place is held for ever.
+    (coordinates, rates) and u of the torques; behind the end its last place is held for ever. The
+    other arguments are those of `Controller`; the motion has equal steps of time.
 
     Args:
-        chain: The model; see `Controller`.
-        motion: What to follow, at equal steps of time.
         Q: Weights of x, shape (2 n,) or (2 n, 2 n).
         R: Weights of u, shape (motors,) or (motors, motors).
-        limits: Largest torques of the motors.
 
     Attributes:
         gains: The torques change by -gains x, shape (N, motors, 2 n).
@@ -240,86 +222,6 @@ class TrackingLQR(Controller):
         if not times[0] <= t <= times[-1]:
             feed = self._holding[int(t > times[-1])]
         return feed + K @ np.concatenate([error, rate])
-
-
-class Adaptive(Controller):
-    """Slotine and Li's controller: it learns the dynamic parameters while it follows a motion.
-
-    With the sliding rate s = (va_d - va) + stiffness (x_d - x) the torques are Y theta + damping s,
-    and theta grows by Y^T s. Y theta is the robot's equation with rates and accelerations that lead
-    to the motion; its Coriolis matrix C makes M_dot - 2 C skew. J.-J. Slotine and W. Li, On the
-    adaptive control of robot manipulators, Int. J. Robotics Research 6(3), 1987.
-
-    It learns from call to call, so it is for loops in which time goes on; `simulate` takes it as a
-    `SampledTorque`.
-
-    Args:
-        chain: The model to begin with; see `Controller`.
-        motion: What to follow.
-        stiffness: How fast errors die out where s is 0, () or shape (n,), [1/s].
-        damping: Torques by s, () or shape (n,), [N m s/rad] or [N s/m].
-        learning: How fast it learns, without unit; 0 for never.
-        limits: Largest torques of the motors; while one is reached it does not learn.
-
-    Attributes:
-        theta: The parameters learned so far, in the order of `chain.dynamic_parameters`.
-
-    Example:
-        >>> x = np.full((3, 1), chain.home[0])
-        >>> motion = sst_pin.coordinate_motion(chain, [0, 0.5, 1.0], x)
-        >>> control = sst_pin.Adaptive(chain, motion, stiffness=20, damping=1, learning=1)
-        >>> control.torque(0.0, chain.home, np.zeros(1)).round(2)
-        array([0.16])
-    """
-
-    def __init__(
-        self,
-        chain: ClosedChain,
-        motion: Trajectory,
-        *,
-        stiffness: ArrayLike,
-        damping: ArrayLike,
-        learning: float,
-        limits: ArrayLike | None = None,
-    ) -> None:
-        super().__init__(chain, motion, limits=limits)
-        self.stiffness = self._gains("stiffness", stiffness)
-        self.damping = self._gains("damping", damping)
-        mechanism, parameters = chain.mechanism, chain.dynamic_parameters
-        mass = sum(body.mass for body in mechanism.model.inertias) / len(chain.joint_names)
-        length = mechanism.length
-        inertia = mass * length**2
-        sizes = dict(zip(OF_BODY, [mass, *[mass * length] * 3, *[inertia] * 6], strict=True))
-        sizes |= {"viscous": inertia, "coulomb": inertia}
-        words = [name.rpartition(".")[2] for name in parameters.names]
-        rate = positive_number("learning", learning, or_zero=True)
-        self._learning = rate * np.array([sizes.get(word, 0.0) ** 2 for word in words]) / inertia
-        self._odd = np.array([word in ("viscous", "coulomb", "damping") for word in words])
-        self.theta, self._last = np.array(parameters.values), float(motion.t[0])
-
-    def _torque(self, t: float, q: Array, va: Array) -> Array:
-        error, rate_error, accelerations = self._errors(t, q, va)
-        s = rate_error + self.stiffness * error
-        Y = self._regressor(q, va, va + s, accelerations + self.stiffness * rate_error)
-        tau = self._motors(q, Y @ self.theta + self.damping * s)
-        if self.limits is None or (np.abs(tau) < self.limits).all():
-            self.theta += max(0.0, t - self._last) * self._learning * (Y.T @ s)
-        self._last = t
-        return tau
-
-    def _regressor(self, q: Array, va: Array, wanted: Array, aa: Array) -> Array:
-        """Y of M aa + C(va) wanted and of the other forces at va, shape (n, p).
-
-        C is that of Christoffel's symbols, a form that is symmetric in both rates, so the regressor
-        of forces, which is square in the rates, gives it by differences. Friction is that at va.
-        """
-        none = np.zeros_like(va)
-        at = np.array([va + wanted, va, wanted, none, none])
-        both, first, second, rest, still = self.chain.torque_regressor(
-            np.tile(q, (5, 1)), at, np.array([none, none, none, none, aa])
-        )
-        Y = still + (both - first - second + rest) / 2
-        return np.where(self._odd, first, Y)
 
 
 def _weights(name: str, value: ArrayLike, size: int, least: float) -> Array:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What a pose can do: forces and accelerations of a frame within the torques of the motors.
+"""Forces and accelerations of a frame in a pose, within the torques of the motors.
 
 With the Jacobian J of the frame and that of the motors J_a, a force w of the frame takes torques
 G w, the smallest with J_a^T G = J^T. Torques tau accelerate the frame by A tau beside what weight
@@ -10,6 +10,7 @@ Systems 14(8), 1997.
 
 from __future__ import annotations
 
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -33,10 +34,7 @@ class Ellipsoid(NamedTuple):
         axes: Orthonormal directions, in rows, shape (..., 3, 3).
 
     Example:
-        >>> delta = sst_pin.robots.delta()
-        >>> found = sst_pin.force_ellipsoid(delta, delta.home, "platform", 2.0)
-        >>> found.sizes.round(1), found.axes.shape
-        (array([23.1, 15.5, 15.5]), (3, 3))
+        See `force_ellipsoid`.
     """
 
     center: Array
@@ -69,12 +67,12 @@ def force_ellipsoid(
 
     Example:
         >>> lift = sst_pin.robots.five_bar()
-        >>> sst_pin.force_ellipsoid(lift, lift.home, "platform", 1.0).sizes.round(2)
-        array([  inf, 14.28, 10.2 ])
+        >>> found = sst_pin.force_ellipsoid(lift, lift.home, "platform", 1.0)
+        >>> found.sizes.round(2), found.axes.shape
+        (array([  inf, 14.28, 10.2 ]), (3, 3))
     """
-    size = _sizes(chain, torques)
-    G = _supplied(chain, q, frame, turning) / size[:, None]
-    _, s, axes = np.linalg.svd(_square(G))
+    G = _supplied(chain, q, frame, turning) / _sizes(chain, torques)[:, None]
+    s, axes = _stretches(G.mT)
     with np.errstate(divide="ignore"):
         sizes = np.where(s > RANK_TOLERANCE * s[..., :1], 1 / s, np.inf)
     return Ellipsoid(np.zeros(sizes.shape), sizes[..., ::-1], axes[..., ::-1, :])
@@ -86,15 +84,9 @@ def force_polytope(
     """Corners of all forces that a frame can exert while the motors also hold the weight.
 
     Directions in which the frame cannot move are left out: there the structure bears the forces.
-    With more motors than freedoms, the smallest torques count.
-
-    Args:
-        chain: A robot whose motors hold all coordinates.
-        q: One configuration at rest, shape (nq,).
-        frame: Name of a frame.
-        torques: Largest torque of each motor, shape () or (motors,), or least and largest ones,
-            shape (motors, 2).
-        turning: Whether moments are meant, instead of forces on the origin of the frame.
+    With more motors than freedoms, the smallest torques count. Arguments as in `force_ellipsoid`,
+    but q is one configuration at rest, shape (nq,), and torques may be least and largest ones,
+    shape (motors, 2).
 
     Returns:
         Shape (corners, 3), in base axes, [N] or [N m]; in a plane one after the other.
@@ -102,7 +94,7 @@ def force_polytope(
     Raises:
         ActuationError: If the motors have nothing to spare at q, or a force of the frame moves a
             coordinate that no motor holds.
-        InputError: For limits that are none.
+        InputError: For limits that are none, or a frame that cannot move so.
         SingularConfigurationError: Where a motor needs no torque for a force.
 
     Example:
@@ -131,7 +123,7 @@ def force_polytope(
         back = room / np.where(rows[:, 0] < 0, rows[:, 0], np.nan)
         return np.array([[np.nanmax(back)], [np.nanmin(ends)]]) @ moving
     found = HalfspaceIntersection(np.column_stack([rows, -room]), np.zeros(len(moving)))
-    return _corners(found.intersections, moving)
+    return hull(found.intersections) @ moving
 
 
 def acceleration_ellipsoid(
@@ -145,13 +137,8 @@ def acceleration_ellipsoid(
 ) -> Ellipsoid:
     """Accelerations of a frame by torques whose squares, over their limits, sum up to one.
 
-    Args:
-        chain: A robot with motors.
-        q: Configurations, shape (..., nq).
-        frame: Name of a frame.
-        torques: Largest torque of each motor, shape () or (motors,).
-        va: Rates of the coordinates, shape (..., n); zero by default.
-        turning: Whether angular accelerations are meant.
+    Arguments as in `force_ellipsoid`, and the rates `va` of the coordinates, shape (..., n), zero
+    by default; `turning` means angular accelerations.
 
     Returns:
         Accelerations, [m/s^2] or [rad/s^2]; the center is that without torques.
@@ -168,8 +155,7 @@ def acceleration_ellipsoid(
         (3,)
     """
     center, A = _accelerations_by_torques(chain, q, va, frame, turning)
-    axes, sizes, _ = np.linalg.svd(_turned(_square(_turned(A * _sizes(chain, torques)))))
-    return Ellipsoid(center, sizes, _turned(axes))
+    return Ellipsoid(center, *_stretches(A * _sizes(chain, torques)))
 
 
 def acceleration_polytope(
@@ -181,16 +167,10 @@ def acceleration_polytope(
     va: ArrayLike | None = None,
     turning: bool = False,
 ) -> Array:
-    """Corners of all accelerations of a frame within the torques of the motors.
+    """Corners of all accelerations of a frame within the torques of the motors, 16 at most.
 
-    Args:
-        chain: A robot with at most 16 motors.
-        q: One configuration, shape (nq,).
-        frame: Name of a frame.
-        torques: Largest torque of each motor, shape () or (motors,), or least and largest ones,
-            shape (motors, 2).
-        va: Rates of the coordinates, shape (n,); zero by default.
-        turning: Whether angular accelerations are meant.
+    Arguments as in `acceleration_ellipsoid`, but q and va are one state, shapes (nq,) and (n,), and
+    torques may be least and largest ones, shape (motors, 2).
 
     Returns:
         Shape (corners, 3), in base axes, [m/s^2] or [rad/s^2]; in a plane one after the other.
@@ -208,9 +188,8 @@ def acceleration_polytope(
     if len(bounds) > 16:
         raise InputError("chain", f"{len(bounds)} motors have too many corners")
     center, A = _accelerations_by_torques(chain, single, va, frame, turning)
-    corners = np.stack(np.meshgrid(*bounds, indexing="ij"), axis=-1).reshape(-1, len(bounds))
     moving = _range(A)
-    return _corners(corners @ A.T @ moving.T, moving) + center
+    return hull(np.array(list(product(*bounds))) @ A.T @ moving.T) @ moving + center
 
 
 def _bounds(chain: ClosedChain, torques: ArrayLike) -> Array:
@@ -226,31 +205,27 @@ def _sizes(chain: ClosedChain, torques: ArrayLike) -> Array:
     return np.asarray(bounds[:, 1])
 
 
-def _rows(turning: bool) -> slice:
-    return slice(3, 6) if turning else slice(0, 3)
-
-
 def _jacobian(chain: ClosedChain, q: ArrayLike, frame: str, turning: bool) -> Array:
     """Rows of the frame's Jacobian, shape (..., 3, n), without what is rounding beside others."""
     mechanism, J = chain.mechanism, chain.frame_jacobian(q, frame)
     units = np.repeat([mechanism.length, 1.0], 3)[:, None]
     sizes = np.abs(J) / units * mechanism.rate_scale[mechanism.coordinates]
     sound = sizes > RANK_TOLERANCE * sizes.max(axis=(-1, -2), keepdims=True)
-    return np.where(sound, J, 0)[..., _rows(turning), :]
+    return np.where(sound, J, 0)[..., 3 * turning : 3 * turning + 3, :]
 
 
 def torques_of_forces(chain: ClosedChain, q: ArrayLike, frame: str, turning: bool) -> Array:
     """G: forces w of a frame take the torques G w, shape (..., motors, 3)."""
     J = _jacobian(chain, q, frame, turning)
-    return np.asarray(np.linalg.pinv(_turned(chain.actuator_jacobian(q))) @ _turned(J))
+    return np.asarray(np.linalg.pinv(chain.actuator_jacobian(q).mT) @ J.mT)
 
 
 def _supplied(chain: ClosedChain, q: ArrayLike, frame: str, turning: bool) -> Array:
     """G as `torques_of_forces`, where the motors hold the coordinates that the forces move."""
     mechanism, G = chain.mechanism, torques_of_forces(chain, q, frame, turning)
     units = mechanism.rate_scale[mechanism.coordinates, None]
-    forces = _turned(_jacobian(chain, q, frame, turning)) * units
-    left = np.abs(forces - _turned(chain.actuator_jacobian(q)) @ G * units)
+    forces = _jacobian(chain, q, frame, turning).mT * units
+    left = np.abs(forces - chain.actuator_jacobian(q).mT @ G * units)
     over = left > UNSUPPLIED * np.abs(forces).max(axis=(-1, -2), keepdims=True)
     if over.any():
         moved = over.any(axis=-1)
@@ -273,20 +248,16 @@ def _accelerations_by_torques(
     tau = np.vstack([np.zeros(motors), np.eye(motors)])
     aa = chain.compute_accelerations(configurations[..., None, :], rates[..., None, :], tau)
     J = _jacobian(chain, configurations, frame, turning)
-    free = chain.frame_drift(configurations, rates, frame)[..., _rows(turning)]
+    free = chain.frame_drift(configurations, rates, frame)[..., 3 * turning : 3 * turning + 3]
     center = free + np.einsum("...ij,...j->...i", J, aa[..., 0, :])
-    return center, J @ _turned(aa[..., 1:, :] - aa[..., :1, :])
+    return center, J @ (aa[..., 1:, :] - aa[..., :1, :]).mT
 
 
-def _turned(matrices: Array) -> Array:
-    """Transposed matrices, shape (..., j, i)."""
-    return np.swapaxes(matrices, -1, -2)
-
-
-def _square(rows: Array) -> Array:
-    """Rows, (..., k, 3), and as many of zeros as make them three at least."""
-    missing = max(0, 3 - rows.shape[-2])
-    return np.concatenate([rows, np.zeros((*rows.shape[:-2], missing, 3))], axis=-2)
+def _stretches(A: Array) -> tuple[Array, Array]:
+    """Three singular values of matrices (..., 3, k), the largest first, and directions in rows."""
+    U, sizes, _ = np.linalg.svd(A)
+    missing = np.zeros((*sizes.shape[:-1], 3 - sizes.shape[-1]))
+    return np.concatenate([sizes, missing], axis=-1), U.mT
 
 
 def _range(columns: Array) -> Array:
@@ -295,14 +266,16 @@ def _range(columns: Array) -> Array:
     return np.asarray(U[:, : int((s > RANK_TOLERANCE * s.max(initial=0.0)).sum())].T)
 
 
-def _corners(points: Array, moving: Array) -> Array:
-    """Corners of the convex hull of points in a space of directions, in base axes."""
+def hull(points: Array) -> Array:
+    """Corners of the convex hull of points, (N, k): the ends of a line, in a plane all around.
+
+    They begin with the first of the points that is a corner.
+    """
     from scipy.spatial import ConvexHull
 
-    if points.shape[1] > 1:
-        points = points[ConvexHull(points).vertices]
-    elif points.shape[1]:
-        points = np.array([points.min(axis=0), points.max(axis=0)])
-    else:
-        points = points[:1]
-    return points @ moving
+    if points.shape[1] == 0:
+        return points[:1]
+    if points.shape[1] == 1:
+        return np.array([points.min(axis=0), points.max(axis=0)])
+    around = ConvexHull(points).vertices
+    return np.asarray(points[np.roll(around, -int(around.argmin()))])

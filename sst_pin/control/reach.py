@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,6 +22,8 @@ from ..motion.coordinate_motions import start_of
 from ..motion.frame_guide import FrameGuide
 from ..motion.motion_columns import position_columns
 from ..summaries import listed
+from .linkage import motor_units
+from .path_forces import part_of
 from .pose_abilities import torques_of_forces
 
 #: What `ReachMap.why` counts.
@@ -34,7 +36,7 @@ _FIRST, _SHORTEST = 4, 2**-6
 
 @dataclass(frozen=True, eq=False)
 class ReachMap:
-    """What a frame reaches on a grid of N by M poses.
+    """The poses on a grid of N by M that a frame reaches.
 
     Where a pose is not reached, numbers are NaN.
 
@@ -52,11 +54,7 @@ class ReachMap:
         columns: Names of torques and joints in a file, with units.
 
     Example:
-        >>> lift = sst_pin.robots.five_bar()
-        >>> found = sst_pin.reach_map(lift, "platform", 2.0, x=[-0.05, 0.05], y=[0.0, 0.1, 0.2])
-        >>> found.why
-        array([[2, 0, 3],
-               [2, 0, 3]], dtype=int8)
+        See `reach_map`.
     """
 
     axes: tuple[str, str]
@@ -78,9 +76,8 @@ class ReachMap:
         """Area of the poses that are reached, [m^2], [m rad] or [rad^2]."""
         from scipy.integrate import trapezoid
 
-        return float(
-            trapezoid(trapezoid(self.reached.astype(float), self.values[1]), self.values[0])
-        )
+        rows = trapezoid(self.reached.astype(float), self.values[1])
+        return float(trapezoid(rows, self.values[0]))
 
     def save(self, path: str | Path, force: bool = False) -> None:
         """Write a .csv, one row for each pose."""
@@ -139,10 +136,13 @@ def reach_map(
         UnknownNameError: For an unknown frame.
 
     Example:
-        >>> delta, side = sst_pin.robots.delta(), np.linspace(-0.1, 0.1, 5)
-        >>> found = sst_pin.reach_map(delta, "platform", 2.0, x=side, y=side, z=-0.25)
-        >>> found.reached.all(), found.condition.min().round(2), found.used.max().round(2)
-        (np.True_, np.float64(1.51), np.float64(0.15))
+        >>> lift = sst_pin.robots.five_bar()
+        >>> found = sst_pin.reach_map(lift, "platform", 2.0, x=[-0.05, 0.05], y=[0.0, 0.1, 0.2])
+        >>> found.why
+        array([[2, 0, 3],
+               [2, 0, 3]], dtype=int8)
+        >>> found.condition[:, 1].round(2)
+        array([3.03, 3.03])
     """
     given = dict(zip(_AXES, (x, y, z, roll, pitch, yaw), strict=True))
     named = {name: finite_array(name, v, ()) for name, v in given.items() if v is not None}
@@ -163,16 +163,23 @@ def reach_map(
     rest = np.zeros(chain.degrees_of_freedom)
     chain.compute_torques(home, rest, rest)  # refuses motors that hold less than all
     kinds = not named.keys().isdisjoint(_AXES[:3]), not named.keys().isdisjoint(_AXES[3:])
-    guide = FrameGuide(chain, frame, *kinds, _motor_rates(chain))
+    of_motors = motor_units(chain)
+    per_unit, each = mechanism.rate_scale / of_motors[:, None], np.eye(mechanism.model.nv)
+
+    def motor_rates(q: Array) -> Array:
+        """Rates of the motors by those of all joints, free of units."""
+        on_lines = chain._line_rates(q, each) @ mechanism.lines.motors
+        return np.asarray((mechanism.motors + on_lines).T * per_unit)
+
+    guide = FrameGuide(chain, frame, *kinds, motor_rates)
     counted, units = np.repeat(kinds, 3), np.repeat([mechanism.length, 1.0], 3)
-    ratio = (_motor_units(chain) / units[:, None])[counted]
+    ratio = (of_motors / units[:, None])[counted]
     first = _velocities(chain, home, frame)[counted] * ratio
     _require_motion(first, np.array(_AXES)[counted], axes)
     why, q = _flood(chain, guide, home, named, axes)
     reached = why == _REACHED
     A = _velocities(chain, q[reached], frame)
     tau = chain.compute_torques(q[reached], rest, rest) - push @ A
-    used = np.abs(2 * tau - bounds.sum(axis=1)) / np.ptp(bounds, axis=1)
 
     def on_grid(values: Array) -> Array:
         grid = np.full((*why.shape, *values.shape[1:]), np.nan)
@@ -184,34 +191,14 @@ def reach_map(
         *(f"tau_{name}_{unit}" for name, unit in zip(motors, chain.motor_units, strict=True)),
         *position_columns(chain.position_names, chain.joint_units),
     )
-    values = (named[axes[0]], named[axes[1]])
-    return ReachMap(
-        axes, values, why, q, condition, on_grid(tau), on_grid(used.max(axis=1)), columns
-    )
-
-
-def _motor_rates(chain: ClosedChain) -> Callable[[Array], Array]:
-    """From a configuration to the rates of motors by those of all joints, free of units."""
-    mechanism = chain.mechanism
-    per_unit = mechanism.rate_scale / _motor_units(chain)[:, None]
-    each = np.eye(mechanism.model.nv)
-
-    def rates(q: Array) -> Array:
-        on_lines = chain._line_rates(q, each) @ mechanism.lines.motors
-        return np.asarray((mechanism.motors + on_lines).T * per_unit)
-
-    return rates
-
-
-def _motor_units(chain: ClosedChain) -> Array:
-    """What makes rates of the motors free of units, shape (motors,)."""
-    return np.array([1.0 if u == "Nm" else chain.mechanism.length for u in chain.motor_units])
+    grid, used = (named[axes[0]], named[axes[1]]), np.abs(part_of(tau, bounds)).max(axis=1)
+    return ReachMap(axes, grid, why, q, condition, on_grid(tau), on_grid(used), columns)
 
 
 def _velocities(chain: ClosedChain, q: Array, frame: str) -> Array:
     """A: rates of the motors move the frame by A times these, shape (..., 6, motors)."""
     G = [torques_of_forces(chain, q, frame, turning) for turning in (False, True)]
-    return np.swapaxes(np.concatenate(G, axis=-1), -1, -2)
+    return np.concatenate(G, axis=-1).mT
 
 
 def _require_motion(A: Array, counted: NDArray[np.str_], axes: Sequence[str]) -> None:
@@ -220,11 +207,9 @@ def _require_motion(A: Array, counted: NDArray[np.str_], axes: Sequence[str]) ->
     for axis in axes:
         if np.abs(rest[:, counted == axis]).max() > np.sqrt(RANK_TOLERANCE):
             others = ", ".join(counted[counted != axis])
-            raise InputError(
-                axis,
-                f"at the start motors cannot move the frame so while {others} stay: it has "
-                "fewer freedoms or motors, or the start is singular",
-            )
+            problem = f"at the start motors cannot move the frame so while {others} stay"
+            cause = "it has fewer freedoms or motors, or the start is singular"
+            raise InputError(axis, f"{problem}: {cause}")
 
 
 def _flood(
@@ -234,7 +219,7 @@ def _flood(
     named: dict[str, Array],
     axes: tuple[str, str],
 ) -> tuple[NDArray[np.int8], Array]:
-    """Why poses are not reached, and configurations, found from neighbour to neighbour."""
+    """Reasons and configurations of all poses, found from neighbour to neighbour."""
     model, at = chain.mechanism.model, guide.pose(home)
     here = dict(zip(_AXES, np.append(at.translation, np.zeros(3)), strict=True))
     shape = (len(named[axes[0]]), len(named[axes[1]]))
@@ -265,10 +250,9 @@ def _flood(
         reason = _SINGULAR if way.singular else _OUT if way.missed else _LIMITS
         if not way.missed and not beyond(way.q).any():
             reason, found[point] = _REACHED, way.q
-            for step in ((1, 0), (-1, 0), (0, 1), (0, -1)):
-                near = (point[0] + step[0], point[1] + step[1])
-                if 0 <= near[0] < shape[0] and 0 <= near[1] < shape[1]:
-                    queue.append((way.q, near))
+            i, j = point
+            around = (i + 1, j), (i - 1, j), (i, j + 1), (i, j - 1)
+            queue += [(way.q, (a, b)) for a, b in around if 0 <= a < shape[0] and 0 <= b < shape[1]]
         why[point] = min(why[point], reason)
     return why, found
 

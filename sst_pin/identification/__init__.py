@@ -4,10 +4,9 @@
 from .base_parameters import BaseParameters, base_parameters, random_states
 from .calibration import Calibration, calibrate
 from .consistency import consistent_parameters
-from .estimation import Estimate, estimate
+from .estimation import Estimate, estimate, predicted_torques, report
 from .excitation import condition_number, excitation
 from .measurements import measured_motion
-from .report import predicted_torques, report
 from .urdf_numbers import write_urdf
 
 __all__ = [

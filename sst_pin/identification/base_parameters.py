@@ -22,8 +22,6 @@ from ..chain.regressor import OF_BODY
 from ..errors import ClosureError, InputError, SingularConfigurationError, UnknownNameError
 from ..summaries import Summary, listed
 
-Motion = tuple[ArrayLike, ArrayLike, ArrayLike]
-
 #: A column whose part that the others do not explain is smaller, relative to it, depends on them.
 _DEPENDENT = 1e-9
 #: States for each unknown force, so that chance makes no column depend on others.
@@ -46,10 +44,7 @@ class BaseParameters(Summary):
         unseen: Names of the parameters considered that change no force.
 
     Example:
-        >>> chain = sst_pin.robots.four_bar()
-        >>> base = sst_pin.identification.base_parameters(chain)
-        >>> bool(np.allclose(base.matrix[:, base.columns], np.eye(len(base))))
-        True
+        See `base_parameters`.
     """
 
     names: tuple[str, ...]
@@ -72,10 +67,13 @@ def base_parameters(
     chain: ClosedChain,
     which: Sequence[str] | None = None,
     *,
-    motion: Motion | None = None,
+    motion: tuple[ArrayLike, ArrayLike, ArrayLike] | None = None,
     seed: int = 0,
 ) -> BaseParameters:
     """The combinations of dynamic parameters that the forces of a chain depend on.
+
+    They are in the order of the parameters; a parameter that depends on others is combined with
+    parameters before it.
 
     Args:
         chain: The robot.
@@ -84,10 +82,6 @@ def base_parameters(
         motion: q, va, aa of many samples; the combinations are those that this motion shows. By
             default random assembled states: what any motion can show.
         seed: Seed of these.
-
-    Returns:
-        The combinations, in the order of the parameters; a parameter that depends on others is
-        combined with parameters before it.
 
     Raises:
         UnknownNameError: For a name or pattern that fits no parameter.
@@ -98,6 +92,8 @@ def base_parameters(
         >>> base = sst_pin.identification.base_parameters(sst_pin.robots.five_bar())
         >>> len(base), base.names[3]
         (7, 'elbow_1.izz + elbow_2.izz')
+        >>> bool(np.allclose(base.matrix[:, base.columns], np.eye(7)))
+        True
     """
     theta = chain.dynamic_parameters
     considered = _considered(theta.names, np.asarray(theta), which)
@@ -109,9 +105,8 @@ def base_parameters(
     lengths = np.linalg.norm(rows, axis=1, keepdims=True)
     rows = rows / np.where(lengths, lengths, 1)  # large forces must not hide small ones
     if len(rows) < len(considered):
-        raise InputError(
-            "motion", f"{len(rows)} equations for {len(considered)} parameters; give more samples"
-        )
+        problem = f"{len(rows)} equations for {len(considered)} parameters; give more samples"
+        raise InputError("motion", problem)
     sizes = np.linalg.norm(rows, axis=0)
     seen = np.flatnonzero(sizes > _DEPENDENT * sizes.max(initial=0.0))
     scaled = rows[:, seen] / sizes[seen]
@@ -119,7 +114,8 @@ def base_parameters(
     factors = np.linalg.lstsq(scaled[:, first], scaled, rcond=None)[0]
     ratios = sizes[seen] / sizes[seen[first], None]
     matrix = np.zeros((int(first.sum()), len(theta)))
-    matrix[:, considered[seen]] = _clean(factors * ratios, ratios)
+    # What is rounding, in the units of the columns, is none.
+    matrix[:, considered[seen]] = np.where(np.abs(factors) > _DEPENDENT, factors * ratios, 0.0)
     hidden = np.setdiff1d(np.arange(len(considered)), seen)
     return BaseParameters(
         tuple(_combination(row, theta.names) for row in matrix),
@@ -133,15 +129,8 @@ def base_parameters(
 def random_states(chain: ClosedChain, count: int, seed: int = 0) -> tuple[Array, Array, Array]:
     """q, va, aa at random assembled configurations of one mode, away from singularities.
 
-    Rates and accelerations are those at which weights and inertia matter alike.
-
-    Args:
-        chain: The robot.
-        count: Number of states.
-        seed: Seed of the random numbers.
-
-    Returns:
-        Arrays of shapes (count, nq), (count, n), (count, n).
+    Shapes (count, nq), (count, n), (count, n); rates and accelerations are those at which weights
+    and inertia matter alike. `seed` is that of the random numbers.
 
     Raises:
         ClosureError: If too few configurations can be assembled.
@@ -168,10 +157,8 @@ def random_states(chain: ClosedChain, count: int, seed: int = 0) -> tuple[Array,
         if len(found) == count:
             break
     else:
-        raise ClosureError(
-            f"only {len(found)} of {count} random configurations could be assembled; give motion=",
-            float("inf"),
-        )
+        problem = f"only {len(found)} of {count} random configurations could be assembled"
+        raise ClosureError(f"{problem}; give motion=", float("inf"))
     va, aa = random.normal(size=(2, count, len(units))) * units
     faster = 9.81 / mechanism.length
     return np.array(found), va * np.sqrt(faster), aa * faster
@@ -190,11 +177,6 @@ def _considered(names: Sequence[str], values: Array, which: Sequence[str] | None
             raise UnknownNameError("parameter", pattern, list(names))
         found |= fits
     return np.array(sorted(found), dtype=np.intp)
-
-
-def _clean(factors: Array, units: Array) -> Array:
-    """Factors without those that are rounding, in the units of the columns."""
-    return np.where(np.abs(factors) > _DEPENDENT * units, factors, 0.0)
 
 
 def _combination(row: Array, names: Sequence[str]) -> str:

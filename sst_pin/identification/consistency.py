@@ -6,8 +6,6 @@ J.-J. E. Slotine, IEEE RA-L 3(1), 2018). The parameters are linear in it, so tha
 are the solution of a semi-definite programme.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -30,17 +28,14 @@ _FACTORS = np.where(_ROWS == _COLUMNS, 1.0, np.sqrt(2.0))
 
 
 def consistent_parameters(
-    chain: ClosedChain,
-    found: Estimate,
-    *,
-    prior: float = 1e-4,
-    total_mass: float | None = None,
+    chain: ClosedChain, found: Estimate, *, prior: float = 1e-4, total_mass: float | None = None
 ) -> DynamicParameters:
     """The dynamic parameters that bodies can have and that explain an estimate best.
 
     All ten parameters of each body that the estimate considers are found, with a positive definite
     pseudo-inertia; friction, rotors and stiffnesses are not negative. Where the estimate says
     nothing, the parameters stay near those of the chain. Bodies without mass stay as they are.
+    `chain.with_parameters` takes the result where it has no offsets.
 
     Args:
         chain: The robot whose parameters are the prior, such as those of CAD.
@@ -50,9 +45,6 @@ def consistent_parameters(
             with the length of the robot.
         total_mass: Sum of the masses of all bodies, [kg], if it is to be held.
 
-    Returns:
-        All parameters; `chain.with_parameters` takes them where they have no offsets.
-
     Raises:
         InputError: For a weight or a mass that is not positive, or less mass than the bodies have
             that are not estimated; if the estimate does not tell its combinations apart, or the
@@ -60,15 +52,14 @@ def consistent_parameters(
         MissingExtraError: Without Clarabel, `sst-pin[identification]`.
 
     Example:
-        >>> chain = sst_pin.robots.five_bar()
         >>> base = sst_pin.identification.base_parameters(chain)
         >>> q, va, aa = sst_pin.identification.random_states(chain, 50)
         >>> tau = 2 * chain.compute_torques(q, va, aa)  # all is twice as heavy
         >>> tau += 1e-6 * np.random.default_rng(0).normal(size=tau.shape)
         >>> found = sst_pin.identification.estimate(chain, base, q, va, aa, tau)
         >>> theta = sst_pin.identification.consistent_parameters(chain, found)
-        >>> twice = chain.with_parameters(theta)
-        >>> bool(np.allclose(twice.compute_torques(q, va, aa), tau, atol=1e-4))
+        >>> twice = chain.with_parameters(theta).compute_torques(q, va, aa)
+        >>> bool(np.allclose(twice, tau, atol=1e-4))
         True
     """
     try:
@@ -86,7 +77,11 @@ def consistent_parameters(
     others = np.flatnonzero(varied[end:]) + end
     columns = np.concatenate([(10 * free[:, None] + np.arange(10)).ravel(), others])
 
-    root = _root(found)
+    try:
+        root = np.linalg.cholesky(found.covariance)
+    except np.linalg.LinAlgError:
+        problem = "its combinations cannot be told apart; base_parameters(motion=) finds others"
+        raise InputError("found", problem) from None
     rows = solve_triangular(root, found.base.matrix, lower=True)
     # Deviations from the prior keep their digits beside what is known a million times better.
     seen = solve_triangular(root, found.values - found.base.matrix @ cad, lower=True)
@@ -124,15 +119,6 @@ def consistent_parameters(
     theta = cad.copy()
     theta[columns] = best * units
     return DynamicParameters(chain.dynamic_parameters.names, theta)
-
-
-def _root(found: Estimate) -> Array:
-    """The lower triangular root of the covariance."""
-    try:
-        return np.asarray(np.linalg.cholesky(found.covariance))
-    except np.linalg.LinAlgError:
-        problem = "its combinations cannot be told apart; base_parameters(motion=) finds others"
-        raise InputError("found", problem) from None
 
 
 def _nearest(reach: Array, room: Array, cones: list[Any]) -> tuple[Array, str]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Base parameters from measured motions and torques, with their covariance."""
+"""Base parameters from measured motions and torques, what they say, and what they predict."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ from numpy.typing import ArrayLike
 from ..arrays import Array, Flags, finite_array, whole_number
 from ..chain.closed_chain import ClosedChain
 from ..errors import InputError
+from ..motion.moving_robot import require_motion
+from ..motion.trajectories import Trajectory
 from ..summaries import Summary
 from .base_parameters import BaseParameters
 from .measurements import decimated
@@ -36,14 +38,7 @@ class Estimate(Summary):
         decimate: One sample of this many was used, after a filter.
 
     Example:
-        >>> chain = sst_pin.robots.four_bar()
-        >>> base = sst_pin.identification.base_parameters(chain)
-        >>> q, va, aa = sst_pin.identification.random_states(chain, 200)
-        >>> tau = chain.compute_torques(q, va, aa)
-        >>> tau += 0.01 * np.random.default_rng(0).normal(size=tau.shape)
-        >>> found = sst_pin.identification.estimate(chain, base, q, va, aa, tau)
-        >>> found.noise.round(2)
-        array([0.01])
+        See `estimate`.
     """
 
     base: BaseParameters
@@ -64,11 +59,12 @@ class Estimate(Summary):
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
         """Values with three standard deviations; what the data do not support is marked."""
-        triples = zip(self.values, 3 * self.deviations, self.supported, strict=True)
-        texts = [f"{x:.4g} +- {d:.1g}{'' if ok else ', not supported'}" for x, d, ok in triples]
-        return f"{len(self.base)} base parameters, three standard deviations", list(
-            zip(texts, self.base.names, strict=True)
-        )
+        columns = self.base.names, self.values, 3 * self.deviations, self.supported
+        rows = [
+            (f"{x:.4g} +- {d:.1g}{'' if ok else ', not supported'}", name)
+            for name, x, d, ok in zip(*columns, strict=True)
+        ]
+        return f"{len(self.base)} base parameters, three standard deviations", rows
 
 
 def estimate(
@@ -82,7 +78,7 @@ def estimate(
     robust: bool = False,
     decimate: int = 1,
 ) -> Estimate:
-    """Base parameters from measurements by weighted least squares.
+    """Base parameters from measurements by weighted least squares, with their covariance.
 
     Each motor is weighted by its own noise, which the residuals tell; motors more than freedoms
     have the same noise. Parameters that `base` does not consider keep the values of the chain.
@@ -100,22 +96,20 @@ def estimate(
         decimate: One sample of this many, evenly spaced in time, is used, after a filter
             forwards and backwards that lets through what these can show.
 
-    Returns:
-        Values with their covariance.
-
     Raises:
         InputError: For wrong shapes, fewer motors than coordinates, too few samples, or a motion
             that does not show all combinations.
         ClosureError, SingularConfigurationError: As `compute_torques`.
 
     Example:
-        >>> chain = sst_pin.robots.five_bar()
         >>> base = sst_pin.identification.base_parameters(chain)
-        >>> q, va, aa = sst_pin.identification.random_states(chain, 50)
+        >>> q, va, aa = sst_pin.identification.random_states(chain, 200)
         >>> tau = chain.compute_torques(q, va, aa)
+        >>> tau += 0.01 * np.random.default_rng(1).normal(size=tau.shape)
         >>> found = sst_pin.identification.estimate(chain, base, q, va, aa, tau)
-        >>> bool(np.allclose(found.values, base.matrix @ chain.dynamic_parameters))
-        True
+        >>> away = np.abs(found.values - base.matrix @ chain.dynamic_parameters) / found.deviations
+        >>> found.noise.round(2), bool(away.max() < 3)
+        (array([0.01]), True)
     """
     n, motors, b = chain.degrees_of_freedom, len(chain.motor_names), len(base)
     measured = finite_array("tau", tau, (motors,))
@@ -163,6 +157,78 @@ def estimate(
         inside = np.abs(z) < _HUBER
         inverse *= np.sqrt(np.mean(np.clip(z, -_HUBER, _HUBER) ** 2)) / inside.mean()
     return Estimate(base, values, inverse @ inverse.T, noise, decimate)
+
+
+def predicted_torques(chain: ClosedChain, theta: ArrayLike, motion: Trajectory) -> Array:
+    """Motor torques of a motion by dynamic parameters, the smallest ones, shape (N, motors).
+
+    Args:
+        chain: The robot.
+        theta: All dynamic parameters, offsets of motors among them, shape (p,).
+        motion: A motion of the robot.
+
+    Raises:
+        InputError: For a motion of another robot, or a wrong shape.
+
+    Example:
+        >>> t = np.linspace(0, 1, 11)
+        >>> motion = sst_pin.coordinate_motion(chain, t, chain.home[0] + 0.1 * np.sin(t)[:, None])
+        >>> tau = sst_pin.identification.predicted_torques(chain, chain.dynamic_parameters, motion)
+        >>> bool(np.allclose(tau, motion.tau))
+        True
+    """
+    require_motion(motion, chain)
+    Y = chain.torque_regressor(motion.q, motion.va, motion.aa)
+    forces = Y @ finite_array("theta", np.asarray(theta), (Y.shape[-1],))
+    back = np.linalg.pinv(chain.actuator_jacobian(motion.q).mT)
+    return np.asarray((back @ forces[..., None])[..., 0])
+
+
+def report(chain: ClosedChain, found: Estimate, theta: ArrayLike, unseen: Trajectory) -> str:
+    """An estimate as Markdown: values with intervals, what is not supported, errors elsewhere.
+
+    Args:
+        chain: The robot.
+        found: The estimate.
+        theta: The dynamic parameters that were chosen, such as `consistent_parameters`.
+        unseen: A motion with measured torques that the estimate has not seen.
+
+    Raises:
+        InputError: As `predicted_torques`.
+
+    Example:
+        >>> base = sst_pin.identification.base_parameters(chain)
+        >>> q, va, aa = sst_pin.identification.random_states(chain, 50)
+        >>> seen = chain.trajectory(np.arange(50.0), q, va, aa)
+        >>> found = sst_pin.identification.estimate(chain, base, q, va, aa, seen.tau)
+        >>> text = sst_pin.identification.report(chain, found, chain.dynamic_parameters, seen)
+        >>> print(text.splitlines()[0])
+        # Dynamic parameters of four_bar
+    """
+    errors = decimated(predicted_torques(chain, theta, unseen) - unseen.tau, found.decimate)
+    size = np.sqrt(np.mean(np.square(decimated(unseen.tau, found.decimate)), axis=0))
+    error = np.sqrt(np.mean(errors**2, axis=0))
+    motors = zip(chain.motor_names, chain.motor_units, found.noise, error, size, strict=True)
+    lines = [
+        f"# Dynamic parameters of {chain.model.name}",
+        "",
+        f"{len(found.base)} combinations of {len(found.base.considered)} parameters, of which "
+        f"{int(found.supported.sum())} differ from zero by more than three standard deviations.",
+        "",
+        "| motor | noise of the estimate | error in the unseen motion | relative |",
+        "|---|---|---|---|",
+        *(f"| {n} | {s:.3g} {u} | {e:.3g} {u} | {e / a:.3f} |" for n, u, s, e, a in motors),
+        "",
+        "| combination | value | three standard deviations | |",
+        "|---|---|---|---|",
+    ]
+    rows = zip(found.base.names, found.values, found.deviations, found.supported, strict=True)
+    for name, value, deviation, ok in rows:
+        told = "" if ok else "not supported"
+        lines.append(f"| {name} | {value:.5g} | {3 * deviation:.2g} | {told} |")
+    if found.base.unseen:
+        lines += ["", f"Seen in no motion: {', '.join(found.base.unseen)}."]
+    return "\n".join([*lines, ""])
 
 
 def solved(A: Array, z: Array) -> tuple[Array, Array]:

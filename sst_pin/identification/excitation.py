@@ -3,23 +3,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from contextlib import suppress
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Array, finite_array, positive_number, whole_number
+from ..arrays import Array, one_or_each, positive_number, whole_number
 from ..chain.closed_chain import ClosedChain
 from ..chain.named_positions import taken
 from ..errors import InputError, SSTError
 from ..motion.coordinate_motions import coordinate_motion, start_of
+from ..motion.moving_robot import require_motion
 from ..motion.trajectories import Trajectory
 from .base_parameters import BaseParameters, random_states
 
 #: Samples of a motion that is judged, for each harmonic.
 _SAMPLES = 12
-#: Smallest part of an amplitude that is tried before another motion.
-_SMALLEST = 0.05
+#: Parts of an amplitude that are tried before another motion.
+_PARTS = 0.7 ** np.arange(9)
 
 
 def condition_number(chain: ClosedChain, base: BaseParameters, motion: Trajectory) -> float:
@@ -33,14 +35,17 @@ def condition_number(chain: ClosedChain, base: BaseParameters, motion: Trajector
         base: Its base parameters.
         motion: A motion of it.
 
+    Raises:
+        InputError: For a motion of another robot.
+
     Example:
-        >>> chain = sst_pin.robots.four_bar()
         >>> base = sst_pin.identification.base_parameters(chain)
         >>> t = np.linspace(0, 2, 41)
         >>> slow = sst_pin.coordinate_motion(chain, t, chain.home[0] + 0.1 * np.sin(t)[:, None])
         >>> sst_pin.identification.condition_number(chain, base, slow) > 100
         True
     """
+    require_motion(motion, chain)
     return _condition(chain, base, _sizes(chain, base), motion)
 
 
@@ -68,11 +73,12 @@ def excitation(
     seed: int = 0,
     dt: float = 0.01,
 ) -> Trajectory:
-    """A motion that shows base parameters well, within what the robot can do.
+    """One period of a motion that shows base parameters well, within what the robot can do.
 
     Each coordinate is a Fourier series about its position at the start, where the motion begins and
     ends at rest. Random series are scaled down until no limit is passed and no singular
-    configuration is met; the best one is bettered by random steps.
+    configuration is met; the best one is bettered by random steps. Positions of joints stay within
+    the limits of the model.
 
     Args:
         chain: The robot; each coordinate turns about an axis or slides.
@@ -86,14 +92,11 @@ def excitation(
         seed: Seed of the random series.
         dt: Time between samples of the result, [s].
 
-    Returns:
-        One period; positions of joints stay within the limits of the model.
-
     Raises:
         InputError: If no motion is possible within the limits, or the limits are not positive.
 
     Example:
-        >>> chain = sst_pin.robots.five_bar()
+        >>> chain = sst_pin.robots.four_bar()
         >>> base = sst_pin.identification.base_parameters(chain)
         >>> motion = sst_pin.identification.excitation(chain, base, 3.0, harmonics=2, tries=1)
         >>> bool(np.abs(motion.va[[0, -1]]).max() < 1e-3)
@@ -106,14 +109,13 @@ def excitation(
     count, tries = whole_number("harmonics", harmonics, 2), whole_number("tries", tries, 1)
     mechanism, random = chain.mechanism, np.random.default_rng(whole_number("seed", seed, 0))
     model, space = mechanism.model, mechanism.space
-    largest = _limits("rates", rates, model.velocityLimit[mechanism.coordinates], n)
+    fastest = _limits("rates", rates, model.velocityLimit[mechanism.coordinates])
     effort = np.abs(mechanism.motors).T @ np.minimum(model.effortLimit, np.finfo(float).max / 10)
-    strongest = _limits("torques", torques, effort, len(chain.motor_names))
+    strongest = _limits("torques", torques, effort)
     first = chain.assemble(start_of(chain) if start is None else start)
     x0 = taken(space, first, chain.coordinates)
     sizes = _sizes(chain, base)
-    turns = np.array([unit == "rad" for unit in mechanism.coordinate_rate_units])
-    units = np.where(turns, 1.0, mechanism.length)
+    units = mechanism.rate_scale[mechanism.coordinates]
 
     orders = 2 * np.pi * np.arange(1, count + 1) / period
     zero, one = np.zeros(count), np.ones(count)
@@ -126,54 +128,38 @@ def excitation(
         return coordinate_motion(chain, t, x0 + (waves @ rest @ z) * units, first)
 
     def allowed(motion: Trajectory) -> bool:
-        within = (motion.q >= model.lowerPositionLimit) & (motion.q <= model.upperPositionLimit)
-        bounded = model.lowerPositionLimit < model.upperPositionLimit
-        return bool(
-            within[:, bounded].all()
-            and (np.abs(motion.va) <= largest).all()
-            and (np.abs(motion.tau) <= strongest).all()
-        )
+        low, high = model.lowerPositionLimit, model.upperPositionLimit
+        within = (low <= motion.q) & (motion.q <= high) | (low >= high)  # these are none
+        small = (np.abs(motion.va) <= fastest).all() and (np.abs(motion.tau) <= strongest).all()
+        return bool(within.all() and small)
 
-    def judged(z: Array) -> tuple[float, Array]:
-        """Condition number of a motion as large as is allowed, and its coefficients."""
-        scale = 1.0
-        while scale > _SMALLEST:
-            try:
-                motion = sampled(scale * z, period / (_SAMPLES * count))
-                if allowed(motion):
-                    return _condition(chain, base, sizes, motion), scale * z
-            except SSTError:
-                pass
-            scale *= 0.7
-        return np.inf, z
-
-    def followed(z: Array) -> Trajectory | None:
-        """The motion in short steps, a little smaller if it passes a limit between the others."""
-        for scale in 0.97 ** np.arange(10):
+    def possible(z: Array, parts: Iterable[float], step: float) -> tuple[Array, Trajectory] | None:
+        """Coefficients and motion of the first of these parts that is possible."""
+        for part in parts:
             with suppress(SSTError):
-                motion = sampled(scale * z, fine)
+                motion = sampled(part * z, step)
                 if allowed(motion):
-                    return motion
+                    return part * z, motion
         return None
 
     best, kept, chosen = np.inf, np.zeros((rest.shape[1], n)), None
     for k in range(tries):
-        step = np.asarray(random.normal(size=kept.shape) / count)
+        z = np.asarray(random.normal(size=kept.shape) / count)
         if k >= tries / 3 and np.isfinite(best):  # from the best one, ever shorter steps
-            step = kept + 0.5 * np.abs(kept).max() * count * (1 - k / tries) * step
-        value, found = judged(step)
-        if value < best and (motion := followed(found)) is not None:
-            best, kept, chosen = value, found, motion
+            z = kept + 0.5 * np.abs(kept).max() * count * (1 - k / tries) * z
+        if (found := possible(z, _PARTS, period / (_SAMPLES * count))) is None:
+            continue
+        value = _condition(chain, base, sizes, found[1])
+        # In short steps a little smaller, if it passes a limit between the others.
+        if value < best and (followed := possible(found[0], 0.97 ** np.arange(10), fine)):
+            best, kept, chosen = value, found[0], followed[1]
     if chosen is not None:
         return chosen
     raise InputError("start", "no motion about it stays within the limits")
 
 
-def _limits(name: str, given: ArrayLike | None, model: Array, size: int) -> Array:
-    """Largest values, shape (size,); a limit of the model that is 0 is unknown."""
+def _limits(name: str, given: ArrayLike | None, model: Array) -> Array:
+    """Largest values, one or each; a limit of the model that is 0 is unknown."""
     if given is None:
         return np.where(model > 0, model, np.inf)
-    values = finite_array(name, given, ())
-    if values.shape not in ((), (size,)) or not (values > 0).all():
-        raise InputError(name, f"needed: a positive number, or {size}")
-    return np.broadcast_to(values, (size,))
+    return one_or_each(name, given, len(model))

@@ -33,7 +33,7 @@ def measured_motion(
     cutoff: float,
     start: ArrayLike | None = None,
 ) -> Trajectory:
-    """A log of positions and torques as a motion of the robot.
+    """A log of positions and torques as a motion of the robot, with the filtered torques.
 
     A Butterworth filter of order four, forwards and backwards, smooths positions and torques alike;
     outliers are replaced by the smooth curve around them, positions for less than a quarter of a
@@ -52,9 +52,6 @@ def measured_motion(
         cutoff: Frequency where the two passes together let half of the amplitude through, [Hz].
         start: A guess of all joints at the start, as in `coordinate_motion`.
 
-    Returns:
-        Times, configurations, rates, accelerations, and the filtered torques.
-
     Raises:
         InputError: For wrong shapes, a gap in the log, too many outliers, or too many in a row, or
             a cut-off frequency that is not below half of the sampling rate, or needs more time than
@@ -62,7 +59,6 @@ def measured_motion(
         ClosureError: If the loops cannot be closed along the motion.
 
     Example:
-        >>> chain = sst_pin.robots.four_bar()
         >>> t = np.linspace(0, 4, 2001)
         >>> x = chain.home[0] + 0.3 * np.sin(3 * t)[:, None]
         >>> tau = np.cos(t)[:, None]

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Numbers found by measurements, in the URDF that a robot was read from."""
 
-from __future__ import annotations
-
 import warnings
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
@@ -15,17 +13,9 @@ from numpy.typing import ArrayLike
 from ..chain.closed_chain import ClosedChain
 from ..errors import DescriptionError, DescriptionWarning
 from ..files import as_path, text_writer, write_files
+from ..reading import Urdf
+from ..reading.urdf_checks import ENTRIES
 from ..summaries import listed
-
-#: Names of the entries of an inertia, and where they are.
-_ENTRIES = {
-    "ixx": (0, 0),
-    "ixy": (0, 1),
-    "ixz": (0, 2),
-    "iyy": (1, 1),
-    "iyz": (1, 2),
-    "izz": (2, 2),
-}
 
 
 def write_urdf(chain: ClosedChain, urdf: str | Path, path: str | Path, force: bool = False) -> None:
@@ -58,41 +48,43 @@ def write_urdf(chain: ClosedChain, urdf: str | Path, path: str | Path, force: bo
 
 def with_dynamics(chain: ClosedChain, urdf: str | Path) -> str:
     """The text that `write_urdf` writes."""
-    root, model = _read(urdf), chain.mechanism.model
+    root, model = Urdf.read(urdf).root, chain.mechanism.model
     links = {link.get("name"): link for link in root.findall("link")}
-    joints = {joint.get("name"): joint for joint in root.findall("joint")}
     bodies = [f for f in model.frames if f.type == pin.FrameType.BODY and f.name in links]
-    for j, inertia in enumerate(model.inertias):
+    for j, inertia in enumerate(list(model.inertias)[1:], 1):
         moved = [frame for frame in bodies if frame.parentJoint == j]
-        if j and not moved and inertia.mass:
+        if not moved and inertia.mass:
             raise DescriptionError(str(urdf), [f"no link is moved by joint {model.names[j]}"])
         heavy = [frame for frame in moved if links[frame.name].find("inertial") is not None]
-        for frame in heavy if j else []:
+        for frame in heavy:
             links[frame.name].remove(links[frame.name].find("inertial"))  # type: ignore[arg-type]
-        if j and inertia.mass:
+        if inertia.mass:
             bearer = (heavy or moved)[0]
             links[bearer.name].append(_inertial(bearer.placement.actInv(inertia)))
-    left = _left_out(chain, set(joints))
+    joints = {joint.get("name"): joint for joint in root.findall("joint")}
+    alone = [j for j in range(1, model.njoints) if model.joints[j].nv == 1]
+    written = [j for j in alone if model.names[j] in joints]
     friction = chain.mechanism.friction
-    for name, joint in joints.items():
-        if not (model.existJointName(name) and model.joints[model.getJointId(name)].nv == 1):
-            continue
-        k = model.joints[model.getJointId(name)].idx_v
+    for j in written:
+        joint, k = joints[model.names[j]], model.joints[j].idx_v
         numbers = {"damping": friction.viscous[k], "friction": friction.coulomb[k]}
         dynamics = joint.find("dynamics")
         if dynamics is None and any(numbers.values()):
             dynamics = ET.SubElement(joint, "dynamics")
         if dynamics is not None:
             dynamics.attrib.update({key: repr(float(x)) for key, x in numbers.items()})
-    if left:
+    kept = {f"{model.names[j]}.{kind}" for j in written for kind in ("viscous", "coulomb")}
+    theta, inertial = chain.dynamic_parameters, 10 * (model.njoints - 1)
+    others = zip(theta.names[inertial:], theta.values[inertial:], strict=True)
+    if left := [name for name, value in others if value and name not in kept]:
         problem = f"a URDF has no place for {listed(left)}"
         warnings.warn(f"{problem}; give them again when it is read", DescriptionWarning, 3)
-    return _text(root)
+    return ET.tostring(root, encoding="unicode", xml_declaration=True)
 
 
 def with_origins(urdf: str | Path, moved: Mapping[str, pin.SE3]) -> str:
     """The text of a URDF in which joints, by the name of the joint or its child, are moved."""
-    root = _read(urdf)
+    root = Urdf.read(urdf).root
     joints = {joint.get("name"): joint for joint in root.findall("joint")}
     for joint in root.findall("joint[child]"):
         joints.setdefault(joint.find("child").get("link"), joint)  # type: ignore[union-attr]
@@ -106,38 +98,17 @@ def with_origins(urdf: str | Path, moved: Mapping[str, pin.SE3]) -> str:
         new = pin.SE3(pin.rpy.rpyToMatrix(rpy), xyz) * by
         origin.set("xyz", _numbers(new.translation))
         origin.set("rpy", _numbers(pin.rpy.matrixToRpy(new.rotation)))
-    return _text(root)
-
-
-def _left_out(chain: ClosedChain, joints: set[str | None]) -> list[str]:
-    """Names of parameters that are not zero and that a URDF cannot have."""
-    model, theta = chain.mechanism.model, chain.dynamic_parameters
-    alone = {n for n in list(model.names)[1:] if model.joints[model.getJointId(n)].nv == 1}
-    kept = {f"{name}.{kind}" for name in alone & joints for kind in ("viscous", "coulomb")}
-    inertial = 10 * (model.njoints - 1)
-    pairs = zip(theta.names[inertial:], theta.values[inertial:], strict=True)
-    return [name for name, value in pairs if value and name not in kept]
+    return ET.tostring(root, encoding="unicode", xml_declaration=True)
 
 
 def _inertial(inertia: pin.Inertia) -> ET.Element:
     inertial = ET.Element("inertial")
     ET.SubElement(inertial, "origin", xyz=_numbers(inertia.lever), rpy="0 0 0")
     ET.SubElement(inertial, "mass", value=repr(float(inertia.mass)))
-    entries = {key: repr(float(inertia.inertia[at])) for key, at in _ENTRIES.items()}
-    ET.SubElement(inertial, "inertia", entries)
+    upper = inertia.inertia[np.triu_indices(3)].tolist()
+    ET.SubElement(inertial, "inertia", dict(zip(ENTRIES, map(repr, upper), strict=True)))
     return inertial
 
 
 def _numbers(vector: ArrayLike) -> str:
     return " ".join(map(repr, np.asarray(vector, float).tolist()))
-
-
-def _read(urdf: str | Path) -> ET.Element:
-    try:
-        return ET.parse(as_path(urdf)).getroot()
-    except (OSError, ET.ParseError) as error:
-        raise DescriptionError(str(urdf), [f"the URDF cannot be read: {error}"]) from None
-
-
-def _text(root: ET.Element) -> str:
-    return ET.tostring(root, encoding="unicode", xml_declaration=True)

@@ -13,8 +13,6 @@ delta omega equals that of the motors: J^T tau = A alpha + h, the rows of J bein
 Only geometry and masses come in from the rest of the package: no formula is shared with it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -22,22 +20,28 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.integrate import solve_ivp
 
-from .. import errors
 from ..arrays import Array, finite_array
 from ..description.parameters import Parameters
-from ..errors import InputError, SingularConfigurationError, SSTError
+from ..errors import InputError, SimulationError, SingularConfigurationError, SSTError
 
 #: Quantities of the size of one count as zero below this.
 _ZERO = 1e-12
 
 
-class VirtualWork:
-    """An SST described by the motion of its star, by the principle of virtual work.
+class _Star(NamedTuple):
+    """J^T tau = A alpha + h, with gamma_dot = J omega."""
 
-    Args:
-        parameters: Geometry, masses, friction and gravity of the robot.
-        branch: Sign of sin(mu_k) for each leg, shape (3,).
-    """
+    J: Array
+    A: Array
+    h: Array
+
+    def acceleration(self, tau: Array) -> Array:
+        work = _times(self.J.mT, tau) - self.h
+        return _solve(self.A, work, "some turn of the star moves no mass")
+
+
+class VirtualWork:
+    """An SST described by the motion of its star; `branch` is the sign of sin(mu_k) of each leg."""
 
     name = "virtual work"
     package = "sst-pin"
@@ -66,16 +70,10 @@ class VirtualWork:
         alpha: ArrayLike,
         platform_moment: ArrayLike | None = None,
     ) -> Array:
-        """Motor torques of motions of the star with leading axes; see `Referee.torques`.
-
-        Raises:
-            InputError: For a wrong shape, a number that is not finite, an R that is no rotation.
-            SingularConfigurationError: When a leg is in the plane of its arc, or the motor angles
-                do not determine the star.
-        """
+        """Motor torques of motions of the star with leading axes; see `Referee.torques`."""
         star = self._star(R, omega, platform_moment)
         work = _times(star.A, finite_array("alpha", alpha, (3,))) + star.h
-        return _solve(np.swapaxes(star.J, -1, -2), work, "the motor angles do not fix the star")
+        return _solve(star.J.mT, work, "the motor angles do not fix the star")
 
     def accelerations(
         self,
@@ -84,7 +82,7 @@ class VirtualWork:
         tau: ArrayLike,
         platform_moment: ArrayLike | None = None,
     ) -> Array:
-        """Angular accelerations of the star; see `DirectReferee.accelerations`, `torques`."""
+        """Angular accelerations of the star under motor torques, base axes, shape (..., 3)."""
         return self._star(R, omega, platform_moment).acceleration(finite_array("tau", tau, (3,)))
 
     def simulate(
@@ -97,21 +95,11 @@ class VirtualWork:
         tolerance: float = 1e-11,
         sign_width: float = 1e-3,
     ) -> tuple[Array, Array]:
-        """Integrate the direct dynamics; the state is the star's orientation and angular velocity.
+        """R, (N, 3, 3), and omega, (N, 3), of the star at times t by direct dynamics.
 
-        Args:
-            torque: Callable (t, R, omega) -> motor torques, shape (3,), [N m].
-            R0: {E} in the base at t[0], shape (3, 3).
-            omega0: Angular velocity of the star at t[0], base axes, shape (3,), [rad/s].
-            t: Times at which the motion is wanted, increasing, shape (N,), [s].
-            tolerance: Tolerance of the integrator, relative and absolute.
-            sign_width: [rad/s]; in Coulomb friction sign(x) is taken as tanh(x / sign_width).
-
-        Returns:
-            R and omega of shapes (N, 3, 3) and (N, 3).
-
-        Raises:
-            SimulationError: Before a singularity, or when the integrator gives up.
+        `torque(t, R, omega)` gives motor torques, [N m]; R0 and omega0 are the state at t[0], and
+        `tolerance` is that of the integrator, relative and absolute. In Coulomb friction sign(x) is
+        taken as tanh(x / sign_width), [rad/s].
         """
         times = finite_array("t", t, ())
         if times.ndim != 1 or not len(times) or (np.diff(times) <= 0).any():
@@ -142,20 +130,13 @@ class VirtualWork:
         how = {"method": "DOP853", "rtol": tolerance, "atol": tolerance}
         found = solve_ivp(rate, span, start, t_eval=times, events=determinant, **how)
         if found.status == 1:
-            stop = float(found.t_events[0][0])
-            raise errors.SimulationError("stopped before a singularity", stop)
+            raise SimulationError("stopped before a singularity", float(found.t_events[0][0]))
         if found.status:
             stop = float(found.t[-1]) if len(found.t) else float(times[0])
             problem = f"the integrator stopped: {found.message}{failure}"
-            raise errors.SimulationError(problem, stop)
+            raise SimulationError(problem, stop)
         poses = [_pose(state) for state in found.y.T]
         return np.array([R for R, _ in poses]), np.array([omega for _, omega in poses])
-
-    # --- inside -----------------------------------------------------------------------------
-
-    def _normals(self, R: Array) -> Array:
-        """n_k in the base, shape (..., 3, 3), leg by leg."""
-        return self._n_E @ np.swapaxes(R, -1, -2)
 
     def _star(
         self,
@@ -167,13 +148,16 @@ class VirtualWork:
         """The equations of motion at R and omega."""
         R, omega = finite_array("R", R, (3, 3)), finite_array("omega", omega, (3,))
         load = np.zeros(3) if platform_moment is None else platform_moment
-        error = np.abs(R @ np.swapaxes(R, -1, -2) - np.eye(3))
+        error = np.abs(R @ R.mT - np.eye(3))
         if (error > 1e-8).any() or (np.linalg.det(R) < 0).any():
             raise InputError("R", "not a rotation matrix")
         R = np.broadcast_to(R, (*np.broadcast_shapes(R.shape[:-2], omega.shape[:-1]), 3, 3))
-        e, n, w = np.broadcast_to(self._e, R.shape), self._normals(R), omega[..., None, :]
+        e, n, w = np.broadcast_to(self._e, R.shape), self._n_E @ R.mT, omega[..., None, :]
         p = np.cross(e, n)
-        c, s2 = _dot(e, n)[..., None], _dot(p, p)[..., None]  # cosine and sine^2 of their angle
+        c, s2 = (
+            np.vecdot(e, n)[..., None],
+            np.vecdot(p, p)[..., None],
+        )  # cosine and sine^2 of their angle
         _require(s2.min(axis=(-2, -1)), "a leg is in the plane of its arc")
         u = self._branch[:, None] * p / np.sqrt(s2)
         g, b = (e - c * n) / s2, (n - c * e) / s2
@@ -183,9 +167,9 @@ class VirtualWork:
         # What is left of gamma_ddot and beta_ddot at alpha = 0: g_dot . omega and b_dot . omega,
         # in which n_dot is at right angles to omega.
         n_dot = np.cross(w, n)
-        c_dot = _dot(e, n_dot)[..., None]
-        gamma_rest = c_dot * (2 * c * gamma_dot - _dot(n, w)[..., None]) / s2
-        beta_rest = c_dot * (2 * c * beta_dot - _dot(e, w)[..., None]) / s2
+        c_dot = np.vecdot(e, n_dot)[..., None]
+        gamma_rest = c_dot * (2 * c * gamma_dot - np.vecdot(n, w)[..., None]) / s2
+        beta_rest = c_dot * (2 * c * beta_dot - np.vecdot(e, w)[..., None]) / s2
         # G_i, and the angular accelerations at alpha = 0, of actuator links, passive links (the
         # star's less its sliding along the leg) and star: seven bodies.
         one = np.broadcast_to(np.eye(3), (*R.shape[:-2], 1, 3, 3))
@@ -195,40 +179,23 @@ class VirtualWork:
         frames = (np.stack([u, np.cross(z, u), z], axis=-1) for z in (e, n))
         axes = np.concatenate([*frames, R[..., None, :, :]], axis=-3)
         turn, r = _times(G, w), _times(axes, self._center)
-        inertia = axes @ self._inertia @ np.swapaxes(axes, -1, -2)
+        inertia = axes @ self._inertia @ axes.mT
         # Moments of inertia forces and weight about O: all bodies turn about it.
         force = self._mass * (np.cross(rest, r) + np.cross(turn, np.cross(turn, r)) - self._gravity)
         moment = _times(inertia, rest) + np.cross(turn, _times(inertia, turn)) + np.cross(r, force)
-        parallel_axis = _dot(r, r)[..., None, None] * np.eye(3) - _outer(r, r)
+        parallel_axis = np.vecdot(r, r)[..., None, None] * np.eye(3) - _outer(r, r)
         about_O = inertia + self._mass[..., None] * parallel_axis
         sign = np.tanh(q_dot / sign_width) if sign_width else np.sign(q_dot)
         friction = self._viscous * q_dot + self._coulomb * sign
-        G_T, rates_T = np.swapaxes(G, -1, -2), np.swapaxes(rates, -1, -2)
-        h = _times(G_T, moment).sum(axis=-2) + _times(rates_T, friction)
+        h = _times(G.mT, moment).sum(axis=-2) + _times(rates.mT, friction)
         h = h - finite_array("platform_moment", load, (3,))
-        return _Star(g, (G_T @ about_O @ G).sum(axis=-3), h)
+        return _Star(g, (G.mT @ about_O @ G).sum(axis=-3), h)
 
 
 def _pose(state: Array) -> tuple[Array, Array]:
     """R and omega of a state; R is the rotation nearest to its first nine numbers."""
     left, _, right = np.linalg.svd(state[:9].reshape(3, 3))
     return left @ right, state[9:]
-
-
-class _Star(NamedTuple):
-    """J^T tau = A alpha + h, with gamma_dot = J omega."""
-
-    J: Array
-    A: Array
-    h: Array
-
-    def acceleration(self, tau: Array) -> Array:
-        work = _times(np.swapaxes(self.J, -1, -2), tau) - self.h
-        return _solve(self.A, work, "some turn of the star moves no mass")
-
-
-def _dot(a: Array, b: Array) -> Array:
-    return np.asarray((a * b).sum(axis=-1))
 
 
 def _outer(a: Array, b: Array) -> Array:

@@ -2,12 +2,12 @@
 """`ClosedChain` holds for any closed chain: planar, spatial and spherical, redundant or not."""
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from numpy.testing import assert_allclose
 from scipy.linalg import null_space
 
 from derivative_cases import close
+from pinocchio_peers import Constrained
 from robots import GRAVITY, ROBOTS, Robot, derivatives
 from sst_pin import ClosedChain
 from sst_pin.errors import (
@@ -133,32 +133,16 @@ def test_accelerations_invert_the_torques(robot, chain):
 def test_accelerations_agree_with_the_proximal_solver_of_Pinocchio(name):
     """A second opinion on 3D and 6D closures, which Pinocchio treats by Lagrange multipliers."""
     robot = ROBOTS[name]
-    chain, model = robot.frictionless(), robot.model()
-    model.damping = model.friction = np.zeros(model.nv)
-    data = model.createData()
-    constraints = [proximal_constraint(model, closure) for closure in robot.closures]
-    settings = pin.ProximalSettings(1e-14, 1e-8, 20)
+    chain = robot.frictionless()
+    theirs = Constrained(chain, mu=1e-8, iterations=20)
     for motion, _ in states(robot):
-        constraint_data = [constraint.createData() for constraint in constraints]
-        tau = np.zeros(model.nv)
+        tau = np.zeros(chain.model.nv)
         tau[robot.motors] = motion.tau
-        pin.initConstraintDynamics(model, data, constraints, constraint_data)
-        q_ddot = pin.constraintDynamics(
-            model, data, motion.q, motion.q_dot, tau, constraints, constraint_data, settings
-        )
+        v_dot = theirs.accelerations(motion.q, motion.q_dot, tau)
         aa = chain.compute_accelerations(motion.q, motion.va, motion.tau)
         # The iteration ends at 1e-14 in the constraints, times a condition number below 100, times
         # that of the inertia matrix, below 10.
-        close(aa, q_ddot[robot.motors], 1e-11)
-
-
-def proximal_constraint(model, closure):
-    """A closure as Pinocchio's constraint."""
-    kind = {"3d": pin.ContactType.CONTACT_3D, "6d": pin.ContactType.CONTACT_6D}[closure.kind]
-    a, b = (model.frames[model.getFrameId(name)] for name in (closure.frame_a, closure.frame_b))
-    return pin.RigidConstraintModel(
-        kind, model, a.parentJoint, a.placement, b.parentJoint, b.placement, pin.LOCAL
-    )
+        close(aa, v_dot[robot.motors], 1e-11)
 
 
 def test_a_batch_equals_a_loop(robot, chain):

@@ -81,6 +81,25 @@ COMMANDS = [
     (f"paper --samples 10 --out {LONG}", "File name too long"),
     (f"torques {SAMPLE} -o device.csv --force", "is a device, not a file"),
 ]
+FLAT = "{},0,1.5707963267948966,1.5707963267948966"
+#: Motion files, line by line, and what the error says.
+MOTIONS = [
+    (["t_s,qw,qx,qy,qz", "0,1,0,0,0", "1,one,0,0,0"], "line 3: qw: 'one' is not a number"),
+    (["t_s,theta_rad,phi_rad", "0,1,1", "2,1,1", "1,1,1"], "line 4: times must increase"),
+    (["t_s,qw,qx,qy", "0,1,0,0", "1,1,0,0", "2,1,0,0"], "missing column qz"),
+    (["t_s,x", "0,1"], "line 1: columns of no motion"),
+    (["t_s,theta_rad,phi_rad,qw", "0,1,1,1"], "columns of several motions"),
+    (["t_s,theta_rad,phi_rad", "0,1,1", "1,1,1"], "2 rows; rates need at least three"),
+    (
+        ["t_s,gamma_1_rad,gamma_2_rad", *(f"{t},1,1" for t in range(3))],
+        "missing column gamma_3_rad",
+    ),
+    (
+        ["t_s,qw,qx,qy,qz", "0,1,0,0,0", "1,1,1,0,0", "2,1,0,0,0"],
+        "line 3: quaternion of length 1.41421",
+    ),
+    (["t_s,theta_rad,phi_rad,psi_rad", *map(FLAT.format, range(3))], "is in the plane of its arc"),
+]
 
 
 @pytest.fixture
@@ -97,15 +116,25 @@ def folder(here):
     return here
 
 
-@pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of packages of others
-@pytest.mark.parametrize(("command", "word"), COMMANDS)
-def test_a_command_says_in_one_line_why_it_does_nothing(folder, capsys, command, word):
+def require_told(folder, capsys, arguments, word):
     """Exit code 2, one line, and every file as it was."""
     before = {path.name: path.read_bytes() for path in folder.iterdir()}
-    words, bar, last = command.partition("|")
-    code, _, err = run(capsys, *words.split(" "), *[last] * bool(bar))
-    assert code == 2
+    code, out, err = run(capsys, *arguments)
+    assert (code, out) == (2, "")
     assert err.count("\n") == 1
     assert "error: " in err
     assert word in err
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of packages of others
+@pytest.mark.parametrize(("command", "word"), COMMANDS)
+def test_a_command_says_in_one_line_why_it_does_nothing(folder, capsys, command, word):
+    words, bar, last = command.partition("|")
+    require_told(folder, capsys, [*words.split(" "), *[last] * bool(bar)], word)
+
+
+@pytest.mark.parametrize(("lines", "word"), MOTIONS)
+def test_a_bad_motion_gives_one_clear_line(here, capsys, lines, word):
+    (here / "bad.csv").write_text("\n".join([*lines, ""]))
+    require_told(here, capsys, ["torques", "bad.csv", "-o", "out.csv"], word)

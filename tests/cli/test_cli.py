@@ -85,21 +85,6 @@ def test_every_way_of_writing_a_motion_gives_the_torques_of_example_1(here, caps
     assert np.abs(motion.tau - example.tau)[inner].max() < 1e-4
 
 
-def test_simulate_starts_where_it_is_told(here, capsys, robot):
-    """--q0 and --va0, for torques without a motion."""
-    hold = robot.compute_torques(robot.home, np.zeros(3), np.zeros(3))
-    t = np.linspace(0, 0.1, 8)
-    write_motion(
-        here / "tau.csv",
-        ("t_s", "tau_1_Nm", "tau_2_Nm", "tau_3_Nm"),
-        np.column_stack([t, np.tile(hold, (8, 1))]),
-    )
-    start = ",".join(f"gamma_{k + 1}={x}" for k, x in enumerate(robot.home[::3]))
-    code, _, _ = run(capsys, "simulate", "tau.csv", "-o", "m.csv", "--q0", start)
-    assert code == 0
-    assert np.abs(sst_pin.Trajectory.load("m.csv").q - robot.home).max() < 1e-12
-
-
 def test_simulate_says_that_it_stopped(here, capsys):
     write_motion(
         here / "tau.csv",
@@ -136,47 +121,6 @@ def test_every_command_takes_another_robot(here, capsys):
     run(capsys, "torques", SAMPLE, "-o", "b.csv", "--robot", "mine.urdf")
     a, b = (sst_pin.Trajectory.load(name).tau for name in ("a.csv", "b.csv"))
     assert np.abs(a - b).max() > 0.1
-
-
-BAD = {
-    "text in a cell": (
-        "t_s,qw,qx,qy,qz\n0,1,0,0,0\n1,one,0,0,0\n",
-        "line 3: qw: 'one' is not a number",
-    ),
-    "unsorted times": (
-        "t_s,theta_rad,phi_rad\n0,1,1\n2,1,1\n1,1,1\n",
-        "line 4: times must increase",
-    ),
-    "missing column": ("t_s,qw,qx,qy\n0,1,0,0\n1,1,0,0\n2,1,0,0\n", "missing column qz"),
-    "no motion": ("t_s,x\n0,1\n", "line 1: columns of no motion"),
-    "two motions": ("t_s,theta_rad,phi_rad,qw\n0,1,1,1\n", "columns of several motions"),
-    "too short": ("t_s,theta_rad,phi_rad\n0,1,1\n1,1,1\n", "2 rows; rates need at least three"),
-    "angle left out": (
-        "t_s,gamma_1_rad,gamma_2_rad\n0,1,1\n1,1,1\n2,1,1\n",
-        "missing column gamma_3_rad",
-    ),
-    "long quaternion": (
-        "t_s,qw,qx,qy,qz\n0,1,0,0,0\n1,1,1,0,0\n2,1,0,0,0\n",
-        "line 3: quaternion of length 1.41421",
-    ),
-    "singular": (
-        "t_s,theta_rad,phi_rad,psi_rad\n0,0,1.5707963267948966,1.5707963267948966\n1,0,1.5707963267948966,1.5707963267948966\n2,0,1.5707963267948966,1.5707963267948966\n",
-        "is in the plane of its arc",
-    ),
-}
-
-
-@pytest.mark.parametrize("case", BAD)
-def test_a_bad_motion_gives_one_clear_line_and_exit_code_2(here, capsys, case):
-    text, word = BAD[case]
-    (here / "bad.csv").write_text(text)
-    code, out, err = run(capsys, "torques", "bad.csv", "-o", "out.csv")
-    assert code == 2
-    assert out == ""
-    assert err.count("\n") == 1
-    assert err.startswith("sst-pin: error: ")
-    assert word in err
-    assert not (here / "out.csv").exists()
 
 
 def test_motor_angles_without_assembly_are_told_by_line(here, capsys):

@@ -33,6 +33,10 @@ SLIDER = """
 """
 
 
+#: No torques of three motors.
+TAU = "t_s,tau_1_Nm,tau_2_Nm,tau_3_Nm\n0,0,0,0\n0.001,0,0,0\n"
+
+
 def write_delta(path):
     """Three motors up and down."""
     rows = ["t_s,motor_1_deg,motor_2_deg,motor_3_rad"]
@@ -77,7 +81,7 @@ def test_an_mjcf_with_a_motor_that_pushes(here, capsys):
 
 def test_a_simulation_starts_at_named_joints(here, capsys):
     """--q0 and --va0, at rest without the latter; a row of zeros has no start of its own."""
-    (here / "tau.csv").write_text("t_s,tau_1_Nm,tau_2_Nm,tau_3_Nm\n0,0,0,0\n0.001,0,0,0\n")
+    (here / "tau.csv").write_text(TAU)
     start = ("--q0", "motor_1=0.3,motor_2=0.4,motor_3=0.3", "--va0", "motor_2=-1")
     arguments = ("tau.csv", "-o", "m.csv", "--robot", DELTA)
     assert run(capsys, "simulate", *arguments, *start)[0] == 0
@@ -85,9 +89,7 @@ def test_a_simulation_starts_at_named_joints(here, capsys):
     assert motion.va[0].tolist() == [0, -1, 0]
     assert motion.q[0][motion.joint_names.index("motor_2")] == 0.4
     assert run(capsys, "simulate", *arguments, *start[:2], "--force")[0] == 0
-    motion = sst_pin.Trajectory.load("m.csv")
-    assert not motion.va[0].any()
-    assert motion.q[0][motion.joint_names.index("motor_2")] == 0.4
+    assert not sst_pin.Trajectory.load("m.csv").va[0].any()
     code, _, err = run(capsys, "simulate", *arguments, "--force")
     assert code == 2
     assert "give --va0 motor_1=..,motor_2=..,motor_3=.." in err
@@ -156,9 +158,8 @@ def test_missing_folders_are_not_made_in_silence(here, capsys):
     assert "no/such: the folder does not exist; create it first" in err
     assert run(capsys, "export-c", "no/such")[0] == 2
     assert not any(here.iterdir())
-    for number, arguments in enumerate((("made",), ("-o", "made_too"), (DELTA, "-o", "no"))):
-        if number < 2:
-            assert run(capsys, "export-c", *arguments)[0] == 0
+    for arguments in (("made",), ("-o", "made_too")):
+        assert run(capsys, "export-c", *arguments)[0] == 0
     assert sorted(path.name for path in here.iterdir()) == ["made", "made_too"]
     assert run(capsys, "export-c")[0] == 2
 
@@ -186,58 +187,47 @@ class Broken(io.StringIO):
         raise OSError
 
 
-COMMANDS = {
-    "bare": (),
-    "info": ("info",),
-    "info --json": ("info", "--json"),
-    "torques": ("torques", "motors.csv", "-o", "a.csv", "--robot", str(DELTA)),
-    "simulate": (
-        "simulate",
-        "tau.csv",
-        "-o",
-        "b.csv",
-        "--q0",
-        "gamma_1=1,gamma_2=1,gamma_3=1",
-        "--va0",
-        "gamma_1=0,gamma_2=0,gamma_3=0",
-    ),
-    "plot": ("plot", str(SAMPLE), "-o", "c.svg", "--what", "torques"),
-    "validate": ("validate", str(DELTA)),
-    "export-c": ("export-c", "d"),
-    "cache": ("cache",),
-}
-LONG_COMMANDS = {
-    "compile": ("compile", "--robot", str(sst_pin.URDF_PATH)),
-    "describe": ("describe", "-o", "e"),
-    "paper": ("paper", "--samples", "11", "-o", "f"),
-    "show": ("show", "--html", "g.html"),
-    "verify": ("verify", "--quick", "--robot", str(sst_pin.URDF_PATH)),
-    "workspace": ("workspace", "-o", "h.svg"),
-}
+START = "--q0 gamma_1=1,gamma_2=1,gamma_3=1 --va0 gamma_1=0,gamma_2=0,gamma_3=0"
+COMMANDS = (
+    "",
+    "info",
+    "info --json",
+    f"torques motors.csv -o a.csv --robot {DELTA}",
+    f"simulate tau.csv -o b.csv {START}",
+    f"plot {SAMPLE} -o c.svg --what torques",
+    f"validate {DELTA}",
+    "export-c d",
+    "cache",
+)
+LONG_COMMANDS = (
+    f"compile --robot {sst_pin.URDF_PATH}",
+    "describe -o e",
+    "paper --samples 11 -o f",
+    "show --html g.html",
+    f"verify --quick --robot {sst_pin.URDF_PATH}",
+    "workspace -o h.svg",
+)
 FAULTS = {
     "a closed pipe": (BrokenPipeError(32, "Broken pipe"), 141, ""),
     "a full disk": (OSError(28, "No space left on device"), 2, "No space left on device"),
     "Ctrl-C": (KeyboardInterrupt(), 130, "sst-pin: interrupted"),
 }
 CASES = [
-    *(pytest.param(COMMANDS[c], f, id=f"{c}, {f}") for c in COMMANDS for f in FAULTS),
-    *(
-        pytest.param(LONG_COMMANDS[c], "a closed pipe", id=c, marks=pytest.mark.slow)
-        for c in LONG_COMMANDS
-    ),
+    *((command, fault) for command in COMMANDS for fault in FAULTS),
+    *(pytest.param(x, "a closed pipe", marks=pytest.mark.slow) for x in LONG_COMMANDS),
 ]
 
 
-@pytest.mark.parametrize(("arguments", "fault"), CASES)
+@pytest.mark.parametrize(("command", "fault"), CASES)
 def test_no_command_ends_in_a_traceback_when_its_output_breaks(
-    here, capsys, monkeypatch, arguments, fault
+    here, capsys, monkeypatch, command, fault
 ):
     write_delta(here / "motors.csv")
-    (here / "tau.csv").write_text("t_s,tau_1_Nm,tau_2_Nm,tau_3_Nm\n0,0,0,0\n0.001,0,0,0\n")
+    (here / "tau.csv").write_text(TAU)
     error, expected, words = FAULTS[fault]
     with monkeypatch.context() as patch:
         patch.setattr(sys, "stdout", Broken(error))
-        code = main(list(arguments))
+        code = main(command.split())
     assert code == expected
     err = capsys.readouterr().err
     assert words in err
@@ -245,17 +235,16 @@ def test_no_command_ends_in_a_traceback_when_its_output_breaks(
 
 
 @pytest.mark.parametrize(
-    "arguments",
+    "command",
     [
-        ("torques", SAMPLE, "-o", "/proc/a.csv"),
-        ("plot", SAMPLE, "-o", "/proc/a.svg", "--what", "torques"),
-        ("export-c", "/proc/controller"),
+        f"torques {SAMPLE} -o /proc/a.csv",
+        f"plot {SAMPLE} -o /proc/a.svg --what torques",
+        "export-c /proc/controller",
     ],
-    ids=lambda arguments: arguments[0],
 )
 @pytest.mark.skipif(not Path("/proc/self").exists(), reason="no /proc")
-def test_an_unwritable_place_is_told_in_one_line(capsys, arguments):
-    code, _, err = run(capsys, *arguments)
+def test_an_unwritable_place_is_told_in_one_line(capsys, command):
+    code, _, err = run(capsys, *command.split())
     assert code == 2
     assert err.count("\n") == 1
     assert "cannot be written" in err

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Controllers: the errors that their models promise, limits, and a machine in MuJoCo."""
+"""Controllers: the errors that their models promise, limits, a machine, a loop at 1 kHz."""
 
 from pathlib import Path
 
@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose
 from scipy.linalg import solve_discrete_are
 
 import control_bench
+import control_loop
 import sst_pin
 from markdown_tables import read_table
 from sst_pin.errors import ActuationError, InputError, UnknownNameError
@@ -172,31 +173,37 @@ def test_torques_stay_within_limits_and_ends_are_held(kind, five_bar, sway):
         assert_allclose(control.torque(t, q, rest), holding, atol=1e-12)
 
 
-def test_bad_arguments_are_refused_by_name(robot, five_bar, sway):
-    one = {"kp": 1, "kd": 1}
-    with pytest.raises(InputError, match="learning"):
-        sst_pin.Adaptive(five_bar, sway, stiffness=1, damping=1, learning=-1)
+@pytest.mark.parametrize(
+    ("kind", "given", "word"),
+    [
+        ("Adaptive", {"stiffness": 1, "damping": 1, "learning": -1}, "learning"),
+        ("ComputedTorque", {"kp": -1, "kd": 1}, "kp"),
+        ("GravityPD", {"kp": 1, "kd": [1, 2, 3]}, "kd"),
+        ("GravityPD", {"kp": 1, "kd": 1, "limits": [1, 0]}, "limits"),
+        ("TrackingLQR", {"Q": [1] * 4, "R": [1, -1]}, "R"),
+    ],
+)
+def test_bad_arguments_are_refused_by_name(five_bar, sway, kind, given, word):
+    with pytest.raises(InputError, match=word):
+        getattr(sst_pin, kind)(five_bar, sway, **given)
+
+
+def test_motions_that_cannot_be_followed_are_refused(robot, five_bar, sway):
+    def follow(chain, motion):
+        return sst_pin.ComputedTorque(chain, motion, kp=1, kd=1)
+
     with pytest.raises(InputError, match="motion"):
-        sst_pin.ComputedTorque(robot, sway, **one)
-    with pytest.raises(InputError, match="kp"):
-        sst_pin.ComputedTorque(five_bar, sway, kp=-1, kd=1)
-    with pytest.raises(InputError, match="kd"):
-        sst_pin.GravityPD(five_bar, sway, kp=1, kd=[1, 2, 3])
-    with pytest.raises(InputError, match="limits"):
-        sst_pin.GravityPD(five_bar, sway, limits=[1, 0], **one)
-    with pytest.raises(InputError, match="R"):
-        sst_pin.TrackingLQR(five_bar, sway, Q=[1] * 4, R=[1, -1])
+        follow(robot, sway)
     with pytest.raises(InputError, match="equal steps"):
         sst_pin.TrackingLQR(five_bar, sway[[0, 1, 2, 3, 4, 6, 9]], Q=[1] * 4, R=[1] * 2)
     idle = sst_pin.ClosedChain(
         five_bar.model, five_bar.closures, ["shoulder_1"], coordinates=five_bar.coordinates
     )
     with pytest.raises(ActuationError, match="hold"):
-        sst_pin.ComputedTorque(idle, held(idle, idle.home), **one)
-    hexapod = sst_pin.robots.stewart()
-    free = hexapod.with_coordinates(["platform"])
+        follow(idle, held(idle, idle.home))
+    free = sst_pin.robots.stewart().with_coordinates(["platform"])
     with pytest.raises(UnknownNameError, match="revolute or prismatic"):
-        sst_pin.ComputedTorque(free, held(free, free.home), **one)
+        follow(free, held(free, free.home))
 
 
 @pytest.mark.tools
@@ -231,3 +238,29 @@ def test_the_table_of_the_bench_is_current(name):
     of_pd = found["PD + gravity"][0]
     assert found["computed torque"][0] < of_pd / 4
     assert float(rows["adaptive"][0].split()[0]) < of_pd / 10
+
+
+def test_the_loop_computes_the_torques_of_the_motion():
+    robot = sst_pin.robots.five_bar()
+    motion = control_loop.swing(robot, 0.1)
+    step, count = control_loop.steps(robot, 0.1)
+    torques = np.array([step(k) for k in range(count)])
+    # Rates are differences of encoders over a period, half a period late.
+    wanted = np.array([np.interp(1e-3 * np.arange(count), motion.t, tau) for tau in motion.tau.T]).T
+    assert np.abs(torques - wanted)[10:].max() < 0.05 * np.abs(motion.tau).max()
+
+
+def test_periods_that_begin_late_are_counted():
+    began, took = np.array([0.0, 1e-3, 2.1e-3, 3.4e-3, 4e-3]), np.full(5, 2e-4)
+    told = control_loop.report(began, took)
+    assert "5 periods of 1 ms: 50.00 % within 0.2 ms" in told
+    assert "computed for 200 us (median)" in told
+
+
+def test_every_period_is_run_once():
+    done = []
+    began, took = control_loop.run(done.append, 20)
+    assert done == list(range(20))
+    assert (began >= np.arange(20) * 1e-3 - 1e-9).all()
+    assert (took >= 0).all()
+    assert began[0] == pytest.approx(0, abs=0.1)

@@ -76,12 +76,8 @@ def test_accelerations_of_all_torques_lie_in_the_polytope(name):
     rng = np.random.default_rng(5)
     va = rng.uniform(-1, 1, chain.degrees_of_freedom) * 0.3
     corners = sst_pin.acceleration_polytope(chain, q, FRAME, limit, va=va)
-    tau = limit * np.vstack(
-        [
-            rng.uniform(-1, 1, (60, len(chain.motor_names))),
-            rng.choice([-1, 1], (60, len(chain.motor_names))),
-        ]
-    )
+    shape = 60, len(chain.motor_names)
+    tau = limit * np.vstack([rng.uniform(-1, 1, shape), rng.choice([-1, 1], shape)])
     model, data = chain.model, chain.model.createData()
     found = []
     for aa in chain.compute_accelerations(q, va, tau):
@@ -150,16 +146,11 @@ def test_a_batch_is_its_samples():
     chain = sst_pin.robots.delta()
     q = np.array([chain.assemble(chain.home + 0.05 * k) for k in range(4)]).reshape(2, 2, -1)
     va = np.ones(3)
-    for found, one in (
-        (
-            sst_pin.force_ellipsoid(chain, q, FRAME, LIMIT),
-            sst_pin.force_ellipsoid(chain, q[1, 0], FRAME, LIMIT),
-        ),
-        (
-            sst_pin.acceleration_ellipsoid(chain, q, FRAME, LIMIT, va=va),
-            sst_pin.acceleration_ellipsoid(chain, q[1, 0], FRAME, LIMIT, va=va),
-        ),
+    for ellipsoid, options in (
+        (sst_pin.force_ellipsoid, {}),
+        (sst_pin.acceleration_ellipsoid, {"va": va}),
     ):
+        found, one = (ellipsoid(chain, x, FRAME, LIMIT, **options) for x in (q, q[1, 0]))
         assert found.axes.shape == (2, 2, 3, 3)
         assert np.abs(found.sizes[1, 0] - one.sizes).max() < 1e-9 * one.sizes.max()
         assert np.abs(found.center[1, 0] - one.center).max() < 1e-9

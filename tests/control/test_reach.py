@@ -7,6 +7,7 @@ import pytest
 from scipy.ndimage import label
 
 import sst_pin
+from planar_bars import planar
 from sst_pin.control.reach import REASONS
 from sst_pin.files import read_table
 
@@ -98,14 +99,7 @@ def test_dead_points_of_the_coordinates_are_poses_like_others():
 
 
 def arm(low=-np.inf):
-    model, at = pin.Model(), pin.SE3.Identity()
-    for k in range(2):
-        joint = model.addJoint(k, pin.JointModelRZ(), at, f"hinge_{k}")
-        model.appendBodyToJoint(
-            joint, pin.Inertia(1, np.array([0.3, 0, 0]), np.eye(3)), pin.SE3.Identity()
-        )
-        at = pin.SE3(np.eye(3), np.array([1.0 - 0.4 * k, 0, 0]))
-    model.addFrame(pin.Frame("tip", joint, 0, at, pin.FrameType.OP_FRAME))
+    model = planar([("hinge_0", "universe", 0.0, 1.0), ("hinge_1", "hinge_0", 1.0, 0.6)])
     model.lowerPositionLimit = np.array([-np.inf, low])
     return sst_pin.ClosedChain(model, [], ["hinge_0", "hinge_1"])
 
@@ -122,7 +116,7 @@ def test_an_arm_reaches_a_ring_and_with_a_stop_a_narrower_one(low, outer, points
     """Links of 1 m and 0.6 m; the stop keeps the elbow bent by 1 rad or more."""
     side = np.linspace(-1.65, 1.65, points)
     r = np.hypot(*np.meshgrid(side, side, indexing="ij"))
-    found = sst_pin.reach_map(arm(low), "tip", x=side, y=side, start=[0.1, 1.4])
+    found = sst_pin.reach_map(arm(low), "hinge_1_end", x=side, y=side, start=[0.1, 1.4])
     ring = (r > 0.4) & (r < outer)
     assert not (found.reached & ~ring).any()
     assert (ring & ~found.reached).sum() <= 0.02 * ring.sum()
@@ -242,9 +236,9 @@ def test_what_is_no_map_is_refused(changes, word):
 
 def test_a_start_beyond_its_limits_and_idle_motors_are_refused():
     with pytest.raises(sst_pin.InputError, match="outside the limits of hinge_1"):
-        sst_pin.reach_map(arm(1.0), "tip", x=[0, 1], y=[0, 1], start=[0.1, 0.5])
+        sst_pin.reach_map(arm(1.0), "hinge_1_end", x=[0, 1], y=[0, 1], start=[0.1, 0.5])
     tree = arm().model
     tree.gravity.linear = np.array([0, -9.81, 0])
     loose = sst_pin.ClosedChain(tree, [], ["hinge_0"], coordinates=["hinge_0", "hinge_1"])
     with pytest.raises(sst_pin.ActuationError):
-        sst_pin.reach_map(loose, "tip", x=[0, 1], y=[0, 1], start=[0.1, 0.5])
+        sst_pin.reach_map(loose, "hinge_1_end", x=[0, 1], y=[0, 1], start=[0.1, 0.5])

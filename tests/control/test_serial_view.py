@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 import squat
 import sst_pin
 from markdown_tables import read_table
+from planar_bars import DRAG_LINK, planar
 from sst_pin import robots
 from sst_pin.errors import (
     ActuationError,
@@ -59,10 +60,7 @@ VIEWS = {
     "knee": (lambda: sst_pin.SerialView(robots.knee(), ["knee"]), 0.6),
     "leg": (lambda: sst_pin.SerialView(leg_with_rotors(), LEG), 0.25),
     "a part of the leg": (lambda: sst_pin.SerialView(robots.leg(), LEG[1:]), 0.25),
-    "excavator": (
-        lambda: sst_pin.SerialView(robots.excavator(), ["boom", "arm", "bucket"]),
-        0.1,
-    ),
+    "excavator": (lambda: sst_pin.SerialView(robots.excavator(), ["boom", "arm", "bucket"]), 0.1),
     "cylinder": (lambda: sst_pin.SerialView(four_bar_on_a_cylinder(), ["crank"]), 0.2),
 }
 
@@ -72,8 +70,7 @@ LONG = ("a part of the leg", "excavator")
 
 
 @pytest.fixture(
-    scope="module",
-    params=[pytest.param(x, marks=[pytest.mark.slow] * (x in LONG)) for x in VIEWS],
+    scope="module", params=[pytest.param(x, marks=[pytest.mark.slow] * (x in LONG)) for x in VIEWS]
 )
 def view(request):
     return VIEWS[request.param][0]()
@@ -129,27 +126,20 @@ def test_a_parallelogram_arm_maps_efforts_as_the_corrected_four_bar_transmission
     x_j2 = x_a2 / a2 - x_a1 / a1, tau_j1 = a1 tau_a1 + a2 tau_a2, tau_j2 = a2 tau_a2. Before, tau_j2
     was a2 tau_a2 - a1 tau_a1, which does not keep the power.
     """
-    model, ratios = pin.Model(), (50.0, -30.0)
-    long, short = np.array([0.4, 0, 0]), np.array([0.1, 0, 0])
-    body = pin.Inertia(1.0, np.array([0.1, 0, 0]), 0.01 * np.eye(3))
-
-    def add(name, parent, at):
-        place = pin.SE3(np.eye(3), at)
-        joint = model.addJoint(model.getJointId(parent), pin.JointModelRZ(), place, name)
-        model.appendBodyToJoint(joint, body, pin.SE3.Identity())
-
-    add("shoulder", "universe", np.zeros(3))
-    add("elbow", "shoulder", long)
-    add("crank", "universe", np.zeros(3))
-    add("coupler", "crank", -short)
-    for name, parent, at in (("lever", "elbow", -short), ("end", "coupler", long)):
-        place = pin.SE3(np.eye(3), at)
-        model.addFrame(pin.Frame(name, model.getJointId(parent), place, pin.FrameType.OP_FRAME))
+    ratios = 50.0, -30.0
+    model = planar(
+        [
+            ("shoulder", "universe", 0.0, 0.4),
+            ("elbow", "shoulder", 0.4, -0.1),
+            ("crank", "universe", 0.0, -0.1),
+            ("coupler", "crank", -0.1, 0.4),
+        ]
+    )
     at = {"shoulder": 0.7, "elbow": 0.9, "crank": 1.6, "coupler": -0.9}
     home = np.array([at[name] for name in list(model.names)[1:]])
     model.referenceConfigurations["home"] = home
     motors = [{"shoulder": ratios[0]}, {"crank": ratios[1]}]
-    arm = sst_pin.ClosedChain(model, [sst_pin.Closure("lever", "end", "3d")], motors)
+    arm = sst_pin.ClosedChain(model, [sst_pin.Closure("elbow_end", "coupler_end", "3d")], motors)
     view = sst_pin.SerialView(arm, ["shoulder", "elbow"])
     q = view.from_joints([[0.7, 0.9], [0.3, 1.4], [1.0, 2.0]])
     x = view.motor_positions(q)
@@ -311,19 +301,23 @@ def test_more_motors_than_joints_share_the_torque():
         view.from_motors(view.motor_positions(q) + 0.1 * B[:, 0])
 
 
-def test_bad_joints_are_refused_by_name():
+@pytest.mark.parametrize(
+    ("robot", "joints", "error", "word"),
+    [
+        ("leg", ["kne"], UnknownNameError, "knee"),
+        ("leg", ["knee", "knee"], InputError, "joint appears twice"),
+        ("leg", ["ankle_pitch"], InputError, "name all joints of its linkage"),
+        ("leg", ["knee", "motor_knee"], SingularConfigurationError, None),
+        ("delta", ["ball"], UnknownNameError, "ball"),
+    ],
+)
+def test_bad_joints_are_refused_by_name(robot, joints, error, word):
+    with pytest.raises(error, match=word):
+        sst_pin.SerialView(getattr(robots, robot)(), joints)
+
+
+def test_joints_without_motors_and_gains_of_motors_on_lines_are_refused():
     leg = robots.leg()
-    with pytest.raises(UnknownNameError, match="knee"):
-        sst_pin.SerialView(leg, ["kne"])
-    with pytest.raises(InputError, match="joint appears twice"):
-        sst_pin.SerialView(leg, ["knee", "knee"])
-    with pytest.raises(InputError, match="name all joints of its linkage"):
-        sst_pin.SerialView(leg, ["ankle_pitch"])
-    with pytest.raises(SingularConfigurationError):
-        sst_pin.SerialView(leg, ["knee", "motor_knee"])
-    delta = robots.delta()
-    with pytest.raises(UnknownNameError, match="ball"):
-        sst_pin.SerialView(delta, ["ball"])
     idle = sst_pin.ClosedChain(leg.model, leg.closures, ["hip"], coordinates=LEG)
     with pytest.raises(ActuationError, match="do not hold the joints knee"):
         sst_pin.SerialView(idle, ["knee"])
@@ -334,18 +328,7 @@ def test_bad_joints_are_refused_by_name():
 
 def test_motors_without_limits_go_on_past_half_a_turn():
     """A four-bar of joints without limits whose crank and rocker turn round and round."""
-    model = pin.Model()
-
-    def bar(name, on, x, length):
-        at = pin.SE3(np.eye(3), np.array([x, 0, 0]))
-        k = model.addJoint(on, pin.JointModelRUBZ(), at, name)
-        model.appendBodyToJoint(k, pin.Inertia.FromSphere(1.0, 0.1), pin.SE3.Identity())
-        end = pin.SE3(np.eye(3), np.array([length, 0, 0]))
-        model.addFrame(pin.Frame(f"{name}_end", k, end, pin.FrameType.OP_FRAME))
-        return k
-
-    bar("coupler", bar("crank", 0, 0.0, 0.5), 0.5, 0.45)
-    bar("rocker", 0, 0.2, 0.55)
+    model = planar(DRAG_LINK, pin.JointModelRUBZ)
     closures = [sst_pin.Closure("coupler_end", "rocker_end", "3d")]
     view = sst_pin.SerialView(sst_pin.ClosedChain(model, closures, ["rocker"]), ["crank"])
     angles = np.array([2.0, -1.5, 1.5])

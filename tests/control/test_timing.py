@@ -17,14 +17,21 @@ CLOSE = 1e-3
 WAY = np.linspace(0, 1, 41)[:, None]
 
 
-def cart(mass=2.0, gravity=0.0, viscous=0.0, coulomb=0.0):
-    """One body that slides along z."""
+def one_body(joint, center=(0, 0, 0), mass=1.0, gravity=9.81):
+    """A joint and its body, of 1 kg m^2 about each axis."""
     model = pin.Model()
     model.gravity.linear = np.array([0, 0, -gravity])
-    joint = model.addJoint(0, pin.JointModelPZ(), pin.SE3.Identity(), "slide")
-    model.appendBodyToJoint(joint, pin.Inertia(mass, np.zeros(3), np.eye(3)), pin.SE3.Identity())
+    model.addJoint(0, joint, pin.SE3.Identity(), "joint")
+    body = pin.Inertia(mass, np.array(center, float), np.eye(3))
+    model.appendBodyToJoint(1, body, pin.SE3.Identity())
+    return model
+
+
+def cart(mass=2.0, gravity=0.0, viscous=0.0, coulomb=0.0):
+    """One body that slides along z."""
+    model = one_body(pin.JointModelPZ(), mass=mass, gravity=gravity)
     friction = {"viscous_friction": [viscous], "coulomb_friction": [coulomb]}
-    return sst_pin.ClosedChain(model, [], ["slide"], **friction)
+    return sst_pin.ClosedChain(model, [], ["joint"], **friction)
 
 
 @pytest.fixture(scope="module")
@@ -207,10 +214,7 @@ def test_paths_that_are_none_are_named(robot, circle):
 @pytest.mark.parametrize("step", [4.0, 5.9])
 def test_steps_of_more_than_half_a_turn_are_refused(step):
     """They look like shorter ones the other way."""
-    model = pin.Model()
-    joint = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "wheel")
-    model.appendBodyToJoint(joint, pin.Inertia.Identity(), pin.SE3.Identity())
-    wheel = sst_pin.ClosedChain(model, [], ["wheel"])
+    wheel = sst_pin.ClosedChain(one_body(pin.JointModelRZ()), [], ["joint"])
     with pytest.raises(sst_pin.InputError, match="half a turn between samples"):
         sst_pin.time_optimal(wheel, step * np.arange(11)[:, None], torques=5.0)
     dense = sst_pin.time_optimal(wheel, np.linspace(0, 10 * step, 60)[:, None], torques=5.0)
@@ -219,13 +223,7 @@ def test_steps_of_more_than_half_a_turn_are_refused(step):
 
 def test_a_limit_that_the_path_passes_halfway_says_where():
     """A pendulum that must stand still level with its axis."""
-    model = pin.Model()
-    model.gravity.linear = np.array([0, 0, -9.81])
-    joint = model.addJoint(0, pin.JointModelRY(), pin.SE3.Identity(), "arm")
-    model.appendBodyToJoint(
-        joint, pin.Inertia(1, np.array([0, 0, -1]), np.eye(3)), pin.SE3.Identity()
-    )
-    arm = sst_pin.ClosedChain(model, [], ["arm"])
+    arm = sst_pin.ClosedChain(one_body(pin.JointModelRY(), (0, 0, -1)), [], ["joint"])
     with pytest.raises(sst_pin.ActuationError, match="no motion from rest to rest along"):
         sst_pin.time_optimal(arm, np.pi * WAY, torques=5.0)
     assert sst_pin.time_optimal(arm, np.pi * WAY, torques=10.0).t[-1] > 0
@@ -239,16 +237,12 @@ def test_too_few_motors_are_refused_by_name():
 
 
 def test_accelerations_of_motors_on_lines_are_refused_by_name():
-    model, lines = pin.Model(), [sst_pin.LineForce("base", "tip", name="ram")]
-    below = pin.SE3(np.eye(3), np.array([0.0, 0, -1.0]))
-    model.addFrame(pin.Frame("base", 0, 0, below, pin.FrameType.OP_FRAME))
-    joint = model.addJoint(0, pin.JointModelRY(), pin.SE3.Identity(), "arm")
-    model.appendBodyToJoint(
-        joint, pin.Inertia(1, np.array([1.0, 0, 0]), np.eye(3)), pin.SE3.Identity()
-    )
-    tip = pin.SE3(np.eye(3), np.array([1.0, 0, 1.0]))
-    model.addFrame(pin.Frame("tip", joint, 0, tip, pin.FrameType.OP_FRAME))
-    arm = sst_pin.ClosedChain(model, [], ["ram"], forces=lines)
+    model = one_body(pin.JointModelRY(), (1, 0, 0))
+    for name, joint, at in (("base", 0, (0, 0, -1)), ("tip", 1, (1, 0, 1))):
+        place = pin.SE3(np.eye(3), np.array(at, float))
+        model.addFrame(pin.Frame(name, joint, place, pin.FrameType.OP_FRAME))
+    ram = sst_pin.LineForce("base", "tip", name="ram")
+    arm = sst_pin.ClosedChain(model, [], ["ram"], forces=[ram])
     motion = sst_pin.time_optimal(arm, 0.3 * WAY, torques=60.0, rates=0.3)
     assert np.abs(arm.motor_rates(motion.q, motion.va)).max() <= 0.3
     with pytest.raises(sst_pin.InputError, match="not for motors on lines"):

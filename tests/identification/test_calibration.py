@@ -10,8 +10,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 import sst_pin
+from planar_bars import DRAG_LINK, planar
 from sst_pin.identification import calibrate
-from sst_pin.identification.calibration import _moved, _placements
+from sst_pin.identification.geometry_errors import moved, placements
 
 ROOT = Path(__file__).parents[2]
 WHICH = ["motor_*.ry", "rod_*a.x", "rod_*b.x"]
@@ -38,7 +39,7 @@ def deltas() -> tuple[sst_pin.ClosedChain, sst_pin.ClosedChain, dict[str, float]
         f"rod_{k}{s}.x" for k in (1, 2, 3) for s in "ab"
     ]
     errors = dict(zip(names, rng.normal(size=9) * ([5e-3] * 3 + [3e-4] * 6), strict=True))
-    made = _moved(drawn, _placements(list(errors), np.array(list(errors.values()))))
+    made = moved(drawn, placements(list(errors), np.array(list(errors.values()))))
     at_home = [drawn.home[drawn.position_names.index(name)] for name in drawn.coordinates]
     return drawn, made, errors, at_home + rng.uniform(-0.3, 0.3, (40, 3))
 
@@ -56,7 +57,7 @@ def test_errors_of_a_delta_are_found_exactly_from_exact_poses():
 def test_positions_alone_tell_the_offsets_of_the_motors():
     drawn, _, errors, x = deltas()
     only = {name: value for name, value in errors.items() if name.startswith("motor")}
-    turned = _moved(drawn, _placements(list(only), np.array(list(only.values()))))
+    turned = moved(drawn, placements(list(only), np.array(list(only.values()))))
     feet = poses_of(turned, x[:8], "platform")[:, :3, 3]
     found = calibrate(drawn, "platform", x[:8], feet, which=["motor_*.ry"])
     assert_allclose(found.values, list(only.values()), atol=1e-11)
@@ -73,7 +74,7 @@ def test_what_is_hidden_moves_the_frame_as_errors_that_were_found_do():
     size, columns = 1e-6, []
     for name in (*found.names, *found.hidden):
         ends = [
-            poses_of(_moved(drawn, _placements([name], np.array([s]))), x, "platform")
+            poses_of(moved(drawn, placements([name], np.array([s]))), x, "platform")
             for s in (-size, size)
         ]
         columns.append(((ends[1] - ends[0]) / (2 * size))[:, :3].ravel())
@@ -115,7 +116,7 @@ def test_a_calibrated_urdf_is_the_calibrated_robot(tmp_path):
     joints = [name for name in drawn.joint_names if name in drawn.coordinates]
     frame = drawn.closures[0].frame_a
     names = [f"{joint}.{axis}" for joint in joints for axis in ("x", "ry")] + [f"{frame}.y"]
-    made = _moved(drawn, _placements(names, rng.normal(size=len(names)) * 1e-3))
+    made = moved(drawn, placements(names, rng.normal(size=len(names)) * 1e-3))
     q = drawn.generic_configuration()
     held = [q[drawn.position_names.index(name)] for name in drawn.coordinates]
     x = held + rng.uniform(-0.1, 0.1, (8, len(held)))
@@ -166,7 +167,7 @@ def test_a_frame_called_as_its_joint_has_the_errors_of_the_joint():
     model = pin.Model(delta.model)
     model.addJointFrame(model.getJointId("motor_1"))
     drawn = sst_pin.ClosedChain(model, delta.closures, delta.motor_names)
-    made = _moved(drawn, _placements(["motor_1.ry"], np.array([4e-3])))
+    made = moved(drawn, placements(["motor_1.ry"], np.array([4e-3])))
     poses = poses_of(made, x[:4], "motor_1")
     found = calibrate(drawn, "motor_1", x[:4], poses, which=["motor_1.r*"])
     assert_allclose(found.values, [0, 4e-3, 0], atol=1e-11)
@@ -174,17 +175,7 @@ def test_a_frame_called_as_its_joint_has_the_errors_of_the_joint():
 
 def test_errors_that_do_not_settle_are_refused(monkeypatch):
     """A four-bar's noise of 24 mm and errors that the poses hardly tell apart: steps go on."""
-    model = pin.Model()
-
-    def bar(name: str, on: int, x: float, length: float) -> int:
-        at, end = (pin.SE3(np.eye(3), np.array([size, 0, 0])) for size in (x, length))
-        k = model.addJoint(on, pin.JointModelRZ(), at, name)
-        model.appendBodyToJoint(k, pin.Inertia.FromSphere(1.0, 0.1), pin.SE3.Identity())
-        model.addFrame(pin.Frame(f"{name}_end", k, end, pin.FrameType.OP_FRAME))
-        return k
-
-    bar("coupler", bar("crank", 0, 0.0, 0.5), 0.5, 0.45)
-    bar("rocker", 0, 0.2, 0.55)
+    model = planar(DRAG_LINK)
     closures = [sst_pin.Closure("coupler_end", "rocker_end", "3d")]
     chain, x = sst_pin.ClosedChain(model, closures, ["crank"]), np.linspace(2, 4.5, 40)[:, None]
     start = chain.assemble(np.array([2.0, -1.5, 1.5]))
@@ -204,7 +195,7 @@ def test_errors_that_open_the_loops_of_an_overconstrained_robot_are_left_out():
     """In a plane: each error along z or about x or y would open the loops."""
     drawn, rng = sst_pin.robots.planar_3rrr(), np.random.default_rng(0)
     values = {"elbow_2.x": 1e-3, "tip_3.x": -2e-3, "shoulder_1.rz": 4e-3}
-    made = _moved(drawn, _placements(list(values), np.array(list(values.values()))))
+    made = moved(drawn, placements(list(values), np.array(list(values.values()))))
     at_home = [drawn.home[drawn.position_names.index(name)] for name in drawn.coordinates]
     x = at_home + rng.uniform(-0.1, 0.1, (12, 3))
     exact = poses_of(made, x, "platform")

@@ -7,8 +7,15 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from sst_pin import InputError, robots
-from sst_pin.identification import base_parameters, estimate, random_states
+from sst_pin import ClosedChain, InputError, robots
+from sst_pin.identification import (
+    base_parameters,
+    condition_number,
+    estimate,
+    predicted_torques,
+    random_states,
+    report,
+)
 
 MAKE = {"five_bar": robots.five_bar, "more motors than freedoms": robots.planar_4rrr}
 
@@ -115,3 +122,20 @@ def test_bad_measurements_are_refused():
         estimate(chain, base, q[:3], va[:3], aa[:3], tau[:3])
     with pytest.raises(InputError, match="does not show"):
         estimate(chain, base, q, 0 * va, 0 * aa, tau)
+
+
+@pytest.mark.parametrize("name", ["predicted_torques", "report", "condition_number"])
+def test_the_motion_of_another_robot_is_refused(name):
+    """Its motors stand in the other order: the same joints, rates and torques in other columns."""
+    chain, base, states, tau = case("five_bar")
+    found, theta = estimate(chain, base, *states, tau), chain.dynamic_parameters
+    motion = chain.trajectory(np.arange(len(tau)), *states)
+    uses = {
+        "predicted_torques": lambda robot: predicted_torques(robot, theta, motion),
+        "report": lambda robot: report(robot, found, theta, motion),
+        "condition_number": lambda robot: condition_number(robot, base, motion),
+    }
+    uses[name](chain)
+    other = ClosedChain(chain.model, chain.closures, chain.motor_names[::-1])
+    with pytest.raises(InputError, match="belongs to another robot"):
+        uses[name](other)

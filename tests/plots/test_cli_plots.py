@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from command_line import run
-from sst_pin.cli import plot, workspace_command
+from sst_pin.cli import motion_commands, sst_commands
 from sst_pin.description import urdf_of
 from sst_pin.sst.workspace import workspace_over_rolls
 from sst_pin.verification.sampling import random_parameters
@@ -50,7 +50,7 @@ def test_what_torques_wrote_and_the_motion_itself_give_the_same_figure(here, cap
 
 
 def test_subjects_of_the_command_are_those_of_the_plots():
-    assert plot.SUBJECTS == plots.SUBJECTS
+    assert motion_commands.SUBJECTS == plots.SUBJECTS
 
 
 @pytest.mark.slow
@@ -76,7 +76,7 @@ def test_workspace_as_picture_and_numbers(here, capsys):
 def test_a_robot_that_reaches_nothing_on_its_arcs_is_told(here, capsys, monkeypatch):
     """This one cannot; the map, a coarse one for the test, shows the rest."""
     monkeypatch.setattr(
-        workspace_command,
+        sst_commands,
         "workspace_over_rolls",
         lambda robot: workspace_over_rolls(robot, 24, 21, 60),
     )

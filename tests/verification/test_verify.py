@@ -8,8 +8,6 @@ import pytest
 import sst_pin
 from sst_pin.cli import main
 from sst_pin.verification import referees, verify
-from sst_pin.verification.comparisons import Judge
-from sst_pin.verification.verify_in_time import verify_in_time
 
 
 @pytest.fixture
@@ -56,7 +54,7 @@ def test_every_referee_agrees_in_the_quick_run(quick, monkeypatch, capsys):
 @pytest.mark.slow
 def test_the_whole_run_includes_those_that_step_in_time():
     """Each shows its order, its stiffness, or comes back to the circle."""
-    rows = list(verify_in_time())
+    rows = list(verify.verify_in_time())
     assert rows
     assert all(row.passed for row in rows)
     names = {row.referee for row in rows}
@@ -98,7 +96,7 @@ def test_a_wrong_torque_ends_in_exit_code_1(monkeypatch, capsys):
 
 
 def test_a_referee_that_answers_nan_disagrees():
-    judge = Judge("nobody", "nothing")
+    judge = verify.Judge("nobody", "nothing")
     judge.hold(lambda: np.array((1.0, np.nan)), np.ones(2))
     row = judge.verdict()
     assert row.passed is False

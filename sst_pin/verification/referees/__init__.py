@@ -6,87 +6,39 @@ rates and accelerations, and answers one question, `Referee.torques`; what else 
 (direct dynamics, time stepping, any closed chain) stands in its module.
 """
 
-from __future__ import annotations
-
 from importlib import import_module
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol
 
 from numpy.typing import ArrayLike
 
 from ...arrays import Array
-from ...description.parameters import Parameters
 from ...errors import MissingExtraError
 
 #: Moment of the surroundings on the star, base axes, shape (3,), [N m]; None for none.
 Moment = ArrayLike | None
 
-#: Module and class of every referee.
-_REFEREES = (
-    ("..virtual_work", "VirtualWork"),
-    (".lagrange", "LagrangeMultipliers"),
-    (".symbolic", "SymbolicLagrange"),
-    (".mujoco_engine", "MujocoInverse"),
-    (".exudyn_engine", "ExudynInstant"),
-)
-
 
 class Referee(Protocol):
-    """Inverse dynamics of one instant, constructed with `Parameters`.
+    """Inverse dynamics of one instant, constructed with `Parameters`."""
 
-    Attributes:
-        name: What a table calls it.
-        package: What pip has to install for it.
-    """
-
+    #: What a table calls it.
     name: str
+    #: What pip has to install for it.
     package: str
 
     def torques(
         self, R: ArrayLike, omega: ArrayLike, alpha: ArrayLike, platform_moment: Moment = None
     ) -> Array:
-        """Motor torques of a motion of the star, on the working branch of all legs.
+        """Motor torques of a motion of the star, on the working branch of all legs, (3,), [N m].
 
-        Args:
-            R: {E} in the base, shape (3, 3).
-            omega: Angular velocity of the star, base axes, shape (3,), [rad/s].
-            alpha: Its angular acceleration, base axes, shape (3,), [rad/s^2].
-            platform_moment: See `Moment`.
-
-        Returns:
-            tau, shape (3,), [N m].
+        R is {E} in the base, shape (3, 3); omega and alpha are the angular velocity [rad/s] and
+        acceleration [rad/s^2] of the star, base axes, shape (3,).
         """
         ...
 
 
-@runtime_checkable
-class DirectReferee(Protocol):
-    """A referee that has direct dynamics of one instant too."""
-
-    def accelerations(
-        self, R: ArrayLike, omega: ArrayLike, tau: ArrayLike, platform_moment: Moment = None
-    ) -> Array:
-        """Angular acceleration of the star under given motor torques, base axes, shape (3,)."""
-        ...
-
-
-def all_referees(parameters: Parameters) -> tuple[list[Referee], list[MissingExtraError]]:
-    """All installed referees for one SST, and for each missing one how to install it."""
-    available: list[Referee] = []
-    missing: list[MissingExtraError] = []
-    for module, kind in _REFEREES:
-        try:
-            available.append(getattr(import_module(module, __name__), kind)(parameters))
-        except MissingExtraError as error:
-            missing.append(error)
-    return available, missing
-
-
 def engine(package: str) -> Any:
-    """An optional package, imported when it is needed.
-
-    Raises:
-        MissingExtraError: When it is not installed.
-    """
+    """An optional package, imported when it is needed."""
     try:
         return import_module(package)
     except ModuleNotFoundError as error:

@@ -6,8 +6,6 @@ Exudyn. `stepped_torques` and `stepped_motion` leave the whole problem to Exudyn
 integrator: they tend to the exact answer with the square of the step.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import lru_cache
 from typing import Any
@@ -16,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from ...arrays import Array
+from ...arrays import Array, in_one_turn
 from ...description.parameters import Parameters
 from ...errors import InputError
 from . import Moment
@@ -25,6 +23,8 @@ from .geometry import LegAxes, legs, require_same
 
 #: Orientation, angular velocity and acceleration of the star as functions of time, base axes.
 StarMotion = Callable[[float], tuple[ArrayLike, ArrayLike, ArrayLike]]
+#: Motor torques as a function of time, shape (3,), [N m].
+Drive = Callable[[float], ArrayLike]
 
 
 class ExudynInstant:
@@ -50,7 +50,7 @@ class ExudynInstant:
         pose = legs(p, R)
         rates, spins, spin_rates = turning(pose, np.asarray(omega), np.asarray(alpha))
         coordinates = np.zeros((3, 7, 7))  # and their first two derivatives; body by body
-        e = np.roll(Rotation.from_matrix(frames(pose, R)).as_quat(), 1, axis=-1)  # scalar first
+        e = Rotation.from_matrix(frames(pose, R)).as_quat(scalar_first=True)
         coordinates[:, :, 3:] = e, _turn(spins, e) / 2, _turn(spin_rates, e) / 2
         coordinates[2, :, 3:] -= (spins**2).sum(axis=-1, keepdims=True) / 4 * e
         x, x_dot, x_ddot = coordinates.reshape(3, 49)
@@ -69,24 +69,13 @@ class ExudynInstant:
 
 
 def stepped_torques(
-    parameters: Parameters,
-    motion: StarMotion,
-    duration: float,
-    steps: int,
+    parameters: Parameters, motion: StarMotion, duration: float, steps: int
 ) -> tuple[Array, Array]:
-    """Inverse dynamics in time: the motors are constraints that turn as the motion asks.
+    """Times, (steps + 1,), and torques at them, (steps + 1, 3), of motors that turn as asked.
 
-    The first torques are some 10 N m off, since Exudyn's initial accelerations leave out those of
-    the motors; damping by a spectral radius of 0.6 has made up for it after some twenty steps.
-
-    Args:
-        parameters: The SST, without friction.
-        motion: Motion of the star, such as `paper_circle`; called at times from 0 on.
-        duration: Length of the motion, [s].
-        steps: Number of steps, all equal.
-
-    Returns:
-        Times, shape (steps + 1,), and motor torques at them, shape (steps + 1, 3), [N m].
+    The motors are constraints. The first torques are some 10 N m off, since Exudyn's initial
+    accelerations leave out those of the motors; damping by a spectral radius of 0.6 has made up for
+    it after some twenty steps.
     """
     _require_frictionless(parameters)
     R, omega, _ = motion(0.0)
@@ -94,9 +83,7 @@ def stepped_torques(
 
     @lru_cache(maxsize=8)  # Newton's iterations ask again and again
     def turns(t: float) -> Array:
-        turn = legs(parameters, motion(t)[0]).angles[:, 0] - start
-        wrapped: Array = (turn + np.pi) % (2 * np.pi) - np.pi
-        return wrapped
+        return in_one_turn(legs(parameters, motion(t)[0]).angles[:, 0] - start)
 
     robot = ExudynRobot(parameters, R, omega, turns)
     output = robot.exudyn.OutputVariableType.TorqueLocal
@@ -113,17 +100,13 @@ def stepped_motion(
     parameters: Parameters,
     R: ArrayLike,
     omega: ArrayLike,
-    torque: Callable[[float], ArrayLike],
+    torque: Drive,
     duration: float,
     steps: int,
 ) -> tuple[Array, Array]:
-    """Direct dynamics in time: the motion of the star under given motor torques.
+    """Times, (steps + 1,), and {E} in the base at them, (steps + 1, 3, 3), by direct dynamics.
 
-    The motion starts at R and omega of the star; `torque` is a function of time; the rest is as in
-    `stepped_torques`.
-
-    Returns:
-        Times, shape (steps + 1,), and {E} in the base at them, shape (steps + 1, 3, 3).
+    The motion starts at R and omega of the star; `torque` is a function of time.
     """
     _require_frictionless(parameters)
     robot = ExudynRobot(parameters, R, omega, None)
@@ -136,10 +119,9 @@ def stepped_motion(
     def moment(k: int) -> Callable[[Any, float, Any], list[float]]:
         return lambda _, t, __: [float(x) for x in torques(t)[k] * e[k]]
 
+    options: dict[str, Any] = {"loadVector": [0, 0, 0]}
     for k, link in enumerate(robot.bodies[:6:2]):
-        robot.system.CreateTorque(
-            itemNumber=link, loadVector=[0, 0, 0], loadVectorUserFunction=moment(k)
-        )
+        robot.system.CreateTorque(itemNumber=link, loadVectorUserFunction=moment(k), **options)
     sensor = robot.utilities.SensorBody(
         bodyNumber=robot.bodies[-1],
         outputVariableType=robot.exudyn.OutputVariableType.RotationMatrix,
@@ -152,8 +134,8 @@ def stepped_motion(
 
 def _turn(spins: Array, e: Array) -> Array:
     """Products of quaternions (0, spin) e, scalar first, row by row."""
-    scalar = -(spins * e[:, 1:]).sum(axis=-1, keepdims=True)
-    return np.hstack([scalar, spins * e[:, :1] + np.cross(spins, e[:, 1:])])
+    scalar = -np.vecdot(spins, e[:, 1:])
+    return np.column_stack([scalar, spins * e[:, :1] + np.cross(spins, e[:, 1:])])
 
 
 def _joint_moments(p: Parameters, pose: LegAxes, rates: Array, platform_moment: Moment) -> Array:

@@ -6,8 +6,6 @@ The joints of legs 2 and 3 on the star lock two rotations and nothing else, so t
 is redundant.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

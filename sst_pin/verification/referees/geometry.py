@@ -4,8 +4,6 @@
 Only a start for the engines: each of them holds what it gets from here against its own frames.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
@@ -20,18 +18,15 @@ _TOLERANCE = 1e-9
 
 
 class LegAxes(NamedTuple):
-    """Joint axes and angles of the three legs, a row for each.
+    """Joint axes and angles of the three legs, a row for each, shape (3, 3)."""
 
-    Attributes:
-        e: Actuated axes e_k, base axes, shape (3, 3).
-        u: Axes e_{k+3} of mu_k, towards R_k, shape (3, 3).
-        n: Axes e_{k+6} of beta_k, normals of the arcs, shape (3, 3).
-        angles: gamma_k, mu_k, beta_k, shape (3, 3), [rad].
-    """
-
+    #: Actuated axes e_k, base axes.
     e: Array
+    #: Axes e_{k+3} of mu_k, towards R_k.
     u: Array
+    #: Axes e_{k+6} of beta_k, normals of the arcs.
     n: Array
+    #: gamma_k, mu_k, beta_k, [rad].
     angles: Array
 
 
@@ -44,18 +39,12 @@ def legs(parameters: Parameters, R: ArrayLike) -> LegAxes:
     turn = np.cumsum([0.0, *parameters.arc_angles[1:]])
     n = -np.outer(np.sin(turn), R[:, 1]) + np.outer(np.cos(turn), R[:, 2])
     u = _unit(np.cross(e, n))  # in the planes of base arc and star arc
-    gamma = _angle(e, v, u)
-    mu = _angle(u, e, n)
-    beta = _angle(n, u, np.tile(R[:, 0], (3, 1)))
-    return LegAxes(e, u, n, np.stack([gamma, mu, beta], axis=-1))
+    angles = _angle(e, v, u), _angle(u, e, n), _angle(n, u, np.tile(R[:, 0], (3, 1)))
+    return LegAxes(e, u, n, np.stack(angles, axis=-1))
 
 
 def require_same(found: Array, wanted: Array, what: str) -> None:
-    """Compare a pose by an engine's own kinematics with the wanted one.
-
-    Raises:
-        ClosureError: When it differs.
-    """
+    """Refuse a pose by an engine's own kinematics that differs from the wanted one."""
     error = float(np.abs(found - wanted).max())
     if not error <= _TOLERANCE:
         raise ClosureError(f"{what} of the engine is off by {error:.3g}", error)
@@ -68,5 +57,4 @@ def _unit(a: Array) -> Array:
 
 def _angle(axis: Array, start: Array, end: Array) -> Array:
     """Angles about unit axes that bring one direction to another, row by row."""
-    sine, cosine = (np.cross(axis, start) * end).sum(axis=-1), (start * end).sum(axis=-1)
-    return np.arctan2(sine, cosine)
+    return np.arctan2(np.vecdot(np.cross(axis, start), end), np.vecdot(start, end))

@@ -6,8 +6,6 @@ redundant ones too. Takes any closed chain, any joints, closures and motors. Fro
 only the `Mechanism`, the description, and no computed results.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
@@ -74,47 +72,35 @@ class LagrangeMultipliers:
 def torques(
     chain: ClosedChain, q: Array, va: Array, aa: Array, loads: Array | None = None
 ) -> Array:
-    """Inverse dynamics of any closed chain: the smallest motor torques of a motion.
+    """The smallest motor torques of a motion of any closed chain, shape (motors,).
 
-    Args:
-        chain: The robot.
-        q: Configuration on the closures, shape (nq,).
-        va: Rates of the coordinates, shape (n,).
-        aa: Their accelerations, shape (n,).
-        loads: Further forces on the rates of the tree, shape (nv,), [N m] or [N].
-
-    Returns:
-        tau, shape (motors,); the nearest ones if the motors cannot produce the motion.
+    q lies on the closures; `loads` are further forces on the rates of the tree, shape (nv,). Where
+    the motors cannot produce the motion, the torques are the nearest ones.
     """
     motion = _motion(chain, q, va)
-    need = _need(motion, q, aa, loads)
+    need = _need(motion, q, aa) - (0 if loads is None else loads)
     # need = B tau + Phi^T multipliers; motions that the closures leave do not see the latter.
     _, sizes, V = np.linalg.svd(motion.Phi)
     free = V[np.count_nonzero(sizes > _REDUNDANT * sizes.max(initial=0.0)) :]
     return _solve(free @ _actuation(motion, q), free @ need)
 
 
-def generalized_forces(
-    chain: ClosedChain, q: Array, va: Array, aa: Array, loads: Array | None = None
-) -> Array:
-    """What a motion needs along the coordinates, shape (n,); arguments as in `torques`."""
+def generalized_forces(chain: ClosedChain, q: Array, va: Array, aa: Array) -> Array:
+    """The forces along the coordinates that a motion needs, shape (n,)."""
     motion = _motion(chain, q, va)
-    need = _need(motion, q, aa, loads)
     system = np.vstack([motion.Phi, motion.mechanism.selection])
-    return _solve(system.T, need)[len(motion.Phi) :]
+    return _solve(system.T, _need(motion, q, aa))[len(motion.Phi) :]
 
 
-def accelerations(
-    chain: ClosedChain, q: Array, va: Array, tau: Array, loads: Array | None = None
-) -> Array:
+def accelerations(chain: ClosedChain, q: Array, va: Array, tau: Array) -> Array:
     """Direct dynamics of any closed chain: accelerations of the coordinates, shape (n,)."""
     model, motion = chain.mechanism.model, _motion(chain, q, va)
     data, zero = model.createData(), np.zeros(model.nv)
     rest = pin.rnea(model, data, q, zero, zero)
     # `pin.crba` is wrong for trees whose joints are not added depth-first.
     M = np.stack([pin.rnea(model, data, q, zero, e) - rest for e in np.eye(model.nv)], axis=1)
-    force = _actuation(motion, q) @ tau + _given(motion, q, loads)
-    force = force - pin.rnea(model, data, q, motion.v, zero)
+    force = _actuation(motion, q) @ tau + _given(motion, q)
+    force -= pin.rnea(model, data, q, motion.v, zero)
     # A unit for the multipliers, so that M is not lost in rounding.
     rows, unit = len(motion.Phi), np.abs(M).max()
     system = np.block([[M / unit, motion.Phi.T], [motion.Phi, np.zeros((rows, rows))]])
@@ -143,13 +129,13 @@ def _rows(mechanism: Mechanism, q: Array, v: Array) -> tuple[Array, Array]:
         if isinstance(closure, Coupling):
             parts.append(_coupling(model, closure, q, v))
         else:
-            ends = [_end(model, data, name, v) for name in frames_of(closure)]
+            ends = [_frame(model, data, name, v) for name in frames_of(closure)]
             parts.append(_relative(closure, *ends))
     Phi, drift = zip((np.empty((0, model.nv)), np.empty(0)), *parts, strict=True)
     return np.vstack(Phi), np.concatenate(drift)
 
 
-class _End(NamedTuple):
+class _Frame(NamedTuple):
     """A frame: Jacobian, twist and acceleration as [linear; angular] of its origin, base axes."""
 
     placement: pin.SE3
@@ -158,13 +144,13 @@ class _End(NamedTuple):
     drift: Array
 
 
-def _end(model: pin.Model, data: pin.Data, name: str, v: Array) -> _End:
+def _frame(model: pin.Model, data: pin.Data, name: str, v: Array) -> _Frame:
     frame = model.getFrameId(name)
     J = _jacobian(model, data, frame)
-    return _End(data.oMf[frame], J, J @ v, _acceleration(model, data, frame))
+    return _Frame(data.oMf[frame], J, J @ v, _acceleration(model, data, frame))
 
 
-def _relative(closure: Closure | Distance | Rolling, A: _End, B: _End) -> tuple[Array, Array]:
+def _relative(closure: Closure | Distance | Rolling, A: _Frame, B: _Frame) -> tuple[Array, Array]:
     """Rows G [r_dot; w] of the position r and the angular velocity w of B in the axes of A.
 
     G moves with r and with the axes of B, which w turns.
@@ -220,16 +206,16 @@ def _coupling(model: pin.Model, closure: Coupling, q: Array, v: Array) -> tuple[
     return row, np.array([drift])
 
 
-def _need(motion: _Rates, q: Array, aa: Array, loads: Array | None) -> Array:
-    """What motors and closures must give the tree, shape (nv,)."""
+def _need(motion: _Rates, q: Array, aa: Array) -> Array:
+    """The forces of motors and closures on the tree, shape (nv,)."""
     system = np.vstack([motion.Phi, motion.mechanism.selection])
     v_dot = _solve(system, np.concatenate([-motion.drift, aa]))
     model = motion.mechanism.model
     need: Array = pin.rnea(model, model.createData(), q, motion.v, v_dot)
-    return need - _given(motion, q, loads)
+    return need - _given(motion, q)
 
 
-def _given(motion: _Rates, q: Array, loads: Array | None) -> Array:
+def _given(motion: _Rates, q: Array) -> Array:
     """Forces on the tree that are neither the motors' nor the closures', nor weights."""
     mechanism, v = motion.mechanism, motion.v
     friction, springs = mechanism.friction, mechanism.springs
@@ -238,7 +224,7 @@ def _given(motion: _Rates, q: Array, loads: Array | None) -> Array:
     for line, (length, row) in zip(mechanism.lines.forces, _lines(mechanism, q), strict=True):
         stretched = line.stiffness * (length - line.rest_length)
         force -= (line.preload + stretched + line.damping * row @ v) * row
-    return force if loads is None else loads + force
+    return force
 
 
 def _actuation(motion: _Rates, q: Array) -> Array:

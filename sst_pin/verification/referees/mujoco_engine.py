@@ -6,8 +6,6 @@ motors by MuJoCo's own Jacobians. In `welded_motion` the loops are closed by MuJ
 give way like stiff springs: the motion tends to the rigid robot's as the stiffness grows.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 
@@ -57,11 +55,7 @@ class MujocoInverse:
         return tau
 
     def move(self, R: ArrayLike, omega: ArrayLike) -> tuple[Array, Array]:
-        """Put the tree into a state in which its loops are closed.
-
-        Returns:
-            Angular Jacobian of the three arcs of the star, shape (9, 9), and the joint rates.
-        """
+        """The tree, its loops closed: angular Jacobian of the star's arcs, (9, 9), joint rates."""
         mujoco, model, data, p = self._mujoco, self._model, self._data, self._parameters
         data.qpos[:] = legs(p, R).angles.ravel()
         mujoco.mj_fwdPosition(model, data)
@@ -93,19 +87,11 @@ def welded_motion(
     step: float = 1e-4,
     stiffness: float = 1e6,
 ) -> tuple[Array, Array]:
-    """Simulate the robot with its loops closed by MuJoCo's welds.
+    """Times, (N,), and {E} in the base at them by leg 1, (N, 3, 3), by MuJoCo with welds.
 
-    Args:
-        parameters: The SST; dry friction is MuJoCo's own, which creeps where it should stick.
-        R: {E} in the base at the start, shape (3, 3).
-        omega: Angular velocity of the star at the start, base axes, shape (3,), [rad/s].
-        torque: Motor torques of shape (3,) as a function of time, [N m].
-        duration: Length of the motion, [s].
-        step: Step of MuJoCo's Runge-Kutta integrator, [s]; stable below about 1 / sqrt(stiffness).
-        stiffness: Stiffness of the welds, critically damped, per unit of inertia, [1/s^2].
-
-    Returns:
-        Times, shape (N,), and {E} in the base at them by leg 1, shape (N, 3, 3).
+    The star starts with R and omega; `torque` is a function of time. MuJoCo's Runge-Kutta `step`,
+    [s], is stable below about 1 / sqrt(stiffness), which is that of the welds, critically damped,
+    per unit of inertia, [1/s^2]. Dry friction is MuJoCo's own, which creeps where it should stick.
     """
     mujoco = engine("mujoco")
     model = welded(mujoco, parameters, step, stiffness)
@@ -140,14 +126,11 @@ def welded(mujoco: Any, parameters: Parameters, step: float, stiffness: float) -
     """The closed robot: welds with a stiffness [1/s^2], critically damped, steps in [s]."""
     spec = mujoco.MjSpec.from_string(_blind_urdf(parameters))
     for name, R_E in zip(_STARS, star_orientations(parameters), strict=True):
-        spec.body(name).add_site(name=name, quat=np.roll(Rotation.from_matrix(R_E).as_quat(), 1))
+        quat = Rotation.from_matrix(R_E).as_quat(scalar_first=True)
+        spec.body(name).add_site(name=name, quat=quat)
     for other in _STARS[1:]:
-        weld = spec.add_equality(
-            type=mujoco.mjtEq.mjEQ_WELD,
-            objtype=mujoco.mjtObj.mjOBJ_SITE,
-            name1=_STARS[0],
-            name2=other,
-        )
+        kinds = {"type": mujoco.mjtEq.mjEQ_WELD, "objtype": mujoco.mjtObj.mjOBJ_SITE}
+        weld = spec.add_equality(name1=_STARS[0], name2=other, **kinds)
         weld.solref[:] = -stiffness, -2 * np.sqrt(stiffness)  # negative: the numbers themselves
         weld.solimp[:2] = 0.99, 0.99  # the rest of the way is for the stiffness to close
     model = spec.compile()

@@ -7,8 +7,6 @@ all bodies follow in closed form from R(x); velocities, energies and the equatio
 are derivatives of them that nobody wrote down.
 """
 
-from __future__ import annotations
-
 from functools import cache
 from typing import Any
 

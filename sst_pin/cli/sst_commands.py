@@ -1,0 +1,203 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""`sst-pin paper`, `workspace` and `describe`, for an SST: figures, map, description folder."""
+
+import argparse
+import math
+import time
+from dataclasses import fields, replace
+from pathlib import Path
+
+import numpy as np
+
+from ..arrays import Array
+from ..description import description_writers
+from ..description.parameters import Parameters, RigidBody
+from ..errors import InputError
+from ..files import Writer, write_files
+from ..sst.configurations import configurations_of
+from ..sst.paper import PERIOD, compare, example_1, example_2
+from ..sst.platform_motion import paper_circle
+from ..sst.workspace import WorkspaceMap, workspace_at, workspace_over_rolls
+from . import common
+
+
+def add_paper(commands: common.Commands) -> None:
+    """Both examples of the paper and their figures."""
+    text = "Compute both examples of the paper and draw their figures."
+    parser = commands.add("paper", _paper, text)
+    parser.add_folder("--out", default=Path("paper"))
+    parser.option(
+        "--samples N",
+        "samples per period (default: 1001)",
+        common.number("a whole number from 10 to 10 million", lambda n: 10 <= n <= 10**7, int),
+        default=1001,
+    )
+    parser.add_force()
+    parser.add_strict()
+
+
+def _paper(arguments: argparse.Namespace) -> int:
+    from .. import plots  # needs the extra `plot`
+
+    robot, out = common.sst_of(arguments), arguments.output
+    t = np.linspace(0, PERIOD, arguments.samples)
+    clock = time.perf_counter
+    began = clock()
+    example = example_1(robot, t)
+    seconds = [clock() - began]
+    if common.refuses(robot, example, arguments):
+        return 1
+    motions = {}
+    for name, rounded in (("exact", False), ("printed", True)):
+        began = clock()
+        with common.progress_bar(f"example 2, {name} start", t[0], t[-1]) as progress:
+            motions[name] = example_2(robot, example, rounded, progress)
+        seconds.append(clock() - began)
+
+    files: dict[Path, Writer] = {}
+    named = {"example_1": example} | {f"example_2_{name}_start": m for name, m in motions.items()}
+    for stem, motion in named.items():
+        for ending in (".csv", ".npz"):
+            files[out / f"{stem}{ending}"] = motion.writer(f"{stem}{ending}")
+    figures = plots.paper_figures(robot, example, motions["exact"], motions["printed"])
+    files |= {out / name: writer for name, writer in figures.items()}
+    write_files(files, arguments.force, folder=out)
+
+    print(f"Example 1: inverse dynamics along the circle, {len(t)} samples, {seconds[0]:.3f} s")
+    print("                    tau_1      tau_2      tau_3")
+    for label, values in (
+        ("peak |tau| (N m)", np.abs(example.tau).max(axis=0)),
+        ("RMS tau    (N m)", np.sqrt((example.tau**2).mean(axis=0))),
+    ):
+        print(label, *(f"{value:10.4f}" for value in values))
+    print("Example 2: direct dynamics with these torques, one period")
+    print("start     path error   closures   energy error   time")
+    for (name, motion), elapsed in zip(motions.items(), seconds[1:], strict=True):
+        returned = compare(robot, example, motion)
+        print(
+            f"{name:8}  {returned.path_error:.1e} rad  {returned.closure:.1e}    "
+            f"{returned.energy:.1e} J     {elapsed:.2f} s{common.remark(motion)}"
+        )
+    print(f"{len(files)} files in {out}")
+    return 0
+
+
+def add_workspace(commands: common.Commands) -> None:
+    """Map of the directions of the star's axis, with condition numbers."""
+    parser = commands.add(
+        "workspace",
+        _workspace,
+        "Draw a map of the directions of the star's axis: reach, condition number, singular "
+        "curves; for one roll angle psi of the star, and for the best psi of each direction.",
+    )
+    parser.add_figure()
+    parser.option(
+        "--psi DEG",
+        "roll angle of the star (default: 0)",
+        common.number("an angle in degrees", math.isfinite),
+        default=0.0,
+    )
+    parser.option("--data FILE", "also write the map at psi as .npz or .csv", Path)
+
+
+def _workspace(arguments: argparse.Namespace) -> None:
+    from .. import plots  # needs the extra `plot`
+
+    name = common.output_name(arguments.output, ".png")
+    plots.require_ending(name)
+    robot = common.sst_of(arguments)
+    at_psi = workspace_at(robot, np.radians(arguments.psi))
+    if str(arguments.data) == str(arguments.output) == "-":
+        raise InputError("--data", "standard output can hold the figure or the data, not both")
+    files: dict[Path, Writer] = {}
+    if arguments.data is not None:
+        files[arguments.data] = at_psi.writer(common.output_name(arguments.data, ".csv"))
+    over_rolls = workspace_over_rolls(robot)
+    path = None
+    if arguments.robot is None:
+        circle = paper_circle(np.linspace(0, PERIOD, 361)).R[:, :, 0]
+        path = ("circle of the paper", circle)
+    figure = plots.workspace_page(robot, at_psi, over_rolls, path)
+    files[arguments.output] = plots.figure_writer(figure, name)
+    common.write(files, arguments)
+    common.say(f"at psi = {arguments.psi:g} deg: {_summary(at_psi)}", arguments)
+    roll = np.degrees(over_rolls.roll[over_rolls.on_arcs].max(initial=0))
+    common.say(f"over all psi: {_summary(over_rolls)}, up to {roll:.0f} deg of roll", arguments)
+    common.say(f"-> {', '.join(map(str, files))}", arguments)
+
+
+def _summary(workspace: WorkspaceMap) -> str:
+    if workspace.best is None:
+        return "no direction has all sliders on their arcs"
+    theta, phi = (np.degrees(angle[workspace.best]) for angle in (workspace.theta, workspace.phi))
+    worst = workspace.condition_number[workspace.on_arcs].max()
+    return (
+        f"{workspace.area:.3g} sr on the arcs, condition number "
+        f"{workspace.condition_number[workspace.best]:.3g} (theta {theta:.1f}, phi {phi:.1f} deg) "
+        f"to {worst:.3g}"
+    )
+
+
+def add_describe(commands: common.Commands) -> None:
+    """A description folder, such as urdf/, for any SST."""
+    parser = commands.add(
+        "describe",
+        _describe,
+        "Write an SST as a folder for other tools: URDF, cuts, SRDF, MJCF, meshes, README. The "
+        "robot is the paper's, or that of --robot; the other options change its parameters.",
+    )
+    parser.add_folder(required=True)
+    parser.add_force()
+    parser.option("--alpha A1,A2,A3", "angles between the arcs, degrees", common.triple)
+    parser.option(
+        "--base-directions 'X,Y,Z X,Y,Z X,Y,Z'",
+        "directions from O to P_1, P_2, P_3; vectors of any length",
+        _directions,
+    )
+    for name, unit, text in (
+        ("base-radius", "M", "radius of the base, m"),
+        ("star-radius", "M", "radius of the star, m"),
+        ("link-mass", "KG", "mass of each actuator link, kg; scales its inertia too"),
+        ("passive-mass", "KG", "mass of each passive link, kg; scales its inertia too"),
+        ("star-mass", "KG", "mass of the star, kg; scales its inertia too"),
+        ("viscous-friction", "D", "viscous friction of all nine joints, N m s/rad"),
+        ("coulomb-friction", "F", "Coulomb friction of all nine joints, N m"),
+    ):
+        parser.option(f"--{name} {unit}", text, float)
+    parser.option("--gravity X,Y,Z", "gravity in base axes, m/s^2", common.triple)
+
+
+def _directions(text: str) -> list[Array]:
+    return [common.triple(part) for part in text.split()]
+
+
+def _describe(arguments: argparse.Namespace) -> None:
+    common.require_extras(mesh="trimesh", plot="matplotlib")
+    from ..plots.paper_figures import picture_writers
+
+    p = _changed(common.sst_of(arguments).parameters, arguments)
+    files = description_writers(p, configurations_of(p)) | picture_writers(p)
+    folder = arguments.output
+    write_files({folder / n: write for n, write in files.items()}, arguments.force, folder=folder)
+    print(f"{len(files)} files -> {folder}")
+
+
+def _changed(p: Parameters, arguments: argparse.Namespace) -> Parameters:
+    """The parameters with what the options say in place."""
+    given = {name: value for name, value in vars(arguments).items() if value is not None}
+    changes = {f.name: given[f.name] for f in fields(Parameters) if f.name in given}
+    if "alpha" in given:
+        changes["arc_angles"] = np.radians(given["alpha"])
+    if "link_mass" in given:
+        changes["link"] = [_weighing(given["link_mass"], body) for body in p.links]
+    if "passive_mass" in given:
+        changes["passive_link"] = [_weighing(given["passive_mass"], b) for b in p.passive_links]
+    if "star_mass" in given:
+        changes["star"] = _weighing(given["star_mass"], p.star)
+    return replace(p, **changes)
+
+
+def _weighing(mass: float, body: RigidBody) -> RigidBody:
+    """A body of the same shape and another density."""
+    with np.errstate(over="ignore", invalid="ignore"):  # `Parameters` judges what comes out
+        return RigidBody(mass, body.center_of_mass, body.inertia * (mass / body.mass))

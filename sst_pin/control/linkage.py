@@ -1,0 +1,183 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Joints of a robot and the motors that move them through linkages: positions, and the Jacobian."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..arrays import Array, Indices, finite_array, for_each_sample, names, single_array
+from ..chain.closed_chain import ClosedChain
+from ..chain.named_positions import taken
+from ..chain.thresholds import RANK_TOLERANCE
+from ..errors import ActuationError, InputError, WorkspaceError
+from ..motion.coordinate_motions import followed, start_of
+
+#: The joints go to given motor positions in pieces of this size, [rad], or of the robot's length.
+_PIECE = 0.2
+#: Newton's method in a piece: steps, and the error at which it has arrived, as for the pieces.
+_STEPS, _ARRIVED = 20, 1e-12
+
+
+class Linkage:
+    """Positions of some joints and of their motors, and J: motor rates = J joint rates.
+
+    `SerialView` has an example.
+    """
+
+    def __init__(self, chain: ClosedChain, joints: Sequence[str]) -> None:
+        self.joints = tuple(names("joints", joints))
+        space = chain.mechanism.space
+        taken(space, chain.generic_configuration(), self.joints)  # each turns or slides
+        rates = space.rates_of(self.joints)
+        self.chain = chain.with_coordinates([*self.joints, *_others(chain, rates)])
+        coordinates = self.chain.mechanism.coordinates
+        self._columns = np.array([int(np.flatnonzero(coordinates == k)[0]) for k in rates])
+        scale = motor_units(chain)
+        J = self.chain.actuator_jacobian(self.chain.generic_configuration())
+        J = J / scale[:, None] * chain.mechanism.rate_scale[coordinates]
+        self._rows = np.flatnonzero(np.abs(J[:, self._columns]).max(axis=1) > RANK_TOLERANCE)
+        self._units = scale[self._rows]
+        self.motors = tuple(self.chain.motor_names[k] for k in self._rows)
+        self._require_motors(J[self._rows])
+        # After these a motor of a joint without limits is at the same position.
+        endless = ~np.isin(space.rate_names, space.position_names)
+        self._turns = 2 * np.pi * np.abs(chain.mechanism.motors[:, self._rows]).T @ endless
+
+    def _require_motors(self, J: Array) -> None:
+        """Judge the motors' rows of the Jacobian at a generic configuration, without units."""
+        if np.linalg.matrix_rank(J[:, self._columns], tol=RANK_TOLERANCE) < len(self.joints):
+            raise ActuationError(
+                f"the motors {', '.join(self.motors) or '(none)'} do not hold the joints "
+                f"{', '.join(self.joints)}"
+            )
+        shared = np.abs(J) > RANK_TOLERANCE
+        shared[:, self._columns] = False
+        for row, k in np.argwhere(shared):
+            other = self.chain.mechanism.coordinate_rate_names[k]
+            problem = f"motor {self.motors[row]} also moves with {other}"
+            raise InputError("joints", f"{problem}: name all joints of its linkage")
+
+    def from_joints(self, positions: ArrayLike, start: ArrayLike | None = None) -> Array:
+        """The configuration, (..., nq), for positions of the joints, each from the start alone.
+
+        On the way no singular configuration is passed, so the assembly mode is that of the start.
+
+        Args:
+            positions: Shape (..., joints), [rad] or [m].
+            start: A configuration with closed loops, shape (nq,); by default `home`. It also gives
+                the other coordinates.
+
+        Raises:
+            ClosureError: If a position cannot be reached so.
+        """
+        first = self._start(start)
+
+        def one(x: Array) -> Array:
+            return self._moved(first, x - self.joint_positions(first))
+
+        targets = finite_array("positions", positions, (len(self.joints),))
+        return for_each_sample(one, [targets], (1,), first.shape)
+
+    def from_motors(self, positions: ArrayLike, start: ArrayLike | None = None) -> Array:
+        """The configuration, (..., nq), for positions of the motors; see `from_joints`.
+
+        Args:
+            positions: Shape (..., motors), [rad] or [m]; of a motor on a line its length.
+            start: A configuration with closed loops, shape (nq,); by default `home`.
+
+        Raises:
+            ClosureError, SingularConfigurationError: If the way there leads out of reach.
+            WorkspaceError: If there are more motors than joints, and no positions of the joints
+                give these of the motors.
+        """
+        first = self._start(start)
+        here = self.motor_positions(first)
+
+        def one(target: Array) -> Array:
+            q, way = first, target - here
+            pieces = max(1, int(np.ceil(np.abs(way / self._units).max() / _PIECE)))
+            for part in range(1, pieces + 1):
+                q = self._newton(q, here + way * (part / pieces))
+            return q
+
+        targets = finite_array("positions", positions, (len(self.motors),))
+        return for_each_sample(one, [targets], (1,), first.shape)
+
+    def joint_positions(self, q: ArrayLike) -> Array:
+        """Positions of the joints, shape (..., joints)."""
+        return taken(self.chain.mechanism.space, self._configurations(q), self.joints)
+
+    def motor_positions(self, q: ArrayLike) -> Array:
+        """Positions of the motors, shape (..., motors); of a motor on a line its length."""
+        mechanism, array = self.chain.mechanism, self._configurations(q)
+        B = mechanism.motors[:, self._rows]
+        driven = np.flatnonzero(B.any(axis=1))
+        at_joints = taken(mechanism.space, array, [mechanism.space.rate_names[k] for k in driven])
+        on_lines = self.chain.line_lengths(array) @ mechanism.lines.motors[:, self._rows]
+        return np.asarray(at_joints @ B[driven] + on_lines)
+
+    def actuator_jacobian(self, q: ArrayLike) -> Array:
+        """J: rates of the motors by rates of the joints, shape (..., motors, joints)."""
+        J = self.chain.actuator_jacobian(q)
+        return np.asarray(J[..., self._rows, :][..., self._columns])
+
+    def _configurations(self, q: ArrayLike) -> Array:
+        return finite_array("q", q, (self.chain.mechanism.model.nq,))
+
+    def _start(self, start: ArrayLike | None) -> Array:
+        """The start of the way, its loops closed."""
+        size = (self.chain.mechanism.model.nq,)
+        q = start_of(self.chain) if start is None else single_array("start", start, size)
+        return self.chain.assemble(q)
+
+    def _moved(self, q: Array, by: Array) -> Array:
+        step = np.zeros(self.chain.degrees_of_freedom)
+        step[self._columns] = by
+        return followed(self.chain, self.chain._states(0.0), q, step)
+
+    def _newton(self, q: Array, target: Array) -> Array:
+        """From q to the configuration nearby where the motors are at their target."""
+        for _ in range(_STEPS):
+            step: Array = np.linalg.pinv(self.actuator_jacobian(q)) @ self._missing(q, target)
+            q = self._moved(q, step)
+            if np.abs(step).max() <= _ARRIVED * self.chain.mechanism.length:
+                break
+        if np.abs(self._missing(q, target) / self._units).max() > np.sqrt(_ARRIVED):
+            raise WorkspaceError(
+                f"no positions of the joints {', '.join(self.joints)} bring the motors "
+                f"{', '.join(self.motors)} to {target.round(6).tolist()}"
+            )
+        return q
+
+    def _missing(self, q: Array, target: Array) -> Array:
+        """Distances of the motors from their target, without full turns."""
+        error = target - self.motor_positions(q)
+        turns = np.round(error / np.where(self._turns, self._turns, 1))
+        return np.asarray(error - self._turns * turns)
+
+    def __repr__(self) -> str:
+        return (
+            f"{type(self).__name__} of {self.chain.mechanism.model.name}: "
+            f"joints {', '.join(self.joints)}; motors {', '.join(self.motors)}"
+        )
+
+
+def _others(chain: ClosedChain, rates: Indices) -> list[str]:
+    """Coordinates of a chain that some joints leave free, by greedy choice at its example."""
+    mechanism = chain.mechanism
+    L = chain.joint_rates(chain.generic_configuration(), np.eye(chain.degrees_of_freedom)).T
+    L = L / mechanism.rate_scale[:, None] * mechanism.rate_scale[mechanism.coordinates]
+    chosen, found = L[rates], list[str]()
+    for name in chain.coordinates:
+        rows = np.vstack([chosen, L[mechanism.space.rates_of([name])]])
+        if np.linalg.matrix_rank(rows, tol=RANK_TOLERANCE) == len(rows):
+            chosen, found = rows, [*found, name]
+    return found
+
+
+def motor_units(chain: ClosedChain) -> Array:
+    """Rates of the motors in multiples of these are free of units, shape (motors,)."""
+    return np.array([1.0 if u == "Nm" else chain.mechanism.length for u in chain.motor_units])

@@ -1,0 +1,207 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Parts of the limits of the motors that a motion along a path takes.
+
+Along the path x(s) of the coordinates, with w and u the first and second derivative of s by time, a
+motor gives a(s) u + b(s) w^2 + c(s) + d(s) w + e(s): the parts of inertia, of rates, of weight, of
+viscous and of Coulomb friction. They are found from the inverse dynamics.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..arrays import Array, finite_array
+from ..chain.closed_chain import ClosedChain
+from ..chain.named_positions import put, taken
+from ..chain.redundancy import limits_of_each
+from ..errors import ActuationError, InputError
+from ..motion.coordinate_motions import coordinate_positions
+from ..motion.samples import spline
+
+#: The part of a limit that stays free at the grid's points, for what happens between them.
+MARGIN = 1e-4
+#: A rate w at which friction is small beside inertia; the part of rates that joints at rest have.
+_FAST, _STILL = 1e4, 1e-8
+#: Between samples of a path loops may be open by this, [rad] or of the robot's length.
+_OPEN = 0.02
+
+
+class SmoothPath:
+    """A curve of configurations over s from 0 to 1, about as long in each part of s."""
+
+    def __init__(self, chain: ClosedChain, path: ArrayLike) -> None:
+        self._chain, self._space = chain, chain.mechanism.space
+        q = finite_array("path", path, (chain.mechanism.model.nq,))
+        if q.ndim != 2 or len(q) < 3:
+            raise InputError("path", f"shape {q.shape}, expected (N, {q.shape[-1]}) with N >= 3")
+        x = coordinate_positions(chain, q)
+        less = np.abs(np.diff(x - taken(self._space, q, chain.coordinates), axis=0)) > 1
+        if (less & (np.abs(np.diff(x, axis=0)) > np.pi / 2)).any() or (less[1:] & less[:-1]).any():
+            raise InputError("path", "a joint turns by half a turn between samples: use more")
+        scale = chain.mechanism.rate_scale[chain.mechanism.coordinates]
+        steps = np.linalg.norm(np.diff(x, axis=0) / scale, axis=1)
+        kept = np.append(True, steps > 1e-9 * steps.sum())
+        if kept.sum() < 3:
+            raise InputError("path", "the coordinates do not move along it")
+        ways = np.diff(x[kept], axis=0) / scale
+        back = np.flatnonzero((ways[1:] * ways[:-1]).sum(axis=1) < 0)
+        if len(back):
+            sample = np.flatnonzero(kept)[back[0] + 1]
+            raise InputError("path", f"it turns back at sample {sample}: divide it there")
+        s = np.cumsum(np.append(0, steps)[kept])
+        s /= s[-1]
+        self._joints = spline(s, self._space.without_jumps(q[kept]))
+        self._curve = spline(s, x[kept])
+        self._first, self._second = self._curve.derivative(1), self._curve.derivative(2)
+
+    def at(self, s: Array) -> tuple[Array, Array, Array]:
+        """Configurations, and derivatives of the coordinates by s, shapes (N, nq), (N, n)."""
+        chain, x = self._chain, self._curve(s)
+        wanted = dict(zip(chain.coordinates, x.T, strict=True))
+        q = guess = put(self._space, self._joints(s), wanted)
+        if chain.closures:
+            q = chain._states(0.0).closed(np.hstack([guess, np.zeros_like(x)]))
+        lengths = np.array(self._space.position_units) == "m"
+        gaps = np.abs(q - guess) / np.where(lengths, chain.mechanism.length, 1.0)
+        if gaps.max() > _OPEN:
+            place = s[gaps.max(axis=1).argmax()]
+            raise InputError("path", f"it jumps, or has too few samples, at {place:.1%} of it")
+        return q, self._first(s), self._second(s)
+
+
+class MotorLimits:
+    """Limits of the motors, and the parts of them that are used, from -1 to 1."""
+
+    def __init__(
+        self,
+        chain: ClosedChain,
+        torques: ArrayLike | None,
+        rates: ArrayLike | None,
+        accelerations: ArrayLike | None,
+    ) -> None:
+        self.chain = chain
+        self.torques = self._bounds("torques", torques)
+        self.rates = self._bounds("rates", rates)
+        self.accelerations = self._bounds("accelerations", accelerations)
+        if self.torques is self.accelerations is None:
+            raise InputError("torques, accelerations", "a limit of one of them is needed")
+        if accelerations is not None and chain.mechanism.lines.motors.any():
+            raise InputError("accelerations", "not for motors on lines")
+
+    def _bounds(self, name: str, value: ArrayLike | None) -> Array | None:
+        """Least and largest numbers, shape (motors, 2)."""
+        if value is None:
+            return None
+        bounds = limits_of_each(name, value, len(self.chain.motor_names))
+        if name != "torques" and not (bounds * (-1, 1) > 0).all():
+            raise InputError(name, "motors at rest pass them")
+        return bounds
+
+    def forces(self, q: Array, va: Array, aa: Array) -> Array:
+        """Parts of the limits of torques and of accelerations, shape (N, k)."""
+        chain, found = self.chain, list[Array]()
+        if self.torques is not None:
+            found.append(part_of(chain.compute_torques(q, va, aa), self.torques))
+        if self.accelerations is not None:
+            of_motors = chain.joint_accelerations(q, va, aa) @ chain.mechanism.motors
+            found.append(part_of(of_motors, self.accelerations))
+        return np.hstack(found)
+
+    def speeds(self, q: Array, va: Array) -> Array:
+        """Parts of the limits of rates, shape (N, k)."""
+        if self.rates is None:
+            return np.zeros((len(q), 1))
+        each = self.chain.motor_rates(q, va)[:, :, None] / self.rates
+        return each.reshape(len(q), -1)
+
+    def used(self, q: Array, va: Array, aa: Array) -> Array:
+        """The largest part of a limit, shape (N,)."""
+        forces, speeds = self.forces(q, va, aa), self.speeds(q, va)
+        return np.maximum(np.abs(forces).max(axis=1), speeds.max(axis=1))
+
+    def dry_friction(self, q: Array) -> Array:
+        """Parts of the limits that Coulomb friction of each joint takes, shape (N, k, nv)."""
+        chain, sizes = self.chain, self.chain.mechanism.friction.coulomb
+        kinds = (self.torques is not None) + (self.accelerations is not None)
+        motors, n = len(chain.motor_names), chain.degrees_of_freedom
+        parts = np.zeros((len(q), kinds * motors, len(sizes)))
+        if self.torques is not None and sizes.any():
+            J_T, L_T = (
+                rates(q[:, None], np.eye(n)) for rates in (chain.motor_rates, chain.joint_rates)
+            )
+            half = np.ptp(self.torques, axis=1)[:, None] / 2
+            parts[:, :motors] = np.linalg.pinv(J_T) @ L_T * sizes / half
+        return parts
+
+    def require_rest(self, q: Array) -> None:
+        """Refuse ends of a path, shape (2, nq), where the motors cannot hold the robot."""
+        rest = np.zeros((2, self.chain.degrees_of_freedom))
+        over = np.argwhere(np.abs(self.forces(q, rest, rest)) > 1 - MARGIN)
+        if len(over):
+            names = self.chain.motor_names
+            end, motor = over[0]
+            raise ActuationError(
+                f"motor {names[motor % len(names)]} cannot hold the robot at the "
+                f"{('start', 'end')[end]} of the path within its limits"
+            )
+
+
+def part_of(values: Array, bounds: Array) -> Array:
+    """Places of values, shape (..., motors), between bounds: from -1, the least, to 1."""
+    return (2 * values - bounds.sum(axis=1)) / np.ptp(bounds, axis=1)
+
+
+class Parts(NamedTuple):
+    """Parts of the limits at points of a path, shape (N, k), as the head of this file says.
+
+    Coulomb friction lies between `low` and `high`, which differ where joints rest. `most` is the
+    largest w, shape (N,).
+    """
+
+    a: Array
+    b: Array
+    c: Array
+    d: Array
+    low: Array
+    high: Array
+    most: Array
+
+
+class PathForces:
+    """All parts along a path, from inverse dynamics at some of its points."""
+
+    def __init__(self, limits: MotorLimits, way: SmoothPath, nodes: Array) -> None:
+        q, first, second = way.at(nodes)
+        limits.require_rest(q[[0, -1]])
+
+        def at(w: float, u: float = 0.0) -> Array:
+            return limits.forces(q, w * first, w**2 * second + u * first)
+
+        c, ahead, back = at(0.0), at(_FAST), at(-_FAST)
+        rates = limits.chain.joint_rates(q, first) / limits.chain.mechanism.rate_scale
+        self._rates, self._dry = spline(nodes, rates), spline(nodes, limits.dry_friction(q))
+        low, high = self._coulomb(nodes)
+        a, b = at(0.0, 1.0) - c, (ahead + back) / 2 - c
+        d = (ahead - back) / 2 - (low + high) / 2
+        speeds = limits.speeds(q, first)
+        self._smooth = spline(nodes, np.stack([a, b / _FAST**2, c, d / _FAST], axis=1))
+        self._speeds = spline(nodes, speeds)
+        # A time: in this unit w is about one.
+        self.unit = max(float(np.sqrt(np.abs(a).max())), float(speeds.max()), 1e-100)
+        self.viscous = float(np.abs(d).max()) > MARGIN * _FAST * self.unit
+
+    def _coulomb(self, s: Array) -> tuple[Array, Array]:
+        """Least and largest Coulomb friction, shape (N, k)."""
+        v, of_joints = self._rates(s), self._dry(s)
+        moving = np.abs(v) > _STILL * np.abs(v).max(axis=1, keepdims=True)
+        known = np.einsum("imj,ij->im", of_joints, np.sign(v) * moving)
+        either = np.einsum("imj,ij->im", np.abs(of_joints), ~moving)
+        return known - either, known + either
+
+    def at(self, s: Array) -> Parts:
+        """All parts at points of the path."""
+        with np.errstate(divide="ignore"):
+            most = 1 / np.maximum(self._speeds(s).max(axis=1), 0)
+        a, b, c, d = np.moveaxis(self._smooth(s), 1, 0)
+        return Parts(a, b, c, d, *self._coulomb(s), most)
