@@ -25,6 +25,9 @@ from ..motion.trajectories import Trajectory
 from ..reading import Urdf, is_mjcf, read_urdf
 from ..sst.robot import SST
 
+#: Endings of files that describe a robot.
+_ROBOT_FILES = {".urdf", ".sdf", ".xml", ".mjcf", ".usd", ".usda", ".usdc", ".usdz"}
+
 
 class Parser(argparse.ArgumentParser):
     """An argument parser that says what is wrong in one line; the usage is in --help."""
@@ -114,7 +117,8 @@ def robot_of(arguments: argparse.Namespace) -> ClosedChain:
         return SST() if name in (None, "sst") else getattr(robots, name)()
     path = Path(name)
     if not path.suffix and not path.exists():
-        near = "".join(f"; did you mean {x}?" for x in get_close_matches(name, _gallery(), 1))
+        close = get_close_matches(name.lower(), _gallery(), 1)
+        near = "".join(f"; did you mean {x}?" for x in close)
         names = ", ".join(_gallery())
         raise InputError("--robot", f"{name!r} is neither a file nor one of {names}{near}")
     if is_mjcf(path):
@@ -140,12 +144,18 @@ def _gallery() -> list[str]:
 
 
 def misplaced(words: Sequence[str]) -> str:
-    """The end of an error message when one of the arguments is a robot, else nothing."""
-    for word in words:
-        suffix = Path(word).suffix.lower()
-        if suffix in (".urdf", ".xml", ".mjcf") or (word in _gallery() and not Path(word).exists()):
+    """The end of an error message when a robot stands in the place of another argument."""
+    for before, word in zip(["", *words], words, strict=False):
+        if before != "--robot" and names_robot(word):
             return f"; did you mean --robot {word}?"
     return ""
+
+
+def names_robot(word: str) -> bool:
+    """Whether a word is a robot's file or a name of the gallery, and no file of the user's."""
+    return Path(word).suffix.lower() in _ROBOT_FILES or (
+        word in _gallery() and not Path(word).exists()
+    )
 
 
 def source_of(path: Path) -> Path | BinaryIO:

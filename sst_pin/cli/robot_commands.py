@@ -74,7 +74,10 @@ def add_validate(commands: common.Commands) -> None:
     """Every problem of a robot description."""
     text = "List all problems of a URDF or MJCF and of its closures."
     parser = commands.add("validate", _validate, text, robot=False)
-    parser.option("file FILE", "a URDF or an MJCF (.xml, .mjcf)", Path)
+    parser.option(
+        "file FILE", "a URDF, SDF, USD or MJCF; --robot FILE names it too", Path, nargs="?"
+    )
+    parser.option("--robot FILE", argparse.SUPPRESS, Path)
     parser.option(
         "--cuts YAML",
         "of a URDF: closures and motors (default: the YAML with the name of FILE)",
@@ -85,7 +88,12 @@ def add_validate(commands: common.Commands) -> None:
 def _validate(arguments: argparse.Namespace) -> int:
     from ..validation import examine
 
-    problems, summary = examine(arguments.file, arguments.cuts)
+    given = [path for path in (arguments.file, arguments.robot) if path is not None]
+    if len(given) != 1:
+        raise InputError("validate", "give one file of a robot")
+    if common.names_robot(str(given[0])) and not given[0].suffix:
+        raise InputError(str(given[0]), "is a robot of the gallery, which has no file to validate")
+    problems, summary = examine(given[0], arguments.cuts)
     for problem in problems:
         print(problem)
     errors = sum(problem.severity == "error" for problem in problems)
@@ -188,6 +196,8 @@ def _export(arguments: argparse.Namespace) -> None:
     given = [path for path in (arguments.folder, arguments.output) if path is not None]
     if len(given) != 1:
         raise InputError("export-c", f"give one folder{common.misplaced([*map(str, given)])}")
+    if arguments.robot is None and (hint := common.misplaced([str(given[0])])):
+        raise InputError(str(given[0]), f"is a robot, not a folder{hint}")
     try:
         from ..compiled import export
     except ImportError:

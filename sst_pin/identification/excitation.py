@@ -13,7 +13,7 @@ from ..arrays import Array, one_or_each, positive_number, whole_number
 from ..chain.closed_chain import ClosedChain
 from ..chain.named_positions import taken
 from ..errors import InputError, SSTError
-from ..motion.coordinate_motions import coordinate_motion, start_of
+from ..motion.coordinate_motions import coordinate_motion, start_configuration
 from ..motion.moving_robot import require_motion
 from ..motion.trajectories import Trajectory
 from .base_parameters import BaseParameters, random_states
@@ -95,6 +95,9 @@ def excitation(
     Raises:
         InputError: If no motion is possible within the limits, or the limits are not positive.
 
+    Warns:
+        DescriptionWarning: If neither `home` nor `start` chooses the assembly mode.
+
     Example:
         >>> chain = sst_pin.robots.four_bar()
         >>> base = sst_pin.identification.base_parameters(chain)
@@ -112,7 +115,7 @@ def excitation(
     fastest = _limits("rates", rates, model.velocityLimit[mechanism.coordinates])
     effort = np.abs(mechanism.motors).T @ np.minimum(model.effortLimit, np.finfo(float).max / 10)
     strongest = _limits("torques", torques, effort)
-    first = chain.assemble(start_of(chain) if start is None else start)
+    first = start_configuration(chain, {}, start)
     x0 = taken(space, first, chain.coordinates)
     sizes = _sizes(chain, base)
     units = mechanism.rate_scale[mechanism.coordinates]

@@ -147,6 +147,7 @@ def test_info_as_json_says_the_same(capsys):
 
 def test_validate_says_when_it_finds_nothing(capsys):
     code, out, _ = run(capsys, "validate", DELTA)
+    assert run(capsys, "validate", "--robot", DELTA) == (code, out, "")
     assert code == 0
     assert out.startswith("no problems found\n")
 

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from sst_pin import InputError, coordinate_motion, robots
+from sst_pin import ClosedChain, DescriptionWarning, InputError, coordinate_motion, robots
 from sst_pin.identification import base_parameters, condition_number, excitation
 
 CHAIN = robots.five_bar()
@@ -44,6 +44,14 @@ def test_limits_that_nothing_keeps_are_refused():
     for wrong in ({"rates": 0.0}, {"rates": [1, 2, 3]}, {"harmonics": 1}, {"tries": 0}):
         with pytest.raises(InputError):
             excitation(CHAIN, BASE, 3.0, **wrong)
+
+
+def test_a_start_that_nobody_chose_is_told():
+    chain = ClosedChain(CHAIN.model, CHAIN.closures, CHAIN.motor_names)
+    del chain.model.referenceConfigurations["home"]
+    chain.refresh()
+    with pytest.warns(DescriptionWarning, match="no configuration is named home"):
+        excitation(chain, BASE, 3.0, tries=1, harmonics=2)
 
 
 @pytest.mark.slow
