@@ -3,18 +3,20 @@
 
 from __future__ import annotations
 
+import itertools
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Mapping, Sequence
+from xml.etree.ElementTree import SubElement
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Array
 from .colours import COLOURS, PART_COLOURS
-from .frames import LegBody, base_orientations, leg_bodies, star_orientations
-from .parameters import Parameters
+from .frames import base_orientations, leg_bodies, star_orientations
+from .parameters import Parameters, RigidBody
 from .parts import parts_of
-from .solids import Ball, Box, Cylinder, Solid, axes_along, primitives
+from .solids import Ball, Box, Primitive, Solid, axes_along
 
 #: The paper limits no joint; a bounded joint keeps nq == nv (a continuous one has two coordinates).
 _LIMIT = {
@@ -38,20 +40,27 @@ def urdf_of(p: Parameters) -> str:
     robot = ET.Element("robot", name="sst")
     robot.append(ET.Comment(_HEADER))
     # MuJoCo reads this block, the other tools ignore it.
-    compiler = ET.SubElement(ET.SubElement(robot, "mujoco"), "compiler")
+    compiler = SubElement(SubElement(robot, "mujoco"), "compiler")
     compiler.attrib.update(strippath="false", discardvisual="false")
     # Tools fix a root with this name to the ground. It has no inertial: with one, KDL would warn.
-    ET.SubElement(robot, "link", name="world")
+    SubElement(robot, "link", name="world")
     base = _frame(robot, "base", "world")
     parts, R_0, R_E = parts_of(p), base_orientations(p), star_orientations(p)
     _add_shapes(base, parts)
     for k, leg in enumerate(leg_bodies(p)):
         robot.append(ET.Comment(f" leg {k + 1} "))
         for each in leg:
-            _joint(robot, each, R_0[k] if each.parent == "base" else None)
-            element = ET.SubElement(robot, "link", name=each.name)
-            _inertial(element, each.body.mass, each.body.center_of_mass, each.body.inertia)
-            _add_shapes(element, parts)
+            joint = SubElement(robot, "joint", name=each.joint, type="revolute")
+            _origin(joint, R=R_0[k] if each.parent == "base" else None)
+            SubElement(joint, "parent", link=each.parent)
+            SubElement(joint, "child", link=each.name)
+            SubElement(joint, "axis", xyz=each.axis)
+            SubElement(joint, "limit", _LIMIT)
+            damping, dry = (numbers([x]) for x in each.friction)
+            SubElement(joint, "dynamics", damping=damping, friction=dry)
+            link = SubElement(robot, "link", name=each.name)
+            _inertial(link, each.body)
+            _add_shapes(link, parts)
     robot.append(ET.Comment(" frames of the cuts: {E} as each arc of the star sees it "))
     for loop, k in ((1, 1), (2, 2)):
         _frame(robot, f"closedloop{loop}_A", "star_1", R=R_E[0])
@@ -69,6 +78,11 @@ def numbers(values: Iterable[float]) -> str:
     return " ".join(repr(float(x) + 0.0) for x in values)
 
 
+def rounded(values: ArrayLike) -> str:
+    """Numbers from which nothing is computed: six digits do."""
+    return numbers(np.round(np.atleast_1d(values), 6))
+
+
 def _rpy(R: Array) -> Array:
     """Roll, pitch, yaw of URDF; exact at pitch = +-90 degrees too, where {03} of the paper lies."""
     yaw = np.arctan2(R[1, 0], R[0, 0])
@@ -81,37 +95,38 @@ def _rpy(R: Array) -> Array:
 
 def _origin(parent: ET.Element, xyz: Iterable[float] = (0, 0, 0), R: Array | None = None) -> None:
     rpy = np.zeros(3) if R is None else _rpy(R)
-    ET.SubElement(parent, "origin", xyz=numbers(xyz), rpy=numbers(rpy))
+    SubElement(parent, "origin", xyz=numbers(xyz), rpy=numbers(rpy))
 
 
-def _inertial(link: ET.Element, mass: float, xyz: Array, inertia: Array) -> None:
-    inertial = ET.SubElement(link, "inertial")
-    _origin(inertial, xyz)
-    ET.SubElement(inertial, "mass", value=numbers([mass]))
+def _inertial(link: ET.Element, body: RigidBody) -> None:
+    inertial = SubElement(link, "inertial")
+    _origin(inertial, body.center_of_mass)
+    SubElement(inertial, "mass", value=numbers([body.mass]))
     entries = {
-        f"i{'xyz'[i]}{'xyz'[j]}": numbers([inertia[i, j]]) for i in range(3) for j in range(i, 3)
+        f"i{'xyz'[i]}{'xyz'[j]}": numbers([body.inertia[i, j]])
+        for i, j in itertools.combinations_with_replacement(range(3), 2)
     }
-    ET.SubElement(inertial, "inertia", entries)
+    SubElement(inertial, "inertia", entries)
 
 
 def _add_shapes(link: ET.Element, parts: Mapping[str, Sequence[Solid]]) -> None:
     """Meshes for the eye, by name and colour, and the same solids as primitives for collisions."""
     colours = PART_COLOURS[link.get("name", "")]
     for name, colour in colours.items():
-        visual = ET.SubElement(link, "visual")
+        visual = SubElement(link, "visual")
         _origin(visual)
         # OBJ: Pinocchio, MuJoCo, PyBullet, yourdfpy and Drake read it. Drake reads no STL; for
         # urdf-loaders, which needs a callback for OBJ, the same mesh lies beside it as STL.
         filename = f"meshes/{name}.obj"
-        ET.SubElement(ET.SubElement(visual, "geometry"), "mesh", filename=filename)
-        material = ET.SubElement(visual, "material", name=colour)
-        ET.SubElement(material, "color", rgba=COLOURS[colour])
+        SubElement(SubElement(visual, "geometry"), "mesh", filename=filename)
+        material = SubElement(visual, "material", name=colour)
+        SubElement(material, "color", rgba=COLOURS[colour])
     for solid in (s for name in colours for s in parts[name]):
-        for primitive in primitives(solid):
+        for primitive in solid.primitives():
             _collision(link, primitive)
 
 
-def _collision(link: ET.Element, primitive: Box | Cylinder | Ball) -> None:
+def _collision(link: ET.Element, primitive: Primitive) -> None:
     sizes: dict[str, ArrayLike]
     if isinstance(primitive, Ball):
         kind, center, R = "sphere", primitive.center, np.eye(3)
@@ -123,23 +138,11 @@ def _collision(link: ET.Element, primitive: Box | Cylinder | Ball) -> None:
         axis = primitive.end - primitive.start
         kind, center, R = "cylinder", (primitive.start + primitive.end) / 2, axes_along(axis)
         sizes = {"radius": primitive.radius, "length": np.linalg.norm(axis)}
-    collision = ET.SubElement(link, "collision")
-    # Nothing is computed from these: six digits do. A zero must not be -1e-17: that is -pi.
-    rpy = _rpy(R.round(12) + 0.0).round(6)
-    ET.SubElement(collision, "origin", xyz=numbers(center.round(6)), rpy=numbers(rpy))
-    rounded = {name: numbers(np.atleast_1d(size).round(6)) for name, size in sizes.items()}
-    ET.SubElement(ET.SubElement(collision, "geometry"), kind, rounded)
-
-
-def _joint(robot: ET.Element, given: LegBody, R: Array | None) -> None:
-    joint = ET.SubElement(robot, "joint", name=given.joint, type="revolute")
-    _origin(joint, R=R)
-    ET.SubElement(joint, "parent", link=given.parent)
-    ET.SubElement(joint, "child", link=given.name)
-    ET.SubElement(joint, "axis", xyz=given.axis)
-    ET.SubElement(joint, "limit", _LIMIT)
-    damping, dry = (numbers([x]) for x in given.friction)
-    ET.SubElement(joint, "dynamics", damping=damping, friction=dry)
+    collision = SubElement(link, "collision")
+    rpy = _rpy(R.round(12) + 0.0)  # a zero must not be -1e-17: that is -pi
+    SubElement(collision, "origin", xyz=rounded(center), rpy=rounded(rpy))
+    attributes = {name: rounded(size) for name, size in sizes.items()}
+    SubElement(SubElement(collision, "geometry"), kind, attributes)
 
 
 def _frame(
@@ -150,10 +153,10 @@ def _frame(
     R: Array | None = None,
 ) -> ET.Element:
     """A fixed link with an explicit zero inertial, the one form no tool gives a mass of its own."""
-    link = ET.SubElement(robot, "link", name=name)
-    _inertial(link, 0.0, np.zeros(3), np.zeros((3, 3)))
-    joint = ET.SubElement(robot, "joint", name=f"{name}_fixed", type="fixed")
+    link = SubElement(robot, "link", name=name)
+    _inertial(link, RigidBody(0.0, np.zeros(3), np.zeros((3, 3))))
+    joint = SubElement(robot, "joint", name=f"{name}_fixed", type="fixed")
     _origin(joint, xyz, R)
-    ET.SubElement(joint, "parent", link=parent)
-    ET.SubElement(joint, "child", link=name)
+    SubElement(joint, "parent", link=parent)
+    SubElement(joint, "child", link=name)
     return link
