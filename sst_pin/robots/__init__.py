@@ -5,14 +5,12 @@ import json
 from pathlib import Path
 from typing import Any
 
-from .bennett import bennett
-from .delta import delta
 from .excavator import excavator
 from .gallery_robot import GalleryRobot
 from .legs import ankle, knee, leg
+from .overconstrained import agile_eye, agile_wrist, bennett
 from .planar import five_bar, four_bar, planar_3rrr, planar_4rrr
-from .platforms import hexaglide, stewart, ups_pu
-from .spherical import agile_eye, agile_wrist
+from .platforms import delta, hexaglide, stewart, ups_pu
 from .stacks import ladder, scissor_lift
 from .standard_problems import andrews, bricard, governor, n_four_bar, slider_crank
 

@@ -13,28 +13,19 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Array
 from ..chain.closures import Closure, Constraint
+from .placements import HERE, shift
 
-#: From a plane of motion, x to the right and y up, to the base, where z points up.
-UPRIGHT = pin.SE3(np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]), np.zeros(3))
 _GREY, _ORANGE = np.array([0.55, 0.6, 0.65, 1.0]), np.array([0.95, 0.55, 0.15, 1.0])
 #: Pins and balls of joints; those of motors; what stands on the ground.
 _STEEL, _MOTOR, _GROUND = (
     np.array([*rgb, 1.0]) for rgb in ((0.25, 0.28, 0.32), (0.1, 0.45, 0.7), (0.4, 0.36, 0.32))
 )
-
-
 #: Kinds of closures that are drawn as balls.
 _BALLS = ("3d", "universal")
 
 
 class Solid(NamedTuple):
-    """A homogeneous solid on a body.
-
-    Attributes:
-        inertia: In the axes of the shape, about its centre.
-        shape: Centred at its placement.
-        at: Placement in the frame of the body's joint.
-    """
+    """A homogeneous solid, its inertia and its shape about its centre, placed on a body."""
 
     inertia: pin.Inertia
     shape: coal.ShapeBase
@@ -48,16 +39,20 @@ def rods(mass: float, points: ArrayLike, radius: float) -> list[Solid]:
     lengths = np.linalg.norm(steps, axis=1)
     solids = []
     for start, step, length in zip(points, steps, lengths, strict=False):
-        turn = _z_along(step)
         inertia = pin.Inertia.FromCylinder(mass * length / lengths.sum(), radius, length)
-        shape = coal.Cylinder(radius, length)
-        solids.append(Solid(inertia, shape, pin.SE3(turn, start + step / 2)))
+        at = pin.SE3(_z_along(step), start + step / 2)
+        solids.append(Solid(inertia, coal.Cylinder(radius, length), at))
     return solids
 
 
 def rod(mass: float, end: ArrayLike, radius: float) -> list[Solid]:
     """A round rod from the origin to a point."""
     return rods(mass, np.stack([np.zeros(3), end]), radius)
+
+
+def bar(mass: float, length: float, radius: float) -> list[Solid]:
+    """A round rod from the origin along x."""
+    return rod(mass, (length, 0, 0), radius)
 
 
 def star(mass: float, points: Sequence[Array], radius: float) -> list[Solid]:
@@ -84,7 +79,7 @@ def box(mass: float, size: ArrayLike, centre: ArrayLike = (0, 0, 0)) -> list[Sol
 def disc(mass: float, radius: float, thickness: float) -> list[Solid]:
     """A round plate about the z axis, its centre at the origin; [kg], [m], [m]."""
     inertia = pin.Inertia.FromCylinder(mass, radius, thickness)
-    return [Solid(inertia, coal.Cylinder(radius, thickness), pin.SE3.Identity())]
+    return [Solid(inertia, coal.Cylinder(radius, thickness), HERE)]
 
 
 class Tree:
@@ -100,20 +95,24 @@ class Tree:
         kind: pin.JointModel,
         solids: Sequence[Solid],
         parent: str = "universe",
-        at: pin.SE3 | None = None,
+        at: pin.SE3 = HERE,
     ) -> None:
         """Add a joint and the body that it moves.
 
-        `parent` is the joint whose body bears it, "universe" for the base; `at` its placement
-        there, at the parent's joint by default.
+        `parent` is the joint whose body bears it, "universe" for the base; `at` its placement.
         """
-        at = pin.SE3.Identity() if at is None else at
         joint = self.model.addJoint(self.model.getJointId(parent), kind, at, name)
         for i, solid in enumerate(solids):
             self.model.appendBodyToJoint(joint, solid.inertia, solid.at)
             shape = pin.GeometryObject(f"{name}_{i}", joint, solid.at, solid.shape)
             shape.meshColor = _GREY
             self.visual_model.addGeometryObject(shape)
+
+    def hinge(
+        self, name: str, solids: Sequence[Solid], parent: str = "universe", at: pin.SE3 = HERE
+    ) -> None:
+        """Add a joint that turns about z, and its body."""
+        self.joint(name, pin.JointModelRZ(), solids, parent, at)
 
     def frame(self, name: str, body: str, at: ArrayLike | pin.SE3) -> None:
         """Add a frame on the body of a joint, "universe" for the base.
@@ -153,7 +152,7 @@ def joint_shapes(
         joint.calc(data, home)
         S = np.reshape(data.S, (6, joint.nv))
         turns = np.linalg.norm(S[3:], axis=0) > 0
-        origin = pin.SE3.Identity()
+        origin = HERE
         if joint.nv == 1 and turns[0]:
             origin = shift(_nearest_on_axis(S[3:, 0], shapes, number))
             add(name, number, origin * pin.SE3(_z_along(S[3:, 0]), np.zeros(3)), _pin(r), colour)
@@ -206,27 +205,3 @@ def _nearest_on_axis(axis: Array, shapes: pin.GeometryModel, joint: int) -> Arra
 
 def _z_along(axis: Array) -> Array:
     return pin.Quaternion.FromTwoVectors(np.array([0.0, 0, 1]), axis).matrix()
-
-
-def shift(origin: ArrayLike) -> pin.SE3:
-    """A placement that does not turn; shape (2,) or (3,), [m]."""
-    x, y, *z = np.asarray(origin, dtype=float)
-    return pin.SE3(np.eye(3), np.array([x, y, *(z or [0.0])]))
-
-
-def planar(x: float, y: float, angle: float) -> pin.SE3:
-    """A placement in the plane of x and y; [m], [m], [rad]."""
-    return pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, angle), np.array([x, y, 0.0]))
-
-
-def turned_x(angle: float) -> pin.SE3:
-    """A turn about x, [rad]."""
-    return pin.SE3(pin.rpy.rpyToMatrix(angle, 0.0, 0.0), np.zeros(3))
-
-
-def circle(radius: float, angles: ArrayLike, height: float = 0.0) -> Array:
-    """Points on a circle about z, shape (n, 3); [m], [rad]."""
-    angles = np.asarray(angles, dtype=float)
-    return np.stack(
-        [radius * np.cos(angles), radius * np.sin(angles), np.full(len(angles), height)], axis=1
-    )

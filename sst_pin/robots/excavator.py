@@ -11,30 +11,25 @@ import pinocchio as pin
 
 from ..arrays import in_one_turn
 from ..chain.closures import Closure
-from .angles import angle_about_z, direction, two_link
-from .building_blocks import UPRIGHT, Tree, box, planar, rod, rods, shift
+from .building_blocks import Tree, bar, box, rods
 from .gallery_robot import GalleryRobot, Joints, of_dimensions
+from .placements import HERE, UPRIGHT, angle_about_z, direction, planar, shift, two_link
 
-_RZ = pin.JointModelRZ
+#: In a plane, [m].
+_Point = tuple[float, float]
 
 
 class _Cylinder(NamedTuple):
-    """A hydraulic cylinder.
-
-    Attributes:
-        name: Name of what it moves.
-        carrier: Body that carries the barrel.
-        foot: Foot of the barrel on this body, shape (2,), [m].
-        moved: Body that the rod's eye is pinned to.
-        eye: On that body, shape (2,), [m].
-        retracted: Length from foot to eye at no stroke, [m].
-    """
+    """A hydraulic cylinder between two bodies, named after what it moves."""
 
     name: str
+    #: Body that carries the barrel, and its foot there.
     carrier: str
-    foot: tuple[float, float]
+    foot: _Point
+    #: Body that the rod is pinned to, and its eye there.
     moved: str
-    eye: tuple[float, float]
+    eye: _Point
+    #: Length from foot to eye at no stroke, [m].
     retracted: float
 
 
@@ -58,7 +53,7 @@ def excavator(
     The boom's and the arm's cylinder make triangles, the bucket's a triangle and a four-bar: four
     loops in the arm's plane. The platform is the tip of the bucket, x along the bucket, z normal to
     the arm's plane. Where cylinders attach does not change with the lengths. The layout is that of
-    every backhoe; dimensions and masses are chosen here, those of a machine of three tonnes.
+    every backhoe; dimensions and masses are those of a machine of three tonnes.
 
     Args:
         boom: Between its pins, [m].
@@ -75,8 +70,7 @@ def excavator(
 
     Example:
         >>> chain = sst_pin.robots.excavator()
-        >>> zero = np.zeros(chain.degrees_of_freedom)
-        >>> chain.compute_torques(chain.home, zero, zero).round(2)
+        >>> chain.compute_torques(chain.home, [0] * 4, [0] * 4).round(2)
         array([    0.  , 17590.55, -1772.63,   849.25])
     """
     foot, pivot, bucket_pin = (0.3, 0.5), (arm - 0.3, 0.0), (0.08, 0.25)
@@ -87,7 +81,7 @@ def excavator(
     )
     tree = Tree("excavator")
     house = box(swing_mass, (1.2, 1.0, 0.6), (-0.2, 0, 0.3))
-    tree.joint("swing", _RZ(), house)
+    tree.hinge("swing", house)
     carrier = "universe"
     for name, parent, at, mass, length, radius in (
         ("boom", "swing", UPRIGHT * shift(foot), boom_mass, boom, 0.1),
@@ -99,51 +93,42 @@ def excavator(
         if parent != carrier:  # depth first: the cylinders of a body before the bodies it carries
             carrier = parent
             _add_cylinders(tree, [c for c in cylinders if c.carrier == carrier], cylinder_mass)
-        tree.joint(name, _RZ(), rod(mass, (length, 0, 0), radius), parent, at)
+        tree.hinge(name, bar(mass, length, radius), parent, at)
     for c in cylinders:
-        tree.frame(f"{c.name}_lug", c.moved, (*c.eye, 0))
-    tree.platform("bucket", (bucket, 0, 0))
-    tree.frame("end_of_link", "link", (link, 0, 0))
-    tree.frame("pin_of_bucket", "bucket", (*bucket_pin, 0))
-
+        tree.frame(f"{c.name}_lug", c.moved, c.eye)
+    tree.platform("bucket", (bucket, 0))
+    tree.frame("end_of_link", "link", (link, 0))
+    tree.frame("pin_of_bucket", "bucket", bucket_pin)
     closures = [Closure(f"{c.name}_lug", f"{c.name}_eye", "3d") for c in cylinders]
     closures += [Closure("pin_of_bucket", "end_of_link", "3d")]
     home = UPRIGHT * shift(foot)
     for angle, length in zip((0.5, -1.7, -1.0), (boom, arm, bucket), strict=True):
         home = home * planar(0, 0, angle) * shift((length, 0))
-    joints = partial(
-        _excavator_joints,
-        foot=foot,
-        lengths=(boom, arm, bucket),
-        pivot=pivot,
-        bucket_pin=bucket_pin,
-        bars=(rocker, link),
-        cylinders=cylinders,
-    )
-    return GalleryRobot(
-        tree, closures, ["swing", *(f"{c.name}_stroke" for c in cylinders)], joints, home
-    )
+    lengths, bars = (boom, arm, bucket), (rocker, link)
+    joints = partial(_excavator_joints, foot, lengths, pivot, bucket_pin, bars, cylinders)
+    motors = ["swing", *(f"{c.name}_stroke" for c in cylinders)]
+    return GalleryRobot(tree, closures, motors, joints, home)
 
 
 def _add_cylinders(tree: Tree, cylinders: list[_Cylinder], mass: float) -> None:
     for c in cylinders:
-        upright = UPRIGHT if c.carrier == "swing" else pin.SE3.Identity()
-        barrel = rod(mass, (0.9 * c.retracted, 0, 0), 0.045)
+        upright = UPRIGHT if c.carrier == "swing" else HERE
+        barrel = bar(mass, 0.9 * c.retracted, 0.045)
         piston = rods(mass / 2, [(-0.9 * c.retracted, 0, 0), (0, 0, 0)], 0.025)
-        tree.joint(f"{c.name}_barrel", _RZ(), barrel, c.carrier, upright * shift(c.foot))
+        tree.hinge(f"{c.name}_barrel", barrel, c.carrier, upright * shift(c.foot))
         at = shift((c.retracted, 0))
         tree.joint(f"{c.name}_stroke", pin.JointModelPX(), piston, f"{c.name}_barrel", at)
-        tree.frame(f"{c.name}_eye", f"{c.name}_stroke", (0, 0, 0))
+        tree.frame(f"{c.name}_eye", f"{c.name}_stroke", (0, 0))
 
 
 def _excavator_joints(
-    pose: pin.SE3,
-    foot: tuple[float, float],
+    foot: _Point,
     lengths: tuple[float, float, float],
-    pivot: tuple[float, float],
-    bucket_pin: tuple[float, float],
+    pivot: _Point,
+    bucket_pin: _Point,
     bars: tuple[float, float],
     cylinders: tuple[_Cylinder, ...],
+    pose: pin.SE3,
 ) -> Joints:
     swing = direction(pose.translation)
     local = (planar(0, 0, swing) * UPRIGHT * shift(foot)).actInv(pose)

@@ -10,11 +10,9 @@ import pinocchio as pin
 
 from ..arrays import in_one_turn, whole_number
 from ..chain.closures import Closure
-from .angles import two_link
-from .building_blocks import UPRIGHT, Tree, box, planar, rod, shift
+from .building_blocks import Tree, bar, box
 from .gallery_robot import GalleryRobot, Joints, of_dimensions
-
-_RZ = pin.JointModelRZ
+from .placements import HERE, UPRIGHT, planar, shift, two_link
 
 
 @of_dimensions
@@ -30,8 +28,8 @@ def scissor_lift(
     """A scissor lift of crossed arms, driven by the slider at its foot; x to the right, z up.
 
     The left foot is hinged to the base, the right one slides along x; so do the corners of the
-    platform. The platform's frame is in its left corner. Dimensions and masses are chosen here.
-    Each crossing closes a loop, whose plane makes one of its three equations redundant.
+    platform. The platform's frame is in its left corner. Each crossing closes a loop, whose plane
+    makes one of its three equations redundant.
 
     Args:
         cells: Pairs of arms, one or more.
@@ -46,8 +44,7 @@ def scissor_lift(
 
     Example:
         >>> chain = sst_pin.robots.scissor_lift()
-        >>> zero = np.zeros(chain.degrees_of_freedom)
-        >>> chain.compute_torques(chain.home, zero, zero).round(2)
+        >>> chain.compute_torques(chain.home, [0], [0]).round(2)
         array([-2154.85])
     """
     cells = whole_number("cells", cells, 1)
@@ -58,29 +55,27 @@ def scissor_lift(
         parent, at = "universe", UPRIGHT
         if order == "ba":
             tree.joint("slider", pin.JointModelPX(), foot, at=UPRIGHT)
-            parent, at = "slider", pin.SE3.Identity()
+            parent, at = "slider", HERE
         for k in range(1, cells + 1):
             name = f"{order[(k - 1) % 2]}_{k}"
-            tree.joint(name, _RZ(), rod(arm_mass, (arm, 0, 0), radius), parent, at)
-            tree.frame(f"middle_of_{name}", name, (arm / 2, 0, 0))
+            tree.hinge(name, bar(arm_mass, arm, radius), parent, at)
+            tree.frame(f"middle_of_{name}", name, (arm / 2, 0))
             parent, at = name, tip
         if parent.startswith("b"):
             plate = box(platform_mass, (arm, 2 * radius, arm / 2), (arm / 2, radius, 0))
-            tree.joint("platform_hinge", _RZ(), plate, parent, tip)
+            tree.hinge("platform_hinge", plate, parent, tip)
             tree.platform("platform_hinge")
             tree.joint("platform_slider", pin.JointModelPX(), foot, "platform_hinge")
-            tree.frame("corner", "platform_slider", (0, 0, 0))
+            tree.frame("corner", "platform_slider", (0, 0))
         else:
             tree.frame("tip", parent, tip)
-    crossings = [Closure(f"middle_of_a_{k}", f"middle_of_b_{k}", "3d") for k in range(1, cells + 1)]
-    joints = partial(_scissor_lift_joints, cells=cells, arm=arm)
+    closures = [Closure(f"middle_of_a_{k}", f"middle_of_b_{k}", "3d") for k in range(1, cells + 1)]
+    closures += [Closure("corner", "tip", "3d")]
     home = UPRIGHT * shift((0, cells * arm * np.sin(0.5)))
-    return GalleryRobot(
-        tree, [*crossings, Closure("corner", "tip", "3d")], ["slider"], joints, home
-    )
+    return GalleryRobot(tree, closures, ["slider"], partial(_lift_joints, cells, arm), home)
 
 
-def _scissor_lift_joints(pose: pin.SE3, cells: int, arm: float) -> Joints:
+def _lift_joints(cells: int, arm: float, pose: pin.SE3) -> Joints:
     rise = np.arcsin(UPRIGHT.actInv(pose).translation[1] / (cells * arm))
     fold = np.pi - 2 * rise
     joints = {"slider": arm * np.cos(rise), "platform_slider": arm * np.cos(rise)}
@@ -103,7 +98,7 @@ def ladder(
 
     The loops share no joints, and there can be any number of them. The platform is the top rung,
     which does not turn; its frame lies at the left. For a place of the platform, the cells of the
-    lower half lean alike, and those of the upper half. Dimensions and masses are chosen here.
+    lower half lean alike, and those of the upper half.
 
     Args:
         cells: Parallelograms, two or more, each with a motor at its left rail.
@@ -117,34 +112,32 @@ def ladder(
 
     Example:
         >>> chain = sst_pin.robots.ladder()
-        >>> zero = np.zeros(chain.degrees_of_freedom)
-        >>> chain.compute_torques(chain.home, zero, zero).round(2)
+        >>> chain.compute_torques(chain.home, [0] * 4, [0] * 4).round(2)
         array([-2.92, -2.11,  1.91,  0.74])
     """
     cells = whole_number("cells", cells, 2)
     tree = Tree("ladder")
-    bar_of_rail = rod(linear_density * rail, (rail, 0, 0), radius)
-    bar_of_rung = rod(linear_density * rung, (rung, 0, 0), radius)
+    rails, rungs = (bar(linear_density * length, length, radius) for length in (rail, rung))
     parent, at = "universe", UPRIGHT
     for k in range(1, cells + 1):
-        tree.joint(f"right_{k}", _RZ(), bar_of_rail, parent, at * shift((rung, 0)))
-        tree.joint(f"left_{k}", _RZ(), bar_of_rail, parent, at)
-        tree.joint(f"rung_{k}", _RZ(), bar_of_rung, f"left_{k}", shift((rail, 0)))
-        tree.frame(f"end_of_right_{k}", f"right_{k}", (rail, 0, 0))
-        tree.frame(f"end_of_rung_{k}", f"rung_{k}", (rung, 0, 0))
-        parent, at = f"rung_{k}", pin.SE3.Identity()
+        tree.hinge(f"right_{k}", rails, parent, at * shift((rung, 0)))
+        tree.hinge(f"left_{k}", rails, parent, at)
+        tree.hinge(f"rung_{k}", rungs, f"left_{k}", shift((rail, 0)))
+        tree.frame(f"end_of_right_{k}", f"right_{k}", (rail, 0))
+        tree.frame(f"end_of_rung_{k}", f"rung_{k}", (rung, 0))
+        parent, at = f"rung_{k}", HERE
     tree.platform(parent)
     steps = range(1, cells + 1)
     closures = [Closure(f"end_of_rung_{k}", f"end_of_right_{k}", "3d") for k in steps]
     lengths = (cells - cells // 2) * rail, cells // 2 * rail
     tip = planar(0, 0, np.radians(110)) * shift((lengths[0], 0))
     tip = tip * planar(0, 0, np.radians(-50)) * shift((lengths[1], 0))
-    joints = partial(_ladder_joints, cells=cells, lengths=lengths)
+    joints = partial(_ladder_joints, cells, lengths)
     home = UPRIGHT * shift(tip.translation)
     return GalleryRobot(tree, closures, [f"left_{k}" for k in steps], joints, home)
 
 
-def _ladder_joints(pose: pin.SE3, cells: int, lengths: tuple[float, float]) -> Joints:
+def _ladder_joints(cells: int, lengths: tuple[float, float], pose: pin.SE3) -> Joints:
     lower, bend = two_link(UPRIGHT.actInv(pose).translation, *lengths, -1)
     joints: Joints = {}
     for k in range(1, cells + 1):

@@ -1,16 +1,47 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Inverse kinematics in closed form: what the legs of the gallery share.
-
-Out of reach, the functions answer NaN.
-"""
+"""Placements, and angles of inverse kinematics in closed form, which are NaN out of reach."""
 
 from __future__ import annotations
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
+from pinocchio.rpy import rpyToMatrix
 
 from ..arrays import Array, in_one_turn
+
+#: At the joint of the parent, and along its axes.
+HERE = pin.SE3.Identity()
+#: From a plane of motion, x to the right and y up, to the base, where z points up.
+UPRIGHT = pin.SE3(np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]), np.zeros(3))
+
+
+def shift(origin: ArrayLike) -> pin.SE3:
+    """A placement that does not turn; shape (2,) or (3,), [m]."""
+    x, y, *z = np.asarray(origin, dtype=float)
+    return pin.SE3(np.eye(3), np.array([x, y, *(z or [0.0])]))
+
+
+def planar(x: float, y: float, angle: float) -> pin.SE3:
+    """A placement in the plane of x and y; [m], [m], [rad]."""
+    return pin.SE3(rpyToMatrix(0.0, 0.0, angle), np.array([x, y, 0.0]))
+
+
+def turned_x(angle: float) -> pin.SE3:
+    """A turn about x, [rad]."""
+    return pin.SE3(rpyToMatrix(angle, 0.0, 0.0), np.zeros(3))
+
+
+def of_two_turns(x: float, y: float) -> Array:
+    """Orientation by turns about x and then the moved y, shape (3, 3)."""
+    R: Array = rpyToMatrix(x, 0.0, 0.0) @ rpyToMatrix(0.0, y, 0.0)
+    return R
+
+
+def circle(radius: float, angles: ArrayLike) -> Array:
+    """Points on a circle about z, shape (n, 3); [m], [rad]."""
+    angles = np.asarray(angles, dtype=float)
+    return radius * np.stack([np.cos(angles), np.sin(angles), np.zeros_like(angles)], axis=1)
 
 
 def direction(vector: ArrayLike) -> float:
@@ -21,7 +52,7 @@ def direction(vector: ArrayLike) -> float:
 
 def angle_about_z(R: Array) -> float:
     """Angle of a turn about z, [rad]; shape (3, 3)."""
-    return float(np.arctan2(R[1, 0], R[0, 0]))
+    return direction(R[:, 0])
 
 
 def two_link(target: ArrayLike, first: float, second: float, elbow: int) -> tuple[float, float]:
@@ -42,9 +73,3 @@ def universal(vector: ArrayLike) -> tuple[float, float]:
     """Turns about x and then y that bring the z axis to a direction; shape (3,)."""
     x, y, z = np.asarray(vector, dtype=float)
     return float(np.arctan2(-y, z)), float(np.arctan2(x, np.hypot(y, z)))
-
-
-def of_two_turns(x: float, y: float) -> Array:
-    """Orientation by turns about x and then the moved y, shape (3, 3)."""
-    R: Array = pin.rpy.rpyToMatrix(x, 0.0, 0.0) @ pin.rpy.rpyToMatrix(0.0, y, 0.0)
-    return R
