@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Motions of the star: the paper's angles and its circle, and motions through samples."""
+"""Motions of the star: the paper's angles and its circle, through samples; poses with a name."""
 
 from __future__ import annotations
 
@@ -11,9 +11,11 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Array, empty, finite_array, whole_number
 from ..chain.joint_space import without_sign_changes
-from ..errors import InputError
+from ..description import base_orientations, star_orientations
+from ..description.parameters import Parameters
+from ..errors import InputError, SingularConfigurationError
 from ..motion.samples import sample_times, spline, times_within
-from .kinematics import require_rotation
+from . import kinematics
 
 
 class PlatformMotion(NamedTuple):
@@ -78,7 +80,13 @@ def orientation_motion(
         >>> omega.round(3)  # theta turns about z_0
         array([0., 0., 1.])
     """
-    angles = (*_with_rates("theta", theta), *_with_rates("phi", phi), *_with_rates("psi", psi))
+    angles = []
+    for name, value in (("theta", theta), ("phi", phi), ("psi", psi)):
+        try:
+            angle, rate, acceleration = value
+        except (TypeError, ValueError):
+            raise InputError(name, "not an angle, its rate and its acceleration") from None
+        angles += [finite_array(name, part, ()) for part in (angle, rate, acceleration)]
     try:
         values = np.broadcast_arrays(*angles)
     except ValueError:
@@ -95,19 +103,10 @@ def orientation_motion(
     R = np.stack([s_axis, c * y + d * n, c * n - d * y], -1)
     turn_z, turn_n, turn_s = t_1[..., None] * z, -p_1[..., None] * n, s_1[..., None] * s_axis
     omega = turn_z + turn_n + turn_s
-    alpha = (
-        t_2[..., None] * z - p_2[..., None] * n + s_2[..., None] * s_axis
-    )  # and the axes turn with those before them
+    alpha = t_2[..., None] * z - p_2[..., None] * n + s_2[..., None] * s_axis
+    # The axes turn with those before them.
     alpha = alpha + np.cross(turn_z, turn_n) + np.cross(turn_z + turn_n, turn_s)
     return PlatformMotion(R, omega, alpha)
-
-
-def _with_rates(name: str, value: Sequence[ArrayLike]) -> list[Array]:
-    try:
-        angle, rate, acceleration = value
-    except (TypeError, ValueError):
-        raise InputError(name, "not an angle, its rate and its acceleration") from None
-    return [finite_array(name, part, ()) for part in (angle, rate, acceleration)]
 
 
 def paper_circle(t: ArrayLike) -> PlatformMotion:
@@ -152,10 +151,7 @@ def interpolate_orientations(t: ArrayLike, R: ArrayLike, at: ArrayLike) -> Platf
     Args:
         t: Sample times, increasing, shape (N,), N >= 3, [s].
         R: {E} in the base at these times, shape (N, 3, 3).
-        at: Times of the output, within the samples, shape (M,).
-
-    Returns:
-        Orientation, angular velocity and acceleration.
+        at: Times of the output, within the samples, shape (M,), [s].
 
     Raises:
         InputError: For matrices that are not rotations, for times outside the samples, or if two
@@ -173,7 +169,7 @@ def interpolate_orientations(t: ArrayLike, R: ArrayLike, at: ArrayLike) -> Platf
     wanted, matrices = times_within("at", at, times), finite_array("R", R, (3, 3))
     if matrices.shape[:-2] != times.shape:
         raise InputError("R", f"shape {matrices.shape}, expected {(len(times), 3, 3)}")
-    require_rotation(matrices)
+    kinematics.require_rotation(matrices)
     samples = Rotation.from_matrix(matrices)
     steps = (samples[:-1].inv() * samples[1:]).magnitude()
     if steps.max() > np.pi / 2:
@@ -222,7 +218,7 @@ def orientation_path(R: ArrayLike, count: int = 201) -> Array:
     matrices, samples = finite_array("R", R, (3, 3)), whole_number("count", count, 2)
     if matrices.ndim != 3 or len(matrices) < 2:
         raise InputError("R", f"shape {matrices.shape}, expected (N, 3, 3) with N >= 2")
-    require_rotation(matrices)
+    kinematics.require_rotation(matrices)
     given = Rotation.from_matrix(matrices)
     steps = (given[:-1].inv() * given[1:]).magnitude()
     for i, step in enumerate(steps):
@@ -238,3 +234,22 @@ def _times(p: Array, q: Array) -> Array:
     u, v, a, b = p[..., :3], q[..., :3], p[..., 3:], q[..., 3:]
     scalar = a * b - (u * v).sum(axis=-1, keepdims=True)
     return np.concatenate([a * v + b * u + np.cross(u, v), scalar], axis=-1)
+
+
+def configurations_of(parameters: Parameters) -> dict[str, Array]:
+    """Joint coordinates, shape (9,), of the poses that every description offers, by name.
+
+    `home` is the pose of `SST.home`, `circle_start` the first one of the paper's circle; one in
+    which a leg would lie flat on its arc is left out.
+    """
+    R_0, R_E = base_orientations(parameters), star_orientations(parameters)
+    geometry, found = kinematics.Geometry(R_0, R_E), {}
+    poses = {"home": kinematics.home_orientation(geometry), "circle_start": paper_circle(0.0).R}
+    for name, R in poses.items():
+        try:
+            legs = kinematics.legs_of_orientation(geometry, R, (1, 1, 1))
+        except SingularConfigurationError:
+            continue
+        # The last bit of an arctangent is the machine's own; files shall be the same everywhere.
+        found[name] = kinematics.joints_of_legs(geometry, legs).round(14)
+    return found

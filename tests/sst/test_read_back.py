@@ -10,9 +10,8 @@ import pytest
 import sst_pin
 from sst_pin.chain.dynamics import Friction
 from sst_pin.description import mjcf_of, urdf_of, yaml_of
-from sst_pin.sst.configurations import configurations_of
-from sst_pin.sst.read_back import parameters_of
-from sst_pin.sst.topology import geometry_of
+from sst_pin.sst.platform_motion import configurations_of
+from sst_pin.sst.topology import geometry_of, parameters_of
 from sst_pin.verification.sampling import random_parameters
 
 mujoco = pytest.importorskip("mujoco", reason="extra `verify` is not installed")
