@@ -26,8 +26,7 @@ def example_1(robot: SST, t: ArrayLike) -> Trajectory:
     """Inverse dynamics along the circle (Sect. 7.2)."""
     q, va, aa = robot.joint_motion(*paper_circle(t))
     tau = robot.compute_torques(q, va, aa)
-    motors = [robot.joint_names[i] for i in robot.actuated]
-    return Trajectory(t, np.unwrap(q, axis=0), va, aa, tau, robot.joint_names, motors)
+    return Trajectory(t, np.unwrap(q, axis=0), va, aa, tau, robot.joint_names, robot.motor_names)
 
 
 def example_2(
@@ -45,16 +44,13 @@ def example_2(
 
 
 class Returned(NamedTuple):
-    """How well example 2 comes back to the path of example 1.
+    """How well example 2 comes back to the path of example 1."""
 
-    Attributes:
-        path_error: Largest angle between the axes s, [rad].
-        closure: Largest closure residual, [rad] or [m].
-        energy: Largest energy that is not accounted for, [J].
-    """
-
+    #: Largest angle between the axes s, [rad].
     path_error: float
+    #: Largest closure residual, [rad] or [m].
     closure: float
+    #: Largest energy that is not accounted for, [J].
     energy: float
 
 
