@@ -4,8 +4,6 @@
 Beside URDF and MJCF these are the cuts as YAML, and poses and pairs of links as SRDF.
 """
 
-from __future__ import annotations
-
 import itertools
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Joints and frames of an SST, by its parameters."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

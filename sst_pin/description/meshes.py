@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The parts as triangle meshes (trimesh)."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any, BinaryIO
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The closed robot as MJCF, the format of MuJoCo, and a scene around it."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 from xml.etree.ElementTree import SubElement

@@ -5,8 +5,6 @@ The paper fixes axes and two radii; the rest is chosen so that the bodies turn i
 keep clear of each other: base frame and links inside, carriages on them, the star outside.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The README of a description: what the files are and where each number comes from."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Building blocks of the gallery: solids with mass and shape, and the tree that they hang on."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

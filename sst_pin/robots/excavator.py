@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """An excavator's arm, driven by cylinders."""
 
-from __future__ import annotations
-
 from functools import partial
 from typing import NamedTuple
 

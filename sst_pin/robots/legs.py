@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Joints of legged robots that motors drive by rods: ankle, knee, and a leg with both."""
 
-from __future__ import annotations
-
 from functools import partial
 from typing import NamedTuple
 

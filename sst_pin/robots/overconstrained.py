@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Overconstrained robots closed by hinges: the spherical 3-RRR, Bennett's linkage."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Placements, and angles of inverse kinematics in closed form, which are NaN out of reach."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike

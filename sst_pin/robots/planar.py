@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Robots whose bodies move in one plane: four-bar, five-bar, 3-RRR, 4-RRR."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Chains with any number of loops: scissor lift and ladder."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np

@@ -4,8 +4,6 @@
 Axes, masses and starts are those of the publications; docs/standard_problems.md has the results.
 """
 
-from __future__ import annotations
-
 from functools import partial
 
 import coal

@@ -7,8 +7,6 @@ whose mass centre Eq. (54) gives, and R_k stays on the side P_k P_{k+1} of the b
 singularity torques or motions grow without bound.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -9,8 +9,6 @@ there, multiplication by one linear form over another is an 8 x 8 matrix whose e
 the solutions. No start values, no search; Newton's method polishes the last digits.
 """
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

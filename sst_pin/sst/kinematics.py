@@ -7,8 +7,6 @@ passive axis e_{k+3} is at right angles to e_k and to n_k, which leaves two anti
 the sign of sin(mu_k), the branch of the leg.
 """
 
-from __future__ import annotations
-
 import itertools
 from typing import NamedTuple
 

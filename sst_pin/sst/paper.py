@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The two examples of Sect. 7."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The description as a `pin.RobotWrapper`, in the manner of example_robot_data."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pinocchio as pin

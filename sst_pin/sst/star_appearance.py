@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """What pictures of an SST show: the paper's axes and frames, the path of E, arcs, shapes."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Motions of the star in tables: as quaternions, as angles, as motor angles."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..arrays import Array

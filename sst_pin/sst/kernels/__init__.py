@@ -6,8 +6,6 @@ instruction sets compile `kernels.c` at installation; derivatives are compiled a
 into the cache. The environment variable SST_PIN_KERNELS=off switches all C off.
 """
 
-from __future__ import annotations
-
 import ctypes
 import os
 from functools import cache
