@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The parts as triangle meshes (trimesh)."""
 
-from collections.abc import Sequence
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -12,7 +11,6 @@ from ..errors import MissingExtraError
 from ..files import Writer
 from .parameters import Parameters
 from .parts import parts_of
-from .solids import Solid
 
 
 def meshes_of(p: Parameters) -> dict[str, Any]:
@@ -25,31 +23,29 @@ def meshes_of(p: Parameters) -> dict[str, Any]:
     except ImportError:
         raise MissingExtraError("trimesh", "mesh") from None
 
-    def mesh(solids: Sequence[Solid]) -> Any:
-        parts = (trimesh.Trimesh(*_loft(solid.loops()), process=False) for solid in solids)
-        return trimesh.util.concatenate(list(parts))
-
-    return {name: mesh(solids) for name, solids in parts_of(p).items()}
+    meshes = {}
+    for name, solids in parts_of(p).items():
+        parts = [trimesh.Trimesh(*_loft(solid.loops()), process=False) for solid in solids]
+        meshes[name] = trimesh.util.concatenate(parts)
+    return meshes
 
 
 def mesh_writers(p: Parameters) -> dict[str, Writer]:
     """Writers of the meshes as STL and OBJ, by the file's name from the URDF on."""
+    obj = {"include_normals": False, "digits": 6, "header": None}
 
-    def writer(mesh: Any, kind: str) -> Writer:
+    def writer(mesh: Any, kind: str, **options: Any) -> Writer:
         def write(file: BinaryIO) -> None:
-            if kind == "stl":
-                file.write(mesh.export(file_type="stl"))
-            else:
-                text = mesh.export(file_type="obj", include_normals=False, digits=6, header=None)
-                file.write(text.encode())
+            content = mesh.export(file_type=kind, **options)
+            file.write(content if isinstance(content, bytes) else content.encode())
 
         return write
 
-    return {
-        f"meshes/{name}.{kind}": writer(mesh, kind)
-        for name, mesh in meshes_of(p).items()
-        for kind in ("stl", "obj")
-    }
+    writers = {}
+    for name, mesh in meshes_of(p).items():
+        writers[f"meshes/{name}.stl"] = writer(mesh, "stl")
+        writers[f"meshes/{name}.obj"] = writer(mesh, "obj", **obj)
+    return writers
 
 
 def _loft(loops: Array) -> tuple[Array, NDArray[np.int_]]:

@@ -12,7 +12,7 @@ import numpy as np
 from .parameters import Parameters
 from .solids import Arc, Ball, Box, Cylinder, Solid, bar, rod
 
-# Sizes in metres for the paper's radii, 0.35 and 0.40 m; see `_scale`.
+# Sizes in metres for the paper's radii, 0.35 and 0.40 m; `parts_of` scales them.
 _TUBE = 0.006  # radius of the base frame
 _BALL = 0.044
 _MOTOR = 0.032  # radius
@@ -23,13 +23,13 @@ _ROLLER = 0.007
 
 
 def parts_of(p: Parameters) -> dict[str, tuple[Solid, ...]]:
-    """Solids of each mesh, by its name.
+    """Solids of each mesh, by its name; the legs share theirs.
 
-    Returns:
-        `base` and `motors` in base axes, `link` in {1k}, `passive` in {2k}, `arc` and `tool` in
-        {3k}; the legs share theirs.
+    `base` and `motors` are in base axes, `link` in {1k}, `passive` in {2k}, `arc` and `tool` in
+    {3k}.
     """
-    scale = _scale(p)
+    # The base grows, and a carriage fits between the spheres.
+    scale = min(p.base_radius / 0.35, abs(_gap(p)) / 0.05)
     return {
         "base": tuple(_base(p, scale)),
         "motors": tuple(_motors(p, scale)),
@@ -44,11 +44,6 @@ def _gap(p: Parameters) -> float:
     """Distance from the base sphere to the star's, negative when that is inside, never zero."""
     gap = p.star_radius - p.base_radius
     return float(np.copysign(max(abs(gap), 0.01 * p.base_radius), gap))
-
-
-def _scale(p: Parameters) -> float:
-    """Scale of the parts' sizes: the base grows, and a carriage fits between the spheres."""
-    return min(p.base_radius / 0.35, abs(_gap(p)) / 0.05)
 
 
 def _outside(p: Parameters) -> float:

@@ -78,8 +78,7 @@ def excavator(
         _Cylinder("bucket", "arm", (0.05, 0.3), "rocker", (rocker, 0), 0.85),
     )
     tree = Tree("excavator")
-    house = box(swing_mass, (1.2, 1.0, 0.6), (-0.2, 0, 0.3))
-    tree.hinge("swing", house)
+    tree.hinge("swing", box(swing_mass, (1.2, 1.0, 0.6), (-0.2, 0, 0.3)))
     carrier = "universe"
     for name, parent, at, mass, length, radius in (
         ("boom", "swing", UPRIGHT * shift(foot), boom_mass, boom, 0.1),

@@ -8,7 +8,7 @@ import pinocchio as pin
 from pinocchio.rpy import rpyToMatrix
 
 from ..chain.closures import Closure
-from .building_blocks import Solid, Tree, arc, bar, box, rod, rods
+from .building_blocks import Solid, Tree, arc, bar, box, rod
 from .gallery_robot import GalleryRobot, Joints, of_dimensions
 from .placements import HERE, angle_about_z, direction, planar, shift, turned_x
 
@@ -77,7 +77,7 @@ def agile_wrist(
         >>> chain.compute_torques(chain.home, [0] * 3, [0] * 3).round(2)
         array([0.8, 0.8, 0.8])
     """
-    bit = rods(tool_mass, [(0, 0, 0), (0, 0, tool)], 0.015)
+    bit = rod(tool_mass, (0, 0, tool), 0.015)
     masses = proximal_mass, distal_mass, platform_mass
     return _spherical_3rrr("agile_wrist", radius, masses, bit)
 

@@ -59,7 +59,7 @@ def stewart(
     vertices = circle(platform_radius, _pairs(platform_spread))
     tree.joint("platform", pin.JointModelFreeFlyer(), disc(platform_mass, platform_radius, 0.03))
     tree.platform("platform")
-    closures, motors = _add_struts(tree, base, vertices, retracted, barrel_mass, rod_mass)
+    closures, motors = _add_struts(tree, base, vertices, retracted, (barrel_mass, rod_mass))
     joints = partial(_stewart_joints, base, vertices, retracted)
     home = shift((0, 0, _height(base[0], vertices[0], 1.3 * retracted)))
     return GalleryRobot(tree, closures, motors, joints, home)
@@ -109,7 +109,7 @@ def ups_pu(
     plate = disc(platform_mass, platform_radius, 0.03)
     tree.joint("platform", pin.JointModelUniversal(_X, _Y), plate, "post", shift((0, 0, post)))
     tree.platform("platform")
-    closures, motors = _add_struts(tree, base, vertices, retracted, barrel_mass, rod_mass)
+    closures, motors = _add_struts(tree, base, vertices, retracted, (barrel_mass, rod_mass))
     joints = partial(_ups_pu_joints, post, base, vertices, retracted)
     home = shift((0, 0, _height(base[0], vertices[0], 1.4 * retracted)))
     return GalleryRobot(tree, closures, motors, joints, home)
@@ -156,8 +156,7 @@ def hexaglide(
     rails = single_array("rails", rails, (6,))
     tree = Tree("hexaglide")
     vertices = circle(platform_radius, _pairs(platform_spread) - np.pi / 2)
-    plate = disc(platform_mass, platform_radius, 0.02)
-    tree.joint("platform", pin.JointModelFreeFlyer(), plate)
+    tree.joint("platform", pin.JointModelFreeFlyer(), disc(platform_mass, platform_radius, 0.02))
     tree.platform("platform")
     for k, (y, vertex) in enumerate(zip(rails, vertices, strict=True), 1):
         carriage = box(carriage_mass, (0.08, 0.04, 0.04))
@@ -195,18 +194,13 @@ def _pairs(spread: float) -> Array:
 
 
 def _add_struts(
-    tree: Tree,
-    base: Array,
-    vertices: Array,
-    retracted: float,
-    barrel_mass: float,
-    rod_mass: float,
+    tree: Tree, base: Array, vertices: Array, retracted: float, masses: tuple[float, float]
 ) -> tuple[list[Closure], list[str]]:
     """Struts that turn about a universal joint on the base, slide, and end at the platform."""
     closures, motors = [], []
     for k, (foot, vertex) in enumerate(zip(base, vertices, strict=True), 1):
-        barrel = rod(barrel_mass, (0, 0, 0.8 * retracted), 0.025)
-        piston = rods(rod_mass, [(0, 0, -0.6 * retracted), (0, 0, 0)], 0.015)
+        barrel = rod(masses[0], (0, 0, 0.8 * retracted), 0.025)
+        piston = rods(masses[1], [(0, 0, -0.6 * retracted), (0, 0, 0)], 0.015)
         tree.joint(f"universal_{k}", pin.JointModelUniversal(_X, _Y), barrel, at=shift(foot))
         at = shift((0, 0, retracted))
         tree.joint(f"stroke_{k}", pin.JointModelPZ(), piston, f"universal_{k}", at)

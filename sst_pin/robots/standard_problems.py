@@ -257,9 +257,8 @@ def governor(rigid: bool = False, *, stiffness: float = 8e5, damping: float = 4e
     """
     tree, lines = Tree("governor"), []
     tree.hinge("shaft", box(0.3, (0.01, 0.01, 1), (0, 0, 0.5)))
-    ball = Solid(
-        pin.Inertia(5, np.zeros(3), np.zeros((3, 3))), coal.Box(0.07, 0.07, 0.07), shift((1, 0))
-    )
+    point = pin.Inertia(5, np.zeros(3), np.zeros((3, 3)))
+    ball = Solid(point, coal.Box(0.07, 0.07, 0.07), shift((1, 0)))
     for k, turn in ((1, 0.0), (2, np.pi)):
         arm = [*box(0.3, (1, 0.01, 0.01), (0.5, 0, 0)), ball]
         hinge = planar(0, 0, turn) * shift((0.05, 0, 1))
@@ -270,14 +269,14 @@ def governor(rigid: bool = False, *, stiffness: float = 8e5, damping: float = 4e
     for k, x in ((1, 0.05), (2, -0.05)):
         tree.frame(f"foot_{k}", "slider", (x, 0, 0))
     tree.platform("slider")
+    home = shift((0, 0, 0.5))
     if rigid:
-        rods = [Distance(*line, 0.5) for line in lines]
-        return GalleryRobot(tree, rods, ["shaft", "slider"], _governor_joints, shift((0, 0, 0.5)))
-    springs = [
-        LineForce(*line, stiffness=stiffness, rest_length=0.5, damping=damping) for line in lines
-    ]
-    joints = ["shaft", "arm_1", "arm_2", "slider"]
-    return GalleryRobot(tree, [], joints, _governor_joints, shift((0, 0, 0.5)), forces=springs)
+        stiff = [Distance(*line, 0.5) for line in lines]
+        return GalleryRobot(tree, stiff, ["shaft", "slider"], _governor_joints, home)
+    spring = partial(LineForce, stiffness=stiffness, rest_length=0.5, damping=damping)
+    springs = [spring(*line) for line in lines]
+    motors = ["shaft", "arm_1", "arm_2", "slider"]
+    return GalleryRobot(tree, [], motors, _governor_joints, home, forces=springs)
 
 
 def _governor_joints(pose: pin.SE3) -> Joints:
