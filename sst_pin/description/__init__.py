@@ -19,8 +19,8 @@ from .folder import (
     yaml_of,
 )
 from .frames import JOINT_NAMES, MOTOR_NAMES, base_orientations, star_orientations
-from .meshes import mesh_writers, meshes_of
 from .mjcf_writer import mjcf_of
+from .parts import mesh_writers, meshes_of
 from .urdf_writer import urdf_of
 
 __all__ = [

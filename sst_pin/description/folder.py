@@ -14,9 +14,9 @@ from xml.etree.ElementTree import SubElement
 from ..arrays import Array
 from ..files import Writer, text_writer
 from .frames import JOINT_NAMES, MOTOR_NAMES
-from .meshes import mesh_writers
 from .mjcf_writer import mjcf_of, scene_of
 from .parameters import Parameters
+from .parts import mesh_writers
 from .readme import readme_of
 from .urdf_writer import urdf_of
 

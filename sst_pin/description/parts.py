@@ -1,16 +1,19 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Parts that an SST could be built of.
+"""Parts that an SST could be built of, as solids and as triangle meshes (trimesh).
 
 The paper fixes axes and two radii; the rest is chosen so that the bodies turn in shells about O and
 keep clear of each other: base frame and links inside, carriages on them, the star outside.
 """
 
 from collections.abc import Iterator
+from typing import Any, BinaryIO
 
 import numpy as np
 
+from ..errors import MissingExtraError
+from ..files import Writer
 from .parameters import Parameters
-from .solids import Arc, Ball, Box, Cylinder, Solid, bar, rod
+from .solids import Arc, Ball, Box, Cylinder, Solid, bar, rod, surface
 
 # Sizes in metres for the paper's radii, 0.35 and 0.40 m; `parts_of` scales them.
 _TUBE = 0.006  # radius of the base frame
@@ -38,6 +41,41 @@ def parts_of(p: Parameters) -> dict[str, tuple[Solid, ...]]:
         "arc": tuple(_star_arc(p, scale)),
         "tool": tuple(_tool(p, scale)),
     }
+
+
+def meshes_of(p: Parameters) -> dict[str, Any]:
+    """Meshes of an SST: `trimesh.Trimesh` by the name of its file without ending.
+
+    They are in metres and the axes of `parts_of`; each is a set of closed surfaces.
+    """
+    try:
+        import trimesh
+    except ImportError:
+        raise MissingExtraError("trimesh", "mesh") from None
+
+    meshes = {}
+    for name, solids in parts_of(p).items():
+        parts = [trimesh.Trimesh(*surface(solid), process=False) for solid in solids]
+        meshes[name] = trimesh.util.concatenate(parts)
+    return meshes
+
+
+def mesh_writers(p: Parameters) -> dict[str, Writer]:
+    """Writers of the meshes as STL and OBJ, by the file's name from the URDF on."""
+    obj = {"include_normals": False, "digits": 6, "header": None}
+
+    def writer(mesh: Any, kind: str, **options: Any) -> Writer:
+        def write(file: BinaryIO) -> None:
+            content = mesh.export(file_type=kind, **options)
+            file.write(content if isinstance(content, bytes) else content.encode())
+
+        return write
+
+    writers = {}
+    for name, mesh in meshes_of(p).items():
+        writers[f"meshes/{name}.stl"] = writer(mesh, "stl")
+        writers[f"meshes/{name}.obj"] = writer(mesh, "obj", **obj)
+    return writers
 
 
 def _gap(p: Parameters) -> float:

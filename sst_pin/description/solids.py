@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Array
+from ..arrays import Array, Indices
 
 #: How far a circle's chords may lie inside it, [m].
 _CHORD = 2e-4
@@ -149,6 +149,24 @@ def bar(start: Array, end: Array, across: Array, width: float, thick: float) -> 
     along = (end - start) / np.linalg.norm(end - start)
     axes = np.stack([along, across, np.cross(along, across)], axis=-1)
     return Box((start + end) / 2, axes, np.array((np.linalg.norm(end - start), width, thick)))
+
+
+def surface(solid: Solid) -> tuple[Array, Indices]:
+    """Vertices and faces of a closed surface of triangles."""
+    loops = solid.loops()
+    count, points, _ = loops.shape
+    ends = loops[[0, -1]].mean(axis=1)
+    here = np.arange(count * points).reshape(count, points)
+    beside = np.roll(here, -1, axis=1)
+    first, last = np.full(points, count * points), np.full(points, count * points + 1)
+    faces = [
+        (here[:-1], beside[:-1], beside[1:]),
+        (here[:-1], beside[1:], here[1:]),
+        (first, beside[0], here[0]),
+        (last, here[-1], beside[-1]),
+    ]
+    corners = [np.stack([c.ravel() for c in corner], axis=-1) for corner in faces]
+    return np.concatenate([loops.reshape(-1, 3), ends]), np.concatenate(corners)
 
 
 def axes_along(direction: Array) -> Array:

@@ -204,12 +204,7 @@ def _knee_drive(height: float, crank: float, lever: float) -> _Drive:
 
 
 def _add_knee(
-    tree: Tree,
-    parent: str,
-    at: pin.SE3,
-    drive: _Drive,
-    masses: tuple[float, float],
-    shank: float,
+    tree: Tree, parent: str, at: pin.SE3, drive: _Drive, masses: tuple[float, float], shank: float
 ) -> list[Closure]:
     rod_mass, link_mass = masses
     drive.add(tree, parent, at, rod_mass, rod_mass)
@@ -218,11 +213,7 @@ def _add_knee(
 
 
 def _add_ankle(
-    tree: Tree,
-    parent: str,
-    at: pin.SE3,
-    drives: list[_Drive],
-    masses: tuple[float, float, float],
+    tree: Tree, parent: str, at: pin.SE3, drives: list[_Drive], masses: tuple[float, float, float]
 ) -> list[Closure]:
     rod_mass, crank_mass, foot_mass = masses
     for drive in drives:

@@ -26,7 +26,6 @@ _POLISHED = 1e-13
 #: Quaternions closer than this are one solution.
 _APART = 1e-6
 
-
 #: Monomials in the four components of a quaternion, as sorted tuples of indices.
 _DEGREE_2, _DEGREE_3, _DEGREE_4 = (
     list(itertools.combinations_with_replacement(range(4), degree)) for degree in (2, 3, 4)
@@ -40,16 +39,6 @@ _SQUARE = np.array([[_INDEX_4[tuple(sorted(a + b))] for b in _DEGREE_2] for a in
 _FORMS = np.random.default_rng(1).normal(size=(2, 4))
 
 
-def _quadrics(u: Array, m: Array) -> Array:
-    """A_k with p^T A_k p = u_k . R(p) m_k for unit quaternions p = (x, y, z, w), (3, 4, 4)."""
-    A = np.empty((3, 4, 4))
-    A[:, 3, 3] = cosine = (u * m).sum(axis=1)
-    A[:, 3, :3] = A[:, :3, 3] = np.cross(m, u)
-    outer = u[:, :, None] * m[:, None, :]
-    A[:, :3, :3] = outer + outer.swapaxes(1, 2) - cosine[:, None, None] * np.eye(3)
-    return A
-
-
 def orientations(u: Array, m: Array) -> Array:
     """All rotations R with u_k . R m_k = 0 for k = 1, 2, 3, shape (n, 3, 3), n <= 8, in any order.
 
@@ -58,7 +47,12 @@ def orientations(u: Array, m: Array) -> Array:
     """
     from scipy.spatial.transform import Rotation
 
-    A = _quadrics(u, m)
+    # p^T A_k p = u_k . R(p) m_k for unit quaternions p = (x, y, z, w)
+    A = np.empty((3, 4, 4))
+    A[:, 3, 3] = cosine = (u * m).sum(axis=1)
+    A[:, 3, :3] = A[:, :3, 3] = np.cross(m, u)
+    outer = u[:, :, None] * m[:, None, :]
+    A[:, :3, :3] = outer + outer.swapaxes(1, 2) - cosine[:, None, None] * np.eye(3)
     solutions: list[Array] = []
     for candidate in _intersections(A):
         # Turn the largest component real: a real solution becomes real as a whole.

@@ -214,8 +214,6 @@ class SST(ClosedChain):
         """
         return parameters_of(self._current.mechanism.model, self.geometry, self.friction)
 
-    # --- kinematics -------------------------------------------------------------------------
-
     @property
     def home(self) -> Array:
         """The home pose, shape (9,): s in the middle of the base triangle, R_1 in that of P1P2.
@@ -328,8 +326,7 @@ class SST(ClosedChain):
             raise WorkspaceError(f"no assembly exists at gamma = {gamma.tolist()} rad")
         before = single_array("near", near, (9,))
         turns = in_one_turn(solutions - before)
-        best = int(np.abs(turns).max(axis=1).argmin())
-        q: Array = before + turns[best]
+        q: Array = before + turns[np.abs(turns).max(axis=1).argmin()]
         q[::3] = gamma
         return q
 
@@ -373,9 +370,9 @@ class SST(ClosedChain):
         """
         legs = kinematics.legs_of_joints(self.geometry, finite_array("q", q, (9,)))
         values = np.asarray(np.linalg.svd(legs.y_2, compute_uv=False), dtype=float)
+        largest, smallest = values[..., 0], values[..., -1]
         with np.errstate(divide="ignore"):
-            condition = values[..., 0] / values[..., -1]
-        return Singularities(np.abs(legs.sin_mu).min(axis=-1), values[..., -1], condition)
+            return Singularities(np.abs(legs.sin_mu).min(axis=-1), smallest, largest / smallest)
 
     def singularity_measures(self, q: ArrayLike) -> dict[str, Array]:
         """Condition number of A (second kind) and 1 / min |sin(mu_k)| (first kind).
@@ -391,8 +388,6 @@ class SST(ClosedChain):
                 "singularity (first kind), 1 / min |sin mu_k|": np.asarray(1 / found.first_kind),
             }
 
-    # --- pictures ---------------------------------------------------------------------------
-
     @property
     def star_radius(self) -> float:
         """Distance OE, [m]; of a URDF without a frame E, that of the paper's robot.
@@ -404,8 +399,7 @@ class SST(ClosedChain):
         model = self._current.mechanism.model
         if not model.existFrame("E"):
             return Parameters().star_radius
-        E = frame_named(model, "E")
-        return float(np.linalg.norm(E.placement.translation))
+        return float(np.linalg.norm(frame_named(model, "E").placement.translation))
 
     @property
     def appearance(self) -> Appearance:
@@ -439,8 +433,6 @@ class SST(ClosedChain):
         q = np.unwrap(assembled[1:], axis=0)
         return q, curve.derivative(1)(t), curve.derivative(2)(t)
 
-    # --- inside -----------------------------------------------------------------------------
-
     def _page_functions(self, q: Array) -> tuple[str, Array]:
         from . import kernels
 
@@ -451,10 +443,10 @@ class SST(ClosedChain):
         lower, upper = model.lowerPositionLimit, model.upperPositionLimit
         outside = (q < lower) | (q > upper)
         if outside.any():
-            *sample, joint = (int(i) for i in np.argwhere(outside)[0])
+            first = tuple(np.argwhere(outside)[0])
+            joint = first[-1]
             problem = (
                 f"the orientation is out of reach: {self.joint_names[joint]} would be "
-                f"{q[tuple(sample)][joint]:.4g} rad, its limits are "
-                f"{lower[joint]:.4g} and {upper[joint]:.4g} rad"
+                f"{q[first]:.4g} rad, its limits are {lower[joint]:.4g} and {upper[joint]:.4g} rad"
             )
             raise of_samples(WorkspaceError(problem), outside.any(axis=-1))

@@ -18,10 +18,8 @@ def motion_in(table: Table) -> PlatformMotion | Array:
 
     The columns are `t_s` and one of: `qw, qx, qy, qz`, the orientation of {E} in the base; `theta,
     phi, psi`, the paper's angles; `gamma_1, gamma_2, gamma_3`. Angles may end in `_rad` or `_deg`
-    and are radians without; `psi` may be left out and is then zero. Rates come from splines of
-    degree five on the rotation group.
+    and are radians without; `psi` may be left out and is then zero.
     """
-    path = table.path
     kinds = {
         "quaternion": any(name in table.columns for name in _QUATERNION),
         "angles": any(_unit(table, name) for name in _ANGLES),
@@ -30,7 +28,7 @@ def motion_in(table: Table) -> PlatformMotion | Array:
     given = [kind for kind, there in kinds.items() if there]
     if len(given) != 1:
         raise FileFormatError(
-            path,
+            table.path,
             f"columns of {'several motions' if given else 'no motion'}; use exactly one of: "
             "qw, qx, qy, qz | theta_rad, phi_rad, psi_rad | gamma_1_rad, gamma_2_rad, gamma_3_rad "
             f"(_deg for degrees); found: {', '.join(table.columns)}",
@@ -38,13 +36,14 @@ def motion_in(table: Table) -> PlatformMotion | Array:
         )
     t = table.column("t_s")
     if len(t) < 3:
-        raise FileFormatError(path, f"{len(t)} rows; rates need at least three")
+        raise FileFormatError(table.path, f"{len(t)} rows; rates need at least three")
     if given == ["motors"]:
         return np.column_stack([_angle(table, name) for name in MOTOR_NAMES])
     if given == ["quaternion"]:
-        return interpolate_orientations(t, _rotations(table), t)
-    psi = _angle(table, "psi") if _unit(table, "psi") else 0.0
-    R = orientation(_angle(table, "theta"), _angle(table, "phi"), psi)
+        R = _rotations(table)
+    else:
+        psi = _angle(table, "psi") if _unit(table, "psi") else 0.0
+        R = orientation(_angle(table, "theta"), _angle(table, "phi"), psi)
     return interpolate_orientations(t, R, t)
 
 
@@ -70,7 +69,6 @@ def _rotations(table: Table) -> Array:
     wrong = np.abs(lengths - 1) > 1e-3
     if wrong.any():
         i = int(np.argmax(wrong))
-        raise FileFormatError(
-            table.path, f"quaternion of length {lengths[i]:.6g}, expected 1", table.lines[i]
-        )
+        problem = f"quaternion of length {lengths[i]:.6g}, expected 1"
+        raise FileFormatError(table.path, problem, table.lines[i])
     return Rotation.from_quat(quaternions).as_matrix()
