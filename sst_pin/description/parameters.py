@@ -125,11 +125,7 @@ class RigidBody(_Values):
         return RigidBody(total, center, self.inertia + shift)
 
     def problems(self, name: str) -> list[str]:
-        """Physically impossible properties of the body, one sentence each.
-
-        Args:
-            name: Name of the body in the sentences.
-        """
+        """Physically impossible properties, a sentence each, which begins with the body's name."""
         found = _shape_problems(f"{name}.center_of_mass", self.center_of_mass, (3,))
         if not (np.isfinite(self.mass) and self.mass > 0):
             found.append(f"{name}.mass: {self.mass:g} kg is not positive")
@@ -243,19 +239,16 @@ class Parameters(_Values):
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
         angles = _numbers(np.degrees(self.arc_angles))
         directions = ", ".join(_numbers(v) for v in self.base_directions)
+        links, passive = _masses(self.links), _masses(self.passive_links)
+        viscous, coulomb = _range(self.viscous_friction), _range(self.coulomb_friction)
         return "Parameters of an SST", [
             ("base", f"radius {self.base_radius:g} m, directions {directions}"),
             ("star", f"radius {self.star_radius:g} m, arc angles {angles} deg"),
             (
                 "masses",
-                f"actuator links {_masses(self.links)}, passive links "
-                f"{_masses(self.passive_links)}, star {self.star.mass:g} kg",
+                f"actuator links {links}, passive links {passive}, star {self.star.mass:g} kg",
             ),
-            (
-                "friction",
-                f"viscous {_range(self.viscous_friction)} N m s/rad, "
-                f"Coulomb {_range(self.coulomb_friction)} N m",
-            ),
+            ("friction", f"viscous {viscous} N m s/rad, Coulomb {coulomb} N m"),
             ("gravity", f"{_numbers(self.gravity)} m/s^2"),
         ]
 

@@ -44,10 +44,7 @@ def parts_of(p: Parameters) -> dict[str, tuple[Solid, ...]]:
 
 
 def meshes_of(p: Parameters) -> dict[str, Any]:
-    """Meshes of an SST: `trimesh.Trimesh` by the name of its file without ending.
-
-    They are in metres and the axes of `parts_of`; each is a set of closed surfaces.
-    """
+    """Meshes of an SST in metres and the axes of `parts_of`, `trimesh.Trimesh` by its file's stem."""
     try:
         import trimesh
     except ImportError:

@@ -26,6 +26,7 @@ _HEADER = """
   closedloop1_A/B and closedloop2_A/B coincide when the loops are closed (sst.yaml).
   Where each number comes from: README.md beside this file.
 """
+_O, _I = np.zeros(3), np.eye(3)
 
 
 def urdf_of(p: Parameters) -> str:
@@ -44,7 +45,7 @@ def urdf_of(p: Parameters) -> str:
         robot.append(ET.Comment(f" leg {k + 1} "))
         for each in leg:
             joint = SubElement(robot, "joint", name=each.joint, type="revolute")
-            _origin(joint, R=R_0[k] if each.parent == "base" else None)
+            _origin(joint, R=R_0[k] if each.parent == "base" else _I)
             SubElement(joint, "parent", link=each.parent)
             SubElement(joint, "child", link=each.name)
             SubElement(joint, "axis", xyz=each.axis)
@@ -86,9 +87,8 @@ def _rpy(R: Array) -> Array:
     return np.round((roll, pitch, yaw), 15)
 
 
-def _origin(parent: ET.Element, xyz: Iterable[float] = (0, 0, 0), R: Array | None = None) -> None:
-    rpy = np.zeros(3) if R is None else _rpy(R)
-    SubElement(parent, "origin", xyz=numbers(xyz), rpy=numbers(rpy))
+def _origin(parent: ET.Element, xyz: Iterable[float] = _O, R: Array = _I) -> None:
+    SubElement(parent, "origin", xyz=numbers(xyz), rpy=numbers(_rpy(R)))
 
 
 def _inertial(link: ET.Element, body: RigidBody) -> None:
@@ -139,11 +139,7 @@ def _collision(link: ET.Element, primitive: Primitive) -> None:
 
 
 def _frame(
-    robot: ET.Element,
-    name: str,
-    parent: str,
-    xyz: Iterable[float] = (0, 0, 0),
-    R: Array | None = None,
+    robot: ET.Element, name: str, parent: str, xyz: Iterable[float] = _O, R: Array = _I
 ) -> ET.Element:
     """A fixed link with an explicit zero inertial, the one form no tool gives a mass of its own."""
     link = SubElement(robot, "link", name=name)

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Array
 from ..chain.closures import Closure, Constraint
+from ..chain.tree import frame_named
 from .placements import HERE, shift
 
 _GREY, _ORANGE = np.array([0.55, 0.6, 0.65, 1.0]), np.array([0.95, 0.55, 0.15, 1.0])
@@ -30,7 +31,10 @@ class Solid(NamedTuple):
     at: pin.SE3
 
 
-def rods(mass: float, points: ArrayLike, radius: float) -> list[Solid]:
+Solids = list[Solid]
+
+
+def rods(mass: float, points: ArrayLike, radius: float) -> Solids:
     """Round rods of one radius along a line, points of shape (n, 3); a mass for all; SI units."""
     points = np.asarray(points, dtype=float)
     steps = np.diff(points, axis=0)
@@ -43,38 +47,38 @@ def rods(mass: float, points: ArrayLike, radius: float) -> list[Solid]:
     return solids
 
 
-def rod(mass: float, end: ArrayLike, radius: float) -> list[Solid]:
+def rod(mass: float, end: ArrayLike, radius: float) -> Solids:
     """A round rod from the origin to a point."""
     return rods(mass, np.stack([np.zeros(3), end]), radius)
 
 
-def bar(mass: float, length: float, radius: float) -> list[Solid]:
+def bar(mass: float, length: float, radius: float) -> Solids:
     """A round rod from the origin along x."""
     return rod(mass, (length, 0, 0), radius)
 
 
-def star(mass: float, points: Sequence[Array], radius: float) -> list[Solid]:
+def star(mass: float, points: ArrayLike, radius: float) -> Solids:
     """Rods from the centre of some points to each of them, equally heavy; a mass for all."""
-    centre = np.mean(points, axis=0)
-    share = mass / len(points)
-    return [solid for point in points for solid in rods(share, [centre, point], radius)]
+    ends = np.asarray(points, dtype=float)
+    pairs = [(ends.mean(axis=0), end) for end in ends]
+    return [solid for pair in pairs for solid in rods(mass / len(ends), pair, radius)]
 
 
-def arc(mass: float, angle: float, radius: float, thickness: float) -> list[Solid]:
+def arc(mass: float, angle: float, radius: float, thickness: float) -> Solids:
     """Four rods of a thickness, their radius, along a circle about x, from the z axis on."""
     turns = np.linspace(0, angle, 5)
     points = radius * np.stack([0 * turns, -np.sin(turns), np.cos(turns)], axis=1)
     return rods(mass, points, thickness)
 
 
-def box(mass: float, size: ArrayLike, centre: ArrayLike = (0, 0, 0)) -> list[Solid]:
+def box(mass: float, size: ArrayLike, centre: ArrayLike = (0, 0, 0)) -> Solids:
     """A box along the axes, edges and centre of shape (3,)."""
     x, y, z = np.asarray(size, dtype=float)
     at = pin.SE3(np.eye(3), np.asarray(centre, dtype=float))
     return [Solid(pin.Inertia.FromBox(mass, x, y, z), coal.Box(x, y, z), at)]
 
 
-def disc(mass: float, radius: float, thickness: float) -> list[Solid]:
+def disc(mass: float, radius: float, thickness: float) -> Solids:
     """A round plate about the z axis, its centre at the origin; [kg], [m], [m]."""
     inertia = pin.Inertia.FromCylinder(mass, radius, thickness)
     return [Solid(inertia, coal.Cylinder(radius, thickness), HERE)]
@@ -91,7 +95,7 @@ class Tree:
         self,
         name: str,
         kind: pin.JointModel,
-        solids: Sequence[Solid],
+        solids: Solids,
         parent: str = "universe",
         at: pin.SE3 = HERE,
     ) -> None:
@@ -107,7 +111,7 @@ class Tree:
             self.visual_model.addGeometryObject(shape)
 
     def hinge(
-        self, name: str, solids: Sequence[Solid], parent: str = "universe", at: pin.SE3 = HERE
+        self, name: str, solids: Solids, parent: str = "universe", at: pin.SE3 = HERE
     ) -> None:
         """Add a joint that turns about z, and its body."""
         self.joint(name, pin.JointModelRZ(), solids, parent, at)
@@ -165,7 +169,7 @@ def joint_shapes(
             add("ground", 0, at * data.M * origin, coal.Box(4 * r, 4 * r, 4 * r), _GROUND)
     for closure in (c for c in closures if isinstance(c, Closure)):
         if closure.kind in (*_BALLS, "hinge", "cylindrical"):
-            frame, is_ball = model.frames[model.getFrameId(closure.frame_a)], closure.kind in _BALLS
+            frame, is_ball = frame_named(model, closure.frame_a), closure.kind in _BALLS
             r = thick[frame.parentJoint]
             shape = coal.Sphere(1.7 * r) if is_ball else _pin(r)
             add(closure.frame_a, frame.parentJoint, frame.placement, shape, _STEEL)

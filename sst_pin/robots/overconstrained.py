@@ -8,7 +8,7 @@ import pinocchio as pin
 from pinocchio.rpy import rpyToMatrix
 
 from ..chain.closures import Closure
-from .building_blocks import Solid, Tree, arc, bar, box, rod
+from .building_blocks import Solids, Tree, arc, bar, box, rod
 from .gallery_robot import GalleryRobot, Joints, of_dimensions
 from .placements import HERE, angle_about_z, direction, planar, shift, turned_x
 
@@ -83,7 +83,7 @@ def agile_wrist(
 
 
 def _spherical_3rrr(
-    name: str, radius: float, masses: tuple[float, float, float], payload: list[Solid]
+    name: str, radius: float, masses: tuple[float, float, float], payload: Solids
 ) -> GalleryRobot:
     """Two links of a quarter circle in each leg; leg 1 bears the platform, hinges the others."""
     tree = Tree(name)

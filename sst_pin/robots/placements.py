@@ -56,8 +56,7 @@ def angle_about_z(R: Array) -> float:
 def two_link(target: ArrayLike, first: float, second: float, elbow: int) -> tuple[float, float]:
     """Angles of a planar arm of two links whose tip is at a point seen from its shoulder, [rad].
 
-    They are those of the shoulder from the x axis and of the elbow from the upper link; `elbow` is
-    the sign of the latter.
+    They are the shoulder's from the x axis, and the elbow's, of sign `elbow`, from the upper link.
     """
     x, y, *_ = np.asarray(target, dtype=float)
     cosine = (x**2 + y**2 - first**2 - second**2) / (2 * first * second)

@@ -9,9 +9,12 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Array, in_one_turn
 from ..chain.closures import Closure
-from .building_blocks import Solid, Tree, bar, star
+from .building_blocks import Solids, Tree, bar, star
 from .gallery_robot import GalleryRobot, Joints, of_dimensions
 from .placements import UPRIGHT, angle_about_z, circle, direction, planar, shift, two_link
+
+#: Of the proximal and the distal link, [m].
+_Lengths = tuple[float, float]
 
 
 @of_dimensions
@@ -114,7 +117,7 @@ def five_bar(
     return GalleryRobot(tree, closures, ["shoulder_1", "shoulder_2"], joints, home, point=True)
 
 
-def _five_bar_joints(span: float, lengths: tuple[float, float], pose: pin.SE3) -> Joints:
+def _five_bar_joints(span: float, lengths: _Lengths, pose: pin.SE3) -> Joints:
     joints: Joints = {}
     for k, side in ((1, -1), (2, 1)):
         target = pose.translation - (side * span / 2, 0, 0)
@@ -156,7 +159,7 @@ def planar_3rrr(
     """
     angles = np.pi / 2 + 2 * np.pi / 3 * np.arange(3)
     base, vertices = circle(base_radius, angles), circle(platform_radius, angles)
-    plate = star(platform_mass, list(vertices - vertices[0]), radius)
+    plate = star(platform_mass, vertices - vertices[0], radius)
     lengths = proximal, distal
     links = [bar(linear_density * length, length, radius) for length in lengths]
     return _planar_platform("planar_3rrr", base, vertices, plate, lengths, links)
@@ -186,19 +189,14 @@ def planar_4rrr(
     """
     angles = np.pi / 4 + np.pi / 2 * np.arange(4)
     base, vertices = circle(base_radius, angles), circle(platform_radius, angles)
-    plate = star(platform_mass, list(vertices - vertices[0]), radius)
+    plate = star(platform_mass, vertices - vertices[0], radius)
     lengths = proximal, distal
     links = [bar(linear_density * length, length, radius) for length in lengths]
     return _planar_platform("planar_4rrr", base, vertices, plate, lengths, links)
 
 
 def _planar_platform(
-    name: str,
-    base: Array,
-    vertices: Array,
-    plate: list[Solid],
-    lengths: tuple[float, float],
-    links: list[list[Solid]],
+    name: str, base: Array, vertices: Array, plate: Solids, lengths: _Lengths, links: list[Solids]
 ) -> GalleryRobot:
     """A platform in the horizontal plane that leg 1 bears and the other legs are pinned to."""
     tree, legs = Tree(name), range(1, len(base) + 1)
@@ -211,14 +209,12 @@ def _planar_platform(
             tree.frame(f"tip_{k}", f"elbow_{k}", (lengths[1], 0))
             tree.frame(f"vertex_{k}", "wrist_1", vertices[k - 1] - vertices[0])
     closures = [Closure(f"vertex_{k}", f"tip_{k}", "3d") for k in legs[1:]]
-    joints = partial(_planar_platform_joints, base, vertices, lengths)
+    joints = partial(_planar_joints, base, vertices, lengths)
     motors = [f"shoulder_{k}" for k in legs]
     return GalleryRobot(tree, closures, motors, joints, planar(0, 0, 0))
 
 
-def _planar_platform_joints(
-    base: Array, vertices: Array, lengths: tuple[float, float], pose: pin.SE3
-) -> Joints:
+def _planar_joints(base: Array, vertices: Array, lengths: _Lengths, pose: pin.SE3) -> Joints:
     joints: Joints = {}
     for k, (foot, vertex) in enumerate(zip(base, vertices, strict=True), 1):
         shoulder, elbow = two_link(pose.act(vertex) - foot, *lengths, 1)
@@ -227,9 +223,7 @@ def _planar_platform_joints(
     return joints | {"wrist_1": float(in_one_turn(turn))}
 
 
-def _add_arm(
-    tree: Tree, k: int, foot: ArrayLike, lengths: tuple[float, float], links: list[list[Solid]]
-) -> None:
+def _add_arm(tree: Tree, k: int, foot: ArrayLike, lengths: _Lengths, links: list[Solids]) -> None:
     """Two links in a row on the base."""
     tree.hinge(f"shoulder_{k}", links[0], at=shift(foot))
     tree.hinge(f"elbow_{k}", links[1], f"shoulder_{k}", shift((lengths[0], 0)))

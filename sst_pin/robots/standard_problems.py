@@ -15,7 +15,7 @@ from pinocchio.rpy import rpyToMatrix
 from ..arrays import Array, in_one_turn, whole_number
 from ..chain.closures import Closure, Distance
 from ..chain.lines import LineForce
-from .building_blocks import Solid, Tree, box, rods
+from .building_blocks import Solid, Solids, Tree, box, rods
 from .gallery_robot import GalleryRobot, Joints, of_dimensions
 from .placements import HERE, angle_about_z, direction, of_two_turns, planar, shift, two_link
 
@@ -25,7 +25,7 @@ _ALONG_Y = np.array([0.0, -9.81, 0.0])
 
 def _body(
     mass: float, centre: ArrayLike, moments: ArrayLike, points: ArrayLike, radius: float
-) -> list[Solid]:
+) -> Solids:
     """Rods along a line as the shape of a body whose inertia is given about its mass centre."""
     first, *others = (s._replace(inertia=pin.Inertia.Zero()) for s in rods(1.0, points, radius))
     x, y, *z = np.asarray(centre, dtype=float)

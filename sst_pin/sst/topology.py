@@ -85,10 +85,7 @@ def _cut_problems(model: pin.Model) -> Iterator[str]:
 
 
 def parameters_of(model: pin.Model, geometry: Geometry, friction: Friction) -> Parameters:
-    """The parameters that make a tree; the star is the sum of its three arcs.
-
-    The error lists all that the tree holds and parameters do not.
-    """
+    """The parameters that make a tree; the error lists all that it holds and parameters do not."""
     frames = [name for name in ("E", "P_1", "P_2", "P_3") if not model.existFrame(name)]
     problems = [f"frame {name} is missing; its distance from O gives a radius" for name in frames]
     if problems := problems or list(_parameter_problems(model, geometry)):
