@@ -13,7 +13,7 @@ from ..arrays import Array
 from ..description import description_writers
 from ..description.parameters import Parameters, RigidBody
 from ..files import write_files
-from ..sst.platform_motion import configurations_of
+from ..sst.robot_wrapper import configurations_of
 from .common import Commands, add_force, add_robot, require_extras, sst_of, triple
 
 

@@ -174,8 +174,7 @@ class Parameters(_Values):
 
     Attributes:
         base_directions: v_k, unit vectors along OP_k, rows of a (3, 3) array; they are normalized.
-        arc_angles: alpha_k, angle from arc k to arc k+1 of the star, shape (3,), [rad]; their sum
-            is 2 pi.
+        arc_angles: alpha_k, from arc k to arc k+1 of the star, shape (3,), [rad]; the sum is 2 pi.
         link: Actuator link, in {1k}: one body for all legs, or one for each.
         passive_link: Intermediate passive link, in {2k}: one body for all legs, or one for each.
         star: The moving star, in {E}.
@@ -239,15 +238,12 @@ class Parameters(_Values):
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
         angles = _numbers(np.degrees(self.arc_angles))
         directions = ", ".join(_numbers(v) for v in self.base_directions)
-        links, passive = _masses(self.links), _masses(self.passive_links)
+        links, passive, star = map(_masses, (self.links, self.passive_links, [self.star]))
         viscous, coulomb = _range(self.viscous_friction), _range(self.coulomb_friction)
         return "Parameters of an SST", [
             ("base", f"radius {self.base_radius:g} m, directions {directions}"),
             ("star", f"radius {self.star_radius:g} m, arc angles {angles} deg"),
-            (
-                "masses",
-                f"actuator links {links}, passive links {passive}, star {self.star.mass:g} kg",
-            ),
+            ("masses", f"actuator links {links}, passive links {passive}, star {star}"),
             ("friction", f"viscous {viscous} N m s/rad, Coulomb {coulomb} N m"),
             ("gravity", f"{_numbers(self.gravity)} m/s^2"),
         ]

@@ -28,8 +28,7 @@ _ROLLER = 0.007
 def parts_of(p: Parameters) -> dict[str, tuple[Solid, ...]]:
     """Solids of each mesh, by its name; the legs share theirs.
 
-    `base` and `motors` are in base axes, `link` in {1k}, `passive` in {2k}, `arc` and `tool` in
-    {3k}.
+    `base` and `motors` are in base axes, `link` in {1k}, `passive` in {2k}, the others in {3k}.
     """
     # The base grows, and a carriage fits between the spheres.
     scale = min(p.base_radius / 0.35, abs(_gap(p)) / 0.05)
@@ -44,7 +43,7 @@ def parts_of(p: Parameters) -> dict[str, tuple[Solid, ...]]:
 
 
 def meshes_of(p: Parameters) -> dict[str, Any]:
-    """Meshes of an SST in metres and the axes of `parts_of`, `trimesh.Trimesh` by its file's stem."""
+    """Meshes of an SST, `trimesh.Trimesh` by its file's stem, in metres and axes of `parts_of`."""
     try:
         import trimesh
     except ImportError:

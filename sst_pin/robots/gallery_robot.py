@@ -87,8 +87,7 @@ class GalleryRobot(ClosedChain):
         """Inverse kinematics: the configuration for a pose of the platform, in the mode of `home`.
 
         Args:
-            pose: Pose of the frame "platform" in the base: `pinocchio.SE3`, or homogeneous
-                matrices, shape (..., 4, 4).
+            pose: Of the platform in the base: `pinocchio.SE3`, or matrices, shape (..., 4, 4).
 
         Returns:
             q on the closures, shape (..., nq).

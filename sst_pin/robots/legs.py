@@ -116,8 +116,7 @@ def knee(
     """A knee of four bars: a motor on the thigh bends the knee by a crank, a rod and a lever.
 
     The thigh is fixed; the hip is at the origin, x forward, z up. The knee bends backward by 2 rad.
-    The lever is shorter than the crank, so the gear ratio changes on the way. The platform is the
-    shank.
+    The lever is shorter than the crank, so the gear ratio changes. The platform is the shank.
 
     Args:
         thigh: From hip to knee, [m].

@@ -154,8 +154,8 @@ def bennett(
 
     Opposite bars are equal; lengths are proportional to the sines of their twists (G. T. Bennett, A
     new mechanism, Engineering 76 (1903)). The counting formula gives minus two degrees of freedom,
-    but the linkage has one: three of its five closure equations are redundant. The platform is the
-    middle of the coupler.
+    but it has one: three of its five closure equations are redundant. The platform is the middle of
+    the coupler.
 
     Args:
         crank: Length of the crank and of the bar across, [m].

@@ -87,10 +87,10 @@ def five_bar(
 ) -> GalleryRobot:
     """A five-bar robot of two motors that carries a point in the horizontal plane.
 
-    The platform is the point where the two arms meet; its orientation does not count. Lengths are
-    like those of small five-bars for the laboratory (DexTAR; L. Campos, F. Bourbonnais, I. Bonev,
-    P. Bigras, Development of a five-bar parallel robot with large workspace, ASME DETC 2010).
-    Elbows point outwards.
+    The platform is the point where the arms meet, without orientation. Elbows point outwards.
+    Lengths are like those of small five-bars for the laboratory (DexTAR; L. Campos, F. Bourbonnais,
+    I. Bonev, P. Bigras, Development of a five-bar parallel robot with large workspace, ASME DETC
+    2010).
 
     Args:
         span: Between the motors, along x, [m].

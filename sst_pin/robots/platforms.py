@@ -83,9 +83,9 @@ def ups_pu(
 ) -> GalleryRobot:
     """The platform 3-UPS-PU: three driven struts and a central post.
 
-    The post slides along z and carries the platform on a universal joint. So the platform has three
-    degrees of freedom: it moves along z, and turns about x and then y. Its dynamics has been
-    published with the NOC before.
+    The post slides along z and carries the platform on a universal joint. So it has three degrees
+    of freedom: it moves along z, and turns about x and then y. Its dynamics has been published with
+    the NOC.
 
     Args:
         base_radius: Radius of the circle of the base's joints, [m].
@@ -236,8 +236,7 @@ def delta(
 
     The rods are connected to the arms by universal joints and do not spin. Ball joints connect them
     to the platform, which is the child of rod_1a in the tree. The robot of R. Clavel, Delta, a fast
-    robot with parallel geometry, ISIR 1988; dimensions and masses are those of a machine for a
-    table.
+    robot with parallel geometry, ISIR 1988, in the size of a machine for a table.
 
     Args:
         base_radius: Radius of the circle of the motors, [m].

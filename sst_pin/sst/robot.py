@@ -32,8 +32,7 @@ from ..motion.samples import spline
 from ..reading import Described, Urdf, closed, parse_cuts, read_urdf
 from . import check, direct_kinematics, kinematics, star_appearance
 from .kinematics import Geometry
-from .platform_motion import PlatformMotion
-from .star_motions import motion_in
+from .platform_motion import PlatformMotion, motion_in
 from .topology import CUTS, geometry_of, parameters_of
 
 #: As closures print.
@@ -298,7 +297,7 @@ class SST(ClosedChain):
 
         Args:
             gamma: Motor angles, shape (3,), [rad].
-            near: Previous joint angles, shape (9,); the solution closest to them is selected.
+            near: Previous joint angles, shape (9,), [rad].
 
         Returns:
             All solutions, shape (n, 9), n <= 8, sorted by the components of s. With `near` one

@@ -33,11 +33,9 @@ _MOST = 100_000_000
 
 
 class Chart(NamedTuple):
-    """Lambert's azimuthal equal-area map of the sphere about a direction.
+    """Lambert's azimuthal equal-area map of the sphere about a direction."""
 
-    `axes` are right, up and the direction in the middle of the map, rows of a (3, 3) array.
-    """
-
+    #: Right, up, and the direction in the middle of the map, rows of a (3, 3) array.
     axes: Array
 
     @classmethod
@@ -157,7 +155,7 @@ _ANGLES = ("theta", "phi", "psi", "margin", "roll")
 
 
 def workspace_at(robot: SST, psi: float = 0.0, rings: int = 151, spokes: int = 360) -> WorkspaceMap:
-    """The map at one roll psi of the star, the paper's angle, about half a second.
+    """The map at one roll psi of the star, the paper's angle; about half a second.
 
     The poles of the base frame do not have this angle: curves of the map meet in z_0. `rings` are
     directions from the middle of the map to its edge, `spokes` those round it.

@@ -17,7 +17,7 @@ from sst_pin import Parameters
 from sst_pin.description import description_writers, meshes_of
 from sst_pin.files import write_files
 from sst_pin.sst.paper import PERIOD, example_1
-from sst_pin.sst.platform_motion import configurations_of
+from sst_pin.sst.robot_wrapper import configurations_of
 from sst_pin.verification.sampling import random_parameters
 
 trimesh = pytest.importorskip("trimesh", reason="extra `mesh` is not installed")

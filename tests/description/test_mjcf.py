@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 import sst_pin
 from sst_pin.description import mjcf_of
-from sst_pin.sst.platform_motion import configurations_of
+from sst_pin.sst.robot_wrapper import configurations_of
 from sst_pin.verification.sampling import random_parameters, random_state
 
 mujoco = pytest.importorskip("mujoco", reason="extra `verify` is not installed")

@@ -10,7 +10,7 @@ import pytest
 import sst_pin
 from sst_pin.chain.dynamics import Friction
 from sst_pin.description import mjcf_of, urdf_of, yaml_of
-from sst_pin.sst.platform_motion import configurations_of
+from sst_pin.sst.robot_wrapper import configurations_of
 from sst_pin.sst.topology import geometry_of, parameters_of
 from sst_pin.verification.sampling import random_parameters
 
