@@ -99,10 +99,7 @@ class Tree:
         parent: str = "universe",
         at: pin.SE3 = HERE,
     ) -> None:
-        """Add a joint and the body that it moves.
-
-        `parent` is the joint whose body bears it, "universe" for the base; `at` its placement.
-        """
+        """Add a joint, placed on its parent's body ("universe": the base), and the body moved."""
         joint = self.model.addJoint(self.model.getJointId(parent), kind, at, name)
         for i, solid in enumerate(solids):
             self.model.appendBodyToJoint(joint, solid.inertia, solid.at)
@@ -117,10 +114,7 @@ class Tree:
         self.joint(name, pin.JointModelRZ(), solids, parent, at)
 
     def frame(self, name: str, body: str, at: ArrayLike | pin.SE3) -> None:
-        """Add a frame on the body of a joint, "universe" for the base.
-
-        `at` is its placement, or its origin where it keeps the body's axes, shape (3,).
-        """
+        """Add a frame on a joint's body at a placement, or at an origin along the body's axes."""
         placement = at if isinstance(at, pin.SE3) else shift(at)
         joint = self.model.getJointId(body)
         self.model.addFrame(pin.Frame(name, joint, placement, pin.FrameType.OP_FRAME))
@@ -134,12 +128,10 @@ class Tree:
 
 
 def joint_shapes(
-    model: pin.Model,
-    shapes: pin.GeometryModel,
-    closures: Sequence[Constraint],
-    motors: Sequence[str],
+    tree: Tree, closures: Sequence[Constraint], motors: Sequence[str]
 ) -> list[pin.GeometryObject]:
     """Pins, balls and sleeves for the joints and closures, and feet on the ground, without mass."""
+    model, shapes = tree.model, tree.visual_model
     found: list[pin.GeometryObject] = []
     home, thick = model.referenceConfigurations["home"], _thicknesses(shapes, model.njoints)
 
@@ -157,7 +149,8 @@ def joint_shapes(
         origin = HERE
         if joint.nv == 1 and turns[0]:
             origin = shift(_nearest_on_axis(S[3:, 0], shapes, number))
-            add(name, number, origin * pin.SE3(_z_along(S[3:, 0]), np.zeros(3)), _pin(r), colour)
+            along, shape = pin.SE3(_z_along(S[3:, 0]), np.zeros(3)), coal.Cylinder(1.3 * r, 5 * r)
+            add(name, number, origin * along, shape, colour)
         elif joint.nv == 1:
             rail = parent == 0  # else a sleeve about a rod
             way = S[:3, 0] * (home[joint.idx_q] if rail else 0.0)
@@ -171,13 +164,9 @@ def joint_shapes(
         if closure.kind in (*_BALLS, "hinge", "cylindrical"):
             frame, is_ball = frame_named(model, closure.frame_a), closure.kind in _BALLS
             r = thick[frame.parentJoint]
-            shape = coal.Sphere(1.7 * r) if is_ball else _pin(r)
+            shape = coal.Sphere(1.7 * r) if is_ball else coal.Cylinder(1.3 * r, 5 * r)
             add(closure.frame_a, frame.parentJoint, frame.placement, shape, _STEEL)
     return found
-
-
-def _pin(r: float) -> coal.Cylinder:
-    return coal.Cylinder(1.3 * r, 5 * r)
 
 
 def _thicknesses(shapes: pin.GeometryModel, joints: int) -> Array:

@@ -76,7 +76,7 @@ class GalleryRobot(ClosedChain):
             raise WorkspaceError(problem)
         tree.model.referenceConfigurations["home"] = pin.normalize(tree.model, q)
         super().__init__(tree.model, closures, actuated, forces=forces)
-        for shape in joint_shapes(tree.model, tree.visual_model, closures, actuated):
+        for shape in joint_shapes(tree, closures, actuated):
             tree.visual_model.addGeometryObject(shape)
         try:
             self.inverse_kinematics(home)

@@ -50,16 +50,13 @@ class _Drive(NamedTuple):
         return Closure(f"lever_{self.name}", f"end_{self.name}", "3d")
 
     def angles(self, turn: Array) -> tuple[float, Array]:
-        """Angle of the motor, and the rod in the crank's axes, for the orientation of the link.
-
-        Shapes (), (3,) and (3, 3); NaN out of reach.
-        """
+        """Angle of the motor, and the rod in the crank's axes, for a link's orientation; or NaN."""
         x, y, z = turn @ self.eye - self.motor
         square = x * x + y * y + z * z
         middle = (square + self.crank**2 - self.length**2) / (2 * self.crank)
         motor = np.arctan2(z, -x) + np.arccos(middle / np.hypot(x, z))
-        R = rpyToMatrix(0.0, motor, 0.0)
-        return float(motor), R.T @ (x, y, z) + (self.crank, 0.0, 0.0)
+        along = rpyToMatrix(0.0, motor, 0.0).T @ (x, y, z) + (self.crank, 0.0, 0.0)
+        return float(motor), along
 
 
 @of_dimensions
@@ -95,8 +92,7 @@ def ankle(
     """
     tree = Tree("ankle")
     drives = _ankle_drives(width, lever, (upper, lower))
-    masses = rod_mass, crank_mass, foot_mass
-    closures = _add_ankle(tree, "universe", HERE, drives, masses)
+    closures = _add_ankle(tree, "universe", HERE, drives, (rod_mass, crank_mass, foot_mass))
     joints = partial(_ankle_joints, drives)
     home = pin.SE3(_pitch_roll(0.1, 0.05), np.zeros(3))
     return GalleryRobot(tree, closures, ["motor_left", "motor_right"], joints, home)
@@ -228,8 +224,7 @@ def _add_ankle(
 
 def _pitch_roll(pitch: float, roll: float) -> Array:
     """Orientation by turns about y and then the moved x, shape (3, 3)."""
-    R: Array = rpyToMatrix(0.0, pitch, 0.0) @ rpyToMatrix(roll, 0.0, 0.0)
-    return R
+    return np.asarray(rpyToMatrix(0.0, pitch, 0.0) @ rpyToMatrix(roll, 0.0, 0.0))
 
 
 def _pitch_and_roll(R: Array) -> tuple[float, float]:

@@ -44,9 +44,8 @@ def agile_eye(
         >>> chain.compute_torques(chain.home, [0] * 3, [0] * 3).round(2)
         array([0.06, 0.06, 0.06])
     """
-    camera = box(camera_mass, (0.03, 0.03, 0.05))
     masses = proximal_mass, distal_mass, platform_mass
-    return _spherical_3rrr("agile_eye", radius, masses, camera)
+    return _spherical_3rrr("agile_eye", radius, masses, box(camera_mass, (0.03, 0.03, 0.05)))
 
 
 @of_dimensions
@@ -77,9 +76,8 @@ def agile_wrist(
         >>> chain.compute_torques(chain.home, [0] * 3, [0] * 3).round(2)
         array([0.8, 0.8, 0.8])
     """
-    bit = rod(tool_mass, (0, 0, tool), 0.015)
     masses = proximal_mass, distal_mass, platform_mass
-    return _spherical_3rrr("agile_wrist", radius, masses, bit)
+    return _spherical_3rrr("agile_wrist", radius, masses, rod(tool_mass, (0, 0, tool), 0.015))
 
 
 def _spherical_3rrr(

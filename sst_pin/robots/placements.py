@@ -32,8 +32,7 @@ def turned_x(angle: float) -> pin.SE3:
 
 def of_two_turns(x: float, y: float) -> Array:
     """Orientation by turns about x and then the moved y, shape (3, 3)."""
-    R: Array = rpyToMatrix(x, 0.0, 0.0) @ rpyToMatrix(0.0, y, 0.0)
-    return R
+    return np.asarray(rpyToMatrix(x, 0.0, 0.0) @ rpyToMatrix(0.0, y, 0.0))
 
 
 def circle(radius: float, angles: ArrayLike) -> Array:

@@ -67,13 +67,10 @@ def four_bar(
 
 def _four_bar_joints(coupler: float, ground: float, point: float, pose: pin.SE3) -> Joints:
     pose = UPRIGHT.actInv(pose)
-    pins = [pose.act(np.array([x - point, 0, 0])) for x in (0, coupler)]
-    crank = direction(pins[0])
-    return {
-        "crank": crank,
-        "coupler": float(in_one_turn(angle_about_z(pose.rotation) - crank)),
-        "rocker": direction(pins[1] - (ground, 0, 0)),
-    }
+    first, second = (pose.act(np.array([x - point, 0, 0])) for x in (0, coupler))
+    crank, rocker = direction(first), direction(second - (ground, 0, 0))
+    turn = float(in_one_turn(angle_about_z(pose.rotation) - crank))
+    return {"crank": crank, "coupler": turn, "rocker": rocker}
 
 
 @of_dimensions

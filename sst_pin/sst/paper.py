@@ -54,9 +54,8 @@ class Returned(NamedTuple):
 
 def angles_off_path(robot: SST, example: Trajectory, motion: Trajectory) -> Array:
     """Angles between the axes s of two motions, at the times of the second, shape (N,), [rad]."""
-    s, s_wanted = (
-        robot.platform_orientation(m.q[: len(motion)])[..., 0] for m in (motion, example)
-    )
+    pair = motion.q, example.q[: len(motion)]
+    s, s_wanted = (robot.platform_orientation(q)[..., 0] for q in pair)
     # |s x s'| keeps the digits of a small angle that the dot product loses.
     sine = np.linalg.norm(np.cross(s, s_wanted), axis=1)
     return np.arctan2(sine, (s * s_wanted).sum(axis=1))
@@ -66,6 +65,6 @@ def compare(robot: SST, example: Trajectory, motion: Trajectory) -> Returned:
     """Measure example 2 against example 1."""
     return Returned(
         float(angles_off_path(robot, example, motion).max()),
-        max(float(np.abs(robot.residual(q)).max()) for q in motion.q),
+        float(np.abs(robot.residual(motion.q)).max()),
         float(np.abs(energy_error(robot, motion)).max()),
     )

@@ -26,8 +26,7 @@ _EXACT = 1e-9
 def geometry_of(model: pin.Model, source: str) -> Geometry:
     """Read {0k} and {E} in {3k} off a tree, or list all that keeps it from being an SST's."""
     # Joints first, then their axes and frames: the one makes no sense without the other.
-    problems = list(_joint_problems(model)) or [*_axis_problems(model), *_cut_problems(model)]
-    if problems:
+    if problems := list(_joint_problems(model)) or [*_axis_problems(model), *_cut_problems(model)]:
         raise DescriptionError(source, problems)
     R_0 = [model.jointPlacements[model.getJointId(f"gamma_{k}")].rotation for k in (1, 2, 3)]
     ends = ("closedloop1_A", "closedloop1_B", "closedloop2_B")

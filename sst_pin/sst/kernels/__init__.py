@@ -67,10 +67,8 @@ def _misfit(mechanism: Mechanism) -> str:
 
 
 def page_functions(mechanism: Mechanism) -> tuple[str, Array] | None:
-    """The functions in JavaScript for a page, and their open numbers; None where they do not fit.
-
-    They divide by the masses of the bodies.
-    """
+    """JavaScript of the functions of a page, and their open numbers; None where they do not fit."""
+    # They divide by the masses of the bodies.
     if _misfit(mechanism) or not all(body.mass for body in list(mechanism.model.inertias)[1:]):
         return None
     numbers = open_numbers(mechanism).pack(mechanism, mechanism.friction)
