@@ -24,7 +24,7 @@ _SLACK = 1e-9
 #: Radii for which meshes can be written, [m].
 _SMALLEST_RADIUS, _LARGEST_RADIUS = 1e-6, 1e6
 #: Three unit directions with a smaller triple product count as lying in one plane.
-_FLAT = 1e-6
+_SMALLEST_TRIPLE = 1e-6
 #: Where an inertia has its entries xx, yy, zz, xy, xz, yz.
 ENTRIES = ((0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2))
 
@@ -339,7 +339,7 @@ def _direction_problems(v: Array) -> Iterator[str]:
     lengths = np.linalg.norm(v, axis=1)
     if not lengths.all():
         yield f"base_directions: v_{int(np.argmin(lengths)) + 1} is zero"
-    elif abs(np.linalg.det(v / lengths[:, None])) < _FLAT:
+    elif abs(np.linalg.det(v / lengths[:, None])) < _SMALLEST_TRIPLE:
         yield "base_directions: v_1, v_2, v_3 lie in one plane"
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The README of a description: what the files are and where each number comes from."""
+"""The README of a description: its files, and the source of each number."""
 
 import re
 from pathlib import Path

@@ -33,7 +33,7 @@ def arc_ends(geometry: kinematics.Geometry) -> Array:
 
 
 def arc_margins(geometry: kinematics.Geometry, q: Array) -> Array:
-    """How far inside its arc each joint is, negative outside; shape (..., 9), [rad]."""
+    """Distance of each joint to the ends of its arc, negative outside; shape (..., 9), [rad]."""
     low, high = arc_ends(geometry)
     return np.asarray(np.minimum(q - low, high - q) + _END)
 

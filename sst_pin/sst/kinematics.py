@@ -25,7 +25,7 @@ _FLAT = 1e-8
 
 
 class Geometry(NamedTuple):
-    """What the kinematics needs to know of an SST."""
+    """Orientations of the frames that do not move in their bodies."""
 
     #: {0k} in the base, shape (3, 3, 3), Eqs. (32), (36).
     R_0: Array

@@ -42,7 +42,7 @@ def example_2(
 
 
 class Returned(NamedTuple):
-    """How well example 2 comes back to the path of example 1."""
+    """Errors of example 2 against the path of example 1."""
 
     #: Largest angle between the axes s, [rad].
     path_error: float

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What pictures of an SST show: the paper's axes and frames, the path of E, arcs, shapes."""
+"""Pictures of an SST: the paper's axes and frames, the path of E, the arcs, shapes."""
 
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator

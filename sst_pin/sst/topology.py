@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What a tree must look like to be an SST, and from it back to its `Parameters`."""
+"""From a tree to the geometry and the `Parameters` of an SST, or to what keeps it from being one."""
 
 from collections.abc import Iterator, Sequence
 

@@ -105,7 +105,7 @@ class WorkspaceMap:
 
     @property
     def on_arcs(self) -> Flags:
-        """Where every slider is on its arcs, joint limits kept."""
+        """Whether every slider is on its arcs and every joint within its limits."""
         return self.margin >= 0  # and never where it is NaN
 
     @property
@@ -137,7 +137,7 @@ class WorkspaceMap:
         write_files({as_path(path): self.writer(path)}, force)
 
     def writer(self, path: str | Path) -> Writer:
-        """What writes the map in the format that the path's ending asks for, .csv or .npz."""
+        """A writer of the map in the format of the path's ending, .csv or .npz."""
         kind = as_path(path).suffix.lower()
         arrays: dict[str, Any] = {field.name: getattr(self, field.name) for field in fields(self)}
         if kind == ".npz":
@@ -198,7 +198,7 @@ def _workspace(robot: SST, psi: Array, rings: int, spokes: int) -> WorkspaceMap:
 
 
 def _poses(robot: SST, R: Array) -> dict[str, NDArray[Any]]:
-    """What is to be known of orientations, shape (..., 3, 3), flat legs included."""
+    """Quantities of the map at orientations of shape (..., 3, 3), flat legs included."""
     geometry, model = robot.geometry, robot.mechanism.model
     n = np.einsum("...ij,kj->...ki", R, geometry.arc_normals)
     first_kind = np.linalg.norm(np.cross(geometry.e, n), axis=-1).min(axis=-1)
