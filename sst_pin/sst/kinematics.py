@@ -25,7 +25,7 @@ _FLAT = 1e-8
 
 
 class Geometry(NamedTuple):
-    """Orientations of the frames that do not move in their bodies."""
+    """Geometry of an SST: orientations of the frames fixed to its base and to its star."""
 
     #: {0k} in the base, shape (3, 3, 3), Eqs. (32), (36).
     R_0: Array

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""From a tree to the geometry and the `Parameters` of an SST, or to what keeps it from being one."""
+"""From a tree to the geometry and the `Parameters` of an SST, or what keeps it from being one."""
 
 from collections.abc import Iterator, Sequence
 
