@@ -4,6 +4,7 @@
 import io
 import itertools
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import coal
@@ -29,12 +30,7 @@ def odd_parameters(seed):
     """Any triangle of either handedness, any alpha, two random radii, either one the larger."""
     rng = np.random.default_rng(seed)
     p, (base, star) = random_parameters(rng), rng.uniform(0.1, 1, 2)
-    return Parameters(
-        base_directions=p.base_directions,
-        arc_angles=p.arc_angles,
-        base_radius=base,
-        star_radius=star,
-    )
+    return replace(p, base_radius=base, star_radius=star)
 
 
 ROBOTS = {

@@ -13,12 +13,11 @@ T = np.linspace(0, 1, 41)
 
 
 def motion_of(robot, q, t=T):
-    """A motion that only needs its angles."""
+    """A motion of which only the angles count."""
     zero = np.zeros((len(q), 3))
-    return sst_pin.Trajectory(t[: len(q)], q, zero, zero, zero, robot.joint_names, MOTORS)
-
-
-MOTORS = ("gamma_1", "gamma_2", "gamma_3")
+    return sst_pin.Trajectory(
+        t[: len(q)], q, zero, zero, zero, robot.joint_names, robot.motor_names
+    )
 
 
 def tilted(robot, phi):
@@ -91,7 +90,7 @@ def test_both_kinds_of_singularity_are_found_where_they_are_near(robot):
     t, near = np.arange(len(q)) / 100, robot.singularities(q)
     found = robot.check(motion_of(robot, q, t))
     first = [f for f in found if f.joints[0].startswith("mu")]
-    second = [f for f in found if f.joints == MOTORS]
+    second = [f for f in found if f.joints == robot.motor_names]
     flat = near.first_kind < check.SMALLEST_SINE
     assert flat.any()
     assert np.array_equal(np.unique(np.concatenate([f.times for f in first])), t[flat])

@@ -30,6 +30,14 @@ def orientations(workspace):
     return sst_pin.orientation(workspace.theta, workspace.phi, workspace.psi)
 
 
+def distance_inside(robot, q):
+    """Of the joint that is farthest out, from the ends of its arc."""
+    v, gamma, beta = robot.geometry.R_0[:, :, 0], q[..., ::3], q[..., 2::3]
+    sides = np.arccos((v * v[[1, 2, 0]]).sum(axis=1))
+    ends = [gamma, sides - gamma, beta, np.pi / 2 - beta]
+    return np.concatenate(ends, axis=-1).min(axis=-1)
+
+
 def test_chart_and_its_inverse_undo_each_other(odd):
     """Directions to points and back, anywhere but near the one opposite the middle."""
     chart = Chart.of_robot(odd)
@@ -72,11 +80,7 @@ def test_map_agrees_with_the_robot_sample_by_sample(odd, psi):
     # times it.
     error = workspace.condition_number / found.condition_number - 1
     assert (np.abs(error) * found.first_kind / found.condition_number).max() < 1e-13
-    v = odd.geometry.R_0[:, :, 0]
-    sides = np.arccos((v * v[[1, 2, 0]]).sum(axis=1))
-    inside = np.concatenate(
-        [q[..., ::3], sides - q[..., ::3], q[..., 2::3], np.pi / 2 - q[..., 2::3]], axis=-1
-    ).min(axis=-1)
+    inside = distance_inside(odd, q)
     assert np.abs(workspace.margin - inside).max() < 2e-9  # the slack at the ends is 1e-9
     assert np.array_equal(workspace.on_arcs, inside >= -1e-9)
     assert np.array_equal(workspace.roll, 2 * np.pi * workspace.on_arcs)
@@ -85,19 +89,15 @@ def test_map_agrees_with_the_robot_sample_by_sample(odd, psi):
 def test_reachable_is_what_inverse_kinematics_does_not_refuse(tmp_path):
     """A robot whose joints have narrow limits: WorkspaceError where the map says no."""
     text = urdf_of(sst_pin.Parameters()).replace('lower="-6.283185307179586"', 'lower="0.3"')
-    path = tmp_path / "narrow.urdf"
-    path.write_text(text.replace('upper="6.283185307179586"', 'upper="1.9"'))
-    robot = sst_pin.SST.from_urdf(path)
+    (tmp_path / "narrow.urdf").write_text(text.replace('upper="6.283185307179586"', 'upper="1.9"'))
+    robot = sst_pin.SST.from_urdf(tmp_path / "narrow.urdf")
     workspace = workspace_at(robot, 0.2, rings=16, spokes=24)
     assert 0.02 < workspace.reachable.mean() < 0.98
-    for R, reachable in zip(
-        orientations(workspace).reshape(-1, 3, 3), workspace.reachable.ravel(), strict=True
-    ):
-        if reachable:
-            robot.inverse_kinematics(R)
-        else:
-            with pytest.raises(sst_pin.WorkspaceError):
-                robot.inverse_kinematics(R)
+    R = orientations(workspace)
+    robot.inverse_kinematics(R[workspace.reachable])
+    for unreachable in R[~workspace.reachable]:
+        with pytest.raises(sst_pin.WorkspaceError):
+            robot.inverse_kinematics(unreachable)
     assert not (workspace.on_arcs & ~workspace.reachable).any()
     assert np.isinf(workspace.condition_number[~workspace.reachable]).all()
 
@@ -110,13 +110,12 @@ def test_flat_legs_are_told_and_break_nothing(robot, monkeypatch):
     workspace = workspace_at(robot, np.pi / 2, rings=31, spokes=36)
     flat = workspace.first_kind <= 0.05
     assert flat.any()
-    assert np.array_equal(workspace.reachable, ~flat)
-    assert np.array_equal(np.isnan(workspace.determinant), flat)
-    assert np.array_equal(np.isnan(workspace.margin), flat)
-    assert np.array_equal(np.isinf(workspace.condition_number), flat)
+    undefined = map(np.isnan, (workspace.determinant, workspace.margin))
+    for found in (~workspace.reachable, np.isinf(workspace.condition_number), *undefined):
+        assert np.array_equal(found, flat)
     assert not workspace.on_arcs[flat].any()
-    over_rolls = workspace_over_rolls(robot, rolls=8, rings=11, spokes=12)
-    assert over_rolls.reachable.all()  # some other psi does
+    # Some other psi does.
+    assert workspace_over_rolls(robot, rolls=8, rings=11, spokes=12).reachable.all()
 
 
 def test_paper_robot_is_isotropic_in_the_middle(robot, at_zero, over_rolls):
@@ -181,17 +180,13 @@ def test_best_psi_is_the_best_on_the_arcs(robot, seed):
     if seed is not None:
         robot = sst_pin.SST(random_parameters(np.random.default_rng(seed)))
     workspace = workspace_over_rolls(robot, rolls=36, rings=16, spokes=30)
-    v = robot.geometry.R_0[:, :, 0]
-    sides = np.arccos((v * v[[1, 2, 0]]).sum(axis=1))
     places = np.argwhere(workspace.on_arcs)
     assert len(places) > 10
     psi = np.arange(36) * np.pi / 18
     for place in map(tuple, places[:: max(len(places) // 20, 1)]):
         R = sst_pin.orientation(workspace.theta[place], workspace.phi[place], psi)
         q = robot.inverse_kinematics(R)
-        gamma, beta = q[:, ::3], q[:, 2::3]
-        on_arcs = (gamma > -1e-9) & (gamma < sides + 1e-9) & (beta > -1e-9)
-        on_arcs = (on_arcs & (beta < np.pi / 2 + 1e-9)).all(axis=1)
+        on_arcs = distance_inside(robot, q) > -1e-9
         condition = robot.singularities(q).condition_number
         assert workspace.condition_number[place] == pytest.approx(condition[on_arcs].min())
         # The roll that is left: an interval counts to within a step at each of its ends.
