@@ -5,17 +5,7 @@ import numpy as np
 import pytest
 
 from collocation import DEGREE
-from least_energy import (
-    PICK,
-    PLACE,
-    energy,
-    energy_of_held,
-    ground,
-    least,
-    plain,
-    robot,
-    simulated,
-)
+from least_energy import PICK, PLACE, energy, energy_of_held, ground, least, plain, robot, simulated
 
 
 @pytest.mark.slow
