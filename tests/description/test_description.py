@@ -79,7 +79,6 @@ def test_cuts_are_in_the_schema_of_laas():
 
 
 def test_the_star_frame_may_be_turned_in_an_edited_urdf(tmp_path):
-    """{E} need not be {31}: the frames of the cuts say where it is."""
     text = Path(sst_pin.URDF_PATH).read_text()
     for loop in (1, 2):
         head, joint, tail = text.partition(f'<joint name="closedloop{loop}_A_fixed"')

@@ -101,7 +101,6 @@ def test_the_papers_robot_is_as_large_as_in_the_paper():
 
 
 def test_meshes_and_their_folder_are_small():
-    """Less than 1 MB in the repository, none larger than a browser likes."""
     files = [*(SHIPPED / "meshes").iterdir()]
     assert {f.suffix for f in files} == {".stl", ".obj"}
     assert sum(f.stat().st_size for f in files) < 1e6
@@ -165,7 +164,6 @@ def test_legs_have_their_colours():
 
 
 def test_mujoco_and_yourdfpy_find_the_meshes_beside_the_urdf():
-    """Relative names, no package://, from any working directory."""
     mujoco = pytest.importorskip("mujoco", reason="extra `verify` is not installed")
     yourdfpy = pytest.importorskip("yourdfpy", reason="extra `verify` is not installed")
     stems = set(meshes_of(Parameters()))

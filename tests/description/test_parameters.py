@@ -10,7 +10,6 @@ from sst_pin.verification.sampling import random_parameters
 
 
 def test_defaults_are_the_robot_of_the_paper():
-    """Sect. 7.1 and the defaults of the paper's open points."""
     p = Parameters()
     assert np.array_equal(p.base_directions, np.eye(3))
     assert np.array_equal(p.actuated_axes, [[0, 0, 1], [1, 0, 0], [0, 1, 0]])  # Eqs. (38)-(40)
@@ -143,7 +142,6 @@ def test_a_body_or_a_payload_that_cannot_be_is_refused(call, word):
 
 
 def test_parameters_print_as_a_few_lines():
-    """Dimensions, masses, friction, gravity, with units; a table in a notebook."""
     p = Parameters(viscous_friction=np.linspace(0.1, 0.2, 9))
     text = repr(p)
     assert len(text.splitlines()) == 6

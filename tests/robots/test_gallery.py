@@ -73,7 +73,6 @@ def test_the_gallery_is_complete():
 
 
 def test_mobility_is_that_of_the_literature(name, robot):
-    """Freedoms, redundant rows; the motors hold every freedom at home."""
     report = robot.mobility(robot.home)
     assert (report.degrees_of_freedom, report.redundant_rows) == MOBILITY[name]
     assert report.sufficient
@@ -119,7 +118,6 @@ def test_a_pose_out_of_reach_is_refused(name, robot):
 
 
 def test_a_pose_that_a_robot_of_few_freedoms_cannot_take_is_refused():
-    """A delta's platform does not turn, and says so; samples of a batch are named."""
     delta = robots.delta()
     poses = np.stack([delta.platform_pose(delta.home)] * 2)
     poses[1, :3, :3] = pin.rpy.rpyToMatrix(0.1, 0, 0)
@@ -129,7 +127,6 @@ def test_a_pose_that_a_robot_of_few_freedoms_cannot_take_is_refused():
 
 
 def test_every_body_has_a_physical_inertia_and_a_shape(robot):
-    """Mass, positive moments within the triangle inequality, and something to look at."""
     for joint, body in list(enumerate(robot.model.inertias))[1:]:
         a, b, c = np.linalg.eigvalsh(body.inertia)
         assert body.mass > 0
@@ -140,7 +137,6 @@ def test_every_body_has_a_physical_inertia_and_a_shape(robot):
 
 @pytest.mark.parametrize("build", [robots.ladder, robots.scissor_lift])
 def test_long_chains_are_assembled_at_home(build):
-    """Twenty cells, closed form from the ground to the platform."""
     long = build(20)
     assert np.abs(long.residual(long.home)).max() < 1e-12
     assert long.mobility(long.home).degrees_of_freedom == (20 if build is robots.ladder else 1)

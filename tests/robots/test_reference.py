@@ -109,7 +109,6 @@ def off(actual, expected):
 
 
 def test_the_data_cover_the_sst_and_the_whole_gallery():
-    """Ten states each, numbers of 40 digits."""
     assert set(REFERENCE) == {"sst"} | {n for n in robots.__all__ if n.islower()}
     for record in REFERENCE.values():
         assert len(record["states"]) == 10
@@ -117,13 +116,11 @@ def test_the_data_cover_the_sst_and_the_whole_gallery():
 
 
 def test_the_description_is_that_of_the_robot(name, chain):
-    """The file agrees with what `describe` gives now."""
     now = json.loads(json.dumps(describe(chain)))
     assert now | {"states": REFERENCE[name]["states"]} == REFERENCE[name]
 
 
 def test_the_states_close_the_loops(chain, states, rates):
-    """Configurations, rates and accelerations of all joints."""
     # Rounding of q to 1e-16, times lengths below 3 m.
     assert max(np.abs(chain.residual(q)).max(initial=0) for q in states.q) < 1e-14
     # The same, times the condition number of the passive joints, below 1e3, twice for rates'.

@@ -67,7 +67,6 @@ def test_a_finding_carries_times_values_and_limits_and_says_the_worst(robot):
 
 
 def test_the_ends_of_an_arc_belong_to_it(robot):
-    """The limits are those of the workspace, rounding included."""
     q = tilted(robot, np.array([np.pi / 2]))
     assert abs(q[0, 2]) < 1e-15
     assert robot.check(motion_of(robot, q)) == ()
@@ -84,9 +83,8 @@ def test_whole_turns_leave_no_arc_but_joint_limits(robot):
 
 def test_both_kinds_of_singularity_are_found_where_they_are_near(robot):
     """|sin mu_k| and the condition number are those of `singularities`."""
-    rng = np.random.default_rng(5)
-    R = sst_pin.orientation(*rng.uniform(-np.pi, np.pi, (3, 4000)))
-    q = robot.inverse_kinematics(R)
+    angles = np.random.default_rng(5).uniform(-np.pi, np.pi, (3, 4000))
+    q = robot.inverse_kinematics(sst_pin.orientation(*angles))
     t, near = np.arange(len(q)) / 100, robot.singularities(q)
     found = robot.check(motion_of(robot, q, t))
     first = [f for f in found if f.joints[0].startswith("mu")]
@@ -97,14 +95,13 @@ def test_both_kinds_of_singularity_are_found_where_they_are_near(robot):
     assert min(f.values.min() for f in first) == pytest.approx(near.first_kind.min(), rel=1e-12)
     ill = near.condition_number > check.LARGEST_CONDITION
     assert ill.any()
-    assert len(second) == 1
-    assert np.array_equal(second[0].times, t[ill])
+    (found,) = second
+    assert np.array_equal(found.times, t[ill])
     # Rounding of the singular values grows with the condition number.
-    assert second[0].values == pytest.approx(near.condition_number[ill], rel=1e-9)
+    assert found.values == pytest.approx(near.condition_number[ill], rel=1e-9)
 
 
 def test_the_map_of_the_workspace_and_the_check_judge_alike(robot):
-    """On the arcs in the one is without findings on arcs in the other."""
     found = workspace.workspace_at(robot, 0.3, rings=12, spokes=24)
     regular = found.first_kind > 0.1
     R = sst_pin.orientation(found.theta[regular], found.phi[regular], 0.3)

@@ -88,7 +88,6 @@ def test_rates_are_those_of_the_closed_loops(robot, gap):
 
 @compiled
 def test_loads_stay_on_the_kernels(robot, monkeypatch):
-    """Constant or changing, through either argument, on the star or on any body."""
 
     def forbidden(*_):
         raise AssertionError("the reference path")

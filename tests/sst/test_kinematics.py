@@ -129,7 +129,6 @@ def test_direct_kinematics_misses_no_real_solution():
 
 
 def test_near_follows_a_motion_through_its_assemblies(odd):
-    """The admissible one of eight: angle by angle along a path, never another assembly."""
     start, _, _ = random_state(odd, np.random.default_rng(9))
     turns = Rotation.from_rotvec(np.multiply.outer(np.linspace(0, 0.2, 21), (0.0, 0.6, 0.8)))
     q = odd.inverse_kinematics(turns.as_matrix() @ start)
@@ -154,7 +153,6 @@ def test_every_pose_of_a_robot_whose_legs_lie_in_one_plane_is_found(robot):
 
 
 def test_motor_angles_without_assembly_are_told():
-    """Without `near` the set is empty, with it there is nothing to choose from."""
     rng = np.random.default_rng(0)
     robot = sst_pin.SST(random_parameters(rng))
     angles = (rng.uniform(-np.pi, np.pi, 3) for _ in range(300))
@@ -165,7 +163,6 @@ def test_motor_angles_without_assembly_are_told():
 
 
 def test_a_star_that_moves_while_the_motors_stand_is_singular():
-    """Two arcs asking the same leave a continuum of assemblies."""
     x, y, z = np.eye(3)
     with pytest.raises(
         sst_pin.SingularConfigurationError, match="can move while the motors are fixed"

@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Parameters that have been through a file are the same parameters."""
+"""Parameters through files and back; the conventions of other people's loaders."""
 
+import sys
+import types
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -89,7 +92,6 @@ def test_parameters_survive_the_way_through_mjcf(p, tmp_path):
     ],
 )
 def test_an_mjcf_that_is_no_sst_is_refused_by_name(old, new, words, tmp_path):
-    """What is wrong stands in the message; nothing is read as something else."""
     text = Path(sst_pin.MJCF_PATH).read_text()
     assert text.count(old) == 1
     (tmp_path / "sst.xml").write_text(text.replace(old, new))
@@ -152,3 +154,63 @@ def test_armature_is_refused_too(robot):
     model.armature = 0.01 * np.eye(9)[4]
     with pytest.raises(sst_pin.DescriptionError, match=r"joint mu_2: armature 0\.01"):
         parameters_of(model, robot.geometry, robot.friction)
+
+
+def test_load_is_a_robot_wrapper_with_geometry_and_poses(robot):
+    """model, q0, visual and collision models, as example_robot_data has them."""
+    wrapper = sst_pin.load()
+    assert isinstance(wrapper, pin.RobotWrapper)
+    assert wrapper.model.nq == wrapper.model.nv == 9
+    assert np.array_equal(wrapper.q0, robot.home)
+    assert wrapper.model.gravity.linear.tolist() == [0, 0, -9.81]
+    assert wrapper.visual_model.ngeoms == 12
+    assert all(Path(g.meshPath).is_file() for g in wrapper.visual_model.geometryObjects)
+    poses = wrapper.model.referenceConfigurations
+    start = robot.inverse_kinematics(sst_pin.paper_circle([0.0]).R[0])
+    for name, q in (("home", robot.home), ("circle_start", start)):
+        assert poses[name] == pytest.approx(q, abs=1e-14)  # files have 14 decimals
+        assert np.abs(robot.residual(poses[name])).max() < 1e-14
+
+
+def test_named_poses_are_free_of_collisions():
+    """The pairs that the SRDF leaves are checked; bodies that always touch are not among them."""
+    wrapper = sst_pin.load()
+    model, collision = wrapper.model, wrapper.collision_model
+    data = wrapper.data, collision, wrapper.collision_data
+    for name in ("home", "circle_start"):
+        assert not pin.computeCollisions(model, *data, model.referenceConfigurations[name], False)
+    links = [model.frames[shape.parentFrame].name for shape in collision.geometryObjects]
+    checked = {frozenset((links[p.first], links[p.second])) for p in collision.collisionPairs}
+    assert {frozenset(("passive_1", "star_2")), frozenset(("link_1", "link_2"))} <= checked
+    assert not {frozenset(("base", "link_1")), frozenset(("star_1", "star_3"))} & checked
+
+
+def test_load_says_what_is_missing(tmp_path):
+    for path, words in (
+        (sst_pin.URDF_PATH, "SRDF beside the URDF"),
+        (sst_pin.SRDF_PATH, "shapes cannot be loaded"),
+    ):
+        (tmp_path / Path(path).name).write_bytes(Path(path).read_bytes())
+        with pytest.raises(sst_pin.DescriptionError, match=words):
+            sst_pin.load(tmp_path / "sst.urdf")
+
+
+@pytest.mark.parametrize("tool", ["pinocchio", "mujoco", "yourdfpy"])
+def test_loaders_of_robot_descriptions_take_our_paths(tool, monkeypatch):
+    module = types.ModuleType("robot_descriptions.sst_description")
+    names = ("REPOSITORY_PATH", "PACKAGE_PATH", "URDF_PATH", "MJCF_PATH", "SRDF_PATH")
+    vars(module).update({name: getattr(sst_pin, name) for name in names})
+    assert all(isinstance(vars(module)[name], str) for name in names)
+    monkeypatch.setitem(sys.modules, module.__name__, module)
+    loader = import_module(f"robot_descriptions.loaders.{tool}")
+    loaded = loader.load_robot_description("sst_description")
+    if tool == "pinocchio":
+        assert loaded.visual_model.ngeoms == 12
+        assert loaded.model.nq == 9
+    elif tool == "mujoco":
+        assert (loaded.nq, loaded.neq) == (9, 2)
+        scene = loader.load_robot_description("sst_description", variant="scene")
+        assert scene.geom("floor").id >= 0
+    else:
+        assert len(loaded.actuated_joint_names) == 9
+        assert len(loaded.scene.geometry) == 12

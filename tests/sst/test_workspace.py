@@ -39,7 +39,6 @@ def distance_inside(robot, q):
 
 
 def test_chart_and_its_inverse_undo_each_other(odd):
-    """Directions to points and back, anywhere but near the one opposite the middle."""
     chart = Chart.of_robot(odd)
     s = Rotation.random(200, np.random.default_rng(0)).as_matrix()[:, 0]
     s = s[s @ chart.axes[2] > -0.5]  # beyond, 1 + cos loses digits
@@ -119,7 +118,6 @@ def test_flat_legs_are_told_and_break_nothing(robot, monkeypatch):
 
 
 def test_paper_robot_is_isotropic_in_the_middle(robot, at_zero, over_rolls):
-    """Its home is the best pose of both maps, condition number 1."""
     s = robot.platform_orientation(robot.home)[:, 0]
     for workspace in (at_zero, over_rolls):
         assert workspace.condition_number[workspace.best] == pytest.approx(1, abs=1e-14)
@@ -220,7 +218,6 @@ def test_csv_has_one_row_for_each_direction(robot, tmp_path):
 
 
 def test_bad_arguments_have_their_own_errors(robot, at_zero, tmp_path):
-    """Endings, numbers that are not finite, grids of nothing."""
     with pytest.raises(sst_pin.OutputError, match=r"known: \.csv, \.npz"):
         at_zero.save(tmp_path / "map.xlsx")
     with pytest.raises(sst_pin.InputError, match="psi"):
