@@ -15,38 +15,19 @@ import sst_pin
 from sst_pin.cli import main
 
 ROOT = Path(__file__).resolve().parents[2]
-FILES = {
-    "sst.urdf",
-    "sst.yaml",
-    "sst.srdf",
-    "sst.xml",
-    "scene.xml",
-    "sst.png",
-    "README.md",
-    "LICENSE",
-    "package.xml",
-    "CMakeLists.txt",
-}
+FILES = {f"sst.{ending}" for ending in ("urdf", "yaml", "srdf", "xml", "png")}
+FILES |= {"scene.xml", "README.md", "LICENSE", "package.xml", "CMakeLists.txt"}
 #: Links without mass, which MJCF has as sites.
 FRAMES = {f"closedloop{loop}_{end}" for loop in (1, 2) for end in "AB"} | {"E", "P_1", "P_2", "P_3"}
-OPTIONS = [
-    "--alpha=110,120,130",
-    "--base-radius=0.3",
-    "--star-radius=0.5",
-    "--link-mass=0.5",
-    "--passive-mass=0.1",
-    "--star-mass=3",
-    "--viscous-friction=0.1",
-    "--coulomb-friction=0.2",
-    "--gravity=-1,0,-9.5",
-]
-DIRECTIONS = ["--base-directions", "-1,0,0.1 0,1,0.2 0,0.3,2"]
+OPTIONS = "--alpha=110,120,130 --base-radius=0.3 --star-radius=0.5 --link-mass=0.5 --star-mass=3 "
+OPTIONS += "--passive-mass=0.1 --viscous-friction=0.1 --coulomb-friction=0.2 --gravity=-1,0,-9.5"
+DESCRIBED = [*OPTIONS.split(), "--base-directions", "-1,0,0.1 0,1,0.2 0,0.3,2"]
 
 
 @pytest.fixture(scope="module")
 def described(tmp_path_factory):
     folder = tmp_path_factory.mktemp("described") / "robot"
-    assert main(["describe", "-o", str(folder), *OPTIONS, *DIRECTIONS]) == 0
+    assert main(["describe", "-o", str(folder), *DESCRIBED]) == 0
     return folder
 
 
@@ -94,7 +75,7 @@ def test_numbers_of_the_readme_have_a_grade(folder):
     rows = re.findall(r"^\| (\d+) \| .* \| ([ABCU]) \| .+ \|$", readme, re.MULTILINE)
     assert [int(number) for number, _ in rows] == list(range(1, 20))
     grades = {int(number) for number, grade in rows if grade == "U"}
-    # What OPTIONS leaves alone: mass centres and drives, shapes, steps.
+    # What they leave alone: mass centres and drives, shapes, steps.
     changed = set(range(1, 17)) - {6, 9, 12}
     assert grades == (set() if folder == Path(sst_pin.PACKAGE_PATH) else changed)
 
@@ -229,5 +210,5 @@ def test_describe_spares_what_is_there(described, capsys):
     assert main(["describe", "-o", str(described)]) == 2
     assert "exists already" in capsys.readouterr().err
     assert (described / "sst.urdf").read_bytes() == before
-    assert main(["describe", "-o", str(described), "--force", *OPTIONS, *DIRECTIONS]) == 0
+    assert main(["describe", "-o", str(described), "--force", *DESCRIBED]) == 0
     assert (described / "sst.urdf").read_bytes() == before

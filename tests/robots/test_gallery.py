@@ -107,10 +107,8 @@ def test_inverse_kinematics_closes_the_loops_and_holds_the_pose(name, robot, con
 def test_a_pose_out_of_reach_is_refused(name, robot):
     """Two kilometres away, but for the Stewart platform, whose struts have no end; NaN."""
     pose = robot.platform_pose(robot.home)
-    if name == "stewart":
-        pose[:3, :3] *= 2  # no rotation
-    else:
-        pose[:3, 3] += 2000
+    pose[:3, 3] += 0 if name == "stewart" else 2000
+    pose[:3, :3] *= 2 if name == "stewart" else 1  # no rotation
     with pytest.raises(WorkspaceError):
         robot.inverse_kinematics(pose)
     with pytest.raises(InputError):

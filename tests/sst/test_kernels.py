@@ -60,23 +60,25 @@ def test_derivatives_equal_the_reference(case):
     assert "reference" not in robot.path
 
 
+WITHOUT_CASADI = """
+import sys
+sys.modules["casadi"] = None
+import numpy as np, sst_pin
+robots = robot, _ = sst_pin.SST(), sst_pin.SST(kernels=False)
+state = robot.home, [0.1, 0.2, 0.3], [1.0, 2.0, 3.0]
+d, right = (x.torque_derivatives(*state, sign_width=0.1) for x in robots)
+assert all(np.allclose(a, b, rtol=1e-9, atol=1e-9) for a, b in zip(d, right))
+print(robot.path)
+"""
+
+
 @pytest.mark.slow
 @compiled
 @pytest.mark.parametrize(("compiler", "path"), [({}, ""), ({"CC": "/no/cc"}, "CC names /no/cc")])
 def test_derivatives_need_a_compiler_but_not_casadi(tmp_path, compiler, path):
     """Without a compiler the reference path computes them, and the path tells why."""
-    code = (
-        "import sys\n"
-        "sys.modules['casadi'] = None\n"
-        "import numpy as np, sst_pin\n"
-        "robot, reference = sst_pin.SST(), sst_pin.SST(kernels=False)\n"
-        "state = robot.home, [0.1, 0.2, 0.3], [1.0, 2.0, 3.0]\n"
-        "d, right = (x.torque_derivatives(*state, sign_width=0.1) for x in (robot, reference))\n"
-        "assert all(np.allclose(a, b, rtol=1e-9, atol=1e-9) for a, b in zip(d, right))\n"
-        "print(robot.path)"
-    )
     environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path), "PYTHONPATH": str(ROOT)} | compiler
-    command = [sys.executable, "-c", code]
+    command = [sys.executable, "-c", WITHOUT_CASADI]
     result = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
     assert ("by the reference path" in result.stdout) == bool(path)
     assert path in result.stdout
@@ -244,15 +246,13 @@ def test_a_moment_on_the_star_alone_loads_kernels_as_the_wrenches_of_all_bodies_
 @compiled
 def test_every_instruction_set_of_the_machine_computes_the_same():
     """The package holds all; those that the processor has agree to rounding."""
-    have = {"plain": ["plain", "plain_one"]}
-    have["avx2"] = ["avx2", "avx2_one", *have["plain"]]
-    have["avx512"] = ["avx512", *have["avx2"]]
+    sets = ["avx512", "avx2", "avx2_one", "plain", "plain_one"]  # each has all after it
     robot = sst_pin.SST()
     arguments = robot.joint_motion(*random_states(robot, np.random.default_rng(8), 20))
     expected = robot.compute_torques(*arguments)
     mechanism = robot._current.reference.mechanism
     numbers = kernels.open_numbers(mechanism).pack(mechanism, mechanism.friction)
-    for target in have[_binding.INSTRUCTIONS]:
+    for target in sets[sets.index(_binding.INSTRUCTIONS) :]:
         code = kernels.code(Key("torques"), target)
         address, (size, *inputs) = code.address("run"), code.sizes("run")
         p = code.prepared(numbers)
