@@ -158,8 +158,7 @@ def test_the_page_of_the_gallery_is_current():
     scope = {}
     exec(page.split("```python")[1].split("```")[0], scope)
     # The struts hold up platform and themselves: the weight of the platform at least.
-    along = scope["tau"] @ np.ones(6)
-    assert along > 20 * 9.81
+    assert sum(scope["tau"]) > 20 * 9.81
 
 
 @pytest.mark.parametrize("build", [robots.agile_eye, robots.agile_wrist])
@@ -173,11 +172,10 @@ def test_the_home_of_the_agile_eye_is_isotropic(build):
 def test_hoeckens_linkage_draws_a_line():
     """Over half a turn of the crank the point rises by a four-hundredth of its way at most."""
     robot = robots.four_bar()
-    q, points = robot.home, []
+    way = [robot.home]
     for crank in np.radians(np.arange(60, 271, 5)):
-        q = robot.assemble([crank, *q[1:]])
-        points.append(robot.platform_pose(q)[:3, 3])
-    x, y, z = np.array(points[6:]).T  # from 90 to 270 degrees
+        way.append(robot.assemble([crank, *way[-1][1:]]))
+    x, y, z = robot.platform_pose(way[7:])[:, :3, 3].T  # from 90 to 270 degrees
     assert np.ptp(x) == pytest.approx(0.4)  # four cranks
     assert np.ptp(z) < np.ptp(x) / 400
     assert_allclose(y, 0, atol=1e-15)

@@ -55,7 +55,7 @@ def model_of(record):
     }
     for joint in record["joints"]:
         axes = [np.array(axis) for axis in joint.get("axes", [])]
-        parent, at = joint_of(model, joint["parent"]), placement_of(joint)
+        parent, at = placed(model, joint, "parent")
         index = model.addJoint(parent, kinds[joint["type"]](*axes), at, joint["name"])
         xx, yy, zz, xy, xz, yz = joint["inertia"]
         inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
@@ -64,8 +64,8 @@ def model_of(record):
     closures = []
     for c, closure in enumerate(record["closures"]):
         for side in ("frame_a", "frame_b"):
-            joint, at = joint_of(model, closure[side]["joint"]), placement_of(closure[side])
-            model.addFrame(pin.Frame(f"{side}_{c}", joint, at, pin.FrameType.OP_FRAME))
+            frame = f"{side}_{c}", *placed(model, closure[side], "joint")
+            model.addFrame(pin.Frame(*frame, pin.FrameType.OP_FRAME))
         closures.append(sst_pin.Closure(f"frame_a_{c}", f"frame_b_{c}", closure["kind"]))
     return model, closures
 
@@ -77,8 +77,8 @@ def pulls(record, model, q, v):
     for line in record["forces"]:
         ends = []
         for side in ("frame_a", "frame_b"):
-            joint = joint_of(model, line[side]["joint"])
-            point = data.oMi[joint].act(placement_of(line[side]).translation)
+            joint, at = placed(model, line[side], "joint")
+            point = data.oMi[joint].act(at.translation)
             J = pin.getJointJacobian(model, data, joint, pin.WORLD)
             ends.append((point, J[:3] - pin.skew(point) @ J[3:]))
         (a, J_a), (b, J_b) = ends
@@ -89,21 +89,15 @@ def pulls(record, model, q, v):
     return force
 
 
-def joint_of(model, name):
-    return 0 if name == "base" else model.getJointId(name)
-
-
-def placement_of(record):
-    """Roll, pitch, yaw about the fixed axes, then the translation."""
-    rotation = pin.rpy.rpyToMatrix(np.radians(record["placement"]["rpy_degrees"]))
-    return pin.SE3(rotation, np.array(record["placement"]["xyz"]))
+def placed(model, record, key):
+    """A joint and a placement on it; roll, pitch, yaw are about the fixed axes."""
+    joint, at = record[key], record["placement"]
+    rotation = pin.rpy.rpyToMatrix(np.radians(at["rpy_degrees"]))
+    return 0 if joint == "base" else model.getJointId(joint), pin.SE3(rotation, np.array(at["xyz"]))
 
 
 def off(actual, expected):
-    """Largest difference in each state, relative to its largest entry, as far as that is not small.
-
-    One torque may be nearly zero in one state; the largest of all ten is what it is compared with.
-    """
+    """Largest difference in a state relative to its largest entry, or 1 % of the largest of all."""
     sizes = np.abs(expected).max(axis=-1, keepdims=True)
     return (np.abs(actual - expected) / np.maximum(sizes, 1e-2 * sizes.max())).max()
 
