@@ -27,25 +27,20 @@ def test_shipped_robot_is_the_one_of_the_default_parameters(robot):
 
 
 def test_tree_has_nine_bounded_revolute_joints_and_the_right_mass(robot):
-    """nq == nv == 9 and 3.68 kg: no joint and no kilogram is lost on the way."""
     assert robot.joint_names == JOINT_NAMES
     assert robot.model.nq == robot.model.nv == 9
     assert sum(i.mass for i in robot.model.inertias) == pytest.approx(3.68, abs=1e-14)
-    tree = ET.parse(sst_pin.URDF_PATH)
-    moving = [j for j in tree.iter("joint") if j.get("type") != "fixed"]
-    assert {j.get("type") for j in moving} == {"revolute"}
+    kinds = {joint.get("type") for joint in ET.parse(sst_pin.URDF_PATH).iter("joint")}
+    assert kinds - {"fixed"} == {"revolute"}
 
 
 def test_no_moving_link_is_massless_and_frames_weigh_an_explicit_nothing():
     """The two rules that keep MuJoCo and PyBullet from refusing or inventing mass."""
     tree = ET.parse(sst_pin.URDF_PATH)
     child = {j.find("child").get("link"): j.get("type") for j in tree.iter("joint")}
-    for link in tree.iter("link"):
-        mass = link.find("inertial/mass")
-        if child.get(link.get("name")) == "revolute":
-            assert float(mass.get("value")) > 0
-        elif child.get(link.get("name")) == "fixed":
-            assert float(mass.get("value")) == 0
+    for link in (link for link in tree.iter("link") if link.get("name") in child):
+        mass = float(link.find("inertial/mass").get("value"))
+        assert mass > 0 if child[link.get("name")] == "revolute" else mass == 0
 
 
 @pytest.mark.parametrize("tilt", [0.0, 1e-15, 1e-9, 3e-8, 1e-7, 1e-4])
@@ -128,7 +123,6 @@ def test_cuts_of_other_motors_are_refused(tmp_path):
 
 
 def test_mujoco_loads_the_urdf_with_the_same_mass_matrix(robot):
-    """An engine nobody here wrote sees the same tree: masses, axes and inertias."""
     mujoco = pytest.importorskip("mujoco", reason="extra `verify` is not installed")
     model = mujoco.MjModel.from_xml_path(sst_pin.URDF_PATH)
     data = mujoco.MjData(model)

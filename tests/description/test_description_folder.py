@@ -121,7 +121,6 @@ def test_all_files_name_the_same_things(folder):
 
 
 def test_urdf_and_mjcf_carry_the_same_bodies(folder):
-    """Mass, mass centre, inertia, friction and limits, digit for digit."""
     urdf, mjcf = xml(folder, "sst.urdf"), xml(folder, "sst.xml")
     for body in mjcf.iterfind(".//body[inertial]"):
         given = urdf.find(f"link[@name='{body.get('name')}']/inertial")
@@ -142,7 +141,6 @@ def test_urdf_and_mjcf_carry_the_same_bodies(folder):
 
 
 def test_urdf_and_mjcf_wear_the_same_parts(folder):
-    """The visuals of each link by mesh and colour, and as many collision solids of each kind."""
     urdf, mjcf = xml(folder, "sst.urdf"), xml(folder, "sst.xml")
     seen = 0
     for body in mjcf.iterfind(".//body"):

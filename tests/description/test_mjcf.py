@@ -49,7 +49,6 @@ def at(model, robot, state, tau=(0, 0, 0)):
 
 @pytest.mark.parametrize("name", ["sst.xml", "scene.xml"])
 def test_mujoco_compiles_and_steps_without_a_word(name, tmp_path, monkeypatch, capfd):
-    """No warning on the terminal, in the log file or in the counters, nothing touches."""
     monkeypatch.chdir(tmp_path)
     model = mujoco.MjModel.from_xml_path(f"{sst_pin.PACKAGE_PATH}/{name}")
     data = mujoco.MjData(model)
@@ -83,7 +82,6 @@ def test_loops_are_closed_at_the_keyframes(closed, robot, name):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_tree_dynamics_of_mujoco_and_pinocchio_agree(seed):
-    """Inverse dynamics of the open tree at any motion: masses, axes, inertias, gravity."""
     robot, model = random_robot(seed)
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     data, rng = mujoco.MjData(model), np.random.default_rng(seed)

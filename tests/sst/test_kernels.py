@@ -25,7 +25,6 @@ RELATIVE = 1e-12
 
 
 def error(a, b):
-    """Largest difference relative to the largest entry."""
     return np.abs(a - b).max() / np.abs(b).max()
 
 
@@ -76,7 +75,6 @@ print(robot.path)
 @compiled
 @pytest.mark.parametrize(("compiler", "path"), [({}, ""), ({"CC": "/no/cc"}, "CC names /no/cc")])
 def test_derivatives_need_a_compiler_but_not_casadi(tmp_path, compiler, path):
-    """Without a compiler the reference path computes them, and the path tells why."""
     environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path), "PYTHONPATH": str(ROOT)} | compiler
     command = [sys.executable, "-c", WITHOUT_CASADI]
     result = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
@@ -127,9 +125,8 @@ def test_every_sample_has_the_same_bits_alone_and_in_any_batch(robot, count):
 @pytest.mark.parametrize("threads", [1, 3])
 def test_samples_at_fault_are_found_wherever_they_stand(robot, threads):
     """Every hundredth of a batch that is large enough for several threads."""
-    q, va, aa = robot.joint_motion(*random_states(robot, np.random.default_rng(7), 10))
-    pick = np.arange(5003) % 10
-    q, va, aa = q[pick], va[pick], aa[pick]
+    states = robot.joint_motion(*random_states(robot, np.random.default_rng(7), 10))
+    q, va, aa = (x[np.arange(5003) % 10] for x in states)
     tau = robot.compute_torques(q, va, aa)
     q[::100, 1] += 0.1
     found = robot.compute_torques(q, va, aa, threads=threads, on_error="nan")
@@ -244,10 +241,9 @@ def test_a_moment_on_the_star_alone_loads_kernels_as_the_wrenches_of_all_bodies_
 
 
 @compiled
-def test_every_instruction_set_of_the_machine_computes_the_same():
+def test_every_instruction_set_of_the_machine_computes_the_same(robot):
     """The package holds all; those that the processor has agree to rounding."""
     sets = ["avx512", "avx2", "avx2_one", "plain", "plain_one"]  # each has all after it
-    robot = sst_pin.SST()
     arguments = robot.joint_motion(*random_states(robot, np.random.default_rng(8), 20))
     expected = robot.compute_torques(*arguments)
     mechanism = robot._current.reference.mechanism

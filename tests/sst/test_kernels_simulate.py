@@ -45,7 +45,6 @@ PAIRS = [
 
 @pytest.mark.parametrize(("load", "torque"), PAIRS)
 def test_both_paths_take_the_same_motion(load, torque):
-    """An odd robot with friction in every joint; tolerances of 1e-12, motions of 0.1 s."""
     rng = np.random.default_rng(0)
     fast, slow = both(random_parameters(rng))
     q, va, _ = fast.joint_motion(*random_state(fast, rng))

@@ -29,11 +29,8 @@ def assert_same(found, given):
     """
     assert found.base_directions == pytest.approx(given.base_directions, rel=0, abs=5e-16)
     assert found.arc_angles == pytest.approx(given.arc_angles, rel=0, abs=5e-15)
-    for ours, theirs in zip(
-        (*found.links, *found.passive_links, found.star),
-        (*given.links, *given.passive_links, given.star),
-        strict=True,
-    ):
+    bodies = ((*p.links, *p.passive_links, p.star) for p in (found, given))
+    for ours, theirs in zip(*bodies, strict=True):
         assert ours.mass == pytest.approx(theirs.mass, rel=4e-16)
         assert ours.center_of_mass == pytest.approx(theirs.center_of_mass, rel=0, abs=2e-15)
         assert ours.inertia == pytest.approx(theirs.inertia, rel=0, abs=2e-15)

@@ -56,7 +56,6 @@ def test_chart_keeps_areas(robot):
 
 
 def test_grid_is_the_half_sphere_about_the_middle_of_the_triangle(odd):
-    """From the middle to right angles with it; theta and phi are those of the directions."""
     workspace = workspace_at(odd, 0.7, rings=21, spokes=60)
     middle = Chart.of_robot(odd).axes[2]
     ahead = workspace.s @ middle
