@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 from functools import partial
@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     from ..files import Table
     from ..motion.bearing_loads import Loads
     from ..motion.crossings import Crossing
-    from ..motion.limits import Finding
+    from ..motion.limits import Finding, Verdict
     from ..motion.rollouts import Rollout
     from ..motion.simulation import Load, Torque
     from ..motion.trajectories import Trajectory
@@ -586,6 +586,8 @@ class ClosedChain(Summary):
     def check(self, motion: Trajectory | ArrayLike) -> tuple[Finding, ...]:
         """Check a motion: joints that leave their limits, and nearby singularities.
 
+        An SST has arcs as limits too, and singularities of two kinds.
+
         Args:
             motion: A motion of this robot, or one configuration, shape (nq,).
 
@@ -599,10 +601,10 @@ class ClosedChain(Summary):
             >>> chain.check(chain.home)
             ()
         """
-        from ..motion.limits import findings, samples_of, verdicts
+        from ..motion.limits import findings, samples_of
 
         t, q = samples_of(self, motion)
-        return findings(t, verdicts(self, q))
+        return findings(t, self._verdicts(q))
 
     def loads(
         self, motion: Trajectory, *, stiffness: Mapping[str, ArrayLike] | None = None
@@ -1722,6 +1724,12 @@ class ClosedChain(Summary):
     _examine: Callable[[pin.Model], Any] = staticmethod(_anything_goes)
     #: Name of the frame whose body is the platform.
     _platform = "platform"
+
+    def _verdicts(self, q: Array) -> Iterable[Verdict]:
+        """What `check` finds at configurations of shape (N, nq)."""
+        from ..motion.limits import verdicts
+
+        return verdicts(self, q)
 
     def _motion_in(self, table: Table) -> tuple[Array, Array, Array] | None:
         """q, va, aa of a table whose columns are not the coordinates; an SST has such tables."""

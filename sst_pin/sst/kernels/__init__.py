@@ -6,8 +6,6 @@ instruction sets compile `kernels.c` at installation; derivatives are compiled a
 into the cache. The environment variable SST_PIN_KERNELS=off switches all C off.
 """
 
-from __future__ import annotations
-
 import ctypes
 import os
 from functools import cache
@@ -17,7 +15,7 @@ from pathlib import Path
 from ... import extensions
 from ...arrays import Array
 from ...chain.backend import Key
-from ...chain.closures import Closure, Constraint
+from ...chain.closures import Closure
 from ...chain.mechanism import Mechanism
 from ...chain.reference import Reference
 from ...compiled import build
@@ -35,58 +33,42 @@ PAGE = FOLDER / "page.js"
 PARTS, INCLUDE = ("real.h", "driver.h"), Path(build.__file__).with_name("c")
 #: Kernels that the package contains compiled.
 ENTRIES = (
-    *(
-        Key(quantity)
-        for quantity in ("torques", "accelerations", "reduced_terms", "rates", "closing", "rollout")
-    ),
+    *map(Key, ("torques", "accelerations", "reduced_terms", "rates", "closing", "rollout")),
     *(Key(quantity, loaded=True) for quantity in ("torques", "accelerations", "rollout")),
 )
 #: Kernels that are compiled at their first use, each from a file of its name.
 AT_FIRST_USE = (*DERIVATIVES, *(key._replace(along=True) for key in DERIVATIVES))
-
-
 #: Index of the body that bears the loads on the star; the three arcs are one body.
 STAR = JOINT_NAMES.index("beta_1")
 
 
 def backend(reference: Reference, off: str) -> CompiledBackend:
-    """The kernels of one robot.
-
-    Raises:
-        CompilationError: Why it has none, `off` if that is not empty.
-    """
+    """The kernels of one robot; the error says why it has none, `off` if that is not empty."""
     mechanism = reference.mechanism
     if why := off or _misfit(mechanism) or missing():
         raise CompilationError(why)
     return CompiledBackend(reference, parameters=open_numbers(mechanism), code=code, bearer=STAR)
 
 
-def misfit(joint_names: tuple[str, ...], closures: tuple[Constraint, ...]) -> str:
+def _misfit(mechanism: Mechanism) -> str:
     """What keeps a robot from the kernels, wherever they run; empty when nothing does."""
-    if joint_names != JOINT_NAMES:
+    if mechanism.space.joint_names != JOINT_NAMES:
         return "the joints of the model are in another order"
-    cuts = [closure for closure in closures if isinstance(closure, Closure)]
+    cuts = [closure for closure in mechanism.closures if isinstance(closure, Closure)]
     frames = {(closure.frame_a, closure.frame_b) for closure in cuts}
     kinds = {closure.kind for closure in cuts}
-    if len(cuts) < len(closures) or frames != CUTS or not kinds <= {"6d", "orientation"}:
+    whole = len(cuts) == len(mechanism.closures) and kinds <= {"6d", "orientation"}
+    if frames != CUTS or not whole:
         return "the cuts differ from those of the YAML in the package"
+    springs = not (mechanism.springs.none and mechanism.lines.none)
+    if springs or not mechanism.driven_one_to_one:
+        return "the motors or springs differ from those of an SST"
     return ""
 
 
-def _misfit(mechanism: Mechanism) -> str:
-    """`misfit` of a robot with motors and springs."""
-    springs = not (mechanism.springs.none and mechanism.lines.none)
-    why = misfit(mechanism.space.joint_names, mechanism.closures)
-    if not why and (springs or not mechanism.driven_one_to_one):
-        why = "the motors or springs differ from those of an SST"
-    return why
-
-
 def page_functions(mechanism: Mechanism) -> tuple[str, Array] | None:
-    """The functions in JavaScript for a page, and their open numbers; None where they do not fit.
-
-    They divide by the masses of the bodies.
-    """
+    """JavaScript of the functions of a page, and their open numbers; None where they do not fit."""
+    # They divide by the masses of the bodies.
     if _misfit(mechanism) or not all(body.mass for body in list(mechanism.model.inertias)[1:]):
         return None
     numbers = open_numbers(mechanism).pack(mechanism, mechanism.friction)
