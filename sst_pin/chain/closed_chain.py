@@ -1448,8 +1448,9 @@ class ClosedChain(Summary):
             MissingExtraError: For a USD without usd-core, `sst-pin[usd]`.
 
         Warns:
-            DescriptionWarning: When the inertia of a link is one that no body has; for an open
-                tree without `actuated`, because its YAML may have been forgotten.
+            DescriptionWarning: When the inertia of a link is one that no body has; when a pose of
+                the SRDF moves a locked joint; for an open tree without `actuated`, because its YAML
+                may have been forgotten.
 
         Example:
             >>> sst_pin.ClosedChain.from_urdf(sst_pin.URDF_PATH).motor_names
@@ -1493,7 +1494,8 @@ class ClosedChain(Summary):
             UnknownNameError: For a name in `locked` that is not a joint.
 
         Warns:
-            DescriptionWarning: When a spatial tendon has limits.
+            DescriptionWarning: When a tendon or a ball has limits, or a keyframe moves a locked
+                joint.
 
         Example:
             >>> sst_pin.ClosedChain.from_mjcf(sst_pin.MJCF_PATH).motor_names

@@ -18,7 +18,7 @@ from ..arrays import Array, finite_array, in_one_turn, of_samples, single_array
 from ..chain.appearance import Appearance
 from ..chain.backend import Backend
 from ..chain.closed_chain import ClosedChain
-from ..chain.closures import Coupling
+from ..chain.closures import Closure
 from ..chain.current import Current
 from ..chain.mechanism import Friction
 from ..chain.reference import Reference
@@ -35,8 +35,8 @@ from .kinematics import Geometry
 from .platform_motion import PlatformMotion, motion_in
 from .topology import CUTS, geometry_of, parameters_of
 
-#: As closures print.
-_WELDS = {f"{a} - {b}" for a, b in CUTS}
+#: Two frames in any order, and all that a weld holds.
+_WELDS = {(frozenset(pair), Closure.KINDS["6d"]) for pair in CUTS}
 
 
 class Singularities(NamedTuple):
@@ -63,6 +63,31 @@ _GEOMETRIES: WeakKeyDictionary[Current, Geometry] = WeakKeyDictionary()
 
 def _geometry(model: pin.Model) -> Geometry:
     return geometry_of(model, f"model {model.name}")
+
+
+def _described(parameters: Parameters) -> Described:
+    """What the files of parameters say."""
+    urdf = Urdf(description.urdf_of(parameters), "URDF of the parameters")
+    cuts = parse_cuts(description.yaml_of(parameters), "cuts of the parameters")
+    shapes = partial(star_appearance.shapes_of, urdf.root, parameters)
+    return closed(urdf, cuts)._replace(shapes=shapes)
+
+
+def _require_sst(found: Described) -> None:
+    """Refuse closures and motors that are not an SST's."""
+    problems, closures = list[str](), found.closures
+    welds = [c for c in closures if isinstance(c, Closure)]
+    ends = {(frozenset((c.frame_a, c.frame_b)), c.held) for c in welds}
+    if len(closures) != len(_WELDS) or ends != _WELDS:
+        told = ", ".join(f"{c} ({getattr(c, 'kind', 'no weld')})" for c in closures)
+        wanted = " and ".join(f"{a} - {b}" for a, b in sorted(CUTS))
+        told = f"closures or equalities {told or 'are missing'}"
+        problems.append(f"{told}; an SST has the welds (6d) {wanted}")
+    if tuple(found.actuated) != MOTOR_NAMES:
+        wanted = ", ".join(MOTOR_NAMES)
+        problems.append(f"motors {list(found.actuated)}; an SST has {wanted}")
+    if problems:
+        raise DescriptionError(found.source, problems)
 
 
 def _kernels(reference: Reference, off: str) -> Backend:
@@ -96,10 +121,7 @@ class SST(ClosedChain):
                 "parameters", f"{parameters!r} is not Parameters; to read a file use SST.from_urdf"
             )
         else:
-            urdf = Urdf(description.urdf_of(parameters), "URDF of the parameters")
-            cuts = parse_cuts(description.yaml_of(parameters), "cuts of the parameters")
-            shapes = partial(star_appearance.shapes_of, urdf.root, parameters)
-            self._load(closed(urdf, cuts)._replace(shapes=shapes), kernels)
+            self._load(_described(parameters), kernels)
 
     @classmethod
     def from_urdf(  # type: ignore[override]  # an SST has its motors and nothing to lock
@@ -134,7 +156,8 @@ class SST(ClosedChain):
         """An SST from an edited MJCF: its parameters are read and a new SST is made from them.
 
         Args:
-            path: The MJCF, with the joints, sites and welds of the shipped one.
+            path: The MJCF, with the joints, sites and welds of the shipped one. Named keyframes are
+                the `referenceConfigurations` of `model`; `home` is computed as for every SST.
             locked: As in `ClosedChain.from_mjcf`; an SST has nothing to lock.
             kernels: See the constructor.
 
@@ -149,19 +172,16 @@ class SST(ClosedChain):
         """
         from ..reading.mjcf import read_mjcf
 
-        found, source = read_mjcf(path, locked), str(path)
-        geometry = geometry_of(found.model, source)
-        motors = found.actuated
-        ends = {str(closure) for closure in found.closures}
-        if motors != MOTOR_NAMES or ends != _WELDS:
-            wanted = f"an SST has motors {', '.join(MOTOR_NAMES)} and welds {sorted(_WELDS)}"
-            raise DescriptionError(
-                source, [f"motors {motors}, equalities {sorted(ends)}; {wanted}"]
-            )
+        found = read_mjcf(path, locked)
+        geometry = geometry_of(found.model, found.source)
+        _require_sst(found)
         if found.forces or (found.stiffness is not None and found.stiffness.any()):
-            raise DescriptionError(source, ["parameters have no springs and no tendons"])
+            raise DescriptionError(found.source, ["parameters have no springs and no tendons"])
         friction = Friction(found.model.damping, found.model.friction)
-        return cls(parameters_of(found.model, geometry, friction), kernels=kernels)
+        made = _described(parameters_of(found.model, geometry, friction))
+        for pose in found.model.referenceConfigurations:
+            made.model.referenceConfigurations[pose.key()] = pose.data()
+        return cls._of_file(made, kernels)
 
     @classmethod
     def _of_file(cls, found: Described, kernels: bool = True) -> SST:
@@ -171,13 +191,7 @@ class SST(ClosedChain):
 
     def _load(self, found: Described, kernels: bool) -> None:
         geometry_of(found.model, found.source)  # its complaints come first
-        if mimics := [each for each in found.closures if isinstance(each, Coupling)]:
-            raise DescriptionError(found.source, [f"{mimics[0]}: an SST has no mimic joints"])
-        if found.actuated != MOTOR_NAMES:
-            wanted = ", ".join(MOTOR_NAMES)
-            raise DescriptionError(
-                found.source, [f"name_mot: {list(found.actuated)}, an SST has {wanted}"]
-            )
+        _require_sst(found)
         what = found.model, found.closures, MOTOR_NAMES
         super().__init__(*what, coordinates=MOTOR_NAMES, forces=found.forces)
         off = "" if kernels else "switched off by kernels=False"
