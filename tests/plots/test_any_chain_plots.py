@@ -14,6 +14,7 @@ from matplotlib.figure import Figure  # noqa: E402
 
 from sst_pin.plots import curves  # noqa: E402
 from sst_pin.plots.motions import CURVES  # noqa: E402
+from sst_pin.plots.style import StyledFigure  # noqa: E402
 
 
 def falling(chain, q=None, samples=21):
@@ -91,7 +92,7 @@ def test_any_name_has_its_entry_in_the_legend(name):
     motion = sst_pin.Trajectory([0, 1], none, none, none, none, [name], [name])
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-    figure = plots.StyledFigure()
+    figure = StyledFigure()
     ax = plots.joint_angles(figure.add_subplot(), motion)
     FigureCanvasAgg(figure).draw()
     (text,) = ax.get_legend().get_texts()
@@ -161,6 +162,44 @@ def test_every_two_hues_differ():
     looks = curves.looks([f"joint{k}" for k in range(curves.MOST)])
     places = [lab(look["color"]) for look in looks]
     assert min(np.linalg.norm(a - b) for a, b in itertools.combinations(places, 2)) > 20
+
+
+CURVES_OF_A_ROBOT = {
+    "rates": plots.joint_rates,
+    "power": plots.powers,
+    "energy": plots.energy_balance,
+    "condition": plots.condition_number,
+    "path": lambda ax, robot, motion: plots.frame_path(ax, robot, motion, "platform"),
+    "sphere": lambda ax, robot, motion: plots.paths_on_sphere(ax, robot, [("", motion)]),
+}
+
+
+@pytest.mark.parametrize("subject", CURVES_OF_A_ROBOT)
+def test_curves_of_another_robots_motion_are_refused(subject, robot):
+    """Robots with the same joints and their motors in another order; an SST and a chain."""
+    bars = sst_pin.robots.five_bar()
+    names, t, ax = bars.motor_names[::-1], [0, 1], Figure().add_subplot()
+    twin = sst_pin.ClosedChain(bars.model, bars.closures, names, coordinates=bars.coordinates)
+    zero = np.zeros((2, 2))
+    motion = bars.trajectory(t, [bars.home, bars.home], zero, zero)
+    with pytest.raises(sst_pin.InputError, match="motion: belongs to another robot"):
+        CURVES_OF_A_ROBOT[subject](ax, robot if subject == "sphere" else twin, motion)
+
+
+def test_a_page_of_a_robot_without_motors_has_no_torques_and_says_so_when_asked():
+    bars = sst_pin.robots.four_bar()
+    passive = sst_pin.ClosedChain(bars.model, bars.closures, [])
+    motion = falling(passive, bars.home)
+    labels = [ax.get_ylabel() for ax in plots.motion_page(passive, motion).axes]
+    assert labels[0] == "joint angle (deg)"
+    assert len(labels) == 4
+    for subject in ("torques", "power"):
+        with pytest.raises(sst_pin.InputError, match=f"{subject} of a robot without motors"):
+            plots.motion_page(passive, motion, [subject, "joints"])
+    with pytest.raises(sst_pin.InputError, match="nothing to draw"):
+        plots.motor_torques(Figure().add_subplot(), motion)
+    with pytest.raises(sst_pin.InputError, match="has no motors"):
+        plots.torques_page(motion, motion.tau)
 
 
 def path_of(ax):

@@ -19,6 +19,7 @@ from sst_pin.verification.sampling import random_state
 plots = pytest.importorskip("sst_pin.plots", reason="extra `plot` is not installed")
 motions = pytest.importorskip("sst_pin.plots.motions", reason="extra `plot` is not installed")
 figures = pytest.importorskip("matplotlib.figure", reason="extra `plot` is not installed")
+from sst_pin.plots.workspace_maps import second_kind  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -181,7 +182,7 @@ def test_curves_of_the_second_kind_are_singular(robot):
 
     def along(rings):
         workspace = workspace_at(robot, psi, rings=rings, spokes=2 * (rings - 1))
-        s = np.concatenate(plots.second_kind(robot, workspace))
+        s = np.concatenate(second_kind(robot, workspace))
         theta, phi = np.arctan2(s[:, 1], s[:, 0]), np.arccos(s[:, 2])
         q = robot.inverse_kinematics(sst_pin.orientation(theta, phi, psi))
         found = robot.singularities(q)
@@ -207,7 +208,7 @@ def test_curves_of_the_second_kind_are_where_the_robot_says(robot):
     theta = np.radians(np.linspace(0, 90, 2001))
     q = robot.inverse_kinematics(sst_pin.orientation(theta, phi, psi))
     crossing = theta[robot.singularities(q).second_kind.argmin()]
-    curves = np.concatenate(plots.second_kind(robot, workspace_at(robot, psi)))
+    curves = np.concatenate(second_kind(robot, workspace_at(robot, psi)))
     s = sst_pin.orientation(crossing, phi, psi)[:, 0]
     # Within the steps of the path and of the map.
     assert np.degrees(np.arccos((curves @ s).max())) < 0.5
