@@ -17,9 +17,9 @@ from sst_pin.cli import main
 from sst_pin.description.colours import HUES
 from sst_pin.reading.shapes import UrdfShapes
 from sst_pin.viewer import Viewer
-from sst_pin.viewer.bodies import body_shapes
-from sst_pin.viewer.panel_curves import curves_of
+from sst_pin.viewer.panel import curves_of
 from sst_pin.viewer.robot_scene import LAYERS, Scene
+from sst_pin.viewer.triangles import body_shapes
 
 DELTA = Path(__file__).parents[2] / "examples" / "delta.urdf"
 BARE = pin.GeometryModel()
@@ -206,7 +206,7 @@ def test_arrows_are_as_large_as_the_torques_and_turn_with_their_sign(name):
     viewer.show(q, tau)
     arrows = viewer._scene.arrows
     assert [arrow.motor for arrow in arrows] == list(range(len(tau)))
-    units = np.array(viewer._units)
+    units = np.array(robot.motor_units)
     effort = viewer._shares(tau[None])[0]
     for unit in set(units):
         assert np.abs(effort[units == unit]).max() == pytest.approx(1)

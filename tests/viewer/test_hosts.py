@@ -9,7 +9,7 @@ import pytest
 
 from sst_pin.errors import ServerError
 from sst_pin.viewer import Viewer
-from sst_pin.viewer.hosts import is_ours, url_of
+from sst_pin.viewer.server import is_ours, url_of
 
 
 @pytest.fixture(scope="module")

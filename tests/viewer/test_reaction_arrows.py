@@ -10,7 +10,7 @@ import sst_pin
 from sst_pin import robots
 from sst_pin.cli import main
 from sst_pin.viewer import Viewer
-from sst_pin.viewer.joints import pulls_of
+from sst_pin.viewer.sketch import pulls_of
 
 
 def drawn(viewer, robot, q, placements):
