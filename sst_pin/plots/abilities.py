@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What a pose can do: sets of forces and accelerations; what a frame reaches: maps."""
+"""Sets of forces and accelerations that a pose allows; maps of poses that a frame reaches."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def convex_set(
     plane: tuple[int, int] = (0, 1),
     **look: Any,
 ) -> Axes:
-    """What a pose can do, as a polygon or an ellipse in a plane of the base, or as a body.
+    """A set of forces or accelerations in a plane of the base, as a polygon, or as a body.
 
     Args:
         ax: Plane axes, which show what the shape covers in the plane, or axes with projection "3d".
@@ -87,7 +87,7 @@ def _points_of(shape: Ellipsoid) -> Array:
 
 
 def reach_map(ax: Axes, found: ReachMap, show: str = "condition") -> Axes:
-    """What a frame reaches, coloured by the condition number or the load of the motors.
+    """Map of the poses that a frame reaches, coloured by condition number or load of motors.
 
     What ends the map is marked where it is a joint's limit or a singular configuration; beyond the
     end of its reach it is white. Angles are in degrees.

@@ -217,7 +217,7 @@ def upper_bound(value: float) -> str:
     return rf"${digit}\times 10^{{{exponent}}}$" if digit < 10 else rf"$10^{{{exponent + 1}}}$"
 
 
-#: What draws each subject, by its name on the command line, and curves that may take several axes.
+#: Functions that draw each subject, and give its curves where they may take several axes.
 CURVES: dict[str, tuple[Callable[..., Axes], Callable[..., Curves] | None]] = {
     "torques": (motor_torques, _torques),
     "joints": (joint_angles, _positions),

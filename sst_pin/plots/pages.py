@@ -32,7 +32,7 @@ from .workspace_maps import (
     workspace_on_sphere,
 )
 
-#: What a page can show of a motion.
+#: Subjects of a page about a motion.
 SUBJECTS = ("path", *CURVES)
 _LOADS = {"force": "force (N)", "moment": "moment (N m)"}
 #: Loads that are smaller than this part of the largest are rounding.

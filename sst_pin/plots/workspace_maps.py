@@ -24,7 +24,7 @@ from .style import Axes
 #: Steps of the condition number, each with its colour: light is good, dark is singular.
 LEVELS = (1, 1.1, 1.25, 1.5, 2, 3, 5, 10)
 COLOUR_MAP: Any = mpl.colormaps["viridis_r"].with_extremes(over="#1c0021")
-#: How both are given to Matplotlib.
+#: Colours and steps as arguments of Matplotlib.
 CONDITION: dict[str, Any] = {
     "cmap": COLOUR_MAP,
     "norm": mpl.colors.BoundaryNorm(LEVELS, COLOUR_MAP.N, extend="max"),

@@ -19,7 +19,7 @@ LAYERS = ("bodies", "skeleton", "inertia", "torques", "trail", "axes", "frames")
 _TRAIL, _PATH = "#8E24AA", "#A9B0B6"
 TRAIL_SIDES = 8
 #: The largest arrow, as a share of the robot's length.
-_LARGEST = 0.45
+_ARROW = 0.45
 #: Directions in which the robot's reach is known, and samples of a motion that it is taken from.
 _DIRECTIONS, _SAMPLES = 150, 60
 
@@ -68,8 +68,8 @@ class Scene:
         ]
         #: Torques of the motors, and the forces of reactions.
         self.arrows: list[Arrow | Pull] = [
-            *sketch.arrows_of(model, self._data, lines, B, _LARGEST * size),
-            *(sketch.pulls_of(robot, _LARGEST * size) if reactions else ()),
+            *sketch.arrows_of(model, self._data, lines, B, _ARROW * size),
+            *(sketch.pulls_of(robot, _ARROW * size) if reactions else ()),
         ]
         there = {shape.layer for shape in (*self.shapes, *(a.shape for a in self.arrows))}
         there |= {"trail"} if self.point else set()
