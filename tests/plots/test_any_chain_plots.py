@@ -37,7 +37,6 @@ def test_a_page_of_any_robot_is_legible(name, monkeypatch):
 
 
 def test_axes_have_the_units_of_their_joints():
-    """Legs of a Stewart platform slide: forces in newtons, positions in metres, rates in m/s."""
     robot = sst_pin.robots.stewart()
     page = plots.motion_page(robot, falling(robot, robot.home), ("torques", "joints", "rates"))
     labels = [ax.get_ylabel() for ax in page.axes]
@@ -134,7 +133,6 @@ def test_what_a_page_cannot_show_is_refused(subjects, word):
 
 
 def test_curves_are_what_the_chain_computes():
-    """Torques, rates, powers, condition numbers under their joints' names."""
     robot = sst_pin.robots.five_bar()
     motion = falling(robot, robot.home)
     page = plots.motion_page(robot, motion, ("rates", "power", "condition"))
@@ -230,7 +228,6 @@ def test_the_path_of_a_frame_moves_as_its_jacobian_says(name, frame):
 
 
 def test_a_page_with_a_path_in_space_is_legible(monkeypatch):
-    """Beside other panels; a path in space has no place in plane axes."""
     robot = sst_pin.robots.delta()
     motion = falling(robot)
     page = plots.motion_page(robot, motion, ("path", "torques"))
@@ -240,7 +237,6 @@ def test_a_page_with_a_path_in_space_is_legible(monkeypatch):
 
 
 def test_a_path_of_an_unknown_frame_is_refused():
-    """The frames that there are are named; a frame asked for brings its path to the page."""
     robot = sst_pin.robots.five_bar()
     motion = falling(robot, robot.home)
     with pytest.raises(sst_pin.UnknownNameError, match=r"hand.* known: .*tip_1"):
@@ -254,7 +250,6 @@ def test_a_path_of_an_unknown_frame_is_refused():
 
 
 def test_convex_sets_are_drawn_in_a_plane_and_as_bodies():
-    """A cube covers a square of its size; an ellipsoid stays inside; what is flat is refused."""
     cube = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
     ball = sst_pin.Ellipsoid(np.zeros(3), np.array([1.0, 0.5, 0.5]), np.eye(3))
     ax = Figure().add_subplot()

@@ -41,7 +41,6 @@ def maps(robot):
 
 
 def swing(robot, seed=3):
-    """A short motion of any robot: it falls."""
     R, _, _ = random_state(robot, np.random.default_rng(seed))
     q = robot.inverse_kinematics(R)
     return robot.simulate(np.zeros(3), q, np.zeros(3), np.linspace(0, 0.05, 21), rtol=1e-8)
@@ -63,7 +62,6 @@ CURVES = {
 
 @pytest.mark.parametrize("name", CURVES)
 def test_curves_are_drawn_where_asked_with_units_and_legend(sticky, circle, name):
-    """The axes that went in come out; every curve has an entry of its own."""
     ax, draw = axes(), getattr(plots, name)
     robot = () if name in ("motor_torques", "joint_angles") else (sticky,)
     assert draw(ax, *robot, circle) is ax
@@ -86,7 +84,6 @@ def curve(ax, label):
 
 
 def test_curves_are_what_the_robot_computes(sticky, circle):
-    """Angles in degrees, rates of all joints, powers of the motors and of friction."""
     rates = sticky.joint_rates(circle.q, circle.va)
     ax = plots.joint_rates(axes(), sticky, circle)
     assert np.array_equal(curve(ax, r"$\dot\mu_2$"), rates[:, 4])
@@ -115,15 +112,7 @@ def test_energy_drawn_is_balanced(sticky, circle):
     balance = energy_balance(sticky, circle)
     assert [energy[0] for energy in balance] == [0] * 4
     assert (np.diff(balance.friction) < 0).all()
-    wrong = sst_pin.Trajectory(
-        circle.t,
-        circle.q,
-        circle.va,
-        circle.aa,
-        1.1 * circle.tau,
-        circle.joint_names,
-        circle.actuated,
-    )
+    wrong = sticky.trajectory(circle.t, circle.q, circle.va, circle.aa, 1.1 * circle.tau)
     assert np.abs(energy_balance(sticky, wrong).error).max() > 0.1
 
 
@@ -156,14 +145,11 @@ def test_condition_number_near_a_singularity_is_logarithmic(robot):
     worst = robot.singularities(q).condition_number.argmax()
     assert robot.singularities(q[worst]).condition_number > 20
     zero = np.zeros((2, 3))
-    near = sst_pin.Trajectory(
-        (0, 1), q[[0, worst]], zero, zero, zero, motion.joint_names, motion.actuated
-    )
+    near = robot.trajectory((0, 1), q[[0, worst]], zero, zero, zero)
     assert plots.condition_number(axes(), robot, near).get_yscale() == "log"
 
 
 def test_spheres_look_like_spheres(robot, circle, maps):
-    """Equal scales along all axes, and the paths are on the sphere."""
     ax = plots.paths_on_sphere(axes("3d"), robot, [("path", circle)])
     spans = [np.ptp(limits) for limits in (ax.get_xlim(), ax.get_ylim(), ax.get_zlim())]
     assert np.ptp(spans / np.asarray(ax._box_aspect)) < 1e-12
@@ -215,7 +201,6 @@ def test_curves_of_the_second_kind_are_where_the_robot_says(robot):
 
 
 def test_pages_are_legible(sticky, circle, robot, maps, monkeypatch):
-    """No text on another, none cut off: a motion, the workspace."""
     require_legible(plots.motion_page(sticky, circle, plots.SUBJECTS), monkeypatch)
     s = sst_pin.paper_circle(np.linspace(0, paper.PERIOD, 61)).R[:, :, 0]
     require_legible(plots.workspace_page(robot, *maps, ("circle", s)), monkeypatch)
@@ -225,7 +210,6 @@ def test_pages_are_legible(sticky, circle, robot, maps, monkeypatch):
     "odd", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in (1, 2, 3))], indirect=True
 )
 def test_pages_of_odd_robots_are_legible(odd, monkeypatch):
-    """Whatever the geometry; some have nothing on their arcs."""
     require_legible(plots.motion_page(odd, swing(odd)), monkeypatch)
     maps = (
         workspace_at(odd, -1.0, rings=21, spokes=60),
@@ -293,18 +277,16 @@ def test_a_star_is_drawn_at_its_own_size(radius):
 
 
 def test_a_page_says_what_the_machine_cannot_take(robot, monkeypatch):
-    """Below the curves, legible; nothing where there is nothing to say."""
     t = np.linspace(0, 1, 31)
     angles = np.full_like(t, np.radians(20)), np.radians(60 + 110 * t)
     rates = sst_pin.interpolate_orientations(t, sst_pin.orientation(*angles), t)
     q, va, aa = robot.joint_motion(*rates)
-    names = robot.joint_names
-    off = sst_pin.Trajectory(t, q, va, aa, np.zeros_like(va), names, names[::3])
+    off = robot.trajectory(t, q, va, aa, 0 * va)
     figure = plots.motion_page(robot, off, ("path", "joints"))
     for finding in robot.check(off):
         assert f"Warning: {finding}" in figure.get_supxlabel()
     require_legible(figure, monkeypatch)
-    within = sst_pin.Trajectory(t, q[[0] * 31], va, aa, 0 * va, names, names[::3])
+    within = robot.trajectory(t, q[[0] * 31], va, aa, 0 * va)
     assert plots.motion_page(robot, within, ("joints",)).get_supxlabel() == ""
 
 

@@ -199,7 +199,6 @@ def test_axes_are_those_of_the_joints(name):
 
 @pytest.mark.parametrize("name", ["four_bar", "stewart", "excavator", "planar_4rrr"])
 def test_arrows_are_as_large_as_the_torques_and_turn_with_their_sign(name):
-    """Each motor's; torques among torques, forces among forces."""
     robot, q = robot_of(name)
     viewer = Viewer(robot)
     tau = np.linspace(-1, 3, len(robot.motor_names)) ** 3
@@ -219,7 +218,6 @@ def test_arrows_are_as_large_as_the_torques_and_turn_with_their_sign(name):
 
 
 def test_rods_without_mass_reach_from_frame_to_frame():
-    """A `Distance` is drawn with its own length in every configuration."""
     robot, _ = robot_of("rods")
     scene = Scene(robot, BARE)
     rods = [c for c in robot.closures if isinstance(c, sst_pin.Distance)]
@@ -231,7 +229,6 @@ def test_rods_without_mass_reach_from_frame_to_frame():
 
 
 def test_forces_along_lines_reach_from_frame_to_frame():
-    """A motor as a cylinder in its colour, a spring as a coil, a damper as a thin line."""
     bar = sst_pin.robots.four_bar()
     ends = "universe", "platform"
     kinds = {"cylinder": {}, "coil": {"stiffness": 3}, "damper": {"damping": 2}}
@@ -264,7 +261,6 @@ def test_the_reach_holds_all_that_is_shown(name):
 
 
 def test_layers_are_bodies_or_else_a_skeleton():
-    """Both are there for a robot with shapes; the skeleton is what another one starts with."""
     robot, _ = robot_of("stewart")
     with_bodies, without = Scene(robot, None).layers, Scene(robot, BARE).layers
     assert list(with_bodies) == list(LAYERS)
@@ -275,7 +271,6 @@ def test_layers_are_bodies_or_else_a_skeleton():
 
 
 def test_a_urdf_by_hand_brings_its_visuals(tmp_path):
-    """Boxes, cylinders, spheres and meshes where Pinocchio has them, in the URDF's colour."""
     (tmp_path / "meshes").mkdir()
     trimesh.creation.box((0.1, 0.2, 0.3)).export(tmp_path / "meshes" / "block.stl")
     chain, q, _ = five_bar(
@@ -309,7 +304,6 @@ def test_a_urdf_by_hand_brings_its_visuals(tmp_path):
 
 
 def test_a_mesh_that_cannot_be_read_is_told(tmp_path, capsys):
-    """By its name, with the way to do without; the dynamics need no mesh."""
     chain, q, path = five_bar(tmp_path, base='<mesh filename="meshes/gone.stl"/>')
     chain.compute_torques(q, [0, 0], [0, 0])
     with pytest.raises(errors.DescriptionError, match=r"gone\.stl.*show --skeleton"):
@@ -356,7 +350,6 @@ def test_an_mjcf_is_drawn_as_mujoco_has_it(tmp_path):
 
 
 def test_a_chain_can_be_given_shapes_of_its_own():
-    """A `pinocchio.GeometryModel`, and nothing else."""
     robot, _ = robot_of("four_bar")
     chain = sst_pin.ClosedChain(robot.model, robot.closures, robot.motor_names)
     assert not chain.visual_model.geometryObjects
@@ -380,7 +373,6 @@ def test_a_configuration_has_no_torques_unless_they_are_given(tmp_path):
 
 
 def test_a_page_warns_of_open_loops_and_limits(tmp_path):
-    """Warnings for a configuration, and for a motion with its time."""
     chain, q, _ = five_bar(tmp_path)
     viewer = Viewer(chain)
     viewer.show(q)

@@ -14,7 +14,6 @@ from sst_pin.viewer.server import is_ours, url_of
 
 @pytest.fixture(scope="module")
 def served(robot):
-    """Address of a page."""
     with Viewer(robot) as viewer:
         yield viewer.serve()
 
@@ -60,7 +59,6 @@ def test_a_site_that_calls_itself_this_machine_is_not_answered(served):
 
 @pytest.mark.parametrize("origin", ["http://foreign.example", "http://127.0.0.1:1", "null"])
 def test_a_websocket_of_another_page_is_refused(served, origin):
-    """Browsers let every page open WebSockets to every address."""
     assert upgrade(served, Origin=origin) == 403
 
 

@@ -15,11 +15,9 @@ import pytest
 import any_chain
 import cassie
 import sst_pin
-from browser import chromium, needs_browser  # noqa: F401
+from browser import with_slow
 from sst_pin.errors import ClosureError, MissingExtraError, SSTError
 from sst_pin.viewer import Viewer
-
-pytestmark = needs_browser
 
 #: Values at some states of the page's engine.
 VALUES = """states => states.map(({q, va, aa, tau}) => {
@@ -98,7 +96,7 @@ def on_springs(name):
 class Engine:
     """The engine of a robot in a page of its own."""
 
-    def __init__(self, chromium, chain, q=None):  # noqa: F811
+    def __init__(self, chromium, chain, q=None):
         self.viewer = Viewer(chain, pin.GeometryModel(), live=True)
         if q is not None:
             self.viewer.show(q)
@@ -150,28 +148,15 @@ def agree(engine, chain, states):
         assert found["condition"] == pytest.approx(chain.condition_number(q), rel=1e-6)
 
 
-QUICK = ["sst", "four_bar", "bennett"]
-SLOW = [
-    "delta",
-    "stewart",
-    "five_bar",
-    "planar_4rrr",
-    "excavator",
-    "cassie",
-    "coupled",
-    "rods",
-    "line",
-    "tree",
-    "wheel",
-]
+SLOW = ["delta", "stewart", "five_bar", "planar_4rrr", "excavator", "cassie", *OTHERS]
 SLOW += [*any_chain.JOINTS, *any_chain.IN_A_ROW]
 
 
 @pytest.mark.parametrize(
-    "name", [*QUICK, *(pytest.param(name, marks=pytest.mark.slow) for name in SLOW)]
+    "name",
+    ["sst", "four_bar", "bennett", *(pytest.param(name, marks=pytest.mark.slow) for name in SLOW)],
 )
-def test_the_page_computes_what_the_package_computes(chromium, name):  # noqa: F811
-    """Torques, accelerations, energies and the distance from singularities, friction included."""
+def test_the_page_computes_what_the_package_computes(chromium, name):
     chain = robot_named(name)
     engine = Engine(chromium, chain)
     agree(engine, chain, list(states_of(chain, q=engine.q)))
@@ -180,21 +165,11 @@ def test_the_page_computes_what_the_package_computes(chromium, name):  # noqa: F
 
 @pytest.mark.parametrize(
     ("name", "speed"),
-    [
-        ("four_bar", 3.0),
-        *(
-            pytest.param(name, speed, marks=pytest.mark.slow)
-            for name, speed in {
-                "sst": 2.0,
-                "delta": 2.0,
-                "stewart": 0.3,
-                "five_bar": 2.0,
-                "cassie": 0.2,
-            }.items()
-        ),
-    ],
+    with_slow(
+        ("four_bar", 3.0), sst=[2.0], delta=[2.0], stewart=[0.3], five_bar=[2.0], cassie=[0.2]
+    ),
 )
-def test_a_swing_of_ten_seconds_keeps_its_energy(chromium, name, speed):  # noqa: F811
+def test_a_swing_of_ten_seconds_keeps_its_energy(chromium, name, speed):
     """To 0.1 % of the largest kinetic energy, with springs that hold the robot about its home."""
     chain = on_springs(name)
     home = pose_of(name)
@@ -207,7 +182,7 @@ def test_a_swing_of_ten_seconds_keeps_its_energy(chromium, name, speed):  # noqa
     engine.page.close()
 
 
-def test_a_motion_is_that_of_the_package(chromium):  # noqa: F811
+def test_a_motion_is_that_of_the_package(chromium):
     """The SST let go from home: 0.5 s against `simulate`, tolerance of the page's steps."""
     robot = sst_pin.SST()
     engine = Engine(chromium, robot)
@@ -217,7 +192,7 @@ def test_a_motion_is_that_of_the_package(chromium):  # noqa: F811
     engine.page.close()
 
 
-def test_hold_brings_the_robot_back_after_a_push(chromium):  # noqa: F811
+def test_hold_brings_the_robot_back_after_a_push(chromium):
     """PD with gravity compensation: at rest in the pose where it began, 12/s critically damped."""
     chain = robot_named("four_bar")
     engine = Engine(chromium, chain, chain.home)
@@ -228,7 +203,7 @@ def test_hold_brings_the_robot_back_after_a_push(chromium):  # noqa: F811
     engine.page.close()
 
 
-def test_loops_stay_closed_as_coordinates_move_and_the_way_ends_in_words(chromium):  # noqa: F811
+def test_loops_stay_closed_as_coordinates_move_and_the_way_ends_in_words(chromium):
     robot = sst_pin.SST()
     engine = Engine(chromium, robot)
     script = (
@@ -245,7 +220,6 @@ def test_loops_stay_closed_as_coordinates_move_and_the_way_ends_in_words(chromiu
 
 
 def test_what_a_page_cannot_compute_is_named(monkeypatch):
-    """Bodies without mass, open loops, and CasADi that is missing."""
     model = robot_named("four_bar").model
     for body in range(1, model.njoints):
         model.inertias[body] = pin.Inertia.Zero()

@@ -1,20 +1,16 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The page in a real browser: what it shows is what Pinocchio computes."""
 
-import io
 import socket
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from PIL import Image
 
 import sst_pin
-from browser import COARSE, chromium, needs_browser, visit  # noqa: F401
+from browser import COARSE, pixels, visit
 from sst_pin.sst import paper
 from sst_pin.viewer import Viewer
-
-pytestmark = needs_browser
 
 SPEED = 0.25
 #: From three.js, where y is up, to the base, where z is.
@@ -53,7 +49,7 @@ def motion(robot):
 
 
 @pytest.fixture(scope="module")
-def shown(chromium, robot, motion, tmp_path_factory):  # noqa: F811
+def shown(chromium, robot, motion, tmp_path_factory):
     """Example 1 as a file, opened."""
     viewer = Viewer(robot, axes=True)
     viewer.play(motion, speed=SPEED, title="Example 1")
@@ -95,7 +91,6 @@ def bodies(robot, q):
 
 
 def require_poses(page, robot, q):
-    """Every body where Pinocchio has it."""
     drawn, found = poses(page)
     for node, wanted in bodies(robot, q).items():
         assert found[node]["mesh"], node
@@ -105,8 +100,7 @@ def require_poses(page, robot, q):
 def canvas(page):
     """The 3D view as an array of colours."""
     page.evaluate("viewer.renderer.setPixelRatio(1); viewer.render()")
-    picture = page.locator("#pane").screenshot()
-    return np.asarray(Image.open(io.BytesIO(picture)).convert("RGB")).astype(int)
+    return pixels(page.locator("#pane").screenshot())
 
 
 def test_the_page_asks_for_nothing_and_nothing_fails(shown, page):
@@ -117,7 +111,6 @@ def test_the_page_asks_for_nothing_and_nothing_fails(shown, page):
 
 
 def test_every_body_and_every_extra_is_a_mesh_of_the_scene(page, robot):
-    """By name: bodies of the URDF, joint axes, frames, torques, path and trail."""
     _, found = poses(page)
     lines = ["robot/0/trail/path", "robot/0/trail/passed"]
     for node in (*bodies(robot, robot.home), *FRAMES, *AXES, *TORQUES, *lines):
@@ -127,7 +120,7 @@ def test_every_body_and_every_extra_is_a_mesh_of_the_scene(page, robot):
 
 
 @pytest.mark.slow
-def test_a_ghost_plays_a_second_motion_at_the_same_times(chromium, tmp_path):  # noqa: F811
+def test_a_ghost_plays_a_second_motion_at_the_same_times(chromium, tmp_path):
     """Sampled at other times, from before the start to half of the motion; where it ends it stays.
 
     It is translucent, a layer of its own, and goes with the motion.
@@ -206,7 +199,6 @@ def test_extras_show_axes_frames_and_torques(page, robot, motion, sample):
 
 
 def test_the_canvas_shows_the_robot_and_it_moves(page):
-    """Ink of the three legs' colours, and another picture at another instant."""
     pictures = []
     for share in (0.1, 0.6):
         page.evaluate("share => panel.still(share)", share)
@@ -261,7 +253,6 @@ def test_it_plays_at_the_speed_that_was_asked_for(page, motion):
 
 @pytest.mark.slow
 def test_a_person_plays_steps_drags_and_hides(page, motion):
-    """Space, arrow keys, the slider, the chart, the check boxes."""
     page.locator("#title").click()
     page.keyboard.press("Space")
     assert page.evaluate("panel.playing")
@@ -286,8 +277,7 @@ def test_a_person_plays_steps_drags_and_hides(page, motion):
 
 
 @pytest.mark.slow
-def test_a_served_page_follows_the_program_and_outlives_it(chromium, robot, motion):  # noqa: F811
-    """What `show` and `play` say arrives; the page asks only whom it came from."""
+def test_a_served_page_follows_the_program_and_outlives_it(chromium, robot, motion):
     with Viewer(robot) as viewer:
         url = viewer.serve()
         with visit(chromium, url) as live:
@@ -315,8 +305,7 @@ def test_a_served_page_follows_the_program_and_outlives_it(chromium, robot, moti
 
 
 @pytest.mark.slow
-def test_a_notebook_shows_the_page_in_its_cell(chromium, robot, motion):  # noqa: F811
-    """`_repr_html_` is a frame that holds the whole page."""
+def test_a_notebook_shows_the_page_in_its_cell(chromium, robot, motion):
     viewer = Viewer(robot)
     viewer.play(motion)
     with visit(chromium, "about:blank", width=1000) as notebook:
@@ -329,8 +318,7 @@ def test_a_notebook_shows_the_page_in_its_cell(chromium, robot, motion):  # noqa
 
 
 @pytest.mark.slow
-@needs_browser
-def test_warnings_stand_on_the_page_and_are_text(chromium, robot):  # noqa: F811
+def test_warnings_stand_on_the_page_and_are_text(chromium, robot):
     off = robot.inverse_kinematics(sst_pin.orientation(np.radians(20), np.radians(170)))
     viewer = Viewer(robot)
     for q, count in ((robot.home, 0), (off, 3)):

@@ -52,7 +52,6 @@ def own_address():
 
 
 def test_it_listens_on_this_machine_alone_and_only_when_asked(robot):
-    """The socket is bound to 127.0.0.1, not to every address."""
     with Viewer(robot) as viewer:
         assert "not served" in repr(viewer)
         url = viewer.serve()
@@ -70,7 +69,6 @@ def test_it_listens_on_this_machine_alone_and_only_when_asked(robot):
 
 
 def test_nothing_listens_after_an_exception(robot):
-    """Leaving the block by an error closes the port and ends the thread."""
     viewer = Viewer(robot)
     port = port_of(viewer.serve())
     with pytest.raises(errors.InputError), viewer:
@@ -118,7 +116,6 @@ def test_show_serves_until_interrupted_and_leaves_no_orphan(options):
 
 
 def test_robot_show_is_the_short_way(robot, motion, monkeypatch):
-    """A motion or a configuration; the browser is asked to open the page that is served."""
     opened = []
     monkeypatch.setattr("webbrowser.open", opened.append)
     with robot.show(motion, speed=0.5) as viewer:
@@ -132,7 +129,6 @@ def test_robot_show_is_the_short_way(robot, motion, monkeypatch):
 
 
 def test_parameters_bring_their_own_meshes():
-    """Bodies of a robot that no file describes; the star's size is its own."""
     parameters = random_parameters(np.random.default_rng(3))
     robot = sst_pin.SST(parameters)
     assert robot.star_radius == pytest.approx(parameters.star_radius, rel=1e-12)
@@ -167,7 +163,6 @@ def test_a_ghost_moves_at_the_times_of_the_motion():
 
 
 def test_what_cannot_be_shown_is_told(robot, motion, tmp_path):
-    """Another robot's motion, a speed of nothing, an unknown ending, a file in the way."""
     viewer = Viewer(robot)
     other = sst_pin.Trajectory([0, 1], [[0], [1]], [[0]] * 2, [[0]] * 2, [[0]] * 2, ["x"], ["x"])
     with pytest.raises(errors.InputError, match="motion: belongs to another robot, with joints x"):
@@ -194,7 +189,6 @@ def test_what_cannot_be_shown_is_told(robot, motion, tmp_path):
 
 
 def test_a_long_motion_makes_no_long_page(robot):
-    """Two thousand samples come as six hundred, first and last among them."""
     long = paper.example_1(robot, np.linspace(0, paper.PERIOD, 2000))
     viewer = Viewer(robot)
     viewer.play(long)
@@ -263,7 +257,6 @@ def test_a_missing_browser_is_named(robot, tmp_path, monkeypatch, capsys):
 @pytest.mark.slow
 @needs_browser
 def test_pictures_are_taken_without_a_person(robot, motion):
-    """A PNG with ink and a GIF whose frames differ, also under a running event loop."""
     import asyncio
 
     viewer = Viewer(robot)
@@ -287,7 +280,6 @@ def test_pictures_are_taken_without_a_person(robot, motion):
 @pytest.mark.slow
 @needs_browser
 def test_show_writes_page_and_picture(tmp_path, monkeypatch, capsys):
-    """`--html` and `--png` of a motion file and of its torques, with one line that says so."""
     sample = Path(__file__).parents[2] / "examples" / "figure_eight.csv"
     monkeypatch.chdir(tmp_path)
     assert main(["torques", str(sample), "-o", "torques.npz"]) == 0
@@ -305,11 +297,9 @@ def test_show_writes_page_and_picture(tmp_path, monkeypatch, capsys):
 
 
 def test_the_page_warns_of_what_the_machine_cannot_take(robot, motion):
-    """A motion with its times, a pose without; the paper's circle without a word."""
     off = robot.inverse_kinematics(sst_pin.orientation(np.radians(20), np.radians((80, 170))))
-    zero, names = np.zeros((2, 3)), robot.joint_names
     viewer = Viewer(robot)
-    viewer.play(sst_pin.Trajectory([0, 1], off, zero, zero, zero, names, names[::3]))
+    viewer.play(robot.trajectory([0, 1], off, *np.zeros((3, 2, 3))))
     warnings = viewer._panel["warnings"]
     assert warnings[0] == "beta_1 leaves its arc of 0 to 90 deg: -80 deg at t = 1 s"
     viewer.show(off[1])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The picture of the loads shows the numbers of their table."""
+"""Pages of loads and of measured torques show the numbers that they are given."""
 
 import numpy as np
 import pytest
@@ -59,3 +59,19 @@ def test_the_command_writes_a_figure(tmp_path, ending, capsys):
     assert main(["loads", str(source), "-o", str(target), "--robot", "delta"]) == 0
     assert target.read_bytes()[:5] in (b"\x89PNG\r", b"<?xml")
     assert "largest force" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("make", [robots.four_bar, robots.five_bar])
+def test_a_row_of_each_motor_shows_both_and_the_difference(make):
+    chain, t = make(), np.linspace(0, 1, 21)
+    x = np.array([chain.home[chain.position_names.index(name)] for name in chain.coordinates])
+    motion = sst_pin.coordinate_motion(chain, t, x + 0.1 * np.sin(t)[:, None])
+    page = plots.torques_page(motion, 0.5 * motion.tau)
+    assert len(page.axes) == len(chain.motor_names)
+    for ax, tau in zip(page.axes, motion.tau.T, strict=True):
+        drawn = {line.get_label(): line.get_ydata() for line in ax.lines[1:]}
+        np.testing.assert_array_equal(drawn["measured"], tau)
+        np.testing.assert_array_equal(drawn["predicted"], 0.5 * tau)
+        np.testing.assert_array_equal(drawn["difference"], 0.5 * tau)
+    with pytest.raises(sst_pin.InputError, match="predicted"):
+        plots.torques_page(motion, motion.tau[1:])
