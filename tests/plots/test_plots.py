@@ -40,12 +40,6 @@ def maps(robot):
     return at_psi, workspace_over_rolls(robot, rolls=24, rings=21, spokes=60)
 
 
-def swing(robot, seed=3):
-    R, _, _ = random_state(robot, np.random.default_rng(seed))
-    q = robot.inverse_kinematics(R)
-    return robot.simulate(np.zeros(3), q, np.zeros(3), np.linspace(0, 0.05, 21), rtol=1e-8)
-
-
 def axes(projection=None):
     return figures.Figure().add_subplot(projection=projection)
 
@@ -86,8 +80,8 @@ def curve(ax, label):
 def test_curves_are_what_the_robot_computes(sticky, circle):
     rates = sticky.joint_rates(circle.q, circle.va)
     ax = plots.joint_rates(axes(), sticky, circle)
-    assert np.array_equal(curve(ax, r"$\dot\mu_2$"), rates[:, 4])
-    assert np.array_equal(curve(ax, r"$\dot\gamma_3$"), rates[:, 6])
+    names = [rf"$\dot\{letter}_{k}$" for k in (1, 2, 3) for letter in ("gamma", "mu", "beta")]
+    assert np.array_equal([curve(ax, name) for name in names], rates.T)
     assert np.abs(rates[:, ::3] - circle.va).max() < 1e-12
     assert np.array_equal(
         curve(plots.joint_angles(axes(), circle), r"$\beta_3$"), np.degrees(circle.q[:, 8])
@@ -210,12 +204,12 @@ def test_pages_are_legible(sticky, circle, robot, maps, monkeypatch):
     "odd", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in (1, 2, 3))], indirect=True
 )
 def test_pages_of_odd_robots_are_legible(odd, monkeypatch):
-    require_legible(plots.motion_page(odd, swing(odd)), monkeypatch)
-    maps = (
-        workspace_at(odd, -1.0, rings=21, spokes=60),
-        workspace_over_rolls(odd, rolls=24, rings=21, spokes=60),
-    )
-    page = plots.workspace_page(odd, *maps)
+    R, _, _ = random_state(odd, np.random.default_rng(3))
+    start, t = (np.zeros(3), odd.inverse_kinematics(R), np.zeros(3)), np.linspace(0, 0.05, 21)
+    require_legible(plots.motion_page(odd, odd.simulate(*start, t, rtol=1e-8)), monkeypatch)
+    at_psi = workspace_at(odd, -1.0, rings=21, spokes=60)
+    over_rolls = workspace_over_rolls(odd, rolls=24, rings=21, spokes=60)
+    page = plots.workspace_page(odd, at_psi, over_rolls)
     require_legible(page, monkeypatch)
     assert "\N{MINUS SIGN}57.2" in page.axes[0].get_title()
 

@@ -104,11 +104,8 @@ def leg():
     model = chain.model.copy()
     model.addFrame(pin.Frame("foot", 2, pin.SE3(np.eye(3), FOOT), pin.FrameType.BODY))
     twin = sst_pin.ClosedChain(model, chain.closures, chain.motor_names)
-    q, h = [chain.home], 0.05
-    for _ in range(10):
-        q.append(twin.assemble(q[-1] + h * twin.joint_rates(q[-1], [1.0])))
-    ones = np.ones((11, 1))
-    return twin, twin.trajectory(h * np.arange(11), q, ones, 0 * ones)
+    t = np.linspace(0, 0.5, 11)
+    return twin, sst_pin.coordinate_motion(twin, t, twin.home[:1] + t[:, None])
 
 
 def test_a_skeleton_reaches_to_the_foot():

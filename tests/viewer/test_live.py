@@ -69,7 +69,7 @@ def robot_named(name):
 
 
 def pose_of(name):
-    """Its home, or of random poses that which is farthest from a singularity."""
+    """Home of a robot, or of random poses that which is farthest from a singularity."""
     chain, random, found = robot_named(name), np.random.default_rng(0), []
     if name != "cassie":
         return chain.home
@@ -115,37 +115,16 @@ class Engine:
         return {k: np.array([s[k] for s in found["states"]]) for k in found["states"][0]}, found
 
 
-def states_of(chain, count=6, q=None):
-    """Closed configurations near one, with rates, accelerations and torques, seeded."""
+def states_of(chain, q):
+    """Six closed configurations near one, with rates, accelerations and torques."""
     random = np.random.default_rng(5)
     n, motors = chain.degrees_of_freedom, len(chain.motor_names)
-    q = chain.generic_configuration() if q is None else q
-    for _ in range(count):
+    for _ in range(6):
         way = chain.joint_rates(q, 0.02 * random.standard_normal(n))
         with suppress(ClosureError):
             q = chain.assemble(pin.integrate(chain.mechanism.model, q, way), fixed=())
         va, aa, tau = (random.standard_normal(k) for k in (n, n, motors))
         yield {"q": q, "va": va, "aa": aa, "tau": tau}
-
-
-def agree(engine, chain, states):
-    """The page's numbers at states are those of the package, to 1e-9 of their size."""
-    for state, found in zip(states, engine.values(states), strict=True):
-        q, va = state["q"], state["va"]
-        if found["torques"]:
-            tau = chain.compute_torques(q, va, state["aa"])
-            np.testing.assert_allclose(found["torques"], tau, rtol=1e-9, atol=1e-9)
-        if (
-            chain.mechanism.friction.coulomb.any()
-        ):  # the page smooths what an integrator cannot take
-            smooth = chain.casadi(engine.q, sign_width=0.01)
-            aa = smooth.accelerations(q, va, state["tau"]).full().ravel()
-        else:
-            aa = chain.compute_accelerations(q, va, state["tau"])
-        assert np.abs(np.array(found["accelerations"]) - aa).max() < 1e-8 * (1 + np.abs(aa).max())
-        energies = [chain.kinetic_energy(q, va), chain.potential_energy(q)]
-        np.testing.assert_allclose(found["energies"], energies, rtol=1e-9, atol=1e-12)
-        assert found["condition"] == pytest.approx(chain.condition_number(q), rel=1e-6)
 
 
 SLOW = ["delta", "stewart", "five_bar", "planar_4rrr", "excavator", "cassie", *OTHERS]
@@ -159,7 +138,20 @@ SLOW += [*any_chain.JOINTS, *any_chain.IN_A_ROW]
 def test_the_page_computes_what_the_package_computes(chromium, name):
     chain = robot_named(name)
     engine = Engine(chromium, chain)
-    agree(engine, chain, list(states_of(chain, q=engine.q)))
+    states = list(states_of(chain, engine.q))
+    for state, found in zip(states, engine.values(states), strict=True):
+        q, va = state["q"], state["va"]
+        if found["torques"]:
+            tau = chain.compute_torques(q, va, state["aa"])
+            np.testing.assert_allclose(found["torques"], tau, rtol=1e-9, atol=1e-9)
+        aa = chain.compute_accelerations(q, va, state["tau"])
+        if chain.mechanism.friction.coulomb.any():  # smoothed for an integrator on the page
+            smooth = chain.casadi(engine.q, sign_width=0.01)
+            aa = smooth.accelerations(q, va, state["tau"]).full().ravel()
+        assert np.abs(np.array(found["accelerations"]) - aa).max() < 1e-8 * (1 + np.abs(aa).max())
+        energies = [chain.kinetic_energy(q, va), chain.potential_energy(q)]
+        np.testing.assert_allclose(found["energies"], energies, rtol=1e-9, atol=1e-12)
+        assert found["condition"] == pytest.approx(chain.condition_number(q), rel=1e-6)
     engine.page.close()
 
 
@@ -206,9 +198,7 @@ def test_hold_brings_the_robot_back_after_a_push(chromium):
 def test_loops_stay_closed_as_coordinates_move_and_the_way_ends_in_words(chromium):
     robot = sst_pin.SST()
     engine = Engine(chromium, robot)
-    script = (
-        "way => { const r = engine(sst_functions, data), said = r.move(way); return [r.q, said] }"
-    )
+    script = "x => { const r = engine(sst_functions, data), said = r.move(x); return [r.q, said] }"
     q, said = engine.page.evaluate(script, [0.3, -0.2, 0.1])
     assert said == ""
     assert np.abs(robot.residual(q)).max() < 1e-9
@@ -220,16 +210,15 @@ def test_loops_stay_closed_as_coordinates_move_and_the_way_ends_in_words(chromiu
 
 
 def test_what_a_page_cannot_compute_is_named(monkeypatch):
-    model = robot_named("four_bar").model
+    bars = robot_named("four_bar")
+    model = bars.model
     for body in range(1, model.njoints):
         model.inertias[body] = pin.Inertia.Zero()
-    weightless = sst_pin.ClosedChain(model, robot_named("four_bar").closures, ["crank"])
+    weightless = sst_pin.ClosedChain(model, bars.closures, ["crank"])
     with pytest.raises(SSTError, match="mass"):
-        weightless.show(robot_named("four_bar").home, live=True, open_browser=False)
+        weightless.show(bars.home, live=True, open_browser=False)
     with pytest.raises(ClosureError, match="assemble"):
-        robot_named("four_bar").show(
-            model.lowerPositionLimit * 0 + 1, live=True, open_browser=False
-        )
+        bars.show(np.ones(model.nq), live=True, open_browser=False)
     for name in [x for x in sys.modules if x.startswith("sst_pin.compiled.page_code")]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "casadi", None)

@@ -130,10 +130,7 @@ def test_a_motion_is_beside_the_live_robot(chromium, tmp_path):
 
 @pytest.mark.slow
 def test_a_delta_keeps_sixty_frames_a_second_on_a_slow_processor(chromium, tmp_path):
-    """What the page computes and draws for a frame, four times slowed: less than 16.7 ms.
-
-    Here a software renderer paints the frames; on a phone its graphics card does.
-    """
+    """Computing and drawing, four times slowed; painting is left to a graphics card."""
     viewer = Viewer(robot_named("delta"), live=True)
     with opened(chromium, viewer, tmp_path / "page.html", PHONE) as page:
         page.context.new_cdp_session(page).send("Emulation.setCPUThrottlingRate", {"rate": 4})

@@ -14,7 +14,7 @@ from sst_pin.viewer import Viewer
 
 SPEED = 0.25
 #: From three.js, where y is up, to the base, where z is.
-UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
+UP = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
 
 #: Nodes of the SST's extras: e_k of the joints in their order, {0k}..{3k} leg after leg, arrows.
 AXES = [f"robot/{j if j % 3 else 0}/axes/e_{j // 3 + 3 * (j % 3) + 1}_{j}" for j in range(9)]
@@ -62,7 +62,7 @@ def shown(chromium, robot, motion, tmp_path_factory):
 
 @pytest.fixture
 def page(shown):
-    """The same, standing at its beginning."""
+    """Example 1 standing at its beginning."""
     shown.page.evaluate("panel.still(0)")
     return shown.page
 
@@ -70,16 +70,11 @@ def page(shown):
 def poses(page):
     """Homogeneous matrices in base axes, by node."""
     found = page.evaluate(POSES)
-    matrices = {}
-    for node, content in found.items():
-        matrix = np.reshape(content["matrix"], (4, 4)).T
-        matrix[:3] = UP @ matrix[:3]
-        matrices[node] = matrix
-    return matrices, found
+    return {n: UP @ np.reshape(x["matrix"], (4, 4)).T for n, x in found.items()}, found
 
 
 def bodies(robot, q):
-    """What Pinocchio says: homogeneous matrices of the visual bodies, by node."""
+    """Homogeneous matrices of the visual bodies by Pinocchio, by node."""
     visual = robot.visual_model
     data, placed = robot.model.createData(), visual.createData()
     pin.forwardKinematics(robot.model, data, q)
@@ -121,10 +116,7 @@ def test_every_body_and_every_extra_is_a_mesh_of_the_scene(page, robot):
 
 @pytest.mark.slow
 def test_a_ghost_plays_a_second_motion_at_the_same_times(chromium, tmp_path):
-    """Sampled at other times, from before the start to half of the motion; where it ends it stays.
-
-    It is translucent, a layer of its own, and goes with the motion.
-    """
+    """Sampled at other times, from before the start to half of the motion; then it stays."""
     robot, lag = sst_pin.robots.five_bar(), 0.3
     t, early = np.linspace(0, 1, 11), np.linspace(-0.1, 0.5, 8)
 

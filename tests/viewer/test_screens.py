@@ -165,7 +165,7 @@ HIDE = """[...document.querySelectorAll("[data-layer]")].map((box) => box.datase
 @pytest.mark.slow
 @needs_firefox
 def test_firefox_draws_all_of_the_robot_where_it_says(tmp_path):
-    """What vanishes with its layers fills the box of its vertices, two pixels aside."""
+    """Points that vanish with its layers fill the box of its vertices, two pixels aside."""
     example("four_bar").save(tmp_path / "page.html")
     with firefox() as page:
         page.visit((tmp_path / "page.html").as_uri(), *TABLET)
