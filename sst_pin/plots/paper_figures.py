@@ -31,12 +31,9 @@ def paper_figures(
         left = direct.add_subplot(1, 2, 1, projection="3d")
         paths_on_sphere(left, robot, [("wanted path", example), *motions])
         _path_errors(direct.add_subplot(1, 2, 2), robot, example, motions)
-    named = (
-        ("figure_09_path", path),
-        ("figure_10_torques", torques),
-        ("figure_11_direct_dynamics", direct),
-    )
-    files = {f"{name}.{kind}": figure for name, figure in named for kind in ("png", "svg")}
+    stems = ("figure_09_path", "figure_10_torques", "figure_11_direct_dynamics")
+    named = dict(zip(stems, (path, torques, direct), strict=True))
+    files = {f"{stem}.{kind}": figure for stem, figure in named.items() for kind in ("png", "svg")}
     return {file: figure_writer(figure, file) for file, figure in files.items()}
 
 
