@@ -1,26 +1,101 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Drawings of the SST in space: paths on the sphere about O, and the robot in a pose."""
+"""Drawings in space: paths of frames, paths on the sphere of an SST, an SST in a pose."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import matplotlib as mpl
 import numpy as np
+import pinocchio as pin
 
 from ..arrays import Array, single_array
+from ..chain.appearance import PLATFORM
+from ..chain.closed_chain import ClosedChain
+from ..chain.tree import frame_id
+from ..description.colours import LEG_COLOURS
+from ..errors import InputError
+from ..motion.moving_robot import require_motion
 from ..motion.trajectories import Trajectory
 from ..sst.kinematics import legs_of_joints
 from ..sst.robot import SST
-from .style import COLOURS, Axes
+from .curves import legend_above
+from .style import Axes
 
+#: A path counts as planar if its distance from a plane is less than this share of its length.
+_PLANAR = 1e-6
 #: The wanted path under the others, then those.
 PATHS: tuple[dict[str, Any], ...] = (
     {"color": "0.8", "linewidth": 4},
-    {"color": COLOURS[0], "linewidth": 1.2},
-    {"color": COLOURS[1], "linewidth": 1.2, "linestyle": (0, (4, 4))},
+    {"color": LEG_COLOURS[0], "linewidth": 1.2},
+    {"color": LEG_COLOURS[1], "linewidth": 1.2, "linestyle": (0, (4, 4))},
 )
+
+
+def frame_path(ax: Axes, robot: ClosedChain, motion: Trajectory, frame: str = PLATFORM) -> Axes:
+    """Path of a frame's origin, in the axes of the base; a dot where it starts.
+
+    Args:
+        ax: Axes with projection "3d", or plane axes for a path parallel to a plane of the base.
+        robot: Any closed chain.
+        motion: A motion of this robot.
+        frame: Name of a frame of `robot.model`, such as a link or an end of a loop.
+
+    Raises:
+        UnknownNameError: For a frame that the model does not have.
+        InputError: For another robot's motion, or a path in space in plane axes.
+
+    Example:
+        >>> ax = plots.frame_path(ax, chain, motion, "platform")
+        >>> ax.get_xlabel(), ax.get_ylabel()
+        ('$x_0$ (m)', '$z_0$ (m)')
+    """
+    points = origins_of(robot, motion, frame)
+    shown = [0, 1, 2] if ax.name == "3d" else plane_of(points)
+    if shown is None:
+        raise InputError("ax", f"the path of {frame} lies in no plane: give axes with 3d")
+    ax.plot(*points[:, shown].T, color=LEG_COLOURS[0], label=frame)
+    ax.plot(*points[:1, shown].T, "o", color="black", markersize=3)
+    if ax.name != "3d":
+        names = [f"${'xyz'[i]}_0$ (m)" for i in shown]
+        ax.set_aspect("equal", adjustable="datalim")
+        ax.set(xlabel=names[0], ylabel=names[1])
+        legend_above(ax)
+        return ax
+    ax.set_box_aspect((1, 1, 1), zoom=0.9)
+    ax.view_init(elev=28, azim=-52)
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2
+    half = 0.55 * float(np.ptp(points, axis=0).max()) or 0.5
+    ends = np.stack([middle - half, middle + half], axis=1)
+    ax.set(xlim=ends[0], ylim=ends[1], zlim=ends[2])
+    for axis, letter in _labelled_axes(ax):
+        axis.set_major_locator(mpl.ticker.MaxNLocator(3, prune="both"))
+        axis.set_tick_params(pad=3 if letter == "z" else 0)
+        axis.labelpad = 8 if letter == "z" else 4
+    ax.legend(loc="lower left", bbox_to_anchor=(0.1, 0.97))
+    return ax
+
+
+def origins_of(robot: ClosedChain, motion: Trajectory, frame: str) -> Array:
+    """Positions of the origin of a frame in the axes of the base, shape (N, 3), [m]."""
+    require_motion(motion, robot)
+    model = robot.mechanism.model
+    number, data = frame_id(model, frame), model.createData()
+    points = np.empty((len(motion), 3))
+    for point, q in zip(points, motion.q, strict=True):
+        pin.forwardKinematics(model, data, q)
+        point[:] = pin.updateFramePlacement(model, data, number).translation
+    return points
+
+
+def plane_of(points: Array) -> list[int] | None:
+    """The two axes of the base that points are drawn in; None where they need all three."""
+    ranges = np.ptp(points, axis=0)
+    flattest = int(ranges.argmin())
+    if ranges[flattest] > _PLANAR * ranges.max():
+        return None
+    return [i for i in range(3) if i != flattest]
 
 
 def paths_on_sphere(
@@ -34,6 +109,9 @@ def paths_on_sphere(
         motions: Label and motion of each path; of several, the first is the wanted one.
         radius: Radius of the sphere, [m]; the star's by default.
 
+    Raises:
+        InputError: For another robot's motion.
+
     Example:
         >>> t = np.linspace(0, 0.1, 21)
         >>> motion = robot.trajectory(t, *robot.joint_motion(*sst_pin.paper_circle(t)))
@@ -41,6 +119,8 @@ def paths_on_sphere(
         >>> plots.paths_on_sphere(ax, robot, [("circle", motion)]).get_zlabel()
         '$z_0$ (m)'
     """
+    for _, motion in motions:
+        require_motion(motion, robot)
     radius = robot.star_radius if radius is None else radius
     _patch(ax, robot, radius, "v")
     styles = PATHS if len(motions) > 1 else PATHS[1:]
@@ -75,7 +155,7 @@ def robot_pose(ax: Axes, robot: SST, q: Array, radii: tuple[float, float] | None
     _patch(ax, robot, base, "P")
     legs = legs_of_joints(robot.geometry, single_array("q", q, (9,)))
     for k in range(3):
-        colour = COLOURS[k]
+        colour = LEG_COLOURS[k]
         carriage = np.outer((base, star), legs.u[k])
         ax.plot(*np.vstack([np.zeros(3), carriage[0]]).T, color=colour, linewidth=2.5)
         ax.plot(*carriage.T, color=colour, linewidth=6, solid_capstyle="butt")
@@ -100,15 +180,7 @@ def great_arc(start: Array, end: Array) -> Array:
     """Unit vectors along the shorter great circle between two, shape (60, 3)."""
     side = np.arccos(np.clip(start @ end, -1, 1))
     share = np.linspace(0, side, 60)[:, None]
-    points: Array = (np.sin(side - share) * start + np.sin(share) * end) / np.sin(side)
-    return points
-
-
-def _camera(robot: SST) -> tuple[float, float]:
-    """Elevation and azimuth, [deg]: that corner of the box to which the base triangle looks."""
-    x, y, _ = robot.geometry.R_0[:, :, 0].sum(axis=0)
-    quadrant = np.floor(np.degrees(np.arctan2(y, x)) / 90)
-    return 28, float(90 * quadrant + 38)
+    return np.asarray((np.sin(side - share) * start + np.sin(share) * end) / np.sin(side))
 
 
 def _patch(ax: Axes, robot: SST, radius: float, letter: str) -> None:
@@ -134,13 +206,19 @@ def _equal_space(ax: Axes, robot: SST, radius: float, s: Array) -> None:
     step = min(m for m in (1, 2, 5, 10) if m * power >= least) * power * (1 if octant else 2)
     ax.set(xlim=limits, ylim=limits, zlim=limits)
     ax.set_box_aspect((1, 1, 1), zoom=0.84)
-    elevation, azimuth = _camera(robot)
-    ax.view_init(elev=elevation, azim=azimuth)
-    for axis, letter in zip((ax.xaxis, ax.yaxis, ax.zaxis), "xyz", strict=True):
-        axis.set_rotate_label(False)  # along its axis it may stand on its head or on the numbers
-        axis.set_label_text(f"${letter}_0$ (m)", rotation=90 if letter == "z" else 0)
+    x, y, _ = robot.geometry.R_0[:, :, 0].sum(axis=0)
+    quadrant = np.floor(np.degrees(np.arctan2(y, x)) / 90)  # to which the base triangle looks
+    ax.view_init(elev=28, azim=float(90 * quadrant + 38))
+    for axis, _ in _labelled_axes(ax):
         axis.labelpad = 5
-    for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
-        axis.set_pane_color((1, 1, 1, 0))
         axis.set_major_locator(mpl.ticker.MultipleLocator(step))
     ax.grid(False)
+
+
+def _labelled_axes(ax: Axes) -> Iterator[tuple[Any, str]]:
+    """Axes of a drawing in space with their letters; x, y, z of the base, on transparent panes."""
+    for axis, letter in zip((ax.xaxis, ax.yaxis, ax.zaxis), "xyz", strict=True):
+        axis.set_pane_color((1, 1, 1, 0))
+        axis.set_rotate_label(False)  # along its axis it may stand on its head or on the numbers
+        axis.set_label_text(f"${letter}_0$ (m)", rotation=90 if letter == "z" else 0)
+        yield axis, letter
