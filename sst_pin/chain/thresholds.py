@@ -5,6 +5,10 @@ from __future__ import annotations
 
 #: Loops further open than this are open, relative to the length of the robot or in [rad].
 CLOSURE_TOLERANCE = 1e-6
+#: How far redundant rows of Phi may be off, in multiples of what their loops are open by. On
+#: overconstrained linkages they are off by less than that; rates of too many coordinates break them
+#: by about their own size.
+INCONSISTENT = 10.0
 #: Scaled residual that an assembled configuration stays below.
 ASSEMBLED = 1e-11
 #: A singular value or pivot this much smaller than the largest counts as zero: assembled closures

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The coordinates are chosen when a robot is made, from the robot alone."""
 
-from itertools import permutations
+from itertools import combinations, permutations
 
 import numpy as np
 import pinocchio as pin
@@ -107,6 +107,43 @@ def test_too_many_coordinates_are_refused_at_a_configuration(coordinates):
     n = np.ones(len(coordinates))
     with pytest.raises(sst_pin.SingularConfigurationError, match="for example crank describe"):
         chain.generalized_forces(q, n, n)
+
+
+def seven_hinges(seed):
+    """A loop of seven hinges anywhere, which has one freedom, closed at the q given."""
+    random, model, joint = np.random.default_rng(seed), pin.Model(), 0
+    q = random.uniform(-1, 1, 7)
+    for k in range(7):
+        axis, place = random.normal(size=(2, 3))
+        kind = pin.JointModelRevoluteUnaligned(axis / np.linalg.norm(axis))
+        joint = model.addJoint(joint, kind, pin.SE3(np.eye(3), 0.2 * place), f"joint_{k}")
+        model.inertias[joint] = pin.Inertia(1.0, 0.1 * random.normal(size=3), 0.01 * np.eye(3))
+    tip(model, joint, 0.2, "end")
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, q)
+    end = data.oMf[model.getFrameId("end")].copy()
+    model.addFrame(pin.Frame("ground", 0, end, pin.FrameType.OP_FRAME))
+    return model, [Closure("end", "ground", "6d")], q
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_two_coordinates_for_one_freedom_are_refused_on_any_loop(seed):
+    """No pair of rates is free, however well the others follow from it."""
+    model, closures, q = seven_hinges(seed)
+    for pair in combinations(list(model.names)[1:], 2):
+        chain = ClosedChain(model, closures, ["joint_0"], coordinates=pair)
+        with pytest.raises(sst_pin.SingularConfigurationError, match="hold the coordinates"):
+            chain.joint_rates(q, [1.0, 1.0])
+
+
+@pytest.mark.parametrize("angle", [1e-3, 0.02, 0.1])
+def test_a_parallelogram_near_its_flat_pose_has_one_freedom(angle):
+    """Where it is flat it has two."""
+    model, closures, _ = rhombus()
+    chain = ClosedChain(model, closures, ["crank"], coordinates=["rocker", "coupler"])
+    with pytest.raises(sst_pin.SingularConfigurationError, match="hold the coordinates"):
+        chain.joint_rates([angle, -angle, angle], [1.0, 0.0])
+    np.testing.assert_allclose(chain.joint_rates(np.zeros(3), [1.0, -1.0]), [1, -1, 1])
 
 
 def test_no_coordinates_are_refused():
