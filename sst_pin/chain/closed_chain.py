@@ -92,7 +92,7 @@ class ClosedChain(Summary):
         actuated: The motors: names of joints and of lines in `forces`; for a tendon a mapping from
             such names to factors.
         coordinates: Names of the independent joints; a joint with several rates counts with all
-            of them. By default as many of the actuated joints as are independent near `home` or,
+            of them. By default as many of the actuated joints as are independent at `home` or,
             without one, at an assembled configuration, and other joints if these are too few.
         locked: Names of joints that are fixed at `pin.neutral`, or a mapping from names of
             one-coordinate joints to their fixed positions.
@@ -229,7 +229,7 @@ class ClosedChain(Summary):
 
         It is `model.referenceConfigurations["home"]`: from the SRDF beside a URDF, from the
         keyframe `home` of an MJCF, or set by you. If its loops are open, it is assembled with
-        fixed coordinates.
+        fixed coordinates or, where they cannot close so, with none.
 
         Raises:
             DescriptionError: If the description has no home, or it is not a configuration.
@@ -529,8 +529,8 @@ class ClosedChain(Summary):
     def generic_configuration(self) -> Array:
         """A random assembled configuration without symmetry, the same at each call.
 
-        It is close to `home` if the robot has one, because other assemblies can have other degrees
-        of freedom. The coordinates were chosen there.
+        It is close to `home` if the robot has one and in the same assembly mode, because other
+        modes can have other degrees of freedom. The coordinates were chosen in this mode.
 
         Returns:
             Shape (nq,).

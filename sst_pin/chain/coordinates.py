@@ -20,10 +20,12 @@ from .dynamics import Memory
 from .mechanism import Mechanism
 from .mobility import choose_coordinates, free_motions, scaled_Phi
 from .noc import body_jacobians
-from .thresholds import INDEPENDENT
+from .thresholds import INDEPENDENT, RANK_TOLERANCE
 
 #: Widths of the random displacements from home or `pin.neutral`, [rad] or robot lengths.
 _AROUND_HOME, _AROUND_NEUTRAL = (0.1, 0.03, 0.01), np.linspace(0.1, 2.0, 20)
+#: Home is singular if a singular value of Phi is this much smaller there than so far beside it.
+_VANISHES, _BESIDE = 1e-2, 1e-3
 #: An inertia that is smaller than this part of what its bodies have is rounding.
 _ROUNDING = 1e-13
 
@@ -31,8 +33,8 @@ _ROUNDING = 1e-13
 def examples(assembly: Assembly) -> Iterator[Array]:
     """Assembled configurations without symmetry, the same at each call.
 
-    They lie close to `home` if the robot has one, because other assemblies can have other degrees
-    of freedom; otherwise around `pin.neutral`. The error is that of the guess that came nearest.
+    They lie around `home` if the robot has one, otherwise around `pin.neutral`. The error is that
+    of the guess that came nearest.
     """
     mechanism = assembly.mechanism
     model, home = mechanism.model, home_of(mechanism)
@@ -43,40 +45,74 @@ def examples(assembly: Assembly) -> Iterator[Array]:
     for start, width in starts:
         if found and home is not None and start is not home:
             return
-        way = width * _displacement(mechanism, seed=round(1000 * width))
-        guess, rates = pin.integrate(model, start, way), np.arange(model.nv)
-        # Motors that stay where they are lead to assemblies in which they hold the robot.
-        for free in (np.setdiff1d(rates, mechanism.driven), rates):
-            try:
-                q = assembly.assemble(guess, free)
-            except ClosureError as error:
-                failures.append(error)
-            else:
-                found = True
-                yield q
-                break
+        way = width * _displacement(mechanism, width) * mechanism.rate_scale
+        try:  # motors that stay where they are lead to assemblies in which they hold the robot
+            q = assembly.near(pin.integrate(model, start, way), mechanism.driven)
+        except ClosureError as error:
+            failures.append(error)
+        else:
+            found = True
+            yield q
     if not found:
         raise min(failures, key=lambda error: error.residual)
 
 
-def _displacement(mechanism: Mechanism, seed: int) -> Array:
-    """Random rates of the tree, drawn joint by joint from the joint's name, shape (nv,)."""
+def _displacement(mechanism: Mechanism, width: float) -> Array:
+    """Random rates without units, drawn joint by joint from its name and a width, shape (nv,)."""
     way = np.zeros(mechanism.model.nv)
     for name, rates in mechanism.space.rates.items():
-        random = np.random.default_rng([seed, crc32(name.encode())])
+        random = np.random.default_rng([round(1000 * width), crc32(name.encode())])
         way[rates] = random.uniform(-1.5, 1.5, len(rates))
-    return way * mechanism.rate_scale
+    return way
+
+
+def _home(assembly: Assembly, held: Indices) -> Array | None:
+    """Home with closed loops; None without one, or where closures lose their rank there."""
+    mechanism, loops = assembly.mechanism, assembly.loops
+    q = home_of(mechanism)
+    if q is None:
+        return None
+    try:
+        q = assembly.near(q, held)
+        beside = assembly.aside(q, _displacement(mechanism, _BESIDE), _BESIDE)
+    except ClosureError:
+        return None
+    here, there = (
+        np.linalg.svd(scaled_Phi(mechanism, loops, x), compute_uv=False) for x in (q, beside)
+    )
+    full = there > RANK_TOLERANCE * there.max(initial=0.0)
+    return q if (here >= _VANISHES * there)[full].all() else None
+
+
+def _aside(assembly: Assembly, home: Array, coordinates: Indices) -> Array:
+    """A configuration without symmetry in the mode of home, or home where coordinates fail there."""
+    mechanism = assembly.mechanism
+    for size in _AROUND_HOME:
+        try:
+            q = assembly.aside(home, _displacement(mechanism, size), size)
+        except ClosureError:
+            continue
+        Phi = scaled_Phi(mechanism, assembly.loops, q)
+        if np.array_equal(choose_coordinates(mechanism, Phi, [coordinates]), coordinates):
+            return q
+    return home
 
 
 def settle(assembly: Assembly, wanted: Indices | None) -> tuple[Indices, Array | None]:
-    """Indices in v of the coordinates, and the configuration where they were judged, or None.
+    """Indices in v of the coordinates, and a configuration of their assembly mode, or None.
 
     The order of preference: the coordinates `wanted`; the motors' joints, as many as are
-    independent; other joints by rank. Where there is no home, the assembled configuration counts in
-    which the motors hold most; where nothing can be assembled, the motors' joints.
+    independent; other joints by rank. They are judged at home. Where there is none, or it is
+    singular, the configuration around it counts in which the motors hold most; where nothing can be
+    assembled, the motors' joints.
     """
     mechanism = assembly.mechanism
     asked = mechanism.driven if wanted is None else wanted
+    home = _home(assembly, asked)
+    if home is not None:
+        Phi = scaled_Phi(mechanism, assembly.loops, home)
+        chosen = choose_coordinates(mechanism, Phi) if wanted is None else wanted
+        return chosen, _aside(assembly, home, chosen)
     best: tuple[tuple[bool, int, int], Array, Array] | None = None
     try:
         for q in examples(assembly):

@@ -79,13 +79,64 @@ def test_coordinates_do_not_depend_on_what_was_called_before(folded_first):
     assert chain.coordinates == ("rocker",)
 
 
-def test_home_decides_the_mode():
-    """In the folded mode the rocker rests; there the crank is the coordinate."""
-    model, closures, folded = rhombus()
-    model.referenceConfigurations["home"] = folded
-    chain = ClosedChain(model, closures, ["rocker", "crank"])
-    assert chain.coordinates == ("crank",)
-    assert np.isfinite(chain.generalized_forces(folded, [1.0], [1.0])).all()
+def engine():
+    """A crank, a rod and a piston on the slide along x."""
+    model = pin.Model()
+    model.name = "engine"
+    crank = body(model, 0, pin.JointModelRY(), 0.0, "crank")
+    rod = body(model, crank, pin.JointModelRY(), 0.1, "rod")
+    piston = body(model, 0, pin.JointModelPX(), 0.0, "piston")
+    tip(model, rod, 0.35, "rod_tip")
+    tip(model, piston, 0.0, "pin")
+    return model, [Closure("rod_tip", "pin", "3d")]
+
+
+@pytest.mark.parametrize(
+    ("robot", "home", "motors", "coordinates"),
+    [
+        (rhombus, [0.7, np.pi, np.pi], ["rocker", "crank"], ("crank",)),
+        (rhombus, [0.7, np.pi, np.pi], ["rocker"], ("crank",)),
+        (rhombus, [0.01, np.pi, np.pi], ["rocker", "crank"], ("crank",)),
+        (rhombus, [0.01, -0.01, 0.01], ["rocker", "crank"], ("rocker",)),
+        (slide_with_two_bars, [0.0, 0.5, 0.5], ["slide"], ("bar_g",)),
+        (engine, [0.0, 0.0, 0.45], ["piston", "crank"], ("crank",)),
+        (engine, [0.0, 0.0, 0.45], ["piston"], ("rod",)),
+    ],
+)
+def test_coordinates_are_independent_at_home_itself(robot, home, motors, coordinates):
+    """A motor that rests in its mode, or at its dead point there, moves nothing where one stands.
+
+    The modes of a rhombus meet at its flat pose: home decides also close to it.
+    """
+    model, closures, *_ = robot()
+    model.referenceConfigurations["home"] = np.array(home)
+    chain = ClosedChain(model, closures, motors)
+    assert chain.coordinates == coordinates
+    assert np.array_equal(chain.home, home)
+    assert chain.condition_number(chain.home) < 1e3
+    q = chain.generic_configuration()
+    assert 1e-3 < np.abs(q - home).max() < 0.2
+    assert chain.condition_number(q) < 1e3
+
+
+@pytest.mark.parametrize(
+    ("robot", "motor"),
+    [(rhombus, "crank"), (slide_with_two_bars, "slide"), (engine, "piston"), (engine, "crank")],
+)
+def test_homes_written_with_two_digits_are_configurations_where_the_coordinates_hold(robot, motor):
+    model, closures, *_ = robot()
+    random, whole = np.random.default_rng(0), ClosedChain(model, closures, [])
+    found = 0
+    while found < 20:
+        try:
+            q = whole.assemble(random.uniform(-3.1, 3.1, 3) * [0.2, 1, 1], fixed=())
+        except sst_pin.ClosureError:
+            continue
+        found += 1
+        model.referenceConfigurations["home"] = q.round(2)
+        chain = ClosedChain(model, closures, [motor])
+        assert np.abs(chain.home - q).max() < 0.2
+        assert np.isfinite(chain.generalized_forces(chain.home, [1.0], [1.0])).all()
 
 
 @pytest.mark.parametrize("coordinates", [["slide"], ["bar_g"]])
