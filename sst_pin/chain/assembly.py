@@ -22,6 +22,8 @@ _PATIENCE = 10
 _STRIDE = 0.5
 #: A joint this near to its limit, scaled, is at it: rounding of the step that led there.
 _AT_LIMIT = 1e-12
+#: How far a configuration next to another one lies, [rad] or robot lengths.
+_ASIDE = 0.2
 
 
 class Assembly:
@@ -93,19 +95,17 @@ class Assembly:
         except ClosureError:
             return self.assemble(q, rates)
 
-    def aside(self, q: Array, way: Array, size: float = 0.2) -> Array:
-        """A configuration in the assembly mode of q, which is closed, as near to `way` as it goes.
-
-        `way` is free of units, shape (nv,); no joint moves further than `size`, [rad] or lengths.
-        """
+    def aside(self, q: Array, seed: int) -> Array:
+        """A configuration in the assembly mode of q, which is closed, a fifth of a radian off."""
         from scipy.linalg import null_space
 
         mechanism, loops = self.mechanism, self.loops
         loops.evaluate(q)
         motions = null_space(loops.Phi() * self._scale, rcond=1e-8)
+        random = np.random.default_rng(seed)
         # A projection, so that the basis of the motions does not count.
-        direction = motions @ (motions.T @ way)
-        step = size * direction / max(float(np.abs(direction).max(initial=0.0)), 1e-300)
+        direction = motions @ (motions.T @ random.normal(size=len(motions)))
+        step = _ASIDE * direction / max(float(np.abs(direction).max(initial=0.0)), 1e-300)
         moved = pin.integrate(mechanism.model, q, step * mechanism.rate_scale)
         return self.assemble(moved, np.arange(mechanism.model.nv))
 

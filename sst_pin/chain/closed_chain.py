@@ -229,7 +229,7 @@ class ClosedChain(Summary):
 
         It is `model.referenceConfigurations["home"]`: from the SRDF beside a URDF, from the
         keyframe `home` of an MJCF, or set by you. If its loops are open, it is assembled with
-        fixed coordinates or, where they cannot close so, with none.
+        fixed coordinates.
 
         Raises:
             DescriptionError: If the description has no home, or it is not a configuration.

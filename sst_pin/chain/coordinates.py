@@ -8,6 +8,9 @@ are decided by names, so that neither the order of the joints nor the units coun
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
+from itertools import product
 from zlib import crc32
 
 import numpy as np
@@ -16,11 +19,12 @@ import pinocchio as pin
 from ..arrays import Array, Indices
 from ..errors import ClosureError, SSTError
 from .assembly import Assembly, home_of
+from .continuity import Continuity
 from .dynamics import Memory
 from .mechanism import Mechanism
-from .mobility import choose_coordinates, free_motions, scaled_Phi
+from .mobility import choose_coordinates, free_motions, motor_rates, scaled_Phi
 from .noc import body_jacobians
-from .thresholds import INDEPENDENT, RANK_TOLERANCE
+from .thresholds import INDEPENDENT, MAX_CONDITION_NUMBER, RANK_TOLERANCE, RESTS
 
 #: Widths of the random displacements from home or `pin.neutral`, [rad] or robot lengths.
 _AROUND_HOME, _AROUND_NEUTRAL = (0.1, 0.03, 0.01), np.linspace(0.1, 2.0, 20)
@@ -45,9 +49,9 @@ def examples(assembly: Assembly) -> Iterator[Array]:
     for start, width in starts:
         if found and home is not None and start is not home:
             return
-        way = width * _displacement(mechanism, width) * mechanism.rate_scale
+        moved = pin.integrate(model, start, _displacement(mechanism, width))
         try:  # motors that stay where they are lead to assemblies in which they hold the robot
-            q = assembly.near(pin.integrate(model, start, way), mechanism.driven)
+            q = assembly.near(moved, mechanism.driven)
         except ClosureError as error:
             failures.append(error)
         else:
@@ -58,12 +62,12 @@ def examples(assembly: Assembly) -> Iterator[Array]:
 
 
 def _displacement(mechanism: Mechanism, width: float) -> Array:
-    """Random rates without units, drawn joint by joint from its name and a width, shape (nv,)."""
+    """Random rates of the tree, drawn joint by joint from the joint's name, shape (nv,)."""
     way = np.zeros(mechanism.model.nv)
     for name, rates in mechanism.space.rates.items():
         random = np.random.default_rng([round(1000 * width), crc32(name.encode())])
-        way[rates] = random.uniform(-1.5, 1.5, len(rates))
-    return way
+        way[rates] = width * random.uniform(-1.5, 1.5, len(rates))
+    return way * mechanism.rate_scale
 
 
 def _home(assembly: Assembly, held: Indices) -> Array | None:
@@ -74,7 +78,8 @@ def _home(assembly: Assembly, held: Indices) -> Array | None:
         return None
     try:
         q = assembly.near(q, held)
-        beside = assembly.aside(q, _displacement(mechanism, _BESIDE), _BESIDE)
+        moved = pin.integrate(mechanism.model, q, _displacement(mechanism, _BESIDE))
+        beside = assembly.near(moved, held)
     except ClosureError:
         return None
     here, there = (
@@ -84,18 +89,26 @@ def _home(assembly: Assembly, held: Indices) -> Array | None:
     return q if (here >= _VANISHES * there)[full].all() else None
 
 
-def _aside(assembly: Assembly, home: Array, coordinates: Indices) -> Array:
-    """A configuration without symmetry in the mode of home, or home where coordinates fail there."""
-    mechanism = assembly.mechanism
-    for size in _AROUND_HOME:
-        try:
-            q = assembly.aside(home, _displacement(mechanism, size), size)
-        except ClosureError:
-            continue
-        Phi = scaled_Phi(mechanism, assembly.loops, q)
-        if np.array_equal(choose_coordinates(mechanism, Phi, [coordinates]), coordinates):
+def _without_symmetry(assembly: Assembly, home: Array, coordinates: Indices) -> Array:
+    """A configuration near home in its assembly mode, or home where coordinates fail on the way."""
+    mechanism = replace(assembly.mechanism, coordinates=coordinates)
+    for width, held in product(_AROUND_HOME, (mechanism.driven, coordinates)):
+        along = partial(_along, assembly, home, _displacement(mechanism, width), held)
+        continuity = Continuity(mechanism, assembly.loops)
+        done, q = continuity.follow(home, along, MAX_CONDITION_NUMBER)
+        if done == 1:
             return q
     return home
+
+
+def _along(
+    assembly: Assembly, home: Array, way: Array, held: Indices, q: Array, low: float, high: float
+) -> Array | None:
+    """A `Way` of assembled configurations from home."""
+    try:
+        return assembly.near(pin.integrate(assembly.mechanism.model, home, high * way), held)
+    except ClosureError:
+        return None
 
 
 def settle(assembly: Assembly, wanted: Indices | None) -> tuple[Indices, Array | None]:
@@ -112,14 +125,14 @@ def settle(assembly: Assembly, wanted: Indices | None) -> tuple[Indices, Array |
     if home is not None:
         Phi = scaled_Phi(mechanism, assembly.loops, home)
         chosen = choose_coordinates(mechanism, Phi) if wanted is None else wanted
-        return chosen, _aside(assembly, home, chosen)
+        return chosen, _without_symmetry(assembly, home, chosen)
     best: tuple[tuple[bool, int, int], Array, Array] | None = None
     try:
         for q in examples(assembly):
             Phi = scaled_Phi(mechanism, assembly.loops, q)
             motions = free_motions(Phi)
-            values = np.linalg.svd(motions[asked], compute_uv=False)
-            held, n = int(np.count_nonzero(values > INDEPENDENT)), motions.shape[1]
+            rates = motor_rates(mechanism, q, motions) if wanted is None else motions[wanted]
+            held, n = int(np.linalg.matrix_rank(rates, RESTS)), motions.shape[1]
             if best is None or (n > 0, held - n, held) > best[0]:
                 best = (n > 0, held - n, held), Phi, q
             if 0 < n == held:

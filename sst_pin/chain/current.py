@@ -121,7 +121,7 @@ class Current:
         try:
             self.evaluated(q).require_closed(mechanism.row_scale)
         except ClosureError:
-            return self.reference.memory.assembly.near(q, mechanism.coordinates)
+            return self.reference.memory.assembly.assemble(q, mechanism.dependent)
         return q
 
     def example(self) -> Array:

@@ -14,6 +14,9 @@ ASSEMBLED = 1e-11
 #: A singular value or pivot this much smaller than the largest counts as zero: assembled closures
 #: leave noise of 1e-12, a mechanism that still moves at 1e-8 is of no use.
 RANK_TOLERANCE = 1e-8
+#: A rate or a motor that moves less than this part of a motion rests: a tenth of what the largest
+#: condition number allows.
+RESTS = 1e-7
 #: A rate whose motion beside the rates already chosen is smaller moves with these.
 INDEPENDENT = 1e-4
 #: Where the constraints count as singular: half of the sixteen digits are lost by then.

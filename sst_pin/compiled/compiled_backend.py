@@ -368,9 +368,8 @@ def sample_configurations(reference: Reference, near: Array | None = None) -> Ar
     reference.rates(near, np.zeros(len(reference.mechanism.coordinates)))
     samples = [near]
     for seed in range(4 * _SAMPLES):
-        way = np.random.default_rng(seed).normal(size=reference.mechanism.model.nv)
         try:
-            samples.append(assembly.aside(samples[seed % len(samples)], way))
+            samples.append(assembly.aside(samples[seed % len(samples)], seed))
         except ClosureError:
             continue
         if len(samples) == _SAMPLES:

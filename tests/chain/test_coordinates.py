@@ -65,6 +65,55 @@ def test_the_motor_on_the_slide_is_the_coordinate():
     assert tau == pytest.approx((energy[0] - energy[1]) / (2 * step), rel=1e-6)
 
 
+def test_a_cylinder_decides_the_mode_as_the_motor_that_it_is():
+    """A cylinder along the slide is a motor on the slide."""
+    model, closures = slide_with_two_bars()
+    tip(model, 0, -0.5, "ground")
+    tip(model, model.getJointId("slide"), 0.0, "cart")
+    lines = [sst_pin.LineForce("ground", "cart", name="cylinder")]
+    cylinder = ClosedChain(model, closures, ["cylinder"], forces=lines)
+    motor = ClosedChain(model, closures, ["slide"])
+    assert cylinder.mobility().held == 1
+    q = motor.assemble([0.2, 2.0, 1.0])
+    tau = cylinder.with_coordinates(["slide"]).compute_torques(q, [0.1], [0.2])
+    np.testing.assert_allclose(tau, motor.compute_torques(q, [0.1], [0.2]), rtol=1e-12)
+    assert abs(cylinder.generic_configuration()[0]) > 0.01  # in the folded mode the slide rests
+
+
+def test_a_tendon_holds_the_sum_of_its_joints_and_not_each():
+    """What motors hold is the rank of L^T B."""
+    model = pin.Model()
+    for name in "ab":
+        body(model, 0, pin.JointModelRY(), 0.0, name)
+    two = ClosedChain(model, [], [{"a": 1.0, "b": 1.0}]).mobility()
+    assert (two.held, two.sufficient, two.inner_stresses) == (1, False, 0)
+    assert two.loose_joints == ("a", "b")
+    # The bars turn against each other while the slide moves: their sum rests.
+    scissor = ClosedChain(*slide_with_two_bars(), [{"bar_s": 1.0, "bar_g": 1.0}])
+    still = scissor.mobility(scissor.assemble([0.2, 2.0, 1.0], ["slide"]))
+    assert (still.held, still.inner_stresses) == (0, 1)
+    assert set(still.loose_joints) == {"slide", "bar_s", "bar_g"}
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_what_motors_hold_is_the_rank_of_the_actuator_jacobian(seed):
+    """Motors on joints, tendons and lines, more and fewer than freedoms."""
+    random, plain = np.random.default_rng(seed), sst_pin.robots.planar_3rrr()
+    joints = list(random.permutation(plain.joint_names))
+    tendons = [{joints.pop(): 1.0, joints.pop(): random.normal()} for _ in range(seed % 3)]
+    model = plain.model
+    for k, joint in enumerate(joints[:2]):
+        tip(model, model.getJointId(joint), 0.1, f"eye_{k}")
+    lines = [sst_pin.LineForce("eye_0", "eye_1", name="line")] if seed % 2 else []
+    motors = [*tendons, *(str(line) for line in lines), *joints[: seed // 2]]
+    chain = ClosedChain(model, plain.closures, motors, forces=lines)
+    q = chain.generic_configuration()
+    rank = np.linalg.matrix_rank(chain.actuator_jacobian(q), tol=1e-7) if motors else 0
+    mobility = chain.mobility(q)
+    assert mobility.held == rank
+    assert mobility.inner_stresses == len(chain.motor_names) - rank
+
+
 @pytest.mark.parametrize("folded_first", [False, True])
 def test_coordinates_do_not_depend_on_what_was_called_before(folded_first):
     """A call in the other mode is refused by name and changes nothing."""
