@@ -148,7 +148,7 @@ def choose_coordinates(mechanism: Mechanism, Phi: Array, wanted: Sequence[Indice
     that of `scaled_Phi`.
     """
     left, chosen = free_motions(Phi), list[int]()
-    n = left.shape[1]
+    alone, n = np.linalg.norm(left, axis=1), left.shape[1]
 
     def take(group: Iterable[int]) -> bool:
         nonlocal left
@@ -159,8 +159,8 @@ def choose_coordinates(mechanism: Mechanism, Phi: Array, wanted: Sequence[Indice
         for k in group:
             row = trial[k]
             size = float(np.linalg.norm(row))
-            if size < INDEPENDENT:  # they move with those already chosen
-                return False
+            if alone[k] < RESTS or size < INDEPENDENT * alone[k]:
+                return False  # it rests, or moves with those already chosen
             trial = trial - np.outer(trial @ (row / size), row / size)
         left = trial
         chosen.extend(group)

@@ -17,7 +17,7 @@ RANK_TOLERANCE = 1e-8
 #: A rate or a motor that moves less than this part of a motion rests: a tenth of what the largest
 #: condition number allows.
 RESTS = 1e-7
-#: A rate whose motion beside the rates already chosen is smaller moves with these.
+#: A rate of whose motion a smaller part is beside the rates already chosen moves with these.
 INDEPENDENT = 1e-4
 #: Where the constraints count as singular: half of the sixteen digits are lost by then.
 MAX_CONDITION_NUMBER = 1e8

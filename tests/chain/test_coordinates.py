@@ -65,6 +65,34 @@ def test_the_motor_on_the_slide_is_the_coordinate():
     assert tau == pytest.approx((energy[0] - energy[1]) / (2 * step), rel=1e-6)
 
 
+@pytest.mark.parametrize("pitch", [5e-3, 3e-4, 1e-5])
+def test_the_motor_of_a_fine_lead_screw_is_the_coordinate(pitch):
+    """However little it moves beside the screw; its force lifts both, by hand."""
+    model = pin.Model()
+    body(model, 0, pin.JointModelPX(), 0.0, "slide", mass=2.0)
+    screw = body(model, 0, pin.JointModelRX(), 0.5, "screw")
+    model.inertias[screw] = pin.Inertia(0.2, np.zeros(3), 1e-4 * np.eye(3))
+    nut = sst_pin.Coupling("slide", {"screw": (0.0, pitch / (2 * np.pi))})
+    chain = ClosedChain(model, [nut], ["slide"])
+    assert chain.coordinates == ("slide",)
+    tau = chain.compute_torques(np.zeros(2), [0.0], [1.0])
+    assert tau == pytest.approx(2.0 + 1e-4 * (2 * np.pi / pitch) ** 2)
+
+
+def test_a_motor_that_moves_with_another_but_for_digits_is_no_coordinate():
+    """A parallelogram whose lengths are written with six digits, on a cart."""
+    model = pin.Model()
+    cart = body(model, 0, pin.JointModelPX(), 0.0, "cart")
+    crank = body(model, cart, pin.JointModelRY(), 0.0, "crank")
+    coupler = body(model, crank, pin.JointModelRY(), 0.2, "coupler")
+    rocker = body(model, cart, pin.JointModelRY(), 0.300001, "rocker")
+    tip(model, coupler, 0.3, "a")
+    tip(model, rocker, 0.2, "b")
+    model.referenceConfigurations["home"] = np.array([0.0, 0.7, -0.7, 0.7])
+    chain = ClosedChain(model, [Closure("a", "b", "3d")], ["crank", "rocker"])
+    assert chain.coordinates == ("crank", "cart")
+
+
 def test_a_cylinder_decides_the_mode_as_the_motor_that_it_is():
     """A cylinder along the slide is a motor on the slide."""
     model, closures = slide_with_two_bars()
