@@ -12,7 +12,7 @@ import pinocchio as pin
 from ..arrays import Array, Indices
 from ..errors import DescriptionError, SingularConfigurationError
 from ..summaries import listed
-from .closures import Constraint, Coupling, Distance, frames_of
+from .closures import Constraint, Coupling, Distance, Rolling, frames_of, holds_points
 from .joint_space import JointSpace
 from .lines import Lines
 from .thresholds import AT_REST
@@ -211,7 +211,7 @@ class Mechanism:
     def length(self) -> float:
         """A length of the robot, [m]: the largest offset between joints and closures of one body.
 
-        Where the robot stands in the world does not count.
+        Where the robot stands in the world does not count, nor where on it a plane or rail begins.
         """
         of_body: dict[int, list[Array]] = {}
         for joint in range(1, self.model.njoints):
@@ -222,9 +222,13 @@ class Mechanism:
         for closure in self.closures:
             for name in frames_of(closure):
                 frame = frame_named(self.model, name)
+                if not frame.parentJoint and not holds_points(closure):
+                    continue
                 of_body.setdefault(frame.parentJoint, []).append(frame.placement.translation)
-            if isinstance(closure, Distance):
-                lengths.append(closure.distance)
+            if isinstance(closure, (Distance, Rolling)):
+                lengths.append(
+                    closure.distance if isinstance(closure, Distance) else closure.radius
+                )
         for points in map(np.array, of_body.values()):
             lengths.append(float(np.linalg.norm(points[:, None] - points, axis=-1).max()))
         return max(lengths) or 1.0

@@ -337,6 +337,41 @@ def test_where_the_robot_stands_does_not_count(distance):
         chain.compute_torques(np.add(q, [0, 3e-4, 0]), [1.0], [1.0])
 
 
+def wheel_on_the_ground(distance):
+    """A cart far along the ground; its wheel rolls on the world's x-y plane."""
+    model = pin.Model()
+    place = pin.SE3(np.eye(3), np.array([distance, 0.0, 0.1]))
+    cart = model.addJoint(0, pin.JointModelTranslation(), place, "cart")
+    wheel = body(model, cart, pin.JointModelRY(), 0.0, "wheel")
+    model.inertias[cart] = model.inertias[wheel]
+    axle = pin.SE3(pin.exp3(np.array([np.pi / 2, 0, 0])), np.zeros(3))
+    model.addFrame(pin.Frame("axle", wheel, axle, pin.FrameType.OP_FRAME))
+    chain = ClosedChain(model, [sst_pin.Rolling("universe", "axle", 0.1)], ["wheel"])
+    return chain, np.array([0, 0, 1e-6, 0])
+
+
+def bar_on_the_ground(distance):
+    """A bar on a slide far along the ground; its tip glides on the world's x-y plane."""
+    model = pin.Model()
+    slide = body(model, 0, pin.JointModelPX(), distance, "slide")
+    bar = body(model, slide, pin.JointModelRY(), 0.0, "bar")
+    tip(model, bar, 0.3, "end")
+    plane = (False, False, True, False, False, False)
+    return ClosedChain(model, [Closure("universe", "end", plane)], ["slide"]), np.array([0, 1e-5])
+
+
+@pytest.mark.parametrize("distance", [0.0, 1e3, 1e5])
+@pytest.mark.parametrize("robot", [wheel_on_the_ground, bar_on_the_ground])
+def test_a_plane_of_the_world_is_where_the_robot_is(robot, distance):
+    """Its origin, which may be far off, is no part of the robot."""
+    (chain, aside), (near, _) = robot(distance), robot(0.0)
+    assert chain.mechanism.length == near.mechanism.length <= 0.3
+    n = chain.degrees_of_freedom
+    chain.generalized_forces(np.zeros(chain.model.nq), np.zeros(n), np.ones(n))
+    with pytest.raises(sst_pin.ClosureError):
+        chain.generalized_forces(aside, np.zeros(n), np.ones(n))
+
+
 def rod_between_two_balls(spin):
     """A crank and a rocker joined by a rod on two balls; `spin` is its inertia about itself."""
     model = pin.Model()
