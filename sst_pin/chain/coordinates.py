@@ -17,7 +17,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..arrays import Array, Indices
-from ..errors import ClosureError, SSTError
+from ..errors import ClosureError
 from .assembly import Assembly, home_of
 from .continuity import Continuity
 from .dynamics import Memory
@@ -145,22 +145,19 @@ def settle(assembly: Assembly, wanted: Indices | None) -> tuple[Indices, Array |
 
 
 def without_mass(mechanism: Mechanism) -> tuple[str, ...]:
-    """Names of the coordinates that move no mass, such as the spin of a thin rod between two balls.
+    """Names of rates that move no mass, such as the spin of a thin rod between two balls.
 
-    The mass matrix is singular there to rounding, at every configuration.
+    They are coordinates, or where the caller's coordinates fail rates that describe the motion. The
+    mass matrix is singular there to rounding, at every configuration.
     """
-    q, n = mechanism.example, len(mechanism.coordinates)
-    if q is None or not n:
+    if mechanism.example is None:
         return ()
-    memory = Memory(mechanism)
-    try:
-        memory.evaluate(q)
-        memory.complement.factorise(memory.loops.Phi())
-    except SSTError:
-        return ()  # coordinates of the caller, for another assembly
-    L = memory.complement.L
+    q, memory, unit = mechanism.example, Memory(mechanism), mechanism.rate_scale
+    Phi = scaled_Phi(mechanism, memory.loops, q)
+    chosen, motions = choose_coordinates(mechanism, Phi, [mechanism.coordinates]), free_motions(Phi)
+    L = unit[:, None] * motions @ np.linalg.inv(motions[chosen] * unit[chosen, None])
     # What each coordinate would move if a body turned about its heaviest axis.
-    twists = (body_jacobians(memory.model, memory.data) @ L).reshape(-1, 2, 3, n)
+    twists = (body_jacobians(memory.model, memory.data) @ L).reshape(-1, 2, 3, len(chosen))
     inertias = list(memory.model.inertias)[1:]
     sizes = np.array([(np.trace(body.inertia), body.mass) for body in inertias])
     most = np.einsum("bp,bpin->n", sizes, twists**2) + memory.model.armature @ L**2
@@ -168,4 +165,4 @@ def without_mass(mechanism: Mechanism) -> tuple[str, ...]:
     inertia = scale[:, None] * memory.reduced_inertia(q, L) * scale
     values, vectors = np.linalg.eigh(inertia)
     idle = np.abs(vectors[:, values < _ROUNDING]).max(axis=1, initial=0.0) > INDEPENDENT
-    return tuple(np.array(mechanism.coordinate_rate_names)[idle].tolist())
+    return tuple(np.array(mechanism.space.rate_names)[chosen[idle]].tolist())

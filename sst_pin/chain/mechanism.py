@@ -120,7 +120,7 @@ class Mechanism:
         lines: Forces along lines, those of motors on lines among them.
         example: A configuration with closed loops, shape (nq,), where the coordinates were judged;
             None if none was found.
-        without_mass: Names of the coordinates that move no mass.
+        without_mass: Names of rates that move no mass, coordinates if these describe the motion.
     """
 
     model: pin.Model
@@ -198,10 +198,10 @@ class Mechanism:
         return tuple(unit if on_joints.any() else "N" for on_joints, unit in units)
 
     def require_mass(self) -> None:
-        """Refuse direct dynamics where a coordinate moves no mass."""
+        """Refuse direct dynamics where a motion moves no mass."""
         if self.without_mass:
             raise SingularConfigurationError(
-                "the mass matrix is not positive definite: the coordinates "
+                "the mass matrix is not positive definite: the rates "
                 f"{listed(self.without_mass)} move no mass; give their bodies inertia about these "
                 "axes, or fix the joints by locked= (a universal joint in the place of a ball)",
                 float("inf"),

@@ -403,6 +403,26 @@ def test_a_rod_without_spin_inertia_between_two_balls_is_named():
     assert np.isfinite(thick.compute_accelerations(*state)).all()
 
 
+def test_a_thin_rod_is_named_whatever_the_coordinates():
+    """Also those of another assembly mode than home's, here of a rhombus beside the rod."""
+    model = pin.Model(rod_between_two_balls(0.0).model)
+    crank = body(model, 0, pin.JointModelRY(), 1.0, "crank_2")
+    coupler = body(model, crank, pin.JointModelRY(), 0.3, "coupler_2")
+    rocker = body(model, 0, pin.JointModelRY(), 1.3, "rocker_2")
+    tip(model, coupler, 0.3, "a")
+    tip(model, rocker, 0.3, "b")
+    closures = [Closure("rod_end", "rocker_end", "3d"), Closure("a", "b", "3d")]
+    q = ClosedChain(model, closures, ["crank"]).generic_configuration()
+    folded, opened = np.tile(q, (2, 1))
+    for pose, angles in (folded, [0.7, np.pi, np.pi]), (opened, [0.7, -0.7, 0.7]):
+        pose[[model.joints[k].idx_q for k in (crank, coupler, rocker)]] = angles
+    model.referenceConfigurations["home"] = folded
+    chain = ClosedChain(model, closures, ["crank"], coordinates=["crank", "rod_wx", "rocker_2"])
+    assert np.isfinite(chain.generalized_forces(opened, np.zeros(3), np.ones(3))).all()
+    with pytest.raises(sst_pin.SingularConfigurationError, match=r"rod_w.* move no mass"):
+        chain.compute_accelerations(opened, np.zeros(3), [0.0])
+
+
 def test_a_rod_without_spin_inertia_needs_no_motor_to_spin():
     """Rounding of where its axis passes is no force; a thick rod's spin needs one."""
     thin, thick = rod_between_two_balls(0.0), rod_between_two_balls(1e-3)
