@@ -25,7 +25,13 @@ from ..arrays import (
     single_array,
     whole_number,
 )
-from ..errors import DescriptionError, InputError, MissingExtraError
+from ..errors import (
+    ClosureError,
+    DescriptionError,
+    InputError,
+    MissingExtraError,
+    SingularConfigurationError,
+)
 from ..summaries import Summary, listed
 from . import derivatives, dispatch, dynamics, reactions, redundancy, regressor
 from .appearance import Appearance, appearance_of
@@ -1257,12 +1263,13 @@ class ClosedChain(Summary):
         return self._directions(q)
 
     def _directions(self, q: ArrayLike, on_error: str = "raise") -> Array:
-        key, regular = (
-            Key("actuator_jacobian"),
-            self.actuator_jacobian(self.generic_configuration()),
-        )
-        J = dispatch.computed(self._current, key, q, on_error=on_error)
-        return redundancy.directions(self.mechanism, J, regular)
+        current, key = self._current, Key("actuator_jacobian")
+        J = dispatch.computed(current, key, q, on_error=on_error)
+        try:
+            regular = dispatch.computed(current, key, current.example())
+        except (ClosureError, SingularConfigurationError):  # coordinates of another assembly mode
+            regular = None
+        return redundancy.directions(current.mechanism, J, regular)
 
     def line_lengths(self, q: ArrayLike) -> Array:
         """Lengths of the lines of `forces`, of any q, shape (..., lines), [m].

@@ -30,6 +30,7 @@ from .thresholds import INDEPENDENT, MAX_CONDITION_NUMBER, RANK_TOLERANCE, RESTS
 _AROUND_HOME, _AROUND_NEUTRAL = (0.1, 0.03, 0.01), np.linspace(0.1, 2.0, 20)
 #: Home is singular if a singular value of Phi is this much smaller there than so far beside it.
 _VANISHES, _BESIDE = 1e-2, 1e-3
+_GIVE_ONE = 'give q, a closed configuration, or make it model.referenceConfigurations["home"]'
 #: An inertia that is smaller than this part of what its bodies have is rounding.
 _ROUNDING = 1e-13
 
@@ -58,7 +59,9 @@ def examples(assembly: Assembly) -> Iterator[Array]:
             found = True
             yield q
     if not found:
-        raise min(failures, key=lambda error: error.residual)
+        nearest = min(failures, key=lambda error: error.residual)
+        nearest.args = (f"{nearest.args[0]}; {_GIVE_ONE}",)
+        raise nearest
 
 
 def _displacement(mechanism: Mechanism, width: float) -> Array:
@@ -78,10 +81,13 @@ def _home(assembly: Assembly, held: Indices) -> Array | None:
         return None
     try:
         q = assembly.near(q, held)
+    except ClosureError:
+        return None
+    try:
         moved = pin.integrate(mechanism.model, q, _displacement(mechanism, _BESIDE))
         beside = assembly.near(moved, held)
     except ClosureError:
-        return None
+        return q
     here, there = (
         np.linalg.svd(scaled_Phi(mechanism, loops, x), compute_uv=False) for x in (q, beside)
     )
@@ -155,6 +161,8 @@ def without_mass(mechanism: Mechanism) -> tuple[str, ...]:
     q, memory, unit = mechanism.example, Memory(mechanism), mechanism.rate_scale
     Phi = scaled_Phi(mechanism, memory.loops, q)
     chosen, motions = choose_coordinates(mechanism, Phi, [mechanism.coordinates]), free_motions(Phi)
+    if not len(chosen):
+        return ()
     L = unit[:, None] * motions @ np.linalg.inv(motions[chosen] * unit[chosen, None])
     # What each coordinate would move if a body turned about its heaviest axis.
     twists = (body_jacobians(memory.model, memory.data) @ L).reshape(-1, 2, 3, len(chosen))

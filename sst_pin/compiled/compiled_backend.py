@@ -33,6 +33,7 @@ from ..errors import (
     ClosureError,
     CompilationError,
     MissingExtraError,
+    SingularConfigurationError,
     SSTError,
 )
 from ..extensions import missing, require_current
@@ -361,11 +362,19 @@ def _has_directions(mechanism: Mechanism, quantity: str, lanes: int) -> bool:
 
 def sample_configurations(reference: Reference, near: Array | None = None) -> Array:
     """Assembled configurations, the same at each call, shape (samples, nq), `near` the first."""
-    assembly = reference.memory.assembly
+    assembly, own = reference.memory.assembly, near is None
     if near is None:
-        example = reference.mechanism.example
-        near = next(examples(assembly)) if example is None else example
-    reference.rates(near, np.zeros(len(reference.mechanism.coordinates)))
+        near = reference.mechanism.example
+    if near is None:
+        near = next(examples(assembly))
+    try:
+        reference.rates(near, np.zeros(len(reference.mechanism.coordinates)))
+    except SingularConfigurationError as error:
+        if own:
+            error.args = (
+                f"{error.args[0]}; in another assembly mode give q: compile(q), casadi(q)",
+            )
+        raise
     samples = [near]
     for seed in range(4 * _SAMPLES):
         try:

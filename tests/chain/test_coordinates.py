@@ -274,6 +274,54 @@ def test_a_parallelogram_near_its_flat_pose_has_one_freedom(angle):
     np.testing.assert_allclose(chain.joint_rates(np.zeros(3), [1.0, -1.0]), [1, -1, 1])
 
 
+def test_coordinates_of_another_mode_than_home_serve_where_they_hold():
+    """Preload and limits are judged at the q given; compile and casadi ask for one."""
+    model, closures, folded = rhombus()
+    model.referenceConfigurations["home"] = folded
+    chain = ClosedChain(model, closures, ["crank", "rocker"], coordinates=["rocker"])
+    state = np.array([0.7, -0.7, 0.7]), [1.0], [1.0]
+    B = chain.preload_directions(state[0])
+    np.testing.assert_allclose(np.abs(B).ravel(), [0.5**0.5] * 2)  # both joints turn alike
+    tau = chain.compute_torques(*state, limits=[100.0, 100.0])
+    np.testing.assert_allclose(tau, chain.compute_torques(*state))
+    batch = np.tile(folded, (2, 1))
+    batch[1] = state[0]
+    with pytest.raises(sst_pin.SingularConfigurationError):
+        chain.preload_directions(batch)
+    for ask in (chain.compile, chain.casadi):
+        with pytest.raises(sst_pin.SingularConfigurationError, match="give q"):
+            ask()
+    chain.compile(state[0])
+    np.testing.assert_allclose(chain.compute_torques(*state), tau)
+
+
+def cam():
+    """A cam with one assembly, far from zero: z = (30 - x) (x^2 + 1) in centimetres, x = 30."""
+    model = pin.Model()
+    body(model, 0, pin.JointModelRX(), 0.0, "x")
+    body(model, 0, pin.JointModelPZ(), 0.3, "z")
+    polynomial = 100 * np.array([30.0, -1.0, 30.0, -1.0])
+    return model, [sst_pin.Coupling("z", {"x": polynomial})], np.array([30.0, 0.0])
+
+
+def test_a_robot_that_no_guess_assembles_computes_where_it_is_closed():
+    """What needs a configuration of its own asks for one."""
+    model, closures, q = cam()
+    chain = ClosedChain(model, closures, ["z", "x"], coordinates=["z"])
+    assert chain.preload_directions(q).shape == (2, 1)
+    assert np.isfinite(chain.compute_torques(q, [1.0], [1.0], limits=[1e6, 1e6])).all()
+    for ask in (chain.mobility, chain.compile, chain.casadi):
+        with pytest.raises(sst_pin.ClosureError, match="give q, a closed configuration"):
+            ask()
+    assert chain.mobility(q).degrees_of_freedom == 1
+    without_motors = ClosedChain(model, closures, [])
+    with pytest.raises(sst_pin.DescriptionError, match=r"no configuration was assembled .*home"):
+        without_motors.generalized_forces(q, [], [])
+    model.referenceConfigurations["home"] = q
+    without_motors.refresh()
+    assert without_motors.degrees_of_freedom == 1
+
+
 def test_no_coordinates_are_refused():
     model, closures, folded = rhombus()
     chain = ClosedChain(model, closures, ["crank"], coordinates=[])
