@@ -27,7 +27,7 @@ from ..chain.coordinates import examples
 from ..chain.mechanism import Friction, Mechanism
 from ..chain.reference import Reference
 from ..chain.regressor import with_springs
-from ..chain.tree import frame_named
+from ..chain.tree import body_of, frame_named
 from ..errors import (
     ActuationError,
     ClosureError,
@@ -100,8 +100,8 @@ class CompiledBackend:
     """Dynamics of one mechanism by kernels of its own.
 
     The order of elimination is chosen near `near`, shape (nq,); by default anywhere. `code` gives
-    the code of a kernel by its key and an instruction set; by default from the cache. `bearer` is a
-    body on which a moment alone is a load too, counted from 0.
+    the code of a kernel by its key and an instruction set; by default from the cache. A moment
+    alone is a load too on the body of the frame `platform`.
     """
 
     def __init__(
@@ -111,7 +111,7 @@ class CompiledBackend:
         *,
         parameters: OpenNumbers | None = None,
         code: Callable[[Key, str], Code] | None = None,
-        bearer: int | None = None,
+        platform: str = "",
     ) -> None:
         try:
             from . import _binding
@@ -120,10 +120,11 @@ class CompiledBackend:
         require_current(_binding.__file__, *_BINDING)
         self._binding = _binding
         self._reference, self._mechanism = reference, reference.mechanism
-        self._near = near
+        self._near = near if _closed(reference, near) else None  # a robot may have changed since
         self._parameters = parameters or OpenNumbers(self._mechanism)
         self._code = code or self._from_cache
-        self._moment = -1 if bearer is None else 6 * bearer
+        body = body_of(self._mechanism.model, platform)
+        self._moment = -1 if body is None else 6 * body
         self._numbers = self._parameters.pack(self._mechanism, self._mechanism.friction)
         self._kernels: dict[Key, chain.Kernel] = {}
         self._equations: dict[tuple[bool, bool, bool], Equations] = {}
@@ -325,6 +326,17 @@ class CompiledBackend:
                 self._mechanism, samples, loaded, smooth, welded=welded
             )
         return self._equations[kind]
+
+
+def _closed(reference: Reference, q: Array | None) -> bool:
+    """Whether q closes the loops of this robot."""
+    if q is None or len(q) != reference.mechanism.model.nq:
+        return False
+    try:
+        reference.memory.evaluate(q)
+    except SSTError:
+        return False
+    return True
 
 
 def _too_large(mechanism: Mechanism) -> bool:

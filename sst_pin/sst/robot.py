@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -212,7 +213,8 @@ class SST(ClosedChain):
             >>> robot.parameters.star.mass
             2.6
         """
-        return parameters_of(self._current.mechanism.model, self.geometry, self.friction)
+        now = copy(self)
+        return parameters_of(now.mechanism.model, now.geometry, now.friction)
 
     # --- kinematics -------------------------------------------------------------------------
 
@@ -226,7 +228,8 @@ class SST(ClosedChain):
             >>> np.degrees(robot.home).round(2)
             array([45.  , 90.  , 35.26, 45.  , 90.  , 35.26, 45.  , 90.  , 35.26])
         """
-        return self.inverse_kinematics(kinematics.home_orientation(self.geometry))
+        now = copy(self)
+        return now.inverse_kinematics(kinematics.home_orientation(now.geometry))
 
     def inverse_kinematics(self, R: ArrayLike, branch: ArrayLike = (1, 1, 1)) -> Array:
         """Inverse kinematics: the joint angles for an orientation of the star.
@@ -249,7 +252,7 @@ class SST(ClosedChain):
             >>> robot.inverse_kinematics(R).round(3)
             array([0.862, 1.649, 0.673, 0.88 , 1.638, 0.579, 0.803, 1.691, 0.602])
         """
-        _, q = self._inverse_kinematics(R, branch)
+        _, q = copy(self)._inverse_kinematics(R, branch)
         return q
 
     def _inverse_kinematics(self, R: ArrayLike, branch: ArrayLike) -> tuple[kinematics.Legs, Array]:
@@ -287,11 +290,12 @@ class SST(ClosedChain):
             >>> q.shape, va.shape, aa.shape
             ((100, 9), (100, 3), (100, 3))
         """
-        legs, q = self._inverse_kinematics(R, branch)
+        now = copy(self)
+        legs, q = now._inverse_kinematics(R, branch)
         omega, alpha = finite_array("omega", omega, (3,)), finite_array("alpha", alpha, (3,))
         q_dot = kinematics.joint_rates(legs, np.broadcast_to(omega, (*q.shape[:-1], 3)))
         q_ddot = kinematics.joint_accelerations(
-            self.geometry, legs, q_dot, np.broadcast_to(alpha, (*q.shape[:-1], 3))
+            now.geometry, legs, q_dot, np.broadcast_to(alpha, (*q.shape[:-1], 3))
         )
         q_ddot = finite_array("alpha", q_ddot, (9,))  # omega may have been too large
         return q, q_dot[..., ::3], q_ddot[..., ::3]
@@ -318,11 +322,11 @@ class SST(ClosedChain):
             >>> near.round(3)
             array([0.8  , 1.591, 0.616, 0.8  , 1.591, 0.616, 0.8  , 1.591, 0.616])
         """
-        gamma = single_array("gamma", gamma, (3,))
-        x_0, y_0 = self.geometry.R_0[:, :, 0], self.geometry.R_0[:, :, 1]
+        gamma, geometry = single_array("gamma", gamma, (3,)), self.geometry
+        x_0, y_0 = geometry.R_0[:, :, 0], geometry.R_0[:, :, 1]
         u = np.cos(gamma)[:, None] * x_0 + np.sin(gamma)[:, None] * y_0
-        R = direct_kinematics.orientations(u, self.geometry.arc_normals)
-        solutions = kinematics.joints_of_actuated(self.geometry, gamma, R)
+        R = direct_kinematics.orientations(u, geometry.arc_normals)
+        solutions = kinematics.joints_of_actuated(geometry, gamma, R)
         if near is None:
             return solutions[np.lexsort(np.round(R[:, :, :2].reshape(-1, 6), 9).T)]
         if not len(solutions):
@@ -353,10 +357,11 @@ class SST(ClosedChain):
             >>> robot.platform_velocity(robot.home, [1, 1, 1]).round(4)
             array([1., 1., 1.])
         """
-        legs = kinematics.legs_of_joints(self.geometry, finite_array("q", q, (9,)))
-        rates = self.joint_rates(q, va)
+        now = copy(self)
+        legs = kinematics.legs_of_joints(now.geometry, finite_array("q", q, (9,)))
+        rates = now.joint_rates(q, va)
         axes = np.stack(
-            np.broadcast_arrays(self.geometry.e[0], legs.u[..., 0, :], legs.n[..., 0, :]), axis=-2
+            np.broadcast_arrays(now.geometry.e[0], legs.u[..., 0, :], legs.n[..., 0, :]), axis=-2
         )
         return np.einsum("...j,...ji->...i", rates[..., :3], axes)  # Eq. (62) with plus signs
 
@@ -400,8 +405,9 @@ class SST(ClosedChain):
             ...     print(finding.joints, finding.times[0].round(2))
             ('beta_1',) 0.26
         """
-        t, q = samples_of(self, motion)
-        return findings(t, check.verdicts(self.model, self.geometry, q))
+        now = copy(self)
+        t, q = samples_of(now, motion)
+        return findings(t, check.verdicts(now.mechanism.model, now.geometry, q))
 
     def singularity_measures(self, q: ArrayLike) -> dict[str, Array]:
         """Condition number of A (second kind) and 1 / min |sin(mu_k)| (first kind).
@@ -441,7 +447,8 @@ class SST(ClosedChain):
             >>> len(robot.appearance.frames)
             13
         """
-        return star_appearance.appearance_of(self.geometry, self.star_radius)
+        now = copy(self)
+        return star_appearance.appearance_of(now.geometry, now.star_radius)
 
     def _start_pose(self) -> Array:
         return self.home
