@@ -41,9 +41,17 @@ from .assignments import require_assignable
 from .backend import Key, States
 from .closures import Constraint
 from .current import Current
-from .draft import Motor, closures_of, forces_of, mechanism_of, without_locked
+from .draft import (
+    Motor,
+    closures_of,
+    coordinates_of,
+    forces_of,
+    mechanism_of,
+    motors_of,
+    without_locked,
+)
 from .lines import LineForce
-from .mechanism import Friction, Mechanism
+from .mechanism import Friction, Mechanism, read_only
 from .mobility import Mobility, condition_number, scaled_Phi
 from .named_positions import put
 from .tree import body_of
@@ -141,22 +149,36 @@ class ClosedChain(Summary):
     ) -> None:
         if not isinstance(model, pin.Model):
             raise InputError("model", f"a pinocchio.Model is needed, not {type(model).__name__}")
-        numbers = {
+        given = {
             "viscous_friction": viscous_friction,
             "coulomb_friction": coulomb_friction,
             "stiffness": stiffness,
             "spring_reference": spring_reference,
         }
+        numbers = {
+            name: None if value is None else read_only(finite_array(name, value, ()))
+            for name, value in given.items()
+        }
         self._model = without_locked(model, locked) if locked else model
         self._recipe: partial[Mechanism] = partial(
             mechanism_of,
             closures=closures_of(closures),
-            motors=actuated,
-            coordinates=coordinates,
+            motors=motors_of(actuated),
+            coordinates=None if coordinates is None else coordinates_of(coordinates),
             numbers=numbers,
             forces=forces_of(forces),
         )
         self._filled(self._model, self._recipe)
+
+    def __copy__(self: _Chain) -> _Chain:
+        """The same robot, which later goes its own way, with the model of the caller too."""
+        other = type(self).__new__(type(self))
+        other.__dict__.update(self.__dict__)
+        return other
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        # Mimic joints of an unpickled model end the process.
+        self.__dict__.update(state, _model=pin.Model(state["_model"]))
 
     def _mechanism_of_model(self) -> Mechanism:
         """The mechanism of `model` as it stands."""
@@ -389,7 +411,7 @@ class ClosedChain(Summary):
             >>> chain.with_coordinates(["rocker"]).coordinates
             ('rocker',)
         """
-        return self._remade(coordinates=names("coordinates", coordinates))
+        return self._remade(coordinates=coordinates_of(coordinates))
 
     def _remade(self, model: pin.Model | None = None, **changes: object) -> ClosedChain:
         """A chain of another model, or of other arguments of the constructor."""

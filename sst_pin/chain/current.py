@@ -146,5 +146,9 @@ class Current:
 
 
 def _unpickled(mechanism: Mechanism, kernels: Kernels | None) -> Current:
-    """With a copy of the model: mimic joints of an unpickled one end the process in `calc`."""
-    return Current(replace(mechanism, model=pin.Model(mechanism.model)), kernels)
+    """With a copy of the model: mimic joints of an unpickled one end the process in `calc`.
+
+    Arrays are read-only again.
+    """
+    parts = {name: replace(getattr(mechanism, name)) for name in ("friction", "springs")}
+    return Current(replace(mechanism, model=pin.Model(mechanism.model), **parts), kernels)

@@ -205,6 +205,79 @@ def test_no_part_of_a_robot_sees_a_changed_model_before_refresh(build):
     assert list(seen(robot, q)) == before
 
 
+def test_what_the_caller_gave_is_the_robot_and_not_the_caller_s_own():
+    """Lists, dictionaries and arrays changed afterwards, and generators, count once."""
+    plain = sst_pin.robots.four_bar()
+    motors, tendon, friction = ["rocker"], {"crank": 1.0, "rocker": -1.0}, np.ones(3)
+    closures, rest = list(plain.closures), {"spring_reference": np.full(3, 0.1)}
+    motors.append(tendon)
+    chain = ClosedChain(
+        plain.model,
+        closures,
+        (motor for motor in motors),
+        coordinates=iter(["crank"]),
+        viscous_friction=friction,
+        stiffness=friction,
+        **rest,
+    )
+    state = chain.home, [1.0], [0.5]
+    before = chain.compute_torques(*state)
+    motors.append("coupler"), closures.clear()
+    tendon["rocker"], friction[:], rest["spring_reference"][:] = 7.0, 5.0, 5.0
+    chain.refresh()
+    others = [pickle.loads(pickle.dumps(chain)), copy.deepcopy(chain)]
+    others += [chain.with_coordinates(["crank"]), chain.with_parameters({"crank.mass": 1.0})]
+    for other in (chain, *others):
+        assert other.motor_names == ("rocker", "1 crank - 1 rocker")
+        assert other.coordinates == ("crank",)
+    for other in (chain, *others[:3]):
+        np.testing.assert_allclose(other.compute_torques(*state), before, rtol=1e-12)
+
+
+@pytest.mark.parametrize("given", [{"crank", "rocker"}, {"crank": 1.0}, frozenset(["crank"])])
+@pytest.mark.parametrize("name", ["closures", "actuated", "coordinates", "forces"])
+def test_what_has_no_order_is_refused(name, given):
+    """The order of motors is that of tau."""
+    plain = sst_pin.robots.four_bar()
+    arguments = {"closures": plain.closures, "actuated": ["crank"], name: given}
+    with pytest.raises(sst_pin.InputError, match=f"{name}: .* a sequence of"):
+        ClosedChain(plain.model, **arguments)
+    if name == "coordinates":
+        with pytest.raises(sst_pin.InputError, match="a sequence of"):
+            plain.with_coordinates(given)
+
+
+@pytest.mark.parametrize("copied", [lambda c: c, lambda c: pickle.loads(pickle.dumps(c))])
+def test_arrays_of_a_robot_are_read_only(copied):
+    chain = copied(sst_pin.robots.four_bar())
+    mechanism = chain.mechanism
+    names = "coordinates motors example dependent selection sprung driven row_scale rate_scale"
+    arrays = [getattr(mechanism, name) for name in names.split()]
+    arrays += [chain.actuation, chain.actuated, chain.friction.viscous, chain.friction.coulomb]
+    arrays += [mechanism.springs.stiffness, mechanism.springs.reference]
+    assert not any(array.flags.writeable for array in arrays)
+
+
+def test_a_robot_with_other_parameters_takes_one_joint_more():
+    """It has no springs of its own whose number would not fit."""
+    chain = sst_pin.robots.four_bar().with_parameters({"crank.mass": 2.0})
+    chain.model.appendBodyToJoint(
+        chain.model.addJoint(0, pin.JointModelRX(), PLACE, "tail"), BODY, pin.SE3.Identity()
+    )
+    chain.model.referenceConfigurations["home"] = np.append(chain.home, 0.3)
+    chain.refresh()
+    assert chain.degrees_of_freedom == 2
+
+
+def test_an_sst_in_other_coordinates_has_its_platform():
+    robot = sst_pin.SST()
+    other = robot.with_coordinates(["mu_1", "mu_2", "mu_3"])
+    how = {"platform_moment": [0.3, -0.2, 0.5]}
+    rest = robot.home, np.zeros(3), np.zeros(3)
+    tau = robot.compute_torques(*rest, **how)
+    np.testing.assert_allclose(other.compute_torques(*rest, **how), tau, atol=1e-11)
+
+
 def test_exported_code_is_of_one_robot():
     """A joint added to the model counts after refresh, in all functions or in none."""
     robot = sst_pin.robots.four_bar()
