@@ -178,6 +178,10 @@ def _require_sound(model: pin.Model, closures: Sequence[Constraint]) -> None:
     names = list(model.names)[1:]
     problems = _wrong_sizes(model)
     problems += [f"joint {n}: the name appears twice" for n, k in Counter(names).items() if k > 1]
+    problems += [
+        f"joint {name}: a closure has this name too; rename the joint"
+        for name in sorted({*names} & {*map(str, closures)})
+    ]
     if model.nv and not problems:
         problems = _names_with_two_meanings(model)
     if model != pin.Model(model):

@@ -7,6 +7,8 @@ null(J^T), the directions of preload.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -30,7 +32,7 @@ def directions(mechanism: Mechanism, J: Array, reference: Array | None) -> Array
     """
     units = mechanism.rate_scale[mechanism.coordinates]
     batch = J.shape[:-2]
-    flat = (J * units).reshape(-1, *J.shape[-2:])
+    flat = (J * units).reshape(math.prod(batch), *J.shape[-2:])
     finite = flat[np.isfinite(flat).all(axis=(1, 2))]
     starts = finite if reference is None else [reference * units]
     first, rank = _null_space(starts[0] if len(starts) else np.zeros(flat.shape[1:]))
