@@ -100,10 +100,13 @@ class JointComplement:
         if m < d:
             return np.zeros((d, m)), (0.0, 0.0)
         QR, order, tau, _, _ = self._lapack.dgeqp3(A)
+        first, last = abs(QR[0, 0]), abs(QR[d - 1, d - 1])
+        if not last * MAX_CONDITION_NUMBER > first:
+            return np.zeros((d, m)), (first, last)  # the inverse could be infinite
         inverse = np.empty((d, m))
         Q, _, _ = self._lapack.dorgqr(QR, tau)
         inverse[order - 1] = self._dtrsm(1.0, QR[:d], Q.T)  # dtrtrs starts threads, which wait long
-        return inverse, (abs(QR[0, 0]), abs(QR[d - 1, d - 1]))
+        return inverse, (first, last)
 
     def _refuse(self, Phi: Array, least: float, smallest: list[float]) -> None:
         mechanism = self._mechanism

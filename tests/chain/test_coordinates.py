@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The coordinates are chosen when a robot is made, from the robot alone."""
 
+import warnings
 from itertools import combinations, permutations
 
 import numpy as np
@@ -272,6 +273,17 @@ def test_a_parallelogram_near_its_flat_pose_has_one_freedom(angle):
     with pytest.raises(sst_pin.SingularConfigurationError, match="hold the coordinates"):
         chain.joint_rates([angle, -angle, angle], [1.0, 0.0])
     np.testing.assert_allclose(chain.joint_rates(np.zeros(3), [1.0, -1.0]), [1, -1, 1])
+
+
+def test_a_singular_configuration_is_refused_without_warnings_of_numpy():
+    """Neither where a robot is made nor in a call whose numbers nobody watches."""
+    model, closures = engine()
+    home = model.referenceConfigurations["home"] = np.array([0.0, 0.0, 0.45])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        chain = ClosedChain(model, closures, ["crank"], coordinates=["piston"])
+        with pytest.raises(sst_pin.SingularConfigurationError):
+            chain.noc(home, [1.0])
 
 
 def test_coordinates_of_another_mode_than_home_serve_where_they_hold():
