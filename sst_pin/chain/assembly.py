@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..arrays import Array, Flags, Indices
-from ..errors import ClosureError, DescriptionError
+from ..errors import ClosureError, DescriptionError, InputError
 from .loops import Loops, connected
 from .mechanism import Mechanism
 from .thresholds import ASSEMBLED
@@ -254,7 +254,10 @@ def home_of(mechanism: Mechanism) -> Array | None:
     if "home" not in known:
         return None
     home = np.array(known["home"])
-    if home.shape != (model.nq,) or not np.isfinite(home).all():
-        problem = f"home: {home.size} numbers; {model.nq} finite ones are needed"
-        raise DescriptionError(f"model {model.name}", [problem])
-    return mechanism.space.normalised(home)
+    problem = f"home: {home.size} numbers; {model.nq} finite ones are needed"
+    if home.shape == (model.nq,) and np.isfinite(home).all():
+        try:
+            return mechanism.space.normalised(home)
+        except InputError as error:
+            problem = f"home: {error.args[0].removeprefix('q: ')}"
+    raise DescriptionError(f"model {model.name}", [problem])

@@ -397,6 +397,8 @@ class ClosedChain(Summary):
     def with_coordinates(self, coordinates: Sequence[str]) -> ClosedChain:
         """This robot with its dynamics in other coordinates.
 
+        At configurations where they do not describe the motion, calls are refused.
+
         Args:
             coordinates: Names of the independent joints.
 
@@ -405,7 +407,6 @@ class ClosedChain(Summary):
 
         Raises:
             UnknownNameError: For an unknown joint.
-            SingularConfigurationError: If they do not describe the motion.
 
         Example:
             >>> chain.with_coordinates(["rocker"]).coordinates

@@ -60,8 +60,8 @@ def examples(assembly: Assembly) -> Iterator[Array]:
             yield q
     if not found:
         nearest = min(failures, key=lambda error: error.residual)
-        nearest.args = (f"{nearest.args[0]}; {_GIVE_ONE}",)
-        raise nearest
+        open_by, _, _ = nearest.args[0].partition(";")
+        raise ClosureError(f"{open_by}; {_GIVE_ONE}", nearest.residual)
 
 
 def _displacement(mechanism: Mechanism, width: float) -> Array:

@@ -117,12 +117,22 @@ class JointComplement:
         if loose:
             names = listed([mechanism.space.rate_names[k] for k in loose])
             why = f"the coordinates do not determine the rates of the dependent joints {names}"
-        others = mechanism.space.names_of(
-            choose_coordinates(mechanism, np.nan_to_num(scaled)).tolist()
+        others = choose_coordinates(mechanism, np.nan_to_num(scaled))
+        names, k, n = (
+            listed(mechanism.space.names_of(others.tolist())),
+            len(others),
+            self.L.shape[1],
         )
+        cure = (
+            f"move away, or choose other coordinates=, for example {names} describe the motion here"
+        )
+        if k > n:
+            cure = (
+                f"the closures leave {k} freedoms here to {n} coordinates; move away, or where "
+                f"they do so everywhere give {k} coordinates=, for example {names}"
+            )
         raise SingularConfigurationError(
-            f"singular configuration: {why}; move away, or choose other coordinates=, "
-            f"for example {listed(others)} describe the motion here",
+            f"singular configuration: {why}; {cure}",
             condition_number(scaled, mechanism.coordinates),
         )
 

@@ -265,6 +265,24 @@ def test_two_coordinates_for_one_freedom_are_refused_on_any_loop(seed):
             chain.joint_rates(q, [1.0, 1.0])
 
 
+def test_a_singularity_of_the_mechanism_asks_for_no_other_coordinates():
+    """Where a parallelogram is flat it has one more freedom; no joint alone describes it."""
+    model, closures, _ = rhombus()
+    chain = ClosedChain(model, closures, ["crank"])
+    with pytest.raises(sst_pin.SingularConfigurationError) as caught:
+        chain.joint_rates(np.zeros(3), [1.0])
+    assert "the closures leave 2 freedoms here to 1 coordinates; move away" in str(caught.value)
+    assert "or choose other" not in str(caught.value)
+
+
+def test_a_home_with_a_zero_quaternion_is_named():
+    model = pin.Model()
+    body(model, 0, pin.JointModelSpherical(), 0.0, "ball")
+    model.referenceConfigurations["home"] = np.zeros(4)
+    with pytest.raises(sst_pin.DescriptionError, match="home: the quaternion at 0 is zero"):
+        ClosedChain(model, [], [])
+
+
 @pytest.mark.parametrize("angle", [1e-3, 0.02, 0.1])
 def test_a_parallelogram_near_its_flat_pose_has_one_freedom(angle):
     """Where it is flat it has two."""
@@ -323,8 +341,9 @@ def test_a_robot_that_no_guess_assembles_computes_where_it_is_closed():
     assert chain.preload_directions(q).shape == (2, 1)
     assert np.isfinite(chain.compute_torques(q, [1.0], [1.0], limits=[1e6, 1e6])).all()
     for ask in (chain.mobility, chain.compile, chain.casadi):
-        with pytest.raises(sst_pin.ClosureError, match="give q, a closed configuration"):
+        with pytest.raises(sst_pin.ClosureError, match="give q, a closed configuration") as caught:
             ask()
+        assert "fixed=" not in str(caught.value)  # it has no such argument
     assert chain.mobility(q).degrees_of_freedom == 1
     without_motors = ClosedChain(model, closures, [])
     with pytest.raises(sst_pin.DescriptionError, match=r"no configuration was assembled .*home"):
