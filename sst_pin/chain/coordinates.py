@@ -30,6 +30,7 @@ from .thresholds import INDEPENDENT, MAX_CONDITION_NUMBER, RANK_TOLERANCE, RESTS
 _AROUND_HOME, _AROUND_NEUTRAL = (0.1, 0.03, 0.01), np.linspace(0.1, 2.0, 20)
 #: Home is singular if a singular value of Phi is this much smaller there than so far beside it.
 _VANISHES, _BESIDE = 1e-2, 1e-3
+#: What helps where no guess can be assembled.
 _GIVE_ONE = 'give q, a closed configuration, or make it model.referenceConfigurations["home"]'
 #: An inertia that is smaller than this part of what its bodies have is rounding.
 _ROUNDING = 1e-13
