@@ -27,12 +27,13 @@ from ..chain.coordinates import examples
 from ..chain.mechanism import Friction, Mechanism
 from ..chain.reference import Reference
 from ..chain.regressor import with_springs
-from ..chain.tree import frame_named
+from ..chain.tree import body_of, frame_named
 from ..errors import (
     ActuationError,
     ClosureError,
     CompilationError,
     MissingExtraError,
+    SingularConfigurationError,
     SSTError,
 )
 from ..extensions import missing, require_current
@@ -99,8 +100,8 @@ class CompiledBackend:
     """Dynamics of one mechanism by kernels of its own.
 
     The order of elimination is chosen near `near`, shape (nq,); by default anywhere. `code` gives
-    the code of a kernel by its key and an instruction set; by default from the cache. `bearer` is a
-    body on which a moment alone is a load too, counted from 0.
+    the code of a kernel by its key and an instruction set; by default from the cache. A moment
+    alone is a load too on the body of the frame `platform`.
     """
 
     def __init__(
@@ -110,7 +111,7 @@ class CompiledBackend:
         *,
         parameters: OpenNumbers | None = None,
         code: Callable[[Key, str], Code] | None = None,
-        bearer: int | None = None,
+        platform: str = "",
     ) -> None:
         try:
             from . import _binding
@@ -119,10 +120,11 @@ class CompiledBackend:
         require_current(_binding.__file__, *_BINDING)
         self._binding = _binding
         self._reference, self._mechanism = reference, reference.mechanism
-        self._near = near
+        self._near = near if _closed(reference, near) else None  # a robot may have changed since
         self._parameters = parameters or OpenNumbers(self._mechanism)
         self._code = code or self._from_cache
-        self._moment = -1 if bearer is None else 6 * bearer
+        body = body_of(self._mechanism.model, platform)
+        self._moment = -1 if body is None else 6 * body
         self._numbers = self._parameters.pack(self._mechanism, self._mechanism.friction)
         self._kernels: dict[Key, chain.Kernel] = {}
         self._equations: dict[tuple[bool, bool, bool], Equations] = {}
@@ -326,6 +328,17 @@ class CompiledBackend:
         return self._equations[kind]
 
 
+def _closed(reference: Reference, q: Array | None) -> bool:
+    """Whether q closes the loops of this robot."""
+    if q is None or len(q) != reference.mechanism.model.nq:
+        return False
+    try:
+        reference.memory.evaluate(q)
+    except SSTError:
+        return False
+    return True
+
+
 def _too_large(mechanism: Mechanism) -> bool:
     """Whether there are too many coordinates for matrices to be written out."""
     nv = mechanism.model.nv
@@ -361,11 +374,19 @@ def _has_directions(mechanism: Mechanism, quantity: str, lanes: int) -> bool:
 
 def sample_configurations(reference: Reference, near: Array | None = None) -> Array:
     """Assembled configurations, the same at each call, shape (samples, nq), `near` the first."""
-    assembly = reference.memory.assembly
+    assembly, own = reference.memory.assembly, near is None
     if near is None:
-        example = reference.mechanism.example
-        near = next(examples(assembly)) if example is None else example
-    reference.rates(near, np.zeros(len(reference.mechanism.coordinates)))
+        near = reference.mechanism.example
+    if near is None:
+        near = next(examples(assembly))
+    try:
+        reference.rates(near, np.zeros(len(reference.mechanism.coordinates)))
+    except SingularConfigurationError as error:
+        if own:
+            error.args = (
+                f"{error.args[0]}; in another assembly mode give q: compile(q), casadi(q)",
+            )
+        raise
     samples = [near]
     for seed in range(4 * _SAMPLES):
         try:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from copy import copy
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -115,6 +116,7 @@ def c_files(
     """
     if precision not in _STYLES:
         raise InputError("precision", f"{precision!r} is not one of {', '.join(_STYLES)}")
+    chain = copy(chain)
     style, q = _STYLES[precision], chain.generic_configuration()
     n, motors = chain.degrees_of_freedom, len(chain.motor_names)
     mechanism = chain._current.mechanism
@@ -197,7 +199,7 @@ def _head(name: str, function: _Function, sizes: Mapping[str, int], style: _Styl
 
 def _computed_torque(chain: ClosedChain, style: _Style) -> tuple[str, str]:
     """Declaration and definition of `ComputedTorque` in C."""
-    model, mechanism = chain.model, chain._current.mechanism
+    mechanism, model = chain.mechanism, chain.mechanism.model
     joints = [model.joints[model.getJointId(name)] for name in chain.coordinates]
     if any((joint.nq, joint.nv) != (1, 1) for joint in joints):
         return (

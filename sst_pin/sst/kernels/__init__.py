@@ -47,7 +47,9 @@ def backend(reference: Reference, off: str) -> CompiledBackend:
     mechanism = reference.mechanism
     if why := off or _misfit(mechanism) or missing():
         raise CompilationError(why)
-    return CompiledBackend(reference, parameters=open_numbers(mechanism), code=code, bearer=STAR)
+    return CompiledBackend(
+        reference, parameters=open_numbers(mechanism), code=code, platform=JOINT_NAMES[STAR]
+    )
 
 
 def _misfit(mechanism: Mechanism) -> str:
