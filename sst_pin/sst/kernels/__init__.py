@@ -140,6 +140,6 @@ def _installed(target: str) -> ctypes.CDLL:
     found = find_spec(f"{__name__}._{target}")
     if found is None or found.origin is None:
         raise CompilationError(extensions.missing())
-    return extensions.require_current(
-        found.origin, FOLDER / "kernels.c", *(INCLUDE / x for x in PARTS)
-    )
+    own, shared = ("kernels.c", "target.h"), [INCLUDE / part for part in PARTS]
+    sources = [*(FOLDER / name for name in own), *shared, FOLDER / f"{target}.c"]
+    return extensions.require_current(found.origin, *sources)
