@@ -20,6 +20,7 @@ import robots
 import sst_pin
 import sst_pin.robots as robots_of_the_gallery
 from sst_pin.chain.backend import Key
+from sst_pin.chain.derivatives import TorqueDerivatives
 from sst_pin.compiled import build, compiled_backend
 from sst_pin.errors import CompilationError
 
@@ -240,7 +241,7 @@ def test_pivots_are_chosen_in_the_assembly_mode_of_the_coordinates():
     assert left(chain, chain.home[None], va[None], aa[None]) == 0
 
 
-def test_the_binding_computes_with_nothing_but_float64_rows(four_bar):
+def test_the_binding_computes_with_rows_of_real_numbers_and_nothing_else(four_bar):
     (q, va, aa), out = moving(four_bar, 5), np.empty((5, 1))
     kernel = four_bar._current.backend.kernel(Key("torques"))
     assert kernel.answer(q[0], va[0], aa[0], None, None, 1) is not None
@@ -248,9 +249,10 @@ def test_the_binding_computes_with_nothing_but_float64_rows(four_bar):
     alone = [kernel.answer(q[k], va[0], aa[k], None, None, 1) for k in range(5)]
     assert np.array_equal(batch, alone)
     assert kernel.answer(q, va[:4], aa, None, None, 1) is None
-    typed = [q[0].astype(np.float32), q[0].astype(">f8"), q[0].tolist()]
-    for bad in (*typed, None, q[0][:2], q[None]):
-        assert kernel.answer(bad, va[0], aa[0], None, None, 1) is None
+    typed = [q[0].astype(np.float32), q[0].tolist()]
+    for bad in (*typed, q[0].astype(">f8"), None, q[0][:2], q[None]):
+        found = kernel.answer(bad, va[0], aa[0], None, None, 1)
+        assert (found is not None) == any(bad is x for x in typed)
         with pytest.raises(TypeError):
             kernel.many((bad if bad is None or len(bad) < 5 else q[:4], va), out)
     for arrays in ((q[:4], va, aa), (q.astype(np.float32), va, aa), (q.T, va, aa)):
@@ -267,6 +269,19 @@ def test_the_binding_computes_with_nothing_but_float64_rows(four_bar):
     assert np.array_equal(
         four_bar.compute_torques(unaligned, va, aa), four_bar.compute_torques(q, va, aa)
     )
+
+
+@pytest.mark.parametrize("numbers", [list, tuple, lambda x: np.array(x, dtype=np.int32)])
+def test_whole_numbers_and_lists_are_answered_by_the_kernel_at_once(four_bar, numbers):
+    """The caller would check them at some twenty times the cost; what is no number it refuses."""
+    (q,), (va, aa) = moving(four_bar, 1)[0], (np.array([2]), np.array([-3]))
+    kernel, kind = four_bar._current.backend.kernel(Key("torques")), Key("torque_derivatives")
+    found = kernel.answer(q, numbers(va.tolist()), numbers(aa.tolist()), None, None, 1)
+    assert np.array_equal(found, four_bar.compute_torques(q, va * 1.0, aa * 1.0))
+    slopes = four_bar._current.backend.kernel(kind._replace(sign_width=1e-3))
+    assert slopes.derivatives(TorqueDerivatives, q, numbers([2]), numbers([-3]), 1) is not None
+    for no_number in ([True], ["2"], [2j], [np.ma.masked], [10**400], np.array([True]), [None]):
+        assert kernel.answer(q, no_number, aa * 1.0, None, None, 1) is None
 
 
 def test_copies_threads_forks_and_other_processes_compute_the_same(four_bar):
