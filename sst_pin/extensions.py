@@ -31,7 +31,7 @@ def require_current(extension: str | Path, *sources: Path) -> ctypes.CDLL:
 
 @cache
 def missing() -> str:
-    """Why an extension is not there, and the cure; a clone that hides an installed package warns."""
+    """Why an extension is not there, with the cure; a clone that hides an installation warns."""
     import sysconfig  # slow to import, as the next one
     from importlib.metadata import distributions
 
@@ -43,7 +43,9 @@ def missing() -> str:
     for distribution in distributions(name="sst-pin") if in_clone else ():
         installed = Path(str(distribution.locate_file(here.name)))
         if (installed / "__init__.py").is_file() and installed.resolve() != here.resolve():
-            hidden = f"Python imports sst_pin from {here}, where it is not compiled, and not the one"
+            hidden = (
+                f"Python imports sst_pin from {here}, where it is not compiled, and not the one"
+            )
             if any(installed.glob("compiled/_binding*.so")):
                 cure = "start Python in another folder, or pip install -e ."
                 return _warned(f"{hidden} installed in {installed}; {cure}")

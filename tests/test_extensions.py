@@ -56,7 +56,9 @@ def build(tmp_path, monkeypatch):
         Path("one.c").write_text(source)
         os.utime("one.c", (0, 0))  # an archive keeps the dates of its files
         name, made_of = setup["made_of"]("one.c")
-        made = setuptools.Extension("one", ["one.c"], define_macros=[(name, made_of)], optional=True)
+        made = setuptools.Extension(
+            "one", ["one.c"], define_macros=[(name, made_of)], optional=True
+        )
         command = setup["BuildOnAllCores"](setuptools.Distribution({"ext_modules": [made]}))
         command.build_lib = command.build_temp = "build"
         command.ensure_finalized()

@@ -16,9 +16,9 @@ from ..chain.runge_kutta import runge_kutta_step
 from ..chain.tree import frame_named
 from ..errors import ActuationError
 from . import build, kernels
-from .compiled_backend import sample_configurations
 from .elimination import Orthogonal
 from .equations import Equations
+from .generator_inputs import sample_configurations
 from .kernel_checks import Checks
 from .link_kinematics import Point
 

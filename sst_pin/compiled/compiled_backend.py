@@ -14,31 +14,25 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import cache, cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from ..arrays import Array
 from ..chain import backend as chain
-from ..chain.assembly import home_of
 from ..chain.backend import Key, NoKernel
-from ..chain.closures import Closure, Distance, Rolling
-from ..chain.coordinates import examples
 from ..chain.mechanism import Friction, Mechanism
 from ..chain.reference import Reference
 from ..chain.regressor import with_springs
 from ..chain.tree import frame_named
 from ..errors import (
     ActuationError,
-    ClosureError,
     CompilationError,
     MissingExtraError,
     SSTError,
 )
 from ..extensions import missing, require_current
 from . import build
-from .code import Code
-from .links import LinkTree
+from .build import Clock, Code
+from .generator_inputs import fingerprint, sample_configurations
 from .open_numbers import OpenNumbers
 from .states import CompiledStates
 
@@ -72,8 +66,6 @@ EVERY = (
 )
 #: Directions side by side are computed in at most so many passes.
 _TIMES = 2
-#: Configurations by which pivots are chosen.
-_SAMPLES = 8
 #: Kernels that write out no matrices.
 _WITHOUT_MATRICES = (
     "torques",
@@ -99,8 +91,8 @@ class CompiledBackend:
     """Dynamics of one mechanism by kernels of its own.
 
     The order of elimination is chosen near `near`, shape (nq,); by default anywhere. `code` gives
-    the code of a kernel by its key and an instruction set; by default from the cache. `bearer` is a
-    body on which a moment alone is a load too, counted from 0.
+    the code of a kernel by its key, an instruction set and the clock of the call; by default from
+    the cache. `bearer` is a body on which a moment alone is a load too, counted from 0.
     """
 
     def __init__(
@@ -109,14 +101,14 @@ class CompiledBackend:
         near: Array | None = None,
         *,
         parameters: OpenNumbers | None = None,
-        code: Callable[[Key, str], Code] | None = None,
+        code: Callable[[Key, str, Clock], Code] | None = None,
         bearer: int | None = None,
     ) -> None:
         try:
             from . import _binding
         except ImportError as error:
             raise CompilationError(f"{missing()} ({error})") from None
-        require_current(_binding.__file__, *_BINDING)
+        _require_binding(_binding.__file__)
         self._binding = _binding
         self._reference, self._mechanism = reference, reference.mechanism
         self._near = near
@@ -144,20 +136,25 @@ class CompiledBackend:
 
         wanted = [key for key in keys if not impossible(self._mechanism, key.quantity)]
         variants = [variant for key in wanted for variant in self._variants(key)]
+        prepare = partial(self._prepare, self._clock())
         with ThreadPoolExecutor() as pool:
             try:
-                for _ in pool.map(self._prepare, variants):
+                for _ in pool.map(prepare, variants):
                     pass
             except BaseException:  # Ctrl-C too: the other threads make no more
                 self._given_up = True
                 raise
 
-    def _prepare(self, variant: tuple[Key, str]) -> None:
+    def _clock(self) -> Clock:
+        """Of one call; the states of an integrator keep theirs."""
+        return Clock(self._mechanism.model.name or "robot")
+
+    def _prepare(self, clock: Clock, variant: tuple[Key, str]) -> None:
         """Make code, unless the motors do not suffice, which `_found` tells."""
         with suppress(ActuationError):
-            self._code(*variant)
+            self._code(*variant, clock)
 
-    def kernel(self, key: Key) -> chain.Kernel:
+    def kernel(self, key: Key, clock: Clock | None = None) -> chain.Kernel:
         """What computes a quantity, as `Backend.kernel`; those of the last widths are kept."""
         try:
             return self._kernels[key]
@@ -169,16 +166,18 @@ class CompiledBackend:
             smooth = [made for made in list(self._kernels) if made.sign_width is not None]
             for made in smooth if len(smooth) >= _WIDTHS else ():
                 self._kernels.pop(made, None)
-        columns = self._by_columns() if key.quantity == "accelerations" else None
-        kernel = self._kernels[key] = columns or self._kernel(key) or NoKernel()
+        clock = clock or self._clock()
+        columns = self._by_columns(clock) if key.quantity == "accelerations" else None
+        kernel = self._kernels[key] = columns or self._kernel(key, clock=clock) or NoKernel()
         return kernel
 
     def states(self, friction: Friction) -> CompiledStates:
         """The state space with this friction instead of the mechanism's."""
-        closing, course = self.kernel(Key("closing")), partial(self._course, friction)
-        rate, columns = partial(self._rate, friction), self._by_columns(friction)
+        clock = self._clock()
+        closing, columns = self.kernel(Key("closing"), clock), self._by_columns(clock, friction)
+        rate, course = partial(self._rate, clock, friction), partial(self._course, clock, friction)
         derivatives = Key("acceleration_derivatives", sign_width=friction.sign_width)
-        slopes = partial(self.kernel, derivatives)
+        slopes = partial(self.kernel, derivatives, clock)
         return CompiledStates(self._reference, friction, closing, slopes, rate, course, columns)
 
     # --- inside -----------------------------------------------------------------------------
@@ -190,26 +189,24 @@ class CompiledBackend:
     @cached_property
     def _content(self) -> bytes:
         """All that the kernels are made from."""
-        content, near = _content(self._mechanism, self._parameters), self._near
-        if near is None:
-            near = home_of(self._mechanism)
-        return content if near is None else content + near.tobytes()
+        return fingerprint(self._mechanism, self._parameters, self._near)
 
-    def _by_columns(self, friction: Friction | None = None) -> ByColumns | None:
+    def _by_columns(self, clock: Clock, friction: Friction | None = None) -> ByColumns | None:
         """Direct dynamics where the mass matrix is too large to be written out; None elsewhere."""
         mechanism, forces = self._mechanism, Key("generalized_forces")
         if not _too_large(mechanism) or mechanism.lines.motors.any() or mechanism.without_mass:
             return None
 
         def of_loads(loaded: bool) -> Kernel:
-            kernel = self._kernel(forces._replace(loaded=loaded), friction=friction)
+            kernel = self._kernel(forces._replace(loaded=loaded), clock, friction=friction)
             if kernel is None:
                 raise CompilationError(str(self))
             return kernel
 
         from .inertia_by_columns import ByColumns
 
-        inertial, rates = self._kernel(forces, inertial=True), self._kernel(Key("rates"))
+        inertial = self._kernel(forces, clock, inertial=True)
+        rates = self._kernel(Key("rates"), clock)
         if inertial is None or rates is None:
             return None
         return ByColumns(mechanism, cache(of_loads), inertial, rates)
@@ -217,13 +214,14 @@ class CompiledBackend:
     def _kernel(
         self,
         key: Key,
+        clock: Clock | None = None,
         word: str = "run",
         friction: Friction | None = None,
         *,
         inertial: bool = False,
     ) -> Kernel | None:
         """A kernel by its code for single samples, then for batches; None where there is none."""
-        codes = self._found(key)
+        codes = self._found(key, clock or self._clock())
         if not codes:
             return None
         if key.sign_width is not None:
@@ -248,13 +246,13 @@ class CompiledBackend:
             self._moment,
         )
 
-    def _rate(self, friction: Friction, loaded: bool) -> chain.Kernel:
+    def _rate(self, clock: Clock, friction: Friction, loaded: bool) -> chain.Kernel:
         """Rates of the states next to those given whose loops are closed."""
-        return self._kernel(Key("rollout", loaded=loaded), "rate", friction) or NoKernel()
+        return self._kernel(Key("rollout", loaded=loaded), clock, "rate", friction) or NoKernel()
 
-    def _course(self, friction: Friction, loaded: bool) -> Course | None:
+    def _course(self, clock: Clock, friction: Friction, loaded: bool) -> Course | None:
         """The kernel of a rollout; None where there is none."""
-        codes = self._found(Key("rollout", loaded=loaded))
+        codes = self._found(Key("rollout", loaded=loaded), clock)
         if not codes:
             return None
         code = codes[-1]
@@ -263,7 +261,7 @@ class CompiledBackend:
         sizes = (q, va, tau, sum(load))
         return self._binding.Course(code.address("run"), sizes, code.prepared(numbers), code)
 
-    def _found(self, key: Key) -> list[Code]:
+    def _found(self, key: Key, clock: Clock) -> list[Code]:
         """A kernel's code for single samples, then for batches; none where there is none."""
         key = key._replace(sign_width=None)  # it is a parameter
         if key.quantity == "generalized_forces":
@@ -271,7 +269,7 @@ class CompiledBackend:
             key = key._replace(quantity="torques" if one else "forces")
         if key not in self._codes:
             try:
-                self._codes[key] = [self._code(*variant) for variant in self._variants(key)]
+                self._codes[key] = [self._code(*variant, clock) for variant in self._variants(key)]
             except SSTError as error:
                 self._codes[key], self._why[key] = [], str(error)
         return self._codes[key]
@@ -288,11 +286,11 @@ class CompiledBackend:
         fit = len(self._mechanism.coordinates) <= build.TARGETS[narrow][0]
         return [(key._replace(along=True), narrow if fit else best), (key, best)]
 
-    def _from_cache(self, key: Key, target: str) -> Code:
+    def _from_cache(self, key: Key, target: str, clock: Clock) -> Code:
         """Code from the cache, or compiled now."""
         content, smooth = self._content, key.quantity in _SMOOTH
         if key.frame is not None:
-            content += _frame(self._mechanism, key.frame)
+            content = fingerprint(self._mechanism, self._parameters, self._near, key.frame)
 
         def source() -> str:
             try:
@@ -306,7 +304,7 @@ class CompiledBackend:
                 return c_code.library(key.entry, made, build.TARGETS[target][0])
 
         robot, options = self._mechanism.model.name, build.LONG if smooth else ()
-        library = build.library(robot, str(key), content, target, source, options)
+        library = build.library(robot, str(key), content, target, source, options, clock)
         return Code(library, key.entry)
 
     def _equations_of(self, key: Key) -> Equations:
@@ -324,6 +322,12 @@ class CompiledBackend:
                 self._mechanism, samples, loaded, smooth, welded=welded
             )
         return self._equations[kind]
+
+
+@cache
+def _require_binding(path: str) -> None:
+    """Refuse a binding of other sources; asked once, where it is the right one."""
+    require_current(path, *_BINDING)
 
 
 def _too_large(mechanism: Mechanism) -> bool:
@@ -357,51 +361,3 @@ def _has_directions(mechanism: Mechanism, quantity: str, lanes: int) -> bool:
         quantity == "acceleration_derivatives" and motors == n
     )
     return fit and 1 < n <= _TIMES * lanes
-
-
-def sample_configurations(reference: Reference, near: Array | None = None) -> Array:
-    """Assembled configurations, the same at each call, shape (samples, nq), `near` the first."""
-    assembly = reference.memory.assembly
-    if near is None:
-        example = reference.mechanism.example
-        near = next(examples(assembly)) if example is None else example
-    reference.rates(near, np.zeros(len(reference.mechanism.coordinates)))
-    samples = [near]
-    for seed in range(4 * _SAMPLES):
-        try:
-            samples.append(assembly.aside(samples[seed % len(samples)], seed))
-        except ClosureError:
-            continue
-        if len(samples) == _SAMPLES:
-            break
-    return np.array(samples)
-
-
-def _content(mechanism: Mechanism, parameters: OpenNumbers) -> bytes:
-    """All that the kernels are made from."""
-    model, tree = mechanism.model, LinkTree.of(mechanism.model)
-    parts: list[Any] = [mechanism.closures, mechanism.length, parameters.bodies, parameters.joints]
-    for link in tree.links:
-        parts += [link.parent, link.kind, link.q, link.v, link.body]
-        parts += [x.tobytes() for x in (link.R, link.p, link.S)]
-    parts += [np.asarray(mechanism.coordinates).tobytes(), mechanism.motors.tobytes()]
-    parts += [
-        model.inertias[i].lever.tobytes()
-        for i in range(1, model.njoints)
-        if i not in parameters.bodies
-    ]
-    if not mechanism.lines.none:
-        parts.append(mechanism.lines.motors.tobytes())
-    for line in mechanism.lines.forces:
-        parts += [_frame(mechanism, name) for name in (line.frame_a, line.frame_b)]
-    for closure in mechanism.closures:
-        if isinstance(closure, (Closure, Distance)):
-            parts += [_frame(mechanism, name) for name in (closure.frame_a, closure.frame_b)]
-        elif isinstance(closure, Rolling):
-            parts += [_frame(mechanism, name) for name in (closure.plane, closure.wheel)]
-    return repr(parts).encode()
-
-
-def _frame(mechanism: Mechanism, name: str) -> bytes:
-    frame = frame_named(mechanism.model, name)
-    return repr(frame.parentJoint).encode() + frame.placement.homogeneous.tobytes()

@@ -15,8 +15,9 @@ from ..chain.mechanism import Mechanism
 from ..errors import DescriptionError, InputError
 from ..files import Writer, as_path, text_writer
 from . import c_code, kernels
-from .compiled_backend import impossible, sample_configurations
+from .compiled_backend import impossible
 from .equations import Equations
+from .generator_inputs import sample_configurations
 from .kernel_checks import CLOSED, Checks
 from .open_numbers import BODY, LINE, OpenNumbers
 

@@ -22,8 +22,9 @@ from ..chain.mobility import free_motions
 from ..chain.reference import Reference, ReferenceStates
 from ..errors import ClosureError, DescriptionError
 from . import c_code, kernels, statements
-from .compiled_backend import impossible, sample_configurations
+from .compiled_backend import impossible
 from .equations import Equations
+from .generator_inputs import sample_configurations
 from .kernel_checks import Checks
 from .kernels import SymbolicKernel
 from .open_numbers import OpenNumbers

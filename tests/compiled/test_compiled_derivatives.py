@@ -24,8 +24,9 @@ from sst_pin import ClosedChain
 from sst_pin.chain.backend import Key
 from sst_pin.chain.mechanism import Friction
 from sst_pin.compiled import c_code, kernels, statements
-from sst_pin.compiled.compiled_backend import DERIVATIVES, CompiledBackend, sample_configurations
+from sst_pin.compiled.compiled_backend import DERIVATIVES, CompiledBackend
 from sst_pin.compiled.equations import Equations
+from sst_pin.compiled.generator_inputs import sample_configurations
 from sst_pin.errors import InputError, UnknownNameError
 
 #: Kernels for many samples, and for one.

@@ -13,9 +13,9 @@ import robots
 import sst_pin
 from sst_pin.chain.mechanism import Friction
 from sst_pin.compiled import c_code, kernels
-from sst_pin.compiled.compiled_backend import sample_configurations
 from sst_pin.compiled.elimination import Factors, pivot_order
 from sst_pin.compiled.equations import Equations
+from sst_pin.compiled.generator_inputs import sample_configurations
 
 SPRUNG = ("translation", "spherical", "continuous", "universal")
 MIMICKING = ("6d", "3d", "hinge")

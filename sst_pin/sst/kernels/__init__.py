@@ -21,7 +21,7 @@ from ...chain.closures import Closure, Constraint
 from ...chain.mechanism import Mechanism
 from ...chain.reference import Reference
 from ...compiled import build
-from ...compiled.code import Code
+from ...compiled.build import Code
 from ...compiled.compiled_backend import DERIVATIVES, CompiledBackend
 from ...compiled.open_numbers import OpenNumbers
 from ...description import JOINT_NAMES, MOTOR_NAMES
@@ -99,10 +99,10 @@ def open_numbers(mechanism: Mechanism) -> OpenNumbers:
     return OpenNumbers(mechanism, complete=True, rotated=[*MOTOR_NAMES, *frames])
 
 
-def code(key: Key, target: str) -> Code:
+def code(key: Key, target: str, clock: build.Clock | None = None) -> Code:
     """The code of one of `ENTRIES` or `AT_FIRST_USE` for an instruction set."""
     if key in AT_FIRST_USE:
-        return Code(_from_cache(key.entry, target), key.entry)
+        return Code(_from_cache(key.entry, target, clock), key.entry)
     if key not in ENTRIES:
         raise CompilationError("the shipped kernels have none")
     return Code(_installed(target), f"{key.entry}_{target}")
@@ -124,7 +124,7 @@ def source_file(entry: str) -> Path:
     return FOLDER / f"{entry}.c"
 
 
-def _from_cache(entry: str, target: str) -> ctypes.CDLL:
+def _from_cache(entry: str, target: str, clock: build.Clock | None) -> ctypes.CDLL:
     body = source_file(entry).read_text(encoding="utf-8")
 
     def source() -> str:
@@ -132,7 +132,7 @@ def _from_cache(entry: str, target: str) -> ctypes.CDLL:
         return lanes + "".join(f'#include "{part}"\n' for part in PARTS) + body
 
     options = *build.LONG, f"-I{INCLUDE}"
-    return build.library("sst", entry, body.encode(), target, source, options)
+    return build.library("sst", entry, body.encode(), target, source, options, clock)
 
 
 @cache
