@@ -85,7 +85,7 @@ class CasadiFunctions:
     @cached_property
     def generalized_forces(self) -> Function:
         """(q, va, aa) -> f, shape (n,): generalized forces of the motion."""
-        return self._function("forces", ["q", "va", "aa"], "f")
+        return self._function("generalized_forces", ["q", "va", "aa"], "f")
 
     @cached_property
     def accelerations(self) -> Function:

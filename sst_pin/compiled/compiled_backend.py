@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import cache, cached_property, partial
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,6 +21,7 @@ from ..arrays import Array
 from ..chain import backend as chain
 from ..chain.backend import Key, NoKernel
 from ..chain.mechanism import Friction, Mechanism
+from ..chain.quantities import QUANTITIES, Name
 from ..chain.reference import Reference
 from ..chain.regressor import with_springs
 from ..chain.tree import frame_named
@@ -46,41 +48,17 @@ if TYPE_CHECKING:
 FIRST = (Key("torques"), Key("accelerations"))
 #: Derivatives of the dynamics.
 DERIVATIVES = (Key("torque_derivatives"), Key("acceleration_derivatives"))
-#: Its kernel has all masses, frictions, rotors and springs as open numbers.
-REGRESSOR = Key("torque_regressor")
-#: Quantities whose friction is smooth.
-_SMOOTH = [key.quantity for key in DERIVATIVES]
-#: Kernels with variants for external wrenches.
-_LOADABLE = (*FIRST, Key("forces"), Key("rollout"), Key("reactions"), *DERIVATIVES)
 #: All kernels but those of frames.
-EVERY = (
-    *_LOADABLE,
-    *(key._replace(loaded=True) for key in _LOADABLE),
-    Key("rates"),
-    Key("joint_accelerations"),
-    Key("actuator_jacobian"),
-    Key("reduced_terms"),
-    Key("closing"),
-    Key("displacement_rates"),
-    REGRESSOR,
+EVERY = tuple(
+    Key(name, loaded=loaded)
+    for name, kind in QUANTITIES.items()
+    for loaded in (False, True)[: 1 + kind.loadable]
+    if not kind.of_frame
 )
 #: Directions side by side are computed in at most so many passes.
 _TIMES = 2
-#: Kernels that write out no matrices.
-_WITHOUT_MATRICES = (
-    "torques",
-    "forces",
-    "rates",
-    "reactions",
-    "actuator_jacobian",
-    "joint_accelerations",
-    "frame_drift",
-    "closing",
-)
-#: The number of coordinates squared times rates up to which inertia matrices are written out.
-_LARGEST = 100_000
-#: The same limit for derivatives and the regressor.
-_LARGEST_DERIVATIVES = 10_000
+#: The number of coordinates squared times rates up to which matrices are written out.
+_LARGEST = {"": inf, "matrices": 100_000, "derivatives": 10_000}
 #: Kernels of derivatives that are kept, one for each width within which friction is smooth.
 _WIDTHS = 16
 #: What the binding is compiled from.
@@ -134,7 +112,8 @@ class CompiledBackend:
         """Have kernels ready, those in the cache or compiled now."""
         from concurrent.futures import ThreadPoolExecutor  # slow to import
 
-        wanted = [key for key in keys if not impossible(self._mechanism, key.quantity)]
+        own = dict.fromkeys(map(self._own, keys))
+        wanted = [key for key in own if not impossible(self._mechanism, key.quantity)]
         variants = [variant for key in wanted for variant in self._variants(key)]
         prepare = partial(self._prepare, self._clock())
         with ThreadPoolExecutor() as pool:
@@ -194,7 +173,8 @@ class CompiledBackend:
     def _by_columns(self, clock: Clock, friction: Friction | None = None) -> ByColumns | None:
         """Direct dynamics where the mass matrix is too large to be written out; None elsewhere."""
         mechanism, forces = self._mechanism, Key("generalized_forces")
-        if not _too_large(mechanism) or mechanism.lines.motors.any() or mechanism.without_mass:
+        small = not impossible(mechanism, "accelerations")
+        if small or mechanism.lines.motors.any() or mechanism.without_mass:
             return None
 
         def of_loads(loaded: bool) -> Kernel:
@@ -227,7 +207,7 @@ class CompiledBackend:
         if key.sign_width is not None:
             friction = replace(self._mechanism.friction, sign_width=key.sign_width)
         numbers = self._numbers
-        if key == REGRESSOR:
+        if key.quantity == "torque_regressor":
             numbers = self._all_numbers.pack(self._mechanism, self._mechanism.friction)
         if friction is not None:
             numbers = self._parameters.pack(self._mechanism, friction)
@@ -263,16 +243,19 @@ class CompiledBackend:
 
     def _found(self, key: Key, clock: Clock) -> list[Code]:
         """A kernel's code for single samples, then for batches; none where there is none."""
-        key = key._replace(sign_width=None)  # it is a parameter
-        if key.quantity == "generalized_forces":
-            one = self._mechanism.driven_one_to_one
-            key = key._replace(quantity="torques" if one else "forces")
+        key = self._own(key)
         if key not in self._codes:
             try:
                 self._codes[key] = [self._code(*variant, clock) for variant in self._variants(key)]
             except SSTError as error:
                 self._codes[key], self._why[key] = [], str(error)
         return self._codes[key]
+
+    def _own(self, key: Key) -> Key:
+        """The key of the kernel that computes this quantity too."""
+        if key.quantity == "generalized_forces" and self._mechanism.driven_one_to_one:
+            key = key._replace(quantity="torques")
+        return key._replace(sign_width=None)  # it is a parameter
 
     def _variants(self, key: Key) -> list[tuple[Key, str]]:
         """Keys and instruction sets of a kernel for single samples, then of one for batches."""
@@ -288,7 +271,7 @@ class CompiledBackend:
 
     def _from_cache(self, key: Key, target: str, clock: Clock) -> Code:
         """Code from the cache, or compiled now."""
-        content, smooth = self._content, key.quantity in _SMOOTH
+        content, smooth = self._content, key.kind.smooth
         if key.frame is not None:
             content = fingerprint(self._mechanism, self._parameters, self._near, key.frame)
 
@@ -310,11 +293,11 @@ class CompiledBackend:
     def _equations_of(self, key: Key) -> Equations:
         from .equations import Equations
 
-        if key == REGRESSOR:
+        if key.quantity == "torque_regressor":
             samples = sample_configurations(self._reference, self._near)
             mechanism = with_springs(self._mechanism)
             return Equations(mechanism, samples, parameters=self._all_numbers)
-        kind = key.loaded, key.quantity in _SMOOTH, key.quantity != "reactions"
+        kind = key.loaded, key.kind.smooth, key.quantity != "reactions"
         if kind not in self._equations:
             samples = sample_configurations(self._reference, self._near)
             loaded, smooth, welded = kind
@@ -330,31 +313,22 @@ def _require_binding(path: str) -> None:
     require_current(path, *_BINDING)
 
 
-def _too_large(mechanism: Mechanism) -> bool:
-    """Whether there are too many coordinates for matrices to be written out."""
-    nv = mechanism.model.nv
-    return len(mechanism.coordinates) ** 2 * nv > _LARGEST
-
-
-def impossible(mechanism: Mechanism, quantity: str) -> str:
+def impossible(mechanism: Mechanism, quantity: Name) -> str:
     """Why there is no kernel of this quantity; empty when there is one."""
     nv, motors = mechanism.motors.shape
-    n = len(mechanism.coordinates)
+    n, written = len(mechanism.coordinates), QUANTITIES[quantity].written
     if mechanism.without_mass and quantity in ("accelerations", "acceleration_derivatives"):
         return "the mass matrix is singular"
     if quantity == "actuator_jacobian" and not motors:
         return "there are no motors"
     if quantity == "torques" and motors < n:
         return f"fewer motors ({motors}) than coordinates ({n})"
-    if quantity not in _WITHOUT_MATRICES and _too_large(mechanism):
-        return f"{n} coordinates of {nv} rates are too many for matrices to be written out"
-    large = quantity in _SMOOTH or quantity == REGRESSOR.quantity
-    if large and n * n * nv > _LARGEST_DERIVATIVES:
-        return f"{n} coordinates of {nv} rates are too many for derivatives to be written out"
+    if n * n * nv > _LARGEST[written]:
+        return f"{n} coordinates of {nv} rates are too many for {written} to be written out"
     return ""
 
 
-def _has_directions(mechanism: Mechanism, quantity: str, lanes: int) -> bool:
+def _has_directions(mechanism: Mechanism, quantity: Name, lanes: int) -> bool:
     """Whether derivatives of one sample take less time direction by direction, `lanes` at once."""
     n, motors = len(mechanism.coordinates), mechanism.motors.shape[1]
     fit = quantity == "torque_derivatives" or (

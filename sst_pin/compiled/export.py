@@ -12,6 +12,7 @@ import numpy as np
 from ..arrays import Array
 from ..chain.closed_chain import ClosedChain
 from ..chain.mechanism import Mechanism
+from ..chain.quantities import Name
 from ..errors import DescriptionError, InputError
 from ..files import Writer, as_path, text_writer
 from . import c_code, kernels
@@ -48,7 +49,7 @@ class _Function(NamedTuple):
     """A function of the exported C: its kernel, and names of its arguments."""
 
     meaning: str
-    kernel: str
+    kernel: Name
     inputs: tuple[str, ...]
     output: str
 
@@ -57,7 +58,7 @@ _FUNCTIONS = {
     "torques": _Function("Torques of a motion.", "torques", ("q", "va", "aa"), "tau"),
     "forces": _Function(
         "Generalized forces along the coordinates that a motion needs.",
-        "forces",
+        "generalized_forces",
         ("q", "va", "aa"),
         "f",
     ),

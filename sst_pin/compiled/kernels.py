@@ -67,7 +67,7 @@ def make(
     given = tuple(x for x in inputs if x is not loads or x.numel())
     loaded = any(x is loads for x in given)
     return SymbolicKernel(
-        Key(quantity, loaded=loaded, along=along).entry,
+        f"{quantity}{'_along' * along}{'_loaded' * loaded}",
         given,
         equations.p,
         ca.densify(output),
@@ -202,7 +202,7 @@ def _closing(e: Equations, checks: Checks) -> _Made:
 
 
 KERNELS: dict[str, Callable[[Equations, Checks], _Made]] = {
-    "forces": _forces,
+    "generalized_forces": _forces,
     "torques": _torques,
     "accelerations": _accelerations,
     "torque_derivatives": _torque_derivatives,

@@ -26,7 +26,7 @@ def with_forces(robot):
 )
 def pair(request, monkeypatch):
     """A robot by its mass matrix in columns, and by the reference path."""
-    monkeypatch.setattr(compiled_backend, "_LARGEST", 0)
+    monkeypatch.setitem(compiled_backend._LARGEST, "matrices", 0)
     robot = with_forces(getattr(sst_pin.robots, request.param)())
     compiled = sst_pin.ClosedChain(
         robot.model,
