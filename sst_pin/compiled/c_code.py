@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Kernels as C99: straight-line code on `real`, a number or a vector of samples."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from math import isfinite
@@ -106,7 +104,7 @@ def body(
     return KernelSource("\n".join(texts), writer.size, room)
 
 
-def written(kernel: SymbolicKernel, size: int | None = None, suffix: str = "") -> Writer:
+def written(kernel: SymbolicKernel, size: int | None = None, suffix: str = "") -> "Writer":
     """Statements of a kernel, each in a form that is C; the arguments are those of `body`."""
     function = ca.Function(
         kernel.name,

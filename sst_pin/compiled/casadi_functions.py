@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The dynamics of a chain as functions of CasADi, for its optimisers and integrators."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cached_property
 
 import casadi as ca
+import numpy as np
 from casadi import MX, SX, Function
 
 from ..arrays import Array
@@ -20,27 +19,43 @@ from .elimination import Orthogonal
 from .equations import Equations
 from .generator_inputs import sample_configurations
 from .kernel_checks import Checks
-from .link_kinematics import Point
 
 #: Common subexpressions are computed once.
 _OPTIONS = {"cse": True}
 _WRENCHES = "external_wrenches"
 
 
-class CasadiFunctions:
+class Functions:
+    """What functions of CasADi and of JAX have in common: the numbers of entries in q, va, tau."""
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        self._mechanism, self.nq = mechanism, mechanism.model.nq
+        self.n, self.motors = len(mechanism.coordinates), mechanism.motors.shape[1]
+
+    def __repr__(self) -> str:
+        sizes = f"nq={self.nq}, n={self.n}, motors={self.motors}"
+        return f"{type(self).__name__}({self._mechanism.model.name}: {sizes})"
+
+    def _require_motors(self) -> None:
+        if self.motors < self.n:
+            raise ActuationError(
+                f"{self.motors} motors for {self.n} coordinates; use generalized_forces"
+            )
+
+
+class CasadiFunctions(Functions):
     """Dynamics of one chain as `casadi.Function`s, with the numbers of now folded in.
 
-    q is a configuration of the whole tree, shape (nq,), as everywhere: its entries are independent
-    variables here. The functions also have values where the loops are open, which mean nothing, and
-    so the derivative by a single entry of q means nothing. What means something is where
-    `residual(q)` is 0 and along `tangent(q)`. So let q be a variable of a nonlinear program, with
-    `residual(q) == 0` among its constraints; or integrate `q_rates`, or chain `step`s, which stay
-    on the closures. docs/derivatives.md has examples.
+    The entries of q, shape (nq,), are independent variables here. Values and derivatives mean
+    something where `residual(q)` is 0, and along `tangent(q)`; the derivative by a single entry of
+    q means nothing. So let q be a variable of a nonlinear program, with `residual(q) == 0` among
+    its constraints; or integrate `q_rates`, or chain `step`s, which stay on the closures.
+    docs/derivatives.md has examples.
 
     Every function is made when it is first asked for, pickles, takes numbers, `SX` and `MX`, and
     has derivatives of every order; compiled ones have those of first order, and pickle for this
-    machine and user. Coulomb friction is smooth. Nothing here looks at the samples, save `check`:
-    next to a singularity numbers grow without an error.
+    machine and user. Coulomb friction is smooth. Only `check` looks at the samples: next to a
+    singularity numbers grow without an error.
 
     Attributes:
         nq, n, motors: Numbers of entries in q, va, tau.
@@ -54,20 +69,14 @@ class CasadiFunctions:
         loaded: bool = False,
         compiled: bool = False,
     ) -> None:
+        super().__init__(reference.mechanism)
         self._compiled = compiled
         samples = sample_configurations(reference, near)
-        self._mechanism: Mechanism = reference.mechanism
         self._equations = Equations(self._mechanism, samples, loaded, smooth=True)
         self._equations.factors  # noqa: B018  (or says that the coordinates do not fix the motion)
         friction = replace(self._mechanism.friction, sign_width=sign_width)
         self._numbers = self._equations.parameters.pack(self._mechanism, friction)
         self._bodies = self._mechanism.model.njoints - 1 if loaded else 0
-        self.nq = self._mechanism.model.nq
-        self.n, self.motors = len(self._mechanism.coordinates), self._mechanism.motors.shape[1]
-
-    def __repr__(self) -> str:
-        sizes = f"nq={self.nq}, n={self.n}, motors={self.motors}"
-        return f"CasadiFunctions({self._mechanism.model.name}: {sizes})"
 
     @cached_property
     def torques(self) -> Function:
@@ -76,10 +85,7 @@ class CasadiFunctions:
         Raises:
             ActuationError: If the motors do not act on all coordinates.
         """
-        if self.motors < self.n:
-            raise ActuationError(
-                f"{self.motors} motors for {self.n} coordinates; use generalized_forces"
-            )
+        self._require_motors()
         return self._function("torques", ["q", "va", "aa"], "tau")
 
     @cached_property
@@ -119,11 +125,10 @@ class CasadiFunctions:
         """Q -> r: zero if the loops are closed; independent rows only, [m] and [rad].
 
         The rows are independent closure constraints, and |u|^2 - 1 of the unit vectors in q
-        (quaternions, cosine-sine pairs). Redundant rows, and constraints on rates only (rolling),
-        are left out. With these rows alone a loop can also close in a wrong way (a hinge turned by
-        half a turn): check results with `chain.residual`, which has all rows. Where no choice of
-        rows is independent everywhere (Bennett's linkage), all rows are combined to as many
-        numbers as the loop has dependent rates.
+        (quaternions, cosine-sine pairs), without constraints on rates only (rolling). A loop can
+        also close in a wrong way (a hinge turned by half a turn): check results with
+        `chain.residual`, which has all rows. Where no choice of rows is independent everywhere
+        (Bennett's linkage), all are combined to as many numbers as the loop has dependent rates.
         """
         e = self._equations
         residuals = {i: e.rows[i].residual for i in sorted(e.factors.rows)}
@@ -167,10 +172,8 @@ class CasadiFunctions:
         method that closes the loops.
         """
         state_rate = self._function("state_rate", ["q", "va", "tau"], "rate")
-        closing = kernels.make(self._equations, "closing")
-        closed = self._made(
-            "closing", {"q": self._equations.q}, {"closed": closing.output[: self.nq]}
-        )
+        q_next = kernels.make(self._equations, "closing").output[: self.nq]
+        closed = self._made("closing", {"q": self._equations.q}, {"closed": q_next})
         given = {"q": MX.sym("q", self.nq), "va": MX.sym("va", self.n)}
         rest = {"tau": MX.sym("tau", self.motors)}
         if self._bodies:
@@ -188,7 +191,8 @@ class CasadiFunctions:
 
     def frame_placement(self, frame: str) -> Function:
         """Q -> p, shape (3,), and R, shape (3, 3): a frame, by its name, in the base."""
-        e, point = self._equations, self._point(frame)
+        e = self._equations
+        point = e.kinematics.point(0, frame_named(self._mechanism.model, frame))
         return self._made("frame_placement", {"q": e.q}, {"p": point.p, "R": point.R})
 
     def frame_jacobian(self, frame: str) -> Function:
@@ -198,10 +202,6 @@ class CasadiFunctions:
         return self._made("frame_jacobian", {"q": self._equations.q}, {"J": J})
 
     # --- inside -----------------------------------------------------------------------------
-
-    def _point(self, frame: str) -> Point:
-        named = frame_named(self._mechanism.model, frame)
-        return self._equations.kinematics.point(0, named)
 
     def _function(self, kernel: str, inputs: list[str], output: str) -> Function:
         """A kernel as a function."""
@@ -243,6 +243,53 @@ class CasadiFunctions:
         if not self._compiled:
             return function
         return _compiled(self._mechanism.model.name, function, order)
+
+
+class AlongMotions:
+    """Values and derivatives of functions of closed configurations, one thread at a time.
+
+    On the closures q has n directions, those of `tangent`, T. What is differentiated by q and then
+    along T is the derivative along a closed motion; it is itself a function of a closed q, which
+    can be differentiated in the same way.
+    """
+
+    def __init__(self, functions: CasadiFunctions) -> None:
+        self._functions = functions
+        self._made: dict[tuple[str, str | None, int], Function] = {}
+
+    def values(self, name: str, order: int, *arguments: Array, frame: str | None = None) -> Array:
+        """One of the `CasadiFunctions` by name, or its derivatives of an order, of samples in rows.
+
+        The arguments are q, shape (..., nq), and others, shape (..., size). The result has the
+        shape (..., size, N, .., N), an axis of N for each order: the n directions of q, then the
+        entries of the others. Samples that fail the checks are NaN.
+        """
+        lead = arguments[0].shape[:-1]
+        columns = [x.reshape(-1, x.shape[-1]).T for x in arguments]
+        values = self._function(name, frame, order)(*columns).full().T
+        checks = self._functions.check(columns[0]).full().ravel()
+        values[~(checks <= 1)] = np.nan
+        others = sum(x.shape[-1] for x in arguments[1:])
+        return values.reshape(*lead, -1, *(self._functions.n + others,) * order)
+
+    def _function(self, name: str, frame: str | None, order: int) -> Function:
+        """All numbers of one order in a column, the last axis first."""
+        key = name, frame, order
+        if key not in self._made and order:
+            before = self._function(name, frame, order - 1)
+            symbols = before.sx_in()
+            (values,), x = before.call(symbols), ca.vertcat(*symbols)
+            T = self._functions.tangent(symbols[0])
+            step = ca.diagcat(T, SX.eye(x.numel() - self._functions.nq))
+            derivatives = ca.vec(ca.jtimes(values, x, step).T)
+            self._made[key] = Function("derivatives", symbols, [derivatives])
+        elif key not in self._made:
+            given = getattr(self._functions, name)
+            function = given if frame is None else given(frame)
+            symbols = function.sx_in()
+            results = ca.vertcat(*(ca.vec(x.T) for x in function.call(symbols)))
+            self._made[key] = Function("values", symbols, [results])
+        return self._made[key]
 
 
 def _compiled(robot: str, function: Function, order: int) -> Function:

@@ -1,9 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """What each kind of constraint holds, as rows on the rates: Phi v = 0, and how Phi changes."""
 
-from __future__ import annotations
-
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple
@@ -53,6 +51,17 @@ def closure_rows(kinematics: Kinematics, model: pin.Model, closure: Constraint) 
     if isinstance(closure, Distance):
         return [pair.distance(closure.distance)]
     return pair.held(closure.held)
+
+
+def by_twists(rows: Sequence[Row], v: Sparse) -> tuple[list[SX], dict[int, SX]]:
+    """Phi v row by row, and symbols for the twists of links: gradients by them are wrenches."""
+    twists: dict[int, SX] = {}
+
+    def twist(_: int, link: int) -> tuple[SX, SX]:
+        own = twists.setdefault(link, SX.sym("twist", 6))
+        return own[:3], own[3:]
+
+    return [SX(row.velocity(v, twist)) for row in rows], twists
 
 
 def line(kinematics: Kinematics, model: pin.Model, a: str, b: str) -> tuple[SX, Sparse]:

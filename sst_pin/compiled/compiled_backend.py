@@ -6,8 +6,6 @@ configurations, all numbers are finite. Samples that fail these checks go to the
 by one; it computes them or raises the error. Each kernel is made at its first use.
 """
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -170,14 +168,14 @@ class CompiledBackend:
         """All that the kernels are made from."""
         return fingerprint(self._mechanism, self._parameters, self._near)
 
-    def _by_columns(self, clock: Clock, friction: Friction | None = None) -> ByColumns | None:
+    def _by_columns(self, clock: Clock, friction: Friction | None = None) -> "ByColumns | None":
         """Direct dynamics where the mass matrix is too large to be written out; None elsewhere."""
         mechanism, forces = self._mechanism, Key("generalized_forces")
         small = not impossible(mechanism, "accelerations")
         if small or mechanism.lines.motors.any() or mechanism.without_mass:
             return None
 
-        def of_loads(loaded: bool) -> Kernel:
+        def of_loads(loaded: bool) -> "Kernel":
             kernel = self._kernel(forces._replace(loaded=loaded), clock, friction=friction)
             if kernel is None:
                 raise CompilationError(str(self))
@@ -199,7 +197,7 @@ class CompiledBackend:
         friction: Friction | None = None,
         *,
         inertial: bool = False,
-    ) -> Kernel | None:
+    ) -> "Kernel | None":
         """A kernel by its code for single samples, then for batches; None where there is none."""
         codes = self._found(key, clock or self._clock())
         if not codes:
@@ -230,7 +228,7 @@ class CompiledBackend:
         """Rates of the states next to those given whose loops are closed."""
         return self._kernel(Key("rollout", loaded=loaded), clock, "rate", friction) or NoKernel()
 
-    def _course(self, clock: Clock, friction: Friction, loaded: bool) -> Course | None:
+    def _course(self, clock: Clock, friction: Friction, loaded: bool) -> "Course | None":
         """The kernel of a rollout; None where there is none."""
         codes = self._found(Key("rollout", loaded=loaded), clock)
         if not codes:
@@ -290,7 +288,7 @@ class CompiledBackend:
         library = build.library(robot, str(key), content, target, source, options, clock)
         return Code(library, key.entry)
 
-    def _equations_of(self, key: Key) -> Equations:
+    def _equations_of(self, key: Key) -> "Equations":
         from .equations import Equations
 
         if key.quantity == "torque_regressor":

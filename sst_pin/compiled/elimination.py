@@ -9,8 +9,6 @@ Where the coefficients change with the configuration, each choice of rows is sin
 though all rows together are not. `Orthogonal` takes all of these rows.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 

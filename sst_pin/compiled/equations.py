@@ -7,8 +7,6 @@ rates, serves rates, accelerations and, transposed, forces, so that inverse dyna
 The geometry is numbers; `OpenNumbers` lists the numbers that stay symbols.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -94,7 +92,7 @@ class Equations:
         self._samples, self._smooth = samples, smooth
 
     @cached_property
-    def displaced(self) -> Equations:
+    def displaced(self) -> "Equations":
         """These equations on symbols of their own, with displaced joints."""
         loaded = self.loads.numel() > 0
         arguments = (self.mechanism, self._samples, loaded, self._smooth, self.parameters)

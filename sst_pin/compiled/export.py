@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Any robot as C99 for its own controller: no allocation, no library."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Literal, NamedTuple

@@ -6,8 +6,6 @@ forces that the accelerations e_k need at rest, without weights and springs; a k
 columns of a sample side by side.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -32,9 +30,9 @@ class ByColumns(NoKernel):
     def __init__(
         self,
         mechanism: Mechanism,
-        forces: Callable[[bool], Kernel],
-        inertial: Kernel,
-        rates: Kernel,
+        forces: Callable[[bool], "Kernel"],
+        inertial: "Kernel",
+        rates: "Kernel",
     ) -> None:
         self._mechanism, self._forces = mechanism, forces
         self._inertial, self._rates = inertial, rates

@@ -5,8 +5,6 @@ Rows without a pivot give states of inner stress: one unit of such a row, balanc
 dependent rates by the others, or where all rows count by the shortest multipliers of all.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -18,7 +16,7 @@ from ..chain.closures import Coupling, Distance, frames_of
 from ..chain.reactions import BITS
 from ..chain.thresholds import UNIQUE
 from ..chain.tree import frame_named, joint_id
-from .closure_rows import Row, closure_rows
+from .closure_rows import Row, by_twists, closure_rows
 from .elimination import Factors, total
 from .equations import Equations
 from .kernel_checks import Checks
@@ -28,13 +26,7 @@ from .symbols import Sparse, add, sx
 
 def on_links(rows: Sequence[Row], v: Sparse) -> list[dict[int, SX]]:
     """What a unit of each row gives to links: [force; moment] about their origins, their axes."""
-    twists: dict[int, SX] = {}
-
-    def twist(_: int, link: int) -> tuple[SX, SX]:
-        own = twists.setdefault(link, SX.sym("twist", 6))
-        return own[:3], own[3:]
-
-    velocities = [SX(row.velocity(v, twist)) for row in rows]
+    velocities, twists = by_twists(rows, v)
     wrenches = ({i: ca.gradient(u, x) for i, x in twists.items()} for u in velocities)
     return [{i: x for i, x in found.items() if not x.is_zero()} for found in wrenches]
 

@@ -5,8 +5,6 @@ A sample fails its checks if its loops are open, if a pivot is much smaller than
 configurations, or if a solution of Phi x = right leaves a residual.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import cached_property
 from typing import Any

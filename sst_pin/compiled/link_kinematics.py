@@ -6,8 +6,6 @@ no linear velocity is needed: a point at r from a link's origin has the accelera
 U = skew(alpha) + skew(omega) skew(omega).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
@@ -20,8 +18,7 @@ from casadi import SX
 
 from ..arrays import Array
 from .links import Link, LinkTree, clean
-from .symbols import Sparse, is_zero, sx
-from .turns import angle, rotation_vector
+from .symbols import Sparse, angle, is_zero, rotation_vector, sx
 
 #: A force, and a moment about the origin of a link, in its axes.
 Wrench = tuple[SX, SX]
@@ -46,7 +43,7 @@ class LinkMotion:
     a: SX
 
     @classmethod
-    def of_rest(cls, a: SX | None = None) -> LinkMotion:
+    def of_rest(cls, a: SX | None = None) -> "LinkMotion":
         """A base that does not turn, its acceleration zero unless given."""
         zero = SX(3, 1)
         return cls(zero, zero, zero, zero if a is None else a)

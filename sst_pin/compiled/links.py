@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """A Pinocchio tree as single joints whose twists are constant in the frame of their child."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -59,7 +57,7 @@ class LinkTree:
     link_of: list[int] = field(default_factory=list)
 
     @classmethod
-    def of(cls, model: pin.Model) -> LinkTree:
+    def of(cls, model: pin.Model) -> "LinkTree":
         """The tree of a Pinocchio model; a joint without compiled equations is refused."""
         base = Link(0, np.eye(3), np.zeros(3), "fixed", range(0), range(0), np.zeros((6, 0)))
         tree = cls([base], [0])

@@ -6,8 +6,6 @@ their numbers. Each number costs a load; in return a payload, an identified fric
 gravity needs no compiler.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -117,7 +115,7 @@ class OpenNumbers:
         numbers[line : line + LINE * lines] = 0
         return numbers
 
-    def rotations(self, p: SX) -> dict[str, SX]:
+    def rotations(self, p: "SX") -> "dict[str, SX]":
         """Open orientations, by name."""
         start = self.size - 9 * len(self.rotated)
         return {
@@ -125,11 +123,11 @@ class OpenNumbers:
             for k, name in enumerate(self.rotated)
         }
 
-    def gravity(self, p: SX) -> SX:
+    def gravity(self, p: "SX") -> "SX":
         """Acceleration of gravity, base axes."""
         return p[:3]
 
-    def body(self, p: SX, body: int) -> tuple[SX, SX, SX] | None:
+    def body(self, p: "SX", body: int) -> "tuple[SX, SX, SX] | None":
         """Mass, first moment and second moments of a body; None without mass."""
         if body not in self.bodies:
             return None
@@ -137,12 +135,12 @@ class OpenNumbers:
         J = p[[start + k for k in (4, 5, 6, 5, 7, 8, 6, 8, 9)]].reshape((3, 3))
         return p[start], p[start + 1 : start + 4], J
 
-    def of_lines(self, p: SX) -> list[list[SX]]:
+    def of_lines(self, p: "SX") -> "list[list[SX]]":
         """Stiffness, rest length, damping and preload of each line."""
         start, count = self._lines
         return [[p[start + LINE * i + k] for k in range(LINE)] for i in range(count)]
 
-    def of_joints(self, name: str, p: SX) -> dict[int, SX]:
+    def of_joints(self, name: str, p: "SX") -> "dict[int, SX]":
         """A quantity of the joints that have it, by indices as those of `joints`."""
         start = self._starts[name]
         return {i: p[start + k] for k, i in enumerate(self.joints[name])}

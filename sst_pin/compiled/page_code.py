@@ -4,8 +4,6 @@
 The statements are those of the C: each is written once, by `c_code`, and put into other words here.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Iterator, Sequence

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Functions of C from statements, one statement for each operation."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from heapq import heappop, heappush

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """States of a mechanism by compiled kernels: rates, closing of loops, rollouts."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable
 from functools import cache
@@ -45,8 +43,8 @@ class CompiledStates(ReferenceStates):
         closing: Kernel,
         slopes: Callable[[], Kernel],
         rate: Callable[[bool], Kernel],
-        course: Callable[[bool], Course | None],
-        by_columns: ByColumns | None,
+        course: "Callable[[bool], Course | None]",
+        by_columns: "ByColumns | None",
     ) -> None:
         super().__init__(reference, friction)
         self._closing, self._rate_of, self._course = closing, cache(rate), course
@@ -117,7 +115,7 @@ class CompiledStates(ReferenceStates):
                     reached[i] += held - 1
         return reached
 
-    def _run(self, course: Course, motions: Motions, threads: int) -> Indices:
+    def _run(self, course: "Course", motions: Motions, threads: int) -> Indices:
         """Fill the states of motions as far as the kernels compute them well, and count them."""
         reached = course.run(*motions, min(threads, sys.maxsize))
         reached[~self._mechanism.space.on_manifold(motions.q0)] = 0  # kernels normalise on the way

@@ -7,20 +7,18 @@ factorisation of Phi_u that all else uses. For many samples whole matrices take 
 operations. For one sample its directions are computed side by side, as samples otherwise are.
 """
 
-from __future__ import annotations
-
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
 import casadi as ca
 from casadi import SX
 
-from .closure_rows import Row
+from .closure_rows import Row, by_twists
 from .elimination import total
 from .equations import Equations
 from .kernel_checks import Checks
-from .symbols import Sparse, add, definite, is_zero, solve_symmetric, sx
+from .symbols import Sparse, add, column, definite, is_zero, solve_symmetric, sparse, sx
 
 
 def of_torques(e: Equations, checks: Checks) -> tuple[SX, SX, SX, list[Any]]:
@@ -58,7 +56,7 @@ def of_accelerations_along(
 def of_displacements(e: Equations) -> SX:
     """-S [v, L e_k], shape (n, n): what moving axes of joints do to a displacement xi."""
     nv = e.mechanism.model.nv
-    moved = ca.horzcat(*(_column(_brackets(e, e.v, L), nv) for L in e.L))
+    moved = ca.horzcat(*(column(_brackets(e, e.v, L), range(nv)) for L in e.L))
     return -moved[e.mechanism.coordinates.tolist(), :]
 
 
@@ -69,7 +67,7 @@ def _brackets(e: Equations, a: Sparse, b: Sparse) -> Sparse:
         if len(link.v) > 1:
             S = sx(link.S)
             of_a, of_b = (S @ ca.vertcat(*(SX(x.get(k, 0)) for k in link.v)) for x in (a, b))
-            brackets |= _entries(link.v, S.T @ _bracket(of_a, of_b))
+            brackets |= sparse(link.v, S.T @ _bracket(of_a, of_b))
     return brackets
 
 
@@ -107,10 +105,11 @@ class _OnTree:
         self.c = SX(ca.vertcat(*(row.acceleration(v, a) for row in rows)))
         held_tau = SX.sym("tau", *tau.shape)
         motors = {i: -x for i, x in twin.pushed(held_tau).items()}
-        self.forces = _column(add(_forces(twin, v, a, rows, ca.vertsplit(R)), motors), nv)
+        forces = add(_forces(twin, v, a, rows, ca.vertsplit(R)), motors)
+        self.forces = column(forces, range(nv))
         self._symbols = [twin.q, self.q, self.v, self.v_dot, R, twin.p, twin.loads, held_tau]
-        held = ca.vertcat(*(reactions.get(i, 0) for i in e.factors.rows))
-        now = [_column(e.v, nv), _column(of_v_dot, nv), held]
+        held = column(reactions, e.factors.rows)
+        now = [column(e.v, range(nv)), column(of_v_dot, range(nv)), held]
         self._values = [e.q, SX(nv, 1), *now, e.p, e.loads, tau]
 
     def by(self, *pairs: tuple[SX, SX]) -> list[SX]:
@@ -121,7 +120,7 @@ class _OnTree:
     def along(self, of: SX, q: Sparse, v: Sparse, v_dot: Sparse) -> SX:
         """Derivative of one of them where q, v and v_dot change."""
         nv = self.v.numel()
-        step = ca.vertcat(*(_column(x, nv) for x in (q, v, v_dot)))
+        step = ca.vertcat(*(column(x, range(nv)) for x in (q, v, v_dot)))
         symbol = SX.sym("step", 3 * nv)
         result = ca.jtimes(of, ca.vertcat(self.q, self.v, self.v_dot), symbol)
         function = ca.Function("along", [*self._symbols, symbol], [result])
@@ -134,18 +133,18 @@ def _of_forces(e: Equations, checks: Checks, tree: _OnTree) -> tuple[SX, SX, lis
     of_rows = (tree.slips, tree.q), (tree.c, tree.q), (tree.c, tree.v)
     of_forces = (tree.forces, tree.q), (tree.forces, tree.v)
     slip_q, c_q, c_v, force_q, force_v = tree.by(*of_rows, *of_forces)
-    L = ca.horzcat(*(_column(x, nv) for x in e.L))
+    L = ca.horzcat(*(column(x, range(nv)) for x in e.L))
     M = SX(nv, nv)
     for (i, j), entry in e.tree.inertia.items():
         M[i, j] = M[j, i] = entry
-    inertial = [_entries(range(nv), ca.vec(row)) for row in ca.vertsplit(L.T @ M)]
-    g = ca.vertcat(*(_row(e.multipliers(x), rows) for x in inertial))
+    inertial = [sparse(range(nv), ca.vec(row)) for row in ca.vertsplit(L.T @ M)]
+    g = ca.vertcat(*(column(e.multipliers(x), rows).T for x in inertial))
     own = [check for x in inertial for check in checks.unbalanced(x)]
     by_q, by_v = L.T @ force_q - g @ c_q, L.T @ force_v - g @ c_v
-    lost = [_entries(rows, -x) for x in ca.horzsplit(_phi_dot_v(e, slip_q @ L, c_v @ L))]
+    lost = [sparse(rows, -x) for x in ca.horzsplit(_phi_dot_v(e, slip_q @ L, c_v @ L))]
     v_q = [e.factors.solve(x) for x in lost]
     own += [c for x, right in zip(v_q, lost, strict=True) for c in checks.unsolved(x, right)]
-    of_q = by_q @ L + by_v @ ca.horzcat(*(_column(x, nv) for x in v_q))
+    of_q = by_q @ L + by_v @ ca.horzcat(*(column(x, range(nv)) for x in v_q))
     return of_q, by_v @ L, own
 
 
@@ -157,15 +156,15 @@ def _of_forces_along(
     step = e.complete(ca.vertsplit(way), {})
     c_v = tree.along(tree.c, {}, step, {})
     slips = tree.along(tree.slips, step, {}, {})
-    lost = _entries(rows, -_phi_dot_v(e, slips, c_v, [step]))
+    lost = sparse(rows, -_phi_dot_v(e, slips, c_v, [step]))
     v_q = e.complete(held, lost)
-    c_q = _entries(rows, -tree.along(tree.c, step, v_q, {}))
-    c_va = _entries(rows, -c_v)
+    c_q = sparse(rows, -tree.along(tree.c, step, v_q, {}))
+    c_va = sparse(rows, -c_v)
     v_dot_q, v_dot_va = e.complete(held, c_q), e.complete(held, c_va)
     none: Sparse = {}
     changes = (step, v_q, v_dot_q), (none, step, v_dot_va), (none, none, step)
     columns = [tree.along(tree.forces, *change) for change in changes]
-    forces = [_entries(range(e.mechanism.model.nv), x) for x in columns]
+    forces = [sparse(range(e.mechanism.model.nv), x) for x in columns]
     solved = (step, none), (v_q, lost), (v_dot_q, c_q), (v_dot_va, c_va)
     own = [check for x, right in solved for check in checks.unsolved(x, right)]
     own += [check for x in forces for check in checks.unbalanced(x)]
@@ -192,31 +191,10 @@ def _phi_dot_v(e: Equations, slip_q: SX, c_v: SX, steps: Sequence[Sparse] | None
 
 def _forces(e: Equations, v: Sparse, a: Sparse, rows: Sequence[Row], R: list[SX]) -> Sparse:
     """Forces of the tree at v and a, less Phi^T R of given rows, which act on the links."""
-    twists: dict[int, SX] = {}
-
-    def twist(_: int, link: int) -> tuple[SX, SX]:
-        own = twists.setdefault(link, SX.sym("twist", 6))
-        return own[:3], own[3:]
-
-    power = -SX(total(x * row.velocity(v, twist) for x, row in zip(R, rows, strict=True)))
+    velocities, twists = by_twists(rows, v)
+    power = -SX(total(x * u for x, u in zip(R, velocities, strict=True)))
     wrenches = {i: ca.gradient(power, x) for i, x in twists.items()}
     forces = e.tree.forces(v, a, reactions=wrenches)
     coupled = {i: ca.gradient(power, rate) for i, rate in v.items()}
     forces = add(forces, {i: x for i, x in coupled.items() if not is_zero(x)})
     return add(forces, add(e.tree.friction(v), e.tree.springs))
-
-
-def _entries(places: Iterable[int], column: SX) -> Sparse:
-    values = zip(places, ca.vertsplit(column), strict=True)
-    return {i: x for i, x in values if not is_zero(x)}
-
-
-def _column(x: Sparse, size: int) -> SX:
-    column = SX(size, 1)
-    for i, entry in x.items():
-        column[i] = entry
-    return column
-
-
-def _row(x: Sparse, places: Sequence[int]) -> SX:
-    return ca.horzcat(*(SX(x.get(i, 0)) for i in places))

@@ -5,8 +5,6 @@ A body with the first moment c and the second moments J (the integral of r r^T) 
 needs the force m a + U c and the moment c x a + 2 axial(U J), Eqs. (63)-(68).
 """
 
-from __future__ import annotations
-
 import operator
 from collections.abc import Mapping, Sequence
 from functools import cached_property
@@ -40,7 +38,7 @@ class Body(NamedTuple):
     J: SX
     polar: SX
 
-    def moved(self, R: SX, p: SX) -> Body:
+    def moved(self, R: SX, p: SX) -> "Body":
         """In a frame in which the one before has the orientation R and the origin p."""
         c = R @ self.c
         J = R @ self.J @ R.T + c @ p.T + p @ c.T + self.mass * p @ p.T
