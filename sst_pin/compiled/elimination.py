@@ -31,18 +31,17 @@ _SMALL = 1e-3
 def pivot_order(pattern: Flags, values: Array) -> tuple[list[tuple[int, int]], Array]:
     """Rows and columns of the pivots in the order of elimination, and their largest sizes.
 
-    `pattern` says where the matrix may be different from zero, shape (rows, columns), `values` are
+    The pattern, shape (rows, columns), says where the matrix may be different from zero; values are
     samples of it, shape (samples, rows, columns), of full column rank.
     """
-    values, (rows, columns) = values.copy(), map(np.arange, pattern.shape)
-    noise = _ZERO * np.abs(values).max(axis=(0, 2), initial=0.0)
+    values, noise = values.copy(), _ZERO * np.abs(values).max(axis=(0, 2), initial=0.0)
     order, sizes = [], []
-    while len(columns):
+    for _ in range(pattern.shape[1]):
         # Rounding noise of redundant rows is no pivot and makes no fill.
         pattern = pattern & (np.abs(values) > noise[:, None]).any(axis=0)
         size = np.abs(np.where(pattern, values, 0.0))
         with np.errstate(invalid="ignore", divide="ignore"):
-            soundness = np.nan_to_num(size / size.max(axis=1, keepdims=True)).min(axis=0)
+            soundness = np.nan_to_num(size / size.max(axis=1, keepdims=True, initial=0)).min(axis=0)
         if not soundness.any():
             raise SingularConfigurationError(
                 "the coordinates do not determine the joint rates at the sample configurations; "
@@ -53,17 +52,14 @@ def pivot_order(pattern: Flags, values: Array) -> tuple[list[tuple[int, int]], A
         fill = np.outer(pattern.sum(axis=1) - 1, pattern.sum(axis=0) - 1)
         cost = np.where(sound, fill - soundness / 2, np.inf)
         i, j = np.unravel_index(np.argmin(cost), cost.shape)
-        order.append((int(rows[i]), int(columns[j])))
+        order.append((int(i), int(j)))
         sizes.append(size[:, i, j].max())
         below, right = np.flatnonzero(pattern[:, j]), np.flatnonzero(pattern[i])
         factors = values[:, below, j] / values[:, i, j, None]
         block = np.ix_(np.arange(len(values)), below, right)
         values[block] -= factors[:, :, None] * values[:, None, i, right]
         pattern[np.ix_(below, right)] = True
-        rows, noise = np.delete(rows, i), np.delete(noise, i)
-        columns = np.delete(columns, j)
-        values = np.delete(np.delete(values, i, axis=1), j, axis=2)
-        pattern = np.delete(np.delete(pattern, i, axis=0), j, axis=1)
+        pattern[i] = pattern[:, j] = False
     return order, np.array(sizes)
 
 
@@ -71,11 +67,6 @@ class Factors:
     """A square sparse matrix A, factorised along given pivots, the last two as one 2 x 2 block.
 
     A is the part of `rows` that the pivots lie in.
-
-    Attributes:
-        rows: Rows of A, in the order of elimination.
-        pivots: In this order; for a last 2 x 2 block its determinant.
-        inverses: One over each.
     """
 
     def __init__(self, rows: Rows, order: Sequence[tuple[int, int]]) -> None:
@@ -83,8 +74,8 @@ class Factors:
         work = {i: {j: x for j, x in rows[i].items() if j in columns} for i, _ in order}
         self._order, self.rows = list(order), [i for i, _ in order]
         self._factors: list[dict[int, Any]] = []  # of each step, by the row they change
-        self.pivots: list[Any] = []
-        self.inverses: list[Any] = []
+        self.pivots: list[Any] = []  # for a last 2 x 2 block its determinant
+        self.inverses: list[Any] = []  # one over each pivot
         self._core: dict[tuple[int, int], Any] = {}  # inverse of the last 2 x 2 block
         waiting = [i for i, _ in order]
         for i, j in order:
@@ -182,22 +173,13 @@ class Orthogonal:
     are at least the square of the smallest singular value. Both solutions are backward stable
     (Bjoerck, Numerical methods for least squares problems, 1996, Sects. 2.4.4 and 2.4.5).
 
-    A has the rows in `scale`, each multiplied by its scale, at least as many as columns.
-
-    Attributes:
-        rows: Rows of A.
-        squares: Squares of the columns of Q.
-        inverses: One over each.
+    A has the rows in `scale`, each multiplied by its scale, at least as many as columns. `squares`
+    are those of the columns of Q, `inverses` one over each.
     """
 
     changed: tuple[list[int], list[int]] = [], []  #: No element of Q grows.
 
-    def __init__(
-        self,
-        rows: Rows,
-        scale: Mapping[int, float],
-        columns: Sequence[int],
-    ) -> None:
+    def __init__(self, rows: Rows, scale: Mapping[int, float], columns: Sequence[int]) -> None:
         self.rows, self._columns, self._scale = list(scale), list(columns), scale
         A = [{i: rows[i][j] * x for i, x in scale.items() if j in rows[i]} for j in columns]
         self._Q, self.squares, self.inverses = A, list[Any](), list[Any]()
@@ -267,17 +249,13 @@ class Blocks:
 
     def solve(self, right: Mapping[int, Any]) -> dict[int, Any]:
         """x by column, each part by its own solution."""
-        x: dict[int, Any] = {}
-        for part in self.parts:
-            x |= part.solve({i: b for i, b in right.items() if i in part.rows})
-        return x
+        own = ({i: b for i, b in right.items() if i in part.rows} for part in self.parts)
+        pairs = zip(self.parts, own, strict=True)
+        return {j: x for part, b in pairs for j, x in part.solve(b).items()}
 
     def solve_transposed(self, right: Mapping[int, Any]) -> dict[int, Any]:
         """x by row, each part by its own solution."""
-        x: dict[int, Any] = {}
-        for part in self.parts:
-            x |= part.solve_transposed(right)
-        return x
+        return {i: x for part in self.parts for i, x in part.solve_transposed(right).items()}
 
 
 def _product(a: Mapping[int, Any], b: Mapping[int, Any]) -> Any:

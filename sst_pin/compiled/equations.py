@@ -8,7 +8,7 @@ The geometry is numbers; `OpenNumbers` lists the numbers that stay symbols.
 """
 
 from collections.abc import Sequence
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -33,19 +33,15 @@ Entries = list[tuple[int, int, Any]]
 
 
 class Pivots(NamedTuple):
-    """Phi_u, factorised.
-
-    Attributes:
-        factors: Its parts.
-        sizes: The largest sizes of the pivots of each part in the samples.
-        determinant: That of the rows with pivots, free of units; of parts where all rows count, the
-            product of the singular values.
-        norm: The largest norm of Phi_u in the samples, scaled.
-    """
+    """Phi_u, factorised."""
 
     factors: Blocks
+    #: The largest sizes of the pivots of each part in the samples.
     sizes: list[Array]
+    #: That of the rows with pivots, free of units; of parts where all rows count, the product of
+    #: the singular values.
     determinant: Any
+    #: The largest norm of Phi_u in the samples, scaled.
     norm: float
 
 
@@ -53,15 +49,11 @@ class Equations:
     """Symbols of one mechanism.
 
     Pivots are chosen by assembled configurations, the samples. `loaded` tells whether external
-    wrenches act; `smooth` whether Coulomb friction is tanh(v / sign_width) for derivatives, not the
-    sign, which kernels smooth by themselves where the width is not zero. With `displaced` joints
-    derivatives by q along the rates can be taken, as `Kinematics` says. `welded` bodies are
-    computed as one.
-
-    Attributes:
-        va, aa: Rates and accelerations of the coordinates.
-        loads: [moment; force] on each body at its mass centre, base axes, body after body.
-        p: Open numbers, in the order of `parameters`.
+    wrenches act: `loads` are [moment; force] on each body at its mass centre, base axes. `smooth`
+    tells whether Coulomb friction is tanh(v / sign_width), for derivatives; kernels smooth the sign
+    by themselves where the width is not zero. With `displaced` joints derivatives by q along the
+    rates can be taken, as `Kinematics` says. `welded` bodies are computed as one. p are the open
+    numbers, in the order of `parameters`.
     """
 
     def __init__(
@@ -103,10 +95,8 @@ class Equations:
     @cached_property
     def rows(self) -> list[Row]:
         """All rows of the closures, Eqs. (2)-(5)."""
-        closures, model = self.mechanism.closures, self.mechanism.model
-        return [
-            row for closure in closures for row in closure_rows(self.kinematics, model, closure)
-        ]
+        own = partial(closure_rows, self.kinematics, self.mechanism.model)
+        return [row for closure in self.mechanism.closures for row in own(closure)]
 
     @cached_property
     def pivots(self) -> Pivots:
@@ -123,35 +113,28 @@ class Equations:
         pattern[where[0], where[1]] = True
         values = np.zeros((len(self._samples), *pattern.shape))
         values[:, where[0], where[1]] = self.at_samples(ca.vertcat(*entries))[..., 0]
-        values *= self.mechanism.row_scale[:, None]
+        scale, units = self.mechanism.row_scale, self.mechanism.rate_scale[self._dependent]
+        values *= scale[:, None]
+        Phi, determinant = [row.Phi for row in self.rows], SX(float(np.prod(units)))
         parts: list[tuple[Factors | Orthogonal, Array]] = []
-        part_of = np.empty(len(self._dependent), dtype=int)
-        eliminated = np.ones(len(self._dependent), dtype=bool)
-        for k, (rows, columns) in enumerate(connected(pattern)):
-            part_of[columns] = k
+        for rows, columns in connected(pattern):
             if numbers := self._all_of(values, rows, columns):
-                eliminated[columns] = False
                 parts.append(self._orthogonal(numbers, columns))
-        kept = np.flatnonzero(eliminated)
-        order, sizes = pivot_order(pattern[:, kept], values[:, :, kept])
-        of_parts: dict[int, list[tuple[int, int, float]]] = {}
-        for (i, k), size in zip(order, sizes.tolist(), strict=True):
-            # The sizes of pivots of the rows as they are, not as they are scaled.
-            pivot = i, self._dependent[kept[k]], size / self.mechanism.row_scale[i]
-            of_parts.setdefault(part_of[kept[k]], []).append(pivot)
-        Phi = [row.Phi for row in self.rows]
-        for chosen in of_parts.values():
-            own = np.array([size for _, _, size in chosen])
-            parts.append((Factors(Phi, [(i, j) for i, j, _ in chosen]), own))
-        blocks = Blocks([factors for factors, _ in parts])
-        units = self.mechanism.rate_scale[self._dependent]
-        norm = np.linalg.norm(values[:, blocks.rows] * units, axis=(1, 2)).max(initial=0.0)
-        eliminated_rows = [i for i, _ in order]
-        det: Any = float(np.prod(self.mechanism.row_scale[eliminated_rows]) * np.prod(units))
+            else:
+                own = pattern[np.ix_(rows, columns)], values[:, rows][:, :, columns]
+                order, sizes = pivot_order(*own)
+                chosen = rows[[i for i, _ in order]]
+                # The sizes of pivots of the rows as they are, not as they are scaled.
+                rates = (self._dependent[columns[k]] for _, k in order)
+                pivots = list(zip(chosen.tolist(), rates, strict=True))
+                parts.append((Factors(Phi, pivots), sizes / scale[chosen]))
+                determinant *= float(np.prod(scale[chosen]))
         for factors, _ in parts:
             for pivot in factors.pivots:
-                det *= pivot
-        return Pivots(blocks, [sizes for _, sizes in parts], det, float(norm))
+                determinant *= pivot
+        blocks = Blocks([factors for factors, _ in parts])
+        norm = np.linalg.norm(values[:, blocks.rows] * units, axis=(1, 2)).max(initial=0.0)
+        return Pivots(blocks, [sizes for _, sizes in parts], determinant, float(norm))
 
     def _all_of(self, values: Array, rows: Indices, columns: Indices) -> dict[int, float]:
         """Rows of a part of Phi_u that all count, with their scales; none where a choice suffices.
@@ -188,17 +171,13 @@ class Equations:
         """Rates x of the whole tree with Phi x = right, from those of the coordinates."""
         pairs = zip(self._coordinates, of_coordinates, strict=True)
         x = {i: value for i, value in pairs if not is_zero(value)}
-        return x | self.factors.solve(self._left(x, right))
-
-    def _left(self, x: Sparse, right: Sparse) -> Sparse:
-        """The right side for the dependent rates, when those of the coordinates are x."""
         moved: Sparse = {}
         for i in self.factors.rows:
             row = self.rows[i].Phi
             terms = [-(row[j] * x[j]) for j in self._coordinates if j in x and j in row]
             if terms:
                 moved[i] = total(terms)
-        return add(right, moved)
+        return x | self.factors.solve(add(right, moved))
 
     def multipliers(self, tau: Sparse) -> Sparse:
         """Forces of the closures, row by row, that hold the dependent rates against tau."""
@@ -244,9 +223,9 @@ class Equations:
         return [(i, j, rate) for (i, j), rate in changes if not is_zero(rate)]
 
     def held(self, x: Sparse, Phi_change: Entries) -> tuple[Sparse, Sparse]:
-        """How rates x with Phi x = 0 change with Phi, those of the coordinates held, Eq. (20).
+        """How rates x with Phi x = 0 change with Phi, Eq. (20), and Phi times this change.
 
-        The second result is Phi times the change.
+        The rates of the coordinates are held.
         """
         right: Sparse = {}
         for i, j, rate in Phi_change:
