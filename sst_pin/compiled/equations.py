@@ -7,7 +7,7 @@ rates, serves rates, accelerations and, transposed, forces, so that inverse dyna
 The geometry is numbers; `OpenNumbers` lists the numbers that stay symbols.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property, partial
 from typing import Any, NamedTuple
 
@@ -22,10 +22,10 @@ from ..chain.mobility import independent_rows
 from ..chain.thresholds import MAX_CONDITION_NUMBER
 from ..errors import ActuationError
 from .closure_rows import Row, closure_rows
-from .elimination import Blocks, Factors, Orthogonal, pivot_order, total
+from .elimination import Blocks, Factors, Orthogonal, Rows, pivot_order, total
 from .link_kinematics import Kinematics
 from .open_numbers import OpenNumbers
-from .symbols import Sparse, add, is_zero, solve_symmetric
+from .symbols import Sparse, add, column, is_zero, solve_symmetric, sparse, symmetric
 from .tree_dynamics import TreeDynamics
 
 #: Entries of a matrix: row, column, value.
@@ -76,6 +76,7 @@ class Equations:
         self.q = self.kinematics.q
         self._coordinates = [int(i) for i in mechanism.coordinates]
         self._dependent = [int(i) for i in mechanism.dependent]
+        self._rates = range(model.nv)
         self.va, self.aa = (SX.sym(name, len(self._coordinates)) for name in ("va", "aa"))
         self.loads = SX.sym("loads", 6 * (model.njoints - 1) if loaded else 0)
         self.tree = TreeDynamics(
@@ -119,13 +120,14 @@ class Equations:
         parts: list[tuple[Factors | Orthogonal, Array]] = []
         for rows, columns in connected(pattern):
             if numbers := self._all_of(values, rows, columns):
-                parts.append(self._orthogonal(numbers, columns))
+                rates = [self._dependent[k] for k in columns]
+                parts.append(self._orthogonal(Phi, numbers, rates))
             else:
                 own = pattern[np.ix_(rows, columns)], values[:, rows][:, :, columns]
                 order, sizes = pivot_order(*own)
                 chosen = rows[[i for i, _ in order]]
                 # The sizes of pivots of the rows as they are, not as they are scaled.
-                rates = (self._dependent[columns[k]] for _, k in order)
+                rates = [self._dependent[columns[k]] for _, k in order]
                 pivots = list(zip(chosen.tolist(), rates, strict=True))
                 parts.append((Factors(Phi, pivots), sizes / scale[chosen]))
                 determinant *= float(np.prod(scale[chosen]))
@@ -149,12 +151,13 @@ class Equations:
             return {}
         return {int(i): float(self.mechanism.row_scale[i]) for i in rows[free]}
 
-    def _orthogonal(self, numbers: dict[int, float], columns: Indices) -> tuple[Orthogonal, Array]:
-        """Factors of a part of Phi_u with all of its rows, and its squares in the samples."""
-        Phi = [row.Phi for row in self.rows]
-        orthogonal = Orthogonal(Phi, numbers, [self._dependent[k] for k in columns])
-        squares = self.at_samples(ca.vertcat(*orthogonal.squares))
-        return orthogonal, squares[..., 0].max(axis=0)
+    def _orthogonal(
+        self, rows: Rows, scale: Mapping[int, float], columns: Sequence[int]
+    ) -> tuple[Orthogonal, Array]:
+        """Factors of a matrix with all of these rows, and the largest squares in the samples."""
+        factors = Orthogonal(rows, scale, columns)
+        squares = self.at_samples(ca.vertcat(*map(SX, factors.squares)))
+        return factors, squares[..., 0].max(axis=0)
 
     @property
     def factors(self) -> Blocks:
@@ -214,6 +217,11 @@ class Equations:
         n = len(self._coordinates)
         return [self.complete([float(i == k) for i in range(n)], {}) for k in range(n)]
 
+    @cached_property
+    def L_matrix(self) -> SX:
+        """The joint orthogonal complement, shape (nv, n)."""
+        return ca.horzcat(*(column(x, self._rates) for x in self.L))
+
     def Phi_change(self, along: Sparse) -> Entries:
         """How Phi changes along rates of the tree, where it does."""
         places = [(i, j) for i in self.factors.rows for j in self.rows[i].Phi]
@@ -235,8 +243,7 @@ class Equations:
 
     def project(self, tau: Sparse) -> SX:
         """L^T tau, with L."""
-        columns = [[x * tau[i] for i, x in column.items() if i in tau] for column in self.L]
-        return ca.vertcat(*(SX(total(terms)) for terms in columns))
+        return self.L_matrix.T @ column(tau, self._rates)
 
     @cached_property
     def dv(self) -> Sparse:
@@ -280,20 +287,19 @@ class Equations:
         ]
 
     @cached_property
+    def B(self) -> SX:
+        """What unit torques of the motors give along the rates, lines included, (nv, motors)."""
+        columns = (column(forces, self._rates) for forces in self.motor_columns)
+        return ca.horzcat(SX(len(self._rates), 0), *columns)
+
+    @cached_property
     def motor_rows(self) -> list[dict[int, Any]]:
         """Rows of L^T B without entries that are rounding in all samples; n motors must act."""
         mechanism, A = self.mechanism, self.motor_matrix
         scale, n = mechanism.rate_scale, len(self._coordinates)
         units = scale[mechanism.coordinates, None]
-        L = np.zeros((len(self._samples), n, 1))
-        for k, column in enumerate(self.L):
-            scaled = ca.vertcat(*(SX(x) / scale[j] * units[k, 0] for j, x in column.items()))
-            L[:, k] = np.abs(self.at_samples(scaled)).max(axis=1)
-        B: Array = np.zeros((len(self._samples), 1, len(mechanism.motor_names)))
-        for k, forces in enumerate(self.motor_columns):
-            scaled = [SX(x) * scale[j] for j, x in forces.items()]
-            if scaled:  # not of a motor between two frames of one body
-                B[..., k] = np.abs(self.at_samples(ca.vertcat(*scaled))).max(axis=1)
+        L = np.abs(self.at_samples(self.L_matrix) / scale[:, None]).max(axis=1)[..., None] * units
+        B = np.abs(self.at_samples(self.B) * scale[:, None]).max(axis=1)[:, None]
         values = self.at_samples(A) * units
         acts = np.abs(values) * MAX_CONDITION_NUMBER >= L * B
         sizes = np.linalg.svd(np.where(acts, values, 0.0), compute_uv=False)
@@ -321,27 +327,15 @@ class Equations:
         for i, row in enumerate(self.motor_rows):
             for k, x in row.items():
                 by_motor[k][i] = x
-        columns = range(len(self._coordinates))
-        factors = Orthogonal(by_motor, dict.fromkeys(range(len(by_motor)), 1.0), columns)
-        squares = self.at_samples(ca.vertcat(*(SX(x) for x in factors.squares)))
-        return factors, squares[..., 0].max(axis=0)
+        scale = dict.fromkeys(range(len(by_motor)), 1.0)
+        return self._orthogonal(by_motor, scale, range(len(self._coordinates)))
 
     @cached_property
     def inertia(self) -> SX:
         """L^T M L, shape (n, n), Eq. (93)."""
-        n = len(self.L)
-        matrix, M = SX(n, n), self.tree.composed(self._following)
-        for k, column in enumerate(self.L):
-            force: Sparse = {}
-            for (i, j), entry in M.items():
-                if j in column:
-                    force = add(force, {i: entry * column[j]})
-                if i != j and i in column:
-                    force = add(force, {j: entry * column[i]})
-            for other in range(k + 1):
-                terms = [x * force[i] for i, x in self.L[other].items() if i in force]
-                matrix[other, k] = matrix[k, other] = total(terms)
-        return matrix
+        L = self.L_matrix
+        M = symmetric(self.tree.composed(self._following), len(self._rates))
+        return ca.triu2symm(ca.triu(L.T @ (M @ L)))
 
     @cached_property
     def _following(self) -> dict[int, dict[int, Sparse]]:
@@ -369,19 +363,7 @@ class Equations:
 
     def motor_forces(self, tau: SX) -> Sparse:
         """B tau: what motors give along the rates of the tree."""
-        on_joints = {
-            i: total([float(b) * tau[k] for k, b in enumerate(shares) if b])
-            for i, shares in enumerate(self.mechanism.motors)
-            if shares.any()
-        }
-        return add(on_joints, self.pushed(tau))
-
-    def pushed(self, tau: SX) -> Sparse:
-        """What motors on lines give along the rates of the tree."""
-        forces: Sparse = {}
-        for k in map(int, np.flatnonzero(self.mechanism.lines.motors.any(axis=0))):
-            forces = add(forces, {i: x * tau[k] for i, x in self.tree.motors_on_lines(k).items()})
-        return forces
+        return sparse(self._rates, self.B @ tau)
 
     def accelerations(self, tau: SX) -> tuple[SX, list[Any]]:
         """aa under motor torques from Eq. (92), and one over each pivot of the inertia matrix."""

@@ -18,7 +18,7 @@ from .closure_rows import Row, by_twists
 from .elimination import total
 from .equations import Equations
 from .kernel_checks import Checks
-from .symbols import Sparse, add, column, definite, is_zero, solve_symmetric, sparse, sx
+from .symbols import Sparse, add, column, definite, is_zero, solve_symmetric, sparse, sx, symmetric
 
 
 def of_torques(e: Equations, checks: Checks) -> tuple[SX, SX, SX, list[Any]]:
@@ -83,16 +83,14 @@ class _OnTree:
     Attributes:
         slips: Phi v of those rows that hold rates and no positions; zeros for the others.
         c: Phi v_dot + Phi_dot v.
-        forces: Forces of the tree less those of the closures and of motors on lines.
+        forces: Forces of the tree less those of the closures and of motors.
         q, v, v_dot: What they can be differentiated by; q along each rate.
     """
 
     def __init__(self, e: Equations, aa: SX, tau: SX | None) -> None:
         of_v_dot = e.complete(ca.vertsplit(aa), e.drift)
         tau = SX(len(e.mechanism.motor_names), 1) if tau is None else tau
-        motors = e.motor_forces(tau)
-        self.force = add(e.forces(of_v_dot), {i: -x for i, x in motors.items() if not is_zero(x)})
-        reactions = e.multipliers(self.force)
+        force = add(e.forces(of_v_dot), e.motor_forces(-tau))
         nv, twin = e.mechanism.model.nv, e.displaced
         rows = [twin.rows[i] for i in e.factors.rows]
         self.q = twin.kinematics.displacement
@@ -104,11 +102,10 @@ class _OnTree:
         self.slips = SX(ca.vertcat(*slips))
         self.c = SX(ca.vertcat(*(row.acceleration(v, a) for row in rows)))
         held_tau = SX.sym("tau", *tau.shape)
-        motors = {i: -x for i, x in twin.pushed(held_tau).items()}
-        forces = add(_forces(twin, v, a, rows, ca.vertsplit(R)), motors)
+        forces = add(_forces(twin, v, a, rows, ca.vertsplit(R)), twin.motor_forces(-held_tau))
         self.forces = column(forces, range(nv))
         self._symbols = [twin.q, self.q, self.v, self.v_dot, R, twin.p, twin.loads, held_tau]
-        held = column(reactions, e.factors.rows)
+        held = column(e.multipliers(force), e.factors.rows)
         now = [column(e.v, range(nv)), column(of_v_dot, range(nv)), held]
         self._values = [e.q, SX(nv, 1), *now, e.p, e.loads, tau]
 
@@ -133,10 +130,7 @@ def _of_forces(e: Equations, checks: Checks, tree: _OnTree) -> tuple[SX, SX, lis
     of_rows = (tree.slips, tree.q), (tree.c, tree.q), (tree.c, tree.v)
     of_forces = (tree.forces, tree.q), (tree.forces, tree.v)
     slip_q, c_q, c_v, force_q, force_v = tree.by(*of_rows, *of_forces)
-    L = ca.horzcat(*(column(x, range(nv)) for x in e.L))
-    M = SX(nv, nv)
-    for (i, j), entry in e.tree.inertia.items():
-        M[i, j] = M[j, i] = entry
+    L, M = e.L_matrix, symmetric(e.tree.inertia, nv)
     inertial = [sparse(range(nv), ca.vec(row)) for row in ca.vertsplit(L.T @ M)]
     g = ca.vertcat(*(column(e.multipliers(x), rows).T for x in inertial))
     own = [check for x in inertial for check in checks.unbalanced(x)]

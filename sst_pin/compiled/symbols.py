@@ -50,6 +50,14 @@ def column(x: Mapping[int, Any], places: Iterable[int]) -> SX:
     return ca.vertcat(SX(0, 1), *(x.get(i, SX(1, 1)) for i in places))
 
 
+def symmetric(upper: Mapping[tuple[int, int], Any], size: int) -> SX:
+    """A matrix by its upper triangle."""
+    matrix = SX(size, size)
+    for (i, j), entry in upper.items():
+        matrix[i, j] = matrix[j, i] = entry
+    return matrix
+
+
 def row_by_row(*matrices: SX) -> SX:
     """Entries of matrices side by side, in a column."""
     return ca.vec(ca.horzcat(*matrices).T)
