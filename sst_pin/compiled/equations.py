@@ -280,10 +280,10 @@ class Equations:
     @cached_property
     def motor_columns(self) -> list[Sparse]:
         """Columns of B, motors on lines included."""
-        motors = enumerate(self.mechanism.motors.T)
+        pairs = zip(self.mechanism.motors.T, self.mechanism.lines.motors.T, strict=True)
         return [
-            add({i: float(b) for i, b in enumerate(column) if b}, self.tree.motors_on_lines(k))
-            for k, column in motors
+            add({i: float(b) for i, b in enumerate(on_rates) if b}, self.tree.along_lines(on_lines))
+            for on_rates, on_lines in pairs
         ]
 
     @cached_property

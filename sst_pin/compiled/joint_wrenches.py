@@ -38,7 +38,7 @@ def reactions(e: Equations, checks: Checks) -> tuple[list[SX], SX, list[Any]]:
     if not mechanism.driven_one_to_one:
         tau = SX.sym("tau", mechanism.motors.shape[1])
         inputs.append(tau)
-        needed = add(needed, {i: -x for i, x in e.motor_forces(tau).items()})
+        needed = add(needed, e.motor_forces(-tau))
     units = on_links([*e.rows, *_rows_of_lines(e)], e.v)
     Lambda = e.multipliers(needed) | _pushes(e, tau)
     values, ground = _wrenches(e, units, Lambda, e.tree.wrenches(e.v, e.dv))
@@ -67,7 +67,7 @@ def _pushes(e: Equations, tau: SX) -> Sparse:
     for k, pull in enumerate(e.tree.pulls(e.v)):
         shares = enumerate(e.mechanism.lines.motors[k])
         push = total([-pull, *(float(share) * tau[m] for m, share in shares if share)])
-        pushes[len(e.rows) + k] = push / e.tree.lines[k][0]
+        pushes[len(e.rows) + k] = push / e.tree.lines[k].length
     return pushes
 
 

@@ -56,7 +56,7 @@ class Checks:
         parts = zip(e.factors.parts, e.pivots.sizes, strict=True)
         small = total(part.small(sizes) for part, sizes in parts)
         least = 2 * LEAST_LENGTH * e.mechanism.length
-        short = [least / length for length, _ in e.tree.lines]
+        short = [least / line.length for line in e.tree.lines]
         return [total(gaps) / self._closed**2, small, *short]
 
     @property

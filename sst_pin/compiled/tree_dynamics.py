@@ -6,7 +6,7 @@ needs the force m a + U c and the moment c x a + 2 axial(U J), Eqs. (63)-(68).
 """
 
 import operator
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -24,18 +24,14 @@ from .symbols import Sparse, add, is_zero, sx
 
 
 class Body(NamedTuple):
-    """A rigid body, or several that are welded to each other, in the frame of a link.
-
-    Attributes:
-        mass: Mass of all.
-        c: First moment.
-        J: Second moments, the integral of r r^T.
-        polar: Sum of mass times the square of the mass centre's distance from the origin.
-    """
+    """A rigid body, or several that are welded to each other, in the frame of a link."""
 
     mass: SX
+    #: First moment.
     c: SX
+    #: Second moments, the integral of r r^T.
     J: SX
+    #: Sum of mass times the square of the mass centre's distance from the origin.
     polar: SX
 
     def moved(self, R: SX, p: SX) -> "Body":
@@ -46,12 +42,20 @@ class Body(NamedTuple):
         return Body(self.mass, c, J, ca.sumsqr(c) / self.mass)
 
 
-class TreeDynamics:
-    """Dynamics of a tree; p are the open numbers, in the order of `parameters`.
+class Line(NamedTuple):
+    """A line along which a force acts."""
 
-    `loads` are [moment; force] on each body at its mass centre, base axes, body after body, or
-    empty. Bodies that are `welded` to each other are computed as one.
-    """
+    length: SX
+    #: Its rate per rate of the tree.
+    row: Sparse
+    stiffness: SX
+    rest: SX
+    damping: SX
+    preload: SX
+
+
+class TreeDynamics:
+    """Dynamics of a tree, the arguments as in `Equations`."""
 
     def __init__(
         self,
@@ -100,8 +104,7 @@ class TreeDynamics:
     ) -> Sparse:
         """tau of the tree by the recursion of Newton and Euler, without friction and springs.
 
-        `reactions` are force and moment about the origin that closures take of links, by their
-        index.
+        `reactions` are force and moment about the origin that closures take of links.
         """
         wrenches = self.wrenches(v, dv, loads=loads)
         for i, own in (reactions or {}).items():
@@ -134,24 +137,21 @@ class TreeDynamics:
         moment, force = ca.vertsplit(self._loads[6 * body - 6 : 6 * body], 3)
         pose, _ = self._kinematics.pose(0, self._kinematics.tree.link_of[body])
         back = pose.T @ self._kinematics.base.T
-        found = self._parameters.body(self._p, body)
+        found, force = self._parameters.body(self._p, body), back @ force
         lever = sx(self._mechanism.model.inertias[body].lever)
         if found is not None:
             lever = found[1] / found[0]
-        force = back @ force
         return force, back @ moment + ca.cross(lever, force)
 
     def friction(self, v: Sparse) -> Sparse:
         """Forces that friction and the dampers along lines need."""
         viscous = self._parameters.of_joints("viscous", self._p)
         coulomb = self._parameters.of_joints("coulomb", self._p)
+        width = self._p[SIGN_WIDTH]
+        signs = {i: ca.tanh(x / width) if self._smooth else ca.sign(x) for i, x in v.items()}
         tau = {i: D * v[i] for i, D in viscous.items() if i in v}
-        tau = add(tau, {i: F * self._direction(v[i]) for i, F in coulomb.items() if i in v})
-        return add(tau, self._along_lines(self._damping(v)))
-
-    def _direction(self, rate: Any) -> Any:
-        """The sign of a rate in Coulomb friction."""
-        return ca.tanh(rate / self._p[SIGN_WIDTH]) if self._smooth else ca.sign(rate)
+        tau = add(tau, {i: F * signs[i] for i, F in coulomb.items() if i in v})
+        return add(tau, self.along_lines(self._damping(v)))
 
     @cached_property
     def springs(self) -> Sparse:
@@ -160,7 +160,7 @@ class TreeDynamics:
         rest = self._parameters.of_joints("spring_reference", self._p)
         way = self._kinematics.difference(rest)
         tau = {k: c * way[k] for k, c in stiffness.items()}
-        return add(tau, self._along_lines(self._tensions))
+        return add(tau, self.along_lines(self._tensions))
 
     def pulls(self, v: Sparse) -> list[Any]:
         """What pulls the ends of each line together, without motors."""
@@ -169,29 +169,30 @@ class TreeDynamics:
     @property
     def _tensions(self) -> list[Any]:
         """Pull of the spring and the preload along each line."""
-        numbers = zip(self.lines, self._parameters.of_lines(self._p), strict=True)
-        return [preload + c * (size - rest) for (size, _), (c, rest, _, preload) in numbers]
+        return [x.preload + x.stiffness * (x.length - x.rest) for x in self.lines]
 
     def _damping(self, v: Sparse) -> list[Any]:
         """Pull of the damper along each line."""
-        numbers = zip(self.lines, self._parameters.of_lines(self._p), strict=True)
         return [
-            damping * total(x * v[i] for i, x in row.items() if i in v)
-            for (_, row), (_, _, damping, _) in numbers
+            x.damping * total(entry * v[i] for i, entry in x.row.items() if i in v)
+            for x in self.lines
         ]
 
-    def _along_lines(self, pulls: Sequence[Any]) -> Sparse:
+    def along_lines(self, pulls: Iterable[Any]) -> Sparse:
         """Forces along the rates that pulls along the lines need."""
         tau: Sparse = {}
-        for (_, row), pull in zip(self.lines, pulls, strict=True):
-            tau = add(tau, {i: x * pull for i, x in row.items()})
+        for x, pull in zip(self.lines, pulls, strict=True):
+            if not is_zero(pull):
+                tau = add(tau, {i: entry * pull for i, entry in x.row.items()})
         return tau
 
     @cached_property
-    def lines(self) -> list[tuple[SX, Sparse]]:
-        """Length and row of each line along which a force acts."""
+    def lines(self) -> list[Line]:
+        """All lines along which forces act."""
         model, forces = self._mechanism.model, self._mechanism.lines.forces
-        return [line(self._kinematics, model, x.frame_a, x.frame_b) for x in forces]
+        places = (line(self._kinematics, model, x.frame_a, x.frame_b) for x in forces)
+        numbers = self._parameters.of_lines(self._p)
+        return [Line(*place, *own) for place, own in zip(places, numbers, strict=True)]
 
     def kinetic_energy(self, v: Sparse) -> Any:
         """Kinetic energy of all bodies and rotors."""
@@ -211,18 +212,10 @@ class TreeDynamics:
         way = self._kinematics.difference(self._parameters.of_joints("spring_reference", self._p))
         stiffness = self._parameters.of_joints("stiffness", self._p)
         energies += [c * way[k] ** 2 / 2 for k, c in stiffness.items()]
-        numbers = zip(self.lines, self._parameters.of_lines(self._p), strict=True)
-        for (length, _), (c, rest, _, preload) in numbers:
-            energies.append(c * (length - rest) ** 2 / 2 + preload * (length - rest))
+        for x in self.lines:
+            stretch = x.length - x.rest
+            energies.append(x.stiffness * stretch**2 / 2 + x.preload * stretch)
         return total(energies)
-
-    def motors_on_lines(self, motor: int) -> Sparse:
-        """Forces along the rates of a motor's unit torque, by the lines that it pushes apart."""
-        tau: Sparse = {}
-        for (_, row), share in zip(self.lines, self._mechanism.lines.motors[:, motor], strict=True):
-            if share:
-                tau = add(tau, {i: float(share) * x for i, x in row.items()})
-        return tau
 
     def _inertia_of(self, body: int) -> tuple[SX, SX, SX]:
         """Mass, first moment and inertia about the origin of a body; zeros without mass."""
