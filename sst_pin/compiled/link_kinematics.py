@@ -28,18 +28,13 @@ _UNIT = {"ball": 4, "free": 4, "planar": 2, "unbounded": 2}
 
 @dataclass(frozen=True)
 class LinkMotion:
-    """Rates and accelerations of a link, axes of the link.
-
-    Attributes:
-        omega: Angular velocity.
-        omega_k: That of the motion that is differentiated: `omega`, except for matrix columns.
-        alpha: Angular acceleration.
-        a: Acceleration of the origin.
-    """
+    """Rates and accelerations of a link, axes of the link."""
 
     omega: SX
+    #: The angular velocity of the motion that is differentiated: `omega`, except for columns of L.
     omega_k: SX
     alpha: SX
+    #: Acceleration of the origin.
     a: SX
 
     @classmethod
@@ -55,39 +50,28 @@ class LinkMotion:
 
 
 class Placement(NamedTuple):
-    """A link in its parent.
-
-    Attributes:
-        R: Its orientation before the small turn.
-        p: Its origin.
-        turn: A small turn after R, axes of the link.
-    """
+    """A link in its parent: its orientation R, its origin p, then a small turn in its axes."""
 
     R: SX
     p: SX
-    turn: SX | None
+    turn: SX
 
     def back(self, x: SX) -> SX:
         """A vector of the parent in the axes of the link."""
         y = self.R.T @ x
-        return y if self.turn is None else y - ca.cross(self.turn, y)
+        return y - ca.cross(self.turn, y)
 
     def out(self, x: SX) -> SX:
         """A vector of the link in the axes of the parent."""
-        return self.R @ (x if self.turn is None else x + ca.cross(self.turn, x))
+        return self.R @ (x + ca.cross(self.turn, x))
 
 
 class Point(NamedTuple):
-    """A frame as it moves relative to a link, axes of that link.
-
-    Attributes:
-        p: Its origin.
-        R: Its orientation.
-        columns: Linear and angular velocity per rate, by index of the rate.
-    """
+    """A frame as it moves relative to a link, axes of that link."""
 
     p: SX
     R: SX
+    #: Linear and angular velocity per rate.
     columns: dict[int, tuple[SX, SX]]
 
 
@@ -95,13 +79,10 @@ class Kinematics:
     """Symbols of a tree; a joint without compiled equations is refused.
 
     `rotations` are orientations of joints at rest and of frames, by name, instead of the model's.
-
-    Attributes:
-        lift: Acceleration of link 0, its axes.
-        displacement: By how much each joint is displaced along its rates, to first order; empty
-            when nothing is displaced. Derivatives by it at zero are those by q along the rates.
-        base: Axes that vectors of link 0 are in, in the base: those of the first joint where the
-            orientation of this is given.
+    Where joints are `displaced`, it is along their rates, to first order: derivatives by
+    `displacement` at zero are those by q along the rates. `lift` is the acceleration of link 0.
+    Vectors of link 0 are in the axes `base`: those of the first joint where its orientation is
+    given.
     """
 
     def __init__(
@@ -122,7 +103,8 @@ class Kinematics:
         self.base = self._at_rest.get(1, SX.eye(3))
         self.q = SX.sym("q", model.nq)
         self.displacement = SX.sym("displacement", model.nv if displaced else 0)
-        self.pose = cache(self._pose)
+        self._displaced: Sparse = dict(enumerate(ca.vertsplit(self.displacement)))
+        self.pose, self._still = cache(self._pose), cache(self._pose_as_is)
         self._at_rates: tuple[Sparse, Sparse, dict[tuple[int, int], LinkMotion]] = {}, {}, {}
 
     @cached_property
@@ -138,21 +120,16 @@ class Kinematics:
     @cached_property
     def _placed(self) -> list[Placement]:
         """Placements with the displacements of the joints."""
-        if not self.displacement.numel():
-            return [Placement(R, p, None) for R, p in self.placements]
-        own = dict(enumerate(ca.vertsplit(self.displacement)))
-        displaced = []
+        placed = []
         for link, (R, p) in zip(self.tree.links, self.placements, strict=True):
-            u, turn = _own(link, own)
-            displaced.append(Placement(R, p + R @ u, turn))
-        return displaced
+            u, turn = _own(link, self._displaced)
+            placed.append(Placement(R, p + R @ u, turn))
+        return placed
 
     @cached_property
     def moved_q(self) -> SX:
         """The coordinates with the displacements of the joints, to first order."""
-        if not self.displacement.numel():
-            return self.q
-        return self.q + self.q_rates(dict(enumerate(ca.vertsplit(self.displacement))))
+        return self.q + self.q_rates(self._displaced)
 
     def difference(self, reference: Mapping[int, SX]) -> Sparse:
         """The shortest way of joints from a reference, by indices in q, along their rates."""
@@ -184,18 +161,15 @@ class Kinematics:
 
     def _pose(self, base: int, link: int) -> tuple[SX, SX]:
         """Orientation and origin of a link, in the axes of one of its ancestors."""
-        R, p = self._pose_as_is(base, link)
-        if self.displacement.numel():
-            own = dict(enumerate(ca.vertsplit(self.displacement)))
-            u, turn = self.twist(base, link, own)
-            R, p = R @ (SX.eye(3) + ca.skew(turn)), p + R @ u
-        return R, p
+        R, p = self._still(base, link)
+        u, turn = self.twist(base, link, self._displaced)
+        return R @ (SX.eye(3) + ca.skew(turn)), p + R @ u
 
     def _pose_as_is(self, base: int, link: int) -> tuple[SX, SX]:
         """Orientation and origin of a link in an ancestor, without displacements."""
         if link == base:
             return SX.eye(3), SX(3, 1)
-        R, p = self._pose_as_is(base, self.tree.links[link].parent)
+        R, p = self._still(base, self.tree.links[link].parent)
         R_link, p_link = self.placements[link]
         return R @ R_link, p + R @ p_link
 
