@@ -4,17 +4,15 @@
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import casadi as ca
-import numpy as np
 import pinocchio as pin
 from casadi import SX
 from numpy.polynomial.polynomial import polyder
-from numpy.typing import NDArray
 
 from ..chain.closures import Constraint, Coupling, Distance, Rolling
-from ..chain.tree import frame_named
+from ..chain.tree import frame_named, joint_id
 from .link_kinematics import Kinematics
 from .symbols import Sparse, add, is_zero, sx
 
@@ -24,20 +22,17 @@ Twists = Callable[[int, int], tuple[SX, SX]]
 
 @dataclass(frozen=True)
 class Row:
-    """One equation of a constraint.
+    """One equation of a constraint."""
 
-    Attributes:
-        Phi: Coefficients of the rates, by index.
-        velocity: Phi v, from the rates v and the twists that they give to links.
-        acceleration: Phi v_dot + Phi_dot v, from v and v_dot.
-        residual: Zero when the loop is closed; None for a row that holds rates only.
-        gap: What the row adds to the squared residual.
-    """
-
+    #: Coefficients of the rates, by index.
     Phi: Sparse
+    #: Phi v, from the rates v and the twists that they give to links.
     velocity: Callable[[Sparse, Twists], SX]
+    #: Phi v_dot + Phi_dot v, from v and v_dot.
     acceleration: Callable[[Sparse, Sparse], SX]
+    #: Zero when the loop is closed; None for a row that holds rates only.
     residual: SX | None
+    #: What the row adds to the squared residual.
     gap: SX
 
 
@@ -68,19 +63,12 @@ def line(kinematics: Kinematics, model: pin.Model, a: str, b: str) -> tuple[SX, 
     """Length of the line between the origins of two frames, and its rate per rate of the tree."""
     pair = _Pair(kinematics, model, a, b)
     length = ca.sqrt(ca.sumsqr(pair.d))
-    unit = pair.d / length
-    row, _ = pair._row(lambda u, _: ca.dot(unit, u), lambda u, _: ca.dot(unit, u))
+    row, _ = pair._row(lambda u, _: ca.dot(pair.d / length, u))
     return length, row
 
 
 class _End(NamedTuple):
-    """Motion of a frame.
-
-    Attributes:
-        a: Acceleration of its origin.
-        omega: Angular velocity.
-        alpha: Angular acceleration.
-    """
+    """Acceleration of a frame's origin, its angular velocity and acceleration."""
 
     a: SX
     omega: SX
@@ -91,14 +79,12 @@ class _Pair:
     """Rows between two frames; vectors in the axes of the last link that both hang on."""
 
     def __init__(self, kinematics: Kinematics, model: pin.Model, a: str, b: str) -> None:
-        tree = kinematics.tree
-        frames = [frame_named(model, name) for name in (a, b)]
-        self._frames = frames
-        self._links = [tree.link_of[frame.parentJoint] for frame in frames]
+        self._kinematics, tree = kinematics, kinematics.tree
+        self._frames = [frame_named(model, name) for name in (a, b)]
+        self._links = [tree.link_of[frame.parentJoint] for frame in self._frames]
         paths = [tree.ancestors(link) for link in self._links]
-        self._kinematics = kinematics
         self._base = [i for i, j in zip(*paths, strict=False) if i == j][-1]
-        self.a, self.b = (kinematics.point(self._base, frame) for frame in frames)
+        self.a, self.b = (kinematics.point(self._base, frame) for frame in self._frames)
         self.d = self.b.p - self.a.p
 
     def _ends(self, v: Sparse, dv: Sparse) -> tuple[_End, _End]:
@@ -121,9 +107,10 @@ class _Pair:
         return velocity
 
     def _row(
-        self, of_a: Callable[[SX, SX], SX], of_b: Callable[[SX, SX], SX]
+        self, of_a: Callable[[SX, SX], SX], of_b: Callable[[SX, SX], SX] | None = None
     ) -> tuple[Sparse, Callable[[Sparse, Twists], SX]]:
-        """Coefficients and velocity, from what the velocities of A and of B give."""
+        """Coefficients and velocity, from what velocities of A and of B give; by default alike."""
+        of_b = of_b or of_a
         row = {k: of_b(*column) for k, column in self.b.columns.items()}
         row = add(row, {k: -of_a(*column) for k, column in self.a.columns.items()})
 
@@ -161,7 +148,7 @@ class _Pair:
 
     def _coincide(self, k: int) -> Row:
         """Origins have the same coordinate k."""
-        Phi, velocity = self._row(lambda u, _: u[k], lambda u, _: u[k])
+        Phi, velocity = self._row(lambda u, _: u[k])
 
         def acceleration(v: Sparse, dv: Sparse) -> SX:
             a, b = self._ends(v, dv)
@@ -187,8 +174,7 @@ class _Pair:
         """B does not turn relative to A.
 
         The rows are in the axes of the link C that the last joint of B's branch hangs on: there the
-        axes of its two last joints stand still. The way from A's link to C goes by B: it is the
-        shorter one.
+        axes of its two last joints stand still. The way from A's link to C goes by B.
         """
         kinematics, links = self._kinematics, self._kinematics.tree.links
         (link_a, link_b), (frame_a, frame_b) = self._links, self._frames
@@ -241,9 +227,7 @@ class _Pair:
         """Axis i of A stays at a right angle to axis j of B."""
         n, m = self.a.R[:, i], self.b.R[:, j]
         across = sign * ca.cross(m, n)
-        Phi, velocity = self._row(
-            lambda _, turn: ca.dot(across, turn), lambda _, turn: ca.dot(across, turn)
-        )
+        Phi, velocity = self._row(lambda _, turn: ca.dot(across, turn))
 
         def acceleration(v: Sparse, dv: Sparse) -> SX:
             a, b = self._ends(v, dv)
@@ -257,7 +241,7 @@ class _Pair:
     def distance(self, length: float) -> Row:
         """The origins stay at a distance: (d.d - l^2) / 2 l."""
         unit = self.d / length
-        Phi, velocity = self._row(lambda u, _: ca.dot(unit, u), lambda u, _: ca.dot(unit, u))
+        Phi, velocity = self._row(lambda u, _: ca.dot(unit, u))
 
         def acceleration(v: Sparse, dv: Sparse) -> SX:
             a, b = self._ends(v, dv)
@@ -312,9 +296,9 @@ def _coupling(kinematics: Kinematics, model: pin.Model, closure: Coupling) -> Ro
     Phi: Sparse = {}
     second: Sparse = {}
     for name, coefficients in terms.items():
-        joint = model.joints[model.getJointId(name)]
-        q = kinematics.moved_q[joint.idx_q]
-        value, slope, curvature = (_value(polyder(coefficients, k), q) for k in range(3))
+        joint = model.joints[joint_id(model, name)]
+        q, powers = kinematics.moved_q[joint.idx_q], [polyder(coefficients, k) for k in range(3)]
+        value, slope, curvature = (SX(ca.polyval(ca.DM(p[::-1]), q)) for p in powers)
         residual += value
         if not slope.is_zero():
             Phi[joint.idx_v], second[joint.idx_v] = slope, curvature
@@ -327,11 +311,3 @@ def _coupling(kinematics: Kinematics, model: pin.Model, closure: Coupling) -> Ro
         return sum(linear, sum((c * v[k] ** 2 for k, c in second.items() if k in v), SX(0)))
 
     return Row(Phi, velocity, acceleration, residual, residual**2)
-
-
-def _value(coefficients: NDArray[np.floating[Any]], x: SX) -> SX:
-    """Value of a polynomial."""
-    value = SX(0)
-    for c in coefficients[::-1]:
-        value = value * x + float(c)
-    return value

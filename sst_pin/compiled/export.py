@@ -11,6 +11,7 @@ from ..arrays import Array
 from ..chain.closed_chain import ClosedChain
 from ..chain.mechanism import Mechanism
 from ..chain.quantities import Name
+from ..chain.tree import joint_id
 from ..errors import DescriptionError, InputError
 from ..files import Writer, as_path, text_writer
 from . import c_code, kernels
@@ -198,7 +199,7 @@ def _head(name: str, function: _Function, sizes: Mapping[str, int], style: _Styl
 def _computed_torque(chain: ClosedChain, style: _Style) -> tuple[str, str]:
     """Declaration and definition of `ComputedTorque` in C."""
     model, mechanism = chain.model, chain._current.mechanism
-    joints = [model.joints[model.getJointId(name)] for name in chain.coordinates]
+    joints = [model.joints[joint_id(model, name)] for name in chain.coordinates]
     if any((joint.nq, joint.nv) != (1, 1) for joint in joints):
         return (
             "/* There is no robot_computed_torque: a coordinate is no single number of q */\n",
