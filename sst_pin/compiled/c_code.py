@@ -42,20 +42,15 @@ def filled(name: str, values: Mapping[str, object]) -> str:
 
 
 class KernelSource(NamedTuple):
-    """The C of a kernel.
+    """The C of a kernel."""
 
-    Attributes:
-        text: `void <name>(const real *x, const number *p, real *y)`, and before it
-            `void <name>_constants(number *p)`. x holds the inputs one after the other, p the open
-            parameters, then the constants that `<name>_constants` makes of them; y gets the output,
-            then the checks, then what parts of the function hand on. Where the kernel has
-            directions, `<name>_once` comes first, with the same arguments: it computes what does
-            not depend on them.
-        size: Size of p.
-        room: Size of y.
-    """
-
+    #: `void <name>(const real *x, const number *p, real *y)`, and before it
+    #: `void <name>_constants(number *p)`. x holds the inputs one after the other, p the open
+    #: parameters, then the constants that `<name>_constants` makes of them; y gets the output, then
+    #: the checks, then what parts of the function hand on. Where the kernel has directions,
+    #: `<name>_once` comes first, with the same arguments: it computes what does not depend on them.
     text: str
+    #: Sizes of p and of y.
     size: int
     room: int
 
@@ -92,11 +87,8 @@ def body(
         }
         arguments = "const real *x, const number *p, real *restrict y, real *restrict w"
         for k, own in enumerate(parts):
-            head, unused = (
-                f"PART {kernel.name}_{k}({arguments})",
-                "(void)x, (void)p, (void)y, (void)w;",
-            )
-            texts.append(statements.function(head, [unused, *own]))
+            lines = ["(void)x, (void)p, (void)y, (void)w;", *own]
+            texts.append(statements.function(f"PART {kernel.name}_{k}({arguments})", lines))
         room += handed_on
     for name, own in functions.items():
         head = f"static void {name}(const real *x, const number *p, real *y)"
@@ -145,18 +137,12 @@ _Name = tuple[str, str]
 
 
 class Writer:
-    """Statements of a kernel, those of parameters apart from those of samples.
-
-    Attributes:
-        names: What stands in each place of the work vector.
-        lines: Statements by the type of their result.
-        size: Size of p.
-    """
+    """Statements of a kernel, those of parameters apart from those of samples."""
 
     def __init__(self, size: int) -> None:
-        self.names: dict[int, _Name] = {}
-        self.lines: dict[str, list[str]] = {"real": [], "number": []}
-        self.size = size
+        self.names: dict[int, _Name] = {}  # what stands in each place of the work vector
+        self.lines: dict[str, list[str]] = {"real": [], "number": []}  # by the type of their result
+        self.size = size  # of p
         self._constants: dict[str, str] = {}
         self._turns: dict[str, int] = {}
         self._inverses: dict[_Name, _Name] = {}
@@ -265,13 +251,10 @@ def source(entries: Mapping[str, Sequence[SymbolicKernel]], *, one: bool = False
             word, close, arrays = "rate", kernels[0].name, [q + va, tau, *load]
             more = {"va": va, "tau": tau, "load": sum(load), "states": q + va, "close": close}
             parts.append(filled("entries/roll.c", numbers | more))
-            runs = {"word": "run", "sizes": _listed(inputs)}
+            runs = {"word": "run", "sizes": ", ".join(map(str, inputs))}
             parts.append(filled("entries/sizes.c", numbers | runs))
-        numbers |= {"word": word, "sizes": _listed(arrays), "arrays": len(arrays), "close": close}
+        sizes = ", ".join(map(str, arrays))
+        numbers |= {"word": word, "sizes": sizes, "arrays": len(arrays), "close": close}
         parts.append(filled(f"entries/{'along' if directions else 'run'}.c", numbers))
         parts.append(filled("entries/sizes.c", numbers))
     return "\n".join(parts)
-
-
-def _listed(numbers: Sequence[int]) -> str:
-    return ", ".join(map(str, numbers))

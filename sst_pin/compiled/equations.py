@@ -24,7 +24,7 @@ from ..errors import ActuationError
 from .closure_rows import Row, closure_rows
 from .elimination import Blocks, Factors, Orthogonal, Rows, pivot_order, total
 from .link_kinematics import Kinematics
-from .open_numbers import OpenNumbers
+from .open_numbers import GRAVITY, OpenNumbers
 from .symbols import Sparse, add, column, is_zero, solve_symmetric, sparse, symmetric
 from .tree_dynamics import TreeDynamics
 
@@ -72,7 +72,7 @@ class Equations:
         rotations = self.parameters.rotations(self.p)
         self.kinematics = Kinematics(model, rotations, displaced=displaced)
         if displaced:
-            self.kinematics.lift = -(self.kinematics.base.T @ self.parameters.gravity(self.p))
+            self.kinematics.lift = -(self.kinematics.base.T @ self.p[GRAVITY])
         self.q = self.kinematics.q
         self._coordinates = [int(i) for i in mechanism.coordinates]
         self._dependent = [int(i) for i in mechanism.dependent]

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Direct dynamics of many coordinates by kernels of inverse dynamics.
+"""Direct dynamics of many coordinates, whose mass matrix is too large to be written out.
 
-The mass matrix of many coordinates is too large to be written out. Its column k is the generalized
-forces that the accelerations e_k need at rest, without weights and springs; a kernel computes all
-columns of a sample side by side.
+Its column k is the generalized forces that the accelerations e_k need at rest, without weights and
+springs; a kernel of inverse dynamics computes all columns of a sample side by side.
 """
 
 from collections.abc import Callable

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 BODY = 10
 #: Numbers of a line: stiffness, rest length, damping, preload.
 LINE = 4
-#: Index of the rate within which friction is tanh instead of sign.
-SIGN_WIDTH = 3
+#: Indices of gravity, base axes, and of the rate within which friction is tanh instead of sign.
+GRAVITY, SIGN_WIDTH = slice(3), 3
 _JOINT = ("armature", "viscous", "coulomb", "stiffness", "spring_reference")
 #: Second moments xx, xy, xz, yy, yz, zz from inertias xx, xy, yy, xz, yz, zz.
 _SECOND = np.array(
@@ -40,28 +40,25 @@ _SECOND = np.array(
 
 
 class OpenNumbers:
-    """Order of the open numbers of a mechanism.
+    """Order of the open numbers of a mechanism; `size` is how many there are.
 
     If `complete`, all bodies have mass, all joints friction and a rotor, zero included; `rotated`
     are names of joints and frames whose orientation stays open.
-
-    Attributes:
-        size: How many there are.
-        bodies: Indices of Pinocchio's joints whose bodies have mass.
-        joints: Indices of the rates that have each quantity of a joint, by its name; of references
-            of springs those of entries of q.
     """
 
     def __init__(
         self, mechanism: Mechanism, *, complete: bool = False, rotated: Sequence[str] = ()
     ) -> None:
         model = mechanism.model
+        #: Indices of Pinocchio's joints whose bodies have mass.
         self.bodies = tuple(
             i
             for i in range(1, model.njoints)
             if complete or np.any(model.inertias[i].toDynamicParameters())
         )
         values = _of_joints(mechanism)
+        #: Indices of the rates that have each quantity of a joint; of references of springs those
+        #: of entries of q.
         self.joints = {name: tuple(map(int, np.flatnonzero(x))) for name, x in values.items()}
         self.joints["spring_reference"] = _ends_of_springs(mechanism)
         if complete:
@@ -122,10 +119,6 @@ class OpenNumbers:
             name: p[start + 9 * k : start + 9 * k + 9].reshape((3, 3)).T
             for k, name in enumerate(self.rotated)
         }
-
-    def gravity(self, p: "SX") -> "SX":
-        """Acceleration of gravity, base axes."""
-        return p[:3]
 
     def body(self, p: "SX", body: int) -> "tuple[SX, SX, SX] | None":
         """Mass, first moment and second moments of a body; None without mass."""

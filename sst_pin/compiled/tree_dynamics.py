@@ -19,7 +19,7 @@ from ..chain.tree import frame_named
 from .closure_rows import line
 from .elimination import total
 from .link_kinematics import Kinematics, LinkMotion, Wrench
-from .open_numbers import SIGN_WIDTH, OpenNumbers
+from .open_numbers import GRAVITY, SIGN_WIDTH, OpenNumbers
 from .symbols import Sparse, add, is_zero, sx
 
 
@@ -114,7 +114,7 @@ class TreeDynamics:
     def wrenches(self, v: Sparse, dv: Sparse, *, loads: bool = True) -> list[Wrench]:
         """Force and moment that each link needs, less its weight and its load."""
         wrenches: list[Wrench] = []
-        gravity = self._kinematics.base.T @ self._parameters.gravity(self._p)
+        gravity = self._kinematics.base.T @ self._p[GRAVITY]
         motions = self._kinematics.motions(v, dv, gravity)
         for link, x in zip(self._kinematics.tree.links, motions, strict=True):
             body = self._bodies[link.body]
@@ -204,7 +204,7 @@ class TreeDynamics:
     @property
     def potential_energy(self) -> Any:
         """Potential energy of the weights, the springs and the forces along lines."""
-        gravity, energies = self._kinematics.base.T @ self._parameters.gravity(self._p), []
+        gravity, energies = self._kinematics.base.T @ self._p[GRAVITY], []
         for i, link in enumerate(self._kinematics.tree.links):
             mass, c, _ = self._inertia_of(link.body)
             R, p = self._kinematics.pose(0, i)
