@@ -75,7 +75,7 @@ def body(
     else:
         whole = {kernel.name: lines}
         if kernel.directions:
-            inputs = sum(symbols.numel() for symbols in kernel.inputs)
+            inputs = sum(symbols.numel() for symbols in kernel.inputs.values())
             once, each = statements.split(lines, range(inputs - kernel.directions, inputs))
             whole = {f"{kernel.name}_once": once, kernel.name: each}
         pieces = {name: statements.pieces(lines) for name, lines in whole.items()}
@@ -100,7 +100,7 @@ def written(kernel: SymbolicKernel, size: int | None = None, suffix: str = "") -
     """Statements of a kernel, each in a form that is C; the arguments are those of `body`."""
     function = ca.Function(
         kernel.name,
-        [ca.vertcat(*kernel.inputs), kernel.parameters],
+        [ca.vertcat(*kernel.inputs.values()), kernel.parameters],
         [ca.densify(ca.vertcat(kernel.output, kernel.checks))],
         {"cse": True},
     )
@@ -228,7 +228,7 @@ def source(entries: Mapping[str, Sequence[SymbolicKernel]], *, one: bool = False
                 parts.append(bodies[kernel.name].text)
             size = bodies[kernel.name].size
         last = kernels[-1]
-        inputs = [symbols.numel() for symbols in last.inputs]
+        inputs = [symbols.numel() for symbols in last.inputs.values()]
         outputs, checks = last.output.numel(), last.checks.numel()
         directions = last.directions
         numbers: dict[str, object] = {

@@ -19,10 +19,10 @@ from .elimination import Orthogonal
 from .equations import Equations
 from .generator_inputs import sample_configurations
 from .kernel_checks import Checks
+from .kernels import WRENCHES
 
 #: Common subexpressions are computed once.
 _OPTIONS = {"cse": True}
-_WRENCHES = "external_wrenches"
 
 
 class Functions:
@@ -86,22 +86,22 @@ class CasadiFunctions(Functions):
             ActuationError: If the motors do not act on all coordinates.
         """
         self._require_motors()
-        return self._function("torques", ["q", "va", "aa"], "tau")
+        return self._function("torques", "tau")
 
     @cached_property
     def generalized_forces(self) -> Function:
         """(q, va, aa) -> f, shape (n,): generalized forces of the motion."""
-        return self._function("generalized_forces", ["q", "va", "aa"], "f")
+        return self._function("generalized_forces", "f")
 
     @cached_property
     def accelerations(self) -> Function:
         """(q, va, tau) -> aa: direct dynamics."""
-        return self._function("accelerations", ["q", "va", "tau"], "aa")
+        return self._function("accelerations", "aa")
 
     @cached_property
     def rates(self) -> Function:
         """(q, va) -> v, shape (nv,): rates of all joints, L va."""
-        return self._function("rates", ["q", "va"], "v")
+        return self._function("rates", "v")
 
     @cached_property
     def q_rates(self) -> Function:
@@ -155,14 +155,12 @@ class CasadiFunctions(Functions):
     @cached_property
     def torque_derivatives(self) -> Function:
         """(q, va, aa) -> dq, dva, daa: as `torque_derivatives` of the chain, shapes (n, n)."""
-        names = ["dq", "dva", "daa"]
-        return self._derivatives("torque_derivatives", ["q", "va", "aa"], names)
+        return self._function("torque_derivatives", "dq", "dva", "daa")
 
     @cached_property
     def acceleration_derivatives(self) -> Function:
         """(q, va, tau) -> dq, dva, dtau: as `acceleration_derivatives` of the chain."""
-        names = ["dq", "dva", "dtau"]
-        return self._derivatives("acceleration_derivatives", ["q", "va", "tau"], names)
+        return self._function("acceleration_derivatives", "dq", "dva", "dtau")
 
     @cached_property
     def step(self) -> Function:
@@ -171,13 +169,13 @@ class CasadiFunctions(Functions):
         It is a step of the classical Runge-Kutta method of order four, then one step of Newton's
         method that closes the loops.
         """
-        state_rate = self._function("state_rate", ["q", "va", "tau"], "rate")
+        state_rate = self._function("state_rate", "rate")
         q_next = kernels.make(self._equations, "closing").output[: self.nq]
         closed = self._made("closing", {"q": self._equations.q}, {"closed": q_next})
         given = {"q": MX.sym("q", self.nq), "va": MX.sym("va", self.n)}
         rest = {"tau": MX.sym("tau", self.motors)}
         if self._bodies:
-            rest[_WRENCHES] = MX.sym(_WRENCHES, self._bodies, 6)
+            rest[WRENCHES] = MX.sym(WRENCHES, self._bodies, 6)
 
         def rate(when: int, x: MX) -> MX:
             return state_rate(x[: self.nq], x[self.nq :], *rest.values())
@@ -203,24 +201,15 @@ class CasadiFunctions(Functions):
 
     # --- inside -----------------------------------------------------------------------------
 
-    def _function(self, kernel: str, inputs: list[str], output: str) -> Function:
-        """A kernel as a function."""
-        made = kernels.make(self._equations, kernel)
-        return self._made(kernel, self._named(made, inputs), {output: made.output})
-
-    def _derivatives(self, kernel: str, inputs: list[str], outputs: list[str]) -> Function:
-        """A kernel of derivatives as a function of three results."""
-        made = kernels.make(self._equations, kernel)
-        side_by_side = ca.reshape(made.output, -1, self.n).T
-        parts = ca.horzsplit(side_by_side, [0, self.n, 2 * self.n, side_by_side.shape[1]])
-        named = self._named(made, inputs)
-        return self._made(kernel, named, dict(zip(outputs, parts, strict=True)), order=0)
-
-    def _named(self, made: kernels.SymbolicKernel, inputs: list[str]) -> dict[str, SX]:
-        """Inputs of a kernel by name."""
-        if len(made.inputs) > len(inputs):
-            inputs = [*inputs, _WRENCHES]
-        return dict(zip(inputs, made.inputs, strict=True))
+    def _function(self, kernel: str, *outputs: str) -> Function:
+        """A kernel as a function; one of derivatives has three results, side by side."""
+        made, derivatives = kernels.make(self._equations, kernel), len(outputs) > 1
+        parts = [made.output]
+        if derivatives:
+            rows = ca.reshape(made.output, -1, self.n).T
+            parts = ca.horzsplit(rows, [0, self.n, 2 * self.n, rows.shape[1]])
+        results = dict(zip(outputs, parts, strict=True))
+        return self._made(kernel, made.inputs, results, order=0 if derivatives else 1)
 
     def _made(
         self, name: str, inputs: dict[str, SX], outputs: dict[str, SX], order: int = 1
@@ -234,9 +223,9 @@ class CasadiFunctions(Functions):
         open_numbers = Function(name, symbols, results, _OPTIONS)
         given = dict(inputs)
         values: list[SX] = list(inputs.values())
-        if _WRENCHES in inputs:
-            given[_WRENCHES] = SX.sym(_WRENCHES, self._bodies, 6)
-            values[-1] = ca.vec(given[_WRENCHES].T)
+        if WRENCHES in inputs:
+            given[WRENCHES] = SX.sym(WRENCHES, self._bodies, 6)
+            values[-1] = ca.vec(given[WRENCHES].T)
         results = open_numbers.call([*values, SX(self._numbers)])
         names = list(given), list(outputs)
         function = Function(name, list(given.values()), results, *names, _OPTIONS)

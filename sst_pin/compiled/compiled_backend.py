@@ -91,7 +91,6 @@ class CompiledBackend:
         self._parameters = parameters or OpenNumbers(self._mechanism)
         self._code = code or self._from_cache
         self._moment = -1 if bearer is None else 6 * bearer
-        self._numbers = self._parameters.pack(self._mechanism, self._mechanism.friction)
         self._kernels: dict[Key, chain.Kernel] = {}
         self._equations: dict[tuple[bool, bool, bool], Equations] = {}
         self._codes: dict[Key, list[Code]] = {}
@@ -202,15 +201,14 @@ class CompiledBackend:
         codes = self._found(key, clock or self._clock())
         if not codes:
             return None
+        friction = friction or self._mechanism.friction
         if key.sign_width is not None:
-            friction = replace(self._mechanism.friction, sign_width=key.sign_width)
-        numbers = self._numbers
-        if key.quantity == "torque_regressor":
-            numbers = self._all_numbers.pack(self._mechanism, self._mechanism.friction)
-        if friction is not None:
-            numbers = self._parameters.pack(self._mechanism, friction)
+            friction = replace(friction, sign_width=key.sign_width)
+        regressor = key.quantity == "torque_regressor"
+        parameters = self._all_numbers if regressor else self._parameters
+        numbers = parameters.pack(self._mechanism, friction)
         if inertial:
-            numbers = self._parameters.inertial(numbers)
+            numbers = parameters.inertial(numbers)
         outputs, *sizes = codes[0].sizes(word)
         return self._binding.Kernel(
             codes[0].address(word),
@@ -298,10 +296,7 @@ class CompiledBackend:
         kind = key.loaded, key.kind.smooth, key.quantity != "reactions"
         if kind not in self._equations:
             samples = sample_configurations(self._reference, self._near)
-            loaded, smooth, welded = kind
-            self._equations[kind] = Equations(
-                self._mechanism, samples, loaded, smooth, welded=welded
-            )
+            self._equations[kind] = Equations(self._mechanism, samples, *kind)
         return self._equations[kind]
 
 

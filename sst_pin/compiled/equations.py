@@ -62,9 +62,9 @@ class Equations:
         samples: Array,
         loaded: bool = False,
         smooth: bool = False,
+        welded: bool = True,
         parameters: OpenNumbers | None = None,
         displaced: bool = False,
-        welded: bool = True,
     ) -> None:
         self.mechanism, model = mechanism, mechanism.model
         self.parameters = parameters or OpenNumbers(mechanism)
@@ -87,9 +87,11 @@ class Equations:
     @cached_property
     def displaced(self) -> "Equations":
         """These equations on symbols of their own, with displaced joints."""
-        loaded = self.loads.numel() > 0
-        arguments = (self.mechanism, self._samples, loaded, self._smooth, self.parameters)
-        return Equations(*arguments, displaced=True)
+        kind = self.loads.numel() > 0, self._smooth
+        parameters = self.parameters
+        return Equations(
+            self.mechanism, self._samples, *kind, parameters=parameters, displaced=True
+        )
 
     # --- closures ---------------------------------------------------------------------------
 

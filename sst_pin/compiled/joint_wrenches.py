@@ -31,13 +31,13 @@ def on_links(rows: Sequence[Row], v: Sparse) -> list[dict[int, SX]]:
     return [{i: x for i, x in found.items() if not x.is_zero()} for found in wrenches]
 
 
-def reactions(e: Equations, checks: Checks) -> tuple[list[SX], SX, list[Any]]:
+def reactions(e: Equations, checks: Checks) -> tuple[dict[str, SX], SX, list[Any]]:
     """Wrenches of joints and closures, the ground's, torques and codes, in a column."""
     mechanism, needed = e.mechanism, e.tree_forces
-    inputs, tau = [e.q, e.va, e.aa], e.generalized_forces
+    inputs, tau = {"q": e.q, "va": e.va, "aa": e.aa}, e.generalized_forces
     if not mechanism.driven_one_to_one:
         tau = SX.sym("tau", mechanism.motors.shape[1])
-        inputs.append(tau)
+        inputs["tau"] = tau
         needed = add(needed, e.motor_forces(-tau))
     units = on_links([*e.rows, *_rows_of_lines(e)], e.v)
     Lambda = e.multipliers(needed) | _pushes(e, tau)
@@ -50,7 +50,8 @@ def reactions(e: Equations, checks: Checks) -> tuple[list[SX], SX, list[Any]]:
             unique = total(squares) <= float((UNIQUE / size[k % 6]) ** 2)
             codes[k // 6] += float(BITS[k % 6]) * (1 - unique)
     result = ca.vertcat(values, ground, tau, *codes)
-    return [*inputs, e.loads], result, checks.of_forces + checks.unbalanced(needed)
+    inputs["external_wrenches"] = e.loads
+    return inputs, result, checks.of_forces + checks.unbalanced(needed)
 
 
 def _rows_of_lines(e: Equations) -> Iterator[Row]:

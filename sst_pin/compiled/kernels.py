@@ -25,8 +25,12 @@ from .joint_wrenches import reactions
 from .kernel_checks import Checks
 from .symbols import Sparse, add, column, definite, row_by_row, sx
 
-#: Inputs, results and checks; those of one quantity, without the checks of the state.
-_Made = tuple[list[SX], SX, list[Any]]
+#: Inputs by name, results, and checks beside those of the state.
+_Made = tuple[dict[str, SX], SX, list[Any]]
+
+
+#: The input of kernels on which external wrenches act.
+WRENCHES = "external_wrenches"
 
 
 @dataclass(frozen=True)
@@ -35,8 +39,8 @@ class SymbolicKernel:
 
     #: What it computes.
     name: str
-    #: Symbols of each input, column vectors.
-    inputs: tuple[SX, ...]
+    #: Symbols of each input by its name, column vectors.
+    inputs: dict[str, SX]
     #: Symbols of the open numbers.
     parameters: SX
     #: All results in a column.
@@ -68,12 +72,10 @@ def make(
         inputs, output, own = _along(equations, checks, quantity, directions)
     else:
         inputs, output, own = KERNELS[quantity](equations, checks)
-    loads = equations.loads
-    given = tuple(x for x in inputs if x is not loads or x.numel())
-    loaded = any(x is loads for x in given)
+    loaded = WRENCHES in inputs and inputs[WRENCHES].numel() > 0
     return SymbolicKernel(
         f"{quantity}{'_along' * along}{'_loaded' * loaded}",
-        given,
+        {name: x for name, x in inputs.items() if loaded or name != WRENCHES},
         equations.p,
         ca.densify(output),
         ca.vertcat(*(SX(check) for check in [*checks.of_state, *own])),
@@ -90,8 +92,20 @@ def entry(equations: Equations, key: Key) -> list[SymbolicKernel]:
 # --- dynamics -------------------------------------------------------------------------------
 
 
+def _moving(e: Equations) -> dict[str, SX]:
+    return {"q": e.q, "va": e.va}
+
+
+def _motion(e: Equations) -> dict[str, SX]:
+    return _moving(e) | {"aa": e.aa, WRENCHES: e.loads}
+
+
+def _driven(e: Equations, tau: SX) -> dict[str, SX]:
+    return _moving(e) | {"tau": tau, WRENCHES: e.loads}
+
+
 def _forces(e: Equations, checks: Checks) -> _Made:
-    return [e.q, e.va, e.aa, e.loads], e.generalized_forces, checks.of_forces
+    return _motion(e), e.generalized_forces, checks.of_forces
 
 
 def _torques(e: Equations, checks: Checks) -> _Made:
@@ -108,32 +122,33 @@ def _torques(e: Equations, checks: Checks) -> _Made:
 def _accelerations(e: Equations, checks: Checks) -> _Made:
     tau = _motor_torques(e)
     aa, inverses = e.accelerations(tau)
-    return [e.q, e.va, tau, e.loads], aa, [*checks.of_accelerations, definite(inverses)]
+    return _driven(e, tau), aa, [*checks.of_accelerations, definite(inverses)]
 
 
 def _torque_derivatives(e: Equations, checks: Checks) -> _Made:
     """Derivatives of f by q, va and aa side by side, row by row."""
     *parts, own = symbolic_derivatives.of_torques(e, checks)
-    return [e.q, e.va, e.aa, e.loads], row_by_row(*parts), checks.of_forces + own
+    return _motion(e), row_by_row(*parts), checks.of_forces + own
 
 
 def _acceleration_derivatives(e: Equations, checks: Checks) -> _Made:
     """Derivatives of aa by q, va and tau side by side, row by row."""
     tau = _motor_torques(e)
     *parts, own = symbolic_derivatives.of_accelerations(e, checks, tau)
-    return [e.q, e.va, tau, e.loads], row_by_row(*parts), checks.of_accelerations + own
+    return _driven(e, tau), row_by_row(*parts), checks.of_accelerations + own
 
 
 def _along(e: Equations, checks: Checks, name: str, directions: int) -> _Made:
     """Derivatives along a direction, the last input; with all directions they are as above."""
     way = SX.sym("direction", directions)
     if name == "torque_derivatives":
-        x, own = e.aa, checks.of_forces
+        inputs, own = _motion(e), checks.of_forces
         *parts, more = symbolic_derivatives.of_torques_along(e, checks, way)
     else:
-        x, own = _motor_torques(e), checks.of_accelerations
-        *parts, more = symbolic_derivatives.of_accelerations_along(e, checks, x, way)
-    return [e.q, e.va, x, e.loads, way], row_by_row(*parts), own + more
+        tau = _motor_torques(e)
+        inputs, own = _driven(e, tau), checks.of_accelerations
+        *parts, more = symbolic_derivatives.of_accelerations_along(e, checks, tau, way)
+    return inputs | {"direction": way}, row_by_row(*parts), own + more
 
 
 def _motor_torques(e: Equations) -> SX:
@@ -141,14 +156,14 @@ def _motor_torques(e: Equations) -> SX:
 
 
 def _displacement_rates(e: Equations, checks: Checks) -> _Made:
-    return [e.q, e.va], row_by_row(symbolic_derivatives.of_displacements(e)), checks.of_rates
+    return _moving(e), row_by_row(symbolic_derivatives.of_displacements(e)), checks.of_rates
 
 
 def _reduced_terms(e: Equations, checks: Checks) -> _Made:
     gravity = e.project(add(e.tree.forces({}, {}, loads=False), e.tree.springs))
     friction = e.project(e.tree.friction(e.v))
     terms = [row_by_row(e.inertia), row_by_row(e.coriolis), -gravity, -friction]
-    return [e.q, e.va], ca.vertcat(*terms), checks.of_rates + checks.of_complement
+    return _moving(e), ca.vertcat(*terms), checks.of_rates + checks.of_complement
 
 
 def _torque_regressor(e: Equations, checks: Checks) -> _Made:
@@ -158,21 +173,21 @@ def _torque_regressor(e: Equations, checks: Checks) -> _Made:
     offsets = (e.project({i: 1.0}) for i in range(nv))
     own = checks.of_rates + checks.unsolved(e.dv, e.drift) + checks.of_complement
     Y = row_by_row(*blocks, *offsets, lines, *map(e.project, e.motor_columns))
-    return [e.q, e.va, e.aa], Y, own
+    return _moving(e) | {"aa": e.aa}, Y, own
 
 
 def _rates(e: Equations, checks: Checks) -> _Made:
-    return [e.q, e.va], column(e.v, range(e.mechanism.model.nv)), checks.of_rates
+    return _moving(e), column(e.v, range(e.mechanism.model.nv)), checks.of_rates
 
 
 def _joint_accelerations(e: Equations, checks: Checks) -> _Made:
     own = checks.of_rates + checks.unsolved(e.dv, e.drift)
-    return [e.q, e.va, e.aa], column(e.dv, range(e.mechanism.model.nv)), own
+    return _moving(e) | {"aa": e.aa}, column(e.dv, range(e.mechanism.model.nv)), own
 
 
 def _actuator_jacobian(e: Equations, checks: Checks) -> _Made:
     own = [check for forces in e.motor_columns for check in checks.unbalanced(forces)]
-    return [e.q], ca.vec(e.motor_matrix), own
+    return {"q": e.q}, ca.vec(e.motor_matrix), own
 
 
 def _state_rate(e: Equations, checks: Checks) -> _Made:
@@ -199,7 +214,7 @@ def _closing(e: Equations, checks: Checks) -> _Made:
         if j in row.Phi
     )
     result = ca.vertcat(e.kinematics.normalized(e.q + step), e.pivots.determinant, squares)
-    return [e.q], result, []
+    return {"q": e.q}, result, []
 
 
 KERNELS: dict[str, Callable[[Equations, Checks], _Made]] = {
@@ -224,13 +239,13 @@ KERNELS: dict[str, Callable[[Equations, Checks], _Made]] = {
 
 
 def _jacobian(e: Equations, checks: Checks, frame: str) -> _Made:
-    return [e.q], row_by_row(*_columns(e, frame)), checks.of_complement
+    return {"q": e.q}, row_by_row(*_columns(e, frame)), checks.of_complement
 
 
 def _jacobian_rate(e: Equations, checks: Checks, frame: str) -> _Made:
     Phi_dot = e.Phi_change(e.v)
     changes, own = _changes(e, checks, frame, ((L, e.v, *e.held(L, Phi_dot)) for L in e.L))
-    return [e.q, e.va], row_by_row(*changes), checks.of_rates + checks.of_complement + own
+    return _moving(e), row_by_row(*changes), checks.of_rates + checks.of_complement + own
 
 
 def _velocity_derivatives(e: Equations, checks: Checks, frame: str) -> _Made:
@@ -238,12 +253,12 @@ def _velocity_derivatives(e: Equations, checks: Checks, frame: str) -> _Made:
     motions = ((e.v, L, *e.held(e.v, e.Phi_change(L))) for L in e.L)
     changes, own = _changes(e, checks, frame, motions)
     own = checks.of_rates + checks.of_complement + own
-    return [e.q, e.va], row_by_row(*changes, *_columns(e, frame)), own
+    return _moving(e), row_by_row(*changes, *_columns(e, frame)), own
 
 
 def _drift(e: Equations, checks: Checks, frame: str) -> _Made:
     (drift,), own = _changes(e, checks, frame, [(e.v, e.v, e.at_rest, e.drift)])
-    return [e.q, e.va], drift, checks.of_rates + own
+    return _moving(e), drift, checks.of_rates + own
 
 
 OF_FRAMES: dict[str, Callable[[Equations, Checks, str], _Made]] = {

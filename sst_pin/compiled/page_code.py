@@ -124,8 +124,8 @@ def page_code(found: Sequence[Equations]) -> str:
     sets, texts, listed = [common], [], []
     for e in found:
         made = [replace(kernels.make(e, x), name=x) for x in ("state_rate", "closing")]
-        v = column(e.v, range(e.mechanism.model.nv))
-        sets.append([*made, _kernel(e, "rates", [e.q, e.va], e.kinematics.q_rates(e.v), v)])
+        results = e.kinematics.q_rates(e.v), column(e.v, range(e.mechanism.model.nv))
+        sets.append([*made, _kernel(e, "rates", {"q": e.q, "va": e.va}, *results)])
     for i, own_kernels in enumerate(sets):
         written = [_function(kernel, f"f{i}_{kernel.name}") for kernel in own_kernels]
         texts += [text for text, _ in written]
@@ -146,21 +146,21 @@ def _common(e: Equations) -> Iterator[SymbolicKernel]:
     base, link_of = kinematics.base, kinematics.tree.link_of
     poses = [kinematics.pose(0, link_of[i]) for i in range(model.njoints)]
     places = ca.vertcat(*(ca.vec(base @ ca.horzcat(R, p)) for R, p in poses))
-    yield _kernel(e, "places", [e.q], places)
+    yield _kernel(e, "places", {"q": e.q}, places)
     q_dot, v = SX.sym("q_dot", model.nq), SX.sym("v", model.nv)
-    yield _kernel(e, "flow", [e.q, q_dot], ca.jtimes(places, e.q, q_dot))
+    yield _kernel(e, "flow", {"q": e.q, "q_dot": q_dot}, ca.jtimes(places, e.q, q_dot))
     kinetic = e.tree.kinetic_energy(dict(enumerate(ca.vertsplit(v))))
-    yield _kernel(e, "energies", [e.q, v], kinetic, e.tree.potential_energy)
+    yield _kernel(e, "energies", {"q": e.q, "v": v}, kinetic, e.tree.potential_energy)
     scales = zip(e.rows, mechanism.row_scale, strict=True)
     units = SX(mechanism.rate_scale)
     Phi = (column(row.Phi, range(model.nv)) * scale * units for row, scale in scales)
-    yield _kernel(e, "loops", [e.q], *Phi)
+    yield _kernel(e, "loops", {"q": e.q}, *Phi)
 
 
-def _kernel(e: Equations, name: str, inputs: list[SX], *results: Any) -> SymbolicKernel:
+def _kernel(e: Equations, name: str, inputs: dict[str, SX], *results: Any) -> SymbolicKernel:
     """A function without checks."""
     output = ca.densify(ca.vertcat(*map(SX, results)))
-    return SymbolicKernel(name, tuple(inputs), e.p, output, SX(0, 1))
+    return SymbolicKernel(name, inputs, e.p, output, SX(0, 1))
 
 
 def _function(kernel: SymbolicKernel, name: str) -> tuple[str, str]:
@@ -172,7 +172,7 @@ def _function(kernel: SymbolicKernel, name: str) -> tuple[str, str]:
     for k, own in enumerate(parts):
         texts.append(statements.function(f"function {name}_{k}(x, p, y, w)", own))
     sizes = {
-        "inputs": [symbols.numel() for symbols in kernel.inputs],
+        "inputs": [symbols.numel() for symbols in kernel.inputs.values()],
         "output": kernel.output.numel(),
         "checks": kernel.checks.numel(),
         "size": writer.size,

@@ -52,7 +52,8 @@ def numbers(case, keys):
     for key in keys:
         (kernel,) = kernels.entry(equations, key)
         results = [ca.vertcat(kernel.output, ca.mmax(kernel.checks))]
-        functions[key] = ca.Function(kernel.name, [*kernel.inputs, kernel.parameters], results)
+        given = [*kernel.inputs.values(), kernel.parameters]
+        functions[key] = ca.Function(kernel.name, given, results)
     e, f = equations, equations.generalized_forces
     along = ca.horzcat(*(e.kinematics.q_rates(L) for L in e.L))
     plain = ca.horzcat(ca.jacobian(f, e.q) @ along, ca.jacobian(f, ca.vertcat(e.va, e.aa)))
@@ -135,7 +136,7 @@ def test_displacement_rates_are_those_of_the_reference_path(name):
     reference = chain._current.reference
     equations = Equations(mechanism, sample_configurations(reference))
     kernel = kernels.make(equations, "displacement_rates")
-    function = ca.Function("rates", [*kernel.inputs, kernel.parameters], [kernel.output])
+    function = ca.Function("rates", [*kernel.inputs.values(), kernel.parameters], [kernel.output])
     p = equations.parameters.pack(mechanism, mechanism.friction)
     for q, va, _ in zip(*any_chain.states(chain, 3, 0), strict=True):
         rates = reference.derivatives.displacement_rates(q, va)

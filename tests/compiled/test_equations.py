@@ -63,9 +63,8 @@ class Numbers:
         if name not in self.made:
             quantity, _, frame = name.partition(" ")
             kernel = kernels.make(self.equations, quantity, frame=frame or None)
-            self.made[name] = ca.Function(
-                "kernel", [*kernel.inputs, kernel.parameters], [kernel.output, kernel.checks]
-            )
+            given = [*kernel.inputs.values(), kernel.parameters]
+            self.made[name] = ca.Function("kernel", given, [kernel.output, kernel.checks])
         own = friction or self.mechanism.friction
         numbers = self.equations.parameters.pack(self.mechanism, own)
         output, checks = self.made[name](*inputs, numbers)
@@ -155,7 +154,7 @@ def test_a_step_of_closing_squares_the_gap(name):
     q = pin.integrate(chain.model, q, step)
     function = numbers.equations
     kernel = kernels.make(function, "closing")
-    close = ca.Function("close", [*kernel.inputs, kernel.parameters], [kernel.output])
+    close = ca.Function("close", [*kernel.inputs.values(), kernel.parameters], [kernel.output])
     p = function.parameters.pack(numbers.mechanism, numbers.mechanism.friction)
     gaps = []
     for _ in range(6):
