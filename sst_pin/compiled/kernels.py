@@ -62,14 +62,17 @@ def make(
 ) -> SymbolicKernel:
     """The kernel of a quantity, one of `KERNELS`, or with a frame of `OF_FRAMES`.
 
-    `checks` are those for double precision by default; `along` takes derivatives along directions.
+    `checks` are those for double precision by default. With `along` derivatives are taken along a
+    direction, the last input.
     """
     checks = checks or Checks(equations)
     directions = len(equations.mechanism.coordinates) if along else 0
     if frame is not None:
         inputs, output, own = OF_FRAMES[quantity](equations, checks, frame)
     elif along:
-        inputs, output, own = _along(equations, checks, quantity, directions)
+        way = SX.sym("direction", directions)
+        inputs, output, own = ALONG[quantity](equations, checks, way)
+        inputs["direction"] = way
     else:
         inputs, output, own = KERNELS[quantity](equations, checks)
     loaded = WRENCHES in inputs and inputs[WRENCHES].numel() > 0
@@ -125,30 +128,17 @@ def _accelerations(e: Equations, checks: Checks) -> _Made:
     return _driven(e, tau), aa, [*checks.of_accelerations, definite(inverses)]
 
 
-def _torque_derivatives(e: Equations, checks: Checks) -> _Made:
+def _torque_derivatives(e: Equations, checks: Checks, way: SX | None = None) -> _Made:
     """Derivatives of f by q, va and aa side by side, row by row."""
-    *parts, own = symbolic_derivatives.of_torques(e, checks)
-    return _motion(e), row_by_row(*parts), checks.of_forces + own
+    derivatives, own = symbolic_derivatives.of_torques(e, checks, way)
+    return _motion(e), row_by_row(derivatives), checks.of_forces + own
 
 
-def _acceleration_derivatives(e: Equations, checks: Checks) -> _Made:
+def _acceleration_derivatives(e: Equations, checks: Checks, way: SX | None = None) -> _Made:
     """Derivatives of aa by q, va and tau side by side, row by row."""
     tau = _motor_torques(e)
-    *parts, own = symbolic_derivatives.of_accelerations(e, checks, tau)
-    return _driven(e, tau), row_by_row(*parts), checks.of_accelerations + own
-
-
-def _along(e: Equations, checks: Checks, name: str, directions: int) -> _Made:
-    """Derivatives along a direction, the last input; with all directions they are as above."""
-    way = SX.sym("direction", directions)
-    if name == "torque_derivatives":
-        inputs, own = _motion(e), checks.of_forces
-        *parts, more = symbolic_derivatives.of_torques_along(e, checks, way)
-    else:
-        tau = _motor_torques(e)
-        inputs, own = _driven(e, tau), checks.of_accelerations
-        *parts, more = symbolic_derivatives.of_accelerations_along(e, checks, tau, way)
-    return inputs | {"direction": way}, row_by_row(*parts), own + more
+    derivatives, own = symbolic_derivatives.of_accelerations(e, checks, tau, way)
+    return _driven(e, tau), row_by_row(derivatives), checks.of_accelerations + own
 
 
 def _motor_torques(e: Equations) -> SX:
@@ -217,12 +207,15 @@ def _closing(e: Equations, checks: Checks) -> _Made:
     return {"q": e.q}, result, []
 
 
-KERNELS: dict[str, Callable[[Equations, Checks], _Made]] = {
+ALONG: dict[str, Callable[..., _Made]] = {
+    "torque_derivatives": _torque_derivatives,
+    "acceleration_derivatives": _acceleration_derivatives,
+}
+KERNELS: dict[str, Callable[..., _Made]] = {
     "generalized_forces": _forces,
     "torques": _torques,
     "accelerations": _accelerations,
-    "torque_derivatives": _torque_derivatives,
-    "acceleration_derivatives": _acceleration_derivatives,
+    **ALONG,
     "displacement_rates": _displacement_rates,
     "reduced_terms": _reduced_terms,
     "torque_regressor": _torque_regressor,

@@ -27,16 +27,9 @@ LINE = 4
 GRAVITY, SIGN_WIDTH = slice(3), 3
 _JOINT = ("armature", "viscous", "coulomb", "stiffness", "spring_reference")
 #: Second moments xx, xy, xz, yy, yz, zz from inertias xx, xy, yy, xz, yz, zz.
-_SECOND = np.array(
-    [
-        [-0.5, 0, 0.5, 0, 0, 0.5],
-        [0, -1, 0, 0, 0, 0],
-        [0, 0, 0, -1, 0, 0],
-        [0.5, 0, -0.5, 0, 0, 0.5],
-        [0, 0, 0, 0, -1, 0],
-        [0.5, 0, 0.5, 0, 0, -0.5],
-    ]
-)
+_xx, _xy, _yy, _xz, _yz, _zz = np.eye(6)
+_SECOND = np.array([-_xx, -_xy, -_xz, -_yy, -_yz, -_zz])
+_SECOND[[0, 3, 5]] += (_xx + _yy + _zz) / 2
 
 
 class OpenNumbers:

@@ -21,36 +21,21 @@ from .kernel_checks import Checks
 from .symbols import Sparse, add, column, definite, is_zero, solve_symmetric, sparse, sx, symmetric
 
 
-def of_torques(e: Equations, checks: Checks) -> tuple[SX, SX, SX, list[Any]]:
-    """Derivatives of f by q, va and aa, shapes (n, n), at a motion (q, va, aa), and checks."""
-    by_q, by_va, own = _of_forces(e, checks, _OnTree(e, e.aa, None))
-    return by_q, by_va, e.inertia, own
+def of_torques(e: Equations, checks: Checks, way: SX | None = None) -> tuple[SX, list[Any]]:
+    """Derivatives of f by q, va and aa side by side, or times a direction `way`, and checks."""
+    return _of_forces(e, checks, _OnTree(e, e.aa, None), way)
 
 
-def of_torques_along(e: Equations, checks: Checks, way: SX) -> tuple[SX, SX, SX, list[Any]]:
-    """Derivatives of f times a direction of the coordinates, shapes (n,)."""
-    return _of_forces_along(e, checks, _OnTree(e, e.aa, None), way)
-
-
-def of_accelerations(e: Equations, checks: Checks, tau: SX) -> tuple[SX, SX, SX, list[Any]]:
-    """Derivatives of aa by q, va and tau, and checks."""
+def of_accelerations(
+    e: Equations, checks: Checks, tau: SX, way: SX | None = None
+) -> tuple[SX, list[Any]]:
+    """Derivatives of aa by q, va and tau side by side, or times a direction, and checks."""
     aa, inverses = e.accelerations(tau)
-    by_q, by_va, own = _of_forces(e, checks, _OnTree(e, aa, tau))
-    right = ca.horzcat(-by_q, -by_va, e.motor_matrix)
-    aa_x, _ = solve_symmetric(e.inertia, right)
-    n = len(e.L)
-    return aa_x[:, :n], aa_x[:, n : 2 * n], aa_x[:, 2 * n :], [*own, definite(inverses)]
-
-
-def of_accelerations_along(
-    e: Equations, checks: Checks, tau: SX, way: SX
-) -> tuple[SX, SX, SX, list[Any]]:
-    """Derivatives of aa times a direction of coordinates and as many motors, shapes (n,)."""
-    aa, inverses = e.accelerations(tau)
-    by_q, by_va, _, own = _of_forces_along(e, checks, _OnTree(e, aa, tau), way)
-    driven = e.project(e.motor_forces(way))
-    aa_x, _ = solve_symmetric(e.inertia, ca.horzcat(-by_q, -by_va, driven))
-    return aa_x[:, 0], aa_x[:, 1], aa_x[:, 2], [*own, definite(inverses)]
+    by_motion, own = _of_forces(e, checks, _OnTree(e, aa, tau), way)
+    n = by_motion.shape[1] // 3
+    driven = e.motor_matrix if way is None else e.project(e.motor_forces(way))
+    aa_x, _ = solve_symmetric(e.inertia, ca.horzcat(-by_motion[:, : 2 * n], driven))
+    return aa_x, [*own, definite(inverses)]
 
 
 def of_displacements(e: Equations) -> SX:
@@ -124,8 +109,10 @@ class _OnTree:
         return function(*self._values, step)
 
 
-def _of_forces(e: Equations, checks: Checks, tree: _OnTree) -> tuple[SX, SX, list[Any]]:
-    """Derivatives of f by q and va, the motors' forces held, and checks of what is solved."""
+def _of_forces(e: Equations, checks: Checks, tree: _OnTree, way: SX | None) -> tuple[SX, list[Any]]:
+    """Derivatives of f by q, va and aa, the motors' forces held, and checks of what is solved."""
+    if way is not None:
+        return _of_forces_along(e, checks, tree, way)
     nv, rows = e.mechanism.model.nv, e.factors.rows
     of_rows = (tree.slips, tree.q), (tree.c, tree.q), (tree.c, tree.v)
     of_forces = (tree.forces, tree.q), (tree.forces, tree.v)
@@ -139,13 +126,11 @@ def _of_forces(e: Equations, checks: Checks, tree: _OnTree) -> tuple[SX, SX, lis
     v_q = [e.factors.solve(x) for x in lost]
     own += [c for x, right in zip(v_q, lost, strict=True) for c in checks.unsolved(x, right)]
     of_q = by_q @ L + by_v @ ca.horzcat(*(column(x, range(nv)) for x in v_q))
-    return of_q, by_v @ L, own
+    return ca.horzcat(of_q, by_v @ L, e.inertia), own
 
 
-def _of_forces_along(
-    e: Equations, checks: Checks, tree: _OnTree, way: SX
-) -> tuple[SX, SX, SX, list[Any]]:
-    """Derivatives of f by q, va and aa, the motors' forces held, times a direction, and checks."""
+def _of_forces_along(e: Equations, checks: Checks, tree: _OnTree, way: SX) -> tuple[SX, list[Any]]:
+    """`_of_forces` times a direction of the coordinates."""
     rows, held = e.factors.rows, [0.0] * way.numel()
     step = e.complete(ca.vertsplit(way), {})
     c_v = tree.along(tree.c, {}, step, {})
@@ -162,8 +147,7 @@ def _of_forces_along(
     solved = (step, none), (v_q, lost), (v_dot_q, c_q), (v_dot_va, c_va)
     own = [check for x, right in solved for check in checks.unsolved(x, right)]
     own += [check for x in forces for check in checks.unbalanced(x)]
-    f = [e.reduced(x) for x in forces]
-    return f[0], f[1], f[2], own
+    return ca.horzcat(*map(e.reduced, forces)), own
 
 
 def _phi_dot_v(e: Equations, slip_q: SX, c_v: SX, steps: Sequence[Sparse] | None = None) -> SX:
