@@ -20,8 +20,7 @@ from .closure_rows import Row, by_twists, closure_rows
 from .elimination import Factors, total
 from .equations import Equations
 from .kernel_checks import Checks
-from .link_kinematics import Wrench
-from .symbols import Sparse, add, sx
+from .symbols import Sparse, add, column, sx
 
 
 def on_links(rows: Sequence[Row], v: Sparse) -> list[dict[int, SX]]:
@@ -82,7 +81,7 @@ def _stresses(e: Equations) -> Iterator[Sparse]:
 
 
 def _wrenches(
-    e: Equations, units: list[dict[int, SX]], Lambda: Sparse, needed: Sequence[Wrench] | None = None
+    e: Equations, units: list[dict[int, SX]], Lambda: Sparse, needed: Sequence[SX] | None = None
 ) -> tuple[SX, SX]:
     """[moment; force] of joints, then closures, and of the ground, from multipliers of the rows."""
     mechanism, model, tree = e.mechanism, e.mechanism.model, e.kinematics.tree
@@ -90,10 +89,8 @@ def _wrenches(
     for i, x in Lambda.items():
         for link, unit in units[i].items():
             given[link] += x * unit
-    loads = needed or [(SX(3, 1), SX(3, 1))] * len(tree.links)
-    borne = e.kinematics.borne(
-        [(F - x[:3], N - x[3:]) for (F, N), x in zip(loads, given, strict=True)]
-    )
+    pairs = zip(needed or [SX(6, 1)] * len(given), given, strict=True)
+    borne = e.kinematics.borne([x - y for x, y in pairs])
     found = [borne[tree.link_of[j]] for j in range(1, model.njoints)]
     starts = 0
     for closure in mechanism.closures:
@@ -101,9 +98,9 @@ def _wrenches(
         starts = rows.stop
         if isinstance(closure, Coupling):
             joint = model.joints[joint_id(model, closure.joint)]
-            force = ca.vertcat(0, 0, SX(Lambda.get(rows[0], 0)))
+            force = Lambda.get(rows[0], SX(1, 1))
             slides = mechanism.space.rate_units[joint.idx_v] == "m"
-            found.append((force, SX(3, 1)) if slides else (SX(3, 1), force))
+            found.append(column({2 if slides else 5: force}, range(6)))
             continue
         frame = frame_named(model, frames_of(closure)[1])
         on_b, link = SX(6, 1), tree.link_of[frame.parentJoint]
@@ -112,9 +109,7 @@ def _wrenches(
                 on_b += Lambda[i] * units[i][link]
         R, p = e.kinematics.rotation(frame), sx(frame.placement.translation)
         F, N = on_b[:3], on_b[3:]
-        found.append((R.T @ F, R.T @ (N - ca.cross(p, F))))
-    base, (F, N) = e.kinematics.base, borne[0]
-    return (
-        ca.vertcat(*(x for F_k, N_k in found for x in (N_k, F_k))),
-        ca.vertcat(base @ N, base @ F),
-    )
+        found.append(ca.vertcat(R.T @ F, R.T @ (N - ca.cross(p, F))))
+    base, ground = e.kinematics.base, borne[0]
+    values = ca.vertcat(*(ca.vertcat(x[3:], x[:3]) for x in found))
+    return values, ca.vertcat(base @ ground[3:], base @ ground[:3])

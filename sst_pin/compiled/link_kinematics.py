@@ -18,10 +18,8 @@ from casadi import SX
 
 from ..arrays import Array
 from .links import Link, LinkTree, clean
-from .symbols import Sparse, angle, is_zero, rotation_vector, sx
+from .symbols import Sparse, add, angle, rotation_vector, sparse, sx
 
-#: A force, and a moment about the origin of a link, in its axes.
-Wrench = tuple[SX, SX]
 #: Unit vectors among the coordinates of a joint: how long, at their end.
 _UNIT = {"ball": 4, "free": 4, "planar": 2, "unbounded": 2}
 
@@ -238,25 +236,25 @@ class Kinematics:
             a += ca.cross(back(before.omega_k), u) + ca.cross(omega, u_k)
         return LinkMotion(omega, omega_k, alpha, a)
 
-    def borne(self, wrenches: Sequence[Wrench]) -> list[Wrench]:
-        """What each joint gives to all that it bears, from what each link needs; ground first."""
+    def borne(self, wrenches: Sequence[SX]) -> list[SX]:
+        """What each joint gives to all that it bears, from what each link needs; ground first.
+
+        Wrenches are [force; moment] about the origin of a link, in its axes.
+        """
         borne = list(wrenches)
         for i in range(len(self.tree.links) - 1, 0, -1):
-            link, placement, (F, N) = self.tree.links[i], self._placed[i], borne[i]
-            F_0, N_0 = borne[link.parent]
-            F = placement.out(F)
-            borne[link.parent] = F_0 + F, N_0 + placement.out(N) + ca.cross(placement.p, F)
+            parent, placement = self.tree.links[i].parent, self._placed[i]
+            F, N = map(placement.out, ca.vertsplit(borne[i], 3))
+            lever = ca.vertcat(SX(3, 1), ca.cross(placement.p, F))
+            borne[parent] = borne[parent] + ca.vertcat(F, N) + lever
         return borne
 
-    def transmitted(self, wrenches: Sequence[Wrench]) -> Sparse:
+    def transmitted(self, wrenches: Sequence[SX]) -> Sparse:
         """Forces along the rates, from what each link needs."""
         tau: Sparse = {}
         pairs = zip(self.tree.links, self.borne(wrenches), strict=True)
-        for link, (F, N) in reversed(list(pairs)):
-            for k, S in zip(link.v, link.S.T, strict=True):
-                value = ca.dot(sx(S[:3]), F) + ca.dot(sx(S[3:]), N)
-                if not is_zero(value):
-                    tau[k] = tau[k] + value if k in tau else value
+        for link, wrench in reversed(list(pairs)):
+            tau = add(tau, sparse(link.v, sx(link.S).T @ wrench))
         return tau
 
     def q_rates(self, v: Sparse) -> SX:

@@ -18,7 +18,7 @@ from ..chain.mechanism import Mechanism
 from ..chain.tree import frame_named
 from .closure_rows import line
 from .elimination import total
-from .link_kinematics import Kinematics, LinkMotion, Wrench
+from .link_kinematics import Kinematics, LinkMotion
 from .open_numbers import GRAVITY, SIGN_WIDTH, OpenNumbers
 from .symbols import Sparse, add, is_zero, sx
 
@@ -108,31 +108,29 @@ class TreeDynamics:
         """
         wrenches = self.wrenches(v, dv, loads=loads)
         for i, own in (reactions or {}).items():
-            wrenches[i] = wrenches[i][0] + own[:3], wrenches[i][1] + own[3:]
+            wrenches[i] = wrenches[i] + own
         return add(self._kinematics.transmitted(wrenches), self._rotors(dv))
 
-    def wrenches(self, v: Sparse, dv: Sparse, *, loads: bool = True) -> list[Wrench]:
+    def wrenches(self, v: Sparse, dv: Sparse, *, loads: bool = True) -> list[SX]:
         """Force and moment that each link needs, less its weight and its load."""
-        wrenches: list[Wrench] = []
+        wrenches = []
         gravity = self._kinematics.base.T @ self._p[GRAVITY]
         motions = self._kinematics.motions(v, dv, gravity)
         for link, x in zip(self._kinematics.tree.links, motions, strict=True):
-            body = self._bodies[link.body]
-            F, N = SX(3, 1), SX(3, 1)
+            body, wrench = self._bodies[link.body], SX(6, 1)
             if body is not None:
                 mass, c, J, _ = body
-                F, N = mass * x.a + x.U @ c, _moment(x, J) + ca.cross(c, x.a)
+                wrench = ca.vertcat(mass * x.a + x.U @ c, _moment(x, J) + ca.cross(c, x.a))
             if loads and link.body and self._loads.numel():
-                force, moment = self._load(link.body)
-                F, N = F - force, N - moment
-            wrenches.append((F, N))
+                wrench = wrench - self._load(link.body)
+            wrenches.append(wrench)
         return wrenches
 
     def _rotors(self, dv: Sparse) -> Sparse:
         armature = self._parameters.of_joints("armature", self._p)
         return {i: x * dv[i] for i, x in armature.items() if i in dv}
 
-    def _load(self, body: int) -> tuple[SX, SX]:
+    def _load(self, body: int) -> SX:
         """External force and moment about the origin of a link, axes of the link."""
         moment, force = ca.vertsplit(self._loads[6 * body - 6 : 6 * body], 3)
         pose, _ = self._kinematics.pose(0, self._kinematics.tree.link_of[body])
@@ -141,7 +139,7 @@ class TreeDynamics:
         lever = sx(self._mechanism.model.inertias[body].lever)
         if found is not None:
             lever = found[1] / found[0]
-        return force, back @ moment + ca.cross(lever, force)
+        return ca.vertcat(force, back @ moment + ca.cross(lever, force))
 
     def friction(self, v: Sparse) -> Sparse:
         """Forces that friction and the dampers along lines need."""
@@ -239,34 +237,30 @@ class TreeDynamics:
         """
         links, placements = self._kinematics.tree.links, self._kinematics.placements
         composite = [self._inertia_of(link.body) for link in links]
-        forces: list[dict[int, tuple[SX, SX]]] = [{} for _ in links]  # by rate
+        forces: list[Sparse] = [{} for _ in links]  # wrenches by rate
         M: dict[tuple[int, int], Any] = {}
         for i in range(len(links) - 1, 0, -1):
-            (mass, c, inertia), link, behind = composite[i], links[i], forces[i]
+            (mass, c, inertia), link, behind, own = composite[i], links[i], forces[i], Sparse()
             for rate, row in following.get(i, {}).items():
-                F, N = behind.pop(rate, (SX(3, 1), SX(3, 1)))
-                for k, factor in row.items():
-                    _push(behind, k, factor * F, factor * N)
-            own = {}
+                wrench = behind.pop(rate, SX(6, 1))
+                behind = add(behind, {k: factor * wrench for k, factor in row.items()})
             for k, S in zip(link.v, link.S.T, strict=True):
                 u, turn = sx(S[:3]), sx(S[3:])
-                own[k] = mass * u + ca.cross(turn, c), inertia @ turn + ca.cross(c, u)
+                own[k] = ca.vertcat(mass * u + ca.cross(turn, c), inertia @ turn + ca.cross(c, u))
             for j, S in zip(link.v, link.S.T, strict=True):
                 # Twice: a mimic joint behind its own.
-                pairs = [(k, force, 1 + (j == k)) for k, force in behind.items()]
-                pairs += [(k, force, 1) for k, force in own.items() if j <= k]
-                for k, (F, N), times in pairs:
-                    value = times * (ca.dot(sx(S[:3]), F) + ca.dot(sx(S[3:]), N))
+                pairs = [(k, wrench, 1 + (j == k)) for k, wrench in behind.items()]
+                pairs += [(k, wrench, 1) for k, wrench in own.items() if j <= k]
+                for k, wrench, times in pairs:
+                    value = times * ca.dot(sx(S), wrench)
                     if not is_zero(value):
                         pair = min(j, k), max(j, k)
                         M[pair] = M.get(pair, 0) + value
-            for k, (F, N) in own.items():
-                _push(behind, k, F, N)
             R, p = placements[i]
-            if link.parent:
-                for k, (F, N) in behind.items():
-                    turned = R @ F
-                    _push(forces[link.parent], k, turned, R @ N + ca.cross(p, turned))
+            for k, wrench in add(behind, own).items() if link.parent else ():
+                F, N = R @ wrench[:3], R @ wrench[3:]
+                at_parent = ca.vertcat(F, N + ca.cross(p, F))
+                forces[link.parent] = add(forces[link.parent], {k: at_parent})
             mass_0, c_0, inertia_0 = composite[link.parent]
             c = R @ c
             middle = c + mass * p / 2
@@ -289,15 +283,8 @@ class TreeDynamics:
                 # About the mass centre the paper's term is omega x (I omega_k).
                 inner = inertia - body.polar * SX.eye(3)
             moment = inertia @ x.alpha + ca.cross(x.omega, inner @ x.omega_k)
-            wrenches.append((mass * x.a + x.U @ c, moment + ca.cross(c, x.a)))
+            wrenches.append(ca.vertcat(mass * x.a + x.U @ c, moment + ca.cross(c, x.a)))
         return add(self._kinematics.transmitted(wrenches), self._rotors(L_dot))
-
-
-def _push(forces: dict[int, tuple[SX, SX]], rate: int, F: SX, N: SX) -> None:
-    """Add a force and a moment to those of a rate."""
-    if rate in forces:
-        F, N = forces[rate][0] + F, forces[rate][1] + N
-    forces[rate] = F, N
 
 
 def _moment(x: LinkMotion, J: SX) -> SX:
