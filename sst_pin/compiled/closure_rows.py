@@ -4,7 +4,6 @@
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple
 
 import casadi as ca
 import pinocchio as pin
@@ -13,7 +12,7 @@ from numpy.polynomial.polynomial import polyder
 
 from ..chain.closures import Constraint, Coupling, Distance, Rolling
 from ..chain.tree import frame_named, joint_id
-from .link_kinematics import Kinematics
+from .link_kinematics import Kinematics, LinkMotion
 from .symbols import Sparse, add, is_zero, sx
 
 #: Linear and angular velocity of a link relative to an ancestor, by their indices, link's axes.
@@ -67,14 +66,6 @@ def line(kinematics: Kinematics, model: pin.Model, a: str, b: str) -> tuple[SX, 
     return length, row
 
 
-class _End(NamedTuple):
-    """Acceleration of a frame's origin, its angular velocity and acceleration."""
-
-    a: SX
-    omega: SX
-    alpha: SX
-
-
 class _Pair:
     """Rows between two frames; vectors in the axes of the last link that both hang on."""
 
@@ -87,23 +78,23 @@ class _Pair:
         self.a, self.b = (kinematics.point(self._base, frame) for frame in self._frames)
         self.d = self.b.p - self.a.p
 
-    def _ends(self, v: Sparse, dv: Sparse) -> tuple[_End, _End]:
+    def _ends(self, v: Sparse, dv: Sparse) -> tuple[LinkMotion, LinkMotion]:
         """Motion of A and of B."""
         ends = []
         for link, frame in zip(self._links, self._frames, strict=True):
             R, _ = self._kinematics.pose(self._base, link)
             x = self._kinematics.relative_motion(self._base, link, v, dv)
-            a = R @ (x.a + x.U @ sx(frame.placement.translation))
-            ends.append(_End(a, R @ x.omega, R @ x.alpha))
+            a, omega = R @ (x.a + x.U @ sx(frame.placement.translation)), R @ x.omega
+            ends.append(LinkMotion(omega, omega, R @ x.alpha, a))
         return ends[0], ends[1]
 
     def _velocity(self, v: Sparse) -> SX:
         """Velocity of the origin of B less that of A."""
         velocity = SX(3, 1)
         for sign, point in ((-1, self.a), (1, self.b)):
-            for k, (u, _) in point.columns.items():
+            for k, twist in point.columns.items():
                 if k in v:
-                    velocity += sign * u * v[k]
+                    velocity += sign * twist[:3] * v[k]
         return velocity
 
     def _row(
@@ -111,8 +102,8 @@ class _Pair:
     ) -> tuple[Sparse, Callable[[Sparse, Twists], SX]]:
         """Coefficients and velocity, from what velocities of A and of B give; by default alike."""
         of_b = of_b or of_a
-        row = {k: of_b(*column) for k, column in self.b.columns.items()}
-        row = add(row, {k: -of_a(*column) for k, column in self.a.columns.items()})
+        row = {k: of_b(twist[:3], twist[3:]) for k, twist in self.b.columns.items()}
+        row = add(row, {k: -of_a(x[:3], x[3:]) for k, x in self.a.columns.items()})
 
         def velocity(v: Sparse, twists: Twists) -> SX:
             value = SX(0)
@@ -183,7 +174,7 @@ class _Pair:
             C = links[link_b].parent
         R_b, _ = kinematics.pose(C, link_b)
         R_a = R_b @ (kinematics.rotation(frame_b) @ kinematics.rotation(frame_a).T)
-        Phi: list[Sparse] = [{}, {}, {}]
+        turns: Sparse = {}
         for side, link in ((-1, link_a), (1, link_b)):
             path = kinematics.tree.ancestors(link)
             for i in path[path.index(self._base) + 1 :]:
@@ -194,10 +185,7 @@ class _Pair:
                 else:
                     R, _ = kinematics.pose(C, i)
                 for k, S in zip(links[i].v, links[i].S.T, strict=True):
-                    turn = R @ sx(S[3:])
-                    for row in range(3):
-                        if not is_zero(turn[row]):
-                            Phi[row] = add(Phi[row], {k: turn[row]})
+                    turns = add(turns, {k: R @ sx(S[3:])})
         by_a = kinematics.pose(self._base, link_a)[0] @ R_a.T
         by_b, _ = kinematics.pose(self._base, C)
         gap = ca.sumsqr(by_b[:, 0] - by_a[:, 0]) + ca.sumsqr(by_b[:, 2] - by_a[:, 2])
@@ -220,8 +208,9 @@ class _Pair:
         for row in range(3):
             i, j = (row + 1) % 3, (row + 2) % 3
             residual = (apart[j, i] - apart[i, j]) / 2
+            Phi = {k: turn[row] for k, turn in turns.items() if not is_zero(turn[row])}
             own = partial(velocity, row=row), partial(acceleration, row=row)
-            yield Row(Phi[row], *own, residual, gap if row == 0 else SX(0))
+            yield Row(Phi, *own, residual, gap if row == 0 else SX(0))
 
     def _angle(self, i: int, j: int, sign: float, gap: SX) -> Row:
         """Axis i of A stays at a right angle to axis j of B."""

@@ -34,12 +34,11 @@ from . import build
 from .build import Clock, Code
 from .generator_inputs import fingerprint, sample_configurations
 from .open_numbers import OpenNumbers
-from .states import CompiledStates
+from .states import ByColumns, CompiledStates
 
 if TYPE_CHECKING:
     from ._binding import Course, Kernel
     from .equations import Equations
-    from .inertia_by_columns import ByColumns
 
 
 #: Made by `ClosedChain.compile`; the others when they are first needed.
@@ -167,7 +166,7 @@ class CompiledBackend:
         """All that the kernels are made from."""
         return fingerprint(self._mechanism, self._parameters, self._near)
 
-    def _by_columns(self, clock: Clock, friction: Friction | None = None) -> "ByColumns | None":
+    def _by_columns(self, clock: Clock, friction: Friction | None = None) -> ByColumns | None:
         """Direct dynamics where the mass matrix is too large to be written out; None elsewhere."""
         mechanism, forces = self._mechanism, Key("generalized_forces")
         small = not impossible(mechanism, "accelerations")
@@ -179,8 +178,6 @@ class CompiledBackend:
             if kernel is None:
                 raise CompilationError(str(self))
             return kernel
-
-        from .inertia_by_columns import ByColumns
 
         inertial = self._kernel(forces, clock, inertial=True)
         rates = self._kernel(Key("rates"), clock)

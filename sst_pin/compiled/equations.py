@@ -87,11 +87,8 @@ class Equations:
     @cached_property
     def displaced(self) -> "Equations":
         """These equations on symbols of their own, with displaced joints."""
-        kind = self.loads.numel() > 0, self._smooth
-        parameters = self.parameters
-        return Equations(
-            self.mechanism, self._samples, *kind, parameters=parameters, displaced=True
-        )
+        arguments = self.mechanism, self._samples, self.loads.numel() > 0, self._smooth
+        return Equations(*arguments, parameters=self.parameters, displaced=True)
 
     # --- closures ---------------------------------------------------------------------------
 
@@ -104,20 +101,11 @@ class Equations:
     @cached_property
     def pivots(self) -> Pivots:
         """Phi_u in parts that share no row and no rate."""
-        places = [
-            (i, k)
-            for i, row in enumerate(self.rows)
-            for k, j in enumerate(self._dependent)
-            if j in row.Phi
-        ]
-        entries = [self.rows[i].Phi[self._dependent[k]] for i, k in places]
-        where = np.array(places, dtype=int).reshape(-1, 2).T
-        pattern = np.zeros((len(self.rows), len(self._dependent)), dtype=bool)
-        pattern[where[0], where[1]] = True
-        values = np.zeros((len(self._samples), *pattern.shape))
-        values[:, where[0], where[1]] = self.at_samples(ca.vertcat(*entries))[..., 0]
         scale, units = self.mechanism.row_scale, self.mechanism.rate_scale[self._dependent]
-        values *= scale[:, None]
+        Phi_u = (column(row.Phi, self._dependent).T for row in self.rows)
+        matrix = ca.vertcat(SX(0, len(self._dependent)), *Phi_u)
+        pattern = ca.DM(matrix.sparsity(), 1).full() > 0
+        values = self.at_samples(matrix) * scale[:, None]
         Phi, determinant = [row.Phi for row in self.rows], SX(float(np.prod(units)))
         parts: list[tuple[Factors | Orthogonal, Array]] = []
         for rows, columns in connected(pattern):

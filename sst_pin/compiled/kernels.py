@@ -267,7 +267,7 @@ def _columns(e: Equations, frame: str) -> list[SX]:
     point = e.kinematics.point(0, frame_named(e.mechanism.model, frame))
     columns = []
     for L in e.L:
-        twists = [ca.vertcat(*point.columns[i]) * x for i, x in L.items() if i in point.columns]
+        twists = [point.columns[i] * x for i, x in L.items() if i in point.columns]
         columns.append(_in_base(e, sum(twists, SX(6, 1))))
     return columns
 

@@ -18,7 +18,7 @@ from casadi import SX
 
 from ..arrays import Array
 from .links import Link, LinkTree, clean
-from .symbols import Sparse, add, angle, rotation_vector, sparse, sx
+from .symbols import Sparse, add, angle, column, rotation_vector, sparse, sx
 
 #: Unit vectors among the coordinates of a joint: how long, at their end.
 _UNIT = {"ball": 4, "free": 4, "planar": 2, "unbounded": 2}
@@ -69,8 +69,8 @@ class Point(NamedTuple):
 
     p: SX
     R: SX
-    #: Linear and angular velocity per rate.
-    columns: dict[int, tuple[SX, SX]]
+    #: [linear; angular] velocity per rate.
+    columns: Sparse
 
 
 class Kinematics:
@@ -185,15 +185,14 @@ class Kinematics:
         link = self.tree.link_of[frame.parentJoint]
         R, o = self.pose(base, link)
         p = o + R @ sx(frame.placement.translation)
-        columns: dict[int, tuple[SX, SX]] = {}
+        columns: Sparse = {}
         path = self.tree.ancestors(link)
         for i in path[path.index(base) + 1 :]:
             R_i, o_i = self.pose(base, i)
             for k, S in zip(self.tree.links[i].v, self.tree.links[i].S.T, strict=True):
                 turn = R_i @ sx(S[3:])
                 u = R_i @ sx(S[:3]) + ca.cross(turn, p - o_i)
-                before = columns.get(k, (SX(3, 1), SX(3, 1)))  # of the joint that this one mimics
-                columns[k] = before[0] + u, before[1] + turn
+                columns = add(columns, {k: ca.vertcat(u, turn)})  # a mimic joint adds to its own
         return Point(p, R @ self.rotation(frame), columns)
 
     def motions(
@@ -262,20 +261,20 @@ class Kinematics:
         q, rates = self.q, SX(self.q.numel(), 1)
         for link in self.tree.links[1:]:
             first, last = link.q.start, link.q.stop
-            own = [SX(v.get(k, 0)) for k in link.v]
+            own = column(v, link.v)
             if link.kind not in _UNIT:
-                rates[first:last] = ca.vertcat(*own)
+                rates[first:last] = own
             elif link.kind in ("unbounded", "planar"):
                 c, s = q[last - 2], q[last - 1]
                 rates[last - 2 : last] = ca.vertcat(-s, c) * own[-1]
             else:
-                vector, w, omega = q[last - 4 : last - 1], q[last - 1], ca.vertcat(*own[-3:])
+                vector, w, omega = q[last - 4 : last - 1], q[last - 1], own[-3:]
                 turned = w * omega + ca.cross(vector, omega)
                 rates[last - 4 : last] = ca.vertcat(turned, -ca.dot(vector, omega)) / 2
             if link.kind in ("planar", "free"):
                 R, _ = _joint_placement(link, [q[i] for i in link.q])
                 size = len(link.q) - _UNIT[link.kind]
-                rates[first : first + size] = R[:size, :size] @ ca.vertcat(*own[:size])
+                rates[first : first + size] = R[:size, :size] @ own[:size]
         return rates
 
     @property
@@ -305,13 +304,9 @@ def _relative(a: SX, b: SX) -> SX:
     return ca.vertcat(vector, ca.dot(a, b))
 
 
-def _own(link: Link, x: Sparse) -> tuple[SX, SX]:
+def _own(link: Link, x: Sparse) -> list[SX]:
     """Linear and angular part of a link's own rates, axes of the link."""
-    u, turn = SX(3, 1), SX(3, 1)
-    for k, S in zip(link.v, link.S.T, strict=True):
-        if k in x:
-            u, turn = u + sx(S[:3]) * x[k], turn + sx(S[3:]) * x[k]
-    return u, turn
+    return ca.vertsplit(sx(link.S) @ column(x, link.v), 3)
 
 
 def _joint_placement(link: Link, q: list[SX]) -> tuple[SX, SX]:

@@ -51,7 +51,7 @@ def _brackets(e: Equations, a: Sparse, b: Sparse) -> Sparse:
     for link in e.kinematics.tree.links:
         if len(link.v) > 1:
             S = sx(link.S)
-            of_a, of_b = (S @ ca.vertcat(*(SX(x.get(k, 0)) for k in link.v)) for x in (a, b))
+            of_a, of_b = (S @ column(x, link.v) for x in (a, b))
             brackets |= sparse(link.v, S.T @ _bracket(of_a, of_b))
     return brackets
 
