@@ -48,6 +48,8 @@ LONG = ("-O1", "-fexpensive-optimizations")
 _SUFFIX = ".so"
 #: Bytes that all libraries in the cache have together, at most.
 LARGEST = 2**30
+#: All files of the package that decide what is in a kernel.
+_CODE = ("chain/*.py", "compiled/*.py", "compiled/c/**/*.[ch]", "version.py")
 #: Seconds after which a person is told that a call compiles.
 _PATIENCE = 1.0
 #: The list of sizes in a library ends with -1; there are no more than this.
@@ -70,8 +72,10 @@ class Code:
     entry: str
 
     def sizes(self, word: str) -> list[int]:
-        """Numbers in the output of one of its functions, then in each input."""
-        return self._sizes(word)[1:]
+        """Sizes of the parameters, of the output of one of its functions, and of each input."""
+        name = f"sizes_{word}_{self.entry}"
+        numbers = list((ctypes.c_int * _MOST_SIZES).in_dll(self.library, name))
+        return numbers[: numbers.index(-1)]
 
     def address(self, word: str) -> int:
         """Address of one of its functions: "run", of rollouts "rate" too."""
@@ -82,14 +86,9 @@ class Code:
 
     def prepared(self, numbers: Array) -> Array:
         """Parameters with the constants behind them that the kernel makes of them."""
-        p = np.concatenate([numbers, np.zeros(self._sizes("run")[0] - len(numbers))])
+        p = np.concatenate([numbers, np.zeros(self.sizes("run")[0] - len(numbers))])
         getattr(self.library, f"prepare_{self.entry}")(ctypes.c_void_p(p.ctypes.data))
         return p
-
-    def _sizes(self, word: str) -> list[int]:
-        name = f"sizes_{word}_{self.entry}"
-        numbers = list((ctypes.c_int * _MOST_SIZES).in_dll(self.library, name))
-        return numbers[: numbers.index(-1)]
 
 
 class Clock:
@@ -189,19 +188,11 @@ def cached() -> list[Entry]:
     return sorted(entries, key=lambda entry: -entry.used)
 
 
-def empty_cache() -> int:
-    """Delete all libraries in the cache; how many there were. Those in use stay in memory.
+def empty_cache(largest: int = 0) -> int:
+    """Delete the libraries last used longest ago until the rest is smaller than this; how many.
 
-    Folders that a process left when it was killed while it compiled are deleted after a day.
-
-    Raises:
-        CompilationError: When they cannot be deleted.
+    Those in use stay in memory. What killed processes were compiling is deleted after a day.
     """
-    return _shrink(0)
-
-
-def _shrink(largest: int) -> int:
-    """Delete the libraries last used longest ago until the rest is smaller than this; how many."""
     left, old = 0, []
     for entry in cached():
         left += entry.size
@@ -230,9 +221,8 @@ def library(
 ) -> ctypes.CDLL:
     """The library of a kernel, of this process, from the cache, or compiled now.
 
-    `content` is all that the source is made from, `target` one of `TARGETS`. `options` are told to
-    the compiler besides; they are the same for each kernel of this name. `clock` is that of the
-    call.
+    `content` is all that the source is made from, `target` one of `TARGETS`. More options of the
+    compiler are the same for each kernel of this name. The clock is that of the call.
     """
     robot, parts = robot or "robot", [content, kernel.encode(), target.encode(), _version()]
     key = hashlib.sha256(b"\0".join(parts)).hexdigest()[:32]
@@ -287,7 +277,7 @@ def _made(
             raise CompilationError(f"{folder} cannot be used: {error}; {cure}") from None
         loaded = ctypes.CDLL(str(made.replace(folder / f"{label}.{_digest(made)}{_SUFFIX}")))
     with suppress(CompilationError):  # the library is good, even if old ones cannot be deleted
-        _shrink(LARGEST)
+        empty_cache(LARGEST)
     return loaded
 
 
@@ -319,10 +309,7 @@ def _digest(path: Path) -> str:
 @cache
 def _version() -> bytes:
     """Changes with all code that kernels come from and with the machine; a home can be shared."""
-    package, code = (
-        Path(__file__).parents[1],
-        ("chain/*.py", "compiled/*.py", "compiled/c/**/*.[ch]"),
-    )
-    paths = sorted(path for pattern in (*code, "version.py") for path in package.glob(pattern))
+    package = Path(__file__).parents[1]
+    paths = sorted(path for pattern in _CODE for path in package.glob(pattern))
     texts = [path.read_bytes() for path in paths]
     return hashlib.sha256(b"\0".join([os.uname().machine.encode(), *texts])).digest()

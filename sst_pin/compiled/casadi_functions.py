@@ -214,9 +214,9 @@ class CasadiFunctions(Functions):
     def _made(
         self, name: str, inputs: dict[str, SX], outputs: dict[str, SX], order: int = 1
     ) -> Function:
-        """A function with the numbers put in; it takes wrenches as the chain does, body by body.
+        """A function with the numbers put in, compiled ones with derivatives up to an order.
 
-        Where it is compiled, with derivatives up to an order.
+        It takes wrenches as the chain does, body by body.
         """
         symbols = [*inputs.values(), self._equations.p]
         results = [ca.densify(x) for x in outputs.values()]
@@ -237,9 +237,8 @@ class CasadiFunctions(Functions):
 class AlongMotions:
     """Values and derivatives of functions of closed configurations, one thread at a time.
 
-    On the closures q has n directions, those of `tangent`, T. What is differentiated by q and then
-    along T is the derivative along a closed motion; it is itself a function of a closed q, which
-    can be differentiated in the same way.
+    What is differentiated by q and then along `tangent` is the derivative along a closed motion; it
+    is itself a function of a closed q.
     """
 
     def __init__(self, functions: CasadiFunctions) -> None:

@@ -206,7 +206,7 @@ class CompiledBackend:
         numbers = parameters.pack(self._mechanism, friction)
         if inertial:
             numbers = parameters.inertial(numbers)
-        outputs, *sizes = codes[0].sizes(word)
+        _, outputs, *sizes = codes[0].sizes(word)
         return self._binding.Kernel(
             codes[0].address(word),
             codes[-1].address(word),
@@ -230,7 +230,7 @@ class CompiledBackend:
             return None
         code = codes[-1]
         numbers = self._parameters.pack(self._mechanism, friction)
-        _, q, va, tau, *load = code.sizes("run")
+        _, _, q, va, tau, *load = code.sizes("run")
         sizes = (q, va, tau, sum(load))
         return self._binding.Course(code.address("run"), sizes, code.prepared(numbers), code)
 

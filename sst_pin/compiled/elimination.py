@@ -3,10 +3,8 @@
 
 `Factors` eliminates. Its pivots are chosen once, for all configurations: few fill-ins (Markowitz),
 and in every sample not much smaller than the rest of their column, so that no element grows. Rows
-that follow from others with constant coefficients get no pivot and are never computed.
-
-Where the coefficients change with the configuration, each choice of rows is singular somewhere,
-though all rows together are not. `Orthogonal` takes all of these rows.
+that follow from others with constant coefficients get no pivot. Where the coefficients change with
+the configuration, each choice is singular somewhere: `Orthogonal` takes all of these rows.
 """
 
 from collections.abc import Iterable, Mapping, Sequence

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Derivatives along the motions that keep the loops closed, on CasADi's symbols.
 
-The lines of docs/derivatives.md: partial derivatives on the tree, where q, v, v_dot and the forces
-of the closures are independent, are CasADi's; the loops are differentiated implicitly, by the one
-factorisation of Phi_u that all else uses. For many samples whole matrices take the fewest
+As docs/derivatives.md: partial derivatives on the tree are CasADi's; the loops are differentiated
+implicitly, by the one factorisation of Phi_u. For many samples whole matrices take the fewest
 operations. For one sample its directions are computed side by side, as samples otherwise are.
 """
 
@@ -65,11 +64,9 @@ def _bracket(a: SX, b: SX) -> SX:
 class _OnTree:
     """Derivatives on the tree, where q, v, v_dot and the forces of the closures are independent.
 
-    Attributes:
-        slips: Phi v of those rows that hold rates and no positions; zeros for the others.
-        c: Phi v_dot + Phi_dot v.
-        forces: Forces of the tree less those of the closures and of motors.
-        q, v, v_dot: What they can be differentiated by; q along each rate.
+    By q along each rate, v and v_dot can be differentiated: `slips`, Phi v of those rows that hold
+    rates and no positions; c = Phi v_dot + Phi_dot v; the forces of the tree less those of the
+    closures and of motors.
     """
 
     def __init__(self, e: Equations, aa: SX, tau: SX | None) -> None:
