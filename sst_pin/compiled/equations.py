@@ -78,6 +78,7 @@ class Equations:
         self._dependent = [int(i) for i in mechanism.dependent]
         self._rates = range(model.nv)
         self.va, self.aa = (SX.sym(name, len(self._coordinates)) for name in ("va", "aa"))
+        self.tau = SX.sym("tau", mechanism.motors.shape[1])
         self.loads = SX.sym("loads", 6 * (model.njoints - 1) if loaded else 0)
         self.tree = TreeDynamics(
             mechanism, self.kinematics, self.parameters, self.p, self.loads, smooth, welded
@@ -355,8 +356,9 @@ class Equations:
         """B tau: what motors give along the rates of the tree."""
         return sparse(self._rates, self.B @ tau)
 
-    def accelerations(self, tau: SX) -> tuple[SX, list[Any]]:
+    @cached_property
+    def accelerations(self) -> tuple[SX, list[Any]]:
         """aa under motor torques from Eq. (92), and one over each pivot of the inertia matrix."""
         without = self.forces(self.at_rest)
-        given = self.project(self.motor_forces(tau))
+        given = self.project(self.motor_forces(self.tau))
         return solve_symmetric(self.inertia, given - self.project(without))

@@ -35,8 +35,7 @@ def reactions(e: Equations, checks: Checks) -> tuple[dict[str, SX], SX, list[Any
     mechanism, needed = e.mechanism, e.tree_forces
     inputs, tau = {"q": e.q, "va": e.va, "aa": e.aa}, e.generalized_forces
     if not mechanism.driven_one_to_one:
-        tau = SX.sym("tau", mechanism.motors.shape[1])
-        inputs["tau"] = tau
+        inputs["tau"] = tau = e.tau
         needed = add(needed, e.motor_forces(-tau))
     units = on_links([*e.rows, *_rows_of_lines(e)], e.v)
     Lambda = e.multipliers(needed) | _pushes(e, tau)

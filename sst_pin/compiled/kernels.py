@@ -103,8 +103,8 @@ def _motion(e: Equations) -> dict[str, SX]:
     return _moving(e) | {"aa": e.aa, WRENCHES: e.loads}
 
 
-def _driven(e: Equations, tau: SX) -> dict[str, SX]:
-    return _moving(e) | {"tau": tau, WRENCHES: e.loads}
+def _driven(e: Equations) -> dict[str, SX]:
+    return _moving(e) | {"tau": e.tau, WRENCHES: e.loads}
 
 
 def _forces(e: Equations, checks: Checks) -> _Made:
@@ -123,9 +123,8 @@ def _torques(e: Equations, checks: Checks) -> _Made:
 
 
 def _accelerations(e: Equations, checks: Checks) -> _Made:
-    tau = _motor_torques(e)
-    aa, inverses = e.accelerations(tau)
-    return _driven(e, tau), aa, [*checks.of_accelerations, definite(inverses)]
+    aa, inverses = e.accelerations
+    return _driven(e), aa, [*checks.of_accelerations, definite(inverses)]
 
 
 def _torque_derivatives(e: Equations, checks: Checks, way: SX | None = None) -> _Made:
@@ -136,13 +135,8 @@ def _torque_derivatives(e: Equations, checks: Checks, way: SX | None = None) -> 
 
 def _acceleration_derivatives(e: Equations, checks: Checks, way: SX | None = None) -> _Made:
     """Derivatives of aa by q, va and tau side by side, row by row."""
-    tau = _motor_torques(e)
-    derivatives, own = symbolic_derivatives.of_accelerations(e, checks, tau, way)
-    return _driven(e, tau), row_by_row(derivatives), checks.of_accelerations + own
-
-
-def _motor_torques(e: Equations) -> SX:
-    return SX.sym("tau", e.mechanism.motors.shape[1])
+    derivatives, own = symbolic_derivatives.of_accelerations(e, checks, way)
+    return _driven(e), row_by_row(derivatives), checks.of_accelerations + own
 
 
 def _displacement_rates(e: Equations, checks: Checks) -> _Made:

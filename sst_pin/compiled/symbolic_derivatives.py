@@ -22,15 +22,13 @@ from .symbols import Sparse, add, column, definite, is_zero, solve_symmetric, sp
 
 def of_torques(e: Equations, checks: Checks, way: SX | None = None) -> tuple[SX, list[Any]]:
     """Derivatives of f by q, va and aa side by side, or times a direction `way`, and checks."""
-    return _of_forces(e, checks, _OnTree(e, e.aa, None), way)
+    return _of_forces(e, checks, _OnTree(e, e.aa, SX(*e.tau.shape)), way)
 
 
-def of_accelerations(
-    e: Equations, checks: Checks, tau: SX, way: SX | None = None
-) -> tuple[SX, list[Any]]:
+def of_accelerations(e: Equations, checks: Checks, way: SX | None = None) -> tuple[SX, list[Any]]:
     """Derivatives of aa by q, va and tau side by side, or times a direction, and checks."""
-    aa, inverses = e.accelerations(tau)
-    by_motion, own = _of_forces(e, checks, _OnTree(e, aa, tau), way)
+    aa, inverses = e.accelerations
+    by_motion, own = _of_forces(e, checks, _OnTree(e, aa, e.tau), way)
     n = by_motion.shape[1] // 3
     driven = e.motor_matrix if way is None else e.project(e.motor_forces(way))
     aa_x, _ = solve_symmetric(e.inertia, ca.horzcat(-by_motion[:, : 2 * n], driven))
@@ -69,9 +67,8 @@ class _OnTree:
     closures and of motors.
     """
 
-    def __init__(self, e: Equations, aa: SX, tau: SX | None) -> None:
+    def __init__(self, e: Equations, aa: SX, tau: SX) -> None:
         of_v_dot = e.complete(ca.vertsplit(aa), e.drift)
-        tau = SX(len(e.mechanism.motor_names), 1) if tau is None else tau
         force = add(e.forces(of_v_dot), e.motor_forces(-tau))
         nv, twin = e.mechanism.model.nv, e.displaced
         rows = [twin.rows[i] for i in e.factors.rows]
@@ -83,10 +80,9 @@ class _OnTree:
         slips = (row.velocity(v, twists) if row.residual is None else SX(0) for row in rows)
         self.slips = SX(ca.vertcat(*slips))
         self.c = SX(ca.vertcat(*(row.acceleration(v, a) for row in rows)))
-        held_tau = SX.sym("tau", *tau.shape)
-        forces = add(_forces(twin, v, a, rows, ca.vertsplit(R)), twin.motor_forces(-held_tau))
+        forces = add(_forces(twin, v, a, rows, ca.vertsplit(R)), twin.motor_forces(-twin.tau))
         self.forces = column(forces, range(nv))
-        self._symbols = [twin.q, self.q, self.v, self.v_dot, R, twin.p, twin.loads, held_tau]
+        self._symbols = [twin.q, self.q, self.v, self.v_dot, R, twin.p, twin.loads, twin.tau]
         held = column(e.multipliers(force), e.factors.rows)
         now = [column(e.v, range(nv)), column(of_v_dot, range(nv)), held]
         self._values = [e.q, SX(nv, 1), *now, e.p, e.loads, tau]
