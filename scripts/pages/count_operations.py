@@ -153,7 +153,7 @@ INVERSE: dict[str, Callable[[Equations], ca.SX]] = {
     SHORT: torques_short,
     CHECKED: torques_checked,
 }
-DIRECT: dict[str, Callable[[Equations, ca.SX], ca.SX]] = {
+DIRECT: dict[str, Callable[[Equations], ca.SX]] = {
     LONG: accelerations_long,
     MULTIPLIERS: accelerations_multipliers,
     SHORT: accelerations_short,
@@ -182,10 +182,8 @@ class Count(NamedTuple):
 
 def count(e: Equations, problem: str, name: str) -> Count:
     """Count one method for one robot."""
-    if problem == "inverse":
-        last, output = e.aa, INVERSE[name](e)
-    else:
-        last, output = e.tau, DIRECT[name](e)
+    inverse = problem == "inverse"
+    last, output = e.aa if inverse else e.tau, (INVERSE if inverse else DIRECT)[name](e)
     function = ca.Function("count", [e.q, e.va, last, e.p], [ca.densify(output)], {"cse": True})
     return Count(operations(function), function)
 

@@ -169,23 +169,20 @@ class CasadiFunctions(Functions):
         It is a step of the classical Runge-Kutta method of order four, then one step of Newton's
         method that closes the loops.
         """
-        state_rate = self._function("state_rate", "rate")
-        q_next = kernels.make(self._equations, "closing").output[: self.nq]
+        nq, rate = self.nq, self._function("state_rate", "rate")
+        q_next = kernels.make(self._equations, "closing").output[:nq]
         closed = self._made("closing", {"q": self._equations.q}, {"closed": q_next})
-        given = {"q": MX.sym("q", self.nq), "va": MX.sym("va", self.n)}
-        rest = {"tau": MX.sym("tau", self.motors)}
-        if self._bodies:
-            rest[WRENCHES] = MX.sym(WRENCHES, self._bodies, 6)
+        sizes = {"q": nq, "va": self.n, "tau": self.motors, "dt": 1}
+        q, va, tau, dt = (MX.sym(name, size) for name, size in sizes.items())
+        loads = [MX.sym(WRENCHES, self._bodies, 6)] if self._bodies else []
 
-        def rate(when: int, x: MX) -> MX:
-            return state_rate(x[: self.nq], x[self.nq :], *rest.values())
+        def of_state(_: int, x: MX) -> MX:
+            return rate(x[:nq], x[nq:], tau, *loads)
 
-        x, dt = ca.vertcat(*given.values()), MX.sym("dt")
-        x, _ = runge_kutta_step(rate, x, dt)
-        given |= {"tau": rest.pop("tau"), "dt": dt} | rest
-        results = [closed(x[: self.nq]), x[self.nq :]]
-        names = list(given), ["q_next", "va_next"]
-        return Function("step", list(given.values()), results, *names)
+        x, _ = runge_kutta_step(of_state, ca.vertcat(q, va), dt)
+        given = [q, va, tau, dt, *loads]
+        names = [symbol.name() for symbol in given], ["q_next", "va_next"]
+        return Function("step", given, [closed(x[:nq]), x[nq:]], *names)
 
     def frame_placement(self, frame: str) -> Function:
         """Q -> p, shape (3,), and R, shape (3, 3): a frame, by its name, in the base."""

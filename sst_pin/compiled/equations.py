@@ -69,8 +69,7 @@ class Equations:
         self.mechanism, model = mechanism, mechanism.model
         self.parameters = parameters or OpenNumbers(mechanism)
         self.p = SX.sym("p", self.parameters.size)
-        rotations = self.parameters.rotations(self.p)
-        self.kinematics = Kinematics(model, rotations, displaced=displaced)
+        self.kinematics = Kinematics(model, self.parameters.rotations(self.p), displaced)
         if displaced:
             self.kinematics.lift = -(self.kinematics.base.T @ self.p[GRAVITY])
         self.q = self.kinematics.q

@@ -83,16 +83,9 @@ class Kinematics:
     given.
     """
 
-    def __init__(
-        self,
-        model: pin.Model,
-        rotations: Mapping[str, SX] | None = None,
-        *,
-        displaced: bool = False,
-    ) -> None:
+    def __init__(self, model: pin.Model, rotations: Mapping[str, SX], displaced: bool) -> None:
         self.lift = SX(3, 1)
-        self.tree = LinkTree.of(model)
-        self._rotations = dict(rotations or {})
+        self.tree, self._rotations = LinkTree.of(model), rotations
         self._at_rest = {
             self.tree.link_of[model.getJointId(name)]: R
             for name, R in self._rotations.items()
