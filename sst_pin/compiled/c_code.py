@@ -16,9 +16,11 @@ from .open_numbers import SIGN_WIDTH
 
 #: Arguments of the sign of a rate besides it: its width, and what is slower is at rest.
 _OF_SIGNS = f"p[{SIGN_WIDTH}], N({AT_REST})"
-_BINARY = {ca.OP_ADD: "+", ca.OP_SUB: "-", ca.OP_MUL: "*", ca.OP_DIV: "/"}
-#: By its operands.
+#: An operation by its operands.
 _FORMS = {
+    ca.OP_ADD: "{0} + {1}",
+    ca.OP_SUB: "{0} - {1}",
+    ca.OP_MUL: "{0} * {1}",
     ca.OP_LE: "AT_MOST({0}, {1})",
     ca.OP_NEG: "-{0}",
     ca.OP_SQ: "{0} * {0}",
@@ -187,12 +189,8 @@ class Writer:
             if declared not in self.lines[kind]:
                 self.lines[kind].append(declared)
             return f"{'s' if operation == ca.OP_SIN else 'c'}{t}", kind
-        if operation in _BINARY:
-            text = f"{first} {_BINARY[operation]} {texts[1]}"
-        else:
-            forms = _FORMS if kind == "real" else _FORMS | _OF_NUMBERS
-            text = forms[operation].format(*texts)
-        self.lines[kind].append(f"const {kind} {name} = {text};")
+        forms = _FORMS if kind == "real" else _FORMS | _OF_NUMBERS
+        self.lines[kind].append(f"const {kind} {name} = {forms[operation].format(*texts)};")
         return name, kind
 
     def _inverse(self, name: _Name) -> _Name:
