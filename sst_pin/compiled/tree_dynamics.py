@@ -26,13 +26,18 @@ from .symbols import Sparse, add, is_zero, sx
 class Body(NamedTuple):
     """A rigid body, or several that are welded to each other, in the frame of a link."""
 
-    mass: SX
+    mass: SX = SX(1, 1)
     #: First moment.
-    c: SX
+    c: SX = SX(3, 1)
     #: Second moments, the integral of r r^T.
-    J: SX
+    J: SX = SX(3, 3)
     #: Sum of mass times the square of the mass centre's distance from the origin.
-    polar: SX
+    polar: SX = SX(1, 1)
+
+    @property
+    def inertia(self) -> SX:
+        """Inertia about the origin."""
+        return ca.trace(self.J) * SX.eye(3) - self.J
 
     def moved(self, R: SX, p: SX) -> "Body":
         """In a frame in which the one before has the orientation R and the origin p."""
@@ -71,10 +76,10 @@ class TreeDynamics:
         self._p, self._loads, self._smooth, self._welded = p, loads, smooth, welded
 
     @cached_property
-    def _bodies(self) -> list[Body | None]:
+    def _bodies(self) -> list[Body]:
         """By Pinocchio's joints; where bodies are computed as one, the first has all of it."""
         model, kinematics = self._mechanism.model, self._kinematics
-        bodies: list[Body | None] = [None] * model.njoints
+        bodies = [Body()] * model.njoints
         for i in range(1, model.njoints):
             found = self._parameters.body(self._p, i)
             if found is not None:
@@ -85,13 +90,11 @@ class TreeDynamics:
                 ends = (closure.frame_a, closure.frame_b)
                 a, b = (frame_named(model, name) for name in ends)
                 i, j = a.parentJoint, b.parentJoint
-                moving = bodies[j]
-                if i and moving is not None:
+                if i and not is_zero(bodies[j].mass):
                     R = kinematics.rotation(a) @ kinematics.rotation(b).T
                     p = sx(a.placement.translation) - R @ sx(b.placement.translation)
-                    moved, other = moving.moved(R, p), bodies[i]
-                    bodies[i] = moved if other is None else Body(*map(operator.add, moved, other))
-                    bodies[j] = None
+                    bodies[i] = Body(*map(operator.add, bodies[j].moved(R, p), bodies[i]))
+                    bodies[j] = Body()
         return bodies
 
     def forces(
@@ -117,10 +120,8 @@ class TreeDynamics:
         gravity = self._kinematics.base.T @ self._p[GRAVITY]
         motions = self._kinematics.motions(v, dv, gravity)
         for link, x in zip(self._kinematics.tree.links, motions, strict=True):
-            body, wrench = self._bodies[link.body], SX(6, 1)
-            if body is not None:
-                mass, c, J, _ = body
-                wrench = ca.vertcat(mass * x.a + x.U @ c, _moment(x, J) + ca.cross(c, x.a))
+            mass, c, J, _ = self._bodies[link.body]
+            wrench = ca.vertcat(mass * x.a + x.U @ c, _moment(x, J) + ca.cross(c, x.a))
             if loads and link.body and self._loads.numel():
                 wrench = wrench - self._load(link.body)
             wrenches.append(wrench)
@@ -204,9 +205,8 @@ class TreeDynamics:
         """Potential energy of the weights, the springs and the forces along lines."""
         gravity, energies = self._kinematics.base.T @ self._p[GRAVITY], []
         for i, link in enumerate(self._kinematics.tree.links):
-            mass, c, _ = self._inertia_of(link.body)
-            R, p = self._kinematics.pose(0, i)
-            energies.append(-ca.dot(gravity, mass * p + R @ c))
+            body, (R, p) = self._bodies[link.body], self._kinematics.pose(0, i)
+            energies.append(-ca.dot(gravity, body.mass * p + R @ body.c))
         way = self._kinematics.difference(self._parameters.of_joints("spring_reference", self._p))
         stiffness = self._parameters.of_joints("stiffness", self._p)
         energies += [c * way[k] ** 2 / 2 for k, c in stiffness.items()]
@@ -214,14 +214,6 @@ class TreeDynamics:
             stretch = x.length - x.rest
             energies.append(x.stiffness * stretch**2 / 2 + x.preload * stretch)
         return total(energies)
-
-    def _inertia_of(self, body: int) -> tuple[SX, SX, SX]:
-        """Mass, first moment and inertia about the origin of a body; zeros without mass."""
-        found = self._bodies[body]
-        if found is None:
-            return SX(1, 1), SX(3, 1), SX(3, 3)
-        mass, c, J, _ = found
-        return mass, c, ca.trace(J) * SX.eye(3) - J
 
     @cached_property
     def inertia(self) -> dict[tuple[int, int], Any]:
@@ -236,7 +228,8 @@ class TreeDynamics:
         with these coordinates.
         """
         links, placements = self._kinematics.tree.links, self._kinematics.placements
-        composite = [self._inertia_of(link.body) for link in links]
+        bodies = [self._bodies[link.body] for link in links]
+        composite = [(body.mass, body.c, body.inertia) for body in bodies]
         forces: list[Sparse] = [{} for _ in links]  # wrenches by rate
         M: dict[tuple[int, int], Any] = {}
         for i in range(len(links) - 1, 0, -1):
@@ -277,12 +270,10 @@ class TreeDynamics:
         wrenches = []
         motions = self._kinematics.motions(v, L_dot, v_k=L)
         for link, x in zip(self._kinematics.tree.links, motions, strict=True):
-            mass, c, inertia = self._inertia_of(link.body)
-            inner, body = inertia, self._bodies[link.body]
-            if body is not None:
-                # About the mass centre the paper's term is omega x (I omega_k).
-                inner = inertia - body.polar * SX.eye(3)
-            moment = inertia @ x.alpha + ca.cross(x.omega, inner @ x.omega_k)
+            mass, c, _, polar = body = self._bodies[link.body]
+            # About the mass centre the paper's term is omega x (I omega_k).
+            inner = body.inertia - polar * SX.eye(3)
+            moment = body.inertia @ x.alpha + ca.cross(x.omega, inner @ x.omega_k)
             wrenches.append(ca.vertcat(mass * x.a + x.U @ c, moment + ca.cross(c, x.a)))
         return add(self._kinematics.transmitted(wrenches), self._rotors(L_dot))
 
