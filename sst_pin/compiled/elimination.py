@@ -71,7 +71,8 @@ class Factors:
         columns = {j for _, j in order}
         work = {i: {j: x for j, x in rows[i].items() if j in columns} for i, _ in order}
         self._order, self.rows = list(order), [i for i, _ in order]
-        self._factors: list[dict[int, Any]] = []  # of each step, by the row they change
+        #: Row and column of each pivot before the core, factors by the row they change, inverse.
+        self._steps: list[tuple[int, int, dict[int, Any], Any]] = []
         self.pivots: list[Any] = []  # for a last 2 x 2 block its determinant
         self.inverses: list[Any] = []  # one over each pivot
         self._core: dict[tuple[int, int], Any] = {}  # inverse of the last 2 x 2 block
@@ -87,7 +88,7 @@ class Factors:
                 if j in work[k]:
                     factors[k] = work[k].pop(j) * inverse
                     _subtract(work[k], factors[k], row)
-            self._factors.append(factors)
+            self._steps.append((i, j, factors, inverse))
             self.pivots.append(pivot)
             self.inverses.append(inverse)
         self._upper = work  # what is left of each row beside its pivot
@@ -113,15 +114,9 @@ class Factors:
         return total([(_SMALL * float(s) * x) ** 2 for s, x in pairs])
 
     @property
-    def _steps(self) -> list[tuple[tuple[int, int], dict[int, Any], Any]]:
-        """Row and column, factors and inverse of each pivot before the core."""
-        single = self.inverses[:-1] if self._core else self.inverses
-        return list(zip(self._order, self._factors, single, strict=False))
-
-    @property
     def changed(self) -> tuple[list[int], list[int]]:
         """Rows and columns of A with elements that elimination changes, so that they may grow."""
-        steps = [(f, self._upper[i]) for (i, _), f, _ in self._steps]
+        steps = [(factors, self._upper[i]) for i, _, factors, _ in self._steps]
         rows = {k for factors, row in steps if row for k in factors}
         columns = {k for factors, row in steps if factors for k in row}
         return [i for i in self.rows if i in rows], sorted(columns)
@@ -130,17 +125,17 @@ class Factors:
         """x by column with A x = right; entries of `right` by row, zeros left out."""
         y: dict[int, Any] = dict(right)
         x: dict[int, Any] = {}
-        for (i, _), factors, _ in self._steps:
+        for i, _, factors, _ in self._steps:
             if i in y:
                 for k, factor in factors.items():
                     _add(y, k, -(factor * y[i]))
         for (j, i), entry in self._core.items():
             if i in y:
                 _add(x, j, entry * y[i])
-        for (i, j), _, inverse in reversed(self._steps):
-            known = [(entry, x[k]) for k, entry in self._upper[i].items() if k in x]
-            for entry, value in known:
-                _add(y, i, -(entry * value))
+        for i, j, _, inverse in reversed(self._steps):
+            for k, entry in self._upper[i].items():
+                if k in x:
+                    _add(y, i, -(entry * x[k]))
             if i in y:
                 x[j] = y[i] * inverse
         return x
@@ -149,7 +144,7 @@ class Factors:
         """x by row with A^T x = right; entries of `right` by column, zeros left out."""
         y: dict[int, Any] = dict(right)
         x: dict[int, Any] = {}
-        for (i, j), _, inverse in self._steps:
+        for i, j, _, inverse in self._steps:
             if j in y:
                 x[i] = y[j] * inverse
                 for k, entry in self._upper[i].items():
@@ -157,7 +152,7 @@ class Factors:
         for (j, i), entry in self._core.items():
             if j in y:
                 _add(x, i, entry * y[j])
-        for (i, _), factors, _ in reversed(self._steps):
+        for i, _, factors, _ in reversed(self._steps):
             for k, factor in factors.items():
                 if k in x:
                     _add(x, i, -(factor * x[k]))
