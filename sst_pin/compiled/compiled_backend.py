@@ -58,8 +58,6 @@ _TIMES = 2
 _LARGEST = {"": inf, "matrices": 100_000, "derivatives": 10_000}
 #: Kernels of derivatives that are kept, one for each width within which friction is smooth.
 _WIDTHS = 16
-#: What the binding is compiled from.
-_BINDING = [Path(__file__).with_name(name) for name in ("_binding.pyx", "batches.h")]
 
 
 class CompiledBackend:
@@ -86,6 +84,7 @@ class CompiledBackend:
         _require_binding(_binding.__file__)
         self._binding = _binding
         self._reference, self._mechanism = reference, reference.mechanism
+        self._robot = self._mechanism.model.name or "robot"
         self._near = near
         self._parameters = parameters or OpenNumbers(self._mechanism)
         self._code = code or self._from_cache
@@ -98,11 +97,11 @@ class CompiledBackend:
         self._given_up = False  # of one whose kernels could not be made; it is not used
 
     def __str__(self) -> str:
-        whys = {key: " ".join(why.split()) for key, why in self._why.items()}  # in one line
-        without = [f"{key} by the reference path: {why}" for key, why in whys.items()]
-        lanes = build.TARGETS[self._binding.INSTRUCTIONS][0]
-        instructions = f"{self._binding.INSTRUCTIONS}, {lanes} samples at once"
-        return "; ".join([f"compiled kernels: {instructions}", *without])
+        target = self._binding.INSTRUCTIONS
+        parts = [f"compiled kernels: {target}, {build.TARGETS[target][0]} samples at once"]
+        for key, why in self._why.items():
+            parts.append(f"{key} by the reference path: {' '.join(why.split())}")  # in one line
+        return "; ".join(parts)
 
     def make(self, keys: Sequence[Key] = FIRST) -> None:
         """Have kernels ready, those in the cache or compiled now."""
@@ -111,7 +110,12 @@ class CompiledBackend:
         own = dict.fromkeys(map(self._own, keys))
         wanted = [key for key in own if not impossible(self._mechanism, key.quantity)]
         variants = [variant for key in wanted for variant in self._variants(key)]
-        prepare = partial(self._prepare, self._clock())
+        clock = Clock(self._robot)
+
+        def prepare(variant: tuple[Key, str]) -> None:
+            with suppress(ActuationError):  # too few motors: `_found` tells it
+                self._code(*variant, clock)
+
         with ThreadPoolExecutor() as pool:
             try:
                 for _ in pool.map(prepare, variants):
@@ -120,35 +124,24 @@ class CompiledBackend:
                 self._given_up = True
                 raise
 
-    def _clock(self) -> Clock:
-        """Of one call; the states of an integrator keep theirs."""
-        return Clock(self._mechanism.model.name or "robot")
-
-    def _prepare(self, clock: Clock, variant: tuple[Key, str]) -> None:
-        """Make code, unless the motors do not suffice, which `_found` tells."""
-        with suppress(ActuationError):
-            self._code(*variant, clock)
-
     def kernel(self, key: Key, clock: Clock | None = None) -> chain.Kernel:
         """What computes a quantity, as `Backend.kernel`; those of the last widths are kept."""
-        try:
-            return self._kernels[key]
-        except KeyError:
-            pass
+        if (made := self._kernels.get(key)) is not None:
+            return made
         if key.frame is not None:
             frame_named(self._mechanism.model, key.frame)
         if key.sign_width is not None:
-            smooth = [made for made in list(self._kernels) if made.sign_width is not None]
-            for made in smooth if len(smooth) >= _WIDTHS else ():
-                self._kernels.pop(made, None)
-        clock = clock or self._clock()
+            smooth = [other for other in list(self._kernels) if other.sign_width is not None]
+            for other in smooth if len(smooth) >= _WIDTHS else ():
+                self._kernels.pop(other, None)
+        clock = clock or Clock(self._robot)
         columns = self._by_columns(clock) if key.quantity == "accelerations" else None
         kernel = self._kernels[key] = columns or self._kernel(key, clock=clock) or NoKernel()
         return kernel
 
     def states(self, friction: Friction) -> CompiledStates:
         """The state space with this friction instead of the mechanism's."""
-        clock = self._clock()
+        clock = Clock(self._robot)
         closing, columns = self.kernel(Key("closing"), clock), self._by_columns(clock, friction)
         rate, course = partial(self._rate, clock, friction), partial(self._course, clock, friction)
         derivatives = Key("acceleration_derivatives", sign_width=friction.sign_width)
@@ -195,7 +188,7 @@ class CompiledBackend:
         inertial: bool = False,
     ) -> "Kernel | None":
         """A kernel by its code for single samples, then for batches; None where there is none."""
-        codes = self._found(key, clock or self._clock())
+        codes = self._found(key, clock or Clock(self._robot))
         if not codes:
             return None
         friction = friction or self._mechanism.friction
@@ -279,8 +272,8 @@ class CompiledBackend:
                 made = kernels.entry(self._equations_of(key), key)
                 return c_code.library(key.entry, made, build.TARGETS[target][0])
 
-        robot, options = self._mechanism.model.name, build.LONG if smooth else ()
-        library = build.library(robot, str(key), content, target, source, options, clock)
+        options = build.LONG if smooth else ()
+        library = build.library(self._robot, str(key), content, target, source, options, clock)
         return Code(library, key.entry)
 
     def _equations_of(self, key: Key) -> "Equations":
@@ -300,7 +293,7 @@ class CompiledBackend:
 @cache
 def _require_binding(path: str) -> None:
     """Refuse a binding of other sources; asked once, where it is the right one."""
-    require_current(path, *_BINDING)
+    require_current(path, *(Path(__file__).with_name(x) for x in ("_binding.pyx", "batches.h")))
 
 
 def impossible(mechanism: Mechanism, quantity: Name) -> str:

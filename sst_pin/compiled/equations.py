@@ -313,12 +313,9 @@ class Equations:
     @cached_property
     def motor_factors(self) -> tuple[Orthogonal, Array]:
         """(L^T B)^T, factorised, and the squares of its pivots in the samples."""
-        by_motor: list[dict[int, Any]] = [{} for _ in self.mechanism.motor_names]
-        for i, row in enumerate(self.motor_rows):
-            for k, x in row.items():
-                by_motor[k][i] = x
-        scale = dict.fromkeys(range(len(by_motor)), 1.0)
-        return self._orthogonal(by_motor, scale, range(len(self._coordinates)))
+        rows, motors = list(enumerate(self.motor_rows)), range(len(self.mechanism.motor_names))
+        by_motor = [{i: row[k] for i, row in rows if k in row} for k in motors]
+        return self._orthogonal(by_motor, dict.fromkeys(motors, 1.0), range(len(rows)))
 
     @cached_property
     def inertia(self) -> SX:
