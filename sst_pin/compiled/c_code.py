@@ -60,10 +60,9 @@ class KernelSource(NamedTuple):
 def body(
     kernel: SymbolicKernel, size: int | None = None, suffix: str = "", *, one: bool = False
 ) -> KernelSource:
-    """The C of a kernel; what depends on the parameters alone is apart, to be computed once.
+    """The C of a kernel for many samples or `one`; what depends on p alone is apart.
 
-    `size` is that of p before its constants, `suffix` that of numbers, "f" in single precision;
-    `one` is for one sample at once.
+    `size` is that of p before its constants, `suffix` that of numbers, "f" in single precision.
     """
     writer = written(kernel, size, suffix)
     prepare = f"static void {kernel.name}_constants(number *p)"

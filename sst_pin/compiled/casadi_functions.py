@@ -243,11 +243,10 @@ class AlongMotions:
         self._made: dict[tuple[str, str | None, int], Function] = {}
 
     def values(self, name: str, order: int, *arguments: Array, frame: str | None = None) -> Array:
-        """One of the `CasadiFunctions` by name, or its derivatives of an order, of samples in rows.
+        """One of the `CasadiFunctions` by name, or its derivatives of an order; NaN where it fails.
 
         The arguments are q, shape (..., nq), and others, shape (..., size). The result has the
-        shape (..., size, N, .., N), an axis of N for each order: the n directions of q, then the
-        entries of the others. Samples that fail the checks are NaN.
+        shape (..., size, N, .., N), each N the n directions of q, then the entries of the others.
         """
         lead = arguments[0].shape[:-1]
         columns = [x.reshape(-1, x.shape[-1]).T for x in arguments]

@@ -162,11 +162,9 @@ class _Pair:
         return Row(Phi, velocity, acceleration, ca.dot(n, d), ca.dot(n, d) ** 2)
 
     def _turned_alike(self) -> Iterator[Row]:
-        """B does not turn relative to A.
-
-        The rows are in the axes of the link C that the last joint of B's branch hangs on: there the
-        axes of its two last joints stand still. The way from A's link to C goes by B.
-        """
+        """B does not turn relative to A."""
+        # In the axes of the link C that the last joint of B's branch hangs on the axes of its two
+        # last joints stand still. The way from A's link to C goes by B.
         kinematics, links = self._kinematics, self._kinematics.tree.links
         (link_a, link_b), (frame_a, frame_b) = self._links, self._frames
         C = link_b

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Compiled kernels as the backend of a chain.
+"""Compiled kernels as the backend of a chain, each made at its first use.
 
 A kernel checks each sample: its loops are closed, no pivot is much smaller than in the sample
-configurations, all numbers are finite. Samples that fail these checks go to the reference path, one
-by one; it computes them or raises the error. Each kernel is made at its first use.
+configurations, all numbers are finite. Samples that fail go to the reference path, one by one.
 """
 
 import threading
@@ -23,12 +22,7 @@ from ..chain.quantities import QUANTITIES, Name
 from ..chain.reference import Reference
 from ..chain.regressor import with_springs
 from ..chain.tree import frame_named
-from ..errors import (
-    ActuationError,
-    CompilationError,
-    MissingExtraError,
-    SSTError,
-)
+from ..errors import ActuationError, CompilationError, MissingExtraError, SSTError
 from ..extensions import missing, require_current
 from . import build
 from .build import Clock, Code

@@ -29,8 +29,7 @@ _SMALL = 1e-3
 def pivot_order(pattern: Flags, values: Array) -> tuple[list[tuple[int, int]], Array]:
     """Rows and columns of the pivots in the order of elimination, and their largest sizes.
 
-    The pattern, shape (rows, columns), says where the matrix may be different from zero; values are
-    samples of it, shape (samples, rows, columns), of full column rank.
+    The matrix has a pattern, shape (rows, columns), and samples, (samples, rows, columns).
     """
     values, noise = values.copy(), _ZERO * np.abs(values).max(axis=(0, 2), initial=0.0)
     order, sizes = [], []
@@ -62,10 +61,7 @@ def pivot_order(pattern: Flags, values: Array) -> tuple[list[tuple[int, int]], A
 
 
 class Factors:
-    """A square sparse matrix A, factorised along given pivots, the last two as one 2 x 2 block.
-
-    A is the part of `rows` that the pivots lie in.
-    """
+    """The part of a matrix with given pivots, factorised, the last two as one 2 x 2 block."""
 
     def __init__(self, rows: Rows, order: Sequence[tuple[int, int]]) -> None:
         columns = {j for _, j in order}

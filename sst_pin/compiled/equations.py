@@ -51,9 +51,8 @@ class Equations:
     Pivots are chosen by assembled configurations, the samples. `loaded` tells whether external
     wrenches act: `loads` are [moment; force] on each body at its mass centre, base axes. `smooth`
     tells whether Coulomb friction is tanh(v / sign_width), for derivatives; kernels smooth the sign
-    by themselves where the width is not zero. With `displaced` joints derivatives by q along the
-    rates can be taken, as `Kinematics` says. `welded` bodies are computed as one. p are the open
-    numbers, in the order of `parameters`.
+    by themselves. `welded` bodies are computed as one. With `displaced` joints derivatives by q
+    along the rates can be taken. p are the open numbers, in the order of `parameters`.
     """
 
     def __init__(
@@ -131,8 +130,7 @@ class Equations:
     def _all_of(self, values: Array, rows: Indices, columns: Indices) -> dict[int, float]:
         """Rows of a part of Phi_u that all count, with their scales; none where a choice suffices.
 
-        Where as many rows as columns are independent over all samples together, the other rows
-        follow from these at every configuration. Else any choice is singular somewhere.
+        A choice suffices where no more rows than columns are independent over all samples.
         """
         units = self.mechanism.rate_scale[self.mechanism.dependent[columns]]
         side_by_side = np.hstack(list(values[:, rows][:, :, columns] * units))
@@ -221,10 +219,7 @@ class Equations:
         return [(i, j, rate) for (i, j), rate in changes if not is_zero(rate)]
 
     def held(self, x: Sparse, Phi_change: Entries) -> tuple[Sparse, Sparse]:
-        """How rates x with Phi x = 0 change with Phi, Eq. (20), and Phi times this change.
-
-        The rates of the coordinates are held.
-        """
+        """How rates x with Phi x = 0 change with Phi, Eq. (20), and Phi times this change."""
         right: Sparse = {}
         for i, j, rate in Phi_change:
             if j in x:

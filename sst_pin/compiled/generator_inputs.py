@@ -43,8 +43,7 @@ def fingerprint(
 ) -> bytes:
     """All that the kernels of a mechanism, or of one of its frames, are generated from.
 
-    The numbers that stay open are left out. Closures and lines mean joints and frames by name: so
-    the names stand here with all that a name leads to.
+    Closures and lines mean joints and frames by name: names stand here with all they lead to.
     """
     model, lines = mechanism.model, [(x.frame_a, x.frame_b) for x in mechanism.lines.forces]
     named = {name for names in map(frames_of, mechanism.closures) for name in names}

@@ -2,7 +2,7 @@
 """The dynamics of a chain as functions of JAX, for `jit`, `vmap` and `grad` on processors.
 
 JAX calls back into this process, where whole batches are computed: values and first derivatives of
-the dynamics by the chain, all others by CasADi. JAX itself traces nothing of the robot.
+the dynamics by the chain, all others by CasADi.
 """
 
 import threading

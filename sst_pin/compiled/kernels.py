@@ -60,10 +60,9 @@ def make(
     frame: str | None = None,
     along: bool = False,
 ) -> SymbolicKernel:
-    """The kernel of a quantity, one of `KERNELS`, or with a frame of `OF_FRAMES`.
+    """The kernel of a quantity, by default with the checks for double precision.
 
-    `checks` are those for double precision by default. With `along` derivatives are taken along a
-    direction, the last input.
+    With `along` derivatives are taken along a direction, the last input.
     """
     checks = checks or Checks(equations)
     directions = len(equations.mechanism.coordinates) if along else 0
@@ -90,9 +89,6 @@ def entry(equations: Equations, key: Key) -> list[SymbolicKernel]:
     """The kernels in the library of a key: one, or those of a rollout."""
     parts = ["closing", "state_rate"] if key.quantity == "rollout" else [key.quantity]
     return [make(equations, part, frame=key.frame, along=key.along) for part in parts]
-
-
-# --- dynamics -------------------------------------------------------------------------------
 
 
 def _moving(e: Equations) -> dict[str, SX]:
@@ -181,11 +177,9 @@ def _state_rate(e: Equations, checks: Checks) -> _Made:
 
 
 def _closing(e: Equations, checks: Checks) -> _Made:
-    """One step of Newton's method with the coordinates held; det Phi_u; the sum of its squares.
+    """A step of Newton's method, coordinates held; det Phi_u; the sum of squares of all its rows.
 
-    Wheels roll during the step: rows on rates only constrain the step. The determinant is that of
-    the rows with pivots, or where all rows count the product of the singular values; the sum is
-    over all rows. Both are without units, as the condition number.
+    Wheels roll during the step. The determinant and the sum are without units.
     """
     residuals = {i: e.rows[i].residual for i in e.factors.rows}
     right = {i: -x for i, x in residuals.items() if x is not None}
@@ -220,9 +214,6 @@ KERNELS: dict[str, Callable[..., _Made]] = {
     "state_rate": _state_rate,
     "closing": _closing,
 }
-
-
-# --- frames ---------------------------------------------------------------------------------
 
 
 def _jacobian(e: Equations, checks: Checks, frame: str) -> _Made:
@@ -274,8 +265,7 @@ def _changes(
 ) -> tuple[list[SX], list[Any]]:
     """Changes of velocities of a frame, and checks that the changes of rates are solutions.
 
-    A motion is: rates of the tree that give the velocity; rates along which it changes; how the
-    first then change; Phi times that.
+    A motion: rates that give the velocity, and along which it changes; their change; Phi times it.
     """
     kinematics, place = e.kinematics, frame_named(e.mechanism.model, frame)
     link = kinematics.tree.link_of[place.parentJoint]

@@ -22,24 +22,19 @@ from .symbols import Sparse, add, angle, column, rotation_vector, sparse, sx
 
 #: Unit vectors among the coordinates of a joint: how long, at their end.
 _UNIT = {"ball": 4, "free": 4, "planar": 2, "unbounded": 2}
+_ZERO = SX(3, 1)
 
 
 @dataclass(frozen=True)
 class LinkMotion:
     """Rates and accelerations of a link, axes of the link."""
 
-    omega: SX
+    omega: SX = _ZERO
     #: The angular velocity of the motion that is differentiated: `omega`, except for columns of L.
-    omega_k: SX
-    alpha: SX
+    omega_k: SX = _ZERO
+    alpha: SX = _ZERO
     #: Acceleration of the origin.
-    a: SX
-
-    @classmethod
-    def of_rest(cls, a: SX | None = None) -> "LinkMotion":
-        """A base that does not turn, its acceleration zero unless given."""
-        zero = SX(3, 1)
-        return cls(zero, zero, zero, zero if a is None else a)
+    a: SX = _ZERO
 
     @cached_property
     def U(self) -> SX:
@@ -78,9 +73,8 @@ class Kinematics:
 
     `rotations` are orientations of joints at rest and of frames, by name, instead of the model's.
     Where joints are `displaced`, it is along their rates, to first order: derivatives by
-    `displacement` at zero are those by q along the rates. `lift` is the acceleration of link 0.
-    Vectors of link 0 are in the axes `base`: those of the first joint where its orientation is
-    given.
+    `displacement` at zero are those by q along the rates. `lift` is the acceleration of link 0,
+    `base` the axes of its vectors: those of the first joint where its orientation is given.
     """
 
     def __init__(self, model: pin.Model, rotations: Mapping[str, SX], displaced: bool) -> None:
@@ -191,11 +185,8 @@ class Kinematics:
     def motions(
         self, v: Sparse, dv: Sparse, gravity: SX | None = None, v_k: Sparse | None = None
     ) -> list[LinkMotion]:
-        """LinkMotion of all links; the base seems to be accelerated against gravity.
-
-        `v_k` are rates of the motion whose rate is taken; `v` by default.
-        """
-        motions = [LinkMotion.of_rest(None if gravity is None else -gravity)]
+        """Motions of all links, on rates v_k of the one whose rate is taken, by default v."""
+        motions = [LinkMotion() if gravity is None else LinkMotion(a=-gravity)]
         for i, link in enumerate(self.tree.links[1:], start=1):
             motions.append(self._next(i, motions[link.parent], v, v if v_k is None else v_k, dv))
         return motions
@@ -207,7 +198,7 @@ class Kinematics:
         known = self._at_rates[2]
         if (base, link) not in known:
             if link == base:
-                known[base, link] = LinkMotion.of_rest(None if base else self.lift)
+                known[base, link] = LinkMotion() if base else LinkMotion(a=self.lift)
             else:
                 before = self.relative_motion(base, self.tree.links[link].parent, v, dv)
                 known[base, link] = self._next(link, before, v, v, dv)

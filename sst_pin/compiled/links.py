@@ -90,17 +90,13 @@ class LinkTree:
 
 
 def _link(parent: int, placement: pin.SE3, joint: pin.JointModel, q: int, v: int) -> Link | None:
-    """A joint of one axis or of fixed axes; None for one without compiled equations.
-
-    A mimic joint is a turn or a slide whose twist is scaled, at rest where the one that it follows
-    is at zero.
-    """
+    """A joint of one axis or of fixed axes; None for one without compiled equations."""
     short = joint.shortname().removeprefix("JointModel")
     kind = _KINDS.get(short, "")
     data, at_rest = joint.createData(), _NEUTRAL.get(kind, [0.0])
     joint.calc(data, np.concatenate([np.zeros(max(joint.idx_q, 0)), at_rest]))
     S = np.asarray(data.S if isinstance(data.S, np.ndarray) else data.S.matrix()).reshape(6, -1)
-    if short == "Mimic":
+    if short == "Mimic":  # its twist is scaled; at rest where the one that it follows is at zero
         kind, placement = "turn" if S[3:].any() else "slide", placement * data.M
     if not kind:
         return None

@@ -2,8 +2,7 @@
 """What stays open in kernels: gravity, masses and inertias, friction, springs, rotors, lines.
 
 A kernel has fixed which bodies have mass and which joints have friction, springs or rotors, but not
-their numbers. Each number costs a load; in return a payload, an identified friction or another
-gravity needs no compiler.
+their numbers: a payload, an identified friction or another gravity needs no compiler.
 """
 
 from collections.abc import Sequence

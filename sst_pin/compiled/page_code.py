@@ -111,9 +111,6 @@ def page_code(found: Sequence[Equations]) -> str:
     A function has the sizes of its arrays, `constants(p)`, which completes the open numbers, and
     `parts`, functions of x, p, y, w that run one after the other. `sets` have the dynamics by each
     of the choices. Without motors that act on all coordinates there are no torques.
-
-    Raises:
-        DescriptionError: For a robot without direct dynamics, or with a joint without equations.
     """
     own = found[0]
     if problem := impossible(own.mechanism, "accelerations"):

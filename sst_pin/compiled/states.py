@@ -36,9 +36,8 @@ _AT_ONCE = 64
 class CompiledStates(ReferenceStates):
     """The state space of a mechanism by kernels; samples that fail go to the reference path.
 
-    `closing` closes loops; `slopes` gives the kernel of derivatives, `rate` and `course` give those
-    of rates and of rollouts, with or without loads. Where there are none for many coordinates,
-    `by_columns` computes accelerations.
+    `rate` and `course` give kernels of rates and rollouts, with or without loads. Where there are
+    none for many coordinates, `by_columns` computes accelerations.
     """
 
     def __init__(
@@ -133,10 +132,9 @@ class CompiledStates(ReferenceStates):
     def _continuous(self, motions: Motions, reached: Indices) -> Indices:
         """How many states of each motion follow one another in one assembly mode, shape (N,).
 
-        In the middle between two modes, and near a singularity, a block of Phi_u is almost
-        singular. So a short step is sound where det Phi_u changes little to its middle and to its
-        end; the others are left to the reference path. So is a motion that comes near a dead point
-        of the coordinates.
+        Between two modes, and near a singularity, a block of Phi_u is almost singular. So a short
+        step is sound where det Phi_u changes little to its middle and to its end. The others, and
+        motions near a dead point of the coordinates, are left to the reference path.
         """
         q, until = motions.q, reached.copy()
         steps = np.diff(q, axis=1)
@@ -180,10 +178,7 @@ class CompiledStates(ReferenceStates):
         return np.asarray(falls)
 
     def _determinants(self, q: Array) -> Array:
-        """det Phi_u of configurations, shape (..., nq), the open ones closed by a Newton step.
-
-        NaN where this step is long, or the checks fail.
-        """
+        """det Phi_u, open loops closed by a Newton step; NaN where this is long or checks fail."""
         flat = np.ascontiguousarray(q.reshape(-1, self._nq))
         result = np.empty((len(flat), self._nq + 2))
         left = self._closing.many((flat,), result)
@@ -200,8 +195,7 @@ class CompiledStates(ReferenceStates):
 class ByColumns(NoKernel):
     """Accelerations from Eq. (92) with the mass matrix column by column.
 
-    `forces` gives the kernel of generalized forces, with or without loads, `inertial` is the one
-    without weights and springs, `rates` that of v = L va.
+    The kernels are those of forces, with or without loads, of forces of inertia alone, of L va.
     """
 
     def __init__(

@@ -48,15 +48,10 @@ def _brackets(e: Equations, a: Sparse, b: Sparse) -> Sparse:
     for link in e.kinematics.tree.links:
         if len(link.v) > 1:
             S = sx(link.S)
-            of_a, of_b = (S @ column(x, link.v) for x in (a, b))
-            brackets |= sparse(link.v, S.T @ _bracket(of_a, of_b))
+            (u, turn), (other_u, other) = (ca.vertsplit(S @ column(x, link.v), 3) for x in (a, b))
+            linear = ca.cross(turn, other_u) + ca.cross(u, other)
+            brackets |= sparse(link.v, S.T @ ca.vertcat(linear, ca.cross(turn, other)))
     return brackets
-
-
-def _bracket(a: SX, b: SX) -> SX:
-    """Lie bracket of two twists [linear; angular]."""
-    linear = ca.cross(a[3:], b[:3]) + ca.cross(a[:3], b[3:])
-    return ca.vertcat(linear, ca.cross(a[3:], b[3:]))
 
 
 class _OnTree:
@@ -144,11 +139,9 @@ def _of_forces_along(e: Equations, checks: Checks, tree: _OnTree, way: SX) -> tu
 
 
 def _phi_dot_v(e: Equations, slip_q: SX, c_v: SX, steps: Sequence[Sparse] | None = None) -> SX:
-    """Phi_dot v, with Phi_dot along each L e_k or each of the steps, shape (rows, n).
-
-    Where rows hold positions and the loops are closed, c_v L e_k is twice that, but for the bracket
-    of L e_k and v. For rows that hold rates only it is `slip_q`.
-    """
+    """Phi_dot v, with Phi_dot along each L e_k or each of the steps, shape (rows, n)."""
+    # Where rows hold positions and loops are closed, c_v L e_k is twice that, but for the bracket
+    # of L e_k and v. For rows that hold rates only it is `slip_q`.
     result = SX(c_v)
     brackets = [_brackets(e, step, e.v) for step in steps or e.L]
     for place, i in enumerate(e.factors.rows):

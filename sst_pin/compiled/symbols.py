@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Small helpers for CasADi's symbols: constants, sparse vectors, a symmetric solve, turns.
+"""Small helpers for CasADi's symbols: sparse vectors, a symmetric solve, turns up to half a turn.
 
-Angles and rotation vectors are smooth up to half a turn. An arc over its sine depends on its cosine
-c alone: with the arc halved three times, by cos(x / 2) = sqrt((1 + c) / 2), the series of the
-arcsine converges to rounding within a few terms.
+An arc over its sine depends on its cosine c alone: with the arc halved three times, by cos(x / 2) =
+sqrt((1 + c) / 2), the series of the arcsine converges to rounding within a few terms.
 """
 
 from collections.abc import Iterable, Mapping

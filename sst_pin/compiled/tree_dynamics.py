@@ -7,6 +7,7 @@ needs the force m a + U c and the moment c x a + 2 axial(U J), Eqs. (63)-(68).
 
 import operator
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -59,21 +60,17 @@ class Line(NamedTuple):
     preload: SX
 
 
+@dataclass(eq=False)
 class TreeDynamics:
     """Dynamics of a tree, the arguments as in `Equations`."""
 
-    def __init__(
-        self,
-        mechanism: Mechanism,
-        kinematics: Kinematics,
-        parameters: OpenNumbers,
-        p: SX,
-        loads: SX,
-        smooth: bool,
-        welded: bool,
-    ) -> None:
-        self._mechanism, self._kinematics, self._parameters = mechanism, kinematics, parameters
-        self._p, self._loads, self._smooth, self._welded = p, loads, smooth, welded
+    _mechanism: Mechanism
+    _kinematics: Kinematics
+    _parameters: OpenNumbers
+    _p: SX
+    _loads: SX
+    _smooth: bool
+    _welded: bool
 
     @cached_property
     def _bodies(self) -> list[Body]:
@@ -105,10 +102,7 @@ class TreeDynamics:
         loads: bool = True,
         reactions: Mapping[int, SX] | None = None,
     ) -> Sparse:
-        """tau of the tree by the recursion of Newton and Euler, without friction and springs.
-
-        `reactions` are force and moment about the origin that closures take of links.
-        """
+        """tau by Newton and Euler without friction and springs; closures take `reactions`."""
         wrenches = self.wrenches(v, dv, loads=loads)
         for i, own in (reactions or {}).items():
             wrenches[i] = wrenches[i] + own
@@ -223,9 +217,8 @@ class TreeDynamics:
     def composed(self, following: Mapping[int, Mapping[int, Sparse]]) -> dict[tuple[int, int], Any]:
         """A matrix M with the same L^T M L as the mass matrix, from composite bodies.
 
-        `following` has, by link, rates behind it that follow from those of coordinates behind it:
-        their rows of L. What their joints' forces do to the link and those before it is counted
-        with these coordinates.
+        `following` has, by link, rows of L of rates behind it that follow from coordinates behind
+        it. What their joints' forces do to the link and those before it is counted with these.
         """
         links, placements = self._kinematics.tree.links, self._kinematics.placements
         bodies = [self._bodies[link.body] for link in links]
