@@ -31,7 +31,7 @@ def require_current(extension: str | Path, *sources: Path) -> ctypes.CDLL:
 
 @cache
 def missing() -> str:
-    """Why an extension is not there, with the cure; a clone that hides an installation warns."""
+    """The reason why an extension is missing, with the cure; warns where it hides another."""
     import sysconfig  # slow to import, as the next one
     from importlib.metadata import distributions
 

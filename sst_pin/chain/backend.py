@@ -38,7 +38,7 @@ class Key(NamedTuple):
 
     @property
     def kind(self) -> Quantity:
-        """What is known of the quantity."""
+        """Properties of the quantity."""
         return QUANTITIES[self.quantity]
 
     @property

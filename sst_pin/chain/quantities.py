@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What the dynamics of a chain consists of, in one table for all that computes or hands it on."""
+"""The quantities that a chain computes, in one table."""
 
 from collections.abc import Callable, Mapping
 from typing import Literal, NamedTuple
@@ -31,7 +31,7 @@ Name = Literal[
 
 
 class Quantity(NamedTuple):
-    """What is known of a quantity, whatever computes it."""
+    """Properties of a quantity, whatever computes it."""
 
     #: Shape of the arrays that a kernel fills, one sample.
     shape: Callable[[Mechanism], tuple[int, ...]]

@@ -282,7 +282,7 @@ def _made(
 
 
 def _plain(name: str) -> str:
-    """What can stand in the name of a file, which has at most 255 bytes."""
+    """A name with characters for a file and at most 40 bytes of the 255 that its name may have."""
     plain = "".join(c if c.isalnum() or c in "-_" else "_" for c in name)
     return plain.encode()[:40].decode(errors="ignore")
 

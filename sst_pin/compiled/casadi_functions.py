@@ -26,7 +26,7 @@ _OPTIONS = {"cse": True}
 
 
 class Functions:
-    """What functions of CasADi and of JAX have in common: the numbers of entries in q, va, tau."""
+    """Common part of the functions of CasADi and of JAX: numbers of entries in q, va, tau."""
 
     def __init__(self, mechanism: Mechanism) -> None:
         self._mechanism, self.nq = mechanism, mechanism.model.nq

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What each kind of constraint holds, as rows on the rates: Phi v = 0, and how Phi changes."""
+"""Rows of each kind of constraint: Phi v = 0, residuals, accelerations."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass

@@ -119,7 +119,7 @@ class CompiledBackend:
                 raise
 
     def kernel(self, key: Key, clock: Clock | None = None) -> chain.Kernel:
-        """What computes a quantity, as `Backend.kernel`; those of the last widths are kept."""
+        """The kernel of a quantity, as `Backend.kernel`; those of the last widths are kept."""
         if (made := self._kernels.get(key)) is not None:
             return made
         if key.frame is not None:
@@ -291,7 +291,7 @@ def _require_binding(path: str) -> None:
 
 
 def impossible(mechanism: Mechanism, quantity: Name) -> str:
-    """Why there is no kernel of this quantity; empty when there is one."""
+    """The reason why a quantity has no kernel; empty where it has one."""
     nv, motors = mechanism.motors.shape
     n, written = len(mechanism.coordinates), QUANTITIES[quantity].written
     if mechanism.without_mass and quantity in ("accelerations", "acceleration_derivatives"):

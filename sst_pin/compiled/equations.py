@@ -211,7 +211,7 @@ class Equations:
         return ca.horzcat(*(column(x, self._rates) for x in self.L))
 
     def Phi_change(self, along: Sparse) -> Entries:
-        """How Phi changes along rates of the tree, where it does."""
+        """Rates of change of the entries of Phi along rates of the tree, zeros left out."""
         places = [(i, j) for i in self.factors.rows for j in self.rows[i].Phi]
         entries = ca.vertcat(*(SX(self.rows[i].Phi[j]) for i, j in places))
         rates = ca.jtimes(entries, self.q, self.kinematics.q_rates(along))
@@ -219,7 +219,7 @@ class Equations:
         return [(i, j, rate) for (i, j), rate in changes if not is_zero(rate)]
 
     def held(self, x: Sparse, Phi_change: Entries) -> tuple[Sparse, Sparse]:
-        """How rates x with Phi x = 0 change with Phi, Eq. (20), and Phi times this change."""
+        """Change of rates x with Phi x = 0 as Phi changes, Eq. (20), and Phi times this change."""
         right: Sparse = {}
         for i, j, rate in Phi_change:
             if j in x:
@@ -273,7 +273,7 @@ class Equations:
 
     @cached_property
     def B(self) -> SX:
-        """What unit torques of the motors give along the rates, lines included, (nv, motors)."""
+        """Forces along the rates by unit torques of the motors, lines included, (nv, motors)."""
         columns = (column(forces, self._rates) for forces in self.motor_columns)
         return ca.horzcat(SX(len(self._rates), 0), *columns)
 

@@ -26,7 +26,7 @@ Precision = Literal["double", "single"]
 
 
 class _Style(NamedTuple):
-    """How numbers of a precision are written in C."""
+    """Numbers of a precision in C."""
 
     type: str
     suffix: str

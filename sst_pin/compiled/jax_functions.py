@@ -270,7 +270,7 @@ class JaxFunctions(Functions):
             return made[1].values(name, order, *_with_all_axes(arrays), frame=frame)
 
     def _on_arrays(self, values: Values) -> Callable[..., Array]:
-        """What JAX calls."""
+        """The callback of JAX; it refuses a robot whose coordinates have changed."""
 
         def on_arrays(*given: Any) -> Array:
             results = values(*map(np.asarray, given))

@@ -24,7 +24,7 @@ from .symbols import Sparse, add, column, sx
 
 
 def on_links(rows: Sequence[Row], v: Sparse) -> list[dict[int, SX]]:
-    """What a unit of each row gives to links: [force; moment] about their origins, their axes."""
+    """Wrenches on links of a unit of each row: [force; moment] about their origins, their axes."""
     velocities, twists = by_twists(rows, v)
     wrenches = ({i: ca.gradient(u, x) for i, x in twists.items()} for u in velocities)
     return [{i: x for i, x in found.items() if not x.is_zero()} for found in wrenches]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What can be compiled: each kernel as inputs, one row of results, and checks.
+"""All kernels that can be compiled: inputs, one row of results, and checks.
 
 Columns of Jacobians of frames are velocities too: those of the motions L e_k. So all their rates
 and derivatives are changes of a velocity along a motion, at constant rates of the coordinates:
@@ -227,7 +227,7 @@ def _jacobian_rate(e: Equations, checks: Checks, frame: str) -> _Made:
 
 
 def _velocity_derivatives(e: Equations, checks: Checks, frame: str) -> _Made:
-    """By q and va side by side."""
+    """Derivatives of the velocity by q and va side by side."""
     motions = ((e.v, L, *e.held(e.v, e.Phi_change(L))) for L in e.L)
     changes, own = _changes(e, checks, frame, motions)
     own = checks.of_rates + checks.of_complement + own

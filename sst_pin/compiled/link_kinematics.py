@@ -220,7 +220,7 @@ class Kinematics:
         return LinkMotion(omega, omega_k, alpha, a)
 
     def borne(self, wrenches: Sequence[SX]) -> list[SX]:
-        """What each joint gives to all that it bears, from what each link needs; ground first.
+        """Wrench of each joint on all that it bears, from what each link needs; ground first.
 
         Wrenches are [force; moment] about the origin of a link, in its axes.
         """
@@ -263,7 +263,7 @@ class Kinematics:
 
     @property
     def unit_gaps(self) -> list[SX]:
-        """By how much the squares of unit vectors among the coordinates are off one."""
+        """Squares of the unit vectors among the coordinates, less one."""
         return [ca.sumsqr(self.q[part]) - 1 for part in self._units]
 
     def normalized(self, q: SX) -> SX:

@@ -74,7 +74,7 @@ class TreeDynamics:
 
     @cached_property
     def _bodies(self) -> list[Body]:
-        """By Pinocchio's joints; where bodies are computed as one, the first has all of it."""
+        """Bodies of Pinocchio's joints; the first of those computed as one has all of it."""
         model, kinematics = self._mechanism.model, self._kinematics
         bodies = [Body()] * model.njoints
         for i in range(1, model.njoints):
@@ -156,7 +156,7 @@ class TreeDynamics:
         return add(tau, self.along_lines(self._tensions))
 
     def pulls(self, v: Sparse) -> list[Any]:
-        """What pulls the ends of each line together, without motors."""
+        """Tension of each line, without motors."""
         return list(map(operator.add, self._tensions, self._damping(v)))
 
     @property
@@ -259,7 +259,7 @@ class TreeDynamics:
         return M
 
     def coriolis_forces(self, v: Sparse, L: Sparse, L_dot: Sparse) -> Sparse:
-        """What a column of T^T multiplies in Eq. (94): M t_dot + Omega M t, t and t_dot of L."""
+        """The term of Eq. (94) that T^T multiplies: M t_dot + Omega M t, t and t_dot of L."""
         wrenches = []
         motions = self._kinematics.motions(v, L_dot, v_k=L)
         for link, x in zip(self._kinematics.tree.links, motions, strict=True):
