@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The numbers that stay open in kernels: gravity, masses and inertias, friction, springs, rotors, lines.
+"""Numbers that stay open in kernels: gravity, masses, inertias, friction, springs, rotors, lines.
 
 A kernel has fixed which bodies have mass and which joints have friction, springs or rotors, but not
 their numbers: a payload, an identified friction or another gravity needs no compiler.
