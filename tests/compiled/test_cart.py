@@ -1,20 +1,17 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """A cart that rolls, with a mimic joint, a coupling, springs on a ball and a wheel: compiled."""
 
-import ctypes
 import pickle
-import subprocess
 
 import numpy as np
 import pinocchio as pin
 import pytest
 
 import any_chain
-from sst_pin import ClosedChain, ClosureError, InputError, robots
+from exported_c import Exported
+from sst_pin import ClosedChain, robots
 from sst_pin.chain.backend import Key
 from sst_pin.compiled import build
-from sst_pin.compiled.export import c_files
-from sst_pin.files import write_files
 
 
 @pytest.fixture(scope="module")
@@ -34,34 +31,6 @@ def motions(pair):
 
 def same(actual, expected, tolerance=1e-12):
     np.testing.assert_allclose(actual, expected, rtol=0, atol=tolerance * np.abs(expected).max())
-
-
-def address(array):
-    return array.ctypes.data_as(ctypes.c_void_p)
-
-
-def exported(chain, folder):
-    """Its C99, compiled strictly, in this process."""
-    write_files(c_files(chain, folder))
-    source, made = folder / "robot.c", folder / "robot.so"
-    strict = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Wconversion", "-Werror"]
-    subprocess.run(["cc", *strict, "-O1", "-shared", "-fPIC", source, "-o", made], check=True)
-    return ctypes.CDLL(str(made))
-
-
-def test_no_sample_is_handed_over_and_all_are_those_of_the_reference_path(pair, motions):
-    (kernels, reference), (q, va, aa) = pair, motions
-    backend = kernels._current.backend
-    assert not len(backend.kernel(Key("torques")).many((q, va, aa), np.empty_like(va)))
-    assert not len(backend.kernel(Key("accelerations")).many((q, va, aa), np.empty_like(va)))
-    for name, third in (("compute_torques", aa), ("compute_accelerations", aa)):
-        expected = getattr(reference, name)(q, va, third)
-        same(getattr(kernels, name)(q, va, third), expected)
-        same(
-            [getattr(kernels, name)(*motion) for motion in zip(q, va, third, strict=True)], expected
-        )
-    assert kernels.path.startswith("compiled")
-    assert "reference path" not in kernels.path
 
 
 @pytest.mark.slow
@@ -109,37 +78,6 @@ def test_gravity_and_inertias_count_without_compiling_again(pair, motions, monke
     assert kernels.path.startswith("compiled")
 
 
-def test_faulty_samples_are_named_or_become_nan(pair, motions):
-    kernels, (q, va, aa) = pair[0], motions
-    tip = kernels.model.joints[kernels.model.getJointId("tip")].idx_q
-    opened = q.copy()
-    opened[4, tip] += 1e-3
-    with pytest.raises(ClosureError, match=r"1 of 12 samples \(index 4\)"):
-        kernels.compute_torques(opened, va, aa)
-    for name in ("compute_torques", "compute_accelerations"):
-        found = getattr(kernels, name)(opened, va, aa, on_error="nan")
-        assert np.flatnonzero(np.isnan(found).any(axis=1)).tolist() == [4]
-    endless = va.copy()
-    endless[2, 0] = np.nan
-    with pytest.raises(InputError, match="va"):
-        kernels.compute_torques(q, endless, aa)
-
-
-def test_exported_it_computes_the_same(pair, motions, tmp_path):
-    """Springs' references are listed by the coordinates that they are."""
-    reference, (q, va, aa) = pair[1], motions
-    functions = exported(reference, tmp_path)
-    for name, method in (
-        ("torques", "compute_torques"),
-        ("accelerations", "compute_accelerations"),
-    ):
-        for motion in zip(q, va, aa, strict=True):
-            result = np.empty(va.shape[1])
-            assert getattr(functions, f"robot_{name}")(*map(address, (*motion, result))) == 0
-            same(result, getattr(reference, method)(*motion), 1e-11)
-    assert "spring reference of ball_qw" in (tmp_path / "robot.c").read_text()
-
-
 def test_a_robot_without_motors_falls_as_on_the_reference_path(tmp_path):
     robot = robots.four_bar()
     kernels, reference = (ClosedChain(robot.model, robot.closures, []) for _ in range(2))
@@ -153,7 +91,6 @@ def test_a_robot_without_motors_falls_as_on_the_reference_path(tmp_path):
     expected = reference.compute_accelerations(q, va, tau)
     same(kernels.compute_accelerations(q, va, tau), expected)
     same(kernels.compute_accelerations(q[0], va[0], tau[0]), expected[0])
-    functions = exported(reference, tmp_path)
-    aa = np.empty(1)
-    assert functions.robot_accelerations(*map(address, (q[1], va[1], aa))) == 0
+    code, aa = Exported(reference, tmp_path)("accelerations", 1, q[1], va[1])
+    assert code == 0
     same(aa, expected[1])

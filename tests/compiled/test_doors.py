@@ -39,8 +39,6 @@ def double_precision():
 
 #: The others take seconds.
 QUICK = ("four_bar", "five_bar")
-
-
 SOME = [
     ("four_bar", "arrays"),
     ("four_bar", "CasADi"),
@@ -51,6 +49,9 @@ SOME = [
     ("floating four-bar", "CasADi"),
     ("floating four-bar", "JAX"),
     ("delta", "JAX"),
+    ("a motor on a line", "CasADi"),
+    ("a motor on a line", "JAX"),
+    ("two motors on lines", "kernels"),
 ]
 
 

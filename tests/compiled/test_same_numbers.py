@@ -1,0 +1,250 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Kernels compute what the reference path computes, robot by robot; samples at fault are named.
+
+`test_every_state.py` takes the robots of the gallery to states close to singular ones.
+"""
+
+import tempfile
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import any_chain
+import cassie
+import robots as tables
+import sst_pin
+from derivative_cases import WIDTH, floating_four_bar, of_gallery
+from sst_pin import ClosedChain, ClosureError, LineForce, robots
+from sst_pin.chain.quantities import QUANTITIES
+from sst_pin.compiled import compiled_backend
+
+
+def cassie_on_a_stand():
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "cassie.xml")
+        path.write_text(cassie.mjcf())
+        return ClosedChain.from_mjcf(path, locked=cassie.HELD)
+
+
+def full(name):
+    """A robot with springs, friction and a spring along a line."""
+    robot, random = getattr(robots, name)(), np.random.default_rng(1)
+    model = robot.model.copy()
+    model.damping, model.friction, model.armature = random.uniform(0.1, 1, (3, model.nv))
+    line = LineForce("universe", model.frames[-1].name, stiffness=50, preload=3, damping=2)
+    stiffness = random.uniform(1, 9, model.nv)
+    return ClosedChain(model, robot.closures, robot.motor_names, forces=[line], stiffness=stiffness)
+
+
+GALLERY = ("delta", "planar_4rrr", "ladder", "bennett", "bricard", "governor", "excavator")
+ROBOTS = {
+    **{name: getattr(robots, name) for name in GALLERY},
+    "SST": lambda: sst_pin.SST(kernels=False),
+    "four-bar": lambda: tables.four_bar(tables.SKEW_PLANE).chain(),
+    "five-bar": lambda: of_gallery("five_bar").chain,
+    "floating four-bar": lambda: floating_four_bar().chain,
+    "Cassie": cassie_on_a_stand,
+    "floating": lambda: any_chain.with_joint("free-flyer", kind="hinge"),
+    "cart": any_chain.cart,
+    "lines": any_chain.lines,
+    "rods": any_chain.rods,
+    "coupled": any_chain.coupled,
+    "composite": lambda: any_chain.with_joint("composite"),
+    "sprung": lambda: any_chain.sprung("RY"),
+    "motors on dependent joints": lambda: any_chain.chain(
+        kind="hinge", coordinates=["arm_1", "arm_2"]
+    ),
+    **{f"{name} by columns": lambda name=name: full(name) for name in ("five_bar", "four_bar")},
+    "planar_4rrr by columns": lambda: full("planar_4rrr"),
+}
+#: Methods by their arguments; x are torques or accelerations.
+METHODS = {
+    "compute_torques": "q va aa",
+    "generalized_forces": "q va aa",
+    "compute_accelerations": "q va tau",
+    "joint_rates": "q va",
+    "joint_accelerations": "q va aa",
+    "frame_jacobian": "q frame",
+    "frame_jacobian_rate": "q va frame",
+    "frame_velocity_derivatives": "q va frame",
+    "frame_drift": "q va frame",
+    "reduced_terms": "q va",
+    "actuator_jacobian": "q",
+    "torque_derivatives": "q va aa",
+    "acceleration_derivatives": "q va tau",
+    "linearize": "q va tau",
+    "torque_regressor": "q va aa",
+    "reactions": "q va tau=",
+}
+DYNAMICS, LOADABLE = [*METHODS][:3], {*[*METHODS][:3], "linearize", "reactions"}
+LOADABLE |= {"torque_derivatives", "acceleration_derivatives"}
+FRAMES = [name for name in METHODS if name.startswith("frame")]
+DERIVATIVES = ["torque_derivatives", "acceleration_derivatives", "linearize"]
+OF_TREE = ["joint_rates", "joint_accelerations", "frame_jacobian", "reduced_terms"]
+BY_COLUMNS = [name for name in ROBOTS if name.endswith("by columns")]
+REACTING = (*GALLERY, "SST", "five-bar", "cart", "lines", "rods", "coupled", "composite")
+#: Robots and what is compared of them: what compiles quickly, and the others.
+QUICK = [
+    (["four-bar"], [*DYNAMICS, *OF_TREE]),
+    (["cart"], DYNAMICS),
+    (["lines"], [*DYNAMICS, "reduced_terms", *DERIVATIVES]),
+    (["five-bar"], [*DERIVATIVES, *FRAMES]),
+    (["governor"], ["torque_regressor"]),
+    (BY_COLUMNS[:2], ["compute_accelerations"]),
+]
+SLOW = [
+    (["floating"], [*DYNAMICS[1:], *OF_TREE]),  # a motor is missing
+    (["floating four-bar"], [*DERIVATIVES, *FRAMES]),
+    (["SST", "Cassie"], DYNAMICS),
+    (["sprung", "cart", "delta"], ["torque_regressor"]),
+    (BY_COLUMNS[2:], ["compute_accelerations"]),
+    ([*REACTING, "motors on dependent joints"], ["actuator_jacobian", "reactions"]),
+]
+CASES = [
+    pytest.param(name, method, marks=marks, id=f"{name}, {method}")
+    for table, marks in ((QUICK, ()), (SLOW, pytest.mark.slow))
+    for names, methods in table
+    for name in names
+    for method in methods
+]
+#: Largest differences, of the largest number of a sample; 1e-11 for the others: two ways of
+#: solving, with condition numbers up to 1e3.
+TOLERANCES = {"cart": 1e-12, "five-bar": 1e-10, "floating four-bar": 1e-10}
+TOLERANCES |= dict.fromkeys(BY_COLUMNS, 1e-10)
+
+
+@cache
+def pair(name):
+    """A robot by kernels, and by the reference path."""
+    kernels, reference = ROBOTS[name](), ROBOTS[name]()
+    for chain in (kernels, reference):
+        chain.generic_configuration()
+    kernels.compile()
+    return kernels, reference
+
+
+@pytest.fixture
+def by_columns(monkeypatch):
+    """Mass matrices count as too large for all."""
+    monkeypatch.setitem(compiled_backend._LARGEST, "matrices", 0)
+
+
+@cache
+def samples(name):
+    """Motions of a robot, torques, wrenches on all bodies, and a frame."""
+    chain = pair(name)[1]
+    q, va, aa = any_chain.states(chain, 9, 0)
+    random, model = np.random.default_rng(1), chain.model
+    given = {"q": q, "va": va, "aa": aa, "frame": model.frames[-1].name}
+    given["tau"] = random.normal(size=(len(q), len(chain.motor_names)))
+    return given, random.normal(size=(len(q), model.njoints - 1, 6))
+
+
+def results(chain, method, given, loads, k=..., **how):
+    """All parts of what a method returns, sample k or all."""
+    names = METHODS[method].split()
+    taken = {x: given[x.strip("=")] for x in names}
+    taken = {x: value if isinstance(value, str) else value[k] for x, value in taken.items()}
+    how |= {x.strip("="): taken.pop(x) for x in names if x.endswith("=")}
+    if method in DERIVATIVES:
+        how["sign_width"] = WIDTH
+    if loads is not None:
+        how["external_wrenches"] = loads[k]
+    found = getattr(chain, method)(*taken.values(), **how)
+    if method == "reactions":
+        return [found.joints, found.closures, found.ground, found.motors, *found.determined]
+    return list(found) if isinstance(found, tuple) else [found]
+
+
+@pytest.mark.parametrize(("name", "method"), CASES)
+def test_kernels_compute_what_the_reference_path_computes(name, method, request, monkeypatch):
+    """Batches and single samples, with wrenches and without; none is handed over."""
+    if name in BY_COLUMNS:
+        request.getfixturevalue("by_columns")
+    (kernels, reference), (given, wrenches) = pair(name), samples(name)
+    loaded = [None, wrenches] if method in LOADABLE else [None]
+    expected = [results(reference, method, given, loads) for loads in loaded]
+    for loads in loaded:  # compiles
+        results(kernels, method, given, loads)
+
+    def handed_over(*_, **__):
+        raise AssertionError("a sample is handed over")
+
+    for quantity in QUANTITIES:
+        monkeypatch.setattr(kernels._current.reference, quantity, handed_over, raising=False)
+    tolerance = TOLERANCES.get(name, 1e-11)
+    for loads, wanted in zip(loaded, expected, strict=True):
+        scale = np.nanmax(np.abs(wanted[0])) if method == "reactions" else None
+        found = results(kernels, method, given, loads)
+        single = results(kernels, method, given, loads, 3)
+        for got, one, right in zip(found, single, wanted, strict=True):
+            if right.dtype == bool:
+                assert np.array_equal(got, right)
+                continue
+            assert got.shape == right.shape
+            most = tolerance * (scale or np.abs(right).max())
+            np.testing.assert_allclose(got, right, rtol=0, atol=most)
+            np.testing.assert_allclose(one, right[3], rtol=0, atol=most)
+    assert "by the reference path" not in kernels.path
+
+
+@pytest.mark.parametrize(
+    ("name", "method"),
+    [
+        ("cart", "compute_torques"),
+        ("cart", "compute_accelerations"),
+        ("four-bar", "torque_regressor"),
+        *((name, "compute_accelerations") for name in BY_COLUMNS[:2]),
+        pytest.param("bennett", "reactions", marks=pytest.mark.slow),
+    ],
+)
+def test_samples_at_fault_are_named_or_nan_and_the_others_are_as_they_were(name, method, request):
+    """All faults by all methods, of a smaller robot: test_refusals.py."""
+    if name in BY_COLUMNS:
+        request.getfixturevalue("by_columns")
+    kernels, (given, _) = pair(name)[0], samples(name)
+    expected, opened = results(kernels, method, given, None), dict(given, q=given["q"].copy())
+    opened["q"][4, -1] += 0.1
+    with pytest.raises(ClosureError) as caught:
+        results(kernels, method, opened, None)
+    assert caught.value.samples == ((4,),)
+    found = results(kernels, method, opened, None, on_error="nan")
+    for got, right in zip(found, expected, strict=True):
+        assert not got[4].any() if got.dtype == bool else np.isnan(got[4]).all()
+        np.testing.assert_array_equal(np.delete(got, 4, axis=0), np.delete(right, 4, axis=0))
+
+
+@pytest.mark.parametrize("name", BY_COLUMNS[:2])
+def test_simulations_by_columns_follow_the_reference_path(name, by_columns):
+    """To ten times the tolerance of the integrator."""
+    given, t = samples(name)[0], np.linspace(0, 0.05, 6)
+    start = given["tau"][0], given["q"][0], given["va"][0]
+    motions = [chain.simulate(*start, t, rtol=1e-9, atol=1e-9) for chain in pair(name)]
+    np.testing.assert_allclose(motions[0].q, motions[1].q, atol=1e-8)
+
+
+def test_regressors_of_other_masses_need_no_new_kernel():
+    chain = robots.four_bar()
+    chain.compile()
+    motions = any_chain.states(chain, 5, 0)
+    heavier = chain.with_parameters({"coupler.mass": 3.0, "rocker.coulomb": 0.2})
+    Y = heavier.torque_regressor(*motions)
+    np.testing.assert_allclose(Y, chain.torque_regressor(*motions), rtol=1e-12, atol=1e-13)
+    forces = heavier.generalized_forces(*motions)
+    np.testing.assert_allclose(Y @ heavier.dynamic_parameters, forces, atol=1e-12)
+
+
+@pytest.mark.slow
+def test_reactions_fill_any_array_with_any_number_of_threads():
+    (chain, reference), (given, _) = pair("bennett"), samples("bennett")
+    plain = [given[name] for name in ("q", "va", "aa")]
+    wanted, room = reference.reactions(*plain), np.zeros((18, 2 * (7 * 4 + 6 + 1)))
+    w = chain.reactions(*plain, out=room[::2, ::2])
+    assert np.shares_memory(w.joints, room)
+    many = chain.reactions(*(np.tile(x, (2, 500, 1)) for x in plain), threads=2)
+    for found in (w.joints, many.joints[1, -9:], many.joints[0, :9]):
+        assert found == pytest.approx(wanted.joints, abs=1e-11, nan_ok=True)
+    assert np.array_equal(many.determined.joints[1, -9:], wanted.determined.joints)
+    assert chain.reactions(*(x[:0] for x in plain)).determined.joints.shape == (0, 3, 6)
