@@ -4,11 +4,13 @@
 `test_every_state.py` takes the robots of the gallery to states close to singular ones.
 """
 
+import pickle
 import tempfile
 from functools import cache
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import any_chain
@@ -18,7 +20,7 @@ import sst_pin
 from derivative_cases import WIDTH, floating_four_bar, of_gallery
 from sst_pin import ClosedChain, ClosureError, LineForce, robots
 from sst_pin.chain.quantities import QUANTITIES
-from sst_pin.compiled import compiled_backend
+from sst_pin.compiled import build, compiled_backend
 
 
 def cassie_on_a_stand():
@@ -52,6 +54,7 @@ ROBOTS = {
     "rods": any_chain.rods,
     "coupled": any_chain.coupled,
     "composite": lambda: any_chain.with_joint("composite"),
+    "no motors": lambda: ClosedChain(robots.four_bar().model, robots.four_bar().closures, []),
     "sprung": lambda: any_chain.sprung("RY"),
     "motors on dependent joints": lambda: any_chain.chain(
         kind="hinge", coordinates=["arm_1", "arm_2"]
@@ -92,7 +95,7 @@ QUICK = [
     (["lines"], [*DYNAMICS, "reduced_terms", *DERIVATIVES]),
     (["five-bar"], [*DERIVATIVES, *FRAMES]),
     (["governor"], ["torque_regressor"]),
-    (BY_COLUMNS[:2], ["compute_accelerations"]),
+    ([*BY_COLUMNS[:2], "no motors"], ["compute_accelerations"]),
 ]
 SLOW = [
     (["floating"], [*DYNAMICS[1:], *OF_TREE]),  # a motor is missing
@@ -113,6 +116,10 @@ CASES = [
 #: solving, with condition numbers up to 1e3.
 TOLERANCES = {"cart": 1e-12, "five-bar": 1e-10, "floating four-bar": 1e-10}
 TOLERANCES |= dict.fromkeys(BY_COLUMNS, 1e-10)
+
+
+def same(actual, expected, tolerance=1e-12):
+    np.testing.assert_allclose(actual, expected, rtol=0, atol=tolerance * np.abs(expected).max())
 
 
 @cache
@@ -248,3 +255,90 @@ def test_reactions_fill_any_array_with_any_number_of_threads():
         assert found == pytest.approx(wanted.joints, abs=1e-11, nan_ok=True)
     assert np.array_equal(many.determined.joints[1, -9:], wanted.determined.joints)
     assert chain.reactions(*(x[:0] for x in plain)).determined.joints.shape == (0, 3, 6)
+
+
+def test_gravity_and_inertias_count_without_compiling_again(monkeypatch):
+    given, kernels = samples("cart")[0], pickle.loads(pickle.dumps(pair("cart")[0]))
+    motions = [given[name] for name in ("q", "va", "aa")]
+    monkeypatch.setattr(build, "_compile", None)  # whoever compiles fails
+    before = kernels.compute_torques(*motions)
+    model = kernels.model
+    model.gravity.linear = np.array([0.0, 3.0, -20.0])
+    for joint in ("follower", "ball", "base"):
+        model.inertias[model.getJointId(joint)] += pin.Inertia.FromSphere(0.7, 0.2)
+    kernels.refresh()
+    after = kernels.compute_torques(*motions)
+    assert np.abs(after - before).max() > 1
+    reference = any_chain.cart()
+    reference.model.gravity, reference.model.inertias[:] = model.gravity, model.inertias
+    reference.refresh()
+    same(after, reference.compute_torques(*motions))
+    assert kernels.path.startswith("compiled")
+
+
+@pytest.mark.slow
+def test_a_rollout_rolls_as_on_the_reference_path():
+    """Wheels roll on while the loops are closed; friction smooth: the paths round differently.
+
+    The stages of a step lie off the closures by h^2, where each path solves other rows: one step of
+    1e-3 s differs by 3e-12, half of it by a 32nd of that, and steps of 2.5e-4 s by rounding.
+    """
+    (kernels, reference), given = pair("cart"), samples("cart")[0]
+    q, va = given["q"], given["va"]
+    tau = np.random.default_rng(0).normal(size=(3, 20, va.shape[1]))
+
+    def rolled(h, steps=20):
+        motions = tau[:, :steps], q[:3], 0.5 * va[:3], h
+        return [chain.rollout(*motions, sign_width=0.3) for chain in (kernels, reference)]
+
+    ours, theirs = rolled(2.5e-4)
+    same(ours.q, theirs.q)
+    same(ours.va, theirs.va, 1e-11)
+    step = reference.casadi(sign_width=0.3).step(q[0], 0.5 * va[0], tau[0, 0], 2.5e-4)
+    same(step[0].full().ravel(), theirs.q[0, 1])
+    same(step[1].full().ravel(), theirs.va[0, 1])
+    assert np.abs(ours.q[:, -1] - ours.q[:, 0]).max() > 1e-3
+    assert "rollout" not in kernels.path
+    one, half = (np.abs(a.va - b.va).max() for a, b in (rolled(2e-3, 1), rolled(1e-3, 1)))
+    assert one / half == pytest.approx(32, rel=0.1)
+
+
+def test_numbers_of_lines_change_without_a_new_compilation_and_ends_with_one():
+    """Kernels hold the ends, not the numbers: both give what the reference path gives."""
+    q, va, aa = any_chain.states(any_chain.lines(), 3, 0)
+    soft = LineForce("wall", "platform", name="gas", stiffness=7, damping=1, preload=2)
+    gas, spring = any_chain.GAS, any_chain.SPRING
+    for where, forces in (((-0.3, 0.1, 0.3), (soft, spring)), ((-0.2, 0, 0.3), (gas, spring))):
+        robot, twin = any_chain.lines(where, forces), any_chain.lines(where, forces)
+        robot.compile()
+        same(robot.compute_torques(q, va, aa), twin.compute_torques(q, va, aa), 1e-12)
+
+
+def test_samples_whose_line_has_no_direction_are_refused_by_kernels_too():
+    home = robots.four_bar().home
+    data = any_chain.lines().model.createData()
+    pin.framesForwardKinematics(any_chain.lines().model, data, home)
+    at = data.oMf[any_chain.lines().model.getFrameId("platform")].translation
+    robot = any_chain.lines(at)
+    robot.compile()
+    q = np.array([any_chain.lines().assemble([*home[:2], home[2] + 0.2]), home])
+    with pytest.raises(sst_pin.SingularConfigurationError, match="gas is not determined"):
+        robot.compute_torques(q, [0], [0])
+    tau = robot.compute_torques(q, [0], [0], on_error="nan")
+    assert np.isnan(tau).any(axis=1).tolist() == [False, True]
+
+
+def test_a_motor_between_frames_of_one_body_moves_nothing():
+    """On both paths it is refused, alone; beside another motor its force is zero."""
+    line, bar = LineForce("coupler_pin", "platform", name="idle"), robots.four_bar()
+    for motors in (["idle"], ["idle", "crank"]):
+        fast, plain = (ClosedChain(bar.model, bar.closures, motors, forces=[line]) for _ in "ab")
+        fast.compile()
+        if len(motors) == 1:
+            for robot in (fast, plain):
+                with pytest.raises(sst_pin.ActuationError):
+                    robot.compute_torques(bar.home, [1], [0])
+        else:
+            tau = plain.compute_torques(bar.home, [1], [0])
+            assert tau[0] == 0
+            same(fast.compute_torques(bar.home, [1], [0]), tau, 1e-12)
