@@ -6,8 +6,6 @@ configurations, if a redundant row does not hold, or if a solution of Phi x = ri
 residual.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import cached_property
 from typing import Any
@@ -59,7 +57,7 @@ class Checks:
         parts = zip(e.factors.parts, e.pivots.sizes, strict=True)
         small = total(part.small(sizes) for part, sizes in parts)
         least = 2 * LEAST_LENGTH * e.mechanism.length
-        short = [least / length for length, _ in e.tree.lines]
+        short = [least / line.length for line in e.tree.lines]
         return [total(gaps) / self._closed**2, small, *self._inconsistent, *short]
 
     @property
