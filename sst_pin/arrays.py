@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence, Set
 from typing import TypeVar
 
 import numpy as np
@@ -93,8 +93,10 @@ def for_each_sample(
     batch, flat = flattened(arrays, core_axes)
     _require_fitting(out, batch + result)
     n = math.prod(batch)
-    into_out = out is not None and out.flags.carray and not _overlapping(out, flat)
-    results = out.reshape(n, *result) if out is not None and into_out else empty((n, *result))
+    plain = None if out is None else np.asarray(out)  # no matrix, no memory map
+    if plain is not None and (not plain.flags.carray or _overlapping(plain, flat)):
+        plain = None
+    results = empty((n, *result)) if plain is None else plain.reshape(n, *result)
     left: Iterable[int] = range(n)
     if fast is not None:
         left = map(int, fast(flat, results.reshape(n, math.prod(result))))
@@ -112,7 +114,7 @@ def for_each_sample(
     shaped = results.reshape(batch + result)
     if out is None:
         return shaped
-    if not into_out:
+    if plain is None:
         out[...] = shaped
     return out
 
@@ -135,10 +137,15 @@ def empty(shape: tuple[int, ...]) -> Array:
         raise InputError("batch", f"results of shape {shape} do not fit into memory") from None
 
 
-def names(name: str, value: Sequence[str]) -> tuple[str, ...]:
-    """A sequence of names; refuses a single word and all else."""
-    if isinstance(value, str) or not isinstance(value, Iterable):
+def names(name: str, value: Sequence[str], *, ordered: bool = False) -> tuple[str, ...]:
+    """A sequence of names; refuses a single word, values beside names, and all else.
+
+    Where they are `ordered`, refuses sets too.
+    """
+    if isinstance(value, (str, Mapping)) or not isinstance(value, Iterable):
         raise InputError(name, f"{value!r}: a sequence of names is needed")
+    if ordered and isinstance(value, Set):
+        raise InputError(name, f"{value!r}: the order of the names counts; give a list")
     found = tuple(value)
     if not all(isinstance(word, str) for word in found):
         raise InputError(name, f"{found!r}: a name must be a non-empty text")

@@ -34,7 +34,7 @@ from .assignments import require_assignable
 from .backend import Key, States
 from .closures import Constraint
 from .current import Current, Kernels
-from .draft import Motor, closures_of, forces_of, mechanism_of, without_locked
+from .draft import Motor, closures_of, copied, forces_of, mechanism_of, without_locked
 from .lines import LineForce
 from .mechanism import Friction, Mechanism
 from .mobility import Mobility, condition_number, scaled_Phi
@@ -135,12 +135,15 @@ class ClosedChain(Summary):
             "stiffness": stiffness,
             "spring_reference": spring_reference,
         }
+        chosen = coordinates
+        if coordinates is not None:
+            chosen = names("coordinates", coordinates, ordered=True)
         self._model = without_locked(model, locked) if locked else model
         self._recipe: partial[Mechanism] = partial(
             mechanism_of,
             closures=closures_of(closures),
             motors=actuated,
-            coordinates=coordinates,
+            coordinates=chosen,
             numbers=numbers,
             forces=forces_of(forces),
         )
@@ -149,7 +152,7 @@ class ClosedChain(Summary):
     def _mechanism_of_model(self) -> Mechanism:
         """The mechanism of `model` as it stands."""
         self._examine(self._model)
-        return self._recipe(pin.Model(self._model))
+        return self._recipe(copied(self._model))
 
     # --- what it is -------------------------------------------------------------------------
 
@@ -373,7 +376,9 @@ class ClosedChain(Summary):
             >>> chain.with_coordinates(["rocker"]).coordinates
             ('rocker',)
         """
-        return self._remade(self._model, coordinates=names("coordinates", coordinates))
+        return self._remade(
+            self._model, coordinates=names("coordinates", coordinates, ordered=True)
+        )
 
     def _remade(self, model: pin.Model, **changes: object) -> ClosedChain:
         """A chain of another model, or of other arguments of the constructor."""
