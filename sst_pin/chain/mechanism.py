@@ -197,6 +197,15 @@ class Mechanism:
         units = zip(self.motors.T, self.space.force_units(self.motors), strict=True)
         return tuple(unit if on_joints.any() else "N" for on_joints, unit in units)
 
+    def require_freedom(self) -> None:
+        """Refuse dynamics where nothing moves."""
+        if not len(self.coordinates):
+            problem = (
+                "no coordinates: nothing can move; check kinds and axes of the closures; if "
+                'another assembly moves, make it model.referenceConfigurations["home"]'
+            )
+            raise DescriptionError(f"model {self.model.name}", [problem])
+
     def require_mass(self) -> None:
         """Refuse direct dynamics where a coordinate moves no mass."""
         if self.without_mass:

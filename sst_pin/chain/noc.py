@@ -113,9 +113,14 @@ class JointComplement:
         others = mechanism.space.names_of(
             choose_coordinates(mechanism, np.nan_to_num(scaled)).tolist()
         )
+        instead = "; nothing can move here"
+        if others:
+            instead = (
+                "; move away, or choose other coordinates=, for example "
+                f"{listed(others)} describe the motion here"
+            )
         raise SingularConfigurationError(
-            f"singular configuration: {why}; move away, or choose other coordinates=, "
-            f"for example {listed(others)} describe the motion here",
+            f"singular configuration: {why}{instead}",
             condition_number(scaled, mechanism.coordinates),
         )
 

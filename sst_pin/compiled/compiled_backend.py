@@ -361,6 +361,7 @@ def _has_directions(mechanism: Mechanism, quantity: str, lanes: int) -> bool:
 
 def sample_configurations(reference: Reference, near: Array | None = None) -> Array:
     """Assembled configurations, the same at each call, shape (samples, nq), `near` the first."""
+    reference.mechanism.require_freedom()
     assembly = reference.memory.assembly
     if near is None:
         example = reference.mechanism.example
