@@ -818,12 +818,14 @@ class ClosedChain(Summary):
             array([0.166])
         """
         if preload is not None or limits is not None:
-            least: dict[str, Any] = {"external_wrenches": external_wrenches, "weights": weights}
-            least |= {"platform_moment": platform_moment, "on_error": on_error, "threads": threads}
-            smallest = self.compute_torques(q, va, aa, out=out, **least)
-            choice = self._directions(q, on_error), preload, limits, weights
-            smallest[...] = redundancy.adjusted(self.mechanism, smallest, *choice)
-            return smallest
+            load = self._wrenches(platform_moment, external_wrenches, on_error)
+            known: dict[str, Any] = {"external_wrenches": load, "on_error": on_error}
+            least = self.compute_torques(q, va, aa, weights=weights, threads=threads, **known)
+            f = self.generalized_forces(q, va, aa, **known)
+            found = least, f, *self._directions(q, on_error)
+            motions = *self._current.arguments(q, va=va, aa=aa), load
+            choice = preload, limits, weights, {"on_error": on_error, "out": out}
+            return redundancy.adjusted(self._current.reference, motions, found, *choice)
         current = self._current
         if external_wrenches is weights is None and on_error == "raise":
             tau = current.torques_of(q, va, aa, platform_moment, out, threads)
@@ -1259,15 +1261,13 @@ class ClosedChain(Summary):
             >>> bool(np.abs(arm.actuator_jacobian(arm.home).T @ B).max() < 1e-12)
             True
         """
-        return self._directions(q)
+        return self._directions(q)[1]
 
-    def _directions(self, q: ArrayLike, on_error: str = "raise") -> Array:
-        key, regular = (
-            Key("actuator_jacobian"),
-            self.actuator_jacobian(self.generic_configuration()),
-        )
-        J = dispatch.computed(self._current, key, q, on_error=on_error)
-        return redundancy.directions(self.mechanism, J, regular)
+    def _directions(self, q: ArrayLike, on_error: str = "raise") -> tuple[Array, Array]:
+        """Actuator Jacobians and directions of preload."""
+        regular = self.actuator_jacobian(self.generic_configuration())
+        J = dispatch.computed(self._current, Key("actuator_jacobian"), q, on_error=on_error)
+        return J, redundancy.directions(self.mechanism, J, regular, on_error)
 
     def line_lengths(self, q: ArrayLike) -> Array:
         """Lengths of the lines of `forces`, of any q, shape (..., lines), [m].

@@ -7,13 +7,20 @@ null(J^T), the directions of preload.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
+from math import prod
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Array, as_array, finite_array, name_samples
+from ..arrays import Array, as_array, finite_array, for_each_sample, of_samples
 from ..errors import ActuationError, InputError, SingularConfigurationError
 from .mechanism import Mechanism
-from .thresholds import RANK_TOLERANCE
+from .thresholds import BALANCED, MAX_CONDITION_NUMBER, RANK_TOLERANCE, UNSUPPLIED
+
+if TYPE_CHECKING:
+    from .reference import Reference
 
 #: Torques may pass limits by this part of the largest: rounding of a projection onto them.
 _ROUNDING = 1e-12
@@ -21,7 +28,38 @@ _ROUNDING = 1e-12
 _FEASIBLE = 1e-12
 
 
-def directions(mechanism: Mechanism, J: Array, reference: Array) -> Array:
+def smallest_torques(
+    A: Array, units: Array, gears: Array, weights: Array | None
+) -> tuple[Callable[[Array], Array], Array]:
+    """The least torques tau with A tau = f as a function of f, and where no motor acts.
+
+    f is met as far as the motors act: the second result are directions c with c^T A = 0 in columns,
+    shape (n, k). `units` times A by `gears` is free of units, but each freedom counts alike,
+    whatever the weights of the squared torques.
+    """
+    from scipy.linalg import qr, solve_triangular
+
+    gears = np.where(gears > 0, gears, 1)
+    free_of_units = A * units[:, None] / gears
+    rows = np.abs(free_of_units).max(axis=1, initial=0)
+    rows = np.where(rows > 0, rows, 1) / units
+    U, s, Vt = np.linalg.svd(A / gears / rows[:, None])
+    rank = int(np.count_nonzero(s * MAX_CONDITION_NUMBER > s.max(initial=0)))
+    half = np.ones(len(gears)) if weights is None else 1 / np.sqrt(weights)
+    # Sorted rows and pivots keep the digits of motors that differ much (Cox and Higham 1998).
+    order = np.argsort(-half * gears)
+    own = (half * gears)[order, None] * Vt[:rank, order].T
+    Q, R, pivots = qr(own, mode="economic", pivoting=True)
+
+    def smallest(f: Array) -> Array:
+        tau, along = np.empty(len(gears)), U[:, :rank].T.dot(f / rows) / s[:rank]
+        tau[order] = Q.dot(solve_triangular(R, along[pivots], trans=1)) if rank else 0
+        return half * tau
+
+    return smallest, U[:, rank:] / rows[:, None]
+
+
+def directions(mechanism: Mechanism, J: Array, reference: Array, on_error: str) -> Array:
     """Orthonormal directions of preload, continuous along the last batch axis, (..., motors, k).
 
     J are actuator Jacobians, shape (..., motors, n). Each sample's basis is the one next to that of
@@ -29,25 +67,22 @@ def directions(mechanism: Mechanism, J: Array, reference: Array) -> Array:
     """
     units = mechanism.rate_scale[mechanism.coordinates]
     first, rank = _null_space(reference * units)
-    batch = J.shape[:-2]
-    flat = (J * units).reshape(-1, *J.shape[-2:])
-    found = np.empty((len(flat), len(first), first.shape[1]))
-    for i, matrix in enumerate(flat):
-        if not np.isfinite(matrix).all():
-            found[i] = np.nan  # of samples at fault
+    batch, core = J.shape[:-2], J.shape[-2:]
+    flat = (J * units).reshape(prod(batch), *core)
+    found = np.full((len(flat), *first.shape), np.nan)
+    fewer = np.zeros(len(flat), dtype=bool)
+    for i in np.flatnonzero(np.isfinite(flat).all(axis=(1, 2))):
+        basis, own = _null_space(flat[i])
+        fewer[i] = own != rank
+        if fewer[i]:
             continue
-        basis, own = _null_space(matrix)
-        if own != rank:
-            error = SingularConfigurationError(
-                f"the motors hold {own} of {rank} freedoms here: directions of preload change",
-                np.inf,
-            )
-            name_samples(error, [i], batch)
-            raise error
         along = i % batch[-1] if batch else 0
         before = found[i - 1] if along and np.isfinite(found[i - 1]).all() else first
         U, _, Vt = np.linalg.svd(basis.T @ before)
         found[i] = basis @ (U @ Vt)
+    if fewer.any() and on_error == "raise":
+        problem = f"the motors hold less than {rank} freedoms here: directions of preload change"
+        raise of_samples(SingularConfigurationError(problem, np.inf), fewer.reshape(batch))
     return found.reshape(*batch, *first.shape)
 
 
@@ -59,25 +94,70 @@ def _null_space(J: Array) -> tuple[Array, int]:
 
 
 def adjusted(
-    mechanism: Mechanism,
-    tau: Array,
-    basis: Array,
+    reference: Reference,
+    motions: Sequence[Array | None],
+    found: Sequence[Array],
     preload: ArrayLike | None,
     limits: ArrayLike | None,
     weights: ArrayLike | None,
+    how: Mapping[str, Any],
 ) -> Array:
-    """The smallest torques, shape (..., motors), with a preload along a basis, within limits."""
-    if preload is not None:
-        amounts = finite_array("preload", preload, (basis.shape[-1],))
-        try:
-            tau = tau + np.einsum("...mk,...k->...m", basis, amounts)
-        except ValueError:
-            problem = f"shape {amounts.shape} does not broadcast with {tau.shape[:-1]} samples"
-            raise InputError("preload", problem) from None
+    """The smallest torques, shape (..., motors), with a preload along a basis, within limits.
+
+    `motions` are q, va, aa and wrenches, `found` their smallest torques, f, actuator Jacobians and
+    directions of preload. `how` has on_error and out.
+    """
+    motors, k = found[-1].shape[-2:]
+    amounts = as_array("preload", np.zeros(k) if preload is None else preload, (k,))
+    if how["on_error"] == "raise":
+        amounts = finite_array("preload", amounts, (k,))
+    allowed = None if limits is None else limits_of(limits, motors)
+    given = None if weights is None else np.asarray(weights, dtype=float)
+
+    def one(
+        q: Array,
+        va: Array,
+        aa: Array,
+        load: Array | None,
+        least: Array,
+        f: Array,
+        J: Array,
+        basis: Array,
+        along: Array,
+    ) -> Array:
+        tau = least if preload is None else least + basis.dot(along)
+        if not np.isfinite(tau).all():
+            return np.full(motors, np.nan)  # of a sample at fault
+        if allowed is not None:
+            tau = _within(reference.mechanism, tau, basis, allowed, given)
+        A, small = J.T, UNSUPPLIED * np.abs(f)
+        if not (BALANCED * np.abs(A).dot(np.abs(tau)) <= small).all():
+            # Kernels round in other places than the reference path, which judges.
+            f, A = reference.generalized_forces(q, va, aa, load), reference.actuator_jacobian(q).T
+        if tau is not least:
+            tau = _balanced(A, f, tau, allowed)
+        if not (np.abs(f - A.dot(tau)) <= small).all():
+            reference.require_supplied(q, va, aa, load, tau)
+        return tau
+
+    arrays = [*motions, *found, amounts]
+    return for_each_sample(one, arrays, [1, 1, 1, 2, 1, 1, 2, 2, 1], (motors,), **how)
+
+
+def _balanced(A: Array, f: Array, tau: Array, limits: Array | None) -> Array:
+    """Torques with the rounding of A tau = f put right, by small ones most, within limits."""
+    free = np.full(len(tau), True)
     if limits is not None:
-        given = None if weights is None else np.asarray(weights, dtype=float)
-        tau = _within(mechanism, tau, basis, limits_of(limits, tau.shape[-1]), given)
-    return tau
+        free = (limits[:, 0] < tau) & (tau < limits[:, 1])
+    smallest, _ = smallest_torques(A * free, np.ones(len(A)), np.ones(len(tau)), finest(tau))
+    tau = tau + smallest(f - A.dot(tau))
+    return tau if limits is None else np.clip(tau, *limits.T)
+
+
+def finest(tau: Array) -> Array:
+    """Weights by which the motors of small torques, whose rounding is fine, correct the others."""
+    size = np.abs(tau).max(initial=0)
+    return (np.abs(tau) / (size or 1) + _ROUNDING) ** 2
 
 
 def limits_of(limits: ArrayLike, motors: int, name: str = "limits") -> Array:
@@ -105,18 +185,10 @@ def _within(
     mechanism: Mechanism, tau: Array, basis: Array, limits: Array, weights: Array | None
 ) -> Array:
     """The torques next to given ones that make the same motion within limits."""
-    batch, result = tau.shape[:-1], tau.reshape(-1, tau.shape[-1]).copy()
-    core = basis.shape[-2:]
-    bases = np.broadcast_to(basis, (*batch, *core)).reshape(len(result), *core)
-    rounding = _ROUNDING * np.abs(tau).max(initial=0.0, where=np.isfinite(tau))
-    over = np.maximum(limits[:, 0] - result, result - limits[:, 1]).max(axis=1) > rounding
-    for i in np.flatnonzero(over):
-        try:
-            result[i] = _nearest(mechanism, result[i], bases[i], limits, weights)
-        except ActuationError as error:
-            name_samples(error, [int(i)], batch)
-            raise
-    return result.reshape(tau.shape)
+    over = np.maximum(limits[:, 0] - tau, tau - limits[:, 1]).max(initial=0)
+    if over <= _ROUNDING * np.abs(tau).max(initial=0):
+        return tau
+    return _nearest(mechanism, tau, basis, limits, weights)
 
 
 def _nearest(
@@ -126,7 +198,7 @@ def _nearest(
     from scipy.optimize import nnls
 
     if weights is not None:  # a basis that is orthonormal with these weights
-        basis = basis @ np.linalg.inv(np.linalg.cholesky(basis.T @ (weights[:, None] * basis))).T
+        basis = basis @ np.linalg.inv(np.linalg.qr(np.sqrt(weights)[:, None] * basis, mode="r"))
     over = np.maximum(limits[:, 0] - tau, tau - limits[:, 1]).max()
     unit = max(np.abs(tau).max(), over)
     G = np.vstack([basis, -basis])

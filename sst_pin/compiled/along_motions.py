@@ -8,6 +8,9 @@ differentiated in the same way. CasADi does all of this.
 
 from __future__ import annotations
 
+from functools import cache
+from math import prod
+
 import casadi as ca
 import numpy as np
 from casadi import SX, Function
@@ -22,22 +25,26 @@ class AlongMotions:
     def __init__(self, functions: CasadiFunctions) -> None:
         self._functions = functions
         self._made: dict[tuple[str, int], Function] = {}
+        self._sound = cache(lambda motors: functions.checked(np.inf, motors=motors))
 
     def values(self, name: str, order: int, *arguments: Array) -> Array:
         """One of the `CasadiFunctions` by name, or its derivatives of an order, of samples in rows.
 
         The arguments are q, shape (..., nq), and others, shape (..., size). The result has the
         shape (..., size, N, .., N), an axis of N for each order: the n directions of q, then the
-        entries of the others. Samples that fail the checks are NaN. A frame's name follows
-        "frame_placement ".
+        entries of the others. Samples where a pivot is small are NaN; that the loops are closed is
+        for the caller to check. A frame's name follows "frame_placement ".
         """
         lead = arguments[0].shape[:-1]
-        columns = [x.reshape(-1, x.shape[-1]).T for x in arguments]
-        values = self._function(name, order)(*columns).full().T
-        checks = self._functions.check(columns[0]).full().ravel()
-        values[~(checks <= 1)] = np.nan
-        others = sum(x.shape[-1] for x in arguments[1:])
-        return values.reshape(*lead, -1, *(self._functions.n + others,) * order)
+        columns = [x.reshape(prod(lead), x.shape[-1]).T for x in arguments]
+        function = self._function(name, order)
+        values = np.empty((prod(lead), function.numel_out(0)))
+        if len(values):
+            values[:] = function(*columns).full().T
+            checks = self._sound(name == "torques")(columns[0]).full().ravel()
+            values[~(checks <= 1)] = np.nan
+        axes = (self._functions.n + sum(x.shape[-1] for x in arguments[1:]),) * order
+        return values.reshape(*lead, values.shape[1] // prod(axes), *axes)
 
     def _function(self, name: str, order: int) -> Function:
         """All numbers of one order in a column, the last axis first."""

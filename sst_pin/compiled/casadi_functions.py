@@ -19,7 +19,7 @@ from . import build, kernels
 from .compiled_backend import sample_configurations
 from .elimination import Orthogonal
 from .equations import Equations
-from .kernel_checks import Checks
+from .kernel_checks import CLOSED, Checks
 from .link_kinematics import Point
 
 #: Common subexpressions are computed once.
@@ -141,11 +141,31 @@ class CasadiFunctions:
         """Q -> c: above 1 (or NaN) where the functions cannot be trusted at q.
 
         The loops are open there, or q is too far from the configurations for which the order of
-        elimination was chosen, next to a singularity.
+        elimination was chosen, next to a singularity, or the motors hardly hold the robot, so that
+        its `torques` cannot be trusted.
         """
-        checks = Checks(self._equations)
-        worst = ca.mmax(ca.vertcat(*checks.of_state, *checks.of_complement))
-        return self._made("check", {"q": self._equations.q}, {"c": worst})
+        return self.checked(CLOSED, motors=self._equations.driven)
+
+    @cached_property
+    def torques_check(self) -> Function:
+        """(q, va, aa) -> c: above 1 (or NaN) where `torques` of this motion cannot be trusted.
+
+        Besides `check`, torques that balance each other may be so large that their rounding is not
+        small beside the forces that the motion needs.
+
+        Raises:
+            ActuationError: As `torques`.
+        """
+        made = kernels.make(self._equations, "torques")
+        return self._made(
+            "torques_check", self._named(made, ["q", "va", "aa"]), {"c": ca.mmax(made.checks)}
+        )
+
+    def checked(self, closed: float, *, motors: bool) -> Function:
+        """`check` for loops that are open by `closed` at most, with that of the motors or not."""
+        checks = Checks(self._equations, closed)
+        own = [*checks.of_state, *checks.of_complement, *(checks.of_motors if motors else ())]
+        return self._made("check", {"q": self._equations.q}, {"c": ca.mmax(ca.vertcat(*own))})
 
     @cached_property
     def torque_derivatives(self) -> Function:

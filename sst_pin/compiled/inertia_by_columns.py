@@ -12,10 +12,10 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg.lapack import dposv
 
 from ..arrays import Array, Indices
 from ..chain.backend import NoKernel
+from ..chain.dynamics import solved
 from ..chain.mechanism import Mechanism
 
 if TYPE_CHECKING:
@@ -50,8 +50,9 @@ class ByColumns(NoKernel):
             inertia = np.empty(self._unit.shape)  # Eq. (93), symmetric
             failed = self._inertial.many((q[i], None, self._unit), inertia, threads)
             given = tau[i] if self._mechanism.driven_one_to_one else self._given(q[i], tau[i])
-            _, out[i], info = dposv(inertia, given - f[i])
-            left[i] = len(failed) or info or not np.isfinite(out[i]).all()
+            aa = solved(inertia, given - f[i])
+            left[i] = len(failed) or aa is None or not np.isfinite(aa).all()
+            out[i] = np.nan if aa is None else aa
         return np.flatnonzero(left)
 
     def _given(self, q: Array, tau: Array) -> Array:

@@ -21,6 +21,7 @@ from ..chain.backend import Key
 from ..chain.closures import Rolling
 from ..chain.dispatch import computed
 from ..chain.mechanism import Mechanism
+from ..chain.redundancy import smallest_torques
 from ..chain.runge_kutta import runge_kutta_step
 from ..chain.tree import frame_id
 from ..errors import ActuationError, DescriptionError, InputError, SSTError
@@ -70,6 +71,7 @@ class JaxFunctions:
         _require_double()
         self._chain, self._near, self._sign_width = chain, near, sign_width
         self._mechanism = mechanism = chain._current.mechanism
+        mechanism.require_freedom()
         if any(isinstance(closure, Rolling) for closure in mechanism.closures):
             problem = "with a rolling contact q has more directions than rates; use casadi()"
             raise DescriptionError("jax", [problem])
@@ -87,13 +89,14 @@ class JaxFunctions:
         """Inverse dynamics, shape (..., motors); with redundant motors the smallest torques.
 
         Raises:
-            ActuationError: If there are fewer motors than coordinates.
+            ActuationError: If the motors do not act on all coordinates.
         """
         if self._mechanism.driven_one_to_one:
             return self.generalized_forces(q, va, aa)
-        if self.motors < self.n:
+        if self._held < self.n:
             raise ActuationError(
-                f"{self.motors} motors for {self.n} coordinates; use generalized_forces"
+                f"the motors supply {self._held} of {self.n} forces along the coordinates; "
+                "use generalized_forces"
             )
         return self._function("torques")(*self._arguments(q=q, va=va, aa=aa))
 
@@ -157,17 +160,29 @@ class JaxFunctions:
 
         return placement
 
+    @cached_property
+    def _held(self) -> int:
+        """How many coordinates the motors hold at most configurations."""
+        J = self._chain.actuator_jacobian(self._chain.generic_configuration())
+        units = self._mechanism.rate_scale[self._mechanism.coordinates]
+        _, lost = smallest_torques(J.T, units, np.ones(self.motors), None)
+        return self.n - lost.shape[1]
+
     # --- functions of arrays of the right shape ---------------------------------------------
 
-    def _of_chain(self, name: str) -> Callable[..., jax.Array]:
-        """A function of `CasadiFunctions` whose values the chain computes."""
-        methods: dict[str, tuple[Values, int]] = {
+    @property
+    def _of_the_chain(self) -> dict[str, tuple[Values, int]]:
+        """Functions of `CasadiFunctions` whose values the chain computes, and their sizes."""
+        return {
             "torques": (self._chain.compute_torques, self.motors),
             "generalized_forces": (self._chain.generalized_forces, self.n),
             "accelerations": (self._chain.compute_accelerations, self.n),
             "rates": (self._joint_rates, self._mechanism.model.nv),
         }
-        values, size = methods[name]
+
+    def _of_chain(self, name: str) -> Callable[..., jax.Array]:
+        """One of these, which can be differentiated."""
+        values, size = self._of_the_chain[name]
 
         def of_order(order: int, *arrays: Array) -> Array:
             if order:
@@ -286,14 +301,21 @@ class JaxFunctions:
         return computed(self._chain._current, Key("rates"), q, va=va, on_error=on_error)
 
     def _by_casadi(self, name: str, order: int, *arrays: Array) -> Array:
-        """Values of `AlongMotions`, of the model as it stands."""
+        """Values of `AlongMotions`, of the model as it stands; NaN where the chain's are."""
+        arrays = tuple(_with_all_axes(arrays))
+        if name in self._of_the_chain:
+            known = self._of_the_chain[name][0](*arrays, on_error="nan")
+        else:
+            known = self._joint_rates(arrays[0], [*arrays, np.zeros(self.n)][1])
         with self._lock:
             mechanism, made = self._chain._current.mechanism, self._along
             if made is None or made[0] is not mechanism:
                 reference = self._chain._current.reference
                 functions = CasadiFunctions(reference, self._near, self._sign_width)
                 made = self._along = mechanism, AlongMotions(functions)
-            return made[1].values(name, order, *_with_all_axes(arrays))
+            found = made[1].values(name, order, *arrays)
+        found[np.isnan(known).any(axis=-1)] = np.nan
+        return found
 
     def _on_arrays(self, values: Values) -> Callable[..., Array]:
         """What JAX calls."""

@@ -18,7 +18,7 @@ from .frame_kernels import OF_FRAMES
 from .joint_wrenches import reactions
 from .kernel_checks import Checks
 from .regressor_columns import torque_regressor
-from .symbols import Sparse, add, definite
+from .symbols import Sparse, add
 
 
 @dataclass(frozen=True)
@@ -94,9 +94,8 @@ def _torques(e: Equations, checks: Checks) -> _Made:
     inputs, f, own = _forces(e, checks)
     if e.mechanism.driven_one_to_one:
         return inputs, f, own
-    factors, sizes = e.motor_factors
-    tau = factors.solve_transposed(dict(enumerate(ca.vertsplit(f))))
-    own = [*own, factors.small(sizes), *checks.unsupplied(tau, f)]
+    tau = e.smallest_torques(f)
+    own = [*own, *checks.of_motors, *checks.unsupplied(tau, f)]
     return (
         inputs,
         ca.vertcat(*(SX(tau.get(k, 0)) for k in range(len(e.mechanism.motor_names)))),
@@ -107,7 +106,7 @@ def _torques(e: Equations, checks: Checks) -> _Made:
 def _accelerations(e: Equations, checks: Checks) -> _Made:
     tau = _motor_torques(e)
     aa, inverses = e.accelerations(tau)
-    return [e.q, e.va, tau, e.loads], aa, [*checks.of_accelerations, definite(inverses)]
+    return [e.q, e.va, tau, e.loads], aa, checks.of_accelerations + checks.massless(inverses)
 
 
 def _torque_derivatives(e: Equations, checks: Checks) -> _Made:

@@ -20,7 +20,7 @@ from .closure_rows import Row
 from .elimination import total
 from .equations import Equations
 from .kernel_checks import Checks
-from .symbols import Sparse, add, definite, is_zero, solve_symmetric, sx
+from .symbols import Sparse, add, is_zero, solve_symmetric, sx
 
 
 def of_torques(e: Equations, checks: Checks) -> tuple[SX, SX, SX, list[Any]]:
@@ -41,7 +41,7 @@ def of_accelerations(e: Equations, checks: Checks, tau: SX) -> tuple[SX, SX, SX,
     right = ca.horzcat(-by_q, -by_va, e.motor_matrix)
     aa_x, _ = solve_symmetric(e.inertia, right)
     n = len(e.L)
-    return aa_x[:, :n], aa_x[:, n : 2 * n], aa_x[:, 2 * n :], [*own, definite(inverses)]
+    return aa_x[:, :n], aa_x[:, n : 2 * n], aa_x[:, 2 * n :], own + checks.massless(inverses)
 
 
 def of_accelerations_along(
@@ -52,7 +52,7 @@ def of_accelerations_along(
     by_q, by_va, _, own = _of_forces_along(e, checks, _OnTree(e, aa, tau), way)
     driven = e.project(e.motor_forces(way))
     aa_x, _ = solve_symmetric(e.inertia, ca.horzcat(-by_q, -by_va, driven))
-    return aa_x[:, 0], aa_x[:, 1], aa_x[:, 2], [*own, definite(inverses)]
+    return aa_x[:, 0], aa_x[:, 1], aa_x[:, 2], own + checks.massless(inverses)
 
 
 def of_displacements(e: Equations) -> SX:

@@ -32,13 +32,8 @@ def add(a: Mapping[int, Any], b: Mapping[int, Any]) -> Sparse:
     return dict(a) | {i: a[i] + x if i in a else x for i, x in b.items()}
 
 
-def definite(inverses: list[Any]) -> Any:
-    """More than 1 where one over a pivot of a symmetric matrix is negative."""
-    return 1e30 * total(ca.fabs(x) - x for x in inverses)
-
-
 def solve_symmetric(A: SX, b: SX) -> tuple[SX, list[Any]]:
-    """x with A x = b for a symmetric A, by L D L^T, and one over each entry of D; b has columns."""
+    """x with A x = b for a symmetric A, by L D L^T, and one over each entry of D, row by row."""
     n, order = A.shape[0], _elimination(A)
     A, b = A[order, order], b[order, :]
     L: list[dict[int, Any]] = [{} for _ in range(n)]  # rows, below the diagonal
@@ -58,7 +53,8 @@ def solve_symmetric(A: SX, b: SX) -> tuple[SX, list[Any]]:
     for i in reversed(range(n)):
         for k, entry in L[i].items():
             x[k] -= entry * x[i]
-    return ca.vertcat(*(x[order.index(i)] for i in range(n))), inverses
+    own = [order.index(i) for i in range(n)]
+    return ca.vertcat(*(x[k] for k in own)), [inverses[k] for k in own]
 
 
 def _elimination(A: SX) -> list[int]:

@@ -218,6 +218,15 @@ class TreeDynamics:
             energies.append(c * (length - rest) ** 2 / 2 + preload * (length - rest))
         return total(energies)
 
+    @cached_property
+    def whole_inertia(self) -> Any:
+        """Inertia of all bodies and rotors, as `dynamics.whole_inertia`."""
+        length, scale = self._mechanism.length, self._mechanism.rate_scale
+        found = [self._parameters.body(self._p, i) for i in self._parameters.bodies]
+        terms = [mass * length**2 + 2 * ca.trace(J) for mass, _, J in filter(None, found)]
+        rotors = self._parameters.of_joints("armature", self._p)
+        return total([*terms, *(x * float(scale[i] ** 2) for i, x in rotors.items())])
+
     def motors_on_lines(self, motor: int) -> Sparse:
         """Forces along the rates of a motor's unit torque, by the lines that it pushes apart."""
         tau: Sparse = {}

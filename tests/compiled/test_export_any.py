@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Any robot as C99, compiled strictly by two compilers, gives what the package gives."""
 
-import ctypes
 import shutil
 import subprocess
 import sys
@@ -13,6 +12,7 @@ import pytest
 
 import any_chain
 import sst_pin
+from exported_c import STRICT, TYPES, Exported
 from sst_pin import ClosedChain, robots
 from sst_pin.cli import main
 from sst_pin.compiled import build
@@ -23,15 +23,10 @@ from sst_pin.files import write_files
 from sst_pin.verification.sampling import random_parameters
 
 DELTA = Path(__file__).parents[2] / "examples" / "delta.urdf"
-STRICT = [
-    *("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion"),
-    *("-Wfloat-conversion", "-Werror", "-O1"),
-]
 ZIG = [sys.executable, "-m", "ziglang", "cc"]
 needs_ziglang = pytest.mark.skipif(
     not build.find_spec("ziglang"), reason="needs ziglang, extra 'compiler'"
 )
-TYPES = {"double": np.float64, "single": np.float32}
 OPEN, SINGULAR, NOT_FINITE = 1, 2, 3
 GALLERY = [name for name in robots.__all__ if name.islower()]
 QUICK = ("four_bar", "planar_4rrr")
@@ -41,25 +36,6 @@ QUICK = ("four_bar", "planar_4rrr")
 def keep_what_zig_has_built(monkeypatch):
     """Its own routines for another machine take it some seconds."""
     monkeypatch.setenv("ZIG_GLOBAL_CACHE_DIR", str(Path.home() / ".cache" / "zig"))
-
-
-class Exported:
-    """The functions of an exported robot, compiled, in this process."""
-
-    def __init__(self, chain, folder, precision, compiler=("cc",)):
-        self.type = TYPES[precision]
-        write_files(c_files(chain, folder, precision))
-        source, made = folder / "robot.c", folder / "robot.so"
-        command = [*compiler, *STRICT, "-shared", "-fPIC", source, "-o", made]
-        subprocess.run(list(map(str, command)), check=True)
-        self.library = ctypes.CDLL(str(made))
-
-    def __call__(self, name, size, *inputs):
-        """The code that the function returns, and its result."""
-        result = np.full(size, np.nan, dtype=self.type)
-        arrays = [np.ascontiguousarray(x, dtype=self.type) for x in inputs] + [result]
-        addresses = [a.ctypes.data_as(ctypes.c_void_p) for a in arrays]
-        return getattr(self.library, f"robot_{name}")(*addresses), result
 
 
 def worst(got, expected):

@@ -275,7 +275,29 @@ static void acceleration_derivatives_constants(number *p)
     const number t1661 = p[68] + p[71]; const number t1662 = t560 - p[81]; p[245] = t1662;
     p[246] = t558; p[247] = t1661; const number ti5 = 1 / 2.0; p[248] = ti5; p[249] = t1368;
     p[250] = t1374; p[251] = t1381; p[252] = t1218; p[253] = t1224; p[254] = t1231;
-    const number ti6 = 1 / 2.5e-13; p[255] = ti6;
+    const number ti6 = 1 / 2.5e-13; p[255] = ti6; const number t4379 = t650 + p[13];
+    const number t4380 = t4379 + t4379; const number t4381 = p[4] + t4380;
+    const number t4383 = t487 + t487; const number t4384 = p[14] + t4383;
+    const number t4385 = t4381 + t4384; const number t4387 = p[28] + p[31];
+    const number t4388 = t4387 + p[33]; const number t4389 = t4388 + t4388;
+    const number t4390 = p[24] + t4389; const number t4391 = t4385 + t4390;
+    const number t4394 = t1548 + p[43]; const number t4395 = t4394 + t4394;
+    const number t4396 = p[34] + t4395; const number t4397 = t4391 + t4396;
+    const number t4399 = t635 + t635; const number t4400 = p[44] + t4399;
+    const number t4401 = t4397 + t4400; const number t4403 = p[58] + p[61];
+    const number t4404 = t4403 + p[63]; const number t4405 = t4404 + t4404;
+    const number t4406 = p[54] + t4405; const number t4407 = t4401 + t4406;
+    const number t4410 = t1661 + p[73]; const number t4411 = t4410 + t4410;
+    const number t4412 = p[64] + t4411; const number t4413 = t4407 + t4412;
+    const number t4415 = t560 + t560; const number t4416 = p[74] + t4415;
+    const number t4417 = t4413 + t4416; const number t4419 = p[88] + p[91];
+    const number t4420 = t4419 + p[93]; const number t4421 = t4420 + t4420;
+    const number t4422 = p[84] + t4421; const number t4423 = t4417 + t4422;
+    const number t4424 = t4423 + p[94]; const number t4425 = t4424 + p[95];
+    const number t4426 = t4425 + p[96]; const number t4427 = t4426 + p[97];
+    const number t4428 = t4427 + p[98]; const number t4429 = t4428 + p[99];
+    const number t4430 = t4429 + p[100]; const number t4431 = t4430 + p[101];
+    const number t4432 = t4431 + p[102]; const number t4433 = 1e-20 * t4432; p[256] = t4433;
 }
 
 static void acceleration_derivatives(const real *x, const number *p, real *y)
@@ -2019,6 +2041,31 @@ static void acceleration_derivatives(const real *x, const number *p, real *y)
     const real t4367 = t4366 - ti3; const real t4368 = t4365 + t4367;
     const real t4369 = ABSOLUTE(ti4); const real t4370 = t4369 - ti4;
     const real t4371 = t4368 + t4370; const real t4372 = 1e+30 * t4371; y[29] = (real){0} + t4372;
+    const real t4375 = 1e-12 * t701; const real t4434 = t470 * t470;
+    const real t4435 = 1.0 + t4434; const real t4436 = t481 * t481;
+    const real t4437 = t4435 + t4436; const real t4438 = t525 * t525;
+    const real t4439 = t4437 + t4438; const real t4440 = t555 * t555;
+    const real t4441 = t4439 + t4440; const real t4442 = t602 * t602;
+    const real t4443 = t4441 + t4442; const real t4444 = t630 * t630;
+    const real t4445 = t4443 + t4444; const real t4446 = p[256] * t4445;
+    const real t4447 = t4375 + t4446; const real t4448 = t4447 * ti1;
+    const real t4449 = 1e-12 * t1575; const real t4450 = t1486 * t1486;
+    const real t4451 = 1.0 + t4450; const real t4452 = t1484 * t1484;
+    const real t4453 = t4451 + t4452; const real t4454 = t1488 * t1488;
+    const real t4455 = t4453 + t4454; const real t4456 = t1503 * t1503;
+    const real t4457 = t4455 + t4456; const real t4458 = t1509 * t1509;
+    const real t4459 = t4457 + t4458; const real t4460 = t1514 * t1514;
+    const real t4461 = t4459 + t4460; const real t4462 = p[256] * t4461;
+    const real t4463 = t4449 + t4462; const real t4464 = t4463 * ti3;
+    const real t4465 = t4448 + t4464; const real t4466 = 1e-12 * t1688;
+    const real t4467 = t359 * t359; const real t4468 = 1.0 + t4467; const real t4469 = t452 * t452;
+    const real t4470 = t4468 + t4469; const real t4471 = t531 * t531;
+    const real t4472 = t4470 + t4471; const real t4473 = t566 * t566;
+    const real t4474 = t4472 + t4473; const real t4475 = t606 * t606;
+    const real t4476 = t4474 + t4475; const real t4477 = t641 * t641;
+    const real t4478 = t4476 + t4477; const real t4479 = p[256] * t4478;
+    const real t4480 = t4466 + t4479; const real t4481 = t4480 * ti4;
+    const real t4482 = t4465 + t4481; y[30] = (real){0} + t4482;
 }
 
 void NAME(prepare_acceleration_derivatives)(double *p)
@@ -2030,9 +2077,9 @@ int NAME(run_acceleration_derivatives)(const rows *in, const rows *out, const do
     unsigned char *bad)
 {
     static const int sizes_in[] = {9, 3, 3};
-    real x[15], y[30];
-    return run(acceleration_derivatives, NULL, 3, sizes_in, 9, 15, 27, 3, x, y, in,
+    real x[15], y[31];
+    return run(acceleration_derivatives, NULL, 3, sizes_in, 9, 15, 27, 4, x, y, in,
         out, p, count, bad);
 }
 
-const int NAME(sizes_run_acceleration_derivatives)[] = {256, 27, 9, 3, 3, -1};
+const int NAME(sizes_run_acceleration_derivatives)[] = {257, 27, 9, 3, 3, -1};

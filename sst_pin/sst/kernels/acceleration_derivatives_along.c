@@ -275,7 +275,29 @@ static void acceleration_derivatives_along_constants(number *p)
     p[244] = t633; p[245] = t1638; const number t1751 = p[68] + p[71];
     const number t1752 = t560 - p[81]; p[246] = t1752; p[247] = t558; p[248] = t1751;
     p[249] = t1468; p[250] = t1474; p[251] = t1481; p[252] = t1047; p[253] = t1053; p[254] = t1060;
-    const number ti6 = 1 / 2.5e-13; p[255] = ti6;
+    const number ti6 = 1 / 2.5e-13; p[255] = ti6; const number t3378 = t650 + p[13];
+    const number t3379 = t3378 + t3378; const number t3380 = p[4] + t3379;
+    const number t3382 = t487 + t487; const number t3383 = p[14] + t3382;
+    const number t3384 = t3380 + t3383; const number t3386 = p[28] + p[31];
+    const number t3387 = t3386 + p[33]; const number t3388 = t3387 + t3387;
+    const number t3389 = p[24] + t3388; const number t3390 = t3384 + t3389;
+    const number t3393 = t1638 + p[43]; const number t3394 = t3393 + t3393;
+    const number t3395 = p[34] + t3394; const number t3396 = t3390 + t3395;
+    const number t3398 = t635 + t635; const number t3399 = p[44] + t3398;
+    const number t3400 = t3396 + t3399; const number t3402 = p[58] + p[61];
+    const number t3403 = t3402 + p[63]; const number t3404 = t3403 + t3403;
+    const number t3405 = p[54] + t3404; const number t3406 = t3400 + t3405;
+    const number t3409 = t1751 + p[73]; const number t3410 = t3409 + t3409;
+    const number t3411 = p[64] + t3410; const number t3412 = t3406 + t3411;
+    const number t3414 = t560 + t560; const number t3415 = p[74] + t3414;
+    const number t3416 = t3412 + t3415; const number t3418 = p[88] + p[91];
+    const number t3419 = t3418 + p[93]; const number t3420 = t3419 + t3419;
+    const number t3421 = p[84] + t3420; const number t3422 = t3416 + t3421;
+    const number t3423 = t3422 + p[94]; const number t3424 = t3423 + p[95];
+    const number t3425 = t3424 + p[96]; const number t3426 = t3425 + p[97];
+    const number t3427 = t3426 + p[98]; const number t3428 = t3427 + p[99];
+    const number t3429 = t3428 + p[100]; const number t3430 = t3429 + p[101];
+    const number t3431 = t3430 + p[102]; const number t3432 = 1e-20 * t3431; p[256] = t3432;
 }
 
 PART acceleration_derivatives_along_0(const real *x, const number *p, real *restrict y, real *restrict w)
@@ -921,26 +943,51 @@ PART acceleration_derivatives_along_0(const real *x, const number *p, real *rest
     const real t3365 = t3364 - ti4; const real t3366 = t3362 + t3365;
     const real t3368 = ABSOLUTE(ti5); const real t3369 = t3368 - ti5;
     const real t3370 = t3366 + t3369; const real t3371 = 1e+30 * t3370; y[11] = (real){0} + t3371;
-    w[0] = c0; w[1] = c1; w[2] = c2; w[3] = c3; w[4] = c4; w[5] = c6; w[6] = s0; w[7] = s1;
-    w[8] = s2; w[9] = s3; w[10] = s4; w[11] = s6; w[12] = t1085; w[13] = t1105; w[14] = t1181;
-    w[15] = t1185; w[16] = t1188; w[17] = t1207; w[18] = t1242; w[19] = t1459; w[20] = t1490;
-    w[21] = t1633; w[22] = t1668; w[23] = t1684; w[24] = t1784; w[25] = t1789; w[26] = t1791;
-    w[27] = t1797; w[28] = t1815; w[29] = t1825; w[30] = t1828; w[31] = t1829; w[32] = t1836;
-    w[33] = t1845; w[34] = t1858; w[35] = t1881; w[36] = t1913; w[37] = t2014; w[38] = t2047;
-    w[39] = t2086; w[40] = t2164; w[41] = t2169; w[42] = t2175; w[43] = t2198; w[44] = t2216;
-    w[45] = t2238; w[46] = t2258; w[47] = t2272; w[48] = t2275; w[49] = t2293; w[50] = t2323;
-    w[51] = t2331; w[52] = t2347; w[53] = t2385; w[54] = t2387; w[55] = t2396; w[56] = t2409;
-    w[57] = t2420; w[58] = t2429; w[59] = t2439; w[60] = t2464; w[61] = t2495; w[62] = t2513;
-    w[63] = t2515; w[64] = t2523; w[65] = t2576; w[66] = t2617; w[67] = t2627; w[68] = t2693;
-    w[69] = t2726; w[70] = t278; w[71] = t2788; w[72] = t2822; w[73] = t2894; w[74] = t292;
-    w[75] = t310; w[76] = t3124; w[77] = t3172; w[78] = t324; w[79] = t337; w[80] = t351;
-    w[81] = t356; w[82] = t451; w[83] = t455; w[84] = t462; w[85] = t468; w[86] = t478;
-    w[87] = t518; w[88] = t521; w[89] = t537; w[90] = t541; w[91] = t546; w[92] = t548;
-    w[93] = t551; w[94] = t595; w[95] = t598; w[96] = t612; w[97] = t616; w[98] = t621;
-    w[99] = t623; w[100] = t626; w[101] = t702; w[102] = t783; w[103] = t801; w[104] = t812;
-    w[105] = t817; w[106] = t820; w[107] = t825; w[108] = t827; w[109] = t828; w[110] = t855;
-    w[111] = t864; w[112] = t867; w[113] = t879; w[114] = t896; w[115] = t914; w[116] = t918;
-    w[117] = t937; w[118] = ti1; w[119] = ti4; w[120] = ti5;
+    const real t3374 = 1e-12 * t701; const real t3433 = t470 * t470;
+    const real t3434 = 1.0 + t3433; const real t3435 = t481 * t481;
+    const real t3436 = t3434 + t3435; const real t3437 = t525 * t525;
+    const real t3438 = t3436 + t3437; const real t3439 = t555 * t555;
+    const real t3440 = t3438 + t3439; const real t3441 = t602 * t602;
+    const real t3442 = t3440 + t3441; const real t3443 = t630 * t630;
+    const real t3444 = t3442 + t3443; const real t3445 = p[256] * t3444;
+    const real t3446 = t3374 + t3445; const real t3447 = t3446 * ti1;
+    const real t3448 = 1e-12 * t1665; const real t3449 = t1576 * t1576;
+    const real t3450 = 1.0 + t3449; const real t3451 = t1574 * t1574;
+    const real t3452 = t3450 + t3451; const real t3453 = t1578 * t1578;
+    const real t3454 = t3452 + t3453; const real t3455 = t1593 * t1593;
+    const real t3456 = t3454 + t3455; const real t3457 = t1599 * t1599;
+    const real t3458 = t3456 + t3457; const real t3459 = t1604 * t1604;
+    const real t3460 = t3458 + t3459; const real t3461 = p[256] * t3460;
+    const real t3462 = t3448 + t3461; const real t3463 = t3462 * ti4;
+    const real t3464 = t3447 + t3463; const real t3465 = 1e-12 * t1778;
+    const real t3466 = t359 * t359; const real t3467 = 1.0 + t3466; const real t3468 = t452 * t452;
+    const real t3469 = t3467 + t3468; const real t3470 = t531 * t531;
+    const real t3471 = t3469 + t3470; const real t3472 = t566 * t566;
+    const real t3473 = t3471 + t3472; const real t3474 = t606 * t606;
+    const real t3475 = t3473 + t3474; const real t3476 = t641 * t641;
+    const real t3477 = t3475 + t3476; const real t3478 = p[256] * t3477;
+    const real t3479 = t3465 + t3478; const real t3480 = t3479 * ti5;
+    const real t3481 = t3464 + t3480; y[12] = (real){0} + t3481; w[0] = c0; w[1] = c1; w[2] = c2;
+    w[3] = c3; w[4] = c4; w[5] = c6; w[6] = s0; w[7] = s1; w[8] = s2; w[9] = s3; w[10] = s4;
+    w[11] = s6; w[12] = t1085; w[13] = t1105; w[14] = t1181; w[15] = t1185; w[16] = t1188;
+    w[17] = t1207; w[18] = t1242; w[19] = t1459; w[20] = t1490; w[21] = t1633; w[22] = t1668;
+    w[23] = t1684; w[24] = t1784; w[25] = t1789; w[26] = t1791; w[27] = t1797; w[28] = t1815;
+    w[29] = t1825; w[30] = t1828; w[31] = t1829; w[32] = t1836; w[33] = t1845; w[34] = t1858;
+    w[35] = t1881; w[36] = t1913; w[37] = t2014; w[38] = t2047; w[39] = t2086; w[40] = t2164;
+    w[41] = t2169; w[42] = t2175; w[43] = t2198; w[44] = t2216; w[45] = t2238; w[46] = t2258;
+    w[47] = t2272; w[48] = t2275; w[49] = t2293; w[50] = t2323; w[51] = t2331; w[52] = t2347;
+    w[53] = t2385; w[54] = t2387; w[55] = t2396; w[56] = t2409; w[57] = t2420; w[58] = t2429;
+    w[59] = t2439; w[60] = t2464; w[61] = t2495; w[62] = t2513; w[63] = t2515; w[64] = t2523;
+    w[65] = t2576; w[66] = t2617; w[67] = t2627; w[68] = t2693; w[69] = t2726; w[70] = t278;
+    w[71] = t2788; w[72] = t2822; w[73] = t2894; w[74] = t292; w[75] = t310; w[76] = t3124;
+    w[77] = t3172; w[78] = t324; w[79] = t337; w[80] = t351; w[81] = t356; w[82] = t451;
+    w[83] = t455; w[84] = t462; w[85] = t468; w[86] = t478; w[87] = t518; w[88] = t521;
+    w[89] = t537; w[90] = t541; w[91] = t546; w[92] = t548; w[93] = t551; w[94] = t595;
+    w[95] = t598; w[96] = t612; w[97] = t616; w[98] = t621; w[99] = t623; w[100] = t626;
+    w[101] = t702; w[102] = t783; w[103] = t801; w[104] = t812; w[105] = t817; w[106] = t820;
+    w[107] = t825; w[108] = t827; w[109] = t828; w[110] = t855; w[111] = t864; w[112] = t867;
+    w[113] = t879; w[114] = t896; w[115] = t914; w[116] = t918; w[117] = t937; w[118] = ti1;
+    w[119] = ti4; w[120] = ti5;
 }
 
 PART acceleration_derivatives_along_1(const real *x, const number *p, real *restrict y, real *restrict w)
@@ -1533,12 +1580,12 @@ PART acceleration_derivatives_along_1(const real *x, const number *p, real *rest
 
 static void acceleration_derivatives_along_once(const real *x, const number *p, real *y)
 {
-    acceleration_derivatives_along_0(x, p, y, y + 12);
+    acceleration_derivatives_along_0(x, p, y, y + 13);
 }
 
 static void acceleration_derivatives_along(const real *x, const number *p, real *y)
 {
-    acceleration_derivatives_along_1(x, p, y, y + 12);
+    acceleration_derivatives_along_1(x, p, y, y + 13);
 }
 
 void NAME(prepare_acceleration_derivatives_along)(double *p)
@@ -1550,9 +1597,9 @@ int NAME(run_acceleration_derivatives_along)(const rows *in, const rows *out, co
     unsigned char *bad)
 {
     static const int sizes_in[] = {9, 3, 3};
-    real x[18], y[133];
+    real x[18], y[134];
     return along(acceleration_derivatives_along_once, acceleration_derivatives_along, 3, sizes_in, 9, 3, 18, 9,
-        3, x, y, in, out, p, count, bad);
+        4, x, y, in, out, p, count, bad);
 }
 
-const int NAME(sizes_run_acceleration_derivatives_along)[] = {256, 27, 9, 3, 3, -1};
+const int NAME(sizes_run_acceleration_derivatives_along)[] = {257, 27, 9, 3, 3, -1};
