@@ -30,7 +30,7 @@ from .loops import Loops
 from .mechanism import Friction, Mechanism
 from .mobility import independent_rows
 from .noc import JointComplement, bodies, body_jacobians, decoupled, natural_complement
-from .thresholds import CLOSURE_TOLERANCE, ROUNDING, WITHOUT_MASS
+from .thresholds import CLOSURE_TOLERANCE, EARTH, ROUNDING, WITHOUT_MASS
 from .tree import depth_first
 
 
@@ -251,7 +251,7 @@ def terms_of_forces(
     Terms are the weight, the inertia and the load of each body, and the friction, the spring and
     the rotor of each joint, each as forces along the coordinates; their sum is f. The second result
     disregards the directions of wrenches and motions, and where axes pass: each turn moves mass
-    centres by the length of the robot.
+    centres by the length of the robot. Bodies count with their weights on Earth at least.
     """
     memory.evaluate(q)
     mechanism, model, r = memory.mechanism, memory.model, memory.model.njoints - 1
@@ -272,7 +272,9 @@ def terms_of_forces(
     terms = [of_bodies.reshape(-1, L.shape[1]), of_joints.reshape(-1, L.shape[1]), pulls @ L]
     lengths = np.linalg.norm(K.reshape(2 * r, 3, -1), axis=1)
     lengths[1::2] += mechanism.length * lengths[::2]
-    sizes = lengths.T @ np.abs(parts).sum(axis=(0, 2)) + np.abs([*joints, *pulls]).sum(axis=0)
+    on_bodies = np.abs(parts).sum(axis=(0, 2))
+    on_bodies[1::2] += EARTH * np.abs([body.mass for body in list(model.inertias)[1:]])
+    sizes = lengths.T @ on_bodies + np.abs([*joints, *pulls]).sum(axis=0)
     return np.concatenate(terms), np.abs(L).T @ sizes
 
 

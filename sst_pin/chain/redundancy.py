@@ -7,7 +7,7 @@ null(J^T), the directions of preload.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from math import prod
 from typing import TYPE_CHECKING, Any
 
@@ -16,8 +16,9 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Array, as_array, finite_array, for_each_sample, of_samples
 from ..errors import ActuationError, InputError, SingularConfigurationError
+from .least_torques import finest, smallest_torques
 from .mechanism import Mechanism
-from .thresholds import BALANCED, MAX_CONDITION_NUMBER, RANK_TOLERANCE, UNSUPPLIED
+from .thresholds import BALANCED, RANK_TOLERANCE, UNSUPPLIED
 
 if TYPE_CHECKING:
     from .reference import Reference
@@ -26,37 +27,6 @@ if TYPE_CHECKING:
 _ROUNDING = 1e-12
 #: Residual of a feasible least-distance problem is 1 or less, of one without a solution 0.
 _FEASIBLE = 1e-12
-
-
-def smallest_torques(
-    A: Array, units: Array, gears: Array, weights: Array | None
-) -> tuple[Callable[[Array], Array], Array]:
-    """The least torques tau with A tau = f as a function of f, and where no motor acts.
-
-    f is met as far as the motors act: the second result are directions c with c^T A = 0 in columns,
-    shape (n, k). `units` times A by `gears` is free of units, but each freedom counts alike,
-    whatever the weights of the squared torques.
-    """
-    from scipy.linalg import qr, solve_triangular
-
-    gears = np.where(gears > 0, gears, 1)
-    free_of_units = A * units[:, None] / gears
-    rows = np.abs(free_of_units).max(axis=1, initial=0)
-    rows = np.where(rows > 0, rows, 1) / units
-    U, s, Vt = np.linalg.svd(A / gears / rows[:, None])
-    rank = int(np.count_nonzero(s * MAX_CONDITION_NUMBER > s.max(initial=0)))
-    half = np.ones(len(gears)) if weights is None else 1 / np.sqrt(weights)
-    # Sorted rows and pivots keep the digits of motors that differ much (Cox and Higham 1998).
-    order = np.argsort(-half * gears)
-    own = (half * gears)[order, None] * Vt[:rank, order].T
-    Q, R, pivots = qr(own, mode="economic", pivoting=True)
-
-    def smallest(f: Array) -> Array:
-        tau, along = np.empty(len(gears)), U[:, :rank].T.dot(f / rows) / s[:rank]
-        tau[order] = Q.dot(solve_triangular(R, along[pivots], trans=1)) if rank else 0
-        return half * tau
-
-    return smallest, U[:, rank:] / rows[:, None]
 
 
 def directions(mechanism: Mechanism, J: Array, reference: Array, on_error: str) -> Array:
@@ -130,13 +100,11 @@ def adjusted(
             return np.full(motors, np.nan)  # of a sample at fault
         if allowed is not None:
             tau = _within(reference.mechanism, tau, basis, allowed, given)
-        A, small = J.T, UNSUPPLIED * np.abs(f)
-        if not (BALANCED * np.abs(A).dot(np.abs(tau)) <= small).all():
+        off = np.abs(f - J.T.dot(tau)) + BALANCED * np.abs(J.T).dot(np.abs(tau))
+        if tau is not least and not (off <= UNSUPPLIED * np.abs(f) + reference.negligible).all():
             # Kernels round in other places than the reference path, which judges.
-            f, A = reference.generalized_forces(q, va, aa, load), reference.actuator_jacobian(q).T
-        if tau is not least:
-            tau = _balanced(A, f, tau, allowed)
-        if not (np.abs(f - A.dot(tau)) <= small).all():
+            A = reference.actuator_jacobian(q).T
+            tau = _balanced(A, reference.generalized_forces(q, va, aa, load), tau, allowed)
             reference.require_supplied(q, va, aa, load, tau)
         return tau
 
@@ -152,12 +120,6 @@ def _balanced(A: Array, f: Array, tau: Array, limits: Array | None) -> Array:
     smallest, _ = smallest_torques(A * free, np.ones(len(A)), np.ones(len(tau)), finest(tau))
     tau = tau + smallest(f - A.dot(tau))
     return tau if limits is None else np.clip(tau, *limits.T)
-
-
-def finest(tau: Array) -> Array:
-    """Weights by which the motors of small torques, whose rounding is fine, correct the others."""
-    size = np.abs(tau).max(initial=0)
-    return (np.abs(tau) / (size or 1) + _ROUNDING) ** 2
 
 
 def limits_of(limits: ArrayLike, motors: int, name: str = "limits") -> Array:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Iterable
 from dataclasses import replace
-from functools import wraps
+from functools import cached_property, wraps
 from inspect import signature
 from typing import Any, TypeVar
 
@@ -19,11 +19,12 @@ import pinocchio as pin
 
 from ..arrays import Array, Flags, Indices, finite_array
 from ..errors import ActuationError, InputError, SSTError
-from . import dynamics, reactions, redundancy, regressor
+from . import dynamics, reactions, regressor
 from .backend import Key, Motions, NoKernel
 from .continuity import Continuity, Way
 from .derivatives import Derivatives
 from .dynamics import Memory
+from .least_torques import finest, smallest_torques
 from .mechanism import Friction, Mechanism
 from .mobility import scaled_Phi
 from .noc import mass_centers
@@ -124,12 +125,24 @@ class Reference:
         with np.errstate(over="ignore", invalid="ignore"):
             tau = smallest(f)
             tau += smallest(f - A.dot(tau))
-            supplied = (np.abs(f - A.dot(tau)) <= UNSUPPLIED * np.abs(f)).all()
+            supplied = (np.abs(f - A.dot(tau)) <= UNSUPPLIED * np.abs(f) + self.negligible).all()
         if lost.size or not supplied:
-            _, smallest, _ = self._motors(q, redundancy.finest(tau))
+            _, smallest, _ = self._motors(q, finest(tau))
             tau += smallest(f - A.dot(tau))
             self.require_supplied(q, va, aa, external_wrenches, tau)
         return tau
+
+    @cached_property
+    def negligible(self) -> Array:
+        """Forces along the coordinates that are rounding of the bodies' weights, shape (n,)."""
+        q, memory = self.mechanism.example, Memory(self.mechanism)
+        rest = memory.steady
+        if q is None:
+            return rest
+        try:
+            return ROUNDING * dynamics.terms_of_forces(memory, q, rest, rest, None)[1]
+        except SSTError:  # these coordinates are for another assembly
+            return rest
 
     def _motors(
         self, q: Array, weights: Array | None
@@ -142,7 +155,7 @@ class Reference:
         A = L.T.dot(B)
         # A motor that does not move with a coordinate leaves rounding, which no force balances.
         acts = np.abs(units[:, None] * A) * MAX_CONDITION_NUMBER >= np.outer(ways, gears)
-        return A, *redundancy.smallest_torques(np.where(acts, A, 0), units, gears, weights)
+        return A, *smallest_torques(np.where(acts, A, 0), units, gears, weights)
 
     def require_supplied(
         self, q: Array, va: Array, aa: Array, external_wrenches: Array | None, tau: Array

@@ -20,8 +20,8 @@ from ..arrays import Array, Indices, for_each_sample
 from ..chain.backend import Key
 from ..chain.closures import Rolling
 from ..chain.dispatch import computed
+from ..chain.least_torques import smallest_torques
 from ..chain.mechanism import Mechanism
-from ..chain.redundancy import smallest_torques
 from ..chain.runge_kutta import runge_kutta_step
 from ..chain.tree import frame_id
 from ..errors import ActuationError, DescriptionError, InputError, SSTError

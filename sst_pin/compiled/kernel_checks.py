@@ -17,7 +17,14 @@ from casadi import SX
 
 from ..arrays import Array
 from ..chain.lines import LEAST_LENGTH
-from ..chain.thresholds import BALANCED, CLOSURE_TOLERANCE, ROUNDING, UNSUPPLIED, WITHOUT_MASS
+from ..chain.thresholds import (
+    BALANCED,
+    CLOSURE_TOLERANCE,
+    EARTH,
+    ROUNDING,
+    UNSUPPLIED,
+    WITHOUT_MASS,
+)
 from .elimination import total
 from .equations import Equations
 from .symbols import Sparse, add, is_zero
@@ -146,7 +153,8 @@ class Checks:
         """Sizes of the forces of all bodies that a coordinate moves: weights, and joint forces."""
         e, scale, sizes = self._equations, self._rate_scale, []
         tree, tau = e.kinematics.tree, e.tree_forces
-        weight = e.mechanism.length * total(map(ca.fabs, ca.vertsplit(e.parameters.gravity(e.p))))
+        gravity = total(map(ca.fabs, ca.vertsplit(e.parameters.gravity(e.p)))) + EARTH
+        weight = e.mechanism.length * gravity
         for k, column in zip(e.mechanism.coordinates.tolist(), e.L, strict=True):
             moving = {i for i, link in enumerate(tree.links) if column.keys() & set(link.v)}
             moved = [x for i, x in enumerate(tree.links) if moving.intersection(tree.ancestors(i))]
