@@ -142,7 +142,9 @@ def names(name: str, value: Sequence[str], *, ordered: bool = False) -> tuple[st
 
     Where they are `ordered`, refuses sets too.
     """
-    if isinstance(value, (str, Mapping)) or not isinstance(value, Iterable):
+    if isinstance(value, Mapping):
+        raise InputError(name, f"{value!r}: a sequence of names is needed; it takes no values")
+    if isinstance(value, str) or not isinstance(value, Iterable):
         raise InputError(name, f"{value!r}: a sequence of names is needed")
     if ordered and isinstance(value, Set):
         raise InputError(name, f"{value!r}: the order of the names counts; give a list")

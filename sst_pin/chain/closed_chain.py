@@ -959,7 +959,7 @@ class ClosedChain(Summary):
         if stiffness is not None:
             how["special"] = {"compliances": reactions.compliances_of(current.mechanism, stiffness)}
         how |= {"va": va, "aa": aa, "tau": None if alike else tau, "load": load, "out": out}
-        rows = dispatch.computed(current, Key("reactions"), q, **how)
+        rows = np.asarray(dispatch.computed(current, Key("reactions"), q, **how))
         return reactions.unpacked(current.mechanism, rows, stiffness is not None)
 
     def noc(self, q: ArrayLike, va: ArrayLike) -> dynamics.Terms:

@@ -171,7 +171,7 @@ class Reference:
             terms, sizes = dynamics.terms_of_forces(self.memory, q, va, aa, external_wrenches)
             _require_finite(np.append(tau, sizes), (), ())
             # Light bodies count by themselves: directions that move heavy ones are others.
-            lost = lost.dot(np.linalg.svd(terms.dot(lost))[2].T)
+            lost = lost.dot(np.linalg.svd(terms.dot(lost), full_matrices=False)[2].T)
             freedoms, left = np.hstack([np.eye(len(f)), lost]), f - A.dot(tau)
             along = np.abs(terms.dot(freedoms)).sum(axis=0)
             most = UNSUPPLIED * along + ROUNDING * sizes.dot(np.abs(freedoms))

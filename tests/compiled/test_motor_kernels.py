@@ -213,6 +213,9 @@ def test_results_go_into_any_kind_of_array_of_numpy(compiled, tmp_path):
     for out in (kept, np.asmatrix(np.zeros((5, 2)))):
         assert chain.compute_torques(q, va, aa, out=out) is out
         assert np.array_equal(np.asarray(out), expected)
+    out = np.asmatrix(np.zeros((5, 7 * 5 + 6 + 2)))
+    found = chain.reactions(q, va, aa, out=out)
+    assert found.motors == pytest.approx(expected)
     out = np.asmatrix(np.zeros((2, 6)))
     chain.torque_derivatives(q[0], va[0], aa[0], out=out)
     assert np.asarray(out)[:, 4:] == pytest.approx(chain.reduced_terms(q[0], va[0]).inertia)
