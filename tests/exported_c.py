@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""A robot's exported C99, compiled strictly, in this process."""
+"""Exported C99 of a robot, compiled strictly and called from this process."""
 
 import ctypes
 import subprocess
@@ -17,7 +17,7 @@ TYPES = {"double": np.float64, "single": np.float32}
 
 
 class Exported:
-    """The functions of an exported robot."""
+    """The functions of an exported robot, compiled, in this process."""
 
     def __init__(self, chain, folder, precision="double", compiler=("cc",)):
         self.type = TYPES[precision]

@@ -45,6 +45,7 @@ from .draft import (
     Motor,
     closures_of,
     coordinates_of,
+    copied,
     forces_of,
     mechanism_of,
     motors_of,
@@ -183,7 +184,7 @@ class ClosedChain(Summary):
     def _mechanism_of_model(self) -> Mechanism:
         """The mechanism of `model` as it stands."""
         self._examine(self._model)
-        return self._recipe(pin.Model(self._model))
+        return self._recipe(copied(self._model))
 
     # --- what it is -------------------------------------------------------------------------
 
@@ -857,13 +858,15 @@ class ClosedChain(Summary):
             array([0.166])
         """
         if preload is not None or limits is not None:
-            least: dict[str, Any] = {"external_wrenches": external_wrenches, "weights": weights}
-            least |= {"platform_moment": platform_moment, "on_error": on_error, "threads": threads}
             now = copy(self)
-            smallest = now.compute_torques(q, va, aa, out=out, **least)
-            choice = now._directions(q, on_error), preload, limits, weights
-            smallest[...] = redundancy.adjusted(now.mechanism, smallest, *choice)
-            return smallest
+            load = now._wrenches(now._current, platform_moment, external_wrenches, on_error)
+            known: dict[str, Any] = {"external_wrenches": load, "on_error": on_error}
+            least = now.compute_torques(q, va, aa, weights=weights, threads=threads, **known)
+            f = now.generalized_forces(q, va, aa, **known)
+            found = least, f, *now._directions(q, on_error)
+            motions = *now._current.arguments(q, va=va, aa=aa), load
+            choice = preload, limits, weights, {"on_error": on_error, "out": out}
+            return redundancy.adjusted(now._current.reference, motions, found, *choice)
         current = self._current
         if external_wrenches is weights is None and on_error == "raise":
             tau = current.torques_of(q, va, aa, platform_moment, out, threads)
@@ -998,7 +1001,7 @@ class ClosedChain(Summary):
         if stiffness is not None:
             how["special"] = {"compliances": reactions.compliances_of(current.mechanism, stiffness)}
         how |= {"va": va, "aa": aa, "tau": None if alike else tau, "load": load, "out": out}
-        rows = dispatch.computed(current, Key("reactions"), q, **how)
+        rows = np.asarray(dispatch.computed(current, Key("reactions"), q, **how))
         return reactions.unpacked(current.mechanism, rows, stiffness is not None)
 
     def noc(self, q: ArrayLike, va: ArrayLike) -> dynamics.Terms:
@@ -1302,16 +1305,17 @@ class ClosedChain(Summary):
             >>> bool(np.abs(arm.actuator_jacobian(arm.home).T @ B).max() < 1e-12)
             True
         """
-        return self._directions(q)
+        return self._directions(q)[1]
 
-    def _directions(self, q: ArrayLike, on_error: str = "raise") -> Array:
+    def _directions(self, q: ArrayLike, on_error: str = "raise") -> tuple[Array, Array]:
+        """Actuator Jacobians and directions of preload."""
         current, key = self._current, Key("actuator_jacobian")
         J = dispatch.computed(current, key, q, on_error=on_error)
         try:
             regular = dispatch.computed(current, key, current.example())
         except (ClosureError, SingularConfigurationError):  # coordinates of another assembly mode
             regular = None
-        return redundancy.directions(current.mechanism, J, regular)
+        return J, redundancy.directions(current.mechanism, J, regular, on_error)
 
     def line_lengths(self, q: ArrayLike) -> Array:
         """Lengths of the lines of `forces`, of any q, shape (..., lines), [m].

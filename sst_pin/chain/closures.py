@@ -152,7 +152,7 @@ class Coupling:
         problems = [
             f"the polynomial of {name} is {p!r}: its coefficients (c_0, c_1, ...) are needed"
             for name, p in self.polynomials.items()
-            if not isinstance(p, (Sequence, np.ndarray)) or not all(map(_is_finite, p))
+            if not _are_coefficients(p)
         ]
         if not _is_finite(self.offset):
             problems.append(f"offset {self.offset!r}: a finite number is needed")
@@ -211,6 +211,11 @@ class Rolling:
 
     def __str__(self) -> str:
         return f"{self.wheel} on {self.plane}"
+
+
+def _are_coefficients(polynomial: object) -> bool:
+    listed = polynomial.tolist() if isinstance(polynomial, np.ndarray) else polynomial
+    return isinstance(listed, Sequence) and all(map(_is_finite, listed))
 
 
 def _is_finite(number: object) -> bool:

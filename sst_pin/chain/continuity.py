@@ -163,6 +163,8 @@ class Continuity:
 
 def _condition_number(blocks: list[Array]) -> float:
     """Condition number of a block-diagonal matrix."""
+    if not all(np.isfinite(block).all() for block in blocks):
+        return np.inf
     values = [np.linalg.svd(block, compute_uv=False) for block in blocks]
     if any(s.shape[1] < b.shape[2] for s, b in zip(values, blocks, strict=True)):
         return np.inf

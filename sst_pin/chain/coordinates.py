@@ -170,8 +170,8 @@ def without_mass(mechanism: Mechanism) -> tuple[str, ...]:
     inertias = list(memory.model.inertias)[1:]
     sizes = np.array([(np.trace(body.inertia), body.mass) for body in inertias])
     most = np.einsum("bp,bpin->n", sizes, twists**2) + memory.model.armature @ L**2
-    scale = 1 / np.sqrt(np.maximum(most, 1e-300))
+    scale = 1 / np.sqrt(np.maximum(np.abs(most), 1e-300))
     inertia = scale[:, None] * memory.reduced_inertia(q, L) * scale
     values, vectors = np.linalg.eigh(inertia)
-    idle = np.abs(vectors[:, values < _ROUNDING]).max(axis=1, initial=0.0) > INDEPENDENT
+    idle = np.abs(vectors[:, np.abs(values) < _ROUNDING]).max(axis=1, initial=0.0) > INDEPENDENT
     return tuple(np.array(mechanism.space.rate_names)[chosen[idle]].tolist())

@@ -15,7 +15,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from ..arrays import Array, as_array, single_array
-from ..errors import ClosureError, DescriptionError, InputError, SSTError
+from ..errors import ClosureError, InputError, SSTError
 from ..summaries import listed
 from .assembly import home_of
 from .backend import Answer, Backend, Key
@@ -25,14 +25,6 @@ from .mechanism import Mechanism
 from .mobility import Mobility, judge
 from .reference import Reference, ReferenceBackend
 
-_NOTHING_MOVES = (
-    "no coordinates: nothing can move; check kinds and axes of the closures; if another assembly "
-    'moves, make it model.referenceConfigurations["home"]'
-)
-_NOTHING_FOUND = (
-    "no coordinates: no configuration was assembled where they could be chosen; make a closed one "
-    'model.referenceConfigurations["home"], or give coordinates='
-)
 #: Makes the backend of a mechanism.
 Kernels = Callable[[Reference], Backend]
 
@@ -79,9 +71,7 @@ class Current:
     def arguments(self, q: ArrayLike, **others: ArrayLike) -> list[Array]:
         """Arguments as arrays of the shapes that the mechanism has, q first, the others by name."""
         mechanism = self.mechanism
-        if not len(mechanism.coordinates):
-            why = _NOTHING_FOUND if mechanism.example is None else _NOTHING_MOVES
-            raise DescriptionError(f"model {mechanism.model.name}", [why])
+        mechanism.require_freedom()
         n, motors = len(mechanism.coordinates), mechanism.motors.shape[1]
         arrays = [self.configurations(q)]
         for name, value in others.items():

@@ -160,7 +160,7 @@ def derivatives(
             return found
     load = external_wrenches(current.mechanism, wrenches, on_error)
     how: dict[str, Any] = {third: x, "out": out, "threads": threads, "on_error": on_error}
-    rows = computed(current, key, q, va=va, load=load, **how)
+    rows = np.asarray(computed(current, key, q, va=va, load=load, **how))
     n = rows.shape[-2]
     return kind(*np.split(rows, (n, 2 * n), axis=-1))
 

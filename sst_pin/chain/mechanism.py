@@ -21,6 +21,15 @@ from .tree import frame_named, joint_id
 
 _Numbers = TypeVar("_Numbers", Array, Indices)
 
+_NOTHING_MOVES = (
+    "no coordinates: nothing can move; check kinds and axes of the closures; if another assembly "
+    'moves, make it model.referenceConfigurations["home"]'
+)
+_NOTHING_FOUND = (
+    "no coordinates: no configuration was assembled where they could be chosen; make a closed one "
+    'model.referenceConfigurations["home"], or give coordinates='
+)
+
 
 @dataclass(frozen=True)
 class Friction:
@@ -203,6 +212,14 @@ class Mechanism:
         """For each motor "Nm" or "N", by the rate that it acts on most; on a line alone "N"."""
         units = zip(self.motors.T, self.space.force_units(self.motors), strict=True)
         return tuple(unit if on_joints.any() else "N" for on_joints, unit in units)
+
+    def require_freedom(self) -> None:
+        """Refuse dynamics where nothing moves."""
+        if not len(self.coordinates):
+            found = self.example is not None
+            raise DescriptionError(
+                f"model {self.model.name}", [_NOTHING_MOVES if found else _NOTHING_FOUND]
+            )
 
     def require_mass(self) -> None:
         """Refuse direct dynamics where a motion moves no mass."""

@@ -131,6 +131,8 @@ class JointComplement:
                 f"the closures leave {k} freedoms here to {n} coordinates; move away, or where "
                 f"they do so everywhere give {k} coordinates=, for example {names}"
             )
+        if not k:
+            cure = "nothing can move here"
         raise SingularConfigurationError(
             f"singular configuration: {why}; {cure}",
             condition_number(scaled, mechanism.coordinates),

@@ -26,6 +26,13 @@ MAX_CONDITION_NUMBER = 1e8
 UNSUPPLIED = 1e-6
 #: What rounding leaves of forces that do not act along a coordinate, relative to their sizes.
 ROUNDING = 1e-12
+#: Gravity by which bodies without weight count there, [m/s^2].
+EARTH = 9.81
+#: What rounding leaves of torques that balance each other along a coordinate, relative to them.
+BALANCED = 1e-14
+#: A coordinate whose inertia is a smaller part of that of all bodies, were they to move as fast as
+#: the fastest joint, moves no mass: the square of what rounding leaves of the rates.
+WITHOUT_MASS = 1e-20
 #: A component of a reaction that inner stresses of size one change by less, free of units, is
 #: unique: loops that are open by their tolerance change it by about that.
 UNIQUE = 1e-5

@@ -170,10 +170,11 @@ cdef class Kernel:
     def answer(self, a, b, c, load, out, threads):
         """The result, or None if the caller has to check the arguments and compute it itself.
 
-        The kernel's inputs are the first of a, b, c, load, shape (size,) or (N, size); the others
-        must be None. With a load, the kernel `loaded` computes the result. The result is None if an
-        input is not an array of numbers, or a list, of such a shape, if `threads` is not a positive
-        integer, if `out` is not a plain array or overlaps an input, or if a sample fails its checks.
+        The kernel's inputs are the first of a, b, c, shape (size,) or (N, size); the others must be
+        None. With a load, a moment on the body that bears one, shape (3,) or (N, 3), the kernel
+        `loaded` computes the result. The result is None if an input is not an array of numbers, or
+        a list, of such a shape, if `threads` is not a positive integer, if `out` is not a plain
+        array or overlaps an input, or if a sample fails its checks.
         """
         cdef Kernel kernel = self
         if load is not None and self.arrays < 4:
@@ -233,15 +234,15 @@ cdef class Kernel:
         cdef rows output
         cdef cnp.npy_intp shape[2]
         cdef Py_ssize_t count = -1
-        cdef bint moment = self.moment >= 0 and (is_plain(load, 1, 3) or is_plain(load, 2, 3))
+        cdef bint moment = load is not None
         cdef Py_ssize_t number = number_of(threads)
         cdef int i, size
         if (
-            self.arrays > 4 or not number
+            self.arrays > 4 or not number or (moment and self.moment < 0)
             or not self.take(a, 0, self.sizes[0], inputs, &count)
             or not self.take(b, 1, self.sizes[1], inputs, &count)
             or not self.take(c, 2, self.sizes[2], inputs, &count)
-            or not self.take(load, 3, 3 if moment else self.sizes[3], inputs, &count)
+            or not self.take(load, 3, 3, inputs, &count)
         ):
             return None
         shape[0], shape[1] = count, self.output

@@ -2,7 +2,8 @@
 """The dynamics of a chain as functions of CasADi, for its optimisers and integrators."""
 
 from dataclasses import replace
-from functools import cached_property
+from functools import cache, cached_property
+from math import prod
 
 import casadi as ca
 import numpy as np
@@ -13,12 +14,11 @@ from ..chain.mechanism import Mechanism
 from ..chain.reference import Reference
 from ..chain.runge_kutta import runge_kutta_step
 from ..chain.tree import frame_named
-from ..errors import ActuationError
 from . import build, kernels
 from .elimination import Orthogonal
 from .equations import Equations
 from .generator_inputs import sample_configurations
-from .kernel_checks import Checks
+from .kernel_checks import CLOSED, Checks
 from .kernels import WRENCHES
 
 #: Common subexpressions are computed once.
@@ -35,12 +35,6 @@ class Functions:
     def __repr__(self) -> str:
         sizes = f"nq={self.nq}, n={self.n}, motors={self.motors}"
         return f"{type(self).__name__}({self._mechanism.model.name}: {sizes})"
-
-    def _require_motors(self) -> None:
-        if self.motors < self.n:
-            raise ActuationError(
-                f"{self.motors} motors for {self.n} coordinates; use generalized_forces"
-            )
 
 
 class CasadiFunctions(Functions):
@@ -85,7 +79,6 @@ class CasadiFunctions(Functions):
         Raises:
             ActuationError: If the motors do not act on all coordinates.
         """
-        self._require_motors()
         return self._function("torques", "tau")
 
     @cached_property
@@ -146,11 +139,29 @@ class CasadiFunctions(Functions):
         """Q -> c: above 1 (or NaN) where the functions cannot be trusted at q.
 
         The loops are open there, or q is too far from the configurations for which the order of
-        elimination was chosen, next to a singularity.
+        elimination was chosen, next to a singularity, or the motors hardly hold the robot, so that
+        its `torques` cannot be trusted.
         """
-        checks = Checks(self._equations)
-        worst = ca.mmax(ca.vertcat(*checks.of_state, *checks.of_complement))
-        return self._made("check", {"q": self._equations.q}, {"c": worst})
+        return self.checked(CLOSED, motors=self._equations.driven)
+
+    @cached_property
+    def torques_check(self) -> Function:
+        """(q, va, aa) -> c: above 1 (or NaN) where `torques` of this motion cannot be trusted.
+
+        Besides `check`, torques that balance each other may be so large that their rounding is not
+        small beside the forces that the motion needs.
+
+        Raises:
+            ActuationError: As `torques`.
+        """
+        made = kernels.make(self._equations, "torques")
+        return self._made("torques_check", made.inputs, {"c": ca.mmax(made.checks)})
+
+    def checked(self, closed: float, *, motors: bool) -> Function:
+        """`check` for loops that are open by `closed` at most, with that of the motors or not."""
+        checks = Checks(self._equations, closed)
+        own = [*checks.of_state, *checks.of_complement, *(checks.of_motors if motors else ())]
+        return self._made("check", {"q": self._equations.q}, {"c": ca.mmax(ca.vertcat(*own))})
 
     @cached_property
     def torque_derivatives(self) -> Function:
@@ -241,20 +252,25 @@ class AlongMotions:
     def __init__(self, functions: CasadiFunctions) -> None:
         self._functions = functions
         self._made: dict[tuple[str, str | None, int], Function] = {}
+        self._sound = cache(lambda motors: functions.checked(np.inf, motors=motors))
 
     def values(self, name: str, order: int, *arguments: Array, frame: str | None = None) -> Array:
         """One of the `CasadiFunctions` by name, or its derivatives of an order; NaN where it fails.
 
         The arguments are q, shape (..., nq), and others, shape (..., size). The result has the
         shape (..., size, N, .., N), each N the n directions of q, then the entries of the others.
+        That the loops are closed is for the caller to check.
         """
         lead = arguments[0].shape[:-1]
-        columns = [x.reshape(-1, x.shape[-1]).T for x in arguments]
-        values = self._function(name, frame, order)(*columns).full().T
-        checks = self._functions.check(columns[0]).full().ravel()
-        values[~(checks <= 1)] = np.nan
-        others = sum(x.shape[-1] for x in arguments[1:])
-        return values.reshape(*lead, -1, *(self._functions.n + others,) * order)
+        columns = [x.reshape(prod(lead), x.shape[-1]).T for x in arguments]
+        function = self._function(name, frame, order)
+        values = np.empty((prod(lead), function.numel_out(0)))
+        if len(values):
+            values[:] = function(*columns).full().T
+            checks = self._sound(name == "torques")(columns[0]).full().ravel()
+            values[~(checks <= 1)] = np.nan
+        axes = (self._functions.n + sum(x.shape[-1] for x in arguments[1:]),) * order
+        return values.reshape(*lead, values.shape[1] // prod(axes), *axes)
 
     def _function(self, name: str, frame: str | None, order: int) -> Function:
         """All numbers of one order in a column, the last axis first."""

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
+import pinocchio as pin
 from casadi import SX
 
 from ..arrays import Array, Indices
@@ -153,10 +154,14 @@ class Equations:
         return self.pivots.factors
 
     def at_samples(self, symbols: SX) -> Array:
-        """Values of a function of q, shape (samples, rows, columns)."""
+        """Values of a function of q at the samples, shape (samples, rows, columns)."""
+        return self.values(symbols, self._samples)
+
+    def values(self, symbols: SX, configurations: Array) -> Array:
+        """Values of a function of q, shape (configurations, rows, columns)."""
         p = self.parameters.pack(self.mechanism, self.mechanism.friction)
         numbers = ca.Function("numbers", [self.q, self.p], [ca.densify(symbols)])
-        return np.array([numbers(q, p).full() for q in self._samples])
+        return np.array([numbers(q, p).full() for q in configurations])
 
     def complete(self, of_coordinates: Sequence[Any], right: Sparse) -> Sparse:
         """Rates x of the whole tree with Phi x = right, from those of the coordinates."""
@@ -260,7 +265,8 @@ class Equations:
     @cached_property
     def motor_matrix(self) -> SX:
         """L^T B, shape (n, motors)."""
-        return ca.horzcat(*(self.reduced(column) for column in self.motor_columns))
+        none = SX(len(self._coordinates), 0)
+        return ca.horzcat(none, *(self.reduced(column) for column in self.motor_columns))
 
     @cached_property
     def motor_columns(self) -> list[Sparse]:
@@ -279,15 +285,25 @@ class Equations:
 
     @cached_property
     def motor_rows(self) -> list[dict[int, Any]]:
-        """Rows of L^T B without entries that are rounding in all samples; n motors must act."""
+        """Rows of L^T B without entries that are rounding at any q; n motors must act.
+
+        What is zero in one assembly mode may not be in another, so loops that are open count too.
+        """
         mechanism, A = self.mechanism, self.motor_matrix
         scale, n = mechanism.rate_scale, len(self._coordinates)
         units = scale[mechanism.coordinates, None]
-        L = np.abs(self.at_samples(self.L_matrix) / scale[:, None]).max(axis=1)[..., None] * units
-        B = np.abs(self.at_samples(self.B) * scale[:, None]).max(axis=1)[:, None]
-        values = self.at_samples(A) * units
+        model, random = mechanism.model, np.random.default_rng(0)
+        ways = random.normal(size=(len(self._samples), model.nv)) * scale
+        anywhere = [
+            pin.integrate(model, q, way) for q, way in zip(self._samples, ways, strict=True)
+        ]
+        everywhere = np.concatenate([self._samples, anywhere])
+        L = np.abs(self.values(self.L_matrix, everywhere) / scale[:, None]).max(axis=1)
+        B = np.abs(self.values(self.B, everywhere) * scale[:, None]).max(axis=1)[:, None]
+        L, values = L[..., None] * units, self.values(A, everywhere) * units
         acts = np.abs(values) * MAX_CONDITION_NUMBER >= L * B
-        sizes = np.linalg.svd(np.where(acts, values, 0.0), compute_uv=False)
+        assembled = np.where(acts, values, 0.0)[: len(self._samples)]
+        sizes = np.linalg.svd(assembled, compute_uv=False)
         rank = int((sizes * MAX_CONDITION_NUMBER > sizes[:, :1]).sum(axis=1).max())
         if rank < n:
             raise ActuationError(
@@ -311,6 +327,16 @@ class Equations:
         rows, motors = list(enumerate(self.motor_rows)), range(len(self.mechanism.motor_names))
         by_motor = [{i: row[k] for i, row in rows if k in row} for k in motors]
         return self._orthogonal(by_motor, dict.fromkeys(motors, 1.0), range(len(rows)))
+
+    def smallest_torques(self, f: SX) -> Sparse:
+        """The least torques that bring f about, refined once, by motor."""
+        factors, _ = self.motor_factors
+        tau = factors.solve_transposed(dict(enumerate(ca.vertsplit(f))))
+        rows = zip(self.motor_rows, ca.vertsplit(f), strict=True)
+        left = [
+            force - total(x * tau[k] for k, x in row.items() if k in tau) for row, force in rows
+        ]
+        return add(tau, factors.solve_transposed(dict(enumerate(left))))
 
     @cached_property
     def inertia(self) -> SX:

@@ -8,7 +8,7 @@ the dynamics by the chain, all others by CasADi.
 import threading
 from collections.abc import Callable, Sequence
 from functools import cache, cached_property, partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import jax
 import jax.numpy as jnp
@@ -18,11 +18,12 @@ from ..arrays import Array, Indices, for_each_sample
 from ..chain.backend import Key
 from ..chain.closures import Rolling
 from ..chain.dispatch import computed
+from ..chain.least_torques import smallest_torques
 from ..chain.mechanism import Mechanism
 from ..chain.quantities import QUANTITIES, Name
 from ..chain.runge_kutta import runge_kutta_step
 from ..chain.tree import frame_id
-from ..errors import DescriptionError, InputError, SSTError
+from ..errors import ActuationError, DescriptionError, InputError, SSTError
 from .casadi_functions import AlongMotions, CasadiFunctions, Functions
 
 if TYPE_CHECKING:
@@ -61,6 +62,7 @@ class JaxFunctions(Functions):
         mechanism = chain._current.mechanism
         super().__init__(mechanism)
         self._chain, self._near, self._sign_width = chain, near, sign_width
+        mechanism.require_freedom()
         if any(isinstance(closure, Rolling) for closure in mechanism.closures):
             problem = "with a rolling contact q has more directions than rates; use casadi()"
             raise DescriptionError("jax", [problem])
@@ -72,11 +74,15 @@ class JaxFunctions(Functions):
         """Inverse dynamics, shape (..., motors); with redundant motors the smallest torques.
 
         Raises:
-            ActuationError: If there are fewer motors than coordinates.
+            ActuationError: If the motors do not act on all coordinates.
         """
         if self._mechanism.driven_one_to_one:
             return self.generalized_forces(q, va, aa)
-        self._require_motors()
+        if self._held < self.n:
+            raise ActuationError(
+                f"the motors supply {self._held} of {self.n} forces along the coordinates; "
+                "use generalized_forces"
+            )
         return self._function("torques")(*self._arguments(q=q, va=va, aa=aa))
 
     def generalized_forces(self, q: Any, va: Any, aa: Any) -> jax.Array:
@@ -139,6 +145,14 @@ class JaxFunctions(Functions):
             return both[..., :3], both[..., 3:].reshape(*q.shape[:-1], 3, 3)
 
         return placement
+
+    @cached_property
+    def _held(self) -> int:
+        """How many coordinates the motors hold at most configurations."""
+        J = self._chain.actuator_jacobian(self._chain.generic_configuration())
+        units = self._mechanism.rate_scale[self._mechanism.coordinates]
+        _, lost = smallest_torques(J.T, units, np.ones(self.motors), None)
+        return self.n - lost.shape[1]
 
     # --- functions of arrays of the right shape ---------------------------------------------
 
@@ -260,14 +274,21 @@ class JaxFunctions(Functions):
         return self._by_casadi(name, order, *arrays)
 
     def _by_casadi(self, name: str, order: int, *arrays: Array, frame: str | None = None) -> Array:
-        """Values of `AlongMotions`, of the model as it stands."""
+        """Values of `AlongMotions`, of the model as it stands; NaN where the chain's are."""
+        arrays = tuple(_with_all_axes(arrays))
+        if name in QUANTITIES:
+            known = self._values(cast(Name, name), *arrays)
+        else:
+            known = self._values("rates", *[*arrays, np.zeros(self.n)][:2])
         with self._lock:
             mechanism, made = self._chain._current.mechanism, self._along
             if made is None or made[0] is not mechanism:
                 reference = self._chain._current.reference
                 functions = CasadiFunctions(reference, self._near, self._sign_width)
                 made = self._along = mechanism, AlongMotions(functions)
-            return made[1].values(name, order, *_with_all_axes(arrays), frame=frame)
+            found = made[1].values(name, order, *arrays, frame=frame)
+        found[np.isnan(known).any(axis=-1)] = np.nan
+        return found
 
     def _on_arrays(self, values: Values) -> Callable[..., Array]:
         """The callback of JAX; it refuses a robot whose coordinates have changed."""

@@ -23,7 +23,7 @@ from .elimination import total
 from .equations import Equations
 from .joint_wrenches import reactions
 from .kernel_checks import Checks
-from .symbols import Sparse, add, column, definite, row_by_row, sx
+from .symbols import Sparse, add, column, row_by_row, sx
 
 #: Inputs by name, results, and checks beside those of the state.
 _Made = tuple[dict[str, SX], SX, list[Any]]
@@ -112,15 +112,14 @@ def _torques(e: Equations, checks: Checks) -> _Made:
     inputs, f, own = _forces(e, checks)
     if e.mechanism.driven_one_to_one:
         return inputs, f, own
-    factors, sizes = e.motor_factors
-    tau = factors.solve_transposed(dict(enumerate(ca.vertsplit(f))))
-    own = [*own, factors.small(sizes), *checks.unsupplied(tau, f)]
+    tau = e.smallest_torques(f)
+    own = [*own, *checks.of_motors, *checks.unsupplied(tau, f)]
     return inputs, column(tau, range(len(e.mechanism.motor_names))), own
 
 
 def _accelerations(e: Equations, checks: Checks) -> _Made:
     aa, inverses = e.accelerations
-    return _driven(e), aa, [*checks.of_accelerations, definite(inverses)]
+    return _driven(e), aa, checks.of_accelerations + checks.massless(inverses)
 
 
 def _torque_derivatives(e: Equations, checks: Checks, way: SX | None = None) -> _Made:

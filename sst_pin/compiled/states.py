@@ -17,6 +17,7 @@ from ..arrays import Array, Flags, Indices
 from ..chain.backend import Kernel, Motions, NoKernel
 from ..chain.continuity import TRAVEL
 from ..chain.derivatives import AccelerationDerivatives
+from ..chain.dynamics import solved
 from ..chain.mechanism import Friction, Mechanism
 from ..chain.reference import Reference, ReferenceStates
 from ..errors import SSTError
@@ -208,9 +209,6 @@ class ByColumns(NoKernel):
         self._mechanism, self._forces = mechanism, forces
         self._inertial, self._rates = inertial, rates
         self._unit = np.eye(len(mechanism.coordinates))
-        from scipy.linalg.lapack import dposv  # slow to import
-
-        self._solve = dposv
 
     def many(self, arrays: tuple[Array, ...], out: Array, threads: int = 1) -> Indices:
         """Fill the accelerations; indices of samples that fail the checks of the kernels."""
@@ -222,8 +220,9 @@ class ByColumns(NoKernel):
             inertia = np.empty(self._unit.shape)  # Eq. (93), symmetric
             failed = self._inertial.many((q[i], None, self._unit), inertia, threads)
             given = tau[i] if self._mechanism.driven_one_to_one else self._given(q[i], tau[i])
-            _, out[i], info = self._solve(inertia, given - f[i])
-            left[i] = len(failed) or info or not np.isfinite(out[i]).all()
+            aa = solved(inertia, given - f[i])
+            left[i] = len(failed) or aa is None or not np.isfinite(aa).all()
+            out[i] = np.nan if aa is None else aa
         return np.flatnonzero(left)
 
     def _given(self, q: Array, tau: Array) -> Array:

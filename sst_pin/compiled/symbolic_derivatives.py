@@ -17,7 +17,7 @@ from .closure_rows import Row, by_twists
 from .elimination import total
 from .equations import Equations
 from .kernel_checks import Checks
-from .symbols import Sparse, add, column, definite, is_zero, solve_symmetric, sparse, sx, symmetric
+from .symbols import Sparse, add, column, is_zero, solve_symmetric, sparse, sx, symmetric
 
 
 def of_torques(e: Equations, checks: Checks, way: SX | None = None) -> tuple[SX, list[Any]]:
@@ -32,7 +32,7 @@ def of_accelerations(e: Equations, checks: Checks, way: SX | None = None) -> tup
     n = by_motion.shape[1] // 3
     driven = e.motor_matrix if way is None else e.project(e.motor_forces(way))
     aa_x, _ = solve_symmetric(e.inertia, ca.horzcat(-by_motion[:, : 2 * n], driven))
-    return aa_x, [*own, definite(inverses)]
+    return aa_x, own + checks.massless(inverses)
 
 
 def of_displacements(e: Equations) -> SX:

@@ -12,7 +12,6 @@ import casadi as ca
 from casadi import SX
 
 from ..arrays import Array
-from .elimination import total
 from .links import clean
 
 #: Entries by index, zeros left out; each is a scalar symbol or a number.
@@ -62,15 +61,11 @@ def row_by_row(*matrices: SX) -> SX:
     return ca.vec(ca.horzcat(*matrices).T)
 
 
-def definite(inverses: list[Any]) -> Any:
-    """More than 1 where one over a pivot of a symmetric matrix is negative."""
-    return 1e30 * total(ca.fabs(x) - x for x in inverses)
-
-
 def solve_symmetric(A: SX, b: SX) -> tuple[SX, list[Any]]:
-    """x with A x = b for a symmetric A, by L D L^T, and one over each entry of D; b has columns."""
+    """x with A x = b for a symmetric A, by L D L^T, and one over each entry of D, row by row."""
     D, LT, order = ca.ldl(ca.sparsify(A), True)
-    return ca.ldl_solve(b, D, LT, order), [1 / pivot for pivot in ca.vertsplit(D)]
+    inverses = dict(zip(order, (1 / pivot for pivot in ca.vertsplit(D)), strict=True))
+    return ca.ldl_solve(b, D, LT, order), [inverses[i] for i in range(len(order))]
 
 
 def rotation_vector(quaternion: SX) -> SX:

@@ -210,6 +210,15 @@ class TreeDynamics:
         return total(energies)
 
     @cached_property
+    def whole_inertia(self) -> Any:
+        """Inertia of all bodies and rotors, as `dynamics.whole_inertia`."""
+        length, scale = self._mechanism.length, self._mechanism.rate_scale
+        found = [self._parameters.body(self._p, i) for i in self._parameters.bodies]
+        terms = [mass * length**2 + 2 * ca.trace(J) for mass, _, J in filter(None, found)]
+        rotors = self._parameters.of_joints("armature", self._p)
+        return total([*terms, *(x * float(scale[i] ** 2) for i, x in rotors.items())])
+
+    @cached_property
     def inertia(self) -> dict[tuple[int, int], Any]:
         """Upper triangle of the tree's mass matrix, by pairs of rates."""
         return self.composed({})

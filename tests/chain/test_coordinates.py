@@ -354,10 +354,11 @@ def test_a_robot_that_no_guess_assembles_computes_where_it_is_closed():
 
 
 def test_no_coordinates_are_refused():
-    model, closures, folded = rhombus()
-    chain = ClosedChain(model, closures, ["crank"], coordinates=[])
-    with pytest.raises(sst_pin.DescriptionError, match="no coordinates"):
-        chain.generalized_forces(folded, [], [])
+    model, closures, _ = rhombus()
+    with pytest.raises(sst_pin.InputError, match="coordinates: none are named"):
+        ClosedChain(model, closures, ["crank"], coordinates=[])
+    with pytest.raises(sst_pin.InputError, match="coordinates: none are named"):
+        ClosedChain(model, closures, ["crank"]).with_coordinates([])
 
 
 def _four_bar(order, unit=1.0):

@@ -16,6 +16,7 @@ import any_chain
 import cassie
 import sst_pin
 from browser import with_slow
+from motor_cases import elbows, held_not
 from sst_pin.errors import ClosureError, MissingExtraError, SSTError
 from sst_pin.viewer import Viewer
 
@@ -225,3 +226,15 @@ def test_what_a_page_cannot_compute_is_named(monkeypatch):
     with pytest.raises(MissingExtraError, match="casadi"):
         sst_pin.robots.five_bar().show(live=True, open_browser=False)
     assert "sst_functions" in sst_pin.SST().show(live=True, open_browser=False).html
+
+
+def test_the_page_says_where_the_motors_do_not_hold_the_robot(chromium):
+    """And gives no torques there."""
+    chain = elbows()
+    bad, good = held_not(chain)
+    engine, rest = Engine(chromium, chain, good), np.zeros(2)
+    held, lost = engine.values([{"q": q, "va": rest, "aa": rest, "tau": rest} for q in (good, bad)])
+    assert held["wrong"] == []
+    assert held["torques"] == pytest.approx(chain.compute_torques(good, rest, rest), rel=1e-9)
+    assert np.isnan(np.array(lost["torques"], dtype=float)).all()
+    assert lost["wrong"] == ["the motors do not hold this pose"]

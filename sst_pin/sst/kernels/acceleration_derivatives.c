@@ -280,6 +280,29 @@ static void acceleration_derivatives_constants(number *p)
     const number t1687 = t1369 - p[81]; p[245] = t1687; p[246] = t1368; p[247] = t1686;
     const number ti5 = 1 / 2.0; p[248] = ti5; p[249] = t1046; p[250] = t1052; p[251] = t1059;
     p[252] = t1208; p[253] = t1214; p[254] = t1221; const number ti6 = 1 / 2.5e-13; p[255] = ti6;
+    const number t4379 = t1277 + p[13]; const number t4380 = t4379 + t4379;
+    const number t4381 = p[4] + t4380; const number t4383 = t1280 + t1280;
+    const number t4384 = p[14] + t4383; const number t4385 = t4381 + t4384;
+    const number t4387 = p[28] + p[31]; const number t4388 = t4387 + p[33];
+    const number t4389 = t4388 + t4388; const number t4390 = p[24] + t4389;
+    const number t4391 = t4385 + t4390; const number t4394 = t1570 + p[43];
+    const number t4395 = t4394 + t4394; const number t4396 = p[34] + t4395;
+    const number t4397 = t4391 + t4396; const number t4399 = t1358 + t1358;
+    const number t4400 = p[44] + t4399; const number t4401 = t4397 + t4400;
+    const number t4403 = p[58] + p[61]; const number t4404 = t4403 + p[63];
+    const number t4405 = t4404 + t4404; const number t4406 = p[54] + t4405;
+    const number t4407 = t4401 + t4406; const number t4410 = t1686 + p[73];
+    const number t4411 = t4410 + t4410; const number t4412 = p[64] + t4411;
+    const number t4413 = t4407 + t4412; const number t4415 = t1369 + t1369;
+    const number t4416 = p[74] + t4415; const number t4417 = t4413 + t4416;
+    const number t4419 = p[88] + p[91]; const number t4420 = t4419 + p[93];
+    const number t4421 = t4420 + t4420; const number t4422 = p[84] + t4421;
+    const number t4423 = t4417 + t4422; const number t4424 = t4423 + p[94];
+    const number t4425 = t4424 + p[95]; const number t4426 = t4425 + p[96];
+    const number t4427 = t4426 + p[97]; const number t4428 = t4427 + p[98];
+    const number t4429 = t4428 + p[99]; const number t4430 = t4429 + p[100];
+    const number t4431 = t4430 + p[101]; const number t4432 = t4431 + p[102];
+    const number t4433 = 1e-20 * t4432; p[256] = t4433;
 }
 
 static void acceleration_derivatives(const real *x, const number *p, real *y)
@@ -2021,6 +2044,31 @@ static void acceleration_derivatives(const real *x, const number *p, real *y)
     const real t4367 = t4366 - ti3; const real t4368 = t4365 + t4367;
     const real t4369 = ABSOLUTE(ti4); const real t4370 = t4369 - ti4;
     const real t4371 = t4368 + t4370; const real t4372 = 1e+30 * t4371; y[29] = (real){0} + t4372;
+    const real t4375 = 1e-12 * t1377; const real t4434 = t368 * t368;
+    const real t4435 = 1.0 + t4434; const real t4436 = t354 * t354;
+    const real t4437 = t4435 + t4436; const real t4438 = t1250 * t1250;
+    const real t4439 = t4437 + t4438; const real t4440 = t1115 * t1115;
+    const real t4441 = t4439 + t4440; const real t4442 = t1088 * t1088;
+    const real t4443 = t4441 + t4442; const real t4444 = t953 * t953;
+    const real t4445 = t4443 + t4444; const real t4446 = p[256] * t4445;
+    const real t4447 = t4375 + t4446; const real t4448 = t4447 * ti2;
+    const real t4449 = 1e-12 * t1594; const real t4450 = t1505 * t1505;
+    const real t4451 = 1.0 + t4450; const real t4452 = t1503 * t1503;
+    const real t4453 = t4451 + t4452; const real t4454 = t1533 * t1533;
+    const real t4455 = t4453 + t4454; const real t4456 = t1528 * t1528;
+    const real t4457 = t4455 + t4456; const real t4458 = t1523 * t1523;
+    const real t4459 = t4457 + t4458; const real t4460 = t1507 * t1507;
+    const real t4461 = t4459 + t4460; const real t4462 = p[256] * t4461;
+    const real t4463 = t4449 + t4462; const real t4464 = t4463 * ti3;
+    const real t4465 = t4448 + t4464; const real t4466 = 1e-12 * t1706;
+    const real t4467 = t1381 * t1381; const real t4468 = 1.0 + t4467;
+    const real t4469 = t1379 * t1379; const real t4470 = t4468 + t4469;
+    const real t4471 = t1421 * t1421; const real t4472 = t4470 + t4471;
+    const real t4473 = t1408 * t1408; const real t4474 = t4472 + t4473;
+    const real t4475 = t1402 * t1402; const real t4476 = t4474 + t4475;
+    const real t4477 = t1396 * t1396; const real t4478 = t4476 + t4477;
+    const real t4479 = p[256] * t4478; const real t4480 = t4466 + t4479;
+    const real t4481 = t4480 * ti4; const real t4482 = t4465 + t4481; y[30] = (real){0} + t4482;
 }
 
 void NAME(prepare_acceleration_derivatives)(double *p)
@@ -2032,9 +2080,9 @@ int NAME(run_acceleration_derivatives)(const rows *in, const rows *out, const do
     unsigned char *bad)
 {
     static const int sizes_in[] = {9, 3, 3};
-    real x[15], y[30];
-    return run(acceleration_derivatives, NULL, 3, sizes_in, 9, 15, 27, 3, x, y, in,
+    real x[15], y[31];
+    return run(acceleration_derivatives, NULL, 3, sizes_in, 9, 15, 27, 4, x, y, in,
         out, p, count, bad);
 }
 
-const int NAME(sizes_run_acceleration_derivatives)[] = {256, 27, 9, 3, 3, -1};
+const int NAME(sizes_run_acceleration_derivatives)[] = {257, 27, 9, 3, 3, -1};

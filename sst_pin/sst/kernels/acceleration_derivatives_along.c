@@ -279,6 +279,29 @@ static void acceleration_derivatives_along_constants(number *p)
     const number t1742 = p[68] + p[71]; const number t1743 = t1425 - p[81]; p[246] = t1743;
     p[247] = t1424; p[248] = t1742; p[249] = t1102; p[250] = t1108; p[251] = t1115; p[252] = t1264;
     p[253] = t1270; p[254] = t1277; const number ti6 = 1 / 2.5e-13; p[255] = ti6;
+    const number t3378 = t1333 + p[13]; const number t3379 = t3378 + t3378;
+    const number t3380 = p[4] + t3379; const number t3382 = t1336 + t1336;
+    const number t3383 = p[14] + t3382; const number t3384 = t3380 + t3383;
+    const number t3386 = p[28] + p[31]; const number t3387 = t3386 + p[33];
+    const number t3388 = t3387 + t3387; const number t3389 = p[24] + t3388;
+    const number t3390 = t3384 + t3389; const number t3393 = t1626 + p[43];
+    const number t3394 = t3393 + t3393; const number t3395 = p[34] + t3394;
+    const number t3396 = t3390 + t3395; const number t3398 = t1414 + t1414;
+    const number t3399 = p[44] + t3398; const number t3400 = t3396 + t3399;
+    const number t3402 = p[58] + p[61]; const number t3403 = t3402 + p[63];
+    const number t3404 = t3403 + t3403; const number t3405 = p[54] + t3404;
+    const number t3406 = t3400 + t3405; const number t3409 = t1742 + p[73];
+    const number t3410 = t3409 + t3409; const number t3411 = p[64] + t3410;
+    const number t3412 = t3406 + t3411; const number t3414 = t1425 + t1425;
+    const number t3415 = p[74] + t3414; const number t3416 = t3412 + t3415;
+    const number t3418 = p[88] + p[91]; const number t3419 = t3418 + p[93];
+    const number t3420 = t3419 + t3419; const number t3421 = p[84] + t3420;
+    const number t3422 = t3416 + t3421; const number t3423 = t3422 + p[94];
+    const number t3424 = t3423 + p[95]; const number t3425 = t3424 + p[96];
+    const number t3426 = t3425 + p[97]; const number t3427 = t3426 + p[98];
+    const number t3428 = t3427 + p[99]; const number t3429 = t3428 + p[100];
+    const number t3430 = t3429 + p[101]; const number t3431 = t3430 + p[102];
+    const number t3432 = 1e-20 * t3431; p[256] = t3432;
 }
 
 PART acceleration_derivatives_along_0(const real *x, const number *p, real *restrict y, real *restrict w)
@@ -924,6 +947,31 @@ PART acceleration_derivatives_along_0(const real *x, const number *p, real *rest
     const real t3365 = t3364 - ti4; const real t3366 = t3362 + t3365;
     const real t3368 = ABSOLUTE(ti5); const real t3369 = t3368 - ti5;
     const real t3370 = t3366 + t3369; const real t3371 = 1e+30 * t3370; y[11] = (real){0} + t3371;
+    const real t3374 = 1e-12 * t1433; const real t3433 = t992 * t992;
+    const real t3434 = 1.0 + t3433; const real t3435 = t961 * t961;
+    const real t3436 = t3434 + t3435; const real t3437 = t1306 * t1306;
+    const real t3438 = t3436 + t3437; const real t3439 = t1171 * t1171;
+    const real t3440 = t3438 + t3439; const real t3441 = t1144 * t1144;
+    const real t3442 = t3440 + t3441; const real t3443 = t1009 * t1009;
+    const real t3444 = t3442 + t3443; const real t3445 = p[256] * t3444;
+    const real t3446 = t3374 + t3445; const real t3447 = t3446 * ti3;
+    const real t3448 = 1e-12 * t1650; const real t3449 = t1561 * t1561;
+    const real t3450 = 1.0 + t3449; const real t3451 = t1559 * t1559;
+    const real t3452 = t3450 + t3451; const real t3453 = t1589 * t1589;
+    const real t3454 = t3452 + t3453; const real t3455 = t1584 * t1584;
+    const real t3456 = t3454 + t3455; const real t3457 = t1579 * t1579;
+    const real t3458 = t3456 + t3457; const real t3459 = t1563 * t1563;
+    const real t3460 = t3458 + t3459; const real t3461 = p[256] * t3460;
+    const real t3462 = t3448 + t3461; const real t3463 = t3462 * ti4;
+    const real t3464 = t3447 + t3463; const real t3465 = 1e-12 * t1762;
+    const real t3466 = t1437 * t1437; const real t3467 = 1.0 + t3466;
+    const real t3468 = t1435 * t1435; const real t3469 = t3467 + t3468;
+    const real t3470 = t1477 * t1477; const real t3471 = t3469 + t3470;
+    const real t3472 = t1464 * t1464; const real t3473 = t3471 + t3472;
+    const real t3474 = t1458 * t1458; const real t3475 = t3473 + t3474;
+    const real t3476 = t1452 * t1452; const real t3477 = t3475 + t3476;
+    const real t3478 = p[256] * t3477; const real t3479 = t3465 + t3478;
+    const real t3480 = t3479 * ti5; const real t3481 = t3464 + t3480; y[12] = (real){0} + t3481;
     w[0] = c1; w[1] = c2; w[2] = c3; w[3] = c4; w[4] = c5; w[5] = c6; w[6] = s1; w[7] = s2;
     w[8] = s3; w[9] = s4; w[10] = s5; w[11] = s6; w[12] = t107; w[13] = t1093; w[14] = t1124;
     w[15] = t1255; w[16] = t127; w[17] = t1286; w[18] = t143; w[19] = t1481; w[20] = t1504;
@@ -1538,12 +1586,12 @@ PART acceleration_derivatives_along_1(const real *x, const number *p, real *rest
 
 static void acceleration_derivatives_along_once(const real *x, const number *p, real *y)
 {
-    acceleration_derivatives_along_0(x, p, y, y + 12);
+    acceleration_derivatives_along_0(x, p, y, y + 13);
 }
 
 static void acceleration_derivatives_along(const real *x, const number *p, real *y)
 {
-    acceleration_derivatives_along_1(x, p, y, y + 12);
+    acceleration_derivatives_along_1(x, p, y, y + 13);
 }
 
 void NAME(prepare_acceleration_derivatives_along)(double *p)
@@ -1555,9 +1603,9 @@ int NAME(run_acceleration_derivatives_along)(const rows *in, const rows *out, co
     unsigned char *bad)
 {
     static const int sizes_in[] = {9, 3, 3};
-    real x[18], y[133];
+    real x[18], y[134];
     return along(acceleration_derivatives_along_once, acceleration_derivatives_along, 3, sizes_in, 9, 3, 18, 9,
-        3, x, y, in, out, p, count, bad);
+        4, x, y, in, out, p, count, bad);
 }
 
-const int NAME(sizes_run_acceleration_derivatives_along)[] = {256, 27, 9, 3, 3, -1};
+const int NAME(sizes_run_acceleration_derivatives_along)[] = {257, 27, 9, 3, 3, -1};

@@ -931,6 +931,29 @@ static void accelerations_constants(number *p)
     const number t1629 = p[68] + p[71]; const number t1630 = t1314 - p[81]; p[244] = t1630;
     p[245] = t1313; p[246] = t1629; p[247] = t995; p[248] = t1001; p[249] = t1008; p[250] = t1155;
     p[251] = t1161; p[252] = t1168; const number ti4 = 1 / 2.5e-13; p[253] = ti4;
+    const number t1822 = t1222 + p[13]; const number t1823 = t1822 + t1822;
+    const number t1824 = p[4] + t1823; const number t1826 = t1225 + t1225;
+    const number t1827 = p[14] + t1826; const number t1828 = t1824 + t1827;
+    const number t1830 = p[28] + p[31]; const number t1831 = t1830 + p[33];
+    const number t1832 = t1831 + t1831; const number t1833 = p[24] + t1832;
+    const number t1834 = t1828 + t1833; const number t1837 = t1514 + p[43];
+    const number t1838 = t1837 + t1837; const number t1839 = p[34] + t1838;
+    const number t1840 = t1834 + t1839; const number t1842 = t1303 + t1303;
+    const number t1843 = p[44] + t1842; const number t1844 = t1840 + t1843;
+    const number t1846 = p[58] + p[61]; const number t1847 = t1846 + p[63];
+    const number t1848 = t1847 + t1847; const number t1849 = p[54] + t1848;
+    const number t1850 = t1844 + t1849; const number t1853 = t1629 + p[73];
+    const number t1854 = t1853 + t1853; const number t1855 = p[64] + t1854;
+    const number t1856 = t1850 + t1855; const number t1858 = t1314 + t1314;
+    const number t1859 = p[74] + t1858; const number t1860 = t1856 + t1859;
+    const number t1862 = p[88] + p[91]; const number t1863 = t1862 + p[93];
+    const number t1864 = t1863 + t1863; const number t1865 = p[84] + t1864;
+    const number t1866 = t1860 + t1865; const number t1867 = t1866 + p[94];
+    const number t1868 = t1867 + p[95]; const number t1869 = t1868 + p[96];
+    const number t1870 = t1869 + p[97]; const number t1871 = t1870 + p[98];
+    const number t1872 = t1871 + p[99]; const number t1873 = t1872 + p[100];
+    const number t1874 = t1873 + p[101]; const number t1875 = t1874 + p[102];
+    const number t1876 = 1e-20 * t1875; p[254] = t1876;
 }
 
 static void accelerations(const real *x, const number *p, real *y)
@@ -1407,6 +1430,31 @@ static void accelerations(const real *x, const number *p, real *y)
     const real t1809 = t1808 - ti2; const real t1810 = t1806 + t1809;
     const real t1812 = ABSOLUTE(ti3); const real t1813 = t1812 - ti3;
     const real t1814 = t1810 + t1813; const real t1815 = 1e+30 * t1814; y[5] = (real){0} + t1815;
+    const real t1818 = 1e-12 * t1322; const real t1878 = t886 * t886;
+    const real t1879 = 1.0 + t1878; const real t1880 = t856 * t856;
+    const real t1881 = t1879 + t1880; const real t1882 = t1196 * t1196;
+    const real t1883 = t1881 + t1882; const real t1884 = t1062 * t1062;
+    const real t1885 = t1883 + t1884; const real t1886 = t1036 * t1036;
+    const real t1887 = t1885 + t1886; const real t1888 = t902 * t902;
+    const real t1889 = t1887 + t1888; const real t1890 = p[254] * t1889;
+    const real t1891 = t1818 + t1890; const real t1892 = t1891 * ti1;
+    const real t1893 = 1e-12 * t1538; const real t1894 = t1449 * t1449;
+    const real t1895 = 1.0 + t1894; const real t1896 = t1447 * t1447;
+    const real t1897 = t1895 + t1896; const real t1898 = t1477 * t1477;
+    const real t1899 = t1897 + t1898; const real t1900 = t1472 * t1472;
+    const real t1901 = t1899 + t1900; const real t1902 = t1467 * t1467;
+    const real t1903 = t1901 + t1902; const real t1904 = t1451 * t1451;
+    const real t1905 = t1903 + t1904; const real t1906 = p[254] * t1905;
+    const real t1907 = t1893 + t1906; const real t1908 = t1907 * ti2;
+    const real t1909 = t1892 + t1908; const real t1910 = 1e-12 * t1649;
+    const real t1911 = t1326 * t1326; const real t1912 = 1.0 + t1911;
+    const real t1913 = t1324 * t1324; const real t1914 = t1912 + t1913;
+    const real t1915 = t1366 * t1366; const real t1916 = t1914 + t1915;
+    const real t1917 = t1353 * t1353; const real t1918 = t1916 + t1917;
+    const real t1919 = t1347 * t1347; const real t1920 = t1918 + t1919;
+    const real t1921 = t1341 * t1341; const real t1922 = t1920 + t1921;
+    const real t1923 = p[254] * t1922; const real t1924 = t1910 + t1923;
+    const real t1925 = t1924 * ti3; const real t1926 = t1909 + t1925; y[6] = (real){0} + t1926;
 }
 
 void NAME(prepare_accelerations)(double *p)
@@ -1418,12 +1466,12 @@ int NAME(run_accelerations)(const rows *in, const rows *out, const double *p, pt
     unsigned char *bad)
 {
     static const int sizes_in[] = {9, 3, 3};
-    real x[15], y[6];
-    return run(accelerations, NULL, 3, sizes_in, 9, 15, 3, 3, x, y, in,
+    real x[15], y[7];
+    return run(accelerations, NULL, 3, sizes_in, 9, 15, 3, 4, x, y, in,
         out, p, count, bad);
 }
 
-const int NAME(sizes_run_accelerations)[] = {254, 3, 9, 3, 3, -1};
+const int NAME(sizes_run_accelerations)[] = {255, 3, 9, 3, 3, -1};
 
 static void reduced_terms_constants(number *p)
 {
@@ -3309,6 +3357,29 @@ static void state_rate_constants(number *p)
     const number t1638 = p[68] + p[71]; const number t1639 = t1323 - p[81]; p[284] = t1639;
     p[285] = t1322; p[286] = t1638; p[287] = t1004; p[288] = t1010; p[289] = t1017; p[290] = t1164;
     p[291] = t1170; p[292] = t1177; const number ti4 = 1 / 2.5e-13; p[293] = ti4;
+    const number t1831 = t1231 + p[13]; const number t1832 = t1831 + t1831;
+    const number t1833 = p[4] + t1832; const number t1835 = t1234 + t1234;
+    const number t1836 = p[14] + t1835; const number t1837 = t1833 + t1836;
+    const number t1839 = p[28] + p[31]; const number t1840 = t1839 + p[33];
+    const number t1841 = t1840 + t1840; const number t1842 = p[24] + t1841;
+    const number t1843 = t1837 + t1842; const number t1846 = t1523 + p[43];
+    const number t1847 = t1846 + t1846; const number t1848 = p[34] + t1847;
+    const number t1849 = t1843 + t1848; const number t1851 = t1312 + t1312;
+    const number t1852 = p[44] + t1851; const number t1853 = t1849 + t1852;
+    const number t1855 = p[58] + p[61]; const number t1856 = t1855 + p[63];
+    const number t1857 = t1856 + t1856; const number t1858 = p[54] + t1857;
+    const number t1859 = t1853 + t1858; const number t1862 = t1638 + p[73];
+    const number t1863 = t1862 + t1862; const number t1864 = p[64] + t1863;
+    const number t1865 = t1859 + t1864; const number t1867 = t1323 + t1323;
+    const number t1868 = p[74] + t1867; const number t1869 = t1865 + t1868;
+    const number t1871 = p[88] + p[91]; const number t1872 = t1871 + p[93];
+    const number t1873 = t1872 + t1872; const number t1874 = p[84] + t1873;
+    const number t1875 = t1869 + t1874; const number t1876 = t1875 + p[94];
+    const number t1877 = t1876 + p[95]; const number t1878 = t1877 + p[96];
+    const number t1879 = t1878 + p[97]; const number t1880 = t1879 + p[98];
+    const number t1881 = t1880 + p[99]; const number t1882 = t1881 + p[100];
+    const number t1883 = t1882 + p[101]; const number t1884 = t1883 + p[102];
+    const number t1885 = 1e-20 * t1884; p[294] = t1885;
 }
 
 static void state_rate(const real *x, const number *p, real *y)
@@ -3787,6 +3858,31 @@ static void state_rate(const real *x, const number *p, real *y)
     const real t1818 = t1817 - ti2; const real t1819 = t1815 + t1818;
     const real t1821 = ABSOLUTE(ti3); const real t1822 = t1821 - ti3;
     const real t1823 = t1819 + t1822; const real t1824 = 1e+30 * t1823; y[14] = (real){0} + t1824;
+    const real t1827 = 1e-12 * t1331; const real t1887 = t895 * t895;
+    const real t1888 = 1.0 + t1887; const real t1889 = t865 * t865;
+    const real t1890 = t1888 + t1889; const real t1891 = t1205 * t1205;
+    const real t1892 = t1890 + t1891; const real t1893 = t1071 * t1071;
+    const real t1894 = t1892 + t1893; const real t1895 = t1045 * t1045;
+    const real t1896 = t1894 + t1895; const real t1897 = t911 * t911;
+    const real t1898 = t1896 + t1897; const real t1899 = p[294] * t1898;
+    const real t1900 = t1827 + t1899; const real t1901 = t1900 * ti1;
+    const real t1902 = 1e-12 * t1547; const real t1903 = t1458 * t1458;
+    const real t1904 = 1.0 + t1903; const real t1905 = t1456 * t1456;
+    const real t1906 = t1904 + t1905; const real t1907 = t1486 * t1486;
+    const real t1908 = t1906 + t1907; const real t1909 = t1481 * t1481;
+    const real t1910 = t1908 + t1909; const real t1911 = t1476 * t1476;
+    const real t1912 = t1910 + t1911; const real t1913 = t1460 * t1460;
+    const real t1914 = t1912 + t1913; const real t1915 = p[294] * t1914;
+    const real t1916 = t1902 + t1915; const real t1917 = t1916 * ti2;
+    const real t1918 = t1901 + t1917; const real t1919 = 1e-12 * t1658;
+    const real t1920 = t1335 * t1335; const real t1921 = 1.0 + t1920;
+    const real t1922 = t1333 * t1333; const real t1923 = t1921 + t1922;
+    const real t1924 = t1375 * t1375; const real t1925 = t1923 + t1924;
+    const real t1926 = t1362 * t1362; const real t1927 = t1925 + t1926;
+    const real t1928 = t1356 * t1356; const real t1929 = t1927 + t1928;
+    const real t1930 = t1350 * t1350; const real t1931 = t1929 + t1930;
+    const real t1932 = p[294] * t1931; const real t1933 = t1919 + t1932;
+    const real t1934 = t1933 * ti3; const real t1935 = t1918 + t1934; y[15] = (real){0} + t1935;
 }
 
 void NAME(prepare_rollout)(double *p)
@@ -3798,23 +3894,23 @@ void NAME(prepare_rollout)(double *p)
 int NAME(run_rollout)(const rows *in, const courses *tau, ptrdiff_t half, const courses *out,
     const double *p, double h, ptrdiff_t steps, ptrdiff_t count, ptrdiff_t *reached)
 {
-    static const stepper f = {9, 3, 3, 0, 3, state_rate, closing};
-    real x[15], y[15], start[12], sum[12];
+    static const stepper f = {9, 3, 3, 0, 4, state_rate, closing};
+    real x[15], y[16], start[12], sum[12];
     return roll(&f, x, y, start, sum, in, tau, half, out, p, h, steps, count, reached);
 }
 
-const int NAME(sizes_run_rollout)[] = {294, 12, 9, 3, 3, -1};
+const int NAME(sizes_run_rollout)[] = {295, 12, 9, 3, 3, -1};
 
 int NAME(rate_rollout)(const rows *in, const rows *out, const double *p, ptrdiff_t count,
     unsigned char *bad)
 {
     static const int sizes_in[] = {12, 3};
-    real x[15], y[15];
-    return run(state_rate, closing, 2, sizes_in, 9, 15, 12, 3, x, y, in,
+    real x[15], y[16];
+    return run(state_rate, closing, 2, sizes_in, 9, 15, 12, 4, x, y, in,
         out, p, count, bad);
 }
 
-const int NAME(sizes_rate_rollout)[] = {294, 12, 12, 3, -1};
+const int NAME(sizes_rate_rollout)[] = {295, 12, 12, 3, -1};
 
 static void torques_loaded_constants(number *p)
 {
@@ -5137,6 +5233,29 @@ static void accelerations_loaded_constants(number *p)
     const number t2328 = p[36] * ti11; p[278] = t2328; const number t2366 = p[45] * ti4;
     p[279] = t2366; const number t2436 = p[68] + p[71]; const number t2437 = t1959 - p[81];
     p[280] = t2437; p[281] = t1958; p[282] = t2436; const number ti13 = 1 / 2.5e-13; p[283] = ti13;
+    const number t2594 = t1867 + p[13]; const number t2595 = t2594 + t2594;
+    const number t2596 = p[4] + t2595; const number t2597 = t1870 + t1870;
+    const number t2598 = p[14] + t2597; const number t2599 = t2596 + t2598;
+    const number t2600 = p[28] + p[31]; const number t2601 = t2600 + p[33];
+    const number t2602 = t2601 + t2601; const number t2603 = p[24] + t2602;
+    const number t2604 = t2599 + t2603; const number t2606 = t2240 + p[43];
+    const number t2607 = t2606 + t2606; const number t2608 = p[34] + t2607;
+    const number t2609 = t2604 + t2608; const number t2610 = t1948 + t1948;
+    const number t2611 = p[44] + t2610; const number t2612 = t2609 + t2611;
+    const number t2613 = p[58] + p[61]; const number t2614 = t2613 + p[63];
+    const number t2615 = t2614 + t2614; const number t2616 = p[54] + t2615;
+    const number t2617 = t2612 + t2616; const number t2619 = t2436 + p[73];
+    const number t2620 = t2619 + t2619; const number t2621 = p[64] + t2620;
+    const number t2622 = t2617 + t2621; const number t2623 = t1959 + t1959;
+    const number t2624 = p[74] + t2623; const number t2625 = t2622 + t2624;
+    const number t2626 = p[88] + p[91]; const number t2627 = t2626 + p[93];
+    const number t2628 = t2627 + t2627; const number t2629 = p[84] + t2628;
+    const number t2630 = t2625 + t2629; const number t2631 = t2630 + p[94];
+    const number t2632 = t2631 + p[95]; const number t2633 = t2632 + p[96];
+    const number t2634 = t2633 + p[97]; const number t2635 = t2634 + p[98];
+    const number t2636 = t2635 + p[99]; const number t2637 = t2636 + p[100];
+    const number t2638 = t2637 + p[101]; const number t2639 = t2638 + p[102];
+    const number t2640 = 1e-20 * t2639; p[284] = t2640;
 }
 
 static void accelerations_loaded(const real *x, const number *p, real *y)
@@ -5935,6 +6054,31 @@ static void accelerations_loaded(const real *x, const number *p, real *y)
     const real t2582 = t2581 - ti10; const real t2583 = t2579 + t2582;
     const real t2585 = ABSOLUTE(ti12); const real t2586 = t2585 - ti12;
     const real t2587 = t2583 + t2586; const real t2588 = 1e+30 * t2587; y[5] = (real){0} + t2588;
+    const real t2591 = 1e-12 * t1967; const real t2642 = t1119 * t1119;
+    const real t2643 = 1.0 + t2642; const real t2644 = t1079 * t1079;
+    const real t2645 = t2643 + t2644; const real t2646 = t1831 * t1831;
+    const real t2647 = t2645 + t2646; const real t2648 = t1501 * t1501;
+    const real t2649 = t2647 + t2648; const real t2650 = t1465 * t1465;
+    const real t2651 = t2649 + t2650; const real t2652 = t1135 * t1135;
+    const real t2653 = t2651 + t2652; const real t2654 = p[284] * t2653;
+    const real t2655 = t2591 + t2654; const real t2656 = t2655 * ti8;
+    const real t2657 = 1e-12 * t2264; const real t2658 = t2175 * t2175;
+    const real t2659 = 1.0 + t2658; const real t2660 = t2173 * t2173;
+    const real t2661 = t2659 + t2660; const real t2662 = t2203 * t2203;
+    const real t2663 = t2661 + t2662; const real t2664 = t2198 * t2198;
+    const real t2665 = t2663 + t2664; const real t2666 = t2193 * t2193;
+    const real t2667 = t2665 + t2666; const real t2668 = t2177 * t2177;
+    const real t2669 = t2667 + t2668; const real t2670 = p[284] * t2669;
+    const real t2671 = t2657 + t2670; const real t2672 = t2671 * ti10;
+    const real t2673 = t2656 + t2672; const real t2674 = 1e-12 * t2456;
+    const real t2675 = t1971 * t1971; const real t2676 = 1.0 + t2675;
+    const real t2677 = t1969 * t1969; const real t2678 = t2676 + t2677;
+    const real t2679 = t2011 * t2011; const real t2680 = t2678 + t2679;
+    const real t2681 = t1998 * t1998; const real t2682 = t2680 + t2681;
+    const real t2683 = t1992 * t1992; const real t2684 = t2682 + t2683;
+    const real t2685 = t1986 * t1986; const real t2686 = t2684 + t2685;
+    const real t2687 = p[284] * t2686; const real t2688 = t2674 + t2687;
+    const real t2689 = t2688 * ti12; const real t2690 = t2673 + t2689; y[6] = (real){0} + t2690;
 }
 
 void NAME(prepare_accelerations_loaded)(double *p)
@@ -5946,12 +6090,12 @@ int NAME(run_accelerations_loaded)(const rows *in, const rows *out, const double
     unsigned char *bad)
 {
     static const int sizes_in[] = {9, 3, 3, 54};
-    real x[69], y[6];
-    return run(accelerations_loaded, NULL, 4, sizes_in, 9, 69, 3, 3, x, y, in,
+    real x[69], y[7];
+    return run(accelerations_loaded, NULL, 4, sizes_in, 9, 69, 3, 4, x, y, in,
         out, p, count, bad);
 }
 
-const int NAME(sizes_run_accelerations_loaded)[] = {284, 3, 9, 3, 3, 54, -1};
+const int NAME(sizes_run_accelerations_loaded)[] = {285, 3, 9, 3, 3, 54, -1};
 
 static void state_rate_loaded_constants(number *p)
 {
@@ -6262,6 +6406,29 @@ static void state_rate_loaded_constants(number *p)
     const number t2337 = p[36] * ti11; p[318] = t2337; const number t2375 = p[45] * ti4;
     p[319] = t2375; const number t2445 = p[68] + p[71]; const number t2446 = t1968 - p[81];
     p[320] = t2446; p[321] = t1967; p[322] = t2445; const number ti13 = 1 / 2.5e-13; p[323] = ti13;
+    const number t2603 = t1876 + p[13]; const number t2604 = t2603 + t2603;
+    const number t2605 = p[4] + t2604; const number t2606 = t1879 + t1879;
+    const number t2607 = p[14] + t2606; const number t2608 = t2605 + t2607;
+    const number t2609 = p[28] + p[31]; const number t2610 = t2609 + p[33];
+    const number t2611 = t2610 + t2610; const number t2612 = p[24] + t2611;
+    const number t2613 = t2608 + t2612; const number t2615 = t2249 + p[43];
+    const number t2616 = t2615 + t2615; const number t2617 = p[34] + t2616;
+    const number t2618 = t2613 + t2617; const number t2619 = t1957 + t1957;
+    const number t2620 = p[44] + t2619; const number t2621 = t2618 + t2620;
+    const number t2622 = p[58] + p[61]; const number t2623 = t2622 + p[63];
+    const number t2624 = t2623 + t2623; const number t2625 = p[54] + t2624;
+    const number t2626 = t2621 + t2625; const number t2628 = t2445 + p[73];
+    const number t2629 = t2628 + t2628; const number t2630 = p[64] + t2629;
+    const number t2631 = t2626 + t2630; const number t2632 = t1968 + t1968;
+    const number t2633 = p[74] + t2632; const number t2634 = t2631 + t2633;
+    const number t2635 = p[88] + p[91]; const number t2636 = t2635 + p[93];
+    const number t2637 = t2636 + t2636; const number t2638 = p[84] + t2637;
+    const number t2639 = t2634 + t2638; const number t2640 = t2639 + p[94];
+    const number t2641 = t2640 + p[95]; const number t2642 = t2641 + p[96];
+    const number t2643 = t2642 + p[97]; const number t2644 = t2643 + p[98];
+    const number t2645 = t2644 + p[99]; const number t2646 = t2645 + p[100];
+    const number t2647 = t2646 + p[101]; const number t2648 = t2647 + p[102];
+    const number t2649 = 1e-20 * t2648; p[324] = t2649;
 }
 
 static void state_rate_loaded(const real *x, const number *p, real *y)
@@ -7065,6 +7232,31 @@ static void state_rate_loaded(const real *x, const number *p, real *y)
     const real t2591 = t2590 - ti10; const real t2592 = t2588 + t2591;
     const real t2594 = ABSOLUTE(ti12); const real t2595 = t2594 - ti12;
     const real t2596 = t2592 + t2595; const real t2597 = 1e+30 * t2596; y[14] = (real){0} + t2597;
+    const real t2600 = 1e-12 * t1976; const real t2651 = t1128 * t1128;
+    const real t2652 = 1.0 + t2651; const real t2653 = t1088 * t1088;
+    const real t2654 = t2652 + t2653; const real t2655 = t1840 * t1840;
+    const real t2656 = t2654 + t2655; const real t2657 = t1510 * t1510;
+    const real t2658 = t2656 + t2657; const real t2659 = t1474 * t1474;
+    const real t2660 = t2658 + t2659; const real t2661 = t1144 * t1144;
+    const real t2662 = t2660 + t2661; const real t2663 = p[324] * t2662;
+    const real t2664 = t2600 + t2663; const real t2665 = t2664 * ti8;
+    const real t2666 = 1e-12 * t2273; const real t2667 = t2184 * t2184;
+    const real t2668 = 1.0 + t2667; const real t2669 = t2182 * t2182;
+    const real t2670 = t2668 + t2669; const real t2671 = t2212 * t2212;
+    const real t2672 = t2670 + t2671; const real t2673 = t2207 * t2207;
+    const real t2674 = t2672 + t2673; const real t2675 = t2202 * t2202;
+    const real t2676 = t2674 + t2675; const real t2677 = t2186 * t2186;
+    const real t2678 = t2676 + t2677; const real t2679 = p[324] * t2678;
+    const real t2680 = t2666 + t2679; const real t2681 = t2680 * ti10;
+    const real t2682 = t2665 + t2681; const real t2683 = 1e-12 * t2465;
+    const real t2684 = t1980 * t1980; const real t2685 = 1.0 + t2684;
+    const real t2686 = t1978 * t1978; const real t2687 = t2685 + t2686;
+    const real t2688 = t2020 * t2020; const real t2689 = t2687 + t2688;
+    const real t2690 = t2007 * t2007; const real t2691 = t2689 + t2690;
+    const real t2692 = t2001 * t2001; const real t2693 = t2691 + t2692;
+    const real t2694 = t1995 * t1995; const real t2695 = t2693 + t2694;
+    const real t2696 = p[324] * t2695; const real t2697 = t2683 + t2696;
+    const real t2698 = t2697 * ti12; const real t2699 = t2682 + t2698; y[15] = (real){0} + t2699;
 }
 
 void NAME(prepare_rollout_loaded)(double *p)
@@ -7076,20 +7268,20 @@ void NAME(prepare_rollout_loaded)(double *p)
 int NAME(run_rollout_loaded)(const rows *in, const courses *tau, ptrdiff_t half, const courses *out,
     const double *p, double h, ptrdiff_t steps, ptrdiff_t count, ptrdiff_t *reached)
 {
-    static const stepper f = {9, 3, 3, 54, 3, state_rate_loaded, closing};
-    real x[69], y[15], start[12], sum[12];
+    static const stepper f = {9, 3, 3, 54, 4, state_rate_loaded, closing};
+    real x[69], y[16], start[12], sum[12];
     return roll(&f, x, y, start, sum, in, tau, half, out, p, h, steps, count, reached);
 }
 
-const int NAME(sizes_run_rollout_loaded)[] = {324, 12, 9, 3, 3, 54, -1};
+const int NAME(sizes_run_rollout_loaded)[] = {325, 12, 9, 3, 3, 54, -1};
 
 int NAME(rate_rollout_loaded)(const rows *in, const rows *out, const double *p, ptrdiff_t count,
     unsigned char *bad)
 {
     static const int sizes_in[] = {12, 3, 54};
-    real x[69], y[15];
-    return run(state_rate_loaded, closing, 3, sizes_in, 9, 69, 12, 3, x, y, in,
+    real x[69], y[16];
+    return run(state_rate_loaded, closing, 3, sizes_in, 9, 69, 12, 4, x, y, in,
         out, p, count, bad);
 }
 
-const int NAME(sizes_rate_rollout_loaded)[] = {324, 12, 12, 3, 54, -1};
+const int NAME(sizes_rate_rollout_loaded)[] = {325, 12, 12, 3, 54, -1};
