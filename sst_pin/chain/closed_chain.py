@@ -259,6 +259,26 @@ class ClosedChain(Summary):
         return self.mechanism.space.position_units
 
     @property
+    def rate_names(self) -> tuple[str, ...]:
+        """Name of each entry of v: the name of the joint, with a suffix if it has several entries.
+
+        Example:
+            >>> sst_pin.robots.delta().rate_names[-3:]
+            ('rod_3a_2', 'rod_3b_1', 'rod_3b_2')
+        """
+        return self.mechanism.space.rate_names
+
+    @property
+    def rate_units(self) -> tuple[str, ...]:
+        """Whether each entry of v is in rad/s or m/s: "rad" or "m".
+
+        Example:
+            >>> sorted(set(sst_pin.robots.excavator().rate_units))
+            ['m', 'rad']
+        """
+        return self.mechanism.space.rate_units
+
+    @property
     def home(self) -> Array:
         """The home configuration of the description, with closed loops, shape (nq,).
 

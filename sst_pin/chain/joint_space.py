@@ -205,8 +205,10 @@ class JointSpace:
         """Check that quaternions and cosine-sine pairs of q, shape (nq,), have length one."""
         if self.euclidean:
             return
-        rest = (q * q).dot(self.unit_parts) - 1
-        if rest.dot(rest) < 1e-12:
+        with np.errstate(over="ignore"):
+            rest = (q * q).dot(self.unit_parts) - 1
+            near = rest.dot(rest) < 1e-12
+        if near:
             return  # the short way: lengths differ from 1 by less than half of that
         if not self.on_manifold(q):
             off = float(self._off_length_one(finite_array(name, q, q.shape)).max())

@@ -229,7 +229,7 @@ def test_coordinates_are_what_the_caller_names():
         L = chain.noc(q, va).L
         # Other independent joints, by a pivoted QR.
         pivots = qr(L[4:].T, pivoting=True)[2][:n] + 4
-        names = chain._current.mechanism.space.rate_names
+        names = chain.rate_names
         wanted = [names[k] for k in sorted(pivots)]
         other = ClosedChain(chain.model, chain.closures, case.motors, coordinates=wanted)
         k = sorted(pivots)

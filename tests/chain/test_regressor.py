@@ -36,7 +36,7 @@ def drawn(chain, seed=0):
             values[k] += random.uniform(0.1, 0.2)
     for joint in list(chain.model.joints)[1:]:
         if joint.shortname() == "JointModelSpherical":  # alike in all directions
-            name = chain.mechanism.space.rate_names
+            name = chain.rate_names
             here = [theta.names.index(f"{name[joint.idx_v + i]}.stiffness") for i in range(3)]
             values[here] = values[here[0]]
     return chain.with_parameters(values), values
