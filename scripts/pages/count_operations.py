@@ -5,9 +5,6 @@ What is counted are the expressions of `sst_pin.compiled`, from which the kernel
 values are compared with `compute_torques` and `compute_accelerations` before a count is believed.
 """
 
-from __future__ import annotations
-
-import argparse
 import sys
 import time
 from collections import Counter
@@ -18,18 +15,17 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+import markdown_tables
 import sst_pin
-from markdown_tables import Table, differences, read_table, with_tables
+from markdown_tables import Table, Tables
+from sst_pin.arrays import Array
 from sst_pin.compiled import kernels
 from sst_pin.compiled.elimination import Factors, pivot_order
 from sst_pin.compiled.equations import Equations
 from sst_pin.compiled.symbols import add, solve_symmetric
 from sst_pin.sst.paper import PERIOD
 from sst_pin.verification.virtual_work import VirtualWork
-
-Array = NDArray[np.float64]
 
 PAGE = Path(__file__).parents[2] / "docs" / "cost.md"
 TOLERANCE = 1e-9  # relative to the largest torque or acceleration
@@ -284,7 +280,7 @@ def measure(rounds: int = 7, calls: int = 20) -> dict[str, tuple[float, float]]:
 # --- the page ---------------------------------------------------------------------------------
 
 
-def counts_of(problem: str) -> Table:
+def counts_of(problem: str, _: Table) -> Table:
     """The operations of each method for each robot."""
     table = [(f"{problem} dynamics", *KINDS, "all", "of one recursion")]
     counts = count_all()
@@ -296,7 +292,7 @@ def counts_of(problem: str) -> Table:
     return table
 
 
-def ratios() -> Table:
+def ratios(_: Table) -> Table:
     """Operations of methods over those of one recursion, smallest and largest of the robots."""
     pairs = ("inverse", LONG), ("inverse", WITH_L), ("inverse", CHECKED), ("inverse", WORK)
     table = [("of one recursion", "least", "most")]
@@ -311,7 +307,7 @@ def ratios() -> Table:
     return table
 
 
-def ladders() -> Table:
+def ladders(_: Table) -> Table:
     """Operations by the number of cells, and of one more cell."""
     table, before = [("cells", "bodies", "inverse", "direct", "inverse, a further cell")], None
     for cells, (inverse, direct) in count_ladders().items():
@@ -321,7 +317,7 @@ def ladders() -> Table:
     return table
 
 
-def times() -> Table:
+def times(_: Table) -> Table:
     """Times of the methods, and of virtual work over each."""
     seconds = measure()
     table = [("inverse dynamics", "one instant, µs", "all, ms", "virtual work over it", "for all")]
@@ -331,7 +327,7 @@ def times() -> Table:
     return table
 
 
-TABLES: dict[str, Callable[[], Table]] = {
+TABLES: Tables = {
     "inverse": partial(counts_of, "inverse"),
     "direct": partial(counts_of, "direct"),
     "ratios": ratios,
@@ -339,24 +335,8 @@ TABLES: dict[str, Callable[[], Table]] = {
 }
 
 
-def problems(page: str) -> Iterator[str]:
-    """Where the counts on the page are not those of now."""
-    for name, make in TABLES.items():
-        yield from differences(name, read_table(page, name), make())
-
-
 def main(arguments: list[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(description="Count operations, time methods, write the page.")
-    parser.add_argument("--check", action="store_true", help="recount and compare, write nothing")
-    options = parser.parse_args(arguments)
-    page = PAGE.read_text(encoding="utf-8")
-    if options.check:
-        found = list(problems(page))
-        print(*found, f"{PAGE.name}: the counts are {'stale' if found else 'current'}", sep="\n")
-        return bool(found)
-    page = with_tables(page, lambda name: (TABLES | {"times": times})[name]())
-    PAGE.write_text(page, encoding="utf-8")
-    return 0
+    return markdown_tables.main(PAGE, TABLES, {"times": times}, arguments)
 
 
 if __name__ == "__main__":
