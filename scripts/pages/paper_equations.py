@@ -6,28 +6,24 @@ out, closed-form kinematics, differences in time, virtual work. Residuals are re
 largest entry, but for rows that name a unit.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from itertools import filterfalse
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 import printed_forms as forms
 from example_1 import EXAMPLE_1
 from printed_forms import FIRST, Case, Forms, error
-from sst_pin import BRANCHES, SST, paper_circle
+from sst_pin import BRANCHES, SST, RigidBody, paper_circle
+from sst_pin.arrays import Array
 from sst_pin.sst import paper
 from sst_pin.verification.virtual_work import VirtualWork
 
-Array = NDArray[np.float64]
-
 SEED = 2012
-#: Motions of the paper's robot, then one of each of as many random robots.
-STATES, ROBOTS = 20, 20
+#: Motions of the paper's robot, then one of each of as many random robots; seeds of five-bars.
+STATES, ROBOTS, FIVE_BARS = 20, 20, range(SEED, SEED + 20)
 
 
 # --- measures -----------------------------------------------------------------------------------
@@ -39,8 +35,7 @@ def _worst(measure: Callable[[Case], float]) -> Callable[[Sequence[Case]], float
 
 
 class _Vectors(NamedTuple):
-    """Seven bodies by vector geometry: links, passive links, star."""
-
+    axes: list[Array]
     c: Array
     spin: Array
     velocity: Array
@@ -48,8 +43,15 @@ class _Vectors(NamedTuple):
     acceleration: Array
 
 
+def _bodies(case: Case) -> list[RigidBody]:
+    """The paper's seven: links, passive links, star."""
+    p = case.parameters
+    return [*p.links, *p.passive_links, p.star]
+
+
 def _vectors(case: Case) -> _Vectors:
-    p, frames = case.parameters, case.frames()
+    """The seven bodies by vector geometry."""
+    frames = case.frames()
     e, u = frames[:, 0, :, 2], frames[:, 1, :, 0]
     gamma_dot, mu_dot, _ = np.moveaxis(case.rates.reshape(3, 3, 1), 1, 0)
     gamma_ddot, mu_ddot, _ = np.moveaxis(case.accelerations.reshape(3, 3, 1), 1, 0)
@@ -59,11 +61,10 @@ def _vectors(case: Case) -> _Vectors:
     spin = np.vstack([link, passive, case.omega])
     spin_rate = np.vstack([link_rate, passive_rate, case.alpha])
     axes = [*frames[:, 1], *frames[:, 2], case.R]
-    bodies = [*p.links, *p.passive_links, p.star]
-    c = np.array([A @ body.center_of_mass for A, body in zip(axes, bodies, strict=True)])
+    c = np.array([A @ body.center_of_mass for A, body in zip(axes, _bodies(case), strict=True)])
     velocity = np.cross(spin, c)
     acceleration = np.cross(spin_rate, c) + np.cross(spin, velocity)
-    return _Vectors(c, spin, velocity, spin_rate, acceleration)
+    return _Vectors(axes, c, spin, velocity, spin_rate, acceleration)
 
 
 #: Rows of K and T that are the paper's seven bodies, in its order.
@@ -213,19 +214,17 @@ def _inertia_and_weight(case: Case) -> float:
     return error(case.robot.compute_torques(*case.motion), tau)
 
 
+def _virtual_work(case: Case, *moment: Array) -> Array:
+    return VirtualWork(case.parameters).torques(case.R, case.omega, case.alpha, *moment)
+
+
 @_worst
 def _powers(case: Case) -> float:
     _, va, aa = case.motion
     t = case.terms
-    parts = np.array(
-        [
-            VirtualWork(case.parameters).torques(case.R, case.omega, case.alpha) @ va,
-            -(t.inertia @ aa + t.coriolis @ va) @ va,
-            t.gravity @ va,
-            case.robot.friction_power(*case.motion[:2]),
-        ]
-    )
-    return float(abs(parts.sum()) / np.abs(parts).max())
+    inertia, weight = -(t.inertia @ aa + t.coriolis @ va) @ va, t.gravity @ va
+    parts = [_virtual_work(case) @ va, inertia, weight, case.robot.friction_power(*case.motion[:2])]
+    return float(abs(sum(parts)) / max(map(abs, parts)))
 
 
 @_worst
@@ -244,17 +243,14 @@ def _long_form(case: Case) -> float:
     _, va, aa = case.motion
     t = case.terms
     long = t.inertia @ aa + t.coriolis @ va - t.gravity - t.friction
-    return error(long, VirtualWork(case.parameters).torques(case.R, case.omega, case.alpha))
+    return error(long, _virtual_work(case))
 
 
 @_worst
 def _kinetic_energy(case: Case) -> float:
-    p, v, va = case.parameters, _vectors(case), case.motion[1]
-    frames = case.frames()
-    axes = [*frames[:, 1], *frames[:, 2], case.R]
-    energy = 0.0
-    for i, body in enumerate((*p.links, *p.passive_links, p.star)):
-        spin = axes[i].T @ v.spin[i]
+    v, va, energy = _vectors(case), case.motion[1], 0.0
+    for i, body in enumerate(_bodies(case)):
+        spin = v.axes[i].T @ v.spin[i]
         energy += (body.mass * v.velocity[i] @ v.velocity[i] + spin @ body.inertia @ spin) / 2
     return error(va @ case.terms.inertia @ va / 2, energy)
 
@@ -275,15 +271,14 @@ def _weight(case: Case) -> float:
 @_worst
 def _inverse_dynamics(case: Case) -> float:
     moment = np.array((3.0, -1, 2))
-    wanted = VirtualWork(case.parameters).torques(case.R, case.omega, case.alpha, moment)
-    return error(case.robot.compute_torques(*case.motion, platform_moment=moment), wanted)
+    found = case.robot.compute_torques(*case.motion, platform_moment=moment)
+    return error(found, _virtual_work(case, moment))
 
 
 @_worst
 def _direct_dynamics(case: Case) -> float:
     q, va, aa = case.motion
-    tau = VirtualWork(case.parameters).torques(case.R, case.omega, case.alpha)
-    return error(case.robot.compute_accelerations(q, va, tau), aa)
+    return error(case.robot.compute_accelerations(q, va, _virtual_work(case)), aa)
 
 
 def _example_1(_: Sequence[Case]) -> float:
@@ -339,18 +334,10 @@ def _rubs(case: Case) -> bool:
     return bool(case.parameters.coulomb_friction.any())
 
 
-def _on_the_circle(_: Sequence[Case]) -> Iterator[Forms]:
-    return map(forms.arc_normal, forms.circle(24))
-
-
-def _five_bars(_: Sequence[Case]) -> Iterator[Forms]:
-    return (forms.passive_accelerations(np.random.default_rng(SEED + i)) for i in range(20))
-
-
 #: Errors of both forms of the misprints; the others are words or shapes.
 MISPRINTS: dict[str, Callable[[Sequence[Case]], Iterator[Forms]]] = {
-    "(1)": _on_the_circle,
-    "(7c)": _five_bars,
+    "(1)": lambda _: map(forms.arc_normal, forms.circle(24)),
+    "(7c)": lambda _: map(forms.passive_accelerations, map(np.random.default_rng, FIVE_BARS)),
     "(20)": partial(map, forms.rate_of_joint_rates),
     "(54)": lambda cases: map(forms.center_of_star, filterfalse(_rubs, cases)),
     "(59)-(61)": partial(map, forms.spins_of_passive_links),

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """What ROS reads a URDF with, as far as Debian and PyPI have it without ROS."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess

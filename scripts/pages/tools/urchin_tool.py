@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """urchin, the maintained successor of urdfpy."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from . import Array, Tool
