@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TypeVar
 
 import numpy as np
@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 _FLOAT64 = np.dtype(np.float64)
+T = TypeVar("T")
 
 
 def as_array(name: str, value: ArrayLike | None, core: tuple[int, ...]) -> Array:
@@ -135,8 +136,15 @@ def empty(shape: tuple[int, ...]) -> Array:
         raise InputError("batch", f"results of shape {shape} do not fit into memory") from None
 
 
-def names(name: str, value: Sequence[str]) -> tuple[str, ...]:
-    """A sequence of names; refuses a single word and all else."""
+def in_order(name: str, value: Iterable[T], of: str = "names") -> tuple[T, ...]:
+    """A sequence, read once; refuses a word, and sets and mappings, whose order does not count."""
+    if isinstance(value, (str, Mapping, set, frozenset)) or not isinstance(value, Iterable):
+        raise InputError(name, f"{value!r}: a sequence of {of} is needed, such as a list")
+    return tuple(value)
+
+
+def names(name: str, value: Iterable[str]) -> tuple[str, ...]:
+    """Names; refuses a single word and all else."""
     if isinstance(value, str) or not isinstance(value, Iterable):
         raise InputError(name, f"{value!r}: a sequence of names is needed")
     found = tuple(value)

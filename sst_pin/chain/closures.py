@@ -240,3 +240,8 @@ def frames_of(closure: Constraint) -> tuple[str, ...]:
     if isinstance(closure, Rolling):
         return closure.plane, closure.wheel
     return closure.frame_a, closure.frame_b
+
+
+def holds_points(closure: Constraint) -> bool:
+    """Whether the origins of the two frames stay together, or at a distance."""
+    return isinstance(closure, Distance) or (isinstance(closure, Closure) and all(closure.held[:3]))

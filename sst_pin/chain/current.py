@@ -29,6 +29,10 @@ _NOTHING_MOVES = (
     "no coordinates: nothing can move; check kinds and axes of the closures; if another assembly "
     'moves, make it model.referenceConfigurations["home"]'
 )
+_NOTHING_FOUND = (
+    "no coordinates: no configuration was assembled where they could be chosen; make a closed one "
+    'model.referenceConfigurations["home"], or give coordinates='
+)
 #: Makes the backend of a mechanism.
 Kernels = Callable[[Reference], Backend]
 
@@ -76,7 +80,8 @@ class Current:
         """Arguments as arrays of the shapes that the mechanism has, q first, the others by name."""
         mechanism = self.mechanism
         if not len(mechanism.coordinates):
-            raise DescriptionError(f"model {mechanism.model.name}", [_NOTHING_MOVES])
+            why = _NOTHING_FOUND if mechanism.example is None else _NOTHING_MOVES
+            raise DescriptionError(f"model {mechanism.model.name}", [why])
         n, motors = len(mechanism.coordinates), mechanism.motors.shape[1]
         arrays = [self.configurations(q)]
         for name, value in others.items():
@@ -141,5 +146,9 @@ class Current:
 
 
 def _unpickled(mechanism: Mechanism, kernels: Kernels | None) -> Current:
-    """With a copy of the model: mimic joints of an unpickled one end the process in `calc`."""
-    return Current(replace(mechanism, model=pin.Model(mechanism.model)), kernels)
+    """With a copy of the model: mimic joints of an unpickled one end the process in `calc`.
+
+    Arrays are read-only again.
+    """
+    parts = {name: replace(getattr(mechanism, name)) for name in ("friction", "springs")}
+    return Current(replace(mechanism, model=pin.Model(mechanism.model), **parts), kernels)

@@ -5,14 +5,14 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from ..arrays import Array, Indices, finite_array
+from ..arrays import Array, Indices, finite_array, in_order
 from ..arrays import names as names_of
 from ..errors import DescriptionError, InputError
 from .assembly import Assembly
@@ -21,7 +21,7 @@ from .coordinates import settle, without_mass
 from .joint_space import JointSpace
 from .lines import LineForce, Lines
 from .loops import Loops
-from .mechanism import Friction, Mechanism, Springs
+from .mechanism import Friction, Mechanism, Springs, read_only
 from .rebuilt_tree import POSITION_ARRAYS, RATE_ARRAYS, rebuilt
 from .tree import frame_id, joint_id
 
@@ -37,9 +37,7 @@ Motor = str | Mapping[str, float]
 def closures_of(closures: Sequence[Constraint | tuple[str, str]]) -> tuple[Constraint, ...]:
     """Closures, with pairs of names for frames that must coincide."""
     found: list[Constraint] = []
-    if not isinstance(closures, Iterable):
-        raise InputError("closures", f"{closures!r}: a sequence of closures is needed")
-    for closure in closures:
+    for closure in in_order("closures", closures, "closures"):
         if isinstance(closure, (Closure, Distance, Coupling, Rolling)):
             found.append(closure)
         elif isinstance(closure, (tuple, list)) and len(closure) == 2:
@@ -67,7 +65,7 @@ def mechanism_of(
     B, names = _motors(space, motors, forces)
     for name in (end for line in forces for end in (line.frame_a, line.frame_b)):
         frame_id(model, name)
-    lines = Lines(forces, B[model.nv :])
+    lines = Lines(forces, read_only(B[model.nv :]))
 
     def of_rates(name: str, default: Array) -> Array:
         given = numbers[name]
@@ -89,7 +87,7 @@ def mechanism_of(
     springs.check(model)
     wanted = None
     if coordinates is not None:
-        wanted = space.rates_of(names_of("coordinates", coordinates))
+        wanted = space.rates_of(coordinates)
     none, on_joints = np.empty(0, dtype=np.intp), B[: model.nv]
     unsettled = Mechanism(model, closures, none, on_joints, names, friction, springs, lines)
     assembly = Assembly(unsettled, Loops(model, closures))
@@ -116,11 +114,20 @@ def without_locked(model: pin.Model, locked: Sequence[str] | Mapping[str, float]
     return rebuilt(model, {i: {} for i in ids}, q)
 
 
+def coordinates_of(coordinates: Sequence[str]) -> tuple[str, ...]:
+    """Names of coordinates, in their order."""
+    return names_of("coordinates", in_order("coordinates", coordinates))
+
+
+def motors_of(motors: Sequence[Motor]) -> tuple[Motor, ...]:
+    """Motors, with tendons of the caller copied."""
+    motors = in_order("actuated", motors)
+    return tuple(dict(motor) if isinstance(motor, Mapping) else motor for motor in motors)
+
+
 def forces_of(forces: Sequence[LineForce]) -> tuple[LineForce, ...]:
     """Forces along lines, each with a name of its own."""
-    if not isinstance(forces, Iterable):
-        raise InputError("forces", f"{forces!r}: a sequence of LineForce is needed")
-    found = tuple(forces)
+    found = in_order("forces", forces, "LineForce")
     for force in found:
         if not isinstance(force, LineForce):
             raise InputError("forces", f"{force!r} is not a LineForce")
@@ -145,8 +152,6 @@ def _motors(
             raise InputError("names", f"a joint appears twice in {names}")
         return np.array(rows, dtype=np.intp)
 
-    if isinstance(motors, str) or not isinstance(motors, Iterable):
-        raise InputError("actuated", f"{motors!r}: a sequence of names is needed")
     columns: list[Array] = []
     names: list[str] = []
     for motor in motors:
@@ -173,6 +178,10 @@ def _require_sound(model: pin.Model, closures: Sequence[Constraint]) -> None:
     names = list(model.names)[1:]
     problems = _wrong_sizes(model)
     problems += [f"joint {n}: the name appears twice" for n, k in Counter(names).items() if k > 1]
+    problems += [
+        f"joint {name}: a closure has this name too; rename the joint"
+        for name in sorted({*names} & {*map(str, closures)})
+    ]
     if model.nv and not problems:
         problems = _names_with_two_meanings(model)
     if model != pin.Model(model):

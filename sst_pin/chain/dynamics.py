@@ -190,7 +190,7 @@ class Memory:
 
 def motion_of_tree(memory: Memory, va: Array, aa: Array) -> tuple[Array, Array]:
     """v and v_dot of a motion of the coordinates at the configuration evaluated last."""
-    memory.complement.factorise(memory.loops.Phi())
+    memory.complement.factorise(memory.loops.Phi(), memory.loops.residual())
     v = memory.complement.L.dot(va)  # Eq. (16)
     return v, memory.complement.accelerations(aa, memory.loops.drift(v))
 
@@ -300,7 +300,7 @@ def terms(memory: Memory, q: Array, va: Array) -> Terms:
     memory.evaluate(q)
     mechanism, model = memory.mechanism, memory.model
     Phi = memory.loops.Phi()
-    memory.complement.factorise(Phi)
+    memory.complement.factorise(Phi, memory.loops.residual())
     L = memory.complement.L
     v = L @ va  # Eq. (16)
     L_dot = memory.complement.L_dot(memory.loops.Phi_dot(v))

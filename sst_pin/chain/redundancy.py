@@ -7,6 +7,8 @@ null(J^T), the directions of preload.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -21,16 +23,19 @@ _ROUNDING = 1e-12
 _FEASIBLE = 1e-12
 
 
-def directions(mechanism: Mechanism, J: Array, reference: Array) -> Array:
+def directions(mechanism: Mechanism, J: Array, reference: Array | None) -> Array:
     """Orthonormal directions of preload, continuous along the last batch axis, (..., motors, k).
 
     J are actuator Jacobians, shape (..., motors, n). Each sample's basis is the one next to that of
-    the sample before it, the first one's is next to that of a regular reference, shape (motors, n).
+    the sample before it, the first one's is next to that of a regular reference, shape (motors, n);
+    without one the first sample is it.
     """
     units = mechanism.rate_scale[mechanism.coordinates]
-    first, rank = _null_space(reference * units)
     batch = J.shape[:-2]
-    flat = (J * units).reshape(-1, *J.shape[-2:])
+    flat = (J * units).reshape(math.prod(batch), *J.shape[-2:])
+    finite = flat[np.isfinite(flat).all(axis=(1, 2))]
+    starts = finite if reference is None else [reference * units]
+    first, rank = _null_space(starts[0] if len(starts) else np.zeros(flat.shape[1:]))
     found = np.empty((len(flat), len(first), first.shape[1]))
     for i, matrix in enumerate(flat):
         if not np.isfinite(matrix).all():

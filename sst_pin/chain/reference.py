@@ -232,7 +232,7 @@ class Reference:
         """L where the loops are closed, shape (nv, n), Eq. (17)."""
         memory = self.memory
         memory.evaluate(q)
-        memory.complement.factorise(memory.loops.Phi())
+        memory.complement.factorise(memory.loops.Phi(), memory.loops.residual())
         return memory.complement.L
 
     @_finite

@@ -77,6 +77,20 @@ cdef inline bint is_plain(object array, int ndim, Py_ssize_t size):
     )
 
 
+cdef object as_floats(object given):
+    """Python's numbers in a list, or an array of other real numbers, as float64; all else as it is."""
+    if type(given) is list or type(given) is tuple:
+        for x in given:
+            if not isinstance(x, float) and type(x) is not int:
+                return given
+    elif type(given) is not cnp.ndarray or given.dtype.kind not in "iuf" or given.dtype.char == "d":
+        return given
+    try:
+        return np.array(given, dtype=np.float64)
+    except OverflowError:  # a whole number that is too large
+        return given
+
+
 cdef inline Py_ssize_t number_of(object threads):
     """Number of threads; 0 if the argument is not a positive integer."""
     cdef int overflow = 0
@@ -158,8 +172,8 @@ cdef class Kernel:
 
         The kernel's inputs are the first of a, b, c, load, shape (size,) or (N, size); the others
         must be None. With a load, the kernel `loaded` computes the result. The result is None if an
-        input is not a plain float64 array of such a shape, if `threads` is not a positive integer,
-        if `out` is not a plain array or overlaps an input, or if a sample fails its checks.
+        input is not an array of numbers, or a list, of such a shape, if `threads` is not a positive
+        integer, if `out` is not a plain array or overlaps an input, or if a sample fails its checks.
         """
         cdef Kernel kernel = self
         if load is not None and self.arrays < 4:
@@ -168,7 +182,7 @@ cdef class Kernel:
             kernel = self.loaded
             if kernel is None:
                 return None
-        return kernel.respond(a, b, c, load, out, threads)
+        return kernel.respond_to_all(a, b, c, load, out, threads)
 
     def derivatives(self, kind, a, b, c, threads):
         """Derivatives by a, b and c, as many rows as b, or None where `answer` is None.
@@ -183,7 +197,7 @@ cdef class Kernel:
         cdef char *at
         if self.arrays != 3 or columns * self.sizes[1] != self.output:
             raise TypeError("no kernel of derivatives")
-        answer = self.respond(a, b, c, None, None, threads)
+        answer = self.respond_to_all(a, b, c, None, None, threads)
         if answer is None:
             return None
         rows = answer
@@ -204,8 +218,17 @@ cdef class Kernel:
             at += width * sizeof(double)
         return tuple.__new__(kind, parts)
 
-    cdef respond(self, a, b, c, load, out, threads):
+    cdef respond_to_all(self, a, b, c, load, out, threads):
         """The result by this kernel, or None, for `answer`."""
+        answer = self.respond(a, b, c, load, out, threads)
+        if answer is None:
+            given, a, b, c = (a, b, c), as_floats(a), as_floats(b), as_floats(c)
+            if a is not given[0] or b is not given[1] or c is not given[2]:
+                return self.respond(a, b, c, load, out, threads)
+        return answer
+
+    cdef respond(self, a, b, c, load, out, threads):
+        """`respond_to_all` for plain float64 arrays."""
         cdef rows inputs[4]
         cdef rows output
         cdef cnp.npy_intp shape[2]

@@ -2,10 +2,9 @@
 """Checks that a kernel computes with its results: each is at most 1 where the results are right.
 
 A sample fails its checks if its loops are open, if a pivot is much smaller than in the sample
-configurations, or if a solution of Phi x = right leaves a residual.
+configurations, if a redundant row does not hold, or if a solution of Phi x = right leaves a
+residual.
 """
-
-from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
@@ -17,8 +16,8 @@ from casadi import SX
 
 from ..arrays import Array
 from ..chain.lines import LEAST_LENGTH
-from ..chain.thresholds import CLOSURE_TOLERANCE
-from .elimination import total
+from ..chain.thresholds import CLOSURE_TOLERANCE, INCONSISTENT
+from .elimination import Factors, total
 from .equations import Equations
 from .symbols import Sparse, add, is_zero
 
@@ -51,15 +50,31 @@ class Checks:
 
     @cached_property
     def of_state(self) -> list[Any]:
-        """That the loops are closed; that no pivot of Phi_u is small; that no line is."""
+        """That loops are closed, no pivot is small, redundant rows hold, no line is short."""
         e = self._equations
         gaps = [s**2 * x.gap for s, x in zip(self._row_scale, e.rows, strict=True)]
         gaps += [gap**2 for gap in e.kinematics.unit_gaps]
         parts = zip(e.factors.parts, e.pivots.sizes, strict=True)
         small = total(part.small(sizes) for part, sizes in parts)
         least = 2 * LEAST_LENGTH * e.mechanism.length
-        short = [least / length for length, _ in e.tree.lines]
-        return [total(gaps) / self._closed**2, small, *short]
+        short = [least / line.length for line in e.tree.lines]
+        return [total(gaps) / self._closed**2, small, *self._inconsistent, *short]
+
+    @property
+    def _inconsistent(self) -> list[Any]:
+        """More than 1 where rows that solutions leave out, or only fit, do not hold: Phi L = 0."""
+        e, mechanism = self._equations, self._equations.mechanism
+        exact = {i for part in e.factors.parts if isinstance(part, Factors) for i in part.rows}
+        rows = [(i, row.Phi) for i, row in enumerate(e.rows) if row.Phi and i not in exact]
+        if not rows:
+            return []
+        units = self._rate_scale[mechanism.coordinates]
+        left = total(
+            (self._row_scale[i] * unit * total(x * L[j] for j, x in Phi.items() if j in L)) ** 2
+            for i, Phi in rows
+            for L, unit in zip(e.L, units, strict=True)
+        )
+        return [left / (2 * INCONSISTENT * self._closed) ** 2]
 
     @property
     def of_rates(self) -> list[Any]:

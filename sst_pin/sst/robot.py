@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from copy import copy
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -225,7 +226,8 @@ class SST(ClosedChain):
             >>> robot.parameters.star.mass
             2.6
         """
-        return parameters_of(self._current.mechanism.model, self.geometry, self.friction)
+        now = copy(self)
+        return parameters_of(now.mechanism.model, now.geometry, now.friction)
 
     @property
     def home(self) -> Array:
@@ -237,7 +239,8 @@ class SST(ClosedChain):
             >>> np.degrees(robot.home).round(2)
             array([45.  , 90.  , 35.26, 45.  , 90.  , 35.26, 45.  , 90.  , 35.26])
         """
-        return self.inverse_kinematics(kinematics.home_orientation(self.geometry))
+        now = copy(self)
+        return now.inverse_kinematics(kinematics.home_orientation(now.geometry))
 
     def inverse_kinematics(self, R: ArrayLike, branch: ArrayLike = (1, 1, 1)) -> Array:
         """Inverse kinematics: the joint angles for an orientation of the star.
@@ -260,7 +263,7 @@ class SST(ClosedChain):
             >>> robot.inverse_kinematics(R).round(3)
             array([0.862, 1.649, 0.673, 0.88 , 1.638, 0.579, 0.803, 1.691, 0.602])
         """
-        return self._inverse_kinematics(R, branch)[1]
+        return copy(self)._inverse_kinematics(R, branch)[1]
 
     def _inverse_kinematics(self, R: ArrayLike, branch: ArrayLike) -> tuple[kinematics.Legs, Array]:
         R = finite_array("R", R, (3, 3))
@@ -296,13 +299,14 @@ class SST(ClosedChain):
             >>> q.shape, va.shape, aa.shape
             ((100, 9), (100, 3), (100, 3))
         """
-        legs, q = self._inverse_kinematics(R, branch)
+        now = copy(self)
+        legs, q = now._inverse_kinematics(R, branch)
         omega, alpha = (
             np.broadcast_to(finite_array(name, value, (3,)), (*q.shape[:-1], 3))
             for name, value in (("omega", omega), ("alpha", alpha))
         )
         q_dot = kinematics.joint_rates(legs, omega)
-        q_ddot = kinematics.joint_accelerations(self.geometry, legs, q_dot, alpha)
+        q_ddot = kinematics.joint_accelerations(now.geometry, legs, q_dot, alpha)
         q_ddot = finite_array("alpha", q_ddot, (9,))  # omega may have been too large
         return q, q_dot[..., ::3], q_ddot[..., ::3]
 
@@ -328,11 +332,11 @@ class SST(ClosedChain):
             >>> near.round(3)
             array([0.8  , 1.591, 0.616, 0.8  , 1.591, 0.616, 0.8  , 1.591, 0.616])
         """
-        gamma = single_array("gamma", gamma, (3,))
-        x_0, y_0 = self.geometry.R_0[:, :, 0], self.geometry.R_0[:, :, 1]
+        gamma, geometry = single_array("gamma", gamma, (3,)), self.geometry
+        x_0, y_0 = geometry.R_0[:, :, 0], geometry.R_0[:, :, 1]
         u = np.cos(gamma)[:, None] * x_0 + np.sin(gamma)[:, None] * y_0
-        R = direct_kinematics.orientations(u, self.geometry.arc_normals)
-        solutions = kinematics.joints_of_actuated(self.geometry, gamma, R)
+        R = direct_kinematics.orientations(u, geometry.arc_normals)
+        solutions = kinematics.joints_of_actuated(geometry, gamma, R)
         if near is None:
             return solutions[np.lexsort(np.round(R[:, :, :2].reshape(-1, 6), 9).T)]
         if not len(solutions):
@@ -359,9 +363,10 @@ class SST(ClosedChain):
             >>> robot.platform_velocity(robot.home, [1, 1, 1]).round(4)
             array([1., 1., 1.])
         """
-        legs = kinematics.legs_of_joints(self.geometry, finite_array("q", q, (9,)))
-        axes = self.geometry.e[0], legs.u[..., 0, :], legs.n[..., 0, :]
-        rates = self.joint_rates(q, va)[..., None]
+        now = copy(self)
+        legs = kinematics.legs_of_joints(now.geometry, finite_array("q", q, (9,)))
+        axes = now.geometry.e[0], legs.u[..., 0, :], legs.n[..., 0, :]
+        rates = now.joint_rates(q, va)[..., None]
         # Eq. (62) with plus signs
         return np.asarray(sum(rates[..., i, :] * axis for i, axis in enumerate(axes)))
 
@@ -422,13 +427,14 @@ class SST(ClosedChain):
             >>> len(robot.appearance.frames)
             13
         """
-        return star_appearance.appearance_of(self.geometry, self.star_radius)
+        now = copy(self)
+        return star_appearance.appearance_of(now.geometry, now.star_radius)
 
     def _start_pose(self) -> Array:
         return self.home
 
     def _verdicts(self, q: Array) -> Iterable[Verdict]:
-        return check.verdicts(self.model, self.geometry, q)
+        return check.verdicts(self.mechanism.model, self.geometry, q)
 
     def _motion_in(self, table: Table) -> tuple[Array, Array, Array]:
         given = motion_in(table)

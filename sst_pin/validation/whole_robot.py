@@ -123,10 +123,11 @@ def _gap(model: pin.Model, closures: Sequence[Constraint]) -> float:
 
 
 def _home(chain: ClosedChain) -> Iterator[Problem]:
-    poses = chain.model.referenceConfigurations
+    model = chain.mechanism.model
+    poses = model.referenceConfigurations
     if "home" not in poses or not chain.degrees_of_freedom:
         return
-    gap = np.abs(chain.residual(pin.normalize(chain.model, poses["home"]))).max(initial=0.0)
+    gap = np.abs(chain.residual(pin.normalize(model, poses["home"]))).max(initial=0.0)
     try:
         chain.home  # noqa: B018
     except ClosureError:

@@ -12,7 +12,7 @@ import pinocchio as pin
 import pytest
 
 import sst_pin
-from sst_pin.compiled.compiled_backend import sample_configurations
+from sst_pin.compiled.generator_inputs import sample_configurations
 from sst_pin.motion.coordinate_motions import start_of
 
 ROOT = Path(__file__).resolve().parents[2]

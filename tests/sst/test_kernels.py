@@ -250,7 +250,7 @@ def test_every_instruction_set_of_the_machine_computes_the_same(robot):
     numbers = kernels.open_numbers(mechanism).pack(mechanism, mechanism.friction)
     for target in sets[sets.index(_binding.INSTRUCTIONS) :]:
         code = kernels.code(Key("torques"), target)
-        address, (size, *inputs) = code.address("run"), code.sizes("run")
+        address, (_, size, *inputs) = code.address("run"), code.sizes("run")
         p = code.prepared(numbers)
         kernel = _binding.Kernel(address, address, tuple(inputs), size, p, code)
         tau = np.empty((20, 3))

@@ -19,7 +19,7 @@ from ...chain.closures import Closure
 from ...chain.mechanism import Mechanism
 from ...chain.reference import Reference
 from ...compiled import build
-from ...compiled.code import Code
+from ...compiled.build import Code
 from ...compiled.compiled_backend import DERIVATIVES, CompiledBackend
 from ...compiled.open_numbers import OpenNumbers
 from ...description import JOINT_NAMES, MOTOR_NAMES
@@ -33,7 +33,10 @@ PAGE = FOLDER / "page.js"
 PARTS, INCLUDE = ("real.h", "driver.h"), Path(build.__file__).with_name("c")
 #: Kernels that the package contains compiled.
 ENTRIES = (
-    *map(Key, ("torques", "accelerations", "reduced_terms", "rates", "closing", "rollout")),
+    *(
+        Key(quantity)
+        for quantity in ("torques", "accelerations", "reduced_terms", "rates", "closing", "rollout")
+    ),
     *(Key(quantity, loaded=True) for quantity in ("torques", "accelerations", "rollout")),
 )
 #: Kernels that are compiled at their first use, each from a file of its name.
@@ -47,7 +50,9 @@ def backend(reference: Reference, off: str) -> CompiledBackend:
     mechanism = reference.mechanism
     if why := off or _misfit(mechanism) or missing():
         raise CompilationError(why)
-    return CompiledBackend(reference, parameters=open_numbers(mechanism), code=code, bearer=STAR)
+    return CompiledBackend(
+        reference, parameters=open_numbers(mechanism), code=code, platform=JOINT_NAMES[STAR]
+    )
 
 
 def _misfit(mechanism: Mechanism) -> str:
@@ -81,10 +86,10 @@ def open_numbers(mechanism: Mechanism) -> OpenNumbers:
     return OpenNumbers(mechanism, complete=True, rotated=[*MOTOR_NAMES, *frames])
 
 
-def code(key: Key, target: str) -> Code:
+def code(key: Key, target: str, clock: build.Clock | None = None) -> Code:
     """The code of one of `ENTRIES` or `AT_FIRST_USE` for an instruction set."""
     if key in AT_FIRST_USE:
-        return Code(_from_cache(key.entry, target), key.entry)
+        return Code(_from_cache(key.entry, target, clock), key.entry)
     if key not in ENTRIES:
         raise CompilationError("the shipped kernels have none")
     return Code(_installed(target), f"{key.entry}_{target}")
@@ -106,7 +111,7 @@ def source_file(entry: str) -> Path:
     return FOLDER / f"{entry}.c"
 
 
-def _from_cache(entry: str, target: str) -> ctypes.CDLL:
+def _from_cache(entry: str, target: str, clock: build.Clock | None) -> ctypes.CDLL:
     body = source_file(entry).read_text(encoding="utf-8")
 
     def source() -> str:
@@ -114,7 +119,7 @@ def _from_cache(entry: str, target: str) -> ctypes.CDLL:
         return lanes + "".join(f'#include "{part}"\n' for part in PARTS) + body
 
     options = *build.LONG, f"-I{INCLUDE}"
-    return build.library("sst", entry, body.encode(), target, source, options)
+    return build.library("sst", entry, body.encode(), target, source, options, clock)
 
 
 @cache
@@ -122,6 +127,6 @@ def _installed(target: str) -> ctypes.CDLL:
     found = find_spec(f"{__name__}._{target}")
     if found is None or found.origin is None:
         raise CompilationError(extensions.missing())
-    return extensions.require_current(
-        found.origin, FOLDER / "kernels.c", *(INCLUDE / x for x in PARTS)
-    )
+    own, shared = ("kernels.c", "target.h"), [INCLUDE / part for part in PARTS]
+    sources = [*(FOLDER / name for name in own), *shared, FOLDER / f"{target}.c"]
+    return extensions.require_current(found.origin, *sources)
