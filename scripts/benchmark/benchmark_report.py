@@ -87,12 +87,8 @@ COLUMNS = (
 
 def robots_table(results: dict[str, Any]) -> str:
     """How many times as fast as each; the reference path against `pin.rnea`; costs."""
-    header = [
-        "robot",
-        "joints, freedoms",
-        "torques",
-        *(f"than {heading}" for heading, *_ in COLUMNS),
-    ]
+    header = ["robot", "joints, freedoms", "torques"]
+    header += [f"than {heading}" for heading, *_ in COLUMNS]
     header += ["reference path, of pin.rnea", "compiled in", "size"]
     rows = []
     for name, robot in results["robots"].items():

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import mujoco
 import numpy as np
@@ -51,7 +52,7 @@ def closed_in_mujoco(chain: ClosedChain, q: Array, dt: float) -> cases.Closed:
     for i in range(1, model.njoints):
         joint, at, inertia = model.joints[i], model.jointPlacements[i], model.inertias[i]
         body = bodies[model.parents[i]].add_body(name=model.names[i])
-        body.pos, body.quat = at.translation, _quaternion(pin.Quaternion(at.rotation))
+        body.pos, body.quat = at.translation, np.roll(pin.Quaternion(at.rotation).coeffs(), 1)
         body.mass, body.ipos = max(inertia.mass, 1e-9), inertia.lever
         moments = inertia.inertia + 1e-12 * np.eye(3)
         body.fullinertia = moments[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
@@ -60,7 +61,7 @@ def closed_in_mujoco(chain: ClosedChain, q: Array, dt: float) -> cases.Closed:
         if joint.nq > joint.nv:
             kinds = {4: mujoco.mjtJoint.mjJNT_BALL, 7: mujoco.mjtJoint.mjJNT_FREE}
             body.add_joint(name=model.names[i], type=kinds[joint.nq])
-            own[-4:] = own[[-1, -4, -3, -2]]
+            own[-4:] = np.roll(own[-4:], 1)
             places.append((model.names[i], own, joint.idx_q, joint.idx_v))
         else:  # turns and slides in a row
             for k, (one, _) in enumerate(series_of(joint)):  # S of a universal joint is not all set
@@ -98,22 +99,11 @@ def closed_in_mujoco(chain: ClosedChain, q: Array, dt: float) -> cases.Closed:
     return compiled, state
 
 
-def _quaternion(x: pin.Quaternion) -> Array:
-    return np.array([x.w, x.x, x.y, x.z])
-
-
 @contextmanager
 def empty_cache() -> Iterator[None]:
     """Nothing is compiled yet."""
-    before = os.environ.get("XDG_CACHE_HOME")
-    with tempfile.TemporaryDirectory() as folder:
-        os.environ["XDG_CACHE_HOME"] = folder
-        try:
-            yield
-        finally:
-            del os.environ["XDG_CACHE_HOME"]
-            if before is not None:
-                os.environ["XDG_CACHE_HOME"] = before
+    with tempfile.TemporaryDirectory() as folder, patch.dict(os.environ, XDG_CACHE_HOME=folder):
+        yield
 
 
 def compiled(name: str) -> tuple[ClosedChain, dict[str, float]]:

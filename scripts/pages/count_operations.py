@@ -36,17 +36,11 @@ KINDS = ("additions", "multiplications", "divisions", "square roots", "trig")
 ADD, MULTIPLY, DIVIDE, ROOT, TRIG = KINDS
 #: CasADi's instructions that are arithmetic; a change of sign is free.
 _INSTRUCTIONS = {
-    ca.OP_ADD: ADD,
-    ca.OP_SUB: ADD,
-    ca.OP_MUL: MULTIPLY,
-    ca.OP_TWICE: MULTIPLY,
-    ca.OP_SQ: MULTIPLY,
-    ca.OP_DIV: DIVIDE,
-    ca.OP_INV: DIVIDE,
+    **dict.fromkeys((ca.OP_ADD, ca.OP_SUB), ADD),
+    **dict.fromkeys((ca.OP_MUL, ca.OP_TWICE, ca.OP_SQ), MULTIPLY),
+    **dict.fromkeys((ca.OP_DIV, ca.OP_INV), DIVIDE),
     ca.OP_SQRT: ROOT,
-    ca.OP_SIN: TRIG,
-    ca.OP_COS: TRIG,
-    ca.OP_ATAN2: TRIG,
+    **dict.fromkeys((ca.OP_SIN, ca.OP_COS, ca.OP_ATAN2), TRIG),
 }
 _FREE = {ca.OP_NEG, ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT}
 

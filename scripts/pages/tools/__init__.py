@@ -5,6 +5,7 @@ An adapter loads a file of the folder as its users would and answers in its own 
 What a program cannot tell stays None.
 """
 
+import subprocess
 from importlib import metadata, util
 from pathlib import Path
 from typing import ClassVar
@@ -25,6 +26,7 @@ class Tool:
     name: ClassVar[str]  # in the table
     module: ClassVar[str] = ""  # what Python imports; empty for a program of its own
     distribution: ClassVar[str] = ""  # what pip installs
+    package: ClassVar[str] = ""  # of Debian, for a program of its own
     file: ClassVar[str] = "sst.urdf"  # what it reads of the folder
     closing: ClassVar[str] = ""  # what closes the loops in its simulation, if it has one
     step: ClassVar[float | None] = None  # of that simulation when it is of first order, [s]
@@ -46,7 +48,11 @@ class Tool:
     @classmethod
     def version(cls) -> str:
         """The version of the program."""
-        return metadata.version(cls.distribution)
+        if not cls.package:
+            return metadata.version(cls.distribution)
+        query = ["dpkg-query", "-W", "-f=${Version}", cls.package]
+        found = subprocess.run(query, capture_output=True, text=True, check=False).stdout
+        return found.partition("-")[0]
 
     def frame_poses(self, q: Array) -> dict[str, Array] | None:
         """Links in the base at one configuration of the tree, homogeneous (4, 4), by name."""

@@ -24,10 +24,9 @@ from .drake_tool import Drake
 from .mujoco_tool import MujocoMjcf, MujocoUrdf
 from .pinocchio_tool import Pinocchio
 from .pybullet_tool import Pybullet
-from .ros_tools import CheckUrdf, Kdl, UrdfParserPy
+from .python_tools import Urchin, UrdfParserPy, Yourdfpy
+from .ros_tools import CheckUrdf, Kdl
 from .three_tool import ThreeUrdfLoader
-from .urchin_tool import Urchin
-from .yourdfpy_tool import Yourdfpy
 
 #: In the order of the table.
 TOOLS: tuple[type[Tool], ...] = (
