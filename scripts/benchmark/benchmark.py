@@ -36,10 +36,7 @@ SIZES = (1, 4, 16, 64, 256, 1024, 4096, 16384, 65536)
 def in_turn(calls: cases.Calls, repeats: int, seconds: float = 0) -> report.Times:
     """Median and minimum of the seconds that one unit of work takes, by name.
 
-    Args:
-        calls: With the units of work that each does.
-        repeats: How often all take their turn.
-        seconds: How long a turn lasts at least.
+    All take their turn as often as there are repeats; a turn lasts some seconds at least.
     """
     loops = {}
     for name, (call, _) in calls.items():

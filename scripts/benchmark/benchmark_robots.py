@@ -122,13 +122,9 @@ def compiled(name: str) -> tuple[ClosedChain, dict[str, float]]:
 def measure(
     names: Sequence[str], in_turn: Callable[..., Any], repeats: tuple[int, int], turn: float
 ) -> dict[str, Any]:
-    """All of it, by robot.
+    """All of it, by robot, with `in_turn` of benchmark.py.
 
-    Args:
-        names: Names of the robots.
-        in_turn: Measures calls, as in benchmark.py.
-        repeats: Numbers of long calls and of short ones.
-        turn: Seconds of a short one.
+    Long calls and short ones have their own numbers of repeats; a turn of short ones lasts `turn`.
     """
     (few, many), found = repeats, {}
     for name in names:

@@ -6,11 +6,11 @@ values are compared with `compute_torques` and `compute_accelerations` before a 
 """
 
 import sys
-import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from functools import cache, partial
 from pathlib import Path
+from timeit import timeit
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -181,11 +181,7 @@ def count(e: Equations, problem: str, name: str) -> Count:
 def require_right(
     robot: sst_pin.ClosedChain, e: Equations, problem: str, name: str, counted: Count
 ) -> None:
-    """Compare an expression with the reference path at sample configurations of the robot.
-
-    Raises:
-        ArithmeticError: When the values differ.
-    """
+    """Refuse an expression whose values are not the reference path's at sample configurations."""
     numbers = e.parameters.pack(e.mechanism, e.mechanism.friction)
     rates = np.random.default_rng(0).normal(size=(2, len(e._samples), len(e.mechanism.coordinates)))
     for q, va, last in zip(e._samples, *rates, strict=True):
@@ -199,11 +195,7 @@ def require_right(
 
 @cache
 def count_all() -> dict[tuple[str, str, str], Counter[str]]:
-    """Count every method for every robot, by problem, robot and method, once its values are right.
-
-    Raises:
-        ArithmeticError: When what was counted computes something else.
-    """
+    """Count every method for every robot, by problem, robot and method, if it is right."""
     tallies = {}
     for problem, methods in (("inverse", INVERSE), ("direct", DIRECT)):
         for title, build in ROBOTS.items():
@@ -261,10 +253,7 @@ def measure(rounds: int = 7, calls: int = 20) -> dict[str, tuple[float, float]]:
     for _ in range(rounds):
         for name, pair in jobs.items():
             for found, call, times in zip(seconds[name], pair, (calls, 1), strict=True):
-                start = time.perf_counter()
-                for _ in range(times):
-                    call()
-                found.append((time.perf_counter() - start) / times)
+                found.append(timeit(call, number=times) / times)
     return {name: tuple(map(float, map(np.median, found))) for name, found in seconds.items()}
 
 

@@ -137,12 +137,13 @@ def compare_referees(_: Table) -> Table:
     draw_readings()
     robot = SST()
     example = example_1(robot, np.linspace(0, PERIOD, 401))
-    found = [
-        (label, "torques, example 1", worst, "N m") for label, worst in _torques(robot, example)
-    ]
-    found += [(label, "path, example 2", worst, "rad") for label, worst in _paths(robot, example)]
-    rows = [(label, what, f"{worst:.0e}", unit) for label, what, worst, unit in found]
-    return [("method", "compared", "worst difference", "unit"), *rows]
+    rows: Table = [("method", "compared", "worst difference", "unit")]
+    for what, unit, compare in (
+        ("torques, example 1", "N m", _torques),
+        ("path, example 2", "rad", _paths),
+    ):
+        rows += [(label, what, f"{worst:.0e}", unit) for label, worst in compare(robot, example)]
+    return rows
 
 
 def _torques(robot: SST, example: Trajectory) -> Iterator[tuple[str, float]]:

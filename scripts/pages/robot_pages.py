@@ -16,15 +16,7 @@ from sst_pin.viewer import Viewer
 
 NAMES = tuple(name for name in robots.__all__ if name.islower())
 _WHY = "Each loop is cut once, at a joint without a motor, so that the motors' joints stay in it."
-_KINDS = {
-    "6d": "a weld",
-    "3d": "a ball joint",
-    "hinge": "a hinge",
-    "universal": "a universal joint",
-    "prismatic": "a prismatic joint",
-    "cylindrical": "a cylindrical joint",
-    "planar": "a planar joint",
-}
+_KINDS = {"6d": "a weld", "3d": "a ball joint", "hinge": "a hinge", "orientation": "equal axes"}
 
 
 def write_robot_pages(folder: Path) -> None:
@@ -94,7 +86,7 @@ def _closure(closure: Closure | Distance | Coupling) -> str:
         )
     if isinstance(closure, Coupling):
         return f"{closure}: one equation"
-    kind = _KINDS.get(closure.kind, f"a closure `{closure.kind}`")
+    kind = _KINDS.get(closure.kind, f"a {closure.kind} joint")
     count = len(closure.rows)
     return (
         f"{kind} between `{closure.frame_a}` and `{closure.frame_b}`: "

@@ -120,12 +120,7 @@ def scene() -> Image.Image:
 PICTURES = {
     f.__name__: f
     for f in (
-        screens_phone,
-        screens_tablet,
-        screens_desk,
-        screens_ghost,
-        live_phone,
-        reactions,
-        scene,
+        *(screens_phone, screens_tablet, screens_desk, screens_ghost),
+        *(live_phone, reactions, scene),
     )
 }

@@ -30,17 +30,8 @@ from .three_tool import ThreeUrdfLoader
 
 #: In the order of the table.
 TOOLS: tuple[type[Tool], ...] = (
-    Pinocchio,
-    MujocoUrdf,
-    MujocoMjcf,
-    Drake,
-    Pybullet,
-    Kdl,
-    CheckUrdf,
-    UrdfParserPy,
-    Yourdfpy,
-    Urchin,
-    ThreeUrdfLoader,
+    *(Pinocchio, MujocoUrdf, MujocoMjcf, Drake, Pybullet),
+    *(Kdl, CheckUrdf, UrdfParserPy, Yourdfpy, Urchin, ThreeUrdfLoader),
 )
 #: Random configurations, all joints all the way round.
 CONFIGURATIONS = 100
