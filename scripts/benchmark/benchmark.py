@@ -9,8 +9,6 @@ benchmark.json and benchmark.png to docs/ and the tables into docs/benchmark.md 
     PYTHONPATH=examples python scripts/benchmark/benchmark.py
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os
@@ -18,8 +16,9 @@ import platform
 import subprocess
 import sys
 import tempfile
+from collections.abc import Iterable
 from pathlib import Path
-from time import perf_counter
+from timeit import timeit
 from typing import Any
 
 import numpy as np
@@ -37,91 +36,89 @@ SIZES = (1, 4, 16, 64, 256, 1024, 4096, 16384, 65536)
 def in_turn(calls: cases.Calls, repeats: int, seconds: float = 0) -> report.Times:
     """Median and minimum of the seconds that one unit of work takes, by name.
 
-    Args:
-        calls: With the units of work that each does.
-        repeats: How often all take their turn.
-        seconds: How long a turn lasts at least.
+    All take their turn as often as there are repeats; a turn lasts some seconds at least.
     """
     loops = {}
     for name, (call, _) in calls.items():
         call()
-        start = perf_counter()
-        call()
-        loops[name] = max(1, round(seconds / (perf_counter() - start)))
-    taken: dict[str, list[float]] = {name: [] for name in calls}
-    for _ in range(repeats):
-        for name, (call, units) in calls.items():
-            start = perf_counter()
-            for _ in range(loops[name]):
-                call()
-            taken[name].append((perf_counter() - start) / loops[name] / units)
-    return {name: [float(np.median(x)), min(x)] for name, x in taken.items()}
+        loops[name] = max(1, round(seconds / timeit(call, number=1)))
+    turns = [
+        [timeit(call, number=loops[name]) / loops[name] / n for name, (call, n) in calls.items()]
+        for _ in range(repeats)
+    ]
+    return spread(calls, turns)
+
+
+def spread(names: Iterable[str], runs: list[list[float]]) -> report.Times:
+    """Median and minimum of each column."""
+    columns = zip(*runs, strict=True)
+    return {name: [float(np.median(x)), min(x)] for name, x in zip(names, columns, strict=True)}
+
+
+def in_a_process(code: str, *arguments: str, **environment: str) -> list[float]:
+    """The numbers that Python code prints in a new process."""
+    done = subprocess.run(
+        [sys.executable, "-c", f"from time import perf_counter as now\n{code}", *arguments],
+        env=os.environ | environment,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return [float(x) for x in done.stdout.split()]
 
 
 def first_use(kernels: str, repeats: int) -> report.Times:
-    """Seconds of import, and from there to the first torques, in new processes."""
+    """Seconds of import, and from there to the first torques."""
     code = (
-        "from time import perf_counter as now; a = now(); import sst_pin; b = now();"
+        "a = now(); import sst_pin; b = now();"
         "robot = sst_pin.SST(); robot.compute_torques(robot.home, [0] * 3, [0] * 3);"
         "print(b - a, now() - b)"
     )
-    runs = [
-        subprocess.run(
-            [sys.executable, "-c", code],
-            env=os.environ | {"SST_PIN_KERNELS": kernels},
-            capture_output=True,
-            text=True,
-            check=True,
-        ).stdout.split()
-        for _ in range(repeats)
-    ]
-    columns = np.array(runs, dtype=float).T
-    names = ("import", "from import to first torques")
-    return {
-        name: [float(np.median(x)), float(x.min())] for name, x in zip(names, columns, strict=True)
-    }
+    runs = [in_a_process(code, SST_PIN_KERNELS=kernels) for _ in range(repeats)]
+    return spread(("import", "from import to first torques"), runs)
 
 
 def first_of_a_file(repeats: int) -> report.Times:
-    """Seconds from a URDF to its first compiled torques, in new processes, the delta's."""
+    """Seconds from the delta's URDF to its first compiled torques, twice with one cache."""
     code = (
-        "from time import perf_counter as now; import sst_pin, sys; a = now();"
+        "import sst_pin, sys; a = now();"
         "robot = sst_pin.ClosedChain.from_urdf(sys.argv[1]); robot.compile();"
         "robot.compute_torques(robot.generic_configuration(), [0] * 3, [0] * 3); print(now() - a)"
     )
-    command = [sys.executable, "-c", code, str(ROOT / "examples" / "delta.urdf")]
-    taken: dict[str, list[float]] = {"compiled now": [], "from the cache": []}
+    urdf, runs = str(ROOT / "examples" / "delta.urdf"), []
     for _ in range(repeats):
-        with tempfile.TemporaryDirectory() as folder:
-            environment = os.environ | {"XDG_CACHE_HOME": folder}
-            for times in taken.values():
-                result = subprocess.run(
-                    command, env=environment, capture_output=True, text=True, check=True
-                )
-                times.append(float(result.stdout))
-    return {name: [float(np.median(x)), min(x)] for name, x in taken.items()}
+        with tempfile.TemporaryDirectory() as cache:
+            runs.append([*(in_a_process(code, urdf, XDG_CACHE_HOME=cache)[0] for _ in range(2))])
+    return spread(("compiled now", "from the cache"), runs)
 
 
 def measure(quick: bool, names: list[str]) -> dict[str, Any]:
     few, many, turn = (3, 5, 1e-3) if quick else (9, 41, 5e-3)
-    robot, cores = SST(), os.cpu_count() or 1
+    robot, reference, cores = SST(), SST(kernels=False), os.cpu_count() or 1
     threads = range(1, max(cores, 2) + 1)
+    motion, rest = cases.on_the_circle(robot, 0.1), (robot.home, np.zeros(3))
+
+    def batches(n: int) -> cases.Calls:
+        return cases.of_the_sst(cases.batches(robot, cases.batch(robot, n), accelerations=True))
+
+    calls = cases.single_calls(robot, reference, motion, cases.welded(1e-4, motion[:2]))
+    rollouts = cases.rollouts(robot, robot.home, cases.welded(1e-4, rest), starts=256, steps=100)
     return {
         "machine": f"{platform.machine()}, {cores} cores",
         "path": robot.path,
-        "single call": in_turn(cases.single_calls(robot), many, turn),
-        "sample of a batch": in_turn(cases.batches(robot, BATCH), few),
+        "single call": in_turn(cases.of_the_sst(calls), many, turn),
+        "sample of a batch": in_turn(batches(BATCH), few),
         "threads": in_turn(cases.threads(robot, BATCH, threads), many),
-        "rollout step": in_turn(cases.rollouts(robot), few),
-        "examples": in_turn(cases.examples(robot), few),
+        "rollout step": in_turn(rollouts, few),
+        "examples": in_turn(cases.examples(robot, reference), few),
         "first use": {
             "kernels": first_use("on", few),
             "reference path": first_use("off", few),
         },
-        "batch sizes": {str(n): in_turn(cases.batches(robot, n), many, turn) for n in SIZES},
+        "batch sizes": {str(n): in_turn(batches(n), many, turn) for n in SIZES},
         "robots": benchmark_robots.measure(names, in_turn, (few, many), turn),
         "from a URDF to torques": first_of_a_file(1 if quick else 3),
-        "work and precision": cases.work_and_precision(robot, few),
+        "work and precision": cases.work_and_precision(robot, reference, few),
     }
 
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """What benchmark.py measures: each case as a call, with the units of work that it does."""
 
-from __future__ import annotations
-
 import multiprocessing
 import time
 from collections.abc import Callable, Iterable, Sequence
@@ -12,72 +10,139 @@ import mujoco
 import mujoco.rollout
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from pinocchio_peers import Constrained, Kkt
-from sst_pin import SST, Parameters, paper_circle
+from sst_pin import SST, ClosedChain, Parameters, paper_circle
+from sst_pin.arrays import Array
 from sst_pin.sst import paper
 from sst_pin.verification.referees import mujoco_engine
 
-Array = NDArray[np.float64]
 Calls = dict[str, tuple[Callable[[], object], float]]
+Motion = tuple[Array, Array, Array]  # q, va, aa
+Closed = tuple[mujoco.MjModel, mujoco.MjData]
+
+#: Names of the calls of any robot, for the SST.
+OF_THE_SST = {
+    "torques": "compute_torques",
+    "accelerations": "compute_accelerations",
+    "KKT, by hand": "KKT, hand-assembled on Pinocchio",
+    "torques, batch": "compute_torques, batch",
+    "accelerations, batch": "compute_accelerations, batch",
+}
 
 
-def _welded(step: float, stiffness: float = 1e6) -> mujoco.MjModel:
-    model: mujoco.MjModel = mujoco_engine.welded(mujoco, Parameters(), step, stiffness)
+def of_the_sst(calls: Calls) -> Calls:
+    return {OF_THE_SST.get(name, name): call for name, call in calls.items()}
+
+
+def welded(step: float, state: tuple[Array, Array], stiffness: float = 1e6) -> Closed:
+    """The SST in MuJoCo by the classical Runge-Kutta method, at q and va."""
+    model = mujoco_engine.welded(mujoco, Parameters(), step, stiffness)
     model.opt.tolerance = 1e-8  # of the solver; MuJoCo's default
-    return model
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:] = state[0], SST().joint_rates(*state)
+    return model, data
 
 
-def single_calls(robot: SST) -> Calls:
-    q, va, aa = (np.ascontiguousarray(x) for x in robot.joint_motion(*paper_circle(0.1)))
-    tau, v = robot.compute_torques(q, va, aa), robot.joint_rates(q, va)
-    force = np.zeros(9)
-    force[::3] = tau
-    kkt, constrained, data = Kkt(robot, q), Constrained(robot), robot.model.createData()
-    assert np.allclose(kkt.forces(q, va, aa), tau)
-    assert np.allclose(constrained.accelerations(q, v, force)[::3], aa, rtol=1e-5)
-    welded = _welded(1e-4)
-    welded.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER  # MuJoCo's default, one evaluation
-    state = mujoco.MjData(welded)
-    state.qpos[:], state.qvel[:] = q, v
-    reference = SST(kernels=False)
-    return {
-        "pin.rnea, open tree": (lambda: pin.rnea(robot.model, data, q, v, v), 1),
-        "compute_torques": (lambda: robot.compute_torques(q, va, aa), 1),
-        "compute_accelerations": (lambda: robot.compute_accelerations(q, va, tau), 1),
-        "KKT, hand-assembled on Pinocchio": (lambda: kkt.forces(q, va, aa), 1),
+# --- any robot ----------------------------------------------------------------------------------
+
+
+def torques_of(chain: ClosedChain) -> Callable[..., Array]:
+    """Its torques, or with fewer motors than freedoms its generalized forces."""
+    enough = len(chain.motor_names) >= chain.degrees_of_freedom
+    return chain.compute_torques if enough else chain.generalized_forces
+
+
+def single_calls(
+    chain: ClosedChain, reference: ClosedChain, motion: Motion, closed: Closed | None
+) -> Calls:
+    """One configuration; without the robot in MuJoCo no direct dynamics."""
+    q, va, aa = motion
+    model, data, kkt = chain.model, chain.model.createData(), Kkt(chain, q)
+    v, ours, theirs = chain.joint_rates(q, va), torques_of(chain), torques_of(reference)
+    bare = not (model.damping.any() or model.friction.any() or model.armature.any())
+    if bare:
+        forces = chain.generalized_forces(q, va, aa)
+        assert np.abs(kkt.forces(q, va, aa) - forces).max() < 1e-8 * np.abs(forces).max()
+    calls: Calls = {
+        "pin.rnea, open tree": (lambda: pin.rnea(model, data, q, v, v), 1),
+        "torques": (lambda: ours(q, va, aa), 1),
+        "KKT, by hand": (lambda: kkt.forces(q, va, aa), 1),
+        "reference path, torques": (lambda: theirs(q, va, aa), 1),
+    }
+    if closed is None:
+        return calls
+    world, state = closed
+    world.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER  # MuJoCo's default, one evaluation
+    mechanism, constrained = chain._current.mechanism, Constrained(chain)
+    tau = np.ones(len(chain.motor_names))
+    force = mechanism.motors @ tau
+    if bare:
+        found = constrained.accelerations(q, v, force)[mechanism.coordinates]
+        assert np.allclose(found, chain.compute_accelerations(q, va, tau), rtol=1e-5)
+    return calls | {
+        "accelerations": (lambda: chain.compute_accelerations(q, va, tau), 1),
         "pin.constraintDynamics": (lambda: constrained.accelerations(q, v, force), 1),
-        "mj_step": (lambda: mujoco.mj_step(welded, state), 1),
-        "reference path, torques": (lambda: reference.compute_torques(q, va, aa), 1),
+        "mj_step": (lambda: mujoco.mj_step(world, state), 1),
         "reference path, accelerations": (lambda: reference.compute_accelerations(q, va, tau), 1),
     }
 
 
-def _batch(robot: SST, n: int) -> tuple[Array, Array, Array]:
-    """Random samples of the paper's circle."""
-    t = np.random.default_rng(0).uniform(0, paper.PERIOD, n)
+def batches(chain: ClosedChain, motion: Motion, accelerations: bool = False) -> Calls:
+    """Samples of a motion, each array with rows of its own."""
+    (q, va, aa), nv, ours = motion, chain.model.nv, torques_of(chain)
+    out = {"out": np.empty_like(ours(q, va, aa))} if ours == chain.compute_torques else {}
+    n, pool, columns = len(q), pin.ModelPool(chain.model, 1), np.asfortranarray(q.T)
+    rates = np.asfortranarray(np.ones((nv, n)))
+    theirs = np.empty((nv, n), order="F")
+    calls: Calls = {"torques, batch": (lambda: ours(q, va, aa, **out), n)}
+    if accelerations:
+        tau = ours(q, va, aa)
+        calls["accelerations, batch"] = (lambda: chain.compute_accelerations(q, va, tau, **out), n)
+    return calls | {
+        "pin.rneaInParallel, 1 thread": (
+            lambda: pin.rneaInParallel(1, pool, columns, rates, rates, theirs),
+            n,
+        )
+    }
+
+
+def rollouts(chain: ClosedChain, q: Array, closed: Closed, starts: int, steps: int) -> Calls:
+    """Motions without torques from rest, one thread, both by the classical Runge-Kutta method."""
+    world, state = closed
+    dt, rest = world.opt.timestep, np.zeros((starts, chain.degrees_of_freedom))
+    world.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
+    row = np.zeros(mujoco.mj_stateSize(world, mujoco.mjtState.mjSTATE_FULLPHYSICS))
+    mujoco.mj_getState(world, state, row, mujoco.mjtState.mjSTATE_FULLPHYSICS)
+    runner, rows = mujoco.rollout.Rollout(nthread=0), np.tile(row, (starts, 1))  # 0: this thread
+    torques, q = np.zeros((starts, steps, len(chain.motor_names))), np.tile(q, (starts, 1))
+    ours = chain.rollout(torques, q, rest, dt).q[:, -1]
+    theirs, _ = runner.rollout(world, state, rows, nstep=steps)
+    ways = [np.abs(ours - q).max(), np.abs(theirs[:, -1] - row)[:, 1 : 1 + world.nq].max()]
+    assert np.isclose(*ways, rtol=1e-3), f"not the same motion: {ways}"
+    units = starts * steps
+    return {
+        "rollout": (lambda: chain.rollout(torques, q, rest, dt), units),
+        "mujoco.rollout": (lambda: runner.rollout(world, state, rows, nstep=steps), units),
+    }
+
+
+# --- the SST ------------------------------------------------------------------------------------
+
+
+def on_the_circle(robot: SST, t: Array | float) -> Motion:
+    """A motion on the paper's circle."""
     q, va, aa = (np.ascontiguousarray(x) for x in robot.joint_motion(*paper_circle(t)))
     return q, va, aa
 
 
-def batches(robot: SST, n: int) -> Calls:
-    q, va, aa = _batch(robot, n)
-    ours, theirs = np.empty((n, 3)), np.empty((9, n), order="F")
-    pool, columns = pin.ModelPool(robot.model, 1), [np.asfortranarray(q.T)] * 3
-
-    return {
-        "compute_torques, batch": (lambda: robot.compute_torques(q, va, aa, out=ours), n),
-        "compute_accelerations, batch": (
-            lambda: robot.compute_accelerations(q, va, aa, out=ours),
-            n,
-        ),
-        "pin.rneaInParallel, 1 thread": (lambda: pin.rneaInParallel(1, pool, *columns, theirs), n),
-    }
+def batch(robot: SST, n: int) -> Motion:
+    """Random samples of the paper's circle."""
+    return on_the_circle(robot, np.random.default_rng(0).uniform(0, paper.PERIOD, n))
 
 
 def threads(robot: SST, n: int, numbers: Iterable[int]) -> Calls:
-    q, va, aa = _batch(robot, n)
+    q, va, aa = batch(robot, n)
     tau = np.empty((n, 3))
 
     def by(number: int) -> Callable[[], object]:
@@ -106,37 +171,14 @@ def _processes(count: int, n: int) -> Callable[[], object]:
 
 def _answer(pipe: Connection, n: int) -> None:
     robot = SST()
-    batch, tau = _batch(robot, n), np.empty((n, 3))
+    samples, tau = batch(robot, n), np.empty((n, 3))
     while True:
         pipe.recv()
-        robot.compute_torques(*batch, out=tau)
+        robot.compute_torques(*samples, out=tau)
         pipe.send(None)
 
 
-def rollouts(robot: SST) -> Calls:
-    """256 motions of 100 steps, one thread, both by the classical Runge-Kutta method."""
-    starts, steps, dt = 256, 100, 1e-4
-    q = np.tile(robot.home, (starts, 1))
-    zero, tau = np.zeros((starts, 3)), np.zeros((starts, steps, 3))
-    model = _welded(dt)
-    data = mujoco.MjData(model)
-    size = mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
-    state = np.zeros(size)
-    data.qpos[:] = robot.home
-    mujoco.mj_getState(model, data, state, mujoco.mjtState.mjSTATE_FULLPHYSICS)
-    states = np.tile(state, (starts, 1))
-    runner = mujoco.rollout.Rollout(nthread=0)  # 0: in the calling thread
-    return {
-        "rollout": (lambda: robot.rollout(tau, q, zero, dt), starts * steps),
-        "mujoco.rollout": (
-            lambda: runner.rollout(model, data, states, nstep=steps),
-            starts * steps,
-        ),
-    }
-
-
-def examples(robot: SST) -> Calls:
-    reference = SST(kernels=False)
+def examples(robot: SST, reference: SST) -> Calls:
     t = np.linspace(0, paper.PERIOD, 1001)
     example = paper.example_1(robot, t)
     rolled = rolled_example(robot, example, 500)
@@ -157,7 +199,9 @@ def rolled_example(robot: SST, example: paper.Trajectory, steps: int) -> Array:
     return robot.rollout(tau, example.q[0], example.va[0], dt, steps=steps).q[-1]
 
 
-def work_and_precision(robot: SST, repeats: int) -> dict[str, list[tuple[float, float]]]:
+def work_and_precision(
+    robot: SST, reference: SST, repeats: int
+) -> dict[str, list[tuple[float, float]]]:
     """(fewest seconds, error of q) of example 2 by each integrator, at steps or tolerances."""
     example = paper.example_1(robot, np.linspace(0, paper.PERIOD, 1001))
     smooth = example.torque()
@@ -168,33 +212,30 @@ def work_and_precision(robot: SST, repeats: int) -> dict[str, list[tuple[float, 
 
     def constrained(steps: int) -> Array:
         pinocchio, dt = Constrained(robot), paper.PERIOD / steps
-        q, v = example.q[0], robot.joint_rates(example.q[0], example.va[0])
         force = np.zeros((2 * steps + 1, 9))
         force[:, ::3] = smooth(dt / 2 * np.arange(2 * steps + 1))
-        for s in range(steps):
-            rates, stage = [], (q, v)
-            for when, ahead in ((0, dt / 2), (1, dt / 2), (1, dt), (2, 0)):
-                a = pinocchio.accelerations(*stage, force[2 * s + when])
-                rates.append((stage[1], a))
-                stage = q + ahead * stage[1], v + ahead * a
-            mean = [(a + 2 * b + 2 * c + d) / 6 for a, b, c, d in zip(*rates, strict=True)]
-            q, v = q + dt * mean[0], v + dt * mean[1]
-        return q
+        x = np.stack([example.q[0], robot.joint_rates(example.q[0], example.va[0])])
 
-    def welded(stiffness: float) -> Array:
-        dt = 0.5 / np.sqrt(stiffness)
-        steps = int(np.ceil(paper.PERIOD / dt))
-        model = _welded(paper.PERIOD / steps, stiffness)
-        data = mujoco.MjData(model)
-        data.qpos[:], data.qvel[:] = example.q[0], robot.joint_rates(example.q[0], example.va[0])
+        def slope(x: Array, force: Array) -> Array:
+            return np.stack([x[1], pinocchio.accelerations(*x, force)])
+
+        for first, middle, last in zip(force[:-1:2], force[1::2], force[2::2], strict=True):
+            a = slope(x, first)
+            b = slope(x + dt / 2 * a, middle)
+            c = slope(x + dt / 2 * b, middle)
+            x = x + dt / 6 * (a + 2 * b + 2 * c + slope(x + dt * c, last))
+        return x[0]
+
+    def in_mujoco(stiffness: float) -> Array:
+        steps = int(np.ceil(paper.PERIOD * 2 * np.sqrt(stiffness)))
+        model, data = welded(paper.PERIOD / steps, (example.q[0], example.va[0]), stiffness)
 
         def control(_: object, state: mujoco.MjData) -> None:
             state.qfrc_applied[::3] = smooth(state.time)
 
         mujoco.set_mjcb_control(control)
         try:
-            for _ in range(steps):
-                mujoco.mj_step(model, data)
+            mujoco.mj_step(model, data, nstep=steps)
         finally:
             mujoco.set_mjcb_control(None)
         return data.qpos.copy()
@@ -214,7 +255,7 @@ def work_and_precision(robot: SST, repeats: int) -> dict[str, list[tuple[float, 
     return {
         "rollout, RK4": points(lambda n: rolled_example(robot, example, n), steps),
         "simulate, DOP853": points(simulated(robot), tolerances),
-        "simulate, reference path": points(simulated(SST(kernels=False)), tolerances),
+        "simulate, reference path": points(simulated(reference), tolerances),
         "pin.constraintDynamics, RK4": points(constrained, steps),
-        "MuJoCo, welds, RK4": points(welded, (1e4, 1e5, 1e6)),
+        "MuJoCo, welds, RK4": points(in_mujoco, (1e4, 1e5, 1e6)),
     }

@@ -1,16 +1,15 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """What benchmark.py has measured, as a table and as a figure."""
 
-from __future__ import annotations
-
 import re
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from sst_pin import plots
-from sst_pin.description.colours import LEG_COLOURS
+from sst_pin.description.colours import HUES
 
 #: [median, minimum] in seconds, by name.
 Times = dict[str, list[float]]
@@ -37,7 +36,6 @@ SHORT = (0, 1, 3, 6, 9)
 
 _TABLE = re.compile(r"(<!-- table: benchmark(, short|, robots)? -->\n).*?(<!-- end -->)", re.DOTALL)
 _MARKERS = "osD^v"
-_COLOURS = (*LEG_COLOURS, "#CC79A7", "#7F7F7F")
 
 
 def spoken(seconds: float) -> str:
@@ -47,36 +45,38 @@ def spoken(seconds: float) -> str:
     return f"{seconds * 1e9:.3g} ns"
 
 
+def markdown(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    lines = [f"| {' | '.join(row)} |" for row in (header, *rows)]
+    return "\n".join([lines[0], "|---" * len(header) + "|", *lines[1:]]) + "\n"
+
+
 def table(results: dict[str, Any]) -> str:
-    lines = [
-        "| this package | time | against | time | ratio | of the fastest |",
-        "|---|---|---|---|---|---|",
-    ]
+    header = ("this package", "time", "against", "time", "ratio", "of the fastest")
+    rows = []
     for group, ours, theirs in ROWS:
         a, b = results[group][ours], results[group][theirs]
-        median, fastest = (f"{y / x:.3g}" for x, y in zip(a, b, strict=True))
-        lines.append(
-            f"| {ours} | {spoken(a[0])} | {theirs} | {spoken(b[0])} | {median} | {fastest} |"
-        )
-    first = "; ".join(
-        f"{path}: " + ", ".join(f"{name} {spoken(x[0])}" for name, x in times.items())
-        for path, times in results["first use"].items()
-    )
-    lines += ["", f"First use, {first}. Kernels: {results['path'].split(': ')[1]}."]
-    return "\n".join(lines) + "\n"
+        ratios = (f"{y / x:.3g}" for x, y in zip(a, b, strict=True))
+        rows.append((ours, spoken(a[0]), theirs, spoken(b[0]), *ratios))
+    first = "; ".join(f"{path}: {_times(times)}" for path, times in results["first use"].items())
+    path = results["path"].split(": ")[1]
+    return f"{markdown(header, rows)}\nFirst use, {first}. Kernels: {path}.\n"
+
+
+def _times(times: Times) -> str:
+    return ", ".join(f"{name} {spoken(x[0])}" for name, x in times.items())
 
 
 def short_table(results: dict[str, Any]) -> str:
-    lines = ["| this package | time | against | times as fast |", "|---|---|---|---|"]
+    rows = []
     for group, ours, theirs in (ROWS[i] for i in SHORT):
         a, b = results[group][ours][0], results[group][theirs][0]
-        lines.append(f"| {ours} | {spoken(a)} | {theirs} | {b / a:.3g} |")
-    return "\n".join(lines) + "\n"
+        rows.append((ours, spoken(a), theirs, f"{b / a:.3g}"))
+    return markdown(("this package", "time", "against", "times as fast"), rows)
 
 
 #: Columns of the robots: heading, group, ours and theirs.
 COLUMNS = (
-    ("torques", "single call", "torques", "pin.rnea, open tree"),
+    ("pin.rnea", "single call", "torques", "pin.rnea, open tree"),
     ("KKT by hand", "single call", "torques", "KKT, by hand"),
     ("constraintDynamics", "single call", "accelerations", "pin.constraintDynamics"),
     ("mj_step", "single call", "accelerations", "mj_step"),
@@ -87,26 +87,22 @@ COLUMNS = (
 
 def robots_table(results: dict[str, Any]) -> str:
     """How many times as fast as each; the reference path against `pin.rnea`; costs."""
-    headings = [
-        "robot", "joints, freedoms", "torques", "than pin.rnea",
-        *(f"than {heading}" for heading, *_ in COLUMNS[1:]),
-        "reference path, of pin.rnea", "compiled in", "size",
-    ]  # fmt: skip
-    lines = [f"| {' | '.join(headings)} |", "|---" * len(headings) + "|"]
-    for name, robot in results.get("robots", {}).items():
-        single = robot["single call"]
+    header = ["robot", "joints, freedoms", "torques"]
+    header += [f"than {heading}" for heading, *_ in COLUMNS]
+    header += ["reference path, of pin.rnea", "compiled in", "size"]
+    rows = []
+    for name, robot in results["robots"].items():
+        single, cost = robot["single call"], robot["cost"]
         row = [name, f"{robot['joints']}, {robot['freedoms']}", spoken(single["torques"][0])]
         for _, group, ours, theirs in COLUMNS:
             times = robot.get(group, {})
             known = ours in times and theirs in times
             row.append(f"{times[theirs][0] / times[ours][0]:.3g}" if known else "")
         reference = single["reference path, torques"][0] / single["pin.rnea, open tree"][0]
-        cost = robot["cost"]
         row += [f"{reference:.3g}", spoken(cost["compile"]), f"{cost['bytes'] / 1e3:.0f} kB"]
-        lines.append(f"| {' | '.join(row)} |")
-    first = results.get("from a URDF to torques", {})
-    said = ", ".join(f"{name} {spoken(x[0])}" for name, x in first.items())
-    return "\n".join([*lines, "", f"From the delta's URDF to its first torques: {said}."]) + "\n"
+        rows.append(row)
+    first = _times(results["from a URDF to torques"])
+    return f"{markdown(header, rows)}\nFrom the delta's URDF to its first torques: {first}.\n"
 
 
 _TABLES = {None: table, ", short": short_table, ", robots": robots_table}
@@ -130,13 +126,11 @@ def figure(results: dict[str, Any]) -> Figure:
         for i, name in enumerate(next(iter(sizes.values()))):
             speeds = [1 / times[name][1] for times in sizes.values()]
             left.loglog(list(sizes), speeds, **_look(i), label=name)
-        left.set_xlabel("samples in a batch")
-        left.set_ylabel("samples per second")
+        left.set(xlabel="samples in a batch", ylabel="samples per second")
         for i, (name, points) in enumerate(results["work and precision"].items()):
             times, errors = np.array(points).T
             right.loglog(errors, times, **_look(i), label=name)
-        right.set_xlabel("error of the joints at the end of example 2 (rad)")
-        right.set_ylabel("time (s)")
+        right.set(xlabel="error of the joints at the end of example 2 (rad)", ylabel="time (s)")
         right.invert_xaxis()
         for axes in (left, right):
             axes.grid(color="0.9", linewidth=0.5)
@@ -146,4 +140,4 @@ def figure(results: dict[str, Any]) -> Figure:
 
 
 def _look(i: int) -> dict[str, Any]:
-    return {"color": _COLOURS[i], "marker": _MARKERS[i], "markersize": 3.5}
+    return {"color": HUES[i], "marker": _MARKERS[i], "markersize": 3.5}

@@ -1,37 +1,34 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """What benchmark.py measures on robots other than the SST: compiled kernels against the rest."""
 
-from __future__ import annotations
-
 import os
 import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import mujoco
-import mujoco.rollout
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+import benchmark_cases as cases
 import cassie
-from pinocchio_peers import Constrained, Kkt
 from sst_pin import ClosedChain, robots
+from sst_pin.arrays import Array
 from sst_pin.chain.tree import series_of
 from sst_pin.compiled import build
 
-Array = NDArray[np.float64]
-Calls = dict[str, tuple[Callable[[], object], float]]
 
-
-def floating_cassie() -> ClosedChain:
+def cassie_of_mujoco(locked: Sequence[str] = ()) -> ClosedChain:
+    """Floating, or with joints held."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "cassie.xml")
         path.write_text(cassie.mjcf(), encoding="utf-8")
-        return ClosedChain.from_mjcf(path)
+        return ClosedChain.from_mjcf(path, locked=locked)
 
 
 ROBOTS: dict[str, Callable[[], ClosedChain]] = {
@@ -39,7 +36,7 @@ ROBOTS: dict[str, Callable[[], ClosedChain]] = {
     "planar 3-RRR": robots.planar_3rrr,
     "delta": robots.delta,
     "hexapod": robots.stewart,
-    "Cassie, floating": floating_cassie,
+    "Cassie, floating": cassie_of_mujoco,
     "ladder of 4": partial(robots.ladder, 4),
     "ladder of 96": partial(robots.ladder, 96),
 }
@@ -47,7 +44,7 @@ ROBOTS: dict[str, Callable[[], ClosedChain]] = {
 MOST = 40
 
 
-def closed_in_mujoco(chain: ClosedChain, q: Array, dt: float) -> tuple[Any, Any]:
+def closed_in_mujoco(chain: ClosedChain, q: Array, dt: float) -> cases.Closed:
     """The tree in MuJoCo with springs and dampers, its points closed by stiff `connect`s."""
     model, spec = chain.model, mujoco.MjSpec()
     spec.option.timestep, spec.option.gravity = dt, model.gravity.linear
@@ -55,7 +52,7 @@ def closed_in_mujoco(chain: ClosedChain, q: Array, dt: float) -> tuple[Any, Any]
     for i in range(1, model.njoints):
         joint, at, inertia = model.joints[i], model.jointPlacements[i], model.inertias[i]
         body = bodies[model.parents[i]].add_body(name=model.names[i])
-        body.pos, body.quat = at.translation, _quaternion(pin.Quaternion(at.rotation))
+        body.pos, body.quat = at.translation, np.roll(pin.Quaternion(at.rotation).coeffs(), 1)
         body.mass, body.ipos = max(inertia.mass, 1e-9), inertia.lever
         moments = inertia.inertia + 1e-12 * np.eye(3)
         body.fullinertia = moments[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
@@ -64,7 +61,7 @@ def closed_in_mujoco(chain: ClosedChain, q: Array, dt: float) -> tuple[Any, Any]
         if joint.nq > joint.nv:
             kinds = {4: mujoco.mjtJoint.mjJNT_BALL, 7: mujoco.mjtJoint.mjJNT_FREE}
             body.add_joint(name=model.names[i], type=kinds[joint.nq])
-            own[-4:] = own[[-1, -4, -3, -2]]
+            own[-4:] = np.roll(own[-4:], 1)
             places.append((model.names[i], own, joint.idx_q, joint.idx_v))
         else:  # turns and slides in a row
             for k, (one, _) in enumerate(series_of(joint)):  # S of a universal joint is not all set
@@ -102,129 +99,52 @@ def closed_in_mujoco(chain: ClosedChain, q: Array, dt: float) -> tuple[Any, Any]
     return compiled, state
 
 
-def _quaternion(x: pin.Quaternion) -> Array:
-    return np.array([x.w, x.x, x.y, x.z])
+@contextmanager
+def empty_cache() -> Iterator[None]:
+    """Nothing is compiled yet."""
+    with tempfile.TemporaryDirectory() as folder, patch.dict(os.environ, XDG_CACHE_HOME=folder):
+        yield
 
 
 def compiled(name: str) -> tuple[ClosedChain, dict[str, float]]:
     """The robot with its kernels, and what they cost: seconds, bytes."""
-    with tempfile.TemporaryDirectory() as folder:
-        before = os.environ.get("XDG_CACHE_HOME")
-        os.environ["XDG_CACHE_HOME"] = folder
-        try:
-            seconds = []
-            for _ in range(2):
-                chain = ROBOTS[name]()
-                start = time.perf_counter()
-                chain.compile()
-                seconds.append(time.perf_counter() - start)
-            size = sum(entry.size for entry in build.cached())
-        finally:
-            del os.environ["XDG_CACHE_HOME"]
-            if before is not None:
-                os.environ["XDG_CACHE_HOME"] = before
+    seconds = []
+    with empty_cache():
+        for _ in range(2):
+            chain = ROBOTS[name]()
+            start = time.perf_counter()
+            chain.compile()
+            seconds.append(time.perf_counter() - start)
+        size = sum(entry.size for entry in build.cached())
     return chain, {"compile": seconds[0], "from the cache": seconds[1], "bytes": size}
-
-
-def single_calls(name: str, chain: ClosedChain) -> Calls:
-    q, n, motors = chain.generic_configuration(), chain.degrees_of_freedom, len(chain.motor_names)
-    va, aa = np.random.default_rng(0).normal(size=(2, n))
-    model, data, reference = chain.model, chain.model.createData(), ROBOTS[name]()
-    v, tau, kkt = chain.joint_rates(q, va), np.ones(motors), Kkt(chain, q)
-    ours = chain.compute_torques if motors >= n else chain.generalized_forces
-    theirs = reference.compute_torques if motors >= n else reference.generalized_forces
-    forces = chain.generalized_forces(q, va, aa)
-    if not (model.damping.any() or model.friction.any() or model.armature.any()):
-        found = kkt.forces(q, va, aa)
-        assert np.abs(found - forces).max() < 1e-8 * np.abs(forces).max(), name
-    calls: Calls = {
-        "pin.rnea, open tree": (lambda: pin.rnea(model, data, q, v, v), 1),
-        "torques": (lambda: ours(q, va, aa), 1),
-        "KKT, by hand": (lambda: kkt.forces(q, va, aa), 1),
-        "reference path, torques": (lambda: theirs(q, va, aa), 1),
-    }
-    if n > MOST:
-        return calls
-    constrained, B = Constrained(chain), chain._current.mechanism.motors
-    force = B @ tau
-    world, state = closed_in_mujoco(chain, q, 1e-4)
-    world.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
-    return calls | {
-        "accelerations": (lambda: chain.compute_accelerations(q, va, tau), 1),
-        "pin.constraintDynamics": (lambda: constrained.accelerations(q, v, force), 1),
-        "mj_step": (lambda: mujoco.mj_step(world, state), 1),
-        "reference path, accelerations": (lambda: reference.compute_accelerations(q, va, tau), 1),
-    }
-
-
-def batches(chain: ClosedChain, samples: int) -> Calls:
-    """Random motions at one configuration and at rows of their own."""
-    model, n, motors = chain.model, chain.degrees_of_freedom, len(chain.motor_names)
-    q = np.tile(chain.generic_configuration(), (samples, 1))
-    va, aa = np.random.default_rng(0).normal(size=(2, samples, n))
-    enough = motors >= n
-    ours = chain.compute_torques if enough else chain.generalized_forces
-    out = np.empty((samples, motors if enough else n))
-    pool, columns = pin.ModelPool(model, 1), np.asfortranarray(q.T)
-    rates = np.asfortranarray(np.ones((model.nv, samples)))
-    theirs = np.empty((model.nv, samples), order="F")
-    keyword = {"out": out} if enough else {}
-    return {
-        "torques, batch": (lambda: ours(q, va, aa, **keyword), samples),
-        "pin.rneaInParallel, 1 thread": (
-            lambda: pin.rneaInParallel(1, pool, columns, rates, rates, theirs),
-            samples,
-        ),
-    }
-
-
-def rollouts(chain: ClosedChain, starts: int = 64, steps: int = 50) -> Calls:
-    """Motions without torques from rest, one thread, both by the classical Runge-Kutta method."""
-    dt, q = 1e-4, chain.generic_configuration()
-    rest, tau = np.zeros((starts, chain.degrees_of_freedom)), len(chain.motor_names)
-    world, state = closed_in_mujoco(chain, q, dt)
-    world.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
-    row = np.zeros(mujoco.mj_stateSize(world, mujoco.mjtState.mjSTATE_FULLPHYSICS))
-    mujoco.mj_getState(world, state, row, mujoco.mjtState.mjSTATE_FULLPHYSICS)
-    runner, rows = mujoco.rollout.Rollout(nthread=0), np.tile(row, (starts, 1))
-    torques, q = np.zeros((starts, steps, tau)), np.tile(q, (starts, 1))
-    ours = chain.rollout(torques, q, rest, dt).q[:, -1]
-    theirs, _ = runner.rollout(world, state, rows, nstep=steps)
-    ways = [np.abs(ours - q).max(), np.abs(theirs[:, -1] - row)[:, 1 : 1 + world.nq].max()]
-    assert np.isclose(*ways, rtol=1e-3), f"not the same motion: {ways}"
-    return {
-        "rollout": (lambda: chain.rollout(torques, q, rest, dt), starts * steps),
-        "mujoco.rollout": (
-            lambda: runner.rollout(world, state, rows, nstep=steps),
-            starts * steps,
-        ),
-    }
 
 
 def measure(
     names: Sequence[str], in_turn: Callable[..., Any], repeats: tuple[int, int], turn: float
 ) -> dict[str, Any]:
-    """All of it, by robot.
+    """All of it, by robot, with `in_turn` of benchmark.py.
 
-    Args:
-        names: Names of the robots.
-        in_turn: Measures calls, as in benchmark.py.
-        repeats: Numbers of long calls and of short ones.
-        turn: Seconds of a short one.
+    Long calls and short ones have their own numbers of repeats; a turn of short ones lasts `turn`.
     """
-    few, many = repeats
-    found = {}
+    (few, many), found = repeats, {}
     for name in names:
         chain, cost = compiled(name)
+        q, n = chain.generic_configuration(), chain.degrees_of_freedom
+        motion = (q, *np.random.default_rng(0).normal(size=(2, n)))
+        closed = closed_in_mujoco(chain, q, 1e-4) if n <= MOST else None
+        calls = cases.single_calls(chain, ROBOTS[name](), motion, closed)
         samples = 1000 if chain.model.nv > 100 else 100_000
+        rates = np.random.default_rng(0).normal(size=(2, samples, n))
+        many_motions = (np.tile(q, (samples, 1)), *rates)
         found[name] = {
             "joints": chain.model.nv,
-            "freedoms": chain.degrees_of_freedom,
+            "freedoms": n,
             "path": chain.path,
             "cost": cost,
-            "single call": in_turn(single_calls(name, chain), many, turn),
-            "sample of a batch": in_turn(batches(chain, samples), few),
+            "single call": in_turn(calls, many, turn),
+            "sample of a batch": in_turn(cases.batches(chain, many_motions), few),
         }
-        if chain.degrees_of_freedom <= MOST:
-            found[name]["rollout step"] = in_turn(rollouts(chain), few)
+        if closed:
+            rolled = cases.rollouts(chain, q, closed_in_mujoco(chain, q, 1e-4), 64, 50)
+            found[name]["rollout step"] = in_turn(rolled, few)
     return found

@@ -1,16 +1,15 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Dynamics of closed chains as one writes them on Pinocchio, and Pinocchio's own."""
 
-from __future__ import annotations
+from collections.abc import Callable
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 from scipy.linalg import qr
 
 from sst_pin import ClosedChain
+from sst_pin.arrays import Array
 
-Array = NDArray[np.float64]
 AXES = pin.LOCAL_WORLD_ALIGNED
 
 
@@ -18,29 +17,27 @@ class Kkt:
     """Inverse dynamics by hand: independent rows of points and welds, multipliers, one inverse."""
 
     def __init__(self, chain: ClosedChain, q: Array) -> None:
-        self.model, self.data = chain.model, chain.model.createData()
-        self.frames = [
-            (self.model.getFrameId(c.frame_a), self.model.getFrameId(c.frame_b))
+        self.model, self.data = model, _ = chain.model, chain.model.createData()
+        self.closures = [
+            (model.getFrameId(c.frame_a), model.getFrameId(c.frame_b), 6 if c.kind == "6d" else 3)
             for c in chain.closures
         ]
-        self.sizes = [6 if closure.kind == "6d" else 3 for closure in chain.closures]
         self.coordinates = chain._current.mechanism.coordinates
-        self.rest = np.setdiff1d(np.arange(self.model.nv), self.coordinates)
-        self.rows = np.arange(sum(self.sizes))
+        self.rest = np.setdiff1d(np.arange(model.nv), self.coordinates)
+        self.rows = np.arange(sum(size for *_, size in self.closures))
         self.rows = np.sort(qr(self._Phi(q)[:, self.rest].T, pivoting=True)[2][: len(self.rest)])
 
     def _Phi(self, q: Array) -> Array:
-        model, data = self.model, self.data
-        pin.computeJointJacobians(model, data, q)
-        pin.updateFramePlacements(model, data)
-        parts = [
-            (
-                pin.getFrameJacobian(model, data, b, AXES)
-                - pin.getFrameJacobian(model, data, a, AXES)
-            )[:size]
-            for (a, b), size in zip(self.frames, self.sizes, strict=True)
-        ]
-        return np.vstack(parts)[self.rows]
+        pin.computeJointJacobians(self.model, self.data, q)
+        pin.updateFramePlacements(self.model, self.data)
+        return self._differences(
+            lambda frame: pin.getFrameJacobian(self.model, self.data, frame, AXES)
+        )
+
+    def _differences(self, of: Callable[[int], Array]) -> Array:
+        """What the second frame of each closure has more than the first, in independent rows."""
+        parts = [(of(b) - of(a))[:size] for a, b, size in self.closures]
+        return np.concatenate(parts)[self.rows]
 
     def forces(self, q: Array, va: Array, aa: Array) -> Array:
         """Forces of a motion along the coordinates."""
@@ -50,14 +47,9 @@ class Kkt:
         v, a = np.zeros((2, model.nv))
         v[self.coordinates], v[self.rest] = va, -inverse @ (free @ va)
         pin.forwardKinematics(model, data, q, v, np.zeros(model.nv))
-        drift = [
-            (
-                pin.getFrameClassicalAcceleration(model, data, j, AXES).vector
-                - pin.getFrameClassicalAcceleration(model, data, i, AXES).vector
-            )[:size]
-            for (i, j), size in zip(self.frames, self.sizes, strict=True)
-        ]
-        drift = np.concatenate(drift)[self.rows]
+        drift = self._differences(
+            lambda frame: pin.getFrameClassicalAcceleration(model, data, frame, AXES).vector
+        )
         a[self.coordinates], a[self.rest] = aa, -inverse @ (free @ aa + drift)
         tau = pin.rnea(model, data, q, v, a)
         return tau[self.coordinates] - free.T @ (inverse.T @ tau[self.rest])
@@ -69,31 +61,28 @@ class Constrained:
     With `mu` = 0 redundant rows give NaN without an error; several iterations make up for it.
     """
 
-    def __init__(self, chain: ClosedChain, mu: float = 1e-6, iterations: int = 10) -> None:
-        self.model, self.data = chain.model, chain.model.createData()
-        frames = self.model.frames
-        self.constraints = []
+    def __init__(
+        self, chain: ClosedChain, mu: float = 1e-6, iterations: int = 10, accuracy: float = 1e-14
+    ) -> None:
+        model = chain.model
+        constraints = []
         for closure in chain.closures:
-            ends = [frames[self.model.getFrameId(f)] for f in (closure.frame_a, closure.frame_b)]
+            ends = [model.frames[model.getFrameId(f)] for f in (closure.frame_a, closure.frame_b)]
             places = [part for f in ends for part in (f.parentJoint, f.placement)]
             kind = {"6d": pin.ContactType.CONTACT_6D, "3d": pin.ContactType.CONTACT_3D}
-            constraint = pin.RigidConstraintModel(
-                kind[closure.kind], self.model, *places, pin.LOCAL
+            constraints.append(
+                pin.RigidConstraintModel(kind[closure.kind], model, *places, pin.LOCAL)
             )
-            self.constraints.append(constraint)
-        self.workspaces = [constraint.createData() for constraint in self.constraints]
-        pin.initConstraintDynamics(self.model, self.data, self.constraints, self.workspaces)
-        self.settings = pin.ProximalSettings(1e-14, mu, iterations)
+        self.tree = model, model.createData()
+        self.closures = constraints, [constraint.createData() for constraint in constraints]
+        pin.initConstraintDynamics(*self.tree, *self.closures)
+        self.settings = pin.ProximalSettings(accuracy, mu, iterations)
 
     def accelerations(self, q: Array, v: Array, tau: Array) -> Array:
         """Accelerations of the tree."""
-        return pin.constraintDynamics(
-            self.model, self.data, q, v, tau, self.constraints, self.workspaces, self.settings
-        )
+        return pin.constraintDynamics(*self.tree, q, v, tau, *self.closures, self.settings)
 
     def derivatives(self) -> tuple[Array, Array]:
         """Derivatives of the last accelerations by q and v."""
-        found = pin.computeConstraintDynamicsDerivatives(
-            self.model, self.data, self.constraints, self.workspaces, self.settings
-        )
+        found = pin.computeConstraintDynamicsDerivatives(*self.tree, *self.closures, self.settings)
         return np.array(found[0]), np.array(found[1])

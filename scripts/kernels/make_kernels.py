@@ -4,8 +4,6 @@
 --check only compares.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 from pathlib import Path

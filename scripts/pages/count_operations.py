@@ -5,31 +5,27 @@ What is counted are the expressions of `sst_pin.compiled`, from which the kernel
 values are compared with `compute_torques` and `compute_accelerations` before a count is believed.
 """
 
-from __future__ import annotations
-
-import argparse
 import sys
-import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from functools import cache, partial
 from pathlib import Path
+from timeit import timeit
 from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+import markdown_tables
 import sst_pin
-from markdown_tables import Table, differences, read_table, with_tables
+from markdown_tables import Table, Tables
+from sst_pin.arrays import Array
 from sst_pin.compiled import kernels
 from sst_pin.compiled.elimination import Factors, pivot_order
 from sst_pin.compiled.equations import Equations
 from sst_pin.compiled.symbols import add, solve_symmetric
 from sst_pin.sst.paper import PERIOD
 from sst_pin.verification.virtual_work import VirtualWork
-
-Array = NDArray[np.float64]
 
 PAGE = Path(__file__).parents[2] / "docs" / "cost.md"
 TOLERANCE = 1e-9  # relative to the largest torque or acceleration
@@ -40,17 +36,11 @@ KINDS = ("additions", "multiplications", "divisions", "square roots", "trig")
 ADD, MULTIPLY, DIVIDE, ROOT, TRIG = KINDS
 #: CasADi's instructions that are arithmetic; a change of sign is free.
 _INSTRUCTIONS = {
-    ca.OP_ADD: ADD,
-    ca.OP_SUB: ADD,
-    ca.OP_MUL: MULTIPLY,
-    ca.OP_TWICE: MULTIPLY,
-    ca.OP_SQ: MULTIPLY,
-    ca.OP_DIV: DIVIDE,
-    ca.OP_INV: DIVIDE,
+    **dict.fromkeys((ca.OP_ADD, ca.OP_SUB), ADD),
+    **dict.fromkeys((ca.OP_MUL, ca.OP_TWICE, ca.OP_SQ), MULTIPLY),
+    **dict.fromkeys((ca.OP_DIV, ca.OP_INV), DIVIDE),
     ca.OP_SQRT: ROOT,
-    ca.OP_SIN: TRIG,
-    ca.OP_COS: TRIG,
-    ca.OP_ATAN2: TRIG,
+    **dict.fromkeys((ca.OP_SIN, ca.OP_COS, ca.OP_ATAN2), TRIG),
 }
 _FREE = {ca.OP_NEG, ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT}
 
@@ -191,11 +181,7 @@ def count(e: Equations, problem: str, name: str) -> Count:
 def require_right(
     robot: sst_pin.ClosedChain, e: Equations, problem: str, name: str, counted: Count
 ) -> None:
-    """Compare an expression with the reference path at sample configurations of the robot.
-
-    Raises:
-        ArithmeticError: When the values differ.
-    """
+    """Refuse an expression whose values are not the reference path's at sample configurations."""
     numbers = e.parameters.pack(e.mechanism, e.mechanism.friction)
     rates = np.random.default_rng(0).normal(size=(2, len(e._samples), len(e.mechanism.coordinates)))
     for q, va, last in zip(e._samples, *rates, strict=True):
@@ -209,11 +195,7 @@ def require_right(
 
 @cache
 def count_all() -> dict[tuple[str, str, str], Counter[str]]:
-    """Count every method for every robot, by problem, robot and method, once its values are right.
-
-    Raises:
-        ArithmeticError: When what was counted computes something else.
-    """
+    """Count every method for every robot, by problem, robot and method, if it is right."""
     tallies = {}
     for problem, methods in (("inverse", INVERSE), ("direct", DIRECT)):
         for title, build in ROBOTS.items():
@@ -271,17 +253,14 @@ def measure(rounds: int = 7, calls: int = 20) -> dict[str, tuple[float, float]]:
     for _ in range(rounds):
         for name, pair in jobs.items():
             for found, call, times in zip(seconds[name], pair, (calls, 1), strict=True):
-                start = time.perf_counter()
-                for _ in range(times):
-                    call()
-                found.append((time.perf_counter() - start) / times)
+                found.append(timeit(call, number=times) / times)
     return {name: tuple(map(float, map(np.median, found))) for name, found in seconds.items()}
 
 
 # --- the page ---------------------------------------------------------------------------------
 
 
-def counts_of(problem: str) -> Table:
+def counts_of(problem: str, _: Table) -> Table:
     """The operations of each method for each robot."""
     table = [(f"{problem} dynamics", *KINDS, "all", "of one recursion")]
     counts = count_all()
@@ -293,7 +272,7 @@ def counts_of(problem: str) -> Table:
     return table
 
 
-def ratios() -> Table:
+def ratios(_: Table) -> Table:
     """Operations of methods over those of one recursion, smallest and largest of the robots."""
     pairs = ("inverse", LONG), ("inverse", WITH_L), ("inverse", CHECKED), ("inverse", WORK)
     table = [("of one recursion", "least", "most")]
@@ -308,7 +287,7 @@ def ratios() -> Table:
     return table
 
 
-def ladders() -> Table:
+def ladders(_: Table) -> Table:
     """Operations by the number of cells, and of one more cell."""
     table, before = [("cells", "bodies", "inverse", "direct", "inverse, a further cell")], None
     for cells, (inverse, direct) in count_ladders().items():
@@ -318,7 +297,7 @@ def ladders() -> Table:
     return table
 
 
-def times() -> Table:
+def times(_: Table) -> Table:
     """Times of the methods, and of virtual work over each."""
     seconds = measure()
     table = [("inverse dynamics", "one instant, µs", "all, ms", "virtual work over it", "for all")]
@@ -328,7 +307,7 @@ def times() -> Table:
     return table
 
 
-TABLES: dict[str, Callable[[], Table]] = {
+TABLES: Tables = {
     "inverse": partial(counts_of, "inverse"),
     "direct": partial(counts_of, "direct"),
     "ratios": ratios,
@@ -336,24 +315,8 @@ TABLES: dict[str, Callable[[], Table]] = {
 }
 
 
-def problems(page: str) -> Iterator[str]:
-    """Where the counts on the page are not those of now."""
-    for name, make in TABLES.items():
-        yield from differences(name, read_table(page, name), make())
-
-
 def main(arguments: list[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(description="Count operations, time methods, write the page.")
-    parser.add_argument("--check", action="store_true", help="recount and compare, write nothing")
-    options = parser.parse_args(arguments)
-    page = PAGE.read_text(encoding="utf-8")
-    if options.check:
-        found = list(problems(page))
-        print(*found, f"{PAGE.name}: the counts are {'stale' if found else 'current'}", sep="\n")
-        return bool(found)
-    page = with_tables(page, lambda name: (TABLES | {"times": times})[name]())
-    PAGE.write_text(page, encoding="utf-8")
-    return 0
+    return markdown_tables.main(PAGE, TABLES, {"times": times}, arguments)
 
 
 if __name__ == "__main__":

@@ -9,31 +9,19 @@ not there stay as they are.
     python scripts/pages/make_existing_robots.py FOLDER
 """
 
-from __future__ import annotations
-
 import argparse
-from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
 import sst_pin
-from markdown_tables import Table, read_table, with_tables
+from make_robots_table import COUNTS, counts
+from markdown_tables import Table, rewrite
 from sst_pin import ClosedChain
 from sst_pin.verification.verify import verify_chain
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "existing_robots.md"
-HEADER = (
-    "robot",
-    "joints",
-    "q, v",
-    "closure rows",
-    "redundant",
-    "freedoms",
-    "motors",
-    "forces off by",
-    "accelerations off by",
-    "what to know",
-)
+HEADER = ("robot", *COUNTS, "forces off by", "accelerations off by", "what to know")
 LAAS = "example-parallel-robots/robots"
 GRBDA = "generalized_rbda/robot-models"
 KANGAROO = "pal_mjlab/src/pal_mjlab/robots/pal_kangaroo/xmls/kangaroo.xml"
@@ -135,35 +123,25 @@ def _row(robot: Robot, folder: Path) -> tuple[str, ...]:
         print(f"{name}: {error}")
         return (name, *["-"] * (len(HEADER) - 2), f"refused: {robot.remark}")
     *_, forces, accelerations = verify_chain(chain)
-    print(f"{name}: {forces.relative:.1e} {accelerations.relative:.1e}")
-    counts = (
-        len(chain.joint_names),
-        f"{chain.model.nq}, {chain.model.nv}",
-        len(report.rows),
-        report.redundant_rows,
-        report.degrees_of_freedom,
-        len(chain.motor_names),
-    )
-    errors = (f"{line.relative:.0e}" for line in (forces, accelerations))
-    return (name, *map(str, counts), *errors, robot.remark)
+    errors = [f"{line.relative:.0e}" for line in (forces, accelerations)]
+    print(f"{name}: {', '.join(errors)}")
+    return (name, *counts(chain, report), *errors, robot.remark)
 
 
-def _rows(folder: Path, stands: Table) -> Iterator[tuple[str, ...]]:
-    yield HEADER
-    known = {name: row for name, *row in stands}
+def table(folder: Path, stands: Table) -> Table:
+    """Rows of robots that are there, the others as they stand."""
+    known, rows = {row[0]: row for row in stands}, [HEADER]
     for robot in ROBOTS:
-        name = f"`{Path(robot.path).stem}`"
         there = (folder / robot.path).exists()
-        yield _row(robot, folder) if there else (name, *known[name])
+        rows.append(_row(robot, folder) if there else known[f"`{Path(robot.path).stem}`"])
+    return rows
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path)
     folder = parser.parse_args().folder
-    page = PAGE.read_text(encoding="utf-8")
-    table: Table = list(_rows(folder, read_table(page, "existing")))
-    PAGE.write_text(with_tables(page, lambda _: table), encoding="utf-8")
+    rewrite(PAGE, {"existing": partial(table, folder)})
 
 
 if __name__ == "__main__":

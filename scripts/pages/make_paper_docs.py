@@ -2,38 +2,33 @@
 """Measure every equation of the paper; write the numbers of docs/paper.md and its three figures.
 
 Tables stand between `<!-- table: name -->` and `<!-- end -->`; what is around them, and the words
-in those of equations and misprints, are written by hand. With --check nothing is written: every
-function, test and file that the page names must exist, and its tables must be what would be
-written now, residuals to two orders of magnitude.
+in those of equations and misprints, are written by hand. With --check nothing is written: tables
+must be what would be written now, residuals to two orders of magnitude.
 """
 
-from __future__ import annotations
-
-import argparse
-import ast
 import re
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import cache
-from importlib import import_module
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
+from matplotlib.figure import Figure
 
+import markdown_tables
+import method_figures
 import paper_equations as equations
 import printed_forms as forms
-from markdown_tables import Table, differences, read_table, table_names, with_tables
-from sst_pin import SST, Parameters, RigidBody, Trajectory, paper_circle
+from markdown_tables import Table, Tables
+from method_figures import Method
+from sst_pin import SST, Parameters, RigidBody, Trajectory, paper_circle, plots
 from sst_pin.description.parameters import PAPER_LINK, PAPER_PASSIVE_LINK
-from sst_pin.files import write_files
 from sst_pin.sst.paper import PERIOD, angles_off_path, example_1, example_2
+from sst_pin.verification.referees import exudyn_engine, lagrange, mujoco_engine, symbolic
 from sst_pin.verification.virtual_work import VirtualWork
 
-Array = NDArray[np.float64]
-
-ROOT = Path(__file__).resolve().parents[2]
-PAGE = ROOT / "docs" / "paper.md"
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+PAGE = DOCS / "paper.md"
 
 #: Time steps of Exudyn in one period, and stiffnesses of MuJoCo's welds: each the coarse one first.
 STEPS, STIFFNESSES = (700, 1400), (1e6, 1e7)
@@ -107,14 +102,8 @@ def _motions() -> dict[str, Trajectory]:
 
 def reading_table(_: Table) -> Table:
     names = [f"tau_{k}" for k in (1, 2, 3)]
-    table = [
-        (
-            "reading",
-            *(f"peak of {name}" for name in names),
-            *(f"{name} at t = 0" for name in names),
-            "largest change",
-        )
-    ]
+    heads = *(f"peak of {name}" for name in names), *(f"{name} at t = 0" for name in names)
+    table = [("reading", *heads, "largest change")]
     motions = _motions()
     for name, motion in motions.items():
         change = np.abs(motion.tau - motions[DEFAULT].tau).max()
@@ -125,49 +114,39 @@ def reading_table(_: Table) -> Table:
 
 
 def draw_readings() -> None:
-    from matplotlib.figure import Figure
-
-    import method_figures
-    from sst_pin import plots
-
     motions = _motions()
     with plots.style():
         figure = Figure(figsize=(7.0, 7.6), layout="constrained")
         axes = figure.subplots(4, 3, sharex=True, sharey=True)
         for ax, (name, motion) in zip(axes.flat, motions.items(), strict=True):
-            method_figures.torques_of_reading(
-                ax, motions[DEFAULT], motion, name.replace("-", "\N{MINUS SIGN}")
-            )
+            title = name.replace("-", "\N{MINUS SIGN}")
+            method_figures.torques_of_reading(ax, motions[DEFAULT], motion, title)
         axes.flat[0].set_ylim(-46, 38)
         figure.supxlabel("time (s)", fontsize=9)
         figure.supylabel("motor torque (N m)", fontsize=9)
         handles, labels = axes.flat[0].get_legend_handles_labels()
         figure.legend(handles, labels, ncols=4, loc="outside upper center", handlelength=2.6)
-        _write(figure, "alternatives")
+        figure.savefig(DOCS / "alternatives.png")
 
 
 # --- referees -----------------------------------------------------------------------------------
 
 
 def compare_referees(_: Table) -> Table:
-    """Torques and motions of all methods; draws both figures on the way."""
+    """Torques and motions of all methods; draws the page's figures on the way."""
+    draw_readings()
     robot = SST()
     example = example_1(robot, np.linspace(0, PERIOD, 401))
-    table = [("method", "compared", "worst difference", "unit")]
-    table += [
-        (label, "torques, example 1", f"{worst:.0e}", "N m") for label, worst in _torques(robot)
-    ]
-    table += [
-        (label, "path, example 2", f"{worst:.0e}", "rad") for label, worst in _paths(robot, example)
-    ]
-    return table
+    rows: Table = [("method", "compared", "worst difference", "unit")]
+    for what, unit, compare in (
+        ("torques, example 1", "N m", _torques),
+        ("path, example 2", "rad", _paths),
+    ):
+        rows += [(label, what, f"{worst:.0e}", unit) for label, worst in compare(robot, example)]
+    return rows
 
 
-def _torques(robot: SST) -> Iterator[tuple[str, float]]:
-    import method_figures
-    from method_figures import Method
-    from sst_pin.verification.referees import exudyn_engine, lagrange, mujoco_engine, symbolic
-
+def _torques(robot: SST, example: Trajectory) -> Iterator[tuple[str, float]]:
     parameters, t = Parameters(), np.linspace(0, PERIOD, 121)
     ours, states = example_1(robot, t), list(zip(*paper_circle(t), strict=True))
     judges = (
@@ -200,26 +179,17 @@ def _torques(robot: SST) -> Iterator[tuple[str, float]]:
         if method.marker == 4:
             yield method.label, float(off.max())
 
-    from matplotlib.figure import Figure
-
-    from sst_pin import plots
-
     with plots.style():
         figure = Figure(figsize=(3.5, 5.0), layout="constrained")
         top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(1.15, 1))
-        ours = example_1(robot, np.linspace(0, PERIOD, 401))
-        method_figures.torques_of_methods(top, ours, [m for m in found if not m.rough])
+        method_figures.torques_of_methods(top, example, [m for m in found if not m.rough])
         top.set(xlabel="")
         method_figures.differences(bottom, errors, "difference from NOC (N m)")
         method_figures.legend_below(figure, bottom)
-        _write(figure, "figure_10_referees")
+        figure.savefig(DOCS / "figure_10_referees.png")
 
 
 def _paths(robot: SST, example: Trajectory) -> Iterator[tuple[str, float]]:
-    import method_figures
-    from method_figures import Method
-    from sst_pin.verification.referees import exudyn_engine, mujoco_engine
-
     parameters, torque, coarse = Parameters(), example.torque(), example.t[::4]
     R, omega, _ = paper_circle(0.0)
     ours = example_2(robot, example)
@@ -244,10 +214,6 @@ def _paths(robot: SST, example: Trajectory) -> Iterator[tuple[str, float]]:
     for method in errors:
         yield re.sub(r"[${}]", "", method.label), float(method.values.max())
 
-    from matplotlib.figure import Figure
-
-    from sst_pin import plots
-
     with plots.style():
         figure = Figure(figsize=(3.5, 5.8), layout="constrained")
         grid = figure.add_gridspec(2, 1, height_ratios=(1.25, 1))
@@ -258,88 +224,18 @@ def _paths(robot: SST, example: Trajectory) -> Iterator[tuple[str, float]]:
         method_figures.differences(bottom, errors, "angle off the path (rad)")
         bottom.set(xlim=(0, PERIOD), ylim=(1e-15, 1e-4))  # the first sample of all is exact
         method_figures.legend_below(figure, bottom)
-        _write(figure, "figure_11_referees")
-
-
-def _write(figure: object, stem: str) -> None:
-    from sst_pin import plots
-
-    name = f"{stem}.png"
-    writer = plots.figure_writer(figure, name)  # type: ignore[arg-type]
-    write_files({ROOT / "docs" / name: writer}, force=True)
+        figure.savefig(DOCS / "figure_11_referees.png")
 
 
 # --- the page -----------------------------------------------------------------------------------
 
-#: What makes each table, and whether it takes seconds or longer.
-TABLES: dict[str, tuple[Callable[[Table], Table], bool]] = {
-    "equations": (equation_table, True),
-    "misprints": (misprint_table, True),
-    "readings": (reading_table, True),
-    "referees": (compare_referees, False),
+TABLES: Tables = {
+    "equations": equation_table,
+    "misprints": misprint_table,
+    "readings": reading_table,
 }
-
-
-def write() -> None:
-    page = PAGE.read_text(encoding="utf-8")
-    page = with_tables(page, lambda name: TABLES[name][0](read_table(page, name)))
-    draw_readings()
-    PAGE.write_text(page, encoding="utf-8")
-
-
-def problems(page: str) -> Iterator[str]:
-    """What is wrong with the page, one sentence each."""
-    yield from _missing_names(page)
-    written = table_names(page)
-    for name in TABLES.keys() ^ written:
-        yield f"table {name}: only in the page or only in the script"
-    for name in TABLES.keys() & written:
-        make, quick = TABLES[name]
-        stands = read_table(page, name)
-        if not stands:
-            yield f"table {name}: empty"
-        elif quick:
-            yield from differences(name, stands, make(stands))
-
-
-def _missing_names(page: str) -> Iterator[str]:
-    for name, target in re.findall(r"\[`?([^\]`]+)`?\]\(([^)#]+)\)", page):
-        if target.startswith("http"):
-            continue
-        path = (PAGE.parent / target).resolve()
-        if not path.exists():
-            yield f"{target}: no such file"
-        elif path.is_relative_to(ROOT / "tests") and path.stem != name:
-            if name not in _functions_in(path):
-                yield f"{target}: no test {name}"
-        elif path.is_relative_to(ROOT / "sst_pin") and path.stem != name:
-            module, *inner = name.split(".")
-            thing: object = import_module(".".join(path.relative_to(ROOT).with_suffix("").parts))
-            for part in inner:
-                thing = getattr(thing, part, None)
-            if thing is None or module != path.stem:
-                yield f"{target}: no {name}"
-
-
-@cache
-def _functions_in(path: Path) -> set[str]:
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    return {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}
-
-
-def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--check", action="store_true", help="exit 1 when the page is not current")
-    if not parser.parse_args().check:
-        write()
-        return 0
-    found = list(problems(PAGE.read_text(encoding="utf-8")))
-    for problem in found:
-        print(problem, file=sys.stderr)
-    if found:
-        print("run scripts/pages/make_paper_docs.py", file=sys.stderr)
-    return bool(found)
+SLOW: Tables = {"referees": compare_referees}
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    sys.exit(markdown_tables.main(PAGE, TABLES, SLOW))

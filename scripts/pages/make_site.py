@@ -7,8 +7,6 @@ out of the pages lose their target, and equations become MathML, so that a reade
 script for them.
 """
 
-from __future__ import annotations
-
 import argparse
 import html
 import posixpath

@@ -6,11 +6,9 @@
 computes all problems, or those named, on their full time.
 """
 
-from __future__ import annotations
-
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -19,7 +17,7 @@ import pinocchio as pin
 from matplotlib.figure import Figure
 
 import standard_referees as referees
-from markdown_tables import Table, read_table, with_tables
+from markdown_tables import Table, rewrite
 from sst_pin import ClosedChain, Closure, plots, robots
 from sst_pin.robots.building_blocks import Tree, rod, shift
 
@@ -31,33 +29,27 @@ ANGLES = tuple(ANDREWS["q"])  # in the order of the problem's statement
 
 
 class Problem(NamedTuple):
-    """A standard problem.
-
-    Attributes:
-        chain: The robot.
-        va: Its rates at the start, which is `home`.
-        tau: Torques of the motors.
-        t: Times of the result, [s].
-        columns: Names of what is compared, as the library writes them.
-        of: These columns of a motion, shape (N, columns).
-        independent: These columns at given times by other equations.
-        published: Times and values of a column that are published.
-        options: Options of `simulate`.
-    """
+    """A standard problem, which starts at `home`."""
 
     chain: Any
-    va: tuple[float, ...]
-    tau: tuple[float, ...]
-    t: np.ndarray
-    columns: tuple[str, ...]
-    of: Callable[[Any], np.ndarray]
-    independent: Callable[[np.ndarray], np.ndarray] | None
-    published: tuple[tuple[float, str, str], ...]
-    options: dict[str, Any]
+    va: tuple[float, ...]  # at the start
+    end: float  # [s]
+    columns: tuple[str, ...]  # what is compared, as the library calls it
+    of: Callable[[Any, Any], np.ndarray]  # these columns of a motion of the chain, (N, columns)
+    independent: Callable[[np.ndarray], np.ndarray] | None = None  # at given times, other equations
+    published: tuple[tuple[float, str, str], ...] = ()  # times and values of columns
+    tau: float = 0.0  # of the first motor
+    options: Mapping[str, Any] = {}  # of `simulate`
+
+    @property
+    def t(self) -> np.ndarray:
+        """Times of the result, [s]."""
+        return np.linspace(0, self.end, 201)
 
     def simulate(self, t: np.ndarray) -> Any:
         """The motion at some times."""
-        return self.chain.simulate(list(self.tau), self.chain.home, self.va, t, **self.options)
+        tau = [self.tau] * len(self.chain.motor_names)
+        return self.chain.simulate(tau, self.chain.home, self.va, t, **self.options)
 
 
 def modelica_four_bar() -> ClosedChain:
@@ -82,72 +74,57 @@ def modelica_four_bar() -> ClosedChain:
     return chain
 
 
-def _ends(motion: Any) -> np.ndarray:
+def _ends(_: Any, motion: Any) -> np.ndarray:
     return np.stack([np.cos(motion.q[:, 0]), np.sin(motion.q[:, 0])], axis=1)
 
 
-def _andrews_angles(chain: Any) -> Callable[[Any], np.ndarray]:
-    order = [chain.position_names.index(name) for name in ANGLES]
-    return lambda motion: motion.q[:, order]
-
-
-def _bricard_point(chain: Any) -> Callable[[Any], np.ndarray]:
-    return lambda motion: chain.platform_pose(motion.q)[:, :3, 3]
+def _andrews_angles(chain: Any, motion: Any) -> np.ndarray:
+    return motion.q[:, [chain.position_names.index(name) for name in ANGLES]]
 
 
 def problems() -> dict[str, Problem]:
     """All of them, by the name of their section."""
-    few, many, andrews, bricard = (
-        robots.n_four_bar(2),
-        robots.n_four_bar(40),
-        robots.andrews(),
-        robots.bricard(),
-    )
-    slider_crank, governor = robots.slider_crank(), robots.governor()
-    B0 = ("B0_x_m", "B0_y_m")
+    B0, through = ("B0_x_m", "B0_y_m"), {"through_singularities": True}
     return {
         "n_four_bar_2": Problem(
-            few, (-1.0,), (0.0,), np.linspace(0, 20, 201), B0, _ends,
-            lambda t: referees.n_four_bar(2, t),
-            ((10, "B0_x_m", "0.3284574"), (10, "B0_y_m", "0.9445188")),
-            {"through_singularities": True},
+            robots.n_four_bar(2), (-1.0,), 20, B0, _ends, lambda t: referees.n_four_bar(2, t),
+            ((10, "B0_x_m", "0.3284574"), (10, "B0_y_m", "0.9445188")), options=through,
         ),
         "n_four_bar_40": Problem(
-            many, (-1.0,), (0.0,), np.linspace(0, 20, 201), B0, _ends,
-            lambda t: referees.n_four_bar(40, t),
+            robots.n_four_bar(40), (-1.0,), 20, B0, _ends, lambda t: referees.n_four_bar(40, t),
             (
                 (19.4, "B0_x_m", "-0.284004"), (19.4, "B0_y_m", "0.958823"),
                 (20, "B0_x_m", "0.410902"), (20, "B0_y_m", "0.911679"),
-            ), {"through_singularities": True},
+            ), options=through,
         ),
         "andrews": Problem(
-            andrews, (0.0,), (0.033,), np.linspace(0, 0.03, 201),
-            tuple(f"{name}_rad" for name in ANGLES), _andrews_angles(andrews), None,
-            tuple((0.03, f"{name}_rad", f"{x:.12g}") for name, x in ANDREWS["q"].items()), {},
+            robots.andrews(), (0.0,), 0.03, tuple(f"{name}_rad" for name in ANGLES),
+            _andrews_angles, tau=0.033,
+            published=tuple((0.03, f"{n}_rad", f"{x:.12g}") for n, x in ANDREWS["q"].items()),
         ),
         "bricard": Problem(
-            bricard, (0.0,), (0.0,), np.linspace(0, 10, 201), ("P3_x_m", "P3_y_m", "P3_z_m"),
-            _bricard_point(bricard), referees.bricard, (), {},
+            robots.bricard(), (0.0,), 10, ("P3_x_m", "P3_y_m", "P3_z_m"),
+            lambda chain, motion: chain.platform_pose(motion.q)[:, :3, 3], referees.bricard,
         ),
         "governor": Problem(
-            governor, (2 * np.pi, 0.0, 0.0, 0.0), (0.0,) * 4, np.linspace(0, 10, 201),
-            ("shaft_rad", "arm_rad", "slider_m"), lambda motion: motion.q[:, [0, 1, 3]],
-            referees.governor, (), {"method": "LSODA"},
+            robots.governor(), (2 * np.pi, 0.0, 0.0, 0.0), 10,
+            ("shaft_rad", "arm_rad", "slider_m"), lambda _, motion: motion.q[:, [0, 1, 3]],
+            referees.governor, options={"method": "LSODA"},
         ),
         "slider_crank": Problem(
-            slider_crank, (6.0,), (0.0,), np.linspace(0, 5, 201), ("crank_rad", "slider_m"),
-            lambda motion: motion.q[:, :2],
+            robots.slider_crank(), (6.0,), 5, ("crank_rad", "slider_m"),
+            lambda _, motion: motion.q[:, :2],
             lambda t: np.stack(referees.slider_crank(t), axis=1),
-            ((5, "slider_m", "0.24076, 0.26101"),), {},
+            ((5, "slider_m", "0.24076, 0.26101"),),
         ),
         "modelica_four_bar": Problem(
-            modelica_four_bar(), (referees.RATE,), (0.0,), np.linspace(0, 5, 201), ("angle_rad",),
-            lambda motion: motion.q[:, :1],
+            modelica_four_bar(), (referees.RATE,), 5, ("angle_rad",),
+            lambda _, motion: motion.q[:, :1],
             lambda t: referees.modelica_four_bar(t)[:, None],
             (
                 (0.1, "angle_rad", "0.573724169"), (0.25, "angle_rad", "1.803753622"),
                 (4.75, "angle_rad", "38.11562345"), (5, "angle_rad", "40.328236222"),
-            ), {},
+            ),
         ),
     }  # fmt: skip
 
@@ -174,26 +151,16 @@ def andrews_at_its_end() -> Table:
 def table(problem: Problem, motion: Any, exact: np.ndarray | None) -> Table:
     """What is published at some times, and the whole motion against the independent equations."""
     rows: Table = [HEADER]
-    ours = problem.of(motion)
-    end = motion.t[-1]
-    asked = [(t, name) for t, name, _ in problem.published] or [
-        (end, name) for name in problem.columns
-    ]
-    published = {(t, name): text for t, name, text in problem.published}
-    for t, name in asked:
-        j = problem.columns.index(name)
-        if t > end + 1e-9:
-            shown = f"{exact[np.argmin(np.abs(problem.t - t)), j]:.10f}"
-            rows.append(
-                (f"{name} at {t:g} s", published[t, name], f"stops at {end:g} s", shown, "-")
-            )
-            continue
-        i = int(np.argmin(np.abs(motion.t - t)))
-        text = published.get((t, name), "-")
-        truth = float(text.split(",")[0]) if exact is None else exact[i, j]
-        shown = "-" if exact is None else f"{truth:.10f}"
-        off = f"{abs(ours[i, j] - truth):.0e}"
-        rows.append((f"{name} at {t:g} s", text, f"{ours[i, j]:.10f}", shown, off))
+    ours, end = problem.of(problem.chain, motion), motion.t[-1]
+    at_the_end = tuple((end, name, "-") for name in problem.columns)
+    for t, name, published in problem.published or at_the_end:
+        i, j = int(np.argmin(np.abs(problem.t - t))), problem.columns.index(name)
+        shown = "-" if exact is None else f"{exact[i, j]:.10f}"
+        found, off = f"stops at {end:g} s", "-"
+        if t <= end + 1e-9:
+            truth = float(published.split(",")[0]) if exact is None else exact[i, j]
+            found, off = f"{ours[i, j]:.10f}", f"{abs(ours[i, j] - truth):.0e}"
+        rows.append((f"{name} at {t:g} s", published, found, shown, off))
     if exact is not None:
         worst = np.abs(ours - exact[: len(ours)]).max()
         rows.append((f"all times up to {end:g} s", "-", "-", "-", f"{worst:.0e}"))
@@ -221,7 +188,7 @@ def picture(problem: Problem, motion: Any) -> Figure:
         spatial = np.ptp(robot.get_zlim()) > 0.2 * np.ptp(robot.get_xlim())
         robot.view_init(*((20, -70) if spatial else (90, -90)))
         axes = figure.add_subplot(1, 2, 2, xlabel="time [s]")
-        for name, values in zip(problem.columns, problem.of(motion).T, strict=True):
+        for name, values in zip(problem.columns, problem.of(chain, motion).T, strict=True):
             words = name.rsplit("_", 1)
             axes.plot(motion.t, values, label=f"{words[0].replace('_', ' ')} [{words[1]}]")
         axes.legend(fontsize="small")
@@ -245,22 +212,20 @@ def main(names: list[str]) -> None:
         chain = problem.chain
         energy = chain.kinetic_energy(motion.q, motion.va) + chain.potential_energy(motion.q)
         done[name].append(("time of computing, compiled", "-", f"{took:.2g} s", "-", "-"))
-        if not any(problem.tau) and name != "governor":
+        if not problem.tau and name != "governor":
             done[name].append(("energy", "-", "-", "constant", f"{np.ptp(energy):.0e} J"))
         print(name, motion.stopped or "whole", *done[name], sep="\n  ", flush=True)
         rows = [",".join(("t_s", *problem.columns))]
         rows += [
             ",".join(f"{x:.12g}" for x in (t, *row))
-            for t, row in zip(motion.t, problem.of(motion), strict=True)
+            for t, row in zip(motion.t, problem.of(chain, motion), strict=True)
         ]
         (FOLDER / f"{name}.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
         with plots.style():
             picture(problem, motion).savefig(FOLDER / f"{name}.png", dpi=150)
     if "andrews" in done:
         done["andrews"] += andrews_at_its_end()
-    page = PAGE.read_text(encoding="utf-8")
-    page = with_tables(page, lambda x: done[x] if x in done else read_table(page, x))
-    PAGE.write_text(page, encoding="utf-8")
+    rewrite(PAGE, {name: lambda _, name=name: done[name] for name in done})
 
 
 if __name__ == "__main__":

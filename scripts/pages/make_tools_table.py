@@ -7,14 +7,12 @@ libkdl-parser-dev, g++ and chromium, and `npm install` in scripts/pages/tools/we
 is there says now.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from markdown_tables import differences, read_table, with_tables
+from markdown_tables import Table, differences, read_table, rewrite
 from tools import Tool
 from tools.measure import TOOLS, Facts, measure
 
@@ -24,13 +22,8 @@ PAGE = Path(__file__).resolve().parents[2] / "docs" / "tools.md"
 HEADERS = {
     "loading": ("tool", "reads", "warnings", "joints", "mass, kg", "visuals"),
     "numbers": (
-        "tool",
-        "frames",
-        "poses off by",
-        "torques off by",
-        "loops closed by",
-        "arcs apart, rad",
-        "star off ours, rad",
+        *("tool", "frames", "poses off by", "torques off by", "loops closed by"),
+        *("arcs apart, rad", "star off ours, rad"),
     ),
 }
 
@@ -55,11 +48,15 @@ def _cell(fact: object) -> str:
 
 def write() -> None:
     made = [rows(kind, measure(kind)) for kind in TOOLS]
-    tables = {name: [header, *(row[name] for row in made)] for name, header in HEADERS.items()}
     versions = ["version", *(kind.version() for kind in TOOLS)]
-    tables["loading"] = [(*row, x) for row, x in zip(tables["loading"], versions, strict=True)]
-    page = PAGE.read_text(encoding="utf-8")
-    PAGE.write_text(with_tables(page, tables.__getitem__), encoding="utf-8")
+
+    def table(name: str) -> Table:
+        found = [HEADERS[name], *(row[name] for row in made)]
+        if name == "numbers":
+            return found
+        return [(*row, version) for row, version in zip(found, versions, strict=True)]
+
+    rewrite(PAGE, {name: lambda _, name=name: table(name) for name in HEADERS})
 
 
 def problems(page: str, measured: Sequence[tuple[type[Tool], Facts]]) -> Iterator[str]:

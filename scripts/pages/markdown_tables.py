@@ -1,28 +1,58 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Tables of a page that scripts write, between `<!-- table: name -->` and `<!-- end -->`."""
 
-from __future__ import annotations
-
+import argparse
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
 
 import numpy as np
 
 Table = list[tuple[str, ...]]
+#: What makes the tables of a page, by name, each from the table that stands there.
+Tables = Mapping[str, Callable[[Table], Table]]
 
 _BLOCK = re.compile(r"<!-- table: (\w+) -->\n(.*?)<!-- end -->", re.DOTALL)
 
 
-def with_tables(page: str, make: Callable[[str], Table]) -> str:
-    """The page with every table made anew from its name."""
+def main(page: Path, tables: Tables, slow: Tables, arguments: list[str] | None = None) -> int:
+    """Write the tables of a page; with --check compare them, the slow ones excepted."""
+    parser = argparse.ArgumentParser(description=f"Write the tables of {page.name}.")
+    parser.add_argument("--check", action="store_true", help="exit 1 when they are not current")
+    if not parser.parse_args(arguments).check:
+        rewrite(page, {**tables, **slow})
+        return 0
+    found = list(stale(page.read_text(encoding="utf-8"), tables, slow))
+    print(*found, f"{page.name}: {'stale' if found else 'current'}", sep="\n")
+    return bool(found)
+
+
+def rewrite(page: Path, tables: Tables) -> None:
+    """Write tables of a page anew; others stay."""
+    text = page.read_text(encoding="utf-8")
 
     def made(block: re.Match[str]) -> str:
-        header, *rows = make(block[1])
+        if block[1] not in tables:
+            return block[0]
+        header, *rows = tables[block[1]](read_table(text, block[1]))
         lines = [header, ("---",) * len(header), *rows]
-        text = "\n".join("| " + " | ".join(line) + " |" for line in lines)
-        return f"<!-- table: {block[1]} -->\n{text}\n<!-- end -->"
+        written = "\n".join("| " + " | ".join(line) + " |" for line in lines)
+        return f"<!-- table: {block[1]} -->\n{written}\n<!-- end -->"
 
-    return _BLOCK.sub(made, page)
+    page.write_text(_BLOCK.sub(made, text), encoding="utf-8")
+
+
+def stale(page: str, tables: Tables, slow: Tables) -> Iterator[str]:
+    """Where tables are not what would be written now; of slow ones, whether they are there."""
+    there = table_names(page)
+    for name in there ^ {*tables, *slow}:
+        yield f"table {name}: only in the page or only in the script"
+    for name in sorted(there & {*tables, *slow}):
+        stands = read_table(page, name)
+        if not stands:
+            yield f"table {name}: empty"
+        elif name in tables:
+            yield from differences(name, stands, tables[name](stands))
 
 
 def table_names(page: str) -> set[str]:

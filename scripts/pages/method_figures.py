@@ -4,24 +4,17 @@
 Like those of `sst_pin.plots`, the functions draw into axes that they are given and hand them back.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from matplotlib.figure import Figure
 
 from sst_pin import SST, Trajectory
+from sst_pin.arrays import Array, Indices
 from sst_pin.description.colours import LEG_COLOURS
 from sst_pin.plots import motor_torques, paths_on_sphere
-from sst_pin.plots.style import DASHES
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-Array = NDArray[np.float64]
-Axes = Any
+from sst_pin.plots.style import DASHES, Axes
 
 #: Colour and marker of each method; the colours of legs and these are eight of Okabe and Ito's.
 MARKERS = (
@@ -34,31 +27,17 @@ MARKERS = (
 
 
 class Method(NamedTuple):
-    """What one method found.
+    """What one method found."""
 
-    Attributes:
-        label: Its name in the legend.
-        t: Times, shape (N,), [s].
-        values: Torques, shape (N, 3); orientations, shape (N, 3, 3); or differences, shape (N,).
-        marker: Index of its colour and marker in `MARKERS`; runs of one engine share them.
-        rough: Whether it is a coarser run of the method before it, drawn dashed.
-    """
-
-    label: str
-    t: Array
-    values: Array
-    marker: int
-    rough: bool = False
+    label: str  # in the legend
+    t: Array  # (N,), [s]
+    values: Array  # torques (N, 3), orientations (N, 3, 3), or differences (N,)
+    marker: int  # index of colour and marker in MARKERS; runs of one engine share them
+    rough: bool = False  # a coarser run of the method before it, drawn dashed
 
 
 def torques_of_methods(ax: Axes, ours: Trajectory, others: Sequence[Method]) -> Axes:
-    """Torques of ours as lines, those of other methods as marks on them (Fig. 10).
-
-    Args:
-        ax: 2-D axes.
-        ours: Motion of an SST.
-        others: With torques; the labels of their marks are those of `differences`.
-    """
+    """Torques of ours as lines, those of other methods as marks on them (Fig. 10)."""
     motor_torques(ax, ours)
     for number, method in enumerate(others):
         picked = _spread(method.t, number, len(others), 9)
@@ -67,13 +46,7 @@ def torques_of_methods(ax: Axes, ours: Trajectory, others: Sequence[Method]) -> 
 
 
 def differences(ax: Axes, methods: Sequence[Method], what: str) -> Axes:
-    """Sizes of differences against time, logarithmic.
-
-    Args:
-        ax: 2-D axes.
-        methods: With differences; exact zeros have no place on the axis.
-        what: Label of the axis, with its unit.
-    """
+    """Sizes of differences against time, logarithmic; exact zeros have no place on the axis."""
     for number, method in enumerate(methods):
         colour, _ = MARKERS[method.marker]
         seen = method.values > 0
@@ -99,15 +72,7 @@ def legend_below(figure: Figure, ax: Axes) -> None:
 def paths_of_methods(
     ax: Axes, robot: SST, wanted: Trajectory, ours: Trajectory, others: Sequence[Method]
 ) -> Axes:
-    """Path of E by ours as a line over the wanted one, those of other methods as marks (Fig. 11).
-
-    Args:
-        ax: Axes with projection "3d".
-        robot: The SST.
-        wanted: The motion that the torques were computed for.
-        ours: The motion that they lead to.
-        others: With orientations of {E} in the base; labels as for `torques_of_methods`.
-    """
+    """Path of E by ours as a line over the wanted one, those of others as marks (Fig. 11)."""
     paths_on_sphere(ax, robot, [("wanted path", wanted), ("NOC", ours)])
     ax.get_legend().remove()
     for number, method in enumerate(others):
@@ -118,26 +83,12 @@ def paths_of_methods(
 
 
 def torques_of_reading(ax: Axes, default: Trajectory, reading: Trajectory, title: str) -> Axes:
-    """Torques of one reading of the paper over those of the default, with their peaks.
-
-    Args:
-        ax: 2-D axes.
-        default: Motion of the default robot.
-        reading: The same motion of the star by another robot.
-        title: What this one takes otherwise.
-    """
+    """Torques of one reading of the paper over those of the default, with their peaks."""
     ax.axhline(0, color="0.8", linewidth=0.5)
     ax.plot(default.t, default.tau, color="0.72", linewidth=1.8, label=["default", "", ""])
-    for k in range(3):
-        label = rf"$\tau_{k + 1}$"
-        ax.plot(
-            reading.t,
-            reading.tau[:, k],
-            color=LEG_COLOURS[k],
-            linestyle=DASHES[k],
-            linewidth=1.0,
-            label=label,
-        )
+    for k, tau in enumerate(reading.tau.T):
+        look = {"color": LEG_COLOURS[k], "linestyle": DASHES[k], "linewidth": 1.0}
+        ax.plot(reading.t, tau, **look, label=rf"$\tau_{k + 1}$")
     peaks = ", ".join(f"{peak:.1f}" for peak in np.abs(reading.tau).max(axis=0))
     ax.set_title(title, fontsize=8)
     ax.text(0.5, 0.03, f"peaks {peaks} N m", transform=ax.transAxes, ha="center", fontsize=7)
@@ -145,7 +96,7 @@ def torques_of_reading(ax: Axes, default: Trajectory, reading: Trajectory, title
     return ax
 
 
-def _spread(t: Array, number: int, of: int, count: int) -> NDArray[np.intp]:
+def _spread(t: Array, number: int, of: int, count: int) -> Indices:
     """Indices of some samples, evenly apart and beside those of the other methods."""
     share = (np.arange(count) + (number + 0.5) / max(of, 1)) / count
     wanted = t[0] + share * (t[-1] - t[0])
@@ -155,11 +106,5 @@ def _spread(t: Array, number: int, of: int, count: int) -> NDArray[np.intp]:
 def _mark(method: Method) -> dict[str, Any]:
     """An open mark that leaves what is under it to be seen."""
     colour, marker = MARKERS[method.marker]
-    return {
-        "linestyle": "none",
-        "marker": marker,
-        "color": colour,
-        "markerfacecolor": "none",
-        "markersize": 3.5,
-        "markeredgewidth": 0.8,
-    }
+    open_mark = {"markerfacecolor": "none", "markersize": 3.5, "markeredgewidth": 0.8}
+    return {"linestyle": "none", "marker": marker, "color": colour} | open_mark

@@ -6,41 +6,35 @@ out, closed-form kinematics, differences in time, virtual work. Residuals are re
 largest entry, but for rows that name a unit.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from itertools import filterfalse
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 import printed_forms as forms
 from example_1 import EXAMPLE_1
 from printed_forms import FIRST, Case, Forms, error
-from sst_pin import BRANCHES, SST, paper_circle
+from sst_pin import BRANCHES, SST, RigidBody, paper_circle
+from sst_pin.arrays import Array
 from sst_pin.sst import paper
 from sst_pin.verification.virtual_work import VirtualWork
 
-Array = NDArray[np.float64]
-
 SEED = 2012
-#: Motions of the paper's robot, then one of each of as many random robots.
-STATES, ROBOTS = 20, 20
+#: Motions of the paper's robot, then one of each of as many random robots; seeds of five-bars.
+STATES, ROBOTS, FIVE_BARS = 20, 20, range(SEED, SEED + 20)
 
 
 # --- measures -----------------------------------------------------------------------------------
 
 
-def _worst(measure: Callable[[Case], float]) -> Callable[[Sequence[Case]], float]:
-    """A measure of one case as one of many."""
-    return lambda cases: max(map(measure, cases))
+def _worst(measure: Callable[[Case], float], cases: Sequence[Case]) -> float:
+    return max(map(measure, cases))
 
 
 class _Vectors(NamedTuple):
-    """Seven bodies by vector geometry: links, passive links, star."""
-
+    axes: list[Array]
     c: Array
     spin: Array
     velocity: Array
@@ -48,8 +42,15 @@ class _Vectors(NamedTuple):
     acceleration: Array
 
 
+def _bodies(case: Case) -> list[RigidBody]:
+    """The paper's seven: links, passive links, star."""
+    p = case.parameters
+    return [*p.links, *p.passive_links, p.star]
+
+
 def _vectors(case: Case) -> _Vectors:
-    p, frames = case.parameters, case.frames()
+    """The seven bodies by vector geometry."""
+    frames = case.frames()
     e, u = frames[:, 0, :, 2], frames[:, 1, :, 0]
     gamma_dot, mu_dot, _ = np.moveaxis(case.rates.reshape(3, 3, 1), 1, 0)
     gamma_ddot, mu_ddot, _ = np.moveaxis(case.accelerations.reshape(3, 3, 1), 1, 0)
@@ -59,11 +60,10 @@ def _vectors(case: Case) -> _Vectors:
     spin = np.vstack([link, passive, case.omega])
     spin_rate = np.vstack([link_rate, passive_rate, case.alpha])
     axes = [*frames[:, 1], *frames[:, 2], case.R]
-    bodies = [*p.links, *p.passive_links, p.star]
-    c = np.array([A @ body.center_of_mass for A, body in zip(axes, bodies, strict=True)])
+    c = np.array([A @ body.center_of_mass for A, body in zip(axes, _bodies(case), strict=True)])
     velocity = np.cross(spin, c)
     acceleration = np.cross(spin_rate, c) + np.cross(spin, velocity)
-    return _Vectors(c, spin, velocity, spin_rate, acceleration)
+    return _Vectors(axes, c, spin, velocity, spin_rate, acceleration)
 
 
 #: Rows of K and T that are the paper's seven bodies, in its order.
@@ -84,7 +84,6 @@ def _blocks(case: Case) -> tuple[Array, Array, Array, Array, list[int], list[int
     return np.linalg.inv(t.Phi[:, u]), t.Phi[:, a], Phi_dot[:, a], Phi_dot[:, u], a, u
 
 
-@_worst
 def _arc_normals(case: Case) -> float:
     frames = case.frames()
     cross = np.cross(frames[:, 1, :, 0], case.R[:, 0])
@@ -93,13 +92,11 @@ def _arc_normals(case: Case) -> float:
     return error(frames[:, 2, :, 2], n)
 
 
-@_worst
 def _closures(case: Case) -> float:
     q = case.robot.inverse_kinematics(case.R, BRANCHES)
     return max(float(np.abs(case.robot.residual(x)).max()) for x in q)
 
 
-@_worst
 def _slope_of_residual(case: Case) -> float:
     q, h = case.motion[0], 1e-5
     f = case.robot.residual
@@ -107,13 +104,11 @@ def _slope_of_residual(case: Case) -> float:
     return error(case.robot.Phi(q), slope)
 
 
-@_worst
 def _no_open_rate(case: Case) -> float:
     Phi = case.robot.Phi(case.motion[0])
     return float(np.abs(Phi @ case.rates).max() / np.abs(case.rates).max())
 
 
-@_worst
 def _complement(case: Case) -> float:
     inverse, Phi_a, *_, a, u = _blocks(case)
     L = np.empty((9, 3))
@@ -121,18 +116,15 @@ def _complement(case: Case) -> float:
     return error(case.terms.L, L)
 
 
-@_worst
 def _annihilated(case: Case) -> float:
     Phi = case.robot.Phi(case.motion[0])
     return float(np.abs(Phi @ case.terms.L).max() / np.abs(case.terms.L).max())
 
 
-@_worst
 def _rates(case: Case) -> float:
     return error(case.robot.joint_rates(*case.motion[:2]), case.rates)
 
 
-@_worst
 def _accelerations(case: Case) -> float:
     _, va, aa = case.motion
     inverse, Phi_a, A_dot, U_dot, a, u = _blocks(case)
@@ -143,13 +135,11 @@ def _accelerations(case: Case) -> float:
     return max(error(x, case.accelerations) for x in (printed, ours))
 
 
-@_worst
 def _twists(case: Case) -> float:
     v = _vectors(case)
     return error(_seven(case.terms.T @ case.motion[1]), np.hstack([v.spin, v.velocity]))
 
 
-@_worst
 def _twist_rates(case: Case) -> float:
     _, va, aa = case.motion
     v, t = _vectors(case), case.terms
@@ -158,7 +148,6 @@ def _twist_rates(case: Case) -> float:
     return max(error(_seven(x), wanted) for x in (by_joints, t.T @ aa + t.T_dot @ va))
 
 
-@_worst
 def _complement_of_bodies(case: Case) -> float:
     inverse, Phi_a, A_dot, U_dot, a, u = _blocks(case)
     t, X = case.terms, inverse @ Phi_a
@@ -167,7 +156,6 @@ def _complement_of_bodies(case: Case) -> float:
     return max(error(t.T, T), error(t.T_dot, T_dot))
 
 
-@_worst
 def _orientation(case: Case) -> float:
     ends = case.frames()[:, 3]  # {3k}
     _, alpha_2, alpha_3 = case.parameters.arc_angles
@@ -179,7 +167,6 @@ def _orientation(case: Case) -> float:
     return max(error(found, case.R), *(error(chain, case.R) for chain in chains))
 
 
-@_worst
 def _body_jacobians(case: Case) -> float:
     frames, c = case.frames(), _vectors(case).c
     axes = np.stack([frames[:, 0, :, 2], frames[:, 1, :, 0], frames[:, 2, :, 2]], axis=1)
@@ -192,7 +179,6 @@ def _body_jacobians(case: Case) -> float:
     return error(_seven(case.terms.K), K)
 
 
-@_worst
 def _momenta(case: Case) -> float:
     _, va, aa = case.motion
     t = case.terms
@@ -201,7 +187,6 @@ def _momenta(case: Case) -> float:
     return error(wrench, FIRST @ [n.M @ n.T @ va_t for n, va_t in near])
 
 
-@_worst
 def _inertia_and_weight(case: Case) -> float:
     _, va, aa = case.motion
     t = case.terms
@@ -213,22 +198,18 @@ def _inertia_and_weight(case: Case) -> float:
     return error(case.robot.compute_torques(*case.motion), tau)
 
 
-@_worst
+def _virtual_work(case: Case, *moment: Array) -> Array:
+    return VirtualWork(case.parameters).torques(case.R, case.omega, case.alpha, *moment)
+
+
 def _powers(case: Case) -> float:
     _, va, aa = case.motion
     t = case.terms
-    parts = np.array(
-        [
-            VirtualWork(case.parameters).torques(case.R, case.omega, case.alpha) @ va,
-            -(t.inertia @ aa + t.coriolis @ va) @ va,
-            t.gravity @ va,
-            case.robot.friction_power(*case.motion[:2]),
-        ]
-    )
-    return float(abs(parts.sum()) / np.abs(parts).max())
+    inertia, weight = -(t.inertia @ aa + t.coriolis @ va) @ va, t.gravity @ va
+    parts = [_virtual_work(case) @ va, inertia, weight, case.robot.friction_power(*case.motion[:2])]
+    return float(abs(sum(parts)) / max(map(abs, parts)))
 
 
-@_worst
 def _friction(case: Case) -> float:
     p, va = case.parameters, case.motion[1]
     force = -(p.viscous_friction * case.rates + p.coulomb_friction * np.sign(case.rates))
@@ -239,51 +220,41 @@ def _friction(case: Case) -> float:
     return max(error(x, power) for x in found)
 
 
-@_worst
 def _long_form(case: Case) -> float:
     _, va, aa = case.motion
     t = case.terms
     long = t.inertia @ aa + t.coriolis @ va - t.gravity - t.friction
-    return error(long, VirtualWork(case.parameters).torques(case.R, case.omega, case.alpha))
+    return error(long, _virtual_work(case))
 
 
-@_worst
 def _kinetic_energy(case: Case) -> float:
-    p, v, va = case.parameters, _vectors(case), case.motion[1]
-    frames = case.frames()
-    axes = [*frames[:, 1], *frames[:, 2], case.R]
-    energy = 0.0
-    for i, body in enumerate((*p.links, *p.passive_links, p.star)):
-        spin = axes[i].T @ v.spin[i]
+    v, va, energy = _vectors(case), case.motion[1], 0.0
+    for i, body in enumerate(_bodies(case)):
+        spin = v.axes[i].T @ v.spin[i]
         energy += (body.mass * v.velocity[i] @ v.velocity[i] + spin @ body.inertia @ spin) / 2
     return error(va @ case.terms.inertia @ va / 2, energy)
 
 
-@_worst
 def _passivity(case: Case) -> float:
     slope = np.einsum("t,tij->ij", FIRST, [case.robot.noc(*sample).inertia for sample in case.line])
     skew = slope - 2 * case.terms.coriolis
     return float(np.abs(skew + skew.T).max() / np.abs(slope).max())
 
 
-@_worst
 def _weight(case: Case) -> float:
     still = VirtualWork(case.parameters).torques(case.R, np.zeros(3), np.zeros(3))
     return error(-case.terms.gravity, still)
 
 
-@_worst
 def _inverse_dynamics(case: Case) -> float:
     moment = np.array((3.0, -1, 2))
-    wanted = VirtualWork(case.parameters).torques(case.R, case.omega, case.alpha, moment)
-    return error(case.robot.compute_torques(*case.motion, platform_moment=moment), wanted)
+    found = case.robot.compute_torques(*case.motion, platform_moment=moment)
+    return error(found, _virtual_work(case, moment))
 
 
-@_worst
 def _direct_dynamics(case: Case) -> float:
     q, va, aa = case.motion
-    tau = VirtualWork(case.parameters).torques(case.R, case.omega, case.alpha)
-    return error(case.robot.compute_accelerations(q, va, tau), aa)
+    return error(case.robot.compute_accelerations(q, va, _virtual_work(case)), aa)
 
 
 def _example_1(_: Sequence[Case]) -> float:
@@ -303,8 +274,8 @@ def _example_2(_: Sequence[Case]) -> float:
     return paper.compare(robot, example, paper.example_2(robot, example)).path_error
 
 
-#: The worst residual of each row of the page's table of equations in some cases.
-EQUATIONS: dict[str, Callable[[Sequence[Case]], float]] = {
+#: The residual of each row of the page's table of equations in one case.
+_OF_A_CASE: dict[str, Callable[[Case], float]] = {
     "(1)": _arc_normals,
     "(2), (37)": _closures,
     "(3)": _no_open_rate,
@@ -328,6 +299,10 @@ EQUATIONS: dict[str, Callable[[Sequence[Case]], float]] = {
     "(95)": _weight,
     "Sect. 6.1": _inverse_dynamics,
     "Sect. 6.2": _direct_dynamics,
+}
+#: The worst residual of each row of the page's table of equations in some cases.
+EQUATIONS: dict[str, Callable[[Sequence[Case]], float]] = {
+    **{numbers: partial(_worst, measure) for numbers, measure in _OF_A_CASE.items()},
     "Sect. 7.2": _example_1,
     "Sect. 7.3": _initial_state,
     "Sects. 6.2, 7.3": _example_2,
@@ -339,18 +314,10 @@ def _rubs(case: Case) -> bool:
     return bool(case.parameters.coulomb_friction.any())
 
 
-def _on_the_circle(_: Sequence[Case]) -> Iterator[Forms]:
-    return map(forms.arc_normal, forms.circle(24))
-
-
-def _five_bars(_: Sequence[Case]) -> Iterator[Forms]:
-    return (forms.passive_accelerations(np.random.default_rng(SEED + i)) for i in range(20))
-
-
 #: Errors of both forms of the misprints; the others are words or shapes.
 MISPRINTS: dict[str, Callable[[Sequence[Case]], Iterator[Forms]]] = {
-    "(1)": _on_the_circle,
-    "(7c)": _five_bars,
+    "(1)": lambda _: map(forms.arc_normal, forms.circle(24)),
+    "(7c)": lambda _: map(forms.passive_accelerations, map(np.random.default_rng, FIVE_BARS)),
     "(20)": partial(map, forms.rate_of_joint_rates),
     "(54)": lambda cases: map(forms.center_of_star, filterfalse(_rubs, cases)),
     "(59)-(61)": partial(map, forms.spins_of_passive_links),

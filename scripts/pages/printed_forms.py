@@ -4,24 +4,20 @@
 A form is one side of an equation; its error is relative to the largest entry of what it should be.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import sst_pin
+from sst_pin.arrays import Array
 from sst_pin.chain import dynamics
 from sst_pin.sst import kinematics, paper
 from sst_pin.verification.sampling import random_parameters, random_state
 from sst_pin.verification.virtual_work import VirtualWork
-
-Array = NDArray[np.float64]
 
 #: Central differences of order six over seven samples: what remains is rounding, eps / STEP.
 STEP = 1e-4
@@ -29,14 +25,9 @@ FIRST = np.array((-1, 9, -45, 0, 45, -9, 1)) / (60 * STEP)
 
 
 class Forms(NamedTuple):
-    """Errors of two forms of one equation.
+    """Errors of two forms of one equation."""
 
-    Attributes:
-        printed: Error of the form that the paper prints, under its kindest reading.
-        ours: Error of the form that we take.
-    """
-
-    printed: float
+    printed: float  # in the paper, under its kindest reading
     ours: float
 
 
@@ -47,22 +38,15 @@ def error(form: Array, wanted: Array) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """An SST in a state of motion.
-
-    Attributes:
-        parameters: The SST.
-        R: {E} in the base, shape (3, 3).
-        omega: Angular velocity of the star, base axes, shape (3,), [rad/s].
-        alpha: Its angular acceleration, base axes, shape (3,), [rad/s^2].
-    """
+    """An SST in a state of motion."""
 
     parameters: sst_pin.Parameters
-    R: Array
-    omega: Array
-    alpha: Array
+    R: Array  # {E} in the base, (3, 3)
+    omega: Array  # of the star, base axes, [rad/s]
+    alpha: Array  # [rad/s^2]
 
     @classmethod
-    def random(cls, parameters: sst_pin.Parameters, rng: np.random.Generator) -> Case:
+    def random(cls, parameters: sst_pin.Parameters, rng: np.random.Generator) -> "Case":
         """Some motion of an SST, away from its singularities."""
         return cls(parameters, *random_state(sst_pin.SST(parameters), rng))
 
@@ -83,15 +67,18 @@ class Case:
     @cached_property
     def rates(self) -> Array:
         """q_dot in closed form, without L."""
-        legs = kinematics.legs_of_joints(self.robot.geometry, self.motion[0])
-        return kinematics.joint_rates(legs, self.omega)
+        return kinematics.joint_rates(self._legs, self.omega)
 
     @cached_property
     def accelerations(self) -> Array:
         """q_ddot in closed form, without L."""
-        geometry = self.robot.geometry
-        legs = kinematics.legs_of_joints(geometry, self.motion[0])
-        return kinematics.joint_accelerations(geometry, legs, self.rates, self.alpha)
+        return kinematics.joint_accelerations(
+            self.robot.geometry, self._legs, self.rates, self.alpha
+        )
+
+    @cached_property
+    def _legs(self) -> kinematics.Legs:
+        return kinematics.legs_of_joints(self.robot.geometry, self.motion[0])
 
     @cached_property
     def line(self) -> list[tuple[Array, Array]]:
@@ -127,10 +114,7 @@ class Case:
 def cases(seed: int, states: int, robots: int) -> list[Case]:
     """Random motions of the paper's robot, and one of each of some random robots.
 
-    Args:
-        seed: Seed of all randomness.
-        states: How many motions of the paper's robot.
-        robots: How many random robots: odd geometry, nine bodies, tilted gravity, friction.
+    These have odd geometry, nine bodies, tilted gravity and friction.
     """
     rng = np.random.default_rng(seed)
     found = [Case.random(sst_pin.Parameters(), rng) for _ in range(states)]

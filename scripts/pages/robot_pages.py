@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """A page for each robot of the gallery: alive, its cuts, mobility and exact torques, code."""
 
-from __future__ import annotations
-
 import inspect
 import json
 import re
@@ -10,23 +8,15 @@ from pathlib import Path
 
 import numpy as np
 
+from make_robots_table import reference_torques
 from sst_pin import robots
 from sst_pin.chain.closures import Closure, Coupling, Distance
-from sst_pin.chain.dispatch import Array
 from sst_pin.robots.gallery_robot import GalleryRobot
 from sst_pin.viewer import Viewer
 
 NAMES = tuple(name for name in robots.__all__ if name.islower())
 _WHY = "Each loop is cut once, at a joint without a motor, so that the motors' joints stay in it."
-_KINDS = {
-    "6d": "a weld",
-    "3d": "a ball joint",
-    "hinge": "a hinge",
-    "universal": "a universal joint",
-    "prismatic": "a prismatic joint",
-    "cylindrical": "a cylindrical joint",
-    "planar": "a planar joint",
-}
+_KINDS = {"6d": "a weld", "3d": "a ball joint", "hinge": "a hinge", "orientation": "equal axes"}
 
 
 def write_robot_pages(folder: Path) -> None:
@@ -44,57 +34,47 @@ def page(name: str, chain: GalleryRobot, states: list[dict[str, list[str]]]) -> 
     """The page of a robot in Markdown."""
     title, _, about = inspect.getdoc(getattr(robots, name)).partition("\n")
     about = re.split(r"^(?:Args|Example):$", about, flags=re.MULTILINE)[0].strip()
-    bodies, closures = chain.model.njoints - 1, [_closure(c) for c in chain.closures]
-    cut = [
-        f"The tree has {bodies} bodies. "
-        + ("It has no loops." if not closures else "Its loops are closed by"),
-        "",
-        *(f"- {words}" for words in closures),
-    ]
-    return "\n".join(
-        [
-            f"# {name}",
-            "",
-            title,
-            "",
-            f'<iframe src="{name}_live.html" title="{name}, live" class="live" loading="lazy">'
-            "</iframe>",
-            "",
-            "Drag the robot or the sliders; *Let go* leaves it to its weight. The equations of this"
-            " package run in the page itself.",
-            "",
-            about,
-            "",
-            "## How it is cut",
-            "",
-            *cut,
-            "",
-            *([_WHY, ""] if closures else []),
-            "## Mobility",
-            "",
-            "```text",
-            str(chain.mobility(chain.home)),
-            "```",
-            "",
-            "## Torques",
-            "",
-            *_torques(chain, states[:3]),
-            "",
-            "## Code",
-            "",
-            "```python",
-            "import sst_pin",
-            "",
-            f"chain = sst_pin.robots.{name}()",
-            "n = chain.degrees_of_freedom",
-            "tau = chain.compute_torques(chain.home, [0.0] * n, [1.0] * n)",
-            "```",
-            "",
-            f"All dimensions and masses can be changed: "
-            f"[`sst_pin.robots.{name}`](../reference/robots.md).",
-            "",
-        ]
-    )
+    cuts = "\n".join(f"- {_closure(closure)}" for closure in chain.closures)
+    closed = f"Its loops are closed by\n\n{cuts}\n\n{_WHY}" if cuts else "It has no loops.\n"
+    torques = "\n".join(_torques(chain, states[:3]))
+    return f"""\
+# {name}
+
+{title}
+
+<iframe src="{name}_live.html" title="{name}, live" class="live" loading="lazy"></iframe>
+
+Drag the robot or the sliders; *Let go* leaves it to its weight. The equations of this package run \
+in the page itself.
+
+{about}
+
+## How it is cut
+
+The tree has {chain.model.njoints - 1} bodies. {closed}
+
+## Mobility
+
+```text
+{chain.mobility(chain.home)}
+```
+
+## Torques
+
+{torques}
+
+## Code
+
+```python
+import sst_pin
+
+chain = sst_pin.robots.{name}()
+n = chain.degrees_of_freedom
+tau = chain.compute_torques(chain.home, [0.0] * n, [1.0] * n)
+```
+
+All dimensions and masses can be changed: [`sst_pin.robots.{name}`](../reference/robots.md).
+"""
 
 
 def _closure(closure: Closure | Distance | Coupling) -> str:
@@ -106,7 +86,7 @@ def _closure(closure: Closure | Distance | Coupling) -> str:
         )
     if isinstance(closure, Coupling):
         return f"{closure}: one equation"
-    kind = _KINDS.get(closure.kind, f"a closure `{closure.kind}`")
+    kind = _KINDS.get(closure.kind, f"a {closure.kind} joint")
     count = len(closure.rows)
     return (
         f"{kind} between `{closure.frame_a}` and `{closure.frame_b}`: "
@@ -116,22 +96,14 @@ def _closure(closure: Closure | Distance | Coupling) -> str:
 
 def _torques(chain: GalleryRobot, states: list[dict[str, list[str]]]) -> list[str]:
     """A table of torques next to the reference data, which have 60 digits."""
-    q, v, dv, exact = (
-        np.array([state[key] for state in states], float) for key in ("q", "v", "dv", "torques")
-    )
-    own = [chain.model.joints[chain.model.getJointId(j)].idx_v for j in chain.coordinates]
-    tau: Array = chain.compute_torques(q, v[:, own], dv[:, own])
+    tau, exact = reference_torques(chain, states)
     error = np.abs(tau - exact).max() / np.abs(exact).max()
-    head = [f"`{motor}`" for motor in chain.motor_names]
-    rows = [
-        f"| {k} | " + " | ".join(f"{value:.12g}" for value in row) + " |"
-        for k, row in enumerate(tau, 1)
-    ]
+    table = [["state", *(f"`{motor}`" for motor in chain.motor_names)]]
+    table += [["---"] * len(table[0])]
+    table += [[str(k), *(f"{value:.12g}" for value in row)] for k, row in enumerate(tau, 1)]
     return [
         f"Of the first {len(tau)} states of the [reference data](../reference_data.md), in N m or "
         f"N. The largest difference from the exact torques is {error:.0e} of the largest torque.",
         "",
-        "| state | " + " | ".join(head) + " |",
-        "| --- |" + " --- |" * len(head),
-        *rows,
+        *(f"| {' | '.join(row)} |" for row in table),
     ]

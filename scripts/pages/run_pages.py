@@ -50,19 +50,13 @@ class Block(NamedTuple):
 def blocks(page: str) -> list[Block]:
     """The blocks of a page, in order."""
     return [
-        Block(
-            m["language"], m["title"], m["text"], not m["not_run"], m.start("text"), m.end("text")
-        )
+        Block(m["language"], m["title"], m["text"], not m["not_run"], *m.span("text"))
         for m in _FENCE.finditer(page)
     ]
 
 
 def shell(text: str) -> Iterator[list[str]]:
-    """The `sst-pin` commands of a shell block.
-
-    Raises:
-        ValueError: For a program that is neither ours nor known.
-    """
+    """The `sst-pin` commands of a shell block; a program neither ours nor known is refused."""
     for line in text.replace("\\\n", " ").splitlines():
         for command in re.split(r"&&|(?<!\|)\|(?!\|)", line):
             words = shlex.split(command, comments=True)
@@ -74,11 +68,7 @@ def shell(text: str) -> Iterator[list[str]]:
 
 
 def run(page: str) -> Iterator[tuple[Block, str]]:
-    """What each output block should hold, as the page is run in the current folder.
-
-    Raises:
-        RuntimeError: For a command that fails.
-    """
+    """What each output block should hold, as the page is run in the current folder."""
     from sst_pin.cli import main
 
     session, printed = {"__name__": "__main__"}, ""

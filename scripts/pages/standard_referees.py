@@ -111,18 +111,10 @@ def bricard(t):
 
 
 def _rod(centre, at, P, turns, target_rate, slide):
-    """Rates of a slide along x and of two turns that give the end P of a rod a velocity.
+    """Rate of a slider, velocity of a rod's mass centre, and its angular velocity.
 
-    Args:
-        centre: Mass centre from `at`, base axes.
-        at: Where the rod is held on the slider.
-        P: Its end.
-        turns: The axes of the two turns, base axes.
-        target_rate: Velocity of P.
-        slide: Direction of the slider.
-
-    Returns:
-        Rate of the slider, velocity of the mass centre, angular velocity.
+    The rod is held at `at` on the slider, which slides along `slide`, and turns about two axes; its
+    end P has a given velocity, its mass centre lies at `centre` from `at`.
     """
     columns = [slide, *(np.cross(axis, P - at) for axis in turns)]
     s, a, b = np.linalg.solve(np.stack(columns, axis=1), target_rate)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Draw the pictures of the README and of the pages in docs: all, or those named."""
+"""Draw the pictures of the README, of docs/ and of urdf/: all, or those named."""
 
 import argparse
 import io
@@ -13,16 +13,17 @@ from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from PIL import Image
 
-from sst_pin import SST, Parameters, paper_circle, plots, reach_map
+import browser_pictures
+from sst_pin import PACKAGE_PATH, SST, Parameters, paper_circle, plots, reach_map
 from sst_pin import robots as gallery
 from sst_pin.description.colours import LEG_COLOURS
-from sst_pin.files import write_files
+from sst_pin.files import Writer, write_files
 from sst_pin.sst.paper import PERIOD, example_1
 from sst_pin.sst.workspace import workspace_at, workspace_over_rolls
 from sst_pin.viewer.scene_parts import Mesh
 from sst_pin.viewer.triangles import ellipsoid, tube
 
-FOLDER = Path(__file__).resolve().parents[2] / "docs"
+DOCS = Path(__file__).resolve().parents[2] / "docs"
 
 
 def robot() -> Figure:
@@ -171,33 +172,38 @@ def _mesh(shape: coal.ShapeBase) -> Mesh:
     return square._replace(vertices=square.vertices @ turn.T * (x, y, 1))
 
 
-PICTURES = {
+FIGURES = {
     f.__name__: f
     for f in (robot, summary, workspace, workspace_75, reach, robots, bearings, who_acts)
 }
 
 
-def write_small(figure: Figure) -> Any:
-    """A writer of a PNG of 200 dots an inch and 256 colours: enough for lines and flat areas."""
+def drawn(figure: Figure) -> Image.Image:
+    """A figure in 200 dots an inch."""
+    pixels = io.BytesIO()
+    with plots.style():
+        figure.savefig(pixels, dpi=200)
+    return Image.open(pixels)
 
-    def write(file: Any) -> None:
-        pixels = io.BytesIO()
-        with plots.style():
-            figure.savefig(pixels, dpi=200)
-        image = Image.open(pixels).convert("RGB")
-        image.quantize(256, kmeans=1, dither=Image.Dither.NONE).save(file, "png", optimize=True)
 
-    return write
+def writers(name: str) -> dict[Path, Writer]:
+    """Writers of the files of a picture; a PNG has 256 colours: enough for lines and flat areas."""
+    if name == "motion":
+        return {DOCS / "motion.gif": browser_pictures.circle(181, axes=True).writer("motion.gif")}
+    image = drawn(FIGURES[name]()) if name in FIGURES else browser_pictures.PICTURES[name]()
+    image = image.convert("RGB").quantize(256, kmeans=1, dither=Image.Dither.NONE)
+    path = Path(PACKAGE_PATH, "sst.png") if name == "scene" else DOCS / f"{name}.png"
+    return {path: lambda file: image.save(file, "png", optimize=True)}
 
 
 def main() -> None:
+    names = [*FIGURES, *browser_pictures.PICTURES, "motion"]
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("names", nargs="*", default=list(PICTURES), help=", ".join(PICTURES))
-    names = parser.parse_args().names
-    unknown = set(names) - set(PICTURES)
-    if unknown:
-        parser.error(f"no picture {', '.join(unknown)}; there are: {', '.join(PICTURES)}")
-    write_files({FOLDER / f"{n}.png": write_small(PICTURES[n]()) for n in names}, force=True)
+    parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(names))
+    for name in parser.parse_args().names or names:
+        if name not in names:
+            parser.error(f"no picture {name}; there are: {', '.join(names)}")
+        write_files(writers(name), force=True)
 
 
 if __name__ == "__main__":

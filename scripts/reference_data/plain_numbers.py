@@ -16,25 +16,9 @@ def describe(chain) -> dict:
     model = chain.model
     assert not np.any([model.armature, model.damping, model.friction])
     joints = [_joint(model, i) for i in range(1, model.njoints)]
-    closures = [
-        {
-            "kind": c.kind,
-            "frame_a": _frame(model, c.frame_a),
-            "frame_b": _frame(model, c.frame_b),
-        }
-        for c in chain.closures
-    ]
-    forces = [
-        {
-            "frame_a": _frame(model, f.frame_a),
-            "frame_b": _frame(model, f.frame_b),
-            "stiffness": f.stiffness,
-            "rest_length": f.rest_length,
-            "damping": f.damping,
-            "preload": f.preload,
-        }
-        for f in chain.forces
-    ]
+    numbers = ("stiffness", "rest_length", "damping", "preload")
+    closures = [{"kind": c.kind, **_ends(model, c)} for c in chain.closures]
+    forces = [_ends(model, f) | {x: getattr(f, x) for x in numbers} for f in chain.forces]
     return {
         "gravity": _numbers(model.gravity.linear),
         "joints": joints,
@@ -63,6 +47,10 @@ def _joint(model, i) -> dict:
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = body.inertia
     record["inertia"] = _numbers([xx, yy, zz, xy, xz, yz])
     return record
+
+
+def _ends(model, pair) -> dict:
+    return {end: _frame(model, getattr(pair, end)) for end in ("frame_a", "frame_b")}
 
 
 def _frame(model, name) -> dict:

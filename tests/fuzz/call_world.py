@@ -33,8 +33,6 @@ ODD_PATHS: dict[str, Any] = {
 class World:
     """Made once in each process, in an empty folder."""
 
-    N = 4
-
     @cached_property
     def robot(self):
         """By its compiled kernels, where they are."""
@@ -64,7 +62,7 @@ class World:
     @cached_property
     def star_states(self):
         """R, omega, alpha of four random states."""
-        return random_states(self.robot, np.random.default_rng(0), self.N)
+        return random_states(self.robot, np.random.default_rng(0), 4)
 
     @cached_property
     def states(self):
@@ -104,10 +102,6 @@ class World:
     @cached_property
     def cuts(self):
         return Path(sst_pin.YAML_PATH).read_text(encoding="utf-8")
-
-    def fresh(self, **options):
-        """A robot that a call may spoil."""
-        return sst_pin.SST(**options)
 
     def described(self, urdf=None, cuts=None, name="robot"):
         """A URDF with its cuts in the working folder."""

@@ -476,18 +476,14 @@ def _of_motions(w: World) -> Iterator[Subject]:
     rates = dict.fromkeys(angles, np.ones((3, 2)))
     yield Subject("orientation_motion", sst_pin.orientation_motion, rates)
     for name, chain in (("robot", w.robot), ("reference", w.reference)):
-        yield Subject(
-            f"energy_error of {name}", sst_pin.energy_error, {"chain": chain, "motion": m}
-        )
+        good = {"chain": chain, "motion": m}
+        yield Subject(f"energy_error of {name}", sst_pin.energy_error, good)
 
 
 def _of_parameters(w: World) -> Iterator[Subject]:
     p = sst_pin.Parameters()
-    own = {
-        name: getattr(p, name)
-        for name in inspect.signature(sst_pin.Parameters).parameters
-        if hasattr(p, name)
-    }
+    names = inspect.signature(sst_pin.Parameters).parameters
+    own = {name: getattr(p, name) for name in names if hasattr(p, name)}
     yield Subject("Parameters", sst_pin.Parameters, own)
     body = {"mass": 2.6, "center_of_mass": np.ones(3), "inertia": np.eye(3), "at": np.ones(3)}
     yield Subject("with_payload", p.with_payload, body)
@@ -506,15 +502,8 @@ def _of_pictures(w: World) -> Iterator[Subject]:
     from sst_pin.viewer import Viewer
 
     m, ax = w.motion, Figure().add_subplot(projection="3d")
-    good = {
-        "robot": w.robot,
-        "motion": m,
-        "ax": ax,
-        "q": m.q[0],
-        "figure": ax.figure,
-        "path": "a.png",
-        "tau": m.tau[0],
-    }
+    good = {"robot": w.robot, "motion": m, "q": m.q[0], "tau": m.tau[0]}
+    good |= {"ax": ax, "figure": ax.figure, "path": "a.png"}
     for name in ("motion_page", "robot_pose", "figure_writer", "require_ending"):
         yield Subject(f"plots.{name}", getattr(plots, name), good)
 

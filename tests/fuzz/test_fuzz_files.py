@@ -8,8 +8,8 @@ files each time; `-m slow` takes ten times as many.
 
 import csv
 import io
-import re
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -31,40 +31,25 @@ CLOSE = 1e-7
 CLOSE_IN_DIFFERENCES = 1e-4
 
 #: Attributes of MJCF that change the dynamics.
-MJCF_EXTRA = (
-    ("option", "density", "1000"),
-    ("option", "viscosity", "1"),
-    ("option", "wind", "1 0 0"),
-    ("option", "timestep", "0.1"),
-    ("option", "integrator", "implicit"),
-    ("body", "gravcomp", "1"),
-    ("body", "mocap", "true"),
-    ("body", "quat", "0.5 0.5 0.5 0.5"),
-    ("body", "euler", "0 0 0.3"),
-    ("inertial", "quat", "0.5 0.5 0.5 0.5"),
-    ("inertial", "mass", "5"),
-    ("joint", "armature", "0.5"),
-    ("joint", "ref", "0.3"),
-    ("joint", "springref", "0.3"),
-    ("joint", "stiffness", "2"),
-    ("joint", "damping", "3"),
-    ("joint", "frictionloss", "3"),
-    ("joint", "pos", "0.1 0 0"),
-    ("joint", "type", "slide"),
-    ("joint", "type", "ball"),
-    ("joint", "type", "free"),
-    ("joint", "limited", "true"),
-    ("joint", "actuatorgravcomp", "true"),
-    ("motor", "gear", "2"),
-    ("motor", "jointinparent", "crank"),
-    ("compiler", "angle", "degree"),
-    ("compiler", "boundmass", "5"),
-    ("compiler", "boundinertia", "1"),
-    ("compiler", "settotalmass", "3"),
-    ("compiler", "inertiafromgeom", "true"),
-    ("compiler", "balanceinertia", "true"),
-    ("compiler", "fusestatic", "true"),
-    ("connect", "active", "false"),
+MJCF_EXTRA = tuple(
+    (element, *change.split("="))
+    for element, changes in {
+        "option": "density=1000, viscosity=1, wind=1 0 0, timestep=0.1, integrator=implicit",
+        "body": "gravcomp=1, mocap=true, quat=0.5 0.5 0.5 0.5, euler=0 0 0.3",
+        "inertial": "quat=0.5 0.5 0.5 0.5, mass=5",
+        "joint": (
+            "armature=0.5, ref=0.3, springref=0.3, stiffness=2, damping=3, frictionloss=3, "
+            "pos=0.1 0 0, type=slide, type=ball, type=free, limited=true, "
+            "actuatorgravcomp=true"
+        ),
+        "motor": "gear=2, jointinparent=crank",
+        "compiler": (
+            "angle=degree, boundmass=5, boundinertia=1, settotalmass=3, "
+            "inertiafromgeom=true, balanceinertia=true, fusestatic=true"
+        ),
+        "connect": "active=false",
+    }.items()
+    for change in changes.split(", ")
 )
 
 
@@ -101,16 +86,22 @@ def require_same_torques(chain, expected, close):
     assert np.abs(tau - wanted).max() < close * scale, (tau, wanted)
 
 
+def read_or_refused(read, path, content):
+    """What a reader makes of a file, None where it refuses it."""
+    if isinstance(content, str):
+        content = content.encode(errors="replace")
+    path.write_bytes(content)
+    with suppress(sst_pin.SSTError):
+        return read(path)
+    return None
+
+
 def require_right(folder, urdf, cuts):
     """A description is refused by name, or its torques are those of its own numbers."""
-    path = folder / "robot.urdf"
-    path.write_text(urdf, encoding="utf-8", errors="replace")
-    path.with_suffix(".yaml").write_text(cuts, encoding="utf-8", errors="replace")
-    try:
-        chain = sst_pin.ClosedChain.from_urdf(path)
-    except sst_pin.SSTError:
-        return
-    require_same_torques(chain, lambda *state: plain_reading.torques_of(urdf, cuts, *state), CLOSE)
+    (folder / "robot.yaml").write_text(cuts, encoding="utf-8", errors="replace")
+    if chain := read_or_refused(sst_pin.ClosedChain.from_urdf, folder / "robot.urdf", urdf):
+        judge = partial(plain_reading.torques_of, urdf, cuts)
+        require_same_torques(chain, judge, CLOSE)
 
 
 @fuzzed(60, changed_xml(FOUR_BAR))
@@ -128,30 +119,19 @@ def cuts(folder, text):
 @fuzzed(40, changed_xml(FOUR_BAR_MJCF, MJCF_EXTRA))
 def mjcf(folder, text):
     """An MJCF is refused, or its torques are MuJoCo's own."""
-    path = folder / "robot.xml"
-    path.write_text(text, encoding="utf-8", errors="replace")
-    try:
-        chain = sst_pin.ClosedChain.from_mjcf(path)
-    except sst_pin.SSTError:
-        return
-    require_same_torques(
-        chain, lambda *state: plain_reading.torques_by_mujoco(text, *state), CLOSE_IN_DIFFERENCES
-    )
+    if chain := read_or_refused(sst_pin.ClosedChain.from_mjcf, folder / "robot.xml", text):
+        judge = partial(plain_reading.torques_by_mujoco, text)
+        require_same_torques(chain, judge, CLOSE_IN_DIFFERENCES)
 
 
 @fuzzed(12, changed_xml(FOUR_BAR))
 def validated(folder, text):
     """`validate` comes to an end, and finds an error in what `from_urdf` refuses."""
     path = folder / "robot.urdf"
-    path.write_text(text, encoding="utf-8", errors="replace")
     path.with_suffix(".yaml").write_text(FOUR_BAR_CUTS, encoding="utf-8")
+    chain = read_or_refused(sst_pin.ClosedChain.from_urdf, path, text)
     errors = [p for p in sst_pin.validate(path) if p.severity == "error"]
-    refused = False
-    try:
-        sst_pin.ClosedChain.from_urdf(path)
-    except sst_pin.SSTError:
-        refused = True
-    assert errors or not refused
+    assert errors or chain
 
 
 def rows_of(text):
@@ -167,28 +147,22 @@ def rows_of(text):
 
 ROBOT = sst_pin.SST()
 MOTION = example_1(ROBOT, np.linspace(0, 0.05, 8))
-STAR = "t_s,qw,qx,qy,qz\n" + "\n".join(
-    re.split(r"\n", Path(__file__).parents[2].joinpath("examples/figure_eight.csv").read_text())[
-        1:9
-    ]
-)
+EXAMPLE = Path(__file__).parents[2] / "examples" / "figure_eight.csv"
+STAR = "\n".join(["t_s,qw,qx,qy,qz", *EXAMPLE.read_text().splitlines()[1:9], ""])
 
 
-def text_of(motion):
-    """A motion as CSV."""
+def saved(name):
+    """What the file of the motion holds."""
     file = io.BytesIO()
-    motion.writer("motion.csv")(file)
-    return file.getvalue().decode()
+    MOTION.writer(name)(file)
+    return file.getvalue()
 
 
-@fuzzed(60, changed_csv(text_of(MOTION)))
+@fuzzed(60, changed_csv(saved("motion.csv").decode()))
 def trajectories(folder, text):
     """A motion is read with exactly the numbers of the CSV, or refused."""
-    path = folder / "motion.csv"
-    path.write_text(text, encoding="utf-8")
-    try:
-        motion = sst_pin.Trajectory.load(path)
-    except sst_pin.SSTError:
+    motion = read_or_refused(sst_pin.Trajectory.load, folder / "motion.csv", text)
+    if motion is None:
         return
     table = rows_of(text.removeprefix("\ufeff"))  # a byte order mark
     assert np.array_equal(motion.t, table["t_s"])
@@ -201,14 +175,11 @@ def trajectories(folder, text):
         assert np.array_equal(motion.tau[:, k], table[f"tau_{k + 1}_Nm"])
 
 
-@fuzzed(25, changed_csv(STAR + "\n"))
+@fuzzed(25, changed_csv(STAR))
 def motions_of_the_star(folder, text):
     """Torques are found along the orientations that stand in the CSV, or refused."""
-    path = folder / "star.csv"
-    path.write_text(text, encoding="utf-8")
-    try:
-        motion = read_motion(ROBOT, path)
-    except sst_pin.SSTError:
+    motion = read_or_refused(partial(read_motion, ROBOT), folder / "star.csv", text)
+    if motion is None:
         return
     table = rows_of(text.removeprefix("\ufeff"))  # a byte order mark
     assert np.array_equal(motion.t, table["t_s"])
@@ -233,23 +204,11 @@ def spoilt_bytes(content):
     return exchanged | place.map(lambda i: content[:i])
 
 
-def bytes_of(motion):
-    """A motion as NPZ."""
-    file = io.BytesIO()
-    motion.writer("motion.npz")(file)
-    return file.getvalue()
-
-
-@fuzzed(50, spoilt_bytes(bytes_of(MOTION)))
+@fuzzed(50, spoilt_bytes(saved("motion.npz")))
 def archives(folder, content):
     """An NPZ with a wrong byte gives the motion that was saved, or none."""
-    path = folder / "motion.npz"
-    path.write_bytes(content)
-    try:
-        motion = sst_pin.Trajectory.load(path)
-    except sst_pin.SSTError:
-        return
-    assert motion == MOTION
+    motion = read_or_refused(sst_pin.Trajectory.load, folder / "motion.npz", content)
+    assert motion is None or motion == MOTION
 
 
 @pytest.mark.parametrize("more", [1, pytest.param(10, marks=pytest.mark.slow)])

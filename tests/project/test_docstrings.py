@@ -80,16 +80,8 @@ def drawn(name, chain):
 
 # Most of them take milliseconds; a compiler, other engines and fits take seconds.
 LONG = {
-    "ClosedChain.jax",
-    "ClosedChain.compile",
-    "ClosedChain.from_mjcf",
-    "SST.from_mjcf",
-    "ClosedChain.show",
-    "ClosedChain.rollout",
-    "energy_error",
-    "SimulationError",
-    "SingularityWarning",
-    "time_optimal",
+    *(f"ClosedChain.{name}" for name in ("jax", "compile", "from_mjcf", "show", "rollout")),
+    *("SST.from_mjcf", "energy_error", "SimulationError", "SingularityWarning", "time_optimal"),
     "Trajectory.to_dataframe",
     *(name for name in THINGS if name.startswith("identification.")),
 }

@@ -37,23 +37,11 @@ ROW = {room: i for i, rooms in enumerate(ROWS) for room in rooms}
 FORWARDING = {
     "sst_pin.chain.closed_chain": {
         f"ClosedChain.{name}"
-        for name in [
-            "from_urdf",
-            "from_mjcf",
-            "_of_file",
-            "trajectory",
-            "simulate",
-            "rollout",
-            "check",
-            "_verdicts",
-            "loads",
-            "_moving_load",
-            "show",
-            "_page_functions",
-            "compile",
-            "casadi",
-            "jax",
-        ]
+        for name in (
+            *("from_urdf", "from_mjcf", "_of_file", "trajectory", "simulate", "rollout", "check"),
+            *("_verdicts", "loads", "_moving_load", "show", "_page_functions"),
+            *("compile", "casadi", "jax"),
+        )
     },
 }
 

@@ -152,9 +152,8 @@ def test_bennetts_linkage_moves_where_its_lengths_allow_it_only():
 def test_the_page_of_the_gallery_is_current():
     """Counts to the letter, errors to two orders of magnitude; and its example runs."""
     script = import_module("make_robots_table")
-    page = script.PAGE.read_text(encoding="utf-8")
-    assert not list(script.problems(page))
-    scope = {}
+    assert script.main(["--check"]) == 0
+    page, scope = script.PAGE.read_text(encoding="utf-8"), {}
     exec(page.split("```python")[1].split("```")[0], scope)
     # The struts hold up platform and themselves: the weight of the platform at least.
     assert sum(scope["tau"]) > 20 * 9.81

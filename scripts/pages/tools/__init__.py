@@ -5,16 +5,14 @@ An adapter loads a file of the folder as its users would and answers in its own 
 What a program cannot tell stays None.
 """
 
-from __future__ import annotations
-
+import subprocess
 from importlib import metadata, util
 from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from sst_pin.arrays import Array
 
 #: Pairs of frames that coincide in the closed robot; the first is that of arc 1 of the star.
 CLOSURES = (("closedloop1_A", "closedloop1_B"), ("closedloop2_A", "closedloop2_B"))
@@ -23,32 +21,18 @@ STAR_FRAMES = ("closedloop1_A", "closedloop1_B", "closedloop2_B")
 
 
 class Tool:
-    """One program with the robot loaded.
+    """One program with the robot of a folder loaded."""
 
-    Args:
-        folder: That of the description.
-
-    Attributes:
-        name: What the table calls it.
-        module: What Python imports; empty for a program of its own.
-        distribution: What pip installs.
-        file: Which file of the folder it reads.
-        closing: What closes the loops in its simulation; empty when it has none.
-        step: Step of that simulation when it is of first order, [s].
-        joints: Names of the joints that move, in the order of `q`.
-        mass: Mass of all bodies, [kg].
-        visuals: Number of visual shapes that it holds.
-    """
-
-    name: ClassVar[str]
-    module: ClassVar[str] = ""
-    distribution: ClassVar[str] = ""
-    file: ClassVar[str] = "sst.urdf"
-    closing: ClassVar[str] = ""
-    step: ClassVar[float | None] = None
-    joints: list[str] | None = None
-    mass: float | None = None
-    visuals: int | None = None
+    name: ClassVar[str]  # in the table
+    module: ClassVar[str] = ""  # what Python imports; empty for a program of its own
+    distribution: ClassVar[str] = ""  # what pip installs
+    package: ClassVar[str] = ""  # of Debian, for a program of its own
+    file: ClassVar[str] = "sst.urdf"  # what it reads of the folder
+    closing: ClassVar[str] = ""  # what closes the loops in its simulation, if it has one
+    step: ClassVar[float | None] = None  # of that simulation when it is of first order, [s]
+    joints: list[str] | None = None  # those that move, in the order of `q`
+    mass: float | None = None  # of all bodies, [kg]
+    visuals: int | None = None  # number of visual shapes
 
     def __init__(self, folder: Path) -> None:
         raise NotImplementedError
@@ -64,7 +48,11 @@ class Tool:
     @classmethod
     def version(cls) -> str:
         """The version of the program."""
-        return metadata.version(cls.distribution)
+        if not cls.package:
+            return metadata.version(cls.distribution)
+        query = ["dpkg-query", "-W", "-f=${Version}", cls.package]
+        found = subprocess.run(query, capture_output=True, text=True, check=False).stdout
+        return found.partition("-")[0]
 
     def frame_poses(self, q: Array) -> dict[str, Array] | None:
         """Links in the base at one configuration of the tree, homogeneous (4, 4), by name."""
@@ -75,15 +63,7 @@ class Tool:
         return None
 
     def fall(self, q0: Array, duration: float) -> Array:
-        """Let the closed robot fall from rest, motors free.
-
-        Args:
-            q0: Start, on the closures.
-            duration: [s].
-
-        Returns:
-            `q` at the end.
-        """
+        """`q` after the closed robot has fallen from rest at q0, motors free, for some seconds."""
         raise NotImplementedError
 
 

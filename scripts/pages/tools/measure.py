@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Measure every tool in the same way, against our own robot."""
 
-from __future__ import annotations
-
 import ctypes
 import logging
 import os
@@ -13,7 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from importlib import import_module
 from pathlib import Path
-from typing import NamedTuple, TextIO
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -26,24 +24,14 @@ from .drake_tool import Drake
 from .mujoco_tool import MujocoMjcf, MujocoUrdf
 from .pinocchio_tool import Pinocchio
 from .pybullet_tool import Pybullet
-from .ros_tools import CheckUrdf, Kdl, UrdfParserPy
+from .python_tools import Urchin, UrdfParserPy, Yourdfpy
+from .ros_tools import CheckUrdf, Kdl
 from .three_tool import ThreeUrdfLoader
-from .urchin_tool import Urchin
-from .yourdfpy_tool import Yourdfpy
 
 #: In the order of the table.
 TOOLS: tuple[type[Tool], ...] = (
-    Pinocchio,
-    MujocoUrdf,
-    MujocoMjcf,
-    Drake,
-    Pybullet,
-    Kdl,
-    CheckUrdf,
-    UrdfParserPy,
-    Yourdfpy,
-    Urchin,
-    ThreeUrdfLoader,
+    *(Pinocchio, MujocoUrdf, MujocoMjcf, Drake, Pybullet),
+    *(Kdl, CheckUrdf, UrdfParserPy, Yourdfpy, Urchin, ThreeUrdfLoader),
 )
 #: Random configurations, all joints all the way round.
 CONFIGURATIONS = 100
@@ -52,29 +40,17 @@ FALL = 0.2
 
 
 class Facts(NamedTuple):
-    """What was measured of one tool; None where it has no answer.
+    """What was measured of one tool; None where it has no answer."""
 
-    Attributes:
-        warnings: What it wrote while it loaded.
-        joints: Number of joints that move.
-        mass: Mass of all bodies, [kg].
-        visuals: Number of visual shapes.
-        frames: Number of frames that were compared.
-        pose_error: Largest deviation of an entry of their homogeneous matrices, [1], [m].
-        torque_error: Error of the tree's inverse dynamics, relative to the largest torque.
-        gap: Angle between the arcs of the star at the end of the fall, [rad].
-        fall_error: Angle between its star and ours at the end of the fall, [rad].
-    """
-
-    warnings: list[str]
-    joints: int | None
-    mass: float | None
-    visuals: int | None
-    frames: int | None
-    pose_error: float | None
-    torque_error: float | None
-    gap: float | None
-    fall_error: float | None
+    warnings: list[str]  # what it wrote while it loaded
+    joints: int | None  # number of those that move
+    mass: float | None  # of all bodies, [kg]
+    visuals: int | None  # number of shapes
+    frames: int | None  # number of those that were compared
+    pose_error: float | None  # largest deviation of an entry of their matrices, [1], [m]
+    torque_error: float | None  # of the tree's inverse dynamics, relative to the largest torque
+    gap: float | None  # angle between the arcs of the star at the end of the fall, [rad]
+    fall_error: float | None  # angle between its star and ours at the end of the fall, [rad]
 
 
 def measure(kind: type[Tool], folder: Path = Path(sst_pin.PACKAGE_PATH)) -> Facts:
@@ -99,6 +75,7 @@ def measure(kind: type[Tool], folder: Path = Path(sst_pin.PACKAGE_PATH)) -> Fact
 def written() -> Iterator[list[str]]:
     """Lines on standard output and error meanwhile, those of C++ and of Python's warnings too."""
     lines: list[str] = []
+    c = ctypes.CDLL(None)
     with tempfile.TemporaryFile("w+") as file, warnings.catch_warnings(record=True) as caught:
         for category in (UserWarning, RuntimeWarning):
             warnings.simplefilter("always", category)
@@ -106,14 +83,17 @@ def written() -> Iterator[list[str]]:
         handler.setLevel(logging.WARNING)
         logging.getLogger().addHandler(handler)
         kept = [os.dup(number) for number in (1, 2)]
-        _flush(sys.stdout, sys.stderr)
+        sys.stdout.flush()
+        sys.stderr.flush()
+        c.fflush(None)  # C keeps what goes to a file until it has enough of it
         for number in (1, 2):
             os.dup2(file.fileno(), number)
         try:
             with redirect_stdout(file), redirect_stderr(file):
                 yield lines
         finally:
-            _flush(file)
+            file.flush()
+            c.fflush(None)
             for number, descriptor in enumerate(kept, start=1):
                 os.dup2(descriptor, number)
                 os.close(descriptor)
@@ -123,21 +103,13 @@ def written() -> Iterator[list[str]]:
         lines += [f"{warning.category.__name__}: {warning.message}" for warning in caught]
 
 
-def _flush(*files: TextIO) -> None:
-    """Those of Python, and all of C, which keeps what goes to a file until it has enough of it."""
-    for file in files:
-        file.flush()
-    ctypes.CDLL(None).fflush(None)
-
-
 def _order(robot: sst_pin.SST, tool: Tool) -> list[int]:
     """Where each joint of the tool stands in `q` of the robot."""
     return [robot.joint_names.index(name) for name in tool.joints or ()]
 
 
 def _poses(robot: sst_pin.SST, tool: Tool) -> tuple[int, float] | None:
-    order, worst = _order(robot, tool), 0.0
-    names: set[str] = set()
+    order, worst, names = _order(robot, tool), 0.0, set()
     for q in np.random.default_rng(0).uniform(-np.pi, np.pi, (CONFIGURATIONS, 9)):
         found = tool.frame_poses(q[order])
         if found is None:

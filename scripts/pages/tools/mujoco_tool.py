@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """MuJoCo: the tree from the URDF, the closed robot from the MJCF."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

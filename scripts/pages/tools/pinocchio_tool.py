@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Pinocchio by its own loader and its own constrained dynamics."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -43,17 +41,10 @@ class Pinocchio(Tool):
         model, data = self._model, self._data
         closures = []
         for pair in CLOSURES:
-            first, second = (model.frames[model.getFrameId(name)] for name in pair)
+            frames = (model.frames[model.getFrameId(name)] for name in pair)
+            ends = (part for f in frames for part in (f.parentJoint, f.placement))
             closures.append(
-                pin.RigidConstraintModel(
-                    pin.ContactType.CONTACT_6D,
-                    model,
-                    first.parentJoint,
-                    first.placement,
-                    second.parentJoint,
-                    second.placement,
-                    pin.ReferenceFrame.LOCAL,
-                )
+                pin.RigidConstraintModel(pin.ContactType.CONTACT_6D, model, *ends, pin.LOCAL)
             )
         state = [closure.createData() for closure in closures]
         # Twelve rows of rank six: without regularisation it returns NaN.

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """PyBullet, without its window."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

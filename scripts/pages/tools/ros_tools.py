@@ -1,9 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """What ROS reads a URDF with, as far as Debian and PyPI have it without ROS."""
 
-from __future__ import annotations
-
-import re
 import shutil
 import subprocess
 import sys
@@ -19,6 +16,7 @@ class CheckUrdf(Tool):
     """The C++ parser of RViz and robot_state_publisher; it tells no numbers."""
 
     name = "`check_urdf` (urdfdom)"
+    package = "liburdfdom-tools"
 
     def __init__(self, folder: Path) -> None:
         command = ["check_urdf", str(folder / self.file)]
@@ -31,31 +29,12 @@ class CheckUrdf(Tool):
     def missing(cls) -> str:
         return "" if shutil.which("check_urdf") else "check_urdf (liburdfdom-tools) is not there"
 
-    @classmethod
-    def version(cls) -> str:
-        return _debian_version("liburdfdom-tools")
-
-
-class UrdfParserPy(Tool):
-    """ROS's parser in Python."""
-
-    name = "urdf_parser_py"
-    module = "urdf_parser_py"
-    distribution = "urdf_parser_py"
-
-    def __init__(self, folder: Path) -> None:
-        from urdf_parser_py.urdf import URDF
-
-        robot = URDF.from_xml_file(str(folder / self.file))
-        self.joints = [joint.name for joint in robot.joints if joint.type != "fixed"]
-        self.mass = sum(link.inertial.mass for link in robot.links if link.inertial)
-        self.visuals = sum(len(link.visuals) for link in robot.links)
-
 
 class Kdl(Tool):
     """kdl_parser, with which robot_state_publisher makes its tree, and KDL behind it."""
 
     name = "KDL (kdl_parser)"
+    package = "libkdl-parser-dev"
 
     def __init__(self, folder: Path) -> None:
         self._build = tempfile.TemporaryDirectory()
@@ -83,10 +62,6 @@ class Kdl(Tool):
         there = Path("/usr/include/kdl_parser/kdl_parser.hpp").is_file() and shutil.which("g++")
         return "" if there else "g++ or libkdl-parser-dev is not there"
 
-    @classmethod
-    def version(cls) -> str:
-        return _debian_version("libkdl-parser-dev")
-
     def frame_poses(self, q: Array) -> dict[str, Array]:
         poses, _ = self._ask(q, 0 * q, 0 * q)
         return dict(zip(self._segments, poses, strict=True))
@@ -104,9 +79,3 @@ class Kdl(Tool):
 
     def _answer(self) -> list[str]:
         return self._program.stdout.readline().split()
-
-
-def _debian_version(package: str) -> str:
-    query = ["dpkg-query", "-W", "-f=${Version}", package]
-    found = subprocess.run(query, capture_output=True, text=True, check=False).stdout
-    return re.sub(r"-.*", "", found)

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """urdf-loader of three.js, in a headless browser; the page is web/index.html."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import sys
