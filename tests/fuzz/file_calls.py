@@ -117,13 +117,23 @@ def _paths(w: World) -> Iterator[Call]:
     }
     for reader, read in readers.items():
         for name, path in odd.items():
-            default = path is None and "cuts)" in reader  # the file beside the URDF
-            yield Call(
-                f"{reader}: {name}",
-                lambda r=read, p=path: r(p),
-                (lambda value: True) if default else None,
-            )
+            right = None
+            if path is None and "cuts)" in reader:  # the file beside the URDF
+                right = _is_the_sst
+            elif name == "UTF-16":  # XML may be, and the four-bar is; without a YAML it is a tree
+                right = _is_the_tree
+            yield Call(f"{reader}: {name}", lambda r=read, p=path: r(p), right)
     yield Call("Trajectory.load(/dev/zero)", lambda: sst_pin.Trajectory.load("/dev/zero"))
+
+
+def _is_the_sst(found: ClosedChain | list[str]) -> bool:
+    """Whether the SST was read, or has no errors."""
+    return found == [] or found.degrees_of_freedom == 3
+
+
+def _is_the_tree(found: ClosedChain | list[str]) -> bool:
+    """Whether the four-bar's tree was read, or has no errors."""
+    return found == [] or found.position_names == ("crank", "coupler", "rocker")
 
 
 def _mjcfs(w: World) -> Iterator[Call]:
