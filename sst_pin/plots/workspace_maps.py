@@ -58,9 +58,9 @@ def condition_colourbar(ax: Axes, *, within: bool = True) -> Axes:
     """Colour bar of the condition number, in wide and low axes of its own or else below a map."""
     mappable = mpl.cm.ScalarMappable(**CONDITION)
     beside = {"ax": ax, "pad": 0.02, "shrink": 0.8, "aspect": 25}
-    place: dict[str, Any] = {"cax": ax} if within else beside
-    bar = ax.figure.colorbar(mappable, orientation="horizontal", spacing="uniform", **place)
-    bar.set_ticks(LEVELS, labels=[f"{level:g}" for level in LEVELS])
+    look: dict[str, Any] = {"ticks": LEVELS, "format": "%g", "spacing": "uniform"}
+    look |= {"cax": ax} if within else beside
+    bar = ax.figure.colorbar(mappable, orientation="horizontal", **look)
     bar.set_label("condition number of $A$ (1); hatched: a slider off its arc")
     bar.ax.tick_params(labelsize=7, length=2)
     return bar.ax
