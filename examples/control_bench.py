@@ -216,18 +216,22 @@ def picture(path):
     """Errors of all controllers on both machines."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(9, 4), layout="constrained")
-    for axes, name in zip(figure.subplots(1, 2, sharey=True), ("SST", "delta"), strict=True):
-        motion, each, machine = bench(name)
-        for called, controller in each.items():
-            errors, _ = run(motion, controller, machine)
-            t = PERIOD * np.arange(1, len(errors) + 1)
-            axes.semilogy(t, 1e3 * np.abs(errors).max(axis=1).clip(1e-5), label=called, lw=0.8)
-        axes.axvspan(PUSH_AT, PUSH_AT + PUSH_FOR, color="0.8")
-        axes.set(title=name, xlabel="time [s]", ylim=(1e-2, 1e2))
-    figure.axes[0].set_ylabel("largest error of a motor [mrad]")
-    figure.axes[0].legend(loc="lower right")
-    figure.savefig(path, dpi=150)
+    from sst_pin import plots
+
+    with plots.style():
+        figure = Figure(figsize=(7.2, 3.6), layout="constrained")
+        for axes, name in zip(figure.subplots(1, 2, sharey=True), ("SST", "delta"), strict=True):
+            motion, each, machine = bench(name)
+            for called, controller in each.items():
+                errors, _ = run(motion, controller, machine)
+                t = PERIOD * np.arange(1, len(errors) + 1)
+                axes.semilogy(t, 1e3 * np.abs(errors).max(axis=1).clip(1e-5), label=called)
+            axes.axvspan(PUSH_AT, PUSH_AT + PUSH_FOR, color="0.8")
+            axes.set(title=name, xlabel="time (s)", ylim=(1e-2, 1e2))
+        figure.axes[0].set_ylabel("largest error of a motor (mrad)")
+        handles, names = axes.get_legend_handles_labels()
+        figure.legend(handles, names, loc="outside lower center", ncols=4)
+        figure.savefig(path, dpi=200)
 
 
 if __name__ == "__main__":
