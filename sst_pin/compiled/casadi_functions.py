@@ -180,7 +180,7 @@ class CasadiFunctions:
             return state_rate(x[: self.nq], x[self.nq :], *rest.values())
 
         x, dt = ca.vertcat(*given.values()), MX.sym("dt")
-        x, _ = runge_kutta_step(rate, x, dt)
+        x = runge_kutta_step(rate, x, dt)
         given |= {"tau": rest.pop("tau"), "dt": dt} | rest
         results = [closed(x[: self.nq]), x[self.nq :]]
         names = list(given), ["q_next", "va_next"]
