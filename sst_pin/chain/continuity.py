@@ -12,18 +12,20 @@ do: it keeps its sign where two blocks become singular at once.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from ..arrays import Array, Indices
+from ..errors import SSTError
 from .loops import Loops, connected
 from .mechanism import Mechanism
 
-#: From a configuration at one fraction of a step to that at a later fraction; None where the loops
-#: cannot be closed.
-Way = Callable[[Array, float, float], Array | None]
+#: From a configuration at one fraction of a step to that at a later fraction; an SSTError where
+#: there is none.
+Way = Callable[[Array, float, float], Array]
 
 #: Largest |Phi_a^+ (Phi_b - Phi_a)| of two configurations that count as neighbours.
 CHANGE = 0.5
@@ -107,7 +109,9 @@ class Continuity:
         """
         q, low, high = start, 0.0, first
         while low < 1 and high - low >= _SHORTEST:
-            found = way(q, low, high)
+            found: Array | None = None
+            with suppress(SSTError):
+                found = way(q, low, high)
             if found is not None and self._near(q, found, limit):
                 q, low, high = found, high, min(1.0, high + 2 * (high - low))
             else:

@@ -19,7 +19,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..arrays import Array, Flags, Indices, finite_array
-from ..errors import ActuationError, InputError, SSTError
+from ..errors import ActuationError, ClosureError, InputError, SSTError
 from . import dynamics, reactions, regressor
 from .backend import Key, Motions, NoKernel
 from .continuity import Continuity, Way
@@ -227,6 +227,25 @@ class Reference:
     def rates(self, q: Array, va: Array) -> Array:
         """v = L va, shape (nv,), Eq. (16)."""
         return self._L(q).dot(va)  # Eq. (16)
+
+    def moved(self, q: Array, step: Array) -> Array:
+        """The configuration where the coordinates are a step further, in the same assembly mode."""
+        model, dependent = self.mechanism.model, self.mechanism.dependent
+        assembly = self.memory.assembly
+
+        def way(q: Array, low: float, high: float) -> Array:
+            ahead = pin.integrate(model, q, self.rates(q, (high - low) * step))
+            return assembly.assemble(ahead, dependent)
+
+        if not step.any():
+            return q
+        reached, found = self.memory.continuity.follow(q, way, MAX_CONDITION_NUMBER)
+        if reached < 1:
+            problem = (
+                "the loops cannot be closed further along the motion: out of reach, or singular"
+            )
+            raise ClosureError(problem, 0.0)
+        return found
 
     def _L(self, q: Array) -> Array:
         """L where the loops are closed, shape (nv, n), Eq. (17)."""
@@ -457,21 +476,13 @@ class ReferenceStates:
 
     def _continues(self, before: Array, after: Array) -> bool:
         """Whether one state of a rollout leads to the next."""
+        model = self._mechanism.model
+        ahead = pin.difference(model, before, after)
 
-        def way(q: Array, low: float, high: float) -> Array | None:
-            if high == 1:
-                return after
-            try:
-                return self.closed(self._between(before, after, high))
-            except SSTError:
-                return None
+        def way(q: Array, low: float, high: float) -> Array:
+            return after if high == 1 else self.closed(pin.integrate(model, before, high * ahead))
 
         return self.follow(before, way, MAX_CONDITION_NUMBER)[0] == 1
-
-    def _between(self, before: Array, after: Array, fraction: float) -> Array:
-        """A configuration on the way between two others, its loops almost closed."""
-        model = self._mechanism.model
-        return pin.integrate(model, before, fraction * pin.difference(model, before, after))
 
     def rollout(self, motions: Motions, threads: int) -> Indices:
         """The classical Runge-Kutta method with fixed steps, one motion after the other.

@@ -306,12 +306,8 @@ class Run:
         states, start, length = self._motion.states, solver.t_old, solver.t - solver.t_old
         course = cache(solver.dense_output)
 
-        def way(q: Array, low: float, high: float) -> Array | None:
-            try:
-                state = solver.y if high == 1 else course()(start + high * length)
-                return states.closed(state)
-            except SSTError:
-                return None
+        def way(q: Array, low: float, high: float) -> Array:
+            return states.closed(solver.y if high == 1 else course()(start + high * length))
 
         return states.follow(before, way, self._limit, self._turn(solver.y))
 

@@ -13,9 +13,10 @@ import pinocchio as pin
 from ..arrays import Array
 from ..chain.closed_chain import ClosedChain
 from ..chain.named_positions import angles_and_lengths
+from ..chain.starts import placed
 from ..errors import ClosureError, FileFormatError, InputError
 from ..files import Table, read_table
-from .coordinate_motions import coordinate_motion, start_configuration
+from .coordinate_motions import coordinate_motion
 from .motion_columns import RATE, position_columns, rate_columns
 from .moving_robot import require_motion
 from .trajectories import Trajectory
@@ -221,7 +222,7 @@ def read_start(
         raise FileFormatError(
             table.path, f"no {', '.join(missing)} for the initial positions; give --q0 {wanted}"
         )
-    return start_configuration(chain, given), va
+    return placed(chain, given), va
 
 
 def _motion_of(chain: ClosedChain, table: Table, *, keep_torques: bool) -> Trajectory:
@@ -254,7 +255,7 @@ def _coordinates(chain: ClosedChain, table: Table) -> tuple[Array, Array]:
     if len(table.lines) < 3:
         raise FileFormatError(table.path, f"{len(table.lines)} rows; rates need at least three")
     x = np.column_stack([found[name] for name in chain.coordinates])
-    return x, start_configuration(chain, {name: float(c[0]) for name, c in found.items()})
+    return x, placed(chain, {name: float(c[0]) for name, c in found.items()})
 
 
 def _wanted(chain: ClosedChain, table: Table) -> str:

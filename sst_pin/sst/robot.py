@@ -443,9 +443,6 @@ class SST(ClosedChain):
         """
         return star_appearance.appearance_of(self.geometry, self.star_radius)
 
-    def _start_pose(self) -> Array:
-        return self.home
-
     def _motion_in(self, table: Table) -> tuple[Array, Array, Array]:
         return star_motions.motion_in(self, table)
 

@@ -9,9 +9,9 @@ import pinocchio as pin
 from ..arrays import Array
 from ..chain.appearance import drawn_frame
 from ..chain.closed_chain import ClosedChain
+from ..chain.starts import start_of
 from ..description.colours import HUES
 from ..errors import InputError
-from ..motion.coordinate_motions import start_of
 from .bodies import body_shapes
 from .joints import arrows_of, axes_of, pulls_of
 from .names import names_of

@@ -270,7 +270,7 @@ def test_energy_is_kept_at_any_tolerance_next_to_flat_positions(bars):
 
 @pytest.mark.parametrize("bars", NEARLY_FLAT[1:])
 def test_a_rollout_ends_before_a_bend_for_which_its_step_is_too_long(bars):
-    """In its own coordinates, too: energy is kept, and kernels end where the reference path does."""
+    """Energy is kept in its own coordinates too; kernels end where the reference path does."""
     chain, kernels = nearly_flat(*bars), nearly_flat(*bars)
     start = chain.assemble(chain.home)
     kernels.compile(start)
@@ -283,3 +283,65 @@ def test_a_rollout_ends_before_a_bend_for_which_its_step_is_too_long(bars):
                 energy = chain.kinetic_energy(q[: found[-1]], va[: found[-1]])
                 assert np.ptp(energy) < 0.3 * energy[0]
             assert found[0] == found[1]
+
+
+def bars_over(crank_angle, crank, coupler, rocker, ground):
+    """Absolute angles of the bars of a four-bar whose coupler is above the diagonal."""
+    end = crank * np.array([np.cos(crank_angle), np.sin(crank_angle)])
+    diagonal = np.array([ground, 0]) - end
+    size = np.hypot(*diagonal)
+    along_it = (size**2 + coupler**2 - rocker**2) / (2 * size)
+    across = np.sqrt(coupler**2 - along_it**2)
+    u = diagonal / size
+    joint = end + along_it * u + across * np.array([-u[1], u[0]])
+    return np.array(
+        [crank_angle, np.arctan2(*(joint - end)[::-1]), np.arctan2(*(joint - [ground, 0])[::-1])]
+    )
+
+
+@pytest.mark.parametrize("first", [0.8, 1.6, 2.4, 3.3, 4.2, -1.5])
+def test_a_motion_starts_in_the_mode_of_home_however_far_its_first_sample_is(first):
+    """The crank turns fully, so that home's mode reaches every sample; no jump, no warning."""
+    sizes = {"crank": 0.2, "coupler": 0.45, "rocker": 0.4, "ground": 0.5}
+    bars = {
+        "crank": ("", 0.0, sizes["crank"], 1.0),
+        "coupler": ("crank", sizes["crank"], sizes["coupler"], 1.0),
+        "rocker": ("", sizes["ground"], sizes["rocker"], 1.0),
+    }
+    chain = linkage(None, bars, [("coupler", "rocker")], "crank")
+
+    def true(x):
+        crank, coupler, rocker = bars_over(x, **sizes)
+        return np.array([crank, coupler - crank, rocker])
+
+    model = chain.model
+    model.referenceConfigurations["home"] = true(0.8)
+    chain = sst_pin.ClosedChain(model, chain.closures, ["crank"])
+    t = np.linspace(0, 0.5, 11)
+    x = first + 0.3 * np.sin(t)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        motion = sst_pin.coordinate_motion(chain, t, x[:, None])
+        named = chain.assemble({"crank": first})
+    expected = np.array([true(each) for each in x])
+    assert np.abs(np.exp(1j * motion.q) - np.exp(1j * expected)).max() < 1e-9
+    assert np.abs(np.exp(1j * named) - np.exp(1j * true(first))).max() < 1e-9
+
+
+def test_positions_that_the_mode_of_home_does_not_reach_are_told():
+    """The rocker moves the crank: both of its modes meet where crank and coupler are in line."""
+    chain = nearly_flat(0.2, 0.5, 0.4, 0.301)
+    chain = sst_pin.ClosedChain(chain.model, chain.closures, ["crank"], coordinates=["rocker"])
+    rocker, coupler = (chain.position_names.index(name) for name in ("rocker", "coupler"))
+    side, reached = np.sign(np.sin(chain.home[coupler])), 0
+    for angle in np.linspace(-np.pi, np.pi, 25)[:-1]:
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            try:
+                q = chain.assemble({"rocker": angle})
+            except sst_pin.ClosureError:
+                continue
+        assert abs(np.sin((q[rocker] - angle) / 2)) < 1e-9
+        assert told or np.sign(np.sin(q[coupler])) == side
+        reached += not told
+    assert reached
