@@ -38,6 +38,7 @@ from .description.parameters import RigidBody as RigidBody
 from .errors import ActuationError as ActuationError
 from .errors import AssignmentError as AssignmentError
 from .errors import ClosureError as ClosureError
+from .errors import CompilationError as CompilationError
 from .errors import DescriptionError as DescriptionError
 from .errors import DescriptionWarning as DescriptionWarning
 from .errors import FileFormatError as FileFormatError

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence, Set
 from typing import TypeVar
 
 import numpy as np
@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 _FLOAT64 = np.dtype(np.float64)
+T = TypeVar("T")
 
 
 def as_array(name: str, value: ArrayLike | None, core: tuple[int, ...]) -> Array:
@@ -93,8 +94,10 @@ def for_each_sample(
     batch, flat = flattened(arrays, core_axes)
     _require_fitting(out, batch + result)
     n = math.prod(batch)
-    into_out = out is not None and out.flags.carray and not _overlapping(out, flat)
-    results = out.reshape(n, *result) if out is not None and into_out else empty((n, *result))
+    plain = None if out is None else np.asarray(out)  # no matrix, no memory map
+    if plain is not None and (not plain.flags.carray or _overlapping(plain, flat)):
+        plain = None
+    results = empty((n, *result)) if plain is None else plain.reshape(n, *result)
     left: Iterable[int] = range(n)
     if fast is not None:
         left = map(int, fast(flat, results.reshape(n, math.prod(result))))
@@ -112,7 +115,7 @@ def for_each_sample(
     shaped = results.reshape(batch + result)
     if out is None:
         return shaped
-    if not into_out:
+    if plain is None:
         out[...] = shaped
     return out
 
@@ -135,8 +138,17 @@ def empty(shape: tuple[int, ...]) -> Array:
         raise InputError("batch", f"results of shape {shape} do not fit into memory") from None
 
 
-def names(name: str, value: Sequence[str]) -> tuple[str, ...]:
-    """A sequence of names; refuses a single word and all else."""
+def in_order(name: str, value: Iterable[T], of: str = "names") -> tuple[T, ...]:
+    """A sequence, read once; refuses a word, and sets and mappings, whose order does not count."""
+    if isinstance(value, (str, Mapping, Set)) or not isinstance(value, Iterable):
+        raise InputError(name, f"{value!r}: a sequence of {of} is needed, such as a list")
+    return tuple(value)
+
+
+def names(name: str, value: Iterable[str]) -> tuple[str, ...]:
+    """Names; refuses a single word, values beside names, and all else."""
+    if isinstance(value, Mapping):
+        raise InputError(name, f"{value!r}: a sequence of names is needed; it takes no values")
     if isinstance(value, str) or not isinstance(value, Iterable):
         raise InputError(name, f"{value!r}: a sequence of names is needed")
     found = tuple(value)

@@ -313,7 +313,14 @@ class MissingExtraError(SSTError, ImportError):
 
 
 class CompilationError(SSTError):
-    """Kernels cannot be compiled or loaded."""
+    """Kernels cannot be compiled or loaded.
+
+    Example:
+        >>> raise sst_pin.CompilationError("no C compiler found; install one ...")
+        Traceback (most recent call last):
+            ...
+        sst_pin.errors.CompilationError: no C compiler found; install one ...
+    """
 
 
 class BrowserError(SSTError):

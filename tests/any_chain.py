@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import pinocchio as pin
 
-from sst_pin import ClosedChain, ClosureError
+from sst_pin import ClosedChain, ClosureError, LineForce, robots
 from sst_pin.chain.closures import Closure, Constraint, Coupling, Distance, Rolling
 
 AXIS = np.array([2.0, -1.0, 2.0]) / 3
@@ -203,6 +203,22 @@ def cart() -> ClosedChain:
     rest = pin.integrate(model, pin.neutral(model), np.linspace(-1, 1, model.nv))
     motors = ["left", "right", "ball", "finger"]
     return ClosedChain(model, closures, motors, stiffness=stiffness, spring_reference=rest)
+
+
+GAS = LineForce("wall", "platform", name="gas", stiffness=60, rest_length=0.4, damping=5)
+SPRING = LineForce("rocker_pin", "wall", stiffness=300, rest_length=0.1, preload=-9)
+#: Of a four-bar, two of them on one degree of freedom.
+ON_LINES = ["gas", {"rocker": 0.3, SPRING.name: 2.0}]
+
+
+def lines(
+    where: Sequence[float] = (-0.3, 0.1, 0.3), forces: Sequence[LineForce] = (GAS, SPRING)
+) -> ClosedChain:
+    """A four-bar with lines from a point on the wall, one of them a motor."""
+    bars, place = robots.four_bar(), pin.SE3(np.eye(3), np.array(where))
+    model = pin.Model(bars.model)
+    model.addFrame(pin.Frame("wall", 0, place, pin.FrameType.OP_FRAME))
+    return ClosedChain(model, bars.closures, ON_LINES, forces=forces)
 
 
 def states(chain: ClosedChain, count: int, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

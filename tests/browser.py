@@ -1,20 +1,26 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""A real Chromium for the tests of pages."""
+"""Pages in a real Chromium, which is the fixture `chromium`."""
 
+import io
 from contextlib import contextmanager
 
+import numpy as np
 import pytest
+from PIL import Image
 
 from sst_pin.errors import BrowserError
 from sst_pin.viewer import pictures
 
+#: What the lack of a browser is called, "" where there is one.
+MISSING = ""
 try:
-    _MISSING = not pictures.find_browser()
+    pictures.find_browser()
 except BrowserError as error:
-    _MISSING = str(error)
+    MISSING = str(error)
 
-needs_browser = pytest.mark.skipif(bool(_MISSING), reason=str(_MISSING))
-
+needs_browser = pytest.mark.skipif(bool(MISSING), reason=MISSING)
+#: Windows, width and height in [px].
+PHONE, TABLET, DESK, LYING = (390, 844), (820, 1180), (1440, 900), (844, 390)
 
 #: Least and largest coordinate of all vertices that are seen, in the picture's own -1 to 1.
 EXTENT = """([view, share]) => {
@@ -74,8 +80,33 @@ def visit(chromium, url, width=1280, height=720):
     page.close()
 
 
-@pytest.fixture(scope="module")
-def chromium():
-    """Started once for a module."""
-    with pictures.browser() as browser:
-        yield browser
+@contextmanager
+def opened(chromium, viewer, path, size, **options):
+    """The page as a file, standing still, in a window; a narrow one is for fingers."""
+    touch = size[0] < 1000
+    context = chromium.new_context(
+        viewport=dict(zip(("width", "height"), size, strict=True)),
+        has_touch=touch,
+        is_mobile=touch,
+        **{"reduced_motion": "reduce"} | options,
+    )
+    path.write_text(viewer.html, encoding="utf-8")
+    page = context.new_page()
+    found = Visit(page)
+    page.goto(path.as_uri())
+    page.evaluate(COARSE)
+    yield page
+    assert found.errors == []
+    assert found.requests_elsewhere(path.as_uri()) == []
+    context.close()
+
+
+def pixels(png):
+    """Colours of a picture, shape (height, width, 3)."""
+    return np.asarray(Image.open(io.BytesIO(png)).convert("RGB"), dtype=int)
+
+
+def with_slow(first, **others):
+    """Cases of a test: one for the quick run, then names with values that take longer."""
+    slow = [(name, value) for name, values in others.items() for value in values]
+    return [first, *(pytest.param(*case, marks=pytest.mark.slow) for case in slow)]

@@ -35,6 +35,18 @@ def cache_of_the_run(tmp_path_factory):
         yield folder / "cache"
 
 
+@pytest.fixture(scope="module")
+def chromium():
+    """A Chromium, started once for a module; without one its tests are skipped."""
+    from browser import MISSING
+    from sst_pin.viewer import pictures
+
+    if MISSING:
+        pytest.skip(MISSING)
+    with pictures.browser() as browser:
+        yield browser
+
+
 @pytest.fixture
 def here(tmp_path, monkeypatch):
     """An empty folder, the working directory."""

@@ -169,6 +169,14 @@ def floating_four_bar(**options):
     return case(*carried_four_bar(pin.JointModelFreeFlyer()), **options)
 
 
+def with_lines(motors, **options):
+    """A four-bar with two lines, one of them a motor, and another motor that pulls both ways."""
+    robot = any_chain.lines()
+    options = {"forces": robot.forces} | options
+    made = any_chain.ON_LINES[:motors]
+    return case(robot.model, robot.closures, made, robots.four_bar().home, **options)
+
+
 def mimicking(**options):
     robot = any_chain.mimicking("hinge")
     return case(robot.model, robot.closures, ["body"], **options)
@@ -180,6 +188,8 @@ CASES = {
     "floating four-bar": (floating_four_bar,),
     "geared": (geared,),
     "mimicking": (mimicking,),
+    "a motor on a line": (with_lines, 1),
+    "two motors on lines": (with_lines, 2),
 }
 
 

@@ -5,11 +5,13 @@ import os
 import shutil
 import subprocess
 import sys
+import sysconfig
 from pathlib import Path
 
 import pytest
 
 import sst_pin
+from sst_pin import extensions
 
 PACKAGE = Path(sst_pin.__file__).parent
 #: Two robots, where no other clone is on the path.
@@ -23,9 +25,9 @@ print(sst_pin.SST().path)
 """
 
 
-@pytest.mark.parametrize("installed", [True, False])
+@pytest.mark.parametrize("installed", ["compiled", "not compiled", ""])
 def test_a_clone_without_extensions_tells_of_the_installation_that_it_hides(tmp_path, installed):
-    """By a warning, once, and by the path, with what to do; alone it asks for a compiler."""
+    """By a warning, once, and by the path, with what helps; else it asks for a compiler."""
     clone, site = tmp_path / "clone", tmp_path / "site"
     shutil.copytree(
         PACKAGE, clone / "sst_pin", ignore=shutil.ignore_patterns("*.so", "__pycache__")
@@ -33,8 +35,10 @@ def test_a_clone_without_extensions_tells_of_the_installation_that_it_hides(tmp_
     (clone / "setup.py").touch()
     (clone / "urdf").symlink_to(Path(sst_pin.URDF_PATH).parent)
     if installed:
-        (site / "sst_pin").mkdir(parents=True)
+        (site / "sst_pin" / "compiled").mkdir(parents=True)
         (site / "sst_pin" / "__init__.py").touch()
+        if installed == "compiled":
+            (site / "sst_pin" / "compiled" / "_binding.so").touch()
         (site / "sst_pin-0.dist-info").mkdir()
         (site / "sst_pin-0.dist-info" / "METADATA").write_text("Name: sst-pin\nVersion: 0\n")
     command = [sys.executable, "-c", CODE]
@@ -48,6 +52,16 @@ def test_a_clone_without_extensions_tells_of_the_installation_that_it_hides(tmp_
     assert path.startswith("the reference path: ")
     hides = f"imports sst_pin from {clone / 'sst_pin'}, where it is not compiled"
     cure = "start Python in another folder, or pip install -e ."
-    assert (hides in path and str(site) in path and path.endswith(cure)) == installed
-    assert result.stderr.count(f"RuntimeWarning: Python {hides}") == installed
-    assert ("install sst-pin with a C compiler" in path) != installed
+    assert (hides in path and str(site) in path) == bool(installed)
+    assert result.stderr.count(f"RuntimeWarning: Python {hides}") == bool(installed)
+    assert path.endswith(cure) == (installed == "compiled")
+    assert ("install sst-pin with a C compiler" in path) == (installed != "compiled")
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_the_headers_of_python_are_asked_for_where_they_are_not(tmp_path, monkeypatch, there):
+    if there:
+        (tmp_path / "Python.h").touch()
+    monkeypatch.setattr(sysconfig, "get_path", lambda _: str(tmp_path))
+    monkeypatch.setattr("importlib.metadata.distributions", lambda **_: ())
+    assert ("python3-dev" in extensions.missing.__wrapped__()) != there

@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from sst_pin import plots
+from sst_pin.description.colours import LEG_COLOURS
 
 #: [median, minimum] in seconds, by name.
 Times = dict[str, list[float]]
@@ -36,7 +37,7 @@ SHORT = (0, 1, 3, 6, 9)
 
 _TABLE = re.compile(r"(<!-- table: benchmark(, short|, robots)? -->\n).*?(<!-- end -->)", re.DOTALL)
 _MARKERS = "osD^v"
-_COLOURS = (*plots.COLOURS, "#CC79A7", "#7F7F7F")
+_COLOURS = (*LEG_COLOURS, "#CC79A7", "#7F7F7F")
 
 
 def spoken(seconds: float) -> str:

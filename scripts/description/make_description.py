@@ -12,7 +12,7 @@ import numpy as np
 from sst_pin import Parameters
 from sst_pin.description import description_writers
 from sst_pin.files import write_files
-from sst_pin.sst.configurations import configurations_of
+from sst_pin.sst.robot_wrapper import configurations_of
 
 FOLDER = Path(__file__).resolve().parents[2] / "urdf"
 #: The last bits of a sine are the machine's own, and STL has seven digits.

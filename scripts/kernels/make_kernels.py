@@ -12,8 +12,8 @@ from pathlib import Path
 
 import sst_pin
 from sst_pin.compiled import c_code, kernels
-from sst_pin.compiled.compiled_backend import sample_configurations
 from sst_pin.compiled.equations import Equations
+from sst_pin.compiled.generator_inputs import sample_configurations
 from sst_pin.compiled.page_code import choices, page_code
 from sst_pin.sst.kernels import AT_FIRST_USE, ENTRIES, FOLDER, PAGE, open_numbers, source_file
 

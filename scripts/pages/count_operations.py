@@ -96,17 +96,17 @@ def torques_checked(e: Equations) -> ca.SX:
     return ca.vertcat(kernel.output, kernel.checks)
 
 
-def accelerations_short(e: Equations, tau: ca.SX) -> ca.SX:
+def accelerations_short(e: Equations) -> ca.SX:
     """Eq. (92) solved, the terms without the accelerations from one recursion."""
-    return e.accelerations(tau)[0]
+    return e.accelerations[0]
 
 
-def accelerations_long(e: Equations, tau: ca.SX) -> ca.SX:
+def accelerations_long(e: Equations) -> ca.SX:
     """Eq. (92) solved, every term by itself."""
-    return solve_symmetric(e.inertia, e.project(e.motor_forces(tau)) - _bias(e))[0]
+    return solve_symmetric(e.inertia, e.project(e.motor_forces(e.tau)) - _bias(e))[0]
 
 
-def accelerations_multipliers(e: Equations, tau: ca.SX) -> ca.SX:
+def accelerations_multipliers(e: Equations) -> ca.SX:
     """Accelerations of all joints together with the Lagrange multipliers of the closures."""
     nv, rows = e.mechanism.model.nv, list(_independent(e))
     system: list[dict[int, Any]] = [{} for _ in range(nv + len(rows))]
@@ -123,7 +123,7 @@ def accelerations_multipliers(e: Equations, tau: ca.SX) -> ca.SX:
     values = np.zeros((len(e.at_samples(symbols)), *pattern.shape))
     values[:, where[0], where[1]] = e.at_samples(symbols)[..., 0]
     order, _ = pivot_order(pattern, values)
-    forces = add(e.motor_forces(tau), {i: -x for i, x in e.forces({}).items()})
+    forces = add(e.motor_forces(e.tau), {i: -x for i, x in e.forces({}).items()})
     right = forces | {k: drift for k, (_, drift) in enumerate(rows, start=nv) if drift is not None}
     solution = Factors(system, order).solve(right)
     return ca.vertcat(*(ca.SX(solution[int(i)]) for i in e.mechanism.coordinates))
@@ -153,7 +153,7 @@ INVERSE: dict[str, Callable[[Equations], ca.SX]] = {
     SHORT: torques_short,
     CHECKED: torques_checked,
 }
-DIRECT: dict[str, Callable[[Equations, ca.SX], ca.SX]] = {
+DIRECT: dict[str, Callable[[Equations], ca.SX]] = {
     LONG: accelerations_long,
     MULTIPLIERS: accelerations_multipliers,
     SHORT: accelerations_short,
@@ -182,11 +182,8 @@ class Count(NamedTuple):
 
 def count(e: Equations, problem: str, name: str) -> Count:
     """Count one method for one robot."""
-    if problem == "inverse":
-        last, output = e.aa, INVERSE[name](e)
-    else:
-        last = ca.SX.sym("tau", e.mechanism.motors.shape[1])
-        output = DIRECT[name](e, last)
+    inverse = problem == "inverse"
+    last, output = e.aa if inverse else e.tau, (INVERSE if inverse else DIRECT)[name](e)
     function = ca.Function("count", [e.q, e.va, last, e.p], [ca.densify(output)], {"cse": True})
     return Count(operations(function), function)
 

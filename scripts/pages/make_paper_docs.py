@@ -265,7 +265,7 @@ def _write(figure: object, stem: str) -> None:
     from sst_pin import plots
 
     name = f"{stem}.png"
-    writer = plots.figure_writers(figure, stem)[name]  # type: ignore[arg-type]
+    writer = plots.figure_writer(figure, name)  # type: ignore[arg-type]
     write_files({ROOT / "docs" / name: writer}, force=True)
 
 

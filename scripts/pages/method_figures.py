@@ -13,7 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sst_pin import SST, Trajectory
-from sst_pin.plots import COLOURS, DASHES, motor_torques, paths_on_sphere
+from sst_pin.description.colours import LEG_COLOURS
+from sst_pin.plots import motor_torques, paths_on_sphere
+from sst_pin.plots.style import DASHES
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -22,7 +24,13 @@ Array = NDArray[np.float64]
 Axes = Any
 
 #: Colour and marker of each method; the colours of legs and these are eight of Okabe and Ito's.
-MARKERS = ((COLOURS[0], ""), ("#000000", "o"), ("#E69F00", "s"), ("#56B4E9", "^"), ("#CC79A7", "x"))
+MARKERS = (
+    (LEG_COLOURS[0], ""),
+    ("#000000", "o"),
+    ("#E69F00", "s"),
+    ("#56B4E9", "^"),
+    ("#CC79A7", "x"),
+)
 
 
 class Method(NamedTuple):
@@ -125,7 +133,7 @@ def torques_of_reading(ax: Axes, default: Trajectory, reading: Trajectory, title
         ax.plot(
             reading.t,
             reading.tau[:, k],
-            color=COLOURS[k],
+            color=LEG_COLOURS[k],
             linestyle=DASHES[k],
             linewidth=1.0,
             label=label,

@@ -15,10 +15,12 @@ from PIL import Image
 
 from sst_pin import SST, Parameters, paper_circle, plots, reach_map
 from sst_pin import robots as gallery
+from sst_pin.description.colours import LEG_COLOURS
 from sst_pin.files import write_files
 from sst_pin.sst.paper import PERIOD, example_1
 from sst_pin.sst.workspace import workspace_at, workspace_over_rolls
-from sst_pin.viewer.triangles import Mesh, ellipsoid, tube
+from sst_pin.viewer.scene_parts import Mesh
+from sst_pin.viewer.triangles import ellipsoid, tube
 
 FOLDER = Path(__file__).resolve().parents[2] / "docs"
 
@@ -125,7 +127,7 @@ def who_acts() -> Figure:
                 (3.75, 2.1),
             ),
         ):
-            arrow = {"arrowstyle": "-|>", "color": plots.COLOURS[1], "linewidth": 1.8}
+            arrow = {"arrowstyle": "-|>", "color": LEG_COLOURS[1], "linewidth": 1.8}
             ax.annotate("", at + way, at, arrowprops=arrow)
             ax.plot(*at, "o", color="white", markeredgecolor="black", zorder=3)
             ax.text(*place, text, va="center", fontsize=8)

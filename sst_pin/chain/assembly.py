@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..arrays import Array, Flags, Indices
-from ..errors import ClosureError, DescriptionError
+from ..errors import ClosureError, DescriptionError, InputError
 from .loops import Loops, connected
 from .mechanism import Mechanism
 from .thresholds import ASSEMBLED
@@ -86,6 +86,14 @@ class Assembly:
             except ClosureError as error:
                 failures.append(error)
         raise min(failures, key=lambda error: error.residual)
+
+    def near(self, q: Array, held: Indices) -> Array:
+        """The configuration next to q with closed loops, with these rates held if it exists."""
+        rates = np.arange(self.mechanism.model.nv)
+        try:
+            return self.assemble(q, np.setdiff1d(rates, held))
+        except ClosureError:
+            return self.assemble(q, rates)
 
     def aside(self, q: Array, seed: int) -> Array:
         """A configuration in the assembly mode of q, which is closed, a fifth of a radian off."""
@@ -246,7 +254,10 @@ def home_of(mechanism: Mechanism) -> Array | None:
     if "home" not in known:
         return None
     home = np.array(known["home"])
-    if home.shape != (model.nq,) or not np.isfinite(home).all():
-        problem = f"home: {home.size} numbers; {model.nq} finite ones are needed"
-        raise DescriptionError(f"model {model.name}", [problem])
-    return mechanism.space.normalised(home)
+    problem = f"home: {home.size} numbers; {model.nq} finite ones are needed"
+    if home.shape == (model.nq,) and np.isfinite(home).all():
+        try:
+            return mechanism.space.normalised(home)
+        except InputError as error:
+            problem = f"home: {error.args[0].removeprefix('q: ')}"
+    raise DescriptionError(f"model {model.name}", [problem])

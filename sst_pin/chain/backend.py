@@ -11,6 +11,7 @@ import numpy as np
 from ..arrays import Array, Indices
 from .continuity import Way
 from .mechanism import Friction
+from .quantities import QUANTITIES, Name, Quantity
 
 #: Indices of samples, or a count for each sample.
 #: A result; None if the arguments must be checked first, or a sample fails the checks.
@@ -22,18 +23,23 @@ class Key(NamedTuple):
     """What a kernel computes.
 
     Attributes:
-        quantity: Name of the method of `Reference` that computes it.
+        quantity: Its name in the table of quantities.
         frame: Name of the frame, for a quantity of a frame.
         loaded: Whether external wrenches act.
         along: Whether it takes one sample at a time, several directions of derivatives at once.
         sign_width: Width within which Coulomb friction is smooth, for derivatives.
     """
 
-    quantity: str
+    quantity: Name
     frame: str | None = None
     loaded: bool = False
     along: bool = False
     sign_width: float | None = None
+
+    @property
+    def kind(self) -> Quantity:
+        """Properties of the quantity."""
+        return QUANTITIES[self.quantity]
 
     @property
     def entry(self) -> str:

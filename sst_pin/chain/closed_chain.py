@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import threading
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 from functools import partial
@@ -25,21 +26,36 @@ from ..arrays import (
     single_array,
     whole_number,
 )
-from ..errors import DescriptionError, InputError, MissingExtraError
+from ..errors import (
+    ClosureError,
+    DescriptionError,
+    InputError,
+    MissingExtraError,
+    SingularConfigurationError,
+)
 from ..summaries import Summary, listed
 from . import derivatives, dispatch, dynamics, reactions, redundancy, regressor
 from .appearance import Appearance, appearance_of
 from .assignments import require_assignable
 from .backend import Key, States
 from .closures import Constraint
-from .current import Current, Kernels
-from .draft import Motor, closures_of, forces_of, mechanism_of, without_locked
+from .current import Current
+from .draft import (
+    Motor,
+    closures_of,
+    coordinates_of,
+    copied,
+    forces_of,
+    mechanism_of,
+    motors_of,
+    without_locked,
+)
 from .lines import LineForce
-from .mechanism import Friction, Mechanism
+from .mechanism import Friction, Mechanism, read_only
 from .mobility import Mobility, condition_number, scaled_Phi
 from .named_positions import put
 from .starts import placed, pose_of
-from .tree import frame_id
+from .tree import body_of
 
 if TYPE_CHECKING:
     from ..compiled.casadi_functions import CasadiFunctions
@@ -47,7 +63,7 @@ if TYPE_CHECKING:
     from ..files import Table
     from ..motion.bearing_loads import Loads
     from ..motion.crossings import Crossing
-    from ..motion.limits import Finding
+    from ..motion.limits import Finding, Verdict
     from ..motion.rollouts import Rollout
     from ..motion.simulation import Load, Torque
     from ..motion.trajectories import Trajectory
@@ -56,6 +72,10 @@ if TYPE_CHECKING:
 
 _FORCES = Key("generalized_forces")
 _Chain = TypeVar("_Chain", bound="ClosedChain")
+
+
+#: A robot changes in one thread at a time.
+_CHANGES = threading.RLock()
 
 
 def _anything_goes(model: pin.Model) -> None:
@@ -92,7 +112,7 @@ class ClosedChain(Summary):
         actuated: The motors: names of joints and of lines in `forces`; for a tendon a mapping from
             such names to factors.
         coordinates: Names of the independent joints; a joint with several rates counts with all
-            of them. By default as many of the actuated joints as are independent near `home` or,
+            of them. By default as many of the actuated joints as are independent at `home` or,
             without one, at an assembled configuration, and other joints if these are too few.
         locked: Names of joints that are fixed at `pin.neutral`, or a mapping from names of
             one-coordinate joints to their fixed positions.
@@ -112,6 +132,7 @@ class ClosedChain(Summary):
 
     #: For `visual_model`: shapes, or what loads them.
     _shapes: pin.GeometryModel | Callable[[pin.Model], pin.GeometryModel] = pin.GeometryModel()
+    _current: Current
 
     def __init__(
         self,
@@ -129,27 +150,41 @@ class ClosedChain(Summary):
     ) -> None:
         if not isinstance(model, pin.Model):
             raise InputError("model", f"a pinocchio.Model is needed, not {type(model).__name__}")
-        numbers = {
+        given = {
             "viscous_friction": viscous_friction,
             "coulomb_friction": coulomb_friction,
             "stiffness": stiffness,
             "spring_reference": spring_reference,
         }
+        numbers = {
+            name: None if value is None else read_only(finite_array(name, value, ()))
+            for name, value in given.items()
+        }
         self._model = without_locked(model, locked) if locked else model
         self._recipe: partial[Mechanism] = partial(
             mechanism_of,
             closures=closures_of(closures),
-            motors=actuated,
-            coordinates=coordinates,
+            motors=motors_of(actuated),
+            coordinates=None if coordinates is None else coordinates_of(coordinates),
             numbers=numbers,
             forces=forces_of(forces),
         )
-        self._current = Current(self._mechanism_of_model())
+        self._filled(self._model, self._recipe)
+
+    def __copy__(self: _Chain) -> _Chain:
+        """The same robot, which later goes its own way, with the model of the caller too."""
+        other = type(self).__new__(type(self))
+        other.__dict__.update(self.__dict__)
+        return other
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        # Mimic joints of an unpickled model end the process.
+        self.__dict__.update(state, _model=pin.Model(state["_model"]))
 
     def _mechanism_of_model(self) -> Mechanism:
         """The mechanism of `model` as it stands."""
         self._examine(self._model)
-        return self._recipe(pin.Model(self._model))
+        return self._recipe(copied(self._model))
 
     # --- what it is -------------------------------------------------------------------------
 
@@ -340,10 +375,13 @@ class ClosedChain(Summary):
             >>> [frame.name for frame in chain.appearance.frames]
             ['coupler_pin', 'rocker_pin', 'platform']
         """
-        return appearance_of(self.model, self.closures)
+        mechanism = self.mechanism
+        return appearance_of(mechanism.model, mechanism.closures)
 
     def refresh(self) -> None:
         """Take in all changes of `model`; the coordinates are chosen again.
+
+        A call that runs in another thread meanwhile computes from the robot as it was.
 
         Raises:
             DescriptionError, UnknownNameError: As the constructor.
@@ -354,10 +392,13 @@ class ClosedChain(Summary):
             >>> bool(abs(chain.compute_torques(chain.home, [0], [0])) < 1e-12)
             True
         """
-        self._filled(self._model, self._recipe, self._current.kernels)
+        with _CHANGES:
+            self._filled(self._model, self._recipe)
 
     def with_coordinates(self, coordinates: Sequence[str]) -> ClosedChain:
         """This robot with its dynamics in other coordinates.
+
+        At configurations where they do not describe the motion, calls are refused.
 
         Args:
             coordinates: Names of the independent joints.
@@ -367,25 +408,24 @@ class ClosedChain(Summary):
 
         Raises:
             UnknownNameError: For an unknown joint.
-            SingularConfigurationError: If they do not describe the motion.
 
         Example:
             >>> chain.with_coordinates(["rocker"]).coordinates
             ('rocker',)
         """
-        return self._remade(self._model, coordinates=names("coordinates", coordinates))
+        return self._remade(coordinates=coordinates_of(coordinates))
 
-    def _remade(self, model: pin.Model, **changes: object) -> ClosedChain:
+    def _remade(self, model: pin.Model | None = None, **changes: object) -> ClosedChain:
         """A chain of another model, or of other arguments of the constructor."""
         chain = ClosedChain.__new__(ClosedChain)
-        chain._shapes = self._shapes
-        return chain._filled(model, partial(self._recipe, **changes), None)
+        chain._shapes, chain._platform = self._shapes, self._platform
+        model = pin.Model(self.mechanism.model) if model is None else model
+        return chain._filled(model, partial(self._recipe, **changes))
 
-    def _filled(
-        self: _Chain, model: pin.Model, recipe: partial[Mechanism], kernels: Kernels | None
-    ) -> _Chain:
-        """This chain made of a model and the other arguments of the constructor."""
+    def _filled(self: _Chain, model: pin.Model, recipe: partial[Mechanism]) -> _Chain:
+        """This chain made of a model and the other arguments of the constructor, on its path."""
         self._model, self._recipe = model, recipe
+        kernels = self._current.kernels if hasattr(self, "_current") else None
         self._current = Current(self._mechanism_of_model(), kernels)
         return self
 
@@ -431,8 +471,9 @@ class ClosedChain(Summary):
             >>> chain.Phi_dot(chain.home, chain.joint_rates(chain.home, [1])).shape
             (3, 3)
         """
-        v = single_array("q_dot", q_dot, (self.mechanism.model.nv,))
-        return self._current.evaluated(q).Phi_dot(v)
+        current = self._current
+        v = single_array("q_dot", q_dot, (current.mechanism.model.nv,))
+        return current.evaluated(q).Phi_dot(v)
 
     def condition_number(self, q: ArrayLike) -> Array:
         """Condition number of the columns of Phi for the dependent joints, without units.
@@ -500,19 +541,20 @@ class ClosedChain(Summary):
             np.float64(0.3)
         """
         tries, seed = whole_number("tries", tries, 1), whole_number("seed", seed, 0)
-        mechanism = self._current.mechanism
+        now = copy(self)
+        current, mechanism = now._current, now.mechanism
         model, space = mechanism.model, mechanism.space
         if isinstance(q, Mapping):
-            by_coordinates = set(q) <= set(self.coordinates)
+            by_coordinates = set(q) <= set(now.coordinates)
             if by_coordinates and fixed is None and tries == 1 and not limits:
-                return placed(self, q)
+                return placed(now, q)
             if fixed is None and not by_coordinates:
                 fixed = list(q)
-            guess = put(space, pose_of(self), q)
+            guess = put(space, pose_of(now), q)
         else:
             guess = as_array("q", q, ())
         if guess.ndim > 1 and guess.shape[-1] in (model.nq, model.nv):
-            one = partial(self.assemble, fixed=fixed, tries=tries, seed=seed, limits=limits)
+            one = partial(now.assemble, fixed=fixed, tries=tries, seed=seed, limits=limits)
             return for_each_sample(one, [guess], (1,), (model.nq,))
         if model.nv != model.nq and guess.shape == (model.nv,):
             guess = pin.integrate(model, pin.neutral(model), single_array("q", guess, (model.nv,)))
@@ -521,9 +563,9 @@ class ClosedChain(Summary):
         if fixed is not None:
             held = space.rates_of(names("fixed", fixed))
             free = np.setdiff1d(np.arange(len(space.rate_names)), held)
-        assembly = self._current.reference.memory.assembly
-        if self._current.has_kernels and not limits and np.array_equal(free, mechanism.dependent):
-            found = dispatch.assembled(self._current, start)
+        assembly = current.reference.memory.assembly
+        if current.has_kernels and not limits and np.array_equal(free, mechanism.dependent):
+            found = dispatch.assembled(current, start)
             if found is not None:
                 return found
         return assembly.try_starts(start, free, tries, seed, limits=limits)
@@ -535,8 +577,8 @@ class ClosedChain(Summary):
     def generic_configuration(self) -> Array:
         """A random assembled configuration without symmetry, the same at each call.
 
-        It is close to `home` if the robot has one, because other assemblies can have other degrees
-        of freedom. The coordinates were chosen there.
+        It is close to `home` if the robot has one and in the same assembly mode, because other
+        modes can have other degrees of freedom. The coordinates were chosen in this mode.
 
         Returns:
             Shape (nq,).
@@ -592,6 +634,8 @@ class ClosedChain(Summary):
     def check(self, motion: Trajectory | ArrayLike) -> tuple[Finding, ...]:
         """Check a motion: joints that leave their limits, and nearby singularities.
 
+        An SST has arcs as limits too, and singularities of two kinds.
+
         Args:
             motion: A motion of this robot, or one configuration, shape (nq,).
 
@@ -605,10 +649,11 @@ class ClosedChain(Summary):
             >>> chain.check(chain.home)
             ()
         """
-        from ..motion.limits import findings, samples_of, verdicts
+        from ..motion.limits import findings, samples_of
 
-        t, q = samples_of(self, motion)
-        return findings(t, verdicts(self, q))
+        now = copy(self)
+        t, q = samples_of(now, motion)
+        return findings(t, now._verdicts(q))
 
     def loads(
         self, motion: Trajectory, *, stiffness: Mapping[str, ArrayLike] | None = None
@@ -633,7 +678,7 @@ class ClosedChain(Summary):
         """
         from ..motion.bearing_loads import loads
 
-        return loads(self, motion, stiffness)
+        return loads(copy(self), motion, stiffness)
 
     # --- kinematics -------------------------------------------------------------------------
 
@@ -819,18 +864,21 @@ class ClosedChain(Summary):
             array([0.166])
         """
         if preload is not None or limits is not None:
-            least: dict[str, Any] = {"external_wrenches": external_wrenches, "weights": weights}
-            least |= {"platform_moment": platform_moment, "on_error": on_error, "threads": threads}
-            smallest = self.compute_torques(q, va, aa, out=out, **least)
-            choice = self._directions(q, on_error), preload, limits, weights
-            smallest[...] = redundancy.adjusted(self.mechanism, smallest, *choice)
-            return smallest
+            now = copy(self)
+            load = now._wrenches(now._current, platform_moment, external_wrenches, on_error)
+            known: dict[str, Any] = {"external_wrenches": load, "on_error": on_error}
+            least = now.compute_torques(q, va, aa, weights=weights, threads=threads, **known)
+            f = now.generalized_forces(q, va, aa, **known)
+            found = least, f, *now._directions(q, on_error)
+            motions = *now._current.arguments(q, va=va, aa=aa), load
+            choice = preload, limits, weights, {"on_error": on_error, "out": out}
+            return redundancy.adjusted(now._current.reference, motions, found, *choice)
         current = self._current
         if external_wrenches is weights is None and on_error == "raise":
             tau = current.torques_of(q, va, aa, platform_moment, out, threads)
             if tau is not None:
                 return tau
-        load = self._wrenches(platform_moment, external_wrenches, on_error)
+        load = self._wrenches(current, platform_moment, external_wrenches, on_error)
         how: dict[str, Any] = {"out": out, "threads": threads, "on_error": on_error}
         key = Key("torques")
         if weights is not None:
@@ -868,7 +916,7 @@ class ClosedChain(Summary):
             f = current.backend.kernel(_FORCES).answer(q, va, aa, platform_moment, out, 1)
             if f is not None:
                 return f
-        load = self._wrenches(platform_moment, external_wrenches, on_error)
+        load = self._wrenches(current, platform_moment, external_wrenches, on_error)
         how: dict[str, Any] = {"out": out, "on_error": on_error}
         return dispatch.computed(current, _FORCES, q, va=va, aa=aa, load=load, **how)
 
@@ -901,7 +949,7 @@ class ClosedChain(Summary):
             aa = current.accelerations_of(q, va, tau, platform_moment, out, threads)
             if aa is not None:
                 return aa
-        load = self._wrenches(platform_moment, external_wrenches, on_error)
+        load = self._wrenches(current, platform_moment, external_wrenches, on_error)
         how: dict[str, Any] = {"out": out, "threads": threads, "on_error": on_error}
         return dispatch.computed(current, Key("accelerations"), q, va=va, tau=tau, load=load, **how)
 
@@ -945,20 +993,21 @@ class ClosedChain(Summary):
             >>> w.joints.shape, w.determined.joints.all(axis=1)
             ((3, 6), array([False, False, False]))
         """
-        current = self._current
+        now = copy(self)
+        current = now._current
         how: dict[str, Any] = {"threads": threads, "on_error": on_error}
-        load = self._wrenches(platform_moment, external_wrenches, on_error)
+        load = self._wrenches(current, platform_moment, external_wrenches, on_error)
         alike = current.mechanism.driven_one_to_one
         if aa is None and tau is not None:
-            aa = self.compute_accelerations(q, va, tau, external_wrenches=load, **how)
+            aa = now.compute_accelerations(q, va, tau, external_wrenches=load, **how)
         elif aa is None or tau is not None:
             raise InputError("aa, tau", "one of them is needed, not both")
         elif not alike:
-            tau = self.compute_torques(q, va, aa, external_wrenches=load, **how)
+            tau = now.compute_torques(q, va, aa, external_wrenches=load, **how)
         if stiffness is not None:
             how["special"] = {"compliances": reactions.compliances_of(current.mechanism, stiffness)}
         how |= {"va": va, "aa": aa, "tau": None if alike else tau, "load": load, "out": out}
-        rows = dispatch.computed(current, Key("reactions"), q, **how)
+        rows = np.asarray(dispatch.computed(current, Key("reactions"), q, **how))
         return reactions.unpacked(current.mechanism, rows, stiffness is not None)
 
     def noc(self, q: ArrayLike, va: ArrayLike) -> dynamics.Terms:
@@ -990,8 +1039,9 @@ class ClosedChain(Summary):
             (array([[0.0049]]), array([-0.16]))
         """
         how: dict[str, Any] = {"threads": threads, "on_error": on_error}
-        rows = dispatch.computed(self._current, Key("reduced_terms"), q, va=va, **how)
-        return dynamics.ReducedTerms.of_rows(rows, self.degrees_of_freedom)
+        current = self._current
+        rows = dispatch.computed(current, Key("reduced_terms"), q, va=va, **how)
+        return dynamics.ReducedTerms.of_rows(rows, len(current.mechanism.coordinates))
 
     # --- parameters -------------------------------------------------------------------------
 
@@ -1061,10 +1111,9 @@ class ClosedChain(Summary):
             >>> slower.compute_torques(chain.home, [1], [0]).round(3)
             array([0.666])
         """
-        current = self._current
-        model, numbers, forces = regressor.changed(current.mechanism, theta)
-        recipe = partial(self._recipe, numbers=numbers, forces=forces)
-        return copy(self)._filled(model, recipe, current.kernels)
+        chain = copy(self)
+        model, numbers, forces = regressor.changed(chain.mechanism, theta)
+        return chain._filled(model, partial(chain._recipe, numbers=numbers, forces=forces))
 
     # --- derivatives ------------------------------------------------------------------------
 
@@ -1169,9 +1218,9 @@ class ClosedChain(Summary):
                    [202.74]]))
         """
         how: dict[str, Any] = {"sign_width": sign_width, "threads": threads, "on_error": on_error}
-        loads = external_wrenches
-        d = self.acceleration_derivatives(q, va, tau, external_wrenches=loads, **how)
-        A, B = dispatch.linear_system(self._current, q, va, d)
+        now, loads = copy(self), external_wrenches
+        d = now.acceleration_derivatives(q, va, tau, external_wrenches=loads, **how)
+        A, B = dispatch.linear_system(now._current, q, va, d)
         return (A, B) if dt is None else derivatives.discrete(A, B, positive_number("dt", dt))
 
     # --- energy -----------------------------------------------------------------------------
@@ -1183,9 +1232,9 @@ class ClosedChain(Summary):
             >>> print(chain.kinetic_energy(chain.home, [1]).round(4))
             0.0025
         """
-        v = self.joint_rates(q, va)
-        arrays = self._current.arguments(q)
-        return for_each_sample(self._current.reference.kinetic_energy, [*arrays, v], (1, 1), ())
+        now = copy(self)
+        arrays = [*now._current.arguments(q), now.joint_rates(q, va)]
+        return for_each_sample(now._current.reference.kinetic_energy, arrays, (1, 1), ())
 
     def potential_energy(self, q: ArrayLike) -> Array:
         """Potential energy of weights, springs and lines, shape (...), [J].
@@ -1210,10 +1259,11 @@ class ClosedChain(Summary):
             >>> print(chain.friction_power(chain.home, [1]))  # without friction
             0.0
         """
-        v = self.joint_rates(q, va)
-        _, _, damping, _ = self.mechanism.lines.numbers
-        on_lines = (damping * self._line_rates(q, v) ** 2).sum(axis=-1)
-        return finite_array("power", (self.friction.forces(v) * v).sum(axis=-1) - on_lines, ())
+        now = copy(self)
+        v = now.joint_rates(q, va)
+        _, _, damping, _ = now.mechanism.lines.numbers
+        on_lines = (damping * now._line_rates(q, v) ** 2).sum(axis=-1)
+        return finite_array("power", (now.friction.forces(v) * v).sum(axis=-1) - on_lines, ())
 
     def motor_rates(self, q: ArrayLike, va: ArrayLike) -> Array:
         """Rates of the motors, shape (..., motors); arguments as `joint_rates`.
@@ -1222,8 +1272,9 @@ class ClosedChain(Summary):
             >>> chain.motor_rates(chain.home, [1])
             array([1.])
         """
-        v, mechanism = self.joint_rates(q, va), self.mechanism
-        return np.asarray(v @ mechanism.motors + self._line_rates(q, v) @ mechanism.lines.motors)
+        now = copy(self)
+        v, mechanism = now.joint_rates(q, va), now.mechanism
+        return np.asarray(v @ mechanism.motors + now._line_rates(q, v) @ mechanism.lines.motors)
 
     def actuator_jacobian(self, q: ArrayLike) -> Array:
         """J: the rates of the motors are J va, and motor torques tau give the forces J^T tau.
@@ -1260,15 +1311,17 @@ class ClosedChain(Summary):
             >>> bool(np.abs(arm.actuator_jacobian(arm.home).T @ B).max() < 1e-12)
             True
         """
-        return self._directions(q)
+        return self._directions(q)[1]
 
-    def _directions(self, q: ArrayLike, on_error: str = "raise") -> Array:
-        key, regular = (
-            Key("actuator_jacobian"),
-            self.actuator_jacobian(self.generic_configuration()),
-        )
-        J = dispatch.computed(self._current, key, q, on_error=on_error)
-        return redundancy.directions(self.mechanism, J, regular)
+    def _directions(self, q: ArrayLike, on_error: str = "raise") -> tuple[Array, Array]:
+        """Actuator Jacobians and directions of preload."""
+        current, key = self._current, Key("actuator_jacobian")
+        J = dispatch.computed(current, key, q, on_error=on_error)
+        try:
+            regular = dispatch.computed(current, key, current.example())
+        except (ClosureError, SingularConfigurationError):  # coordinates of another assembly mode
+            regular = None
+        return J, redundancy.directions(current.mechanism, J, regular, on_error)
 
     def line_lengths(self, q: ArrayLike) -> Array:
         """Lengths of the lines of `forces`, of any q, shape (..., lines), [m].
@@ -1333,17 +1386,23 @@ class ClosedChain(Summary):
         """
         from ..compiled.compiled_backend import DERIVATIVES, EVERY, FIRST, CompiledBackend
 
-        current = self._current
-        near = None if q is None else current.single(q)
         kernels: tuple[Key, ...] = FIRST + DERIVATIVES if derivatives else FIRST
-        if derivatives and current.reference.derivatives.axes_move:
-            kernels += (Key("displacement_rates"),)
-        kernels = EVERY if all else kernels
-        make = partial(CompiledBackend, near=near, bearer=self._platform_body)
-        compiled = Current(current.mechanism, make)
-        backend = make(compiled.reference)
-        backend.make(kernels)
-        compiled.backend, self._current = backend, compiled
+        while True:
+            current = self._current
+            near = None if q is None else current.single(q)
+            if near is not None:
+                current.reference.rates(near, np.zeros(len(current.mechanism.coordinates)))
+            moving = derivatives and current.reference.derivatives.axes_move
+            more = (Key("displacement_rates"),) if moving else ()
+            make = partial(CompiledBackend, near=near, platform=self._platform)
+            compiled = Current(current.mechanism, make)
+            backend = make(compiled.reference)
+            backend.make(EVERY if all else kernels + more)
+            compiled.backend = backend
+            with _CHANGES:
+                if self._current is current:  # not refreshed meanwhile
+                    self._current = compiled
+                    return
 
     def casadi(
         self,
@@ -1452,8 +1511,9 @@ class ClosedChain(Summary):
             MissingExtraError: For a USD without usd-core, `sst-pin[usd]`.
 
         Warns:
-            DescriptionWarning: When the inertia of a link is one that no body has; for an open
-                tree without `actuated`, because its YAML may have been forgotten.
+            DescriptionWarning: When the inertia of a link is one that no body has; when a pose of
+                the SRDF moves a locked joint; for an open tree without `actuated`, because its YAML
+                may have been forgotten.
 
         Example:
             >>> sst_pin.ClosedChain.from_urdf(sst_pin.URDF_PATH).motor_names
@@ -1497,7 +1557,8 @@ class ClosedChain(Summary):
             UnknownNameError: For a name in `locked` that is not a joint.
 
         Warns:
-            DescriptionWarning: When a spatial tendon has limits.
+            DescriptionWarning: When a tendon or a ball has limits, or a keyframe moves a locked
+                joint.
 
         Example:
             >>> sst_pin.ClosedChain.from_mjcf(sst_pin.MJCF_PATH).motor_names
@@ -1547,16 +1608,16 @@ class ClosedChain(Summary):
         """
         from ..motion.trajectories import Trajectory
 
-        mechanism = self._current.mechanism
-        space = mechanism.space
+        now = copy(self)
+        mechanism, space = now.mechanism, now.mechanism.space
         return Trajectory(
             t,
             q,
             va,
             aa,
-            self.compute_torques(q, va, aa) if tau is None else tau,
+            now.compute_torques(q, va, aa) if tau is None else tau,
             space.position_names,
-            self.motor_names,
+            mechanism.motor_names,
             space.position_units,
             stopped,
             coordinates=mechanism.coordinate_rate_names,
@@ -1591,13 +1652,14 @@ class ClosedChain(Summary):
         """
         from ..motion.simulation import simulate
 
+        now = copy(self)
         return simulate(
-            self,
+            now,
             torque,
             q0,
             va0,
             t,
-            external_wrenches=self._moving_load(platform_moment, external_wrenches),
+            external_wrenches=now._moving_load(platform_moment, external_wrenches),
             method=method,
             rtol=rtol,
             atol=atol,
@@ -1630,13 +1692,14 @@ class ClosedChain(Summary):
         """
         from ..motion.rollouts import rollout
 
+        now = copy(self)
         return rollout(
-            self,
+            now,
             tau,
             q0,
             va0,
             dt,
-            external_wrenches=self._wrenches(platform_moment, external_wrenches),
+            external_wrenches=now._wrenches(now._current, platform_moment, external_wrenches),
             steps=steps,
             sign_width=sign_width,
             threads=threads,
@@ -1659,7 +1722,8 @@ class ClosedChain(Summary):
             >>> [shape.name for shape in chain.visual_model.geometryObjects][:3]
             ['crank_0', 'coupler_0', 'rocker_0']
         """
-        return self._shapes(self.model) if callable(self._shapes) else self._shapes
+        shapes = self._shapes
+        return shapes(self.mechanism.model) if callable(shapes) else shapes
 
     @visual_model.setter
     def visual_model(self, shapes: pin.GeometryModel) -> None:
@@ -1729,31 +1793,29 @@ class ClosedChain(Summary):
     #: Name of the frame whose body is the platform.
     _platform = "platform"
 
+    def _verdicts(self, q: Array) -> Iterable[Verdict]:
+        """What `check` finds at configurations of shape (N, nq)."""
+        from ..motion.limits import verdicts
+
+        return verdicts(self, q)
+
     def _motion_in(self, table: Table) -> tuple[Array, Array, Array] | None:
         """q, va, aa of a table whose columns are not the coordinates; an SST has such tables."""
         return None
 
-    @property
-    def _platform_body(self) -> int | None:
-        """Index of the body that bears a moment on the platform, counted from 0."""
-        model = self.mechanism.model
-        if not model.existFrame(self._platform):
-            return None
-        joint = model.frames[frame_id(model, self._platform)].parentJoint
-        return joint - 1 if joint else None
-
     def _wrenches(
         self,
+        current: Current,
         platform_moment: ArrayLike | None,
         external_wrenches: ArrayLike | None,
         on_error: str = "raise",
     ) -> Array | None:
         """Wrenches on all bodies, shape (..., r, 6), with a moment on the platform, or None."""
-        mechanism = self._current.mechanism
+        mechanism = current.mechanism
         wrenches = dispatch.external_wrenches(mechanism, external_wrenches, on_error)
         if platform_moment is None:
             return wrenches
-        body = self._platform_body
+        body = body_of(mechanism.model, self._platform)
         if body is None:
             raise InputError(
                 "platform_moment",
@@ -1774,7 +1836,7 @@ class ClosedChain(Summary):
         def load(t: float, q: Array, va: Array) -> Array:
             loads = (platform_moment, external_wrenches)
             moment, others = (x(t, q, va) if callable(x) else x for x in loads)
-            wrenches = self._wrenches(moment, others)
+            wrenches = self._wrenches(self._current, moment, others)
             if wrenches is None:
                 raise InputError("platform_moment(t, q, va)", "None: three numbers are needed")
             return wrenches
@@ -1802,4 +1864,5 @@ class ClosedChain(Summary):
 
     def _states(self, sign_width: float) -> States:
         """The state space for an integrator, with the sign of friction smoothed."""
-        return self._current.backend.states(replace(self.friction, sign_width=sign_width))
+        current = self._current
+        return current.backend.states(replace(current.mechanism.friction, sign_width=sign_width))

@@ -152,7 +152,7 @@ class Coupling:
         problems = [
             f"the polynomial of {name} is {p!r}: its coefficients (c_0, c_1, ...) are needed"
             for name, p in self.polynomials.items()
-            if not isinstance(p, (Sequence, np.ndarray)) or not all(map(_is_finite, p))
+            if not _are_coefficients(p)
         ]
         if not _is_finite(self.offset):
             problems.append(f"offset {self.offset!r}: a finite number is needed")
@@ -213,6 +213,11 @@ class Rolling:
         return f"{self.wheel} on {self.plane}"
 
 
+def _are_coefficients(polynomial: object) -> bool:
+    listed = polynomial.tolist() if isinstance(polynomial, np.ndarray) else polynomial
+    return isinstance(listed, Sequence) and all(map(_is_finite, listed))
+
+
 def _is_finite(number: object) -> bool:
     return isinstance(number, Real) and isfinite(number)
 
@@ -240,3 +245,8 @@ def frames_of(closure: Constraint) -> tuple[str, ...]:
     if isinstance(closure, Rolling):
         return closure.plane, closure.wheel
     return closure.frame_a, closure.frame_b
+
+
+def holds_points(closure: Constraint) -> bool:
+    """Whether the origins of the two frames stay together, or at a distance."""
+    return isinstance(closure, Distance) or (isinstance(closure, Closure) and all(closure.held[:3]))

@@ -172,6 +172,8 @@ def _condition_number(blocks: list[Array]) -> float:
     """The largest condition number of some blocks."""
     worst = 1.0
     for block in blocks:
+        if not np.isfinite(block).all():
+            return np.inf
         s = np.linalg.svd(block, compute_uv=False)
         if s.shape[1] < block.shape[2] or not s[:, -1].all():
             return np.inf

@@ -15,7 +15,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from ..arrays import Array, as_array, single_array
-from ..errors import ClosureError, DescriptionError, InputError, SSTError
+from ..errors import ClosureError, InputError, SSTError
 from ..summaries import listed
 from .assembly import home_of
 from .backend import Answer, Backend, Key
@@ -25,10 +25,6 @@ from .mechanism import Mechanism
 from .mobility import Mobility, judge
 from .reference import Reference, ReferenceBackend
 
-_NOTHING_MOVES = (
-    "no coordinates: nothing can move; check kinds and axes of the closures; if another assembly "
-    'moves, make it model.referenceConfigurations["home"]'
-)
 #: Makes the backend of a mechanism.
 Kernels = Callable[[Reference], Backend]
 
@@ -75,8 +71,7 @@ class Current:
     def arguments(self, q: ArrayLike, **others: ArrayLike) -> list[Array]:
         """Arguments as arrays of the shapes that the mechanism has, q first, the others by name."""
         mechanism = self.mechanism
-        if not len(mechanism.coordinates):
-            raise DescriptionError(f"model {mechanism.model.name}", [_NOTHING_MOVES])
+        mechanism.require_freedom()
         n, motors = len(mechanism.coordinates), mechanism.motors.shape[1]
         arrays = [self.configurations(q)]
         for name, value in others.items():
@@ -141,5 +136,9 @@ class Current:
 
 
 def _unpickled(mechanism: Mechanism, kernels: Kernels | None) -> Current:
-    """With a copy of the model: mimic joints of an unpickled one end the process in `calc`."""
-    return Current(replace(mechanism, model=pin.Model(mechanism.model)), kernels)
+    """With a copy of the model: mimic joints of an unpickled one end the process in `calc`.
+
+    Arrays are read-only again.
+    """
+    parts = {name: replace(getattr(mechanism, name)) for name in ("friction", "springs")}
+    return Current(replace(mechanism, model=pin.Model(mechanism.model), **parts), kernels)

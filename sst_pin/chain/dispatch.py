@@ -24,49 +24,23 @@ from ..arrays import (
     whole_number,
 )
 from ..errors import InputError
-from . import reactions, regressor
 from .backend import Key
 from .closures import Rolling
 from .current import Current
 from .derivatives import AccelerationDerivatives, TorqueDerivatives
 from .mechanism import Mechanism
+from .quantities import Name
 from .tree import frame_id
 
 D = TypeVar("D", TorqueDerivatives, AccelerationDerivatives)
 #: Names of derivatives, and of their third argument.
-_NAMES = {
+_NAMES: dict[type, tuple[Name, str]] = {
     TorqueDerivatives: ("torque_derivatives", "aa"),
     AccelerationDerivatives: ("acceleration_derivatives", "tau"),
 }
-#: Quantities with external wrenches as their last argument.
-_LOADABLE = {"torques", "generalized_forces", "accelerations", "reactions"}
-_LOADABLE |= {name for name, _ in _NAMES.values()}
 #: The longest first step of an assembly by kernels, [rad] or robot lengths; the part of it that the
 #: next one may have at most; a step behind which the next one is below rounding; and rounding.
 _NEAR, _SHRINKS, _LAST, _ROUNDING = 0.1, 0.1, 1e-9, 1e-14
-
-
-def _shape(quantity: str, mechanism: Mechanism) -> tuple[int, ...]:
-    """Shape of a quantity of one sample."""
-    if quantity == "torque_regressor":
-        return len(mechanism.coordinates), regressor.size_of(mechanism)
-    n, (nv, motors) = len(mechanism.coordinates), mechanism.motors.shape
-    shapes: dict[str, tuple[int, ...]] = {
-        "torques": (motors,),
-        "rates": (nv,),
-        "joint_accelerations": (nv,),
-        "reduced_terms": (2 * n * (n + 1),),
-        "torque_derivatives": (n, 3 * n),
-        "acceleration_derivatives": (n, 2 * n + motors),
-        "displacement_rates": (n, n),
-        "reactions": (reactions.size_of(mechanism),),
-        "actuator_jacobian": (motors, n),
-        "frame_drift": (6,),
-        "frame_jacobian": (6, n),
-        "frame_jacobian_rate": (6, n),
-        "frame_velocity_derivatives": (6, 2 * n),
-    }
-    return shapes.get(quantity, (n,))
 
 
 def computed(
@@ -93,13 +67,13 @@ def computed(
     arrays: list[Array | None] = [*current.arguments(q, **others), *without]
     axes, mechanism = [1] * len(arrays), current.mechanism
     reference: Callable[..., Array] = getattr(current.reference, key.quantity)
-    if key.quantity.startswith("frame_"):
+    if key.kind.of_frame:
         reference = partial(reference, frame=frame_id(mechanism.model, key.frame))
     if key.sign_width is not None:
         reference = partial(reference, key.sign_width)
     if special:
         reference = partial(reference, **special)
-    if key.quantity in _LOADABLE:
+    if key.kind.loadable:
         arrays, axes = [*arrays, load], [*axes, 2]
     require_policy(on_error)
     threads = whole_number("threads", threads, 1)
@@ -118,7 +92,7 @@ def computed(
         kernel = current.backend.kernel(key._replace(loaded=loaded))
         return kernel.many(tuple(given), result, min(threads, sys.maxsize))
 
-    shape = _shape(key.quantity, mechanism)
+    shape = key.kind.shape(mechanism)
     return for_each_sample(reference, arrays, axes, shape, on_error=on_error, out=out, fast=fill)
 
 
@@ -159,8 +133,7 @@ def of_frame(
         kernel = current.backend.kernel(key)
         rows = kernel.answer(q, va.get("va"), None, None, None, threads)
         if rows is not None:
-            shape = _shape(key.quantity, current.mechanism)
-            rows.shape = (*rows.shape[:-1], *shape)
+            rows.shape = (*rows.shape[:-1], *key.kind.shape(current.mechanism))
             return rows
     return computed(current, key, q, out=out, threads=threads, on_error=on_error, **va)
 
@@ -187,7 +160,7 @@ def derivatives(
             return found
     load = external_wrenches(current.mechanism, wrenches, on_error)
     how: dict[str, Any] = {third: x, "out": out, "threads": threads, "on_error": on_error}
-    rows = computed(current, key, q, va=va, load=load, **how)
+    rows = np.asarray(computed(current, key, q, va=va, load=load, **how))
     n = rows.shape[-2]
     return kind(*np.split(rows, (n, 2 * n), axis=-1))
 

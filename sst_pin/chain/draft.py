@@ -5,14 +5,14 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from ..arrays import Array, Indices, finite_array
+from ..arrays import Array, Indices, finite_array, in_order, single_array
 from ..arrays import names as names_of
 from ..errors import DescriptionError, InputError
 from .assembly import Assembly
@@ -21,8 +21,8 @@ from .coordinates import settle, without_mass
 from .joint_space import JointSpace
 from .lines import LineForce, Lines
 from .loops import Loops
-from .mechanism import Friction, Mechanism, Springs
-from .rebuilt_tree import POSITION_ARRAYS, RATE_ARRAYS, rebuilt
+from .mechanism import Friction, Mechanism, Springs, read_only
+from .rebuilt_tree import JOINT_LISTS, POSITION_ARRAYS, RATE_ARRAYS, rebuilt
 from .tree import frame_id, joint_id
 
 #: Mimic joints that Pinocchio computes rightly. It leaves out the pitch of helical ones.
@@ -37,9 +37,7 @@ Motor = str | Mapping[str, float]
 def closures_of(closures: Sequence[Constraint | tuple[str, str]]) -> tuple[Constraint, ...]:
     """Closures, with pairs of names for frames that must coincide."""
     found: list[Constraint] = []
-    if not isinstance(closures, Iterable):
-        raise InputError("closures", f"{closures!r}: a sequence of closures is needed")
-    for closure in closures:
+    for closure in in_order("closures", closures, "closures"):
         if isinstance(closure, (Closure, Distance, Coupling, Rolling)):
             found.append(closure)
         elif isinstance(closure, (tuple, list)) and len(closure) == 2:
@@ -67,29 +65,27 @@ def mechanism_of(
     B, names = _motors(space, motors, forces)
     for name in (end for line in forces for end in (line.frame_a, line.frame_b)):
         frame_id(model, name)
-    lines = Lines(forces, B[model.nv :])
+    lines = Lines(forces, read_only(B[model.nv :]))
 
     def of_rates(name: str, default: Array) -> Array:
         given = numbers[name]
-        array = finite_array(name, default if given is None else given, (model.nv,))
-        if array.shape != (model.nv,):
-            raise InputError(name, f"shape {array.shape}, expected {(model.nv,)}")
-        return array
+        return single_array(name, default if given is None else given, (model.nv,))
 
     friction = Friction(
         of_rates("viscous_friction", model.damping),
         of_rates("coulomb_friction", model.friction),
     )
-    rest = numbers["spring_reference"]
-    rest = pin.neutral(model) if rest is None else rest
-    springs = Springs(
-        of_rates("stiffness", np.zeros(model.nv)),
-        finite_array("spring_reference", rest, (model.nq,)),
-    )
+    rest = pin.neutral(model)
+    if numbers["spring_reference"] is not None:
+        rest = single_array("spring_reference", numbers["spring_reference"], (model.nq,))
+        space.require_on_manifold(rest, "spring_reference")
+    springs = Springs(of_rates("stiffness", np.zeros(model.nv)), space.normalised(rest))
     springs.check(model)
     wanted = None
     if coordinates is not None:
-        wanted = space.rates_of(names_of("coordinates", coordinates))
+        wanted = space.rates_of(coordinates)
+        if not len(wanted):
+            raise InputError("coordinates", "none are named; leave them out for a choice")
     none, on_joints = np.empty(0, dtype=np.intp), B[: model.nv]
     unsettled = Mechanism(model, closures, none, on_joints, names, friction, springs, lines)
     assembly = Assembly(unsettled, Loops(model, closures))
@@ -100,8 +96,7 @@ def mechanism_of(
 
 def without_locked(model: pin.Model, locked: Sequence[str] | Mapping[str, float]) -> pin.Model:
     """The tree with some joints held; Pinocchio cannot reduce one with mimic joints."""
-    if problems := _wrong_sizes(model):
-        raise DescriptionError(f"model {model.name}", problems)
+    model = copied(model)
     if list(model.mimicking_joints):
         raise InputError("locked", "the model has mimic joints; lock joints before you add these")
     q = pin.neutral(model)
@@ -112,15 +107,31 @@ def without_locked(model: pin.Model, locked: Sequence[str] | Mapping[str, float]
             joint = model.joints[index]
             if (joint.nq, joint.nv) != (1, 1):
                 raise InputError("locked", f"joint {model.names[index]} has several coordinates")
-            q[joint.idx_q] = float(finite_array("locked", value, ()))
+            q[joint.idx_q] = single_array("locked", value, ())
+    problems = [
+        f"pose {pose.key()}: {len(pose.data())} numbers, {model.nq} are needed"
+        for pose in model.referenceConfigurations
+        if len(pose.data()) != model.nq
+    ]
+    if problems:
+        raise DescriptionError(f"model {model.name}", problems)
     return rebuilt(model, {i: {} for i in ids}, q)
+
+
+def coordinates_of(coordinates: Sequence[str]) -> tuple[str, ...]:
+    """Names of coordinates, in their order."""
+    return names_of("coordinates", in_order("coordinates", coordinates))
+
+
+def motors_of(motors: Sequence[Motor]) -> tuple[Motor, ...]:
+    """Motors, with tendons of the caller copied."""
+    motors = in_order("actuated", motors)
+    return tuple(dict(motor) if isinstance(motor, Mapping) else motor for motor in motors)
 
 
 def forces_of(forces: Sequence[LineForce]) -> tuple[LineForce, ...]:
     """Forces along lines, each with a name of its own."""
-    if not isinstance(forces, Iterable):
-        raise InputError("forces", f"{forces!r}: a sequence of LineForce is needed")
-    found = tuple(forces)
+    found = in_order("forces", forces, "LineForce")
     for force in found:
         if not isinstance(force, LineForce):
             raise InputError("forces", f"{force!r} is not a LineForce")
@@ -145,8 +156,6 @@ def _motors(
             raise InputError("names", f"a joint appears twice in {names}")
         return np.array(rows, dtype=np.intp)
 
-    if isinstance(motors, str) or not isinstance(motors, Iterable):
-        raise InputError("actuated", f"{motors!r}: a sequence of names is needed")
     columns: list[Array] = []
     names: list[str] = []
     for motor in motors:
@@ -171,8 +180,11 @@ def _motors(
 
 def _require_sound(model: pin.Model, closures: Sequence[Constraint]) -> None:
     names = list(model.names)[1:]
-    problems = _wrong_sizes(model)
-    problems += [f"joint {n}: the name appears twice" for n, k in Counter(names).items() if k > 1]
+    problems = [f"joint {n}: the name appears twice" for n, k in Counter(names).items() if k > 1]
+    problems += [
+        f"joint {name}: a closure has this name too; rename the joint"
+        for name in sorted({*names} & {*map(str, closures)})
+    ]
     if model.nv and not problems:
         problems = _names_with_two_meanings(model)
     if model != pin.Model(model):
@@ -197,14 +209,33 @@ def _require_sound(model: pin.Model, closures: Sequence[Constraint]) -> None:
         raise DescriptionError(f"model {model.name}", problems)
 
 
-def _wrong_sizes(model: pin.Model) -> list[str]:
-    """Arrays of numbers whose size is not that of q or v; Pinocchio would read beside them."""
-    sizes = dict.fromkeys(RATE_ARRAYS, model.nv) | dict.fromkeys(POSITION_ARRAYS, model.nq)
-    return [
-        f"{name}: {len(getattr(model, name))} numbers, {size} are needed"
-        for name, size in sizes.items()
+def copied(model: pin.Model) -> pin.Model:
+    """A copy of a model whose lists have the right sizes; Pinocchio would read beside others."""
+    lists = (
+        ("numbers", RATE_ARRAYS, model.nv),
+        ("numbers", POSITION_ARRAYS, model.nq),
+        ("entries", JOINT_LISTS, model.njoints),
+    )
+    problems = [
+        f"{name}: {len(getattr(model, name))} {what}, {size} are needed"
+        for what, names, size in lists
+        for name in names
         if len(getattr(model, name)) != size
     ]
+    problems += [
+        f"joint {i}: its parent {parent} does not come before it"
+        for i, parent in enumerate(list(model.parents)[1:], 1)
+        if parent >= i
+    ]
+    entries = zip(model.idx_qs, model.nqs, model.idx_vs, model.nvs, strict=False)
+    problems += [
+        f"joint {i}: its entries in q and v are others than those in the lists of the model"
+        for i, (joint, listed) in enumerate(zip(model.joints, entries, strict=False))
+        if i and (joint.idx_q, joint.nq, joint.idx_v, joint.nv) != listed
+    ]
+    if problems:
+        raise DescriptionError(f"model {model.name}", problems)
+    return pin.Model(model)
 
 
 def _names_with_two_meanings(model: pin.Model) -> list[str]:

@@ -30,7 +30,7 @@ from .loops import Loops
 from .mechanism import Friction, Mechanism
 from .mobility import independent_rows
 from .noc import JointComplement, bodies, body_jacobians, decoupled, natural_complement
-from .thresholds import CLOSURE_TOLERANCE
+from .thresholds import CLOSURE_TOLERANCE, EARTH, ROUNDING, WITHOUT_MASS
 from .tree import depth_first
 
 
@@ -155,6 +155,7 @@ class Memory:
         mimic = list(mechanism.model.mimicking_joints)
         self._composite_bodies = depth_first(mechanism.model) and not mimic
         self.zero = np.zeros(mechanism.model.nv)
+        self.whole_inertia = whole_inertia(mechanism)
         #: Accelerations of coordinates that have none.
         self.steady = np.zeros(len(mechanism.coordinates))
 
@@ -188,9 +189,18 @@ class Memory:
         return L.T.dot(M_L)
 
 
+def whole_inertia(mechanism: Mechanism) -> float:
+    """Inertia of all bodies and rotors where each is as far off as the robot is long, [kg m^2]."""
+    model, length = mechanism.model, mechanism.length
+    bodies = np.array([body.toDynamicParameters() for body in list(model.inertias)[1:]])
+    traces = bodies[:, [4, 6, 9]].sum()  # about the joints' frames
+    rotors = model.armature.dot(mechanism.rate_scale**2)
+    return float(bodies[:, 0].sum() * length**2 + traces + rotors)
+
+
 def motion_of_tree(memory: Memory, va: Array, aa: Array) -> tuple[Array, Array]:
     """v and v_dot of a motion of the coordinates at the configuration evaluated last."""
-    memory.complement.factorise(memory.loops.Phi())
+    memory.complement.factorise(memory.loops.Phi(), memory.loops.residual())
     v = memory.complement.L.dot(va)  # Eq. (16)
     return v, memory.complement.accelerations(aa, memory.loops.drift(v))
 
@@ -233,34 +243,39 @@ def inverse_dynamics(
     return tree.dot(memory.complement.L)
 
 
-def sizes_of_terms(
+def terms_of_forces(
     memory: Memory, q: Array, va: Array, aa: Array, wrenches: Array | None
 ) -> tuple[Array, Array]:
-    """Sizes of all forces that meet in each coordinate, none balanced by another, shape (n,).
+    """The terms that make up f, shape (terms, n), and what rounding takes its part of, shape (n,).
 
-    They are the weight, the inertia and the load of each body, and the friction, the spring and the
-    rotor of each joint. The second result disregards the directions of wrenches and motions, and
-    where axes pass: each turn moves mass centres by the length of the robot. Rounding takes its
-    part of it.
+    Terms are the weight, the inertia and the load of each body, and the friction, the spring and
+    the rotor of each joint, each as forces along the coordinates; their sum is f. The second result
+    disregards the directions of wrenches and motions, and where axes pass: each turn moves mass
+    centres by the length of the robot. Bodies count with their weights on Earth at least.
     """
     memory.evaluate(q)
     mechanism, model, r = memory.mechanism, memory.model, memory.model.njoints - 1
     v, v_dot = motion_of_tree(memory, va, aa)
-    L = np.abs(memory.complement.L)
+    L = memory.complement.L
     memory.loops.Phi_dot(v)  # brings J and its rate to v
     K, K_dot, M, Omega, weights = bodies(model, memory.data, v)
-    wrenches_on_bodies = [M @ (K @ v_dot), M @ (K_dot @ v), Omega @ (M @ (K @ v)), weights]
+    given = [M @ (K @ v_dot), M @ (K_dot @ v), Omega @ (M @ (K @ v)), -weights]
     if wrenches is not None:
-        wrenches_on_bodies.append(wrenches.ravel())
-    wrench = np.abs(wrenches_on_bodies).sum(axis=0)
-    own = [mechanism.friction.forces(v), mechanism.springs.forces(model, q), model.armature * v_dot]
+        given.append(-wrenches.ravel())
+    parts = np.reshape(given, (-1, 2 * r, 3))  # moments and forces
+    of_bodies = np.einsum("kbi,bin->kbn", parts, (K @ L).reshape(2 * r, 3, -1))
     now, J = memory.lines.evaluate(q)
-    own += list(mechanism.lines.tensions(now, J.dot(v))[:, None] * J)
-    of_joints = np.abs(own).sum(axis=0)
+    joints = [-mechanism.friction.forces(v), -mechanism.springs.forces(model, q)]
+    joints.append(model.armature * v_dot)
+    of_joints = np.reshape(joints, (-1, model.nv, 1)) * L
+    pulls = mechanism.lines.tensions(now, J.dot(v))[:, None] * J
+    terms = [of_bodies.reshape(-1, L.shape[1]), of_joints.reshape(-1, L.shape[1]), pulls @ L]
     lengths = np.linalg.norm(K.reshape(2 * r, 3, -1), axis=1)
     lengths[1::2] += mechanism.length * lengths[::2]
-    sizes = np.linalg.norm(wrench.reshape(2 * r, 3), axis=1)
-    return L.T @ (np.abs(K.T) @ wrench + of_joints), L.T @ (lengths.T @ sizes + of_joints)
+    on_bodies = np.abs(parts).sum(axis=(0, 2))
+    on_bodies[1::2] += EARTH * np.abs([body.mass for body in list(model.inertias)[1:]])
+    sizes = lengths.T @ on_bodies + np.abs([*joints, *pulls]).sum(axis=0)
+    return np.concatenate(terms), np.abs(L).T @ sizes
 
 
 def direct_dynamics(
@@ -277,22 +292,31 @@ def direct_dynamics(
     Bias forces are a `pin.rnea`, N_l forward and N_l^T back. `friction` is taken instead of the
     mechanism's.
     """
-    from scipy.linalg.lapack import dposv
-
     memory.evaluate(q, tolerance)
     v, bias = motion_of_tree(memory, va, memory.steady)
     force = -pin.rnea(memory.model, memory.data, q, v, bias)
     force += applied_forces(memory, friction, q, v, wrenches, tau)
     L = memory.complement.L
     inertia = memory.reduced_inertia(q, L)
-    _, aa, info = dposv(inertia, force.dot(L))
-    if info:
-        raise SingularConfigurationError(
-            "the mass matrix is not positive definite: "
-            "a coordinate moves no mass at this configuration",
-            float(np.linalg.cond(inertia)),
-        )
+    fastest = np.square(L / memory.mechanism.rate_scale[:, None]).sum(axis=0)
+    aa = solved(inertia, force.dot(L), WITHOUT_MASS * memory.whole_inertia * fastest)
+    if aa is None:
+        values = np.linalg.eigvalsh(inertia)
+        why = "a coordinate moves no mass at this configuration"
+        if values[0] < -ROUNDING * np.abs(values).max():
+            why = "the inertia of a body is negative"
+        problem = f"the mass matrix is not positive definite: {why}"
+        raise SingularConfigurationError(problem, float(np.linalg.cond(inertia)))
     return aa, v
+
+
+def solved(inertia: Array, force: Array, least: Array | float = 0.0) -> Array | None:
+    """Accelerations for forces; None where a pivot of the mass matrix is rounding, or `least`."""
+    from scipy.linalg.lapack import dposv
+
+    factor, aa, info = dposv(inertia, force)
+    sound = np.diag(factor) ** 2 > ROUNDING * np.diag(inertia) + least
+    return aa if not info and sound.all() else None
 
 
 def terms(memory: Memory, q: Array, va: Array) -> Terms:
@@ -300,7 +324,7 @@ def terms(memory: Memory, q: Array, va: Array) -> Terms:
     memory.evaluate(q)
     mechanism, model = memory.mechanism, memory.model
     Phi = memory.loops.Phi()
-    memory.complement.factorise(Phi)
+    memory.complement.factorise(Phi, memory.loops.residual())
     L = memory.complement.L
     v = L @ va  # Eq. (16)
     L_dot = memory.complement.L_dot(memory.loops.Phi_dot(v))

@@ -201,7 +201,7 @@ class JointSpace:
         """Whether quaternions and cosine-sine pairs have length one, q of shape (..., nq)."""
         return np.all(self._off_length_one(q) < 1e-6, axis=-1)
 
-    def require_on_manifold(self, q: Array) -> None:
+    def require_on_manifold(self, q: Array, name: str = "q") -> None:
         """Check that quaternions and cosine-sine pairs of q, shape (nq,), have length one."""
         if self.euclidean:
             return
@@ -209,16 +209,17 @@ class JointSpace:
         if rest.dot(rest) < 1e-12:
             return  # the short way: lengths differ from 1 by less than half of that
         if not self.on_manifold(q):
-            off = float(self._off_length_one(finite_array("q", q, q.shape)).max())
+            off = float(self._off_length_one(finite_array(name, q, q.shape)).max())
             raise InputError(
-                "q",
+                name,
                 f"the length of a quaternion or cosine-sine pair differs from 1 by {off:.3g}; "
                 "pinocchio.normalize corrects it",
             )
 
     def _off_length_one(self, q: Array) -> Array:
         """By how much each quaternion and each pair is, shape (..., parts)."""
-        return np.abs(np.sqrt((q * q).dot(self.unit_parts)) - 1)
+        with np.errstate(over="ignore", invalid="ignore"):
+            return np.abs(np.sqrt((q * q).dot(self.unit_parts)) - 1)
 
     @cached_property
     def unit_parts(self) -> Array:

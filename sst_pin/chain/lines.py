@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 import pinocchio as pin
 
-from ..arrays import Array, finite_array
+from ..arrays import Array, single_array
 from ..errors import InputError, SingularConfigurationError
 from .closures import Distance
 from .loops import Loops
@@ -72,7 +72,7 @@ class LineForce:
             raise InputError("forces", f"{self}: a line needs two different frames")
         for field in fields(self)[2:-1]:
             name = f"{field.name} of line {self}"
-            number = float(finite_array(name, getattr(self, field.name), ()))
+            number = float(single_array(name, getattr(self, field.name), ()))
             if number < 0 and field.name != "preload":
                 raise InputError(name, f"{number:g} is negative")
             object.__setattr__(self, field.name, number)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -12,11 +13,22 @@ import pinocchio as pin
 from ..arrays import Array, Indices
 from ..errors import DescriptionError, SingularConfigurationError
 from ..summaries import listed
-from .closures import Constraint, Coupling, Distance, frames_of
+from .closures import Constraint, Coupling, Distance, Rolling, frames_of, holds_points
 from .joint_space import JointSpace
 from .lines import Lines
 from .thresholds import AT_REST
 from .tree import frame_named, joint_id
+
+_Numbers = TypeVar("_Numbers", Array, Indices)
+
+_NOTHING_MOVES = (
+    "no coordinates: nothing can move; check kinds and axes of the closures; if another assembly "
+    'moves, make it model.referenceConfigurations["home"]'
+)
+_NOTHING_FOUND = (
+    "no coordinates: no configuration was assembled where they could be chosen; make a closed one "
+    'model.referenceConfigurations["home"], or give coordinates='
+)
 
 
 @dataclass(frozen=True)
@@ -120,7 +132,7 @@ class Mechanism:
         lines: Forces along lines, those of motors on lines among them.
         example: A configuration with closed loops, shape (nq,), where the coordinates were judged;
             None if none was found.
-        without_mass: Names of the coordinates that move no mass.
+        without_mass: Names of rates that move no mass, coordinates if these describe the motion.
     """
 
     model: pin.Model
@@ -134,6 +146,11 @@ class Mechanism:
     example: Array | None = None
     without_mass: tuple[str, ...] = ()
 
+    def __post_init__(self) -> None:
+        for name in ("coordinates", "motors", "example"):
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, read_only(getattr(self, name)))
+
     @cached_property
     def space(self) -> JointSpace:
         """Names and units of q and v."""
@@ -142,12 +159,12 @@ class Mechanism:
     @cached_property
     def dependent(self) -> Indices:
         """Indices in v of the rates that the closures determine."""
-        return np.setdiff1d(np.arange(self.model.nv), self.coordinates)
+        return read_only(np.setdiff1d(np.arange(self.model.nv), self.coordinates))
 
     @cached_property
     def selection(self) -> Array:
         """Rows that pick the coordinates, va = selection v, shape (n, nv)."""
-        return np.eye(self.model.nv)[self.coordinates]
+        return read_only(np.eye(self.model.nv)[self.coordinates])
 
     @cached_property
     def sprung(self) -> Indices:
@@ -156,15 +173,14 @@ class Mechanism:
         for joint in list(self.model.joints)[1:]:
             if joint.nv in (1, joint.nq) or joint.shortname() == "JointModelSpherical":
                 rates.update(range(joint.idx_v, joint.idx_v + joint.nv))
-        return np.array(sorted(rates), dtype=np.intp)
+        return read_only(np.array(sorted(rates), dtype=np.intp))
 
     @cached_property
     def driven(self) -> Indices:
         """Indices in v of the rates that motors act on, motor after motor."""
         columns = (np.flatnonzero(column) for column in self.motors.T)
-        rates = np.array(list(dict.fromkeys(k for c in columns for k in c)), dtype=np.intp)
-        rates.flags.writeable = False
-        return rates
+        rates = list(dict.fromkeys(k for c in columns for k in c))
+        return read_only(np.array(rates, dtype=np.intp))
 
     @cached_property
     def coordinate_rate_names(self) -> tuple[str, ...]:
@@ -197,11 +213,19 @@ class Mechanism:
         units = zip(self.motors.T, self.space.force_units(self.motors), strict=True)
         return tuple(unit if on_joints.any() else "N" for on_joints, unit in units)
 
+    def require_freedom(self) -> None:
+        """Refuse dynamics where nothing moves."""
+        if not len(self.coordinates):
+            found = self.example is not None
+            raise DescriptionError(
+                f"model {self.model.name}", [_NOTHING_MOVES if found else _NOTHING_FOUND]
+            )
+
     def require_mass(self) -> None:
-        """Refuse direct dynamics where a coordinate moves no mass."""
+        """Refuse direct dynamics where a motion moves no mass."""
         if self.without_mass:
             raise SingularConfigurationError(
-                "the mass matrix is not positive definite: the coordinates "
+                "the mass matrix is not positive definite: the rates "
                 f"{listed(self.without_mass)} move no mass; give their bodies inertia about these "
                 "axes, or fix the joints by locked= (a universal joint in the place of a ball)",
                 float("inf"),
@@ -211,7 +235,7 @@ class Mechanism:
     def length(self) -> float:
         """A length of the robot, [m]: the largest offset between joints and closures of one body.
 
-        Where the robot stands in the world does not count.
+        Where the robot stands in the world does not count, nor where on it a plane or rail begins.
         """
         of_body: dict[int, list[Array]] = {}
         for joint in range(1, self.model.njoints):
@@ -222,9 +246,13 @@ class Mechanism:
         for closure in self.closures:
             for name in frames_of(closure):
                 frame = frame_named(self.model, name)
+                if not frame.parentJoint and not holds_points(closure):
+                    continue
                 of_body.setdefault(frame.parentJoint, []).append(frame.placement.translation)
-            if isinstance(closure, Distance):
-                lengths.append(closure.distance)
+            if isinstance(closure, (Distance, Rolling)):
+                lengths.append(
+                    closure.distance if isinstance(closure, Distance) else closure.radius
+                )
         for points in map(np.array, of_body.values()):
             lengths.append(float(np.linalg.norm(points[:, None] - points, axis=-1).max()))
         return max(lengths) or 1.0
@@ -232,13 +260,14 @@ class Mechanism:
     @cached_property
     def row_scale(self) -> Array:
         """What makes the rows of Phi free of units, shape (rows,)."""
-        return np.array([1 / self._unit(c, row) for c in self.closures for row in c.rows])
+        units = [self._unit(closure, row) for closure in self.closures for row in closure.rows]
+        return read_only(1 / np.array(units))
 
     @cached_property
     def rate_scale(self) -> Array:
         """The rates v in multiples of these are free of units, shape (nv,)."""
         units = self.space.rate_units
-        return np.array([self.length if unit == "m" else 1.0 for unit in units])
+        return read_only(np.array([self.length if unit == "m" else 1.0 for unit in units]))
 
     def _unit(self, closure: Constraint, row: str) -> float:
         if isinstance(closure, Coupling):
@@ -247,8 +276,8 @@ class Mechanism:
         return 1.0 if row.startswith("turn") else self.length
 
 
-def read_only(array: Array) -> Array:
+def read_only(array: _Numbers) -> _Numbers:
     """A copy that cannot be written to."""
-    copy = np.array(array, dtype=float)
+    copy = np.array(array)
     copy.flags.writeable = False
     return copy

@@ -13,7 +13,7 @@ from ..summaries import as_html, listed
 from .lines import LineKinematics
 from .loops import Loops, connected
 from .mechanism import Mechanism
-from .thresholds import INDEPENDENT, RANK_TOLERANCE
+from .thresholds import INDEPENDENT, RANK_TOLERANCE, RESTS
 
 
 @dataclass(frozen=True)
@@ -148,7 +148,7 @@ def choose_coordinates(mechanism: Mechanism, Phi: Array, wanted: Sequence[Indice
     that of `scaled_Phi`.
     """
     left, chosen = free_motions(Phi), list[int]()
-    n = left.shape[1]
+    alone, n = np.linalg.norm(left, axis=1), left.shape[1]
 
     def take(group: Iterable[int]) -> bool:
         nonlocal left
@@ -159,8 +159,8 @@ def choose_coordinates(mechanism: Mechanism, Phi: Array, wanted: Sequence[Indice
         for k in group:
             row = trial[k]
             size = float(np.linalg.norm(row))
-            if size < INDEPENDENT:  # they move with those already chosen
-                return False
+            if alone[k] < RESTS or size < INDEPENDENT * alone[k]:
+                return False  # it rests, or moves with those already chosen
             trial = trial - np.outer(trial @ (row / size), row / size)
         left = trial
         chosen.extend(group)
@@ -191,9 +191,10 @@ def judge(
     space = mechanism.space
     coordinates = choose_coordinates(mechanism, Phi, wanted)
     n = len(coordinates)
-    free = np.setdiff1d(np.arange(Phi.shape[1]), mechanism.driven)
-    loose = free_motions(np.vstack([Phi, _motors_on_lines(mechanism, q)])[:, free])
-    moving = np.abs(loose).max(axis=1, initial=0.0) > 1e-6
+    motions = free_motions(Phi)
+    _, sizes, ways = np.linalg.svd(motor_rates(mechanism, q, motions))
+    held = int(np.count_nonzero(sizes > RESTS))
+    moving = np.abs(motions @ ways[held:].T).max(axis=1, initial=0.0) > 1e-6
     return Mobility(
         joints=space.rate_names,
         actuated=mechanism.motor_names,
@@ -201,8 +202,8 @@ def judge(
         rows=tuple(f"{c}: {row}" for c in mechanism.closures for row in c.rows),
         independent_rows=tuple(map(int, independent_rows(Phi))),
         degrees_of_freedom=n,
-        held=n - loose.shape[1],
-        loose_joints=tuple(space.rate_names[i] for i, m in zip(free, moving, strict=True) if m),
+        held=held,
+        loose_joints=tuple(np.array(space.rate_names)[moving].tolist()),
         idle_joints=tuple(
             name
             for name, rates in space.rates.items()
@@ -216,13 +217,19 @@ def judge(
     )
 
 
-def _motors_on_lines(mechanism: Mechanism, q: Array) -> Array:
-    """Rates of motors on lines from the rates of the tree, without units, shape (motors, nv)."""
-    lines, length = mechanism.lines, mechanism.length
-    if not lines.motors.any():
-        return np.empty((0, mechanism.model.nv))
-    _, J = LineKinematics(mechanism.model, lines.forces, length).evaluate(q)
-    return lines.motors.T.dot(J) * mechanism.rate_scale / length
+def motor_rates(mechanism: Mechanism, q: Array, motions: Array) -> Array:
+    """B^T times motions of the tree without units, shape (motors, motions), at a closed q.
+
+    Each motor's row of B^T has length one; lines whose ends coincide have no direction, so zeros.
+    """
+    lines, B = mechanism.lines, mechanism.motors
+    if lines.motors.any():
+        kinematics = LineKinematics(mechanism.model, lines.forces, mechanism.length)
+        kinematics.lengths(q)
+        B = B + np.nan_to_num(kinematics.loops.Phi()).T @ lines.motors
+    rows = B.T * mechanism.rate_scale
+    lengths = np.linalg.norm(rows, axis=1, keepdims=True)
+    return np.divide(rows, lengths, out=np.zeros_like(rows), where=lengths > 0) @ motions
 
 
 def _spins(columns: Array) -> bool:

@@ -20,11 +20,8 @@ from ..summaries import listed
 from .loops import connected
 from .mechanism import Mechanism
 from .mobility import choose_coordinates, condition_number
-from .thresholds import MAX_CONDITION_NUMBER
+from .thresholds import CLOSURE_TOLERANCE, INCONSISTENT, MAX_CONDITION_NUMBER
 from .tree import columns, of_rates, summed, support
-
-#: Rates of too many coordinates break redundant rows by about their own size; open loops, by less.
-_INCONSISTENT = 0.1
 
 
 class _Block:
@@ -65,13 +62,17 @@ class JointComplement:
 
         self._mechanism, self._lapack, self._dtrsm = mechanism, lapack, blas.dtrsm
         self._row_scale = mechanism.row_scale[:, None]
+        self._units = mechanism.rate_scale[:, None], mechanism.rate_scale[mechanism.coordinates]
         self.blocks = [
             _Block(mechanism, touched, *part) for part in connected(touched[:, mechanism.dependent])
         ]
         self.inverse = np.zeros(touched.T.shape)
 
-    def factorise(self, Phi: Array) -> None:
-        """Compute L and the inverse; the error says which rates the closures do not fix."""
+    def factorise(self, Phi: Array, f: Array | float = 0.0) -> None:
+        """Compute L and the inverse; the error says which rates the closures do not fix.
+
+        Redundant rows must hold too, but for what loops that are open by f, Eq. (2), explain.
+        """
         self.L: Array = self._mechanism.selection.T.copy()
         smallest, largest = [], 1.0  # pivots of the coordinates are 1
         for block in self.blocks:
@@ -83,11 +84,14 @@ class JointComplement:
             smallest.append(pivots[1])
         if not all(pivot * MAX_CONDITION_NUMBER > largest for pivot in smallest):
             self._refuse(Phi, largest / MAX_CONDITION_NUMBER, smallest)
-        left = (self._row_scale * Phi.dot(self.L)).ravel()  # Phi L = 0 in redundant rows too
-        bound = _INCONSISTENT * largest
+        per_rate, per_coordinate = self._units
+        left = (self._row_scale * Phi.dot(self.L) * per_coordinate).ravel()  # Phi L = 0
+        bound = INCONSISTENT * CLOSURE_TOLERANCE * largest
         if left.dot(left) <= bound**2:
             return  # the short way: no entry of L is as large as those of its coordinates, 1
-        if not np.abs(left).max(initial=0.0) <= bound * np.abs(self.L).max(initial=0.0):
+        gap = np.abs(self._row_scale.ravel() * f).max() * largest / min(smallest, default=1.0)
+        bound *= (1 + gap / CLOSURE_TOLERANCE) * np.abs(self.L / per_rate * per_coordinate).max()
+        if not np.abs(left).max() <= bound:
             self._refuse(Phi, 0.0, smallest)
 
     def _least_squares(self, A: Array) -> tuple[Array, tuple[float, float]]:
@@ -96,10 +100,13 @@ class JointComplement:
         if m < d:
             return np.zeros((d, m)), (0.0, 0.0)
         QR, order, tau, _, _ = self._lapack.dgeqp3(A)
+        first, last = abs(QR[0, 0]), abs(QR[d - 1, d - 1])
+        if not last * MAX_CONDITION_NUMBER > first:
+            return np.zeros((d, m)), (first, last)  # the inverse could be infinite
         inverse = np.empty((d, m))
         Q, _, _ = self._lapack.dorgqr(QR, tau)
         inverse[order - 1] = self._dtrsm(1.0, QR[:d], Q.T)  # dtrtrs starts threads, which wait long
-        return inverse, (abs(QR[0, 0]), abs(QR[d - 1, d - 1]))
+        return inverse, (first, last)
 
     def _refuse(self, Phi: Array, least: float, smallest: list[float]) -> None:
         mechanism = self._mechanism
@@ -110,12 +117,24 @@ class JointComplement:
         if loose:
             names = listed([mechanism.space.rate_names[k] for k in loose])
             why = f"the coordinates do not determine the rates of the dependent joints {names}"
-        others = mechanism.space.names_of(
-            choose_coordinates(mechanism, np.nan_to_num(scaled)).tolist()
+        others = choose_coordinates(mechanism, np.nan_to_num(scaled))
+        names, k, n = (
+            listed(mechanism.space.names_of(others.tolist())),
+            len(others),
+            self.L.shape[1],
         )
+        cure = (
+            f"move away, or choose other coordinates=, for example {names} describe the motion here"
+        )
+        if k > n:
+            cure = (
+                f"the closures leave {k} freedoms here to {n} coordinates; move away, or where "
+                f"they do so everywhere give {k} coordinates=, for example {names}"
+            )
+        if not k:
+            cure = "nothing can move here"
         raise SingularConfigurationError(
-            f"singular configuration: {why}; move away, or choose other coordinates=, "
-            f"for example {listed(others)} describe the motion here",
+            f"singular configuration: {why}; {cure}",
             condition_number(scaled, mechanism.coordinates),
         )
 

@@ -89,7 +89,8 @@ class Reactions(Summary):
         """The wrench in one joint or closure, shape (..., 6).
 
         Args:
-            name: As in `names`; a closure is called by its frames, "a - b".
+            name: As in `names`; a closure is called by its frames, "a - b", or "a - b (1)" where
+                there are several.
 
         Raises:
             UnknownNameError: If there is none of that name.
@@ -123,8 +124,13 @@ _COMPONENTS = ("moment x", "moment y", "moment z", "force x", "force y", "force 
 
 
 def names_of(mechanism: Mechanism) -> tuple[str, ...]:
-    """Names of the joints of the tree, then of the closures."""
-    return (*list(mechanism.model.names)[1:], *map(str, mechanism.closures))
+    """Names of the joints of the tree, then of the closures; those of the same frames numbered."""
+    closures = list(map(str, mechanism.closures))
+    numbered = [
+        f"{name} ({closures[: k + 1].count(name)})" if closures.count(name) > 1 else name
+        for k, name in enumerate(closures)
+    ]
+    return (*list(mechanism.model.names)[1:], *numbered)
 
 
 def size_of(mechanism: Mechanism) -> int:

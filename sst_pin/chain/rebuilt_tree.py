@@ -11,6 +11,21 @@ import pinocchio as pin
 
 from ..arrays import Array
 
+#: Lists of a model with an entry for each joint, the world among them.
+JOINT_LISTS = (
+    "inertias",
+    "jointPlacements",
+    "joints",
+    "parents",
+    "names",
+    "children",
+    "subtrees",
+    "supports",
+    "idx_qs",
+    "nqs",
+    "idx_vs",
+    "nvs",
+)
 #: Arrays of a model with a number for each rate, and for each position.
 RATE_ARRAYS = (
     "armature",

@@ -7,13 +7,21 @@ null(J^T), the directions of preload.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from math import prod
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Array, as_array, finite_array, name_samples
+from ..arrays import Array, as_array, finite_array, for_each_sample, of_samples
 from ..errors import ActuationError, InputError, SingularConfigurationError
+from .least_torques import finest, smallest_torques
 from .mechanism import Mechanism
-from .thresholds import RANK_TOLERANCE
+from .thresholds import BALANCED, RANK_TOLERANCE, UNSUPPLIED
+
+if TYPE_CHECKING:
+    from .reference import Reference
 
 #: Torques may pass limits by this part of the largest: rounding of a projection onto them.
 _ROUNDING = 1e-12
@@ -21,33 +29,33 @@ _ROUNDING = 1e-12
 _FEASIBLE = 1e-12
 
 
-def directions(mechanism: Mechanism, J: Array, reference: Array) -> Array:
+def directions(mechanism: Mechanism, J: Array, reference: Array | None, on_error: str) -> Array:
     """Orthonormal directions of preload, continuous along the last batch axis, (..., motors, k).
 
     J are actuator Jacobians, shape (..., motors, n). Each sample's basis is the one next to that of
-    the sample before it, the first one's is next to that of a regular reference, shape (motors, n).
+    the sample before it, the first one's is next to that of a regular reference, shape (motors, n);
+    without one the first sample is it.
     """
     units = mechanism.rate_scale[mechanism.coordinates]
-    first, rank = _null_space(reference * units)
-    batch = J.shape[:-2]
-    flat = (J * units).reshape(-1, *J.shape[-2:])
-    found = np.empty((len(flat), len(first), first.shape[1]))
-    for i, matrix in enumerate(flat):
-        if not np.isfinite(matrix).all():
-            found[i] = np.nan  # of samples at fault
+    batch, core = J.shape[:-2], J.shape[-2:]
+    flat = (J * units).reshape(prod(batch), *core)
+    finite = np.isfinite(flat).all(axis=(1, 2))
+    starts = flat[finite] if reference is None else [reference * units]
+    first, rank = _null_space(starts[0] if len(starts) else np.zeros(core))
+    found = np.full((len(flat), *first.shape), np.nan)
+    fewer = np.zeros(len(flat), dtype=bool)
+    for i in np.flatnonzero(finite):
+        basis, own = _null_space(flat[i])
+        fewer[i] = own != rank
+        if fewer[i]:
             continue
-        basis, own = _null_space(matrix)
-        if own != rank:
-            error = SingularConfigurationError(
-                f"the motors hold {own} of {rank} freedoms here: directions of preload change",
-                np.inf,
-            )
-            name_samples(error, [i], batch)
-            raise error
         along = i % batch[-1] if batch else 0
         before = found[i - 1] if along and np.isfinite(found[i - 1]).all() else first
         U, _, Vt = np.linalg.svd(basis.T @ before)
         found[i] = basis @ (U @ Vt)
+    if fewer.any() and on_error == "raise":
+        problem = f"the motors hold less than {rank} freedoms here: directions of preload change"
+        raise of_samples(SingularConfigurationError(problem, np.inf), fewer.reshape(batch))
     return found.reshape(*batch, *first.shape)
 
 
@@ -59,25 +67,62 @@ def _null_space(J: Array) -> tuple[Array, int]:
 
 
 def adjusted(
-    mechanism: Mechanism,
-    tau: Array,
-    basis: Array,
+    reference: Reference,
+    motions: Sequence[Array | None],
+    found: Sequence[Array],
     preload: ArrayLike | None,
     limits: ArrayLike | None,
     weights: ArrayLike | None,
+    how: Mapping[str, Any],
 ) -> Array:
-    """The smallest torques, shape (..., motors), with a preload along a basis, within limits."""
-    if preload is not None:
-        amounts = finite_array("preload", preload, (basis.shape[-1],))
-        try:
-            tau = tau + np.einsum("...mk,...k->...m", basis, amounts)
-        except ValueError:
-            problem = f"shape {amounts.shape} does not broadcast with {tau.shape[:-1]} samples"
-            raise InputError("preload", problem) from None
+    """The smallest torques, shape (..., motors), with a preload along a basis, within limits.
+
+    `motions` are q, va, aa and wrenches, `found` their smallest torques, f, actuator Jacobians and
+    directions of preload. `how` has on_error and out.
+    """
+    motors, k = found[-1].shape[-2:]
+    amounts = as_array("preload", np.zeros(k) if preload is None else preload, (k,))
+    if how["on_error"] == "raise":
+        amounts = finite_array("preload", amounts, (k,))
+    allowed = None if limits is None else limits_of(limits, motors)
+    given = None if weights is None else np.asarray(weights, dtype=float)
+
+    def one(
+        q: Array,
+        va: Array,
+        aa: Array,
+        load: Array | None,
+        least: Array,
+        f: Array,
+        J: Array,
+        basis: Array,
+        along: Array,
+    ) -> Array:
+        tau = least if preload is None else least + basis.dot(along)
+        if not np.isfinite(tau).all():
+            return np.full(motors, np.nan)  # of a sample at fault
+        if allowed is not None:
+            tau = _within(reference.mechanism, tau, basis, allowed, given)
+        off = np.abs(f - J.T.dot(tau)) + BALANCED * np.abs(J.T).dot(np.abs(tau))
+        if tau is not least and not (off <= UNSUPPLIED * np.abs(f) + reference.negligible).all():
+            # Kernels round in other places than the reference path, which judges.
+            A = reference.actuator_jacobian(q).T
+            tau = _balanced(A, reference.generalized_forces(q, va, aa, load), tau, allowed)
+            reference.require_supplied(q, va, aa, load, tau)
+        return tau
+
+    arrays = [*motions, *found, amounts]
+    return for_each_sample(one, arrays, [1, 1, 1, 2, 1, 1, 2, 2, 1], (motors,), **how)
+
+
+def _balanced(A: Array, f: Array, tau: Array, limits: Array | None) -> Array:
+    """Torques with the rounding of A tau = f put right, by small ones most, within limits."""
+    free = np.full(len(tau), True)
     if limits is not None:
-        given = None if weights is None else np.asarray(weights, dtype=float)
-        tau = _within(mechanism, tau, basis, limits_of(limits, tau.shape[-1]), given)
-    return tau
+        free = (limits[:, 0] < tau) & (tau < limits[:, 1])
+    smallest, _ = smallest_torques(A * free, np.ones(len(A)), np.ones(len(tau)), finest(tau))
+    tau = tau + smallest(f - A.dot(tau))
+    return tau if limits is None else np.clip(tau, *limits.T)
 
 
 def limits_of(limits: ArrayLike, motors: int, name: str = "limits") -> Array:
@@ -105,18 +150,10 @@ def _within(
     mechanism: Mechanism, tau: Array, basis: Array, limits: Array, weights: Array | None
 ) -> Array:
     """The torques next to given ones that make the same motion within limits."""
-    batch, result = tau.shape[:-1], tau.reshape(-1, tau.shape[-1]).copy()
-    core = basis.shape[-2:]
-    bases = np.broadcast_to(basis, (*batch, *core)).reshape(len(result), *core)
-    rounding = _ROUNDING * np.abs(tau).max(initial=0.0, where=np.isfinite(tau))
-    over = np.maximum(limits[:, 0] - result, result - limits[:, 1]).max(axis=1) > rounding
-    for i in np.flatnonzero(over):
-        try:
-            result[i] = _nearest(mechanism, result[i], bases[i], limits, weights)
-        except ActuationError as error:
-            name_samples(error, [int(i)], batch)
-            raise
-    return result.reshape(tau.shape)
+    over = np.maximum(limits[:, 0] - tau, tau - limits[:, 1]).max(initial=0)
+    if over <= _ROUNDING * np.abs(tau).max(initial=0):
+        return tau
+    return _nearest(mechanism, tau, basis, limits, weights)
 
 
 def _nearest(
@@ -126,7 +163,7 @@ def _nearest(
     from scipy.optimize import nnls
 
     if weights is not None:  # a basis that is orthonormal with these weights
-        basis = basis @ np.linalg.inv(np.linalg.cholesky(basis.T @ (weights[:, None] * basis))).T
+        basis = basis @ np.linalg.inv(np.linalg.qr(np.sqrt(weights)[:, None] * basis, mode="r"))
     over = np.maximum(limits[:, 0] - tau, tau - limits[:, 1]).max()
     unit = max(np.abs(tau).max(), over)
     G = np.vstack([basis, -basis])

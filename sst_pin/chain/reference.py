@@ -10,9 +10,8 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Iterable
 from dataclasses import replace
-from functools import wraps
+from functools import cached_property, wraps
 from inspect import signature
-from math import isfinite
 from typing import Any, TypeVar
 
 import numpy as np
@@ -25,6 +24,7 @@ from .backend import Key, Motions, NoKernel
 from .continuity import Continuity, Way
 from .derivatives import Derivatives
 from .dynamics import Memory
+from .least_torques import finest, smallest_torques
 from .mechanism import Friction, Mechanism
 from .mobility import condition_number, scaled_Phi
 from .noc import mass_centers
@@ -62,14 +62,12 @@ def _finite(method: _Method) -> _Method:
 
 
 def _require_finite(result: Array, names: Iterable[str], arguments: Iterable[Any]) -> None:
-    flat = result.ravel()
-    if isfinite(flat.dot(flat)):  # cheaper than looking at each number
+    if np.isfinite(result).all():
         return
     for name, array in zip(names, arguments, strict=False):
         if isinstance(array, np.ndarray):
             finite_array(name, array, array.shape)
-    if not np.isfinite(result).all():
-        raise InputError("result", "not finite: arguments or numbers of the model are too large")
+    raise InputError("result", "not finite: arguments or numbers of the model are too large")
 
 
 class Reference:
@@ -123,42 +121,77 @@ class Reference:
         f = self.generalized_forces(q, va, aa, external_wrenches)
         if self.mechanism.driven_one_to_one:
             return f
-        L = self.memory.complement.L
-        tau, left = self._distributed(f, L, self.memory.actuation(q), weights)
-        over = np.abs(left) > UNSUPPLIED * np.abs(f)
-        if over.any():
-            # Where large forces balance, their rounding is left: compare with all of them.
-            along, sizes = dynamics.sizes_of_terms(self.memory, q, va, aa, external_wrenches)
-            over = np.abs(left) > UNSUPPLIED * along + ROUNDING * sizes
-        if over.any():
-            raise self._unsupplied(left, over)
+        A, smallest, lost = self._motors(q, weights)
+        with np.errstate(over="ignore", invalid="ignore"):
+            tau = smallest(f)
+            tau += smallest(f - A.dot(tau))
+            supplied = (np.abs(f - A.dot(tau)) <= UNSUPPLIED * np.abs(f) + self.negligible).all()
+        if lost.size or not supplied:
+            _, smallest, _ = self._motors(q, finest(tau))
+            tau += smallest(f - A.dot(tau))
+            self.require_supplied(q, va, aa, external_wrenches, tau)
         return tau
 
-    def _distributed(
-        self, f: Array, L: Array, B: Array, weights: Array | None
-    ) -> tuple[Array, Array]:
-        """The torques of least weighted norm with A tau = f, A = L^T B, and what is left of f."""
-        mechanism = self.mechanism
+    @cached_property
+    def negligible(self) -> Array:
+        """Forces along the coordinates that are rounding of the bodies' weights, shape (n,)."""
+        q, memory = self.mechanism.example, Memory(self.mechanism)
+        rest = memory.steady
+        if q is None:
+            return rest
+        try:
+            return ROUNDING * dynamics.terms_of_forces(memory, q, rest, rest, None)[1]
+        except SSTError:  # these coordinates are for another assembly
+            return rest
+
+    def _motors(
+        self, q: Array, weights: Array | None
+    ) -> tuple[Array, Callable[[Array], Array], Array]:
+        """A = L^T B; the smallest torques for forces, and directions that no motor acts along."""
+        memory, mechanism = self.memory, self.mechanism
+        L, B = memory.complement.L, memory.actuation(q)
         scale, units = mechanism.rate_scale[:, None], mechanism.rate_scale[mechanism.coordinates]
-        L, B = L / scale * units, B * scale
+        ways, gears = (np.abs(X).max(axis=0, initial=0) for X in (L / scale * units, B * scale))
         A = L.T.dot(B)
         # A motor that does not move with a coordinate leaves rounding, which no force balances.
-        A[np.abs(A) * MAX_CONDITION_NUMBER < np.outer(*(np.abs(X).max(axis=0) for X in (L, B)))] = 0
-        half = np.ones(A.shape[1]) if weights is None else 1 / np.sqrt(weights)
-        # Each freedom counts alike, whatever the weights of its motors.
-        rows = np.linalg.norm(A * half, axis=1)
-        rows[rows == 0] = 1
-        scaled = A * half / rows[:, None]
-        tau = half * np.linalg.lstsq(scaled, f * units / rows, rcond=1 / MAX_CONDITION_NUMBER)[0]
-        return tau, f - A.dot(tau) / units
+        acts = np.abs(units[:, None] * A) * MAX_CONDITION_NUMBER >= np.outer(ways, gears)
+        return A, *smallest_torques(np.where(acts, A, 0), units, gears, weights)
 
-    def _unsupplied(self, left: Array, over: Flags) -> ActuationError:
+    def require_supplied(
+        self, q: Array, va: Array, aa: Array, external_wrenches: Array | None, tau: Array
+    ) -> None:
+        """Refuse torques that leave over more of f than rounding, in any freedom of the robot.
+
+        Freedoms are the coordinates, and the directions that no motor acts along: a body counts
+        where it moves in these.
+        """
+        f = self.generalized_forces(q, va, aa, external_wrenches)
+        A, _, lost = self._motors(q, None)
+        with np.errstate(over="ignore", invalid="ignore"):
+            terms, sizes = dynamics.terms_of_forces(self.memory, q, va, aa, external_wrenches)
+            _require_finite(np.append(tau, sizes), (), ())
+            # Light bodies count by themselves: directions that move heavy ones are others.
+            lost = lost.dot(np.linalg.svd(terms.dot(lost), full_matrices=False)[2].T)
+            freedoms, left = np.hstack([np.eye(len(f)), lost]), f - A.dot(tau)
+            along = np.abs(terms.dot(freedoms)).sum(axis=0)
+            most = UNSUPPLIED * along + ROUNDING * sizes.dot(np.abs(freedoms))
+            over = ~(np.abs(left.dot(freedoms)) <= most)
+        if over.any():
+            raise self._unsupplied(left, over[: len(f)], bool(lost.size))
+
+    def _unsupplied(self, left: Array, over: Flags, lost: bool) -> ActuationError:
         """The error for a motion that needs more than the motors give."""
-        names = self.mechanism.coordinate_rate_names
+        names, units = self.mechanism.coordinate_rate_names, self.mechanism.rate_scale
+        if not over.any():  # each is small beside its own terms, but not along a direction of all
+            moved = np.abs(left) * units[self.mechanism.coordinates]
+            over = moved > 1e-3 * moved.max()
         missing = {names[k]: float(left[k]) for k in np.flatnonzero(over)}
         listed = ", ".join(f"{name} {x:.4g}" for name, x in list(missing.items())[:6])
+        why = "no motor supplies the forces"
+        if not lost:
+            why = "torques that balance each other are so large that their rounding leaves"
         return ActuationError(
-            f"the motors cannot produce this motion: no motor supplies the forces {listed} "
+            f"the motors cannot produce this motion: {why} {listed} "
             "(N m or N); generalized_forces computes the forces that a motion needs, "
             "compute_accelerations the motion for given torques",
             missing,
@@ -251,7 +284,7 @@ class Reference:
         """L where the loops are closed, shape (nv, n), Eq. (17)."""
         memory = self.memory
         memory.evaluate(q)
-        memory.complement.factorise(memory.loops.Phi())
+        memory.complement.factorise(memory.loops.Phi(), memory.loops.residual())
         return memory.complement.L
 
     @_finite
@@ -363,6 +396,7 @@ class ReferenceStates:
     """
 
     def __init__(self, reference: Reference, friction: Friction) -> None:
+        reference.mechanism.require_freedom()
         reference.mechanism.require_mass()
         self._reference, self._mechanism = reference, reference.mechanism
         self._friction, self._nq = friction, reference.mechanism.model.nq
@@ -452,6 +486,8 @@ class ReferenceStates:
         if not condition > sound:
             return self, condition
         Phi, n = self.Phi(q), len(self.coordinates)
+        if not np.isfinite(Phi).all():
+            return self, condition
         # Those of the smallest singular values: near a singularity there are more free motions.
         motions = np.linalg.svd(Phi)[2][len(Phi.T) - n :]
         _, order = qr(motions, pivoting=True, mode="r")
@@ -493,6 +529,7 @@ class ReferenceStates:
         """
         return np.array([self._roll(motions, i)[0] for i in range(len(motions.q))], dtype=np.intp)
 
+    @np.errstate(over="ignore", invalid="ignore")  # a motion that diverges ends
     def _roll(self, motions: Motions, i: int, *, back: bool = False) -> tuple[int, bool]:
         """How many states of motion i hold, and whether it goes on behind them.
 

@@ -177,14 +177,16 @@ def changed(
             "theta", f"offset of {listed(lost)}: in a ball it depends on where its spring is"
         )
     shift = np.divide(offset, stiffness, out=np.zeros(nv), where=stiffness != 0)
+    reference = (
+        pin.integrate(model, springs.reference, -shift) if shift.any() else springs.reference
+    )
+    plain = np.array_equal(reference, pin.neutral(model))
     numbers: dict[str, ArrayLike | None] = {
         "viscous_friction": None,  # those of the model
         "coulomb_friction": None,
-        "stiffness": stiffness,
-        "spring_reference": springs.reference,
+        "stiffness": read_only(stiffness) if stiffness.any() else None,
+        "spring_reference": None if plain else read_only(reference),
     }
-    if shift.any():
-        numbers["spring_reference"] = pin.integrate(model, springs.reference, -shift)
     forces = tuple(
         replace(line, stiffness=of[0], damping=of[1], preload=of[2])
         for line, of in zip(mechanism.lines.forces, lines.reshape(-1, 3), strict=True)

@@ -4,9 +4,9 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 import pinocchio as pin
@@ -15,20 +15,38 @@ from numpy.typing import ArrayLike
 from ..arrays import Array, Flags, finite_array
 from ..errors import ClosureError, DescriptionError, DescriptionWarning
 from .assembly import home_of
+from .mechanism import Mechanism
 from .named_positions import angles_and_lengths, put, taken
 from .thresholds import CLOSURE_TOLERANCE
 
-if TYPE_CHECKING:
-    from .closed_chain import ClosedChain
+
+class Chain(Protocol):
+    """What is asked of a `ClosedChain` here."""
+
+    @property
+    def mechanism(self) -> Mechanism: ...
+
+    @property
+    def home(self) -> Array: ...
+
+    def residual(self, q: ArrayLike) -> Array: ...
+
+    def assemble(
+        self, q: ArrayLike | Mapping[str, float], fixed: Sequence[str] | None = None
+    ) -> Array: ...
+
+    def generic_configuration(self) -> Array: ...
+
+    def _moved(self, q: Array, step: Array) -> Array: ...
 
 
-def is_closed(chain: ClosedChain, q: Array) -> Flags:
+def is_closed(chain: Chain, q: Array) -> Flags:
     """Whether the loops of configurations are closed as far as the dynamics asks, shape (...)."""
     open_by = np.abs(chain.residual(q) * chain.mechanism.row_scale)
     return np.asarray(open_by.max(axis=-1, initial=0.0) <= CLOSURE_TOLERANCE)
 
 
-def pose_of(chain: ClosedChain) -> Array:
+def pose_of(chain: Chain) -> Array:
     """Home, open if its loops cannot be closed; `pin.neutral` without one, shape (nq,)."""
     try:
         return chain.home
@@ -37,7 +55,7 @@ def pose_of(chain: ClosedChain) -> Array:
         return pin.neutral(chain.mechanism.model) if home is None else home
 
 
-def start_of(chain: ClosedChain, *, chosen: bool = False) -> Array:
+def start_of(chain: Chain, *, chosen: bool = False) -> Array:
     """The configuration where a chain stands first, shape (nq,): home, else as it is drawn.
 
     Otherwise its loops are closed near zero, or else it is a generic configuration. A home that
@@ -67,9 +85,7 @@ def start_of(chain: ClosedChain, *, chosen: bool = False) -> Array:
     return q
 
 
-def placed(
-    chain: ClosedChain, positions: Mapping[str, float], guess: ArrayLike | None = None
-) -> Array:
+def placed(chain: Chain, positions: Mapping[str, float], guess: ArrayLike | None = None) -> Array:
     """A configuration with closed loops where some joints stand as given.
 
     Coordinates are moved there in the assembly mode of the start, if they alone are given.
@@ -117,7 +133,7 @@ def placed(
     return q
 
 
-def _moved(chain: ClosedChain, start: Array, positions: Mapping[str, float]) -> Array:
+def _moved(chain: Chain, start: Array, positions: Mapping[str, float]) -> Array:
     """The configuration, in the assembly mode of the start, where coordinates are at positions."""
     mechanism, names = chain.mechanism, list(positions)
     step = np.zeros(len(mechanism.coordinates))
@@ -129,7 +145,7 @@ def _moved(chain: ClosedChain, start: Array, positions: Mapping[str, float]) -> 
     return chain._moved(start, step)
 
 
-def _warn(chain: ClosedChain, why: str, cure: str) -> None:
+def _warn(chain: Chain, why: str, cure: str) -> None:
     warnings.warn(
         f"model {chain.mechanism.model.name}: {why}, so the loops were closed in an assembly mode "
         f"chosen here; other modes need other torques. Check the start; to choose it, {cure}",

@@ -5,12 +5,19 @@ from __future__ import annotations
 
 #: Loops further open than this are open, relative to the length of the robot or in [rad].
 CLOSURE_TOLERANCE = 1e-6
+#: How far redundant rows of Phi may be off, in multiples of what their loops are open by. On
+#: overconstrained linkages they are off by less than that; rates of too many coordinates break them
+#: by about their own size.
+INCONSISTENT = 10.0
 #: Scaled residual that an assembled configuration stays below.
 ASSEMBLED = 1e-11
 #: A singular value or pivot this much smaller than the largest counts as zero: assembled closures
 #: leave noise of 1e-12, a mechanism that still moves at 1e-8 is of no use.
 RANK_TOLERANCE = 1e-8
-#: A rate whose motion beside the rates already chosen is smaller moves with these.
+#: A rate or a motor that moves less than this part of a motion rests: a tenth of what the largest
+#: condition number allows.
+RESTS = 1e-7
+#: A rate of whose motion a smaller part is beside the rates already chosen moves with these.
 INDEPENDENT = 1e-4
 #: Where the constraints count as singular: half of the sixteen digits are lost by then.
 MAX_CONDITION_NUMBER = 1e8
@@ -19,6 +26,13 @@ MAX_CONDITION_NUMBER = 1e8
 UNSUPPLIED = 1e-6
 #: What rounding leaves of forces that do not act along a coordinate, relative to their sizes.
 ROUNDING = 1e-12
+#: Gravity by which bodies without weight count there, [m/s^2].
+EARTH = 9.81
+#: What rounding leaves of torques that balance each other along a coordinate, relative to them.
+BALANCED = 1e-14
+#: A coordinate whose inertia is a smaller part of that of all bodies, were they to move as fast as
+#: the fastest joint, moves no mass: the square of what rounding leaves of the rates.
+WITHOUT_MASS = 1e-20
 #: A component of a reaction that inner stresses of size one change by less, free of units, is
 #: unique: loops that are open by their tolerance change it by about that.
 UNIQUE = 1e-5

@@ -37,6 +37,12 @@ def frame_id(model: pin.Model, name: str | None) -> int:
     return found[0]
 
 
+def body_of(model: pin.Model, frame: str) -> int | None:
+    """Which body, counted from 0, has a frame; None without this frame, or where it is fixed."""
+    joint = model.frames[frame_id(model, frame)].parentJoint if model.existFrame(frame) else 0
+    return joint - 1 if joint else None
+
+
 def frame_named(model: pin.Model, name: str) -> pin.Frame:
     """A frame by its name; errors as `frame_id`."""
     return model.frames[frame_id(model, name)]

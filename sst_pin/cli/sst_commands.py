@@ -14,9 +14,9 @@ from ..description import description_writers
 from ..description.parameters import Parameters, RigidBody
 from ..errors import InputError
 from ..files import Writer, write_files
-from ..sst.configurations import configurations_of
 from ..sst.paper import PERIOD, compare, example_1, example_2
 from ..sst.platform_motion import paper_circle
+from ..sst.robot_wrapper import configurations_of
 from ..sst.workspace import WorkspaceMap, workspace_at, workspace_over_rolls
 from . import common
 

@@ -77,6 +77,20 @@ cdef inline bint is_plain(object array, int ndim, Py_ssize_t size):
     )
 
 
+cdef object as_floats(object given):
+    """Python's numbers in a list, or an array of other real numbers, as float64; all else as it is."""
+    if type(given) is list or type(given) is tuple:
+        for x in given:
+            if not isinstance(x, float) and type(x) is not int:
+                return given
+    elif type(given) is not cnp.ndarray or given.dtype.kind not in "iuf" or given.dtype.char == "d":
+        return given
+    try:
+        return np.array(given, dtype=np.float64)
+    except OverflowError:  # a whole number that is too large
+        return given
+
+
 cdef inline Py_ssize_t number_of(object threads):
     """Number of threads; 0 if the argument is not a positive integer."""
     cdef int overflow = 0
@@ -156,10 +170,11 @@ cdef class Kernel:
     def answer(self, a, b, c, load, out, threads):
         """The result, or None if the caller has to check the arguments and compute it itself.
 
-        The kernel's inputs are the first of a, b, c, load, shape (size,) or (N, size); the others
-        must be None. With a load, the kernel `loaded` computes the result. The result is None if an
-        input is not a plain float64 array of such a shape, if `threads` is not a positive integer,
-        if `out` is not a plain array or overlaps an input, or if a sample fails its checks.
+        The kernel's inputs are the first of a, b, c, shape (size,) or (N, size); the others must be
+        None. With a load, a moment on the body that bears one, shape (3,) or (N, 3), the kernel
+        `loaded` computes the result. The result is None if an input is not an array of numbers, or
+        a list, of such a shape, if `threads` is not a positive integer, if `out` is not a plain
+        array or overlaps an input, or if a sample fails its checks.
         """
         cdef Kernel kernel = self
         if load is not None and self.arrays < 4:
@@ -168,7 +183,7 @@ cdef class Kernel:
             kernel = self.loaded
             if kernel is None:
                 return None
-        return kernel.respond(a, b, c, load, out, threads)
+        return kernel.respond_to_all(a, b, c, load, out, threads)
 
     def derivatives(self, kind, a, b, c, threads):
         """Derivatives by a, b and c, as many rows as b, or None where `answer` is None.
@@ -183,7 +198,7 @@ cdef class Kernel:
         cdef char *at
         if self.arrays != 3 or columns * self.sizes[1] != self.output:
             raise TypeError("no kernel of derivatives")
-        answer = self.respond(a, b, c, None, None, threads)
+        answer = self.respond_to_all(a, b, c, None, None, threads)
         if answer is None:
             return None
         rows = answer
@@ -204,21 +219,30 @@ cdef class Kernel:
             at += width * sizeof(double)
         return tuple.__new__(kind, parts)
 
-    cdef respond(self, a, b, c, load, out, threads):
+    cdef respond_to_all(self, a, b, c, load, out, threads):
         """The result by this kernel, or None, for `answer`."""
+        answer = self.respond(a, b, c, load, out, threads)
+        if answer is None:
+            given, a, b, c = (a, b, c), as_floats(a), as_floats(b), as_floats(c)
+            if a is not given[0] or b is not given[1] or c is not given[2]:
+                return self.respond(a, b, c, load, out, threads)
+        return answer
+
+    cdef respond(self, a, b, c, load, out, threads):
+        """`respond_to_all` for plain float64 arrays."""
         cdef rows inputs[4]
         cdef rows output
         cdef cnp.npy_intp shape[2]
         cdef Py_ssize_t count = -1
-        cdef bint moment = self.moment >= 0 and (is_plain(load, 1, 3) or is_plain(load, 2, 3))
+        cdef bint moment = load is not None
         cdef Py_ssize_t number = number_of(threads)
         cdef int i, size
         if (
-            self.arrays > 4 or not number
+            self.arrays > 4 or not number or (moment and self.moment < 0)
             or not self.take(a, 0, self.sizes[0], inputs, &count)
             or not self.take(b, 1, self.sizes[1], inputs, &count)
             or not self.take(c, 2, self.sizes[2], inputs, &count)
-            or not self.take(load, 3, 3 if moment else self.sizes[3], inputs, &count)
+            or not self.take(load, 3, 3, inputs, &count)
         ):
             return None
         shape[0], shape[1] = count, self.output

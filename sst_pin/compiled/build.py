@@ -4,10 +4,8 @@
 A library is found again by the content that it was made from. Its file's name ends in the hash of
 the file itself; the folder is the user's own, so that what is loaded is what was written. When a
 new library makes the folder larger than `LARGEST`, those that were loaded longest ago are deleted.
-A process that has loaded a library keeps it in memory, so any process may delete any file.
+A process loads a library once and keeps it in memory, so any process may delete any file.
 """
-
-from __future__ import annotations
 
 import ctypes
 import hashlib
@@ -18,13 +16,17 @@ import stat
 import sys
 import threading
 import time
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+
+from ..arrays import Array
 from ..errors import CompilationError
 
 _AVX512 = ("-mavx512f", "-mavx512dq", "-mavx512vl", "-mfma")
@@ -46,10 +48,74 @@ LONG = ("-O1", "-fexpensive-optimizations")
 _SUFFIX = ".so"
 #: Bytes that all libraries in the cache have together, at most.
 LARGEST = 2**30
+#: All files of the package that decide what is in a kernel.
+_CODE = ("chain/*.py", "compiled/*.py", "compiled/c/**/*.[ch]", "version.py")
+#: Seconds after which a person is told that a call compiles.
+_PATIENCE = 1.0
+#: The list of sizes in a library ends with -1; there are no more than this.
+_MOST_SIZES = 8
 _log = logging.getLogger(__name__)
-_CURE = "XDG_CACHE_HOME names another place"
+_CURE = "set XDG_CACHE_HOME to another folder"
 #: Folders in the cache where libraries are being made; older ones were left by a process that died.
 _BUILDING, _DEAD = ".building-", 86_400.0  # seconds
+
+
+#: The libraries that this process has loaded, by the cache and by what they were made from.
+_loaded: dict[tuple[Path, str], ctypes.CDLL] = {}
+
+
+@dataclass(frozen=True)
+class Code:
+    """A kernel in a loaded library; the names of its functions end in `entry`."""
+
+    library: ctypes.CDLL
+    entry: str
+
+    def sizes(self, word: str) -> list[int]:
+        """Sizes of the parameters, of the output of one of its functions, and of each input."""
+        name = f"sizes_{word}_{self.entry}"
+        numbers = list((ctypes.c_int * _MOST_SIZES).in_dll(self.library, name))
+        return numbers[: numbers.index(-1)]
+
+    def address(self, word: str) -> int:
+        """Address of one of its functions: "run", of rollouts "rate" too."""
+        function = getattr(self.library, f"{word}_{self.entry}")
+        address = ctypes.cast(function, ctypes.c_void_p).value
+        assert address is not None
+        return address
+
+    def prepared(self, numbers: Array) -> Array:
+        """Parameters with the constants behind them that the kernel makes of them."""
+        p = np.concatenate([numbers, np.zeros(self.sizes("run")[0] - len(numbers))])
+        getattr(self.library, f"prepare_{self.entry}")(ctypes.c_void_p(p.ctypes.data))
+        return p
+
+
+class Clock:
+    """Measures how long one call compiles, on all its threads; tells once that a person waits."""
+
+    def __init__(self, robot: str) -> None:
+        self._robot, self._lock = robot, threading.Lock()
+        self._running, self._left = 0, _PATIENCE
+
+    @contextmanager
+    def running(self) -> Iterator[None]:
+        """While something of the call compiles."""
+        with self._lock:
+            self._running += 1
+            if self._running == 1 and self._left > 0:
+                message = "sst-pin: compiling kernels of %s; the cache keeps them"
+                self._started = time.monotonic()
+                self._timer = threading.Timer(self._left, _log.warning, (message, self._robot))
+                self._timer.start()
+        try:
+            yield
+        finally:
+            with self._lock:
+                self._running -= 1
+                if not self._running:
+                    self._timer.cancel()
+                    self._left -= time.monotonic() - self._started
 
 
 class Entry(NamedTuple):
@@ -81,7 +147,7 @@ def compiler() -> list[str]:
 
 def cache_folder() -> Path:
     """The user's cache folder; one that others can write to is refused."""
-    folder = _base() / "sst_pin" / "kernels"
+    folder = _folder()
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         status = folder.stat()
@@ -95,16 +161,16 @@ def cache_folder() -> Path:
     return folder
 
 
-def _base() -> Path:
-    """The user's folder for caches."""
-    named = Path(os.environ.get("XDG_CACHE_HOME", ""))
-    if named.is_absolute():  # else it does not count, says XDG
-        return named
-    try:
-        home = Path.home()
-    except RuntimeError as error:
-        raise CompilationError(f"no place for a cache: {error}; {_CURE}") from None
-    return home / "Library" / "Caches" if sys.platform == "darwin" else home / ".cache"
+def _folder() -> Path:
+    """The folder of libraries in the user's folder for caches."""
+    base = Path(os.environ.get("XDG_CACHE_HOME", ""))
+    if not base.is_absolute():  # then it does not count, says XDG
+        try:
+            home = Path.home()
+        except RuntimeError as error:
+            raise CompilationError(f"no place for a cache: {error}; {_CURE}") from None
+        base = home / "Library" / "Caches" if sys.platform == "darwin" else home / ".cache"
+    return base / "sst_pin" / "kernels"
 
 
 def _unusable(folder: Path, error: OSError) -> CompilationError:
@@ -122,19 +188,11 @@ def cached() -> list[Entry]:
     return sorted(entries, key=lambda entry: -entry.used)
 
 
-def empty_cache() -> int:
-    """Delete all libraries in the cache; how many there were. Those in use stay in memory.
+def empty_cache(largest: int = 0) -> int:
+    """Delete the libraries last used longest ago until the rest is smaller than this; how many.
 
-    Folders that a process left when it was killed while it compiled are deleted after a day.
-
-    Raises:
-        CompilationError: When they cannot be deleted.
+    Those in use stay in memory. What killed processes were compiling is deleted after a day.
     """
-    return _shrink(0)
-
-
-def _shrink(largest: int) -> int:
-    """Delete the libraries last used longest ago until the rest is smaller than this; how many."""
     left, old = 0, []
     for entry in cached():
         left += entry.size
@@ -159,30 +217,33 @@ def library(
     target: str,
     source: Callable[[], str],
     options: tuple[str, ...] = (),
+    clock: Clock | None = None,
 ) -> ctypes.CDLL:
-    """The library of a kernel, from the cache or compiled now.
+    """The library of a kernel, of this process, from the cache, or compiled now.
 
-    `content` is all that the source is made from, `target` one of `TARGETS`. `options` are told to
-    the compiler besides; they are the same for each kernel of this name.
+    `content` is all that the source is made from, `target` one of `TARGETS`. More options of the
+    compiler are the same for each kernel of this name. The clock is that of the call.
     """
-    key = hashlib.sha256(b"\0".join([content, kernel.encode(), target.encode(), _version()]))
-    folder = cache_folder()
-    try:
-        flags = (*TARGETS[target][1], *options)
-        return _loaded(folder, robot, kernel, key.hexdigest()[:32], target, source, flags)
-    except OSError as error:
-        raise _unusable(folder, error) from None
+    robot, parts = robot or "robot", [content, kernel.encode(), target.encode(), _version()]
+    key = hashlib.sha256(b"\0".join(parts)).hexdigest()[:32]
+    place = _folder(), key
+    if place not in _loaded:
+        folder = cache_folder()
+        try:
+            found = _found(folder, key)
+            if found is None:
+                _log.info("compiling %s of %s for %s; the cache keeps it", kernel, robot, target)
+                label = f"{_plain(robot)}.{_plain(kernel)}.{key}"
+                with (clock or Clock(robot)).running():
+                    found = _made(folder, label, source, (*TARGETS[target][1], *options))
+        except OSError as error:
+            raise _unusable(folder, error) from None
+        _loaded[place] = found
+    return _loaded[place]
 
 
-def _loaded(
-    folder: Path,
-    robot: str,
-    kernel: str,
-    key: str,
-    target: str,
-    source: Callable[[], str],
-    flags: tuple[str, ...],
-) -> ctypes.CDLL:
+def _found(folder: Path, key: str) -> ctypes.CDLL | None:
+    """A library in the cache; None where there is none that is whole."""
     for path in folder.glob(f"*.{key}.*{_SUFFIX}"):
         with suppress(FileNotFoundError):  # another process empties the cache
             if path.name.split(".")[-2] == _digest(path):
@@ -195,41 +256,33 @@ def _loaded(
                         raise
                     continue  # another process deleted it since
             path.unlink()  # damaged
-    _log.info("compiling %s of %s for %s; the cache keeps it", kernel, robot or "robot", target)
-    label = f"{_plain(robot) or 'robot'}.{_plain(kernel)}"
+    return None
+
+
+def _made(
+    folder: Path, label: str, source: Callable[[], str], flags: tuple[str, ...]
+) -> ctypes.CDLL:
+    """A library that is compiled now, in the cache from then on."""
     import tempfile
 
     # Built beside its place and moved there when it is whole: another process sees all or nothing.
     with tempfile.TemporaryDirectory(dir=folder, prefix=_BUILDING) as scratch:
         code, made = Path(scratch, "kernel.c"), Path(scratch, "kernel.so")
-        patience = threading.Timer(1.0, _tell, (robot or "robot",))
-        patience.start()
-        try:
-            code.write_text(source(), encoding="utf-8")
-            _compile(code, made, flags)
-        finally:
-            patience.cancel()
+        code.write_text(source(), encoding="utf-8")
+        _compile(code, made, flags)
         try:
             ctypes.CDLL(str(made))
         except OSError as error:  # it is not kept: another compiler may do better
-            raise CompilationError(
-                f"{folder} cannot be used: {error}; {_CURE}, CC another compiler"
-            ) from None
-        name = f"{label}.{key}.{_digest(made)}{_SUFFIX}"
-        loaded = ctypes.CDLL(str(made.replace(folder / name)))
+            cure = f"{_CURE}, or CC to another compiler"
+            raise CompilationError(f"{folder} cannot be used: {error}; {cure}") from None
+        loaded = ctypes.CDLL(str(made.replace(folder / f"{label}.{_digest(made)}{_SUFFIX}")))
     with suppress(CompilationError):  # the library is good, even if old ones cannot be deleted
-        _shrink(LARGEST)
+        empty_cache(LARGEST)
     return loaded
 
 
-@cache
-def _tell(robot: str) -> None:
-    """Say once that a person has to wait; without other settings on standard error."""
-    _log.warning("sst-pin: compiling kernels of %s; the cache keeps them", robot)
-
-
 def _plain(name: str) -> str:
-    """What can stand in the name of a file, which has at most 255 bytes."""
+    """A name with characters for a file and at most 40 bytes of the 255 that its name may have."""
     plain = "".join(c if c.isalnum() or c in "-_" else "_" for c in name)
     return plain.encode()[:40].decode(errors="ignore")
 
@@ -245,7 +298,7 @@ def _compile(code: Path, made: Path, flags: tuple[str, ...]) -> None:
         raise CompilationError(f"{command[0]} cannot be run: {error.strerror}") from None
     if result.returncode or not made.is_file():
         said = "\n".join(result.stderr.strip().splitlines()[:5])
-        said = said or "it wrote no library; CC names another compiler"
+        said = said or "it wrote no library; set CC to another compiler"
         raise CompilationError(f"{command[0]} failed with code {result.returncode}:\n{said}")
 
 
@@ -255,7 +308,8 @@ def _digest(path: Path) -> str:
 
 @cache
 def _version() -> bytes:
-    """Changes with the text of the generator and with the kind of machine; a home can be shared."""
-    here = Path(__file__).parent
-    texts = [path.read_bytes() for path in sorted([*here.glob("*.py"), *here.glob("c/**/*.[ch]")])]
+    """Changes with all code that kernels come from and with the machine; a home can be shared."""
+    package = Path(__file__).parents[1]
+    paths = sorted(path for pattern in _CODE for path in package.glob(pattern))
+    texts = [path.read_bytes() for path in paths]
     return hashlib.sha256(b"\0".join([os.uname().machine.encode(), *texts])).digest()

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Kernels as C99: straight-line code on `real`, a number or a vector of samples."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from math import isfinite
@@ -18,9 +16,11 @@ from .open_numbers import SIGN_WIDTH
 
 #: Arguments of the sign of a rate besides it: its width, and what is slower is at rest.
 _OF_SIGNS = f"p[{SIGN_WIDTH}], N({AT_REST})"
-_BINARY = {ca.OP_ADD: "+", ca.OP_SUB: "-", ca.OP_MUL: "*", ca.OP_DIV: "/"}
-#: By its operands.
+#: An operation by its operands.
 _FORMS = {
+    ca.OP_ADD: "{0} + {1}",
+    ca.OP_SUB: "{0} - {1}",
+    ca.OP_MUL: "{0} * {1}",
     ca.OP_LE: "AT_MOST({0}, {1})",
     ca.OP_NEG: "-{0}",
     ca.OP_SQ: "{0} * {0}",
@@ -44,20 +44,15 @@ def filled(name: str, values: Mapping[str, object]) -> str:
 
 
 class KernelSource(NamedTuple):
-    """The C of a kernel.
+    """The C of a kernel."""
 
-    Attributes:
-        text: `void <name>(const real *x, const number *p, real *y)`, and before it
-            `void <name>_constants(number *p)`. x holds the inputs one after the other, p the open
-            parameters, then the constants that `<name>_constants` makes of them; y gets the output,
-            then the checks, then what parts of the function hand on. Where the kernel has
-            directions, `<name>_once` comes first, with the same arguments: it computes what does
-            not depend on them.
-        size: Size of p.
-        room: Size of y.
-    """
-
+    #: `void <name>(const real *x, const number *p, real *y)`, and before it
+    #: `void <name>_constants(number *p)`. x holds the inputs one after the other, p the open
+    #: parameters, then the constants that `<name>_constants` makes of them; y gets the output, then
+    #: the checks, then what parts of the function hand on. Where the kernel has directions,
+    #: `<name>_once` comes first, with the same arguments: it computes what does not depend on them.
     text: str
+    #: Sizes of p and of y.
     size: int
     room: int
 
@@ -65,10 +60,9 @@ class KernelSource(NamedTuple):
 def body(
     kernel: SymbolicKernel, size: int | None = None, suffix: str = "", *, one: bool = False
 ) -> KernelSource:
-    """The C of a kernel; what depends on the parameters alone is apart, to be computed once.
+    """The C of a kernel for many samples or `one`; what depends on p alone is apart.
 
-    `size` is that of p before its constants, `suffix` that of numbers, "f" in single precision;
-    `one` is for one sample at once.
+    `size` is that of p before its constants, `suffix` that of numbers, "f" in single precision.
     """
     writer = written(kernel, size, suffix)
     prepare = f"static void {kernel.name}_constants(number *p)"
@@ -82,7 +76,7 @@ def body(
     else:
         whole = {kernel.name: lines}
         if kernel.directions:
-            inputs = sum(symbols.numel() for symbols in kernel.inputs)
+            inputs = sum(symbols.numel() for symbols in kernel.inputs.values())
             once, each = statements.split(lines, range(inputs - kernel.directions, inputs))
             whole = {f"{kernel.name}_once": once, kernel.name: each}
         pieces = {name: statements.pieces(lines) for name, lines in whole.items()}
@@ -94,11 +88,8 @@ def body(
         }
         arguments = "const real *x, const number *p, real *restrict y, real *restrict w"
         for k, own in enumerate(parts):
-            head, unused = (
-                f"PART {kernel.name}_{k}({arguments})",
-                "(void)x, (void)p, (void)y, (void)w;",
-            )
-            texts.append(statements.function(head, [unused, *own]))
+            lines = ["(void)x, (void)p, (void)y, (void)w;", *own]
+            texts.append(statements.function(f"PART {kernel.name}_{k}({arguments})", lines))
         room += handed_on
     for name, own in functions.items():
         head = f"static void {name}(const real *x, const number *p, real *y)"
@@ -106,11 +97,11 @@ def body(
     return KernelSource("\n".join(texts), writer.size, room)
 
 
-def written(kernel: SymbolicKernel, size: int | None = None, suffix: str = "") -> Writer:
+def written(kernel: SymbolicKernel, size: int | None = None, suffix: str = "") -> "Writer":
     """Statements of a kernel, each in a form that is C; the arguments are those of `body`."""
     function = ca.Function(
         kernel.name,
-        [ca.vertcat(*kernel.inputs), kernel.parameters],
+        [ca.vertcat(*kernel.inputs.values()), kernel.parameters],
         [ca.densify(ca.vertcat(kernel.output, kernel.checks))],
         {"cse": True},
     )
@@ -147,18 +138,12 @@ _Name = tuple[str, str]
 
 
 class Writer:
-    """Statements of a kernel, those of parameters apart from those of samples.
-
-    Attributes:
-        names: What stands in each place of the work vector.
-        lines: Statements by the type of their result.
-        size: Size of p.
-    """
+    """Statements of a kernel, those of parameters apart from those of samples."""
 
     def __init__(self, size: int) -> None:
-        self.names: dict[int, _Name] = {}
-        self.lines: dict[str, list[str]] = {"real": [], "number": []}
-        self.size = size
+        self.names: dict[int, _Name] = {}  # what stands in each place of the work vector
+        self.lines: dict[str, list[str]] = {"real": [], "number": []}  # by the type of their result
+        self.size = size  # of p
         self._constants: dict[str, str] = {}
         self._turns: dict[str, int] = {}
         self._inverses: dict[_Name, _Name] = {}
@@ -203,12 +188,8 @@ class Writer:
             if declared not in self.lines[kind]:
                 self.lines[kind].append(declared)
             return f"{'s' if operation == ca.OP_SIN else 'c'}{t}", kind
-        if operation in _BINARY:
-            text = f"{first} {_BINARY[operation]} {texts[1]}"
-        else:
-            forms = _FORMS if kind == "real" else _FORMS | _OF_NUMBERS
-            text = forms[operation].format(*texts)
-        self.lines[kind].append(f"const {kind} {name} = {text};")
+        forms = _FORMS if kind == "real" else _FORMS | _OF_NUMBERS
+        self.lines[kind].append(f"const {kind} {name} = {forms[operation].format(*texts)};")
         return name, kind
 
     def _inverse(self, name: _Name) -> _Name:
@@ -244,7 +225,7 @@ def source(entries: Mapping[str, Sequence[SymbolicKernel]], *, one: bool = False
                 parts.append(bodies[kernel.name].text)
             size = bodies[kernel.name].size
         last = kernels[-1]
-        inputs = [symbols.numel() for symbols in last.inputs]
+        inputs = [symbols.numel() for symbols in last.inputs.values()]
         outputs, checks = last.output.numel(), last.checks.numel()
         directions = last.directions
         numbers: dict[str, object] = {
@@ -267,13 +248,10 @@ def source(entries: Mapping[str, Sequence[SymbolicKernel]], *, one: bool = False
             word, close, arrays = "rate", kernels[0].name, [q + va, tau, *load]
             more = {"va": va, "tau": tau, "load": sum(load), "states": q + va, "close": close}
             parts.append(filled("entries/roll.c", numbers | more))
-            runs = {"word": "run", "sizes": _listed(inputs)}
+            runs = {"word": "run", "sizes": ", ".join(map(str, inputs))}
             parts.append(filled("entries/sizes.c", numbers | runs))
-        numbers |= {"word": word, "sizes": _listed(arrays), "arrays": len(arrays), "close": close}
+        sizes = ", ".join(map(str, arrays))
+        numbers |= {"word": word, "sizes": sizes, "arrays": len(arrays), "close": close}
         parts.append(filled(f"entries/{'along' if directions else 'run'}.c", numbers))
         parts.append(filled("entries/sizes.c", numbers))
     return "\n".join(parts)
-
-
-def _listed(numbers: Sequence[int]) -> str:
-    return ", ".join(map(str, numbers))

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The dynamics of a chain as functions of CasADi, for its optimisers and integrators."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from functools import cached_property
+from functools import cache, cached_property
+from math import prod
 
 import casadi as ca
+import numpy as np
 from casadi import MX, SX, Function
 
 from ..arrays import Array
@@ -14,33 +14,42 @@ from ..chain.mechanism import Mechanism
 from ..chain.reference import Reference
 from ..chain.runge_kutta import runge_kutta_step
 from ..chain.tree import frame_named
-from ..errors import ActuationError
 from . import build, kernels
-from .compiled_backend import sample_configurations
 from .elimination import Orthogonal
 from .equations import Equations
-from .kernel_checks import Checks
-from .link_kinematics import Point
+from .generator_inputs import sample_configurations
+from .kernel_checks import CLOSED, Checks
+from .kernels import WRENCHES
 
 #: Common subexpressions are computed once.
 _OPTIONS = {"cse": True}
-_WRENCHES = "external_wrenches"
 
 
-class CasadiFunctions:
+class Functions:
+    """Common part of the functions of CasADi and of JAX: numbers of entries in q, va, tau."""
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        self._mechanism, self.nq = mechanism, mechanism.model.nq
+        self.n, self.motors = len(mechanism.coordinates), mechanism.motors.shape[1]
+
+    def __repr__(self) -> str:
+        sizes = f"nq={self.nq}, n={self.n}, motors={self.motors}"
+        return f"{type(self).__name__}({self._mechanism.model.name}: {sizes})"
+
+
+class CasadiFunctions(Functions):
     """Dynamics of one chain as `casadi.Function`s, with the numbers of now folded in.
 
-    q is a configuration of the whole tree, shape (nq,), as everywhere: its entries are independent
-    variables here. The functions also have values where the loops are open, which mean nothing, and
-    so the derivative by a single entry of q means nothing. What means something is where
-    `residual(q)` is 0 and along `tangent(q)`. So let q be a variable of a nonlinear program, with
-    `residual(q) == 0` among its constraints; or integrate `q_rates`, or chain `step`s, which stay
-    on the closures. docs/derivatives.md has examples.
+    The entries of q, shape (nq,), are independent variables here. Values and derivatives mean
+    something where `residual(q)` is 0, and along `tangent(q)`; the derivative by a single entry of
+    q means nothing. So let q be a variable of a nonlinear program, with `residual(q) == 0` among
+    its constraints; or integrate `q_rates`, or chain `step`s, which stay on the closures.
+    docs/derivatives.md has examples.
 
     Every function is made when it is first asked for, pickles, takes numbers, `SX` and `MX`, and
     has derivatives of every order; compiled ones have those of first order, and pickle for this
-    machine and user. Coulomb friction is smooth. Nothing here looks at the samples, save `check`:
-    next to a singularity numbers grow without an error.
+    machine and user. Coulomb friction is smooth. Only `check` looks at the samples: next to a
+    singularity numbers grow without an error.
 
     Attributes:
         nq, n, motors: Numbers of entries in q, va, tau.
@@ -54,20 +63,14 @@ class CasadiFunctions:
         loaded: bool = False,
         compiled: bool = False,
     ) -> None:
+        super().__init__(reference.mechanism)
         self._compiled = compiled
         samples = sample_configurations(reference, near)
-        self._mechanism: Mechanism = reference.mechanism
         self._equations = Equations(self._mechanism, samples, loaded, smooth=True)
         self._equations.factors  # noqa: B018  (or says that the coordinates do not fix the motion)
         friction = replace(self._mechanism.friction, sign_width=sign_width)
         self._numbers = self._equations.parameters.pack(self._mechanism, friction)
         self._bodies = self._mechanism.model.njoints - 1 if loaded else 0
-        self.nq = self._mechanism.model.nq
-        self.n, self.motors = len(self._mechanism.coordinates), self._mechanism.motors.shape[1]
-
-    def __repr__(self) -> str:
-        sizes = f"nq={self.nq}, n={self.n}, motors={self.motors}"
-        return f"CasadiFunctions({self._mechanism.model.name}: {sizes})"
 
     @cached_property
     def torques(self) -> Function:
@@ -76,26 +79,22 @@ class CasadiFunctions:
         Raises:
             ActuationError: If the motors do not act on all coordinates.
         """
-        if self.motors < self.n:
-            raise ActuationError(
-                f"{self.motors} motors for {self.n} coordinates; use generalized_forces"
-            )
-        return self._function("torques", ["q", "va", "aa"], "tau")
+        return self._function("torques", "tau")
 
     @cached_property
     def generalized_forces(self) -> Function:
         """(q, va, aa) -> f, shape (n,): generalized forces of the motion."""
-        return self._function("forces", ["q", "va", "aa"], "f")
+        return self._function("generalized_forces", "f")
 
     @cached_property
     def accelerations(self) -> Function:
         """(q, va, tau) -> aa: direct dynamics."""
-        return self._function("accelerations", ["q", "va", "tau"], "aa")
+        return self._function("accelerations", "aa")
 
     @cached_property
     def rates(self) -> Function:
         """(q, va) -> v, shape (nv,): rates of all joints, L va."""
-        return self._function("rates", ["q", "va"], "v")
+        return self._function("rates", "v")
 
     @cached_property
     def q_rates(self) -> Function:
@@ -119,11 +118,10 @@ class CasadiFunctions:
         """Q -> r: zero if the loops are closed; independent rows only, [m] and [rad].
 
         The rows are independent closure constraints, and |u|^2 - 1 of the unit vectors in q
-        (quaternions, cosine-sine pairs). Redundant rows, and constraints on rates only (rolling),
-        are left out. With these rows alone a loop can also close in a wrong way (a hinge turned by
-        half a turn): check results with `chain.residual`, which has all rows. Where no choice of
-        rows is independent everywhere (Bennett's linkage), all rows are combined to as many
-        numbers as the loop has dependent rates.
+        (quaternions, cosine-sine pairs), without constraints on rates only (rolling). A loop can
+        also close in a wrong way (a hinge turned by half a turn): check results with
+        `chain.residual`, which has all rows. Where no choice of rows is independent everywhere
+        (Bennett's linkage), all are combined to as many numbers as the loop has dependent rates.
         """
         e = self._equations
         residuals = {i: e.rows[i].residual for i in sorted(e.factors.rows)}
@@ -141,23 +139,39 @@ class CasadiFunctions:
         """Q -> c: above 1 (or NaN) where the functions cannot be trusted at q.
 
         The loops are open there, or q is too far from the configurations for which the order of
-        elimination was chosen, next to a singularity.
+        elimination was chosen, next to a singularity, or the motors hardly hold the robot, so that
+        its `torques` cannot be trusted.
         """
-        checks = Checks(self._equations)
-        worst = ca.mmax(ca.vertcat(*checks.of_state, *checks.of_complement))
-        return self._made("check", {"q": self._equations.q}, {"c": worst})
+        return self.checked(CLOSED, motors=self._equations.driven)
+
+    @cached_property
+    def torques_check(self) -> Function:
+        """(q, va, aa) -> c: above 1 (or NaN) where `torques` of this motion cannot be trusted.
+
+        Besides `check`, torques that balance each other may be so large that their rounding is not
+        small beside the forces that the motion needs.
+
+        Raises:
+            ActuationError: As `torques`.
+        """
+        made = kernels.make(self._equations, "torques")
+        return self._made("torques_check", made.inputs, {"c": ca.mmax(made.checks)})
+
+    def checked(self, closed: float, *, motors: bool) -> Function:
+        """`check` for loops that are open by `closed` at most, with that of the motors or not."""
+        checks = Checks(self._equations, closed)
+        own = [*checks.of_state, *checks.of_complement, *(checks.of_motors if motors else ())]
+        return self._made("check", {"q": self._equations.q}, {"c": ca.mmax(ca.vertcat(*own))})
 
     @cached_property
     def torque_derivatives(self) -> Function:
         """(q, va, aa) -> dq, dva, daa: as `torque_derivatives` of the chain, shapes (n, n)."""
-        names = ["dq", "dva", "daa"]
-        return self._derivatives("torque_derivatives", ["q", "va", "aa"], names)
+        return self._function("torque_derivatives", "dq", "dva", "daa")
 
     @cached_property
     def acceleration_derivatives(self) -> Function:
         """(q, va, tau) -> dq, dva, dtau: as `acceleration_derivatives` of the chain."""
-        names = ["dq", "dva", "dtau"]
-        return self._derivatives("acceleration_derivatives", ["q", "va", "tau"], names)
+        return self._function("acceleration_derivatives", "dq", "dva", "dtau")
 
     @cached_property
     def step(self) -> Function:
@@ -166,29 +180,25 @@ class CasadiFunctions:
         It is a step of the classical Runge-Kutta method of order four, then one step of Newton's
         method that closes the loops.
         """
-        state_rate = self._function("state_rate", ["q", "va", "tau"], "rate")
-        closing = kernels.make(self._equations, "closing")
-        closed = self._made(
-            "closing", {"q": self._equations.q}, {"closed": closing.output[: self.nq]}
-        )
-        given = {"q": MX.sym("q", self.nq), "va": MX.sym("va", self.n)}
-        rest = {"tau": MX.sym("tau", self.motors)}
-        if self._bodies:
-            rest[_WRENCHES] = MX.sym(_WRENCHES, self._bodies, 6)
+        nq, rate = self.nq, self._function("state_rate", "rate")
+        q_next = kernels.make(self._equations, "closing").output[:nq]
+        closed = self._made("closing", {"q": self._equations.q}, {"closed": q_next})
+        sizes = {"q": nq, "va": self.n, "tau": self.motors, "dt": 1}
+        q, va, tau, dt = (MX.sym(name, size) for name, size in sizes.items())
+        loads = [MX.sym(WRENCHES, self._bodies, 6)] if self._bodies else []
 
-        def rate(when: int, x: MX) -> MX:
-            return state_rate(x[: self.nq], x[self.nq :], *rest.values())
+        def of_state(_: int, x: MX) -> MX:
+            return rate(x[:nq], x[nq:], tau, *loads)
 
-        x, dt = ca.vertcat(*given.values()), MX.sym("dt")
-        x = runge_kutta_step(rate, x, dt)
-        given |= {"tau": rest.pop("tau"), "dt": dt} | rest
-        results = [closed(x[: self.nq]), x[self.nq :]]
-        names = list(given), ["q_next", "va_next"]
-        return Function("step", list(given.values()), results, *names)
+        x = runge_kutta_step(of_state, ca.vertcat(q, va), dt)
+        given = [q, va, tau, dt, *loads]
+        names = [symbol.name() for symbol in given], ["q_next", "va_next"]
+        return Function("step", given, [closed(x[:nq]), x[nq:]], *names)
 
     def frame_placement(self, frame: str) -> Function:
         """Q -> p, shape (3,), and R, shape (3, 3): a frame, by its name, in the base."""
-        e, point = self._equations, self._point(frame)
+        e = self._equations
+        point = e.kinematics.point(0, frame_named(self._mechanism.model, frame))
         return self._made("frame_placement", {"q": e.q}, {"p": point.p, "R": point.R})
 
     def frame_jacobian(self, frame: str) -> Function:
@@ -199,50 +209,87 @@ class CasadiFunctions:
 
     # --- inside -----------------------------------------------------------------------------
 
-    def _point(self, frame: str) -> Point:
-        named = frame_named(self._mechanism.model, frame)
-        return self._equations.kinematics.point(0, named)
-
-    def _function(self, kernel: str, inputs: list[str], output: str) -> Function:
-        """A kernel as a function."""
-        made = kernels.make(self._equations, kernel)
-        return self._made(kernel, self._named(made, inputs), {output: made.output})
-
-    def _derivatives(self, kernel: str, inputs: list[str], outputs: list[str]) -> Function:
-        """A kernel of derivatives as a function of three results."""
-        made = kernels.make(self._equations, kernel)
-        side_by_side = ca.reshape(made.output, -1, self.n).T
-        parts = ca.horzsplit(side_by_side, [0, self.n, 2 * self.n, side_by_side.shape[1]])
-        named = self._named(made, inputs)
-        return self._made(kernel, named, dict(zip(outputs, parts, strict=True)), order=0)
-
-    def _named(self, made: kernels.SymbolicKernel, inputs: list[str]) -> dict[str, SX]:
-        """Inputs of a kernel by name."""
-        if len(made.inputs) > len(inputs):
-            inputs = [*inputs, _WRENCHES]
-        return dict(zip(inputs, made.inputs, strict=True))
+    def _function(self, kernel: str, *outputs: str) -> Function:
+        """A kernel as a function; one of derivatives has three results, side by side."""
+        made, derivatives = kernels.make(self._equations, kernel), len(outputs) > 1
+        parts = [made.output]
+        if derivatives:
+            rows = ca.reshape(made.output, -1, self.n).T
+            parts = ca.horzsplit(rows, [0, self.n, 2 * self.n, rows.shape[1]])
+        results = dict(zip(outputs, parts, strict=True))
+        return self._made(kernel, made.inputs, results, order=0 if derivatives else 1)
 
     def _made(
         self, name: str, inputs: dict[str, SX], outputs: dict[str, SX], order: int = 1
     ) -> Function:
-        """A function with the numbers put in; it takes wrenches as the chain does, body by body.
+        """A function with the numbers put in, compiled ones with derivatives up to an order.
 
-        Where it is compiled, with derivatives up to an order.
+        It takes wrenches as the chain does, body by body.
         """
         symbols = [*inputs.values(), self._equations.p]
         results = [ca.densify(x) for x in outputs.values()]
         open_numbers = Function(name, symbols, results, _OPTIONS)
         given = dict(inputs)
         values: list[SX] = list(inputs.values())
-        if _WRENCHES in inputs:
-            given[_WRENCHES] = SX.sym(_WRENCHES, self._bodies, 6)
-            values[-1] = ca.vec(given[_WRENCHES].T)
+        if WRENCHES in inputs:
+            given[WRENCHES] = SX.sym(WRENCHES, self._bodies, 6)
+            values[-1] = ca.vec(given[WRENCHES].T)
         results = open_numbers.call([*values, SX(self._numbers)])
         names = list(given), list(outputs)
         function = Function(name, list(given.values()), results, *names, _OPTIONS)
         if not self._compiled:
             return function
         return _compiled(self._mechanism.model.name, function, order)
+
+
+class AlongMotions:
+    """Values and derivatives of functions of closed configurations, one thread at a time.
+
+    What is differentiated by q and then along `tangent` is the derivative along a closed motion; it
+    is itself a function of a closed q.
+    """
+
+    def __init__(self, functions: CasadiFunctions) -> None:
+        self._functions = functions
+        self._made: dict[tuple[str, str | None, int], Function] = {}
+        self._sound = cache(lambda motors: functions.checked(np.inf, motors=motors))
+
+    def values(self, name: str, order: int, *arguments: Array, frame: str | None = None) -> Array:
+        """One of the `CasadiFunctions` by name, or its derivatives of an order; NaN where it fails.
+
+        The arguments are q, shape (..., nq), and others, shape (..., size). The result has the
+        shape (..., size, N, .., N), each N the n directions of q, then the entries of the others.
+        That the loops are closed is for the caller to check.
+        """
+        lead = arguments[0].shape[:-1]
+        columns = [x.reshape(prod(lead), x.shape[-1]).T for x in arguments]
+        function = self._function(name, frame, order)
+        values = np.empty((prod(lead), function.numel_out(0)))
+        if len(values):
+            values[:] = function(*columns).full().T
+            checks = self._sound(name == "torques")(columns[0]).full().ravel()
+            values[~(checks <= 1)] = np.nan
+        axes = (self._functions.n + sum(x.shape[-1] for x in arguments[1:]),) * order
+        return values.reshape(*lead, values.shape[1] // prod(axes), *axes)
+
+    def _function(self, name: str, frame: str | None, order: int) -> Function:
+        """All numbers of one order in a column, the last axis first."""
+        key = name, frame, order
+        if key not in self._made and order:
+            before = self._function(name, frame, order - 1)
+            symbols = before.sx_in()
+            (values,), x = before.call(symbols), ca.vertcat(*symbols)
+            T = self._functions.tangent(symbols[0])
+            step = ca.diagcat(T, SX.eye(x.numel() - self._functions.nq))
+            derivatives = ca.vec(ca.jtimes(values, x, step).T)
+            self._made[key] = Function("derivatives", symbols, [derivatives])
+        elif key not in self._made:
+            given = getattr(self._functions, name)
+            function = given if frame is None else given(frame)
+            symbols = function.sx_in()
+            results = ca.vertcat(*(ca.vec(x.T) for x in function.call(symbols)))
+            self._made[key] = Function("values", symbols, [results])
+        return self._made[key]
 
 
 def _compiled(robot: str, function: Function, order: int) -> Function:

@@ -1,23 +1,18 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What each kind of constraint holds, as rows on the rates: Phi v = 0, and how Phi changes."""
+"""Rows of each kind of constraint: Phi v = 0, residuals, accelerations."""
 
-from __future__ import annotations
-
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, NamedTuple
 
 import casadi as ca
-import numpy as np
 import pinocchio as pin
 from casadi import SX
 from numpy.polynomial.polynomial import polyder
-from numpy.typing import NDArray
 
 from ..chain.closures import Constraint, Coupling, Distance, Rolling
-from ..chain.tree import frame_named
-from .link_kinematics import Kinematics
+from ..chain.tree import frame_named, joint_id
+from .link_kinematics import Kinematics, LinkMotion
 from .symbols import Sparse, add, is_zero, sx
 
 #: Linear and angular velocity of a link relative to an ancestor, by their indices, link's axes.
@@ -26,20 +21,17 @@ Twists = Callable[[int, int], tuple[SX, SX]]
 
 @dataclass(frozen=True)
 class Row:
-    """One equation of a constraint.
+    """One equation of a constraint."""
 
-    Attributes:
-        Phi: Coefficients of the rates, by index.
-        velocity: Phi v, from the rates v and the twists that they give to links.
-        acceleration: Phi v_dot + Phi_dot v, from v and v_dot.
-        residual: Zero when the loop is closed; None for a row that holds rates only.
-        gap: What the row adds to the squared residual.
-    """
-
+    #: Coefficients of the rates, by index.
     Phi: Sparse
+    #: Phi v, from the rates v and the twists that they give to links.
     velocity: Callable[[Sparse, Twists], SX]
+    #: Phi v_dot + Phi_dot v, from v and v_dot.
     acceleration: Callable[[Sparse, Sparse], SX]
+    #: Zero when the loop is closed; None for a row that holds rates only.
     residual: SX | None
+    #: What the row adds to the squared residual.
     gap: SX
 
 
@@ -55,68 +47,63 @@ def closure_rows(kinematics: Kinematics, model: pin.Model, closure: Constraint) 
     return pair.held(closure.held)
 
 
+def by_twists(rows: Sequence[Row], v: Sparse) -> tuple[list[SX], dict[int, SX]]:
+    """Phi v row by row, and symbols for the twists of links: gradients by them are wrenches."""
+    twists: dict[int, SX] = {}
+
+    def twist(_: int, link: int) -> tuple[SX, SX]:
+        own = twists.setdefault(link, SX.sym("twist", 6))
+        return own[:3], own[3:]
+
+    return [SX(row.velocity(v, twist)) for row in rows], twists
+
+
 def line(kinematics: Kinematics, model: pin.Model, a: str, b: str) -> tuple[SX, Sparse]:
     """Length of the line between the origins of two frames, and its rate per rate of the tree."""
     pair = _Pair(kinematics, model, a, b)
     length = ca.sqrt(ca.sumsqr(pair.d))
-    unit = pair.d / length
-    row, _ = pair._row(lambda u, _: ca.dot(unit, u), lambda u, _: ca.dot(unit, u))
+    row, _ = pair._row(lambda u, _: ca.dot(pair.d / length, u))
     return length, row
-
-
-class _End(NamedTuple):
-    """Motion of a frame.
-
-    Attributes:
-        a: Acceleration of its origin.
-        omega: Angular velocity.
-        alpha: Angular acceleration.
-    """
-
-    a: SX
-    omega: SX
-    alpha: SX
 
 
 class _Pair:
     """Rows between two frames; vectors in the axes of the last link that both hang on."""
 
     def __init__(self, kinematics: Kinematics, model: pin.Model, a: str, b: str) -> None:
-        tree = kinematics.tree
-        frames = [frame_named(model, name) for name in (a, b)]
-        self._frames = frames
-        self._links = [tree.link_of[frame.parentJoint] for frame in frames]
+        self._kinematics, tree = kinematics, kinematics.tree
+        self._frames = [frame_named(model, name) for name in (a, b)]
+        self._links = [tree.link_of[frame.parentJoint] for frame in self._frames]
         paths = [tree.ancestors(link) for link in self._links]
-        self._kinematics = kinematics
         self._base = [i for i, j in zip(*paths, strict=False) if i == j][-1]
-        self.a, self.b = (kinematics.point(self._base, frame) for frame in frames)
+        self.a, self.b = (kinematics.point(self._base, frame) for frame in self._frames)
         self.d = self.b.p - self.a.p
 
-    def _ends(self, v: Sparse, dv: Sparse) -> tuple[_End, _End]:
+    def _ends(self, v: Sparse, dv: Sparse) -> tuple[LinkMotion, LinkMotion]:
         """Motion of A and of B."""
         ends = []
         for link, frame in zip(self._links, self._frames, strict=True):
             R, _ = self._kinematics.pose(self._base, link)
             x = self._kinematics.relative_motion(self._base, link, v, dv)
-            a = R @ (x.a + x.U @ sx(frame.placement.translation))
-            ends.append(_End(a, R @ x.omega, R @ x.alpha))
+            a, omega = R @ (x.a + x.U @ sx(frame.placement.translation)), R @ x.omega
+            ends.append(LinkMotion(omega, omega, R @ x.alpha, a))
         return ends[0], ends[1]
 
     def _velocity(self, v: Sparse) -> SX:
         """Velocity of the origin of B less that of A."""
         velocity = SX(3, 1)
         for sign, point in ((-1, self.a), (1, self.b)):
-            for k, (u, _) in point.columns.items():
+            for k, twist in point.columns.items():
                 if k in v:
-                    velocity += sign * u * v[k]
+                    velocity += sign * twist[:3] * v[k]
         return velocity
 
     def _row(
-        self, of_a: Callable[[SX, SX], SX], of_b: Callable[[SX, SX], SX]
+        self, of_a: Callable[[SX, SX], SX], of_b: Callable[[SX, SX], SX] | None = None
     ) -> tuple[Sparse, Callable[[Sparse, Twists], SX]]:
-        """Coefficients and velocity, from what the velocities of A and of B give."""
-        row = {k: of_b(*column) for k, column in self.b.columns.items()}
-        row = add(row, {k: -of_a(*column) for k, column in self.a.columns.items()})
+        """Coefficients and velocity, from what velocities of A and of B give; by default alike."""
+        of_b = of_b or of_a
+        row = {k: of_b(twist[:3], twist[3:]) for k, twist in self.b.columns.items()}
+        row = add(row, {k: -of_a(x[:3], x[3:]) for k, x in self.a.columns.items()})
 
         def velocity(v: Sparse, twists: Twists) -> SX:
             value = SX(0)
@@ -152,7 +139,7 @@ class _Pair:
 
     def _coincide(self, k: int) -> Row:
         """Origins have the same coordinate k."""
-        Phi, velocity = self._row(lambda u, _: u[k], lambda u, _: u[k])
+        Phi, velocity = self._row(lambda u, _: u[k])
 
         def acceleration(v: Sparse, dv: Sparse) -> SX:
             a, b = self._ends(v, dv)
@@ -175,12 +162,9 @@ class _Pair:
         return Row(Phi, velocity, acceleration, ca.dot(n, d), ca.dot(n, d) ** 2)
 
     def _turned_alike(self) -> Iterator[Row]:
-        """B does not turn relative to A.
-
-        The rows are in the axes of the link C that the last joint of B's branch hangs on: there the
-        axes of its two last joints stand still. The way from A's link to C goes by B: it is the
-        shorter one.
-        """
+        """B does not turn relative to A."""
+        # In the axes of the link C that the last joint of B's branch hangs on the axes of its two
+        # last joints stand still. The way from A's link to C goes by B.
         kinematics, links = self._kinematics, self._kinematics.tree.links
         (link_a, link_b), (frame_a, frame_b) = self._links, self._frames
         C = link_b
@@ -188,7 +172,7 @@ class _Pair:
             C = links[link_b].parent
         R_b, _ = kinematics.pose(C, link_b)
         R_a = R_b @ (kinematics.rotation(frame_b) @ kinematics.rotation(frame_a).T)
-        Phi: list[Sparse] = [{}, {}, {}]
+        turns: Sparse = {}
         for side, link in ((-1, link_a), (1, link_b)):
             path = kinematics.tree.ancestors(link)
             for i in path[path.index(self._base) + 1 :]:
@@ -199,10 +183,7 @@ class _Pair:
                 else:
                     R, _ = kinematics.pose(C, i)
                 for k, S in zip(links[i].v, links[i].S.T, strict=True):
-                    turn = R @ sx(S[3:])
-                    for row in range(3):
-                        if not is_zero(turn[row]):
-                            Phi[row] = add(Phi[row], {k: turn[row]})
+                    turns = add(turns, {k: R @ sx(S[3:])})
         by_a = kinematics.pose(self._base, link_a)[0] @ R_a.T
         by_b, _ = kinematics.pose(self._base, C)
         gap = ca.sumsqr(by_b[:, 0] - by_a[:, 0]) + ca.sumsqr(by_b[:, 2] - by_a[:, 2])
@@ -225,16 +206,15 @@ class _Pair:
         for row in range(3):
             i, j = (row + 1) % 3, (row + 2) % 3
             residual = (apart[j, i] - apart[i, j]) / 2
+            Phi = {k: turn[row] for k, turn in turns.items() if not is_zero(turn[row])}
             own = partial(velocity, row=row), partial(acceleration, row=row)
-            yield Row(Phi[row], *own, residual, gap if row == 0 else SX(0))
+            yield Row(Phi, *own, residual, gap if row == 0 else SX(0))
 
     def _angle(self, i: int, j: int, sign: float, gap: SX) -> Row:
         """Axis i of A stays at a right angle to axis j of B."""
         n, m = self.a.R[:, i], self.b.R[:, j]
         across = sign * ca.cross(m, n)
-        Phi, velocity = self._row(
-            lambda _, turn: ca.dot(across, turn), lambda _, turn: ca.dot(across, turn)
-        )
+        Phi, velocity = self._row(lambda _, turn: ca.dot(across, turn))
 
         def acceleration(v: Sparse, dv: Sparse) -> SX:
             a, b = self._ends(v, dv)
@@ -248,7 +228,7 @@ class _Pair:
     def distance(self, length: float) -> Row:
         """The origins stay at a distance: (d.d - l^2) / 2 l."""
         unit = self.d / length
-        Phi, velocity = self._row(lambda u, _: ca.dot(unit, u), lambda u, _: ca.dot(unit, u))
+        Phi, velocity = self._row(lambda u, _: ca.dot(unit, u))
 
         def acceleration(v: Sparse, dv: Sparse) -> SX:
             a, b = self._ends(v, dv)
@@ -303,9 +283,9 @@ def _coupling(kinematics: Kinematics, model: pin.Model, closure: Coupling) -> Ro
     Phi: Sparse = {}
     second: Sparse = {}
     for name, coefficients in terms.items():
-        joint = model.joints[model.getJointId(name)]
-        q = kinematics.moved_q[joint.idx_q]
-        value, slope, curvature = (_value(polyder(coefficients, k), q) for k in range(3))
+        joint = model.joints[joint_id(model, name)]
+        q, powers = kinematics.moved_q[joint.idx_q], [polyder(coefficients, k) for k in range(3)]
+        value, slope, curvature = (SX(ca.polyval(ca.DM(p[::-1]), q)) for p in powers)
         residual += value
         if not slope.is_zero():
             Phi[joint.idx_v], second[joint.idx_v] = slope, curvature
@@ -318,11 +298,3 @@ def _coupling(kinematics: Kinematics, model: pin.Model, closure: Coupling) -> Ro
         return sum(linear, sum((c * v[k] ** 2 for k, c in second.items() if k in v), SX(0)))
 
     return Row(Phi, velocity, acceleration, residual, residual**2)
-
-
-def _value(coefficients: NDArray[np.floating[Any]], x: SX) -> SX:
-    """Value of a polynomial."""
-    value = SX(0)
-    for c in coefficients[::-1]:
-        value = value * x + float(c)
-    return value

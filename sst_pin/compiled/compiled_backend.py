@@ -1,106 +1,65 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Compiled kernels as the backend of a chain.
+"""Compiled kernels as the backend of a chain, each made at its first use.
 
 A kernel checks each sample: its loops are closed, no pivot is much smaller than in the sample
-configurations, all numbers are finite. Samples that fail these checks go to the reference path, one
-by one; it computes them or raises the error. Each kernel is made at its first use.
+configurations, all numbers are finite. Samples that fail go to the reference path, one by one.
 """
-
-from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import cache, cached_property, partial
+from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from ..arrays import Array
 from ..chain import backend as chain
-from ..chain.assembly import home_of
 from ..chain.backend import Key, NoKernel
-from ..chain.closures import Closure, Distance, Rolling
-from ..chain.coordinates import examples
 from ..chain.mechanism import Friction, Mechanism
+from ..chain.quantities import QUANTITIES, Name
 from ..chain.reference import Reference
 from ..chain.regressor import with_springs
-from ..chain.tree import frame_named
-from ..errors import (
-    ActuationError,
-    ClosureError,
-    CompilationError,
-    MissingExtraError,
-    SSTError,
-)
+from ..chain.tree import body_of, frame_named
+from ..errors import ActuationError, CompilationError, MissingExtraError, SSTError
 from ..extensions import missing, require_current
 from . import build
-from .code import Code
-from .links import LinkTree
+from .build import Clock, Code
+from .generator_inputs import fingerprint, sample_configurations
 from .open_numbers import OpenNumbers
-from .states import CompiledStates
+from .states import ByColumns, CompiledStates
 
 if TYPE_CHECKING:
     from ._binding import Course, Kernel
     from .equations import Equations
-    from .inertia_by_columns import ByColumns
 
 
 #: Made by `ClosedChain.compile`; the others when they are first needed.
 FIRST = (Key("torques"), Key("accelerations"))
 #: Derivatives of the dynamics.
 DERIVATIVES = (Key("torque_derivatives"), Key("acceleration_derivatives"))
-#: Its kernel has all masses, frictions, rotors and springs as open numbers.
-REGRESSOR = Key("torque_regressor")
-#: Quantities whose friction is smooth.
-_SMOOTH = [key.quantity for key in DERIVATIVES]
-#: Kernels with variants for external wrenches.
-_LOADABLE = (*FIRST, Key("forces"), Key("rollout"), Key("reactions"), *DERIVATIVES)
 #: All kernels but those of frames.
-EVERY = (
-    *_LOADABLE,
-    *(key._replace(loaded=True) for key in _LOADABLE),
-    Key("rates"),
-    Key("joint_accelerations"),
-    Key("actuator_jacobian"),
-    Key("reduced_terms"),
-    Key("closing"),
-    Key("displacement_rates"),
-    REGRESSOR,
+EVERY = tuple(
+    Key(name, loaded=loaded)
+    for name, kind in QUANTITIES.items()
+    for loaded in (False, True)[: 1 + kind.loadable]
+    if not kind.of_frame
 )
 #: Directions side by side are computed in at most so many passes.
 _TIMES = 2
-#: Configurations by which pivots are chosen.
-_SAMPLES = 8
-#: Kernels that write out no matrices.
-_WITHOUT_MATRICES = (
-    "torques",
-    "forces",
-    "rates",
-    "reactions",
-    "actuator_jacobian",
-    "joint_accelerations",
-    "frame_drift",
-    "closing",
-)
-#: The number of coordinates squared times rates up to which inertia matrices are written out.
-_LARGEST = 100_000
-#: The same limit for derivatives and the regressor.
-_LARGEST_DERIVATIVES = 10_000
+#: The number of coordinates squared times rates up to which matrices are written out.
+_LARGEST = {"": inf, "matrices": 100_000, "derivatives": 10_000}
 #: Kernels of derivatives that are kept, one for each width within which friction is smooth.
 _WIDTHS = 16
-#: What the binding is compiled from.
-_BINDING = [Path(__file__).with_name(name) for name in ("_binding.pyx", "batches.h")]
 
 
 class CompiledBackend:
     """Dynamics of one mechanism by kernels of its own.
 
     The order of elimination is chosen near `near`, shape (nq,); by default anywhere. `code` gives
-    the code of a kernel by its key and an instruction set; by default from the cache. `bearer` is a
-    body on which a moment alone is a load too, counted from 0.
+    the code of a kernel by its key, an instruction set and the clock of the call; by default from
+    the cache. A moment alone is a load too on the body of the frame `platform`.
     """
 
     def __init__(
@@ -109,21 +68,22 @@ class CompiledBackend:
         near: Array | None = None,
         *,
         parameters: OpenNumbers | None = None,
-        code: Callable[[Key, str], Code] | None = None,
-        bearer: int | None = None,
+        code: Callable[[Key, str, Clock], Code] | None = None,
+        platform: str = "",
     ) -> None:
         try:
             from . import _binding
         except ImportError as error:
             raise CompilationError(f"{missing()} ({error})") from None
-        require_current(_binding.__file__, *_BINDING)
+        _require_binding(_binding.__file__)
         self._binding = _binding
         self._reference, self._mechanism = reference, reference.mechanism
-        self._near = near
+        self._robot = self._mechanism.model.name or "robot"
+        self._near = near if _closed(reference, near) else None  # a robot may have changed since
         self._parameters = parameters or OpenNumbers(self._mechanism)
         self._code = code or self._from_cache
-        self._moment = -1 if bearer is None else 6 * bearer
-        self._numbers = self._parameters.pack(self._mechanism, self._mechanism.friction)
+        body = body_of(self._mechanism.model, platform)
+        self._moment = -1 if body is None else 6 * body
         self._kernels: dict[Key, chain.Kernel] = {}
         self._equations: dict[tuple[bool, bool, bool], Equations] = {}
         self._codes: dict[Key, list[Code]] = {}
@@ -132,53 +92,55 @@ class CompiledBackend:
         self._given_up = False  # of one whose kernels could not be made; it is not used
 
     def __str__(self) -> str:
-        whys = {key: " ".join(why.split()) for key, why in self._why.items()}  # in one line
-        without = [f"{key} by the reference path: {why}" for key, why in whys.items()]
-        lanes = build.TARGETS[self._binding.INSTRUCTIONS][0]
-        instructions = f"{self._binding.INSTRUCTIONS}, {lanes} samples at once"
-        return "; ".join([f"compiled kernels: {instructions}", *without])
+        target = self._binding.INSTRUCTIONS
+        parts = [f"compiled kernels: {target}, {build.TARGETS[target][0]} samples at once"]
+        for key, why in self._why.items():
+            parts.append(f"{key} by the reference path: {' '.join(why.split())}")  # in one line
+        return "; ".join(parts)
 
     def make(self, keys: Sequence[Key] = FIRST) -> None:
         """Have kernels ready, those in the cache or compiled now."""
         from concurrent.futures import ThreadPoolExecutor  # slow to import
 
-        wanted = [key for key in keys if not impossible(self._mechanism, key.quantity)]
+        own = dict.fromkeys(map(self._own, keys))
+        wanted = [key for key in own if not impossible(self._mechanism, key.quantity)]
         variants = [variant for key in wanted for variant in self._variants(key)]
+        clock = Clock(self._robot)
+
+        def prepare(variant: tuple[Key, str]) -> None:
+            with suppress(ActuationError):  # too few motors: `_found` tells it
+                self._code(*variant, clock)
+
         with ThreadPoolExecutor() as pool:
             try:
-                for _ in pool.map(self._prepare, variants):
+                for _ in pool.map(prepare, variants):
                     pass
             except BaseException:  # Ctrl-C too: the other threads make no more
                 self._given_up = True
                 raise
 
-    def _prepare(self, variant: tuple[Key, str]) -> None:
-        """Make code, unless the motors do not suffice, which `_found` tells."""
-        with suppress(ActuationError):
-            self._code(*variant)
-
-    def kernel(self, key: Key) -> chain.Kernel:
-        """What computes a quantity, as `Backend.kernel`; those of the last widths are kept."""
-        try:
-            return self._kernels[key]
-        except KeyError:
-            pass
+    def kernel(self, key: Key, clock: Clock | None = None) -> chain.Kernel:
+        """The kernel of a quantity, as `Backend.kernel`; those of the last widths are kept."""
+        if (made := self._kernels.get(key)) is not None:
+            return made
         if key.frame is not None:
             frame_named(self._mechanism.model, key.frame)
         if key.sign_width is not None:
-            smooth = [made for made in list(self._kernels) if made.sign_width is not None]
-            for made in smooth if len(smooth) >= _WIDTHS else ():
-                self._kernels.pop(made, None)
-        columns = self._by_columns() if key.quantity == "accelerations" else None
-        kernel = self._kernels[key] = columns or self._kernel(key) or NoKernel()
+            smooth = [other for other in list(self._kernels) if other.sign_width is not None]
+            for other in smooth if len(smooth) >= _WIDTHS else ():
+                self._kernels.pop(other, None)
+        clock = clock or Clock(self._robot)
+        columns = self._by_columns(clock) if key.quantity == "accelerations" else None
+        kernel = self._kernels[key] = columns or self._kernel(key, clock=clock) or NoKernel()
         return kernel
 
     def states(self, friction: Friction) -> CompiledStates:
         """The state space with this friction instead of the mechanism's."""
-        closing, course = self.kernel(Key("closing")), partial(self._course, friction)
-        rate, columns = partial(self._rate, friction), self._by_columns(friction)
+        clock = Clock(self._robot)
+        closing, columns = self.kernel(Key("closing"), clock), self._by_columns(clock, friction)
+        rate, course = partial(self._rate, clock, friction), partial(self._course, clock, friction)
         derivatives = Key("acceleration_derivatives", sign_width=friction.sign_width)
-        slopes = partial(self.kernel, derivatives)
+        slopes = partial(self.kernel, derivatives, clock)
         return CompiledStates(self._reference, friction, closing, slopes, rate, course, columns)
 
     # --- inside -----------------------------------------------------------------------------
@@ -190,26 +152,23 @@ class CompiledBackend:
     @cached_property
     def _content(self) -> bytes:
         """All that the kernels are made from."""
-        content, near = _content(self._mechanism, self._parameters), self._near
-        if near is None:
-            near = home_of(self._mechanism)
-        return content if near is None else content + near.tobytes()
+        return fingerprint(self._mechanism, self._parameters, self._near)
 
-    def _by_columns(self, friction: Friction | None = None) -> ByColumns | None:
+    def _by_columns(self, clock: Clock, friction: Friction | None = None) -> ByColumns | None:
         """Direct dynamics where the mass matrix is too large to be written out; None elsewhere."""
         mechanism, forces = self._mechanism, Key("generalized_forces")
-        if not _too_large(mechanism) or mechanism.lines.motors.any() or mechanism.without_mass:
+        small = not impossible(mechanism, "accelerations")
+        if small or mechanism.lines.motors.any() or mechanism.without_mass:
             return None
 
-        def of_loads(loaded: bool) -> Kernel:
-            kernel = self._kernel(forces._replace(loaded=loaded), friction=friction)
+        def of_loads(loaded: bool) -> "Kernel":
+            kernel = self._kernel(forces._replace(loaded=loaded), clock, friction=friction)
             if kernel is None:
                 raise CompilationError(str(self))
             return kernel
 
-        from .inertia_by_columns import ByColumns
-
-        inertial, rates = self._kernel(forces, inertial=True), self._kernel(Key("rates"))
+        inertial = self._kernel(forces, clock, inertial=True)
+        rates = self._kernel(Key("rates"), clock)
         if inertial is None or rates is None:
             return None
         return ByColumns(mechanism, cache(of_loads), inertial, rates)
@@ -217,25 +176,25 @@ class CompiledBackend:
     def _kernel(
         self,
         key: Key,
+        clock: Clock | None = None,
         word: str = "run",
         friction: Friction | None = None,
         *,
         inertial: bool = False,
-    ) -> Kernel | None:
+    ) -> "Kernel | None":
         """A kernel by its code for single samples, then for batches; None where there is none."""
-        codes = self._found(key)
+        codes = self._found(key, clock or Clock(self._robot))
         if not codes:
             return None
+        friction = friction or self._mechanism.friction
         if key.sign_width is not None:
-            friction = replace(self._mechanism.friction, sign_width=key.sign_width)
-        numbers = self._numbers
-        if key == REGRESSOR:
-            numbers = self._all_numbers.pack(self._mechanism, self._mechanism.friction)
-        if friction is not None:
-            numbers = self._parameters.pack(self._mechanism, friction)
+            friction = replace(friction, sign_width=key.sign_width)
+        regressor = key.quantity == "torque_regressor"
+        parameters = self._all_numbers if regressor else self._parameters
+        numbers = parameters.pack(self._mechanism, friction)
         if inertial:
-            numbers = self._parameters.inertial(numbers)
-        outputs, *sizes = codes[0].sizes(word)
+            numbers = parameters.inertial(numbers)
+        _, outputs, *sizes = codes[0].sizes(word)
         return self._binding.Kernel(
             codes[0].address(word),
             codes[-1].address(word),
@@ -248,33 +207,36 @@ class CompiledBackend:
             self._moment,
         )
 
-    def _rate(self, friction: Friction, loaded: bool) -> chain.Kernel:
+    def _rate(self, clock: Clock, friction: Friction, loaded: bool) -> chain.Kernel:
         """Rates of the states next to those given whose loops are closed."""
-        return self._kernel(Key("rollout", loaded=loaded), "rate", friction) or NoKernel()
+        return self._kernel(Key("rollout", loaded=loaded), clock, "rate", friction) or NoKernel()
 
-    def _course(self, friction: Friction, loaded: bool) -> Course | None:
+    def _course(self, clock: Clock, friction: Friction, loaded: bool) -> "Course | None":
         """The kernel of a rollout; None where there is none."""
-        codes = self._found(Key("rollout", loaded=loaded))
+        codes = self._found(Key("rollout", loaded=loaded), clock)
         if not codes:
             return None
         code = codes[-1]
         numbers = self._parameters.pack(self._mechanism, friction)
-        _, q, va, tau, *load = code.sizes("run")
+        _, _, q, va, tau, *load = code.sizes("run")
         sizes = (q, va, tau, sum(load))
         return self._binding.Course(code.address("run"), sizes, code.prepared(numbers), code)
 
-    def _found(self, key: Key) -> list[Code]:
+    def _found(self, key: Key, clock: Clock) -> list[Code]:
         """A kernel's code for single samples, then for batches; none where there is none."""
-        key = key._replace(sign_width=None)  # it is a parameter
-        if key.quantity == "generalized_forces":
-            one = self._mechanism.driven_one_to_one
-            key = key._replace(quantity="torques" if one else "forces")
+        key = self._own(key)
         if key not in self._codes:
             try:
-                self._codes[key] = [self._code(*variant) for variant in self._variants(key)]
+                self._codes[key] = [self._code(*variant, clock) for variant in self._variants(key)]
             except SSTError as error:
                 self._codes[key], self._why[key] = [], str(error)
         return self._codes[key]
+
+    def _own(self, key: Key) -> Key:
+        """The key of the kernel that computes this quantity too."""
+        if key.quantity == "generalized_forces" and self._mechanism.driven_one_to_one:
+            key = key._replace(quantity="torques")
+        return key._replace(sign_width=None)  # it is a parameter
 
     def _variants(self, key: Key) -> list[tuple[Key, str]]:
         """Keys and instruction sets of a kernel for single samples, then of one for batches."""
@@ -288,11 +250,11 @@ class CompiledBackend:
         fit = len(self._mechanism.coordinates) <= build.TARGETS[narrow][0]
         return [(key._replace(along=True), narrow if fit else best), (key, best)]
 
-    def _from_cache(self, key: Key, target: str) -> Code:
+    def _from_cache(self, key: Key, target: str, clock: Clock) -> Code:
         """Code from the cache, or compiled now."""
-        content, smooth = self._content, key.quantity in _SMOOTH
+        content, smooth = self._content, key.kind.smooth
         if key.frame is not None:
-            content += _frame(self._mechanism, key.frame)
+            content = fingerprint(self._mechanism, self._parameters, self._near, key.frame)
 
         def source() -> str:
             try:
@@ -305,103 +267,60 @@ class CompiledBackend:
                 made = kernels.entry(self._equations_of(key), key)
                 return c_code.library(key.entry, made, build.TARGETS[target][0])
 
-        robot, options = self._mechanism.model.name, build.LONG if smooth else ()
-        library = build.library(robot, str(key), content, target, source, options)
+        options = build.LONG if smooth else ()
+        library = build.library(self._robot, str(key), content, target, source, options, clock)
         return Code(library, key.entry)
 
-    def _equations_of(self, key: Key) -> Equations:
+    def _equations_of(self, key: Key) -> "Equations":
         from .equations import Equations
 
-        if key == REGRESSOR:
+        if key.quantity == "torque_regressor":
             samples = sample_configurations(self._reference, self._near)
             mechanism = with_springs(self._mechanism)
             return Equations(mechanism, samples, parameters=self._all_numbers)
-        kind = key.loaded, key.quantity in _SMOOTH, key.quantity != "reactions"
+        kind = key.loaded, key.kind.smooth, key.quantity != "reactions"
         if kind not in self._equations:
             samples = sample_configurations(self._reference, self._near)
-            loaded, smooth, welded = kind
-            self._equations[kind] = Equations(
-                self._mechanism, samples, loaded, smooth, welded=welded
-            )
+            self._equations[kind] = Equations(self._mechanism, samples, *kind)
         return self._equations[kind]
 
 
-def _too_large(mechanism: Mechanism) -> bool:
-    """Whether there are too many coordinates for matrices to be written out."""
-    nv = mechanism.model.nv
-    return len(mechanism.coordinates) ** 2 * nv > _LARGEST
+def _closed(reference: Reference, q: Array | None) -> bool:
+    """Whether q closes the loops of this robot."""
+    if q is None or len(q) != reference.mechanism.model.nq:
+        return False
+    try:
+        reference.memory.evaluate(q)
+    except SSTError:
+        return False
+    return True
 
 
-def impossible(mechanism: Mechanism, quantity: str) -> str:
-    """Why there is no kernel of this quantity; empty when there is one."""
+@cache
+def _require_binding(path: str) -> None:
+    """Refuse a binding of other sources; asked once, where it is the right one."""
+    require_current(path, *(Path(__file__).with_name(x) for x in ("_binding.pyx", "batches.h")))
+
+
+def impossible(mechanism: Mechanism, quantity: Name) -> str:
+    """The reason why a quantity has no kernel; empty where it has one."""
     nv, motors = mechanism.motors.shape
-    n = len(mechanism.coordinates)
+    n, written = len(mechanism.coordinates), QUANTITIES[quantity].written
     if mechanism.without_mass and quantity in ("accelerations", "acceleration_derivatives"):
         return "the mass matrix is singular"
     if quantity == "actuator_jacobian" and not motors:
         return "there are no motors"
     if quantity == "torques" and motors < n:
         return f"fewer motors ({motors}) than coordinates ({n})"
-    if quantity not in _WITHOUT_MATRICES and _too_large(mechanism):
-        return f"{n} coordinates of {nv} rates are too many for matrices to be written out"
-    large = quantity in _SMOOTH or quantity == REGRESSOR.quantity
-    if large and n * n * nv > _LARGEST_DERIVATIVES:
-        return f"{n} coordinates of {nv} rates are too many for derivatives to be written out"
+    if n * n * nv > _LARGEST[written]:
+        return f"{n} coordinates of {nv} rates are too many for {written} to be written out"
     return ""
 
 
-def _has_directions(mechanism: Mechanism, quantity: str, lanes: int) -> bool:
+def _has_directions(mechanism: Mechanism, quantity: Name, lanes: int) -> bool:
     """Whether derivatives of one sample take less time direction by direction, `lanes` at once."""
     n, motors = len(mechanism.coordinates), mechanism.motors.shape[1]
     fit = quantity == "torque_derivatives" or (
         quantity == "acceleration_derivatives" and motors == n
     )
     return fit and 1 < n <= _TIMES * lanes
-
-
-def sample_configurations(reference: Reference, near: Array | None = None) -> Array:
-    """Assembled configurations, the same at each call, shape (samples, nq), `near` the first."""
-    assembly = reference.memory.assembly
-    if near is None:
-        example = reference.mechanism.example
-        near = next(examples(assembly)) if example is None else example
-    reference.rates(near, np.zeros(len(reference.mechanism.coordinates)))
-    samples = [near]
-    for seed in range(4 * _SAMPLES):
-        try:
-            samples.append(assembly.aside(samples[seed % len(samples)], seed))
-        except ClosureError:
-            continue
-        if len(samples) == _SAMPLES:
-            break
-    return np.array(samples)
-
-
-def _content(mechanism: Mechanism, parameters: OpenNumbers) -> bytes:
-    """All that the kernels are made from."""
-    model, tree = mechanism.model, LinkTree.of(mechanism.model)
-    parts: list[Any] = [mechanism.closures, mechanism.length, parameters.bodies, parameters.joints]
-    for link in tree.links:
-        parts += [link.parent, link.kind, link.q, link.v, link.body]
-        parts += [x.tobytes() for x in (link.R, link.p, link.S)]
-    parts += [np.asarray(mechanism.coordinates).tobytes(), mechanism.motors.tobytes()]
-    parts += [
-        model.inertias[i].lever.tobytes()
-        for i in range(1, model.njoints)
-        if i not in parameters.bodies
-    ]
-    if not mechanism.lines.none:
-        parts.append(mechanism.lines.motors.tobytes())
-    for line in mechanism.lines.forces:
-        parts += [_frame(mechanism, name) for name in (line.frame_a, line.frame_b)]
-    for closure in mechanism.closures:
-        if isinstance(closure, (Closure, Distance)):
-            parts += [_frame(mechanism, name) for name in (closure.frame_a, closure.frame_b)]
-        elif isinstance(closure, Rolling):
-            parts += [_frame(mechanism, name) for name in (closure.plane, closure.wheel)]
-    return repr(parts).encode()
-
-
-def _frame(mechanism: Mechanism, name: str) -> bytes:
-    frame = frame_named(mechanism.model, name)
-    return repr(frame.parentJoint).encode() + frame.placement.homogeneous.tobytes()

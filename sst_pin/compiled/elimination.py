@@ -3,13 +3,9 @@
 
 `Factors` eliminates. Its pivots are chosen once, for all configurations: few fill-ins (Markowitz),
 and in every sample not much smaller than the rest of their column, so that no element grows. Rows
-that follow from others with constant coefficients get no pivot and are never computed.
-
-Where the coefficients change with the configuration, each choice of rows is singular somewhere,
-though all rows together are not. `Orthogonal` takes all of these rows.
+that follow from others with constant coefficients get no pivot. Where the coefficients change with
+the configuration, each choice is singular somewhere: `Orthogonal` takes all of these rows.
 """
-
-from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
@@ -33,18 +29,16 @@ _SMALL = 1e-3
 def pivot_order(pattern: Flags, values: Array) -> tuple[list[tuple[int, int]], Array]:
     """Rows and columns of the pivots in the order of elimination, and their largest sizes.
 
-    `pattern` says where the matrix may be different from zero, shape (rows, columns), `values` are
-    samples of it, shape (samples, rows, columns), of full column rank.
+    The matrix has a pattern, shape (rows, columns), and samples, (samples, rows, columns).
     """
-    values, (rows, columns) = values.copy(), map(np.arange, pattern.shape)
-    noise = _ZERO * np.abs(values).max(axis=(0, 2), initial=0.0)
+    values, noise = values.copy(), _ZERO * np.abs(values).max(axis=(0, 2), initial=0.0)
     order, sizes = [], []
-    while len(columns):
+    for _ in range(pattern.shape[1]):
         # Rounding noise of redundant rows is no pivot and makes no fill.
         pattern = pattern & (np.abs(values) > noise[:, None]).any(axis=0)
         size = np.abs(np.where(pattern, values, 0.0))
         with np.errstate(invalid="ignore", divide="ignore"):
-            soundness = np.nan_to_num(size / size.max(axis=1, keepdims=True)).min(axis=0)
+            soundness = np.nan_to_num(size / size.max(axis=1, keepdims=True, initial=0)).min(axis=0)
         if not soundness.any():
             raise SingularConfigurationError(
                 "the coordinates do not determine the joint rates at the sample configurations; "
@@ -55,38 +49,28 @@ def pivot_order(pattern: Flags, values: Array) -> tuple[list[tuple[int, int]], A
         fill = np.outer(pattern.sum(axis=1) - 1, pattern.sum(axis=0) - 1)
         cost = np.where(sound, fill - soundness / 2, np.inf)
         i, j = np.unravel_index(np.argmin(cost), cost.shape)
-        order.append((int(rows[i]), int(columns[j])))
+        order.append((int(i), int(j)))
         sizes.append(size[:, i, j].max())
         below, right = np.flatnonzero(pattern[:, j]), np.flatnonzero(pattern[i])
         factors = values[:, below, j] / values[:, i, j, None]
         block = np.ix_(np.arange(len(values)), below, right)
         values[block] -= factors[:, :, None] * values[:, None, i, right]
         pattern[np.ix_(below, right)] = True
-        rows, noise = np.delete(rows, i), np.delete(noise, i)
-        columns = np.delete(columns, j)
-        values = np.delete(np.delete(values, i, axis=1), j, axis=2)
-        pattern = np.delete(np.delete(pattern, i, axis=0), j, axis=1)
+        pattern[i] = pattern[:, j] = False
     return order, np.array(sizes)
 
 
 class Factors:
-    """A square sparse matrix A, factorised along given pivots, the last two as one 2 x 2 block.
-
-    A is the part of `rows` that the pivots lie in.
-
-    Attributes:
-        rows: Rows of A, in the order of elimination.
-        pivots: In this order; for a last 2 x 2 block its determinant.
-        inverses: One over each.
-    """
+    """The part of a matrix with given pivots, factorised, the last two as one 2 x 2 block."""
 
     def __init__(self, rows: Rows, order: Sequence[tuple[int, int]]) -> None:
         columns = {j for _, j in order}
         work = {i: {j: x for j, x in rows[i].items() if j in columns} for i, _ in order}
         self._order, self.rows = list(order), [i for i, _ in order]
-        self._factors: list[dict[int, Any]] = []  # of each step, by the row they change
-        self.pivots: list[Any] = []
-        self.inverses: list[Any] = []
+        #: Row and column of each pivot before the core, factors by the row they change, inverse.
+        self._steps: list[tuple[int, int, dict[int, Any], Any]] = []
+        self.pivots: list[Any] = []  # for a last 2 x 2 block its determinant
+        self.inverses: list[Any] = []  # one over each pivot
         self._core: dict[tuple[int, int], Any] = {}  # inverse of the last 2 x 2 block
         waiting = [i for i, _ in order]
         for i, j in order:
@@ -100,7 +84,7 @@ class Factors:
                 if j in work[k]:
                     factors[k] = work[k].pop(j) * inverse
                     _subtract(work[k], factors[k], row)
-            self._factors.append(factors)
+            self._steps.append((i, j, factors, inverse))
             self.pivots.append(pivot)
             self.inverses.append(inverse)
         self._upper = work  # what is left of each row beside its pivot
@@ -126,15 +110,9 @@ class Factors:
         return total([(_SMALL * float(s) * x) ** 2 for s, x in pairs])
 
     @property
-    def _steps(self) -> list[tuple[tuple[int, int], dict[int, Any], Any]]:
-        """Row and column, factors and inverse of each pivot before the core."""
-        single = self.inverses[:-1] if self._core else self.inverses
-        return list(zip(self._order, self._factors, single, strict=False))
-
-    @property
     def changed(self) -> tuple[list[int], list[int]]:
         """Rows and columns of A with elements that elimination changes, so that they may grow."""
-        steps = [(f, self._upper[i]) for (i, _), f, _ in self._steps]
+        steps = [(factors, self._upper[i]) for i, _, factors, _ in self._steps]
         rows = {k for factors, row in steps if row for k in factors}
         columns = {k for factors, row in steps if factors for k in row}
         return [i for i in self.rows if i in rows], sorted(columns)
@@ -143,17 +121,17 @@ class Factors:
         """x by column with A x = right; entries of `right` by row, zeros left out."""
         y: dict[int, Any] = dict(right)
         x: dict[int, Any] = {}
-        for (i, _), factors, _ in self._steps:
+        for i, _, factors, _ in self._steps:
             if i in y:
                 for k, factor in factors.items():
                     _add(y, k, -(factor * y[i]))
         for (j, i), entry in self._core.items():
             if i in y:
                 _add(x, j, entry * y[i])
-        for (i, j), _, inverse in reversed(self._steps):
-            known = [(entry, x[k]) for k, entry in self._upper[i].items() if k in x]
-            for entry, value in known:
-                _add(y, i, -(entry * value))
+        for i, j, _, inverse in reversed(self._steps):
+            for k, entry in self._upper[i].items():
+                if k in x:
+                    _add(y, i, -(entry * x[k]))
             if i in y:
                 x[j] = y[i] * inverse
         return x
@@ -162,7 +140,7 @@ class Factors:
         """x by row with A^T x = right; entries of `right` by column, zeros left out."""
         y: dict[int, Any] = dict(right)
         x: dict[int, Any] = {}
-        for (i, j), _, inverse in self._steps:
+        for i, j, _, inverse in self._steps:
             if j in y:
                 x[i] = y[j] * inverse
                 for k, entry in self._upper[i].items():
@@ -170,7 +148,7 @@ class Factors:
         for (j, i), entry in self._core.items():
             if j in y:
                 _add(x, i, entry * y[j])
-        for (i, _), factors, _ in reversed(self._steps):
+        for i, _, factors, _ in reversed(self._steps):
             for k, factor in factors.items():
                 if k in x:
                     _add(x, i, -(factor * x[k]))
@@ -184,22 +162,13 @@ class Orthogonal:
     are at least the square of the smallest singular value. Both solutions are backward stable
     (Bjoerck, Numerical methods for least squares problems, 1996, Sects. 2.4.4 and 2.4.5).
 
-    A has the rows in `scale`, each multiplied by its scale, at least as many as columns.
-
-    Attributes:
-        rows: Rows of A.
-        squares: Squares of the columns of Q.
-        inverses: One over each.
+    A has the rows in `scale`, each multiplied by its scale, at least as many as columns. `squares`
+    are those of the columns of Q, `inverses` one over each.
     """
 
     changed: tuple[list[int], list[int]] = [], []  #: No element of Q grows.
 
-    def __init__(
-        self,
-        rows: Rows,
-        scale: Mapping[int, float],
-        columns: Sequence[int],
-    ) -> None:
+    def __init__(self, rows: Rows, scale: Mapping[int, float], columns: Sequence[int]) -> None:
         self.rows, self._columns, self._scale = list(scale), list(columns), scale
         A = [{i: rows[i][j] * x for i, x in scale.items() if j in rows[i]} for j in columns]
         self._Q, self.squares, self.inverses = A, list[Any](), list[Any]()
@@ -269,17 +238,13 @@ class Blocks:
 
     def solve(self, right: Mapping[int, Any]) -> dict[int, Any]:
         """x by column, each part by its own solution."""
-        x: dict[int, Any] = {}
-        for part in self.parts:
-            x |= part.solve({i: b for i, b in right.items() if i in part.rows})
-        return x
+        own = ({i: b for i, b in right.items() if i in part.rows} for part in self.parts)
+        pairs = zip(self.parts, own, strict=True)
+        return {j: x for part, b in pairs for j, x in part.solve(b).items()}
 
     def solve_transposed(self, right: Mapping[int, Any]) -> dict[int, Any]:
         """x by row, each part by its own solution."""
-        x: dict[int, Any] = {}
-        for part in self.parts:
-            x |= part.solve_transposed(right)
-        return x
+        return {i: x for part in self.parts for i, x in part.solve_transposed(right).items()}
 
 
 def _product(a: Mapping[int, Any], b: Mapping[int, Any]) -> Any:

@@ -116,11 +116,16 @@ function engine(functions, d) {
     }).map(({ name, unit, i, what, low, high }) => `${name} leaves its ${what} of ${shown(low, unit)} to ${shown(high, unit)}: ${shown(r.q[i], unit)}`);
     const is = condition();
     if (!(is <= d.condition)) words.push(near(is));
+    if (r.holds && !r.torques(r.q, zeros(n), zeros(n)).every(Number.isFinite)) words.push("the motors do not hold this pose");
     if (!(own.closing(r.q)[own.checked] <= 1)) words.unshift("the loops are open");
     return words;
   }
 
   // --- dynamics ------------------------------------------------------------------------------
+
+  // Results where the checks behind them hold, else NaN; the first one is that loops are closed, which they are not within a step.
+  const judged = (y, size, first = 0) => Array.from(y.subarray(first, size), (x) => y.subarray(size + 1).every((check) => check <= 1) ? x : NaN);
+  const torques = (q, va, aa) => judged(F.torques(q, va, aa, rest), motors);
 
   // What the motors give: nothing, what is given to them, or what holds the coordinates at a goal.
   function efforts(q, va, s) {
@@ -228,8 +233,8 @@ function engine(functions, d) {
   return Object.assign(r, {
     reset, move, value, condition, measure, follow, start, advance, goTo, gripped, push, wrong,
     holds: Boolean(F.torques),
-    torques: (q, va, aa) => Array.from(F.torques(q, va, aa, rest).subarray(0, motors)),
-    accelerations: (q, va, tau) => Array.from(own.state_rate(q, va, tau, rest).subarray(nq, nq + n)),
+    torques,
+    accelerations: (q, va, tau) => judged(own.state_rate(q, va, tau, rest), nq + n, nq),
     energies: () => Array.from(F.energies(r.q, rates(own, r.q, r.va).subarray(nq))),
     places: () => F.places(r.q),
     point: (grip) => on(F.places(r.q), grip),

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Any robot as C99 for its own controller: no allocation, no library."""
 
-from __future__ import annotations
-
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
+from copy import copy
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -12,11 +11,14 @@ import numpy as np
 from ..arrays import Array
 from ..chain.closed_chain import ClosedChain
 from ..chain.mechanism import Mechanism
+from ..chain.quantities import Name
+from ..chain.tree import joint_id
 from ..errors import DescriptionError, InputError
 from ..files import Writer, as_path, text_writer
 from . import c_code, kernels
-from .compiled_backend import impossible, sample_configurations
+from .compiled_backend import impossible
 from .equations import Equations
+from .generator_inputs import sample_configurations
 from .kernel_checks import CLOSED, Checks
 from .open_numbers import BODY, LINE, OpenNumbers
 
@@ -25,7 +27,7 @@ Precision = Literal["double", "single"]
 
 
 class _Style(NamedTuple):
-    """How numbers of a precision are written in C."""
+    """Numbers of a precision in C."""
 
     type: str
     suffix: str
@@ -44,41 +46,32 @@ _STYLES = {
 
 
 class _Function(NamedTuple):
-    """A function of the exported C: its kernel, and names of its arguments."""
+    """A function of the exported C: its kernel, the name of its result, and what it means."""
 
-    meaning: str
-    kernel: str
-    inputs: tuple[str, ...]
+    kernel: Name
     output: str
+    meaning: str
 
 
 _FUNCTIONS = {
-    "torques": _Function("Torques of a motion.", "torques", ("q", "va", "aa"), "tau"),
+    "torques": _Function("torques", "tau", "Torques of a motion."),
     "forces": _Function(
-        "Generalized forces along the coordinates that a motion needs.",
-        "forces",
-        ("q", "va", "aa"),
-        "f",
+        "generalized_forces", "f", "Generalized forces along the coordinates of a motion."
     ),
     "accelerations": _Function(
-        "Accelerations of the coordinates for given torques.",
-        "accelerations",
-        ("q", "va", "tau"),
-        "aa",
+        "accelerations", "aa", "Accelerations of the coordinates by torques."
     ),
     "actuator_jacobian": _Function(
-        "J, row by row: the rates of the motors are J va, and torques tau give the forces J^T tau.",
         "actuator_jacobian",
-        ("q",),
         "J",
+        "J, row by row: the rates of the motors are J va, and torques tau give the forces J^T tau.",
     ),
     "assembly_step": _Function(
+        "closing",
+        "q_next",
         "A step of Newton's method that closes the loops and keeps the coordinates. Start with\n"
         " * measured coordinates and the previous q of the other joints, and call it with\n"
         " * q_next = q until it returns 0. ROBOT_OPEN: the loops were open before the step.",
-        "closing",
-        ("q",),
-        "q_next",
     ),
 }
 
@@ -95,15 +88,13 @@ def c_files(
     Args:
         chain: The robot.
         folder: Where they go.
-        precision: "double", or "single" for controllers without double precision: seven digits,
-            loops closed within 1e-4.
+        precision: "double", or "single": seven digits, loops closed within 1e-4.
 
     Returns:
         Writers of robot.h, robot.c and main.c, an example.
 
     Raises:
-        DescriptionError: For a joint without compiled equations, or a number that is
-            not finite.
+        DescriptionError: For a joint without compiled equations, or a number that is not finite.
         ClosureError: When no configuration can be assembled, by which to choose pivots.
         InputError: For another precision.
 
@@ -115,6 +106,7 @@ def c_files(
     """
     if precision not in _STYLES:
         raise InputError("precision", f"{precision!r} is not one of {', '.join(_STYLES)}")
+    chain = copy(chain)
     style, q = _STYLES[precision], chain.generic_configuration()
     n, motors = chain.degrees_of_freedom, len(chain.motor_names)
     mechanism = chain._current.mechanism
@@ -124,34 +116,19 @@ def c_files(
     numbers = equations.parameters.pack(mechanism, mechanism.friction)
     if not np.isfinite(numbers).all():
         raise DescriptionError("parameters of the robot", ["gravity or inertia is not finite"])
-    sizes = {
-        "q": len(q),
-        "q_next": len(q),
-        "va": n,
-        "aa": n,
-        "f": n,
-        "tau": motors,
-        "J": n * motors,
-    }
     dynamics = "torques" if equations.driven else "forces"
-    declarations, definitions = [], []
+    functions = []
     for name in (dynamics, "accelerations", "actuator_jacobian", "assembly_step"):
-        function = _FUNCTIONS[name]
         try:
-            if problem := impossible(mechanism, function.kernel):
+            if problem := impossible(mechanism, _FUNCTIONS[name].kernel):
                 raise DescriptionError("compiled kernels", [problem])
-            kernel = kernels.make(equations, function.kernel, checks)
+            kernel = kernels.make(equations, _FUNCTIONS[name].kernel, checks)
+            functions.append(_exported(name, kernel, style))
         except DescriptionError as error:
-            declarations.append(f"/* There is no robot_{name}: {_comment(str(error))} */\n")
-            continue
-        head = _head(name, function, sizes, style)
-        declarations.append(f"/* {function.meaning} */\n{head};\n")
-        definitions.append(_definition(head, function, kernel, sizes, style))
+            functions.append((f"/* There is no robot_{name}: {_comment(str(error))} */\n", ""))
     if dynamics == "torques":
-        declaration, definition = _computed_torque(chain, style)
-        declarations.append(declaration)
-        definitions.append(definition)
-    code = "\n".join(definitions)
+        functions.append(_computed_torque(chain, style))
+    code = "\n".join(definition for _, definition in functions if definition)
     listed = "\n".join(_listed(equations.parameters, mechanism, numbers, style.suffix))
     source = [
         '#include "robot.h"\n',
@@ -173,11 +150,11 @@ def c_files(
         "coordinates": _comment(", ".join(mechanism.coordinate_rate_names)),
         "motor_names": _comment(", ".join(chain.motor_names)),
         "size": len(numbers),
-        "functions": "\n".join(declarations),
+        "functions": "\n".join(declaration for declaration, _ in functions),
         "meaning": _FUNCTIONS[dynamics].meaning.split(",")[0].removesuffix("."),
         "name": dynamics,
         "inputs": len(at_rest),
-        "outputs": sizes[_FUNCTIONS[dynamics].output],
+        "outputs": motors if dynamics == "torques" else n,
         "example": " ".join(map(repr, at_rest)),
     }
     texts = {
@@ -188,27 +165,48 @@ def c_files(
     return {as_path(folder) / name: text_writer(text) for name, text in texts.items()}
 
 
-def _head(name: str, function: _Function, sizes: Mapping[str, int], style: _Style) -> str:
-    """The head of a function; without motors it takes no torques."""
-    inputs = (f"const {style.type} {x}[{sizes[x]}], " for x in function.inputs if sizes[x])
-    output = f"{style.type} {function.output}[{sizes[function.output]}]"
-    return f"int robot_{name}({''.join(inputs)}{output})"
+def _exported(name: str, kernel: kernels.SymbolicKernel, style: _Style) -> tuple[str, str]:
+    """Declaration and definition of one of `_FUNCTIONS`, without arguments that are empty."""
+    function, inputs, heads, copies = _FUNCTIONS[name], 0, [], []
+    sizes = {x: symbols.numel() for x, symbols in kernel.inputs.items()}
+    for x, n in sizes.items():
+        if n:
+            heads.append(f"const {style.type} {x}[{n}], ")
+            copies.append(f"    for (int i = 0; i < {n}; i++)\n        x[{inputs} + i] = {x}[i];")
+        inputs += n
+    body, results = c_code.body(kernel, suffix=style.suffix), kernel.output.numel()
+    outputs = sizes["q"] if function.output == "q_next" else results
+    head = f"int robot_{name}({''.join(heads)}{style.type} {function.output}[{outputs}])"
+    blanks = {
+        "head": head,
+        "name": kernel.name,
+        "type": style.type,
+        "inputs": inputs,
+        "angles": sizes["q"],
+        "copies": "\n".join(copies),
+        "output": function.output,
+        "outputs": outputs,
+        "parameters": kernel.parameters.numel(),
+        "size": body.size,
+        "room": body.room,
+        "checks": results,
+        "total": results + kernel.checks.numel(),
+    }
+    text = f"{body.text}\n\n{c_code.filled('export/function.c', blanks)}"
+    return f"/* {function.meaning} */\n{head};\n", text
 
 
 def _computed_torque(chain: ClosedChain, style: _Style) -> tuple[str, str]:
     """Declaration and definition of `ComputedTorque` in C."""
-    model, mechanism = chain.model, chain._current.mechanism
-    joints = [model.joints[model.getJointId(name)] for name in chain.coordinates]
+    mechanism, model = chain.mechanism, chain.mechanism.model
+    joints = [model.joints[joint_id(model, name)] for name in chain.coordinates]
     if any((joint.nq, joint.nv) != (1, 1) for joint in joints):
-        return (
-            "/* There is no robot_computed_torque: a coordinate is no single number of q */\n",
-            "",
-        )
+        why = "a coordinate is no single number of q"
+        return f"/* There is no robot_computed_torque: {why} */\n", ""
     n, motors = len(joints), len(chain.motor_names)
     arrays = [("q", model.nq), *((name, n) for name in ("va", "x", "v", "a", "kp", "kd"))]
-    inputs = ", ".join(
-        f"const {style.type} {x}[{size}]" for x, size in (*arrays, ("limits", motors))
-    )
+    arrays.append(("limits", motors))
+    inputs = ", ".join(f"const {style.type} {x}[{size}]" for x, size in arrays)
     head = f"int robot_computed_torque({inputs}, {style.type} tau[{motors}])"
     blanks = {
         "head": head,
@@ -227,40 +225,6 @@ def _computed_torque(chain: ClosedChain, style: _Style) -> tuple[str, str]:
         " * torques of the motors."
     )
     return f"/* {meaning} */\n{head};\n", c_code.filled("export/computed_torque.c", blanks)
-
-
-def _definition(
-    head: str,
-    function: _Function,
-    kernel: kernels.SymbolicKernel,
-    sizes: Mapping[str, int],
-    style: _Style,
-) -> str:
-    """The C of a kernel and of the function that applies it to separate arrays."""
-    copies, inputs = [], 0
-    for x in function.inputs:
-        if sizes[x]:
-            copies.append(
-                f"    for (int i = 0; i < {sizes[x]}; i++)\n        x[{inputs} + i] = {x}[i];"
-            )
-        inputs += sizes[x]
-    body, outputs = c_code.body(kernel, suffix=style.suffix), kernel.output.numel()
-    numbers = {
-        "head": head,
-        "name": kernel.name,
-        "type": style.type,
-        "inputs": inputs,
-        "angles": sizes["q"],
-        "copies": "\n".join(copies),
-        "output": function.output,
-        "outputs": sizes[function.output],
-        "parameters": kernel.parameters.numel(),
-        "size": body.size,
-        "room": body.room,
-        "checks": outputs,
-        "total": outputs + kernel.checks.numel(),
-    }
-    return f"{body.text}\n\n{c_code.filled('export/function.c', numbers)}"
 
 
 def _listed(

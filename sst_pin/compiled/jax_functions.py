@@ -2,15 +2,13 @@
 """The dynamics of a chain as functions of JAX, for `jit`, `vmap` and `grad` on processors.
 
 JAX calls back into this process, where whole batches are computed: values and first derivatives of
-the dynamics by the chain, all others by CasADi. JAX itself traces nothing of the robot.
+the dynamics by the chain, all others by CasADi.
 """
-
-from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Sequence
 from functools import cache, cached_property, partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import jax
 import jax.numpy as jnp
@@ -20,12 +18,13 @@ from ..arrays import Array, Indices, for_each_sample
 from ..chain.backend import Key
 from ..chain.closures import Rolling
 from ..chain.dispatch import computed
+from ..chain.least_torques import smallest_torques
 from ..chain.mechanism import Mechanism
+from ..chain.quantities import QUANTITIES, Name
 from ..chain.runge_kutta import runge_kutta_step
 from ..chain.tree import frame_id
 from ..errors import ActuationError, DescriptionError, InputError, SSTError
-from .along_motions import AlongMotions
-from .casadi_functions import CasadiFunctions
+from .casadi_functions import AlongMotions, CasadiFunctions, Functions
 
 if TYPE_CHECKING:
     from ..chain.closed_chain import ClosedChain
@@ -34,66 +33,55 @@ if TYPE_CHECKING:
 Values = Callable[..., Array]
 
 
-class JaxFunctions:
-    """Dynamics of a chain as JAX functions.
+class JaxFunctions(Functions):
+    """Dynamics of a chain as JAX functions, by the model as it stands at each call.
 
     Arguments and results are those of the chain's methods, in float64; leading axes broadcast. The
     functions work with `jit`, `vmap`, `grad`, `scan` and the like, and have derivatives of every
-    order, forward and reverse. The result for a bad sample is NaN, as with `on_error="nan"`, and so
-    are its derivatives.
+    order, forward and reverse. The result for a bad sample and its derivatives are NaN.
 
     q must be a closed configuration; `closed` and `step` return such. The functions depend on the
-    coordinates in q alone: the dependent joints follow them and only tell the assembly mode. So a
-    derivative with respect to q is the one along the closed motions: it has values at the entries
-    of the coordinates' joints, and zeros at those of the others.
+    coordinates in q alone: the dependent joints only tell the assembly mode. So a derivative with
+    respect to q is the one along the closed motions: it has values at the entries of the
+    coordinates' joints, and zeros at those of the others.
 
-    First derivatives of torques and accelerations are the chain's. The others, and those of higher
-    orders, need CasADi; each order takes a multiple of the time and memory of the one before.
+    First derivatives of torques and accelerations are the chain's, with smooth friction as in
+    `step`; kernels make them fast, `compile(derivatives=True)`. The others need CasADi; each order
+    takes a multiple of the time and memory of the one before.
 
     Attributes:
         nq, n, motors: Numbers of entries in q, va, tau.
-
-    Args:
-        chain: The robot; after `chain.refresh()` the functions use the changed model. For speed,
-            call `compile(derivatives=True)` before.
-        near: Where coordinates and the order of elimination are chosen, shape (nq,); anywhere by
-            default.
-        sign_width: In derivatives and in `step`, Coulomb friction uses tanh(v / sign_width) instead
-            of the sign of v.
 
     Raises:
         InputError: If JAX uses single precision.
         DescriptionError: If the robot has a rolling contact.
     """
 
-    def __init__(self, chain: ClosedChain, near: Array | None, sign_width: float) -> None:
+    def __init__(self, chain: "ClosedChain", near: Array | None, sign_width: float) -> None:
         _require_double()
+        mechanism = chain._current.mechanism
+        super().__init__(mechanism)
         self._chain, self._near, self._sign_width = chain, near, sign_width
-        self._mechanism = mechanism = chain._current.mechanism
+        mechanism.require_freedom()
         if any(isinstance(closure, Rolling) for closure in mechanism.closures):
             problem = "with a rolling contact q has more directions than rates; use casadi()"
             raise DescriptionError("jax", [problem])
         self._along: tuple[Mechanism, AlongMotions] | None = None
         self._lock = threading.Lock()  # CasADi is not for several threads
         self._placement, self._function = cache(self._placement_of), cache(self._of_chain)
-        self.nq = mechanism.model.nq
-        self.n, self.motors = len(mechanism.coordinates), mechanism.motors.shape[1]
-
-    def __repr__(self) -> str:
-        sizes = f"nq={self.nq}, n={self.n}, motors={self.motors}"
-        return f"JaxFunctions({self._mechanism.model.name}: {sizes})"
 
     def torques(self, q: Any, va: Any, aa: Any) -> jax.Array:
         """Inverse dynamics, shape (..., motors); with redundant motors the smallest torques.
 
         Raises:
-            ActuationError: If there are fewer motors than coordinates.
+            ActuationError: If the motors do not act on all coordinates.
         """
         if self._mechanism.driven_one_to_one:
             return self.generalized_forces(q, va, aa)
-        if self.motors < self.n:
+        if self._held < self.n:
             raise ActuationError(
-                f"{self.motors} motors for {self.n} coordinates; use generalized_forces"
+                f"the motors supply {self._held} of {self.n} forces along the coordinates; "
+                "use generalized_forces"
             )
         return self._function("torques")(*self._arguments(q=q, va=va, aa=aa))
 
@@ -148,7 +136,8 @@ class JaxFunctions:
         return self._placement(frame)
 
     def _placement_of(self, frame: str) -> Callable[[Any], tuple[jax.Array, jax.Array]]:
-        values = self._differentiable(partial(self._by_casadi, f"frame_placement {frame}"), 12)
+        by_casadi = partial(self._by_casadi, "frame_placement", frame=frame)
+        values = self._differentiable(by_casadi, 12)
 
         def placement(q: Any) -> tuple[jax.Array, jax.Array]:
             (q,) = self._arguments(q=q)
@@ -157,24 +146,23 @@ class JaxFunctions:
 
         return placement
 
+    @cached_property
+    def _held(self) -> int:
+        """How many coordinates the motors hold at most configurations."""
+        J = self._chain.actuator_jacobian(self._chain.generic_configuration())
+        units = self._mechanism.rate_scale[self._mechanism.coordinates]
+        _, lost = smallest_torques(J.T, units, np.ones(self.motors), None)
+        return self.n - lost.shape[1]
+
     # --- functions of arrays of the right shape ---------------------------------------------
 
-    def _of_chain(self, name: str) -> Callable[..., jax.Array]:
+    def _of_chain(self, name: Name) -> Callable[..., jax.Array]:
         """A function of `CasadiFunctions` whose values the chain computes."""
-        methods: dict[str, tuple[Values, int]] = {
-            "torques": (self._chain.compute_torques, self.motors),
-            "generalized_forces": (self._chain.generalized_forces, self.n),
-            "accelerations": (self._chain.compute_accelerations, self.n),
-            "rates": (self._joint_rates, self._mechanism.model.nv),
-        }
-        values, size = methods[name]
 
         def of_order(order: int, *arrays: Array) -> Array:
-            if order:
-                return self._derivatives(name, order, *arrays)
-            return values(*arrays, on_error="nan")
+            return self._derivatives(name, order, *arrays) if order else self._values(name, *arrays)
 
-        return self._differentiable(of_order, size)
+        return self._differentiable(of_order, *QUANTITIES[name].shape(self._mechanism))
 
     @cached_property
     def _state_rate(self) -> Callable[..., jax.Array]:
@@ -193,7 +181,7 @@ class JaxFunctions:
                 return states.rate(np.concatenate([q, va], axis=-1), tau, None)
 
             rates = _samples(rate, self.nq + self.n, q, va, tau)  # closes the loops
-            rates[np.isnan(self._joint_rates(q, va)).any(axis=-1)] = np.nan
+            rates[np.isnan(self._values("rates", q, va)).any(axis=-1)] = np.nan
             return rates
 
         return self._differentiable(values, self.nq + self.n)
@@ -270,33 +258,40 @@ class JaxFunctions:
 
     # --- inside -----------------------------------------------------------------------------
 
-    def _derivatives(self, name: str, order: int, *arrays: Array) -> Array:
+    def _values(self, name: Name, q: Array, *others: Array) -> Array:
+        """A quantity by the chain; NaN where loops are open."""
+        names = "va", "tau" if name == "accelerations" else "aa"
+        how: dict[str, Any] = {"on_error": "nan", **dict(zip(names, others, strict=False))}
+        return computed(self._chain._current, Key(name), q, **how)
+
+    def _derivatives(self, name: Name, order: int, *arrays: Array) -> Array:
         """The chain's first derivatives of forces and accelerations, else CasADi's."""
-        firsts: dict[str, Callable[..., Any]] = {
-            "generalized_forces": self._chain.torque_derivatives,
-            "accelerations": self._chain.acceleration_derivatives,
-        }
-        if order > 1 or name not in firsts:
-            return self._by_casadi(name, order, *arrays)
-        d = firsts[name](*arrays, sign_width=self._sign_width, on_error="nan")
-        return np.concatenate(d, axis=-1)
+        if order == 1 and name in ("generalized_forces", "accelerations"):
+            chain, forces = self._chain, name == "generalized_forces"
+            first = chain.torque_derivatives if forces else chain.acceleration_derivatives
+            d = first(*arrays, sign_width=self._sign_width, on_error="nan")
+            return np.concatenate(d, axis=-1)
+        return self._by_casadi(name, order, *arrays)
 
-    def _joint_rates(self, q: Array, va: Array, on_error: str = "nan") -> Array:
-        """The chain's joint rates; NaN where loops are open."""
-        return computed(self._chain._current, Key("rates"), q, va=va, on_error=on_error)
-
-    def _by_casadi(self, name: str, order: int, *arrays: Array) -> Array:
-        """Values of `AlongMotions`, of the model as it stands."""
+    def _by_casadi(self, name: str, order: int, *arrays: Array, frame: str | None = None) -> Array:
+        """Values of `AlongMotions`, of the model as it stands; NaN where the chain's are."""
+        arrays = tuple(_with_all_axes(arrays))
+        if name in QUANTITIES:
+            known = self._values(cast(Name, name), *arrays)
+        else:
+            known = self._values("rates", *[*arrays, np.zeros(self.n)][:2])
         with self._lock:
             mechanism, made = self._chain._current.mechanism, self._along
             if made is None or made[0] is not mechanism:
                 reference = self._chain._current.reference
                 functions = CasadiFunctions(reference, self._near, self._sign_width)
                 made = self._along = mechanism, AlongMotions(functions)
-            return made[1].values(name, order, *_with_all_axes(arrays))
+            found = made[1].values(name, order, *arrays, frame=frame)
+        found[np.isnan(known).any(axis=-1)] = np.nan
+        return found
 
     def _on_arrays(self, values: Values) -> Callable[..., Array]:
-        """What JAX calls."""
+        """The callback of JAX; it refuses a robot whose coordinates have changed."""
 
         def on_arrays(*given: Any) -> Array:
             results = values(*map(np.asarray, given))

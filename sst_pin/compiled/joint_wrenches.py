@@ -5,8 +5,6 @@ Rows without a pivot give states of inner stress: one unit of such a row, balanc
 dependent rates by the others, or where all rows count by the shortest multipliers of all.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -18,35 +16,27 @@ from ..chain.closures import Coupling, Distance, frames_of
 from ..chain.reactions import BITS
 from ..chain.thresholds import UNIQUE
 from ..chain.tree import frame_named, joint_id
-from .closure_rows import Row, closure_rows
+from .closure_rows import Row, by_twists, closure_rows
 from .elimination import Factors, total
 from .equations import Equations
 from .kernel_checks import Checks
-from .link_kinematics import Wrench
-from .symbols import Sparse, add, sx
+from .symbols import Sparse, add, column, sx
 
 
 def on_links(rows: Sequence[Row], v: Sparse) -> list[dict[int, SX]]:
-    """What a unit of each row gives to links: [force; moment] about their origins, their axes."""
-    twists: dict[int, SX] = {}
-
-    def twist(_: int, link: int) -> tuple[SX, SX]:
-        own = twists.setdefault(link, SX.sym("twist", 6))
-        return own[:3], own[3:]
-
-    velocities = [SX(row.velocity(v, twist)) for row in rows]
+    """Wrenches on links of a unit of each row: [force; moment] about their origins, their axes."""
+    velocities, twists = by_twists(rows, v)
     wrenches = ({i: ca.gradient(u, x) for i, x in twists.items()} for u in velocities)
     return [{i: x for i, x in found.items() if not x.is_zero()} for found in wrenches]
 
 
-def reactions(e: Equations, checks: Checks) -> tuple[list[SX], SX, list[Any]]:
+def reactions(e: Equations, checks: Checks) -> tuple[dict[str, SX], SX, list[Any]]:
     """Wrenches of joints and closures, the ground's, torques and codes, in a column."""
     mechanism, needed = e.mechanism, e.tree_forces
-    inputs, tau = [e.q, e.va, e.aa], e.generalized_forces
+    inputs, tau = {"q": e.q, "va": e.va, "aa": e.aa}, e.generalized_forces
     if not mechanism.driven_one_to_one:
-        tau = SX.sym("tau", mechanism.motors.shape[1])
-        inputs.append(tau)
-        needed = add(needed, {i: -x for i, x in e.motor_forces(tau).items()})
+        inputs["tau"] = tau = e.tau
+        needed = add(needed, e.motor_forces(-tau))
     units = on_links([*e.rows, *_rows_of_lines(e)], e.v)
     Lambda = e.multipliers(needed) | _pushes(e, tau)
     values, ground = _wrenches(e, units, Lambda, e.tree.wrenches(e.v, e.dv))
@@ -58,7 +48,8 @@ def reactions(e: Equations, checks: Checks) -> tuple[list[SX], SX, list[Any]]:
             unique = total(squares) <= float((UNIQUE / size[k % 6]) ** 2)
             codes[k // 6] += float(BITS[k % 6]) * (1 - unique)
     result = ca.vertcat(values, ground, tau, *codes)
-    return [*inputs, e.loads], result, checks.of_forces + checks.unbalanced(needed)
+    inputs["external_wrenches"] = e.loads
+    return inputs, result, checks.of_forces + checks.unbalanced(needed)
 
 
 def _rows_of_lines(e: Equations) -> Iterator[Row]:
@@ -75,7 +66,7 @@ def _pushes(e: Equations, tau: SX) -> Sparse:
     for k, pull in enumerate(e.tree.pulls(e.v)):
         shares = enumerate(e.mechanism.lines.motors[k])
         push = total([-pull, *(float(share) * tau[m] for m, share in shares if share)])
-        pushes[len(e.rows) + k] = push / e.tree.lines[k][0]
+        pushes[len(e.rows) + k] = push / e.tree.lines[k].length
     return pushes
 
 
@@ -89,7 +80,7 @@ def _stresses(e: Equations) -> Iterator[Sparse]:
 
 
 def _wrenches(
-    e: Equations, units: list[dict[int, SX]], Lambda: Sparse, needed: Sequence[Wrench] | None = None
+    e: Equations, units: list[dict[int, SX]], Lambda: Sparse, needed: Sequence[SX] | None = None
 ) -> tuple[SX, SX]:
     """[moment; force] of joints, then closures, and of the ground, from multipliers of the rows."""
     mechanism, model, tree = e.mechanism, e.mechanism.model, e.kinematics.tree
@@ -97,10 +88,8 @@ def _wrenches(
     for i, x in Lambda.items():
         for link, unit in units[i].items():
             given[link] += x * unit
-    loads = needed or [(SX(3, 1), SX(3, 1))] * len(tree.links)
-    borne = e.kinematics.borne(
-        [(F - x[:3], N - x[3:]) for (F, N), x in zip(loads, given, strict=True)]
-    )
+    pairs = zip(needed or [SX(6, 1)] * len(given), given, strict=True)
+    borne = e.kinematics.borne([x - y for x, y in pairs])
     found = [borne[tree.link_of[j]] for j in range(1, model.njoints)]
     starts = 0
     for closure in mechanism.closures:
@@ -108,9 +97,9 @@ def _wrenches(
         starts = rows.stop
         if isinstance(closure, Coupling):
             joint = model.joints[joint_id(model, closure.joint)]
-            force = ca.vertcat(0, 0, SX(Lambda.get(rows[0], 0)))
+            force = Lambda.get(rows[0], SX(1, 1))
             slides = mechanism.space.rate_units[joint.idx_v] == "m"
-            found.append((force, SX(3, 1)) if slides else (SX(3, 1), force))
+            found.append(column({2 if slides else 5: force}, range(6)))
             continue
         frame = frame_named(model, frames_of(closure)[1])
         on_b, link = SX(6, 1), tree.link_of[frame.parentJoint]
@@ -119,9 +108,7 @@ def _wrenches(
                 on_b += Lambda[i] * units[i][link]
         R, p = e.kinematics.rotation(frame), sx(frame.placement.translation)
         F, N = on_b[:3], on_b[3:]
-        found.append((R.T @ F, R.T @ (N - ca.cross(p, F))))
-    base, (F, N) = e.kinematics.base, borne[0]
-    return (
-        ca.vertcat(*(x for F_k, N_k in found for x in (N_k, F_k))),
-        ca.vertcat(base @ N, base @ F),
-    )
+        found.append(ca.vertcat(R.T @ F, R.T @ (N - ca.cross(p, F))))
+    base, ground = e.kinematics.base, borne[0]
+    values = ca.vertcat(*(ca.vertcat(x[3:], x[:3]) for x in found))
+    return values, ca.vertcat(base @ ground[3:], base @ ground[:3])

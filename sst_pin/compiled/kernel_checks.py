@@ -2,10 +2,9 @@
 """Checks that a kernel computes with its results: each is at most 1 where the results are right.
 
 A sample fails its checks if its loops are open, if a pivot is much smaller than in the sample
-configurations, or if a solution of Phi x = right leaves a residual.
+configurations, if a redundant row does not hold, or if a solution of Phi x = right leaves a
+residual.
 """
-
-from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
@@ -17,17 +16,28 @@ from casadi import SX
 
 from ..arrays import Array
 from ..chain.lines import LEAST_LENGTH
-from ..chain.thresholds import CLOSURE_TOLERANCE
-from .elimination import total
+from ..chain.thresholds import (
+    BALANCED,
+    CLOSURE_TOLERANCE,
+    EARTH,
+    INCONSISTENT,
+    ROUNDING,
+    UNSUPPLIED,
+    WITHOUT_MASS,
+)
+from .elimination import Factors, total
 from .equations import Equations
+from .open_numbers import GRAVITY
 from .symbols import Sparse, add, is_zero
 
 #: Largest residual of the closures: half of the reference path's tolerance.
 CLOSED = 0.5 * CLOSURE_TOLERANCE
 #: Largest residual of a solution, in roundings of the matrix times the solution.
 _ROUNDINGS = 30
-#: Largest force that motors leave over, in roundings of the forces that meet in a coordinate.
+#: Largest part of a force that motors leave over, in roundings, where these are rougher.
 _LEFT = 1e4
+#: The rounding for which thresholds are.
+_DOUBLE = float(np.finfo(float).eps)
 #: Solutions up to this count as zero, [rad/s], [N m] and the like.
 _NOTHING = 1e-10
 
@@ -42,7 +52,7 @@ class Checks:
         self,
         equations: Equations,
         closed: float = CLOSED,
-        rounding: float = float(np.finfo(float).eps),
+        rounding: float = _DOUBLE,
     ) -> None:
         self._equations, self._closed, self._rounding = equations, closed, rounding
         mechanism = equations.mechanism
@@ -51,15 +61,31 @@ class Checks:
 
     @cached_property
     def of_state(self) -> list[Any]:
-        """That the loops are closed; that no pivot of Phi_u is small; that no line is."""
+        """That loops are closed, no pivot is small, redundant rows hold, no line is short."""
         e = self._equations
         gaps = [s**2 * x.gap for s, x in zip(self._row_scale, e.rows, strict=True)]
         gaps += [gap**2 for gap in e.kinematics.unit_gaps]
         parts = zip(e.factors.parts, e.pivots.sizes, strict=True)
         small = total(part.small(sizes) for part, sizes in parts)
         least = 2 * LEAST_LENGTH * e.mechanism.length
-        short = [least / length for length, _ in e.tree.lines]
-        return [total(gaps) / self._closed**2, small, *short]
+        short = [least / line.length for line in e.tree.lines]
+        return [total(gaps) / self._closed**2, small, *self._inconsistent, *short]
+
+    @property
+    def _inconsistent(self) -> list[Any]:
+        """More than 1 where rows that solutions leave out, or only fit, do not hold: Phi L = 0."""
+        e, mechanism = self._equations, self._equations.mechanism
+        exact = {i for part in e.factors.parts if isinstance(part, Factors) for i in part.rows}
+        rows = [(i, row.Phi) for i, row in enumerate(e.rows) if row.Phi and i not in exact]
+        if not rows:
+            return []
+        units = self._rate_scale[mechanism.coordinates]
+        left = total(
+            (self._row_scale[i] * unit * total(x * L[j] for j, x in Phi.items() if j in L)) ** 2
+            for i, Phi in rows
+            for L, unit in zip(e.L, units, strict=True)
+        )
+        return [left / (2 * INCONSISTENT * self._closed) ** 2]
 
     @property
     def of_rates(self) -> list[Any]:
@@ -83,6 +109,25 @@ class Checks:
         e = self._equations
         return self.of_rates + self.unsolved(e.at_rest, e.drift) + self.of_complement
 
+    @property
+    def of_motors(self) -> list[Any]:
+        """That the motors hold all coordinates; none where each holds its own."""
+        e = self._equations
+        if e.mechanism.driven_one_to_one:
+            return []
+        factors, sizes = e.motor_factors
+        return [factors.small(sizes)]
+
+    def massless(self, inverses: list[Any]) -> list[Any]:
+        """More than 1 where a pivot of the mass matrix, one over each given, is too small."""
+        e, scale = self._equations, self._rate_scale
+        least, precision = WITHOUT_MASS * e.tree.whole_inertia, self._rounding / _DOUBLE
+        small = []
+        for k, (inverse, L) in enumerate(zip(inverses, e.L, strict=True)):
+            fastest = total((x / float(scale[j])) ** 2 for j, x in L.items())
+            small.append(inverse * (precision * ROUNDING * e.inertia[k, k] + least * fastest))
+        return [1e30 * total(ca.fabs(x) - x for x in inverses), total(small)]
+
     def unsolved(self, x: Sparse, right: Sparse) -> list[Any]:
         """More than 1 where the rates x do not solve Phi x = right because a pivot was small.
 
@@ -105,13 +150,37 @@ class Checks:
         return self._too_much(unit, terms, [x[i] / scale[i] for i in x])
 
     def unsupplied(self, tau: Sparse, f: SX) -> list[Any]:
-        """More than 1 where motor torques do not bring about f, coordinate by coordinate."""
-        checks = []
-        for row, force in zip(self._equations.motor_rows, ca.vertsplit(f), strict=True):
-            terms = [x * tau[k] for k, x in row.items() if k in tau] + [-force]
-            excess = (total(terms) / (_LEFT * self._rounding)) ** 2 - total(x**2 for x in terms)
-            checks.append(excess / _NOTHING**2)
+        """More than 1 where motor torques do not bring about f, coordinate by coordinate.
+
+        What is left of f counts relative to f, beside roundings of the forces that meet in the
+        coordinate; so does what rounding leaves of torques that balance each other.
+        """
+        e, precision, checks = self._equations, self._rounding / _DOUBLE, []
+        most = max(UNSUPPLIED, _LEFT * self._rounding)
+        rows = zip(e.motor_rows, ca.vertsplit(f), self._sizes, strict=True)
+        for row, force, size in rows:
+            given = [x * tau[k] for k, x in row.items() if k in tau]
+            left = ca.fabs(total(given) - force)
+            left += BALANCED * precision * total(map(ca.fabs, given))
+            checks.append(2 - 2 * (left <= most * ca.fabs(force) + ROUNDING * precision * size))
         return checks
+
+    @property
+    def _sizes(self) -> list[SX]:
+        """Sizes of the forces of all bodies that a coordinate moves: weights, and joint forces."""
+        e, scale, sizes = self._equations, self._rate_scale, []
+        tree, tau = e.kinematics.tree, e.tree_forces
+        gravity = total(map(ca.fabs, ca.vertsplit(e.p[GRAVITY]))) + EARTH
+        weight = e.mechanism.length * gravity
+        for k, column in zip(e.mechanism.coordinates.tolist(), e.L, strict=True):
+            moving = {i for i, link in enumerate(tree.links) if column.keys() & set(link.v)}
+            moved = [x for i, x in enumerate(tree.links) if moving.intersection(tree.ancestors(i))]
+            masses = [e.parameters.body(e.p, link.body) for link in moved if link.body]
+            terms = [weight * found[0] for found in masses if found is not None]
+            rates = {j for link in moved for j in link.v if j in tau}
+            terms += [float(scale[j]) * ca.fabs(tau[j]) for j in sorted(rates)]
+            sizes.append(SX(total(terms)) / float(scale[k]))
+        return sizes
 
     @cached_property
     def _row_sums(self) -> tuple[float, dict[int, float], Sparse]:

@@ -1,9 +1,15 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What can be compiled: each kernel as inputs, one row of results, and checks."""
+"""All kernels that can be compiled: inputs, one row of results, and checks.
 
-from __future__ import annotations
+Columns of Jacobians of frames are velocities too: those of the motions L e_k. So all their rates
+and derivatives are changes of a velocity along a motion, at constant rates of the coordinates:
 
-from collections.abc import Callable
+    rate of the Jacobian, column k    that of L e_k, along v
+    derivative by q, column k         that of v, along L e_k
+    drift                             that of v, along v
+"""
+
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,35 +17,38 @@ import casadi as ca
 from casadi import SX
 
 from ..chain.backend import Key
+from ..chain.tree import frame_named
 from . import symbolic_derivatives
 from .elimination import total
 from .equations import Equations
-from .frame_kernels import OF_FRAMES
 from .joint_wrenches import reactions
 from .kernel_checks import Checks
-from .regressor_columns import torque_regressor
-from .symbols import Sparse, add, definite
+from .symbols import Sparse, add, column, row_by_row, sx
+
+#: Inputs by name, results, and checks beside those of the state.
+_Made = tuple[dict[str, SX], SX, list[Any]]
+
+
+#: The input of kernels on which external wrenches act.
+WRENCHES = "external_wrenches"
 
 
 @dataclass(frozen=True)
 class SymbolicKernel:
-    """A function of rows of numbers.
+    """A function of rows of numbers."""
 
-    Attributes:
-        name: What it computes.
-        inputs: Symbols of each input, column vectors.
-        parameters: Symbols of the open numbers.
-        output: All results in a column.
-        checks: Numbers that are at most 1 if the results are right.
-        directions: Where the last input is a direction and the output is along it, how many there
-            are: a sample's results are those of all, side by side in rows. Else 0.
-    """
-
+    #: What it computes.
     name: str
-    inputs: tuple[SX, ...]
+    #: Symbols of each input by its name, column vectors.
+    inputs: dict[str, SX]
+    #: Symbols of the open numbers.
     parameters: SX
+    #: All results in a column.
     output: SX
+    #: Numbers that are at most 1 if the results are right.
     checks: SX
+    #: Where the last input is a direction and the output is along it, how many there are: a
+    #: sample's results are those of all, side by side in rows. Else 0.
     directions: int = 0
 
 
@@ -51,24 +60,24 @@ def make(
     frame: str | None = None,
     along: bool = False,
 ) -> SymbolicKernel:
-    """The kernel of a quantity, one of `KERNELS`, or with a frame of `OF_FRAMES`.
+    """The kernel of a quantity, by default with the checks for double precision.
 
-    `checks` are those for double precision by default; `along` takes derivatives along directions.
+    With `along` derivatives are taken along a direction, the last input.
     """
     checks = checks or Checks(equations)
     directions = len(equations.mechanism.coordinates) if along else 0
     if frame is not None:
         inputs, output, own = OF_FRAMES[quantity](equations, checks, frame)
     elif along:
-        inputs, output, own = _along(equations, checks, quantity, directions)
+        way = SX.sym("direction", directions)
+        inputs, output, own = ALONG[quantity](equations, checks, way)
+        inputs["direction"] = way
     else:
         inputs, output, own = KERNELS[quantity](equations, checks)
-    loads = equations.loads
-    given = tuple(x for x in inputs if x is not loads or x.numel())
-    loaded = any(x is loads for x in given)
+    loaded = WRENCHES in inputs and inputs[WRENCHES].numel() > 0
     return SymbolicKernel(
-        Key(quantity, loaded=loaded, along=along).entry,
-        given,
+        f"{quantity}{'_along' * along}{'_loaded' * loaded}",
+        {name: x for name, x in inputs.items() if loaded or name != WRENCHES},
         equations.p,
         ca.densify(output),
         ca.vertcat(*(SX(check) for check in [*checks.of_state, *own])),
@@ -82,11 +91,20 @@ def entry(equations: Equations, key: Key) -> list[SymbolicKernel]:
     return [make(equations, part, frame=key.frame, along=key.along) for part in parts]
 
 
-_Made = tuple[list[SX], SX, list[Any]]
+def _moving(e: Equations) -> dict[str, SX]:
+    return {"q": e.q, "va": e.va}
+
+
+def _motion(e: Equations) -> dict[str, SX]:
+    return _moving(e) | {"aa": e.aa, WRENCHES: e.loads}
+
+
+def _driven(e: Equations) -> dict[str, SX]:
+    return _moving(e) | {"tau": e.tau, WRENCHES: e.loads}
 
 
 def _forces(e: Equations, checks: Checks) -> _Made:
-    return [e.q, e.va, e.aa, e.loads], e.generalized_forces, checks.of_forces
+    return _motion(e), e.generalized_forces, checks.of_forces
 
 
 def _torques(e: Equations, checks: Checks) -> _Made:
@@ -94,84 +112,61 @@ def _torques(e: Equations, checks: Checks) -> _Made:
     inputs, f, own = _forces(e, checks)
     if e.mechanism.driven_one_to_one:
         return inputs, f, own
-    factors, sizes = e.motor_factors
-    tau = factors.solve_transposed(dict(enumerate(ca.vertsplit(f))))
-    own = [*own, factors.small(sizes), *checks.unsupplied(tau, f)]
-    return (
-        inputs,
-        ca.vertcat(*(SX(tau.get(k, 0)) for k in range(len(e.mechanism.motor_names)))),
-        own,
-    )
+    tau = e.smallest_torques(f)
+    own = [*own, *checks.of_motors, *checks.unsupplied(tau, f)]
+    return inputs, column(tau, range(len(e.mechanism.motor_names))), own
 
 
 def _accelerations(e: Equations, checks: Checks) -> _Made:
-    tau = _motor_torques(e)
-    aa, inverses = e.accelerations(tau)
-    return [e.q, e.va, tau, e.loads], aa, [*checks.of_accelerations, definite(inverses)]
+    aa, inverses = e.accelerations
+    return _driven(e), aa, checks.of_accelerations + checks.massless(inverses)
 
 
-def _torque_derivatives(e: Equations, checks: Checks) -> _Made:
+def _torque_derivatives(e: Equations, checks: Checks, way: SX | None = None) -> _Made:
     """Derivatives of f by q, va and aa side by side, row by row."""
-    *parts, own = symbolic_derivatives.of_torques(e, checks)
-    return [e.q, e.va, e.aa, e.loads], _rows(parts), checks.of_forces + own
+    derivatives, own = symbolic_derivatives.of_torques(e, checks, way)
+    return _motion(e), row_by_row(derivatives), checks.of_forces + own
 
 
-def _acceleration_derivatives(e: Equations, checks: Checks) -> _Made:
+def _acceleration_derivatives(e: Equations, checks: Checks, way: SX | None = None) -> _Made:
     """Derivatives of aa by q, va and tau side by side, row by row."""
-    tau = _motor_torques(e)
-    *parts, own = symbolic_derivatives.of_accelerations(e, checks, tau)
-    return [e.q, e.va, tau, e.loads], _rows(parts), checks.of_accelerations + own
-
-
-def _along(e: Equations, checks: Checks, name: str, directions: int) -> _Made:
-    """Derivatives along a direction, the last input; with all directions they are as above."""
-    way = SX.sym("direction", directions)
-    if name == "torque_derivatives":
-        x, own = e.aa, checks.of_forces
-        *parts, more = symbolic_derivatives.of_torques_along(e, checks, way)
-    else:
-        x, own = _motor_torques(e), checks.of_accelerations
-        *parts, more = symbolic_derivatives.of_accelerations_along(e, checks, x, way)
-    return [e.q, e.va, x, e.loads, way], _rows(parts), own + more
-
-
-def _motor_torques(e: Equations) -> SX:
-    return SX.sym("tau", e.mechanism.motors.shape[1])
-
-
-def _rows(parts: list[SX]) -> SX:
-    """Matrices side by side, row by row."""
-    return ca.vec(ca.horzcat(*parts).T)
+    derivatives, own = symbolic_derivatives.of_accelerations(e, checks, way)
+    return _driven(e), row_by_row(derivatives), checks.of_accelerations + own
 
 
 def _displacement_rates(e: Equations, checks: Checks) -> _Made:
-    return [e.q, e.va], ca.vec(symbolic_derivatives.of_displacements(e).T), checks.of_rates
+    return _moving(e), row_by_row(symbolic_derivatives.of_displacements(e)), checks.of_rates
 
 
 def _reduced_terms(e: Equations, checks: Checks) -> _Made:
     gravity = e.project(add(e.tree.forces({}, {}, loads=False), e.tree.springs))
     friction = e.project(e.tree.friction(e.v))
-    terms = [ca.vec(e.inertia.T), ca.vec(e.coriolis.T), -gravity, -friction]
-    return [e.q, e.va], ca.vertcat(*terms), checks.of_rates + checks.of_complement
+    terms = [row_by_row(e.inertia), row_by_row(e.coriolis), -gravity, -friction]
+    return _moving(e), ca.vertcat(*terms), checks.of_rates + checks.of_complement
+
+
+def _torque_regressor(e: Equations, checks: Checks) -> _Made:
+    """Y row by row: derivatives of f by the open numbers, all of them, those of springs too."""
+    nv, by_numbers = e.mechanism.model.nv, ca.jacobian(e.project(e.tree_forces), e.p)
+    *blocks, lines = (by_numbers @ ca.sparsify(ca.DM(x)) for x in e.parameters.by_parameters())
+    offsets = (e.project({i: 1.0}) for i in range(nv))
+    own = checks.of_rates + checks.unsolved(e.dv, e.drift) + checks.of_complement
+    Y = row_by_row(*blocks, *offsets, lines, *map(e.project, e.motor_columns))
+    return _moving(e) | {"aa": e.aa}, Y, own
 
 
 def _rates(e: Equations, checks: Checks) -> _Made:
-    return [e.q, e.va], _of_tree(e, e.v), checks.of_rates
-
-
-def _actuator_jacobian(e: Equations, checks: Checks) -> _Made:
-    own = [check for column in e.motor_columns for check in checks.unbalanced(column)]
-    return [e.q], ca.vec(e.motor_matrix), own
+    return _moving(e), column(e.v, range(e.mechanism.model.nv)), checks.of_rates
 
 
 def _joint_accelerations(e: Equations, checks: Checks) -> _Made:
     own = checks.of_rates + checks.unsolved(e.dv, e.drift)
-    return [e.q, e.va, e.aa], _of_tree(e, e.dv), own
+    return _moving(e) | {"aa": e.aa}, column(e.dv, range(e.mechanism.model.nv)), own
 
 
-def _of_tree(e: Equations, x: Sparse) -> SX:
-    """All rates of the tree in a column."""
-    return ca.vertcat(*(SX(x.get(i, 0)) for i in range(e.mechanism.model.nv)))
+def _actuator_jacobian(e: Equations, checks: Checks) -> _Made:
+    own = [check for forces in e.motor_columns for check in checks.unbalanced(forces)]
+    return {"q": e.q}, ca.vec(e.motor_matrix), own
 
 
 def _state_rate(e: Equations, checks: Checks) -> _Made:
@@ -181,11 +176,9 @@ def _state_rate(e: Equations, checks: Checks) -> _Made:
 
 
 def _closing(e: Equations, checks: Checks) -> _Made:
-    """One step of Newton's method with the coordinates held; det Phi_u; the sum of its squares.
+    """A step of Newton's method, coordinates held; det Phi_u; the sum of squares of all its rows.
 
-    Wheels roll during the step: rows on rates only constrain the step. The determinant is that of
-    the rows with pivots, or where all rows count the product of the singular values; the sum is
-    over all rows. Both are without units, as the condition number.
+    Wheels roll during the step. The determinant and the sum are without units.
     """
     residuals = {i: e.rows[i].residual for i in e.factors.rows}
     right = {i: -x for i, x in residuals.items() if x is not None}
@@ -198,18 +191,21 @@ def _closing(e: Equations, checks: Checks) -> _Made:
         if j in row.Phi
     )
     result = ca.vertcat(e.kinematics.normalized(e.q + step), e.pivots.determinant, squares)
-    return [e.q], result, []
+    return {"q": e.q}, result, []
 
 
-KERNELS: dict[str, Callable[[Equations, Checks], _Made]] = {
-    "forces": _forces,
-    "torques": _torques,
-    "accelerations": _accelerations,
+ALONG: dict[str, Callable[..., _Made]] = {
     "torque_derivatives": _torque_derivatives,
     "acceleration_derivatives": _acceleration_derivatives,
+}
+KERNELS: dict[str, Callable[..., _Made]] = {
+    "generalized_forces": _forces,
+    "torques": _torques,
+    "accelerations": _accelerations,
+    **ALONG,
     "displacement_rates": _displacement_rates,
     "reduced_terms": _reduced_terms,
-    "torque_regressor": torque_regressor,
+    "torque_regressor": _torque_regressor,
     "rates": _rates,
     "reactions": reactions,
     "actuator_jacobian": _actuator_jacobian,
@@ -217,3 +213,71 @@ KERNELS: dict[str, Callable[[Equations, Checks], _Made]] = {
     "state_rate": _state_rate,
     "closing": _closing,
 }
+
+
+def _jacobian(e: Equations, checks: Checks, frame: str) -> _Made:
+    return {"q": e.q}, row_by_row(*_columns(e, frame)), checks.of_complement
+
+
+def _jacobian_rate(e: Equations, checks: Checks, frame: str) -> _Made:
+    Phi_dot = e.Phi_change(e.v)
+    changes, own = _changes(e, checks, frame, ((L, e.v, *e.held(L, Phi_dot)) for L in e.L))
+    return _moving(e), row_by_row(*changes), checks.of_rates + checks.of_complement + own
+
+
+def _velocity_derivatives(e: Equations, checks: Checks, frame: str) -> _Made:
+    """Derivatives of the velocity by q and va side by side."""
+    motions = ((e.v, L, *e.held(e.v, e.Phi_change(L))) for L in e.L)
+    changes, own = _changes(e, checks, frame, motions)
+    own = checks.of_rates + checks.of_complement + own
+    return _moving(e), row_by_row(*changes, *_columns(e, frame)), own
+
+
+def _drift(e: Equations, checks: Checks, frame: str) -> _Made:
+    (drift,), own = _changes(e, checks, frame, [(e.v, e.v, e.at_rest, e.drift)])
+    return _moving(e), drift, checks.of_rates + own
+
+
+OF_FRAMES: dict[str, Callable[[Equations, Checks, str], _Made]] = {
+    "frame_jacobian": _jacobian,
+    "frame_jacobian_rate": _jacobian_rate,
+    "frame_velocity_derivatives": _velocity_derivatives,
+    "frame_drift": _drift,
+}
+
+
+def _columns(e: Equations, frame: str) -> list[SX]:
+    """Columns of the Jacobian."""
+    point = e.kinematics.point(0, frame_named(e.mechanism.model, frame))
+    columns = []
+    for L in e.L:
+        twists = [point.columns[i] * x for i, x in L.items() if i in point.columns]
+        columns.append(_in_base(e, sum(twists, SX(6, 1))))
+    return columns
+
+
+def _changes(
+    e: Equations,
+    checks: Checks,
+    frame: str,
+    motions: Iterable[tuple[Sparse, Sparse, Sparse, Sparse]],
+) -> tuple[list[SX], list[Any]]:
+    """Changes of velocities of a frame, and checks that the changes of rates are solutions.
+
+    A motion: rates that give the velocity, and along which it changes; their change; Phi times it.
+    """
+    kinematics, place = e.kinematics, frame_named(e.mechanism.model, frame)
+    link = kinematics.tree.link_of[place.parentJoint]
+    R, _ = kinematics.pose(0, link)
+    changes, own = [], []
+    for of, along, change, right in motions:
+        x = kinematics.motions(along, change, v_k=of)[link]
+        linear = x.a + x.U @ sx(place.placement.translation)
+        changes.append(_in_base(e, ca.vertcat(R @ linear, R @ x.alpha)))
+        own += checks.unsolved(change, right)
+    return changes, own
+
+
+def _in_base(e: Equations, twist: SX) -> SX:
+    """A twist in axes of link 0, in those of the base."""
+    return ca.vertcat(e.kinematics.base @ twist[:3], e.kinematics.base @ twist[3:])

@@ -6,8 +6,6 @@ no linear velocity is needed: a point at r from a link's origin has the accelera
 U = skew(alpha) + skew(omega) skew(omega).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
@@ -20,36 +18,23 @@ from casadi import SX
 
 from ..arrays import Array
 from .links import Link, LinkTree, clean
-from .symbols import Sparse, is_zero, sx
-from .turns import angle, rotation_vector
+from .symbols import Sparse, add, angle, column, rotation_vector, sparse, sx
 
-#: A force, and a moment about the origin of a link, in its axes.
-Wrench = tuple[SX, SX]
 #: Unit vectors among the coordinates of a joint: how long, at their end.
 _UNIT = {"ball": 4, "free": 4, "planar": 2, "unbounded": 2}
+_ZERO = SX(3, 1)
 
 
 @dataclass(frozen=True)
 class LinkMotion:
-    """Rates and accelerations of a link, axes of the link.
+    """Rates and accelerations of a link, axes of the link."""
 
-    Attributes:
-        omega: Angular velocity.
-        omega_k: That of the motion that is differentiated: `omega`, except for matrix columns.
-        alpha: Angular acceleration.
-        a: Acceleration of the origin.
-    """
-
-    omega: SX
-    omega_k: SX
-    alpha: SX
-    a: SX
-
-    @classmethod
-    def of_rest(cls, a: SX | None = None) -> LinkMotion:
-        """A base that does not turn, its acceleration zero unless given."""
-        zero = SX(3, 1)
-        return cls(zero, zero, zero, zero if a is None else a)
+    omega: SX = _ZERO
+    #: The angular velocity of the motion that is differentiated: `omega`, except for columns of L.
+    omega_k: SX = _ZERO
+    alpha: SX = _ZERO
+    #: Acceleration of the origin.
+    a: SX = _ZERO
 
     @cached_property
     def U(self) -> SX:
@@ -58,65 +43,43 @@ class LinkMotion:
 
 
 class Placement(NamedTuple):
-    """A link in its parent.
-
-    Attributes:
-        R: Its orientation before the small turn.
-        p: Its origin.
-        turn: A small turn after R, axes of the link.
-    """
+    """A link in its parent: its orientation R, its origin p, then a small turn in its axes."""
 
     R: SX
     p: SX
-    turn: SX | None
+    turn: SX
 
     def back(self, x: SX) -> SX:
         """A vector of the parent in the axes of the link."""
         y = self.R.T @ x
-        return y if self.turn is None else y - ca.cross(self.turn, y)
+        return y - ca.cross(self.turn, y)
 
     def out(self, x: SX) -> SX:
         """A vector of the link in the axes of the parent."""
-        return self.R @ (x if self.turn is None else x + ca.cross(self.turn, x))
+        return self.R @ (x + ca.cross(self.turn, x))
 
 
 class Point(NamedTuple):
-    """A frame as it moves relative to a link, axes of that link.
-
-    Attributes:
-        p: Its origin.
-        R: Its orientation.
-        columns: Linear and angular velocity per rate, by index of the rate.
-    """
+    """A frame as it moves relative to a link, axes of that link."""
 
     p: SX
     R: SX
-    columns: dict[int, tuple[SX, SX]]
+    #: [linear; angular] velocity per rate.
+    columns: Sparse
 
 
 class Kinematics:
     """Symbols of a tree; a joint without compiled equations is refused.
 
     `rotations` are orientations of joints at rest and of frames, by name, instead of the model's.
-
-    Attributes:
-        lift: Acceleration of link 0, its axes.
-        displacement: By how much each joint is displaced along its rates, to first order; empty
-            when nothing is displaced. Derivatives by it at zero are those by q along the rates.
-        base: Axes that vectors of link 0 are in, in the base: those of the first joint where the
-            orientation of this is given.
+    Where joints are `displaced`, it is along their rates, to first order: derivatives by
+    `displacement` at zero are those by q along the rates. `lift` is the acceleration of link 0,
+    `base` the axes of its vectors: those of the first joint where its orientation is given.
     """
 
-    def __init__(
-        self,
-        model: pin.Model,
-        rotations: Mapping[str, SX] | None = None,
-        *,
-        displaced: bool = False,
-    ) -> None:
+    def __init__(self, model: pin.Model, rotations: Mapping[str, SX], displaced: bool) -> None:
         self.lift = SX(3, 1)
-        self.tree = LinkTree.of(model)
-        self._rotations = dict(rotations or {})
+        self.tree, self._rotations = LinkTree.of(model), rotations
         self._at_rest = {
             self.tree.link_of[model.getJointId(name)]: R
             for name, R in self._rotations.items()
@@ -125,7 +88,8 @@ class Kinematics:
         self.base = self._at_rest.get(1, SX.eye(3))
         self.q = SX.sym("q", model.nq)
         self.displacement = SX.sym("displacement", model.nv if displaced else 0)
-        self.pose = cache(self._pose)
+        self._displaced: Sparse = dict(enumerate(ca.vertsplit(self.displacement)))
+        self.pose, self._still = cache(self._pose), cache(self._pose_as_is)
         self._at_rates: tuple[Sparse, Sparse, dict[tuple[int, int], LinkMotion]] = {}, {}, {}
 
     @cached_property
@@ -141,21 +105,16 @@ class Kinematics:
     @cached_property
     def _placed(self) -> list[Placement]:
         """Placements with the displacements of the joints."""
-        if not self.displacement.numel():
-            return [Placement(R, p, None) for R, p in self.placements]
-        own = dict(enumerate(ca.vertsplit(self.displacement)))
-        displaced = []
+        placed = []
         for link, (R, p) in zip(self.tree.links, self.placements, strict=True):
-            u, turn = _own(link, own)
-            displaced.append(Placement(R, p + R @ u, turn))
-        return displaced
+            u, turn = _own(link, self._displaced)
+            placed.append(Placement(R, p + R @ u, turn))
+        return placed
 
     @cached_property
     def moved_q(self) -> SX:
         """The coordinates with the displacements of the joints, to first order."""
-        if not self.displacement.numel():
-            return self.q
-        return self.q + self.q_rates(dict(enumerate(ca.vertsplit(self.displacement))))
+        return self.q + self.q_rates(self._displaced)
 
     def difference(self, reference: Mapping[int, SX]) -> Sparse:
         """The shortest way of joints from a reference, by indices in q, along their rates."""
@@ -187,18 +146,15 @@ class Kinematics:
 
     def _pose(self, base: int, link: int) -> tuple[SX, SX]:
         """Orientation and origin of a link, in the axes of one of its ancestors."""
-        R, p = self._pose_as_is(base, link)
-        if self.displacement.numel():
-            own = dict(enumerate(ca.vertsplit(self.displacement)))
-            u, turn = self.twist(base, link, own)
-            R, p = R @ (SX.eye(3) + ca.skew(turn)), p + R @ u
-        return R, p
+        R, p = self._still(base, link)
+        u, turn = self.twist(base, link, self._displaced)
+        return R @ (SX.eye(3) + ca.skew(turn)), p + R @ u
 
     def _pose_as_is(self, base: int, link: int) -> tuple[SX, SX]:
         """Orientation and origin of a link in an ancestor, without displacements."""
         if link == base:
             return SX.eye(3), SX(3, 1)
-        R, p = self._pose_as_is(base, self.tree.links[link].parent)
+        R, p = self._still(base, self.tree.links[link].parent)
         R_link, p_link = self.placements[link]
         return R @ R_link, p + R @ p_link
 
@@ -216,25 +172,21 @@ class Kinematics:
         link = self.tree.link_of[frame.parentJoint]
         R, o = self.pose(base, link)
         p = o + R @ sx(frame.placement.translation)
-        columns: dict[int, tuple[SX, SX]] = {}
+        columns: Sparse = {}
         path = self.tree.ancestors(link)
         for i in path[path.index(base) + 1 :]:
             R_i, o_i = self.pose(base, i)
             for k, S in zip(self.tree.links[i].v, self.tree.links[i].S.T, strict=True):
                 turn = R_i @ sx(S[3:])
                 u = R_i @ sx(S[:3]) + ca.cross(turn, p - o_i)
-                before = columns.get(k, (SX(3, 1), SX(3, 1)))  # of the joint that this one mimics
-                columns[k] = before[0] + u, before[1] + turn
+                columns = add(columns, {k: ca.vertcat(u, turn)})  # a mimic joint adds to its own
         return Point(p, R @ self.rotation(frame), columns)
 
     def motions(
         self, v: Sparse, dv: Sparse, gravity: SX | None = None, v_k: Sparse | None = None
     ) -> list[LinkMotion]:
-        """LinkMotion of all links; the base seems to be accelerated against gravity.
-
-        `v_k` are rates of the motion whose rate is taken; `v` by default.
-        """
-        motions = [LinkMotion.of_rest(None if gravity is None else -gravity)]
+        """Motions of all links, on rates v_k of the one whose rate is taken, by default v."""
+        motions = [LinkMotion() if gravity is None else LinkMotion(a=-gravity)]
         for i, link in enumerate(self.tree.links[1:], start=1):
             motions.append(self._next(i, motions[link.parent], v, v if v_k is None else v_k, dv))
         return motions
@@ -246,7 +198,7 @@ class Kinematics:
         known = self._at_rates[2]
         if (base, link) not in known:
             if link == base:
-                known[base, link] = LinkMotion.of_rest(None if base else self.lift)
+                known[base, link] = LinkMotion() if base else LinkMotion(a=self.lift)
             else:
                 before = self.relative_motion(base, self.tree.links[link].parent, v, dv)
                 known[base, link] = self._next(link, before, v, v, dv)
@@ -267,25 +219,25 @@ class Kinematics:
             a += ca.cross(back(before.omega_k), u) + ca.cross(omega, u_k)
         return LinkMotion(omega, omega_k, alpha, a)
 
-    def borne(self, wrenches: Sequence[Wrench]) -> list[Wrench]:
-        """What each joint gives to all that it bears, from what each link needs; ground first."""
+    def borne(self, wrenches: Sequence[SX]) -> list[SX]:
+        """Wrench of each joint on all that it bears, from what each link needs; ground first.
+
+        Wrenches are [force; moment] about the origin of a link, in its axes.
+        """
         borne = list(wrenches)
         for i in range(len(self.tree.links) - 1, 0, -1):
-            link, placement, (F, N) = self.tree.links[i], self._placed[i], borne[i]
-            F_0, N_0 = borne[link.parent]
-            F = placement.out(F)
-            borne[link.parent] = F_0 + F, N_0 + placement.out(N) + ca.cross(placement.p, F)
+            parent, placement = self.tree.links[i].parent, self._placed[i]
+            F, N = map(placement.out, ca.vertsplit(borne[i], 3))
+            lever = ca.vertcat(SX(3, 1), ca.cross(placement.p, F))
+            borne[parent] = borne[parent] + ca.vertcat(F, N) + lever
         return borne
 
-    def transmitted(self, wrenches: Sequence[Wrench]) -> Sparse:
+    def transmitted(self, wrenches: Sequence[SX]) -> Sparse:
         """Forces along the rates, from what each link needs."""
         tau: Sparse = {}
         pairs = zip(self.tree.links, self.borne(wrenches), strict=True)
-        for link, (F, N) in reversed(list(pairs)):
-            for k, S in zip(link.v, link.S.T, strict=True):
-                value = ca.dot(sx(S[:3]), F) + ca.dot(sx(S[3:]), N)
-                if not is_zero(value):
-                    tau[k] = tau[k] + value if k in tau else value
+        for link, wrench in reversed(list(pairs)):
+            tau = add(tau, sparse(link.v, sx(link.S).T @ wrench))
         return tau
 
     def q_rates(self, v: Sparse) -> SX:
@@ -293,25 +245,25 @@ class Kinematics:
         q, rates = self.q, SX(self.q.numel(), 1)
         for link in self.tree.links[1:]:
             first, last = link.q.start, link.q.stop
-            own = [SX(v.get(k, 0)) for k in link.v]
+            own = column(v, link.v)
             if link.kind not in _UNIT:
-                rates[first:last] = ca.vertcat(*own)
+                rates[first:last] = own
             elif link.kind in ("unbounded", "planar"):
                 c, s = q[last - 2], q[last - 1]
                 rates[last - 2 : last] = ca.vertcat(-s, c) * own[-1]
             else:
-                vector, w, omega = q[last - 4 : last - 1], q[last - 1], ca.vertcat(*own[-3:])
+                vector, w, omega = q[last - 4 : last - 1], q[last - 1], own[-3:]
                 turned = w * omega + ca.cross(vector, omega)
                 rates[last - 4 : last] = ca.vertcat(turned, -ca.dot(vector, omega)) / 2
             if link.kind in ("planar", "free"):
                 R, _ = _joint_placement(link, [q[i] for i in link.q])
                 size = len(link.q) - _UNIT[link.kind]
-                rates[first : first + size] = R[:size, :size] @ ca.vertcat(*own[:size])
+                rates[first : first + size] = R[:size, :size] @ own[:size]
         return rates
 
     @property
     def unit_gaps(self) -> list[SX]:
-        """By how much the squares of unit vectors among the coordinates are off one."""
+        """Squares of the unit vectors among the coordinates, less one."""
         return [ca.sumsqr(self.q[part]) - 1 for part in self._units]
 
     def normalized(self, q: SX) -> SX:
@@ -336,13 +288,9 @@ def _relative(a: SX, b: SX) -> SX:
     return ca.vertcat(vector, ca.dot(a, b))
 
 
-def _own(link: Link, x: Sparse) -> tuple[SX, SX]:
+def _own(link: Link, x: Sparse) -> list[SX]:
     """Linear and angular part of a link's own rates, axes of the link."""
-    u, turn = SX(3, 1), SX(3, 1)
-    for k, S in zip(link.v, link.S.T, strict=True):
-        if k in x:
-            u, turn = u + sx(S[:3]) * x[k], turn + sx(S[3:]) * x[k]
-    return u, turn
+    return ca.vertsplit(sx(link.S) @ column(x, link.v), 3)
 
 
 def _joint_placement(link: Link, q: list[SX]) -> tuple[SX, SX]:

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """A Pinocchio tree as single joints whose twists are constant in the frame of their child."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -23,31 +21,34 @@ _KINDS = {
     **dict.fromkeys(("PX", "PY", "PZ", "PrismaticUnaligned"), "slide"),
     **dict.fromkeys(("HX", "HY", "HZ", "HelicalUnaligned"), "screw"),
 }
+#: Coordinates at rest, where they are not a single zero.
+_NEUTRAL = {
+    "planar": [0.0, 0.0, 1.0, 0.0],
+    "ball": [0.0, 0.0, 0.0, 1.0],
+    "free": [0.0] * 6 + [1.0],
+    "slides": [0.0] * 3,
+    "unbounded": [1.0, 0.0],
+}
 
 
 @dataclass
 class Link:
-    """A joint and the body behind it.
+    """A joint and the body behind it."""
 
-    Attributes:
-        parent: Index of the parent in `LinkTree.links`; the base is 0.
-        R: Orientation of the joint's frame at rest in the parent's frame, shape (3, 3).
-        p: Its origin, shape (3,), [m].
-        kind: How its placement follows from q: one of the values of `_KINDS`.
-        q: Indices of its coordinates.
-        v: Indices of its rates.
-        S: Twists [linear; angular] of its rates in the child's frame, shape (6, nv); unit ones, but
-            for a mimic joint, whose indices are those of the joint that it follows.
-        body: Index of Pinocchio's joint whose inertia it carries, 0 for none.
-    """
-
+    #: Index of the parent in `LinkTree.links`; the base is 0.
     parent: int
+    #: Orientation of the joint's frame at rest in the parent's frame, and its origin, [m].
     R: Array
     p: Array
+    #: How its placement follows from q: one of the values of `_KINDS`.
     kind: str
+    #: Indices of its coordinates and of its rates; of a mimic joint those of the one it follows.
     q: range
     v: range
+    #: Twists [linear; angular] of its rates in the child's frame, shape (6, nv); unit ones, but for
+    #: a mimic joint.
     S: Array
+    #: Index of Pinocchio's joint whose inertia it carries, 0 for none.
     body: int = 0
 
 
@@ -59,7 +60,7 @@ class LinkTree:
     link_of: list[int] = field(default_factory=list)
 
     @classmethod
-    def of(cls, model: pin.Model) -> LinkTree:
+    def of(cls, model: pin.Model) -> "LinkTree":
         """The tree of a Pinocchio model; a joint without compiled equations is refused."""
         base = Link(0, np.eye(3), np.zeros(3), "fixed", range(0), range(0), np.zeros((6, 0)))
         tree = cls([base], [0])
@@ -89,17 +90,13 @@ class LinkTree:
 
 
 def _link(parent: int, placement: pin.SE3, joint: pin.JointModel, q: int, v: int) -> Link | None:
-    """A joint of one axis or of fixed axes, its first coordinate and its first rate by index.
-
-    A mimic joint is a turn or a slide whose twist is scaled, at rest where the one that it follows
-    is at zero. None for a joint without compiled equations.
-    """
+    """A joint of one axis or of fixed axes; None for one without compiled equations."""
     short = joint.shortname().removeprefix("JointModel")
     kind = _KINDS.get(short, "")
-    data = joint.createData()
-    joint.calc(data, np.concatenate([np.zeros(max(joint.idx_q, 0)), _neutral(kind)]))
+    data, at_rest = joint.createData(), _NEUTRAL.get(kind, [0.0])
+    joint.calc(data, np.concatenate([np.zeros(max(joint.idx_q, 0)), at_rest]))
     S = np.asarray(data.S if isinstance(data.S, np.ndarray) else data.S.matrix()).reshape(6, -1)
-    if short == "Mimic":
+    if short == "Mimic":  # its twist is scaled; at rest where the one that it follows is at zero
         kind, placement = "turn" if S[3:].any() else "slide", placement * data.M
     if not kind:
         return None
@@ -112,16 +109,6 @@ def _link(parent: int, placement: pin.SE3, joint: pin.JointModel, q: int, v: int
         range(v, v + S.shape[1]),
         clean(S),
     )
-
-
-def _neutral(kind: str) -> list[float]:
-    return {
-        "planar": [0.0, 0.0, 1.0, 0.0],
-        "ball": [0.0, 0.0, 0.0, 1.0],
-        "free": [0.0] * 6 + [1.0],
-        "slides": [0.0] * 3,
-        "unbounded": [1.0, 0.0],
-    }.get(kind, [0.0])
 
 
 def clean(a: Array) -> Array:

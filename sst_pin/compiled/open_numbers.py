@@ -1,12 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What stays open in kernels: gravity, masses and inertias, friction, springs, rotors, lines.
+"""Numbers that stay open in kernels: gravity, masses, inertias, friction, springs, rotors, lines.
 
 A kernel has fixed which bodies have mass and which joints have friction, springs or rotors, but not
-their numbers. Each number costs a load; in return a payload, an identified friction or another
-gravity needs no compiler.
+their numbers: a payload, an identified friction or another gravity needs no compiler.
 """
-
-from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -25,45 +22,35 @@ if TYPE_CHECKING:
 BODY = 10
 #: Numbers of a line: stiffness, rest length, damping, preload.
 LINE = 4
-#: Index of the rate within which friction is tanh instead of sign.
-SIGN_WIDTH = 3
+#: Indices of gravity, base axes, and of the rate within which friction is tanh instead of sign.
+GRAVITY, SIGN_WIDTH = slice(3), 3
 _JOINT = ("armature", "viscous", "coulomb", "stiffness", "spring_reference")
 #: Second moments xx, xy, xz, yy, yz, zz from inertias xx, xy, yy, xz, yz, zz.
-_SECOND = np.array(
-    [
-        [-0.5, 0, 0.5, 0, 0, 0.5],
-        [0, -1, 0, 0, 0, 0],
-        [0, 0, 0, -1, 0, 0],
-        [0.5, 0, -0.5, 0, 0, 0.5],
-        [0, 0, 0, 0, -1, 0],
-        [0.5, 0, 0.5, 0, 0, -0.5],
-    ]
-)
+_xx, _xy, _yy, _xz, _yz, _zz = np.eye(6)
+_SECOND = np.array([-_xx, -_xy, -_xz, -_yy, -_yz, -_zz])
+_SECOND[[0, 3, 5]] += (_xx + _yy + _zz) / 2
 
 
 class OpenNumbers:
-    """Order of the open numbers of a mechanism.
+    """Order of the open numbers of a mechanism; `size` is how many there are.
 
     If `complete`, all bodies have mass, all joints friction and a rotor, zero included; `rotated`
     are names of joints and frames whose orientation stays open.
-
-    Attributes:
-        size: How many there are.
-        bodies: Indices of Pinocchio's joints whose bodies have mass.
-        joints: Indices of the rates that have each quantity of a joint, by its name; of references
-            of springs those of entries of q.
     """
 
     def __init__(
         self, mechanism: Mechanism, *, complete: bool = False, rotated: Sequence[str] = ()
     ) -> None:
         model = mechanism.model
+        #: Indices of Pinocchio's joints whose bodies have mass.
         self.bodies = tuple(
             i
             for i in range(1, model.njoints)
             if complete or np.any(model.inertias[i].toDynamicParameters())
         )
         values = _of_joints(mechanism)
+        #: Indices of the rates that have each quantity of a joint; of references of springs those
+        #: of entries of q.
         self.joints = {name: tuple(map(int, np.flatnonzero(x))) for name, x in values.items()}
         self.joints["spring_reference"] = _ends_of_springs(mechanism)
         if complete:
@@ -117,7 +104,7 @@ class OpenNumbers:
         numbers[line : line + LINE * lines] = 0
         return numbers
 
-    def rotations(self, p: SX) -> dict[str, SX]:
+    def rotations(self, p: "SX") -> "dict[str, SX]":
         """Open orientations, by name."""
         start = self.size - 9 * len(self.rotated)
         return {
@@ -125,11 +112,7 @@ class OpenNumbers:
             for k, name in enumerate(self.rotated)
         }
 
-    def gravity(self, p: SX) -> SX:
-        """Acceleration of gravity, base axes."""
-        return p[:3]
-
-    def body(self, p: SX, body: int) -> tuple[SX, SX, SX] | None:
+    def body(self, p: "SX", body: int) -> "tuple[SX, SX, SX] | None":
         """Mass, first moment and second moments of a body; None without mass."""
         if body not in self.bodies:
             return None
@@ -137,12 +120,12 @@ class OpenNumbers:
         J = p[[start + k for k in (4, 5, 6, 5, 7, 8, 6, 8, 9)]].reshape((3, 3))
         return p[start], p[start + 1 : start + 4], J
 
-    def of_lines(self, p: SX) -> list[list[SX]]:
+    def of_lines(self, p: "SX") -> "list[list[SX]]":
         """Stiffness, rest length, damping and preload of each line."""
         start, count = self._lines
         return [[p[start + LINE * i + k] for k in range(LINE)] for i in range(count)]
 
-    def of_joints(self, name: str, p: SX) -> dict[int, SX]:
+    def of_joints(self, name: str, p: "SX") -> "dict[int, SX]":
         """A quantity of the joints that have it, by indices as those of `joints`."""
         start = self._starts[name]
         return {i: p[start + k] for k, i in enumerate(self.joints[name])}

@@ -4,8 +4,6 @@
 The statements are those of the C: each is written once, by `c_code`, and put into other words here.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Iterator, Sequence
@@ -20,14 +18,16 @@ from casadi import SX
 from ..arrays import Array
 from ..chain.mobility import free_motions
 from ..chain.reference import Reference, ReferenceStates
+from ..chain.thresholds import WELL_CONDITIONED
 from ..errors import ClosureError, DescriptionError
 from . import c_code, kernels, statements
-from .compiled_backend import impossible, sample_configurations
+from .compiled_backend import impossible
 from .equations import Equations
+from .generator_inputs import sample_configurations
 from .kernel_checks import Checks
 from .kernels import SymbolicKernel
 from .open_numbers import OpenNumbers
-from .symbols import Sparse
+from .symbols import column
 
 #: From a statement in C to one in JavaScript.
 _WORDS = [
@@ -48,8 +48,8 @@ const rubbing = (x, F, width, rest) => F === 0 ? 0 : F * direction(x, width, res
 """
 #: Choices of coordinates and pivots at most; walks that look for them, and their steps.
 _MOST, _WALKS, _STEPS = 4, 6, 50
-#: A large condition number, and a check of pivots that are small.
-_POOR, _SMALL = 20.0, 1e-3
+#: A check of pivots that are small.
+_SMALL = 1e-3
 #: Statements of a function that browsers optimise.
 _LARGEST = 600
 
@@ -91,14 +91,14 @@ def choices(reference: Reference, q: Array, parameters: OpenNumbers) -> list[Equ
         way = motions @ (motions.T @ (way + 0.3 * fall / (np.linalg.norm(fall) + 1e-9)))
         step = 0.1 * way / np.linalg.norm(way) * mechanism.rate_scale
         try:
-            q = own.suited(q, _POOR)[0].closed(
+            q = own.suited(q)[0].closed(
                 np.concatenate([pin.integrate(model, q, step), np.zeros(n)])
             )
         except ClosureError:
             way = random.standard_normal(model.nv)
             continue
-        best, condition = own.suited(q, _POOR)
-        if condition < _POOR and min(float(f(q, numbers)) for f in smallness) > _SMALL:
+        best, condition = own.suited(q)
+        if condition < WELL_CONDITIONED and min(float(f(q, numbers)) for f in smallness) > _SMALL:
             add(Reference(replace(mechanism, coordinates=best.coordinates)), q)
         if len(found) == _MOST:
             break
@@ -110,12 +110,7 @@ def page_code(found: Sequence[Equations]) -> str:
 
     A function has the sizes of its arrays, `constants(p)`, which completes the open numbers, and
     `parts`, functions of x, p, y, w that run one after the other. `sets` have the dynamics by each
-    of the choices. Without motors that act on all
-    coordinates there are no torques.
-
-    Raises:
-        DescriptionError: For a robot without direct dynamics, or with a joint without compiled
-            equations.
+    of the choices. Without motors that act on all coordinates there are no torques.
     """
     own = found[0]
     if problem := impossible(own.mechanism, "accelerations"):
@@ -126,8 +121,8 @@ def page_code(found: Sequence[Equations]) -> str:
     sets, texts, listed = [common], [], []
     for e in found:
         made = [replace(kernels.make(e, x), name=x) for x in ("state_rate", "closing")]
-        rates = _kernel(e, "rates", [e.q, e.va], e.kinematics.q_rates(e.v), *_column(e, e.v))
-        sets.append([*made, rates])
+        results = e.kinematics.q_rates(e.v), column(e.v, range(e.mechanism.model.nv))
+        sets.append([*made, _kernel(e, "rates", {"q": e.q, "va": e.va}, *results)])
     for i, own_kernels in enumerate(sets):
         written = [_function(kernel, f"f{i}_{kernel.name}") for kernel in own_kernels]
         texts += [text for text, _ in written]
@@ -148,28 +143,21 @@ def _common(e: Equations) -> Iterator[SymbolicKernel]:
     base, link_of = kinematics.base, kinematics.tree.link_of
     poses = [kinematics.pose(0, link_of[i]) for i in range(model.njoints)]
     places = ca.vertcat(*(ca.vec(base @ ca.horzcat(R, p)) for R, p in poses))
-    yield _kernel(e, "places", [e.q], places)
+    yield _kernel(e, "places", {"q": e.q}, places)
     q_dot, v = SX.sym("q_dot", model.nq), SX.sym("v", model.nv)
-    yield _kernel(e, "flow", [e.q, q_dot], ca.jtimes(places, e.q, q_dot))
+    yield _kernel(e, "flow", {"q": e.q, "q_dot": q_dot}, ca.jtimes(places, e.q, q_dot))
     kinetic = e.tree.kinetic_energy(dict(enumerate(ca.vertsplit(v))))
-    yield _kernel(e, "energies", [e.q, v], kinetic, e.tree.potential_energy)
+    yield _kernel(e, "energies", {"q": e.q, "v": v}, kinetic, e.tree.potential_energy)
     scales = zip(e.rows, mechanism.row_scale, strict=True)
-    Phi = [
-        _column(e, {j: x * scale * mechanism.rate_scale[j] for j, x in row.Phi.items()})
-        for row, scale in scales
-    ]
-    yield _kernel(e, "loops", [e.q], *(x for row in Phi for x in row))
+    units = SX(mechanism.rate_scale)
+    Phi = (column(row.Phi, range(model.nv)) * scale * units for row, scale in scales)
+    yield _kernel(e, "loops", {"q": e.q}, *Phi)
 
 
-def _column(e: Equations, x: Sparse) -> list[Any]:
-    """An entry for each rate of the tree."""
-    return [x.get(j, 0.0) for j in range(e.mechanism.model.nv)]
-
-
-def _kernel(e: Equations, name: str, inputs: list[SX], *results: Any) -> SymbolicKernel:
+def _kernel(e: Equations, name: str, inputs: dict[str, SX], *results: Any) -> SymbolicKernel:
     """A function without checks."""
     output = ca.densify(ca.vertcat(*map(SX, results)))
-    return SymbolicKernel(name, tuple(inputs), e.p, output, SX(0, 1))
+    return SymbolicKernel(name, inputs, e.p, output, SX(0, 1))
 
 
 def _function(kernel: SymbolicKernel, name: str) -> tuple[str, str]:
@@ -181,17 +169,15 @@ def _function(kernel: SymbolicKernel, name: str) -> tuple[str, str]:
     for k, own in enumerate(parts):
         texts.append(statements.function(f"function {name}_{k}(x, p, y, w)", own))
     sizes = {
-        "inputs": [symbols.numel() for symbols in kernel.inputs],
+        "inputs": [symbols.numel() for symbols in kernel.inputs.values()],
         "output": kernel.output.numel(),
         "checks": kernel.checks.numel(),
         "size": writer.size,
         "room": room,
     }
     functions = ", ".join(f"{name}_{k}" for k in range(len(parts)))
-    described = json.dumps(sizes)[1:-1]
-    return "".join(
-        texts
-    ), f"{kernel.name}: {{{described}, constants: {name}_constants, parts: [{functions}]}}"
+    described = f"{json.dumps(sizes)[1:-1]}, constants: {name}_constants, parts: [{functions}]"
+    return "".join(texts), f"{kernel.name}: {{{described}}}"
 
 
 def _in_javascript(line: str) -> str:

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Functions of C from statements, one statement for each operation."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from heapq import heappop, heappush
@@ -48,9 +46,8 @@ def together(lines: Sequence[str]) -> list[str]:
 def with_short_addresses(lines: Sequence[str]) -> list[str]:
     """Statements of a function for one sample, with results kept in an array until they are used.
 
-    A compiler keeps such results on the stack, where an address takes four bytes; near a pointer it
-    takes one. So the machine code of a delta robot is a quarter shorter and fits into the
-    instruction cache. Functions with few statements fit anyway.
+    On the stack an address takes four bytes, near a pointer one. So the machine code of a delta
+    robot is a quarter shorter and fits into the instruction cache; that of few statements fits.
     """
     if len(lines) <= _FEW:
         return list(lines)
@@ -111,17 +108,16 @@ def split(lines: Sequence[str], inputs: range) -> tuple[list[str], list[str]]:
 
 def pieces(lines: Sequence[str], largest: int | None = None) -> list[Sequence[str]]:
     """Statements, cut where they are more than `largest`, by default `LARGEST`."""
-    if len(lines) <= (LARGEST if largest is None else largest):
+    if len(lines) <= (largest or LARGEST):
         return [lines]
     size = -(-len(lines) // -(-len(lines) // _PART))
     return [lines[i : i + size] for i in range(0, len(lines), size)]
 
 
 def in_parts(groups: Sequence[Sequence[Sequence[str]]]) -> tuple[list[list[str]], int]:
-    """Statements of functions that run one after the other, and the size of w.
+    """Statements of functions that run one after the other and hand results on in w; its size.
 
-    The compile time grows faster than the size of a function. Parts pass results to later parts in
-    the array w. All groups except the first may run several times.
+    The compile time grows faster than a function. All groups but the first may run several times.
     """
     parts = [part for group in groups for part in group]
     last = {result: k for k, part in enumerate(parts) for line in part for result in _used(line)}

@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""States of a mechanism by compiled kernels: rates, closing of loops, rollouts."""
+"""States of a mechanism by compiled kernels: rates, closing of loops, rollouts.
 
-from __future__ import annotations
+The mass matrix of many coordinates is too large to be written out. Its column k is the generalized
+forces that the accelerations e_k need at rest, without weights and springs; a kernel of inverse
+dynamics computes all columns of a sample side by side.
+"""
 
 import sys
 from collections.abc import Callable
@@ -11,16 +14,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..arrays import Array, Flags, Indices
-from ..chain.backend import Kernel, Motions
+from ..chain.backend import Kernel, Motions, NoKernel
 from ..chain.continuity import TRAVEL
 from ..chain.derivatives import AccelerationDerivatives
-from ..chain.mechanism import Friction
+from ..chain.dynamics import solved
+from ..chain.mechanism import Friction, Mechanism
 from ..chain.reference import Reference, ReferenceStates
 from ..errors import SSTError
 
 if TYPE_CHECKING:
     from ._binding import Course
-    from .inertia_by_columns import ByColumns
+    from ._binding import Kernel as BoundKernel
 
 #: det Phi_u changes by no more than this factor in half a step that is sound.
 _CHANGE = 1.25
@@ -33,9 +37,8 @@ _AT_ONCE = 64
 class CompiledStates(ReferenceStates):
     """The state space of a mechanism by kernels; samples that fail go to the reference path.
 
-    `closing` closes loops; `slopes` gives the kernel of derivatives, `rate` and `course` give those
-    of rates and of rollouts, with or without loads. Where there are none for many coordinates,
-    `by_columns` computes accelerations.
+    `rate` and `course` give kernels of rates and rollouts, with or without loads. Where there are
+    none for many coordinates, `by_columns` computes accelerations.
     """
 
     def __init__(
@@ -45,8 +48,8 @@ class CompiledStates(ReferenceStates):
         closing: Kernel,
         slopes: Callable[[], Kernel],
         rate: Callable[[bool], Kernel],
-        course: Callable[[bool], Course | None],
-        by_columns: ByColumns | None,
+        course: "Callable[[bool], Course | None]",
+        by_columns: "ByColumns | None",
     ) -> None:
         super().__init__(reference, friction)
         self._closing, self._rate_of, self._course = closing, cache(rate), course
@@ -117,7 +120,7 @@ class CompiledStates(ReferenceStates):
                     reached[i] += held - 1
         return reached
 
-    def _run(self, course: Course, motions: Motions, threads: int) -> Indices:
+    def _run(self, course: "Course", motions: Motions, threads: int) -> Indices:
         """Fill the states of motions as far as the kernels compute them well, and count them."""
         reached = course.run(*motions, min(threads, sys.maxsize))
         reached[~self._mechanism.space.on_manifold(motions.q0)] = 0  # kernels normalise on the way
@@ -132,10 +135,9 @@ class CompiledStates(ReferenceStates):
     def _continuous(self, motions: Motions, reached: Indices) -> Indices:
         """How many states of each motion follow one another in one assembly mode, shape (N,).
 
-        In the middle between two modes, and near a singularity, a block of Phi_u is almost
-        singular. So a short step is sound where det Phi_u changes little to its middle and to its
-        end; the others are left to the reference path. So is a motion that comes near a dead point
-        of the coordinates.
+        Between two modes, and near a singularity, a block of Phi_u is almost singular. So a short
+        step is sound where det Phi_u changes little to its middle and to its end. The others, and
+        motions near a dead point of the coordinates, are left to the reference path.
         """
         q, until = motions.q, reached.copy()
         steps = np.diff(q, axis=1)
@@ -183,10 +185,7 @@ class CompiledStates(ReferenceStates):
         return np.asarray(falls)
 
     def _determinants(self, q: Array) -> Array:
-        """det Phi_u of configurations, shape (..., nq), the open ones closed by a Newton step.
-
-        NaN where this step is long, or the checks fail.
-        """
+        """det Phi_u, open loops closed by a Newton step; NaN where this is long or checks fail."""
         flat = np.ascontiguousarray(q.reshape(-1, self._nq))
         result = np.empty((len(flat), self._nq + 2))
         left = self._closing.many((flat,), result)
@@ -198,3 +197,52 @@ class CompiledStates(ReferenceStates):
             near[self._closing.many((closed,), again)] = False
             det[left[near]] = again[near, -2]
         return det.reshape(q.shape[:-1])
+
+
+class ByColumns(NoKernel):
+    """Accelerations from Eq. (92) with the mass matrix column by column.
+
+    The kernels are those of forces, with or without loads, of forces of inertia alone, of L va.
+    """
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        forces: Callable[[bool], "BoundKernel"],
+        inertial: "BoundKernel",
+        rates: "BoundKernel",
+    ) -> None:
+        self._mechanism, self._forces = mechanism, forces
+        self._inertial, self._rates = inertial, rates
+        self._unit = np.eye(len(mechanism.coordinates))
+
+    def many(self, arrays: tuple[Array, ...], out: Array, threads: int = 1) -> Indices:
+        """Fill the accelerations; indices of samples that fail the checks of the kernels."""
+        q, va, tau, *load = arrays
+        f = np.empty(out.shape)
+        left = np.zeros(len(out), dtype=bool)
+        left[self._forces(bool(load)).many((q, va, None, *load), f, threads)] = True
+        for i in np.flatnonzero(~left):
+            inertia = np.empty(self._unit.shape)  # Eq. (93), symmetric
+            failed = self._inertial.many((q[i], None, self._unit), inertia, threads)
+            given = tau[i] if self._mechanism.driven_one_to_one else self._given(q[i], tau[i])
+            aa = solved(inertia, given - f[i])
+            left[i] = len(failed) or aa is None or not np.isfinite(aa).all()
+            out[i] = np.nan if aa is None else aa
+        return np.flatnonzero(left)
+
+    def _given(self, q: Array, tau: Array) -> Array:
+        """L^T B tau: what the motors give along the coordinates; NaN at a singularity."""
+        L = np.empty((len(self._unit), self._mechanism.model.nv))  # transposed
+        if len(self._rates.many((q, self._unit), L)):
+            return np.full(len(L), np.nan)
+        return L.dot(self._mechanism.motors.dot(tau))
+
+    def state_rate(self, q: Array, va: Array, tau: Array, wrenches: Array | None) -> Array | None:
+        """Rates of q and va at one closed configuration; None where the kernels fail."""
+        load = () if wrenches is None else (wrenches.reshape(1, -1),)
+        aa, v = np.empty((1, len(va))), np.empty((1, self._mechanism.model.nv))
+        state = q[None], va[None]
+        if len(self.many((*state, tau[None], *load), aa)) or len(self._rates.many(state, v)):
+            return None
+        return np.concatenate([self._mechanism.space.coordinate_rates(q, v[0]), aa[0]])

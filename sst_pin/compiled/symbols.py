@@ -1,20 +1,25 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Small helpers for CasADi's symbols: constants, sparse vectors, a symmetric solve."""
+"""Small helpers for CasADi's symbols: sparse vectors, a symmetric solve, turns up to half a turn.
 
-from __future__ import annotations
+An arc over its sine depends on its cosine c alone: with the arc halved three times, by cos(x / 2) =
+sqrt((1 + c) / 2), the series of the arcsine converges to rounding within a few terms.
+"""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import casadi as ca
 from casadi import SX
 
 from ..arrays import Array
-from .elimination import total
 from .links import clean
 
 #: Entries by index, zeros left out; each is a scalar symbol or a number.
 Sparse = dict[int, Any]
+#: Coefficients of asin(x) / x by x^2; x is at most sin(pi / 16).
+_SERIES = [1.0]
+for _k in range(1, 11):
+    _SERIES.append(_SERIES[-1] * (2 * _k - 1) ** 2 / (2 * _k * (2 * _k + 1)))
 
 
 def sx(a: Array) -> SX:
@@ -32,43 +37,63 @@ def add(a: Mapping[int, Any], b: Mapping[int, Any]) -> Sparse:
     return dict(a) | {i: a[i] + x if i in a else x for i, x in b.items()}
 
 
-def definite(inverses: list[Any]) -> Any:
-    """More than 1 where one over a pivot of a symmetric matrix is negative."""
-    return 1e30 * total(ca.fabs(x) - x for x in inverses)
+def sparse(places: Iterable[int], column: SX) -> Sparse:
+    """Entries of a column by their places."""
+    values = zip(places, ca.vertsplit(column), strict=True)
+    return {i: x for i, x in values if not is_zero(x)}
+
+
+def column(x: Mapping[int, Any], places: Iterable[int]) -> SX:
+    """Entries at some places in a column."""
+    return ca.vertcat(SX(0, 1), *(x.get(i, SX(1, 1)) for i in places))
+
+
+def symmetric(upper: Mapping[tuple[int, int], Any], size: int) -> SX:
+    """A matrix by its upper triangle."""
+    matrix = SX(size, size)
+    for (i, j), entry in upper.items():
+        matrix[i, j] = matrix[j, i] = entry
+    return matrix
+
+
+def row_by_row(*matrices: SX) -> SX:
+    """Entries of matrices side by side, in a column."""
+    return ca.vec(ca.horzcat(*matrices).T)
 
 
 def solve_symmetric(A: SX, b: SX) -> tuple[SX, list[Any]]:
-    """x with A x = b for a symmetric A, by L D L^T, and one over each entry of D; b has columns."""
-    n, order = A.shape[0], _elimination(A)
-    A, b = A[order, order], b[order, :]
-    L: list[dict[int, Any]] = [{} for _ in range(n)]  # rows, below the diagonal
-    LD: list[dict[int, Any]] = [{} for _ in range(n)]
-    inverses: list[Any] = []
-    for j in range(n):
-        inverses.append(1 / (A[j, j] - total(x * L[j][k] for k, x in LD[j].items())))
-        for i in range(j + 1, n):
-            both = sorted(L[i].keys() & L[j].keys())
-            entry = A[i, j] - total(LD[i][k] * L[j][k] for k in both)
-            if not is_zero(entry):
-                LD[i][j], L[i][j] = entry, entry * inverses[j]
-    x = [b[i, :] for i in range(n)]
-    for i in range(n):
-        x[i] -= total(entry * x[k] for k, entry in L[i].items())
-    x = [value * inverse for value, inverse in zip(x, inverses, strict=True)]
-    for i in reversed(range(n)):
-        for k, entry in L[i].items():
-            x[k] -= entry * x[i]
-    return ca.vertcat(*(x[order.index(i)] for i in range(n))), inverses
+    """x with A x = b for a symmetric A, by L D L^T, and one over each entry of D, row by row."""
+    D, LT, order = ca.ldl(ca.sparsify(A), True)
+    inverses = dict(zip(order, (1 / pivot for pivot in ca.vertsplit(D)), strict=True))
+    return ca.ldl_solve(b, D, LT, order), [inverses[i] for i in range(len(order))]
 
 
-def _elimination(A: SX) -> list[int]:
-    """An order in which elimination fills few zeros: next is who has the fewest neighbours."""
-    n = A.shape[0]
-    near = [{j for j in range(n) if j != i and not is_zero(A[i, j])} for i in range(n)]
-    order: list[int] = []
-    while len(order) < n:
-        i = min(set(range(n)).difference(order), key=lambda k: (len(near[k]), k))
-        for j in near[i]:
-            near[j] = (near[j] | near[i]) - {i, j}
-        order.append(i)
-    return order
+def rotation_vector(quaternion: SX) -> SX:
+    """Rotation vector of a unit quaternion (x, y, z, w), at most half a turn long."""
+    vector, w = quaternion[:3], quaternion[3]
+    side = _side(w)
+    return 2 * side * _arc_over_sine(side * w) * vector
+
+
+def angle(cosine: Any, sine: Any) -> Any:
+    """From -pi to pi."""
+    side = _side(cosine)
+    beyond = ca.pi / 2 * (1 - side) * _side(sine)  # of a right angle: measured from half a turn
+    return beyond + side * _arc_over_sine(side * cosine) * sine
+
+
+def _side(x: Any) -> Any:
+    """1, or -1 below 0."""
+    return 2 * (x >= 0) - 1
+
+
+def _arc_over_sine(cosine: Any) -> Any:
+    """An arc up to a right angle over its sine."""
+    halved = 1
+    for _ in range(3):
+        square, cosine = (1 - cosine) / 2, ca.sqrt((1 + cosine) / 2)
+        halved *= cosine
+    series = 0
+    for coefficient in reversed(_SERIES):
+        series = series * square + coefficient
+    return series / halved

@@ -5,10 +5,9 @@ A body with the first moment c and the second moments J (the integral of r r^T) 
 needs the force m a + U c and the moment c x a + 2 axial(U J), Eqs. (63)-(68).
 """
 
-from __future__ import annotations
-
 import operator
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -20,27 +19,28 @@ from ..chain.mechanism import Mechanism
 from ..chain.tree import frame_named
 from .closure_rows import line
 from .elimination import total
-from .link_kinematics import Kinematics, LinkMotion, Wrench
-from .open_numbers import SIGN_WIDTH, OpenNumbers
+from .link_kinematics import Kinematics, LinkMotion
+from .open_numbers import GRAVITY, SIGN_WIDTH, OpenNumbers
 from .symbols import Sparse, add, is_zero, sx
 
 
 class Body(NamedTuple):
-    """A rigid body, or several that are welded to each other, in the frame of a link.
+    """A rigid body, or several that are welded to each other, in the frame of a link."""
 
-    Attributes:
-        mass: Mass of all.
-        c: First moment.
-        J: Second moments, the integral of r r^T.
-        polar: Sum of mass times the square of the mass centre's distance from the origin.
-    """
+    mass: SX = SX(1, 1)
+    #: First moment.
+    c: SX = SX(3, 1)
+    #: Second moments, the integral of r r^T.
+    J: SX = SX(3, 3)
+    #: Sum of mass times the square of the mass centre's distance from the origin.
+    polar: SX = SX(1, 1)
 
-    mass: SX
-    c: SX
-    J: SX
-    polar: SX
+    @property
+    def inertia(self) -> SX:
+        """Inertia about the origin."""
+        return ca.trace(self.J) * SX.eye(3) - self.J
 
-    def moved(self, R: SX, p: SX) -> Body:
+    def moved(self, R: SX, p: SX) -> "Body":
         """In a frame in which the one before has the orientation R and the origin p."""
         c = R @ self.c
         J = R @ self.J @ R.T + c @ p.T + p @ c.T + self.mass * p @ p.T
@@ -48,31 +48,35 @@ class Body(NamedTuple):
         return Body(self.mass, c, J, ca.sumsqr(c) / self.mass)
 
 
+class Line(NamedTuple):
+    """A line along which a force acts."""
+
+    length: SX
+    #: Its rate per rate of the tree.
+    row: Sparse
+    stiffness: SX
+    rest: SX
+    damping: SX
+    preload: SX
+
+
+@dataclass(eq=False)
 class TreeDynamics:
-    """Dynamics of a tree; p are the open numbers, in the order of `parameters`.
+    """Dynamics of a tree, the arguments as in `Equations`."""
 
-    `loads` are [moment; force] on each body at its mass centre, base axes, body after body, or
-    empty. Bodies that are `welded` to each other are computed as one.
-    """
-
-    def __init__(
-        self,
-        mechanism: Mechanism,
-        kinematics: Kinematics,
-        parameters: OpenNumbers,
-        p: SX,
-        loads: SX,
-        smooth: bool,
-        welded: bool,
-    ) -> None:
-        self._mechanism, self._kinematics, self._parameters = mechanism, kinematics, parameters
-        self._p, self._loads, self._smooth, self._welded = p, loads, smooth, welded
+    _mechanism: Mechanism
+    _kinematics: Kinematics
+    _parameters: OpenNumbers
+    _p: SX
+    _loads: SX
+    _smooth: bool
+    _welded: bool
 
     @cached_property
-    def _bodies(self) -> list[Body | None]:
-        """By Pinocchio's joints; where bodies are computed as one, the first has all of it."""
+    def _bodies(self) -> list[Body]:
+        """Bodies of Pinocchio's joints; the first of those computed as one has all of it."""
         model, kinematics = self._mechanism.model, self._kinematics
-        bodies: list[Body | None] = [None] * model.njoints
+        bodies = [Body()] * model.njoints
         for i in range(1, model.njoints):
             found = self._parameters.body(self._p, i)
             if found is not None:
@@ -83,13 +87,11 @@ class TreeDynamics:
                 ends = (closure.frame_a, closure.frame_b)
                 a, b = (frame_named(model, name) for name in ends)
                 i, j = a.parentJoint, b.parentJoint
-                moving = bodies[j]
-                if i and moving is not None:
+                if i and not is_zero(bodies[j].mass):
                     R = kinematics.rotation(a) @ kinematics.rotation(b).T
                     p = sx(a.placement.translation) - R @ sx(b.placement.translation)
-                    moved, other = moving.moved(R, p), bodies[i]
-                    bodies[i] = moved if other is None else Body(*map(operator.add, moved, other))
-                    bodies[j] = None
+                    bodies[i] = Body(*map(operator.add, bodies[j].moved(R, p), bodies[i]))
+                    bodies[j] = Body()
         return bodies
 
     def forces(
@@ -100,60 +102,49 @@ class TreeDynamics:
         loads: bool = True,
         reactions: Mapping[int, SX] | None = None,
     ) -> Sparse:
-        """tau of the tree by the recursion of Newton and Euler, without friction and springs.
-
-        `reactions` are force and moment about the origin that closures take of links, by their
-        index.
-        """
+        """tau by Newton and Euler without friction and springs; closures take `reactions`."""
         wrenches = self.wrenches(v, dv, loads=loads)
         for i, own in (reactions or {}).items():
-            wrenches[i] = wrenches[i][0] + own[:3], wrenches[i][1] + own[3:]
+            wrenches[i] = wrenches[i] + own
         return add(self._kinematics.transmitted(wrenches), self._rotors(dv))
 
-    def wrenches(self, v: Sparse, dv: Sparse, *, loads: bool = True) -> list[Wrench]:
+    def wrenches(self, v: Sparse, dv: Sparse, *, loads: bool = True) -> list[SX]:
         """Force and moment that each link needs, less its weight and its load."""
-        wrenches: list[Wrench] = []
-        gravity = self._kinematics.base.T @ self._parameters.gravity(self._p)
+        wrenches = []
+        gravity = self._kinematics.base.T @ self._p[GRAVITY]
         motions = self._kinematics.motions(v, dv, gravity)
         for link, x in zip(self._kinematics.tree.links, motions, strict=True):
-            body = self._bodies[link.body]
-            F, N = SX(3, 1), SX(3, 1)
-            if body is not None:
-                mass, c, J, _ = body
-                F, N = mass * x.a + x.U @ c, _moment(x, J) + ca.cross(c, x.a)
+            mass, c, J, _ = self._bodies[link.body]
+            wrench = ca.vertcat(mass * x.a + x.U @ c, _moment(x, J) + ca.cross(c, x.a))
             if loads and link.body and self._loads.numel():
-                force, moment = self._load(link.body)
-                F, N = F - force, N - moment
-            wrenches.append((F, N))
+                wrench = wrench - self._load(link.body)
+            wrenches.append(wrench)
         return wrenches
 
     def _rotors(self, dv: Sparse) -> Sparse:
         armature = self._parameters.of_joints("armature", self._p)
         return {i: x * dv[i] for i, x in armature.items() if i in dv}
 
-    def _load(self, body: int) -> tuple[SX, SX]:
+    def _load(self, body: int) -> SX:
         """External force and moment about the origin of a link, axes of the link."""
         moment, force = ca.vertsplit(self._loads[6 * body - 6 : 6 * body], 3)
         pose, _ = self._kinematics.pose(0, self._kinematics.tree.link_of[body])
         back = pose.T @ self._kinematics.base.T
-        found = self._parameters.body(self._p, body)
+        found, force = self._parameters.body(self._p, body), back @ force
         lever = sx(self._mechanism.model.inertias[body].lever)
         if found is not None:
             lever = found[1] / found[0]
-        force = back @ force
-        return force, back @ moment + ca.cross(lever, force)
+        return ca.vertcat(force, back @ moment + ca.cross(lever, force))
 
     def friction(self, v: Sparse) -> Sparse:
         """Forces that friction and the dampers along lines need."""
         viscous = self._parameters.of_joints("viscous", self._p)
         coulomb = self._parameters.of_joints("coulomb", self._p)
+        width = self._p[SIGN_WIDTH]
+        signs = {i: ca.tanh(x / width) if self._smooth else ca.sign(x) for i, x in v.items()}
         tau = {i: D * v[i] for i, D in viscous.items() if i in v}
-        tau = add(tau, {i: F * self._direction(v[i]) for i, F in coulomb.items() if i in v})
-        return add(tau, self._along_lines(self._damping(v)))
-
-    def _direction(self, rate: Any) -> Any:
-        """The sign of a rate in Coulomb friction."""
-        return ca.tanh(rate / self._p[SIGN_WIDTH]) if self._smooth else ca.sign(rate)
+        tau = add(tau, {i: F * signs[i] for i, F in coulomb.items() if i in v})
+        return add(tau, self.along_lines(self._damping(v)))
 
     @cached_property
     def springs(self) -> Sparse:
@@ -162,38 +153,39 @@ class TreeDynamics:
         rest = self._parameters.of_joints("spring_reference", self._p)
         way = self._kinematics.difference(rest)
         tau = {k: c * way[k] for k, c in stiffness.items()}
-        return add(tau, self._along_lines(self._tensions))
+        return add(tau, self.along_lines(self._tensions))
 
     def pulls(self, v: Sparse) -> list[Any]:
-        """What pulls the ends of each line together, without motors."""
+        """Tension of each line, without motors."""
         return list(map(operator.add, self._tensions, self._damping(v)))
 
     @property
     def _tensions(self) -> list[Any]:
         """Pull of the spring and the preload along each line."""
-        numbers = zip(self.lines, self._parameters.of_lines(self._p), strict=True)
-        return [preload + c * (size - rest) for (size, _), (c, rest, _, preload) in numbers]
+        return [x.preload + x.stiffness * (x.length - x.rest) for x in self.lines]
 
     def _damping(self, v: Sparse) -> list[Any]:
         """Pull of the damper along each line."""
-        numbers = zip(self.lines, self._parameters.of_lines(self._p), strict=True)
         return [
-            damping * total(x * v[i] for i, x in row.items() if i in v)
-            for (_, row), (_, _, damping, _) in numbers
+            x.damping * total(entry * v[i] for i, entry in x.row.items() if i in v)
+            for x in self.lines
         ]
 
-    def _along_lines(self, pulls: Sequence[Any]) -> Sparse:
+    def along_lines(self, pulls: Iterable[Any]) -> Sparse:
         """Forces along the rates that pulls along the lines need."""
         tau: Sparse = {}
-        for (_, row), pull in zip(self.lines, pulls, strict=True):
-            tau = add(tau, {i: x * pull for i, x in row.items()})
+        for x, pull in zip(self.lines, pulls, strict=True):
+            if not is_zero(pull):
+                tau = add(tau, {i: entry * pull for i, entry in x.row.items()})
         return tau
 
     @cached_property
-    def lines(self) -> list[tuple[SX, Sparse]]:
-        """Length and row of each line along which a force acts."""
+    def lines(self) -> list[Line]:
+        """All lines along which forces act."""
         model, forces = self._mechanism.model, self._mechanism.lines.forces
-        return [line(self._kinematics, model, x.frame_a, x.frame_b) for x in forces]
+        places = (line(self._kinematics, model, x.frame_a, x.frame_b) for x in forces)
+        numbers = self._parameters.of_lines(self._p)
+        return [Line(*place, *own) for place, own in zip(places, numbers, strict=True)]
 
     def kinetic_energy(self, v: Sparse) -> Any:
         """Kinetic energy of all bodies and rotors."""
@@ -205,34 +197,26 @@ class TreeDynamics:
     @property
     def potential_energy(self) -> Any:
         """Potential energy of the weights, the springs and the forces along lines."""
-        gravity, energies = self._kinematics.base.T @ self._parameters.gravity(self._p), []
+        gravity, energies = self._kinematics.base.T @ self._p[GRAVITY], []
         for i, link in enumerate(self._kinematics.tree.links):
-            mass, c, _ = self._inertia_of(link.body)
-            R, p = self._kinematics.pose(0, i)
-            energies.append(-ca.dot(gravity, mass * p + R @ c))
+            body, (R, p) = self._bodies[link.body], self._kinematics.pose(0, i)
+            energies.append(-ca.dot(gravity, body.mass * p + R @ body.c))
         way = self._kinematics.difference(self._parameters.of_joints("spring_reference", self._p))
         stiffness = self._parameters.of_joints("stiffness", self._p)
         energies += [c * way[k] ** 2 / 2 for k, c in stiffness.items()]
-        numbers = zip(self.lines, self._parameters.of_lines(self._p), strict=True)
-        for (length, _), (c, rest, _, preload) in numbers:
-            energies.append(c * (length - rest) ** 2 / 2 + preload * (length - rest))
+        for x in self.lines:
+            stretch = x.length - x.rest
+            energies.append(x.stiffness * stretch**2 / 2 + x.preload * stretch)
         return total(energies)
 
-    def motors_on_lines(self, motor: int) -> Sparse:
-        """Forces along the rates of a motor's unit torque, by the lines that it pushes apart."""
-        tau: Sparse = {}
-        for (_, row), share in zip(self.lines, self._mechanism.lines.motors[:, motor], strict=True):
-            if share:
-                tau = add(tau, {i: float(share) * x for i, x in row.items()})
-        return tau
-
-    def _inertia_of(self, body: int) -> tuple[SX, SX, SX]:
-        """Mass, first moment and inertia about the origin of a body; zeros without mass."""
-        found = self._bodies[body]
-        if found is None:
-            return SX(1, 1), SX(3, 1), SX(3, 3)
-        mass, c, J, _ = found
-        return mass, c, ca.trace(J) * SX.eye(3) - J
+    @cached_property
+    def whole_inertia(self) -> Any:
+        """Inertia of all bodies and rotors, as `dynamics.whole_inertia`."""
+        length, scale = self._mechanism.length, self._mechanism.rate_scale
+        found = [self._parameters.body(self._p, i) for i in self._parameters.bodies]
+        terms = [mass * length**2 + 2 * ca.trace(J) for mass, _, J in filter(None, found)]
+        rotors = self._parameters.of_joints("armature", self._p)
+        return total([*terms, *(x * float(scale[i] ** 2) for i, x in rotors.items())])
 
     @cached_property
     def inertia(self) -> dict[tuple[int, int], Any]:
@@ -242,40 +226,36 @@ class TreeDynamics:
     def composed(self, following: Mapping[int, Mapping[int, Sparse]]) -> dict[tuple[int, int], Any]:
         """A matrix M with the same L^T M L as the mass matrix, from composite bodies.
 
-        `following` has, by link, rates behind it that follow from those of coordinates behind it:
-        their rows of L. What their joints' forces do to the link and those before it is counted
-        with these coordinates.
+        `following` has, by link, rows of L of rates behind it that follow from coordinates behind
+        it. What their joints' forces do to the link and those before it is counted with these.
         """
         links, placements = self._kinematics.tree.links, self._kinematics.placements
-        composite = [self._inertia_of(link.body) for link in links]
-        forces: list[dict[int, tuple[SX, SX]]] = [{} for _ in links]  # by rate
+        bodies = [self._bodies[link.body] for link in links]
+        composite = [(body.mass, body.c, body.inertia) for body in bodies]
+        forces: list[Sparse] = [{} for _ in links]  # wrenches by rate
         M: dict[tuple[int, int], Any] = {}
         for i in range(len(links) - 1, 0, -1):
-            (mass, c, inertia), link, behind = composite[i], links[i], forces[i]
+            (mass, c, inertia), link, behind, own = composite[i], links[i], forces[i], Sparse()
             for rate, row in following.get(i, {}).items():
-                F, N = behind.pop(rate, (SX(3, 1), SX(3, 1)))
-                for k, factor in row.items():
-                    _push(behind, k, factor * F, factor * N)
-            own = {}
+                wrench = behind.pop(rate, SX(6, 1))
+                behind = add(behind, {k: factor * wrench for k, factor in row.items()})
             for k, S in zip(link.v, link.S.T, strict=True):
                 u, turn = sx(S[:3]), sx(S[3:])
-                own[k] = mass * u + ca.cross(turn, c), inertia @ turn + ca.cross(c, u)
+                own[k] = ca.vertcat(mass * u + ca.cross(turn, c), inertia @ turn + ca.cross(c, u))
             for j, S in zip(link.v, link.S.T, strict=True):
                 # Twice: a mimic joint behind its own.
-                pairs = [(k, force, 1 + (j == k)) for k, force in behind.items()]
-                pairs += [(k, force, 1) for k, force in own.items() if j <= k]
-                for k, (F, N), times in pairs:
-                    value = times * (ca.dot(sx(S[:3]), F) + ca.dot(sx(S[3:]), N))
+                pairs = [(k, wrench, 1 + (j == k)) for k, wrench in behind.items()]
+                pairs += [(k, wrench, 1) for k, wrench in own.items() if j <= k]
+                for k, wrench, times in pairs:
+                    value = times * ca.dot(sx(S), wrench)
                     if not is_zero(value):
                         pair = min(j, k), max(j, k)
                         M[pair] = M.get(pair, 0) + value
-            for k, (F, N) in own.items():
-                _push(behind, k, F, N)
             R, p = placements[i]
-            if link.parent:
-                for k, (F, N) in behind.items():
-                    turned = R @ F
-                    _push(forces[link.parent], k, turned, R @ N + ca.cross(p, turned))
+            for k, wrench in add(behind, own).items() if link.parent else ():
+                F, N = R @ wrench[:3], R @ wrench[3:]
+                at_parent = ca.vertcat(F, N + ca.cross(p, F))
+                forces[link.parent] = add(forces[link.parent], {k: at_parent})
             mass_0, c_0, inertia_0 = composite[link.parent]
             c = R @ c
             middle = c + mass * p / 2
@@ -288,25 +268,16 @@ class TreeDynamics:
         return M
 
     def coriolis_forces(self, v: Sparse, L: Sparse, L_dot: Sparse) -> Sparse:
-        """What a column of T^T multiplies in Eq. (94): M t_dot + Omega M t, t and t_dot of L."""
+        """The term of Eq. (94) that T^T multiplies: M t_dot + Omega M t, t and t_dot of L."""
         wrenches = []
         motions = self._kinematics.motions(v, L_dot, v_k=L)
         for link, x in zip(self._kinematics.tree.links, motions, strict=True):
-            mass, c, inertia = self._inertia_of(link.body)
-            inner, body = inertia, self._bodies[link.body]
-            if body is not None:
-                # About the mass centre the paper's term is omega x (I omega_k).
-                inner = inertia - body.polar * SX.eye(3)
-            moment = inertia @ x.alpha + ca.cross(x.omega, inner @ x.omega_k)
-            wrenches.append((mass * x.a + x.U @ c, moment + ca.cross(c, x.a)))
+            mass, c, _, polar = body = self._bodies[link.body]
+            # About the mass centre the paper's term is omega x (I omega_k).
+            inner = body.inertia - polar * SX.eye(3)
+            moment = body.inertia @ x.alpha + ca.cross(x.omega, inner @ x.omega_k)
+            wrenches.append(ca.vertcat(mass * x.a + x.U @ c, moment + ca.cross(c, x.a)))
         return add(self._kinematics.transmitted(wrenches), self._rotors(L_dot))
-
-
-def _push(forces: dict[int, tuple[SX, SX]], rate: int, F: SX, N: SX) -> None:
-    """Add a force and a moment to those of a rate."""
-    if rate in forces:
-        F, N = forces[rate][0] + F, forces[rate][1] + N
-    forces[rate] = F, N
 
 
 def _moment(x: LinkMotion, J: SX) -> SX:

@@ -154,7 +154,7 @@ def reach_map(
             raise InputError(axis, "a grid has two values or more, increasing")
     if not np.isin(chain.mechanism.coordinates, chain.mechanism.driven).all():
         # its coordinates may have dead points where motors have none
-        chain = chain._remade(chain.model, coordinates=None)
+        chain = chain._remade(coordinates=None)
     mechanism, motors = chain.mechanism, chain.motor_names
     bounds = limits_of_each("torques", torques, len(motors))
     push = single_array("wrench", np.zeros(6) if wrench is None else wrench, (6,))

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The parts of each link and their colours; URDF and MJCF are drawn from here."""
 
-from __future__ import annotations
-
 #: One colour per leg, told apart by colour-blind readers too (Okabe and Ito), its carriage in a
 #: lighter tint; then what belongs to no leg.
 COLOURS = {

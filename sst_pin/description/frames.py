@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Joints and frames of an SST, by its parameters."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
@@ -25,8 +23,11 @@ def base_orientations(parameters: Parameters) -> Array:
 def star_orientations(parameters: Parameters) -> Array:
     """{E} in {3k}: Rot(x, 0), Rot(x, -alpha_2), Rot(x, -(alpha_2 + alpha_3)), shape (3, 3, 3)."""
     _, alpha_2, alpha_3 = parameters.arc_angles
-    # Eqs. (30), (31), (35)
-    return np.stack([_rot_x(angle) for angle in (0.0, -alpha_2, -(alpha_2 + alpha_3))])
+    turns = []
+    for angle in (0.0, -alpha_2, -(alpha_2 + alpha_3)):  # Eqs. (30), (31), (35)
+        c, s = np.cos(angle), np.sin(angle)
+        turns.append(((1, 0, 0), (0, c, -s), (0, s, c)))
+    return np.array(turns)
 
 
 def star_arcs(parameters: Parameters) -> tuple[RigidBody, ...]:
@@ -40,21 +41,13 @@ def star_arcs(parameters: Parameters) -> tuple[RigidBody, ...]:
 
 
 class LegBody(NamedTuple):
-    """A moving body of the tree and the joint that bears it.
-
-    Attributes:
-        name: Name of the body.
-        parent: Name of the body before it.
-        joint: Name of the joint.
-        axis: Axis of the joint in both bodies, as in a file.
-        friction: Viscous [N m s/rad] and Coulomb friction [N m] of the joint.
-        body: Mass properties.
-    """
+    """A moving body of the tree and the joint that bears it; names and the axis as in a file."""
 
     name: str
     parent: str
     joint: str
     axis: str
+    #: Viscous [N m s/rad] and Coulomb friction [N m] of the joint.
     friction: tuple[float, float]
     body: RigidBody
 
@@ -69,8 +62,3 @@ def leg_bodies(p: Parameters) -> tuple[tuple[LegBody, ...], ...]:
         rows = zip(names, ["base", *names], joints, axes, friction, bodies, strict=False)
         legs.append(tuple(LegBody(*row) for row in rows))
     return tuple(legs)
-
-
-def _rot_x(angle: float) -> Array:
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array(((1, 0, 0), (0, c, -s), (0, s, c)))

@@ -7,6 +7,7 @@ leg k, {E} on the star, all with their origin in the centre O of the sphere.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
@@ -23,7 +24,9 @@ _SLACK = 1e-9
 #: Radii for which meshes can be written, [m].
 _SMALLEST_RADIUS, _LARGEST_RADIUS = 1e-6, 1e6
 #: Three unit directions with a smaller triple product count as lying in one plane.
-_FLAT = 1e-6
+_SMALLEST_TRIPLE = 1e-6
+#: Where an inertia has its entries xx, yy, zz, xy, xz, yz.
+ENTRIES = ((0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2))
 
 
 def _frozen(value: ArrayLike, name: str) -> Array:
@@ -48,9 +51,7 @@ class _Values(Summary):
     """Equality, hash and text of a dataclass with arrays."""
 
     def __eq__(self, other: object) -> bool:
-        if not isinstance(other, _Values) or type(self) is not type(other):
-            return False
-        return self._values() == other._values()
+        return isinstance(other, type(self)) and self._values() == other._values()
 
     def __hash__(self) -> int:
         return hash(self._values())
@@ -87,9 +88,10 @@ class RigidBody(_Values):
     inertia: Array
 
     def __init__(self, mass: float, center_of_mass: ArrayLike, inertia: ArrayLike) -> None:
-        object.__setattr__(self, "mass", _number(mass, "mass"))
-        object.__setattr__(self, "center_of_mass", _frozen(center_of_mass, "center_of_mass"))
-        object.__setattr__(self, "inertia", _frozen(inertia, "inertia"))
+        values = vars(self)  # the way into a frozen dataclass
+        values["mass"] = _number(mass, "mass")
+        values["center_of_mass"] = _frozen(center_of_mass, "center_of_mass")
+        values["inertia"] = _frozen(inertia, "inertia")
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
         inertia = ", ".join(_numbers(row) for row in self.inertia)
@@ -123,11 +125,7 @@ class RigidBody(_Values):
         return RigidBody(total, center, self.inertia + shift)
 
     def problems(self, name: str) -> list[str]:
-        """Physically impossible properties of the body, one sentence each.
-
-        Args:
-            name: Name of the body in the sentences.
-        """
+        """Physically impossible properties, a sentence each, which begins with the body's name."""
         found = _shape_problems(f"{name}.center_of_mass", self.center_of_mass, (3,))
         if not (np.isfinite(self.mass) and self.mass > 0):
             found.append(f"{name}.mass: {self.mass:g} kg is not positive")
@@ -161,14 +159,22 @@ PAPER_PASSIVE_LINK = RigidBody(0.06, (0.35, 0, 0), np.diag((0.00001, 0.005, 0.00
 PAPER_STAR = RigidBody(2.6, (0.8 / np.pi, 0, 0), np.diag((0.224, 0.224, 0.150)))
 
 
+_SHAPES = {
+    "base_directions": (3, 3),
+    "arc_angles": (3,),
+    "viscous_friction": (9,),
+    "coulomb_friction": (9,),
+    "gravity": (3,),
+}
+
+
 @dataclass(frozen=True, eq=False, init=False, repr=False)
 class Parameters(_Values):
     """An SST: base triangle, arcs of the star, bodies, friction and gravity.
 
     Attributes:
         base_directions: v_k, unit vectors along OP_k, rows of a (3, 3) array; they are normalized.
-        arc_angles: alpha_k, angle from arc k to arc k+1 of the star, shape (3,), [rad]; their sum
-            is 2 pi.
+        arc_angles: alpha_k, from arc k to arc k+1 of the star, shape (3,), [rad]; the sum is 2 pi.
         link: Actuator link, in {1k}: one body for all legs, or one for each.
         passive_link: Intermediate passive link, in {2k}: one body for all legs, or one for each.
         star: The moving star, in {E}.
@@ -213,64 +219,47 @@ class Parameters(_Values):
         base_radius: float = 0.35,
         star_radius: float = 0.40,
     ) -> None:
-        def put(name: str, value: object) -> None:
-            object.__setattr__(self, name, value)
-
-        put("base_directions", _frozen(base_directions, "base_directions"))
-        put("arc_angles", _frozen(arc_angles, "arc_angles"))
-        put("link", _bodies(link))
-        put("passive_link", _bodies(passive_link))
-        put("star", star)
-        for name, value in (
-            ("viscous_friction", viscous_friction),
-            ("coulomb_friction", coulomb_friction),
-        ):
-            array = _frozen(value, name)
-            put(name, array if array.ndim else _frozen(np.full(9, array), name))
-        put("gravity", _frozen(gravity, "gravity"))
-        put("base_radius", _number(base_radius, "base_radius"))
-        put("star_radius", _number(star_radius, "star_radius"))
-        problems = list(self._problems())
-        if problems:
+        arrays = base_directions, arc_angles, viscous_friction, coulomb_friction, gravity
+        values = vars(self)  # the way into a frozen dataclass
+        for name, array in zip(_SHAPES, arrays, strict=True):
+            values[name] = _frozen(array, name)
+        for name in ("viscous_friction", "coulomb_friction"):
+            if not values[name].ndim:
+                values[name] = _frozen(np.full(9, values[name]), name)
+        values |= {"link": _bodies(link), "passive_link": _bodies(passive_link), "star": star}
+        values["base_radius"] = _number(base_radius, "base_radius")
+        values["star_radius"] = _number(star_radius, "star_radius")
+        if problems := list(self._problems()):
             raise ParametersError(problems)
         v = self.base_directions
-        put("base_directions", _frozen(v / np.linalg.norm(v, axis=1)[:, None], "base_directions"))
+        directions = v / np.linalg.norm(v, axis=1)[:, None]
+        values["base_directions"] = _frozen(directions, "base_directions")
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
         angles = _numbers(np.degrees(self.arc_angles))
         directions = ", ".join(_numbers(v) for v in self.base_directions)
+        links, passive, star = map(_masses, (self.links, self.passive_links, [self.star]))
+        viscous, coulomb = _range(self.viscous_friction), _range(self.coulomb_friction)
         return "Parameters of an SST", [
             ("base", f"radius {self.base_radius:g} m, directions {directions}"),
             ("star", f"radius {self.star_radius:g} m, arc angles {angles} deg"),
-            (
-                "masses",
-                f"actuator links {_masses(self.links)}, passive links "
-                f"{_masses(self.passive_links)}, star {self.star.mass:g} kg",
-            ),
-            (
-                "friction",
-                f"viscous {_range(self.viscous_friction)} N m s/rad, "
-                f"Coulomb {_range(self.coulomb_friction)} N m",
-            ),
+            ("masses", f"actuator links {links}, passive links {passive}, star {star}"),
+            ("friction", f"viscous {viscous} N m s/rad, Coulomb {coulomb} N m"),
             ("gravity", f"{_numbers(self.gravity)} m/s^2"),
         ]
 
     def with_payload(self, mass: float, at: ArrayLike = (0, 0, 0)) -> Parameters:
-        """The robot with a point mass fixed to the star.
+        """The robot with a point mass fixed to the star, as a part of it.
 
         Args:
             mass: Mass of the payload, [kg].
             at: Position of its mass centre in {E}, shape (3,), [m]. The origin of {E} is the centre
                 O of the sphere; the point E is at `(star_radius, 0, 0)`.
 
-        Returns:
-            Parameters with the payload as a part of the star.
-
         Raises:
             ParametersError: For a negative mass, or numbers that are not finite.
 
         Example:
-            >>> import sst_pin
             >>> p = sst_pin.Parameters()
             >>> p.with_payload(0.5, at=(p.star_radius, 0, 0)).star.mass
             3.1
@@ -295,8 +284,19 @@ class Parameters(_Values):
         return e / np.linalg.norm(e, axis=1)[:, None]
 
     def _problems(self) -> Iterator[str]:
-        yield from _direction_problems(self.base_directions)
-        yield from _angle_problems(self.arc_angles)
+        wrong = {
+            name: _shape_problems(name, getattr(self, name), shape)
+            for name, shape in _SHAPES.items()
+        }
+        yield from itertools.chain(*wrong.values())
+        if not wrong["base_directions"]:
+            yield from _direction_problems(self.base_directions)
+        if not wrong["arc_angles"]:
+            yield from _angle_problems(self.arc_angles)
+        for name in ("viscous_friction", "coulomb_friction"):
+            value = getattr(self, name)
+            if not wrong[name] and (value < 0).any():
+                yield f"{name}: negative for joint number {int(np.argmin(value)) + 1} of 9"
         for name, bodies in (("link", self.links), ("passive_link", self.passive_links)):
             if len(bodies) != 3:
                 yield f"{name}: {len(bodies)} bodies, expected one or three"
@@ -306,13 +306,6 @@ class Parameters(_Values):
                 for k, body in enumerate(bodies):
                     yield from _body_problems(f"{name}[{k}]", body)
         yield from _body_problems("star", self.star)
-        for name in ("viscous_friction", "coulomb_friction"):
-            value = getattr(self, name)
-            shape = _shape_problems(name, value, (9,))
-            yield from shape
-            if not shape and (value < 0).any():
-                yield f"{name}: negative for joint number {int(np.argmin(value)) + 1} of 9"
-        yield from _shape_problems("gravity", self.gravity, (3,))
         for name in ("base_radius", "star_radius"):
             radius = getattr(self, name)
             if not (np.isfinite(radius) and radius > 0):
@@ -343,28 +336,22 @@ def _bodies(value: RigidBody | Iterable[RigidBody]) -> RigidBody | tuple[RigidBo
 
 
 def _direction_problems(v: Array) -> Iterator[str]:
-    shape = _shape_problems("base_directions", v, (3, 3))
-    yield from shape
-    if not shape:
-        lengths = np.linalg.norm(v, axis=1)
-        if not lengths.all():
-            yield f"base_directions: v_{int(np.argmin(lengths)) + 1} is zero"
-        elif abs(np.linalg.det(v / lengths[:, None])) < _FLAT:
-            yield "base_directions: v_1, v_2, v_3 lie in one plane"
+    lengths = np.linalg.norm(v, axis=1)
+    if not lengths.all():
+        yield f"base_directions: v_{int(np.argmin(lengths)) + 1} is zero"
+    elif abs(np.linalg.det(v / lengths[:, None])) < _SMALLEST_TRIPLE:
+        yield "base_directions: v_1, v_2, v_3 lie in one plane"
 
 
 def _angle_problems(alpha: Array) -> Iterator[str]:
-    shape = _shape_problems("arc_angles", alpha, (3,))
-    yield from shape
-    if not shape:
-        if not ((alpha > 0) & (alpha < 2 * np.pi)).all():
-            yield f"arc_angles: {alpha} rad, each must lie in (0, 2 pi)"
-        total = float(alpha.sum())
-        if abs(total - 2 * np.pi) > _SLACK:
-            yield (
-                f"arc_angles: they add up to {total:.12g} rad, not to 2 pi: "
-                "the star does not close (are these degrees?)"
-            )
+    if not ((alpha > 0) & (alpha < 2 * np.pi)).all():
+        yield f"arc_angles: {alpha} rad, each must lie in (0, 2 pi)"
+    total = float(alpha.sum())
+    if abs(total - 2 * np.pi) > _SLACK:
+        yield (
+            f"arc_angles: they add up to {total:.12g} rad, not to 2 pi: "
+            "the star does not close (are these degrees?)"
+        )
 
 
 def _body_problems(name: str, body: object) -> list[str]:

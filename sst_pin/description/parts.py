@@ -1,20 +1,21 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Parts that an SST could be built of.
+"""Parts that an SST could be built of, as solids and as triangle meshes (trimesh).
 
 The paper fixes axes and two radii; the rest is chosen so that the bodies turn in shells about O and
 keep clear of each other: base frame and links inside, carriages on them, the star outside.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
+from typing import Any, BinaryIO
 
 import numpy as np
 
+from ..errors import MissingExtraError
+from ..files import Writer
 from .parameters import Parameters
-from .solids import Arc, Ball, Box, Cylinder, Solid, bar, rod
+from .solids import Arc, Ball, Box, Cylinder, Solid, bar, rod, surface
 
-# Sizes in metres for the paper's radii, 0.35 and 0.40 m; see `_scale`.
+# Sizes in metres for the paper's radii, 0.35 and 0.40 m; `parts_of` scales them.
 _TUBE = 0.006  # radius of the base frame
 _BALL = 0.044
 _MOTOR = 0.032  # radius
@@ -25,13 +26,12 @@ _ROLLER = 0.007
 
 
 def parts_of(p: Parameters) -> dict[str, tuple[Solid, ...]]:
-    """Solids of each mesh, by its name.
+    """Solids of each mesh, by its name; the legs share theirs.
 
-    Returns:
-        `base` and `motors` in base axes, `link` in {1k}, `passive` in {2k}, `arc` and `tool` in
-        {3k}; the legs share theirs.
+    `base` and `motors` are in base axes, `link` in {1k}, `passive` in {2k}, the others in {3k}.
     """
-    scale = _scale(p)
+    # The base grows, and a carriage fits between the spheres.
+    scale = min(p.base_radius / 0.35, abs(_gap(p)) / 0.05)
     return {
         "base": tuple(_base(p, scale)),
         "motors": tuple(_motors(p, scale)),
@@ -42,15 +42,42 @@ def parts_of(p: Parameters) -> dict[str, tuple[Solid, ...]]:
     }
 
 
+def meshes_of(p: Parameters) -> dict[str, Any]:
+    """Meshes of an SST, `trimesh.Trimesh` by its file's stem, in metres and axes of `parts_of`."""
+    try:
+        import trimesh
+    except ImportError:
+        raise MissingExtraError("trimesh", "mesh") from None
+
+    meshes = {}
+    for name, solids in parts_of(p).items():
+        parts = [trimesh.Trimesh(*surface(solid), process=False) for solid in solids]
+        meshes[name] = trimesh.util.concatenate(parts)
+    return meshes
+
+
+def mesh_writers(p: Parameters) -> dict[str, Writer]:
+    """Writers of the meshes as STL and OBJ, by the file's name from the URDF on."""
+    obj = {"include_normals": False, "digits": 6, "header": None}
+
+    def writer(mesh: Any, kind: str, **options: Any) -> Writer:
+        def write(file: BinaryIO) -> None:
+            content = mesh.export(file_type=kind, **options)
+            file.write(content if isinstance(content, bytes) else content.encode())
+
+        return write
+
+    writers = {}
+    for name, mesh in meshes_of(p).items():
+        writers[f"meshes/{name}.stl"] = writer(mesh, "stl")
+        writers[f"meshes/{name}.obj"] = writer(mesh, "obj", **obj)
+    return writers
+
+
 def _gap(p: Parameters) -> float:
     """Distance from the base sphere to the star's, negative when that is inside, never zero."""
     gap = p.star_radius - p.base_radius
     return float(np.copysign(max(abs(gap), 0.01 * p.base_radius), gap))
-
-
-def _scale(p: Parameters) -> float:
-    """Scale of the parts' sizes: the base grows, and a carriage fits between the spheres."""
-    return min(p.base_radius / 0.35, abs(_gap(p)) / 0.05)
 
 
 def _outside(p: Parameters) -> float:

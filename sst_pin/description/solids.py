@@ -1,49 +1,75 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Plain solids, and the primitives that enclose them.
+"""Plain solids: their surfaces, and the primitives that enclose them.
 
-Meshes and collision primitives are both made of these, so one cannot drift from the other.
+Meshes and collision primitives are both made of these, so one cannot drift from the other. A
+surface runs through the `loops` of its solid: convex, shape (loops, points, 3), [m], each
+counterclockwise when seen from the last one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Array
+from ..arrays import Array, Indices
+
+#: How far a circle's chords may lie inside it, [m].
+_CHORD = 2e-4
+#: Largest turn of an arc between two of its sections.
+_STEP = np.radians(4.5)
+#: Width of the bevel on an edge, as a share of the smallest size of the solid.
+_BEVEL = 0.12
+#: Angle of one straight piece of an arc's collision geometry; it stands off by 1.3 mm at most.
+_PIECE = np.radians(9)
 
 
 @dataclass(frozen=True)
 class Box:
-    """A box.
-
-    Attributes:
-        center: Shape (3,), [m].
-        axes: Directions of its edges, columns of a (3, 3) array.
-        size: Lengths of its edges, shape (3,), [m].
-    """
+    """A box by its centre, the directions of its edges as columns, and their lengths [m]."""
 
     center: Array
     axes: Array
     size: Array
 
+    def loops(self) -> Array:
+        """Four rectangles, bevelled."""
+        length, width, depth = self.size
+        bevel = _BEVEL * self.size.min()
+        heights = np.array((-length / 2, bevel - length / 2, length / 2 - bevel, length / 2))
+        wide, narrow = (_rectangle(width - inset, depth - inset, bevel) for inset in (0, 2 * bevel))
+        return self.center + _stack(heights, [narrow, wide, wide, narrow]) @ self.axes.T
+
+    def primitives(self) -> Iterable[Primitive]:
+        """Itself."""
+        return (self,)
+
 
 @dataclass(frozen=True)
 class Cylinder:
-    """A round solid between two points; a cone when its radii differ.
-
-    Attributes:
-        start: Shape (3,), [m].
-        end: Shape (3,), [m].
-        radius: At the start, [m].
-        end_radius: At the end, [m].
-    """
+    """A round solid between two points; a cone when its radii at the ends differ, [m]."""
 
     start: Array
     end: Array
     radius: float
     end_radius: float
+
+    def loops(self) -> Array:
+        """Four circles, bevelled."""
+        axis = self.end - self.start
+        length = float(np.linalg.norm(axis))
+        x, y, z = axes_along(axis).T
+        bevel = _BEVEL * min(self.radius, self.end_radius, length)
+        heights = np.array((0, bevel, length - bevel, length))
+        radii = np.array((self.radius - bevel, self.radius, self.end_radius))
+        radii = np.append(radii, self.end_radius - bevel)
+        circle = _circle(radii.max()) / radii.max()
+        return self.start + _stack(heights, [r * circle for r in radii]) @ np.stack([z, x, y])
+
+    def primitives(self) -> Iterable[Primitive]:
+        """The cylinder around a cone."""
+        return (rod(self.start, self.end, max(self.radius, self.end_radius)),)
 
 
 @dataclass(frozen=True)
@@ -53,30 +79,64 @@ class Ball:
     center: Array
     radius: float
 
+    def loops(self) -> Array:
+        """Circles of latitude."""
+        circle = _circle(self.radius)
+        latitudes = np.linspace(-1.5, 1.5, len(circle) // 2 + 1)
+        sections = [np.cos(latitude) * circle for latitude in latitudes]
+        return self.center + _stack(self.radius * np.sin(latitudes), sections)
+
+    def primitives(self) -> Iterable[Primitive]:
+        """Itself."""
+        return (self,)
+
 
 @dataclass(frozen=True)
 class Arc:
-    """A bar bent about O.
-
-    Attributes:
-        axes: The bar runs from the first column of this (3, 3) array towards the second.
-        radius: Radius of its middle line, [m].
-        angle: From one end to the other, [rad].
-        section: Radial and axial size of its section, [m].
-        round: Whether the section is a circle instead of a rectangle, its sizes then equal.
-    """
+    """A bar bent about O, from the first column of its axes towards the second."""
 
     axes: Array
+    #: Radius of its middle line, [m].
     radius: float
+    #: From one end to the other, [rad].
     angle: float
+    #: Radial and axial size of its section, [m]; a circle's are equal.
     section: tuple[float, float]
     round: bool = False
 
+    def loops(self) -> Array:
+        """Its sections."""
+        depth, width = self.section
+        bevel = _BEVEL * min(self.section)
+        section = _circle(depth / 2) if self.round else _rectangle(depth, width, bevel)
+        angles = np.linspace(0, self.angle, int(np.ceil(self.angle / _STEP - 1e-9)) + 1)
+        radial = np.outer(np.cos(angles), self.radius + section[:, 0])
+        along = np.outer(np.sin(angles), self.radius + section[:, 0])
+        local = np.stack([radial, along, np.broadcast_to(section[:, 1], radial.shape)], axis=-1)
+        # Counterclockwise in (radial, axial) is clockwise from where the arc goes.
+        return local[:, ::-1] @ self.axes.T
 
-Solid = Box | Cylinder | Ball | Arc
+    def primitives(self) -> Iterator[Primitive]:
+        """Straight pieces."""
+        count = int(np.ceil(self.angle / _PIECE - 1e-9))
+        half = self.angle / count / 2
+        depth, width = self.section
+        inner, outer = (self.radius - depth / 2) * np.cos(half), self.radius + depth / 2
+        middle, length = (inner + outer) / 2, 2 * outer * np.tan(half)
+        x, y, z = self.axes.T
+        for angle in half * (2 * np.arange(count) + 1):
+            c, s = np.cos(angle), np.sin(angle)
+            radial, along = c * x + s * y, c * y - s * x
+            if self.round:
+                center, reach = middle * radial, length / 2 * along
+                yield rod(center - reach, center + reach, (outer - inner) / 2)
+            else:
+                axes = np.stack([radial, along, z], axis=-1)
+                yield Box(middle * radial, axes, np.array((outer - inner, length, width)))
 
-#: Angle of one straight piece of an arc's collision geometry; it stands off by 1.3 mm at most.
-_PIECE = np.radians(9)
+
+Primitive = Box | Cylinder | Ball
+Solid = Primitive | Arc
 
 
 def rod(start: Array, end: Array, radius: float) -> Cylinder:
@@ -91,15 +151,22 @@ def bar(start: Array, end: Array, across: Array, width: float, thick: float) -> 
     return Box((start + end) / 2, axes, np.array((np.linalg.norm(end - start), width, thick)))
 
 
-def primitives(solid: Solid) -> Iterator[Box | Cylinder | Ball]:
-    """Boxes, cylinders and spheres that enclose a solid."""
-    if isinstance(solid, Cylinder):
-        radius = max(solid.radius, solid.end_radius)
-        yield Cylinder(solid.start, solid.end, radius, radius)
-    elif isinstance(solid, Arc):
-        yield from _pieces(solid)
-    else:
-        yield solid
+def surface(solid: Solid) -> tuple[Array, Indices]:
+    """Vertices and faces of a closed surface of triangles."""
+    loops = solid.loops()
+    count, points, _ = loops.shape
+    ends = loops[[0, -1]].mean(axis=1)
+    here = np.arange(count * points).reshape(count, points)
+    beside = np.roll(here, -1, axis=1)
+    first, last = np.full(points, count * points), np.full(points, count * points + 1)
+    faces = [
+        (here[:-1], beside[:-1], beside[1:]),
+        (here[:-1], beside[1:], here[1:]),
+        (first, beside[0], here[0]),
+        (last, here[-1], beside[-1]),
+    ]
+    corners = [np.stack([c.ravel() for c in corner], axis=-1) for corner in faces]
+    return np.concatenate([loops.reshape(-1, 3), ends]), np.concatenate(corners)
 
 
 def axes_along(direction: Array) -> Array:
@@ -111,18 +178,22 @@ def axes_along(direction: Array) -> Array:
     return np.stack([x, np.cross(z, x), z], axis=-1)
 
 
-def _pieces(arc: Arc) -> Iterator[Box | Cylinder]:
-    count = int(np.ceil(arc.angle / _PIECE - 1e-9))
-    half = arc.angle / count / 2
-    depth, width = arc.section
-    inner, outer = (arc.radius - depth / 2) * np.cos(half), arc.radius + depth / 2
-    middle, length = (inner + outer) / 2, 2 * outer * np.tan(half)
-    x, y, z = arc.axes.T
-    for angle in half * (2 * np.arange(count) + 1):
-        radial, along = np.cos(angle) * x + np.sin(angle) * y, np.cos(angle) * y - np.sin(angle) * x
-        if arc.round:
-            center, reach = middle * radial, length / 2 * along
-            yield rod(center - reach, center + reach, (outer - inner) / 2)
-        else:
-            axes = np.stack([radial, along, z], axis=-1)
-            yield Box(middle * radial, axes, np.array((outer - inner, length, width)))
+def _stack(heights: Array, sections: Sequence[Array]) -> Array:
+    """Loops one above the other; the first coordinate is the height."""
+    pairs = zip(heights, sections, strict=True)
+    return np.stack([np.insert(section, 0, height, axis=1) for height, section in pairs])
+
+
+def _circle(radius: float) -> Array:
+    """Points of a circle, counterclockwise; a multiple of four, so that its size is right."""
+    cosine = max(1 - _CHORD / radius, 0.9)  # eight points at least
+    quarter = np.ceil(np.pi / 4 / np.arccos(cosine))
+    angles = np.pi / 2 / quarter * np.arange(4 * quarter)
+    return radius * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+
+
+def _rectangle(width: float, depth: float, bevel: float) -> Array:
+    """Points of a rectangle, counterclockwise, the corners cut off."""
+    a, b = width / 2, depth / 2
+    half = np.array(((a, bevel - b), (a, b - bevel), (a - bevel, b), (bevel - a, b)))
+    return np.concatenate([half, -half])

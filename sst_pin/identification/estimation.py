@@ -210,7 +210,7 @@ def report(chain: ClosedChain, found: Estimate, theta: ArrayLike, unseen: Trajec
     error = np.sqrt(np.mean(errors**2, axis=0))
     motors = zip(chain.motor_names, chain.motor_units, found.noise, error, size, strict=True)
     lines = [
-        f"# Dynamic parameters of {chain.model.name}",
+        f"# Dynamic parameters of {chain.mechanism.model.name}",
         "",
         f"{len(found.base)} combinations of {len(found.base.considered)} parameters, of which "
         f"{int(found.supported.sum())} differ from zero by more than three standard deviations.",

@@ -116,7 +116,7 @@ def placements(names: Sequence[str], values: Array) -> dict[str, pin.SE3]:
 
 def moved(chain: ClosedChain, errors: dict[str, pin.SE3]) -> ClosedChain:
     """The robot with its joints and frames where the errors put them."""
-    model = pin.Model(chain.model)
+    model = pin.Model(chain.mechanism.model)
     for place, error in errors.items():
         if model.existJointName(place):
             k = model.getJointId(place)

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from copy import copy
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -46,7 +48,7 @@ def coordinate_motion(
         >>> motion.q.shape, motion.tau.shape
         ((21, 3), (21, 1))
     """
-    times = sample_times(t, 3)
+    chain, times = copy(chain), sample_times(t, 3)
     values = finite_array("x", x, (len(chain.coordinates),))
     if values.shape != (len(times), len(chain.coordinates)):
         raise InputError(

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -56,6 +57,7 @@ def energy_balance(chain: ClosedChain, motion: Trajectory) -> EnergyBalance:
         InputError: For another motion.
         ClosureError: When its loops are open.
     """
+    chain = copy(chain)
     require_motion(motion, chain)
     if len(motion) < 2:
         raise InputError("motion", "has one sample; at least two are needed")

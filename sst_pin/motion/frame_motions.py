@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from copy import copy
+
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
@@ -53,7 +55,7 @@ def frame_motion(
         >>> delta.platform_pose(motion.q[-1])[:3, 3].round(4)
         array([ 0.027 ,  0.0421, -0.25  ])
     """
-    times = sample_times(t, 3)
+    chain, times = copy(chain), sample_times(t, 3)
     targets = targets_of(poses, len(times))
     coordinates = np.eye(chain.mechanism.model.nv)[chain.mechanism.coordinates]
     kept = (targets[0][0] is not None, targets[0][1] is not None)

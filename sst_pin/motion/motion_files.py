@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from copy import copy
 from pathlib import Path
 from typing import BinaryIO, TypeGuard
 
@@ -47,7 +48,7 @@ def read_motion(chain: ClosedChain, source: str | Path | BinaryIO) -> Trajectory
     Raises:
         FileFormatError: When the file is not such a motion, with the line at fault.
     """
-    return _motion_of(chain, read_table(source), keep_torques=False)
+    return _motion_of(copy(chain), read_table(source), keep_torques=False)
 
 
 def load_motion(chain: ClosedChain, source: str | Path | BinaryIO) -> Trajectory:
@@ -60,6 +61,7 @@ def load_motion(chain: ClosedChain, source: str | Path | BinaryIO) -> Trajectory
     Raises:
         FileFormatError: As `read_motion`.
     """
+    chain = copy(chain)
     if is_npz(source):
         return of_robot(chain, Trajectory.load(source), source)
     return _motion_of(chain, read_table(source), keep_torques=True)

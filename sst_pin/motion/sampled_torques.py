@@ -113,7 +113,7 @@ class Sampling:
         period, name = self._torque.period, "torque(t, q, va)"
         periods = floor((t - self._start) / period + _SAME)
         if periods >= self._calls:
-            found = finite_array(name, self._torque.function(t, *where()), ())
+            found = finite_array(name, self._torque.function(t, *map(np.copy, where())), ())
             if self._motors is None:
                 self._motors, self.now = len(found), np.zeros(len(found))
             found = single_array(name, found, (self._motors,))

@@ -194,7 +194,8 @@ def _called_or_constant(
     if callable(value):
 
         def one(t: float, q: Array, va: Array) -> Array:
-            return single_array(f"{name}(t, q, va)", value(t, q, va), shape)
+            given = value(t, q.copy(), va.copy())  # which a function may change
+            return single_array(f"{name}(t, q, va)", given, shape)
 
         return Input(
             lambda t, where: one(t, *where()),

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import matplotlib as mpl
@@ -30,24 +30,14 @@ FORCE = {"Nm": "motor torque (N m)", "N": "motor force (N)"}
 
 
 class Curves(NamedTuple):
-    """Numbers over time with names and units.
-
-    Attributes:
-        names: Names of the columns.
-        units: Units of the columns.
-        values: Shape (N, columns).
-    """
+    """Numbers over time with a name and a unit for each column; `values` of shape (N, columns)."""
 
     names: tuple[str, ...]
     units: tuple[str, ...]
     values: Array
 
     def pick(self, names: Sequence[str] | None) -> Curves:
-        """The curves of some names; all of them by default.
-
-        Raises:
-            UnknownNameError: For a name that none of them has.
-        """
+        """The curves of some names; all of them by default."""
         if names is None:
             return self
         for name in names:
@@ -57,15 +47,12 @@ class Curves(NamedTuple):
         return Curves(tuple(names), tuple(self.units[i] for i in chosen), self.values[:, chosen])
 
     def unit(self) -> str:
-        """The unit of the curves.
-
-        Raises:
-            InputError: When there are several, or nothing to draw.
-        """
+        """The one unit of the curves; InputError for several units or nothing to draw."""
         kinds = list(dict.fromkeys(self.units))
         if len(kinds) != 1:
-            what = f"of several units ({', '.join(map(repr, kinds))})" if kinds else "none"
-            raise InputError("names", f"{what}; name curves of one unit, or draw a motion_page")
+            units = f"of several units ({', '.join(map(repr, kinds))})"
+            several = f"{units}; name curves of one unit, or draw a motion_page"
+            raise InputError("names", several if kinds else "none, so there is nothing to draw")
         return kinds[0]
 
     def panels(self) -> Iterator[tuple[str, ...]]:
@@ -76,19 +63,49 @@ class Curves(NamedTuple):
             yield from (tuple(share) for share in np.array_split(names, count))
 
 
-def draw(ax: Axes, t: Array, curves: Curves, labels: Sequence[str]) -> None:
-    """Draw each column as a curve with its own style."""
+def draw(
+    ax: Axes,
+    t: Array,
+    curves: Curves,
+    labels: Sequence[str],
+    what: str,
+    *others: tuple[Array, str, Mapping[str, Any]],
+    zero: bool = False,
+) -> Axes:
+    """Curves with a look for each, `others` with labels and looks of their own, axes, a legend.
+
+    With `zero` a thin line is drawn at 0.
+    """
     for look, values, label in zip(looks(curves.names), curves.values.T, labels, strict=True):
         ax.plot(t, values, label=label, **look)
-
-
-def finish(ax: Axes, t: Array, what: str, *, zero: bool = False) -> Axes:
-    """Labels of the axes and a legend, once all curves are drawn; a thin line at 0."""
+    for values, label, own in others:
+        ax.plot(t, values, label=label, **own)
     if zero:
-        ax.axhline(0, color="0.7", linewidth=0.5, zorder=0)
-    _axes(ax, t, what)
+        zero_line(ax)
+    ax.set(xlabel="time (s)", ylabel=what, xlim=(t[0], t[-1]))
+    if ax.get_yscale() == "linear":
+        _plain_numbers(ax)
     legend_above(ax)
     return ax
+
+
+def zero_line(ax: Axes) -> None:
+    """A thin line at 0."""
+    ax.axhline(0, color="0.7", linewidth=0.5, zorder=0)
+
+
+def _plain_numbers(ax: Axes) -> None:
+    """Numbers along y without a power of ten apart, above the axes."""
+    low, high = ax.get_ylim()
+    size = max(abs(low), abs(high))
+    if high - low < 1e-4 * size:  # else the numbers are long and differ at their ends
+        ax.set_ylim(low - 5e-5 * size, high + 5e-5 * size)
+    if 1e-4 < size < 1e6:
+        plain = mpl.ticker.ScalarFormatter(useOffset=False)
+        plain.set_scientific(False)
+        ax.yaxis.set_major_formatter(plain)
+    else:
+        ax.yaxis.set_major_formatter(lambda y, _: f"{y:.6g}".replace("-", "\N{MINUS SIGN}"))
 
 
 def looks(names: Sequence[str]) -> list[dict[str, Any]]:
@@ -109,10 +126,9 @@ def looks(names: Sequence[str]) -> list[dict[str, Any]]:
 
 
 def _look(colour: int, dashes: int, mark: int, place: int = 0) -> dict[str, Any]:
-    look = {"color": _HUES[colour], "linestyle": DASHES[dashes]}
-    if not _MARKS[mark]:
-        return look
-    return look | {
+    return {
+        "color": _HUES[colour],
+        "linestyle": DASHES[dashes],
         "marker": _MARKS[mark],
         "markevery": (0.02 + 0.018 * place, 0.17),  # not below one another
         "markersize": 3.5,
@@ -139,8 +155,8 @@ def subscript(digits: str) -> str:
     return digits if len(digits) == 1 else f"{{{digits}}}"
 
 
-def number(name: str) -> str:
-    """The number of a name like gamma_1, else an empty text."""
+def digits_of(name: str) -> str:
+    """The digits of a name like gamma_1; of another name an empty text."""
     found = _LETTER.fullmatch(name)
     return found[2] if found else ""
 
@@ -148,14 +164,16 @@ def number(name: str) -> str:
 def legend_above(ax: Axes) -> None:
     """A legend above the axes, where it covers no curve, in as many columns as fit."""
     handles, labels = ax.get_legend_handles_labels()
-    longest = max((_length(text) for text in labels), default=1)
+    longest = max(map(_letters, labels), default=1)
     size = mpl.rcParams["font.size"] * (1 if longest < 8 else 0.83)
     entry = size * (5.2 + 0.45 * longest)  # [pt]: handle, gaps, letters
-    columns = int(np.clip(_width(ax) // entry, 1, 3))
+    spec = ax.get_subplotspec()
+    share = 1 / spec.get_gridspec().ncols if spec else ax.get_position().width
+    width = 72 * ax.figure.get_figwidth() * share - 55  # [pt], roughly
     ax.legend(
         handles,
         labels,
-        ncols=columns,
+        ncols=int(np.clip(width // entry, 1, 3)),
         loc="lower left",
         bbox_to_anchor=(0.0, 1.0),
         borderaxespad=0.3,
@@ -165,30 +183,7 @@ def legend_above(ax: Axes) -> None:
     )
 
 
-def _width(ax: Axes) -> float:
-    """Approximate width of a legend over the axes, [pt]."""
-    spec = ax.get_subplotspec()
-    share = 1 / spec.get_gridspec().ncols if spec else ax.get_position().width
-    return float(72 * ax.figure.get_figwidth() * share - 55)
-
-
-def _length(text: str) -> int:
-    """Approximate number of letters of a label; a command of mathematics counts as one."""
+def _letters(text: str) -> int:
+    """About how many letters a label has; a command of mathematics counts as one."""
     plain = re.sub(r"\\[a-z]+\s?|\^\{.*?\}", "x", text)
     return len(re.sub(r"[${}_\\,]", "", plain) if "$" in text else text)
-
-
-def _axes(ax: Axes, t: Array, what: str) -> None:
-    """Labels, ends and numbers of the axes; no power of ten stands apart, above the axes."""
-    ax.set(xlabel="time (s)", ylabel=what, xlim=(t[0], t[-1]))
-    if ax.get_yscale() == "linear":
-        low, high = ax.get_ylim()
-        size = max(abs(low), abs(high))
-        if high - low < 1e-4 * size:  # else the numbers are long and differ at their ends
-            ax.set_ylim(low - 5e-5 * size, high + 5e-5 * size)
-        if 1e-4 < size < 1e6:
-            plain = mpl.ticker.ScalarFormatter(useOffset=False)
-            plain.set_scientific(False)
-            ax.yaxis.set_major_formatter(plain)
-        else:
-            ax.yaxis.set_major_formatter(lambda y, _: f"{y:.6g}".replace("-", "\N{MINUS SIGN}"))

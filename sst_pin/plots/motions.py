@@ -3,19 +3,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
-from ..arrays import Array
 from ..chain.closed_chain import ClosedChain
 from ..motion.energy import energy_balance as balance_of
 from ..motion.energy import motor_powers
+from ..motion.moving_robot import require_motion
 from ..motion.trajectories import Trajectory
 from . import curves
 from .curves import Curves
-from .sphere import PATHS
 from .style import Axes
 
 _ALL: dict[str, Any] = {"color": "black", "linewidth": 1.8}
@@ -39,14 +38,12 @@ def motor_torques(ax: Axes, motion: Trajectory, motors: Sequence[str] | None = N
         'motor torque (N m)'
     """
     found = _torques(motion).pick(motors)
-    unit = found.unit()
-    numbers = [curves.number(name) for name in found.names]
-    if all(numbers) and len(set(numbers)) == len(numbers):
-        labels = [rf"$\tau_{curves.subscript(k)}$" for k in numbers]
+    digits = [curves.digits_of(name) for name in found.names]
+    if all(digits) and len(set(digits)) == len(digits):
+        labels = [rf"$\tau_{curves.subscript(k)}$" for k in digits]
     else:
         labels = [curves.label(name) for name in found.names]
-    curves.draw(ax, motion.t, found, labels)
-    return curves.finish(ax, motion.t, curves.FORCE[unit], zero=True)
+    return curves.draw(ax, motion.t, found, labels, curves.FORCE[found.unit()], zero=True)
 
 
 def joint_angles(ax: Axes, motion: Trajectory, joints: Sequence[str] | None = None) -> Axes:
@@ -68,9 +65,8 @@ def joint_angles(ax: Axes, motion: Trajectory, joints: Sequence[str] | None = No
         'joint angle (deg)'
     """
     found = _positions(motion).pick(joints)
-    unit = found.unit()
-    curves.draw(ax, motion.t, found, [curves.label(name) for name in found.names])
-    return curves.finish(ax, motion.t, curves.POSITION[unit])
+    labels = [curves.label(name) for name in found.names]
+    return curves.draw(ax, motion.t, found, labels, curves.POSITION[found.unit()])
 
 
 def joint_rates(
@@ -86,16 +82,15 @@ def joint_rates(
 
     Raises:
         UnknownNameError: For an unknown name.
-        InputError: If some joints are revolute and others are prismatic.
+        InputError: For another robot's motion, or if some joints turn and others slide.
 
     Example:
         >>> plots.joint_rates(ax, chain, motion).get_ylabel()
         'joint rate (rad/s)'
     """
     found = _rates(robot, motion).pick(joints)
-    unit = found.unit()
-    curves.draw(ax, motion.t, found, [curves.label(name, r"\dot") for name in found.names])
-    return curves.finish(ax, motion.t, curves.RATE[unit], zero=True)
+    labels = [curves.label(name, r"\dot") for name in found.names]
+    return curves.draw(ax, motion.t, found, labels, curves.RATE[found.unit()], zero=True)
 
 
 def powers(
@@ -111,23 +106,22 @@ def powers(
 
     Raises:
         UnknownNameError: For an unknown name.
+        InputError: For another robot's motion.
 
     Example:
         >>> plots.powers(ax, chain, motion).get_ylabel()
         'power (W)'
     """
-    power = motor_powers(robot, motion)
-    found = _powers(motion, power).pick(motors)
-    numbers = [curves.number(name) for name in found.names]
+    every = _powers(robot, motion)
+    found = every.pick(motors)
     labels = [
-        f"motor {k}" if k else curves.label(n) for k, n in zip(numbers, found.names, strict=True)
+        f"motor {k}" if (k := curves.digits_of(name)) else curves.label(name)
+        for name in found.names
     ]
-    curves.draw(ax, motion.t, found, labels)
-    ax.plot(motion.t, power.sum(axis=1), label="all motors", **_ALL)
+    others = [(every.values.sum(axis=1), "all motors", _ALL)]
     if not robot.friction.none:
-        lost = robot.friction_power(motion.q, motion.va)
-        ax.plot(motion.t, lost, label="friction", **_FRICTION)
-    return curves.finish(ax, motion.t, "power (W)", zero=True)
+        others.append((robot.friction_power(motion.q, motion.va), "friction", _FRICTION))
+    return curves.draw(ax, motion.t, found, labels, "power (W)", *others, zero=True)
 
 
 def energy_balance(ax: Axes, robot: ClosedChain, motion: Trajectory) -> Axes:
@@ -138,6 +132,9 @@ def energy_balance(ax: Axes, robot: ClosedChain, motion: Trajectory) -> Axes:
         robot: Any closed chain.
         motion: A motion of this robot without external loads.
 
+    Raises:
+        InputError: For another robot's motion.
+
     Example:
         >>> plots.energy_balance(ax, chain, motion).get_ylabel()
         'energy since start (J)'
@@ -145,13 +142,12 @@ def energy_balance(ax: Axes, robot: ClosedChain, motion: Trajectory) -> Axes:
     balance = balance_of(robot, motion)
     names = ("kinetic", "potential", "work of motors")
     values = np.stack([balance.kinetic, balance.potential, balance.motors], axis=1)
-    curves.draw(ax, motion.t, Curves(names, ("J",) * 3, values), names)
+    found = Curves(names, ("J",) * 3, values)
+    residual = rf"residual $\leq$ {upper_bound(np.abs(balance.error).max())} J"
+    others = [(balance.error, residual, {"color": "black", "linewidth": 0.8})]
     if not robot.friction.none:
-        ax.plot(motion.t, balance.friction, label="work of friction", **_FRICTION)
-    worst = np.abs(balance.error).max()
-    label = rf"residual $\leq$ {upper_bound(worst)} J"
-    ax.plot(motion.t, balance.error, color="black", linewidth=0.8, label=label)
-    return curves.finish(ax, motion.t, "energy since start (J)")
+        others.insert(0, (balance.friction, "work of friction", _FRICTION))
+    return curves.draw(ax, motion.t, found, names, "energy since start (J)", *others)
 
 
 def condition_number(ax: Axes, robot: ClosedChain, motion: Trajectory) -> Axes:
@@ -166,65 +162,48 @@ def condition_number(ax: Axes, robot: ClosedChain, motion: Trajectory) -> Axes:
         robot: Any closed chain.
         motion: A motion of this robot.
 
+    Raises:
+        InputError: For another robot's motion.
+
     Example:
         >>> plots.condition_number(ax, chain, motion).get_ylabel()
         'condition number (1)'
     """
-    found = robot.singularity_measures(motion.q)
-    names, values = tuple(found), np.stack([*found.values()], axis=1)
-    labels = [curves.formula(name) for name in names]
-    curves.draw(ax, motion.t, Curves(names, ("",) * len(names), values), labels)
+    require_motion(motion, robot)
+    measures = robot.singularity_measures(motion.q)
+    names, values = tuple(measures), np.stack([*measures.values()], axis=1)
     if values.max() > max(20, 10 * values.min()):
         ax.set_yscale("log")
-    return curves.finish(ax, motion.t, "condition number (1)")
-
-
-def path_errors(ax: Axes, errors: Sequence[tuple[str, Array, Array]]) -> Axes:
-    """Angle between simulated and desired axis s over time, logarithmic (Fig. 11).
-
-    Args:
-        ax: 2-D axes.
-        errors: Label, times [s] and angles [rad] of each motion.
-
-    Example:
-        >>> t = np.array([0, 1, 2])
-        >>> plots.path_errors(ax, [("simulated", t, np.array([0, 1e-9, 3e-9]))]).get_yscale()
-        'log'
-    """
-    for (label, t, error), look in zip(errors, PATHS[1:], strict=False):
-        seen = error > 0  # an exact zero has no place on the axis
-        ax.semilogy(t[seen], error[seen], label=label, **look)
-    ax.set(xlabel="time (s)", ylabel="angle off the path (rad)", xlim=(t[0], t[-1]))
-    ax.legend()
-    return ax
+    found, labels = Curves(names, ("",) * len(names), values), map(curves.formula, names)
+    return curves.draw(ax, motion.t, found, [*labels], "condition number (1)")
 
 
 def _torques(motion: Trajectory) -> Curves:
     return Curves(motion.actuated, motion.torque_units, motion.tau)
 
 
-def _powers(motion: Trajectory, power: Array) -> Curves:
-    return Curves(motion.actuated, ("W",) * len(motion.actuated), power)
+def _powers(robot: ClosedChain, motion: Trajectory) -> Curves:
+    require_motion(motion, robot)
+    return Curves(motion.actuated, ("W",) * len(motion.actuated), motor_powers(robot, motion))
 
 
 def _positions(motion: Trajectory) -> Curves:
     """Positions, angles in degrees; a cosine and a sine become one angle."""
-    names, units, columns = [], [], []
+    found = []
     values = iter(zip(motion.joint_names, motion.units, motion.q.T, strict=True))
     for name, unit, column in values:
         if not unit and name.endswith("_cos"):
             _, _, sine = next(values)
-            names.append(name.removesuffix("_cos"))
-            units.append("rad")
-            columns.append(np.degrees(np.unwrap(np.arctan2(sine, column))))
+            angle = np.unwrap(np.arctan2(sine, column))
+            found.append((name.removesuffix("_cos"), "rad", np.degrees(angle)))
         else:
-            names.append(name)
-            units.append(unit)
-            columns.append(np.degrees(column) if unit == "rad" else column)
-    return Curves(tuple(names), tuple(units), np.stack(columns, axis=1))
+            found.append((name, unit, np.degrees(column) if unit == "rad" else column))
+    names, units, columns = zip(*found, strict=True)
+    return Curves(names, units, np.stack(columns, axis=1))
 
 
 def _rates(robot: ClosedChain, motion: Trajectory) -> Curves:
+    require_motion(motion, robot)
     space = robot.mechanism.space
     return Curves(space.rate_names, space.rate_units, robot.joint_rates(motion.q, motion.va))
 
@@ -238,38 +217,24 @@ def upper_bound(value: float) -> str:
     return rf"${digit}\times 10^{{{exponent}}}$" if digit < 10 else rf"$10^{{{exponent + 1}}}$"
 
 
-#: Draws into axes.
-Panel = Callable[[Axes], Axes]
-
-
-def panels(subject: str, robot: ClosedChain, motion: Trajectory) -> Iterator[Panel]:
-    """Functions that draw a subject, each into one pair of axes.
-
-    Args:
-        subject: A key of `CURVES`.
-        robot: Any closed chain.
-        motion: A motion of this robot.
-    """
-    draw, found = CURVES[subject], _PARTS.get(subject)
-    if found is None:
-        yield lambda ax: draw(ax, robot, motion, None)
-        return
-    for names in found(robot, motion).panels():
-        yield lambda ax, names=names: draw(ax, robot, motion, names)  # type: ignore[misc]
-
-
-#: What draws each kind of curve, by the name it has on the command line.
-CURVES: dict[str, Callable[[Axes, ClosedChain, Trajectory, Sequence[str] | None], Axes]] = {
-    "torques": lambda ax, robot, motion, names: motor_torques(ax, motion, names),
-    "joints": lambda ax, robot, motion, names: joint_angles(ax, motion, names),
-    "rates": joint_rates,
-    "power": powers,
-    "energy": lambda ax, robot, motion, names: energy_balance(ax, robot, motion),
-    "condition": lambda ax, robot, motion, names: condition_number(ax, robot, motion),
+#: Functions that draw each subject, and give its curves where they may take several axes.
+CURVES: dict[str, tuple[Callable[..., Axes], Callable[..., Curves] | None]] = {
+    "torques": (motor_torques, _torques),
+    "joints": (joint_angles, _positions),
+    "rates": (joint_rates, _rates),
+    "power": (powers, _powers),
+    "energy": (energy_balance, None),
+    "condition": (condition_number, None),
 }
-_PARTS: dict[str, Callable[[ClosedChain, Trajectory], Curves]] = {
-    "torques": lambda robot, motion: _torques(motion),
-    "joints": lambda robot, motion: _positions(motion),
-    "rates": _rates,
-    "power": lambda robot, motion: _powers(motion, motion.tau),
-}
+
+
+def panels(subject: str, robot: ClosedChain, motion: Trajectory) -> list[Callable[[Axes], Axes]]:
+    """Functions that draw a subject, one of `CURVES`, each into one pair of axes."""
+    draw, parts = CURVES[subject]
+    given = (motion,) if subject in ("torques", "joints") else (robot, motion)
+    chosen = [()] if parts is None else [(names,) for names in parts(*given).panels()]
+
+    def panel(names: Sequence[Any]) -> Callable[[Axes], Axes]:
+        return lambda ax: draw(ax, *given, *names)
+
+    return [panel(names) for names in chosen]

@@ -1,26 +1,29 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Pages with several axes about a motion or a workspace."""
+"""Pages with several axes: a motion, loads, measured torques, a workspace."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from textwrap import wrap
 from typing import cast
 
 import numpy as np
 from matplotlib.figure import Figure
+from numpy.typing import ArrayLike
 
-from ..arrays import Array
+from ..arrays import Array, finite_array
 from ..chain.appearance import PLATFORM
 from ..chain.closed_chain import ClosedChain
+from ..description.colours import HUES
 from ..errors import InputError
+from ..motion.bearing_loads import Load, Loads
 from ..motion.moving_robot import require_motion
 from ..motion.trajectories import Trajectory
 from ..sst.robot import SST
 from ..sst.workspace import WorkspaceMap
-from .frame_paths import frame_path, plane_of, points_of
-from .motions import CURVES, Panel, panels
-from .sphere import paths_on_sphere
+from .curves import label, legend_above, zero_line
+from .motions import CURVES, panels
+from .space import frame_path, origins_of, paths_on_sphere, plane_of
 from .style import Axes, StyledFigure, style
 from .workspace_maps import (
     condition_colourbar,
@@ -29,10 +32,11 @@ from .workspace_maps import (
     workspace_on_sphere,
 )
 
-#: What a page can show of a motion.
+#: Subjects of a page about a motion.
 SUBJECTS = ("path", *CURVES)
-#: What it shows by default.
-SUMMARY = ("path", "torques", "joints", "rates", "energy", "condition")
+_LOADS = {"force": "force (N)", "moment": "moment (N m)"}
+#: Loads that are smaller than this part of the largest are rounding.
+_NO_LOAD = 1e-9
 
 
 def motion_page(
@@ -43,19 +47,19 @@ def motion_page(
 ) -> Figure:
     """A page about a motion, two axes in a row, lettered; below them what `check` finds.
 
-    A subject takes several axes where units differ
-    or more than nine curves are to be told apart.
+    A subject takes several axes where units differ or more than nine curves are to be told apart.
 
     Args:
         robot: Any closed chain.
         motion: A motion of this robot, with more than one sample.
         subjects: Some of `SUBJECTS`, in the order of the page; all but power by default, the path
-            only for an SST or a given frame.
+            only for an SST or a given frame, torques only for a robot with motors.
         frame: Frame whose path is drawn, in the axes of the base. By default `platform`; for an
             SST the path of E on its sphere.
 
     Raises:
-        InputError: For an unknown subject, or a motion of another robot.
+        InputError: For an unknown subject, one that has nothing to show, or a motion of another
+            robot.
         UnknownNameError: For a frame that the model does not have.
 
     Example:
@@ -70,6 +74,8 @@ def motion_page(
     names = [] if isinstance(subjects, str) or not isinstance(subjects, Sequence) else subjects
     if not names or not all(name in SUBJECTS for name in names):
         raise InputError("subjects", f"{subjects!r}, expected some of {', '.join(SUBJECTS)}")
+    if not robot.motor_names and (none := {"torques", "power"}.intersection(names)):
+        raise InputError("subjects", f"{' and '.join(sorted(none))} of a robot without motors")
     with style():
         parts = [part for name in names for part in _parts(name, robot, motion, frame)]
         columns = min(len(parts), 2)
@@ -88,23 +94,18 @@ def motion_page(
 
 
 def summary_of(robot: ClosedChain, frame: str | None = None) -> tuple[str, ...]:
-    """Subjects of a `motion_page` by default.
-
-    Args:
-        robot: Any closed chain.
-        frame: Name of the frame whose path is drawn; None for no path.
-
-    Example:
-        >>> plots.summary_of(chain)
-        ('torques', 'joints', 'rates', 'energy', 'condition')
-    """
-    known = frame is not None or robot.appearance.spherical
-    return SUMMARY if known else SUMMARY[1:]
+    """Subjects of a `motion_page` by default, where the path of a frame is asked for or not."""
+    known = {
+        "path": frame is not None or robot.appearance.spherical,
+        "torques": bool(robot.motor_names),
+        "power": False,
+    }
+    return tuple(subject for subject in SUBJECTS if known.get(subject, True))
 
 
 def _parts(
     subject: str, robot: ClosedChain, motion: Trajectory, frame: str | None
-) -> Iterator[tuple[str | None, Panel]]:
+) -> Iterator[tuple[str | None, Callable[[Axes], Axes]]]:
     """Projection and content of each pair of axes that a subject takes."""
     if subject != "path":
         yield from ((None, panel) for panel in panels(subject, robot, motion))
@@ -119,7 +120,7 @@ def _parts(
         problem = f"name the frame whose path is drawn: frame= (--frame) one of {known}"
         raise InputError("frame", problem)
     name = frame or PLATFORM
-    flat = plane_of(points_of(robot, motion, name)) is not None
+    flat = plane_of(origins_of(robot, motion, name)) is not None
     yield None if flat else "3d", lambda ax: frame_path(ax, robot, motion, name)
 
 
@@ -131,6 +132,94 @@ def _letter(ax: Axes, place: int) -> None:
     else:
         at = {"xytext": (-10, 7), "textcoords": "offset points"}
         ax.annotate(f"({letter})", (0, 1), xycoords="axes fraction", ha="right", **at)
+
+
+def loads_page(loads: Loads) -> Figure:
+    """Forces and moments of joints and closures along a motion, a bar for each peak.
+
+    The inner bar is the root mean square; the numbers are the direction at the peak, x, y, z in the
+    axes of the wrench. Hatched bars come from stiffnesses.
+
+    Args:
+        loads: Table of `ClosedChain.loads`.
+
+    Raises:
+        InputError: For anything else.
+
+    Example:
+        >>> page = plots.loads_page(chain.loads(motion))
+        >>> page.axes[1].get_xlabel()
+        'moment (N m)'
+    """
+    if not isinstance(loads, Loads):
+        raise InputError("loads", f"a table of loads is needed, not {type(loads).__name__}")
+    largest = np.nanmax([row.peak for row in loads.rows] + [0.0])
+    figure = StyledFigure(figsize=(7, 1 + 0.12 * len(loads.rows)), layout="constrained")
+    with style():
+        for kind, ax in zip(_LOADS, figure.subplots(1, 2, sharey=True), strict=True):
+            _bars(ax, [row for row in loads.rows if row.kind == kind], _NO_LOAD * largest)
+            ax.set_xlabel(_LOADS[kind])
+    return figure
+
+
+def _bars(ax: Axes, rows: list[Load], zero: float) -> None:
+    told = set()
+    for y, row in enumerate(rows):
+        text = "0" if row.peak <= zero else "not unique"
+        if row.peak > zero:
+            what = "peak" if row.determined else "peak, from stiffnesses"
+            hatch = "" if row.determined else "/////"
+            outline = {"facecolor": "white", "edgecolor": HUES[0], "linewidth": 0.8}
+            for size, name, width, look in (
+                (row.peak, what, 0.7, outline | {"hatch": hatch}),
+                (row.rms, "root mean square", 0.35, {"color": HUES[1]}),
+            ):
+                ax.barh(y, size, width, label=None if name in told else name, **look)
+                told.add(name)
+            text = ", ".join(f"{round(x, 2) + 0.0:.2f}" for x in row[4:7])
+        at = (row.peak if row.peak > zero else 0.0, y)
+        ax.annotate(text, at, (3, 0), textcoords="offset points", va="center", fontsize=6)
+    ax.set_yticks(range(len(rows)), [label(row.name) for row in rows])
+    ax.set(xlim=(0, 1.5 * ax.dataLim.x1 if told else 1), ylim=(len(rows) - 0.5, -0.5))
+    if told:
+        legend_above(ax)
+
+
+def torques_page(motion: Trajectory, predicted: ArrayLike) -> Figure:
+    """Measured torques of the motors, predicted ones, and the difference, a row for each motor.
+
+    Args:
+        motion: A motion with measured torques.
+        predicted: Torques for it, as of `identification.predicted_torques`, shape (N, motors).
+
+    Raises:
+        InputError: If the shapes differ, or for a motion without motors.
+
+    Example:
+        >>> page = plots.torques_page(motion, 0.9 * motion.tau)
+        >>> len(page.axes) == motion.tau.shape[1]
+        True
+    """
+    tau = finite_array("predicted", predicted, (motion.tau.shape[1],))
+    if tau.shape != motion.tau.shape:
+        raise InputError("predicted", f"shape {tau.shape}, expected {motion.tau.shape}")
+    if not motion.actuated:
+        raise InputError("motion", "has no motors")
+    count = len(motion.actuated)
+    figure = StyledFigure(figsize=(7, 0.6 + 1.2 * count), layout="constrained")
+    with style():
+        rows = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
+        for ax, name, unit, measured, told in zip(
+            rows, motion.actuated, motion.torque_units, motion.tau.T, tau.T, strict=True
+        ):
+            zero_line(ax)
+            ax.plot(motion.t, measured, color=HUES[0], label="measured")
+            ax.plot(motion.t, told, color=HUES[1], linestyle="--", label="predicted")
+            ax.plot(motion.t, measured - told, color="black", linewidth=0.6, label="difference")
+            ax.set_ylabel(f"{label(name)} ({unit.replace('Nm', 'N m')})")
+        rows[-1].set_xlabel("time (s)")
+        legend_above(rows[0])
+    return figure
 
 
 def workspace_page(
@@ -152,7 +241,7 @@ def workspace_page(
         >>> over_rolls = sst_pin.sst.workspace.workspace_over_rolls(robot, 6, rings=9, spokes=24)
         >>> plots.workspace_page(robot, at_psi, over_rolls).savefig("workspace.png")
     """
-    label, s = path or (None, None)
+    name, s = path or (None, None)
     psi = f"{np.degrees(at_psi.psi.flat[0]):g}°".replace("-", "\N{MINUS SIGN}")
     with style():
         figure = StyledFigure(figsize=(7.2, 7.0), layout="constrained")
@@ -165,7 +254,7 @@ def workspace_page(
             draw(ax, robot, workspace, s, colourbar=False).set_title(title)
         axes[1, 1].set_axis_off()
         condition_colourbar(axes[1, 1].inset_axes((0.0, 0.82, 1.0, 0.06)))
-        handles = [*workspace_legend(at_psi, label), *workspace_legend(over_rolls, label)]
+        handles = [*workspace_legend(at_psi, name), *workspace_legend(over_rolls, name)]
         once = {handle.get_label(): handle for handle in handles}
         axes[1, 1].legend(
             handles=list(once.values()), loc="upper center", bbox_to_anchor=(0.5, 0.6)

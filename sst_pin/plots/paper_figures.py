@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Figures 9, 10 and 11 of the paper, and the picture in the README of a description."""
 
-from __future__ import annotations
-
 from matplotlib.figure import Figure
 
 from ..description.parameters import Parameters
@@ -10,9 +8,9 @@ from ..files import Writer
 from ..motion.trajectories import Trajectory
 from ..sst.paper import angles_off_path
 from ..sst.robot import SST
-from .motions import motor_torques, path_errors
-from .sphere import paths_on_sphere, robot_pose
-from .style import figure_writer, figure_writers, style
+from .motions import motor_torques
+from .space import PATHS, paths_on_sphere, robot_pose
+from .style import Axes, figure_writer, style
 
 
 def paper_figures(
@@ -20,39 +18,35 @@ def paper_figures(
 ) -> dict[str, Writer]:
     """Figures 9, 10 and 11 of the paper as PNG and SVG, by file name.
 
-    Args:
-        robot: The paper's.
-        example: Example 1.
-        exact: Example 2 from the exact initial state.
-        rounded: Example 2 from the initial state as printed.
-
-    Example:
-        >>> from sst_pin.sst import paper
-        >>> circle = paper.example_1(robot, np.linspace(0, 0.1, 11))
-        >>> sorted(plots.paper_figures(robot, circle, circle, circle))[0]
-        'figure_09_path.png'
+    `example` is example 1, the others are example 2 from the exact and the printed initial state.
     """
-    files: dict[str, Writer] = {}
+    motions = [("exact start", exact), ("printed start", rounded)]
     with style():
-        size = (3.5, 3.3)
-        figure = Figure(figsize=size, layout="constrained")
-        paths_on_sphere(figure.add_subplot(projection="3d"), robot, [("path", example)])
-        files |= figure_writers(figure, "figure_09_path")
-
-        figure = Figure(figsize=(3.5, 2.5), layout="constrained")
-        motor_torques(figure.add_subplot(), example)
-        files |= figure_writers(figure, "figure_10_torques")
-
-        figure = Figure(figsize=(7.0, 3.2), layout="constrained")
-        motions = [("exact start", exact), ("printed start", rounded)]
-        left = figure.add_subplot(1, 2, 1, projection="3d")
+        path, torques, direct = (
+            Figure(figsize=size, layout="constrained")
+            for size in ((3.5, 3.3), (3.5, 2.5), (7.0, 3.2))
+        )
+        paths_on_sphere(path.add_subplot(projection="3d"), robot, [("path", example)])
+        motor_torques(torques.add_subplot(), example)
+        left = direct.add_subplot(1, 2, 1, projection="3d")
         paths_on_sphere(left, robot, [("wanted path", example), *motions])
-        errors = [
-            (label, motion.t, angles_off_path(robot, example, motion)) for label, motion in motions
-        ]
-        path_errors(figure.add_subplot(1, 2, 2), errors)
-        files |= figure_writers(figure, "figure_11_direct_dynamics")
-    return files
+        _path_errors(direct.add_subplot(1, 2, 2), robot, example, motions)
+    stems = ("figure_09_path", "figure_10_torques", "figure_11_direct_dynamics")
+    named = dict(zip(stems, (path, torques, direct), strict=True))
+    files = {f"{stem}.{kind}": figure for stem, figure in named.items() for kind in ("png", "svg")}
+    return {file: figure_writer(figure, file) for file, figure in files.items()}
+
+
+def _path_errors(
+    ax: Axes, robot: SST, wanted: Trajectory, motions: list[tuple[str, Trajectory]]
+) -> None:
+    """Angle between the axis s and the wanted one over time, logarithmic."""
+    for (label, motion), look in zip(motions, PATHS[1:], strict=True):
+        error = angles_off_path(robot, wanted, motion)
+        seen = error > 0  # an exact zero has no place on the axis
+        ax.semilogy(motion.t[seen], error[seen], label=label, **look)
+    ax.set(xlabel="time (s)", ylabel="angle off the path (rad)", xlim=wanted.t[[0, -1]])
+    ax.legend()
 
 
 def picture_writers(p: Parameters) -> dict[str, Writer]:

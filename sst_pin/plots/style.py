@@ -13,14 +13,13 @@ import matplotlib as mpl
 from cycler import cycler
 from matplotlib.figure import Figure
 
-from ..description.colours import HUES, LEG_COLOURS
+from ..description.colours import HUES
 from ..errors import OutputError
 from ..files import Writer, as_path
 
 Axes = Any
 
-#: Colours and dashes of legs 1, 2, 3, told apart without colour too (Okabe and Ito).
-COLOURS = LEG_COLOURS
+#: Dashes of legs 1, 2, 3, told apart without colour too.
 DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1.5, 1)))
 
 _STYLE: dict[Any, Any] = {
@@ -51,28 +50,14 @@ def style() -> AbstractContextManager[None]:
         ...     ax = plots.motor_torques(Figure().add_subplot(), motion)
         ...     ax.figure.savefig("torques.png")
     """
-    context: AbstractContextManager[None] = mpl.rc_context(_STYLE)
-    return context
+    return mpl.rc_context(_STYLE)
 
 
 class StyledFigure(Figure):
-    """A figure that has the look of `style` wherever it is drawn or saved.
+    """A figure that has the look of `style` wherever it is drawn or saved."""
 
-    Example:
-        >>> figure = plots.StyledFigure(figsize=(3.5, 2.5), layout="constrained")
-        >>> ax = plots.motor_torques(figure.add_subplot(), motion)
-        >>> figure.savefig("torques.pdf")
-    """
-
-    def draw(self, renderer: Any) -> None:
-        """Draw with the fonts of the pages; see `Figure.draw`."""
-        with style():
-            super().draw(renderer)
-
-    def savefig(self, fname: Any, **options: Any) -> None:
-        """Save with the fonts of the pages; see `Figure.savefig`."""
-        with style():
-            super().savefig(fname, **options)
+    draw = mpl.rc_context(_STYLE)(Figure.draw)
+    savefig = mpl.rc_context(_STYLE)(Figure.savefig)
 
     def _repr_png_(self) -> bytes:
         file = BytesIO()
@@ -81,15 +66,7 @@ class StyledFigure(Figure):
 
 
 def require_ending(path: str | Path) -> str:
-    """The kind of picture that a path's ending asks for.
-
-    Raises:
-        OutputError: For another ending than .png, .svg or .pdf.
-
-    Example:
-        >>> plots.require_ending("torques.pdf")
-        'pdf'
-    """
+    """Kind of picture by the ending of a path; OutputError unless it is .png, .svg or .pdf."""
     ending = as_path(path).suffix.lower()
     if ending[1:] not in _METADATA:
         raise OutputError(path, f"ending {ending!r} unknown; known: .png, .svg, .pdf")
@@ -97,16 +74,7 @@ def require_ending(path: str | Path) -> str:
 
 
 def figure_writer(figure: Figure, path: str | Path) -> Writer:
-    """A function that writes a figure in the format of the path's ending.
-
-    Raises:
-        OutputError: For another ending than .png, .svg or .pdf.
-
-    Example:
-        >>> page = plots.motion_page(chain, motion, ["torques"])
-        >>> with open("torques.svg", "wb") as file:
-        ...     plots.figure_writer(page, "torques.svg")(file)
-    """
+    """A function that writes a figure in the format of the path's ending."""
     kind = require_ending(path)
 
     def write(file: Any) -> None:
@@ -114,14 +82,3 @@ def figure_writer(figure: Figure, path: str | Path) -> Writer:
             figure.savefig(file, format=kind, metadata=_METADATA[kind])
 
     return write
-
-
-def figure_writers(figure: Figure, stem: str) -> dict[str, Writer]:
-    """Writers of a figure as PNG and SVG, by file name.
-
-    Example:
-        >>> page = plots.motion_page(chain, motion, ["torques"])
-        >>> list(plots.figure_writers(page, "torques"))
-        ['torques.png', 'torques.svg']
-    """
-    return {name: figure_writer(figure, name) for name in (f"{stem}.png", f"{stem}.svg")}

@@ -3,28 +3,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import matplotlib as mpl
 import numpy as np
 from contourpy import contour_generator
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch
 from matplotlib.patheffects import withStroke
-from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from ..arrays import Array
 from ..sst.platform_motion import orientation
 from ..sst.robot import SST
 from ..sst.workspace import Chart, WorkspaceMap
-from .sphere import great_arc
+from .space import great_arc
 from .style import Axes
 
 #: Steps of the condition number, each with its colour: light is good, dark is singular.
 LEVELS = (1, 1.1, 1.25, 1.5, 2, 3, 5, 10)
+COLOUR_MAP: Any = mpl.colormaps["viridis_r"].with_extremes(over="#1c0021")
+#: Colours and steps as arguments of Matplotlib.
+CONDITION: dict[str, Any] = {
+    "cmap": COLOUR_MAP,
+    "norm": mpl.colors.BoundaryNorm(LEVELS, COLOUR_MAP.N, extend="max"),
+}
 #: sin(mu_k) below which a leg is drawn as flat on its arc: three degrees.
 NEARLY_FLAT = np.sin(np.radians(3))
 
@@ -33,6 +37,11 @@ _FLAT_COLOUR = "#CC79A7"
 _BOUNDARY: dict[str, Any] = {"color": "black", "linewidth": 1.6}
 _SECOND: dict[str, Any] = {"color": "#D55E00", "linewidth": 1.4}
 _HALO: dict[str, Any] = {"path_effects": [withStroke(linewidth=2.8, foreground="white")]}
+_TEXT: dict[str, Any] = {
+    "ha": "center",
+    "va": "center",
+    "path_effects": [withStroke(linewidth=2, foreground="white", alpha=0.8)],
+}
 _TRIANGLE: dict[str, Any] = {"color": "black", "linewidth": 1.0, "linestyle": (0, (1, 1.5))} | _HALO
 _PATH: dict[str, Any] = {"color": "black", "linewidth": 1.3, "linestyle": (0, (4, 1.5))} | _HALO
 _ROLL: dict[str, Any] = {"color": "0.15", "linewidth": 0.6}
@@ -45,33 +54,12 @@ _BEST: dict[str, Any] = {
 }
 
 
-def condition_colours() -> tuple[Any, Any]:
-    """Colour map and norm of the condition number."""
-    cmap = mpl.colormaps["viridis_r"].with_extremes(over="#1c0021")
-    return cmap, mpl.colors.BoundaryNorm(LEVELS, cmap.N, extend="max")
-
-
-def condition_colourbar(ax: Axes) -> Axes:
-    """Colour bar of the condition number.
-
-    Args:
-        ax: 2-D axes, wide and low.
-
-    Example:
-        >>> plots.condition_colourbar(ax).get_xlabel()
-        'condition number of $A$ (1); hatched: a slider off its arc'
-    """
-    return _colourbar(ax.figure, cax=ax)
-
-
-def _colourbar(figure: Figure, cax: Axes | None = None, ax: Axes | None = None) -> Axes:
-    """A colour bar in axes of its own, or beside others."""
-    cmap, norm = condition_colours()
-    mappable = mpl.cm.ScalarMappable(norm=norm, cmap=cmap)
-    beside: dict[str, Any] = {"pad": 0.02, "shrink": 0.8, "aspect": 25} if cax is None else {}
-    bar = figure.colorbar(
-        mappable, cax=cax, ax=ax, orientation="horizontal", spacing="uniform", **beside
-    )
+def condition_colourbar(ax: Axes, *, within: bool = True) -> Axes:
+    """Colour bar of the condition number, in wide and low axes of its own or else below a map."""
+    mappable = mpl.cm.ScalarMappable(**CONDITION)
+    beside = {"ax": ax, "pad": 0.02, "shrink": 0.8, "aspect": 25}
+    place: dict[str, Any] = {"cax": ax} if within else beside
+    bar = ax.figure.colorbar(mappable, orientation="horizontal", spacing="uniform", **place)
     bar.set_ticks(LEVELS, labels=[f"{level:g}" for level in LEVELS])
     bar.set_label("condition number of $A$ (1); hatched: a slider off its arc")
     bar.ax.tick_params(labelsize=7, length=2)
@@ -82,18 +70,9 @@ def second_kind(robot: SST, workspace: WorkspaceMap) -> list[Array]:
     """Singular curves of the second kind, det A = 0, as directions of s, shapes (N, 3).
 
     Close to singularities of the first kind A is not well defined, and the curves have a gap.
-
-    Args:
-        robot: The SST.
-        workspace: A workspace of this robot at one psi.
-
-    Example:
-        >>> at_psi = sst_pin.sst.workspace.workspace_at(robot, 1.0, rings=41, spokes=72)
-        >>> all(curve.shape[1] == 3 for curve in plots.second_kind(robot, at_psi))
-        True
     """
     determinant = np.where(workspace.first_kind < NEARLY_FLAT, np.nan, workspace.determinant)
-    return _level_curves(robot, determinant, 0.0)
+    return _zeros(robot, determinant)
 
 
 def workspace_map(
@@ -124,10 +103,7 @@ def workspace_map(
     chart = Chart.of_robot(robot)
     _draw(ax, robot, workspace, path, chart.project, chart.axes[2])
     _graticule_labels(ax, chart)
-    _round(ax, _EDGE, 1.24)
-    if colourbar:
-        _colourbar(ax.figure, ax=ax)
-    return ax
+    return _framed(ax, _EDGE, 1.24, colourbar)
 
 
 def workspace_on_sphere(
@@ -154,10 +130,7 @@ def workspace_on_sphere(
     aside = Rotation.from_euler("yx", (-22, 6), degrees=True).as_matrix()
     view = aside @ Chart.of_robot(robot).axes
     _draw(ax, robot, workspace, path, lambda s: np.asarray(s @ view[:2].T), view[2])
-    _round(ax, 1.0, 1.1)
-    if colourbar:
-        _colourbar(ax.figure, ax=ax)
-    return ax
+    return _framed(ax, 1.0, 1.1, colourbar)
 
 
 def _draw(
@@ -185,9 +158,8 @@ def _draw(
         seen = (curve @ eye >= 0) & (curve @ chart.axes[2] >= -1e-9)
         ax.plot(*project(np.where(seen[:, None], curve, np.nan)).T, **look)
 
-    margin = _margin(workspace)
-    cmap, norm = condition_colours()
-    fill(workspace.condition_number, LEVELS, cmap=cmap, norm=norm, extend="max")
+    margin = np.where(np.isnan(workspace.margin), -np.pi, workspace.margin)  # flat is off the arc
+    fill(workspace.condition_number, LEVELS, **CONDITION, extend="max")
     with mpl.rc_context({"hatch.color": "white", "hatch.linewidth": 0.5}):
         fill(margin, (-2 * np.pi, 0), colors="none", hatches=["////"])
     for _, _, line in _parallels_and_meridians():
@@ -200,7 +172,7 @@ def _draw(
         _roll_lines(ax, workspace, x, y)
     for k in range(3):
         draw(great_arc(v[k], v[(k + 1) % 3]), **_TRIANGLE)
-    for curve in _level_curves(robot, margin, 0.0):
+    for curve in _zeros(robot, margin):
         draw(curve, **_BOUNDARY)
     if path is not None:
         draw(path, **_PATH)
@@ -214,9 +186,7 @@ def _draw(
             beside = (point - middle) / np.linalg.norm(point - middle)
             if np.linalg.norm(point) > 0.85 * np.hypot(x, y).max():  # not among the angles outside
                 beside = -beside
-            name = rf"$\mathbf{{v}}_{k + 1}$"
-            halo = [withStroke(linewidth=2, foreground="white", alpha=0.8)]
-            ax.text(*(point + 0.12 * beside), name, ha="center", va="center", path_effects=halo)
+            ax.text(*(point + 0.12 * beside), rf"$\mathbf{{v}}_{k + 1}$", **_TEXT)
 
 
 def workspace_legend(workspace: WorkspaceMap, path: str | None = None) -> list[Any]:
@@ -238,19 +208,15 @@ def workspace_legend(workspace: WorkspaceMap, path: str | None = None) -> list[A
         styles["isotropic pose" if _isotropic(workspace) else best] = _best_look(workspace)
     if path is not None:
         styles[path] = _PATH
-    if not _one_psi(workspace):
+    if _one_psi(workspace):
+        styles[r"singularity of the second kind: $\det A = 0$"] = _SECOND
+    else:
         styles["range of the roll angle about the star's axis"] = _ROLL
-        return _handles(styles)
-    styles[r"singularity of the second kind: $\det A = 0$"] = _SECOND
-    flat = Patch(
-        facecolor=_FLAT_COLOUR,
-        label=r"near the first kind: $|\sin\mu_k| < \sin 3°$",
-    )
-    return [*_handles(styles), flat]
-
-
-def _handles(styles: Mapping[str, Mapping[str, Any]]) -> list[Any]:
-    return [Line2D([], [], label=label, **look) for label, look in styles.items()]
+    handles: list[Any] = [Line2D([], [], label=name, **look) for name, look in styles.items()]
+    if _one_psi(workspace):
+        flat = r"near the first kind: $|\sin\mu_k| < \sin 3°$"
+        handles.append(Patch(facecolor=_FLAT_COLOUR, label=flat))
+    return handles
 
 
 def _isotropic(workspace: WorkspaceMap) -> bool:
@@ -266,16 +232,11 @@ def _one_psi(workspace: WorkspaceMap) -> bool:
     return bool(np.ptp(workspace.psi) == 0)
 
 
-def _margin(workspace: WorkspaceMap) -> Array:
-    """Distance from the ends of the arcs; a flat leg counts as off its arc."""
-    return np.where(np.isnan(workspace.margin), -np.pi, workspace.margin)
-
-
-def _level_curves(robot: SST, field: Array, level: float) -> list[Array]:
-    """Curves of a field on the grid of a workspace, as directions."""
+def _zeros(robot: SST, field: Array) -> list[Array]:
+    """Curves on which a field on the grid of a workspace is zero, as directions."""
     rings, spokes = field.shape
     x, y = np.moveaxis(Chart.grid(rings, spokes - 1), -1, 0)
-    found: Any = contour_generator(x=x, y=y, z=np.ma.masked_invalid(field)).lines(level)
+    found: Any = contour_generator(x=x, y=y, z=np.ma.masked_invalid(field)).lines(0.0)
     return [Chart.of_robot(robot).directions(curve) for curve in found]
 
 
@@ -287,7 +248,6 @@ def _roll_lines(ax: Axes, workspace: WorkspaceMap, x: Array, y: Array) -> None:
     best = np.array((x[workspace.best], y[workspace.best]))
     places = [best]
     found: Any = contour_generator(x=x, y=y, z=np.ma.masked_invalid(roll))
-    halo = [withStroke(linewidth=2, foreground="white", alpha=0.8)]
     ticks = mpl.ticker.MaxNLocator(5, steps=[1, 1.5, 3, 10])
     for level in ticks.tick_values(np.nanmin(roll), np.nanmax(roll)):
         lines = [_smooth(line, 1 / len(x)) for line in found.lines(level)]
@@ -299,8 +259,7 @@ def _roll_lines(ax: Axes, workspace: WorkspaceMap, x: Array, y: Array) -> None:
             place = below[np.abs(below[:, 0] - best[0]).argmin()]
             if min(np.linalg.norm(place - other) for other in places) > 0.13:
                 places.append(place)
-                middle = {"ha": "center", "va": "center", "path_effects": halo}
-                ax.text(*place, f"{level:.0f}°", fontsize=7, **middle)
+                ax.text(*place, f"{level:.0f}°", fontsize=7, **_TEXT)
 
 
 def _smooth(line: Array, step: float) -> Array:
@@ -315,13 +274,15 @@ def _smooth(line: Array, step: float) -> Array:
     return np.asarray(curve(np.linspace(0, length[-1], 400)))
 
 
-def _round(ax: Axes, radius: float, room: float) -> None:
-    """Draw the outline of the map, in axes without a frame."""
-    turn = np.linspace(0, 2 * np.pi, 361)
-    ax.plot(radius * np.cos(turn), radius * np.sin(turn), color="black", linewidth=0.6)
+def _framed(ax: Axes, radius: float, room: float, colourbar: bool) -> Axes:
+    """Axes with the outline of a map instead of a frame, and a colour bar below where asked for."""
+    ax.add_patch(Circle((0, 0), radius, fill=False, linewidth=0.6, zorder=2))
     limits = (-room * radius, room * radius)
     ax.set(xlim=limits, ylim=limits, aspect="equal")
     ax.set_axis_off()
+    if colourbar:
+        condition_colourbar(ax, within=False)
+    return ax
 
 
 def _parallels_and_meridians() -> Iterator[tuple[str, int, Array]]:
@@ -329,13 +290,9 @@ def _parallels_and_meridians() -> Iterator[tuple[str, int, Array]]:
     round_about = np.radians(np.linspace(-180, 180, 721))
     pole_to_pole = np.radians(np.linspace(5, 175, 341))  # at the poles they would crowd
     for at in range(30, 180, 30):
-        yield "phi", at, _directions(round_about, np.radians(at))
+        yield "phi", at, orientation(round_about, np.radians(at))[..., 0]
     for at in range(-150, 181, 30):
-        yield "theta", at, _directions(np.radians(at), pole_to_pole)
-
-
-def _directions(theta: ArrayLike, phi: ArrayLike) -> Array:
-    return orientation(*np.broadcast_arrays(theta, phi))[..., 0]
+        yield "theta", at, orientation(np.radians(at), pole_to_pole)[..., 0]
 
 
 def _graticule_labels(ax: Axes, chart: Chart) -> None:

@@ -1,20 +1,11 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Description files to what robots are made of: a tree, closures and motors."""
 
-from .cuts import Cuts, closed, is_marked, load_poses, parse_cuts, read_cuts, read_urdf
+from .closed_urdf import closed, is_marked, read_cuts, read_urdf, with_poses
+from .cuts import parse_cuts
 from .described import Described
 from .text import is_mjcf
 from .urdf import Urdf
 
-__all__ = [
-    "Cuts",
-    "Described",
-    "Urdf",
-    "closed",
-    "is_marked",
-    "is_mjcf",
-    "load_poses",
-    "parse_cuts",
-    "read_cuts",
-    "read_urdf",
-]
+__all__ = ["Described", "Urdf", "closed", "is_marked", "is_mjcf", "parse_cuts", "read_cuts"]
+__all__ += ["read_urdf", "with_poses"]

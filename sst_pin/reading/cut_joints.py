@@ -8,20 +8,19 @@ GRBDA's URDF+ has `<loop>` and `<coupling>`, Isaac Sim `<loop_joint>`, Gazebo a 
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..chain.closures import Closure, Coupling
 from ..errors import DescriptionError
-from .problems import Problem, error, number, numbers
+from .known_words import unknown
+from .problems import Problem, error, number, numbers, telling
 
-Array = NDArray[np.float64]
-
-#: The two sides of a joint that closes a loop, by element.
+#: The two sides of a joint that closes a loop, by element; in `<gazebo>` a joint.
 _SIDES = {
     "loop": ("predecessor", "successor"),
     "loop_constraint": ("predecessor", "successor"),
@@ -42,18 +41,31 @@ _KINDS = {
 }
 #: Axes of both frames that lie along the axes of the joint; z where a kind is not here.
 _ALONG = {"universal": np.eye(3)[:2]}
+_ENDS = [side for sides in _SIDES.values() for side in sides]
+_CUT = "@name @type {0} {1} {0}_origin {1}_origin {0}_axis {1}_axis axis limit dynamics"
+#: What these elements may hold. Limits are not enforced.
+_WORDS = {
+    **{tag: _CUT.format(*sides) for tag, sides in _SIDES.items()},
+    **dict.fromkeys(_ENDS, "@link @xyz @rpy origin"),
+    **dict.fromkeys(["origin", *(f"{end}_origin" for end in _ENDS)], "@xyz @rpy"),
+    **dict.fromkeys(["axis", *(f"{end}_axis" for end in _ENDS)], "@xyz"),
+    "dynamics": "*=0",
+    "coupling": "@name @type predecessor successor ratio",
+    "ratio": "@value",
+}
+_WORDS_OF_GAZEBO = {
+    "joint": "@name @type parent child pose axis axis2 sensor+ physics",
+    "pose": "@degrees=0",
+    **dict.fromkeys(("axis", "axis2"), "xyz limit dynamics use_parent_model_frame=0"),
+    "xyz": "",
+    "dynamics": "*=0",
+}
 
 
 class CutJoint(NamedTuple):
-    """A joint that closes a loop.
+    """A joint that closes a loop, by a kind of `Closure`; its frames are `name_A` and `name_B`.
 
-    Attributes:
-        name: Its name; its frames are called `name_A` and `name_B`.
-        kind: A kind of `Closure`.
-        links: The two links that it connects.
-        places: Its frame on each side.
-        seen_from: Relative to what the places are given: the links, or others at q = 0;
-            "universe" is the base.
+    `places` are its frame as seen from two links at q = 0; "universe" is the base.
     """
 
     name: str
@@ -92,124 +104,120 @@ def turned(place: pin.SE3, axis: Array, along: Array) -> pin.SE3:
 
 
 class Marks:
-    """What a URDF says of its loops beyond the tree.
+    """What a URDF says of its loops beyond the tree: joints that close them, and gears.
 
-    Attributes:
-        joints: Joints that close loops.
-        gears: Couplings of joints along two paths: URDF+'s `<coupling>`.
-        independent: Names of the joints that have the motors, in a URDF+.
-        problems: What cannot be read.
+    `independent` are names of the joints that have the motors, in a URDF+.
     """
 
     def __init__(self, root: ET.Element) -> None:
         self.joints: list[CutJoint] = []
         self.gears: list[Coupling] = []
         self.problems: list[Problem] = []
-        self._joints = {
-            name: joint
-            for joint in root.findall("joint")
-            if (name := _name(joint.find("child"), "link"))
-        }
-        self._links = {link.get("name", "") for link in root.findall("link")}
         self.independent = tuple(_independent(root))
-        for tag, sides in _SIDES.items():
+        self._bearers = {_name(joint, "child/link"): joint for joint in root.findall("joint")}
+        self._links = {_name(link, "name") for link in root.findall("link")}
+        for tag, (side, _) in _SIDES.items():
             for element in root.findall(tag):
-                self._read(self._joint, element, sides)
+                self._read(self._joint, element, _WORDS)
+            if set(root.iterfind(f".//{tag}[{side}]")).difference(root):
+                self.problems.append(error(tag, "it stands in another element, not in <robot>"))
         for element in root.findall("gazebo/joint[parent]"):
-            self._read(self._of_gazebo, element)
+            self._read(self._joint, element, _WORDS_OF_GAZEBO)
         for element in root.findall("coupling"):
-            self._read(self._gear, element)
+            self._read(self._gear, element, _WORDS)
 
-    def _read(self, reader: Callable[..., None], element: ET.Element, *more: object) -> None:
-        try:
-            reader(element, *more)
-        except ValueError as caught:
-            self.problems.append(error(f"{element.tag} {element.get('name')}", str(caught)))
-
-    def _joint(self, element: ET.Element, sides: tuple[str, str]) -> None:
-        kind, links, places, axes = _kind(element), [], [], []
-        for side in sides:
-            found = element.find(side)
-            links.append(self._link(_name(found, "link"), side))
-            origin = element.find(f"{side}_origin")
-            if origin is None and found is not None:
-                origin = found.find("origin")
-            places.append(_placement(found if origin is None else origin))
-            axis = element.find(f"{side}_axis")
-            axes.append(_axis(element.find("axis") if axis is None else axis))
-        if kind == "universal" and element.find("parent_axis") is None:
-            raise ValueError("a universal joint has two axes; write it as <constraint>")
-        if kind == "prismatic" and not np.allclose(axes[0], axes[1]):
-            raise ValueError("prismatic along two axes; both sides need the same")
-        self._add(element, kind, links, places, axes, links)
-
-    def _of_gazebo(self, element: ET.Element) -> None:
-        kind = _kind(element)
-        parent, child = (
-            self._link(element.findtext(side, "").strip(), side) for side in ("parent", "child")
-        )
-        pose = numbers(element.findtext("pose", "0 0 0 0 0 0"), 6)
-        if pose is None:
-            raise ValueError("its pose is not six numbers")
-        place = pin.SE3(pin.rpy.rpyToMatrix(pose[3:]), pose[:3])
-        tags = ("axis", "axis2") if kind == "universal" else ("axis", "axis")
-        axes = [_vector(element.findtext(f"{tag}/xyz", "0 0 1")) for tag in tags]
-        self._add(element, kind, [parent, child], [place, place], axes, [child, child])
-
-    def _add(
-        self,
-        element: ET.Element,
-        kind: str,
-        links: Sequence[str],
-        places: Sequence[pin.SE3],
-        axes: Sequence[Array],
-        seen_from: Sequence[str],
+    def _read(
+        self, reader: Callable[[ET.Element], None], element: ET.Element, words: Mapping[str, str]
     ) -> None:
-        if links[0] == links[1]:
-            raise ValueError(f"connects {links[0]} with itself")
+        problems = list(unknown(element, words))
+        with telling(problems):
+            reader(element)
+        where = f"{element.tag} {element.get('name')}"
+        self.problems += [error(where, text) for text in problems]
+
+    def _joint(self, element: ET.Element) -> None:
+        given, gazebo = _name(element, "type"), element.tag == "joint"
+        if given not in _KINDS:
+            raise ValueError(f"type {given!r} unknown; known: {', '.join(_KINDS)}")
+        kind, sides = _KINDS[given], _SIDES["constraint" if gazebo else element.tag]
+        read = _side_of_gazebo if gazebo else _side
+        (a, b), places, axes = zip(*(read(element, side) for side in sides), strict=True)
+        for side, link in zip(sides, (a, b), strict=True):
+            self._require_link(side, link)
+        if a == b:
+            raise ValueError(f"connects {a} with itself")
+        if kind == "universal" and not gazebo and element.find("parent_axis") is None:
+            raise ValueError("a universal joint has two axes; write it as <constraint>")
+        if kind == "prismatic" and not np.allclose(*axes):
+            raise ValueError("prismatic along two axes; both sides need the same")
         if kind not in ("6d", "3d"):
             along = _ALONG.get(kind, np.eye(3)[[2, 2]])
-            places = [turned(*each) for each in zip(places, axes, along, strict=True)]
-        a, b = places
-        name = _name(element, "name") or "_".join(links)
-        seen = seen_from[0], seen_from[1]
-        self.joints.append(CutJoint(name, kind, (links[0], links[1]), (a, b), seen))
+            places = tuple(turned(*each) for each in zip(places, axes, along, strict=True))
+        seen = (b, b) if gazebo else (a, b)
+        name = _name(element, "name") or f"{a}_{b}"
+        self.joints.append(CutJoint(name, kind, (a, b), (places[0], places[1]), seen))
 
     def _gear(self, element: ET.Element) -> None:
-        first, second = (
-            list(self._path(self._link(_name(element.find(side), "link"), side)))
-            for side in ("predecessor", "successor")
-        )
-        ratio = number(element.find("ratio"), "value")
+        paths, ratio = [], number(element.find("ratio"), "value")
+        for side in ("predecessor", "successor"):
+            self._require_link(side, link := _name(element, f"{side}/link"))
+            paths.append(list(self._path(link)))
         if ratio is None:
             raise ValueError("its ratio is not a number")
         factors = {
             _name(joint, "name"): factor
-            for path, factor, other in ((second, -1.0, first), (first, ratio, second))
+            for path, factor, other in zip(paths[::-1], (-1.0, ratio), paths, strict=True)
             for joint in path
             if joint not in other and joint.get("type") != "fixed"
         }
         names = [name for name in factors if name not in self.independent and factors[name]]
         if not names:
             raise ValueError("no joint between its links depends on others")
-        name, own = names[0], factors.pop(names[0])
-        self.gears.append(Coupling(name, {n: (0.0, -f / own) for n, f in factors.items()}))
+        own = factors.pop(names[0])
+        self.gears.append(Coupling(names[0], {n: (0.0, -f / own) for n, f in factors.items()}))
 
     def _path(self, link: str) -> Iterator[ET.Element]:
         """Joints from a link to the base."""
-        while link in self._joints:
-            joint = self._joints[link]
+        while (joint := self._bearers.get(link)) is not None:
             yield joint
-            link = _name(joint.find("parent"), "link")
+            link = _name(joint, "parent/link")
 
-    def _link(self, name: str, side: str) -> str:
-        if name not in self._links:
-            raise ValueError(f"{side} {name} is not a link of this file")
-        return name
+    def _require_link(self, side: str, link: str) -> None:
+        if link not in self._links:
+            raise ValueError(f"{side} {link} is not a link of this file")
 
 
-def _name(element: ET.Element | None, key: str) -> str:
-    return "" if element is None else element.get(key, "")
+#: A link, the place of the joint's frame on it, and the axis there.
+_Side = tuple[str, pin.SE3, Array]
+
+
+def _side(element: ET.Element, side: str) -> _Side:
+    found, origin = element.find(side), element.find(f"{side}_origin")
+    if origin is None and found is not None:
+        origin = found if found.find("origin") is None else found.find("origin")
+    vectors = []
+    for key in ("xyz", "rpy"):
+        text = "0 0 0" if origin is None else origin.get(key, "0 0 0")
+        vectors.append(numbers(text, 3))
+        if vectors[-1] is None:
+            raise ValueError(f"{key}={text!r} is not three numbers")
+    place = pin.SE3(pin.rpy.rpyToMatrix(vectors[1]), vectors[0])
+    axis = "axis" if element.find(f"{side}_axis") is None else f"{side}_axis"
+    return (
+        _name(element, f"{side}/link"),
+        place,
+        _direction(_name(element, f"{axis}/xyz") or "1 0 0"),
+    )
+
+
+def _side_of_gazebo(element: ET.Element, side: str) -> _Side:
+    pose = numbers(element.findtext("pose", "0 0 0 0 0 0"), 6)
+    if pose is None:
+        raise ValueError("its pose is not six numbers")
+    second = side == "child" and element.get("type") == "universal"
+    axis = element.findtext("axis2/xyz" if second else "axis/xyz", "0 0 1")
+    place = pin.SE3(pin.rpy.rpyToMatrix(pose[3:]), pose[:3])
+    return element.findtext(side, "").strip(), place, _direction(axis)
 
 
 def _independent(root: ET.Element) -> Iterator[str]:
@@ -223,29 +231,14 @@ def _independent(root: ET.Element) -> Iterator[str]:
                 yield _name(joint, "name")
 
 
-def _kind(element: ET.Element) -> str:
-    kind = element.get("type", "")
-    if kind not in _KINDS:
-        raise ValueError(f"type {kind!r} unknown; known: {', '.join(_KINDS)}")
-    return _KINDS[kind]
+def _name(element: ET.Element, path: str) -> str:
+    """An attribute of an element, or of one in it as `tag/attribute`; empty without it."""
+    tag, _, key = path.rpartition("/")
+    found = element.find(tag) if tag else element
+    return "" if found is None else found.get(key, "")
 
 
-def _placement(origin: ET.Element | None) -> pin.SE3:
-    found = {}
-    for key in ("xyz", "rpy"):
-        text = "0 0 0" if origin is None else origin.get(key, "0 0 0")
-        values = numbers(text, 3)
-        if values is None:
-            raise ValueError(f"{key}={text!r} is not three numbers")
-        found[key] = values
-    return pin.SE3(pin.rpy.rpyToMatrix(found["rpy"]), found["xyz"])
-
-
-def _axis(element: ET.Element | None) -> Array:
-    return _vector("1 0 0" if element is None else element.get("xyz", "1 0 0"))
-
-
-def _vector(text: str) -> Array:
+def _direction(text: str) -> Array:
     axis = numbers(text, 3)
     if axis is None or not np.linalg.norm(axis) > 1e-100:
         raise ValueError(f"axis {text!r} is not a direction")

@@ -4,35 +4,24 @@
 from __future__ import annotations
 
 import reprlib
-import warnings
 from collections import Counter
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator
 from itertools import accumulate
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeGuard
 
 import numpy as np
-import pinocchio as pin
 import yaml
-from numpy.typing import NDArray
 
-from ..arrays import names
-from ..chain.closures import Closure, Constraint, Coupling, Distance, Rolling
-from ..chain.draft import Motor, without_locked
+from ..arrays import Array
+from ..chain.closures import Closure, Constraint, Distance, Rolling
 from ..chain.lines import LineForce
-from ..errors import DescriptionError, DescriptionWarning, InputError
-from ..files import beside
-from . import inertias, loop_closures
+from ..errors import DescriptionError
+from . import loop_closures
 from .cut_joints import CutJoint
-from .described import Described, naming
-from .problems import numbers, vector
-from .srdf import Srdf
-from .text import read_text
-from .urdf import KINDS, Urdf, closing_frames
+from .problems import numbers, telling, vector
+from .urdf import KINDS
 
-Array = NDArray[np.float64]
-
-_EARTH = np.array([0, 0, -9.81])
+_EARTH = ["0", "0", "-9.81"]
 _KEYS = ("closed_loop", "type", "name_mot", "line_force", "gravity", "joint_name", "joint_type")
 _OF_LINES = ("stiffness", "rest_length", "damping", "preload")
 _WITH_LENGTH = {"distance": Distance, "rolling": Rolling}
@@ -67,116 +56,12 @@ class Cuts(NamedTuple):
     dependent: tuple[str, ...] = ()
 
 
-def read_urdf(
-    path: str | Path | Urdf,
-    cuts: str | Path | None = None,
-    locked: Sequence[str] = (),
-    actuated: Sequence[Motor] | None = None,
-    *,
-    default: str | Path | None = None,
-) -> Described:
-    """Read a robot; see `ClosedChain.from_urdf`, whose caller a warning points to."""
-    urdf, locked = path if isinstance(path, Urdf) else Urdf.read(path), names("locked", locked)
-    found = read_cuts(urdf, cuts, default)
-    robot = closed(urdf, found)
-    model, closures, motors = robot.model, robot.closures, robot.actuated
-    if actuated is None and not found.source and not is_marked(robot):  # an open tree
-        followers = {closure.joint for closure in closures if isinstance(closure, Coupling)}
-        motors = tuple(name for name in list(model.names)[1:] if name not in followers)
-        own = beside(Path(urdf.source), ".yaml").name
-        message = f"{urdf.source}: no {own} with closures and motors is beside it; it is read as "
-        message += "an open tree with a motor at each joint; actuated= names the motors"
-        warnings.warn(message, DescriptionWarning, stacklevel=3)
-    if locked:
-        with naming(robot.source):
-            model = without_locked(model, locked)
-        closures = tuple(_held(closures, set(locked), robot.source))
-        motors = tuple(name for name in motors if name not in locked)
-    srdf = load_poses(urdf, model, {*locked, *found.joints})
-    inertias.warn(urdf.root, urdf.source, stacklevel=3)
-    motors = motors if actuated is None else actuated
-    return robot._replace(model=model, closures=closures, actuated=motors, srdf=srdf)
-
-
-def read_cuts(urdf: Urdf, path: str | Path | None, default: str | Path | None = None) -> Cuts:
-    """Cuts of a URDF: from `path`, the YAML beside it, `default`, or none if the URDF has marks."""
-    path = default_cuts(Path(urdf.source)) or default if path is None else path
-    if path is None:
-        return Cuts((), urdf.marks.independent, urdf.gravity, {})
-    return parse_cuts(read_text(path, "YAML of the cuts"), str(path))
-
-
-def default_cuts(urdf: Path) -> Path | None:
-    """The YAML that belongs to a URDF: of its name, or a `loop_closures.yaml` of its package."""
-    package = urdf.parent.parent if urdf.parent.name == "urdf" else urdf.parent
-    folders = (urdf.parent, package, package / "config")
-    paths = [beside(urdf, ".yaml"), *(folder / "loop_closures.yaml" for folder in folders)]
-    return next((path for path in paths if path.is_file()), None)
-
-
-def load_poses(urdf: Urdf, model: pin.Model, held: Collection[str] = ()) -> Srdf | None:
-    """Named configurations of a file and of the SRDF beside it; the SRDF, where there is one."""
-    for name, values in urdf.poses.items():
-        q = pin.neutral(model)
-        for joint in (model.joints[j] for j in range(1, model.njoints)):
-            own = slice(joint.idx_q, joint.idx_q + joint.nq)
-            q[own] = values.get(model.names[joint.id], q[own])
-        model.referenceConfigurations[name] = q
-    path = beside(Path(urdf.source), ".srdf")
-    if not path.is_file():
-        return None
-    srdf = Srdf(path)
-    srdf.load_configurations(model, held)
-    return srdf
-
-
-def closed(urdf: Urdf, cuts: Cuts) -> Described:
-    """The tree of a URDF, closed by its cuts, or else by its marks, and by its mimic joints."""
-    model, marks = urdf.tree(cuts.joints), urdf.marks
-    model.gravity.linear = cuts.gravity
-    source = f"{urdf.source} with {cuts.source}" if cuts.source else urdf.source
-    closures = cuts.closures
-    with naming(source):
-        if not closures:
-            joints = cuts.hinges or marks.joints
-            closures = (*closing_frames(model), *(joint.closure(model) for joint in joints))
-    followers = [mimic for mimic in urdf.mimics if mimic.joint not in cuts.dependent]
-    closures = (*closures, *marks.gears, *followers)
-    return Described(source, model, closures, cuts.actuated, urdf.shapes, forces=cuts.forces)
-
-
-def is_marked(robot: Described) -> bool:
-    """Whether a URDF closes loops by itself, so that it is no open tree."""
-    return any(not isinstance(closure, Coupling) for closure in robot.closures) or bool(
-        robot.actuated
-    )
-
-
-def _held(closures: Sequence[Constraint], locked: set[str], source: str) -> Iterator[Constraint]:
-    """Closures with some joints held at zero."""
-    for closure in closures:
-        if not isinstance(closure, Coupling):
-            yield closure
-            continue
-        free = {n: c for n, c in closure.polynomials.items() if n not in locked}
-        offset = closure.offset
-        offset += sum(c[0] for n, c in closure.polynomials.items() if n in locked)
-        if closure.joint not in locked:
-            yield Coupling(closure.joint, free, offset)
-        elif free or offset:
-            text = f"locked joint {closure.joint} mimics {', '.join(free) or 'with an offset'}: "
-            raise DescriptionError(source, [text + "lock both joints, at zero, or none"])
-
-
 def parse_cuts(text: str, source: str) -> Cuts:
     """Closures, motors and gravity of a YAML file in the LAAS schema.
 
-    Args:
-        text: The YAML with the key `name_mot`; `closed_loop` and `type`, `joint_name` and
-            `joint_type` may be missing, and `gravity`, which is then (0, 0, -9.81). A type is a
-            kind of `Closure`, or "distance" or "rolling" with a length, as "distance 0.3".
-            `line_force` lists mappings of two `frames` and what else a `LineForce` has.
-        source: What error messages call it.
+    It has the key `name_mot`; others may be missing. A type is a kind of `Closure`, or "distance"
+    or "rolling" with a length, as "distance 0.3". `line_force` lists mappings of two `frames` and
+    what else a `LineForce` has.
 
     Raises:
         DescriptionError: With every problem found.
@@ -184,82 +69,79 @@ def parse_cuts(text: str, source: str) -> Cuts:
     content = _content(text, source)
     if "closures" in content:
         hinges, dependent, independent = loop_closures.parse(content, source)
-        return Cuts((), independent, _EARTH, {}, source, (), hinges, dependent)
+        gravity = np.array(_EARTH, dtype=float)
+        return Cuts((), independent, gravity, {}, source, (), hinges, dependent)
     problems = [f"{key}: unknown; known: {', '.join(_KEYS)}" for key in content if key not in _KEYS]
+    content = {**{key: [] for key in _KEYS}, "name_mot": None, "gravity": _EARTH, **content}
 
-    def items(key: str, default: list[Any] | None = None) -> list[Any]:
-        value = content.get(key, default)
-        if not isinstance(value, list):
-            problems.append(f"{key}: a list is needed")
-            return []
-        return value
+    def items(key: str) -> list[Any]:
+        if isinstance(content[key], list):
+            return content[key]
+        problems.append(f"{key}: a list is needed")
+        return []
 
-    def names(key: str, default: list[Any] | None = None) -> list[str]:
-        found = items(key, default)
-        problems.extend(
-            f"{key}: {_shown(name)} is not a name" for name in found if not _is_name(name)
-        )
-        return [name for name in found if _is_name(name)]
+    def names(key: str) -> list[str]:
+        no_names = [_shown(name) for name in items(key) if not _is_name(name)]
+        problems.extend(f"{key}: {shown} is not a name" for shown in no_names)
+        return list(filter(_is_name, items(key)))
 
-    pairs, kinds, motors = items("closed_loop", []), names("type", []), names("name_mot")
-    if len(pairs) != len(kinds):
-        problems.append(f"closed_loop has {len(pairs)} entries, type has {len(kinds)}")
-    closures: list[Constraint] = []
-    for pair, kind in zip(pairs, kinds, strict=False):
-        if not (isinstance(pair, list) and len(pair) == 2 and all(map(_is_name, pair))):
-            problems.append(f"closed_loop: {_shown(pair)} is not a pair of frame names")
-        elif kind.lower() in Closure.KINDS:
-            closures.append(Closure(pair[0], pair[1], kind.lower()))
-        else:
-            word, _, length = kind.lower().partition(" ")
-            value = numbers(length, 1)
-            if word in _WITH_LENGTH and value is not None and value[0] > 0:
-                closures.append(_WITH_LENGTH[word](pair[0], pair[1], float(value[0])))
-            else:
-                known = ", ".join([*Closure.KINDS, *(f"{word} LENGTH" for word in _WITH_LENGTH)])
-                problems.append(f"type: {kind!r} unknown; known: {known}")
-    forces = [_line(each, problems) for each in items("line_force", [])]
-    gravity = vector(content["gravity"]) if "gravity" in content else _EARTH
-    if gravity is None:
-        text = f"{_shown(content['gravity'])} is not a list of three numbers"
-        problems.append(f"gravity: {text}")
-    named, types = names("joint_name", []), names("joint_type", [])
-    if len(named) != len(types):
-        problems.append(f"joint_name has {len(named)} entries, joint_type has {len(types)}")
-    twice = [name for name, count in Counter(named).items() if count > 1]
+    def both(first: str, second: str, things: list[Any], kinds: list[str]) -> list[Any]:
+        if len(things) != len(kinds):
+            problems.append(f"{first} has {len(things)} entries, {second} has {len(kinds)}")
+        return list(zip(things, kinds, strict=False))
+
+    closures, forces = list[Constraint](), list[LineForce]()
+    for pair, kind in both("closed_loop", "type", items("closed_loop"), names("type")):
+        with telling(problems):
+            closures.append(_closure(pair, kind))
+    for each in items("line_force"):
+        with telling(problems):
+            forces.append(_line(each))
+    weight = vector(content["gravity"])
+    if weight is None:
+        problems.append(f"gravity: {_shown(content['gravity'])} is not a list of three numbers")
+    joints = both("joint_name", "joint_type", names("joint_name"), names("joint_type"))
+    twice = [name for name, count in Counter(name for name, _ in joints).items() if count > 1]
     problems += [f"joint_name: {name} appears twice" for name in twice]
-    unknown = sorted(set(types) - set(KINDS))
+    unknown = sorted({kind for _, kind in joints} - set(KINDS))
     problems += [f"joint_type: {kind!r} unknown; known: {', '.join(KINDS)}" for kind in unknown]
-    if problems or gravity is None:
+    motors = tuple(names("name_mot"))
+    if problems or weight is None:
         raise DescriptionError(source, problems)
-    joints, lines = dict(zip(named, types, strict=True)), tuple(filter(None, forces))
-    return Cuts(tuple(closures), tuple(motors), gravity, joints, source, lines)
+    return Cuts(tuple(closures), motors, weight, dict(joints), source, tuple(forces))
 
 
-def _line(given: Any, problems: list[str]) -> LineForce | None:
-    """A force along a line; its problems are added to `problems`."""
+def _closure(pair: Any, kind: str) -> Constraint:
+    if not _is_pair(pair):
+        raise ValueError(f"closed_loop: {_shown(pair)} is not a pair of frame names")
+    if kind.lower() in Closure.KINDS:
+        return Closure(pair[0], pair[1], kind.lower())
+    word, _, length = kind.lower().partition(" ")
+    value = numbers(length, 1)
+    if word in _WITH_LENGTH and value is not None and value[0] > 0:
+        return _WITH_LENGTH[word](pair[0], pair[1], float(value[0]))
+    known = ", ".join([*Closure.KINDS, *(f"{word} LENGTH" for word in _WITH_LENGTH)])
+    raise ValueError(f"type: {kind!r} unknown; known: {known}")
+
+
+def _line(given: Any) -> LineForce:
     keys = ("name", "frames", *_OF_LINES)
     frames = given.get("frames") if isinstance(given, dict) else None
-    if not (isinstance(frames, list) and len(frames) == 2 and all(map(_is_name, frames))):
-        problems.append(f"line_force: {_shown(given)} has no pair of frames")
-        return None
-    own = [f"{key} unknown; known: {', '.join(keys)}" for key in given if key not in keys]
-    values: dict[str, Any] = {key: _scalar(given[key]) for key in _OF_LINES if key in given}
-    own += [f"{key} {_shown(given[key])} is not a number" for key, x in values.items() if x is None]
-    if not _is_name(name := given.get("name", "-".join(frames))):
-        own.append(f"name {_shown(name)} is not a name")
-    if not own:
-        try:
-            return LineForce(*frames, name=name, **values)
-        except InputError as error:
-            own.append(str(error))
-    problems += [f"line_force {_shown(frames)}: {text}" for text in own]
-    return None
-
-
-def _scalar(value: Any) -> float | None:
-    found = numbers(value, 1) if _is_name(value) else None
-    return None if found is None else float(found[0])
+    if not _is_pair(frames):
+        raise ValueError(f"line_force: {_shown(given)} has no pair of frames")
+    problems = [f"{key} unknown; known: {', '.join(keys)}" for key in given if key not in keys]
+    values: dict[str, Any] = {"name": given.get("name", f"{frames[0]}-{frames[1]}")}
+    if not _is_name(values["name"]):
+        problems.append(f"name {_shown(values['name'])} is not a name")
+    for key in (key for key in _OF_LINES if key in given):
+        if (found := numbers(str(given[key]), 1)) is None:
+            problems.append(f"{key} {_shown(given[key])} is not a number")
+        else:
+            values[key] = float(found[0])
+    if not problems:
+        with telling(problems):
+            return LineForce(frames[0], frames[1], **values)
+    raise ValueError(f"line_force {_shown(frames)}: {'; '.join(problems)}")
 
 
 def _content(text: str, source: str) -> dict[str, Any]:
@@ -278,10 +160,23 @@ def _content(text: str, source: str) -> dict[str, Any]:
         raise DescriptionError(source, ["lists are nested too deeply"]) from None
     if not isinstance(node, yaml.MappingNode) or not content:
         raise DescriptionError(source, ["no keys; name_mot is needed"])
-    keys = Counter(key.value for key, _ in node.value)
-    if twice := [key for key, count in keys.items() if count > 1]:
+    if twice := list(_twice(node)):
         raise DescriptionError(source, [f"{key}: appears twice" for key in twice])
     return dict(content)
+
+
+def _twice(root: yaml.Node) -> Iterator[str]:
+    """Keys that a mapping has twice, at any depth."""
+    nodes, seen = [root], set[int]()
+    while nodes:
+        node = nodes.pop()
+        if id(node) in seen or isinstance(node, yaml.ScalarNode):
+            continue
+        seen.add(id(node))  # aliases lead to it again
+        pairs = node.value if isinstance(node, yaml.MappingNode) else []
+        counts = Counter(key.value for key, _ in pairs)
+        yield from (key for key, count in counts.items() if count > 1)
+        nodes += [value for _, value in pairs] or node.value
 
 
 def _shown(value: Any) -> str:
@@ -293,3 +188,7 @@ def _shown(value: Any) -> str:
 
 def _is_name(value: Any) -> bool:
     return isinstance(value, str) and bool(value)
+
+
+def _is_pair(value: Any) -> TypeGuard[list[str]]:
+    return isinstance(value, list) and len(value) == 2 and all(map(_is_name, value))

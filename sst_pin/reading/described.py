@@ -3,21 +3,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, NamedTuple
 
-import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..chain.closures import Constraint
 from ..chain.draft import Motor
 from ..chain.lines import LineForce
-from ..errors import SSTError
+from ..errors import DescriptionWarning, SSTError
 from .srdf import Srdf
-
-Array = NDArray[np.float64]
 
 
 class Described(NamedTuple):
@@ -29,10 +27,10 @@ class Described(NamedTuple):
         closures: What closes the loops.
         actuated: The motors: joints, lines, and fixed tendons as the share of each joint.
         shapes: Function from a tree to the shapes of its bodies.
-        stiffness: Stiffness of the joints' springs, shape (nv,); None without springs.
-        spring_reference: Where they are at rest, shape (nq,).
+        stiffness, spring_reference: Springs of the joints, shapes (nv,) and (nq,); None without.
         srdf: What stands beside a URDF.
         forces: Forces along lines.
+        notes: What of the files is left out.
     """
 
     source: str
@@ -44,6 +42,7 @@ class Described(NamedTuple):
     spring_reference: Array | None = None
     srdf: Srdf | None = None
     forces: tuple[LineForce, ...] = ()
+    notes: tuple[str, ...] = ()
 
     @property
     def arguments(self) -> dict[str, Any]:
@@ -60,3 +59,10 @@ def naming(source: str) -> Iterator[None]:
     except SSTError as error:
         error.name_file(source)
         raise
+
+
+def warned(robot: Described, notes: Iterable[str], source: str) -> Described:
+    """A robot, after a warning for each note to the caller of its reader's caller."""
+    for note in dict.fromkeys(notes):
+        warnings.warn(f"{source}: {note}", DescriptionWarning, stacklevel=4)
+    return robot

@@ -3,13 +3,12 @@
 
 from __future__ import annotations
 
-import warnings
 import xml.etree.ElementTree as ET
+from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..errors import DescriptionWarning
+from ..arrays import Array
 from .problems import number
 from .urdf_checks import ENTRIES
 
@@ -19,22 +18,23 @@ _ROUNDING = 1e-9
 _NAMED = 5
 
 
-def inertia_of(inertial: ET.Element) -> NDArray[np.float64] | None:
-    """Moments of inertia of a link, shape (3, 3), [kg m^2]; None where a number is missing."""
+def mass_of(inertial: ET.Element) -> tuple[float, Array] | None:
+    """Mass, and moments of inertia of shape (3, 3), [kg m^2]; None if a number is missing."""
+    mass = number(inertial.find("mass"), "value")
     entries = [number(inertial.find("inertia"), key) for key in ENTRIES]
-    if None in entries:
+    if mass is None or None in entries:
         return None
     xx, xy, xz, yy, yz, zz = entries
-    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], dtype=float)
+    return mass, np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], dtype=float)
 
 
-def principal_moments(inertia: NDArray[np.float64]) -> NDArray[np.float64]:
+def principal_moments(inertia: Array) -> Array:
     """Principal moments of inertia, ascending, shape (3,), [kg m^2]."""
     size = np.abs(inertia).max() or 1.0  # of 1e300 the eigenvalues overflow
     return np.linalg.eigvalsh(inertia / size) * size
 
 
-def impossible(mass: float, inertia: NDArray[np.float64]) -> str:
+def impossible(mass: float, inertia: Array) -> str:
     """Why no body has this mass and these moments; empty for those that one has.
 
     A point or a rod without thickness counts as a body.
@@ -52,21 +52,14 @@ def impossible(mass: float, inertia: NDArray[np.float64]) -> str:
     return ""
 
 
-def warn(root: ET.Element, source: str, stacklevel: int) -> None:
-    """Warn of the links of a URDF with impossible inertias, which are computed as they stand.
-
-    `stacklevel` is that of the line that the warning points to, see `warnings.warn`.
-    """
+def notes(root: ET.Element) -> Iterator[str]:
+    """The links of a URDF with impossible inertias, which are computed as they stand."""
     found = []
-    for link in root.findall("link"):
-        inertial = link.find("inertial")
-        if inertial is None:
-            continue
-        mass, inertia = number(inertial.find("mass"), "value"), inertia_of(inertial)
-        if mass is not None and inertia is not None and (text := impossible(mass, inertia)):
-            found.append(f"link {link.get('name')}: {text}")
+    for link in root.findall("link[inertial]"):
+        for body in filter(None, map(mass_of, link.findall("inertial"))):
+            if text := impossible(*body):
+                found.append(f"link {link.get('name')}: {text}")
     if found:
         more = f" and {len(found) - _NAMED} more" * (len(found) > _NAMED)
         listed = "; ".join(found[:_NAMED])
-        message = f"{source}: {listed}{more}. The dynamics are computed with these numbers"
-        warnings.warn(message, DescriptionWarning, stacklevel=stacklevel + 1)
+        yield f"{listed}{more}. The dynamics are computed with these numbers"

@@ -6,6 +6,7 @@ Points and axes of the hinges are in base axes at q = 0, where all loops are clo
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -13,8 +14,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import yaml
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..chain.closed_chain import ClosedChain
 from ..chain.closures import Closure, Coupling
 from ..chain.thresholds import CLOSURE_TOLERANCE, RANK_TOLERANCE
@@ -22,9 +23,7 @@ from ..chain.tree import frame_id
 from ..errors import DescriptionError, OutputError
 from ..files import as_path, text_writer, write_files
 from .cut_joints import CutJoint, turned
-from .problems import vector
-
-Array = NDArray[np.float64]
+from .problems import telling, vector
 
 _KEYS = ("closures", "dependent", "independent")
 _OF_HINGE = ("link_a", "link_b", "point", "axis")
@@ -33,30 +32,23 @@ _OF_HINGE = ("link_a", "link_b", "point", "axis")
 def parse(
     content: dict[str, Any], source: str
 ) -> tuple[tuple[CutJoint, ...], tuple[str, ...], tuple[str, ...]]:
-    """Hinges, dependent and independent joints.
-
-    Raises:
-        DescriptionError: With every problem found.
-    """
+    """Hinges, dependent and independent joints."""
     problems = [f"{key}: unknown; known: {', '.join(_KEYS)}" for key in content if key not in _KEYS]
-    names: dict[str, Any] = {}
+    names: dict[str, list[str]] = {}
     for key in ("dependent", "independent"):
-        names[key] = content.get(key)
-        if not isinstance(names[key], list) or not all(isinstance(n, str) for n in names[key]):
+        given = content.get(key)
+        names[key] = [name for name in given or [] if isinstance(name, str)]
+        if names[key] != given:
             problems.append(f"{key}: a list of joint names is needed")
-    if not problems:
-        all_names = names["dependent"] + names["independent"]
-        twice = [name for name in dict.fromkeys(all_names) if all_names.count(name) > 1]
-        problems += [f"{name}: named twice" for name in twice]
-    hinges: list[CutJoint] = []
-    given = content["closures"]
-    for k, hinge in enumerate(given if isinstance(given, list) else []):
-        try:
-            hinges.append(_hinge(hinge, k))
-        except ValueError as caught:
-            problems.append(f"closures[{k}]: {caught}")
+    counts = Counter(names["dependent"] + names["independent"])
+    problems += [f"{name}: named twice" for name, count in counts.items() if count > 1]
+    hinges, given = list[CutJoint](), content["closures"]
     if not isinstance(given, list) or not given:
+        given = []
         problems.append("closures: a list of hinges is needed")
+    for k, hinge in enumerate(given):
+        with telling(problems, f"closures[{k}]: "):
+            hinges.append(_hinge(hinge, k))
     if problems:
         raise DescriptionError(source, problems)
     return tuple(hinges), tuple(names["dependent"]), tuple(names["independent"])
@@ -117,10 +109,9 @@ def write_loop_closures(chain: ClosedChain, path: str | Path, force: bool = Fals
         raise DescriptionError(str(path), problems)
     dependent = [name for name in list(model.names)[1:] if name not in chain.coordinates]
     joints = {"dependent": dependent, "independent": list(chain.coordinates)}
-    content = yaml.safe_dump(
-        {"closures": hinges, **joints}, sort_keys=False, default_flow_style=None
-    )
-    write_files({as_path(path): text_writer(content)}, force)
+    content = {"closures": hinges, **joints}
+    text = yaml.safe_dump(content, sort_keys=False, default_flow_style=None)
+    write_files({as_path(path): text_writer(text)}, force)
 
 
 def _hinges(chain: ClosedChain, closure: Closure) -> Iterator[dict[str, Any]]:
@@ -129,19 +120,12 @@ def _hinges(chain: ClosedChain, closure: Closure) -> Iterator[dict[str, Any]]:
     data = model.createData()
     pin.framesForwardKinematics(model, data, pin.neutral(model))
     ids = [frame_id(model, name) for name in (closure.frame_a, closure.frame_b)]
-    x, _, z = np.eye(3)
-    weld, hinge, point = (Closure.KINDS[kind] for kind in ("6d", "hinge", "3d"))
-    axes: list[Array] = {weld: [x, z], hinge: [z]}.get(closure.held, [])
-    if closure.held == point:
-        axes = _only_axis(chain, closure)
-    for axis in axes:
-        place = data.oMf[ids[0]]
+    (x, _, z), held, place = np.eye(3), closure.held, data.oMf[ids[0]]
+    axes = {Closure.KINDS["6d"]: [x, z], Closure.KINDS["hinge"]: [z]}.get(held, [])
+    for axis in _only_axis(chain, closure) if held == Closure.KINDS["3d"] else axes:
         links = (model.frames[_link(model, number)].name for number in ids)
-        yield {
-            **dict(zip(_OF_HINGE, links, strict=False)),
-            "point": place.translation.tolist(),
-            "axis": (place.rotation @ axis).tolist(),
-        }
+        hinge = (*links, place.translation.tolist(), (place.rotation @ axis).tolist())
+        yield dict(zip(_OF_HINGE, hinge, strict=True))
 
 
 def _link(model: pin.Model, frame: int) -> int:

@@ -5,10 +5,13 @@ from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+
+from ..arrays import Array
 
 #: What urdfdom, MuJoCo and people all read as one number.
 _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
@@ -50,7 +53,16 @@ def warning(where: str, text: str) -> Problem:
     return Problem("warning", where, text)
 
 
-def numbers(text: str, count: int) -> NDArray[np.float64] | None:
+@contextmanager
+def telling(problems: list[str], where: str = "") -> Iterator[None]:
+    """Add a ValueError to problems, and go on after the block."""
+    try:
+        yield
+    except ValueError as caught:
+        problems.append(f"{where}{caught}")
+
+
+def numbers(text: str, count: int) -> Array | None:
     """Finite numbers, as many as `count`; None if the text is anything else."""
     words = text.split()
     if len(words) != count or not all(map(_NUMBER.fullmatch, words)):
@@ -59,7 +71,7 @@ def numbers(text: str, count: int) -> NDArray[np.float64] | None:
     return values if np.isfinite(values).all() else None
 
 
-def vector(value: object) -> NDArray[np.float64] | None:
+def vector(value: object) -> Array | None:
     """Three numbers in a list of a YAML, whose scalars are texts; None if it is anything else."""
     words = value if isinstance(value, list) and all(isinstance(w, str) for w in value) else []
     one = all(numbers(word, 1) is not None for word in words)

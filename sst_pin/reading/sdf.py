@@ -1,93 +1,113 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""An SDF to the elements of a URDF: what is no tree there becomes joints that close loops."""
+"""An SDF to the elements of a URDF."""
 
 from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from ..errors import DescriptionError
+from .joint_graph import WORLD, Axis, GraphJoint, JointGraph, origin_of
+from .known_words import is_true, unknown
 from .problems import numbers
 
-Array = NDArray[np.float64]
+#: Types of joints, by the number of their axes.
+_AXES = {"revolute": 1, "continuous": 1, "prismatic": 1, "universal": 2, "revolute2": 2}
+_KINDS = (*_AXES, "ball", "fixed")
+#: What is read, and what acts on no motion.
+_WORDS = {
+    "world": "@name gravity physics+ magnetic_field atmosphere wind scene light+ gui audio state+ "
+    "include+ model+ frame+ road+ actor+ population+ spherical_coordinates plugin+",
+    "wind": "linear_velocity=0",
+    "model": "@name @placement_frame @canonical_link pose static self_collide allow_auto_disable "
+    "enable_wind link+ joint+ frame+ plugin+ gripper+",
+    "frame": "@name @attached_to pose",
+    "pose": "@relative_to @frame @degrees @rotation_format",
+    **dict.fromkeys(
+        ("model/pose", "inertial/pose"), "@relative_to=0 @frame=0 @degrees @rotation_format"
+    ),
+    "link": "@name pose inertial visual+ collision+ sensor+ light+ projector+ particle_emitter+ "
+    "audio_sink+ audio_source+ battery+ contact self_collide enable_wind must_be_base_link "
+    "gravity=1 kinematic=0 velocity_decay",
+    "velocity_decay": "linear=0 angular=0",
+    "inertial": "@auto=0 @density pose mass inertia density auto_inertia_params",
+    "inertia": "ixx ixy ixz iyy iyz izz",
+    "joint": "@name @type parent child pose axis axis2 sensor+ physics",
+    **dict.fromkeys(
+        ("axis", "axis2"), "xyz limit dynamics mimic use_parent_model_frame initial_position"
+    ),
+    "xyz": "@expressed_in",
+    "limit": "lower upper effort velocity stiffness dissipation",
+    "dynamics": "damping friction spring_stiffness spring_reference",
+    "mimic": "@joint @axis multiplier offset reference",
+}
+_ACTING = ("damping", "friction", "spring_stiffness")
+#: Plugins that exert no force but a motor's.
+_FORCELESS = re.compile(
+    "altimeter|applyjointforce|battery|breadcrumb|camera|comms|contact|control|detector|drive|"
+    "forcetorque|(?<![a-z])imu|label|magnetometer|monitor|navsat|physics|publisher|scene|sensor|"
+    "steering|usercommands"
+)
 
-_ENTRIES = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-_ONE_AXIS = ("revolute", "continuous", "prismatic")
-_TWO_AXES = ("universal", "revolute2")
-_KINDS = (*_ONE_AXIS, *_TWO_AXES, "ball", "fixed")
-#: Limit from which a joint has none, [rad] or [m].
-_WIDE = 1e9
+
+def sdf_graph(root: ET.Element, source: str) -> JointGraph:
+    """The model of an SDF, its base the world of the SDF; all problems in one DescriptionError."""
+    return _Reader(root, source).graph()
 
 
-class Sdf:
-    """The model of an SDF.
-
-    Attributes:
-        gravity: Acceleration of gravity of its world, [m/s^2]; None without.
-        balls: Names of its ball joints in the tree, which a URDF does not have.
-
-    Raises:
-        DescriptionError: With every problem found.
-    """
-
+class _Reader:
     def __init__(self, root: ET.Element, source: str) -> None:
-        gravity, version = root.findtext("world/gravity"), root.get("version", "1.7").strip()
-        self.gravity, self.balls = numbers(gravity or "", 3), list[str]()
-        self._problems: list[str] = []
-        if gravity is not None and self.gravity is None:
-            self._problems.append(f"gravity {gravity!r} is not three numbers")
+        self._source, version = source, root.get("version", "1.7").strip()
         minor = re.fullmatch(r"1\.(\d+)(\.\d+)?", version)
         if minor is None:
             raise DescriptionError(source, [f"version {version!r} is none of SDF, such as 1.12"])
-        self._old = int(minor[1]) < 5
+        self._old, worlds = int(minor[1]) < 5, root.findall("world")
         models = [*root.findall("model"), *root.findall("world/model")]
-        models = [model for model in models if model.findtext("static", "").strip() != "true"]
-        if len(models) != 1:
-            raise DescriptionError(source, [f"{len(models)} models that move; one is needed"])
-        self._source, (self._model,) = source, models
-        for tag in ("model", "include"):
-            if self._model.find(tag) is not None:
-                raise DescriptionError(source, [f"<{tag}> inside a model is not supported"])
+        models = [model for model in models if not is_true(model.findtext("static"))]
+        for what, found in (("models that move", models), ("worlds", worlds)):
+            if len(found) > 1 or not models:
+                raise DescriptionError(source, [f"{len(found)} {what}; one is needed"])
+        (self._model,), self._problems = models, list[str]()
         self._links = {e.get("name", ""): e for e in self._model.findall("link")}
-        self._frames = {
-            element.get("name", ""): element
-            for tag in ("link", "frame", "joint")
-            for element in self._model.findall(tag)
-        }
+        frames = (e for tag in ("link", "frame", "joint") for e in self._model.findall(tag))
+        self._frames = {element.get("name", ""): element for element in frames}
+        self._require_known(worlds)
+        old = root.findtext("world/physics/gravity")  # until version 1.4
+        text = root.findtext("world/gravity", "0 0 -9.81" if old is None else old)
+        self._gravity = numbers(text, 3)
+        if self._gravity is None:
+            self._problems.append(f"gravity {text!r} is not three numbers")
         self._at: dict[str, pin.SE3 | None] = {"__model__": pin.SE3.Identity()}
-        self._at["world"] = self._pose(self._model).inverse()
+        placed = self._place(self._model.get("placement_frame") or "__model__")
+        self._at[WORLD] = placed * self._pose(self._model).inverse()
 
-    def urdf(self) -> ET.Element:
-        """The elements of a URDF, its base the world of the SDF."""
-        urdf = ET.Element("robot", name=self._model.get("name", ""))
-        ET.SubElement(urdf, "link", name="world")
-        own: dict[str, pin.SE3] = {"world": self._place("world")}
-        left = list(self._model.findall("joint"))
-        while not self._links.keys() <= own.keys() and not self._problems:
-            found = next(self._next(left, own), None)
-            if found is None:  # nothing holds this link: it floats
-                link = next(name for name in self._links if name not in own)
-                own[link] = self._place(link)
-                name = "floating_base" if len(own) == 2 else f"{link}_floats"
-                self._joint(urdf, name, "floating", "world", link, own)
-            else:
-                left.remove(found)
-                self._branch(urdf, found, own)
-        for joint in left:
-            self._cut(urdf, joint, own)
+    def graph(self) -> JointGraph:
+        """The robot as joints between bodies."""
+        joints = [j for e in self._model.findall("joint") if (j := self._joint(e)) is not None]
+        world = self._place(WORLD)
+        rest = {name: world.actInv(self._place(name)) for name in self._links}
+        graph = JointGraph(self._model.get("name", ""), joints, rest)
         for name, element in self._links.items():
-            self._link(urdf, element, own.get(name, pin.SE3.Identity()))
-        if self._problems:
-            raise DescriptionError(self._source, self._problems)
-        return urdf
+            self._link(graph, name, element)
+        if problems := dict.fromkeys([*self._problems, *graph.problems]):
+            raise DescriptionError(self._source, problems)
+        graph.gravity = np.asarray(self._gravity)
+        return graph
 
-    # --- frames -----------------------------------------------------------------------------
+    def _require_known(self, worlds: list[ET.Element]) -> None:
+        """Refuse what stands there and is not read."""
+        self._problems += [f"model: {text}" for text in unknown(self._model, _WORDS)]
+        table = {tag: row for tag, row in _WORDS.items() if tag != "model"}  # others are static
+        self._problems += [f"world: {text}" for world in worlds for text in unknown(world, table)]
+        for plugin in (e for parent in (*worlds, self._model) for e in parent.findall("plugin")):
+            name = f"{plugin.get('name')} {plugin.get('filename')}"
+            if not _FORCELESS.search(re.sub("[-_]", "", name.lower())):
+                text = f"plugin {name}: forces of plugins are not read; delete it if it has none"
+                self._problems.append(text)
 
     def _pose(self, element: ET.Element) -> pin.SE3:
         """The pose that an element has, relative to whatever it is given."""
@@ -99,10 +119,9 @@ class Sdf:
             return pin.SE3.Identity()
         if len(values) == 7:
             return pin.SE3(pin.Quaternion(values[3:]).normalized().matrix(), values[:3])
-        degrees = pose is not None and pose.get("degrees", "") in ("true", "1")
-        return pin.SE3(
-            pin.rpy.rpyToMatrix(np.deg2rad(values[3:]) if degrees else values[3:]), values[:3]
-        )
+        if pose is not None and is_true(pose.get("degrees")):
+            values[3:] = np.deg2rad(values[3:])
+        return pin.SE3(pin.rpy.rpyToMatrix(values[3:]), values[:3])
 
     def _place(self, name: str) -> pin.SE3:
         """A frame in the frame of the model."""
@@ -133,223 +152,112 @@ class Sdf:
                 break
             attached = element.get("attached_to") or self._model.get("canonical_link", "")
             name = attached or next(iter(self._links), "")
-        if name not in self._links and name != "world":
+        if name not in self._links and name != WORLD:
             self._told(joint, f"its {side} {name!r} is not a link of this model")
         return name
 
-    def _axes(self, joint: ET.Element) -> list[Array]:
-        """The axes of a joint, in its frame."""
-        found = []
-        for tag in ("axis", "axis2")[: 2 if joint.get("type") in _TWO_AXES else 1]:
-            xyz = joint.find(f"{tag}/xyz")
-            axis = numbers("0 0 1" if xyz is None else xyz.text or "", 3)
-            if axis is None or not np.linalg.norm(axis) > 1e-100:
-                self._told(joint, f"its <{tag}> is not a direction")
-                axis = np.array([0.0, 0.0, 1.0])
-            model = joint.findtext(f"{tag}/use_parent_model_frame", str(self._old)).strip().lower()
-            frame = "" if xyz is None else xyz.get("expressed_in", "")
-            frame = frame or ("__model__" if model in ("true", "1") else "")
-            if frame:
-                axis = self._place(joint.get("name", "")).rotation.T @ (
-                    self._place(frame).rotation @ axis
-                )
-            found.append(axis / np.linalg.norm(axis))
-        return found
-
-    # --- joints -----------------------------------------------------------------------------
-
-    def _next(self, joints: list[ET.Element], own: dict[str, pin.SE3]) -> Iterator[ET.Element]:
-        """Joints that add a link to the tree; first those of the links that came first."""
-        for link in own:
-            for joint in joints:
-                ends = [self._end(joint, side) for side in ("parent", "child")]
-                if link in ends and (ends[0] in own) != (ends[1] in own):
-                    yield joint
-
-    def _branch(self, urdf: ET.Element, joint: ET.Element, own: dict[str, pin.SE3]) -> None:
-        """A joint of the tree, and the place of the link that it adds."""
+    def _joint(self, joint: ET.Element) -> GraphJoint | None:
         name, kind = joint.get("name", ""), joint.get("type", "")
-        parent, child = (self._end(joint, side) for side in ("parent", "child"))
-        reverse = child in own
-        if reverse:
-            parent, child = child, parent
-        own[child] = self._place(name)
+        a, b = (self._end(joint, side) for side in ("parent", "child"))
         if kind not in _KINDS:
             self._told(joint, f"type {kind!r} is not supported; supported: {', '.join(_KINDS)}")
-        elif kind == "ball":
-            self.balls.append(name)
-            made = self._joint(urdf, name, "revolute", parent, child, own, np.eye(3)[2])
-            wide = {"lower": repr(-_WIDE), "upper": repr(_WIDE), "effort": "0", "velocity": "0"}
-            ET.SubElement(made, "limit", wide)
-        elif kind == "fixed":
-            self._joint(urdf, name, kind, parent, child, own)
-        else:
-            axes, tags = self._axes(joint), ["axis", "axis2"]
-            names = [name] if kind in _ONE_AXIS else [f"{name}_1", f"{name}_2"]
-            steps = list(zip(names, axes, tags, strict=False))[:: -1 if reverse else 1]
-            for step, axis, tag in steps:
-                last = step == steps[-1][0]
-                link = child if last else f"{name}_cross"
-                if not last:
-                    ET.SubElement(urdf, "link", name=link)
-                    own[link] = own[child]
-                shown = kind if kind in _ONE_AXIS else "revolute"
-                sign = -1 if reverse else 1
-                made = self._joint(urdf, step, shown, parent, link, own, sign * axis)
-                self._details(made, joint, tag, sign)
-                parent = link
+        if kind not in _KINDS or not {a, b} <= {WORLD, *self._links}:
+            return None
+        place = self._place(name)
+        places = self._place(a).actInv(place), self._place(b).actInv(place)
+        kind = "universal" if kind == "revolute2" else kind
+        tags, count = ("axis", "axis2"), _AXES.get(kind, 0)
+        for path in (f"{tag}/dynamics/{key}" for tag in tags[count:] for key in _ACTING):
+            if self._number(joint, joint, path, 0.0):
+                self._told(joint, f"{kind}, and does not have the axis of its {path}")
+        found = GraphJoint(name, kind, (a, b), places)
+        axes = tuple(self._axis(joint, tag) for tag in tags[:count])
+        return found._replace(axes=axes) if count else found
 
-    def _joint(
-        self,
-        urdf: ET.Element,
-        name: str,
-        kind: str,
-        parent: str,
-        child: str,
-        own: dict[str, pin.SE3],
-        axis: Array | None = None,
-    ) -> ET.Element:
-        joint = ET.SubElement(urdf, "joint", name=name, type=kind)
-        ET.SubElement(joint, "parent", link=parent)
-        ET.SubElement(joint, "child", link=child)
-        ET.SubElement(joint, "origin", origin_of(own[parent].actInv(own[child])))
-        if axis is not None:
-            ET.SubElement(joint, "axis", xyz=text_of(axis))
-        return joint
-
-    def _details(self, made: ET.Element, joint: ET.Element, tag: str, sign: int) -> None:
-        """Limits, friction and mimicry of one axis."""
+    def _axis(self, joint: ET.Element, tag: str) -> Axis:
+        """An axis, in the joint's frame."""
         axis = joint.find(tag)
         axis = ET.Element(tag) if axis is None else axis
-        value = {
-            key: self._number(joint, axis, key, default)
-            for key, default in {
-                "limit/lower": -np.inf,
-                "limit/upper": np.inf,
-                "limit/effort": -1.0,
-                "limit/velocity": -1.0,
-                "dynamics/damping": 0.0,
-                "dynamics/friction": 0.0,
-                "dynamics/spring_stiffness": 0.0,
-                "mimic/multiplier": 1.0,
-                "mimic/offset": 0.0,
-                "mimic/reference": 0.0,
-            }.items()
-        }
-        if value["dynamics/spring_stiffness"]:
-            self._told(joint, "springs are not read; give stiffness= to ClosedChain")
-        if value["limit/lower"] > value["limit/upper"]:
+        xyz = axis.find("xyz")
+        direction = numbers("0 0 1" if xyz is None else xyz.text or "", 3)
+        if direction is None or not np.linalg.norm(direction) > 1e-100:
+            self._told(joint, f"its <{tag}> is not a direction")
+            direction = np.array([0.0, 0.0, 1.0])
+        of_model = is_true(axis.findtext("use_parent_model_frame", str(self._old)))
+        frame = "" if xyz is None else xyz.get("expressed_in", "")
+        if frame := frame or "__model__" * of_model:
+            place = self._place(joint.get("name", ""))
+            direction = place.rotation.T @ (self._place(frame).rotation @ direction)
+
+        def value(path: str, default: float = 0.0) -> float:
+            return self._number(joint, axis, path, default)
+
+        limit = {"lower": value("limit/lower", -np.inf), "upper": value("limit/upper", np.inf)}
+        limit |= {key: value(f"limit/{key}") for key in ("effort", "velocity")}
+        if limit["lower"] > limit["upper"]:
             self._told(joint, "its lower limit is above the upper one")
-        low, high = sorted((sign * value["limit/lower"], sign * value["limit/upper"]))
-        free = low <= -_WIDE and high >= _WIDE
-        if free and made.get("type") == "revolute":
-            made.set("type", "continuous")
-        limit = {"lower": low, "upper": high}
-        limit |= {key: max(value[f"limit/{key}"], 0.0) for key in ("effort", "velocity")}
-        limit = {key: float(np.clip(x, -_WIDE, _WIDE)) for key, x in limit.items()}
-        limit |= {key: 0.0 for key in ("effort", "velocity") if limit[key] >= _WIDE}
-        ET.SubElement(made, "limit", {key: repr(x) for key, x in limit.items()})
-        keys = ("damping", "friction")
-        ET.SubElement(made, "dynamics", {key: repr(value[f"dynamics/{key}"]) for key in keys})
-        mimic = axis.find("mimic")
+        if value("dynamics/spring_stiffness"):
+            self._told(joint, "springs are not read; give stiffness= to ClosedChain")
+        dynamics = {key: value(f"dynamics/{key}") for key in _ACTING[:2]}
+        mimic, follows = axis.find("mimic"), dict[str, str]()
         if mimic is not None:
-            factor = sign * value["mimic/multiplier"]
-            offset = sign * value["mimic/offset"] - factor * value["mimic/reference"]
-            leader = mimic.get("joint", "")
-            ET.SubElement(made, "mimic", joint=leader, multiplier=repr(factor), offset=repr(offset))
-            if sign < 0 or mimic.get("axis", "axis") != "axis":
-                self._told(joint, "mimics another joint in a way that is not supported")
+            factor = value("mimic/multiplier", 1.0)
+            offset = value("mimic/offset") - factor * value("mimic/reference")
+            follows = {"joint": mimic.get("joint", ""), "multiplier": repr(factor)}
+            follows["offset"] = repr(offset)
+            if mimic.get("axis", "axis") != "axis":
+                self._told(joint, "mimics the second axis of a joint, which is not supported")
+        return Axis(direction / np.linalg.norm(direction), limit, dynamics, follows)
 
-    def _cut(self, urdf: ET.Element, joint: ET.Element, own: dict[str, pin.SE3]) -> None:
-        """A joint that closes a loop."""
-        kind, ends = joint.get("type", ""), [self._end(joint, side) for side in ("parent", "child")]
-        if kind == "revolute2":
-            kind = "universal"
-        if any(end not in own for end in ends):
-            return
-        cut = ET.SubElement(urdf, "constraint", name=joint.get("name", ""), type=kind)
-        axes = self._axes(joint)
-        place = self._place(joint.get("name", ""))
-        for side, end, axis in zip(("parent", "child"), ends, (axes[0], axes[-1]), strict=True):
-            ET.SubElement(cut, side, link=end)
-            ET.SubElement(cut, f"{side}_origin", origin_of(own[end].actInv(place)))
-            ET.SubElement(cut, f"{side}_axis", xyz=text_of(axis))
-        if kind == "universal" and abs(axes[0] @ axes[1]) > 1e-9:
-            self._told(joint, "closes a loop with two axes that are not at a right angle")
-        for tag in ("damping", "friction", "spring_stiffness"):
-            if any(
-                self._number(joint, joint, f"{a}/dynamics/{tag}", 0.0) for a in ("axis", "axis2")
-            ):
-                self._told(joint, f"closes a loop and has {tag}, which is not supported")
-
-    # --- links ------------------------------------------------------------------------------
-
-    def _link(self, urdf: ET.Element, link: ET.Element, own: pin.SE3) -> None:
-        made = ET.SubElement(urdf, "link", name=link.get("name", ""))
-        at = own.actInv(self._place(link.get("name", "")))
+    def _link(self, graph: JointGraph, name: str, link: ET.Element) -> None:
         inertial = link.find("inertial")
-        entries = {
-            key: None if inertial is None else inertial.findtext(key)
-            for key in ("mass", *(f"inertia/{key}" for key in ("ixx", "iyy", "izz")))
-        }
-        if inertial is None or None in entries.values():
-            missing = ", ".join(key for key, text in entries.items() if text is None)
+        inertial = ET.Element("inertial") if inertial is None else inertial
+        needed = ("mass", *(f"inertia/{key}" for key in ("ixx", "iyy", "izz")))
+        if missing := ", ".join(key for key in needed if inertial.find(key) is None):
             self._told(link, f"no {missing}, for which SDF has 1; write it")
-            return
-        part = ET.SubElement(made, "inertial")
-        ET.SubElement(part, "origin", origin_of(at * self._pose(inertial)))
-        ET.SubElement(part, "mass", value=repr(self._number(link, inertial, "mass", 1.0)))
-        values = {key: self._number(link, inertial, f"inertia/{key}", 0.0) for key in _ENTRIES}
-        ET.SubElement(part, "inertia", {key: repr(x) for key, x in values.items()})
+        entries = _WORDS["inertia"].split()
+        values = {key: self._number(link, inertial, f"inertia/{key}", 0.0) for key in entries}
+        mass = self._number(link, inertial, "mass", 1.0)
+        made = graph.add_link(name, self._pose(inertial), mass, values)
         for tag in ("visual", "collision"):
             for shape in link.findall(tag):
-                self._shape(made, tag, shape, at)
-
-    def _shape(self, made: ET.Element, tag: str, shape: ET.Element, at: pin.SE3) -> None:
-        """A shape; planes, height maps and others are left out, because they only look."""
-        geometry = shape.find("geometry")
-        kind = next(iter(geometry)) if geometry is not None and len(geometry) else None
-        keys: dict[str, dict[str, str]] = {
-            "box": {"size": "size"},
-            "cylinder": {"radius": "radius", "length": "length"},
-            "sphere": {"radius": "radius"},
-            "mesh": {"uri": "filename", "scale": "scale"},
-        }
-        if kind is None or kind.tag not in keys:
-            return
-        part = ET.SubElement(made, tag)
-        ET.SubElement(part, "origin", origin_of(at * self._pose(shape)))
-        given = {to: (kind.findtext(key) or "").strip() for key, to in keys[kind.tag].items()}
-        if kind.tag == "mesh":
-            given["scale"] = given["scale"] or "1 1 1"
-        ET.SubElement(ET.SubElement(part, "geometry"), kind.tag, given)
-        if colour := shape.findtext("material/diffuse", "").strip():
-            material = ET.SubElement(part, "material", name=f"{made.get('name')}_{len(made)}")
-            ET.SubElement(material, "color", rgba=colour)
+                place = graph.own[name].actInv(self._pose(shape))
+                made.extend(_shape(tag, shape, place, f"{name}_{len(made)}"))
 
     def _number(self, of: ET.Element, inside: ET.Element, path: str, default: float) -> float:
-        text = inside.findtext(path)
-        if text is None or not text.strip():
-            return default
-        if text.strip().lstrip("+-").lower() in ("inf", "infinity"):
+        text = inside.findtext(path, "").strip() or repr(default)
+        if text.lstrip("+-").lower() in ("inf", "infinity"):
             return float(text)
         value = numbers(text, 1)
         if value is None:
             self._told(of, f"{path} {text!r} is not a number")
-            return default
-        return float(value[0])
+        return default if value is None else float(value[0])
 
     def _told(self, element: ET.Element, text: str) -> None:
-        problem = f"{element.tag} {element.get('name')}: {text}"
-        if problem not in self._problems:
-            self._problems.append(problem)
+        self._problems.append(f"{element.tag} {element.get('name')}: {text}")
 
 
-def origin_of(place: pin.SE3) -> dict[str, Any]:
-    """Attributes of the `<origin>` of a URDF."""
-    return {"xyz": text_of(place.translation), "rpy": text_of(pin.rpy.matrixToRpy(place.rotation))}
+#: Shapes that are drawn, and what a URDF calls their sizes; others are left out.
+_SHAPES: dict[str, dict[str, str]] = {
+    "box": {"size": "size"},
+    "cylinder": {"radius": "radius", "length": "length"},
+    "sphere": {"radius": "radius"},
+    "mesh": {"uri": "filename", "scale": "scale"},
+}
 
 
-def text_of(vector: Array) -> str:
-    """Numbers with blanks between, as many digits as they have."""
-    return " ".join(map(repr, map(float, vector)))
+def _shape(tag: str, shape: ET.Element, place: pin.SE3, name: str) -> Iterator[ET.Element]:
+    """A shape as an element of a URDF; none for planes and height maps, which only look."""
+    geometry = shape.find("geometry")
+    kind = next(iter(geometry), None) if geometry is not None else None
+    if kind is None or kind.tag not in _SHAPES:
+        return
+    part = ET.Element(tag)
+    ET.SubElement(part, "origin", origin_of(place))
+    given = {to: (kind.findtext(key) or "").strip() for key, to in _SHAPES[kind.tag].items()}
+    if kind.tag == "mesh":
+        given["scale"] = given["scale"] or "1 1 1"
+    ET.SubElement(ET.SubElement(part, "geometry"), kind.tag, given)
+    if colour := shape.findtext("material/diffuse", "").strip():
+        ET.SubElement(ET.SubElement(part, "material", name=name), "color", rgba=colour)
+    yield part

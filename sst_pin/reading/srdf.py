@@ -4,13 +4,16 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Mapping
 from pathlib import Path
 
+import numpy as np
 import pinocchio as pin
+from numpy.typing import ArrayLike
 
+from ..arrays import Array
 from ..errors import DescriptionError
-from .problems import numbers
+from .problems import numbers, telling
 from .text import parse_xml, read_text
 
 
@@ -18,48 +21,77 @@ class Srdf:
     """An SRDF, read and parsed once."""
 
     def __init__(self, path: Path) -> None:
-        self._source, self._text = str(path), read_text(path, "SRDF")
-        self._root = parse_xml(self._text, self._source, "an SRDF")
+        self._source = str(path)
+        self._root = parse_xml(read_text(path, "SRDF"), self._source, "an SRDF")
 
-    def load_configurations(self, model: pin.Model, held: Collection[str] = ()) -> None:
+    def load_configurations(
+        self, model: pin.Model, joints: Collection[str], locked: Collection[str]
+    ) -> list[str]:
         """Put the named configurations into a model, as its `referenceConfigurations`.
 
-        Joints in `held` may be named though the tree does not have them. What Pinocchio would leave
-        at zero in silence is refused.
+        States of several groups with one name are one configuration. `joints` are those of the
+        URDF; what the states say of those that the caller has locked is left out, and told here.
         """
-        if problems := list(_configurations(self._root, model, held)):
+        problems, notes, poses = list[str](), list[str](), dict[str, dict[str, Array]]()
+        if self._root.tag != "robot":
+            problems.append(f"an SRDF starts with <robot>, not with <{self._root.tag}>")
+        for state in self._root.findall("group_state"):
+            name, where = state.get("name", ""), f"group_state {state.get('name')}: "
+            if not name:
+                problems.append("a group_state has no name")
+            pose = poses.setdefault(name, {})
+            for element in state.findall("joint"):
+                joint, text = element.get("name", ""), element.get("value", "")
+                with telling(problems, where):
+                    value = _value(model, joints, joint, text)
+                    if (pose.setdefault(joint, value) != value).any():
+                        raise ValueError(f"{joint} has two values, {text} is one of them")
+                    if value.any() and not model.existJointName(joint):
+                        text = f"{joint} is fixed at zero, not at {text}"
+                        if joint not in locked:
+                            raise ValueError(text)
+                        notes.append(where + text)
+        found = {name: configuration(model, pose) for name, pose in poses.items()}
+        for name, q in found.items():
+            if not pin.isNormalized(model, q, 1e-9):
+                problems.append(f"group_state {name}: a rotation in it has no direction")
+        if problems:
             raise DescriptionError(self._source, problems)
-        pin.loadReferenceConfigurationsFromXML(model, self._text, False)
+        for name, q in found.items():
+            model.referenceConfigurations[name] = q
+        return notes
 
     def remove_pairs(self, model: pin.Model, collision: pin.GeometryModel) -> None:
         """Leave out the pairs of links that need no check; unknown links are refused."""
-        if problems := list(_pairs(self._root, model)):
+        pairs = self._root.findall("disable_collisions")
+        links = [pair.get(key, "") for pair in pairs for key in ("link1", "link2")]
+        if unknown := [link for link in links if not model.existBodyName(link)]:
+            problems = [f"disable_collisions: no link {link} in the URDF" for link in unknown]
             raise DescriptionError(self._source, problems)
-        pin.removeCollisionPairsFromXML(model, collision, self._text, False)
+        text = ET.tostring(self._root, encoding="unicode")
+        pin.removeCollisionPairsFromXML(model, collision, text, False)
 
 
-def _configurations(
-    root: ET.Element, model: pin.Model, held: Collection[str] = ()
-) -> Iterator[str]:
-    if root.tag != "robot":
-        yield f"an SRDF starts with <robot>, not with <{root.tag}>"
-    for state in root.findall("group_state"):
-        where = f"group_state {state.get('name')}"
-        for joint in state.findall("joint"):
-            name = joint.get("name", "")
-            if name in held:
-                continue
-            if not model.existJointName(name):
-                yield f"{where}: no joint {name} in the URDF"
-                continue
-            size, value = model.joints[model.getJointId(name)].nq, joint.get("value", "")
-            if numbers(value, size) is None:
-                wanted = "a number" if size == 1 else f"{size} numbers"
-                yield f"{where}: {name} value={value!r} is not {wanted}"
+def _value(model: pin.Model, joints: Collection[str], joint: str, text: str) -> Array:
+    """The position of a joint; one number for a joint that is fixed in the model."""
+    moves = model.existJointName(joint)
+    parts = [part for part in model.names if part[:-2] == joint and part[-2] == "_"]
+    if not moves and parts:
+        raise ValueError(f"{joint} is {' and '.join(parts)} here")
+    if not moves and joint not in joints:
+        raise ValueError(f"no joint {joint} in the URDF")
+    size = model.joints[model.getJointId(joint)].nq if moves else 1
+    value = numbers(text, size)
+    if value is None:
+        wanted = "a number" if size == 1 else f"{size} numbers"
+        raise ValueError(f"{joint} value={text!r} is not {wanted}")
+    return value
 
 
-def _pairs(root: ET.Element, model: pin.Model) -> Iterator[str]:
-    for pair in root.findall("disable_collisions"):
-        for link in (pair.get("link1", ""), pair.get("link2", "")):
-            if not model.existBodyName(link):
-                yield f"disable_collisions: no link {link} in the URDF"
+def configuration(model: pin.Model, values: Mapping[str, ArrayLike]) -> Array:
+    """The configuration with values of some joints, the others neutral."""
+    q = pin.neutral(model)
+    for joint in list(model.joints)[1:]:
+        own = slice(joint.idx_q, joint.idx_q + joint.nq)
+        q[own] = values.get(model.names[joint.id], q[own])
+    return np.asarray(pin.normalize(model, q))

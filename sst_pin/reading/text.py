@@ -3,13 +3,20 @@
 
 from __future__ import annotations
 
+import re
 import xml.etree.ElementTree as ET
+from collections.abc import Collection, Mapping
+from copy import deepcopy
 from pathlib import Path
 
 from ..errors import DescriptionError
 
 #: Size of a description at most, [byte]; the largest of real robots has half a million.
 _LARGEST = 16 * 2**20
+#: What an XML says of its own encoding.
+_ENCODING = re.compile(rb"""\s*<\?xml[^>]*encoding=["']([\w.:-]+)""")
+#: Attributes that are names, blanks included.
+_NAMES = {"name", "link", "filename"}
 #: Links, joints and others; Pinocchio goes down a tree by recursion, deep enough to crash.
 _MOST_ELEMENTS = 10_000
 
@@ -20,16 +27,14 @@ def is_mjcf(path: Path) -> bool:
 
 
 def read_text(path: str | Path, what: str) -> str:
-    """The content of a description file.
-
-    Raises:
-        DescriptionError: When it cannot be read, or is too large for a robot.
-    """
+    """The content of a description file; one that is too large for a robot is refused."""
     try:
         with Path(path).open("rb") as file:
             content = file.read(_LARGEST + 1)
-        text = content.decode("utf-8-sig")
-    except (OSError, ValueError, TypeError) as error:
+        said = _ENCODING.match(content)
+        wide = content.startswith((b"\xff\xfe", b"\xfe\xff"))
+        text = content.decode("utf-16" if wide else said[1].decode() if said else "utf-8-sig")
+    except (OSError, ValueError, TypeError, LookupError) as error:
         raise DescriptionError(str(path), [f"the {what} cannot be read: {error}"]) from None
     if len(content) > _LARGEST:
         raise DescriptionError(str(path), [f"the {what} has more than {_LARGEST} bytes"])
@@ -37,12 +42,7 @@ def read_text(path: str | Path, what: str) -> str:
 
 
 def parse_xml(text: str, source: str, what: str = "a URDF") -> ET.Element:
-    """The elements of a URDF or an SRDF.
-
-    Raises:
-        DescriptionError: When it is not XML, with line and column, which urdfdom does not say; or
-            when it is larger than any robot.
-    """
+    """The elements of a URDF or an SRDF; errors have line and column."""
     try:
         root = ET.fromstring(text)
     except ET.ParseError as error:
@@ -51,3 +51,15 @@ def parse_xml(text: str, source: str, what: str = "a URDF") -> ET.Element:
         text = f"not {what}: {len(root)} elements; at most {_MOST_ELEMENTS} are supported"
         raise DescriptionError(source, [text])
     return root
+
+
+def bare(root: ET.Element, kept: Mapping[str, Collection[str]]) -> ET.Element:
+    """Links, joints and others with some of their elements, one blank between numbers."""
+    found = ET.Element(root.tag, root.attrib)
+    for element in (element for element in root if element.tag in kept):
+        copy = ET.SubElement(found, element.tag, element.attrib)
+        copy.extend(deepcopy(child) for child in element if child.tag in kept[element.tag])
+        for part in (part for child in copy for part in child.iter()):
+            for key in part.attrib.keys() - _NAMES:
+                part.set(key, " ".join(part.attrib[key].split()))
+    return found

@@ -3,8 +3,9 @@
 
 from __future__ import annotations
 
+import re
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
@@ -16,11 +17,11 @@ from ..chain.closures import Closure, Coupling
 from ..chain.rebuilt_tree import rebuilt
 from ..errors import DescriptionError
 from .cut_joints import Marks
-from .sdf import Sdf
+from .sdf import sdf_graph
 from .shapes import UrdfShapes
-from .text import parse_xml, read_text
-from .urdf_checks import FIXED, INERTIAL, MOVING, check
-from .usd import Usd, is_usd
+from .text import bare, parse_xml, read_text
+from .urdf_checks import check
+from .usd import is_usd, usd_graph
 
 _TURNS = {"X": pin.JointModelRX(), "Y": pin.JointModelRY(), "Z": pin.JointModelRZ()}
 #: What a joint of the LAAS schema is: its parts, each with what is added to its name.
@@ -34,6 +35,8 @@ KINDS: dict[str, dict[str, Any]] = {
         if a != b
     },
 }
+#: What the dynamics are made of; fixed joints only have the first three.
+_OF_JOINTS = ("origin", "parent", "child", "axis", "limit", "dynamics")
 #: Limit of a joint that has none, [rad] or [m].
 _WIDE = "1e9"
 #: Moving joints at most: Pinocchio's data have arrays with the cube of their number, 4 GB here.
@@ -52,18 +55,15 @@ class Urdf:
         problems: What is wrong in names, tree and numbers.
     """
 
-    def __init__(self, content: str | Usd, source: str) -> None:
-        self.source, self.poses = source, dict[str, dict[str, list[float]]]()
-        self.gravity, self._balls = np.array([0, 0, -9.81]), list[str]()
-        if isinstance(content, Usd):
-            self.root, self._balls, self.gravity = content.urdf(), content.balls, content.gravity
-            self.poses = content.poses
-        else:
-            self.root = parse_xml(content, source)
-        if self.root.tag == "sdf":
-            sdf = Sdf(self.root, source)
-            self.root, self._balls = sdf.urdf(), sdf.balls
-            self.gravity = self.gravity if sdf.gravity is None else sdf.gravity
+    def __init__(self, content: str | Path, source: str) -> None:
+        """`content` is the text of a URDF or an SDF, or the path of a USD."""
+        graph = usd_graph(content) if isinstance(content, Path) else None
+        self.source = source
+        self.root = graph.urdf if graph else parse_xml(str(content), source)
+        graph = sdf_graph(self.root, source) if self.root.tag == "sdf" else graph
+        self.root = graph.urdf if graph else self.root
+        self.gravity = graph.gravity if graph else np.array([0, 0, -9.81])
+        self.poses, self._balls = (graph.poses, graph.balls) if graph else ({}, [])
         self.marks = Marks(self.root)
         self.problems = (*check(self.root), *self.marks.problems)
 
@@ -71,7 +71,7 @@ class Urdf:
     def read(cls, path: str | Path) -> Urdf:
         """The URDF in a file."""
         usd = isinstance(path, (str, Path)) and is_usd(Path(path))
-        return cls(Usd(Path(path)) if usd else read_text(path, "URDF"), str(path))
+        return cls(Path(path) if usd else read_text(path, "URDF"), str(path))
 
     @property
     def joint_names(self) -> list[str]:
@@ -84,37 +84,28 @@ class Urdf:
         return UrdfShapes(self.root, Path(self.source).parent)
 
     def tree(self, joints: Mapping[str, str] | None = None) -> pin.Model:
-        """The Pinocchio model.
+        """The Pinocchio model; an error names every error of `problems`.
 
         A `continuous` joint is read as a revolute one without limits: one angle, where Pinocchio
         would have its cosine and sine. A joint that mimics another is free here; see `mimics`.
-
-        Args:
-            joints: What joints are in truth, where a URDF cannot say, by name: "FIXED";
-                "SPHERICAL", a ball; "UJOINT_XY", ..., a joint for each axis, `name_X` and `name_Y`.
-
-        Raises:
-            DescriptionError: With every error of `problems`, or for an unknown joint.
+        `joints` says what joints are in truth, by name: "FIXED"; "SPHERICAL", a ball; "UJOINT_XY",
+        ..., a joint for each axis, `name_X` and `name_Y`.
         """
         joints = {**dict.fromkeys(self._balls, "SPHERICAL"), **(joints or {})}
-        names = self.joint_names
-        problems = [
-            f"{'not a URDF' if problem.where == 'file' else problem.where}: {problem.text}"
-            for problem in self.problems
-            if problem.severity == "error"
-        ]
+        names, errors = self.joint_names, [p for p in self.problems if p.severity == "error"]
+        problems = [f"{p.where}: {p.text}".replace("file:", "not a URDF:", 1) for p in errors]
         for name in set(joints).difference(names):
             meant = [f"; {near} is meant?" for near in get_close_matches(name, names, 1, 0.8)]
             problems.append(f"joint {name} is missing{''.join(meant)}")
-        if problems:
-            raise DescriptionError(self.source, problems)
-        root = _dynamics(self.root)
-        for joint in root.findall("joint"):
-            if joints.get(joint.get("name", "")) == "FIXED":
-                joint.set("type", "fixed")
+        for name in (j.get("name", "") for j in self.root.iterfind("joint[@type='fixed']")):
+            if KINDS[joints.get(name, "FIXED")]:
+                text = f"{joints[name]}, but fixed in the URDF; make it revolute"
+                problems.append(f"joint {name}: {text}")
+        root = _dynamics(self.root, joints)
         moving = sum(joint.get("type") != "fixed" for joint in root.findall("joint"))
         if moving > MOST_JOINTS:
-            problems = [f"{moving} moving joints; at most {MOST_JOINTS} are supported"]
+            problems.append(f"{moving} moving joints; at most {MOST_JOINTS} are supported")
+        if problems:
             raise DescriptionError(self.source, problems)
         try:
             model = pin.buildModelFromXML(ET.tostring(root, encoding="unicode"))
@@ -124,14 +115,22 @@ class Urdf:
         return self._split(model, parts) if parts else model
 
     def _split(self, model: pin.Model, parts: Mapping[str, Mapping[str, Any]]) -> pin.Model:
-        """The tree with some joints replaced by several in series."""
+        """The tree with some joints replaced by several in series, each with their friction."""
         taken = {frame.name for frame in model.frames if frame.type != pin.FrameType.BODY}
         for name in (name + suffix for name, own in parts.items() for suffix in own if suffix):
             if name in taken:
                 text = f"joint {name}: 2 have this name, a part of {name[:-2]} is one of them"
                 raise DescriptionError(self.source, [text])
         numbers = {model.getJointId(name): own for name, own in parts.items()}
-        return rebuilt(model, numbers, pin.neutral(model))
+        found = rebuilt(model, numbers, pin.neutral(model))
+        for name, suffix in ((name, suffix) for name, own in parts.items() for suffix in own):
+            old, part = (
+                m.joints[m.getJointId(n)] for m, n in ((model, name), (found, name + suffix))
+            )
+            for field in ("damping", "friction"):
+                rates = slice(part.idx_v, part.idx_v + part.nv)
+                getattr(found, field)[rates] = getattr(model, field)[old.idx_v]
+        return found
 
     @property
     def mimics(self) -> tuple[Coupling, ...]:
@@ -147,40 +146,33 @@ class Urdf:
         )
 
 
-def closing_frames(model: pin.Model) -> tuple[Closure, ...]:
+def closing_frames(model: pin.Model) -> Iterator[Closure]:
     """Points that coincide, marked by onshape-to-robot: frames `closing_NAME_1`, `closing_NAME_2`.
 
     With them PlaCo closes loops as well.
     """
-    firsts = [frame.name for frame in model.frames if frame.type == pin.FrameType.BODY]
-    pairs = [(name, f"{name[:-1]}2") for name in firsts if name.startswith("closing_")]
-    return tuple(Closure(a, b, "3d") for a, b in pairs if a.endswith("_1") and model.existFrame(b))
+    names = [frame.name for frame in model.frames if frame.type == pin.FrameType.BODY]
+    for name in filter(re.compile("closing_.+_[12]").fullmatch, names):
+        first, second = f"{name[:-1]}1", f"{name[:-1]}2"
+        if not (model.existFrame(first) and model.existFrame(second)):
+            raise DescriptionError(name, [f"{first} and {second} close a loop; one is missing"])
+        if name == first:
+            yield Closure(first, second, "3d")
 
 
-def _dynamics(root: ET.Element) -> ET.Element:
-    """What the dynamics are made of, with one blank between numbers and no continuous joints.
-
-    Otherwise urdfdom takes a number before a tab for none, and a tree with an odd shape as well.
-    """
-    found = ET.Element(root.tag, root.attrib)
-    for element in root:
-        if element.tag not in ("link", "joint"):
-            continue
-        fixed = element.get("type") == "fixed"
-        kept = ("inertial",) if element.tag == "link" else FIXED if fixed else MOVING
-        copy = ET.SubElement(found, element.tag, element.attrib)
-        for child in (child for child in element if child.tag in kept):
-            part = ET.SubElement(copy, child.tag, child.attrib)
-            part.extend(ET.Element(e.tag, e.attrib) for e in child if e.tag in INERTIAL)
-            if part.tag == "dynamics":  # urdfdom wants one of them
-                part.attrib.setdefault("damping", "0")
-            if part.tag not in ("parent", "child"):  # which have names
-                for e in (part, *part):
-                    e.attrib.update({key: " ".join(text.split()) for key, text in e.items()})
-        if copy.get("type") == "continuous":
-            copy.set("type", "revolute")
-            limit = copy.find("limit")
+def _dynamics(root: ET.Element, kinds: Mapping[str, str]) -> ET.Element:
+    """What the dynamics are made of, as urdfdom takes it, and no continuous joints."""
+    found = bare(root, {"link": ("inertial",), "joint": _OF_JOINTS})
+    for joint in found.findall("joint"):
+        for dynamics in joint.findall("dynamics"):  # urdfdom wants one of them
+            dynamics.attrib.setdefault("damping", "0")
+        if "fixed" in (joint.get("type"), kinds.get(joint.get("name", ""), "").lower()):
+            joint.set("type", "fixed")
+            joint[:] = [child for child in joint if child.tag in _OF_JOINTS[:3]]
+        elif joint.get("type") == "continuous":
+            joint.set("type", "revolute")
+            limit = joint.find("limit")
             if limit is None:
-                limit = ET.SubElement(copy, "limit", effort="0", velocity="0")
-            limit.attrib.update(lower="-" + _WIDE, upper=_WIDE)
+                limit = ET.SubElement(joint, "limit", effort="0", velocity="0")
+            limit.attrib.update(lower=f"-{_WIDE}", upper=_WIDE)
     return found

@@ -5,34 +5,42 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from difflib import get_close_matches
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
+from .known_words import means, unknown
 from .problems import Problem, error, number, numbers, warning
 
 #: Entries of an inertia.
 ENTRIES = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-_KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
-#: Elements that the dynamics are made of, and elements beside them.
-INERTIAL = ("origin", "mass", "inertia")
-FIXED = ("origin", "parent", "child")
-MOVING = (*FIXED, "axis", "limit", "dynamics")
-_SHAPES = ("visual", "collision")
-_BESIDE = ("calibration", "safety_controller")
-#: Attributes of elements that have no others.
-_ATTRIBUTES = {
-    "origin": ("xyz", "rpy"),
-    "mass": ("value",),
-    "inertia": ENTRIES,
-    "axis": ("xyz",),
-    "mimic": ("joint", "multiplier", "offset"),
+_ONE_AXIS = ("revolute", "prismatic", "continuous")
+_KINDS = (*_ONE_AXIS, "fixed", "floating", "planar")
+#: What links and joints hold; makers add words of their own.
+_WORDS = {
+    "link": "inertial visual+ collision+ ...",
+    "inertial": "origin mass inertia ...",
+    "joint": "origin parent child axis limit dynamics mimic calibration+ safety_controller+ ...",
+    "origin": "@xyz @rpy",
+    "mass": "@value",
+    "inertia": " ".join(f"@{key}" for key in ENTRIES),
+    "axis": "@xyz",
+    "limit": "@lower @upper @effort @velocity ...",
+    "dynamics": "@damping @friction ...",
+    "mimic": "@joint @multiplier @offset",
 }
-#: Attributes of elements that may have others, of makers' own.
-_OPEN = {"limit": ("lower", "upper", "effort", "velocity"), "dynamics": ("damping", "friction")}
-#: Similarity of words from which one counts as misspelt.
-_ALIKE = 0.8
+#: How many numbers attributes have.
+_COUNTS = {
+    "origin": {"xyz": 3, "rpy": 3},
+    "axis": {"xyz": 3},
+    "limit": {"lower": 1, "upper": 1, "effort": 1, "velocity": 1},
+    "dynamics": {"damping": 1, "friction": 1},
+    "mimic": {"multiplier": 1, "offset": 1},
+    "box": {"size": 3},
+    "sphere": {"radius": 1},
+    "cylinder": {"radius": 1, "length": 1},
+    "mesh": {"scale": 3},
+}
 
 
 def check(root: ET.Element) -> Iterator[Problem]:
@@ -42,184 +50,148 @@ def check(root: ET.Element) -> Iterator[Problem]:
         yield error("file", f"a URDF starts with <robot>, not with <{root.tag}>{cure}")
         return
     links, joints = root.findall("link"), root.findall("joint")
-    if any("xacro" in element.tag for element in root):
+    if any("xacro" in element.tag for element in root.iter()):
         yield error("file", "this is a xacro file; convert it to URDF with xacro")
     if not root.get("name"):
         yield error("file", "<robot> has no name")
     if not links:
         yield error("file", "no links")
-    for elements in (links, joints):
-        yield from check_names(elements)
+    for tag, elements in (("link", links), ("joint", joints)):
+        for name, count in Counter(element.get("name") for element in elements).items():
+            if not name:
+                yield error(tag, f"{count} without a name")
+            elif count > 1:
+                yield error(f"{tag} {name}", f"{count} have this name")
     yield from _connections([link.get("name", "") for link in links], joints)
+    yield from left_out(root)
     for link in links:
-        yield from _link(link)
+        yield from _link(link, f"link {link.get('name')}")
+    kinds = {joint.get("name"): joint.get("type", "") for joint in joints}
     for joint in joints:
-        yield from _joint(joint)
-    yield from _mimics(joints)
+        yield from _joint(joint, f"joint {joint.get('name')}", kinds)
 
 
-def check_names(elements: Sequence[ET.Element]) -> Iterator[Problem]:
-    """Names that are missing, and names that are not unique."""
-    for name, count in Counter(element.get("name") for element in elements).items():
-        tag = elements[0].tag
-        if not name:
-            yield error(tag, f"{count} without a name")
-        elif count > 1:
-            yield error(f"{tag} {name}", f"{count} have this name")
-
-
-def ends(joint: ET.Element) -> tuple[str | None, str | None]:
-    """Names of the links that a joint connects, parent and child."""
-    parent, child = joint.find("parent"), joint.find("child")
-    return (
-        None if parent is None else parent.get("link"),
-        None if child is None else child.get("link"),
-    )
+def left_out(root: ET.Element) -> Iterator[Problem]:
+    """What makers' own attributes say of the dynamics of joints, which other tools may read."""
+    found: dict[str, list[str]] = {}
+    for joint in root.findall("joint"):
+        for key, text in (
+            pair for dynamics in joint.findall("dynamics") for pair in dynamics.items()
+        ):
+            if key not in _COUNTS["dynamics"] and not means(text, "0"):
+                found.setdefault(key, []).append(joint.get("name", ""))
+    for key, names in found.items():
+        yield warning(f"joints {', '.join(names)}", f"dynamics {key}=... is not read")
 
 
 def _connections(links: Sequence[str], joints: Sequence[ET.Element]) -> Iterator[Problem]:
-    known = set(links)
-    children: dict[str, list[str]] = {}
-    bearers: dict[str, str] = {}
+    """What keeps links and joints from being a tree."""
+    known, bearers, children = set(links), dict[str, str](), dict[str, list[str]]()
     for joint in joints:
-        where = f"joint {joint.get('name')}"
-        parent, child = ends(joint)
-        for role, link in (("parent", parent), ("child", child)):
+        name = joint.get("name", "")
+        ends = [_attribute(joint.find(role), "link") for role in ("parent", "child")]
+        for role, link in zip(("parent", "child"), ends, strict=True):
             if link is None:
-                yield error(where, f"no <{role} link=...>")
+                yield error(f"joint {name}", f"no <{role} link=...>")
             elif link not in known:
-                yield error(where, f"{role} {link} is not a link of this file")
-        if parent is None or child is None:
+                yield error(f"joint {name}", f"{role} {link} is not a link of this file")
+        if None in ends:
             continue
+        parent, child = map(str, ends)
         if child in bearers:
-            yield error(
-                where,
-                f"link {child} is already the child of joint {bearers[child]}; a URDF is a tree: "
-                "cut the loop here and add a closure to the YAML of the cuts",
-            )
-        bearers.setdefault(child, str(joint.get("name")))
-        children.setdefault(parent, []).append(child)
-    roots = [link for link in dict.fromkeys(links) if link not in bearers]
-    if len(roots) > 1:
-        yield error(
-            "tree",
-            f"{len(roots)} links without a parent: {', '.join(roots)}; only the base may have none",
-        )
-    reached, found = set(roots), list(roots)
-    while found:
-        new = [child for child in children.get(found.pop(), []) if child not in reached]
-        reached.update(new)
-        found += new
-    if lost := [link for link in dict.fromkeys(links) if link not in reached]:
+            text = f"link {child} is already the child of joint {bearers[child]}; a URDF is a tree"
+            text += ": cut the loop here and add a closure to the YAML of the cuts"
+            yield error(f"joint {name}", text)
+        else:
+            bearers[child] = name
+            children.setdefault(parent, []).append(child)
+    reached = [link for link in dict.fromkeys(links) if link not in bearers]
+    if len(reached) > 1:
+        text = f"{len(reached)} links without a parent: {', '.join(reached)}"
+        yield error("tree", f"{text}; only the base may have none")
+    lost = dict.fromkeys(links)
+    for link in reached:  # which grows
+        reached += children.get(link, [])
+        lost.pop(link, None)
+    if lost:
         yield error("tree", f"links that are not connected to the base: {', '.join(lost)}")
 
 
-def _link(link: ET.Element) -> Iterator[Problem]:
-    where, inertial = f"link {link.get('name')}", link.find("inertial")
-    yield from _elements(link, where, once=("inertial",), others=_SHAPES)
-    if inertial is None:
-        return
-    yield from _elements(inertial, where, once=INERTIAL)
-    yield from _origin(inertial, where)
-    mass = number(inertial.find("mass"), "value")
-    if mass is None:
-        yield error(where, "its mass is not a number")
-    elif mass < 0:
-        yield error(where, f"its mass is negative, {mass:g} kg")
-    inertia = inertial.find("inertia")
-    if missing := [key for key in ENTRIES if number(inertia, key) is None]:
-        yield error(where, f"its inertia has no number {', '.join(missing)}")
+def _link(link: ET.Element, where: str) -> Iterator[Problem]:
+    yield from (error(where, text) for text in unknown(link, _WORDS))
+    for inertial in link.findall("inertial"):
+        yield from no_numbers(inertial, where)
+        mass = number(inertial.find("mass"), "value")
+        if mass is None:
+            yield error(where, "its mass is not a number")
+        elif mass < 0:
+            yield error(where, f"its mass is negative, {mass:g} kg")
+        missing = [key for key in ENTRIES if number(inertial.find("inertia"), key) is None]
+        if missing:
+            yield error(where, f"its inertia has no number {', '.join(missing)}")
 
 
-def _joint(joint: ET.Element) -> Iterator[Problem]:
-    where, kind = f"joint {joint.get('name')}", joint.get("type")
-    yield from _elements(joint, where, once=(*MOVING, "mimic"), others=_BESIDE)
-    yield from _origin(joint, where)
+def _joint(joint: ET.Element, where: str, kinds: Mapping[str | None, str]) -> Iterator[Problem]:
+    kind, name = joint.get("type", ""), joint.get("name")
+    yield from (error(where, text) for text in unknown(joint, _WORDS))
+    yield from no_numbers(joint, where)
+    if name == "universe":
+        yield error(where, "Pinocchio's base has this name; rename the joint")
     if kind not in _KINDS:
         yield error(where, f"type {kind!r} unknown; known: {', '.join(_KINDS)}")
-    elif kind != "fixed":
-        yield from _axis(joint, where)
-        yield from _dynamics(joint, where)
     if kind in ("floating", "planar"):
         yield warning(where, f"{kind}: q has one more entry than v")
-    elif kind in ("revolute", "prismatic", "continuous"):
-        yield from _limits(joint, where, kind)
-    if kind == "planar":
-        axis = joint.find("axis")
-        text = "1 0 0" if axis is None else axis.get("xyz", "1 0 0")
-        normal = numbers(text, 3)
-        if normal is None or normal[:2].any() or not normal[2] > 0:
-            text = f"planar about {text}; Pinocchio moves it in x and y whatever its axis: turn "
-            yield error(where, text + "the joint's frame until the axis is 0 0 1")
     if kind == "continuous":
         yield warning(where, "continuous: two coordinates in Pinocchio; read as revolute here")
+    if kind != "fixed":
+        yield from _axis(joint, where, kind)
+        yield from _friction(joint, where, kind)
+    if kind in _ONE_AXIS:
+        yield from _limits(joint, where, kind)
+    for mimic in joint.findall("mimic"):
+        other = mimic.get("joint")
+        for each in (name, other):
+            if each not in kinds:
+                yield error(where, f"mimics {each}, which is not a joint of this file")
+            elif kinds[each] not in _ONE_AXIS:
+                yield error(where, f"mimics {other}: {each} is {kinds[each]}")
+        if other == name:
+            yield error(where, "mimics itself")
 
 
-def _mimics(joints: Sequence[ET.Element]) -> Iterator[Problem]:
-    """Problems of mimic joints."""
-    kinds = {joint.get("name"): joint.get("type") for joint in joints}
-    for joint in joints:
-        where = f"joint {joint.get('name')}"
-        for mimic in joint.findall("mimic"):
-            other = mimic.get("joint")
-            for name in (joint.get("name"), other):
-                if name not in kinds:
-                    yield error(where, f"mimics {name}, which is not a joint of this file")
-                elif kinds[name] not in ("revolute", "prismatic", "continuous"):
-                    yield error(where, f"mimics {other}: {name} is {kinds[name]}")
-            if other == joint.get("name"):
-                yield error(where, "mimics itself")
-            for key in ("multiplier", "offset"):
-                if mimic.get(key) is not None and number(mimic, key) is None:
-                    yield error(where, f"mimic {key}={mimic.get(key)!r} is not a number")
-
-
-def _elements(
-    parent: ET.Element, where: str, once: Sequence[str], others: Sequence[str] = ()
-) -> Iterator[Problem]:
-    """Misspelt or repeated elements, and misspelt attributes."""
-    tags = Counter(element.tag for element in parent)
-    for tag in tags:
-        yield from _slip(f"<{tag}>", tag, (*once, *others), where)
-    yield from (
-        error(where, f"{tags[tag]} <{tag}>; only one is allowed") for tag in once if tags[tag] > 1
-    )
+def no_numbers(parent: ET.Element, where: str) -> Iterator[Problem]:
+    """Attributes of the elements in one that are not as many numbers as they should be."""
     for element in parent:
-        only, some = _ATTRIBUTES.get(element.tag), _OPEN.get(element.tag)
-        for key in element.attrib:
-            if only and key not in only:
-                text = f"<{element.tag}> has no {key}; it has {', '.join(only)}"
-                yield error(where, text)
-            elif some:
-                yield from _slip(f"<{element.tag} {key}=...>", key, some, where)
+        for key, count in _COUNTS.get(element.tag, {}).items():
+            if key in element.attrib and numbers(text := element.attrib[key], count) is None:
+                wanted = "a number" if count == 1 else "three numbers"
+                yield error(where, f"{element.tag} {key}={text!r} is not {wanted}")
 
 
-def _slip(shown: str, word: str, known: Sequence[str], where: str) -> Iterator[Problem]:
-    """A word that is nearly one of those known."""
-    if word not in known and (meant := get_close_matches(word.lower(), known, 1, _ALIKE)):
-        yield error(where, f"{shown} is unknown; did you mean {meant[0]}?")
-
-
-def _origin(element: ET.Element, where: str) -> Iterator[Problem]:
-    origin = element.find("origin")
-    for key, text in {} if origin is None else origin.attrib.items():
-        if key in ("xyz", "rpy") and numbers(text, 3) is None:
-            yield error(where, f"origin {key}={text!r} is not three numbers")
-
-
-def _axis(joint: ET.Element, where: str) -> Iterator[Problem]:
+def _axis(joint: ET.Element, where: str, kind: str) -> Iterator[Problem]:
     axis = joint.find("axis")
-    if axis is None:
-        return  # x by default
-    direction = numbers(axis.get("xyz", ""), 3)
+    text = "1 0 0" if axis is None else axis.get("xyz", "0 0 0")
+    direction = numbers(text, 3)
     if direction is None:
-        yield error(where, f"axis xyz={axis.get('xyz')!r} is not three numbers")
         return
-    length = np.abs(direction).max()  # the norm of 1e200 overflows
-    if not 1e-100 < length < 1e100:
+    if not 1e-100 < np.abs(direction).max() < 1e100:  # the norm of 1e200 overflows
         yield error(where, "its axis is zero")
     elif abs(np.linalg.norm(direction) - 1) > 1e-6:
         yield warning(where, f"its axis has length {np.linalg.norm(direction):.6g}, not 1")
+    if kind == "planar" and (direction[:2].any() or not direction[2] > 0):
+        text = f"planar about {text}; Pinocchio moves it in x and y whatever its axis: turn "
+        yield error(where, text + "the joint's frame until the axis is 0 0 1")
+
+
+def _friction(joint: ET.Element, where: str, kind: str) -> Iterator[Problem]:
+    for key, name in (("damping", "viscous_friction"), ("friction", "coulomb_friction")):
+        text = _attribute(joint.find("dynamics"), key) or "0"
+        value = 0.0 if (found := numbers(text, 1)) is None else found[0]
+        if value and kind not in _ONE_AXIS:
+            yield error(where, f"{key} of a {kind} joint is not read; ClosedChain takes {name}=")
+        elif value < 0:
+            text = f"dynamics {key}={text!r} is negative: it would accelerate the joint"
+            yield error(where, text)
 
 
 def _limits(joint: ET.Element, where: str, kind: str) -> Iterator[Problem]:
@@ -228,39 +200,20 @@ def _limits(joint: ET.Element, where: str, kind: str) -> Iterator[Problem]:
         if kind != "continuous":
             yield error(where, f"{kind} without <limit>")
         return
-    values = {}
-    for key, default in (("lower", "0"), ("upper", "0"), ("effort", None), ("velocity", None)):
-        text = limit.get(key, default)
-        value = None if text is None else numbers(text, 1)
-        if text is None:
+    for key in ("effort", "velocity"):
+        if key not in limit.attrib:
             yield error(where, f"limit without {key}")
-        elif value is None:
-            yield error(where, f"limit {key}={text!r} is not a number")
-        elif key in ("effort", "velocity") and value[0] < 0:
-            yield error(where, f"limit {key}={text!r} is negative")
-        else:
-            values[key] = float(value[0])
-    if kind == "continuous" or not {"lower", "upper"} <= values.keys():
+        elif (number(limit, key) or 0) < 0:
+            yield error(where, f"limit {key}={limit.get(key)!r} is negative")
+    low, high = (numbers(limit.get(key, "0"), 1) for key in ("lower", "upper"))
+    if kind == "continuous" or low is None or high is None:
         return
-    lower, upper = values["lower"], values["upper"]
-    if lower > upper:
-        yield error(where, f"lower limit {lower:g} above the upper one {upper:g}")
-    elif lower == upper:
-        yield warning(
-            where, f"limits [{lower:g}, {upper:g}]: tools that enforce limits lock the joint"
-        )
+    if low > high:
+        yield error(where, f"lower limit {low[0]:g} above the upper one {high[0]:g}")
+    elif low == high:
+        text = f"limits [{low[0]:g}, {high[0]:g}]: tools that enforce limits lock the joint"
+        yield warning(where, text)
 
 
-def _dynamics(joint: ET.Element, where: str) -> Iterator[Problem]:
-    dynamics = joint.find("dynamics")
-    if dynamics is None:
-        return
-    for key in _OPEN["dynamics"]:
-        text = dynamics.get(key, "0")
-        value = numbers(text, 1)
-        if value is None:
-            yield error(where, f"dynamics {key}={text!r} is not a number")
-        elif value[0] < 0:
-            yield error(
-                where, f"dynamics {key}={text!r} is negative: it would accelerate the joint"
-            )
+def _attribute(element: ET.Element | None, key: str) -> str | None:
+    return None if element is None else element.get(key)

@@ -5,16 +5,13 @@ import json
 from pathlib import Path
 from typing import Any
 
-from .bennett import bennett
-from .delta import delta
-from .excavator import excavator
 from .gallery_robot import GalleryRobot
 from .legs import ankle, knee, leg
+from .overconstrained import agile_eye, agile_wrist, bennett
 from .planar import five_bar, four_bar, planar_3rrr, planar_4rrr
-from .platforms import hexaglide, stewart, ups_pu
-from .spherical import agile_eye, agile_wrist
-from .stacks import ladder, scissor_lift
+from .platforms import delta, hexaglide, stewart, ups_pu
 from .standard_problems import andrews, bricard, governor, n_four_bar, slider_crank
+from .upright import excavator, ladder, scissor_lift
 
 #: Ten states of the SST and of each robot, to 40 digits; see docs/reference_data.md.
 REFERENCE_PATH = Path(__file__).with_name("reference.json")

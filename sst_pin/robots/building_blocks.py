@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Building blocks of the gallery: solids with mass and shape, and the tree that they hang on."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -13,78 +11,77 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Array
 from ..chain.closures import Closure, Constraint
+from ..chain.tree import frame_named
+from .placements import HERE, shift
 
-#: From a plane of motion, x to the right and y up, to the base, where z points up.
-UPRIGHT = pin.SE3(np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]), np.zeros(3))
 _GREY, _ORANGE = np.array([0.55, 0.6, 0.65, 1.0]), np.array([0.95, 0.55, 0.15, 1.0])
 #: Pins and balls of joints; those of motors; what stands on the ground.
 _STEEL, _MOTOR, _GROUND = (
     np.array([*rgb, 1.0]) for rgb in ((0.25, 0.28, 0.32), (0.1, 0.45, 0.7), (0.4, 0.36, 0.32))
 )
-
-
 #: Kinds of closures that are drawn as balls.
 _BALLS = ("3d", "universal")
 
 
 class Solid(NamedTuple):
-    """A homogeneous solid on a body.
-
-    Attributes:
-        inertia: In the axes of the shape, about its centre.
-        shape: Centred at its placement.
-        at: Placement in the frame of the body's joint.
-    """
+    """A homogeneous solid, its inertia and its shape about its centre, placed on a body."""
 
     inertia: pin.Inertia
     shape: coal.ShapeBase
     at: pin.SE3
 
 
-def rods(mass: float, points: ArrayLike, radius: float) -> list[Solid]:
+Solids = list[Solid]
+
+
+def rods(mass: float, points: ArrayLike, radius: float) -> Solids:
     """Round rods of one radius along a line, points of shape (n, 3); a mass for all; SI units."""
     points = np.asarray(points, dtype=float)
     steps = np.diff(points, axis=0)
     lengths = np.linalg.norm(steps, axis=1)
     solids = []
     for start, step, length in zip(points, steps, lengths, strict=False):
-        turn = _z_along(step)
         inertia = pin.Inertia.FromCylinder(mass * length / lengths.sum(), radius, length)
-        shape = coal.Cylinder(radius, length)
-        solids.append(Solid(inertia, shape, pin.SE3(turn, start + step / 2)))
+        at = pin.SE3(_z_along(step), start + step / 2)
+        solids.append(Solid(inertia, coal.Cylinder(radius, length), at))
     return solids
 
 
-def rod(mass: float, end: ArrayLike, radius: float) -> list[Solid]:
+def rod(mass: float, end: ArrayLike, radius: float) -> Solids:
     """A round rod from the origin to a point."""
     return rods(mass, np.stack([np.zeros(3), end]), radius)
 
 
-def star(mass: float, points: Sequence[Array], radius: float) -> list[Solid]:
+def bar(mass: float, length: float, radius: float) -> Solids:
+    """A round rod from the origin along x."""
+    return rod(mass, (length, 0, 0), radius)
+
+
+def star(mass: float, points: ArrayLike, radius: float) -> Solids:
     """Rods from the centre of some points to each of them, equally heavy; a mass for all."""
-    centre = np.mean(points, axis=0)
-    share = mass / len(points)
-    return [solid for point in points for solid in rods(share, [centre, point], radius)]
+    ends = np.asarray(points, dtype=float)
+    pairs = [(ends.mean(axis=0), end) for end in ends]
+    return [solid for pair in pairs for solid in rods(mass / len(ends), pair, radius)]
 
 
-def arc(mass: float, angle: float, radius: float, thickness: float) -> list[Solid]:
+def arc(mass: float, angle: float, radius: float, thickness: float) -> Solids:
     """Four rods of a thickness, their radius, along a circle about x, from the z axis on."""
     turns = np.linspace(0, angle, 5)
     points = radius * np.stack([0 * turns, -np.sin(turns), np.cos(turns)], axis=1)
     return rods(mass, points, thickness)
 
 
-def box(mass: float, size: ArrayLike, centre: ArrayLike = (0, 0, 0)) -> list[Solid]:
+def box(mass: float, size: ArrayLike, centre: ArrayLike = (0, 0, 0)) -> Solids:
     """A box along the axes, edges and centre of shape (3,)."""
     x, y, z = np.asarray(size, dtype=float)
     at = pin.SE3(np.eye(3), np.asarray(centre, dtype=float))
     return [Solid(pin.Inertia.FromBox(mass, x, y, z), coal.Box(x, y, z), at)]
 
 
-def disc(mass: float, radius: float, thickness: float) -> list[Solid]:
+def disc(mass: float, radius: float, thickness: float) -> Solids:
     """A round plate about the z axis, its centre at the origin; [kg], [m], [m]."""
     inertia = pin.Inertia.FromCylinder(mass, radius, thickness)
-    return [Solid(inertia, coal.Cylinder(radius, thickness), pin.SE3.Identity())]
+    return [Solid(inertia, coal.Cylinder(radius, thickness), HERE)]
 
 
 class Tree:
@@ -98,16 +95,11 @@ class Tree:
         self,
         name: str,
         kind: pin.JointModel,
-        solids: Sequence[Solid],
+        solids: Solids,
         parent: str = "universe",
-        at: pin.SE3 | None = None,
+        at: pin.SE3 = HERE,
     ) -> None:
-        """Add a joint and the body that it moves.
-
-        `parent` is the joint whose body bears it, "universe" for the base; `at` its placement
-        there, at the parent's joint by default.
-        """
-        at = pin.SE3.Identity() if at is None else at
+        """Add a joint, placed on its parent's body ("universe": the base), and the body moved."""
         joint = self.model.addJoint(self.model.getJointId(parent), kind, at, name)
         for i, solid in enumerate(solids):
             self.model.appendBodyToJoint(joint, solid.inertia, solid.at)
@@ -115,11 +107,14 @@ class Tree:
             shape.meshColor = _GREY
             self.visual_model.addGeometryObject(shape)
 
-    def frame(self, name: str, body: str, at: ArrayLike | pin.SE3) -> None:
-        """Add a frame on the body of a joint, "universe" for the base.
+    def hinge(
+        self, name: str, solids: Solids, parent: str = "universe", at: pin.SE3 = HERE
+    ) -> None:
+        """Add a joint that turns about z, and its body."""
+        self.joint(name, pin.JointModelRZ(), solids, parent, at)
 
-        `at` is its placement, or its origin where it keeps the body's axes, shape (3,).
-        """
+    def frame(self, name: str, body: str, at: ArrayLike | pin.SE3) -> None:
+        """Add a frame on a joint's body at a placement, or at an origin along the body's axes."""
         placement = at if isinstance(at, pin.SE3) else shift(at)
         joint = self.model.getJointId(body)
         self.model.addFrame(pin.Frame(name, joint, placement, pin.FrameType.OP_FRAME))
@@ -133,12 +128,10 @@ class Tree:
 
 
 def joint_shapes(
-    model: pin.Model,
-    shapes: pin.GeometryModel,
-    closures: Sequence[Constraint],
-    motors: Sequence[str],
+    tree: Tree, closures: Sequence[Constraint], motors: Sequence[str]
 ) -> list[pin.GeometryObject]:
     """Pins, balls and sleeves for the joints and closures, and feet on the ground, without mass."""
+    model, shapes = tree.model, tree.visual_model
     found: list[pin.GeometryObject] = []
     home, thick = model.referenceConfigurations["home"], _thicknesses(shapes, model.njoints)
 
@@ -153,10 +146,11 @@ def joint_shapes(
         joint.calc(data, home)
         S = np.reshape(data.S, (6, joint.nv))
         turns = np.linalg.norm(S[3:], axis=0) > 0
-        origin = pin.SE3.Identity()
+        origin = HERE
         if joint.nv == 1 and turns[0]:
             origin = shift(_nearest_on_axis(S[3:, 0], shapes, number))
-            add(name, number, origin * pin.SE3(_z_along(S[3:, 0]), np.zeros(3)), _pin(r), colour)
+            along, shape = pin.SE3(_z_along(S[3:, 0]), np.zeros(3)), coal.Cylinder(1.3 * r, 5 * r)
+            add(name, number, origin * along, shape, colour)
         elif joint.nv == 1:
             rail = parent == 0  # else a sleeve about a rod
             way = S[:3, 0] * (home[joint.idx_q] if rail else 0.0)
@@ -168,15 +162,11 @@ def joint_shapes(
             add("ground", 0, at * data.M * origin, coal.Box(4 * r, 4 * r, 4 * r), _GROUND)
     for closure in (c for c in closures if isinstance(c, Closure)):
         if closure.kind in (*_BALLS, "hinge", "cylindrical"):
-            frame, is_ball = model.frames[model.getFrameId(closure.frame_a)], closure.kind in _BALLS
+            frame, is_ball = frame_named(model, closure.frame_a), closure.kind in _BALLS
             r = thick[frame.parentJoint]
-            shape = coal.Sphere(1.7 * r) if is_ball else _pin(r)
+            shape = coal.Sphere(1.7 * r) if is_ball else coal.Cylinder(1.3 * r, 5 * r)
             add(closure.frame_a, frame.parentJoint, frame.placement, shape, _STEEL)
     return found
-
-
-def _pin(r: float) -> coal.Cylinder:
-    return coal.Cylinder(1.3 * r, 5 * r)
 
 
 def _thicknesses(shapes: pin.GeometryModel, joints: int) -> Array:
@@ -206,27 +196,3 @@ def _nearest_on_axis(axis: Array, shapes: pin.GeometryModel, joint: int) -> Arra
 
 def _z_along(axis: Array) -> Array:
     return pin.Quaternion.FromTwoVectors(np.array([0.0, 0, 1]), axis).matrix()
-
-
-def shift(origin: ArrayLike) -> pin.SE3:
-    """A placement that does not turn; shape (2,) or (3,), [m]."""
-    x, y, *z = np.asarray(origin, dtype=float)
-    return pin.SE3(np.eye(3), np.array([x, y, *(z or [0.0])]))
-
-
-def planar(x: float, y: float, angle: float) -> pin.SE3:
-    """A placement in the plane of x and y; [m], [m], [rad]."""
-    return pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, angle), np.array([x, y, 0.0]))
-
-
-def turned_x(angle: float) -> pin.SE3:
-    """A turn about x, [rad]."""
-    return pin.SE3(pin.rpy.rpyToMatrix(angle, 0.0, 0.0), np.zeros(3))
-
-
-def circle(radius: float, angles: ArrayLike, height: float = 0.0) -> Array:
-    """Points on a circle about z, shape (n, 3); [m], [rad]."""
-    angles = np.asarray(angles, dtype=float)
-    return np.stack(
-        [radius * np.cos(angles), radius * np.sin(angles), np.full(len(angles), height)], axis=1
-    )

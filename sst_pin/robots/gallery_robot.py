@@ -17,6 +17,7 @@ from ..chain.closed_chain import ClosedChain
 from ..chain.closures import Closure, Distance
 from ..chain.lines import LineForce
 from ..chain.thresholds import CLOSURE_TOLERANCE
+from ..chain.tree import frame_named, joint_id
 from ..errors import InputError, WorkspaceError
 from .building_blocks import Tree, joint_shapes
 
@@ -40,9 +41,7 @@ def of_dimensions(build: _Build) -> _Build:
 
 
 class GalleryRobot(ClosedChain):
-    """A robot of the gallery: a closed chain with a platform and shapes.
-
-    The platform is the frame "platform" of the model.
+    """A robot of the gallery: a closed chain with shapes and a platform, its frame "platform".
 
     Args:
         tree: The tree and its shapes.
@@ -71,30 +70,24 @@ class GalleryRobot(ClosedChain):
     ) -> None:
         self._tree, self._shapes, self._joints = tree.model, tree.visual_model, joints
         self._rows = slice(None), slice(3 if point else 0, 4)  # of a pose, that count
-        with np.errstate(invalid="ignore"):
-            q = self._configuration(joints(home))
-        unreachable = WorkspaceError(
-            f"{tree.model.name}: with these dimensions the loops do not close at home"
-        )
+        problem = f"{tree.model.name}: with these dimensions the loops do not close at home"
+        q = self._configuration(home)
         if not np.isfinite(q).all():
-            raise unreachable
+            raise WorkspaceError(problem)
         tree.model.referenceConfigurations["home"] = pin.normalize(tree.model, q)
         super().__init__(tree.model, closures, actuated, forces=forces)
-        for shape in joint_shapes(tree.model, tree.visual_model, closures, actuated):
+        for shape in joint_shapes(tree, closures, actuated):
             tree.visual_model.addGeometryObject(shape)
         try:
             self.inverse_kinematics(home)
         except (InputError, WorkspaceError):
-            raise unreachable from None
+            raise WorkspaceError(problem) from None
 
     def inverse_kinematics(self, pose: pin.SE3 | ArrayLike) -> Array:
-        """Inverse kinematics: the configuration for a pose of the platform.
-
-        It is in the working mode of `home`.
+        """Inverse kinematics: the configuration for a pose of the platform, in the mode of `home`.
 
         Args:
-            pose: Pose of the frame "platform" in the base: `pinocchio.SE3`, or homogeneous
-                matrices, shape (..., 4, 4).
+            pose: Of the platform in the base: `pinocchio.SE3`, or matrices, shape (..., 4, 4).
 
         Returns:
             q on the closures, shape (..., nq).
@@ -113,8 +106,7 @@ class GalleryRobot(ClosedChain):
         poses = finite_array("pose", matrices, (4, 4))
 
         def joints(pose: Array) -> Array:
-            with np.errstate(invalid="ignore"):
-                q = self._configuration(self._joints(pin.SE3(pose)))
+            q = self._configuration(pin.SE3(pose))
             if not np.isfinite(q).all():
                 raise WorkspaceError("the pose of the platform is out of reach")
             q = self._current.mechanism.space.normalised(q)
@@ -131,13 +123,10 @@ class GalleryRobot(ClosedChain):
         return for_each_sample(joints, (poses,), (2,), (self._tree.nq,))
 
     def platform_pose(self, q: ArrayLike) -> Array:
-        """Pose of the platform in the base.
+        """Poses of the platform in the base, homogeneous matrices of shape (..., 4, 4).
 
         Args:
             q: Joint coordinates, shape (..., nq).
-
-        Returns:
-            Homogeneous matrices, shape (..., 4, 4).
 
         Example:
             >>> chain = sst_pin.robots.delta()
@@ -151,16 +140,19 @@ class GalleryRobot(ClosedChain):
 
         return for_each_sample(pose, (finite_array("q", q, (self._tree.nq,)),), (1,), (4, 4))
 
-    def _configuration(self, joints: Joints) -> Array:
+    def _configuration(self, pose: pin.SE3) -> Array:
+        """The configuration in closed form; NaN out of reach."""
         q: Array = pin.neutral(self._tree)
+        with np.errstate(invalid="ignore"):
+            joints = self._joints(pose)
         for name, value in joints.items():
-            joint = self._tree.joints[self._tree.getJointId(name)]
+            joint = self._tree.joints[joint_id(self._tree, name)]
             q[joint.idx_q : joint.idx_q + joint.nq] = value
         return q
 
     def _pose(self, q: Array) -> Array:
         """Pose of the platform, joint by joint: a `pin.Data` takes memory with the cube of nv."""
-        frame = self._tree.frames[self._tree.getFrameId("platform")]
+        frame = frame_named(self._tree, "platform")
         at = pin.SE3.Identity()
         for index in list(self._tree.supports[frame.parentJoint])[1:]:
             joint = self._tree.joints[index]

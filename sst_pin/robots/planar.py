@@ -1,20 +1,20 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Robots whose bodies move in one plane: four-bar, five-bar, 3-RRR, 4-RRR."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import ArrayLike
 
 from ..arrays import Array, in_one_turn
 from ..chain.closures import Closure
-from .angles import angle_about_z, direction, two_link
-from .building_blocks import UPRIGHT, Tree, circle, planar, rod, shift, star
+from .building_blocks import Solids, Tree, bar, star
 from .gallery_robot import GalleryRobot, Joints, of_dimensions
+from .placements import UPRIGHT, angle_about_z, circle, direction, planar, shift, two_link
 
-_RZ = pin.JointModelRZ
+#: Of the proximal and the distal link, [m].
+_Lengths = tuple[float, float]
 
 
 @of_dimensions
@@ -32,7 +32,7 @@ def four_bar(
 
     The platform is the point of the coupler, its x axis along the coupler, its z axis normal to the
     plane. Lengths are in the proportions of Hoecken's linkage, 1 : 2.5 : 2.5 : 2 : 5, which draws a
-    line that is nearly straight (R. L. Norton, Design of Machinery); masses are chosen here.
+    line that is nearly straight (R. L. Norton, Design of Machinery).
 
     Args:
         crank: From the origin to its pin, [m].
@@ -45,8 +45,7 @@ def four_bar(
 
     Example:
         >>> chain = sst_pin.robots.four_bar()
-        >>> zero = np.zeros(chain.degrees_of_freedom)
-        >>> chain.compute_torques(chain.home, zero, zero).round(2)
+        >>> chain.compute_torques(chain.home, [0], [0]).round(2)
         array([0.16])
     """
     tree = Tree("four_bar")
@@ -55,27 +54,23 @@ def four_bar(
         ("coupler", "crank", shift((crank, 0)), max(point, coupler)),
         ("rocker", "universe", UPRIGHT * shift((ground, 0)), rocker),
     ):
-        tree.joint(name, _RZ(), rod(linear_density * length, (length, 0, 0), radius), parent, at)
-    tree.frame("coupler_pin", "coupler", (coupler, 0, 0))
-    tree.frame("rocker_pin", "rocker", (rocker, 0, 0))
-    tree.platform("coupler", (point, 0, 0))
-
+        tree.hinge(name, bar(linear_density * length, length, radius), parent, at)
+    tree.frame("coupler_pin", "coupler", (coupler, 0))
+    tree.frame("rocker_pin", "rocker", (rocker, 0))
+    tree.platform("coupler", (point, 0))
     x, y = crank * np.cos(np.pi / 3), crank * np.sin(np.pi / 3)
     angle, _ = two_link((ground - x, -y), coupler, rocker, -1)
     home = UPRIGHT * planar(x, y, angle) * shift((point, 0))
-    joints = partial(_four_bar_joints, coupler=coupler, ground=ground, point=point)
+    joints = partial(_four_bar_joints, coupler, ground, point)
     return GalleryRobot(tree, [Closure("coupler_pin", "rocker_pin", "3d")], ["crank"], joints, home)
 
 
-def _four_bar_joints(pose: pin.SE3, coupler: float, ground: float, point: float) -> Joints:
+def _four_bar_joints(coupler: float, ground: float, point: float, pose: pin.SE3) -> Joints:
     pose = UPRIGHT.actInv(pose)
-    pins = [pose.act(np.array([x - point, 0, 0])) for x in (0, coupler)]
-    crank = direction(pins[0])
-    return {
-        "crank": crank,
-        "coupler": float(in_one_turn(angle_about_z(pose.rotation) - crank)),
-        "rocker": direction(pins[1] - (ground, 0, 0)),
-    }
+    first, second = (pose.act(np.array([x - point, 0, 0])) for x in (0, coupler))
+    crank, rocker = direction(first), direction(second - (ground, 0, 0))
+    turn = float(in_one_turn(angle_about_z(pose.rotation) - crank))
+    return {"crank": crank, "coupler": turn, "rocker": rocker}
 
 
 @of_dimensions
@@ -89,10 +84,10 @@ def five_bar(
 ) -> GalleryRobot:
     """A five-bar robot of two motors that carries a point in the horizontal plane.
 
-    The platform is the point where the two arms meet; its orientation does not count. Lengths are
-    like those of small five-bars for the laboratory (DexTAR; L. Campos, F. Bourbonnais, I. Bonev,
-    P. Bigras, Development of a five-bar parallel robot with large workspace, ASME DETC 2010),
-    masses are chosen here. Elbows point outwards.
+    The platform is the point where the arms meet, without orientation. Elbows point outwards.
+    Lengths are like those of small five-bars for the laboratory (DexTAR; L. Campos, F. Bourbonnais,
+    I. Bonev, P. Bigras, Development of a five-bar parallel robot with large workspace, ASME DETC
+    2010).
 
     Args:
         span: Between the motors, along x, [m].
@@ -103,30 +98,27 @@ def five_bar(
 
     Example:
         >>> chain = sst_pin.robots.five_bar()
-        >>> zero = np.zeros(chain.degrees_of_freedom)
-        >>> chain.compute_torques(chain.home, zero, zero).round(2)
+        >>> chain.compute_torques(chain.home, [0] * 2, [0] * 2).round(2)
         array([0., 0.])
     """
-    tree = Tree("five_bar")
+    tree, lengths = Tree("five_bar"), (proximal, distal)
+    links = [bar(linear_density * length, length, radius) for length in lengths]
     for k, x in enumerate((-span / 2, span / 2), 1):
-        upper = rod(linear_density * proximal, (proximal, 0, 0), radius)
-        lower = rod(linear_density * distal, (distal, 0, 0), radius)
-        tree.joint(f"shoulder_{k}", _RZ(), upper, at=shift((x, 0)))
-        tree.joint(f"elbow_{k}", _RZ(), lower, f"shoulder_{k}", shift((proximal, 0)))
-        tree.frame(f"tip_{k}", f"elbow_{k}", (distal, 0, 0))
-    tree.platform("elbow_1", (distal, 0, 0))
-    joints = partial(_five_bar_joints, span=span, proximal=proximal, distal=distal)
+        _add_arm(tree, k, (x, 0), lengths, links)
+        tree.frame(f"tip_{k}", f"elbow_{k}", (distal, 0))
+    tree.platform("elbow_1", (distal, 0))
+    joints = partial(_five_bar_joints, span, lengths)
     reach = 0.85 * (proximal + distal)
     home = shift((0, np.sqrt(np.maximum(reach**2 - span**2 / 4, 0))))
     closures = [Closure("tip_1", "tip_2", "3d")]
     return GalleryRobot(tree, closures, ["shoulder_1", "shoulder_2"], joints, home, point=True)
 
 
-def _five_bar_joints(pose: pin.SE3, span: float, proximal: float, distal: float) -> Joints:
+def _five_bar_joints(span: float, lengths: _Lengths, pose: pin.SE3) -> Joints:
     joints: Joints = {}
     for k, side in ((1, -1), (2, 1)):
         target = pose.translation - (side * span / 2, 0, 0)
-        shoulder, elbow = two_link(target, proximal, distal, side)
+        shoulder, elbow = two_link(target, *lengths, side)
         joints |= {f"shoulder_{k}": shoulder, f"elbow_{k}": elbow}
     return joints
 
@@ -146,8 +138,7 @@ def planar_3rrr(
 
     It moves in the horizontal plane; the platform's frame is in its middle. The robot of C.
     Gosselin and J. Angeles, The optimum kinematic design of a planar three-degree-of-freedom
-    parallel manipulator, J. Mechanisms 110 (1988); dimensions and masses are chosen here. Elbows
-    bend to the left.
+    parallel manipulator, J. Mechanisms 110 (1988). Elbows bend to the left.
 
     Args:
         base_radius: Radius of the circle of the motors, [m].
@@ -160,18 +151,15 @@ def planar_3rrr(
 
     Example:
         >>> chain = sst_pin.robots.planar_3rrr()
-        >>> zero = np.zeros(chain.degrees_of_freedom)
-        >>> chain.compute_torques(chain.home, zero, zero).round(2)
+        >>> chain.compute_torques(chain.home, [0] * 3, [0] * 3).round(2)
         array([0., 0., 0.])
     """
-    return _planar_platform(
-        "planar_3rrr",
-        circle(base_radius, np.pi / 2 + 2 * np.pi / 3 * np.arange(3)),
-        circle(platform_radius, np.pi / 2 + 2 * np.pi / 3 * np.arange(3)),
-        (proximal, distal),
-        (linear_density * proximal, linear_density * distal, platform_mass),
-        radius,
-    )
+    angles = np.pi / 2 + 2 * np.pi / 3 * np.arange(3)
+    base, vertices = circle(base_radius, angles), circle(platform_radius, angles)
+    plate = star(platform_mass, vertices - vertices[0], radius)
+    lengths = proximal, distal
+    links = [bar(linear_density * length, length, radius) for length in lengths]
+    return _planar_platform("planar_3rrr", base, vertices, plate, lengths, links)
 
 
 @of_dimensions
@@ -188,62 +176,51 @@ def planar_4rrr(
     """A planar platform on four legs: four motors for three degrees of freedom.
 
     Redundant actuation removes singularities and allows preload against backlash (A. Müller,
-    Internal preload control of redundantly actuated parallel manipulators, IEEE Trans. Robotics
-    21 (2005)); dimensions and masses are chosen here. Arguments as `planar_3rrr`.
+    Internal preload control of redundantly actuated parallel manipulators, IEEE Trans. Robotics 21
+    (2005)). Arguments as `planar_3rrr`.
 
     Example:
         >>> chain = sst_pin.robots.planar_4rrr()
-        >>> zero = np.zeros(chain.degrees_of_freedom)
-        >>> chain.compute_torques(chain.home, zero, zero).round(2)
+        >>> chain.compute_torques(chain.home, [0] * 3, [0] * 3).round(2)
         array([0., 0., 0., 0.])
     """
-    return _planar_platform(
-        "planar_4rrr",
-        circle(base_radius, np.pi / 4 + np.pi / 2 * np.arange(4)),
-        circle(platform_radius, np.pi / 4 + np.pi / 2 * np.arange(4)),
-        (proximal, distal),
-        (linear_density * proximal, linear_density * distal, platform_mass),
-        radius,
-    )
+    angles = np.pi / 4 + np.pi / 2 * np.arange(4)
+    base, vertices = circle(base_radius, angles), circle(platform_radius, angles)
+    plate = star(platform_mass, vertices - vertices[0], radius)
+    lengths = proximal, distal
+    links = [bar(linear_density * length, length, radius) for length in lengths]
+    return _planar_platform("planar_4rrr", base, vertices, plate, lengths, links)
 
 
 def _planar_platform(
-    name: str,
-    base: Array,
-    vertices: Array,
-    lengths: tuple[float, float],
-    masses: tuple[float, float, float],
-    radius: float,
+    name: str, base: Array, vertices: Array, plate: Solids, lengths: _Lengths, links: list[Solids]
 ) -> GalleryRobot:
     """A platform in the horizontal plane that leg 1 bears and the other legs are pinned to."""
-    tree = Tree(name)
-    legs = range(1, len(base) + 1)
+    tree, legs = Tree(name), range(1, len(base) + 1)
     for k in legs:
-        upper, lower = (
-            rod(mass, (length, 0, 0), radius)
-            for mass, length in zip(masses[:2], lengths, strict=True)
-        )
-        tree.joint(f"shoulder_{k}", _RZ(), upper, at=shift(base[k - 1]))
-        tree.joint(f"elbow_{k}", _RZ(), lower, f"shoulder_{k}", shift((lengths[0], 0)))
+        _add_arm(tree, k, base[k - 1], lengths, links)
         if k == 1:
-            plate = star(masses[2], list(vertices - vertices[0]), radius)
-            tree.joint("wrist_1", _RZ(), plate, "elbow_1", shift((lengths[1], 0)))
+            tree.hinge("wrist_1", plate, "elbow_1", shift((lengths[1], 0)))
             tree.platform("wrist_1", -vertices[0])
         else:
-            tree.frame(f"tip_{k}", f"elbow_{k}", (lengths[1], 0, 0))
+            tree.frame(f"tip_{k}", f"elbow_{k}", (lengths[1], 0))
             tree.frame(f"vertex_{k}", "wrist_1", vertices[k - 1] - vertices[0])
     closures = [Closure(f"vertex_{k}", f"tip_{k}", "3d") for k in legs[1:]]
-    joints = partial(_planar_wrist_1s, base=base, vertices=vertices, lengths=lengths)
+    joints = partial(_planar_joints, base, vertices, lengths)
     motors = [f"shoulder_{k}" for k in legs]
     return GalleryRobot(tree, closures, motors, joints, planar(0, 0, 0))
 
 
-def _planar_wrist_1s(
-    pose: pin.SE3, base: Array, vertices: Array, lengths: tuple[float, float]
-) -> Joints:
+def _planar_joints(base: Array, vertices: Array, lengths: _Lengths, pose: pin.SE3) -> Joints:
     joints: Joints = {}
     for k, (foot, vertex) in enumerate(zip(base, vertices, strict=True), 1):
         shoulder, elbow = two_link(pose.act(vertex) - foot, *lengths, 1)
         joints |= {f"shoulder_{k}": shoulder, f"elbow_{k}": elbow}
     turn = angle_about_z(pose.rotation) - joints["shoulder_1"] - joints["elbow_1"]
     return joints | {"wrist_1": float(in_one_turn(turn))}
+
+
+def _add_arm(tree: Tree, k: int, foot: ArrayLike, lengths: _Lengths, links: list[Solids]) -> None:
+    """Two links in a row on the base."""
+    tree.hinge(f"shoulder_{k}", links[0], at=shift(foot))
+    tree.hinge(f"elbow_{k}", links[1], f"shoulder_{k}", shift((lengths[0], 0)))

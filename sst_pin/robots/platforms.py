@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Platforms on legs of universal joint, slide and ball: Stewart, hexaglide, 3-UPS-PU."""
+"""Platforms on legs with universal and ball joints: Stewart, 3-UPS-PU, hexaglide, delta."""
 
 from __future__ import annotations
 
@@ -8,12 +8,13 @@ from functools import partial
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
+from pinocchio.rpy import rpyToMatrix
 
 from ..arrays import Array, single_array
 from ..chain.closures import Closure
-from .angles import universal
-from .building_blocks import Tree, box, circle, disc, rod, rods, shift
+from .building_blocks import Tree, bar, box, disc, rod, rods
 from .gallery_robot import GalleryRobot, Joints, of_dimensions
+from .placements import circle, of_two_turns, planar, shift, two_link, universal
 
 _X, _Y, _ = np.eye(3)
 #: Where the carriages of the hexaglide run, before the platform's joints or behind them.
@@ -36,8 +37,7 @@ def stewart(
 
     The platform is a free-flyer with six ball joints. A strut turns about a universal joint at the
     base and does not spin. The layout of V. E. Gough's machine and of D. Stewart, A platform with
-    six degrees of freedom, Proc. Inst. Mech. Eng. 180 (1965); dimensions and masses are chosen
-    here.
+    six degrees of freedom, Proc. Inst. Mech. Eng. 180 (1965).
 
     Args:
         base_radius: Radius of the circle of the base's joints, [m].
@@ -51,8 +51,7 @@ def stewart(
 
     Example:
         >>> chain = sst_pin.robots.stewart()
-        >>> zero = np.zeros(chain.degrees_of_freedom)
-        >>> chain.compute_torques(chain.home, zero, zero).round(2)
+        >>> chain.compute_torques(chain.home, [0] * 6, [0] * 6).round(2)
         array([32.25, 32.25, 32.25, 32.25, 32.25, 32.25])
     """
     tree = Tree("stewart")
@@ -60,15 +59,14 @@ def stewart(
     vertices = circle(platform_radius, _pairs(platform_spread))
     tree.joint("platform", pin.JointModelFreeFlyer(), disc(platform_mass, platform_radius, 0.03))
     tree.platform("platform")
-    _add_struts(tree, base, vertices, retracted, barrel_mass, rod_mass)
-    joints = partial(_stewart_joints, base=base, vertices=vertices, retracted=retracted)
-    closures = [Closure(f"ball_{k}", f"end_of_rod_{k}", "3d") for k in range(1, 7)]
+    closures, motors = _add_struts(tree, base, vertices, retracted, (barrel_mass, rod_mass))
+    joints = partial(_stewart_joints, base, vertices, retracted)
     home = shift((0, 0, _height(base[0], vertices[0], 1.3 * retracted)))
-    return GalleryRobot(tree, closures, [f"stroke_{k}" for k in range(1, 7)], joints, home)
+    return GalleryRobot(tree, closures, motors, joints, home)
 
 
-def _stewart_joints(pose: pin.SE3, base: Array, vertices: Array, retracted: float) -> Joints:
-    return {"platform": pin.SE3ToXYZQUAT(pose)} | _strut_joints(pose, base, vertices, retracted)
+def _stewart_joints(base: Array, vertices: Array, retracted: float, pose: pin.SE3) -> Joints:
+    return {"platform": pin.SE3ToXYZQUAT(pose)} | _strut_joints(base, vertices, retracted, pose)
 
 
 @of_dimensions
@@ -85,9 +83,9 @@ def ups_pu(
 ) -> GalleryRobot:
     """The platform 3-UPS-PU: three driven struts and a central post.
 
-    The post slides along z and carries the platform on a universal joint. So the platform has three
-    degrees of freedom: it moves along z, and turns about x and then y. Its dynamics has been
-    published with the NOC before; dimensions and masses are chosen here.
+    The post slides along z and carries the platform on a universal joint. So it has three degrees
+    of freedom: it moves along z, and turns about x and then y. Its dynamics has been published with
+    the NOC.
 
     Args:
         base_radius: Radius of the circle of the base's joints, [m].
@@ -101,8 +99,7 @@ def ups_pu(
 
     Example:
         >>> chain = sst_pin.robots.ups_pu()
-        >>> zero = np.zeros(chain.degrees_of_freedom)
-        >>> chain.compute_torques(chain.home, zero, zero).round(2)
+        >>> chain.compute_torques(chain.home, [0] * 3, [0] * 3).round(2)
         array([42.27, 42.27, 42.27])
     """
     tree = Tree("ups_pu")
@@ -112,18 +109,17 @@ def ups_pu(
     plate = disc(platform_mass, platform_radius, 0.03)
     tree.joint("platform", pin.JointModelUniversal(_X, _Y), plate, "post", shift((0, 0, post)))
     tree.platform("platform")
-    _add_struts(tree, base, vertices, retracted, barrel_mass, rod_mass)
-    joints = partial(_ups_pu_joints, base=base, vertices=vertices, post=post, retracted=retracted)
-    closures = [Closure(f"ball_{k}", f"end_of_rod_{k}", "3d") for k in range(1, 4)]
+    closures, motors = _add_struts(tree, base, vertices, retracted, (barrel_mass, rod_mass))
+    joints = partial(_ups_pu_joints, post, base, vertices, retracted)
     home = shift((0, 0, _height(base[0], vertices[0], 1.4 * retracted)))
-    return GalleryRobot(tree, closures, [f"stroke_{k}" for k in range(1, 4)], joints, home)
+    return GalleryRobot(tree, closures, motors, joints, home)
 
 
 def _ups_pu_joints(
-    pose: pin.SE3, base: Array, vertices: Array, post: float, retracted: float
+    post: float, base: Array, vertices: Array, retracted: float, pose: pin.SE3
 ) -> Joints:
     own = {"post": pose.translation[2] - post, "platform": universal(pose.rotation[:, 2])}
-    return own | _strut_joints(pose, base, vertices, retracted)
+    return own | _strut_joints(base, vertices, retracted, pose)
 
 
 @of_dimensions
@@ -141,8 +137,7 @@ def hexaglide(
 
     Rails run along x in the plane z = 0; the platform is a free-flyer above them that six balls
     hold. The layout of the Hexaglide of ETH Zurich (M. Honegger, A. Codourey, E. Burdet, Adaptive
-    control of the Hexaglide, a 6 dof parallel manipulator, ICRA 1997); dimensions and masses are
-    chosen here.
+    control of the Hexaglide, a 6 dof parallel manipulator, ICRA 1997).
 
     Args:
         rails: y of the six rails, shape (6,), [m].
@@ -155,15 +150,13 @@ def hexaglide(
 
     Example:
         >>> chain = sst_pin.robots.hexaglide()
-        >>> zero = np.zeros(chain.degrees_of_freedom)
-        >>> chain.compute_torques(chain.home, zero, zero).round(2)
+        >>> chain.compute_torques(chain.home, [0] * 6, [0] * 6).round(2)
         array([  8.22, -15.65,   9.14,  -9.71,  15.11,  -7.11])
     """
     rails = single_array("rails", rails, (6,))
     tree = Tree("hexaglide")
     vertices = circle(platform_radius, _pairs(platform_spread) - np.pi / 2)
-    plate = disc(platform_mass, platform_radius, 0.02)
-    tree.joint("platform", pin.JointModelFreeFlyer(), plate)
+    tree.joint("platform", pin.JointModelFreeFlyer(), disc(platform_mass, platform_radius, 0.02))
     tree.platform("platform")
     for k, (y, vertex) in enumerate(zip(rails, vertices, strict=True), 1):
         carriage = box(carriage_mass, (0.08, 0.04, 0.04))
@@ -173,12 +166,12 @@ def hexaglide(
         tree.frame(f"end_of_strut_{k}", f"strut_{k}", (0, 0, strut))
         tree.frame(f"ball_{k}", "platform", vertex)
     closures = [Closure(f"ball_{k}", f"end_of_strut_{k}", "3d") for k in range(1, 7)]
-    joints = partial(_hexaglide_joints, rails=rails, vertices=vertices, strut=strut)
+    joints = partial(_hexaglide_joints, rails, vertices, strut)
     motors = [f"carriage_{k}" for k in range(1, 7)]
     return GalleryRobot(tree, closures, motors, joints, shift((0, 0, 2 / 3 * strut)))
 
 
-def _hexaglide_joints(pose: pin.SE3, rails: Array, vertices: Array, strut: float) -> Joints:
+def _hexaglide_joints(rails: Array, vertices: Array, strut: float, pose: pin.SE3) -> Joints:
     joints = {"platform": pin.SE3ToXYZQUAT(pose)}
     for k, (y, vertex, side) in enumerate(zip(rails, vertices, _SIDES, strict=True), 1):
         x, *rest = pose.act(vertex) - (0, y, 0)
@@ -201,28 +194,104 @@ def _pairs(spread: float) -> Array:
 
 
 def _add_struts(
-    tree: Tree,
-    base: Array,
-    vertices: Array,
-    retracted: float,
-    barrel_mass: float,
-    rod_mass: float,
-) -> None:
+    tree: Tree, base: Array, vertices: Array, retracted: float, masses: tuple[float, float]
+) -> tuple[list[Closure], list[str]]:
     """Struts that turn about a universal joint on the base, slide, and end at the platform."""
+    closures, motors = [], []
     for k, (foot, vertex) in enumerate(zip(base, vertices, strict=True), 1):
-        barrel = rod(barrel_mass, (0, 0, 0.8 * retracted), 0.025)
-        piston = rods(rod_mass, [(0, 0, -0.6 * retracted), (0, 0, 0)], 0.015)
+        barrel = rod(masses[0], (0, 0, 0.8 * retracted), 0.025)
+        piston = rods(masses[1], [(0, 0, -0.6 * retracted), (0, 0, 0)], 0.015)
         tree.joint(f"universal_{k}", pin.JointModelUniversal(_X, _Y), barrel, at=shift(foot))
         at = shift((0, 0, retracted))
         tree.joint(f"stroke_{k}", pin.JointModelPZ(), piston, f"universal_{k}", at)
-        tree.frame(f"end_of_rod_{k}", f"stroke_{k}", (0, 0, 0))
+        tree.frame(f"end_of_rod_{k}", f"stroke_{k}", (0, 0))
         tree.frame(f"ball_{k}", "platform", vertex)
+        closures.append(Closure(f"ball_{k}", f"end_of_rod_{k}", "3d"))
+        motors.append(f"stroke_{k}")
+    return closures, motors
 
 
-def _strut_joints(pose: pin.SE3, base: Array, vertices: Array, retracted: float) -> Joints:
+def _strut_joints(base: Array, vertices: Array, retracted: float, pose: pin.SE3) -> Joints:
     joints: Joints = {}
     for k, (foot, vertex) in enumerate(zip(base, vertices, strict=True), 1):
         reach = pose.act(vertex) - foot
         joints[f"universal_{k}"] = universal(reach)
         joints[f"stroke_{k}"] = np.linalg.norm(reach) - retracted
+    return joints
+
+
+@of_dimensions
+def delta(
+    *,
+    base_radius: float = 0.12,
+    platform_radius: float = 0.05,
+    arm: float = 0.15,
+    forearm: float = 0.32,
+    spacing: float = 0.08,
+    arm_mass: float = 0.08,
+    rod_mass: float = 0.02,
+    platform_mass: float = 0.15,
+) -> GalleryRobot:
+    """The delta robot: three arms and six rods move a platform without rotation.
+
+    The rods are connected to the arms by universal joints and do not spin. Ball joints connect them
+    to the platform, which is the child of rod_1a in the tree. The robot of R. Clavel, Delta, a fast
+    robot with parallel geometry, ISIR 1988, in the size of a machine for a table.
+
+    Args:
+        base_radius: Radius of the circle of the motors, [m].
+        platform_radius: Radius of the circle of the platform's joints, [m].
+        arm: Length of the driven arms, [m].
+        forearm: Length of the rods, [m].
+        spacing: Between the two rods of a pair, [m].
+        arm_mass: Mass of each arm, [kg].
+        rod_mass: Mass of each of the six rods, [kg].
+        platform_mass: [kg].
+
+    Example:
+        >>> chain = sst_pin.robots.delta()
+        >>> chain.compute_torques(chain.home, [0] * 3, [0] * 3).round(2)
+        array([-0.19, -0.19, -0.19])
+    """
+    tree, closures = Tree("delta"), []
+    first, end = np.array([platform_radius, spacing / 2, 0]), (0, 0, -forearm)
+    for k in (1, 2, 3):
+        leg = planar(0, 0, 2 * np.pi / 3 * (k - 1))
+        motor = leg * shift((base_radius, 0))
+        tree.joint(f"motor_{k}", pin.JointModelRY(), bar(arm_mass, arm, 0.008), at=motor)
+        for name, offset in ((f"{k}a", spacing / 2), (f"{k}b", -spacing / 2)):
+            bars, at = rod(rod_mass, end, 0.004), shift((arm, offset))
+            kind = pin.JointModelUniversal(_X, _Y)
+            tree.joint(f"rod_{name}", kind, bars, f"motor_{k}", at)
+            if name == "1a":
+                (plate,) = disc(platform_mass, platform_radius, 0.01)
+                plates = [plate._replace(at=shift(-first))]
+                tree.joint("ball", pin.JointModelSpherical(), plates, "rod_1a", shift(end))
+                tree.platform("ball", -first)
+            else:
+                vertex = leg.act(np.array([platform_radius, offset, 0]))
+                tree.frame(f"end_{name}", f"rod_{name}", end)
+                tree.frame(f"ball_{name}", "ball", vertex - first)
+                closures.append(Closure(f"ball_{name}", f"end_{name}", "3d"))
+    joints = partial(_delta_joints, (base_radius, platform_radius), arm, forearm)
+    motors = [f"motor_{k}" for k in (1, 2, 3)]
+    level = base_radius + arm - platform_radius  # of the arms, at home
+    with np.errstate(invalid="ignore"):
+        home = shift((0, 0, -np.sqrt(forearm**2 - level**2)))
+    return GalleryRobot(tree, closures, motors, joints, home)
+
+
+def _delta_joints(radii: tuple[float, float], arm: float, forearm: float, pose: pin.SE3) -> Joints:
+    base_radius, platform_radius = radii
+    joints: Joints = {}
+    for k in (1, 2, 3):
+        leg = planar(0, 0, 2 * np.pi / 3 * (k - 1))
+        x, y, z = leg.actInv(pose.translation) - (base_radius - platform_radius, 0, 0)
+        motor, _ = two_link((x, -z), arm, np.sqrt(forearm**2 - y**2), 1)
+        turn = rpyToMatrix(0.0, motor, 0.0)
+        dx, dy, dz = turn.T @ (x, y, z) - (arm, 0, 0)
+        rods = np.arctan2(dy, -dz), np.arctan2(-dx, np.hypot(dy, dz))
+        joints |= {f"motor_{k}": motor, f"rod_{k}a": rods, f"rod_{k}b": rods}
+        if k == 1:
+            joints["ball"] = pin.Quaternion((turn @ of_two_turns(*rods)).T).coeffs()
     return joints

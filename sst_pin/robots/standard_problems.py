@@ -4,21 +4,20 @@
 Axes, masses and starts are those of the publications; docs/standard_problems.md has the results.
 """
 
-from __future__ import annotations
-
 from functools import partial
 
 import coal
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
+from pinocchio.rpy import rpyToMatrix
 
 from ..arrays import Array, in_one_turn, whole_number
 from ..chain.closures import Closure, Distance
 from ..chain.lines import LineForce
-from .angles import angle_about_z, direction, of_two_turns, two_link
-from .building_blocks import Solid, Tree, box, planar, rods, shift
+from .building_blocks import Solid, Solids, Tree, box, rods
 from .gallery_robot import GalleryRobot, Joints, of_dimensions
+from .placements import HERE, angle_about_z, direction, of_two_turns, planar, shift, two_link
 
 _RX, _RY, _RZ = pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ
 _ALONG_Y = np.array([0.0, -9.81, 0.0])
@@ -26,7 +25,7 @@ _ALONG_Y = np.array([0.0, -9.81, 0.0])
 
 def _body(
     mass: float, centre: ArrayLike, moments: ArrayLike, points: ArrayLike, radius: float
-) -> list[Solid]:
+) -> Solids:
     """Rods along a line as the shape of a body whose inertia is given about its mass centre."""
     first, *others = (s._replace(inertia=pin.Inertia.Zero()) for s in rods(1.0, points, radius))
     x, y, *z = np.asarray(centre, dtype=float)
@@ -55,7 +54,7 @@ def bricard(*, length: float = 1.0, mass: float = 1.0, thickness: float = 0.1) -
     tree = Tree("bricard")
     tree.model.gravity.linear = _ALONG_Y
     edges = length * np.array([(1, 0, 0), (0, -1, 0), (0, 0, 1), (-1, 0, 0), (0, 1, 0)])
-    parent, at = "universe", pin.SE3.Identity()
+    parent, at = "universe", HERE
     for k, (kind, edge) in enumerate(zip((_RY, _RZ, _RX, _RY, _RZ), edges, strict=True), 1):
         size = np.maximum(np.abs(edge), thickness)
         tree.joint(f"hinge_{k}", kind(), box(mass, size, edge / 2), parent, at)
@@ -64,19 +63,14 @@ def bricard(*, length: float = 1.0, mass: float = 1.0, thickness: float = 0.1) -
     tree.frame("ground_pin", "universe", pin.SE3(z_to_x, np.array([0, 0, length])))
     tree.frame("end_pin", parent, pin.SE3(z_to_x, edges[-1]))
     tree.platform("hinge_3")
-    return GalleryRobot(
-        tree,
-        [Closure("ground_pin", "end_pin", "hinge")],
-        ["hinge_1"],
-        partial(_bricard_joints, length=length),
-        shift(edges[0] + edges[1]),
-    )
+    closures, joints = [Closure("ground_pin", "end_pin", "hinge")], partial(_bricard_joints, length)
+    return GalleryRobot(tree, closures, ["hinge_1"], joints, shift(edges[0] + edges[1]))
 
 
-def _bricard_joints(pose: pin.SE3, length: float) -> Joints:
+def _bricard_joints(length: float, pose: pin.SE3) -> Joints:
     x, y, z = pose.translation / length
     first, second = np.arctan2(-z, x), np.arctan2(np.hypot(x, z) - 1, -y)
-    turned = pin.rpy.rpyToMatrix(0.0, first, 0.0) @ pin.rpy.rpyToMatrix(0.0, 0.0, second)
+    turned = rpyToMatrix(0.0, first, 0.0) @ rpyToMatrix(0.0, 0.0, second)
     rolled = turned.T @ pose.rotation
     x, y, z = pose.actInv(np.array([0, 0, length])) / length - (0, 0, 1)
     return {
@@ -120,19 +114,19 @@ def n_four_bar(
     points = np.array([(0, 0, 0), (length, 0, 0)])
     bar = _body(mass, points[1] / 2, moments, points, radius)
     for k in range(loops + 1):
-        tree.joint(f"bar_{k}", _RZ(), bar, at=shift((k * length, 0)))
+        tree.hinge(f"bar_{k}", bar, at=shift((k * length, 0)))
         tree.frame(f"end_of_bar_{k}", f"bar_{k}", points[1])
         if k < loops:
-            tree.joint(f"link_{k + 1}", _RZ(), bar, f"bar_{k}", shift(points[1]))
+            tree.hinge(f"link_{k + 1}", bar, f"bar_{k}", shift(points[1]))
             tree.frame(f"end_of_link_{k + 1}", f"link_{k + 1}", points[1])
     tree.platform("link_1")
     steps = range(1, loops + 1)
     closures = [Closure(f"end_of_link_{k}", f"end_of_bar_{k}", "3d") for k in steps]
-    joints = partial(_n_four_bar_joints, loops=loops)
+    joints = partial(_n_four_bar_joints, loops)
     return GalleryRobot(tree, closures, ["bar_0"], joints, shift((0, length)))
 
 
-def _n_four_bar_joints(pose: pin.SE3, loops: int) -> Joints:
+def _n_four_bar_joints(loops: int, pose: pin.SE3) -> Joints:
     lean = direction(pose.translation)
     links: Joints = {f"link_{k}": -lean for k in range(1, loops + 1)}
     return links | {f"bar_{k}": lean for k in range(loops + 1)}
@@ -172,7 +166,7 @@ def andrews() -> GalleryRobot:
     ):
         line = np.array([(0, 0, 0), *((*end, 0) for end in ends)], dtype=float)
         solids = _body(mass, centre, inertia * np.array([0.6, 0.6, 1]), line, 0.0012)
-        tree.joint(name, _RZ(), solids, parent, shift(at))
+        tree.hinge(name, solids, parent, shift(at))
         tree.frame(f"tip_of_{name}", name, line[-1])
     tree.platform("theta", (-_D, 0))
     tree.frame("spring_foot", fixed, (0.014, 0.072))
@@ -262,10 +256,9 @@ def governor(rigid: bool = False, *, stiffness: float = 8e5, damping: float = 4e
         (array([30., 30.]), np.float64(0.5))
     """
     tree, lines = Tree("governor"), []
-    tree.joint("shaft", _RZ(), box(0.3, (0.01, 0.01, 1), (0, 0, 0.5)))
-    ball = Solid(
-        pin.Inertia(5, np.zeros(3), np.zeros((3, 3))), coal.Box(0.07, 0.07, 0.07), shift((1, 0))
-    )
+    tree.hinge("shaft", box(0.3, (0.01, 0.01, 1), (0, 0, 0.5)))
+    point = pin.Inertia(5, np.zeros(3), np.zeros((3, 3)))
+    ball = Solid(point, coal.Box(0.07, 0.07, 0.07), shift((1, 0)))
     for k, turn in ((1, 0.0), (2, np.pi)):
         arm = [*box(0.3, (1, 0.01, 0.01), (0.5, 0, 0)), ball]
         hinge = planar(0, 0, turn) * shift((0.05, 0, 1))
@@ -276,14 +269,14 @@ def governor(rigid: bool = False, *, stiffness: float = 8e5, damping: float = 4e
     for k, x in ((1, 0.05), (2, -0.05)):
         tree.frame(f"foot_{k}", "slider", (x, 0, 0))
     tree.platform("slider")
+    home = shift((0, 0, 0.5))
     if rigid:
-        rods = [Distance(*line, 0.5) for line in lines]
-        return GalleryRobot(tree, rods, ["shaft", "slider"], _governor_joints, shift((0, 0, 0.5)))
-    springs = [
-        LineForce(*line, stiffness=stiffness, rest_length=0.5, damping=damping) for line in lines
-    ]
-    joints = ["shaft", "arm_1", "arm_2", "slider"]
-    return GalleryRobot(tree, [], joints, _governor_joints, shift((0, 0, 0.5)), forces=springs)
+        stiff = [Distance(*line, 0.5) for line in lines]
+        return GalleryRobot(tree, stiff, ["shaft", "slider"], _governor_joints, home)
+    spring = partial(LineForce, stiffness=stiffness, rest_length=0.5, damping=damping)
+    springs = [spring(*line) for line in lines]
+    motors = ["shaft", "arm_1", "arm_2", "slider"]
+    return GalleryRobot(tree, [], motors, _governor_joints, home, forces=springs)
 
 
 def _governor_joints(pose: pin.SE3) -> Joints:

@@ -7,14 +7,12 @@ whose mass centre Eq. (54) gives, and R_k stays on the side P_k P_{k+1} of the b
 singularity torques or motions grow without bound.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np
 import pinocchio as pin
 
-from ..arrays import Array, in_one_turn
+from ..arrays import Array, Flags, in_one_turn
 from ..motion.limits import Verdict
 from . import kinematics
 
@@ -35,55 +33,35 @@ def arc_ends(geometry: kinematics.Geometry) -> Array:
 
 
 def arc_margins(geometry: kinematics.Geometry, q: Array) -> Array:
-    """How far inside its arc each joint is, negative outside; shape (..., 9), [rad]."""
+    """Distance of each joint to the ends of its arc, negative outside; shape (..., 9), [rad]."""
     low, high = arc_ends(geometry)
     return np.asarray(np.minimum(q - low, high - q) + _END)
 
 
 def verdicts(model: pin.Model, geometry: kinematics.Geometry, q: Array) -> Iterator[Verdict]:
     """Verdicts about arcs, joint limits and singularities at closed q of shape (n, 9)."""
-    names = tuple(model.names)[1:]
-    yield from _outside_arcs(geometry, names, q)
-    yield from _outside_limits(model, names, q)
-    yield from _near_singularities(geometry, names, q)
-
-
-def _outside_arcs(
-    geometry: kinematics.Geometry, names: tuple[str, ...], q: Array
-) -> Iterator[Verdict]:
-    low, high = arc_ends(geometry)
-    bounded = np.isfinite(low)
-    middle = np.where(bounded, high / 2, 0)
-    q = middle + in_one_turn(q - middle)  # a whole turn leads to the same place
-    out = arc_margins(geometry, q) < 0
-    for i in np.flatnonzero(bounded):
-        problem = f"{names[i]} leaves its arc of {_degrees(low[i], high[i])}"
-        limits = (float(low[i]), float(high[i]))
-        yield problem, (names[i],), q[:, i], out[:, i], limits, "deg", False
-
-
-def _outside_limits(model: pin.Model, names: tuple[str, ...], q: Array) -> Iterator[Verdict]:
+    names, (low, high) = tuple(model.names)[1:], arc_ends(geometry)
+    middle = np.where(np.isfinite(low), high / 2, 0)
+    turned = middle + in_one_turn(q - middle)  # a whole turn leads to the same place
+    yield from _outside("arc", names, turned, arc_margins(geometry, turned) < 0, low, high)
     low, high = model.lowerPositionLimit, model.upperPositionLimit
-    out = (q < low) | (q > high)
-    for i, name in enumerate(names):
-        problem = f"{name} leaves its limits of {_degrees(low[i], high[i])}"
-        limits = (float(low[i]), float(high[i]))
-        yield problem, (name,), q[:, i], out[:, i], limits, "deg", False
-
-
-def _near_singularities(
-    geometry: kinematics.Geometry, names: tuple[str, ...], q: Array
-) -> Iterator[Verdict]:
+    yield from _outside("limits", names, q, (q < low) | (q > high), low, high)
     legs = kinematics.legs_of_joints(geometry, q)
     for k, sine in enumerate(np.abs(legs.sin_mu).T, 1):
         problem = f"leg {k} is close to the plane of its arc, |sin mu_{k}| < {SMALLEST_SINE}"
-        limits = (SMALLEST_SINE, np.inf)
-        yield problem, (names[3 * k - 2],), sine, sine < SMALLEST_SINE, limits, "", True
+        out, limits = sine < SMALLEST_SINE, (SMALLEST_SINE, np.inf)
+        yield problem, (names[3 * k - 2],), sine, out, limits, "", True
     condition = np.linalg.cond(legs.y_2)
     problem = f"close to a singularity (second kind), condition number > {LARGEST_CONDITION:g}"
-    out = condition > LARGEST_CONDITION
-    yield problem, names[::3], condition, out, (-np.inf, LARGEST_CONDITION), "", True
+    out, limits = condition > LARGEST_CONDITION, (-np.inf, LARGEST_CONDITION)
+    yield problem, names[::3], condition, out, limits, "", True
 
 
-def _degrees(low: float, high: float) -> str:
-    return f"{np.degrees(low):.4g} to {np.degrees(high):.4g} deg"
+def _outside(
+    ends: str, names: tuple[str, ...], q: Array, out: Flags, low: Array, high: Array
+) -> Iterator[Verdict]:
+    for i, name in enumerate(names):
+        limits = (float(low[i]), float(high[i]))
+        within = f"{np.degrees(low[i]):.4g} to {np.degrees(high[i]):.4g} deg"
+        problem = f"{name} leaves its {ends} of {within}"
+        yield problem, (name,), q[:, i], out[:, i], limits, "deg", False

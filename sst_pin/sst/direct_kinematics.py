@@ -9,8 +9,6 @@ there, multiplication by one linear form over another is an 8 x 8 matrix whose e
 the solutions. No start values, no search; Newton's method polishes the last digits.
 """
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np
@@ -28,13 +26,10 @@ _POLISHED = 1e-13
 #: Quaternions closer than this are one solution.
 _APART = 1e-6
 
-
-def _monomials(degree: int) -> list[tuple[int, ...]]:
-    """Monomials in the four components of a quaternion, as sorted tuples of indices."""
-    return list(itertools.combinations_with_replacement(range(4), degree))
-
-
-_DEGREE_2, _DEGREE_3, _DEGREE_4 = (_monomials(d) for d in (2, 3, 4))
+#: Monomials in the four components of a quaternion, as sorted tuples of indices.
+_DEGREE_2, _DEGREE_3, _DEGREE_4 = (
+    list(itertools.combinations_with_replacement(range(4), degree)) for degree in (2, 3, 4)
+)
 _INDEX_4 = {monomial: i for i, monomial in enumerate(_DEGREE_4)}
 #: _TIMES[i, j]: index of (monomial i of degree 3) times p_j among those of degree 4.
 _TIMES_P = np.array([[_INDEX_4[tuple(sorted((*m, j)))] for j in range(4)] for m in _DEGREE_3])
@@ -42,16 +37,6 @@ _TIMES_P = np.array([[_INDEX_4[tuple(sorted((*m, j)))] for j in range(4)] for m 
 _SQUARE = np.array([[_INDEX_4[tuple(sorted(a + b))] for b in _DEGREE_2] for a in _DEGREE_2])
 #: Two generic linear forms; the same at every call, so results repeat to the bit.
 _FORMS = np.random.default_rng(1).normal(size=(2, 4))
-
-
-def _quadrics(u: Array, m: Array) -> Array:
-    """A_k with p^T A_k p = u_k . R(p) m_k for unit quaternions p = (x, y, z, w), (3, 4, 4)."""
-    A = np.empty((3, 4, 4))
-    for k in range(3):
-        A[k, :3, :3] = np.outer(u[k], m[k]) + np.outer(m[k], u[k]) - u[k] @ m[k] * np.eye(3)
-        A[k, 3, :3] = A[k, :3, 3] = np.cross(m[k], u[k])
-        A[k, 3, 3] = u[k] @ m[k]
-    return A
 
 
 def orientations(u: Array, m: Array) -> Array:
@@ -62,7 +47,12 @@ def orientations(u: Array, m: Array) -> Array:
     """
     from scipy.spatial.transform import Rotation
 
-    A = _quadrics(u, m)
+    # p^T A_k p = u_k . R(p) m_k for unit quaternions p = (x, y, z, w)
+    A = np.empty((3, 4, 4))
+    A[:, 3, 3] = cosine = (u * m).sum(axis=1)
+    A[:, 3, :3] = A[:, :3, 3] = np.cross(m, u)
+    outer = u[:, :, None] * m[:, None, :]
+    A[:, :3, :3] = outer + outer.swapaxes(1, 2) - cosine[:, None, None] * np.eye(3)
     solutions: list[Array] = []
     for candidate in _intersections(A):
         # Turn the largest component real: a real solution becomes real as a whole.
@@ -83,16 +73,15 @@ def orientations(u: Array, m: Array) -> Array:
 def _intersections(A: Array) -> NDArray[np.complex128]:
     """The eight common points of three quadrics, unit vectors as rows, complex in general."""
     macaulay = np.zeros((3, len(_DEGREE_2), len(_DEGREE_4)))
-    coefficients = np.array(
-        [A[:, i, j] * (1 if i == j else 2) for i, j in _DEGREE_2]
-    ).T  # one quadric a row
+    coefficients = np.array([A[:, i, j] * (1 if i == j else 2) for i, j in _DEGREE_2])
     for row, columns in enumerate(_SQUARE):  # each quadric times each monomial of degree 2
-        macaulay[:, row, columns] = coefficients
+        macaulay[:, row, columns] = coefficients.T
     _, singular_values, V = np.linalg.svd(macaulay.reshape(-1, len(_DEGREE_4)))
-    if singular_values[len(_DEGREE_4) - _N_SOLUTIONS - 1] < 1e-10 * singular_values[0]:
+    largest, least = singular_values[[0, len(_DEGREE_4) - _N_SOLUTIONS - 1]]
+    if least < 1e-10 * largest:
         raise SingularConfigurationError(
             "the motor angles do not determine the star: it can move while the motors are fixed",
-            float(singular_values[0] / singular_values[len(_DEGREE_4) - _N_SOLUTIONS - 1]),
+            float(largest / least),
         )
     null = V[-_N_SOLUTIONS:].T  # columns span the values of all monomials at the solutions
     numerator, denominator = (np.einsum("mjs,j->ms", null[_TIMES_P], form) for form in _FORMS)

@@ -7,8 +7,6 @@ passive axis e_{k+3} is at right angles to e_k and to n_k, which leaves two anti
 the sign of sin(mu_k), the branch of the leg.
 """
 
-from __future__ import annotations
-
 import itertools
 from typing import NamedTuple
 
@@ -27,14 +25,11 @@ _FLAT = 1e-8
 
 
 class Geometry(NamedTuple):
-    """What the kinematics needs to know of an SST.
+    """Geometry of an SST: orientations of the frames fixed to its base and to its star."""
 
-    Attributes:
-        R_0: {0k} in the base, shape (3, 3, 3), Eqs. (32), (36).
-        R_E: {E} in {3k}, shape (3, 3, 3), Eqs. (30), (31), (35).
-    """
-
+    #: {0k} in the base, shape (3, 3, 3), Eqs. (32), (36).
     R_0: Array
+    #: {E} in {3k}, shape (3, 3, 3), Eqs. (30), (31), (35).
     R_E: Array
 
     @property
@@ -49,23 +44,19 @@ class Geometry(NamedTuple):
 
 
 class Legs(NamedTuple):
-    """Axes of the three legs in the base, each shape (..., 3, 3): leg, then component.
+    """Axes of the three legs in the base, each shape (..., 3, 3): leg, then component."""
 
-    Attributes:
-        u: e_{k+3}, along OR_k.
-        n: e_{k+6}, normal of arc k.
-        y_1: y axis of {1k}, e_k x u.
-        y_2: y axis of {2k}, n x u.
-        s: OE, the x axis of {3k} turned by -beta_k; that of leg k's own {3k}.
-        sin_mu: shape (..., 3).
-        cos_mu: shape (..., 3).
-    """
-
+    #: e_{k+3}, along OR_k.
     u: Array
+    #: e_{k+6}, normal of arc k.
     n: Array
+    #: y axis of {1k}, e_k x u.
     y_1: Array
+    #: y axis of {2k}, n x u.
     y_2: Array
+    #: OE, the x axis of leg k's own {3k} turned by -beta_k.
     s: Array
+    #: Shape (..., 3), as cos_mu.
     sin_mu: Array
     cos_mu: Array
 
@@ -80,16 +71,14 @@ def legs_of_orientation(geometry: Geometry, R: Array, branch: ArrayLike) -> Legs
     n = R_3[..., 2]
     u = np.cross(geometry.e, n)
     length = np.linalg.norm(u, axis=-1)
-    if (length < _FLAT).any():
-        leg = int(np.argwhere(length < _FLAT)[0, -1])
-        error = SingularConfigurationError(
-            f"leg {leg + 1} is in the plane of its arc (sin mu_{leg + 1} = 0), "
-            f"gamma_{leg + 1} is not determined",
-            1 / max(float(length.min()), 1e-300),
+    if (flat := length < _FLAT).any():
+        k = int(np.argwhere(flat)[0, -1]) + 1
+        problem = (
+            f"leg {k} is in the plane of its arc (sin mu_{k} = 0), gamma_{k} is not determined"
         )
-        raise of_samples(error, (length < _FLAT).any(axis=-1))
-    sign = np.asarray(branch, dtype=float)
-    u = u * (sign / length)[..., None]
+        error = SingularConfigurationError(problem, 1 / max(float(length.min()), 1e-300))
+        raise of_samples(error, flat.any(axis=-1))
+    u = u * (np.asarray(branch, dtype=float) / length)[..., None]
     return _legs(geometry, u, n, R_3[..., 0])
 
 
@@ -183,9 +172,6 @@ def require_rotation(R: Array) -> None:
     error = np.abs(R @ np.swapaxes(R, -1, -2) - np.eye(3)).max(axis=(-1, -2))
     wrong = (error > 1e-8) | (np.linalg.det(R) < 0)
     if wrong.any():
-        problem = InputError(
-            "R",
-            f"not a rotation matrix (|R R^T - 1| = {float(error.max()):.3g}, "
-            f"det R = {float(np.linalg.det(R).min()):.3g})",
-        )
-        raise of_samples(problem, wrong)
+        size, det = float(error.max()), float(np.linalg.det(R).min())
+        words = f"not a rotation matrix (|R R^T - 1| = {size:.3g}, det R = {det:.3g})"
+        raise of_samples(InputError("R", words), wrong)

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The two examples of Sect. 7."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -26,8 +24,7 @@ def example_1(robot: SST, t: ArrayLike) -> Trajectory:
     """Inverse dynamics along the circle (Sect. 7.2)."""
     q, va, aa = robot.joint_motion(*paper_circle(t))
     tau = robot.compute_torques(q, va, aa)
-    motors = [robot.joint_names[i] for i in robot.actuated]
-    return Trajectory(t, np.unwrap(q, axis=0), va, aa, tau, robot.joint_names, motors)
+    return Trajectory(t, np.unwrap(q, axis=0), va, aa, tau, robot.joint_names, robot.motor_names)
 
 
 def example_2(
@@ -45,24 +42,20 @@ def example_2(
 
 
 class Returned(NamedTuple):
-    """How well example 2 comes back to the path of example 1.
+    """Errors of example 2 against the path of example 1."""
 
-    Attributes:
-        path_error: Largest angle between the axes s, [rad].
-        closure: Largest closure residual, [rad] or [m].
-        energy: Largest energy that is not accounted for, [J].
-    """
-
+    #: Largest angle between the axes s, [rad].
     path_error: float
+    #: Largest closure residual, [rad] or [m].
     closure: float
+    #: Largest energy that is not accounted for, [J].
     energy: float
 
 
 def angles_off_path(robot: SST, example: Trajectory, motion: Trajectory) -> Array:
     """Angles between the axes s of two motions, at the times of the second, shape (N,), [rad]."""
-    s, s_wanted = (
-        robot.platform_orientation(m.q[: len(motion)])[..., 0] for m in (motion, example)
-    )
+    pair = motion.q, example.q[: len(motion)]
+    s, s_wanted = (robot.platform_orientation(q)[..., 0] for q in pair)
     # |s x s'| keeps the digits of a small angle that the dot product loses.
     sine = np.linalg.norm(np.cross(s, s_wanted), axis=1)
     return np.arctan2(sine, (s * s_wanted).sum(axis=1))
@@ -72,6 +65,6 @@ def compare(robot: SST, example: Trajectory, motion: Trajectory) -> Returned:
     """Measure example 2 against example 1."""
     return Returned(
         float(angles_off_path(robot, example, motion).max()),
-        max(float(np.abs(robot.residual(q)).max()) for q in motion.q),
+        float(np.abs(robot.residual(motion.q)).max()),
         float(np.abs(energy_error(robot, motion)).max()),
     )

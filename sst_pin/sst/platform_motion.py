@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Motions of the star: the paper's angles and its circle, and motions through samples."""
+"""Motions of the star: the paper's angles and its circle, through samples, in tables."""
 
 from __future__ import annotations
 
@@ -11,9 +11,14 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Array, empty, finite_array, whole_number
 from ..chain.joint_space import without_sign_changes
-from ..errors import InputError
+from ..description import MOTOR_NAMES
+from ..errors import FileFormatError, InputError
+from ..files import Table
 from ..motion.samples import sample_times, spline, times_within
 from .kinematics import require_rotation
+
+_QUATERNION = ("qx", "qy", "qz", "qw")
+_ANGLES = ("theta", "phi", "psi")
 
 
 class PlatformMotion(NamedTuple):
@@ -36,18 +41,15 @@ class PlatformMotion(NamedTuple):
 
 
 def orientation(theta: ArrayLike, phi: ArrayLike, psi: ArrayLike = 0.0) -> Array:
-    """Orientation of the star from the paper's angles (Fig. 4).
-
-    theta and phi are longitude and colatitude of E. psi is the roll angle of the star about s; it
-    is zero if arc 1 is in the meridian plane through z_0.
+    """Orientation of the star, {E} in the base, from the paper's angles (Fig. 4).
 
     Args:
-        theta: Shape (...), [rad].
-        phi: Shape (...), [rad].
-        psi: Shape (...), [rad].
+        theta: Longitude of E, shape (...), [rad].
+        phi: Colatitude of E, shape (...), [rad].
+        psi: Roll about s, shape (...), [rad]; zero if arc 1 is in the meridian plane through z_0.
 
     Returns:
-        {E} in the base, shape (..., 3, 3).
+        R, shape (..., 3, 3).
 
     Example:
         >>> sst_pin.orientation(theta=0.0, phi=np.pi / 2).round(3)
@@ -70,15 +72,20 @@ def orientation_motion(
         psi: The same.
 
     Raises:
-        InputError: If an argument is not three arrays of finite numbers, or shapes do not
-            broadcast.
+        InputError: If one is not three arrays of finite numbers, or shapes do not broadcast.
 
     Example:
         >>> R, omega, alpha = sst_pin.orientation_motion([0.8, 1, 0], [0.9, 0, 0], [0, 0, 0])
         >>> omega.round(3)  # theta turns about z_0
         array([0., 0., 1.])
     """
-    angles = (*_with_rates("theta", theta), *_with_rates("phi", phi), *_with_rates("psi", psi))
+    angles = []
+    for name, value in (("theta", theta), ("phi", phi), ("psi", psi)):
+        try:
+            angle, rate, acceleration = value
+        except (TypeError, ValueError):
+            raise InputError(name, "not an angle, its rate and its acceleration") from None
+        angles += [finite_array(name, part, ()) for part in (angle, rate, acceleration)]
     try:
         values = np.broadcast_arrays(*angles)
     except ValueError:
@@ -95,19 +102,10 @@ def orientation_motion(
     R = np.stack([s_axis, c * y + d * n, c * n - d * y], -1)
     turn_z, turn_n, turn_s = t_1[..., None] * z, -p_1[..., None] * n, s_1[..., None] * s_axis
     omega = turn_z + turn_n + turn_s
-    alpha = (
-        t_2[..., None] * z - p_2[..., None] * n + s_2[..., None] * s_axis
-    )  # and the axes turn with those before them
+    alpha = t_2[..., None] * z - p_2[..., None] * n + s_2[..., None] * s_axis
+    # The axes turn with those before them.
     alpha = alpha + np.cross(turn_z, turn_n) + np.cross(turn_z + turn_n, turn_s)
     return PlatformMotion(R, omega, alpha)
-
-
-def _with_rates(name: str, value: Sequence[ArrayLike]) -> list[Array]:
-    try:
-        angle, rate, acceleration = value
-    except (TypeError, ValueError):
-        raise InputError(name, "not an angle, its rate and its acceleration") from None
-    return [finite_array(name, part, ()) for part in (angle, rate, acceleration)]
 
 
 def paper_circle(t: ArrayLike) -> PlatformMotion:
@@ -152,10 +150,7 @@ def interpolate_orientations(t: ArrayLike, R: ArrayLike, at: ArrayLike) -> Platf
     Args:
         t: Sample times, increasing, shape (N,), N >= 3, [s].
         R: {E} in the base at these times, shape (N, 3, 3).
-        at: Times of the output, within the samples, shape (M,).
-
-    Returns:
-        Orientation, angular velocity and acceleration.
+        at: Times of the output, within the samples, shape (M,), [s].
 
     Raises:
         InputError: For matrices that are not rotations, for times outside the samples, or if two
@@ -196,21 +191,19 @@ def interpolate_orientations(t: ArrayLike, R: ArrayLike, at: ArrayLike) -> Platf
 def orientation_path(R: ArrayLike, count: int = 201) -> Array:
     """Orientations along a smooth path through a few, on the rotation group.
 
-    Angular velocity and acceleration along it are continuous (SciPy's `RotationSpline`). The path
-    takes about as long between two samples as they are apart, and does not depend on the choice of
-    axes. `robot.inverse_kinematics` makes it a path for `time_optimal`.
+    Angular velocity and acceleration along it are continuous (SciPy's `RotationSpline`); it takes
+    about as long between two samples as they are apart, whatever the axes.
+    `robot.inverse_kinematics` makes it a path for `time_optimal`.
 
     Args:
-        R: {E} in the base on the way, shape (N, 3, 3), N >= 2, neighbours less than a half turn
-            apart.
+        R: {E} in the base on the way, shape (N, 3, 3), N >= 2, steps less than half a turn.
         count: Number of samples of the path, evenly along it.
 
     Returns:
         Shape (count, 3, 3), the first and the last as given.
 
     Raises:
-        InputError: For matrices that are not rotations, two neighbours that are the same, or that
-            are a half turn apart.
+        InputError: For matrices that are not rotations, neighbours alike or half a turn apart.
 
     Example:
         >>> R = sst_pin.orientation([0.7, 0.9, 0.8], [0.9, 0.8, 1.0])
@@ -238,3 +231,64 @@ def _times(p: Array, q: Array) -> Array:
     u, v, a, b = p[..., :3], q[..., :3], p[..., 3:], q[..., 3:]
     scalar = a * b - (u * v).sum(axis=-1, keepdims=True)
     return np.concatenate([a * v + b * u + np.cross(u, v), scalar], axis=-1)
+
+
+def motion_in(table: Table) -> PlatformMotion | Array:
+    """The motion of the star in a table, or the motor angles, shape (N, 3), [rad].
+
+    The columns are `t_s` and one of: `qw, qx, qy, qz`, the orientation of {E} in the base; `theta,
+    phi, psi`, the paper's angles; `gamma_1, gamma_2, gamma_3`. Angles may end in `_rad` or `_deg`
+    and are radians without; `psi` may be left out and is then zero.
+    """
+    kinds = {
+        "quaternion": any(name in table.columns for name in _QUATERNION),
+        "angles": any(_unit(table, name) for name in _ANGLES),
+        "motors": any(_unit(table, name) for name in MOTOR_NAMES),
+    }
+    given = [kind for kind, there in kinds.items() if there]
+    if len(given) != 1:
+        raise FileFormatError(
+            table.path,
+            f"columns of {'several motions' if given else 'no motion'}; use exactly one of: "
+            "qw, qx, qy, qz | theta_rad, phi_rad, psi_rad | gamma_1_rad, gamma_2_rad, gamma_3_rad "
+            f"(_deg for degrees); found: {', '.join(table.columns)}",
+            1,
+        )
+    t = table.column("t_s")
+    if len(t) < 3:
+        raise FileFormatError(table.path, f"{len(t)} rows; rates need at least three")
+    if given == ["motors"]:
+        return np.column_stack([_angle(table, name) for name in MOTOR_NAMES])
+    if given == ["quaternion"]:
+        R = _rotations(table)
+    else:
+        psi = _angle(table, "psi") if _unit(table, "psi") else 0.0
+        R = orientation(_angle(table, "theta"), _angle(table, "phi"), psi)
+    return interpolate_orientations(t, R, t)
+
+
+def _unit(table: Table, name: str) -> str | None:
+    """The column of an angle, in any unit."""
+    names = [c for c in (f"{name}_rad", f"{name}_deg", name) if c in table.columns]
+    if len(names) > 1:
+        raise FileFormatError(table.path, f"one angle has several columns: {', '.join(names)}", 1)
+    return names[0] if names else None
+
+
+def _angle(table: Table, name: str) -> Array:
+    column = _unit(table, name)
+    values = table.column(column or f"{name}_rad")  # a missing one is missed in radians
+    return np.radians(values) if column == f"{name}_deg" else values
+
+
+def _rotations(table: Table) -> Array:
+    from scipy.spatial.transform import Rotation
+
+    quaternions = table.select(_QUATERNION)
+    lengths = np.linalg.norm(quaternions, axis=1)
+    wrong = np.abs(lengths - 1) > 1e-3
+    if wrong.any():
+        i = int(np.argmax(wrong))
+        problem = f"quaternion of length {lengths[i]:.6g}, expected 1"
+        raise FileFormatError(table.path, problem, table.lines[i])
+    return Rotation.from_quat(quaternions).as_matrix()

@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from copy import copy
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -18,26 +19,25 @@ from ..arrays import Array, finite_array, in_one_turn, of_samples, single_array
 from ..chain.appearance import Appearance
 from ..chain.backend import Backend
 from ..chain.closed_chain import ClosedChain
-from ..chain.closures import Coupling
+from ..chain.closures import Closure
 from ..chain.current import Current
 from ..chain.mechanism import Friction
 from ..chain.reference import Reference
 from ..chain.tree import frame_named
 from ..description import MOTOR_NAMES
 from ..description.parameters import Parameters
-from ..errors import DescriptionError, InputError, WorkspaceError
+from ..errors import DescriptionError, FileFormatError, InputError, SSTError, WorkspaceError
 from ..files import Table
-from ..motion.limits import Finding, findings, samples_of
-from ..motion.trajectories import Trajectory
+from ..motion.limits import Verdict
+from ..motion.samples import spline
 from ..reading import Described, Urdf, closed, parse_cuts, read_urdf
-from . import check, direct_kinematics, kinematics, star_appearance, star_motions
-from .geometry_models import ParameterShapes
+from . import check, direct_kinematics, kinematics, star_appearance
 from .kinematics import Geometry
-from .read_back import parameters_of
-from .topology import CUTS, geometry_of
+from .platform_motion import PlatformMotion, motion_in
+from .topology import CUTS, geometry_of, parameters_of
 
-#: As closures print.
-_WELDS = {f"{a} - {b}" for a, b in CUTS}
+#: Two frames in any order, and all that a weld holds.
+_WELDS = {(frozenset(pair), Closure.KINDS["6d"]) for pair in CUTS}
 
 
 class Singularities(NamedTuple):
@@ -64,6 +64,31 @@ _GEOMETRIES: WeakKeyDictionary[Current, Geometry] = WeakKeyDictionary()
 
 def _geometry(model: pin.Model) -> Geometry:
     return geometry_of(model, f"model {model.name}")
+
+
+def _described(parameters: Parameters) -> Described:
+    """What the files of parameters say."""
+    urdf = Urdf(description.urdf_of(parameters), "URDF of the parameters")
+    cuts = parse_cuts(description.yaml_of(parameters), "cuts of the parameters")
+    shapes = partial(star_appearance.shapes_of, urdf.root, parameters)
+    return closed(urdf, cuts)._replace(shapes=shapes)
+
+
+def _require_sst(found: Described) -> None:
+    """Refuse closures and motors that are not an SST's."""
+    problems, closures = list[str](), found.closures
+    welds = [c for c in closures if isinstance(c, Closure)]
+    ends = {(frozenset((c.frame_a, c.frame_b)), c.held) for c in welds}
+    if len(closures) != len(_WELDS) or ends != _WELDS:
+        told = ", ".join(f"{c} ({getattr(c, 'kind', 'no weld')})" for c in closures)
+        wanted = " and ".join(f"{a} - {b}" for a, b in sorted(CUTS))
+        told = f"closures or equalities {told or 'are missing'}"
+        problems.append(f"{told}; an SST has the welds (6d) {wanted}")
+    if tuple(found.actuated) != MOTOR_NAMES:
+        wanted = ", ".join(MOTOR_NAMES)
+        problems.append(f"motors {list(found.actuated)}; an SST has {wanted}")
+    if problems:
+        raise DescriptionError(found.source, problems)
 
 
 def _kernels(reference: Reference, off: str) -> Backend:
@@ -97,10 +122,7 @@ class SST(ClosedChain):
                 "parameters", f"{parameters!r} is not Parameters; to read a file use SST.from_urdf"
             )
         else:
-            urdf = Urdf(description.urdf_of(parameters), "URDF of the parameters")
-            cuts = parse_cuts(description.yaml_of(parameters), "cuts of the parameters")
-            shapes = ParameterShapes(urdf.root, parameters)
-            self._load(closed(urdf, cuts)._replace(shapes=shapes), kernels)
+            self._load(_described(parameters), kernels)
 
     @classmethod
     def from_urdf(  # type: ignore[override]  # an SST has its motors and nothing to lock
@@ -135,7 +157,8 @@ class SST(ClosedChain):
         """An SST from an edited MJCF: its parameters are read and a new SST is made from them.
 
         Args:
-            path: The MJCF, with the joints, sites and welds of the shipped one.
+            path: The MJCF, with the joints, sites and welds of the shipped one. Named keyframes are
+                the `referenceConfigurations` of `model`; `home` is computed as for every SST.
             locked: As in `ClosedChain.from_mjcf`; an SST has nothing to lock.
             kernels: See the constructor.
 
@@ -150,19 +173,16 @@ class SST(ClosedChain):
         """
         from ..reading.mjcf import read_mjcf
 
-        found, source = read_mjcf(path, locked), str(path)
-        geometry = geometry_of(found.model, source)
-        motors = found.actuated
-        ends = {str(closure) for closure in found.closures}
-        if motors != MOTOR_NAMES or ends != _WELDS:
-            wanted = f"an SST has motors {', '.join(MOTOR_NAMES)} and welds {sorted(_WELDS)}"
-            raise DescriptionError(
-                source, [f"motors {motors}, equalities {sorted(ends)}; {wanted}"]
-            )
+        found = read_mjcf(path, locked)
+        geometry = geometry_of(found.model, found.source)
+        _require_sst(found)
         if found.forces or (found.stiffness is not None and found.stiffness.any()):
-            raise DescriptionError(source, ["parameters have no springs and no tendons"])
+            raise DescriptionError(found.source, ["parameters have no springs and no tendons"])
         friction = Friction(found.model.damping, found.model.friction)
-        return cls(parameters_of(found.model, geometry, friction), kernels=kernels)
+        made = _described(parameters_of(found.model, geometry, friction))
+        for pose in found.model.referenceConfigurations:
+            made.model.referenceConfigurations[pose.key()] = pose.data()
+        return cls._of_file(made, kernels)
 
     @classmethod
     def _of_file(cls, found: Described, kernels: bool = True) -> SST:
@@ -172,13 +192,7 @@ class SST(ClosedChain):
 
     def _load(self, found: Described, kernels: bool) -> None:
         geometry_of(found.model, found.source)  # its complaints come first
-        if mimics := [each for each in found.closures if isinstance(each, Coupling)]:
-            raise DescriptionError(found.source, [f"{mimics[0]}: an SST has no mimic joints"])
-        if found.actuated != MOTOR_NAMES:
-            wanted = ", ".join(MOTOR_NAMES)
-            raise DescriptionError(
-                found.source, [f"name_mot: {list(found.actuated)}, an SST has {wanted}"]
-            )
+        _require_sst(found)
         what = found.model, found.closures, MOTOR_NAMES
         super().__init__(*what, coordinates=MOTOR_NAMES, forces=found.forces)
         off = "" if kernels else "switched off by kernels=False"
@@ -212,29 +226,29 @@ class SST(ClosedChain):
             >>> robot.parameters.star.mass
             2.6
         """
-        return parameters_of(self._current.mechanism.model, self.geometry, self.friction)
-
-    # --- kinematics -------------------------------------------------------------------------
+        now = copy(self)
+        return parameters_of(now.mechanism.model, now.geometry, now.friction)
 
     @property
     def home(self) -> Array:
         """The home pose, shape (9,): s in the middle of the base triangle, R_1 in that of P1P2.
 
-        For the paper's robot it is the isotropic pose.
+        That of the paper's robot is isotropic.
 
         Example:
             >>> np.degrees(robot.home).round(2)
             array([45.  , 90.  , 35.26, 45.  , 90.  , 35.26, 45.  , 90.  , 35.26])
         """
-        return self.inverse_kinematics(kinematics.home_orientation(self.geometry))
+        now = copy(self)
+        return now.inverse_kinematics(kinematics.home_orientation(now.geometry))
 
     def inverse_kinematics(self, R: ArrayLike, branch: ArrayLike = (1, 1, 1)) -> Array:
         """Inverse kinematics: the joint angles for an orientation of the star.
 
         Args:
             R: {E} in the base, shape (..., 3, 3).
-            branch: Sign of sin(mu_k) for each leg, shape (..., 3), broadcast against R. By default
-                the working branch; `R[..., None, :, :]` and `BRANCHES` give all eight.
+            branch: Sign of sin(mu_k) for each leg, shape (..., 3), broadcast against R; with
+                `R[..., None, :, :]`, `BRANCHES` gives all eight.
 
         Returns:
             q in (-pi, pi], shape (..., 9), [rad].
@@ -249,17 +263,15 @@ class SST(ClosedChain):
             >>> robot.inverse_kinematics(R).round(3)
             array([0.862, 1.649, 0.673, 0.88 , 1.638, 0.579, 0.803, 1.691, 0.602])
         """
-        _, q = self._inverse_kinematics(R, branch)
-        return q
+        return copy(self)._inverse_kinematics(R, branch)[1]
 
     def _inverse_kinematics(self, R: ArrayLike, branch: ArrayLike) -> tuple[kinematics.Legs, Array]:
         R = finite_array("R", R, (3, 3))
         kinematics.require_rotation(R)
         signs = finite_array("branch", branch, (3,))
         if not (np.abs(signs) == 1).all():
-            raise InputError(
-                "branch", f"{np.asarray(branch).tolist()}: each entry must be +1 or -1"
-            )
+            words = f"{np.asarray(branch).tolist()}: each entry must be +1 or -1"
+            raise InputError("branch", words)
         legs = kinematics.legs_of_orientation(self.geometry, R, signs)
         q = kinematics.joints_of_legs(self.geometry, legs)
         self._require_limits(q)
@@ -287,12 +299,14 @@ class SST(ClosedChain):
             >>> q.shape, va.shape, aa.shape
             ((100, 9), (100, 3), (100, 3))
         """
-        legs, q = self._inverse_kinematics(R, branch)
-        omega, alpha = finite_array("omega", omega, (3,)), finite_array("alpha", alpha, (3,))
-        q_dot = kinematics.joint_rates(legs, np.broadcast_to(omega, (*q.shape[:-1], 3)))
-        q_ddot = kinematics.joint_accelerations(
-            self.geometry, legs, q_dot, np.broadcast_to(alpha, (*q.shape[:-1], 3))
+        now = copy(self)
+        legs, q = now._inverse_kinematics(R, branch)
+        omega, alpha = (
+            np.broadcast_to(finite_array(name, value, (3,)), (*q.shape[:-1], 3))
+            for name, value in (("omega", omega), ("alpha", alpha))
         )
+        q_dot = kinematics.joint_rates(legs, omega)
+        q_ddot = kinematics.joint_accelerations(now.geometry, legs, q_dot, alpha)
         q_ddot = finite_array("alpha", q_ddot, (9,))  # omega may have been too large
         return q, q_dot[..., ::3], q_ddot[..., ::3]
 
@@ -301,7 +315,7 @@ class SST(ClosedChain):
 
         Args:
             gamma: Motor angles, shape (3,), [rad].
-            near: Previous joint angles, shape (9,); the solution closest to them is selected.
+            near: Previous joint angles, shape (9,), [rad].
 
         Returns:
             All solutions, shape (n, 9), n <= 8, sorted by the components of s. With `near` one
@@ -318,27 +332,23 @@ class SST(ClosedChain):
             >>> near.round(3)
             array([0.8  , 1.591, 0.616, 0.8  , 1.591, 0.616, 0.8  , 1.591, 0.616])
         """
-        gamma = single_array("gamma", gamma, (3,))
-        x_0, y_0 = self.geometry.R_0[:, :, 0], self.geometry.R_0[:, :, 1]
+        gamma, geometry = single_array("gamma", gamma, (3,)), self.geometry
+        x_0, y_0 = geometry.R_0[:, :, 0], geometry.R_0[:, :, 1]
         u = np.cos(gamma)[:, None] * x_0 + np.sin(gamma)[:, None] * y_0
-        R = direct_kinematics.orientations(u, self.geometry.arc_normals)
-        solutions = kinematics.joints_of_actuated(self.geometry, gamma, R)
+        R = direct_kinematics.orientations(u, geometry.arc_normals)
+        solutions = kinematics.joints_of_actuated(geometry, gamma, R)
         if near is None:
             return solutions[np.lexsort(np.round(R[:, :, :2].reshape(-1, 6), 9).T)]
         if not len(solutions):
             raise WorkspaceError(f"no assembly exists at gamma = {gamma.tolist()} rad")
         before = single_array("near", near, (9,))
         turns = in_one_turn(solutions - before)
-        best = int(np.abs(turns).max(axis=1).argmin())
-        q: Array = before + turns[best]
+        q: Array = before + turns[np.abs(turns).max(axis=1).argmin()]
         q[::3] = gamma
         return q
 
     def platform_orientation(self, q: ArrayLike) -> Array:
-        """Orientation of {E} in the base, computed from leg 1.
-
-        Returns:
-            R, shape (..., 3, 3); its first column is s, the direction OE.
+        """Orientation R of {E} in the base by leg 1, shape (..., 3, 3); its first column is s.
 
         Example:
             >>> robot.platform_orientation(robot.home)[:, 0].round(4)  # s
@@ -353,12 +363,12 @@ class SST(ClosedChain):
             >>> robot.platform_velocity(robot.home, [1, 1, 1]).round(4)
             array([1., 1., 1.])
         """
-        legs = kinematics.legs_of_joints(self.geometry, finite_array("q", q, (9,)))
-        rates = self.joint_rates(q, va)
-        axes = np.stack(
-            np.broadcast_arrays(self.geometry.e[0], legs.u[..., 0, :], legs.n[..., 0, :]), axis=-2
-        )
-        return np.einsum("...j,...ji->...i", rates[..., :3], axes)  # Eq. (62) with plus signs
+        now = copy(self)
+        legs = kinematics.legs_of_joints(now.geometry, finite_array("q", q, (9,)))
+        axes = now.geometry.e[0], legs.u[..., 0, :], legs.n[..., 0, :]
+        rates = now.joint_rates(q, va)[..., None]
+        # Eq. (62) with plus signs
+        return np.asarray(sum(rates[..., i, :] * axis for i, axis in enumerate(axes)))
 
     def branch(self, q: ArrayLike) -> NDArray[np.int_]:
         """Sign of sin(mu_k) for each leg, shape (..., 3).
@@ -378,30 +388,9 @@ class SST(ClosedChain):
         """
         legs = kinematics.legs_of_joints(self.geometry, finite_array("q", q, (9,)))
         values = np.asarray(np.linalg.svd(legs.y_2, compute_uv=False), dtype=float)
+        largest, smallest = values[..., 0], values[..., -1]
         with np.errstate(divide="ignore"):
-            condition = values[..., 0] / values[..., -1]
-        return Singularities(np.abs(legs.sin_mu).min(axis=-1), values[..., -1], condition)
-
-    def check(self, motion: Trajectory | ArrayLike) -> tuple[Finding, ...]:
-        """Check a motion: joints that leave their arcs or limits, and nearby singularities.
-
-        Args:
-            motion: A motion of this robot, or one configuration, shape (9,).
-
-        Returns:
-            One finding for each joint or singularity, with its times; empty if there are none.
-
-        Raises:
-            InputError: For the motion of another robot.
-
-        Example:
-            >>> motion = robot.simulate([0, 0, 0], robot.home, [0, 0, 0], np.linspace(0, 0.3, 31))
-            >>> for finding in robot.check(motion):
-            ...     print(finding.joints, finding.times[0].round(2))
-            ('beta_1',) 0.26
-        """
-        t, q = samples_of(self, motion)
-        return findings(t, check.verdicts(self.model, self.geometry, q))
+            return Singularities(np.abs(legs.sin_mu).min(axis=-1), smallest, largest / smallest)
 
     def singularity_measures(self, q: ArrayLike) -> dict[str, Array]:
         """Condition number of A (second kind) and 1 / min |sin(mu_k)| (first kind).
@@ -417,8 +406,6 @@ class SST(ClosedChain):
                 "singularity (first kind), 1 / min |sin mu_k|": np.asarray(1 / found.first_kind),
             }
 
-    # --- pictures ---------------------------------------------------------------------------
-
     @property
     def star_radius(self) -> float:
         """Distance OE, [m]; of a URDF without a frame E, that of the paper's robot.
@@ -430,8 +417,7 @@ class SST(ClosedChain):
         model = self._current.mechanism.model
         if not model.existFrame("E"):
             return Parameters().star_radius
-        E = frame_named(model, "E")
-        return float(np.linalg.norm(E.placement.translation))
+        return float(np.linalg.norm(frame_named(model, "E").placement.translation))
 
     @property
     def appearance(self) -> Appearance:
@@ -441,12 +427,27 @@ class SST(ClosedChain):
             >>> len(robot.appearance.frames)
             13
         """
-        return star_appearance.appearance_of(self.geometry, self.star_radius)
+        now = copy(self)
+        return star_appearance.appearance_of(now.geometry, now.star_radius)
+
+    def _verdicts(self, q: Array) -> Iterable[Verdict]:
+        return check.verdicts(self.mechanism.model, self.geometry, q)
 
     def _motion_in(self, table: Table) -> tuple[Array, Array, Array]:
-        return star_motions.motion_in(self, table)
-
-    # --- inside -----------------------------------------------------------------------------
+        given = motion_in(table)
+        if isinstance(given, PlatformMotion):
+            q, va, aa = self.joint_motion(*given)
+            return np.unwrap(q, axis=0), va, aa
+        assembled = [self.home]
+        for gamma, line in zip(given, table.lines, strict=True):
+            try:
+                assembled.append(self.forward_kinematics(gamma, near=assembled[-1]))
+            except SSTError as error:
+                raise FileFormatError(table.path, str(error), line) from None
+        t = table.column("t_s")
+        curve = spline(t, given)
+        q = np.unwrap(assembled[1:], axis=0)
+        return q, curve.derivative(1)(t), curve.derivative(2)(t)
 
     def _page_functions(self, q: Array) -> tuple[str, Array]:
         from . import kernels
@@ -458,10 +459,10 @@ class SST(ClosedChain):
         lower, upper = model.lowerPositionLimit, model.upperPositionLimit
         outside = (q < lower) | (q > upper)
         if outside.any():
-            *sample, joint = (int(i) for i in np.argwhere(outside)[0])
+            first = tuple(np.argwhere(outside)[0])
+            joint = first[-1]
             problem = (
                 f"the orientation is out of reach: {self.joint_names[joint]} would be "
-                f"{q[tuple(sample)][joint]:.4g} rad, its limits are "
-                f"{lower[joint]:.4g} and {upper[joint]:.4g} rad"
+                f"{q[first]:.4g} rad, its limits are {lower[joint]:.4g} and {upper[joint]:.4g} rad"
             )
             raise of_samples(WorkspaceError(problem), outside.any(axis=-1))

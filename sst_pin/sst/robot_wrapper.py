@@ -1,16 +1,19 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The description as a `pin.RobotWrapper`, in the manner of example_robot_data."""
-
-from __future__ import annotations
+"""The description as a `pin.RobotWrapper`, as example_robot_data has them; its named poses."""
 
 from pathlib import Path
 
 import pinocchio as pin
 
 from .. import description
-from ..errors import DescriptionError
+from ..arrays import Array
+from ..description import base_orientations, star_orientations
+from ..description.parameters import Parameters
+from ..errors import DescriptionError, SingularConfigurationError
 from ..files import as_path, beside
 from ..reading import read_urdf
+from . import kinematics
+from .platform_motion import paper_circle
 from .robot import SST
 
 
@@ -46,3 +49,21 @@ def load(urdf: str | Path = description.URDF_PATH) -> pin.RobotWrapper:
     robot = pin.RobotWrapper(model, collision, visual)
     robot.q0 = sst.home
     return robot
+
+
+def configurations_of(parameters: Parameters) -> dict[str, Array]:
+    """Joint coordinates, shape (9,), of `SST.home` and of the start of the paper's circle, by name.
+
+    A pose in which a leg would lie flat on its arc is left out.
+    """
+    geometry = kinematics.Geometry(base_orientations(parameters), star_orientations(parameters))
+    poses = {"home": kinematics.home_orientation(geometry), "circle_start": paper_circle(0.0).R}
+    found = {}
+    for name, R in poses.items():
+        try:
+            legs = kinematics.legs_of_orientation(geometry, R, (1, 1, 1))
+        except SingularConfigurationError:
+            continue
+        # The last bit of an arctangent is the machine's own; files shall be the same everywhere.
+        found[name] = kinematics.joints_of_legs(geometry, legs).round(14)
+    return found

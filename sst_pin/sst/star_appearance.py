@@ -1,17 +1,31 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What pictures of an SST show: the paper's axes and frames, the path of E, the arcs."""
+"""Pictures of an SST: the paper's axes and frames, the path of E, the arcs, shapes."""
 
-from __future__ import annotations
-
+import xml.etree.ElementTree as ET
 from collections.abc import Iterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pinocchio as pin
 
 from ..chain.appearance import Appearance, DrawnFrame
+from ..description import mesh_writers
 from ..description.colours import LEG_COLOURS
+from ..description.parameters import Parameters
+from ..files import write_files
+from ..reading.shapes import UrdfShapes
 from .check import arc_ends
 from .kinematics import Geometry
+
+
+def shapes_of(root: ET.Element, parameters: Parameters, model: pin.Model) -> pin.GeometryModel:
+    """Shapes for the eye of a tree, from its URDF whose meshes are made of its parameters."""
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        files = mesh_writers(parameters)
+        write_files({folder / n: write for n, write in files.items()}, folder=folder)
+        return UrdfShapes(root, folder)(model)
 
 
 def appearance_of(geometry: Geometry, radius: float) -> Appearance:

@@ -1,16 +1,17 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What a tree must look like to be an SST."""
+"""From a tree to the geometry and the `Parameters` of an SST, or what keeps it from being one."""
 
-from __future__ import annotations
-
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import ArrayLike
 
-from ..chain.mechanism import read_only
+from ..arrays import Array
+from ..chain.mechanism import Friction, read_only
 from ..chain.tree import frame_named
-from ..description import JOINT_NAMES
+from ..description import JOINT_NAMES, base_orientations
+from ..description.parameters import Parameters, RigidBody
 from ..errors import DescriptionError
 from .kinematics import Geometry
 
@@ -19,14 +20,13 @@ CUTS = {("closedloop1_A", "closedloop1_B"), ("closedloop2_A", "closedloop2_B")}
 #: Frames of the cuts and the arc of the star that each is fixed to.
 _STAR_OF = {"closedloop1_A": 1, "closedloop2_A": 1, "closedloop1_B": 2, "closedloop2_B": 3}
 #: [m] and [rad]; what a person writes with ten digits is exact.
-EXACT = 1e-9
+_EXACT = 1e-9
 
 
 def geometry_of(model: pin.Model, source: str) -> Geometry:
     """Read {0k} and {E} in {3k} off a tree, or list all that keeps it from being an SST's."""
     # Joints first, then their axes and frames: the one makes no sense without the other.
-    problems = list(_joint_problems(model)) or [*_axis_problems(model), *_frame_problems(model)]
-    if problems:
+    if problems := list(_joint_problems(model)) or [*_axis_problems(model), *_cut_problems(model)]:
         raise DescriptionError(source, problems)
     R_0 = [model.jointPlacements[model.getJointId(f"gamma_{k}")].rotation for k in (1, 2, 3)]
     ends = ("closedloop1_A", "closedloop1_B", "closedloop2_B")
@@ -61,24 +61,99 @@ def _axis_problems(model: pin.Model) -> Iterator[str]:
         if model.parents[index] != parent:
             expected, found = model.names[parent], model.names[model.parents[index]]
             yield f"joint {name}: its parent is {found}, expected {expected}"
-        if np.abs(placement.translation).max() > EXACT:
+        if np.abs(placement.translation).max() > _EXACT:
             yield f"joint {name}: not in the centre O; origin xyz must be 0 0 0"
-        if joint != "gamma" and np.abs(placement.rotation - np.eye(3)).max() > EXACT:
+        if joint != "gamma" and np.abs(placement.rotation - np.eye(3)).max() > _EXACT:
             yield f"joint {name}: origin rpy must be 0 0 0"
 
 
-def _frame_problems(model: pin.Model) -> Iterator[str]:
+def _cut_problems(model: pin.Model) -> Iterator[str]:
     missing = [name for name in _STAR_OF if not model.existFrame(name)]
     for name in missing:
         yield f"frame {name} of the cuts is missing"
     for name, k in _STAR_OF.items():
-        if name in missing:
-            continue
-        frame = frame_named(model, name)
-        fixed_to_star = frame.parentJoint == model.getJointId(f"beta_{k}")
-        if not fixed_to_star or np.abs(frame.placement.translation).max() > EXACT:
-            yield f"frame {name}: must be fixed to star_{k} with origin xyz 0 0 0"
+        if name not in missing:
+            frame = frame_named(model, name)
+            fixed_to_star = frame.parentJoint == model.getJointId(f"beta_{k}")
+            if not fixed_to_star or np.abs(frame.placement.translation).max() > _EXACT:
+                yield f"frame {name}: must be fixed to star_{k} with origin xyz 0 0 0"
     if not missing:
         first, second = (frame_named(model, f"closedloop{loop}_A").placement for loop in (1, 2))
-        if not first.actInv(second).isIdentity(EXACT):
+        if not first.actInv(second).isIdentity(_EXACT):
             yield "frame closedloop2_A: must coincide with closedloop1_A"
+
+
+def parameters_of(model: pin.Model, geometry: Geometry, friction: Friction) -> Parameters:
+    """The parameters that make a tree; the error lists all that it holds and parameters do not."""
+    frames = [name for name in ("E", "P_1", "P_2", "P_3") if not model.existFrame(name)]
+    problems = [f"frame {name} is missing; its distance from O gives a radius" for name in frames]
+    if problems := problems or list(_parameter_problems(model, geometry)):
+        raise DescriptionError(f"model {model.name} cannot be described by Parameters", problems)
+    bodies = [_body(inertia) for inertia in list(model.inertias)[1:]]
+    arcs = [
+        pin.SE3(R_E.T, np.zeros(3)).act(model.inertias[model.getJointId(f"beta_{k}")])
+        for k, R_E in enumerate(geometry.R_E, start=1)
+    ]
+    # Eqs. (30), (31), (35): {E} in {3k} is Rot(x, -(alpha_2 + ... + alpha_k)).
+    turns = np.arctan2(geometry.R_E[1:, 1, 2], geometry.R_E[1:, 1, 1]) % (2 * np.pi)
+    alpha_2, alpha_3 = turns[0], (turns[1] - turns[0]) % (2 * np.pi)
+    return Parameters(
+        base_directions=[frame_named(model, f"P_{k}").placement.translation for k in (1, 2, 3)],
+        arc_angles=_rounded((2 * np.pi - alpha_2 - alpha_3, alpha_2, alpha_3)),
+        link=_one_or_three(bodies[0::3]),
+        passive_link=_one_or_three(bodies[1::3]),
+        star=_body(arcs[0] + arcs[1] + arcs[2]),
+        viscous_friction=friction.viscous,
+        coulomb_friction=friction.coulomb,
+        gravity=model.gravity.linear,
+        base_radius=_radius(model, "P_1"),
+        star_radius=_radius(model, "E"),
+    )
+
+
+def _radius(model: pin.Model, point: str) -> float:
+    return float(_rounded(np.linalg.norm(frame_named(model, point).placement.translation)))
+
+
+def _body(inertia: pin.Inertia) -> RigidBody:
+    mass, center, tensor = map(_rounded, (inertia.mass, inertia.lever, inertia.inertia))
+    return RigidBody(float(mass), center, tensor)
+
+
+def _rounded(value: ArrayLike) -> Array:
+    """To 16 digits of the largest entry: what comes back from sums and angles has no more."""
+    value = np.asarray(value, dtype=float)
+    digits = 16 - int(np.ceil(np.log10(max(np.abs(value).max(), 1e-300))))
+    return value.round(digits)
+
+
+def _one_or_three(bodies: Sequence[RigidBody]) -> RigidBody | Sequence[RigidBody]:
+    return bodies[0] if all(body == bodies[0] for body in bodies) else bodies
+
+
+def _parameter_problems(model: pin.Model, geometry: Geometry) -> Iterator[str]:
+    v, one = geometry.R_0[:, :, 0], np.eye(3)
+    radius = _radius(model, "P_1")
+    for k, wanted in enumerate(base_orientations(Parameters(base_directions=v))):
+        if np.abs(geometry.R_0[k] - wanted).max() > _EXACT:
+            yield f"joint gamma_{k + 1}: z must be normal to x of this leg and of the next"
+        name = f"P_{k + 1}"
+        frame = frame_named(model, name)
+        at_P = np.abs(frame.placement.translation - radius * v[k]).max() < _EXACT
+        if frame.parentJoint != 0 or not at_P:
+            yield f"frame {name}: must be fixed to base on v_{k + 1}, at the same radius as P_1"
+    if np.abs(geometry.R_E[0] - one).max() > _EXACT:
+        yield "frame closedloop1_A: {E} must have the orientation of star_1"
+    for k in (2, 3):
+        if np.abs(geometry.R_E[k - 1, 0] - one[0]).max() > _EXACT:
+            yield f"frame closedloop{k - 1}_B: {{E}} may be rotated about x of star_{k} only"
+    E = frame_named(model, "E")
+    on_x = E.placement.isApprox(pin.SE3(one, _radius(model, "E") * one[0]), _EXACT)
+    if E.parentJoint != model.getJointId("beta_1") or not on_x:
+        yield "frame E: must be fixed to star_1 with origin xyz r 0 0, rpy 0 0 0"
+    for i, name in enumerate(JOINT_NAMES):
+        limits = model.lowerPositionLimit[i], model.upperPositionLimit[i]
+        if np.abs(limits - 2 * np.pi * np.array((-1, 1))).max() > _EXACT:
+            yield f"joint {name}: limits {limits[0]:g} and {limits[1]:g} rad must be -2 pi and 2 pi"
+        if model.armature[i] != 0:
+            yield f"joint {name}: armature {model.armature[i]:g} kg m^2 must be 0"

@@ -33,11 +33,9 @@ _MOST = 100_000_000
 
 
 class Chart(NamedTuple):
-    """Lambert's azimuthal equal-area map of the sphere about a direction.
+    """Lambert's azimuthal equal-area map of the sphere about a direction."""
 
-    `axes` are right, up and the direction in the middle of the map, rows of a (3, 3) array.
-    """
-
+    #: Right, up, and the direction in the middle of the map, rows of a (3, 3) array.
     axes: Array
 
     @classmethod
@@ -107,16 +105,13 @@ class WorkspaceMap:
 
     @property
     def on_arcs(self) -> Flags:
-        """Where every slider is on its arcs, joint limits kept."""
+        """Whether every slider is on its arcs and every joint within its limits."""
         return self.margin >= 0  # and never where it is NaN
 
     @property
     def s(self) -> Array:
         """The directions as unit vectors in base axes, shape (rings, spokes + 1, 3)."""
-        sin = np.sin(self.phi)
-        return np.stack(
-            [sin * np.cos(self.theta), sin * np.sin(self.theta), np.cos(self.phi)], axis=-1
-        )
+        return orientation(self.theta, self.phi)[..., 0]
 
     @property
     def best(self) -> tuple[int, int] | None:
@@ -142,7 +137,7 @@ class WorkspaceMap:
         write_files({as_path(path): self.writer(path)}, force)
 
     def writer(self, path: str | Path) -> Writer:
-        """What writes the map in the format that the path's ending asks for, .csv or .npz."""
+        """A writer of the map in the format of the path's ending, .csv or .npz."""
         kind = as_path(path).suffix.lower()
         arrays: dict[str, Any] = {field.name: getattr(self, field.name) for field in fields(self)}
         if kind == ".npz":
@@ -160,7 +155,7 @@ _ANGLES = ("theta", "phi", "psi", "margin", "roll")
 
 
 def workspace_at(robot: SST, psi: float = 0.0, rings: int = 151, spokes: int = 360) -> WorkspaceMap:
-    """The map at one roll psi of the star, the paper's angle, about half a second.
+    """The map at one roll psi of the star, the paper's angle; about half a second.
 
     The poles of the base frame do not have this angle: curves of the map meet in z_0. `rings` are
     directions from the middle of the map to its edge, `spokes` those round it.
@@ -178,14 +173,6 @@ def workspace_over_rolls(
     return _workspace(robot, np.arange(count) * 2 * np.pi / count, rings, spokes)
 
 
-class _Poses(NamedTuple):
-    reachable: Flags
-    first_kind: Array
-    determinant: Array
-    condition_number: Array
-    margin: Array
-
-
 def _workspace(robot: SST, psi: Array, rings: int, spokes: int) -> WorkspaceMap:
     from scipy.spatial.transform import Rotation
 
@@ -200,55 +187,41 @@ def _workspace(robot: SST, psi: Array, rings: int, spokes: int) -> WorkspaceMap:
     rolls = Rotation.from_euler("x", psi[:, None]).as_matrix()  # s is the x axis of {E}
     # One psi at a time: a million poses at once would fill the memory.
     poses = [_poses(robot, R @ roll) for roll in rolls]
-    arrays = _Poses(*(np.stack(values) for values in zip(*poses, strict=True)))
-    kept = (arrays.margin >= 0) | ~(arrays.margin >= 0).any(axis=0)
-    chosen = np.where(kept, arrays.condition_number, np.inf).argmin(axis=0)[None]
-
-    def best(values: NDArray[Any]) -> NDArray[Any]:
-        return np.asarray(np.take_along_axis(values, chosen, axis=0)[0])
-
-    return WorkspaceMap(
-        theta,
-        phi,
-        np.broadcast_to(psi[chosen[0]], theta.shape),
-        best(arrays.reachable),
-        best(arrays.first_kind),
-        best(arrays.determinant),
-        best(arrays.condition_number),
-        np.fmax.reduce(arrays.margin),
-        _positive_share(arrays.margin) * 2 * np.pi,
-    )
+    arrays = {name: np.stack([pose[name] for pose in poses]) for name in poses[0]}
+    margin = arrays.pop("margin")
+    kept = (margin >= 0) | ~(margin >= 0).any(axis=0)
+    chosen = np.where(kept, arrays["condition_number"], np.inf).argmin(axis=0)[None]
+    best = {name: np.take_along_axis(x, chosen, axis=0)[0] for name, x in arrays.items()}
+    roll = _positive_share(margin) * 2 * np.pi
+    psi = np.broadcast_to(psi[chosen[0]], theta.shape)
+    return WorkspaceMap(theta, phi, psi, margin=np.fmax.reduce(margin), roll=roll, **best)
 
 
-def _poses(robot: SST, R: Array) -> _Poses:
-    """What is to be known of orientations, shape (..., 3, 3), flat legs included."""
-    geometry, batch = robot.geometry, R.shape[:-2]
+def _poses(robot: SST, R: Array) -> dict[str, NDArray[Any]]:
+    """Quantities of the map at orientations of shape (..., 3, 3), flat legs included."""
+    geometry, model = robot.geometry, robot.mechanism.model
     n = np.einsum("...ij,kj->...ki", R, geometry.arc_normals)
     first_kind = np.linalg.norm(np.cross(geometry.e, n), axis=-1).min(axis=-1)
     defined = first_kind > _FLAT
     legs = kinematics.legs_of_orientation(geometry, R[defined], (1, 1, 1))
     q = kinematics.joints_of_legs(geometry, legs)
     singular_values = np.linalg.svd(legs.y_2, compute_uv=False)
-    lower, upper = (
-        robot.mechanism.model.lowerPositionLimit,
-        robot.mechanism.model.upperPositionLimit,
-    )
-    limits = np.minimum(q - lower, upper - q).min(axis=-1)
+    limits = np.minimum(q - model.lowerPositionLimit, model.upperPositionLimit - q).min(axis=-1)
     with np.errstate(divide="ignore"):
         condition = singular_values[:, 0] / singular_values[:, -1]
 
     def everywhere(values: NDArray[Any], else_: float) -> NDArray[Any]:
-        result = np.full(batch, else_, dtype=values.dtype)
+        result = np.full(R.shape[:-2], else_, dtype=values.dtype)
         result[defined] = values
         return result
 
-    return _Poses(
-        everywhere(limits >= 0, False),
-        first_kind,
-        everywhere(np.linalg.det(legs.y_2), np.nan),
-        everywhere(np.where(limits >= 0, condition, np.inf), np.inf),
-        everywhere(np.minimum(limits, arc_margins(geometry, q).min(axis=-1)), np.nan),
-    )
+    return {
+        "reachable": everywhere(limits >= 0, False),
+        "first_kind": first_kind,
+        "determinant": everywhere(np.linalg.det(legs.y_2), np.nan),
+        "condition_number": everywhere(np.where(limits >= 0, condition, np.inf), np.inf),
+        "margin": everywhere(np.minimum(limits, arc_margins(geometry, q).min(axis=-1)), np.nan),
+    }
 
 
 def _positive_share(margin: Array) -> Array:

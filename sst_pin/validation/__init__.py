@@ -10,8 +10,9 @@ from ..chain.closed_chain import ClosedChain
 from ..errors import ClosureError, DescriptionError, InputError
 from ..files import as_path
 from ..reading import Urdf, is_mjcf
-from ..reading.problems import Problem, error
-from . import inertia, mesh_files, whole_robot
+from ..reading.problems import Problem
+from . import whole_robot
+from .link_contents import check_inertias, check_shapes
 
 __all__ = ["Problem", "examine", "validate"]
 
@@ -66,14 +67,13 @@ def examine(path: str | Path, cuts: str | Path | None = None) -> Examined:
     try:
         urdf = Urdf.read(path)
     except DescriptionError as caught:
-        told = [problem.removeprefix("not a URDF: ") for problem in caught.problems]
-        return Examined([error("file", problem) for problem in told])
+        return Examined(whole_robot.errors_of(caught, "file"))
     path, problems = Path(path), list(urdf.problems)
     robot: whole_robot.Robot = None
     if not any(problem.severity == "error" for problem in problems):  # Pinocchio needs a tree
         found, robot = whole_robot.check(urdf, None if cuts is None else as_path(cuts))
         problems += found
-    problems += [*inertia.check(urdf.root), *mesh_files.check(urdf.root, path.parent)]
+    problems += [*check_inertias(urdf.root), *check_shapes(urdf.root, path.parent)]
     return _examined(problems, robot, path)
 
 

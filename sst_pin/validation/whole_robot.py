@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TypeAlias
@@ -14,85 +15,86 @@ from .. import reading
 from ..chain.closed_chain import ClosedChain
 from ..chain.closures import Constraint, frames_of
 from ..chain.tree import frame_id
-from ..errors import ActuationError, ClosureError, DescriptionError, SSTError, UnknownNameError
+from ..errors import ActuationError, ClosureError, DescriptionError, MissingExtraError, SSTError
 from ..reading import Urdf
 from ..reading.problems import Problem, error, warning
 
 #: How far the loops of a configuration written with four digits are open, [m] or [rad].
 _WRITTEN = 1e-3
-#: Place of the problem that nothing can move.
-_STILL = "mobility"
 #: An open tree is its model; None where there is no robot.
 Robot: TypeAlias = ClosedChain | pin.Model | None
 
 
 def check(urdf: Urdf, cuts: Path | None) -> tuple[list[Problem], Robot]:
     """Problems that only the robot as a whole has, and the robot; without loops an open tree."""
-    where = "cuts"
+    where, problems = "cuts", list[Problem]()
     try:
         found = reading.read_cuts(urdf, cuts)
         where = "file"
         robot = reading.closed(urdf, found)
-        if not found.source and not reading.is_marked(robot):
-            return [], robot.model
-    except DescriptionError as caught:
-        return [error(where, text) for text in caught.problems], None
-    if problems := list(_unknown(robot)):
-        return problems, None
+    except SSTError as caught:
+        return errors_of(caught, where), None
     try:
-        reading.load_poses(urdf, robot.model, found.joints)
-    except DescriptionError as caught:
-        problems = [error("srdf", text) for text in caught.problems]
-    moving, chain = _moving(robot)
-    return problems + moving, chain
+        robot = reading.with_poses(robot, urdf)
+    except SSTError as caught:
+        problems = errors_of(caught, "srdf")
+    problems += [warning("srdf", note) for note in robot.notes]
+    if not found.source and not reading.is_marked(robot):
+        return problems, robot.model
+    more, chain = _moving(robot)
+    return problems + more, chain
 
 
 def check_mjcf(path: Path) -> tuple[list[Problem], Robot]:
     """Problems of an MJCF that MuJoCo does not report, and the robot."""
-    from ..reading.mjcf import read_mjcf
+    from ..reading.mjcf import described
 
     try:
-        robot = read_mjcf(path)
-    except DescriptionError as caught:
-        told = [problem.removeprefix("not an MJCF: ") for problem in caught.problems]
-        return [error("file", text) for text in told], None
-    return _moving(robot) if robot.model.nv else ([error("tree", "no joints")], None)
+        robot = described(path)
+    except MissingExtraError:
+        raise
+    except SSTError as caught:
+        return errors_of(caught, "file"), None
+    problems, chain = _moving(robot)
+    return problems + [warning("file", note) for note in robot.notes], chain
+
+
+def errors_of(caught: SSTError, where: str) -> list[Problem]:
+    """An error as problems."""
+    told = caught.problems if isinstance(caught, DescriptionError) else [str(caught)]
+    return [error(where, re.sub("^not (a URDF|an MJCF): ", "", text)) for text in told]
 
 
 def _moving(robot: reading.Described) -> tuple[list[Problem], Robot]:
     """Problems of the closed chain, and the chain."""
-    if problems := list(_open(robot.model, robot.closures)):
-        return problems, None
     try:
+        problems = list(_unknown(robot)) or list(_open(robot.model, robot.closures))
+        if problems:
+            return problems, None
         chain = ClosedChain(**robot.arguments)
+        return [*_actuation(chain), *_home(chain)], chain
     except SSTError as caught:
         where = "actuation" if isinstance(caught, ActuationError) else "robot"
-        return [error(where, str(caught))], None
-    problems = list(_actuation(chain))
-    if not any(problem.where == _STILL for problem in problems):
-        problems += _home(chain)
-    return problems, chain
+        return errors_of(caught, where), None
 
 
 def _unknown(robot: reading.Described) -> Iterator[Problem]:
+    """Names of no frame and no joint."""
     model = robot.model
     if not model.nv:
         yield error("tree", "all joints are fixed")
-    for closure in robot.closures:
-        for frame in frames_of(closure):
-            try:
-                frame_id(model, frame)
-            except UnknownNameError:
-                yield error(f"closure {closure}", f"no frame {frame} in the URDF")
-            except DescriptionError as caught:
-                yield from (error(f"frame {frame}", text) for text in caught.problems)
-    for line in robot.forces:
-        for frame in (line.frame_a, line.frame_b):
-            if not model.existFrame(frame):
-                yield error(f"line {line}", f"no frame {frame} in the URDF")
+    ends = {f"closure {closure}": frames_of(closure) for closure in robot.closures}
+    ends |= {f"line {line}": (line.frame_a, line.frame_b) for line in robot.forces}
+    for where, frame in ((where, frame) for where, frames in ends.items() for frame in frames):
+        try:
+            frame_id(model, frame)
+        except DescriptionError as caught:
+            yield from errors_of(caught, f"frame {frame}")
+        except SSTError:
+            yield error(where, f"no frame {frame} in the URDF")
     known = [*list(model.names)[1:], *map(str, robot.forces)]
     for motor in robot.actuated:
-        if motor not in known:
+        if isinstance(motor, str) and motor not in known:
             yield error(f"motor {motor}", "no moving joint of this name in the URDF")
 
 
@@ -121,10 +123,11 @@ def _gap(model: pin.Model, closures: Sequence[Constraint]) -> float:
 
 
 def _home(chain: ClosedChain) -> Iterator[Problem]:
-    if "home" not in chain.model.referenceConfigurations:
+    model = chain.mechanism.model
+    poses = model.referenceConfigurations
+    if "home" not in poses or not chain.degrees_of_freedom:
         return
-    home = pin.normalize(chain.model, chain.model.referenceConfigurations["home"])
-    gap = np.abs(chain.residual(home)).max(initial=0.0)
+    gap = np.abs(chain.residual(pin.normalize(model, poses["home"]))).max(initial=0.0)
     try:
         chain.home  # noqa: B018
     except ClosureError:
@@ -142,22 +145,13 @@ def _actuation(chain: ClosedChain) -> Iterator[Problem]:
     except ClosureError:
         yield warning("closures", "they can be closed at q = 0 only, so mobility is not computed")
         return
-    except SSTError as caught:
-        yield error("actuation" if isinstance(caught, ActuationError) else "robot", str(caught))
-        return
-    if not mobility.degrees_of_freedom:
-        yield error(_STILL, "nothing can move; check kinds and axes of the closures")
+    freedoms = mobility.degrees_of_freedom
+    if not freedoms:
+        yield error("mobility", "nothing can move; check kinds and axes of the closures")
     elif not mobility.sufficient:
-        loose = mobility.degrees_of_freedom - mobility.held
-        yield error(
-            "actuation",
-            f"insufficient: {mobility.degrees_of_freedom} degrees of freedom, "
-            f"{motors} motors; {loose} move with the motors locked, through "
-            f"{', '.join(mobility.loose_joints)}",
-        )
+        text = f"insufficient: {freedoms} degrees of freedom, {motors} motors; "
+        text += f"{freedoms - mobility.held} move with the motors locked, through "
+        yield error("actuation", text + ", ".join(mobility.loose_joints))
     elif mobility.redundantly_actuated:
-        yield warning(
-            "actuation",
-            f"redundant: {motors} motors for {mobility.degrees_of_freedom} degrees of "
-            "freedom; the smallest torques are computed",
-        )
+        text = f"redundant: {motors} motors for {freedoms} degrees of freedom"
+        yield warning("actuation", f"{text}; the smallest torques are computed")

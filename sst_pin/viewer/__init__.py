@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The robot in a browser (Meshcat): live, as a page in one file, as pictures, in a notebook."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Mapping
 from importlib.util import find_spec
@@ -38,7 +36,7 @@ def show(
     live: bool,
     ghost: Trajectory | None,
 ) -> Viewer:
-    """See `ClosedChain.show`."""
+    """The viewer that `ClosedChain.show` gives, for the same arguments."""
     viewer = Viewer(robot, reactions=reactions, live=live)
     if isinstance(what, Trajectory):
         viewer.play(what, speed=speed, ghost=ghost)

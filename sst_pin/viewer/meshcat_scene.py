@@ -1,25 +1,51 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""A scene as Meshcat's commands."""
+"""A scene as Meshcat's commands, which stay in this process."""
 
-from __future__ import annotations
-
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from typing import Any
 
 import meshcat
 import numpy as np
+import umsgpack
 from meshcat.animation import Animation
 from meshcat.geometry import MeshPhongMaterial, TriangularMeshGeometry
+from scipy.spatial.transform import Rotation
 
 from ..arrays import Array
 from ..motion.trajectories import Trajectory
-from .command_buffer import CommandBuffer
 from .robot_scene import Scene
-from .scene_parts import Shape, decompose
+from .scene_parts import Shape
 
 #: Node of the robot in the tree of the page; in it that of the ghost, one layer.
 _ROOT, _GHOST = "robot", "ghost"
 #: Opacity of the ghost.
 _FAINT = 0.3
+
+
+class CommandBuffer:
+    """A window for `meshcat.Visualizer` that keeps the last command for every node."""
+
+    def __init__(self) -> None:
+        #: Packed for the page, by type, node and property.
+        self.commands: dict[tuple[str, str, str], bytes] = {}
+        #: Receives each command.
+        self.listener: Callable[[bytes], None] | None = None
+
+    def send(self, command: Any) -> None:
+        """Receive a command of Meshcat."""
+        lowered = command.lower()
+        kind, path = lowered["type"], lowered.get("path", "")
+        packed = umsgpack.packb(lowered)
+        if kind == "delete":
+            gone = [key for key in self.commands if f"{key[1]}/".startswith(f"{path}/")]
+            for key in gone:
+                del self.commands[key]
+        else:
+            key = (kind, path, lowered.get("property", ""))
+            self.commands.pop(key, None)
+            self.commands[key] = packed  # at the end: an animation follows the nodes it moves
+        if self.listener is not None:
+            self.listener(packed)
 
 
 class MeshcatScene:
@@ -63,7 +89,7 @@ class MeshcatScene:
             for shape in self._scene.moving:
                 mover = f"{_GHOST}/{_GHOST}/{shape.mover}"
                 self._add(shape._replace(mover=mover, opacity=_FAINT * shape.opacity))
-            placed = [self._ghost_placements(q) for q in ghost.q]
+            placed = [self._ghost(q) for q in ghost.q]
             for node, matrix in placed[0].items():
                 self._root[node].set_transform(matrix)
             self._move(animation, ghost.t - motion.t[0], placed)
@@ -82,8 +108,8 @@ class MeshcatScene:
                 for key.current_frame, value in zip(times.tolist(), values, strict=True):
                     key.set_property(name, kind, value)
 
-    def _ghost_placements(self, q: Array) -> dict[str, Array]:
-        """Homogeneous matrices of what moves of the ghost."""
+    def _ghost(self, q: Array) -> dict[str, Array]:
+        """Homogeneous matrices of the nodes of the ghost that move."""
         poses = self._scene.poses(q)
         movers = dict.fromkeys(shape.mover for shape in self._scene.moving)
         return {f"{_ROOT}/{_GHOST}/{_GHOST}/{mover}": poses[mover] for mover in movers}
@@ -106,8 +132,15 @@ class MeshcatScene:
 
 
 def _tracks(matrices: list[Array]) -> Iterator[tuple[str, str, list[list[float]]]]:
-    """Values over time of position, quaternion and scale, where they change."""
-    kinds = {"position": "vector3", "quaternion": "quaternion", "scale": "vector3"}
-    for (name, kind), values in zip(kinds.items(), decompose(np.array(matrices)), strict=True):
+    """Values over time of position, quaternion x, y, z, w, and scale, where they change."""
+    A = np.array(matrices)[:, :3, :3]
+    scale = np.linalg.norm(A, axis=1)
+    scale[np.linalg.det(A) < 0, 1] *= -1
+    position = np.array(matrices)[:, :3, 3]
+    for name, kind, values in (
+        ("position", "vector3", position),
+        ("quaternion", "quaternion", Rotation.from_matrix(A / scale[:, None]).as_quat()),
+        ("scale", "vector3", scale),
+    ):
         if (np.ptp(values, axis=0) > 1e-12).any():
             yield name, kind, values.tolist()

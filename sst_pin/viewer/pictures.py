@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Pictures of the page, taken by a browser without a window."""
 
-from __future__ import annotations
-
 import io
 import os
 import shutil
@@ -23,26 +21,15 @@ _PATIENCE = 240
 
 
 def find_browser() -> str:
-    """Path of a Chromium.
-
-    Raises:
-        BrowserError: When there is none.
-    """
-    for name in BROWSERS:
-        path = shutil.which(name)
-        if path is not None:
-            return path
+    """Path of a Chromium; BrowserError when there is none."""
+    for path in filter(None, map(shutil.which, BROWSERS)):
+        return path
     raise BrowserError(f"no browser found ({', '.join(BROWSERS)}); run: apt install chromium")
 
 
 @contextmanager
 def browser() -> Iterator[Any]:
-    """A Chromium without a window, as Playwright's `Browser`.
-
-    Raises:
-        BrowserError: When there is none, or it does not start, or fails at what it is asked.
-        MissingExtraError: Without Playwright.
-    """
+    """A Chromium without a window, as Playwright's `Browser`; its failures are BrowserErrors."""
     try:
         from playwright.sync_api import Error, sync_playwright
     except ImportError:

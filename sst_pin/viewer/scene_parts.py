@@ -1,41 +1,34 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Parts of a scene: shapes, arrows, struts and labels."""
-
-from __future__ import annotations
+"""Parts of a scene: meshes, shapes, arrows, struts and labels."""
 
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+from numpy.typing import NDArray
 
 from ..arrays import Array
-from .triangles import Mesh
+from ..description.solids import axes_along
 
-#: Colours of the axes x, y, z of a frame.
-AXES = ("#C0392B", "#27AE60", "#2E5FA8")
 _SMALLEST = 1e-3  # a scale of zero has no normals
 
 
+class Mesh(NamedTuple):
+    """Triangles in space."""
+
+    vertices: Array  #: Shape (n, 3), [m].
+    faces: NDArray[np.int_]  #: Indices of vertices, counterclockwise from outside, shape (m, 3).
+
+
 class Shape(NamedTuple):
-    """A mesh.
+    """A mesh that moves with a body, in a layer of shapes that are shown and hidden together."""
 
-    Attributes:
-        mover: Body that it moves with: number of a joint, "0" for the base, or name of a strut.
-        layer: Name of the group that is shown and hidden together.
-        name: Its own within both.
-        mesh: In the axes of `at`.
-        colour: Colour as "#rrggbb".
-        opacity: 1 is opaque.
-        at: Placement on what it moves with, homogeneous.
-    """
-
-    mover: str
+    mover: str  #: Number of the joint of its body, "0" for the base, or name of a strut.
     layer: str
-    name: str
-    mesh: Mesh
-    colour: str
-    opacity: float = 1.0
-    at: Array = np.eye(4)
+    name: str  #: Its own within both.
+    mesh: Mesh  #: In the axes of `at`.
+    colour: str  #: As "#rrggbb".
+    opacity: float = 1.0  #: 1 is opaque.
+    at: Array = np.eye(4)  #: Placement on what it moves with, homogeneous.
 
     @property
     def node(self) -> str:
@@ -44,99 +37,65 @@ class Shape(NamedTuple):
 
 
 class Arrow(NamedTuple):
-    """Torque of a motor at a joint: a shape whose size shows it.
+    """Torque of a motor at a joint: a shape whose size shows it."""
 
-    Attributes:
-        shape: At the largest torque or force.
-        motor: Its index in tau.
-        share: Share of the motor's torque that acts here; the motor's largest share is 1.
-        mirror: Diagonal of what turns the arrow round.
-    """
-
-    shape: Shape
-    motor: int
-    share: float
-    mirror: tuple[float, float, float]
+    shape: Shape  #: At the largest torque or force.
+    motor: int  #: Its index in tau.
+    share: float  #: Share of the motor's torque that acts here; the motor's largest share is 1.
+    mirror: tuple[float, float, float]  #: Diagonal of what turns the arrow round.
 
     def at(self, effort: Array) -> Array:
-        """Placement of the arrow, with its size and sense.
-
-        Args:
-            effort: Motor torques as shares of the largest, shape (motors,).
-        """
+        """Placement of the arrow, for motor torques as shares of the largest, shape (motors,)."""
         size = self.share * effort[self.motor]
         scale = max(abs(size), _SMALLEST) * np.array(self.mirror if size < 0 else (1.0, 1.0, 1.0))
         return np.asarray(self.shape.at @ np.diag([*scale, 1.0]))
 
 
 class Pull(NamedTuple):
-    """Force in a joint or closure: an arrow along z whose size and direction show it.
+    """Force in a joint or closure: an arrow along z whose size and direction show it."""
 
-    Attributes:
-        shape: At the largest force, in the axes of the force.
-        first: Index of the first of its three components in the effort.
-    """
-
-    shape: Shape
-    first: int
+    shape: Shape  #: At the largest force, in the axes of the force.
+    first: int  #: Index of the first of its three components in the effort.
 
     def at(self, effort: Array) -> Array:
-        """Placement of the arrow.
-
-        Args:
-            effort: Motor torques, then all forces, as shares of the largest.
-        """
+        """Placement of the arrow, for motor torques and then forces as shares of the largest."""
         force = effort[self.first : self.first + 3]
         size = max(float(np.linalg.norm(force)), _SMALLEST)
-        matrix = homogeneous(size * along(force / size), np.zeros(3))
+        matrix = homogeneous(size * along(force), np.zeros(3))
         return np.asarray(self.shape.at @ matrix)
 
 
 class Strut(NamedTuple):
-    """A straight line between two points that move: its shape is one unit long, along z.
+    """A straight line between two points that move: its shape is one unit long, along z."""
 
-    Attributes:
-        shape: Its mover is the strut's own name.
-        joints: Whose bodies the ends are on.
-        points: The ends on these bodies, shape (2, 3), [m].
-    """
-
-    shape: Shape
-    joints: tuple[int, int]
-    points: Array
+    shape: Shape  #: Its mover is the strut's own name.
+    joints: tuple[int, int]  #: Whose bodies the ends are on.
+    points: Array  #: The ends on these bodies, shape (2, 3), [m].
 
     def at(self, poses: Array) -> Array:
-        """Placement of the strut.
-
-        Args:
-            poses: Placements of all joints, homogeneous, shape (joints, 4, 4).
-        """
+        """Placement of the strut, for those of all joints, homogeneous, shape (joints, 4, 4)."""
         start, end = (
             poses[joint, :3, :3] @ point + poses[joint, :3, 3]
             for joint, point in zip(self.joints, self.points, strict=True)
         )
-        length = max(float(np.linalg.norm(end - start)), 1e-9)
-        matrix = homogeneous(along((end - start) / length), start)
-        matrix[:3, 2] *= length
+        matrix = homogeneous(along(end - start), start)
+        matrix[:3, 2] *= max(float(np.linalg.norm(end - start)), 1e-9)
         return matrix
 
 
 class Label(NamedTuple):
-    """A word in the scene.
+    """A word in the scene; layer and mover are those of a `Shape`."""
 
-    Attributes:
-        text: Text; digits or one letter after "_" are an index, as in "e_1".
-        colour: Colour as "#rrggbb".
-        layer: Name of the group that is shown and hidden together.
-        mover: Body that it moves with, see `Shape`.
-        point: On what it moves with, [m].
-    """
-
-    text: str
-    colour: str
+    text: str  #: Digits or one letter after "_" are an index, as in "e_1".
+    colour: str  #: As "#rrggbb".
     layer: str
     mover: str
-    point: tuple[float, float, float]
+    point: Array  #: On what it moves with, shape (3,), [m].
+
+
+def moved(points: Array, at: Array) -> Array:
+    """Points, shape (n, 3), moved by a homogeneous matrix."""
+    return points @ at[:3, :3].T + at[:3, 3]
 
 
 def homogeneous(R: Array, translation: Array) -> Array:
@@ -146,19 +105,6 @@ def homogeneous(R: Array, translation: Array) -> Array:
     return matrix
 
 
-def along(axis: Array) -> Array:
-    """Axes whose z is a unit vector, or that of the base for none; columns, shape (3, 3)."""
-    if not axis.any():
-        return np.eye(3)
-    x = np.cross(np.eye(3)[np.abs(axis).argmin()], axis)
-    x /= np.linalg.norm(x)
-    return np.stack([x, np.cross(axis, x), axis], axis=-1)
-
-
-def decompose(matrices: Array) -> tuple[Array, Array, Array]:
-    """Positions, quaternions x, y, z, w, and scales of homogeneous matrices, shape (n, 4, 4)."""
-    A = matrices[:, :3, :3]
-    scale = np.linalg.norm(A, axis=1)
-    scale[np.linalg.det(A) < 0, 1] *= -1
-    quaternions = Rotation.from_matrix(A / scale[:, None]).as_quat()
-    return matrices[:, :3, 3], quaternions, scale
+def along(direction: Array) -> Array:
+    """Axes whose z has a direction, or those of the base for none; columns, shape (3, 3)."""
+    return axes_along(direction) if direction.any() else np.eye(3)

@@ -1,47 +1,38 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""One page and what is sent after it, on a port of this machine: a thread, no process."""
+"""One page and what is sent after it, on a port of this machine: a thread, no process.
 
-from __future__ import annotations
+A page of another site can make a browser ask 127.0.0.1 under that site's name (DNS rebinding), and
+open WebSockets to any address. Requests must therefore name this machine, and come from our page.
+"""
 
 import asyncio
+import socket
 import threading
 from collections.abc import Callable, Iterable
 from contextlib import suppress
+from ipaddress import ip_address
 from typing import Any
+from urllib.parse import urlsplit
 
 import tornado.web
 import tornado.websocket
 from tornado.httpserver import HTTPServer
+from tornado.netutil import bind_sockets
 
-from .hosts import is_ours, listen, url_of
+from ..errors import ServerError
 
 Message = bytes | str
 
 
 class Server:
-    """A server for the page; it runs until it is closed.
-
-    Args:
-        page: Gives the page.
-        state: Gives what a new page has to be told.
-        host: Address to listen on.
-        port: 0 for any that is free.
-
-    Attributes:
-        url: Address of the page.
-        visited: Set once a page has come to listen.
-    """
+    """A server for what `page` gives, until it is closed; `state` is told to each new page."""
 
     def __init__(
-        self,
-        page: Callable[[], str],
-        state: Callable[[], Iterable[Message]],
-        host: str,
-        port: int,
+        self, page: Callable[[], str], state: Callable[[], Iterable[Message]], host: str, port: int
     ) -> None:
         sockets = listen(host, port)
         self.url = url_of(host, sockets[0].getsockname()[1])
-        self.visited = threading.Event()
+        self.visited = threading.Event()  #: Set once a page has come to listen.
         self._pages: set[tornado.websocket.WebSocketHandler] = set()
         server = self
 
@@ -103,3 +94,40 @@ class Server:
 def _write(page: Any, message: Message) -> None:
     with suppress(tornado.websocket.WebSocketClosedError):  # it has gone; `on_close` follows
         page.write_message(message, binary=isinstance(message, bytes))
+
+
+def listen(host: str, port: int) -> list[socket.socket]:
+    """Sockets that listen on an address, port 0 on any that is free; else ServerError."""
+    try:
+        if not isinstance(host, str) or not isinstance(port, int):
+            raise OSError("an address is a text, a port a whole number")
+        if not host:
+            raise OSError("an empty address would mean every network")
+        if not 0 <= port <= 65535:  # else getaddrinfo takes the remainder
+            raise OSError("ports end at 65535")
+        return bind_sockets(port, host)
+    except (OSError, UnicodeError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise ServerError(f"cannot listen on {host}, port {port}: {reason}") from None
+
+
+def url_of(host: str, port: int) -> str:
+    """The address of a page."""
+    return f"http://[{host}]:{port}/" if ":" in host else f"http://{host}:{port}/"
+
+
+def is_ours(host: str, asked: str | None, origin: str | None) -> bool:
+    """Whether a request asks this machine by its own name, and comes from its own page.
+
+    `asked` is the header `Host`; addresses in numbers pass: no site has their name. `origin` is the
+    header `Origin`; programs that are no browser send none.
+    """
+    try:
+        name = urlsplit(f"//{asked or ''}").hostname or ""
+        if origin is not None and urlsplit(origin).netloc != asked:
+            return False
+        if name in ("localhost", host.lower(), socket.gethostname().lower()):
+            return True
+        return bool(ip_address(name))
+    except ValueError:  # no address in numbers, or no host at all
+        return False

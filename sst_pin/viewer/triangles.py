@@ -1,32 +1,24 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Triangle meshes: geometry of bodies, tubes and arrows."""
+"""Triangle meshes: tubes and arrows; bodies, in the colours of their mesh files or descriptions."""
 
-from __future__ import annotations
-
-from typing import NamedTuple
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
 
 import coal
 import numpy as np
+import pinocchio as pin
 import trimesh
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..arrays import Array
 from ..errors import InputError
+from .scene_parts import Mesh, Shape
 
 #: Angle between faces from which their edge is drawn, [rad].
 _EDGE = np.radians(35.0)
-
-
-class Mesh(NamedTuple):
-    """Triangles in space.
-
-    Attributes:
-        vertices: Shape (n, 3), [m].
-        faces: Indices of vertices, counterclockwise from outside, shape (m, 3).
-    """
-
-    vertices: Array
-    faces: NDArray[np.int_]
+#: A surface with more colours is shown in their mean.
+_MOST_COLOURS = 32
 
 
 def tube(points: ArrayLike, radii: ArrayLike, sides: int = 14) -> Mesh:
@@ -60,6 +52,22 @@ def tube(points: ArrayLike, radii: ArrayLike, sides: int = 14) -> Mesh:
     )
 
 
+def _tangents(points: Array) -> Array:
+    steps = np.diff(points, axis=0)
+    lengths = np.linalg.norm(steps, axis=1)
+    if not lengths.any():
+        return np.tile((0.0, 0.0, 1.0), (len(points), 1))
+    # A step of no length goes the way of the one before it, at the start of the one after it.
+    steps = steps[np.maximum.accumulate(np.where(lengths > 0, np.arange(len(steps)), 0))]
+    steps[: np.argmax(lengths > 0)] = steps[np.argmax(lengths > 0)]
+    steps /= np.linalg.norm(steps, axis=1, keepdims=True)
+    before, after = np.vstack([steps[:1], steps]), np.vstack([steps, steps[-1:]])
+    around = before + after
+    turned = np.linalg.norm(around, axis=1) < 1e-9  # straight back
+    around[turned] = after[turned]
+    return np.asarray(around / np.linalg.norm(around, axis=1, keepdims=True))
+
+
 def arrow(points: ArrayLike, radius: float) -> Mesh:
     """A tube along a line that ends in an arrow's head, which is the last step."""
     points = np.asarray(points, dtype=float)
@@ -69,22 +77,17 @@ def arrow(points: ArrayLike, radius: float) -> Mesh:
     return tube(line, radii)
 
 
-def arc(radius: float, angles: ArrayLike) -> Array:
-    """Points of a circle about the z axis, shape (n, 3)."""
-    angles = np.asarray(angles)
-    return radius * np.stack([np.cos(angles), np.sin(angles), np.zeros_like(angles)], axis=-1)
+def circle(angles: ArrayLike) -> Array:
+    """Points of the unit circle about the z axis, shape (n, 3)."""
+    return np.stack([np.cos(angles), np.sin(angles), np.zeros_like(angles)], axis=-1)
 
 
 def solid(geometry: coal.CollisionGeometry) -> Mesh:
-    """The surface of a geometry, its vertices doubled along edges so that these look sharp.
-
-    Raises:
-        InputError: For one without a surface of its own: a plane, an octree.
-    """
-    return shaded(_surface(geometry))
+    """The surface of a geometry; InputError for one without, such as a plane."""
+    return _shaded(_surface(geometry))
 
 
-def shaded(mesh: trimesh.Trimesh) -> Mesh:
+def _shaded(mesh: trimesh.Trimesh) -> Mesh:
     """A surface whose vertices are doubled along its edges, so that these look sharp."""
     mesh.merge_vertices()
     if len(mesh.faces):  # else a file of points
@@ -119,18 +122,64 @@ def _surface(geometry: coal.CollisionGeometry) -> trimesh.Trimesh:
     raise InputError("visual_model", f"a shape of kind {type(geometry).__name__} cannot be drawn")
 
 
-def _tangents(points: Array) -> Array:
-    steps = np.diff(points, axis=0)
-    lengths = np.linalg.norm(steps, axis=1)
-    if not lengths.any():
-        return np.tile((0.0, 0.0, 1.0), (len(points), 1))
-    # A step of no length goes the way of the one before it, at the start of the one after it.
-    steps = steps[np.maximum.accumulate(np.where(lengths > 0, np.arange(len(steps)), 0))]
-    steps[: np.argmax(lengths > 0)] = steps[np.argmax(lengths > 0)]
-    steps /= np.linalg.norm(steps, axis=1, keepdims=True)
-    before, after = np.vstack([steps[:1], steps]), np.vstack([steps, steps[-1:]])
-    around = before + after
-    turned = np.linalg.norm(around, axis=1) < 1e-9  # straight back
-    around[turned] = after[turned]
-    tangents: Array = around / np.linalg.norm(around, axis=1, keepdims=True)
-    return tangents
+def body_shapes(body: pin.GeometryObject) -> Iterator[Shape]:
+    """One shape for each colour that a body has.
+
+    A colour in the description counts before those in the mesh file, as in the URDF's rules.
+    """
+    whole, plain = solid(body.geometry), _hex(body.meshColor)
+    parts = {} if body.overrideMaterial else _coloured(body, whole, plain)
+    for i, (colour, mesh) in enumerate((parts or {plain: whole}).items()):
+        name = f"{body.name}_{i}" if len(parts) > 1 else body.name
+        opacity, at = float(body.meshColor[3]), body.placement.homogeneous
+        yield Shape(str(body.parentJoint), "bodies", name, mesh, colour, opacity, at)
+
+
+def _coloured(body: pin.GeometryObject, whole: Mesh, plain: str) -> dict[str, Mesh]:
+    """Parts of a body by the colours in its mesh file; none where there are no colours.
+
+    coal, which has read the file, keeps no colours. trimesh reads them; what it cannot read, or
+    reads in another size or place, stays in one colour.
+    """
+    if not Path(body.meshPath).is_file():
+        return {}
+    try:
+        scene: Any = trimesh.load(body.meshPath, force="scene")
+        found = [piece for part in scene.dump() for piece in _pieces(part, plain)]
+    except Exception:  # each format has errors of its own
+        return {}
+    if not found or {colour for colour, _ in found} == {plain}:
+        return {}
+    meshes = {}
+    for colour in dict.fromkeys(colour for colour, _ in found):
+        one: Any = trimesh.util.concatenate([mesh for other, mesh in found if other == colour])
+        meshes[colour] = _shaded(trimesh.Trimesh(one.vertices * body.meshScale, one.faces))
+    drawn = np.vstack([mesh.vertices for mesh in meshes.values()])
+    off = [end(drawn, axis=0) - end(whole.vertices, axis=0) for end in (np.min, np.max)]
+    return meshes if np.abs(off).max() <= 1e-4 * np.ptp(whole.vertices, axis=0).max() else {}
+
+
+def _pieces(mesh: Any, plain: str) -> Iterator[tuple[str, Any]]:
+    """Parts of a mesh with one colour each, and their colours."""
+    visual = mesh.visual
+    bare: Any = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+    if visual.kind == "texture":
+        image = any(getattr(visual.material, k, None) for k in ("image", "baseColorTexture"))
+        colours = visual.to_color().vertex_colors if image else visual.material.main_color
+        yield _hex(np.divide(colours, 255)), bare
+    elif visual.kind in ("face", "vertex"):
+        colours, owners = np.unique(visual.face_colors, axis=0, return_inverse=True)
+        if len(colours) > _MOST_COLOURS:
+            yield _hex(visual.face_colors / 255), bare
+            return
+        for i, colour in enumerate(colours):
+            (piece,) = bare.submesh([np.flatnonzero(owners.ravel() == i)], repair=False)
+            yield _hex(colour / 255), piece
+    else:
+        yield plain, bare
+
+
+def _hex(colours: Any) -> str:
+    """A colour, or the mean of several, with red, green, blue from 0 to 1, as "#RRGGBB"."""
+    mean = np.atleast_2d(colours)[:, :3].mean(axis=0).clip(0, 1)
+    return "#" + "".join(f"{round(255 * float(c)):02X}" for c in mean)

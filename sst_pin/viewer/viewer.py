@@ -35,13 +35,11 @@ from ..motion.moving_robot import require_motion
 from ..motion.trajectories import Trajectory
 from ..summaries import listed
 from ..version import __version__
-from .live import live_data
 from .meshcat_scene import MeshcatScene
-from .page import page
-from .panel_curves import curves_of, joints_of, motor_units, torques_of
+from .panel import curves_of, joints_of, live_data, page, torques_of, warnings_of
+from .pictures import gif, png
 from .robot_scene import TRAIL_SIDES, Scene
 from .server import Message, Server
-from .warnings import warnings_of
 
 #: Samples that a page is given at most.
 _MOST_SAMPLES = 600
@@ -54,19 +52,15 @@ class Viewer:
     block. In Jupyter a viewer displays itself.
 
     Args:
-        robot: Any closed chain. Its shapes are those of its URDF, MJCF or gallery function. Without
-            shapes it is drawn as a skeleton: joints, lines along the links, and for each body an
-            ellipsoid with its mass and inertia.
-        visual_model: Shapes that replace `robot.visual_model`; an empty
-            `pinocchio.GeometryModel()` gives the skeleton.
-        axes: Whether the axes of the joints are shown at first; for an `SST` they are e_1..9.
-        frames: Whether the frames of the closures are shown at first; for an `SST` {0k}..{3k} and
-            {E}.
+        robot: Any closed chain, with the shapes of its URDF, MJCF or gallery function. Without any
+            it is drawn as a skeleton, with an ellipsoid for the mass and inertia of each body.
+        visual_model: Shapes that replace these; `pinocchio.GeometryModel()` gives the skeleton.
+        axes: Whether the axes of the joints are shown at first, e_1..9 of an `SST`.
+        frames: Whether the frames of the closures are shown at first, {0k}..{3k}, {E} of an `SST`.
         frame: Name of the frame whose path is drawn; by default E of an `SST` and `platform` of
             other robots, if they have it.
-        reactions: Whether arrows show the forces in joints and closures that are unique: of the
-            parent on the child, of A on B. Stiffnesses, as in `ClosedChain.reactions`, make others
-            unique.
+        reactions: Whether arrows show the unique forces in joints and closures: of the parent on
+            the child, of A on B. Stiffnesses, as in `ClosedChain.reactions`, make others unique.
         live: Whether the page also computes: sliders, dragging, simulation. Arrows of reactions
             are then only in motions.
 
@@ -101,7 +95,6 @@ class Viewer:
         )
         self._robot, self._live = robot, live
         self._server: Server | None = None
-        self._units = motor_units(robot)
         self._drawing = MeshcatScene(self._scene)
         self._drawing.buffer.listener = self._tell
         self._panel: dict[str, Any] = {}
@@ -127,10 +120,14 @@ class Viewer:
         if tau is not None:
             tau = single_array("tau", tau, (motors,))[None]
             curves, effort = [torques_of(self._robot, tau), *curves], self._shares(tau)
+        rest = np.zeros((1, self._robot.degrees_of_freedom))
         if self._loaded:
-            effort = self._with_forces(effort, partial(self._reactions_at, q, tau))
+            rates = q, rest, rest if tau is None else None
+            found = partial(self._robot.reactions, *rates, tau=tau, stiffness=self._stiffness)
+            effort = self._with_forces(effort, found)
         self._drawing.place(q[0], effort[0])
-        self._describe("configuration", [0.0], q, effort, curves, 1.0, None, q, q[:0])
+        reach = self._scene.reach(q, effort)
+        self._describe("configuration", q[0], q[0], rest[0], reach, curves=curves)
 
     def play(
         self,
@@ -177,9 +174,13 @@ class Viewer:
             effort = self._with_forces(effort, found)
         reference = _thinned(wanted or motion).q
         self._drawing.animate(known, effort, reference, ghost)
-        curves = curves_of(self._robot, known)
-        t, second = known.t.tolist(), known.q[:0] if ghost is None else ghost.q
-        self._describe(title, t, known.q, effort, curves, speed, motion, reference, second)
+        reach, layers = self._scene.reach(known.q, effort, reference), self._scene.layers
+        if ghost is not None:
+            reach = np.vstack([reach, self._scene.reach(ghost.q, 0 * effort[:1])])
+            layers = layers | {"ghost": True}
+        curves, t = curves_of(self._robot, known), known.t.tolist()
+        playing = {"t": t, "speed": speed, "layers": layers, "curves": curves}
+        self._describe(title, motion, motion.q[0], motion.va[0], reach, **playing)
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -231,19 +232,14 @@ class Viewer:
             >>> with open("four_bar.html", "wb") as file:
             ...     viewer.writer("four_bar.html")(file)
         """
-        from . import pictures
-
-        kinds: dict[str, Callable[[], bytes]] = {
-            ".html": self.html.encode,
-            ".png": lambda: pictures.png(self.html),
-            ".gif": lambda: pictures.gif(self.html),
-        }
+        kinds: dict[str, Callable[[str], bytes]] = {".html": str.encode, ".png": png, ".gif": gif}
         kind = as_path(path).suffix.lower()
         if kind not in kinds:
             raise OutputError(path, f"ending {kind!r} unknown; known: {', '.join(kinds)}")
+        text = self.html
 
         def write(file: BinaryIO) -> None:
-            file.write(kinds[kind]())
+            file.write(kinds[kind](text))
 
         return write
 
@@ -255,7 +251,7 @@ class Viewer:
             port: Port of the server; 0 for any free port.
 
         Returns:
-            The URL of the page. If the server runs already, its URL.
+            The URL of the page, also of a server that runs already.
 
         Raises:
             ServerError: If the address or port cannot be used.
@@ -326,17 +322,11 @@ class Viewer:
 
     def _shares(self, tau: Array) -> Array:
         """Torques as shares of the largest torque, forces as shares of the largest force."""
-        shares = np.zeros_like(tau)
-        for unit in set(self._units):
-            own = [i for i, other in enumerate(self._units) if other == unit]
+        shares, units = np.zeros_like(tau), np.array(self._robot.motor_units)
+        for unit in set(self._robot.motor_units):
+            own = units == unit
             shares[:, own] = tau[:, own] / (np.abs(tau[:, own]).max(initial=0.0) or 1.0)
         return shares
-
-    def _reactions_at(self, q: Array, tau: Array | None) -> Reactions:
-        """Reactions of a configuration without motion, under torques or at rest."""
-        rest = np.zeros((1, self._robot.degrees_of_freedom))
-        aa = rest if tau is None else None
-        return self._robot.reactions(q, rest, aa, tau=tau, stiffness=self._stiffness)
 
     def _with_forces(self, effort: Array, reactions: Callable[[], Reactions]) -> Array:
         """Torques, then forces of joints and closures that are known, as shares of the largest."""
@@ -346,52 +336,37 @@ class Viewer:
             w = reactions()
         except (ActuationError, ClosureError, SingularConfigurationError) as error:
             self._note = f"No reactions: {error}"
-            return np.hstack([effort, forces.reshape(len(effort), -1)])
-        found = np.concatenate([w.joints, w.closures], axis=1)[..., 3:]
-        free = np.isnan(found).any(axis=(0, 2))
-        forces[:, ~free] = found[:, ~free]
-        largest = float(np.linalg.norm(forces, axis=2).max(initial=0.0)) or 1.0
-        names = [name for name, own in zip(w.names, free, strict=True) if own]
-        drawn = f"Dark arrows: forces of joints on what they bear; the largest is {largest:.3g} N."
-        missing = f"Not unique, so not drawn: {listed(names)}."
-        self._note = " ".join([*[drawn] * (not free.all()), *[missing] * bool(names)])
-        return np.hstack([effort, (forces / largest).reshape(len(effort), -1)])
+        else:
+            found = np.concatenate([w.joints, w.closures], axis=1)[..., 3:]
+            free = np.isnan(found).any(axis=(0, 2))
+            most = float(np.linalg.norm(found[:, ~free], axis=2).max(initial=0.0)) or 1.0
+            forces[:, ~free] = found[:, ~free] / most
+            names = [name for name, own in zip(w.names, free, strict=True) if own]
+            drawn = f"Dark arrows: forces of joints on what they bear; the largest is {most:.3g} N."
+            missing = f"Not unique, so not drawn: {listed(names)}."
+            self._note = " ".join([*[drawn] * (not free.all()), *[missing] * bool(names)])
+        return np.hstack([effort, forces.reshape(len(effort), -1)])
 
     def _describe(
-        self,
-        title: str,
-        t: list[float],
-        q: Array,
-        effort: Array,
-        curves: list[dict[str, Any]],
-        speed: float,
-        motion: Trajectory | None,
-        wanted: Array,
-        ghost: Array,
+        self, title: str, shown: Trajectory | Array, q: Array, va: Array, reach: Array, **panel: Any
     ) -> None:
-        """Tell the panel what there is to see."""
+        """Tell the panel what there is to see; a live page starts at q and va."""
         robot, scene = self._robot, self._scene
-        reach, layers = scene.reach(q, effort, wanted), scene.layers
-        if len(ghost):
-            reach = np.vstack([reach, scene.reach(ghost, 0 * effort[:1])])
-            layers = layers | {"ghost": True}
-        rates = np.zeros(robot.degrees_of_freedom) if motion is None else motion.va[0]
         self._panel = {
             "title": title,
             "robot": robot.mechanism.model.name,
-            "warnings": warnings_of(robot, q[0] if motion is None else motion),
-            "t": t,
-            "curves": curves,
-            "speed": speed,
+            "warnings": warnings_of(robot, shown),
+            "t": [0.0],
+            "speed": 1.0,
             "colours": HUES,
-            "layers": layers,
-            "labels": [label._asdict() for label in scene.labels],
+            "layers": scene.layers,
+            "labels": [x._asdict() | {"point": x.point.tolist()} for x in scene.labels],
             "note": self._note,
-            "live": live_data(robot, scene, q[0], rates) if self._live else None,
+            "live": live_data(robot, scene, q, va) if self._live else None,
             "reach": reach.tolist(),
             "trail": 6 * TRAIL_SIDES,  # indices of its triangles for each sample passed
             "credit": f"sst_pin {__version__}, Meshcat {version('meshcat')}",
-        }
+        } | panel
         self._tell(json.dumps(self._panel))
 
     def _tell(self, message: Message) -> None:
@@ -403,9 +378,8 @@ class Viewer:
 
 
 def _thinned(motion: Trajectory) -> Trajectory:
-    if len(motion) <= _MOST_SAMPLES:
-        return motion
-    return motion[np.linspace(0, len(motion) - 1, _MOST_SAMPLES).round().astype(int)]
+    kept = np.linspace(0, len(motion) - 1, min(len(motion), _MOST_SAMPLES))
+    return motion[kept.round().astype(int)]
 
 
 def _during(motion: Trajectory, ghost: Trajectory) -> Trajectory:

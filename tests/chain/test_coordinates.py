@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The coordinates are chosen when a robot is made, from the robot alone."""
 
-from itertools import permutations
+import warnings
+from itertools import combinations, permutations
 
 import numpy as np
 import pinocchio as pin
@@ -65,6 +66,83 @@ def test_the_motor_on_the_slide_is_the_coordinate():
     assert tau == pytest.approx((energy[0] - energy[1]) / (2 * step), rel=1e-6)
 
 
+@pytest.mark.parametrize("pitch", [5e-3, 3e-4, 1e-5])
+def test_the_motor_of_a_fine_lead_screw_is_the_coordinate(pitch):
+    """However little it moves beside the screw; its force lifts both, by hand."""
+    model = pin.Model()
+    body(model, 0, pin.JointModelPX(), 0.0, "slide", mass=2.0)
+    screw = body(model, 0, pin.JointModelRX(), 0.5, "screw")
+    model.inertias[screw] = pin.Inertia(0.2, np.zeros(3), 1e-4 * np.eye(3))
+    nut = sst_pin.Coupling("slide", {"screw": (0.0, pitch / (2 * np.pi))})
+    chain = ClosedChain(model, [nut], ["slide"])
+    assert chain.coordinates == ("slide",)
+    tau = chain.compute_torques(np.zeros(2), [0.0], [1.0])
+    assert tau == pytest.approx(2.0 + 1e-4 * (2 * np.pi / pitch) ** 2)
+
+
+def test_a_motor_that_moves_with_another_but_for_digits_is_no_coordinate():
+    """A parallelogram whose lengths are written with six digits, on a cart."""
+    model = pin.Model()
+    cart = body(model, 0, pin.JointModelPX(), 0.0, "cart")
+    crank = body(model, cart, pin.JointModelRY(), 0.0, "crank")
+    coupler = body(model, crank, pin.JointModelRY(), 0.2, "coupler")
+    rocker = body(model, cart, pin.JointModelRY(), 0.300001, "rocker")
+    tip(model, coupler, 0.3, "a")
+    tip(model, rocker, 0.2, "b")
+    model.referenceConfigurations["home"] = np.array([0.0, 0.7, -0.7, 0.7])
+    chain = ClosedChain(model, [Closure("a", "b", "3d")], ["crank", "rocker"])
+    assert chain.coordinates == ("crank", "cart")
+
+
+def test_a_cylinder_decides_the_mode_as_the_motor_that_it_is():
+    """A cylinder along the slide is a motor on the slide."""
+    model, closures = slide_with_two_bars()
+    tip(model, 0, -0.5, "ground")
+    tip(model, model.getJointId("slide"), 0.0, "cart")
+    lines = [sst_pin.LineForce("ground", "cart", name="cylinder")]
+    cylinder = ClosedChain(model, closures, ["cylinder"], forces=lines)
+    motor = ClosedChain(model, closures, ["slide"])
+    assert cylinder.mobility().held == 1
+    q = motor.assemble([0.2, 2.0, 1.0])
+    tau = cylinder.with_coordinates(["slide"]).compute_torques(q, [0.1], [0.2])
+    np.testing.assert_allclose(tau, motor.compute_torques(q, [0.1], [0.2]), rtol=1e-12)
+    assert abs(cylinder.generic_configuration()[0]) > 0.01  # in the folded mode the slide rests
+
+
+def test_a_tendon_holds_the_sum_of_its_joints_and_not_each():
+    """What motors hold is the rank of L^T B."""
+    model = pin.Model()
+    for name in "ab":
+        body(model, 0, pin.JointModelRY(), 0.0, name)
+    two = ClosedChain(model, [], [{"a": 1.0, "b": 1.0}]).mobility()
+    assert (two.held, two.sufficient, two.inner_stresses) == (1, False, 0)
+    assert two.loose_joints == ("a", "b")
+    # The bars turn against each other while the slide moves: their sum rests.
+    scissor = ClosedChain(*slide_with_two_bars(), [{"bar_s": 1.0, "bar_g": 1.0}])
+    still = scissor.mobility(scissor.assemble([0.2, 2.0, 1.0], ["slide"]))
+    assert (still.held, still.inner_stresses) == (0, 1)
+    assert set(still.loose_joints) == {"slide", "bar_s", "bar_g"}
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_what_motors_hold_is_the_rank_of_the_actuator_jacobian(seed):
+    """Motors on joints, tendons and lines, more and fewer than freedoms."""
+    random, plain = np.random.default_rng(seed), sst_pin.robots.planar_3rrr()
+    joints = list(random.permutation(plain.joint_names))
+    tendons = [{joints.pop(): 1.0, joints.pop(): random.normal()} for _ in range(seed % 3)]
+    model = plain.model
+    for k, joint in enumerate(joints[:2]):
+        tip(model, model.getJointId(joint), 0.1, f"eye_{k}")
+    lines = [sst_pin.LineForce("eye_0", "eye_1", name="line")] if seed % 2 else []
+    motors = [*tendons, *(str(line) for line in lines), *joints[: seed // 2]]
+    chain = ClosedChain(model, plain.closures, motors, forces=lines)
+    q = chain.generic_configuration()
+    rank = np.linalg.matrix_rank(chain.actuator_jacobian(q), tol=1e-7) if motors else 0
+    mobility = chain.mobility(q)
+    assert mobility.held == rank
+    assert mobility.inner_stresses == len(chain.motor_names) - rank
+
+
 @pytest.mark.parametrize("folded_first", [False, True])
 def test_coordinates_do_not_depend_on_what_was_called_before(folded_first):
     """A call in the other mode is refused by name and changes nothing."""
@@ -79,13 +157,64 @@ def test_coordinates_do_not_depend_on_what_was_called_before(folded_first):
     assert chain.coordinates == ("rocker",)
 
 
-def test_home_decides_the_mode():
-    """In the folded mode the rocker rests; there the crank is the coordinate."""
-    model, closures, folded = rhombus()
-    model.referenceConfigurations["home"] = folded
-    chain = ClosedChain(model, closures, ["rocker", "crank"])
-    assert chain.coordinates == ("crank",)
-    assert np.isfinite(chain.generalized_forces(folded, [1.0], [1.0])).all()
+def engine():
+    """A crank, a rod and a piston on the slide along x."""
+    model = pin.Model()
+    model.name = "engine"
+    crank = body(model, 0, pin.JointModelRY(), 0.0, "crank")
+    rod = body(model, crank, pin.JointModelRY(), 0.1, "rod")
+    piston = body(model, 0, pin.JointModelPX(), 0.0, "piston")
+    tip(model, rod, 0.35, "rod_tip")
+    tip(model, piston, 0.0, "pin")
+    return model, [Closure("rod_tip", "pin", "3d")]
+
+
+@pytest.mark.parametrize(
+    ("robot", "home", "motors", "coordinates"),
+    [
+        (rhombus, [0.7, np.pi, np.pi], ["rocker", "crank"], ("crank",)),
+        (rhombus, [0.7, np.pi, np.pi], ["rocker"], ("crank",)),
+        (rhombus, [0.01, np.pi, np.pi], ["rocker", "crank"], ("crank",)),
+        (rhombus, [0.01, -0.01, 0.01], ["rocker", "crank"], ("rocker",)),
+        (slide_with_two_bars, [0.0, 0.5, 0.5], ["slide"], ("bar_g",)),
+        (engine, [0.0, 0.0, 0.45], ["piston", "crank"], ("crank",)),
+        (engine, [0.0, 0.0, 0.45], ["piston"], ("rod",)),
+    ],
+)
+def test_coordinates_are_independent_at_home_itself(robot, home, motors, coordinates):
+    """A motor that rests in its mode, or at its dead point there, moves nothing where one stands.
+
+    The modes of a rhombus meet at its flat pose: home decides also close to it.
+    """
+    model, closures, *_ = robot()
+    model.referenceConfigurations["home"] = np.array(home)
+    chain = ClosedChain(model, closures, motors)
+    assert chain.coordinates == coordinates
+    assert np.array_equal(chain.home, home)
+    assert chain.condition_number(chain.home) < 1e3
+    q = chain.generic_configuration()
+    assert 1e-3 < np.abs(q - home).max() < 0.2
+    assert chain.condition_number(q) < 1e3
+
+
+@pytest.mark.parametrize(
+    ("robot", "motor"),
+    [(rhombus, "crank"), (slide_with_two_bars, "slide"), (engine, "piston"), (engine, "crank")],
+)
+def test_homes_written_with_two_digits_are_configurations_where_the_coordinates_hold(robot, motor):
+    model, closures, *_ = robot()
+    random, whole = np.random.default_rng(0), ClosedChain(model, closures, [])
+    found = 0
+    while found < 20:
+        try:
+            q = whole.assemble(random.uniform(-3.1, 3.1, 3) * [0.2, 1, 1], fixed=())
+        except sst_pin.ClosureError:
+            continue
+        found += 1
+        model.referenceConfigurations["home"] = q.round(2)
+        chain = ClosedChain(model, closures, [motor])
+        assert np.abs(chain.home - q).max() < 0.2
+        assert np.isfinite(chain.generalized_forces(chain.home, [1.0], [1.0])).all()
 
 
 @pytest.mark.parametrize("coordinates", [["slide"], ["bar_g"]])
@@ -109,11 +238,127 @@ def test_too_many_coordinates_are_refused_at_a_configuration(coordinates):
         chain.generalized_forces(q, n, n)
 
 
-def test_no_coordinates_are_refused():
+def seven_hinges(seed):
+    """A loop of seven hinges anywhere, which has one freedom, closed at the q given."""
+    random, model, joint = np.random.default_rng(seed), pin.Model(), 0
+    q = random.uniform(-1, 1, 7)
+    for k in range(7):
+        axis, place = random.normal(size=(2, 3))
+        kind = pin.JointModelRevoluteUnaligned(axis / np.linalg.norm(axis))
+        joint = model.addJoint(joint, kind, pin.SE3(np.eye(3), 0.2 * place), f"joint_{k}")
+        model.inertias[joint] = pin.Inertia(1.0, 0.1 * random.normal(size=3), 0.01 * np.eye(3))
+    tip(model, joint, 0.2, "end")
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, q)
+    end = data.oMf[model.getFrameId("end")].copy()
+    model.addFrame(pin.Frame("ground", 0, end, pin.FrameType.OP_FRAME))
+    return model, [Closure("end", "ground", "6d")], q
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_two_coordinates_for_one_freedom_are_refused_on_any_loop(seed):
+    """No pair of rates is free, however well the others follow from it."""
+    model, closures, q = seven_hinges(seed)
+    for pair in combinations(list(model.names)[1:], 2):
+        chain = ClosedChain(model, closures, ["joint_0"], coordinates=pair)
+        with pytest.raises(sst_pin.SingularConfigurationError, match="hold the coordinates"):
+            chain.joint_rates(q, [1.0, 1.0])
+
+
+def test_a_singularity_of_the_mechanism_asks_for_no_other_coordinates():
+    """Where a parallelogram is flat it has one more freedom; no joint alone describes it."""
+    model, closures, _ = rhombus()
+    chain = ClosedChain(model, closures, ["crank"])
+    with pytest.raises(sst_pin.SingularConfigurationError) as caught:
+        chain.joint_rates(np.zeros(3), [1.0])
+    assert "the closures leave 2 freedoms here to 1 coordinates; move away" in str(caught.value)
+    assert "or choose other" not in str(caught.value)
+
+
+def test_a_home_with_a_zero_quaternion_is_named():
+    model = pin.Model()
+    body(model, 0, pin.JointModelSpherical(), 0.0, "ball")
+    model.referenceConfigurations["home"] = np.zeros(4)
+    with pytest.raises(sst_pin.DescriptionError, match="home: the quaternion at 0 is zero"):
+        ClosedChain(model, [], [])
+
+
+@pytest.mark.parametrize("angle", [1e-3, 0.02, 0.1])
+def test_a_parallelogram_near_its_flat_pose_has_one_freedom(angle):
+    """Where it is flat it has two."""
+    model, closures, _ = rhombus()
+    chain = ClosedChain(model, closures, ["crank"], coordinates=["rocker", "coupler"])
+    with pytest.raises(sst_pin.SingularConfigurationError, match="hold the coordinates"):
+        chain.joint_rates([angle, -angle, angle], [1.0, 0.0])
+    np.testing.assert_allclose(chain.joint_rates(np.zeros(3), [1.0, -1.0]), [1, -1, 1])
+
+
+def test_a_singular_configuration_is_refused_without_warnings_of_numpy():
+    """Neither where a robot is made nor in a call whose numbers nobody watches."""
+    model, closures = engine()
+    home = model.referenceConfigurations["home"] = np.array([0.0, 0.0, 0.45])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        chain = ClosedChain(model, closures, ["crank"], coordinates=["piston"])
+        with pytest.raises(sst_pin.SingularConfigurationError):
+            chain.noc(home, [1.0])
+
+
+def test_coordinates_of_another_mode_than_home_serve_where_they_hold():
+    """Preload and limits are judged at the q given; compile and casadi ask for one."""
     model, closures, folded = rhombus()
-    chain = ClosedChain(model, closures, ["crank"], coordinates=[])
-    with pytest.raises(sst_pin.DescriptionError, match="no coordinates"):
-        chain.generalized_forces(folded, [], [])
+    model.referenceConfigurations["home"] = folded
+    chain = ClosedChain(model, closures, ["crank", "rocker"], coordinates=["rocker"])
+    state = np.array([0.7, -0.7, 0.7]), [1.0], [1.0]
+    B = chain.preload_directions(state[0])
+    np.testing.assert_allclose(np.abs(B).ravel(), [0.5**0.5] * 2)  # both joints turn alike
+    tau = chain.compute_torques(*state, limits=[100.0, 100.0])
+    np.testing.assert_allclose(tau, chain.compute_torques(*state))
+    batch = np.tile(folded, (2, 1))
+    batch[1] = state[0]
+    with pytest.raises(sst_pin.SingularConfigurationError):
+        chain.preload_directions(batch)
+    for ask in (chain.compile, chain.casadi):
+        with pytest.raises(sst_pin.SingularConfigurationError, match="give q"):
+            ask()
+    chain.compile(state[0])
+    np.testing.assert_allclose(chain.compute_torques(*state), tau)
+
+
+def cam():
+    """A cam with one assembly, far from zero: z = (30 - x) (x^2 + 1) in centimetres, x = 30."""
+    model = pin.Model()
+    body(model, 0, pin.JointModelRX(), 0.0, "x")
+    body(model, 0, pin.JointModelPZ(), 0.3, "z")
+    polynomial = 100 * np.array([30.0, -1.0, 30.0, -1.0])
+    return model, [sst_pin.Coupling("z", {"x": polynomial})], np.array([30.0, 0.0])
+
+
+def test_a_robot_that_no_guess_assembles_computes_where_it_is_closed():
+    """What needs a configuration of its own asks for one."""
+    model, closures, q = cam()
+    chain = ClosedChain(model, closures, ["z", "x"], coordinates=["z"])
+    assert chain.preload_directions(q).shape == (2, 1)
+    assert np.isfinite(chain.compute_torques(q, [1.0], [1.0], limits=[1e6, 1e6])).all()
+    for ask in (chain.mobility, chain.compile, chain.casadi):
+        with pytest.raises(sst_pin.ClosureError, match="give q, a closed configuration") as caught:
+            ask()
+        assert "fixed=" not in str(caught.value)  # it has no such argument
+    assert chain.mobility(q).degrees_of_freedom == 1
+    without_motors = ClosedChain(model, closures, [])
+    with pytest.raises(sst_pin.DescriptionError, match=r"no configuration was assembled .*home"):
+        without_motors.generalized_forces(q, [], [])
+    model.referenceConfigurations["home"] = q
+    without_motors.refresh()
+    assert without_motors.degrees_of_freedom == 1
+
+
+def test_no_coordinates_are_refused():
+    model, closures, _ = rhombus()
+    with pytest.raises(sst_pin.InputError, match="coordinates: none are named"):
+        ClosedChain(model, closures, ["crank"], coordinates=[])
+    with pytest.raises(sst_pin.InputError, match="coordinates: none are named"):
+        ClosedChain(model, closures, ["crank"]).with_coordinates([])
 
 
 def _four_bar(order, unit=1.0):
@@ -172,6 +417,41 @@ def test_where_the_robot_stands_does_not_count(distance):
         chain.compute_torques(np.add(q, [0, 3e-4, 0]), [1.0], [1.0])
 
 
+def wheel_on_the_ground(distance):
+    """A cart far along the ground; its wheel rolls on the world's x-y plane."""
+    model = pin.Model()
+    place = pin.SE3(np.eye(3), np.array([distance, 0.0, 0.1]))
+    cart = model.addJoint(0, pin.JointModelTranslation(), place, "cart")
+    wheel = body(model, cart, pin.JointModelRY(), 0.0, "wheel")
+    model.inertias[cart] = model.inertias[wheel]
+    axle = pin.SE3(pin.exp3(np.array([np.pi / 2, 0, 0])), np.zeros(3))
+    model.addFrame(pin.Frame("axle", wheel, axle, pin.FrameType.OP_FRAME))
+    chain = ClosedChain(model, [sst_pin.Rolling("universe", "axle", 0.1)], ["wheel"])
+    return chain, np.array([0, 0, 1e-6, 0])
+
+
+def bar_on_the_ground(distance):
+    """A bar on a slide far along the ground; its tip glides on the world's x-y plane."""
+    model = pin.Model()
+    slide = body(model, 0, pin.JointModelPX(), distance, "slide")
+    bar = body(model, slide, pin.JointModelRY(), 0.0, "bar")
+    tip(model, bar, 0.3, "end")
+    plane = (False, False, True, False, False, False)
+    return ClosedChain(model, [Closure("universe", "end", plane)], ["slide"]), np.array([0, 1e-5])
+
+
+@pytest.mark.parametrize("distance", [0.0, 1e3, 1e5])
+@pytest.mark.parametrize("robot", [wheel_on_the_ground, bar_on_the_ground])
+def test_a_plane_of_the_world_is_where_the_robot_is(robot, distance):
+    """Its origin, which may be far off, is no part of the robot."""
+    (chain, aside), (near, _) = robot(distance), robot(0.0)
+    assert chain.mechanism.length == near.mechanism.length <= 0.3
+    n = chain.degrees_of_freedom
+    chain.generalized_forces(np.zeros(chain.model.nq), np.zeros(n), np.ones(n))
+    with pytest.raises(sst_pin.ClosureError):
+        chain.generalized_forces(aside, np.zeros(n), np.ones(n))
+
+
 def rod_between_two_balls(spin):
     """A crank and a rocker joined by a rod on two balls; `spin` is its inertia about itself."""
     model = pin.Model()
@@ -201,6 +481,26 @@ def test_a_rod_without_spin_inertia_between_two_balls_is_named():
             ask()
     assert np.isfinite(thin.generalized_forces(q, np.zeros(n), np.ones(n))).all()
     assert np.isfinite(thick.compute_accelerations(*state)).all()
+
+
+def test_a_thin_rod_is_named_whatever_the_coordinates():
+    """Also those of another assembly mode than home's, here of a rhombus beside the rod."""
+    model = pin.Model(rod_between_two_balls(0.0).model)
+    crank = body(model, 0, pin.JointModelRY(), 1.0, "crank_2")
+    coupler = body(model, crank, pin.JointModelRY(), 0.3, "coupler_2")
+    rocker = body(model, 0, pin.JointModelRY(), 1.3, "rocker_2")
+    tip(model, coupler, 0.3, "a")
+    tip(model, rocker, 0.3, "b")
+    closures = [Closure("rod_end", "rocker_end", "3d"), Closure("a", "b", "3d")]
+    q = ClosedChain(model, closures, ["crank"]).generic_configuration()
+    folded, opened = np.tile(q, (2, 1))
+    for pose, angles in (folded, [0.7, np.pi, np.pi]), (opened, [0.7, -0.7, 0.7]):
+        pose[[model.joints[k].idx_q for k in (crank, coupler, rocker)]] = angles
+    model.referenceConfigurations["home"] = folded
+    chain = ClosedChain(model, closures, ["crank"], coordinates=["crank", "rod_wx", "rocker_2"])
+    assert np.isfinite(chain.generalized_forces(opened, np.zeros(3), np.ones(3))).all()
+    with pytest.raises(sst_pin.SingularConfigurationError, match=r"rod_w.* move no mass"):
+        chain.compute_accelerations(opened, np.zeros(3), [0.0])
 
 
 def test_a_rod_without_spin_inertia_needs_no_motor_to_spin():

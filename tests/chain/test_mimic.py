@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Mimic joints of Pinocchio: the same robot as with ordinary joints and couplings."""
 
+import copy
+import pickle
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -203,3 +206,17 @@ def test_two_mimic_joints_follow_each_its_own():
         pairs = zip(a.torque_derivatives(q, va, aa), b.torque_derivatives(Q, va, aa), strict=True)
         for x, y in pairs:
             assert_allclose(x, y, atol=1e-9 * max(1.0, np.abs(y).max()))
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda c: pickle.loads(pickle.dumps(c))])
+def test_the_model_of_a_copied_robot_computes(pair, copied):
+    """Mimic joints of an unpickled model end the process; a robot has a copy of it."""
+    a, q = pair[0], pair[0].generic_configuration()
+    other = copied(a)
+    for model in (other.model, other.mechanism.model):
+        data, wanted = model.createData(), a.model.createData()
+        pin.forwardKinematics(model, data, q)
+        pin.forwardKinematics(a.model, wanted, q)
+        assert all(x == y for x, y in zip(data.oMi, wanted.oMi, strict=True))
+    other.refresh()
+    assert other.coordinates == a.coordinates

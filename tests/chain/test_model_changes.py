@@ -2,16 +2,22 @@
 """Whatever changes in the model, a chain computes what a newly built one computes."""
 
 import copy
+import io
 import multiprocessing
 import pickle
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 
+import coal
 import numpy as np
 import pinocchio as pin
 import pytest
+from test_coordinates import rhombus
 
 import sst_pin
 from sst_pin import ClosedChain, Closure
+from sst_pin.compiled.compiled_backend import CompiledBackend
+from sst_pin.compiled.export import c_files
 from trees import tree
 
 MOTORS = ["a0_RX", "b0_RZ"]
@@ -150,6 +156,260 @@ def test_a_changed_sst_equals_a_new_one_on_kernels_and_the_reference_path(name):
     for tau in (single, *several):
         # Kernels and the reference path: two orders of the same sums.
         assert np.abs(tau - expected).max() < 1e-11 * max(1, np.abs(expected).max())
+
+
+def spoil(model):
+    """Change all that a picture, a check or an export could read."""
+    model.gravity.linear = np.array([0.0, 0.0, -1.62])
+    model.upperPositionLimit = model.lowerPositionLimit + 1e-3
+    model.name = "other"
+    for frame in model.frames:
+        frame.placement = frame.placement * PLACE
+    if "home" in model.referenceConfigurations:
+        model.referenceConfigurations["home"] = 0 * model.referenceConfigurations["home"]
+
+
+def placed(chain, model):
+    """Shapes that stand where the model says."""
+    shapes = pin.GeometryModel()
+    at = model.frames[model.nframes - 1].placement
+    shapes.addGeometryObject(pin.GeometryObject("ball", 1, at, coal.Sphere(0.1)))
+    return shapes
+
+
+def seen(robot, q):
+    """Of every kind that is made from a model or read in it: text that tells models apart."""
+    n = robot.degrees_of_freedom
+    rest = q, np.zeros(n), np.zeros(n)
+    theta = robot.dynamic_parameters
+    yield from map(repr, robot.check(q))
+    yield from (str(frame.placement) for frame in robot.appearance.frames)
+    yield str(robot.visual_model.geometryObjects[0].placement)
+    for other in (
+        robot.with_coordinates(robot.coordinates),
+        robot.with_parameters({theta.names[0]: theta.values[0]}),
+        copy.copy(robot),
+        copy.deepcopy(robot),
+        pickle.loads(pickle.dumps(robot)),
+    ):
+        yield f"{other.generalized_forces(*rest).round(9) + 0.0} {other.mechanism.model.name}"
+
+
+@pytest.mark.parametrize("build", [sst_pin.robots.five_bar, sst_pin.SST])
+def test_no_part_of_a_robot_sees_a_changed_model_before_refresh(build):
+    robot = build()
+    robot._shapes = partial(placed, robot)
+    q = robot.home
+    before = list(seen(robot, q))
+    spoil(robot.model)
+    assert list(seen(robot, q)) == before
+
+
+def test_what_the_caller_gave_is_the_robot_and_not_the_caller_s_own():
+    """Lists, dictionaries and arrays changed afterwards, and generators, count once."""
+    plain = sst_pin.robots.four_bar()
+    motors, tendon, friction = ["rocker"], {"crank": 1.0, "rocker": -1.0}, np.ones(3)
+    closures, rest = list(plain.closures), {"spring_reference": np.full(3, 0.1)}
+    motors.append(tendon)
+    chain = ClosedChain(
+        plain.model,
+        closures,
+        (motor for motor in motors),
+        coordinates=iter(["crank"]),
+        viscous_friction=friction,
+        stiffness=friction,
+        **rest,
+    )
+    state = chain.home, [1.0], [0.5]
+    before = chain.compute_torques(*state)
+    motors.append("coupler"), closures.clear()
+    tendon["rocker"], friction[:], rest["spring_reference"][:] = 7.0, 5.0, 5.0
+    chain.refresh()
+    others = [pickle.loads(pickle.dumps(chain)), copy.deepcopy(chain)]
+    others += [chain.with_coordinates(["crank"]), chain.with_parameters({"crank.mass": 1.0})]
+    for other in (chain, *others):
+        assert other.motor_names == ("rocker", "1 crank - 1 rocker")
+        assert other.coordinates == ("crank",)
+    for other in (chain, *others[:3]):
+        np.testing.assert_allclose(other.compute_torques(*state), before, rtol=1e-12)
+
+
+@pytest.mark.parametrize("given", [{"crank", "rocker"}, {"crank": 1.0}, frozenset(["crank"])])
+@pytest.mark.parametrize("name", ["closures", "actuated", "coordinates", "forces"])
+def test_what_has_no_order_is_refused(name, given):
+    """The order of motors is that of tau."""
+    plain = sst_pin.robots.four_bar()
+    arguments = {"closures": plain.closures, "actuated": ["crank"], name: given}
+    with pytest.raises(sst_pin.InputError, match=f"{name}: .* a sequence of"):
+        ClosedChain(plain.model, **arguments)
+    if name == "coordinates":
+        with pytest.raises(sst_pin.InputError, match="a sequence of"):
+            plain.with_coordinates(given)
+
+
+@pytest.mark.parametrize("copied", [lambda c: c, lambda c: pickle.loads(pickle.dumps(c))])
+def test_arrays_of_a_robot_are_read_only(copied):
+    chain = copied(sst_pin.robots.four_bar())
+    mechanism = chain.mechanism
+    names = "coordinates motors example dependent selection sprung driven row_scale rate_scale"
+    arrays = [getattr(mechanism, name) for name in names.split()]
+    arrays += [chain.actuation, chain.actuated, chain.friction.viscous, chain.friction.coulomb]
+    arrays += [mechanism.springs.stiffness, mechanism.springs.reference]
+    assert not any(array.flags.writeable for array in arrays)
+
+
+def test_a_robot_with_other_parameters_takes_one_joint_more():
+    """It has no springs of its own whose number would not fit."""
+    chain = sst_pin.robots.four_bar().with_parameters({"crank.mass": 2.0})
+    chain.model.appendBodyToJoint(
+        chain.model.addJoint(0, pin.JointModelRX(), PLACE, "tail"), BODY, pin.SE3.Identity()
+    )
+    chain.model.referenceConfigurations["home"] = np.append(chain.home, 0.3)
+    chain.refresh()
+    assert chain.degrees_of_freedom == 2
+
+
+def test_an_sst_in_other_coordinates_has_its_platform():
+    robot = sst_pin.SST()
+    other = robot.with_coordinates(["mu_1", "mu_2", "mu_3"])
+    how = {"platform_moment": [0.3, -0.2, 0.5]}
+    rest = robot.home, np.zeros(3), np.zeros(3)
+    tau = robot.compute_torques(*rest, **how)
+    np.testing.assert_allclose(other.compute_torques(*rest, **how), tau, atol=1e-11)
+
+
+def test_exported_code_is_of_one_robot():
+    """A joint added to the model counts after refresh, in all functions or in none."""
+    robot = sst_pin.robots.four_bar()
+    before = {path.name: written(write) for path, write in c_files(robot, "out").items()}
+    _joint(robot.model)
+    assert {path.name: written(write) for path, write in c_files(robot, "out").items()} == before
+
+
+def written(write):
+    stream = io.BytesIO()
+    write(stream)
+    return stream.getvalue()
+
+
+class Interrupting:
+    """An array that refreshes a chain when it is read for the `when`-th time."""
+
+    def __init__(self, array, chain, when):
+        self.array, self.chain, self.left = np.asarray(array, float), chain, when
+
+    def __array__(self, dtype=None, copy=None):
+        self.left -= 1
+        if not self.left:
+            self.chain.refresh()
+        return self.array.copy()
+
+
+MOTORS_2 = ["crank", "rocker"]
+ANSWERS = {
+    "kinetic_energy": lambda c, q: c.kinetic_energy(q, [1.0]),
+    "friction_power": lambda c, q: c.friction_power(q, [1.0]),
+    "motor_rates": lambda c, q: c.motor_rates(q, [1.0]),
+    "linearize": lambda c, q: c.linearize(q, [1.0], [1.0, 2.0])[0],
+    "limits": lambda c, q: c.compute_torques(q, [1.0], [1.0], limits=[50.0, 50.0]),
+    "preload": lambda c, q: c.compute_torques(q, [1.0], [1.0], preload=[1.0]),
+    "reactions": lambda c, q: np.nan_to_num(c.reactions(q, [1.0], tau=[1.0, 2.0]).closures),
+    "trajectory": lambda c, q: c.trajectory([0.0], q, [[1.0]], [[1.0]]).tau,
+    "simulate": lambda c, q: c.simulate([0.0, 0.0], q, [1.0], [0, 0.01]).q[-1],
+    "rollout": lambda c, q: c.rollout(np.zeros((2, 2)), q, [1.0], 1e-3).q,
+    "coordinate_motion": lambda c, q: (
+        sst_pin.coordinate_motion(c, [0, 0.1, 0.2], [[0.7], [0.71], [0.73]], q).tau
+    ),
+}
+
+
+def four_bar_with_angles(coupler, mass, q=(0.7, -0.4, 1.9)):
+    """A four-bar that is closed at these angles, for any length of its coupler."""
+    model = pin.Model()
+    at = np.array([q[0], q[0] + q[1], q[2]])
+    rocker = (0.2 * np.sin(at[0]) + coupler * np.sin(at[1])) / np.sin(at[2])
+    base = 0.2 * np.cos(at[0]) + coupler * np.cos(at[1]) - rocker * np.cos(at[2])
+    for name, parent, length in ("crank", 0, 0.0), ("coupler", 1, 0.2), ("rocker", 0, base):
+        place = pin.SE3(np.eye(3), np.array([length, 0, 0]))
+        joint = model.addJoint(parent, pin.JointModelRZ(), place, name)
+        model.inertias[joint] = pin.Inertia(mass, np.array([0.1, 0, 0]), 0.01 * np.eye(3))
+    for name, joint, length in ("A", 2, coupler), ("B", 3, rocker):
+        end = pin.SE3(np.eye(3), np.array([length, 0, 0]))
+        model.addFrame(pin.Frame(name, joint, end, pin.FrameType.OP_FRAME))
+    model.damping, model.gravity.linear = np.full(3, mass), np.array([0, -9.81, 0])
+    model.referenceConfigurations["home"] = np.array(q)
+    return model
+
+
+@pytest.mark.parametrize("name", ANSWERS)
+def test_a_call_computes_from_one_robot_whenever_another_thread_refreshes(name):
+    """The old one or the new one; here the refresh comes when the call reads its arguments."""
+    states = (0.5, 1.0), (0.45, 3.0)
+
+    def made(state):
+        return ClosedChain(four_bar_with_angles(*state), [Closure("A", "B", "3d")], MOTORS_2)
+
+    q = made(states[0]).home
+    q = q[None] if name == "trajectory" else q
+    old, new = (ANSWERS[name](made(state), q) for state in states)
+    assert not np.allclose(old, new)
+    for when in (1, 2, 3, 4):
+        chain, other = made(states[0]), four_bar_with_angles(*states[1])
+        for word in ("jointPlacements", "inertias"):
+            for k in range(1, 4):
+                getattr(chain.model, word)[k] = getattr(other, word)[k]
+        for k, frame in enumerate(other.frames):
+            chain.model.frames[k].placement = frame.placement
+        chain.model.damping = other.damping
+        found = ANSWERS[name](chain, Interrupting(q, chain, when))
+        assert any(np.allclose(found, x, rtol=1e-9, atol=1e-12) for x in (old, new))
+
+
+def test_a_motion_belongs_to_the_robot_that_was_simulated():
+    """Though it is refreshed while it moves."""
+    model, closures, folded = rhombus()
+    model.referenceConfigurations["home"] = np.array([0.7, -0.7, 0.7])
+    chain = ClosedChain(model, closures, ["rocker", "crank"])
+    model.referenceConfigurations["home"] = folded
+    motion = chain.simulate(
+        [0.0, 0.0], [0.7, -0.7, 0.7], [1.0], [0, 0.01], progress=lambda t: chain.refresh()
+    )
+    assert motion.coordinates == ("rocker",)
+    assert chain.coordinates == ("crank",)
+
+
+def test_kernels_compiled_while_a_robot_is_refreshed_are_those_of_the_new_one(monkeypatch):
+    """The refresh comes while the kernels of the old one are made."""
+    chain = sst_pin.robots.four_bar()
+    make, left = CompiledBackend.make, [1]
+
+    def interrupted(self, keys):
+        make(self, keys)
+        if left.pop() if left else 0:
+            chain.model.gravity.linear = np.array([0.0, 0.0, -1.62])
+            chain.refresh()
+
+    monkeypatch.setattr(CompiledBackend, "make", interrupted)
+    chain.compile()
+    assert chain.path.startswith("compiled kernels")
+    new = ClosedChain(pin.Model(chain.model), chain.closures, chain.motor_names)
+    rest = chain.home, [0.0], [0.0]
+    np.testing.assert_allclose(chain.compute_torques(*rest), new.compute_torques(*rest))
+
+
+def test_kernels_compiled_near_a_configuration_serve_a_robot_with_one_joint_more():
+    chain = sst_pin.robots.four_bar()
+    chain.compile(chain.home)
+    index = chain.model.addJoint(0, pin.JointModelRX(), PLACE, "tail")
+    chain.model.appendBodyToJoint(index, BODY, pin.SE3.Identity())
+    chain.model.referenceConfigurations["home"] = np.append(chain.home, 0.3)
+    chain.refresh()
+    assert chain.path.startswith("compiled kernels")
+    new = ClosedChain(pin.Model(chain.model), chain.closures, chain.motor_names)
+    q, va = new.home, np.ones(2)
+    np.testing.assert_allclose(
+        chain.generalized_forces(q, va, va), new.generalized_forces(q, va, va), rtol=1e-9
+    )
 
 
 def test_a_frame_added_to_the_model_can_be_asked_for(chain, state):

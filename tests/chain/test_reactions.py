@@ -310,6 +310,39 @@ def test_a_wrench_that_is_not_unique_is_named_where_asked_for_singly():
         w.of("wheel")
 
 
+def test_closures_of_the_same_frames_have_names_of_their_own():
+    """Two that hold a point together carry what one does; a name for both is none."""
+    plain = robots.four_bar()
+    (closure,) = plain.closures
+    ends = closure.frame_a, closure.frame_b
+    across, along = (True, False, True), (False, True, False)
+    parts = [sst_pin.Closure(*ends, (*rows, False, False, False)) for rows in (across, along)]
+    chain = sst_pin.ClosedChain(plain.model, parts, plain.motor_names)
+    one = sst_pin.ClosedChain(plain.model, [sst_pin.Closure(*ends, "3d")], plain.motor_names)
+    state = chain.home, [0.3], [0.4]
+    names = [f"{closure} ({k})" for k in (1, 2)]
+    w = chain.reactions(*state)
+    assert w.names[-2:] == tuple(names)
+    both = np.nansum(w.closures, axis=0)  # what is not unique is across the plane
+    np.testing.assert_allclose(both, np.nan_to_num(one.reactions(*state).closures[0]), atol=1e-12)
+    chain.reactions(*state, stiffness={names[0]: [1e3] * 6})
+    for ask in (lambda: w.of(str(closure)), lambda: chain.reactions(*state, stiffness=ONES)):
+        with pytest.raises(sst_pin.UnknownNameError, match=r"\(1\)"):
+            ask()
+
+
+ONES = {str(robots.four_bar().closures[0]): [1.0] * 6}
+
+
+def test_a_joint_with_the_name_of_a_closure_is_refused():
+    plain = robots.four_bar()
+    name = str(plain.closures[0])
+    model = pin.Model(plain.model)
+    model.names[1] = name
+    with pytest.raises(sst_pin.DescriptionError, match=f"joint {name}: a closure has this name"):
+        sst_pin.ClosedChain(model, plain.closures, [name])
+
+
 def test_a_batch_is_its_samples_and_may_leave_the_bad_out():
     chain = robots.five_bar()
     q, va, _, tau = random_state(chain, 1)

@@ -1,15 +1,20 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The cache of kernels where a machine is not as one hopes: it serves, or says what to do."""
 
+import copy
 import ctypes
 import errno
 import logging
 import os
+import pickle
 import pwd
 import tempfile
 import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import robots
@@ -33,6 +38,11 @@ def answer():
     return build.library("robot", "kernel", b"content", "plain", lambda: SOURCE).answer()
 
 
+def another_process():
+    """From now on nothing is loaded."""
+    build._loaded.clear()
+
+
 def raising(error):
     def function(*_, **__):
         raise error
@@ -52,6 +62,7 @@ def test_a_library_that_is_damaged_is_made_anew(folder):
     damaged = entry.path.read_bytes()[:-100]
     entry.path.unlink()  # what is loaded stays
     entry.path.write_bytes(damaged)
+    another_process()
     assert answer() == 42
     (again,) = build.cached()
     assert again.path.name.split(".")[-2] == build._digest(again.path)
@@ -59,6 +70,7 @@ def test_a_library_that_is_damaged_is_made_anew(folder):
 
 def test_a_cache_that_cannot_be_written_serves_what_is_in_it(folder, monkeypatch):
     assert answer() == 42
+    another_process()
     monkeypatch.setattr(os, "utime", raising(PermissionError(errno.EROFS, "Read-only")))
     monkeypatch.setattr(build, "_compile", raising(AssertionError("it is in the cache")))
     assert answer() == 42
@@ -80,7 +92,9 @@ def test_a_folder_that_does_not_do_is_named_with_the_cure(folder, monkeypatch, p
         monkeypatch.setattr(place, name, raising(OSError(said)))
     else:
         monkeypatch.setattr(place, name, raising(OSError(errno.ENOSPC, said)))
-    with pytest.raises(CompilationError, match=f"{folder} cannot be used: {said}; XDG_CACHE_HOME"):
+    with pytest.raises(
+        CompilationError, match=f"{folder} cannot be used: {said}; set XDG_CACHE_HOME"
+    ):
         answer()
 
 
@@ -110,10 +124,10 @@ def test_a_user_without_a_home_is_told_where_to_name_one(monkeypatch):
             "failed with code 1:\nan . odd byte",
         ),
         (b"#!/bin/sh\nkill -9 $$\n", "failed with code -9"),
-        (b"#!/bin/sh\nexit 0\n", "failed with code 0:\nit wrote no library; CC names another"),
+        (b"#!/bin/sh\nexit 0\n", "failed with code 0:\nit wrote no library; set CC to another"),
         (
             b'#!/bin/sh\nwhile [ "$1" != -o ]; do shift; done; echo no library > "$2"\n',
-            "kernel.so: .*; XDG_CACHE_HOME names another place, CC another compiler",
+            "kernel.so: .*; set XDG_CACHE_HOME to another folder, or CC to another compiler",
         ),
     ],
 )
@@ -144,16 +158,64 @@ def test_names_of_any_length_and_script_fit_into_the_cache(folder):
     assert [len(entry.robot) for entry in build.cached()] == [40 // 3]
 
 
-def test_machines_that_share_a_home_do_not_share_libraries(folder, monkeypatch):
+@pytest.fixture
+def version():
+    """What all libraries depend on, computed anew."""
+    yield build._version.__wrapped__
+    build._version.cache_clear()
+
+
+def test_machines_that_share_a_home_do_not_share_libraries(folder, monkeypatch, version):
     assert answer() == 42
     another = os.uname_result(("Linux", "node", "6", "1", "another machine"))
     monkeypatch.setattr(os, "uname", lambda: another)
     build._version.cache_clear()
-    try:
-        assert answer() == 42
-    finally:
-        build._version.cache_clear()
+    assert answer() == 42
     assert len(build.cached()) == 2
+
+
+@pytest.mark.parametrize(
+    "changed", ["chain/thresholds.py", "chain/reactions.py", "compiled/c/driver.h", "version.py"]
+)
+def test_libraries_of_other_code_are_not_used(monkeypatch, version, changed):
+    """All that ends in the C counts: a tolerance of the chain is a constant there."""
+    before, read = version(), Path.read_bytes
+
+    def edited(path):
+        return read(path) + b" " * path.as_posix().endswith(f"sst_pin/{changed}")
+
+    monkeypatch.setattr(Path, "read_bytes", edited)
+    assert version() != before
+
+
+#: Names of three shafts in two orders that look alike but for what the names mean, and who means.
+NAMED = {
+    "coupling": ("abc", "acb", [sst_pin.Coupling("a", {"b": [0, 2.0], "c": [0, 3.0]})], [], "bc"),
+    "rod": ("abc", "cba", [sst_pin.Distance("a end", "b end", 0.3)], [], "ac"),
+    "line": ("abc", "bac", [], [sst_pin.LineForce("universe", "b end", stiffness=50.0)], "abc"),
+}
+
+
+@pytest.mark.parametrize("case", NAMED)
+def test_robots_that_differ_in_what_a_name_means_have_their_own_kernels(folder, case):
+    """Kernels that the other robot left in the cache are not taken for theirs."""
+    *orders, closures, forces, motors = NAMED[case]
+    for names in orders:
+        model = pin.Model()
+        for i, name in enumerate(names):
+            place = pin.SE3(np.eye(3), np.array([0.3 * i, 0, 0]))
+            joint = model.addJoint(0, pin.JointModelRY(), place, name)
+            body = pin.Inertia(1.0 + i, np.array([0.1 * (i + 1), 0, 0.05]), np.eye(3))
+            model.appendBodyToJoint(joint, body, pin.SE3.Identity())
+            end = pin.SE3(np.eye(3), np.array([0, 0, 0.2]))
+            model.addFrame(pin.Frame(f"{name} end", joint, 0, end, pin.OP_FRAME))
+        driven = [name for name in names if name in motors]
+        chain = sst_pin.ClosedChain(model, closures, driven, forces=forces)
+        q, (va, aa) = np.zeros(3), np.random.default_rng(0).standard_normal((2, len(motors)))
+        expected = chain.compute_torques(q, va, aa)
+        chain.compile(q)
+        assert "by the reference" not in chain.path
+        np.testing.assert_allclose(chain.compute_torques(q, va, aa), expected, atol=1e-12)
 
 
 def test_what_a_killed_process_left_goes_with_the_cache_but_not_what_is_being_made(folder):
@@ -171,7 +233,8 @@ def test_a_library_that_another_process_deletes_while_it_is_loaded_is_made_again
     folder, monkeypatch
 ):
     assert answer() == 42
-    (entry,) = build.cached()  # under another name, as if this process had not loaded it
+    another_process()
+    (entry,) = build.cached()  # under another name, because the loader knows the file
     other = entry.path.rename(folder / f"another_{entry.path.name}")
     touch = os.utime
     monkeypatch.setattr(os, "utime", lambda path: (touch(path), path.unlink()))
@@ -193,6 +256,7 @@ def test_the_cache_stays_below_its_bound_and_loses_what_was_used_longest_ago(fol
     for k, age in ((0, 30), (1, 20), (2, 10)):
         (path,) = folder.glob(f"robot{k}.*")
         os.utime(path, (time.time() - age,) * 2)
+    another_process()
     made(0)  # used again
     loaded[3] = made(3)
     assert {entry.robot for entry in build.cached()} == {"robot0", "robot2", "robot3"}
@@ -241,15 +305,38 @@ def test_nothing_is_left_to_compile(tmp_path, monkeypatch, caplog):
     assert [record.getMessage() for record in caplog.records] == []
 
 
-def test_a_person_who_waits_longer_than_a_second_is_told_once(tmp_path, monkeypatch, caplog):
-    """Two kernels that take longer, one line; a quick one, none."""
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    build._tell.cache_clear()
-    wait, source = build.time.sleep, "int zero(void) { return 0; }"
-    for kernel, seconds in (("quick", 0), ("slow", 1.2), ("slower", 1.2)):
-        build.library("bars", kernel, b"", "plain_one", lambda s=seconds: wait(s) or source)
+def kernel_of(robot, k, seconds, clock=None):
+    """A kernel that takes some time to be made."""
+    source, content = "int zero(void) { return 0; }", bytes([k])
+    build.library(
+        robot, "kernel", content, "plain_one", lambda: time.sleep(seconds) or source, (), clock
+    )
+
+
+def test_a_person_who_waits_longer_than_a_second_is_told_once_by_each_call(folder, caplog):
+    """A call may make several kernels, each quick, side by side or one after the other."""
+    with ThreadPoolExecutor() as pool:
+        for robot, seconds in (("quick", 0.0), ("bars", 0.6), ("bars", 1.2)):
+            clock, k = build.Clock(robot), len(build.cached())
+            list(pool.map(kernel_of, [robot] * 3, range(k, k + 3), [seconds] * 3, [clock] * 3))
+            kernel_of(robot, k + 3, seconds, clock)
+    kernel_of("bars", 90, 1.2)
     told = [r.getMessage() for r in caplog.records if r.levelno == logging.WARNING]
-    assert told == ["sst-pin: compiling kernels of bars; the cache keeps them"]
+    assert told == ["sst-pin: compiling kernels of bars; the cache keeps them"] * 3
+
+
+def test_a_process_loads_a_library_once(monkeypatch):
+    """Robots that are changed, copied, unpickled search no cache and read no file."""
+    chain = sst_pin.robots.five_bar()
+    q, zero = chain.home, np.zeros(2)
+    chain.compile()
+    monkeypatch.setattr(build, "_found", raising(AssertionError("it is loaded")))
+    chain.model.inertias[1].mass *= 1.1
+    chain.refresh()
+    others = copy.deepcopy(chain), pickle.loads(pickle.dumps(chain))
+    for one in (chain, *others, chain.with_parameters(chain.dynamic_parameters)):
+        one.compute_torques(q, zero, zero)
+        assert one.path.startswith("compiled kernels")
 
 
 def test_kernels_are_made_listed_and_deleted(tmp_path, monkeypatch, capsys):

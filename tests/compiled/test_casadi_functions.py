@@ -220,7 +220,7 @@ def test_what_there_is_not_has_its_error():
         lift.casadi().n == lift.casadi(known.home).n == known.casadi().n == known.degrees_of_freedom
     )
     idle = any_chain.chain(coordinates=["body"], actuated=[])
-    with pytest.raises(sst_pin.errors.ActuationError, match="0 motors for 1 coordinates"):
+    with pytest.raises(sst_pin.errors.ActuationError, match="0 of 1 forces along the coordinates"):
         _ = idle.casadi().torques
     with pytest.raises(sst_pin.UnknownNameError, match="nowhere"):
         idle.casadi().frame_placement("nowhere")

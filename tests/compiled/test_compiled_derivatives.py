@@ -24,8 +24,9 @@ from sst_pin import ClosedChain
 from sst_pin.chain.backend import Key
 from sst_pin.chain.mechanism import Friction
 from sst_pin.compiled import c_code, kernels, statements
-from sst_pin.compiled.compiled_backend import DERIVATIVES, CompiledBackend, sample_configurations
+from sst_pin.compiled.compiled_backend import DERIVATIVES, CompiledBackend
 from sst_pin.compiled.equations import Equations
+from sst_pin.compiled.generator_inputs import sample_configurations
 from sst_pin.errors import InputError, UnknownNameError
 
 #: Kernels for many samples, and for one.
@@ -51,7 +52,8 @@ def numbers(case, keys):
     for key in keys:
         (kernel,) = kernels.entry(equations, key)
         results = [ca.vertcat(kernel.output, ca.mmax(kernel.checks))]
-        functions[key] = ca.Function(kernel.name, [*kernel.inputs, kernel.parameters], results)
+        given = [*kernel.inputs.values(), kernel.parameters]
+        functions[key] = ca.Function(kernel.name, given, results)
     e, f = equations, equations.generalized_forces
     along = ca.horzcat(*(e.kinematics.q_rates(L) for L in e.L))
     plain = ca.horzcat(ca.jacobian(f, e.q) @ along, ca.jacobian(f, ca.vertcat(e.va, e.aa)))
@@ -134,7 +136,7 @@ def test_displacement_rates_are_those_of_the_reference_path(name):
     reference = chain._current.reference
     equations = Equations(mechanism, sample_configurations(reference))
     kernel = kernels.make(equations, "displacement_rates")
-    function = ca.Function("rates", [*kernel.inputs, kernel.parameters], [kernel.output])
+    function = ca.Function("rates", [*kernel.inputs.values(), kernel.parameters], [kernel.output])
     p = equations.parameters.pack(mechanism, mechanism.friction)
     for q, va, _ in zip(*any_chain.states(chain, 3, 0), strict=True):
         rates = reference.derivatives.displacement_rates(q, va)
@@ -156,31 +158,6 @@ def compiled(request):
     return ours, reference
 
 
-def test_kernels_give_what_the_reference_path_gives(compiled):
-    """One sample and many, with wrenches and without, torques and accelerations, A and B."""
-    ours, reference = compiled[0].chain, compiled[1].chain
-    q, va, aa, wrenches = map(np.array, zip(*compiled[0].states(8), strict=True))
-    tau = np.linspace(-1, 2, len(ours.motor_names))
-    n, backend = ours.degrees_of_freedom, ours._current.backend
-    for load in (None, wrenches):
-        options = {"external_wrenches": load, "sign_width": WIDTH}
-        for name, x in (("torque_derivatives", aa), ("acceleration_derivatives", tau)):
-            expected = getattr(reference, name)(q, va, x, **options)
-            for got, right in zip(getattr(ours, name)(q, va, x, **options), expected, strict=True):
-                close(got, right, 1e-10)
-        got, right = (robot.linearize(q, va, tau, **options) for robot in (ours, reference))
-        close(got[0], right[0], 1e-10)
-        close(got[1], right[1], 1e-10)
-        rows = np.empty((len(q), 3 * n * n))
-        loads = () if load is None else (load.reshape(len(q), -1),)
-        key = Key("torque_derivatives", loaded=load is not None, sign_width=WIDTH)
-        assert not len(backend.kernel(key).many((q, va, aa, *loads), rows))
-    single = ours.torque_derivatives(q[3], va[3], aa[3])
-    for got, right in zip(single, reference.torque_derivatives(q[3], va[3], aa[3]), strict=True):
-        close(got, right, 1e-9)  # friction is steep
-    assert "derivatives by the reference path" not in ours.path
-
-
 @pytest.mark.parametrize("name", COMPILED)
 def test_compile_with_derivatives_has_all_of_linearize_ready(name, monkeypatch):
     """What moving axes do to a displacement too, where there are some."""
@@ -193,21 +170,6 @@ def test_compile_with_derivatives_has_all_of_linearize_ready(name, monkeypatch):
 
 
 OF_FRAMES = ("frame_jacobian_rate", "frame_velocity_derivatives", "frame_drift")
-
-
-def test_kernels_of_frames_give_what_the_reference_path_gives(compiled):
-    ours, reference = compiled[0].chain, compiled[1].chain
-    q, va, _, _ = map(np.array, zip(*compiled[0].states(8), strict=True))
-    n, frame = ours.degrees_of_freedom, ours.model.frames[-1].name
-    for name in OF_FRAMES:
-        got, expected = (np.hstack(getattr(x, name)(q, va, frame)) for x in (ours, reference))
-        close(got, expected, 1e-11)
-        got, expected = (np.hstack(getattr(x, name)(q[3], va[3], frame)) for x in (ours, reference))
-        close(got, expected, 1e-11)
-        rows = np.empty((len(q), np.size(expected)))
-        assert not len(ours._current.backend.kernel(Key(name, frame)).many((q, va), rows))
-    assert ours.frame_velocity_derivatives(q, va, frame).dq.shape == (8, 6, n)
-    assert "frame" not in ours.path
 
 
 def test_kernels_of_frames_say_what_differences_say(compiled):

@@ -39,8 +39,6 @@ def double_precision():
 
 #: The others take seconds.
 QUICK = ("four_bar", "five_bar")
-
-
 SOME = [
     ("four_bar", "arrays"),
     ("four_bar", "CasADi"),
@@ -51,6 +49,9 @@ SOME = [
     ("floating four-bar", "CasADi"),
     ("floating four-bar", "JAX"),
     ("delta", "JAX"),
+    ("a motor on a line", "CasADi"),
+    ("a motor on a line", "JAX"),
+    ("two motors on lines", "kernels"),
 ]
 
 
@@ -93,7 +94,7 @@ def test_a_step_keeps_the_loops_closed_and_its_error_is_of_fifth_order(behind):
     """Against an integrator of eighth order: half the step leaves a 32nd."""
     case, door = behind
     if isinstance(door, Kernels):
-        pytest.skip("test_cart.py holds compiled rollouts to those of the reference path")
+        pytest.skip("test_same_numbers.py holds compiled rollouts to those of the reference path")
     chain, errors = case.chain, []
     q, va, _, _ = next(states(case, door, 1))
     tau = np.linspace(-1, 1, len(chain.motor_names))

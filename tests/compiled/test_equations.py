@@ -13,9 +13,9 @@ import robots
 import sst_pin
 from sst_pin.chain.mechanism import Friction
 from sst_pin.compiled import c_code, kernels
-from sst_pin.compiled.compiled_backend import sample_configurations
 from sst_pin.compiled.elimination import Factors, pivot_order
 from sst_pin.compiled.equations import Equations
+from sst_pin.compiled.generator_inputs import sample_configurations
 
 SPRUNG = ("translation", "spherical", "continuous", "universal")
 MIMICKING = ("6d", "3d", "hinge")
@@ -63,9 +63,8 @@ class Numbers:
         if name not in self.made:
             quantity, _, frame = name.partition(" ")
             kernel = kernels.make(self.equations, quantity, frame=frame or None)
-            self.made[name] = ca.Function(
-                "kernel", [*kernel.inputs, kernel.parameters], [kernel.output, kernel.checks]
-            )
+            given = [*kernel.inputs.values(), kernel.parameters]
+            self.made[name] = ca.Function("kernel", given, [kernel.output, kernel.checks])
         own = friction or self.mechanism.friction
         numbers = self.equations.parameters.pack(self.mechanism, own)
         output, checks = self.made[name](*inputs, numbers)
@@ -88,7 +87,7 @@ def test_every_joint_and_closure_gives_what_the_reference_path_gives(name):
     for q, va, aa in zip(*any_chain.states(chain, 3, 0), strict=True):
         f = chain.generalized_forces(q, va, aa)
         tau = random.normal(size=len(chain.motor_names))
-        assert relative(numbers("forces", q, va, aa), f) < 1e-11
+        assert relative(numbers("generalized_forces", q, va, aa), f) < 1e-11
         accelerations = chain.compute_accelerations(q, va, tau)
         assert relative(numbers("accelerations", q, va, tau), accelerations) < 1e-9
         assert relative(numbers("rates", q, va), chain.joint_rates(q, va)) < 1e-11
@@ -119,7 +118,8 @@ def test_a_joint_of_several_turns_is_these_turns_in_a_row(name):
     row.generic_configuration()
     assert row.degrees_of_freedom == one.degrees_of_freedom
     for q, va, aa in zip(*any_chain.states(row, 3, 0), strict=True):
-        assert relative(numbers("forces", q, va, aa), row.generalized_forces(q, va, aa)) < 1e-11
+        expected = row.generalized_forces(q, va, aa)
+        assert relative(numbers("generalized_forces", q, va, aa), expected) < 1e-11
 
 
 def test_external_wrenches_act_at_mass_centres_in_base_axes():
@@ -128,7 +128,8 @@ def test_external_wrenches_act_at_mass_centres_in_base_axes():
     for q, va, aa in zip(*any_chain.states(chain, 3, 0), strict=True):
         wrenches = random.normal(size=(len(chain.joint_names), 6))
         expected = chain.generalized_forces(q, va, aa, external_wrenches=wrenches)
-        assert relative(numbers("forces", q, va, aa, wrenches.ravel()), expected) < 1e-11
+        found = numbers("generalized_forces", q, va, aa, wrenches.ravel())
+        assert relative(found, expected) < 1e-11
         tau = random.normal(size=6)
         expected = chain.compute_accelerations(q, va, tau, external_wrenches=wrenches)
         got = numbers("accelerations", q, va, tau, wrenches.ravel())
@@ -153,7 +154,7 @@ def test_a_step_of_closing_squares_the_gap(name):
     q = pin.integrate(chain.model, q, step)
     function = numbers.equations
     kernel = kernels.make(function, "closing")
-    close = ca.Function("close", [*kernel.inputs, kernel.parameters], [kernel.output])
+    close = ca.Function("close", [*kernel.inputs.values(), kernel.parameters], [kernel.output])
     p = function.parameters.pack(numbers.mechanism, numbers.mechanism.friction)
     gaps = []
     for _ in range(6):
@@ -169,17 +170,17 @@ def test_numbers_of_friction_and_gravity_stay_open():
     chain = any_chain.chain()
     numbers, mechanism = Numbers(chain), chain._current.mechanism
     (q,), (va,), (aa,) = any_chain.states(chain, 1, 0)
-    numbers("forces", q, va, aa)
+    numbers("generalized_forces", q, va, aa)
     model = pin.Model(chain.model)
     model.gravity.linear = np.array([1.0, 2.0, 3.0])
     model.inertias[3] = model.inertias[3] + pin.Inertia.Random()
     other = type(chain)(model, chain.closures, ["body"], viscous_friction=3 * model.damping)
     numbers.mechanism = other._current.mechanism
-    got = numbers("forces", q, va, aa)
+    got = numbers("generalized_forces", q, va, aa)
     assert relative(got, other.generalized_forces(q, va, aa)) < 1e-11
     assert mechanism.model != numbers.mechanism.model
     smooth = Friction(model.damping, model.friction, 0.1)
-    assert np.isfinite(numbers("forces", q, va, aa, friction=smooth)).all()
+    assert np.isfinite(numbers("generalized_forces", q, va, aa, friction=smooth)).all()
 
 
 def test_pivots_avoid_elements_that_vanish_in_a_sample():

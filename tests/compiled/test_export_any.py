@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Any robot as C99, compiled strictly by two compilers, gives what the package gives."""
 
-import ctypes
 import shutil
 import subprocess
 import sys
@@ -13,6 +12,7 @@ import pytest
 
 import any_chain
 import sst_pin
+from exported_c import STRICT, TYPES, Exported
 from sst_pin import ClosedChain, robots
 from sst_pin.cli import main
 from sst_pin.compiled import build
@@ -23,18 +23,19 @@ from sst_pin.files import write_files
 from sst_pin.verification.sampling import random_parameters
 
 DELTA = Path(__file__).parents[2] / "examples" / "delta.urdf"
-STRICT = [
-    *("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion"),
-    *("-Wfloat-conversion", "-Werror", "-O1"),
-]
 ZIG = [sys.executable, "-m", "ziglang", "cc"]
 needs_ziglang = pytest.mark.skipif(
     not build.find_spec("ziglang"), reason="needs ziglang, extra 'compiler'"
 )
-TYPES = {"double": np.float64, "single": np.float32}
 OPEN, SINGULAR, NOT_FINITE = 1, 2, 3
-GALLERY = [name for name in robots.__all__ if name.islower()]
-QUICK = ("four_bar", "planar_4rrr")
+ROBOTS = {name: getattr(robots, name) for name in robots.__all__ if name.islower()}
+ROBOTS |= {"cart": any_chain.cart, "lines": any_chain.lines}
+QUICK = ("four_bar", "planar_4rrr", "cart", "lines")
+#: What the lists of parameters say of them.
+LISTED = {
+    "cart": "spring reference of ball_qw",  # by the coordinates that they are
+    "lines": "line gas: stiffness, rest length, damping, preload",
+}
 
 
 @pytest.fixture(autouse=True)
@@ -43,31 +44,12 @@ def keep_what_zig_has_built(monkeypatch):
     monkeypatch.setenv("ZIG_GLOBAL_CACHE_DIR", str(Path.home() / ".cache" / "zig"))
 
 
-class Exported:
-    """The functions of an exported robot, compiled, in this process."""
-
-    def __init__(self, chain, folder, precision, compiler=("cc",)):
-        self.type = TYPES[precision]
-        write_files(c_files(chain, folder, precision))
-        source, made = folder / "robot.c", folder / "robot.so"
-        command = [*compiler, *STRICT, "-shared", "-fPIC", source, "-o", made]
-        subprocess.run(list(map(str, command)), check=True)
-        self.library = ctypes.CDLL(str(made))
-
-    def __call__(self, name, size, *inputs):
-        """The code that the function returns, and its result."""
-        result = np.full(size, np.nan, dtype=self.type)
-        arrays = [np.ascontiguousarray(x, dtype=self.type) for x in inputs] + [result]
-        addresses = [a.ctypes.data_as(ctypes.c_void_p) for a in arrays]
-        return getattr(self.library, f"robot_{name}")(*addresses), result
-
-
 def worst(got, expected):
     return np.abs(got - expected).max() / np.abs(expected).max()
 
 
 @pytest.mark.parametrize(
-    "name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in GALLERY]
+    "name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in ROBOTS]
 )
 @pytest.mark.parametrize("precision", TYPES)
 def test_exported_dynamics_are_those_of_the_package(name, precision, tmp_path):
@@ -76,8 +58,9 @@ def test_exported_dynamics_are_those_of_the_package(name, precision, tmp_path):
     The rounding of q alone moves the torques by some condition numbers of it. Accelerations are
     judged by the torques that they take, free of the conditioning of the inertia matrix.
     """
-    chain = getattr(robots, name)()
+    chain = ROBOTS[name]()
     exported = Exported(chain, tmp_path, precision)
+    assert LISTED.get(name, "") in (tmp_path / "robot.c").read_text()
     n, motors = chain.degrees_of_freedom, len(chain.motor_names)
     q, va, aa = any_chain.states(chain, 6, 0)
     expected, forces = chain.compute_torques(q, va, aa), chain.generalized_forces(q, va, aa)
@@ -154,17 +137,20 @@ def test_the_exported_functions_say_why_they_have_no_result(precision, tmp_path)
     assert exported("torques", 1, chain.home, 1e30 * one, one)[0] in (0, NOT_FINITE)
 
 
-def test_fewer_motors_than_coordinates_export_forces(tmp_path):
+@pytest.mark.parametrize("motors", [0, 1])
+def test_fewer_motors_than_coordinates_export_forces(motors, tmp_path):
     """The torques are not determined, what the motion needs is."""
     five_bar = robots.five_bar()
     names = list(five_bar.coordinates)
-    chain = ClosedChain(five_bar.model, five_bar.closures, names[:1], coordinates=names)
-    exported = Exported(chain, tmp_path, "double")
+    chain = ClosedChain(five_bar.model, five_bar.closures, names[:motors], coordinates=names)
+    exported = Exported(chain, tmp_path)
     (q,), (va,), (aa,) = any_chain.states(chain, 1, 0)
     code, f = exported("forces", 2, q, va, aa)
     assert code == 0
     assert worst(f, chain.generalized_forces(q, va, aa)) < 1e-11
-    assert exported("accelerations", 2, q, va, np.ones(1))[0] == 0
+    code, found = exported("accelerations", 2, q, va, np.ones(motors))
+    assert code == 0
+    assert worst(found, chain.compute_accelerations(q, va, np.ones(motors))) < 1e-11
 
 
 @pytest.fixture(params=["SST", "odd SST", pytest.param("delta", marks=pytest.mark.slow)])

@@ -191,6 +191,25 @@ def test_loops_stop_where_they_are_singular(name):
     assert chain.condition_number(motion.q[-1]) > 100
 
 
+GALLERY = {"Bennett": sst_pin.robots.bennett, "Bricard": sst_pin.robots.bricard}
+GALLERY |= {"agile wrist": sst_pin.robots.agile_wrist, "ladder": sst_pin.robots.ladder}
+GALLERY |= {"SST": lambda: sst_pin.SST(kernels=False)}
+
+
+@pytest.mark.parametrize("build", [*{**TURNING, **TURNING_BACK, **STOPPING, **GALLERY}.values()])
+def test_redundant_rows_hold_where_loops_are_open_by_the_tolerance(build):
+    """Loops as open as they may be break their redundant rows; this is no refusal."""
+    chain, random = build(), np.random.default_rng(0)
+    mechanism, q = chain.mechanism, chain.generic_configuration()
+    model, va = mechanism.model, np.ones(chain.degrees_of_freedom)
+    closed = chain.joint_rates(q, va)
+    for _ in range(20):
+        way = random.normal(size=model.nv) * mechanism.rate_scale
+        gap = np.abs(chain.residual(pin.integrate(model, q, 1e-6 * way)) * mechanism.row_scale)
+        aside = pin.integrate(model, q, 0.99e-12 / gap.max() * way)
+        assert np.allclose(chain.joint_rates(aside, va), closed, rtol=1e-3, atol=1e-3)
+
+
 def test_an_open_loop_is_refused_whichever_row_is_open():
     chain = TURNING["Bennett"]()
     q = chain.generic_configuration()

@@ -48,12 +48,32 @@ def cart(
     return Robot(model, [closure], motors, coordinates=["cart", "rocker"])
 
 
+def lift() -> Robot:
+    """Two scissor cells, folded: their two pairs of bars turn apart from each other."""
+    model, length = pin.Model(), 0.3
+
+    def bar(parent: int, kind: pin.JointModel, name: str, x: float) -> int:
+        joint = model.addJoint(parent, kind, pin.SE3(np.eye(3), np.array([x, 0, 0])), name)
+        model.inertias[joint] = pin.Inertia(1.0, np.array([0.1, 0, 0]), 0.01 * np.eye(3))
+        middle = pin.SE3(np.eye(3), np.array([length / 2, 0, 0]))
+        model.addFrame(pin.Frame(f"middle {name}", joint, middle, pin.FrameType.OP_FRAME))
+        return joint
+
+    slide = bar(0, pin.JointModelPX(), "slide", 0)
+    a1, b1 = bar(0, pin.JointModelRY(), "a1", 0), bar(slide, pin.JointModelRY(), "b1", 0)
+    bar(b1, pin.JointModelRY(), "a2", length), bar(a1, pin.JointModelRY(), "b2", length)
+    model.referenceConfigurations["home"] = np.array([0, 0.4, 0.4, 0.9, 0.9])
+    closures = [sst_pin.Closure(f"middle a{k}", f"middle b{k}", "3d") for k in (1, 2)]
+    return Robot(model, closures, ["a1", "b2"], coordinates=["a1", "b2"])
+
+
 ALL = ["cart", "crank", "coupler", "rocker"]
 ROBOTS: dict[str, Callable[[], Robot]] = {
     "cart": lambda: cart(pin.JointModelPX(), ALL),
     "cart without motor": lambda: cart(pin.JointModelPX(), ALL[1:]),
     "lift of 1e5 kg": lambda: cart(pin.JointModelPZ(), ["cart"], 1e5, 1e-3),
     "massless bars": lambda: cart(pin.JointModelPX(), ALL, 1.0, 0.0),
+    "folded lift": lift,
     "floating": lambda: any_chain.with_joint("free-flyer", kind="hinge"),
 }
 
@@ -82,6 +102,11 @@ def flat(chain: Robot, q: np.ndarray, *_: np.ndarray) -> None:
     q[1:] = crank, 0.0, np.arctan2(end[1], end[0])
 
 
+def upright(chain: Robot, q: np.ndarray, *_: np.ndarray) -> None:
+    """In this mode the lift has one freedom: rows that were redundant are not."""
+    q[:] = 0.3 * np.cos(1.2), -1.2, 1.2 - np.pi, np.pi - 2.4, 2.4 - np.pi
+
+
 def set_nan(x: np.ndarray) -> None:
     x[0] = np.nan
 
@@ -96,6 +121,7 @@ FAULTS = {
     ),
     "open loops": Fault("cart", ClosureError, lambda _, q, va, x: q.__setitem__(3, q[3] + 1e-3)),
     "singular": Fault("cart", SingularConfigurationError, flat),
+    "fewer freedoms than coordinates": Fault("folded lift", SingularConfigurationError, upright),
     "no motor of the cart": Fault("cart without motor", ActuationError),
     "no motor of the light bars": Fault("lift of 1e5 kg", ActuationError),
     "no mass": Fault("massless bars", SingularConfigurationError),

@@ -16,7 +16,6 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def test_shipped_description_is_current():
-    """urdf/ is what the generator makes of the paper's parameters."""
     script = ROOT / "scripts" / "description" / "make_description.py"
     subprocess.run([sys.executable, script, "--check"], check=True)
 
@@ -28,25 +27,20 @@ def test_shipped_robot_is_the_one_of_the_default_parameters(robot):
 
 
 def test_tree_has_nine_bounded_revolute_joints_and_the_right_mass(robot):
-    """nq == nv == 9 and 3.68 kg: no joint and no kilogram is lost on the way."""
     assert robot.joint_names == JOINT_NAMES
     assert robot.model.nq == robot.model.nv == 9
     assert sum(i.mass for i in robot.model.inertias) == pytest.approx(3.68, abs=1e-14)
-    tree = ET.parse(sst_pin.URDF_PATH)
-    moving = [j for j in tree.iter("joint") if j.get("type") != "fixed"]
-    assert {j.get("type") for j in moving} == {"revolute"}
+    kinds = {joint.get("type") for joint in ET.parse(sst_pin.URDF_PATH).iter("joint")}
+    assert kinds - {"fixed"} == {"revolute"}
 
 
 def test_no_moving_link_is_massless_and_frames_weigh_an_explicit_nothing():
     """The two rules that keep MuJoCo and PyBullet from refusing or inventing mass."""
     tree = ET.parse(sst_pin.URDF_PATH)
     child = {j.find("child").get("link"): j.get("type") for j in tree.iter("joint")}
-    for link in tree.iter("link"):
-        mass = link.find("inertial/mass")
-        if child.get(link.get("name")) == "revolute":
-            assert float(mass.get("value")) > 0
-        elif child.get(link.get("name")) == "fixed":
-            assert float(mass.get("value")) == 0
+    for link in (link for link in tree.iter("link") if link.get("name") in child):
+        mass = float(link.find("inertial/mass").get("value"))
+        assert mass > 0 if child[link.get("name")] == "revolute" else mass == 0
 
 
 @pytest.mark.parametrize("tilt", [0.0, 1e-15, 1e-9, 3e-8, 1e-7, 1e-4])
@@ -61,11 +55,8 @@ def test_the_three_arcs_make_up_body_seven(robot):
     """With closed loops the arcs' masses and inertias add up to the star's, Sect. 7.1 (c)."""
     data = robot.model.createData()
     pin.forwardKinematics(robot.model, data, robot.home)
-    arcs = [robot.model.getJointId(f"beta_{k}") for k in (1, 2, 3)]
-    total = sum(
-        (data.oMi[j].act(robot.model.inertias[j]) for j in arcs[1:]),
-        start=data.oMi[arcs[0]].act(robot.model.inertias[arcs[0]]),
-    )
+    arcs = [data.oMi[j].act(robot.model.inertias[j]) for j in (3, 6, 9)]
+    total = arcs[0] + arcs[1] + arcs[2]
     R = robot.platform_orientation(robot.home)
     assert total.mass == pytest.approx(2.6, abs=1e-14)
     assert total.lever == pytest.approx(R @ (0.8 / np.pi, 0, 0), abs=1e-14)
@@ -74,24 +65,19 @@ def test_the_three_arcs_make_up_body_seven(robot):
 
 def test_cuts_are_in_the_schema_of_laas():
     """closed_loop, type and name_mot; gravity is an additional key."""
-    cuts = yaml.safe_load(Path(sst_pin.YAML_PATH).read_text())
-    assert cuts["closed_loop"] == [
-        ["closedloop1_A", "closedloop1_B"],
-        ["closedloop2_A", "closedloop2_B"],
-    ]
-    assert cuts["type"] == ["6d", "6d"]
-    assert cuts["name_mot"] == ["gamma_1", "gamma_2", "gamma_3"]
-    assert cuts["gravity"] == [0, 0, -9.81]
+    assert yaml.safe_load(Path(sst_pin.YAML_PATH).read_text()) == {
+        "closed_loop": [[f"closedloop{k}_{end}" for end in "AB"] for k in (1, 2)],
+        "type": ["6d", "6d"],
+        "name_mot": ["gamma_1", "gamma_2", "gamma_3"],
+        "gravity": [0, 0, -9.81],
+    }
 
 
 def test_the_star_frame_may_be_turned_in_an_edited_urdf(tmp_path):
-    """{E} need not be {31}: the frames of the cuts say where it is."""
     text = Path(sst_pin.URDF_PATH).read_text()
     for loop in (1, 2):
-        head, tail = text.split(f'<joint name="closedloop{loop}_A_fixed"')
-        text = f'{head}<joint name="closedloop{loop}_A_fixed"' + tail.replace(
-            'rpy="0.0 0.0 0.0"', 'rpy="0.1 -0.2 0.3"', 1
-        )
+        head, joint, tail = text.partition(f'<joint name="closedloop{loop}_A_fixed"')
+        text = head + joint + tail.replace('rpy="0.0 0.0 0.0"', 'rpy="0.1 -0.2 0.3"', 1)
     path = tmp_path / "turned.urdf"
     path.write_text(text)
     robot = sst_pin.SST.from_urdf(path)
@@ -121,7 +107,6 @@ def test_the_star_frame_may_be_turned_in_an_edited_urdf(tmp_path):
     ],
 )
 def test_a_urdf_of_another_topology_is_refused_by_name(tmp_path, old, new, word):
-    """The error lists what keeps the tree from being an SST's."""
     path = tmp_path / "other.urdf"
     path.write_text(Path(sst_pin.URDF_PATH).read_text().replace(old, new))
     with pytest.raises(sst_pin.DescriptionError) as caught:
@@ -138,7 +123,6 @@ def test_cuts_of_other_motors_are_refused(tmp_path):
 
 
 def test_mujoco_loads_the_urdf_with_the_same_mass_matrix(robot):
-    """An engine nobody here wrote sees the same tree: masses, axes and inertias."""
     mujoco = pytest.importorskip("mujoco", reason="extra `verify` is not installed")
     model = mujoco.MjModel.from_xml_path(sst_pin.URDF_PATH)
     data = mujoco.MjData(model)
@@ -148,8 +132,6 @@ def test_mujoco_loads_the_urdf_with_the_same_mass_matrix(robot):
         data.qpos[order] = q
         mujoco.mj_forward(model, data)
         M = np.zeros((9, 9))
-        mujoco.mj_fullM(model, M, data.qM) if hasattr(data, "qM") else mujoco.mj_fullM(
-            model, data, M
-        )
+        mujoco.mj_fullM(model, *((M, data.qM) if hasattr(data, "qM") else (data, M)))
         expected = pin.crba(robot.model, robot.model.createData(), q)
         assert np.abs(M[np.ix_(order, order)] - expected).max() < 1e-12

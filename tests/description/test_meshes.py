@@ -4,6 +4,7 @@
 import io
 import itertools
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import coal
@@ -16,8 +17,8 @@ import sst_pin
 from sst_pin import Parameters
 from sst_pin.description import description_writers, meshes_of
 from sst_pin.files import write_files
-from sst_pin.sst.configurations import configurations_of
 from sst_pin.sst.paper import PERIOD, example_1
+from sst_pin.sst.robot_wrapper import configurations_of
 from sst_pin.verification.sampling import random_parameters
 
 trimesh = pytest.importorskip("trimesh", reason="extra `mesh` is not installed")
@@ -29,12 +30,7 @@ def odd_parameters(seed):
     """Any triangle of either handedness, any alpha, two random radii, either one the larger."""
     rng = np.random.default_rng(seed)
     p, (base, star) = random_parameters(rng), rng.uniform(0.1, 1, 2)
-    return Parameters(
-        base_directions=p.base_directions,
-        arc_angles=p.arc_angles,
-        base_radius=base,
-        star_radius=star,
-    )
+    return replace(p, base_radius=base, star_radius=star)
 
 
 ROBOTS = {
@@ -50,14 +46,18 @@ def parameters(request):
     return request.param
 
 
-def geometry(kind, urdf=sst_pin.URDF_PATH, folder=Path(sst_pin.PACKAGE_PATH)):
+SHIPPED = Path(sst_pin.PACKAGE_PATH)
+VISUAL, COLLISION = pin.GeometryType.VISUAL, pin.GeometryType.COLLISION
+
+
+def geometry(kind, folder=SHIPPED):
     """Model and Pinocchio's geometry of a kind."""
-    model = pin.buildModelFromUrdf(str(urdf))
-    return model, pin.buildGeomFromUrdf(model, str(urdf), kind, package_dirs=[str(folder)])
+    urdf = str(folder / "sst.urdf")
+    model = pin.buildModelFromUrdf(urdf)
+    return model, pin.buildGeomFromUrdf(model, urdf, kind, package_dirs=[str(folder)])
 
 
 def off_surface(mesh, points):
-    """Distances of points from a mesh."""
     return trimesh.proximity.closest_point_naive(mesh, points)[1]
 
 
@@ -80,9 +80,7 @@ def test_meshes_have_the_radii_of_the_parameters(parameters):
     arc = p.star_radius * np.stack([np.cos(arcs), side * np.sin(arcs), 0 * arcs], axis=-1)
     for mesh, points in ((meshes["base"], middle), (meshes["arc"], arc)):
         depths = off_surface(mesh, points)
-        thickness = 0.2 * min(p.base_radius, p.star_radius)
-        assert (depths > 0).all()
-        assert (depths < thickness).all()
+        assert 0 < depths.min() <= depths.max() < 0.2 * min(p.base_radius, p.star_radius)
         # Chords of at most 4.5 degrees are 0.0008 of the radius off the circle.
         assert np.ptp(depths) < 0.0008 * max(p.base_radius, p.star_radius)
 
@@ -100,17 +98,12 @@ def test_the_papers_robot_is_as_large_as_in_the_paper():
     assert 2700 * (3 * meshes["arc"].volume + meshes["tool"].volume) == pytest.approx(2.6, abs=0.1)
 
 
-def test_meshes_and_their_folder_are_small():
-    """Less than 1 MB in the repository, none larger than a browser likes."""
-    files = [*(Path(sst_pin.PACKAGE_PATH) / "meshes").iterdir()]
-    assert {f.suffix for f in files} == {".stl", ".obj"}
+def test_meshes_are_small_and_the_same_as_stl_and_obj():
+    """Two files of one stem, for the tools that read one and not the other; 1 MB in all."""
+    files = [*(SHIPPED / "meshes").iterdir()]
     assert sum(f.stat().st_size for f in files) < 1e6
-
-
-def test_stl_and_obj_hold_the_same_mesh(tmp_path):
-    """Two files of one stem, for the tools that read one and not the other."""
-    for stl in (Path(sst_pin.PACKAGE_PATH) / "meshes").glob("*.stl"):
-        one, other = (trimesh.load(stl.with_suffix(end), process=False) for end in (".stl", ".obj"))
+    for stem in {f.with_suffix("") for f in files}:
+        one, other = (trimesh.load(f"{stem}.{end}", process=False) for end in ("stl", "obj"))
         assert len(one.faces) == len(other.faces)
         assert np.abs(one.triangles - other.triangles).max() < 1e-6
 
@@ -134,32 +127,29 @@ def test_a_moved_vertex_makes_a_shipped_mesh_stale(tmp_path):
 
 
 def test_without_trimesh_the_error_names_the_extra(monkeypatch):
-    """The dynamics of other parameters need no mesh; who asks for one is told what to install."""
     monkeypatch.setitem(sys.modules, "trimesh", None)
     sst_pin.SST(odd_parameters(0))
     with pytest.raises(sst_pin.errors.MissingExtraError, match=r"sst-pin\[mesh\]"):
         meshes_of(Parameters())
 
 
-@pytest.mark.parametrize("kind", [pin.GeometryType.VISUAL, pin.GeometryType.COLLISION])
+@pytest.mark.parametrize("kind", [VISUAL, COLLISION])
 def test_every_body_has_a_picture_and_primitives(kind, tmp_path):
     """In the shipped folder and in one written for other parameters."""
     odd = odd_parameters(1)
     writers = description_writers(odd, configurations_of(odd))
     write_files({tmp_path / n: write for n, write in writers.items()}, folder=tmp_path)
-    for folder in (Path(sst_pin.PACKAGE_PATH), tmp_path):
-        _, found = geometry(kind, folder / "sst.urdf", folder)
-        named = {shape.name.rsplit("_", 1)[0] for shape in found.geometryObjects}
-        assert named == {"base", *MOVING}
-        mesh = kind == pin.GeometryType.VISUAL
-        for shape in found.geometryObjects:
-            assert isinstance(shape.geometry, coal.BVHModelBase) == mesh
-            assert shape.meshPath.endswith(".obj") == mesh
+    for folder in (SHIPPED, tmp_path):
+        shapes = geometry(kind, folder)[1].geometryObjects
+        assert {shape.name.rsplit("_", 1)[0] for shape in shapes} == {"base", *MOVING}
+        for shape in shapes:
+            assert isinstance(shape.geometry, coal.BVHModelBase) == (kind == VISUAL)
+            assert shape.meshPath.endswith(".obj") == (kind == VISUAL)
 
 
 def test_legs_have_their_colours():
     """Blue, vermilion and green of Okabe and Ito; the carriage is a tint of its leg's."""
-    _, found = geometry(pin.GeometryType.VISUAL)
+    _, found = geometry(VISUAL)
     colours = np.array([(0, 0.447, 0.698), (0.835, 0.369, 0), (0, 0.62, 0.451)])
     for k, colour in enumerate(colours, 1):
         for body, expected in (("link", colour), ("star", colour), ("passive", (1 + colour) / 2)):
@@ -168,7 +158,6 @@ def test_legs_have_their_colours():
 
 
 def test_mujoco_and_yourdfpy_find_the_meshes_beside_the_urdf():
-    """Relative names, no package://, from any working directory."""
     mujoco = pytest.importorskip("mujoco", reason="extra `verify` is not installed")
     yourdfpy = pytest.importorskip("yourdfpy", reason="extra `verify` is not installed")
     stems = set(meshes_of(Parameters()))
@@ -211,11 +200,9 @@ def rim(shape):
 @pytest.mark.parametrize("body", ["base", *MOVING])
 def test_primitives_wrap_the_meshes(body, robot):
     """No vertex looks out by 0.05 mm; no primitive stands off by 3 mm, but at the tool's cone."""
-    _, visual = geometry(pin.GeometryType.VISUAL)
-    _, collision = geometry(pin.GeometryType.COLLISION)
     meshes, shapes = (
-        [s for s in found.geometryObjects if s.name.rsplit("_", 1)[0] == body]
-        for found in (visual, collision)
+        [s for s in geometry(kind)[1].geometryObjects if s.name.rsplit("_", 1)[0] == body]
+        for kind in (VISUAL, COLLISION)
     )
     mesh = trimesh.util.concatenate([trimesh.load(s.meshPath) for s in meshes])
     assert np.min([outside(s, mesh.vertices) for s in shapes], axis=0).max() < 5e-5
@@ -229,23 +216,26 @@ def test_primitives_wrap_the_meshes(body, robot):
 
 def bearings(collision):
     """Pairs of primitives that turn in one another: shaft k in link k, head of link k at pin k."""
-    shapes = collision.geometryObjects
-    shafts = [
-        s.name
-        for s in shapes
-        if s.name.startswith("base")
-        and isinstance(s.geometry, coal.Cylinder)
-        and s.geometry.radius == pytest.approx(0.009)
-    ]
-    assert len(shafts) == 3
-    return {frozenset((shafts[k - 1], f"link_{k}")) for k in (1, 2, 3)} | {
-        frozenset((f"link_{k}", f"passive_{k}")) for k in (1, 2, 3)
-    }
+    base = [s for s in collision.geometryObjects if s.name.startswith("base")]
+    round_ones = [s for s in base if isinstance(s.geometry, coal.Cylinder)]
+    shafts = [s.name for s in round_ones if s.geometry.radius == pytest.approx(0.009)]
+    pairs = [(shaft, f"link_{k}") for k, shaft in enumerate(shafts, 1)]
+    assert len(pairs) == 3
+    return {frozenset(x) for x in (*pairs, *((f"link_{k}", f"passive_{k}") for k in (1, 2, 3)))}
+
+
+def distances(model, shapes, motion):
+    """Of each pair of shapes in each configuration, shape (N, pairs), [m]."""
+    data, found, rows = model.createData(), shapes.createData(), []
+    for q in motion:
+        pin.computeDistances(model, data, shapes, found, q)
+        rows.append([result.min_distance for result in found.distanceResults])
+    return np.array(rows)
 
 
 def clearance(motion):
     """Smallest distance of two bodies along a motion, [m]; the star is one body."""
-    model, collision = geometry(pin.GeometryType.COLLISION)
+    model, collision = geometry(COLLISION)
     names = [shape.name for shape in collision.geometryObjects]
     bodies = [name.rsplit("_", 1)[0] for name in names]
     left_out = bearings(collision)
@@ -257,12 +247,7 @@ def clearance(motion):
         bearing = left_out & {frozenset((x, y)) for x in (names[i], a) for y in (names[j], b)}
         if not (one_body or joined or bearing):
             collision.addCollisionPair(pin.CollisionPair(i, j))
-    data, geometry_data = model.createData(), collision.createData()
-    nearest = []
-    for q in motion:
-        pin.computeDistances(model, data, collision, geometry_data, q)
-        nearest.append(min(result.min_distance for result in geometry_data.distanceResults))
-    return min(nearest)
+    return distances(model, collision, motion).min()
 
 
 def test_no_body_passes_through_another_along_the_circle(robot):
@@ -273,24 +258,22 @@ def test_no_body_passes_through_another_along_the_circle(robot):
 
 def test_no_body_passes_through_another_where_the_star_is_over_the_triangle(robot):
     """Random poses of the working branch with E inside P1P2P3 and the carriages on their arcs."""
-    rng, poses = np.random.default_rng(5), []
-    while len(poses) < 60:
-        s, psi = np.abs(rng.normal(size=3)), rng.uniform(-np.pi, np.pi)
-        R = sst_pin.orientation(np.arctan2(s[1], s[0]), np.arccos(s[2] / np.linalg.norm(s)), psi)
-        q = robot.inverse_kinematics(R)
-        if ((q[2::3] > 0.15) & (q[2::3] < 1.5)).all() and robot.singularities(q).first_kind > 0.15:
-            poses.append(q)
-    assert clearance(poses) > 0
+    rng = np.random.default_rng(5)
+    x, y, z = np.abs(rng.normal(size=(3, 1000)))
+    theta, phi = np.arctan2(y, x), np.arctan2(np.hypot(x, y), z)
+    q = robot.inverse_kinematics(sst_pin.orientation(theta, phi, rng.uniform(-np.pi, np.pi, 1000)))
+    clear = ((q[:, 2::3] > 0.15) & (q[:, 2::3] < 1.5)).all(axis=1)
+    poses = q[clear & (robot.singularities(q).first_kind > 0.15)]
+    assert len(poses) >= 60
+    assert clearance(poses[:60]) > 0
 
 
 def test_the_carriages_hold_their_arcs_along_the_circle(robot):
     """Rollers run 0.2 mm beside the arcs: at every pose the arc passes between them."""
-    model, visual = geometry(pin.GeometryType.VISUAL)
+    model, visual = geometry(VISUAL)
     for k in (1, 2, 3):
         pair = (visual.getGeometryId(f"{body}_{k}_0") for body in ("passive", "star"))
         visual.addCollisionPair(pin.CollisionPair(*pair))
-    data, geometry_data = model.createData(), visual.createData()
-    for q in example_1(robot, np.linspace(0, PERIOD, 25)).q:
-        pin.computeDistances(model, data, visual, geometry_data, q)
-        gaps = [result.min_distance for result in geometry_data.distanceResults]
-        assert gaps == pytest.approx([2e-4] * 3, abs=1e-6)
+    gaps = distances(model, visual, example_1(robot, np.linspace(0, PERIOD, 25)).q)
+    assert np.abs(gaps - 2e-4).max() < 1e-6
+    assert gaps.shape == (25, 3)

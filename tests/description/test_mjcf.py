@@ -9,8 +9,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import sst_pin
-from sst_pin.description import mjcf_of
-from sst_pin.sst.configurations import configurations_of
+from sst_pin.description import JOINT_NAMES, mjcf_of
+from sst_pin.sst.robot_wrapper import configurations_of
 from sst_pin.verification.sampling import random_parameters, random_state
 
 mujoco = pytest.importorskip("mujoco", reason="extra `verify` is not installed")
@@ -21,20 +21,20 @@ MESHES = {
 }
 
 
-def random_robot(seed, friction=True):
-    p = random_parameters(np.random.default_rng(seed), friction)
+def random_robot(seed):
+    p = random_parameters(np.random.default_rng(seed), friction=False)
     xml = mjcf_of(p, configurations_of(p))
-    return (
-        p,
-        sst_pin.SST(p),
-        mujoco.MjModel.from_xml_string(xml, MESHES),
-    )
+    return sst_pin.SST(p), mujoco.MjModel.from_xml_string(xml, MESHES)
 
 
 @pytest.fixture(scope="module")
 def closed():
-    """The shipped file."""
     return mujoco.MjModel.from_xml_path(sst_pin.MJCF_PATH)
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return mujoco.MjModel.from_xml_path(f"{sst_pin.PACKAGE_PATH}/scene.xml")
 
 
 def at(model, robot, state, tau=(0, 0, 0)):
@@ -49,7 +49,6 @@ def at(model, robot, state, tau=(0, 0, 0)):
 
 @pytest.mark.parametrize("name", ["sst.xml", "scene.xml"])
 def test_mujoco_compiles_and_steps_without_a_word(name, tmp_path, monkeypatch, capfd):
-    """No warning on the terminal, in the log file or in the counters, nothing touches."""
     monkeypatch.chdir(tmp_path)
     model = mujoco.MjModel.from_xml_path(f"{sst_pin.PACKAGE_PATH}/{name}")
     data = mujoco.MjData(model)
@@ -63,11 +62,9 @@ def test_mujoco_compiles_and_steps_without_a_word(name, tmp_path, monkeypatch, c
 
 
 def test_mjcf_has_nine_hinges_three_motors_and_the_right_mass(closed):
-    """3.68 kg move; the base is fixed."""
     assert (closed.nq, closed.nv, closed.nu, closed.neq) == (9, 9, 3, 2)
     assert closed.body_mass.sum() == pytest.approx(3.68, abs=1e-14)
-    names = [closed.joint(i).name for i in range(9)]
-    assert tuple(names) == sst_pin.SST().joint_names
+    assert [closed.joint(i).name for i in range(9)] == list(JOINT_NAMES)
 
 
 @pytest.mark.parametrize("name", ["home", "circle_start"])
@@ -79,25 +76,20 @@ def test_loops_are_closed_at_the_keyframes(closed, robot, name):
     # Six rows each; what O does has no Jacobian and MuJoCo may leave it out.
     assert data.ne >= 6
     assert np.abs(data.efc_pos[: data.ne]).max() < 1e-14
-    q = {
-        "home": robot.home,
-        "circle_start": robot.inverse_kinematics(sst_pin.paper_circle([0.0]).R[0]),
-    }[name]
-    assert data.qpos == pytest.approx(q, abs=1e-14)
+    start = robot.inverse_kinematics(sst_pin.paper_circle(0.0).R)
+    assert data.qpos == pytest.approx(robot.home if name == "home" else start, abs=1e-14)
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_tree_dynamics_of_mujoco_and_pinocchio_agree(seed):
-    """Inverse dynamics of the open tree at any motion: masses, axes, inertias, gravity."""
-    _, robot, model = random_robot(seed, friction=False)
+    robot, model = random_robot(seed)
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     data, rng = mujoco.MjData(model), np.random.default_rng(seed)
     for _ in range(10):
         data.qpos[:], data.qvel[:], data.qacc[:] = rng.normal(size=(3, 9)) * [[2], [3], [20]]
         mujoco.mj_inverse(model, data)
-        expected = pin.rnea(
-            robot.model, robot.model.createData(), data.qpos, data.qvel, data.qacc.copy()
-        )
+        state = data.qpos, data.qvel, data.qacc.copy()
+        expected = pin.rnea(robot.model, robot.model.createData(), *state)
         assert data.qfrc_inverse == pytest.approx(expected, rel=1e-12, abs=1e-12)
 
 
@@ -108,7 +100,7 @@ def test_motors_and_welds_give_our_direct_dynamics(seed):
     A weld of impedance d = 0.9999 leaves 1 - d of the way that an open loop would go, which the
     condition number, 30 at most here, may enlarge.
     """
-    _, robot, model = random_robot(seed, friction=False)
+    robot, model = random_robot(seed)
     rng = np.random.default_rng(seed)
     for _ in range(5):
         tau = rng.normal(size=3) * 10
@@ -119,7 +111,6 @@ def test_motors_and_welds_give_our_direct_dynamics(seed):
 
 
 def test_sensors_measure_what_they_are_called(closed, robot):
-    """Motor angles, rates and torques; orientation and angular velocity of the star."""
     R, omega, alpha = random_state(robot, np.random.default_rng(0))
     tau = np.array((1.0, -2.0, 3.0))
     data, q, va = at(closed, robot, (R, omega, alpha), tau)
@@ -133,21 +124,15 @@ def test_sensors_measure_what_they_are_called(closed, robot):
     assert read["star_angular_velocity"] == pytest.approx(omega, abs=1e-13)
 
 
-def test_parts_of_the_robot_meet_the_world_but_not_one_another(closed):
-    """Contacts are between collision solids and others; visuals have none."""
+def test_parts_of_the_robot_meet_the_world_but_not_one_another(closed, scene):
     visual = closed.geom_group == 2
     collides = (closed.geom_contype[:, None] & closed.geom_conaffinity) != 0
     assert not collides.any()
     assert not closed.geom_conaffinity[visual].any()
-    scene = mujoco.MjModel.from_xml_path(f"{sst_pin.PACKAGE_PATH}/scene.xml")
-    floor = scene.geom("floor")
-    solids = scene.geom_group == 3
-    assert (floor.contype & scene.geom_conaffinity[solids]).all()
+    assert (scene.geom("floor").contype & scene.geom_conaffinity[scene.geom_group == 3]).all()
 
 
-def test_robot_of_the_scene_stands_on_the_floor():
-    """The foot of the paper's robot meets it, nothing goes below."""
-    scene = mujoco.MjModel.from_xml_path(f"{sst_pin.PACKAGE_PATH}/scene.xml")
+def test_robot_of_the_scene_stands_on_the_floor(scene):
     data = mujoco.MjData(scene)
     mujoco.mj_forward(scene, data)
     mesh, geom = scene.mesh("base"), int(scene.body("base").geomadr[0])

@@ -1,4 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
+import re
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -8,7 +10,6 @@ from sst_pin.verification.sampling import random_parameters
 
 
 def test_defaults_are_the_robot_of_the_paper():
-    """Sect. 7.1 and the defaults of the paper's open points."""
     p = Parameters()
     assert np.array_equal(p.base_directions, np.eye(3))
     assert np.array_equal(p.actuated_axes, [[0, 0, 1], [1, 0, 0], [0, 1, 0]])  # Eqs. (38)-(40)
@@ -27,13 +28,10 @@ def test_actuated_axes_are_normal_to_the_sides_of_the_base_triangle():
     """e_k is a unit vector at right angles to v_k and v_{k+1}, right-handed."""
     for seed in range(20):
         p = random_parameters(np.random.default_rng(seed))
-        v, e = p.base_directions, p.actuated_axes
+        v, w, e = p.base_directions, p.base_directions[[1, 2, 0]], p.actuated_axes
         assert np.linalg.norm(e, axis=1) == pytest.approx([1, 1, 1])
-        for k in range(3):
-            w = v[(k + 1) % 3]
-            assert abs(e[k] @ v[k]) < 1e-14
-            assert abs(e[k] @ w) < 1e-14
-            assert e[k] @ np.cross(v[k], w) > 0
+        assert np.abs([(e * v).sum(axis=1), (e * w).sum(axis=1)]).max() < 1e-14
+        assert ((e * np.cross(v, w)).sum(axis=1) > 0).all()
 
 
 def test_values_are_equal_hashable_and_read_only():
@@ -94,20 +92,14 @@ def test_all_problems_are_reported_at_once():
     ],
 )
 def test_each_impossibility_has_its_sentence(arguments, word):
-    with pytest.raises(ParametersError) as caught:
+    with pytest.raises(ParametersError, match=re.escape(word)):
         Parameters(**arguments)
-    assert word in str(caught.value)
 
 
 def test_a_thin_rod_is_possible():
     """The triangle inequality may hold with equality, rounding included."""
     rod = RigidBody(1, (0, 0, 0), np.diag((1e-3, 0.1, 0.101)))
     assert rod.problems("rod") == []
-
-
-def test_words_in_place_of_numbers_are_refused():
-    with pytest.raises(ParametersError, match="mass"):
-        RigidBody("heavy", (0, 0, 0), np.eye(3))
 
 
 @pytest.mark.parametrize("at", [(0.4, 0, 0), (0.1, -0.2, 0.3), (0, 0, 0)])
@@ -120,14 +112,8 @@ def test_a_payload_has_the_torques_of_a_point_mass_on_the_stars_body(at):
     from_E = pin.SE3(np.eye(3), np.array(at) - (p.star_radius, 0, 0))
     point = pin.Inertia(0.7, np.zeros(3), np.zeros((3, 3)))
     model.appendBodyToJoint(E.parentJoint, point, E.placement * from_E)
-    friction = bare.friction
-    chain = ClosedChain(
-        model,
-        bare.closures,
-        list(bare.motor_names),
-        viscous_friction=friction.viscous,
-        coulomb_friction=friction.coulomb,
-    )
+    rubbing = {"viscous_friction": p.viscous_friction, "coulomb_friction": p.coulomb_friction}
+    chain = ClosedChain(model, bare.closures, bare.motor_names, **rubbing)
     q, va, aa = bare.home, [0.3, -0.5, 0.7], [1.0, 2.0, -1.0]
     expected = chain.compute_torques(q, va, aa)
     # The URDF of the parameters rounds to 17 digits and fewer.
@@ -142,16 +128,20 @@ def test_no_payload_changes_nothing():
 
 
 @pytest.mark.parametrize(
-    ("mass", "at", "word"),
-    [(-1, (0, 0, 0), "-1 kg"), (np.nan, (0, 0, 0), "nan kg"), (1, (0, 0), "at: shape")],
+    ("call", "word"),
+    [
+        (lambda: RigidBody("heavy", (0, 0, 0), np.eye(3)), "mass: not an array of numbers"),
+        (lambda: Parameters().with_payload(-1), "-1 kg"),
+        (lambda: Parameters().with_payload(np.nan), "nan kg"),
+        (lambda: Parameters().with_payload(1, (0, 0)), "at: shape"),
+    ],
 )
-def test_a_payload_that_cannot_be_is_refused(mass, at, word):
+def test_a_body_or_a_payload_that_cannot_be_is_refused(call, word):
     with pytest.raises(ParametersError, match=word):
-        Parameters().with_payload(mass, at)
+        call()
 
 
 def test_parameters_print_as_a_few_lines():
-    """Dimensions, masses, friction, gravity, with units; a table in a notebook."""
     p = Parameters(viscous_friction=np.linspace(0.1, 0.2, 9))
     text = repr(p)
     assert len(text.splitlines()) == 6

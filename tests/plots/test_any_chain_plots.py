@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Pages of any closed chain: units, names, looks that grey print keeps apart."""
+"""Pages of any closed chain: units, names, looks that grey print keeps apart; loads, maps."""
 
+import functools
 import itertools
 
 import numpy as np
@@ -8,49 +9,52 @@ import pytest
 
 import sst_pin
 from legible import require_legible
+from sst_pin.cli import main
 
 plots = pytest.importorskip("sst_pin.plots", reason="extra `plot` is not installed")
+from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: E402
 from matplotlib.figure import Figure  # noqa: E402
 
 from sst_pin.plots import curves  # noqa: E402
 from sst_pin.plots.motions import CURVES  # noqa: E402
+from sst_pin.plots.style import StyledFigure  # noqa: E402
 
 
-def falling(chain, q=None, samples=21):
+def falling(chain, q):
     """A short motion without torques."""
-    n, motors = chain.degrees_of_freedom, len(chain.motor_names)
-    q = chain.generic_configuration() if q is None else q
-    return chain.simulate(
-        np.zeros(motors), q, 0.1 * np.ones(n), np.linspace(0, 0.02, samples), rtol=1e-6
-    )
+    tau, va = np.zeros(len(chain.motor_names)), np.full(chain.degrees_of_freedom, 0.1)
+    return chain.simulate(tau, q, va, np.linspace(0, 0.02, 21), rtol=1e-6)
+
+
+@functools.cache
+def fallen(name, at_home=True):
+    """A robot of the gallery and a short motion of it, from home or some other configuration."""
+    robot = getattr(sst_pin.robots, name)()
+    return robot, falling(robot, robot.home if at_home else robot.generic_configuration())
 
 
 @pytest.mark.parametrize(
-    "name",
-    ["five_bar", "stewart", pytest.param("delta", marks=pytest.mark.slow)],
+    "name", ["five_bar", "stewart", pytest.param("delta", marks=pytest.mark.slow)]
 )
 def test_a_page_of_any_robot_is_legible(name, monkeypatch):
-    robot = getattr(sst_pin.robots, name)()
-    motion = falling(robot, robot.home)
+    robot, motion = fallen(name)
     require_legible(plots.motion_page(robot, motion, tuple(CURVES)), monkeypatch)
 
 
 def test_axes_have_the_units_of_their_joints():
-    """Legs of a Stewart platform slide: forces in newtons, positions in metres, rates in m/s."""
-    robot = sst_pin.robots.stewart()
-    page = plots.motion_page(robot, falling(robot, robot.home), ("torques", "joints", "rates"))
+    robot, motion = fallen("stewart")
+    page = plots.motion_page(robot, motion, ("torques", "joints", "rates"))
     labels = [ax.get_ylabel() for ax in page.axes]
     assert labels[0] == "motor force (N)"
     assert {"joint angle (deg)", "joint displacement (m)", "joint rate (rad/s)"} <= set(labels)
     for ax in page.axes:
         assert 1 <= len(ax.get_legend().get_texts()) <= curves.MOST
     with pytest.raises(sst_pin.InputError, match="of several units"):
-        plots.joint_angles(page.axes[0], falling(robot, robot.home))
+        plots.joint_angles(page.axes[0], motion)
 
 
 def test_every_joint_is_drawn_once():
-    robot = sst_pin.robots.stewart()
-    motion = falling(robot, robot.home)
+    robot, motion = fallen("stewart")
     page = plots.motion_page(robot, motion, ("joints",))
     drawn = [text.get_text() for ax in page.axes for text in ax.get_legend().get_texts()]
     assert sorted(drawn) == sorted(curves.label(name) for name in motion.joint_names)
@@ -72,11 +76,8 @@ def test_an_endless_joint_is_drawn_as_an_angle():
     angle = np.linspace(0, 10, 101)
     q = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     v = np.full((101, 1), 10.0)
-    names, units = ("wheel_cos", "wheel_sin"), ("", "")
     t = np.linspace(0, 1, 101)
-    motion = sst_pin.Trajectory(t, q, v, 0 * v, v, names, ("wheel",), units)
-    from matplotlib.figure import Figure
-
+    motion = sst_pin.Trajectory(t, q, v, 0 * v, v, ["wheel_cos", "wheel_sin"], ["wheel"], ["", ""])
     ax = plots.joint_angles(Figure().add_subplot(), motion)
     assert ax.get_ylabel() == "joint angle (deg)"
     (line,) = ax.get_lines()
@@ -89,9 +90,7 @@ def test_any_name_has_its_entry_in_the_legend(name):
     """Matplotlib leaves out what begins with an underscore and takes dollars for mathematics."""
     none = np.zeros((2, 1))
     motion = sst_pin.Trajectory([0, 1], none, none, none, none, [name], [name])
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
-    figure = plots.StyledFigure()
+    figure = StyledFigure()
     ax = plots.joint_angles(figure.add_subplot(), motion)
     FigureCanvasAgg(figure).draw()
     (text,) = ax.get_legend().get_texts()
@@ -100,8 +99,7 @@ def test_any_name_has_its_entry_in_the_legend(name):
 
 def test_panels_are_lettered():
     """(a), (b), ... in the order of the page; one alone has none."""
-    robot = sst_pin.robots.four_bar()
-    motion = falling(robot, robot.home)
+    robot, motion = fallen("four_bar")
     page = plots.motion_page(robot, motion)
     letters = [text.get_text() for ax in page.axes for text in ax.texts]
     assert letters == ["(a)", "(b)", "(c)", "(d)", "(e)"]
@@ -110,8 +108,7 @@ def test_panels_are_lettered():
 
 
 def test_a_page_saved_from_python_is_that_of_the_command(tmp_path):
-    robot = sst_pin.robots.four_bar()
-    page = plots.motion_page(robot, falling(robot, robot.home), ("torques", "energy"))
+    page = plots.motion_page(*fallen("four_bar"), ("torques", "energy"))
     with (tmp_path / "writer.png").open("wb") as file:
         plots.figure_writer(page, "writer.png")(file)
     page.savefig(tmp_path / "python.png")
@@ -124,27 +121,17 @@ def test_a_page_saved_from_python_is_that_of_the_command(tmp_path):
     [((), "expected some of path"), ("torques", "expected"), (("dance",), "expected")],
 )
 def test_what_a_page_cannot_show_is_refused(subjects, word):
-    robot = sst_pin.robots.four_bar()
-    motion = falling(robot, robot.home)
+    robot, motion = fallen("four_bar")
     with pytest.raises(sst_pin.InputError, match=word):
         plots.motion_page(robot, motion, subjects)
     with pytest.raises(sst_pin.InputError, match="one sample"):
         plots.motion_page(robot, motion[:1])
 
 
-def test_curves_are_what_the_chain_computes():
-    """Torques, rates, powers, condition numbers under their joints' names."""
-    robot = sst_pin.robots.five_bar()
-    motion = falling(robot, robot.home)
-    page = plots.motion_page(robot, motion, ("rates", "power", "condition"))
-    rates, power, condition = page.axes
-    expected = robot.joint_rates(motion.q, motion.va)
-    for line, values in zip(rates.get_lines(), expected.T, strict=False):
-        assert np.array_equal(line.get_ydata(), values)
-    total = next(line for line in power.get_lines() if line.get_label() == "all motors")
-    assert np.abs(total.get_ydata() - (motion.tau * motion.va).sum(axis=1)).max() < 1e-12
-    (line,) = condition.get_lines()
-    assert line.get_ydata()[5] == robot.condition_number(motion.q[5])
+def test_the_condition_number_of_a_chain_is_drawn():
+    robot, motion = fallen("five_bar")
+    (line,) = plots.condition_number(Figure().add_subplot(), robot, motion).get_lines()
+    assert np.array_equal(line.get_ydata(), robot.condition_number(motion.q))
 
 
 def test_every_two_hues_differ():
@@ -163,8 +150,44 @@ def test_every_two_hues_differ():
     assert min(np.linalg.norm(a - b) for a, b in itertools.combinations(places, 2)) > 20
 
 
+CURVES_OF_A_ROBOT = {
+    "rates": plots.joint_rates,
+    "power": plots.powers,
+    "energy": plots.energy_balance,
+    "condition": plots.condition_number,
+    "path": lambda ax, robot, motion: plots.frame_path(ax, robot, motion, "platform"),
+    "sphere": lambda ax, robot, motion: plots.paths_on_sphere(ax, robot, [("", motion)]),
+}
+
+
+@pytest.mark.parametrize("subject", CURVES_OF_A_ROBOT)
+def test_curves_of_another_robots_motion_are_refused(subject, robot):
+    """Robots with the same joints and their motors in another order; an SST and a chain."""
+    bars, motion = fallen("five_bar")
+    names, ax = bars.motor_names[::-1], Figure().add_subplot()
+    twin = sst_pin.ClosedChain(bars.model, bars.closures, names, coordinates=bars.coordinates)
+    with pytest.raises(sst_pin.InputError, match="motion: belongs to another robot"):
+        CURVES_OF_A_ROBOT[subject](ax, robot if subject == "sphere" else twin, motion)
+
+
+def test_a_page_of_a_robot_without_motors_has_no_torques_and_says_so_when_asked():
+    bars, _ = fallen("four_bar")
+    passive = sst_pin.ClosedChain(bars.model, bars.closures, [])
+    motion = falling(passive, bars.home)
+    labels = [ax.get_ylabel() for ax in plots.motion_page(passive, motion).axes]
+    assert labels[0] == "joint angle (deg)"
+    assert len(labels) == 4
+    for subject in ("torques", "power"):
+        with pytest.raises(sst_pin.InputError, match=f"{subject} of a robot without motors"):
+            plots.motion_page(passive, motion, [subject, "joints"])
+    with pytest.raises(sst_pin.InputError, match="nothing to draw"):
+        plots.motor_torques(Figure().add_subplot(), motion)
+    with pytest.raises(sst_pin.InputError, match="has no motors"):
+        plots.torques_page(motion, motion.tau)
+
+
 def path_of(ax):
-    """What is drawn as a path, shape (N, 2) or (N, 3)."""
+    """Points of the path that is drawn, shape (N, 2) or (N, 3)."""
     line = ax.get_lines()[0]
     return np.stack(line.get_data_3d() if ax.name == "3d" else line.get_data(), axis=1)
 
@@ -177,8 +200,7 @@ def test_the_path_of_a_frame_moves_as_its_jacobian_says(name, frame):
 
     They are off by h^2 / 6 of the third derivative; h is a twentieth of the motion: 4e-4 of it.
     """
-    robot = getattr(sst_pin.robots, name)()
-    motion = falling(robot)
+    robot, motion = fallen(name, at_home=False)
     (ax,) = plots.motion_page(robot, motion, ("path",), frame).axes
     assert (ax.name == "3d") == (name == "delta")
     points, J = path_of(ax), robot.frame_jacobian(motion.q, frame)[:, :3]
@@ -191,9 +213,7 @@ def test_the_path_of_a_frame_moves_as_its_jacobian_says(name, frame):
 
 
 def test_a_page_with_a_path_in_space_is_legible(monkeypatch):
-    """Beside other panels; a path in space has no place in plane axes."""
-    robot = sst_pin.robots.delta()
-    motion = falling(robot)
+    robot, motion = fallen("delta", at_home=False)
     page = plots.motion_page(robot, motion, ("path", "torques"))
     require_legible(page, monkeypatch)
     with pytest.raises(sst_pin.InputError, match="lies in no plane"):
@@ -201,9 +221,7 @@ def test_a_page_with_a_path_in_space_is_legible(monkeypatch):
 
 
 def test_a_path_of_an_unknown_frame_is_refused():
-    """The frames that there are are named; a frame asked for brings its path to the page."""
-    robot = sst_pin.robots.five_bar()
-    motion = falling(robot, robot.home)
+    robot, motion = fallen("five_bar")
     with pytest.raises(sst_pin.UnknownNameError, match=r"hand.* known: .*tip_1"):
         plots.motion_page(robot, motion, frame="hand")
     model = robot.model.copy()
@@ -215,7 +233,6 @@ def test_a_path_of_an_unknown_frame_is_refused():
 
 
 def test_convex_sets_are_drawn_in_a_plane_and_as_bodies():
-    """A cube covers a square of its size; an ellipsoid stays inside; what is flat is refused."""
     cube = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
     ball = sst_pin.Ellipsoid(np.zeros(3), np.array([1.0, 0.5, 0.5]), np.eye(3))
     ax = Figure().add_subplot()
@@ -260,3 +277,62 @@ def test_a_map_of_angles_is_in_degrees(robot):
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("roll (deg)", "pitch (deg)")
     assert ax.get_xlim() == pytest.approx((-7.5, 7.5))
     assert ax.get_legend() is None
+
+
+def bars(ax):
+    """Lengths of the outer and inner bars by their place."""
+    found = {}
+    for patch in ax.patches:
+        place = round(patch.get_y() + patch.get_height() / 2)
+        found.setdefault(place, []).append(patch.get_width())
+    return found
+
+
+@pytest.mark.parametrize("soft", [False, True])
+def test_bars_are_peaks_and_means_and_what_is_not_unique_has_none(soft):
+    chain, motion = fallen("four_bar")
+    names = (*chain.joint_names, str(chain.closures[0]))
+    stiffness = dict.fromkeys(names, np.ones(6)) if soft else None
+    loads = chain.loads(motion, stiffness=stiffness)
+    page = plots.loads_page(loads)
+    largest = np.nanmax([row.peak for row in loads.rows])
+    for kind, ax in zip(("force", "moment"), page.axes, strict=True):
+        rows = [row for row in loads.rows if row.kind == kind]
+        wanted = {k: [x.peak, x.rms] for k, x in enumerate(rows) if x.peak > 1e-9 * largest}
+        assert bars(ax) == wanted
+        texts = [text.get_text() for text in ax.texts]
+        assert len(texts) == len(rows)
+        for row, text in zip(rows, texts, strict=True):
+            assert (text == "not unique") == np.isnan(row.peak)
+            if row.peak > 1e-9 * largest:
+                assert [float(x) for x in text.split(", ")] == pytest.approx(row[4:7], abs=0.006)
+        hatched = [bool(patch.get_hatch()) for patch in ax.patches[::2]]
+        assert hatched == [not row.determined for row in rows if row.peak > 1e-9 * largest]
+    assert ["not unique" in text.get_text() for text in page.axes[0].texts] == [not soft] * 4
+    with pytest.raises(sst_pin.InputError, match="a table of loads is needed, not list"):
+        plots.loads_page([])
+
+
+@pytest.mark.parametrize("ending", ["png", "svg"])
+def test_the_command_writes_a_figure_of_the_loads(tmp_path, ending, capsys):
+    _, motion = fallen("delta")
+    source, target = tmp_path / "motion.csv", tmp_path / f"bearings.{ending}"
+    motion.save(source)
+    assert main(["loads", str(source), "-o", str(target), "--robot", "delta"]) == 0
+    assert target.read_bytes()[:5] in (b"\x89PNG\r", b"<?xml")
+    assert "largest force" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("make", [sst_pin.robots.four_bar, sst_pin.robots.five_bar])
+def test_a_row_of_each_motor_shows_both_and_the_difference(make):
+    chain, t = make(), np.linspace(0, 1, 21)
+    x = np.array([chain.home[chain.position_names.index(name)] for name in chain.coordinates])
+    motion = sst_pin.coordinate_motion(chain, t, x + 0.1 * np.sin(t)[:, None])
+    page = plots.torques_page(motion, 0.5 * motion.tau)
+    assert len(page.axes) == len(chain.motor_names)
+    for ax, tau in zip(page.axes, motion.tau.T, strict=True):
+        drawn = {line.get_label(): line.get_ydata() for line in ax.lines[1:]}
+        for name, share in {"measured": 1, "predicted": 0.5, "difference": 0.5}.items():
+            np.testing.assert_array_equal(drawn[name], share * tau)
+    with pytest.raises(sst_pin.InputError, match="predicted"):
+        plots.torques_page(motion, motion.tau[1:])

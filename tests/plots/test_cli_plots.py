@@ -74,7 +74,6 @@ def test_workspace_as_picture_and_numbers(here, capsys):
 
 
 def test_a_robot_that_reaches_nothing_on_its_arcs_is_told(here, capsys, monkeypatch):
-    """This one cannot; the map, a coarse one for the test, shows the rest."""
     monkeypatch.setattr(
         sst_commands,
         "workspace_over_rolls",

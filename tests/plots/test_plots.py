@@ -19,6 +19,7 @@ from sst_pin.verification.sampling import random_state
 plots = pytest.importorskip("sst_pin.plots", reason="extra `plot` is not installed")
 motions = pytest.importorskip("sst_pin.plots.motions", reason="extra `plot` is not installed")
 figures = pytest.importorskip("matplotlib.figure", reason="extra `plot` is not installed")
+from sst_pin.plots.workspace_maps import second_kind  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -39,13 +40,6 @@ def maps(robot):
     return at_psi, workspace_over_rolls(robot, rolls=24, rings=21, spokes=60)
 
 
-def swing(robot, seed=3):
-    """A short motion of any robot: it falls."""
-    R, _, _ = random_state(robot, np.random.default_rng(seed))
-    q = robot.inverse_kinematics(R)
-    return robot.simulate(np.zeros(3), q, np.zeros(3), np.linspace(0, 0.05, 21), rtol=1e-8)
-
-
 def axes(projection=None):
     return figures.Figure().add_subplot(projection=projection)
 
@@ -62,7 +56,6 @@ CURVES = {
 
 @pytest.mark.parametrize("name", CURVES)
 def test_curves_are_drawn_where_asked_with_units_and_legend(sticky, circle, name):
-    """The axes that went in come out; every curve has an entry of its own."""
     ax, draw = axes(), getattr(plots, name)
     robot = () if name in ("motor_torques", "joint_angles") else (sticky,)
     assert draw(ax, *robot, circle) is ax
@@ -85,11 +78,10 @@ def curve(ax, label):
 
 
 def test_curves_are_what_the_robot_computes(sticky, circle):
-    """Angles in degrees, rates of all joints, powers of the motors and of friction."""
     rates = sticky.joint_rates(circle.q, circle.va)
     ax = plots.joint_rates(axes(), sticky, circle)
-    assert np.array_equal(curve(ax, r"$\dot\mu_2$"), rates[:, 4])
-    assert np.array_equal(curve(ax, r"$\dot\gamma_3$"), rates[:, 6])
+    names = [rf"$\dot\{letter}_{k}$" for k in (1, 2, 3) for letter in ("gamma", "mu", "beta")]
+    assert np.array_equal([curve(ax, name) for name in names], rates.T)
     assert np.abs(rates[:, ::3] - circle.va).max() < 1e-12
     assert np.array_equal(
         curve(plots.joint_angles(axes(), circle), r"$\beta_3$"), np.degrees(circle.q[:, 8])
@@ -114,15 +106,7 @@ def test_energy_drawn_is_balanced(sticky, circle):
     balance = energy_balance(sticky, circle)
     assert [energy[0] for energy in balance] == [0] * 4
     assert (np.diff(balance.friction) < 0).all()
-    wrong = sst_pin.Trajectory(
-        circle.t,
-        circle.q,
-        circle.va,
-        circle.aa,
-        1.1 * circle.tau,
-        circle.joint_names,
-        circle.actuated,
-    )
+    wrong = sticky.trajectory(circle.t, circle.q, circle.va, circle.aa, 1.1 * circle.tau)
     assert np.abs(energy_balance(sticky, wrong).error).max() > 0.1
 
 
@@ -155,14 +139,11 @@ def test_condition_number_near_a_singularity_is_logarithmic(robot):
     worst = robot.singularities(q).condition_number.argmax()
     assert robot.singularities(q[worst]).condition_number > 20
     zero = np.zeros((2, 3))
-    near = sst_pin.Trajectory(
-        (0, 1), q[[0, worst]], zero, zero, zero, motion.joint_names, motion.actuated
-    )
+    near = robot.trajectory((0, 1), q[[0, worst]], zero, zero, zero)
     assert plots.condition_number(axes(), robot, near).get_yscale() == "log"
 
 
 def test_spheres_look_like_spheres(robot, circle, maps):
-    """Equal scales along all axes, and the paths are on the sphere."""
     ax = plots.paths_on_sphere(axes("3d"), robot, [("path", circle)])
     spans = [np.ptp(limits) for limits in (ax.get_xlim(), ax.get_ylim(), ax.get_zlim())]
     assert np.ptp(spans / np.asarray(ax._box_aspect)) < 1e-12
@@ -181,7 +162,7 @@ def test_curves_of_the_second_kind_are_singular(robot):
 
     def along(rings):
         workspace = workspace_at(robot, psi, rings=rings, spokes=2 * (rings - 1))
-        s = np.concatenate(plots.second_kind(robot, workspace))
+        s = np.concatenate(second_kind(robot, workspace))
         theta, phi = np.arctan2(s[:, 1], s[:, 0]), np.arccos(s[:, 2])
         q = robot.inverse_kinematics(sst_pin.orientation(theta, phi, psi))
         found = robot.singularities(q)
@@ -207,14 +188,13 @@ def test_curves_of_the_second_kind_are_where_the_robot_says(robot):
     theta = np.radians(np.linspace(0, 90, 2001))
     q = robot.inverse_kinematics(sst_pin.orientation(theta, phi, psi))
     crossing = theta[robot.singularities(q).second_kind.argmin()]
-    curves = np.concatenate(plots.second_kind(robot, workspace_at(robot, psi)))
+    curves = np.concatenate(second_kind(robot, workspace_at(robot, psi)))
     s = sst_pin.orientation(crossing, phi, psi)[:, 0]
     # Within the steps of the path and of the map.
     assert np.degrees(np.arccos((curves @ s).max())) < 0.5
 
 
 def test_pages_are_legible(sticky, circle, robot, maps, monkeypatch):
-    """No text on another, none cut off: a motion, the workspace."""
     require_legible(plots.motion_page(sticky, circle, plots.SUBJECTS), monkeypatch)
     s = sst_pin.paper_circle(np.linspace(0, paper.PERIOD, 61)).R[:, :, 0]
     require_legible(plots.workspace_page(robot, *maps, ("circle", s)), monkeypatch)
@@ -224,13 +204,12 @@ def test_pages_are_legible(sticky, circle, robot, maps, monkeypatch):
     "odd", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in (1, 2, 3))], indirect=True
 )
 def test_pages_of_odd_robots_are_legible(odd, monkeypatch):
-    """Whatever the geometry; some have nothing on their arcs."""
-    require_legible(plots.motion_page(odd, swing(odd)), monkeypatch)
-    maps = (
-        workspace_at(odd, -1.0, rings=21, spokes=60),
-        workspace_over_rolls(odd, rolls=24, rings=21, spokes=60),
-    )
-    page = plots.workspace_page(odd, *maps)
+    R, _, _ = random_state(odd, np.random.default_rng(3))
+    start, t = (np.zeros(3), odd.inverse_kinematics(R), np.zeros(3)), np.linspace(0, 0.05, 21)
+    require_legible(plots.motion_page(odd, odd.simulate(*start, t, rtol=1e-8)), monkeypatch)
+    at_psi = workspace_at(odd, -1.0, rings=21, spokes=60)
+    over_rolls = workspace_over_rolls(odd, rolls=24, rings=21, spokes=60)
+    page = plots.workspace_page(odd, at_psi, over_rolls)
     require_legible(page, monkeypatch)
     assert "\N{MINUS SIGN}57.2" in page.axes[0].get_title()
 
@@ -292,18 +271,16 @@ def test_a_star_is_drawn_at_its_own_size(radius):
 
 
 def test_a_page_says_what_the_machine_cannot_take(robot, monkeypatch):
-    """Below the curves, legible; nothing where there is nothing to say."""
     t = np.linspace(0, 1, 31)
     angles = np.full_like(t, np.radians(20)), np.radians(60 + 110 * t)
     rates = sst_pin.interpolate_orientations(t, sst_pin.orientation(*angles), t)
     q, va, aa = robot.joint_motion(*rates)
-    names = robot.joint_names
-    off = sst_pin.Trajectory(t, q, va, aa, np.zeros_like(va), names, names[::3])
+    off = robot.trajectory(t, q, va, aa, 0 * va)
     figure = plots.motion_page(robot, off, ("path", "joints"))
     for finding in robot.check(off):
         assert f"Warning: {finding}" in figure.get_supxlabel()
     require_legible(figure, monkeypatch)
-    within = sst_pin.Trajectory(t, q[[0] * 31], va, aa, 0 * va, names, names[::3])
+    within = robot.trajectory(t, q[[0] * 31], va, aa, 0 * va)
     assert plots.motion_page(robot, within, ("joints",)).get_supxlabel() == ""
 
 

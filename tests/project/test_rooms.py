@@ -45,6 +45,7 @@ FORWARDING = {
             "simulate",
             "rollout",
             "check",
+            "_verdicts",
             "loads",
             "_moving_load",
             "show",

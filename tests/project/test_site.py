@@ -14,7 +14,7 @@ import pytest
 
 import make_site
 import sst_pin
-from browser import chromium, needs_browser, visit  # noqa: F401
+from browser import needs_browser, visit
 
 ROOT = Path(__file__).resolve().parents[2]
 pytestmark = pytest.mark.slow
@@ -114,7 +114,7 @@ def test_zensical_builds_the_same_pages_without_a_warning(site, project):
 
 
 @needs_browser
-def test_a_page_of_a_robot_is_alive(site, chromium):  # noqa: F811
+def test_a_page_of_a_robot_is_alive(site, chromium):
     with visit(chromium, (site / "robots" / "four_bar.html").as_uri()) as visited:
         visited.page.locator("iframe.live").scroll_into_view_if_needed()
         (live,) = visited.page.frames[1:]
@@ -126,7 +126,7 @@ def test_a_page_of_a_robot_is_alive(site, chromium):  # noqa: F811
 @needs_browser
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("width", [390, 1440])
-def test_browser_stays_here_and_pages_fit(site, chromium, width, scheme):  # noqa: F811
+def test_browser_stays_here_and_pages_fit(site, chromium, width, scheme):
     for name in ("index", "theory", "reference/sst", "paper"):
         url = (site / f"{name}.html").as_uri()
         with visit(chromium, url, width, 844) as visited:

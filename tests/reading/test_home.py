@@ -13,7 +13,7 @@ import pytest
 
 import sst_pin
 from sst_pin.chain.starts import start_of
-from sst_pin.compiled.compiled_backend import sample_configurations
+from sst_pin.compiled.generator_inputs import sample_configurations
 
 ROOT = Path(__file__).resolve().parents[2]
 _SRDF = """<robot name="sst"><group_state name="home" group="all">
@@ -116,9 +116,57 @@ def test_a_home_of_unknown_joints_or_no_numbers_is_refused(folder, name, value, 
     assert told(folder) == [f"error: srdf: {text}"]
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "text"),
+    [
+        ('name="home" ', "", "a group_state has no name"),
+        ('value="1"', 'value="1"/><joint name="left_knee" value="2"', "left_knee has two values"),
+        ("left_knee", "ball", "ball value='1' is not 4 numbers"),
+        ('left_knee" value="1"', 'ball" value="0 0 0 0"', "a rotation in it has no direction"),
+        ("left_knee", "cross", "cross is cross_X and cross_Y here"),
+        ("left_knee", "weld", "weld is fixed at zero, not at 1"),
+    ],
+)
+def test_a_pose_that_would_lose_a_value_is_refused(folder, old, new, text):
+    """Of a joint that the YAML makes a ball, or a universal joint, too; `validate` tells it."""
+    put_home(folder, left_knee=1)
+    write_arm(folder)
+    (folder / "sst.srdf").write_text((folder / "sst.srdf").read_text().replace(old, new))
+    with pytest.raises(sst_pin.DescriptionError, match=text) as caught:
+        read(folder)
+    assert "sst.srdf" in str(caught.value)
+    assert [text in problem for problem in told(folder)] == [True]
+
+
+def test_states_of_several_groups_with_one_name_are_one_pose(folder):
+    """As MoveIt has them; a joint may be in two groups, and fixed joints stand at zero."""
+    put_home(folder, left_knee=1)
+    write_arm(folder)
+    more = _SRDF.format('<joint name="left_knee" value="1.0"/><joint name="ball" value="0 0 3 4"/>')
+    path = folder / "sst.srdf"
+    path.write_text(path.read_text().replace("</robot>", more.partition(">")[2]))
+    chain = read(folder)
+    q = chain.model.referenceConfigurations["home"]
+    np.testing.assert_allclose(q, [1, 0, 0, 0.6, 0.8, 0, 0], atol=1e-15)
+
+
+def write_arm(folder):
+    """A hinge, a ball, a universal joint and a weld, in the place of the SST."""
+    links = "".join(f'<link name="l{k}"/>' for k in range(5))
+    joints = "".join(
+        f'<joint name="{name}" type="revolute"><parent link="l{k}"/><child link="l{k + 1}"/>'
+        '<limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
+        for k, name in enumerate(("left_knee", "ball", "cross", "weld"))
+    )
+    (folder / "sst.urdf").write_text(f'<robot name="arm">{links}{joints}</robot>')
+    types = "joint_name: [ball, cross, weld]\njoint_type: [SPHERICAL, UJOINT_XY, FIXED]\n"
+    (folder / "sst.yaml").write_text("name_mot: [left_knee]\n" + types)
+
+
 def test_home_leaves_out_locked_joints(folder):
     put_home(folder, **named(sst_pin.SST().home, 9))
-    chain = read(folder, locked=["mu_1"])
+    with pytest.warns(sst_pin.DescriptionWarning, match="mu_1 is fixed at zero, not at 1.57"):
+        chain = read(folder, locked=["mu_1"])
     np.testing.assert_allclose(
         chain.model.referenceConfigurations["home"],
         np.delete(sst_pin.SST().home, 1),
@@ -158,6 +206,22 @@ def test_a_keyframe_puts_quaternions_into_pinocchios_order(tmp_path):
         if joint != "hinge":  # whose axes `ref` turns
             matrix = state.body(body).xmat.reshape(3, 3)
             np.testing.assert_allclose(placed.rotation, matrix, atol=1e-12)
+
+
+@pytest.mark.parametrize("shift", ["1 0 0", "0 0 0"])
+def test_a_keyframe_that_moves_the_base_is_refused(tmp_path, shift):
+    """A mocap body is fixed here; what a keyframe says of locked joints is told."""
+    path = Path(tmp_path, "base.xml")
+    path.write_text(f"""<mujoco><worldbody><body name="cart" mocap="true" pos="0 0 0"/>
+<body><joint name="a"/><geom size=".1"/><body><joint name="b"/><geom size=".1"/></body></body>
+</worldbody><keyframe><key name="home" qpos="1 2" mpos="{shift}"/></keyframe></mujoco>""")
+    if shift != "0 0 0":
+        with pytest.raises(sst_pin.DescriptionError, match="key home: it moves the mocap body car"):
+            sst_pin.ClosedChain.from_mjcf(path)
+        return
+    with pytest.warns(sst_pin.DescriptionWarning, match="key home: b is locked elsewhere"):
+        chain = sst_pin.ClosedChain.from_mjcf(path, locked=["b"])
+    assert chain.model.referenceConfigurations["home"] == [1]
 
 
 def test_a_generic_configuration_lies_near_home():

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Whatever an MJCF may say, in any attribute of MuJoCo's schema, is read rightly or refused."""
 
+import re
 import xml.etree.ElementTree as ET
 from copy import deepcopy
 
@@ -16,7 +17,7 @@ from sst_pin.reading.mjcf import read_mjcf
 #: A tree of hinges and slides with an instance of every element that can act on its joints.
 BASE = """
 <mujoco>
-<compiler/><option><flag/></option><size/>
+<compiler/><option actuatorgroupdisable="3"><flag/></option><size/>
 <default><joint/><geom/><site/><equality/><tendon/></default>
 <worldbody>
   <body name="a" pos="0.1 0.2 0.3"><inertial pos="0 0 .1" mass="2" diaginertia=".2 .3 .4"/>
@@ -34,8 +35,9 @@ BASE = """
   <tendon name="t" tendon1="sum"/></equality>
 <actuator><general joint="a"/><motor joint="a"/><position joint="b"/><velocity joint="b"/>
   <intvelocity joint="a" actrange="-1 1"/><damper joint="a" ctrlrange="0 1" kv="1"/>
-  <cylinder joint="a"/>
-  <muscle tendon="sum"/></actuator>
+  <cylinder joint="a"/><pid joint="a" kp="1" kv="1" input="pos vel ff"/>
+  <muscle tendon="sum"/><dcmotor joint="b" motorconst=".1" resistance="1" input="pos vel"/>
+  <orientation site="at_a" refsite="at_b" kp="1" group="3"/></actuator>
 <contact><pair geom1="shape" geom2="shape"/><exclude body1="a" body2="d"/></contact>
 <keyframe><key name="home"/></keyframe>
 </mujoco>
@@ -46,8 +48,7 @@ ELSEWHERE = {
     "compiler/lengthrange", "statistic", "extension", "asset", "sensor", "visual", "custom",
     "(world)body/attach", "(world)body/camera", "(world)body/light", "(world)body/flexcomp",
     "deformable", "tendon/spatial/geom", "tendon/spatial/pulley", "(world)body/freejoint",
-    "equality/flex", "equality/flexstrain", "actuator/orientation", "actuator/pid",
-    "actuator/adhesion", "actuator/dcmotor", "actuator/plugin", "default",
+    "equality/flex", "equality/flexstrain", "actuator/adhesion", "actuator/plugin", "default",
     "(world)body/plugin", "(world)body/geom/plugin",
 }  # fmt: skip
 
@@ -134,6 +135,31 @@ def test_every_attribute_is_read_as_mujoco_reads_it_or_refused(tmp_path, name):
     assert taken
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        '<pid joint="a" kp="1" kv="1" input="pos vel"/><motor joint="b"/>',
+        '<motor joint="d"/><dcmotor joint="b" motorconst=".1" resistance="1" input="pos vel"/>',
+        '<motor tendon="sum"/><pid joint="d" kp="1" kv="1" gear="2"/><motor joint="a" gear="3"/>',
+    ],
+)
+def test_the_motors_push_where_the_actuators_do(tmp_path, text):
+    """Whatever the number of their controls; up to the gear, against MuJoCo's own moment arms."""
+    path = tmp_path / "r.xml"
+    path.write_text(
+        re.sub("<actuator>.*</actuator>", f"<actuator>{text}</actuator>", BASE, flags=re.S)
+    )
+    mj = mujoco.MjModel.from_xml_path(str(path))
+    data, moments = mujoco.MjData(mj), np.zeros((mj.nactuator, mj.nv))
+    mujoco.mj_forward(mj, data)
+    found = data.moment_rownnz, data.moment_rowadr, data.moment_colind
+    mujoco.mju_sparse2dense(moments, data.actuator_moment, *found)
+    for motor, row in zip(read_mjcf(path).actuated, moments, strict=True):
+        shares = {motor: 1.0} if isinstance(motor, str) else motor
+        ours = np.array([shares.get(name, 0.0) for name in ("a", "b", "d")])
+        np.testing.assert_allclose(row / np.linalg.norm(row), ours / np.linalg.norm(ours))
+
+
 FLEX = """<mujoco><worldbody><flexcomp name="flex" type="grid" count="3 {}" spacing=".1 .1 .1"
   mass="1" radius=".01">{}</flexcomp></worldbody></mujoco>"""
 
@@ -156,6 +182,7 @@ FLEX = """<mujoco><worldbody><flexcomp name="flex" type="grid" count="3 {}" spac
             "bending stiffness of a flex",
         ),
         (BASE.replace('damping="0.2"', 'springyield="0.1"'), "the yield of a spring"),
+        (BASE.replace('size=".1 .2 .3"', 'size=".1 .2 .3" adhesion="5"'), "adhesion of a geom"),
     ],
 )
 def test_what_acts_and_is_not_read_is_named(tmp_path, text, problem):

@@ -24,6 +24,12 @@ def delta(tmp_path):
     return tmp_path / "delta.urdf"
 
 
+@pytest.fixture
+def shipped(tmp_path):
+    """The files of the SST, which may be changed."""
+    return shutil.copytree(Path(sst_pin.URDF_PATH).parent, tmp_path / "sst")
+
+
 @pytest.mark.parametrize(
     "read",
     [
@@ -35,11 +41,9 @@ def delta(tmp_path):
         lambda path: main(["validate", str(path)]),
     ],
 )
-def test_each_file_of_a_robot_is_opened_once(read, monkeypatch, tmp_path, capsys):
+def test_each_file_of_a_robot_is_opened_once(read, monkeypatch, shipped, capsys):
     """URDF, YAML and SRDF, by all that is made of them; meshes are asked for by Pinocchio."""
-    source = Path(sst_pin.URDF_PATH)
-    shutil.copytree(source.parent, tmp_path / "sst")
-    path = tmp_path / "sst" / source.name
+    path = shipped / Path(sst_pin.URDF_PATH).name
     opened, plain = [], io.open
 
     def count(file, *args, **options):
@@ -105,6 +109,44 @@ def test_an_sst_brings_the_poses_of_its_files():
     assert ours == theirs != []
 
 
+@pytest.mark.parametrize("new", ["<connect ", '<weld torquescale="0" '])
+def test_an_mjcf_that_holds_only_points_is_no_sst(shipped, new):
+    path = shipped / Path(sst_pin.MJCF_PATH).name
+    path.write_text(path.read_text().replace("<weld ", new))
+    assert [c.kind for c in sst_pin.ClosedChain.from_mjcf(path).closures] == ["3d", "3d"]
+    with pytest.raises(sst_pin.DescriptionError, match=r"B \(3d\).*an SST has the welds \(6d\)"):
+        sst_pin.SST.from_mjcf(path)
+
+
+@pytest.mark.parametrize("read", [sst_pin.SST.from_urdf, sst_pin.load])
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("[6d, 6d]", "[3d, 6d]"),
+        ("closedloop2_A, closedloop2_B", "closedloop1_A, closedloop1_B"),
+        ("gamma_3]", "mu_3]"),
+    ],
+)
+def test_a_yaml_of_other_cuts_is_no_sst(shipped, read, old, new):
+    path = shipped / "sst.yaml"
+    path.write_text(path.read_text().replace(old, new))
+    with pytest.raises(sst_pin.DescriptionError, match="an SST has") as caught:
+        read(shipped / "sst.urdf")
+    assert str(path) in str(caught.value)
+
+
+def test_an_sst_brings_the_poses_of_its_keyframes(shipped):
+    path = shipped / Path(sst_pin.MJCF_PATH).name
+    path.write_text(path.read_text().replace('<key name="home"', '<key name="shown"'))
+    kinds = (sst_pin.SST, sst_pin.ClosedChain)
+    ours, theirs = (
+        {p.key(): p.data().tolist() for p in kind.from_mjcf(path).model.referenceConfigurations}
+        for kind in kinds
+    )
+    assert ours == theirs
+    assert "shown" in ours
+
+
 TENDON = (
     '<tendon><spatial stiffness="1"><site site="P_1"/><site site="E"/></spatial></tendon></mujoco>'
 )
@@ -114,22 +156,18 @@ TENDON = (
     ("old", "new"),
     [('<joint name="mu_1"', '<joint name="mu_1" stiffness="2"'), ("</mujoco>", TENDON)],
 )
-def test_springs_of_an_mjcf_are_not_lost_in_an_sst(tmp_path, old, new):
+def test_springs_of_an_mjcf_are_not_lost_in_an_sst(shipped, old, new):
     """`Parameters` have none, so the file is refused."""
-    shutil.copytree(Path(sst_pin.MJCF_PATH).parent, tmp_path / "sst")
-    path = tmp_path / "sst" / Path(sst_pin.MJCF_PATH).name
+    path = shipped / Path(sst_pin.MJCF_PATH).name
     path.write_text(path.read_text().replace(old, new, 1))
     with pytest.raises(sst_pin.DescriptionError, match="no springs"):
         sst_pin.SST.from_mjcf(path)
 
 
-def test_the_shapes_of_an_mjcf_stay_with_its_robot(tmp_path):
+def test_the_shapes_of_an_mjcf_stay_with_its_robot(shipped):
     """The file is compiled once; a copy in another process needs it no more."""
-    folder = Path(sst_pin.MJCF_PATH).parent
-    shutil.copytree(folder, tmp_path / "sst")
-    path = tmp_path / "sst" / Path(sst_pin.MJCF_PATH).name
-    chain = sst_pin.ClosedChain.from_mjcf(path)
-    shutil.rmtree(tmp_path / "sst")
+    chain = sst_pin.ClosedChain.from_mjcf(shipped / Path(sst_pin.MJCF_PATH).name)
+    shutil.rmtree(shipped)
     bodies = [
         len(c.visual_model.geometryObjects) for c in (chain, pickle.loads(pickle.dumps(chain)))
     ]

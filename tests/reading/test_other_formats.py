@@ -239,6 +239,26 @@ def test_joints_that_are_not_dependent_have_the_motors_of_a_urdf_plus(tmp_path):
         (CUT.replace('link="3"', 'link="2"'), "loop cut: connects 2 with itself"),
         (form("constraint", "prismatic", same_axis=False), "prismatic along two axes"),
         (GAZEBO.replace("0 0.4 0 0 0 0", "0 0.4 0"), "joint cut: its pose is not six numbers"),
+        (GAZEBO.replace("<xyz>", '<xyz expressed_in="m">'), "joint cut: <xyz> has no expressed_in"),
+        (
+            GAZEBO.replace("<pose>", '<pose relative_to="2">'),
+            "joint cut: <pose> has no relative_to",
+        ),
+        (GAZEBO.replace("<pose>", '<pose degrees="true">'), "<pose> with degrees 'true' is not"),
+        (
+            GAZEBO.replace("</xyz>", "</xyz><use_parent_model_frame>1</use_parent_model_frame>"),
+            "<axis> with use_parent_model_frame '1' is not",
+        ),
+        (
+            GAZEBO.replace("</xyz>", "</xyz><dynamics><damping>5</damping></dynamics>"),
+            "<dynamics> with damping '5' is not supported",
+        ),
+        (CUT.replace("<axis", '<dynamics friction="2"/><axis'), "<dynamics> with friction '2' is"),
+        (CUT.replace("<axis", '<mimic joint="crank"/><axis'), "<mimic> in <loop> is not supported"),
+        (CUT.replace("<axis", "<axs"), "loop cut: <axs> is unknown; did you mean axis"),
+        (CUT.replace("xyz", "xzy"), "<origin> has no xzy; it has xyz, rpy"),
+        (CUT.replace("<axis", "<axis/><axis"), "loop cut: 2 <axis>; only one is allowed"),
+        (f"<gazebo>{CUT}</gazebo>", "loop: it stands in another element, not in <robot>"),
         (
             '<coupling name="c"><predecessor link="1"/><successor link="3"/></coupling>',
             "coupling c: its ratio is not a number",
@@ -262,6 +282,7 @@ def test_faults_are_told_with_the_element(extra, told, tmp_path):
         ({"independent": None}, "independent: a list of joint names is needed"),
         ({"dependent": ["joint_1", "joint_1"]}, "joint_1: named twice"),
         ({"speed": 3}, "speed: unknown; known: closures, dependent, independent"),
+        ({"dependent": ["coupler", "rocker", "rod"]}, "dependent: no moving joint rod"),
     ],
 )
 def test_faults_of_loop_closures_are_told(change, told, tmp_path):

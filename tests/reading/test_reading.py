@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """What is read is what the file says, or the file is refused."""
 
+import re
 import sys
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from sst_pin.chain.closures import Coupling, Distance, Rolling
 from sst_pin.chain.mechanism import Springs
 from sst_pin.reading import Urdf
 from sst_pin.reading.mjcf import read_mjcf
+from sst_pin.reading.urdf import closing_frames
 
 LINK = """
 <link name="{name}"><inertial><origin xyz="0.1 0 0"/><mass value="1"/>
@@ -74,6 +76,15 @@ def test_a_joint_of_the_laas_schema_turns_about_its_axes_in_turn(kind, names, q,
         assert (ours[0], ours[-1]) == (theirs[0], theirs[-1])
 
 
+@pytest.mark.parametrize(("kind", "rates"), [("SPHERICAL", 3), ("UJOINT_ZX", 2)])
+def test_each_rate_of_a_joint_of_the_laas_schema_has_its_friction(kind, rates):
+    dynamics = '<dynamics damping="2" friction="0.5"/><limit'
+    urdf = Urdf(chain_urdf("revolute", "revolute").replace("<limit", dynamics, 1), "test")
+    model = urdf.tree({"j0": kind})
+    np.testing.assert_array_equal(model.damping, [2.0] * rates + [0])
+    np.testing.assert_array_equal(model.friction, [0.5] * rates + [0])
+
+
 def _about(axes, q):
     turns = [
         pin.AngleAxis(x, np.eye(3)["XYZ".index(a)]).matrix() for a, x in zip(axes, q, strict=True)
@@ -94,6 +105,15 @@ def mimic(leader, *kinds, more=""):
         ("<robot name='x'/>", "not a URDF"),
         (chain_urdf("planar"), "joint j0: planar about 0 1 0"),
         (chain_urdf("revolute"), "joint j7 is missing"),
+        (chain_urdf("fixed", "revolute"), "joint j0: SPHERICAL, but fixed in the URDF"),
+        (
+            chain_urdf("floating").replace("<limit", '<dynamics damping="2"/><limit'),
+            "joint j0: damping of a floating joint is not read",
+        ),
+        (
+            chain_urdf("revolute").replace('"b"', '"closing_x_1"'),
+            "closing_x_1 and closing_x_2 close a loop; one",
+        ),
         (mimic("other"), "joint j0: mimics other, which is not a joint"),
         (mimic("j0"), "joint j0: mimics itself"),
         (mimic("j1", "floating"), "joint j0: mimics j1: j1 is floating"),
@@ -101,8 +121,9 @@ def mimic(leader, *kinds, more=""):
     ],
 )
 def test_a_urdf_that_cannot_be_meant_is_refused(urdf, word):
+    kinds = {"j7": "FIXED"} if "j7" in word else {"j0": "SPHERICAL"} if "SPHER" in word else {}
     with pytest.raises(sst_pin.DescriptionError) as caught:
-        Urdf(urdf, "test").tree({"j7": "FIXED"} if "j7" in word else {})
+        list(closing_frames(Urdf(urdf, "test").tree(kinds)))
     assert word in str(caught.value)
 
 
@@ -523,6 +544,22 @@ def test_locked_joints_stay_at_their_reference(mjcf):
         ('<motor joint="jb"/>', '<motor joint="ball" gear="1 0 0"/>', "an actuator on a ball"),
         ('name="a" pos', 'name="a" gravcomp="1" pos', "compensation of gravity is not"),
         ("<option ", '<option viscosity="1" ', "a medium"),
+        (
+            '<motor joint="jb"/>',
+            '<dcmotor joint="jb" motorconst=".5" resistance="1" input="none"/>',
+            "actuator_2: it acts without a control",
+        ),
+        (
+            "<actuator>",
+            '<tendon><fixed name="t"><joint joint="ja" coef="0"/></fixed></tendon><actuator>'
+            '<motor name="m" tendon="t"/>',
+            "m: the coefficients of its tendon are 0",
+        ),
+        (
+            'name="ball" type',
+            'name="universe" type',
+            "joint universe: Pinocchio's base has this name",
+        ),
         ('damping="0.3"', 'damping="nan"', "joint ja: damping is not finite"),
         ('damping="0.3"', 'damping="-1"', "joint ja: damping -1 is negative"),
         ('armature="0.2"', 'armature="inf"', "joint ja: armature is not finite"),
@@ -550,9 +587,36 @@ def test_what_the_dynamics_would_overlook_is_refused(mjcf, old, new, word):
     assert str(mjcf) in str(caught.value)
 
 
-def with_flags(**flags):
+def with_flags(mjcf=MJCF, **flags):
     text = " ".join(f'{flag}="disable"' for flag in flags)
-    return MJCF.replace("<equality>", f"<option><flag {text}/></option><equality>")
+    return mjcf.replace("<equality>", f"<option><flag {text}/></option><equality>")
+
+
+#: Without closures, and what else does not act.
+OPEN = re.sub("<equality>.*</equality>", "<equality></equality>", MJCF, flags=re.S)
+WEIGHTLESS = MJCF.replace('gravity="0.5 -1 -9"', 'gravity="0 0 0"')
+OFF = MJCF.replace("<option ", '<option actuatorgroupdisable="3" ', 1)
+
+
+@pytest.mark.parametrize(
+    ("text", "locked", "actuated"),
+    [
+        (WEIGHTLESS.replace('name="a" pos', 'name="a" gravcomp="1" pos'), [], None),
+        (MJCF.replace('<body name="d"/>', '<body name="d" gravcomp="1"/>'), [], None),
+        (MJCF.replace('damping="0.3"', 'damping="0.3 1" stiffness="1 2"'), ["ja"], None),
+        (MJCF.replace('<position joint="ja"/>', '<motor joint="ja" damping="1"/>'), ["ja"], None),
+        (OFF.replace('<motor joint="jb"/>', '<motor site="s1" group="3"/>'), [], None),
+        (with_flags(actuation=True), [], ["ja"]),
+        (with_flags(OPEN, equality=True), [], None),
+        (with_flags(OPEN, constraint=True), [], None),
+    ],
+)
+def test_what_does_not_act_is_no_fault(mjcf, text, locked, actuated):
+    """Without weight, on locked joints, on bodies of the base, in groups that are disabled."""
+    assert text != MJCF
+    mjcf.write_text(text)
+    read = read_mjcf(mjcf, locked, actuated)
+    assert read.model.friction.any() == ("constraint=" not in text)  # which it is in MuJoCo
 
 
 def test_motors_that_are_named_count_in_the_place_of_the_files(mjcf):
@@ -634,6 +698,21 @@ def test_a_platform_may_be_free_or_on_three_slides_and_a_ball(tmp_path, joints):
     chain = sst_pin.ClosedChain.from_mjcf(path)
     report = chain.mobility()
     assert (chain.model.nv, len(chain.closures), report.degrees_of_freedom) == (9, 3, 1)
+
+
+@pytest.mark.parametrize("field", ["stiffness", "frictionloss"])
+def test_a_ball_with_springs_or_friction_is_locked_as_a_whole(mjcf, field):
+    """MuJoCo has them about the axes of the body, not about those that are left."""
+    mjcf.write_text(MJCF.replace('type="ball"', f'type="ball" {field}="1"'))
+    assert read_mjcf(mjcf, ["ball"]).model.nv == 3
+    with pytest.raises(sst_pin.DescriptionError, match="it can only be locked as a whole"):
+        read_mjcf(mjcf, ["ball_X"])
+
+
+def test_a_name_that_locks_two_joints_is_refused(mjcf):
+    mjcf.write_text(MJCF.replace('name="ja"', 'name="ball_X"').replace('"ja"', '"ball_X"'))
+    with pytest.raises(sst_pin.DescriptionError, match="ball_X is a joint and an axis of a ball"):
+        read_mjcf(mjcf, ["ball_X"])
 
 
 def test_names_that_are_no_text_are_named(mjcf):

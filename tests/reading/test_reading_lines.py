@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Forces along lines from files: spatial tendons of an MJCF, `line_force` of a YAML."""
 
+import warnings
 from pathlib import Path
 
 import mujoco
@@ -106,11 +107,32 @@ def test_tendons_that_are_no_lines_are_refused_by_name(mjcf, old, new, word):
     assert str(mjcf) in str(caught.value)
 
 
-def test_limits_of_a_spatial_tendon_are_ignored_with_a_warning(mjcf):
-    mjcf.write_text(MJCF.replace('name="idle"', 'name="idle" range="0 1" limited="true"'))
-    with pytest.warns(sst_pin.DescriptionWarning, match="tendon idle: its limits are ignored"):
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ('name="idle"', 'name="idle" range="0 1"', "tendon idle: its limits are ignored"),
+        (
+            "<tendon>",
+            '<tendon><fixed name="f" range="0 1"><joint joint="left" coef="1"/></fixed>',
+            "tendon f: its limits are ignored",
+        ),
+        (
+            "</worldbody>",
+            '<body><joint name="b" type="ball" range="0 9"/><geom size="1"/></body></worldbody>',
+            "joint b: the limit of a ball is ignored",
+        ),
+    ],
+)
+def test_limits_of_tendons_and_balls_are_ignored_with_a_warning(mjcf, old, new, told):
+    """For the line of the caller; in `validate` it is a finding."""
+    mjcf.write_text(MJCF.replace(old, new))
+    with pytest.warns(sst_pin.DescriptionWarning, match=told) as caught:
         chain = sst_pin.ClosedChain.from_mjcf(mjcf)
+    assert [warning.filename for warning in caught] == [__file__]
     assert len(chain.forces) == 4
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", sst_pin.DescriptionWarning)
+        assert f"warning: file: {told}" in map(str, sst_pin.validate(mjcf))
 
 
 def test_a_tendon_named_as_a_motor_is_a_line(mjcf):

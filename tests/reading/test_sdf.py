@@ -160,10 +160,13 @@ def test_a_model_that_nothing_holds_floats_and_gravity_is_the_worlds(tmp_path):
     assert chain.joint_names == ("floating_base",)
     R = pin.rpy.rpyToMatrix(0.3, -0.2, 0.5)  # of the model
     falls = chain.compute_accelerations(pin.neutral(chain.model), np.zeros(6), [])
-    com = np.array([0.1, 0, 0.05])
     np.testing.assert_allclose(R @ falls[:3], [0, 1.62, 0], atol=1e-12)
     np.testing.assert_allclose(falls[3:], np.zeros(3), atol=1e-12)
-    assert com.any()
+    old = text.replace("<gravity>", "<physics><gravity>").replace(
+        "</gravity>", "</gravity></physics>"
+    )
+    chain = sst_pin.ClosedChain.from_urdf(write(old.replace("1.9", "1.4"), tmp_path), actuated=[])
+    np.testing.assert_array_equal(chain.model.gravity.linear, [0, 1.62, 0])
 
 
 def test_limits_friction_and_mimicry_are_those_of_the_axis(tmp_path):
@@ -185,6 +188,13 @@ def test_limits_friction_and_mimicry_are_those_of_the_axis(tmp_path):
     assert q[1] == pytest.approx(2 * (0.4 - 0.3) + 0.1, abs=1e-12)
 
 
+A = link("a", "0 0 0 0 0 0")
+DECAY = "<velocity_decay><linear>.5</linear></velocity_decay>"
+RUBS = "<dynamics><damping>3</damping></dynamics>"
+FOLLOWS = '<mimic joint="m1"/>'
+WATER = "gz::sim::systems::Hydrodynamics"
+
+
 @pytest.mark.parametrize(
     ("parts", "told"),
     [
@@ -204,7 +214,22 @@ def test_limits_friction_and_mimicry_are_those_of_the_axis(tmp_path):
             [link("a", "0 0 0 0 0 0"), joint("j", "revolute", "world", "a", axis("0 0 0"))],
             "joint j: its <axis> is not a direction",
         ),
-        (["<include/>"], "<include> inside a model is not supported"),
+        (["<include/>"], "<include> in <model> is not supported"),
+        ([A.replace("<pose>", '<pose frame="b">', 2)], "<pose> with frame 'b' is not supported"),
+        ([A.replace("<inert", "<gravity>false</gravity><inert", 1)], "<link> with gravity 'false'"),
+        ([A.replace("<inert", "<kinematic>1</kinematic><inert", 1)], "<link> with kinematic '1'"),
+        ([A.replace("<inertial", '<inertial auto="True"')], "<inertial> with auto 'True' is not"),
+        ([A.replace("<mass", "<fluid_added_mass/><mass")], "<fluid_added_mass> in <inertial> is"),
+        ([A.replace("<inert", f"{DECAY}<inert", 1)], "<velocity_decay> with linear '.5' is not"),
+        ([A, f'<plugin name="{WATER}"/>'], f"plugin {WATER}"),
+        (
+            [A, joint("j", "ball", "world", "a", axis("0 0 1", RUBS))],
+            "joint j: ball, and does not have the axis of its axis/dynamics/damping",
+        ),
+        (
+            [*FIVE_BAR, joint("tip", "revolute", "left_rod", "right_rod", axis("0 1 0", FOLLOWS))],
+            "joint tip: closes a loop and has mimic",
+        ),
         (
             [
                 link("a", "0 0 0 0 0 0"),
@@ -230,10 +255,16 @@ def test_faults_are_told_with_the_element(parts, told, tmp_path):
     assert any(told in str(problem) for problem in sst_pin.validate(path))
 
 
-def test_one_model_that_moves_is_needed(tmp_path):
+def test_one_model_that_moves_is_needed_in_one_world(tmp_path):
     for text in ('<sdf version="1.7"/>', '<sdf version="1.7"><model/><model/></sdf>'):
         with pytest.raises(sst_pin.DescriptionError, match="models that move; one is needed"):
             Urdf.read(write(text, tmp_path))
+    ground = '<model name="g"><static>{}</static><plugin name="water" filename="w"/></model>'
+    for word in ("true", "True", "1"):
+        text = sdf(link("a", "0 0 0 0 0 0"), world=ground.format(word))
+        assert Urdf.read(write(text, tmp_path)).joint_names == ["floating_base"]
+    with pytest.raises(sst_pin.DescriptionError, match="2 worlds; one is needed"):
+        Urdf.read(write(text.replace("</sdf>", '<world name="v"/></sdf>'), tmp_path))
 
 
 def test_axes_are_in_the_joints_frame_since_version_1_5(tmp_path):
@@ -251,6 +282,43 @@ def test_axes_are_in_the_joints_frame_since_version_1_5(tmp_path):
         tilted.append(turns[:, 0] @ np.cross(turns[:, 1], [0.3, -0.2, 0.5]))
     assert tilted[0] != pytest.approx(tilted[1])
     assert tilted[1:] == pytest.approx([tilted[1]] * 4)
+
+
+def test_the_placement_frame_of_a_model_stands_where_its_pose_says(tmp_path):
+    """Degrees in any spelling of true; the links' frames are those of their joints."""
+    parts = [
+        link("a", "0 0 0.3 0.1 0 0"),
+        link("b", "0 0.2 0.5 0.1 0.2 0.3"),
+        joint("j_a", "revolute", "world", "a", axis("0 1 0")),
+        joint("j_b", "revolute", "a", "b", axis("1 0 0")),
+    ]
+    text = sdf("".join(parts), "1 2 3 0 90 30").replace('name="r"', 'name="r" placement_frame="b"')
+    text = text.replace("<pose>1 2", '<pose degrees="True">1 2')
+    chain = sst_pin.ClosedChain.from_urdf(write(text, tmp_path), actuated=[])
+    data = chain.model.createData()
+    pin.framesForwardKinematics(chain.model, data, np.zeros(2))
+    found = data.oMf[chain.model.getFrameId("b")]
+    np.testing.assert_allclose(found.translation, [1, 2, 3], atol=1e-12)
+    R = pin.rpy.rpyToMatrix(0, np.pi / 2, np.pi / 6)
+    np.testing.assert_allclose(found.rotation, R, atol=1e-12)
+
+
+def test_a_joint_written_from_far_to_near_keeps_its_limits(tmp_path):
+    """Its position is the turn of its child in its parent, whichever of them comes first."""
+    limits = "<limit><lower>-0.2</lower><upper>0.7</upper></limit>"
+    turn = joint("j", "revolute", "b", "a", axis("1 0 0", limits))
+    parts = [
+        link("a", "0 0 0 0 0 0"),
+        link("b", "0 0 0 0 0 0"),
+        joint("weld", "fixed", "world", "a"),
+        turn,
+    ]
+    model = sst_pin.ClosedChain.from_urdf(write(sdf("".join(parts)), tmp_path), actuated=[]).model
+    assert (model.lowerPositionLimit[0], model.upperPositionLimit[0]) == (-0.2, 0.7)
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, np.array([0.7]))
+    a, b = (data.oMf[model.getFrameId(name)].rotation for name in "ab")
+    np.testing.assert_allclose(pin.log3(b.T @ a), [0.7, 0, 0], atol=1e-12)
 
 
 @pytest.mark.parametrize("version", ["", "latest", "1.x", "nan"])

@@ -133,6 +133,11 @@ def test_friction_that_cannot_be_is_refused(files, text):
             lambda joint, link: ET.SubElement(link.find("inertial"), "mass", value="2"),
             "2 <mass>; only one is allowed",
         ),
+        (
+            lambda joint, link: setattr(link.find("inertial"), "tag", "{http://x/xacro}inertial"),
+            "this is a xacro file",
+        ),
+        (lambda joint, link: joint.set("name", "universe"), "Pinocchio's base has this name"),
         (lambda joint, link: link.set("name", "base"), "link base: 2 have this name"),
         (lambda joint, link: joint.attrib.pop("name"), "joint: 1 without a name"),
         (lambda joint, link: joint.find("parent").set("link", "bass"), "parent bass is not a link"),
@@ -144,6 +149,19 @@ def test_what_would_be_read_as_something_else_is_refused(files, change, word):
     kind, root, write = files
     change(*moving(root))
     assert any(word in problem for problem in refused(kind, write()))
+
+
+def test_what_makers_add_to_the_dynamics_of_joints_is_told(files):
+    """Stiffness and friction of Franka's own, for one; a zero is nothing."""
+    kind, root, write = files
+    joint, _ = moving(root)
+    joint[:] = [child for child in joint if child.tag != "dynamics"]
+    ET.SubElement(joint, "dynamics", damping="0", K="7000", mu_coulomb="0")
+    text = f"joints {joint.get('name')}: dynamics K=... is not read"
+    with pytest.warns(sst_pin.DescriptionWarning, match=text) as caught:
+        kind.from_urdf(path := write())
+    assert [warning.filename for warning in caught] == [__file__]
+    assert f"warning: {text}" in map(str, sst_pin.validate(path))
 
 
 def test_all_faults_of_a_urdf_are_told_at_once(files):
@@ -257,6 +275,7 @@ CUTS = "closed_loop: [[a, b]]\ntype: [6d]\nname_mot: [c]\n"
     [
         (CUTS + "gravitiy: [0, 0, -1.62]", "gravitiy: unknown; known: closed_loop, type"),
         (CUTS + "gravity: [0, 0, -1]\ngravity: [0, 0, -9.81]", "gravity: appears twice"),
+        (CUTS + "line_force: [{frames: [a, b], damping: 1, damping: 2}]", "damping: appears twice"),
         (CUTS + "gravity: [0, no, -9.81]", "gravity: ['0', 'no', '-9.81'] is not a list of three"),
         (CUTS + "gravity: [0, 0, .nan]", "gravity: "),
         (CUTS + "gravity: [0, 0, 2020-13-45]", "gravity: "),
@@ -334,6 +353,18 @@ def test_a_pose_that_cannot_be_read_is_refused(tmp_path, old, new, word):
     assert str(srdf) in str(caught.value)
 
 
+@pytest.mark.parametrize("encoding", ["iso-8859-1", "utf-16", "utf-8-sig"])
+def test_a_description_is_read_in_the_encoding_that_it_declares(tmp_path, encoding):
+    """A mark of the byte order is no part of it."""
+    kind, source = ROBOTS["delta"]
+    path, head = tmp_path / "delta.urdf", f'<?xml version="1.0" encoding="{encoding[:10]}"?>'
+    text = source.read_text().replace('<?xml version="1.0"?>', head.replace("-sig", ""))
+    path.write_bytes(text.replace("A delta", "Länge").encode(encoding))
+    cuts = source.with_suffix(".yaml").read_text()
+    path.with_suffix(".yaml").write_text(cuts, encoding="utf-8-sig")
+    assert kind.from_urdf(path).mobility().degrees_of_freedom == 3
+
+
 @pytest.mark.parametrize("content", [b"\xff\xfe\x00", "<robot name='ä'/>".encode("latin-1")])
 def test_a_file_that_is_no_text_is_named(tmp_path, content):
     path = tmp_path / "robot.urdf"
@@ -341,14 +372,6 @@ def test_a_file_that_is_no_text_is_named(tmp_path, content):
     for kind, _ in ROBOTS.values():
         with pytest.raises(sst_pin.DescriptionError, match=r"robot\.urdf:\s+the URDF cannot be"):
             kind.from_urdf(path)
-
-
-def test_a_mark_of_the_byte_order_is_no_part_of_a_description(tmp_path):
-    kind, source = ROBOTS["delta"]
-    for suffix in (".urdf", ".yaml"):
-        content = source.with_suffix(suffix).read_bytes()
-        (tmp_path / "delta").with_suffix(suffix).write_bytes(b"\xef\xbb\xbf" + content)
-    assert kind.from_urdf(tmp_path / "delta.urdf").mobility().degrees_of_freedom == 3
 
 
 @pytest.mark.parametrize("path", ["", "/", "a\0b", "x" * 5000, "/dev/zero", "none.urdf"])

@@ -258,6 +258,7 @@ def test_bodies_that_are_drawn_where_their_joints_do_not_let_them_be_give_no_hom
     assert not named_home(ClosedChain.from_urdf(written(tmp_path / "apart.usda", parts)))
 
 
+SCENE = 'def PhysicsScene "{}" {{\nfloat physics:gravityMagnitude = {}\n}}\n'
 CUT = "uniform bool physics:excludeFromArticulation = 1"
 WRONG_LIMITS = "float physics:lowerLimit = 5\nfloat physics:upperLimit = 1"
 FLAT = bar("x", 0, 1).replace("= (0, 0, 0)", "= (1, 0, 1)").replace(":translate", ":scale")
@@ -268,13 +269,31 @@ FLAT = bar("x", 0, 1).replace("= (0, 0, 0)", "= (1, 0, 1)").replace(":translate"
     [
         (bar("x", 0, 1).replace("float physics:mass = 500", ""), "no physics:mass, which USD"),
         (bar("x", 0, 1).replace("(10000, 2", "(0, 0, 0) #"), "no physics:diagonalInertia"),
-        (bar("x", 0, 1, "bool physxRigidBody:disableGravity = 1"), "disableGravity: no weight"),
+        (bar("x", 0, 1, "bool physxRigidBody:disableGravity = 1"), "disableGravity is not read"),
         (joint("x", "", "/crank", kind="PhysicsDistanceJoint"), "PhysicsDistanceJoint is not"),
         (joint("x", "", "/crank", kind="PhysicsJoint"), "type PhysicsJoint is not supported"),
         (joint("x", "", "/nowhere"), "/x: body1: no prim /nowhere"),
         (joint("x", "/crank", "/crank"), "connects crank with itself"),
-        (joint("x", "", "/crank", more="float physxJoint:armature = 0.1"), "an armature is not"),
+        (
+            joint("x", "", "/crank", more="float physxJoint:armature = 0.1"),
+            "physxJoint:armature is not read",
+        ),
         (joint("x", "", "/crank", apis="PhysxMimicJointAPI:rotX"), "JointAPI:rotX is not read"),
+        *(
+            (joint("x", "", "/crank", more=f"{kind} {name} = {value}"), f"{name} is not read")
+            for kind, name, value in (
+                ("float", "physxJointAxis:angular:armature", 3),
+                ("double", "mjc:armature", 3),
+                ("double", "mjc:stiffness", 30),
+                ("float", "newton:friction", 3),
+                ("float", "newton:gravityScale", 0),
+                ("bool", "physxRigidBody:enableGyroscopicForces", 0),
+                ("rel", "newton:mimicJoint", "</turn>"),
+            )
+        ),
+        (joint("x", "", "/crank", apis="NewtonMimicAPI"), "NewtonMimicAPI is not read"),
+        ('def MjcTendon "t" {}', "MjcTendon is not read"),
+        (SCENE.format("a", 3) + SCENE.format("b", 4), "several scenes with different gravity"),
         (joint("x", "", "/rocker", more=CUT, apis="PhysicsDriveAPI:angular"), "x: closes a loop"),
         (joint("x", "", "/crank", more=WRONG_LIMITS), "its lower limit is above"),
         (FLAT, "shears, mirrors or is singular"),
@@ -286,6 +305,18 @@ def test_what_acts_and_is_not_read_is_refused_by_name(part, told, tmp_path):
         ClosedChain.from_urdf(path)
     assert told in str(caught.value)
     assert any(told in str(problem) for problem in sst_pin.validate(path))
+
+
+def test_what_is_added_and_moves_nothing_is_no_fault(tmp_path):
+    """Solvers, contacts, limits, and properties with the value that they have anyway."""
+    more = """float physxJoint:maxJointVelocity = 3
+    double mjc:armature = 0\nfloat newton:gravityScale = 1\nint mjc:group = 2
+    float physxLimit:angular:stiffness = 9\nbool physxArticulation:enabledSelfCollisions = 1"""
+    part = joint(
+        "x", "", "/crank", more=f"bool physics:jointEnabled = 0\n{more}", apis="PhysxJointAPI"
+    )
+    chain = ClosedChain.from_urdf(written(tmp_path / "bar.usda", (*PARTS, part)))
+    assert chain.motor_names == ("turn",)
 
 
 def test_files_that_are_no_usd_are_refused(tmp_path):

@@ -25,7 +25,6 @@ RELATIVE = 1e-12
 
 
 def error(a, b):
-    """Largest difference relative to the largest entry."""
     return np.abs(a - b).max() / np.abs(b).max()
 
 
@@ -51,34 +50,33 @@ def test_the_compiled_path_is_the_one_in_use(robot):
 def test_derivatives_equal_the_reference(case):
     """One sample and many, friction smooth; compiled at their first use."""
     robot, q, va, aa = case
-    reference = on_reference_path(robot)
+    both = robot, on_reference_path(robot)
     for name in ("torque_derivatives", "acceleration_derivatives"):
         for k in (0, slice(0, 8)):
-            ours, right = (
-                getattr(x, name)(q[k], va[k], aa[k], sign_width=0.1) for x in (robot, reference)
-            )
+            ours, right = (getattr(x, name)(q[k], va[k], aa[k], sign_width=0.1) for x in both)
             # Two solves more than for torques: the condition number once more.
             assert all(error(a, b) < 100 * RELATIVE for a, b in zip(ours, right, strict=True))
     assert "reference" not in robot.path
+
+
+WITHOUT_CASADI = """
+import sys
+sys.modules["casadi"] = None
+import numpy as np, sst_pin
+robots = robot, _ = sst_pin.SST(), sst_pin.SST(kernels=False)
+state = robot.home, [0.1, 0.2, 0.3], [1.0, 2.0, 3.0]
+d, right = (x.torque_derivatives(*state, sign_width=0.1) for x in robots)
+assert all(np.allclose(a, b, rtol=1e-9, atol=1e-9) for a, b in zip(d, right))
+print(robot.path)
+"""
 
 
 @pytest.mark.slow
 @compiled
 @pytest.mark.parametrize(("compiler", "path"), [({}, ""), ({"CC": "/no/cc"}, "CC names /no/cc")])
 def test_derivatives_need_a_compiler_but_not_casadi(tmp_path, compiler, path):
-    """Without a compiler the reference path computes them, and the path tells why."""
-    code = (
-        "import sys\n"
-        "sys.modules['casadi'] = None\n"
-        "import numpy as np, sst_pin\n"
-        "robot, reference = sst_pin.SST(), sst_pin.SST(kernels=False)\n"
-        "state = robot.home, [0.1, 0.2, 0.3], [1.0, 2.0, 3.0]\n"
-        "d, right = (x.torque_derivatives(*state, sign_width=0.1) for x in (robot, reference))\n"
-        "assert all(np.allclose(a, b, rtol=1e-9, atol=1e-9) for a, b in zip(d, right))\n"
-        "print(robot.path)"
-    )
     environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path), "PYTHONPATH": str(ROOT)} | compiler
-    command = [sys.executable, "-c", code]
+    command = [sys.executable, "-c", WITHOUT_CASADI]
     result = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
     assert ("by the reference path" in result.stdout) == bool(path)
     assert path in result.stdout
@@ -87,17 +85,13 @@ def test_derivatives_need_a_compiler_but_not_casadi(tmp_path, compiler, path):
 def test_torques_and_accelerations_equal_the_reference(case):
     """Random geometry, nine bodies, rotors, friction, moment on the star; all branches."""
     robot, q, va, aa = case
-    moment = np.random.default_rng(0).normal(size=(40, 3))
-    loads = np.zeros((40, 9, 6))
-    loads[:, 2, :3] = moment
-    tau = robot.compute_torques(q, va, aa, platform_moment=moment)
-    expected = on_reference_path(robot).compute_torques(q, va, aa, external_wrenches=loads)
-    assert error(tau, expected) < RELATIVE
-    back = robot.compute_accelerations(q, va, tau, platform_moment=moment)
-    expected = on_reference_path(robot).compute_accelerations(q, va, tau, external_wrenches=loads)
-    assert error(back, expected) < RELATIVE
-    free = on_reference_path(robot).compute_torques(q, va, aa)
-    assert error(robot.compute_torques(q, va, aa), free) < RELATIVE
+    reference, loads = on_reference_path(robot), np.zeros((40, 9, 6))
+    loads[:, 2, :3] = moment = np.random.default_rng(0).normal(size=(40, 3))
+    for name in ("compute_torques", "compute_accelerations"):
+        ours, right = getattr(robot, name), getattr(reference, name)
+        found = ours(q, va, aa, platform_moment=moment)
+        assert error(found, right(q, va, aa, external_wrenches=loads)) < RELATIVE
+        assert error(ours(q, va, aa), right(q, va, aa)) < RELATIVE
 
 
 def test_reduced_terms_equal_those_of_the_long_form(case):
@@ -123,18 +117,16 @@ def test_every_sample_has_the_same_bits_alone_and_in_any_batch(robot, count):
     for threads in (1, 2, 5):
         tau = robot.compute_torques(q[pick], va[pick], aa[pick], threads=threads)
         assert np.array_equal(tau, alone[pick])
-    accelerations = robot.compute_accelerations(q[pick], va[pick], alone[pick], threads=2)
-    assert np.array_equal(
-        accelerations[0], robot.compute_accelerations(*(x[pick[0]] for x in (q, va, alone)))
-    )
+    state = q[pick], va[pick], alone[pick]
+    accelerations = robot.compute_accelerations(*state, threads=2)
+    assert np.array_equal(accelerations[0], robot.compute_accelerations(*(x[0] for x in state)))
 
 
 @pytest.mark.parametrize("threads", [1, 3])
 def test_samples_at_fault_are_found_wherever_they_stand(robot, threads):
     """Every hundredth of a batch that is large enough for several threads."""
-    q, va, aa = robot.joint_motion(*random_states(robot, np.random.default_rng(7), 10))
-    pick = np.arange(5003) % 10
-    q, va, aa = q[pick], va[pick], aa[pick]
+    states = robot.joint_motion(*random_states(robot, np.random.default_rng(7), 10))
+    q, va, aa = (x[np.arange(5003) % 10] for x in states)
     tau = robot.compute_torques(q, va, aa)
     q[::100, 1] += 0.1
     found = robot.compute_torques(q, va, aa, threads=threads, on_error="nan")
@@ -151,7 +143,6 @@ robot = sst_pin.SST()
 q, rates = np.tile(robot.home, (2000, 1)), np.zeros((2000, 3))
 robot.compute_torques(q, rates, rates)
 
-
 def work():
     for threads in (1, 2, 300):
         robot.compute_torques(q, rates, rates, threads=threads)
@@ -160,7 +151,6 @@ def work():
         robot.rollout(np.zeros((2000, 2, 3)), q, rates, 1e-4, threads=threads)
     robot.compute_torques(q[0], rates[0], rates[0])
     print("done")
-
 
 threading.stack_size(64 * 1024)
 thread = threading.Thread(target=work)
@@ -172,31 +162,25 @@ thread.join()
 @compiled
 def test_batches_run_in_a_thread_with_a_small_stack():
     """64 KiB, what a server gives each of many threads; in a process of its own, it may crash."""
-    result = subprocess.run(
-        [sys.executable, "-c", SMALL_STACK], cwd=ROOT, capture_output=True, text=True, check=False
-    )
+    command = [sys.executable, "-c", SMALL_STACK]
+    result = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert (result.returncode, result.stdout) == (0, "done\n"), result.stderr
-
-
-def faulty_batch(robot):
-    """Ten samples: 1 open, 3 not finite in q, 4 in aa, 6 open by half a turn; the others good."""
-    q, va, aa = robot.joint_motion(*random_states(robot, np.random.default_rng(6), 10))
-    aa = aa.copy()
-    q[1, 4] += 1e-5
-    q[3, 0] = np.nan
-    aa[4, 2] = np.inf
-    q[6, 2] += np.pi
-    return q, va, aa, [1, 3, 4, 6]
 
 
 @pytest.mark.parametrize("fast", [True, False])
 def test_samples_at_fault_are_named_or_become_nan(fast):
-    """Both paths: the error of the first with all of its kind, or NaN rows, the rest as it is."""
+    """Both paths; samples 1 and 6 are open, 3 is not finite in q, 4 in aa, the others are good."""
     robot = sst_pin.SST(kernels=fast)
-    q, va, aa, faulty = faulty_batch(robot)
-    for method in (robot.compute_torques, robot.compute_accelerations, robot.reduced_terms):
-        arguments = (q, va) if method == robot.reduced_terms else (q, va, aa)
-        bad = [1, 3, 6] if method == robot.reduced_terms else faulty
+    q, va, aa = robot.joint_motion(*random_states(robot, np.random.default_rng(6), 10))
+    q[1, 4] += 1e-5
+    q[3, 0] = np.nan
+    aa[4, 2] = np.inf
+    q[6, 2] += np.pi
+    for method, arguments, bad in (
+        (robot.compute_torques, (q, va, aa), [1, 3, 4, 6]),
+        (robot.compute_accelerations, (q, va, aa), [1, 3, 4, 6]),
+        (robot.reduced_terms, (q, va), [1, 3, 6]),
+    ):
         with pytest.raises(sst_pin.ClosureError, match=r"2 of 10 samples \(index 1, 6\)") as caught:
             method(*arguments)
         assert caught.value.samples == ((1,), (6,))
@@ -208,8 +192,7 @@ def test_samples_at_fault_are_named_or_become_nan(fast):
     with pytest.raises(sst_pin.InputError, match="q: not finite") as caught:
         robot.compute_torques(q[2:6], va[2:6], aa[2:6])
     assert caught.value.samples == ((1,), (2,))
-    single = robot.compute_torques(q[1], va[1], aa[1], on_error="nan")
-    assert np.isnan(single).all()
+    assert np.isnan(robot.compute_torques(q[1], va[1], aa[1], on_error="nan")).all()
 
 
 def test_closures_are_judged_as_on_the_reference_path(robot):
@@ -258,19 +241,16 @@ def test_a_moment_on_the_star_alone_loads_kernels_as_the_wrenches_of_all_bodies_
 
 
 @compiled
-def test_every_instruction_set_of_the_machine_computes_the_same():
+def test_every_instruction_set_of_the_machine_computes_the_same(robot):
     """The package holds all; those that the processor has agree to rounding."""
-    have = {"plain": ["plain", "plain_one"]}
-    have["avx2"] = ["avx2", "avx2_one", *have["plain"]]
-    have["avx512"] = ["avx512", *have["avx2"]]
-    robot = sst_pin.SST()
+    sets = ["avx512", "avx2", "avx2_one", "plain", "plain_one"]  # each has all after it
     arguments = robot.joint_motion(*random_states(robot, np.random.default_rng(8), 20))
     expected = robot.compute_torques(*arguments)
     mechanism = robot._current.reference.mechanism
     numbers = kernels.open_numbers(mechanism).pack(mechanism, mechanism.friction)
-    for target in have[_binding.INSTRUCTIONS]:
+    for target in sets[sets.index(_binding.INSTRUCTIONS) :]:
         code = kernels.code(Key("torques"), target)
-        address, (size, *inputs) = code.address("run"), code.sizes("run")
+        address, (_, size, *inputs) = code.address("run"), code.sizes("run")
         p = code.prepared(numbers)
         kernel = _binding.Kernel(address, address, tuple(inputs), size, p, code)
         tau = np.empty((20, 3))
@@ -285,7 +265,5 @@ def test_all_of_the_dynamics_holds_without_the_kernels():
     tests = [ROOT / "tests" / "chain" / name for name in ("test_dynamics.py", "test_bad_input.py")]
     command = [sys.executable, "-m", "pytest", "-q", "-n", "0", "-p", "no:cacheprovider", *tests]
     environment = os.environ | {"SST_PIN_KERNELS": "off"}
-    result = subprocess.run(
-        command, env=environment, cwd=ROOT, capture_output=True, text=True, check=False
-    )
+    result = subprocess.run(command, env=environment, cwd=ROOT, capture_output=True, check=False)
     assert result.returncode == 0, result.stdout

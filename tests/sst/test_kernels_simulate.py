@@ -21,10 +21,6 @@ def both(parameters=None):
     return sst_pin.SST(parameters), sst_pin.SST(parameters, kernels=False)
 
 
-def difference(a, b):
-    return max(np.abs(getattr(a, x) - getattr(b, x)).max() for x in ("q", "va", "aa", "tau"))
-
-
 LOADS = {
     "none": {},
     "moment": {"platform_moment": [0.1, 0.2, -0.3]},
@@ -40,8 +36,6 @@ TORQUES = {
     "samples": np.sin(np.outer(T, (3, 4, 5))),
     "a law of q and va": lambda t, q, va: np.cos(q[[1, 4, 7]]) - va,
 }
-
-
 PAIRS = [
     pytest.param(load, torque, marks=[pytest.mark.slow] * (load != "none" and torque != "constant"))
     for load in LOADS
@@ -51,13 +45,13 @@ PAIRS = [
 
 @pytest.mark.parametrize(("load", "torque"), PAIRS)
 def test_both_paths_take_the_same_motion(load, torque):
-    """An odd robot with friction in every joint; tolerances of 1e-12, motions of 0.1 s."""
     rng = np.random.default_rng(0)
     fast, slow = both(random_parameters(rng))
     q, va, _ = fast.joint_motion(*random_state(fast, rng))
     options = LOADS[load] | {"sign_width": 0.5}
     a, b = (robot.simulate(TORQUES[torque], q, va, T, **options) for robot in (fast, slow))
-    assert difference(a, b) < 1e-10
+    for name in ("q", "va", "aa", "tau"):
+        assert np.abs(getattr(a, name) - getattr(b, name)).max() < 1e-10
     assert max(np.abs(fast.residual(x)).max() for x in a.q) < 1e-13
     assert np.abs(a.q[-1] - q).max() > 1e-2  # it did move
 
@@ -67,9 +61,7 @@ def test_both_paths_take_the_same_motion(load, torque):
 def test_samples_hold_the_torques_asked_for_and_the_rates_of_the_motion(robot, load, torque):
     """aa is the slope of va, by a spline of degree five through 101 samples."""
     t = np.linspace(0, 0.1, 101)
-    given = TORQUES[torque]
-    if torque == "samples":
-        given = np.sin(np.outer(t, (3, 4, 5)))
+    given = np.sin(np.outer(t, (3, 4, 5))) if torque == "samples" else TORQUES[torque]
     motion = robot.simulate(given, robot.home, (1, 1, -1), t, **LOADS[load])
     tau = given
     if callable(given):
@@ -95,19 +87,15 @@ def test_rates_are_those_of_the_closed_loops(robot, gap):
 
 @compiled
 def test_loads_stay_on_the_kernels(robot, monkeypatch):
-    """Constant or changing, through either argument, on the star or on any body."""
 
     def forbidden(*_):
         raise AssertionError("the reference path")
 
     monkeypatch.setattr(dynamics, "direct_dynamics", forbidden)
-    zero = np.zeros(3)
-    robot.simulate(zero, robot.home, zero, T, **LOADS["moment that changes"])
     load = np.zeros((9, 6))
     load[STAR, :3] = 0.1, 0.2, 0.3
-    robot.simulate(zero, robot.home, zero, T, external_wrenches=load)
-    robot.simulate(zero, robot.home, zero, T, **LOADS["wrenches"])
-    robot.simulate(zero, robot.home, zero, T, **LOADS["both"])
+    for loads in (*LOADS.values(), {"external_wrenches": load}):
+        robot.simulate(np.zeros(3), robot.home, np.zeros(3), T, **loads)
 
 
 @pytest.mark.parametrize("limit", [7.0, 10.0])
@@ -115,18 +103,11 @@ def test_both_paths_stop_at_the_same_time_before_a_singularity(limit):
     """The bound on the condition number only spares what is far from the limit."""
     stops = []
     for robot in both():
+        state, t = (np.zeros(3), robot.home, (5, -5, 5)), np.linspace(0, 1, 11)
         with pytest.warns(sst_pin.SingularityWarning):
-            motion = robot.simulate(
-                np.zeros(3), robot.home, (5, -5, 5), np.linspace(0, 1, 11),
-                max_condition_number=limit,
-            )  # fmt: skip
+            motion = robot.simulate(*state, t, max_condition_number=limit)
         stops.append(float(motion.stopped.split("t = ")[1].split(" s")[0]))
     assert stops[0] == pytest.approx(stops[1], rel=1e-8)
-
-
-def det_A(robot, q):
-    """From the axes y_2k of the legs."""
-    return np.linalg.det(legs_of_joints(robot.geometry, q).y_2)
 
 
 def test_det_A_bounds_the_condition_number(odd):
@@ -136,7 +117,8 @@ def test_det_A_bounds_the_condition_number(odd):
     for _ in range(20):
         q, _, _ = odd.joint_motion(*random_state(odd, rng))
         values = np.linalg.svd(odd.Phi(q)[:, passive], compute_uv=False)
-        assert np.prod(values) == pytest.approx(abs(det_A(odd, q)), rel=1e-11)
+        det_A = np.linalg.det(legs_of_joints(odd.geometry, q).y_2)
+        assert np.prod(values) == pytest.approx(abs(det_A), rel=1e-11)
         assert (values**2).sum() == pytest.approx(8, rel=1e-13)
         assert values[0] <= np.sqrt(3) + 1e-14
-        assert odd.condition_number(q) < 5.62 / abs(det_A(odd, q))
+        assert odd.condition_number(q) < 5.62 / abs(det_A)

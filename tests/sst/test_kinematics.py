@@ -6,15 +6,22 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import sst_pin
+from sst_pin.arrays import in_one_turn
 from sst_pin.sst.direct_kinematics import orientations
 from sst_pin.verification.sampling import random_parameters, random_state, random_states
 
-#: First derivatives by seven samples: error h^6 f^(7) / 140, and rounding eps / h.
-DIFFERENCES = np.array((-1, 9, -45, 0, 45, -9, 1)) / 60
+#: Between samples, and first derivatives by seven: error H^6 f^(7) / 140, and rounding eps / H.
+H = 1e-3
+AROUND = H * np.arange(-3, 4)
+DIFFERENCES = np.array((-1, 9, -45, 0, 45, -9, 1)) / 60 / H
 
 
-def wrap(angle):
-    return (angle + np.pi) % (2 * np.pi) - np.pi
+def off_rates(motion):
+    """Errors of omega and alpha in the middle of seven samples, by differences of R and omega."""
+    W = np.einsum("t,tij->ij", DIFFERENCES, motion.R) @ motion.R[3].T
+    omega = np.array((W[2, 1], W[0, 2], W[1, 0]))
+    pairs = (omega, motion.omega[3]), (DIFFERENCES @ motion.omega, motion.alpha[3])
+    return [np.abs(found - given).max() for found, given in pairs]
 
 
 def test_initial_conditions_of_the_paper_come_out_to_every_printed_digit(robot):
@@ -53,24 +60,15 @@ def test_inverse_kinematics_closes_the_loops_on_all_branches(seed):
 
 
 def test_rates_and_accelerations_are_derivatives_of_the_angles(odd):
-    """Along a smooth motion: va and aa against central differences of q, omega against R."""
-    axis, rate = np.array((0.6, 0, 0.8)), 0.7
+    """While the star turns about one axis by sin(t)."""
     start, _, _ = random_state(odd, np.random.default_rng(1))
-
-    def motion(t):
-        """Turning about one axis by sin(t)."""
-        R = Rotation.from_rotvec(np.multiply.outer(rate * np.sin(t), axis)).as_matrix() @ start
-        omega = np.multiply.outer(rate * np.cos(t), axis)
-        alpha = np.multiply.outer(-rate * np.sin(t), axis)
-        return odd.joint_motion(R, omega, alpha)
-
-    h = 1e-3
-    t = 0.2 + h * np.arange(-3, 4)
-    q, va, aa = motion(t)
-    first = DIFFERENCES / h
+    t, axis = 0.2 + AROUND, 0.7 * np.array((0.6, 0, 0.8))
+    turn, omega = np.multiply.outer(np.sin(t), axis), np.multiply.outer(np.cos(t), axis)
+    R = Rotation.from_rotvec(turn).as_matrix() @ start
+    q, va, aa = odd.joint_motion(R, omega, -turn)
     gamma = np.unwrap(q[:, ::3], axis=0)
-    assert np.abs(first @ gamma - va[3]).max() < 1e-9 * max(1, np.abs(va).max())
-    assert np.abs(first @ va - aa[3]).max() < 1e-9 * max(1, np.abs(aa).max())
+    assert np.abs(DIFFERENCES @ gamma - va[3]).max() < 1e-9 * max(1, np.abs(va).max())
+    assert np.abs(DIFFERENCES @ va - aa[3]).max() < 1e-9 * max(1, np.abs(aa).max())
 
 
 def test_platform_velocity_inverts_joint_motion(odd):
@@ -104,7 +102,7 @@ def test_direct_kinematics_holds_the_assembly_one_came_from(seed):
     assert 1 <= len(solutions) <= 8
     assert len(solutions) % 2 == 0  # R and R Rot(x, pi)
     assert max(np.abs(robot.residual(x)).max() for x in solutions) < 1e-10
-    assert np.abs(wrap(solutions - q)).max(axis=1).min() < 1e-10
+    assert np.abs(in_one_turn(solutions - q)).max(axis=1).min() < 1e-10
     assert np.array_equal(solutions[:, ::3], np.tile(q[::3], (len(solutions), 1)))
 
 
@@ -131,18 +129,16 @@ def test_direct_kinematics_misses_no_real_solution():
 
 
 def test_near_follows_a_motion_through_its_assemblies(odd):
-    """The admissible one of eight: angle by angle along a path, never another assembly."""
     start, _, _ = random_state(odd, np.random.default_rng(9))
     turns = Rotation.from_rotvec(np.multiply.outer(np.linspace(0, 0.2, 21), (0.0, 0.6, 0.8)))
     q = odd.inverse_kinematics(turns.as_matrix() @ start)
     near = q[0]
     for expected in q:
         near = odd.forward_kinematics(expected[::3], near=near)
-        assert np.abs(wrap(near - expected)).max() < 1e-10
+        assert np.abs(in_one_turn(near - expected)).max() < 1e-10
 
 
 def test_near_keeps_angles_continuous_over_full_turns(robot):
-    """mu and beta stay within pi of those given, gamma is what was asked for."""
     q = robot.home + 2 * np.pi * np.array((1, 1, -1, 0, 0, 2, -1, 0, 0))
     assert np.abs(robot.forward_kinematics(q[::3], near=q) - q).max() < 1e-12
 
@@ -151,25 +147,20 @@ def test_every_pose_of_a_robot_whose_legs_lie_in_one_plane_is_found(robot):
     """gamma = (pi/2, 0, x): u_1 = u_2, where reductions that divide by det(u) break down."""
     for gamma in [(np.pi / 2, 0.0, 0.4), (0.0, np.pi / 2, 0.0)]:
         solutions = robot.forward_kinematics(gamma)
-        assert len(solutions)
-        assert max(np.abs(robot.residual(q)).max() for q in solutions) < 1e-10
+        assert np.abs(robot.residual(solutions)).max() < 1e-10
 
 
-def test_motor_angles_without_assembly_are_told(robot):
-    """Without `near` the set is empty, with it there is nothing to choose from."""
+def test_motor_angles_without_assembly_are_told():
     rng = np.random.default_rng(0)
     robot = sst_pin.SST(random_parameters(rng))
-    for _ in range(300):
-        gamma = rng.uniform(-np.pi, np.pi, 3)
-        if not len(robot.forward_kinematics(gamma)):
-            break
+    angles = (rng.uniform(-np.pi, np.pi, 3) for _ in range(300))
+    gamma = next(each for each in angles if not len(robot.forward_kinematics(each)))
     assert robot.forward_kinematics(gamma).shape == (0, 9)
     with pytest.raises(sst_pin.WorkspaceError, match="no assembly exists"):
         robot.forward_kinematics(gamma, near=robot.home)
 
 
 def test_a_star_that_moves_while_the_motors_stand_is_singular():
-    """Two arcs asking the same leave a continuum of assemblies."""
     x, y, z = np.eye(3)
     with pytest.raises(
         sst_pin.SingularConfigurationError, match="can move while the motors are fixed"
@@ -178,7 +169,6 @@ def test_a_star_that_moves_while_the_motors_stand_is_singular():
 
 
 def test_home_of_the_paper_is_isotropic(robot):
-    """All measures at their best; the condition number is one."""
     assert robot.home[::3] == pytest.approx([np.pi / 4] * 3)
     measure = robot.singularities(robot.home)
     assert measure.first_kind == pytest.approx(1)
@@ -204,58 +194,46 @@ def test_measures_vanish_at_the_singularities_of_their_kind(robot):
         measure = robot.singularities(robot.inverse_kinematics((turn * flat).as_matrix()))
         assert measure.first_kind <= np.sin(angle) * (1 + 1e-6)
 
-    rng = np.random.default_rng(3)
-    signs = []
-    for R in Rotation.random(200, rng=rng).as_matrix():
-        q = robot.inverse_kinematics(R)
-        measure = robot.singularities(q)
-        signs.append((measure.second_kind, robot.condition_number(q)))
-    second, condition = np.array(signs).T
+    q = robot.inverse_kinematics(Rotation.random(200, rng=np.random.default_rng(3)).as_matrix())
+    second, condition = robot.singularities(q).second_kind, robot.condition_number(q)
     # The closures lose hold of the star where A does: the two measures fall and rise together.
-    worst = second.argmin()
-    assert condition[worst] > 10 * np.median(condition)
+    assert condition[second.argmin()] > 10 * np.median(condition)
 
 
 def test_batches_equal_single_samples(odd):
-    R, omega, alpha = random_states(odd, np.random.default_rng(4), 6)
-    q, va, aa = odd.joint_motion(
-        R.reshape(2, 3, 3, 3), omega.reshape(2, 3, 3), alpha.reshape(2, 3, 3)
-    )
-    assert q.shape == (2, 3, 9)
-    for i in range(6):
-        single = odd.joint_motion(R[i], omega[i], alpha[i])
-        for many, one in zip((q, va, aa), single, strict=True):
+    states = random_states(odd, np.random.default_rng(4), 6)
+    batch = odd.joint_motion(*(x.reshape(2, 3, *x.shape[1:]) for x in states))
+    assert batch[0].shape == (2, 3, 9)
+    for i, state in enumerate(zip(*states, strict=True)):
+        for many, one in zip(batch, odd.joint_motion(*state), strict=True):
             assert np.abs(many.reshape(6, -1)[i] - one).max() < 1e-13
     assert odd.inverse_kinematics(np.empty((0, 3, 3))).shape == (0, 9)
 
 
 def test_a_matrix_that_is_no_rotation_is_refused(robot):
     """Scaled, mirrored, of the wrong shape, not finite; a batch names its samples."""
-    with pytest.raises(sst_pin.InputError, match="not a rotation matrix"):
-        robot.inverse_kinematics(1.001 * np.eye(3))
-    with pytest.raises(sst_pin.InputError, match="not a rotation matrix"):
-        robot.inverse_kinematics(np.diag((1, 1, -1)))
-    with pytest.raises(sst_pin.InputError, match=r"shape \(9,\)"):
-        robot.inverse_kinematics(np.eye(3).ravel())
     R = np.stack([robot.platform_orientation(robot.home)] * 4)
-    R[2] *= 2
-    with pytest.raises(sst_pin.InputError, match=r"1 of 4 samples \(index 2\)") as caught:
-        robot.inverse_kinematics(R)
-    assert caught.value.samples == ((2,),)
-    R[1, 0, 0] = np.nan
-    with pytest.raises(sst_pin.InputError, match=r"\(index 1\).*is nan"):
-        robot.inverse_kinematics(R)
-    with pytest.raises(sst_pin.InputError, match="branch"):
-        robot.inverse_kinematics(R[0], (1, 0, 1))
+    scaled, broken = R.copy(), R.copy()
+    scaled[2] *= 2
+    broken[1, 0, 0] = np.nan
+    for wrong, words, samples in (
+        ((1.001 * np.eye(3),), "not a rotation matrix", ()),
+        ((np.diag((1, 1, -1)),), "not a rotation matrix", ()),
+        ((np.eye(3).ravel(),), r"shape \(9,\)", ()),
+        ((scaled,), r"1 of 4 samples \(index 2\)", ((2,),)),
+        ((broken,), r"\(index 1\).*is nan", ((1,),)),
+        ((R[0], (1, 0, 1)), "branch", ()),
+    ):
+        with pytest.raises(sst_pin.InputError, match=words) as caught:
+            robot.inverse_kinematics(*wrong)
+        assert caught.value.samples == samples
 
 
 def test_an_orientation_beyond_the_joint_limits_is_out_of_reach(tmp_path):
     """Limits of an edited URDF count; the error names joint, value and limits."""
-    path = tmp_path / "short.urdf"
-    limit = repr(2 * np.pi)
     text = Path(sst_pin.URDF_PATH).read_text()
-    path.write_text(text.replace(f'upper="{limit}"', 'upper="1.0"'))
-    robot = sst_pin.SST.from_urdf(path)
+    (tmp_path / "short.urdf").write_text(text.replace(f'upper="{2 * np.pi!r}"', 'upper="1.0"'))
+    robot = sst_pin.SST.from_urdf(tmp_path / "short.urdf")
     with pytest.raises(sst_pin.WorkspaceError, match=r"mu_1 would be 1\.571 rad"):
         robot.inverse_kinematics(sst_pin.paper_circle(0.0).R)
 
@@ -293,12 +271,8 @@ def test_interpolated_rates_are_the_derivatives_of_the_interpolated_motion():
     """Between samples so far apart that the spline leaves the unit sphere of quaternions."""
     t = np.linspace(0, 3, 7)
     R = Rotation.from_rotvec(np.array((np.sin(t), t**2 / 4, 1 - t)).T).as_matrix()
-    h = 1e-3
-    motion = sst_pin.interpolate_orientations(t, R, 1.2 + h * np.arange(-3, 4))
-    first = DIFFERENCES / h
-    W = np.einsum("t,tij->ij", first, motion.R) @ motion.R[3].T
-    assert np.abs(np.array((W[2, 1], W[0, 2], W[1, 0])) - motion.omega[3]).max() < 1e-11
-    assert np.abs(first @ motion.omega - motion.alpha[3]).max() < 1e-11
+    motion = sst_pin.interpolate_orientations(t, R, 1.2 + AROUND)
+    assert max(off_rates(motion)) < 1e-11
 
 
 def test_samples_too_far_apart_are_refused():
@@ -309,16 +283,7 @@ def test_samples_too_far_apart_are_refused():
 
 
 def test_angles_of_the_paper_and_their_rates_are_consistent():
-    """omega and alpha of orientation_motion against differences, psi turning too."""
-    h = 1e-3
-    t = 0.3 + h * np.arange(-3, 4)
-    angles = (
-        (np.sin(t), np.cos(t), -np.sin(t)),
-        (1 + 0.3 * t**2, 0.6 * t, 0.6 + 0 * t),
-        (0.5 * t, 0.5 + 0 * t, 0 * t),
-    )
-    R, omega, alpha = sst_pin.orientation_motion(*angles)
-    first = DIFFERENCES / h
-    W = np.einsum("t,tij->ij", first, R) @ R[3].T
-    assert np.abs(np.array((W[2, 1], W[0, 2], W[1, 0])) - omega[3]).max() < 1e-11
-    assert np.abs(first @ omega - alpha[3]).max() < 1e-11
+    t = 0.3 + AROUND
+    theta, phi = (np.sin(t), np.cos(t), -np.sin(t)), (1 + 0.3 * t**2, 0.6 * t, 0.6)
+    motion = sst_pin.orientation_motion(theta, phi, (0.5 * t, 0.5, 0))
+    assert max(off_rates(motion)) < 1e-11

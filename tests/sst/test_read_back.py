@@ -1,6 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Parameters that have been through a file are the same parameters."""
+"""Parameters through files and back; the conventions of other people's loaders."""
 
+import sys
+import types
+from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +14,8 @@ import pytest
 import sst_pin
 from sst_pin.chain.dynamics import Friction
 from sst_pin.description import mjcf_of, urdf_of, yaml_of
-from sst_pin.sst.configurations import configurations_of
-from sst_pin.sst.read_back import parameters_of
-from sst_pin.sst.topology import geometry_of
+from sst_pin.sst.robot_wrapper import configurations_of
+from sst_pin.sst.topology import geometry_of, parameters_of
 from sst_pin.verification.sampling import random_parameters
 
 mujoco = pytest.importorskip("mujoco", reason="extra `verify` is not installed")
@@ -26,11 +29,8 @@ def assert_same(found, given):
     """
     assert found.base_directions == pytest.approx(given.base_directions, rel=0, abs=5e-16)
     assert found.arc_angles == pytest.approx(given.arc_angles, rel=0, abs=5e-15)
-    for ours, theirs in zip(
-        (*found.links, *found.passive_links, found.star),
-        (*given.links, *given.passive_links, given.star),
-        strict=True,
-    ):
+    bodies = ((*p.links, *p.passive_links, p.star) for p in (found, given))
+    for ours, theirs in zip(*bodies, strict=True):
         assert ours.mass == pytest.approx(theirs.mass, rel=4e-16)
         assert ours.center_of_mass == pytest.approx(theirs.center_of_mass, rel=0, abs=2e-15)
         assert ours.inertia == pytest.approx(theirs.inertia, rel=0, abs=2e-15)
@@ -44,13 +44,12 @@ def assert_same(found, given):
 def odd_parameters(seed):
     """Random ones, radii too."""
     rng = np.random.default_rng(seed)
-    p = random_parameters(rng)
-    fields = {name: getattr(p, name) for name in p.__dataclass_fields__}
-    return sst_pin.Parameters(
-        **fields | {"base_radius": rng.uniform(0.1, 1), "star_radius": rng.uniform(0.1, 1)}
-    )
+    p, (base, star) = random_parameters(rng), rng.uniform(0.1, 1, 2)
+    return replace(p, base_radius=base, star_radius=star)
 
 
+#: A quarter turn and minus a third of one as in the shipped file.
+QUARTER, THIRD = "1.570796326794896", "-2.094395102393195"
 ROBOTS = [sst_pin.Parameters(), *map(odd_parameters, range(10))]
 
 
@@ -90,7 +89,6 @@ def test_parameters_survive_the_way_through_mjcf(p, tmp_path):
     ],
 )
 def test_an_mjcf_that_is_no_sst_is_refused_by_name(old, new, words, tmp_path):
-    """What is wrong stands in the message; nothing is read as something else."""
     text = Path(sst_pin.MJCF_PATH).read_text()
     assert text.count(old) == 1
     (tmp_path / "sst.xml").write_text(text.replace(old, new))
@@ -99,21 +97,20 @@ def test_an_mjcf_that_is_no_sst_is_refused_by_name(old, new, words, tmp_path):
         sst_pin.SST.from_mjcf(tmp_path / "sst.xml")
 
 
-def edited(tmp_path, *replacements):
-    text = Path(sst_pin.URDF_PATH).read_text()
+def edited(tmp_path, *replacements, after="<", count=-1):
+    """The shipped robot, its URDF edited behind some text; `count` times, -1 for all."""
+    head, mark, tail = Path(sst_pin.URDF_PATH).read_text().partition(after)
     for old, new in replacements:
-        assert old in text
-        text = text.replace(old, new)
-    (tmp_path / "edited.urdf").write_text(text)
+        assert old in tail
+        tail = tail.replace(old, new, count)
+    (tmp_path / "edited.urdf").write_text(head + mark + tail)
     return sst_pin.SST.from_urdf(tmp_path / "edited.urdf")
 
 
 def test_arcs_of_unequal_mass_are_read_as_their_sum(tmp_path):
     """A heavier star_2 is a heavier star: other parameters, the same closed robot."""
-    head, tail = Path(sst_pin.URDF_PATH).read_text().split('<link name="star_2">')
-    tail = tail.replace('"0.8666666666666667"', '"1.5"', 1).replace('iyz="0.01', 'iyz="0.02', 1)
-    (tmp_path / "edited.urdf").write_text(f'{head}<link name="star_2">{tail}')
-    robot = sst_pin.SST.from_urdf(tmp_path / "edited.urdf")
+    heavy = ('"0.8666666666666667"', '"1.5"'), ('iyz="0.01', 'iyz="0.02')
+    robot = edited(tmp_path, *heavy, after='<link name="star_2">', count=1)
     p = robot.parameters
     assert p.star.mass == pytest.approx(2.6 / 3 * 2 + 1.5, abs=1e-15)
     q, va, aa = robot.joint_motion(*sst_pin.paper_circle([0.1]))
@@ -122,11 +119,8 @@ def test_arcs_of_unequal_mass_are_read_as_their_sum(tmp_path):
 
 
 def test_legs_of_unequal_bodies_are_read_one_by_one(tmp_path):
-    head, tail = Path(sst_pin.URDF_PATH).read_text().split('<link name="link_3">')
-    (tmp_path / "edited.urdf").write_text(
-        head + '<link name="link_3">' + tail.replace('<mass value="0.3" />', '<mass value="1" />')
-    )
-    p = sst_pin.SST.from_urdf(tmp_path / "edited.urdf").parameters
+    heavy = '<mass value="0.3" />', '<mass value="1" />'
+    p = edited(tmp_path, heavy, after='<link name="link_3">').parameters
     assert [body.mass for body in p.link] == [0.3, 0.3, 1]
     assert isinstance(p.passive_link, sst_pin.RigidBody)
 
@@ -134,27 +128,17 @@ def test_legs_of_unequal_bodies_are_read_one_by_one(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "word"),
     [
-        ('link name="E"', 'link name="F"', None),
+        ('"E"', '"F"', "frame E is missing"),
         ('"P_2"', '"P_two"', "frame P_2 is missing"),
         ('xyz="0.0 0.35 0.0"', 'xyz="0.0 0.36 0.0"', "frame P_2: must be fixed to base on v_2"),
-        (
-            'rpy="1.570796326794896 0.0 1.570796326794896"',
-            'rpy="1.5 0.0 1.570796326794896"',
-            "joint gamma_2: z must be normal",
-        ),
+        (f'"{QUARTER} 0.0 {QUARTER}"', f'"1.5 0.0 {QUARTER}"', "joint gamma_2: z must be normal"),
         ('xyz="0.4 0.0 0.0"', 'xyz="0.4 0.1 0.0"', "frame E: must be fixed to star_1"),
         ('upper="6.283185307179586"', 'upper="1.6"', "joint mu_1: limits -6.28319 and 1.6 rad"),
-        (
-            'rpy="-2.094395102393195 0.0 0.0"',
-            'rpy="-2.1 0.1 0.0"',
-            "frame closedloop1_B: {E} may be rotated about x",
-        ),
+        (f'rpy="{THIRD} 0.0 0.0"', 'rpy="-2.1 0.1 0.0"', "frame closedloop1_B: {E} may be rotated"),
     ],
 )
 def test_what_parameters_cannot_hold_is_refused_by_name(tmp_path, old, new, word):
     """Nothing is lost in silence: the robot computes, its parameters raise."""
-    if word is None:
-        old, new, word = '"E"', '"F"', "frame E is missing"
     robot = edited(tmp_path, (old, new))
     assert np.isfinite(robot.compute_torques(robot.home, np.zeros(3), np.zeros(3))).all()
     with pytest.raises(sst_pin.DescriptionError) as caught:
@@ -164,8 +148,66 @@ def test_what_parameters_cannot_hold_is_refused_by_name(tmp_path, old, new, word
 
 def test_armature_is_refused_too(robot):
     model = pin.Model(robot.model)
-    armature = np.zeros(9)
-    armature[4] = 0.01
-    model.armature = armature
+    model.armature = 0.01 * np.eye(9)[4]
     with pytest.raises(sst_pin.DescriptionError, match=r"joint mu_2: armature 0\.01"):
         parameters_of(model, robot.geometry, robot.friction)
+
+
+def test_load_is_a_robot_wrapper_with_geometry_and_poses(robot):
+    """model, q0, visual and collision models, as example_robot_data has them."""
+    wrapper = sst_pin.load()
+    assert isinstance(wrapper, pin.RobotWrapper)
+    assert wrapper.model.nq == wrapper.model.nv == 9
+    assert np.array_equal(wrapper.q0, robot.home)
+    assert wrapper.model.gravity.linear.tolist() == [0, 0, -9.81]
+    assert wrapper.visual_model.ngeoms == 12
+    assert all(Path(g.meshPath).is_file() for g in wrapper.visual_model.geometryObjects)
+    poses = wrapper.model.referenceConfigurations
+    start = robot.inverse_kinematics(sst_pin.paper_circle([0.0]).R[0])
+    for name, q in (("home", robot.home), ("circle_start", start)):
+        assert poses[name] == pytest.approx(q, abs=1e-14)  # files have 14 decimals
+        assert np.abs(robot.residual(poses[name])).max() < 1e-14
+
+
+def test_named_poses_are_free_of_collisions():
+    """The pairs that the SRDF leaves are checked; bodies that always touch are not among them."""
+    wrapper = sst_pin.load()
+    model, collision = wrapper.model, wrapper.collision_model
+    data = wrapper.data, collision, wrapper.collision_data
+    for name in ("home", "circle_start"):
+        assert not pin.computeCollisions(model, *data, model.referenceConfigurations[name], False)
+    links = [model.frames[shape.parentFrame].name for shape in collision.geometryObjects]
+    checked = {frozenset((links[p.first], links[p.second])) for p in collision.collisionPairs}
+    assert {frozenset(("passive_1", "star_2")), frozenset(("link_1", "link_2"))} <= checked
+    assert not {frozenset(("base", "link_1")), frozenset(("star_1", "star_3"))} & checked
+
+
+def test_load_says_what_is_missing(tmp_path):
+    for path, words in (
+        (sst_pin.URDF_PATH, "SRDF beside the URDF"),
+        (sst_pin.SRDF_PATH, "shapes cannot be loaded"),
+    ):
+        (tmp_path / Path(path).name).write_bytes(Path(path).read_bytes())
+        with pytest.raises(sst_pin.DescriptionError, match=words):
+            sst_pin.load(tmp_path / "sst.urdf")
+
+
+@pytest.mark.parametrize("tool", ["pinocchio", "mujoco", "yourdfpy"])
+def test_loaders_of_robot_descriptions_take_our_paths(tool, monkeypatch):
+    module = types.ModuleType("robot_descriptions.sst_description")
+    names = ("REPOSITORY_PATH", "PACKAGE_PATH", "URDF_PATH", "MJCF_PATH", "SRDF_PATH")
+    vars(module).update({name: getattr(sst_pin, name) for name in names})
+    assert all(isinstance(vars(module)[name], str) for name in names)
+    monkeypatch.setitem(sys.modules, module.__name__, module)
+    loader = import_module(f"robot_descriptions.loaders.{tool}")
+    loaded = loader.load_robot_description("sst_description")
+    if tool == "pinocchio":
+        assert loaded.visual_model.ngeoms == 12
+        assert loaded.model.nq == 9
+    elif tool == "mujoco":
+        assert (loaded.nq, loaded.neq) == (9, 2)
+        scene = loader.load_robot_description("sst_description", variant="scene")
+        assert scene.geom("floor").id >= 0
+    else:
+        assert len(loaded.actuated_joint_names) == 9
+        assert len(loaded.scene.geometry) == 12

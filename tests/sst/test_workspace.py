@@ -16,13 +16,12 @@ from sst_pin.verification.sampling import random_parameters
 
 @pytest.fixture(scope="module")
 def at_zero(robot):
-    """The paper's robot at psi = 0."""
     return workspace_at(robot)
 
 
 @pytest.fixture(scope="module")
 def over_rolls(robot):
-    """The paper's robot over the whole turn, coarser than one would draw it."""
+    """Coarser than one would draw it."""
     return workspace_over_rolls(robot, rolls=36, rings=31, spokes=60)
 
 
@@ -30,8 +29,15 @@ def orientations(workspace):
     return sst_pin.orientation(workspace.theta, workspace.phi, workspace.psi)
 
 
+def distance_inside(robot, q):
+    """Of the joint that is farthest out, from the ends of its arc."""
+    v, gamma, beta = robot.geometry.R_0[:, :, 0], q[..., ::3], q[..., 2::3]
+    sides = np.arccos((v * v[[1, 2, 0]]).sum(axis=1))
+    ends = [gamma, sides - gamma, beta, np.pi / 2 - beta]
+    return np.concatenate(ends, axis=-1).min(axis=-1)
+
+
 def test_chart_and_its_inverse_undo_each_other(odd):
-    """Directions to points and back, anywhere but near the one opposite the middle."""
     chart = Chart.of_robot(odd)
     s = Rotation.random(200, np.random.default_rng(0)).as_matrix()[:, 0]
     s = s[s @ chart.axes[2] > -0.5]  # beyond, 1 + cos loses digits
@@ -50,7 +56,6 @@ def test_chart_keeps_areas(robot):
 
 
 def test_grid_is_the_half_sphere_about_the_middle_of_the_triangle(odd):
-    """From the middle to right angles with it; theta and phi are those of the directions."""
     workspace = workspace_at(odd, 0.7, rings=21, spokes=60)
     middle = Chart.of_robot(odd).axes[2]
     ahead = workspace.s @ middle
@@ -72,11 +77,7 @@ def test_map_agrees_with_the_robot_sample_by_sample(odd, psi):
     # times it.
     error = workspace.condition_number / found.condition_number - 1
     assert (np.abs(error) * found.first_kind / found.condition_number).max() < 1e-13
-    v = odd.geometry.R_0[:, :, 0]
-    sides = np.arccos((v * v[[1, 2, 0]]).sum(axis=1))
-    inside = np.concatenate(
-        [q[..., ::3], sides - q[..., ::3], q[..., 2::3], np.pi / 2 - q[..., 2::3]], axis=-1
-    ).min(axis=-1)
+    inside = distance_inside(odd, q)
     assert np.abs(workspace.margin - inside).max() < 2e-9  # the slack at the ends is 1e-9
     assert np.array_equal(workspace.on_arcs, inside >= -1e-9)
     assert np.array_equal(workspace.roll, 2 * np.pi * workspace.on_arcs)
@@ -85,19 +86,15 @@ def test_map_agrees_with_the_robot_sample_by_sample(odd, psi):
 def test_reachable_is_what_inverse_kinematics_does_not_refuse(tmp_path):
     """A robot whose joints have narrow limits: WorkspaceError where the map says no."""
     text = urdf_of(sst_pin.Parameters()).replace('lower="-6.283185307179586"', 'lower="0.3"')
-    path = tmp_path / "narrow.urdf"
-    path.write_text(text.replace('upper="6.283185307179586"', 'upper="1.9"'))
-    robot = sst_pin.SST.from_urdf(path)
+    (tmp_path / "narrow.urdf").write_text(text.replace('upper="6.283185307179586"', 'upper="1.9"'))
+    robot = sst_pin.SST.from_urdf(tmp_path / "narrow.urdf")
     workspace = workspace_at(robot, 0.2, rings=16, spokes=24)
     assert 0.02 < workspace.reachable.mean() < 0.98
-    for R, reachable in zip(
-        orientations(workspace).reshape(-1, 3, 3), workspace.reachable.ravel(), strict=True
-    ):
-        if reachable:
-            robot.inverse_kinematics(R)
-        else:
-            with pytest.raises(sst_pin.WorkspaceError):
-                robot.inverse_kinematics(R)
+    R = orientations(workspace)
+    robot.inverse_kinematics(R[workspace.reachable])
+    for unreachable in R[~workspace.reachable]:
+        with pytest.raises(sst_pin.WorkspaceError):
+            robot.inverse_kinematics(unreachable)
     assert not (workspace.on_arcs & ~workspace.reachable).any()
     assert np.isinf(workspace.condition_number[~workspace.reachable]).all()
 
@@ -110,17 +107,15 @@ def test_flat_legs_are_told_and_break_nothing(robot, monkeypatch):
     workspace = workspace_at(robot, np.pi / 2, rings=31, spokes=36)
     flat = workspace.first_kind <= 0.05
     assert flat.any()
-    assert np.array_equal(workspace.reachable, ~flat)
-    assert np.array_equal(np.isnan(workspace.determinant), flat)
-    assert np.array_equal(np.isnan(workspace.margin), flat)
-    assert np.array_equal(np.isinf(workspace.condition_number), flat)
+    undefined = map(np.isnan, (workspace.determinant, workspace.margin))
+    for found in (~workspace.reachable, np.isinf(workspace.condition_number), *undefined):
+        assert np.array_equal(found, flat)
     assert not workspace.on_arcs[flat].any()
-    over_rolls = workspace_over_rolls(robot, rolls=8, rings=11, spokes=12)
-    assert over_rolls.reachable.all()  # some other psi does
+    # Some other psi does.
+    assert workspace_over_rolls(robot, rolls=8, rings=11, spokes=12).reachable.all()
 
 
 def test_paper_robot_is_isotropic_in_the_middle(robot, at_zero, over_rolls):
-    """Its home is the best pose of both maps, condition number 1."""
     s = robot.platform_orientation(robot.home)[:, 0]
     for workspace in (at_zero, over_rolls):
         assert workspace.condition_number[workspace.best] == pytest.approx(1, abs=1e-14)
@@ -140,12 +135,11 @@ def test_paper_robot_reaches_its_base_triangle_and_no_more(at_zero, over_rolls):
 def test_paper_robot_has_no_singularity_on_its_arcs(robot, over_rolls):
     """At any psi |sin mu_k| stays above 1/2 and det A above 1/sqrt 2; best conditioned, sqrt 3."""
     for psi in np.radians(np.arange(-60, 61, 10)):
-        workspace = workspace_at(robot, psi, rings=31, spokes=60)
-        on_arcs = workspace.on_arcs
+        found = workspace_at(robot, psi, rings=31, spokes=60)
         # The slack is that of the ends of the arcs, where both are met.
-        assert workspace.first_kind[on_arcs].min(initial=1) > 0.5 - 1e-8
-        assert workspace.determinant[on_arcs].min(initial=1) > 0.5**0.5 - 1e-8
-        assert workspace.condition_number[on_arcs].max(initial=1) < 2.04
+        assert found.first_kind[found.on_arcs].min(initial=1) > 0.5 - 1e-8
+        assert found.determinant[found.on_arcs].min(initial=1) > 0.5**0.5 - 1e-8
+        assert found.condition_number[found.on_arcs].max(initial=1) < 2.04
     # The vertices, where it is worst, are no samples; it rises by less than 0.1 on a degree.
     assert over_rolls.condition_number[over_rolls.on_arcs].max() == pytest.approx(3**0.5, abs=0.01)
 
@@ -181,17 +175,13 @@ def test_best_psi_is_the_best_on_the_arcs(robot, seed):
     if seed is not None:
         robot = sst_pin.SST(random_parameters(np.random.default_rng(seed)))
     workspace = workspace_over_rolls(robot, rolls=36, rings=16, spokes=30)
-    v = robot.geometry.R_0[:, :, 0]
-    sides = np.arccos((v * v[[1, 2, 0]]).sum(axis=1))
     places = np.argwhere(workspace.on_arcs)
     assert len(places) > 10
     psi = np.arange(36) * np.pi / 18
     for place in map(tuple, places[:: max(len(places) // 20, 1)]):
         R = sst_pin.orientation(workspace.theta[place], workspace.phi[place], psi)
         q = robot.inverse_kinematics(R)
-        gamma, beta = q[:, ::3], q[:, 2::3]
-        on_arcs = (gamma > -1e-9) & (gamma < sides + 1e-9) & (beta > -1e-9)
-        on_arcs = (on_arcs & (beta < np.pi / 2 + 1e-9)).all(axis=1)
+        on_arcs = distance_inside(robot, q) > -1e-9
         condition = robot.singularities(q).condition_number
         assert workspace.condition_number[place] == pytest.approx(condition[on_arcs].min())
         # The roll that is left: an interval counts to within a step at each of its ends.
@@ -217,15 +207,13 @@ def test_csv_has_one_row_for_each_direction(robot, tmp_path):
     """The middle once, the first spoke once; units in the header."""
     workspace = workspace_at(robot, rings=5, spokes=6)
     workspace.save(tmp_path / "map.csv")
-    header, *rows = (tmp_path / "map.csv").read_text().splitlines()
+    header = (tmp_path / "map.csv").read_text().partition("\n")[0]
     assert header.startswith("theta_rad,phi_rad,psi_rad,reachable,first_kind,determinant,")
-    values = np.array([[float(cell) for cell in row.split(",")] for row in rows])
-    assert len(values) == 4 * 6 + 1
-    assert len(np.unique(values[:, :2].round(12), axis=0)) == len(values)
+    values = np.loadtxt(tmp_path / "map.csv", delimiter=",", skiprows=1)
+    assert len(values) == len(np.unique(values[:, :2].round(12), axis=0)) == 4 * 6 + 1
 
 
 def test_bad_arguments_have_their_own_errors(robot, at_zero, tmp_path):
-    """Endings, numbers that are not finite, grids of nothing."""
     with pytest.raises(sst_pin.OutputError, match=r"known: \.csv, \.npz"):
         at_zero.save(tmp_path / "map.xlsx")
     with pytest.raises(sst_pin.InputError, match="psi"):

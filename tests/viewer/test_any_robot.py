@@ -17,9 +17,9 @@ from sst_pin.cli import main
 from sst_pin.description.colours import HUES
 from sst_pin.reading.shapes import UrdfShapes
 from sst_pin.viewer import Viewer
-from sst_pin.viewer.bodies import body_shapes
-from sst_pin.viewer.panel_curves import curves_of
+from sst_pin.viewer.panel import curves_of
 from sst_pin.viewer.robot_scene import LAYERS, Scene
+from sst_pin.viewer.triangles import body_shapes
 
 DELTA = Path(__file__).parents[2] / "examples" / "delta.urdf"
 BARE = pin.GeometryModel()
@@ -199,14 +199,13 @@ def test_axes_are_those_of_the_joints(name):
 
 @pytest.mark.parametrize("name", ["four_bar", "stewart", "excavator", "planar_4rrr"])
 def test_arrows_are_as_large_as_the_torques_and_turn_with_their_sign(name):
-    """Each motor's; torques among torques, forces among forces."""
     robot, q = robot_of(name)
     viewer = Viewer(robot)
     tau = np.linspace(-1, 3, len(robot.motor_names)) ** 3
     viewer.show(q, tau)
     arrows = viewer._scene.arrows
     assert [arrow.motor for arrow in arrows] == list(range(len(tau)))
-    units = np.array(viewer._units)
+    units = np.array(robot.motor_units)
     effort = viewer._shares(tau[None])[0]
     for unit in set(units):
         assert np.abs(effort[units == unit]).max() == pytest.approx(1)
@@ -219,7 +218,6 @@ def test_arrows_are_as_large_as_the_torques_and_turn_with_their_sign(name):
 
 
 def test_rods_without_mass_reach_from_frame_to_frame():
-    """A `Distance` is drawn with its own length in every configuration."""
     robot, _ = robot_of("rods")
     scene = Scene(robot, BARE)
     rods = [c for c in robot.closures if isinstance(c, sst_pin.Distance)]
@@ -231,7 +229,6 @@ def test_rods_without_mass_reach_from_frame_to_frame():
 
 
 def test_forces_along_lines_reach_from_frame_to_frame():
-    """A motor as a cylinder in its colour, a spring as a coil, a damper as a thin line."""
     bar = sst_pin.robots.four_bar()
     ends = "universe", "platform"
     kinds = {"cylinder": {}, "coil": {"stiffness": 3}, "damper": {"damping": 2}}
@@ -242,11 +239,9 @@ def test_forces_along_lines_reach_from_frame_to_frame():
     cylinder, coil, damper = (shapes[f"line {name}"] for name in kinds)
     assert cylinder.colour == HUES[1]
     assert len(coil.mesh.vertices) > 5 * len(damper.mesh.vertices)
-    for k in range(3):
-        poses = scene.poses(bar.home)
-        assert np.linalg.norm(poses[f"line_{k}"][:3, 2]) == pytest.approx(
-            robot.line_lengths(bar.home)[k]
-        )
+    poses = scene.poses(bar.home)
+    lengths = [np.linalg.norm(poses[f"line_{k}"][:3, 2]) for k in range(3)]
+    assert lengths == pytest.approx(robot.line_lengths(bar.home))
 
 
 @pytest.mark.parametrize("name", ["delta", "delta.urdf", "rods"])
@@ -264,18 +259,15 @@ def test_the_reach_holds_all_that_is_shown(name):
 
 
 def test_layers_are_bodies_or_else_a_skeleton():
-    """Both are there for a robot with shapes; the skeleton is what another one starts with."""
     robot, _ = robot_of("stewart")
     with_bodies, without = Scene(robot, None).layers, Scene(robot, BARE).layers
     assert list(with_bodies) == list(LAYERS)
-    assert (with_bodies["bodies"], with_bodies["skeleton"], with_bodies["inertia"]) == (1, 0, 0)
-    assert "bodies" not in without
-    assert without["skeleton"]
-    assert without["inertia"]
+    assert [name for name, there in with_bodies.items() if there] == ["bodies", "torques", "trail"]
+    shown = [name for name, there in without.items() if there]
+    assert shown == ["skeleton", "inertia", "torques", "trail"]
 
 
 def test_a_urdf_by_hand_brings_its_visuals(tmp_path):
-    """Boxes, cylinders, spheres and meshes where Pinocchio has them, in the URDF's colour."""
     (tmp_path / "meshes").mkdir()
     trimesh.creation.box((0.1, 0.2, 0.3)).export(tmp_path / "meshes" / "block.stl")
     chain, q, _ = five_bar(
@@ -309,7 +301,6 @@ def test_a_urdf_by_hand_brings_its_visuals(tmp_path):
 
 
 def test_a_mesh_that_cannot_be_read_is_told(tmp_path, capsys):
-    """By its name, with the way to do without; the dynamics need no mesh."""
     chain, q, path = five_bar(tmp_path, base='<mesh filename="meshes/gone.stl"/>')
     chain.compute_torques(q, [0, 0], [0, 0])
     with pytest.raises(errors.DescriptionError, match=r"gone\.stl.*show --skeleton"):
@@ -356,7 +347,6 @@ def test_an_mjcf_is_drawn_as_mujoco_has_it(tmp_path):
 
 
 def test_a_chain_can_be_given_shapes_of_its_own():
-    """A `pinocchio.GeometryModel`, and nothing else."""
     robot, _ = robot_of("four_bar")
     chain = sst_pin.ClosedChain(robot.model, robot.closures, robot.motor_names)
     assert not chain.visual_model.geometryObjects
@@ -380,7 +370,6 @@ def test_a_configuration_has_no_torques_unless_they_are_given(tmp_path):
 
 
 def test_a_page_warns_of_open_loops_and_limits(tmp_path):
-    """Warnings for a configuration, and for a motion with its time."""
     chain, q, _ = five_bar(tmp_path)
     viewer = Viewer(chain)
     viewer.show(q)
@@ -413,24 +402,16 @@ def test_powers_add_up_to_what_the_motion_takes(name):
     )
 
 
-_TWO = """mtllib two.mtl
-o left
-{left}usemtl red
-{faces}o right
-{right}usemtl green
-{more}"""
-
-
 def two_pieces(folder):
     """A mesh file of a red and a green tetrahedron, side by side."""
     corners = np.vstack([np.zeros(3), np.eye(3)])
-    rows = [
-        "".join("v {} {} {}\n".format(*corner) for corner in corners + np.array((shift, 0, 0)))
-        for shift in (0, 2)
-    ]
     faces = np.array([(1, 3, 2), (1, 2, 4), (1, 4, 3), (2, 3, 4)])
-    listed = ["".join("f {} {} {}\n".format(*f) for f in faces + k) for k in (0, 4)]
-    text = _TWO.format(left=rows[0], right=rows[1], faces=listed[0], more=listed[1])
+    text = "mtllib two.mtl\n"
+    for k, colour in enumerate(("red", "green")):
+        text += f"o {colour}_one\n"
+        text += "".join("v {} {} {}\n".format(*x) for x in np.add(corners, (2 * k, 0, 0)))
+        text += f"usemtl {colour}\n"
+        text += "".join("f {} {} {}\n".format(*f) for f in faces + 4 * k)
     (folder / "two.obj").write_text(text)
     (folder / "two.mtl").write_text("newmtl red\nKd 1 0 0\nnewmtl green\nKd 0 1 0\n")
     both = trimesh.load(folder / "two.obj", force="scene").dump()

@@ -15,11 +15,10 @@ import pytest
 import any_chain
 import cassie
 import sst_pin
-from browser import chromium, needs_browser  # noqa: F401
+from browser import with_slow
+from motor_cases import elbows, held_not
 from sst_pin.errors import ClosureError, MissingExtraError, SSTError
 from sst_pin.viewer import Viewer
-
-pytestmark = needs_browser
 
 #: Values at some states of the page's engine.
 VALUES = """states => states.map(({q, va, aa, tau}) => {
@@ -71,7 +70,7 @@ def robot_named(name):
 
 
 def pose_of(name):
-    """Its home, or of random poses that which is farthest from a singularity."""
+    """Home of a robot, or of random poses that which is farthest from a singularity."""
     chain, random, found = robot_named(name), np.random.default_rng(0), []
     if name != "cassie":
         return chain.home
@@ -98,7 +97,7 @@ def on_springs(name):
 class Engine:
     """The engine of a robot in a page of its own."""
 
-    def __init__(self, chromium, chain, q=None):  # noqa: F811
+    def __init__(self, chromium, chain, q=None):
         self.viewer = Viewer(chain, pin.GeometryModel(), live=True)
         if q is not None:
             self.viewer.show(q)
@@ -117,12 +116,11 @@ class Engine:
         return {k: np.array([s[k] for s in found["states"]]) for k in found["states"][0]}, found
 
 
-def states_of(chain, count=6, q=None):
-    """Closed configurations near one, with rates, accelerations and torques, seeded."""
+def states_of(chain, q):
+    """Six closed configurations near one, with rates, accelerations and torques."""
     random = np.random.default_rng(5)
     n, motors = chain.degrees_of_freedom, len(chain.motor_names)
-    q = chain.generic_configuration() if q is None else q
-    for _ in range(count):
+    for _ in range(6):
         way = chain.joint_rates(q, 0.02 * random.standard_normal(n))
         with suppress(ClosureError):
             q = chain.assemble(pin.integrate(chain.mechanism.model, q, way), fixed=())
@@ -130,71 +128,41 @@ def states_of(chain, count=6, q=None):
         yield {"q": q, "va": va, "aa": aa, "tau": tau}
 
 
-def agree(engine, chain, states):
-    """The page's numbers at states are those of the package, to 1e-9 of their size."""
+SLOW = ["delta", "stewart", "five_bar", "planar_4rrr", "excavator", "cassie", *OTHERS]
+SLOW += [*any_chain.JOINTS, *any_chain.IN_A_ROW]
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["sst", "four_bar", "bennett", *(pytest.param(name, marks=pytest.mark.slow) for name in SLOW)],
+)
+def test_the_page_computes_what_the_package_computes(chromium, name):
+    chain = robot_named(name)
+    engine = Engine(chromium, chain)
+    states = list(states_of(chain, engine.q))
     for state, found in zip(states, engine.values(states), strict=True):
         q, va = state["q"], state["va"]
         if found["torques"]:
             tau = chain.compute_torques(q, va, state["aa"])
             np.testing.assert_allclose(found["torques"], tau, rtol=1e-9, atol=1e-9)
-        if (
-            chain.mechanism.friction.coulomb.any()
-        ):  # the page smooths what an integrator cannot take
+        aa = chain.compute_accelerations(q, va, state["tau"])
+        if chain.mechanism.friction.coulomb.any():  # smoothed for an integrator on the page
             smooth = chain.casadi(engine.q, sign_width=0.01)
             aa = smooth.accelerations(q, va, state["tau"]).full().ravel()
-        else:
-            aa = chain.compute_accelerations(q, va, state["tau"])
         assert np.abs(np.array(found["accelerations"]) - aa).max() < 1e-8 * (1 + np.abs(aa).max())
         energies = [chain.kinetic_energy(q, va), chain.potential_energy(q)]
         np.testing.assert_allclose(found["energies"], energies, rtol=1e-9, atol=1e-12)
         assert found["condition"] == pytest.approx(chain.condition_number(q), rel=1e-6)
-
-
-QUICK = ["sst", "four_bar", "bennett"]
-SLOW = [
-    "delta",
-    "stewart",
-    "five_bar",
-    "planar_4rrr",
-    "excavator",
-    "cassie",
-    "coupled",
-    "rods",
-    "line",
-    "tree",
-    "wheel",
-]
-SLOW += [*any_chain.JOINTS, *any_chain.IN_A_ROW]
-
-
-@pytest.mark.parametrize(
-    "name", [*QUICK, *(pytest.param(name, marks=pytest.mark.slow) for name in SLOW)]
-)
-def test_the_page_computes_what_the_package_computes(chromium, name):  # noqa: F811
-    """Torques, accelerations, energies and the distance from singularities, friction included."""
-    chain = robot_named(name)
-    engine = Engine(chromium, chain)
-    agree(engine, chain, list(states_of(chain, q=engine.q)))
     engine.page.close()
 
 
 @pytest.mark.parametrize(
     ("name", "speed"),
-    [
-        ("four_bar", 3.0),
-        *(
-            pytest.param(name, speed, marks=pytest.mark.slow)
-            for name, speed in {
-                "sst": 2.0,
-                "delta": 2.0,
-                "stewart": 0.3,
-                "five_bar": 2.0,
-                "cassie": 0.2,
-            }.items()
-        ),
-    ],
+    with_slow(
+        ("four_bar", 3.0), sst=[2.0], delta=[2.0], stewart=[0.3], five_bar=[2.0], cassie=[0.2]
+    ),
 )
-def test_a_swing_of_ten_seconds_keeps_its_energy(chromium, name, speed):  # noqa: F811
+def test_a_swing_of_ten_seconds_keeps_its_energy(chromium, name, speed):
     """To 0.1 % of the largest kinetic energy, with springs that hold the robot about its home."""
     chain = on_springs(name)
     home = pose_of(name)
@@ -207,7 +175,7 @@ def test_a_swing_of_ten_seconds_keeps_its_energy(chromium, name, speed):  # noqa
     engine.page.close()
 
 
-def test_a_motion_is_that_of_the_package(chromium):  # noqa: F811
+def test_a_motion_is_that_of_the_package(chromium):
     """The SST let go from home: 0.5 s against `simulate`, tolerance of the page's steps."""
     robot = sst_pin.SST()
     engine = Engine(chromium, robot)
@@ -217,7 +185,7 @@ def test_a_motion_is_that_of_the_package(chromium):  # noqa: F811
     engine.page.close()
 
 
-def test_hold_brings_the_robot_back_after_a_push(chromium):  # noqa: F811
+def test_hold_brings_the_robot_back_after_a_push(chromium):
     """PD with gravity compensation: at rest in the pose where it began, 12/s critically damped."""
     chain = robot_named("four_bar")
     engine = Engine(chromium, chain, chain.home)
@@ -228,12 +196,10 @@ def test_hold_brings_the_robot_back_after_a_push(chromium):  # noqa: F811
     engine.page.close()
 
 
-def test_loops_stay_closed_as_coordinates_move_and_the_way_ends_in_words(chromium):  # noqa: F811
+def test_loops_stay_closed_as_coordinates_move_and_the_way_ends_in_words(chromium):
     robot = sst_pin.SST()
     engine = Engine(chromium, robot)
-    script = (
-        "way => { const r = engine(sst_functions, data), said = r.move(way); return [r.q, said] }"
-    )
+    script = "x => { const r = engine(sst_functions, data), said = r.move(x); return [r.q, said] }"
     q, said = engine.page.evaluate(script, [0.3, -0.2, 0.1])
     assert said == ""
     assert np.abs(robot.residual(q)).max() < 1e-9
@@ -245,20 +211,30 @@ def test_loops_stay_closed_as_coordinates_move_and_the_way_ends_in_words(chromiu
 
 
 def test_what_a_page_cannot_compute_is_named(monkeypatch):
-    """Bodies without mass, open loops, and CasADi that is missing."""
-    model = robot_named("four_bar").model
+    bars = robot_named("four_bar")
+    model = bars.model
     for body in range(1, model.njoints):
         model.inertias[body] = pin.Inertia.Zero()
-    weightless = sst_pin.ClosedChain(model, robot_named("four_bar").closures, ["crank"])
+    weightless = sst_pin.ClosedChain(model, bars.closures, ["crank"])
     with pytest.raises(SSTError, match="mass"):
-        weightless.show(robot_named("four_bar").home, live=True, open_browser=False)
+        weightless.show(bars.home, live=True, open_browser=False)
     with pytest.raises(ClosureError, match="assemble"):
-        robot_named("four_bar").show(
-            model.lowerPositionLimit * 0 + 1, live=True, open_browser=False
-        )
+        bars.show(np.ones(model.nq), live=True, open_browser=False)
     for name in [x for x in sys.modules if x.startswith("sst_pin.compiled.page_code")]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "casadi", None)
     with pytest.raises(MissingExtraError, match="casadi"):
         sst_pin.robots.five_bar().show(live=True, open_browser=False)
     assert "sst_functions" in sst_pin.SST().show(live=True, open_browser=False).html
+
+
+def test_the_page_says_where_the_motors_do_not_hold_the_robot(chromium):
+    """And gives no torques there."""
+    chain = elbows()
+    bad, good = held_not(chain)
+    engine, rest = Engine(chromium, chain, good), np.zeros(2)
+    held, lost = engine.values([{"q": q, "va": rest, "aa": rest, "tau": rest} for q in (good, bad)])
+    assert held["wrong"] == []
+    assert held["torques"] == pytest.approx(chain.compute_torques(good, rest, rest), rel=1e-9)
+    assert np.isnan(np.array(lost["torques"], dtype=float)).all()
+    assert lost["wrong"] == ["the motors do not hold this pose"]

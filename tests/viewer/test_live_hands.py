@@ -1,18 +1,15 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The live page in hands: sliders, dragging, letting go, pushing, holding, resetting."""
 
-from contextlib import contextmanager
-
 import numpy as np
 import pytest
 from test_live import robot_named
 
 import sst_pin
-from browser import COARSE, Visit, chromium, needs_browser  # noqa: F401
+from browser import COARSE, DESK, PHONE, TABLET, opened, with_slow
 from firefox import firefox, needs_firefox
 from sst_pin.viewer import Viewer
 
-PHONE, TABLET, DESK = (390, 844), (820, 1180), (1440, 900)
 #: Where a body, the last that is met, is seen in the window.
 FOUND = """() => {
   const { left, top, width, height } = document.getElementById("pane").getBoundingClientRect();
@@ -37,23 +34,6 @@ LATER = """t => new Promise((done) => {
 })"""
 
 
-@contextmanager
-def opened(chromium, chain, path, size):  # noqa: F811
-    Viewer(chain, live=True).save(path, force=True)
-    touch = size[0] < 1000
-    context = chromium.new_context(
-        viewport=dict(zip(("width", "height"), size, strict=True)), has_touch=touch, is_mobile=touch
-    )
-    page = context.new_page()
-    found = Visit(page)
-    page.goto(path.as_uri())
-    page.evaluate(COARSE)
-    yield page
-    assert found.errors == []
-    assert found.requests_elsewhere(path.as_uri()) == []
-    context.close()
-
-
 def fingers(page, x, y, way, steps=5):
     """A finger, or a mouse, put down, moved and taken away."""
     events = page.context.new_cdp_session(page)
@@ -76,25 +56,19 @@ def mouse(page, x, y, way, steps=5):
 
 @pytest.mark.parametrize(
     ("name", "size"),
-    [
+    with_slow(
         ("four_bar", PHONE),
-        *(
-            pytest.param(name, size, marks=pytest.mark.slow)
-            for name, sizes in {
-                "sst": (PHONE, TABLET, DESK),
-                "delta": (PHONE,),
-                "stewart": (TABLET,),
-                "five_bar": (DESK,),
-                "cassie": (PHONE,),
-            }.items()
-            for size in sizes
-        ),
-    ],
+        sst=(PHONE, TABLET, DESK),
+        delta=[PHONE],
+        stewart=[TABLET],
+        five_bar=[DESK],
+        cassie=[PHONE],
+    ),
 )
-@needs_browser
-def test_the_robot_is_dragged_let_go_pushed_held_and_reset(chromium, tmp_path, name, size):  # noqa: F811
+def test_the_robot_is_dragged_let_go_pushed_held_and_reset(chromium, tmp_path, name, size):
     chain = robot_named(name)
-    with opened(chromium, chain, tmp_path / "page.html", size) as page:
+    viewer = Viewer(chain, live=True)
+    with opened(chromium, viewer, tmp_path / "page.html", size) as page:
         state = lambda what: np.array(page.evaluate(f"Array.from(live.robot.{what})"))  # noqa: E731
         start, hand = state("q"), fingers if size[0] < 1000 else mouse
         camera = page.evaluate("viewer.camera.position.toArray()")
@@ -138,38 +112,27 @@ def test_the_robot_is_dragged_let_go_pushed_held_and_reset(chromium, tmp_path, n
         assert page.evaluate(across)
 
 
-@needs_browser
-def test_a_motion_is_beside_the_live_robot(chromium, tmp_path):  # noqa: F811
+def test_a_motion_is_beside_the_live_robot(chromium, tmp_path):
     """The player is as before; Live takes the robot from the motion's first state."""
     chain = robot_named("four_bar")
     motion = chain.simulate([0.0], chain.home, [1.0], np.linspace(0, 0.2, 11))
     viewer = chain.show(motion, live=True, open_browser=False)
-    path = tmp_path / "page.html"
-    viewer.save(path)
-    page = chromium.new_page(viewport={"width": 600, "height": 400})
-    found = Visit(page)
-    page.goto(path.as_uri())
-    page.evaluate(COARSE)
-    assert page.locator("#chart").is_visible()
-    assert not page.locator("#live").is_visible()
-    page.get_by_role("button", name="Live").click()
-    assert page.locator("#live").is_visible()
-    assert page.evaluate("live.robot.va") == [1.0]
-    page.get_by_role("button", name="Motion").click()
-    assert page.locator("#chart").is_visible()
-    assert not page.evaluate("live.running")
-    assert found.errors == []
-    page.close()
+    with opened(chromium, viewer, tmp_path / "page.html", (600, 400)) as page:
+        assert page.locator("#chart").is_visible()
+        assert not page.locator("#live").is_visible()
+        page.get_by_role("button", name="Live").click()
+        assert page.locator("#live").is_visible()
+        assert page.evaluate("live.robot.va") == [1.0]
+        page.get_by_role("button", name="Motion").click()
+        assert page.locator("#chart").is_visible()
+        assert not page.evaluate("live.running")
 
 
 @pytest.mark.slow
-@needs_browser
-def test_a_delta_keeps_sixty_frames_a_second_on_a_slow_processor(chromium, tmp_path):  # noqa: F811
-    """What the page computes and draws for a frame, four times slowed: less than 16.7 ms.
-
-    Here a software renderer paints the frames; on a phone its graphics card does.
-    """
-    with opened(chromium, robot_named("delta"), tmp_path / "page.html", PHONE) as page:
+def test_a_delta_keeps_sixty_frames_a_second_on_a_slow_processor(chromium, tmp_path):
+    """Computing and drawing, four times slowed; painting is left to a graphics card."""
+    viewer = Viewer(robot_named("delta"), live=True)
+    with opened(chromium, viewer, tmp_path / "page.html", PHONE) as page:
         page.context.new_cdp_session(page).send("Emulation.setCPUThrottlingRate", {"rate": 4})
         times = page.evaluate(
             """() => {

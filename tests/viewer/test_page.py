@@ -1,24 +1,20 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The page in a real browser: what it shows is what Pinocchio computes."""
 
-import io
 import socket
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from PIL import Image
 
 import sst_pin
-from browser import COARSE, chromium, needs_browser, visit  # noqa: F401
+from browser import COARSE, pixels, visit
 from sst_pin.sst import paper
 from sst_pin.viewer import Viewer
 
-pytestmark = needs_browser
-
 SPEED = 0.25
 #: From three.js, where y is up, to the base, where z is.
-UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
+UP = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
 
 #: Nodes of the SST's extras: e_k of the joints in their order, {0k}..{3k} leg after leg, arrows.
 AXES = [f"robot/{j if j % 3 else 0}/axes/e_{j // 3 + 3 * (j % 3) + 1}_{j}" for j in range(9)]
@@ -53,7 +49,7 @@ def motion(robot):
 
 
 @pytest.fixture(scope="module")
-def shown(chromium, robot, motion, tmp_path_factory):  # noqa: F811
+def shown(chromium, robot, motion, tmp_path_factory):
     """Example 1 as a file, opened."""
     viewer = Viewer(robot, axes=True)
     viewer.play(motion, speed=SPEED, title="Example 1")
@@ -66,7 +62,7 @@ def shown(chromium, robot, motion, tmp_path_factory):  # noqa: F811
 
 @pytest.fixture
 def page(shown):
-    """The same, standing at its beginning."""
+    """Example 1 standing at its beginning."""
     shown.page.evaluate("panel.still(0)")
     return shown.page
 
@@ -74,16 +70,11 @@ def page(shown):
 def poses(page):
     """Homogeneous matrices in base axes, by node."""
     found = page.evaluate(POSES)
-    matrices = {}
-    for node, content in found.items():
-        matrix = np.reshape(content["matrix"], (4, 4)).T
-        matrix[:3] = UP @ matrix[:3]
-        matrices[node] = matrix
-    return matrices, found
+    return {n: UP @ np.reshape(x["matrix"], (4, 4)).T for n, x in found.items()}, found
 
 
 def bodies(robot, q):
-    """What Pinocchio says: homogeneous matrices of the visual bodies, by node."""
+    """Homogeneous matrices of the visual bodies by Pinocchio, by node."""
     visual = robot.visual_model
     data, placed = robot.model.createData(), visual.createData()
     pin.forwardKinematics(robot.model, data, q)
@@ -95,7 +86,6 @@ def bodies(robot, q):
 
 
 def require_poses(page, robot, q):
-    """Every body where Pinocchio has it."""
     drawn, found = poses(page)
     for node, wanted in bodies(robot, q).items():
         assert found[node]["mesh"], node
@@ -105,8 +95,7 @@ def require_poses(page, robot, q):
 def canvas(page):
     """The 3D view as an array of colours."""
     page.evaluate("viewer.renderer.setPixelRatio(1); viewer.render()")
-    picture = page.locator("#pane").screenshot()
-    return np.asarray(Image.open(io.BytesIO(picture)).convert("RGB")).astype(int)
+    return pixels(page.locator("#pane").screenshot())
 
 
 def test_the_page_asks_for_nothing_and_nothing_fails(shown, page):
@@ -117,7 +106,6 @@ def test_the_page_asks_for_nothing_and_nothing_fails(shown, page):
 
 
 def test_every_body_and_every_extra_is_a_mesh_of_the_scene(page, robot):
-    """By name: bodies of the URDF, joint axes, frames, torques, path and trail."""
     _, found = poses(page)
     lines = ["robot/0/trail/path", "robot/0/trail/passed"]
     for node in (*bodies(robot, robot.home), *FRAMES, *AXES, *TORQUES, *lines):
@@ -127,11 +115,8 @@ def test_every_body_and_every_extra_is_a_mesh_of_the_scene(page, robot):
 
 
 @pytest.mark.slow
-def test_a_ghost_plays_a_second_motion_at_the_same_times(chromium, tmp_path):  # noqa: F811
-    """Sampled at other times, from before the start to half of the motion; where it ends it stays.
-
-    It is translucent, a layer of its own, and goes with the motion.
-    """
+def test_a_ghost_plays_a_second_motion_at_the_same_times(chromium, tmp_path):
+    """Sampled at other times, from before the start to half of the motion; then it stays."""
     robot, lag = sst_pin.robots.five_bar(), 0.3
     t, early = np.linspace(0, 1, 11), np.linspace(-0.1, 0.5, 8)
 
@@ -206,7 +191,6 @@ def test_extras_show_axes_frames_and_torques(page, robot, motion, sample):
 
 
 def test_the_canvas_shows_the_robot_and_it_moves(page):
-    """Ink of the three legs' colours, and another picture at another instant."""
     pictures = []
     for share in (0.1, 0.6):
         page.evaluate("share => panel.still(share)", share)
@@ -261,7 +245,6 @@ def test_it_plays_at_the_speed_that_was_asked_for(page, motion):
 
 @pytest.mark.slow
 def test_a_person_plays_steps_drags_and_hides(page, motion):
-    """Space, arrow keys, the slider, the chart, the check boxes."""
     page.locator("#title").click()
     page.keyboard.press("Space")
     assert page.evaluate("panel.playing")
@@ -286,8 +269,7 @@ def test_a_person_plays_steps_drags_and_hides(page, motion):
 
 
 @pytest.mark.slow
-def test_a_served_page_follows_the_program_and_outlives_it(chromium, robot, motion):  # noqa: F811
-    """What `show` and `play` say arrives; the page asks only whom it came from."""
+def test_a_served_page_follows_the_program_and_outlives_it(chromium, robot, motion):
     with Viewer(robot) as viewer:
         url = viewer.serve()
         with visit(chromium, url) as live:
@@ -315,8 +297,7 @@ def test_a_served_page_follows_the_program_and_outlives_it(chromium, robot, moti
 
 
 @pytest.mark.slow
-def test_a_notebook_shows_the_page_in_its_cell(chromium, robot, motion):  # noqa: F811
-    """`_repr_html_` is a frame that holds the whole page."""
+def test_a_notebook_shows_the_page_in_its_cell(chromium, robot, motion):
     viewer = Viewer(robot)
     viewer.play(motion)
     with visit(chromium, "about:blank", width=1000) as notebook:
@@ -329,8 +310,7 @@ def test_a_notebook_shows_the_page_in_its_cell(chromium, robot, motion):  # noqa
 
 
 @pytest.mark.slow
-@needs_browser
-def test_warnings_stand_on_the_page_and_are_text(chromium, robot):  # noqa: F811
+def test_warnings_stand_on_the_page_and_are_text(chromium, robot):
     off = robot.inverse_kinematics(sst_pin.orientation(np.radians(20), np.radians(170)))
     viewer = Viewer(robot)
     for q, count in ((robot.home, 0), (off, 3)):

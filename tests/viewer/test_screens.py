@@ -1,27 +1,19 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The page on phones, tablets and desks: the robot fits, and hands find what they look for."""
 
-import io
-from contextlib import contextmanager
-
 import coal
 import numpy as np
 import pinocchio as pin
 import pytest
-from PIL import Image
 
 import sst_pin
-from browser import COARSE, EXTENT, Visit, chromium, needs_browser  # noqa: F401
+from browser import DESK, EXTENT, LYING, PHONE, TABLET, opened, pixels, with_slow
+from firefox import firefox, needs_firefox
 from sst_pin.sst import paper
 from sst_pin.viewer import Viewer
 
-pytestmark = needs_browser
-
-PHONE, TABLET, DESK, LYING = (390, 844), (820, 1180), (1440, 900), (844, 390)
-
 
 def example(name):
-    """A robot's page in motion."""
     if name == "sst":
         robot = sst_pin.SST()
         motion = paper.example_1(robot, np.linspace(0, paper.PERIOD, 21))
@@ -35,43 +27,17 @@ def example(name):
     return viewer
 
 
-@contextmanager
-def opened(chromium, viewer, path, size, **options):  # noqa: F811
-    """The page as a file, standing still, in a window of some size; a small one is for fingers."""
-    touch = min(size) < 800
-    context = chromium.new_context(
-        viewport=dict(zip(("width", "height"), size, strict=True)),
-        has_touch=touch,
-        is_mobile=touch,
-        **{"reduced_motion": "reduce"} | options,
-    )
-    path.write_text(viewer.html, encoding="utf-8")
-    page = context.new_page()
-    found = Visit(page)
-    page.goto(path.as_uri())
-    page.evaluate(COARSE)
-    yield page
-    assert found.errors == []
-    context.close()
-
-
 @pytest.mark.parametrize(
     ("name", "size"),
-    [
+    with_slow(
         ("four_bar", PHONE),
-        *(
-            pytest.param(name, size, marks=pytest.mark.slow)
-            for name, sizes in {
-                "sst": (PHONE, TABLET, DESK, LYING),
-                "scissor_lift": (PHONE,),
-                "planar_3rrr": (TABLET,),
-                "stewart": (PHONE,),
-            }.items()
-            for size in sizes
-        ),
-    ],
+        sst=(PHONE, TABLET, DESK, LYING),
+        scissor_lift=[PHONE],
+        planar_3rrr=[TABLET],
+        stewart=[PHONE],
+    ),
 )
-def test_all_of_the_robot_is_in_the_picture(chromium, tmp_path, name, size):  # noqa: F811
+def test_all_of_the_robot_is_in_the_picture(chromium, tmp_path, name, size):
     """At each instant, from each preset view; and it fills the picture one way at least.
 
     Filled is 0.9 of the width or height by points that lie farthest out over the whole motion;
@@ -92,7 +58,7 @@ def test_all_of_the_robot_is_in_the_picture(chromium, tmp_path, name, size):  # 
 
 
 @pytest.mark.slow
-def test_a_window_that_changes_keeps_the_robot_in_the_picture(chromium, tmp_path):  # noqa: F811
+def test_a_window_that_changes_keeps_the_robot_in_the_picture(chromium, tmp_path):
     """A phone that is turned; once the reader has moved the camera it is left alone."""
     with opened(chromium, example("four_bar"), tmp_path / "page.html", PHONE) as page:
         page.evaluate("panel.still(0)")
@@ -115,8 +81,7 @@ def test_a_window_that_changes_keeps_the_robot_in_the_picture(chromium, tmp_path
 
 
 @pytest.mark.slow
-def test_below_800_px_panes_are_stacked_and_words_are_for_fingers(chromium, tmp_path):  # noqa: F811
-    """Beside each other on a desk, where the words are for mouse and keys."""
+def test_below_800_px_panes_are_stacked_and_words_are_for_fingers(chromium, tmp_path):
     viewer = example("four_bar")
     for size, stacked in ((PHONE, True), (DESK, False)):
         with opened(chromium, viewer, tmp_path / "page.html", size) as page:
@@ -133,8 +98,7 @@ def test_below_800_px_panes_are_stacked_and_words_are_for_fingers(chromium, tmp_
 
 
 @pytest.mark.slow
-def test_keys_work_after_a_click_and_curves_can_be_chosen(chromium, tmp_path):  # noqa: F811
-    """Whatever was clicked last: a button, a box, a list, the slider, the picture."""
+def test_keys_work_after_a_click_and_curves_can_be_chosen(chromium, tmp_path):
     viewer = example("four_bar")
     with opened(chromium, viewer, tmp_path / "page.html", DESK) as page:
         page.locator("#play").click()
@@ -162,7 +126,7 @@ def test_keys_work_after_a_click_and_curves_can_be_chosen(chromium, tmp_path):  
 
 
 @pytest.mark.slow
-def test_arrows_are_seen_through_the_bodies_that_hide_them(chromium, tmp_path):  # noqa: F811
+def test_arrows_are_seen_through_the_bodies_that_hide_them(chromium, tmp_path):
     """A four-bar within a ball: the picture changes when its arrows are hidden."""
     chain = sst_pin.robots.four_bar()
     shapes = pin.GeometryModel()
@@ -173,14 +137,13 @@ def test_arrows_are_seen_through_the_bodies_that_hide_them(chromium, tmp_path): 
         pictures = []
         for _ in range(2):
             page.evaluate("panel.still(0)")
-            pane = page.locator("#pane").screenshot()
-            pictures.append(np.asarray(Image.open(io.BytesIO(pane)).convert("RGB"), dtype=int))
+            pictures.append(pixels(page.locator("#pane").screenshot()))
             page.evaluate("stage.showLayer('torques', false)")
         assert (np.abs(pictures[0] - pictures[1]).max(axis=2) > 20).sum() > 30
 
 
 @pytest.mark.slow
-def test_who_wants_little_motion_or_a_dark_page_has_it(chromium, tmp_path):  # noqa: F811
+def test_who_wants_little_motion_or_a_dark_page_has_it(chromium, tmp_path):
     """prefers-reduced-motion: nothing plays by itself; prefers-color-scheme: dark."""
     viewer = example("four_bar")
     path = tmp_path / "page.html"
@@ -192,3 +155,36 @@ def test_who_wants_little_motion_or_a_dark_page_has_it(chromium, tmp_path):  # n
         assert page.evaluate("panel.playing")
     with opened(chromium, viewer, path, DESK, reduced_motion="no-preference") as page:
         assert page.evaluate("panel.playing")
+
+
+#: Everything but the floor.
+HIDE = """[...document.querySelectorAll("[data-layer]")].map((box) => box.dataset.layer)
+  .filter((name) => name !== "floor").forEach((name) => stage.showLayer(name, false))"""
+
+
+@pytest.mark.slow
+@needs_firefox
+def test_firefox_draws_all_of_the_robot_where_it_says(tmp_path):
+    """Points that vanish with its layers fill the box of its vertices, two pixels aside."""
+    example("four_bar").save(tmp_path / "page.html")
+    with firefox() as page:
+        page.visit((tmp_path / "page.html").as_uri(), *TABLET)
+        page.evaluate("viewer.set_3d_pane_size()")  # Meshcat's first frame may come late
+        low, high = np.array(page.evaluate(f"({EXTENT})(['usual', 0])"))
+        pane = page.evaluate("document.getElementById('pane').getBoundingClientRect()")
+        page.evaluate("panel.still(0)")
+        drawn = pixels(page.screenshot())
+        page.evaluate(HIDE)
+        page.evaluate("panel.still(0)")
+        empty = pixels(page.screenshot())
+    assert low.min() > -1
+    assert high.max() < 1
+    assert np.max(high - low) / 2 > 0.45
+    rows, columns = np.nonzero(np.abs(drawn - empty).max(axis=2) > 60)  # shadows change less
+    (left, right), (bottom, top) = np.stack([low, high], axis=1)
+    wanted = [
+        pane["x"] + (1 + np.array((left, right))) / 2 * pane["width"],
+        pane["y"] + (1 - np.array((top, bottom))) / 2 * pane["height"],
+    ]
+    seen = [(x.min(), x.max() + 1) for x in (columns, rows)]
+    assert np.abs(np.array(seen) - wanted).max() < 2.0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The viewer without a browser: what it takes, writes, serves and leaves behind."""
+"""The viewer without a browser: what it takes, writes, serves, to whom, and leaves behind."""
 
 import io
 import json
@@ -10,12 +10,14 @@ import socket
 import subprocess
 import sys
 import urllib.request
+from http.client import HTTPConnection
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
 import umsgpack
-from PIL import Image
+from PIL import Image, ImageSequence
 
 import sst_pin
 from browser import needs_browser
@@ -24,6 +26,7 @@ from sst_pin.cli import main
 from sst_pin.sst import paper
 from sst_pin.verification.sampling import random_parameters
 from sst_pin.viewer import Viewer, pictures, triangles
+from sst_pin.viewer.server import is_ours, url_of
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +55,6 @@ def own_address():
 
 
 def test_it_listens_on_this_machine_alone_and_only_when_asked(robot):
-    """The socket is bound to 127.0.0.1, not to every address."""
     with Viewer(robot) as viewer:
         assert "not served" in repr(viewer)
         url = viewer.serve()
@@ -70,7 +72,6 @@ def test_it_listens_on_this_machine_alone_and_only_when_asked(robot):
 
 
 def test_nothing_listens_after_an_exception(robot):
-    """Leaving the block by an error closes the port and ends the thread."""
     viewer = Viewer(robot)
     port = port_of(viewer.serve())
     with pytest.raises(errors.InputError), viewer:
@@ -97,13 +98,8 @@ def test_show_serves_until_interrupted_and_leaves_no_orphan(options):
         "raise SystemExit(sst_pin.cli.main())"
     )
     command = [sys.executable, "-c", code, "show", "--no-open", *options]
-    with subprocess.Popen(
-        command,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    ) as process:
+    piped = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen(command, start_new_session=True, **piped) as process:
         try:
             url = next(line for line in process.stdout if "Ctrl-C ends" in line).split()[0]
             assert urllib.request.urlopen(url).status == 200
@@ -118,7 +114,6 @@ def test_show_serves_until_interrupted_and_leaves_no_orphan(options):
 
 
 def test_robot_show_is_the_short_way(robot, motion, monkeypatch):
-    """A motion or a configuration; the browser is asked to open the page that is served."""
     opened = []
     monkeypatch.setattr("webbrowser.open", opened.append)
     with robot.show(motion, speed=0.5) as viewer:
@@ -132,7 +127,6 @@ def test_robot_show_is_the_short_way(robot, motion, monkeypatch):
 
 
 def test_parameters_bring_their_own_meshes():
-    """Bodies of a robot that no file describes; the star's size is its own."""
     parameters = random_parameters(np.random.default_rng(3))
     robot = sst_pin.SST(parameters)
     assert robot.star_radius == pytest.approx(parameters.star_radius, rel=1e-12)
@@ -167,24 +161,21 @@ def test_a_ghost_moves_at_the_times_of_the_motion():
 
 
 def test_what_cannot_be_shown_is_told(robot, motion, tmp_path):
-    """Another robot's motion, a speed of nothing, an unknown ending, a file in the way."""
     viewer = Viewer(robot)
     other = sst_pin.Trajectory([0, 1], [[0], [1]], [[0]] * 2, [[0]] * 2, [[0]] * 2, ["x"], ["x"])
-    with pytest.raises(errors.InputError, match="motion: belongs to another robot, with joints x"):
-        viewer.play(other)
-    with pytest.raises(errors.InputError, match="robot: a ClosedChain is needed, not Model"):
-        Viewer(robot.model)
-    with pytest.raises(errors.InputError, match="ghost: belongs to another robot"):
-        viewer.play(motion, ghost=other)
-    with pytest.raises(errors.InputError, match=r"ghost: from 0 to 0 s, .*no time in common"):
-        robot.show(motion, ghost=motion[:1], open_browser=False)
-    with pytest.raises(errors.InputError, match="ghost: only beside a motion"):
-        robot.show(robot.home, ghost=motion, open_browser=False)
+    for said, call in {
+        "motion: belongs to another robot, with joints x": lambda: viewer.play(other),
+        "robot: a ClosedChain is needed, not Model": lambda: Viewer(robot.model),
+        "ghost: belongs to another robot": lambda: viewer.play(motion, ghost=other),
+        "ghost: from 0 to 0 s, .*no time in common": lambda: viewer.play(motion, ghost=motion[:1]),
+        "ghost: only beside a motion": lambda: robot.show(ghost=motion, open_browser=False),
+        "q: shape": lambda: viewer.show([0, 1, 2]),
+    }.items():
+        with pytest.raises(errors.InputError, match=said):
+            call()
     for speed in (0, -1, np.nan, np.inf):
         with pytest.raises(errors.InputError, match="speed"):
             viewer.play(motion, speed=speed)
-    with pytest.raises(errors.InputError, match="q: shape"):
-        viewer.show([0, 1, 2])
     with pytest.raises(errors.OutputError, match=r"known: \.html, \.png, \.gif"):
         viewer.save(tmp_path / "motion.mp4")
     (tmp_path / "there.html").write_text("mine")
@@ -194,7 +185,6 @@ def test_what_cannot_be_shown_is_told(robot, motion, tmp_path):
 
 
 def test_a_long_motion_makes_no_long_page(robot):
-    """Two thousand samples come as six hundred, first and last among them."""
     long = paper.example_1(robot, np.linspace(0, paper.PERIOD, 2000))
     viewer = Viewer(robot)
     viewer.play(long)
@@ -226,28 +216,20 @@ def test_a_tube_is_closed_and_as_long_as_its_line():
 
 
 @pytest.mark.parametrize(
-    ("blocked", "commands"),
+    ("packages", "option"),
     [
-        ({"meshcat, pillow, trimesh": "viz"}, ["show --no-open"]),
-        pytest.param({"playwright": "viz"}, ["show --png x.png"], marks=pytest.mark.slow),
+        ("meshcat, pillow, trimesh are", "--no-open"),
+        pytest.param("playwright is", "--png=x.png", marks=pytest.mark.slow),
     ],
 )
-def test_a_missing_extra_is_named(blocked, commands, tmp_path):
+def test_a_missing_extra_is_named(packages, option, tmp_path):
     """The one line that installs it, and exit code 2."""
-    code = "import sys; from sst_pin.cli import main; "
-    packages = ", ".join(blocked).split(", ")
-    code += "".join(
-        f"sys.modules['{package.replace('pillow', 'PIL')}'] = None; " for package in packages
-    )
-    code += f"sys.exit(sum(main(c.split()) for c in {commands}))"
-    result = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path, check=False
-    )
-    assert result.returncode == 2 * len(commands)
-    for package, extra in blocked.items():
-        verb = "are" if "," in package else "is"
-        line = f"{package} {verb} not installed; run: pip install 'sst-pin[{extra}]'"
-        assert line in result.stderr
+    modules = packages.rpartition(" ")[0].replace("pillow", "PIL").split(", ")
+    code = f"import sys; from sst_pin.cli import main; sys.modules |= dict.fromkeys({modules}); "
+    command = [sys.executable, "-c", f"{code}sys.exit(main(['show', '{option}']))"]
+    result = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, check=False)
+    assert result.returncode == 2
+    assert f"{packages} not installed; run: pip install 'sst-pin[viz]'" in result.stderr
     assert not list(tmp_path.iterdir())
 
 
@@ -263,7 +245,6 @@ def test_a_missing_browser_is_named(robot, tmp_path, monkeypatch, capsys):
 @pytest.mark.slow
 @needs_browser
 def test_pictures_are_taken_without_a_person(robot, motion):
-    """A PNG with ink and a GIF whose frames differ, also under a running event loop."""
     import asyncio
 
     viewer = Viewer(robot)
@@ -275,10 +256,8 @@ def test_pictures_are_taken_without_a_person(robot, motion):
     with Image.open(io.BytesIO(asyncio.run(in_a_notebook()))) as gif:
         assert gif.n_frames == 3
         assert gif.size == (480, 240)
-        frames = []
-        for i in range(3):
-            gif.seek(i)
-            frames.append(np.asarray(gif.convert("RGB")).astype(int))
+        shown = ImageSequence.Iterator(gif)
+        frames = [np.asarray(frame.convert("RGB"), dtype=int) for frame in shown]
     assert ((frames[0] < 235).any(axis=-1)).mean() > 0.02
     for one, other in ((0, 1), (1, 2)):
         assert (np.abs(frames[one] - frames[other]).max(axis=-1) > 60).mean() > 0.01
@@ -287,7 +266,6 @@ def test_pictures_are_taken_without_a_person(robot, motion):
 @pytest.mark.slow
 @needs_browser
 def test_show_writes_page_and_picture(tmp_path, monkeypatch, capsys):
-    """`--html` and `--png` of a motion file and of its torques, with one line that says so."""
     sample = Path(__file__).parents[2] / "examples" / "figure_eight.csv"
     monkeypatch.chdir(tmp_path)
     assert main(["torques", str(sample), "-o", "torques.npz"]) == 0
@@ -305,14 +283,85 @@ def test_show_writes_page_and_picture(tmp_path, monkeypatch, capsys):
 
 
 def test_the_page_warns_of_what_the_machine_cannot_take(robot, motion):
-    """A motion with its times, a pose without; the paper's circle without a word."""
     off = robot.inverse_kinematics(sst_pin.orientation(np.radians(20), np.radians((80, 170))))
-    zero, names = np.zeros((2, 3)), robot.joint_names
     viewer = Viewer(robot)
-    viewer.play(sst_pin.Trajectory([0, 1], off, zero, zero, zero, names, names[::3]))
+    viewer.play(robot.trajectory([0, 1], off, *np.zeros((3, 2, 3))))
     warnings = viewer._panel["warnings"]
     assert warnings[0] == "beta_1 leaves its arc of 0 to 90 deg: -80 deg at t = 1 s"
     viewer.show(off[1])
     assert viewer._panel["warnings"][0] == "beta_1 leaves its arc of 0 to 90 deg: -80 deg"
     viewer.play(motion)
     assert viewer._panel["warnings"] == []
+
+
+@pytest.fixture(scope="module")
+def served(robot):
+    with Viewer(robot) as viewer:
+        yield viewer.serve()
+
+
+def status(served, path="/", **headers):
+    """The answer to a request with some headers."""
+    address = urlsplit(served)
+    connection = HTTPConnection(address.hostname, address.port, timeout=10)
+    connection.putrequest("GET", path, skip_host=True)
+    for name, value in ({"Host": address.netloc} | headers).items():
+        connection.putheader(name.replace("_", "-"), value)
+    connection.endheaders()
+    answer = connection.getresponse().status
+    connection.close()
+    return answer
+
+
+def upgrade(served, **headers):
+    """The answer to the opening of a WebSocket; 101 is yes."""
+    opening = {
+        "Connection": "Upgrade",
+        "Upgrade": "websocket",
+        "Sec_WebSocket_Version": "13",
+        "Sec_WebSocket_Key": "dGhlIHNhbXBsZSBub25jZQ==",
+    }
+    return status(served, "/socket", **opening, **headers)
+
+
+def test_a_browser_on_this_machine_is_answered(served):
+    port = urlsplit(served).port
+    for host in (f"127.0.0.1:{port}", f"localhost:{port}", f"[::1]:{port}"):
+        assert status(served, Host=host) == 200
+        assert upgrade(served, Host=host, Origin=f"http://{host}") == 101
+    assert upgrade(served) == 101  # a program that is no browser
+
+
+def test_a_site_that_calls_itself_this_machine_is_not_answered(served):
+    """DNS rebinding: the browser asks 127.0.0.1 under the site's name."""
+    host = f"rebound.example:{urlsplit(served).port}"
+    assert status(served, Host=host) == 403
+    assert upgrade(served, Host=host, Origin=f"http://{host}") == 403
+
+
+@pytest.mark.parametrize("origin", ["http://foreign.example", "http://127.0.0.1:1", "null"])
+def test_a_websocket_of_another_page_is_refused(served, origin):
+    assert upgrade(served, Origin=origin) == 403
+
+
+def test_the_name_that_was_asked_for_is_ours_and_so_is_the_machines():
+    name = socket.gethostname()
+    assert is_ours("robot.lab", "Robot.lab:8080", None)
+    assert is_ours("0.0.0.0", f"{name}:8080", f"http://{name}:8080")
+    assert not is_ours("0.0.0.0", "foreign.example:8080", None)
+    for nonsense in (None, "", "[", "127.0.0.1.foreign.example"):
+        assert not is_ours("127.0.0.1", nonsense, None)
+
+
+def test_an_address_of_version_six_is_written_in_brackets():
+    assert url_of("::1", 80) == "http://[::1]:80/"
+    assert url_of("127.0.0.1", 80) == "http://127.0.0.1:80/"
+
+
+@pytest.mark.parametrize(
+    ("host", "port"),
+    [("203.0.113.7", 0), ("256.1.1.1", 0), ("", 0), (300 * "x", 0), ("127.0.0.1", 99999)],
+)
+def test_an_address_that_cannot_be_listened_on_is_told(robot, host, port):
+    with pytest.raises(errors.ServerError, match="cannot listen on"):
+        Viewer(robot).serve(host, port)

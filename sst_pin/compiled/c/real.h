@@ -193,12 +193,12 @@ HELPER real tangent(real x)
 }
 
 /* The sign of a rate in Coulomb friction: tanh(x / width) where the width is not zero; without it
- * zero for joints that are slower than `rest`. */
+ * zero for joints that are no faster than `rest`. */
 HELPER real direction(real x, number width, number rest)
 {
     if (width > 0)
         return tangent(x / width);
-    return N(0.5) * (SIGN(x - rest) + SIGN(x + rest));
+    return SIGN(x) * (N(1.0) - AT_MOST(ABSOLUTE(x), rest));
 }
 
 /* Coulomb friction; most joints have none. */

@@ -6,8 +6,6 @@ instruction sets compile `kernels.c` at installation; derivatives are compiled a
 into the cache. The environment variable SST_PIN_KERNELS=off switches all C off.
 """
 
-from __future__ import annotations
-
 import ctypes
 import os
 from functools import cache
@@ -17,11 +15,11 @@ from pathlib import Path
 from ... import extensions
 from ...arrays import Array
 from ...chain.backend import Key
-from ...chain.closures import Closure, Constraint
+from ...chain.closures import Closure
 from ...chain.mechanism import Mechanism
 from ...chain.reference import Reference
 from ...compiled import build
-from ...compiled.code import Code
+from ...compiled.build import Code
 from ...compiled.compiled_backend import DERIVATIVES, CompiledBackend
 from ...compiled.open_numbers import OpenNumbers
 from ...description import JOINT_NAMES, MOTOR_NAMES
@@ -43,50 +41,39 @@ ENTRIES = (
 )
 #: Kernels that are compiled at their first use, each from a file of its name.
 AT_FIRST_USE = (*DERIVATIVES, *(key._replace(along=True) for key in DERIVATIVES))
-
-
 #: Index of the body that bears the loads on the star; the three arcs are one body.
 STAR = JOINT_NAMES.index("beta_1")
 
 
 def backend(reference: Reference, off: str) -> CompiledBackend:
-    """The kernels of one robot.
-
-    Raises:
-        CompilationError: Why it has none, `off` if that is not empty.
-    """
+    """The kernels of one robot; the error says why it has none, `off` if that is not empty."""
     mechanism = reference.mechanism
     if why := off or _misfit(mechanism) or missing():
         raise CompilationError(why)
-    return CompiledBackend(reference, parameters=open_numbers(mechanism), code=code, bearer=STAR)
-
-
-def misfit(joint_names: tuple[str, ...], closures: tuple[Constraint, ...]) -> str:
-    """What keeps a robot from the kernels, wherever they run; empty when nothing does."""
-    if joint_names != JOINT_NAMES:
-        return "the joints of the model are in another order"
-    cuts = [closure for closure in closures if isinstance(closure, Closure)]
-    frames = {(closure.frame_a, closure.frame_b) for closure in cuts}
-    kinds = {closure.kind for closure in cuts}
-    if len(cuts) < len(closures) or frames != CUTS or not kinds <= {"6d", "orientation"}:
-        return "the cuts differ from those of the YAML in the package"
-    return ""
+    return CompiledBackend(
+        reference, parameters=open_numbers(mechanism), code=code, platform=JOINT_NAMES[STAR]
+    )
 
 
 def _misfit(mechanism: Mechanism) -> str:
-    """`misfit` of a robot with motors and springs."""
+    """What keeps a robot from the kernels, wherever they run; empty when nothing does."""
+    if mechanism.space.joint_names != JOINT_NAMES:
+        return "the joints of the model are in another order"
+    cuts = [closure for closure in mechanism.closures if isinstance(closure, Closure)]
+    frames = {(closure.frame_a, closure.frame_b) for closure in cuts}
+    kinds = {closure.kind for closure in cuts}
+    whole = len(cuts) == len(mechanism.closures) and kinds <= {"6d", "orientation"}
+    if frames != CUTS or not whole:
+        return "the cuts differ from those of the YAML in the package"
     springs = not (mechanism.springs.none and mechanism.lines.none)
-    why = misfit(mechanism.space.joint_names, mechanism.closures)
-    if not why and (springs or not mechanism.driven_one_to_one):
-        why = "the motors or springs differ from those of an SST"
-    return why
+    if springs or not mechanism.driven_one_to_one:
+        return "the motors or springs differ from those of an SST"
+    return ""
 
 
 def page_functions(mechanism: Mechanism) -> tuple[str, Array] | None:
-    """The functions in JavaScript for a page, and their open numbers; None where they do not fit.
-
-    They divide by the masses of the bodies.
-    """
+    """JavaScript of the functions of a page, and their open numbers; None where they do not fit."""
+    # They divide by the masses of the bodies.
     if _misfit(mechanism) or not all(body.mass for body in list(mechanism.model.inertias)[1:]):
         return None
     numbers = open_numbers(mechanism).pack(mechanism, mechanism.friction)
@@ -99,10 +86,10 @@ def open_numbers(mechanism: Mechanism) -> OpenNumbers:
     return OpenNumbers(mechanism, complete=True, rotated=[*MOTOR_NAMES, *frames])
 
 
-def code(key: Key, target: str) -> Code:
+def code(key: Key, target: str, clock: build.Clock | None = None) -> Code:
     """The code of one of `ENTRIES` or `AT_FIRST_USE` for an instruction set."""
     if key in AT_FIRST_USE:
-        return Code(_from_cache(key.entry, target), key.entry)
+        return Code(_from_cache(key.entry, target, clock), key.entry)
     if key not in ENTRIES:
         raise CompilationError("the shipped kernels have none")
     return Code(_installed(target), f"{key.entry}_{target}")
@@ -124,7 +111,7 @@ def source_file(entry: str) -> Path:
     return FOLDER / f"{entry}.c"
 
 
-def _from_cache(entry: str, target: str) -> ctypes.CDLL:
+def _from_cache(entry: str, target: str, clock: build.Clock | None) -> ctypes.CDLL:
     body = source_file(entry).read_text(encoding="utf-8")
 
     def source() -> str:
@@ -132,7 +119,7 @@ def _from_cache(entry: str, target: str) -> ctypes.CDLL:
         return lanes + "".join(f'#include "{part}"\n' for part in PARTS) + body
 
     options = *build.LONG, f"-I{INCLUDE}"
-    return build.library("sst", entry, body.encode(), target, source, options)
+    return build.library("sst", entry, body.encode(), target, source, options, clock)
 
 
 @cache
@@ -140,6 +127,6 @@ def _installed(target: str) -> ctypes.CDLL:
     found = find_spec(f"{__name__}._{target}")
     if found is None or found.origin is None:
         raise CompilationError(extensions.missing())
-    return extensions.require_current(
-        found.origin, FOLDER / "kernels.c", *(INCLUDE / x for x in PARTS)
-    )
+    own, shared = ("kernels.c", "target.h"), [INCLUDE / part for part in PARTS]
+    sources = [*(FOLDER / name for name in own), *shared, FOLDER / f"{target}.c"]
+    return extensions.require_current(found.origin, *sources)

@@ -44,7 +44,7 @@ class LagrangeMultipliers:
 
     def __init__(self, parameters: Parameters) -> None:
         self._parameters, self._chain = parameters, SST(parameters)
-        model = self._chain.model
+        model = self._chain.mechanism.model
         names = ("closedloop1_A", "closedloop1_B", "closedloop2_B")  # {E} at the end of each leg
         self._ends = [model.getFrameId(name) for name in names]
 
@@ -52,7 +52,7 @@ class LagrangeMultipliers:
         self, R: ArrayLike, omega: ArrayLike, alpha: ArrayLike, platform_moment: Moment = None
     ) -> Array:
         """Motor torques; see `Referee.torques`."""
-        model = self._chain.model
+        model = self._chain.mechanism.model
         data = model.createData()
         q = legs(self._parameters, R).angles.ravel()
         pin.computeJointJacobians(model, data, q)

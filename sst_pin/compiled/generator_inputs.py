@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""All that kernels are generated from: sample configurations, and what the cache knows them by."""
+
+from dataclasses import is_dataclass
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Array
+from ..chain.closures import frames_of
+from ..chain.coordinates import examples
+from ..chain.mechanism import Mechanism
+from ..chain.reference import Reference
+from ..chain.tree import frame_named
+from ..errors import ClosureError, SingularConfigurationError
+from .links import LinkTree
+from .open_numbers import OpenNumbers
+
+#: Configurations by which pivots are chosen.
+_SAMPLES = 8
+
+
+def sample_configurations(reference: Reference, near: Array | None = None) -> Array:
+    """Assembled configurations, the same at each call, shape (samples, nq), `near` the first."""
+    reference.mechanism.require_freedom()
+    assembly, own = reference.memory.assembly, near is None
+    if near is None:
+        near = reference.mechanism.example
+    if near is None:
+        near = next(examples(assembly))
+    try:
+        reference.rates(near, np.zeros(len(reference.mechanism.coordinates)))
+    except SingularConfigurationError as error:
+        if own:
+            error.args = (
+                f"{error.args[0]}; in another assembly mode give q: compile(q), casadi(q)",
+            )
+        raise
+    samples = [near]
+    for seed in range(4 * _SAMPLES):
+        try:
+            samples.append(assembly.aside(samples[seed % len(samples)], seed))
+        except ClosureError:
+            continue
+        if len(samples) == _SAMPLES:
+            break
+    return np.array(samples)
+
+
+def fingerprint(
+    mechanism: Mechanism, parameters: OpenNumbers, near: Array | None, frame: str | None = None
+) -> bytes:
+    """All that the kernels of a mechanism, or of one of its frames, are generated from.
+
+    Closures and lines mean joints and frames by name: names stand here with all they lead to.
+    """
+    model, lines = mechanism.model, [(x.frame_a, x.frame_b) for x in mechanism.lines.forces]
+    named = {name for names in map(frames_of, mechanism.closures) for name in names}
+    named.update(*lines, () if frame is None else (frame,))
+    frames = {name: frame_named(model, name) for name in sorted(named)}
+    near = mechanism.example if near is None else near
+    parts = (
+        (LinkTree.of(model), list(model.names), [(x.idx_q, x.idx_v) for x in model.joints]),
+        {name: (x.parentJoint, x.placement.homogeneous) for name, x in frames.items()},
+        (mechanism.closures, lines, mechanism.lines.motors),
+        (mechanism.coordinates, mechanism.motors, mechanism.row_scale, mechanism.rate_scale),
+        (vars(parameters), mechanism.length),
+        [x.lever for i, x in enumerate(model.inertias) if i not in parameters.bodies],
+        (frame, near if near is None else near.round(6) + 0.0),
+    )
+    return _exact(parts).encode()
+
+
+def _exact(x: Any) -> str:
+    """A value as text, to the last bit."""
+    if isinstance(x, np.ndarray):
+        return f"{x.dtype} {x.shape} {x.tobytes().hex()}"
+    if is_dataclass(x):
+        return f"{type(x).__name__} {_exact(vars(x))}"
+    if isinstance(x, dict):
+        x = list(x.items())
+    return f"({', '.join(map(_exact, x))})" if isinstance(x, (list, tuple)) else repr(x)

@@ -1,0 +1,224 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Drawings in space: paths of frames, paths on the sphere of an SST, an SST in a pose."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import pinocchio as pin
+
+from ..arrays import Array, single_array
+from ..chain.appearance import PLATFORM
+from ..chain.closed_chain import ClosedChain
+from ..chain.tree import frame_id
+from ..description.colours import LEG_COLOURS
+from ..errors import InputError
+from ..motion.moving_robot import require_motion
+from ..motion.trajectories import Trajectory
+from ..sst.kinematics import legs_of_joints
+from ..sst.robot import SST
+from .curves import legend_above
+from .style import Axes
+
+#: A path counts as planar if its distance from a plane is less than this share of its length.
+_PLANAR = 1e-6
+#: The wanted path under the others, then those.
+PATHS: tuple[dict[str, Any], ...] = (
+    {"color": "0.8", "linewidth": 4},
+    {"color": LEG_COLOURS[0], "linewidth": 1.2},
+    {"color": LEG_COLOURS[1], "linewidth": 1.2, "linestyle": (0, (4, 4))},
+)
+
+
+def frame_path(ax: Axes, robot: ClosedChain, motion: Trajectory, frame: str = PLATFORM) -> Axes:
+    """Path of a frame's origin, in the axes of the base; a dot where it starts.
+
+    Args:
+        ax: Axes with projection "3d", or plane axes for a path parallel to a plane of the base.
+        robot: Any closed chain.
+        motion: A motion of this robot.
+        frame: Name of a frame of `robot.model`, such as a link or an end of a loop.
+
+    Raises:
+        UnknownNameError: For a frame that the model does not have.
+        InputError: For another robot's motion, or a path in space in plane axes.
+
+    Example:
+        >>> ax = plots.frame_path(ax, chain, motion, "platform")
+        >>> ax.get_xlabel(), ax.get_ylabel()
+        ('$x_0$ (m)', '$z_0$ (m)')
+    """
+    points = origins_of(robot, motion, frame)
+    shown = [0, 1, 2] if ax.name == "3d" else plane_of(points)
+    if shown is None:
+        raise InputError("ax", f"the path of {frame} lies in no plane: give axes with 3d")
+    ax.plot(*points[:, shown].T, color=LEG_COLOURS[0], label=frame)
+    ax.plot(*points[:1, shown].T, "o", color="black", markersize=3)
+    if ax.name != "3d":
+        names = [f"${'xyz'[i]}_0$ (m)" for i in shown]
+        ax.set_aspect("equal", adjustable="datalim")
+        ax.set(xlabel=names[0], ylabel=names[1])
+        legend_above(ax)
+        return ax
+    ax.set_box_aspect((1, 1, 1), zoom=0.9)
+    ax.view_init(elev=28, azim=-52)
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2
+    half = 0.55 * float(np.ptp(points, axis=0).max()) or 0.5
+    ends = np.stack([middle - half, middle + half], axis=1)
+    ax.set(xlim=ends[0], ylim=ends[1], zlim=ends[2])
+    for axis, letter in _labelled_axes(ax):
+        axis.set_major_locator(mpl.ticker.MaxNLocator(3, prune="both"))
+        axis.set_tick_params(pad=3 if letter == "z" else 0)
+        axis.labelpad = 8 if letter == "z" else 4
+    ax.legend(loc="lower left", bbox_to_anchor=(0.1, 0.97))
+    return ax
+
+
+def origins_of(robot: ClosedChain, motion: Trajectory, frame: str) -> Array:
+    """Positions of the origin of a frame in the axes of the base, shape (N, 3), [m]."""
+    require_motion(motion, robot)
+    model = robot.mechanism.model
+    number, data = frame_id(model, frame), model.createData()
+    points = np.empty((len(motion), 3))
+    for point, q in zip(points, motion.q, strict=True):
+        pin.forwardKinematics(model, data, q)
+        point[:] = pin.updateFramePlacement(model, data, number).translation
+    return points
+
+
+def plane_of(points: Array) -> list[int] | None:
+    """The two axes of the base that points are drawn in; None where they need all three."""
+    ranges = np.ptp(points, axis=0)
+    flattest = int(ranges.argmin())
+    if ranges[flattest] > _PLANAR * ranges.max():
+        return None
+    return [i for i in range(3) if i != flattest]
+
+
+def paths_on_sphere(
+    ax: Axes, robot: SST, motions: Sequence[tuple[str, Trajectory]], radius: float | None = None
+) -> Axes:
+    """Paths of E on the sphere of the star, over the base triangle's patch (Figs. 9, 11).
+
+    Args:
+        ax: Axes with projection "3d".
+        robot: The SST.
+        motions: Label and motion of each path; of several, the first is the wanted one.
+        radius: Radius of the sphere, [m]; the star's by default.
+
+    Raises:
+        InputError: For another robot's motion.
+
+    Example:
+        >>> t = np.linspace(0, 0.1, 21)
+        >>> motion = robot.trajectory(t, *robot.joint_motion(*sst_pin.paper_circle(t)))
+        >>> ax = Figure().add_subplot(projection="3d")
+        >>> plots.paths_on_sphere(ax, robot, [("circle", motion)]).get_zlabel()
+        '$z_0$ (m)'
+    """
+    for _, motion in motions:
+        require_motion(motion, robot)
+    radius = robot.star_radius if radius is None else radius
+    _patch(ax, robot, radius, "v")
+    styles = PATHS if len(motions) > 1 else PATHS[1:]
+    seen = [robot.geometry.R_0[:, :, 0]]
+    for (label, motion), look in zip(motions, styles, strict=False):
+        s = robot.platform_orientation(motion.q)[:, :, 0]
+        ax.plot(*(radius * s).T, label=label, zorder=10, **look)
+        seen.append(s)
+    ax.plot(*(radius * s[:1]).T, "o", color="black", markersize=3, zorder=11)
+    if len(motions) > 1:
+        ax.legend(loc="upper left", bbox_to_anchor=(-0.05, 1.0), handlelength=2.6)
+    _equal_space(ax, robot, radius, np.concatenate(seen))
+    return ax
+
+
+def robot_pose(ax: Axes, robot: SST, q: Array, radii: tuple[float, float] | None = None) -> Axes:
+    """A line drawing of the robot: base triangle, actuator links, the star's arcs.
+
+    Args:
+        ax: Axes with projection "3d".
+        robot: The SST.
+        q: Joint coordinates, shape (9,).
+        radii: Radii of the base sphere and of the star's arcs, [m]; by default the star's, and 7/8
+            of it for the base, as in the paper.
+
+    Example:
+        >>> figure = Figure()
+        >>> ax = plots.robot_pose(figure.add_subplot(projection="3d"), robot, robot.home)
+        >>> figure.savefig("home.png")
+    """
+    base, star = radii or (7 / 8 * robot.star_radius, robot.star_radius)
+    _patch(ax, robot, base, "P")
+    legs = legs_of_joints(robot.geometry, single_array("q", q, (9,)))
+    for k in range(3):
+        colour = LEG_COLOURS[k]
+        carriage = np.outer((base, star), legs.u[k])
+        ax.plot(*np.vstack([np.zeros(3), carriage[0]]).T, color=colour, linewidth=2.5)
+        ax.plot(*carriage.T, color=colour, linewidth=6, solid_capstyle="butt")
+        # The arc from E through R_k, a quarter circle in the plane with normal n_k.
+        angles = np.linspace(0, np.pi / 2, 60)[:, None]
+        s = legs.s[k]
+        arc = star * (np.cos(angles) * s - np.sin(angles) * np.cross(legs.n[k], s))
+        ax.plot(*arc.T, color=colour, linewidth=1.8)
+        # Beside the arc: towards neither of its ends.
+        beside = 1.12 * carriage[1] + 0.2 * star * legs.n[k]
+        ax.text(*beside, f"$R_{k + 1}$", color=colour, ha="center", va="center")
+    E = star * legs.s[0]
+    ax.plot(*E[:, None], "o", color="black", markersize=4)
+    ax.text(*(E + star / 8 * np.array((1, -1, 0))), "$E$", ha="center", va="center")
+    _equal_space(ax, robot, star, robot.geometry.R_0[:, :, 0])
+    ax.set_axis_off()
+    ax.set_box_aspect((1, 1, 1), zoom=1.05)
+    return ax
+
+
+def great_arc(start: Array, end: Array) -> Array:
+    """Unit vectors along the shorter great circle between two, shape (60, 3)."""
+    side = np.arccos(np.clip(start @ end, -1, 1))
+    share = np.linspace(0, side, 60)[:, None]
+    return np.asarray((np.sin(side - share) * start + np.sin(share) * end) / np.sin(side))
+
+
+def _patch(ax: Axes, robot: SST, radius: float, letter: str) -> None:
+    """The base triangle on a sphere about O, with a fine net that shows its curvature."""
+    v = robot.geometry.R_0[:, :, 0]
+    for k in range(3):
+        here, there, opposite = v[k], v[(k + 1) % 3], v[(k + 2) % 3]
+        side = great_arc(here, there)
+        for point in side[10:-5:10]:
+            ax.plot(*(radius * great_arc(point, opposite)).T, color="0.88", linewidth=0.4)
+        ax.plot(*(radius * side).T, color="0.35", linewidth=1.0)
+        ax.plot(*np.vstack([np.zeros(3), radius * here]).T, color="0.75", linewidth=0.5)
+        name = rf"$\mathbf{{v}}_{k + 1}$" if letter == "v" else f"${letter}_{k + 1}$"
+        ax.text(*(1.13 * radius * here), name, color="0.25", ha="center", va="center")
+
+
+def _equal_space(ax: Axes, robot: SST, radius: float, s: Array) -> None:
+    """A sphere that looks like one, axes with units; the paper's octant when s stays within it."""
+    octant = s.min() > -0.15
+    limits = np.array((-0.15 if octant else -1.15, 1.15)) * radius
+    least = radius / 2.7  # of smaller steps the numbers would run into one another
+    power = 10 ** np.floor(np.log10(least))
+    step = min(m for m in (1, 2, 5, 10) if m * power >= least) * power * (1 if octant else 2)
+    ax.set(xlim=limits, ylim=limits, zlim=limits)
+    ax.set_box_aspect((1, 1, 1), zoom=0.84)
+    x, y, _ = robot.geometry.R_0[:, :, 0].sum(axis=0)
+    quadrant = np.floor(np.degrees(np.arctan2(y, x)) / 90)  # to which the base triangle looks
+    ax.view_init(elev=28, azim=float(90 * quadrant + 38))
+    for axis, _ in _labelled_axes(ax):
+        axis.labelpad = 5
+        axis.set_major_locator(mpl.ticker.MultipleLocator(step))
+    ax.grid(False)
+
+
+def _labelled_axes(ax: Axes) -> Iterator[tuple[Any, str]]:
+    """Axes of a drawing in space with their letters; x, y, z of the base, on transparent panes."""
+    for axis, letter in zip((ax.xaxis, ax.yaxis, ax.zaxis), "xyz", strict=True):
+        axis.set_pane_color((1, 1, 1, 0))
+        axis.set_rotate_label(False)  # along its axis it may stand on its head or on the numbers
+        axis.set_label_text(f"${letter}_0$ (m)", rotation=90 if letter == "z" else 0)
+        yield axis, letter

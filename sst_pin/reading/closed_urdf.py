@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""A URDF with the files beside it, YAML and SRDF, as one value from which robots are made."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Sequence
+from pathlib import Path
+
+from ..arrays import names
+from ..chain.closures import Constraint, Coupling
+from ..chain.draft import Motor, without_locked
+from ..errors import DescriptionError
+from ..files import beside
+from . import inertias
+from .cuts import Cuts, parse_cuts
+from .described import Described, naming, warned
+from .srdf import Srdf, configuration
+from .text import read_text
+from .urdf import Urdf, closing_frames
+from .urdf_checks import left_out
+
+
+def read_urdf(
+    path: str | Path | Urdf,
+    cuts: str | Path | None = None,
+    locked: Sequence[str] = (),
+    actuated: Sequence[Motor] | None = None,
+    *,
+    default: str | Path | None = None,
+) -> Described:
+    """Read a robot; see `ClosedChain.from_urdf`, whose caller a warning points to."""
+    urdf, locked = path if isinstance(path, Urdf) else Urdf.read(path), names("locked", locked)
+    found = read_cuts(urdf, cuts, default)
+    robot = closed(urdf, found)
+    model, closures, motors, notes = robot.model, robot.closures, robot.actuated, list[str]()
+    if actuated is None and not found.source and not is_marked(robot):  # an open tree
+        followers = {closure.joint for closure in closures if isinstance(closure, Coupling)}
+        motors = tuple(name for name in list(model.names)[1:] if name not in followers)
+        own = beside(Path(urdf.source), ".yaml").name
+        text = f"no {own} with closures and motors is beside it; it is read as an open tree with a "
+        notes.append(text + "motor at each joint; actuated= names the motors")
+    if locked:
+        with naming(robot.source):
+            model = without_locked(model, locked)
+        closures = tuple(_held(closures, locked, robot.source))
+        motors = tuple(name for name in motors if name not in locked)
+    motors = motors if actuated is None else actuated
+    robot = robot._replace(model=model, closures=closures, actuated=motors)
+    robot = with_poses(robot, urdf, locked)
+    notes += (f"{problem.where}: {problem.text}" for problem in left_out(urdf.root))
+    return warned(robot, [*notes, *robot.notes, *inertias.notes(urdf.root)], urdf.source)
+
+
+def read_cuts(urdf: Urdf, path: str | Path | None, default: str | Path | None = None) -> Cuts:
+    """Cuts of a URDF: from `path`, the YAML beside it, `default`, or none if the URDF has marks.
+
+    The YAML beside it has its name, or is a `loop_closures.yaml` of its package.
+    """
+    own = Path(urdf.source)
+    package = own.parent.parent if own.parent.name == "urdf" else own.parent
+    folders = (own.parent, package, package / "config")
+    paths = [beside(own, ".yaml"), *(folder / "loop_closures.yaml" for folder in folders)]
+    if path is None:
+        path = next((path for path in paths if path.is_file()), default)
+    if path is None:
+        return Cuts((), urdf.marks.independent, urdf.gravity, {})
+    return parse_cuts(read_text(path, "YAML of the cuts"), str(path))
+
+
+def with_poses(robot: Described, urdf: Urdf, locked: Collection[str] = ()) -> Described:
+    """The robot with the named configurations of its file and of the SRDF beside it."""
+    model, path = robot.model, beside(Path(urdf.source), ".srdf")
+    for name, values in urdf.poses.items():
+        model.referenceConfigurations[name] = configuration(model, values)
+    if not path.is_file():
+        return robot
+    srdf = Srdf(path)
+    notes = srdf.load_configurations(model, urdf.joint_names, locked)
+    return robot._replace(srdf=srdf, notes=(*robot.notes, *notes))
+
+
+def closed(urdf: Urdf, cuts: Cuts) -> Described:
+    """The tree of a URDF, closed by its cuts, or else by its marks, and by its mimic joints."""
+    model, marks = urdf.tree(cuts.joints), urdf.marks
+    model.gravity.linear = cuts.gravity
+    source = f"{urdf.source} with {cuts.source}" if cuts.source else urdf.source
+    unknown = [name for name in cuts.dependent if name not in list(model.names)[1:]]
+    if unknown:
+        raise DescriptionError(source, [f"dependent: no moving joint {name}" for name in unknown])
+    closures = cuts.closures
+    with naming(source):
+        if not closures:
+            joints = cuts.hinges or marks.joints
+            closures = (*closing_frames(model), *(joint.closure(model) for joint in joints))
+    followers = [mimic for mimic in urdf.mimics if mimic.joint not in cuts.dependent]
+    fixed = [name for name, kind in cuts.joints.items() if kind == "FIXED"]
+    closures = (*closures, *marks.gears, *_held(followers, fixed, source))
+    return Described(source, model, closures, cuts.actuated, urdf.shapes, forces=cuts.forces)
+
+
+def is_marked(robot: Described) -> bool:
+    """Whether a URDF closes loops by itself, so that it is no open tree."""
+    return bool(robot.actuated) or any(not isinstance(c, Coupling) for c in robot.closures)
+
+
+def _held(
+    closures: Sequence[Constraint], locked: Collection[str], source: str
+) -> Iterator[Constraint]:
+    """Closures with some joints held at zero."""
+    for closure in closures:
+        if not isinstance(closure, Coupling):
+            yield closure
+            continue
+        free = {n: c for n, c in closure.polynomials.items() if n not in locked}
+        offset = closure.offset
+        offset += sum(c[0] for n, c in closure.polynomials.items() if n in locked)
+        if closure.joint not in locked:
+            yield Coupling(closure.joint, free, offset)
+        elif free or offset:
+            text = f"locked joint {closure.joint} mimics {', '.join(free) or 'with an offset'}: "
+            raise DescriptionError(source, [text + "lock both joints, at zero, or none"])

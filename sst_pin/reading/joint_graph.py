@@ -1,0 +1,168 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Bodies and the joints between them to the elements of a URDF: what is no tree closes loops.
+
+SDF and USD know no tree. Joints are reversed where their child comes first, and bodies that none
+of them holds float.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from ..arrays import Array
+
+WORLD = "world"
+#: Limit from which a joint has none, [rad] or [m].
+_WIDE = 1e9
+
+
+class Axis(NamedTuple):
+    """Direction of an axis in the joint's frame, and attributes as a URDF has them.
+
+    An effort or a velocity of 0 is no limit.
+    """
+
+    direction: Array = np.eye(3)[2]
+    limit: Mapping[str, float] = {"lower": -np.inf, "upper": np.inf}
+    dynamics: Mapping[str, float] = {}
+    mimic: Mapping[str, str] = {}
+
+
+class GraphJoint(NamedTuple):
+    """A joint between two links, parent and child, and its frame on both.
+
+    `kind` is what a URDF calls it, or "ball", or "universal" with two axes. The file leaves a joint
+    that is `cut` out of the tree; one that is `driven` has a motor, and so belongs into it.
+    """
+
+    name: str
+    kind: str
+    links: tuple[str, str]
+    places: tuple[pin.SE3, pin.SE3]
+    axes: tuple[Axis, ...] = (Axis(),)
+    driven: bool = False
+    cut: bool = False
+
+
+class JointGraph:
+    """A URDF of bodies and joints; `add_link` adds the bodies.
+
+    `own` has each link's frame in the URDF, in the frame that it has in the file; `branches` the
+    joints of the tree, and whether they are reversed. `balls`, `gravity` and `poses` are what a
+    URDF does not have.
+    """
+
+    def __init__(
+        self, name: str, joints: Sequence[GraphJoint], rest: Mapping[str, pin.SE3]
+    ) -> None:
+        """`rest` has for each body where it stands in the world while it floats at zero."""
+        self.urdf, self.own = ET.Element("robot", name=name), {WORLD: pin.SE3.Identity()}
+        self.branches, self.problems = list[tuple[GraphJoint, bool]](), list[str]()
+        self.gravity, self.poses = np.array([0, 0, -9.81]), dict[str, dict[str, list[float]]]()
+        self._marks, left = any(joint.driven for joint in joints), list(joints)
+        ET.SubElement(self.urdf, "link", name=WORLD)
+        while free := [body for body in rest if body not in self.own]:
+            joint = next(self._next(left), None)
+            if joint is None:  # nothing holds this body: it floats
+                called = "floating_base" if len(self.own) == 1 else f"{free[0]}_floats"
+                places = rest[free[0]], pin.SE3.Identity()
+                joint = GraphJoint(called, "floating", (WORLD, free[0]), places)
+            else:
+                left.remove(joint)
+            self._branch(joint)
+        for joint in left:
+            self._cut(joint)
+        self.balls = [joint.name for joint, _ in self.branches if joint.kind == "ball"]
+
+    def _next(self, joints: list[GraphJoint]) -> Iterator[GraphJoint]:
+        """Joints that add a body to the tree: first those with motors, then by their bodies."""
+        for some in ([joint for joint in joints if joint.driven], joints):
+            for link in self.own:
+                for joint in some:
+                    a, b = joint.links
+                    if not joint.cut and link in (a, b) and (a in self.own) != (b in self.own):
+                        yield joint
+
+    def _branch(self, joint: GraphJoint) -> None:
+        """A joint of the tree; its positions are the same if it is reversed."""
+        ((parent, child), (there, here)), swap = (joint.links, joint.places), False
+        if child in self.own:
+            parent, child, there, here, swap = child, parent, here, there, True
+        self.own[child] = here
+        self.branches.append((joint, swap))
+        at, sign = self.own[parent].actInv(there), -1 if swap else 1
+        names = [joint.name] if len(joint.axes) == 1 else [f"{joint.name}_{k}" for k in (1, 2)]
+        steps = list(zip(names, joint.axes, strict=True))[::sign]
+        for name, axis in steps:
+            link = child if name == steps[-1][0] else f"{joint.name}_cross"
+            if link != child:
+                ET.SubElement(self.urdf, "link", name=link)
+            kind = "revolute" if joint.kind in ("universal", "ball") else joint.kind
+            made = ET.SubElement(self.urdf, "joint", name=name, type=kind)
+            ET.SubElement(made, "parent", link=parent)
+            ET.SubElement(made, "child", link=link)
+            ET.SubElement(made, "origin", origin_of(at))
+            if kind != "floating":
+                if self._marks:
+                    made.set("independent", str(joint.driven).lower())
+                ET.SubElement(made, "axis", xyz=text_of(sign * axis.direction))
+            if kind not in ("fixed", "floating"):
+                _detail(made, axis, joint.kind != "ball")
+            parent, at = link, pin.SE3.Identity()
+
+    def _cut(self, joint: GraphJoint) -> None:
+        """A joint that closes a loop."""
+        cut = ET.SubElement(self.urdf, "constraint", name=joint.name, type=joint.kind)
+        first, last = joint.axes[0], joint.axes[-1]
+        sides = zip(("parent", "child"), joint.links, joint.places, (first, last), strict=True)
+        for side, link, place, axis in sides:
+            ET.SubElement(cut, side, link=link)
+            ET.SubElement(cut, f"{side}_origin", origin_of(self.own[link].actInv(place)))
+            ET.SubElement(cut, f"{side}_axis", xyz=text_of(axis.direction))
+        told = [f"has {key}" for axis in joint.axes for key, x in axis.dynamics.items() if x]
+        told += ["has mimic"] * any(axis.mimic for axis in joint.axes)
+        told += ["has a drive: cut another"] * joint.driven
+        if joint.kind == "universal" and abs(first.direction @ last.direction) > 1e-9:
+            told.append("its axes are not at a right angle")
+        self.problems += [f"joint {joint.name}: closes a loop and {text}" for text in told]
+
+    def add_link(
+        self, name: str, place: pin.SE3, mass: float, inertia: Mapping[str, float]
+    ) -> ET.Element:
+        """A link with its inertia, whose axes stand at a place in the frame of the file."""
+        made = ET.SubElement(self.urdf, "link", name=name)
+        part = ET.SubElement(made, "inertial")
+        ET.SubElement(part, "origin", origin_of(self.own[name].actInv(place)))
+        ET.SubElement(part, "mass", value=repr(mass))
+        ET.SubElement(part, "inertia", {key: repr(x) for key, x in inertia.items()})
+        return made
+
+
+def _detail(made: ET.Element, axis: Axis, may_be_endless: bool) -> None:
+    """Limits, friction and mimicry of an axis."""
+    low, high = axis.limit["lower"], axis.limit["upper"]
+    if may_be_endless and made.get("type") == "revolute" and low <= -_WIDE and high >= _WIDE:
+        made.set("type", "continuous")
+    limit = {"lower": max(low, -_WIDE), "upper": min(high, _WIDE)}
+    for key in ("effort", "velocity"):
+        value = axis.limit.get(key, 0.0)
+        limit[key] = value if 0 < value < _WIDE else 0.0
+    ET.SubElement(made, "limit", {key: repr(float(x)) for key, x in limit.items()})
+    ET.SubElement(made, "dynamics", {key: repr(x) for key, x in axis.dynamics.items()})
+    if axis.mimic:
+        ET.SubElement(made, "mimic", dict(axis.mimic))
+
+
+def origin_of(place: pin.SE3) -> dict[str, Any]:
+    """Attributes of the `<origin>` of a URDF."""
+    return {"xyz": text_of(place.translation), "rpy": text_of(pin.rpy.matrixToRpy(place.rotation))}
+
+
+def text_of(vector: Array) -> str:
+    """Numbers with blanks between, as many digits as they have."""
+    return " ".join(map(repr, map(float, vector)))

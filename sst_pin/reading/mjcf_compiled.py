@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""An MJCF as MuJoCo compiles it: names of its elements, and what is switched off or held."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Collection
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import pinocchio as pin
+
+from ..arrays import Array
+from ..errors import DescriptionError, MissingExtraError
+
+#: Types of joints, as `mjtJoint` has them.
+FREE, BALL, SLIDE, HINGE = range(4)
+#: Flags that disable another one too.
+_WHOLE = dict.fromkeys(("equality", "frictionloss", "limit"), "constraint")
+
+
+class Compiled:
+    """A compiled model, `mj`, and what its readers find of problems, and of notes for a warning."""
+
+    def __init__(self, path: Path, locked: Collection[str]) -> None:
+        try:
+            import mujoco
+        except ImportError:
+            raise MissingExtraError("mujoco", "mjcf") from None
+        self.mujoco, self.source, self.locked = mujoco, str(path), set(locked)
+        self.problems, self.notes = list[str](), list[str]()
+        try:
+            self.mj: Any = mujoco.MjModel.from_xml_path(self.source)
+            if _first_element(path) == "robot":  # MuJoCo reads a URDF, which has no closures
+                text = "an MJCF starts with <mujoco>, not with <robot>"
+                raise ValueError(f"{text}; ClosedChain.from_urdf reads a URDF")
+        except ValueError as error:
+            raise DescriptionError(self.source, [f"not an MJCF: {error}"]) from None
+        try:
+            self.mj.names.decode()
+        except UnicodeDecodeError as error:
+            raise DescriptionError(self.source, [f"names that are not UTF-8: {error}"]) from None
+
+    def disabled(self, flag: str) -> bool:
+        """Whether a flag of the options is "disable"; not every MuJoCo has every flag."""
+        flags, bits = (flag, _WHOLE.get(flag, flag)), self.mujoco.mjtDisableBit
+        known = (getattr(bits, f"mjDSBL_{name.upper()}", 0) for name in flags)
+        return any(self.mj.opt.disableflags & int(bit) for bit in known)
+
+    def name(self, kind: str, i: int) -> str:
+        """Name of an element; one without a name is called after its kind and number."""
+        return getattr(self.mj, kind)(i).name or f"{kind}_{i}"
+
+    def joint(self, joint: int) -> str:
+        """Name of a joint; one without a name is called after its body."""
+        body = self.mj.jnt_bodyid[joint]
+        number = joint - self.mj.body_jntadr[body]
+        suffix = f"_{number}" if number else ""
+        return self.mj.joint(joint).name or self.name("body", body) + suffix
+
+    def axes(self, joint: int) -> list[str]:
+        """Names by which a ball is held about single axes."""
+        ball = self.mj.jnt_type[joint] == BALL
+        return [f"{self.joint(joint)}_{axis}" for axis in "XYZ"] if ball else []
+
+    def held(self, joint: int) -> bool:
+        """Whether a joint is locked as a whole."""
+        return self.joint(joint) in self.locked
+
+    def wraps(self, tendon: int) -> range:
+        """Indices of what a tendon runs through."""
+        first = self.mj.tendon_adr[tendon]
+        return range(first, first + self.mj.tendon_num[tendon])
+
+    def is_spatial(self, tendon: int) -> bool:
+        """Whether a tendon is a line in space, not a sum of joints."""
+        kinds = self.mj.wrap_type[self.wraps(tendon)]
+        return bool((kinds != int(self.mujoco.mjtWrap.mjWRAP_JOINT)).any())
+
+    def shares(self, tendon: int) -> dict[int, float]:
+        """Joints of a fixed tendon that are not held, and what each adds to its length."""
+        parts = ((self.mj.wrap_objid[k], self.mj.wrap_prm[k]) for k in self.wraps(tendon))
+        return {int(j): float(share) for j, share in parts if share and not self.held(j)}
+
+
+def _first_element(path: Path) -> str:
+    """The name of an XML's root; empty where MuJoCo reads it more leniently than Python."""
+    with suppress(ET.ParseError), path.open("rb") as file:
+        for _, element in ET.iterparse(file, events=("start",)):
+            return str(element.tag)
+    return ""
+
+
+def pose_of(position: Array, quaternion: Array) -> pin.SE3:
+    """A placement from MuJoCo's position and quaternion w, x, y, z."""
+    return pin.SE3(pin.Quaternion(*quaternion).normalized().matrix(), position)

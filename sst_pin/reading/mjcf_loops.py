@@ -1,0 +1,194 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Closures, motors and lines of an MJCF.
+
+Equalities are points, welds, and couplings of joints and fixed tendons; actuators are motors;
+spatial tendons are forces along lines.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from ..arrays import Array
+from ..chain.closures import Closure, Constraint, Coupling
+from ..chain.draft import Motor
+from ..chain.lines import LineForce
+from .described import naming
+from .mjcf_compiled import HINGE, SLIDE, Compiled, pose_of
+from .mjcf_tree import MjcfTree
+
+#: Index of a weld's scale of torque in `eq_data`; with 0 it lets the bodies turn.
+_TORQUESCALE = 10
+
+
+def closures_of(compiled: Compiled, tree: MjcfTree) -> Iterator[Constraint]:
+    """Closures of the active equalities; frames of their ends are added to the tree."""
+    mj, kinds = compiled.mj, compiled.mujoco.mjtEq
+    for i in map(int, np.flatnonzero(mj.eq_active0)):
+        name, kind = compiled.name("equality", i), kinds(mj.eq_type[i])
+        ends, data = (int(mj.eq_obj1id[i]), int(mj.eq_obj2id[i])), mj.eq_data[i]
+        if kind in (kinds.mjEQ_JOINT, kinds.mjEQ_TENDON):
+            first, second = (_length(compiled, kind == kinds.mjEQ_TENDON, end) for end in ends)
+            yield from _coupling(compiled, name, first, second, data[:5])
+        elif kind not in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD):
+            what = kind.name.removeprefix("mjEQ_").lower()
+            text = 'only connect, weld, joint and tendon are supported; active="false" disables it'
+            compiled.problems.append(f"{name}: an equality of kind {what}; {text}")
+        else:
+            turns = kind == kinds.mjEQ_CONNECT or not data[_TORQUESCALE]  # freely
+            names = f"{name}_A", f"{name}_B"
+            if mj.eq_objtype[i] == int(compiled.mujoco.mjtObj.mjOBJ_SITE):
+                names = compiled.name("site", ends[0]), compiled.name("site", ends[1])
+            else:
+                places = [pin.SE3(np.eye(3), data[:3]), pin.SE3(np.eye(3), data[3:6])]
+                if kind == kinds.mjEQ_WELD:  # pose of the second body in the first, then anchor
+                    places = [pose_of(data[3:6], data[6:10]), pin.SE3(np.eye(3), data[:3])]
+                for frame, body, place in zip(names, ends, places, strict=True):
+                    tree.add_frame(frame, body, place)
+            yield Closure(*names, "3d" if turns else "6d")
+
+
+class _Length(NamedTuple):
+    """A sum of joints by name, and its value with all joints at their reference."""
+
+    shares: dict[str, float]
+    start: float
+
+
+def _length(compiled: Compiled, of_tendon: bool, index: int) -> _Length:
+    """A fixed tendon, or a joint as a tendon of its own; -1 is none."""
+    mj, shares = compiled.mj, dict[int, float]()
+    if of_tendon and index >= 0 and compiled.is_spatial(index):
+        text = "a spatial tendon in an equality; only fixed tendons are supported there"
+        compiled.problems.append(f"{compiled.name('tendon', index)}: {text}")
+    elif of_tendon and index >= 0:
+        shares = compiled.shares(index)
+    elif index >= 0 and not compiled.held(index):
+        shares = {index: 1.0}
+    start = sum(share * mj.qpos0[mj.jnt_qposadr[j]] for j, share in shares.items())
+    return _Length({compiled.joint(j): share for j, share in shares.items()}, float(start))
+
+
+def _coupling(
+    compiled: Compiled, name: str, first: _Length, second: _Length, coefficients: Array
+) -> Iterator[Coupling]:
+    """The coupling that makes first - start a polynomial of second - start."""
+    offset, polynomial = first.start, np.polynomial.Polynomial(coefficients)
+    row = {joint: np.array([0.0, -share]) for joint, share in first.shares.items()}
+    if alone := len(second.shares) == 1:
+        ((other, share),) = second.shares.items()
+        moved = polynomial(np.polynomial.Polynomial([-second.start, share])).coef
+        row[other] = np.polynomial.polynomial.polyadd(row.get(other, np.zeros(2)), moved)
+    else:
+        offset += polynomial(-second.start)
+        for joint, share in second.shares.items():
+            row[joint] = row.get(joint, np.zeros(2)) + np.array([0.0, coefficients[1] * share])
+    if not row and not offset:
+        return  # all joints that it couples are locked
+    slopes = {joint: abs(c[1]) for joint, c in row.items() if not c[2:].any()}
+    own = max(first.shares or slopes, key=lambda joint: slopes.get(joint, 0.0), default="")
+    if not slopes.get(own) or (coefficients[2:].any() and second.shares and not alone):
+        text = f"{name}: this equality cannot be solved for a joint: "
+        text += "lock both sides or none, and use polynomials of one joint only"
+        compiled.problems.append(text)
+        return
+    start, slope = row.pop(own)[:2]
+    others = {joint: tuple(np.trim_zeros(c, "b") / -slope) for joint, c in row.items()}
+    yield Coupling(own, others, float((offset + start) / -slope))
+
+
+class Actuator(NamedTuple):
+    """What an actuator acts on: its kind, such as "joint" or "tendon", and its index."""
+
+    name: str
+    kind: str
+    target: int
+    controls: int
+    gear: float
+
+
+def actuators(compiled: Compiled) -> Iterator[Actuator]:
+    """Actuators that are not switched off, and that act on nothing that is held.
+
+    Since MuJoCo 4 an actuator has any number of controls, and of outputs.
+    """
+    mj, kinds = compiled.mj, compiled.mujoco.mjtTrn
+    outputs = getattr(mj, "actuator_outadr", range(mj.nu))
+    controls = getattr(mj, "actuator_ctrlnum", [1] * mj.nu)
+    for i in range(len(outputs)):
+        kind = kinds(mj.actuator_trntype[i]).name.removeprefix("mjTRN_").lower()
+        kind, target = kind.removesuffix("inparent"), int(mj.actuator_trnid[i, 0])
+        off = mj.opt.disableactuator >> mj.actuator_group[i] & 1 or compiled.disabled("actuation")
+        if not off and not (kind == "joint" and compiled.held(target)):
+            gear = mj.actuator_gear[outputs[i], 0]
+            yield Actuator(compiled.name("actuator", i), kind, target, int(controls[i]), gear)
+
+
+def motors_of(compiled: Compiled, tree: MjcfTree) -> Iterator[Motor]:
+    """Joints and tendons that actuators with a control act on, each once."""
+    mj, seen = compiled.mj, set[tuple[str, int]]()
+    for name, kind, target, controls, gear in actuators(compiled):
+        problem, tendon = "", kind == "tendon"
+        if not controls or (kind, target) in seen:
+            continue
+        if kind not in ("joint", "tendon"):
+            problem = f"an actuator on a {kind}, not on a joint or a tendon"
+        elif not tendon and mj.jnt_type[target] not in (HINGE, SLIDE):
+            problem = "an actuator on a ball or a free joint; use hinges in series"
+        elif not gear:
+            problem = "its gear is 0, so it moves nothing"
+        elif not tendon:
+            yield compiled.joint(target)
+        elif compiled.is_spatial(target):
+            sites = mj.wrap_objid[compiled.wraps(target)]
+            bearers = {tree.bodies[body][0] for body in mj.site_bodyid[sites]}
+            if len(bearers) > 1 or _no_line(compiled, target):
+                yield compiled.name("tendon", target)
+        elif shares := compiled.shares(target):
+            yield {compiled.joint(joint): share for joint, share in shares.items()}
+        elif not mj.wrap_prm[compiled.wraps(target)].any():
+            problem = "the coefficients of its tendon are 0"
+        if problem:
+            compiled.problems.append(f"{name}: {problem}; name the motors by actuated=")
+        seen.add((kind, target))
+
+
+def lines_of(compiled: Compiled, motors: Sequence[Motor]) -> Iterator[LineForce]:
+    """Spatial tendons with a spring or a damper, and those that are motors."""
+    mj = compiled.mj
+    driven = {x for motor in motors for x in ([motor] if isinstance(motor, str) else motor)}
+    for tendon in range(mj.ntendon):
+        name = compiled.name("tendon", tendon)
+        if mj.tendon_limited[tendon] and not compiled.disabled("limit"):
+            compiled.notes.append(f"tendon {name}: its limits are ignored")
+        stiffness = mj.tendon_stiffness[tendon] * (not compiled.disabled("spring"))
+        damping = mj.tendon_damping[tendon] * (not compiled.disabled("damper"))
+        if not compiled.is_spatial(tendon) or not (stiffness or damping or name in driven):
+            continue
+        shortest, longest = mj.tendon_lengthspring[tendon]
+        problem = _no_line(compiled, tendon)
+        if stiffness and shortest != longest:
+            problem = problem or "a springlength with a dead band is not supported; give one number"
+        if problem:
+            compiled.problems.append(f"tendon {name}: {problem}")
+            continue
+        ends = (compiled.name("site", mj.wrap_objid[k]) for k in compiled.wraps(tendon))
+        values = {"stiffness": stiffness, "rest_length": shortest if stiffness else 0.0}
+        with naming(compiled.source):
+            yield LineForce(*ends, **values, damping=damping, name=name)
+
+
+def _no_line(compiled: Compiled, tendon: int) -> str:
+    """Why a spatial tendon is not a line between two sites."""
+    mj = compiled.mj
+    kinds = mj.wrap_type[compiled.wraps(tendon)]
+    if (kinds != int(compiled.mujoco.mjtWrap.mjWRAP_SITE)).any():
+        return "a tendon with pulleys or around geoms is not supported"
+    if len(kinds) != 2:
+        return f"a tendon through {len(kinds)} sites is not supported; two are"
+    joints = map(compiled.joint, range(mj.njnt))
+    return "a joint has this name too; rename one" * (compiled.name("tendon", tendon) in joints)

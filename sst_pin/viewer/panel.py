@@ -1,0 +1,210 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The page of a robot in one file; what its scripts are told: curves, warnings, a live robot."""
+
+import base64
+import json
+from collections.abc import Iterable, Iterator, Sequence
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Array
+from ..chain.closed_chain import ClosedChain
+from ..chain.thresholds import CLOSURE_TOLERANCE
+from ..motion.energy import motor_powers
+from ..motion.limits import LARGEST_CONDITION, samples_of
+from ..motion.trajectories import Trajectory
+from .robot_scene import Scene
+from .scene_parts import Arrow
+
+_WORDS = {
+    "N m": "torques",
+    "N": "forces",
+    "rad": "angles",
+    "m": "lengths",
+    "rad/s": "rates",
+    "m/s": "speeds",
+    "W": "powers",
+}
+#: Limits of an angle that are as wide are none, [rad].
+_TURN = 2 * np.pi
+#: Limits farther away are none.
+_FAR = 1e6
+
+
+def page(
+    commands: Iterable[bytes], panel: dict[str, Any], functions: str = "", served: bool = False
+) -> str:
+    """HTML that needs nothing from outside.
+
+    It shows packed commands of Meshcat and the panel: title, times, curves, layers, how to play.
+    `functions` is JavaScript for a page that computes; a served page asks its server for more.
+    """
+    parts = {
+        "MESHCAT": (files("meshcat") / "viewer/dist/main.min.js").read_text(encoding="utf-8"),
+        "STYLE": _asset("panel.css"),
+        "STAGE": _asset("stage.js"),
+        "CHART": _asset("chart.js"),
+        "PANEL": _asset("panel.js"),
+        "LIVE": functions + _asset("live.js") if functions else "const live = null;",
+        "SCENE": json.dumps(
+            {
+                "served": served,
+                "commands": [base64.b64encode(command).decode() for command in commands],
+                "panel": panel,
+            }
+        ).replace("</", "<\\/"),
+    }
+    html = _asset("panel.html")
+    for name, text in parts.items():
+        html = html.replace(f"/*{name}*/", text)
+    return html
+
+
+def _asset(name: str) -> str:
+    return (files(__package__) / "assets" / name).read_text(encoding="utf-8")
+
+
+def curves_of(robot: ClosedChain, motion: Trajectory) -> list[dict[str, Any]]:
+    """Sets of curves: torques, angles, rates and powers, see `_set`."""
+    rates = [f"{unit}/s" for unit in motion.rate_units]
+    motors = robot.motor_names
+    symbols = [f"P_{k + 1}" for k in range(len(motors))]
+    watts = ["W"] * len(motors)
+    return [
+        torques_of(robot, motion.tau),
+        joints_of(robot, motion.q),
+        _set("rates", "", motion.coordinates, motion.coordinates, rates, motion.va),
+        _set("powers", "motor ", symbols, motors, watts, motor_powers(robot, motion)),
+    ]
+
+
+def torques_of(robot: ClosedChain, tau: Array) -> dict[str, Any]:
+    """The set of the torques, shape (n, motors)."""
+    symbols = [f"tau_{k + 1}" for k in range(len(robot.motor_names))]
+    units = [unit.replace("Nm", "N m") for unit in robot.motor_units]
+    return _set("torques", "motor ", symbols, robot.motor_names, units, tau)
+
+
+def joints_of(robot: ClosedChain, q: Array) -> dict[str, Any]:
+    """The set of the joints that have a unit, for q of shape (n, nq)."""
+    units = robot.joint_units
+    places = [i for i, unit in enumerate(units) if unit]
+    names = [robot.position_names[i] for i in places]
+    return _set("joints", "joint ", names, names, [units[i] for i in places], q[:, places])
+
+
+def _set(
+    called: str,
+    whose: str,
+    names: Sequence[str],
+    owners: Sequence[str],
+    units: Sequence[str],
+    values: Array,
+) -> dict[str, Any]:
+    """Curves with a name, a joint and a unit each; `what` is drawn, in words with units."""
+    kinds = ", ".join(f"{_WORDS[unit]} ({unit})" for unit in dict.fromkeys(units))
+    return {
+        "called": called,
+        "what": whose + kinds,
+        "names": list(names),
+        "owners": list(owners),
+        "units": list(units),
+        "values": values.tolist(),
+    }
+
+
+def warnings_of(robot: ClosedChain, shown: Trajectory | Array) -> list[str]:
+    """One line each: open loops, then what `robot.check` finds in a motion or a configuration."""
+    t, q = samples_of(robot, shown)
+    residuals, told = np.abs(robot.residual(q)).max(axis=1, initial=0.0), []
+    worst = int(residuals.argmax())
+    if residuals[worst] > CLOSURE_TOLERANCE:
+        when = "" if np.isnan(t[worst]) else f" at t = {t[worst]:.6g} s"
+        told.append(f"the loops are open by {residuals[worst]:.3g} (m or rad){when}")
+    return told + [str(finding) for finding in robot.check(shown)]
+
+
+def live_data(robot: ClosedChain, scene: Scene, q: Array, va: Array) -> dict[str, Any]:
+    """The numbers of a robot, its sliders, limits and drawing, for `live.js`.
+
+    The page starts at q and va, shapes (nq,) and (n,).
+    """
+    mechanism = robot.mechanism
+    model, space = mechanism.model, mechanism.space
+    fall = float(np.linalg.norm(model.gravity.linear)) or 9.81
+    weight = fall * sum(body.mass for body in model.inertias)
+    shown = torques_of(robot, np.zeros((1, len(robot.motor_names))))
+    return {
+        "q": q.tolist(),
+        "va": va.tolist(),
+        "size": scene.size,
+        "fall": fall,
+        "motors": shown,
+        "largest": [weight * (scene.size / 2 if u == "N m" else 1) for u in shown["units"]],
+        "coordinates": list(_coordinates(robot, q, scene.size)),
+        "scales": [scene.size if unit == "m" else 1.0 for unit in space.position_units],
+        "bounds": list(_bounds(robot)),
+        "rate_scales": [scene.size if unit == "m" else 1.0 for unit in space.rate_units],
+        "nv": model.nv,
+        "condition": LARGEST_CONDITION,
+        "bodies": list(model.names),
+        "centres": [body.lever.tolist() for body in model.inertias],
+        "struts": [
+            {"node": strut.shape.mover, "joints": strut.joints, "points": strut.points.tolist()}
+            for strut in scene.struts
+        ],
+        "arrows": [
+            {
+                "node": arrow.shape.node.split("/"),
+                "at": arrow.shape.at.T.ravel().tolist(),
+                "motor": arrow.motor,
+                "share": arrow.share,
+                "mirror": arrow.mirror,
+            }
+            for arrow in scene.arrows
+            if isinstance(arrow, Arrow)
+        ],
+    }
+
+
+def _coordinates(robot: ClosedChain, q: Array, size: float) -> Iterator[dict[str, Any]]:
+    """Sliders: for a position or an angle without end, else for a rate while they are held."""
+    model, space = robot.mechanism.model, robot.mechanism.space
+    joints = {k: x for x in list(model.joints)[1:] for k in range(x.idx_v, x.idx_v + x.nv)}
+    for k in space.rates_of(robot.coordinates).tolist():
+        joint, unit = joints[k], space.rate_units[k]
+        way = np.pi if unit == "rad" else 2 * size
+        kind, i, low, high = "rate", joint.idx_q, -way, way
+        if joint.nq == joint.nv:
+            kind, i = "position", joint.idx_q + k - joint.idx_v
+            low, high = model.lowerPositionLimit[i], model.upperPositionLimit[i]
+            if max(abs(low), abs(high)) >= (_TURN if unit == "rad" else 4 * size):
+                middle = 0.0 if unit == "rad" else q[i]
+                low, high = middle - way, middle + way
+            low, high = min(low, q[i]), max(high, q[i])
+        elif (joint.nq, joint.nv) == (2, 1):
+            kind = "angle"
+        yield {
+            "name": space.rate_names[k],
+            "unit": unit,
+            "kind": kind,
+            "i": i,
+            "low": float(low),
+            "high": float(high),
+            "scale": size if unit == "m" else 1.0,
+        }
+
+
+def _bounds(robot: ClosedChain) -> Iterator[dict[str, Any]]:
+    """Limits of the joints' positions, and arcs that they run on."""
+    model, arcs = robot.mechanism.model, robot.appearance.arcs
+    ends = [("limits", model.lowerPositionLimit, model.upperPositionLimit)]
+    ends += [] if arcs is None else [("arc", *arcs)]
+    for what, low, high in ends:
+        for i, (name, unit) in enumerate(zip(robot.position_names, robot.joint_units, strict=True)):
+            least, most = np.clip((low[i], high[i]), -_FAR, _FAR).tolist()
+            if unit and (least, most) != (-_FAR, _FAR):
+                bound = {"low": least - CLOSURE_TOLERANCE, "high": most + CLOSURE_TOLERANCE}
+                yield {"name": name, "unit": unit, "i": i, "what": what} | bound

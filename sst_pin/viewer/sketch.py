@@ -1,0 +1,258 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Drawings beside the bodies: skeleton, masses, rods; axes, frames, arrows of forces."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from ..arrays import Array
+from ..chain.appearance import PLATFORM, DrawnFrame
+from ..chain.closed_chain import ClosedChain
+from ..chain.closures import Closure, Coupling, Distance, Rolling, frames_of
+from ..chain.lines import LineForce
+from ..chain.tree import frame_named
+from ..description.colours import HUES
+from .scene_parts import Arrow, Label, Mesh, Pull, Shape, Strut, along, homogeneous
+from .triangles import arrow, circle, ellipsoid, solid, tube
+
+_BONE, _JOINT, _END, _MASS, _FORCE = "#8A9199", "#5C656E", "#B3261E", "#C98A2B", "#263238"
+#: Colours of the axes x, y, z of a frame.
+_XYZ = ("#C0392B", "#27AE60", "#2E5FA8")
+#: Radii as shares of the robot's length.
+_BONE_RADIUS, _JOINT_RADIUS, _END_RADIUS = 0.022, 0.055, 0.04
+#: Turns of the coil of a spring.
+_TURNS = 8
+#: Frames of fixed links and of points, such as a foot or a tool.
+_ENDS = (pin.FrameType.BODY, pin.FrameType.OP_FRAME)
+
+
+class Axis(NamedTuple):
+    """The axis of one rate of a joint."""
+
+    joint: int
+    mover: int  #: Number of the joint whose body bears the axis.
+    turns: bool  #: Whether the joint turns about it rather than sliding along it.
+    direction: Array  #: Unit vector in the axes of this body.
+    origin: Array  #: A point of it on this body, close to the joint's frame (at position 0), [m].
+
+
+def axes_of(model: pin.Model, data: pin.Data, q: Array) -> list[Axis]:
+    """The axis of each rate, in the order of v.
+
+    The axis of a joint with one rate is fixed to the body before the joint. Axes of other joints
+    are drawn on the body behind the joint, for one configuration.
+    """
+    J = pin.computeJointJacobians(model, data, q).reshape(6, -1)
+    owners = [(k, model.joints[k].nv) for k in range(1, model.njoints)]
+    found = []
+    for i, (number, count) in enumerate(own for own in owners for _ in range(own[1])):
+        mover = int(model.parents[number]) if count == 1 else number
+        at, origin = data.oMi[mover], data.oMi[number].translation
+        v, w = J[:3, i] + np.cross(J[3:, i], origin), J[3:, i]
+        turns = bool(np.linalg.norm(w) > 1e-9)
+        direction = w if turns else v
+        direction = at.rotation.T @ (direction / np.linalg.norm(direction))
+        if turns:
+            origin = at.actInv(origin + np.cross(w, v) / (w @ w))
+        else:
+            origin = model.jointPlacements[number].translation if count == 1 else np.zeros(3)
+        found.append(Axis(number, mover, turns, direction, origin))
+    return found
+
+
+def skeleton(
+    robot: ClosedChain, axes: Sequence[Axis], colours: Mapping[int, str], size: float
+) -> Iterator[Shape]:
+    """Joints, straight lines from each to what follows on the same body, ends of the loops.
+
+    `axes` are those of all rates, `colours` those of joints by number.
+    """
+    model = robot.mechanism.model
+    for joint, points in enumerate(joined_points(robot)):
+        hub = np.mean(points, axis=0) if joint == 0 and points else np.zeros(3)
+        for i, point in enumerate(points):
+            if np.linalg.norm(point - hub) > 1e-9:
+                line = tube([hub, point], _BONE_RADIUS * size)
+                yield Shape(str(joint), "skeleton", f"bone_{i}", line, _BONE)
+    for joint in range(1, model.njoints):
+        own = [axis for axis in axes if axis.joint == joint]
+        colour, r = colours.get(joint, _JOINT), _JOINT_RADIUS * size
+        carrier, at = joint, np.eye(4)
+        drawn: coal.ShapeBase = coal.Sphere(r)
+        if len(own) == 1:
+            (axis,) = own
+            carrier, at = axis.mover, homogeneous(along(axis.direction), axis.origin)
+            drawn = coal.Cylinder(r, 3 * r) if axis.turns else coal.Box(2 * r, 2 * r, 3 * r)
+        name = f"joint_{model.names[joint]}"
+        yield Shape(str(carrier), "skeleton", name, solid(drawn), colour, at=at)
+    ball = solid(coal.Sphere(_END_RADIUS * size))
+    for end in _ends(robot):
+        mover, at = str(end.parentJoint), end.placement.homogeneous
+        yield Shape(mover, "skeleton", f"end_{end.name}", ball, _END, at=at)
+    for closure in robot.closures:
+        if isinstance(closure, Rolling):
+            frame, r = frame_named(model, closure.wheel), closure.radius
+            wheel = coal.Sphere(r) if closure.ball else coal.Cylinder(r, 0.1 * r)
+            mover, at = str(frame.parentJoint), frame.placement.homogeneous
+            yield Shape(mover, "skeleton", f"wheel_{frame.name}", solid(wheel), _BONE, 0.5, at)
+
+
+def _ends(robot: ClosedChain) -> Iterator[pin.Frame]:
+    """The frames that closures hold together or at a distance."""
+    for closure in robot.closures:
+        if isinstance(closure, (Closure, Distance)):
+            for name in (closure.frame_a, closure.frame_b):
+                yield frame_named(robot.mechanism.model, name)
+
+
+def masses(model: pin.Model) -> Iterator[Shape]:
+    """The homogeneous ellipsoid of the same mass and inertia as each body.
+
+    Its semi-axes a_i follow from the principal moments of inertia,
+    a_1^2 = 5 / (2 m) (I_2 + I_3 - I_1), and so on.
+    """
+    for joint, inertia in enumerate(model.inertias):
+        if inertia.mass <= 0 or joint == 0:
+            continue
+        moments, R = np.linalg.eigh(inertia.inertia)
+        R[:, 2] *= np.sign(np.linalg.det(R))
+        squares = 2.5 / inertia.mass * (moments.sum() - 2 * moments)
+        if squares.max() <= 0:  # a point
+            continue
+        radii = np.sqrt(squares.clip(1e-4 * squares.max()))
+        at = homogeneous(R, inertia.lever)
+        name = f"mass_{model.names[joint]}"
+        yield Shape(str(joint), "inertia", name, ellipsoid(radii, 2), _MASS, 0.45, at)
+
+
+def struts(robot: ClosedChain, axes: Sequence[Axis], size: float) -> Iterator[Strut]:
+    """Rods of `Distance` closures, forces along lines, and rails of sliding joints."""
+    line = tube([(0, 0, 0), (0, 0, 1)], _BONE_RADIUS * size)
+    rods = [closure for closure in robot.closures if isinstance(closure, Distance)]
+    drawn: list[tuple[Distance | LineForce, Shape]] = list(_lines(robot, size))
+    drawn += [(x, Shape(f"rod_{k}", "bodies", "rod", line, _BONE)) for k, x in enumerate(rods)]
+    for ends, shape in drawn:
+        frames = [frame_named(robot.mechanism.model, name) for name in (ends.frame_a, ends.frame_b)]
+        a, b = (int(frame.parentJoint) for frame in frames)
+        points = np.array([frame.placement.translation for frame in frames])
+        yield Strut(shape, (a, b), points)
+    thin = Mesh(line.vertices * (0.6, 0.6, 1), line.faces)
+    for axis in axes:
+        if not axis.turns and axis.mover != axis.joint:
+            shape = Shape(f"rail_{axis.joint}", "skeleton", "rail", thin, _BONE)
+            yield Strut(shape, (axis.mover, axis.joint), np.stack([axis.origin, np.zeros(3)]))
+
+
+def _lines(robot: ClosedChain, size: float) -> Iterator[tuple[LineForce, Shape]]:
+    """A motor on a line as a cylinder with its rod, a spring as a coil, others as a thin line."""
+    r, z = _BONE_RADIUS * size, np.linspace(0, 1, 12 * _TURNS + 1)
+    coil = 2 * r * circle(2 * np.pi * _TURNS * z) + np.outer(z, (0, 0, 1))
+    for k, line in enumerate(robot.forces):
+        motors, colour = np.flatnonzero(robot.mechanism.lines.motors[k]), _BONE
+        mesh = tube([(0, 0, 0), (0, 0, 1)], 0.4 * r)
+        if len(motors):
+            ends = [(0, 0, x) for x in (0, 0.6, 0.6, 1)]
+            mesh, colour = tube(ends, [1.8 * r, 1.8 * r, 0.8 * r, 0.8 * r]), HUES[motors[0] % 6]
+        elif line.stiffness:
+            mesh = tube(coil, 0.4 * r, 6)
+        yield line, Shape(f"line_{k}", "bodies", f"line {line}", mesh, colour)
+
+
+def joined_points(robot: ClosedChain) -> list[list[Array]]:
+    """Points that each body connects: joints, ends of loops, feet; without these its mass centre.
+
+    They are in the axes of the body's joint, those of the base first.
+    """
+    model = robot.mechanism.model
+    points: list[list[Array]] = [[] for _ in model.joints]
+    for joint in range(1, model.njoints):
+        points[model.parents[joint]].append(model.jointPlacements[joint].translation)
+    for end in _ends(robot):
+        points[end.parentJoint].append(end.placement.translation)
+    for frame in model.frames:
+        own, point = points[frame.parentJoint], frame.placement.translation
+        seen = any(np.linalg.norm(point - other) < 1e-9 for other in own)
+        if frame.parentJoint and frame.type in _ENDS and not seen:
+            own.append(point)
+    for joint in range(1, model.njoints):
+        if not any(np.linalg.norm(p) > 1e-9 for p in points[joint]):
+            points[joint].append(model.inertias[joint].lever)
+    return points
+
+
+def arrows_of(
+    model: pin.Model, data: pin.Data, axes: list[Axis], B: Array, size: float
+) -> Iterator[Arrow]:
+    """Torques of the motors, at the joints that they act on by B, shape (nv, motors).
+
+    `data` is at the configuration of the axes; `size` is the length of the largest arrow, [m].
+    """
+    turn = np.linspace(0, np.radians(250), 40)
+    torque = arrow(circle([*turn, turn[-1] + 0.6]), 0.055)
+    force = arrow(np.outer((0, 0.7, 1), (0, 0, 2.0)), 0.055)
+    driven = [axes[i] for i in np.flatnonzero(B.any(axis=1))]
+    places = np.array([data.oMi[axis.mover].act(axis.origin) for axis in driven])
+    for i, motor in np.argwhere(B):
+        axis, share = axes[i], B[i, motor] / np.abs(B[:, motor]).max()
+        R, origin = along(axis.direction), axis.origin
+        apart = np.linalg.norm(places - data.oMi[axis.mover].act(origin), axis=1)
+        if not axis.turns:  # beside what slides
+            origin = origin + 0.35 * size * R[:, 0]
+        elif np.count_nonzero(apart < 0.1 * size) > 1:  # motors that meet, as of spherical robots
+            origin = origin - 0.93 * size * axis.direction
+        matrix = homogeneous(size * R, origin)
+        name = f"{motor + 1}_{model.names[axis.joint]}"
+        mesh, mirror = (torque, (1.0, -1.0, 1.0)) if axis.turns else (force, (1.0, 1.0, -1.0))
+        colour = HUES[motor % len(HUES)]
+        shape = Shape(str(axis.mover), "torques", name, mesh, colour, at=matrix)
+        yield Arrow(shape, int(motor), float(share), mirror)
+
+
+def pulls_of(robot: ClosedChain, size: float) -> Iterator[Pull]:
+    """Forces of parents on children in joints, of A on B in closures, as `reactions` has them.
+
+    `size` is the length of the largest arrow, [m].
+    """
+    model, mesh = robot.mechanism.model, arrow(np.outer((0, 0.7, 1), (0, 0, 2.0)), 0.04)
+    places = [(j, np.eye(4)) for j in range(1, model.njoints)]
+    for closure in robot.closures:
+        if isinstance(closure, Coupling):  # gears have no place
+            places.append((0, np.zeros((4, 4))))
+        else:
+            frame = frame_named(model, frames_of(closure)[1])
+            places.append((frame.parentJoint, frame.placement.homogeneous))
+    for k, (joint, at) in enumerate(places):
+        if at.any():
+            largest = at @ np.diag([size, size, size, 1.0])
+            shape = Shape(str(joint), "reactions", f"{k}", mesh, _FORCE, at=largest)
+            yield Pull(shape, len(robot.motor_names) + 3 * k)
+
+
+def labelled(
+    robot: ClosedChain, axes: Sequence[Axis], point: DrawnFrame | None, size: float
+) -> tuple[list[Shape], list[Label]]:
+    """Axes of the joints and frames, with their labels; the path of `point` is drawn."""
+    shapes: list[Shape] = []
+    labels: list[Label] = []
+    shown = robot.appearance
+    length = shown.axis_length * size
+    line = arrow(np.outer((0, 0.95, 1), (0, 0, length)), 0.007 * size)
+    for i, (axis, (name, colour)) in enumerate(zip(axes, shown.axes, strict=True)):
+        mover = str(axis.mover)
+        at, tip = homogeneous(along(axis.direction), axis.origin), 1.06 * length * axis.direction
+        shapes.append(Shape(mover, "axes", f"{name}_{i}", line, colour, at=at))
+        labels.append(Label(name, colour, "axes", mover, axis.origin + tip))
+    triad = [arrow(np.outer((0, 0.75, 1), 0.17 * size * x), 0.006 * size) for x in np.eye(3)]
+    for name, joint, place, colour in shown.frames:
+        for letter, mesh, shade in zip("xyz", triad, _XYZ, strict=True):
+            at = place.homogeneous
+            shapes.append(Shape(str(joint), "frames", f"{name}_{letter}", mesh, shade, at=at))
+        tip = place.act(np.array((0, 0, 0.2 * size)))
+        labels.append(Label(name, colour, "frames", str(joint), tip))
+    if point is not None and point.name != PLATFORM:  # which is seen without its name
+        name, joint, place, colour = point
+        labels.append(Label(name, colour, "trail", str(joint), 1.2 * place.translation))
+    return shapes, labels

@@ -1,0 +1,221 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Kernels, CasADi, JAX and exported C judge motors and masses as the reference path does."""
+
+import numpy as np
+import pytest
+
+import any_chain
+from exported_c import Exported
+from motor_cases import (
+    at_angle,
+    elbows,
+    five_bar,
+    held_not,
+    in_mode,
+    lift,
+    slider_crank,
+    two_modes,
+)
+from sst_pin import InputError, robots
+from sst_pin.errors import ActuationError, SingularConfigurationError
+
+SINGULAR = 2
+
+
+@pytest.fixture
+def exported(tmp_path):
+    """Functions of a chain by exported C."""
+    return lambda chain: Exported(chain, tmp_path, "double")
+
+
+@pytest.mark.parametrize("crossed", [False, True], ids=["parallelogram", "crossed"])
+def test_a_motor_that_acts_in_one_assembly_mode_only_acts_there_on_every_path(crossed, exported):
+    """The kernels are made in the mode of the parallelogram, where the disc does not turn."""
+    chain, compiled = two_modes(), two_modes()
+    compiled.compile()
+    functions, in_c = chain.casadi(), exported(chain)
+    va, aa = np.array([0.3, 0.4]), np.array([1.0, 2.0])
+    for crank in (0.3, 0.8, 1.3):
+        q = in_mode(crank, crossed=crossed)
+        A, f = chain.actuator_jacobian(q).T, chain.generalized_forces(q, va, aa)
+        assert (abs(A[1, 0]) > 0.01) == crossed
+        code, tau = in_c("torques", 2, q, va, aa)
+        assert code == 0
+        found = [tau, functions.torques(q, va, aa).full().ravel()]
+        found += [robot.compute_torques(q, va, aa) for robot in (chain, compiled)]
+        for each in found:
+            assert A @ each == pytest.approx(f, rel=1e-10)
+
+
+@pytest.mark.parametrize(("masses", "sound"), [((1e5, 1e-3), True), ((1e8, 1e-6), False)])
+def test_torques_that_balance_each_other_to_rounding_pass_no_check(masses, sound, exported):
+    """With bars of a milligram on a lift of 1e8 kg; with bars of a gram on 1e5 kg they pass."""
+    chain, compiled = lift(*masses), lift(*masses)
+    compiled.compile()
+    q, va, aa = chain.generic_configuration(), np.array([0.2, 0.3]), np.array([1.0, -1.0])
+    code, _ = exported(chain)("torques", 5, q, va, aa)
+    check = float(chain.casadi().torques_check(q, va, aa))
+    assert (code == 0, check <= 1) == (sound, sound)
+    if not sound:
+        with pytest.raises(ActuationError, match="rounding"):
+            compiled.compute_torques(q, va, aa)
+
+
+@pytest.mark.parametrize("name", ["planar_4rrr", "lift", "elbows", "five_bar"])
+def test_no_check_of_motors_is_a_false_alarm(name):
+    """At rest too, and where no force is needed along a coordinate."""
+    made = {
+        "planar_4rrr": robots.planar_4rrr,
+        "lift": lambda: lift(1e3, 1e-2),
+        "elbows": elbows,
+        "five_bar": lambda: five_bar(["a1", "a2", "b1", "b2"]),
+    }[name]
+    chain = made()
+    functions, n = chain.casadi(), chain.degrees_of_freedom
+    for q, va, aa in zip(*any_chain.states(chain, 10, 0), strict=True):
+        for rates, wanted in (
+            (va, aa),
+            (0 * va, 0 * aa),
+            (1e3 * va, 0 * aa),
+            (0 * va, np.eye(n)[0]),
+        ):
+            tau = chain.compute_torques(q, rates, wanted)
+            if chain.condition_number(q) < 50:
+                assert float(functions.torques_check(q, rates, wanted)) <= 1
+                found = functions.torques(q, rates, wanted).full().ravel()
+                assert found == pytest.approx(tau, rel=1e-9, abs=1e-9 * np.abs(tau).max())
+
+
+def test_casadi_tells_where_the_motors_do_not_hold_the_robot(exported):
+    chain = elbows()
+    bad, good = held_not(chain)
+    va, aa = np.array([0.3, -0.2]), np.array([1.0, -2.0])
+    functions = chain.casadi()
+    for q, sound in ((good, True), (bad, False)):
+        assert (float(functions.check(q)) <= 1) == sound
+        assert (float(functions.torques_check(q, va, aa)) <= 1) == sound
+    assert exported(chain)("torques", 2, bad, va, aa)[0] == SINGULAR
+
+
+def test_derivatives_by_jax_are_nan_where_the_values_are():
+    jax = pytest.importorskip("jax", reason="JAX is not installed (extra `jax`)")
+    jax.config.update("jax_enable_x64", True)
+    chain = elbows()
+    functions, (bad, good) = chain.jax(), held_not(chain)
+    va, aa = np.array([0.3, -0.2]), np.array([1.0, -2.0])
+    assert np.isfinite(jax.jacfwd(functions.torques)(good, va, aa)).all()
+    assert np.isnan(functions.torques(bad, va, aa)).all()
+    for by in range(3):
+        assert np.isnan(jax.jacfwd(functions.torques, by)(bad, va, aa)).any()
+    # The forces need no motors.
+    assert np.isfinite(jax.jacfwd(functions.generalized_forces)(bad, va, aa)).all()
+    nothing = jax.hessian(lambda aa: functions.generalized_forces(good, va, aa)[0])
+    assert np.isnan(nothing(np.nan * aa)).all()
+
+
+def test_derivatives_by_jax_exist_as_far_as_the_loops_count_as_closed():
+    jax = pytest.importorskip("jax", reason="JAX is not installed (extra `jax`)")
+    jax.config.update("jax_enable_x64", True)
+    chain = robots.four_bar()
+    functions, va = chain.jax(), np.ones(1)
+    q = chain.generic_configuration()
+    for opened in (0.3, 0.7, 0.95, 1.05, 2.0):
+        off = q.copy()
+        off[-1] += 1e-9
+        size = np.abs(chain.residual(off) * chain.mechanism.row_scale).max() / 1e-9
+        off[-1] = q[-1] + opened * 1e-6 / size
+        values = functions.rates(off, va), jax.jacfwd(functions.rates, 1)(off, va)
+        values += (functions.tangent(off), functions.frame_placement("platform")(off)[0])
+        assert [bool(np.isfinite(x).all()) for x in values] == [opened < 1] * 4
+
+
+def test_jax_refuses_torques_of_motors_that_do_not_act_on_all_coordinates():
+    jax = pytest.importorskip("jax", reason="JAX is not installed (extra `jax`)")
+    jax.config.update("jax_enable_x64", True)
+    chain = lift(1.0, 1.0, ["crank", "coupler", "rocker"])  # more motors than coordinates
+    q, va = chain.generic_configuration(), np.zeros(2)
+    with pytest.raises(ActuationError, match="1 of 2 forces"):
+        jax.jacfwd(chain.jax().torques, 2)(q, va, va)
+
+
+@pytest.mark.parametrize("compiled", [False, True], ids=["reference", "compiled"])
+def test_a_pose_in_which_a_coordinate_moves_no_mass_is_refused(compiled, exported):
+    chain = slider_crank()
+    if compiled:
+        chain.compile(derivatives=True)
+    in_c = exported(chain)
+    for angle in (0.0, 1e-200, 1e-15, 1e-12, np.pi):
+        q = at_angle(angle)
+        with pytest.raises(SingularConfigurationError, match="moves no mass"):
+            chain.compute_accelerations(q, [0.3], [0.1])
+        with pytest.raises(SingularConfigurationError, match="moves no mass"):
+            chain.acceleration_derivatives(q, [0.3], [0.1])
+        assert in_c("accelerations", 1, q, [0.3], [0.1])[0] == SINGULAR
+    q = at_angle(1e-6)
+    aa = chain.compute_accelerations(q, [0.3], [0.1])
+    assert in_c("accelerations", 1, q, [0.3], [0.1])[1] == pytest.approx(aa, rel=1e-9)
+    assert chain.generalized_forces(q, [0.3], aa) == pytest.approx([0.1], rel=1e-6)
+
+
+@pytest.mark.parametrize("compiled", [False, True], ids=["reference", "compiled"])
+@pytest.mark.parametrize("platform", [False, True], ids=["without", "with a platform"])
+def test_wrenches_are_no_moment_on_the_platform(platform, compiled):
+    chain = robots.five_bar() if not platform else five_bar(["a1", "b1"])
+    if compiled:
+        chain.compile(derivatives=True)
+    q, zero = chain.generic_configuration(), np.zeros(2)
+    size = 6 * len(chain.joint_names)
+    for moment in (np.arange(float(size)), np.arange(float(size))[None]):
+        for name in ("compute_torques", "generalized_forces", "compute_accelerations"):
+            with pytest.raises(InputError, match="platform_moment"):
+                getattr(chain, name)(q, zero, zero, platform_moment=moment)
+
+
+@pytest.mark.parametrize("compiled", [False, True], ids=["reference", "compiled"])
+@pytest.mark.parametrize("rate", [1e-12, -1e-12])
+def test_a_joint_as_slow_as_rounding_has_no_coulomb_friction(rate, compiled, exported):
+    chain = five_bar(["a1", "b1"], coulomb_friction=[1.0, 0, 2.0, 0])
+    if compiled:
+        chain.compile()
+    q, zero = chain.generic_configuration(), np.zeros(2)
+    at_rest = chain.compute_torques(q, zero, zero)
+    slow = np.array([rate, -rate])
+    assert chain.compute_torques(q, slow, zero) == pytest.approx(at_rest, abs=1e-9)
+    in_c = exported(chain)
+    assert in_c("torques", 2, q, slow, zero)[1] == pytest.approx(at_rest, abs=1e-9)
+    faster = chain.compute_torques(q, 2 * slow, zero) - at_rest
+    assert faster == pytest.approx(np.sign(rate) * np.array([1.0, -2.0]), abs=1e-9)
+
+
+def test_a_robot_without_motors_has_all_kernels_of_direct_dynamics():
+    chain, compiled = (five_bar([], coordinates=None) for _ in range(2))
+    compiled.compile(all=True)
+    q, va = chain.generic_configuration(), np.array([0.1, 0.2])
+    by = chain.acceleration_derivatives(q, va, [])
+    assert by.dtau.shape == (2, 0)
+    for made in (compiled, chain.casadi()):
+        found = made.acceleration_derivatives(q, va, [])
+        for ours, expected in zip(found[:2], by[:2], strict=True):
+            assert np.array(ours) == pytest.approx(expected, rel=1e-9)
+    assert compiled.linearize(q, va, [])[1].shape == (4, 0)
+    motion = compiled.simulate([], q, va, [0, 0.01], method="Radau", rtol=1e-8, atol=1e-8)
+    assert len(motion.q) == 2
+
+
+@pytest.mark.parametrize("compiled", [False, True], ids=["reference", "compiled"])
+def test_results_go_into_any_kind_of_array_of_numpy(compiled, tmp_path):
+    chain = five_bar(["a1", "b1"])
+    if compiled:
+        chain.compile(derivatives=True)
+    q, va, aa = any_chain.states(chain, 5, 0)
+    expected = chain.compute_torques(q, va, aa)
+    kept = np.memmap(tmp_path / "tau", dtype=float, mode="w+", shape=(5, 2))
+    for out in (kept, np.asmatrix(np.zeros((5, 2)))):
+        assert chain.compute_torques(q, va, aa, out=out) is out
+        assert np.array_equal(np.asarray(out), expected)
+    out = np.asmatrix(np.zeros((5, 7 * 5 + 6 + 2)))
+    found = chain.reactions(q, va, aa, out=out)
+    assert found.motors == pytest.approx(expected)
+    out = np.asmatrix(np.zeros((2, 6)))
+    chain.torque_derivatives(q[0], va[0], aa[0], out=out)
+    assert np.asarray(out)[:, 4:] == pytest.approx(chain.reduced_terms(q[0], va[0]).inertia)

@@ -1,0 +1,344 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Kernels compute what the reference path computes, robot by robot; samples at fault are named.
+
+`test_every_state.py` takes the robots of the gallery to states close to singular ones.
+"""
+
+import pickle
+import tempfile
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import any_chain
+import cassie
+import robots as tables
+import sst_pin
+from derivative_cases import WIDTH, floating_four_bar, of_gallery
+from sst_pin import ClosedChain, ClosureError, LineForce, robots
+from sst_pin.chain.quantities import QUANTITIES
+from sst_pin.compiled import build, compiled_backend
+
+
+def cassie_on_a_stand():
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "cassie.xml")
+        path.write_text(cassie.mjcf())
+        return ClosedChain.from_mjcf(path, locked=cassie.HELD)
+
+
+def full(name):
+    """A robot with springs, friction and a spring along a line."""
+    robot, random = getattr(robots, name)(), np.random.default_rng(1)
+    model = robot.model.copy()
+    model.damping, model.friction, model.armature = random.uniform(0.1, 1, (3, model.nv))
+    line = LineForce("universe", model.frames[-1].name, stiffness=50, preload=3, damping=2)
+    stiffness = random.uniform(1, 9, model.nv)
+    return ClosedChain(model, robot.closures, robot.motor_names, forces=[line], stiffness=stiffness)
+
+
+GALLERY = ("delta", "planar_4rrr", "ladder", "bennett", "bricard", "governor", "excavator")
+ROBOTS = {
+    **{name: getattr(robots, name) for name in GALLERY},
+    "SST": lambda: sst_pin.SST(kernels=False),
+    "four-bar": lambda: tables.four_bar(tables.SKEW_PLANE).chain(),
+    "five-bar": lambda: of_gallery("five_bar").chain,
+    "floating four-bar": lambda: floating_four_bar().chain,
+    "Cassie": cassie_on_a_stand,
+    "floating": lambda: any_chain.with_joint("free-flyer", kind="hinge"),
+    "cart": any_chain.cart,
+    "lines": any_chain.lines,
+    "rods": any_chain.rods,
+    "coupled": any_chain.coupled,
+    "composite": lambda: any_chain.with_joint("composite"),
+    "no motors": lambda: ClosedChain(robots.four_bar().model, robots.four_bar().closures, []),
+    "sprung": lambda: any_chain.sprung("RY"),
+    "motors on dependent joints": lambda: any_chain.chain(
+        kind="hinge", coordinates=["arm_1", "arm_2"]
+    ),
+    **{f"{name} by columns": lambda name=name: full(name) for name in ("five_bar", "four_bar")},
+    "planar_4rrr by columns": lambda: full("planar_4rrr"),
+}
+#: Methods by their arguments; x are torques or accelerations.
+METHODS = {
+    "compute_torques": "q va aa",
+    "generalized_forces": "q va aa",
+    "compute_accelerations": "q va tau",
+    "joint_rates": "q va",
+    "joint_accelerations": "q va aa",
+    "frame_jacobian": "q frame",
+    "frame_jacobian_rate": "q va frame",
+    "frame_velocity_derivatives": "q va frame",
+    "frame_drift": "q va frame",
+    "reduced_terms": "q va",
+    "actuator_jacobian": "q",
+    "torque_derivatives": "q va aa",
+    "acceleration_derivatives": "q va tau",
+    "linearize": "q va tau",
+    "torque_regressor": "q va aa",
+    "reactions": "q va tau=",
+}
+DYNAMICS, LOADABLE = [*METHODS][:3], {*[*METHODS][:3], "linearize", "reactions"}
+LOADABLE |= {"torque_derivatives", "acceleration_derivatives"}
+FRAMES = [name for name in METHODS if name.startswith("frame")]
+DERIVATIVES = ["torque_derivatives", "acceleration_derivatives", "linearize"]
+OF_TREE = ["joint_rates", "joint_accelerations", "frame_jacobian", "reduced_terms"]
+BY_COLUMNS = [name for name in ROBOTS if name.endswith("by columns")]
+REACTING = (*GALLERY, "SST", "five-bar", "cart", "lines", "rods", "coupled", "composite")
+#: Robots and what is compared of them: what compiles quickly, and the others.
+QUICK = [
+    (["four-bar"], [*DYNAMICS, *OF_TREE]),
+    (["cart"], DYNAMICS),
+    (["lines"], [*DYNAMICS, "reduced_terms", *DERIVATIVES]),
+    (["five-bar"], [*DERIVATIVES, *FRAMES]),
+    (["governor"], ["torque_regressor"]),
+    ([*BY_COLUMNS[:2], "no motors"], ["compute_accelerations"]),
+]
+SLOW = [
+    (["floating"], [*DYNAMICS[1:], *OF_TREE]),  # a motor is missing
+    (["floating four-bar"], [*DERIVATIVES, *FRAMES]),
+    (["SST", "Cassie"], DYNAMICS),
+    (["sprung", "cart", "delta"], ["torque_regressor"]),
+    (BY_COLUMNS[2:], ["compute_accelerations"]),
+    ([*REACTING, "motors on dependent joints"], ["actuator_jacobian", "reactions"]),
+]
+CASES = [
+    pytest.param(name, method, marks=marks, id=f"{name}, {method}")
+    for table, marks in ((QUICK, ()), (SLOW, pytest.mark.slow))
+    for names, methods in table
+    for name in names
+    for method in methods
+]
+#: Largest differences, of the largest number of a sample; 1e-11 for the others: two ways of
+#: solving, with condition numbers up to 1e3.
+TOLERANCES = {"cart": 1e-12, "five-bar": 1e-10, "floating four-bar": 1e-10}
+TOLERANCES |= dict.fromkeys(BY_COLUMNS, 1e-10)
+
+
+def same(actual, expected, tolerance=1e-12):
+    np.testing.assert_allclose(actual, expected, rtol=0, atol=tolerance * np.abs(expected).max())
+
+
+@cache
+def pair(name):
+    """A robot by kernels, and by the reference path."""
+    kernels, reference = ROBOTS[name](), ROBOTS[name]()
+    for chain in (kernels, reference):
+        chain.generic_configuration()
+    kernels.compile()
+    return kernels, reference
+
+
+@pytest.fixture
+def by_columns(monkeypatch):
+    """Mass matrices count as too large for all."""
+    monkeypatch.setitem(compiled_backend._LARGEST, "matrices", 0)
+
+
+@cache
+def samples(name):
+    """Motions of a robot, torques, wrenches on all bodies, and a frame."""
+    chain = pair(name)[1]
+    q, va, aa = any_chain.states(chain, 9, 0)
+    random, model = np.random.default_rng(1), chain.model
+    given = {"q": q, "va": va, "aa": aa, "frame": model.frames[-1].name}
+    given["tau"] = random.normal(size=(len(q), len(chain.motor_names)))
+    return given, random.normal(size=(len(q), model.njoints - 1, 6))
+
+
+def results(chain, method, given, loads, k=..., **how):
+    """All parts of what a method returns, sample k or all."""
+    names = METHODS[method].split()
+    taken = {x: given[x.strip("=")] for x in names}
+    taken = {x: value if isinstance(value, str) else value[k] for x, value in taken.items()}
+    how |= {x.strip("="): taken.pop(x) for x in names if x.endswith("=")}
+    if method in DERIVATIVES:
+        how["sign_width"] = WIDTH
+    if loads is not None:
+        how["external_wrenches"] = loads[k]
+    found = getattr(chain, method)(*taken.values(), **how)
+    if method == "reactions":
+        return [found.joints, found.closures, found.ground, found.motors, *found.determined]
+    return list(found) if isinstance(found, tuple) else [found]
+
+
+@pytest.mark.parametrize(("name", "method"), CASES)
+def test_kernels_compute_what_the_reference_path_computes(name, method, request, monkeypatch):
+    """Batches and single samples, with wrenches and without; none is handed over."""
+    if name in BY_COLUMNS:
+        request.getfixturevalue("by_columns")
+    (kernels, reference), (given, wrenches) = pair(name), samples(name)
+    loaded = [None, wrenches] if method in LOADABLE else [None]
+    expected = [results(reference, method, given, loads) for loads in loaded]
+    for loads in loaded:  # compiles
+        results(kernels, method, given, loads)
+
+    def handed_over(*_, **__):
+        raise AssertionError("a sample is handed over")
+
+    for quantity in QUANTITIES:
+        monkeypatch.setattr(kernels._current.reference, quantity, handed_over, raising=False)
+    tolerance = TOLERANCES.get(name, 1e-11)
+    for loads, wanted in zip(loaded, expected, strict=True):
+        scale = np.nanmax(np.abs(wanted[0])) if method == "reactions" else None
+        found = results(kernels, method, given, loads)
+        single = results(kernels, method, given, loads, 3)
+        for got, one, right in zip(found, single, wanted, strict=True):
+            if right.dtype == bool:
+                assert np.array_equal(got, right)
+                continue
+            assert got.shape == right.shape
+            most = tolerance * (scale or np.abs(right).max())
+            np.testing.assert_allclose(got, right, rtol=0, atol=most)
+            np.testing.assert_allclose(one, right[3], rtol=0, atol=most)
+    assert "by the reference path" not in kernels.path
+
+
+@pytest.mark.parametrize(
+    ("name", "method"),
+    [
+        ("cart", "compute_torques"),
+        ("cart", "compute_accelerations"),
+        ("four-bar", "torque_regressor"),
+        *((name, "compute_accelerations") for name in BY_COLUMNS[:2]),
+        pytest.param("bennett", "reactions", marks=pytest.mark.slow),
+    ],
+)
+def test_samples_at_fault_are_named_or_nan_and_the_others_are_as_they_were(name, method, request):
+    """All faults by all methods, of a smaller robot: test_refusals.py."""
+    if name in BY_COLUMNS:
+        request.getfixturevalue("by_columns")
+    kernels, (given, _) = pair(name)[0], samples(name)
+    expected, opened = results(kernels, method, given, None), dict(given, q=given["q"].copy())
+    opened["q"][4, -1] += 0.1
+    with pytest.raises(ClosureError) as caught:
+        results(kernels, method, opened, None)
+    assert caught.value.samples == ((4,),)
+    found = results(kernels, method, opened, None, on_error="nan")
+    for got, right in zip(found, expected, strict=True):
+        assert not got[4].any() if got.dtype == bool else np.isnan(got[4]).all()
+        np.testing.assert_array_equal(np.delete(got, 4, axis=0), np.delete(right, 4, axis=0))
+
+
+@pytest.mark.parametrize("name", BY_COLUMNS[:2])
+def test_simulations_by_columns_follow_the_reference_path(name, by_columns):
+    """To ten times the tolerance of the integrator."""
+    given, t = samples(name)[0], np.linspace(0, 0.05, 6)
+    start = given["tau"][0], given["q"][0], given["va"][0]
+    motions = [chain.simulate(*start, t, rtol=1e-9, atol=1e-9) for chain in pair(name)]
+    np.testing.assert_allclose(motions[0].q, motions[1].q, atol=1e-8)
+
+
+def test_regressors_of_other_masses_need_no_new_kernel():
+    chain = robots.four_bar()
+    chain.compile()
+    motions = any_chain.states(chain, 5, 0)
+    heavier = chain.with_parameters({"coupler.mass": 3.0, "rocker.coulomb": 0.2})
+    Y = heavier.torque_regressor(*motions)
+    np.testing.assert_allclose(Y, chain.torque_regressor(*motions), rtol=1e-12, atol=1e-13)
+    forces = heavier.generalized_forces(*motions)
+    np.testing.assert_allclose(Y @ heavier.dynamic_parameters, forces, atol=1e-12)
+
+
+@pytest.mark.slow
+def test_reactions_fill_any_array_with_any_number_of_threads():
+    (chain, reference), (given, _) = pair("bennett"), samples("bennett")
+    plain = [given[name] for name in ("q", "va", "aa")]
+    wanted, room = reference.reactions(*plain), np.zeros((18, 2 * (7 * 4 + 6 + 1)))
+    w = chain.reactions(*plain, out=room[::2, ::2])
+    assert np.shares_memory(w.joints, room)
+    many = chain.reactions(*(np.tile(x, (2, 500, 1)) for x in plain), threads=2)
+    for found in (w.joints, many.joints[1, -9:], many.joints[0, :9]):
+        assert found == pytest.approx(wanted.joints, abs=1e-11, nan_ok=True)
+    assert np.array_equal(many.determined.joints[1, -9:], wanted.determined.joints)
+    assert chain.reactions(*(x[:0] for x in plain)).determined.joints.shape == (0, 3, 6)
+
+
+def test_gravity_and_inertias_count_without_compiling_again(monkeypatch):
+    given, kernels = samples("cart")[0], pickle.loads(pickle.dumps(pair("cart")[0]))
+    motions = [given[name] for name in ("q", "va", "aa")]
+    monkeypatch.setattr(build, "_compile", None)  # whoever compiles fails
+    before = kernels.compute_torques(*motions)
+    model = kernels.model
+    model.gravity.linear = np.array([0.0, 3.0, -20.0])
+    for joint in ("follower", "ball", "base"):
+        model.inertias[model.getJointId(joint)] += pin.Inertia.FromSphere(0.7, 0.2)
+    kernels.refresh()
+    after = kernels.compute_torques(*motions)
+    assert np.abs(after - before).max() > 1
+    reference = any_chain.cart()
+    reference.model.gravity, reference.model.inertias[:] = model.gravity, model.inertias
+    reference.refresh()
+    same(after, reference.compute_torques(*motions))
+    assert kernels.path.startswith("compiled")
+
+
+@pytest.mark.slow
+def test_a_rollout_rolls_as_on_the_reference_path():
+    """Wheels roll on while the loops are closed; friction smooth: the paths round differently.
+
+    The stages of a step lie off the closures by h^2, where each path solves other rows: one step of
+    1e-3 s differs by 3e-12, half of it by a 32nd of that, and steps of 2.5e-4 s by rounding.
+    """
+    (kernels, reference), given = pair("cart"), samples("cart")[0]
+    q, va = given["q"], given["va"]
+    tau = np.random.default_rng(0).normal(size=(3, 20, va.shape[1]))
+
+    def rolled(h, steps=20):
+        motions = tau[:, :steps], q[:3], 0.5 * va[:3], h
+        return [chain.rollout(*motions, sign_width=0.3) for chain in (kernels, reference)]
+
+    ours, theirs = rolled(2.5e-4)
+    same(ours.q, theirs.q)
+    same(ours.va, theirs.va, 1e-11)
+    step = reference.casadi(sign_width=0.3).step(q[0], 0.5 * va[0], tau[0, 0], 2.5e-4)
+    same(step[0].full().ravel(), theirs.q[0, 1])
+    same(step[1].full().ravel(), theirs.va[0, 1])
+    assert np.abs(ours.q[:, -1] - ours.q[:, 0]).max() > 1e-3
+    assert "rollout" not in kernels.path
+    one, half = (np.abs(a.va - b.va).max() for a, b in (rolled(2e-3, 1), rolled(1e-3, 1)))
+    assert one / half == pytest.approx(32, rel=0.1)
+
+
+def test_numbers_of_lines_change_without_a_new_compilation_and_ends_with_one():
+    """Kernels hold the ends, not the numbers: both give what the reference path gives."""
+    q, va, aa = any_chain.states(any_chain.lines(), 3, 0)
+    soft = LineForce("wall", "platform", name="gas", stiffness=7, damping=1, preload=2)
+    gas, spring = any_chain.GAS, any_chain.SPRING
+    for where, forces in (((-0.3, 0.1, 0.3), (soft, spring)), ((-0.2, 0, 0.3), (gas, spring))):
+        robot, twin = any_chain.lines(where, forces), any_chain.lines(where, forces)
+        robot.compile()
+        same(robot.compute_torques(q, va, aa), twin.compute_torques(q, va, aa), 1e-12)
+
+
+def test_samples_whose_line_has_no_direction_are_refused_by_kernels_too():
+    home = robots.four_bar().home
+    data = any_chain.lines().model.createData()
+    pin.framesForwardKinematics(any_chain.lines().model, data, home)
+    at = data.oMf[any_chain.lines().model.getFrameId("platform")].translation
+    robot = any_chain.lines(at)
+    robot.compile()
+    q = np.array([any_chain.lines().assemble([*home[:2], home[2] + 0.2]), home])
+    with pytest.raises(sst_pin.SingularConfigurationError, match="gas is not determined"):
+        robot.compute_torques(q, [0], [0])
+    tau = robot.compute_torques(q, [0], [0], on_error="nan")
+    assert np.isnan(tau).any(axis=1).tolist() == [False, True]
+
+
+def test_a_motor_between_frames_of_one_body_moves_nothing():
+    """On both paths it is refused, alone; beside another motor its force is zero."""
+    line, bar = LineForce("coupler_pin", "platform", name="idle"), robots.four_bar()
+    for motors in (["idle"], ["idle", "crank"]):
+        fast, plain = (ClosedChain(bar.model, bar.closures, motors, forces=[line]) for _ in "ab")
+        fast.compile()
+        if len(motors) == 1:
+            for robot in (fast, plain):
+                with pytest.raises(sst_pin.ActuationError):
+                    robot.compute_torques(bar.home, [1], [0])
+        else:
+            tau = plain.compute_torques(bar.home, [1], [0])
+            assert tau[0] == 0
+            same(fast.compute_torques(bar.home, [1], [0]), tau, 1e-12)

@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Drawings: arrows of reactions, the foot of a leg, the whole path, words as they are."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import any_chain
+import sst_pin
+from browser import visit
+from sst_pin import robots
+from sst_pin.cli import main
+from sst_pin.viewer import Viewer
+from sst_pin.viewer.robot_scene import Scene
+from sst_pin.viewer.sketch import pulls_of
+
+FOOT = np.array((0.3, 0.0, -0.4))
+
+
+def drawn(viewer, robot, q, placements):
+    """Start of each arrow, and the way to its tip, base axes."""
+    data = robot.model.createData()
+    pin.forwardKinematics(robot.model, data, q)
+    for pull in pulls_of(robot, viewer._scene.size):
+        at = data.oMi[int(pull.shape.mover)].homogeneous @ placements[f"robot/{pull.shape.node}"]
+        yield at[:3, 3], at[:3, 2]
+
+
+@pytest.mark.parametrize("name", ["delta", "stewart"])
+def test_arrows_are_the_forces_of_the_reactions(name):
+    robot = getattr(robots, name)()
+    q, tau = robot.home, np.linspace(1, 2, len(robot.motor_names))
+    viewer = Viewer(robot, reactions=True)
+    placed = {}
+    viewer._drawing.place = lambda q, effort: placed.update(
+        type(viewer._drawing)._placements(viewer._drawing, q, effort)
+    )
+    viewer.show(q, tau)
+    w = robot.reactions(q, np.zeros(robot.degrees_of_freedom), tau=tau)
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, q)
+    ends = [data.oMf[robot.model.getFrameId(closure.frame_b)] for closure in robot.closures]
+    places = [*data.oMi[1:], *ends]
+    forces = np.concatenate([w.joints, w.closures])[:, 3:]
+    forces = np.array([at.rotation @ f for at, f in zip(places, forces, strict=True)])
+    starts, ways = map(np.array, zip(*drawn(viewer, robot, q, placed), strict=True))
+    assert starts == pytest.approx(np.array([at.translation for at in places]), abs=1e-12)
+    sizes = np.linalg.norm(forces, axis=1)
+    large = sizes > 0.01 * sizes.max()  # arrows have a smallest size
+    factor = np.linalg.norm(ways, axis=1).max() / sizes.max()
+    assert ways[large] == pytest.approx(factor * forces[large], abs=1e-9 * factor)
+    assert f"the largest is {sizes.max():.3g} N" in viewer.html
+
+
+def test_forces_that_are_not_unique_are_named_and_drawn_with_stiffnesses_only():
+    robot = robots.four_bar()
+    swing = robot.simulate([0], robot.home, [0], np.linspace(0, 0.1, 5))
+    with robot.show(swing, open_browser=False, reactions=True) as viewer:
+        assert "Not unique, so not drawn: crank, coupler, rocker" in viewer.html
+        assert "Dark arrows" not in viewer.html
+    soft = dict.fromkeys((*robot.joint_names, str(robot.closures[0])), np.ones(6))
+    with robot.show(swing, open_browser=False, reactions=soft) as viewer:
+        assert "Not unique" not in viewer.html
+        assert "Dark arrows" in viewer.html
+        assert viewer._panel["layers"]["reactions"]
+    assert "reactions" not in Viewer(robot)._panel["layers"]
+
+
+@pytest.mark.parametrize("reactions", ["yes", 1, None, {"crank": [1, 2]}])
+def test_what_is_no_switch_and_no_stiffness_is_refused(reactions):
+    with pytest.raises(sst_pin.InputError, match="stiffness"):
+        Viewer(robots.four_bar(), reactions=reactions)
+
+
+def test_a_motion_under_other_loads_and_an_open_loop_have_no_arrows_in_silence():
+    robot = robots.five_bar()
+    motion = robot.simulate([0, 0], robot.home, [0, 0], [0, 0.1, 0.2])
+    heavy = robot.trajectory(motion.t, motion.q, motion.va, motion.aa, motion.tau + 1)
+    viewer = Viewer(robot, reactions=True)
+    with pytest.raises(sst_pin.InputError, match="other forces than its torques"):
+        viewer.play(heavy)
+    viewer.show(np.add(robot.home, [0, 0.1, 0, 0]))
+    assert "No reactions: " in viewer.html
+
+
+@pytest.mark.parametrize("make", [any_chain.coupled, lambda: any_chain.rolling(False)])
+def test_couplings_and_wheels_have_pages_too(make):
+    chain = make()
+    count = len(list(pulls_of(chain, 1.0)))
+    couplings = sum(isinstance(c, sst_pin.Coupling) for c in chain.closures)
+    assert count == chain.model.njoints - 1 + len(chain.closures) - couplings
+    assert "<html" in Viewer(chain, reactions=True).html
+
+
+def test_the_command_shows_reactions(tmp_path):
+    page = tmp_path / "delta.html"
+    assert main(["show", "--robot", "delta", "--reactions", "--html", str(page)]) == 0
+    assert "Dark arrows" in page.read_text()
+
+
+def leg():
+    """A four-bar whose coupler ends in a foot, a link behind a fixed joint, far from all else."""
+    chain = sst_pin.robots.four_bar()
+    model = chain.model.copy()
+    model.addFrame(pin.Frame("foot", 2, pin.SE3(np.eye(3), FOOT), pin.FrameType.BODY))
+    twin = sst_pin.ClosedChain(model, chain.closures, chain.motor_names)
+    t = np.linspace(0, 0.5, 11)
+    return twin, sst_pin.coordinate_motion(twin, t, twin.home[:1] + t[:, None])
+
+
+def test_a_skeleton_reaches_to_the_foot():
+    chain, _ = leg()
+    scene = Scene(chain, pin.GeometryModel())
+    bones = [s.mesh.vertices for s in scene.shapes if s.node.startswith("2/skeleton/bone")]
+    assert min(np.linalg.norm(v - FOOT, axis=1).min() for v in bones) < 0.05 * scene.size
+
+
+def test_the_view_frames_the_path_of_the_frame_that_is_asked_for():
+    """No sample of the path lies beyond the outermost points, in any of many directions."""
+    chain, motion = leg()
+    viewer = Viewer(chain, frame="foot")
+    viewer.play(motion)
+    reach = np.array(viewer._panel["reach"])
+    data, path = chain.model.createData(), []
+    for q in motion.q:
+        pin.forwardKinematics(chain.model, data, q)
+        path.append(data.oMi[2].act(FOOT))
+    directions = np.random.default_rng(0).normal(size=(200, 3))
+    directions /= np.linalg.norm(directions, axis=1)[:, None]
+    # The outermost points are known in 150 directions, within 8 degrees of any other.
+    slack = 0.02 * np.ptp(reach, axis=0).max()
+    assert ((np.array(path) @ directions.T).max(0) < (reach @ directions.T).max(0) + slack).all()
+    assert [x["text"] for x in viewer._panel["labels"] if x["layer"] == "trail"] == ["foot"]
+    with pytest.raises(sst_pin.UnknownNameError, match="frame 'hand'"):
+        Viewer(chain, frame="hand")
+
+
+def test_digits_and_single_letters_alone_are_subscripts(chromium, tmp_path):
+    """gamma_1 and e_x have an index; left_knee and rod_1a are names."""
+    path = tmp_path / "page.html"
+    Viewer(sst_pin.robots.four_bar()).save(path)
+    with visit(chromium, path.as_uri()) as seen:
+        told = seen.page.evaluate("['gamma_12', 'e_x', 'left_knee', 'rod_1a'].map(subscript)")
+    assert told == ["gamma<sub>12</sub>", "e<sub>x</sub>", "left_knee", "rod_1a"]
+
+
+@pytest.mark.slow
+def test_a_low_chart_has_two_numbers_on_its_axis(chromium, tmp_path, robot):
+    t, path = np.linspace(0, 0.5, 40), tmp_path / "page.html"
+    viewer = Viewer(robot)
+    viewer.play(robot.trajectory(t, *robot.joint_motion(*sst_pin.paper_circle(t))))
+    viewer.save(path)
+    with visit(chromium, path.as_uri(), width=390, height=844) as seen:
+        numbers = "#chart text[text-anchor=end]"
+        assert seen.page.locator(numbers).count() >= 2
