@@ -36,7 +36,6 @@ from ..errors import (
 from ..summaries import Summary, listed
 from . import derivatives, dispatch, dynamics, reactions, redundancy, regressor
 from .appearance import Appearance, appearance_of
-from .assembly import home_of
 from .assignments import require_assignable
 from .backend import Key, States
 from .closures import Constraint
@@ -55,6 +54,7 @@ from .lines import LineForce
 from .mechanism import Friction, Mechanism, read_only
 from .mobility import Mobility, condition_number, scaled_Phi
 from .named_positions import put
+from .starts import placed, pose_of
 from .tree import body_of
 
 if TYPE_CHECKING:
@@ -534,6 +534,7 @@ class ClosedChain(Summary):
             q: Guesses, shape (..., nq). For a robot with balls, free or continuous joints also the
                 displacement from `pin.neutral`, shape (..., nv), without quaternions. Or positions
                 by the names of joints, [rad] or [m]; the others start from home, else from zero.
+                Coordinates are moved there from home, so that the assembly mode stays.
             fixed: Names of joints that keep their position, () for none. By default the
                 coordinates; if q names joints that are no coordinates, the joints named.
             tries: Number of starts: the guess, then random configurations around it.
@@ -542,6 +543,9 @@ class ClosedChain(Summary):
 
         Returns:
             Configurations near q with closed loops, shape (..., nq).
+
+        Warns:
+            DescriptionWarning: If the assembly mode for names of coordinates was chosen here.
 
         Raises:
             ClosureError: If the loops cannot be closed; the message lists the open loops and the
@@ -561,9 +565,12 @@ class ClosedChain(Summary):
         current, mechanism = now._current, now.mechanism
         model, space = mechanism.model, mechanism.space
         if isinstance(q, Mapping):
-            if fixed is None and not set(q) <= set(now.coordinates):
+            by_coordinates = set(q) <= set(now.coordinates)
+            if by_coordinates and fixed is None and tries == 1 and not limits:
+                return placed(now, q)
+            if fixed is None and not by_coordinates:
                 fixed = list(q)
-            guess = put(space, now._start_pose(), q)
+            guess = put(space, pose_of(now), q)
         else:
             guess = as_array("q", q, ())
         if guess.ndim > 1 and guess.shape[-1] in (model.nq, model.nv):
@@ -583,10 +590,9 @@ class ClosedChain(Summary):
                 return found
         return assembly.try_starts(start, free, tries, seed, limits=limits)
 
-    def _start_pose(self) -> Array:
-        """Home, its loops as open as the model has them, else `pin.neutral`."""
-        home = home_of(self._current.mechanism)
-        return pin.neutral(self._current.mechanism.model) if home is None else home
+    def _moved(self, q: Array, step: Array) -> Array:
+        """Where the coordinates are a step further, shape (n,), in the same assembly mode."""
+        return self._current.reference.moved(q, step)
 
     def generic_configuration(self) -> Array:
         """A random assembled configuration without symmetry, the same at each call.

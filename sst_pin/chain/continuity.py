@@ -12,24 +12,26 @@ do: it keeps its sign where two blocks become singular at once.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from ..arrays import Array, Indices
+from ..errors import SSTError
 from .loops import Loops, connected
 from .mechanism import Mechanism
 
-#: From a configuration at one fraction of a step to that at a later fraction; None where the loops
-#: cannot be closed.
-Way = Callable[[Array, float, float], Array | None]
+#: From a configuration at one fraction of a step to that at a later fraction; an SSTError where
+#: there is none.
+Way = Callable[[Array, float, float], Array]
 
 #: Largest |Phi_a^+ (Phi_b - Phi_a)| of two configurations that count as neighbours.
-_CHANGE = 0.5
+CHANGE = 0.5
 #: Largest motion of a joint between them, [rad] or of the robot's length.
 TRAVEL = 0.5
-#: Smaller singular values of a loop count as zero.
+#: Smaller singular values of a loop count as zero, relative to its largest.
 _INDEPENDENT = 1e-6
 #: Parts of a step are not divided further, as a fraction of the step.
 _SHORTEST = 1e-12
@@ -50,7 +52,7 @@ class Continuity:
         self._scale = mechanism.row_scale[:, None] * mechanism.rate_scale
         self._moving = np.flatnonzero(loops.touched.any(axis=0))
         shapes = dict[tuple[int, int], list[tuple[Indices, Indices]]]()
-        for rows, rates in self._parts():
+        for rows, rates in self._blocks():
             shapes.setdefault((len(rows), len(rates)), []).append((rows, rates))
         self._entries = [
             (np.array([r for r, _ in alike])[:, :, None], np.array([k for _, k in alike])[:, None])
@@ -59,38 +61,42 @@ class Continuity:
         self._last: _Place | None = None
         self._anchor: _Place
         self._inverses: list[Array]
-        self._smallest = 0.0
+        self._smallest: list[Array]
 
-    def _parts(self) -> Iterator[tuple[Indices, Indices]]:
+    def _blocks(self) -> Iterator[tuple[Indices, Indices]]:
         """Rows and dependent rates of the diagonal blocks of Phi, which is block triangular.
 
-        A loop that determines as many of the rates still open as it has independent rows is a
-        block, one after the other; what is left falls apart where it shares no rates.
+        Parts that share no dependent rate are blocks. If the ranks of a part's loops add up to the
+        number of its rates, each loop that determines all rates still open in it is one. Otherwise
+        the loops are redundant together: where one is singular, the others may hold its rates.
         """
         mechanism, loops = self._mechanism, self._loops
-        open_rates, rows = mechanism.dependent, np.arange(loops.rows)
+        Phi, all_rows = np.zeros(loops.touched.shape), np.arange(loops.rows)
         if mechanism.example is not None:
             loops.evaluate(mechanism.example)
-            Phi, waiting, found = loops.Phi() * self._scale, list(loops.slices), True
-            while found:
-                found = False
-                for loop in waiting:
-                    own = np.arange(loops.rows)[loop]
-                    rates = open_rates[loops.touched[own][:, open_rates].any(axis=0)]
-                    rank = np.linalg.matrix_rank(Phi[own], _INDEPENDENT)
-                    part = np.linalg.matrix_rank(Phi[np.ix_(own, rates)], _INDEPENDENT)
-                    if 0 < len(rates) == rank == part:
-                        yield own, rates
-                        open_rates = np.setdiff1d(open_rates, rates)
-                        rows = np.setdiff1d(rows, own)
-                        waiting.remove(loop)
-                        found = True
+            Phi = loops.Phi() * self._scale
+        for part_rows, part in connected(loops.touched[:, mechanism.dependent]):
+            rows, rates, ranks = part_rows, mechanism.dependent[part], dict[int, int]()
+            for k, loop in enumerate(loops.slices):
+                if np.isin(all_rows[loop], rows).any():
+                    ranks[k] = np.linalg.matrix_rank(Phi[loop, rates], rtol=_INDEPENDENT)
+            for _ in range(len(ranks) * (sum(ranks.values()) == len(rates))):
+                for k, rank in ranks.items():
+                    loop = loops.slices[k]
+                    own = rates[loops.touched[loop, rates].any(axis=0)]
+                    if 0 < len(own) == rank:
+                        yield all_rows[loop], own
+                        rates, rows = np.setdiff1d(rates, own), np.setdiff1d(rows, all_rows[loop])
+                        del ranks[k]
                         break
-        for part_rows, part in connected(loops.touched[np.ix_(rows, open_rates)]):
-            yield rows[part_rows], open_rates[part]
+            if len(rates):
+                yield rows, rates
 
     def condition_number(self, q: Array) -> float:
-        """Condition number of the dependent part of Phi at q, infinite if it is singular."""
+        """Condition number of the dependent part of Phi at q, infinite if it is singular.
+
+        It is the largest one of its blocks.
+        """
         return _condition_number(self._place(q).blocks)
 
     def follow(
@@ -103,7 +109,9 @@ class Continuity:
         """
         q, low, high = start, 0.0, first
         while low < 1 and high - low >= _SHORTEST:
-            found = way(q, low, high)
+            found: Array | None = None
+            with suppress(SSTError):
+                found = way(q, low, high)
             if found is not None and self._near(q, found, limit):
                 q, low, high = found, high, min(1.0, high + 2 * (high - low))
             else:
@@ -127,31 +135,30 @@ class Continuity:
 
     def _anchor_at(self, place: _Place) -> None:
         self._anchor = self._last = place
-        self._inverses, self._smallest = [], np.inf
-        for blocks in self._anchor.blocks:
+        self._inverses, self._smallest = [], []
+        for blocks in place.blocks:
             U, s, Vt = np.linalg.svd(blocks, full_matrices=False)
-            smallest = s[:, -1].min() if s.shape[1] == blocks.shape[2] else 0.0
-            self._smallest = min(self._smallest, float(smallest))
-            inverses = np.where(s > 0, 1 / np.where(s > 0, s, 1), 0)
-            self._inverses.append(np.swapaxes(U * inverses[:, None], 1, 2))
-            self._inverses[-1] = np.swapaxes(Vt, 1, 2) @ self._inverses[-1]
+            inverses = np.where(s > 0, 1 / np.where(s > 0, s, 1), 0)[:, None]
+            self._inverses.append(np.swapaxes(Vt, 1, 2) @ np.swapaxes(U * inverses, 1, 2))
+            full = s.shape[1] == blocks.shape[2]
+            self._smallest.append(s[:, -1] if full else np.zeros(len(blocks)))
 
     def _continues(self, place: _Place, limit: float) -> bool:
         anchor = self._anchor
-        if not self._smallest > 0:
+        if not all((s > 0).all() for s in self._smallest):
             return False
         way = pin.difference(self._mechanism.model, anchor.q, place.q) / self._mechanism.rate_scale
         if not np.abs(way[self._moving]).max(initial=0.0) <= TRAVEL:
             return False
         for inverse, a, b in zip(self._inverses, anchor.blocks, place.blocks, strict=True):
             E = inverse @ (b - a)
-            if not np.einsum("bij,bij->b", E, E).max() <= _CHANGE**2:
+            if not np.einsum("bij,bij->b", E, E).max() <= CHANGE**2:
                 return False
         # The smallest singular value has not fallen below half of that at the anchor.
-        largest = max(
-            (float(np.linalg.norm(b, axis=(1, 2)).max()) for b in place.blocks), default=0
-        )
-        if largest < limit * (1 - _CHANGE) * self._smallest:
+        if all(
+            (np.linalg.norm(b, axis=(1, 2)) < limit * (1 - CHANGE) * s).all()
+            for b, s in zip(place.blocks, self._smallest, strict=True)
+        ):
             return True
         return _condition_number(place.blocks) < limit
 
@@ -162,12 +169,13 @@ class Continuity:
 
 
 def _condition_number(blocks: list[Array]) -> float:
-    """Condition number of a block-diagonal matrix."""
-    if not all(np.isfinite(block).all() for block in blocks):
-        return np.inf
-    values = [np.linalg.svd(block, compute_uv=False) for block in blocks]
-    if any(s.shape[1] < b.shape[2] for s, b in zip(values, blocks, strict=True)):
-        return np.inf
-    largest = max((s[:, 0].max() for s in values), default=1.0)
-    smallest = min((s[:, -1].min() for s in values), default=1.0)
-    return float(largest / smallest) if smallest > 0 else np.inf
+    """The largest condition number of some blocks."""
+    worst = 1.0
+    for block in blocks:
+        if not np.isfinite(block).all():
+            return np.inf
+        s = np.linalg.svd(block, compute_uv=False)
+        if s.shape[1] < block.shape[2] or not s[:, -1].all():
+            return np.inf
+        worst = max(worst, float((s[:, 0] / s[:, -1]).max()))
+    return worst

@@ -110,12 +110,9 @@ def _without_symmetry(assembly: Assembly, home: Array, coordinates: Indices) -> 
 
 def _along(
     assembly: Assembly, home: Array, way: Array, held: Indices, q: Array, low: float, high: float
-) -> Array | None:
+) -> Array:
     """A `Way` of assembled configurations from home."""
-    try:
-        return assembly.near(pin.integrate(assembly.mechanism.model, home, high * way), held)
-    except ClosureError:
-        return None
+    return assembly.near(pin.integrate(assembly.mechanism.model, home, high * way), held)
 
 
 def settle(assembly: Assembly, wanted: Indices | None) -> tuple[Indices, Array | None]:

@@ -11,7 +11,7 @@ import numpy as np
 from ..arrays import Array, Indices
 from ..summaries import as_html, listed
 from .lines import LineKinematics
-from .loops import Loops
+from .loops import Loops, connected
 from .mechanism import Mechanism
 from .thresholds import INDEPENDENT, RANK_TOLERANCE, RESTS
 
@@ -239,13 +239,17 @@ def _spins(columns: Array) -> bool:
 
 
 def condition_number(Phi: Array, coordinates: Indices) -> float:
-    """Condition number of the columns of Phi for the dependent rates; infinite if singular."""
-    dependent = np.setdiff1d(np.arange(Phi.shape[1]), coordinates)
-    if not len(dependent):
-        return 1.0
-    if len(Phi) < len(dependent) or not np.isfinite(Phi).all():
+    """Condition number of the columns of Phi for the dependent rates; infinite if singular.
+
+    It is the largest one of parts that share no rate: loops of other sizes do not count.
+    """
+    dependent = np.delete(Phi, coordinates, axis=1)
+    if not np.isfinite(dependent).all():
         return float("inf")
-    values = np.linalg.svd(Phi[:, dependent], compute_uv=False)
-    if values[-1] == 0:
-        return float("inf")
-    return float(values[0] / values[-1])
+    worst = 1.0
+    for rows, rates in connected(dependent != 0):
+        values = np.linalg.svd(dependent[np.ix_(rows, rates)], compute_uv=False)
+        if len(values) < len(rates) or values[-1] == 0:
+            return float("inf")
+        worst = max(worst, float(values[0] / values[-1]))
+    return worst

@@ -18,7 +18,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..arrays import Array, Flags, Indices, finite_array
-from ..errors import ActuationError, InputError, SSTError
+from ..errors import ActuationError, ClosureError, InputError, SSTError
 from . import dynamics, reactions, regressor
 from .backend import Key, Motions, NoKernel
 from .continuity import Continuity, Way
@@ -26,7 +26,7 @@ from .derivatives import Derivatives
 from .dynamics import Memory
 from .least_torques import finest, smallest_torques
 from .mechanism import Friction, Mechanism
-from .mobility import scaled_Phi
+from .mobility import condition_number, scaled_Phi
 from .noc import mass_centers
 from .runge_kutta import runge_kutta_step
 from .thresholds import (
@@ -40,8 +40,8 @@ from .thresholds import (
 )
 from .tree import of_rates, summed, support
 
-#: Largest part of a motion's rates by which its two slopes in the middle of a step may differ.
-_SCATTER = 0.1
+#: Part of the way of a step by which it may leave the loops open: a longer one misses a bend.
+_OPEN = 0.003
 #: Way of a joint on which coordinates are judged once, [rad] or of the robot's length.
 _LOOK = 0.05
 _Method = TypeVar("_Method", bound=Callable[..., Array])
@@ -261,6 +261,25 @@ class Reference:
         """v = L va, shape (nv,), Eq. (16)."""
         return self._L(q).dot(va)  # Eq. (16)
 
+    def moved(self, q: Array, step: Array) -> Array:
+        """The configuration where the coordinates are a step further, in the same assembly mode."""
+        model, dependent = self.mechanism.model, self.mechanism.dependent
+        assembly = self.memory.assembly
+
+        def way(q: Array, low: float, high: float) -> Array:
+            ahead = pin.integrate(model, q, self.rates(q, (high - low) * step))
+            return assembly.assemble(ahead, dependent)
+
+        if not step.any():
+            return q
+        reached, found = self.memory.continuity.follow(q, way, MAX_CONDITION_NUMBER)
+        if reached < 1:
+            problem = (
+                "the loops cannot be closed further along the motion: out of reach, or singular"
+            )
+            raise ClosureError(problem, 0.0)
+        return found
+
     def _L(self, q: Array) -> Array:
         """L where the loops are closed, shape (nv, n), Eq. (17)."""
         memory = self.memory
@@ -473,11 +492,7 @@ class ReferenceStates:
         motions = np.linalg.svd(Phi)[2][len(Phi.T) - n :]
         _, order = qr(motions, pivoting=True, mode="r")
         chosen = np.sort(order[:n]).astype(np.intp)
-        own, best = (
-            np.linalg.svd(Phi[:, rates], compute_uv=False)[[0, len(rates) - 1]]
-            for rates in (self._mechanism.dependent, order[n:])
-        )
-        if not own[1] * best[0] * MARGIN < best[1] * own[0]:
+        if not condition_number(Phi, chosen) * MARGIN < condition_number(Phi, self.coordinates):
             return self, condition
         key = chosen.tobytes()
         if key not in self._others:
@@ -497,21 +512,13 @@ class ReferenceStates:
 
     def _continues(self, before: Array, after: Array) -> bool:
         """Whether one state of a rollout leads to the next."""
+        model = self._mechanism.model
+        ahead = pin.difference(model, before, after)
 
-        def way(q: Array, low: float, high: float) -> Array | None:
-            if high == 1:
-                return after
-            try:
-                return self.closed(self._between(before, after, high))
-            except SSTError:
-                return None
+        def way(q: Array, low: float, high: float) -> Array:
+            return after if high == 1 else self.closed(pin.integrate(model, before, high * ahead))
 
         return self.follow(before, way, MAX_CONDITION_NUMBER)[0] == 1
-
-    def _between(self, before: Array, after: Array, fraction: float) -> Array:
-        """A configuration on the way between two others, its loops almost closed."""
-        model = self._mechanism.model
-        return pin.integrate(model, before, fraction * pin.difference(model, before, after))
 
     def rollout(self, motions: Motions, threads: int) -> Indices:
         """The classical Runge-Kutta method with fixed steps, one motion after the other.
@@ -548,10 +555,9 @@ class ReferenceStates:
                     return done, True
                 if suited is not states:
                     states, state = suited, np.concatenate([q_s, v[suited.coordinates]])
-                three = motions.tau[i, [s] * 3 if motions.held else slice(2 * s, 2 * s + 3)]
-                state, scatter = states._step(state, three, load, motions.dt)
-                if states is not self and not scatter < _SCATTER:
-                    break  # the step is too long for the bend of its way
+                state, short = states._step(state, motions.torques(i, s), load, motions.dt)
+                if not short:
+                    break
             except SSTError:
                 break
         return done, False
@@ -569,20 +575,20 @@ class ReferenceStates:
 
     def _step(
         self, state: Array, tau: Array, wrenches: Array | None, h: float
-    ) -> tuple[Array, float]:
-        """One step, and how far its two slopes in the middle differ, relative to the rates.
+    ) -> tuple[Array, bool]:
+        """One step, and whether it is short enough for the bends of its way.
 
         Between the ends of the step q is off the closures by its square.
         """
-        nq, space = self._nq, self._mechanism.space
+        nq, model, space = self._nq, self._mechanism.model, self._mechanism.space
 
         def rate(when: int, stage: Array) -> Array:
             q = space.normalised(stage[:nq])
             return self._rate(q, stage[nq:], tau[when], wrenches, np.inf)
 
-        end, rates = runge_kutta_step(rate, state, h)
-        scale = self._mechanism.rate_scale[self.coordinates]
-        apart = np.abs(h * (rates[2] - rates[1])[nq:] / scale).max(initial=0)
-        moved = (np.abs(state[nq:]) + np.abs(h * rates[0][nq:])) / scale
-        scatter = float(apart / max(moved.max(initial=0), 1e-300))
-        return np.concatenate([self.closed(end), end[nq:]]), scatter
+        end = runge_kutta_step(rate, state, h)
+        q = self.closed(end)
+        ways = [pin.difference(model, space.normalised(x[:nq]), q) for x in (end, state)]
+        opened, moved = np.abs(ways / self._mechanism.rate_scale).max(axis=1, initial=0)
+        short = bool(opened <= _OPEN * moved + CLOSURE_TOLERANCE)
+        return np.concatenate([q, end[nq:]]), short

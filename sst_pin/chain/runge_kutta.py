@@ -13,13 +13,13 @@ X = TypeVar("X", bound=Any)
 _SLOPES = ((0, 1 / 6, 1 / 2), (1, 1 / 3, 1 / 2), (1, 1 / 3, 1), (2, 1 / 6, 0))
 
 
-def runge_kutta_step(rate: Callable[[int, X], X], state: X, h: Any) -> tuple[X, list[X]]:
-    """The state after a step h, and the four slopes.
+def runge_kutta_step(rate: Callable[[int, X], X], state: X, h: Any) -> X:
+    """The state after a step h.
 
     `rate(when, state)` is the slope at the start (0), in the middle (1), or at the end (2).
     """
-    stage, end, slopes = state, state, list[X]()
+    stage = end = state
     for when, weight, ahead in _SLOPES:
-        slopes.append(rate(when, stage))
-        end, stage = end + weight * h * slopes[-1], state + ahead * h * slopes[-1]
-    return end, slopes
+        slope = rate(when, stage)
+        end, stage = end + weight * h * slope, state + ahead * h * slope
+    return end

@@ -190,7 +190,7 @@ class CasadiFunctions(Functions):
         def of_state(_: int, x: MX) -> MX:
             return rate(x[:nq], x[nq:], tau, *loads)
 
-        x, _ = runge_kutta_step(of_state, ca.vertcat(q, va), dt)
+        x = runge_kutta_step(of_state, ca.vertcat(q, va), dt)
         given = [q, va, tau, dt, *loads]
         names = [symbol.name() for symbol in given], ["q_next", "va_next"]
         return Function("step", given, [closed(x[:nq]), x[nq:]], *names)

@@ -127,7 +127,7 @@ class JaxFunctions(Functions):
 
         lead = jnp.broadcast_shapes(q.shape[:-1], va.shape[:-1])
         state = [jnp.broadcast_to(x, (*lead, x.shape[-1])) for x in (q, va)]
-        x, _ = runge_kutta_step(rate, jnp.concatenate(state, axis=-1), dt)
+        x = runge_kutta_step(rate, jnp.concatenate(state, axis=-1), dt)
         return self.closed(x[..., : self.nq]), x[..., self.nq :]
 
     def frame_placement(self, frame: str) -> Callable[[Any], tuple[jax.Array, jax.Array]]:

@@ -126,7 +126,9 @@ class CompiledStates(ReferenceStates):
         reached[~self._mechanism.space.on_manifold(motions.q0)] = 0  # kernels normalise on the way
         for first in range(0, len(reached), _AT_ONCE):
             some = slice(first, first + _AT_ONCE)
-            part = motions._replace(q=motions.q[some], va=motions.va[some])
+            q, va, tau = motions.q[some], motions.va[some], motions.tau[some]
+            load = None if motions.load is None else motions.load[some]
+            part = motions._replace(tau=tau, load=load, q=q, va=va)
             reached[some] = self._continuous(part, reached[some])
         return reached
 
@@ -147,7 +149,7 @@ class CompiledStates(ReferenceStates):
         if far.any():  # asked of all first, which is fast
             sound &= ~far.any(axis=2)
         sound |= np.arange(motions.steps) + 1 >= reached[:, None]
-        for i, s in np.argwhere(self._falls(ends)):
+        for i, s in np.argwhere(self._falls(ends)[:, :-1]):
             if s < until[i] and self._leaves(motions, i, s):
                 until[i] = s + 1
         for i, s in np.argwhere(~sound):
@@ -158,13 +160,17 @@ class CompiledStates(ReferenceStates):
         return until
 
     def _leaves(self, motions: Motions, i: int, s: int) -> bool:
-        """Whether the step from a state needs other coordinates, or cannot be done."""
-        q = motions.q[i, s]
+        """Whether the step from a state needs other coordinates, or is too long."""
+        q, va, load = motions.q[i, s], motions.va[i, s], motions.load
+        wrenches = None if load is None else load[i].reshape(-1, 6)
         try:
-            way = motions.dt * self.joint_rates(q, motions.va[i, s])
+            way = motions.dt * self.joint_rates(q, va)
+            _, short = self._step(
+                np.concatenate([q, va]), motions.torques(i, s), wrenches, motions.dt
+            )
         except SSTError:
             return True
-        return self._suited_ahead(q, way) is not self
+        return not short or self._suited_ahead(q, way) is not self
 
     def _falls(self, ends: Array) -> Flags:
         """Where |det Phi_u| first falls by one more `_CHANGE` below half its size elsewhere."""

@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike
 from ..arrays import Array, Indices, finite_array, for_each_sample, names, single_array
 from ..chain.closed_chain import ClosedChain
 from ..chain.named_positions import taken
+from ..chain.starts import start_of
 from ..chain.thresholds import RANK_TOLERANCE
 from ..errors import ActuationError, InputError, WorkspaceError
-from ..motion.coordinate_motions import followed, start_of
 
 #: The joints go to given motor positions in pieces of this size, [rad], or of the robot's length.
 _PIECE = 0.2
@@ -136,7 +136,7 @@ class Linkage:
     def _moved(self, q: Array, by: Array) -> Array:
         step = np.zeros(self.chain.degrees_of_freedom)
         step[self._columns] = by
-        return followed(self.chain, self.chain._states(0.0), q, step)
+        return self.chain._moved(q, step)
 
     def _newton(self, q: Array, target: Array) -> Array:
         """From q to the configuration nearby where the motors are at their target."""

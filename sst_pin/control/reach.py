@@ -15,10 +15,10 @@ from numpy.typing import ArrayLike, NDArray
 from ..arrays import Array, Flags, finite_array, single_array
 from ..chain.closed_chain import ClosedChain
 from ..chain.redundancy import limits_of_each
+from ..chain.starts import start_of
 from ..chain.thresholds import CLOSURE_TOLERANCE, RANK_TOLERANCE
 from ..errors import InputError
 from ..files import as_path, table_writer, write_files
-from ..motion.coordinate_motions import start_of
 from ..motion.frame_guide import FrameGuide
 from ..motion.motion_columns import position_columns
 from ..summaries import listed

@@ -14,9 +14,10 @@ from numpy.typing import ArrayLike
 from ..arrays import Array, Indices, finite_array, for_each_sample
 from ..chain.closed_chain import ClosedChain
 from ..chain.named_positions import put
+from ..chain.starts import placed
 from ..errors import ClosureError, InputError, SingularConfigurationError
 from ..files import as_path, text_writer, write_files
-from ..motion.coordinate_motions import configurations_of, start_configuration
+from ..motion.coordinate_motions import configurations_of
 from ..motion.frame_guide import pose_error
 from ..motion.frame_motions import targets_of
 from ..summaries import Summary, listed
@@ -239,7 +240,7 @@ def _configurations(
         raise InputError("start", f"shape {guesses.shape}, expected (nq,) or (N, nq)")
 
     def assembled(x: Array, guess: Array) -> Array:
-        return start_configuration(chain, dict(zip(chain.coordinates, x, strict=True)), guess)
+        return placed(chain, dict(zip(chain.coordinates, x, strict=True)), guess)
 
     if guesses is None or guesses.ndim == 1:
         q = configurations_of(chain, angles, guesses)

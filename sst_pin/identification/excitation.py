@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike
 from ..arrays import Array, one_or_each, positive_number, whole_number
 from ..chain.closed_chain import ClosedChain
 from ..chain.named_positions import taken
+from ..chain.starts import placed
 from ..errors import InputError, SSTError
-from ..motion.coordinate_motions import coordinate_motion, start_configuration
+from ..motion.coordinate_motions import coordinate_motion
 from ..motion.moving_robot import require_motion
 from ..motion.trajectories import Trajectory
 from .base_parameters import BaseParameters, random_states
@@ -115,7 +116,7 @@ def excitation(
     fastest = _limits("rates", rates, model.velocityLimit[mechanism.coordinates])
     effort = np.abs(mechanism.motors).T @ np.minimum(model.effortLimit, np.finfo(float).max / 10)
     strongest = _limits("torques", torques, effort)
-    first = start_configuration(chain, {}, start)
+    first = placed(chain, {}, start)
     x0 = taken(space, first, chain.coordinates)
     sizes = _sizes(chain, base)
     units = mechanism.rate_scale[mechanism.coordinates]

@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike
 from ..arrays import Array, as_array, finite_array, name_samples
 from ..chain.closed_chain import ClosedChain
 from ..chain.named_positions import taken
+from ..chain.starts import start_of
 from ..errors import InputError, WorkspaceError
-from .coordinate_motions import start_of, without_full_turns
+from .coordinate_motions import without_full_turns
 from .frame_guide import FrameGuide
 from .samples import sample_times, spline
 from .trajectories import Trajectory

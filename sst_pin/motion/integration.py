@@ -15,7 +15,13 @@ from ..arrays import Array
 from ..chain.backend import States
 from ..chain.mechanism import Mechanism
 from ..chain.thresholds import MARGIN, POOR, WELL_CONDITIONED
-from ..errors import InputError, SimulationError, SSTError
+from ..errors import (
+    ClosureError,
+    InputError,
+    SimulationError,
+    SingularConfigurationError,
+    SSTError,
+)
 from .crossings import Course, Crossing, crossing_of, gauss_step, mismatch
 from .sampled_torques import Sampling
 
@@ -28,6 +34,8 @@ _DIFFERENCE = 1e-8
 #: A step that is not regular is tried again with its regular part, or this part of it at least;
 #: a motion ends where this leads to such a part of its time.
 _SHORTER, _STUCK = 0.25, 1e-12
+#: Tolerances are not made finer than this.
+_FINEST = 1e-12
 #: States by which a motion is continued over a singular configuration, apart by this factor of
 #: their times left at least.
 _NODES, _SPREAD = 6, 1.5
@@ -123,6 +131,8 @@ class Motion:
 
     def jacobian(self, time: float, state: Array) -> Array:
         """Derivatives of the rate by the state; a callable torque's own ones by differences."""
+        if not self._last.shape:
+            self._last = np.zeros((len(state), len(state)))
         if not isfinite(state.dot(state)):
             return self._last
         try:
@@ -205,10 +215,8 @@ class Run:
 
     def _advance(self, bound: float) -> None:
         """Go on to a time, or until other coordinates are needed."""
-        motion, states = self._motion, self._motion.states
-        first = min(self._stride, bound - self._t) if self._stride < np.inf else None
-        options = {"first_step": first, **self._options}
-        solver = self._solver(motion.rate, self._t, self._state, bound, **options)
+        motion, states, cut = self._motion, self._motion.states, False
+        solver = self._begin(bound)
         self._nodes.append((self._t, states, self._state))
         while solver.status == "running" and states is motion.states:
             message = solver.step()
@@ -220,19 +228,25 @@ class Run:
             longer = self._stride if held and self._stride < np.inf else 0.0
             self._stride = max(solver.step_size, longer)
             self._progress(float(solver.t))
-            fraction, q = self._follow(solver, self._q)
-            t, state = float(solver.t), solver.y
+            t, (fraction, q) = float(solver.t), self._follow(solver, self._q)
+            # Where torques change, results are those of the new ones.
+            until = np.nextafter(t, -np.inf) if held and t < self._times[-1] else t
+            if fraction == 1 and not self._keep(solver, until):
+                fraction = 0.5
             if fraction < 1:
-                t = float(solver.t_old + fraction * (solver.t - solver.t_old))
-                state = solver.dense_output()(t) if fraction else self._state
+                t = float(solver.t_old + fraction * (t - solver.t_old))
                 self._stride *= max(fraction, _SHORTER)
                 if self._approaches(t, q):
                     return
-            # Where torques change, results are those of the new ones.
-            self._keep(solver, np.nextafter(t, -np.inf) if held and t < self._times[-1] else t)
-            self._t, self._q, self._state = t, q, state
-            self._nodes.append((t, states, state))
-            if fraction < 1:
+                # A part of a step is less exact than a step: integrate anew until there.
+                t = self._t + (t - self._t) / (1 + cut)
+                if t > self._t:
+                    solver, cut = self._begin(t), True
+                    continue
+            else:
+                self._t, self._q, self._state = t, q, solver.y
+                self._nodes.append((t, states, solver.y))
+            if fraction < 1 or (cut and solver.status == "finished"):
                 self._settle(irregular=True)
                 return
             better = states is not motion.own and motion.own.condition_number(q) < WELL_CONDITIONED
@@ -240,13 +254,30 @@ class Run:
             if better or (calm and states.condition_number(q) * MARGIN**2 < self._limit):
                 self._settle()
 
-    def _keep(self, solver: OdeSolver, until: float) -> None:
-        """Add the results of the last step."""
+    def _begin(self, bound: float) -> OdeSolver:
+        """An integrator from the present state to a time."""
+        first = min(self._stride, bound - self._t) if self._stride < np.inf else None
+        # Errors of the coordinates are those of other joints, divided by their condition number.
+        exact = MARGIN * self._motion.states.condition_number(self._q)
+        options = self._options | {
+            name: max(self._options[name] / exact, min(self._options[name], _FINEST))
+            for name in ("rtol", "atol")
+        }
+        return self._solver(
+            self._motion.rate, self._t, self._state, bound, first_step=first, **options
+        )
+
+    def _keep(self, solver: OdeSolver, until: float) -> bool:
+        """Add the results of the last step, unless loops cannot be closed between its ends."""
         new = self._times[self._done :]
         new = new[new <= until]
         if len(new):
-            self._parts.append(self._motion.along(new, solver.dense_output()(new).T))
+            try:
+                self._parts.append(self._motion.along(new, solver.dense_output()(new).T))
+            except (ClosureError, SingularConfigurationError):
+                return False
             self._done += len(new)
+        return True
 
     def _settle(self, *, irregular: bool = False) -> None:
         """Choose coordinates that suit the state and the limit of their condition number.
@@ -275,12 +306,8 @@ class Run:
         states, start, length = self._motion.states, solver.t_old, solver.t - solver.t_old
         course = cache(solver.dense_output)
 
-        def way(q: Array, low: float, high: float) -> Array | None:
-            try:
-                state = solver.y if high == 1 else course()(start + high * length)
-                return states.closed(state)
-            except SSTError:
-                return None
+        def way(q: Array, low: float, high: float) -> Array:
+            return states.closed(solver.y if high == 1 else course()(start + high * length))
 
         return states.follow(before, way, self._limit, self._turn(solver.y))
 

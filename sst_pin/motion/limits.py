@@ -11,6 +11,7 @@ import numpy as np
 
 from ..arrays import Array, Flags, single_array
 from ..chain.closed_chain import ClosedChain
+from ..chain.starts import is_closed
 from ..chain.thresholds import CLOSURE_TOLERANCE
 from .moving_robot import require_motion
 from .trajectories import Trajectory
@@ -91,13 +92,14 @@ def verdicts(chain: ClosedChain, q: Array) -> Iterable[Verdict]:
         q: Configurations, shape (N, nq).
     """
     low, high = chain.mechanism.model.lowerPositionLimit, chain.mechanism.model.upperPositionLimit
-    out = np.maximum(low - q, q - high) > CLOSURE_TOLERANCE
+    sizes = np.where(np.array(chain.joint_units) == "m", chain.mechanism.length, 1.0)
+    out = np.maximum(low - q, q - high) > CLOSURE_TOLERANCE * sizes
     for i, (name, unit) in enumerate(zip(chain.position_names, chain.joint_units, strict=True)):
         if unit:
             limits = (float(low[i]), float(high[i]))
             problem = f"{name} leaves its limits of {low[i]:.4g} to {high[i]:.4g} {unit}"
             yield problem, (name,), q[:, i], out[:, i], limits, unit, False
-    closed = np.abs(chain.residual(q)).max(axis=-1, initial=0.0) < CLOSURE_TOLERANCE
+    closed = is_closed(chain, q)
     condition = np.ones(len(q))
     condition[closed] = chain.condition_number(q[closed])
     problem = f"close to a singularity, condition number > {LARGEST_CONDITION:g}"

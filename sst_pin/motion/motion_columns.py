@@ -12,7 +12,8 @@ import numpy as np
 from ..errors import FileFormatError
 from ..files import Table
 
-_TORQUE = re.compile(r"tau_(.+)_(Nm|N)")
+#: The name or number, and the unit, of a torque's column.
+TORQUE = re.compile(r"tau_(.+)_(Nm|N)")
 #: Units of a rate; those of an acceleration have a 2 behind.
 RATE = re.compile(r"(.+)_(rad|m)_s(2?)")
 _POSITION = re.compile(r"(.+)_(?:(rad|m)|1)")
@@ -48,6 +49,11 @@ def rate_columns(names: Sequence[str], units: Sequence[str]) -> list[str]:
     return [f"{name}_{unit}_s" for name, unit in zip(names, units, strict=True)]
 
 
+def is_number(name: str) -> bool:
+    """Whether the name of a motor cannot be told from a motor's number."""
+    return name.isascii() and name.isdigit()
+
+
 def parts_of(table: Table) -> dict[str, Any]:
     """What a CSV that `Trajectory.save` has written says, by the arguments of `Trajectory`.
 
@@ -58,7 +64,7 @@ def parts_of(table: Table) -> dict[str, Any]:
     coordinates, accelerations = (
         [(p[1], p[2]) for p in rates if p and p[3] == power] for power in ("", "2")
     )
-    torques = [p for p in map(_TORQUE.fullmatch, table.columns) if p]
+    torques = [p for p in map(TORQUE.fullmatch, table.columns) if p]
     positions = [(p[1], p[2] or "") for p in map(_POSITION.fullmatch, table.columns) if p]
     if not coordinates or not positions:
         raise FileFormatError(
@@ -68,9 +74,9 @@ def parts_of(table: Table) -> dict[str, Any]:
     n, m = len(coordinates), len(names)
     rate_names, rate_units = zip(*coordinates, strict=True)
     labels, forces, actuated = [p[1] for p in torques], [p[2] for p in torques], rate_names
-    if labels and not any(label.isdigit() for label in labels):
+    if (labels or coordinates == accelerations) and not any(map(is_number, labels)):
         actuated = tuple(labels)
-    else:  # by number, or none: those of the coordinates, in their units
+    else:  # by number: those of the coordinates, in their units
         labels = [str(k + 1) for k in range(n)]
         forces = ["N" if unit == "m" else "Nm" for unit in rate_units]
     values = table.select(motion_columns(names, units, rate_names, rate_units, labels, forces))

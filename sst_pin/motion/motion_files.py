@@ -14,10 +14,11 @@ import pinocchio as pin
 from ..arrays import Array
 from ..chain.closed_chain import ClosedChain
 from ..chain.named_positions import angles_and_lengths
+from ..chain.starts import placed
 from ..errors import ClosureError, FileFormatError, InputError
 from ..files import Table, read_table
-from .coordinate_motions import coordinate_motion, start_configuration
-from .motion_columns import RATE, position_columns, rate_columns
+from .coordinate_motions import coordinate_motion
+from .motion_columns import RATE, TORQUE, is_number, position_columns, rate_columns
 from .moving_robot import require_motion
 from .trajectories import Trajectory
 
@@ -161,13 +162,32 @@ def read_torques(chain: ClosedChain, table: Table) -> Array:
     motors = zip(chain.motor_names, chain.motor_units, strict=True)
     for number, (name, force) in enumerate(motors, 1):
         named = f"tau_{name}_{force}"
-        if named not in table.columns and by_rates and by_rates != list(chain.motor_names):
+        if is_number(name):
+            if not by_rates and name != str(number):
+                raise FileFormatError(
+                    table.path,
+                    f"{named} can be the motor {name} or motor number {name}; add columns of rates "
+                    "as `Trajectory.save` writes them, or rename the joint",
+                    1,
+                )
+            by_name = not by_rates
+        else:
+            by_name = named in table.columns
+        if not by_name and by_rates and by_rates != list(chain.motor_names):
             raise FileFormatError(
                 table.path,
                 f"no column {named}; torques with numbers are those of {', '.join(by_rates)} here",
                 1,
             )
-        columns.append(named if named in table.columns else f"tau_{number}_{force}")
+        columns.append(named if by_name else f"tau_{number}_{force}")
+    others = {c for c in table.columns if TORQUE.fullmatch(c)} - {*columns}
+    if others:
+        raise FileFormatError(
+            table.path,
+            f"torques of other motors, {', '.join(sorted(others))}; this robot's are "
+            f"{', '.join(chain.motor_names) or 'none'}",
+            1,
+        )
     return table.select(columns)
 
 
@@ -223,26 +243,29 @@ def read_start(
         raise FileFormatError(
             table.path, f"no {', '.join(missing)} for the initial positions; give --q0 {wanted}"
         )
-    return start_configuration(chain, given), va
+    return placed(chain, given), va
 
 
 def _motion_of(chain: ClosedChain, table: Table, *, keep_torques: bool) -> Trajectory:
     t = table.column("t_s")
     _, rates = _rates(chain)
     positions, accelerations = _position_columns(chain), [f"{name}2" for name in rates]
+    given = keep_torques and any(map(TORQUE.fullmatch, table.columns))
+    tau = read_torques(chain, table) if given else None
     if {*positions, *rates, *accelerations} <= set(table.columns):
-        given = keep_torques and any(name.startswith("tau_") for name in table.columns)
-        tau = read_torques(chain, table) if given else None
         q, va, aa = (table.select(columns) for columns in (positions, rates, accelerations))
         return chain.trajectory(t, q, va, aa, tau)
     if (other := chain._motion_in(table)) is not None:
-        return chain.trajectory(t, *other)
+        return chain.trajectory(t, *other, tau)
     x, start = _coordinates(chain, table)
     try:
-        return coordinate_motion(chain, t, x, start)
+        motion = coordinate_motion(chain, t, x, start)
     except ClosureError as error:
         line = table.lines[error.samples[0][0]] if error.samples else table.lines[0]
         raise FileFormatError(table.path, str(error), line) from None
+    if tau is None:
+        return motion
+    return chain.trajectory(motion.t, motion.q, motion.va, motion.aa, tau)
 
 
 def _coordinates(chain: ClosedChain, table: Table) -> tuple[Array, Array]:
@@ -256,7 +279,7 @@ def _coordinates(chain: ClosedChain, table: Table) -> tuple[Array, Array]:
     if len(table.lines) < 3:
         raise FileFormatError(table.path, f"{len(table.lines)} rows; rates need at least three")
     x = np.column_stack([found[name] for name in chain.coordinates])
-    return x, start_configuration(chain, {name: float(c[0]) for name, c in found.items()})
+    return x, placed(chain, {name: float(c[0]) for name, c in found.items()})
 
 
 def _wanted(chain: ClosedChain, table: Table) -> str:
@@ -282,14 +305,23 @@ def _rates(chain: ClosedChain) -> tuple[list[str], list[str]]:
 
 def _joints(chain: ClosedChain, table: Table) -> dict[str, Array]:
     """Positions of the joints that have a column, in SI."""
-    found = {}
-    for name, unit in angles_and_lengths(chain.mechanism.space).items():
+    found, taken, joints = {}, set[str](), angles_and_lengths(chain.mechanism.space)
+    for name, unit in joints.items():
         columns = _known_columns(table, name, _ENDINGS[unit])
         if len(columns) > 1:
             listed = ", ".join(columns)
             raise FileFormatError(table.path, f"one joint has several columns: {listed}", 1)
         for column, factor in columns.items():
             found[name] = factor * table.column(column)
+            taken.add(column)
+    for name, unit in joints.items():
+        other = {e: 1.0 for e in _ENDINGS["m" if unit == "rad" else "rad"] if e}
+        wrong = _known_columns(table, name, other).keys() - taken
+        if wrong:
+            moves = "turns" if unit == "rad" else "slides"
+            raise FileFormatError(
+                table.path, f"{', '.join(sorted(wrong))}: the joint {name} {moves}, in {unit}", 1
+            )
     return found
 
 

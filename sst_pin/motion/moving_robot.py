@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def require_motion(motion: Trajectory, robot: ClosedChain, name: str = "motion") -> None:
-    """Check that something is a motion of a robot: its joints, coordinates and motors, in order.
+    """Check that something is a motion of a robot: its joints, coordinates, motors, units.
 
     Args:
         motion: What should be one.
@@ -29,10 +29,12 @@ def require_motion(motion: Trajectory, robot: ClosedChain, name: str = "motion")
         ("joints", motion.joint_names, robot.position_names),
         ("coordinates", motion.coordinates, robot.mechanism.coordinate_rate_names),
         ("motors", motion.actuated, robot.motor_names),
+        ("units of positions", motion.units, robot.joint_units),
+        ("units of rates", motion.rate_units, robot.mechanism.coordinate_rate_units),
     ):
         if found != tuple(needed):
             raise InputError(
                 name,
-                f"belongs to another robot, with {what} {', '.join(found)}; "
-                f"this one has {', '.join(needed) or 'none'}",
+                f"belongs to another robot, with {what} {', '.join(x or '1' for x in found)}; "
+                f"this one has {', '.join(x or '1' for x in needed) or 'none'}",
             )

@@ -17,7 +17,7 @@ from ..errors import FileFormatError, InputError, MissingExtraError, OutputError
 from ..files import Writer, as_path, read_table, table_writer, write_files
 from ..summaries import Summary, listed
 from .crossings import Crossing
-from .motion_columns import motion_columns, parts_of
+from .motion_columns import is_number, motion_columns, parts_of
 from .samples import sample_times, spline, times_within
 
 if TYPE_CHECKING:
@@ -278,6 +278,8 @@ class Trajectory(Summary):
             columns = self._columns()
             if any(re.search(r"^\s|[,\"\r\n]", name) for name in columns):
                 raise OutputError(path, "a name contains a comma, quote or space; save it as .npz")
+            if self.actuated != self.coordinates and any(map(is_number, self.actuated)):
+                raise OutputError(path, "a motor has a number for its name; save it as .npz")
             values = np.column_stack([self.t, self.q, self.va, self.aa, self.tau])
             return table_writer(columns, values)
         if kind == ".npz":

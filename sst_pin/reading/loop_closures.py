@@ -18,7 +18,8 @@ import yaml
 from ..arrays import Array
 from ..chain.closed_chain import ClosedChain
 from ..chain.closures import Closure, Coupling
-from ..chain.thresholds import CLOSURE_TOLERANCE, RANK_TOLERANCE
+from ..chain.starts import is_closed
+from ..chain.thresholds import RANK_TOLERANCE
 from ..chain.tree import frame_id
 from ..errors import DescriptionError, OutputError
 from ..files import as_path, text_writer, write_files
@@ -95,7 +96,7 @@ def write_loop_closures(chain: ClosedChain, path: str | Path, force: bool = Fals
         raise OutputError(path, f"ending {as_path(path).suffix!r} unknown; known: .yaml, .yml")
     mechanism, model = chain.mechanism, chain.mechanism.model
     problems = [f"{line}: a force along a line" for line in mechanism.lines.forces]
-    if np.abs(chain.residual(pin.neutral(model))).max(initial=0.0) > CLOSURE_TOLERANCE:
+    if not is_closed(chain, pin.neutral(model)):
         problems.append("the loops are open at q = 0, where the file gives points and axes")
     hinges = []
     for closure in chain.closures:

@@ -16,6 +16,7 @@ from ..arrays import Array, finite_array, for_each_sample, positive_number
 from ..chain.closed_chain import ClosedChain
 from ..chain.closures import Closure, Distance
 from ..chain.lines import LineForce
+from ..chain.starts import is_closed
 from ..chain.thresholds import CLOSURE_TOLERANCE
 from ..chain.tree import frame_named, joint_id
 from ..errors import InputError, WorkspaceError
@@ -110,9 +111,11 @@ class GalleryRobot(ClosedChain):
             if not np.isfinite(q).all():
                 raise WorkspaceError("the pose of the platform is out of reach")
             q = self._current.mechanism.space.normalised(q)
-            missed = np.abs(self._pose(q) - pose)[self._rows].max()
-            opened = np.abs(self.residual(q)).max(initial=0.0)
-            if max(missed, opened) > CLOSURE_TOLERANCE:
+            gap, size = np.abs(self._pose(q) - pose), np.ones((4, 4))
+            size[:3, 3] = self._current.mechanism.length
+            if (gap / size)[self._rows].max() > CLOSURE_TOLERANCE or not is_closed(self, q):
+                missed = gap[self._rows].max()
+                opened = np.abs(self.residual(q)).max(initial=0.0)
                 raise WorkspaceError(
                     f"the platform cannot reach this pose: its error would be {missed:.3g} and the "
                     f"loops open by {opened:.3g} (m or rad); platform_pose(q) gives poses that "

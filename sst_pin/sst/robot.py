@@ -430,9 +430,6 @@ class SST(ClosedChain):
         now = copy(self)
         return star_appearance.appearance_of(now.geometry, now.star_radius)
 
-    def _start_pose(self) -> Array:
-        return self.home
-
     def _verdicts(self, q: Array) -> Iterable[Verdict]:
         return check.verdicts(self.mechanism.model, self.geometry, q)
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..arrays import Array
 from ..chain.closed_chain import ClosedChain
+from ..chain.starts import is_closed
 from ..chain.thresholds import CLOSURE_TOLERANCE
 from ..motion.energy import motor_powers
 from ..motion.limits import LARGEST_CONDITION, samples_of
@@ -119,8 +120,9 @@ def warnings_of(robot: ClosedChain, shown: Trajectory | Array) -> list[str]:
     """One line each: open loops, then what `robot.check` finds in a motion or a configuration."""
     t, q = samples_of(robot, shown)
     residuals, told = np.abs(robot.residual(q)).max(axis=1, initial=0.0), []
+    residuals[is_closed(robot, q)] = 0.0
     worst = int(residuals.argmax())
-    if residuals[worst] > CLOSURE_TOLERANCE:
+    if residuals[worst]:
         when = "" if np.isnan(t[worst]) else f" at t = {t[worst]:.6g} s"
         told.append(f"the loops are open by {residuals[worst]:.3g} (m or rad){when}")
     return told + [str(finding) for finding in robot.check(shown)]

@@ -7,9 +7,9 @@ import pinocchio as pin
 from ..arrays import Array
 from ..chain.appearance import drawn_frame
 from ..chain.closed_chain import ClosedChain
+from ..chain.starts import start_of
 from ..description.colours import HUES
 from ..errors import InputError
-from ..motion.coordinate_motions import start_of
 from . import sketch
 from .scene_parts import Arrow, Pull, Shape, moved
 from .triangles import body_shapes, tube

@@ -166,3 +166,182 @@ def test_a_tumbling_base_is_no_singularity(base, joint, compiled):
             )
         assert len(motion) == 3
         assert max(chain.condition_number(motion.q)) < 10
+
+
+def plate(cranks, coupled, turned=0.0):
+    """A plate that equal cranks at these places carry, or rods at more places of equal wheels."""
+    model, home, closures = pin.Model(), [], []
+    model.gravity.linear = np.zeros(3)
+
+    def body(name, on, x, y, angle):
+        place = pin.SE3(np.eye(3), np.array([x, y, 0.0]))
+        k = model.addJoint(on, pin.JointModelRZ(), place, name)
+        inertia = pin.Inertia(1.0, np.array([0.1, 0.02, 0]), np.diag([0.01, 0.02, 0.02]))
+        model.appendBodyToJoint(k, inertia, pin.SE3.Identity())
+        home.append(angle)
+        return k
+
+    wheels = [body(f"crank{k}", 0, x, y, START) for k, (x, y) in enumerate(cranks)]
+    for i, (x, y) in enumerate(coupled):
+        rod = body(f"rod{i}", wheels[0], x, y, -START)
+        for k, (wheel, (there, up)) in enumerate(zip(wheels[1:], cranks[1:], strict=True)):
+            ends = f"rod{i}_{k}", f"wheel{i}_{k}"
+            for name, on, where in zip(ends, (rod, wheel), ((there, up), (x, y)), strict=True):
+                at = pin.SE3(np.eye(3), np.array([*where, 0.0]))
+                model.addFrame(pin.Frame(name, on, at, pin.FrameType.OP_FRAME))
+            closures.append(sst_pin.Closure(*ends, "hinge"))
+    model.referenceConfigurations["home"] = np.array(home)
+    return sst_pin.ClosedChain(model, closures, ["crank0"])
+
+
+REDUNDANT = {
+    "a plate on three cranks": ([(0, 0), (0.5, 0.1), (0.2, 0.45)], [(0.2, 0)]),
+    "four wheels with two rods": ([(0, 0), (0.9, 0), (1.8, 0), (2.7, 0)], [(0.3, 0), (0, 0.3)]),
+}
+
+
+@pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("which", REDUNDANT)
+def test_loops_that_are_flat_one_after_the_other_turn_where_others_hold_them(which, compiled):
+    """Each loop is singular somewhere, all together nowhere: cranks turn evenly, without end."""
+    chain, t = plate(*REDUNDANT[which]), np.linspace(0, 4, 81)
+    if compiled:
+        chain.compile()
+    turned = chain.home + 2.0 * t[:, None] * np.sign(chain.home)
+    assert np.abs(chain.residual(turned)).max() < 1e-12
+    for tolerance in (1e-9, 1e-3):
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            motion = chain.simulate([0], chain.home, [2.0], t, rtol=tolerance, atol=tolerance)
+        assert np.abs(motion.q - turned).max() < 1e-7
+    q, _ = chain.rollout(np.zeros((160, 1)), chain.home, [2.0], 0.025)
+    assert np.abs(q[::2] - turned).max() < 1e-7
+    motion = sst_pin.coordinate_motion(chain, t, turned[:, :1], chain.home)
+    assert np.abs(motion.q - turned).max() < 1e-9
+
+
+@pytest.mark.parametrize("size", [1e-2, 1e-4])
+def test_loops_of_other_sizes_do_not_count(size):
+    """A four-bar linkage and a small one like it on its crank: the condition is that of one."""
+    four_bar = {"crank": ("", 0.0, 0.2, START), "coupler": ("crank", 0.2, 0.6, 0.2)}
+    four_bar["rocker"] = ("", 0.55, 0.5, 1.5)
+    small = {
+        f"small_{name}": (f"small_{on}" if on else "crank", size * x + 0.1 * (not on), size * a, q)
+        for name, (on, x, a, q) in four_bar.items()
+    }
+    ends = [("coupler", "rocker"), ("small_coupler", "small_rocker")]
+    one = linkage(None, four_bar, ends[:1], "crank")
+    chain = linkage(None, four_bar | small, ends, "crank", ["crank", "small_crank"])
+    q = chain.assemble(chain.home)
+    assert chain.condition_number(q) == pytest.approx(one.condition_number(q[:3]), rel=1e-6)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        motion = chain.simulate([0], q, [3.0, 1.0], [0, 1, 2, 3], rtol=1e-6, atol=1e-6)
+    assert len(motion) == 4
+    assert not chain.check(motion)
+
+
+#: Crank, coupler, rocker and ground of linkages whose cranks turn fully, but only just.
+NEARLY_FLAT = (0.13, 0.52, 0.131, 0.53), (0.2, 0.5, 0.4, 0.301), (0.2, 0.5, 0.4, 0.30001)
+
+
+def nearly_flat(crank, coupler, rocker, ground):
+    bars = {
+        "crank": ("", 0.0, crank, 1.5),
+        "coupler": ("crank", crank, coupler, -1.0),
+        "rocker": ("", ground, rocker, 1.5),
+    }
+    return linkage(None, bars, [("coupler", "rocker")], "crank")
+
+
+@pytest.mark.parametrize("bars", NEARLY_FLAT)
+def test_energy_is_kept_at_any_tolerance_next_to_flat_positions(bars):
+    """Where a step is cut it is integrated anew; coordinates that determine little are exacter."""
+    chain = nearly_flat(*bars)
+    start = chain.assemble(chain.home)
+    for tolerance in (1e-3, 1e-5):
+        for rate in (-5.0, -1.5, 2.5, 4.0):
+            motion = chain.simulate(
+                [0], start, [rate], np.linspace(0, 4, 41), rtol=tolerance, atol=tolerance
+            )
+            energy = chain.kinetic_energy(motion.q, motion.va)
+            assert np.ptp(energy) < 100 * tolerance * energy[0]
+
+
+@pytest.mark.parametrize("bars", NEARLY_FLAT[1:])
+def test_a_rollout_ends_before_a_bend_for_which_its_step_is_too_long(bars):
+    """Energy is kept in its own coordinates too; kernels end where the reference path does."""
+    chain, kernels = nearly_flat(*bars), nearly_flat(*bars)
+    start = chain.assemble(chain.home)
+    kernels.compile(start)
+    for rate in (-1.0, -3.0):
+        for dt in (0.003, 0.005, 0.02):
+            tau, found = np.zeros((int(3 / dt), 1)), []
+            for robot in (chain, kernels):
+                q, va = robot.rollout(tau, start, [rate], dt, on_error="nan")
+                found.append(int(np.isfinite(q[:, 0]).sum()))
+                energy = chain.kinetic_energy(q[: found[-1]], va[: found[-1]])
+                assert np.ptp(energy) < 0.3 * energy[0]
+            assert found[0] == found[1]
+
+
+def bars_over(crank_angle, crank, coupler, rocker, ground):
+    """Absolute angles of the bars of a four-bar whose coupler is above the diagonal."""
+    end = crank * np.array([np.cos(crank_angle), np.sin(crank_angle)])
+    diagonal = np.array([ground, 0]) - end
+    size = np.hypot(*diagonal)
+    along_it = (size**2 + coupler**2 - rocker**2) / (2 * size)
+    across = np.sqrt(coupler**2 - along_it**2)
+    u = diagonal / size
+    joint = end + along_it * u + across * np.array([-u[1], u[0]])
+    return np.array(
+        [crank_angle, np.arctan2(*(joint - end)[::-1]), np.arctan2(*(joint - [ground, 0])[::-1])]
+    )
+
+
+@pytest.mark.parametrize("first", [0.8, 1.6, 2.4, 3.3, 4.2, -1.5])
+def test_a_motion_starts_in_the_mode_of_home_however_far_its_first_sample_is(first):
+    """The crank turns fully, so that home's mode reaches every sample; no jump, no warning."""
+    sizes = {"crank": 0.2, "coupler": 0.45, "rocker": 0.4, "ground": 0.5}
+    bars = {
+        "crank": ("", 0.0, sizes["crank"], 1.0),
+        "coupler": ("crank", sizes["crank"], sizes["coupler"], 1.0),
+        "rocker": ("", sizes["ground"], sizes["rocker"], 1.0),
+    }
+    chain = linkage(None, bars, [("coupler", "rocker")], "crank")
+
+    def true(x):
+        crank, coupler, rocker = bars_over(x, **sizes)
+        return np.array([crank, coupler - crank, rocker])
+
+    model = chain.model
+    model.referenceConfigurations["home"] = true(0.8)
+    chain = sst_pin.ClosedChain(model, chain.closures, ["crank"])
+    t = np.linspace(0, 0.5, 11)
+    x = first + 0.3 * np.sin(t)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        motion = sst_pin.coordinate_motion(chain, t, x[:, None])
+        named = chain.assemble({"crank": first})
+    expected = np.array([true(each) for each in x])
+    assert np.abs(np.exp(1j * motion.q) - np.exp(1j * expected)).max() < 1e-9
+    assert np.abs(np.exp(1j * named) - np.exp(1j * true(first))).max() < 1e-9
+
+
+def test_positions_that_the_mode_of_home_does_not_reach_are_told():
+    """The rocker moves the crank: both of its modes meet where crank and coupler are in line."""
+    chain = nearly_flat(0.2, 0.5, 0.4, 0.301)
+    chain = sst_pin.ClosedChain(chain.model, chain.closures, ["crank"], coordinates=["rocker"])
+    rocker, coupler = (chain.position_names.index(name) for name in ("rocker", "coupler"))
+    side, reached = np.sign(np.sin(chain.home[coupler])), 0
+    for angle in np.linspace(-np.pi, np.pi, 25)[:-1]:
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            try:
+                q = chain.assemble({"rocker": angle})
+            except sst_pin.ClosureError:
+                continue
+        assert abs(np.sin((q[rocker] - angle) / 2)) < 1e-9
+        assert told or np.sign(np.sin(q[coupler])) == side
+        reached += not told
+    assert reached

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 import sst_pin
+from sst_pin.chain.starts import placed
 from sst_pin.files import read_table
-from sst_pin.motion.coordinate_motions import coordinate_motion, start_configuration
+from sst_pin.motion.coordinate_motions import coordinate_motion
 from sst_pin.motion.motion_files import load_motion, read_motion, read_start
 from sst_pin.sst import paper
 
@@ -91,10 +92,10 @@ def test_a_motion_out_of_reach_names_its_sample():
 
 def test_a_start_is_chosen_by_the_joints_that_are_given():
     chain = sst_pin.robots.four_bar()
-    outwards = start_configuration(chain, dict(zip(chain.position_names, chain.home, strict=True)))
+    outwards = placed(chain, dict(zip(chain.position_names, chain.home, strict=True)))
     assert np.abs(outwards - chain.home).max() < 1e-9
     with pytest.raises(sst_pin.UnknownNameError, match="wheel"):
-        start_configuration(chain, {"wheel": 1.0})
+        placed(chain, {"wheel": 1.0})
 
 
 def columns(motion, names, endings):
@@ -227,4 +228,4 @@ def test_who_chooses_the_assembly_itself_says_so():
         warnings.simplefilter("error")
         coordinate_motion(chain, t, x)
         coordinate_motion(bare, t, x, home)
-        start_configuration(bare, dict(zip(bare.position_names, home, strict=True)))
+        placed(bare, dict(zip(bare.position_names, home, strict=True)))

@@ -310,3 +310,15 @@ def test_implicit_methods_take_exact_derivatives_of_stiff_motions(monkeypatch):
         calls.clear()
     # Errors of a step add up: a hundred steps of 1e-7.
     assert np.ptp(ends, axis=0).max() < 1e-5
+
+
+def test_an_implicit_method_may_go_too_far_before_it_has_derivatives():
+    """Steps of a four-bar told by its rocker lead beyond where its loop closes."""
+    crank = sst_pin.robots.four_bar()
+    chain = sst_pin.ClosedChain(crank.model, crank.closures, ["crank"], coordinates=["rocker"])
+    for way, rate in ((-1.4, 3.0), (0.3, 3.0), (0.7, -3.0)):
+        q0 = crank.assemble({"crank": crank.home[0] + way})
+        start = q0, crank.joint_rates(q0, [rate])[2:]
+        motion = chain.simulate([0], *start, [0, 1, 2], method="LSODA", rtol=1e-2, atol=1e-2)
+        assert not motion.stopped
+        assert worst_residual(chain, motion) < 1e-11

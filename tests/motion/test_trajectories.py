@@ -359,3 +359,25 @@ def test_a_motion_with_other_motors_or_coordinates_is_refused_everywhere(what, t
     for name in chain.motor_names:
         ours, theirs = (m.tau[:, m.actuated.index(name)] for m in (read, motion))
         assert np.array_equal(ours, theirs)
+
+
+def test_a_motion_belongs_to_robots_whose_joints_move_alike(tmp_path):
+    """Joints of equal names that turn here and slide there are other joints."""
+    arms = []
+    for joint in (pin.JointModelRY(), pin.JointModelPX()):
+        model = pin.Model()
+        body = model.addJoint(0, joint, pin.SE3.Identity(), "a")
+        model.inertias[body] = pin.Inertia(1.0, np.zeros(3), np.eye(3))
+        arms.append(sst_pin.ClosedChain(model, [], ["a"]))
+    t = np.linspace(0, 1, 7)
+    motion = sst_pin.coordinate_motion(arms[0], t, t[:, None])
+    with pytest.raises(sst_pin.InputError, match="units of positions rad; this one has m"):
+        arms[1].check(motion)
+
+
+def test_a_robot_without_motors_reads_its_motion_again(tmp_path):
+    four_bar = sst_pin.robots.four_bar()
+    chain = sst_pin.ClosedChain(four_bar.model, four_bar.closures, [])
+    motion = chain.simulate([], chain.home, [0], [0, 0.01, 0.02])
+    motion.save(tmp_path / "m.csv")
+    assert sst_pin.Trajectory.load(tmp_path / "m.csv") == motion

@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Where a robot stands first, and where it stands when some joints are put elsewhere."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from typing import Protocol
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from ..arrays import Array, Flags, finite_array
+from ..errors import ClosureError, DescriptionError, DescriptionWarning
+from .assembly import home_of
+from .mechanism import Mechanism
+from .named_positions import angles_and_lengths, put, taken
+from .thresholds import CLOSURE_TOLERANCE
+
+
+class Chain(Protocol):
+    """What is asked of a `ClosedChain` here."""
+
+    @property
+    def mechanism(self) -> Mechanism:
+        """What is computed."""
+        ...
+
+    @property
+    def home(self) -> Array:
+        """The configuration named home, its loops closed."""
+        ...
+
+    def residual(self, q: ArrayLike) -> Array:
+        """Gaps of the loops."""
+        ...
+
+    def assemble(
+        self, q: ArrayLike | Mapping[str, float], fixed: Sequence[str] | None = None
+    ) -> Array:
+        """Configurations near q with closed loops."""
+        ...
+
+    def generic_configuration(self) -> Array:
+        """A closed configuration without symmetry."""
+        ...
+
+    def _moved(self, q: Array, step: Array) -> Array: ...
+
+
+def is_closed(chain: Chain, q: Array) -> Flags:
+    """Whether the loops of configurations are closed as far as the dynamics asks, shape (...)."""
+    open_by = np.abs(chain.residual(q) * chain.mechanism.row_scale)
+    return np.asarray(open_by.max(axis=-1, initial=0.0) <= CLOSURE_TOLERANCE)
+
+
+def pose_of(chain: Chain) -> Array:
+    """Home, open if its loops cannot be closed; `pin.neutral` without one, shape (nq,)."""
+    try:
+        return chain.home
+    except (ClosureError, DescriptionError):
+        home = home_of(chain.mechanism)
+        return pin.neutral(chain.mechanism.model) if home is None else home
+
+
+def start_of(chain: Chain, *, chosen: bool = False) -> Array:
+    """The configuration where a chain stands first, shape (nq,): home, else as it is drawn.
+
+    Otherwise its loops are closed near zero, or else it is a generic configuration. A home that
+    cannot be closed is open here, and so is a chain of which no configuration is found.
+
+    Warns:
+        DescriptionWarning: If neither the description nor, by `chosen`, the caller chooses the
+            assembly mode.
+    """
+    q, model = pose_of(chain), chain.mechanism.model
+    if is_closed(chain, q) or "home" in model.referenceConfigurations:
+        return q
+    try:
+        q = chain.assemble(q, fixed=())
+    except ClosureError:
+        try:
+            q = chain.generic_configuration()
+        except ClosureError:
+            return q
+    if not chosen:
+        _warn(
+            chain,
+            "no configuration is named home",
+            "name a configuration home (an SRDF beside the URDF, a keyframe of an MJCF, or "
+            'model.referenceConfigurations["home"]), or give positions of dependent joints too',
+        )
+    return q
+
+
+def placed(chain: Chain, positions: Mapping[str, float], guess: ArrayLike | None = None) -> Array:
+    """A configuration with closed loops where some joints stand as given.
+
+    Coordinates are moved there in the assembly mode of the start, if they alone are given.
+
+    Args:
+        chain: Any closed chain.
+        positions: By the names of joints that turn or slide, [rad] or [m]; the coordinates among
+            them are held, the others choose the assembly.
+        guess: The other joints, shape (nq,); by default those of `start_of`.
+
+    Returns:
+        Shape (nq,).
+
+    Warns:
+        DescriptionWarning: If neither the description nor the caller chooses the assembly mode, or
+            if the coordinates cannot be moved there without leaving it.
+
+    Raises:
+        UnknownNameError: For a name that is no such joint's.
+        ClosureError: When the loops cannot be closed there.
+    """
+    mechanism, space = chain.mechanism, chain.mechanism.space
+    if guess is None:
+        start = start_of(chain, chosen=angles_and_lengths(space).keys() <= positions.keys())
+    else:
+        start = finite_array("start", guess, (mechanism.model.nq,))
+    goal = put(space, start, positions)
+    follows = set(positions) <= set(mechanism.coordinate_rate_names) and is_closed(chain, start)
+    if follows:
+        with suppress(ClosureError):
+            return chain.assemble(put(space, _moved(chain, start, positions), positions))
+    try:
+        q = chain.assemble(goal)
+    except ClosureError:
+        if guess is not None:
+            raise
+        q = chain.assemble(put(space, chain.generic_configuration(), positions))
+    if follows:
+        _warn(
+            chain,
+            f"{', '.join(positions)} cannot be moved from the start to their positions without "
+            "passing a singular configuration or the end of the reach",
+            "give a configuration near them as start, or positions of dependent joints too",
+        )
+    return q
+
+
+def _moved(chain: Chain, start: Array, positions: Mapping[str, float]) -> Array:
+    """The configuration, in the assembly mode of the start, where coordinates are at positions."""
+    mechanism, names = chain.mechanism, list(positions)
+    step = np.zeros(len(mechanism.coordinates))
+    ways = np.array([positions[name] for name in names]) - taken(mechanism.space, start, names)
+    for name, way in zip(names, ways, strict=True):
+        endless = name not in mechanism.space.position_names
+        turns = np.round(way / (2 * np.pi)) if endless else 0.0
+        step[mechanism.coordinate_rate_names.index(name)] = way - 2 * np.pi * turns
+    return chain._moved(start, step)
+
+
+def _warn(chain: Chain, why: str, cure: str) -> None:
+    warnings.warn(
+        f"model {chain.mechanism.model.name}: {why}, so the loops were closed in an assembly mode "
+        f"chosen here; other modes need other torques. Check the start; to choose it, {cure}",
+        DescriptionWarning,
+        stacklevel=4,
+    )
