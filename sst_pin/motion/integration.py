@@ -34,6 +34,8 @@ _DIFFERENCE = 1e-8
 #: A step that is not regular is tried again with its regular part, or this part of it at least;
 #: a motion ends where this leads to such a part of its time.
 _SHORTER, _STUCK = 0.25, 1e-12
+#: A step that is cut ends before the place by this part of it, ten times more at each new cut.
+_SHY = 1e-10
 #: Tolerances are not made finer than this.
 _FINEST = 1e-12
 #: States by which a motion is continued over a singular configuration, apart by this factor of
@@ -215,7 +217,7 @@ class Run:
 
     def _advance(self, bound: float) -> None:
         """Go on to a time, or until other coordinates are needed."""
-        motion, states, cut = self._motion, self._motion.states, False
+        motion, states, cuts = self._motion, self._motion.states, 0
         solver = self._begin(bound)
         self._nodes.append((self._t, states, self._state))
         while solver.status == "running" and states is motion.states:
@@ -239,14 +241,14 @@ class Run:
                 if self._approaches(t, q):
                     return
                 # A part of a step is less exact than a step: integrate anew until there.
-                t = self._t + (t - self._t) / (1 + cut)
+                t -= (t - self._t) * min(0.5, _SHY * 10**cuts)
                 if t > self._t:
-                    solver, cut = self._begin(t), True
+                    solver, cuts = self._begin(t), cuts + 1
                     continue
             else:
                 self._t, self._q, self._state = t, q, solver.y
                 self._nodes.append((t, states, solver.y))
-            if fraction < 1 or (cut and solver.status == "finished"):
+            if fraction < 1 or (cuts and solver.status == "finished"):
                 self._settle(irregular=True)
                 return
             better = states is not motion.own and motion.own.condition_number(q) < WELL_CONDITIONED
