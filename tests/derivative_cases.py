@@ -240,7 +240,7 @@ def assert_daa_is_the_inertia_and_dtau_its_inverse(case, door, q, va, aa, wrench
     """Condition numbers of inertia matrices of mixed units are up to 1e4."""
     chain = case.chain
     loads = {} if wrenches is None else {"external_wrenches": wrenches}
-    inertia, motors = chain.noc(q, va).inertia, case.L(q)[list(chain.actuated)].T
+    inertia, motors = chain.noc(q, va).inertia, chain.actuator_jacobian(q).T
     daa = door.torque_derivatives(q, va, aa, **loads).daa
     close(daa, inertia, 1e-12)
     tau = np.ones(len(chain.motor_names))

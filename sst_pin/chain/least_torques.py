@@ -8,10 +8,25 @@ from collections.abc import Callable
 import numpy as np
 
 from ..arrays import Array
+from .mechanism import Mechanism
 from .thresholds import MAX_CONDITION_NUMBER
 
 #: Torques that are a smaller part of the largest are as fine as any.
 _FINE = 1e-12
+
+
+def without_rounding(mechanism: Mechanism, L: Array, B: Array) -> Array:
+    """A = L^T B, shape (..., n, motors), zero where a motor moves with a coordinate by rounding.
+
+    Rates of dependent joints and directions of lines are rounded, motors on coordinates are not.
+    """
+    scale, own = mechanism.rate_scale[:, None], mechanism.coordinates
+    A, rounded = np.swapaxes(L, -1, -2) @ B, np.array(B)
+    rounded[..., own, :] -= mechanism.motors[own]
+    moved = np.swapaxes(L != 0, -1, -2)[..., None]  # (..., n, nv, 1)
+    gears = (moved * np.abs(rounded * scale)[..., None, :, :]).max(axis=-2)
+    ways = np.abs(L / scale).max(axis=-2)[..., None]
+    return np.where(np.abs(A) * MAX_CONDITION_NUMBER >= ways * gears, A, 0.0)
 
 
 def smallest_torques(

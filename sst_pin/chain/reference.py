@@ -24,7 +24,7 @@ from .backend import Key, Motions, NoKernel
 from .continuity import Continuity, Way
 from .derivatives import Derivatives
 from .dynamics import Memory
-from .least_torques import finest, smallest_torques
+from .least_torques import finest, smallest_torques, without_rounding
 from .mechanism import Friction, Mechanism
 from .mobility import condition_number, scaled_Phi
 from .noc import mass_centers
@@ -150,12 +150,10 @@ class Reference:
         """A = L^T B; the smallest torques for forces, and directions that no motor acts along."""
         memory, mechanism = self.memory, self.mechanism
         L, B = memory.complement.L, memory.actuation(q)
-        scale, units = mechanism.rate_scale[:, None], mechanism.rate_scale[mechanism.coordinates]
-        ways, gears = (np.abs(X).max(axis=0, initial=0) for X in (L / scale * units, B * scale))
-        A = L.T.dot(B)
-        # A motor that does not move with a coordinate leaves rounding, which no force balances.
-        acts = np.abs(units[:, None] * A) * MAX_CONDITION_NUMBER >= np.outer(ways, gears)
-        return A, *smallest_torques(np.where(acts, A, 0), units, gears, weights)
+        scale = mechanism.rate_scale
+        units, gears = scale[mechanism.coordinates], np.abs(B * scale[:, None]).max(axis=0)
+        A = without_rounding(mechanism, L, B)
+        return L.T.dot(B), *smallest_torques(A, units, gears, weights)
 
     def require_supplied(
         self, q: Array, va: Array, aa: Array, external_wrenches: Array | None, tau: Array

@@ -17,6 +17,7 @@ import pinocchio as pin
 from casadi import SX
 
 from ..arrays import Array, Indices
+from ..chain.least_torques import without_rounding
 from ..chain.loops import connected
 from ..chain.mechanism import Mechanism
 from ..chain.mobility import independent_rows
@@ -289,28 +290,24 @@ class Equations:
 
         What is zero in one assembly mode may not be in another, so loops that are open count too.
         """
-        mechanism, A = self.mechanism, self.motor_matrix
-        scale, n = mechanism.rate_scale, len(self._coordinates)
-        units = scale[mechanism.coordinates, None]
+        mechanism, A, n = self.mechanism, self.motor_matrix, len(self._coordinates)
+        scale = mechanism.rate_scale
         model, random = mechanism.model, np.random.default_rng(0)
         ways = random.normal(size=(len(self._samples), model.nv)) * scale
         anywhere = [
             pin.integrate(model, q, way) for q, way in zip(self._samples, ways, strict=True)
         ]
         everywhere = np.concatenate([self._samples, anywhere])
-        L = np.abs(self.values(self.L_matrix, everywhere) / scale[:, None]).max(axis=1)
-        B = np.abs(self.values(self.B, everywhere) * scale[:, None]).max(axis=1)[:, None]
-        L, values = L[..., None] * units, self.values(A, everywhere) * units
-        acts = np.abs(values) * MAX_CONDITION_NUMBER >= L * B
-        assembled = np.where(acts, values, 0.0)[: len(self._samples)]
-        sizes = np.linalg.svd(assembled, compute_uv=False)
+        L, B = self.values(self.L_matrix, everywhere), self.values(self.B, everywhere)
+        values = without_rounding(mechanism, L, B) * scale[mechanism.coordinates, None]
+        sizes = np.linalg.svd(values[: len(self._samples)], compute_uv=False)
         rank = int((sizes * MAX_CONDITION_NUMBER > sizes[:, :1]).sum(axis=1).max())
         if rank < n:
             raise ActuationError(
                 f"the motors supply {rank} of {n} forces along the coordinates; "
                 "generalized_forces computes all of them"
             )
-        acting = np.any(acts, axis=0)
+        acting = np.any(values, axis=0)
         return [{k: A[i, k] for k in np.flatnonzero(acting[i]).tolist()} for i in range(n)]
 
     @property
@@ -332,11 +329,9 @@ class Equations:
         """The least torques that bring f about, refined once, by motor."""
         factors, _ = self.motor_factors
         tau = factors.solve_transposed(dict(enumerate(ca.vertsplit(f))))
-        rows = zip(self.motor_rows, ca.vertsplit(f), strict=True)
-        left = [
-            force - total(x * tau[k] for k, x in row.items() if k in tau) for row, force in rows
-        ]
-        return add(tau, factors.solve_transposed(dict(enumerate(left))))
+        given = self.motor_matrix @ column(tau, range(len(self.motor_columns)))
+        left = dict(enumerate(ca.vertsplit(f - given)))
+        return add(tau, factors.solve_transposed(left))
 
     @cached_property
     def inertia(self) -> SX:

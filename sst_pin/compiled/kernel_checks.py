@@ -157,9 +157,10 @@ class Checks:
         """
         e, precision, checks = self._equations, self._rounding / _DOUBLE, []
         most = max(UNSUPPLIED, _LEFT * self._rounding)
-        rows = zip(e.motor_rows, ca.vertsplit(f), self._sizes, strict=True)
+        rows = zip(ca.vertsplit(e.motor_matrix), ca.vertsplit(f), self._sizes, strict=True)
         for row, force, size in rows:
-            given = [x * tau[k] for k, x in row.items() if k in tau]
+            entries = enumerate(ca.horzsplit(row))
+            given = [x * tau[k] for k, x in entries if k in tau and not is_zero(x)]
             left = ca.fabs(total(given) - force)
             left += BALANCED * precision * total(map(ca.fabs, given))
             checks.append(2 - 2 * (left <= most * ca.fabs(force) + ROUNDING * precision * size))

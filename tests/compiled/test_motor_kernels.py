@@ -61,6 +61,22 @@ def test_torques_that_balance_each_other_to_rounding_pass_no_check(masses, sound
             compiled.compute_torques(q, va, aa)
 
 
+@pytest.mark.parametrize("share", [1e-4, 1e-5, 1e-6, 1e-7])
+def test_small_shares_of_motors_that_pull_at_heavy_and_light_joints_count(share, exported):
+    """On a lift of 1e5 kg with bars of a gram, where motors pull at both by unlike shares."""
+    both = [{"lift": 1e3, "crank": share}, {"lift": 1e3, "rocker": -share}, "coupler", "lift"]
+    chain, compiled = lift(1e5, 1e-3, both), lift(1e5, 1e-3, both)
+    compiled.compile()
+    q, rest = chain.generic_configuration(), np.zeros(2)
+    A, f = chain.actuator_jacobian(q).T, chain.generalized_forces(q, rest, rest)
+    code, in_c = exported(chain)("torques", 4, q, rest, rest)
+    assert code == 0
+    found = [in_c, chain.casadi().torques(q, rest, rest).full().ravel()]
+    found += [robot.compute_torques(q, rest, rest) for robot in (chain, compiled)]
+    for tau in found:
+        assert A @ tau == pytest.approx(f, rel=1e-12)
+
+
 @pytest.mark.parametrize("name", ["planar_4rrr", "lift", "elbows", "five_bar"])
 def test_no_check_of_motors_is_a_false_alarm(name):
     """At rest too, and where no force is needed along a coordinate."""
