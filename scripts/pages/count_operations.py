@@ -60,8 +60,14 @@ def equations_of(robot: sst_pin.ClosedChain) -> Equations:
 
 
 def torques_short(e: Equations) -> ca.SX:
-    """L^T RNEA, L never formed: one factorisation gives rates, accelerations and forces."""
-    return kernels.make(e, "torques").output
+    """L^T RNEA, L never formed: one factorisation gives rates, accelerations and forces.
+
+    Motors that are no coordinates are solved for once; kernels correct the rounding of that.
+    """
+    if e.mechanism.driven_one_to_one:
+        return e.generalized_forces
+    tau = e.motor_factors[0].solve_transposed(dict(enumerate(ca.vertsplit(e.generalized_forces))))
+    return ca.vertcat(*(tau[k] for k in sorted(tau)))
 
 
 def torques_with_L(e: Equations) -> ca.SX:
