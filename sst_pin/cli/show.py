@@ -12,6 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..chain.closed_chain import ClosedChain
+from ..chain.starts import start_of
 from ..errors import InputError, OutputError
 from ..files import write_files
 from ..motion.motion_files import load_motion
@@ -91,7 +92,9 @@ def _run(arguments: argparse.Namespace) -> int:
         raise InputError("--ghost", "only beside a motion")
     ghost = arguments.ghost and load_motion(robot, common.source_of(arguments.ghost))
     with Viewer(robot, **looks) as viewer:
-        if motion is not None:
+        if motion is None:
+            viewer.show(start_of(robot))
+        else:
             viewer.play(motion, speed=arguments.speed or speed, ghost=ghost, title=title)
         if common.told(viewer.warnings, arguments):
             return 1

@@ -88,7 +88,12 @@ class CasadiFunctions(Functions):
 
     @cached_property
     def accelerations(self) -> Function:
-        """(q, va, tau) -> aa: direct dynamics."""
+        """(q, va, tau) -> aa: direct dynamics.
+
+        Raises:
+            SingularConfigurationError: If a motion moves no mass.
+        """
+        self._mechanism.require_mass()
         return self._function("accelerations", "aa")
 
     @cached_property
@@ -171,6 +176,7 @@ class CasadiFunctions(Functions):
     @cached_property
     def acceleration_derivatives(self) -> Function:
         """(q, va, tau) -> dq, dva, dtau: as `acceleration_derivatives` of the chain."""
+        self._mechanism.require_mass()
         return self._function("acceleration_derivatives", "dq", "dva", "dtau")
 
     @cached_property
@@ -180,6 +186,7 @@ class CasadiFunctions(Functions):
         It is a step of the classical Runge-Kutta method of order four, then one step of Newton's
         method that closes the loops.
         """
+        self._mechanism.require_mass()
         nq, rate = self.nq, self._function("state_rate", "rate")
         q_next = kernels.make(self._equations, "closing").output[:nq]
         closed = self._made("closing", {"q": self._equations.q}, {"closed": q_next})

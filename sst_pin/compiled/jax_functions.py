@@ -90,7 +90,12 @@ class JaxFunctions(Functions):
         return self._function("generalized_forces")(*self._arguments(q=q, va=va, aa=aa))
 
     def accelerations(self, q: Any, va: Any, tau: Any) -> jax.Array:
-        """Direct dynamics, shape (..., n)."""
+        """Direct dynamics, shape (..., n).
+
+        Raises:
+            SingularConfigurationError: If a motion moves no mass; so does `step`.
+        """
+        self._mechanism.require_mass()
         return self._function("accelerations")(*self._arguments(q=q, va=va, tau=tau))
 
     def rates(self, q: Any, va: Any) -> jax.Array:
@@ -119,6 +124,7 @@ class JaxFunctions(Functions):
 
         The torques are constant during the steps dt, shape (...), [s].
         """
+        self._mechanism.require_mass()
         q, va, tau, dt = self._arguments(q=q, va=va, tau=tau, dt=dt)
 
         def rate(when: int, x: jax.Array) -> jax.Array:

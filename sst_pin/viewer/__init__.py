@@ -8,6 +8,7 @@ from importlib.util import find_spec
 from numpy.typing import ArrayLike
 
 from ..chain.closed_chain import ClosedChain
+from ..chain.starts import start_of
 from ..errors import InputError, MissingExtraError
 from ..motion.trajectories import Trajectory
 
@@ -42,8 +43,8 @@ def show(
         viewer.play(what, speed=speed, ghost=ghost)
     elif ghost is not None:
         raise InputError("ghost", "only beside a motion")
-    elif what is not None:
-        viewer.show(what)
+    else:
+        viewer.show(start_of(robot) if what is None else what)
     viewer._functions  # noqa: B018  (or says what is missing)
     if open_browser and "ipykernel" not in sys.modules:
         viewer.open()

@@ -13,8 +13,13 @@ import pytest
 import any_chain
 from command_line import said_without
 from derivative_cases import close, derivative
-from sst_pin import UnknownNameError
-from sst_pin.errors import ActuationError, DescriptionError, InputError
+from sst_pin import ClosedChain, UnknownNameError
+from sst_pin.errors import (
+    ActuationError,
+    DescriptionError,
+    InputError,
+    SingularConfigurationError,
+)
 from sst_pin.robots import five_bar, four_bar
 
 jax = pytest.importorskip("jax", reason="JAX is not installed (extra `jax`)")
@@ -280,3 +285,15 @@ def test_without_jax_or_casadi_the_extra_is_named(package):
     said = said_without(package, "sst_pin.robots.four_bar().jax()")
     assert said.startswith(f"{package} is not installed")
     assert "sst-pin[jax]" in said
+
+
+def test_direct_dynamics_without_mass_is_refused():
+    given = four_bar()
+    for body in given.model.inertias:
+        body.mass, body.inertia = 0.0, np.zeros((3, 3))
+    massless = ClosedChain(given.model, given.closures, ["crank"])
+    functions, one = massless.jax(), np.zeros(1)
+    with pytest.raises(SingularConfigurationError, match="move no mass"):
+        functions.accelerations(massless.home, one, one)
+    with pytest.raises(SingularConfigurationError, match="move no mass"):
+        functions.step(massless.home, one, one, 1e-3)

@@ -237,3 +237,15 @@ def test_what_balances_needs_no_motor():
         chain = robot("cart without motor", compiled)
         q, zero = chain.generic_configuration(), np.zeros(2)
         assert np.isfinite(chain.compute_torques(q, zero, zero)).all()
+
+
+def test_functions_of_direct_dynamics_refuse_a_motion_without_mass():
+    """Inverse dynamics has an answer there."""
+    chain = robot("massless bars", False)
+    functions, q, rest = chain.casadi(), chain.generic_configuration(), np.zeros(2)
+    assert np.allclose(
+        functions.torques(q, rest, rest).full().ravel(), chain.compute_torques(q, rest, rest)
+    )
+    for name in ("accelerations", "acceleration_derivatives", "step"):
+        with pytest.raises(SingularConfigurationError, match="move no mass"):
+            getattr(functions, name)

@@ -381,3 +381,57 @@ def test_a_robot_without_motors_reads_its_motion_again(tmp_path):
     motion = chain.simulate([], chain.home, [0], [0, 0.01, 0.02])
     motion.save(tmp_path / "m.csv")
     assert sst_pin.Trajectory.load(tmp_path / "m.csv") == motion
+
+
+def arm(names, motors=None, joint=pin.JointModelRY):
+    """Joints in series that turn or slide, with these names."""
+    model, last = pin.Model(), 0
+    for k, name in enumerate(names):
+        at = pin.SE3(np.eye(3), np.array([0.4 * (k > 0), 0, 0]))
+        last = model.addJoint(last, joint(), at, name)
+        model.appendBodyToJoint(
+            last, pin.Inertia(3.0 - k, np.full(3, 0.1), np.eye(3)), pin.SE3.Identity()
+        )
+    return sst_pin.ClosedChain(model, [], list(motors or names))
+
+
+def swung(robot):
+    t = np.linspace(0, 0.5, 11)
+    return sst_pin.coordinate_motion(robot, t, 0.2 * np.sin(3 * t)[:, None] * [1, 2])
+
+
+def test_torques_of_motors_that_are_named_by_numbers_are_never_swapped(tmp_path):
+    """`tau_1_Nm` may be the motor 1, or the first one: a CSV holds only what is both."""
+    right, swapped = arm(["1", "2"]), arm(["1", "2"], ["2", "1"])
+    path, motion = tmp_path / "m.csv", swung(right)
+    motion.save(path)
+    assert sst_pin.Trajectory.load(path) == load_motion(right, path) == motion
+    with pytest.raises(sst_pin.FileFormatError, match="torques with numbers are those of 1, 2"):
+        load_motion(swapped, path)
+    crossed = swapped.with_coordinates(["1", "2"])
+    motion = swung(crossed)
+    with pytest.raises(sst_pin.OutputError, match="number for its name"):
+        motion.save(tmp_path / "n.csv")
+    motion.save(tmp_path / "n.npz")
+    assert load_motion(crossed, tmp_path / "n.npz") == motion
+
+
+def test_torques_in_a_table_of_positions_are_kept_or_refused(tmp_path):
+    """Those of other motors are refused, whatever else the table holds."""
+    robot, path = arm(["a", "b"]), tmp_path / "m.csv"
+    rows = "".join(f"{0.1 * k},{0.1 * k},0,{k},{-k}\n" for k in range(5))
+    path.write_text(f"t_s,a_rad,b_rad,tau_a_Nm,tau_b_Nm\n{rows}")
+    assert np.array_equal(load_motion(robot, path).tau, np.outer(range(5), [1, -1]))
+    one = arm(["a", "b"], ["a"])
+    with pytest.raises(sst_pin.FileFormatError, match="torques of other motors, tau_b_Nm"):
+        load_motion(one, path)
+    swung(robot).save(path, force=True)
+    with pytest.raises(sst_pin.FileFormatError, match="are those of a, b here"):
+        load_motion(one, path)
+
+
+def test_a_position_in_the_unit_of_another_kind_of_joint_is_refused(tmp_path):
+    path = tmp_path / "m.csv"
+    path.write_text("t_s,a_rad,b_rad\n" + "".join(f"{0.1 * k},0,{0.1 * k}\n" for k in range(5)))
+    with pytest.raises(sst_pin.FileFormatError, match="the joint a slides, in m"):
+        load_motion(arm(["a", "b"], joint=pin.JointModelPX), path)

@@ -2,6 +2,7 @@
 """What is drawn of any closed chain: where its model has it, as large as its numbers say."""
 
 import functools
+import warnings
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
@@ -382,6 +383,26 @@ def test_a_page_warns_of_open_loops_and_limits(tmp_path):
     viewer.play(chain.trajectory([0, 1], [q, q], zero, zero))
     assert viewer.warnings[0].startswith("left_1 leaves its limits of -3 to ")
     assert " rad at t = 0 s" in viewer.warnings[0]
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1e3])
+def test_a_page_measures_open_loops_by_the_robots_length(scale):
+    """A coupler that is turned by 1e-4 rad is told, one by 1e-8 is not, however long it is."""
+    sizes = {"crank": 0.1, "coupler": 0.25, "rocker": 0.25, "ground": 0.2, "point": 0.5}
+    chain = sst_pin.robots.four_bar(**{name: scale * size for name, size in sizes.items()})
+    viewer = Viewer(chain)
+    for turn in (1e-8, 1e-4):
+        viewer.show(chain.home + turn * np.eye(3)[1])
+        assert any("the loops are open" in line for line in viewer.warnings) == (turn == 1e-4)
+
+
+def test_who_shows_a_robot_without_home_is_told_that_its_mode_was_chosen(tmp_path):
+    chain, q, _ = five_bar(tmp_path)
+    with pytest.warns(sst_pin.DescriptionWarning, match="assembly mode chosen here"):
+        chain.show(open_browser=False)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", sst_pin.DescriptionWarning)
+        chain.show(q, open_browser=False)
 
 
 @pytest.mark.parametrize("name", ["stewart", "excavator", "planar_4rrr"])
