@@ -16,10 +16,11 @@ from ..arrays import Array, Flags, finite_array, single_array
 from ..chain.closed_chain import ClosedChain
 from ..chain.redundancy import limits_of_each
 from ..chain.starts import start_of
-from ..chain.thresholds import CLOSURE_TOLERANCE, RANK_TOLERANCE
+from ..chain.thresholds import RANK_TOLERANCE
 from ..errors import InputError
 from ..files import as_path, table_writer, write_files
 from ..motion.frame_guide import FrameGuide
+from ..motion.limits import over_limits
 from ..motion.motion_columns import position_columns
 from ..summaries import listed
 from .linkage import motor_units
@@ -223,7 +224,7 @@ def _flood(
     model, at = chain.mechanism.model, guide.pose(home)
     here = dict(zip(_AXES, np.append(at.translation, np.zeros(3)), strict=True))
     shape = (len(named[axes[0]]), len(named[axes[1]]))
-    with_unit = np.array([bool(unit) for unit in chain.joint_units])
+    allowed = over_limits(chain)
 
     def pose(point: tuple[int, int]) -> pin.SE3:
         on_grid = {axis: named[axis][k] for axis, k in zip(axes, point, strict=True)}
@@ -232,7 +233,7 @@ def _flood(
 
     def beyond(q: Array) -> Flags:
         out = np.maximum(model.lowerPositionLimit - q, q - model.upperPositionLimit)
-        return np.asarray((out > CLOSURE_TOLERANCE) & with_unit)
+        return np.asarray(out > allowed)
 
     if beyond(home).any():
         joints = listed([chain.position_names[k] for k in np.flatnonzero(beyond(home))])

@@ -84,6 +84,12 @@ def findings(t: Array, verdicts: Iterable[Verdict]) -> tuple[Finding, ...]:
     )
 
 
+def over_limits(chain: ClosedChain) -> Array:
+    """How far joints may pass their limits by rounding, shape (nq,), infinite for quaternions."""
+    sizes = {"rad": 1.0, "m": chain.mechanism.length, "": np.inf}
+    return CLOSURE_TOLERANCE * np.array([sizes[unit] for unit in chain.joint_units])
+
+
 def verdicts(chain: ClosedChain, q: Array) -> Iterable[Verdict]:
     """Joint limits and singularities of any closed chain.
 
@@ -92,8 +98,7 @@ def verdicts(chain: ClosedChain, q: Array) -> Iterable[Verdict]:
         q: Configurations, shape (N, nq).
     """
     low, high = chain.mechanism.model.lowerPositionLimit, chain.mechanism.model.upperPositionLimit
-    sizes = np.where(np.array(chain.joint_units) == "m", chain.mechanism.length, 1.0)
-    out = np.maximum(low - q, q - high) > CLOSURE_TOLERANCE * sizes
+    out = np.maximum(low - q, q - high) > over_limits(chain)
     for i, (name, unit) in enumerate(zip(chain.position_names, chain.joint_units, strict=True)):
         if unit:
             limits = (float(low[i]), float(high[i]))

@@ -12,9 +12,8 @@ import numpy as np
 from ..arrays import Array
 from ..chain.closed_chain import ClosedChain
 from ..chain.starts import is_closed
-from ..chain.thresholds import CLOSURE_TOLERANCE
 from ..motion.energy import motor_powers
-from ..motion.limits import LARGEST_CONDITION, samples_of
+from ..motion.limits import LARGEST_CONDITION, over_limits, samples_of
 from ..motion.trajectories import Trajectory
 from .robot_scene import Scene
 from .scene_parts import Arrow
@@ -201,12 +200,12 @@ def _coordinates(robot: ClosedChain, q: Array, size: float) -> Iterator[dict[str
 
 def _bounds(robot: ClosedChain) -> Iterator[dict[str, Any]]:
     """Limits of the joints' positions, and arcs that they run on."""
-    model, arcs = robot.mechanism.model, robot.appearance.arcs
+    model, arcs, over = robot.mechanism.model, robot.appearance.arcs, over_limits(robot).tolist()
     ends = [("limits", model.lowerPositionLimit, model.upperPositionLimit)]
     ends += [] if arcs is None else [("arc", *arcs)]
     for what, low, high in ends:
         for i, (name, unit) in enumerate(zip(robot.position_names, robot.joint_units, strict=True)):
             least, most = np.clip((low[i], high[i]), -_FAR, _FAR).tolist()
             if unit and (least, most) != (-_FAR, _FAR):
-                bound = {"low": least - CLOSURE_TOLERANCE, "high": most + CLOSURE_TOLERANCE}
+                bound = {"low": least - over[i], "high": most + over[i]}
                 yield {"name": name, "unit": unit, "i": i, "what": what} | bound
