@@ -1663,7 +1663,51 @@ class ClosedChain(Summary):
         sign_width: float = 1e-3,
         progress: Callable[[float], None] | None = None,
     ) -> Trajectory:
-        """Simulate the motion for given torques; see `sst_pin.motion.simulation.simulate`.
+        """Simulate the motion for given torques.
+
+        In each evaluation the dependent joints are computed from independent ones by the closure
+        constraints, so the loops stay closed. The independent joints are the coordinates of the
+        robot; where these do not determine the motion well, others are chosen for a while.
+
+        Args:
+            torque: A function (t, q, va) -> (motors,); a constant, shape (motors,); samples at t,
+                shape (N, motors); a `Trajectory` with its own times; or a `SampledTorque`, which is
+                computed once in each period and held. Samples are interpolated by a smooth spline.
+                For torques with jumps, pass a function.
+            q0: Configuration at t[0], on the closures, shape (nq,).
+            va0: Rates of the coordinates at t[0], shape (n,).
+            t: Times of the output, increasing, shape (N,), N >= 2, [s].
+            platform_moment: A function (t, q, va) -> (3,), or a constant; see `ClosedChain`.
+            external_wrenches: A function (t, q, va) -> (r, 6), or a constant; see `ClosedChain`.
+            method: Integrator of SciPy: RK23, RK45, DOP853, Radau, BDF or LSODA. The last three are
+                for stiff motions and take the exact derivatives of the dynamics, unless sign_width
+                is 0, external_wrenches is a function, or wheels roll.
+            rtol: Relative tolerance of the integrator.
+            atol: Absolute tolerance of the integrator, [rad], [rad/s].
+            max_condition_number: The motion stops before a singularity of the mechanism, where the
+                condition number of the dependent columns of Phi reaches this value, whichever
+                joints are independent. Dead points of the coordinates do not end a motion.
+            through_singularities: Whether the motion goes on through singular configurations of the
+                mechanism, on the smooth branch: where several branches meet, on the one that
+                continues the motion with its velocity and acceleration. They are listed in
+                `crossings` of the result. The motion stops where no branch is determined, as where
+                it comes to rest there or where branches touch without crossing.
+            sign_width: Coulomb friction uses tanh(x / sign_width) instead of sign(x), [rad/s],
+                because an integrator needs smooth forces. A joint that should stick moves slowly.
+            progress: Function that is called with the time reached.
+
+        Returns:
+            The motion at the times reached. If these are not all times of t, `stopped` says why.
+
+        Warns:
+            SingularityWarning: If the motion stopped before a singularity.
+
+        Raises:
+            InputError: For a wrong shape, a number that is not finite, or torques that end too
+                early.
+            ClosureError: If q0 is open.
+            SingularConfigurationError: If q0 is singular.
+            SimulationError: If the integrator fails.
 
         Example:
             >>> motion = chain.simulate([0], chain.home, [0], np.linspace(0, 0.1, 11))
@@ -1703,7 +1747,35 @@ class ClosedChain(Summary):
         threads: int = 1,
         on_error: str = "raise",
     ) -> Rollout:
-        """Simulate many motions with a fixed step; see `sst_pin.motion.rollouts.rollout`.
+        """Simulate many motions with a fixed step; the error is of fourth order in dt.
+
+        After each step the dependent joints are corrected, so that the loops stay closed. Motions
+        go through dead points of the coordinates: near these, the rates of other joints are
+        integrated. They end before singular configurations of the mechanism and never change their
+        assembly mode.
+
+        Args:
+            tau: Motor torques, shape (..., N, motors), constant in each step. For torques that
+                change with time, give `steps` = N and shape (..., 2 N + 1, motors): torques at the
+                ends and in the middle of each step.
+            q0: Initial configurations, on the closures, shape (..., nq).
+            va0: Initial rates of the coordinates, shape (..., n).
+            dt: Step, [s]; a negative step goes back in time.
+            platform_moment: Constant for each motion, shape (..., 3); see `ClosedChain`.
+            external_wrenches: Constant for each motion, shape (..., r, 6); see `ClosedChain`.
+            steps: Number of steps N; by default the number of torques.
+            sign_width: As in `simulate`, [rad/s].
+            threads: Number of threads in compiled kernels.
+            on_error: "raise", or "nan" to set the states to NaN from the first bad state on.
+
+        Returns:
+            All states; the leading axes are those of the arguments, broadcast.
+
+        Raises:
+            InputError: For a wrong shape or a number that is not finite.
+            ClosureError, SingularConfigurationError: For a bad initial state; lists the samples.
+            SimulationError: If the loops open (dt is too long), or a motion reaches a singularity
+                of the mechanism or diverges; it lists the samples and gives the time of the first.
 
         Example:
             >>> motion = chain.rollout(np.zeros((5, 100, 1)), chain.home, [0], dt=0.001)

@@ -58,35 +58,7 @@ def rollout(
     threads: int = 1,
     on_error: str = "raise",
 ) -> Rollout:
-    """Simulate many motions with a fixed step; the error is of fourth order in dt.
-
-    After each step the dependent joints are corrected, so that the loops stay closed. Motions go
-    through dead points of the coordinates: near these, the rates of other joints are integrated.
-    They end before singular configurations of the mechanism and never change their assembly mode.
-
-    Args:
-        chain: The robot.
-        tau: Motor torques, shape (..., N, motors), constant in each step. For torques that change
-            with time, give `steps` = N and shape (..., 2 N + 1, motors): torques at the ends and in
-            the middle of each step.
-        q0: Initial configurations, on the closures, shape (..., nq).
-        va0: Initial rates of the coordinates, shape (..., n).
-        dt: Step, [s]; a negative step goes back in time.
-        external_wrenches: Constant for each motion, shape (..., r, 6); see `ClosedChain`.
-        steps: Number of steps N; by default the number of torques.
-        sign_width: As in `simulate`, [rad/s].
-        threads: Number of threads in compiled kernels.
-        on_error: "raise", or "nan" to set the states to NaN from the first bad state on.
-
-    Returns:
-        All states; the leading axes are those of the arguments, broadcast.
-
-    Raises:
-        InputError: For a wrong shape or a number that is not finite.
-        ClosureError, SingularConfigurationError: For a bad initial state; lists the samples.
-        SimulationError: If the loops open (dt is too long), or a motion reaches a singularity of
-            the mechanism or diverges; it lists the samples and gives the time of the first.
-    """
+    """The states that `ClosedChain.rollout` gives, for the same arguments."""
     require_policy(on_error)
     threads = whole_number("threads", threads, 1)
     positive_number("sign_width", sign_width, or_zero=True)

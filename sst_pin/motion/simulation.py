@@ -56,51 +56,7 @@ def simulate(
     sign_width: float = 1e-3,
     progress: Callable[[float], None] | None = None,
 ) -> Trajectory:
-    """Simulate the motion of a closed chain for given torques.
-
-    In each evaluation the dependent joints are computed from independent ones by the closure
-    constraints, so the loops stay closed. The independent joints are the coordinates of the robot;
-    where these do not determine the motion well, others are chosen for a while.
-
-    Args:
-        chain: The robot.
-        torque: A function (t, q, va) -> (motors,); a constant, shape (motors,); samples at t, shape
-            (N, motors); a `Trajectory` with its own times; or a `SampledTorque`, which is computed
-            once in each period and held. Samples are interpolated by a smooth spline. For torques
-            with jumps, pass a function.
-        q0: Configuration at t[0], on the closures, shape (nq,).
-        va0: Rates of the coordinates at t[0], shape (n,).
-        t: Times of the output, increasing, shape (N,), N >= 2, [s].
-        external_wrenches: A function (t, q, va) -> (r, 6), or a constant; see `ClosedChain`.
-        method: Integrator of SciPy: RK23, RK45, DOP853, Radau, BDF or LSODA. The last three are for
-            stiff motions and take the exact derivatives of the dynamics, unless sign_width is 0,
-            external_wrenches is a function, or wheels roll.
-        rtol: Relative tolerance of the integrator.
-        atol: Absolute tolerance of the integrator, [rad], [rad/s].
-        max_condition_number: The motion stops before a singularity of the mechanism, where the
-            condition number of the dependent columns of Phi reaches this value, whichever joints
-            are independent. Dead points of the coordinates do not end a motion.
-        through_singularities: Whether the motion goes on through singular configurations of the
-            mechanism, on the smooth branch: where several branches meet, on the one that continues
-            the motion with its velocity and acceleration. They are listed in `crossings` of the
-            result. The motion stops where no branch is determined, as where it comes to rest there
-            or where branches touch without crossing.
-        sign_width: Coulomb friction uses tanh(x / sign_width) instead of sign(x), [rad/s], because
-            an integrator needs smooth forces. A joint that should stick moves slowly.
-        progress: Function that is called with the time reached.
-
-    Returns:
-        The motion at the times reached. If these are not all times of t, `stopped` says why.
-
-    Warns:
-        SingularityWarning: If the motion stopped before a singularity.
-
-    Raises:
-        InputError: For a wrong shape, a number that is not finite, or torques that end too early.
-        ClosureError: If q0 is open.
-        SingularConfigurationError: If q0 is singular.
-        SimulationError: If the integrator fails.
-    """
+    """The motion that `ClosedChain.simulate` gives, for the same arguments."""
     _require_options(method, rtol, atol, max_condition_number, sign_width)
     if progress is not None and not callable(progress):
         raise InputError("progress", f"{progress!r} cannot be called")
