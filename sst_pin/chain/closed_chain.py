@@ -172,7 +172,7 @@ class ClosedChain(Summary):
         self._filled(self._model, self._recipe)
 
     def __copy__(self: _Chain) -> _Chain:
-        """The same robot, which later goes its own way, with the model of the caller too."""
+        """A copy of the robot that later changes by itself; it keeps the model of the caller."""
         other = type(self).__new__(type(self))
         other.__dict__.update(self.__dict__)
         return other

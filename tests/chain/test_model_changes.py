@@ -178,7 +178,7 @@ def placed(chain, model):
 
 
 def seen(robot, q):
-    """Of every kind that is made from a model or read in it: text that tells models apart."""
+    """Text that tells models apart, of every kind that is made from a model or read in it."""
     n = robot.degrees_of_freedom
     rest = q, np.zeros(n), np.zeros(n)
     theta = robot.dynamic_parameters

@@ -138,7 +138,7 @@ def program(functions, start):
 
 
 def least_torques(functions, start, options, **more):
-    """The same, found by IPOPT."""
+    """IPOPT finds it too."""
     opti, q = program(functions, start)
     opti.solver("ipopt", {"print_time": False, **more}, {"print_level": 0, "sb": "yes", **options})
     return opti.solve().value(q)

@@ -225,7 +225,7 @@ def bearings(collision):
 
 
 def distances(model, shapes, motion):
-    """Of each pair of shapes in each configuration, shape (N, pairs), [m]."""
+    """Distances of each pair of shapes in each configuration, shape (N, pairs), [m]."""
     data, found, rows = model.createData(), shapes.createData(), []
     for q in motion:
         pin.computeDistances(model, data, shapes, found, q)

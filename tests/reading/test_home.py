@@ -128,7 +128,7 @@ def test_a_home_of_unknown_joints_or_no_numbers_is_refused(folder, name, value, 
     ],
 )
 def test_a_pose_that_would_lose_a_value_is_refused(folder, old, new, text):
-    """Of a joint that the YAML makes a ball, or a universal joint, too; `validate` tells it."""
+    """`validate` tells it, also where the YAML makes the joint a ball or a universal joint."""
     put_home(folder, left_knee=1)
     write_arm(folder)
     (folder / "sst.srdf").write_text((folder / "sst.srdf").read_text().replace(old, new))
@@ -139,7 +139,7 @@ def test_a_pose_that_would_lose_a_value_is_refused(folder, old, new, text):
 
 
 def test_states_of_several_groups_with_one_name_are_one_pose(folder):
-    """As MoveIt has them; a joint may be in two groups, and fixed joints stand at zero."""
+    """MoveIt has such: a joint may be in two groups, and fixed joints stand at zero."""
     put_home(folder, left_knee=1)
     write_arm(folder)
     more = _SRDF.format('<joint name="left_knee" value="1.0"/><joint name="ball" value="0 0 3 4"/>')

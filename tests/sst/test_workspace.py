@@ -30,7 +30,7 @@ def orientations(workspace):
 
 
 def distance_inside(robot, q):
-    """Of the joint that is farthest out, from the ends of its arc."""
+    """The distance of the joint that is farthest out from the ends of its arc."""
     v, gamma, beta = robot.geometry.R_0[:, :, 0], q[..., ::3], q[..., 2::3]
     sides = np.arccos((v * v[[1, 2, 0]]).sum(axis=1))
     ends = [gamma, sides - gamma, beta, np.pi / 2 - beta]
