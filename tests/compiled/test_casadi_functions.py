@@ -138,7 +138,7 @@ def program(functions, start):
 
 
 def least_torques(functions, start, options, **more):
-    """IPOPT finds it too."""
+    """The pose of the smallest torques, found by IPOPT."""
     opti, q = program(functions, start)
     opti.solver("ipopt", {"print_time": False, **more}, {"print_level": 0, "sb": "yes", **options})
     return opti.solve().value(q)
