@@ -40,6 +40,11 @@ class Coupled:
         """Which rates it depends on, shape (nv,)."""
         return np.isin(np.arange(self._nv), [k for _, k, *_ in self.terms])
 
+    @property
+    def curved(self) -> Flags:
+        """Which rates it depends on otherwise than linearly, shape (nv,)."""
+        return np.isin(np.arange(self._nv), [k for _, k, *_, P_2 in self.terms if P_2.coef.any()])
+
     def residual(self, q: Array) -> float:
         """How far it is off, in the unit of its first joint."""
         return sum(float(P(q[i])) for i, _, P, *_ in self.terms) - self._offset
