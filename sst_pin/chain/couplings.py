@@ -24,7 +24,7 @@ class Coupled:
     def __init__(self, model: pin.Model, coupling: Coupling) -> None:
         self._nv = model.nv
         terms = [(coupling.joint, Polynomial([0.0, 1.0]), 1.0)]
-        terms += [(name, Polynomial(p or (0.0,)), -1.0) for name, p in coupling.polynomials.items()]
+        terms += [(name, Polynomial(p), -1.0) for name, p in coupling.polynomials.items()]
         self._offset = coupling.offset
         self.terms: list[tuple[int, int, Polynomial, Polynomial, Polynomial]] = []
         for name, polynomial, sign in terms:
